@@ -29,58 +29,68 @@ def print_rendered(console: Console, completed: Completed) -> None:
     """One line, or one JSON record, for the mix; one more for each instrument, motion file and
     stem.
     """
-    done, job, network = completed.files, completed.job, completed.network
-    duration = job.n_frames / job.format.rate
     # The speed counts all simulated frames: a part of a piece is cut from the whole.
-    speed = done.n_simulated / job.format.rate / done.wall if done.wall > 0 else 0.0
-    mix = done.mix
-    peak = decibels(mix.peak)
+    done, rate = completed.files, completed.job.format.rate
+    speed = done.n_simulated / rate / done.wall if done.wall > 0 else 0.0
     if console.json:
-        console.record(
-            "rendered",
-            file=mix.path,
-            frames=job.n_frames,
-            channels=job.format.n_channels,
-            rate_hz=job.format.rate,
-            wall_s=done.wall,
-            plan_s=completed.plan_s,
-            x_real_time=speed,
-            peak_dbfs=peak,
-            true_peak_dbtp=decibels(mix.true_peak),
-            loudness_lufs=mix.loudness,
-            gain_db=decibels(mix.gain),
-            sha256=mix.sha256,
-            modules=network.n_mat + network.n_lia,
-            threads=job.threads,
-            recalled=done.recalled,
-        )
-        for instrument in done.instruments:
-            peak, loudness = decibels(instrument.peak), instrument.loudness
-            console.record(
-                "instrument", name=instrument.name, peak_dbfs=peak, loudness_lufs=loudness
-            )
-        if job.film is not None:
-            duration = job.film.stop / job.format.rate
-            console.record("motion", file=str(job.film.path), duration_s=duration)
-        for stem in done.stems:
-            console.record(
-                "stem",
-                file=stem.path,
-                peak_dbfs=decibels(stem.peak),
-                true_peak_dbtp=decibels(stem.true_peak),
-                loudness_lufs=stem.loudness,
-                gain_db=decibels(stem.gain),
-                sha256=stem.sha256,
-            )
+        _record_rendered(console, completed, speed)
         return
+    _say_rendered(console, completed, speed)
+    _warn_of_levels(console, completed)
+
+
+def _record_rendered(console: Console, completed: Completed, speed: float) -> None:
+    """The JSON records of a render, whose `speed` is a multiple of real time."""
+    done, job, network = completed.files, completed.job, completed.network
+    mix = done.mix
+    console.record(
+        "rendered",
+        file=mix.path,
+        frames=job.n_frames,
+        channels=job.format.n_channels,
+        rate_hz=job.format.rate,
+        wall_s=done.wall,
+        plan_s=completed.plan_s,
+        x_real_time=speed,
+        peak_dbfs=decibels(mix.peak),
+        true_peak_dbtp=decibels(mix.true_peak),
+        loudness_lufs=mix.loudness,
+        gain_db=decibels(mix.gain),
+        sha256=mix.sha256,
+        modules=network.n_mat + network.n_lia,
+        threads=job.threads,
+        recalled=done.recalled,
+    )
+    for instrument in done.instruments:
+        peak, loudness = decibels(instrument.peak), instrument.loudness
+        console.record("instrument", name=instrument.name, peak_dbfs=peak, loudness_lufs=loudness)
+    if job.film is not None:
+        duration = job.film.stop / job.format.rate
+        console.record("motion", file=str(job.film.path), duration_s=duration)
+    for stem in done.stems:
+        console.record(
+            "stem",
+            file=stem.path,
+            peak_dbfs=decibels(stem.peak),
+            true_peak_dbtp=decibels(stem.true_peak),
+            loudness_lufs=stem.loudness,
+            gain_db=decibels(stem.gain),
+            sha256=stem.sha256,
+        )
+
+
+def _say_rendered(console: Console, completed: Completed, speed: float) -> None:
+    """The lines of a render, whose `speed` is a multiple of real time, with what is unbalanced."""
+    done, job = completed.files, completed.job
+    mix, duration = done.mix, job.n_frames / job.format.rate
+    peak = decibels(mix.peak)
     channels = plural(job.format.n_channels, "channel")
-    name = "stdout" if mix.path == "-" else mix.path
     gain = f", gain {decibels(mix.gain):+.1f} dB" if job.level.is_levelled else ""
     recalled = f" ({done.recalled:.0%} recalled)" if done.recalled > 0 else ""
     measured = loudness_of(mix.loudness, mix.peak, duration)
     digits = mix.sha256 if console.verbose else mix.sha256[:_SHORT]
     console.say(
-        f"{name}: {seconds(duration)}, {channels}, {speed:.3g} × real time{recalled}, "
+        f"{_name_of(mix)}: {seconds(duration)}, {channels}, {speed:.3g} × real time{recalled}, "
         f"peak {level(peak, 'dBFS')}, true peak {level(decibels(mix.true_peak), 'dBTP')}, "
         f"loudness {measured}{gain}, sha256 {digits}"
     )
@@ -101,16 +111,26 @@ def print_rendered(console: Console, completed: Completed) -> None:
         console.say(f"{job.film.path}: what moves, {seconds(job.film.stop / job.format.rate)}")
     for stem in done.stems:
         console.say(f"{stem.path}: peak {level(decibels(stem.peak), 'dBFS')}")
+
+
+def _warn_of_levels(console: Console, completed: Completed) -> None:
+    """Warn of stems below the mix, of silence, and of files that clip."""
+    done, mix = completed.files, completed.files.mix
     if done.stems and done.stems[0].gain != mix.gain:
         lower = decibels(done.stems[0].gain / mix.gain)
         console.warn(f"stems are {lower:+.1f} dB against the mix, where one of them would clip")
     if mix.peak == 0 and not completed.faint:  # of a journal, which has no place in a score
+        name = _name_of(mix)
         console.warn(f"{name} is silent; `ergon check --simulate` says what moves and what touches")
-    if job.format.bits != "float":
+    if completed.job.format.bits != "float":
         for file in (mix, *done.stems):
             if file.peak > 1:
                 over = f"{file.path} clips: its peak is {decibels(file.peak):+.1f} dBFS"
                 console.warn(f"{over}; lower the gain of its routes, or limit it in the master")
+
+
+def _name_of(mix: RenderedFile) -> str:
+    return "stdout" if mix.path == "-" else mix.path
 
 
 def _say_if_quieter(console: Console, asked: Level, mix: RenderedFile) -> None:

@@ -54,9 +54,7 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
 
     Raises ScoreError, OptionError and DeviceError.
     """
-    from ergon import _core
     from ergon.exchange.plan_store import user_store
-    from ergon.repl.prompt.signals import signals_blocked_in_threads
     from ergon.repl.session.journal import Journal, JournalError, free_path
     from ergon.repl.session.live import LiveEngine
     from ergon.repl.session.osc import SessionOsc
@@ -123,6 +121,15 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
     attach_midi(session, engine.performance, ports)
     if osc is not None:
         session.attach(SessionOsc(session, osc, engine.performance))
+    _run(session)
+    return session
+
+
+def _run(session: Session) -> None:
+    """Start a session that is ready, and set the process up for it."""
+    from ergon import _core
+    from ergon.repl.prompt.signals import signals_blocked_in_threads
+
     # What exists now stays while the session plays: the garbage collector need not search it.
     gc.collect()
     gc.freeze()
@@ -132,7 +139,6 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
     _core.stop_on_signals([signal.SIGINT], ends=False)
     with signals_blocked_in_threads():
         session.run()
-    return session
 
 
 @dataclass(frozen=True, slots=True)

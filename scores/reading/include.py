@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from ergon.instruments.model import Target
 from ergon.instruments.transpose import INTERVAL, Interval
@@ -107,12 +107,7 @@ def played(piece: Piece, include: Include, first_link: int, collector: Collector
     moved = _moved(include.at, piece.tempo_map)
     until = _or_none(moved)
 
-    def target(own: Target) -> Target:
-        return replace(own, part=named(own.part), text=named(own.text))
-
-    def targets(own: tuple[Target, ...]) -> tuple[Target, ...]:
-        return tuple(map(target, own))
-
+    copy = _Copy(named, moved, until)
     players = {
         named(item.name): replace(
             item,
@@ -135,33 +130,12 @@ def played(piece: Piece, include: Include, first_link: int, collector: Collector
         )
         for item in piece.parts
     )
-    strikes = tuple(
-        replace(
-            item,
-            name=named(item.name),
-            to=targets(item.to),
-            at=moved(item.at),
-            until=until(item.until),
-            voices={word: targets(own) for word, own in item.voices.items()},
-            rhythm=item.rhythm and retargeted(item.rhythm, target),
-            reaches={named(part): reach for part, reach in item.reaches.items()},
-            glides=tuple(replace(g, target=target(g.target)) for g in item.glides),
-            hits=tuple(
-                replace(
-                    hit,
-                    at=moved(hit.at) if isinstance(hit.at, Position) else hit.at,
-                    to=targets(hit.to),
-                )
-                for hit in item.hits
-            ),
-        )
-        for item in piece.strikes
-    )
+    strikes = tuple(map(copy.strike, piece.strikes))
     automation = tuple(
         replace(
             item,
-            target=target(item.target),
-            other_notes=tuple(map(target, item.other_notes)),
+            target=copy.target(item.target),
+            other_notes=tuple(map(copy.target, item.other_notes)),
             at=moved(item.at),
             until=until(item.until),
         )
@@ -171,14 +145,50 @@ def played(piece: Piece, include: Include, first_link: int, collector: Collector
         replace(
             item,
             link=replace(item.link, name=f"duet{number}"),
-            a=target(item.a),
-            b=target(item.b),
+            a=copy.target(item.a),
+            b=copy.target(item.b),
             at=moved(item.at),
             until=until(item.until),
         )
         for number, item in enumerate(piece.duet, first_link)
     )
     return Played(players, parts, strikes, automation, duet)
+
+
+class _Copy(NamedTuple):
+    """How what an included piece plays is renamed and moved."""
+
+    named: Callable[[str], str]
+    moved: Callable[[Position], Position]
+    until: Callable[[Position | None], Position | None]
+
+    def target(self, own: Target) -> Target:
+        return replace(own, part=self.named(own.part), text=self.named(own.text))
+
+    def targets(self, own: tuple[Target, ...]) -> tuple[Target, ...]:
+        return tuple(map(self.target, own))
+
+    def strike(self, item: Strikes) -> Strikes:
+        named, moved = self.named, self.moved
+        return replace(
+            item,
+            name=named(item.name),
+            to=self.targets(item.to),
+            at=moved(item.at),
+            until=self.until(item.until),
+            voices={word: self.targets(own) for word, own in item.voices.items()},
+            rhythm=item.rhythm and retargeted(item.rhythm, self.target),
+            reaches={named(part): reach for part, reach in item.reaches.items()},
+            glides=tuple(replace(g, target=self.target(g.target)) for g in item.glides),
+            hits=tuple(
+                replace(
+                    hit,
+                    at=moved(hit.at) if isinstance(hit.at, Position) else hit.at,
+                    to=self.targets(hit.to),
+                )
+                for hit in item.hits
+            ),
+        )
 
 
 def _check_pitches(piece: Piece, include: Include, collector: Collector) -> None:

@@ -19,7 +19,7 @@ from ergon.scores.staging.hands import ErgonPlaces, StagedGesture
 from ergon.scores.staging.listening import Listening
 from ergon.scores.staging.live import LiveHand
 from ergon.scores.staging.parameter_values import Points, Where
-from ergon.scores.staging.planning import Store, Watched, make
+from ergon.scores.staging.planning import Planned, Store, Watched, make
 from ergon.scores.staging.preparing import PreparedPiece, Span, prepare
 from ergon.scores.staging.refusals import place_of, refused
 from ergon.scores.staging.stage_memory import StageMemory
@@ -282,27 +282,24 @@ def stage(
         ready.timeline.open()
     _add_glides(piece, ready, going)
     _add_strike_points(piece, ready, going)
-    plan, is_kept, planned_for = None, False, None
+    plan, planning = None, None
     try:
         if planned:
-            other = like.plan if like is not None else None
-            parts = ready.network, ready.timeline, piece.accuracy, pins, store, other
-            is_foreseen = going.spans is None and not real
             everything = (*piece.keys, *piece.instruments) if is_seen else ()
-            watched = Watched(seen=everything, seen_every=piece.motion_every)
             planning = make(
-                *parts,
-                is_foreseen=is_foreseen,
+                ready.network,
+                ready.timeline,
+                piece.accuracy,
+                pins,
+                store,
+                like.plan if like is not None else None,
+                is_foreseen=going.spans is None and not real,
                 correction=correction,
                 is_draft=is_draft,
-                watched=watched,
+                watched=Watched(seen=everything, seen_every=piece.motion_every),
             )
-            plan, is_kept, planned_for = planning.plan, planning.is_kept, planning.accuracy
-            for code, sentence in planning.notes:
-                ready.collector.error(code, f"accuracy: {sentence}", piece.place)
-            _report_unused_rates(piece, plan, ready.collector)
-            if is_seen and piece.motion_every > 1:
-                _report_motion(piece, plan, ready.collector)
+            plan = planning.plan
+            _report_planning(piece, planning, ready.collector, is_seen=is_seen)
         elif fine_contacts:
             plan = _core.Plan.with_fine_contacts(ready.network, ready.timeline)
         simulation = _core.Simulation(
@@ -317,6 +314,16 @@ def stage(
         )
     except _core.EngineError as error:
         raise refused(piece, ready.collector, error) from error
+    return _staged(piece, ready, simulation, plan, planning)
+
+
+def _staged(
+    piece: Piece,
+    ready: PreparedPiece,
+    simulation: _core.Simulation,
+    plan: _core.Plan | None,
+    planning: Planned | None,
+) -> Stage:
     return Stage(
         piece,
         ready.built,
@@ -326,12 +333,12 @@ def stage(
         ready.hands.sources,
         ready.collector.finish(),
         plan,
-        is_kept,
+        planning is not None and planning.is_kept,
         ready.live,
         ready.hands.takes.files,
         ready.paths,
         ready.paths_until,
-        planned_for,
+        None if planning is None else planning.accuracy,
         ready.fades_from,
         ready.memory,
         timeline=ready.timeline,
@@ -369,6 +376,16 @@ def _contact_time(piece: Piece, part: str, module: str) -> float | None:
     acts = () if instrument is None else instrument.acts
     struck = (act for act in acts if any(target.module == module for target in act.targets))
     return next((act.lasts for act in struck), None)
+
+
+def _report_planning(
+    piece: Piece, planning: Planned, collector: Collector, *, is_seen: bool
+) -> None:
+    for code, sentence in planning.notes:
+        collector.error(code, f"accuracy: {sentence}", piece.place)
+    _report_unused_rates(piece, planning.plan, collector)
+    if is_seen and piece.motion_every > 1:
+        _report_motion(piece, planning.plan, collector)
 
 
 def _report_unused_rates(piece: Piece, plan: _core.Plan, collector: Collector) -> None:
