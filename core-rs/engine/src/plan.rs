@@ -5,14 +5,16 @@
 
 mod budget;
 mod choice;
+mod constants;
 mod cost;
 mod make;
 mod passes;
 mod report;
 mod trial;
 
-pub use budget::{Budget, INAUDIBLE, LEAST_HEARD, Method, PITCH_UPTO};
+pub use budget::{Budget, Method};
 pub use choice::{Choice, ChoiceNumbers};
+pub use constants::{INAUDIBLE, LEAST_HEARD, PITCH_UPTO, SPECTRUM_NOISE};
 pub(crate) use cost::counted_cost;
 pub use passes::audible::ModeKind;
 pub(crate) use passes::mode_shapes::{ModalTransform, ModeShapes};
@@ -20,7 +22,6 @@ pub(crate) use report::bank_content::BankContent;
 pub(crate) use report::content::{Content, hex_of};
 pub use report::row::{Computed, Measured, Reason, Row};
 pub use trial::audible::Audible;
-pub use trial::chaos::SPECTRUM_NOISE;
 pub use trial::record::{TrialRecord, TrialStore};
 
 use std::ops::Range;
@@ -250,7 +251,7 @@ impl Plan {
     ///
     /// Those of a network that is unstable without its contacts.
     pub fn with_fine_contacts(network: Arc<Network>, timeline: &Timeline) -> Result<Self, Error> {
-        let (budget, steps_max) = (Budget::default(), Budget::STEPS_MAX);
+        let (budget, steps_max) = (Budget::default(), constants::SUBSTEPS_MAX);
         let (contact_substeps, _, certificate) =
             passes::assemble::hub(&network, timeline, &budget, steps_max, Refusal::Explained)?;
         let mut plan = Self::empty(network, timeline);

@@ -1,6 +1,9 @@
 //! How exact a plan has to be, or which method it has to use.
 
 use crate::integrate::MeshMethod;
+use crate::plan::constants::{
+    BUDGET_SHARE, HIGHEST_AUDIBLE, INAUDIBLE, LEAST_HEARD, PITCH_UPTO, SUBSTEPS_MIN, UNHEARD,
+};
 
 /// A method that is asked for by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,28 +48,6 @@ pub enum Budget {
     },
 }
 
-/// Loudness of all left-out partials together, relative to the sound, if the budget is one of pitch [dB]: masked by the
-/// rest, and below the noise of a 16-bit file at any usual level.
-const UNHEARD: f64 = -80.0;
-/// The part of an error budget for left-out modes, and for contacts [dB]; the predictor of their loudness is within 1.1
-/// dB.
-const SHARE: f64 = -6.0;
-/// Accuracy of contacts, and of all whose audible error is not known, if the budget is one of pitch [dB].
-pub const INAUDIBLE: f64 = -60.0;
-/// Errors that count as equal, each the least that is heard: of a pitch [cents], of a T60 [1], of the level of a third
-/// octave [dB], of the beginning of the first stroke and of a later one [s], and of the level of a stroke [dB].
-///
-/// 3 cents: Moore, J. Acoust. Soc. Am. 54 (1973). 3 %: below the difference limen of reverberation times of 5 %, ISO
-/// 3382-1 (2009), table A.1. 1 dB: the difference limen of levels, Zwicker & Fastl, Psychoacoustics (1990), 7.1; half of
-/// it for strokes, which are compared with each other. 2 ms: two clicks are heard in their order at 2 to 3 ms (Hirsh, J.
-/// Acoust. Soc. Am. 31, 1959); a quarter of it where a gesture begins, which the player feels.
-pub const LEAST_HEARD: [f64; 6] = [3.0, 0.03, 1.0, 0.5e-3, 2e-3, 0.5];
-/// Highest audible frequency [Hz].
-pub(crate) const AUDIBLE: f64 = 20_000.0;
-
-/// Above this frequency a sound hardly has a pitch [Hz].
-pub const PITCH_UPTO: f64 = 5_000.0;
-
 impl Default for Budget {
     /// By ear: 3 cents, the least difference in pitch that is heard (between 0.5 and 4 kHz), up to
     /// [`PITCH_UPTO`].
@@ -99,21 +80,16 @@ impl Budget {
     pub(crate) fn left_out(&self) -> Option<f64> {
         match *self {
             Self::Method(_) => None,
-            Self::Error(db) => Some(db + SHARE),
+            Self::Error(db) => Some(db + BUDGET_SHARE),
             Self::Cents { .. } => Some(UNHEARD),
         }
     }
-
-    /// Fewest substeps a frame of contacts that are computed finer than a frame; more than `STEPS_MAX` would be slower
-    /// than they are worth.
-    pub(crate) const STEPS_MIN: usize = 2;
-    pub(crate) const STEPS_MAX: usize = 64;
 
     /// Largest error that contacts may have [dB].
     pub(crate) fn contact(&self) -> f64 {
         match *self {
             Self::Method(_) => f64::INFINITY,
-            Self::Error(db) => db + SHARE,
+            Self::Error(db) => db + BUDGET_SHARE,
             Self::Cents { .. } => INAUDIBLE,
         }
     }
@@ -131,14 +107,14 @@ impl Budget {
     pub(crate) fn contact_substeps(&self) -> usize {
         match self {
             Self::Method(_) => 1,
-            Self::Error(_) | Self::Cents { .. } => Self::STEPS_MIN,
+            Self::Error(_) | Self::Cents { .. } => SUBSTEPS_MIN,
         }
     }
 
     /// Modes above this are left out [Hz].
     pub(crate) fn highest(&self) -> f64 {
         match *self {
-            Self::Cents { .. } => AUDIBLE,
+            Self::Cents { .. } => HIGHEST_AUDIBLE,
             Self::Method(_) | Self::Error(_) => f64::INFINITY,
         }
     }

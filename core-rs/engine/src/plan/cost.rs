@@ -10,7 +10,7 @@ use crate::island::slow::{Slow, Springs};
 use crate::network::{Contact, LinkKind, Measure, Network, Pairwise, Run, SpaceLaw, SpaceLink};
 use crate::plan::BankPlan;
 use crate::plan::IslandPlan;
-use crate::plan::budget::Budget;
+use crate::plan::constants::{LAW_INSTANTS, LAW_PARTS, LAW_ROUNDS, SUBSTEPS_MIN};
 use crate::plan::passes::mesh::LADDER;
 use crate::scheme::Scheme;
 use crate::timeline::Timeline;
@@ -108,7 +108,7 @@ fn friction_factor(pairs: &Pairwise) -> f64 {
 pub(super) fn laws_cost(island_plan: &IslandPlan) -> f64 {
     let (network, bodies) = (&*island_plan.network, &island_plan.bodies);
     let contact_substeps = island_plan.contact_substeps;
-    if contact_substeps < Budget::STEPS_MIN {
+    if contact_substeps < SUBSTEPS_MIN {
         return 0.0;
     }
     let single = |is_kind: fn(&LinkKind) -> bool| -> Vec<&Run> {
@@ -123,10 +123,10 @@ pub(super) fn laws_cost(island_plan: &IslandPlan) -> f64 {
     if laws.len() > Scheme::FINE_LAWS {
         return 0.0;
     }
-    let finest = contact_substeps / Budget::STEPS_MIN;
+    let finest = contact_substeps / SUBSTEPS_MIN;
     // If a frame may be divided, laws are computed in this many parts on average.
     let parts = if finest > 1 {
-        1.0 + PARTS * finest as f64
+        1.0 + LAW_PARTS * finest as f64
     } else {
         1.0
     };
@@ -154,7 +154,7 @@ pub(super) fn laws_cost(island_plan: &IslandPlan) -> f64 {
     let n_collocated = laws.iter().filter(is_collocated).count() as f64;
     let pairs = n_collocated * (n_collocated - 1.0).max(0.0);
     let ns = laws.iter().map(each).sum::<f64>()
-        + parts * ROUNDS * pairs * Costs::nanoseconds("coupling");
+        + parts * LAW_ROUNDS * pairs * Costs::nanoseconds("coupling");
     // At each instant of a frame, a port gives its position and takes its force, mode by mode.
     let has_law = |port: &&usize| {
         let ends = |run: &&Run| [run.a, run.b].contains(port);
@@ -165,16 +165,8 @@ pub(super) fn laws_cost(island_plan: &IslandPlan) -> f64 {
         (ports.iter().filter(has_law).count() * body.n_modes()) as f64
     };
     let modes: f64 = bodies.iter().map(modes).sum();
-    ns + 2.0 * INSTANTS * modes * Costs::nanoseconds("port")
+    ns + 2.0 * LAW_INSTANTS * modes * Costs::nanoseconds("port")
 }
-
-/// Instants of a frame: 8 to 10 for strings of 17 to 35 masses, plus a reserve for what lies between modes.
-const INSTANTS: f64 = 12.0;
-/// Rounds in which laws agree on their forces.
-const ROUNDS: f64 = 3.0;
-/// The share of the possible parts of a frame that are computed on average (a rope that is stretched 800 times a
-/// second).
-const PARTS: f64 = 0.25;
 
 /// Work that depends on the motion, done so far [ns]: that of contacts and laws between frames, and that of exact
 /// contacts beyond one solution a step. First their own, then that of the bodies that they touch.

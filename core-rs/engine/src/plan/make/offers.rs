@@ -6,15 +6,10 @@ use super::{Maker, Solved};
 use crate::network::Subset;
 use crate::plan::budget::Budget;
 use crate::plan::choice::{BodyChoice, SteppedChoice};
+use crate::plan::constants::{PRESERVED, SEEN_SHARE, SLOW_WORTH};
 use crate::plan::passes::split::OwnTimeline;
-use crate::plan::report::row::{Measured, PRESERVED};
+use crate::plan::report::row::Measured;
 use crate::plan::trial::multirate::{self, Offered};
-
-/// Keys are made slow only if the island then costs at most this part of its cost before.
-const WORTH: f64 = 0.95;
-/// The part of the audible error allowed that slow parts may take if they are only seen: the rest of the island has
-/// errors too.
-const UNHEARD: f64 = 0.5;
 
 /// Why a part that asks for a rate of its island_timeline does not get it, if its island is better without.
 const NO_GAIN: &str = "at every frame its island keeps the budget, or keeps it at less cost";
@@ -66,7 +61,7 @@ impl Maker<'_> {
             let keys = multirate::offer(subset, island_timeline, self.budget, Offered::Keys, every);
             let is_right = |solved: &Solved, best: &Solved| {
                 solved.slow_error.is_some_and(|error| error.db <= error_max)
-                    && solved.cost() < WORTH * best.cost()
+                    && solved.cost() < SLOW_WORTH * best.cost()
                     && solved.is_as_exact(best, self.budget)
             };
             if let Some(slow) = keys
@@ -194,7 +189,7 @@ impl Solved {
                 (Some(db), Budget::Cents { .. }) => db,
                 (Some(_), _) => f64::INFINITY,
             };
-            error.db <= budget.contact() && excess.max(by_spectrum) <= UNHEARD
+            error.db <= budget.contact() && excess.max(by_spectrum) <= SEEN_SHARE
         })
     }
 

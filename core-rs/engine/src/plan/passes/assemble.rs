@@ -7,6 +7,7 @@ use crate::island::inside::BodyPlan;
 use crate::network::{Error, LinkKind, Network, Subset};
 use crate::plan::budget::Budget;
 use crate::plan::choice::SteppedChoice;
+use crate::plan::constants::{SUBSTEPS_MAX, SUBSTEPS_MIN};
 use crate::plan::passes::linear::NoModes;
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::passes::ported::{self, Cut, PortedBody};
@@ -111,7 +112,7 @@ impl Assembled {
         let subset = sped.as_ref().unwrap_or(subset);
         // What was decided to be computed once a step stays so.
         let is_once = is_plain || pin.is_some_and(|pin| pin.contact_substeps == 1);
-        let steps_max = if is_once { 1 } else { Budget::STEPS_MAX };
+        let steps_max = if is_once { 1 } else { SUBSTEPS_MAX };
         let (cut, mut because) = ported::cut(subset, &timeline, budget, pin, choice, memo);
         let mut body_steps = None;
         if let Some(cut) = cut {
@@ -298,7 +299,7 @@ pub(in crate::plan) fn hub(
     let certificate = match scheme.certify_or(network, refusal) {
         // Between frames a law is solved implicitly, so no slope of its friction is too steep.
         Err(Error::Unstable { .. }) if may_collocate_alone && scheme.bears_springs(network) => {
-            contact_substeps = Budget::STEPS_MIN.min(steps_max);
+            contact_substeps = SUBSTEPS_MIN.min(steps_max);
             scheme.take_fine(&steered);
             scheme.certify_or(network, refusal)?
         }

@@ -5,12 +5,10 @@ use std::collections::BTreeMap;
 use crate::network::Network;
 use crate::plan::BankPlan;
 use crate::plan::budget::Budget;
+use crate::plan::constants::QUIETER;
 use crate::plan::passes::loudness::Loudness;
 use crate::plan::passes::truncate::KeptModes;
 use crate::units::Rate;
-
-/// Least reduction of the permitted loudness after a failed check [dB].
-const LEAST: f64 = 2.0;
 
 /// Kinds of modes of a linear body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -96,7 +94,7 @@ pub(in crate::plan) fn keep(
         if loud <= loudness_max {
             return loudest;
         }
-        allowed = allowed.map(|db| db - (loud - loudness_max).max(LEAST));
+        allowed = allowed.map(|db| db - (loud - loudness_max).max(QUIETER));
         loudest = body.loudest(allowed);
     }
 }

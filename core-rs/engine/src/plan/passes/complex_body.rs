@@ -10,16 +10,14 @@ use crate::maths::{cos, exp, expm1, sin};
 use crate::network::{Network, Subset, Term};
 use crate::plan::BankPlan;
 use crate::plan::budget::Budget;
+use crate::plan::constants::{ENERGY_SPAN, TRUNCATED_WORTH};
 use crate::plan::passes::audible::{self, Blows, Body, ModalBody, ModeKind, impulses};
 use crate::plan::passes::cells::add_weight;
 use crate::plan::passes::complex_modes::{ComplexModes, Pole, Sum};
 use crate::plan::passes::linear::NoModes;
 use crate::plan::passes::solved_modes::Memo;
-use crate::plan::passes::truncate::{self, FIRST, KeptModes};
+use crate::plan::passes::truncate::{self, KeptModes};
 use crate::units::Rate;
-
-/// Modes are left out only if those kept cost at most this part of all: with all modes there is no error.
-const WORTH: f64 = 0.5;
 
 /// The complex modes of an island, as many as this score excites and the budget asks for, or those decided before.
 pub(in crate::plan) fn bank(
@@ -213,7 +211,7 @@ impl Complex<'_> {
         let all: Vec<usize> = (0..self.modes.len()).collect();
         let cost = |some: &[usize]| parts(self.modes, some, self.rate).len() as f64;
         // A group of lanes costs the same whether it is full or not.
-        if cost(&all) > LANES as f64 && cost(&modes_kept.modes) <= WORTH * cost(&all) {
+        if cost(&all) > LANES as f64 && cost(&modes_kept.modes) <= TRUNCATED_WORTH * cost(&all) {
             return modes_kept;
         }
         KeptModes {
@@ -247,10 +245,10 @@ impl ModalBody for Complex<'_> {
                 );
                 let (_, decay) = modes.pitch(mode);
                 // ∫ e^(−2σt) over the first moments.
-                let time = if decay * FIRST > 1e-9 {
-                    -expm1(-2.0 * decay * FIRST) / (2.0 * decay)
+                let time = if decay * ENERGY_SPAN > 1e-9 {
+                    -expm1(-2.0 * decay * ENERGY_SPAN) / (2.0 * decay)
                 } else {
-                    FIRST
+                    ENERGY_SPAN
                 };
                 (square(modes.start[mode]) + blows.sum::<f64>()) * time
             };

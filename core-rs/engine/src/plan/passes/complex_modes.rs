@@ -10,22 +10,11 @@ mod decoupled;
 use std::ops::Range;
 
 use crate::network::Network;
+use crate::plan::constants::{ANGLE_MIN, COUPLING_NONE, DAMPED_MAX};
 use crate::plan::passes::linear::{Damper, Linear, NoModes};
-use crate::plan::passes::modes::{ANGLE_MIN, Row};
+use crate::plan::passes::modes::Row;
 use crate::spectrum::all_eigenvalues;
 use crate::units::Rate;
-
-/// Most undamped modes that damping may couple. An eigenvalue problem of 256 states takes 0.06 s, one of 512 half a
-/// second.
-const COUPLED_MAX: usize = 256;
-/// Most masses of a body whose damping is not proportional: the coupling of all its modes is computed.
-const DAMPED_MAX: usize = 300;
-/// Coupling below this, relative to the strongest damping, is rounding.
-const ROUNDING: f64 = 1e-15;
-/// Largest ‖E‖ [1/s]: after a second the motion is off by −120 dB.
-const ERROR_MAX: f64 = 1e-6;
-/// Frequencies that differ by less count as equal [rad/s], and all coupling below it together counts as none [1/s].
-const NOTHING: f64 = 1e-8;
 
 /// A complex number: real and imaginary part.
 pub(in crate::plan) type Complex = [f64; 2];
@@ -317,7 +306,7 @@ fn equal_frequencies(lambda: &[f64]) -> Vec<Range<usize>> {
     let mut first = 0;
     while first < lambda.len() {
         let low = lambda[first];
-        let is_same = |high: &&f64| **high - low <= 2.0 * NOTHING * high.sqrt();
+        let is_same = |high: &&f64| **high - low <= 2.0 * COUPLING_NONE * high.sqrt();
         let n = lambda[first..].iter().take_while(is_same).count().max(1);
         if n > 1 || low == 0.0 {
             ranges.push(first..first + n);

@@ -6,14 +6,9 @@
 
 use std::ops::Range;
 
+use crate::plan::constants::{ROW_ROUNDING, SAME_FREQUENCY};
 use crate::plan::passes::modes::Modes;
 use crate::units::Rate;
-
-/// Frequencies that differ by less count as equal [rad/s]: over a minute they drift apart by 6e-6 of a turn, -104 dB.
-/// Between modes that are equal by symmetry rounding leaves less, except for the very lowest.
-const SAME: f64 = 1e-7;
-/// A part of a row that is this small relative to the row is rounding.
-const NOTHING: f64 = 1e-10;
 
 impl Modes {
     /// Rotates modes of the same frequency towards the rows that move the body, and towards its start and rest
@@ -21,7 +16,7 @@ impl Modes {
     pub(in crate::plan) fn rotate(&mut self, moved: &[usize], rate: Rate) {
         let step = if self.is_discrete { rate.step() } else { 1.0 };
         // Δλ = 2ω Δω
-        let is_same = |low: f64, high: f64| high - low <= 2.0 * SAME * step * high.sqrt();
+        let is_same = |low: f64, high: f64| high - low <= 2.0 * SAME_FREQUENCY * step * high.sqrt();
         let mut first = 0;
         while first < self.len() {
             let low = self.lambda[first];
@@ -47,7 +42,7 @@ impl Modes {
             }
             let remainder = &rows[row][left.clone()];
             let size = norm(remainder);
-            if size <= NOTHING * norm(rows[row]) {
+            if size <= ROW_ROUNDING * norm(rows[row]) {
                 continue;
             }
             let mut mirror = remainder.to_vec();

@@ -2,14 +2,9 @@
 //! stiffness.
 
 use crate::network::{LinkKind, MatKind, Network};
+use crate::plan::constants::{MODAL_MASSES_MAX, SAME};
 use crate::plan::passes::viscosity::Viscosity;
 use crate::units::Rate;
-
-/// Relative difference below which two damping ratios count as equal: from the digits of a score, and rounding.
-const SAME: f64 = 1e-9;
-/// Most masses of a body whose whole spectrum is computed: its matrix takes 8 n² bytes, its reduction
-/// n³ multiplications (0.4 s for 1,000, 25 s for 4,000).
-pub(crate) const MASSES_MAX: usize = 2_000;
 
 /// Why a body has no modes here.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,7 +17,7 @@ pub(crate) enum NoModes {
     OtherRate,
     /// Its damping is not proportional to stiffness and mass: it would couple the modes.
     Damping,
-    /// More than `MASSES_MAX`.
+    /// More than `MODAL_MASSES_MAX`.
     Large,
     /// A number in it is not finite.
     NotFinite,
@@ -136,7 +131,7 @@ impl Linear {
             .filter(|&i| mats.kind[i].moves())
             .collect();
         let is_discrete = is_discrete_reference(network, &free, rate)?;
-        if free.len() > MASSES_MAX {
+        if free.len() > MODAL_MASSES_MAX {
             return Err(NoModes::Large);
         }
         if free.iter().any(|&mat| mats.weight_of(mat) != 0.0) {

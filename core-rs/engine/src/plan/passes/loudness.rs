@@ -6,12 +6,9 @@ use crate::derivative::Derivatives;
 use crate::maths::log10;
 use crate::network::Network;
 use crate::plan::BankPlan;
+use crate::plan::constants::{LOUDNESS_SPANS, SHORTEST};
 use crate::units::Rate;
 
-/// Loudness is compared over this time, the shortest that a pilot compares, and over two, three … `TIMES` times as long,
-/// from the first sound [s].
-const FIRST: f64 = 0.05;
-const TIMES: usize = 20;
 /// Frames at once.
 const BLOCK: usize = 256;
 
@@ -36,7 +33,7 @@ impl OutputSums {
     }
 }
 
-/// What each output heard, up to the end of each span   (TIMES, n_out)
+/// What each output heard, up to the end of each span   (LOUDNESS_SPANS, n_out)
 pub(in crate::plan) struct Loudness(Vec<Vec<OutputSums>>);
 
 impl Loudness {
@@ -55,10 +52,10 @@ impl Loudness {
             }
         }
         let mut playing = Bank::new(&bank.oscillators, bank.strikes, rate, BLOCK, false);
-        let span = (FIRST * rate.hertz()) as usize;
+        let span = (SHORTEST * rate.hertz()) as usize;
         let mut sound = vec![0.0; BLOCK * n_out];
         let mut sums = vec![OutputSums::default(); n_out];
-        let spans = (0..TIMES).map(|_| {
+        let spans = (0..LOUDNESS_SPANS).map(|_| {
             for start in (0..span).step_by(BLOCK) {
                 let n_frames = BLOCK.min(span - start);
                 let sound = &mut sound[..n_frames * n_out];

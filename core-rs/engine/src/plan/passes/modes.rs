@@ -2,17 +2,11 @@
 
 use crate::cell::{Cell, Ratios};
 use crate::network::Network;
+use crate::plan::constants::{ANGLE_MIN, PROBES, SAME};
 use crate::plan::passes::linear::{Linear, NoModes};
-use crate::plan::passes::viscosity::{PROBES, Viscosity, probe};
+use crate::plan::passes::viscosity::{Viscosity, probe};
 use crate::spectrum::all_eigenvalues;
 use crate::units::Rate;
-
-/// A mode whose pole turns by less than this angle a step is stepped as written instead: the two-term recurrence would
-/// round its frequency (relative error 1e-16/θ²).
-pub(crate) const ANGLE_MIN: f64 = 1e-4;
-
-/// The damping of a rigid mode counts as rounding below this part of the largest.
-const LOSSLESS: f64 = 1e-9;
 
 /// A weighted sum of positions: (MAT, weight); MATs that do not move contribute nothing.
 pub(crate) type Row = Vec<(usize, f64)>;
@@ -94,7 +88,7 @@ impl Modes {
                     .fold(0.0_f64, |zeta_max, zeta| zeta_max.max(*zeta));
                 for (zeta, lambda) in zeta.iter_mut().zip(&lambda) {
                     // A rigid mode that no damper acts on has no loss, up to rounding.
-                    if *lambda == 0.0 && zeta.abs() <= LOSSLESS * zeta_max {
+                    if *lambda == 0.0 && zeta.abs() <= SAME * zeta_max {
                         *zeta = 0.0;
                     }
                 }

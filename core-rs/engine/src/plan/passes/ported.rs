@@ -10,6 +10,7 @@ use crate::network::forest::ends;
 use crate::network::{Error, Network, Subset, Term};
 use crate::plan::budget::Budget;
 use crate::plan::choice::{BodyChoice, MeshChoice, SteppedChoice};
+use crate::plan::constants::{COST_RATIO_MAX, TIES_MAX};
 use crate::plan::cost;
 use crate::plan::passes::body::{blows, output_sums, position_sums};
 use crate::plan::passes::complex_body::{self, Part};
@@ -23,13 +24,6 @@ use crate::plan::passes::split::{OwnTimeline, split};
 use crate::plan::passes::wiring::{Body, Wanted, Wiring};
 use crate::timeline::Timeline;
 use crate::units::Rate;
-
-/// Largest cost of a body by complex modes, as a multiple of stepping it: complex modes are exact, which no stepping at
-/// that multiple of the rate is.
-const COST_RATIO_MAX: f64 = 2.0;
-
-/// Most ties of a body that may be stepped beside its modes: for a body that hangs in a few places.
-const TIES_MAX: usize = 8;
 
 /// An island divided into bodies and the rest, which is stepped.
 pub(in crate::plan) struct Cut {

@@ -4,20 +4,17 @@ mod exact;
 mod in_space;
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::f64::consts::PI;
 use std::sync::Arc;
 
 use crate::gesture::script::Touch;
 use crate::island::slow::{Slow, Springs};
 use crate::network::forest::{Forest, ends};
 use crate::network::{LinkKind, MatKind, Network, Proxy, Run, SpaceLaw, Subset, Term};
+use crate::plan::constants::TURN_MAX;
 use crate::plan::passes::body::output_sums;
 use crate::plan::passes::wiring::Body;
 use crate::timeline::{DriveKind, Timeline};
 use crate::units::Rate;
-
-/// Largest turn of a mode between two kicks [rad]; above it the kicks do not resolve the mode.
-const TURN_MAX: f64 = 0.9 * PI;
 
 /// A part that asks to be slow but cannot be: its name, and why.
 pub(in crate::plan) type RefusedSlow = (String, String);

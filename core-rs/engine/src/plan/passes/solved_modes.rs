@@ -4,13 +4,11 @@ use std::cell::{Cell, RefCell};
 use std::sync::Arc;
 
 use crate::network::Network;
+use crate::plan::constants::SOLVE;
 use crate::plan::passes::complex_modes::{ComplexModes, Sum};
 use crate::plan::passes::linear::NoModes;
 use crate::plan::passes::modes::{Modes, Row};
 use crate::units::Rate;
-
-/// Work of an eigenvalue solution, for the cube of the number of modes [s].
-const SOLVE: f64 = 0.5e-9;
 
 /// The modes of one body, with the rows that have been asked for.
 #[derive(Debug)]

@@ -3,11 +3,9 @@
 
 use crate::maths::{expm1, log10, pow};
 use crate::plan::budget::Budget;
+use crate::plan::constants::ENERGY_SPAN;
 use crate::plan::passes::modes::Modes;
 use crate::units::Rate;
-
-/// Time over which energies are compared [s]: at the beginning, where high modes, which fade first, count most.
-pub(in crate::plan) const FIRST: f64 = 0.1;
 
 /// The modes that are kept.
 pub(in crate::plan) struct KeptModes {
@@ -44,7 +42,7 @@ impl KeptModes {
     }
 }
 
-/// Keeps the loudest modes. Energies are A²/2 over the first `FIRST` seconds, with A the amplitude that an output
+/// Keeps the loudest modes. Energies are A²/2 over the first `ENERGY_SPAN` seconds, with A the amplitude that an output
 /// hears, and add up over the impulses `blows` [N·s].
 pub(in crate::plan) fn keep(
     modes: &Modes,
@@ -127,10 +125,10 @@ fn energy(modes: &Modes, excited: &[Vec<f64>], blows: &[Vec<f64>], mode: usize, 
         square += blows.iter().map(|p| p * p * size * size).sum::<f64>();
     }
     // ∫ e^(-2σt) over that time.
-    let time = if sigma * FIRST > 1e-9 {
-        -expm1(-2.0 * sigma * FIRST) / (2.0 * sigma)
+    let time = if sigma * ENERGY_SPAN > 1e-9 {
+        -expm1(-2.0 * sigma * ENERGY_SPAN) / (2.0 * sigma)
     } else {
-        FIRST
+        ENERGY_SPAN
     };
     square * time
 }

@@ -5,13 +5,7 @@
 //! mode, then Z·r contains ζ times that.
 
 use crate::network::{LinkKind, MatKind, Network};
-
-/// Vectors from which the loss of each mode is found: a single one may contain nothing of a mode.
-pub(crate) const PROBES: usize = 3;
-/// Relative difference up to which two matrices count as commuting: rounding of fitted numbers leaves that much.
-const SAME: f64 = 1e-9;
-/// The same for losses found from several vectors: modes of nearly equal frequency mix.
-const AGREE: f64 = 1e-6;
+use crate::plan::constants::{MIXED, SAME};
 
 /// One end and its share, the other end (`None` if held) and its share, and z.
 type Damper = (usize, f64, Option<(usize, f64)>, f64);
@@ -96,7 +90,7 @@ impl Viscosity {
             let square: f64 = pairs().map(|(probe, _)| probe * probe).sum();
             *zeta = pairs().map(|(probe, image)| probe * image).sum::<f64>() / square;
             let agree =
-                pairs().all(|(probe, image)| (image - *zeta * probe).abs() <= AGREE * largest);
+                pairs().all(|(probe, image)| (image - *zeta * probe).abs() <= MIXED * largest);
             if !(agree && *zeta >= 0.0) {
                 return None;
             }

@@ -6,16 +6,8 @@ use std::collections::BTreeMap;
 use crate::interrupt;
 use crate::network::forest::{Forest, ends};
 use crate::network::{Contact, LinkKind, Network, Proxy, Run, Term};
+use crate::plan::constants::{MASSES_A_PORT, MODAL_MASSES_MIN, PORTS_ANY};
 use crate::timeline::Timeline;
-
-/// Fewest masses of a body that nothing touches between frames: fewer are stepped as quickly as by modes.
-const MASSES_MIN: usize = 4;
-/// Ports that a body may have, however few its masses: contacts at all of them cost less by modes than with a mesh
-/// stepped as finely (60 on 100 masses: a fifth).
-const PORTS_ANY: usize = 64;
-/// A body with more ports goes by modes only if at most one in this many masses is a port (200 on 400 masses took 14
-/// times as long as the mesh).
-const MASSES_A_PORT: usize = 4;
 
 /// A set of MATs that inner links join, and the ports where others end.
 #[derive(Clone)]
@@ -225,7 +217,7 @@ impl Body {
 
     /// Whether it has so few masses that it is a body only for what touches it.
     pub(in crate::plan) fn is_small(&self) -> bool {
-        self.mats.len() < MASSES_MIN
+        self.mats.len() < MODAL_MASSES_MIN
     }
 
     /// Sorts the lists and removes duplicates.

@@ -10,11 +10,8 @@ use crate::gesture::script::Gesture;
 use crate::island::inside::BodyPlan;
 use crate::network::{Network, PartOrder};
 use crate::plan::IslandPlan;
+use crate::plan::constants::ROUNDED_FRAMES;
 use crate::timeline::{Ergon, Key, Strike, Timeline};
-
-/// Events within this many frames after an instant count as before it, because events are rounded to frames and strikes
-/// are spread over two frames.
-const MARGIN: u64 = 4;
 
 /// A writer that hashes what is written.
 pub(super) struct Sink(Sha256);
@@ -170,7 +167,7 @@ impl Content {
         let rate = island.timeline.rate.hertz();
         let [first, last] = [from, until].map(|frame| match frame {
             0 => 0,
-            frame => (frame + MARGIN) * oversampling,
+            frame => (frame + ROUNDED_FRAMES) * oversampling,
         });
         let [start, stop] = [first, last].map(|frame| frame as f64 / rate);
         let mut sink = Sink::new();
@@ -247,7 +244,7 @@ impl<'a> IslandContent<'a> {
     pub(in crate::plan) fn until(&self, frame: u64) -> String {
         let mut sink = Sink::new();
         sink.0.update(frame.to_le_bytes());
-        let stop = (frame + MARGIN) as f64 / self.timeline.rate.hertz();
+        let stop = (frame + ROUNDED_FRAMES) as f64 / self.timeline.rate.hertz();
         self.events.hash(self.timeline, (None, stop), &mut sink);
         hex(&sink.0.finalize())
     }

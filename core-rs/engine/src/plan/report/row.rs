@@ -4,6 +4,7 @@ use crate::integrate::certify;
 use crate::island::inside::BodyPlan;
 use crate::network::{Network, Subset};
 use crate::plan::budget::Budget;
+use crate::plan::constants::{DOUBT, PRESERVED};
 use crate::plan::cost::{self, Costs};
 use crate::plan::passes::audible::{Body, ModeKind};
 use crate::plan::passes::islands::IslandMembers;
@@ -66,10 +67,6 @@ pub struct Measured {
     pub audible: Option<Audible>,
 }
 
-/// Errors estimated from two runs may be too low by this [dB]: by 3.4 in the worst of the 138 scenes of
-/// docs/accuracy.md at three budgets, before this was added.
-const DOUBT: f64 = 3.5;
-
 impl Measured {
     /// The audible error as a multiple of what a budget allows; 0 if it is not known.
     pub(in crate::plan) fn excess(&self, budget: &Budget) -> f64 {
@@ -124,9 +121,6 @@ pub struct Row {
     /// When it is played harder than while `error` was measured [s].
     pub harder_at: Option<f64>,
 }
-
-/// Limits up to which a slow part counts as preserved: frames from kick to kick, and error [dB].
-pub(in crate::plan) const PRESERVED: [(u32, f64); 2] = [(10, -75.0), (20, -70.0)];
 
 impl Row {
     /// Whether a slow part sounds as it would at every frame, as far as a pilot measured.

@@ -6,14 +6,7 @@ use std::cell::Cell;
 
 use crate::interrupt;
 use crate::network::Error;
-
-/// Allowance of a plan of at most `SMALL.0` modules, and of one of `LARGE.0` [s]: linear in between, proportional to
-/// the modules above, at most `SECONDS_MAX`.
-const SMALL: (usize, f64) = (100, 1.0);
-const LARGE: (usize, f64) = (1_000, 2.5);
-const SECONDS_MAX: f64 = 10.0;
-/// The reserve for measuring how long errors hold, as a share of the allowance and in addition to it.
-const RESERVE: f64 = 0.25;
+use crate::plan::constants::{ALLOWANCE_MAX, ALLOWANCE_RESERVE, LARGE, SMALL};
 
 /// Why a trial gives no result.
 #[derive(Debug)]
@@ -83,7 +76,7 @@ impl Allowance {
             let part = n_modules.saturating_sub(few) as f64 / (many - few) as f64;
             least + (greatest - least) * part
         } else {
-            (greatest * n_modules as f64 / many as f64).min(SECONDS_MAX)
+            (greatest * n_modules as f64 / many as f64).min(ALLOWANCE_MAX)
         };
         Self {
             total: share * seconds,
@@ -222,7 +215,7 @@ impl Allowance {
 
     /// What is left of the reserve, as a separate allowance: if it runs out, no other trial ends.
     pub(in crate::plan) fn reserve(&self) -> Self {
-        Self::with_total(RESERVE * self.total - self.drawn_reserve.get())
+        Self::with_total(ALLOWANCE_RESERVE * self.total - self.drawn_reserve.get())
     }
 
     /// Takes work [s] from the reserve.

@@ -5,7 +5,8 @@ mod levels;
 mod partials;
 mod strokes;
 
-use crate::plan::budget::{Budget, LEAST_HEARD};
+use crate::plan::budget::Budget;
+use crate::plan::constants::{LEAST_HEARD, MEAN_ROUNDING, MOVED};
 use crate::plan::trial::waveform_error::Spans;
 
 /// The audible error of a run.
@@ -24,13 +25,6 @@ pub struct Audible {
     /// Largest error of the level of a stroke [dB].
     pub stroke_level: f64,
 }
-
-/// What differs from the mean by less than this share of the largest position is rounding, and no sound.
-const ROUNDING: f64 = 1e-14;
-
-/// An output sounds from where it has moved by this part of its largest motion (-120 dB): a gesture may take seconds
-/// to reach what sounds.
-const SILENCE: f64 = 1e-6;
 
 impl Audible {
     /// The error of a run against a finer one, with partials up to `upto` [Hz]. Both are compared from where the finer
@@ -126,7 +120,7 @@ fn begin_of_sound(sound: &[f64]) -> usize {
     let first = sound.first().copied().unwrap_or(0.0);
     let motion = |x: &f64| (x - first).abs();
     let largest = sound.iter().map(motion).fold(0.0, f64::max);
-    let moves = |x: &f64| motion(x) > SILENCE * largest;
+    let moves = |x: &f64| motion(x) > MOVED * largest;
     sound.iter().position(moves).unwrap_or(0).saturating_sub(1)
 }
 
@@ -134,7 +128,13 @@ fn begin_of_sound(sound: &[f64]) -> usize {
 fn without_mean(sound: &[f64]) -> Vec<f64> {
     let mean = sound.iter().sum::<f64>() / sound.len().max(1) as f64;
     let largest = sound.iter().fold(0.0_f64, |max, x| max.max(x.abs()));
-    let sounds = |x: f64| if x.abs() > ROUNDING * largest { x } else { 0.0 };
+    let sounds = |x: f64| {
+        if x.abs() > MEAN_ROUNDING * largest {
+            x
+        } else {
+            0.0
+        }
+    };
     sound.iter().map(|x| sounds(x - mean)).collect()
 }
 

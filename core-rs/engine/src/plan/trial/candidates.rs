@@ -3,14 +3,12 @@
 
 use crate::integrate::MeshMethod;
 use crate::network::Error;
-use crate::plan::budget::Budget;
+use crate::plan::constants::{SUBSTEPS_MAX, SUBSTEPS_MIN, TIMES_MAX};
 use crate::plan::passes::assemble::{Assembled, How};
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::trial::allowance::Allowance;
 use crate::plan::trial::pilot_run::PilotRun;
 
-/// Most steps a frame of a candidate that a plan may choose.
-pub(in crate::plan) const TIMES_MAX: u32 = 8;
 /// Methods of meshes, each with its steps a frame.
 const MESH_METHODS: [(MeshMethod, u32); 6] = [
     (MeshMethod::Ca2p, 1),
@@ -120,7 +118,7 @@ fn substeps_of(island: &Assembled) -> Vec<usize> {
     if !has_fine(island) {
         return vec![1];
     }
-    let doublings = Budget::STEPS_MIN.ilog2()..=Budget::STEPS_MAX.ilog2();
+    let doublings = SUBSTEPS_MIN.ilog2()..=SUBSTEPS_MAX.ilog2();
     doublings.map(|doublings| 1 << doublings).collect()
 }
 

@@ -8,26 +8,13 @@ use crate::island::inside::BodyPlan;
 use crate::maths::{log10, sqrt};
 use crate::network::{LinkKind, Network};
 use crate::plan::IslandPlan;
+use crate::plan::constants::{
+    ATTACK, ATTACK_ERROR_MIN, DOUBLING, NUDGE, PARTED, QUIET, REGULAR, STRETCH,
+};
 use crate::plan::trial::allowance::{Allowance, TrialError};
 use crate::plan::trial::pilot_run::{BLOCK, Excerpt, PilotRun, nudged};
 use crate::plan::trial::third_octaves::level_difference;
-use crate::plan::trial::waveform_error::{DOUBLING, PARTED, Spans};
-
-/// Differences of third octaves between runs that have parted [dB]. Two runs that differ by rounding alone are up to 2
-/// dB apart over 0.3 s (the bundled tamtam, struck softly to hard), so smaller differences are as good as none.
-pub const SPECTRUM_NOISE: f64 = 2.0;
-/// Length of the first stretch over which runs are compared [s]; each later one is as long as all before it.
-const FIRST: f64 = 1.25e-3;
-/// Duration of the attack of a stroke [s].
-const ATTACK: f64 = 0.02;
-/// A stretch this much quieter than the loudest is not compared [power].
-const QUIET: f64 = 1e-4;
-/// The part of the motion that a nudge takes away at each step.
-const NUDGE: f64 = 1e-12;
-/// Growth a stretch of a nudge that grows with the square of time [dB], and the tolerance between two stretches [dB].
-const REGULAR: (f64, f64) = (12.04, 6.0);
-/// The least error that a method can have over the first millisecond of a stroke [dB].
-const LEAST: f64 = -120.0;
+use crate::plan::trial::waveform_error::Spans;
 
 /// Stretches of time after the first sound, each ending at twice the time of the one before.
 #[derive(Clone, Debug)]
@@ -85,7 +72,7 @@ impl Stretches {
 
     fn from(start: usize, n_frames: usize, spans: &Spans) -> Self {
         let mut edges = vec![start];
-        let mut length = FIRST * spans.rate;
+        let mut length = STRETCH * spans.rate;
         while ((start as f64 + 1.5 * length) as usize) < n_frames {
             edges.push(start + length as usize);
             length *= 2.0;
@@ -238,9 +225,9 @@ fn is_chaotic(grown: &[Option<f64>]) -> bool {
 
 impl Parting {
     /// Whether an attack with an error as small as `attack` [dB] is attainable: errors of the first stretch, at least
-    /// `LEAST`, grow by `growth`.
+    /// `ATTACK_ERROR_MIN`, grow by `growth`.
     pub(in crate::plan) fn is_attainable(&self, attack: f64) -> bool {
-        attack - self.growth > LEAST
+        attack - self.growth > ATTACK_ERROR_MIN
     }
 
     /// Returns an error [dB] and the frame until which it holds: as long as the error is at most `asked`; if it never

@@ -6,32 +6,19 @@ use crate::maths::log10;
 use crate::network::LinkKind;
 use crate::plan::IslandPlan;
 use crate::plan::budget::Budget;
+use crate::plan::constants::{
+    GAIN, HARDER, LOOK, PARTED, RESERVE_FITS, RESERVE_PLANNED, RINGS, SPECTRUM_NOISE,
+};
 use crate::plan::report::content::{Content, hex_of};
 use crate::plan::report::row::Measured;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
 use crate::plan::trial::audible::Audible;
-use crate::plan::trial::chaos::{SPECTRUM_NOISE, is_linear};
+use crate::plan::trial::chaos::is_linear;
 use crate::plan::trial::pilot_run::{Excerpt, frames_a_second, frames_at_rest, play, work};
 use crate::plan::trial::record::{self, TrialRecord, TrialStore};
 use crate::plan::trial::third_octaves::level_difference;
-use crate::plan::trial::waveform_error::{PARTED, Spans};
+use crate::plan::trial::waveform_error::Spans;
 use crate::timeline::Timeline;
-
-/// Time between two looks at the error [s].
-const LOOK: f64 = 0.1;
-/// An error may grow this far above a pilot's and still count as the same [dB].
-const SAME: f64 = 3.0;
-
-/// A strike or a gesture is harder than another by this factor. Errors of laws that harden grow with the square of the
-/// impulse, so by 3.9 dB, about what estimates are in doubt anyway.
-const HARDER: f64 = 1.25;
-
-/// Time for which the last event is heard [s].
-const RINGS: f64 = 8.0;
-/// The part of the reserve that is planned for: contacts and guards add to the cost of a run.
-const SHARE: f64 = 0.5;
-/// The part of what is left after the first run that the second may be expected to take.
-const FITS: f64 = 0.9;
 
 /// A way to play an island: its plan, and its contact substeps a step.
 type Played<'a> = (&'a IslandPlan, usize);
@@ -107,7 +94,8 @@ pub(in crate::plan) fn extend_error(
     let Some(from) = unless_spent(frames_at_rest(run.0, &allowance.reserve()))? else {
         return Ok(measured);
     };
-    let n_frames = (end(run.0) * rate - from as f64).min(SHARE * reserve.spent().1 / each) as usize;
+    let n_frames =
+        (end(run.0) * rate - from as f64).min(RESERVE_PLANNED * reserve.spent().1 / each) as usize;
     let pilot = ((measured.over * rate) as usize).saturating_sub(from);
     let look = ((LOOK * rate) as usize).max(1);
     if n_frames < pilot + look {
@@ -158,7 +146,7 @@ fn extend_over(
     let runs = play(coarse.0, coarse.1, longest, reserve).and_then(|run| {
         // What contacts added to the first run is assumed to add to each step of the other too.
         let steps = f64::from(other.0.oversampling) / f64::from(coarse.0.oversampling);
-        let share = reserve.share_left(steps * reserve.spent().0 / FITS);
+        let share = reserve.share_left(steps * reserve.spent().0 / RESERVE_FITS);
         let n_frames = (share * longest.n_frames as f64) as usize;
         if n_frames < pilot + look {
             return Err(TrialError::AllowanceSpent);
@@ -195,7 +183,7 @@ fn extend_over(
     if let Some(error) = by_ear.filter(is_allowed) {
         return Ok(error);
     }
-    let least = budget.asked().max(measured.db + SAME);
+    let least = budget.asked().max(measured.db + GAIN);
     let (mut until, mut db) = (pilot, measured.db);
     let mut n = pilot;
     while n < n_frames {

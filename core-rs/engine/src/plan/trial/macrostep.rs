@@ -11,26 +11,13 @@ use crate::island::inside::BodyPlan;
 use crate::island::modal::Modal;
 use crate::island::slow::{RunningSlow, Slow};
 use crate::plan::IslandPlan;
+use crate::plan::constants::{
+    CIRCLE, COMMON_FRAMES_MAX, DENSE_MAX, EIGENVALUES, GROWTH_TOLERANCE, KICKS, NUMBER,
+    TRIAL_WORK_MAX,
+};
 use crate::scheme::{Kind, Run, Scheme};
 use crate::state::Body;
 
-/// Largest state of which all eigenvalues are computed.
-const DENSE_MAX: usize = 240;
-/// Tolerance for eigenvalues on the unit circle: rounding moves them off it, and double ones (a free mass) by the root
-/// of that.
-const ROUNDING: f64 = 3e-7;
-/// Kicks for which a large island is simulated, and its permitted growth at each: its energy fluctuates by that much.
-const KICKS: usize = 2_000;
-const GROWTH_TOLERANCE: f64 = 3e-5;
-/// Longest time between common kicks of all slow parts [frames]; above it the map is not computed.
-const FRAMES_MAX: u64 = 20_000;
-/// Most work for one stability test [s]. If the eigenvalues would take more, the island is simulated instead; if that
-/// would take more too, its stability stays unknown. The bound does not depend on what is left of the allowance, so
-/// that a kept plan decides as it did when it was made.
-const WORK_MAX: f64 = 0.5;
-/// Work of the eigenvalues, for the cube of the state's size; work of a number of the state or a link in a frame [s].
-const EIGENVALUES: f64 = 8e-9;
-const NUMBER: f64 = 0.4e-9;
 /// Steps of work that a frame counts for each number of the state.
 const FRAME_STEPS: usize = 4;
 
@@ -54,7 +41,7 @@ impl Growth {
                 + if self.is_tried {
                     GROWTH_TOLERANCE
                 } else {
-                    ROUNDING
+                    CIRCLE
                 }
     }
 }
@@ -72,13 +59,13 @@ pub(in crate::plan) fn growth(island_plan: &IslandPlan) -> Option<Growth> {
             growth.is_tried = true;
             continue;
         };
-        let is_dense = map.len() <= DENSE_MAX && map.dense_work() <= WORK_MAX;
+        let is_dense = map.len() <= DENSE_MAX && map.dense_work() <= TRIAL_WORK_MAX;
         let work = if is_dense {
             map.dense_work()
         } else {
             map.simulation_work()
         };
-        if work > WORK_MAX {
+        if work > TRIAL_WORK_MAX {
             return None;
         }
         let radius = if is_dense {
@@ -164,7 +151,7 @@ impl<'a> Map<'a> {
         }
         let playing = |slow: &&Slow| RunningSlow::new(&slow.deviation(), &body);
         let playing: Vec<RunningSlow> = slow.iter().map(playing).collect();
-        (frames <= FRAMES_MAX).then(|| Self {
+        (frames <= COMMON_FRAMES_MAX).then(|| Self {
             slow: playing,
             modes: bodies()
                 .filter_map(|inside| match inside {

@@ -7,6 +7,7 @@ use crate::island::inside::BodyPlan;
 use crate::network::{Error, LinkKind, Network, Run, Subset, Term};
 use crate::plan::IslandPlan;
 use crate::plan::budget::Budget;
+use crate::plan::constants::PHASE_MAX;
 use crate::plan::cost;
 use crate::plan::passes::assemble::{Assembled, How};
 use crate::plan::passes::mesh::MethodChoice;
@@ -24,10 +25,6 @@ use crate::plan::trial::record::{Series, TrialStore, measured};
 use crate::plan::trial::waveform_error::{Spans, difference};
 use crate::scheme::StabilityGuarantee;
 use crate::timeline::Timeline;
-
-/// Largest turn of the modes of a key from kick to kick for which it is made slow [rad]: R·√λ ≤ 1, with R half the
-/// stability limit. No such key grew in scans without damping.
-const PHASE_MAX: f64 = 1.0;
 
 /// The island with only those slow parts that may be slow as far as can be seen without playing, and the others with
 /// reasons.

@@ -10,11 +10,12 @@ use std::rc::Rc;
 use crate::network::Error;
 use crate::plan::IslandPlan;
 use crate::plan::budget::Budget;
+use crate::plan::constants::{FAINT, PARTED, PARTS, SEARCH_COST, SUBSTEPS_MIN, TIMES_MAX};
 use crate::plan::passes::assemble::{Assembled, How};
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::report::row::Measured;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
-use crate::plan::trial::candidates::{Candidate, TIMES_MAX};
+use crate::plan::trial::candidates::Candidate;
 use crate::plan::trial::chaos::{Pair, Stretches};
 use crate::plan::trial::horizon;
 use crate::plan::trial::pilot_result::{ChosenIsland, LongRunPair, PilotResult};
@@ -23,17 +24,8 @@ use crate::plan::trial::prune_modes::prune;
 use crate::plan::trial::reference::{Climb, Reference, is_plain_first, plain_reference, reference};
 use crate::plan::trial::runs::Runs;
 use crate::plan::trial::search::{Search, Tried};
-use crate::plan::trial::waveform_error::{
-    PARTED, PARTS, Spans, amplitude_difference, error_beside, power_sum,
-};
+use crate::plan::trial::waveform_error::{Spans, amplitude_difference, error_beside, power_sum};
 use crate::waveform::is_still;
-
-/// Work of a search in multiples of its first run, if contacts dominate the cost: the reference takes 14, candidates
-/// with up to four times as many substeps 7.
-const SEARCH_COST: f64 = 24.0;
-/// An event is faint where outputs hear less than this share of what they would hear if no motion were cancelled (-80
-/// dB): what friction between frames lets through of a blow that it holds, 1e-8 of it, shrinks with every step.
-const FAINT: f64 = 1e-4;
 
 /// Finds the cheapest island within the budget; `assemble` puts the island together at some oversampling.
 pub(in crate::plan) fn pilot(
@@ -355,7 +347,7 @@ fn first_substeps(island: &Assembled, budget: &Budget) -> usize {
     let substeps = island.island_plan.contact_substeps;
     let is_fine = island.may_collocate && !matches!(budget, Budget::Method(_));
     match is_fine && !is_plain_first(island) {
-        true => substeps.max(Budget::STEPS_MIN),
+        true => substeps.max(SUBSTEPS_MIN),
         false => substeps,
     }
 }

@@ -4,18 +4,18 @@ use crate::island::inside::BodyPlan;
 use crate::network::Error;
 use crate::plan::budget::Budget;
 use crate::plan::choice::{BodyChoice, SteppedChoice};
+use crate::plan::constants::{SUBSTEPS_MAX, TIMES_MAX};
 use crate::plan::passes::assemble::{Assembled, How, Shape};
 use crate::plan::passes::linear::NoModes;
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::passes::truncate::KeptModes;
 use crate::plan::report::row::Measured;
 use crate::plan::trial::allowance::{Allowance, unless_spent};
-use crate::plan::trial::candidates::TIMES_MAX;
 use crate::plan::trial::horizon;
 use crate::plan::trial::record::{TrialRecord, TrialStore};
 
 /// Most contact substeps a step that a record may hold.
-const SUBSTEPS_MAX: usize = 2 * TIMES_MAX as usize * Budget::STEPS_MAX;
+const RECORDED_SUBSTEPS_MAX: usize = 2 * TIMES_MAX as usize * SUBSTEPS_MAX;
 
 /// An island that meets its budget as far as possible, and its remaining error.
 pub(in crate::plan) struct ChosenIsland {
@@ -79,7 +79,7 @@ pub(in crate::plan) fn pinned(island: Assembled, pin: &SteppedChoice) -> Option<
         _ => None,
     });
     let modes_kept = modes_kept.collect::<Option<Vec<_>>>()?;
-    let substeps = pin.contact_substeps.clamp(1, Budget::STEPS_MAX);
+    let substeps = pin.contact_substeps.clamp(1, SUBSTEPS_MAX);
     let mut island = island.only(substeps, modes_kept);
     island.island_plan.counted_cost = pin.counted_cost;
     Some(ChosenIsland::unmeasured(island))
@@ -186,7 +186,7 @@ impl PilotResult {
             _ => None,
         };
         let (is_plain, diverges) = (flag(is_plain)?, flag(diverges)?);
-        let is_much = coarse.max(finer) as usize > SUBSTEPS_MAX;
+        let is_much = coarse.max(finer) as usize > RECORDED_SUBSTEPS_MAX;
         if !(1..=2 * TIMES_MAX).contains(&oversampling) || is_much {
             return None;
         }

@@ -4,21 +4,12 @@ use crate::derivative::Derivatives;
 use crate::island::{Island, OnFault, Options};
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::Error;
+use crate::plan::constants::{AFTER, COMPARISON, LONGEST, LOOKS, TRIAL_WORK_MAX};
 use crate::plan::trial::allowance::{Allowance, TrialError};
 use crate::plan::trial::silence::Silence;
 use crate::plan::{IslandPlan, cost};
 use crate::waveform::is_still;
 
-/// Time that a pilot plays after the first contact or event [s]: long enough to hear it, short enough to cost little.
-pub(in crate::plan) const AFTER: f64 = 0.3;
-/// Longest excerpt [s]: if nothing touches within it, there is nothing to learn about contacts.
-const LONGEST: f64 = 10.0;
-/// Most work of a pilot [s].
-const WORK_MAX: f64 = 0.5;
-/// Work of comparing one sample of an output with others [s].
-const COMPARISON: f64 = 2e-8;
-/// How often a run is looked at for created energy: it may give back later what it created.
-const LOOKS: usize = 16;
 /// Frames of a block, after each of which the modes are looked at.
 pub(in crate::plan) const BLOCK: usize = 64;
 /// Frames that it takes to see whether an island rests from its beginning on.
@@ -116,7 +107,7 @@ pub(in crate::plan) fn work(island_plan: &IslandPlan) -> f64 {
 }
 
 pub(in crate::plan) fn is_affordable(island_plan: &IslandPlan, n_frames: usize) -> bool {
-    work(island_plan) * n_frames as f64 <= WORK_MAX
+    work(island_plan) * n_frames as f64 <= TRIAL_WORK_MAX
 }
 
 /// How many frames an island rests from its beginning on; 0 if finding that out would take too long.
@@ -243,7 +234,7 @@ pub(in crate::plan) fn frames_a_second(island_plan: &IslandPlan) -> f64 {
 
 /// Most frames of an excerpt.
 fn longest(island_plan: &IslandPlan) -> usize {
-    let by_work = (WORK_MAX / work(island_plan)) as usize;
+    let by_work = (TRIAL_WORK_MAX / work(island_plan)) as usize;
     by_work.min((LONGEST * frames_a_second(island_plan)) as usize)
 }
 

@@ -6,15 +6,12 @@ use crate::maths::pow;
 use crate::network::{Error, LinkKind};
 use crate::plan::IslandPlan;
 use crate::plan::budget::Budget;
+use crate::plan::constants::{PRUNE_TRIES, QUIETER};
 use crate::plan::passes::assemble::Assembled;
 use crate::plan::passes::truncate::{KeptModes, choose};
 use crate::plan::trial::allowance::{Allowance, unless_spent};
 use crate::plan::trial::pilot_run::{Excerpt, PilotRun, is_affordable, play};
 use crate::plan::trial::waveform_error::{Spans, difference};
-
-/// Most attempts to leave modes out; each failed one lowers the permitted loudness by at least `QUIETER` [dB].
-const TRIES: usize = 4;
-const QUIETER: f64 = 2.0;
 
 /// The island without the modes that are not heard, together at most `error_max` loud [dB]: chosen by their energies, then
 /// checked by playing.
@@ -63,7 +60,7 @@ pub(in crate::plan) fn prune(
     };
     let spans = Spans::new(&island.island_plan, excerpt.n_frames);
     let mut allowed = error_max;
-    for _ in 0..TRIES {
+    for _ in 0..PRUNE_TRIES {
         let mut fewer = with(Some(allowed));
         if count(&fewer) == count(&all) {
             break;

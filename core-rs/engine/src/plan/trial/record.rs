@@ -6,14 +6,11 @@
 //! and the hash of that and of the events up to one such length leads to what the series found.
 
 use crate::network::Error;
-use crate::plan::budget::LEAST_HEARD;
+use crate::plan::constants::{LEAST_HEARD, LENGTHS_MAX};
 use crate::plan::report::content::{IslandContent, hex_of};
 use crate::plan::report::row::Measured;
 use crate::plan::trial::allowance::{Allowance, Taken};
 use crate::plan::trial::audible::Audible;
-
-/// Most lengths that are remembered for one island.
-const LENGTHS_MAX: usize = 8;
 
 /// What a series of trials took and found, as numbers that can be written and read.
 #[derive(Clone, Debug, Default, PartialEq)]

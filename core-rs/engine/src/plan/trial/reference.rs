@@ -9,41 +9,21 @@ use std::rc::Rc;
 use crate::maths::pow;
 use crate::network::Error;
 use crate::plan::budget::Budget;
+use crate::plan::constants::{
+    BELOW, COSTLY, DOUBLING, DOUBLING_RESERVE, FAMILY_SHARE, GAIN, INAUDIBLE, ORDERS, REFERENCE_DB,
+    REFERENCE_SHARE, REFERENCE_SUBSTEPS, SUBSTEPS_MAX, SUBSTEPS_MIN, TIMES_MAX,
+};
 use crate::plan::passes::assemble::{Assembled, How};
 use crate::plan::trial::allowance::{Allowance, TrialError};
 use crate::plan::trial::audible::Audible;
-use crate::plan::trial::candidates::{Candidate, Family, TIMES_MAX, has_fine};
+use crate::plan::trial::candidates::{Candidate, Family, has_fine};
 use crate::plan::trial::pilot_run::{PilotRun, is_affordable};
 use crate::plan::trial::runs::Runs;
-use crate::plan::trial::waveform_error::{DOUBLING, Spans, difference};
+use crate::plan::trial::waveform_error::{Spans, difference};
 use crate::waveform::is_still;
 
-/// A reference is this much more exact than the waveform that is asked for [dB]: its error then changes that of a
-/// candidate by 2.5 dB at most.
-const BELOW: f64 = 12.0;
-/// Whatever is asked for, a reference of a waveform is this exact [dB]: at -80 dB too, so that a plan for less sees the
-/// same errors of the same candidates.
-const WAVEFORM: f64 = -92.0;
-/// By ear a reference is exact enough if its audible error is this part of what is allowed.
-const AUDIBLE: f64 = 0.2;
-/// A waveform that is surer than this is not chaotic [dB].
-const UNSURE: f64 = -60.0;
-/// Contact substeps a step of a reference; of laws, which divide a frame only as far as they have to, as many as never
-/// limit that. If both take more than the part `COSTLY` of the cost, a doubling doubles nearly all work, so it begins at
-/// `SUBSTEPS_OF_COSTLY`.
-const SUBSTEPS: usize = 32;
-const SUBSTEPS_OF_LAWS: usize = 4 * Budget::STEPS_MAX;
-const SUBSTEPS_OF_COSTLY: usize = Budget::STEPS_MIN;
-const COSTLY: f64 = 0.5;
-/// A doubling that gains less than this ends a family [dB].
-const GAIN: f64 = 3.0;
-/// A doubling is played if this multiple of the work of the run before is left.
-const RESERVE: f64 = 2.0;
-/// The part of the remaining allowance that one family may take.
-const SHARE: f64 = 0.4;
-/// Orders of convergence that are believed. Kinks of laws and stops of friction have less than order 1; a faster fall
-/// from one doubling to the next may be chance.
-const ORDERS: [f64; 2] = [0.5, 1.0];
+/// Contact substeps a step of a reference with laws, which divide a frame only as far as they have to: never a limit.
+const SUBSTEPS_OF_LAWS: usize = 4 * SUBSTEPS_MAX;
 
 /// The most exact run.
 pub(in crate::plan) struct Reference {
@@ -59,14 +39,14 @@ impl Reference {
     /// Whether it is as exact as a reference should be.
     fn is_exact(&self, budget: &Budget) -> bool {
         match self.audible {
-            Some(audible) => audible.excess(budget) <= AUDIBLE,
-            None => self.error <= (budget.asked() - BELOW).min(WAVEFORM),
+            Some(audible) => audible.excess(budget) <= REFERENCE_SHARE,
+            None => self.error <= (budget.asked() - BELOW).min(REFERENCE_DB),
         }
     }
 
     /// Whether it shows that the motion is not chaotic.
     pub(in crate::plan) fn is_sure(&self, budget: &Budget) -> bool {
-        self.error <= UNSURE || (self.audible.is_some() && self.is_exact(budget))
+        self.error <= INAUDIBLE || (self.audible.is_some() && self.is_exact(budget))
     }
 
     fn is_better(&self, other: &Self, budget: &Budget) -> bool {
@@ -96,10 +76,10 @@ pub(in crate::plan) fn reference<F: Fn(How<'_>) -> Result<Assembled, Error>>(
     let substeps = first_substeps(first);
     let mut best: Option<Reference> = None;
     for family in climb.families(first) {
-        let part = allowance.fraction(SHARE);
+        let part = allowance.fraction(FAMILY_SHARE);
         let lowest = if family.is_plain { TIMES_MAX } else { 1 };
         let reached = climb.family((family, substeps), lowest..=highest, &part);
-        allowance.spend_fraction(&part, SHARE);
+        allowance.spend_fraction(&part, FAMILY_SHARE);
         match reached {
             // By CA a strike that friction can stop within a step moves nothing, at any rate.
             Ok(Some(reached)) if is_held(&reached, family, spans) => {}
@@ -126,10 +106,10 @@ pub(in crate::plan) fn plain_reference<F: Fn(How<'_>) -> Result<Assembled, Error
     climb: &Climb<'_, F>,
     allowance: &Allowance,
 ) -> Result<Option<Reference>, TrialError> {
-    let part = allowance.fraction(SHARE);
+    let part = allowance.fraction(FAMILY_SHARE);
     let [.., plain] = Family::REFERENCE_FAMILIES;
     let reached = climb.family((plain, 1), 1..=2 * TIMES_MAX, &part);
-    allowance.spend_fraction(&part, SHARE);
+    allowance.spend_fraction(&part, FAMILY_SHARE);
     match reached {
         Ok(reached) => Ok(reached.filter(|reached| reached.is_exact(climb.budget))),
         Err(TrialError::AllowanceSpent) => Ok(None),
@@ -143,8 +123,8 @@ fn first_substeps(first: &Candidate) -> usize {
     let is_costly = contact_cost > COSTLY * first.cost || is_plain_first(&first.island);
     match first.island.may_collocate {
         true if !first.island.has_dry_friction() => SUBSTEPS_OF_LAWS,
-        _ if is_costly => SUBSTEPS_OF_COSTLY,
-        _ => SUBSTEPS,
+        _ if is_costly => SUBSTEPS_MIN,
+        _ => REFERENCE_SUBSTEPS,
     }
 }
 
@@ -159,7 +139,7 @@ pub(in crate::plan) fn is_plain_first(island: &Assembled) -> bool {
     let mut plan = island.island_plan.clone();
     (plan.contact_substeps, plan.counted_cost) = (1, None);
     let plain = plan.cost();
-    plan.contact_substeps = Budget::STEPS_MIN;
+    plan.contact_substeps = SUBSTEPS_MIN;
     island.may_collocate && plan.cost() > f64::from(TIMES_MAX) * plain
 }
 
@@ -205,7 +185,7 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Climb<'_, F> {
             let substeps = if has_fine(&island) { substeps } else { 1 };
             let candidate = Candidate::new(island, substeps, None);
             let n_frames = self.runs.excerpt().n_frames;
-            let is_paid = allowance.share_left(RESERVE * spent) >= 1.0;
+            let is_paid = allowance.share_left(DOUBLING_RESERVE * spent) >= 1.0;
             if !is_affordable(&candidate.island.island_plan, n_frames) || !is_paid {
                 break;
             }

@@ -10,12 +10,15 @@ use std::rc::Rc;
 use crate::maths::sqrt;
 use crate::network::Error;
 use crate::plan::budget::Budget;
+use crate::plan::constants::{
+    AUDIBLE_GAIN, CREATED, DOUBT, GAIN, MARGIN, SPECTRUM_NOISE, SUBSTEPS_MIN, TIMES_MAX,
+};
 use crate::plan::passes::assemble::{Assembled, How};
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
 use crate::plan::trial::audible::Audible;
-use crate::plan::trial::candidates::{Candidate, TIMES_MAX, candidates, has_fine};
-use crate::plan::trial::chaos::{Pair, Parting, SPECTRUM_NOISE, Stretches};
+use crate::plan::trial::candidates::{Candidate, candidates, has_fine};
+use crate::plan::trial::chaos::{Pair, Parting, Stretches};
 use crate::plan::trial::horizon;
 use crate::plan::trial::pilot_run::{Created, PilotRun, is_affordable};
 use crate::plan::trial::reference::Reference;
@@ -23,20 +26,6 @@ use crate::plan::trial::runs::Runs;
 use crate::plan::trial::waveform_error::{
     EarlyComparison, Spans, amplitude_difference, amplitude_sum, difference,
 };
-
-/// Margin below the budget for what comes after the pilot, over which the runs are compared [dB].
-const MARGIN: f64 = 0.1;
-/// The same if errors may grow after the pilot: by up to 3.4 dB more than two runs show (`keys-105` of the audit).
-const MARGIN_OF_KEYS: f64 = 3.5;
-/// If none is within the budget, one of higher cost is taken only if its error is lower by this [dB], or its audible
-/// error by the factor `AUDIBLE_GAIN`.
-const GAIN: f64 = 3.0;
-const AUDIBLE_GAIN: f64 = 1.5;
-/// If twice as many substeps lower the error by less than this [dB], still more do not help.
-const IDLE: f64 = 0.1;
-
-/// A candidate may create this share of the energy that is there: half of what is reported.
-const CREATED: f64 = 0.005;
 
 /// What the trials of one island share.
 pub(in crate::plan) struct Search<'a, F> {
@@ -94,7 +83,7 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
         if !has_fine(&island) {
             return Ok(None);
         }
-        let candidate = Candidate::new(island, Budget::STEPS_MIN, None);
+        let candidate = Candidate::new(island, SUBSTEPS_MIN, None);
         let (before, _) = self.allowance.spent();
         let goes_on = |_, _: &[f64]| self.allowance.spent().0 - before <= plain.run.work;
         let played = (&candidate.island.island_plan, candidate.substeps);
@@ -161,7 +150,7 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
     /// The error that a candidate has to stay below [dB].
     fn aim(&self) -> f64 {
         let margin = match horizon::error_may_grow(&self.reference.candidate.island.island_plan) {
-            true => MARGIN_OF_KEYS,
+            true => DOUBT,
             false => MARGIN,
         };
         self.budget.asked() - margin
@@ -285,7 +274,7 @@ impl Gains {
     fn add(&mut self, tried: &Tried) {
         if tried.candidate.substeps > 1 {
             let known = self.0.get(&tried.candidate.group);
-            let is_idle = known.is_some_and(|(least, _)| tried.error > least - IDLE);
+            let is_idle = known.is_some_and(|(least, _)| tried.error > least - MARGIN);
             let least = known.map_or(tried.error, |(least, _)| least.min(tried.error));
             self.0.insert(tried.candidate.group, (least, is_idle));
         }

@@ -7,10 +7,7 @@ use crate::island::inside::BodyPlan;
 use crate::maths::sqrt;
 use crate::network::{Output, Term};
 use crate::plan::IslandPlan;
-
-/// An output is silent if it changes by less than this share of what it would hear if no motion were cancelled (-200
-/// dB). Rounding leaves up to 1e-12 of it where friction holds a point of a body between frames.
-const SILENT: f64 = 1e-10;
+use crate::plan::constants::SILENT;
 
 /// Outputs that have heard nothing but rounding so far in a run.
 pub(in crate::plan) struct Silence<'a> {

@@ -4,26 +4,19 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 
 use crate::maths::{log10, pow, sincos};
+use crate::plan::constants::{
+    BAND_VALUES_PARTED, COMPARED_POWER_MIN, HIGHEST_AUDIBLE, LOWEST_THIRD, MISSING, RATE_SHARE,
+};
 
 /// Centres of third octaves [Hz]: 1 kHz times 2^(i/3), from 25 Hz up to 20 kHz, or up to `RATE_SHARE` of the rate if
 /// that is lower.
 const CENTRE: f64 = 1_000.0;
-const LOWEST: i32 = -16;
-const HIGHEST: f64 = 20_000.0;
-const RATE_SHARE: f64 = 0.45;
-/// Least width × duration of a band: its level is the mean of about as many independent values. With fewer the level is
-/// chance (two runs that differ by rounding alone are then 2 to 4 dB apart).
-const FEWEST: f64 = 8.0;
-/// Bands are compared if their power is above the part `COMPARED_POWER_MIN` of the strongest band's; a missing band counts as the
-/// ratio `MISSING` [power].
-const COMPARED_POWER_MIN: f64 = 1e-6;
-const MISSING: f64 = 1e-10;
 
 /// Mean difference of the levels of two sounds [dB], (n_frames · n_out) each, `b` the reference: over the third octaves
 /// within 60 dB of its strongest, summed over outputs that are normalised to equal power.
 pub(in crate::plan) fn level_difference(a: &[f64], b: &[f64], n_out: usize, rate: f64) -> f64 {
     let n_frames = b.len() / n_out.max(1);
-    let bands = bands(n_frames, rate, FEWEST);
+    let bands = bands(n_frames, rate, BAND_VALUES_PARTED);
     let (mut ours, mut theirs) = (vec![0.0; bands.len()], vec![0.0; bands.len()]);
     for output in 0..n_out {
         let band_sound =
@@ -68,10 +61,10 @@ pub(super) fn bands(n_frames: usize, rate: f64, fewest: f64) -> Vec<Band> {
     let seconds = n_frames as f64 / rate;
     let bin = rate / length(n_frames) as f64;
     let bin_of = |frequency: f64| (frequency / bin).ceil() as usize;
-    let centres = (LOWEST..).map(|i| CENTRE * pow(2.0, f64::from(i) / 3.0));
+    let centres = (LOWEST_THIRD..).map(|i| CENTRE * pow(2.0, f64::from(i) / 3.0));
     let (down, up) = (pow(2.0, -1.0 / 6.0), pow(2.0, 1.0 / 6.0));
     centres
-        .take_while(|centre| *centre <= HIGHEST.min(RATE_SHARE * rate))
+        .take_while(|centre| *centre <= HIGHEST_AUDIBLE.min(RATE_SHARE * rate))
         .filter(|centre| centre * (up - down) * seconds >= fewest)
         .map(|centre| Band {
             centre,

@@ -2,22 +2,9 @@
 
 use crate::maths::{decibels, log10, pow, sqrt};
 use crate::plan::IslandPlan;
-use crate::plan::trial::pilot_run::{AFTER, frames_a_second};
+use crate::plan::constants::{AFTER, EARLY, PARTS};
+use crate::plan::trial::pilot_run::frames_a_second;
 use crate::waveform::worst_ratio;
-
-/// What an error of order 1 falls by when the step is halved [dB].
-pub(in crate::plan) const DOUBLING: f64 = 6.02;
-
-/// Parts into which the time after the first event is divided if all of it is too long to play: 50 ms, the shortest
-/// time that says anything about a sound.
-pub(in crate::plan) const PARTS: usize = 6;
-
-/// Waveforms further apart than this have nothing in common [dB].
-pub(in crate::plan) const PARTED: f64 = -10.0;
-
-/// A run is first compared after one part in `EARLY.0` of its first span; its difference there exceeds the final one by
-/// at most `EARLY.1` [dB].
-const EARLY: (usize, f64) = (4, 12.0);
 
 /// The sum of two independent errors, by power [dB].
 pub(in crate::plan) fn power_sum(error: f64, other: f64) -> f64 {
@@ -154,6 +141,7 @@ pub(in crate::plan) fn difference(a: &[f64], b: &[f64], spans: &Spans) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plan::constants::DOUBLING;
 
     /// One output at 1 kHz: an event after 60 ms, then 0.3 s.
     fn spans() -> Spans {

@@ -1,6 +1,7 @@
 //! Undamped modes that damping couples: the eigenvalue problem of their state.
 
-use super::{COUPLED_MAX, Complex, ComplexModes, Coordinates, ERROR_MAX, NOTHING, Pole, ROUNDING};
+use super::{Complex, ComplexModes, Coordinates, Pole};
+use crate::plan::constants::{COUPLED_MAX, COUPLING_ERROR_MAX, COUPLING_NONE, COUPLING_ROUNDING};
 use crate::plan::passes::linear::NoModes;
 use crate::spectrum::{General, general, inverse};
 
@@ -9,7 +10,7 @@ pub(super) fn all(damping: &[f64], n: usize) -> Vec<Vec<usize>> {
     let greatest = damping
         .iter()
         .fold(0.0_f64, |greatest, x| greatest.max(x.abs()));
-    let least = (ROUNDING * greatest).max(NOTHING / n as f64);
+    let least = (COUPLING_ROUNDING * greatest).max(COUPLING_NONE / n as f64);
     let (mut is_known, mut blocks) = (vec![false; n], Vec::new());
     for first in 0..n {
         if is_known[first] {
@@ -119,7 +120,7 @@ pub(super) fn add(
     let eigen = general(matrix.clone()).ok_or(NoModes::NotFinite)?;
     let vectors = columns(&eigen);
     let left = inverse(vectors.clone()).ok_or(NoModes::Inexact)?;
-    if error(&matrix, &eigen, [&vectors, &left]) > ERROR_MAX {
+    if error(&matrix, &eigen, [&vectors, &left]) > COUPLING_ERROR_MAX {
         return Err(NoModes::Inexact);
     }
     // The state at t = 0 and the effect of an impulse, in the modes: through the inverse.
@@ -156,7 +157,7 @@ pub(super) fn add(
         if im < 0.0 {
             continue;
         }
-        if re > ERROR_MAX {
+        if re > COUPLING_ERROR_MAX {
             return Err(NoModes::Diverges);
         }
         let decay = (-re).max(0.0);

@@ -1,11 +1,8 @@
 //! An undamped mode that damping does not couple with others: its poles are the roots of s² + c·s + ω².
 
-use super::{ComplexModes, Coordinates, ERROR_MAX, NOTHING, Pole};
+use super::{ComplexModes, Coordinates, Pole};
+use crate::plan::constants::{COUPLING_ERROR_MAX, COUPLING_NONE, CRITICAL};
 use crate::plan::passes::linear::NoModes;
-
-/// Two real roots this close, relative to their sum, are taken as a pair that hardly swings: as separate roots their
-/// residues would cancel each other.
-const CRITICAL: f64 = 1e-7;
 
 /// Adds the modes that belong to undamped mode `mode` with damping `c` [1/s].
 pub(super) fn add(
@@ -14,7 +11,7 @@ pub(super) fn add(
     mode: usize,
     c: f64,
 ) -> Result<(), NoModes> {
-    if c < -ERROR_MAX {
+    if c < -COUPLING_ERROR_MAX {
         return Err(NoModes::Diverges);
     }
     let c = c.max(0.0);
@@ -26,7 +23,7 @@ pub(super) fn add(
         coordinates.x0[mode] - coordinates.rest[mode],
         coordinates.v0[mode],
     );
-    if lambda == 0.0 && c <= NOTHING {
+    if lambda == 0.0 && c <= COUPLING_NONE {
         modes.add(
             (Pole::Free, [x, v]),
             |output| [position(output), velocity(output)],

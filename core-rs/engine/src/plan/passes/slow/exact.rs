@@ -12,18 +12,10 @@ use crate::interrupt;
 use crate::island::slow::{Slow, Springs};
 use crate::maths;
 use crate::network::Subset;
+use crate::plan::constants::{FLOW_EXACT_MAX, FLOW_MASSES_MAX, LOOSE};
 use crate::plan::passes::wiring::Body;
 use crate::scheme::Scheme;
 use crate::units::Rate;
-
-/// Most masses of a body: with more, dense products are hardly cheaper than stepping, and computing the flow takes
-/// seconds.
-const MASSES_MAX: usize = 120;
-/// Most masses of a body whose springs pull at every frame, so that its rate changes nothing that is heard: the product
-/// of their flow takes less than what an island takes without anything in it. With more, they pull once in R frames.
-const EXACT_MAX: usize = 8;
-/// Stiffness below this part of the largest is rounding: nothing holds the body in such a mode.
-const LOOSE: f64 = 1e-12;
 
 /// A body of linear springs, or why it has no flow; `is_struck`: whether a MAT of the island may be struck.
 pub(super) fn slow(
@@ -34,9 +26,9 @@ pub(super) fn slow(
     is_struck: impl Fn(usize) -> bool,
 ) -> Result<Slow, String> {
     let n = body.mats.len();
-    if n > MASSES_MAX {
+    if n > FLOW_MASSES_MAX {
         return Err(format!(
-            "{n} of its masses are connected; above {MASSES_MAX}, a slow rate costs more than the audio rate"
+            "{n} of its masses are connected; above {FLOW_MASSES_MAX}, a slow rate costs more than the audio rate"
         ));
     }
     let is_discrete = subset.network.parts()[part].ca_rate.is_some();
@@ -49,7 +41,7 @@ pub(super) fn slow(
     let matrices = Matrices::new(&subset, &scheme, body);
     let modes = matrices.modes();
     let top = modes.eigenvalues.iter().fold(0.0_f64, |top, x| top.max(*x));
-    let kick_every = if n <= EXACT_MAX { 1 } else { every };
+    let kick_every = if n <= FLOW_EXACT_MAX { 1 } else { every };
     let turn = f64::from(kick_every)
         * if is_discrete {
             2.0 * maths::asin((0.5 * top.sqrt()).min(1.0))

@@ -8,21 +8,12 @@
 use std::f64::consts::PI;
 
 use crate::maths::{log10, pow, sincos, sqrt};
+use crate::plan::constants::{BAND_VALUES, COMPARED_POWER_MIN, FADED, MISSING};
 use crate::plan::trial::third_octaves::{Band, bands, powers};
-
-/// Least width × duration of a band: its level is the mean of about as many independent values. Here both runs are the
-/// same sound, so one is enough.
-const FEWEST: f64 = 1.0;
-/// Bands are compared if their power is above the part `AUDIBLE_POWER_MIN` of the strongest band's; a missing band counts as the
-/// ratio `MISSING` [power].
-const AUDIBLE_POWER_MIN: f64 = 1e-6;
-const MISSING: f64 = 1e-10;
-/// The last part of a sound that fades out is one in this many.
-const FADED: usize = 4;
 
 /// The largest level difference among the third octaves that are heard in `b` [dB].
 pub(super) fn level_error(a: &[f64], b: &[f64], rate: f64) -> f64 {
-    let bands = bands(b.len(), rate, FEWEST);
+    let bands = bands(b.len(), rate, BAND_VALUES);
     let spectrum = |x: &[f64]| -> Vec<f64> {
         let powers = powers(faded(x));
         let sum = |band: &Band| powers[band.bins.clone()].iter().sum();
@@ -64,7 +55,7 @@ fn unmasked_bands(centres: &[f64], powers: &[f64]) -> Vec<bool> {
     let indexed = powers.iter().enumerate();
     indexed
         .map(|(masked_power, power)| {
-            *power > (AUDIBLE_POWER_MIN * strongest).max(masked(masked_power))
+            *power > (COMPARED_POWER_MIN * strongest).max(masked(masked_power))
         })
         .collect()
 }

@@ -5,21 +5,8 @@
 use std::f64::consts::{PI, TAU};
 
 use crate::maths::{atan2, log, log2, sincos};
+use crate::plan::constants::{PARTIALS_HOP, PARTIALS_MAX, QUIET, SHORTEST, STRAIGHT, WINDOWS_MIN};
 use crate::plan::trial::third_octaves::{length, powers};
-
-/// Most partials that are compared, and the weakest relative to the strongest [power].
-const COUNT: usize = 5;
-const WEAKEST: f64 = 1e-4;
-/// Length of the Hann window [s]: partials 40 Hz apart do not mix.
-const WINDOW: f64 = 0.05;
-/// Time from window to window [s].
-const HOP: f64 = 5e-3;
-/// A decay is compared only if a straight line fits its level this closely (rms) [nepers] and the level falls by at
-/// least `FALLS` [nepers].
-const STRAIGHT: f64 = 0.1;
-const FALLS: f64 = 0.1;
-/// Fewest windows from which a pitch is measured.
-const FEWEST: usize = 8;
 
 /// Largest error of a pitch [cents], and of a T60 relative to itself, among partials up to `upto` [Hz]; `b` is the
 /// reference.
@@ -36,7 +23,7 @@ fn strongest(x: &[f64], rate: f64, upto: f64) -> Vec<f64> {
     let window = hann(x.len());
     let powers = powers(x.iter().zip(window).map(|(x, w)| x * w).collect());
     let bin = rate / length(x.len()) as f64;
-    let reach = ((2.0 / WINDOW / bin) as usize).max(2);
+    let reach = ((2.0 / SHORTEST / bin) as usize).max(2);
     let last = ((upto / bin) as usize).min(powers.len().saturating_sub(1));
     let is_top = |index: &usize| {
         let around = &powers[index - reach.min(*index)..(index + reach + 1).min(powers.len())];
@@ -44,9 +31,9 @@ fn strongest(x: &[f64], rate: f64, upto: f64) -> Vec<f64> {
     };
     let mut tops: Vec<usize> = (reach..last).filter(is_top).collect();
     tops.sort_by(|a, b| powers[*b].total_cmp(&powers[*a]));
-    tops.truncate(COUNT);
+    tops.truncate(PARTIALS_MAX);
     let loudest = tops.first().map_or(0.0, |top| powers[*top]);
-    tops.retain(|top| powers[*top] >= WEAKEST * loudest);
+    tops.retain(|top| powers[*top] >= QUIET * loudest);
     tops.into_iter().map(|top| top as f64 * bin).collect()
 }
 
@@ -54,20 +41,20 @@ fn strongest(x: &[f64], rate: f64, upto: f64) -> Vec<f64> {
 /// too short.
 fn compare(a: &[f64], b: &[f64], f: f64, rate: f64) -> Option<(f64, f64)> {
     let (ours, theirs) = (baseband(a, f, rate), baseband(b, f, rate));
-    if theirs.len() < FEWEST {
+    if theirs.len() < WINDOWS_MIN {
         return None;
     }
     let weights: Vec<f64> = theirs.iter().map(|[re, im]| re * re + im * im).collect();
     // ours/theirs: its argument turns little from one window to the next.
     let ratios = ours.iter().zip(&theirs);
     let ratios: Vec<[f64; 2]> = ratios.map(|(a, b)| times(*a, [b[0], -b[1]])).collect();
-    let drift = slope(&unwrapped(&ratios), &weights).0 / (TAU * HOP);
+    let drift = slope(&unwrapped(&ratios), &weights).0 / (TAU * PARTIALS_HOP);
     let level = |[re, im]: &[f64; 2]| 0.5 * log((re * re + im * im).max(f64::MIN_POSITIVE));
     let levels = |of: &[[f64; 2]]| -> Vec<f64> { of.iter().map(level).collect() };
     let (falls, rest) = slope(&levels(&theirs), &weights);
     let (ours, _) = slope(&levels(&ours), &weights);
     let cents = 1200.0 * log2((1.0 + drift / f).max(f64::MIN_POSITIVE)).abs();
-    let is_decay = rest < STRAIGHT && -falls * theirs.len() as f64 > FALLS;
+    let is_decay = rest < STRAIGHT && -falls * theirs.len() as f64 > STRAIGHT;
     // The ratio of the T60s, less 1.
     let t60 = if is_decay && ours < 0.0 {
         (falls / ours - 1.0).abs()
@@ -77,10 +64,10 @@ fn compare(a: &[f64], b: &[f64], f: f64, rate: f64) -> Option<(f64, f64)> {
     Some((cents, t60))
 }
 
-/// A sound shifted by −f and smoothed, once every `HOP`.
+/// A sound shifted by −f and smoothed, once every `PARTIALS_HOP`.
 fn baseband(x: &[f64], f: f64, rate: f64) -> Vec<[f64; 2]> {
-    let size = ((WINDOW * rate) as usize).max(4);
-    let hop = ((HOP * rate) as usize).max(1);
+    let size = ((SHORTEST * rate) as usize).max(4);
+    let hop = ((PARTIALS_HOP * rate) as usize).max(1);
     let shifted: Vec<[f64; 2]> = x
         .iter()
         .enumerate()

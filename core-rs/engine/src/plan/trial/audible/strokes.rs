@@ -1,6 +1,7 @@
 //! Strokes in a sound: when each begins, and how strong it is.
 
 use crate::maths::log10;
+use crate::plan::constants::{BEGUN, MISSING, QUIET, REACH, RISE, SHORTEST, STROKES_HOP};
 
 /// Errors of the strokes of a sound, each at its worst.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -13,34 +14,16 @@ pub(super) struct StrokeErrors {
     pub(super) level: f64,
 }
 
-/// Power is taken over so long a time [s].
-const HOP: f64 = 1e-3;
-/// A stroke begins where the power exceeds `RISE` times all that was there in this time before [s], a period of the
-/// lowest audible pitch is shorter.
-const BEFORE: f64 = 0.05;
-const RISE: f64 = 4.0;
-/// What is quieter than this part of the loudest is no stroke [power].
-const QUIET: f64 = 1e-4;
-/// The level of a stroke is its power over this time [s]. Strokes that follow each other faster are not compared one by
-/// one.
-const LENGTH: f64 = 0.05;
-/// How far before and after its beginning in the reference a stroke is looked for [s], and the part of the energy there
-/// that marks its beginning.
-const REACH: f64 = 0.01;
-const BEGUN: f64 = 0.3;
-/// The level difference of a missing stroke [power].
-const MISSING: f64 = 1e-10;
-
 /// The errors of `sound` against `reference`, both without their means.
 pub(super) fn stroke_errors(sound: &[f64], reference: &[f64], rate: f64) -> StrokeErrors {
     let (ours, theirs) = (speeds(sound), speeds(reference));
     let frames = |seconds: f64| ((seconds * rate) as usize).max(1);
-    let begins = beginnings(&theirs, frames(HOP));
-    let is_dense = begins.len() * frames(LENGTH) > theirs.len();
+    let begins = beginnings(&theirs, frames(STROKES_HOP));
+    let is_dense = begins.len() * frames(SHORTEST) > theirs.len();
     let compared = if is_dense { 1 } else { begins.len() };
     let mut worst = StrokeErrors::default();
     for (index, begin) in begins.into_iter().take(compared).enumerate() {
-        let all = begin..(begin + frames(LENGTH)).min(theirs.len());
+        let all = begin..(begin + frames(SHORTEST)).min(theirs.len());
         let ratio = energy(&ours[all.clone()]) / energy(&theirs[all]);
         let around = begin.saturating_sub(frames(REACH))..(begin + frames(REACH)).min(theirs.len());
         let enough = BEGUN * energy(&theirs[around.clone()]);
@@ -58,7 +41,7 @@ pub(super) fn stroke_errors(sound: &[f64], reference: &[f64], rate: f64) -> Stro
         }
     }
     if is_dense {
-        worst.level = level_of_dense(&ours, &theirs, frames(LENGTH));
+        worst.level = level_of_dense(&ours, &theirs, frames(SHORTEST));
     }
     worst
 }
@@ -84,7 +67,7 @@ fn level_of_dense(ours: &[f64], theirs: &[f64], length: usize) -> f64 {
 fn beginnings(speeds: &[f64], hop: usize) -> Vec<usize> {
     let powers: Vec<f64> = speeds.chunks(hop).map(energy).collect();
     let loudest = powers.iter().fold(0.0_f64, |most, power| most.max(*power));
-    let n_before = (BEFORE / HOP) as usize;
+    let n_before = (SHORTEST / STROKES_HOP) as usize;
     let is_stroke = |index: &usize| {
         let before = powers[index.saturating_sub(n_before)..*index].iter();
         let before = before.fold(0.0_f64, |most, power| most.max(*power));
