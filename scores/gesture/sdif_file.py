@@ -13,6 +13,7 @@ import os
 import re
 import struct
 from array import array
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from io import BufferedReader
@@ -46,14 +47,15 @@ class Column:
     x: array[float]
 
 
-def columns(path: Path) -> dict[str, Column]:
-    """All columns of a file by name. Raises TakeError, also if there are more than a take may
-    have.
+def columns(path: Path, passed_over: Counter[str] | None = None) -> dict[str, Column]:
+    """All columns of a file by name; what is not a column is counted in `passed_over`. Raises
+    TakeError, also if there are more than a take may have.
     """
+    others = Counter[str]() if passed_over is None else passed_over
     columns_found: dict[_Key, Column] = {}
     declared: dict[bytes, list[str]] = {}
     n_values = 0
-    for name, t, stream, matrix in _matrices(path, declared):
+    for name, t, stream, matrix in _matrices(path, declared, others):
         n_values += matrix.size
         if matrix.size > MAX_CHANNELS:
             raise TakeError(_TOO_MANY, path)
@@ -118,9 +120,11 @@ def _named(
 
 
 def _matrices(
-    path: Path, declared: dict[bytes, list[str]]
+    path: Path, declared: dict[bytes, list[str]], others: Counter[str]
 ) -> Iterator[tuple[bytes, float, int, Floats]]:
-    """Name, instant, stream and numbers of each matrix; the names of columns go into `declared`."""
+    """Name, instant, stream and numbers of each matrix; the names of columns go into `declared`,
+    and what has no instant or no numbers into `others`.
+    """
     with opened(path) as file:
         size = os.fstat(file.fileno()).st_size
         if file.read(4) != b"SDIF":
@@ -133,11 +137,18 @@ def _matrices(
                 _declare(data, declared)
                 continue
             if head in _TEXTS or len(data) < _FRAME.size:
+                others[f"frame {_printed(head)} without columns"] += 1
                 continue
             t, stream, count = _FRAME.unpack_from(data)
-            if not math.isfinite(t):
-                continue  # it applies to the whole file
-            yield from ((name, t, stream, x) for name, x in _frame_matrices(data, count, path))
+            if not math.isfinite(t):  # it applies to the whole file
+                others[f"frame {_printed(head)} without an instant"] += 1
+                continue
+            matrices = _frame_matrices(data, count, path, others)
+            yield from ((name, t, stream, x) for name, x in matrices)
+
+
+def _printed(name: bytes) -> str:
+    return name.decode("latin-1")
 
 
 def _body(file: BufferedReader, size: int, path: Path) -> bytes:
@@ -158,8 +169,10 @@ def _declare(data: bytes, declared: dict[bytes, list[str]]) -> None:
         declared[name.encode("latin-1")] = [word.replace(".", "_") for word in words if word]
 
 
-def _frame_matrices(data: bytes, count: int, path: Path) -> Iterator[tuple[bytes, Floats]]:
-    """Name and numbers of each matrix of a frame; matrices of other types are skipped."""
+def _frame_matrices(
+    data: bytes, count: int, path: Path, others: Counter[str]
+) -> Iterator[tuple[bytes, Floats]]:
+    """Name and numbers of each matrix of a frame; matrices of other types go into `others`."""
     offset = _FRAME.size
     for _ in range(count):
         if offset + _MATRIX.size > len(data):
@@ -172,4 +185,6 @@ def _frame_matrices(data: bytes, count: int, path: Path) -> Iterator[tuple[bytes
         if kind in _TYPES and length:
             values = np.frombuffer(data, _TYPES[kind], n_rows * n_columns, offset)
             yield name, values.astype(np.float64).reshape(n_rows, n_columns)
+        else:
+            others[f"matrix {_printed(name)} without numbers"] += 1
         offset += length + -length % 8  # padded

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -166,13 +167,15 @@ def _sdif(path: Path) -> Table:
     """
     columns, times = [], Column("t [s]")
     n_rows = 0
-    for name, column in sdif_file.columns(path).items():
+    passed_over = Counter[str]()
+    for name, column in sdif_file.columns(path, passed_over).items():
         columns.append(Column(name))
         columns[-1].add(np.frombuffer(column.x))
         if len(column.t) > n_rows:
             n_rows, times = len(column.t), Column("t [s]")
             times.add(np.frombuffer(column.t))
-    return Table(n_rows, (times, *columns))
+    passed = (f"{what}, {n} times" if n > 1 else what for what, n in passed_over.items())
+    return Table(n_rows, (times, *columns), None, tuple(passed))
 
 
 _SUMMARIES: dict[str, Callable[[Path], Table]] = {

@@ -6,6 +6,7 @@ import io
 import random
 import struct
 import zipfile
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,7 @@ class SdifWriter:
         self.kind = self.chance.choice([*_NUMBERS])
         self.titles = self.chance.choice([[], ["x", "y", "z"][: self.n_columns], ["Index"]])
         self.times: dict[int, list[float]] = {stream: [] for stream in self.streams}
+        self.others: Counter[str] = Counter()  # what has no columns
         self.values: dict[int, list[Floats]] = {stream: [] for stream in self.streams}
 
     def _padded(self, data: bytes) -> bytes:
@@ -59,6 +61,7 @@ class SdifWriter:
         head = b"SDIF" + struct.pack(">III", 8 + len(more), *version) + more
         if self.chance.random() < 0.6:
             head += self._text(b"1NVT", "{\nAuthor\tGrün;\nDate\ttoday;\n}\n")
+            self.others["frame 1NVT without columns"] += 1
         gap = self.chance.choice([" ", "\n", ""])
         types = f"1FTD XMOV {{ XPOS position; }}{gap}"
         if self.titles:
@@ -86,9 +89,9 @@ class SdifWriter:
                 matrices = [self._matrix(b"XPOS", self.kind, *row.shape, content)]
                 if self.chance.random() < 0.3:  # a text, or a matrix without rows, beside it
                     other = [(b"XTXT", 0x301, 3, 1, b"abc"), (b"XNIL", 8, 0, 3, b"")]
-                    matrices.insert(
-                        self.chance.randrange(2), self._matrix(*self.chance.choice(other))
-                    )
+                    chosen = self.chance.choice(other)
+                    matrices.insert(self.chance.randrange(2), self._matrix(*chosen))
+                    self.others[f"matrix {chosen[0].decode()} without numbers"] += 1
                 data += self._frame(b"XMOV", t, stream, matrices)
                 self.times[stream].append(t)
                 self.values[stream].append(row)
@@ -108,7 +111,9 @@ class SdifWriter:
 def test_sdif_files_of_other_programs(seed: int, tmp_path: Path) -> None:
     writer, path = SdifWriter(seed), tmp_path / "x.sdif"
     path.write_bytes(writer.written())
-    columns = sdif_file.columns(path)
+    others: Counter[str] = Counter()
+    columns = sdif_file.columns(path, others)
+    assert others == writer.others
     expected = {
         writer.name(stream, row, column): (stream, row, column)
         for stream in writer.streams
