@@ -1,7 +1,11 @@
-"""Late ticks of a performance by the wall clock, without and with two pointers of a page.
+"""Late ticks of a performance by the wall clock: without pointers, with two of light pages, and
+with two of a page in Chromium.
 
-The machine's own lateness drifts for minutes. So each kind is played twice, the runs without
-pointers first and last, and a bare loop beside each shows how late the machine alone was.
+Light pages (`light_pages`) send what a page sends and draw nothing. So they show what the pointers
+cost the thread of the keys; Chromium shows what a browser beside it costs the machine.
+
+The machine's own lateness drifts for minutes. So the kinds take turns, each round in the opposite
+order of the last, and a bare loop beside each run shows how late the machine alone was.
 """
 
 from __future__ import annotations
@@ -10,9 +14,11 @@ import contextlib
 import math
 import os
 import shutil
+import subprocess
+import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,6 +32,8 @@ from ergon.workshop.movies.chromium import Page, launch_browser
 _TARGET = 0.0002  # of all ticks, more than without pointers
 _AHEAD = 4096  # frames kept ready, as docs/view.md advises with pages
 _WAIT = 20.0  # [s] for a page to be there
+_ROUNDS = 4
+_SOURCES = Path(__file__).parents[1]
 _SCORE = """\
 ergon: 1
 keys: {k1: {M: 50g, K: 60N/m, Z: 1Ns/m, travel: -15mm..15mm}, k2: {like: k1}}
@@ -52,36 +60,70 @@ class _Run:
     beside: Bare | None
 
 
+# Moves the pointers of a piece at an address, whose clock is so far ahead of ours [s], for so long
+# [s].
+_Mover = Callable[[str, float, float], None]
+
+
 def pointers(loops: Loops | None, minutes: float = 1.0) -> list[Row]:
-    """Late ticks in `minutes` minutes without pointers, and in as many with two."""
-    seconds = 30.0 * minutes
-    program = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "chrome"))), "")
-    if not program:
-        return []
-    with launch_browser(program, ("--use-angle=swiftshader",)) as browser:
-        runs = []
-        for has_pointers in (False, True, True, False):
-            with browser.page(420, 520) as page:
-                runs.append(_played(page if has_pointers else None, seconds, loops))
-    plain, played = (runs[0], runs[3]), (runs[1], runs[2])
+    """Late ticks in `minutes` minutes of each kind: without pointers, and with two."""
+    seconds = 60.0 * minutes / _ROUNDS
+    with _movers() as movers:
+        runs: dict[str, list[_Run]] = {kind: [] for kind in movers}
+        for turn in range(_ROUNDS):
+            for kind in list(movers)[:: -1 if turn % 2 else 1]:
+                runs[kind].append(_played(movers[kind], seconds, loops))
+    return [_row(kind, runs[""], played, seconds) for kind, played in runs.items() if kind]
+
+
+def _row(kind: str, plain: list[_Run], played: list[_Run], seconds: float) -> Row:
     without, beside = (
         sum(run.late for run in some) / sum(run.ticks for run in some) for some in (plain, played)
     )
-    bares = [run.beside for run in runs if run.beside]
-    reference = ", ".join(f"{own.late:.3%}" for own in bares) or "no bare loop"
+    bares = (
+        ", ".join(f"{run.beside.late:.3%}" for run in some if run.beside) or "no bare loop"
+        for some in (plain, played)
+    )
     positions = sum(run.positions for run in played)
-    return [
-        Row(
-            f"two keys at 1,002 Hz, {_AHEAD:,} frames kept ready, without pointers and with two of "
-            f"a page in Chromium, 2 × {seconds:.0f} s each",
-            f"{without:.3%} of ticks late without, {beside:.3%} with ({beside - without:+.3%}); "
-            f"{positions / (2 * seconds):.0f} positions a second",
-            f"a bare loop beside them: {reference}; target: {_TARGET:+.2%} at most",
-            None,
-            "by the clock",
-            {"late_without": without, "late_with": beside, "positions": positions},
-        )
-    ]
+    assert positions > 2, "no pointer played"
+    return Row(
+        f"two keys at 1,002 Hz, {_AHEAD:,} frames kept ready, without pointers and with two of "
+        f"{kind}, {len(played)} × {seconds:.0f} s each",
+        f"{without:.3%} of ticks late without, {beside:.3%} with ({beside - without:+.3%}); "
+        f"{positions / (len(played) * seconds):.0f} positions a second",
+        f"bare loops beside them: {next(bares)} without, {next(bares)} with; "
+        f"target: {_TARGET:+.2%} at most",
+        None,
+        "by the clock",
+        {"late_without": without, "late_with": beside, "positions": positions},
+    )
+
+
+@contextlib.contextmanager
+def _movers() -> Iterator[dict[str, _Mover]]:
+    """What moves the pointers, by its name; Chromium only where there is one."""
+    movers: dict[str, _Mover] = {
+        "": lambda _url, _offset, seconds: time.sleep(seconds),
+        "light pages": _move_lightly,
+    }
+    program = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "chrome"))), "")
+    if not program:
+        yield movers
+        return
+    with launch_browser(program, ("--use-angle=swiftshader",)) as browser:
+
+        def in_browser(url: str, _offset: float, seconds: float) -> None:
+            with browser.page(420, 520) as page:
+                _open(page, url)
+                _move(page, seconds)
+
+        yield movers | {"a page in Chromium": in_browser}
+
+
+def _move_lightly(url: str, offset: float, seconds: float) -> None:
+    """Two light pages in another process."""
+    words = [sys.executable, "-m", "benches.light_pages", url, str(offset), str(seconds)]
+    subprocess.run(words, cwd=_SOURCES, check=True, stdout=subprocess.DEVNULL)
 
 
 @contextlib.contextmanager
@@ -96,28 +138,27 @@ def _in_a_folder() -> Iterator[None]:
             os.chdir(before)
 
 
-def _played(page: Page | None, seconds: float, loops: Loops | None) -> _Run:
+def _played(mover: _Mover, seconds: float, loops: Loops | None) -> _Run:
     with _in_a_folder():
         Path("s.yaml").write_text(_SCORE)
         live = ["ada=page:", "remi=page:"]
         options = PlayOptions(live=live, audio="null,block=256", gain="0dB", ahead=_AHEAD)
         ready = prepare("s.yaml", options, Report())
         performance = begin(ready.stage, ready.config, Report())
+        leads = [board.lead for board in ready.hands.boards if board.lead]
         try:
-            if page is not None:
-                assert ready.config.pages is not None
-                _open(page, ready.config.pages.server.url)
+            assert ready.config.pages is not None
             before = performance.status()
             with bare(loops) as beside:
-                _move(page, seconds)
+                offset = leads[0].now() - time.monotonic()
+                mover(ready.config.pages.server.url, offset, seconds)
                 after = performance.status()
         finally:
             performance.stop()
             performance.close(10.0)
-            tallies = [board.lead.tally for board in ready.hands.boards if board.lead]
+            tallies = [lead.tally for lead in leads]
             ready.close()
         positions = sum(int(tally["taken"]) for tally in tallies)
-        assert page is None or positions > 2, "no pointer played"
         return _Run(after.ticks - before.ticks, after.late - before.late, positions, beside)
 
 
@@ -132,11 +173,8 @@ def _open(page: Page, url: str) -> None:
         time.sleep(0.1)
 
 
-def _move(page: Page | None, seconds: float) -> None:
-    """Move two touches to and fro for a while, or wait."""
-    if page is None:
-        time.sleep(seconds)
-        return
+def _move(page: Page, seconds: float) -> None:
+    """Move two touches to and fro for a while."""
     middles = []
     for lane in range(2):
         canvas = f"document.querySelectorAll('#hands canvas')[{lane}]"

@@ -3,7 +3,7 @@
 import os
 import socket
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -119,18 +119,56 @@ def lead_of(ready: PreparedPlay) -> _core.Lead:
     return board.lead
 
 
-def by_osc(ready: PreparedPlay) -> None:
+def by_osc(
+    ready: PreparedPlay, shares: np.ndarray = SHARES, times: Iterable[float] = TIMES
+) -> None:
     values = OscValues(parse_led_address("osc:/x?lockstep"), lead_of(ready))
-    for time, share in zip(TIMES, SHARES, strict=True):
+    for time, share in zip(times, shares, strict=True):
         values.receive([2.0 * (share - 0.5)], time)
 
 
-def by_bend(ready: PreparedPlay) -> None:
+def by_bend(
+    ready: PreparedPlay, wheel: np.ndarray = VALUES, times: Iterable[float] = TIMES
+) -> None:
     values = MidiValues(parse_led_address("midi:bend?lockstep"), lead_of(ready))
     port = ProcessPort()
     port.listen(values.receive)
-    for time, value in zip(TIMES, VALUES, strict=True):
+    for time, value in zip(times, wheel, strict=True):
         port.deliver(bytes([0xE0, value & 0x7F, value >> 7]), time)
+
+
+def by_pad(ready: PreparedPlay, data: bytes, steps: int) -> None:
+    """Through the port of a gamepad, from a pipe of its events; its stick has so many steps."""
+    os.mkfifo("pad")
+    values = GamepadValues(parse_led_address("gamepad:ly?lockstep"), lead_of(ready))
+    writer = os.open("pad", os.O_RDWR)
+    port = GamepadPort(Path("pad"), [values])
+    values.range = (0, steps)
+    os.write(writer, data)
+    n_rows = len(list(events(data)))
+    until(lambda: lead_of(ready).tally["taken"] == n_rows, "all positions of the pad")
+    port.close()
+    os.close(writer)
+
+
+def test_led_take_by_osc_midi_and_evdev(work_folder: Path):
+    """In the lower half of a wheel, its steps are those of a stick with 16,384 steps."""
+    wheel = np.minimum(VALUES, 0x4000 - VALUES)
+    data = b"".join(
+        struct.pack("llHHi", int(t), round(1e6 * (t % 1.0)), 3, 1, 0x4000 - value)
+        for t, value in zip(TIMES, wheel, strict=True)
+    )
+    instants = [instant for *_, instant in events(data)]
+    score = SCORE.replace("[k, m]", "[m, k]").replace("[l, m]", "[m, l]")
+    pad = led("gamepad:ly?lockstep", lambda it: by_pad(it, data, 0x4000), "pad-hand", score)
+    osc = led("osc:/x?lockstep", lambda it: by_osc(it, wheel / 0x4000, instants), "osc", score)
+    midi = led("midi:bend?lockstep", lambda it: by_bend(it, wheel, instants), "midi", score)
+    assert np.ptp(pad.positions) > 3e-3
+    assert np.abs(pad.forces).max() > 0.02
+    for by_other in (osc, midi):
+        assert np.array_equal(pad.positions, by_other.positions)
+        assert np.array_equal(pad.forces, by_other.forces)
+        assert np.array_equal(pad.sound, by_other.sound)
 
 
 def test_a_hand_by_osc_and_by_midi_gives_the_same_take(work_folder: Path):
