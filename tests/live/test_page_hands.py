@@ -147,6 +147,19 @@ def test_the_bundled_duet_is_rehearsed_by_a_pointer(chromium: browser.Browser, w
     assert np.array_equal(listened, sound(Path("expected.wav"))[: len(listened)])
 
 
+def test_lane_before_the_piece_begins(chromium: browser.Browser, work_folder: Path):
+    Path("s.yaml").write_text(SCORE)
+    live = ["remi=page:", "ada=page:"]
+    ready = prepare("s.yaml", PlayOptions(live=live, audio="null", gain="0dB"), Report())
+    assert ready.config.pages is not None
+    with chromium.page(WIDTH, HEIGHT) as page:
+        hands = HandsPage(page, ready.config.pages.server.url)
+        hands.mouse("mousePressed", *hands.middle(0))
+        until(lambda: hands.sentences()[0] == "remi: waits for the piece", "what it waits for")
+        hands.mouse("mouseReleased", *hands.middle(0))
+    ready.close()
+
+
 def test_two_fingers_play_two_keys_at_once(chromium: browser.Browser, work_folder: Path):
     with playing() as piece, chromium.page(WIDTH, HEIGHT) as page:
         hands = HandsPage(page, piece.url)

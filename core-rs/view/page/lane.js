@@ -154,6 +154,7 @@ export class Lane {
     if (this.status === null) return "no connection";
     if (this.status === ANOTHERS) return "another page plays it";
     if (this.status !== MINE) return "the stand-in plays: touch to take it";
+    if (this.drag && Number.isNaN(this.points.finger)) return "waits for the piece";
     return `${Math.abs(this.points.force).toFixed(1)} N`;
   }
 
@@ -188,12 +189,14 @@ export class Lane {
     pen.fillStyle = this.status === MINE ? "#e7d9a8" : "#6b7080";
     pen.fillRect(middle - 34, y(key) - 5, 68, 10);
     const pointer = this.drag?.target ?? this.points.pointer;
-    if (Number.isNaN(finger) || Number.isNaN(pointer)) return;
-    this.spring(pen, middle, y(finger), y(pointer), force);
-    pen.fillStyle = "#e39a6f";
-    pen.beginPath();
-    pen.arc(middle, y(finger), 8, 0, 7);
-    pen.fill();
+    if (Number.isNaN(pointer)) return;
+    if (!Number.isNaN(finger)) {
+      this.spring(pen, middle, y(finger), y(pointer), force);
+      pen.fillStyle = "#e39a6f";
+      pen.beginPath();
+      pen.arc(middle, y(finger), 8, 0, 7);
+      pen.fill();
+    }
     pen.strokeStyle = "#cfd6e6";
     pen.lineWidth = 2;
     pen.beginPath();
