@@ -23,6 +23,7 @@ from benches.ear.scene import ear
 from benches.edits import edits
 from benches.enter import enter
 from benches.evening import evening
+from benches.first_note import first_note
 from benches.gong import gong
 from benches.grains import grains
 from benches.growth import growth
@@ -96,6 +97,7 @@ def main(arguments: list[str]) -> int:
         "duet": partial(duet, loops, asked.minutes),
         "pages": partial(pages, loops, asked.minutes),
         "pointers": partial(pointers, loops, asked.minutes),
+        "first_note": first_note,
         "haply": haply,
         "soak": soak,
         "stall": stall,

@@ -16,7 +16,7 @@ from raw_page import RawPage
 
 PICTURES = 60  # a second
 POSITIONS = 16  # of each pointer in a message
-WAY = 0.008  # [m] from the middle
+AMPLITUDE = 0.008  # [m] from the middle
 
 
 def move(url: str, offset: float, seconds: float) -> int:
@@ -41,7 +41,7 @@ def move(url: str, offset: float, seconds: float) -> int:
 
 
 def _place(t: float, key: int) -> float:
-    return WAY * math.sin(2.0 * math.pi * (0.7 + key) * t)
+    return AMPLITUDE * math.sin(2.0 * math.pi * (0.7 + key) * t)
 
 
 if __name__ == "__main__":

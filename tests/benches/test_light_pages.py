@@ -5,7 +5,7 @@ from pathlib import Path
 
 from patience import until
 
-from benches.light_pages import WAY, move
+from benches.light_pages import AMPLITUDE, move
 from tests.live.test_page_hands import playing
 
 
@@ -21,4 +21,4 @@ def test_move_two_keys_at_once(work_folder: Path):
         until(lambda: arrived() == sent, "all positions")
         assert all(lead.tally["taken"] > 0 for lead in leads)
         until(lambda: piece.highest("remi") > 0.0, "a pointer")
-        assert piece.highest("remi") < 1.001 * WAY
+        assert piece.highest("remi") < 1.001 * AMPLITUDE
