@@ -48,6 +48,35 @@ def content(console: Console, path: Path) -> bool:
     return True
 
 
+def is_score(path: Path) -> bool:
+    """Whether a file is named as a score is, or has the first line of one."""
+    is_named_so = path.suffix.lower() in (".yaml", ".yml")
+    return is_named_so or _OURS.search(_data(path)) is not None
+
+
+def unknown(path: Path) -> str:
+    """A sentence for a file of none of the forms that are read, and a list of these."""
+    from ergon.scores.gesture.midi_file import SUFFIXES as MIDI
+    from ergon.scores.gesture.take_file import SUFFIXES as TAKES
+
+    forms = {
+        "scores": (".yaml",),
+        "packs": (".ergonpack",),
+        "sound": (".wav", ".flac", ".aiff"),
+        "takes": [suffix for suffix in TAKES if suffix != ".wav"],
+        "notes": (*MIDI, ".musicxml", ".mxl"),
+        "motion": (".motion",),
+        "meshes": (".obj", ".gltf", ".glb"),
+        "scales": (".scl", ".kbm"),
+        "heads": (".sofa",),
+        "loudspeakers": (".yaml", ".xml", ".json"),
+        "models": (".mdl", ".dsp", ".pd", ".txt", ".xml"),
+        "gestures": (".gms",),
+    }
+    listed = "; ".join(f"{what} ({', '.join(endings)})" for what, endings in forms.items())
+    return f"{path} is nothing that ergon reads; `ergon info` reads {listed}"
+
+
 def _data(path: Path) -> bytes:
     data = read_bounded(path, _BYTES_MAX)
     if len(data) > _BYTES_MAX:
@@ -238,9 +267,12 @@ def _numbers(outputs: list[int]) -> str:
 # --- models -------------------------------------------------------------------------------------
 
 
-def _model(path: Path) -> Content:
-    from ergon.workshop.api.model import import_model
+def _model(path: Path) -> Content | None:
+    from ergon.workshop.api.model import import_model, is_model
 
+    is_named_so = path.suffix.lower() in (".mdl", ".dsp", ".pd")
+    if not is_named_so and not is_model(_data(path).decode("utf-8", "replace")):
+        return None
     model = import_model(path)
     read = {"statements": model.n_statements, "to use it": f"ergon import {path}"}
     passed = [f"input {name}, which has no file" for name in model.unfed]

@@ -14,7 +14,8 @@ from . import manual
 from .outcome import Refused
 
 _CODE = re.compile(r"[EWN]\d{3}")
-_SHOWN = 12  # pages with a word, of many
+_SHOWN = 8  # other pages about a topic, of many
+_TOPIC_MAX = 80  # letters; what is longer is no topic
 
 
 @click.command("help")
@@ -24,31 +25,39 @@ def help_command(ctx: click.Context, words: tuple[str, ...]) -> None:
     """Show the help of a command, or a page of the manual.
 
     TOPIC is the name of a page (`ergon help rhythm`), the code of a mistake (`ergon help E204`),
-    or a word of a heading. Without one, all commands and pages are listed.
+    or what a page is about (`ergon help tuning`); the first line then names other pages about it.
+    Where a page is called as a command, `ergon help view.md` shows the page. Without a topic, all
+    commands and pages are listed.
     """
     root = ctx.find_root()
     if not " ".join(words).strip():
         click.echo(root.get_help())
-        click.echo(f"\nPages (ergon help PAGE):\n{_listed(manual.pages())}")
-        return
-    command = _command(root, words)
-    if command is not None:
-        click.echo(command.get_help())
+        click.echo(f"\nPages (ergon help PAGE):\n{_listed(manual.pages(), _commands(root))}")
         return
     known = manual.pages()
     topic = " ".join(words)
+    command = _command(root, words)
+    if command is not None:
+        click.echo(command.get_help())
+        if topic in known:
+            click.echo(f"\nA page of the manual: ergon help {topic}.md")
+        return
+    topic = topic.removesuffix(".md")
     page = known.get(topic) or known.get(topic.upper()) or known.get(f"howto/{topic}")
     if page is not None:
-        _show(page)
+        _show(page.text)
         return
-    matches = manual.with_heading(topic, known)
-    if len(matches) == 1:
-        _show(matches[0][0])
-    elif matches:
-        rows = "\n".join(f"  ergon help {page.name:24} {head}" for page, head in matches[:_SHOWN])
-        click.echo(f"Pages about {clean(topic)}:\n{rows}")
-    else:
+    matches = manual.matches(topic, known) if len(topic) <= _TOPIC_MAX else []
+    if not matches:
         raise Refused(_unknown(topic, known, root))
+    (page, _), *others = matches
+    rows = "\n".join(
+        f"  ergon help {_asked(other, root):24} {head}" for other, head in others[:_SHOWN]
+    )
+    head = (
+        f"The page {_asked(page, root)}.{f' Others about {clean(topic)}:' if rows else ''}\n{rows}"
+    )
+    _show(f"{head.rstrip()}\n\n{page.text}")
 
 
 @click.command()
@@ -65,7 +74,7 @@ def explain(code: str) -> None:
         near = nearest(code.upper(), codes) if len(code) == len("E204") else None
         asked = f"did you mean {near}?" if near else "`ergon help errors` lists all codes"
         raise Refused(f"{clean(code)} is not the code of a mistake; {asked}")
-    _show(page)
+    _show(page.text)
 
 
 def _command(root: click.Context, words: tuple[str, ...]) -> click.Context | None:
@@ -82,22 +91,31 @@ def _command(root: click.Context, words: tuple[str, ...]) -> click.Context | Non
     return context
 
 
-def _show(page: manual.Page) -> None:
-    text = clean(page.text)
+def _asked(page: manual.Page, root: click.Context) -> str:
+    """What shows a page after `ergon help`."""
+    return f"{page.name}.md" if _command(root, (page.name,)) else page.name
+
+
+def _show(text: str) -> None:
+    text = clean(text)
     if sys.stdout.isatty():
         click.echo_via_pager(text)
     else:
         click.echo(text, nl=False)
 
 
-def _listed(known: dict[str, manual.Page]) -> str:
+def _listed(known: dict[str, manual.Page], commands: list[str]) -> str:
     names = [name for name in known if not _CODE.fullmatch(name) and "/" not in name]
+    names = [f"{name}.md" if name in commands else name for name in names]
     return click.wrap_text(", ".join(names), 78, "  ", "  ")
 
 
 def _unknown(topic: str, known: dict[str, manual.Page], root: click.Context) -> str:
-    command = root.command
-    commands = command.list_commands(root) if isinstance(command, click.Group) else []
-    near = nearest(topic, (*commands, *known))
+    near = nearest(topic, (*_commands(root), *known))
     asked = f"did you mean '{near}'?" if near else "`ergon help` lists commands and pages"
     return f"no command and no page is called '{clean(topic)}'; {asked}"
+
+
+def _commands(root: click.Context) -> list[str]:
+    command = root.command
+    return command.list_commands(root) if isinstance(command, click.Group) else []

@@ -13,9 +13,9 @@ from ergon.common.sound_files import foreign_file, is_sound
 from ergon.common.terminal import printable
 
 from . import options
-from .bundled import PackedPath, is_pack
+from .bundled import PackedPath, ScorePath, is_pack
 from .console import Console, plural
-from .file_info import content
+from .file_info import content, is_score, unknown
 from .outcome import Findings, Refused
 from .tables import table
 from .units import octets, seconds
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("file", metavar="FILE")
+@click.argument("file", metavar="FILE", type=ScorePath(opens=False))
 @click.option(
     "--score",
     "source",
@@ -43,7 +43,8 @@ def info(console: Console, file: str, source: str | None, trust: bool) -> None:
     a take: its channels and what they span. Of a MIDI file and of a score of MusicXML it says what
     is played and what is passed over. A .motion file is what moved. Of a mesh (OBJ, glTF), a scale
     (.scl, .kbm), a head (SOFA), loudspeakers and a model of another program it says what is read
-    and what is passed over. Of a pack it lists the files. Anything else is a score.
+    and what is passed over. Of a pack it lists the files. The name of a score that ships, such as
+    `duet`, is that score.
     """
     from ergon.scores.gesture.midi_file import SUFFIXES as MIDI
     from ergon.scores.gesture.take_file import SUFFIXES as TAKES
@@ -71,8 +72,12 @@ def info(console: Console, file: str, source: str | None, trust: bool) -> None:
         motion(console, path)
     elif (foreign := foreign_file(path)) is not None:
         raise Refused(f"{file}: {foreign}")
-    elif not content(console, path):
+    elif content(console, path):
+        return
+    elif file == score.STDIN or is_score(path):
         _score(console, file, trust)
+    else:
+        raise Refused(unknown(path))
 
 
 def _pack(console: Console, path: Path) -> None:

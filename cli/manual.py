@@ -41,16 +41,93 @@ def pages() -> dict[str, Page]:
     return result
 
 
-def with_heading(word: str, known: dict[str, Page]) -> list[tuple[Page, str]]:
-    """The pages with a heading that has a word, each with the first such heading; no pages of
-    errors.
+def matches(topic: str, known: dict[str, Page]) -> list[tuple[Page, str]]:
+    """The pages about a topic, the page that is meant first, each with the heading that says so.
+
+    A page is meant by its name before a title, by a title before a heading within, by a heading
+    that begins with the topic before one that has it; of equals, the one that has the topic
+    oftenest. A topic that no heading has is counted in the texts. No pages of mistakes.
     """
-    wanted = re.compile(rf"\b{re.escape(word)}", re.IGNORECASE)
-    result = []
+    asked = _stems(topic)
+    other = next((meant for word, meant in _MEANT.items() if _stems(word) == asked), None)
+    stems = _stems(other) if other else asked
+    if not stems:
+        return []
+    wanted = [re.compile(rf"\b{re.escape(part)}", re.IGNORECASE) for part in stems]
+    by_heading, by_text = [], []
     for page in known.values():
         if page.path.parent.name == "errors":
             continue
-        heading = next((heading for heading in page.headings if wanted.search(heading)), None)
-        if heading is not None:
-            result.append((page, heading))
-    return result
+        often = min(len(pattern.findall(page.text)) for pattern in wanted)
+        is_later = page.name.startswith("design/") or page.name in _LATER
+        ranked = _rank(page, stems, wanted)
+        if ranked is not None:
+            rank, heading = ranked
+            by_heading.append((is_later, rank, -often, page.name, page, heading))
+        elif often >= _OFTEN:
+            by_text.append((is_later, 0, -often, page.name, page, page.headings[0]))
+    rows = sorted(by_heading or by_text, key=lambda row: row[:4])
+    return [(page, heading) for *_, page, heading in rows]
+
+
+_OFTEN = 2  # mentions by which a page is about a topic that no heading has
+# Pages for those who change ergon: they come after those for players.
+_LATER = ("accuracy", "benchmarks", "charts", "ear", "faults", "fuzzing", "security", "start")
+# Topics that the pages call by other words.
+_MEANT = {
+    "audio": "sound",
+    "beginner": "tutorial",
+    "drums": "skins",
+    "first steps": "tutorial",
+    "getting started": "tutorial",
+    "headphones": "dome",
+    "keyboard": "midi",
+    "movie": "film",
+    "notes": "melody",
+    "quickstart": "tutorial",
+    "quiet": "soft",
+    "random": "chance",
+    "recording": "takes",
+    "reverb": "space",
+    "scale": "tune",
+    "setup": "install",
+    "shortcuts": "cheat-sheet",
+    "silence": "silent",
+    "sound card": "sound",
+    "swing": "rhythm",
+    "volume": "soft",
+    "vscode": "editors",
+}
+_SMALL = frozenset(
+    ("a", "an", "do", "how", "i", "in", "is", "it", "of", "the", "to", "what", "why")
+)
+_ENDINGS = ("ings", "ing", "ers", "er", "ed", "es", "s", "e")
+_WORD = re.compile(r"[\w'-]+")
+
+
+def _rank(page: Page, stems: list[str], wanted: list[re.Pattern[str]]) -> tuple[int, str] | None:
+    """How well the name and the headings of a page fit, 0 the best, and the heading; None if they
+    do not.
+    """
+    title, *others = page.headings
+    if _stems(page.name.split("/")[-1]) == stems:
+        return 0, title
+    for first, headings in ((1, [title]), (3, others)):
+        fitting = [head for head in headings if all(pattern.search(head) for pattern in wanted)]
+        begins = next((head for head in fitting if wanted[0].match(head)), None)
+        if begins is not None:
+            return first, begins
+        if fitting:
+            return first + 1, fitting[0]
+    return None
+
+
+def _stems(topic: str) -> list[str]:
+    """The words of a topic without their endings, so that `tune`, `tunings` and `tuned` are one."""
+    words = [word for word in _WORD.findall(topic.lower()) if word not in _SMALL]
+    return [_stem(word) for word in words]
+
+
+def _stem(word: str) -> str:
+    ending = next((end for end in _ENDINGS if word.endswith(end) and len(word) - len(end) > 2), "")
+    return word.removesuffix(ending)

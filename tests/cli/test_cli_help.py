@@ -64,9 +64,59 @@ def test_help_of_a_page(answer, topic, path):
         assert out == (ROOT / "docs" / path).read_text(encoding="utf-8")
 
 
-def test_help_of_a_word_of_headings(answer):
-    _code, out, _err = answer("help", "transformations")
-    assert re.search(r"ergon help rhythm +Transformations", out)
+# What a person asks for by a word of their own, and the page that answers.
+TOPICS = [
+    ("tuning", "howto/tune.md"),
+    ("how to tune", "howto/tune.md"),
+    ("bowing", "howto/bow.md"),
+    ("laws", "howto/law.md"),
+    ("headphones", "dome.md"),
+    ("volume", "howto/soft.md"),
+    ("silence", "howto/silent.md"),
+    ("keyboard", "midi.md"),
+    ("sound card", "sound.md"),
+    ("getting started", "tutorial.md"),
+    ("windows", "install.md"),
+    ("drums", "instruments/skins.md"),
+    ("notes", "howto/melody.md"),
+    ("film", "view.md"),
+    ("undo", "repl.md"),
+    ("loudness", "howto/soft.md"),
+    ("swing", "rhythm.md"),
+    ("jupyter", "notebook.md"),
+]
+
+
+@pytest.mark.parametrize(("topic", "path"), TOPICS, ids=[topic for topic, _ in TOPICS])
+def test_help_of_a_topic_opens_a_page(answer, topic, path):
+    code, out, _err = answer("help", *topic.split())
+    assert code == 0
+    head, _, text = out.partition("\n\n")
+    assert head.startswith("The page ")
+    assert text == (ROOT / "docs" / path).read_text(encoding="utf-8")
+
+
+def test_help_of_a_topic_names_other_pages(answer):
+    _code, out, _err = answer("help", "tuning")
+    head, _, _ = out.partition("\n\n")
+    assert head.startswith("The page howto/tune. Others about tuning:")
+    others = re.findall(r"^  ergon help (\S+) +\S", head, re.MULTILINE)
+    assert {"language", "structure"} <= set(others)
+    for other in others:
+        assert answer("help", other)[0] == 0
+
+
+def test_help_of_pages_called_as_commands(answer):
+    both = [name for name in manual.pages() if name in app.COMMANDS]
+    assert "view" in both
+    listed = answer("help")[1]
+    for name in both:
+        _code, out, _err = answer("help", name)
+        assert out.startswith(f"Usage: ergon {name}")
+        assert out.endswith(f"A page of the manual: ergon help {name}.md\n")
+        page = (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8")
+        assert answer("help", f"{name}.md")[1] == page
+        assert f"{name}.md" in listed
 
 
 def test_help_of_an_unknown_topic_suggests(answer):

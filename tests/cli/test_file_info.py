@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 import soundfile
 from commands import forked
+from one_bell import SCORE
 
+from ergon.cli.file_info import READERS
 from ergon.exchange.iff import chunks
 
 TUNE = (
@@ -135,3 +137,40 @@ def test_chunks_are_those_that_libsndfile_writes(tmp_path: Path):
     assert sizes["COMM"] == 18
     assert sizes["SSND"] == 8 + 100
     assert {chunk.depth for chunk in walked[1:]} == {1}
+
+
+@pytest.mark.parametrize(
+    ("name", "data"),
+    [
+        ("notes.txt", b"milk\n\n\n"),
+        ("README.md", b"# Bells\n"),
+        ("picture.png", b"\x89PNG\r\n\x1a\n"),
+        ("settings.json", b'{"a": 1}'),
+        ("page.xml", b"<a></a>"),
+        ("empty", b""),
+    ],
+)
+def test_info_of_nothing_known(name: str, data: bytes, tmp_path: Path):
+    (tmp_path / name).write_bytes(data)
+    done = forked(["info", name], tmp_path)
+    assert done.returncode == 2
+    assert f"{name} is nothing that ergon reads; `ergon info` reads scores (.yaml); " in done.stderr
+    for ending in READERS:
+        assert ending in done.stderr or ending == ".yml"
+
+
+def test_info_of_a_model_named_as_a_text(tmp_path: Path):
+    (tmp_path / "model.txt").write_text(FILES["a.mdl"])
+    done = forked(["info", "model.txt"], tmp_path)
+    assert done.returncode == 0
+    assert "statements: 4" in done.stdout
+
+
+def test_info_of_a_score_without_its_ending_and_of_one_that_ships(tmp_path: Path):
+    (tmp_path / "piece").write_text(SCORE)
+    done = forked(["info", "piece"], tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "piece: One bell" in done.stdout
+    done = forked(["info", "one-gesture"], tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "One gesture" in done.stdout

@@ -9,7 +9,7 @@ export function table(app) {
   const { clock, camera, look } = app;
   const step = (n, fine) => () => app.seek(clock.t + n * clock.rate * (fine ? 1 / 60 : 1));
   return [
-    [[" "], "run, stand", () => app.play(!clock.runs)],
+    [[" "], "run, pause", () => app.play(!clock.runs)],
     [["ArrowLeft"], "back a second", step(-1)],
     [["ArrowRight"], "on a second", step(1)],
     [["Shift+ArrowLeft"], "back a frame", step(-1, true)],

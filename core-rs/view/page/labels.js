@@ -19,23 +19,20 @@ export class Labels {
     this.all = [];
     for (const s of model.speakers) this.add("speaker", s.name, () => s.xyz);
     for (const k of model.keys) this.add("key", k.name, () => [model.x[k.point], model.y[k.point], model.z[k.point]], k.point);
-    model.parts.forEach((part, i) => {
-      if (part.layout === "key" || !part.count) return;
-      // The points of an instrument that are not computed have no label if other points of it are computed.
-      const isRest = part.kind === "none" && model.parts.some((other) => other.name === part.name && other.kind !== "none");
-      if (isRest) return;
-      const { centre } = model.extent(model.pointsOf(part));
-      const edge = Math.min(...Array.from(model.pointsOf(part), (p) => model.y[p]));
-      this.add("part", part.name, () => [centre[0], edge, centre[2]], part.first, i);
-    });
+    for (const [name, runs] of instruments(model.parts)) {
+      const points = runs.flatMap((i) => Array.from(model.pointsOf(model.parts[i])));
+      const { centre } = model.extent(points);
+      const edge = Math.min(...runs.map((i) => lowest(model.y, model.parts[i])));
+      this.add("part", name, () => [centre[0], edge, centre[2]], model.parts[runs[0]].first, runs);
+    }
   }
 
-  add(kind, text, at, point = null, part = null) {
+  add(kind, text, at, point = null, runs = null) {
     const element = document.createElement("span");
     element.className = kind;
     element.textContent = text;
     this.box.append(element);
-    this.all.push({ kind, text, at, point, part, element });
+    this.all.push({ kind, text, at, point, runs, element });
   }
 
   place(story, motion, t, look, width, height) {
@@ -49,12 +46,12 @@ export class Labels {
       const [x, y, z] = label.at();
       const at = project(look.matrix, x, y, z, width, height);
       const style = label.element.style;
-      const part = label.part ?? (label.point === null ? null : story.model.partOf[label.point]);
-      const gone = !at || (part !== null && look.seen[part] === 0);
+      const runs = label.runs ?? (label.point === null ? [] : [story.model.partOf[label.point]]);
+      const gone = !at || (runs.length && runs.every((i) => look.seen[i] === 0));
       label.element.hidden = gone;
       if (label.kind === "speaker") label.element.dataset.level = now[speaker++].db.toFixed(1);
       if (gone) continue;
-      if (label.part !== null) label.element.textContent = this.words(story.model.parts[label.part], motion, label.part);
+      if (label.runs) label.element.textContent = this.words(story.model.parts[label.runs[0]], motion, ...label.runs);
       const free = placed(taken, at, label.element.textContent, width, height);
       if (!free) {
         label.element.hidden = true;
@@ -65,10 +62,36 @@ export class Labels {
     }
   }
 
-  words(part, motion, i) {
+  /** The name of a part and the factors by which its runs of points are exaggerated. */
+  words(part, motion, ...runs) {
     if (part.kind === "none") return `${part.name}: ${WHY[part.why] ?? "not computed"}`;
-    return `${part.name} ${times(motion.exaggeration(i))}${motion.locked[i] === null ? "" : " locked"}`;
+    const factors = runs.map((i) => motion.exaggeration(i));
+    const [smallest, largest] = [Math.min(...factors), Math.max(...factors)];
+    const range = smallest === largest ? times(smallest) : `${times(smallest)} to ${times(largest)}`;
+    return `${part.name} ${range}${runs.some((i) => motion.locked[i] !== null) ? " locked" : ""}`;
   }
+}
+
+/**
+ * The runs of points of each instrument, by its name: of several only those that are computed, so that one label names
+ * an instrument. Keys have labels of their own.
+ */
+function instruments(parts) {
+  const byName = new Map();
+  parts.forEach((part, i) => {
+    if (part.layout === "key" || !part.count) return;
+    byName.set(part.name, [...(byName.get(part.name) ?? []), i]);
+  });
+  for (const [name, runs] of byName) {
+    const computed = runs.filter((i) => parts[i].kind !== "none");
+    if (computed.length) byName.set(name, computed);
+  }
+  return byName;
+}
+
+/** The smallest coordinate of the points of a part. */
+function lowest(coordinates, part) {
+  return coordinates.subarray(part.first, part.first + part.count).reduce((a, b) => Math.min(a, b));
 }
 
 const LETTER = 7; // [px] at the size of the page's words
@@ -80,6 +103,7 @@ const TURNS = 12; // directions in which a free place is sought
 function placed(taken, [x, y], words, width, height) {
   const half = (words.length * LETTER) / 2;
   const covers = (place) => taken.some((other) => Math.abs(other.x - place.x) < half + other.half && Math.abs(other.y - place.y) < LINE);
+  if (x >= 0 && x <= width) x = Math.max(half, Math.min(width - half, x)); // no label is cut at an edge
   const fits = (place) => place.x > half && place.x < width - half && place.y > LINE && place.y < height - 3 * LINE;
   for (let ring = 0; ring <= FAR; ring++) {
     const turns = ring ? TURNS : 1;

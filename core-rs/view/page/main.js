@@ -187,7 +187,7 @@ class Page {
       model.title || "ergon",
       this.live ? `${shown(clock.t, clock.rate)} live` : `${shown(clock.t, clock.rate)} of ${story.duration.toFixed(1)} s`,
       mark ? `section ${mark.name}` : "",
-      `${slow} ${!clock.runs ? "stands" : this.live && !this.live.isNow ? "behind" : "runs"}`,
+      `${slow} ${!clock.runs ? "paused" : this.live && !this.live.isNow ? "behind" : "runs"}`,
       part ? `part ${part.name} ${times(this.motion.exaggeration(this.chosen))}` : "",
       `ergons ${this.look.fall.toPrecision(2)} m/s`,
       this.sound.isThere && !this.sound.wanted ? "no sound" : "",

@@ -15,7 +15,7 @@ from ergon.workshop.models.errors import DialectError, ModelError
 from ergon.workshop.models.mims.grammar import FORMS, NAMES, Dialect
 from ergon.workshop.models.mims.laws import Laws
 from ergon.workshop.models.mims.model import Model
-from ergon.workshop.models.mims.reading import is_table, parse, text_of
+from ergon.workshop.models.mims.reading import is_mims, is_table, parse, text_of
 from ergon.workshop.models.mims.score import written
 from ergon.workshop.models.miphysics.reading import is_model as is_miphysics
 from ergon.workshop.models.miphysics.reading import parse as miphysics_network
@@ -60,6 +60,14 @@ class ImportedModel:
     dialect: Language
     n_statements: int
     unfed: tuple[str, ...] = ()
+
+
+def is_model(text: str) -> bool:
+    """Whether a text has the mark of a language that is read here, mistakes aside: for MIMS and
+    mi-gen a line that begins with @ and a name.
+    """
+    kinds = (is_mims, is_table, is_patch, is_list, is_sam, is_miphysics)
+    return any(matches(text) for matches in kinds)
 
 
 def import_model(

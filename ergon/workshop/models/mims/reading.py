@@ -50,6 +50,11 @@ def _text_of(path: Path) -> str:
         return data.decode("latin-1")  # comments of older editors
 
 
+def is_mims(text: str) -> bool:
+    """Whether a line of a text begins as statements do, with @ and a name."""
+    return any(_NAME.match(line.lstrip()) for line in text.splitlines())
+
+
 def is_table(text: str) -> bool:
     """Whether a text is rows of three or four numbers, as a table of resonances is."""
     lines = (line.replace(",", " ").split() for line in text.splitlines())
