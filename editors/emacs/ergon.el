@@ -21,6 +21,7 @@
 
 (defvar ergon--process nil "The connection, or nil.")
 (defvar ergon--rest "" "The beginning of a line that has not come whole.")
+(defvar ergon--answer nil "What the greeting of a session at a port holds.")
 (defvar ergon--number 0 "The id of the last request.")
 (defvar ergon--asked (make-hash-table) "What each request asked for, by its id.")
 (defvar ergon-answer "" "What was answered last.")
@@ -31,7 +32,17 @@
       (let ((runtime (getenv "XDG_RUNTIME_DIR")))
         (if (and runtime (file-name-absolute-p runtime) (file-directory-p runtime))
             (expand-file-name "ergon/session.sock" runtime)
-          (format "/tmp/ergon-%d/session.sock" (user-uid))))))
+          (if (eq system-type 'windows-nt)
+              (expand-file-name (format "ergon-%s/session.sock" (user-login-name))
+                                temporary-file-directory)
+            (format "/tmp/ergon-%d/session.sock" (user-uid)))))))
+
+(defun ergon--address (place)
+  "The port and the secrets of a session whose socket PLACE is a file (docs/socket.md).
+Nil for a socket of Unix."
+  (when (file-regular-p place)
+    (let ((json-object-type 'alist))
+      (json-read-file place))))
 
 (defun ergon--say (text)
   "Show TEXT."
@@ -60,6 +71,9 @@
     (cond
      ((alist-get 'ended said)
       (ergon--say (concat "the session has ended: " (alist-get 'ended said))))
+     ((and (alist-get 'ergon said) (not (equal (alist-get 'answer said) ergon--answer)))
+      (ergon--say "another program has taken the port of the session")
+      (ergon-leave))
      ((alist-get 'ergon said)
       (ergon--say (if (equal (alist-get 'ergon said) 1)
                       (concat "joined " (or (alist-get 'score said) "a session"))
@@ -84,11 +98,20 @@
   (interactive "fSocket: ")
   (ergon-leave)
   (setq ergon--rest "")
-  (let ((place (expand-file-name (or path (ergon--place)))))
+  (let* ((place (expand-file-name (or path (ergon--place))))
+         (address (ergon--address place)))
+    (setq ergon--answer (alist-get 'answer address))
     (condition-case nil
-        (setq ergon--process
-              (make-network-process :name "ergon" :family 'local :service place :coding 'utf-8
-                                    :filter #'ergon--came :sentinel #'ergon--gone :noquery t))
+        (progn
+          (setq ergon--process
+                (apply #'make-network-process
+                       :name "ergon" :coding 'utf-8 :filter #'ergon--came
+                       :sentinel #'ergon--gone :noquery t
+                       (if address
+                           (list :host "127.0.0.1" :service (alist-get 'port address))
+                         (list :family 'local :service place))))
+          (when address
+            (process-send-string ergon--process (concat (alist-get 'key address) "\n"))))
       (file-error
        (ergon--say
         (format "no session is served at %s: ergon repl SCORE --socket begins one" place))))))

@@ -12,7 +12,17 @@ function place(environment = process.env) {
   if (path.isAbsolute(runtime) && fs.existsSync(runtime)) {
     return path.join(runtime, "ergon", "session.sock");
   }
-  return path.join(os.tmpdir(), `ergon-${process.getuid()}`, "session.sock");
+  const user = process.getuid ? process.getuid() : os.userInfo().username;
+  return path.join(os.tmpdir(), `ergon-${user}`, "session.sock");
+}
+
+/** The port and the secrets of a session whose socket is a file (docs/socket.md); null for a socket of Unix. */
+function address(at) {
+  try {
+    return fs.statSync(at).isFile() ? JSON.parse(fs.readFileSync(at, "utf8")) : null;
+  } catch {
+    return null;
+  }
 }
 
 /** What a person is shown of a reply to a line. */
@@ -70,11 +80,14 @@ class Client {
   connect(at) {
     this.leave();
     return new Promise((resolve, reject) => {
-      const socket = net.connect(at);
+      const port = address(at);
+      this.answer = port ? port.answer : undefined;
+      const socket = port ? net.connect(port.port, "127.0.0.1") : net.connect(at);
       let rest = "";
       socket.setEncoding("utf8");
       socket.once("connect", () => {
         this.socket = socket;
+        if (port) socket.write(port.key + "\n");
         if (this.sounds) this.timer = setInterval(() => this.look(), LOOK);
         resolve();
       });
@@ -111,7 +124,10 @@ class Client {
       if (said.error === undefined) this.sounds(said.is);
       else this.endLooks(); // a session of an earlier version
     } else if (said.ended !== undefined) this.say(`the session has ended: ${said.ended}`, true);
-    else if (said.ergon !== undefined) {
+    else if (said.ergon !== undefined && said.answer !== this.answer) {
+      this.say("another program has taken the port of the session", true);
+      this.leave();
+    } else if (said.ergon !== undefined) {
       const known = said.ergon === 1;
       this.say(known ? `joined ${said.score}` : "this session speaks another protocol", !known);
     } else if (said.error !== undefined) this.say(String(said.error), true);

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import socket
 import subprocess
 import sys
 import time
@@ -26,6 +25,10 @@ if TYPE_CHECKING:
     from ergon.repl.wire.remote import RemoteSession
 
 _LOOK = 0.05  # [s] between two looks whether the engine answers
+# On Windows a process that outlives its terminal: in a group of its own, without a window.
+_ALONE = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0) | getattr(
+    subprocess, "CREATE_NO_WINDOW", 0
+)
 # Options that the engine's process gets in another way.
 _OURS = ("socket", "journal")
 
@@ -48,12 +51,6 @@ def join(path: str | None, options: SessionOptions, report: Report) -> RemoteSes
 @contextlib.contextmanager
 def _refused() -> Iterator[None]:
     """Turn errors of a socket into an OptionError."""
-    if not hasattr(socket, "AF_UNIX"):
-        raise OptionError(
-            "socket",
-            "a session that others join needs sockets of Unix, which this system has not; without "
-            "this option the session plays in this terminal",
-        )
     from ergon.repl.wire.local_socket import SocketError
 
     try:
@@ -146,7 +143,12 @@ def _start(path: str | None, options: SessionOptions, here: Path, report: Report
     with _log(Path(options.journal).with_suffix(".log")) as sink, open(sink.name, "rb") as log_file:
         log = Path(sink.name)
         process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=sink, stderr=sink, start_new_session=True
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=sink,
+            stderr=sink,
+            start_new_session=True,
+            creationflags=_ALONE,
         )
         try:
             while True:

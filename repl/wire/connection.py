@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import itertools
+import os
 import socket
 import struct
 import threading
@@ -17,6 +18,8 @@ from ergon.common.errors import ErgonError
 from . import local_socket
 from .protocol import MAX_LINE, VERSION, ProtocolError, decode, encode
 
+_IS_WINDOWS = os.name == "nt"
+_SO_SNDTIMEO = getattr(socket, "SO_SNDTIMEO", 0x1005)  # the number in Windows' own header
 _TIMEOUT = 5  # [s] to wait for the greeting, and for a session that does not read
 
 
@@ -35,7 +38,7 @@ class Connection:
 
     def __init__(self, path: Path) -> None:
         """Connect. Raises NoSessionError, SocketError, ProtocolError."""
-        self._socket = local_socket.connect(path)
+        self._socket, self._expected = local_socket.connect(path)
         self._file: IO[bytes] = self._socket.makefile("rb")
         self._numbers = itertools.count(1)
         self._waiting: dict[int, Future[Any]] = {}
@@ -59,11 +62,14 @@ class Connection:
         except OSError:
             raise ProtocolError("the process at the socket does not answer") from None
         self._socket.settimeout(None)
-        limit = struct.pack("ll", _TIMEOUT, 0)
-        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, limit)
+        # Windows has a limit in milliseconds, others a struct timeval.
+        limit = struct.pack("L", 1000 * _TIMEOUT) if _IS_WINDOWS else struct.pack("ll", _TIMEOUT, 0)
+        self._socket.setsockopt(socket.SOL_SOCKET, _SO_SNDTIMEO, limit)
         about = decode(line)
         if "error" in about:
             raise ProtocolError(str(about["error"]))
+        if self._expected and about.get("answer") != self._expected:
+            raise ProtocolError("another program has taken the port of the session")
         if about.get("ergon") != VERSION:
             raise ProtocolError(
                 f"the session speaks version {about.get('ergon')} of the "

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
-import fcntl
+import hmac
 import os
 import socket
 import stat
@@ -13,6 +14,8 @@ from pathlib import Path
 
 from ergon.common.errors import ErgonError
 from ergon.common.private import NotPrivateError, runtime_folder
+
+from . import loopback
 
 _NAME = "session.sock"
 _BACKLOG = 16
@@ -37,23 +40,29 @@ def default_path(environment: Mapping[str, str] = os.environ) -> Path:
 
 
 class ServerSocket:
-    """A bound socket with its lock: no other session can be served there until it is closed."""
+    """A bound socket with its lock: no other session can be served there until it is closed.
+
+    `address` is None, or that of a port where the system has no sockets of Unix.
+    """
 
     def __init__(self, path: Path) -> None:
         """Bind the socket; one that a killed process has left is replaced. Raises SocketError."""
         self.path = path
         self._lock = _locked(path.with_name(path.name + ".lock"))
-        self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
             self._remove()
-            self.socket.bind(os.fspath(path))
-            os.chmod(path, 0o600)  # nobody can connect before `listen`
+            self.socket, self.address = _bound(path)
         except (OSError, SocketError) as error:
-            self.socket.close()
             os.close(self._lock)
             if isinstance(error, SocketError):
                 raise
             raise SocketError(f"{path}: {error.strerror or error}") from None
+
+    def is_key(self, line: bytes) -> bool:
+        """Whether a line is what a client of a port sends first."""
+        return self.address is not None and hmac.compare_digest(
+            line.strip(), self.address.key.encode()
+        )
 
     def listen(self) -> None:
         """Accept connections."""
@@ -63,31 +72,48 @@ class ServerSocket:
         """Close and remove the socket and its lock."""
         self.socket.close()
         self._remove()
-        self.path.with_name(self.path.name + ".lock").unlink(missing_ok=True)
+        with contextlib.suppress(PermissionError):  # Windows removes no open file
+            self.path.with_name(self.path.name + ".lock").unlink(missing_ok=True)
         os.close(self._lock)
 
     def _remove(self) -> None:
         try:
-            socket_stat = self.path.lstat()
+            mode = self.path.lstat().st_mode
         except FileNotFoundError:
             return
-        if not stat.S_ISSOCK(socket_stat.st_mode):
+        is_address = stat.S_ISREG(mode) and loopback.read_address(self.path) is not None
+        if not stat.S_ISSOCK(mode) and not is_address:
             raise SocketError(f"{self.path} already exists and is not a socket")
         self.path.unlink()
+
+
+def _bound(path: Path) -> tuple[socket.socket, loopback.Address | None]:
+    """A socket of Unix at a path, or one at a port whose address is in the file. Raises OSError."""
+    if loopback.is_used():
+        return loopback.bind(path)
+    local = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    try:
+        local.bind(os.fspath(path))
+        os.chmod(path, 0o600)  # nobody can connect before `listen`
+    except OSError:
+        local.close()
+        raise
+    return local, None
 
 
 def _locked(path: Path) -> int:
     """A file that is locked for this process; the kernel removes the lock however the process
     ends.
     """
-    flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
+    flags = os.O_RDWR | os.O_CREAT
+    flags |= getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_NOFOLLOW", 0)
     while True:
         try:
             lock = os.open(path, flags, 0o600)
         except OSError as error:
             raise SocketError(f"{path}: {error.strerror}") from None
         try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            _lock_file(lock)
             if os.path.samestat(os.fstat(lock), os.stat(path)):
                 return lock
         except FileNotFoundError:
@@ -100,20 +126,42 @@ def _locked(path: Path) -> int:
         os.close(lock)  # the lock file was removed meanwhile
 
 
-def connect(path: Path) -> socket.socket:
-    """Connect to the session at a socket. Raises NoSessionError, SocketError."""
-    connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+def _lock_file(handle: int) -> None:
+    """Lock a file for this process, without waiting. Raises OSError where another has the lock."""
     try:
-        connection.connect(os.fspath(path))
+        import fcntl
+    except ImportError:
+        import msvcrt
+
+        msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined, unused-ignore]
+    else:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def connect(path: Path) -> tuple[socket.socket, str]:
+    """Connect to the session at a socket; of one at a port, the second is the `answer` that its
+    greeting must hold, else "". Raises NoSessionError, SocketError.
+    """
+    try:
+        address = loopback.read_address(path) if path.is_file() else None
+        if address is not None:
+            return loopback.connect(address), address.answer
+        if not hasattr(socket, "AF_UNIX"):
+            raise NoSessionError(f"no session is served at {path}")
+        connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        try:
+            connection.connect(os.fspath(path))
+        except OSError:
+            connection.close()
+            raise
     except OSError as error:
-        connection.close()
         if error.errno in (errno.ENOENT, errno.ECONNREFUSED):
             raise NoSessionError(f"no session is served at {path}") from None
         raise SocketError(f"{path}: {error.strerror or error}") from None
     if not is_same_user(connection):
         connection.close()
         raise SocketError(f"the session at {path} belongs to another user")
-    return connection
+    return connection, ""
 
 
 def is_same_user(connection: socket.socket) -> bool:

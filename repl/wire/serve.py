@@ -32,6 +32,7 @@ _MESSAGES_MAX = 1000  # that wait for a prompt; the oldest beyond are lost
 _LINES_MAX = 64  # of one prompt that may wait
 _CHECK_PERIOD = 0.05  # [s] between two checks for messages
 _UNREAD_MAX = 4 * MAX_LINE  # [bytes] that a prompt may leave unread before it is dropped
+_KEY_TIMEOUT = 5.0  # [s] for the first line of who joins at a port
 _CLOSE_TIMEOUT = 1.0  # [s] for a prompt to read its last line
 _LINE_SHOWN_MAX = 200  # characters of a line that other prompts see
 
@@ -91,6 +92,7 @@ class SessionServer:
         self._about = dict(about)
         self._prompts: dict[int, PromptConnection] = {}
         self._n_accepted = 0
+        self._n_asked = 0  # connections whose key has not come
         self._queue: LineQueue[tuple[PromptConnection, Any, bool]] = LineQueue(session)
         self._end_reason = ""  # why the session ended
         self._current_prompt: PromptConnection | None = None  # the prompt whose line is being done
@@ -132,9 +134,9 @@ class SessionServer:
         self._loop = asyncio.get_running_loop()
         with _ended_by_signals(self._loop, self._end, self._watch):
             self._server_socket.listen()
-            server = await asyncio.start_unix_server(
-                self._accept, sock=self._server_socket.socket, limit=MAX_LINE
-            )
+            is_port = self._server_socket.address is not None
+            start = asyncio.start_server if is_port else asyncio.start_unix_server
+            server = await start(self._accept, sock=self._server_socket.socket, limit=MAX_LINE)
             worker = threading.Thread(target=self._do_lines, name="ergon lines", daemon=True)
             worker.start()
             listener = asyncio.create_task(self._listen())
@@ -142,7 +144,8 @@ class SessionServer:
             listener.cancel()
             # The server stays open for a moment, so that a prompt that is just connecting gets the
             # last line too.
-            self._loop.remove_reader(self._server_socket.socket)
+            with contextlib.suppress(NotImplementedError):  # Windows
+                self._loop.remove_reader(self._server_socket.socket)
             await asyncio.sleep(_CHECK_PERIOD)
             server.close()
             for prompt in self._prompts.values():
@@ -178,11 +181,13 @@ class SessionServer:
         self._n_accepted += 1
         prompt = PromptConnection(self._n_accepted, writer)
         try:
-            if why := self._refusal_of(writer):
+            if why := await self._refusal_of(reader, writer):
                 prompt.send(error=why)
                 return
             self._prompts[prompt.number] = prompt
-            prompt.send(ergon=VERSION, prompt=prompt.number, **self._about)
+            address = self._server_socket.address
+            answer = {} if address is None else {"answer": address.answer}
+            prompt.send(ergon=VERSION, prompt=prompt.number, **answer, **self._about)
             await self._serve(prompt, reader)
         except OSError:
             pass  # the prompt disconnected
@@ -193,12 +198,29 @@ class SessionServer:
             else:
                 await prompt.close()
 
-    def _refusal_of(self, writer: asyncio.StreamWriter) -> str:
-        if not local_socket.is_same_user(writer.get_extra_info("socket")):
+    async def _refusal_of(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> str:
+        if self._server_socket.address is not None:
+            is_ours = await self._has_key(reader)
+        else:
+            is_ours = local_socket.is_same_user(writer.get_extra_info("socket"))
+        if not is_ours:
             return "this session belongs to another user"
         if len(self._prompts) >= MAX_PROMPTS:
             return f"{MAX_PROMPTS} prompts are connected, which is the maximum"
         return ""
+
+    async def _has_key(self, reader: asyncio.StreamReader) -> bool:
+        """Whether the first line is the key of the session's port. Few may be asked at once."""
+        if self._n_asked >= MAX_PROMPTS:
+            return False
+        self._n_asked += 1
+        try:
+            async with asyncio.timeout(_KEY_TIMEOUT):
+                return self._server_socket.is_key(await reader.readline())
+        except (TimeoutError, ValueError):  # it sends nothing, or a line without an end
+            return False
+        finally:
+            self._n_asked -= 1
 
     async def _serve(self, prompt: PromptConnection, reader: asyncio.StreamReader) -> None:
         while True:
@@ -311,8 +333,12 @@ def _ended_by_signals(
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     ending = (signal.SIGTERM, signal.SIGINT)
+    if not hasattr(signal, "SIGHUP"):  # Windows, whose loop hears no signals
+        with _ended_by_handlers(loop, end, ending):
+            yield
+        return
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     for number in ending:
         loop.add_signal_handler(number, end, f"ended by {number.name}")
     if watch is not None:
@@ -323,3 +349,20 @@ def _ended_by_signals(
         for number in ending:
             loop.remove_signal_handler(number)
         signal.signal(signal.SIGHUP, before)
+
+
+@contextlib.contextmanager
+def _ended_by_handlers(
+    loop: asyncio.AbstractEventLoop,
+    end: Callable[[str], object],
+    ending: tuple[signal.Signals, ...],
+) -> Iterator[None]:
+    def handle(number: int, _frame: object) -> None:
+        loop.call_soon_threadsafe(end, f"ended by {signal.Signals(number).name}")
+
+    before = [signal.signal(number, handle) for number in ending]
+    try:
+        yield
+    finally:
+        for number, handler in zip(ending, before, strict=True):
+            signal.signal(number, handler)

@@ -12,6 +12,7 @@ from sockets import serving
 
 from ergon.instruments.module_kinds import KINDS
 from ergon.repl.session_protocol import SoundingPlace
+from ergon.repl.wire import loopback
 from ergon.scores.gesture.points import CURVES
 from ergon.scores.gesture.transforms import MEANINGS as GESTURE_WORDS
 from ergon.scores.pattern.cycle_table import MEANINGS as RHYTHM_WORDS
@@ -19,6 +20,12 @@ from ergon.scores.pattern.turn_chain import FORMS
 
 EDITORS = Path(__file__).parents[2] / "editors"
 PIECE = "tempo 72\n\nada plays knock\nleo plays lean  # ü\n\nadda\nfail\n"
+
+
+@pytest.fixture(params=["", "loopback"], ids=["unix", "port"])
+def kind_of_socket(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A session at a socket of Unix, and at a port, as on Windows."""
+    monkeypatch.setenv(loopback.FORCED, request.param)
 
 
 def run(command: list[str], folder: Path) -> str:
@@ -64,6 +71,7 @@ qall!
 
 
 @needs("vim")
+@pytest.mark.usefixtures("kind_of_socket")
 def test_vim(tmp_path: Path):
     (tmp_path / "piece.txt").write_text(PIECE, encoding="utf-8")
     (tmp_path / "test.vim").write_text(VIM, encoding="utf-8")
@@ -171,6 +179,7 @@ const until = async (count) => {
 
 
 @needs("node")
+@pytest.mark.usefixtures("kind_of_socket")
 def test_vs_code(tmp_path: Path):
     (tmp_path / "piece.txt").write_text(PIECE, encoding="utf-8")
     (tmp_path / "test.js").write_text(NODE, encoding="utf-8")
@@ -243,6 +252,7 @@ LISP = """
 
 
 @needs("emacs")
+@pytest.mark.usefixtures("kind_of_socket")
 def test_emacs(tmp_path: Path):
     (tmp_path / "piece.txt").write_text(PIECE, encoding="utf-8")
     (tmp_path / "test.el").write_text(LISP, encoding="utf-8")

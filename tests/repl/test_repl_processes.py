@@ -50,7 +50,7 @@ class Stage:
 
     def engine(self) -> int:
         """The process that serves."""
-        with contextlib.closing(local_socket.connect(self.socket)) as raised:
+        with contextlib.closing(local_socket.connect(self.socket)[0]) as raised:
             output = raised.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, 12)
             pid = struct.unpack("3i", output)[0]
         self._engines.add(pid)

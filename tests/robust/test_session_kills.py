@@ -148,12 +148,12 @@ def by_socket(folder: Path, chance: random.Random, is_early: bool) -> Killed:
         def is_there() -> bool:
             assert process.poll() is None, "the session ended"
             with contextlib.suppress(local_socket.NoSessionError):
-                local_socket.connect(folder / "s").close()
+                local_socket.connect(folder / "s")[0].close()
                 return True
             return False
 
         until(is_there, "a session")
-        prompt = stack.enter_context(local_socket.connect(folder / "s"))
+        prompt = stack.enter_context(local_socket.connect(folder / "s")[0])
         prompt.settimeout(PATIENCE)
         killed.feed(
             lambda line: prompt.sendall(encode(id=len(killed.sent), do="submit", text=line)),

@@ -114,7 +114,7 @@ class Raw:
     """A connection that can send any bytes."""
 
     def __init__(self, path: Path) -> None:
-        self.socket = local_socket.connect(path)
+        self.socket = local_socket.connect(path)[0]
         self.socket.settimeout(PATIENCE)
         self._file = self.socket.makefile("rb")
         self.greeting = self.read()

@@ -14,6 +14,7 @@ let s:channel = v:null
 let s:number = 0
 let s:asked = {}
 let s:rest = ''
+let s:answer = ''
 " What was answered last, for status lines and tests.
 let g:ergon_answer = ''
 
@@ -22,7 +23,15 @@ function! s:place() abort
   if l:runtime =~# '^/' && isdirectory(l:runtime)
     return l:runtime . '/ergon/session.sock'
   endif
+  if has('win32')
+    return $TEMP . '\ergon-' . $USERNAME . '\session.sock'
+  endif
   return '/tmp/ergon-' . trim(system('id -u')) . '/session.sock'
+endfunction
+
+" The port and the secrets of a session whose socket is a file (docs/socket.md); {} for a socket of Unix.
+function! s:address(path) abort
+  return getftype(a:path) ==# 'file' ? json_decode(join(readfile(a:path), '')) : {}
 endfunction
 
 function! s:say(text, is_error) abort
@@ -48,6 +57,9 @@ function! s:heard(line) abort
   endif
   if has_key(l:said, 'ended')
     call s:say('the session has ended: ' . l:said.ended, 1)
+  elseif has_key(l:said, 'ergon') && get(l:said, 'answer', '') !=# s:answer
+    call s:say('another program has taken the port of the session', 1)
+    call s:leave()
   elseif has_key(l:said, 'ergon')
     call s:say(l:said.ergon == 1 ? 'joined ' . get(l:said, 'score', 'a session')
           \ : 'this session speaks another protocol', l:said.ergon != 1)
@@ -98,14 +110,21 @@ function! s:connect(path) abort
   call s:leave()
   let l:path = empty(a:path) ? s:place() : fnamemodify(a:path, ':p')
   try
+    let l:address = s:address(l:path)
+    let l:port = empty(l:address) ? '' : '127.0.0.1:' . l:address.port
+    let s:answer = get(l:address, 'answer', '')
     if has('nvim')
-      let s:channel = sockconnect('pipe', l:path, {'on_data': function('s:came_in_pieces')})
+      let s:channel = sockconnect(empty(l:port) ? 'pipe' : 'tcp', empty(l:port) ? l:path : l:port,
+            \ {'on_data': function('s:came_in_pieces')})
     else
-      let s:channel = ch_open('unix:' . l:path,
+      let s:channel = ch_open(empty(l:port) ? 'unix:' . l:path : l:port,
             \ {'mode': 'nl', 'callback': function('s:came'), 'close_cb': function('s:gone')})
       if ch_status(s:channel) !=# 'open'
         let s:channel = v:null
       endif
+    endif
+    if s:channel isnot v:null && !empty(l:port)
+      call s:send(l:address.key)
     endif
   catch
     let s:channel = v:null
@@ -124,11 +143,14 @@ function! s:ask(do, fields) abort
   endif
   let s:number += 1
   let s:asked[s:number] = a:do
-  let l:line = json_encode(extend({'id': s:number, 'do': a:do}, a:fields)) . "\n"
+  call s:send(json_encode(extend({'id': s:number, 'do': a:do}, a:fields)))
+endfunction
+
+function! s:send(line) abort
   if has('nvim')
-    call chansend(s:channel, l:line)
+    call chansend(s:channel, a:line . "\n")
   else
-    call ch_sendraw(s:channel, l:line)
+    call ch_sendraw(s:channel, a:line . "\n")
   endif
 endfunction
 
