@@ -72,9 +72,17 @@ def explain(code: str) -> None:
     if page is None or not _CODE.fullmatch(page.name):
         codes = [name for name in known if _CODE.fullmatch(name)]
         near = nearest(code.upper(), codes) if len(code) == len("E204") else None
+        near = near or _titled(code, known)
         asked = f"did you mean {near}?" if near else "`ergon help errors` lists all codes"
         raise Refused(f"{clean(code)} is not the code of a mistake; {asked}")
     _show(page.text)
+
+
+def _titled(words: str, known: dict[str, manual.Page]) -> str | None:
+    """The code and the title of the mistake whose page has words in its title; None without one."""
+    wanted = words.casefold().strip()
+    titles = {name: page.headings[0] for name, page in known.items() if _CODE.fullmatch(name)}
+    return next((title for title in titles.values() if wanted and wanted in title.casefold()), None)
 
 
 def _command(root: click.Context, words: tuple[str, ...]) -> click.Context | None:

@@ -106,6 +106,8 @@ class LazyGroup(click.Group):
     def _unknown(self, args: list[str]) -> str:
         from ergon.notation.text.spelling import nearest
 
+        from . import manual
+
         name = args[0]
         is_root = self.name == ROOT
         if is_root and name.endswith((".yaml", ".yml")):
@@ -116,8 +118,11 @@ class LazyGroup(click.Group):
             return f"{sentence} Use: {typed}"
         if close := nearest(name, self.table):
             return f"{sentence} Did you mean '{close}'?"
-        listed = _ALL if is_root else f"`ergon {self.name} -h` lists those that there are"
-        return f"{sentence} {listed}."
+        if not is_root:
+            return f"{sentence} `ergon {self.name} -h` lists those that there are."
+        if manual.matches(name, manual.pages()):
+            return f"{sentence} `ergon help {name}` opens a page about it; {_ALL}."
+        return f"{sentence} {_ALL}."
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands in `--help`, from the table alone."""

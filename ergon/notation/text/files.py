@@ -247,6 +247,10 @@ def _advice(path: Path) -> str:
     """What to do about a score that cannot be read: another file, or a score that ships."""
     if path.suffix in (".wav", ".flac"):
         return f"the sound that is to be written is named by -o: -o {path}"
+    if path.parts[:1] in (("http:",), ("https:",)):
+        return "files of this machine are read: download it first, then name the file"
+    if "*" in path.name:
+        return "no file has such a name; without quotes a shell puts names in its place"
     folder = path if path.is_dir() else path.parent
     names = [file.name for pattern in ("*.yaml", "*.yml") for file in sorted(folder.glob(pattern))]
     names = names[:_NAMES_MAX]
