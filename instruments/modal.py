@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ergon import _core
+from ergon.instruments.modal_band import Band, band
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import (
@@ -277,6 +278,7 @@ LEVEL = Text(
 MODES_PITCHES = ListOf(k.PITCH, 1, _core.MAX_MODAL, single=True)
 MODES_DECAYS = ListOf(k.DURATION, 1, _core.MAX_MODAL, single=True)
 PLACES = NamesOf(ListOf(LEVEL, 1, _core.MAX_MODAL, single=True), "place")
+BAND = band(LEVEL)
 
 
 def _wrong_name(names: Sequence[str]) -> str | None:
@@ -298,7 +300,7 @@ def placed(values: Values) -> Values | None:
     None if an error was reported.
     """
     fields, nodes = dict(values.by_name), dict(values.nodes)
-    if any(name not in fields for name in ("f", "t60", "places") if name in nodes):
+    if any(name not in fields for name in ("f", "t60", "places", "band") if name in nodes):
         return None  # refused already
     f, t60, places = fields.get("f"), fields.get("t60"), fields.get("places")
     if f is None:
@@ -330,8 +332,28 @@ def placed(values: Values) -> Values | None:
             )
             values.error("E202", message + "remove the place", field)
             return None
+    if isinstance(drawn := fields.pop("band", None), Band):
+        if (message := _wrong_band(drawn, names, len(f))) is not None:
+            values.error("E110", f"{values.context.label('band')}: {message}", "band")
+            return None
+        pitches, decays, levels = drawn.drawn(names)
+        fields["f"] = Each((*f, *pitches))
+        if t60 is not None:
+            fields["t60"] = Each((*t60, *decays))
+        places = {name: (*places[name], *levels[name]) for name in names}
     fields["places"] = tuple(places.items())
     return replace(values, by_name=fields, nodes=nodes)
+
+
+def _wrong_band(drawn: Band, names: Sequence[str], listed_modes: int) -> str | None:
+    """Why a band cannot be added to modes that are listed; None if it can."""
+    if strange := sorted(set(drawn.levels) - set(names)):
+        return f"there is no place {quote(strange[0])}; its places are {', '.join(names)}"
+    if listed_modes + drawn.count > _core.MAX_MODAL:
+        return (
+            f"there are {listed_modes + drawn.count} modes with it; the most is {_core.MAX_MODAL}"
+        )
+    return None
 
 
 def retuned_modes(
@@ -353,11 +375,17 @@ def retuned_modes(
             continue
         if name == "f":
             fields["f"] = Each(tune(f, value[0]))
+            if isinstance(drawn := fields.get("band"), Band):
+                ends = tune((min(f), *drawn.f), value[0])[1:]
+                fields["band"] = replace(drawn, f=tuple(ends))
         elif name == "M":
             fields["M"] = value
         elif t60 := fields.get("t60"):
             lowest = t60[min(range(len(f)), key=f.__getitem__)] if len(t60) == len(f) else t60[0]
             fields["t60"] = Each(value[0] * (one / lowest) for one in t60)
+            if isinstance(drawn := fields.get("band"), Band):
+                low, high = (value[0] * (one / lowest) for one in drawn.t60)
+                fields["band"] = replace(drawn, t60=(low, high))
         else:
             fields["t60"] = Each(value[:1])
         nodes[name] = member.nodes[name]

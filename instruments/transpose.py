@@ -18,6 +18,7 @@ from typing import Any
 from ergon import _core
 from ergon.instruments.matter import from_material
 from ergon.instruments.modal import Each
+from ergon.instruments.modal_band import Band
 from ergon.instruments.module_kinds import KINDS
 from ergon.instruments.starts import Start
 from ergon.instruments.stiff import Stretched
@@ -308,6 +309,9 @@ def moved(name: str, value: Any, interval: Interval) -> Any:
             return tuple((pitch(f, interval), moved(name, t, interval)) for f, t in value)
         each = (moved(name, one, interval) for one in value)
         return Each(each) if isinstance(value, Each) else tuple(each)
+    if isinstance(value, Band):
+        f, t60 = moved("f", value.f, interval), moved("t60", value.t60, interval)
+        return replace(value, f=f, t60=t60)
     if isinstance(value, Start):
         return replace(value, value=moved(name, value.value, interval))
     if isinstance(value, Stretched):

@@ -6,7 +6,7 @@ from typing import Any, TypedDict
 
 from ergon import _core
 from ergon.instruments.kinds.kind import Quantities, kind
-from ergon.instruments.modal import MODES_DECAYS, MODES_PITCHES, PLACES
+from ergon.instruments.modal import BAND, MODES_DECAYS, MODES_PITCHES, PLACES
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Values
 
@@ -22,12 +22,14 @@ def _fields(quantities: Quantities) -> tuple[Field, ...]:
         Field("f", MODES_PITCHES, "frequency of each mode", required=True),
         Field("t60", MODES_DECAYS, "decay of each mode, or of all", required=True),
         Field("places", PLACES, "points of it: how far each mode moves there", shown="point: 1"),
+        Field("band", BAND, "more modes, which are drawn between two frequencies"),
         Field("modes", k.PATH, "a CSV file of f, t60 and levels, instead of lists"),
     )
 
 
 def _complete(values: Values, fields: dict[str, Any]) -> None:
     fields.pop("modes")
+    fields.pop("band")
 
 
 class ModesFields(TypedDict):

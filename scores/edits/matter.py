@@ -142,6 +142,11 @@ def set_list(texts: Texts, target: str, changes: Mapping[int, str]) -> Texts:
         )
     node = owner.followed.nodes.get(name)
     items = node.items if isinstance(node, document.Sequence) else [node]
+    if max(changes) >= len(items):
+        raise EditError(
+            f"{quote(target)}: there are {len(items)} modes in the list; those after them are "
+            "drawn in its band; change the band instead"
+        )
     words_written = [
         changes[i] if i in changes else item.text if isinstance(item, Scalar) else ""
         for i, item in enumerate(items)

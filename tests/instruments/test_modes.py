@@ -211,3 +211,64 @@ def test_mistakes_of_a_file_have_their_place(filed, table, code, part):
     result = filed(table).diagnostics[0]
     assert result.code == code
     assert part in result.message
+
+
+BANDED = (
+    "f: [220Hz, A4], t60: [12s, 6s], places: {rim: [1, 0.5], air: [0.4, -0.5]}, "
+    "band: {count: 20, f: 500Hz..8kHz, t60: 0.4s..2s, places: {rim: 0.8, air: 0.3}, seed: 4}"
+)
+
+
+def banded(text: str = BANDED, more: str = "") -> dict:
+    return check(SCORE % (text, "air") + more).piece.instruments["b"].modules[0].fields
+
+
+def test_band_lies_between_its_ends():
+    fields = banded()
+    f, t60 = np.array(fields["f"][2:]), np.array(fields["t60"][2:])
+    assert len(f) == 20
+    assert np.all(np.diff(f) > 0)
+    steps = np.floor(20 * np.log(f / 500) / np.log(8000 / 500))
+    assert np.array_equal(steps, np.arange(20))
+    line = 2.0 * (0.4 / 2.0) ** (np.log(f / 500) / np.log(16))
+    assert np.all(np.abs(np.log2(t60 / line)) < 0.5001)
+    assert np.ptp(np.log2(t60 / line)) > 0.5
+    levels = {name: np.array(column[2:]) for name, column in fields["places"]}
+    assert np.all((levels["rim"] >= 0.4) & (levels["rim"] <= 0.8))
+    assert np.all((np.abs(levels["air"]) >= 0.15) & (np.abs(levels["air"]) <= 0.3))
+    assert np.array_equal(np.sign(levels["air"]), [1, -1] * 10)
+
+
+def test_band_with_another_seed():
+    assert banded() == banded()
+    assert banded()["f"] != banded(BANDED.replace("seed: 4", "seed: 5"))["f"]
+
+
+@pytest.mark.parametrize("more", ["    f: 440Hz\n", "    transpose: 1200cents\n"])
+def test_band_moves_with_its_instrument(more):
+    assert banded(more=more)["f"] == pytest.approx([2 * f for f in banded()["f"]], rel=1e-5)
+
+
+def test_band_of_listed_modes_sounds_the_same():
+    fields = banded()
+    pitches = ", ".join(f"{f!r}Hz" for f in fields["f"])
+    decays = ", ".join(f"{t!r}s" for t in fields["t60"])
+    places = ", ".join(f"{name}: {list(column)}" for name, column in fields["places"])
+    text = f"f: [{pitches}], t60: [{decays}], places: {{{places}}}"
+    strike = "strikes: {s: {to: b.rim, at: 0s, impulse: 1mNs}}\n"
+    listed = rendered(SCORE % (text, "air") + strike, 4410)
+    assert np.array_equal(rendered(SCORE % (BANDED, "air") + strike, 4410), listed)
+
+
+@pytest.mark.parametrize(
+    ("written", "replaced", "code"),
+    [
+        ("air: 0.3", "waist: 0.3", "E110"),
+        ("count: 20", "count: 499", "E110"),
+        ("count: 20", "count: 0", "E202"),
+        ("t60: 0.4s..2s", "t60: 2s..0.4s", "E202"),
+        ("count: 20, ", "", "E103"),
+    ],
+)
+def test_band_that_is_wrong(written, replaced, code):
+    assert codes(SCORE % (BANDED.replace(written, replaced, 1), "air")) == [code]

@@ -1,0 +1,93 @@
+"""The modes of a body above those that are known one by one: a band in which they are drawn."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ergon import _core
+from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.fields import Field, Record, Values
+from ergon.notation.tables.shapes import MISSING, ListOf, NamesOf, Shape
+
+_SCATTER = 0.5  # octaves that a decay lies above or below the line at most
+_WEAKEST = 0.5  # of the level that is written
+_DIGITS = 6
+
+
+@dataclass(frozen=True)
+class Band:
+    """How many modes lie between two frequencies [Hz], their shortest and longest decay [s], and
+    how far they move at each place at most. High modes fall soonest.
+    """
+
+    count: int
+    f: tuple[float, float]
+    t60: tuple[float, float]
+    levels: Mapping[str, float]
+    seed: int
+
+    def drawn(
+        self, names: Sequence[str]
+    ) -> tuple[tuple[float, ...], tuple[float, ...], dict[str, tuple[float, ...]]]:
+        """Frequencies, decays, and the levels at each of the places.
+
+        The band is cut into `count` steps of one ratio, and a mode lies anywhere in its step. Its
+        decay lies about the line between both ends, evenly within half an octave up and down.
+        A level is drawn between half of what is written and that. At the first place all are
+        positive, at the second every second one is not, at the third every second pair is not: so
+        that places hardly move together at the first instant, as on a body that is large.
+        """
+        chance = random.Random(self.seed)  # what is drawn is music: no secret
+        f, t60 = [], []
+        levels: dict[str, list[float]] = {name: [] for name in names}
+        for i in range(self.count):
+            height = (i + chance.random()) / self.count
+            f.append(_between(self.f, height))
+            scatter = 2.0 ** (_SCATTER * (2.0 * chance.random() - 1.0))
+            t60.append(_rounded(_between(self.t60, 1.0 - height) * scatter))
+            for number, name in enumerate(names):
+                share = _WEAKEST + (1.0 - _WEAKEST) * chance.random()
+                sign = -1.0 if number and (i >> (number - 1)) % 2 else 1.0
+                levels[name].append(_rounded(self.levels.get(name, 0.0) * share * sign))
+        return tuple(f), tuple(t60), {name: tuple(column) for name, column in levels.items()}
+
+
+def _between(ends: tuple[float, float], height: float) -> float:
+    return _rounded(ends[0] * (ends[1] / ends[0]) ** height)
+
+
+def _rounded(value: float) -> float:
+    """A number with few digits, which is the same whatever the C library's power."""
+    return float(f"{value:.{_DIGITS}g}")
+
+
+def _build(values: Values) -> Any:
+    names = ("count", "f", "t60", "places", "seed")
+    count, f, t60, places, seed = (values[name] for name in names)
+    if any(value is None for value in (count, f, t60, places)) or MISSING in places.values():
+        return MISSING  # reported already
+    return Band(count, f, t60, {name: level[0] for name, level in places.items()}, seed)
+
+
+def band(level: Shape) -> Record:
+    """The table of a band; `level` is that of a mode at a place."""
+    return Record(
+        "band",
+        "modes of a body that are drawn between two frequencies",
+        (
+            Field("count", k.integer(1, _core.MAX_MODAL, "40"), "how many modes", required=True),
+            Field("f", k.PITCHES, "between which frequencies", required=True),
+            Field("t60", k.DURATIONS, "decays: low for high f", required=True),
+            Field(
+                "places",
+                NamesOf(ListOf(level, 1, 1, single=True), "place"),
+                "how far they move at each place at most",
+                required=True,
+            ),
+            Field("seed", k.integer(0, 2**31 - 1, "3"), "what is drawn: another is another", 1),
+        ),
+        build=_build,
+    )
