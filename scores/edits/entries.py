@@ -114,14 +114,6 @@ class Line:
         return self.entry.with_fields(**starts.part(first, last, written_at))
 
 
-def parse_entry(text: str) -> Entry:
-    """The entry that the words of a line describe, without its position. Raises EditError."""
-    try:
-        return entry_of_play(words.parse(text), text)
-    except TextError as error:
-        raise EditError(error.message) from None
-
-
 def entry_of_play(play: words.PlayWords, text: str) -> Entry:
     """The entry of a play that was read from a text, without its position."""
     options = {name: word.text for name, word in play.options.items()}

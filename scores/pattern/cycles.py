@@ -206,11 +206,6 @@ def sequence(steps: Sequence[tuple[Cycles[V], Fraction]]) -> Cycles[V]:
     return node(query, parts, sum(part.cost for part in parts))
 
 
-def slow_sequence(steps: Sequence[tuple[Cycles[V], Fraction]]) -> Cycles[V]:
-    """Patterns after one another, each for as many cycles as its weight says."""
-    return slow(sum((weight for _, weight in steps), Fraction(0)), sequence(steps))
-
-
 def fast_sequence(parts: Sequence[Cycles[V]]) -> Cycles[V]:
     """Patterns after one another in each cycle, which they share evenly."""
     return sequence([(part, Fraction(1)) for part in parts])

@@ -9,9 +9,9 @@ from sweep import crossed
 
 from ergon.notation.text.edit import EditError
 from ergon.scores.edits import excerpt, keys, matter, names, parts, scenes, times
-from ergon.scores.edits.entries import parse_entry
 from ergon.scores.edits.scenes import Scene
 from ergon.scores.edits.texts import Texts
+from tests.support.entries import parse_entry
 
 
 @pytest.mark.parametrize(("path", "span"), SPANS)

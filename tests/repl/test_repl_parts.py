@@ -8,7 +8,7 @@ from sweep import crossed, few
 
 from ergon.notation.text.edit import EditError
 from ergon.scores.edits import parts
-from ergon.scores.edits.entries import parse_entry
+from tests.support.entries import parse_entry
 
 
 def test_a_line_goes_on_from_its_beat():

@@ -22,7 +22,6 @@ from ergon.scores.pattern.cycles import (
     pure,
     silence,
     slow,
-    slow_sequence,
     stack,
 )
 from ergon.scores.pattern.rhythm import Euclid
@@ -226,14 +225,6 @@ def test_cost_bounds_onsets():
 
 
 # --- operations by hand -------------------------------------------------------------------------
-
-
-def test_slow_sequence_with_weights():
-    part = slow_sequence([(pure("a"), Fraction(2)), (pure("b"), Fraction(1))])
-    assert [[e.what for e in part.onsets(cycle)] for cycle in CYCLES] == [
-        ["a"], [], ["b"], ["a"],
-    ]  # fmt: skip
-    assert part.onsets(3) == [Event(Fraction(3), Fraction(5), "a")]
 
 
 def test_swing_eighths():
