@@ -191,7 +191,7 @@ def _played(count: int) -> str:
 def test_entries_are_read_again_only_if_they_or_their_modules_change(monkeypatch) -> None:
     counts = {"automation": 0, "strikes": 0}
     for name, (owner, call) in {
-        "automation": (automation, "made"),
+        "automation": (automation, "build_automation"),
         "strikes": (build, "strikes"),
     }.items():
         before = getattr(owner, call)
