@@ -58,14 +58,14 @@ def matches(topic: str, known: dict[str, Page]) -> list[tuple[Page, str]]:
     for page in known.values():
         if page.path.parent.name == "errors":
             continue
-        often = min(len(pattern.findall(page.text)) for pattern in wanted)
+        n_mentions = min(len(pattern.findall(page.text)) for pattern in wanted)
         is_later = page.name.startswith("design/") or page.name in _LATER
         ranked = _rank(page, stems, wanted)
         if ranked is not None:
             rank, heading = ranked
-            by_heading.append((is_later, rank, -often, page.name, page, heading))
-        elif often >= _OFTEN:
-            by_text.append((is_later, 0, -often, page.name, page, page.headings[0]))
+            by_heading.append((is_later, rank, -n_mentions, page.name, page, heading))
+        elif n_mentions >= _OFTEN:
+            by_text.append((is_later, 0, -n_mentions, page.name, page, page.headings[0]))
     rows = sorted(by_heading or by_text, key=lambda row: row[:4])
     return [(page, heading) for *_, page, heading in rows]
 
