@@ -333,8 +333,8 @@ def placed(values: Values) -> Values | None:
             values.error("E202", message + "remove the place", field)
             return None
     if isinstance(drawn := fields.pop("band", None), Band):
-        if (message := _wrong_band(drawn, names, len(f))) is not None:
-            values.error("E110", f"{values.context.label('band')}: {message}", "band")
+        if (mistake := _wrong_band(drawn, names, len(f))) is not None:
+            values.error("E110", f"{values.context.label('band')}: {mistake}", "band")
             return None
         pitches, decays, levels = drawn.drawn(names)
         fields["f"] = Each((*f, *pitches))
