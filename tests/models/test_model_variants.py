@@ -176,9 +176,9 @@ def physics_text(
     chance: random.Random | None, friction: str, elements: list[tuple[str, str, dict[str, str]]]
 ) -> str:
     """The XML of a model: an element a line; with `chance` as XML writers lay it out."""
-    whole = [("gravity", {"gravity": "0"}), ("friction", {"friction": friction})]
-    whole.append(("vector", {"pos.x": "0", "pos.y": "0", "pos.z": "1"}))
-    rows = ["<Model.xml>", "<global>", *(tag(chance, word, each) for word, each in whole)]
+    global_tags = [("gravity", {"gravity": "0"}), ("friction", {"friction": friction})]
+    global_tags.append(("vector", {"pos.x": "0", "pos.y": "0", "pos.z": "1"}))
+    rows = ["<Model.xml>", "<global>", *(tag(chance, word, each) for word, each in global_tags)]
     rows.append("</global>")
     for section in ("MAT", "Link"):
         rows.append(f"<{section}>")

@@ -177,8 +177,8 @@ def test_npz_files_of_other_programs(seed: int, tmp_path: Path) -> None:
                         file.write(member(array, version))
     with npz(path) as read:
         assert read.names == [*arrays]
-        for at, name in enumerate(read.names):
-            row = read.row(at)
+        for index, name in enumerate(read.names):
+            row = read.row(index)
             assert (row is None) == (name not in rows)
             if row is not None:
                 np.testing.assert_array_equal(read.array(row), rows[name].astype(float))
