@@ -46,7 +46,7 @@ class Band:
         for i in range(self.count):
             height = (i + chance.random()) / self.count
             f.append(_between(self.f, height))
-            scatter = 2.0 ** (_SCATTER * (2.0 * chance.random() - 1.0))
+            scatter = _core.pow(2.0, _SCATTER * (2.0 * chance.random() - 1.0))
             t60.append(_rounded(_between(self.t60, 1.0 - height) * scatter))
             for number, name in enumerate(names):
                 share = _WEAKEST + (1.0 - _WEAKEST) * chance.random()
@@ -56,11 +56,11 @@ class Band:
 
 
 def _between(ends: tuple[float, float], height: float) -> float:
-    return _rounded(ends[0] * (ends[1] / ends[0]) ** height)
+    return _rounded(ends[0] * _core.pow(ends[1] / ends[0], height))
 
 
 def _rounded(value: float) -> float:
-    """A number with few digits, which is the same whatever the C library's power."""
+    """A number with few digits, as one would write it in a score."""
     return float(f"{value:.{_DIGITS}g}")
 
 
