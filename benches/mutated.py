@@ -152,8 +152,8 @@ def _checked(text: str, folder: Path) -> int:
 
 
 def _reported_peak(output: bytearray) -> int:
-    found = re.search(rb"\npeak (\d+)\n$", output)
-    return int(found[1]) if found else 0
+    peak_line = re.search(rb"\npeak (\d+)\n$", output)
+    return int(peak_line[1]) if peak_line else 0
 
 
 def _peak(child: int) -> int:
