@@ -223,6 +223,25 @@ def test_jack_at_another_rate_is_converted(jack: Jack):
     sounds_as("in.wav")
 
 
+def test_jack_output_and_input_return_after_the_server_dies(name: str):
+    """libjack frees all clients of a process when one is opened after their server has ended."""
+    Path("s.yaml").write_text(SCORE.replace("tail: 3s", "tail: 300s"))
+    server = Jack(name, rate=RATE)
+    ready = prepare("s.yaml", PlayOptions(audio="jack:none", audio_in="jack:none"), Report())
+    with server.run() as process:
+        performance = begin(ready.stage, ready.config, Report())
+        until(lambda: performance.status().played > RATE // 10, "sound")
+        process.kill()
+        until(lambda: len(performance.sound_events()) == 2, "both losses")
+    with server.run():
+        until(lambda: len(performance.sound_events()) == 4, "both returns")
+        sentences = [event.sentence for event in performance.sound_events()]
+    performance.stop()
+    performance.close(PATIENCE)
+    assert sum("lost" in sentence for sentence in sentences) == 2, sentences
+    assert sum("back" in sentence for sentence in sentences) == 2, sentences
+
+
 def test_a_jack_server_that_dies_is_heard_again(name: str):
     Path("s.yaml").write_text(SCORE.replace("tail: 3s", "tail: 300s"))
     server = Jack(name, rate=RATE)

@@ -4,6 +4,7 @@ mod api;
 mod capture;
 mod client;
 mod input;
+mod registry;
 
 use std::ffi::{CStr, c_ulong};
 use std::sync::Arc;

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use super::api::{self, Api, LatencyRange, RawClient, RawPort};
+use super::registry::{Connection, Registry};
 use crate::audio::AudioError;
 use crate::audio::shared::Shared;
 use crate::realtime;
@@ -30,18 +31,40 @@ struct Callback<P> {
     process: P,
 }
 
-/// An open client, closed when dropped.
-pub(super) struct Client {
+static CLIENTS: Registry<OpenClient> = Registry::new();
+
+/// What `CLIENTS` closes.
+struct OpenClient {
     api: &'static Api,
     raw: *mut RawClient,
-    events: Arc<ServerEvents>,
-    opened_at: u32,
+    events: ServerEvents,
 }
 
-// SAFETY: libjack's functions may be called from any thread; those here that end the client take it whole.
-unsafe impl Send for Client {}
+// SAFETY: `raw` is used from any thread, but only while `CLIENTS` is locked and has the client.
+unsafe impl Send for OpenClient {}
 // SAFETY: as above.
-unsafe impl Sync for Client {}
+unsafe impl Sync for OpenClient {}
+
+impl Connection for OpenClient {
+    fn is_gone(&self) -> bool {
+        self.events.gone.load(Ordering::Acquire)
+    }
+
+    fn close(&self) {
+        // SAFETY: open, and closed by `CLIENTS` alone, once; no callback runs when this returns.
+        unsafe {
+            (self.api.deactivate)(self.raw);
+            (self.api.client_close)(self.raw);
+        }
+        self.events.gone.store(true, Ordering::Release);
+    }
+}
+
+/// A client, closed when dropped, or when another one is opened after the server has ended.
+pub(super) struct Client {
+    opened: Arc<OpenClient>,
+    opened_at: u32,
+}
 
 /// A port of a client; valid while the client is open.
 #[derive(Clone, Copy)]
@@ -134,63 +157,72 @@ impl Client {
     /// Connects to the running server; starts no server.
     pub(super) fn open(name: &CStr, shared: Arc<Shared>) -> Result<Self, AudioError> {
         let api = api::api()?;
-        let raw = open_with_retries(|status| {
-            // SAFETY: both pointers live through the call; no option that needs a further argument is given.
-            let raw = unsafe { (api.client_open)(name.as_ptr(), api::NO_START_SERVER, status) };
-            (!raw.is_null()).then_some(raw)
+        let opened = CLIENTS.open(|| {
+            let raw = open_with_retries(|status| {
+                // SAFETY: both pointers live through the call; no option that needs a further argument is given.
+                let raw = unsafe { (api.client_open)(name.as_ptr(), api::NO_START_SERVER, status) };
+                (!raw.is_null()).then_some(raw)
+            })?;
+            // SAFETY: the client is open, and nobody else has it yet.
+            let (rate, block) = unsafe { ((api.get_sample_rate)(raw), (api.get_buffer_size)(raw)) };
+            Ok(OpenClient {
+                api,
+                raw,
+                events: ServerEvents {
+                    shared,
+                    gone: AtomicBool::new(false),
+                    rate: AtomicU32::new(rate),
+                    block: AtomicU32::new(block),
+                },
+            })
         })?;
-        // SAFETY: the client is open.
-        let (rate, block) = unsafe { ((api.get_sample_rate)(raw), (api.get_buffer_size)(raw)) };
-        let events = Arc::new(ServerEvents {
-            shared,
-            gone: AtomicBool::new(false),
-            rate: AtomicU32::new(rate),
-            block: AtomicU32::new(block),
-        });
-        let client = Self {
-            api,
-            raw,
-            events,
-            opened_at: rate,
-        };
+        let opened_at = opened.events.rate.load(Ordering::Acquire);
+        let client = Self { opened, opened_at };
         client.register_callbacks();
         Ok(client)
     }
 
+    /// Calls a function of libjack on the client, which stays open through the call; nothing if it is closed.
+    fn call<T>(&self, call: impl FnOnce(&Api, *mut RawClient) -> T) -> Option<T> {
+        let opened = &self.opened;
+        CLIENTS.call(opened, || call(opened.api, opened.raw))
+    }
+
     fn register_callbacks(&self) {
-        let arg = Arc::as_ptr(&self.events).cast_mut().cast();
-        // SAFETY: `events` lives in `self`, which closes the client before it drops it.
-        unsafe {
-            (self.api.on_thread)(self.raw, thread, arg);
-            (self.api.on_xrun)(self.raw, xrun, arg);
-            (self.api.on_buffer_size)(self.raw, buffer_size, arg);
-            (self.api.on_sample_rate)(self.raw, sample_rate, arg);
-            (self.api.on_freewheel)(self.raw, freewheel, arg);
-            (self.api.on_shutdown)(self.raw, shutdown, arg);
-        }
+        let arg = (&raw const self.opened.events).cast_mut().cast();
+        // SAFETY: `events` lives in `opened`, which is closed before it is dropped.
+        self.call(|api, raw| unsafe {
+            (api.on_thread)(raw, thread, arg);
+            (api.on_xrun)(raw, xrun, arg);
+            (api.on_buffer_size)(raw, buffer_size, arg);
+            (api.on_sample_rate)(raw, sample_rate, arg);
+            (api.on_freewheel)(raw, freewheel, arg);
+            (api.on_shutdown)(raw, shutdown, arg);
+        });
     }
 
     pub(super) fn shared(&self) -> &Shared {
-        &self.events.shared
+        &self.opened.events.shared
     }
 
     /// Whether the server still runs, at the rate that it had.
     pub(super) fn alive(&self) -> bool {
-        !self.events.gone.load(Ordering::Acquire) && self.rate() == self.opened_at
+        !self.opened.is_gone() && self.rate() == self.opened_at
     }
 
     pub(super) fn rate(&self) -> u32 {
-        self.events.rate.load(Ordering::Acquire)
+        self.opened.events.rate.load(Ordering::Acquire)
     }
 
     pub(super) fn block(&self) -> u32 {
-        self.events.block.load(Ordering::Acquire)
+        self.opened.events.block.load(Ordering::Acquire)
     }
 
     /// The name that the server gave the client; it differs from ours if that was taken.
     pub(super) fn name(&self) -> String {
         // SAFETY: the client is open; the name lives as long.
-        unsafe { text((self.api.get_client_name)(self.raw)) }
+        self.call(|api, raw| unsafe { text((api.get_client_name)(raw)) })
+            .unwrap_or_default()
     }
 
     /// Ports named `prefix_1` to `prefix_n`.
@@ -198,9 +230,10 @@ impl Client {
         let port = |i| {
             let name = CString::new(format!("{prefix}_{i}")).unwrap_or_default();
             // SAFETY: the client is open, the strings live through the call.
-            let port = unsafe {
-                (self.api.port_register)(self.raw, name.as_ptr(), api::AUDIO.as_ptr(), direction, 0)
-            };
+            let port = self.call(|api, raw| unsafe {
+                (api.port_register)(raw, name.as_ptr(), api::AUDIO.as_ptr(), direction, 0)
+            });
+            let port = port.unwrap_or(ptr::null_mut());
             if port.is_null() {
                 let why = format!("the JACK server refused the port {prefix}_{i}");
                 return Err(AudioError::Unavailable {
@@ -216,20 +249,21 @@ impl Client {
     /// Names of the ports that match a pattern (empty: all) and have these properties.
     pub(super) fn find(&self, pattern: &str, flags: c_ulong) -> Vec<String> {
         let pattern = CString::new(pattern).unwrap_or_default();
-        let mut names = Vec::new();
         // SAFETY: the client is open; what comes back is null or a list of strings that a null ends, ours to free.
-        unsafe {
-            let list = (self.api.get_ports)(self.raw, pattern.as_ptr(), api::AUDIO.as_ptr(), flags);
+        let names = self.call(|api, raw| unsafe {
+            let mut names = Vec::new();
+            let list = (api.get_ports)(raw, pattern.as_ptr(), api::AUDIO.as_ptr(), flags);
             let mut entry = list;
             while !entry.is_null() && !(*entry).is_null() {
                 names.push(text(*entry));
                 entry = entry.add(1);
             }
             if !list.is_null() {
-                (self.api.free)(list.cast());
+                (api.free)(list.cast());
             }
-        }
-        names
+            names
+        });
+        names.unwrap_or_default()
     }
 
     /// Connect two ports by name; whether they are connected now.
@@ -239,14 +273,14 @@ impl Client {
             return false;
         };
         // SAFETY: the client is open, the strings live through the call.
-        let done = unsafe { (self.api.connect)(self.raw, from.as_ptr(), to.as_ptr()) };
-        done == 0 || done == EXISTS
+        let done = self.call(|api, raw| unsafe { (api.connect)(raw, from.as_ptr(), to.as_ptr()) });
+        done.is_some_and(|done| done == 0 || done == EXISTS)
     }
 
     /// Let the server run as fast as its clients, or by its clock again; whether it agreed.
     pub(super) fn set_freewheel(&self, on: bool) -> bool {
         // SAFETY: the client is open.
-        unsafe { (self.api.set_freewheel)(self.raw, on.into()) == 0 }
+        self.call(|api, raw| unsafe { (api.set_freewheel)(raw, on.into()) }) == Some(0)
     }
 
     /// Start: `process` is called for every cycle until the client is closed, with ports `prefix_1` to `prefix_n`.
@@ -262,22 +296,22 @@ impl Client {
             Err(error) => return Err((process, error)),
         };
         let callback = Box::new(Callback {
-            api: self.api,
+            api: self.opened.api,
             ports: ports.clone(),
             process,
         });
         let callback = Box::into_raw(callback);
         // SAFETY: the callback is freed only after the client is closed (`Active::close`).
-        let done = unsafe {
-            (self.api.on_process)(self.raw, cycle::<P>, callback.cast());
-            (self.api.activate)(self.raw)
-        };
+        let done = self.call(|api, raw| unsafe {
+            (api.on_process)(raw, cycle::<P>, callback.cast());
+            (api.activate)(raw)
+        });
         let active = Active {
             client: Some(self),
             ports,
             callback,
         };
-        if done == 0 {
+        if done == Some(0) {
             return Ok(active);
         }
         let why = "the JACK server refused to activate the client".into();
@@ -291,11 +325,7 @@ impl Client {
 
 impl Drop for Client {
     fn drop(&mut self) {
-        // SAFETY: open, and closed here alone; no callback runs when this returns.
-        unsafe {
-            (self.api.deactivate)(self.raw);
-            (self.api.client_close)(self.raw);
-        }
+        CLIENTS.close(&self.opened);
     }
 }
 
@@ -318,10 +348,12 @@ impl<P: Process> Active<P> {
 
     /// The names of our ports.
     pub(super) fn port_names(&self) -> Vec<String> {
-        let client = self.client();
-        // SAFETY: the ports are of this open client.
-        let name = |port: &Port| unsafe { text((client.api.port_name)(port.0)) };
-        self.ports.iter().map(name).collect()
+        let names = self.client().call(|api, _| {
+            // SAFETY: the ports are of this open client.
+            let name = |port: &Port| unsafe { text((api.port_name)(port.0)) };
+            self.ports.iter().map(name).collect()
+        });
+        names.unwrap_or_default()
     }
 
     /// Frames from our first port to the loudspeaker, or from the microphone to it, as the server reports.
@@ -329,9 +361,9 @@ impl<P: Process> Active<P> {
         let mut range = LatencyRange::default();
         if let Some(port) = self.ports.first() {
             // SAFETY: the port is one of this open client; the range lives through the call.
-            unsafe {
-                (self.client().api.port_get_latency_range)(port.0, direction, &raw mut range);
-            }
+            self.client().call(|api, _| unsafe {
+                (api.port_get_latency_range)(port.0, direction, &raw mut range);
+            });
         }
         range.max
     }
