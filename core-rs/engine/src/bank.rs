@@ -105,7 +105,7 @@ impl Bank {
             strikes,
             rest_threshold: 0.0,
             places: vec![(0, 0); oscillators.len()],
-            holds: Vec::new(),
+            members: Vec::new(),
         };
         let mut motions = Vec::new();
         for alike in order.chunk_by(|&i, &j| outputs(i).eq(outputs(j))) {

@@ -6,9 +6,6 @@ use super::{Kick, Oscillator, Strikes};
 use crate::kernel::bank::{LANES, Lanes, Motion, Rates};
 use crate::units::Rate;
 
-/// Marks a lane without an oscillator.
-const NO_OSCILLATOR: u32 = u32::MAX;
-
 /// A blow on one lane of a group or on all lanes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Event {
@@ -48,8 +45,8 @@ pub(super) struct Script {
     pub(super) rest_threshold: f64,
     /// Group and lane of each oscillator, in the order of the list that the bank is made from.
     pub(super) places: Vec<(u32, u32)>,
-    /// Which oscillator each lane holds   (n_groups · LANES)
-    pub(super) holds: Vec<u32>,
+    /// The oscillator of each lane, if it has one   (n_groups · LANES)
+    pub(super) members: Vec<Option<u32>>,
 }
 
 impl Script {
@@ -91,9 +88,9 @@ impl Script {
             }
         }
         self.events.push(events);
-        let holds = members.iter().map(|&member| member as u32);
-        self.holds.extend(holds);
-        self.holds.resize(self.rates.len() * LANES, NO_OSCILLATOR);
+        let indices = members.iter().map(|&member| Some(member as u32));
+        self.members.extend(indices);
+        self.members.resize(self.rates.len() * LANES, None);
         Motion {
             now: value(&|oscillator| scale(oscillator) * oscillator.now),
             before: value(&|oscillator| scale(oscillator) * oscillator.before),
@@ -151,12 +148,10 @@ impl Script {
             Target::Group(strikes, blow, second) => {
                 let strikes = &self.strikes[strikes as usize];
                 let (_, alpha, impulse) = strikes.blows[blow as usize];
-                let holds = &self.holds[group * LANES..(group + 1) * LANES];
-                for (lane, &member) in holds.iter().enumerate() {
-                    let member = member as usize;
-                    if !strikes.among.contains(&member) {
-                        continue;
-                    }
+                let members = &self.members[group * LANES..(group + 1) * LANES];
+                let oscillators = (members.iter().enumerate())
+                    .filter_map(|(lane, member)| Some((lane, (*member)? as usize)));
+                for (lane, member) in oscillators.filter(|pair| strikes.among.contains(&pair.1)) {
                     let mode = member - strikes.among.start;
                     let impulse = impulse * strikes.share[mode];
                     let force = match strikes.responses.get(mode) {

@@ -36,17 +36,20 @@ pub fn bent_plate(
     rim: Rim,
     poisson: f64,
 ) -> Result<Topology, GeneratorError> {
-    let (least, greatest) = match shape {
+    match shape {
         Shape::Rectangle { across, up } => {
             let what = "`sides` of a plate that bends";
             for side in [across, up] {
                 count(what, side, 2 * MIN_RADIUS + 1, 2 * MAX_RADIUS + 1)?;
             }
-            (0, usize::MAX)
         }
-        _ => (MIN_RADIUS, MAX_RADIUS),
-    };
-    count("`radius` of a plate that bends", radius, least, greatest)?;
+        _ => count(
+            "`radius` of a plate that bends",
+            radius,
+            MIN_RADIUS,
+            MAX_RADIUS,
+        )?,
+    }
     if !(0.0..=0.5).contains(&poisson) {
         return Err(GeneratorError::Range {
             what: "`poisson`",

@@ -84,9 +84,6 @@ impl Shape {
     }
 }
 
-/// Index of a site without a point.
-const NOWHERE: usize = usize::MAX;
-
 /// A mesh of `radius` rings round its centre.
 ///
 /// ```
@@ -122,9 +119,10 @@ pub fn plate(shape: Shape, radius: usize, rim: Rim) -> Result<Topology, Generato
     let is_sol = |cell: &usize| fixed && ring(cell) == Some(outer);
     let mats = (0..side * side).filter(is_mat);
     let points: Vec<usize> = mats.chain((0..side * side).filter(is_sol)).collect();
-    let mut index = vec![NOWHERE; side * side];
+    // Nothing at a site without a point.
+    let mut index = vec![None; side * side];
     for (i, cell) in points.iter().enumerate() {
-        index[*cell] = i;
+        index[*cell] = Some(i);
     }
     let n_mat = shape.masses(radius);
     let mut links = Links::new();
@@ -137,8 +135,9 @@ pub fn plate(shape: Shape, radius: usize, rim: Rim) -> Result<Topology, Generato
                 continue;
             }
             let other = cell as isize + right + up * side as isize;
-            let (a, b) = (index[cell], index[other as usize]);
-            if a.max(b) != NOWHERE && a.min(b) < n_mat {
+            if let (Some(a), Some(b)) = (index[cell], index[other as usize])
+                && a.min(b) < n_mat
+            {
                 links.join(a, b, 1.0);
             }
         }

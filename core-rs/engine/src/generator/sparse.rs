@@ -78,19 +78,20 @@ impl Sparse {
         for (i, row) in self.0.iter().enumerate() {
             for (j, value) in row.range(i + 1..) {
                 if value.abs() > least {
-                    links.push((j - i, i, *j, -value));
+                    links.push((false, j - i, i, *j, -value));
                 }
             }
             let size: f64 = row.values().map(|value| value.abs()).sum();
             let left: f64 = row.values().sum();
             if left.abs() > 1e-11 * size {
-                links.push((usize::MAX, ground, i, left));
+                links.push((true, 0, ground, i, left));
             }
         }
-        links.sort_by_key(|(apart, a, b, _)| (*apart, *a, *b));
+        // Links to the ground come last.
+        links.sort_by_key(|(is_grounded, spacing, a, b, _)| (*is_grounded, *spacing, *a, *b));
         let mut runs: Vec<LinkRun> = Vec::new();
-        for (apart, a, b, factor) in links {
-            let hardens = apart != usize::MAX && hardens(a, b);
+        for (is_grounded, _, a, b, factor) in links {
+            let hardens = !is_grounded && hardens(a, b);
             match runs.last_mut() {
                 Some(run)
                     if (run.a + run.len, run.b + run.len) == (a, b)

@@ -92,8 +92,8 @@ pub struct Look {
     plan: Arc<Plan>,
     n_modes: usize,
     sources: Vec<(usize, Source)>,
-    /// By unit: for each LIA of the island, its index in `contacts` or [`NOWHERE`].
-    touched: Vec<(usize, Vec<u32>)>,
+    /// By unit: for each LIA of the island, its index in `contacts`, if it has one.
+    touched: Vec<(usize, Vec<Option<u32>>)>,
     /// Units in which written gestures play, each with the map from its MATs to those of the network (`None`: the
     /// same).
     played: Vec<(usize, Option<Vec<u32>>)>,
@@ -107,12 +107,10 @@ enum Source {
     Masses(Vec<(u32, u32, f64)>),
     Mesh(usize, Vec<(u32, u32, f64)>),
     Slow(usize, Vec<(u32, u32, f64)>),
-    /// The track of each mode of a body; [`NOWHERE`] for modes that are not looked at.
-    Modes(usize, Vec<u32>),
+    /// The track of each mode of a body, if it is looked at.
+    Modes(usize, Vec<Option<u32>>),
     Bank(Vec<(u32, u32)>),
 }
-
-const NOWHERE: u32 = u32::MAX;
 
 impl Look {
     /// What can be seen of a simulation. Takes as long as finding the modes of its bodies.
@@ -237,8 +235,8 @@ impl Simulation {
         for (unit, contacts) in &look.touched {
             if let RunningUnit::Island(island) = self.running_mut(*unit) {
                 island.take_touches(|link, frame, force| {
-                    if contacts[link] != NOWHERE {
-                        tell(contacts[link] as usize, frame, force);
+                    if let Some(contact) = contacts[link] {
+                        tell(contact as usize, frame, force);
                     }
                 });
             }
@@ -339,10 +337,10 @@ impl Source {
                     let step = 1.0 / (rate * island.steps_a_frame());
                     let since = -f64::from(ahead) / rate;
                     modal.look(|mode, x, was| {
-                        let track = tracks.get(mode).copied().unwrap_or(NOWHERE) as usize;
-                        if track == NOWHERE as usize {
+                        let Some(Some(track)) = tracks.get(mode) else {
                             return;
-                        }
+                        };
+                        let track = *track as usize;
                         (now[track], before[track]) = if island.is_slow() {
                             let index = look.oscillation(track);
                             let phase = index.phase(x, was, step);

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
-use super::{Contact, How, Look, NOWHERE, Oscillation, Point, SeenBody, Source};
+use super::{Contact, How, Look, Oscillation, Point, SeenBody, Source};
 use crate::bank::Oscillator;
 use crate::island::inside::BodyPlan;
 use crate::network::{MatKind, Network};
@@ -55,7 +55,7 @@ pub(super) struct Maker<'a> {
     sources: Vec<Option<TrackSource>>,
     bodies: Vec<FoundBody>,
     contacts: Vec<Contact>,
-    touched: Vec<(usize, Vec<u32>)>,
+    touched: Vec<(usize, Vec<Option<u32>>)>,
     played: Vec<(usize, Option<Vec<u32>>)>,
     breakable: Vec<usize>,
     /// Index in `breakable` of the link between two MATs.
@@ -179,12 +179,12 @@ impl<'a> Maker<'a> {
         let by_name: HashMap<&str, usize> = (self.contacts.iter().enumerate())
             .map(|(unit, contact)| (contact.name.as_str(), unit))
             .collect();
-        let mut contacts = vec![NOWHERE; network.n_lia()];
+        let mut contacts = vec![None; network.n_lia()];
         for run in network.runs().iter().filter(|run| run.kind.is_contact()) {
             let links = run.first..run.first + run.len;
             for (contact, link) in contacts[links.clone()].iter_mut().zip(links) {
                 if let Some(&known) = by_name.get(network.link_name(link).as_str()) {
-                    *contact = known as u32;
+                    *contact = Some(known as u32);
                 }
             }
         }
@@ -401,10 +401,10 @@ impl<'a> Maker<'a> {
                     None => Source::Bank(pairs),
                     Some(place) => {
                         let last = pairs.iter().map(|(mode, _)| *mode as usize).max();
-                        let mut modes = vec![NOWHERE; last.map_or(0, |last| last + 1)];
+                        let mut modes = vec![None; last.map_or(0, |last| last + 1)];
                         pairs
                             .iter()
-                            .for_each(|(mode, track)| modes[*mode as usize] = *track);
+                            .for_each(|(mode, track)| modes[*mode as usize] = Some(*track));
                         Source::Modes(place, modes)
                     }
                 };

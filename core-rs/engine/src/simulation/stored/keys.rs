@@ -66,7 +66,7 @@ impl Simulation {
         let is_silent = plan.still.iter().map(|still| *still == 0.0).collect();
         let mut is_silent: Vec<Vec<bool>> = vec![is_silent; stops.len()];
         // Sums are rounded group by group.
-        let mut last_group = vec![vec![usize::MAX; plan.still.len()]; stops.len()];
+        let mut last_group = vec![vec![None; plan.still.len()]; stops.len()];
         let running: Vec<&RunningUnit> = self.units().map(|(running, _)| running).collect();
         for (group, units) in plan.groups(GROUPS_MAX).into_iter().enumerate() {
             for unit in units.filter(|unit| *unit < plan.n_heard) {
@@ -85,8 +85,8 @@ impl Simulation {
                     }
                     for (local, &output) in outputs.iter().enumerate() {
                         let last_group = &mut last_group[place][output];
-                        let next = if *last_group == group { '+' } else { ',' };
-                        *last_group = group;
+                        let next = if *last_group == Some(group) { '+' } else { ',' };
+                        *last_group = Some(group);
                         is_silent[place][output] = false;
                         keys[place][output] += &format!("{next}{before}.{local}");
                     }
