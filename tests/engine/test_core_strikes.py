@@ -59,12 +59,12 @@ def test_strikes_on_all_kinds_of_mats_agree_with_the_oracle():
 @pytest.mark.parametrize(
     "arguments",
     [
-        {"at": -1.0, "impulse": 1.0},
-        {"at": math.nan, "impulse": 1.0},
-        {"at": 0.1, "impulse": math.inf},
-        {"at": 0.1},
-        {"at": 0.1, "mass": 1e-3},
-        {"at": 0.1, "mass": -1e-3, "speed": 1.0},
+        {"start": -1.0, "impulse": 1.0},
+        {"start": math.nan, "impulse": 1.0},
+        {"start": 0.1, "impulse": math.inf},
+        {"start": 0.1},
+        {"start": 0.1, "mass": 1e-3},
+        {"start": 0.1, "mass": -1e-3, "speed": 1.0},
     ],
     ids=["early", "when", "infinite", "nothing", "still", "negative"],
 )

@@ -293,11 +293,11 @@ def test_what_is_referred_to_is_not_removed_and_all_that_does_is_named(tmp_path:
 
 def test_unheard_part_is_refused_by_its_line(stepped_session: Stepped) -> None:
     """It was taken, and the next line was refused for it."""
-    vibraphone = "vib = bars/vibraphone notes=C8"  # all its modes: none can be left out
-    for line in (vibraphone, f"{vibraphone}\nroute vib 1 2"):
+    glockenspiel = "glk = bars/glockenspiel notes=C9"  # all its modes: none can be left out
+    for line in (glockenspiel, f"{glockenspiel}\nroute glk 1 2"):
         reply = stepped_session.type(line)
         assert not reply.taken
-        assert reply.text.startswith("vib.C8.one: its frequency is 4186 Hz, above half the rate")
+        assert reply.text.startswith("glk.C9.one: its frequency is 8372 Hz, above half the rate")
     stepped_session.ok("route bell 1 2")
     stepped_session.ok("cup = bell transpose 3st")
     assert "above half the rate" in stepped_session.type("set cup.m.f 9kHz").text

@@ -30,7 +30,7 @@ STEPS: Sequence[tuple[Sequence[str], float]] = (
         (
             "ada plays knock every 1",
             "ada do scale 0.9",
-            "rain strikes vib.D2.one every 1 impulse 2mNs",
+            "rain strikes vib.D2.bar.struck every 1 impulse 2mNs",
         ),
         1.0,
     ),

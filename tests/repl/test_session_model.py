@@ -128,7 +128,7 @@ class SessionMachine(RuleBasedStateMachine):
 
     def teardown(self) -> None:
         """What holds at the end of every session."""
-        if not hasattr(self, "at"):
+        if not hasattr(self, "stack"):
             return
         try:
             self.delayed.run(1.0)

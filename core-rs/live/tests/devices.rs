@@ -34,6 +34,11 @@ fn open_limits(device: &dyn Device) -> Limits {
     }
 }
 
+/// A key that is farther than this was pushed [m].
+const MOVED: f64 = 2e-3;
+/// Hosts that are killed until one leaves a force.
+const TRIES: usize = 20;
+
 fn guard(device: Box<dyn Device>) -> Guarded {
     let limits = open_limits(&device);
     Guarded::new(device, limits, 1.0 / RATE)
@@ -287,8 +292,6 @@ fn a_serial_device_that_dies_is_gone() {
     assert!(gone);
 }
 
-/// Positions in a row at which a pushed key counts as at rest.
-const POSITIONS_AT_REST: usize = 20;
 /// Greatest number of exchanges until an awaited event: a busy machine is slow, not wrong.
 const EXCHANGES_MAX: usize = 600_000;
 
@@ -390,7 +393,7 @@ fn a_real_board_has_its_own_time() {
     emulator.end();
 }
 
-/// Printed by a host when the key has been for long where 1 N moves it.
+/// Printed by a host when its push of 1 N has moved the key.
 const PUSHES: &str = "it pushes";
 
 /// A separate host process, which the tests below end; it pushes with 1 N as long as it runs.
@@ -406,15 +409,9 @@ fn host_process() {
         let _ = device.send(&[1.0]);
         fresh.then_some(sample.position[0])
     };
-    // 1 N on 100 N/m gives 10 mm; a fader has steps of 0.4 mm. The key must stay there for some positions: few, because
-    // on a busy machine the host withdraws its force now and then, and the key begins anew.
-    let (mut x, mut stays) = (0.0, 0);
-    while stays < POSITIONS_AT_REST {
-        if let Some(now) = push(&mut device) {
-            let is_there = (now - 0.01).abs() < 1e-3 && (now - x).abs() < 1e-6;
-            (x, stays) = (now, if is_there { stays + 1 } else { 0 });
-        }
-    }
+    // 1 N on 100 N/m gives 10 mm. A part of that is enough: on a busy machine the host withdraws its force now and then,
+    // and the key never comes to rest.
+    while push(&mut device).is_none_or(|x| x < MOVED) {}
     eprintln!("{PUSHES}");
     match std::env::var("ERGON_TEST_END").as_deref() {
         Ok("panic") => panic!("as asked"),
@@ -493,6 +490,23 @@ fn left_at(end: End) -> f64 {
     sample.position[0]
 }
 
+/// As `left_at`. SIGKILL may come while a busy host has withdrawn its force: then again, until it leaves one.
+fn left_by(end: End) -> f64 {
+    let tries = if end == End::Signal(libc::SIGKILL) {
+        TRIES
+    } else {
+        1
+    };
+    let mut positions = (0..tries).map(|_| left_at(end)).peekable();
+    let first = *positions.peek().unwrap();
+    positions.find(|x| !is_back(*x)).unwrap_or(first)
+}
+
+/// Whether a key is where no force leaves it. A late reply may show it on its way back; long after that it is at rest.
+fn is_back(x: f64) -> bool {
+    x.abs() < 1e-4
+}
+
 #[test]
 fn whoever_ends_a_host_frees_the_hand() {
     // 1 N on 100 N/m gives 10 mm. Nothing can be sent after SIGKILL, which shows that the other ends do send zero.
@@ -521,7 +535,7 @@ fn whoever_ends_a_host_frees_the_hand() {
         std::thread::scope(|scope| {
             let hosts: Vec<_> = pair
                 .iter()
-                .map(|&end| (end, scope.spawn(move || left_at(end))))
+                .map(|&end| (end, scope.spawn(move || left_by(end))))
                 .collect();
             hosts
                 .into_iter()
@@ -530,8 +544,10 @@ fn whoever_ends_a_host_frees_the_hand() {
         })
     });
     for (end, x) in positions {
-        // A late reply may show the key on its way back; long after that the key is at rest.
-        let is_back = x.abs() < 1e-4;
-        assert_eq!(is_back, end != End::Signal(libc::SIGKILL), "{end:?}: {x}");
+        assert_eq!(
+            is_back(x),
+            end != End::Signal(libc::SIGKILL),
+            "{end:?}: {x}"
+        );
     }
 }
