@@ -1,36 +1,30 @@
-//! The exact flow of slow masses, as kicks once every R frames and straight motion between them (method E4).
+//! The exact flow of slow masses, as a kick and straight motion in each frame (method E4).
 //!
-//! Let E = [[a, b], [c, d]] be the map of positions and velocities of the slow masses, alone, over R frames. It is
-//! split
+//! Let E = [[a, b], [c, d]] be the map of positions and velocities of the slow masses, alone, over a frame. It is split
 //! exactly into half a kick, straight motion and half a kick. Successive half kicks are joined:
-//! v ← B·v − A·x, x += R·v, with B = b·d·b⁻¹·a − b·c and A = −((a − 1) + b·c + b·d·b⁻¹·(1 − a))/R.
-//! Fast links kick the same velocities at every frame. Velocities are in metres a frame.
+//! v ← B·v − A·x, x += v, with B = b·d·b⁻¹·a − b·c and A = −((a − 1) + b·c + b·d·b⁻¹·(1 − a)).
+//! Fast links kick the same velocities. Velocities are in metres a frame.
 
 use super::square::Square;
-use crate::kernel::dense;
 
-/// The flow of some masses over R frames.
+/// The flow of some masses over a frame.
 #[derive(Clone, Debug)]
 pub(crate) struct Flow {
-    /// R, the frames from one kick to the next.
-    pub(crate) macrostep: u32,
     /// B: the share of the velocities that a kick keeps   (n, n)
     pub(crate) keep: Square,
     /// A: the velocity that a kick removes for each position   (n, n)
     pub(crate) pull: Square,
-    /// (a − 1)/R and b/R: the velocity of the first straight motion
+    /// a − 1 and b: the velocity of the first straight motion
     start: [Square; 2],
 }
 
 impl Flow {
     /// The flow of masses whose map over one frame is `frame`. `None` if b has no inverse, as when a mode has exactly
     /// two kicks per period.
-    pub(crate) fn new(frame: &Square, macrostep: u32) -> Option<Self> {
+    pub(crate) fn new(frame: &Square) -> Option<Self> {
         let n = frame.n / 2;
-        let steps = f64::from(macrostep);
-        let macro_step = frame.power(macrostep);
-        let [a, b] = [macro_step.block(0, 0, n), macro_step.block(0, n, n)];
-        let [c, d] = [macro_step.block(n, 0, n), macro_step.block(n, n, n)];
+        let [a, b] = [frame.block(0, 0, n), frame.block(0, n, n)];
+        let [c, d] = [frame.block(n, 0, n), frame.block(n, n, n)];
         let conjugated = b.times(&d).over(&b)?;
         let deviation = a.plus(&Square::identity(n), -1.0);
         let bc = b.times(&c);
@@ -42,10 +36,9 @@ impl Flow {
             .plus(&bc, 1.0)
             .plus(&conjugated_deviation, -1.0);
         Some(Self {
-            macrostep,
             keep,
-            pull: pull.scaled(-1.0 / steps),
-            start: [deviation.scaled(1.0 / steps), b.scaled(1.0 / steps)],
+            pull: pull.scaled(-1.0),
+            start: [deviation, b],
         })
     }
 
@@ -56,31 +49,38 @@ impl Flow {
         pairs.map(|(from_x, from_v)| from_x + from_v).collect()
     }
 
-    /// Velocities after a kick, from those before and from `bent`, the displacements from each mass back to its rest
-    /// position. `None`: the masses were at rest.
-    pub(crate) fn pulled(&self, before: Option<&[f64]>, bent: &[f64], after: &mut [f64]) {
-        after.fill(0.0);
-        if let Some(before) = before {
-            dense::apply(&self.keep.entries, before, after);
+    /// A frame as a map of positions and velocities: straight motion, then the kick   (2n, 2n).
+    pub(crate) fn joined(&self) -> Square {
+        let n = self.keep.n;
+        let mut map = Square::identity(2 * n);
+        for column in 0..n {
+            *map.entry(column, n + column) = 1.0;
+            for row in 0..n {
+                let (keep, pull) = (self.keep.get(row, column), self.pull.get(row, column));
+                *map.entry(n + row, column) = -pull;
+                *map.entry(n + row, n + column) = keep - pull;
+            }
         }
-        dense::apply(&self.pull.entries, bent, after);
+        map
     }
 
-    /// The response that kicks and straight motion lack after one mass was pushed by a metre a frame, `frames` frames
-    /// before a kick. `moved` holds the exact positions and velocities at the kick. Returns what the positions lack at
-    /// the kick, and the velocities after it.
-    pub(crate) fn missing(&self, pushed: usize, frames: u32, moved: &[f64]) -> [Vec<f64>; 2] {
-        let (x, v) = moved.split_at(self.keep.n);
-        let mut alone = vec![0.0; self.keep.n];
+    /// What straight motion and a kick lack after one mass was pushed by a metre a frame at the beginning of a frame.
+    /// `moved` holds the exact positions and velocities at its end. Returns what positions and velocities lack after the
+    /// kick   (2n).
+    pub(crate) fn missing(&self, pushed: usize, moved: &[f64]) -> Vec<f64> {
+        let n = self.keep.n;
+        let (x, v) = moved.split_at(n);
+        let mut alone = vec![0.0; n];
         alone[pushed] = 1.0;
-        let (retained, pulled) = (self.keep.apply(&alone), self.pull.apply(x));
+        let (retained, pulled) = (self.keep.apply(&alone), self.pull.apply(&alone));
         let mut after = self.start(x, v);
         for ((after, retained), pulled) in after.iter_mut().zip(retained).zip(pulled) {
             *after += pulled - retained;
         }
-        let mut short = x.to_vec();
-        short[pushed] -= f64::from(frames);
-        [short, after]
+        let mut missing = x.to_vec();
+        missing[pushed] -= 1.0;
+        missing.extend(after);
+        missing
     }
 }
 

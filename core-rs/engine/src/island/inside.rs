@@ -219,7 +219,7 @@ impl RunningBody {
         match self {
             Self::Modal(modal) => modal.motion(),
             Self::Mesh(mesh) => mesh.kinetic(),
-            Self::Slow(_) => f64::INFINITY,
+            Self::Slow(slow) => slow.energy(),
         }
     }
 

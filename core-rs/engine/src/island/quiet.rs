@@ -139,8 +139,9 @@ impl Quiet {
 impl Island {
     /// From here on, sleep when it is quiet.
     pub(crate) fn sleep_when_quiet(&mut self) {
-        // Slow bodies pull in a rhythm of their own.
-        let is_slow = |body: &RunningBody| matches!(body, RunningBody::Slow(_));
+        // Springs in space of slow bodies pull in a rhythm of their own.
+        let is_slow =
+            |body: &RunningBody| matches!(body, RunningBody::Slow(slow) if slow.every() > 1);
         let state = &self.state;
         if !state.matter.bodies.iter().any(is_slow)
             && state.hands.voices.iter().all(|voice| voice.every() == 1)

@@ -4,6 +4,8 @@
 
 use std::f64::consts::PI;
 
+use crate::island::slow;
+
 // What is heard.
 /// Errors that count as equal, each the least that is heard: of a pitch [cents], of a T60 [1], of the level of a third
 /// octave [dB], of the beginning of the first stroke and of a later one [s], and of the level of a stroke [dB].
@@ -217,10 +219,7 @@ pub(in crate::plan) const PHASE_MAX: f64 = 1.0;
 pub(in crate::plan) const TURN_MAX: f64 = 0.9 * PI;
 /// Most masses of a body: with more, dense products are hardly cheaper than stepping, and computing the flow takes
 /// seconds.
-pub(in crate::plan) const FLOW_MASSES_MAX: usize = 120;
-/// Most masses of a body whose springs pull at every frame, so that its rate changes nothing that is heard: the product
-/// of their flow takes less than what an island takes without anything in it. With more, they pull once in R frames.
-pub(in crate::plan) const FLOW_EXACT_MAX: usize = 8;
+pub(in crate::plan) const FLOW_MASSES_MAX: usize = slow::MASSES_MAX;
 /// Largest state of which all eigenvalues are computed.
 pub(in crate::plan) const DENSE_MAX: usize = 240;
 /// Tolerance for eigenvalues on the unit circle: rounding moves them off it, and double ones (a free mass) by the root

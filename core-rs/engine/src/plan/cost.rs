@@ -239,9 +239,8 @@ pub(super) fn saved(slow: &Slow) -> f64 {
 }
 
 fn slow_cost(slow: &Slow) -> f64 {
-    let n = slow.free.len() as f64;
     let kick = match &slow.springs {
-        Springs::Exact(_) => n * (2.0 * n * Costs::nanoseconds("port") + Costs::nanoseconds("mat")),
+        Springs::Exact(flow) => flow.n_products() * Costs::nanoseconds("port"),
         Springs::Stepped(_) => modules_cost(&slow.network),
     };
     let each = Costs::nanoseconds("slow") + slow.ports.len() as f64 * Costs::nanoseconds("mat");

@@ -236,7 +236,9 @@ impl Body {
                         mats.for_each(|(mat, &(own, _))| *mat = scaled(mesh.motion(own), times));
                     }
                     Some(inside::RunningBody::Slow(slow)) => {
-                        mats.for_each(|(mat, &(own, _))| *mat = scaled(slow.motion(own), times));
+                        let present = slow.present();
+                        let motion = |own: usize| scaled(slow.motion(&present, own), times);
+                        mats.for_each(|(mat, &(own, _))| *mat = motion(own));
                     }
                     _ => {}
                 }

@@ -326,8 +326,9 @@ impl Source {
             }
             Self::Slow(body, all) => {
                 if let Some(RunningBody::Slow(slow)) = island.bodies().get(*body) {
+                    let present = slow.present();
                     for &(index, track, rest) in all {
-                        let (x, step) = slow.motion(index as usize);
+                        let (x, step) = slow.motion(&present, index as usize);
                         now[track as usize] = then(x, step) - rest;
                     }
                 }

@@ -1,4 +1,4 @@
-//! How the springs of a slow body pull once every R frames: linear ones by their exact flow, springs in space by a step
+//! How the springs of a slow body pull: linear ones by their exact flow, springs in space once every R frames by a step
 //! of CA.
 //!
 //! A step of CA over R frames also consists of a kick and straight motion: d += R²·F/M − κ(x − rest) − ζd, then x += d.
@@ -7,7 +7,8 @@
 use std::sync::Arc;
 
 use super::Slow;
-use crate::integrate::flow::Flow;
+use super::blocks::{Block, BlockFlow};
+use crate::archive::{Archive, Damaged, State};
 use crate::kernel::thread_team::ThreadTeam;
 use crate::kernel::{self, Laws};
 use crate::network::Network;
@@ -18,18 +19,18 @@ use crate::state::Body;
 #[derive(Clone, Debug)]
 pub(crate) enum Springs {
     /// Linear springs, by their exact flow.
-    Exact(Arc<Flow>),
+    Exact(Arc<BlockFlow>),
     /// By the CA scheme of the body's own rate: springs in space, which are not linear.
     Stepped(Arc<Scheme>),
 }
 
 impl Springs {
-    /// The running springs of a body of that network.
-    pub(super) fn running(&self, network: &Network) -> RunningSprings {
+    /// The running springs of that body.
+    pub(super) fn running(&self, slow: &Slow) -> RunningSprings {
         match self {
-            Self::Exact(flow) => RunningSprings::Exact(flow.clone()),
+            Self::Exact(flow) => RunningSprings::Exact(Box::new(Block::new(flow))),
             Self::Stepped(scheme) => {
-                RunningSprings::Stepped(Box::new(SteppedSprings::new(scheme, network)))
+                RunningSprings::Stepped(Box::new(SteppedSprings::new(scheme, &slow.network)))
             }
         }
     }
@@ -38,42 +39,43 @@ impl Springs {
 /// Running springs.
 #[derive(Clone, Debug)]
 pub(super) enum RunningSprings {
-    Exact(Arc<Flow>),
+    Exact(Box<Block>),
     Stepped(Box<SteppedSprings>),
 }
 
-impl RunningSprings {
-    /// The velocities of the first straight motion [m a frame], if masses begin `displacements` from rest [m] (n each).
-    pub(super) fn start(&mut self, slow: &Slow, displacements: &[f64]) -> Vec<f64> {
+impl State for RunningSprings {
+    fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
         match self {
-            Self::Exact(flow) => flow.start(displacements, &slow.v0),
+            Self::Exact(block) => block.archive(archive),
+            // Springs in space have no memory.
+            Self::Stepped(_) => Ok(()),
+        }
+    }
+}
+
+impl RunningSprings {
+    /// Linear springs.
+    pub(super) fn block(&self) -> Option<&Block> {
+        match self {
+            Self::Exact(block) => Some(block),
+            Self::Stepped(_) => None,
+        }
+    }
+
+    /// The velocities of the first straight motion [m a frame]   (n).
+    pub(super) fn start(&mut self, slow: &Slow) -> Vec<f64> {
+        match self {
+            Self::Exact(block) => {
+                let pairs = slow.x0.iter().zip(&slow.rest);
+                let displacements: Vec<f64> = pairs.map(|(x, rest)| x - rest).collect();
+                block.flow().flow.start(&displacements, &slow.v0)
+            }
             Self::Stepped(stepped) => {
                 let mut after = slow.v0.clone();
                 stepped.pull(slow, &slow.x0, Some(&slow.v0), &mut after);
                 let pairs = after.iter().zip(&slow.v0);
                 pairs.map(|(after, v0)| 0.5 * (after + v0)).collect()
             }
-        }
-    }
-
-    /// Velocities after a pull at positions `x`, from those `before`, or from rest [m a frame] (n each).
-    /// `displacements` is a buffer for linear springs.
-    pub(super) fn pull(
-        &mut self,
-        slow: &Slow,
-        x: &[f64],
-        before: Option<&[f64]>,
-        displacements: &mut [f64],
-        after: &mut [f64],
-    ) {
-        match self {
-            Self::Exact(flow) => {
-                for ((displacements, x), rest) in displacements.iter_mut().zip(x).zip(&slow.rest) {
-                    *displacements = rest - x;
-                }
-                flow.pulled(before, displacements, after);
-            }
-            Self::Stepped(stepped) => stepped.pull(slow, x, before, after),
         }
     }
 }
@@ -97,7 +99,14 @@ impl SteppedSprings {
         }
     }
 
-    fn pull(&mut self, slow: &Slow, x: &[f64], before: Option<&[f64]>, after: &mut [f64]) {
+    /// Velocities after a pull at positions `x`, from those `before`, or from rest [m a frame] (n each).
+    pub(super) fn pull(
+        &mut self,
+        slow: &Slow,
+        x: &[f64],
+        before: Option<&[f64]>,
+        after: &mut [f64],
+    ) {
         let Self { scheme, body, laws } = self;
         let frames = f64::from(slow.macrostep);
         for (index, &mat) in slow.free.iter().enumerate() {

@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use crate::gesture::script::Touch;
-use crate::island::slow::{Slow, Springs};
+use crate::island::slow::{Slow, Springs, Weights};
 use crate::network::forest::{Forest, ends};
 use crate::network::{LinkKind, MatKind, Network, Proxy, Run, SpaceLaw, Subset, Term};
 use crate::plan::constants::TURN_MAX;
@@ -241,9 +241,8 @@ fn free(body: &Body, subset: &Subset) -> Vec<usize> {
     mats.filter_map(|&mat| subset.mat(mat as usize)).collect()
 }
 
-/// The springs of a body, and what follows from them.
+/// What follows from the springs of a body.
 struct Solution {
-    springs: Springs,
     turn: f64,
     kick_every: u32,
     rest: Vec<f64>,
@@ -254,13 +253,14 @@ struct Solution {
 }
 
 impl Solution {
-    /// The body, or why an output cannot hear it.
+    /// The body, or why an output cannot hear it; `springs` makes its springs for its ports and outputs.
     fn slow(
         self,
         rate: Rate,
         (part, macrostep): (usize, u32),
         body: &Body,
         subset: Subset,
+        springs: impl FnOnce(&[(usize, usize)], &[Weights]) -> Springs,
     ) -> Result<Slow, String> {
         let Self { free, .. } = self;
         let n = free.len();
@@ -272,6 +272,7 @@ impl Solution {
                 .filter_map(|(mat, weight)| Some((slot(mat)?, weight)));
             weights.collect()
         });
+        let rows: Vec<Weights> = rows.collect();
         let ports: Vec<(usize, usize)> = body
             .ports
             .iter()
@@ -283,7 +284,6 @@ impl Solution {
             part,
             macrostep,
             kick_every: self.kick_every,
-            missing: vec![Vec::new(); ports.len()],
             turn: self.turn,
             rest: self.rest,
             x0: free.iter().map(|&i| mats.x0[i]).collect(),
@@ -292,9 +292,9 @@ impl Solution {
             is_inner: (0..n)
                 .map(|weights| f64::from(u8::from(!is_port(weights))))
                 .collect(),
+            springs: springs(&ports, &rows),
             outputs: subset.outputs.iter().copied().zip(rows).collect(),
             w: self.w,
-            springs: self.springs,
             is_discrete: self.is_discrete,
             ports,
             network: Arc::new(subset.network),

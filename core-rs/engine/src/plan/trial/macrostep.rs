@@ -149,7 +149,7 @@ impl<'a> Map<'a> {
         for mat in bodies().filter(has_no_map).flat_map(BodyPlan::ports) {
             is_port[mat] = false;
         }
-        let playing = |slow: &&Slow| RunningSlow::new(&slow.deviation(), &body);
+        let playing = |slow: &&Slow| RunningSlow::new(&slow.frame_by_frame().deviation(), &body);
         let playing: Vec<RunningSlow> = slow.iter().map(playing).collect();
         (frames <= COMMON_FRAMES_MAX).then(|| Self {
             slow: playing,

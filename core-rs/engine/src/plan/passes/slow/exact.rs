@@ -8,11 +8,10 @@ use nalgebra::DMatrix;
 use super::{Solution, free, is_within};
 use crate::integrate::flow::{Flow, frame};
 use crate::integrate::square::Square;
-use crate::interrupt;
-use crate::island::slow::{Slow, Springs};
+use crate::island::slow::{BlockFlow, Interface, Slow, Springs, Weights, best_block};
 use crate::maths;
 use crate::network::Subset;
-use crate::plan::constants::{FLOW_EXACT_MAX, FLOW_MASSES_MAX, LOOSE};
+use crate::plan::constants::{FLOW_MASSES_MAX, LOOSE};
 use crate::plan::passes::wiring::Body;
 use crate::scheme::Scheme;
 use crate::units::Rate;
@@ -41,68 +40,56 @@ pub(super) fn slow(
     let matrices = Matrices::new(&subset, &scheme, body);
     let modes = matrices.modes();
     let top = modes.eigenvalues.iter().fold(0.0_f64, |top, x| top.max(*x));
-    let kick_every = if n <= FLOW_EXACT_MAX { 1 } else { every };
-    let turn = f64::from(kick_every)
-        * if is_discrete {
-            2.0 * maths::asin((0.5 * top.sqrt()).min(1.0))
-        } else {
-            top.sqrt()
-        };
+    let turn = if is_discrete {
+        2.0 * maths::asin((0.5 * top.sqrt()).min(1.0))
+    } else {
+        top.sqrt()
+    };
     let too_fast = || {
-        let hertz = turn / f64::from(kick_every) * rate.hertz() / (2.0 * PI);
-        format!("its highest mode is at {hertz:.0} Hz, too high for that rate")
+        let hertz = turn * rate.hertz() / (2.0 * PI);
+        format!("its highest mode is at {hertz:.0} Hz, too high for the audio rate")
     };
     if !is_within(turn) {
         return Err(too_fast());
     }
     let frame = frame(&matrices.k, &matrices.z, is_discrete);
-    let flow = Flow::new(&frame, kick_every).ok_or_else(too_fast)?;
+    let flow = Flow::new(&frame).ok_or_else(too_fast)?;
     let solution = Solution {
-        springs: Springs::Exact(Arc::new(flow.clone())),
         turn,
-        kick_every,
+        kick_every: 1,
         rest: matrices.rest(&modes.eigenvalues, &modes.eigenvectors),
         free: matrices.free,
-        w: matrices.w,
+        w: matrices.w.clone(),
         is_discrete,
     };
-    let mut slow = solution.slow(rate, (part, every), body, subset)?;
-    let missing = |&(local, mat): &(usize, usize)| {
-        if is_struck(mat) {
-            missing_response(&flow, &frame, local, is_discrete)
-        } else {
-            Vec::new()
-        }
+    let springs = |ports: &[(usize, usize)], outputs: &[Weights]| {
+        let missing =
+            |local: usize| flow.missing(local, &moved_by_strike(&frame, local, is_discrete));
+        let ports = ports.iter();
+        let ports = ports.map(|&(local, mat)| (local, is_struck(mat).then(|| missing(local))));
+        let interface = Interface {
+            w: &matrices.w,
+            ports: ports.collect(),
+            outputs: outputs.to_vec(),
+        };
+        let n_frames = best_block(n, interface.ports.len());
+        Springs::Exact(Arc::new(BlockFlow::new(flow.clone(), interface, n_frames)))
     };
-    slow.missing = slow.ports.iter().map(missing).collect();
+    let slow = solution.slow(rate, (part, every), body, subset, springs)?;
     Ok(slow)
 }
 
-/// For pushes at each frame between two kicks: the part of their effect that is still missing at the end.
-fn missing_response(
-    flow: &Flow,
-    frame: &Square,
-    port: usize,
-    is_discrete: bool,
-) -> Vec<[Vec<f64>; 2]> {
-    let n = flow.keep.n;
+/// Positions and velocities one frame after a push by a metre a frame: in a CA network only the pushed mass has moved;
+/// continuous motion follows the flow of a frame.
+fn moved_by_strike(frame: &Square, port: usize, is_discrete: bool) -> Vec<f64> {
+    let n = frame.n / 2;
     let mut moved = vec![0.0; 2 * n];
     moved[n + port] = 1.0;
-    // State one frame after a push: in a CA network only the pushed mass has moved; continuous motion follows the flow
-    // of a frame.
     if is_discrete {
         moved[port] = 1.0;
-    } else {
-        moved = frame.apply(&moved);
+        return moved;
     }
-    let mut responses = Vec::new();
-    for frames in 1..=flow.macrostep {
-        interrupt::poll();
-        responses.push(flow.missing(port, frames, &moved));
-        moved = frame.apply(&moved);
-    }
-    responses.reverse();
-    responses
+    frame.apply(&moved)
 }
 
 /// Springs and dampers of the body as matrices, in units of a frame.

@@ -36,8 +36,8 @@ pub(super) fn slow(
             .map(|&mat| scheme.w[mat] / (frames * frames))
             .collect(),
         free,
-        springs: Springs::Stepped(Arc::new(scheme)),
         is_discrete: false,
     };
-    solution.slow(rate, (part, every), body, subset)
+    let springs = Springs::Stepped(Arc::new(scheme));
+    solution.slow(rate, (part, every), body, subset, |_, _| springs)
 }
