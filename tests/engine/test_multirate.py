@@ -1,4 +1,4 @@
-"""Slow parts (E4): held against every frame, against the motion itself, and against its own map."""
+"""Keys with a rate (E4): held against every frame, against the motion itself, and by their map."""
 
 from itertools import product
 from typing import Any
@@ -14,7 +14,6 @@ from ergon import _core
 RATE = 44100.0
 N = 22050
 SHORT = 8000
-# More masses than those whose springs pull at every frame.
 COUNT = 9
 MASSES = (0.08, *[0.05] * (COUNT - 1))
 SPRINGS = (200.0, *[300.0] * (COUNT - 1))  # the first to the ground
@@ -98,40 +97,37 @@ def test_at_every_frame_it_is_the_plain_network(gesture: dict[str, Any] | None):
 
 
 @pytest.mark.parametrize(
-    ("kc", "gesture", "damped"), few(product([5e2, 5e3], [None, {}], [True, False]), 1)
+    ("kc", "gesture", "damped"), few(product([5e2, 5e4], [None, {}], [True, False]), 2)
 )
-def test_it_is_preserved_at_ten_frames_and_at_twenty(
+def test_rate_of_a_key_changes_nothing_that_is_heard(
     kc: float, gesture: dict[str, Any] | None, damped: bool
 ):
+    """Down to 1002 Hz, beside the network that is stepped by its numbers."""
     how: dict[str, Any] = {"kc": kc, "ca": True, "gesture": gesture}
     # One damper more than none: else all of it is one bank of modes.
     how |= {} if damped else {"z": (0.0, 0.0, 1e-6, *[0.0] * (COUNT - 3)), "t60": None}
-    plain = play(scene(None, **how), plan=False)
-    position = {R: play(scene(R, **how), error_db=-100.0) for R in (4, 10, 20)}
-    off = {
-        R: [error_db(out[:, [i]], plain[:, [i]]) for i in range(3)] for R, out in position.items()
-    }
-    assert off[10][2] < -75.0
-    assert off[20][2] < -70.0
-    assert max(off[4]) < -90.0
-    assert max(off[10]) < -75.0
-    assert max(off[20]) < -65.0
-    assert max(off[4]) < max(off[10]) - 10.0 < max(off[20]) - 18.0  # of second order
+    plain = play(scene(None, **how), SHORT, plan=False)
+    for every in (4, 44):
+        slow = play(scene(every, **how), SHORT, error_db=-100.0)
+        for output in range(3):
+            assert error_db(slow[:, [output]], plain[:, [output]]) < -180.0
 
 
-@pytest.mark.parametrize(
-    ("every", "ca", "gesture"), [(20, False, {}), (42, True, None), (42, True, {})]
-)
-def test_rate_of_a_small_key_changes_nothing_that_is_heard(
-    every: int, ca: bool, gesture: dict[str, Any] | None
-):
-    """At 2205 and 1050 Hz, in SI units and by the numbers of CA."""
-    how: dict[str, Any] = {"kc": 5e3, "ca": ca, "gesture": gesture}
-    how |= {"chain": FEW, "z": DAMPERS[:3]}
-    slow = play(scene(every, **how), SHORT, error_db=-100.0)
-    assert error_db(slow, play(scene(1, **how), SHORT, error_db=-100.0)) < -200.0
-    if ca:
-        assert error_db(slow, play(scene(None, **how), SHORT, plan=False)) < -200.0
+@pytest.mark.parametrize("seed", few(range(40), range(3)))
+def test_rate_of_a_random_key_changes_nothing_that_is_heard(seed: int):
+    """Keys of 9 to 24 masses at 2205 and 1050 Hz, beside the network stepped by its numbers."""
+    chance = np.random.default_rng(seed)
+    masses, every = int(chance.integers(9, 25)), int(chance.choice([20, 42]))
+    chain = (
+        tuple(10.0 ** chance.uniform(-2.0, -1.0, masses)),
+        tuple(10.0 ** chance.uniform(1.5, 3.7, masses)),
+    )
+    how: dict[str, Any] = {"ca": True, "chain": chain, "z": tuple(chance.uniform(0, 1, masses))}
+    how |= {"kc": float(10.0 ** chance.uniform(2.0, 4.7)), "gesture": [None, {}][seed % 2]}
+    built = scene(every, **how)
+    assert slow_row(_core.Plan(*built, error_db=-100.0)).macrostep == every
+    slow = play(built, SHORT // 2, error_db=-100.0)
+    assert error_db(slow, play(scene(None, **how), SHORT // 2, plan=False)) < -180.0
 
 
 # --- against the motion itself --------------------------------------------------------------------
@@ -172,7 +168,7 @@ def string_of(t60: float) -> tuple[float, float]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("every", "limit"), few([(4, -85.0), (10, -78.0), (20, -67.0)], [(10, -78.0)])
+    ("every", "limit"), few([(4, -85.0), (10, -85.0), (44, -85.0)], [(44, -85.0)])
 )
 def test_slow_key_error_against_matrix_exponential(every: int, limit: float):
     masses, K, Z = matrices(5e3, *string_of(2.0))
@@ -191,9 +187,9 @@ def test_slow_key_error_against_matrix_exponential(every: int, limit: float):
 
 
 def radius(
-    every: int, kc: float, chain: tuple[tuple[float, ...], tuple[float, ...]], z: tuple[float, ...]
+    kc: float, chain: tuple[tuple[float, ...], tuple[float, ...]], z: tuple[float, ...]
 ) -> float:
-    """Largest eigenvalue of the map from kick to kick, by the formulas (undamped string by CA)."""
+    """Largest eigenvalue of the map of a frame, by the formulas (undamped string by CA)."""
     m = np.array(chain[0])
     size = len(m)
     K, Z = np.zeros((size, size)), np.zeros((size, size))
@@ -206,12 +202,6 @@ def radius(
                 matrix[i, i - 1] -= value
     h, first = 1.0 / RATE, np.eye(size)
     K, Z = h * h * K / m[:, None], h * Z / m[:, None]
-    E = np.linalg.matrix_power(np.block([[first - K, first - Z], [-K, first - Z]]), every)
-    a, b = E[:size, :size], E[:size, size:]
-    c, d = E[size:, :size], E[size:, size:]
-    turned = b @ d @ np.linalg.inv(b)
-    keep = turned @ a - b @ c
-    pull = -((a - first) + b @ c + turned @ (first - a)) / every
     k = MASS / STRING * (2.0 * np.sin(np.pi * F / RATE)) ** 2  # CA sounds it at F
     k /= 4.0 * np.sin(np.pi / 2 / (STRING + 1)) ** 2 * h * h
     laplace = 2.0 * np.eye(STRING) - np.eye(STRING, k=1) - np.eye(STRING, k=-1)
@@ -221,23 +211,17 @@ def radius(
     for column in range(n):
         X, V, x, v = np.split(np.eye(n)[column], [size, 2 * size, 2 * size + STRING])
         f = kc * (x[7] - X[-1])
+        V = (first - Z) @ V - K @ X
         V[-1] += w_end * f
-        X[-1] += V[-1]
         force = -k * (laplace @ x)
         force[7] -= f
         v = v + w * force
-        fast[:, column] = np.r_[X, V, x + v, v]
-    inner = np.eye(n)
-    inner[: size - 1, size : 2 * size - 1] = every * np.eye(size - 1)
-    kick = np.eye(n)
-    velocities = slice(size, 2 * size)
-    kick[velocities, :size], kick[velocities, velocities] = -pull, keep
-    complete = kick @ inner @ np.linalg.matrix_power(fast, every)
-    return float(abs(np.linalg.eigvals(complete)).max())
+        fast[:, column] = np.r_[X + V, V, x + v, v]
+    return float(abs(np.linalg.eigvals(fast)).max())
 
 
 def soft(seed: int, every: int, turn: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """A random key whose quickest mode turns so far between two kicks."""
+    """A random key whose quickest mode turns so far in `every` frames."""
     chance = np.random.default_rng(seed)
     m, k = 10.0 ** chance.uniform(-3.0, -1.0, COUNT), 10.0 ** chance.uniform(0.0, 3.0, COUNT)
     K = np.diag(k + np.r_[k[1:], 0.0]) - np.diag(k[1:], 1) - np.diag(k[1:], -1)
@@ -253,30 +237,22 @@ def test_stable_slow_key_has_spectral_radius_of_at_most_one(seed: int):
     chain = soft(seed, every, chance.uniform(0.05, 1.0))
     z = tuple(chance.uniform(0.0, 0.05, COUNT)) if seed % 2 else UNDAMPED
     kc = float(10.0 ** chance.uniform(1.0, 3.0))
-    by_hand = radius(every, kc, chain, z)
+    by_hand = radius(kc, chain, z)
     plan = _core.Plan(*scene(every, kc=kc, chain=chain, z=z, t60=None, ca=True))
     assert plan.stay() == []
     assert by_hand < 1.0 + 1e-9
     assert slow_row(plan).radius == pytest.approx(by_hand, abs=1e-8)
 
 
-def test_an_undamped_key_stays_bounded_at_every_rate():
-    for every in range(2, 61):
-        assert radius(every, 5e3, (MASSES, SPRINGS), (0.0,) * COUNT) < 1.0 + 1e-8, every
-
-
-def test_unstable_slow_key_steps_at_every_frame():
-    chain, z, kc = soft(8, 44, 2.6), UNDAMPED, 5e3
-    assert radius(44, kc, chain, z) > 1.1
-    built = scene(44, kc=kc, chain=chain, z=z, t60=None, ca=True)
-    plan = _core.Plan(*built)
-    ((part, why),) = plan.stay()
-    assert part == "key"
-    assert "would grow" in why
-    assert [row.what for row in plan.rows()].count("e4") == 0
-    assert any(row.stays and "would grow" in row.stays for row in plan.rows())
-    plain = play(scene(None, kc=kc, chain=chain, z=z, t60=None, ca=True), plan=False)
-    assert error_db(play(built), plain) < -60.0
+def test_key_of_quick_modes_keeps_its_rate():
+    """Its quickest mode turns by 2.6 rad from tick to tick."""
+    how: dict[str, Any] = {"kc": 5e3, "chain": soft(8, 44, 2.6), "z": UNDAMPED, "t60": None}
+    how["ca"] = True
+    plan = _core.Plan(*scene(44, **how))
+    assert plan.stay() == []
+    assert slow_row(plan).macrostep == 44
+    slow = play(scene(44, **how), SHORT, error_db=-100.0)
+    assert error_db(slow, play(scene(None, **how), SHORT, plan=False)) < -180.0
 
 
 def test_a_large_island_is_followed_for_a_while():
@@ -286,9 +262,6 @@ def test_a_large_island_is_followed_for_a_while():
     assert row.guarantee == "tried"
     assert row.radius is not None
     assert abs(row.radius - 1.0) < 3e-5
-    plan = _core.Plan(*scene(44, kc=5e3, chain=soft(8, 44, 2.6), **soft_one))
-    ((_, why),) = plan.stay()
-    assert "would grow" in why
 
 
 # --- hands ----------------------------------------------------------------------------------------
@@ -382,9 +355,6 @@ def test_a_hand_that_holds_it_at_every_frame_has_it_so():
     assert "limit" in stays_of(10, force_limit=5.0)
     network, timeline = scene(10)
     assert "method" in _core.Plan(network, timeline, method="ca").stay()[0][1]
-    # 100 Hz turn a whole circle in a kick each 441 frames.
-    network, timeline = scene(2000)
-    assert "too high" in _core.Plan(network, timeline).stay()[0][1]
 
 
 def test_a_part_with_nothing_linear_goes_at_every_frame():
@@ -432,8 +402,7 @@ def test_the_same_bytes_for_any_blocks_threads_and_from_a_snapshot():
 def test_plan_row_of_a_slow_key_states_its_error():
     rows = {R: slow_row(_core.Plan(*scene(R, kc=5e2, gesture={}))) for R in (10, 20, 44)}
     errors = [row.error_db for row in rows.values()]
-    assert all(error is not None and error < -55.0 for error in errors)
+    assert all(error is not None and error < -200.0 for error in errors)
     assert rows[10].preserved
     assert rows[20].preserved
-    assert not rows[44].preserved
     assert all(row.n_mat == COUNT and row.radius is not None for row in rows.values())

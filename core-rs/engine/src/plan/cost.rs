@@ -238,6 +238,11 @@ pub(super) fn saved(slow: &Slow) -> f64 {
     stepped - ports - slow_cost(slow)
 }
 
+/// Whether it costs more than stepping it module by module, by more than an island without anything in it.
+pub(super) fn is_dearer(slow: &Slow) -> bool {
+    slow.is_linear() && saved(slow) < -Costs::nanoseconds("frame")
+}
+
 fn slow_cost(slow: &Slow) -> f64 {
     let kick = match &slow.springs {
         Springs::Exact(flow) => flow.n_products() * Costs::nanoseconds("port"),

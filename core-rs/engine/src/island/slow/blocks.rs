@@ -30,7 +30,7 @@ pub(crate) struct BlockFlow {
     /// P   (2n, 2n), and its power for a block
     frame: Square,
     block: Square,
-    /// [Displacements and velocities to steps](Self::steps)   (n, 2n)
+    /// The step that led to each displacement, from displacements and velocities   (n, 2n)
     steps: Vec<f64>,
     /// B
     n_frames: usize,
@@ -437,5 +437,88 @@ impl Block {
         });
         let kinetic = v.iter().zip(w).map(|(v, w)| v * v / w);
         0.5 * (potential.sum::<f64>() + kinetic.sum::<f64>())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::integrate::flow::frame;
+
+    /// A row of three masses; the last one may be struck.
+    fn row_of_masses(n_frames: usize) -> Block {
+        let (mut k, mut z) = (Square::zero(3), Square::zero(3));
+        let entries = [
+            (0, 0, 3e-3, 4e-3),
+            (0, 1, -2e-3, -1e-3),
+            (1, 0, -1e-3, -5e-4),
+            (1, 1, 2.5e-3, 5e-4),
+            (1, 2, -1.5e-3, 0.0),
+            (2, 1, -3e-3, 0.0),
+            (2, 2, 3e-3, 2e-2),
+        ];
+        for (row, column, stiff, damp) in entries {
+            (*k.entry(row, column), *z.entry(row, column)) = (stiff, damp);
+        }
+        let map = frame(&k, &z, false);
+        let flow = Flow::new(&map).unwrap();
+        let mut moved = vec![0.0; 6];
+        moved[5] = 1.0;
+        let missing = flow.missing(2, &map.apply(&moved));
+        let interface = Interface {
+            w: &[0.5, 0.25, 2.0],
+            ports: vec![(0, None), (2, Some(missing))],
+            outputs: vec![vec![(0, 1.0), (1, -0.5)]],
+        };
+        let mut block = Block::new(&Arc::new(BlockFlow::new(flow, interface, n_frames)));
+        block
+            .state_mut()
+            .copy_from_slice(&[1.0, -0.5, 2.0, 0.01, 0.03, -0.02]);
+        block.begin();
+        block
+    }
+
+    /// Forces, a strike, an end ahead of time and an output, beside blocks of a single frame.
+    #[test]
+    fn block_of_any_length_gives_the_motion_of_every_frame() {
+        for n_frames in [2, 7, 30] {
+            let (mut blocks, mut frames) = (row_of_masses(n_frames), row_of_masses(1));
+            for n in 0..200_usize {
+                for block in [&mut blocks, &mut frames] {
+                    let force = if n % 3 == 0 { 0.0 } else { 1e-3 * n as f64 };
+                    block.push_port(0, force);
+                    block.push_port(1, if n == 41 { 0.7 } else { 0.0 });
+                    if n == 41 {
+                        block.strike(1, 0.7);
+                    }
+                    block.step(1.0);
+                    if n == 95 {
+                        block.end_here();
+                        block.begin();
+                    }
+                }
+                let seen = [0, 1, 2].map(|seen| (blocks.position(seen), frames.position(seen)));
+                assert!(
+                    seen.iter()
+                        .all(|(a, b)| (a - b).abs() < 1e-9 * b.abs().max(1.0))
+                );
+                let present = (blocks.present(), frames.present());
+                for mass in 0..3 {
+                    let (x, step) = blocks.motion(&present.0, mass);
+                    let (x_by_frame, step_by_frame) = frames.motion(&present.1, mass);
+                    assert!((x - x_by_frame).abs() < 1e-9 * x.abs().max(1.0));
+                    assert!((step - step_by_frame).abs() < 1e-9 * x.abs().max(1.0));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn body_that_was_never_pushed_stays_at_rest() {
+        let mut block = row_of_masses(4);
+        block.state_mut().fill(0.0);
+        block.begin();
+        (0..9).for_each(|_| block.step(1.0));
+        assert!((0..3).all(|seen| block.position(seen) == 0.0 && block.velocity(seen) == 0.0));
     }
 }

@@ -3,10 +3,12 @@
 //! Such an offer is taken only after a measurement, if the island then costs less and sounds the same.
 
 use super::{Maker, Solved};
+use crate::island::inside::BodyPlan;
 use crate::network::Subset;
 use crate::plan::budget::Budget;
 use crate::plan::choice::{BodyChoice, SteppedChoice};
 use crate::plan::constants::{PRESERVED, SEEN_SHARE, SLOW_WORTH};
+use crate::plan::cost;
 use crate::plan::passes::split::OwnTimeline;
 use crate::plan::report::row::Measured;
 use crate::plan::trial::multirate::{self, Offered};
@@ -15,8 +17,8 @@ use crate::plan::trial::multirate::{self, Offered};
 const NO_GAIN: &str = "at every frame its island keeps the budget, or keeps it at less cost";
 
 impl Maker<'_> {
-    /// The island without slow parts that asked for it, if it misses its budget with them or takes more steps a frame for
-    /// it, and is within the budget without them, at less cost if both are.
+    /// The island without slow parts that asked for it, if it misses its budget with them, takes more steps a frame for
+    /// it, or has one that is dearer than without a rate, and is within the budget without them, at less cost if both are.
     pub(super) fn without_rates(
         &self,
         subset: &Subset,
@@ -24,7 +26,11 @@ impl Maker<'_> {
         slow: Solved,
     ) -> Solved {
         let is_within = slow.is_within(self.budget);
-        let is_doubtful = !is_within || slow.chosen.island.island_plan.oversampling > 1;
+        let island_plan = &slow.chosen.island.island_plan;
+        let is_dearer =
+            |body: &BodyPlan| matches!(body, BodyPlan::Slow(slow) if cost::is_dearer(slow));
+        let is_doubtful =
+            !is_within || island_plan.oversampling > 1 || island_plan.bodies.iter().any(is_dearer);
         if slow.growth.is_none() || island_timeline.timeline.is_open || !is_doubtful {
             return slow;
         }

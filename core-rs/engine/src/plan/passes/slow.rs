@@ -11,10 +11,14 @@ use crate::island::slow::{Slow, Springs, Weights};
 use crate::network::forest::{Forest, ends};
 use crate::network::{LinkKind, MatKind, Network, Proxy, Run, SpaceLaw, Subset, Term};
 use crate::plan::constants::TURN_MAX;
+use crate::plan::cost;
 use crate::plan::passes::body::output_sums;
 use crate::plan::passes::wiring::Body;
 use crate::timeline::{DriveKind, Timeline};
 use crate::units::Rate;
+
+/// Why a body with many ports keeps the audio rate in a session, where each of its masses is a port.
+const DEARER: &str = "in a session, where each of its masses may be struck, it costs less so";
 
 /// A part that asks to be slow but cannot be: its name, and why.
 pub(in crate::plan) type RefusedSlow = (String, String);
@@ -94,6 +98,10 @@ fn bodies(
         } else {
             exact::slow(rate, part_and_macrostep, &body, subset, is_struck)?
         };
+        // Where a session plays, no trial decides.
+        if timeline.is_open && cost::is_dearer(&slow) {
+            return Err(DEARER.to_owned());
+        }
         Ok((body, slow))
     };
     bodies.into_iter().map(slow).collect()
