@@ -192,7 +192,7 @@ def _line(row: PlanRow) -> tuple[str, ...]:
     if row.modes is not None:
         n_used, n_total = row.modes
         computed = plural(n_used, _mode(row)) + ("" if n_used == n_total else f" of {n_total:,}")
-    if row.macrostep is not None:
+    if row.macrostep is not None and row.what != "e4":
         computed += f", once in {plural(row.macrostep, 'frame')}"
     if row.every > 1:
         steps = "once" if row.oversampling == 1 else f"{row.oversampling} times"
@@ -286,12 +286,15 @@ def _why(row: PlanRow) -> list[str]:
                 f"  The others together would be {-row.left_out_db:.0f} dB below the rest."
             )
     elif row.macrostep is not None:
-        how = "its exact flow (E4)" if row.what == "e4" else "the CA scheme at that rate"
-        lines.append(f"  Its springs pull once in {plural(row.macrostep, 'frame')}, by {how}.")
+        if row.what == "e4":
+            lines.append("  Its springs act by their exact flow (E4), and its rate changes no sound.")
+        else:
+            often = f"once in {plural(row.macrostep, 'frame')}"
+            lines.append(f"  Its springs pull {often}, by the CA scheme at that rate.")
         if row.offered:
             lines.append("  The planner chose this by itself: it costs less.")
         if row.radius is not None:
-            lines.append(f"  Nothing grows from pull to pull: |λ| is at most {row.radius:.9g}.")
+            lines.append(f"  Nothing grows from frame to frame: |λ| is at most {row.radius:.9g}.")
     elif row.what == "stepped":
         lines.append(f"  It is stepped module by module by the CA scheme, {_often(row)}.")
     else:
