@@ -55,3 +55,28 @@ def test_errors_of_strokes_late_and_louder():
 def test_errors_of_a_sound_that_is_not_finite():
     sound = partial(440.0, 0.5)
     assert hearing.errors(sound * np.nan, sound, RATE).excess == np.inf
+
+
+def test_errors_of_partials_that_beat():
+    """Where two beat, a level that is off turns the phase of both to and fro: the pitch stays."""
+    errors = hearing.errors(
+        partial(440.0, 0.5) + partial(455.0, 0.5, 0.7),
+        partial(440.0, 0.5) + partial(455.0, 0.5, 0.8),
+        RATE,
+    )
+    assert errors.cents < 1.0
+
+
+def test_errors_of_a_partial_that_fades_fast():
+    low = partial(110.0, 0.35)
+    errors = hearing.errors(low + partial(451.3, 0.05), low + partial(450.0, 0.05), RATE)
+    assert errors.cents == pytest.approx(1200.0 * np.log2(451.3 / 450.0), rel=0.1)
+
+
+def test_errors_of_an_output_at_rest():
+    sound = partial(440.0, 0.5)
+    exact = np.hstack([sound, 1e-15 * partial(300.0, 0.5)])
+    rounding = np.hstack([sound, 1e-6 * partial(200.0, 0.5)])
+    assert hearing.errors(rounding, exact, RATE) == hearing.AudibleErrors()
+    moving = np.hstack([sound, 1e-2 * partial(200.0, 0.5)])
+    assert hearing.errors(moving, exact, RATE).excess > 1.0

@@ -54,15 +54,18 @@ def compare(y: Floats, x: Floats, f: float, rate: float) -> Partial | None:
     return Partial(true, cents, ratio60, 3.0 * log(10.0) / decay if decay > 0.0 else inf)
 
 
-def strongest(x: Floats, rate: float, count: int = 5) -> list[float]:
+def strongest(x: Floats, rate: float, count: int = 5, window: Floats | None = None) -> list[float]:
     """Frequencies of the strongest partials [Hz], each the strongest within 40 Hz around it.
 
-    Found on a Hann window over all of x, between bins by a parabola through logarithms.
+    Found on a window over all of x (a Hann window by default), between bins by a parabola through
+    logarithms.
     """
     if not x.any():
         return []
     size = 4 * len(x)
-    magnitude = np.abs(np.fft.rfft(x * np.hanning(len(x) + 1)[:-1], size))
+    if window is None:
+        window = np.hanning(len(x) + 1)[:-1]
+    magnitude = np.abs(np.fft.rfft(x * window, size))
     reach = max(2, int(_APART * size / rate))
     low, high = int(1.5 * reach), int(0.45 * size)
     # The rise towards a stronger peak's neighbour is not a peak.

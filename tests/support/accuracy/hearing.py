@@ -14,7 +14,6 @@ from ergon.workshop.lab.partials import strongest
 PITCH_UPTO = 5000.0  # [Hz]
 BAND = 20.0  # [Hz] half the width of a partial
 EDGE = 0.025  # [s] at either end that belongs to no partial
-TURN = 0.01  # [s] over which the turn of a partial's phase is taken
 WEAKEST = 1e-4  # of the strongest partial [power]
 STRAIGHT, FALLS = 0.1, 0.1  # [nepers] a decay's residual at most, and its fall at least
 HIGHEST = 19e3  # centre of the highest third octave that counts [Hz]
@@ -25,6 +24,8 @@ LENGTH = 0.05  # [s] of a stroke
 REACH, BEGUN = 0.01, 0.3  # [s] around a stroke, and the part of the energy there that begins it
 WORST_DB = 100.0
 PADDED = 3  # lengths of a sound that follow it
+STILL = 1e-24  # of the loudest output [power]: rounding of a reference at rest
+UNHEARD = 1e-8  # of the loudest output [power]: what an output at rest may have (-80 dB)
 
 
 @dataclass(frozen=True)
@@ -50,11 +51,22 @@ def errors(y: np.ndarray, x: np.ndarray, rate: float) -> AudibleErrors:
     if not np.isfinite(y).all():
         return AudibleErrors(*[inf] * len(astuple(AudibleErrors())))
     ours, theirs = (sound - sound.mean(axis=0) for sound in (y, x))
+    loudest = max(_energy(exact) for exact in theirs.T)
     rows = [
-        astuple(_errors_of_output(sound, exact, rate))
+        astuple(
+            _errors_at_rest(sound, loudest)
+            if _energy(exact) < STILL * loudest
+            else _errors_of_output(sound, exact, rate)
+        )
         for sound, exact in zip(ours.T, theirs.T, strict=True)
     ]
     return AudibleErrors(*(float(worst) for worst in np.max(rows, axis=0)))
+
+
+def _errors_at_rest(y: np.ndarray, loudest: float) -> AudibleErrors:
+    """Of an output whose exact motion is rounding: what moves there is heard beside the loudest."""
+    is_heard_there = _energy(y) > UNHEARD * loudest
+    return AudibleErrors(stroke_db=WORST_DB if is_heard_there else 0.0)
 
 
 def _errors_of_output(y: np.ndarray, x: np.ndarray, rate: float) -> AudibleErrors:
@@ -69,7 +81,8 @@ def _errors_of_output(y: np.ndarray, x: np.ndarray, rate: float) -> AudibleError
 
 def _partials(y: np.ndarray, x: np.ndarray, rate: float) -> tuple[float, float]:
     """Largest error of a pitch [cents], and of a T60 relative to itself, of strong partials."""
-    bands = [(f, _band(y, f, rate), _band(x, f, rate)) for f in strongest(x, rate)]
+    peaks = strongest(x, rate, window=_window(len(x), rate))
+    bands = [(f, _band(y, f, rate), _band(x, f, rate)) for f in peaks]
     powers = [float(np.sum(np.abs(theirs) ** 2)) for _, _, theirs in bands]
     cents, decays = [0.0], [0.0]
     for (f, ours, theirs), power in zip(bands, powers, strict=True):
@@ -77,10 +90,10 @@ def _partials(y: np.ndarray, x: np.ndarray, rate: float) -> tuple[float, float]:
             continue
         weight = np.abs(theirs)
         t = np.arange(len(theirs)) / rate
-        turned = ours * np.conj(theirs)
-        step = round(TURN * rate)
-        turn = float(np.angle(np.sum(turned[step:] * np.conj(turned[:-step]))))
-        drift = turn * rate / step / (2.0 * np.pi)
+        # The slope of all of the phase: one that turns and comes back, as where partials beat, is
+        # no error of a pitch.
+        turned = np.unwrap(np.angle(ours * np.conj(theirs)))
+        drift = float(np.polyfit(t, turned, 1, w=weight)[0]) / (2.0 * np.pi)
         cents.append(1200.0 * abs(float(np.log2(max(1.0 + drift / f, 1e-300)))))
         levels, others = (np.log(np.maximum(np.abs(band), 1e-300)) for band in (theirs, ours))
         fall = np.polyfit(t, levels, 1, w=weight)
@@ -92,10 +105,21 @@ def _partials(y: np.ndarray, x: np.ndarray, rate: float) -> tuple[float, float]:
     return max(cents), max(decays)
 
 
+def _window(n_frames: int, rate: float) -> np.ndarray:
+    """A window that rises within EDGE and falls to the end: fast partials are strong only at the
+    beginning.
+    """
+    n_rise = min(round(EDGE * rate), n_frames // 2)
+    rise, fall = ((np.arange(n) + 0.5) / n for n in (n_rise, n_frames - n_rise))
+    return np.concatenate([np.sin(0.5 * np.pi * rise) ** 2, np.cos(0.5 * np.pi * fall) ** 2])
+
+
 def _band(x: np.ndarray, f: float, rate: float) -> np.ndarray:
     """The analytic signal of a partial, by a Gaussian in the spectrum, without its ends."""
-    spectrum = np.fft.fft(x)
-    frequency = np.fft.fftfreq(len(x), 1.0 / rate)
+    # Padded, because the beginning would follow the end.
+    n_padded = 2 * len(x)
+    spectrum = np.fft.fft(x, n_padded)
+    frequency = np.fft.fftfreq(n_padded, 1.0 / rate)
     spectrum *= np.exp(-0.5 * ((frequency - f) / BAND) ** 2)
     n_edge = round(EDGE * rate)
     return np.fft.ifft(spectrum)[n_edge : len(x) - n_edge]
