@@ -279,6 +279,7 @@ def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> R
             scores.digest(piece),
             stage.plan.hash if stage.plan else "",
             chunks_of_layout(piece.mix.layout, n_channels, piece.title),
+            tuple(scores.mark_frames(piece, stage.rate, start)),
         ),
         stems=None if file.stems is None else Path(file.stems),
         splits_stems=file.wet,

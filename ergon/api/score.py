@@ -250,6 +250,12 @@ def marks_of(piece: Piece) -> list[tuple[str, float]]:
     return sorted(beats, key=lambda mark: (mark[1], mark[0]))
 
 
+def mark_frames(piece: Piece, rate: float, start: int = 0) -> list[tuple[str, int]]:
+    """Marks with their frames in a file that begins at frame `start`, in order of time."""
+    tempo = piece.tempo_map
+    return [(name, round(tempo.seconds(at) * rate) - start) for name, at in marks_of(piece)]
+
+
 def level_of(piece: Piece, bits: Bits) -> Level:
     """The gain, high-pass and limiter between the mix and a file of `bits`."""
     is_measured = bits == "float"  # in SI units, nothing added or taken away

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import re
 import struct
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import BinaryIO, Literal
 
@@ -38,8 +39,11 @@ _DS64 = struct.Struct("<QQQI")
 _FMT = struct.Struct("<HHIIHHHHI")
 # Version 1: the last field is 64 bytes of UMID and 190 reserved, all zero.
 _BEXT = struct.Struct("<256s32s32s10s8sQH254s")
+# Number, position, chunk, start of the chunk, start of the block, frame in the block.
+_CUE = struct.Struct("<II4sIII")
 _DATE, _TIME = b"1970-01-01", b"00:00:00"  # never the clock: same score, same bytes
 _DESCRIPTION_MAX = 4 << 20  # bytes of a description of channels; longer ones are ignored
+_CUES_MAX = 1 << 20  # bytes of cue points, and of their names; more are ignored
 _OTHERS_MAX = 100  # chunks that are named
 _FILLING = (b"JUNK", b"junk", b"PAD ", b"FLLR", b"fact")  # that say nothing
 _CUT_HEADER = "this WAVE file ends within its header"
@@ -59,6 +63,7 @@ class Stamp:
     score: str = ""
     plan: str = ""
     chunks: bytes = b""  # that say what the channels are, as they stand in the file
+    marks: tuple[tuple[str, int], ...] = ()  # names and frames in the file, for WAVE files
 
     def description(self) -> bytes:
         """The 256 bytes of the bext description; a long title is cut, a hash never."""
@@ -143,6 +148,7 @@ def pack(format: WaveFormat, n_frames: int, stamp: Stamp, *, riff_limit: int = R
             _chunk(b"fact", struct.pack("<I", min(n_frames, 0xFFFFFFFF))),
             _chunk(b"bext", _BEXT.pack(stamp.description(), origin, b"", _DATE, _TIME, 0, 1, b"")),
             stamp.chunks,
+            _cue_chunks([mark for mark in stamp.marks if 0 <= mark[1] < n_frames]),
         )
     )
     riff = 4 + (8 + _DS64.size) + len(body) + 8 + size + (size & 1)
@@ -151,6 +157,27 @@ def pack(format: WaveFormat, n_frames: int, stamp: Stamp, *, riff_limit: int = R
         return head + body + b"data" + struct.pack("<I", size)
     ds64 = _chunk(b"ds64", _DS64.pack(riff, size, n_frames, 0))
     return b"RF64\xff\xff\xff\xffWAVE" + ds64 + body + b"data\xff\xff\xff\xff"
+
+
+def _cue_chunks(marks: Sequence[tuple[str, int]]) -> bytes:
+    """Cue points and their names (`cue `, and `labl` in a LIST of `adtl`); nothing without marks.
+
+    A frame past 32 bits has no place in them and is left out. The layout is that of Microsoft and
+    IBM, "Multimedia programming interface and data specifications 1.0" (1991).
+    """
+    placed = [(name, frame) for name, frame in marks if frame <= 0xFFFFFFFF]
+    if not placed:
+        return b""
+    points = (
+        _CUE.pack(number, frame, b"data", 0, 0, frame)
+        for number, (_, frame) in enumerate(placed, 1)
+    )
+    labels = (
+        _chunk(b"labl", struct.pack("<I", number) + name.encode() + b"\0")
+        for number, (name, _) in enumerate(placed, 1)
+    )
+    cue = struct.pack("<I", len(placed)) + b"".join(points)
+    return _chunk(b"cue ", cue) + _chunk(b"LIST", b"adtl" + b"".join(labels))
 
 
 def _chunk(name: bytes, content: bytes) -> bytes:
@@ -191,6 +218,8 @@ def parse(file: BinaryIO) -> WaveInfo:
     description = ""
     more = {b"axml": b"", b"chna": b""}
     others: list[tuple[str, int]] = []
+    cues: dict[int, int] = {}
+    labels: dict[int, str] = {}
     samples: tuple[int, int, int] | None = None  # offset, bytes there, bytes missing
     end = file.seek(0, 2)
     file.seek(12)
@@ -218,6 +247,10 @@ def parse(file: BinaryIO) -> WaveInfo:
             description, originator = _text(text), _text(origin)
         elif name in more and size <= _DESCRIPTION_MAX:
             more[name] = read_exactly(file, size)
+        elif name == b"cue " and size <= _CUES_MAX:
+            cues = _cues(read_exactly(file, size))
+        elif name == b"LIST" and 4 <= size <= _CUES_MAX and file.read(4) == b"adtl":
+            labels = _labels(read_exactly(file, size - 4))
         elif name not in _FILLING and len(others) < _OTHERS_MAX:
             others.append((name.decode("latin-1"), size))
         file.seek(start + size + (size & 1))
@@ -237,7 +270,27 @@ def parse(file: BinaryIO) -> WaveInfo:
         mask,
         missing,
         tuple(others),
+        tuple((labels.get(number, str(number)), frame) for number, frame in cues.items()),
     )
+
+
+def _cues(content: bytes) -> dict[int, int]:
+    """The frames of cue points, by their numbers."""
+    starts = range(4, len(content) - _CUE.size + 1, _CUE.size)
+    points = (_CUE.unpack_from(content, start) for start in starts)
+    return {number: frame for number, *_, frame in points}
+
+
+def _labels(content: bytes) -> dict[int, str]:
+    """The names of cue points, by their numbers."""
+    names: dict[int, str] = {}
+    start = 0
+    while start + 12 <= len(content):
+        kind, size, number = struct.unpack_from("<4sII", content, start)
+        if kind == b"labl" and size >= 4:
+            names[number] = _text(content[start + 12 : start + 8 + size])
+        start += 8 + size + (size & 1)
+    return names
 
 
 def _sizes(stated: int, there: int, format: WaveFormat, *, is_whole: bool) -> tuple[int, int]:

@@ -247,3 +247,35 @@ def test_wrong_number_of_frames_or_channels_is_refused() -> None:
         writer.close()
     with pytest.raises(ValueError, match="64 channels"):
         pack(WaveFormat(44_100, 65, 24), 1, STAMP)
+
+
+def test_pack_with_marks_as_cue_points(tmp_path: Path) -> None:
+    """Two cue points and their names, as the specification of 1991 lays them out; those outside of
+    the file are left out.
+    """
+    form = WaveFormat(44_100, 1, 16)
+    marks = (("early", -1), ("in", 0), ("koda ü", 3), ("late", 4))
+    head = pack(form, 4, Stamp("piece", marks=marks))
+    points = struct.pack("<II4sIII", 1, 0, b"data", 0, 0, 0)
+    points += struct.pack("<II4sIII", 2, 3, b"data", 0, 0, 3)
+    assert struct.pack("<4sII", b"cue ", 52, 2) + points in head
+    names = struct.pack("<4sII", b"labl", 7, 1) + b"in\0\0"
+    names += struct.pack("<4sII", b"labl", 12, 2) + "koda ü\0".encode()
+    assert struct.pack("<4sI4s", b"LIST", 4 + len(names), b"adtl") + names in head
+    path = tmp_path / "a.wav"
+    path.write_bytes(head + bytes(8))
+    assert read_info(path).marks == (("in", 0), ("koda ü", 3))
+    assert soundfile.info(path).frames == 4
+
+
+def test_read_info_with_damaged_cue_points(tmp_path: Path) -> None:
+    """A point that is cut, a name longer than its list, and a list without a kind."""
+    form = WaveFormat(44_100, 1, 16)
+    cue = struct.pack("<4sII", b"cue ", 10, 9) + bytes(6)
+    long_name = struct.pack("<4sI4s4sII", b"LIST", 16, b"adtl", b"labl", 999, 1)
+    empty = struct.pack("<4sI", b"LIST", 0)
+    stamp = Stamp("piece", chunks=cue + long_name + empty)
+    path = tmp_path / "a.wav"
+    path.write_bytes(pack(form, 2, stamp) + bytes(4))
+    info = read_info(path)
+    assert (info.marks, info.n_frames) == ((), 2)
