@@ -182,13 +182,18 @@ def find_direction(url: str, number: int, before: Axis | None = None) -> Axis:
 def axes_as_known(url: str, before: Mapping[int, Axis | None]) -> dict[int, Axis]:
     """Of the axes `before`, pushed together by small forces, those that move as they should.
 
-    An axis without a calibration is then as the device describes it. Raises EngineError.
+    An axis without a calibration is then as the device describes it. Where several did not move,
+    these are pushed together once more, for a busy machine may have passed over the push. Raises
+    EngineError.
     """
     known = {number: axis for number, axis in before.items() if axis is not None}
     device = _core.Device(url, [axis.for_core(number) for number, axis in known.items()])
     try:
-        signs = zip(before, device.directions(list(before), 1e-3), strict=True)
-        moved = [number for number, sign in signs if sign == 1.0]
+        signs = dict(zip(before, device.directions(list(before), 1e-3), strict=True))
+        still = [number for number, sign in signs.items() if sign is None]
+        if len(still) > 1:
+            signs.update(zip(still, device.directions(still, 1e-3), strict=True))
+        moved = [number for number, sign in signs.items() if sign == 1.0]
         return {number: known.get(number) or uncalibrated_axis(device, 1) for number in moved}
     finally:
         device.close()

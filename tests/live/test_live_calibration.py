@@ -15,7 +15,14 @@ from ergon.cli import app
 from ergon.common.report import Report
 from ergon.live import boards
 from ergon.live.boards import BoardError, config_path, device_urls
-from ergon.live.calibration import Axis, axis_key, calibrated_axes, known_axes, store_axis
+from ergon.live.calibration import (
+    Axis,
+    axes_as_known,
+    axis_key,
+    calibrated_axes,
+    known_axes,
+    store_axis,
+)
 from ergon.live.display import event_sentence
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals")
@@ -337,3 +344,41 @@ def test_devices_without_home_folder(monkeypatch: pytest.MonkeyPatch):
     assert device_urls() == {}
     with pytest.raises(BoardError, match="set HOME or XDG_CONFIG_HOME"):
         store_axis("frame:/dev/ttyACM0", 0, AXIS)
+
+
+class PassedOverDevice:
+    """A device of which the axes `still` do not move at the first push, or, held, at any."""
+
+    def __init__(self, still: set[int], held: set[int]) -> None:
+        self.still, self.held, self.pushes = still, held, []
+
+    def directions(self, axes: list[int], period: float) -> list[float | None]:
+        self.pushes.append(axes)
+        unmoved = self.held | (self.still if len(self.pushes) == 1 else set())
+        return [None if axis in unmoved else 1.0 for axis in axes]
+
+    def close(self) -> None:
+        pass
+
+
+@pytest.mark.parametrize(
+    ("still", "held", "pushed_again", "moved"),
+    [
+        (set(), set(), [], [0, 1, 2, 3]),
+        ({0, 1, 2, 3}, set(), [[0, 1, 2, 3]], [0, 1, 2, 3]),
+        ({1}, {2}, [[1, 2]], [0, 1, 3]),
+        (set(), {2}, [], [0, 1, 3]),  # one alone is tried alone by the caller
+    ],
+)
+def test_axes_as_known_pushes_again_what_stayed_still(
+    still: set[int],
+    held: set[int],
+    pushed_again: list[list[int]],
+    moved: list[int],
+    monkeypatch: pytest.MonkeyPatch,
+):
+    device = PassedOverDevice(still, held)
+    monkeypatch.setattr(_core, "Device", lambda url, axes: device)
+    known = {number: Axis(1, 0.0, 1.0, (-0.01, 0.01), 2.0) for number in range(4)}
+    assert list(axes_as_known("frame:x", known)) == moved
+    assert device.pushes == [[0, 1, 2, 3], *pushed_again]
