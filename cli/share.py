@@ -53,12 +53,17 @@ def share(
     It holds the page of `ergon view`, what moves and the sound (FLAC, 16 bits, two channels at
     most), and asks no server for anything: open it from the disk, send it, put it on a site.
     """
-    from ergon.api.share import share_file
+    from functools import partial
+
+    from ergon.api.share import check_estimate, share_file
 
     source = Path(path)
     target = Path(output or f"{source.stem}.html")
     with TemporaryDirectory(prefix="ergon-share-") as folder:
-        shown = shown_of(console, source, Path(folder), sound=sound, trust=trust, until=until)
+        check = partial(check_estimate, path=target, limit_mb=limit)
+        shown = shown_of(
+            console, source, Path(folder), sound=sound, trust=trust, check=check, until=until
+        )
         done = share_file(
             shown,
             target,

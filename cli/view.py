@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -16,6 +17,7 @@ from .signals import until_interrupted
 from .units import seconds
 
 if TYPE_CHECKING:
+    from ergon.api.render import PreparedRender
     from ergon.api.viewing import Shown
     from ergon.workshop.api.movie import MovieMaker
 
@@ -123,11 +125,13 @@ def shown_of(
     *,
     sound: Path | None,
     trust: bool,
+    check: Callable[[PreparedRender], None] | None = None,
     **options: str | None,
 ) -> Shown:
     """What a page shows of a motion file, or of a score that is rendered into a folder.
 
-    `options` are those of `FileOptions`, for a score alone. Raises Refused.
+    `options` are those of `FileOptions`, for a score alone; `check` may refuse a score before it is
+    computed. Raises Refused.
     """
     is_motion = _is_motion(path)
     if sound is not None and not is_motion:
@@ -146,7 +150,7 @@ def shown_of(
     from ergon.api.viewing import render_view
 
     rendered = FileOptions(motion=True, trust=trust, **options)  # type: ignore[arg-type]
-    return render_view(path, folder, rendered, console)
+    return render_view(path, folder, rendered, console, check)
 
 
 def _shown_motion(console: Console, path: Path, sound: Path | None, folder: Path) -> Shown:

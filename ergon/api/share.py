@@ -11,16 +11,29 @@ from ergon.common.structured import parse_json
 from ergon.exchange.safe import check_target, write_text
 
 from .errors import OptionError
+from .film import FPS
 from .pages import ANYWHERE, serve
 from .shared_page import page_files, shared_page
-from .viewing import as_flac
+from .viewing import EARS, as_flac
 
 if TYPE_CHECKING:
+    from ergon.scores.staging.stage import Stage
+
+    from .render import PreparedRender
     from .viewing import Shown
 
 LIMIT_MB = 50.0
 _MEGA = 1e6
 _CODED = 4 / 3  # characters of base64 for a byte
+
+
+# Typical sizes of what ships [bytes]; a piece may have half of them, or twice as much.
+_SAMPLED_POINT = 60.0  # a second, of a mass whose positions are sampled
+_FREE_POINT = 25.0  # a second, of a free oscillation or a mode
+_CHUNK = 20  # head and check sum of a chunk of the motion file
+_KEY, _SPEAKER = 12, 4  # in each frame of the motion
+_FLAC = 0.25  # of a sound's samples
+_SURE = 2.0  # a piece is refused before it is computed if its estimate is so many limits
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +44,40 @@ class SharedFile:
     size: int
     motion: int
     sound: int
+
+
+def check_estimate(prepared: PreparedRender, path: Path, limit_mb: float) -> None:
+    """Refuse a piece that is far too long, before it is computed. Raises OptionError.
+
+    The size is estimated from its length, its channels and the points that move.
+    """
+    film, rate = prepared.job.film, prepared.stage.rate
+    if film is None:
+        return
+    seconds = film.stop / rate
+    motion = seconds * _motion_each_second(prepared.stage)
+    sound = seconds * rate * min(film.n_channels, EARS) * 2 * _FLAC
+    size = _CODED * (motion + sound)
+    if size > _SURE * limit_mb * _MEGA:
+        fitting = seconds * limit_mb * _MEGA / size
+        raise OptionError(
+            "limit",
+            f"{path} would have about {_megabytes(size)} ({_megabytes(_CODED * motion)} of "
+            f"motion, {_megabytes(_CODED * sound)} of sound), more than {limit_mb:g} MB, so it was "
+            f"not computed; share a shorter stretch than its {seconds:,.0f} s (about "
+            f"{fitting:,.0f} s fit), or allow more",
+        )
+
+
+def _motion_each_second(stage: Stage) -> float:
+    """About how many bytes a second of a motion file has."""
+    from ergon import _core
+
+    costs = {"sampled": _SAMPLED_POINT, "free": _FREE_POINT, "modal": _FREE_POINT}
+    runs = _core.MotionLook(stage.simulation).runs()
+    points = sum(run.count * costs.get(run.kind, 0.0) for run in runs)
+    keys = _CHUNK + _KEY * len(stage.piece.keys) if stage.piece.keys else 0
+    return points + FPS * (keys + _CHUNK + _SPEAKER * stage.n_channels)
 
 
 def share_file(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,13 +15,13 @@ from . import score as scores
 from .film import SUFFIX
 from .fold import FoldError, FoldOptions, fold_file
 from .options import FileOptions
-from .render import prepare, write
+from .render import PreparedRender, prepare, write
 
 if TYPE_CHECKING:
     from ergon.exchange.wave_header import WaveInfo
 
 _SOUNDS = (".wav", ".flac")
-_EARS = 2
+EARS = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,11 +32,23 @@ class Shown:
     sound: Path | None
 
 
-def render_view(score: Path, folder: Path, options: FileOptions, report: Report) -> Shown:
-    """Compute sound and motion of a score into a folder. Raises as `render_to_file` does."""
+def render_view(
+    score: Path,
+    folder: Path,
+    options: FileOptions,
+    report: Report,
+    check: Callable[[PreparedRender], None] | None = None,
+) -> Shown:
+    """Compute sound and motion of a score into a folder, unless `check` raises before that.
+
+    Raises as `render_to_file` does.
+    """
     sound = folder / "piece.wav"
     loaded = scores.read(score, options, report)
-    write(prepare(loaded, str(sound), options, report), report)
+    prepared = prepare(loaded, str(sound), options, report)
+    if check is not None:
+        check(prepared)
+    write(prepared, report)
     return Shown(sound.with_suffix(SUFFIX), for_two_ears(sound, folder, report))
 
 
@@ -73,13 +86,13 @@ def for_two_ears(path: Path, folder: Path, report: Report) -> Path:
 
     info = sound.read_info(path)
     if (
-        info.format.n_channels <= _EARS
+        info.format.n_channels <= EARS
         and info.container == "RIFF"
         and info.format.bits in (16, 24, "float")
     ):
         return path
     folded_path = folder / "two-ears.wav"
-    if info.format.n_channels > _EARS:
+    if info.format.n_channels > EARS:
         try:
             options = FoldOptions(bits=16, force=True)
             fold_file(path, folded_path, "binaural", options, report=report)
@@ -114,7 +127,7 @@ def _by_sides(path: Path, info: WaveInfo, folded_path: Path) -> None:
     from ergon.exchange import sound
     from ergon.exchange.safe import open_for_writing
 
-    channels = min(info.format.n_channels, _EARS)
+    channels = min(info.format.n_channels, EARS)
     format = WaveFormat(info.format.rate, channels, 16)
     with open_for_writing(str(folded_path), binary=True, force=True, inputs=(path,)) as file:
         writer = sound.writer(str(folded_path), file, format, info.n_frames, Stamp(path.stem))

@@ -19,8 +19,16 @@ from one_bell import SCORE
 from patience import until
 
 from ergon import _core
+from ergon.api.errors import OptionError
+from ergon.api.options import FileOptions
+from ergon.api.render import prepare, write
+from ergon.api.score import read
+from ergon.api.share import check_estimate
 from ergon.api.shared_page import shared_page
+from ergon.api.viewing import as_flac
 from ergon.cli import app
+from ergon.cli.bundled import bundled
+from ergon.common.report import Report
 
 WIDTH, HEIGHT = 480, 300
 RATE = 8000
@@ -157,6 +165,38 @@ def test_shared_file_has_a_largest_size(
     assert not Path("piece.html").exists()
     assert app.run(["share", str(motion), "--until", "1s"]) == 2
     assert "--until needs a score" in capsys.readouterr().err
+
+
+def test_share_of_a_long_piece_before_it_is_computed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    monkeypatch.chdir(tmp_path)
+    Path("long.yaml").write_text(SCORE.replace("tail: 1s", "tail: 3600s"))
+    with monkeypatch.context() as patched:
+        patched.setattr("ergon.api.viewing.write", lambda *_: pytest.fail("it was computed"))
+        assert app.run(["share", "long.yaml"]) == 2
+    message = capsys.readouterr().err
+    assert re.search(
+        r"would have about \d+\.\d MB .* not computed; share a shorter stretch", message
+    )
+    assert re.search(r"about \d+ s fit", message)
+    assert app.run(["share", "long.yaml", "--until", "2s"]) == 0
+    assert Path("long.html").exists()
+
+
+@pytest.mark.parametrize("name", ["one-gesture", "rain"])
+def test_check_estimate_within_a_factor_of_the_size(name: str, tmp_path: Path):
+    """Twice the true size is not refused, an eighth of it is."""
+    score = bundled()[name]
+    options = FileOptions(motion=True, until="3s")
+    report = Report()
+    prepared = prepare(read(score, options, report), str(tmp_path / "a.wav"), options, report)
+    write(prepared, report)
+    motion, sound = tmp_path / "a.motion", as_flac(tmp_path / "a.wav", tmp_path)
+    size = (motion.stat().st_size + sound.stat().st_size) * 4 / 3e6
+    check_estimate(prepared, tmp_path / "a.html", 2.0 * size)
+    with pytest.raises(OptionError, match="would have about"):
+        check_estimate(prepared, tmp_path / "a.html", size / 8.0)
 
 
 def test_page_that_changed_is_not_shared_wrongly():
