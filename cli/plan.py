@@ -287,7 +287,9 @@ def _why(row: PlanRow) -> list[str]:
             )
     elif row.macrostep is not None:
         if row.what == "e4":
-            lines.append("  Its springs act by their exact flow (E4), and its rate changes no sound.")
+            lines.append(
+                "  Its springs act by their exact flow (E4), and its rate changes no sound."
+            )
         else:
             often = f"once in {plural(row.macrostep, 'frame')}"
             lines.append(f"  Its springs pull {often}, by the CA scheme at that rate.")
