@@ -214,10 +214,10 @@ impl RunningSlow {
         self.kick.copy_from_slice(&other.kick);
         self.previous.copy_from_slice(&other.previous);
         self.since = other.since;
-        if let (RunningSprings::Exact(own), RunningSprings::Exact(other)) =
+        if let (RunningSprings::Exact(block), RunningSprings::Exact(other)) =
             (&mut self.springs, &other.springs)
         {
-            own.copy_motion(other);
+            block.copy_motion(other);
         }
     }
 

@@ -81,7 +81,7 @@ impl BlockFlow {
         let Interface { w, ports, outputs } = interface;
         let mut seen: Vec<Weights> = ports.iter().map(|port| vec![(port.0, 1.0)]).collect();
         seen.extend(outputs);
-        let mut own = Self {
+        let mut block_flow = Self {
             block: frame.power(n_frames as u32),
             steps: steps(&flow),
             free: Vec::new(),
@@ -92,21 +92,21 @@ impl BlockFlow {
             frame,
             flow,
         };
-        own.free = own.free_motion();
+        block_flow.free = block_flow.free_motion();
         for &(port, _) in &ports {
             let mut pushed = vec![0.0; 2 * n];
             pushed[n + port] = w[port];
-            let input = own.input(own.frame.apply(&pushed));
-            own.inputs.push(input);
+            let input = block_flow.input(block_flow.frame.apply(&pushed));
+            block_flow.inputs.push(input);
         }
         for (index, (port, missing)) in ports.into_iter().enumerate() {
             let Some(mut state) = missing else { continue };
             state.iter_mut().for_each(|x| *x *= w[port]);
-            own.strikes[index] = Some(own.inputs.len());
-            let input = own.input(state);
-            own.inputs.push(input);
+            block_flow.strikes[index] = Some(block_flow.inputs.len());
+            let input = block_flow.input(state);
+            block_flow.inputs.push(input);
         }
-        own
+        block_flow
     }
 
     /// The same with other ports (their indices here) and outputs, without strikes, or with blocks of another length.
