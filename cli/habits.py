@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 
 # Words that are typed as a command; `{rest}` is what follows the word, with a space before it.
 INSTEAD: Mapping[str, str] = {
     "build": "ergon render{rest}",
     "config": "ergon devices",
-    "convert": "ergon export{rest}",
+    "convert": "ergon help export",
     "create": "ergon new{rest}",
     "delete": "ergon help files",
     "docs": "ergon help{rest}",
@@ -29,6 +30,7 @@ INSTEAD: Mapping[str, str] = {
     "open": "ergon view{rest}",
     "record": "ergon take record{rest}",
     "run": "ergon render{rest}",
+    "serve": "ergon view{rest}",
     "show": "ergon view{rest}",
     "start": "ergon repl{rest}",
     "tempo": "ergon help tempo",
@@ -56,6 +58,7 @@ OPTIONS_INSTEAD: Mapping[str, str] = {
     "--format": "the ending of -o says it: -o piece.flac",
     "--length": "--until TIME ends it there",
     "--png": "--svg FILE writes the picture",
+    "--midi": "`ergon export SCORE -o FOLDER` writes tempo.mid, with the notes",
     "--mono": "a score says it: `mix: {channels: 1}`",
     "--out": "-o FILE names the output",
     "--port": "--at 127.0.0.1:8080 names the host and the port",
@@ -66,6 +69,21 @@ OPTIONS_INSTEAD: Mapping[str, str] = {
     "--tempo": "a score says it (`tempo:`), and `tempo 90` at the prompt of `ergon repl`",
     "--volume": "--gain -6dB sets it; `ergon render` takes it from the score (`loudness:`)",
 }
+# What to do with a file that is typed alone, or behind `convert`, by its ending.
+FILES_INSTEAD: Mapping[str, str] = {
+    ".aif": "ergon info {file}",
+    ".aiff": "ergon info {file}",
+    ".flac": "ergon info {file}",
+    ".m4a": "ffmpeg -i {file} {stem}.wav",
+    ".mid": "ergon info {file}",
+    ".motion": "ergon view {file}",
+    ".mp3": "ffmpeg -i {file} {stem}.wav",
+    ".ogg": "ffmpeg -i {file} {stem}.wav",
+    ".take": "ergon info {file}",
+    ".wav": "ergon info {file}",
+}
+# Words behind a group of commands that lists what there is where none is named.
+LISTING = ("list", "ls", "show")
 # Options that most commands have, and `ergon` itself has not.
 BEHIND = ("-v", "--verbose", "-q", "--quiet", "--json", "-f", "--force")
 _SINGLE_DASH = re.compile(r"-[a-z][a-z-]+")
@@ -82,6 +100,9 @@ def option_instead(name: str, options: Iterable[str]) -> str | None:
 
 def instead(words: list[str]) -> str | None:
     """The line that does what `words` most likely mean; None for others."""
+    file = next(iter(words[1:2] if words[0] == "convert" else words[:1]), "")
+    if advice := FILES_INSTEAD.get(Path(file).suffix.lower()):
+        return advice.format(file=file, stem=Path(file).stem)
     line = INSTEAD.get(words[0])
     rest = "".join(f" {word}" for word in words[1:])
     return None if line is None else line.format(rest=rest)

@@ -116,6 +116,8 @@ class LazyGroup(click.Group):
         sentence = f"No such command '{name}'."
         if is_root and (typed := habits.instead(args)):
             return f"{sentence} Use: {typed}"
+        if not is_root and self.invoke_without_command and name in habits.LISTING:
+            return f"{sentence} Use: {ROOT} {self.name}"
         if close := nearest(name, self.table):
             return f"{sentence} Did you mean '{close}'?"
         if not is_root:

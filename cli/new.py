@@ -20,7 +20,7 @@ _NAME = re.compile(r"[^\W\d][\w-]*")
 
 
 @click.command()
-@click.argument("name")
+@click.argument("words", metavar="NAME", nargs=-1, required=True)
 @click.option(
     "--template",
     type=click.Choice(TEMPLATES),
@@ -28,7 +28,7 @@ _NAME = re.compile(r"[^\W\d][\w-]*")
     help="Score to begin with: a key and a bell, or two keys that feel each other.",
 )
 @options.speaking
-def new(console: Console, name: str, template: str) -> None:
+def new(console: Console, words: tuple[str, ...], template: str) -> None:
     """Make a folder with a score that plays.
 
     It holds score.yaml, an instrument of its own, a README and the schema with which an editor
@@ -36,7 +36,9 @@ def new(console: Console, name: str, template: str) -> None:
     """
     from ergon.exchange.new_folder import new_folder
 
-    folder = Path(name)
+    if len(words) > 1:
+        raise Refused(f"a name is one word; write ergon new {'-'.join(words)}")
+    folder = Path(words[0])
     if not _NAME.fullmatch(folder.name):
         meant = f"; write ergon new {folder.stem}" if _NAME.fullmatch(folder.stem) else ""
         raise Refused(

@@ -32,10 +32,13 @@ JOURNAL = ".jsonl"  # how the name of a session's journal ends
 _SOUND = (
     "a sound, not a score: `ergon info {path}` says what it holds, `ergon plot {path}` draws it"
 )
+_UNREAD_SOUND = "a sound, not a score, and is not read; `ffmpeg -i {path} sound.wav` makes it WAV"
 # Files that are given where a score is meant, by their endings, and what reads them.
 _OTHER_FILES = {
     ".wav": _SOUND,
     ".flac": _SOUND,
+    ".mp3": _UNREAD_SOUND,
+    ".ogg": _UNREAD_SOUND,
     ".mid": "a MIDI file, not a score: `ergon info {path}` says what is played in it, and a score "
     "plays it by `from: {path}` in a phrase (`ergon help midi`)",
     ".motion": "a file of motion, not a score: `ergon view {path}` shows it",

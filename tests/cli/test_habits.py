@@ -117,6 +117,18 @@ HABITS = [
     ("--verison", 2, "Did you mean '--version'?"),
     ("render piece.yaml -o out/", 2, "write out.wav"),
     ("listen piece.yaml", 2, "Use: ergon play piece.yaml"),
+    ("play song.mp3", 2, "`ffmpeg -i song.mp3 sound.wav` makes it WAV"),
+    ("new my piece", 2, "write ergon new my-piece"),
+    ("convert song.mp3", 2, "Use: ffmpeg -i song.mp3 song.wav"),
+    ("convert piece.yaml", 2, "Use: ergon help export"),
+    ("song.MP3", 2, "Use: ffmpeg -i song.MP3 song.wav"),
+    ("sound.wav", 2, "Use: ergon info sound.wav"),
+    ("a.motion", 2, "Use: ergon view a.motion"),
+    ("devices list", 2, "Use: ergon devices"),
+    ("serve piece.yaml", 2, "Use: ergon view piece.yaml"),
+    ("export piece.yaml --midi", 2, "writes tempo.mid, with the notes"),
+    ("install numba", 2, "Use: ergon help install"),
+    ("explain 204", 2, "did you mean E204"),
     ("share", 2, "for example: ergon share piece.yaml -o piece.html"),
 ]
 
@@ -133,7 +145,7 @@ def test_habit_is_answered_with_what_to_do(
     monkeypatch.chdir(tmp_path)
     Path("piece.yaml").write_text(SCORE)
     Path("notes.txt").write_text("milk\n\n\n")
-    for name in ("sound.wav", "sound.flac", "tune.mid", "hand.take", "a.motion"):
+    for name in ("sound.wav", "sound.flac", "tune.mid", "hand.take", "a.motion", "song.mp3"):
         Path(name).write_bytes(b"RIFF\xfe")
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     assert app.run(shlex.split(line)) == code
