@@ -98,7 +98,8 @@ def export(
     mdl: SCORE.mdl, or PART.mdl of each part that is named: a model of mi-gen, which `ergon import`
     reads.
 
-    csound: PART.csd of each part: a resonator for each of its modes, and its strikes.
+    csound: SCORE.csd, or PART.csd of each part that is named: a resonator for each mode, and the
+    strikes.
     """
     arguments = {
         "PART": parts or None,

@@ -148,19 +148,33 @@ def banks_of(
 
     Raises ScoreError and OptionError.
     """
+    banks = part_banks(piece, inputs, names, upto, modes_max, report)
+    return tuple(ExportedPart(bank.name, written(bank), out, inputs) for bank, out in banks)
+
+
+def part_banks(
+    piece: Piece,
+    inputs: tuple[Path, ...],
+    names: Sequence[str],
+    upto: float,
+    modes_max: int,
+    report: Report | None,
+) -> list[tuple[Bank, tuple[str, ...]]]:
+    """Each part that has modes up to `upto` [Hz] as a bank of `modes_max` resonators at most, and
+    what that leaves out, in sentences. Raises ScoreError and OptionError.
+    """
     from ergon.scores.staging.preparing import prepare
 
     upto = min(upto, 0.499 * piece.rate)
-    exported = []
+    banks = []
     with (report or Report()).waiting("computing modes"):
         ready = prepare(piece)
         for name in names:
             modes = modes_of(piece, ready.built, name, {"to": upto}, inputs)
-            if not modes.masses:
-                continue
-            text = written(bank_of(piece, ready, modes, modes_max))
-            exported.append(ExportedPart(name, text, tuple(left_out(modes)), inputs))
-    return tuple(exported)
+            if modes.masses:
+                bank = bank_of(piece, ready, modes, modes_max)
+                banks.append((bank, tuple(left_out(modes))))
+    return banks
 
 
 def mi_gen_models(

@@ -1,26 +1,29 @@
-"""Parts of a score as orchestras of Csound: banks of their modes."""
+"""A score as an orchestra of Csound: banks of the modes of its parts."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from ergon.api import score as scores
+from ergon.api.errors import OptionError
 from ergon.api.parts import hertz
 from ergon.common.report import Report
 
-from .export import HIGHEST, ExportedPart, ExportOptions, audible_parts, banks_of
+from .export import HIGHEST, ExportedPart, ExportOptions, audible_parts, banks_of, part_banks
 
 
 def csound_orchestras(
     score: str | Path, options: ExportOptions | None = None, *, report: Report | None = None
 ) -> tuple[ExportedPart, ...]:
-    """The modes of parts of a score as orchestras of Csound, a `.csd` for each part with modes.
+    """The modes of a score as one orchestra of Csound, or of each of the `parts` that are named.
 
     A resonator for each mode goes from each point that is struck or touched to each output of
     positions, speeds or accelerations; the score of the file has the strikes of the piece, each
-    on the nearest sample. Without `parts`, those whose motion is heard are written. Modes are
-    those of `mode_tables`. Raises ScoreError and OptionError.
+    on the nearest sample. Without `parts`, those whose motion is heard stand in one file, each
+    output in a channel of its own. Modes are those of `mode_tables`. Raises ScoreError and
+    OptionError.
     """
+    from ergon.workshop.models.programs.bank import joined
     from ergon.workshop.models.programs.csound import BANK_MAX, orchestra
 
     options = options or ExportOptions()
@@ -29,4 +32,16 @@ def csound_orchestras(
     upto = HIGHEST if options.upto is None else hertz("upto", options.upto)
     with scores.staging(lambda: loaded, report):
         names = audible_parts(piece, options.parts)
-        return banks_of(piece, loaded.inputs, names, upto, orchestra, BANK_MAX, report)
+        if options.parts:
+            return banks_of(piece, loaded.inputs, names, upto, orchestra, BANK_MAX, report)
+        banks = part_banks(piece, loaded.inputs, names, upto, BANK_MAX, report)
+    if not banks:
+        return ()
+    title = Path(score).stem if str(score) != scores.STDIN else "score"
+    bank = joined(title, [bank for bank, _ in banks])
+    n_modes = sum(len(path.rows) for path in bank.ways)
+    if n_modes > BANK_MAX:
+        most = f"the piece takes {n_modes:,} resonators, and a file has {BANK_MAX:,} at most"
+        raise OptionError("parts", f"{most}; name the parts to write, or lower `upto`")
+    warnings = tuple(f"{one.name}: {warning}" for one, every in banks for warning in every)
+    return (ExportedPart(title, orchestra(bank), warnings, loaded.inputs),)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 UNITS = ("m", "m/s", "m/s^2")  # of an output, by how often it is differentiated
 
@@ -38,3 +38,26 @@ class Bank:
     outputs: Sequence[tuple[str, int]]
     full: Sequence[float]
     ways: Sequence[ModePath]
+
+
+def joined(name: str, banks: Sequence[Bank]) -> Bank:
+    """The banks of several parts of one piece side by side, in one bank of this name."""
+    ways: list[ModePath] = []
+    n_struck = n_outputs = 0
+    for bank in banks:
+        ways += (
+            replace(path, struck=n_struck + path.struck, output=n_outputs + path.output)
+            for path in bank.ways
+        )
+        n_struck += len(bank.struck)
+        n_outputs += len(bank.outputs)
+    return Bank(
+        name,
+        banks[0].rate,
+        max(bank.seconds for bank in banks),
+        [f"{bank.name}: {one}" for bank in banks for one in bank.struck],
+        [strikes for bank in banks for strikes in bank.strikes],
+        [(f"{bank.name}: {one}", order) for bank in banks for one, order in bank.outputs],
+        [full for bank in banks for full in bank.full],
+        ways,
+    )

@@ -8,7 +8,8 @@ from ergon.workshop.models.programs.bank import UNITS, Bank
 from ergon.workshop.models.programs.derivative import weights
 
 BANK_MAX = 20_000  # resonators
-MODES_FROM, OUTPUT = 100, 9_999  # numbers of instruments; those of lower numbers come first
+# Numbers of instruments, which Csound plays in their order in each sample: strikes, modes, output.
+_MODES_FROM, _OUTPUT = 100, 9_999
 
 
 def orchestra(bank: Bank) -> str:
@@ -16,7 +17,14 @@ def orchestra(bank: Bank) -> str:
     return "\n".join((*_orchestra(bank), *_score(bank), "</CsoundSynthesizer>")) + "\n"
 
 
+def _numbers(bank: Bank) -> tuple[int, int]:
+    """The number of the first instrument of modes, and that of the output."""
+    modes_from = max(_MODES_FROM, len(bank.struck) + 1)
+    return modes_from, max(_OUTPUT, modes_from + len(bank.ways))
+
+
 def _orchestra(bank: Bank) -> Iterator[str]:
+    modes_from, output = _numbers(bank)
     yield "<CsoundSynthesizer>"
     yield f"; {_plain(bank.name)}, made by ergon: its modes, each a resonator."
     yield f"; It can be played at any rate of samples: change sr, here {bank.rate:g} Hz."
@@ -42,7 +50,7 @@ def _orchestra(bank: Bank) -> Iterator[str]:
         yield f"  gaPush{number} += aStrike"
         yield "endin"
         yield ""
-    for number, path in enumerate(bank.ways, MODES_FROM):
+    for number, path in enumerate(bank.ways, modes_from):
         struck, output_index = bank.struck[path.struck], bank.outputs[path.output][0]
         yield f"instr {number}  ; a mode, from {_plain(struck)} to {_plain(output_index)}"
         yield "  iFrequency = p4  ; [Hz] damped"
@@ -58,7 +66,7 @@ def _orchestra(bank: Bank) -> Iterator[str]:
         yield f"  gaOut{path.output + 1} += aMode"
         yield "endin"
         yield ""
-    yield f"instr {OUTPUT}  ; what is heard"
+    yield f"instr {output}  ; what is heard"
     for number, (_, order) in enumerate(bank.outputs, 1):
         yield from _differentiated(number, order)
     outs = (f"aHeard{number}/giFull{number}" for number in range(1, len(bank.outputs) + 1))
@@ -96,9 +104,10 @@ def _differentiated(number: int, order: int) -> Iterator[str]:
 
 def _score(bank: Bank) -> Iterator[str]:
     length = repr(bank.seconds)
+    modes_from, output = _numbers(bank)
     yield "<CsScore>"
-    yield f"i {OUTPUT} 0 {length}"
-    for number, path in enumerate(bank.ways, MODES_FROM):
+    yield f"i {output} 0 {length}"
+    for number, path in enumerate(bank.ways, modes_from):
         struck, output_index = bank.struck[path.struck], bank.outputs[path.output][0]
         yield f"; modes, from {_plain(struck)} to {_plain(output_index)}"
         yield "; instr begins lasts frequency[Hz] decay[1/s] amplitude phase[rad]"
