@@ -19,6 +19,9 @@ _LOOSER = (-80.0, -60.0, -40.0, -20.0)
 _SHARE, _LOOSER_SHARE = 0.5, 0.125
 # The error that a draft may have: omitted modes are this far below the sound [dB].
 _DRAFT = -20.0
+# And the share of the work for its trials: so much shows where contacts hold once a step, which
+# between frames may take ten times as long.
+_DRAFT_SHARE = 0.05
 # Methods of meshes, whose errors are known only from trials.
 _BY_TRIAL = ("ca", "ca2p", "bm4", "ieq")
 # What has no error but for what is left out.
@@ -146,7 +149,7 @@ def make(
 ) -> Planned:
     """The cheapest plan that is exact enough. Raises EngineError if there is none.
 
-    A draft is the cheapest stable plan, whatever the accuracy; it is made without trials.
+    A draft is the cheapest stable plan, whatever the accuracy; it is made with few trials.
 
     With `cpu` alone, the plan is the most exact that fits. Parts that are the same in the plan
     `like` are computed as there. `is_foreseen` is False if hands or a session play too. Real
@@ -159,10 +162,9 @@ def make(
         pinned = _core.Plan(network, timeline, **_budget(accuracy), **watched, pins=pins)
         return Planned(pinned, accuracy)
     if is_draft:
+        planner = _Planner(network, timeline, store, like, watched)
         draft = Accuracy(error=_DRAFT)
-        how = _budget(draft)
-        cheap = _core.Plan(network, timeline, **how, **watched, like=like, share=0.0)
-        return Planned(cheap, draft)
+        return Planned(planner.plan(draft, _DRAFT_SHARE), draft, is_kept=planner.finish())
     planner = _Planner(network, timeline, store, like, watched)
     is_free = accuracy == Accuracy(cpu=accuracy.cpu) and accuracy.cpu is not None
     plan_made = planner.plan(accuracy, 1.0 if accuracy.cpu is None else _SHARE)
@@ -216,16 +218,16 @@ def needs_trial(row: _core.PlanRow) -> bool:
 
 
 def draft_error(plan: _core.Plan) -> str:
-    """A sentence on the known error of a plan that was made without trials."""
+    """A sentence on the known error of a plan that was made with few trials."""
     rows = [row for row in plan.rows() if row.cost > 0.0]
     left_out = [row.left_out_db for row in rows if row.left_out_db is not None]
-    tried = filter(needs_trial, rows)
+    tried = [row for row in rows if needs_trial(row) and row.error_db is None]
     names = list(dict.fromkeys(name for row in tried for name in row.parts))
     known = "nothing is left out"
     if left_out:
         known = f"modes that are left out are {max(left_out):.0f} dB below the sound"
     unknown = f"; the error of {' + '.join(names)} is not measured" if names else ""
-    return f"draft, by the cheapest stable methods and without trials: {known}{unknown}"
+    return f"draft, by the cheapest stable methods and few trials: {known}{unknown}"
 
 
 def _percent(part: float) -> str:

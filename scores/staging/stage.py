@@ -261,7 +261,7 @@ def stage(
     """Build the network, timeline and simulation of a piece: module by module, or `planned` within
     its accuracy.
 
-    A draft (`is_draft`) is planned without trials, for the lowest cost.
+    A draft (`is_draft`) is planned with few trials, for the lowest cost.
 
     A ledger is available only without a plan, and recording only if no ergon strikes inside a
     body. With `fine_contacts` and without a plan, contacts are computed several times a frame.

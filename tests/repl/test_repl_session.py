@@ -17,6 +17,7 @@ from ergon.repl.session import version_edits
 from ergon.repl.session.engine import EngineEvent
 from ergon.repl.session.journal_content import read_journal
 from ergon.scores.reading.load import load
+from ergon.scores.staging import planning
 from ergon.scores.staging.stage import stage
 
 SCORE = """\
@@ -67,7 +68,9 @@ def written(text: str, tmp_path: Path, seconds: float) -> np.ndarray:
     path.write_text(text, encoding="utf-8")
     piece = load(path).piece
     assert piece is not None
-    complete = stage(piece, planned=True, is_draft=True)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(planning, "_DRAFT_SHARE", 0.0)  # a session tries nothing
+        complete = stage(piece, planned=True, is_draft=True)
     frames = np.zeros((int(seconds * complete.rate), complete.simulation.n_out))
     complete.simulation.process(frames)
     mixed = np.zeros((len(frames), complete.n_channels))

@@ -406,3 +406,19 @@ def test_masses_of_discrete_networks_are_numbers():
     assert not [d for d in load("s.yaml", text=text).diagnostics if d.severity == "error"]
     in_si = text.replace("units: ca, at: 44100Hz, ", "").replace("K: 0.1", "f: A3")
     assert [d.code for d in load("s.yaml", text=in_si).diagnostics] == ["E203"]
+
+
+def test_load_with_a_name_that_lost_its_indentation():
+    """Both readings: a section that it resembles, and a name of a section's own."""
+    text = "ergon: 1\ninstruments:\n  vib: {from: bars/vibraphone}\nmar: {from: bars/marimba}\n"
+    (error,) = [d for d in load("s.yaml", text=text).diagnostics if d.severity == "error"]
+    assert (error.code, error.place.line, error.suggestion) == ("E101", 4, "marks")
+    assert "is indented like others in its section" in (error.help or "")
+
+
+def test_load_with_a_no_break_space_before_an_instrument():
+    """The blank is named where it stands, some lines before the error of the parser."""
+    text = "ergon: 1\ninstruments:\n\u00a0 vib:\n    from: bars/vibraphone\n    at: 1Hz\n  b: {}\n"
+    (error,) = [d for d in load("s.yaml", text=text).diagnostics if d.severity == "error"]
+    assert (error.code, error.place.line, error.place.column) == ("E100", 3, 1)
+    assert "a no-break space (U+00A0)" in error.message

@@ -1,5 +1,6 @@
 """What is wrong with a text that is not YAML, or not text at all, in a composer's words."""
 
+import re
 from collections.abc import Callable
 
 import yaml
@@ -17,6 +18,7 @@ MAX_LINES = 5_000_000  # five times the rows of the longest table: places need a
 PURE_PARSER_LIMIT = 200_000  # characters: the pure parser's better message costs about 1 s here
 
 _INDENTED = "this line is indented differently from the lines that it belongs to"
+_INDENTED_BY_BLANK = re.compile(f"^ *{BLANK.pattern}", re.MULTILINE)
 _SHOWN_MAX = 4  # lines that it could stand beside
 
 # libyaml and PyYAML say what the parser wanted; a composer needs what to do.
@@ -122,13 +124,16 @@ def _indented(text: str, index: int) -> str:
 
 
 def _typeset_blank(text: str, index: int) -> int | None:
-    """Index of a typeset space in the line of an error or the one before, which YAML takes for a
-    letter; None without one.
+    """Index of a typeset space in the line of an error or the one before, or at the beginning of
+    any line before, which YAML takes for a letter; None without one.
     """
     begin = text.rfind("\n", 0, max(0, text.rfind("\n", 0, index))) + 1
     end = text.find("\n", index)
     match = BLANK.search(text, begin, len(text) if end < 0 else end)
-    return None if match is None else match.start()
+    if match is not None:
+        return match.start()
+    match = _INDENTED_BY_BLANK.search(text, 0, max(0, index))
+    return None if match is None else match.end() - 1
 
 
 def _index_of(error: Exception, unclosed: bool = False) -> int:

@@ -120,8 +120,8 @@ pub(in crate::plan) const LENGTHS_MAX: usize = 8;
 pub(in crate::plan) const ROUNDED_FRAMES: u64 = 4;
 
 // What trials may cost.
-/// Allowance of a plan of at most `SMALL.0` modules, and of one of `LARGE.0` [s]: linear in between, proportional to
-/// the modules above, at most `ALLOWANCE_MAX`.
+/// Allowance of a plan of at most `SMALL.0` modules that are computed and heard, and of one of `LARGE.0` [s]: linear in
+/// between, proportional to the modules above, at most `ALLOWANCE_MAX`.
 pub(in crate::plan) const SMALL: (usize, f64) = (100, 1.0);
 /// The same of a plan of `LARGE.0` modules.
 pub(in crate::plan) const LARGE: (usize, f64) = (1_000, 2.5);

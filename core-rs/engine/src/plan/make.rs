@@ -75,9 +75,10 @@ pub(super) fn make(
     pins: Option<Vec<Choice>>,
     known: Known<'_>,
 ) -> Result<Plan, Error> {
+    let all_islands = islands(&network, timeline);
     let mut maker = Maker {
         pins: Pins::new(pins),
-        allowance: Allowance::new(network.n_mat() + network.n_lia(), known.share),
+        allowance: Allowance::new(n_computed(&all_islands), known.share),
         memo: Memo::new(known.like.map_or(&[], |like| &like.solved)),
         store: known.store,
         seen: known.seen,
@@ -92,7 +93,7 @@ pub(super) fn make(
         .iter()
         .map(|glide| glide.mat as u32)
         .collect();
-    for island in islands(&network, timeline) {
+    for island in all_islands {
         interrupt::poll();
         let is_gliding = |mat: &u32| glides.contains(mat);
         let is_loose = || budget.takes_modes() && cells::is_loose(&network, &island, timeline.rate);
@@ -136,7 +137,7 @@ pub(super) fn make(
         };
         if let Err(error) = unit {
             // From here no trials: there is no plan any more, but the remaining islands are checked for further errors.
-            maker.allowance = Allowance::new(network.n_mat() + network.n_lia(), 0.0);
+            maker.allowance = Allowance::new(0, 0.0);
             refused.push(error);
         }
     }
@@ -158,6 +159,16 @@ pub(super) fn make(
     Ok(plan)
 }
 
+/// Modules that are computed because they are heard: those that nothing plays leave the trials as they are.
+fn n_computed(islands: &[IslandMembers]) -> usize {
+    let computed = islands
+        .iter()
+        .filter(|island| island.is_heard && island.is_moved);
+    computed
+        .map(|island| island.mats.len() + island.links.len())
+        .sum()
+}
+
 impl<'a> Maker<'a> {
     /// A maker that has no allowance for trials and no earlier results.
     fn new(network: &Arc<Network>, timeline: &Timeline, budget: &'a Budget) -> Self {
@@ -165,7 +176,7 @@ impl<'a> Maker<'a> {
             plan: Plan::empty(network.clone(), timeline),
             budget,
             pins: Pins::new(None),
-            allowance: Allowance::new(network.n_mat() + network.n_lia(), 0.0),
+            allowance: Allowance::new(0, 0.0),
             memo: Memo::new(&[]),
             store: None,
             seen: &[],
