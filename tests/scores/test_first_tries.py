@@ -413,7 +413,7 @@ def test_load_with_a_name_that_lost_its_indentation():
     text = "ergon: 1\ninstruments:\n  vib: {from: bars/vibraphone}\nmar: {from: bars/marimba}\n"
     (error,) = [d for d in load("s.yaml", text=text).diagnostics if d.severity == "error"]
     assert (error.code, error.place.line, error.suggestion) == ("E101", 4, "marks")
-    assert "is indented like others in its section" in (error.help or "")
+    assert "stands indented in its section" in (error.help or "")
 
 
 def test_load_with_a_no_break_space_before_an_instrument():

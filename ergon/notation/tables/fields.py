@@ -235,7 +235,7 @@ class Record(Shape):
             if (help := name_help(word)) is not None:  # name and value in one word
                 values.misspelt.add(word.partition(":")[0])
             elif noun == "section" and isinstance(child, document.Mapping) and values.nodes:
-                help = "a name of your own, such as an instrument, is indented like others in its section"
+                help = "a name of your own, such as an instrument, stands indented in its section"
             context.error("E101", message, key.place, word=word, names=names, help=help)
 
     def _is_free(self, free: Shape, word: str, child: Node) -> bool:
