@@ -371,3 +371,21 @@ def test_what_stands_still_is_faded_as_from_scratch(monkeypatch: pytest.MonkeyPa
         sounds.append(ergon.render("a.yaml"))
     assert len(set(map(digest, sounds))) == 1
     assert sounds[0].peak > 0.0
+
+
+def test_unplayed_instrument_leaves_the_trials_as_they_are() -> None:
+    """The work that trials may take is counted of what is computed, so their results stay."""
+    from ergon.api import score as scores
+    from ergon.api.options import AccuracyOptions
+
+    trials = []
+    for spare in ("", "  spare: {from: strings/dulcimer, notes: [D4, A4, D5]}\n"):
+        text = Score().text().replace("  chime:", f"{spare}  chime:")
+        assert spare in text
+        Path("a.yaml").write_text(text)
+        options = AccuracyOptions()
+        plan = scores.stage_piece(scores.read("a.yaml", options), options).stage.plan
+        assert plan is not None
+        trials.append((plan.trials.allowed, plan.trials.done))
+    assert trials[0] == trials[1]
+    assert trials[0][1] > 0.0
