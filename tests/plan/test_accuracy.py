@@ -341,3 +341,12 @@ def test_random_scenes_miss_no_budget_in_silence(family: str, seed: int):
     result = audit.look(family, random_scenes.text(family, seed), plain=False)
     for plan in result.plans:
         assert plan.budget is None or not plan.is_silent_miss, plan
+
+
+@pytest.mark.parametrize("scene", ["few-102", "few-203", "hammer-201", "rattle-101"])
+def test_plan_by_ear_of_scenes_missed_before(scene: str):
+    """Partials that fade fast, partials that beat, and an output at rest."""
+    family, seed = scene.split("-")
+    text = random_scenes.text(family, int(seed))
+    plan = audit.look(scene, text, (audit.BY_EAR,), plain=False).plans[0]
+    assert plan.is_met, plan.audible
