@@ -39,7 +39,7 @@ def folder(work_folder: Path) -> Path:
 
 
 @pytest.mark.parametrize(("where", "listened"), [("wire.s.3", "wire.s.17"), ("block.m", "block.n")])
-def test_a_render_of_one_stroke_has_this_spectrum(where: str, listened: str):
+def test_admittance_equals_spectrum_of_rendered_strike(where: str, listened: str):
     """Velocity over force, from the positions that follow 1 mN·s."""
     score = STRUCK.replace("WHERE", where).replace("PART", where.split(".")[0])
     Path("struck.yaml").write_text(score)
@@ -59,7 +59,7 @@ def test_a_render_of_one_stroke_has_this_spectrum(where: str, listened: str):
     assert np.abs(20 * np.log10(np.abs(played[audible_at]) / size))[strong].max() < 0.1
 
 
-def test_points_levels_phases_and_peaks():
+def test_admittance_points_levels_phases_and_peaks():
     options = ergon.AdmittanceOptions(low="D3", high="1kHz", count=40, peaks=True)
     result = ergon.admittance("wires.yaml", "wire.s.3", ["wire.s.17", "wire.s.3"], options)
     assert (result.parts, result.forced) == (("wire",), "wire.s.3")
@@ -83,7 +83,7 @@ def test_admittance_of_a_point_to_itself_counts_contacts():
     assert result.inputs[0] == Path("wires.yaml")
 
 
-def test_points_of_two_parts_have_the_links_between_them():
+def test_admittance_between_linked_parts_closed_form():
     text = SCORE.replace("  air:", "  wall:").replace(
         "hit: {BUT: {between: [k1, m], K: 900N/m, gap: 1mm}}",
         "hit: {RES: {between: [k1, m], K: 900N/m}}",

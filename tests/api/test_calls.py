@@ -36,7 +36,7 @@ def test_render_of_a_text():
         ergon.render(text="ergon: 1\nkeys: {finger: {M: 60h}}\n")
 
 
-def test_play_ends_with_the_piece():
+def test_play_until_end_of_piece():
     played = ergon.play("bell.yaml", ergon.PlayOptions(audio="null", until="0.3s"))
     assert played.seconds == pytest.approx(0.3, abs=0.05)
     assert 0 <= played.late <= played.ticks
@@ -45,7 +45,7 @@ def test_play_ends_with_the_piece():
 
 
 @pytest.mark.parametrize("name", ["knock", "ada"])
-def test_plot_is_the_picture_of_the_command(name: str):
+def test_plot_equals_command_svg(name: str):
     command("plot", "bell.yaml", name, "--svg", "drawn.svg")
     assert ergon.plot("bell.yaml", name)._repr_svg_() == Path("drawn.svg").read_text()
     with pytest.raises(ergon.ErgonError, match="did you mean 'knock'"):
@@ -61,7 +61,7 @@ def test_plot_of_notes():
         ergon.plot("bell.yaml", "notes")
 
 
-def test_page_is_the_file_of_the_command():
+def test_page_equals_share_command_file():
     page = ergon.page("bell.yaml")
     command("share", "bell.yaml", "-o", "shared.html")
     assert page.html == Path("shared.html").read_text()
@@ -72,7 +72,7 @@ def test_page_is_the_file_of_the_command():
 
 
 @pytest.mark.parametrize("kind", ["modal", "faust", "mdl", "csound"])
-def test_export_is_the_text_of_the_command(kind: str):
+def test_export_equals_command_text(kind: str):
     exported = ergon.export("bell.yaml", kind)
     command("export", "bell.yaml", "--to", kind, "-o", "out")
     written = {path.stem: path.read_text() for path in Path("out").iterdir()}
@@ -81,7 +81,7 @@ def test_export_is_the_text_of_the_command(kind: str):
         ergon.export("bell.yaml", "fuast")
 
 
-def test_import_of_what_was_exported():
+def test_import_of_exported_mdl():
     Path("bell.mdl").write_text(ergon.export("bell.yaml", "mdl")[0].text)
     model = ergon.import_("bell.mdl")
     command("import", "bell.mdl", "-o", "back.yaml")
@@ -102,7 +102,7 @@ def test_chart_of_a_score():
         ergon.chart("bell.yaml", ergon.ChartOptions(methods=["bm5"]))
 
 
-def test_row_of_a_plan_can_be_read():
+def test_repr_of_plan_row():
     [row] = ergon.plan("bell.yaml").rows
     error = f"{row.error_db:.1f} dB"
     words = f"<PlanRow {' + '.join(row.parts)}: {row.what}, {row.n_mat} MATs, {row.n_lia} LIAs"

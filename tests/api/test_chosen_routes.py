@@ -42,7 +42,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ({"only": "vib.E4"}, {1}),
     ],
 )
-def test_instruments_sound_as_in_the_piece_or_not(options, channels):
+def test_render_only_and_except_instruments(options, channels):
     everything = ergon.render("s.yaml").frames
     some = ergon.render("s.yaml", ergon.RenderOptions(**options)).frames
     n_frames = min(len(everything), len(some))

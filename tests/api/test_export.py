@@ -47,7 +47,7 @@ def folder(work_folder: Path) -> Path:
     return work_folder
 
 
-def test_the_sum_of_the_modes_is_the_sound() -> None:
+def test_modal_export_sum_equals_modal_render() -> None:
     exact = played(SCORE, method="modal")
     t = np.arange(len(exact)) / RATE
     for column, built in enumerate(mode_tables("s.yaml", ExportOptions(parts=("wire", "mesh")))):
@@ -61,7 +61,7 @@ def test_the_sum_of_the_modes_is_the_sound() -> None:
         assert off_db(sound.sum(axis=0)[:, None], exact[:, column : column + 1]) < -200
 
 
-def test_the_hammer_of_a_part_and_what_is_left_out(capsys: pytest.CaptureFixture[str]) -> None:
+def test_modal_export_hammer_and_skipped_modes(capsys: pytest.CaptureFixture[str]) -> None:
     assert app.run(["export", "s.yaml", "--to", "modal", "-o", "modes", "--upto", "5kHz"]) == 0
     err = capsys.readouterr().err
     assert "bell: its contacts counted as open" in err
@@ -86,16 +86,16 @@ def test_the_hammer_of_a_part_and_what_is_left_out(capsys: pytest.CaptureFixture
         (["--to", "modal", "wall"], "nothing in this score moves"),
     ],
 )
-def test_what_is_refused(words: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_export_refuses_wrong_arguments(
+    words: list[str], says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert app.run(["export", "s.yaml", "-o", "d", *words]) == 2
     assert says in capsys.readouterr().err
     assert not Path("d").exists()
 
 
 @pytest.mark.parametrize("name", ["bell.dsp", "modes.csv", "mix.wav"])
-def test_a_folder_is_not_given_the_name_of_a_file(
-    name: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_export_refuses_file_name_as_folder(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["export", "s.yaml", "bell", "--to", "modal", "-o", name]
     assert app.run(words) == 2
     folder = Path(name).stem

@@ -45,7 +45,7 @@ DEAF = "  deaf: {modules: {m: {CEL: {M: 1g, f: 9Hz}}}}\nstrikes:"  # is not writ
 
 
 @needs_csound
-def test_csound_plays_what_the_engine_plays() -> None:
+def test_csound_export_renders_as_modal_engine() -> None:
     Path("s.yaml").write_text(SCORE)
     exact = played(SCORE, method="modal")
     Path("s.yaml").write_text(SCORE.replace("strikes:", DEAF))
@@ -61,7 +61,7 @@ def test_csound_plays_what_the_engine_plays() -> None:
 
 
 @needs_csound
-def test_csound_orchestras_with_more_strikes_than_instruments_below_modes() -> None:
+def test_csound_orchestra_with_many_strikes_on_modes() -> None:
     """A hundred and twenty struck points of one bank leave the numbers of its modes free."""
     score = SCORE.replace("count: 40", "count: 120")
     exact = played(score, method="modal")
@@ -71,7 +71,7 @@ def test_csound_orchestras_with_more_strikes_than_instruments_below_modes() -> N
     assert off_db(rendered(Path("sky.csd")), exact[:, -1:]) < -140
 
 
-def test_the_orchestra_says_what_its_numbers_are(capsys: pytest.CaptureFixture[str]) -> None:
+def test_csound_export_comments_with_units(capsys: pytest.CaptureFixture[str]) -> None:
     Path("s.yaml").write_text(SCORE)
     assert app.run(["export", "s.yaml", "bell", "--to", "csound", "-o", "d", "--upto", "1kHz"]) == 0
     text = Path("d/bell.csd").read_text()
@@ -96,7 +96,9 @@ def test_the_orchestra_says_what_its_numbers_are(capsys: pytest.CaptureFixture[s
         ("count: 40", "count: 201", "sky is struck at 201 points; a bank can have at most 200"),
     ],
 )
-def test_what_is_refused(old: str, new: str, says: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_csound_export_refuses_unsupported_scores(
+    old: str, new: str, says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     Path("s.yaml").write_text(SCORE.replace(old, new))
     code = app.run(["export", "s.yaml", "bell", "sky", "--to", "csound", "-o", "d"])
     assert (code, Path("d").exists()) == (2, False)

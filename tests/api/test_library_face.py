@@ -30,7 +30,7 @@ def folder(work_folder: Path) -> Path:
     return work_folder
 
 
-def test_all_that_is_public_is_listed_and_typed():
+def test_public_names_listed_and_documented():
     assert set(ergon.__all__) == set(ergon._PLACES)
     assert set(ergon.__all__) <= set(dir(ergon))
     for name in ergon.__all__:
@@ -41,7 +41,7 @@ def test_all_that_is_public_is_listed_and_typed():
         _ = ergon.rendre
 
 
-def test_nothing_public_imports_the_command_line():
+def test_import_of_public_names_without_cli():
     code = (
         "import sys, ergon; [getattr(ergon, name) for name in ergon.__all__]; "
         "print([name for name in sys.modules if name.startswith(('ergon.cli', 'click'))])"
@@ -50,7 +50,7 @@ def test_nothing_public_imports_the_command_line():
     assert done.stdout.strip() == "[]"
 
 
-def test_options_and_results_are_frozen():
+def test_options_and_results_frozen():
     kinds = [getattr(ergon, name) for name in ergon.__all__]
     options = [kind for kind in kinds if kind.__name__.endswith("Options")]
     assert len(options) == 18
@@ -63,7 +63,7 @@ def test_options_and_results_are_frozen():
         checked.diagnostics = ()  # type: ignore[misc]
 
 
-def test_a_check_tells_mistakes_in_their_places():
+def test_check_result_with_code_and_place():
     fine = ergon.check("bell.yaml")
     assert fine.is_playable
     assert fine.errors == ()
@@ -77,7 +77,7 @@ def test_a_check_tells_mistakes_in_their_places():
 
 
 @pytest.mark.parametrize("bits", ["float", "24", "16"])
-def test_a_file_has_the_bytes_of_the_command(bits: str):
+def test_render_to_file_bytes_equal_command(bits: str):
     command = ["render", "bell.yaml", "-o", "command.wav", "--stems", "command", "--bits", bits]
     assert app.run([*command, "-q"]) == 0
     kind = bits if bits == "float" else int(bits)
@@ -91,7 +91,7 @@ def test_a_file_has_the_bytes_of_the_command(bits: str):
 
 
 @pytest.mark.parametrize("bits", ["float", 24, 16])
-def test_an_array_is_the_file_before_it_is_rounded(bits: str | int):
+def test_render_array_equals_file_before_rounding(bits: str | int):
     part = {"from_": "1|2", "until": "1|4", "bits": bits}
     files = ergon.render_to_file("bell.yaml", "bell.wav", ergon.FileOptions(**part))
     sound = ergon.render("bell.yaml", ergon.RenderOptions(**part, threads=1, block=1000))
@@ -112,7 +112,7 @@ def test_an_array_is_the_file_before_it_is_rounded(bits: str | int):
         assert 0.01 < sound.peak < 1.0
 
 
-def test_a_score_may_be_text_alone():
+def test_render_of_score_text_without_file():
     text = ergon.RenderOptions(text=SCORE, until="1|3")
     there = ergon.render("bell.yaml", ergon.RenderOptions(until="1|3"))
     assert np.array_equal(ergon.render("nowhere.yaml", text).frames, there.frames)
@@ -120,7 +120,7 @@ def test_a_score_may_be_text_alone():
     assert other.frames.shape == (48000, 2)
 
 
-def test_a_plan_is_written_and_followed():
+def test_plan_write_and_reuse():
     plan = ergon.plan("bell.yaml", ergon.AccuracyOptions(method="ca"))
     assert plan.cost == sum(row.cost for row in plan.rows) > 0
     assert {row.what for row in plan.rows} == {"stepped"}
@@ -131,7 +131,7 @@ def test_a_plan_is_written_and_followed():
         plan.write("bell.yaml")
 
 
-def test_parts_are_frozen():
+def test_freeze_writes_stems_of_parts():
     frozen = ergon.freeze("bell.yaml", ["bell"], "frozen")
     assert frozen.parts == ["bell"]
     assert frozen.stems[0].path.exists()
@@ -139,7 +139,7 @@ def test_parts_are_frozen():
         ergon.freeze("bell.yaml", ["bel"])
 
 
-def test_a_journal_is_rendered_as_it_was_played():
+def test_render_of_session_journal_equals_command():
     options = ergon.SessionOptions(audio="null", gain="0dB", journal="s.jsonl")
     with ergon.open_session("bell.yaml", options, report=ergon.Report()) as session:
         assert isinstance(session.play(), ergon.Reply)
@@ -152,7 +152,7 @@ def test_a_journal_is_rendered_as_it_was_played():
     assert files.mix.sha256 == hash_samples(Path("t.wav"))
 
 
-def test_a_report_hears_of_warnings_and_progress():
+def test_report_diagnostics_and_progress_calls():
     class StoringReport(ergon.Report):
         def __init__(self) -> None:
             self.found: list[str] = []
@@ -176,7 +176,7 @@ def test_a_report_hears_of_warnings_and_progress():
     assert saved.tasks == ["rendering"]
 
 
-def test_what_is_refused_is_an_ergon_error(capsys: pytest.CaptureFixture[str]):
+def test_refused_options_raise_ergon_errors(capsys: pytest.CaptureFixture[str]):
     with pytest.raises(ergon.ScoreError) as raised:
         ergon.render("bad.yaml")
     assert str(raised.value).startswith("bad.yaml:8:14: error[E203] M of key 'k1'")
@@ -203,7 +203,7 @@ def test_what_is_refused_is_an_ergon_error(capsys: pytest.CaptureFixture[str]):
     assert capsys.readouterr() == ("", "")
 
 
-def test_the_tree_of_errors_is_as_the_page_says():
+def test_exception_tree_equals_docs_page():
     page = PAGE.read_text(encoding="utf-8")
     named = re.findall(r"^\| [│├└ ]*`(\w+)` \|", page, re.MULTILINE)
     exceptions = {
@@ -216,7 +216,7 @@ def test_the_tree_of_errors_is_as_the_page_says():
     assert issubclass(ergon.DivergedError, ergon.ScoreError)
 
 
-def test_every_public_error_of_the_package_belongs_to_the_tree():
+def test_exceptions_of_all_modules_derive_from_ergon_error():
     stray = set()
     for path in sorted((Path(ergon.__file__).parent).glob("*/**/*.py")):
         name = ".".join(path.relative_to(Path(ergon.__file__).parent).with_suffix("").parts)
@@ -236,7 +236,7 @@ def test_every_public_error_of_the_package_belongs_to_the_tree():
     assert stray == set()
 
 
-def test_what_the_page_shows(capsys: pytest.CaptureFixture[str]):
+def test_library_page_examples_run(capsys: pytest.CaptureFixture[str]):
     names: dict[str, object] = {}
     for block in blocks(PAGE):
         if block.language == "yaml":

@@ -41,7 +41,7 @@ def modes(*parts: str, **options: object) -> tuple[ergon.PartModes, ...]:
     return ergon.modes("wires.yaml", ergon.ModesOptions(parts=parts, **options))  # type: ignore[arg-type]
 
 
-def test_a_motion_that_nothing_damps_has_no_t60():
+def test_modes_of_undamped_motion_have_infinite_t60():
     """What rounding leaves of its decay is none: a free plate drifts for good."""
     Path("free.yaml").write_text(
         "ergon: 1\ninstruments: {s: {modules: {b: {PLATE: {shape: hex, radius: 3, f: 220Hz, "
@@ -53,7 +53,7 @@ def test_a_motion_that_nothing_damps_has_no_t60():
     assert (part.t60[part.frequencies > 1.0] < 2.1).all()
 
 
-def test_a_string_and_where_it_is_struck_and_heard():
+def test_modes_of_string_and_its_points():
     (wire,) = modes("wire", count=24)
     assert wire.frequencies[0] == pytest.approx(293.6647679174076, rel=1e-12)
     assert wire.t60[0] == pytest.approx(2.0, rel=1e-9)
@@ -70,7 +70,7 @@ def test_a_string_and_where_it_is_struck_and_heard():
     assert wire.levels("out").max() == 0.0
 
 
-def test_all_parts_in_the_order_of_the_score():
+def test_modes_of_all_parts_in_score_order():
     result = modes()
     assert [part.part for part in result] == ["k1", "wire", "pad", "wall"]
     assert [len(part.poles) for part in result] == [1, 20, 1, 0]
@@ -83,7 +83,7 @@ def test_all_parts_in_the_order_of_the_score():
     assert list(pad.points) == ["out low", "pad.m"]
 
 
-def test_up_to_a_frequency_and_around_a_note():
+def test_modes_upto_frequency_and_around_note():
     (all_of_it,) = modes("wire", count=24)
     (below,) = modes("wire", upto="2kHz")
     assert below.frequencies == pytest.approx(all_of_it.frequencies[:7])
@@ -113,6 +113,6 @@ def test_modes_refuses_wrong_parts_and_options(options: dict, message: str):
         modes(**options) if "parts" not in options else modes(*options["parts"])
 
 
-def test_a_score_with_a_mistake():
+def test_modes_of_score_with_mistake_raises():
     with pytest.raises(ergon.ScoreError, match="E203"):
         ergon.modes("wires.yaml", ergon.ModesOptions(text=SCORE.replace("400g", "400h")))

@@ -28,7 +28,7 @@ def key(host: str) -> str:
     return match[1]
 
 
-def test_a_port_that_was_chosen_keeps_its_key_for_this_user(runtime: Path) -> None:
+def test_page_key_of_fixed_port_persists_per_user(runtime: Path) -> None:
     first = pages._local_key("127.0.0.1:8080")
     assert first == pages._local_key("127.0.0.1:8080")
     assert first != pages._local_key("127.0.0.1:8081")
@@ -40,5 +40,5 @@ def test_a_port_that_was_chosen_keeps_its_key_for_this_user(runtime: Path) -> No
 
 
 @pytest.mark.parametrize("at", [pages.ANYWHERE, "localhost:0", "0.0.0.0:0"])
-def test_other_keys_are_new_each_time(at: str) -> None:
+def test_page_key_new_on_each_call(at: str) -> None:
     assert key(at) != key(at)

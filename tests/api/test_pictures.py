@@ -29,7 +29,7 @@ def sound_in(html: str) -> tuple[np.ndarray, int]:
     return soundfile.read(BytesIO(base64.b64decode(match[1])), always_2d=True)
 
 
-def test_render_shows_its_sound_and_its_picture():
+def test_render_html_with_sound_and_plot():
     sound = ergon.render("bell.yaml", ergon.RenderOptions(until="0.5s"))
     html = sound._repr_html_()
     frames, rate = sound_in(html)
@@ -41,7 +41,7 @@ def test_render_shows_its_sound_and_its_picture():
     assert sound.plot().svg in html
 
 
-def test_render_of_four_channels_is_heard_by_two_ears_below_full_scale():
+def test_render_html_of_four_channels_folded_to_stereo():
     frames = np.zeros((1000, 4))
     frames[:, 0], frames[:, 2], frames[:, 1] = 1.5, 4.5, 0.3
     html = ergon.Render(frames, 8000.0, 4.5, 0.0, 1.0, 4.5)._repr_html_()
@@ -49,7 +49,7 @@ def test_render_of_four_channels_is_heard_by_two_ears_below_full_scale():
     np.testing.assert_allclose(sound[500], [1.0, 0.15 / 3.0], atol=2**-14)
 
 
-def test_modes_show_the_notes_next_to_them():
+def test_modes_html_with_nearest_notes():
     _, bell = ergon.modes("bell.yaml")
     assert [note for note, _ in bell.notes] == ["A3"]
     f = float(bell.frequencies[0])
@@ -59,7 +59,7 @@ def test_modes_show_the_notes_next_to_them():
     ElementTree.fromstring(bell.plot().svg)
 
 
-def test_plan_and_reply_are_readable():
+def test_plan_and_reply_html():
     plan = ergon.plan("bell.yaml")
     table = ElementTree.fromstring(plan._repr_html_())
     assert len(list(table.iter("tr"))) == 1 + len(plan.rows)
@@ -68,7 +68,7 @@ def test_plan_and_reply_are_readable():
     assert "a &lt; b" in reply._repr_html_()
 
 
-def test_picture_is_written_and_read_again():
+def test_picture_write_read_and_refusal():
     answer = ergon.admittance("bell.yaml", "bell.m")
     picture = answer.plot()
     assert answer._repr_svg_() == picture._repr_svg_()

@@ -20,7 +20,7 @@ def stats(part: str, **options: object) -> ergon.PartStats:
     return found
 
 
-def test_masses_and_links_of_a_chain():
+def test_stats_masses_and_links_of_chain():
     bar = stats("bar")
     assert (bar.n_masses, bar.n_held, bar.n_free) == (8, 1, 0)
     assert bar.mass == pytest.approx(31e-3)
@@ -32,7 +32,7 @@ def test_masses_and_links_of_a_chain():
     assert (bar.guarantee, bar.oversampling) == ("proved", 1)
 
 
-def test_bands_are_third_octaves():
+def test_stats_third_octave_bands_of_modes():
     bar = stats("bar")
     lowest, highest = bar.modes.frequencies[[0, -1]]
     assert bar.third_octaves[0] / 2 ** (1 / 6) <= lowest <= bar.third_octaves[0] * 2 ** (1 / 6)
@@ -40,7 +40,7 @@ def test_bands_are_third_octaves():
     assert bar.third_octaves[1:] / bar.third_octaves[:-1] == pytest.approx(2 ** (1 / 3))
 
 
-def test_how_far_points_go_for_a_newton():
+def test_stats_compliance_of_points_in_series_springs():
     out, struck = stats("bar").points  # through 9 kN/m and seven, or three, of 20 kN/m
     assert out.compliance == pytest.approx(1 / 9e3 + 7 / 20e3, rel=1e-8)
     assert struck.compliance == pytest.approx(1 / 9e3 + 3 / 20e3, rel=1e-8)
@@ -48,7 +48,7 @@ def test_how_far_points_go_for_a_newton():
     assert stats("k1").points == ()  # nothing plays it
 
 
-def test_compliance_of_a_free_body_is_infinite():
+def test_stats_compliance_of_free_body_infinite():
     free = stats("free")
     assert (free.n_held, free.n_free) == (0, 1)
     assert np.isinf(free.points[0].compliance)
@@ -56,7 +56,7 @@ def test_compliance_of_a_free_body_is_infinite():
     assert free.points[0].shares[0] == pytest.approx(5e-3 / 24e-3, rel=1e-6)  # as one mass
 
 
-def test_all_energy_of_a_blow_goes_into_the_modes():
+def test_stats_mode_energy_shares_sum_to_one():
     for point in stats("wire").points:
         assert point.shares.sum() == pytest.approx(1.0, rel=1e-6)
     part = stats("wire", upto="1kHz")
@@ -97,7 +97,7 @@ def test_stats_refuses_wrong_parts_and_options(options: dict, message: str):
     assert str(refused.value).startswith(message)
 
 
-def test_a_list_of_modes_tells_whose_mass_is_meant(work_folder: Path):
+def test_stats_mode_mass_of_modes_module(work_folder: Path):
     """Its mass M is that of a mode: a strike at a place moves it by its level over M."""
     body = "{M: 150g, f: [220Hz, 447Hz], t60: [4s, 3s], places: {rim: [1, 0.5], waist: [0.4, -1]}}"
     Path("modes.yaml").write_text(
@@ -112,7 +112,7 @@ def test_a_list_of_modes_tells_whose_mass_is_meant(work_folder: Path):
     assert stats("bar").mode_masses == {}
 
 
-def test_a_mass_that_only_a_damper_holds_goes_where_it_is_pushed(work_folder: Path):
+def test_stats_compliance_of_mass_with_damper_only(work_folder: Path):
     """What a spring holds beside it gives way as without it."""
     Path("loose.yaml").write_text(
         "ergon: 1\ninstruments:\n  one:\n    modules:\n"
@@ -131,7 +131,7 @@ def test_a_mass_that_only_a_damper_holds_goes_where_it_is_pushed(work_folder: Pa
 @pytest.mark.parametrize(
     ("values", "stiffness"), [("M: 1, K: 1, Z: 1", 1), ("M: 2, K: 8, Z: 2", 8)]
 )
-def test_a_discrete_body_that_rests_within_a_frame(values: str, stiffness: int):
+def test_stats_compliance_of_discrete_body_at_rest(values: str, stiffness: int):
     """Its poles have no logarithm, and the static answer was asked for at no frequency."""
     score = "ergon: 1\ninstruments:\n  body:\n    units: ca\n    at: 44100Hz\n"
     score += f"    modules: {{m: {{CEL: {{{values}}}}}}}\n    out: {{SOX: m}}\n"

@@ -31,7 +31,7 @@ def folder(work_folder: Path) -> Path:
     return work_folder
 
 
-def test_a_hand_in_a_viscous_fluid():
+def test_take_stats_of_hand_in_viscous_fluid():
     remi, ada = ergon.take_stats("hand.take")
     assert (remi.hand, remi.n_ticks, remi.n_lost) == ("remi", N - 60, 60)
     assert remi.n_held == 494
@@ -52,7 +52,7 @@ def test_a_hand_in_a_viscous_fluid():
     assert ada.movement.smoothness is None
 
 
-def test_hands_are_chosen_and_cutoffs_read():
+def test_take_stats_hands_and_cutoff_options():
     (ada,) = ergon.take_stats("hand.take", ergon.TakeStatsOptions(hands=["ada"], cutoff="5Hz"))
     assert ada.movement is not None
     assert ada.movement.cutoff == 5.0
@@ -62,7 +62,7 @@ def test_hands_are_chosen_and_cutoffs_read():
         ergon.take_stats("hand.take", ergon.TakeStatsOptions(cutoff="5kg"))
 
 
-def test_what_is_no_take_is_refused(folder: Path):
+def test_take_stats_of_invalid_empty_and_short_takes(folder: Path):
     (folder / "no.take").write_bytes(b"RIFF")
     with pytest.raises(TakeError, match="not a recording"):
         ergon.take_stats("no.take")

@@ -72,7 +72,7 @@ def pitches(outcome: ergon.Tuned, count: int = 12) -> np.ndarray:
     ("part", "by"),
     [("bar", ()), ("bar", ("masses",)), ("bar", ("springs",)), ("free", ()), ("free", ("masses",))],
 )
-def test_ratios_are_reached(part: str, by: tuple[str, ...]):
+def test_tune_reaches_frequency_ratios(part: str, by: tuple[str, ...]):
     result = tune(part, "1:2.76:5.4", *by)
     assert result.is_reached
     assert result.modes == (1, 2, 3)
@@ -83,7 +83,7 @@ def test_ratios_are_reached(part: str, by: tuple[str, ...]):
     assert all(value.name.endswith(".M") for value in result.values) or by != ("masses",)
 
 
-def test_the_base_of_ratios_and_modes_that_are_left_alone():
+def test_tune_with_base_note_and_skipped_modes():
     result = tune("bar", "1:_:5", base="A3")
     assert result.modes == (1, 3)
     assert np.abs(1200 * np.log2(pitches(result)[[0, 2]] / [220.0, 1100.0])).max() < 1e-6
@@ -91,7 +91,7 @@ def test_the_base_of_ratios_and_modes_that_are_left_alone():
     assert again.values == result.values
 
 
-def test_one_value_in_closed_form():
+def test_tune_of_single_value_closed_form():
     result = tune("wire", ["A3"])
     assert [(value.name, value.before) for value in result.values] == [
         ("wire.s.f", pytest.approx(293.66476791740756))
@@ -105,7 +105,7 @@ def test_one_value_in_closed_form():
     assert result.values[0].after == pytest.approx(0.02 * (2 * np.pi * 20.0) ** 2, rel=1e-10)
 
 
-def test_the_list_of_a_body_of_modes():
+def test_tune_of_modes_module_frequencies():
     result = tune("bowl", "1:2", base="A3")
     assert [(value.name, value.after) for value in result.values] == [("bowl.f.2", 440.0)]
     assert result.edited == SCORE.replace("[220Hz, 450Hz]", "[220Hz, 440.0Hz]")
@@ -114,7 +114,7 @@ def test_the_list_of_a_body_of_modes():
     assert np.abs(1200 * np.log2(pitches(result)[:2] / [220.0, 440.0])).max() < 1e-6
 
 
-def test_a_body_of_modes_that_a_spring_holds():
+def test_tune_of_modes_module_held_by_spring():
     """Its poles are the roots of 1 + (K + sZ) Σ 1/(M (s² + 2σs + ω² + σ²)) = 0."""
     mass, k, z, t60 = 0.02, 1e3, 0.05, (2.0, 1.0, 0.5)
     Path("held.yaml").write_text(
@@ -155,7 +155,7 @@ def test_a_body_of_modes_that_a_spring_holds():
         ),
     ],
 )
-def test_list_of_modes_without_written_values_is_unedited(bowl: str, trouble: str):
+def test_tune_of_modes_list_without_literal_values(bowl: str, trouble: str):
     Path("bowl.csv").write_text("f, t60, rim\n220Hz, 2s, 1\n450Hz, 2s, 1\n")
     text = SCORE.replace("\n  wall: ", f"\n  low: {{{bowl}}}\n  wall: ")
     result = tune("low", "1:2", text=text)
@@ -164,7 +164,7 @@ def test_list_of_modes_without_written_values_is_unedited(bowl: str, trouble: st
     assert trouble in result.trouble
 
 
-def test_a_list_that_another_instrument_has_is_written_for_this_one():
+def test_tune_of_inherited_modes_list_writes_override():
     text = SCORE.replace("\n  wall: ", "\n  low: {like: bowl}\n  wall: ")
     result = tune("low", ["A3", "A4"], text=text)
     assert result.is_reached
@@ -173,14 +173,14 @@ def test_a_list_that_another_instrument_has_is_written_for_this_one():
     assert np.abs(1200 * np.log2(pitches(result)[:2] / [220.0, 440.0])).max() < 1e-6
 
 
-def test_a_discrete_network():
+def test_tune_of_discrete_network():
     result = tune("discrete", [300.0, 600.0], "K")
     assert result.is_reached
     assert [value.text for value in result.values] == [repr(value.after) for value in result.values]
     assert np.abs(1200 * np.log2(pitches(result) / [300.0, 600.0])).max() < 1e-6
 
 
-def test_values_change_least():
+def test_tune_changes_values_least():
     """Of all small changes that reach the targets none has smaller logarithms."""
     result = tune("bar", [58.4, 178.5], "masses")
     change = np.log([value.after / value.before for value in result.values])
@@ -198,7 +198,7 @@ def test_values_change_least():
     assert change == pytest.approx(least, abs=0.02 * np.abs(change).max())
 
 
-def test_unreachable_targets_report_rank_and_cents():
+def test_tune_of_unreachable_targets_reports_rank():
     result = tune("wire", "1:2.1:3.3")
     assert not result.is_reached
     assert result.rank < 2
@@ -209,7 +209,7 @@ def test_unreachable_targets_report_rank_and_cents():
     assert np.abs(result.cents).max() > 1.0
 
 
-def test_the_text_is_edited_and_comments_stay():
+def test_tune_edit_preserves_comments():
     result = tune("bar", {2: 170.0}, "m3.M")
     (value,) = result.values
     assert result.edited == SCORE.replace(
@@ -217,7 +217,7 @@ def test_the_text_is_edited_and_comments_stay():
     )
 
 
-def test_values_in_a_used_file_are_reported_and_unedited():
+def test_tune_of_values_in_used_file_unedited():
     Path("tools.yaml").write_text(
         "ergon: 1\ninstruments:\n  bar: {modules: {m: {CEL: {M: 1g, f: 200Hz}}}}\n"
     )
@@ -264,17 +264,17 @@ def test_tune_refuses_wrong_parts_and_targets(
     assert str(refused.value).startswith(message)
 
 
-def test_ratios_rise_as_the_modes_do():
+def test_tune_ratios_in_ascending_mode_order():
     own = pitches(tune("bar", "1:2:3:4:5"))[:5]
     assert all(a < b for a, b in pairwise(own))
 
 
-def test_the_path_may_be_written_in_any_way():
+def test_tune_with_relative_and_absolute_path():
     for path in ("./bars.yaml", Path("bars.yaml").absolute()):
         assert ergon.tune(path, "wire", ["A3"]).edited is not None
 
 
-def test_a_value_at_the_border_of_what_it_may_be_stays_there():
+def test_tune_of_value_at_its_limit():
     stiff = SCORE.replace("masses: 24, M: 4g", "masses: 40, M: 4g, inharmonicity: 1e-4")
     result = tune("wire", "1:2.3", text=stiff)
     assert not result.is_reached

@@ -58,7 +58,7 @@ def read(path: Path) -> np.ndarray:
     return np.concatenate(list(sound.read_blocks(path)))
 
 
-def test_a_score_is_shown_with_the_sound_that_render_gives(tmp_path: Path) -> None:
+def test_render_view_sound_equals_render(tmp_path: Path) -> None:
     path = score(tmp_path)
     (folder := tmp_path / "shown").mkdir()
     shown = render_view(path, folder, FileOptions(motion=True), Report())
@@ -70,7 +70,7 @@ def test_a_score_is_shown_with_the_sound_that_render_gives(tmp_path: Path) -> No
     assert {one.name for one in tmp_path.iterdir()} == {"s.yaml", "shown"}
 
 
-def test_many_channels_of_a_room_are_folded_to_two_ears(tmp_path: Path) -> None:
+def test_fold_of_room_channels_to_stereo(tmp_path: Path) -> None:
     path = score(tmp_path, "mix: {layout: layouts/ring24.yaml, route: [{from: bell, to: [1]}]}")
     (folder := tmp_path / "shown").mkdir()
     shown = render_view(path, folder, FileOptions(motion=True), Report())
@@ -91,13 +91,13 @@ def test_fold_of_channels_without_a_layout_alternates_sides(tmp_path: Path, chan
     assert len(text.sentences) == (channels > 2)
 
 
-def test_stereo_file_is_served_unchanged(tmp_path: Path) -> None:
+def test_for_two_ears_with_stereo_file_unchanged(tmp_path: Path) -> None:
     path = written(tmp_path / "a.wav", np.zeros((100, 2)))
     assert for_two_ears(path, tmp_path, Report()) == path
     assert {one.name for one in tmp_path.iterdir()} == {"a.wav"}
 
 
-def test_sound_beside_a_motion_file_is_that_of_its_score(tmp_path: Path) -> None:
+def test_sound_beside_motion_of_same_or_other_score(tmp_path: Path) -> None:
     path = score(tmp_path)
     shown = render_view(path, tmp_path, FileOptions(motion=True), Report())
     text = SentenceReport()

@@ -71,7 +71,7 @@ def written_bell(form: str = "modes") -> ergon.Bell:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("form", "to"), [("modes", "b.point"), ("chain", "b.m1")])
-def test_a_rendered_bell_gives_back_its_modes(form: str, to: str) -> None:
+def test_bell_analysis_recovers_modes_of_rendered_bell(form: str, to: str) -> None:
     if form == "chain":
         f, level = np.array(F[1:]), np.array([0.8, 0.6, 0.5, 0.3])
         t60 = even(f)
@@ -92,7 +92,7 @@ def test_a_rendered_bell_gives_back_its_modes(form: str, to: str) -> None:
 
 
 @pytest.mark.slow
-def test_each_form_is_an_instrument_that_a_key_plays(capsys: pytest.CaptureFixture[str]) -> None:
+def test_bell_forms_played_by_key(capsys: pytest.CaptureFixture[str]) -> None:
     for form in ("modes", "cels"):
         written_bell(form)
         Path("s.yaml").write_text(PLAYED)
@@ -118,7 +118,7 @@ def recorded(peak: float) -> ergon.Bell:
 
 
 @pytest.mark.parametrize("peak", few([0.8, 0.05], 1))
-def test_a_hammer_at_a_metre_a_second_is_as_loud_as_the_recording(peak: float) -> None:
+def test_bell_hammer_level_equals_recording_level(peak: float) -> None:
     bell = recorded(peak)
     assert bell.reference == pytest.approx(peak / np.sum(np.abs(LEVELS)), rel=0.01)
     Path("s.yaml").write_text(
@@ -134,7 +134,7 @@ def test_a_hammer_at_a_metre_a_second_is_as_loud_as_the_recording(peak: float) -
 
 
 @pytest.mark.slow
-def test_a_hand_plays_a_bell_from_a_loud_recording_without_more_gain(
+def test_bell_of_loud_recording_without_gain_warning(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     recorded(0.5)
@@ -144,7 +144,7 @@ def test_a_hand_plays_a_bell_from_a_loud_recording_without_more_gain(
     assert 0.02 < np.abs(sound_of(Path("s.wav"))[0]).max() < 1.0
 
 
-def test_a_real_hand_feels_a_bell_as_stiff_as_the_contact_with_its_hammer() -> None:
+def test_bell_contact_stiffness_at_haptic_key() -> None:
     """Whatever the level of the microphone: what a hand gets is computed from this answer."""
     recorded(0.5)
     Path("s.yaml").write_text(PLAYED)
@@ -165,7 +165,7 @@ def test_chain_refused_for_beats_and_above_15_modes() -> None:
         text(bell_from_table(many), form="chain")
 
 
-def test_the_end_of_a_chain_has_the_modes_and_levels() -> None:
+def test_chain_end_has_modes_and_levels() -> None:
     f = np.array([200.0, 540.0, 1100.0])
     t60 = even(f)
     level = np.array([1.0, 0.5, 0.3])
@@ -186,7 +186,7 @@ MODALYS = """; a clarinet, as ModRes wrote it
 """
 
 
-def test_a_table_of_resonances_is_read() -> None:
+def test_read_table_of_resonances() -> None:
     Path("r.txt").write_text(MODALYS)
     rows = read(Path("r.txt"))
     assert rows[0] == pytest.approx(
@@ -211,13 +211,13 @@ def test_a_table_of_resonances_is_read() -> None:
         ("1 220 0 1\n", "all amplitudes are 0"),
     ],
 )
-def test_a_table_with_a_mistake_is_refused_at_its_line(table: str, reason: str) -> None:
+def test_read_table_with_mistake_names_its_line(table: str, reason: str) -> None:
     Path("r.txt").write_text(table)
     with pytest.raises(TableError, match=reason):
         read(Path("r.txt"))
 
 
-def test_options_are_refused_by_name() -> None:
+def test_bell_refuses_wrong_options() -> None:
     for options, strokes in (
         (ergon.BellOptions(modes=0), "a.wav"),
         (ergon.BellOptions(), []),
@@ -228,7 +228,7 @@ def test_options_are_refused_by_name() -> None:
             ergon.bell(strokes, options)
 
 
-def test_the_command_writes_an_instrument_and_says_what_it_found(
+def test_bell_command_writes_instrument_and_reports(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     Path("r.txt").write_text(MODALYS)

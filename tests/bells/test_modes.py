@@ -22,7 +22,7 @@ def analysed(struck, noise_db, seed, duration=DURATION):
 
 
 @pytest.mark.parametrize("name", few(sorted(others()), ["bowl"]))
-def test_modes_and_beats_of_other_bells(name):
+def test_bell_modes_and_beats_of_other_bells(name):
     struck = others()[name]
     modes, output, *_ = analysed(struck, -60, 3)
     pairs = matched(modes.f, struck.f)
@@ -36,7 +36,7 @@ def test_modes_and_beats_of_other_bells(name):
 
 
 @pytest.mark.slow
-def test_deviations_equal_the_cramer_rao_bound():
+def test_bell_mode_deviations_equal_cramer_rao_bound():
     struck = church()
     modes, output, deviation, n = analysed(struck, -60, 0)
     bound = struck.bound(n, deviation)
@@ -54,7 +54,7 @@ def test_deviations_equal_the_cramer_rao_bound():
         (-40, 0.91, 0.0, (0.004, 1.0), (0.005, 0.64), 1.2),
     ],
 )
-def test_the_church_bell_in_noise(noise, outcome, spurious, cents, t60, ratio):
+def test_modes_of_church_bell_in_noise(noise, outcome, spurious, cents, t60, ratio):
     """Eight takes; each figure within 1.2 times what was measured when the method was chosen."""
     struck = church()
     seeds = 8

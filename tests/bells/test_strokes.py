@@ -48,13 +48,13 @@ SOUNDS = {
 
 
 @pytest.mark.parametrize("name", SOUNDS)
-def test_sounds_other_than_one_stroke_are_refused(name):
+def test_stroke_refuses_other_sounds(name):
     make, reason = SOUNDS[name]
     with pytest.raises(NotAStrokeError, match=reason):
         bell_from_strokes([("point", stroke(f"{name}.wav", make(), RATE))])
 
 
-def test_a_stroke_begins_where_it_begins():
+def test_stroke_onset_detection_in_quiet_noise():
     sound = np.concatenate([1e-5 * rng().standard_normal(20000), church().sound(3.0)])
     assert stroke("a.wav", sound, RATE).sound.size == pytest.approx(3.0 * RATE, abs=0.035 * RATE)
 
@@ -72,7 +72,7 @@ def pushed(levels, length, impulse, seed):
 
 
 @pytest.mark.slow
-def test_strokes_soft_to_hard_and_at_places_give_levels_and_the_contact():
+def test_strokes_of_two_places_levels_and_contact():
     levels = np.random.default_rng(2).uniform(0.2, 1.0, (2, church().f.size))
     strokes = [
         ("rim", pushed(levels[0], 0.4e-3, 1.0, 1)),
@@ -135,7 +135,7 @@ def test_contact_lengths_absent_for_unsuitable_strokes(hard: float, soft: float)
             assert output.impulses == pytest.approx([1.0, 0.4], rel=0.05)
 
 
-def test_what_falls_fast_is_not_thought_to_have_begun_hundreds_of_decibels_louder():
+def test_stroke_onset_delay_of_soft_attack():
     """A soft stroke is loudest late; a mode of 10 ms would fall by 180 dB since it began."""
     t = np.arange(RATE) / RATE
     sound = np.cos(2 * np.pi * 440 * t) * np.exp(-3 * t) * np.minimum(t / 0.025, 1.0)
@@ -144,7 +144,7 @@ def test_what_falls_fast_is_not_thought_to_have_begun_hundreds_of_decibels_loude
     assert first.delay <= 0.004
 
 
-def test_the_spring_of_a_contact_makes_its_length():
+def test_contact_stiffness_gives_contact_length():
     """A mass on Hertz's spring, stepped."""
     k, x, v, h, t = contact.stiffness(1e-3), 0.0, contact.SPEED, 1e-7, 0.0
     while x >= 0.0:

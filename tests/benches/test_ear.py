@@ -54,14 +54,14 @@ def test_measure_of_two_partials() -> None:
     assert result["top"] == pytest.approx(3000.0, abs=2.0)
 
 
-def test_measure_of_partials_that_fall_sooner_an_octave_up() -> None:
+def test_t60_slope_of_octave_partials() -> None:
     octaves = [tone(250.0 * 2**k, 4.0 / 2**k) for k in range(4)]
     result = figures(np.sum(octaves, axis=0))
     assert result["t60_slope"] == pytest.approx(-1.0, abs=0.05)
     assert result["t60_scatter"] == pytest.approx(0.0, abs=0.05)
 
 
-def test_measure_of_a_pair_that_beats() -> None:
+def test_beat_measure_of_two_close_sines() -> None:
     """The level of two equal sines swings; that of one falls evenly."""
     pair = tone(1000.0, 4.0) + 0.5 * tone(1004.0, 4.0)
     assert figures(pair)["beat"] > 2.0
@@ -112,11 +112,11 @@ def test_distance_of_recordings_and_of_noise(recorded: Recorded) -> None:
     assert distance(kin.deviations(measure(noise, RATE))) > 2 * inside
 
 
-def test_data_are_small() -> None:
+def test_ear_data_file_size_limit() -> None:
     assert DATA.stat().st_size < 300_000
 
 
-def test_classes_of_cards_are_recorded(recorded: Recorded) -> None:
+def test_ear_classes_of_cards_in_recorded_data(recorded: Recorded) -> None:
     wanted = {
         name: card["ear"]["class"]
         for family in described().values()
@@ -128,7 +128,7 @@ def test_classes_of_cards_are_recorded(recorded: Recorded) -> None:
     assert set(wanted) == set(page.before())
 
 
-def test_page_has_a_row_for_each_verdict(recorded: Recorded) -> None:
+def test_ear_page_row_of_each_verdict(recorded: Recorded) -> None:
     row = np.array([measure(tone(130.8, 5.0), RATE)] * 3)
     verdict = Verdict(
         "strings", "piano", "piano", "bell", 4, 2.5, 1.0, 0.01, (-40.0, -30.0, -20.0), row, ("x",)

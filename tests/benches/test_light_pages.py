@@ -9,7 +9,7 @@ from benches.light_pages import AMPLITUDE, move
 from tests.live.test_page_hands import playing
 
 
-def test_move_two_keys_at_once(work_folder: Path):
+def test_light_page_moves_two_keys_at_once(work_folder: Path):
     with playing() as piece:
         leads = [piece.lead("remi"), piece.lead("ada")]
 

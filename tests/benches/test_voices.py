@@ -35,14 +35,14 @@ def test_evenness_of_fewer_blocks_than_a_tenth() -> None:
     assert evenness(np.array([0.001, 0.005, 0.003]), 0.01) == pytest.approx(1.0)
 
 
-def test_in_turns_with_a_start_that_does_not_count() -> None:
+def test_turns_with_subtracted_start_time() -> None:
     long: Iterator[float] = iter([1.0, 0.7, 0.9])
     start: Iterator[float] = iter([0.3, 0.4, 0.2])
     side = Voices(10, 2.0, lambda: next(long), lambda: next(start))
     assert in_turns(3, {"it": side})["it"] == pytest.approx(10 * 2.0 / (0.7 - 0.2))
 
 
-def test_in_turns_takes_sides_alternately() -> None:
+def test_turns_alternate_between_sides() -> None:
     order: list[str] = []
 
     def side(name: str) -> Voices:
@@ -52,7 +52,7 @@ def test_in_turns_takes_sides_alternately() -> None:
     assert order == ["a", "b", "a", "b"]
 
 
-def test_number_of_many_and_of_few() -> None:
+def test_number_rounding_of_large_and_small_counts() -> None:
     assert [number(count) for count in (13_567.0, 134.9, 9.96, 0.84)] == [
         "14,000",
         "130",
@@ -61,7 +61,7 @@ def test_number_of_many_and_of_few() -> None:
     ]
 
 
-def test_method_of_voices_that_differ() -> None:
+def test_method_text_of_mixed_voices() -> None:
     def row(what: str, part: str, n: int, steps: int = 1) -> SimpleNamespace:
         return SimpleNamespace(what=what, parts=[part], n_mat=n, n_lia=0, oversampling=steps)
 
@@ -112,7 +112,7 @@ def test_kinds_of_a_bar_count_its_oscillators() -> None:
     assert kinds(bar, 5) == {"Csound": ["mode × 5", "barmodel"], "Faust": ["pm.marimba"]}
 
 
-def test_kinds_of_a_plate_are_none() -> None:
+def test_kinds_of_plate_empty() -> None:
     assert kinds(Instrument("plates", "bloom", {}), 3) == {"Csound": [], "Faust": []}
 
 

@@ -19,7 +19,7 @@ def folder(work_folder: Path) -> Path:
     return work_folder
 
 
-def test_peaks_in_the_terminal(capsys: Capture):
+def test_admittance_command_peaks_table(capsys: Capture):
     typed = ["admittance", "wires.yaml", "wire.s.3", "--high", "1kHz", "--peaks"]
     assert app.run(typed) == 0
     head, columns, *rows = capsys.readouterr().out.splitlines()
@@ -37,7 +37,7 @@ def test_peaks_in_the_terminal(capsys: Capture):
     assert "no force from there reaches this point, so it does not move" in capsys.readouterr().out
 
 
-def test_all_numbers_as_files_and_records(capsys: Capture):
+def test_admittance_command_csv_npz_svg_and_records(capsys: Capture):
     typed = ["admittance", "wires.yaml", "wire.s.3", "wire.s.17", "k1", "--count", "7"]
     assert app.run([*typed, "--csv", "y.csv", "--npz", "y.npz", "--svg", "y.svg"]) == 0
     rows = list(csv.DictReader(Path("y.csv").read_text().splitlines()))

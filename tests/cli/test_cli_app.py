@@ -43,7 +43,7 @@ def test_help_imports_nothing_heavy() -> None:
     assert done.stdout.splitlines()[-1] == "[]"
 
 
-def test_every_command_says_what_it_does_without_the_engine() -> None:
+def test_help_of_each_command_without_engine_imports() -> None:
     done = python(
         "import sys\n"
         "from ergon.cli import take\n"
@@ -59,7 +59,7 @@ def test_every_command_says_what_it_does_without_the_engine() -> None:
 
 
 @pytest.mark.parametrize("group", [app.group, take.take], ids=["ergon", "take"])
-def test_the_table_and_the_commands_agree(group: LazyGroup) -> None:
+def test_command_table_agrees_with_commands(group: LazyGroup) -> None:
     context = click.Context(group)
     for name in group.table:
         _, _, text = row(group.table, name)
@@ -89,7 +89,7 @@ def test_wrong_usage_exits_2(
     assert out == ""
 
 
-def test_wrong_usage_as_json(capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_usage_with_json_record(capsys: pytest.CaptureFixture[str]) -> None:
     assert app.run(["render", "--json", "--bits", "20", "x.yaml"]) == 2
     out, err = capsys.readouterr()
     record = json.loads(out)
@@ -110,7 +110,7 @@ def test_wrong_usage_as_json(capsys: pytest.CaptureFixture[str]) -> None:
         (ZeroDivisionError("division"), 2, "error: internal error: ZeroDivisionError: division"),
     ],
 )
-def test_outcomes(
+def test_exit_codes_of_command_outcomes(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
     error: BaseException,
@@ -129,7 +129,7 @@ def test_outcomes(
     assert out == ""
 
 
-def test_debug_shows_the_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_debug_option_raises_exceptions(monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(*_: object, **__: object) -> None:
         raise ZeroDivisionError
 
@@ -141,7 +141,7 @@ def test_debug_shows_the_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
         app.run([])
 
 
-def test_engine_errors_name_the_module() -> None:
+def test_engine_error_outcome_with_module_and_frame() -> None:
     class EngineError(ValueError):
         module = "bell.m"
 
@@ -160,7 +160,7 @@ def test_engine_errors_name_the_module() -> None:
     assert result.place["frame"] == 4410
 
 
-def test_a_broken_pipe_ends_quietly() -> None:
+def test_broken_pipe_exits_silently() -> None:
     code = (
         "import sys\n"
         "from ergon.cli import app\n"
@@ -181,7 +181,7 @@ def test_a_broken_pipe_ends_quietly() -> None:
 
 
 @pytest.mark.parametrize("words", [["--help"], ["render", "--help"], ["completion", "bash"]])
-def test_head_of_any_command(words: list[str]) -> None:
+def test_command_with_closed_stdout_ends_quietly(words: list[str]) -> None:
     command = [*ERGON, *words]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         assert process.stdout is not None
@@ -191,7 +191,7 @@ def test_head_of_any_command(words: list[str]) -> None:
         assert process.wait(timeout=PATIENCE) == 0
 
 
-def test_without_a_command_the_help_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
+def test_run_without_command_prints_help(capsys: pytest.CaptureFixture[str]) -> None:
     assert app.run([]) == 2
     assert "Hear:" in capsys.readouterr().err
 
@@ -215,16 +215,18 @@ class Terminal(io.StringIO):
         ({"FORCE_COLOR": "0"}, Terminal(), False),
     ],
 )
-def test_colour(environment: dict[str, str], stream: io.StringIO, colour: bool) -> None:
+def test_may_colour_by_stream_and_environment(
+    environment: dict[str, str], stream: io.StringIO, colour: bool
+) -> None:
     assert may_colour(stream, environment) is colour
 
 
-def test_json_lines_hold_no_infinities() -> None:
+def test_json_line_of_infinite_and_nan_values() -> None:
     record = json.loads(line("meter", peak=float("-inf"), other=float("nan"), fine=1.5))
     assert record == {"v": 1, "event": "meter", "peak": None, "other": None, "fine": 1.5}
 
 
-def test_records_of_progress(
+def test_progress_json_records(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     clock = iter([0.0, 0.5, 1.5, 2.0, 3.0])
@@ -240,13 +242,13 @@ def test_records_of_progress(
     assert err == ""
 
 
-def test_no_terminal_no_bar(capsys: pytest.CaptureFixture[str]) -> None:
+def test_progress_without_terminal_prints_nothing(capsys: pytest.CaptureFixture[str]) -> None:
     with Console().progress("rendering", 4, 1.0) as progress:
         progress.advance(4)
     assert capsys.readouterr() == ("", "")
 
 
-def test_a_bar_on_a_terminal() -> None:
+def test_progress_bar_on_terminal() -> None:
     pexpect = pytest.importorskip("pexpect")
     code = (
         "from ergon.cli.console import Console\n"
@@ -261,7 +263,7 @@ def test_a_bar_on_a_terminal() -> None:
     assert child.exitstatus == 0
 
 
-def test_a_wait_on_a_terminal_says_how_long() -> None:
+def test_waiting_on_terminal_prints_seconds() -> None:
     pexpect = pytest.importorskip("pexpect")
     code = "from ergon.cli.console import Console\nwith Console().waiting('planning'): input()\n"
     child = pexpect.spawn(
@@ -275,13 +277,13 @@ def test_a_wait_on_a_terminal_says_how_long() -> None:
     assert child.exitstatus == 0
 
 
-def test_a_wait_without_a_terminal_is_silent(capsys: pytest.CaptureFixture[str]) -> None:
+def test_waiting_without_terminal_prints_nothing(capsys: pytest.CaptureFixture[str]) -> None:
     with Console().waiting("planning"):
         pass
     assert capsys.readouterr() == ("", "")
 
 
-def test_version() -> None:
+def test_version_option_outside_checkout() -> None:
     done = python("from ergon.cli.app import main; main(['--version'])", cwd=Path("/"))
     assert done.returncode == 0
     assert done.stdout.startswith("ergon 0.")
@@ -298,7 +300,7 @@ def test_version() -> None:
         ("layout", "import", "s.json"),
     ],
 )
-def test_records_and_a_file_do_not_both_go_to_stdout(
+def test_json_and_stdout_output_refused_together(
     command: tuple[str, ...], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert app.run([*command, "--json", "-o", "-"]) == 2
@@ -307,7 +309,7 @@ def test_records_and_a_file_do_not_both_go_to_stdout(
 
 
 @pytest.mark.parametrize("option", [["--force-max", "nan"], ["--cents", "nan"], ["--rate", "nan"]])
-def test_nan_is_within_no_bounds(option: list[str], capsys: pytest.CaptureFixture[str]):
+def test_number_options_refuse_nan(option: list[str], capsys: pytest.CaptureFixture[str]):
     command = {"--force-max": "duet", "--cents": "plan", "--rate": "render"}[option[0]]
     assert app.run([command, "nowhere.yaml", *option]) == 2
     assert f"'{option[0]}': nan is not a number" in capsys.readouterr().err
@@ -321,6 +323,6 @@ def test_loudness_text_of_silent_short_and_quiet_sounds():
 
 
 @pytest.mark.parametrize("force", [0.0, 5.0])
-def test_the_largest_force_reaches_an_engine_in_a_process_of_its_own(force: float):
+def test_force_max_passed_to_remote_session(force: float):
     options = SessionOptions(live=("a=emul:",), force_max=force, journal="other.jsonl")
     assert list(remote_session._as_options(options)) == ["--live=a=emul:", f"--force-max={force}"]

@@ -60,7 +60,7 @@ def each() -> list[bytes]:
 
 
 @pytest.mark.parametrize("more", [(), ("--on", "local:2")])
-def test_files_of_each_by_itself(
+def test_batch_render_files_equal_single_renders(
     each: list[bytes], more: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ):
     own_workers.use(monkeypatch)
@@ -99,7 +99,7 @@ def test_batch_render_continues_after_a_failure(
     assert lines[-1]["message"] == "1 of 2 scores failed: wild.yaml"
 
 
-def test_all_scores_share_one_queue(each: list[bytes], monkeypatch: pytest.MonkeyPatch):
+def test_batch_render_shares_one_worker_queue(each: list[bytes], monkeypatch: pytest.MonkeyPatch):
     """What the first one asks for is computed only when another one has asked as well."""
     client = own_workers.use(monkeypatch)
     compute = cluster_worker.stretch
@@ -119,7 +119,7 @@ def test_all_scores_share_one_queue(each: list[bytes], monkeypatch: pytest.Monke
     assert len(cluster_worker._ready) == 3  # none had to be staged again
 
 
-def test_pieces_at_a_worker_are_bounded(monkeypatch: pytest.MonkeyPatch, each: list[bytes]):
+def test_cluster_worker_piece_cache_limit(monkeypatch: pytest.MonkeyPatch, each: list[bytes]):
     own_workers.use(monkeypatch)
     monkeypatch.setattr(cluster_worker, "MODULES_MAX", 10)
     assert app.run(["render", "long.yaml", "a.yaml", "b.yaml", "--on", "local:2", "-q"]) == 0
@@ -169,7 +169,7 @@ def in_the_way() -> list[str]:
         (lambda: ["a.yaml", "b.yaml"], ["--on", "local:2", "--motion"], 2, "excludes --motion"),
     ],
 )
-def test_all_are_looked_at_before_the_first_is_rendered(
+def test_batch_render_checks_scores_before_rendering(
     scores: object, more: list[str], code: int, output: str, capsys: pytest.CaptureFixture[str]
 ):
     names = scores()  # type: ignore[operator]

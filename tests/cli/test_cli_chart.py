@@ -41,7 +41,7 @@ def rows(path: Path) -> list[dict[str, str]]:
     return list(csv.DictReader(lines))
 
 
-def test_a_chart_of_a_bell(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_chart_command_of_bell(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert app.run(["chart", "bell.yaml", "--seconds", "0.3", "--upto", "4"]) == 0
     out, err = capsys.readouterr()
     assert "ca ×4" in out
@@ -61,7 +61,7 @@ def test_a_chart_of_a_bell(here: Path, capsys: pytest.CaptureFixture[str]) -> No
     )
 
 
-def test_failures_are_in_the_chart(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_chart_command_with_refused_points(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     typed = ["chart", "hard.yaml", "--seconds", "0.1", "-o", "out/x", "--json", "--methods", "ca"]
     assert app.run(typed) == 0
     printed = records(capsys)
@@ -74,9 +74,7 @@ def test_failures_are_in_the_chart(here: Path, capsys: pytest.CaptureFixture[str
     assert "ca: ×1 refused" in (here / "out" / "x.svg").read_text(encoding="utf-8")
 
 
-def test_chart_without_two_runs_refers_to_the_table(
-    here: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_chart_command_with_too_few_runs(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = HARD.replace("10000kN/m", "1e7kN/m")
     (here / "harder.yaml").write_text(text)
     assert (
@@ -124,7 +122,7 @@ def test_chart_with_error_adds_a_point_of_the_planner(
         (["stability", "wrong.yaml"], 1, "E1"),
     ],
 )
-def test_what_is_refused(
+def test_chart_command_refusals(
     here: Path, capsys: pytest.CaptureFixture[str], typed: list[str], code: int, output: str
 ) -> None:
     (here / "wrong.yaml").write_text("ergon: 1\nkees: {}\n")
@@ -144,7 +142,7 @@ def test_what_is_refused(
     ["chart", "bell.yaml", "--seconds", "0.2", "--upto", "2", "-o", "x"],
     ["stability", "--maps", "rate", "-o", "x"],
 ], 1))  # fmt: skip
-def test_without_matplotlib_there_is_the_table(
+def test_chart_command_without_matplotlib(
     here: Path,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
@@ -157,7 +155,7 @@ def test_without_matplotlib_there_is_the_table(
     assert rows(here / "x.csv")
 
 
-def test_maps_of_a_method(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_stability_command_maps_of_method(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert app.run(["stability", "--maps", "cell", "--json"]) == 0
     records_read = records(capsys)  # with a record of progress each second, on a slow machine
     spots = [record for record in records_read if record["event"] != "progress"]
@@ -169,7 +167,7 @@ def test_maps_of_a_method(here: Path, capsys: pytest.CaptureFixture[str]) -> Non
     assert (here / "ca-stability.svg").exists()
 
 
-def test_maps_of_a_score(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_stability_command_maps_of_score(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert app.run(["stability", "hard.yaml", "--seconds", "0.05"]) == 0
     out, err = capsys.readouterr()
     assert out.startswith("springs: Too hard: all its springs stiffer.")

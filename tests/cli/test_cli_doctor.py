@@ -86,7 +86,7 @@ def test_doctor_with_ticks_up_to_the_audio_rate(capsys: Capture):
     assert app.run(["doctor", "--ticks"]) == 2
 
 
-def test_doctor_goes_on_without_what_is_missing(capsys: Capture):
+def test_doctor_with_missing_devices(capsys: Capture):
     asked = ["doctor", "--audio", "null", "--seconds", "0.1"]
     assert app.run([*asked, "--device", "frame:/dev/nowhere", "--device", "emul:"]) == 3
     output = capsys.readouterr()
@@ -96,7 +96,7 @@ def test_doctor_goes_on_without_what_is_missing(capsys: Capture):
     assert app.run([*asked, "--device", "nobody"]) == 2
 
 
-def test_doctor_says_where_a_file_would_keep_the_sound(capsys: Capture):
+def test_doctor_sound_backend_advice(capsys: Capture):
     asked = ["doctor", "--audio", "jack:nobody-here", "--seconds", "0.1", "--json"]
     assert app.run(asked) == 0
     sound = by(records(capsys), "sound")
@@ -104,7 +104,7 @@ def test_doctor_says_where_a_file_would_keep_the_sound(capsys: Capture):
     assert sound["backend"] == "jack" or "file:" in sound["todo"]
 
 
-def test_quantiles_are_of_what_was_measured():
+def test_doctor_quantiles_and_histogram():
     seconds = np.array([1, 2, 3, 4, 900, 1500]) * 1e-6
     assert fitness.quantile(seconds, 0.5) == pytest.approx(4e-6)
     assert fitness.quantiles_text(seconds).endswith("p99 1.50 ms, p99.9 1.50 ms, longest 1.50 ms")
@@ -114,7 +114,7 @@ def test_quantiles_are_of_what_was_measured():
     assert math.isnan(fitness.quantile(np.zeros(0), 0.5))
 
 
-def test_an_ftdi_chip_that_waits_is_seen(tmp_path: Path):
+def test_ftdi_latency_timer_value(tmp_path: Path):
     timer = tmp_path / "ttyUSB0/latency_timer"
     timer.parent.mkdir()
     timer.write_text("16\n")
@@ -178,7 +178,7 @@ def test_devices_probes_only_when_asked(capsys: Capture, monkeypatch: pytest.Mon
         assert by(records(capsys), "port")["answers"] == {url: "1 axis, 20 N at most"}
 
 
-def test_the_real_list_of_ports_can_be_had():
+def test_serial_ports_of_this_machine():
     found = _core.serial_ports()
     assert all(one.path and (one.usb is None or one.usb.vendor) for one in found)
 
@@ -193,7 +193,7 @@ def followed(n: int) -> list[float]:
     return [0.0, *pulled(hand, TICK, n - 1)]
 
 
-def test_take_record_keeps_where_a_hand_was(capsys: Capture):
+def test_take_record_stores_hand_positions(capsys: Capture):
     with emulated("frame", "--udp", "0", "--lockstep", "--gesture", GESTURE) as url:
         live = f"remi={url}&wide"
         assert app.run(["take", "record", "--live", live, "-o", "a.take", "--seconds", "0.4"]) == 0
@@ -219,7 +219,7 @@ def test_take_record_keeps_where_a_hand_was(capsys: Capture):
         ("calibrate", ["devices", "calibrate", "BOARD", "--seconds", "60"]),
     ],
 )
-def test_ctrl_c_ends_it(folder: Path, name: str, asked: list[str]):
+def test_ctrl_c_ends_recording_with_exit_130(folder: Path, name: str, asked: list[str]):
     with (
         Board(1e-3) as board,
         subprocess.Popen(
@@ -249,7 +249,7 @@ def test_ctrl_c_ends_it(folder: Path, name: str, asked: list[str]):
     assert not (folder / "config").exists()
 
 
-def test_two_hands_without_names(capsys: Capture):
+def test_take_record_of_two_unnamed_hands(capsys: Capture):
     with emulated("frame", "--udp", "0", "--axes", "2", "--lockstep") as url:
         hands = [part for axis in (0, 1) for part in ("--live", f"{url}#{axis}")]
         asked = ["take", "record", *hands, "--tick", "500", "-o", "b.take", "--seconds", "0.1"]
@@ -258,7 +258,7 @@ def test_two_hands_without_names(capsys: Capture):
     assert (result.names, result.frames) == (["hand", "hand2"], 88)
 
 
-def test_what_cannot_be_recorded(capsys: Capture):
+def test_take_record_refusals(capsys: Capture):
     record = ["take", "record", "--live"]
     assert app.run([*record, "frame:/dev/nowhere", "-o", "x.take"]) == 3
     assert not Path("x.take").exists()
@@ -273,12 +273,12 @@ def faults_page() -> str:
     return faults.page()
 
 
-def test_the_committed_table_of_faults_is_what_the_command_measures(faults_page: str):
+def test_faults_page_equals_measured_faults(faults_page: str):
     committed = (Path(__file__).parents[2] / "docs/faults.md").read_text(encoding="utf-8")
     assert committed == faults_page  # make docs
 
 
-def test_doctor_safety_tells_every_fault_on_every_device(capsys: Capture):
+def test_doctor_safety_rows_of_all_faults_and_devices(capsys: Capture):
     assert app.run(["doctor", "--safety", "--json"]) == 0
     rows = records(capsys)
     assert {r["event"] for r in rows} == {"fault"}
@@ -289,9 +289,7 @@ def test_doctor_safety_tells_every_fault_on_every_device(capsys: Capture):
     assert nan["seconds"] == nan["bound"] == 1e-3
 
 
-def test_doctor_safety_fails_where_a_force_exceeds_its_bound(
-    capsys: Capture, monkeypatch: pytest.MonkeyPatch
-):
+def test_doctor_safety_exit_1_above_force_bound(capsys: Capture, monkeypatch: pytest.MonkeyPatch):
     cell = FaultResult("frame", "60 ms", 0.06, 0.05, 1.0, 0.1, exceeds=True)
     monkeypatch.setattr(
         "ergon.live.faults.measure_faults", lambda: [FaultRow("the port is gone", [cell])]

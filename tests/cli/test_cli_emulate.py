@@ -66,7 +66,7 @@ def positions(pause: float) -> tuple[list[int], str]:
         return path, device.end()
 
 
-def test_a_hand_moves_a_firefader_the_same_way_by_any_pace():
+def test_emulated_firefader_path_independent_of_pace():
     path, hashed = positions(0.0)
     # 12 mm are 31 steps of 0.39 mm; a hand that brakes late goes beyond.
     assert 128 + 31 <= max(path) < 128 + 40
@@ -91,7 +91,7 @@ def pushed(*arguments: str) -> tuple[list[int], str]:
 FORCES = [int(x) for x in np.random.default_rng(1).integers(-20, 60, 300)]
 
 
-def test_an_emulated_key_goes_as_its_model():
+def test_emulated_key_follows_key_path_model():
     row = [0.38, 60, 1.2, 0.15, 0.05, -2.5e-3, 1.5e-3, 5e3, 0.08, 4e-3, 0.02, 180, 0.02]
     lsb = 1.56 / 127
     force = np.array([*FORCES, 0]) * lsb
@@ -103,7 +103,7 @@ def test_an_emulated_key_goes_as_its_model():
     assert pushed() == (path, hashed)
 
 
-def test_a_sensor_has_noise_by_its_seed_and_a_motor_its_step():
+def test_emulated_sensor_noise_seed_and_motor_step():
     noisy = pushed("--noise", "0.5mm", "--seed", "3")
     assert noisy == pushed("--noise", "0.5mm", "--seed", "3")
     other, still = pushed("--noise", "0.5mm", "--seed", "4"), pushed()
@@ -161,7 +161,7 @@ def test_watchdog_releases_a_silent_emulator():
         device.end(signal.SIGTERM)
 
 
-def test_a_frame_answers_by_datagram():
+def test_emulated_frame_replies_by_udp():
     with emulator("frame", "--udp", "0", "--axes", "2", "--lockstep") as device:
         host, _, port = device.url.removeprefix("frame+udp:").partition("?")[0].rpartition(":")
         assert host == "127.0.0.1"
@@ -213,7 +213,7 @@ def test_emulate_refuses_contradicting_options(
     assert output in capsys.readouterr().err
 
 
-def test_a_gesture_becomes_positions():
+def test_sampled_gesture_positions():
     points = notation.parse("1mm@0 smooth 6mm@1/2 line 2mm@1").points
     path = sampled(points, 0.5, 1000.0)
     assert path.shape == (501,)

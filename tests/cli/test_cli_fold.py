@@ -64,7 +64,7 @@ def test_fold_reads_the_layout_of_a_rendered_file(tmp_path: Path):
     assert ergon(tmp_path, "fold", "sky-ambix5-ring24.wav", "--to", "stereo").returncode == 0
 
 
-def test_two_ears_are_the_written_convolution(tmp_path: Path):
+def test_fold_to_binaural_equals_scipy_convolution(tmp_path: Path):
     """By scipy, over more than a block of the file and of the engine."""
     from scipy.signal import fftconvolve
 
@@ -81,7 +81,7 @@ def test_two_ears_are_the_written_convolution(tmp_path: Path):
     np.testing.assert_allclose(samples(tmp_path / "o.wav"), wanted, atol=2e-6)
 
 
-def test_the_same_input_gives_the_same_bytes(tmp_path: Path):
+def test_fold_to_binaural_with_known_hash(tmp_path: Path):
     """These bytes on every machine: no library's sine or transform stands in between."""
     noise(tmp_path / "in.wav", 3_000)
     for name in ("a.wav", "b.wav"):
@@ -93,7 +93,7 @@ def test_the_same_input_gives_the_same_bytes(tmp_path: Path):
     assert hashlib.sha256(first).hexdigest()[:16] == known
 
 
-def test_long_files_and_empty_ones(tmp_path: Path):
+def test_fold_of_long_and_empty_files(tmp_path: Path):
     """RF64, as files beyond 4 GB are; and a file of no frames."""
     frames = noise(tmp_path / "in.wav", 500)
     with (tmp_path / "long.wav").open("wb") as file:
@@ -111,7 +111,7 @@ def test_long_files_and_empty_ones(tmp_path: Path):
     assert read_info(tmp_path / "none-stereo.wav").n_frames == 0
 
 
-def test_a_fold_that_would_clip_is_turned_down(tmp_path: Path):
+def test_fold_turned_down_before_clipping(tmp_path: Path):
     noise(tmp_path / "in.wav", 3_000, peak=0.9)
     words = ("fold", "in.wav", "--to", "stereo", "--layout", "dome24", "--bits")
     done = ergon(tmp_path, *words, "float", "-o", "float.wav")
@@ -127,7 +127,7 @@ def test_a_fold_that_would_clip_is_turned_down(tmp_path: Path):
     assert np.abs(resample_poly(built, 8, 1, axis=0)).max() < 10 ** (-0.5 / 20)
 
 
-def test_a_gain_that_would_clip_is_refused_with_the_highest(tmp_path: Path):
+def test_fold_refuses_clipping_gain(tmp_path: Path):
     noise(tmp_path / "in.wav", 3_000, peak=0.9)
     words = ("fold", "in.wav", "--to", "stereo", "--layout", "dome24", "--bits", "24", "--gain")
     done = ergon(tmp_path, *words, "3dB")
@@ -172,9 +172,7 @@ def test_fold_refuses_wrong_layouts_and_files(tmp_path: Path, words: tuple[str, 
 
 
 @pytest.mark.parametrize("words", [("info",), ("fold", "--to", "stereo"), ("bell",), ("plot",)])
-def test_a_cut_file_is_named_by_every_command_that_reads_sound(
-    tmp_path: Path, words: tuple[str, ...]
-):
+def test_truncated_wav_warning_by_each_sound_command(tmp_path: Path, words: tuple[str, ...]):
     t = np.arange(48_000) / 48_000.0
     stroke = 0.5 * np.exp(-8.0 * t) * np.sin(2 * np.pi * 440.0 * t)
     with (tmp_path / "cut.wav").open("wb") as file:
@@ -193,7 +191,7 @@ def test_a_cut_file_is_named_by_every_command_that_reads_sound(
     [("W64", "w64", "Wave64"), ("CAF", "caf", "Core Audio"), ("AU", "au", "AU"),
      ("W64", "wav", "Wave64"), ("CAF", "yaml", "Core Audio")],
 )  # fmt: skip
-def test_other_forms_of_sound_are_named(tmp_path: Path, form, suffix, name, subtype):
+def test_fold_reports_other_sound_forms(tmp_path: Path, form, suffix, name, subtype):
     """As libsndfile writes them."""
     import soundfile
 
@@ -208,7 +206,7 @@ def test_other_forms_of_sound_are_named(tmp_path: Path, form, suffix, name, subt
         assert done.returncode == 2
 
 
-def test_low_frequency_effects_are_left_out_of_a_fold_and_named(tmp_path: Path):
+def test_fold_skips_and_reports_lfe_channel(tmp_path: Path):
     """A file of 5.1 by its mask: the fourth channel has no place."""
     frames = np.zeros((200, 6))
     frames[10, 3] = 0.9
@@ -228,7 +226,7 @@ def test_low_frequency_effects_are_left_out_of_a_fold_and_named(tmp_path: Path):
     np.testing.assert_allclose(listened[20], 0.5 * np.array(gains), atol=1e-6)
 
 
-def test_the_delays_of_a_head_are_heard(tmp_path: Path):
+def test_fold_with_sofa_data_delay(tmp_path: Path):
     """A head that says when sound comes in Data.Delay alone: 30 samples between the ears."""
     import h5py
 
@@ -256,7 +254,7 @@ def test_the_delays_of_a_head_are_heard(tmp_path: Path):
     assert right - left == 30
 
 
-def test_a_head_of_ones_own(tmp_path: Path):
+def test_fold_with_user_sofa_head(tmp_path: Path):
     """The left ear of a made-up head hears only what is on the left."""
     import h5py
 

@@ -162,7 +162,7 @@ def test_python_m_ergon_version():
     assert f"numba {metadata.version('numba')}" in printed
 
 
-def test_version_of_a_wheel_names_the_commit_of_its_record(tmp_path, monkeypatch):
+def test_version_of_wheel_with_commit_record(tmp_path, monkeypatch):
     record = tmp_path / "build.json"
     monkeypatch.setattr(version, "RECORD", record)
     for text in ("", "[]", '{"commit"', "{}"):
@@ -173,5 +173,5 @@ def test_version_of_a_wheel_names_the_commit_of_its_record(tmp_path, monkeypatch
     assert build().startswith("commit 0123abcd, ")
 
 
-def test_commit_outside_of_git_is_empty(tmp_path):
+def test_commit_of_folder_outside_git(tmp_path):
     assert commit_of(tmp_path) == ""

@@ -17,7 +17,7 @@ def records(text: str) -> list[dict]:
     return [json.loads(line) for line in text.splitlines()]
 
 
-def test_a_dome_that_ships_is_checked_by_its_name(tmp_path: Path):
+def test_layout_check_of_bundled_dome(tmp_path: Path):
     done = ergon("check", "dome24", "--json", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     *ways, complete = records(done.stdout)
@@ -27,7 +27,7 @@ def test_a_dome_that_ships_is_checked_by_its_name(tmp_path: Path):
     assert not complete["open_above"]
 
 
-def test_holes_are_named(tmp_path: Path):
+def test_layout_check_reports_holes(tmp_path: Path):
     (tmp_path / "odd.yaml").write_text("ergon: 1\nspeakers: [{az: 0}, {az: 100}, {az: -120}]\n")
     done = ergon("check", "odd.yaml", folder=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -36,14 +36,14 @@ def test_holes_are_named(tmp_path: Path):
     assert "a hole overhead" in done.stdout
 
 
-def test_two_loudspeakers_surround_nobody(tmp_path: Path):
+def test_layout_check_of_stereo_pair(tmp_path: Path):
     done = ergon("check", "stereo", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "VBAP" not in done.stdout
     assert "do not surround" in done.stdout
 
 
-def test_check_refuses_wrong_layouts(tmp_path: Path):
+def test_layout_check_refuses_wrong_layouts(tmp_path: Path):
     done = ergon("check", "dome25", folder=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
     assert "did you mean dome24?" in done.stderr
@@ -55,7 +55,7 @@ def test_check_refuses_wrong_layouts(tmp_path: Path):
     assert "'azz'" in done.stderr
 
 
-def test_layouts_exported_and_imported_again(tmp_path: Path):
+def test_layout_export_and_import_round_trip(tmp_path: Path):
     for ending, form in ((".json", "iem"), (".yaml", "ear"), (".xml", "spatgris")):
         there = ergon("export", "dome24", "-o", f"d{ending}", folder=tmp_path)
         assert (there.returncode, form in there.stderr) == (0, True), there.stderr
@@ -69,7 +69,7 @@ def test_layouts_exported_and_imported_again(tmp_path: Path):
         assert "r: 4.0m" in (tmp_path / f"{form}-4.yaml").read_text()
 
 
-def test_noise_comes_from_each_in_turn(tmp_path: Path):
+def test_layout_noise_from_each_speaker_in_turn(tmp_path: Path):
     import numpy as np
 
     from ergon.exchange import adm
@@ -91,7 +91,7 @@ def test_noise_comes_from_each_in_turn(tmp_path: Path):
     assert abs(10.0 * np.log10(low / high)) < 3.0, "as much in each octave"
 
 
-def test_noise_is_played(tmp_path: Path):
+def test_layout_noise_played_on_null_audio(tmp_path: Path):
     words = ("noise", "stereo", "--audio", "null:fast", "--seconds", "0.05")
     done = ergon(*words, folder=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -100,7 +100,7 @@ def test_noise_is_played(tmp_path: Path):
     assert ergon("noise", "stereo", "--audio", "nonsense", folder=tmp_path).returncode == 3
 
 
-def test_wrong_files_and_options_are_told(tmp_path: Path):
+def test_layout_commands_refuse_wrong_files_and_options(tmp_path: Path):
     (tmp_path / "bad.json").write_text("{}")
     (tmp_path / "a.txt").write_text("")
     for words, message in (
@@ -132,7 +132,7 @@ GRIS = """\
 """
 
 
-def test_outputs_with_gaps_are_the_same_in_all_commands(tmp_path: Path):
+def test_layout_outputs_with_gaps_in_all_commands(tmp_path: Path):
     (tmp_path / "room.xml").write_text(GRIS)
     done = ergon("import", "room.xml", "--radius", "2m", "-o", "room.yaml", folder=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -159,7 +159,7 @@ def test_outputs_with_gaps_are_the_same_in_all_commands(tmp_path: Path):
     assert left > 2.0 * right
 
 
-def test_a_score_reaches_outputs_between_loudspeakers(tmp_path: Path):
+def test_render_to_layout_outputs_between_speakers(tmp_path: Path):
     (tmp_path / "room.yaml").write_text(
         "ergon: 1\nspeakers: [{az: 45}, {az: -45}, {az: 180}]\noutputs: [1, 2, 5]\n"
     )
@@ -177,7 +177,7 @@ render: {tail: 1s}
     assert [bool(peak > 0.0) for peak in abs(sound).max(axis=0)] == [0, 0, 0, 1, 1]
 
 
-def test_wrong_outputs_of_a_layout_are_refused(tmp_path: Path):
+def test_layout_refuses_wrong_outputs(tmp_path: Path):
     for outputs, message in (("[1, 2]", "2 outputs for 3 loud"), ("[1, 2, 2]", "at the output 2")):
         (tmp_path / "room.yaml").write_text(
             f"ergon: 1\nspeakers: [{{az: 45}}, {{az: -45}}, {{az: 180}}]\noutputs: {outputs}\n"

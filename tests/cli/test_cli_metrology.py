@@ -74,7 +74,7 @@ def folder(work_folder: Path, takes: Path) -> Path:
     return work_folder
 
 
-def test_a_key_is_measured_and_a_score_takes_it(capsys: Capture):
+def test_metrology_fit_and_score_using_calibration(capsys: Capture):
     command = ["metrology", "fit", "rain.take", "--held-out", "knocks.take", "-o", "k.yaml"]
     assert app.run(command) == 0
     output = capsys.readouterr()
@@ -133,7 +133,7 @@ def test_a_key_is_measured_and_a_score_takes_it(capsys: Capture):
 
 
 @pytest.mark.slow
-def test_json_says_every_number_and_its_deviation(capsys: Capture):
+def test_metrology_fit_json_values_and_deviations(capsys: Capture):
     take("rain.take", rain(KEY), 1, lost=100)
     assert app.run(["metrology", "fit", "rain.take", "--json"]) == 0
     records_read = records(capsys)
@@ -148,7 +148,7 @@ def test_json_says_every_number_and_its_deviation(capsys: Capture):
 
 
 @pytest.mark.slow
-def test_a_take_that_lacks_ticks_is_fitted(capsys: Capture):
+def test_metrology_fit_of_take_with_lost_ticks(capsys: Capture):
     """Nobody knows the forces of a hundredth of the ticks; they are found with the key."""
     gap = set(np.random.default_rng(3).choice(np.arange(200, 6000), 60, replace=False).tolist())
     take("rain.take", rain(KEY, 6.0), 1, gap=gap)
@@ -208,7 +208,7 @@ def test_fit_with_force_step(capsys: Capture):
         assert abs(figure["value"] - true) < 5 * figure["deviation"]
 
 
-def test_force_step_above_all_forces_is_refused(capsys: Capture):
+def test_fit_refuses_force_step_above_all_forces(capsys: Capture):
     assert app.run(["metrology", "fit", "rain.take", "--force-step", "5N"]) == 2
     assert "a motor with a step of 5000 mN makes no force of this take" in capsys.readouterr().err
 
@@ -242,7 +242,7 @@ EMULATED = (
 
 
 @pytest.mark.slow
-def test_a_key_of_a_device_is_measured(capsys: Capture):
+def test_metrology_of_device_fit_compare_and_list(capsys: Capture):
     """As a user does it: measure, look again, compare, list, weigh."""
     with emulator("frame", "--udp", "0", *EMULATED) as board:
         url = board.url + "&patience=600"
@@ -297,7 +297,7 @@ parts: {remi: [{at: 3|1, play: knock, every: 1, times: 5}]}
 """
 
 
-def test_a_gesture_of_a_score_leads_the_real_key(capsys: Capture):
+def test_metrology_replay_of_score_gesture_on_device(capsys: Capture):
     """Five knocks, half a second apart, from the first movement on; the model goes with the key."""
     Path("true.yaml").write_text(TRUE)
     Path("duet.yaml").write_text(SCORE)
@@ -314,7 +314,7 @@ def test_a_gesture_of_a_score_leads_the_real_key(capsys: Capture):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
-def test_a_replay_is_seen_in_a_browser():
+def test_metrology_replay_with_browser_view():
     Path("true.yaml").write_text(TRUE)
     command = [*ERGON, "metrology", "replay", "true.yaml", "knocks.take", "--view", "--json"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
@@ -345,7 +345,7 @@ def test_replay_refuses_scores_without_gestures_of_the_key(
     assert message in capsys.readouterr().err
 
 
-def test_a_device_that_ends_leaves_its_take(capsys: Capture):
+def test_metrology_of_disconnected_device_saves_take(capsys: Capture):
     """The host is told, and what was recorded is kept."""
     with emulator("frame", "--pty", *EMULATED, "--seconds", "25") as board:
         assert app.run(["metrology", board.url, "-o", "key.yaml"]) == 2
@@ -377,7 +377,7 @@ def test_metrology_refuses_wrong_commands_and_devices(
     assert message in capsys.readouterr().err
 
 
-def test_a_calibration_or_a_picture_that_was_edited_needs_f(tmp_path: Path):
+def test_write_texts_refuses_edited_calibration_or_picture(tmp_path: Path):
     texts = {tmp_path / "k.yaml": "a calibration\n", tmp_path / "k.svg": "a picture\n"}
     console = Console(quiet=True)
     for _ in range(2):

@@ -37,7 +37,7 @@ def folder(tmp_path):
     return tmp_path
 
 
-def test_info_lists_tracks_times_and_what_is_passed_over(folder):
+def test_info_of_midi_tracks_times_and_skipped_events(folder):
     done = forked(["info", "tune.mid"], folder)
     assert done.returncode == 0
     assert "\x1b" not in done.stdout
@@ -52,7 +52,7 @@ def test_info_lists_tracks_times_and_what_is_passed_over(folder):
     ]
 
 
-def test_info_as_json(folder):
+def test_info_of_midi_as_json(folder):
     record = json.loads(forked(["info", "--json", "tune.mid"], folder).stdout)
     assert record["duration_s"] == mido.MidiFile(folder / "tune.mid").length
     assert record["tempos"] == [{"quarter": 0.0, "bpm": 120.0}, {"quarter": 2.0, "bpm": 60.0}]
@@ -60,7 +60,7 @@ def test_info_as_json(folder):
     assert [len(track["channels"]) for track in record["tracks"]] == [0, 2]
 
 
-def test_info_of_damaged_file(tmp_path):
+def test_info_of_damaged_midi_file(tmp_path):
     (tmp_path / "bad.mid").write_bytes(b"MThd")
     done = forked(["info", "bad.mid"], tmp_path)
     assert done.returncode == 2
@@ -68,7 +68,7 @@ def test_info_of_damaged_file(tmp_path):
 
 
 @pytest.mark.parametrize("command", [("check",), ("plan",), ("render", "-o", "sound.wav")])
-def test_passed_over_events_in_one_note(folder, command):
+def test_commands_note_skipped_midi_events_once(folder, command):
     verb, *options = command
     done = forked([verb, "s.yaml", *options], folder)
     assert done.returncode == 0
@@ -78,7 +78,7 @@ def test_passed_over_events_in_one_note(folder, command):
     assert done.stderr.count("tune.mid: 3 bytes after its last track are not read") == 1
 
 
-def test_export_overwrites_no_tempo_file_that_score_reads(folder):
+def test_export_refuses_to_overwrite_tempo_file_input(folder):
     (folder / "tune.mid").rename(folder / "tempo.mid")
     (folder / "s.yaml").write_text(SCORE.replace("tune.mid", "tempo.mid"))
     before = (folder / "tempo.mid").read_bytes()

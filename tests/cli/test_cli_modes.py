@@ -23,7 +23,7 @@ def table(name: str) -> list[dict[str, str]]:
     return list(csv.DictReader(Path(name).read_text().splitlines()))
 
 
-def test_a_table_with_notes_and_levels(capsys: Capture):
+def test_modes_command_table_with_notes_and_levels(capsys: Capture):
     assert app.run(["modes", "wires.yaml", "wire", "--count", "2"]) == 0
     out, err = capsys.readouterr()
     assert err == ""
@@ -44,7 +44,7 @@ def test_modes_command_reports_linearised_laws_and_open_contacts(capsys: Capture
     assert capsys.readouterr().out == "wire: no modes: none of its modes is in this range\n"
 
 
-def test_as_records(capsys: Capture):
+def test_modes_command_json_records(capsys: Capture):
     assert app.run(["modes", "wires.yaml", "wire", "--upto", "1kHz", "--json", "--shapes"]) == 0
     *each, last = records(capsys)
     assert [row["note"] for row in each] == ["D4", "D5", "A5"]
@@ -53,7 +53,7 @@ def test_as_records(capsys: Capture):
     assert (last["event"], last["modes"], last["certified"]) == ("modes", 3, True)
 
 
-def test_as_a_file(capsys: Capture):
+def test_modes_command_csv_file(capsys: Capture):
     assert app.run(["modes", "wires.yaml", "--count", "3", "--csv", "all.csv"]) == 0
     assert capsys.readouterr().err.splitlines()[-1] == "wrote all.csv"
     rows = table("all.csv")
@@ -87,7 +87,7 @@ def test_modes_command_refuses_wrong_parts_and_options(
     assert message in capsys.readouterr().err
 
 
-def test_a_file_of_somebody_else_stays(capsys: Capture):
+def test_modes_command_refuses_foreign_and_input_files(capsys: Capture):
     Path("notes.csv").write_text("mine")
     assert app.run(["modes", "wires.yaml", "--csv", "notes.csv"]) == 2
     assert Path("notes.csv").read_text() == "mine"

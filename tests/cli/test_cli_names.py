@@ -32,7 +32,7 @@ keys:
 """
 
 
-def test_names_by_section() -> None:
+def test_names_in_score_by_section() -> None:
     result = names_in(SCORE)
     assert result["marks"] == ["A", "B", "C-2"]
     assert result["gestures"] == ["knock", "lean", "soft"]
@@ -41,7 +41,7 @@ def test_names_by_section() -> None:
     assert result["keys"] == ["k1", "k2"]
 
 
-def test_a_glance_agrees_with_the_loader(tmp_path: Path) -> None:
+def test_names_in_text_agree_with_loader(tmp_path: Path) -> None:
     from ergon.scores.reading.load import load
 
     text = SCORE.replace("B: {odd: 1}", "B: 2|1").replace("k2: {like: k1", "k2: {like: k1}")
@@ -59,13 +59,13 @@ def test_a_glance_agrees_with_the_loader(tmp_path: Path) -> None:
     assert set(result["marks"]) == {mark.name for mark in piece.marks}
 
 
-def test_garbage_has_no_names(tmp_path: Path) -> None:
+def test_names_of_missing_and_binary_files_empty(tmp_path: Path) -> None:
     assert names_of(str(tmp_path / "none.yaml"), ("marks",)) == []
     (tmp_path / "x.yaml").write_bytes(bytes(range(256)) * 20)
     assert names_of(str(tmp_path / "x.yaml"), ("marks", "keys")) == []
 
 
-def test_the_scan_loads_nothing_heavy(tmp_path: Path) -> None:
+def test_completion_names_without_heavy_imports(tmp_path: Path) -> None:
     path = tmp_path / "a.yaml"
     path.write_text(SCORE)
     code = (
@@ -93,7 +93,9 @@ def scripts(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_scripts_name_every_command_and_option(scripts: dict[str, Path], shell: str) -> None:
+def test_completion_scripts_list_all_commands_and_options(
+    scripts: dict[str, Path], shell: str
+) -> None:
     text = scripts[shell].read_text()
     for name in app.COMMANDS:
         assert name in text
@@ -122,7 +124,7 @@ def complete(script: Path, folder: Path, words: list[str]) -> list[str]:
 
 
 @pytest.mark.skipif(shutil.which("bash") is None, reason="no bash here")
-def test_bash_completes(scripts: dict[str, Path], tmp_path: Path) -> None:
+def test_bash_completion_of_commands_and_files(scripts: dict[str, Path], tmp_path: Path) -> None:
     (tmp_path / "a.yaml").write_text(SCORE)
     (tmp_path / "a.wav").touch()
     (tmp_path / "a.take").touch()

@@ -38,7 +38,7 @@ def test_new_check_render(template: str, monkeypatch: pytest.MonkeyPatch, capsys
 
 
 @pytest.mark.parametrize("template", TEMPLATES)
-def test_a_new_score_satisfies_the_schema_beside_it(template: str) -> None:
+def test_new_score_validates_against_its_schema(template: str) -> None:
     files = contents(template, "x")
     schema = json.loads(files["score-1.schema.json"])
     score = files["score.yaml"]
@@ -48,7 +48,7 @@ def test_a_new_score_satisfies_the_schema_beside_it(template: str) -> None:
             jsonschema.validate(yaml.safe_load(files[name]), schema)
 
 
-def test_new_overwrites_nothing(capsys: Capture) -> None:
+def test_new_refuses_non_empty_folder(capsys: Capture) -> None:
     Path("piece").mkdir()
     Path("piece/mine.txt").write_text("mine")
     assert app.run(["new", "piece"]) == 2
@@ -59,7 +59,7 @@ def test_new_overwrites_nothing(capsys: Capture) -> None:
     assert app.run(["new", "-q", "empty"]) == 0
 
 
-def test_fmt(capsys: Capture) -> None:
+def test_fmt_check_diff_and_rewrite(capsys: Capture) -> None:
     path = Path("a.yaml")
     path.write_text("ergon: 1\nmarks: { A: 1|1,B: 2|1 }   # two\n")
     assert app.run(["fmt", "--check", "a.yaml"]) == 1
@@ -74,7 +74,7 @@ def test_fmt(capsys: Capture) -> None:
     assert app.run(["fmt", "nowhere.yaml"]) == 2
 
 
-def test_schema(capsys: Capture) -> None:
+def test_schema_command_output(capsys: Capture) -> None:
     assert app.run(["schema"]) == 0
     schema = json.loads(capsys.readouterr().out)
     jsonschema.Draft7Validator.check_schema(schema)
@@ -99,7 +99,7 @@ def shipped(work_folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return path
 
 
-def test_demo_writes_a_file_and_plays_it(
+def test_demo_writes_and_plays_score(
     shipped: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
     played: list[list[str]] = []
@@ -129,12 +129,12 @@ def test_demo_without_sound(
     assert "did you mean 'one-gesture'?" in capsys.readouterr().err
 
 
-def test_demo_list(shipped: Path, capsys: Capture) -> None:
+def test_demo_command_list_option(shipped: Path, capsys: Capture) -> None:
     assert app.run(["demo", "--list"]) == 0
     assert capsys.readouterr().out.split() == ["one-gesture", "First", "sound"]
 
 
-def test_changes_are_seen_through_an_editor_that_replaces_files(tmp_path: Path) -> None:
+def test_file_changes_through_atomic_replacement(tmp_path: Path) -> None:
     path, other = tmp_path / "a.yaml", tmp_path / "b.txt"
     path.write_text("1")
     seen: list[str] = []

@@ -41,13 +41,15 @@ def folder(work_folder: Path) -> Path:
         (["sweep", "--on", "local:2", "--jobs", "2", "--vary", "seed=1,2"], "excludes --jobs"),
     ],
 )
-def test_mistakes(words: list[str], message: str, capsys: pytest.CaptureFixture[str]):
+def test_on_option_refuses_mistakes(
+    words: list[str], message: str, capsys: pytest.CaptureFixture[str]
+):
     assert app.run([words[0], "a.yaml", *words[1:]]) == 2
     assert message in capsys.readouterr().err
     assert [path.name for path in Path().iterdir()] == ["a.yaml"]
 
 
-def test_a_plan_says_what_bounds_the_time(capsys: pytest.CaptureFixture[str]):
+def test_plan_on_workers_shares_and_time_bound(capsys: pytest.CaptureFixture[str]):
     assert app.run(["plan", "a.yaml", "--on", "local:3"]) == 0
     line = capsys.readouterr().out.splitlines()[-1]
     assert line.startswith("on 3 workers: ")
@@ -65,7 +67,7 @@ def test_a_plan_says_what_bounds_the_time(capsys: pytest.CaptureFixture[str]):
     assert output["bound"] == pytest.approx(sum(rows.values()) / rows["a"])
 
 
-def test_shares_by_hand():
+def test_share_out_loads_closed_form():
     single = [WorkPiece(("a",), 4.0), WorkPiece(("b",), 3.0), WorkPiece(("c", "d"), 2.0)]
     result = share_out(single, 10.0, 2)
     assert sorted(result.loads) == [4.0, 5.0]

@@ -71,7 +71,7 @@ def test_plan_rows_by_kind_of_part(capsys: Capture) -> None:
     )
 
 
-def test_a_method_for_all(capsys: Capture) -> None:
+def test_plan_method_for_all_parts(capsys: Capture) -> None:
     assert {row["what"] for row in rows(capsys, "--method", "ca").values()} == {
         "stepped",
         "unheard",
@@ -81,7 +81,7 @@ def test_a_method_for_all(capsys: Capture) -> None:
     assert rows(capsys, "--method", "modal")["wire"]["modes"] == 24
 
 
-def test_the_table_and_a_reason(capsys: Capture) -> None:
+def test_plan_table_and_why_option(capsys: Capture) -> None:
     assert app.run(["plan", "all.yaml"]) == 0
     out = capsys.readouterr().out
     assert out.splitlines()[0].split() == [
@@ -95,7 +95,7 @@ def test_the_table_and_a_reason(capsys: Capture) -> None:
     assert "did you mean 'gong'?" in capsys.readouterr().err
 
 
-def test_a_render_by_a_plan_is_that_render(capsys: Capture) -> None:
+def test_render_with_plan_file_equals_render_with_error(capsys: Capture) -> None:
     exact = ["--error", "-100dB"]
     assert app.run(["plan", "all.yaml", *exact, "-o", "all.json"]) == 0
     assert app.run(["render", "all.yaml", *exact, "-o", "a.wav"]) == 0
@@ -153,7 +153,7 @@ def test_render_with_a_plan_file_equals_render_with_its_options(
     capsys.readouterr()
 
 
-def test_a_plan_for_a_share_of_a_core_is_followed(capsys: Capture) -> None:
+def test_plan_file_for_cpu_share_render(capsys: Capture) -> None:
     """It was made for the error that the share allows."""
     Path("row.yaml").write_text(ROW.replace("render:", "accuracy: {cpu: 80%}\nrender:"))
     assert app.run(["plan", "row.yaml", "-o", "row.json"]) == 0
@@ -164,7 +164,7 @@ def test_a_plan_for_a_share_of_a_core_is_followed(capsys: Capture) -> None:
     capsys.readouterr()
 
 
-def test_a_plan_without_a_budget_is_followed_as_the_score_asks(capsys: Capture) -> None:
+def test_plan_file_without_budget_render(capsys: Capture) -> None:
     """Files of earlier versions name none."""
     Path("row.yaml").write_text(ROW.replace("render:", "accuracy: {method: ca}\nrender:"))
     assert app.run(["plan", "row.yaml", "-o", "row.json"]) == 0
@@ -194,14 +194,14 @@ def test_a_plan_without_a_budget_is_followed_as_the_score_asks(capsys: Capture) 
         ("[" * 100_000, "not a plan"),
     ],
 )
-def test_a_plan_that_does_not_fit_leaves_no_file(text: str, says: str, capsys: Capture) -> None:
+def test_render_with_unfit_plan_writes_no_file(text: str, says: str, capsys: Capture) -> None:
     Path("bad.json").write_text(text)
     assert app.run(["render", "all.yaml", "--plan", "bad.json", "-o", "x.wav"]) in (1, 2)
     assert says in capsys.readouterr().err
     assert not Path("x.wav").exists()
 
 
-def test_a_plan_that_costs_too_much_says_what_would_fit(capsys: Capture) -> None:
+def test_plan_above_cpu_budget_warns_w402(capsys: Capture) -> None:
     expensive = SCORE.replace("render:", "accuracy: {error: -120dB, cpu: 0.5%}\nrender:")
     Path("dear.yaml").write_text(expensive)
     assert app.run(["plan", "dear.yaml"]) == 0
@@ -220,7 +220,7 @@ def test_plan_cost_stays_within_a_cpu_budget(capsys: Capture) -> None:
     assert costs[1] <= costs[0] <= 1.0
 
 
-def test_two_wishes_at_once_are_refused(capsys: Capture) -> None:
+def test_plan_refuses_contradicting_options(capsys: Capture) -> None:
     assert app.run(["plan", "all.yaml", "--error", "-60dB", "--cents", "3"]) == 2
     assert "give one of method, error and cents" in capsys.readouterr().err
     assert app.run(["plan", "all.yaml", "--error", "60"]) == 2

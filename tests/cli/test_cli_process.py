@@ -21,7 +21,7 @@ def folder(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("threads", few(["1", "2"], 1))
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_stopped_render_leaves_nothing(
+def test_signal_during_render_leaves_no_files(
     folder: Path, number: signal.Signals, threads: str
 ) -> None:
     command = [*ERGON, "render", "long.yaml", "--stems", "stems", "--threads", threads]
@@ -35,7 +35,7 @@ def test_a_stopped_render_leaves_nothing(
     assert sorted(files) == ["bell.yaml", "long.yaml"]
 
 
-def test_renders_go_through_pipes(folder: Path) -> None:
+def test_render_through_stdout_pipe(folder: Path) -> None:
     complete = subprocess.run(
         [*ERGON, "render", "-q", "bell.yaml", "-o", "-"],
         cwd=folder,
@@ -65,7 +65,7 @@ def test_renders_go_through_pipes(folder: Path) -> None:
     assert (folder / "x.wav").read_bytes() == complete.stdout
 
 
-def test_without_a_terminal_nothing_is_coloured_or_drawn(folder: Path) -> None:
+def test_output_without_terminal_has_no_colour_or_bar(folder: Path) -> None:
     environment = {k: v for k, v in os.environ.items() if k not in ("NO_COLOR", "FORCE_COLOR")}
     done = subprocess.run(
         [*ERGON, "render", "bell.yaml"],

@@ -22,7 +22,7 @@ def folder(work_folder: Path) -> Path:
     return work_folder
 
 
-def test_render_writes_what_the_score_says(capsys: Capture) -> None:
+def test_render_file_format_and_summary(capsys: Capture) -> None:
     text = Path("bell.yaml").read_text(encoding="utf-8")
     text = text.replace("mix: {", "mix: {master: {normalise: -1dB}, ")
     Path("bell.yaml").write_text(text, encoding="utf-8")
@@ -57,7 +57,7 @@ mix: {route: [{from: low, to: 1}, {from: high, to: 2, gain: 40dB}], master: {MAS
 
 
 @pytest.mark.parametrize("master", ["normalise: -1dB", "loudness: -12LUFS, limit: -6dB"])
-def test_parts_and_stems_have_the_level_of_the_whole_piece(master: str, capsys: Capture) -> None:
+def test_render_parts_and_stems_at_level_of_piece(master: str, capsys: Capture) -> None:
     Path("two.yaml").write_text(TWO_BELLS.replace("MASTER", master), encoding="utf-8")
     assert app.run(["render", "two.yaml", "--stems", "stems"]) == 0
     mix, _ = soundfile.read("two.wav")
@@ -73,7 +73,7 @@ def test_parts_and_stems_have_the_level_of_the_whole_piece(master: str, capsys: 
 
 
 @pytest.mark.parametrize("master", ["normalise: -3dB", "loudness: -28LUFS"])
-def test_a_performance_has_the_gain_of_the_file(master: str, capsys: Capture) -> None:
+def test_play_gain_equals_render_gain(master: str, capsys: Capture) -> None:
     Path("two.yaml").write_text(TWO_BELLS.replace("MASTER", master), encoding="utf-8")
     assert app.run(["render", "two.yaml", "--json"]) == 0
     (rendered,) = [r for r in records(capsys) if r["event"] == "rendered"]
@@ -82,7 +82,7 @@ def test_a_performance_has_the_gain_of_the_file(master: str, capsys: Capture) ->
     assert float(gain) == pytest.approx(rendered["gain_db"], abs=0.06)
 
 
-def test_a_file_says_why_it_is_not_as_loud_as_its_master(capsys: Capture) -> None:
+def test_render_reports_level_below_master_loudness(capsys: Capture) -> None:
     Path("two.yaml").write_text(TWO_BELLS.replace("MASTER", "loudness: -3LUFS"), encoding="utf-8")
     assert app.run(["render", "two.yaml"]) == 0
     output = capsys.readouterr().err
@@ -93,7 +93,7 @@ def test_a_file_says_why_it_is_not_as_loud_as_its_master(capsys: Capture) -> Non
         assert "of its master" not in capsys.readouterr().err
 
 
-def test_the_record_of_a_render(capsys: Capture) -> None:
+def test_render_json_record(capsys: Capture) -> None:
     assert app.run(["render", "--json", "bell.yaml", "-o", "out/x.wav", "--bits", "float"]) == 0
     (record,) = [r for r in records(capsys) if r["event"] != "progress"]
     assert list(record) == [
@@ -108,7 +108,7 @@ def test_the_record_of_a_render(capsys: Capture) -> None:
     assert info.format.bits == "float"
 
 
-def test_same_bytes_for_any_threads_and_blocks() -> None:
+def test_render_bytes_with_threads_and_blocks() -> None:
     for index, more in enumerate(
         (["--threads", "1"], ["--threads", "2", "--block", "997"], ["--block", "64"])
     ):
@@ -117,7 +117,7 @@ def test_same_bytes_for_any_threads_and_blocks() -> None:
     assert item == two == three
 
 
-def test_a_comment_changes_no_byte_and_a_title_no_sample() -> None:
+def test_render_bytes_with_comment_and_other_title() -> None:
     Path("same.yaml").write_text("# by hand\n" + SCORE)
     Path("other.yaml").write_text(SCORE.replace("One bell", "Another"))
     for name in ("bell", "same", "other"):
@@ -127,7 +127,7 @@ def test_a_comment_changes_no_byte_and_a_title_no_sample() -> None:
     assert hash_samples(Path("bell.wav")) == hash_samples(Path("other.wav"))
 
 
-def test_a_part_of_the_piece(capsys: Capture) -> None:
+def test_render_from_and_until(capsys: Capture) -> None:
     assert app.run(["render", "-q", "bell.yaml", "--bits", "float"]) == 0
     part = ["--from", "0.25s", "--until", "B-2", "-o", "part.wav"]
     assert app.run(["render", "-q", "bell.yaml", "--bits", "float", *part]) == 0
@@ -151,7 +151,7 @@ render: {bits: float, tail: 0.5s}
 
 
 @pytest.mark.parametrize("words", [["--from", "0.1s"], ["--from", "0.1s", "--until", "0.3s"]])
-def test_edges_of_a_file_that_sounds_are_faded(words: list[str]) -> None:
+def test_render_edges_faded_where_sound_is_cut(words: list[str]) -> None:
     """What is above 4 kHz at an edge where a sine is cut, beside the sine."""
     Path("sine.yaml").write_text(SINE, encoding="utf-8")
     assert app.run(["render", "-q", "sine.yaml", "-o", "sine.wav", *words]) == 0
@@ -165,7 +165,7 @@ def test_edges_of_a_file_that_sounds_are_faded(words: list[str]) -> None:
         assert 20 * np.log10(high / spectrum.max()) < -80
 
 
-def test_a_piece_without_a_length_is_told_to_have_a_tail(folder: Path, capsys: Capture) -> None:
+def test_render_of_piece_without_length_suggests_tail(folder: Path, capsys: Capture) -> None:
     """A take that drives a module strikes nothing."""
     text = "ergon: 1\ntakes: {t: {file: t.csv}}\ninstruments:\n  a:\n"
     text += "    modules: {m: {MAS: {M: 1g}}, x: {ENX: {to: m, from: t}}}\n    out: {SOX: m}\n"
@@ -180,7 +180,7 @@ def test_a_piece_without_a_length_is_told_to_have_a_tail(folder: Path, capsys: C
     assert app.run(["render", "b.yaml"]) == 0
 
 
-def test_another_rate() -> None:
+def test_render_at_another_rate() -> None:
     assert app.run(["render", "-q", "bell.yaml"]) == 0
     assert app.run(["render", "-q", "bell.yaml", "--rate", "48000", "-o", "48.wav"]) == 0
     first, two = read_info(Path("bell.wav")), read_info(Path("48.wav"))
@@ -190,14 +190,14 @@ def test_another_rate() -> None:
     assert app.run(["render", "bell.yaml", "--rate", "44100.5"]) == 2
 
 
-def test_stems() -> None:
+def test_render_stems_option() -> None:
     assert app.run(["render", "-q", "bell.yaml", "--stems", "parts"]) == 0
     (stem,) = Path("parts").iterdir()
     assert re.fullmatch(r"01_\w+\.wav", stem.name)
     assert read_info(stem).n_frames == read_info(Path("bell.wav")).n_frames
 
 
-def test_a_dry_run_writes_nothing(folder: Path, capsys: Capture) -> None:
+def test_dry_run_prints_and_writes_no_file(folder: Path, capsys: Capture) -> None:
     assert app.run(["render", "-n", "bell.yaml"]) == 0
     out = capsys.readouterr().out
     assert "2 channels" in out
@@ -209,7 +209,7 @@ def test_a_dry_run_writes_nothing(folder: Path, capsys: Capture) -> None:
     assert record["margin"] > 1
 
 
-def test_a_dry_run_takes_what_a_render_takes(capsys: Capture) -> None:
+def test_dry_run_accepts_scores_planned_by_modes(capsys: Capture) -> None:
     """Module by module, once a frame, this string would diverge; a plan takes its modes."""
     stiff = """\
 ergon: 1
@@ -228,7 +228,7 @@ render: {tail: 0.1s}
     assert app.run(["render", "-q", "stiff.yaml"]) == 0
 
 
-def test_foreign_files_are_refused_and_ours_replaced(capsys: Capture) -> None:
+def test_render_replaces_only_files_by_ergon(capsys: Capture) -> None:
     soundfile.write("bell.wav", np.zeros(10), 44_100)
     before = Path("bell.wav").read_bytes()
     assert app.run(["render", "bell.yaml"]) == 2
@@ -254,7 +254,7 @@ def test_render_refuses_contradicting_options(capsys: Capture) -> None:
     assert app.run(["render", "bell.yaml", "--watch", "-o", "-"]) == 2
 
 
-def test_a_diverging_part_exits_4_without_a_file(
+def test_diverging_render_exits_4_without_file(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
     from ergon import _core
@@ -294,9 +294,7 @@ def test_silent_render_exits_1_with_strict(folder: Path, capsys: Capture) -> Non
     assert app.run(["render", "bell.yaml", "--strict"]) == 0
 
 
-def test_a_file_of_which_every_sample_is_rounded_to_0_is_silent(
-    folder: Path, capsys: Capture
-) -> None:
+def test_render_with_all_samples_rounded_to_zero_warns(folder: Path, capsys: Capture) -> None:
     score = "ergon: 1\ninstruments: {m: {CEL: {M: 1g, f: A4, t60: 1s}, out: {SOX: m}}}\n"
     score += "strikes: {s: {to: m, at: 0, impulse: IMPULSE}}\nrender: {tail: 100ms, bits: BITS}\n"
     for impulse, bits, code, message in (
@@ -311,7 +309,7 @@ def test_a_file_of_which_every_sample_is_rounded_to_0_is_silent(
         assert f"warning[{message}]" in capsys.readouterr().err
 
 
-def test_the_summary_tells_the_level_of_each_instrument(folder: Path, capsys: Capture) -> None:
+def test_render_summary_level_of_each_instrument(folder: Path, capsys: Capture) -> None:
     part = "{{modules: {{m: {{CEL: {{M: 2g, f: {f}, t60: 2s, X0: {x}}}}}}}, out: {{SOX: m}}}}"
     low, high = part.format(f="A3", x="1mm"), part.format(f="A4", x="0.1mm")
     text = f"ergon: 1\ninstruments: {{low: {low}, high: {high}}}\nrender: {{tail: 1s}}\n"
@@ -342,7 +340,7 @@ render: {tail: 0.3s, bits: float}
 """
 
 
-def test_a_render_says_what_was_computed_finer(folder: Path, capsys: Capture) -> None:
+def test_render_reports_frames_computed_finer(folder: Path, capsys: Capture) -> None:
     (folder / "hard.yaml").write_text(STRUCK_HARD)
     (folder / "soft.yaml").write_text(STRUCK_HARD.replace("0.5Ns", "0.01Ns"))
     assert app.run(["render", "hard.yaml"]) == 0
@@ -358,7 +356,7 @@ def test_a_render_says_what_was_computed_finer(folder: Path, capsys: Capture) ->
     assert "finer" not in capsys.readouterr().err
 
 
-def test_render_reports_an_instrument_that_masks_the_others(
+def test_render_reports_masking_instrument(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)

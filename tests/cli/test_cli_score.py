@@ -36,7 +36,7 @@ def test_check_of_a_good_score(capsys: Capture) -> None:
     assert capsys.readouterr() == ("", "")
 
 
-def test_check_shows_mistakes_in_their_places(folder: Path, capsys: Capture) -> None:
+def test_check_prints_mistakes_with_places(folder: Path, capsys: Capture) -> None:
     Path("bad.yaml").write_text(SCORE.replace("smooth 6mm", "smoth 6mm"))
     assert app.run(["check", "bad.yaml", "bell.yaml"]) == 1
     out, err = capsys.readouterr()
@@ -46,7 +46,7 @@ def test_check_shows_mistakes_in_their_places(folder: Path, capsys: Capture) -> 
     assert err.endswith("bad.yaml: 1 error\nbell.yaml: no mistakes\nerror: 1 of 2 scores\n")
 
 
-def test_forms_of_mistakes(capsys: Capture) -> None:
+def test_check_json_and_github_formats(capsys: Capture) -> None:
     Path("bad.yaml").write_text(SCORE.replace("smooth 6mm", "smoth 6mm"))
     assert app.run(["check", "--json", "bad.yaml"]) == 1
     (record,) = records(capsys)
@@ -59,7 +59,7 @@ def test_forms_of_mistakes(capsys: Capture) -> None:
     assert len(capsys.readouterr().err.splitlines()) == 1
 
 
-def test_check_reads_stdin() -> None:
+def test_check_of_score_from_stdin() -> None:
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     done = subprocess.run(
         [*ERGON, "check", "-"],
@@ -75,7 +75,7 @@ def test_check_reads_stdin() -> None:
     assert "\x1b" not in done.stderr
 
 
-def test_a_file_that_is_not_there(capsys: Capture) -> None:
+def test_check_of_missing_file(capsys: Capture) -> None:
     assert app.run(["check", "nowhere.yaml"]) == 1
     assert "nowhere.yaml" in capsys.readouterr().err
 
@@ -84,7 +84,7 @@ def followed(capsys: Capture) -> list[dict]:
     return [record for record in records(capsys) if record["event"] == "followed"]
 
 
-def test_check_simulate_says_how_gestures_were_followed(capsys: Capture) -> None:
+def test_check_simulate_reports_gesture_following(capsys: Capture) -> None:
     assert app.run(["check", "--simulate", "bell.yaml"]) == 0
     out = capsys.readouterr().out
     assert re.search(r"ada knock.* on k1: followed within .*m rms, worst .*m at \d+\|[\d.]+", out)
@@ -94,7 +94,7 @@ def test_check_simulate_says_how_gestures_were_followed(capsys: Capture) -> None
     assert record["worst_m"] >= record["rms_m"] >= 0
 
 
-def test_a_layer_is_not_held_against_a_path(folder: Path, capsys: Capture) -> None:
+def test_check_simulate_of_layered_gesture(folder: Path, capsys: Capture) -> None:
     score = SCORE.replace("every: 1, times: 2", "layer: true")
     assert score != SCORE
     (folder / "layer.yaml").write_text(score)
@@ -129,7 +129,7 @@ def test_simulate_reports_tracked_strokes_as_followed_exactly(
     assert re.search(r"ada knock ×2 on k1: followed (exactly|within)", capsys.readouterr().out)
 
 
-def test_check_simulate_says_what_swings_and_touches(folder: Path, capsys: Capture) -> None:
+def test_check_simulate_swings_and_contacts(folder: Path, capsys: Capture) -> None:
     assert app.run(["check", "--simulate", "--json", "bell.yaml"]) == 0
     rows = records(capsys)
     key = next(r for r in rows if r["event"] == "swing" and r["mass"] == "k1")
@@ -140,7 +140,7 @@ def test_check_simulate_says_what_swings_and_touches(folder: Path, capsys: Captu
     assert contact["deepest_m"] > 0
 
 
-def test_a_contact_that_never_closes_is_named(folder: Path, capsys: Capture) -> None:
+def test_check_simulate_warns_of_open_contact(folder: Path, capsys: Capture) -> None:
     assert "gap: 1mm" in SCORE
     (folder / "far.yaml").write_text(SCORE.replace("gap: 1mm", "gap: 14mm"))
     assert app.run(["check", "--simulate", "far.yaml"]) == 0
@@ -157,7 +157,7 @@ def test_a_contact_that_never_closes_is_named(folder: Path, capsys: Capture) -> 
     assert "`ergon check --simulate` says what moves and what touches" in printed
 
 
-def test_swapped_ends_of_a_contact_are_named(folder: Path, capsys: Capture) -> None:
+def test_check_simulate_warns_of_swapped_contact_ends(folder: Path, capsys: Capture) -> None:
     assert "between: [k1, m]" in SCORE
     (folder / "swapped.yaml").write_text(SCORE.replace("between: [k1, m]", "between: [m, k1]"))
     assert app.run(["check", "--simulate", "swapped.yaml"]) == 0
@@ -173,7 +173,7 @@ def test_swapped_ends_of_a_contact_are_named(folder: Path, capsys: Capture) -> N
     assert "swapped" not in capsys.readouterr().err
 
 
-def test_plot_of_a_score_without_gestures_says_what_it_draws(folder: Path, capsys: Capture) -> None:
+def test_plot_of_score_without_gestures_is_refused(folder: Path, capsys: Capture) -> None:
     (folder / "still.yaml").write_text("ergon: 1\n")
     assert app.run(["plot", "still.yaml"]) == 2
     message = capsys.readouterr().err
@@ -199,7 +199,7 @@ def test_compile_prints_the_stream(capsys: Capture) -> None:
     assert first["struck"].startswith("k1")
 
 
-def test_compile_into_a_file_and_never_over_another(capsys: Capture) -> None:
+def test_compile_output_file_and_foreign_file(capsys: Capture) -> None:
     assert app.run(["compile", "bell.yaml", "-o", "e.csv"]) == 0
     assert app.run(["compile", "bell.yaml", "-o", "e.csv"]) == 0
     Path("notes.csv").write_text("mine\n")
@@ -229,7 +229,7 @@ def test_plot_of_an_unplayed_gesture(capsys: Capture) -> None:
     assert capsys.readouterr().out.startswith("lean on k1")
 
 
-def test_plot_knows_names(capsys: Capture) -> None:
+def test_plot_suggests_misspelt_names(capsys: Capture) -> None:
     assert app.run(["plot", "bell.yaml", "knokc"]) == 2
     assert "did you mean 'knock'?" in capsys.readouterr().err
     assert app.run(["plot", "bell.yaml"]) == 2
@@ -246,7 +246,7 @@ def test_plot_of_a_sound(capsys: Capture) -> None:
     assert "frequency [Hz]" in Path("bell.svg").read_text()
 
 
-def test_export(capsys: Capture) -> None:
+def test_export_command_files(capsys: Capture) -> None:
     assert app.run(["export", "bell.yaml", "-o", "daw"]) == 0
     assert {path.name for path in Path("daw").iterdir()} == {
         "tempo.mid", "marks.csv", "mix.wav", "stems", "project.rpp",
@@ -267,7 +267,7 @@ def test_export(capsys: Capture) -> None:
     assert app.run(["export", "-q", "bell.yaml", "-o", "daw", "--no-stems"]) == 0
 
 
-def test_export_without_a_tempo_map_that_midi_cannot_represent(capsys: Capture) -> None:
+def test_export_without_unrepresentable_tempo_map(capsys: Capture) -> None:
     Path("slow.yaml").write_text("""\
 ergon: 1
 tempo: {at: 0, bpm: 2}
@@ -316,9 +316,7 @@ def test_info_of_garbage(name: str, capsys: Capture) -> None:
 
 
 @pytest.mark.parametrize("separator", [",", ";", "\t"])
-def test_info_of_a_take_reads_the_unit_of_its_times(
-    folder: Path, capsys: Capture, separator: str
-) -> None:
+def test_info_of_take_with_time_units(folder: Path, capsys: Capture, separator: str) -> None:
     rows = [("t [ms]", "tip [mm]"), ("0", "1"), ("5", "2"), ("10", "4")]
     (folder / "ms.csv").write_text("".join(f"{separator.join(row)}\n" for row in rows))
     assert app.run(["info", "--json", "ms.csv"]) == 0
@@ -328,7 +326,7 @@ def test_info_of_a_take_reads_the_unit_of_its_times(
     assert record["channels"] == [{"name": "tip [mm]", "low": 1, "high": 4}]
 
 
-def test_a_take_without_times_has_a_rate(folder: Path, capsys: Capture) -> None:
+def test_take_without_times_needs_rate(folder: Path, capsys: Capture) -> None:
     (folder / "bare.csv").write_text("x [mm]\n0\n2\n0\n")
     score = SCORE.replace("play: knock, every: 1, times: 2", "play: hand")
     for take, code in (("file: bare.csv", 1), ("file: bare.csv, rate: 10Hz", 0)):

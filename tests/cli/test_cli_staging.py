@@ -45,7 +45,7 @@ def here(work_folder: Path) -> Path:
     ],
     ids=" ".join,
 )
-def test_unstable_module_is_reported_with_line_and_mark(
+def test_commands_report_unstable_module_with_line(
     here: Path, capsys: pytest.CaptureFixture[str], typed: list[str]
 ) -> None:
     assert app.run(typed) == 1

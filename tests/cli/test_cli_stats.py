@@ -19,7 +19,7 @@ def folder(work_folder: Path) -> Path:
     return work_folder
 
 
-def test_figures_in_the_terminal(capsys: Capture):
+def test_stats_command_figures_table(capsys: Capture):
     assert app.run(["stats", "bars.yaml", "bar", "free", "wall"]) == 0
     out = capsys.readouterr().out
     assert "bar: 8 masses of 3 g to 5 g, 31 g in all; 1 fixed point\n" in out
@@ -32,7 +32,7 @@ def test_figures_in_the_terminal(capsys: Capture):
     assert "wall: 1 fixed point; nothing in it moves\n" in out
 
 
-def test_as_records(capsys: Capture):
+def test_stats_command_json_records(capsys: Capture):
     assert app.run(["stats", "bars.yaml", "--json"]) == 0
     records_read = records(capsys)
     assert [row["part"] for row in records_read] == [
@@ -56,7 +56,7 @@ def test_stats_command_refuses_wrong_parts(typed: list[str], message: str, capsy
     assert message in capsys.readouterr().err
 
 
-def test_of_a_take(capsys: Capture):
+def test_stats_command_of_take(capsys: Capture):
     every = [
         row(k, Axis(float(5e-3 * np.sin(k / 100)), float(np.cos(k / 100)), 0.0, 1))
         for k in range(3000)
@@ -89,7 +89,7 @@ def test_of_a_take(capsys: Capture):
         (["still.take", "--cutoff", "1kg"], "--cutoff: "),
     ],
 )
-def test_of_a_take_refuses(capsys: Capture, words: list[str], message: str):
+def test_stats_command_of_take_refusals(capsys: Capture, words: list[str], message: str):
     Path("bad.take").write_bytes(b"RIFF")
     Path("still.take").write_bytes(header() + rows(row(1, Axis(0.0)), row(2, Axis(0.0))) + end())
     assert app.run(["stats", *words]) == 2

@@ -53,11 +53,13 @@ def ergon(folder: Path, line: str, closed: tuple[int, ...] = (), **environment: 
     ("line", "code"),
     few([("info score.yaml", 0), ("check nothing.yaml", 1), (REPL, 0), ("--help", 0)], 1),
 )
-def test_closed_streams(here: Path, closed: tuple[int, ...], line: str, code: int) -> None:
+def test_commands_with_closed_streams_exit_codes(
+    here: Path, closed: tuple[int, ...], line: str, code: int
+) -> None:
     assert ergon(here, line, closed).returncode == code
 
 
-def test_no_file_gets_the_number_of_a_closed_stream(here: Path) -> None:
+def test_render_with_closed_standard_streams(here: Path) -> None:
     open_ = ergon(here, "render score.yaml -o a.wav --json")
     assert open_.returncode == 0
     assert ergon(here, "render score.yaml -o b.wav --json", (0, 1, 2)).returncode == 0
@@ -97,7 +99,7 @@ def test_non_ascii_text_is_escaped_in_an_ascii_locale(
         4,
     ),
 )
-def test_links_that_lead_back_to_themselves(here: Path, line: str, code: int) -> None:
+def test_commands_with_symlink_loops(here: Path, line: str, code: int) -> None:
     (here / "uses.yaml").write_text(SCORE.replace("keys:", "use: loop.yaml\nkeys:"))
     takes = "takes: {t: {file: round/x.take}}\ngestures:"
     (here / "plays.yaml").write_text(SCORE.replace("gestures:", takes))

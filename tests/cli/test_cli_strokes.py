@@ -75,7 +75,7 @@ def test_contact_closed_only_at_the_start_is_reported(tmp_path: Path, capsys: Ca
     assert single.startswith("bell.b' closes at 1|1 only, though 1 later stroke of k goes")
 
 
-def test_what_something_else_closes_is_not(tmp_path: Path, capsys: Capture) -> None:
+def test_simulate_ignores_contact_closed_by_other_strike(tmp_path: Path, capsys: Capture) -> None:
     part = "{at: 2, play: knock, every: 1/4, times: 4}"
     struck = "strikes: {s: {to: bell.ball, at: 0, impulse: -10mNs}}"
     assert named(tmp_path, capsys, **SLOW | {"gap": "4mm", "part": part, "more": struck}) == []
@@ -98,5 +98,7 @@ def test_contact_missed_by_equal_strikes_is_reported(tmp_path: Path, capsys: Cap
 
 
 @pytest.mark.parametrize("second", ["4.9mNs", "-5mNs"], ids=["softer", "the other way"])
-def test_strikes_that_are_softer_are_not(tmp_path: Path, capsys: Capture, second: str) -> None:
+def test_simulate_ignores_contact_missed_by_softer_strikes(
+    tmp_path: Path, capsys: Capture, second: str
+) -> None:
     assert named(tmp_path, capsys, **struck(second)) == []

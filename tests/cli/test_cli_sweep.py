@@ -61,7 +61,7 @@ def sweep(*words: str) -> int:
     return app.run(["sweep", "bell.yaml", *words])
 
 
-def test_sounds_are_those_of_render(capsys: pytest.CaptureFixture[str]):
+def test_sweep_sounds_equal_render(capsys: pytest.CaptureFixture[str]):
     assert sweep("--vary", "hum.m.K=4kN/m..9kN/m:2", "--vary", "seed=7..8") == 0
     assert capsys.readouterr().out.count("\n") == 5
     records_read = rows()
@@ -86,13 +86,13 @@ def test_sounds_are_those_of_render(capsys: pytest.CaptureFixture[str]):
     assert sum(one.tag.endswith("circle") for one in root.iter()) >= 4 * 4
 
 
-def test_a_field_of_another_file_and_pairs():
+def test_sweep_of_used_file_field_with_zip():
     assert sweep("--vary", "small.n.f=200Hz,310Hz", "--vary", "seed=1,2", "--zip", "-q") == 0
     assert [(row["small.n.f"], row["seed"]) for row in rows()] == [("200Hz", "1"), ("310Hz", "2")]
     assert Path("bells.yaml").read_text() == SMALL
 
 
-def test_a_second_run_computes_what_is_missing(monkeypatch: pytest.MonkeyPatch):
+def test_sweep_second_run_computes_missing_variants(monkeypatch: pytest.MonkeyPatch):
     from ergon.api import sweep as module
 
     computed: list[str] = []
@@ -122,13 +122,13 @@ def test_a_second_run_computes_what_is_missing(monkeypatch: pytest.MonkeyPatch):
     assert len(computed) == 12
 
 
-def test_a_score_may_be_named_by_any_path():
+def test_sweep_of_score_by_relative_path():
     arguments = ["sweep", "./bell.yaml", "-q", "--vary", "hum.m.M=1g,2g", "--no-sound"]
     assert app.run(arguments) == 0
     assert len(rows()) == 2
 
 
-def test_a_variant_that_fails_is_a_row(capsys: pytest.CaptureFixture[str]):
+def test_sweep_row_of_failed_variant(capsys: pytest.CaptureFixture[str]):
     assert sweep("--method", "ca", "--vary", "hum.m.K=5kN/m,1e9N/m,6kN/m", "--no-sound") == 1
     output = capsys.readouterr()
     assert "1 variant of 3 failed; the first: " in output.err
@@ -149,7 +149,7 @@ def test_a_variant_that_fails_is_a_row(capsys: pytest.CaptureFixture[str]):
         (["--vary", "hum.m.M=1g", "--seed", "-1"], 2, "--seed -1: a seed is a whole number from 0"),
     ],
 )
-def test_mistakes_render_nothing(
+def test_sweep_mistakes_render_nothing(
     words: list[str], code: int, output: str, capsys: pytest.CaptureFixture[str]
 ):
     before = sorted(os.listdir())
@@ -178,7 +178,7 @@ def test_interrupted_sweep_keeps_complete_files(number: signal.Signals):
     assert {row["file"] for row in done} == {p.name for p in Path().glob("bell.sweep/*.wav")}
 
 
-def test_a_strangers_table_is_no_table():
+def test_sweep_refuses_foreign_or_edited_table():
     Path("bell.sweep").mkdir()
     Path("bell.sweep/sweep.csv").write_text("mine\n1\n")
     assert sweep("--vary", "seed=1,2", "-q") == 2

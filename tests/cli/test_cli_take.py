@@ -40,7 +40,7 @@ def folder(work_folder: Path) -> Path:
 
 
 @pytest.mark.parametrize("command", [["info"], ["take", "info"]])
-def test_info(capsys: Capture, command: list[str]) -> None:
+def test_take_info_of_recording(capsys: Capture, command: list[str]) -> None:
     assert app.run([*command, "hand.take"]) == 0
     assert capsys.readouterr().out.splitlines() == [
         "hand.take: 2 s, 2,000 ticks at 1000.00 Hz (44 frames of 44000 Hz)",
@@ -61,7 +61,7 @@ def test_info(capsys: Capture, command: list[str]) -> None:
     assert (record["lost_bytes"], record["finished"]) == (0, True)
 
 
-def test_info_of_a_damaged_file(folder: Path, capsys: Capture) -> None:
+def test_take_info_of_damaged_file(folder: Path, capsys: Capture) -> None:
     (folder / "cut.take").write_bytes(data()[:-1000])
     assert app.run(["take", "info", "cut.take"]) == 0
     assert capsys.readouterr().out.splitlines()[-1].startswith("  13558 bytes of this recording")
@@ -77,7 +77,7 @@ def test_info_of_a_damaged_file(folder: Path, capsys: Capture) -> None:
     )
 
 
-def test_names_of_strangers_move_no_terminal(folder: Path, capsys: Capture) -> None:
+def test_take_info_escapes_control_characters_in_names(folder: Path, capsys: Capture) -> None:
     (folder / "x.take").write_bytes(header((("\x1b[2Jada", "k\n"),)) + end())
     for command in (["info", "x.take"], ["list"]):
         assert app.run(["take", *command]) == 0
@@ -86,7 +86,7 @@ def test_names_of_strangers_move_no_terminal(folder: Path, capsys: Capture) -> N
         assert "\x1b" not in out
 
 
-def test_list(folder: Path, capsys: Capture) -> None:
+def test_take_list_of_folder(folder: Path, capsys: Capture) -> None:
     (folder / "cut.take").write_bytes(data()[:-1000])
     (folder / "no.take").write_bytes(b"RIFF")
     (folder / "open.take").write_bytes(data()[:-17])
@@ -125,7 +125,7 @@ def test_trim_keeps_rows_events_and_their_places(capsys: Capture) -> None:
     )
 
 
-def test_trim_makes_a_damaged_file_whole(folder: Path, capsys: Capture) -> None:
+def test_trim_repairs_damaged_take(folder: Path, capsys: Capture) -> None:
     (folder / "cut.take").write_bytes(data()[:-1000])
     assert app.run(["take", "trim", "cut.take", "0s", "end", "-o", "good.take", "--json"]) == 0
     warning, wrote = records(capsys)
@@ -148,7 +148,7 @@ def test_trim_makes_a_damaged_file_whole(folder: Path, capsys: Capture) -> None:
         (["hand.take", "0s", "1s", "-o", "other.take"], "other.take exists"),
     ],
 )
-def test_trim_refuses(folder: Path, capsys: Capture, words: list[str], message: str) -> None:
+def test_take_trim_refusals(folder: Path, capsys: Capture, words: list[str], message: str) -> None:
     (folder / "other.take").write_bytes(data())
     before = sorted(folder.iterdir())
     assert app.run(["take", "trim", *words]) == 2
@@ -157,7 +157,7 @@ def test_trim_refuses(folder: Path, capsys: Capture, words: list[str], message: 
     assert (folder / "other.take").read_bytes() == (folder / "hand.take").read_bytes() == data()
 
 
-def test_a_csv_goes_out_and_comes_back(capsys: Capture) -> None:
+def test_take_csv_export_and_import_round_trip(capsys: Capture) -> None:
     assert app.run(["take", "export", "hand.take", "-o", "x.csv"]) == 0
     head = Path("x.csv").read_text().splitlines()[:3]
     assert head[0] == "# take 1, made by ergon, 44000 Hz, ticks of 44 frames"
@@ -176,14 +176,14 @@ def test_a_csv_goes_out_and_comes_back(capsys: Capture) -> None:
     assert json.loads(back.about) == {"imported": "x.csv"}
 
 
-def test_csv_on_stdout(capsysbinary: pytest.CaptureFixture[bytes]) -> None:
+def test_take_export_csv_to_stdout(capsysbinary: pytest.CaptureFixture[bytes]) -> None:
     assert app.run(["take", "export", "hand.take", "-o", "x.csv"]) == 0
     capsysbinary.readouterr()
     assert app.run(["take", "export", "hand.take", "-o", "-"]) == 0
     assert capsysbinary.readouterr() == (Path("x.csv").read_bytes(), b"")
 
 
-def test_npz(capsys: Capture) -> None:
+def test_take_export_npz(capsys: Capture) -> None:
     assert app.run(["take", "export", "hand.take", "-o", "x.npz"]) == 0
     complete = _core.read_recording("hand.take")
     with np.load("x.npz") as arrays:
@@ -196,7 +196,7 @@ def test_npz(capsys: Capture) -> None:
     assert Path("x.npz").read_bytes() == first
 
 
-def test_wav_is_the_movement_at_the_audio_rate(capsys: Capture) -> None:
+def test_take_wav_export_at_audio_rate(capsys: Capture) -> None:
     assert app.run(["take", "export", "hand.take", "-o", "x.wav"]) == 0
     samples, rate = soundfile.read("x.wav", dtype="float64")
     assert rate == 44000
@@ -209,7 +209,7 @@ def test_wav_is_the_movement_at_the_audio_rate(capsys: Capture) -> None:
     assert np.abs(samples[middle, 0] - wanted[middle]).max() < 1e-9
 
 
-def test_a_rate_that_wav_cannot_say(folder: Path, capsys: Capture) -> None:
+def test_take_wav_export_refuses_fractional_rate(folder: Path, capsys: Capture) -> None:
     every = rows(*(row(t, Axis(0.0)) for t in range(3)))
     (folder / "odd.take").write_bytes(header(rate=44100.5) + every + end())
     assert app.run(["take", "export", "odd.take", "-o", "x.wav"]) == 2
@@ -217,7 +217,7 @@ def test_a_rate_that_wav_cannot_say(folder: Path, capsys: Capture) -> None:
     assert not Path("x.wav").exists()
 
 
-def test_dry_runs_write_nothing(folder: Path, capsys: Capture) -> None:
+def test_take_dry_runs_write_nothing(folder: Path, capsys: Capture) -> None:
     (folder / "x.csv").write_text("t [s],x [mm]\n0,0\n1,1\n2,0\n")
     before = sorted(folder.iterdir())
     for command in (
@@ -230,7 +230,7 @@ def test_dry_runs_write_nothing(folder: Path, capsys: Capture) -> None:
     assert sorted(folder.iterdir()) == before
 
 
-def test_import_reads_the_spline_at_every_tick(folder: Path, capsys: Capture) -> None:
+def test_take_import_samples_spline_at_every_tick(folder: Path, capsys: Capture) -> None:
     t = np.array([0.0, 0.031, 0.064, 0.11, 0.15, 0.2])
     x = np.array([0.0, 1.0, 3.0, 2.0, 0.5, 0.0])
     lines = [f"{a},{b}\n" for a, b in zip(t, x, strict=True)]
@@ -244,7 +244,7 @@ def test_import_reads_the_spline_at_every_tick(folder: Path, capsys: Capture) ->
     assert len(want) == int(0.2 * 44100 / 44) + 1
 
 
-def test_motion_capture_becomes_a_recording(folder: Path, capsys: Capture) -> None:
+def test_import_of_motion_capture_as_take(folder: Path, capsys: Capture) -> None:
     """A marker's axis in mm and a joint's in units of 1 cm, read as a score reads them, too."""
     places = motion_files.curve(40)
     places[20:22, 0] = np.nan
@@ -293,7 +293,9 @@ def test_motion_capture_becomes_a_recording(folder: Path, capsys: Capture) -> No
         (["x.csv", "--channel", "a"], "name the file to write"),
     ],
 )
-def test_import_refuses(folder: Path, capsys: Capture, words: list[str], message: str) -> None:
+def test_take_import_refusals(
+    folder: Path, capsys: Capture, words: list[str], message: str
+) -> None:
     (folder / "x.csv").write_text("t [s],a [mm],b [mm]\n0,0,0\n1,1,1\n2,0,0\n")
     (folder / "long.csv").write_text("t [s],a [mm]\n0,0\n1e9,1\n")
     (folder / "x.gms").write_bytes(b"FORM")
@@ -302,7 +304,7 @@ def test_import_refuses(folder: Path, capsys: Capture, words: list[str], message
     assert not (folder / "y.take").exists()
 
 
-def test_no_recording_is_taken_for_a_file_to_replace(folder: Path, capsys: Capture) -> None:
+def test_take_trim_refuses_existing_recording(folder: Path, capsys: Capture) -> None:
     saved = header(HANDS, about='{"by": "made by ergon"}') + end()
     (folder / "y.take").write_bytes(saved)
     for dry in ([], ["-n"]):
@@ -313,6 +315,6 @@ def test_no_recording_is_taken_for_a_file_to_replace(folder: Path, capsys: Captu
     assert (folder / "y.take").read_bytes() != saved
 
 
-def test_the_group_names_what_is_near(capsys: Capture) -> None:
+def test_take_suggests_misspelt_subcommand(capsys: Capture) -> None:
     assert app.run(["take", "trimm"]) == 2
     assert "Did you mean 'trim'?" in capsys.readouterr().err

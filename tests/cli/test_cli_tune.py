@@ -17,7 +17,7 @@ def folder(work_folder: Path) -> Path:
     return work_folder
 
 
-def test_what_is_to_be_written_is_printed(capsys: Capture):
+def test_tune_command_prints_values(capsys: Capture):
     assert app.run(["tune", "bars.yaml", "wire", "A3"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "wire: 1 mode"
@@ -27,7 +27,7 @@ def test_what_is_to_be_written_is_printed(capsys: Capture):
     assert Path("bars.yaml").read_text() == SCORE
 
 
-def test_into_the_score_and_into_another(capsys: Capture):
+def test_tune_command_edits_score_or_new_file(capsys: Capture):
     typed = ["tune", "bars.yaml", "bar", "2=170Hz", "--by", "m3.M"]
     assert app.run([*typed, "-o", "new.yaml"]) == 0
     assert app.run([*typed, "-o", "-"]) == 0
@@ -48,7 +48,7 @@ def test_tune_command_writes_no_unreachable_targets(capsys: Capture):
     assert Path("bars.yaml").read_text() == SCORE
 
 
-def test_as_records(capsys: Capture):
+def test_tune_command_json_records(capsys: Capture):
     assert app.run(["tune", "bars.yaml", "bar", "1:3", "--by", "springs", "--json"]) == 0
     *values, last = records(capsys)
     assert {row["event"] for row in values} == {"value"}

@@ -53,7 +53,7 @@ def get(url: str) -> tuple[int, bytes]:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
-def test_a_file_is_served_until_ctrl_c() -> None:
+def test_view_serves_motion_file_until_ctrl_c() -> None:
     path = Piece().write(Path("a.motion"))
     with view("a.motion", "--stage") as (process, url):
         assert url.startswith("http://127.0.0.1:")
@@ -79,7 +79,7 @@ def test_view_of_a_bundled_piece_as_on_the_first_page() -> None:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="signals to one thread")
-def test_ctrl_c_that_another_thread_receives_ends_it() -> None:
+def test_view_ends_by_signal_to_another_thread() -> None:
     Piece().write(Path("a.motion"))
     with view("a.motion") as (process, url):
         assert get(url)[0] == 200
@@ -92,7 +92,7 @@ def test_ctrl_c_that_another_thread_receives_ends_it() -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
-def test_a_score_is_rendered_and_served_with_its_sound_and_leaves_nothing() -> None:
+def test_view_of_score_with_sound_and_cleanup() -> None:
     Path("s.yaml").write_text(SCORE)
     Path("tmp").mkdir()
     with view("s.yaml", env={"TMPDIR": str(Path("tmp").absolute())}) as (process, url):
@@ -110,7 +110,7 @@ def test_a_score_is_rendered_and_served_with_its_sound_and_leaves_nothing() -> N
     assert {path.name for path in Path().iterdir()} == {"s.yaml", "tmp"}
 
 
-def test_elsewhere_the_address_has_a_key() -> None:
+def test_view_on_all_interfaces_has_key_in_url() -> None:
     Piece().write(Path("a.motion"))
     with view("a.motion", "--at", "0.0.0.0:0", "--json") as (_, line):
         url = json.loads(line)["url"]
@@ -120,7 +120,7 @@ def test_elsewhere_the_address_has_a_key() -> None:
         assert get(url.replace(key + "/", ""))[0] == 404
 
 
-def test_what_is_no_motion_is_refused_with_a_sentence(capsys: pytest.CaptureFixture[str]) -> None:
+def test_view_refuses_files_other_than_motion(capsys: pytest.CaptureFixture[str]) -> None:
     Path("x.wav").write_bytes(b"RIFF")
     os.mkfifo("pipe.motion")
     for path, words in {

@@ -63,13 +63,13 @@ def test_command_and_library_have_the_same_defaults(name):
         (Text(), "A4", "A4"),
     ],
 )
-def test_values_are_read_as_declared(accepts, text, value):
+def test_declared_option_values_parsed(accepts, text, value):
     options_class = make_dataclass("Own", [("size", object, option(None, "A value.", accepts))])
     command = click.command()(options.declared(options_class)(lambda size: size))
     read = command(["--size", text], standalone_mode=False)
     assert read == (value if isinstance(value, str) else pytest.approx(value))
 
 
-def test_docstring_of_options_says_what_each_means():
+def test_options_docstring_describes_each_field():
     said = ergon.RenderOptions.__doc__
     assert "rate: Frames a second of the file [Hz], instead of the score's" in said

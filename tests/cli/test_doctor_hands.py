@@ -69,7 +69,7 @@ def test_doctor_measures_positions_by_osc(capsys: Capture):
     assert "they come early enough for ?delay=" in row["todo"]
 
 
-def test_doctor_of_an_input_that_nobody_moves(capsys: Capture, monkeypatch: pytest.MonkeyPatch):
+def test_doctor_of_unmoved_hand_input(capsys: Capture, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("ergon.api.hand_checks._WAIT", 0.1)
     assert app.run(["doctor", "--hands", f"osc:/x?port={free_port()}", "--seconds", "0.1"]) == 3
     shown = capsys.readouterr()
@@ -107,7 +107,7 @@ def finding(url: str, gaps: list[float], wait: float) -> dict[str, object]:
     return {"todo": result.todo, "said": result.sentence, **result.numbers}
 
 
-def test_positions_that_wait_on_their_way():
+def test_doctor_of_delayed_positions():
     """A stamped position that is 30 ms on its way needs a delay of that and its gap."""
     row = finding("page:slow", [0.01], 0.03)
     assert row["gap_s"] == pytest.approx(0.01, abs=1e-6)
@@ -117,7 +117,7 @@ def test_positions_that_wait_on_their_way():
     assert "100 positions a second" in str(row["said"])
 
 
-def test_jitter_of_stamps():
+def test_doctor_gap_deviation_of_uneven_positions():
     row = finding("page:uneven", [0.006, 0.014], 0.0)
     assert row["gap_s"] == pytest.approx(0.01, rel=0.05)
     assert row["gap_deviation_s"] == pytest.approx(0.004, rel=0.05)

@@ -59,17 +59,17 @@ def every_command_agrees(seeds: range, capsys: pytest.CaptureFixture[str]) -> No
 pytestmark = pytest.mark.usefixtures("work_folder")
 
 
-def test_every_command_accepts_what_check_accepts(capsys: pytest.CaptureFixture[str]):
+def test_commands_accept_checked_random_scores(capsys: pytest.CaptureFixture[str]):
     every_command_agrees(range(SHORT), capsys)
     every_command_agrees(range(PROXIES, IN_SPACE + 1), capsys)
 
 
 @pytest.mark.slow
-def test_every_command_accepts_what_check_accepts_long(capsys: pytest.CaptureFixture[str]):
+def test_commands_accept_checked_random_scores_long(capsys: pytest.CaptureFixture[str]):
     every_command_agrees(range(SHORT, SHORT + LONG), capsys)
 
 
-def test_a_hardening_plate_beside_a_law(capsys: pytest.CaptureFixture[str]):
+def test_commands_accept_hardening_plate_beside_law(capsys: pytest.CaptureFixture[str]):
     """The plate's springs go by a loop of their own; the law link keeps its number."""
     text = (
         "ergon: 1\n"
@@ -90,7 +90,7 @@ def test_a_hardening_plate_beside_a_law(capsys: pytest.CaptureFixture[str]):
         assert app.run(arguments) == 0, capsys.readouterr().err
 
 
-def test_what_only_a_plan_can_play(capsys: pytest.CaptureFixture[str]):
+def test_commands_accept_score_too_stiff_for_one_step(capsys: pytest.CaptureFixture[str]):
     """A spring too stiff for one step a frame: four commands refused what `check` accepted."""
     Path("s.yaml").write_text(
         "ergon: 1\n"
@@ -139,7 +139,7 @@ STIFF = (
         ("LNL: {between: [wall, mote], law: k*d + k*d**3, k: 4N/m}", 1),
     ],
 )
-def test_compile_accepts_what_check_accepts(
+def test_compile_of_stiff_score_agrees_with_check(
     held: str, code: int, capsys: pytest.CaptureFixture[str]
 ):
     Path("s.yaml").write_text(STIFF.format(held=held))
@@ -185,7 +185,9 @@ LIGHT_MASS = (
 
 
 @pytest.mark.parametrize("text", few([LIGHT_KEY, LIGHT_MASS], [LIGHT_MASS]))
-def test_what_is_unstable_at_every_rate_is_compiled(text: str, capsys: pytest.CaptureFixture[str]):
+def test_commands_accept_score_unstable_at_every_rate(
+    text: str, capsys: pytest.CaptureFixture[str]
+):
     """A contact of 1e-9 g asked for 4 million times the audio rate, where 4096 are the most."""
     Path("s.yaml").write_text(text)
     for name in ("check", "info", "compile", "export", "render", "check --simulate"):
@@ -200,9 +202,7 @@ def test_what_is_unstable_at_every_rate_is_compiled(text: str, capsys: pytest.Ca
     "entry",
     ["{at: 3|1, bpm: 120 -> 60, over: 9999999}", "{at: 9999999|1, bpm: 120 -> 60, over: 4}"],
 )
-def test_a_ramp_that_lasts_for_years_is_exported_as_far_as_it_matters(
-    entry: str, capsys: pytest.CaptureFixture[str]
-):
+def test_export_of_tempo_ramp_lasting_years(entry: str, capsys: pytest.CaptureFixture[str]):
     """`export` wrote the tempo of ten million beats, in a minute (`commands`, 11257, 11330)."""
     text = LIGHT_KEY.replace("M: 1e-9g", "M: 300g")
     Path("s.yaml").write_text(

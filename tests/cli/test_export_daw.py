@@ -80,7 +80,7 @@ def project(folder: Path) -> Block:
     return parsed((folder / "split" / "project.rpp").read_text())
 
 
-def test_tracks_are_the_files_at_the_beginning_of_the_piece(folder: Path, project: Block):
+def test_reaper_tracks_and_files_at_piece_start(folder: Path, project: Block):
     tracks = {}
     for track in blocks(project, "TRACK"):
         ((name,),) = lines(track, "NAME")
@@ -101,7 +101,7 @@ def test_tracks_are_the_files_at_the_beginning_of_the_piece(folder: Path, projec
     }
 
 
-def test_the_tempo_is_that_of_the_midi_file(folder: Path, project: Block):
+def test_reaper_tempo_envelope_equals_midi_tempo(folder: Path, project: Block):
     """Beats that pass between the points are those that mido counts; points stand at its times."""
     (envelope,) = blocks(project, "TEMPOENVEX")
     points = [(float(t), float(bpm)) for t, bpm, *_ in lines(envelope, "PT")]
@@ -123,7 +123,7 @@ def test_the_tempo_is_that_of_the_midi_file(folder: Path, project: Block):
         assert points[index] == pytest.approx((seconds, bpm), abs=1e-5)
 
 
-def test_meters_and_marks(folder: Path, project: Block):
+def test_reaper_meters_and_marks(folder: Path, project: Block):
     (envelope,) = blocks(project, "TEMPOENVEX")
     meters = [(float(t), int(more[0])) for t, _, _, *more in lines(envelope, "PT") if more]
     assert [(seconds, word & 0xFFFF, word >> 16) for seconds, word in meters] == [
@@ -145,7 +145,7 @@ def read(path: Path) -> np.ndarray:
     return soundfile.read(path, always_2d=True)[0]
 
 
-def test_dry_and_wet_add_up_to_the_stem(folder: Path):
+def test_dry_and_wet_stems_sum_to_stem(folder: Path):
     dry, wet = (read(folder / "split" / "stems" / f"0{i}_low-{kind}.wav") for i, kind in
                 ((1, "dry"), (2, "wet")))  # fmt: skip
     joined = read(folder / "joined" / "stems" / "01_low.wav")
@@ -153,19 +153,19 @@ def test_dry_and_wet_add_up_to_the_stem(folder: Path):
     assert np.abs(dry[:, 1]).max() == 0.0 < np.abs(wet[:, 1]).max(), "the route goes to channel 1"
 
 
-def test_all_stems_add_up_to_the_mix(folder: Path):
+def test_stems_sum_to_mix(folder: Path):
     stems = sum(read(path) for path in sorted((folder / "split" / "stems").iterdir()))
     mix = read(folder / "split" / "mix.wav")
     assert np.abs(stems - mix).max() < 1e-6 * np.abs(mix).max()
 
 
-def test_without_sound_there_is_no_project(folder: Path):
+def test_export_without_stems_writes_no_project(folder: Path):
     done = forked(["export", "s.yaml", "-o", "silent", "--no-stems"], folder)
     assert done.returncode == 0, done.stderr
     assert sorted(path.name for path in (folder / "silent").iterdir()) == ["marks.csv", "tempo.mid"]
 
 
-def test_wet_is_about_stems(folder: Path):
+def test_wet_option_refused_without_stems(folder: Path):
     done = forked(["render", "s.yaml", "--wet"], folder)
     assert done.returncode == 2
     assert "--wet: this is about stems; add the option stems" in done.stderr

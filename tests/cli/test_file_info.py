@@ -67,7 +67,9 @@ FILES: dict[str, str] = {
         ("tune.xml", _TUNE_READ, ["1 fermata"]),
     ],
 )
-def test_info_of_files(name: str, read: dict[str, object], passed: list[str], tmp_path: Path):
+def test_info_of_foreign_file_kinds(
+    name: str, read: dict[str, object], passed: list[str], tmp_path: Path
+):
     (tmp_path / name).write_text(FILES[name])
     done = forked(["info", name, "--json"], tmp_path)
     assert done.returncode == 0, done.stderr
@@ -101,7 +103,7 @@ def test_info_of_damaged_files(name: str, text: str, message: str, tmp_path: Pat
     assert "internal error" not in done.stderr
 
 
-def test_info_names_arrays_that_are_not_played(tmp_path: Path):
+def test_info_of_npz_with_unplayable_array(tmp_path: Path):
     np.savez(tmp_path / "a.npz", x=np.arange(4.0), about=np.array(["text"]))
     done = forked(["info", "a.npz"], tmp_path)
     assert done.returncode == 0, done.stderr
@@ -128,7 +130,7 @@ def test_info_of_a_gms_file_lists_its_chunks(tmp_path: Path):
     assert "the chunk FORM has 38 bytes, and 37 follow" in done.stderr
 
 
-def test_chunks_are_those_that_libsndfile_writes(tmp_path: Path):
+def test_chunks_of_aiff_by_libsndfile(tmp_path: Path):
     """An AIFF file is an IFF file, written here by another program."""
     soundfile.write(tmp_path / "a.aiff", np.zeros((100, 1)), 8000, "PCM_S8")
     walked = chunks((tmp_path / "a.aiff").read_bytes())
@@ -150,7 +152,7 @@ def test_chunks_are_those_that_libsndfile_writes(tmp_path: Path):
         ("empty", b""),
     ],
 )
-def test_info_of_nothing_known(name: str, data: bytes, tmp_path: Path):
+def test_info_of_unknown_file_is_refused(name: str, data: bytes, tmp_path: Path):
     (tmp_path / name).write_bytes(data)
     done = forked(["info", name], tmp_path)
     assert done.returncode == 2
@@ -166,7 +168,7 @@ def test_info_of_a_model_named_as_a_text(tmp_path: Path):
     assert "statements: 4" in done.stdout
 
 
-def test_info_of_a_score_without_its_ending_and_of_one_that_ships(tmp_path: Path):
+def test_info_of_score_without_suffix_and_bundled(tmp_path: Path):
     (tmp_path / "piece").write_text(SCORE)
     done = forked(["info", "piece"], tmp_path)
     assert done.returncode == 0, done.stderr

@@ -134,7 +134,7 @@ HABITS = [
 
 
 @pytest.mark.parametrize(("line", "code", "answer"), HABITS, ids=[line for line, _, _ in HABITS])
-def test_habit_is_answered_with_what_to_do(
+def test_mistyped_command_lines_answered_with_advice(
     line: str,
     code: int,
     answer: str,
@@ -155,7 +155,7 @@ def test_habit_is_answered_with_what_to_do(
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
-def test_every_command_is_under_one_heading():
+def test_command_sections_list_each_command_once():
     listed = [name for names in app.SECTIONS.values() for name in names]
     assert sorted(listed) == sorted(app.COMMANDS)
 
@@ -175,7 +175,7 @@ def commands(group: LazyGroup, before: str = "") -> dict[str, click.Command]:
     return result
 
 
-def test_every_command_has_an_example_in_its_help(capsys: pytest.CaptureFixture[str]):
+def test_help_examples_of_all_commands(capsys: pytest.CaptureFixture[str]):
     result = commands(app.group)
     assert set(result) == set(examples.EXAMPLES)
     for name in result:
@@ -190,7 +190,7 @@ LINES = [line for rows in examples.EXAMPLES.values() for line, _ in rows]
 
 
 @pytest.mark.parametrize("line", LINES)
-def test_example_is_parsed(line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_help_example_lines_parse(line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
     program, *words = shlex.split(line)
     assert program == "ergon"
@@ -208,7 +208,7 @@ def test_example_is_parsed(line: str, tmp_path: Path, monkeypatch: pytest.Monkey
 
 
 @pytest.mark.parametrize("rate", ["48000", "48000Hz", "48kHz", "4.8e4"])
-def test_rate_with_and_without_its_unit(
+def test_render_rate_option_with_and_without_unit(
     rate: str,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -220,7 +220,7 @@ def test_rate_with_and_without_its_unit(
     assert "48000 Hz" in capsys.readouterr().out
 
 
-def test_seconds_with_their_unit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_layout_noise_seconds_with_unit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
     words = ["layout", "noise", "stereo", "--rate", "8kHz", "-o"]
     assert app.run([*words, "a.wav", "--seconds", "100ms"]) == 0
@@ -246,7 +246,7 @@ RESPELT = [
 
 
 @pytest.mark.parametrize(("earlier", "present", "option"), RESPELT)
-def test_earlier_spelling_does_the_same_with_a_warning(
+def test_deprecated_spelling_warns_with_same_result(
     earlier: str,
     present: str,
     option: str,
@@ -265,7 +265,7 @@ def test_earlier_spelling_does_the_same_with_a_warning(
     assert (answer.out, rest) == (expected.out, expected.err)
 
 
-def test_option_of_one_name_means_one_thing():
+def test_option_names_mean_the_same_in_all_commands():
     meanings: dict[str, set[str]] = {}
     for name, command in commands(app.group).items():
         for param in command.params:
@@ -288,7 +288,7 @@ MEANINGS = {
 
 
 @pytest.mark.parametrize(("text", "code"), [("    - {at: 1|1.5, play: lean}", 1), ("", 0)])
-def test_strict_check_fails_by_a_warning(
+def test_check_strict_exit_code_with_warning(
     text: str, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.chdir(tmp_path)

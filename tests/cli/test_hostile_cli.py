@@ -167,11 +167,11 @@ def refused(folder: Path, scores: Mapping[str, Content]) -> None:
     few([YAML, NUMBERS, SIZES, TEXTS], [NUMBERS, SIZES, TEXTS]),
     ids=["yaml", "numbers", "sizes", "texts"],
 )
-def test_scores_are_refused(tmp_path: Path, scores: Mapping[str, Content]) -> None:
+def test_hostile_scores_are_refused(tmp_path: Path, scores: Mapping[str, Content]) -> None:
     refused(tmp_path, scores)
 
 
-def test_fifos_sockets_and_link_loops_are_refused(tmp_path: Path) -> None:
+def test_commands_refuse_fifos_sockets_and_link_loops(tmp_path: Path) -> None:
     for end in ("", ".csv"):
         os.mkfifo(tmp_path / f"fifo{end}")
         (tmp_path / f"zero{end}").symlink_to("/dev/zero")
@@ -186,7 +186,7 @@ def test_fifos_sockets_and_link_loops_are_refused(tmp_path: Path) -> None:
     refused(tmp_path, FILES)
 
 
-def test_takes_are_refused(tmp_path: Path) -> None:
+def test_hostile_takes_are_refused(tmp_path: Path) -> None:
     for name, data in TAKES.items():
         write(tmp_path / name, data)
     with (tmp_path / "sparse.wav").open("wb") as file:
@@ -195,14 +195,14 @@ def test_takes_are_refused(tmp_path: Path) -> None:
     refused(tmp_path, {name: take(name) for name in (*TAKES, "sparse.wav")})
 
 
-def test_a_score_uses_itself(tmp_path: Path) -> None:
+def test_score_using_itself_is_refused(tmp_path: Path) -> None:
     (tmp_path / "s.yaml").write_text(HEAD + "use: [s.yaml]\n")
     done = ergon(tmp_path, "check", "s.yaml")
     assert done.returncode == 1
     assert "s.yaml:2:7: error[E302]" in done.stderr
 
 
-def test_ten_thousand_mistakes_are_twenty(tmp_path: Path) -> None:
+def test_check_prints_20_of_ten_thousand_mistakes(tmp_path: Path) -> None:
     rows = "".join(f"    {i}|1 nope\n" for i in range(1, 10_001))
     (tmp_path / "s.yaml").write_text(HEAD + KEY + "parts:\n  p: |\n" + rows)
     done = ergon(tmp_path, "check", "--format", "concise", "s.yaml")
@@ -223,14 +223,14 @@ LARGE_SCORES: Mapping[str, Callable[[], str]] = {
 
 
 @pytest.mark.parametrize("name", few(LARGE_SCORES, ["rain"]))
-def test_the_most_that_is_allowed_fits(tmp_path: Path, name: str) -> None:
+def test_check_of_largest_allowed_scores(tmp_path: Path, name: str) -> None:
     (tmp_path / "s.yaml").write_text(LARGE_SCORES[name]())
     done = ergon(tmp_path, "check", "-q", "s.yaml")
     assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.slow
-def test_rendering_a_hostile_score_writes_nothing(tmp_path: Path) -> None:
+def test_render_of_hostile_score_writes_nothing(tmp_path: Path) -> None:
     (tmp_path / "law.yaml").write_text(law("__import__('os').system('touch pwned')"))
     (tmp_path / "day.yaml").write_text(piece("at: 0", "at: 1000000s"))
     for score in ("law.yaml", "day.yaml", "/dev/zero", "/", "nowhere.yaml"):

@@ -86,7 +86,7 @@ def contents():
         "stability s.yaml --seconds 0.05 -o t",
     ],
 )
-def test_an_input_is_never_written_over(piece, capsys, command):
+def test_commands_never_overwrite_their_inputs(piece, capsys, command):
     before = contents()
     assert app.run(command.split()) == 2
     assert contents() == before
@@ -95,7 +95,7 @@ def test_an_input_is_never_written_over(piece, capsys, command):
 
 @pytest.mark.parametrize("alias", ["link", "hard", "up", "absolute", "folder"])
 @pytest.mark.parametrize("name", FILES)
-def test_another_name_of_an_input_is_that_input(piece, alias, name):
+def test_output_refused_as_alias_of_input(piece, alias, name):
     target = f"alias{Path(name).suffix}"
     if alias == "link":
         os.symlink(name, target)
@@ -112,7 +112,7 @@ def test_another_name_of_an_input_is_that_input(piece, alias, name):
     assert contents() == before
 
 
-def test_a_folder_of_files_spares_inputs_too(piece, capsys):
+def test_output_folder_with_linked_input_is_refused(piece, capsys):
     for folder, name in (("out", "marks.csv"), ("stems", "01_bell.wav"), ("frozen", "frozen.json")):
         Path(folder).mkdir()
         os.link("t.csv", f"{folder}/{name}")
@@ -127,7 +127,7 @@ def test_a_folder_of_files_spares_inputs_too(piece, capsys):
         assert contents() == before
 
 
-def test_render_file_of_a_score_that_names_an_input_is_refused(piece, capsys):
+def test_render_file_field_with_input_name_is_refused(piece, capsys):
     for name in ("s.yaml", "used.yaml", "t.csv"):
         Path("s.yaml").write_text(SCORE.replace("{tail: 10ms}", f"{{tail: 10ms, file: {name}}}"))
         before = contents()
@@ -136,7 +136,7 @@ def test_render_file_of_a_score_that_names_an_input_is_refused(piece, capsys):
         assert contents() == before
 
 
-def test_a_take_that_has_the_name_of_the_render_is_kept(piece):
+def test_render_refuses_to_overwrite_take_of_same_name(piece):
     """`ergon take export` writes WAV files, and a render is written over without asking."""
     Path("s.yaml").write_text(SCORE.replace("t.csv", "s.wav"))
     assert app.run(["take", "export", "h.take", "-o", "s.wav"]) == 0
@@ -145,7 +145,7 @@ def test_a_take_that_has_the_name_of_the_render_is_kept(piece):
     assert contents() == before
 
 
-def test_a_journal_is_kept(piece, capsys):
+def test_journal_render_never_overwrites_inputs(piece, capsys):
     overlay = {name: FILES[name] for name in ("used.yaml", "layout.yaml")}
     first = {"score": "s.yaml", "text": SCORE, "overlay": overlay, "every": 64, "frame": 0}
     events = [
@@ -161,13 +161,13 @@ def test_a_journal_is_kept(piece, capsys):
     assert app.run(["render", "j.jsonl", "-o", "x.wav"]) == 0
 
 
-def test_fmt_writes_its_own_input(piece):
+def test_fmt_rewrites_its_input(piece):
     Path("s.yaml").write_text(SCORE.replace("{key: k}", "{ key:   k }"))
     assert app.run(["fmt", "s.yaml"]) == 0
     assert Path("s.yaml").read_text() == SCORE
 
 
-def test_other_files_are_written_as_before(piece):
+def test_non_input_files_written_as_usual(piece):
     assert app.run(["render", "s.yaml", "-o", "r.wav"]) == 0
     assert np.fromfile("r.wav", np.uint8).size > 100
     assert app.run(["compile", "s.yaml", "-o", "x.csv"]) == 0

@@ -66,7 +66,7 @@ OTHERS = {"view", "metrology measure", "metrology fit", "metrology replay", "tak
           "take import"}  # fmt: skip
 
 
-def test_every_command_with_f_is_tried() -> None:
+def test_force_table_covers_all_commands_with_f() -> None:
     """A command that begins to write files is added to the table."""
     tried = {" ".join(writer.words[:count]) for writer in WRITERS for count in (1, 2)}
     assert {*with_force(group, "")} - tried == OTHERS
@@ -87,7 +87,7 @@ def with_force(command: click.Command, name: str) -> Iterator[str]:
 @pytest.mark.parametrize(
     "line", ["take import in.csv -o n.take", "take trim in.take 10ms 50ms -o n.take"]
 )
-def test_what_hands_did_is_never_overwritten_unasked(folder: Path, line: str) -> None:
+def test_take_files_overwritten_only_with_f(folder: Path, line: str) -> None:
     (folder / "in.csv").write_text("t [s],x [m]\n0,0\n0.1,0.001\n0.2,0\n")
     writer = Writer(line, ("n.take",))
     assert run(writer, folder) == (0, "")
@@ -97,7 +97,7 @@ def test_what_hands_did_is_never_overwritten_unasked(folder: Path, line: str) ->
 
 
 @pytest.mark.parametrize("line", ["fmt s.yaml", "tune s.yaml bell A4 --write"])
-def test_a_score_that_is_changed_in_its_place_stays_the_composers(folder: Path, line: str) -> None:
+def test_import_over_formatted_score_needs_f(folder: Path, line: str) -> None:
     score = folder / "s.yaml"
     score.write_text(score.read_text().replace("{channels: 2,", "{  channels: 2,"))
     assert run(Writer(line, ("s.yaml",)), folder) == (0, "")

@@ -22,7 +22,7 @@ def test_play_with_a_hand_on_an_emulated_key(work_folder: Path, capsys: Capture)
     assert abs(sound(Path("hand.wav"))).max() < 1e-6
 
 
-def test_play_with_a_hand_of_nobody(work_folder: Path, capsys: Capture):
+def test_play_with_unknown_live_player(work_folder: Path, capsys: Capture):
     Path("s.yaml").write_text(SCORE)
     assert app.run(["play", "s.yaml", "--live", "ad=emul:", "--audio", "null"]) == 2
     assert "the score has no player 'ad'; did you mean 'ada'?" in capsys.readouterr().err

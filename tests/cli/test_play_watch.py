@@ -23,7 +23,7 @@ def stepped(tmp_path: Path) -> Stepped:
     return Stepped(SCORE, tmp_path)
 
 
-def test_a_saved_version_plays_on_and_a_broken_one_changes_nothing(stepped: Stepped) -> None:
+def test_watch_reloads_saved_and_skips_broken_score(stepped: Stepped) -> None:
     path, text, bars = stepped.journal.parent / "score.yaml", [], []
 
     def looks() -> Iterator[None]:
@@ -77,7 +77,7 @@ def test_watch_refuses_options_of_renders(
     assert f"--watch excludes {option[0]}" in capsys.readouterr().err
 
 
-def test_frozen_parts_are_the_session_s(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_watch_with_frozen_parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("a.yaml").write_text(SCORE)
     assert app.run(["render", "a.yaml", "--freeze", "bell", "-q"]) == 0

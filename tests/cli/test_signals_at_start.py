@@ -44,7 +44,7 @@ def _check(ends: list[tuple[str, int, str]], number: int, least: int) -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_at_an_import_ends_a_command(tmp_path: Path, number: int):
+def test_signal_at_each_30th_import_ends_command(tmp_path: Path, number: int):
     _check(_ends(tmp_path, number, 30, "check", "score.yaml"), number, least=5)
 
 
@@ -54,12 +54,12 @@ def test_a_signal_at_an_import_ends_a_command(tmp_path: Path, number: int):
     "words",
     ["check score.yaml", "render score.yaml -o out.wav -f", "stability -o out", "fmt --check x"],
 )
-def test_a_signal_at_any_import_ends_a_command(tmp_path: Path, number: int, words: str):
+def test_signal_at_every_import_ends_command(tmp_path: Path, number: int, words: str):
     _check(_ends(tmp_path, number, 1, *words.split()), number, least=50)
 
 
 @pytest.mark.parametrize("kind", [RuntimeError, SystemError, ImportError])
-def test_what_an_import_makes_of_a_signal_is_the_signal(kind: type[Exception]):
+def test_signal_wrapped_in_other_exception_by_import(kind: type[Exception]):
     def wrap():
         try:
             signal.raise_signal(signal.SIGTERM)
@@ -71,7 +71,7 @@ def test_what_an_import_makes_of_a_signal_is_the_signal(kind: type[Exception]):
     assert ended.value.number == signal.SIGTERM
 
 
-def test_an_internal_error_after_a_signal_is_the_signal():
+def test_signal_replaced_by_internal_error():
     """A module in C may drop what a signal raised, and fail with an exception of its own."""
 
     def drop():
@@ -83,6 +83,6 @@ def test_an_internal_error_after_a_signal_is_the_signal():
         drop()
 
 
-def test_an_error_without_a_signal_stays():
+def test_errors_without_signal_propagate():
     with pytest.raises(SystemError), signals_as_exceptions(lambda error: True):
         raise SystemError

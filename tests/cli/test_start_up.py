@@ -68,12 +68,12 @@ def test_help_loads_no_library():
     assert "render" in done.stdout
 
 
-def test_importing_the_package_loads_only_the_package():
+def test_import_of_ergon_loads_only_itself():
     plain = loaded_after("pass")
     assert loaded_after("import ergon") - plain == {"ergon"}
 
 
-def test_reading_a_score_needs_no_sound_library(tmp_path: Path):
+def test_load_without_sound_libraries(tmp_path: Path):
     (tmp_path / "s.yaml").write_text("ergon: 1\nkeys: {k: {M: 400g, K: 60N/m}}\n")
     score = str(tmp_path / "s.yaml")
     code = f"from ergon.scores.reading.load import load\nassert load({score!r}).piece"

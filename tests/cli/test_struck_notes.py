@@ -57,7 +57,7 @@ def seconds(beat: float) -> float:
     return 4.0 + 60 * 6 / 60 * log(1 + x * 60 / (6 * 60)) + max(0.0, beat - 12) * 0.5
 
 
-def test_exported_midi_with_notes(score: Path):
+def test_export_midi_with_notes(score: Path):
     out = score.parent / "daw"
     done = forked(["export", "score.yaml", "-o", "daw", "--no-stems"], score.parent)
     assert done.returncode == 0, done.stderr
@@ -88,7 +88,7 @@ def by_place(note: tuple[float, int, int, int]) -> tuple[int, float, int]:
     return note[1], round(note[0], 2), note[2]
 
 
-def test_svg_of_notes(score: Path):
+def test_plot_notes_as_svg(score: Path):
     picture = score.parent / "notes.svg"
     done = forked(["plot", "score.yaml", "notes", "--svg", "notes.svg"], score.parent)
     assert done.returncode == 0, done.stderr
@@ -115,7 +115,7 @@ def test_svg_of_notes(score: Path):
     assert texts.count("drum") == 2  # on its line, and among the colours
 
 
-def test_notes_in_the_terminal_and_as_json(score: Path):
+def test_plot_notes_in_terminal_and_as_json(score: Path):
     done = forked(["plot", "score.yaml", "notes", "--width", "60"], score.parent)
     assert done.returncode == 0, done.stderr
     assert "notes of Notes" in done.stdout
@@ -134,7 +134,7 @@ def test_notes_in_the_terminal_and_as_json(score: Path):
 
 
 @pytest.mark.parametrize("command", ["check", "plan", "plot"])
-def test_journal_where_a_score_is_due(tmp_path: Path, command: str):
+def test_notes_commands_refuse_journal(tmp_path: Path, command: str):
     (tmp_path / "set.jsonl").write_text('{"v": 1, "n": 1, "event": "start"}\n', encoding="utf-8")
     done = forked([command, "set.jsonl", *(["notes"] if command == "plot" else [])], tmp_path)
     assert done.returncode != 0
@@ -142,7 +142,7 @@ def test_journal_where_a_score_is_due(tmp_path: Path, command: str):
     assert "Traceback" not in done.stderr
 
 
-def test_note_without_end_before_one_that_is_damped(tmp_path: Path):
+def test_plot_notes_of_undamped_note_before_damped(tmp_path: Path):
     score = damped_bar.SCORE + (
         "tempo: {bpm: 60}\n"
         "phrases: {tap: {to: bar, entries: [{at: 0, what: C4}]}}\n"

@@ -3,7 +3,7 @@
 from ergon.cli.tables import table
 
 
-def test_columns_are_as_wide_as_their_widest_cell():
+def test_table_column_widths_and_alignment():
     rows = [("part", "cost"), ("a bell", "1"), ("b", "")]
     assert table(rows) == "part    cost\na bell  1\nb\n"
     assert table(rows, right=True) == "  part  cost\na bell     1\n     b\n"

@@ -69,7 +69,7 @@ def printed(capsys, *arguments: str) -> str:
     ],
     ids=range(12),
 )
-def test_no_message_steers_a_terminal(evil, capsys, arguments):
+def test_messages_without_terminal_control_characters(evil, capsys, arguments):
     for form in ([], ["--json"]):
         output = printed(capsys, *arguments, *form)
         assert output or form  # a score without mistakes is no record
@@ -79,13 +79,13 @@ def test_no_message_steers_a_terminal(evil, capsys, arguments):
                 json.loads(line)
 
 
-def test_json_says_what_was_written(evil, capsys):
+def test_info_json_with_unescaped_title(evil, capsys):
     app.run(["info", "s.yaml", "--json"])
     assert json.loads(capsys.readouterr().out)["title"] == EVIL
 
 
 @given(st.text())
-def test_cleaned_text_keeps_length_and_printable_characters(text):
+def test_clean_text_preserves_length(text):
     shown = clean(text)
     assert len(shown) == len(text)
     assert all(a == b or b == "?" for a, b in zip(text, shown, strict=True))
@@ -99,7 +99,7 @@ def test_cleaned_text_keeps_length_and_printable_characters(text):
     output.encode()
 
 
-def test_a_bar_shows_a_name_as_it_is(monkeypatch):
+def test_progress_bar_with_brackets_and_escapes_in_name(monkeypatch):
     """Rich reads marks in brackets, and a name may hold one that closes nothing."""
     screen = io.StringIO()
     monkeypatch.setattr(screen, "isatty", lambda: True)
@@ -111,7 +111,7 @@ def test_a_bar_shows_a_name_as_it_is(monkeypatch):
 
 
 @pytest.mark.parametrize("arguments", [["compile", "s.yaml"], ["fmt", "-"]])
-def test_data_is_clean_on_a_terminal_and_itself_in_a_pipe(evil, arguments):
+def test_data_cleaned_on_terminal_and_raw_in_pipe(evil, arguments):
     source = f"# {EVIL[1:]}\n{TEXT}" if arguments[0] == "fmt" else TEXT
     source = source.replace("\x1b", "").replace("\x07", "").replace("\x7f", "").replace("\x9b", "")
     Path("s.yaml").write_text(source.replace("a\\e", "a"), encoding="utf-8")

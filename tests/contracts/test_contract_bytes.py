@@ -83,7 +83,7 @@ def reference(tmp_path_factory: pytest.TempPathFactory) -> str:
 @pytest.mark.parametrize(
     ("threads", "block"), few([(1, 64), (2, 7), (1, 997), (2, 997)], [(2, 997)])
 )
-def test_threads_and_blocks_change_no_byte(tmp_path: Path, reference: str, threads, block):
+def test_render_bytes_with_threads_and_blocks(tmp_path: Path, reference: str, threads, block):
     options = ("--threads", str(threads), "--block", str(block))
     assert rendered(tmp_path, SCORE, *options) == reference
 
@@ -91,21 +91,19 @@ def test_threads_and_blocks_change_no_byte(tmp_path: Path, reference: str, threa
 @pytest.mark.parametrize(
     "tunables", few(["glibc.cpu.hwcaps=-AVX2,-FMA", PLAIN_GLIBC], [PLAIN_GLIBC])
 )
-def test_the_processor_changes_no_byte(tmp_path: Path, reference: str, tunables: str):
+def test_render_bytes_without_cpu_features(tmp_path: Path, reference: str, tunables: str):
     environment = {"GLIBC_TUNABLES": tunables}
     if off := disabled():
         environment["NPY_DISABLE_CPU_FEATURES"] = off
     assert rendered(tmp_path, SCORE, "--threads", "1", **environment) == reference
 
 
-def test_a_comment_and_other_words_for_the_same_values_change_no_byte(
-    tmp_path: Path, reference: str
-):
+def test_render_bytes_with_comments_and_other_units(tmp_path: Path, reference: str):
     same = SCORE.replace("seed: 3\n", "seed: 3  # drawn by lot\n").replace("400g", "0.4kg")
     assert same != SCORE
     assert rendered(tmp_path, same) == reference
 
 
 @pytest.mark.slow
-def test_another_seed_changes_them(tmp_path: Path, reference: str):
+def test_render_bytes_differ_with_seed(tmp_path: Path, reference: str):
     assert rendered(tmp_path, SCORE.replace("seed: 3\n", "seed: 4\n")) != reference

@@ -46,13 +46,13 @@ def ringing(rate: float, ca_rate: float | None = None, **cel: float) -> np.ndarr
         (8.0, 0.6, 0.00013637352226331226, 0.0052076741929679964),
     ],
 )
-def test_cells_at_a_tenth_of_the_rate(f: float, t60: float, kappa: float, zeta: float):
+def test_cell_poles_at_tenth_of_rate(f: float, t60: float, kappa: float, zeta: float):
     a, b = poles(ringing(4410.0, M=2e-3, f=f, t60=t60))
     assert 1.0 - b == pytest.approx(zeta, abs=1e-12)
     assert 2.0 - a - zeta == pytest.approx(kappa, abs=1e-12)
 
 
-def test_another_rate_is_the_same_algorithmic_cell():
+def test_cell_in_ca_units_same_at_other_rates():
     """`units: ca`: the poles of the network at its own rate, as decay and pitch, at any other."""
     result = []
     for rate in (22050.0, 44100.0, 96000.0):
@@ -66,7 +66,7 @@ def test_another_rate_is_the_same_algorithmic_cell():
 
 
 @pytest.mark.parametrize(("f", "cents"), [(440.0, 0.28), (1000.0, 1.47), (5000.0, 38.4)])
-def test_a_spring_between_two_points_is_sharp_by_the_schemes_warping(f: float, cents: float):
+def test_spring_frequency_error_by_warping(f: float, cents: float):
     network = _core.Network()
     network.part("p")
     mat, wall = network.mas("m", M=1e-3, X0=1e-3), network.sol("w")
@@ -79,7 +79,7 @@ def test_a_spring_between_two_points_is_sharp_by_the_schemes_warping(f: float, c
         assert listened == pytest.approx(72.13 * (2.0 * math.pi * f / RATE) ** 2, rel=3e-3)
 
 
-def test_a_strike_between_samples_is_split_as_published():
+def test_strike_between_samples_split_as_published():
     network = _core.Network()
     network.part("p")
     mat = network.cel("m", M=1.0, f=440.0, t60=1.0)
@@ -92,7 +92,7 @@ def test_a_strike_between_samples_is_split_as_published():
     assert out[12] - (2 - kappa - zeta) * out[11] == pytest.approx(13225.6978351, rel=1e-9)
 
 
-def test_knots_have_the_published_recursion():
+def test_gesture_knots_published_recursion():
     """F_i = (X_{i+1} - a_L X_i + b_L X_{i-1})/h_L, on a key of 80 g at 4410 Hz, 22 steps a knot."""
     rate, L = 4410.0, 22
     a, b, h = 1.82930900856455, 0.891483642104602, 1.32462961187559e-05
@@ -107,7 +107,7 @@ def test_knots_have_the_published_recursion():
     assert sim.ergons()["impulse"] * rate == pytest.approx(wanted, rel=1e-9)
 
 
-def test_the_published_ergon_in_the_stream():
+def test_ergon_of_published_strike():
     """m = 8 mg at 3000 m/s on 80 g at 0.1 m/s: p, V' and v'."""
     scene = Scene()
     scene.part("p")
@@ -128,7 +128,7 @@ def test_the_published_ergon_in_the_stream():
 
 
 @pytest.mark.parametrize("samples", [3.3, 4.5, 10.7, 30.2])
-def test_a_plain_contact_gains_or_loses_no_more_than_it_says(samples: float):
+def test_plain_contact_energy_error_bound(samples: float):
     """|e² - 1| <= κ_μ/4·max(1, e²), at most θ_c²/4, and not far below it."""
     a, b = 1e-3, 4e-3
     kappa = 4.0 * math.sin(math.pi / samples / 2.0) ** 2
@@ -157,14 +157,14 @@ def error(scene: Scene, rate: float) -> float:
 
 
 @pytest.mark.slow
-def test_the_first_step_is_worth_what_design_says():
+def test_first_step_error_with_and_without_link_start():
     """-55 dB without the links' forces in the first step, -76 dB with, at four times 44.1 kHz."""
     scene = test_oracle.network()
     assert test_oracle.errors(scene, 0.1, link_start=False)[2] == pytest.approx(-54.9, abs=0.5)
     assert error(scene, 4 * RATE) == pytest.approx(-76.5, abs=0.5)
 
 
-def test_damping_on_links_costs_one_order():
+def test_link_damping_lowers_convergence_order_to_one():
     """M' = M - Z/2: against the matrix exponential, 6 dB a halving where it is 12 without Z."""
     scene = test_oracle.network(z=0.05, t60=1.0)
     result = [error(scene, rate) for rate in (RATE, 2 * RATE, 4 * RATE)]
@@ -175,7 +175,7 @@ def test_damping_on_links_costs_one_order():
 # --- bodies ---
 
 
-def test_higher_modes_of_a_string_fall_as_their_frequency_squared():
+def test_string_t60_falls_with_squared_frequency():
     network = _core.Network()
     network.part("body")
     network.string("s", masses=60, M=8e-3, f=110.0, t60=6.0)
@@ -187,7 +187,7 @@ def test_higher_modes_of_a_string_fall_as_their_frequency_squared():
 
 @pytest.mark.parametrize(("masses", "method"), [(100, "dense"), (300, "lanczos")])
 @pytest.mark.parametrize("factor", [0.999, 1.001])
-def test_the_certificate_is_sharp(masses: int, method: str, factor: float):
+def test_certificate_decided_by_eigenvalue(masses: int, method: str, factor: float):
     """A chain whose ends are light: sums overestimate, so the eigenvalue itself decides."""
     M = np.full(masses, 2e-3)
     M[[0, -1]] = 1e-3
@@ -214,7 +214,7 @@ def test_the_certificate_is_sharp(masses: int, method: str, factor: float):
         assert result.lambda_max == pytest.approx(4.0 * factor, rel=1e-6)
 
 
-def test_small_sums_need_no_eigenvalue():
+def test_certificate_by_sums_without_eigenvalue():
     network = _core.Network()
     network.part("p")
     network.string("s", masses=60, M=8e-3, f=110.0)
@@ -225,7 +225,7 @@ def test_small_sums_need_no_eigenvalue():
 
 
 @pytest.mark.parametrize("file", TAKES, ids=lambda f: f.stem)
-def test_a_quintic_take_is_quieter_than_a_cubic(file: Path):
+def test_quintic_take_spectrum_below_cubic(file: Path):
     """Share of the acceleration above 100 Hz, of a hand filmed at 30 Hz: -70 dB and -33 dB."""
     t, x = np.loadtxt(file, delimiter=",", skiprows=1).T
     take = _core.Take(np.ascontiguousarray(t), np.ascontiguousarray(x))
@@ -240,7 +240,7 @@ def test_a_quintic_take_is_quieter_than_a_cubic(file: Path):
     assert above(make_interp_spline(t, x, k=3, bc_type="natural")(grid + t[0], 2)) > -38.0
 
 
-def test_decay_never_reaches_denormal_numbers():
+def test_cell_decay_without_denormal_numbers():
     """They are slow, and each processor has its own way with them."""
     out = ringing(RATE, M=1e-3, f=440.0, t60=2e-4)
     tiny = np.finfo(np.float64).tiny
@@ -251,7 +251,7 @@ def test_decay_never_reaches_denormal_numbers():
 # --- the ledger, step by step ---
 
 
-def test_no_step_of_a_linear_network_makes_or_loses_energy():
+def test_linear_network_energy_balance_each_step():
     """|ΔH + Q - W| at every step within 1e-14 of the largest H: 2000 steps, struck and damped."""
     scene = Scene()
     scene.part("p")

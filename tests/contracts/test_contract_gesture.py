@@ -21,7 +21,7 @@ from ergon import _core
         ([0.0, 0.125, 0.375], [0.0, 12.0, 0.0], 2, 0.0, 98.6, 1.411),
     ],
 )
-def test_throws_swing_as_far_as_they_were_measured_to(t, x, ergons, low, high, strongest):
+def test_throw_swing_extremes_and_ergons(t, x, ergons, low, high, strongest):
     rate = 48_000.0  # on which these instants lie
     network, timeline, key = lone(rate, **KEYS["placeholder"])
     timeline.gesture(key, t, [1e-3 * mm for mm in x], ["throw"] * len(t))
@@ -35,7 +35,7 @@ def test_throws_swing_as_far_as_they_were_measured_to(t, x, ergons, low, high, s
     assert report.strongest == pytest.approx(strongest, rel=0.01)
 
 
-def test_a_line_in_grains_strikes_hardest_where_it_turns():
+def test_line_gesture_in_grains_hardest_at_turns():
     """From 48 mm/s up to 16 mm/s down at 0.125 s, less what the spring has taken since."""
     network, timeline, key = lone(48_000.0, **KEYS["placeholder"])
     x = [0.0, 6e-3, 0.0, -4e-3, 0.0]
@@ -50,7 +50,7 @@ def test_a_line_in_grains_strikes_hardest_where_it_turns():
 
 
 @pytest.mark.parametrize("grain", [2.5e-3, 5e-3, 10e-3])
-def test_between_grains_a_key_strays_no_further_than_its_bound(grain: float):
+def test_grain_gesture_deviation_bound(grain: float):
     """(1/ω²)(1/cos(ωh/2) - 1)·max|f*|/m: what a harmonic bow over h does under the path's force."""
     result = []
     for h in (None, grain):
@@ -72,7 +72,7 @@ def test_between_grains_a_key_strays_no_further_than_its_bound(grain: float):
 @pytest.mark.parametrize("rate", [44100.0, 4410.0])
 @pytest.mark.parametrize("speed", [-0.3, 0.3])
 @pytest.mark.parametrize("step", [1e-5, -1e-4, 1e-3, -1e-2, 0.1, 0.5, -0.5])
-def test_a_particle_gives_its_impulse_to_a_mass_that_moves(rate: float, speed: float, step: float):
+def test_particle_impulse_on_moving_mass(rate: float, speed: float, step: float):
     network, timeline, key = lone(rate, M=0.4)
     x = [0.0, 0.1 * speed, 0.1 * (2.0 * speed + step)]
     timeline.gesture(key, [0.1, 0.2, 0.3], x, ["throw"] * 3, ergons="particle")
@@ -82,7 +82,7 @@ def test_a_particle_gives_its_impulse_to_a_mass_that_moves(rate: float, speed: f
 
 
 @pytest.mark.parametrize("rate", [44100.0, 4410.0])
-def test_a_stream_of_particles_moves_a_key_as_events_do(rate: float):
+def test_particle_stream_moves_key_as_events(rate: float):
     """A dense gesture: tens of thousands of contacts, each within 1e-5 of its event."""
     result = []
     for ergons in ("event", "particle"):
@@ -114,7 +114,7 @@ def leaning(touch: str) -> tuple[np.ndarray, Any]:
     return play(sim, int(2.4 * RATE))[:, 0], sim.reports()[0]
 
 
-def test_a_tracked_gesture_joins_from_where_the_key_itself_is():
+def test_tracked_gesture_joins_from_key_position():
     """One quintic from rest to rest in 20 ms: its greatest acceleration is (10/√3)·D/T²."""
     done, report = leaning("tracked")
     first, last = round(1.98 * RATE), round(2.0 * RATE)
@@ -126,7 +126,7 @@ def test_a_tracked_gesture_joins_from_where_the_key_itself_is():
     assert report.worst < 1e-9
 
 
-def test_an_open_gesture_joins_from_where_the_free_key_is():
+def test_open_gesture_joins_from_free_key_position():
     """The free key is at the first point already: nothing strikes before it, nothing jumps."""
     done, report = leaning("open")
     assert np.abs(np.diff(done[round(1.97 * RATE) : round(2.0 * RATE)], 2)).max() * RATE**2 < 0.5
@@ -139,7 +139,7 @@ def test_an_open_gesture_joins_from_where_the_free_key_is():
 
 @pytest.mark.parametrize("key", ["placeholder", "overdamped"])
 @pytest.mark.parametrize("share", [0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9])
-def test_a_limited_hand_falls_behind_and_comes_back(key: str, share: float):
+def test_force_limited_gesture_lags_and_recovers(key: str, share: float):
     """It brakes in time: it never swings past the path by as much as it fell behind."""
     points = [0.1, 0.2, 0.8], [0.0, 6e-3, 6e-3], ["smooth", "smooth", "hold"]
     limit: float | None = None
@@ -179,7 +179,7 @@ def rich(kind: str) -> tuple[Any, Any, int]:
 
 @pytest.mark.parametrize("kind", ["linear", "weight", "law"])
 @pytest.mark.parametrize("curve", ["smooth", "line", "throw"])
-def test_a_key_that_is_a_network_is_on_its_path_as_well(kind: str, curve: str):
+def test_network_key_follows_path(kind: str, curve: str):
     t, x = [0.1, 0.16, 0.23, 0.28], [0.0, 4e-3, -1e-3, 2e-3]
     network, timeline, key = rich(kind)
     timeline.gesture(key, t, x, [curve] * 4)

@@ -38,7 +38,7 @@ def folder(work_folder: Path) -> None:
             (work_folder / f"{touch}{reach}.yaml").write_text(text, encoding="utf-8")
 
 
-def test_how_it_was_followed_is_in_millimetres_of_the_key(capsys: Capture) -> None:
+def test_lever_gesture_report_in_key_millimetres(capsys: Capture) -> None:
     result = []
     for reach in SAME:
         assert app.run(["check", "--simulate", "--json", f"open{reach}.yaml"]) == 0
@@ -48,7 +48,7 @@ def test_how_it_was_followed_is_in_millimetres_of_the_key(capsys: Capture) -> No
     assert 1e-4 < result[0]["worst_m"] < 4e-3
 
 
-def test_a_picture_is_in_millimetres_of_the_key(capsys: Capture) -> None:
+def test_lever_plot_in_key_millimetres(capsys: Capture) -> None:
     for reach in SAME:
         assert app.run(["plot", "--json", f"tracked{reach}.yaml", "g"]) == 0
         curves = [r for r in records(capsys) if r["event"] == "curve"]
@@ -58,7 +58,7 @@ def test_a_picture_is_in_millimetres_of_the_key(capsys: Capture) -> None:
 
 
 @pytest.mark.parametrize("touch", ["open", "tracked"])
-def test_ergons_have_the_mass_speed_and_impulse_that_strike_the_key(touch: str) -> None:
+def test_lever_ergons_in_key_mass_speed_and_impulse(touch: str) -> None:
     result = []
     for reach in SAME:
         target = Path(f"{touch}{reach}.csv")
@@ -72,7 +72,7 @@ def test_ergons_have_the_mass_speed_and_impulse_that_strike_the_key(touch: str) 
         assert b == pytest.approx(a, rel=1e-6, abs=1e-8)  # 1e-17 m of rounding, by rate and M/m
 
 
-def test_force_limit_and_strikes_on_either_side_of_the_lever(capsys: Capture) -> None:
+def test_lever_force_limit_and_strikes_from_scene(capsys: Capture) -> None:
     """A limit is the key's own, [N] on it; a strike from the scene is felt `reach` times."""
     result, struck = [], []
     for reach in SAME:

@@ -44,12 +44,12 @@ BELL = "instruments: {b: {CEL: {M: 2g, f: 300Hz, t60: 1s%s}, out: {SOX: b}}}\n"
         ("0.25s", "render: {tail: 0.5s}\n", 48000, 36000),
     ],
 )
-def test_a_render_lasts_to_its_last_event_and_its_tail(end, tail, rate, frames):
+def test_render_length_of_last_event_plus_tail(end, tail, rate, frames):
     rates = f"rates: {{audio: {rate}Hz}}\nstrikes: {{s: {{to: b, at: {end}, impulse: 1mNs}}}}\n"
     assert staged(BELL % "" + rates + tail).n_frames == frames
 
 
-def test_frame_zero_is_the_written_start_and_a_sample_of_one_is_a_metre():
+def test_render_frame_zero_and_sample_unit():
     played = staged(BELL % ", X0: 1.5mm, V0: 0.2m/s")
     result = rendered(played, 4410)[:, 0]
     sigma, omega = 3.0 * math.log(10.0), 2.0 * math.pi * 300.0
@@ -61,7 +61,7 @@ def test_frame_zero_is_the_written_start_and_a_sample_of_one_is_a_metre():
 
 
 @pytest.mark.parametrize("rate", [22050, 48000, 96000])
-def test_another_rate_is_the_same_instrument(rate: int):
+def test_instrument_motion_same_at_other_rates(rate: int):
     """Struck by clock and between samples: at common instants the bell is where it was."""
     text = BELL % "" + "strikes: {s: {to: b, at: 7ms, every: 131ms, times: 3, impulse: 1mNs}}\n"
     seconds = np.arange(1, 10) / 10.0
@@ -75,7 +75,7 @@ def test_another_rate_is_the_same_instrument(rate: int):
     assert np.abs(first - two).max() < 1e-9 * np.abs(first).max()
 
 
-def test_an_impulse_moves_a_cell_by_its_mass():
+def test_impulse_response_of_cell():
     """p/(mω) e^-σt sin ωt, from the sample of the instant on."""
     out = rendered(
         staged(BELL % "" + "strikes: {s: {to: b, at: 10ms, impulse: 2mNs, lasts: 0s}}\n"), 2000
@@ -101,7 +101,7 @@ def test_an_impulse_moves_a_cell_by_its_mass():
         ("LNL: {between: [a, b], damping: 'z*v', z: 2Ns/m}", 0.0),
     ],
 )
-def test_the_force_of_a_link_has_its_sign_and_size(link: str, force: float):
+def test_link_force_sign_and_size(link: str, force: float):
     """d = x_b - x_a - rest = 3 mm; f pulls a towards b: F_a += f, and SOF hears -f, that on b."""
     text = f"""\
 instruments:
@@ -116,7 +116,7 @@ instruments:
 
 
 @pytest.mark.parametrize("reach", [0.5, 1, 10])
-def test_a_lever_scales_travel_and_keeps_power(reach: float):
+def test_lever_motion_against_matrix_exponential(reach: float):
     """Key m ẍ = -Kx + s·F, body M ÿ = -F, F = k(y - s·x): against the matrix exponential."""
     text = f"""\
 keys: {{k: {{M: 400g, K: 60N/m, reach: {reach}}}}}
@@ -180,7 +180,7 @@ def test_random_draws_independent_of_other_players():
     assert drawn(HANDS.replace("seed: 9", "seed: 10")) != few
 
 
-def test_each_occurrence_draws_its_own_and_begins_on_its_beat():
+def test_gesture_occurrences_draw_independently_on_beat():
     points = [tuple(zip(g.t, g.x, strict=True)) for g in staged(HANDS).gestures]
     assert [p[0][0] for p in points] == pytest.approx([0.0, 1.0, 2.0])
     assert len({p[1][1] for p in points}) == 3
@@ -252,7 +252,7 @@ def _snippets() -> list[tuple[str, str]]:
 
 
 @pytest.mark.parametrize(("where", "text"), _snippets(), ids=lambda word: word[:24])
-def test_any_yaml_reader_reads_what_we_show(where: str, text: str):
+def test_documented_yaml_parses_with_pyyaml(where: str, text: str):
     """No brackets, braces or quotes of our own: plain PyYAML takes every snippet and every file."""
     assert isinstance(yaml.safe_load(text), dict), where
     for line in text.splitlines():
@@ -260,7 +260,7 @@ def test_any_yaml_reader_reads_what_we_show(where: str, text: str):
 
 
 @pytest.mark.parametrize("seconds", [0.04, 0.06, 0.13, 0.2, 0.22, 0.25, 0.28, 0.31, 0.39, 0.5])
-def test_a_throw_is_warned_of_near_multiples_of_half_a_period(seconds: float):
+def test_throw_near_half_period_multiples_warns_w312(seconds: float):
     """W312 iff |sin ωh| < 0.2, with ω of the free key, damped."""
     omega = math.sqrt(60.0 / 0.4 - (1.2 / 0.8) ** 2)
     text = PLAYED.replace("K: 60N/m}", "K: 60N/m, Z: 1.2Ns/m}").replace(
@@ -271,7 +271,7 @@ def test_a_throw_is_warned_of_near_multiples_of_half_a_period(seconds: float):
 
 
 @pytest.mark.parametrize("grain", ["50ms", "120ms", "135ms", "300ms"])
-def test_a_grain_beyond_a_quarter_period_is_refused(grain: str):
+def test_grain_above_quarter_period_is_refused(grain: str):
     """2π/ω is 0.516 s: the limit lies at 129 ms."""
     text = PLAYED.replace("K: 60N/m}", "K: 60N/m, Z: 1.2Ns/m}")
     text = text.replace("g: 0@0 1@2", f"g: {{notation: 0@0 1@2, grain: {grain}}}") + _NOTHING

@@ -28,30 +28,30 @@ def reference() -> str:
     return digest(SCRIPT, "22050")
 
 
-def test_again(reference: str):
+def test_same_scene_same_bytes_again(reference: str):
     assert digest(SCRIPT, "64") == reference
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="GLIBC_TUNABLES is glibc's")
-def test_without_vector_instructions_in_the_c_library(reference: str):
+def test_digest_without_libc_vector_instructions(reference: str):
     assert digest(SCRIPT, "997", GLIBC_TUNABLES="glibc.cpu.hwcaps=-AVX2,-FMA") == reference
     assert digest(SCRIPT, "997", GLIBC_TUNABLES=PLAIN_GLIBC) == reference
 
 
-def test_without_vector_instructions_in_numpy(reference: str):
+def test_digest_without_numpy_vector_instructions(reference: str):
     off = disabled()
     if not off:
         pytest.skip("numpy dispatches nothing on this machine")
     assert digest(SCRIPT, "22050", NPY_DISABLE_CPU_FEATURES=off) == reference
 
 
-def test_without_any_of_them(reference: str):
+def test_digest_without_any_vector_instructions(reference: str):
     tuned = {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA"}
     assert digest(SCRIPT, "22050", NPY_DISABLE_CPU_FEATURES=disabled(), **tuned) == reference
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="GLIBC_TUNABLES is glibc's")
-def test_the_arithmetic_of_the_core_does_not_follow_the_c_library():
+def test_core_maths_independent_of_libc():
     plain = digest(MATHS)
     assert digest(MATHS, GLIBC_TUNABLES="glibc.cpu.hwcaps=-AVX2,-FMA") == plain
     assert digest(MATHS, GLIBC_TUNABLES=PLAIN_GLIBC) == plain

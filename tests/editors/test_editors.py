@@ -72,7 +72,7 @@ qall!
 
 @needs("vim")
 @pytest.mark.usefixtures("kind_of_socket")
-def test_vim(tmp_path: Path):
+def test_vim_client_sends_lines_and_blocks(tmp_path: Path):
     (tmp_path / "piece.txt").write_text(PIECE, encoding="utf-8")
     (tmp_path / "test.vim").write_text(VIM, encoding="utf-8")
     plugin = EDITORS / "vim" / "plugin" / "ergon.vim"
@@ -180,7 +180,7 @@ const until = async (count) => {
 
 @needs("node")
 @pytest.mark.usefixtures("kind_of_socket")
-def test_vs_code(tmp_path: Path):
+def test_vs_code_client_sends_lines_and_blocks(tmp_path: Path):
     (tmp_path / "piece.txt").write_text(PIECE, encoding="utf-8")
     (tmp_path / "test.js").write_text(NODE, encoding="utf-8")
     with serving(tmp_path / "there.sock") as session:
@@ -253,7 +253,7 @@ LISP = """
 
 @needs("emacs")
 @pytest.mark.usefixtures("kind_of_socket")
-def test_emacs(tmp_path: Path):
+def test_emacs_client_sends_lines_and_blocks(tmp_path: Path):
     (tmp_path / "piece.txt").write_text(PIECE, encoding="utf-8")
     (tmp_path / "test.el").write_text(LISP, encoding="utf-8")
     with serving(tmp_path / "there.sock") as session:
@@ -300,7 +300,7 @@ def test_emacs_colours_words_of_scores(tmp_path: Path):
     ]
 
 
-def test_the_emacs_client_is_whole_and_calls_what_it_defines():
+def test_emacs_client_forms_and_names_are_complete():
     """Where no Emacs is installed: every form is closed, and every name of its own is defined."""
     text = (EDITORS / "emacs" / "ergon.el").read_text(encoding="utf-8")
     forms = list(_forms(text))
@@ -348,7 +348,7 @@ def _forms(text: str):
         ("smooth-bell: {like: line}", 1, []),
     ],
 )
-def test_the_notation_is_coloured(line: str, name: int, outcome: list[str]):
+def test_vs_code_grammar_matches_notation(line: str, name: int, outcome: list[str]):
     grammar = json.loads((EDITORS / "vscode/syntaxes/notation.tmLanguage.json").read_text())
     pattern = re.compile(grammar["patterns"][name]["match"])
     assert [match.group() for match in pattern.finditer(line)] == outcome
@@ -357,7 +357,7 @@ def test_the_notation_is_coloured(line: str, name: int, outcome: list[str]):
 @pytest.mark.parametrize(
     ("name", "line", "words"), [(1, "0mm@0 {} 6mm@1/8", CURVES), (3, "m: {{{}: {{}}}}", KINDS)]
 )
-def test_every_word_of_the_program_is_coloured(name: int, line: str, words: tuple[str, ...]):
+def test_vs_code_grammar_covers_program_words(name: int, line: str, words: tuple[str, ...]):
     grammar = json.loads((EDITORS / "vscode/syntaxes/notation.tmLanguage.json").read_text())
     pattern = re.compile(grammar["patterns"][name]["match"])
     missing = [word for word in words if word not in pattern.findall(line.format(word))]
@@ -368,7 +368,7 @@ def transformations() -> list[str]:
     return sorted({*GESTURE_WORDS, *RHYTHM_WORDS, *FORMS})
 
 
-def test_every_transformation_is_coloured_behind_do():
+def test_vs_code_grammar_covers_transformations_after_do():
     grammar = json.loads((EDITORS / "vscode/syntaxes/notation.tmLanguage.json").read_text())
     (rule,) = (rule for rule in grammar["patterns"] if "begin" in rule)
     begin, end = re.compile(rule["begin"]), re.compile(rule["end"])
@@ -392,7 +392,7 @@ def test_every_transformation_is_coloured_behind_do():
         ("{to: kick, impulse: v64}", ["v64"]),
     ],
 )
-def test_strengths_are_coloured(line: str, strengths: list[str]):
+def test_vs_code_grammar_matches_strengths(line: str, strengths: list[str]):
     grammar = json.loads((EDITORS / "vscode/syntaxes/notation.tmLanguage.json").read_text())
     (rule,) = (rule for rule in grammar["patterns"] if rule["comment"] == "strengths")
     assert [match.group() for match in re.finditer(rule["match"], line)] == strengths
@@ -407,7 +407,7 @@ def test_strengths_are_coloured(line: str, strengths: list[str]):
         ("    format: {SOL: {}}", []),
     ],
 )
-def test_loops_are_coloured(line: str, keywords: list[str]):
+def test_vs_code_grammar_matches_loops(line: str, keywords: list[str]):
     grammar = json.loads((EDITORS / "vscode/syntaxes/notation.tmLanguage.json").read_text())
     (rule,) = (rule for rule in grammar["patterns"] if rule["comment"].startswith("loops"))
     match = re.search(rule["match"], line)

@@ -32,7 +32,7 @@ def largest(found: np.ndarray, wanted: np.ndarray) -> float:
 
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("damping", [0.01, 0.3])
-def test_random_networks_against_dense_solutions(seed: int, damping: float):
+def test_admittance_of_random_networks_against_dense_solution(seed: int, damping: float):
     body = random(seed, damping)
     rng = np.random.default_rng(seed)
     f = np.concatenate([np.geomspace(1.0, 3e3, 30), body.undamped()[::10]])
@@ -49,7 +49,7 @@ def test_random_networks_against_dense_solutions(seed: int, damping: float):
     assert result[0].real.min() >= 0.0
 
 
-def test_a_key_and_a_free_mass_in_closed_form():
+def test_admittance_of_key_and_free_mass_closed_form():
     network = _core.Network()
     network.part("key")
     key = network.cel("", M=0.4, K=60.0, Z=1.2)
@@ -64,7 +64,7 @@ def test_a_key_and_a_free_mass_in_closed_form():
     assert largest(network.admittance(["free"], [free], [[free]], f)[0], 1 / (0.02 * s)) < 1e-12
 
 
-def test_a_string_in_closed_form():
+def test_admittance_of_string_closed_form():
     """A row of masses between walls: sin(iθ)·sin((n+1−j)θ) / (k·sin θ·sin((n+1)θ))."""
     n, m, k = 50, 1e-4, 2e3
     body = Body(np.full(n, m))
@@ -82,7 +82,7 @@ def test_a_string_in_closed_form():
     assert largest(result[0], 1j * omega * position) < 1e-9
 
 
-def test_parts_together_and_what_links_them():
+def test_admittance_of_linked_parts():
     network = _core.Network()
     network.part("one")
     first = network.cel("", M=0.1, K=50.0, Z=0.2)
@@ -102,7 +102,7 @@ def test_parts_together_and_what_links_them():
     assert np.all(alone[1] == 0.0)  # it is no mass of this part
 
 
-def test_a_pole_that_nothing_damps_answers_without_bound():
+def test_admittance_at_undamped_pole_infinite():
     network = _core.Network()
     network.part("b")
     m = network.mas("m", M=1.0)
@@ -110,7 +110,7 @@ def test_a_pole_that_nothing_damps_answers_without_bound():
     assert np.isinf(network.admittance(["b"], [m], [[m]], [5.0])[0, 0])
 
 
-def test_a_discrete_network_is_driven_as_its_scheme_is():
+def test_admittance_of_discrete_network():
     rate, f = 1000.0, np.array([3.0, 90.0, 101.0, 400.0])
     network = _core.Network()
     network.part("b", ca_rate=rate)
@@ -122,7 +122,7 @@ def test_a_discrete_network_is_driven_as_its_scheme_is():
     assert largest(result[0], 2j * np.pi * f * position) < 1e-12
 
 
-def test_elements_are_those_of_the_part_alone():
+def test_admittance_elements_of_single_part():
     network = _core.Network()
     network.part("b")
     wall = network.sol("wall")

@@ -20,13 +20,13 @@ def solved(request):
 
 
 @pytest.mark.parametrize("asked", few([-60.0, -80.0], [-60.0]))
-def test_plans_reach_what_is_asked(solved, asked):
+def test_bristle_plans_within_requested_error(solved, asked):
     scene, exact = solved
     sound = played(scene.text, error_db=asked)
     assert off_db(sound[:N], exact) < asked, scene.name
 
 
-def test_finer_steps_are_more_exact(solved):
+def test_bristle_error_falls_with_oversampling(solved):
     scene, exact = solved
     base = planned(scene.text, error_db=-80.0)[1].choices()
     for parts, order in ((1, 0.8), (2, 0.9)):
@@ -39,7 +39,7 @@ def test_finer_steps_are_more_exact(solved):
         assert errors[1] < max(errors[0] - fall, -110.0), (scene.name, parts, errors)
 
 
-def test_the_ca_scheme_steps_its_own_formula():
+def test_bristle_ca_scheme_equals_its_formula():
     single = Bristles(-1, 0, 2e4, 0.2, 0.3, 0.2, 0.3, 0.05)
     m, k, step = 0.01, 3000.0, 1.0 / RATE
     text = (
@@ -68,7 +68,7 @@ def test_the_ca_scheme_steps_its_own_formula():
 
 @pytest.mark.parametrize("wishes", [{"method": "ca"}, {"error_db": -80.0}])
 @pytest.mark.parametrize("name", ["bow", "key", "stick-slip"])
-def test_a_snapshot_goes_on_to_the_last_bit(name: str, wishes: dict):
+def test_bristle_snapshot_continues_bit_identical(name: str, wishes: dict):
     stage, plan = planned(SCENES[name].text, **wishes)
     complete = _core.Simulation(stage.network, stage.timeline, plan=plan, threads=1)
     sound = np.empty((stage.n_frames, complete.n_out))
@@ -84,7 +84,7 @@ def test_a_snapshot_goes_on_to_the_last_bit(name: str, wishes: dict):
         half.restore(saved)
 
 
-def test_the_ledger_closes_and_passive_bristles_only_lose():
+def test_bristle_ledger_closes_and_only_loses():
     stage = ready(SCENES["pair"].text)
     simulation = _core.Simulation(stage.network, stage.timeline, ledger=True)
     lost = 0.0
@@ -97,7 +97,7 @@ def test_the_ledger_closes_and_passive_bristles_only_lose():
     assert lost > 0.0
 
 
-def test_bristles_of_a_key_are_in_its_free_copy():
+def test_bristles_in_free_copy_of_key():
     text = (
         "ergon: 1\nrates: {audio: 44100Hz}\n"
         "keys:\n  k1:\n    struck: m\n    modules:\n      g: {SOL: {}}\n"
@@ -114,7 +114,7 @@ def test_bristles_of_a_key_are_in_its_free_copy():
     assert sound[[int(frame + 0.5) for frame in position], 0] == pytest.approx(5e-3, rel=1e-3)
 
 
-def test_a_glide_of_the_level_is_heard_and_nothing_jumps():
+def test_bristle_level_automation_without_jumps():
     scene = SCENES["stick-slip"]
     led = "automation: [{at: 1|1, set: s.rub.Fc, to: 0.5N@0 line 0.1N@1/16}]\n"
     text = scene.text.replace("render:", led + "render:")
@@ -148,14 +148,14 @@ def test_diagnostics_of_bristle_fields(fields: str, outcome: list[str]):
     assert codes(text) + output == outcome
 
 
-def test_defaults_are_dahls_friction():
+def test_bristle_defaults_are_dahl_friction():
     piece = check(BLOCK.format("sigma0: 10kN/m, Fc: 0.2N")).piece
     assert piece is not None
     fields = piece.instruments["i"].modules[2].fields
     assert (fields["sigma1"], fields["sigma2"], fields["Fs"]) == (0.0, 0.0, None)
 
 
-def test_bristles_too_stiff_for_a_step_are_refused_with_a_rate_that_helps():
+def test_stiff_bristles_refused_with_suggested_rate():
     stage = ready(BLOCK.format("sigma0: 1e9N/m, Fc: 1N"))
     with pytest.raises(_core.UnstableError) as caught:
         _core.Plan(stage.network, stage.timeline, method="ca")
@@ -163,7 +163,7 @@ def test_bristles_too_stiff_for_a_step_are_refused_with_a_rate_that_helps():
 
 
 @pytest.mark.parametrize("wishes", [{"method": "ca"}, {"error_db": -60.0}])
-def test_bristles_stay_bent_where_another_version_takes_over(wishes: dict):
+def test_bristle_state_preserved_at_takeover(wishes: dict):
     """Of another viscosity its island is another one; the block stays where it sticks."""
     before = SCENES["stick-slip"].text
     after = before.replace("Z: 0.05Ns/m", "Z: 0.0501Ns/m")

@@ -32,7 +32,7 @@ KEYS = [
 
 
 @pytest.mark.parametrize("key", KEYS, ids=str)
-def test_draws_are_numpys(key: tuple[int, str, str, int, int]) -> None:
+def test_chance_draws_equal_numpy_pcg64(key: tuple[int, str, str, int, int]) -> None:
     chance, units = Chance(*key), np.random.Generator(generator(*key)).random(600)
     for u in map(float, units[:200]):
         assert chance.uniform(-2.0, 3.0) == -2.0 + 5.0 * u
@@ -43,7 +43,7 @@ def test_draws_are_numpys(key: tuple[int, str, str, int, int]) -> None:
         assert chance.exponential(0.5) == pytest.approx(-0.5 * np.log1p(-u), rel=1e-14)
 
 
-def test_a_key_is_all_there_is() -> None:
+def test_chance_streams_depend_only_on_key() -> None:
     key = KEYS[0]
     first = [Chance(*key).uniform(0.0, 1.0) for _ in range(3)]
     assert len(set(first)) == 1
@@ -51,7 +51,7 @@ def test_a_key_is_all_there_is() -> None:
     assert len(others) == 1000
 
 
-def test_refuses_what_cannot_be_drawn() -> None:
+def test_chance_refuses_invalid_parameters() -> None:
     chance = Chance(*KEYS[0])
     with pytest.raises(ValueError, match="above zero"):
         chance.logarithmic(0.0, 1.0)

@@ -54,7 +54,7 @@ def test_exact_contact_agrees_with_the_oracle(side: str, options: dict[str, floa
     assert deviation(hammer(side=side, contact="exact", **options), RATE, 4410) < 1e-11
 
 
-def test_a_plain_contact_in_algorithmic_units_agrees_with_the_oracle():
+def test_plain_contact_in_ca_units_agrees_with_oracle():
     scene = Scene()
     scene.part("p", ca_rate=RATE)
     a = scene.mas("a", M=1.0, X0=-2e-3, V0=20.0)
@@ -66,7 +66,7 @@ def test_a_plain_contact_in_algorithmic_units_agrees_with_the_oracle():
     assert deviation(scene, RATE, 4410) < 1e-12
 
 
-def test_a_clamped_contact_never_pulls():
+def test_clamped_contact_never_pulls():
     pulls = {}
     for clamp in (True, False):
         sim = simulation(hammer(K=2e4, Z=30.0, clamp=clamp), RATE)
@@ -137,7 +137,7 @@ def test_magic_refuses_to_clamp_a_lossy_contact():
         magic_on("mas", {}, restitution=0.5, clamp=True)
 
 
-def test_magic_refuses_a_mass_that_is_not_free():
+def test_magic_refuses_grounded_mass():
     with pytest.raises(_core.EngineError):
         magic_on("cel", {"f": 200.0, "t60": 1.0})
 
@@ -146,7 +146,7 @@ def test_magic_refuses_a_mass_that_is_not_free():
 
 
 @pytest.mark.parametrize("stiffness", [1e4, 1e8, 1e12])
-def test_exact_contact_keeps_its_energy(stiffness: float):
+def test_exact_contact_conserves_energy(stiffness: float):
     """T5: two undamped cells that collide for 2e5 steps; energy from positions and last steps."""
     T, m, f = 1.0 / RATE, np.array([1e-3, 2e-3]), np.array([30.0, 47.0])
     ground = m / T**2 * (2.0 * np.sin(math.pi * f * T)) ** 2  # κM of a pole-exact cell
@@ -174,7 +174,7 @@ def test_exact_contact_keeps_its_energy(stiffness: float):
     assert worst < 1e-10
 
 
-def test_contacts_that_share_a_mass_keep_the_energy():
+def test_contacts_sharing_a_mass_conserve_energy():
     """A light ball thrown between two heavy ones, both contacts stiff and closed at once."""
     network = _core.Network()
     network.part("p")

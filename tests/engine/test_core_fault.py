@@ -39,13 +39,13 @@ def fall() -> int:
 
 
 @pytest.mark.slow
-def test_the_scene_is_doomed_only_when_struck_hard():
+def test_fault_scene_diverges_only_after_hard_strike():
     assert np.isfinite(simulate(doomed(0.1), RATE, 4000).out).all()
     assert 1000 < fall() < 3000
     simulation(doomed(TOO_HARD), RATE)  # certified: what is wrong comes by the strike
 
 
-def test_a_part_that_would_diverge_is_computed_finer():
+def test_diverging_part_computed_finer():
     assert not np.isfinite(simulate(doomed(HARD), RATE, 4000).out).all()
     sim = simulation(doomed(HARD), RATE)
     out = play(sim, 4000)
@@ -62,7 +62,7 @@ def test_a_part_that_would_diverge_is_computed_finer():
     assert np.abs(out[:, 5]).max() == pytest.approx(np.abs(truth).max(), rel=0.1)
 
 
-def test_a_part_that_diverges_stops_the_run_by_its_name():
+def test_diverged_error_names_part_and_frame():
     sim = simulation(doomed(TOO_HARD), RATE)
     with pytest.raises(_core.DivergedError) as error:
         play(sim, 4000)
@@ -74,7 +74,7 @@ def test_a_part_that_diverges_stops_the_run_by_its_name():
 
 
 @pytest.mark.parametrize("block", [1, 64, 4000])
-def test_the_frame_of_the_fault_does_not_depend_on_the_block(block: int):
+def test_diverged_frame_independent_of_block_size(block: int):
     result = []
     for size in (block, 997):
         with pytest.raises(_core.DivergedError) as error:
@@ -83,7 +83,7 @@ def test_the_frame_of_the_fault_does_not_depend_on_the_block(block: int):
     assert result[0] == result[1]
 
 
-def test_a_muted_part_leaves_all_others_as_they_were():
+def test_muted_part_changes_no_other_part():
     healthy = play(simulation(doomed(0.0), RATE), 8000)
     sim = simulation(doomed(TOO_HARD), RATE, on_fault="mute")
     out = play(sim, 8000)
@@ -94,7 +94,7 @@ def test_a_muted_part_leaves_all_others_as_they_were():
     assert abs(frame - fall()) <= 8
 
 
-def test_a_muted_part_is_silent_within_five_milliseconds():
+def test_muted_part_silent_within_5_ms():
     sim = simulation(doomed(TOO_HARD), RATE, on_fault="mute")
     out = play(sim, 8000)[:, 5]
     ((_, frame),) = sim.muted()
@@ -105,7 +105,7 @@ def test_a_muted_part_is_silent_within_five_milliseconds():
     assert tail[0] > tail[fade // 2] > 0.0
 
 
-def test_muting_does_not_depend_on_the_block():
+def test_muting_independent_of_block_size():
     bytes_of = []
     for block in (1, 64, 997, 8000):
         sim = simulation(doomed(TOO_HARD), RATE, on_fault="mute")
@@ -113,7 +113,7 @@ def test_muting_does_not_depend_on_the_block():
     assert all(found == bytes_of[0] for found in bytes_of)
 
 
-def test_a_healthy_scene_mutes_nothing():
+def test_mute_on_fault_of_healthy_scene():
     sim = simulation(doomed(0.1), RATE, on_fault="mute")
     play(sim, 4000)
     assert sim.muted() == []

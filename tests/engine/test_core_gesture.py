@@ -23,7 +23,7 @@ from ergon import _core
     ],
     ids=["smooth", "hold", "line", "crowded"],
 )
-def test_a_free_key_is_on_its_path_at_every_sample(name: str, t: Any, x: Any, curve: Any):
+def test_free_key_follows_path_at_every_sample(name: str, t: Any, x: Any, curve: Any):
     network, timeline, key = lone(**KEYS[name])
     timeline.gesture(key, t, x, curve)
     done, _ = moved(network, timeline, 1.0)
@@ -34,7 +34,7 @@ def test_a_free_key_is_on_its_path_at_every_sample(name: str, t: Any, x: Any, cu
     assert np.abs(done[: int(t[0] * RATE)]).max(initial=0.0) < 1e-12
 
 
-def test_the_key_swings_free_after_the_last_point():
+def test_key_swings_free_after_last_point():
     network, timeline, key = lone(**KEYS["light"])
     timeline.gesture(key, [0.0, 0.25], [0.0, 5e-3], SMOOTH[:2])
     done, _ = moved(network, timeline, 1.0)
@@ -45,7 +45,7 @@ def test_the_key_swings_free_after_the_last_point():
     assert np.abs(done[-len(t) :] - free).max() < 5e-3 * 2.0 * omega / RATE
 
 
-def test_throws_meet_their_points():
+def test_throw_gesture_meets_written_points():
     t, x = [0.1, 0.1733, 0.29, 0.35, 0.5], [0.0, 6e-3, 0.0, -4e-3, 1e-3]
     network, timeline, key = lone(**KEYS["light"])
     timeline.gesture(key, t, x, ["throw"] * 5)
@@ -55,7 +55,7 @@ def test_throws_meet_their_points():
     assert len(sim.ergons()["time"]) == 4
 
 
-def test_a_throw_on_a_bare_mass_is_ballistic():
+def test_throw_on_bare_mass_is_ballistic():
     network, timeline, key = lone(M=0.3)
     timeline.gesture(key, [0.1, 0.2, 0.4], [0.0, 5e-3, 1e-3], ["throw"] * 3)
     done, _ = moved(network, timeline, 0.41)
@@ -64,7 +64,7 @@ def test_a_throw_on_a_bare_mass_is_ballistic():
 
 
 @pytest.mark.parametrize("grain", [1e-3, 5e-3])
-def test_grains_meet_their_knots(grain: float):
+def test_grain_gesture_meets_its_knots(grain: float):
     rate, t, x = 48000.0, [0.0, 0.2, 0.5], [0.0, 6e-3, 0.0]
     network, timeline, key = lone(rate, **KEYS["light"])
     timeline.gesture(key, t, x, SMOOTH[:3], grain=grain)
@@ -78,7 +78,7 @@ def test_grains_meet_their_knots(grain: float):
     assert abs(len(sim.ergons()["time"]) - len(knots)) <= 2
 
 
-def test_a_grain_longer_than_a_quarter_period_is_refused():
+def test_grain_longer_than_quarter_period_is_refused():
     def build(grain: float) -> None:
         network, timeline, key = lone(**KEYS["light"])
         timeline.gesture(key, [0.0, 0.5], [0.0, 5e-3], SMOOTH[:2], grain=grain)
@@ -107,11 +107,11 @@ def bell_scene(touch: str, **but: float) -> Scene:
 
 
 @pytest.mark.parametrize("touch", ["open", "tracked"])
-def test_a_key_on_a_bell_agrees_with_the_oracle(touch: str):
+def test_key_on_bell_agrees_with_oracle(touch: str):
     assert deviation(bell_scene(touch, K=900.0, Z=0.1), RATE, 30_000) < 1e-11
 
 
-def test_a_tracked_key_stays_on_its_path_against_a_stiff_instrument():
+def test_tracked_key_follows_path_against_stiff_instrument():
     scene = bell_scene("tracked", K=1e6, Z=1.0)
     sim = simulation(scene, RATE)
     out = play(sim, 30_000)
@@ -122,7 +122,7 @@ def test_a_tracked_key_stays_on_its_path_against_a_stiff_instrument():
     assert sim.reports()[0].worst < 1e-9
 
 
-def test_an_open_key_is_pushed_back_and_says_by_how_much():
+def test_open_key_deviation_report_against_instrument():
     scene = bell_scene("open", K=1e5, Z=1.0)
     sim = simulation(scene, RATE)
     out = play(sim, 30_000)
@@ -137,7 +137,7 @@ def test_an_open_key_is_pushed_back_and_says_by_how_much():
     assert (report.start, report.stop) == pytest.approx((0.0, 0.62), abs=2.0 / RATE)
 
 
-def test_the_ergons_of_a_tracked_key_are_the_forces_it_took():
+def test_tracked_key_ergons_equal_forces():
     """Impulse·rate against the bell's push and the key's own law, from the outputs."""
     scene = bell_scene("tracked", K=1e5, Z=1.0)
     sim = simulation(scene, RATE, record=True)
@@ -158,7 +158,7 @@ def cell_of(K: float, Z: float, M: float) -> tuple[float, float]:
     return float(kappa), float(-np.expm1(-2.0 * s))
 
 
-def test_grains_fall_on_their_instants_and_on_every_written_point():
+def test_grain_instants_and_written_points():
     """5 ms are 220.5 frames: the k-th strike falls on round(k·220.5), not on k times 221."""
     network, timeline, key = lone(**KEYS["placeholder"])
     t, x = [0.0, 1.0, 2.0], [0.0, 3e-3, 1e-3]
@@ -171,7 +171,7 @@ def test_grains_fall_on_their_instants_and_on_every_written_point():
     assert np.abs(out[due] - asked[due]).max() < 1e-9
 
 
-def test_a_key_is_asked_for_its_gesture_and_its_layers():
+def test_asked_position_of_gesture_and_layers():
     network, timeline, key = lone(**KEYS["placeholder"])
     timeline.gesture(key, [0.0, 1.0, 2.0], [0.0, 3e-3, 0.0], SMOOTH[:3])
     timeline.gesture(key, [0.5, 1.0, 1.5], [0.0, 1e-3, 0.0], SMOOTH[:3], layer=True)
@@ -181,7 +181,7 @@ def test_a_key_is_asked_for_its_gesture_and_its_layers():
     assert sim.reports()[0].worst < 1e-9
 
 
-def test_a_free_key_with_an_exact_contact_inside_stays_on_its_path():
+def test_free_key_with_exact_contact_inside():
     """The key's own damper stops are part of the free key that the ergons are computed for."""
     network = _core.Network()
     network.part("k")

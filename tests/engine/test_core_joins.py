@@ -20,7 +20,7 @@ def frames(sim: Any, n: int) -> np.ndarray:
     return out
 
 
-def test_a_gesture_joins_from_where_the_key_is():
+def test_join_starts_at_key_position_smoothly():
     """After 5 mm at rest the light key swings; 0.3 s later it is taken up in 20 ms, C2."""
     network, timeline, key = lone(**KEYS["light"])
     timeline.gesture(key, [0.0, 0.2], [0.0, 5e-3], SMOOTH[:2])
@@ -47,7 +47,7 @@ def test_a_gesture_joins_from_where_the_key_is():
     assert second(1.0) == pytest.approx(0.0, abs=2e-2 * size2)
 
 
-def test_a_join_takes_twenty_milliseconds_and_only_where_it_is_needed():
+def test_join_lasts_20_ms_only_at_mismatch():
     network, timeline, key = lone(**KEYS["light"])
     timeline.gesture(key, [0.1, 0.2], [0.0, 5e-3], SMOOTH[:2])  # agrees: no join
     timeline.gesture(key, [0.5, 0.7], [2e-3, 0.0], SMOOTH[:2])
@@ -59,7 +59,7 @@ def test_a_join_takes_twenty_milliseconds_and_only_where_it_is_needed():
     assert second[0] == pytest.approx(0.48, abs=3.0 / RATE)
 
 
-def test_a_join_is_shorter_after_a_gesture_that_still_runs():
+def test_join_shortened_after_running_gesture():
     network, timeline, key = lone(**KEYS["light"])
     timeline.gesture(key, [0.1, 0.49], [0.0, 5e-3], SMOOTH[:2])
     timeline.gesture(key, [0.5, 0.7], [2e-3, 0.0], SMOOTH[:2])
@@ -69,7 +69,7 @@ def test_a_join_is_shorter_after_a_gesture_that_still_runs():
     assert not sim.reports()[1].first_point_missed
 
 
-def test_a_later_gesture_cuts_an_earlier_one_and_joins_after_its_start():
+def test_later_gesture_cuts_earlier_and_joins():
     network, timeline, key = lone(**KEYS["light"])
     timeline.gesture(key, [0.0, 2.0], [0.0, 8e-3], SMOOTH[:2])
     timeline.gesture(key, [1.0, 1.3], [0.0, 3e-3], SMOOTH[:2])
@@ -89,7 +89,7 @@ def test_a_later_gesture_cuts_an_earlier_one_and_joins_after_its_start():
     assert np.abs(np.diff(done, 2))[cut - 5 : joined + 5].max() * RATE**2 < 200.0
 
 
-def test_a_layered_gesture_adds():
+def test_layered_gesture_adds_to_gesture():
     first = ([0.0, 0.2, 0.8], [0.0, 4e-3, 0.0])
     two = ([0.3, 0.4, 0.6], [0.0, -1e-3, 0.0])
     network, timeline, key = lone(**KEYS["placeholder"])
@@ -105,7 +105,7 @@ def test_a_layered_gesture_adds():
 
 
 @pytest.mark.parametrize("touch", ["open", "tracked"])
-def test_a_force_limit_is_never_passed_and_what_it_costs_is_said(touch: str):
+def test_force_limit_bounds_ergons_and_reports_misses(touch: str):
     needed = strongest(touch, None)
     limit = 0.4 * needed.force_max
     report, pushes, done = limited(touch, limit)
@@ -139,7 +139,7 @@ def strongest(touch: str, limit: float | None) -> Any:
 
 @pytest.mark.parametrize("rate", [44100.0, 4410.0])
 @pytest.mark.parametrize("step", [1e-5, 1e-4, 1e-3, 1e-2, 0.1, 0.5, -0.02])
-def test_a_particle_gives_the_impulse_of_the_event(rate: float, step: float):
+def test_particle_impulse_equals_event_impulse(rate: float, step: float):
     """A bare mass thrown over 0.1 s: its speed is path over time whatever throws it."""
     network, timeline, key = lone(rate, M=0.4)
     timeline.gesture(key, [0.1, 0.2], [0.0, 0.1 * step], ["throw"] * 2, ergons="particle")
@@ -158,7 +158,7 @@ def test_a_particle_gives_the_impulse_of_the_event(rate: float, step: float):
 # --- endurance ---
 
 
-def test_a_bare_mass_as_key_does_not_drift_over_two_minutes():
+def test_bare_mass_key_without_drift_over_two_minutes():
     network, timeline, key = lone(M=0.4)
     for i in range(120):
         timeline.gesture(key, [i, i + 0.25, i + 0.6], [0.0, 6e-3, 0.0], SMOOTH[:3])

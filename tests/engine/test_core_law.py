@@ -35,12 +35,12 @@ def between(law: laws.Law, *, ca: bool = False, rest: float = 0.0) -> Scene:
 
 @pytest.mark.parametrize("name", CONSTANTS)
 @pytest.mark.parametrize("rest", [0.0, -4e-4])
-def test_a_law_in_a_network_agrees_with_the_oracle(name: str, rest: float):
+def test_network_with_law_agrees_with_oracle(name: str, rest: float):
     law = laws.make(name, **CONSTANTS[name])
     assert deviation(between(law, rest=rest), RATE, 4410) < 1e-11
 
 
-def test_in_algorithmic_units_the_rate_of_a_law_is_per_sample():
+def test_law_rate_per_sample_in_ca_units():
     for name, constants in (
         ("cubic", {"k": 300.0, "q": 5e8, "z": 500.0}),
         ("coulomb", {"k": 400.0, "F": 0.05, "s": 2e-6}),
@@ -49,7 +49,7 @@ def test_in_algorithmic_units_the_rate_of_a_law_is_per_sample():
 
 
 @pytest.mark.parametrize("name", CONSTANTS)
-def test_a_law_has_the_force_of_its_arithmetic(name: str):
+def test_law_force_equals_formula(name: str):
     law = laws.make(name, **CONSTANTS[name])
     in_core, values = law.on(_core), np.array(law.values())
     for d in np.linspace(-3e-3, 3e-3, 31):
@@ -58,7 +58,7 @@ def test_a_law_has_the_force_of_its_arithmetic(name: str):
             assert in_core.force(d, v) == pytest.approx(wanted, rel=1e-13, abs=1e-15)
 
 
-def test_a_lever_sees_the_law_scaled_with_power_kept():
+def test_lever_scales_law_preserving_power():
     law = _core.Law("k*d + q*d**3", "z*v", {"k": 300.0, "q": 5e8, "z": 0.02})
     seen = _core.Law("k*d + q*d**3", "z*v", {"k": 300.0, "q": 5e8, "z": 0.02}, reach=2.5)
     for d, v in ((1e-3, 0.0), (-2e-3, 0.4), (0.0, -1.0)):
@@ -66,7 +66,7 @@ def test_a_lever_sees_the_law_scaled_with_power_kept():
         assert seen.potential(d) == pytest.approx(law.potential(d / 2.5), rel=1e-12, abs=1e-18)
 
 
-def test_only_a_law_that_can_give_energy_is_active():
+def test_law_is_active_only_with_energy_gain():
     assert laws.make("bow", **CONSTANTS["bow"]).on(_core).is_active(1e-3, 1.0)
     for name in ("cubic", "rope", "coulomb"):
         assert not laws.make(name, **CONSTANTS[name]).on(_core).is_active(1e-3, 1.0)

@@ -47,7 +47,7 @@ def driven(*, non_linear: bool = False) -> Scene:
 
 
 @pytest.mark.parametrize("non_linear", few([False, True], [False]))
-def test_the_ledger_closes_over_a_minute(non_linear: bool):
+def test_ledger_closes_over_one_minute(non_linear: bool):
     sim = simulation(driven(non_linear=non_linear), RATE, ledger=True)
     for _ in range(60):
         play(sim, int(RATE))
@@ -60,17 +60,17 @@ def test_the_ledger_closes_over_a_minute(non_linear: bool):
     assert (abs(e.produced) > 1e-12 * e.flow) == non_linear
 
 
-def test_a_ledger_must_be_asked_for():
+def test_ledger_energy_refused_unless_requested():
     with pytest.raises(_core.EngineError):
         simulation(driven(), RATE).energy()
 
 
-def test_the_ledger_does_not_change_the_sound():
+def test_ledger_leaves_sound_unchanged():
     plain, watched = (play(simulation(driven(), RATE, ledger=v), 20_000) for v in (False, True))
     assert plain.tobytes() == watched.tobytes()
 
 
-def test_stored_energy_is_that_of_the_leapfrog_scheme():
+def test_ledger_stored_energy_equals_leapfrog_energy():
     """½ δᵀ(M - Z/2)δ/T² + ½ x[n]ᵀK x[n-1], with matrices built here (κ, ζ for the cells)."""
     scene = driven()
     sim = simulation(scene, RATE, ledger=True)
@@ -91,7 +91,7 @@ def test_stored_energy_is_that_of_the_leapfrog_scheme():
     assert sim.energy().stored == pytest.approx(stored, rel=1e-9)
 
 
-def test_a_free_mass_keeps_what_a_strike_gives():
+def test_ledger_of_strike_on_free_mass():
     """p²/2m, and after long damping everything given is lost."""
     scene = Scene()
     scene.part("p")
@@ -115,7 +115,7 @@ def test_a_free_mass_keeps_what_a_strike_gives():
 
 @pytest.mark.parametrize("mass", [8e-6, 1e-4, 1e-2])
 @pytest.mark.parametrize("speed", [-3000.0, 5.0, 1000.0])
-def test_an_ergon_gives_the_momentum_and_energy_that_it_loses(mass: float, speed: float):
+def test_ergon_momentum_and_energy_on_mass(mass: float, speed: float):
     """T7: a MAS of 80 g at 0.1 m/s; elastic, so momentum and energy are both kept."""
     M, V = 0.08, 0.1
     scene = Scene()
@@ -139,7 +139,7 @@ def test_an_ergon_gives_the_momentum_and_energy_that_it_loses(mass: float, speed
     assert record["time"] == pytest.approx([200 / RATE], abs=1e-12)
 
 
-def test_the_published_ergon():
+def test_ergon_on_mass_published_speed():
     scene = Scene()
     scene.part("p")
     mat = scene.mas("m", M=0.08, V0=0.1)
@@ -164,7 +164,7 @@ LAWS = {
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_a_potential_has_its_law_as_slope(name: str):
+def test_law_potential_slope_equals_force(name: str):
     expression, constants = LAWS[name]
     law = _core.Law(expression, None, constants)
     assert law.potential(0.0) == 0.0
@@ -175,7 +175,7 @@ def test_a_potential_has_its_law_as_slope(name: str):
         assert slope == pytest.approx(law.force(d), abs=1e-6 * size + corner * 1.01), d
 
 
-def test_a_potential_of_points_has_straight_lines_as_slope():
+def test_point_law_potential_slope_equals_force():
     law = _core.Law(points=[(-2e-3, -1.0), (0.0, 0.0), (1e-3, 2.0), (3e-3, 2.5)])
     for d, force in ((-4e-3, -2.0), (-1e-3, -0.5), (5e-4, 1.0), (2e-3, 2.25), (5e-3, 3.0)):
         assert law.force(d) == pytest.approx(force, rel=1e-12)
@@ -196,7 +196,7 @@ def bouncing() -> Scene:
     return scene
 
 
-def test_the_energy_curve_is_that_of_the_differential_equation():
+def test_ledger_energy_curve_against_dop853():
     """H + V̄ against DOP853 at the half step before, while the losses take a good part of it."""
     errors = []
     for rate in (2 * RATE, 4 * RATE):
@@ -220,7 +220,7 @@ def test_the_energy_curve_is_that_of_the_differential_equation():
     assert errors[1] < 0.6 * errors[0]
 
 
-def test_the_production_of_a_cubic_spring_stays_bounded():
+def test_ledger_production_of_cubic_spring_bounded():
     scene = Scene()
     scene.part("p")
     a = scene.cel("a", M=2e-3, f=220.0, X0=1e-3)

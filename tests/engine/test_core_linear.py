@@ -35,7 +35,7 @@ def ringing(**cel: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("f", "t60"), [(440.0, 1.0), (5000.0, 0.3), (15000.0, 0.05)])
-def test_a_cell_sounds_at_its_pitch_and_dies_in_its_time(f: float, t60: float):
+def test_cell_pitch_and_decay_time(f: float, t60: float):
     # A lag of a quarter period makes the fit best conditioned.
     lag = max(1, round(RATE / (4.0 * f)))
     a, b = poles(ringing(f=f, t60=t60), lag)
@@ -51,20 +51,22 @@ def test_a_cell_sounds_at_its_pitch_and_dies_in_its_time(f: float, t60: float):
         (5000.0, 0.3, 0.48612872165831794, 0.0010437112321537868),
     ],
 )
-def test_published_vectors_of_a_cell(f: float, t60: float, kappa: float, zeta: float):
+def test_cell_coefficients_against_published_vectors(
+    f: float, t60: float, kappa: float, zeta: float
+):
     a, b = poles(ringing(f=f, t60=t60), 1)
     assert 1.0 - b == pytest.approx(zeta, abs=1e-12)
     assert 2.0 - a - zeta == pytest.approx(kappa, abs=1e-12)
 
 
-def test_a_cell_by_stiffness_is_the_cell_by_its_pitch():
+def test_cell_by_stiffness_equals_cell_by_pitch():
     sigma, f = 3.0 * math.log(10.0) / 0.7, 330.0
     K = 2e-3 * ((2.0 * math.pi * f) ** 2 + sigma**2)
     first, two = ringing(f=f, t60=0.7), ringing(K=K, Z=2.0 * 2e-3 * sigma)
     assert np.abs(first - two).max() < 1e-12 * np.abs(first).max()
 
 
-def test_an_overdamped_cell_creeps_by_its_own_exponentials():
+def test_overdamped_cell_against_closed_form():
     scene = Scene()
     scene.part("p")
     mat = scene.cel("m", M=0.1, K=10.0, Z=5.0, X0=1e-3, V0=0.1, rest=2e-4)
@@ -85,7 +87,7 @@ def test_networks_in_algorithmic_units_agree_with_the_oracle(seed: int):
 
 @pytest.mark.parametrize("ca", [False, True])
 @pytest.mark.parametrize("seed", range(3))
-def test_speeds_and_accelerations_of_random_networks_agree_with_the_oracle(seed: int, ca: bool):
+def test_derivatives_of_random_networks_agree_with_oracle(seed: int, ca: bool):
     scene = random_network(seed, ca=ca)
     (_, first, _), (_, other, _) = scene.outs[0][0], scene.outs[1][0]
     for order in (1, 2):
@@ -96,7 +98,7 @@ def test_speeds_and_accelerations_of_random_networks_agree_with_the_oracle(seed:
 
 
 @pytest.mark.parametrize("ca", [False, True])
-def test_the_force_on_the_ground_is_that_of_the_written_spring(ca: bool):
+def test_ground_force_of_cell_by_written_stiffness(ca: bool):
     """K·(x - rest) with the network's own K, not the κM/T² that puts the poles right."""
     scene = Scene()
     scene.part("p", ca_rate=RATE if ca else None)
@@ -121,12 +123,12 @@ def test_undamped_networks_converge_with_order_two(seed: int):
 
 
 @pytest.mark.parametrize("block", [1, 64, 997])
-def test_block_size_changes_no_byte(block: int):
+def test_network_bytes_with_any_block_size(block: int):
     whole = play(simulation(random_network(3), RATE), 4000)
     assert play(simulation(random_network(3), RATE), 4000, block).tobytes() == whole.tobytes()
 
 
-def test_a_restored_snapshot_changes_no_byte():
+def test_restored_snapshot_continues_bit_identical():
     sim = simulation(random_network(4), RATE)
     play(sim, 1234)
     saved = sim.snapshot()
@@ -144,7 +146,7 @@ def test_a_restored_snapshot_changes_no_byte():
 
 @pytest.mark.parametrize("ends", ["fixed", "free", "left"])
 @pytest.mark.parametrize("stiffness", [0.0, 0.05])
-def test_a_string_has_the_modes_of_its_matrices(ends: str, stiffness: float):
+def test_string_modes_equal_matrix_eigenvalues(ends: str, stiffness: float):
     network = _core.Network()
     network.part("body")
     first = network.string("s", masses=30, M=8e-3, f=110.0, ends=ends, stiffness=stiffness)
@@ -157,7 +159,7 @@ def test_a_string_has_the_modes_of_its_matrices(ends: str, stiffness: float):
 
 
 @pytest.mark.parametrize(("shape", "radius"), [("hex", 3), ("square", 3)])
-def test_a_plate_has_the_modes_of_its_matrices(shape: str, radius: int):
+def test_plate_modes_equal_matrix_eigenvalues(shape: str, radius: int):
     network = _core.Network()
     network.part("body")
     first = network.plate("p", shape=shape, radius=radius, M=0.3, f=65.0)
@@ -168,14 +170,14 @@ def test_a_plate_has_the_modes_of_its_matrices(shape: str, radius: int):
     assert listened == pytest.approx(65.0 * np.sqrt(lam[:5] / lam[0]), rel=1e-8)
 
 
-def test_a_plate_with_a_fixed_rim_is_in_tune():
+def test_plate_with_fixed_rim_in_tune():
     network = _core.Network()
     network.part("body")
     network.plate("p", shape="hex", radius=4, M=0.3, f=65.0, rim="fixed")
     assert network.modes("body", 1)[0][0] == pytest.approx(65.0, rel=1e-8)
 
 
-def test_the_lowest_mode_of_a_string_decays_in_its_time():
+def test_string_lowest_mode_t60():
     network = _core.Network()
     network.part("body")
     network.string("s", masses=20, M=8e-3, f=110.0, t60=2.0)
@@ -188,7 +190,7 @@ def test_the_lowest_mode_of_a_string_decays_in_its_time():
     ("ends", "stiffness", "hardening"),
     [("fixed", 0.0, 0.0), ("fixed", 0.02, 0.0), ("left", 0.02, 0.0), ("fixed", 0.02, 1e7)],
 )
-def test_a_string_plays_as_its_masses_and_springs_do(ends, stiffness, hardening):
+def test_string_equals_masses_and_springs(ends, stiffness, hardening):
     scene = Scene()
     scene.part("body")
     mats = bodies.string(
@@ -202,7 +204,7 @@ def test_a_string_plays_as_its_masses_and_springs_do(ends, stiffness, hardening)
     assert deviation(scene, RATE, 22050) < 2e-12
 
 
-def test_a_bank_has_its_pitches_evenly_by_logarithm():
+def test_bank_pitches_and_t60_evenly_by_logarithm():
     network = _core.Network()
     network.part("sky")
     first = network.bank("b", count=9, M=1e-3, f=(100.0, 1600.0), t60=(0.5, 8.0))

@@ -41,13 +41,13 @@ REFUSED: dict[str, tuple[Callable[[Scene], object], str]] = {
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_it_is_refused_with_a_sentence(name: str):
+def test_core_refuses_invalid_input_with_message(name: str):
     attempt, sentence = REFUSED[name]
     with pytest.raises(_core.EngineError, match=sentence):
         attempt(scene())
 
 
-def test_columns_are_not_taken_for_rows():
+def test_process_refuses_fortran_order_arrays():
     simulation = _core.Simulation(*scene())
     with pytest.raises(_core.EngineError, match="C-contiguous"):
         simulation.process(np.zeros((3, 2), order="F"))
@@ -76,7 +76,7 @@ def test_refused_gesture_has_the_index_of_its_point(
     assert str(refused.value) == f"gesture: {refused.value.sentence}"
 
 
-def test_refused_modules_have_sentences_without_their_names():
+def test_module_error_messages_without_module_names():
     network = _core.Network()
     network.part("p")
     network.mas("a", M=1e-9)

@@ -13,12 +13,12 @@ from ergon import _core
 RATE = 44100.0
 
 
-def test_a_whole_scene_agrees_with_the_oracle():
+def test_complete_scene_agrees_with_oracle():
     assert deviation(complete_scene(), RATE, 44100) < 1e-12
 
 
 @pytest.mark.parametrize("block", [1, 64, 997])
-def test_block_size_changes_no_byte_of_a_whole_scene(block: int):
+def test_complete_scene_independent_of_block_size(block: int):
     reference = play(simulation(complete_scene(0.3), RATE), 12_000)
     assert (
         play(simulation(complete_scene(0.3), RATE), 12_000, block).tobytes() == reference.tobytes()
@@ -26,7 +26,7 @@ def test_block_size_changes_no_byte_of_a_whole_scene(block: int):
 
 
 @pytest.mark.parametrize("snapshot_frame", [1, 6_400, 7_777])
-def test_a_restored_snapshot_changes_no_byte_of_a_whole_scene(snapshot_frame: int):
+def test_complete_scene_restored_from_snapshot(snapshot_frame: int):
     """In the middle of gestures, contacts and strikes; restored into another simulation, too."""
     sim = simulation(complete_scene(0.5), RATE, ledger=True)
     play(sim, snapshot_frame)
@@ -41,7 +41,7 @@ def test_a_restored_snapshot_changes_no_byte_of_a_whole_scene(snapshot_frame: in
     assert play(other, 8_000).tobytes() == rest.tobytes()
 
 
-def test_frame_zero_is_the_initial_state():
+def test_scene_frame_zero_is_initial_state():
     scene = Scene()
     scene.part("p")
     a = scene.mas("a", M=1e-3, X0=1e-3, V0=5.0)
@@ -58,7 +58,7 @@ def test_frame_zero_is_the_initial_state():
     assert sim.frame == 1
 
 
-def test_a_linked_cell_starts_with_its_flow_and_the_links_half_step():
+def test_linked_cell_start_converges_with_order_two():
     """Against the matrix exponential; without the links' half step these are 6 dB a halving."""
     scene = Scene()
     scene.part("p")
@@ -106,7 +106,7 @@ def coupled(start: float | None, stop: float | None = None) -> tuple[_core.Netwo
     return network, timeline
 
 
-def test_a_coupling_acts_in_its_time_only():
+def test_coupling_acts_only_within_its_interval():
     """Silence before; a fade of 20 ms; the link's own force within; nothing after the fade."""
     out = play(_core.Simulation(*coupled(0.1, 0.3)), 22_050)
     begin, end = int(0.1 * RATE) - 64, int(0.32 * RATE) + 128
@@ -120,7 +120,7 @@ def test_a_coupling_acts_in_its_time_only():
     assert np.abs(np.diff(out[:, 1])).max() < 1.5 * np.abs(np.diff(full_force)).max()
 
 
-def test_a_scene_does_not_disturb_the_network_it_came_from():
+def test_network_unchanged_by_simulation():
     """Timeline and Simulation keep copies: a second one from the same network is the same."""
     scene = complete_scene(0.2)
     network, timeline = scene.build(_core, RATE)

@@ -41,7 +41,7 @@ def test_stability_map_of_a_cell():
     assert 50 < sum(verdicts) < len(verdicts) - 50
 
 
-def test_stability_of_random_networks():
+def test_certificate_against_spectral_radius_random_networks():
     """T2: spectral radius of the step matrix against the verdict."""
     rng = np.random.default_rng(2)
     verdicts = []
@@ -67,7 +67,7 @@ def test_stability_of_random_networks():
     assert 30 < sum(verdicts) < len(verdicts) - 30
 
 
-def test_the_largest_eigenvalue_is_not_underestimated():
+def test_certificate_eigenvalue_upper_bound():
     rng = np.random.default_rng(3)
     for seed in range(8):
         scene = random_network(int(rng.integers(1000)) + seed)

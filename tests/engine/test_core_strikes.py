@@ -17,7 +17,7 @@ MULTIPLIER = 0x2360ED051FC65DA44385DF649FCCF645  # PCG's own for 128 bits (O'Nei
 
 @pytest.mark.parametrize(("f", "t60"), [(440.0, 1.0), (5000.0, 0.3), (15000.0, 0.1)])
 @pytest.mark.parametrize("late", [0.0, 1e-6, 0.3, 0.5, 0.999])
-def test_a_cell_struck_between_samples_is_exact_ever_after(f: float, t60: float, late: float):
+def test_strike_between_samples_on_cell_closed_form(f: float, t60: float, late: float):
     scene = Scene()
     scene.part("p")
     mat = scene.cel("m", M=2e-3, f=f, t60=t60)
@@ -68,7 +68,7 @@ def test_strikes_on_all_kinds_of_mats_agree_with_the_oracle():
     ],
     ids=["early", "when", "infinite", "nothing", "still", "negative"],
 )
-def test_a_strike_that_is_none_is_refused(arguments: dict[str, float]):
+def test_strike_refuses_invalid_arguments(arguments: dict[str, float]):
     network = _core.Network()
     network.part("p")
     mat = network.mas("m", M=1e-3)
@@ -121,7 +121,7 @@ def test_chance_bends_uniform_draws_by_their_formulas(key: tuple[int, str, str, 
         assert chance.exponential(0.7) == pytest.approx(gap, rel=1e-12)
 
 
-def test_no_part_of_the_key_is_idle():
+def test_chance_depends_on_every_part_of_key():
     base = (1, "strikes", "rain", 0, 0)
     others = [(2, *base[1:]), (1, "f", *base[2:]), (1, "strikes", "hail", 0, 0),
               (1, "strikes", "rain", 1, 0), (1, "strikes", "rain", 0, 1)]  # fmt: skip
@@ -168,7 +168,7 @@ def test_rain_is_a_poisson_process_for_each_member():
     assert abs(early.sum() - n / 2) < 4.0 * math.sqrt(n) / 2.0
 
 
-def test_a_member_more_changes_no_other_member():
+def test_rain_with_added_member_leaves_others_unchanged():
     few, many = rain(30)[1], rain(31)[1]
     saved = many["mat"] < few["mat"].max() + 0.5
     for column in ("time", "mat", "impulse"):
@@ -176,14 +176,14 @@ def test_a_member_more_changes_no_other_member():
     assert (~saved).sum() > 10
 
 
-def test_another_seed_or_name_is_another_rain():
+def test_rain_differs_by_seed_or_name():
     base = rain(5)[1]["time"]
     assert rain(5)[1]["time"].tolist() == base.tolist()
     assert rain(5, seed=8)[1]["time"].tolist() != base.tolist()
     assert rain(5, name="hail")[1]["time"].tolist() != base.tolist()
 
 
-def test_the_rain_of_a_member_is_drawn_from_its_own_chance():
+def test_rain_of_member_from_its_chance_stream():
     """Gaps are exponential, impulses uniform, in turn, from Chance(seed, strikes, name, i, 0)."""
     drops = rain(3)[1]
     for member in range(3):

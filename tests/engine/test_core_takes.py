@@ -29,12 +29,12 @@ def spline(t: np.ndarray, x: np.ndarray) -> Any:
     return make_interp_spline(t, x, k=5, bc_type=NATURAL)
 
 
-def test_there_are_takes():
+def test_take_files_present_in_repository():
     assert len(TAKES) == 3
 
 
 @pytest.mark.parametrize("file", TAKES, ids=lambda f: f.stem)
-def test_a_take_is_the_natural_quintic_spline(file: Path):
+def test_take_equals_natural_quintic_spline(file: Path):
     t, x = samples(file)
     take, truth = _core.Take(t, x), spline(t, x)
     assert take.duration == pytest.approx(t[-1] - t[0], rel=1e-15)
@@ -45,7 +45,7 @@ def test_a_take_is_the_natural_quintic_spline(file: Path):
             assert result[k] == pytest.approx(float(truth(when, k)), abs=1e-9 * size[k])
 
 
-def test_a_trimmed_take_begins_at_its_first_kept_instant():
+def test_trimmed_take_start_and_duration():
     t, x = samples(TAKES[0])
     take, truth = _core.Take(t, x, trim=(1.0, 2.5)), spline(t, x)
     saved = t[(t >= 1.0) & (t <= 2.5)]
@@ -55,7 +55,7 @@ def test_a_trimmed_take_begins_at_its_first_kept_instant():
         assert take.evaluate(float(when - 1.0))[0] == pytest.approx(float(truth(when)), abs=1e-7)
 
 
-def test_a_smoothed_take_is_a_butterworth_forward_and_back():
+def test_smoothed_take_equals_sosfiltfilt():
     t = np.arange(600) / 200.0
     x = 5e-3 * np.sin(2 * np.pi * 1.5 * t) + 5e-4 * np.sin(2 * np.pi * 40.0 * t)
     take = _core.Take(t, x, smooth=12.0)
@@ -77,14 +77,14 @@ def test_a_smoothed_take_is_a_butterworth_forward_and_back():
     ],
     ids=["equal", "falling", "nan", "inf", "lengths", "empty"],
 )
-def test_a_take_that_is_none_is_refused(t: list[float], x: list[float]):
+def test_take_refuses_invalid_samples(t: list[float], x: list[float]):
     with pytest.raises(_core.EngineError):
         _core.Take(np.array(t), np.array(x))
 
 
 @pytest.mark.parametrize("touch", ["open", "tracked"])
 @pytest.mark.parametrize("file", TAKES, ids=lambda f: f.stem)
-def test_a_real_hand_replayed_is_where_it_was(file: Path, touch: str):
+def test_replayed_take_on_free_key_follows_spline(file: Path, touch: str):
     """The key alone follows the resampled take from its first instant to its last."""
     t, x = samples(file)
     network, timeline, key = lone(**KEYS["placeholder"])
@@ -98,7 +98,7 @@ def test_a_real_hand_replayed_is_where_it_was(file: Path, touch: str):
 
 
 @pytest.mark.parametrize("touch", ["open", "tracked"])
-def test_a_real_hand_on_an_instrument_reports_its_deviation(touch: str):
+def test_replayed_take_on_instrument_reports_deviation(touch: str):
     t, x = samples(TAKES[0])
     low, high = x.min(), x.max()
     network = _core.Network()
@@ -127,7 +127,7 @@ def test_a_real_hand_on_an_instrument_reports_its_deviation(touch: str):
     [{"scale": 0.5}, {"scale": -1.0}, {"stretch": 2.0}, {"reverse": True}, {"until": 1.2}],
     ids=["half", "mirror", "slow", "reverse", "until"],
 )
-def test_a_take_is_scaled_stretched_and_turned(options: dict[str, Any]):
+def test_take_with_scale_stretch_and_reverse(options: dict[str, Any]):
     t, x = samples(TAKES[1])
     t, x = t[:60], x[:60]
     truth, length = spline(t, x), float(t[-1] - t[0])
@@ -143,7 +143,7 @@ def test_a_take_is_scaled_stretched_and_turned(options: dict[str, Any]):
     assert np.abs(done[first:last] - wanted).max() < 1e-9
 
 
-def test_a_take_imposed_on_a_point_is_its_position():
+def test_take_driving_imposed_point():
     t, x = samples(TAKES[2])
     network = _core.Network()
     network.part("p")

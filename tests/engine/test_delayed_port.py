@@ -120,7 +120,7 @@ def test_snapshot_of_a_delayed_key():
     assert np.ptp(first) > 0.0
 
 
-def test_strong_delay_is_refused():
+def test_delay_outside_zero_to_one_is_refused():
     done = staged(0.0)
     network = done.built.network
     port = network.sol("port")
@@ -130,7 +130,7 @@ def test_strong_delay_is_refused():
 
 
 @pytest.mark.parametrize(("stiffness", "is_named"), [(540, False), (660, True)])
-def test_key_that_swings_by_its_delay(stiffness: int, is_named: bool):
+def test_swinging_of_delayed_key_warns_w336(stiffness: int, is_named: bool):
     """The delay takes K·delay of the damping: with 2 ms and 1.2 Ns/m, all of it from 600 N/m on."""
     wall = f"{{REF: {{between: [k, m], K: {stiffness}N/m, Z: 0Ns/m}}}}"
     text = TEXT.format(delay=2, link=wall).replace(

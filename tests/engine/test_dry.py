@@ -21,12 +21,12 @@ def solved(request):
 @pytest.mark.parametrize(
     ("asked", "reached"), few([(-60.0, -60.0), (-80.0, -70.0)], [(-60.0, -60.0)])
 )
-def test_plans_reach_what_is_asked(solved, asked, reached):
+def test_dry_friction_plans_within_requested_error(solved, asked, reached):
     scene, exact = solved
     assert off_db(played(scene.text, error_db=asked)[:N], exact) < reached, scene.name
 
 
-def test_ends_of_slides_are_located_between_frames():
+def test_dry_friction_slide_ends_between_frames():
     """A block that turns some times and stops; no steps of CA that a plan tries are so exact."""
     scene = SCENES["block"]
     exact = scene.exact(N)
@@ -37,7 +37,7 @@ def test_ends_of_slides_are_located_between_frames():
     assert off_db(played(scene.text, error_db=-130.0, pins=on_frames)[:N], exact) > -125.0
 
 
-def test_half_the_step_is_more_exact(solved):
+def test_dry_friction_converges_with_smaller_step(solved):
     """Of order 2 where nothing strikes a resting mass; -90 dB is next to the solver's own turns."""
     scene, exact = solved
     base = planned(scene.text, error_db=-60.0)[1].choices()
@@ -48,7 +48,7 @@ def test_half_the_step_is_more_exact(solved):
     assert errors[1] < max(errors[0] - 9.0, -90.0), (scene.name, errors)
 
 
-def test_a_mass_that_is_held_rests_exactly():
+def test_dry_friction_mass_rests_exactly():
     scene = SCENES["block"]
     sound = played(scene.text, method="ca")[:, 0]
     assert np.ptp(sound[:3000]) > 1e-3
@@ -59,7 +59,7 @@ def test_a_mass_that_is_held_rests_exactly():
 
 
 @pytest.mark.slow
-def test_a_held_mass_stays_where_a_contact_presses_it():
+def test_dry_friction_mass_at_rest_under_pressing_contact():
     """Contacts that are computed finer than a frame push before friction answers."""
     text = (
         "ergon: 1\ninstruments:\n  s:\n    modules:\n"
@@ -74,7 +74,7 @@ def test_a_held_mass_stays_where_a_contact_presses_it():
 
 
 @pytest.mark.parametrize("name", ["block", "stick-slip", "pair", "key"])
-def test_the_ledger_closes_and_friction_only_takes(name: str):
+def test_dry_friction_ledger_closes_and_only_loses(name: str):
     stage = ready(SCENES[name].text)
     simulation = _core.Simulation(stage.network, stage.timeline, ledger=True)
     lost = 0.0
@@ -87,7 +87,7 @@ def test_the_ledger_closes_and_friction_only_takes(name: str):
     assert lost > 0.0
 
 
-def test_no_spring_and_no_step_makes_friction_give_energy():
+def test_dry_friction_with_stiff_spring_comes_to_rest():
     """Masses on springs up to the border of stability come to rest, wherever they begin."""
     rng = np.random.default_rng(7)
     for _ in range(40):
@@ -109,7 +109,7 @@ def test_no_spring_and_no_step_makes_friction_give_energy():
 
 @pytest.mark.parametrize("wishes", [{"method": "ca"}, {"error_db": -80.0}])
 @pytest.mark.parametrize("name", few(["stick-slip", "key"], 1))
-def test_a_snapshot_goes_on_to_the_last_bit(name: str, wishes: dict):
+def test_dry_friction_snapshot_continues_bit_identical(name: str, wishes: dict):
     stage, plan = planned(SCENES[name].text, **wishes)
     sound = played(SCENES[name].text, **wishes)
     half = _core.Simulation(stage.network, stage.timeline, plan=plan, threads=1)
@@ -140,7 +140,7 @@ GESTURE = (
 @pytest.mark.parametrize("more", ["", ", static: 80mN, speed: 4mm/s", ", K: 5kN/m"])
 @pytest.mark.parametrize("touch", ["open", "tracked"])
 @pytest.mark.parametrize("curve", ["smooth", "line", "throw"])
-def test_friction_of_a_key_is_in_its_free_copy(curve: str, touch: str, more: str):
+def test_dry_friction_in_free_copy_of_key(curve: str, touch: str, more: str):
     text = GESTURE.format(curve=curve, touch=touch, more=more)
     sound = played(text, method="ca")[:, 0]
     position = [int(0.125 * RATE + 0.5), int(0.25 * RATE + 0.5)]
@@ -151,7 +151,7 @@ def test_friction_of_a_key_is_in_its_free_copy(curve: str, touch: str, more: str
         assert np.abs(np.diff(held)).max() < 1e-10
 
 
-def test_a_glide_of_the_level_is_heard():
+def test_dry_friction_level_automation():
     scene = SCENES["stick-slip"]
     led = "automation: [{at: 1|1, set: s.rub.F, to: 0.5N@0 line 0.1N@1/16}]\n"
     text = scene.text.replace("render:", led + "render:")
@@ -186,19 +186,19 @@ def test_diagnostics_of_dry_fields(fields: str, found: list[str]):
     assert codes(BLOCK.format(fields)) == found
 
 
-def test_with_presliding_it_is_a_bristle_without_damping():
+def test_dry_with_presliding_equals_undamped_bristle():
     fields = "to: m, F: 0.2N, K: 10kN/m, static: 0.3N, speed: 10mm/s"
     bristle = "between: [g, m], sigma0: 10kN/m, Fc: 0.2N, Fs: 0.3N, vs: 10mm/s"
     single, other = BLOCK.format(fields), BLOCK.replace("DRY", "BRISTLE").format(bristle)
     assert np.array_equal(played(single, method="ca"), played(other, method="ca"))
 
 
-def test_ground_and_a_fixed_point_are_the_same():
+def test_dry_friction_to_ground_equals_fixed_point():
     ground, point = (BLOCK.format(ends + ", F: 0.2N") for ends in ("to: m", "between: [g, m]"))
     assert np.array_equal(played(ground, method="ca"), played(point, method="ca"))
 
 
-def test_two_keys_coupled_by_dry_friction():
+def test_dry_friction_coupling_of_two_keys():
     text = (
         "ergon: 1\nkeys: {k: {M: 100g, K: 10N/m, Z: 0.1Ns/m}, v: {M: 100g, K: 10N/m, X0: 5mm}}\n"
         "instruments: {i: {modules: {m: {CEL: {M: 1g, f: 20Hz}}, "
@@ -209,7 +209,7 @@ def test_two_keys_coupled_by_dry_friction():
     assert 1e-3 < np.ptp(played(text, method="ca")) < 6e-3
 
 
-def test_the_reference_holds_and_turns():
+def test_dry_friction_reference_closed_form():
     """By closed form: each half swing of a block on a spring is 2F/K shorter."""
     single, k, m = Dry(-1, 0, 0.05), 300.0, 0.01
     exact = SCENES["block"]
@@ -223,7 +223,7 @@ def test_the_reference_holds_and_turns():
     )
 
 
-def test_a_turn_within_a_step_is_held_by_the_level_near_rest():
+def test_dry_friction_turn_within_a_step():
     """A mass swings half a period under the level of fast sliding, and turns where its spring is
     between both levels. It passes the velocities between in 1/70 of a frame.
     """

@@ -111,7 +111,7 @@ def mode(f: float, sigma: float, share: float, x0: float, n_frames: int) -> np.n
 
 
 @pytest.mark.parametrize("share", [1.0, 7.5])
-def test_the_closed_form_is_the_solution(share: float):
+def test_glide_closed_form_against_dop853(share: float):
     f, sigma = 20.0, SIGMA / 2.0
 
     def forces(t, x, v):
@@ -145,7 +145,7 @@ def laplacian(across: int, up: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("f", "accuracy"), [(110.0, "{method: ca}"), (440.0, "{error: -60dB}")])
-def test_a_cel_glides(f: float, accuracy: str):
+def test_cel_pitch_glide_error(f: float, accuracy: str):
     t60 = 3.0
     module = f"      m: {{CEL: {{M: 2g, f: {f}Hz, t60: {t60}s, X0: 1mm}}}}"
     truth = mode(f, SIGMA / t60, 1.0, 1e-3, N)
@@ -153,7 +153,7 @@ def test_a_cel_glides(f: float, accuracy: str):
 
 
 @pytest.mark.slow
-def test_a_string_glides():
+def test_string_pitch_glide_error():
     n, f, t60 = 12, 110.0, 3.0
     module = (
         f"      m: {{STRING: {{masses: {n}, M: 8g, f: {f}Hz, t60: {t60}s, X0: {{at: 3, x: 1mm}}}}}}"
@@ -164,7 +164,7 @@ def test_a_string_glides():
 
 
 @pytest.mark.slow
-def test_a_plate_glides():
+def test_plate_pitch_glide_error():
     across, up, f, t60 = 5, 4, 110.0, 2.0
     module = (
         f"      m: {{PLATE: {{shape: rectangle, sides: [{across}, {up}], M: 300g, f: {f}Hz, "
@@ -189,7 +189,7 @@ def body(matrix: np.ndarray, lowest: float, f: float, t60: float, mass_index: in
 
 
 @pytest.mark.slow
-def test_a_decay_glides_without_a_change_of_pitch():
+def test_decay_glide_at_constant_pitch():
     n, f = 8, 220.0
     module = (
         f"      m: {{STRING: {{masses: {n}, M: 8g, f: {f}Hz, t60: 4s, X0: {{at: 3, x: 1mm}}}}}}"
@@ -210,7 +210,7 @@ def test_a_decay_glides_without_a_change_of_pitch():
     assert error_db(rendered(module, "m.5", line), truth) <= -60.0
 
 
-def test_a_bank_glides_member_by_member():
+def test_bank_pitch_glide_of_members():
     module = "      m: {BANK: {count: 3, f: 110Hz..330Hz, t60: 3s..3s, M: 2g, X0: 1mm}}"
     pitches = [110.0, math.sqrt(110.0 * 330.0), 330.0]
     truth = np.sum([mode(f, SIGMA / 3.0, 1.0, 1e-3, N) for f in pitches], axis=0)
@@ -218,7 +218,7 @@ def test_a_bank_glides_member_by_member():
 
 
 @pytest.mark.slow
-def test_a_hardening_plate_keeps_what_hardens():
+def test_plate_glide_preserves_hardening():
     """Where it glides to is the plate that is written so; its q·d³ has not gone with it."""
     across, up, f, q = 4, 3, 60.0, 3e7
     module = (
@@ -252,7 +252,7 @@ def test_a_hardening_plate_keeps_what_hardens():
 @pytest.mark.parametrize(
     ("gap", "z"), few([(-2e-3, 0.0), (3e-4, 0.0), (3e-4, 0.02)], [(3e-4, 0.02)])
 )
-def test_a_contact_glides_between_frames(gap: float, z: float):
+def test_contact_stiffness_glide_between_frames(gap: float, z: float):
     """A cell on a stop that presses it, or that it strikes: K of the stop grows to 16 times."""
     f, t60, k, m = 110.0, 3.0, 500.0, 2e-3
     sigma = SIGMA / t60
@@ -275,7 +275,7 @@ def test_a_contact_glides_between_frames(gap: float, z: float):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("what", "limit"), few([("f", -48.0), ("M", -44.0)], [("M", -44.0)]))
-def test_a_cell_glides_under_a_stiff_contact(what: str, limit: float):
+def test_cell_glide_under_stiff_contact(what: str, limit: float):
     """A stop that presses the cell all the time; f or M of the cell grows to 4 times.
 
     The cell is taken as it is halfway through each frame; docs/language.md states the limit.

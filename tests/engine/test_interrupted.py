@@ -24,7 +24,7 @@ _HOURS = [what for what in COMMANDS if COMMANDS[what][0] and "large" not in what
 _HOURS = [what for what in _HOURS if what not in ("chart", "info")]
 
 
-def test_each_function_to_interrupt_in_exists():
+def test_interrupt_table_functions_exist():
     """A command whose function has another name now would be waited for without end."""
     package = Path(ergon.__file__).parent
     sources = [path.read_text(encoding="utf-8") for path in package.glob("*/**/*.py")]
@@ -54,7 +54,7 @@ def _simulation() -> _core.Simulation:
     return _core.Simulation(network, _core.Timeline(network, 44100.0))
 
 
-def test_work_ends_above_its_limit():
+def test_work_limit_stops_simulation():
     simulation = _simulation()
     with _core.Work(0), pytest.raises(_core.StoppedError) as stopped:
         simulation.process(np.zeros((1 << 24, 1)))
@@ -65,7 +65,7 @@ def test_work_ends_above_its_limit():
         simulation.process(np.zeros((1, 1)))
 
 
-def test_work_ends_where_another_thread_cancels_it():
+def test_work_cancelled_by_another_thread():
     work, simulation, begun = _core.Work(), _simulation(), threading.Event()
     why = []
 
@@ -86,7 +86,7 @@ def test_work_ends_where_another_thread_cancels_it():
     assert why == ["cancelled"]
 
 
-def test_the_limits_of_a_thread_are_its_own_and_end_with_their_block():
+def test_work_limits_per_thread_and_block():
     other = []
     with _core.Work() as work:
         work.cancel()
@@ -101,7 +101,7 @@ def test_the_limits_of_a_thread_are_its_own_and_end_with_their_block():
     assert other == [None]
 
 
-def test_limit_that_is_not_reached_changes_no_sample():
+def test_work_limit_without_effect_on_samples():
     alone, limited = np.zeros((70_000, 1)), np.zeros((70_000, 1))
     _simulation().process(alone)
     with _core.Work(1 << 60):
@@ -118,7 +118,7 @@ def _compute() -> None:
         _simulation().process(np.zeros((1 << 24, 1)))
 
 
-def test_a_handler_that_raises_ends_the_engine_alone():
+def test_signal_handler_exception_ends_simulation():
     """What a signal's handler raises comes out of the core as it is."""
 
     def handler(number, frame):
@@ -133,7 +133,7 @@ def test_a_handler_that_raises_ends_the_engine_alone():
         signal.signal(signal.SIGUSR1, before)
 
 
-def test_control_c_in_a_finaliser_is_not_lost():
+def test_ctrl_c_in_finaliser_is_raised_again():
     class Dropped:
         def __del__(self):
             signal.raise_signal(signal.SIGINT)
@@ -146,7 +146,7 @@ def test_control_c_in_a_finaliser_is_not_lost():
         drop()
 
 
-def test_control_c_that_comes_again_at_once_is_not_lost(monkeypatch: pytest.MonkeyPatch):
+def test_ctrl_c_repeated_during_rescue(monkeypatch: pytest.MonkeyPatch):
     """One of 17,000 was lost on a busy machine: it came again while the first was still rescued."""
 
     class Dropped:
@@ -172,7 +172,7 @@ def test_control_c_that_comes_again_at_once_is_not_lost(monkeypatch: pytest.Monk
     assert len(count) >= 2
 
 
-def test_a_termination_that_is_swallowed_comes_again():
+def test_swallowed_sigterm_is_raised_again():
     """Of 60 renders that were stopped while they began, one went on: an import had dropped it."""
 
     def swallow():
@@ -189,7 +189,7 @@ class Panic(BaseException):
     """What a panic of the core is in Python."""
 
 
-def test_a_panic_that_a_signal_causes_is_the_signal():
+def test_panic_caused_by_signal_becomes_signal():
     def panic():
         try:
             signal.raise_signal(signal.SIGTERM)

@@ -38,7 +38,7 @@ def _played(simulation, n_frames, strikes=()):
     return np.concatenate(out)
 
 
-def test_a_live_strike_is_a_written_one_to_the_bit_where_both_act_in_one_step():
+def test_live_strike_equals_written_strike_in_ca_units():
     network, a = _bell(ca=True)
     written = _core.Timeline(network, RATE)
     written.strike(a, 100 / RATE, impulse=2e-3)
@@ -51,7 +51,7 @@ def test_a_live_strike_is_a_written_one_to_the_bit_where_both_act_in_one_step():
 
 
 @pytest.mark.parametrize("frame", [49_920, 50_001])
-def test_a_bell_that_stood_still_sounds_to_the_bit_as_one_struck_at_once(frame):
+def test_live_strike_on_resting_bell_at_later_frame(frame):
     network, a = _bell()
     timeline = _core.Timeline(network, RATE)
     timeline.strike_point(a, POINT)
@@ -64,7 +64,7 @@ def test_a_bell_that_stood_still_sounds_to_the_bit_as_one_struck_at_once(frame):
     assert early.steps_at_rest() == 0
 
 
-def test_impulses_of_one_frame_add_up_and_a_block_border_changes_nothing():
+def test_live_strikes_in_one_frame_add_up():
     network, a = _bell()
     timeline = _core.Timeline(network, RATE)
     timeline.strike_point(a, POINT)
@@ -73,7 +73,7 @@ def test_impulses_of_one_frame_add_up_and_a_block_border_changes_nothing():
     assert np.allclose(once, twice, rtol=1e-12, atol=0.0)
 
 
-def test_a_point_that_is_not_there_is_told_of():
+def test_live_strike_on_unknown_or_fixed_point():
     network, a = _bell()
     timeline = _core.Timeline(network, RATE)
     timeline.strike_point(a, POINT)
@@ -86,7 +86,7 @@ def test_a_point_that_is_not_there_is_told_of():
         _core.Timeline(network, RATE).strike_point(fixed, POINT)
 
 
-def test_a_fork_has_its_own_strikes():
+def test_live_strikes_of_fork_independent():
     network, a = _bell()
     timeline = _core.Timeline(network, RATE)
     timeline.strike_point(a, POINT)
@@ -99,7 +99,7 @@ def test_a_fork_has_its_own_strikes():
 
 
 @pytest.mark.parametrize("kind", ["alone", "linked", "string"])
-def test_a_plan_of_a_session_plays_live_strikes_as_written_ones(kind):
+def test_live_strikes_under_session_plan_near_written(kind):
     network = _core.Network()
     network.part("p")
     if kind == "string":

@@ -14,7 +14,7 @@ def noise(n_frames: int, n: int, level: float = 0.3) -> np.ndarray:
 
 
 @pytest.mark.parametrize("cutoff", [8.0, 120.0, 9000.0])
-def test_highpass_is_scipys(cutoff: float) -> None:
+def test_highpass_equals_scipy(cutoff: float) -> None:
     frames, mixed = noise(20000, 1) + 0.5, np.empty((20000, 1))
     mixer = Mixer(RATE, 1, 1)
     mixer.route(0, 0, 0.7, highpass=cutoff)
@@ -24,7 +24,7 @@ def test_highpass_is_scipys(cutoff: float) -> None:
     assert np.abs(mixed - 0.7 * sosfilt(sos, frames, axis=0)).max() < 1e-11
 
 
-def test_routes_are_a_matrix() -> None:
+def test_mixer_routes_equal_matrix_product() -> None:
     frames, mixed = noise(500, 3), np.full((500, 4), np.nan)
     gains = np.array([[1.0, 0.0, 0.5], [0.0, -2.0, 0.0], [0.0, 0.0, 0.0], [0.1, 0.2, 0.3]])
     mixer = Mixer(RATE, 3, 4)
@@ -34,7 +34,7 @@ def test_routes_are_a_matrix() -> None:
     assert np.abs(mixed - frames @ gains.T).max() < 1e-15
 
 
-def test_limiter_holds_the_ceiling_and_lets_the_rest_alone() -> None:
+def test_limiter_ceiling_and_unchanged_quiet_parts() -> None:
     frames = noise(60000, 3, 0.05)
     frames[20000:21000] *= 60.0
     before = frames.copy()
@@ -52,7 +52,7 @@ def test_limiter_holds_the_ceiling_and_lets_the_rest_alone() -> None:
     assert np.array_equal(quiet[-100:], np.full((100, 3), 0.01))
 
 
-def test_meter() -> None:
+def test_meter_loudness_and_peak_of_tone() -> None:
     t = np.arange(4 * 48000) / 48000
     tone = 0.1 * np.sin(2 * np.pi * 997 * t)
     meter = Meter(48000.0, 2)
@@ -63,7 +63,7 @@ def test_meter() -> None:
 
 
 @pytest.mark.parametrize("bits", [16, 24])
-def test_pcm_is_numpys_rint(bits: int) -> None:
+def test_pcm_equals_numpy_rint(bits: int) -> None:
     frames = noise(5000, 2, 0.6)
     frames[:64, 0] = (np.arange(64) - 32 + 0.5) / 2 ** (bits - 1)
     full = 2 ** (bits - 1)
@@ -74,14 +74,14 @@ def test_pcm_is_numpys_rint(bits: int) -> None:
     assert np.array_equal(pcm(np.array([[np.nan]]), 1.0, bits), [[0]])  # type: ignore[arg-type]
 
 
-def test_single_is_numpys_cast() -> None:
+def test_single_equals_numpy_cast() -> None:
     frames = noise(100, 2)
     result = single(frames, 0.3)
     assert result.dtype == np.float32
     assert np.array_equal(result, (frames * 0.3).astype(np.float32))
 
 
-def test_shapes_are_told() -> None:
+def test_mixer_shape_and_layout_errors() -> None:
     mixer = Mixer(RATE, 2, 1)
     with pytest.raises(ValueError, match=r"frames must be \(n_frames, 2\)"):
         mixer.process(np.zeros((5, 3)), np.zeros((5, 1)))

@@ -111,7 +111,7 @@ def filmed() -> tuple[bytes, _core.Network, _core.Timeline, list[tuple[float, in
     return film(net, timeline, plan)[0], net, timeline, blows
 
 
-def test_the_replica_is_where_the_engine_is(filmed: tuple) -> None:
+def test_motion_replica_near_engine_positions(filmed: tuple) -> None:
     """Free points and modes within 0.5 % of amplitude at 1,000 random instants."""
     data, net, timeline, _ = filmed
     replica = Replica(data)
@@ -141,7 +141,7 @@ def test_the_replica_is_where_the_engine_is(filmed: tuple) -> None:
         assert np.abs(engine[:, columns] - seen[:, columns]).max() <= 1e-9 * np.max(swing) + 1e-15
 
 
-def test_frames_hold_each_point_by_its_own_amplitude(filmed: tuple) -> None:
+def test_motion_frames_error_relative_to_amplitude(filmed: tuple) -> None:
     data, net, timeline, _ = filmed
     replica = Replica(data)
     mats = _mats(net, replica)
@@ -164,7 +164,7 @@ def test_frames_hold_each_point_by_its_own_amplitude(filmed: tuple) -> None:
         assert (np.abs(values[:n_frames] - is_truth) <= share * amplitude + planned).all()
 
 
-def test_ergons_make_flights_and_nothing_else_does(filmed: tuple) -> None:
+def test_motion_flights_of_ergons_only(filmed: tuple) -> None:
     data, net, _, blows = filmed
     replica = Replica(data)
     mats = _mats(net, replica)
@@ -195,7 +195,7 @@ def test_ergons_make_flights_and_nothing_else_does(filmed: tuple) -> None:
     assert all((number, round(t, 7)) in struck for t, number in flights)
 
 
-def test_contacts_tell_when_and_how_hard(filmed: tuple) -> None:
+def test_motion_contacts_time_and_strength(filmed: tuple) -> None:
     data, _, _, _ = filmed
     touches = [
         (t + float(c["dt"]), float(c["force"]), int(c["contact"]))
@@ -207,7 +207,7 @@ def test_contacts_tell_when_and_how_hard(filmed: tuple) -> None:
     assert all(force != 0.0 and 0.05 < t < SECONDS for t, force, _ in touches)
 
 
-def test_sound_and_motion_are_the_same_for_any_thread_count() -> None:
+def test_motion_file_and_sound_bytes_for_thread_counts() -> None:
     net, timeline, _ = scene(listened=False)
     listened = _core.Plan(net, timeline)
     blind = _core.Simulation(net, timeline, plan=listened)
@@ -228,7 +228,7 @@ def test_sound_and_motion_are_the_same_for_any_thread_count() -> None:
     assert {(part["kind"], part["why"]) for part in parts} == {("free", None), ("none", "unheard")}
 
 
-def test_a_file_is_segments_with_an_index(filmed: tuple) -> None:
+def test_motion_file_segments_and_index(filmed: tuple) -> None:
     data, *_ = filmed
     replica = Replica(data)
     states = [(t, at) for kind, t, _, at in replica.chunks if kind == STATE]
@@ -249,7 +249,7 @@ def test_a_file_is_segments_with_an_index(filmed: tuple) -> None:
     assert np.abs(all_there - from_there).max() == 0.0
 
 
-def test_a_cut_or_damaged_file_opens_to_its_last_whole_chunk(tmp_path: Path) -> None:
+def test_motion_file_cut_or_damaged_at_every_byte(tmp_path: Path) -> None:
     """At every byte, with every bit: what is read is a beginning of the whole, or refused."""
     net = _core.Network()
     net.part("a", ca_rate=RATE)

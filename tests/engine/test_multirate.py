@@ -90,7 +90,7 @@ def slow_row(plan: _core.Plan) -> _core.PlanRow:
 
 
 @pytest.mark.parametrize("gesture", [None, {}], ids=["strike", "gesture"])
-def test_at_every_frame_it_is_the_plain_network(gesture: dict[str, Any] | None):
+def test_slow_key_at_every_frame_equals_plain_network(gesture: dict[str, Any] | None):
     plain = play(scene(None, ca=True, gesture=gesture), plan=False)
     once = play(scene(1, ca=True, gesture=gesture), error_db=-100.0)
     assert error_db(once, plain) < -200.0
@@ -99,7 +99,7 @@ def test_at_every_frame_it_is_the_plain_network(gesture: dict[str, Any] | None):
 @pytest.mark.parametrize(
     ("kc", "gesture", "damped"), few(product([5e2, 5e4], [None, {}], [True, False]), 2)
 )
-def test_rate_of_a_key_changes_nothing_that_is_heard(
+def test_rate_of_key_against_every_frame(
     kc: float, gesture: dict[str, Any] | None, damped: bool
 ):
     """Down to 1002 Hz, beside the network that is stepped by its numbers."""
@@ -114,7 +114,7 @@ def test_rate_of_a_key_changes_nothing_that_is_heard(
 
 
 @pytest.mark.parametrize("seed", few(range(40), range(3)))
-def test_rate_of_a_random_key_changes_nothing_that_is_heard(seed: int):
+def test_rate_of_random_key_against_every_frame(seed: int):
     """Keys of 9 to 24 masses at 2205 and 1050 Hz, beside the network stepped by its numbers."""
     chance = np.random.default_rng(seed)
     masses, every = int(chance.integers(9, 25)), int(chance.choice([20, 42]))
@@ -255,7 +255,7 @@ def test_key_of_quick_modes_keeps_its_rate():
     assert error_db(slow, play(scene(None, **how), SHORT, plan=False)) < -180.0
 
 
-def test_a_large_island_is_followed_for_a_while():
+def test_slow_key_stability_tried_on_large_island():
     soft_one = {"z": UNDAMPED, "t60": None, "masses": 150}
     plan = _core.Plan(*scene(10, **soft_one), error_db=-20.0)
     row = slow_row(plan)
@@ -292,7 +292,7 @@ def lone_key(every: int | None, **more: Any) -> tuple[_core.Network, _core.Timel
     ids=["dense", "grains", "particles", "no joining curve"],
 )
 @pytest.mark.parametrize("every", few([10, 44], [44]))
-def test_written_points_are_met(every: int, gesture: dict[str, Any]):
+def test_slow_key_meets_written_points(every: int, gesture: dict[str, Any]):
     network, timeline, key, struck = lone_key(every)
     t, x, curves = [0.05, 0.1, 0.2, 0.3037], [2e-3, 5e-3, -2e-3, 1e-3], ["smooth"] * 4
     timeline.gesture(key, t, x, curves, **gesture)
@@ -314,7 +314,7 @@ def test_written_points_are_met(every: int, gesture: dict[str, Any]):
     assert all(report.missed == 0 for report in simulation.reports())
 
 
-def test_layers_add_up_on_a_slow_key():
+def test_slow_key_layers_add_up():
     network, timeline, key, _ = lone_key(44)
     timeline.gesture(key, [0.05, 0.1, 0.25], [2e-3, 5e-3, 1e-3], ["smooth"] * 3)
     for start in (0.08, 0.1):
@@ -327,7 +327,7 @@ def test_layers_add_up_on_a_slow_key():
     assert report.worst < 1e-9
 
 
-def test_a_key_that_joins_a_gesture_from_a_swing_does_so_without_a_blow():
+def test_slow_key_joins_gesture_without_force_peak():
     def force_peak(every: int | None) -> float:
         network, timeline, key, struck = lone_key(every)
         timeline.strike(struck, 0.01, impulse=0.02)
@@ -350,14 +350,14 @@ def stays_of(every: int, **gesture: Any) -> str:
     return why
 
 
-def test_a_hand_that_holds_it_at_every_frame_has_it_so():
+def test_slow_key_stays_fast_for_tracked_hand():
     assert "tracked" in stays_of(10, touch="tracked")
     assert "limit" in stays_of(10, force_limit=5.0)
     network, timeline = scene(10)
     assert "method" in _core.Plan(network, timeline, method="ca").stay()[0][1]
 
 
-def test_a_part_with_nothing_linear_goes_at_every_frame():
+def test_slow_part_without_linear_springs_stays_fast():
     network = _core.Network()
     network.part("key", macrostep=10)
     struck = network.mas("m", M=0.1)
@@ -374,7 +374,7 @@ def test_a_part_with_nothing_linear_goes_at_every_frame():
 # --- contracts ------------------------------------------------------------------------------------
 
 
-def test_the_same_bytes_for_any_blocks_threads_and_from_a_snapshot():
+def test_slow_key_bytes_for_blocks_threads_and_snapshot():
     network, timeline = scene(10, gesture={})
     plan = _core.Plan(network, timeline, cents=3.0)
     pinned = _core.Plan(network, timeline, cents=3.0, pins=plan.choices())

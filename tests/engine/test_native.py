@@ -61,15 +61,13 @@ OPERATIONS = [
 
 
 @pytest.mark.parametrize("text", OPERATIONS)
-def test_every_operation_has_the_bits_of_the_core(text: str):
+def test_native_law_bits_of_every_operation(text: str):
     same(law(None, text), *places(300))
 
 
 @pytest.mark.parametrize(("text", "damping"), CHAIN)
 @pytest.mark.parametrize("reach", [1.0, 0.7])
-def test_laws_have_the_bits_of_the_core_also_through_a_lever(
-    text: str | None, damping: str | None, reach: float
-):
+def test_native_law_bits_through_lever(text: str | None, damping: str | None, reach: float):
     same(law(text, damping, reach), *places(300))
     for n in (1, 7, 64, 65):  # alone, short of a vector, and around a chunk
         d, v = places(n)
@@ -95,19 +93,19 @@ def expressions() -> st.SearchStrategy[str]:
 
 @settings(max_examples=12)
 @given(st.lists(expressions(), min_size=2, max_size=2), st.sampled_from([1.0, 0.3]))
-def test_any_law_has_the_bits_of_the_core(texts: list[str], reach: float):
+def test_native_law_bits_of_random_laws(texts: list[str], reach: float):
     # What may store energy knows no rate.
     same(law(texts[0].replace("v", "d"), texts[1], reach), *places(70))
 
 
-def test_the_largest_laws_compile():
+def test_native_compilation_of_largest_laws():
     """The language is closed and bounded: whatever the core has read, numba compiles."""
     d, v = places(10)
     same(law("+".join(f"{i}*d**{i}" for i in range(2, 38))), d, v)
     same(law("exp(" * 60 + "d" + ")" * 60), d, v)
 
 
-def test_laws_of_one_text_share_their_code():
+def test_native_laws_of_same_text_share_code():
     item, other = (_core.Law("k*d + q*d**3", None, {"k": k, "q": 2.0}) for k in (1.0, 7.0))
     assert item.rows() == other.rows()
     assert native.address(item.rows() or []) == native.address(other.rows() or [])
@@ -117,7 +115,7 @@ def test_laws_of_one_text_share_their_code():
     assert native.address(law("k*d").rows() or []) != native.address(item.rows() or [])
 
 
-def test_points_have_no_rows():
+def test_point_laws_have_no_native_rows():
     points = _core.Law(points=[(-1.0, -1.0), (1.0, 2.0)])
     assert points.rows() is None
     with pytest.raises(ValueError, match="native"):
@@ -150,7 +148,7 @@ def sound(network: _core.Network, **how: bool) -> bytes:
     return out.tobytes()
 
 
-def test_a_network_sounds_the_same_with_native_laws():
+def test_native_laws_in_network_same_sound():
     plain, fast = chain(30), chain(30)
     laws = fast.laws()
     assert [(alone, in_runs) for _, alone, in_runs in laws] == [(10, 0)] * 3
@@ -180,7 +178,7 @@ render: {tail: 50ms}
 """
 
 
-def test_a_score_sounds_the_same_with_native_laws(monkeypatch: pytest.MonkeyPatch):
+def test_native_laws_in_score_same_sound(monkeypatch: pytest.MonkeyPatch):
     piece = load("s.yaml", text=SCORE).piece
     assert piece is not None
     compiled: list[int] = []
@@ -203,7 +201,7 @@ def test_a_score_sounds_the_same_with_native_laws(monkeypatch: pytest.MonkeyPatc
     assert np.abs(out).max() > 0.0
 
 
-def test_only_much_work_is_compiled():
+def test_native_compilation_only_for_long_runs():
     rows = law(*CHAIN[0]).rows() or []
     assert not native.is_worth_compiling(rows, 1, 0, int(60 * RATE))
     assert native.is_worth_compiling(rows, 1000, 0, int(10 * RATE))
@@ -212,7 +210,7 @@ def test_only_much_work_is_compiled():
     assert not native.is_worth_compiling(law("tanh(d)").rows() or [], 10**6, 0, int(RATE))
 
 
-def test_a_usual_render_loads_no_compiler(tmp_path: Path):
+def test_render_without_numba_import(tmp_path: Path):
     path = tmp_path / "s.yaml"
     path.write_text(SCORE)
     code = (

@@ -41,7 +41,7 @@ def lowest_modes(poles: np.ndarray, count: int) -> np.ndarray:
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("damping", [0.1, 3.0, 30.0])
 @pytest.mark.parametrize("n", [2, 7, 40])
-def test_modes_are_those_of_the_state(seed: int, n: int, damping: float):
+def test_network_modes_equal_state_eigenvalues(seed: int, n: int, damping: float):
     network, poles = random(seed, n, damping)
     wanted = lowest_modes(poles, 6)
     result = np.array([(f, t60) for f, t60 in network.modes("s", 6)])
@@ -49,7 +49,7 @@ def test_modes_are_those_of_the_state(seed: int, n: int, damping: float):
     assert result[:, 1] == pytest.approx(wanted[:, 1], rel=1e-6)
 
 
-def test_a_strong_damper_at_one_point_moves_the_pitch():
+def test_network_modes_with_strong_damper_shift_pitch():
     """Damping mode by mode says another pitch: it takes the damper for a part of each."""
     network = _core.Network()
     network.part("s")
@@ -63,7 +63,7 @@ def test_a_strong_damper_at_one_point_moves_the_pitch():
     assert result == pytest.approx(lowest_modes(poles, 2), rel=1e-9)
 
 
-def test_a_mode_beyond_critical_damping_has_the_time_of_its_slower_pole():
+def test_network_mode_overdamped_t60_of_slower_pole():
     network = _core.Network()
     network.part("s")
     network.cel("a", M=1e-2, K=50.0, Z=4.0, X0=0.0, V0=0.0)
@@ -72,7 +72,7 @@ def test_a_mode_beyond_critical_damping_has_the_time_of_its_slower_pole():
     assert (f, t60) == (0.0, pytest.approx(LN_1000 / slow, rel=1e-9))
 
 
-def test_a_large_body_with_a_damper_is_near():
+def test_network_modes_of_large_damped_string():
     network = _core.Network()
     network.part("s")
     first = network.string("s", masses=160, M=8e-3, f=110.0)

@@ -55,7 +55,7 @@ def pitches(modes: _core.PartModes) -> np.ndarray:
 
 
 @pytest.mark.parametrize("fixed", [2, 1, 0])
-def test_chains_with_ends_fixed_and_free(fixed: int):
+def test_part_modes_of_fixed_and_free_chains(fixed: int):
     n, k, m = 500, 4e4, 2e-3
     body = Body(np.full(n, m))
     for i in range(n - 1):
@@ -73,7 +73,7 @@ def test_chains_with_ends_fixed_and_free(fixed: int):
     assert cents(result[first:], wanted[first:]) < CENTS
 
 
-def test_a_square_membrane_has_pairs_of_one_pitch():
+def test_part_modes_of_square_membrane():
     network = _core.Network()
     network.part("b")
     network.plate("p", shape="square", radius=20, M=0.3, f=65.0, rim="fixed")
@@ -90,7 +90,7 @@ def test_a_square_membrane_has_pairs_of_one_pitch():
     assert cents(pitches(network.part_modes("b", count=9, around=777.0)), nearest) < CENTS
 
 
-def test_a_round_membrane_against_dense_eigenvalues():
+def test_part_modes_of_round_membrane():
     places = [(x, y) for x in range(-7, 8) for y in range(-7, 8) if x * x + y * y < 7.4**2]
     body = Body(np.full(len(places), 1e-3))
     for i, (x, y) in enumerate(places):
@@ -118,7 +118,7 @@ def random(seed: int, damping: float) -> Body:
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_random_networks_against_dense_eigenvalues(seed: int):
+def test_part_modes_of_random_networks_against_dense(seed: int):
     body = random(seed, 0.0)
     result = pitches(body.network.part_modes("b", count=100))
     assert cents(result, body.undamped()) < CENTS
@@ -130,7 +130,7 @@ def test_random_networks_against_dense_eigenvalues(seed: int):
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("damping", [0.01, 0.3])
-def test_damped_random_networks_against_the_dense_quadratic_problem(seed: int, damping: float):
+def test_part_modes_of_damped_networks_against_dense_problem(seed: int, damping: float):
     body = random(seed, damping)
     wanted = body.poles()[:20]
     result = body.network.part_modes("b", count=20).poles
@@ -139,7 +139,7 @@ def test_damped_random_networks_against_the_dense_quadratic_problem(seed: int, d
 
 
 @pytest.mark.parametrize("count", [90, pytest.param(500, marks=pytest.mark.slow)])
-def test_damped_modes_two_hundredths_of_a_cent_apart_are_found_once_each(count: int):
+def test_part_modes_of_nearly_equal_damped_pitches(count: int):
     """As many as there are, in several runs: each keeps away from what those before it found."""
     rng = np.random.default_rng(0)
     body = Body(np.full(count, 1e-3))
@@ -156,7 +156,7 @@ def test_damped_modes_two_hundredths_of_a_cent_apart_are_found_once_each(count: 
     assert far.min(axis=1).max() < 1e-11 * abs(wanted[0])
 
 
-def test_a_string_with_a_strong_damper_at_one_point():
+def test_part_modes_of_string_with_strong_damper():
     n = 120
     m = 8e-3 / n
     k = m * (2 * np.pi * 110.0) ** 2 / (4 * np.sin(np.pi / (2 * (n + 1))) ** 2)
@@ -178,7 +178,7 @@ def test_a_string_with_a_strong_damper_at_one_point():
         assert x @ (2 * s * body.m * x + body.Z @ x) == pytest.approx(2j * s.imag, rel=1e-6)
 
 
-def test_laws_and_contacts_are_taken_at_rest_and_counted():
+def test_part_modes_count_laws_and_contacts_at_rest():
     network = _core.Network()
     network.part("b")
     wall = network.sol("wall")
@@ -191,7 +191,7 @@ def test_laws_and_contacts_are_taken_at_rest_and_counted():
     assert modes.shapes == pytest.approx(np.array([[10.0]]))
 
 
-def test_modes_of_a_discrete_network_are_those_of_its_scheme():
+def test_part_modes_of_discrete_network_scheme():
     """Under `units: ca`: x[n+1] − 2x[n] + x[n−1] = −K x[n] − Z (x[n] − x[n−1])."""
     network = _core.Network()
     network.part("b", ca_rate=1000.0)
@@ -204,7 +204,7 @@ def test_modes_of_a_discrete_network_are_those_of_its_scheme():
     assert len(network.part_modes("b", to=0.99 * f).poles) == 0
 
 
-def test_what_cannot_be_asked_for_is_refused():
+def test_part_modes_refuses_wrong_requests():
     body = random(0, 0.0)
     for asked in ({}, {"count": 3, "to": 5.0}, {"to": -1.0}, {"count": 3, "around": np.nan}):
         with pytest.raises(_core.EngineError, match="modes are asked for"):

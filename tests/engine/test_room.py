@@ -58,14 +58,14 @@ def decay(sound: np.ndarray, f: float) -> float:
         1,
     ),
 )
-def test_it_fades_as_asked(t60, size):
+def test_room_decay_time_by_frequency(t60, size):
     sound = response(t60, size, n_channels=15)
     for f, wanted in t60:
         assert decay(sound, f) == pytest.approx(wanted, rel=0.05), f
 
 
 @pytest.mark.slow
-def test_between_and_beyond_the_two_frequencies():
+def test_room_decay_between_and_beyond_two_frequencies():
     (low, long), (high, short) = t60 = (200.0, 2.4), (6_000.0, 0.8)
     sound = response(t60, n_channels=15)
 
@@ -81,19 +81,19 @@ def test_between_and_beyond_the_two_frequencies():
 
 
 @pytest.mark.parametrize("t60", [0.5, 3.0])
-def test_a_click_keeps_its_energy_in_each_channel(t60):
+def test_room_click_energy_in_each_channel(t60):
     sound = response(((200.0, t60), (6_000.0, t60)), n_channels=24, seconds=2 * t60)
     energies = 10 * np.log10((sound**2).sum(axis=0))
     assert np.abs(energies).max() < 2.0
 
 
-def test_channels_hear_different_echoes():
+def test_room_channels_with_uncorrelated_echoes():
     sound = response(((200.0, 2.0), (6_000.0, 1.0)), n_channels=4)
     unit = sound / np.linalg.norm(sound, axis=0)
     assert np.abs(unit.T @ unit - np.eye(4)).max() < 0.2
 
 
-def test_blocks_change_no_byte():
+def test_room_bytes_with_any_block_size():
     t60 = ((200.0, 2.0), (6_000.0, 1.0))
     complete = response(t60, seconds=0.5, n_channels=2)
     for block in (1, 44, 333):

@@ -43,7 +43,7 @@ def off(x, wanted):
 
 @pytest.mark.parametrize("is_planned", [True, False])
 @pytest.mark.parametrize(("f", "begin"), [(300.0, 0.01), (2_000.0, 0.0101234), (6_000.0, 0.02002)])
-def test_cell_moves_by_the_closed_form(f, begin, is_planned):
+def test_strike_pulse_on_cell_closed_form(f, begin, is_planned):
     m, z = 2e-3, 0.1
     k = m * (2.0 * math.pi * f) ** 2
     network = _core.Network()
@@ -63,7 +63,7 @@ def test_cell_moves_by_the_closed_form(f, begin, is_planned):
     assert off(sound, wanted) < 20.0 * math.log10((2.0 * math.pi * f / RATE) ** 2 / 12.0) + 3.0
 
 
-def test_modes_of_a_coupled_body_move_by_the_closed_form():
+def test_strike_pulse_on_coupled_body_closed_form():
     network = _core.Network()
     network.part("p")
     m, k, z = 2e-3, 2e4, 0.02
@@ -80,7 +80,7 @@ def test_modes_of_a_coupled_body_move_by_the_closed_form():
 
 
 @pytest.mark.parametrize("lasts", [None, 0.0, 1e-3])
-def test_mass_that_floats_has_the_whole_impulse_afterwards(lasts):
+def test_strike_pulse_on_free_mass_total_impulse(lasts):
     network = _core.Network()
     network.part("p")
     mass = network.mas("m", M=1e-3)
@@ -119,7 +119,7 @@ def test_live_strike_against_a_written_one(ca):
     assert np.allclose(sound, wanted, rtol=0.0, atol=1e-13 * np.abs(wanted).max())
 
 
-def test_strike_that_lasts_too_long_is_refused():
+def test_strike_pulse_longer_than_50_ms_is_refused():
     network = _core.Network()
     network.part("p")
     mass = network.mas("m", M=1e-3)

@@ -46,7 +46,7 @@ def rendered(simulation: _core.Simulation, until: int) -> NDArray[np.float64]:
     return out
 
 
-def test_takeover_by_an_equal_version_keeps_every_bit() -> None:
+def test_takeover_by_equal_version_same_bits() -> None:
     net = network()
     plan, complete = version(net, [0.01, 0.2], 0)
     _, first = version(net, [0.01], 0, plan)
@@ -61,7 +61,7 @@ def test_takeover_by_an_equal_version_keeps_every_bit() -> None:
     assert not np.array_equal(rendered(copy, 20_000), after)
 
 
-def test_frames_must_agree() -> None:
+def test_takeover_refuses_different_frames() -> None:
     net = network()
     _, first = version(net, [0.01], 0)
     _, second = version(net, [0.01], 6400)
@@ -69,7 +69,7 @@ def test_frames_must_agree() -> None:
         second.take_over(first)
 
 
-def test_a_change_is_heard_as_its_replay(tmp_path: Path) -> None:
+def test_live_takeover_sound_equals_replay(tmp_path: Path) -> None:
     """Done or too late, as it is told: the file holds the samples of the same take-over by hand."""
     net = network()
     position, n_frames = 5_000 * EVERY, 9_000 * EVERY
@@ -108,7 +108,7 @@ def test_a_change_is_heard_as_its_replay(tmp_path: Path) -> None:
     assert np.array_equal(sound, mixed[:, 0].astype(np.float32))
 
 
-def test_damping_is_a_time() -> None:
+def test_takeover_refuses_wrong_damping_time() -> None:
     _, simulation = version(network(), [0.0], 0)
     for wrong in (0.0, -1.0, float("nan")):
         with pytest.raises(EngineError, match="t60 must be"):
@@ -119,7 +119,7 @@ def test_damping_is_a_time() -> None:
     assert np.abs(rendered(simulation, 13_230)).max() < 2e-3 * loud
 
 
-def test_parameters_glide() -> None:
+def test_takeover_glides_parameters() -> None:
     """A spring and a mass that come from other numbers: nothing jumps, and refusals say why."""
     position, over = 6_400, 64
     span = (position / RATE, (position + over) / RATE)

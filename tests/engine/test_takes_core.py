@@ -29,12 +29,12 @@ def compare(take: Take, spline: object, instants: Floats, offset: float = 0.0) -
         assert np.abs(row - wanted).max() < 1e-9 * np.abs(wanted).max()
 
 
-def test_the_takes_are_there() -> None:
+def test_take_files_present_in_repository() -> None:
     assert len(TAKES) == 3
 
 
 @pytest.mark.parametrize("path", TAKES, ids=lambda path: path.stem)
-def test_spline_is_scipys(path: Path) -> None:
+def test_take_spline_equals_scipy(path: Path) -> None:
     t, x = read(path)
     take = Take(t, x)
     assert take.duration == t[-1] - t[0]
@@ -42,7 +42,7 @@ def test_spline_is_scipys(path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", TAKES, ids=lambda path: path.stem)
-def test_trim_keeps_the_whole_takes_path(path: Path) -> None:
+def test_trimmed_take_follows_original_path(path: Path) -> None:
     t, x = read(path)
     take = Take(t, x, trim=(0.7123, 3.3))
     assert abs(take.duration - 2.5877) < 1e-15
@@ -51,7 +51,7 @@ def test_trim_keeps_the_whole_takes_path(path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", TAKES, ids=lambda path: path.stem)
-def test_a_part_keeps_the_path_of_the_take(path: Path) -> None:
+def test_take_part_follows_original_path(path: Path) -> None:
     t, x = read(path)
     take = Take(t, x, trim=(0.5, 3.3)).part(0.2123, 2.5)
     assert take.duration == pytest.approx(2.2877, abs=1e-15)
@@ -63,7 +63,7 @@ def test_a_part_keeps_the_path_of_the_take(path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", TAKES, ids=lambda path: path.stem)
-def test_smooth_is_scipys_on_the_mean_step(path: Path) -> None:
+def test_take_smooth_of_jittered_times_equals_scipy(path: Path) -> None:
     t, x = read(path)
     assert np.ptp(np.diff(t)) > 5e-5, "the written instants jitter"
     even = np.linspace(t[0], t[-1], len(t))
@@ -74,7 +74,7 @@ def test_smooth_is_scipys_on_the_mean_step(path: Path) -> None:
     compare(take, make_interp_spline(even, smooth, k=5, bc_type=NATURAL), even)
 
 
-def test_smooth_of_even_samples_is_scipys() -> None:
+def test_take_smooth_of_even_samples_equals_scipy() -> None:
     rate = 1000.0
     t = np.arange(3000) / rate
     x = 5e-3 * np.sin(17 * t) + 1e-4 * np.random.default_rng(1).standard_normal(len(t))
@@ -84,7 +84,7 @@ def test_smooth_of_even_samples_is_scipys() -> None:
     assert np.abs(result - smooth).max() < 1e-13
 
 
-def test_uneven_spacing_over_six_decades() -> None:
+def test_take_spline_of_uneven_times_is_smooth() -> None:
     rng = np.random.default_rng(2)
     t = np.cumsum(10.0 ** rng.uniform(-5, 1, 300))
     x = rng.uniform(-5e-3, 5e-3, 300)
@@ -101,7 +101,7 @@ def test_uneven_spacing_over_six_decades() -> None:
     assert np.all(jump < 1e-9 * np.maximum(size[:-1], size[1:]))
 
 
-def test_before_and_after_it_rests() -> None:
+def test_take_at_rest_before_and_after() -> None:
     take = Take(np.array([0.0, 0.1, 0.2, 0.3]), np.array([1.0, 2.0, 0.0, 3.0]))
     assert take.evaluate(-1.0) == (1.0, 0.0, 0.0)
     assert take.evaluate(9.0) == (3.0, 0.0, 0.0)
@@ -120,7 +120,7 @@ def test_before_and_after_it_rests() -> None:
         ([0.0, 1.0], [0.0] * 2, {"smooth": float("nan")}, "above 0"),
     ],
 )
-def test_refuses_with_a_sentence(
+def test_take_refuses_wrong_samples_with_message(
     t: list[float], x: list[float], care: dict[str, object], sentence: str
 ) -> None:
     with pytest.raises(ValueError, match=sentence):

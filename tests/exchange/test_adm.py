@@ -35,7 +35,7 @@ def written(
 @pytest.mark.parametrize(
     "sounded", [SPEAKERS, adm.ChannelLayout(order=1), adm.ChannelLayout(order=7)]
 )
-def test_what_is_written_is_read(sounded: adm.ChannelLayout, limit: int):
+def test_adm_layout_round_trip(sounded: adm.ChannelLayout, limit: int):
     info = written(sounded, limit=limit)
     assert (info.n_frames, info.container) == (5, "RIFF" if limit == RIFF_LIMIT else "RF64")
     result = adm.read(info)
@@ -44,21 +44,21 @@ def test_what_is_written_is_read(sounded: adm.ChannelLayout, limit: int):
     np.testing.assert_allclose(result.speakers, sounded.speakers, atol=1e-5)
 
 
-def test_distances_are_kept():
+def test_adm_distances_round_trip():
     sounded = adm.ChannelLayout(((0.0, 0.0, 2.0), (90.0, 10.0, 4.5), (-90.0, 10.0, 4.0)))
     result = adm.read(written(sounded))
     assert result is not None
     np.testing.assert_allclose(result.speakers, sounded.speakers, atol=1e-5)
 
 
-def test_any_title_is_text():
+def test_adm_title_with_special_characters():
     info = written(SPEAKERS, "<&\"'> \x07 \u2028é")
     root = ElementTree.fromstring(info.axml)
     names = {one.get("audioProgrammeName") for one in root.iter() if "Programme" in one.tag}
     assert "<&\"'>  é" in {name.replace("\u2028", "") for name in names if name}
 
 
-def test_every_track_is_a_channel_that_is_described():
+def test_adm_track_stream_and_channel_references():
     """As BS.2076 wants it: chna names tracks, these a stream, this a channel of the pack."""
     info = written(SPEAKERS)
     root = xml_text.parse_xml(info.axml)
@@ -76,7 +76,7 @@ def test_every_track_is_a_channel_that_is_described():
         assert row[2:14].decode() == f"ATU_{i + 1:08x}"
 
 
-def test_a_file_without_a_description_says_nothing():
+def test_adm_read_without_complete_description():
     info = written(SPEAKERS)
     assert adm.read(replace(info, axml=b"")) is None
     assert adm.read(replace(info, chna=b"")) is None
@@ -98,12 +98,12 @@ def test_a_file_without_a_description_says_nothing():
         (b"&xxe;", "well formed"),
     ],
 )
-def test_xml_of_strangers_is_refused(text: bytes, words: str):
+def test_hostile_xml_is_refused(text: bytes, words: str):
     with pytest.raises(xml_text.XmlError, match=words):
         xml_text.parse_xml(text)
 
 
-def test_places_out_of_range_are_refused():
+def test_adm_angles_out_of_range_are_refused():
     info = written(SPEAKERS)
     for bad in (b"nan", b"1e9", b"x"):
         text = info.axml.replace(b'"azimuth">0.000000', b'"azimuth">' + bad, 1)
@@ -137,7 +137,7 @@ SEVEN = (*FIVE[:3], (135.0, 0.0, 1.0), (-135.0, 0.0, 1.0), (90.0, 0.0, 1.0), (-9
         ((7, 0x24, 0xC), ((22.5, 0.0, 1.0), (25.0, 0.0, 1.0), (0.0, 90.0, 1.0)), ()),
     ],
 )
-def test_common_definitions_need_no_description(numbers, speakers, effects):
+def test_adm_common_definitions_without_description(numbers, speakers, effects):
     """ITU-R BS.2094-2, table 1; packs 2, 3 and 5 among them."""
     names = [f"AT_{0x00010000 + number:08x}_01" for number in numbers]
     layout = adm.read(info_of_tracks(names, len(names)))
@@ -145,7 +145,7 @@ def test_common_definitions_need_no_description(numbers, speakers, effects):
     assert layout.n_channels == len(names)
 
 
-def test_adm_without_track_definitions_is_none():
+def test_adm_read_without_track_definitions():
     names = ["AT_00010001_01", "AT_00010029_01"]
     assert adm.read(info_of_tracks(names, 2)) is None
 
@@ -159,13 +159,13 @@ def test_adm_without_track_definitions_is_none():
         (0x107, 4, (*FIVE[:3], (180.0, 0.0, 1.0)), ()),
     ],
 )
-def test_the_mask_of_a_wave_file_names_its_channels(mask, n_channels, speakers, effects):
+def test_wave_mask_gives_layout(mask, n_channels, speakers, effects):
     layout = adm.read(info_of_tracks([], n_channels, mask=mask))
     assert layout == adm.ChannelLayout(speakers, effects=effects)
 
 
 @pytest.mark.parametrize(("mask", "n_channels"), [(0, 6), (0x3F, 8), (0x3, 2), (0x80000000, 1)])
-def test_a_mask_that_does_not_name_all_channels_says_nothing(mask, n_channels):
+def test_wave_mask_with_missing_channels_gives_nothing(mask, n_channels):
     assert adm.read(info_of_tracks([], n_channels, mask=mask)) is None
 
 
@@ -178,7 +178,7 @@ def test_a_mask_that_does_not_name_all_channels_says_nothing(mask, n_channels):
         "<lowPass/>",
     ],
 )
-def test_low_frequency_effects_of_a_description_are_no_loudspeaker(mark: str):
+def test_adm_low_frequency_effects_are_apart_from_speakers(mark: str):
     info = written(adm.ChannelLayout(FIVE[:3]))
     text = info.axml.decode()
     if "lowPass" in mark:

@@ -50,7 +50,7 @@ SSND = chunk(b"SSND", struct.pack(">II4h", 0, 0, 1, -2, 300, -32768))
 
 
 @pytest.mark.parametrize(("subtype", "endian"), CODINGS)
-def test_samples_are_those_of_libsndfile(tmp_path: Path, subtype, endian):
+def test_aiff_samples_equal_libsndfile(tmp_path: Path, subtype, endian):
     path = tmp_path / "a.aiff"
     make(path, subtype, endian)
     expected, rate = soundfile.read(path, always_2d=True)
@@ -61,7 +61,7 @@ def test_samples_are_those_of_libsndfile(tmp_path: Path, subtype, endian):
 
 
 @pytest.mark.parametrize("subtype", ["PCM_S8", "PCM_16", "PCM_24", "PCM_32", "FLOAT"])
-def test_the_hash_is_that_of_the_same_samples_in_wav(tmp_path: Path, subtype):
+def test_aiff_hash_equals_wav_hash(tmp_path: Path, subtype):
     make(tmp_path / "a.aif", subtype)
     frames, rate = soundfile.read(
         tmp_path / "a.aif", dtype="int32" if "PCM" in subtype else "float32"
@@ -70,12 +70,12 @@ def test_the_hash_is_that_of_the_same_samples_in_wav(tmp_path: Path, subtype):
     assert sound.hash_samples(tmp_path / "a.aif") == sound.hash_samples(tmp_path / "a.wav")
 
 
-def test_32_bit_integers_lose_nothing(tmp_path: Path):
+def test_aiff_32_bit_integers_are_exact(tmp_path: Path):
     make(tmp_path / "a.aiff", "PCM_32")
     assert np.array_equal(read(tmp_path / "a.aiff") * 2.0**31, INTEGERS)
 
 
-def test_chunks_by_hand_in_any_order(tmp_path: Path):
+def test_aiff_chunks_in_any_order(tmp_path: Path):
     """Samples first, text of odd sizes, marks; an offset before the first sample."""
     late = chunk(
         b"SSND", struct.pack(">II", 2, 0) + b"\xff\xff" + struct.pack(">4h", 1, -2, 300, -32768)
@@ -93,7 +93,7 @@ def test_chunks_by_hand_in_any_order(tmp_path: Path):
     assert np.array_equal(read(tmp_path / "a.aif")[:, 0], expected)
 
 
-def test_info_lists_what_was_understood(tmp_path: Path):
+def test_info_command_of_aiff_file(tmp_path: Path):
     marks = chunk(b"MARK", struct.pack(">HHIB", 1, 1, 2, 6) + b"\x1b[31ma" + b"\0")
     (tmp_path / "a.aiff").write_bytes(form(COMM, marks, SSND, chunk(b"APPL", b"abcd")))
     done = forked(("info", "a.aiff"), tmp_path)
@@ -104,7 +104,7 @@ def test_info_lists_what_was_understood(tmp_path: Path):
 
 
 @pytest.mark.parametrize("name", ["a.aiff", "a.wav", "a"])
-def test_every_command_reads_it_under_any_name(tmp_path: Path, name: str):
+def test_commands_read_aiff_under_any_name(tmp_path: Path, name: str):
     """And says the same as of the WAV file of the same samples."""
     t = np.arange(24_000) / 48_000.0
     stroke = 0.5 * np.exp(-8.0 * t) * np.sin(2 * np.pi * 440.0 * t)
@@ -139,7 +139,7 @@ def test_every_command_reads_it_under_any_name(tmp_path: Path, name: str):
         (form(chunk(b"COMM", COMM[8:26] + b"ima4\0\0"), SSND, kind=b"AIFC"), "coded as ima4"),
     ],
 )
-def test_what_is_refused(tmp_path: Path, data: bytes, message: str):
+def test_malformed_aiff_files_are_refused(tmp_path: Path, data: bytes, message: str):
     (tmp_path / "a.aiff").write_bytes(data)
     with pytest.raises(NotWaveError, match=message):
         sound.read_info(tmp_path / "a.aiff")
@@ -153,7 +153,7 @@ def test_read_of_a_cut_aiff_file(tmp_path: Path):
     assert len(read(tmp_path / "a.aiff")) == 3
 
 
-def test_damaged_files_are_refused_or_read(tmp_path: Path):
+def test_damaged_aiff_is_refused_or_read(tmp_path: Path):
     make(tmp_path / "a.aiff", "PCM_24")
     complete = (tmp_path / "a.aiff").read_bytes()[:600]
     changed = [complete[:n] for n in range(0, len(complete), 7)]

@@ -36,7 +36,7 @@ def _write(path: Path, format: WaveFormat, samples: np.ndarray) -> str:
 
 
 @pytest.mark.parametrize(("bits", "n_channels"), [(16, 1), (24, 2), (24, 8)])
-def test_the_samples_are_those_of_a_wav_file(tmp_path: Path, bits, n_channels):
+def test_flac_samples_and_info_equal_wav(tmp_path: Path, bits, n_channels):
     format = WaveFormat(44_100, n_channels, bits)
     samples = _samples(2_345, format)
     hashes = {_write(tmp_path / f"x{end}", format, samples) for end in sound_files.SUFFIXES}
@@ -54,7 +54,7 @@ def test_the_samples_are_those_of_a_wav_file(tmp_path: Path, bits, n_channels):
     assert np.array_equal(*blocks)
 
 
-def test_a_score_without_a_title_is_written(tmp_path: Path):
+def test_flac_without_title(tmp_path: Path):
     format = WaveFormat(48_000, 1, 24)
     samples = _samples(10, format)
     for end in sound_files.SUFFIXES:
@@ -67,7 +67,7 @@ def test_a_score_without_a_title_is_written(tmp_path: Path):
     assert flac.originator == ORIGINATOR
 
 
-def test_a_render_is_known_again(tmp_path: Path):
+def test_flac_originator_of_ours_and_others(tmp_path: Path):
     format = WaveFormat(48_000, 2, 24)
     _write(tmp_path / "ours.flac", format, _samples(10, format))
     soundfile.write(tmp_path / "theirs.flac", np.zeros((10, 2)), 48_000)
@@ -86,13 +86,13 @@ def test_a_render_is_known_again(tmp_path: Path):
         ("x", WaveFormat(44_100, 2, 24), "has no ending, .* write x.wav"),
     ],
 )
-def test_what_no_file_of_the_name_can_hold(target, format, reason):
+def test_flac_unsupported_formats_are_refused(target, format, reason):
     with pytest.raises(FileRefusedError, match=reason):
         sound.check_format(target, format)
 
 
 @pytest.mark.parametrize("target", ["-", "/dev/null", "X.WAV", "x.FLAC"])
-def test_what_may_be_written(target):
+def test_sound_file_names_with_supported_format(target):
     sound.check_format(target, WaveFormat(44_100, 2, 24))
 
 
@@ -103,14 +103,14 @@ class _Full(io.BytesIO):
         return super().write(data)
 
 
-def test_a_full_disk_is_told():
+def test_flac_write_on_full_disk():
     format = WaveFormat(44_100, 2, 24)
     writer = FlacWriter(_Full(), format, 50_000, STAMP)
     with pytest.raises(OSError, match="No space left"):
         writer.write(_samples(50_000, format))
 
 
-def test_frames_are_counted():
+def test_flac_wrong_frame_count_is_refused():
     format = WaveFormat(44_100, 2, 24)
     writer = FlacWriter(io.BytesIO(), format, 10, STAMP)
     with pytest.raises(ValueError, match="1 frames more"):
@@ -119,7 +119,7 @@ def test_frames_are_counted():
         writer.close()
 
 
-def test_what_is_not_flac(tmp_path: Path):
+def test_read_info_of_non_flac_file(tmp_path: Path):
     (tmp_path / "x.flac").write_bytes(b"RIFF" + bytes(100))
     with pytest.raises(NotWaveError, match="not FLAC"):
         sound.read_info(tmp_path / "x.flac")

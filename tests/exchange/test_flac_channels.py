@@ -54,7 +54,7 @@ def commented(path: Path, comment: str) -> None:
     path.write_bytes(joined([(k, content if k == 4 else c) for k, c in blocks], frames))
 
 
-def test_the_foreign_metadata_and_the_samples_are_the_wave_file(tmp_path: Path):
+def test_flac_foreign_metadata_rebuilds_wave_file(tmp_path: Path):
     """As `flac -d --keep-foreign-metadata` builds it: the pieces in their order, then samples."""
     chunks = adm.chunks(RING, "Ring")
     for end in (".wav", ".flac"):
@@ -69,7 +69,7 @@ def test_the_foreign_metadata_and_the_samples_are_the_wave_file(tmp_path: Path):
 
 
 @pytest.mark.parametrize("layout", [RING, adm.ChannelLayout(order=1)])
-def test_the_layout_is_that_of_the_wave_file(tmp_path: Path, layout):
+def test_flac_layout_equals_wave_layout(tmp_path: Path, layout):
     for end in (".wav", ".flac"):
         written(tmp_path / f"a{end}", adm.chunks(layout, "Ring"))
     flac, wav = (sound.read_info(tmp_path / f"a{end}") for end in (".flac", ".wav"))
@@ -77,7 +77,7 @@ def test_the_layout_is_that_of_the_wave_file(tmp_path: Path, layout):
     assert flac.axml
 
 
-def test_it_folds_without_naming_its_channels(tmp_path: Path):
+def test_fold_of_flac_equals_fold_of_wave(tmp_path: Path):
     for end in (".wav", ".flac"):
         written(tmp_path / f"a{end}", adm.chunks(RING, "Ring"))
         words = ("fold", f"a{end}", "--to", "stereo", "-o", f"{end[1:]}.wav")
@@ -110,7 +110,7 @@ def test_flac_blocks_without_a_layout(tmp_path: Path):
     assert {kind for kind, _ in blocks}.isdisjoint({2})
 
 
-def test_damaged_blocks_say_nothing(tmp_path: Path):
+def test_damaged_flac_blocks_give_no_layout(tmp_path: Path):
     """The samples are read all the same."""
     path = tmp_path / "a.flac"
     written(path, adm.chunks(RING, "Ring"))

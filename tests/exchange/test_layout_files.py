@@ -21,7 +21,7 @@ def fourth(*rows: str, group: str = "") -> bytes:
 
 
 @pytest.mark.parametrize("name", FORMS)
-def test_what_is_written_is_read(name: str):
+def test_layout_round_trip_in_each_format(name: str):
     text = FORMS[name].write(SPEAKERS, range(1, len(SPEAKERS) + 1), 'A "dome" <&>\n: x')
     result = np.array(FORMS[name].read(text.encode()).speakers)
     wanted = np.array(SPEAKERS)
@@ -41,7 +41,7 @@ def test_iem_has_an_imaginary_loudspeaker_below():
     assert [row["Channel"] for row in rows[:24]] == [*range(1, 25)]
 
 
-def test_channels_give_the_order():
+def test_layout_channel_numbers_give_order():
     rows = [
         {"Azimuth": 10.0 * i, "Elevation": 0, "Radius": 2, "IsImaginary": i == 3, "Channel": 9 - i}
         for i in range(5)
@@ -51,7 +51,7 @@ def test_channels_give_the_order():
     assert [azimuth for azimuth, *_ in layout.speakers] == [40.0, 20.0, 10.0, 0.0]
 
 
-def test_both_versions_of_spatgris():
+def test_spatgris_layouts_of_both_versions():
     old = b"""<?xml version="1.0"?><SPEAKER_SETUP VERSION="3.1.14" SPAT_MODE="Dome">
       <SPEAKER_2 STATE="normal" GAIN="0"><POSITION X="-1" Y="0" Z="0"/></SPEAKER_2>
       <SPEAKER_1 STATE="normal"><POSITION X="0" Y="1" Z="0"/><HIGHPASS FREQ="60"/></SPEAKER_1>
@@ -64,7 +64,7 @@ def test_both_versions_of_spatgris():
         assert FORMS["spatgris"].read(text).speakers == [(0.0, 0.0, 1.0), (90.0, 0.0, 1.0)]
 
 
-def test_places_in_parentheses_of_version_4():
+def test_spatgris_version_4_positions():
     rows = [
         f'<SPEAKER SPEAKER_PATCH_ID="{i}" CARTESIAN_POSITION="{place}"/>'
         for i, place in enumerate(("(0, 1, 0)", "( -1,0 ,0 )", "(0.0, 0.0, 1.0)"), 1)
@@ -79,7 +79,7 @@ def test_places_in_parentheses_of_version_4():
         FORMS["spatgris"].read(text.replace(b'"(0, 0, 0)"', b'"(0, 1, 0)"'))
 
 
-def test_a_direct_out_and_a_gap_are_named():
+def test_spatgris_direct_out_and_gap_notes():
     row = '<SPEAKER SPEAKER_PATCH_ID="%d" DIRECT_OUT_ONLY="%d" CARTESIAN_POSITION="%d, 1, 0"/>'
     text = fourth(*(row % (i, i == 3, i) for i in (1, 2, 3, 4, 6)))
     layout = FORMS["spatgris"].read(text)
@@ -90,7 +90,7 @@ def test_a_direct_out_and_a_gap_are_named():
 
 
 @pytest.mark.parametrize("names", ["LFE1", "LFE2", "[LFE1, sub]", "LFE", "Subwoofer"])
-def test_low_frequency_effects_are_no_loudspeaker_of_the_room(names: str):
+def test_layout_low_frequency_channels_are_left_out(names: str):
     text = "speakers:\n"
     for channel, name, az in (
         (0, "M+030", 30),
@@ -108,7 +108,7 @@ def test_low_frequency_effects_are_no_loudspeaker_of_the_room(names: str):
     assert gap.endswith("outputs: 1, 2, 5")
 
 
-def test_a_layout_of_ours_is_that_of_a_score(tmp_path):
+def test_converted_layout_used_by_score(tmp_path):
     (tmp_path / "room.yaml").write_text(as_yaml(SPEAKERS, 'x"\n: [', 6.0))
     text = "ergon: 1\ninstruments: {b: {BANK: {count: 9, f: 1kHz, t60: 1s, M: 1g}, "
     text += "out: {SOX: b.all}}}\n"
@@ -155,6 +155,6 @@ def iem(*rows: str) -> bytes:
         ("spatgris", fourth('<SPEAKER CARTESIAN_POSITION="0,1,0"/>'), "number of an output"),
     ],
 )
-def test_files_of_strangers_are_refused(name: str, text: bytes, words: str):
+def test_malformed_layout_files_are_refused(name: str, text: bytes, words: str):
     with pytest.raises(LayoutFileError, match=words):
         FORMS[name].read(text)

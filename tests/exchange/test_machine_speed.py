@@ -36,7 +36,7 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "cache" / "ergon" / "speed.json"
 
 
-def test_a_correction_belongs_to_its_processor(cache: Path, monkeypatch: pytest.MonkeyPatch):
+def test_speed_correction_by_processor(cache: Path, monkeypatch: pytest.MonkeyPatch):
     assert machine_speed.read_correction() is None
     assert machine_speed.store_correction(2.8)
     assert machine_speed.read_correction() == 2.8
@@ -58,7 +58,7 @@ def test_damaged_speed_cache_is_ignored(cache: Path, text: str):
         assert machine_speed.read_correction() is None
 
 
-def test_it_changes_what_is_shown_and_never_what_is_computed(capsys: Capture):
+def test_speed_correction_in_plan_output(capsys: Capture):
     Path("a.yaml").write_text(SCORE)
 
     def planned() -> tuple[dict, str]:
@@ -82,7 +82,7 @@ def test_it_changes_what_is_shown_and_never_what_is_computed(capsys: Capture):
     assert "W402" in text
 
 
-def test_what_fits_a_share_of_a_core_is_chosen_by_the_table_alone():
+def test_plan_hash_independent_of_speed_correction():
     piece = check(SCORE.replace("error: -40dB, ", "")).piece
     assert piece is not None
     plans = [stage(piece, planned=True, correction=own).plan for own in (1.0, 100.0)]
@@ -91,7 +91,7 @@ def test_what_fits_a_share_of_a_core_is_chosen_by_the_table_alone():
     assert plans[0].hash == plans[1].hash
 
 
-def test_doctor_keeps_what_it_measures(monkeypatch: pytest.MonkeyPatch, capsys: Capture):
+def test_doctor_stores_measured_speed(monkeypatch: pytest.MonkeyPatch, capsys: Capture):
     def speed(seconds: float) -> fitness.Finding:
         assert seconds > 0.0
         return fitness.Finding("speed", "measured", numbers={"correction": 1.5})
@@ -102,7 +102,7 @@ def test_doctor_keeps_what_it_measures(monkeypatch: pytest.MonkeyPatch, capsys: 
     assert machine_speed.read_correction() == 1.5
 
 
-def test_a_speed_is_a_ratio_of_times():
+def test_measure_speed_returns_ratios():
     result = fitness.measure_speed(0.0)  # one block of each
     assert result.what == "speed"
     each = result.numbers["each"]

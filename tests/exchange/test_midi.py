@@ -38,7 +38,7 @@ def seconds_by_tick(file: mido.MidiFile) -> dict[int, float]:
 
 
 @pytest.mark.parametrize("bpms", [(60, 96), (132.5, 47), (71, 73)])
-def test_times_agree_with_the_closed_form(bpms: tuple[float, float]) -> None:
+def test_tempo_file_times_by_closed_form(bpms: tuple[float, float]) -> None:
     seconds = ramp(*bpms, start=32, beats=16)
     data = tempo_file(seconds, 200, [Meter(0, 4, 4)], [Marker("C", 32), Marker("end", 200)], "t")
     file = read(data)
@@ -48,19 +48,19 @@ def test_times_agree_with_the_closed_form(bpms: tuple[float, float]) -> None:
         assert now == pytest.approx(seconds(tick / PPQ), abs=4e-6)
 
 
-def test_a_steady_tempo_is_one_event() -> None:
+def test_steady_tempo_is_one_event() -> None:
     file = read(tempo_file(lambda beat: beat, 400, [], [], "t"))
     assert [m.tempo for m in file.tracks[0] if m.type == "set_tempo"] == [1_000_000]
 
 
-def test_a_tempo_that_midi_rounds_does_not_drift() -> None:
+def test_rounded_midi_tempo_does_not_drift() -> None:
     seconds = lambda beat: beat * 60 / 70  # noqa: E731
     file = read(tempo_file(seconds, 4000, [], [Marker("far", 4000)], "t"))
     assert seconds_by_tick(file)[4000 * PPQ] == pytest.approx(seconds(4000), abs=4e-6)
     assert sum(m.type == "set_tempo" for m in file.tracks[0]) < 500
 
 
-def test_meters_and_marks_stand_where_they_should() -> None:
+def test_tempo_file_meters_and_markers() -> None:
     meters = [Meter(0, 4, 4), Meter(8, 7, 8), Meter(22, 3, 2)]
     marks = [Marker("A", 0), Marker("Überraschung", 8), Marker("C", 25)]
     file = read(tempo_file(lambda beat: beat / 2, 30, meters, marks, "Duet"))
@@ -83,14 +83,14 @@ def test_meters_and_marks_stand_where_they_should() -> None:
     assert file.tracks[0].name == "Duet"
 
 
-def test_what_midi_cannot_say_is_refused() -> None:
+def test_unsupported_meter_and_tempo_are_refused() -> None:
     with pytest.raises(ValueError, match="meter 4/5"):
         tempo_file(lambda beat: beat, 4, [Meter(0, 4, 5)], [], "t")
     with pytest.raises(ValueError, match="tempo at beat 0: a quarter note lasts 60 s"):
         tempo_file(lambda beat: beat * 60, 4, [], [], "t")
 
 
-def test_the_same_map_gives_the_same_bytes() -> None:
+def test_tempo_file_bytes_are_reproducible() -> None:
     seconds = ramp(60, 96, 4, 8)
     item, two = (tempo_file(seconds, 40, [], [Marker("A", 3)], "t") for _ in range(2))
     assert item == two

@@ -46,7 +46,7 @@ def test_csv_keeps_a_column_for_each_coordinate(axes: int) -> None:
     assert head == "t [s]," + ",".join(f'"{name} [m]"' for name in [*coordinates, "bell"])
 
 
-def test_a_node_of_gltf_flies_as_the_ball_does(axes: int) -> None:
+def test_gltf_node_of_point_in_space(axes: int) -> None:
     scene = Scene(export("x.gltf"))
     children = [child for root in scene.roots for child in scene.children(root)]
     assert [scene.nodes[i]["name"] for i in children] == [
@@ -87,12 +87,12 @@ def test_a_node_of_gltf_flies_as_the_ball_does(axes: int) -> None:
         ([[1, 1]], "names a point twice"),
     ],
 )
-def test_a_damaged_table_is_refused(table: object, sentence: str) -> None:
+def test_damaged_space_table_is_refused(table: object, sentence: str) -> None:
     with pytest.raises(NotMotionError, match=sentence):
         points_in_space(table, ["a.x", "a.y", "b", "c"])
 
 
-def test_a_file_without_points_in_space_has_none() -> None:
+def test_points_in_space_without_table() -> None:
     assert points_in_space(None, ["a"]) == []
 
 
@@ -121,7 +121,7 @@ def torn(work_folder: Path) -> Replica:
     return Replica((work_folder / "torn.motion").read_bytes())
 
 
-def test_a_link_that_broke_is_told_and_again_with_each_key_state(torn: Replica) -> None:
+def test_broken_link_chunks_repeat_after_key_states(torn: Replica) -> None:
     links = np.frombuffer(torn.single_payload(LINKS), "<u4", offset=4).reshape(-1, 2)
     rows = torn.records(BROKEN, BREAK)
     seen_at = rows[0][0]
@@ -135,7 +135,7 @@ def test_a_link_that_broke_is_told_and_again_with_each_key_state(torn: Replica) 
         assert seconds + broken["dt"][0] == pytest.approx(seen_at, abs=1e-6)
 
 
-def test_a_broken_link_leaves_gltf_and_npz(torn: Replica) -> None:
+def test_broken_link_in_gltf_and_npz_exports(torn: Replica) -> None:
     seen_at = torn.records(BROKEN, BREAK)[0][0]
     assert app.run(["motion", "export", "-q", "torn.motion", "-o", "torn.gltf"]) == 0
     assert app.run(["motion", "export", "-q", "torn.motion", "-o", "torn.npz"]) == 0
@@ -155,7 +155,7 @@ def test_a_broken_link_leaves_gltf_and_npz(torn: Replica) -> None:
     }
 
 
-def test_a_file_from_before_broken_links_shows_them_whole(torn: Replica) -> None:
+def test_export_of_file_without_broken_chunks(torn: Replica) -> None:
     data = Path("torn.motion").read_bytes()
     starts = [*(chunk[3] for chunk in torn.chunks), len(data)]
     saved = [

@@ -23,7 +23,7 @@ def fill(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("before", ["missing", "empty"])
-def test_a_folder_is_whole_when_it_has_its_name(tmp_path: Path, before: str) -> None:
+def test_new_folder_appears_complete(tmp_path: Path, before: str) -> None:
     folder = tmp_path / "above" / "new"
     if before == "empty":
         folder.mkdir(parents=True, mode=0o750)
@@ -35,7 +35,7 @@ def test_a_folder_is_whole_when_it_has_its_name(tmp_path: Path, before: str) -> 
 
 
 @pytest.mark.parametrize("before", ["missing", "empty"])
-def test_an_early_end_leaves_no_part_of_it(tmp_path: Path, before: str) -> None:
+def test_new_folder_interrupted_leaves_nothing(tmp_path: Path, before: str) -> None:
     folder = tmp_path / "above" / "new"
     if before == "empty":
         folder.mkdir(parents=True)
@@ -51,7 +51,7 @@ def test_an_early_end_leaves_no_part_of_it(tmp_path: Path, before: str) -> None:
     assert [*tmp_path.rglob("*")] == saved
 
 
-def test_a_folder_with_a_file_is_left_as_it_is(tmp_path: Path) -> None:
+def test_new_folder_over_filled_folder_is_refused(tmp_path: Path) -> None:
     (tmp_path / "mine.txt").write_text("mine")
     with pytest.raises(FileRefusedError, match="exists already and is not empty"):
         fill(tmp_path)
@@ -59,7 +59,7 @@ def test_a_folder_with_a_file_is_left_as_it_is(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("before", ["missing", "empty"])
-def test_who_fills_the_folder_meanwhile_keeps_it(tmp_path: Path, before: str) -> None:
+def test_new_folder_filled_meanwhile_is_refused(tmp_path: Path, before: str) -> None:
     folder = tmp_path / "new"
     if before == "empty":
         folder.mkdir()
@@ -92,7 +92,7 @@ with new_folder(Path(sys.argv[1])) as made:
 
 
 @pytest.mark.parametrize("before", ["missing", "empty"])
-def test_what_a_killed_program_left_is_removed_by_the_next(tmp_path: Path, before: str) -> None:
+def test_remains_of_killed_program_are_removed(tmp_path: Path, before: str) -> None:
     folder = tmp_path / "new"
     if before == "empty":
         folder.mkdir()

@@ -28,7 +28,7 @@ def saved(tmp_path: Path, *parts: bytes) -> Path:
     return path
 
 
-def test_every_field_is_read_from_its_bytes(tmp_path: Path) -> None:
+def test_read_recording_fields_from_bytes(tmp_path: Path) -> None:
     line = '{"gain": 0.5}'
     events = chunk(EVENTS, event(101, line) + event(104, "{}"))
     path = saved(
@@ -66,7 +66,7 @@ def test_every_field_is_read_from_its_bytes(tmp_path: Path) -> None:
     assert result.held()[:, 0].tolist() == held
 
 
-def test_what_is_written_lies_as_the_page_says(tmp_path: Path) -> None:
+def test_recording_to_bytes_layout(tmp_path: Path) -> None:
     ticks = np.array([5, 6, 9], dtype=np.uint64)
     x = np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]])
     built = _core.Recording(44100.0, 44, HANDS, '{"a": 1}', ticks, x)
@@ -86,14 +86,14 @@ def test_what_is_written_lies_as_the_page_says(tmp_path: Path) -> None:
         ([1, 2], [[0.0, 1.0], [0.0, 1.0]], r"positions must be \(n_frames, 1\)"),
     ],
 )
-def test_rows_that_contradict_each_other_are_refused(
+def test_recording_of_inconsistent_rows_is_refused(
     ticks: list[int], x: list[list[float]], words: str
 ) -> None:
     with pytest.raises(_core.EngineError, match=words):
         _core.Recording(44100.0, 44, [("a", "")], "", np.array(ticks, dtype=np.uint64), np.array(x))
 
 
-def test_a_hand_is_played_by_its_name(tmp_path: Path) -> None:
+def test_take_of_recording_by_channel(tmp_path: Path) -> None:
     path = saved(tmp_path, header(HANDS), rows(*BODY), end())
     for channel in ("rémi", "k2"):
         take = read(path, channel)
@@ -113,14 +113,14 @@ def test_a_hand_is_played_by_its_name(tmp_path: Path) -> None:
     assert read(alone).x.tolist() == [0.0, 0.0]
 
 
-def test_a_hand_on_two_keys_is_told_apart(tmp_path: Path) -> None:
+def test_recording_channels_of_hand_on_several_keys(tmp_path: Path) -> None:
     path = saved(tmp_path, header((("remi", "k1"), ("remi", "k2"))), rows(*BODY), end())
     with pytest.raises(TakeError, match=r"no channel 'remi'; there are remi.k1, remi.k2"):
         read(path, "remi")
     assert read(path, "k2").x.tolist() == read(path, "remi.k2").x.tolist() == [2e-3] * 4
 
 
-def test_a_cut_file_says_what_is_left(tmp_path: Path) -> None:
+def test_take_of_cut_recording_reports_damage(tmp_path: Path) -> None:
     complete = header(HANDS) + rows(*BODY[:3]) + rows(BODY[3]) + end()
     path = saved(tmp_path, complete[:-30])
     take = read(path, "ada")
@@ -159,7 +159,7 @@ def test_reading_folders_devices_and_missing_files_fails(tmp_path: Path) -> None
         _core.read_recording(tmp_path / "nowhere.take")
 
 
-def test_a_length_from_a_stranger_takes_no_memory(tmp_path: Path) -> None:
+def test_recording_with_huge_chunk_length(tmp_path: Path) -> None:
     path = saved(tmp_path, header(), struct.pack("<IBI", 0xFFFFFFFF, ROWS, 0), bytes(100))
     result = _core.read_recording(path)
     assert len(result.ticks()) == 0
@@ -178,7 +178,7 @@ parts: {ada: [{at: 0.5s, play: hand}]}
 """
 
 
-def test_a_recording_sounds_as_the_same_movement_in_a_csv(tmp_path: Path) -> None:
+def test_recording_sounds_as_equal_csv(tmp_path: Path) -> None:
     ticks = np.arange(3000, 3400, dtype=np.uint64)
     x = 6e-3 * np.sin(np.arange(400) / 400 * np.pi) ** 2
     recording = _core.Recording(44100.0, 44, [("x", "k9")], "{}", ticks, x.reshape(-1, 1))
@@ -200,7 +200,7 @@ def test_a_recording_sounds_as_the_same_movement_in_a_csv(tmp_path: Path) -> Non
     assert listened[0].tobytes() == listened[1].tobytes()
 
 
-def test_a_hand_is_played_back_to_the_sample(tmp_path: Path) -> None:
+def test_recording_playback_equals_live_hand(tmp_path: Path) -> None:
     """What a real hand did, recorded from a tick on, plays as it did then."""
     score = SCORE.replace("FORM", "take").replace("{key: k1}", "{hand: live, key: k1}")
     score = score.replace("parts: {ada: [{at: 0.5s, play: hand}]}", "render: {tail: 1s}")
@@ -242,7 +242,7 @@ def test_playback_refuses_empty_long_and_late_recordings(
         from_start(_core.read_recording(path))
 
 
-def test_a_damaged_recording_is_a_warning_in_a_score(tmp_path: Path) -> None:
+def test_damaged_recording_in_score_is_warning(tmp_path: Path) -> None:
     every = [row(t, Axis(1e-3 * (t % 3))) for t in range(60)]
     data = header((("x", ""),)) + rows(*every[:50]) + rows(*every[50:])
     (tmp_path / "hand.take").write_bytes(data[:-5])

@@ -26,7 +26,7 @@ from ergon.exchange.wave import WaveWriter
 from ergon.exchange.wave_header import Stamp, WaveFormat
 
 
-def test_nothing_is_seen_until_the_end(tmp_path: Path) -> None:
+def test_open_for_writing_shows_file_at_end_only(tmp_path: Path) -> None:
     path = tmp_path / "deep" / "x.bin"
     with open_for_writing(path, binary=True) as file:
         file.write(b"abc")
@@ -36,7 +36,7 @@ def test_nothing_is_seen_until_the_end(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt, SystemExit])
-def test_an_early_end_leaves_the_old_file(tmp_path: Path, error: type[BaseException]) -> None:
+def test_interrupted_write_leaves_old_file(tmp_path: Path, error: type[BaseException]) -> None:
     path = tmp_path / "x.txt"
     write_text(path, "old")
 
@@ -51,13 +51,13 @@ def test_an_early_end_leaves_the_old_file(tmp_path: Path, error: type[BaseExcept
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_an_early_end_leaves_no_new_folder(tmp_path: Path) -> None:
+def test_interrupted_write_leaves_no_new_folder(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt), open_for_writing(tmp_path / "a/b/x.txt", binary=False):
         raise KeyboardInterrupt
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_place_that_takes_no_file_is_named_as_it_was_asked() -> None:
+def test_unwritable_path_message_names_it() -> None:
     with pytest.raises(FileRefusedError, match=r"^/proc/x\.wav cannot be written: "):
         write_text("/proc/x.wav", "x")
 
@@ -73,7 +73,7 @@ def test_foreign_files_are_refused_unless_forced(tmp_path: Path) -> None:
     assert path.read_text() == "x"
 
 
-def test_what_ergon_wrote_is_overwritten_unasked_until_it_is_edited(tmp_path: Path) -> None:
+def test_write_over_written_file_until_edited(tmp_path: Path) -> None:
     path = tmp_path / "x.bin"
     write_text(path, "first")
     write_text(path, "second")
@@ -87,7 +87,7 @@ def test_what_ergon_wrote_is_overwritten_unasked_until_it_is_edited(tmp_path: Pa
     write_text(path, "third")
 
 
-def test_a_file_of_any_format_is_known_when_it_is_moved_or_copied(tmp_path: Path) -> None:
+def test_moved_wave_file_is_recognised(tmp_path: Path) -> None:
     path, moved = tmp_path / "x.wav", tmp_path / "y.wav"
     with open_for_writing(path, binary=True) as file:
         WaveWriter(file, WaveFormat(44_100, 1, 16), 0, Stamp("t")).close()
@@ -99,7 +99,7 @@ def test_a_file_of_any_format_is_known_when_it_is_moved_or_copied(tmp_path: Path
     assert not is_ours(moved)
 
 
-def test_the_mark_of_ergon_in_a_text_is_no_leave_to_overwrite_it(tmp_path: Path) -> None:
+def test_write_over_text_mentioning_ergon_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "notes.txt"
     path.write_text("What was made by ergon on Monday\n")
     with pytest.raises(FileRefusedError, match="was edited since ergon wrote it, or was written"):
@@ -107,7 +107,7 @@ def test_the_mark_of_ergon_in_a_text_is_no_leave_to_overwrite_it(tmp_path: Path)
     assert path.read_text() == "What was made by ergon on Monday\n"
 
 
-def test_a_render_of_an_earlier_version_needs_f_and_is_said_to(tmp_path: Path) -> None:
+def test_write_over_render_of_earlier_version_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "x.wav"
     file = io.BytesIO()
     WaveWriter(file, WaveFormat(44_100, 1, 16), 0, Stamp("Of an earlier version")).close()
@@ -116,14 +116,14 @@ def test_a_render_of_an_earlier_version_needs_f_and_is_said_to(tmp_path: Path) -
         write_text(path, "x")
 
 
-def test_an_empty_file_holds_nothing_to_lose(tmp_path: Path) -> None:
+def test_write_over_empty_file(tmp_path: Path) -> None:
     path = tmp_path / "x.txt"
     path.touch()
     write_text(path, "x")
     assert path.read_text() == "x"
 
 
-def test_what_nothing_can_compute_again_is_never_overwritten_unasked(tmp_path: Path) -> None:
+def test_write_over_irreplaceable_file_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "x.take"
     write_text(path, "hands", replaceable=False)
     assert not is_ours(path)
@@ -133,7 +133,7 @@ def test_what_nothing_can_compute_again_is_never_overwritten_unasked(tmp_path: P
 
 
 @pytest.mark.parametrize("before", ["there", "missing"])
-def test_what_others_write_while_a_file_is_computed_is_kept(tmp_path: Path, before: str) -> None:
+def test_write_over_file_changed_meanwhile_is_refused(tmp_path: Path, before: str) -> None:
     path = tmp_path / "x.txt"
     if before == "there":
         write_text(path, "first")
@@ -149,12 +149,12 @@ def test_what_others_write_while_a_file_is_computed_is_kept(tmp_path: Path, befo
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_folder_is_refused(tmp_path: Path) -> None:
+def test_write_over_folder_is_refused(tmp_path: Path) -> None:
     with pytest.raises(FileRefusedError, match="folder"):
         write_text(tmp_path, "x")
 
 
-def test_a_link_stays_a_link(tmp_path: Path) -> None:
+def test_write_through_symbolic_link(tmp_path: Path) -> None:
     real, link = tmp_path / "real.txt", tmp_path / "link.txt"
     link.symlink_to(real)
     write_text(link, "1")
@@ -163,7 +163,7 @@ def test_a_link_stays_a_link(tmp_path: Path) -> None:
     assert real.read_text() == "2"
 
 
-def test_permissions_are_kept_and_new_files_follow_the_umask(tmp_path: Path) -> None:
+def test_write_preserves_permissions_and_follows_umask(tmp_path: Path) -> None:
     path = tmp_path / "x.txt"
     before = os.umask(0o027)
     try:
@@ -176,7 +176,7 @@ def test_permissions_are_kept_and_new_files_follow_the_umask(tmp_path: Path) -> 
     assert path.stat().st_mode & 0o777 == 0o600
 
 
-def test_devices_are_written_straight() -> None:
+def test_write_to_device_file_leaves_it_a_device() -> None:
     with open_for_writing("/dev/null", binary=True) as file:
         file.write(b"abc")
     assert Path("/dev/null").is_char_device()
@@ -200,7 +200,7 @@ except Terminated as end:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_signals_leave_no_half_file(tmp_path: Path, number: signal.Signals) -> None:
+def test_signal_during_write_leaves_no_half_file(tmp_path: Path, number: signal.Signals) -> None:
     command = [sys.executable, "-c", SLOW, str(tmp_path / "x.wav")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
@@ -211,7 +211,7 @@ def test_signals_leave_no_half_file(tmp_path: Path, number: signal.Signals) -> N
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_reader_that_has_seen_enough_ends_the_writing_quietly() -> None:
+def test_closed_pipe_ends_writing_without_error() -> None:
     code = (
         "from ergon.cli import app\n"
         "from ergon.exchange.safe import open_for_writing\n"
@@ -232,7 +232,7 @@ def test_a_reader_that_has_seen_enough_ends_the_writing_quietly() -> None:
         assert process.wait(timeout=PATIENCE) == 0
 
 
-def test_no_binary_data_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_binary_output_to_terminal_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdout.isatty", lambda: True, raising=False)
     with pytest.raises(FileRefusedError, match="terminal"), open_for_writing("-", binary=True):
         pass
@@ -253,7 +253,7 @@ with open_for_writing(sys.argv[1], binary=True) as file:
 WRITE = "import sys; from ergon.exchange.safe import write_text; write_text(sys.argv[1], 'x')"
 
 
-def test_what_a_killed_writer_left_is_swept_and_nothing_else(tmp_path: Path) -> None:
+def test_temporary_of_killed_writer_is_removed(tmp_path: Path) -> None:
     command = [sys.executable, "-c", KILLED, str(tmp_path / "x.wav")]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
         assert process.stdin is not None
@@ -273,7 +273,7 @@ def test_what_a_killed_writer_left_is_swept_and_nothing_else(tmp_path: Path) -> 
     assert {*tmp_path.iterdir()} == {*saved, tmp_path / "new.txt"}
 
 
-def test_no_file_of_others_is_swept_whatever_its_name(tmp_path: Path) -> None:
+def test_foreign_files_are_not_removed_as_temporaries(tmp_path: Path) -> None:
     chance = random.Random(3)
     digits = ["".join(chance.choices("0123456789abcdef", k=32)) for _ in range(1000)]
     names = [".holiday.2024-11.part", ".x.wav.1-0.part", ".x.part", "song.1-2.part", ".notes.txt"]
@@ -292,7 +292,9 @@ def test_no_file_of_others_is_swept_whatever_its_name(tmp_path: Path) -> None:
     assert temporary.remove_abandoned(tmp_path) == [tmp_path / name]
 
 
-def test_what_another_machine_left_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_temporary_of_other_machine_is_not_removed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Locks of another machine are not seen on every network file system."""
     paths: list[Path] = []
     with monkeypatch.context() as patch:
@@ -303,7 +305,7 @@ def test_what_another_machine_left_is_kept(tmp_path: Path, monkeypatch: pytest.M
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can give a file away")
-def test_what_another_user_left_is_kept(tmp_path: Path) -> None:
+def test_temporary_of_other_user_is_not_removed(tmp_path: Path) -> None:
     paths: list[Path] = []
     temporary.open_temporary(tmp_path / "x.wav", paths).close()
     os.chown(paths[0], 12345, 12345)
@@ -311,20 +313,20 @@ def test_what_another_user_left_is_kept(tmp_path: Path) -> None:
     assert paths[0].exists()
 
 
-def test_a_file_that_is_being_written_is_not_swept(tmp_path: Path) -> None:
+def test_temporary_in_use_is_not_removed(tmp_path: Path) -> None:
     with open_for_writing(tmp_path / "x.bin", binary=True) as file:
         file.write(b"abc")
         assert temporary.remove_abandoned(tmp_path) == []
     assert (tmp_path / "x.bin").read_bytes() == b"abc"
 
 
-def test_long_names_have_temporary_files_too(tmp_path: Path) -> None:
+def test_write_of_long_name_has_temporary_file(tmp_path: Path) -> None:
     path = tmp_path / ("é" * 120 + ".txt")
     write_text(path, "x")
     assert path.read_text() == "x"
 
 
-def test_several_files_are_written_together_or_not_at_all(tmp_path: Path) -> None:
+def test_file_group_writes_all_or_nothing(tmp_path: Path) -> None:
     old, new = tmp_path / "old.txt", tmp_path / "deep" / "new.txt"
     old.write_text("before")
     old.chmod(0o600)
@@ -344,7 +346,7 @@ def test_several_files_are_written_together_or_not_at_all(tmp_path: Path) -> Non
     assert sorted(tmp_path.rglob("*")) == [new.parent, new, old]
 
 
-def test_a_group_of_which_one_file_cannot_be_moved_leaves_all_as_they_were(
+def test_file_group_with_failing_move_is_rolled_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     old, new, last = (tmp_path / name for name in ("old", "deep/new", "last"))
@@ -375,7 +377,7 @@ def test_a_group_of_which_one_file_cannot_be_moved_leaves_all_as_they_were(
     assert sorted(tmp_path.rglob("*")) == [new.parent, new, last, old]
 
 
-def test_one_file_is_not_written_twice_by_one_command(tmp_path: Path) -> None:
+def test_file_group_with_same_file_twice_is_refused(tmp_path: Path) -> None:
     def write() -> None:
         with file_group() as files:
             files.write(tmp_path / "x.csv", b"table")
@@ -387,7 +389,7 @@ def test_one_file_is_not_written_twice_by_one_command(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("last", "abc")
-def test_a_group_that_is_interrupted_after_any_move_leaves_all_as_they_were(
+def test_file_group_interrupted_is_rolled_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, last: str
 ) -> None:
     paths = [tmp_path / name for name in "abc"]
@@ -415,7 +417,7 @@ def _no_links(*_: object) -> None:
     raise PermissionError(1, "Operation not permitted")
 
 
-def test_who_makes_a_new_file_first_keeps_it(
+def test_write_all_does_not_replace_concurrent_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     old, new = tmp_path / "a.txt", tmp_path / "b.txt"
@@ -438,7 +440,7 @@ def test_who_makes_a_new_file_first_keeps_it(
     assert sorted(tmp_path.iterdir()) == [old, new]
 
 
-def test_a_file_in_the_place_of_a_folder_is_named(tmp_path: Path) -> None:
+def test_write_below_regular_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "blocker").touch()
     with (
         pytest.raises(FileRefusedError, match="blocker is a file, and no folder to write into"),

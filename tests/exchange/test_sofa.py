@@ -28,7 +28,7 @@ def written_sofa(path: Path, change: Callable[[h5py.File], None] = lambda _: Non
     return path
 
 
-def test_responses_are_read(tmp_path: Path):
+def test_sofa_responses_angles_and_rate(tmp_path: Path):
     result = sofa.read(written_sofa(tmp_path / "a.sofa"))
     assert (result.angles.shape, result.responses.shape, result.rate) == (
         (12, 2),
@@ -44,13 +44,13 @@ def delayed(data: object) -> Callable[[h5py.File], None]:
 
 
 @pytest.mark.parametrize("samples", [[[3, 7.5]], np.arange(24.0).reshape(12, 2), [[-0.0, 0.0]]])
-def test_delays_are_seconds_by_direction_and_ear(tmp_path: Path, samples: object):
+def test_sofa_delays_in_seconds(tmp_path: Path, samples: object):
     responses = sofa.read(written_sofa(tmp_path / "a.sofa", delayed(samples)))
     expected = np.ones((12, 2)) * np.asarray(samples) / 48e3
     np.testing.assert_allclose(responses.delays, expected, rtol=1e-15)
 
 
-def test_a_file_without_delays_has_none(tmp_path: Path):
+def test_delays_of_file_without_delays_are_zero(tmp_path: Path):
     assert not sofa.read(written_sofa(tmp_path / "a.sofa")).delays.any()
 
 
@@ -145,7 +145,7 @@ def test_sofa_files_without_a_usable_head_are_refused(tmp_path: Path, change: Ca
         sofa.read(written_sofa(tmp_path / "a.sofa", change))
 
 
-def test_other_files_are_refused(tmp_path: Path):
+def test_non_sofa_files_are_refused(tmp_path: Path):
     path = tmp_path / "a.sofa"
     path.write_bytes(b"not HDF5 at all")
     with pytest.raises(sofa.SofaError, match="not a SOFA file"):
@@ -161,13 +161,13 @@ def test_other_files_are_refused(tmp_path: Path):
         sofa.read(tmp_path / "c.sofa")
 
 
-def test_a_pipe_as_external_storage_is_not_waited_for(tmp_path: Path):
+def test_external_storage_in_pipe_is_refused(tmp_path: Path):
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(sofa.SofaError, match="is external"):
         sofa.read(written_sofa(tmp_path / "a.sofa", external(str(tmp_path / "pipe"))))
 
 
-def test_no_plug_in_is_loaded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_hdf5_plugins_are_not_loaded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """libhdf5 loads every library of the folder when it meets a filter that it lacks."""
     (tmp_path / "plug-ins").mkdir()
     monkeypatch.setenv("HDF5_PLUGIN_PATH", str(tmp_path / "plug-ins"))
@@ -175,7 +175,7 @@ def test_no_plug_in_is_loaded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
         sofa.read(written_sofa(tmp_path / "a.sofa", packed))
 
 
-def test_the_reader_opens_no_file_and_takes_bounded_memory(tmp_path: Path):
+def test_sofa_reader_limits_files_and_memory(tmp_path: Path):
     code = "import sofa_reader, numpy; sofa_reader.limit()\n"
     env = {**os.environ, "PYTHONPATH": str(Path(sofa.__file__).parent)}
     for line, error in (("open('/etc/passwd')", "OSError"), ("numpy.ones(1 << 29)", "MemoryError")):

@@ -22,7 +22,7 @@ NAMES = Names(
 HASH = "0" * 64
 
 
-def test_csv_reads_back_to_the_same_bits() -> None:
+def test_stream_csv_round_trip_to_the_bit() -> None:
     text = header("csv", title="Two\nlines", rate=44_100.0, score=HASH) + rows("csv", ERGONS, NAMES)
     about, *lines = text.splitlines()
     assert about == f"# ergon stream 1, made by ergon, 44100 Hz, score {HASH}, Two lines"
@@ -36,7 +36,7 @@ def test_csv_reads_back_to_the_same_bits() -> None:
     assert read[1]["source"] == "b.yaml:7:1"
 
 
-def test_json_lines() -> None:
+def test_stream_as_json_lines() -> None:
     text = header("json", title="t", rate=48_000.0, score=HASH) + rows("json", ERGONS, NAMES)
     about, *lines = [json.loads(line) for line in text.splitlines()]
     assert (about["v"], about["event"], about["rate_hz"]) == (1, "stream", 48_000.0)
@@ -51,7 +51,7 @@ def test_json_lines() -> None:
     }
 
 
-def test_marks() -> None:
+def test_stream_marks_csv() -> None:
     text = markers_csv([("A", "1|1", 0.0), ('so "far"', "9|2.5", 33.25)])
     rows = list(csv.reader(text.splitlines()[1:]))
     assert rows == [

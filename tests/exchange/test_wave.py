@@ -48,7 +48,7 @@ def chunks(data: bytes) -> list[tuple[bytes, int, bytes]]:
 
 @pytest.mark.parametrize("bits", [16, 24, "float"])
 @pytest.mark.parametrize("n_channels", [1, 2, 3, 24, 64])
-def test_libsndfile_reads_what_was_written(tmp_path: Path, bits, n_channels: int) -> None:
+def test_written_wave_read_by_libsndfile(tmp_path: Path, bits, n_channels: int) -> None:
     format = WaveFormat(44_100, n_channels, bits)
     data = samples(format, 333)
     path = tmp_path / "x.wav"
@@ -88,7 +88,7 @@ def test_header_changes_over_at_four_gigabytes() -> None:
     assert long[-4:] == b"\xff\xff\xff\xff"
 
 
-def test_layout() -> None:
+def test_wave_header_layout_in_bytes() -> None:
     format = WaveFormat(44_100, 24, "float")
     data = written(format, samples(format, 10))
     names = [(name, size) for name, size, _ in chunks(data)]
@@ -111,7 +111,7 @@ def test_broadcast_extension_as_ebu_3285_lays_it_out() -> None:
     assert bext[348:] == bytes(254)
 
 
-def test_a_long_title_never_costs_the_hash() -> None:
+def test_long_title_preserves_hash() -> None:
     stamp = Stamp("é" * 400, HASH)
     file = io.BytesIO(pack(WaveFormat(44_100, 1, 16), 0, stamp))
     info = parse(file)
@@ -119,14 +119,14 @@ def test_a_long_title_never_costs_the_hash() -> None:
     assert set(info.title) == {"é"}
 
 
-def test_odd_size_is_padded() -> None:
+def test_wave_odd_data_size_is_padded() -> None:
     format = WaveFormat(44_100, 1, 24)
     data = written(format, samples(format, 3))
     assert len(data) % 2 == 0
     assert struct.unpack("<I", data[4:8])[0] == len(data) - 8
 
 
-def test_two_writes_give_identical_bytes_whatever_the_blocks() -> None:
+def test_writes_in_blocks_give_identical_bytes() -> None:
     format = WaveFormat(44_100, 2, "float")
     data = samples(format, 1000)
     file = io.BytesIO()
@@ -136,7 +136,7 @@ def test_two_writes_give_identical_bytes_whatever_the_blocks() -> None:
     assert file.getvalue() == written(format, data)
 
 
-def test_reading_back(tmp_path: Path) -> None:
+def test_read_blocks_and_hash_of_written_wave(tmp_path: Path) -> None:
     for bits in (16, 24, "float"):
         format = WaveFormat(44_100, 2, bits)
         data = samples(format, 70_000)
@@ -149,7 +149,7 @@ def test_reading_back(tmp_path: Path) -> None:
         assert is_render(path)
 
 
-def test_a_file_of_somebody_else(tmp_path: Path) -> None:
+def test_read_info_of_foreign_wave_file(tmp_path: Path) -> None:
     path = tmp_path / "x.wav"
     soundfile.write(path, np.zeros((10, 2)), 44_100, subtype="PCM_16")
     info = read_info(path)
@@ -162,7 +162,7 @@ def test_a_file_of_somebody_else(tmp_path: Path) -> None:
     "data",
     [b"", b"RIFF", b"no sound", b"RIFF\0\0\0\0WAVE", b"RIFF\0\0\0\0WAVEfmt \x10\0\0\0\1"],
 )
-def test_what_is_no_wave_file_is_refused(tmp_path: Path, data: bytes) -> None:
+def test_malformed_wave_files_are_refused(tmp_path: Path, data: bytes) -> None:
     path = tmp_path / "x.wav"
     path.write_bytes(data)
     with pytest.raises(NotWaveError):
@@ -182,7 +182,7 @@ def plain(data: np.ndarray, **more: object) -> bytes:
 
 @pytest.mark.parametrize("subtype", ["PCM_U8", "PCM_16", "PCM_24", "PCM_32", "FLOAT", "DOUBLE"])
 @pytest.mark.parametrize("form", ["WAV", "WAVEX", "RF64"])
-def test_every_form_of_samples_is_read_as_libsndfile_reads_it(tmp_path: Path, subtype, form):
+def test_samples_of_every_format_equal_libsndfile(tmp_path: Path, subtype, form):
     path = tmp_path / "x.wav"
     soundfile.write(path, struck(), 44_100, format=form, subtype=subtype)
     expected, _ = soundfile.read(path, always_2d=True)
@@ -204,7 +204,7 @@ def test_bw64_is_rf64_by_another_name(tmp_path: Path):
 
 @pytest.mark.parametrize("riff", [0, 36, 0xFFFFFFFF])
 @pytest.mark.parametrize("size", [0, 0xFFFFFFFF, 0x7FFFF000])
-def test_a_size_that_a_pipe_left_means_to_the_end(tmp_path: Path, riff: int, size: int):
+def test_wave_size_left_by_pipe_means_to_end(tmp_path: Path, riff: int, size: int):
     data = bytearray(plain(struck(), subtype="PCM_16"))
     assert data[36:40] == b"data"
     data[4:8], data[40:44] = riff.to_bytes(4, "little"), size.to_bytes(4, "little")
@@ -216,7 +216,7 @@ def test_a_size_that_a_pipe_left_means_to_the_end(tmp_path: Path, riff: int, siz
         assert len(read_take(path, "1").x) == 1000
 
 
-def test_an_empty_file_that_says_so_is_empty(tmp_path: Path):
+def test_empty_wave_file_followed_by_chunk(tmp_path: Path):
     """What follows its samples is no sound."""
     head = plain(struck(0), subtype="PCM_16")[:44]
     data = head + b"LIST" + (20).to_bytes(4, "little") + bytes(20)
@@ -226,7 +226,7 @@ def test_an_empty_file_that_says_so_is_empty(tmp_path: Path):
     assert read_info(path).n_frames == 0
 
 
-def test_a_cut_file_says_what_is_missing(tmp_path: Path):
+def test_cut_wave_file_reports_damage(tmp_path: Path):
     path = tmp_path / "x.wav"
     path.write_bytes(plain(struck(), subtype="PCM_16")[: 44 + 4 * 300])
     info = read_info(path)

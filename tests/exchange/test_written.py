@@ -27,7 +27,7 @@ def ergon(*words: object, **environment: str) -> subprocess.CompletedProcess[str
     return subprocess.run(command, capture_output=True, text=True, check=False, env=both)
 
 
-def test_a_later_process_knows_what_an_earlier_one_wrote(tmp_path: Path, state: Path) -> None:
+def test_register_recognises_file_in_later_process(tmp_path: Path, state: Path) -> None:
     path = tmp_path / "x.txt"
     for text in ("one", "two"):
         assert ergon(path, text).returncode == 0
@@ -37,7 +37,7 @@ def test_a_later_process_knows_what_an_earlier_one_wrote(tmp_path: Path, state: 
     assert state.stat().st_mode & 0o777 == 0o700
 
 
-def test_without_a_register_only_the_same_process_knows_it(tmp_path: Path, state: Path) -> None:
+def test_register_absent_limits_knowledge_to_process(tmp_path: Path, state: Path) -> None:
     path = tmp_path / "x.txt"
     state.parent.write_text("no folder can be made here")
     write_text(path, "one")
@@ -47,7 +47,7 @@ def test_without_a_register_only_the_same_process_knows_it(tmp_path: Path, state
     assert path.read_text() == "two"
 
 
-def test_a_register_that_is_no_file_counts_as_none(tmp_path: Path, state: Path) -> None:
+def test_register_of_irregular_files_is_ignored(tmp_path: Path, state: Path) -> None:
     path = tmp_path / "x.txt"
     state.mkdir(parents=True)
     os.mkfifo(state / "written")
@@ -57,7 +57,7 @@ def test_a_register_that_is_no_file_counts_as_none(tmp_path: Path, state: Path) 
     assert not is_ours(path)
 
 
-def test_a_full_register_begins_anew_and_keeps_the_one_before(
+def test_register_rotates_when_full(
     tmp_path: Path, state: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(written, "_FULL", 65 * 10)
@@ -70,7 +70,7 @@ def test_a_full_register_begins_anew_and_keeps_the_one_before(
     assert sizes == {"written": 65 * 5, "written.old": 65 * 10}
 
 
-def test_processes_that_write_together_are_all_in_the_register(tmp_path: Path, state: Path) -> None:
+def test_register_with_concurrent_processes(tmp_path: Path, state: Path) -> None:
     many = "; ".join(["import sys", "from ergon.exchange.safe import write_text"])
     many += "\nfor i in range(50): write_text(f'{sys.argv[1]}-{i}', f'{sys.argv[1]} {i}')"
     words = [[sys.executable, "-c", many, str(tmp_path / name)] for name in "abcd"]

@@ -33,21 +33,21 @@ from tests.fuzz.render_targets import frozen_parts, renders
         ("0@0 3@1e9", "3@1e9", "more than 20,000,000 samples"),
     ],
 )
-def test_a_path_that_no_hand_goes_is_refused_in_its_place(text: str, marked: str, words: str):
+def test_sampled_gesture_refuses_impossible_paths(text: str, marked: str, words: str):
     with pytest.raises(TextError, match=words) as caught:
         sampled(notation.parse(text).points, 0.5, 1000.0)
     error = caught.value
     assert text[error.offset : error.offset + error.length] == marked
 
 
-def test_a_hold_that_moves_by_a_rounding_stays():
+def test_hold_with_rounding_difference_stays_constant():
     """The notation took it, and the engine refused it."""
     points = notation.parse("0@0 hold 4e-10m@1 hold 8e-10m@2 smooth 6@3").points
     assert points[1].x == points[2].x == 0.0
     assert np.ptp(sampled(points, 0.5, 1000.0)[:500]) == 0.0
 
 
-def test_a_part_of_a_real_hand_may_end_before_the_beginning():
+def test_live_hand_part_ending_before_piece_start():
     """`shift` did it, and the hand had a negative number of ticks."""
     live = SCORE.replace("hand: virtual", "hand: live")
     piece = load("s.yaml", text=live.replace("every: 1, times: 2", "do: [shift -9999]")).piece
@@ -57,7 +57,7 @@ def test_a_part_of_a_real_hand_may_end_before_the_beginning():
 
 
 @pytest.mark.parametrize("text", ["0mm@0 3mm@900ms 0mm@1", "0mm@0 throw 1mm@0.0000001"])
-def test_the_library_and_check_refuse_a_gesture_alike(text: str):
+def test_gesture_refusal_same_in_library_and_check(text: str):
     """`check` marked the word after `play:`, and the library the point."""
     with pytest.raises(ErgonError) as refused:
         sampled(notation.parse(text).points, 0.5, 44100.0)
@@ -79,7 +79,7 @@ def test_the_library_and_check_refuse_a_gesture_alike(text: str):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("key", "seconds"), [("", 10.0), (", X0: 2mm", 10_000.0)])
-def test_pauses_of_a_real_hand_are_not_computed(
+def test_live_hand_pauses_without_computation(
     key: str, seconds: float, monkeypatch: pytest.MonkeyPatch
 ):
     """The path of a part that lasts hours took 30 s, frame by frame."""
@@ -105,9 +105,7 @@ def test_pauses_of_a_real_hand_are_not_computed(
 
 
 @pytest.mark.parametrize("key", ["Z: 1.2Ns/m", "Z: 1.2Ns/m, X0: 2mm", "Z: 0Ns/m"])
-def test_a_part_of_a_real_hand_that_moves_for_hours_is_refused(
-    key: str, monkeypatch: pytest.MonkeyPatch
-):
+def test_live_hand_moving_for_hours_is_refused(key: str, monkeypatch: pytest.MonkeyPatch):
     """Two hours of a key that moves all the time took minutes (`scores`, case 90888)."""
     monkeypatch.setattr(live, "MAX_FRAMES", 20 * 44100)
     # Z: 1.2Ns/m comes to rest within a second: 200 s, of which a few are computed.
@@ -124,7 +122,7 @@ def test_a_part_of_a_real_hand_that_moves_for_hours_is_refused(
     assert error.code == "E308"
 
 
-def test_a_tick_is_no_slower_than_a_second():
+def test_live_tick_slower_than_one_second_is_refused():
     """`1e-9kHz` made a tick of 4e10 frames, and the path of the stand-in asked for 300 GB."""
     live = SCORE.replace("hand: virtual", "hand: live, standin: lean, tick: 1e-9kHz")
     loaded = load("s.yaml", text=live)
@@ -157,7 +155,7 @@ accuracy: {cents: 3}
 
 
 @pytest.mark.slow
-def test_a_body_that_is_lost_leaves_its_contacts():
+def test_plan_of_muted_plate_with_fine_contacts():
     """A trial muted the plate, and contacts that are computed finely still looked for it."""
     loaded = load("s.yaml", text=LOST_BODY)
     assert loaded.piece is not None
@@ -166,7 +164,7 @@ def test_a_body_that_is_lost_leaves_its_contacts():
     assert plan.rows()
 
 
-def test_links_in_a_circle_are_not_written_to(tmp_path: Path):
+def test_save_over_symlink_loop_is_refused(tmp_path: Path):
     """`save` of a journal that names one was an internal error (`journals`, case 31290)."""
     (tmp_path / "a").symlink_to(tmp_path / "b")
     (tmp_path / "b").symlink_to(tmp_path / "a")
@@ -175,7 +173,7 @@ def test_links_in_a_circle_are_not_written_to(tmp_path: Path):
     assert not (tmp_path / "c").exists()
 
 
-def test_frozen_parts_have_a_finite_rate(tmp_path: Path):
+def test_frozen_parts_with_infinite_rate_are_refused(tmp_path: Path):
     """`1e999` is JSON, and its rate was turned into a whole number."""
     manifest, files = frozen_parts()
     (tmp_path / MANIFEST).write_text(manifest.replace("44100.0", "1e999"))
@@ -185,9 +183,7 @@ def test_frozen_parts_have_a_finite_rate(tmp_path: Path):
         frozen.read(tmp_path)
 
 
-def test_a_file_of_another_kind_is_shown_to_no_other_decoder(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str]
-):
+def test_damaged_flac_not_passed_to_mp3_decoder(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
     """A damaged FLAC file went to a decoder of MP3, which wrote to the terminal."""
     path = tmp_path / "render.flac"
     (complete, _) = renders(".flac")
@@ -197,7 +193,7 @@ def test_a_file_of_another_kind_is_shown_to_no_other_decoder(
     assert capfd.readouterr() == ("", "")
 
 
-def test_a_sound_file_that_shrinks_while_it_is_read_ends(
+def test_sound_file_shrinking_while_read_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     """A hash of it never ended."""
@@ -212,7 +208,7 @@ def test_a_sound_file_that_shrinks_while_it_is_read_ends(
             read(path)
 
 
-def test_a_signalling_nan_is_no_warning(tmp_path: Path):
+def test_read_blocks_of_signalling_nan_without_warning(tmp_path: Path):
     path = tmp_path / "render.wav"
     (_, _, float_render, *_) = renders(".wav")
     path.write_bytes(float_render[:-4] + b"\x01\x00\x80\x7f")

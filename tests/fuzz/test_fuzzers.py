@@ -27,19 +27,19 @@ def holds(target: Target, count: int, folder: Path, first: int = 0) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_reader_answers_or_refuses(name: str, tmp_path: Path) -> None:
+def test_reader_fuzzing_short(name: str, tmp_path: Path) -> None:
     target = BY_NAME[name]
     holds(target, target.short, tmp_path)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
-def test_a_reader_answers_or_refuses_for_long(name: str, tmp_path: Path) -> None:
+def test_reader_fuzzing_long(name: str, tmp_path: Path) -> None:
     target = BY_NAME[name]
     holds(target, target.long, tmp_path, FIRST)
 
 
-def test_renders_and_frozen_parts_that_are_whole_are_read(tmp_path: Path) -> None:
+def test_readers_accept_undamaged_renders_and_frozen_parts(tmp_path: Path) -> None:
     for suffix in sound_files.SUFFIXES:
         for data in renders(suffix):
             assert next(reader(suffix)(data, tmp_path)) == "a bell"
@@ -48,7 +48,7 @@ def test_renders_and_frozen_parts_that_are_whole_are_read(tmp_path: Path) -> Non
     assert list(read_folder(complete, tmp_path)) == ["bell gong"]
 
 
-def test_models_that_are_whole_are_read(tmp_path: Path) -> None:
+def test_reader_accepts_undamaged_models(tmp_path: Path) -> None:
     for text in models():
         (score,) = read((".txt", text), tmp_path)
         assert "instruments:" in score
@@ -71,11 +71,11 @@ def every_damage(suffix: str, folder: Path, every: int) -> None:
 
 
 @pytest.mark.parametrize("suffix", FORMATS)
-def test_some_cuts_and_bits_of_a_take(suffix: str, tmp_path: Path) -> None:
+def test_take_reader_with_some_cuts_and_flipped_bits(suffix: str, tmp_path: Path) -> None:
     every_damage(suffix, tmp_path, 97)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", FORMATS)
-def test_every_cut_and_every_bit_of_a_take(suffix: str, tmp_path: Path) -> None:
+def test_take_reader_with_all_cuts_and_flipped_bits(suffix: str, tmp_path: Path) -> None:
     every_damage(suffix, tmp_path, 1)

@@ -10,14 +10,14 @@ def sound() -> np.ndarray:
     return np.random.default_rng(7).random((4000, 3), dtype=np.float32) + 0.1
 
 
-def test_silence_before_and_behind_is_no_difference(sound):
+def test_compare_with_silence_before_and_after(sound):
     silence = np.zeros((500, 3), np.float32)
     result = compare(np.concatenate([silence, sound, silence]), sound)
     assert result.exact
     assert result.equal == 4000
 
 
-def test_silence_within_is_a_gap(sound):
+def test_compare_with_silence_within_counts_gap(sound):
     silence = np.zeros((256, 3), np.float32)
     late = np.concatenate([sound[:1000], silence, sound[1000:]])
     assert compare(late, sound).gaps == (Gap(1000, 256, 0),)
@@ -25,7 +25,7 @@ def test_silence_within_is_a_gap(sound):
     assert compare(over, sound).gaps == (Gap(1000, 256, 256),)
 
 
-def test_silence_that_is_fallen_into_and_risen_from_is_a_gap(sound):
+def test_compare_with_faded_silence_counts_gap(sound):
     """As an output does that has no frames for a while."""
     rise = np.arange(1, 89, dtype=np.float32)[:, None] / np.float32(88)
     fall = sound[999] * rise[::-1]
@@ -46,14 +46,14 @@ def test_changed_sound_after_silence_counts_as_wrong(sound):
     assert (result.gaps, result.wrong) == ((), 1000)
 
 
-def test_frames_left_out_are_a_gap(sound):
+def test_compare_with_missing_frames_counts_gap(sound):
     result = compare(np.concatenate([sound[:1000], sound[1100:]]), sound)
     assert result.gaps == (Gap(1000, 0, 100),)
     assert result.equal == 3900
     assert result.wrong == result.unheard == 0
 
 
-def test_one_bit_in_one_channel_is_wrong(sound):
+def test_compare_with_one_changed_bit_counts_wrong(sound):
     other = sound.copy()
     other[1234, 2] = np.nextafter(other[1234, 2], np.float32(2))
     result = compare(other, sound)

@@ -72,7 +72,7 @@ def parse(words: list[str]) -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_commands_in_sh_blocks(page: Path):
+def test_page_sh_block_commands_parse(page: Path):
     text = page.read_text(encoding="utf-8")
     for where, words in shell_lines(page):
         program = Path(words[0]).name if words[0] != "." else "."
@@ -86,7 +86,7 @@ def test_commands_in_sh_blocks(page: Path):
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_commands_in_prose(page: Path):
+def test_page_prose_commands_parse(page: Path):
     for line in spans(page):
         try:
             parse(shlex.split(line.replace("DEVICE", "emul:"))[1:])
@@ -99,7 +99,7 @@ def test_commands_in_prose(page: Path):
 @pytest.mark.parametrize(
     "line", ["ergon rendr a.yaml", "ergon render --ouput a.wav", "ergon view -z"]
 )
-def test_command_that_does_not_exist(line: str):
+def test_parse_of_unknown_command(line: str):
     with pytest.raises(click.UsageError):
         parse(line.split()[1:])
 

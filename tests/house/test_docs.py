@@ -70,7 +70,7 @@ def run(block: Block, folder: Path) -> None:
 @pytest.mark.parametrize(
     "page", few(PAGES, [page for page in PAGES if page not in LONG]), ids=lambda page: page.name
 )
-def test_what_a_page_shows_is_so(page: Path, tmp_path: Path) -> None:
+def test_page_code_blocks_run_as_shown(page: Path, tmp_path: Path) -> None:
     for block in blocks(page):
         if block.language == "console":
             run(block, tmp_path)
@@ -84,7 +84,7 @@ HISTORY = [ROOT / "CHANGELOG.md", *sorted((ROOT / "docs" / "history").glob("*.md
 
 
 @pytest.mark.parametrize("page", [*PAGES, *FOR_DEVELOPERS, *HISTORY], ids=lambda page: page.name)
-def test_links_lead_somewhere(page: Path) -> None:
+def test_page_links_point_to_files(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
     for target in re.findall(r"\]\(([^)#\s]+)(?:#[^)]*)?\)", text):
         if not target.startswith(("http://", "https://")):
@@ -109,14 +109,14 @@ _HOMES += [ROOT / "core-rs", ROOT / "core-rs/engine/src/plan"]
     ],
     ids=lambda page: page.name,
 )
-def test_files_that_a_page_names_are_there(page: Path) -> None:
+def test_files_named_on_pages_exist(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
     for name in sorted(set(re.findall(r"`([a-z_.-]+(?:/[a-z_-]+)+(?:\.\w+)?)/?`", text))):
         result = [home / f"{name}{end}" for home in _HOMES for end in ("", ".rs", ".py")]
         assert any(path.exists() for path in result), f"{page.name} names {name}"
 
 
-def test_every_page_is_reached_from_the_first() -> None:
+def test_pages_reachable_from_readme() -> None:
     reached, todo = set(), [ROOT / "README.md"]
     while todo:
         page = todo.pop()
@@ -129,17 +129,17 @@ def test_every_page_is_reached_from_the_first() -> None:
 
 
 @pytest.mark.parametrize("page", [*PAGES, ROOT / "CHANGELOG.md"], ids=lambda page: page.name)
-def test_no_page_holds_a_merge_that_was_not_finished(page: Path) -> None:
+def test_pages_without_merge_conflict_markers(page: Path) -> None:
     assert not re.search(r"^(<<<<<<<|>>>>>>>) ", page.read_text(encoding="utf-8"), re.MULTILINE)
 
 
-def test_a_replaced_section_leaves_the_others() -> None:
+def test_merged_section_leaves_other_sections() -> None:
     text = "ergon: 1\nkeys:\n  k: {M: 1g}\ngestures:\n  a: 0@0 1@1\n"
     changed = merged(text, "keys:\n  j: {M: 2g}\nmarks: {A: 1|1}\n")
     assert changed == "ergon: 1\nkeys:\n  j: {M: 2g}\ngestures:\n  a: 0@0 1@1\nmarks: {A: 1|1}\n"
 
 
-def test_all_languages_are_known() -> None:
+def test_code_block_languages_known() -> None:
     """A block in another language would be looked at by nobody."""
     # A session is typed by test_repl_concert; Python is run by test_session_api and
     # test_library_face; JSON is a protocol.
@@ -148,13 +148,13 @@ def test_all_languages_are_known() -> None:
         assert {block.language for block in blocks(page)} <= known, page.name
 
 
-def test_the_tutorial_has_nine_steps() -> None:
+def test_tutorial_with_nine_steps() -> None:
     text = (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8")
     steps = re.findall(r"^## (\d)\. ", text, re.MULTILINE)
     assert steps == [str(n) for n in range(1, 10)]
 
 
-def test_the_picture_is_of_the_score_beside_it() -> None:
+def test_first_picture_shows_readme_score() -> None:
     picture = (ROOT / "docs" / "pictures" / "first.svg").read_text(encoding="utf-8")
     text = next(block.text for block in blocks(ROOT / "README.md") if block.language == "yaml")
     assert len(text.splitlines()) == 15
@@ -163,7 +163,7 @@ def test_the_picture_is_of_the_score_beside_it() -> None:
     assert len(picture) < 150_000
 
 
-def test_what_ships_is_listed_with_its_length() -> None:
+def test_bundled_pieces_and_instruments_listed_with_length() -> None:
     """docs/README.md: every piece and its seconds, every instrument that a file defines."""
     text = (ROOT / "docs" / "README.md").read_text(encoding="utf-8")
     pieces = re.findall(r"^\| `([\w-]+)` \| (\d+) s \|", text, re.MULTILINE)
@@ -180,7 +180,7 @@ def test_what_ships_is_listed_with_its_length() -> None:
     assert len(laws) == 9  # "nine laws"
 
 
-def test_a_smooth_run_swings_beyond_a_point_that_is_not_in_the_middle() -> None:
+def test_smooth_gesture_overshoot_at_uneven_point() -> None:
     """As docs/language.md and gestures/common.yaml say."""
     text = (
         "ergon: 1\nkeys: {k: {M: 400g, K: 60N/m, Z: 1.2Ns/m}}\nplayers: {a: {key: k}}\n"

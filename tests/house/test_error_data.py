@@ -66,7 +66,7 @@ def functions(path: Path) -> Iterator[ast.FunctionDef | ast.AsyncFunctionDef]:
             yield node
 
 
-def test_searches_in_product_code():
+def test_product_code_without_message_searches():
     assert len(FILES) > 400
     matching = {
         (path.relative_to(ROOT).as_posix(), function.name): text
@@ -87,7 +87,7 @@ def test_searches_in_product_code():
         "words.partition(';')",
     ],
 )
-def test_searches_in_examples(line: str):
+def test_message_searches_detected_in_examples(line: str):
     function = ast.parse(
         f"def f():\n try:\n  g()\n except E as caught:\n  words = str(caught)\n  {line}\n"
     )

@@ -23,7 +23,7 @@ CARGO = tomllib.loads((ROOT / "Cargo.toml").read_text(encoding="utf-8"))["worksp
 NUMBER = CARGO["package"]["version"]
 
 
-def test_all_parts_have_one_version():
+def test_version_numbers_agree_in_all_parts():
     crates = {
         name: table["version"] for name, table in CARGO["dependencies"].items() if "path" in table
     }
@@ -38,7 +38,7 @@ def test_all_parts_have_one_version():
     assert "version" in PROJECT["dynamic"]  # that of Cargo.toml
 
 
-def test_the_newest_release_in_the_changelog():
+def test_changelog_newest_release_is_current_version():
     text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     unreleased, *releases = re.split(r"^## ", text, flags=re.MULTILINE)[1:]
     assert unreleased.startswith("[Unreleased]\n")
@@ -54,7 +54,7 @@ def pages() -> list[Path]:
 
 
 @pytest.mark.parametrize("page", pages(), ids=lambda page: page.name)
-def test_no_page_installs_from_an_index(page: Path):
+def test_pages_install_without_package_index(page: Path):
     """Until ergon-live is published, what brings it is a checkout or the file of a wheel."""
     text = page.read_text(encoding="utf-8")
     for command in re.findall(r"(?:pip|pipx|uv pip|uvx)\s+(?:install|run)\s+[^`\n]*", text):
@@ -63,7 +63,7 @@ def test_no_page_installs_from_an_index(page: Path):
         assert "pip install ergon" not in text
 
 
-def test_every_extra_is_in_the_table_with_its_libraries():
+def test_install_page_table_of_extras():
     text = (ROOT / "docs/install.md").read_text(encoding="utf-8")
     rows = dict(re.findall(r"^\| `(\w+)` \| ([\w, -]+) \|", text, re.MULTILINE))
     listed = {
@@ -73,7 +73,7 @@ def test_every_extra_is_in_the_table_with_its_libraries():
     assert {extra: names.split(", ") for extra, names in rows.items()} == listed
 
 
-def test_a_wheel_names_the_libraries_of_an_extra(monkeypatch: pytest.MonkeyPatch):
+def test_install_command_of_extra_from_wheel(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(extras, "_is_clone", lambda folder: False)
     words = extras.install_command("cluster").removeprefix("pip install ")
     wanted = [line for line in requires("ergon-live") or [] if "cluster" in line]
@@ -82,11 +82,11 @@ def test_a_wheel_names_the_libraries_of_an_extra(monkeypatch: pytest.MonkeyPatch
     assert "ergon-live" not in words
 
 
-def test_both_names_of_the_command_are_one():
+def test_entry_points_of_both_command_names_equal():
     assert PROJECT["scripts"]["ergon"] == PROJECT["scripts"][PROJECT["name"]]
 
 
-def test_the_release_installs_what_it_builds():
+def test_release_workflow_installs_built_wheels():
     text = (ROOT / ".github/workflows/release.yml").read_text(encoding="utf-8")
     jobs = yaml.safe_load(text)["jobs"]
     wheels = jobs["wheels"]["strategy"]["matrix"]["include"]
@@ -106,7 +106,7 @@ def test_the_release_installs_what_it_builds():
     assert "secrets." not in text
 
 
-def test_musllinux_wheels_do_not_ask_for_numba():
+def test_musllinux_wheel_without_numba_requirement():
     """What the workflow runs before such a wheel is built takes out this line alone."""
     text = (ROOT / ".github/workflows/release.yml").read_text(encoding="utf-8")
     (pattern,) = re.findall(r"sed -i '/(.+)/d' pyproject\.toml", text)
@@ -126,7 +126,7 @@ def test_make_wheel_finds_zig_without_an_activated_environment():
     assert "--editable" not in done.stdout  # a wheel needs no build of the package before it
 
 
-def test_commit_of_a_wheel_is_written_without_the_compiled_core(tmp_path: Path):
+def test_commit_of_wheel_without_compiled_core(tmp_path: Path):
     """`make wheel` calls it in a fresh clone, where nothing is compiled yet."""
     blocked = tmp_path / "ergon_core_blocked.py"
     blocked.write_text("import sys\nsys.modules['ergon._core'] = None\n")

@@ -20,7 +20,7 @@ def graph(crate: str) -> Graph:
 
 
 @pytest.mark.parametrize("crate", CRATES)
-def test_a_module_imports_only_lower_layers(crate: str):
+def test_rust_modules_import_only_lower_layers(crate: str):
     may = layers(crate)
     result = graph(crate)
     assert {module[0] for module in result if module} == set(may), "every module is in the table"
@@ -32,7 +32,7 @@ def test_a_module_imports_only_lower_layers(crate: str):
 
 
 @pytest.mark.parametrize("crate", CRATES)
-def test_the_layers_are_in_order(crate: str):
+def test_rust_layers_listed_in_order(crate: str):
     seen: set[str] = set()
     for layer, may in layers(crate).items():
         assert may <= seen, f"{layer} may use what stands below it in the table: {may - seen}"
@@ -40,7 +40,7 @@ def test_the_layers_are_in_order(crate: str):
 
 
 @pytest.mark.parametrize("crate", CRATES)
-def test_files_import_in_no_circle(crate: str):
+def test_rust_files_without_import_cycles(crate: str):
     """Only a file and its own children may name each other."""
     kin = lambda a, b: a[: len(b)] == b or b[: len(a)] == a  # noqa: E731
     strangers = {
@@ -50,10 +50,10 @@ def test_files_import_in_no_circle(crate: str):
     assert circles(strangers) == []
 
 
-def test_imports_are_read_as_rust_reads_them():
+def test_branches_of_rust_use_lines():
     assert branches("a::{b, c::{d, e as f}, self}") == ["a::b", "a::c::d", "a::c::e", "a::self"]
 
 
-def test_circles_are_found():
+def test_circles_of_import_graph():
     a, b, c = ("a",), ("b",), ("c",)
     assert circles({a: {b}, b: {c}, c: {b}}) == [[b, c]]

@@ -19,7 +19,7 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("name", SOUNDS)
-def test_sound_is_what_its_score_renders(name: str):
+def test_readme_sound_equals_render_of_its_score(name: str):
     path = ROOT / "docs" / "sounds" / f"{name}.ogg"
     assert f"(docs/sounds/{name}.ogg)" in README
     assert path.stat().st_size <= LARGEST
@@ -31,7 +31,7 @@ def test_sound_is_what_its_score_renders(name: str):
     assert 10 * np.log10(difference) < -20.0  # what Vorbis changes
 
 
-def test_film_is_small_and_moves():
+def test_readme_film_size_and_motion():
     content = (ROOT / "docs" / "pictures" / "galaxy.webp").read_bytes()
     assert len(content) <= FILM_LARGEST
     assert (content[:4], content[8:12]) == (b"RIFF", b"WEBP")
@@ -41,7 +41,7 @@ def test_film_is_small_and_moves():
     assert 3.0 <= seconds <= 4.0
 
 
-def test_still_of_the_prompt_shows_its_lines():
+def test_prompt_picture_shows_its_lines():
     tree = ElementTree.parse(ROOT / "docs" / "pictures" / "prompt.svg")
     texts = [element.text or "" for element in tree.iter("{http://www.w3.org/2000/svg}text")]
     for line in LINES:

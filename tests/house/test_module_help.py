@@ -43,7 +43,7 @@ def test_help_of_a_module(module: str, tmp_path: Path):
 
 
 @pytest.mark.parametrize("module", ["accuracy", "docs.generators.gallery", "docs.generators.wrap"])
-def test_option_that_a_module_does_not_have(module: str, tmp_path: Path):
+def test_module_with_unknown_option(module: str, tmp_path: Path):
     done = run(module, "--pgae", tmp_path)
     assert done.returncode == 2
     assert "usage: python -m" in done.stderr

@@ -55,7 +55,7 @@ def files() -> list[Path]:
     return [path for path in every if "target" not in path.parts and not path.is_symlink()]
 
 
-def test_names():
+def test_identifiers_without_empty_words():
     empty: list[str] = []
     unused = {(path, name) for path, names in EXCEPTED.items() for name in names}
     for path in files():

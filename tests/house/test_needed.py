@@ -26,7 +26,7 @@ def report(outcome: str, reason: str, name: str = "tests/a.py::test_b[c]") -> py
     return pytest.TestReport(name, ("tests/a.py", 1, "b"), {}, outcome, place, "setup")
 
 
-def test_missing_programs_and_their_remedy(bare_path: Path) -> None:
+def test_programs_missing_and_install_hint(bare_path: Path) -> None:
     assert programs.missing("jackd", "vim") == ["jackd", "vim"]
     assert programs.missing() == list(programs.PACKAGES)
     assert programs.remedy(["vim", "jackd"]) == "apt-get install jackd2 vim"
@@ -34,7 +34,7 @@ def test_missing_programs_and_their_remedy(bare_path: Path) -> None:
     assert programs.missing("chromium") == []
 
 
-def test_install_without_apt(bare_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_programs_install_without_apt(bare_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     programs.main()
     output = capsys.readouterr().out.splitlines()
     assert output[0].startswith(
@@ -46,7 +46,7 @@ def test_install_without_apt(bare_path: Path, capsys: pytest.CaptureFixture[str]
 
 
 @pytest.mark.parametrize(("code", "why"), [(0, ""), (100, "apt-get ended with 100")])
-def test_install_by_apt(
+def test_programs_install_by_apt(
     bare_path: Path, monkeypatch: pytest.MonkeyPatch, code: int, why: str
 ) -> None:
     monkeypatch.setattr("os.geteuid", lambda: 0)
@@ -58,7 +58,9 @@ def test_install_by_apt(
     assert (bare_path / "asked").read_text().splitlines() == (asked[:1] if code else asked)
 
 
-def test_install_without_a_password(bare_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_programs_install_without_password(
+    bare_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("os.geteuid", lambda: 1000)
     monkeypatch.setattr("sys.stdin", io.StringIO())
     put_program(bare_path, "apt-get")
@@ -77,7 +79,7 @@ def test_skipped_tests_are_named_by_their_reason(bare_path: Path) -> None:
     ]  # fmt: skip
 
 
-def test_a_skipped_test_as_a_failure() -> None:
+def test_skipped_test_reported_as_failure() -> None:
     skipped, passed = report("skipped", "no disk"), report("passed", "")
     expected = report("skipped", "not yet")
     expected.wasxfail = "reason: not yet"

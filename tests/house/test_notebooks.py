@@ -12,14 +12,16 @@ FOLDER = Path(__file__).parents[2] / "docs" / "notebooks"
 NAMES = sorted(path.stem for path in FOLDER.glob("*.ipynb"))
 
 
-def test_notebooks_are_those_that_the_page_lists():
+def test_notebooks_listed_on_page():
     page = (FOLDER.parent / "notebook.md").read_text(encoding="utf-8")
     assert [name for name in NAMES if f"notebooks/{name}.ipynb" not in page] == []
     assert len(NAMES) == 6
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_notebook_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_notebook_cells_run_with_pictures(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     monkeypatch.chdir(tmp_path)
     path = FOLDER / f"{name}.ipynb"
     shown = run_notebook(path, tmp_path)

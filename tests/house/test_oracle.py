@@ -40,21 +40,21 @@ def errors(scene: Scene, seconds: float, **options: bool) -> list[float]:
     return out
 
 
-def test_an_undamped_network_converges_with_order_two():
+def test_oracle_converges_with_order_two_undamped():
     first, second, third = errors(network(), 0.1)
     assert first < -45.0
     assert 11.5 < first - second < 12.5
     assert 11.5 < second - third < 12.5
 
 
-def test_backward_damping_on_links_costs_one_order():
+def test_oracle_link_damping_lowers_order_to_one():
     """M' = M - Z/2: the scheme's own mass differs from the physical one by zT/2."""
     first, second, third = errors(network(z=0.05, t60=1.0), 0.1)
     assert first - second > 5.5
     assert second - third > 5.5
 
 
-def test_a_linked_cell_starts_with_its_flow_and_the_links_half_step():
+def test_oracle_linked_cell_start_with_half_step():
     """Without ½T²·(link forces)/m in the first step the error falls by 6 dB a halving, not 12."""
     with_links, bare = errors(network(), 0.1), errors(network(), 0.1, link_start=False)
     assert bare[0] - with_links[0] > 6.0
@@ -64,7 +64,7 @@ def test_a_linked_cell_starts_with_its_flow_and_the_links_half_step():
 
 
 @pytest.mark.parametrize(("f", "t60"), [(8.0, 0.6), (440.0, 1.0), (5000.0, 0.3), (15000.0, 0.1)])
-def test_a_cell_alone_is_exact(f: float, t60: float):
+def test_oracle_single_cell_exact(f: float, t60: float):
     scene = Scene()
     scene.part("p")
     mat = scene.cel("m", M=1e-3, f=f, t60=t60, X0=1e-3, V0=0.3, rest=2e-4)
@@ -82,13 +82,15 @@ def test_a_cell_alone_is_exact(f: float, t60: float):
         (5000.0, 0.3, 44100.0, 0.48612872165831794, 0.0010437112321537868),
     ],
 )
-def test_vectors_of_a_tuned_cell(f: float, t60: float, rate: float, kappa: float, zeta: float):
+def test_oracle_coefficients_of_tuned_cell(
+    f: float, t60: float, rate: float, kappa: float, zeta: float
+):
     k, z, _ = discrete(Point(M=1.0, cel=True, tuned=(f, t60)), 1.0 / rate)
     assert k == pytest.approx(kappa, rel=1e-13)
     assert z == pytest.approx(zeta, rel=1e-13)
 
 
-def test_an_overdamped_cell_has_the_poles_of_its_springs():
+def test_oracle_overdamped_cell_poles():
     k, z, _ = discrete(Point(M=0.1, K=10.0, Z=5.0, cel=True), 1.0 / RATE)
     slow = np.roots([1.0, -(2.0 - k - z), 1.0 - z])
     true = np.exp(np.roots([0.1, 5.0, 10.0]) / RATE)
@@ -119,7 +121,7 @@ def pair(link: str, **kw: float) -> Scene:
         ("but", {"Z": 0.3}, 5.5),
     ],
 )
-def test_non_linear_links_converge_to_the_ordinary_differential_equation(link, constants, order):
+def test_oracle_nonlinear_links_converge_to_dop853(link, constants, order):
     scene = pair(link, **constants)
     result = []
     for rate in (2 * RATE, 4 * RATE, 8 * RATE):
@@ -130,7 +132,7 @@ def test_non_linear_links_converge_to_the_ordinary_differential_equation(link, c
     assert result[0] - result[2] > 2.0 * order
 
 
-def test_a_strike_between_samples_has_the_published_split():
+def test_oracle_strike_between_samples_split():
     scene = Scene()
     scene.part("p")
     mat = scene.cel("m", M=1.0, f=440.0, t60=1.0)
@@ -147,7 +149,7 @@ def test_a_strike_between_samples_has_the_published_split():
     assert then == pytest.approx(13225.6978351, rel=1e-9)
 
 
-def test_an_ergon_with_mass_and_speed_gives_what_it_loses():
+def test_oracle_ergon_impulse_on_moving_mass():
     """m = 8 mg at 3000 m/s on 80 g moving at 0.1 m/s: p = 47.99 mN·s."""
     scene = Scene()
     scene.part("p")
@@ -159,7 +161,7 @@ def test_an_ergon_with_mass_and_speed_gives_what_it_loses():
     assert 0.08 * (v[10] - v[3]) == pytest.approx(0.0479936006399, rel=1e-11)
 
 
-def test_bisection_and_closed_form_solve_the_same_contact():
+def test_oracle_contact_by_bisection_and_closed_form():
     rng = np.random.default_rng(1)
     for _ in range(2000):
         p, w = rng.normal(size=2) * 1e-3
@@ -169,7 +171,7 @@ def test_bisection_and_closed_form_solve_the_same_contact():
 
 
 @pytest.mark.parametrize("steps", [2, 3, 8])
-def test_magic_contact_returns_exactly_its_restitution(steps: int):
+def test_oracle_magic_contact_restitution(steps: int):
     for phase in np.linspace(0.0, 1.0, 40, endpoint=False):
         scene = Scene()
         scene.part("p")
@@ -182,7 +184,7 @@ def test_magic_contact_returns_exactly_its_restitution(steps: int):
 
 
 @pytest.mark.parametrize("exponent", [1.0, 1.5])
-def test_exact_contact_keeps_its_energy(exponent: float):
+def test_oracle_exact_contact_conserves_energy(exponent: float):
     scene = Scene()
     scene.part("p")
     a = scene.mas("a", M=1e-3, X0=-1e-3, V0=2.0)
@@ -194,7 +196,7 @@ def test_exact_contact_keeps_its_energy(exponent: float):
     assert 0.5e-3 * v[0] ** 2 + 1e-3 * v[1] ** 2 == pytest.approx(2e-3, rel=1e-11)
 
 
-def test_a_free_key_is_on_the_path_at_every_sample():
+def test_oracle_free_key_follows_path():
     scene = Scene()
     scene.part("k")
     mat = scene.cel("k", M=0.4, K=60.0, Z=1.2)
@@ -208,7 +210,7 @@ def test_a_free_key_is_on_the_path_at_every_sample():
     assert np.abs(np.diff(asked, 2)).max() * RATE**2 < 5.0  # rests at its ends: no jump of v
 
 
-def test_a_path_has_the_least_jerk_of_all_that_pass_its_points():
+def test_oracle_path_minimises_jerk():
     """Minimum of ∫jerk² by finite differences, discretised independently of any spline."""
     n, knots = 401, [0, 100, 250, 400]
     x = np.array([0.0, 6e-3, -2e-3, 1e-3])
@@ -223,7 +225,7 @@ def test_a_path_has_the_least_jerk_of_all_that_pass_its_points():
     assert np.abs(spline - value).max() < 2e-4
 
 
-def test_unstable_roots_are_the_negative_eigenvalues_of_the_bound():
+def test_oracle_unstable_roots_and_negative_eigenvalues():
     """T2: roots of the step matrix outside the disc against eigenvalues of 4M - K - 2Z."""
     rng = np.random.default_rng(7)
     seen = set()

@@ -67,7 +67,7 @@ def test_manual_pages_have_every_command_and_option():
                 assert all(option in text for option in param.opts), (words, param.opts)
 
 
-def test_extension_has_what_the_marketplace_asks_for():
+def test_vscode_extension_package_fields_and_icon():
     folder = ROOT / "editors" / "vscode"
     package = json.loads((folder / "package.json").read_text(encoding="utf-8"))
     lock = json.loads((folder / "package-lock.json").read_text(encoding="utf-8"))

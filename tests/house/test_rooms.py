@@ -46,7 +46,7 @@ def imported(path: Path) -> set[str]:
 
 
 @pytest.mark.parametrize("room", MAY)
-def test_a_room_imports_only_what_it_may(room: str):
+def test_room_imports_only_allowed_rooms(room: str):
     folder = PACKAGE / room.replace(".", "/")
     files = list(folder.rglob("*.py"))
     assert files
@@ -79,7 +79,7 @@ def test_tables_of_rooms_and_links():
 
 
 @pytest.mark.parametrize("room", [room for room in ROOMS if not room.startswith("workshop.")])
-def test_tables_of_rooms_that_need_no_workshop(room: str):
+def test_rooms_without_workshop_imports(room: str):
     used = {name for name in MAY[room] if name.startswith("workshop")}
     assert room == "cli" or not used
 
@@ -174,7 +174,7 @@ def no_kin(graph: dict[tuple[str, ...], set[tuple[str, ...]]]) -> dict:
     }
 
 
-def test_files_import_in_no_circle():
+def test_files_without_import_cycles():
     """At run time, in the whole package; imports inside functions count too."""
     known = modules()
     graph = {one: files_imported(one, known, annotations=False) for one in known}
@@ -182,7 +182,7 @@ def test_files_import_in_no_circle():
 
 
 @pytest.mark.parametrize("room", [room for room in ROOMS if room not in CIRCLES_OF_TYPES])
-def test_files_of_a_room_name_each_other_in_no_circle(room: str):
+def test_room_files_without_annotation_cycles(room: str):
     """In annotations neither: what two files need of each other has a file of its own."""
     known = {
         module: path for module, path in modules().items() if room_of(".".join(module)) == room

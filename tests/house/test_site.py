@@ -68,7 +68,7 @@ def chromium() -> Iterator[browser.Browser]:
         yield started
 
 
-def test_gallery_links_the_pieces_that_were_built(tmp_path: Path):
+def test_gallery_links_built_pieces(tmp_path: Path):
     text = (DOCS / "gallery.md").read_text(encoding="utf-8")
     assert site_hooks.with_pieces(text, tmp_path) == text
     assert all(f"(gallery/{name}.svg)" in text for name in shared_pieces.QUICK)
@@ -80,7 +80,7 @@ def test_gallery_links_the_pieces_that_were_built(tmp_path: Path):
     assert "gallery/tempo.svg" in lines[lines.index(link) - 2]
 
 
-def test_every_page_is_in_one_group():
+def test_pages_each_in_one_group():
     groups = site_hooks.pages_in_groups(DOCS)
     listed = [name for names in groups.values() for name in names]
     assert sorted(listed) == sorted(
@@ -99,24 +99,24 @@ def test_every_page_is_in_one_group():
         ("![x](pictures/a.png)", "a.md", "![x](pictures/a.png)"),
     ],
 )
-def test_links_that_lead_out_are_words(text: str, page: str, shown: str):
+def test_external_links_replaced_by_words(text: str, page: str, shown: str):
     assert site_hooks.without_links_outside(text, page) == shown
 
 
-def test_bars_in_the_code_of_tables(site: Path):
+def test_site_table_code_with_bars(site: Path):
     text = (site / "rhythm/index.html").read_text(encoding="utf-8")
     assert "[kick | snare]" in text
     assert r"\|" not in text
 
 
-def test_every_page_is_in_the_site(site: Path):
+def test_site_contains_all_pages(site: Path):
     for path in DOCS.glob("**/*.md"):
         name = path.relative_to(DOCS).with_suffix("")
         built = name.parent if name.name == "README" else name
         assert (site / built / "index.html").is_file(), name
 
 
-def test_no_page_asks_another_server(site: Path):
+def test_site_pages_without_external_requests(site: Path):
     asking = re.compile(r"<(?:script|link|img|iframe)[^>]*(?:src|href)=\"?(?:https?:)?//")
     pages = list(site.glob("**/*.html"))
     assert len(pages) > 100
@@ -124,7 +124,9 @@ def test_no_page_asks_another_server(site: Path):
 
 
 @pytest.mark.parametrize(("question", "answer"), QUESTIONS, ids=[asked for asked, _ in QUESTIONS])
-def test_search_answers(question: str, answer: str, url: str, chromium: browser.Browser):
+def test_site_search_lists_expected_page(
+    question: str, answer: str, url: str, chromium: browser.Browser
+):
     links = "Array.from(document.querySelectorAll('.md-search-result__link'), (a) => a.pathname)"
     with chromium.page(1200, 800) as page:
         page.call("Page.navigate", url=f"{url}?q={question.replace(' ', '+')}")

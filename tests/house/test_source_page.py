@@ -16,7 +16,7 @@ MASS, STIFFNESS, DAMPING = 0.4, 60.0, 1.2  # of the key, SI
 RATE = 44_100
 
 
-def test_stream_of_the_page_obeys_its_equations(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_source_page_stream_satisfies_equations(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
     for block in blocks(PAGE):
         if block.language == "yaml":

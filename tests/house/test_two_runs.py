@@ -7,7 +7,7 @@ import pytest
 import servers
 
 
-def test_a_run_waits_for_a_name_that_another_uses(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_jack_name_waits_for_other_run(monkeypatch: pytest.MonkeyPatch) -> None:
     lend, refused, names = servers._lent, threading.Event(), []
     monkeypatch.setattr(servers, "_is_there", lambda name: False)  # no JACK is needed here
 

@@ -23,7 +23,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return next(folder.glob("*.whl"))
 
 
-def test_the_wheel_holds_every_part_and_nothing_else(wheel: Path):
+def test_wheel_contains_package_files_only(wheel: Path):
     names = set(zipfile.ZipFile(wheel).namelist())
     parts = ["ergon", "cli", "instruments", "repl", "scores"]
     tracked = subprocess.run(
@@ -44,7 +44,7 @@ def test_the_wheel_holds_every_part_and_nothing_else(wheel: Path):
     assert {Path(name).suffix for name in inside} <= SHIPPED | {".typed"}
 
 
-def test_the_wheel_holds_the_licences_of_what_is_linked_in(wheel: Path):
+def test_wheel_contains_licences(wheel: Path):
     with zipfile.ZipFile(wheel) as files:
         result = {Path(name).name: name for name in files.namelist() if "/licenses/" in name}
         assert set(LICENCES) <= set(result)
@@ -52,7 +52,7 @@ def test_the_wheel_holds_the_licences_of_what_is_linked_in(wheel: Path):
             assert files.read(result[name]) == (ROOT / name).read_bytes()
 
 
-def test_every_crate_that_is_linked_in_is_named():
+def test_third_party_licences_list_linked_crates():
     """`make docs` makes the file anew."""
     command = ["cargo", "tree", "--locked", "-p", "ergon-bridge", "--prefix", "none"]
     command += ["-e", "normal,no-proc-macro"]
@@ -68,7 +68,7 @@ def test_every_crate_that_is_linked_in_is_named():
     assert "https://crates.io/crates/" in text
 
 
-def test_the_installed_wheel_renders(wheel: Path, tmp_path: Path):
+def test_wheel_renders_without_checkout(wheel: Path, tmp_path: Path):
     """Unpacked alone, with nothing of the checkout in reach."""
     site = tmp_path / "site"
     zipfile.ZipFile(wheel).extractall(site)
@@ -89,7 +89,7 @@ main()
 
 
 @pytest.mark.slow
-def test_a_source_distribution_makes_the_same_wheel(wheel: Path, tmp_path: Path):
+def test_sdist_builds_same_wheel(wheel: Path, tmp_path: Path):
     command = [sys.executable, "-m", "maturin", "sdist", "--out", str(tmp_path)]
     subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
     (source,) = tmp_path.glob("*.tar.gz")
@@ -111,7 +111,7 @@ def test_a_source_distribution_makes_the_same_wheel(wheel: Path, tmp_path: Path)
 
 
 @pytest.mark.slow
-def test_an_installed_wheel_with_a_cluster(
+def test_wheel_with_cluster_in_clean_environment(
     wheel: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     """A clean environment, without Rust and checkout; the documented commands; the same bytes."""

@@ -16,7 +16,7 @@ TARGETS = set(
 
 
 @pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.name)
-def test_workflow_names_what_exists(path: Path):
+def test_workflow_jobs_targets_and_permissions(path: Path):
     text = path.read_text(encoding="utf-8")
     workflow = yaml.safe_load(text)
     for name, job in workflow["jobs"].items():
@@ -32,7 +32,7 @@ def test_workflow_names_what_exists(path: Path):
     assert workflow["permissions"] == {"contents": "read"}
 
 
-def test_artefacts_that_are_fetched_are_made():
+def test_release_artefacts_downloaded_equal_built():
     jobs = yaml.safe_load((ROOT / ".github/workflows/release.yml").read_text())["jobs"]
     built = {
         "-".join((item["os"], item["target"], item["manylinux"]))
@@ -46,7 +46,7 @@ def test_artefacts_that_are_fetched_are_made():
     assert tried == built
 
 
-def test_updates_are_asked_for_where_manifests_lie():
+def test_dependabot_directories_of_manifests():
     manifests = {
         "cargo": "Cargo.toml",
         "pip": "pyproject.toml",
@@ -61,7 +61,7 @@ def test_updates_are_asked_for_where_manifests_lie():
 
 
 @pytest.mark.parametrize("page", ["SECURITY.md", "CODE_OF_CONDUCT.md"])
-def test_links_of_community_pages(page: str):
+def test_community_page_links_point_to_files(page: str):
     text = (ROOT / page).read_text(encoding="utf-8")
     targets = re.findall(r"\]\(([^)#\s]+)", text)
     assert targets

@@ -28,7 +28,7 @@ def rendered(text: str) -> str:
     return re.sub(r"\s+", " ", html)
 
 
-def test_prose_has_120_columns():
+def test_prose_lines_of_at_most_120_columns():
     """`python -m docs.generators.wrap FILE` wraps a page that fails here."""
     pages = {page: [*long_lines(page.read_text(encoding="utf-8"))] for page in tracked_pages()}
     assert {str(page): lines for page, lines in pages.items() if lines} == {}
@@ -51,18 +51,18 @@ def test_prose_has_120_columns():
         f"> {WORDS}\n\n<!-- {WORDS} -->\n{WORDS}\n",
     ],
 )
-def test_wrapped_page_is_the_same_page(text: str):
+def test_wrapped_page_renders_unchanged(text: str):
     result = wrapped(text)
     assert rendered(result) == rendered(text)
     assert wrapped(result) == result
     assert [*long_lines(result)] == ([1] if "hard break" in text else [])
 
 
-def test_paragraph_that_fits_stays():
+def test_wrapped_leaves_short_paragraph():
     text = "a line\nand another\n"
     assert wrapped(text) == text
 
 
-def test_word_longer_than_a_line_stands_alone():
+def test_wrapped_word_longer_than_line():
     word = "x" * (COLUMNS + 1)
     assert wrapped(f"before {word} after\n") == f"before\n{word}\nafter\n"

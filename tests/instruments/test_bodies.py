@@ -40,7 +40,7 @@ def decay(sound: np.ndarray, f: float, length: int = 4096) -> float:
 
 
 @pytest.mark.parametrize("method", ["modal", "bm4"])
-def test_partials_decay_as_they_are_named(method):
+def test_string_partials_decay_at_listed_t60(method):
     module = STRING % ", inharmonicity: 0"
     sound = rendered(SCORE % (module, 2, 0, method), 66150)
     near = min(modes(module), key=lambda mode: abs(mode[0] - 4000.0))
@@ -73,7 +73,7 @@ def modes(module: str) -> list[tuple[float, float]]:
         "{A2: 8s, 440Hz: 0.2s}",
     ],
 )
-def test_fitted_decays_stay_modal_and_stepped_ones_are_the_same(t60):
+def test_fitted_decays_same_in_modal_and_stepped_render(t60):
     string = f"STRING: {{masses: 40, M: 6g, f: 110Hz, t60: {t60}, inharmonicity: 2e-4}}"
     text = SCORE % (string, 2, 0, "modal")
     plan = stage(load("x.yaml", text=text).piece, planned=True).plan
@@ -104,7 +104,7 @@ def test_wrong_body_fields_report_code_and_text(module, code, part):
     assert any(part in report[2] for report in reports)
 
 
-def test_decays_that_no_damper_gives_say_what_is_nearest():
+def test_impossible_decays_report_nearest_value():
     comb = ", ".join(f"{110 * i}Hz: {9 if i % 2 else 0.1}s" for i in range(1, 12))
     text = SCORE % (f"STRING: {{masses: 20, M: 1g, f: A2, t60: {{{comb}}}}}", 0, 0, "ca")
     with pytest.raises(Exception, match="the nearest possible value"):
@@ -112,7 +112,7 @@ def test_decays_that_no_damper_gives_say_what_is_nearest():
 
 
 # Leissa, Vibration of Plates (NASA SP-160, 1969), nu = 0.33.
-def test_a_free_disc_sounds_as_a_thin_plate():
+def test_free_disc_mode_ratios_of_thin_plate():
     disc = "PLATE: {shape: disc, radius: 12, M: 300g, f: 200Hz, bending: {poisson: 0.33}}"
     assert codes(SCORE % (disc, "last", "468", "ca")) == []
     network = _core.Network()
@@ -122,7 +122,7 @@ def test_a_free_disc_sounds_as_a_thin_plate():
     assert listened / listened[0] == pytest.approx([1.0, 1.0, 1.729, 2.328, 2.328], rel=0.02)
 
 
-def test_a_held_rectangle_sounds_as_its_closed_form():
+def test_fixed_rectangle_modes_closed_form():
     network = _core.Network()
     network.part("s")
     network.plate("p", sides=(39, 24), M=0.3, f=100.0, bending=0.3, rim="fixed")
@@ -143,7 +143,7 @@ def test_a_held_rectangle_sounds_as_its_closed_form():
         ("shape: square, radius: 4, bending: true, rim: fixed, hardening: 1e6N/m3", 81),
     ],
 )
-def test_plates_have_their_masses_and_are_stable(plate, count):
+def test_plate_mass_counts_and_stability(plate, count):
     text = SCORE % (f"PLATE: {{{plate}, M: 300g, f: 100Hz, t60: 5s}}", "centre", count - 1, "ca")
     sound = rendered(text, 4410)
     assert 0.0 < np.abs(sound).max() < 1e-2

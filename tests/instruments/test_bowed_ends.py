@@ -27,7 +27,7 @@ def levels(line: str, strength: str) -> list[float]:
 
 
 @pytest.mark.parametrize("strength", ["pp", "mf", "f", "ff"])
-def test_note_sounds_until_its_end(strength):
+def test_bowed_note_sounds_until_its_end(strength):
     short, long = levels(SHORT, strength), levels(LONG, strength)
     assert short[:9] == pytest.approx(long[:9], abs=0.01)
     assert max(long[5:29]) - min(long[5:29]) < 12.0
@@ -35,7 +35,7 @@ def test_note_sounds_until_its_end(strength):
     assert long[33] < long[25] - 20.0
 
 
-def test_bow_goes_on_from_note_to_note():
+def test_bowed_notes_connected_without_gap():
     twice, once = levels(TWICE, "ff"), levels(SHORT, "ff")
     assert twice[:9] == pytest.approx(once[:9], abs=0.01)
     assert twice[15] > twice[5] - 12.0

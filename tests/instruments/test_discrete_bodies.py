@@ -23,7 +23,7 @@ def sound(modules: str, out: str) -> np.ndarray:
     return played(instrument(modules, out), method="ca")[:, 0]
 
 
-def test_a_string_is_its_masses_and_springs():
+def test_discrete_string_equals_masses_and_springs():
     complete = sound(
         "s: {STRING: {masses: 5, M: 10, K: 0.1, Z: 0.002, X0: {at: 1, x: 1mm}}}", "s.3"
     )
@@ -38,7 +38,7 @@ def test_a_string_is_its_masses_and_springs():
     assert np.abs(complete - spelled).max() < 1e-15
 
 
-def test_a_plate_has_them_too():
+def test_discrete_plate_lowest_mode_closed_form():
     """The lowest mode of a held rectangle of springs K: sin²(θ/2) = K/M·Σ sin²(π/(2n + 2))."""
     form = "PLATE: {shape: rectangle, sides: [3, 2], rim: fixed, M: 6"
     listened = sound(f"p: {{{form}, K: 0.01, Z: 0, X0: 1mm}}}}", "p.1")
@@ -60,7 +60,7 @@ def test_a_plate_has_them_too():
         ("s: {BANK: {count: 5, M: 1, K: 1}}", None, "unknown field 'K'"),
     ],
 )
-def test_what_is_refused_of_them(modules: str, units: str | None, wanted: str):
+def test_discrete_body_refuses_wrong_k_and_z(modules: str, units: str | None, wanted: str):
     text = instrument(modules, "s.0") if units is None else instrument(modules, "s.0", units)
     loaded = load("s.yaml", text=text)
     messages = [one.message for one in loaded.diagnostics if one.code.startswith("E")]
@@ -71,7 +71,7 @@ def test_what_is_refused_of_them(modules: str, units: str | None, wanted: str):
             played(text, method="ca")
 
 
-def test_another_pitch_beside_it_is_refused():
+def test_discrete_body_refuses_f_beside_k():
     text = HEAD + (
         "instruments:\n  b: {units: ca, at: 44100Hz, f: 220Hz, "
         "STRING: {masses: 5, M: 1, K: 0.1}, out: {SOX: b.2}}\n"
@@ -80,7 +80,7 @@ def test_another_pitch_beside_it_is_refused():
     assert any("K is written too" in message for message in messages), messages
 
 
-def test_like_changes_one_for_the_other():
+def test_discrete_body_like_replaces_f_by_k():
     text = HEAD + (
         "instruments:\n"
         "  a: {units: ca, at: 44100Hz, modules: {s: {STRING: {masses: 5, M: 1, f: 220Hz}}}, "
@@ -94,7 +94,7 @@ def test_like_changes_one_for_the_other():
     assert (fields["f"], fields["K"]) == (None, 0.01)
 
 
-def test_editors_know_them():
+def test_discrete_body_fields_known_to_editors():
     validator = jsonschema.Draft7Validator(schema())
     text = instrument("s: {STRING: {masses: 5, M: 1, K: 0.1, Z: 0}}", "s.2")
     assert list(validator.iter_errors(yaml.safe_load(text))) == []

@@ -41,7 +41,7 @@ def rendered(text: str, **options) -> np.ndarray:
 
 
 @pytest.mark.parametrize("planned", [False, True])
-def test_a_distance_is_that_of_the_coordinates(planned: bool):
+def test_distance_output_equals_coordinates(planned: bool):
     sound = rendered(PAIR, planned=planned)
     a, b, (far, rate, held, still) = sound[:, :3], sound[:, 3:6], sound[:, 6:].T
     np.testing.assert_array_max_ulp(far, np.linalg.norm(b - a, axis=1), 2)
@@ -53,14 +53,14 @@ def test_a_distance_is_that_of_the_coordinates(planned: bool):
     assert np.ptp(far) > 1e-3
 
 
-def test_a_distance_changes_no_other_byte():
+def test_distance_output_changes_no_other_output():
     """A link that does nothing joins what is told of; all else is what it is without it."""
     complete = rendered(PAIR)[:, :6]
     alone = rendered(PAIR[: PAIR.index("  ears:")] + PAIR[PAIR.index("render:") :])
     assert complete.tobytes() == alone.tobytes()
 
 
-def test_a_point_that_a_drum_moves_has_a_distance():
+def test_distance_output_of_plate_point():
     """The mass of a body that goes by its modes is where it is heard to be."""
     text = """\
 ergon: 1
@@ -102,7 +102,7 @@ CELL = "  d:\n    modules: {m: {CEL: {M: 1g, f: A3}}}\n"
         ("SOX: {between: [bob, nai]}", "E301", "nothing is called 'nai'"),
     ],
 )
-def test_mistakes_have_a_sentence(out: str, code: str, said: str):
+def test_distance_output_mistakes(out: str, code: str, said: str):
     reports = check_reports(f"{HEAD}    out: {{{out}}}\n{FLAT}{CELL}")
     assert any(own == code and said in sentence for own, _, sentence in reports), reports
 

@@ -50,7 +50,7 @@ def test_press_counts_from_written_value():
     assert positions(line, ", F: 0.5N")[:3] == pytest.approx(expected, rel=5e-3)
 
 
-def test_two_acts_press_together():
+def test_press_of_two_acts_adds():
     rows = "{at: 0, what: scales, impulse: 0}, {at: 0, what: scales.more, impulse: 1}"
     assert positions(f"{{entries: [{rows}]}}")[0] == pytest.approx(1.2 / K, rel=1e-3)
 
@@ -128,7 +128,7 @@ def test_law_without_constant_is_refused():
     assert [(d.code, d.place.line) for d in loaded.diagnostics] == [("E101", 7)]
 
 
-def test_bow_has_no_strikes_by_chance():
+def test_draw_refuses_strikes_by_chance():
     act, line = "{draw: hair 0.1m/s..1m/s, " + HAIR + "}", "{to: v, at: 0, for: 4, rate: 3Hz}"
     (report,) = check(PLAY.format(act=act, strikes=line)).diagnostics
     assert report.code == "E111"

@@ -62,7 +62,7 @@ def test_energy_of_a_struck_cel_against_its_closed_form():
     assert np.abs(sound[frames] - wanted).max() < 1e-6 * wanted.max()
 
 
-def test_energies_of_free_masses_are_added():
+def test_energy_output_of_free_masses_adds():
     """After an impulse p a free mass has p²/2m: 0.25 mJ, then 1 mJ more."""
     sound = energy(FREE)
     assert sound[700] == pytest.approx(0.25e-3, rel=1e-6)
@@ -74,17 +74,17 @@ def test_energy_of_all_members_of_a_plate():
     assert energy(PLATE)[700] == pytest.approx(19 * 0.5e-3, rel=1e-6)
 
 
-def test_energies_of_the_axes_of_a_point_in_space():
+def test_energy_output_of_point_in_space():
     assert energy(SPACE)[700] == pytest.approx(0.5 * 2e-3 * 25.0, rel=1e-6)
 
 
-def test_level_of_a_millijoule():
+def test_energy_output_level_of_one_millijoule():
     text = FREE + "mix: {master: {gain: 0dB}, route: [{from: a, to: 1, highpass: 0.001Hz}]}\n"
     built = ergon.render("x.yaml", ergon.RenderOptions(text=text))
     assert built.frames[2000, 0] == pytest.approx(0.125, rel=1e-3)
 
 
-def test_outputs_that_have_no_energy_are_refused():
+def test_energy_output_refuses_links_and_distances():
     between = check_reports(CEL.replace("{SOE: m}", "{SOE: {between: [m, m]}}"))
     message = "SOE of output is a mapping; expected: a module, or several in brackets"
     assert between == [("E106", 5, message)]
@@ -96,7 +96,7 @@ def test_outputs_that_have_no_energy_are_refused():
     assert check_reports(text.replace("SOE: m", "SOE: r")) == [("E304", 5, message)]
 
 
-def test_energy_with_nearest_and_radiate():
+def test_energy_output_refused_by_nearest_and_radiate():
     def messages(route: str) -> list[str]:
         mix = f"mix: {{layout: layouts/stereo.yaml, route: [{{from: bell, {route}}}]}}\n"
         return [message for _, _, message in check_reports(CEL + mix)]
@@ -107,11 +107,11 @@ def test_energy_with_nearest_and_radiate():
     assert messages("to: 1, radiate: {distance: 2m, radius: 5cm}") == [radiated]
 
 
-def test_exports_of_energy():
+def test_energy_output_export_is_refused():
     with pytest.raises(ModelError, match="bell: the energy of m is not written yet"):
         faust_programs("x.yaml", ExportOptions(text=CEL))
 
 
-def test_blocks_and_threads_change_no_sample():
+def test_energy_output_with_blocks_and_threads():
     sound = energy(FREE)
     assert np.array_equal(energy(FREE, block=37, threads=2), sound)

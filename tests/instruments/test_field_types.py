@@ -50,7 +50,7 @@ def holds(value: Any, hint: Any) -> bool:
     return isinstance(value, (int, float) if hint is float else hint)
 
 
-def test_typed_kinds():
+def test_field_types_of_expected_kinds():
     assert {"BANK", "BLOCK", "CEL", "CHAIN", "DRY", "LNL", "MODES", "PLATE", "STRING"} <= set(TYPED)
 
 
@@ -65,7 +65,7 @@ def test_typed_fields_are_fields_of_the_table(name: str):
 @pytest.mark.parametrize(
     "score", ["feathers-small", "torn-cloth", "poured-chain", "workshop", "rain"]
 )
-def test_values_of_typed_fields(score: str):
+def test_field_types_fit_values_of_bundled_scores(score: str):
     piece = load(SCORES / f"{score}.yaml").piece
     assert piece is not None
     checked = 0

@@ -38,7 +38,7 @@ def mass(t: float) -> float:
 
 
 @pytest.mark.parametrize("is_heavy", [False, True])
-def test_what_follows_moves_masses_as_dop853_does(is_heavy: bool):
+def test_following_constants_against_dop853(is_heavy: bool):
     modules = PAIR + LAW.replace("\n", " ")
     if is_heavy:
         modules = modules.replace("a: {MAS: {M: 2g, X0: 1mm}}", HEAVY)
@@ -68,7 +68,7 @@ def test_what_follows_moves_masses_as_dop853_does(is_heavy: bool):
 
 
 @pytest.mark.parametrize("is_heavy", [False, True])
-def test_its_ledger_closes(is_heavy: bool):
+def test_following_constants_ledger_closes(is_heavy: bool):
     """What a value brings in as it changes is work from outside."""
     modules = PAIR + LAW.replace("\n", " ")
     if is_heavy:
@@ -81,7 +81,7 @@ def test_its_ledger_closes(is_heavy: bool):
     assert abs(energy.residual) < 1e-11 * energy.flow
 
 
-def test_a_spring_that_stiffens_brings_in_what_it_stores():
+def test_following_spring_stiffness_injects_energy():
     """A spring held at 2 mm goes from 100 N/m to 900 N/m: (900 - 100)/2·(2 mm)² come in."""
     modules = f"""\
 {PRESS}
@@ -98,7 +98,7 @@ to: 900N/m, offset: -2mm, span: 10mm}}}}}}}}"""
 
 @pytest.mark.parametrize(("share", "refused"), [(0.95, False), (1.05, True)])
 @pytest.mark.parametrize("what", ["a law", "a mass"])
-def test_its_certificate_holds_at_both_ends(what: str, share: float, refused: bool):
+def test_following_constants_certificate_at_both_ends(what: str, share: float, refused: bool):
     """λ is K·(1/M + 1/m) where K is greatest and M least, over the square of the rate."""
     greatest = share * 4 * 44_100**2 / (1 / 1e-3 + 1 / 2e-3)
     law = f"from: {greatest}N/m, to: 10N/m"
@@ -128,7 +128,7 @@ felt: {LNL: {between: [wall, s.8], law: "k*d", damping: "z*v", z: 10mNs/m, follo
   k: {of: finger, from: 0N/m, to: 2kN/m, span: 10mm}}}}"""
 
 
-def test_modes_of_what_it_touches_are_kept():
+def test_following_law_leaves_string_in_modes():
     """A string goes by its modes; the mass where the law ends is a port."""
     modules = f"{PRESS}\nwall: {{SOL: {{}}}}\n{STRING}\n" + FOLLOWING_LINK.replace("\n", " ")
     text = score(modules, "a: {SOX: s.15}, f: {SOF: felt}", "error: -60dB")
@@ -146,7 +146,7 @@ def test_modes_of_what_it_touches_are_kept():
     assert off_db(sound[: len(exact), 0], exact) < min(-60.0, worst)
 
 
-def test_it_follows_a_mass_of_a_body():
+def test_follows_mass_of_string():
     """A string's own point presses the felt of another: both are one island."""
     modules = f"{STRING}\nwall: {{SOL: {{}}}}\na: {{CEL: {{M: 3g, K: 900N/m, X0: 1mm}}}}\n"
     modules += 'l: {LNL: {between: [wall, a], law: "k*d", follows: {k: {of: s.5, '
@@ -159,7 +159,7 @@ def test_it_follows_a_mass_of_a_body():
     assert np.abs(free[:, 0] - plain[:, 0]).max() > 1e-4
 
 
-def test_the_same_bytes_wherever_it_stands():
+def test_following_constants_bytes_for_blocks_and_threads():
     """Blocks, threads and a snapshot change no bit."""
     modules = f"{PRESS}\nwall: {{SOL: {{}}}}\n{STRING}\n" + FOLLOWING_LINK.replace("\n", " ")
     built = ready(score(modules, "a: {SOX: s.15}"))
@@ -187,14 +187,14 @@ WRONG = {
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_what_follows_nothing_is_refused_at_its_place(name: str):
+def test_follows_with_mistakes_refused_at_line(name: str):
     modules, message = WRONG[name]
     text = score(f"{PAIR}{modules}".replace("\n  ", " "), "a: {SOX: a}")
     output = [(line, output) for _, line, output in check_reports(text) if message in output]
     assert [line for line, _ in output] == [12], check_reports(text)
 
 
-def test_a_key_holds_nothing_that_follows():
+def test_follows_in_key_is_refused():
     text = """ergon: 1
 keys:
   k:

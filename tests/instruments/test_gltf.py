@@ -12,7 +12,7 @@ from ergon.scores.reading.load import load
 from ergon.scores.staging.stage import stage
 
 
-def test_vertices_at_one_place_are_one_point():
+def test_gltf_coincident_vertices_merged():
     mesh = gltf_file.read(json.dumps(tetrahedron()))
     # What is up, y, is z; the x axis stays.
     assert mesh.points == ((10, 0, 0), (11, 0, 0), (10, 0, 1), (10, -1, 0))
@@ -20,7 +20,7 @@ def test_vertices_at_one_place_are_one_point():
 
 
 @pytest.mark.parametrize(("offset", "n_points"), [(2e-7, 4), (-5e-7, 4), (2e-5, 8)])
-def test_places_that_differ_by_rounding_are_one_point(offset: float, n_points: int):
+def test_gltf_vertices_merged_within_rounding(offset: float, n_points: int):
     """Two nodes with one mesh: a seam of rounding makes no second body."""
     root = tetrahedron()
     root["nodes"].append({"mesh": 0, "translation": [offset, offset, offset]})
@@ -30,7 +30,7 @@ def test_places_that_differ_by_rounding_are_one_point(offset: float, n_points: i
     assert len(mesh.edges) == 5 * n_points // 4
 
 
-def test_nodes_turn_stretch_and_move():
+def test_gltf_node_rotation_scale_and_translation():
     half = 0.5**0.5
     # A quarter of a turn around what is up takes x to -z, twice as long, ten away.
     turned = gltf_file.read(json.dumps(tetrahedron(scale=[2, 2, 2], rotation=[0, half, 0, half])))
@@ -52,7 +52,7 @@ def test_nodes_turn_stretch_and_move():
         (6, (0, 1, 2, 5), [(0, 1), (0, 2), (0, 3), (1, 2), (2, 3)]),
     ],
 )
-def test_edges_are_those_of_the_mode(mode: int, indices: tuple[int, ...], edges: list):
+def test_gltf_edges_of_primitive_modes(mode: int, indices: tuple[int, ...], edges: list):
     assert sorted(gltf_file.read(json.dumps(tetrahedron(mode, indices))).edges) == edges
 
 
@@ -119,7 +119,7 @@ render: {tail: 0.1s}
 """
 
 
-def test_a_score_has_a_mesh_of_a_gltf_file(tmp_path):
+def test_score_with_gltf_net(tmp_path):
     (tmp_path / "rock.gltf").write_text(json.dumps(tetrahedron()))
     (tmp_path / "s.yaml").write_text(SCORE % "rock.gltf")
     piece = load(str(tmp_path / "s.yaml")).piece
@@ -131,7 +131,7 @@ def test_a_score_has_a_mesh_of_a_gltf_file(tmp_path):
     ("file", "code", "message"),
     [("rock.glb", "E106", "not a binary glTF file"), ("rock.gltf", "E106", "it is incomplete")],
 )
-def test_a_score_tells_what_is_wrong_with_its_file(tmp_path, file: str, code: str, message: str):
+def test_score_with_wrong_mesh_file(tmp_path, file: str, code: str, message: str):
     (tmp_path / file).write_text("{}")
     (tmp_path / "s.yaml").write_text(SCORE % file)
     reports = load(str(tmp_path / "s.yaml")).diagnostics

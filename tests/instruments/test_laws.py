@@ -28,14 +28,14 @@ def loaded_fields(fields, laws=""):
 
 
 @pytest.mark.parametrize("name", SHIPPED.split())
-def test_shipped_laws(name):
+def test_bundled_laws_have_text_and_constants(name):
     fields = loaded_fields(f"law: {name}")
     assert fields["law"] or fields["damping"]
     assert not is_name(fields["law"])
     assert fields["constants"]
 
 
-def test_constants_of_the_module_come_first():
+def test_law_constants_of_module_override_defaults():
     fields = loaded_fields("law: cubic, q: 5N/mm3")
     assert fields["constants"] == {"k": 1000.0, "q": 5e9, "z": 0.0}
 
@@ -47,12 +47,12 @@ def test_laws_of_the_score():
     assert fields["constants"] == {"k": 3.0, "z": 2.0}
 
 
-def test_a_letter_is_an_expression():
+def test_law_of_single_letter_is_expression():
     assert loaded_fields("law: d")["law"] == "d"
     assert loaded_fields("law: k, k: 2N")["law"] == "k"
 
 
-def test_nothing_is_run(tmp_path):
+def test_law_text_never_executed(tmp_path):
     path = tmp_path / "x"
     hostile = f"__import__('os').system('touch {path}')"
     fields = f'law: "{hostile}"'
@@ -73,13 +73,13 @@ def test_mistakes_in_laws_have_places():
     assert text.split("\n")[report.place.line - 1][report.place.column - 1 :].startswith("dd")
 
 
-def test_the_file_of_laws_checks():
+def test_law_library_file_checks_without_diagnostics():
     path = Path(instruments.__file__).parent / "library/laws.yaml"
     assert load(path).diagnostics == []
     assert set(yaml.safe_load(path.read_text(encoding="utf-8"))["laws"]) == set(SHIPPED.split())
 
 
-def test_a_misspelt_field_is_no_constant():
+def test_law_misspelt_field_suggestion():
     text = NETWORK % ("", 'law: k*d, k: 1, dampng: "z*v"')
     report = load("s.yaml", text=text).diagnostics[0]
     assert (report.code, report.suggestion) == ("E101", "damping")

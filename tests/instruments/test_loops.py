@@ -98,7 +98,7 @@ def test_loop_reads_as_the_modules_written_out():
     assert digest_of(looped) == digest_of(written)
 
 
-def test_loops_inside_one_another_number_names_twice():
+def test_nested_loops_with_two_numbers_in_names():
     modules = """\
       for row in 0..1:
         for column in 1..2*row + 2 by 2:
@@ -108,11 +108,11 @@ def test_loops_inside_one_another_number_names_twice():
     assert names_of(modules) == ["left", "m0_1", "m1_1", "m1_3", "m2", "m3", "m4", "m5"]
 
 
-def test_empty_range_makes_nothing():
+def test_loop_with_empty_range_makes_no_modules():
     assert names_of("      for i in 3..2: {q(i): {SOL: {}}}\n" + LOOPS) == names_of(LOOPS)
 
 
-def test_member_number_by_expression():
+def test_loop_member_number_by_expression():
     modules = """\
       string: {STRING: {masses: 12, M: 2g, f: A2, t60: 1s}}
       for i in 1..3:
@@ -122,7 +122,7 @@ def test_member_number_by_expression():
     assert [tie.fields["between"][1].first for tie in ties] == [3, 6, 9]
 
 
-def test_outputs_by_loop():
+def test_loop_in_outputs():
     text = (HEAD + LOOPS + TAIL).replace(
         "    out: {x: {SOX: m2}, y: {SOX: m5}}\n",
         "    out:\n      for i in 1..3: {ear(i): {SOX: m(2*i)}}\n",
@@ -148,7 +148,7 @@ def test_module_beside_a_loop_is_an_exception_from_it(is_above):
     assert all(placeless(chain[name]) == placeless(plain[name]) for name in others)
 
 
-def test_exception_keeps_other_fields_of_the_loop():
+def test_loop_exception_preserves_other_fields():
     exception = "      s3: {REF: {K: 1kN/m}}\n"
     modules = {m.name: m for m in piece_of(LOOPS + exception).instruments["chain"].modules}
     assert modules["s3"].fields["K"] == 1e3
@@ -156,13 +156,13 @@ def test_exception_keeps_other_fields_of_the_loop():
     assert [end.module for end in modules["s3"].fields["between"]] == ["m2", "m3"]
 
 
-def test_set_of_a_module_that_a_loop_makes(tmp_path):
+def test_set_value_of_looped_module(tmp_path):
     texts, piece = opened(tmp_path / "s.yaml", HEAD + LOOPS + TAIL)
     piece = matter.set_value(texts, piece, "chain.m3.M", "9g").load().piece
     assert {m.name: m for m in piece.instruments["chain"].modules}["m3"].fields["M"] == 9e-3
 
 
-def test_set_in_a_session_equals_the_render_of_its_journal(tmp_path):
+def test_set_of_looped_module_replays_from_journal(tmp_path):
     session = Stepped(HEAD + LOOPS + TAIL, tmp_path)
     session.ok("play")
     session.run(0.1)
@@ -196,19 +196,19 @@ def test_set_in_a_session_equals_the_render_of_its_journal(tmp_path):
         ("for i in 1..3: {let: {n: 3}, q(i): {SOL: {}}}", "E102", 7, "'n' is named already"),
     ],
 )
-def test_mistake_has_its_place_and_what_to_write(modules, code, line, words):
+def test_loop_mistakes_with_place_and_suggestion(modules, code, line, words):
     reports = report(f"      {modules}\n{LOOPS}")
     assert len(reports) == 1, reports
     assert reports[0][:2] == (code, line)
     assert words in reports[0][2]
 
 
-def test_mistake_in_every_turn_is_reported_once():
+def test_loop_mistake_in_every_turn_reported_once():
     reports = report(LOOPS.replace("K: stiff*i", "K: 4kN*i"))
     assert [(code, line) for code, line, _ in reports] == [("E203", 11)]
 
 
-def test_names_of_a_loop_that_cannot_be_read_are_not_missed():
+def test_loop_with_unreadable_range_single_report():
     reports = report(LOOPS.replace("for i in 1..n", "for i in 1..nn"))
     assert [(code, line) for code, line, _ in reports] == [("E201", 7)]
 
@@ -232,7 +232,7 @@ def test_law_functions_are_no_names():
     assert modules_by_name["law2"].fields["constants"]["k"] == 200.0
 
 
-def test_turns_of_loops_side_by_side_are_bounded():
+def test_loop_turns_limit_of_parallel_loops():
     half = MAX_TURNS // 2 + 1
     modules = "".join(
         f"      for {name} in 1..{half}: {{if {name} < 0: {{q({name}): {{SOL: {{}}}}}}}}\n"
@@ -241,7 +241,7 @@ def test_turns_of_loops_side_by_side_are_bounded():
     assert [code for code, *_ in report(modules + LOOPS)] == ["E105"]
 
 
-def test_values_written_out_are_bounded():
+def test_loop_values_limit():
     nodes = ", ".join(f"q{j}(i): {{SOL: {{}}}}" for j in range(20))
     codes_of = [code for code, *_ in report(f"      for i in 1..20000: {{{nodes}}}\n{LOOPS}")]
     assert codes_of[:1] == ["E105"]
@@ -262,7 +262,7 @@ def test_formatting_leaves_loops_as_they_are():
     assert formatted(text) == text
 
 
-def test_names_without_a_loop_are_refused_as_before():
+def test_loop_names_refused_outside_loops():
     assert codes(HEAD + "      q(1): {SOL: {}}\n" + LOOPS + TAIL) == ["E110"]
 
 
@@ -281,18 +281,18 @@ def test_names_without_a_loop_are_refused_as_before():
         ("A4 > G4", True),
     ],
 )
-def test_condition(condition, expected):
+def test_is_true_of_conditions(condition, expected):
     assert is_true(condition, 0, {"i": Amount(4, "")}) is expected
 
 
 @pytest.mark.parametrize("condition", ["", "and", "i <", "i < 3 or", "< 3", "i ! 3"])
-def test_condition_that_is_none_is_refused(condition):
+def test_is_true_refuses_non_conditions(condition):
     with pytest.raises(TextError):
         is_true(condition, 0, {"i": Amount(4, "")})
 
 
 @pytest.mark.parametrize("number", [0, 1, 5, 6, 7, 13])
-def test_mod_is_what_a_division_leaves(number):
+def test_mod_operator_with_numbers(number):
     assert evaluate(f"{number} mod 6", {}).number == number % 6
 
 

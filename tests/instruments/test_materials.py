@@ -34,7 +34,7 @@ def refused(fields: str) -> list[tuple[str, str]]:
     return [(report[0], report[2]) for report in check_reports(SCORE % fields)]
 
 
-def test_every_material_has_plausible_values_and_a_source():
+def test_materials_with_plausible_values_and_source():
     for name, item in MATERIALS.items():
         assert 400.0 <= item.density <= 9000.0, name
         assert 4e8 <= item.young <= 2.2e11, name
@@ -44,7 +44,7 @@ def test_every_material_has_plausible_values_and_a_source():
 
 
 # f from T and μ, B = π³·E·d⁴/(64·T·L²): Fletcher and Rossing, The Physics of Musical Instruments.
-def test_a_wire_sounds_as_a_stiff_string_of_its_matter():
+def test_wire_of_material_stiff_string_modes():
     length, d, tension = 0.65, 0.4e-3, 70.0
     wire = WIRE % "length: 65cm, diameter: 0.4mm, tension: 70N"
     line = STEEL.density * math.pi * d**2 / 4
@@ -71,7 +71,7 @@ def test_a_wire_sounds_as_a_stiff_string_of_its_matter():
 
 @pytest.mark.parametrize("ends", ["fixed", "left", "free"])
 @pytest.mark.parametrize("more", ["", ", inharmonicity: 1e-4", ", masses: 90, stiffness: 0.01"])
-def test_of_length_diameter_tension_and_pitch_any_three_say_the_fourth(ends, more):
+def test_wire_fourth_of_length_diameter_tension_and_f(ends, more):
     sizes = {"length": 0.65, "diameter": 1e-3, "tension": 70.0}
     units = {"length": "m", "diameter": "m", "tension": "N", "f": "Hz"}
 
@@ -89,7 +89,7 @@ def test_of_length_diameter_tension_and_pitch_any_three_say_the_fourth(ends, mor
             assert again[name] == pytest.approx(first[name], rel=1e-9), (left_out, name)
 
 
-def test_what_is_written_itself_goes_before_what_would_follow():
+def test_written_wire_fields_override_derived():
     plain = body(WIRE % "length: 65cm, diameter: 0.4mm, tension: 70N")
     single = "masses: 70, t60: 3s, inharmonicity: 2e-4"
     text = body(WIRE % f"length: 65cm, diameter: 0.4mm, tension: 70N, {single}")
@@ -133,7 +133,7 @@ def _speed(matter, thickness: float) -> float:
     return thickness * math.sqrt(matter.young / (12 * matter.density * (1 - matter.poisson**2)))
 
 
-def test_a_gong_of_bronze_sounds_as_a_free_disc():
+def test_free_bronze_disc_modes():
     gong = "PLATE: {material: bronze, radius: 30cm, thickness: 2mm, masses: 300}"
     scale = _speed(BRONZE, 2e-3) / (2 * math.pi * 0.3**2)
     fields = body(gong)
@@ -148,7 +148,7 @@ def test_a_gong_of_bronze_sounds_as_a_free_disc():
     assert listened[0, 1] == pytest.approx(math.log(1000) / (math.pi * fields["f"] * BRONZE.loss))
 
 
-def test_a_disc_at_rest_round_its_rim_sounds_as_its_closed_form():
+def test_fixed_rim_disc_pitch_closed_form():
     fields = body("PLATE: {material: steel, radius: 20cm, thickness: 3mm, rim: fixed}")
 
     def error(x: float) -> float:  # Leissa, eq. 2.9
@@ -181,7 +181,7 @@ def _free_rectangle(ratio: float, poisson: float, size: int = 10) -> np.ndarray:
 
 @pytest.mark.parametrize("ratio", [1.0, 0.62, 0.25, 0.1])
 @pytest.mark.parametrize("poisson", [0.0001, 0.35, 0.5])
-def test_a_free_rectangle_has_the_pitch_of_a_ritz_series(ratio, poisson):
+def test_free_rectangle_pitch_by_ritz_series(ratio, poisson):
     high = f"{1000 * ratio:.6g}mm"
     plate = f"material: steel, sides: [1m, {high}], thickness: 5mm, bending: {{poisson: {poisson}}}"
     speed = 5e-3 * math.sqrt(STEEL.young / (12 * STEEL.density * (1 - poisson**2)))
@@ -189,7 +189,7 @@ def test_a_free_rectangle_has_the_pitch_of_a_ritz_series(ratio, poisson):
     assert body(f"PLATE: {{{plate}}}")["f"] == pytest.approx(wanted, rel=5e-4)
 
 
-def test_a_free_square_has_the_modes_that_leissa_lists():
+def test_free_square_modes_of_leissa_table():
     # Vibration of Plates, table 4.72, ν = 0.3.
     listened = modes(
         "PLATE: {material: steel, sides: [40cm, 40cm], thickness: 3mm, masses: 600}", 5
@@ -198,7 +198,7 @@ def test_a_free_square_has_the_modes_that_leissa_lists():
     assert listened / scale == pytest.approx([13.49, 19.79, 24.43, 35.02, 35.02], rel=0.02)
 
 
-def test_a_held_rectangle_and_a_membrane_have_their_closed_forms():
+def test_fixed_rectangle_and_membrane_closed_form():
     plate = body("PLATE: {material: glass, sides: [40cm, 25cm], thickness: 3mm, rim: fixed}")
     speed = _speed(MATERIALS["glass"], 3e-3)
     assert plate["f"] == pytest.approx(math.pi / 2 * speed * (1 / 0.16 + 1 / 0.0625), rel=1e-12)
@@ -212,7 +212,7 @@ def test_a_held_rectangle_and_a_membrane_have_their_closed_forms():
     assert modes(head, 5)[:, 0] == pytest.approx(sorted(wanted)[:5], rel=0.015)
 
 
-def test_two_of_size_thickness_and_pitch_say_the_third():
+def test_plate_third_of_size_thickness_and_pitch():
     for rim in ("free", "fixed"):
         form = f"material: spruce, sides: [40cm, 30cm], rim: {rim}"
         first = body(f"PLATE: {{{form}, thickness: 3mm}}")
@@ -227,7 +227,7 @@ def test_two_of_size_thickness_and_pitch_say_the_third():
         assert again["M"] == pytest.approx(first["M"], rel=1e-9)
 
 
-def test_bodies_reach_five_kilohertz_unless_a_number_of_masses_is_written():
+def test_body_default_masses_reach_5_khz():
     for fields in (
         WIRE % "length: 65cm, diameter: 0.4mm, tension: 70N",
         "PLATE: {material: bronze, radius: 20cm, thickness: 4mm}",
@@ -252,7 +252,7 @@ instruments:
 """
 
 
-def test_pitches_of_bodies_of_a_material_move_as_those_of_others():
+def test_body_of_material_transposed_by_like():
     piece = check(INSTRUMENTS).piece
     fields = {name: one.modules[0].fields for name, one in piece.instruments.items()}
     low, high = fields["low"], fields["high"]
@@ -324,13 +324,13 @@ def test_wrong_material_fields_report_code_and_text(fields, code, part):
     assert [(own, True) for own, _ in reports] == [(code, part in reports[0][1])]
 
 
-def test_a_discrete_network_has_no_material():
+def test_discrete_network_refuses_material():
     text = SCORE % (WIRE % "length: 1m, diameter: 1mm, tension: 70N")
     text = text.replace("s: {", "s: {units: ca, at: 44100Hz, ", 1)
     assert codes(text) == ["E111"]
 
 
-def test_a_drumhead_sounds_as_a_round_membrane():
+def test_drumhead_modes_of_round_membrane():
     head = "PLATE: {material: skin, radius: 16cm, thickness: 0.3mm, tension: 2kN/m, masses: 800}"
     speed = math.sqrt(2000.0 / (1100.0 * 0.3e-3))
     # Zeros of J0, J1, J2, J0: modes (0, 1), (1, 1) twice, (2, 1) twice, (0, 2).

@@ -19,7 +19,7 @@ instruments:
     ("start", "listened", "sum_mm"),
     [("3..8", "all", 6), ("3..last", "all", 17), ("last", "last", 1), ("centre", "0", 0)],
 )
-def test_members_start_and_are_heard(start, listened, sum_mm):
+def test_members_start_values_and_outputs(start, listened, sum_mm):
     simulation = stage(load("x.yaml", text=STRING % (start, listened)).piece).simulation
     out = np.zeros((1, 1))
     simulation.process(out)
@@ -27,17 +27,17 @@ def test_members_start_and_are_heard(start, listened, sum_mm):
 
 
 @pytest.mark.parametrize("at", ["foo", "20", "3..20", "8..3", "-1", "s.3", "1.."])
-def test_members_that_are_not_there_start_nothing(at):
+def test_members_outside_range_refused(at):
     found = load("x.yaml", text=STRING % (at, "0")).diagnostics
     assert [(d.code, d.place.line, d.place.column) for d in found] == [("E304", 3, 51)]
 
 
-def test_what_is_known_has_a_name():
+def test_unknown_member_help_lists_modules():
     (found,) = load("x.yaml", text=(STRING % ("0", "0")).replace("s.0", "q.0")).diagnostics
     assert found.help == "known here: s"
 
 
-def test_a_generator_behind_a_lever_starts_and_hardens_as_the_scene_sees_it():
+def test_string_with_start_and_hardening_behind_lever():
     """Seen through reach 2, a string is the same string with lengths doubled, forces halved."""
     plain, levered = (_last_of_key(reach) for reach in (1, 2))
     assert levered == pytest.approx(2 * plain, abs=1e-12)

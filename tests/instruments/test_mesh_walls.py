@@ -57,7 +57,7 @@ def scene(wall: str, rate: int = 44_100, *, at: str, speed: str, damping: str = 
 
 
 @pytest.mark.parametrize("friction", ["", ", friction: 0.5"])
-def test_a_flat_surface_is_a_plane(tmp_path: Path, friction: str):
+def test_mesh_wall_of_flat_surface_equals_plane(tmp_path: Path, friction: str):
     """A ball that jumps and slides over its edges goes as on a plane, but for rounding."""
     (tmp_path / "floor.obj").write_text(FLOOR)
     method = {"at": "0, 0, 8cm", "speed": "0.2m/s, 0.1m/s, 0"}
@@ -68,7 +68,7 @@ def test_a_flat_surface_is_a_plane(tmp_path: Path, friction: str):
     np.testing.assert_allclose(mesh, plane, rtol=0, atol=1e-9)
 
 
-def test_scale_and_up_place_a_surface(tmp_path: Path):
+def test_mesh_wall_scale_and_up(tmp_path: Path):
     # In centimetres, and what is up is y: (x, y, z) as (y, z, x).
     turned = ""
     for kind, *numbers in map(str.split, FLOOR.splitlines()):
@@ -83,7 +83,7 @@ def test_scale_and_up_place_a_surface(tmp_path: Path):
     np.testing.assert_allclose(mesh, plane, rtol=0, atol=1e-9)
 
 
-def test_a_ridge_turns_a_ball_aside_as_dop853_does(tmp_path: Path):
+def test_mesh_wall_ridge_against_dop853(tmp_path: Path):
     """It falls beside the ridge of a roof, rolls round it, and slides down one side."""
     (tmp_path / "roof.obj").write_text(ROOF)
     start = np.array([2e-3, 0.0, 0.075, 0.0, 0.05, 0.0])
@@ -130,7 +130,7 @@ render: {bits: float, tail: 0.1s}
 """
 
 
-def test_a_binary_file_is_the_embedded_one(tmp_path: Path):
+def test_glb_file_equals_gltf_file(tmp_path: Path):
     embedded, packed = json.dumps(tetrahedron()), binary(tetrahedron())
     assert gltf_file.read_binary(packed) == gltf_file.read(embedded)
     assert gltf_file.read(embedded).faces == ((0, 1, 2), (0, 2, 3))
@@ -141,7 +141,7 @@ def test_a_binary_file_is_the_embedded_one(tmp_path: Path):
     np.testing.assert_array_equal(*sounds)
 
 
-def test_what_is_kept_of_a_binary_file_is_its_mesh(tmp_path: Path):
+def test_glb_overlay_text_restores_mesh(tmp_path: Path):
     """A journal holds a text, which stands for the file where that is gone."""
     file, score = tmp_path / "net.glb", tmp_path / "score.yaml"
     file.write_bytes(binary(tetrahedron()))
@@ -181,12 +181,12 @@ def _spoiled(at: int, data: bytes) -> bytes:
         ),
     ],
 )
-def test_spoiled_binary_files_are_refused(data: bytes, said: str):
+def test_damaged_glb_files_are_refused(data: bytes, said: str):
     with pytest.raises(MeshFileError, match=said):
         gltf_file.read_binary(data)
 
 
-def test_many_nodes_of_one_mesh_are_bounded():
+def test_gltf_node_count_limit():
     root = tetrahedron()
     root["nodes"] = [{"mesh": 0}] * 10_000
     root["scenes"] = [{"nodes": list(range(10_000))}]
@@ -213,7 +213,7 @@ LINES = "v 0 0 0\nv 1 0 0\nl 1 2\n"
         ("mesh: {file: floor.obj}", "v 1 1 1\nv 2 2 2\nv 3 3 3\nf 1 2 3\n", "", "area"),
     ],
 )
-def test_mistakes_have_a_sentence(tmp_path: Path, wall: str, text: str, code: str, wanted: str):
+def test_mesh_wall_mistakes(tmp_path: Path, wall: str, text: str, code: str, wanted: str):
     (tmp_path / "floor.obj").write_text(text)
     path = tmp_path / "score.yaml"
     path.write_text(scene(wall, at="0, 0, 8cm", speed="0, 0, 0"))
@@ -227,7 +227,7 @@ def test_mistakes_have_a_sentence(tmp_path: Path, wall: str, text: str, code: st
             stage(loaded.piece)
 
 
-def test_a_plane_of_two_axes_has_no_file(tmp_path: Path):
+def test_mesh_wall_in_two_dimensions_is_refused(tmp_path: Path):
     (tmp_path / "floor.obj").write_text(FLOOR)
     text = scene("mesh: {file: floor.obj}", at="0, 8cm", speed="0, 0")
     text = text.replace("space: 3", "space: 2").replace("[0, 0, 5cm]", "[0, 0]")

@@ -12,7 +12,7 @@ SCORE = "ergon: 1\ninstruments:\n  b: {modules: {m: {BANK: {M: 10g, %s}}}, out: 
 LISTS = "f: [200Hz, 453Hz, A5], t60: [4s, 3s, 1s], gain: [0dB, -6dB, x0.2]"
 
 
-def test_each_mode_has_its_frequency_its_decay_and_its_gain():
+def test_bank_modes_frequency_decay_and_gain():
     piece = check(SCORE % LISTS).piece
     assembly = Assembly()
     assembly.part("b", piece.instruments["b"].modules)
@@ -33,12 +33,12 @@ def test_each_mode_has_its_frequency_its_decay_and_its_gain():
     assert amplitude == pytest.approx([0.1, 0.1 * 10**-0.3, 0.02], rel=0.01)
 
 
-def test_one_decay_stands_for_all_and_no_gain_for_one():
+def test_bank_with_single_decay_and_default_gain():
     lone = check(SCORE % "f: [200Hz, 453Hz], t60: 2s").piece.instruments["b"].modules[0].fields
     assert (lone["t60"], lone["gain"], lone["count"]) == ((2.0, 2.0), (1.0, 1.0), 2)
 
 
-def test_two_listed_frequencies_are_no_range():
+def test_bank_with_two_listed_frequencies_transposed():
     text = SCORE % "f: [200Hz, 453Hz], t60: [1s, 2s]" + "  h: {like: b, transpose: 12st}\n"
     high = check(text).piece.instruments["h"].modules[0].fields
     assert (high["f"], high["t60"]) == ((400.0, 906.0), (0.5, 1.0))
@@ -55,7 +55,7 @@ def score(tmp_path):
     return loaded_bank
 
 
-def test_a_file_says_the_same_as_lists(score, tmp_path):
+def test_bank_file_equals_lists(score, tmp_path):
     loaded = score("f, t60, gain\n# a bell\n200Hz, 4s, 0dB\n453, 3, -6dB\nA5,1s,x0.2\n")
     assert loaded.diagnostics == []
     lists = check(SCORE % LISTS).piece.instruments["b"].modules[0].fields
@@ -64,7 +64,7 @@ def test_a_file_says_the_same_as_lists(score, tmp_path):
     assert tmp_path / "bell.csv" in loaded.inputs
 
 
-def test_each_bad_cell_is_named_with_its_line_and_column(score, tmp_path):
+def test_bank_file_bad_cells_with_line_and_column(score, tmp_path):
     loaded = score("200Hz, 4s\n2oo, 4s, 1\n300Hz, -1s\n400Hz\n")
     places = [(d.place.file, d.place.line, d.place.column) for d in loaded.diagnostics]
     name = str(tmp_path / "bell.csv")
@@ -83,13 +83,13 @@ def test_each_bad_cell_is_named_with_its_line_and_column(score, tmp_path):
         ("x" * 5000, "E106", "200Hz, 4s, -6dB"),
     ],
 )
-def test_hostile_files_are_refused(score, table, code, part):
+def test_bank_hostile_files_are_refused(score, table, code, part):
     reports = [(d.code, d.message) for d in score(table).diagnostics]
     assert reports[0][0] == code
     assert part in reports[0][1] or code == "E202"
 
 
-def test_a_file_lies_within_the_folder_of_the_score(tmp_path):
+def test_bank_file_outside_score_folder_is_refused(tmp_path):
     inside = tmp_path / "in"
     inside.mkdir()
     (tmp_path / "bell.csv").write_text("1Hz, 1s\n")

@@ -32,7 +32,7 @@ def rendered(text: str, n: int = 44100) -> np.ndarray:
     return out[:, 0]
 
 
-def test_it_has_the_modes_and_levels_that_are_written():
+def test_modes_body_poles_and_levels_as_written():
     assembly = network(SCORE % (LISTS + PLACES, "waist"))
     modes = assembly.network.part_modes("b", count=3)
     poles, shapes = np.array(modes.poles), np.array(modes.shapes).real
@@ -44,7 +44,7 @@ def test_it_has_the_modes_and_levels_that_are_written():
 
 
 @pytest.mark.parametrize(("to", "place"), [("rim", "waist"), ("waist", "rim"), ("rim", "rim")])
-def test_a_strike_moves_each_mode_by_its_levels_at_both_places(to, place):
+def test_modes_body_strike_response_by_levels(to, place):
     levels = {"rim": (1.0, 0.8, 0.5), "waist": (0.4, 10 ** (-6 / 20), -0.5)}
     strike = "strikes: {s: {to: b.%s, at: 0s, impulse: 1mNs, lasts: 0s}}\n"
     out = rendered(SCORE % (LISTS + PLACES, place) + strike % to)
@@ -61,7 +61,7 @@ def test_a_strike_moves_each_mode_by_its_levels_at_both_places(to, place):
     "places",
     ["{rim: [1, 0.8, 0.5], waist: [0.4, -6dB, -0.5]}", "{rim: [1, 0.8, 0.5], mic: [30, 24, 15]}"],
 )
-def test_stepped_as_written_it_has_its_modes(places):
+def test_modes_body_stepped_under_ca(places):
     """In each step of CORDIS-ANIMA the ties of its masses take away what their springs add."""
     text = SCORE % (f"{LISTS}, places: {places}", "rim")
     text += "strikes: {s: {to: b.rim, at: 0s, impulse: 1mNs}}\n"
@@ -73,14 +73,14 @@ def test_stepped_as_written_it_has_its_modes(places):
     assert np.abs(out[:, 0] - exact).max() < 0.08 * np.abs(exact).max()
 
 
-def test_places_move_independently_at_the_first_instant_and_one_place_needs_no_more():
+def test_modes_body_mass_count_of_places():
     two = network(SCORE % (LISTS + PLACES, "waist")).network
     first = network(SCORE % (LISTS, "point")).network
     assert (two.n_mat, first.n_mat, two.count(0), first.count(0)) == (4, 3, 2, 1)
 
 
 @pytest.mark.parametrize(("count", "places"), [(1, 3), (40, 5), (200, 2)])
-def test_any_number_of_modes_and_places(count, places):
+def test_modes_body_random_counts_of_modes_and_places(count, places):
     rng = np.random.default_rng(count)
     f = np.sort(np.exp(rng.uniform(np.log(50), np.log(15e3), count)))
     t60 = rng.uniform(0.2, 20.0, count)
@@ -98,7 +98,7 @@ def test_any_number_of_modes_and_places(count, places):
     assert np.allclose(seen, asked, atol=1e-5)
 
 
-def test_a_hammer_meets_it_as_a_whole_and_the_plan_computes_it_by_modes():
+def test_modes_body_with_hammer_planned_by_modes():
     text = """ergon: 1
 instruments:
   b:
@@ -113,7 +113,7 @@ instruments:
     assert [row.modes.total for row in rows if row.modes is not None] == [4]
 
 
-def test_one_decay_stands_for_all_modes_and_a_lone_place_has_a_name():
+def test_modes_body_single_decay_and_default_place():
     fields = check(SCORE % ("f: [200Hz, 453Hz], t60: 2s", "point")).piece.instruments["b"]
     fields = fields.modules[0].fields
     assert fields["t60"] == (2.0, 2.0)
@@ -121,7 +121,7 @@ def test_one_decay_stands_for_all_modes_and_a_lone_place_has_a_name():
     assert codes(SCORE % ("f: 200Hz, t60: 2s", "0")) == []
 
 
-def test_transposing_moves_frequencies_and_decays_and_a_pitch_only_frequencies():
+def test_modes_body_transpose_and_f_scaling():
     more = "  h: {like: b, transpose: 12st}\n  i: {like: b, f: A4, t60: 6s, M: 1kg}\n"
     more += "  s: {like: b, notes: [A3, A4], out: {SOX: s.rim}}\n"
     piece = check(SCORE % (LISTS + PLACES, "rim") + more).piece
@@ -134,7 +134,7 @@ def test_transposing_moves_frequencies_and_decays_and_a_pitch_only_frequencies()
     assert by_name["s.A4"]["f"] == by_name["h"]["f"]
 
 
-def test_what_another_instrument_begins_with_is_merged_field_by_field():
+def test_modes_body_like_merges_fields():
     more = "  h: {like: b, MODES: {places: {rim: [0.1, 0.2, 0.3]}}, out: {SOX: h.rim}}\n"
     fields = check(SCORE % (LISTS + PLACES, "rim") + more).piece.instruments["h"].modules[0].fields
     assert fields["places"] == (("rim", (0.1, 0.2, 0.3)),)
@@ -156,7 +156,7 @@ def test_what_another_instrument_begins_with_is_merged_field_by_field():
         ("f: 200Hz, t60: 1s, modes: x.csv", "point", "E111"),
     ],
 )
-def test_mistakes_have_codes(body, place, code):
+def test_modes_body_mistake_codes(body, place, code):
     if code is None:
         text = SCORE.replace("SOX: b.%s", "SOX: b") % body
         message = check(text).diagnostics[0].message
@@ -166,12 +166,12 @@ def test_mistakes_have_codes(body, place, code):
         assert codes(SCORE % (body, place)) == [code]
 
 
-def test_a_misspelt_place_is_suggested():
+def test_modes_body_misspelt_place_suggestion():
     text = SCORE % ("f: 200Hz, t60: 1s, places: {shoulder: 1}", "sholder")
     assert "b.shoulder" in check(text).diagnostics[0].suggestion
 
 
-def test_it_does_not_glide_and_says_so():
+def test_modes_body_glide_is_refused():
     more = "automation: [{set: b.f, at: 1|1, to: A4, over: 1bar}]\n"
     result = check(SCORE % (LISTS + PLACES, "rim") + more).diagnostics
     assert any("MODES" in one.message for one in result)
@@ -188,7 +188,7 @@ def filed(tmp_path):
     return loaded_modes
 
 
-def test_a_file_says_the_same_as_lists(filed):
+def test_modes_body_file_equals_lists(filed):
     rows = "220Hz, 12s, 1, 0.4\n# beats\n220.5, 11, 0.8, -6dB\nA4, 6s, 0.5, -0.5\n"
     loaded = filed("f, t60, rim, waist\n" + rows)
     assert loaded.diagnostics == []
@@ -207,7 +207,7 @@ def test_a_file_says_the_same_as_lists(filed):
         ("f, t60, rim\n200Hz, 1s, loud\n", "E201", "loud"),
     ],
 )
-def test_mistakes_of_a_file_have_their_place(filed, table, code, part):
+def test_modes_body_file_mistakes_with_place(filed, table, code, part):
     result = filed(table).diagnostics[0]
     assert result.code == code
     assert part in result.message
@@ -223,7 +223,7 @@ def banded(text: str = BANDED, more: str = "") -> dict:
     return check(SCORE % (text, "air") + more).piece.instruments["b"].modules[0].fields
 
 
-def test_band_lies_between_its_ends():
+def test_band_frequencies_decays_and_levels_in_range():
     fields = banded()
     f, t60 = np.array(fields["f"][2:]), np.array(fields["t60"][2:])
     assert len(f) == 20
@@ -245,11 +245,11 @@ def test_band_with_another_seed():
 
 
 @pytest.mark.parametrize("more", ["    f: 440Hz\n", "    transpose: 1200cents\n"])
-def test_band_moves_with_its_instrument(more):
+def test_band_transposed_with_its_instrument(more):
     assert banded(more=more)["f"] == pytest.approx([2 * f for f in banded()["f"]], rel=1e-5)
 
 
-def test_band_of_listed_modes_sounds_the_same():
+def test_band_equals_its_listed_modes():
     fields = banded()
     pitches = ", ".join(f"{f!r}Hz" for f in fields["f"])
     decays = ", ".join(f"{t!r}s" for t in fields["t60"])
@@ -270,5 +270,5 @@ def test_band_of_listed_modes_sounds_the_same():
         ("count: 20, ", "", "E103"),
     ],
 )
-def test_band_that_is_wrong(written, replaced, code):
+def test_band_with_wrong_fields(written, replaced, code):
     assert codes(SCORE % (BANDED.replace(written, replaced, 1), "air")) == [code]

@@ -50,13 +50,13 @@ instruments:
         ("m: {SOL: {}}", "{}", "E102", "already defined"),
     ],
 )
-def test_rules(module, out, code, part):
+def test_module_rules_report_code_and_text(module, out, code, part):
     reports = check_reports(NETWORK % (module, out))
     assert [report[0] for report in reports] == [code]
     assert part in reports[0][2]
 
 
-def test_members():
+def test_output_members_by_range_and_last():
     text = NETWORK % (
         "x: {SOL: {}}",
         "{a: {SOX: s.3..5}, b: {SOX: [m, s.last]}, c: {SOF: {REF: r}}}",
@@ -67,7 +67,7 @@ def test_members():
     assert c.targets[0].module == "r"
 
 
-def test_algorithmic_units():
+def test_units_ca_rate_and_values():
     text = """\
     ergon: 1
     instruments:
@@ -93,7 +93,7 @@ def law(fields: str) -> str:
     )
 
 
-def test_points_of_a_law_have_units():
+def test_law_points_with_units():
     bare, written = (
         digest_of(check(law(f"points: {points}")).piece)
         for points in ("[[-0.001, -2], [0, 0]]", "[[-1mm, -2N], [0, 0]]")
@@ -110,11 +110,11 @@ def test_points_of_a_law_have_units():
         ("[[1mm, 1N], [0, 0]]", ["E207"]),
     ],
 )
-def test_a_broken_point_is_reported_in_its_place(points, expected):
+def test_law_points_mistakes_with_place(points, expected):
     assert codes(law(f"points: {points}")) == expected
 
 
-def test_an_unknown_constant_is_told_from_functions():
+def test_law_unknown_constant_suggestion():
     (result,) = check(law("law: rope, kk: 3")).diagnostics
     assert result.suggestion == "k"
     (result,) = check(law("law: rope, stiff: 3")).diagnostics
@@ -130,7 +130,7 @@ duet: {couple: [k1, k2], LNL: {%s}}
 """
 
 
-def test_a_coupling_names_laws_as_a_module_does():
+def test_duet_coupling_with_named_laws():
     link = check(COUPLED % "law: mine, k: 50N/m").piece.duet[0].link
     assert link.fields["law"] == "k*d + q*d**3"
     assert link.fields["constants"] == {"k": 50.0, "q": 1e5}
@@ -139,14 +139,14 @@ def test_a_coupling_names_laws_as_a_module_does():
     assert codes(COUPLED % "law: k*d") == ["E207"]
 
 
-def test_a_key_that_does_not_say_where_it_is_struck_is_told_once():
+def test_key_without_struck_module_reported_once():
     assert codes("ergon: 1\nkeys: {k: {modules: {m: {MAS: {M: 1kg}}}}}\n") == ["E103"]
 
 
 @pytest.mark.parametrize(
     "module", ["STRING: {masses: 5, M: 1g, f: 99Hz", "CHAIN: {masses: 5, M: 1g"]
 )
-def test_a_row_holds_its_ends(module: str) -> None:
+def test_row_field_held_suggests_ends(module: str) -> None:
     """A net has `held`, and a row `ends`."""
     text = f"ergon: 1\ninstruments: {{a: {{modules: {{m: {{{module}, held: left}}}}}}}}}}\n"
     if module.startswith("CHAIN"):

@@ -38,7 +38,7 @@ def joined(net: nets.Net) -> set[tuple[int, int]]:
 
 
 @pytest.mark.parametrize(("sides", "span"), [((4, 3), 1), ((3, 4, 2), 1), ((4, 3, 5), 2)])
-def test_a_block_joins_all_that_lie_within_its_span(sides, span):
+def test_block_joins_points_within_span(sides, span):
     axes = len(sides)
     stop = tuple(0.01 * (n - 1) for n in sides)
     fields = STIFF | {"sides": sides, "from": (0.0,) * axes, "to": stop, "span": span, "axes": axes}
@@ -64,7 +64,7 @@ def test_a_block_joins_all_that_lie_within_its_span(sides, span):
 
 
 @pytest.mark.parametrize(("points", "axes"), [(3, 2), (7, 2), (6, 3), (9, 3)])
-def test_a_ball_is_what_lies_in_a_sphere(points, axes):
+def test_ball_points_within_sphere(points, axes):
     fields = STIFF | {"points": points, "at": (0.02,) * axes, "across": 0.06, "span": 1}
     fields["axes"] = axes
     net = nets.ball(fields)
@@ -80,7 +80,7 @@ def test_a_ball_is_what_lies_in_a_sphere(points, axes):
 
 
 @pytest.mark.parametrize(("rings", "axes"), [(1, 2), (4, 2), (4, 3)])
-def test_a_disc_is_made_of_equal_triangles(rings, axes):
+def test_disc_of_equal_triangles(rings, axes):
     fields = STIFF | {"rings": rings, "at": (0.1,) * axes, "across": 0.08, "axes": axes}
     net = nets.disc(fields)
     places = np.array(net.places)
@@ -94,7 +94,7 @@ def test_a_disc_is_made_of_equal_triangles(rings, axes):
 
 
 @pytest.mark.parametrize("normal", [(0, 0, 1), (0, 0, -1), (1, 0, 0), (-2, 3, 0.1), (0, 1, 0)])
-def test_a_disc_faces_its_normal(normal):
+def test_disc_orientation_by_normal(normal):
     fields = STIFF | {"rings": 3, "at": (0.0,) * 3, "across": 0.08, "axes": 3}
     places = np.array(nets.disc(fields | {"normal": normal}).places)
     assert places @ np.array(normal, float) == pytest.approx(0.0, abs=1e-15)
@@ -138,7 +138,7 @@ def outputs(n: int, axes: int) -> str:
         "DISC: {rings: 1, at: [0, 0, 0], across: 2cm, V0: [0.1m/s, 0, 0], %s}",
     ],
 )
-def test_what_falls_freely_keeps_its_shape(net):
+def test_net_in_free_fall_unchanged_shape(net):
     """No spring has a force at the beginning, and gravity pulls all points alike."""
     n = {"BLOCK": 12, "BALL": 7, "DISC": 7}[net.partition(":")[0]]
     single = net % "M: 20g, K: 500N/m, Z: 0.1Ns/m"
@@ -150,7 +150,7 @@ def test_what_falls_freely_keeps_its_shape(net):
     assert np.abs(moved - moved[0]).max() < 1e-12
 
 
-def test_a_stretched_disc_is_a_skin_under_tension():
+def test_stretched_disc_lowest_mode_and_pull():
     """Its lowest mode is that of a hexagonal lattice under tension; its springs pull at the rim."""
     stretch, stiff, mass = 0.05, 2_000.0, 2e-4
     n_inner = count("DISC", {"rings": 5})
@@ -185,7 +185,7 @@ def test_a_stretched_disc_is_a_skin_under_tension():
 GRAINS = "GRAINS: {count: 40, M: 40g, from: [0, 0, 0], to: [5cm, 5cm, 5cm], apart: %s}"
 
 
-def test_grains_lie_at_random_places_that_are_apart():
+def test_grains_random_places_and_distances():
     beginnings = []
     for seed in (1, 1, 2):
         text = SCENE.format(axes=3, net=GRAINS % "9mm", out=outputs(40, 3), seed=seed)
@@ -201,7 +201,7 @@ def test_grains_lie_at_random_places_that_are_apart():
     assert len(np.unique(first)) == first.size
 
 
-def test_grains_for_which_there_is_no_room():
+def test_grains_without_room_are_refused():
     text = SCENE.format(axes=3, net=GRAINS % "3cm", out="SOX: it.0.x", seed=1)
     with pytest.raises(StageError) as raised:
         stage(check(text).piece)
@@ -237,7 +237,7 @@ def loaded(tmp_path, obj: str, fields: str = "scale: 1cm", axes: int = 3):
     return load(str(path))
 
 
-def test_a_file_becomes_points_and_springs(tmp_path):
+def test_mesh_file_points_and_springs(tmp_path):
     piece = loaded(tmp_path, ROCK).piece
     (module,) = piece.instruments["a"].modules
     assert module.fields["file"].edges == ((0, 1), (1, 2), (0, 2), (1, 3), (0, 3), (2, 3))
@@ -262,7 +262,7 @@ TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
     ],
 )
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "latin-1"])
-def test_lines_without_vertices_and_edges_are_passed_over(tmp_path, line, encoding):
+def test_obj_file_with_other_keywords(tmp_path, line, encoding):
     """Of the format's keywords (Wavefront, Object Files, version 3.0, appendix B1)."""
     (tmp_path / "rock.obj").write_bytes(f"{line}\n{TRIANGLE}{line}\n".encode(encoding))
     net = "MESH: {file: rock.obj, at: [0, 0, 0], M: 8g, K: 1kN/m, scale: 1cm}"
@@ -291,7 +291,7 @@ def test_lines_without_vertices_and_edges_are_passed_over(tmp_path, line, encodi
         ("v 0 0 0\nl 1 " + "9" * 5000 + "\n", "E106", 2, "is not a vertex"),
     ],
 )
-def test_mistakes_in_a_file_have_their_line(tmp_path, obj, code, line, message):
+def test_obj_file_mistakes_with_line(tmp_path, obj, code, line, message):
     errors = loaded(tmp_path, obj).diagnostics
     assert [error.code for error in errors] == [code]
     assert message in errors[0].message
@@ -339,17 +339,17 @@ def test_mistakes_in_a_file_have_their_line(tmp_path, obj, code, line, message):
         ),
     ],
 )
-def test_mistakes_have_a_sentence(net, axes, code, said):
+def test_net_fields_with_mistakes(net, axes, code, said):
     text = SCENE.format(axes=axes, net=net, out="SOX: it.0.x", seed=1)
     assert any(code == own and said in message for own, _, message in check_reports(text))
 
 
-def test_a_mesh_has_three_axes(tmp_path):
+def test_mesh_in_two_dimensions_is_refused(tmp_path):
     diagnostics = loaded(tmp_path, ROCK, axes=2).diagnostics
     assert any("write space: 3" in one.message for one in diagnostics)
 
 
-def test_a_mesh_names_no_file_outside(tmp_path):
+def test_mesh_file_outside_score_folder_is_refused(tmp_path):
     inner = tmp_path / "inner"
     inner.mkdir()
     (tmp_path / "rock.obj").write_text(ROCK)

@@ -48,7 +48,7 @@ render: {{bits: float, tail: {tail}}}
 
 
 @pytest.mark.parametrize("axes", [2, 3])
-def test_grains_move_as_dop853_does(axes: int):
+def test_grains_motion_against_dop853(axes: int):
     """The path of a crowd that meets a floor and a drum; the less, the shorter the steps."""
     n = 7
     extra = """\
@@ -85,7 +85,7 @@ WALLS = """\
       right: {BUT: {between: [floor, g.all], K: 1kN/m, Z: 0.2, gap: -16mm, normal: [-1, 0]}}"""
 
 
-def test_grains_at_rest_weigh_what_they_are():
+def test_grains_at_rest_total_weight_on_ground():
     """On the floor lies the weight of all, whoever lies on whom, and it stays."""
     n = 14
     extra = WALLS
@@ -97,7 +97,7 @@ def test_grains_at_rest_weigh_what_they_are():
     np.testing.assert_allclose(still[0, 0], n * M * G, rtol=1e-6)
 
 
-def test_one_layer_weighs_what_it_is():
+def test_grains_in_one_layer_weight_on_ground():
     n = 6
     extra = "      rub: {BUT: {between: [g.all, g.all], K: 1kN/m, Z: 0.2, gap: 4mm}}"
     text = box(n, 2, extra, "force: {SOF: ground}, one: {SOF: ground.3}", tail="6s")
@@ -120,7 +120,7 @@ def test_grains_at_rest_stay_at_rest_for_ten_minutes():
 
 
 @pytest.mark.slow
-def test_none_of_a_thousand_grains_is_lost():
+def test_thousand_grains_stay_in_sphere():
     """In a closed sphere, thrown for ten seconds: all are there, with the energy of their fall."""
     text = """\
 ergon: 1
@@ -146,7 +146,7 @@ render: {tail: 10s}
     assert energy.stored == pytest.approx(energy.start, rel=0.02)
 
 
-def test_places_are_drawn_from_the_seed():
+def test_grains_places_by_seed():
     def places(seed: int, scatter: str) -> np.ndarray:
         text = f"seed: {seed}\n" + box(5, 3, "", outputs(5, 3), tail="1ms")
         return rendered(text.replace("40%", scatter))[0]
@@ -184,12 +184,12 @@ instruments:
         ("a.all, a.all", ", side: above", "E206", "not one of outside, inside"),
     ],
 )
-def test_mistakes_have_a_sentence(ends: str, more: str, code: str, said: str):
+def test_pairwise_contact_mistakes(ends: str, more: str, code: str, said: str):
     reports = check_reports(HEAD % (ends, more))
     assert any(own.startswith(code) and said in sentence for own, _, sentence in reports), reports
 
 
-def test_a_gap_below_zero_is_that_of_a_plane():
+def test_pairwise_gap_below_zero_only_for_planes():
     beside = HEAD.replace("gap: 1mm", "gap: -1mm")
     reports = check_reports(beside % ("o, a.all", ""))
     assert any("it must not be negative" in sentence for *_, sentence in reports)
@@ -215,7 +215,7 @@ render: {bits: float, tail: 1s}
 """
 
 
-def test_friction_holds_on_a_slope_and_lets_go():
+def test_friction_on_slope_holds_or_slides():
     """Up to the slope's tangent the stone slides, as Coulomb has it; beyond it stays."""
     held = rendered(SLOPE % 0.5)[:, 0]
     # The weight along the slope on the spring of friction.
@@ -229,7 +229,7 @@ def test_friction_holds_on_a_slope_and_lets_go():
     assert sliding[0] - sliding[-1] == pytest.approx(0.5 * downhill * seconds**2, rel=0.01)
 
 
-def test_sand_comes_to_rest_in_a_heap():
+def test_sand_heap_with_and_without_friction():
     """With friction a heap stays; without it the grains run apart on the floor."""
     text = """\
 ergon: 1

@@ -25,7 +25,7 @@ def block(modules: str) -> str:
     "source", ["of: s, at: 6", "of: [wall, s, wall], at: 7", "of: s.6, shares: 1"]
 )
 @pytest.mark.parametrize("accuracy", ["method: ca", "error: -60dB"])
-def test_at_a_mass_it_is_that_mass(source: str, accuracy: str):
+def test_proxy_at_mass_equals_mass(source: str, accuracy: str):
     out = "a: {SOX: s.15}, f: {SOF: felt}"
     plain = score(block(f"{STRING}, {HAMMER}, felt: {{{CONTACT % 's.6'}}}"), out, accuracy)
     with_proxy = f"{STRING}, {HAMMER}, p: {{PROXY: {{{source}}}}}, felt: {{{CONTACT % 'p'}}}"
@@ -65,7 +65,7 @@ def weights(t: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("method", WAYS)
-def test_links_at_a_proxy_move_masses_as_dop853_does(method: str):
+def test_proxy_links_against_dop853(method: str):
     """A contact and a law with damping; the path of what it follows is a straight line."""
     written, shares = WAYS[method]
     shares = shares or weights
@@ -118,7 +118,7 @@ def energy(modules: str, out: str = "a: {SOX: h}") -> tuple[_core.Simulation, _c
 
 
 @pytest.mark.parametrize("method", WAYS)
-def test_its_ledger_closes(method: str):
+def test_proxy_ledger_closes(method: str):
     """Also where something moves it, and so works on what it touches."""
     written, _ = WAYS[method]
     push = "push: {ENF: {to: p, from: 0.2N}}\n"
@@ -127,7 +127,7 @@ def test_its_ledger_closes(method: str):
     assert abs(ledger.residual) < 1e-11 * ledger.flow
 
 
-def test_a_plate_has_it_between_four_masses():
+def test_proxy_between_four_plate_masses():
     """Along both sides linear; its rim is the first and the last place."""
     plate = "s: {PLATE: {shape: rectangle, sides: [4, 3], M: 40g, f: 200Hz, t60: 1s, rim: fixed}}"
     outs = ", ".join(f"m{i}: {{SOX: s.{i}}}" for i in range(12))
@@ -147,7 +147,7 @@ def test_a_plate_has_it_between_four_masses():
 
 
 @pytest.mark.parametrize(("share", "refused"), [(0.95, False), (1.05, True)])
-def test_its_certificate_is_at_the_border(share: float, refused: bool):
+def test_proxy_certificate_at_stability_border(share: float, refused: bool):
     """λ of a spring at a proxy is K·(1/M + Σ share²/m), over the square of the rate."""
     inverse = 1 / 2e-3 + 0.6**2 / 1e-3 + 0.4**2 / 3e-3
     stiffness = share * 4 * 44_100**2 / inverse
@@ -168,7 +168,7 @@ l: {{RES: {{between: [h, p], K: {stiffness}N/m}}}}"""
         assert np.abs(sound).max() < 1e-4
 
 
-def test_modes_of_what_it_lies_on_are_kept():
+def test_proxy_on_string_leaves_string_in_modes():
     """A string goes by its modes, and the masses beside the proxy are its ports."""
     modules = block(f"{STRING}, {HAMMER}, p: {{PROXY: {{of: [wall, s, wall], at: 7.35}}}}, ")
     modules += f"felt: {{{CONTACT % 'p'}}}"
@@ -210,14 +210,14 @@ WRONG = {
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_what_is_no_proxy_is_refused_at_its_place(name: str):
+def test_proxy_mistakes_refused_with_line(name: str):
     modules, message = WRONG[name]
     text = score(f"{block(STRING)}\n{modules}", "a: {SOX: s.3}")
     last = 9 + modules.count("\n")
     assert [line for _, line, told in check_reports(text) if message in told] == [last]
 
 
-def test_it_is_not_struck():
+def test_proxy_as_strike_target_is_refused():
     text = score(f"{block(STRING)}\np: {{PROXY: {{of: s, at: 1.5}}}}", "a: {SOX: p}")
     output = check_reports(text + "strikes: {a: {to: i.p, at: 0s, impulse: 1mNs}}\n")
     assert [line for code, line, message in output if "strike the masses" in message] == [12]

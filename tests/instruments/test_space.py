@@ -80,7 +80,7 @@ def tangle(
 @pytest.mark.parametrize(
     ("seed", "axes", "damping", "order"), [(1, 2, 0.02, 1), (2, 3, 0.0, 2), (3, 3, 0.0, 2)]
 )
-def test_it_moves_as_dop853_does(seed: int, axes: int, damping: float, order: int):
+def test_space_network_motion_against_dop853(seed: int, axes: int, damping: float, order: int):
     """By the second order of the step; where damping lags half a step behind, by the first."""
     text, arguments, links = tangle(seed, axes, damping)
     errors = []
@@ -95,7 +95,7 @@ def test_it_moves_as_dop853_does(seed: int, axes: int, damping: float, order: in
     assert 0.75 * 2**order < errors[0] / errors[1] < 1.25 * 2**order
 
 
-def test_laws_of_distances_move_as_dop853_does():
+def test_space_law_of_distance_against_dop853():
     """A molecule that turns on a damped spring that hardens; its law is endless where d is 0."""
     text = """\
 ergon: 1
@@ -135,7 +135,7 @@ render: {bits: float, tail: 0.3s}
     assert 1.5 < errors[0] / errors[1] < 2.5  # damping lags half a step behind
 
 
-def test_a_planet_goes_round():
+def test_attraction_orbit_period():
     """Its period is 2 pi / sqrt(K/M (1 + (r/core)^2)^-1.5): far away that of Kepler's third law."""
     r, core, stiff, mass = 0.12, 0.02, 3e3, 5e-3
     speed = r * np.sqrt(stiff / mass * (1 + (r / core) ** 2) ** -1.5)
@@ -163,7 +163,7 @@ render: {{tail: 1s}}
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(50))
-def test_fifty_tangles(seed: int):
+def test_space_networks_of_fifty_seeds(seed: int):
     text, arguments, links = tangle(seed + 100, 2 + seed % 2)
 
     def error(rate: int) -> float:
@@ -178,7 +178,7 @@ def test_fifty_tangles(seed: int):
     assert error(352_800) < 1e-4 or error(705_600) < 2e-5
 
 
-def test_a_chain_comes_to_rest_as_a_catenary_of_its_links():
+def test_chain_at_rest_is_catenary():
     n, mass, stiff, width, length = 9, 0.02, 400.0, 0.4, 0.06
     text = f"""\
 ergon: 1
@@ -207,7 +207,7 @@ render: {{bits: float, tail: 4s}}
     np.testing.assert_allclose(rest, exact, atol=1e-9)
 
 
-def test_a_link_of_one_axis_joins_a_coordinate():
+def test_link_of_one_axis_to_coordinate():
     """A mass that hangs on a spring between its y and a CEL: an oscillator of two masses."""
     text = """\
 ergon: 1
@@ -235,7 +235,7 @@ render: {bits: float, tail: 0.1s}
     assert set(x) == {0.03}
 
 
-def test_a_cloth_keeps_its_mass_and_its_links():
+def test_cloth_mass_and_link_count():
     text = """\
 ergon: 1
 instruments:
@@ -323,12 +323,12 @@ CELL = "  c:\n    modules:\n      m: {CEL: {M: 1g, f: A3}}\n"
         ),
     ],
 )
-def test_mistakes_have_a_sentence(text: str, code: str, said: str):
+def test_space_fields_with_mistakes(text: str, code: str, said: str):
     reports = check_reports(text)
     assert any(own.startswith(code) and said in sentence for own, _, sentence in reports), reports
 
 
-def test_zero_rest_length_and_small_gap_are_accepted():
+def test_space_links_with_zero_rest_and_small_gap():
     lines = "      s: {RES: {between: [bob, nail], K: 10, rest: 0m}}\n"
     lines += "      c: {BUT: {between: [bob, nail], K: 10, gap: 50um}}\n"
     modules = check(f"{SPACE}{lines}render: {{tail: 1s}}\n").piece.instruments["b"].modules
@@ -336,20 +336,20 @@ def test_zero_rest_length_and_small_gap_are_accepted():
     assert [m.fields.get("gap") for m in modules[3:]] == [pytest.approx(5e-5)]
 
 
-def test_like_takes_the_matter_over():
+def test_like_with_space_and_gravity():
     text = SPACE + "  d: {like: b, space: 3, gravity: 2}\n"
     piece = check(text + "render: {tail: 1s}\n").piece
     assert piece.instruments["d"].space == type(piece.instruments["d"].space)(3, 2.0)
     assert [m.name for m in piece.instruments["d"].modules] == ["bob", "nail"]
 
 
-def test_too_stiff_a_link_is_refused_with_its_module():
+def test_space_link_too_stiff_is_refused_with_module():
     text = SPACE + "      s: {RES: {between: [bob, nail], K: 10000kN/m}}\n    out: {SOX: bob.x}\n"
     with pytest.raises(Exception, match=r"b\.bob\.[xyz]"):
         stage(check(text + "render: {tail: 1s}\n").piece)
 
 
-def test_the_schema_takes_lists_of_coordinates():
+def test_schema_accepts_coordinate_lists():
     text = SPACE + "    gravity: 9.81m/s2\n    out: {SOX: bob.x}\n"
     assert not list(Draft7Validator(schema()).iter_errors(yaml.safe_load(text)))
     wrong = text.replace("X0: [0, 0, 1m]", "X0: {q: 1}")
@@ -370,7 +370,7 @@ render: {bits: float, tail: 0.1s}
 """
 
 
-def test_a_spring_yields_and_stays_longer():
+def test_spring_with_yields_elongates_permanently():
     """Perfect plasticity: 80 mJ against 5 N along the line; then it swings about a new length."""
     x, force = rendered(PULLED % ", yields: 5N").T
     # Until 5 N it takes 12.5 mJ; the rest of 80 mJ is 13.5 mm long.
@@ -379,7 +379,7 @@ def test_a_spring_yields_and_stays_longer():
     assert -force.min() == pytest.approx(5.0, rel=1e-9)
 
 
-def test_a_spring_breaks_and_never_pulls_again():
+def test_spring_with_breaks_never_pulls_again():
     x, force = rendered(PULLED % ", breaks: 8mm").T
     broken = int(np.argmax(x > 0.108))
     assert broken > 0
@@ -389,7 +389,7 @@ def test_a_spring_breaks_and_never_pulls_again():
     np.testing.assert_allclose(speed, np.sqrt(0.4**2 - 2 * 0.032), rtol=2e-3)
 
 
-def test_a_cloth_tears():
+def test_cloth_with_breaks_tears():
     text = """\
 ergon: 1
 instruments:

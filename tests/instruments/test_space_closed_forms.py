@@ -36,7 +36,7 @@ def converges(text: str, exact: Callable[[np.ndarray], np.ndarray], limit: float
     assert 3.6 < errors[0] / errors[1] < 4.4
 
 
-def test_a_conical_pendulum_turns_evenly():
+def test_conical_pendulum_closed_form():
     """Its rod is as much longer as it pulls: T cos(angle) = m g, and it turns by w² = T/(m l)."""
     mass, stiff, rest, angle = 0.02, 400.0, 0.5, 0.6
     pull = float(mass * G / np.cos(angle))
@@ -64,7 +64,7 @@ render: {{bits: float, tail: 2s}}
     converges(text, exact, 1e-6)
 
 
-def test_a_pendulum_swings_as_its_elliptic_integral_says():
+def test_pendulum_elliptic_integral():
     """From 120 degrees; the rod is so stiff that it stretches by 3e-6 of its length."""
     mass, length, top = 0.05, 0.3, np.radians(120)
     out, height = float(length * np.sin(top)), float(-length * np.cos(top))
@@ -92,7 +92,7 @@ render: {{bits: float, tail: 3s}}
     np.testing.assert_allclose(ours, exact, rtol=0, atol=1e-4 * length)
 
 
-def test_a_comet_obeys_kepler():
+def test_kepler_orbit_of_attraction_law():
     """An orbit of eccentricity 0.6 by a law of 1/d², its places by Kepler's equation."""
     mass, pull, far, eccentric = 5e-3, 2e-4, 0.2, 0.6
     mu = pull / mass
@@ -128,7 +128,7 @@ render: {{bits: float, tail: 3s}}
     converges(text, exact, 1e-5)
 
 
-def test_two_balls_meet_as_a_half_swing():
+def test_collision_of_two_balls_half_period():
     """While they touch they are one oscillator of K and the reduced mass; then both fly on."""
     item, other, stiff, gap, speed, begin = 0.03, 0.05, 5e3, 0.02, 0.8, 0.03
     reduced = item * other / (item + other)
@@ -163,7 +163,7 @@ render: {{bits: float, tail: 60ms}}
 
 
 @pytest.mark.parametrize("mode", [(1, 1), (2, 1), (3, 2)])
-def test_a_net_has_the_modes_of_the_square_lattice(mode: tuple[int, int]):
+def test_cloth_under_tension_square_lattice_modes(mode: tuple[int, int]):
     """Under tension P w² = 4 P/(m a) (sin²(..) + sin²(..)) across it, in each of its modes."""
     wide, high, spacing, stiff, stretch, total = 6, 5, 0.02, 800.0, 0.25, 0.024
     inner = (wide - 2) * (high - 2)

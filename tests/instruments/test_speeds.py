@@ -57,7 +57,7 @@ def motion(f: float, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize(
     ("f", "errors"), [(220, (-120, -120)), (5000, (-120, -120)), (11025, (-82, -74))]
 )
-def test_a_cell_against_its_closed_form(f, errors, method):
+def test_sov_and_soa_of_cell_closed_form(f, errors, method):
     sound = rendered(CEL % (f"{f}Hz", method), 8000)
     frames = np.arange(600, 8000)
     for column, delay, wanted in ((1, 7.5, 0), (2, 8.0, 1)):
@@ -67,7 +67,7 @@ def test_a_cell_against_its_closed_form(f, errors, method):
 
 
 @pytest.mark.parametrize("method", ["modal", "ca", "bm4"])
-def test_a_string_however_it_is_computed(method):
+def test_sov_and_soa_of_string_by_each_method(method):
     """The rate of change of what SOX hears, by the spectrum, for modes and for a stepped mesh."""
     sound = rendered(STRING % method, 20_000)
     size, position = 16_384, slice(50, 1900)  # 135 Hz to 5.1 kHz
@@ -91,7 +91,7 @@ def test_a_string_however_it_is_computed(method):
         assert np.linalg.norm(error) < 1e-4 * np.linalg.norm(wanted), order
 
 
-def test_bytes_are_the_same_in_blocks_and_from_a_snapshot():
+def test_sov_bytes_in_blocks_and_from_snapshot():
     text = STRING % "ca"
     complete = rendered(text, 4000)
     for block in (1, 64, 333):
@@ -106,7 +106,7 @@ def test_bytes_are_the_same_in_blocks_and_from_a_snapshot():
     assert np.array_equal(again, once)
 
 
-def test_another_simulation_goes_on_with_the_same_speeds():
+def test_sov_and_soa_continue_after_takeover():
     network = _core.Network()
     network.part("bell")
     mat = network.cel("m", M=2e-3, f=440.0, t60=2.0)
@@ -129,7 +129,7 @@ def test_another_simulation_goes_on_with_the_same_speeds():
     assert np.array_equal(out, complete)
 
 
-def test_a_mass_that_stands_elsewhere_is_silent():
+def test_sov_of_displaced_resting_mass_silent():
     """However far: a constant has no speed, and a start with a speed is a blow."""
     still = CEL.replace("strikes:\n  hit: {to: bell.m, at: 0.01s, impulse: 1mNs, lasts: 0s}\n", "")
     still = still.replace(
@@ -138,7 +138,7 @@ def test_a_mass_that_stands_elsewhere_is_silent():
     assert not rendered(still % ("220Hz", "ca"), 1000)[:, 1:].any()
 
 
-def test_modes_are_left_out_by_the_ear_of_what_is_heard():
+def test_mode_selection_by_output_kind():
     """High modes are quiet in a position and loud in an acceleration."""
     by_kind = {}
     for kind in ("SOX", "SOA"):
@@ -152,7 +152,7 @@ def test_modes_are_left_out_by_the_ear_of_what_is_heard():
     assert by_kind["SOX"] < by_kind["SOA"]
 
 
-def test_a_link_has_no_speed():
+def test_sov_of_link_is_refused():
     text = CEL % ("220Hz", "ca")
     text = text.replace(
         "modules: {m:", "modules: {b: {SOL: {}}, r: {RES: {between: [m, b], K: 1N/m}}, m:"

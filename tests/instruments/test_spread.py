@@ -89,12 +89,12 @@ def test_spread_contact_equals_one_contact_for_each_member(name: str):
     assert np.abs(ours - hand).max(axis=0) == pytest.approx(0.0, abs=1e-12 * np.abs(hand).max())
 
 
-def test_the_same_gaps_are_the_same_samples():
+def test_spread_contact_samples_equal_single_contacts():
     ours = rendered(over(3, 7, LIST), "{BUT: c}")
     assert same(ours, rendered(by_hand(GAPS, 3), "[c0, c1, c2, c3, c4]"))
 
 
-def test_its_force_is_the_sum_of_its_points():
+def test_spread_contact_force_is_sum_of_points():
     line = over(3, 7, "{depth: 40um}")
     complete, some = rendered(line, "{BUT: c}")[:, 1], rendered(line, "c.1..3")[:, 1]
     points = [rendered(line, f"c.{i}")[:, 1] for i in range(5)]
@@ -103,7 +103,7 @@ def test_its_force_is_the_sum_of_its_points():
     assert all(np.abs(own).max() > 0.0 for own in points[:2])
 
 
-def test_an_obstacle_may_have_a_mass():
+def test_spread_contact_with_moving_obstacle():
     wall = "{CEL: {M: 1g, f: 200Hz, t60: 0.2s}}"
     ours = rendered(over(3, 7, LIST), "{BUT: c}", wall)
     hand = rendered(by_hand(GAPS, 3), "[c0, c1, c2, c3, c4]", wall)
@@ -121,7 +121,7 @@ def test_an_obstacle_may_have_a_mass():
         ("DRY", "F: 1mN"),
     ],
 )
-def test_every_link_goes_over_a_range(kind: str, fields: str):
+def test_spread_links_of_every_kind(kind: str, fields: str):
     ours = rendered(f"      c: {{{kind}: {{between: [wall, body.3..5], {fields}}}}}", "c")
     lines = [
         f"      c{i}: {{{kind}: {{between: [wall, body.{i}], {fields}}}}}" for i in range(3, 6)
@@ -131,7 +131,7 @@ def test_every_link_goes_over_a_range(kind: str, fields: str):
     assert same(ours, hand)
 
 
-def test_two_ranges_join_member_by_member():
+def test_spread_link_between_two_ranges():
     wall = "{STRING: {masses: 8, M: 4g, f: A3, t60: 1s}}"
     ours = rendered(
         f"      c: {{BUT: {{between: [wall.2..4, body.6..8], {K}, gap: 10um}}}}", "c", wall
@@ -180,7 +180,7 @@ def test_wrong_spread_contacts_report_code_and_line(line: str, code: str, words:
     assert words in reports[0][2]
 
 
-def test_a_force_is_that_of_points_that_there_are():
+def test_spread_contact_output_member_out_of_range():
     reports = check_reports(SCORE % (SOL, over(3, 7, "0mm"), "c.5"))
     assert [report[0] for report in reports] == ["E304"]
     assert "members 0 to 4" in reports[0][2]
@@ -192,7 +192,7 @@ def warned(line: str, wall: str = SOL) -> list:
     return warn_implausible(check(SCORE % (wall, line, "c")).piece)
 
 
-def test_a_gap_below_zero_is_told_once_with_the_deepest():
+def test_spread_contact_negative_gap_warns_w327():
     (output,) = warned(over(3, 7, "[0mm, -1mm, -3mm, 1mm, 0mm]"))
     assert output.code == "W327"
     assert "'s.c' is negative" in output.message
@@ -202,14 +202,14 @@ def test_a_gap_below_zero_is_told_once_with_the_deepest():
     assert warned(over(3, 7, "{depth: -2mm, least: 2mm}")) == []  # hollow, and never pressed
 
 
-def test_all_points_pull_on_an_obstacle_that_moves():
+def test_spread_contact_on_light_obstacle_warns_w328():
     wall = "{MAS: {M: 0.1g}}"
     line = over(0, 19, "0mm").replace("20kN/m", "100kN/m")
     assert [one.code for one in warned(line, wall)] == ["W328"]
     assert warned(line) == []  # a wall that holds still
 
 
-def test_a_contact_closes_where_one_of_its_points_does():
+def test_spread_contact_never_closed_warning():
     piece = check(SCORE % (SOL, over(3, 7, "[9mm, 9mm, 10um, 9mm, 9mm]"), "c")).piece
     assert never_closed_warnings(piece, simulate(piece, "test")) == []
     piece = check(SCORE % (SOL, over(3, 7, "[9mm, 8mm, 7mm, 6mm, 9mm]"), "c")).piece
@@ -221,7 +221,7 @@ def test_a_contact_closes_where_one_of_its_points_does():
     assert "s.body.6" in output.message  # the nearest
 
 
-def test_its_stiffness_glides_as_one():
+def test_spread_contact_stiffness_glide():
     line = over(3, 7, LIST)
     glide = "automation: [{at: 0, set: s.c.K, to: x4@0 line x1@100ms}]\n"
     ours = check(SCORE % (SOL, line, "c") + glide).piece
@@ -237,7 +237,7 @@ def test_its_stiffness_glides_as_one():
     assert (sounds[0] != rendered(line, "c")).any()
 
 
-def test_a_transposed_contact_keeps_its_gaps():
+def test_spread_contact_gaps_unchanged_by_transpose():
     text = SCORE % (SOL, over(3, 7, "{depth: 40um}"), "c")
     text = text.replace("strikes:", "  t: {like: s, transpose: 7st}\nstrikes:")
     piece = check(text).piece
@@ -248,7 +248,7 @@ def test_a_transposed_contact_keeps_its_gaps():
     assert gaps[0] == gaps[1] == pytest.approx(parabola(5, 40e-6, length=4.0))
 
 
-def test_a_coupling_of_keys_is_one_contact():
+def test_duet_coupling_refuses_gap_list():
     text = """\
     ergon: 1
     keys: {a: {M: 1kg, K: 1N/m}, b: {M: 1kg, K: 1N/m}}
@@ -259,7 +259,7 @@ def test_a_coupling_of_keys_is_one_contact():
     assert check(text % "{depth: 1mm, least: 2mm}").piece.duet[0].link.fields["gap"] == 2e-3
 
 
-def test_a_profile_is_multiplied_and_replaced_where_it_is_written(tmp_path):
+def test_spread_gap_profile_scaled_and_replaced_by_set(tmp_path):
     path = tmp_path / "s.yaml"
     path.write_text(SCORE % (SOL, over(3, 7, "{depth: 16um}"), "c"))
     texts, piece = opened(path)
@@ -269,7 +269,7 @@ def test_a_profile_is_multiplied_and_replaced_where_it_is_written(tmp_path):
     assert value(after, "s.c.gap") == 1e-4
 
 
-def test_points_that_come_and_go_fade_one_by_one():
+def test_spread_contact_points_fade_in_and_out():
     """A session lets links come from no force and let go: those of a range too."""
     short, long = (check(SCORE % (SOL, over(3, last, "0mm"), "c")).piece for last in (5, 7))
     coming = glides(short, long, (), 0.0, 0.1)
@@ -287,7 +287,7 @@ def test_points_that_come_and_go_fade_one_by_one():
     assert [one.module for one in glides(long, stiffer, (), 0.0, 0.1)] == ["c"]
 
 
-def test_what_a_hand_reaches_through_a_range_is_not_frozen():
+def test_freeze_refused_for_hand_through_spread_contact():
     text = """\
     ergon: 1
     keys: {k1: {M: 1kg, K: 1N/m}}

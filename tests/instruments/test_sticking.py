@@ -99,7 +99,7 @@ render: {bits: float, tail: 0.2s}
 
 
 @pytest.mark.parametrize(("exponent", "friction"), [(1, 0), (1.5, 0), (1, 0.4)])
-def test_momentum_and_the_ledger_close(exponent: float, friction: float):
+def test_sticking_contact_momentum_and_ledger(exponent: float, friction: float):
     built = stage(check(HEAP % ("", exponent, friction)).piece, planned=False, ledger=True)
     sound = np.empty((built.n_frames, built.simulation.n_out))
     built.simulation.process(sound)
@@ -154,7 +154,7 @@ WALL = "{BUT: {between: [middle, grains.all], K: 2kN/m, Z: 0.1Ns/m, gap: 4mm, fr
 
 
 @pytest.mark.parametrize("axes", [2, 3])
-def test_a_box_is_its_walls(axes: int):
+def test_box_wall_equals_six_planes(axes: int):
     """One line, and a plane for each wall: the same bytes."""
     zero, low, high = [0] * axes, ["-15mm"] * axes, ["15mm"] * axes
     places = [str(place).replace("'", "") for place in (zero, zero, low, high)]
@@ -196,11 +196,11 @@ HEAD += "      c: {BUT: {between: [nail, bob], K: 1, gap: 1cm, %s}}\n"
         ("box: [1m, 1m, 0]", "E202", "box"),
     ],
 )
-def test_mistakes_have_a_sentence(fields: str, code: str, said: str):
+def test_sticking_contact_mistakes(fields: str, code: str, said: str):
     reports = check_reports(HEAD % fields)
     assert any(own == code and said in sentence for own, _, sentence in reports), reports
 
 
-def test_too_strong_a_pull_is_refused_with_its_module():
+def test_sticking_too_strong_is_refused_with_module():
     with pytest.raises(StageError, match=r"b\.c: its attraction is stronger than K times the gap"):
         stage(check(HEAD % "cohesion: 11mN, reach: 1mm").piece)

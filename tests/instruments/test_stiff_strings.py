@@ -46,20 +46,20 @@ def peaks(sound: np.ndarray, expected: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("method", few(["modal", "bm4", "ca2p"], 3))
 @pytest.mark.parametrize("b", [1e-4, 3e-4, 1e-3])
-def test_twenty_partials_lie_where_a_stiff_string_has_them(b, method):
+def test_stiff_string_first_twenty_partials(b, method):
     n = np.arange(1, 21)
     wanted = F * n * np.sqrt((1.0 + b * n * n) / (1.0 + b))
     listened = peaks(rendered(SCORE % (f"inharmonicity: {b}", method), 3 * 44100), wanted)
     assert np.abs(1200.0 * np.log2(listened / wanted)).max() < 1.0
 
 
-def test_a_string_without_inharmonicity_is_harmonic():
+def test_string_with_zero_inharmonicity_harmonic():
     wanted = F * np.arange(1, 21)
     listened = peaks(rendered(SCORE % ("inharmonicity: 0", "modal"), 3 * 44100), wanted)
     assert np.abs(1200.0 * np.log2(listened / wanted)).max() < 1.0
 
 
-def test_a_wire_has_its_inharmonicity():
+def test_wire_inharmonicity_from_dimensions():
     wire = "inharmonicity: {young: 200GPa, radius: 0.4mm, tension: 70N, length: 65cm}"
     (module,) = check(SCORE % (wire, "ca")).piece.instruments["s"].modules
     # π³·E·r⁴/(4·T·L²), Fletcher and Rossing, The Physics of Musical Instruments, §2.18.
@@ -78,13 +78,13 @@ def test_a_wire_has_its_inharmonicity():
         ("inharmonicity: {young: 200GPa, radius: 9mm, tension: 1N, length: 1m}", "E202", "thinner"),
     ],
 )
-def test_a_stiff_string_is_refused_in_its_place(fields, code, part):
+def test_stiff_string_refusals_with_place(fields, code, part):
     (report,) = check_reports(SCORE % (fields, "ca"))
     assert report[0] == code
     assert part in report[2]
 
 
-def test_too_few_masses_are_told_how_many_are_enough():
+def test_stiff_string_with_too_few_masses_suggests_count():
     text = (SCORE % ("inharmonicity: 1e-3", "ca")).replace("masses: 60", "masses: 12")
     with pytest.raises(Exception, match=r"give it 2. masses or more"):
         stage(load("x.yaml", text=text).piece)

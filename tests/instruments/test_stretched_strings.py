@@ -69,7 +69,7 @@ def error_db(sound: np.ndarray, wanted: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("ends", few(["fixed", "left"], 1))
-def test_a_stretched_string_is_kirchhoffs(ends):
+def test_stretched_string_against_kirchhoff_equation(ends):
     wanted = exact(ends, Q, 4410)
     linear = exact(ends, 0.0, 4410)
     assert error_db(linear, wanted) > -20.0  # its tension matters
@@ -80,7 +80,7 @@ def test_a_stretched_string_is_kirchhoffs(ends):
 @pytest.mark.parametrize(
     ("method", "most"), few([("ca", -30.0), ("ca2p", -60.0), ("bm4", -100.0)], 1)
 )
-def test_every_method_steps_its_tension(method, most):
+def test_stretched_string_error_by_method(method, most):
     text = SCORE % ("fixed", f"{Q:g}N/m3", f"method: {method}")
     assert error_db(planned(text, 4410), exact("fixed", Q, 4410)) < most
 
@@ -96,7 +96,7 @@ def test_stretched_string_pitch_falls_during_decay():
     assert 5.0 < cents < 200.0
 
 
-def test_the_ledger_closes():
+def test_stretched_string_ledger_closes():
     piece = load("x.yaml", text=SCORE % ("fixed", f"{Q:g}N/m3", "method: ca")).piece
     simulation = stage(piece, ledger=True).simulation
     simulation.process(np.zeros((44100, 1)))
@@ -107,7 +107,7 @@ def test_the_ledger_closes():
     assert 0.0 < abs(energy.produced) < 0.01 * energy.start
 
 
-def test_a_wire_is_as_stiff_as_its_matter():
+def test_wire_stretching_from_dimensions():
     wire = "{young: 200GPa, radius: 0.4mm, length: 65cm}"
     (module,) = check(SCORE % ("fixed", wire, "method: ca")).piece.instruments["s"].modules
     # E·A/(2·L·h²) with L in 31 gaps of h.

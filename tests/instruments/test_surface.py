@@ -45,7 +45,7 @@ def score(
 
 
 @pytest.mark.parametrize("axes", [2, 3])
-def test_a_point_above_a_mass_meets_it_as_on_one_axis(axes: int):
+def test_surface_contact_above_mass_equals_one_axis(axes: int):
     """The third of five masses, or the middle of a disc, is at the middle of its surface."""
     body, mass = (STRING, 2) if axes == 2 else (PLATE, 0)
     position = ", ".join("0" * (axes - 1))
@@ -63,7 +63,7 @@ def test_a_point_above_a_mass_meets_it_as_on_one_axis(axes: int):
     np.testing.assert_allclose(ours, plain, rtol=0, atol=1e-12)
 
 
-def test_beads_on_a_string_move_as_dop853_does():
+def test_surface_beads_on_string_against_dop853():
     """Two beads fall beside the masses of a string, which they push and roll off."""
     m, r, k_contact, gap, width = 3e-3, 10e-3 / 5, 2e3, 12e-3, 50e-3
     starts = np.array([[-7e-3, 14e-3], [9e-3, 16e-3]])
@@ -108,7 +108,7 @@ def test_beads_on_a_string_move_as_dop853_does():
     assert errors[0] > 1.7 * errors[1]
 
 
-def test_a_body_may_stand_before_or_after_its_surface():
+def test_surface_body_before_or_after_in_score():
     modules = """\
       beads: {GRAINS: {count: 6, M: 12g, from: [-2cm, -2cm, 1cm], to: [2cm, 2cm, 2cm]}}
       skin: {SURFACE: {of: body.b.all, at: [0, 1mm], across: 8cm}}
@@ -121,7 +121,7 @@ def test_a_body_may_stand_before_or_after_its_surface():
     np.testing.assert_allclose(item, other, rtol=0, atol=1e-12)
 
 
-def test_energy_and_weight_of_what_rests_on_a_plate():
+def test_surface_ledger_and_weight_of_resting_bead():
     """What lies on a plate weighs on it, and what was lost is told."""
     modules = """\
       bead: {MAS: {M: 5g, X0: [2mm, 0, 9mm], drag: 20mNs/m}}
@@ -151,7 +151,7 @@ def test_energy_and_weight_of_what_rests_on_a_plate():
         ("of: body.b.all, across: 0", "E202", "'0' is not positive"),
     ],
 )
-def test_mistakes_say_what_is_wrong(written: str, code: str, message: str):
+def test_surface_fields_with_mistakes(written: str, code: str, message: str):
     defaults = {"at": "[0, 0]", "across": "6cm"}
     rest = "".join(f", {n}: {v}" for n, v in defaults.items() if f"{n}:" not in written)
     modules = f"""\
@@ -165,7 +165,7 @@ def test_mistakes_say_what_is_wrong(written: str, code: str, message: str):
     assert any(code == own and message in message for own, _, message in errors), errors
 
 
-def test_the_last_axis_is_named_by_the_body():
+def test_surface_last_axis_error_names_body_mass():
     modules = """\
       bead: {MAS: {M: 5g, X0: [0, 0, 2cm]}}
       skin: {SURFACE: {of: body.b.all, at: [0, 0], across: 6cm}}

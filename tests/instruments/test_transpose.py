@@ -40,11 +40,11 @@ def fields(made: Piece, name: str, module: str = "") -> dict:
         ("100.1Hz", "x0.3", "30.03Hz"),
     ],
 )
-def test_a_pitch_moves_to_the_pitch_that_is_written_to_the_last_bit(note, interval, other):
+def test_pitch_after_interval_exact(note, interval, other):
     assert t.pitch(q.frequency(note), t.parse_interval(interval)) == q.frequency(other)
 
 
-def test_every_note_lies_between_two_notes_exactly():
+def test_interval_between_any_two_notes_exact():
     notes = [q.frequency(f"{letter}{octave}") for octave in range(9) for letter in "CDEFGAB"]
     for low in notes:
         for high in notes:
@@ -68,7 +68,7 @@ def test_every_note_lies_between_two_notes_exactly():
         ("1e999st", "E201", None),
     ],
 )
-def test_what_is_no_interval_is_refused(text, code, suggestion):
+def test_parse_interval_refuses_wrong_text(text, code, suggestion):
     with pytest.raises(TextError) as refused:
         t.parse_interval(text)
     assert (refused.value.code, refused.value.suggestion) == (code, suggestion)
@@ -100,7 +100,7 @@ CHAIN = """\
 
 
 @pytest.mark.parametrize("interval", ["7st", "x0.371", "-23.5st", "x3"])
-def test_all_modes_of_bodies_are_multiplied_by_the_ratio(interval):
+def test_transposed_body_modes_scaled_by_ratio(interval):
     ratio = t.parse_interval(interval).ratio
     low = stage(piece(CHAIN.format(interval="x1"))).network.modes("b", 30)
     high = stage(piece(CHAIN.format(interval=interval))).network.modes("b", 30)
@@ -157,7 +157,7 @@ def eigenvalues(built: Piece) -> np.ndarray:
 
 
 @pytest.mark.parametrize("interval", ["7st", "x0.371", "-23.5st", "x3"])
-def test_all_eigenvalues_are_multiplied_by_the_ratio(interval):
+def test_transposed_network_eigenvalues_scaled_by_ratio(interval):
     ratio = t.parse_interval(interval).ratio
     low, high = (eigenvalues(piece(NET.format(interval=i))) for i in ("x1", interval))
     assert np.abs(high - ratio * low).max() < 1e-10 * np.abs(high).max()
@@ -192,14 +192,14 @@ def samples(built: Piece, count: int = 4000) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("interval", "rate"), [("x2", "88200Hz"), ("-12st", "22050Hz")])
-def test_the_motion_is_the_same_at_another_speed(interval, rate):
+def test_transposed_motion_equals_scaled_time(interval, rate):
     single = samples(piece(STRUCK.format(interval="x1")))
     moved = samples(piece(STRUCK.format(interval=interval), rate))
     assert np.abs(single).max() > 1e-4
     assert np.abs(moved - single).max() < 1e-9 * np.abs(single).max()
 
 
-def test_a_friction_law_and_mechanics_stay():
+def test_transpose_leaves_friction_law_and_mechanics():
     text = (
         "  b: {transpose: 12st, modules: {hammer: {CEL: {M: 8g, f: 1Hz, t60: 2s}},"
         " slow: {CEL: {M: 1g, K: 10N/m}}, m: {CEL: {M: 8g, f: A3, t60: 2s}},"
@@ -251,7 +251,7 @@ def written(instruments: str) -> Piece:
         "  bell: {like: low, f: A5, transpose: 5st}\n",
     ],
 )
-def test_a_transposed_bell_is_the_bell_written_by_hand(moved):
+def test_transposed_bell_equals_bell_by_hand(moved):
     by_hand = written(HIGH)
     built = written(moved)
     assert [dict(m.fields, between=None) for m in built.instruments["bell"].modules] == [
@@ -264,7 +264,7 @@ def test_a_transposed_bell_is_the_bell_written_by_hand(moved):
     assert out[:, -1:].tobytes() == samples(by_hand, 6000).tobytes()
 
 
-def test_a_shipped_bell_and_string_are_retuned_by_their_named_pitch():
+def test_bundled_instruments_retuned_by_f():
     built = piece(
         "  up: {from: bell/bell, f: C5}\n  low: {from: string/string, f: C3}\n"
         "  tam: {from: gong/tamtam, transpose: -14cents}\n  old: {from: gong/plate, f: A1}\n"
@@ -281,7 +281,7 @@ def test_a_shipped_bell_and_string_are_retuned_by_their_named_pitch():
 # --- what merges --------------------------------------------------------------------------------
 
 
-def test_fields_merge_module_by_module():
+def test_like_and_from_merge_fields_by_module():
     built = piece(
         "  low: {from: string/string,"
         " modules: {body: {STRING: {f: C3}}, felt: {BUT: {gap: 5mm}}}}\n"
@@ -303,7 +303,7 @@ def test_fields_merge_module_by_module():
     assert [m.kind for m in built.instruments["e"].modules] == ["MAS", "LNL", "CEL"]
 
 
-def test_modules_of_keys_merge_too():
+def test_like_merges_modules_of_keys():
     loaded = check(
         "ergon: 1\nkeys:\n  k1: {struck: m, modules: {m: {MAS: {M: 400g}}, g: {SOL: {}},"
         " r: {REF: {between: [g, m], K: 60N/m, Z: 1Ns/m}}}}\n"
@@ -316,7 +316,7 @@ def test_modules_of_keys_merge_too():
     assert link.fields["between"][1].part == "k2"
 
 
-def test_what_is_written_beside_a_transposition_sounds_as_written():
+def test_transpose_with_written_fields_unchanged():
     built = piece("  b: {from: bell/bell, transpose: 7st, modules: {prime: {CEL: {f: A4}}}}\n")
     assert fields(built, "b", "prime")["f"] == 440.0
     assert fields(built, "b", "prime")["M"] == 40e-3
@@ -377,7 +377,7 @@ def test_failed_transposition_is_reported_once(instruments, report):
     assert check_reports(f"ergon: 1\ninstruments:\n{instruments}") == [report]
 
 
-def test_a_broken_transposition_brings_no_second_message():
+def test_broken_transposition_reported_once():
     assert codes("ergon: 1\ninstruments:\n  b: {from: bell/bell, transpose: 7}\n") == ["E203"]
 
 
@@ -397,7 +397,7 @@ def test_a_broken_transposition_brings_no_second_message():
         ("b: {from: gong/plate, f: A2, transpose: 12st}", "b.f", "x2", "f", 440.0),
     ],
 )
-def test_a_field_that_is_set_sounds_as_set(instrument, target, value, field, expected):
+def test_set_value_of_transposed_instrument(instrument, target, value, field, expected):
     texts = Texts("s.yaml", f"ergon: 1\ninstruments:\n  {instrument}\n")
     before = texts.load().piece
     assert before is not None

@@ -32,7 +32,7 @@ def level(strike: str) -> np.ndarray:
     return np.array([20 * np.log10(abs(np.dot(out[at : at + length, 0], turn))) for at in starts])
 
 
-def test_one_string_that_is_struck_falls_in_two_stages():
+def test_struck_string_decays_in_two_stages():
     listened = level("course.one.12")
     # Half of the motion is alike in both strings, and half is opposite.
     t = np.arange(len(listened)) * 0.1 + 0.1
@@ -45,7 +45,7 @@ def test_one_string_that_is_struck_falls_in_two_stages():
     assert np.polyval(fast, 0.0) - np.polyval(slow, 0.0) == pytest.approx(0.0, abs=1.0)
 
 
-def test_a_list_of_decays_is_told_how_two_stages_are_had():
+def test_list_of_decays_help_mentions_two_stage():
     text = "ergon: 1\ninstruments: {s: {STRING: {masses: 9, M: 4g, f: A3, t60: [1s, 8s]}}}\n"
     (result,) = check(text).diagnostics
     assert result.code == "E106"

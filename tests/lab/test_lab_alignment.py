@@ -62,7 +62,7 @@ def closed_form(t: np.ndarray, order: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("output", OUTPUTS)
-def test_truth_of_maps_is_closed_form_at_each_rate(output: str):
+def test_map_truth_is_closed_form_at_each_rate(output: str):
     """A derivative is late by frames of the rate at which it is heard, at each rate of a map."""
     late, order = OUTPUTS[output]
     springs = map_catalogue.maps_of_score(piece_of(OSCILLATOR, output), SECONDS, "ca")["springs"]

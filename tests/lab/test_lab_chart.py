@@ -32,7 +32,7 @@ def sounds(scene: Bare, upto: int, n_frames: int) -> dict[Setting, np.ndarray]:
 # --- running ------------------------------------------------------------------------------------
 
 
-def test_oversampling_hears_the_same_instants():
+def test_run_frames_at_same_instants_for_oversampling():
     """A cell alone has exact poles at any rate: every S-th frame is the same sample."""
 
     def build(network: _core.Network) -> None:
@@ -48,7 +48,7 @@ def test_oversampling_hears_the_same_instants():
 
 
 @pytest.mark.parametrize("times", [2, 3, 8])
-def test_speeds_and_accelerations_of_all_rates_come_as_late(times: int):
+def test_derivative_outputs_same_delay_at_all_rates(times: int):
     """Of a cell alone every rate knows the same positions, so the same is derived from them."""
 
     def build(network: _core.Network) -> None:
@@ -64,7 +64,7 @@ def test_speeds_and_accelerations_of_all_rates_come_as_late(times: int):
     assert all(waveform_db(often[:, [i]], once[:, [i]]) < -200.0 for i in range(3))
 
 
-def test_a_run_that_is_rewound_repeats_itself():
+def test_rewound_run_repeats_same_frames():
     run = runs.start(canonical.contact(0.5), Setting("ca", 2))
     first = run.frames(700)
     assert run.spent > 0.0
@@ -73,7 +73,7 @@ def test_a_run_that_is_rewound_repeats_itself():
     assert np.array_equal(run.frames(700), first)
 
 
-def test_what_this_engine_cannot_do_is_refused():
+def test_start_refuses_unsupported_settings():
     for setting, message in (
         (Setting("bm5"), "bm5"),
         (Setting("ca", 1, "f8"), "no precision f8"),
@@ -85,7 +85,7 @@ def test_what_this_engine_cannot_do_is_refused():
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_every_method_runs_what_is_linear_and_what_is_not(method: str):
+def test_methods_converge_on_linear_and_contact_scenes(method: str):
     """And comes nearer to what the CA scheme says a hundred times finer."""
     for scene, db in ((canonical.coupled(0.1), -40.0), (canonical.contact(0.1), -90.0)):
         truth = runs.start(scene, Setting("ca", 128)).frames(2205)
@@ -93,7 +93,7 @@ def test_every_method_runs_what_is_linear_and_what_is_not(method: str):
         assert waveform_db(result, truth) < db
 
 
-def test_the_planners_choice_is_in_the_chart():
+def test_chart_with_planner_points():
     """By ear two cells and what joins them are two modes; nothing is left to be better at."""
     wanted = [*chart.settings(METHODS, PRECISIONS, 4), *chart.planned(-60.0)]
     result = chart.measure(canonical.coupled(0.1), wanted, 0.1, "waveform", silent)
@@ -117,7 +117,7 @@ def test_the_planners_choice_is_in_the_chart():
 # --- orders and references ----------------------------------------------------------------------
 
 
-def test_steps():
+def test_oversampling_steps_up_to_limit():
     assert steps(8) == (1, 2, 4, 8)
     assert steps(1) == (1,)
     assert steps(6) == (1, 2, 4)
@@ -139,7 +139,7 @@ def smooth_string() -> Bare:
     return Bare(build)
 
 
-def test_ca_is_of_second_order_on_a_linear_string():
+def test_ca_order_two_on_linear_string():
     """Without losses: with damping on links the order falls to one."""
     result = chart.measure(smooth_string(), grid(8), 0.2, "waveform", silent)
     assert [p.status for p in result.points] == ["ok"] * 4
@@ -153,7 +153,7 @@ def test_ca_is_of_second_order_on_a_linear_string():
     assert result.floor < errors[-1] - 20.0
 
 
-def test_the_references_own_error_is_told_rightly():
+def test_refine_floor_near_true_error():
     """Against a run far beyond it: within 1 dB on a string, within 10 dB with bounces."""
     for scene, n, slack in ((smooth_string(), 8820, 1.0),
                             (canonical.contact(0.5), 11025, 10.0)):  # fmt: skip
@@ -164,7 +164,7 @@ def test_the_references_own_error_is_told_rightly():
         assert result.floor_db == pytest.approx(waveform_db(result.sound, truth), abs=slack)
 
 
-def test_luck_in_the_last_doubling_does_not_count():
+def test_refine_ignores_lucky_last_doubling():
     rng = np.random.default_rng(1)
     noise, x = rng.normal(size=4000), rng.normal(size=4000)
     errors = {1: 1e-1, 2: 5e-2, 4: 2.5e-2, 8: 1.25e-2, 16: 1.2499e-2}  # 16 as wrong as 8
@@ -175,14 +175,14 @@ def test_luck_in_the_last_doubling_does_not_count():
     assert result.floor_db > -55.0
 
 
-def test_a_rung_that_fails_ends_the_ladder_below_it():
+def test_ladder_ends_at_failed_setting():
     x = np.ones(10)
     row = {Setting("ca", s): x for s in (1, 4, 8)}
     assert [s for s, _ in ladder(row, "ca")] == [4, 8]
     assert refine({Setting("ca", 1): x}, lambda setting: None) is None
 
 
-def test_an_exact_method_needs_no_refining():
+def test_refine_of_exact_method_without_runs():
     x = np.ones(100)
     row = {Setting("modal", s): x.copy() for s in (1, 2)}
     result = refine(row, lambda setting: pytest.fail("it was refined"))
@@ -191,7 +191,7 @@ def test_an_exact_method_needs_no_refining():
     assert result.floor_db < -300.0
 
 
-def test_methods_that_settle_on_different_sounds_are_doubted():
+def test_doubts_of_methods_with_different_limits():
     rng = np.random.default_rng(3)
     x, wrong, noise = (rng.normal(size=4000) for _ in range(3))
     row = {Setting("ca", s): x + 1e-3 / s**2 * noise for s in (1, 2, 4, 8)}
@@ -222,7 +222,7 @@ def stiff(factor: float) -> Bare:
     return Bare(build)
 
 
-def test_a_refusal_is_a_point_with_its_reason():
+def test_chart_point_of_refused_setting():
     result = chart.measure(stiff(2.0), grid(8), 0.05, "waveform", silent)
     first, *others = result.points
     assert (first.status, first.cost, first.waveform_db) == ("refused", None, None)
@@ -235,14 +235,14 @@ def test_a_refusal_is_a_point_with_its_reason():
     assert likely > 0.0
 
 
-def test_a_run_that_diverges_is_a_point_with_its_reason():
+def test_chart_point_of_diverged_run():
     result = chart.measure(canonical.struck(1e4), grid(8), 0.1, "waveform", silent)
     assert [p.status for p in result.points] == ["diverged", "ok", "ok", "ok"]
     assert "the motion of " in result.points[0].reason
     assert " diverged at " in result.points[0].reason
 
 
-def test_where_everything_fails_there_is_no_reference():
+def test_chart_without_reference_after_all_failures():
     result = chart.measure(stiff(100.0), grid(2), 0.05, "waveform", silent)
     assert result.reference is None
     assert {p.status for p in result.points} == {"refused"}
@@ -250,7 +250,7 @@ def test_where_everything_fails_there_is_no_reference():
     assert "refused" in chart_table.lines(result)
 
 
-def test_silence_cannot_be_compared():
+def test_chart_of_silent_piece_is_refused():
     with pytest.raises(chart.SilentPieceError, match=r"first 0\.05 s"):
         chart.measure(canonical.struck(0.0), grid(2), 0.05, "waveform", silent)
 
@@ -258,7 +258,7 @@ def test_silence_cannot_be_compared():
 # --- what is best -------------------------------------------------------------------------------
 
 
-def test_the_front_holds_what_nothing_beats():
+def test_chart_front_of_undominated_points():
     def point(times: int, cost: float, error: float) -> chart.Point:
         return chart.Point(Setting("ca", times), cost=cost, waveform_db=error)
 
@@ -272,7 +272,7 @@ def test_the_front_holds_what_nothing_beats():
     assert front == [True, False, True, False]  # below the floor -60 and -70 are alike
 
 
-def test_timing_noise_marks_no_front():
+def test_chart_front_ignores_timing_noise():
     def point(method: str, cost: float, error: float) -> chart.Point:
         return chart.Point(Setting(method, 1), cost=cost, waveform_db=error)
 
@@ -284,7 +284,7 @@ def test_timing_noise_marks_no_front():
     assert front == [True, False]
 
 
-def test_methods_that_are_the_same_here_are_one():
+def test_chart_methods_with_equal_samples_merged():
     first, two = np.zeros((4, 1)), np.ones((4, 1))
     same = {Setting("ca", 1): first, Setting("ca2p", 1): first, Setting("bm4", 1): two,
             Setting("ca", 2): two, Setting(None): first}  # fmt: skip
@@ -297,7 +297,7 @@ def test_methods_that_are_the_same_here_are_one():
     assert [p.on_front for p in marked] == [True, False]
 
 
-def test_energy_is_what_the_scheme_made():
+def test_chart_energy_metric_is_scheme_production():
     closed = chart.measure(canonical.coupled(0.1), grid(2), 0.05, "energy", silent)
     assert all(p.energy_db is not None and p.energy_db < -130.0 for p in closed.points)
     built = chart.measure(canonical.contact(1.0), grid(2), 0.2, "energy", silent)
@@ -311,7 +311,7 @@ def test_energy_is_what_the_scheme_made():
     assert all(drift is not None and abs(drift) < 1e-9 for drift in drifts)
 
 
-def test_a_score_is_heard_through_its_mix():
+def test_score_scene_output_through_mix():
     text = (
         "ergon: 1\n"
         "instruments: {b: {modules: {m: {CEL: {M: 1g, f: 440Hz, t60: 1s}}}, out: {SOX: m}}}\n"

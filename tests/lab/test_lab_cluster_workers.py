@@ -36,7 +36,7 @@ def table(path: str) -> list[dict[str, str]]:
 
 
 @pytest.mark.parametrize("metric", few(["waveform", "energy"], ("waveform",)))
-def test_a_chart(metric: str, folder: own_workers.Client):
+def test_chart_by_workers_equals_local_chart(metric: str, folder: own_workers.Client):
     words = ["chart", "a.yaml", "--seconds", "0.05", "--upto", "2", "--metric", metric]
     words += ["--methods", "ca,bm4,modal", "--error", "-60dB", "-q"]
     assert app.run([*words, "-o", "one"]) == 0
@@ -56,7 +56,7 @@ def test_a_chart(metric: str, folder: own_workers.Client):
     assert "by workers (local:2), costs scaled by a reference" in Path("two.csv").read_text()
 
 
-def test_costs_are_in_seconds_of_home(monkeypatch: pytest.MonkeyPatch):
+def test_worker_costs_scaled_to_local_seconds(monkeypatch: pytest.MonkeyPatch):
     """A worker that takes three times as long, for the yardstick too, tells the same cost."""
     setting, content = chart.Setting("ca"), {"score": "", "root": "", "files": {}}
 
@@ -89,7 +89,9 @@ def elsewhere_cluster():  # type: ignore[no-untyped-def]
         pytest.param(["--maps", "cell", "--method", "ieq"], 25, marks=pytest.mark.slow),
     ],
 )
-def test_maps(words: list[str], n_columns: int, folder: own_workers.Client):
+def test_stability_maps_by_workers_equal_local(
+    words: list[str], n_columns: int, folder: own_workers.Client
+):
     assert app.run(["stability", *words, "-q", "-o", "one"]) == 0
     assert app.run(["stability", *words, "-q", "-o", "two", "--on", "local:2"]) == 0
     assert Path("one.csv").read_text() == Path("two.csv").read_text()
@@ -97,7 +99,7 @@ def test_maps(words: list[str], n_columns: int, folder: own_workers.Client):
     assert len(table("one.csv")) > n_columns
 
 
-def test_trust_stays_here(capsys: pytest.CaptureFixture[str]):
+def test_on_option_excludes_trust(capsys: pytest.CaptureFixture[str]):
     for name in ("chart", "stability"):
         assert app.run([name, "a.yaml", "--on", "local:2", "--trust", "-o", "x"]) == 2
         assert "--on excludes --trust" in capsys.readouterr().err

@@ -34,7 +34,7 @@ def survey(
     return first, maps.survey(first, silent)
 
 
-def test_the_border_of_a_cell_is_jurys():
+def test_stability_map_of_cell_equals_jury_border():
     """K + 2Z = 4M: predicted by formula and certificate, measured within the same grid cell."""
     first, spots = survey("cell")
     for spot in spots:
@@ -51,7 +51,7 @@ def test_the_border_of_a_cell_is_jurys():
 
 
 @pytest.mark.parametrize(("name", "method"), BORDERS)
-def test_borders_of_linear_scenes_are_where_the_formula_has_them(name: str, method: str):
+def test_stability_map_borders_of_linear_scenes(name: str, method: str):
     first = BORDERS[name, method]
     ys = first.ys[-1:] if name == "rate" else first.ys[:1]
     spots = [maps.predicted_and_run(first, x, y)[0] for y in ys for x in first.xs]
@@ -67,7 +67,7 @@ def test_borders_of_linear_scenes_are_where_the_formula_has_them(name: str, meth
 
 
 @pytest.mark.slow
-def test_by_modes_what_is_linear_is_right_wherever_it_runs():
+def test_modal_maps_of_linear_scenes_stable_and_accurate():
     """Also at 4 kHz, and for a joint a hundred times too stiff for the CA scheme."""
     for name in ("cell", "rate", "coupling"):
         _, spots = survey(name, slice(0, 2), "modal")
@@ -76,7 +76,7 @@ def test_by_modes_what_is_linear_is_right_wherever_it_runs():
         assert any(spot.accurate for spot in spots)
 
 
-def test_by_modes_a_contact_is_stepped_and_has_the_border_of_what_steps_it():
+def test_modal_map_of_contact_has_ca_loads():
     for name in ("contact", "strike"):
         item, plain = BUILT_IN[name], map_catalogue.built_in("modal")[name]
         assert item.load is not None
@@ -85,7 +85,7 @@ def test_by_modes_a_contact_is_stepped_and_has_the_border_of_what_steps_it():
             assert plain.load(x, 2.0) == item.load(x, 2.0)
 
 
-def test_a_contact_may_run_away_though_each_of_its_states_is_stable():
+def test_contact_map_spots_unstable_despite_certificate():
     """A certificate of a contact guards; what runs away all the same is seen, with its reason."""
     _, spots = survey("contact", slice(2, 3))
     missed, strict = maps.disagreements(spots)
@@ -94,7 +94,7 @@ def test_a_contact_may_run_away_though_each_of_its_states_is_stable():
     assert "times the energy" in spot.reason or "diverged at" in spot.reason
 
 
-def test_the_bound_of_a_hard_stroke_is_on_the_safe_side():
+def test_strike_map_theory_bound_conservative():
     _, spots = survey("strike", slice(0, 1))
     assert all(spot.certified for spot in spots)  # at rest nothing is stiff
     assert all(spot.stable for spot in spots if spot.theory)
@@ -102,7 +102,7 @@ def test_the_bound_of_a_hard_stroke_is_on_the_safe_side():
     assert any(spot.stable and not spot.theory for spot in spots)
 
 
-def test_loads_are_eigenvalues():
+def test_map_loads_equal_certificate_eigenvalues():
     """The formulas against the engine's certificate, where that is exact (beyond the border)."""
     for kappa in (0.5, 3.9):
         network = canonical.coupled(kappa).build_at(canonical.RATE).network
@@ -118,7 +118,7 @@ def test_loads_are_eigenvalues():
         network.certify(border * (1.0 - 1e-6))
 
 
-def test_every_method_has_limits_and_every_map_a_name():
+def test_map_catalogue_covers_all_methods_and_maps():
     assert tuple(BUILT_IN) == MAPS
     for method in METHODS:
         assert canonical.limit(method) >= 4.0
@@ -127,7 +127,7 @@ def test_every_method_has_limits_and_every_map_a_name():
 
 
 @pytest.mark.parametrize("method", ["plan", "ca"])
-def test_the_energy_of_a_rattle_is_kept_by_a_plan(method: str):
+def test_energy_map_of_rattle_by_method(method: str):
     """A mass on an undamped spring that meets a stop: by steps of CA a stiff one runs away."""
     (complete,) = map_catalogue.maps(method, None, 0.5, None, "energy").values()
     first = replace(complete, xs=complete.xs[4::8], ys=complete.ys[::4], seconds=0.2)
@@ -138,7 +138,7 @@ def test_the_energy_of_a_rattle_is_kept_by_a_plan(method: str):
     assert "energy_db of at most -20 dB" in map_table.csv({"rattle": (first, spots)}, method)
 
 
-def test_the_energy_of_a_score_is_told_by_its_accounts():
+def test_energy_map_of_score_by_ledger():
     piece = load("two.yaml", text=TEXT).piece
     assert piece is not None
     result = map_catalogue.maps("plan", piece, 0.1, None, "energy")["contacts"]
@@ -146,7 +146,7 @@ def test_the_energy_of_a_score_is_told_by_its_accounts():
     assert (spot.stable, spot.accurate, spot.error_db) == (True, True, None)
 
 
-def test_the_truth_is_a_run_that_half_as_fine_repeats():
+def test_converged_truth_repeats_at_half_rate():
     result = converged(canonical.string(20, 44100.0), 4410)
     assert result.frames is not None
     assert result.change_db < -45.0
@@ -154,7 +154,7 @@ def test_the_truth_is_a_run_that_half_as_fine_repeats():
     assert np.abs(result.frames - far).max() < 0.01 * np.abs(far).max()
 
 
-def test_unchecked_runs_what_is_refused():
+def test_start_unchecked_runs_unstable_scene():
     scene = canonical.cell(4.2, 0.0)
     with pytest.raises(_core.UnstableError):
         start(scene, Setting("ca"))
@@ -187,7 +187,7 @@ def piece(text: str = TEXT):
     return loaded.piece
 
 
-def test_stiffer_means_every_spring():
+def test_stiffer_scales_every_spring_of_piece():
     fields = {m.name: m.fields for m in stiffer(piece(), 4.0).instruments["b"].modules}
     assert fields["s"]["K"] == 1.2e6
     assert fields["s"]["Z"] == 0.1
@@ -205,7 +205,7 @@ def test_stiffer_means_every_spring():
     )
 
 
-def test_a_score_fails_where_its_certificate_says():
+def test_score_map_fails_at_certificate_border():
     """λ ≈ K·T²/M: 4 at 44.1 kHz is 7.8 MN/m for 1 g, 26 times the score's."""
     first = map_catalogue.maps_of_score(piece(), 0.05, "ca")["springs"]
     spots = {(s.x, s.y): s for s in maps.survey(first, silent)}

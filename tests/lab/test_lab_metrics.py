@@ -20,7 +20,7 @@ def ring(f: float, t60: float, amplitude: float = 1.0, t: np.ndarray = T) -> np.
 # --- waveform -----------------------------------------------------------------------------------
 
 
-def test_waveform_error_of_a_scaled_sound():
+def test_waveform_db_of_scaled_sound():
     x = ring(437.0, 0.8)
     x -= x.mean()
     assert metrics.waveform_db(1.01 * x, x) == pytest.approx(-40.0, abs=1e-9)
@@ -28,7 +28,7 @@ def test_waveform_error_of_a_scaled_sound():
     assert metrics.waveform_db(x, 0.0 * x) == math.inf
 
 
-def test_waveform_error_is_that_of_the_worst_channel_as_in_plans():
+def test_waveform_db_of_worst_channel():
     loud, soft = ring(437.0, 0.8), 1e-3 * ring(300.0, 0.8)
     x = np.stack([loud, soft, 0.0 * soft], axis=1)
     y = np.stack([loud, 1.1 * soft, 0.0 * soft], axis=1)
@@ -37,7 +37,7 @@ def test_waveform_error_is_that_of_the_worst_channel_as_in_plans():
     assert metrics.waveform_db(y + 5.0, x + 5.0) == pytest.approx(-20.0, abs=0.01)
 
 
-def test_waveform_error_of_a_detuned_partial():
+def test_waveform_db_of_detuned_partial():
     """‖y - x‖/‖x‖ ≈ 2πΔf·t_rms with t_rms = √2/(2σ)."""
     cents, f, t60 = 0.1, 437.0, 0.8
     sigma = 3.0 * math.log(10.0) / t60
@@ -46,7 +46,7 @@ def test_waveform_error_of_a_detuned_partial():
     assert result == pytest.approx(20.0 * math.log10(expected), abs=0.2)
 
 
-def test_the_early_error_begins_with_the_sound():
+def test_early_db_from_onset():
     silence = np.zeros(3000)
     x = np.concatenate([silence, ring(437.0, 0.8)])
     y = x.copy()
@@ -60,7 +60,7 @@ def test_the_early_error_begins_with_the_sound():
 # --- spectra ------------------------------------------------------------------------------------
 
 
-def test_spectra_forgive_phase_and_time_but_not_level():
+def test_spectral_metric_ignores_phase_but_not_level():
     rng = np.random.default_rng(1)
     x = rng.normal(size=(20000, 2))
     assert metrics.spectral(-x, x) == metrics.Spectral(0.0, 0.0)
@@ -69,19 +69,19 @@ def test_spectra_forgive_phase_and_time_but_not_level():
     assert louder.convergence == pytest.approx(1.0, abs=1e-9)
 
 
-def test_a_missing_partial_is_heard_by_spectra():
+def test_spectral_metric_of_missing_partial():
     x = ring(437.0, 2.0) + ring(3000.0, 2.0, 0.5)
     result = metrics.spectral(ring(437.0, 2.0), x)
     assert result.difference > 5.0
     assert 0.3 < result.convergence < 0.6  # half the amplitude: 0.45 of the whole
 
 
-def test_silence_and_short_sounds_have_spectra():
+def test_spectral_metric_of_silence_and_short_sounds():
     assert metrics.spectral(np.zeros(100), np.zeros(100)) == metrics.Spectral(0.0, 0.0)
     assert metrics.spectral(np.ones(1), np.ones(1)) == metrics.Spectral(0.0, 0.0)
 
 
-def test_third_octaves_hold_the_power_of_their_sines():
+def test_third_octave_levels_of_sines():
     x = np.sin(2.0 * math.pi * 1000.0 * T) + 0.1 * np.sin(2.0 * math.pi * 100.0 * T)
     centres, level = metrics.third_octaves(x, RATE)
     assert centres[0] == pytest.approx(24.8, abs=0.1)
@@ -92,7 +92,7 @@ def test_third_octaves_hold_the_power_of_their_sines():
     assert position[4000.0] < -200.0
 
 
-def test_bands_compare_what_never_has_the_same_phase():
+def test_bands_db_of_independent_noises():
     rng = np.random.default_rng(4)
     x, other = rng.normal(size=(2, 88200))
     assert metrics.bands_db(-x, x, RATE) == 0.0
@@ -107,7 +107,7 @@ def test_bands_compare_what_never_has_the_same_phase():
 
 @pytest.mark.parametrize("f", [110.0, 437.0, 1500.0, 9000.0])
 @pytest.mark.parametrize("cents", [1e-3, 1.0, -20.0])
-def test_cents_and_decay_of_a_detuned_partial(f: float, cents: float):
+def test_partials_compare_of_detuned_partial(f: float, cents: float):
     x, y = ring(f, 0.8), ring(f * 2.0 ** (cents / 1200.0), 0.8 * 1.07, 0.4)
     result = partials.compare(y, x, 1.002 * f, RATE)
     assert result is not None
@@ -117,7 +117,7 @@ def test_cents_and_decay_of_a_detuned_partial(f: float, cents: float):
     assert result.t60 == pytest.approx(0.8, rel=1e-4)
 
 
-def test_a_neighbour_and_noise_hardly_matter():
+def test_partials_compare_with_neighbour_and_noise():
     noise = 1e-4 * np.random.default_rng(2).normal(size=len(T))
     x = ring(437.0, 0.8) + ring(655.5, 1.2, 0.5)
     y = ring(437.0 * 2.0 ** (1.0 / 1200.0), 0.84) + ring(656.0, 1.2, 0.5) + noise
@@ -127,7 +127,7 @@ def test_a_neighbour_and_noise_hardly_matter():
     assert result.t60_ratio == pytest.approx(1.05, rel=1e-3)
 
 
-def test_a_second_stroke_is_another_ringing():
+def test_partials_compare_with_second_stroke():
     """Phases begin anew with each stroke: only what rings in between tells the pitch."""
     x, y = ring(437.0, 0.8), ring(437.0 * 2.0 ** (3.0 / 1200.0), 0.8)
     later = int(0.7 * RATE)
@@ -138,13 +138,13 @@ def test_a_second_stroke_is_another_ringing():
     assert result.cents == pytest.approx(3.0, abs=0.01)
 
 
-def test_nothing_to_follow():
+def test_partials_compare_of_silence():
     assert partials.compare(ring(437.0, 0.8), np.zeros_like(T), 437.0, RATE) is None
     assert partials.compare(np.zeros_like(T), ring(437.0, 0.8), 437.0, RATE) is None
     assert partials.strongest(np.zeros(1000), RATE) == []
 
 
-def test_the_strongest_partials_are_those_that_stand_alone():
+def test_partials_strongest_of_separate_partials():
     x = ring(437.0, 0.8) + ring(880.0, 0.5, 0.5) + ring(895.0, 0.5, 0.1) + ring(1204.0, 1.0, 0.01)
     assert partials.strongest(x, RATE) == pytest.approx([437.0, 880.0, 1204.0], abs=0.01)
     assert partials.strongest(x, RATE, count=1) == pytest.approx([437.0], abs=1e-4)
@@ -163,13 +163,13 @@ class Books:
     residual: float = 0.0
 
 
-def test_energy_made_by_the_scheme():
+def test_energy_production_db_of_scheme():
     assert energy.production_db(Books()) == -math.inf
     assert energy.production_db(Books(produced=-0.01)) == pytest.approx(-20.0)
     assert energy.production_db(Books(start=0.0, produced=1.0)) == math.inf
 
 
-def test_energy_that_drifts_up_by_a_decibel_a_second():
+def test_energy_drift_of_one_db_per_second():
     t = [0.1 * i for i in range(20)]
     result = energy.drift(t, [Books(stored=10.0 ** (s / 10.0) - 0.2, lost=0.2) for s in t])
     assert result.per_second == pytest.approx(1.0, abs=1e-9)
@@ -181,7 +181,7 @@ def test_energy_that_drifts_up_by_a_decibel_a_second():
 
 
 @pytest.mark.parametrize(("kappa", "zeta"), [(0.1, 0.0), (0.3, 0.2), (0.04, 0.4), (0.01, 1.0)])
-def test_a_cell_by_its_equation(kappa: float, zeta: float):
+def test_cell_exactly_against_its_equation(kappa: float, zeta: float):
     """ẍ + ζẋ + κx = 0 in units of the step, by differences of a finely sampled solution."""
     fine = 1000
     x = cell_exactly(kappa / fine**2, zeta / fine, 3000)[:, 0]

@@ -31,7 +31,7 @@ def example(metric: str) -> Chart:
 
 
 @pytest.mark.parametrize("metric", few(["waveform", "cents"], 1))
-def test_a_chart_is_the_same_picture_every_time(tmp_path: Path, metric: str):
+def test_chart_picture_same_bytes(tmp_path: Path, metric: str):
     chart = example(metric)
     files = [
         save(lambda: draw_chart.draw(chart, "Bell", "a machine"), tmp_path / name)
@@ -51,27 +51,27 @@ def test_a_chart_is_the_same_picture_every_time(tmp_path: Path, metric: str):
     assert files[0][1].read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
 
 
-def test_methods_that_are_the_same_are_one_curve(tmp_path: Path):
+def test_chart_picture_merges_equal_methods(tmp_path: Path):
     chart = replace(example("waveform"), alike=(("ca", "bm4"),))
     svg, _ = save(lambda: draw_chart.draw(chart, "Bell", "a machine"), tmp_path / "one")
     assert "ca = bm4" in svg.read_text(encoding="utf-8")
     assert "the same samples here: ca, bm4" in chart_table.lines(chart)
 
 
-def test_a_map_of_a_score_marks_where_the_score_stands(tmp_path: Path):
+def test_map_picture_marks_score_as_written(tmp_path: Path):
     first = replace(built_in("ca")["cell"], as_written=(1.0, 1.0))
     spots = [maps.Spot(x, y, None, True, True) for y in first.ys for x in first.xs]
     svg, _ = save(lambda: draw_maps.draw({"cell": (first, spots)}, "A map"), tmp_path / "map")
     assert "the score as it is written" in svg.read_text(encoding="utf-8")
 
 
-def test_a_chart_of_nothing_but_failures_is_drawn(tmp_path: Path):
+def test_chart_picture_of_failures_only(tmp_path: Path):
     chart = Chart(POINTS[:1], None, None, "waveform", 2.0, 44100.0)
     svg, _ = save(lambda: draw_chart.draw(chart, "Bell", "a machine"), tmp_path / "one")
     assert "ca: ×1 refused" in svg.read_text(encoding="utf-8")
 
 
-def test_a_table_of_a_chart_holds_the_reasons():
+def test_chart_table_with_reasons():
     text = chart_table.csv(example("cents"), "Bell,\n a bell", "a machine")
     facts = [line for line in text.splitlines() if line.startswith("#")]
     assert facts[0] == "# made by ergon"
@@ -87,13 +87,13 @@ def test_a_table_of_a_chart_holds_the_reasons():
     ]  # fmt: skip
 
 
-def test_values_of_a_table():
+def test_table_text_of_value_kinds():
     text = table.text([], ["a"], [[None], [True], [-float("inf")], [1 / 3], [7], ["x, y"]])
     assert text.splitlines()[1:] == ["a", '""', "yes", "-inf", "0.333333", "7", '"x, y"']
 
 
 @pytest.mark.slow
-def test_maps_are_the_same_picture_every_time(tmp_path: Path):
+def test_map_picture_same_bytes(tmp_path: Path):
     single = built_in("ca")["coupling"]
     spots = [maps.Spot(x, y, True, x < 1, None if x > 100 else x < 1, x < 0.1 or None, 0.5)
              for y in single.ys for x in single.xs]  # fmt: skip
@@ -108,7 +108,7 @@ def test_maps_are_the_same_picture_every_time(tmp_path: Path):
     assert "could not be run" in map_table.lines({"coupling": (single, spots)})
 
 
-def test_no_file_of_another_is_overwritten(tmp_path: Path):
+def test_chart_save_refuses_foreign_files(tmp_path: Path):
     (tmp_path / "x.svg").write_text("<svg>mine</svg>")
     with pytest.raises(FileRefusedError, match="no record of writing it"):
         save(lambda: draw_chart.draw(example("cents"), "Bell", ""), tmp_path / "x")
@@ -116,13 +116,11 @@ def test_no_file_of_another_is_overwritten(tmp_path: Path):
     assert not (tmp_path / "x.png").exists()
 
 
-def test_without_matplotlib_it_says_what_to_install(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_chart_save_without_matplotlib(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(MatplotlibMissingError, match=r"pip install .*\[lab\]"):
         save(lambda: pytest.fail("it drew"), tmp_path / "x")
 
 
-def test_names_of_the_three_files():
+def test_chart_target_file_names():
     assert [path.name for path in targets(Path("a/b.c"))] == ["b.c.csv", "b.c.svg", "b.c.png"]

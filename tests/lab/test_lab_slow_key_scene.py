@@ -21,7 +21,7 @@ def survey(name: str, *every: float) -> tuple[maps.Map, list[maps.Spot]]:
 
 
 @pytest.mark.slow
-def test_a_soft_key_is_preserved_wherever_a_plan_says_so():
+def test_soft_slow_key_map_accurate_inside_bounds():
     first, spots = survey("soft", 10.0, 20.0)
     outside = spots[len(first.xs) - 1]
     assert (outside.theory, outside.certified, outside.stable) == (False, False, False)
@@ -35,7 +35,7 @@ def test_a_soft_key_is_preserved_wherever_a_plan_says_so():
 
 
 @pytest.mark.slow
-def test_what_the_certificate_refuses_grows_and_nothing_else_does():
+def test_slow_key_map_certificate_agrees_with_runs():
     first = map_catalogue.built_in(SLOW)["quick"]
     places = [(x, y) for y in (20.0, 36.0, 54.0) for x in first.xs[::4]]
     spots = [maps.predicted_and_run(first, x, y)[0] for x, y in places]
@@ -47,7 +47,7 @@ def test_what_the_certificate_refuses_grows_and_nothing_else_does():
 
 
 @pytest.mark.parametrize("name", few(CUTS, 1))
-def test_the_formula_is_the_border_of_what_goes_at_every_frame(name: str):
+def test_slow_key_load_formula_at_stability_border(name: str):
     """Whatever the key's rate; its own springs have no part in it."""
     key = KEYS[name]
     low, high = 1e3, 1e7
@@ -64,7 +64,7 @@ def test_the_formula_is_the_border_of_what_goes_at_every_frame(name: str):
         built.network.certify(RATE)
 
 
-def test_a_factor_that_no_certificate_sees_changes_no_bit():
+def test_hidden_factor_changes_no_bit():
     """So what is refused is run as it would be, were it not."""
 
     def frames(scene: SlowKeyScene) -> np.ndarray:
@@ -78,7 +78,7 @@ def test_a_factor_that_no_certificate_sees_changes_no_bit():
 
 
 @pytest.mark.slow
-def test_the_table_says_what_counts_as_right():
+def test_slow_key_map_accuracy_limits_in_table():
     first = replace(map_catalogue.built_in(SLOW)["soft"], xs=(1.0,), ys=(10.0, 12.0))
     assert [first.right_db(y) for y in (2.0, 10.0, 12.0, 60.0)] == [-75.0, -75.0, -70.0, -70.0]
     spots = maps.survey(first, lambda done: None)

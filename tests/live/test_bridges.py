@@ -115,7 +115,7 @@ def test_bridge_moves_each_axis_by_its_force(bridge: Path):
         until(moved, "both keys moved")
 
 
-def test_bridge_lets_go_of_a_silent_host(bridge: Path):
+def test_bridge_releases_force_of_silent_host(bridge: Path):
     with bridged(bridge) as url, Host(url, 1) as owner, Host(url, 1) as other:
         assert owner.ask([3000], ENABLE) is not None
         # Who pushes owns the device, and nobody else is answered until it is silent for 50 ms.
@@ -131,7 +131,7 @@ def test_bridge_lets_go_of_a_silent_host(bridge: Path):
 @pytest.mark.parametrize(
     "spoilt", [b"", b"\xa5\x5a\x01", request(1, [1, 2, 3], 1), request(1, [1], 1)[:-1] + b"\x00"]
 )
-def test_bridge_passes_over_what_is_no_frame(bridge: Path, spoilt: bytes):
+def test_bridge_ignores_invalid_frames(bridge: Path, spoilt: bytes):
     with bridged(bridge) as url, Host(url, 1) as host:
         host.socket.sendto(spoilt, host.to)
         reply = host.ask([0], ASK)
@@ -139,7 +139,7 @@ def test_bridge_passes_over_what_is_no_frame(bridge: Path, spoilt: bytes):
         assert reply[0] == [0.0]
 
 
-def test_bridge_of_wrong_options(bridge: Path):
+def test_bridge_refuses_wrong_options(bridge: Path):
     done = subprocess.run([str(bridge), "--axes", "zw"], capture_output=True, text=True)
     assert done.returncode == 2
     assert done.stderr.startswith("usage: chai3d_bridge")
@@ -192,7 +192,7 @@ def knob() -> Iterator[Rotary]:
     board.socket.close()
 
 
-def test_arm_of_a_rotary_device(knob: Rotary):
+def test_arm_option_of_rotary_device(knob: Rotary):
     """Held 5 cm from its axis, angles are ways along the arc, and 1 N is 0.05 N·m."""
     device = _core.Device(f"{knob.url}?arm=0.05")
     assert device.unit == "m"
@@ -211,11 +211,11 @@ def test_arm_of_a_rotary_device(knob: Rotary):
     ("options", "words"),
     [("?arm=0", "arm must be above 0 and at most 1 m"), ("?arm=long", "arm must be a number")],
 )
-def test_impossible_arm(knob: Rotary, options: str, words: str):
+def test_arm_option_refuses_impossible_values(knob: Rotary, options: str, words: str):
     with pytest.raises(_core.EngineError, match=words):
         _core.Device(knob.url + options)
 
 
-def test_arm_of_a_device_that_does_not_rotate():
+def test_arm_option_of_linear_device_is_refused():
     with pytest.raises(_core.EngineError, match="its axes do not rotate"):
         _core.Device("emul:?arm=0.05")

@@ -76,7 +76,7 @@ def test_delayed_key_in_a_render_and_on_an_emulated_device(work_folder: Path):
     )
 
 
-def test_delay_of_a_key_in_a_real_hand_is_that_of_the_device():
+def test_delay_of_real_key_comes_from_device():
     loaded = check(SCORE.replace("{calib: key.yaml}", "{M: 400g, K: 60N/m, delay: 2ms}"))
     assert loaded.piece is not None
     by_hand = stage(loaded.piece, real={"remi": None})

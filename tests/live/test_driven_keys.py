@@ -120,7 +120,7 @@ def test_driven_key_rendered_from_its_take(tmp_path: Path):
     )
 
 
-def test_driven_key_held_by_a_hand(tmp_path: Path):
+def test_driven_key_detects_hand_grip(tmp_path: Path):
     """A hand as stiff as a light grip keeps the key; it is told by a force, and by little work."""
     hand = ("--gesture", "0mm@0 hold 0mm@9", "--hand", "900N/m", "--grip", "6Ns/m")
     positions, forces = driven(tmp_path, RealKey(), RealKey(), *hand)

@@ -50,7 +50,7 @@ def score(tmp_path: Path) -> Path:
 
 
 @pytest.mark.slow
-def test_a_key_that_dies_and_comes_back_is_in_the_recording(score: Path, tmp_path: Path):
+def test_reconnected_key_in_duet_recording(score: Path, tmp_path: Path):
     take, listened = tmp_path / "two.take", tmp_path / "two.wav"
     port = free_port()
     hand = ("--gesture", "0mm@0 (smooth 7mm@1 0mm@2)*30", "--hand", "900N/m")
@@ -100,7 +100,7 @@ def _stood_in(both: _core.Recording) -> None:
     assert np.quantile(changes[n_stood:], 0.99) < 1e-4
 
 
-def test_a_host_that_is_killed_lets_go_and_leaves_its_recording(score: Path, tmp_path: Path):
+def test_killed_duet_host_releases_and_leaves_recording(score: Path, tmp_path: Path):
     take = tmp_path / "killed.take"
     with emulator("frame", "--udp", "0", "--gesture", "0mm@0 7mm@60") as device:
         live = ("--live", f"ada={device.url}", "--record", take)
@@ -175,7 +175,7 @@ def pressed() -> Iterator[tuple[Pressed, str]]:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_signal_ends_a_duet_without_force(score: Path, tmp_path: Path, number: signal.Signals):
+def test_signal_ends_duet_with_zero_force(score: Path, tmp_path: Path, number: signal.Signals):
     with pressed() as (device, url):
         with duet(score, "--live", f"ada={url}", "--audio", "null") as playing:
             until(lambda: abs(device.heard[-1][0]) > 200, "a force")

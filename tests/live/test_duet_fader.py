@@ -12,7 +12,7 @@ SWEEP = "0mm@0 (smooth 30mm@1 smooth -30mm@3 smooth 0mm@4)*40"
 
 
 @pytest.mark.slow
-def test_the_piece_for_a_fader_sends_more_than_three_tenths_of_a_newton(tmp_path: Path):
+def test_firefader_piece_force_above_300_mn(tmp_path: Path):
     take = tmp_path / "hand.take"
     with emulator("firefader", "--lockstep", "--gesture", SWEEP) as fader:
         live = ("--live", f"remi={fader.url}")

@@ -57,9 +57,7 @@ COUPLED = "duet: [{couple: [k, v], REF: {K: 60N/m, Z: 0Ns/m}}]"
         1,
     ),
 )
-def test_a_key_in_another_process_is_the_key_in_the_network(
-    tmp_path: Path, kind: str, method: str, scheme: str
-):
+def test_remote_key_equals_key_in_network(tmp_path: Path, kind: str, method: str, scheme: str):
     """A frame a tick (R = 1): a spring from a written hand pulls the key, the key strikes a bell.
 
     The same once with the key as a MAT of the scene, once with it beyond a wire: bit for bit.
@@ -107,9 +105,7 @@ MODES = "modes:\n  - {M: 20g, f: 180Hz, t60: 0.2s}\n  - {M: 5g, f: 410Hz, t60: 0
 
 
 @pytest.mark.parametrize("more", few(["", "presliding: 4kN/m\n", MODES], [MODES]))
-def test_an_emulated_key_of_a_calibration_is_the_calibrated_key_of_a_score(
-    tmp_path: Path, more: str
-):
+def test_emulated_calibrated_key_equals_score_key(tmp_path: Path, more: str):
     """As above, with dry friction, modes and a rest: the whole score, sample for sample.
 
     A key with links of its own meets one link of the scene, for forces are added up in one order.
@@ -165,7 +161,7 @@ def staged(score: Path, **how: object) -> Stage:
         2,
     ),
 )
-def test_every_wire_in_lockstep_plays_what_the_scheme_renders(
+def test_lockstep_devices_play_as_rendered(
     tmp_path: Path, arguments: tuple[str, ...], options: str
 ):
     """44 frames a tick: what came, put into the scheme offline, gives the same sound and force."""
@@ -188,7 +184,7 @@ def test_every_wire_in_lockstep_plays_what_the_scheme_renders(
         assert again.simulation.hand_force(0) == force, tick
 
 
-def test_the_force_of_a_tick_moves_the_key_in_the_next(tmp_path: Path):
+def test_lockstep_force_moves_key_in_next_tick(tmp_path: Path):
     """The key, followed by its own equation from what was sent to it: one tick, no more."""
     rate = 44100 / 44
     score = written(tmp_path, duet=COUPLED)
@@ -246,7 +242,7 @@ def pair(folder: Path, k: float) -> np.ndarray:
     return np.hstack([both.positions(), both.forces()])
 
 
-def test_two_hands_feel_each_other_by_a_spring(tmp_path: Path):
+def test_lockstep_duet_of_two_hands_by_spring(tmp_path: Path):
     rows = pair(tmp_path / "tied", 120)
     first, other, _, force = rows.T
     assert np.ptp(first) > 8e-3
@@ -255,14 +251,14 @@ def test_two_hands_feel_each_other_by_a_spring(tmp_path: Path):
     assert np.array_equal(rows, pair(tmp_path / "again", 120)), "repeats differ"
 
 
-def test_without_a_spring_nothing_moves(tmp_path: Path):
+def test_lockstep_duet_without_spring(tmp_path: Path):
     first, other, *forces = pair(tmp_path / "loose", 0).T
     assert np.ptp(first) > 8e-3
     assert not other.any()
     assert not np.any(forces)
 
 
-def test_an_ergon_on_one_key_is_felt_on_the_other(tmp_path: Path):
+def test_ergon_on_one_key_moves_coupled_key(tmp_path: Path):
     """A written hand on the first key; the second is real, and nobody pushes it."""
     for k in (0, 120):
         score, take = tmp_path / f"{k}.yaml", tmp_path / f"{k}.take"
@@ -283,7 +279,7 @@ def test_an_ergon_on_one_key_is_felt_on_the_other(tmp_path: Path):
             assert not forces.forces().any()
 
 
-def test_a_written_hand_leads_a_real_key(tmp_path: Path):
+def test_guide_moves_real_key_along_written_part(tmp_path: Path):
     """--guide: a finger rests on the key, and the key goes where the part goes."""
     score, take = tmp_path / "led.yaml", tmp_path / "led.take"
     part = "remi: [{at: 2.2s, play: knock}]"

@@ -79,7 +79,7 @@ def judged(listened: np.ndarray, score: Path, take: Path, lines: list[str]) -> C
     return result
 
 
-def test_a_key_on_a_wire_is_heard_through_jack(
+def test_duet_captured_by_jack_equals_render(
     name: str, score: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setenv("JACK_DEFAULT_SERVER", name)
@@ -115,7 +115,7 @@ def test_unpaced_duet_captures_every_frame(
 
 
 @pytest.mark.slow
-def test_a_key_on_a_wire_is_heard_through_pulse(
+def test_duet_captured_by_pulse_equals_render(
     score: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setenv("PULSE_SERVER", f"unix:{tmp_path}/pulse.sock")

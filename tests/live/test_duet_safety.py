@@ -76,7 +76,9 @@ def test_released_board_receives_no_force(tmp_path: Path):
         pytest.param(PAIR, {"sine": 0.006, "hertz": 3.0}, id="pair"),
     ],
 )
-def test_what_is_played_passes_unchanged(tmp_path: Path, score: str, hand: dict[str, float]):
+def test_safety_stages_pass_played_forces_unchanged(
+    tmp_path: Path, score: str, hand: dict[str, float]
+):
     path, take = tmp_path / "score.yaml", tmp_path / "hand.take"
     for folder in ("calib", "layouts", "takes"):
         (tmp_path / folder).symlink_to(BUNDLED.parent / folder)

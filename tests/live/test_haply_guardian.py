@@ -44,9 +44,7 @@ def let_go(service: Service, after: float) -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
-def test_a_performance_that_is_killed_or_stopped_leaves_no_force(
-    tmp_path: Path, number: signal.Signals
-):
+def test_haply_zero_force_after_kill_or_stop(tmp_path: Path, number: signal.Signals):
     with Service() as service:
         score, live = playing(tmp_path, service)
         with duet(score, *live) as performance:
@@ -59,9 +57,7 @@ def test_a_performance_that_is_killed_or_stopped_leaves_no_force(
 
 
 @pytest.mark.parametrize("reply", ["empty", "silent"])
-def test_a_service_without_states_is_told_zero_and_plays_on_when_it_has_some(
-    tmp_path: Path, reply: Reply
-):
+def test_haply_without_states_zeroed_until_return(tmp_path: Path, reply: Reply):
     with Service() as service:
         score, live = playing(tmp_path, service)
         with duet(score, *live):
@@ -80,7 +76,7 @@ def test_a_service_without_states_is_told_zero_and_plays_on_when_it_has_some(
         ("_core.guard_haply()", "EngineError"),
     ],
 )
-def test_what_cannot_be_guarded_is_an_error(lines: str, words: str):
+def test_haply_guardian_refused_in_embedded_python(lines: str, words: str):
     """A program that holds Python inside cannot be started as a guardian; no host is at a pipe."""
     program = f"import sys; from ergon import _core; {lines}"
     command = [sys.executable, "-c", program]

@@ -64,7 +64,7 @@ def test_force_of_an_effect(name: str):
     assert np.max(error) < 0.03 * np.max(np.abs(exact)), f"{np.max(error)} N"
 
 
-def test_every_effect_of_the_page_has_its_picture():
+def test_haptic_page_pictures_of_all_effects():
     for name, text in haptic.effects().items():
         picture = haptic.PAGE.with_name(f"haptic-{name}.svg")
         assert f"(haptic-{name}.svg)" in haptic.PAGE.read_text()
@@ -73,5 +73,5 @@ def test_every_effect_of_the_page_has_its_picture():
 
 
 @pytest.mark.slow
-def test_stiffness_that_devices_bear():
+def test_haptic_page_table_of_device_stiffness():
     assert haptic.table() in haptic.PAGE.read_text()

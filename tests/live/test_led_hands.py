@@ -171,7 +171,7 @@ def test_led_take_by_osc_midi_and_evdev(work_folder: Path):
         assert np.array_equal(pad.sound, by_other.sound)
 
 
-def test_a_hand_by_osc_and_by_midi_gives_the_same_take(work_folder: Path):
+def test_led_hand_same_take_by_osc_and_midi(work_folder: Path):
     osc, midi = led("osc:/x?lockstep", by_osc, "osc"), led("midi:bend?lockstep", by_bend, "midi")
     assert np.ptp(osc.positions) > 5e-3
     assert osc.forces.min() < -0.02
@@ -180,13 +180,13 @@ def test_a_hand_by_osc_and_by_midi_gives_the_same_take(work_folder: Path):
     assert np.array_equal(osc.sound, midi.sound)
 
 
-def test_a_recorded_finger_renders_to_the_samples_heard(work_folder: Path):
+def test_led_take_renders_to_same_samples(work_folder: Path):
     played = led("osc:/x?lockstep", by_osc)
     assert np.max(np.abs(played.sound)) > 1e-4
     assert np.array_equal(rendered(Path("s.yaml"), played.take), played.sound)
 
 
-def test_a_finger_moves_as_its_equations_say(work_folder: Path):
+def test_led_finger_motion_against_dop853(work_folder: Path):
     """Two masses, their springs and dampers, and the force of the piece, tick by tick by DOP853."""
     played = led("osc:/x?lockstep", by_osc)
     n = 3000
@@ -219,7 +219,7 @@ def test_a_finger_moves_as_its_equations_say(work_folder: Path):
     assert played.forces[:n].min() < -0.2
 
 
-def test_a_lifted_finger_leaves_the_key_where_it_was(work_folder: Path):
+def test_lifted_finger_leaves_key_in_place(work_folder: Path):
     def feed(ready: PreparedPlay) -> None:
         values = OscValues(parse_led_address("osc:/x?lockstep"), lead_of(ready))
         for time in np.arange(0.0, 0.6, 0.01):
@@ -241,7 +241,7 @@ SPRUNG = SCORE.replace(
 )
 
 
-def test_key_thrown_and_let_go(work_folder: Path):
+def test_led_key_thrown_and_lifted_swings_free(work_folder: Path):
     """It swings back by the spring of the score's key, and never passes that key's travel."""
 
     def feed(ready: PreparedPlay) -> None:
@@ -258,7 +258,7 @@ def test_key_thrown_and_let_go(work_folder: Path):
     assert np.max(np.abs(x[int(2.0 / TICK) : int(3.0 / TICK)] - 1e-3)) < 1e-5
 
 
-def test_pulled_key_against_its_spring(work_folder: Path):
+def test_led_key_pulled_against_its_spring(work_folder: Path):
     """A finger of 400 N/m on a key of 60 N/m: it stands where both springs balance."""
 
     def feed(ready: PreparedPlay) -> None:
@@ -272,7 +272,7 @@ def test_pulled_key_against_its_spring(work_folder: Path):
     assert played.forces.min() == 0.0, "nothing else acts there"
 
 
-def test_no_pull_moves_the_key_beyond_its_travel(work_folder: Path):
+def test_led_key_limited_to_its_travel(work_folder: Path):
     def feed(ready: PreparedPlay) -> None:
         lead = lead_of(ready)
         for step, time in enumerate(np.arange(0.0, 3.0, 0.005)):
@@ -283,7 +283,7 @@ def test_no_pull_moves_the_key_beyond_its_travel(work_folder: Path):
     assert np.ptp(played.positions) > 0.019
 
 
-def test_a_summary_says_rate_latency_and_error(work_folder: Path):
+def test_led_summary_of_rate_latency_and_error(work_folder: Path):
     played = led("osc:/x?lockstep&delay=30ms", by_osc)
     assert played.sentences == [
         "remi by osc:/x: 425 positions, one each 8.0 ms ± 0.0 ms; path 30 ms late and within "
@@ -301,7 +301,7 @@ def test_a_summary_says_rate_latency_and_error(work_folder: Path):
         ),
     ],
 )
-def test_a_controller_has_7_or_14_bits(messages: list[str], shares: list[float]):
+def test_midi_controller_of_7_or_14_bits(messages: list[str], shares: list[float]):
     lead = NotedLead()
     values = MidiValues(parse_led_address("midi:cc2?lockstep"), lead)  # type: ignore[arg-type]
     for message in messages:
@@ -309,7 +309,7 @@ def test_a_controller_has_7_or_14_bits(messages: list[str], shares: list[float])
     assert lead.placed == pytest.approx([TRAVEL * (share - 0.5) for share in shares])
 
 
-def test_a_channel_is_one_of_a_zone():
+def test_midi_channel_filter_of_address():
     lead = NotedLead()
     address = parse_led_address("midi:pressure?channel=3&lockstep")
     values = MidiValues(address, lead)  # type: ignore[arg-type]
@@ -332,7 +332,7 @@ EVENTS = b"".join(
 )
 
 
-def test_a_stick_that_is_pushed_away_lifts_the_key():
+def test_gamepad_stick_values_to_positions():
     lead = NotedLead()
     values = GamepadValues(parse_led_address("gamepad:ly?lockstep"), lead)  # type: ignore[arg-type]
     rows = [row for row in events(EVENTS) if row[0] == values.code]
@@ -342,7 +342,7 @@ def test_a_stick_that_is_pushed_away_lifts_the_key():
     assert lead.placed == pytest.approx([0.0, 0.05, -0.05], abs=1e-6)
 
 
-def test_an_unplugged_gamepad_leaves_the_key(tmp_path: Path):
+def test_unplugged_gamepad_leaves_key(tmp_path: Path):
     pipe = tmp_path / "pad"
     os.mkfifo(pipe)
     writer = os.open(pipe, os.O_RDWR)
@@ -357,7 +357,7 @@ def test_an_unplugged_gamepad_leaves_the_key(tmp_path: Path):
     port.close()
 
 
-def test_an_address_says_finger_delay_and_travel():
+def test_parse_led_address_with_options():
     address = parse_led_address("page:ada?K=1kN/m&Z=3Ns/m&M=10g&delay=5ms&travel=30mm")
     assert address.finger == Finger(1000.0, 3.0, 0.01)
     assert (address.delay, address.travel) == (0.005, 0.03)
@@ -378,19 +378,19 @@ def test_an_address_says_finger_delay_and_travel():
         ("midi:bend?channel=17", "'17' is not a number from 1 to 16"),
     ],
 )
-def test_a_wrong_address_says_what_is_right(url: str, words: str):
+def test_parse_led_address_refuses_wrong_urls(url: str, words: str):
     with pytest.raises(BoardError) as error:
         parse_led_address(url)
     assert words in str(error.value)
 
 
-def test_each_player_has_a_key_of_the_page():
+def test_page_boards_named_by_player():
     opened = boards({"ada": "page:", "remi": "page:?K=800N/m"}, {})
     assert [board.url for board in opened] == ["page:ada", "page:remi?K=800N/m"]
     assert not any(board.has_motor for board in opened)
 
 
-def test_a_port_that_is_taken_is_told(work_folder: Path):
+def test_osc_port_in_use_is_refused(work_folder: Path):
     Path("s.yaml").write_text(SCORE)
     live = ["remi=osc:/x?port=39271", "ada=osc:/y?port=39271"]
     ready = prepare("s.yaml", PlayOptions(live=live, audio="null", gain="0dB"), Report())
@@ -401,7 +401,7 @@ def test_a_port_that_is_taken_is_told(work_folder: Path):
     prepare("s.yaml", other, Report()).close()
 
 
-def test_a_session_is_played_by_osc_and_its_name_is_free_afterwards(work_folder: Path):
+def test_session_played_by_osc_twice_at_same_port(work_folder: Path):
     """In a session the hand is in the take beside the journal, twice by the same address."""
     Path("s.yaml").write_text(SCORE.replace("tail: 500ms", "tail: 900s"))
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:

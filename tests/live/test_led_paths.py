@@ -12,7 +12,7 @@ from ergon import _core
 
 @pytest.mark.parametrize("rate", RATES)
 @pytest.mark.parametrize("jitter", JITTERS)
-def test_stamped_positions_lose_nothing_by_their_jitter(rate: float, jitter: float):
+def test_led_path_error_of_stamped_positions(rate: float, jitter: float):
     """The error of a line between positions is at most a·gap²/8, wherever they came from."""
     error = path_error(rate, jitter, are_stamped=True)
     t = np.arange(0.0, 2.0, 1e-5)
@@ -26,7 +26,7 @@ def test_stamped_positions_lose_nothing_by_their_jitter(rate: float, jitter: flo
 
 
 @pytest.mark.parametrize("jitter", JITTERS[1:])
-def test_jitter_of_arrival_moves_the_path_where_nothing_says_when(jitter: float):
+def test_led_path_error_of_unstamped_positions(jitter: float):
     stamped = path_error(250.0, jitter, are_stamped=True)
     arrived = path_error(250.0, jitter, are_stamped=False)
     assert arrived.rms > 2.0 * stamped.rms
@@ -35,7 +35,7 @@ def test_jitter_of_arrival_moves_the_path_where_nothing_says_when(jitter: float)
     assert arrived.greatest < speed * 0.5 * jitter + stamped.greatest + 1e-4
 
 
-def test_before_its_first_position_nothing_leads():
+def test_led_path_before_first_position():
     instant = np.array([1.0])
     times = np.array([0.5, 1.0, 1.019, 1.021])
     path, late = _core.even_path(instant, instant, np.array([0.01]), times, 0.02)
@@ -44,7 +44,7 @@ def test_before_its_first_position_nothing_leads():
     assert late == 0
 
 
-def test_the_table_of_the_page_is_what_is_computed():
+def test_hands_page_table_of_path_errors():
     page = (Path(__file__).parents[2] / "docs/howto/hands.md").read_text()
     assert "| 125 Hz | 2 ms | 20 ms | 0.031 mm" in page
     assert with_table(page) == page

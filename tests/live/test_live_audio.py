@@ -53,7 +53,7 @@ def jack(name: str) -> Iterator[Jack]:
 
 
 @pytest.mark.parametrize("n_channels", [1, 2, 24, 64])
-def test_a_file_holds_what_was_pushed(tmp_path: Path, n_channels: int):
+def test_file_output_contains_pushed_frames(tmp_path: Path, n_channels: int):
     sound = noise(5000, n_channels)
     path = tmp_path / "a, b=c.wav"
     text = _core.play_frames(sound, 44100, f"file:{path}")
@@ -66,7 +66,7 @@ def test_a_file_holds_what_was_pushed(tmp_path: Path, n_channels: int):
     assert [found.name for found in tmp_path.iterdir()] == [path.name]
 
 
-def test_a_file_has_its_name_only_when_it_is_whole(tmp_path: Path):
+def test_file_output_renamed_when_complete(tmp_path: Path):
     path = tmp_path / "a.wav"
     out = _core.AudioOut(f"file:{path}", RATE, 2)
     out.play(noise(RATE * 6, 2))
@@ -83,7 +83,7 @@ def test_a_file_has_its_name_only_when_it_is_whole(tmp_path: Path):
         _core.AudioOut(f"file:{tmp_path}/nowhere/a.wav", RATE, 2)
 
 
-def test_full_disk_is_reported_and_written_frames_stay(tmp_path: Path):
+def test_file_output_on_full_disk(tmp_path: Path):
     path = tmp_path / "a.wav"
     code = f"""
 import resource, numpy as np
@@ -108,7 +108,7 @@ except _core.EngineError as error:
     assert part.stat().st_size == 2**20
 
 
-def test_the_clock_takes_frames_by_time():
+def test_null_output_paced_by_clock():
     out = _core.AudioOut("null,block=64", RATE, 2)
     began = time.monotonic()
     out.play(noise(RATE // 4, 2))
@@ -120,14 +120,14 @@ def test_the_clock_takes_frames_by_time():
     assert not out.alive
 
 
-def test_without_a_clock_nothing_is_lost():
+def test_null_fast_output_without_losses():
     out = _core.AudioOut("null:fast", RATE, 2, capacity=300)
     out.play(noise(100_000, 2))
     assert out.finish(PATIENCE)
     assert (out.played, out.underruns) == (124_000, 0)
 
 
-def test_auto_says_what_it_found_and_what_it_did_not():
+def test_auto_output_description_of_choice():
     out = _core.AudioOut("auto", RATE, 2)
     backend, sentence = out.info.backend, out.info.sentence
     assert backend == "null"
@@ -151,7 +151,7 @@ def test_missing_audio_outputs_are_refused(spec: str, words: str):
         _core.AudioOut(spec, RATE, 2)
 
 
-def test_pulse_says_how_many_channels_it_carries():
+def test_pulse_refuses_33_channels():
     with pytest.raises(_core.EngineError, match=r"33 channels.*32.*jack"):
         _core.AudioOut("pulse", RATE, 33)
 
@@ -176,7 +176,7 @@ def captured(sound: np.ndarray, spec: str = "jack") -> Iterator[_core.AudioOut]:
         assert result.exact, result
 
 
-def test_jack_hears_every_bit(jack: Jack):
+def test_jack_output_bits_equal_pushed_frames(jack: Jack):
     with captured(noise(RATE, jack.channels)) as out:
         info = out.info
         assert (info.backend, info.rate, info.block) == ("jack", RATE, jack.block)
@@ -187,7 +187,7 @@ def test_jack_hears_every_bit(jack: Jack):
         assert out.alive
 
 
-def test_jack_freewheels_bit_for_bit(jack: Jack):
+def test_jack_output_bits_equal_in_freewheel(jack: Jack):
     sound = noise(10 * RATE, jack.channels)
     capture = _core.JackCapture("capture", jack.channels, len(sound) + 60 * RATE)
     out = _core.AudioOut("jack", RATE, jack.channels, capacity=16384)
@@ -205,7 +205,7 @@ def test_jack_freewheels_bit_for_bit(jack: Jack):
     assert out.underruns == 0
 
 
-def test_an_underrun_is_counted_and_fades(jack: Jack):
+def test_jack_underrun_counted_and_faded(jack: Jack):
     capture = _core.JackCapture("capture", 1, 20 * RATE)
     out = _core.AudioOut("jack", RATE, 1, capacity=16384)
     assert capture.connect("ergon", 5.0)
@@ -233,7 +233,7 @@ def test_jack_at_another_rate_converts_and_says_so(jack: Jack):
     assert out.played == 22050
 
 
-def test_jack_connects_only_where_it_may(jack: Jack, monkeypatch: pytest.MonkeyPatch):
+def test_jack_connection_options(jack: Jack, monkeypatch: pytest.MonkeyPatch):
     assert "not connected" in _core.AudioOut("jack:none", RATE, 2).info.device
     assert "system:playback_3" in _core.AudioOut("jack:playback_[34]$", RATE, 2).info.device
     assert "first 24 channels" in _core.AudioOut("jack", RATE, 30).info.sentence
@@ -241,7 +241,7 @@ def test_jack_connects_only_where_it_may(jack: Jack, monkeypatch: pytest.MonkeyP
     assert "not connected" in _core.AudioOut("jack", RATE, 2).info.device
 
 
-def test_auto_finds_jack(jack: Jack):
+def test_auto_output_uses_running_jack(jack: Jack):
     assert _core.AudioOut("auto", RATE, 2).info.backend == "jack"
     assert _core.survey_audio()[0].sentence.startswith("a server at 48000 Hz")
 
@@ -257,7 +257,7 @@ def playing_until(out: _core.AudioOut, true, what: str) -> None:
     until(so, what)
 
 
-def test_a_jack_server_that_dies_is_found_again(name: str):
+def test_jack_output_reconnects_after_server_restart(name: str):
     server = Jack(name)
     with server.run() as process:
         out = _core.AudioOut("auto", RATE, 2)
@@ -282,7 +282,7 @@ def test_a_jack_server_that_dies_is_found_again(name: str):
 # --- PulseAudio -----------------------------------------------------------------------------------
 
 
-def test_pulse_hears_every_bit(tmp_path: Path):
+def test_pulse_output_bits_equal_pushed_frames(tmp_path: Path):
     server = Pulse(tmp_path)
     sound = noise(RATE, server.channels)
     path = tmp_path / "heard.f32"
@@ -314,7 +314,7 @@ def test_pulse_converts_to_the_rate_of_its_sink(tmp_path: Path):
         assert "dome (2 channels, 44100 Hz, default)" in _core.survey_audio()[1].sentence
 
 
-def test_a_pulse_server_that_dies_is_found_again(tmp_path: Path):
+def test_pulse_output_reconnects_after_server_restart(tmp_path: Path):
     server = Pulse(tmp_path, channels=2)
     with server.run() as process:
         out = _core.AudioOut("pulse", RATE, 2)

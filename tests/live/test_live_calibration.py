@@ -63,7 +63,7 @@ def written(config: Path, text: str) -> None:
 
 
 @pytest.mark.parametrize("end", ["\n", "\r\n"])
-def test_a_persons_own_lines_stay_byte_for_byte(config: Path, end: str):
+def test_store_axis_preserves_other_lines_of_config(config: Path, end: str):
     single = USER_FILE.replace("\n", end)
     written(config, single)
     store_axis("frame:/dev/ttyACM0?lockstep", 2, AXIS)
@@ -104,7 +104,7 @@ def test_uneditable_calibration_files_stay_unchanged(config: Path, text: str):
 
 @pytest.mark.parametrize("field", ["sign", "zero", "gain", "force_max"])
 @pytest.mark.parametrize("value", ["inf", "-inf", "nan", "1" + "0" * 400, '"1"', "[]", "true"])
-def test_numbers_that_no_axis_has_are_refused_in_their_place(config: Path, field: str, value: str):
+def test_known_axes_refuses_wrong_numbers_with_place(config: Path, field: str, value: str):
     store_axis("emul:", 0, AXIS)
     lines = config.read_text().splitlines()
     index = next(i for i, line in enumerate(lines) if line.startswith(f"{field} = "))
@@ -114,14 +114,14 @@ def test_numbers_that_no_axis_has_are_refused_in_their_place(config: Path, field
         known_axes("emul:")
 
 
-def test_a_sign_is_one(config: Path):
+def test_known_axes_refuses_sign_other_than_one(config: Path):
     store_axis("emul:", 0, AXIS)
     config.write_text(config.read_text().replace(f"sign = {AXIS.sign}", "sign = 1.9"))
     with pytest.raises(BoardError):
         known_axes("emul:")
 
 
-def test_a_new_list_and_its_links(config: Path, tmp_path: Path):
+def test_store_axis_in_new_file_and_through_symlink(config: Path, tmp_path: Path):
     store_axis("emul:?mass=0.1", 0, AXIS)
     assert known_axes("emul:?mass=0.1") == {0: AXIS}
     assert known_axes("emul:") == {}
@@ -133,7 +133,7 @@ def test_a_new_list_and_its_links(config: Path, tmp_path: Path):
     assert known_axes("emul:") == {1: AXIS}
 
 
-def test_an_axis_is_the_same_however_it_is_spoken_to():
+def test_axis_key_ignores_url_options():
     assert axis_key("frame+udp:1.2.3.4:5?lockstep&wide", 3) == "frame+udp:1.2.3.4:5#3"
     assert axis_key("haply:ws://h?id=A&lockstep", 0) == "haply:A#0"
     assert axis_key("haply:ws://h?lockstep", 0) == "haply:ws://h#0"
@@ -151,7 +151,7 @@ def test_an_axis_is_the_same_however_it_is_spoken_to():
         ("haply:ws://127.0.0.1:10001", False),
     ],
 )
-def test_what_is_an_emulators_address(url: str, is_one: bool):
+def test_board_is_emulated_by_address(url: str, is_one: bool):
     assert boards.Board(url, ()).is_emulated is is_one
 
 
@@ -159,7 +159,7 @@ def test_what_is_an_emulators_address(url: str, is_one: bool):
 GOES = "0mm@0 line 0mm@3 smooth 20mm@4 -10mm@5 0mm@6"
 
 
-def test_calibrate_finds_ends_where_the_hand_goes(config: Path, capsys: Capture):
+def test_calibrate_finds_ends_and_gain_of_hand_motion(config: Path, capsys: Capture):
     strong = ("--hand", "2000N/m", "--grip", "40Ns/m")
     with emulated("frame", "--pty", "--lockstep", "--gesture", GOES, *strong) as url:
         written(config, f'[devices]\nmine = "{url}"\n')
@@ -176,7 +176,7 @@ def test_calibrate_finds_ends_where_the_hand_goes(config: Path, capsys: Capture)
     assert (result.zero, result.force_max) == (record["zero"], 3.0)
 
 
-def test_a_motor_the_wrong_way_round_is_put_right(config: Path, capsys: Capture):
+def test_calibrate_corrects_reversed_motor(config: Path, capsys: Capture):
     with Board(-1e-3) as board:
         assert app.run(["devices", "calibrate", board.in_lockstep, "--seconds", "0"]) == 0
         assert "the other way round, which is corrected" in capsys.readouterr().err
@@ -193,7 +193,7 @@ def test_a_motor_the_wrong_way_round_is_put_right(config: Path, capsys: Capture)
     assert known_axes(board.in_lockstep)[0].range == pytest.approx((-0.05, 0.05))
 
 
-def test_what_does_not_move_is_not_guessed(config: Path, capsys: Capture):
+def test_calibrate_refuses_unmoved_and_unknown_axes(config: Path, capsys: Capture):
     with Board(0.0) as board:
         assert app.run(["devices", "calibrate", board.in_lockstep]) == 2
         assert "did not move" in capsys.readouterr().err
@@ -232,7 +232,7 @@ render: {tail: 0.2s}
 """
 
 
-def test_an_axis_at_an_address_is_tried_before_it_plays_each_time(
+def test_duet_checks_axis_direction_before_each_start(
     config: Path, tmp_path: Path, capsys: Capture
 ):
     (tmp_path / "s.yaml").write_text(SCORE)
@@ -262,7 +262,7 @@ def test_an_axis_at_an_address_is_tried_before_it_plays_each_time(
         assert "--unchecked" in output
 
 
-def test_directions_of_twelve_keys_at_once(config: Path):
+def test_calibrated_boards_direction_of_twelve_keys(config: Path):
     """One request for all; a key whose calibration is wrong is tried alone, and refused by name."""
     report = Sentences()
     with emulated("frame", "--udp", "0", "--lockstep", "--axes", "12") as url:
@@ -278,7 +278,7 @@ def test_directions_of_twelve_keys_at_once(config: Path):
     assert refused.value.value == "p4"
 
 
-def test_a_force_answers_one_tick_after_its_cause(tmp_path: Path):
+def test_recorded_force_sent_one_tick_later(tmp_path: Path):
     (tmp_path / "s.yaml").write_text(SCORE)
     with emulated("frame", "--udp", "0", "--lockstep", "--gesture", "0mm@0 8mm@1/2") as url:
         duet = ["duet", "s.yaml", "--audio", "null", "--gain", "-20dB", "--record", "b.take"]
@@ -289,7 +289,7 @@ def test_a_force_answers_one_tick_after_its_cause(tmp_path: Path):
     assert np.flatnonzero(sent)[0] == np.flatnonzero(forces)[0] + 1
 
 
-def test_a_board_is_itself_at_any_port(config: Path, monkeypatch: pytest.MonkeyPatch):
+def test_calibration_by_usb_identity_at_any_port(config: Path, monkeypatch: pytest.MonkeyPatch):
     plugged = {"/dev/ttyACM0": "usb:16c0:0483:11", "/dev/ttyACM1": "usb:16c0:0483:22"}
     monkeypatch.setattr(_core, "serial_identity", plugged.get)
     store_axis("frame:/dev/ttyACM0?lockstep", 2, AXIS)
@@ -303,7 +303,7 @@ def test_a_board_is_itself_at_any_port(config: Path, monkeypatch: pytest.MonkeyP
     assert calibrated_axes("frame:/dev/ttyACM1") == {2}
 
 
-def test_an_entry_of_a_path_counts_only_until_it_is_tried(
+def test_calibration_by_path_valid_until_identity_known(
     config: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setattr(_core, "serial_identity", lambda path: None)
@@ -320,7 +320,7 @@ def test_an_entry_of_a_path_counts_only_until_it_is_tried(
     assert calibrated_axes("frame:/dev/ttyACM0") == {0}
 
 
-def test_messages_call_a_device_by_its_name_and_leave_options_out() -> None:
+def test_board_messages_with_device_name_without_options() -> None:
     url = "frame+udp://127.0.0.1:40123?lockstep&patience=300"
     asked = {"remi": "tgr0.1", "ada": "tgr0.0", "zoe": "emul:?lockstep#1"}
     shown = [one.display_name for one in boards.boards(asked, {"tgr0": url})]
@@ -370,7 +370,7 @@ class PassedOverDevice:
         (set(), {2}, [], [0, 1, 3]),  # one alone is tried alone by the caller
     ],
 )
-def test_axes_as_known_pushes_again_what_stayed_still(
+def test_axes_as_known_pushes_still_axes_again(
     still: set[int],
     held: set[int],
     pushed_again: list[list[int]],

@@ -65,7 +65,7 @@ def folded(to: str) -> tuple[NDArray[np.float32], int]:
 
 
 @pytest.mark.parametrize("to", few(["binaural", "stereo", "ambix2"], 1))
-def test_what_is_heard_is_the_mix_through_the_fold(to: str) -> None:
+def test_live_fold_output_equals_folded_mix(to: str) -> None:
     words = ["play", "s.yaml", "--audio", "file:heard.wav", "--gain", GAIN, "--to", to, "-q"]
     assert app.run(words) == 0
     listened, _ = soundfile.read("heard.wav", dtype="float32", always_2d=True)
@@ -74,7 +74,7 @@ def test_what_is_heard_is_the_mix_through_the_fold(to: str) -> None:
     assert np.array_equal(listened, wanted)
 
 
-def test_a_session_is_heard_through_it() -> None:
+def test_live_fold_channels_in_session() -> None:
     ready = prepared("binaural")
     engine = LiveEngine(ready.stage, ready.config)
     try:
@@ -107,7 +107,7 @@ def test_hear_of_unknown_place_is_refused(
     assert output in capsys.readouterr().err
 
 
-def test_a_fold_of_other_channels_is_refused() -> None:
+def test_live_fold_refuses_wrong_channel_count() -> None:
     ready = prepared("stereo")
     stage = ready.stage
     with pytest.raises(_core.EngineError, match="the fold takes 2 channels"):

@@ -46,7 +46,7 @@ def rendered(simulation: _core.Simulation, n_frames: int) -> np.ndarray:
     return out[:, 0]
 
 
-def test_a_take_stands_in_by_ticks():
+def test_standin_of_take_by_ticks():
     (hand,) = stage(piece(), planned=True).live
     assert (hand.player, hand.tick_frames, hand.reach) == ("remi", 44, 1.0)
     take = read(TAKES / "hand-point-1.csv")
@@ -59,7 +59,7 @@ def test_a_take_stands_in_by_ticks():
     assert np.max(np.abs(hand.standin[inside] - asked)[late]) < 1e-8
 
 
-def test_a_part_stands_in_as_its_free_key_goes():
+def test_standin_of_written_part_by_free_key():
     mine = ", remi: [{at: 1|1, play: knock}]"
     assert stage(piece(mine)).live == ()  # nobody is said to be there: a virtual hand plays it
     (hand,) = stage(piece(mine), real={"remi": None}).live
@@ -68,7 +68,7 @@ def test_a_part_stands_in_as_its_free_key_goes():
 
 
 @pytest.mark.parametrize("planned", [False, True])
-def test_what_a_hand_did_renders_to_what_it_played(planned: bool):
+def test_live_hand_render_equals_performance(planned: bool):
     """Tick by tick as a performance goes, and at once as a render does."""
     rng = np.random.default_rng(7)
     ticks = 3e-3 - 3e-3 * np.cos(np.arange(900) / 60) + rng.normal(0, 1e-5, 900)
@@ -84,7 +84,7 @@ def test_what_a_hand_did_renders_to_what_it_played(planned: bool):
     assert np.array_equal(rendered(again.simulation, 900 * 44), np.concatenate(played))
 
 
-def test_behind_a_lever_the_scene_sees_the_travel_scaled():
+def test_live_hand_behind_lever_scaled_travel():
     ticks = np.full(40, 4e-3)
     plain = stage(piece(), real={"remi": ticks})
     lever = stage(piece(reach=", reach: 2"), real={"remi": ticks / 2})
@@ -92,7 +92,7 @@ def test_behind_a_lever_the_scene_sees_the_travel_scaled():
     assert np.array_equal(a, b)
 
 
-def test_a_key_in_a_hand_is_nobody_elses():
+def test_live_hand_key_with_second_player_is_refused():
     with pytest.raises(StageError, match="plays key 'k' too, which the real hand of 'remi' moves"):
         stage(
             piece(", bo: [{at: 1|1, play: knock}]", ", bo: {key: k}"),

@@ -94,7 +94,7 @@ def samples(path: str) -> NDArray[np.float32]:
 # --- without a card ---
 
 
-def test_without_a_card_its_file_is_heard_and_a_line_says_so():
+def test_live_input_without_card_plays_file():
     listened = playing(lambda: None, audio="null:fast", record_input="in.wav")
     assert not listened.live
     assert "no input (null has no inputs): each input of the score plays" in listened.sentence
@@ -113,7 +113,7 @@ def test_without_a_card_its_file_is_heard_and_a_line_says_so():
         ("alsa", "null", "no such"),
     ],
 )
-def test_an_input_that_is_asked_for_has_to_be_there(where: str, audio: str, words: str):
+def test_live_input_missing_is_refused(where: str, audio: str, words: str):
     from ergon.api.errors import DeviceError
 
     ready = prepare("s.yaml", PlayOptions(audio=audio, audio_in=where), Report())
@@ -121,7 +121,7 @@ def test_an_input_that_is_asked_for_has_to_be_there(where: str, audio: str, word
         begin(ready.stage, ready.config, Report())
 
 
-def test_none_hears_nothing():
+def test_live_input_off_plays_files():
     heard = playing(lambda: None, audio="null:fast", audio_in="none")
     assert heard.sentence.startswith("no input: each input of the score plays its file")
 
@@ -134,12 +134,12 @@ def test_none_hears_nothing():
         ({"record_input": "new.wav", "from_": "1|2"}, "begins with the piece"),
     ],
 )
-def test_what_an_input_is_written_to_is_a_new_file(options: dict[str, str], words: str):
+def test_record_input_refuses_existing_files(options: dict[str, str], words: str):
     with pytest.raises(OptionError, match=words):
         prepare("s.yaml", PlayOptions(audio="null:fast", **options), Report())  # type: ignore[arg-type]
 
 
-def test_what_inputs_hear_is_a_wav_file_of_a_score_with_inputs():
+def test_render_input_file_and_score_requirements():
     with pytest.raises(OptionError, match=r"not a \.wav file that exists"):
         rendered("nowhere.wav")
     text = SCORE.replace("from: mic", "from: 1N")
@@ -193,7 +193,7 @@ def recorded(listened: _core.SoundInput) -> Comparison:
     return compare(took[:, None], noise(RATE, 5)[:, None])
 
 
-def test_jack_excites_a_bell_and_its_recording_gives_the_same_samples(jack: Jack):
+def test_jack_input_recording_renders_same_samples(jack: Jack):
     with source("jack:none") as play:
         listened = playing(play, audio="null", audio_in="jack:^ergon:out_1", record_input="in.wav")
     assert "client ergon_in, from ergon:out_1" in listened.sentence
@@ -204,7 +204,7 @@ def test_jack_excites_a_bell_and_its_recording_gives_the_same_samples(jack: Jack
     assert result.exact or listened.gaps or listened.discarded, result
 
 
-def test_auto_hears_the_server_that_it_plays_on(jack: Jack):
+def test_auto_input_uses_output_jack_server(jack: Jack):
     ready = prepare("s.yaml", PlayOptions(audio="auto"), Report())
     performance = begin(ready.stage, ready.config, Report())
     listened = performance.sound_input()
@@ -242,7 +242,7 @@ def test_jack_output_and_input_return_after_the_server_dies(name: str):
     assert sum("back" in sentence for sentence in sentences) == 2, sentences
 
 
-def test_a_jack_server_that_dies_is_heard_again(name: str):
+def test_jack_input_reconnects_after_server_restart(name: str):
     Path("s.yaml").write_text(SCORE.replace("tail: 3s", "tail: 300s"))
     server = Jack(name, rate=RATE)
     with server.run() as process:

@@ -155,7 +155,7 @@ def next_event(process: subprocess.Popen[str], event: str) -> dict[str, Any]:
     raise AssertionError(f"no {event}: {process.stderr.read() if process.stderr else ''}")
 
 
-def test_a_command_is_asked_and_tells(tmp_path: Path, listener: Listener):
+def test_osc_commands_and_beats_of_play(tmp_path: Path, listener: Listener):
     to = f"127.0.0.1:{listener.port}"
     options = ["--audio", "null", "--gain", "0dB", "--osc", "0", "--osc-to", to, "--loop"]
     with command(tmp_path, *options) as process:
@@ -191,7 +191,7 @@ def test_a_command_is_asked_and_tells(tmp_path: Path, listener: Listener):
 # --- what is told ---------------------------------------------------------------------------------
 
 
-def test_beats_and_strikes_are_sent_with_their_positions(listener: Listener):
+def test_osc_beats_and_strikes_with_positions(listener: Listener):
     staged = stage(piece(), planned=True)
     with played(staged, PlaybackConfig(audio="null:fast"), listener.port) as (performance, osc):
         while not performance.wait(1.0):
@@ -257,7 +257,7 @@ class Card:
         )
 
 
-def test_time_tags_say_when_it_is_heard():
+def test_osc_time_tags_match_sounding_instant():
     """Seen late, never early, and by less than a block; told in time to be done then."""
     staged = stage(piece(), planned=True)
     card = Card(staged)
@@ -280,7 +280,7 @@ def test_time_tags_say_when_it_is_heard():
     assert all(tag > now for now, tag, true in strikes if true > card.began + 0.5)
 
 
-def test_an_ear_takes_the_earliest_of_late_blocks():
+def test_hearing_clock_uses_earliest_late_block():
     class StatusPerformance:
         def __init__(self, sounding: float, underruns: int = 0) -> None:
             self.sounding, self.underruns = sounding, underruns
@@ -299,7 +299,7 @@ def test_an_ear_takes_the_earliest_of_late_blocks():
 # --- what is asked --------------------------------------------------------------------------------
 
 
-def test_a_player_has_what_no_other_key_reaches():
+def test_exclusive_instruments_of_players():
     assert exclusive_instruments(piece(), ["bell", "cup", "pot"]) == {
         "ada": ["bell", "cup"],
         "bo": [],
@@ -331,7 +331,7 @@ def ringing(tmp_path_factory: pytest.TempPathFactory) -> tuple[Stage, np.ndarray
         1,
     ),
 )
-def test_a_gain_moves_what_it_says(
+def test_osc_gain_silences_named_instruments(
     ringing: tuple[Stage, np.ndarray], tmp_path: Path, address: str, moved: list[bool]
 ):
     """Each instrument has a channel of its own: what is silenced is silent, the rest keeps bits."""
@@ -363,7 +363,7 @@ def sound(staged: Stage, path: Path, address: str | None) -> np.ndarray:
     return np.asarray(soundfile.read(path)[0])
 
 
-def test_panic_and_release(listener: Listener):
+def test_osc_panic_and_release(listener: Listener):
     staged = stage(piece(), planned=True)
     with played(staged, PlaybackConfig(audio="null"), listener.port) as (performance, osc):
         assert osc.place is not None
@@ -391,7 +391,7 @@ def _message(address: str, *arguments: object) -> bytes:
 
 
 @given(st.binary(max_size=200))
-def test_strange_bytes_are_messages_or_malformed(datagram: bytes):
+def test_osc_parser_with_random_datagrams(datagram: bytes):
     for bytes_ in (datagram, b"#bundle\0" + datagram, b"/a\0\0," + datagram):
         with contextlib.suppress(MalformedDatagramError):
             for address, _ in parse_messages(bytes_):
@@ -411,7 +411,7 @@ def test_strange_bytes_are_messages_or_malformed(datagram: bytes):
     st.integers(0, 400),
     st.binary(min_size=1, max_size=4),
 )
-def test_damaged_datagrams_raise_only_malformed_errors(datagram: bytes, offset: int, spoil: bytes):
+def test_osc_damaged_datagrams_raise_malformed_errors(datagram: bytes, offset: int, spoil: bytes):
     with contextlib.suppress(MalformedDatagramError):
         assert all(one == ("/a", [1, 0.5, "x"]) for one in parse_messages(datagram))
     offset %= len(datagram)
@@ -419,7 +419,7 @@ def test_damaged_datagrams_raise_only_malformed_errors(datagram: bytes, offset: 
         parse_messages(datagram[:offset] + spoil + datagram[offset + len(spoil) :])
 
 
-def test_a_bundle_that_would_be_read_for_ever_is_malformed():
+def test_osc_bundle_with_bad_size_or_depth_malformed():
     for size in (-4, 0, 3, 1 << 20):
         with pytest.raises(MalformedDatagramError):
             parse_messages(b"#bundle\0" + bytes(8) + struct.pack(">i", size) + _message("/a"))
@@ -430,7 +430,7 @@ def test_a_bundle_that_would_be_read_for_ever_is_malformed():
         parse_messages(deep)
 
 
-def test_a_flood_gets_few_answers(listener: Listener):
+def test_osc_flood_of_errors_rate_limited(listener: Listener):
     with played(stage(piece(), planned=True), PlaybackConfig(audio="null")) as (_, osc):
         assert osc.place is not None
         began = time.monotonic()
@@ -449,7 +449,7 @@ def test_a_flood_gets_few_answers(listener: Listener):
 # --- places ---------------------------------------------------------------------------------------
 
 
-def test_a_place_is_this_machine_unless_a_host_is_named():
+def test_osc_parse_address_default_host():
     assert parse_address("9000") == ("127.0.0.1", 9000)
     assert parse_address("0.0.0.0:9000") == ("0.0.0.0", 9000)
     assert parse_address("[::1]:9000") == ("::1", 9000)
@@ -463,7 +463,7 @@ def test_occupied_osc_port_is_refused(listener: Listener):
         OscServer(("127.0.0.1", listener.port), None)
 
 
-def test_without_python_osc_it_is_said_how_to_get_it(
+def test_osc_without_python_osc_suggests_install(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
     path = tmp_path / "s.yaml"

@@ -74,7 +74,7 @@ class Client:
 
 @LINUX
 @pytest.mark.parametrize("host", ["127.0.0.1", "::1"])
-def test_an_own_program_is_heard_without_a_key(host: str) -> None:
+def test_osc_from_same_user_accepted_without_key(host: str) -> None:
     served = Served(host)
     client = Client(served, host)
     client.is_heard("/ergon/cmd")
@@ -109,7 +109,7 @@ print(json.dumps(answer.decode(errors="replace")))
 
 @LINUX
 @needs_root
-def test_a_second_user_is_not_heard_by_whatever_socket(served: Served) -> None:
+def test_osc_from_second_user_ignored(served: Served) -> None:
     client, sharing = Client(served), Client(served, shares=True)
     client.is_heard("/ergon/before")
     datagram = encode_message("/ergon/stop", [])
@@ -155,7 +155,7 @@ def test_sender_of_a_shared_port_needs_the_key() -> None:
         (KEY, True, []),
     ],
 )
-def test_where_the_system_does_not_tell_a_force_needs_the_key(
+def test_osc_force_needs_key_without_socket_tables(
     key: str, hands: bool, expected: list[str]
 ) -> None:
     served = Served(key=key, hands=hands)
@@ -171,7 +171,7 @@ def test_where_the_system_does_not_tell_a_force_needs_the_key(
     served.osc.close()
 
 
-def test_a_key_is_a_word_of_16_letters() -> None:
+def test_osc_key_format_is_checked() -> None:
     for key in ("short", "a" * 65, "sixteen letters!", "a/b/c/d/e/f/g/h/i"):
         with pytest.raises(OscError, match="ERGON_OSC_KEY must be 16 to 64 letters"):
             OscServer(("127.0.0.1", 0), None, key=key)
@@ -217,7 +217,7 @@ def table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Table:
 
 
 @pytest.mark.skipif(not hasattr(os, "geteuid"), reason="no users here")
-def test_all_sockets_that_can_have_sent_must_be_the_users(table: Table) -> None:
+def test_sender_check_requires_all_sockets_of_user(table: Table) -> None:
     me = os.geteuid()
     assert "closed" in table.says()
     table.now += 2
@@ -232,7 +232,7 @@ def test_all_sockets_that_can_have_sent_must_be_the_users(table: Table) -> None:
 
 
 @pytest.mark.skipif(not hasattr(os, "geteuid"), reason="no users here")
-def test_a_new_socket_waits_while_strangers_send(table: Table) -> None:
+def test_sender_check_delays_new_socket(table: Table) -> None:
     """A stranger may have sent from the port before, and what it sent may still wait."""
     me = os.geteuid()
     table.set(("127.0.0.1", 4000, me, 1))

@@ -68,7 +68,7 @@ def harm(log: np.ndarray, complete: np.ndarray) -> tuple[float, float]:
         [({"motor": -1.0}, "its motor pushes in the wrong direction")],
     ),
 )
-def test_a_fault_while_it_plays_ends_its_force(
+def test_duet_force_ends_after_device_fault(
     tmp_path: Path, fault: dict[str, float | bool], why: str
 ):
     logs = []
@@ -86,7 +86,7 @@ def test_a_fault_while_it_plays_ends_its_force(
     assert travel < 5e-3
 
 
-def test_in_lockstep_too_a_motor_wired_wrongly_is_refused(tmp_path: Path):
+def test_duet_refuses_reversed_motor_in_lockstep(tmp_path: Path):
     with simulated(tmp_path / "log.npy", lockstep=True, motor=-1.0) as board:
         code, output = duet(tmp_path, board)
         assert code == 2, output
@@ -106,7 +106,7 @@ def test_in_lockstep_too_a_motor_wired_wrongly_is_refused(tmp_path: Path):
     assert np.abs(pulses["x"]).max() < 8e-3
 
 
-def test_a_board_that_is_wired_rightly_is_tried_and_plays(tmp_path: Path):
+def test_duet_with_correct_motor_plays(tmp_path: Path):
     with simulated(tmp_path / "log.npy", lockstep=True) as board:
         code, output = duet(tmp_path, board, "--guide", "remi=200N/m")
         assert code == 0, output
@@ -116,7 +116,7 @@ def test_a_board_that_is_wired_rightly_is_tried_and_plays(tmp_path: Path):
 
 
 @pytest.mark.slow
-def test_unchecked_it_is_found_at_its_first_movement(tmp_path: Path):
+def test_duet_unchecked_reversed_motor_trips_at_motion(tmp_path: Path):
     with simulated(tmp_path / "log.npy", lockstep=True, motor=-1.0) as board:
         code, output = duet(tmp_path, board, "--unchecked", "--guide", "remi=800N/m")
         assert code == 0, output
@@ -132,7 +132,7 @@ def request(number: int, n: int, newtons: float = 0.0, flags: int = 1) -> bytes:
     return b"\xa5\x5a" + body + crc(body)
 
 
-def test_a_board_answers_its_owner_and_nobody_else():
+def test_board_replies_only_to_owner():
     with emulator("frame", "--udp", "0", "--lockstep") as device:
         host, port = device.url.partition("?")[0].removeprefix("frame+udp:").split(":")
         kinds = socket.AF_INET, socket.SOCK_DGRAM
@@ -163,7 +163,7 @@ def test_a_board_answers_its_owner_and_nobody_else():
             assert struct.unpack_from("<H", other.recv(512), 2)[0] == 4, "it was let go of"
 
 
-def test_one_program_has_a_board_in_datagrams():
+def test_device_open_in_second_program_is_refused():
     with emulator("frame", "--udp", "0", "--lockstep") as device:
         single = _core.Device(device.url)
         with pytest.raises(_core.EngineError, match="this program has the device open already"):
@@ -178,7 +178,7 @@ def test_one_program_has_a_board_in_datagrams():
         _core.Device(device.url).close()
 
 
-def test_who_hears_replies_to_another_says_so(tmp_path: Path):
+def test_device_with_foreign_replies_reports_them(tmp_path: Path):
     """A board that answers whoever spoke last: every other reply is to a request of another."""
     code = (
         "import socket, struct, json\n"
@@ -210,7 +210,7 @@ def test_who_hears_replies_to_another_says_so(tmp_path: Path):
             process.kill()
 
 
-def test_what_tripped_is_told_by_its_reason():
+def test_trip_sentences_of_all_reasons():
     from ergon.live.display import event_sentence
 
     reasons = (

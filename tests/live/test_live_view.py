@@ -60,7 +60,7 @@ def chromium() -> Iterator[browser.Browser]:
         yield found
 
 
-def test_what_is_heard_is_the_same_to_the_bit(work_folder: Path) -> None:
+def test_view_leaves_sound_unchanged(work_folder: Path) -> None:
     """A performance with and without pages, into a file."""
     Path("s.yaml").write_text(SCORE)
     common = ("play", "s.yaml", "--gain", "0dB", "--audio")
@@ -80,7 +80,7 @@ def test_what_is_heard_is_the_same_to_the_bit(work_folder: Path) -> None:
         assert Path(f"{name}.wav").read_bytes() == listened
 
 
-def test_a_duet_in_lockstep_is_the_same_to_the_bit(work_folder: Path) -> None:
+def test_view_leaves_lockstep_duet_unchanged(work_folder: Path) -> None:
     """A real key in another process: what it does, and what is heard."""
     rate = 6000
     head, tick = f"rates: {{audio: {rate}Hz}}", f", tick: {rate}Hz"
@@ -109,7 +109,7 @@ def test_wrong_view_options_are_refused_before_sound(work_folder: Path) -> None:
         assert words in refused.stderr
 
 
-def test_elsewhere_the_address_has_a_key(work_folder: Path) -> None:
+def test_view_on_other_address_has_key_in_url(work_folder: Path) -> None:
     Path("s.yaml").write_text(SCORE)
     words = [
         "play",
@@ -128,7 +128,7 @@ def test_elsewhere_the_address_has_a_key(work_folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_page_follows_what_is_heard(chromium: browser.Browser, work_folder: Path) -> None:
+def test_view_page_follows_playback_and_seeks(chromium: browser.Browser, work_folder: Path) -> None:
     """By the clock of a card that is none; the page stands, goes back and comes to now again."""
     Path("s.yaml").write_text(SKY)
     options = PlayOptions(audio="null", gain="0dB", ahead=4096, view=True)
@@ -176,7 +176,7 @@ def test_a_page_follows_what_is_heard(chromium: browser.Browser, work_folder: Pa
 
 
 @pytest.mark.slow
-def test_a_page_that_comes_late_draws_no_spring_that_broke(
+def test_view_page_opened_late_hides_broken_springs(
     chromium: browser.Browser, work_folder: Path
 ) -> None:
     """One page sees the thread tear; another comes when the first has forgotten that instant."""
@@ -206,9 +206,7 @@ def test_a_page_that_comes_late_draws_no_spring_that_broke(
         pages.close()
 
 
-def test_the_picture_is_pulled_to_what_is_heard(
-    chromium: browser.Browser, work_folder: Path
-) -> None:
+def test_view_page_clock_pulled_to_playback(chromium: browser.Browser, work_folder: Path) -> None:
     """Instants that the test writes: no clock is asked."""
     Path("s.yaml").write_text(SKY)
     ready = prepare("s.yaml", PlayOptions(audio="null", gain="0dB", view=True), Report())
@@ -237,9 +235,7 @@ def test_the_picture_is_pulled_to_what_is_heard(
     pages.close()
 
 
-def test_a_line_that_changes_the_piece_begins_a_new_picture(
-    chromium: browser.Browser, work_folder: Path
-) -> None:
+def test_view_page_redraws_after_score_change(chromium: browser.Browser, work_folder: Path) -> None:
     """A session, whose page is open all the time."""
     from ergon.api.options import SessionOptions
     from ergon.api.pages import pages_of

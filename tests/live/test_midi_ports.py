@@ -78,7 +78,7 @@ def wire(monkeypatch: pytest.MonkeyPatch) -> Wire:
     return result
 
 
-def test_message_sent_to_a_virtual_input_is_heard(wire: Wire):
+def test_midi_virtual_input_receives_messages(wire: Wire):
     source = SystemInput("virtual")
     messages: list[bytes] = []
     source.listen(lambda data, _instant: messages.append(data))
@@ -92,13 +92,13 @@ def test_message_sent_to_a_virtual_input_is_heard(wire: Wire):
     assert wire.closed == ["ergon port", "ergon deleted"]
 
 
-def test_unknown_port_is_refused_with_those_that_there_are(wire: Wire):
+def test_midi_unknown_port_lists_ports(wire: Wire):
     wire.names += ["Keys 1"]
     with pytest.raises(MidiError, match=r"no MIDI input is called 'drum'; there are 'Keys 1'"):
         SystemInput("drum")
 
 
-def test_missing_library_is_named_with_the_command(monkeypatch: pytest.MonkeyPatch):
+def test_midi_without_library_suggests_install(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(sys.modules, "supriya_midi", None)
     with pytest.raises(MidiError, match=r"MIDI needs supriya-midi; install it by: pip install"):
         SystemInput("virtual")
@@ -109,7 +109,7 @@ def has_system_midi() -> bool:
     return there and importlib.util.find_spec("supriya_midi") is not None
 
 
-def test_system_loopback_where_this_machine_has_midi():
+def test_midi_system_loopback():
     if not has_system_midi():
         with pytest.raises(MidiError):
             SystemInput("virtual")

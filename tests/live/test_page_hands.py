@@ -85,9 +85,7 @@ def playing(
         ready.close()
 
 
-def test_a_mouse_plays_a_key_and_its_take_renders_to_what_was_heard(
-    chromium: browser.Browser, work_folder: Path
-):
+def test_page_hand_by_mouse_renders_from_take(chromium: browser.Browser, work_folder: Path):
     with (
         playing("hand.take", "file:played.wav") as piece,
         chromium.page(WIDTH, HEIGHT) as page,
@@ -119,7 +117,7 @@ def test_a_mouse_plays_a_key_and_its_take_renders_to_what_was_heard(
 
 
 @pytest.mark.slow
-def test_the_bundled_duet_is_rehearsed_by_a_pointer(chromium: browser.Browser, work_folder: Path):
+def test_page_hand_plays_bundled_duet(chromium: browser.Browser, work_folder: Path):
     """As a user does it: the command, its page, a recording, and the render of it, bit for bit."""
     score = Path(scores.__file__).parent / "library" / "duet.yaml"
     arguments = ("--live", "remi=page:", "--record", "hand.take", "--audio", "file:heard.wav")
@@ -147,7 +145,7 @@ def test_the_bundled_duet_is_rehearsed_by_a_pointer(chromium: browser.Browser, w
     assert np.array_equal(listened, sound(Path("expected.wav"))[: len(listened)])
 
 
-def test_lane_before_the_piece_begins(chromium: browser.Browser, work_folder: Path):
+def test_page_hand_lane_before_piece_starts(chromium: browser.Browser, work_folder: Path):
     Path("s.yaml").write_text(SCORE)
     live = ["remi=page:", "ada=page:"]
     ready = prepare("s.yaml", PlayOptions(live=live, audio="null", gain="0dB"), Report())
@@ -160,7 +158,7 @@ def test_lane_before_the_piece_begins(chromium: browser.Browser, work_folder: Pa
     ready.close()
 
 
-def test_two_fingers_play_two_keys_at_once(chromium: browser.Browser, work_folder: Path):
+def test_page_hands_by_two_fingers(chromium: browser.Browser, work_folder: Path):
     with playing() as piece, chromium.page(WIDTH, HEIGHT) as page:
         hands = HandsPage(page, piece.url)
         page.call("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=5)
@@ -173,7 +171,7 @@ def test_two_fingers_play_two_keys_at_once(chromium: browser.Browser, work_folde
         assert page.errors == []
 
 
-def test_a_closed_page_leaves_its_key_to_the_stand_in(chromium: browser.Browser, work_folder: Path):
+def test_page_hand_closed_page_returns_to_standin(chromium: browser.Browser, work_folder: Path):
     with playing() as piece:
         with chromium.page(WIDTH, HEIGHT) as page:
             hands = HandsPage(page, piece.url)
@@ -188,7 +186,7 @@ def test_a_closed_page_leaves_its_key_to_the_stand_in(chromium: browser.Browser,
         until(lambda: piece.has("gone"), "a stand-in when the page is closed")
 
 
-def test_another_page_moves_nothing_and_is_told(chromium: browser.Browser, work_folder: Path):
+def test_page_hand_second_page_is_refused(chromium: browser.Browser, work_folder: Path):
     with (
         playing() as piece,
         chromium.page(WIDTH, HEIGHT) as page,
@@ -209,7 +207,7 @@ def test_another_page_moves_nothing_and_is_told(chromium: browser.Browser, work_
         others.mouse("mouseReleased", x, y - 100)
 
 
-def test_the_page_of_the_piece_has_the_lanes_too(chromium: browser.Browser, work_folder: Path):
+def test_page_hand_lanes_on_piece_page(chromium: browser.Browser, work_folder: Path):
     with playing() as piece, chromium.page(900, HEIGHT) as page:
         page.open(piece.url)
         lanes = "document.querySelectorAll('#hands canvas').length"
@@ -217,7 +215,7 @@ def test_the_page_of_the_piece_has_the_lanes_too(chromium: browser.Browser, work
         assert page.errors == []
 
 
-def test_letters_play_a_key(chromium: browser.Browser, work_folder: Path):
+def test_page_hand_by_letter_keys(chromium: browser.Browser, work_folder: Path):
     """A letter pulls the finger to its place in the travel; the next one leads it on."""
     with playing(first="keys:") as piece, chromium.page(WIDTH, HEIGHT) as page:
         hands = HandsPage(page, piece.url)
@@ -235,7 +233,7 @@ def test_letters_play_a_key(chromium: browser.Browser, work_folder: Path):
         assert page.errors == []
 
 
-def test_letters_of_another_lane_do_nothing(chromium: browser.Browser, work_folder: Path):
+def test_page_hand_ignores_letters_of_other_lane(chromium: browser.Browser, work_folder: Path):
     with playing(first="keys:") as piece, chromium.page(WIDTH, HEIGHT) as page:
         hands = HandsPage(page, piece.url)
         hands.letter("keyDown", "KeyQ")  # of the second lane, which a pointer plays
@@ -256,7 +254,7 @@ navigator.getGamepads = () => [null, window.pad];
 """
 
 
-def test_a_stick_of_a_gamepad_plays_a_key(chromium: browser.Browser, work_folder: Path):
+def test_page_hand_by_gamepad_stick(chromium: browser.Browser, work_folder: Path):
     """The browser's Gamepad API, which a script answers here in place of a gamepad."""
 
     def push(axis: int, value: float) -> None:

@@ -21,7 +21,7 @@ def shown(kind: str, count: int, every: float, seconds: float = 0.0) -> list[tup
     return lines + notices.rest()
 
 
-def test_thread_stopped_a_thousand_times_is_a_few_lines() -> None:
+def test_notices_of_thousand_thread_stops_summarised() -> None:
     lines = shown("lost", 1159, every=0.05, seconds=0.01)
     assert lines[0] == (0, "the physics thread was stopped for 0.010 s")
     assert len(lines) <= 2 + 1159 * 0.05 / 10
@@ -37,7 +37,7 @@ def test_thread_stopped_a_thousand_times_is_a_few_lines() -> None:
 
 
 @pytest.mark.parametrize("kind", sorted(REPEATING - {"lost"}))
-def test_equal_sentences_are_counted(kind: str) -> None:
+def test_notices_of_equal_sentences_counted(kind: str) -> None:
     first, *others = (line for _, line in shown(kind, 300, every=0.1))
     assert others
     assert all(line.startswith(f"{first} (") for line in others)
@@ -45,17 +45,17 @@ def test_equal_sentences_are_counted(kind: str) -> None:
     assert 1 + sum(numbers) == 300
 
 
-def test_trips_and_disconnected_devices_are_shown_each_time() -> None:
+def test_notices_of_trips_shown_each_time() -> None:
     for kind in ("tripped: speed", "gone", "back", "took over"):
         assert len(shown(kind, 5, every=0.5)) == 5
 
 
-def test_rare_stops_are_shown_as_they_are() -> None:
+def test_notices_of_rare_stops_shown_each_time() -> None:
     lines = shown("lost", 4, every=12.0, seconds=0.02)
     assert [line for _, line in lines] == ["the physics thread was stopped for 0.020 s"] * 4
 
 
-def test_lines_of_a_frame_come_after_the_pause() -> None:
+def test_notices_order_after_pause() -> None:
     notices = RepeatedNotices(RATE)
     notices.shown(0, "lost", "stopped", 0.5)
     notices.shown(100, "lost", "stopped", 0.5)

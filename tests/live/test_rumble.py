@@ -15,7 +15,7 @@ from tests.live.test_led_hands import NotedLead
 UPLOAD = 0x40304580  # EVIOCSFF: _IOW('E', 0x80, struct ff_effect), which has 48 bytes
 
 
-def test_envelope_of_a_force_that_lasts():
+def test_rumble_envelope_of_constant_force():
     envelope = RumbleEnvelope()
     first = envelope.step(0.5 * FULL)
     assert first == (0.5, 1.0), "the weak motor tells that something begins"
@@ -65,7 +65,7 @@ def test_rumble_uploads_one_effect_and_plays_it(pad: Pad):
     os.close(write)
 
 
-def test_gamepad_without_motors():
+def test_rumble_of_gamepad_without_motors():
     read, write = os.pipe()
     rumble = Rumble(write)
     assert not rumble.is_there
@@ -81,7 +81,7 @@ class PulledLead(NotedLead):
     force = -0.4 * FULL
 
 
-def test_gamepad_tells_of_the_force_on_its_finger(pad: Pad, tmp_path: Path):
+def test_gamepad_port_rumbles_with_finger_force(pad: Pad, tmp_path: Path):
     pipe = tmp_path / "pad"
     os.mkfifo(pipe)
     writer = os.open(pipe, os.O_RDWR)

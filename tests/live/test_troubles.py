@@ -40,7 +40,7 @@ def trouble_lines(
     return list(troubles(status, ["remi"], recording, is_endless=is_endless))
 
 
-def test_each_trouble_is_told_in_a_few_words():
+def test_trouble_lines_of_each_status():
     assert trouble_lines(FINE) == []
     assert trouble_lines(replace(FINE, underruns=2, xruns=1, lost=1)) == [
         "gaps 3",
@@ -60,13 +60,13 @@ def test_each_trouble_is_told_in_a_few_words():
     ]
 
 
-def test_troubles_stand_first_in_the_status_line_of_a_prompt():
+def test_status_line_with_troubles_first():
     state = State(3, 1.0, 120.0, playing=(("ada", "knock"),), troubles=("gaps 3", "remi HOT"))
     assert status_line(state, 80).startswith("gaps 3  remi HOT  3|1.0")
     assert decode_state(encode_state(state)) == state
 
 
-def test_a_display_shows_troubles_and_the_force_that_is_sent():
+def test_view_lines_with_troubles_and_sent_force():
     hand = HandView("remi", "k2", 0.0, (-0.01, 0.01), 0.45, True, False, 0.037, 0.083)
     view = PerformanceView("1|1", (), (hand,), 0.1, 0, 3, -12.0, ("gaps 3",), True)
     where, counts, key = view_lines(view, 200)
@@ -75,7 +75,7 @@ def test_a_display_shows_troubles_and_the_force_that_is_sent():
     assert "+0.450 N, sent  +0.037 N (8.3 %)" in key
 
 
-def test_a_level_below_all_hearing_is_silence():
+def test_decibels_of_inaudible_level_minus_infinity():
     assert decibels_of(1.0) == 0.0
     assert decibels_of(1e-43) == float("-inf")
     assert decibels_of(0.0) == float("-inf")

@@ -65,7 +65,7 @@ def guarded(*messages: object) -> tuple[list[dict[str, Any]], list[dict[str, Any
         (requested(2, "textDocument/didChange"), -32600, "if, and only if"),
     ],
 )
-def test_what_is_refused_has_an_answer(message: object, code: int, words: str):
+def test_refused_messages_get_error_answers(message: object, code: int, words: str):
     handed, (answer,), guard = guarded(INITIALIZE, opened("x"), message, *END)
     assert [one["method"] for one in handed] == [
         "initialize",
@@ -78,7 +78,7 @@ def test_what_is_refused_has_an_answer(message: object, code: int, words: str):
     assert guard.failure is None
 
 
-def test_a_request_has_its_time():
+def test_requests_before_initialize_and_after_shutdown():
     handed, (early, late), _ = guarded(
         requested(1, HOVER, position=POSITION),
         INITIALIZE,
@@ -90,7 +90,7 @@ def test_a_request_has_its_time():
     assert (late["id"], late["error"]["message"]) == (2, "the server was shut down")
 
 
-def test_notifications_have_no_answer():
+def test_refused_notifications_get_no_answer():
     wrong = (
         notified("textDocument/didChange", contentChanges=[{"text": "y"}], uri="file:///b.yaml"),
         notified("textDocument/didChange", contentChanges=7),
@@ -114,7 +114,7 @@ def test_notifications_have_no_answer():
         (b"a: b\r\n" * 100, "must begin with"),
     ],
 )
-def test_what_is_not_the_protocol_ends_the_server(data: bytes, words: str):
+def test_malformed_frames_end_the_server(data: bytes, words: str):
     output = io.BytesIO()
     guard = GuardedInput(io.BytesIO(framed(INITIALIZE) + data), output, _HANDLERS.keys())
     while guard.readline():
@@ -134,7 +134,7 @@ def test_what_is_not_the_protocol_ends_the_server(data: bytes, words: str):
         (b"", 2),
     ],
 )
-def test_the_process_ends_without_a_traceback(tmp_path: Path, message: object, code: int):
+def test_lsp_process_ends_without_traceback(tmp_path: Path, message: object, code: int):
     """It ended with one even where all was well, for pygls closes stdout."""
     data = b"".join(map(framed, [INITIALIZE, opened(""), message, *END]))
     if code:

@@ -40,7 +40,7 @@ def session(tmp_path: Path) -> Callable[[str, Callable[[Editor], Awaitable[None]
     return run
 
 
-def test_diagnostics_appear_while_typing_and_vanish_after_correction(session):
+def test_diagnostics_and_fix_while_typing(session):
     async def act(editor: Editor) -> None:
         await editor.diagnostics(lambda found: not found)
         editor.type(editor.text.replace("play: knock", "play: knok"))
@@ -66,7 +66,7 @@ def test_diagnostics_appear_while_typing_and_vanish_after_correction(session):
     session(SCORE, act)
 
 
-def test_columns_are_those_of_the_editor(session):
+def test_diagnostic_columns_in_utf16_units(session):
     # U+1D11E takes two UTF-16 units, and one character of the checker's.
     async def act(editor: Editor) -> None:
         result = await editor.diagnostics(bool)
@@ -117,7 +117,7 @@ def test_modules_of_a_loop_are_completed_and_explained(session):
     session(score, act)
 
 
-def test_a_line_that_is_no_yaml_yet_is_completed(session):
+def test_completion_in_invalid_yaml_line(session):
     async def act(editor: Editor) -> None:
         await editor.diagnostics(lambda found: not found)
         editor.type(SCORE.replace("mix: {route: [{from: bell, to: 1}]}", "mix: {route: [{from: be"))
@@ -133,7 +133,7 @@ def test_a_line_that_is_no_yaml_yet_is_completed(session):
     session(SCORE, act)
 
 
-def test_a_table_of_a_part_completes_names_and_words(session):
+def test_completion_and_definition_in_table_of_part(session):
     table = SCORE.replace(
         "\n    - {at: 0, play: knock, times: 2}", " |\n    0  knock every 1 times 2"
     )
@@ -148,7 +148,7 @@ def test_a_table_of_a_part_completes_names_and_words(session):
     session(table, act)
 
 
-def test_what_is_under_the_cursor_is_explained(session):
+def test_hover_of_fields_notes_and_gestures(session):
     async def act(editor: Editor) -> None:
         await editor.diagnostics(lambda found: not found)
         assert "decay" in await editor.hovered("t6")
@@ -226,7 +226,7 @@ def test_tempos_and_meters_of_midi_file_are_known(session, tmp_path: Path):
     session(text, act)
 
 
-def test_definitions_are_found_in_the_score_and_in_what_it_uses(session, tmp_path: Path):
+def test_definition_in_score_and_used_file(session, tmp_path: Path):
     (tmp_path / "other.yaml").write_text("ergon: 1\ngestures: {lean: 0mm@0 3mm@1}\n")
     score = SCORE.replace("gestures:", "use: other.yaml\ngestures:").replace(
         "times: 2}", "times: 2}\n    - {at: 3, play: lean}"
@@ -243,7 +243,7 @@ def test_definitions_are_found_in_the_score_and_in_what_it_uses(session, tmp_pat
     session(score, act)
 
 
-def test_the_engine_is_asked_when_a_score_is_opened(session):
+def test_engine_diagnostics_at_opening_of_score(session):
     stiff = SCORE.replace("K: 4kN/m, gap", "K: 4e12N/m, gap") + "accuracy: {method: ca}\n"
 
     async def act(editor: Editor) -> None:
@@ -253,7 +253,7 @@ def test_the_engine_is_asked_when_a_score_is_opened(session):
     session(stiff, act)
 
 
-def test_sections_are_listed_and_the_layout_is_put_in_order(session):
+def test_document_symbols_and_formatting(session):
     async def act(editor: Editor) -> None:
         await editor.diagnostics(lambda found: not found)
         document = t.TextDocumentIdentifier(editor.uri)

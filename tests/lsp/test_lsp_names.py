@@ -65,7 +65,7 @@ def score(tmp_path: Path):
     return put
 
 
-def test_a_phrase_in_phrases_is_renamed_from_any_place(score):
+def test_rename_of_phrase_from_every_use(score):
     expected = PHRASES.replace("turn", "gruppetto").replace("gruppettoed", "turned")
     for comment in ("a turn", "# turn is"):
         expected = expected.replace(comment.replace("turn", "gruppetto"), comment)
@@ -107,7 +107,7 @@ def test_parts_of_musicxml_are_completed_and_explained(score):
     in_editor(score(TAKES), act)
 
 
-def test_files_that_cannot_be_read_have_no_parts(score):
+def test_completion_of_parts_of_unreadable_files(score):
     async def act(editor: Editor) -> None:
         await editor.diagnostics(bool)
         for file in ("../tune.musicxml", "none.musicxml", "score.yaml"):

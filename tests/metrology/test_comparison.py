@@ -40,7 +40,7 @@ def known(**figures: float) -> Calibration:
     return Calibration({**usual, **figures}, deviations, (), "2026-11-22")
 
 
-def test_a_file_is_the_row_that_it_was_written_from():
+def test_calibration_file_equals_fitted_row():
     result = read(TEXT)
     assert np.allclose(result.row, KEY, rtol=1e-4)
     assert result.date == "2026-11-22"
@@ -59,7 +59,7 @@ def test_damaged_calibrations_are_refused(said: str, told: str):
         read(said)
 
 
-def test_a_replay_leaves_the_sensor_s_noise():
+def test_replay_residual_at_sensor_noise():
     took = gesture(KEY, knocks(KEY), 5)
     result = replay(KEY, took)
     assert 3.5e-6 < result.rms < 4.6e-6
@@ -75,7 +75,7 @@ def test_a_replay_leaves_the_sensor_s_noise():
     assert len(drawn) < 400_000
 
 
-def test_keys_that_are_alike_move_alike():
+def test_replay_difference_of_similar_keys():
     first = read(TEXT).row
     assert replay_difference(first, first) == 0
     stiffer, heavier = first.copy(), first.copy()
@@ -88,13 +88,13 @@ def test_keys_that_are_alike_move_alike():
     assert replay_difference(first, elsewhere) < 1e-12
 
 
-def test_chi_squared_counts_deviations():
+def test_chi_squared_of_calibrations_by_deviations():
     squared, n = chi_squared(known(), known(K=60.0 + 2e-3 * np.sqrt(2)))
     assert n == 5
     assert abs(squared - 4) < 1e-6
 
 
-def test_a_weighed_mass_tells_the_gains():
+def test_gains_from_added_mass():
     """A device whose sensor reads 1.1 m for a metre, and whose motor gives 0.8 N for a newton."""
     reads, pushes, added = 1.1, 0.8, 0.017
     gain = reads * pushes
@@ -113,7 +113,7 @@ def test_a_weighed_mass_tells_the_gains():
 
 
 @pytest.mark.slow
-def test_gains_are_known_as_well_as_the_figures_that_they_are_made_of():
+def test_gains_deviations_against_drawn_pairs():
     """Against 20,000 pairs of files, drawn by deviations that are correlated."""
     names, added = ["M", "K", "Z", "rest"], 0.017
     chance = np.random.default_rng(4)
@@ -162,7 +162,7 @@ def spread(seed: int) -> np.ndarray:
     return np.asarray(covariance * np.outer(scale, scale))
 
 
-def test_deviations_and_correlations_of_a_file_against_drawn_keys():
+def test_calibration_covariance_against_drawn_keys():
     """Against 20,000 keys drawn by the covariance of the fit, each with its own figures."""
     covariance = spread(1)
     known = read(text(fitted(KEY, covariance), [], "2026-11-22"))
@@ -180,7 +180,7 @@ def test_deviations_and_correlations_of_a_file_against_drawn_keys():
     assert np.array_equal(correlations, correlations.T)
 
 
-def test_chi_squared_of_one_key_is_the_number_of_its_figures():
+def test_chi_squared_mean_is_figure_count():
     """500 pairs of calibrations of one key, each drawn by its covariance and written to a file."""
     first, other = spread(3), spread(4)
     chance = np.random.default_rng(5)
@@ -198,7 +198,7 @@ def test_chi_squared_of_one_key_is_the_number_of_its_figures():
     assert abs(np.var(result) - 18) < 6
 
 
-def test_modes_of_one_pitch_stand_beside_each_other():
+def test_compare_modes_at_same_pitch():
     first = read(TEXT.replace("modes:\n", "modes:\n  - {M: 1g, f: 900Hz, t60: 1s} # ± 0.1 2 0.3\n"))
     other = read(TEXT.replace("180Hz, t60: 0.30540s}", "186Hz, t60: 0.3s} # ± 0.1 0.5 0.01"))
     rows = {each.names: each for each in differences(first, other)}
@@ -211,13 +211,13 @@ def test_modes_of_one_pitch_stand_beside_each_other():
 
 
 @pytest.mark.parametrize("row", ["  - K 7.0", "  - K -1.0000000 2", "  - K x", "correlations: 3"])
-def test_a_damaged_row_of_correlations_bounds_nothing(row: str):
+def test_damaged_correlations_stay_bounded(row: str):
     result = read(TEXT + f"correlations:\n  - M\n{row}\n")
     assert all(abs(x) <= 1 for x in result.correlations.values())
     assert np.isfinite(chi_squared(result, result)[0])
 
 
-def test_the_step_of_a_sensor_is_seen_in_its_positions():
+def test_sensor_step_of_positions():
     took = gesture(KEY, rain(KEY, 2.0), 5)
     assert sensor_step([took, gesture(KEY, knocks(KEY), 6)]) == pytest.approx(QUANTUM, rel=1e-9)
     smooth = took.position + 1e-6 * np.random.default_rng(1).normal(size=took.position.size)

@@ -17,7 +17,7 @@ def fitted(gesture: Gesture) -> Fit:
     return fit([gesture], PLAIN, COLUMNS)
 
 
-def test_late_replies_are_put_where_the_devices_clock_says():
+def test_gesture_late_replies_ordered_by_device_clock():
     chance = np.random.default_rng(8)
     late = np.clip(np.round(FINE * 0.06 * chance.standard_normal(N)), -10, 10).astype(int)
     late[:60] = 0
@@ -51,7 +51,7 @@ def test_late_replies_are_put_where_the_devices_clock_says():
     assert fitted(rounded).rms > 4 * key.rms
 
 
-def test_forces_that_were_lost_are_found_between_those_that_were_sent():
+def test_gesture_lost_forces_reconstructed():
     """Bursts of lost requests, 6 % of the ticks: the device holds the force before each."""
     chance = np.random.default_rng(4)
     lost = np.zeros(N, bool)

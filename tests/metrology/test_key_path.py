@@ -39,7 +39,7 @@ def exact(row: np.ndarray, force: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("row", [KEY, PLAIN], ids=["mode", "plain"])
-def test_without_dry_friction_it_is_the_exponential_of_its_matrix(row: np.ndarray):
+def test_key_path_without_friction_against_matrix_exponential(row: np.ndarray):
     row = row.copy()
     row[[4, 6]] = 0.0
     row[5] = 1e-3
@@ -50,7 +50,7 @@ def test_without_dry_friction_it_is_the_exponential_of_its_matrix(row: np.ndarra
     assert errors[2] < errors[0] / 3
 
 
-def test_derivatives_equal_central_differences():
+def test_key_path_derivatives_equal_differences():
     force = rain(KEY, 3.0)
     columns = [0, 1, 2, 3, 4, 5, 6, 10, 11, 12]
     _, jacobian = _core.key_path(KEY, force, RATE, columns=columns)
@@ -64,7 +64,7 @@ def test_derivatives_equal_central_differences():
         assert min(errors) < 1e-5, (index, errors)
 
 
-def test_shapes_and_refusals():
+def test_key_path_shapes_and_refusals():
     force = np.zeros(10)
     x, jacobian = _core.key_path(KEY, force, RATE)
     assert x.shape == (10,)

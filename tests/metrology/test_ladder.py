@@ -76,13 +76,13 @@ def climbed(seed: int, monkeypatch: pytest.MonkeyPatch, rain: bool = False) -> f
 @pytest.mark.parametrize(
     "seeds", [range(4), pytest.param(range(4, 40), marks=pytest.mark.slow)], ids=["few", "more"]
 )
-def test_no_end_of_a_travel_is_touched(seeds: range, monkeypatch: pytest.MonkeyPatch):
+def test_ladder_stays_within_travel(seeds: range, monkeypatch: pytest.MonkeyPatch):
     farthest = [climbed(seed, monkeypatch, rain=seed < 4) for seed in seeds]
     assert max(farthest) < 0.85, farthest
 
 
 @pytest.mark.slow
-def test_no_end_of_a_travel_is_touched_in_500_ladders(monkeypatch: pytest.MonkeyPatch):
+def test_ladder_stays_within_travel_500_seeds(monkeypatch: pytest.MonkeyPatch):
     farthest = [climbed(seed, monkeypatch, rain=True) for seed in range(500)]
     assert max(farthest) < 0.95, farthest
 
@@ -98,7 +98,7 @@ def taken(found: Ladder, seconds: float = 8.0) -> list[takes.Take]:
 
 
 @pytest.mark.slow
-def test_a_key_is_measured_by_its_device():
+def test_ladder_takes_measure_emulated_key():
     """Through the safety stages and the wire the key is known as well as its sensor allows."""
     *fitted, apart = taken(climb(Axis(emulated(seed=3))))
     result = measure([take.gesture for take in fitted], apart.gesture).fit
@@ -112,7 +112,7 @@ def test_a_key_is_measured_by_its_device():
 
 
 @pytest.mark.slow
-def test_a_fader_without_a_spring_is_guided():
+def test_ladder_of_fader_without_spring_needs_guide():
     """A fader of eight bits both ways, as FireFader is one."""
     fader = np.array([0.05, 0.0, 1.0, 0.0, 0.1, 2e-3, 0.0, 0.0, 0.0, 0.0])
     device = _core.emulated_device("firefader", fader, rate=RATE, noise=1e-4)
@@ -140,21 +140,21 @@ def test_ladder_ends_with_the_reason_of_a_failure(options: dict[str, object], to
         climb(Axis(emulated(**options)))
 
 
-def test_a_key_that_rests_near_an_end_has_no_room():
+def test_ladder_refuses_key_resting_near_end():
     row = KEY.copy()
     row[3], row[5] = 0.8, -0.8 / 60
     with pytest.raises(ladder.MeasurementError, match="put it near the middle"):
         climb(Axis(emulated(row)))
 
 
-def test_a_motor_without_power_is_told():
+def test_ladder_refuses_motor_without_power():
     row = KEY.copy()
     row[0], row[4] = 0.4, 20.0
     with pytest.raises(ladder.MeasurementError, match="check the power of its motor"):
         climb(Axis(emulated(row)))
 
 
-def test_forces_lead_a_key_along_a_path():
+def test_guide_forces_move_key_along_path():
     """The engine's key, without friction, goes where it is led, within its reach and force."""
     row = np.array([0.4, 60.0, 1.2, *[0.0] * 7])
     rate = 44100 / 44

@@ -35,7 +35,7 @@ def share_within(outcomes: list[Outcome]) -> float:
 
 
 @pytest.mark.slow
-def test_random_keys_are_measured_and_their_deviations_are_honest():
+def test_random_keys_measured_within_deviations():
     """Of 95 % intervals 90 to 98 % hold the truth; 12 keys have about 110 figures."""
     outcomes = [outcome(random_key(seed), seed) for seed in range(12)]
     assert share_within(outcomes) >= 0.95

@@ -30,7 +30,7 @@ def residual(t: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.usefixtures("work_folder")
-def test_each_curve_shows_what_was():
+def test_replay_scene_curves_equal_measured_motion():
     t = np.arange(1200) / RATE
     counts = np.ones(t.size, bool)
     counts[400:405] = False  # replies that were lost

@@ -45,13 +45,13 @@ def errors_of(seeds: range) -> Floats:
     return np.array(errors)
 
 
-def test_a_key_is_measured():
+def test_measure_known_key_single_seed():
     errors = errors_of(range(1))  # a seed takes 12 s; the long test below takes 50
     assert (np.abs(errors) < 4).all(), errors
 
 
 @pytest.mark.slow
-def test_a_key_is_measured_as_well_as_can_be():
+def test_measure_known_key_near_cramer_rao_bound():
     """Within 1.4 of the bound of Cramér and Rao, 1.7 for a mode; without bias."""
     errors = errors_of(range(50))
     spread = errors.std(axis=0, ddof=1)
@@ -77,7 +77,7 @@ def test_plain_key_has_no_accepted_mode_stage():
     ],
     ids=["presliding", "Stribeck"],
 )
-def test_each_kind_of_friction_is_found(changed: dict[str, float], part: str, bound: float):
+def test_measure_friction_stage_by_kind(changed: dict[str, float], part: str, bound: float):
     row = KEY.copy()
     for name, value in changed.items():
         row[INDEX[name]] = value
@@ -90,7 +90,7 @@ def test_each_kind_of_friction_is_found(changed: dict[str, float], part: str, bo
         assert abs(result.fit.row[INDEX[name]] / value - 1) < 0.05
 
 
-def test_friction_that_was_taken_for_a_delay_or_a_mode_is_taken_away():
+def test_measure_removes_mistaken_friction_stage():
     """Rigid friction behind a late motor: at first a contact that gives way explains it best."""
     row = np.array([0.5089, 23.72, 0.8654, 0.1923, 0.03806, -8.1e-3, 1.7e-3, 0, 0, 0])
     chance, n = np.random.default_rng(4), 4000
@@ -108,13 +108,13 @@ def test_friction_that_was_taken_for_a_delay_or_a_mode_is_taken_away():
 
 
 @pytest.mark.slow
-def test_the_last_quarter_judges_where_no_take_is_held_out():
+def test_measure_without_test_take_uses_last_quarter():
     found = measure([gesture(KEY, rain(KEY, 6.0), 5)])
     assert {"dry", "mode"} <= set(accepted_stages(found))
 
 
 @pytest.mark.slow
-def test_a_key_without_a_spring_has_none():
+def test_measure_key_without_spring():
     fader = np.array([0.4, 0.0, 1.2, 0.0, 0.05, 0.0, 0.0, 0.0, 0.0, 0.0])
     force = rain(KEY, 6.0)
     force = force - force.mean()

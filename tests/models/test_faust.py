@@ -32,7 +32,7 @@ process = button("in") : ba.impulsify; // @o mass 2 0 0
 """
 
 
-def test_the_script_of_a_program_is_the_model() -> None:
+def test_faust_script_equals_mdl_model() -> None:
     Path("o.dsp").write_text(PROGRAM)
     Path("o.mdl").write_text(SCRIPT)
     program, model = (import_model(name) for name in ("o.dsp", "o.mdl"))
@@ -40,7 +40,7 @@ def test_the_script_of_a_program_is_the_model() -> None:
     assert program.text.splitlines()[1:] == model.text.splitlines()[1:]
 
 
-def test_a_mistake_is_told_by_the_line_of_the_program(capsys: pytest.CaptureFixture[str]) -> None:
+def test_faust_script_mistake_line(capsys: pytest.CaptureFixture[str]) -> None:
     Path("o.dsp").write_text(PROGRAM.replace("@o osc", "@o ask"))
     assert app.run(["import", "o.dsp"]) == 2
     line = PROGRAM.splitlines().index("@o osc 1. K 0.0003 0. 0.") + 1

@@ -92,7 +92,7 @@ def law(fields: dict[str, Any]) -> Law:
 
 
 @needs_faust
-def test_a_law_has_the_force_that_it_has_in_the_engine() -> None:
+def test_faust_law_force_equals_engine() -> None:
     built, laws = Laws(), [law(fields) for fields in LAWS]
     names = [built.name(item, f"w{index}") for index, item in enumerate(laws)]
     called = ", ".join(f"{name}(d, v)" for name in names)
@@ -107,7 +107,7 @@ def test_a_law_has_the_force_that_it_has_in_the_engine() -> None:
         np.testing.assert_allclose(column, wanted, rtol=1e-13, atol=1e-15, err_msg=str(item.fields))
 
 
-def test_links_of_the_same_law_share_a_function() -> None:
+def test_faust_laws_of_equal_links_share_function() -> None:
     built = Laws()
     cubic, same, other = (
         law(LAWS[0]),
@@ -120,7 +120,7 @@ def test_links_of_the_same_law_share_a_function() -> None:
 
 
 @needs_faust
-def test_a_program_of_laws_steps_what_the_engine_steps() -> None:
+def test_faust_program_with_laws_equals_engine() -> None:
     Path("s.yaml").write_text(SCORE)
     exact = played(SCORE, method="ca")
     (built,) = faust_programs("s.yaml")

@@ -65,7 +65,7 @@ HAND = """
 
 
 @needs_faust
-def test_a_program_steps_what_the_engine_steps() -> None:
+def test_faust_program_output_equals_engine() -> None:
     Path("s.yaml").write_text(SCORE)
     exact = played(SCORE, method="ca")
     (built,) = faust_programs("s.yaml")
@@ -83,7 +83,7 @@ def test_a_program_steps_what_the_engine_steps() -> None:
 
 
 @needs_faust
-def test_inputs_are_those_of_a_model_that_was_imported() -> None:
+def test_faust_program_inputs_of_imported_model() -> None:
     t = np.arange(4410) / RATE
     path, push = 0.01 * np.sin(2 * np.pi * 90.0 * t) ** 2, 1e-4 * np.sin(2 * np.pi * 300.0 * t)
     fed = np.float64(np.float32([path, push]))  # as files hold them
@@ -101,7 +101,7 @@ def test_inputs_are_those_of_a_model_that_was_imported() -> None:
     assert off_db(sound, exact) < -220
 
 
-def test_a_part_leaves_out_its_links_to_others(capsys: pytest.CaptureFixture[str]) -> None:
+def test_faust_program_of_part_without_outer_links(capsys: pytest.CaptureFixture[str]) -> None:
     text = SCORE.replace(
         "      hit: {BUT: {between: [hammer,", "      hit: {BUT: {between: [mesh.m,"
     )
@@ -115,7 +115,7 @@ def test_a_part_leaves_out_its_links_to_others(capsys: pytest.CaptureFixture[str
     assert {path.name for path in Path("d").iterdir()} == {"bell.dsp", "wire.dsp"}
 
 
-def test_what_a_part_feeds_and_hears_elsewhere_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+def test_faust_program_reports_outer_feeds_and_outputs(capsys: pytest.CaptureFixture[str]) -> None:
     Path("s.yaml").write_text(
         "ergon: 1\ninstruments:\n  a:\n    modules:\n      m: {CEL: {M: 5g, f: 200Hz, t60: 1s}}\n"
         "      push: {ENF: {to: b.m, from: -5N}}\n    out: {SOX: [m, b.m]}\n"
@@ -145,7 +145,7 @@ def test_what_a_part_feeds_and_hears_elsewhere_is_named(capsys: pytest.CaptureFi
         ("gap: 1mm, ", "gap: 1mm, contact: exact, ", 26, "a contact that is exact"),
     ],
 )
-def test_what_is_not_written(
+def test_faust_export_refuses_unsupported_modules(
     old: str, new: str, line: int, says: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     text = SCORE.replace(old, new)
@@ -187,7 +187,7 @@ render: {tail: 0.3s}
 
 
 @needs_faust
-def test_a_body_of_known_modes_is_a_bank_of_resonators() -> None:
+def test_faust_program_of_modes_body_as_resonators() -> None:
     Path("s.yaml").write_text(BELL)
     exact = played(BELL, method="modal")[:, :4]
     bell, wire = faust_programs("s.yaml", ExportOptions(parts=("bell", "wire")))
@@ -204,7 +204,7 @@ def test_a_body_of_known_modes_is_a_bank_of_resonators() -> None:
     assert off_db(rendered(Path("b.dsp"), fed, 88_200)[::2, :2], exact[:, :2]) < -200
 
 
-def test_modes_are_written_where_their_part_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+def test_faust_export_of_modes_needs_named_part(capsys: pytest.CaptureFixture[str]) -> None:
     Path("s.yaml").write_text(BELL)
     assert app.run(["export", "s.yaml", "--to", "faust", "-o", "d"]) == 2
     assert "s.yaml:5: bell.b: MODES is a bank of resonators" in capsys.readouterr().err
@@ -239,7 +239,7 @@ render: {tail: 0.3s}
 
 
 @needs_faust
-def test_bodies_are_banks_of_their_modes() -> None:
+def test_faust_program_of_bodies_as_mode_banks() -> None:
     Path("s.yaml").write_text(BODIES)
     exact = played(BODIES, method="modal")
     built = faust_programs("s.yaml", ExportOptions(upto="20kHz"))
@@ -258,7 +258,7 @@ def test_bodies_are_banks_of_their_modes() -> None:
     assert off_db(sound, exact) < -200
 
 
-def test_modes_above_a_frequency_are_left_out() -> None:
+def test_faust_program_without_modes_above_frequency() -> None:
     Path("s.yaml").write_text(BODIES)
     low, high = (
         faust_programs("s.yaml", ExportOptions(parts=("wire",), upto=upto))[0].text.count("mode(")
@@ -267,7 +267,7 @@ def test_modes_above_a_frequency_are_left_out() -> None:
     assert (low - 1, high - 1) == (2 * 6, 2 * 40)  # of a string at 147 Hz
 
 
-def test_too_many_resonators_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
+def test_faust_export_refuses_too_many_resonators(capsys: pytest.CaptureFixture[str]) -> None:
     modes = ", ".join(f"{100 + 5 * n}Hz" for n in range(450))
     outs = ", ".join(f"o{n}: {{SOX: b.point}}" for n in range(5))
     Path("s.yaml").write_text(
@@ -298,7 +298,7 @@ render: {tail: 50ms}
 
 
 @needs_faust
-def test_points_between_masses() -> None:
+def test_faust_program_of_proxies() -> None:
     Path("s.yaml").write_text(PROXIES)
     exact = played(PROXIES, method="ca")
     (built,) = faust_programs("s.yaml")
@@ -308,7 +308,7 @@ def test_points_between_masses() -> None:
     assert off_db(sound, exact) < -220
 
 
-def test_a_point_that_a_mass_moves_is_not_written(capsys: pytest.CaptureFixture[str]) -> None:
+def test_faust_and_mdl_export_refuse_moving_proxy(capsys: pytest.CaptureFixture[str]) -> None:
     Path("s.yaml").write_text(PROXIES.replace("at: 0.25", "follows: h"))
     assert app.run(["export", "s.yaml", "--to", "faust", "-o", "d"]) == 2
     assert "s.yaml:11: i.q: a PROXY that follows a MAT is not written yet" in (

@@ -39,7 +39,7 @@ def _drawn(chance: random.Random, depth: int) -> tuple[str, float]:
     return f"{name}( {a},{b} )", float(_DOUBLE[name](x, y))
 
 
-def test_functions_have_the_values_of_python() -> None:
+def test_model_functions_equal_python() -> None:
     chance, compared = random.Random(5), 0
     while compared < 300:
         try:
@@ -63,7 +63,7 @@ MODEL = """
 """
 
 
-def test_functions_in_a_model() -> None:
+def test_model_functions_in_mass_parameter() -> None:
     text = written(parse(MODEL, "v2"))
     assert "m: {MAS: {M: 2.0}}" in text
     assert f"K: 0.05, Z: {0.001 * math.exp(-2.0)!r}" in text
@@ -82,7 +82,7 @@ def test_functions_in_a_model() -> None:
         ("pow(a, 2", "never closed"),
     ],
 )
-def test_wrong_functions_are_refused(expression: str, message: str) -> None:
+def test_model_functions_with_mistakes_refused(expression: str, message: str) -> None:
     with pytest.raises(ModelError, match=r"M of 'm'") as refused:
         parse(MODEL.replace("pow(a, 0.5)", expression), "v2")
     assert message in str(refused.value)

@@ -39,7 +39,7 @@ def path_and_push() -> tuple[np.ndarray, np.ndarray]:
     return np.float64(np.float32(path)), np.float64(np.float32(push))  # as files hold them
 
 
-def test_inputs_move_and_push_as_they_do_in_the_model():
+def test_model_inputs_position_and_force():
     path, push = path_and_push()
     wave("path.wav", path)
     wave("push.wav", push)
@@ -76,7 +76,7 @@ JUMPS = {
 
 @pytest.mark.parametrize("x0", [0.5, 0.02, -0.03])
 @pytest.mark.parametrize("name", JUMPS)
-def test_an_input_that_begins_elsewhere_is_felt_by_dampers(name: str, x0: float):
+def test_model_input_initial_jump_drives_dampers(name: str, x0: float):
     """In the first step the model's input jumps from its x0 to the first value of its file."""
     dialect, links = JUMPS[name]
     mass = "@m mass 2 0.01 0.5" if dialect == "v2" else "@m mass 2 0.01 0.00999"
@@ -96,7 +96,7 @@ def test_an_input_that_begins_elsewhere_is_felt_by_dampers(name: str, x0: float)
         assert np.abs(sound - listened).max() <= 1e-11 * np.abs(listened).max(), score
 
 
-def test_a_force_between_masses_is_shared():
+def test_model_force_input_between_masses():
     _, push = path_and_push()
     wave("push.wav", push)
     text = "@in1 frcInput [@s 0.3]\n@s string 6 1 0.05 0.001 0 0\n@out1 posOutput [@s 0.7]\n"
@@ -116,7 +116,7 @@ def later(signal: np.ndarray, by: int = 1) -> np.ndarray:
     return np.concatenate([np.zeros(by), signal[:-by]])
 
 
-def test_osc_inputs_glide_to_their_target():
+def test_model_osc_inputs_glide_to_target():
     """A position is reached at the end of its frame, so that it is heard a sample later."""
     message = HAND.replace("@m mass 1", "@p audioParam @in3\n@m mass [2+p]")
     Path("m.mdl").write_text(message)
@@ -136,7 +136,7 @@ def test_osc_inputs_glide_to_their_target():
     assert np.abs(sound - listened).max() <= 1e-12 * np.abs(listened).max()
 
 
-def test_files_that_feed_nothing():
+def test_import_refuses_unusable_input_files():
     path, _ = path_and_push()
     wave("slow.wav", path, 48_000)
     wave("two.wav", np.stack([path, path], axis=1))
@@ -152,7 +152,7 @@ def test_files_that_feed_nothing():
         import_model("m.mdl", ModelOptions(inputs={"in1": "late.wav"}), beside="folder")
 
 
-def test_the_command(capsys: pytest.CaptureFixture[str]):
+def test_import_command_options_and_refusals(capsys: pytest.CaptureFixture[str]):
     Path("m.mdl").write_text("@k param 0.01\n@m osc 1 k 0 [0 0 0.1] 0\n@out1 posOutput @m\n")
     assert app.run(["import", "m.mdl", "--set", "k=0.02", "--json"]) == 0
     assert records(capsys)[0]["dialect"] == "v2"
@@ -173,7 +173,7 @@ def test_the_command(capsys: pytest.CaptureFixture[str]):
     assert app.run(["import", "none.mdl"]) == 2
 
 
-def test_inputs_that_nothing_feeds_are_named(capsys: pytest.CaptureFixture[str]):
+def test_import_reports_unfed_inputs(capsys: pytest.CaptureFixture[str]):
     Path("m.mdl").write_text(HAND)
     assert app.run(["import", "m.mdl", "--dialect", "v2"]) == 0
     output = capsys.readouterr().err
@@ -198,7 +198,7 @@ def test_import_of_texts_other_than_models_is_refused(capsys: pytest.CaptureFixt
         assert not Path("m.yaml").exists()
 
 
-def test_a_parameter_that_follows_a_signal_cannot_be_set(tmp_path):
+def test_import_refuses_setting_signal_parameter(tmp_path):
     path = tmp_path / "a.mdl"
     path.write_text("@p audioParam @in3\n@m mass 1 0 0\n@g ground 0\n@s spring @m @g 0.1\n")
     with pytest.raises(ModelError, match="'p' follows the signal of in3") as caught:

@@ -111,7 +111,7 @@ def _fed() -> dict[str, np.ndarray]:
     return {name: np.float64(np.float32(samples)) for name, samples in fed.items()}
 
 
-def test_a_model_is_imported_to_the_same_bytes_of_sound() -> None:
+def test_mi_gen_model_imports_to_same_sound_bytes() -> None:
     fed = _fed()
     text = _model(CA)
     for line in (
@@ -135,7 +135,7 @@ def test_a_model_is_imported_to_the_same_bytes_of_sound() -> None:
 
 
 @pytest.mark.parametrize(("text", "bound"), [(LAWS, -180), (SI, -180)])
-def test_laws_and_si_units(text: str, bound: float) -> None:
+def test_mi_gen_export_of_laws_and_si_units(text: str, bound: float) -> None:
     exact = played(text, method="ca")
     seconds = len(exact) / RATE
     model = _model(text)
@@ -144,7 +144,7 @@ def test_laws_and_si_units(text: str, bound: float) -> None:
     assert off_db(mims.played(model, "v2", seconds), exact) < bound
 
 
-def test_a_score_that_was_imported_is_exported_and_imported_again() -> None:
+def test_mi_gen_export_of_imported_score_round_trip() -> None:
     _fed()
     text = _model(CA)
     Path("m.mdl").write_text(text)
@@ -205,7 +205,7 @@ def test_mi_gen_export_keeps_names_unique(capsys: pytest.CaptureFixture[str]) ->
     import_model("d/s.mdl", ModelOptions(dialect="v2"))
 
 
-def test_a_model_is_for_one_rate(capsys: pytest.CaptureFixture[str]) -> None:
+def test_mi_gen_export_refuses_other_audio_rates(capsys: pytest.CaptureFixture[str]) -> None:
     Path("s.yaml").write_text(SI.replace("ergon: 1", "ergon: 1\nrates: {audio: 48kHz}"))
     assert app.run(["export", "s.yaml", "--to", "mdl", "-o", "d"]) == 2
     assert "s.yaml:6: a model of mi-gen is for 44,100 Hz" in capsys.readouterr().err
@@ -242,7 +242,7 @@ render: {tail: 0.3s}
 """
 
 
-def test_points_between_masses_are_places_of_macros():
+def test_mi_gen_export_of_proxies_as_macro_places():
     t = np.arange(RATE // 2) / RATE
     push = np.float64(np.float32(1e-5 * np.sin(2 * np.pi * 300.0 * t)))
     soundfile.write("push.wav", push, RATE, subtype="FLOAT")
@@ -259,7 +259,7 @@ def test_points_between_masses_are_places_of_macros():
 
 
 @pytest.mark.parametrize("source", ["[s.3, s.6], shares: [0.5, 0.5]", "[s.3, s.4], shares: [1, 1]"])
-def test_points_at_no_place_are_refused(source: str, capsys: pytest.CaptureFixture[str]):
+def test_mi_gen_export_refuses_proxies_off_strings(source: str, capsys: pytest.CaptureFixture[str]):
     soundfile.write("push.wav", np.zeros(10), RATE, subtype="FLOAT")
     Path("net.yaml").write_text(BETWEEN.replace("[s.3, s.4], shares: [0.8, 0.2]", source))
     assert app.run(["export", "net.yaml", "--to", "mdl", "-o", "out"]) != 0

@@ -123,28 +123,28 @@ AXIS = {
 
 
 @pytest.mark.parametrize("name", IN_LINE)
-def test_a_model_whose_links_keep_their_direction(name: str) -> None:
+def test_miphysics_links_in_line_equal_interpreter(name: str) -> None:
     assert miphysics_off(IN_LINE[name], FRAMES) < 1e-9
 
 
 @pytest.mark.parametrize("name", ACROSS)
-def test_a_model_whose_links_turn(name: str) -> None:
+def test_miphysics_turning_links_equal_interpreter(name: str) -> None:
     # The same equations, but for dampers, which feel the step along the line.
     assert miphysics_off(ACROSS[name], FRAMES, along=True) < 1e-9
     assert 1e-9 < miphysics_off(ACROSS[name], FRAMES) < 0.02
 
 
 @pytest.mark.parametrize("name", AXIS)
-def test_a_model_of_one_axis(name: str) -> None:
+def test_miphysics_model_of_one_axis(name: str) -> None:
     assert miphysics_off(AXIS[name], FRAMES) < 1e-12
 
 
 @pytest.mark.parametrize("name", ["friction and a spring", "cells"])
-def test_a_model_at_another_rate(name: str) -> None:
+def test_miphysics_model_at_another_rate(name: str) -> None:
     assert miphysics_off({**IN_LINE, **AXIS}[name], FRAMES, 8_000) < 1e-9
 
 
-def test_every_kind_is_played() -> None:
+def test_miphysics_all_module_kinds_tested() -> None:
     text = "\n".join([*IN_LINE.values(), *ACROSS.values(), *AXIS.values()])
     for kind in (*MASSES, *LINKS):
         assert re.search(rf"<{kind}>\s*<(mass|interaction)_0", text), kind
@@ -158,7 +158,7 @@ BOTH = model(*TIED, link("Rope3D", "g", "m", 0.02, 0.01, 65), line("o", 2.0, 0.5
 
 
 @pytest.mark.usefixtures("work_folder")
-def test_a_file_becomes_a_score_that_is_rendered(capsys: pytest.CaptureFixture[str]) -> None:
+def test_miphysics_import_to_score_and_rate_value(capsys: pytest.CaptureFixture[str]) -> None:
     Path("m.xml").write_text(BOTH)
     assert app.run(["import", "m.xml", "-o", "s.yaml"]) == 0
     assert "6 statements of miphysics" in "".join(capsys.readouterr())
@@ -212,7 +212,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_what_no_score_says_is_refused(name: str) -> None:
+def test_miphysics_import_refuses_unsupported_values(name: str) -> None:
     text, says = REFUSED[name]
     with pytest.raises(ModelError, match=says):
         written(parse(text), "", RATE)
@@ -229,7 +229,7 @@ def test_what_no_score_says_is_refused(name: str) -> None:
         (["--laws", "2019"], "are those of mi-gen"),
     ],
 )
-def test_what_is_asked_otherwise_is_refused(
+def test_miphysics_import_refuses_wrong_options(
     options: list[str], says: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     Path("m.xml").write_text(BOTH)
@@ -238,13 +238,13 @@ def test_what_is_asked_otherwise_is_refused(
     assert not Path("s.yaml").exists()
 
 
-def test_a_model_is_known_by_its_masses() -> None:
+def test_is_model_recognises_miphysics() -> None:
     assert is_model(BOTH)
     assert not is_model("<html></html>")
     assert not is_model("@m mass 1 <MAT>")
 
 
-def test_spoiled_files_are_refused_or_read() -> None:
+def test_miphysics_damaged_files_refused_or_read() -> None:
     draw, read = random.Random(1), 0
     texts = [*IN_LINE.values(), *ACROSS.values(), *AXIS.values(), BOTH]
     pieces = [one for text in texts for one in re.findall(r"[\w.]+|\W", text)]

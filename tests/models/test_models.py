@@ -430,7 +430,7 @@ CASES = [
 OLD = ("nlPluck", "nlBow", "contact", "contact with a threshold", "string", "stiffString")
 
 
-def test_there_are_sixty_models():
+def test_model_cases_number_at_least_sixty():
     assert len(CASES) >= 60
 
 
@@ -444,18 +444,18 @@ def sounds_alike(dialect: str, text: str, bound: float, seconds: float) -> None:
 
 
 @pytest.mark.parametrize(("dialect", "text", "bound"), CASES)
-def test_a_score_sounds_as_its_model(dialect: str, text: str, bound: float):
+def test_imported_model_equals_interpreter(dialect: str, text: str, bound: float):
     sounds_alike(dialect, text, bound, SECONDS)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("dialect", "text", "bound"), CASES)
-def test_a_score_sounds_as_its_model_for_a_second(dialect: str, text: str, bound: float):
+def test_imported_model_equals_interpreter_one_second(dialect: str, text: str, bound: float):
     sounds_alike(dialect, text, bound, 1.0)
 
 
 @pytest.mark.parametrize("name", OLD)
-def test_laws_of_2019_are_others(name: str):
+def test_v1_laws_differ_from_v2(name: str):
     text = {**V1, **V1_TOUCHING}[name]
     if name in ("string", "stiffString"):  # points lie at a·N
         text = text.replace(" 0.3\n", " 0.2727272727272727\n").replace(
@@ -470,7 +470,7 @@ def test_laws_of_2019_are_others(name: str):
     assert off_db(sound, then) < -100.0
 
 
-def test_every_word_is_tried():
+def test_model_cases_cover_all_words():
     tried = {
         dialect: "\n".join((*a.values(), *b.values())).split() for dialect, (a, b) in MODELS.items()
     }
@@ -479,7 +479,7 @@ def test_every_word_is_tried():
         assert set(forms) - others <= set(tried[dialect])
 
 
-def test_a_parameter_may_have_another_value():
+def test_model_parameter_override():
     text = V2["parameters"]
     sound = rendered(written(parse(text, "v2", overrides={"kScale": "0.03"})), SECONDS)
     listened = mims.played(text, "v2", SECONDS, arguments={"kScale": 0.03})

@@ -115,7 +115,7 @@ def test_pmpd_of_bangs_with_laws(name: str) -> None:
     assert pmpd_off(TOUCHING_CONTROL[name], "pmpd", FRAMES) < TOUCHING
 
 
-def test_every_word_of_both_objects_is_played() -> None:
+def test_pmpd_cases_cover_all_words() -> None:
     played = {
         "pmpd~": " ".join((*AUDIO.values(), *TOUCHING_AUDIO.values(), FED)),
         "pmpd": " ".join((*CONTROL.values(), *TOUCHING_CONTROL.values(), ASKED)),
@@ -145,7 +145,7 @@ ASKED = "massPosMean m; massSpeedMean; massSpeed 0; massSpeedL m; massPosXL; mas
 
 
 @pytest.mark.usefixtures("work_folder")
-def test_inlets_move_and_push_as_they_do_in_the_object() -> None:
+def test_pmpd_inlets_position_and_force() -> None:
     t = np.arange(FRAMES) / RATE
     waves = [0.1 * np.cos(2 * np.pi * 300.0 * t), 0.2 * np.sin(2 * np.pi * 90.0 * t) ** 2]
     fed = {
@@ -166,7 +166,7 @@ def test_inlets_move_and_push_as_they_do_in_the_object() -> None:
 
 
 @pytest.mark.usefixtures("work_folder")
-def test_an_inlet_without_a_file_is_0(capsys: pytest.CaptureFixture[str]) -> None:
+def test_pmpd_inlet_without_file_is_zero(capsys: pytest.CaptureFixture[str]) -> None:
     Path("fed.txt").write_text(FED)
     assert app.run(["import", "fed.txt", "-o", "s.yaml"]) == 0
     output = "".join(capsys.readouterr())
@@ -177,7 +177,7 @@ def test_an_inlet_without_a_file_is_0(capsys: pytest.CaptureFixture[str]) -> Non
     assert off(sound[1:, 1], pmpd.audio(FED, FRAMES, silent)[:-1, 1]) < LINEAR
 
 
-def test_a_row_of_equal_masses_is_a_string() -> None:
+def test_pmpd_row_of_equal_masses_becomes_string() -> None:
     links = [f"link {at} {at + 1} 0.1 0.003" for at in range(13)]
     text = "\n".join(
         ["mass", *["mass 20 0.3"] * 6, *["mass 20"] * 2, *["mass 20"] * 4, "mass", *links]
@@ -194,7 +194,7 @@ def test_a_row_of_equal_masses_is_a_string() -> None:
     assert pmpd_off(text, "pmpd~", FRAMES) < LINEAR
 
 
-def test_a_mean_over_a_string_is_a_range() -> None:
+def test_pmpd_mean_over_string_becomes_range() -> None:
     text = "mass f 0\n" + "mass s 1 9 0\n" * 5 + "mass t 1 8 0.1\n"
     text += "\n".join(f"link l {at} {at + 1} 0.2 0.01" for at in range(6))
     score = pmpd_score(text + "\nsetPos t 0.2")
@@ -210,14 +210,14 @@ def test_pmpd_default_output_is_the_mean_position() -> None:
         assert off(rendered(pmpd_score(text + asked), SECONDS), exact) < LINEAR
 
 
-def test_speeds_that_are_asked_for_are_those_in_the_middle_of_a_step() -> None:
+def test_pmpd_mass_speed_at_middle_of_step() -> None:
     text = "mass f 0 1 0; mass m 1 800 1; link l f m 0.1 0.01; setPos m 1.7; massSpeed m"
     steps = np.diff(pmpd.bangs(text, FRAMES)[:, [1]], axis=0)
     sound = rendered(pmpd_score(text), SECONDS)
     assert off(sound[100:], steps[100 - 8 : -7]) < 1e-4
 
 
-def test_messages_are_read_as_pure_data_writes_them() -> None:
+def test_pmpd_messages_in_pure_data_syntax() -> None:
     text = CONTROL["spring"]
     for other in (
         text.replace(";", "\n"),
@@ -292,7 +292,7 @@ REFUSED_AUDIO = {
 @pytest.mark.parametrize(
     ("kind", "name"), [*(("pmpd", one) for one in REFUSED), *(("pmpd~", a) for a in REFUSED_AUDIO)]
 )
-def test_what_no_score_says_is_refused_with_its_line(kind: Object, name: str) -> None:
+def test_pmpd_import_refuses_unsupported_with_line(kind: Object, name: str) -> None:
     line, text, says = (REFUSED if kind == "pmpd" else REFUSED_AUDIO)[name]
     with pytest.raises(ModelError, match=says) as refused:
         pmpd_score(text, kind)
@@ -311,7 +311,7 @@ def test_what_no_score_says_is_refused_with_its_line(kind: Object, name: str) ->
         ("pmpd~\nmass", "the model has no input 'in1'", ["--feed", "in1=w.wav"]),
     ],
 )
-def test_what_is_asked_otherwise_is_refused(
+def test_pmpd_import_refuses_wrong_options(
     text: str, says: str, options: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     soundfile.write("w.wav", np.zeros(10), RATE, subtype="FLOAT")
@@ -321,14 +321,14 @@ def test_what_is_asked_otherwise_is_refused(
     assert not Path("s.yaml").exists()
 
 
-def test_both_objects_read_a_list_of_masses_and_links() -> None:
+def test_pmpd_list_valid_in_both_objects() -> None:
     text = "mass\nmass 1\nlink 0 1 1"
     with pytest.raises(DialectError):
         pmpd_score(text)
     assert "REF" not in pmpd_score(text, "pmpd~")
 
 
-def test_spoiled_lists_are_refused_or_read() -> None:
+def test_pmpd_damaged_lists_refused_or_read() -> None:
     texts = [*AUDIO.values(), *TOUCHING_AUDIO.values(), *CONTROL.values(), FED]
     texts += TOUCHING_CONTROL.values()
     words = [word for text in texts for word in text.replace(";", " ; ").split()]

@@ -67,14 +67,14 @@ def compared(text: str, signals: dict[str, np.ndarray], laws: str = "head") -> N
 @pytest.mark.parametrize("laws", ["head", "2019"])
 @pytest.mark.parametrize("link", LINKS)
 @pytest.mark.parametrize("macro", ["chain", "closedMesh"])
-def test_links_end_between_masses(macro: str, link: str, laws: str):
+def test_model_proxy_links_between_masses(macro: str, link: str, laws: str):
     point = "[@s 0.33 0.71]" if "esh" in macro else "[@s 0.33]"
     compared(model(macro, f"@l {LINKS[link].format(point=point)}"), {}, laws)
 
 
 @pytest.mark.parametrize("laws", ["head", "2019"])
 @pytest.mark.parametrize("macro", MACROS)
-def test_signals_move_points(macro: str, laws: str):
+def test_model_proxy_points_moved_by_signals(macro: str, laws: str):
     """Links, inputs and outputs; places beyond the ends are the ends."""
     sides = "{0} 0.9-{1}/2" if "esh" in macro else "{0}"
     first, other = sides.format("x+0.1", "y"), sides.format("1-y", "x")
@@ -105,7 +105,7 @@ ELSEWHERE = {
 
 @pytest.mark.parametrize("link", ["springDamper", "bow", "contact"])
 @pytest.mark.parametrize("macro", ELSEWHERE)
-def test_a_point_of_a_body_that_begins_elsewhere_comes_from_0(
+def test_model_proxy_initial_jump_of_displaced_body(
     macro: str, link: str, monkeypatch: pytest.MonkeyPatch
 ):
     """In the first step it jumps to its body, which dampers feel."""
@@ -114,11 +114,11 @@ def test_a_point_of_a_body_that_begins_elsewhere_comes_from_0(
     compared(model(macro, f"@l {LINKS[link].format(point=point)}"), {})
 
 
-def test_a_signal_without_a_file_is_0():
+def test_model_proxy_signal_without_file_is_zero():
     compared(model("string", "@x audioParam @in3\n@l nlSpring3 [@s x+0.4] @h 0.1 0.02 0"), {})
 
 
-def test_points_at_one_place_are_one_module():
+def test_model_proxies_at_one_place_share_module():
     lines = "@l contact [@s 0.33] @h 0.1 0\n@n nlBow @h [@s 0.33] 0.05 0.02"
     text = written(parse(model("string", lines), "v2", "m.mdl"))
     assert text.count("PROXY") == 1
@@ -135,14 +135,14 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_what_a_signal_cannot_move_is_refused_at_its_line(name: str):
+def test_model_proxy_refuses_unsupported_signals(name: str):
     lines, message, line = REFUSED[name]
     with pytest.raises(ModelError, match=message) as raised:
         written(parse(model("string", lines), "v2", "m.mdl"))
     assert raised.value.line == line
 
 
-def test_a_mesh_of_more_masses_than_a_link_has_points():
+def test_model_mesh_above_link_point_limit():
     """Its air is several links; the score is read."""
     text = "@s closedMesh 105 103 1 0.2 0.002 0.0001 0 0\n@in1 frcInput [@s 0.5 0.5]\n"
     score = written(parse(text + "@out1 posOutput [@s 0.31 0.7]\n", "v2", "m.mdl"))

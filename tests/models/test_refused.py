@@ -113,14 +113,14 @@ def test_writing_models_without_equivalent_reports_the_line(
     ],
     ids=["binary", "large", "lines"],
 )
-def test_files_that_are_no_models(data: bytes, message: str, tmp_path: Path):
+def test_import_refuses_non_model_files(data: bytes, message: str, tmp_path: Path):
     path = tmp_path / "m.mdl"
     path.write_bytes(data)
     with pytest.raises(ModelError, match=message):
         import_model(path)
 
 
-def test_a_model_that_two_dialects_read_is_asked_about(tmp_path: Path):
+def test_import_of_ambiguous_dialect_needs_option(tmp_path: Path):
     path = tmp_path / "m.mdl"
     path.write_text("@m mass 10 1. 1.\n@out1 posOutput @m\n")
     with pytest.raises(DialectError, match="write --dialect v1 or --dialect v2"):
@@ -133,14 +133,14 @@ def test_a_model_that_two_dialects_read_is_asked_about(tmp_path: Path):
     assert import_model(path).dialect == "v1"
 
 
-def test_the_dialect_that_gets_farther_says_what_is_wrong(tmp_path: Path):
+def test_import_error_of_farther_parsed_dialect(tmp_path: Path):
     path = tmp_path / "m.mdl"
     path.write_text("@m mass [1 + 1] 0 0\n@l spring @m @m 1\n@k sprong @m @m 1")
     with pytest.raises(ModelError, match=r"m\.mdl:3: 'sprong'"):
         import_model(path)
 
 
-def test_the_largest_macros_are_those_of_a_score():
+def test_model_size_limits_equal_score_limits():
     assert places.SIDE_MAX == 2 * MAX_RADIUS + 1
     assert places.MASSES_MAX == MAX_MODULES
 
@@ -153,7 +153,7 @@ def test_missing_input_file_is_refused(tmp_path: Path):
         import_model(path, asked)
 
 
-def test_an_expression_is_read_once(monkeypatch: pytest.MonkeyPatch):
+def test_model_expressions_evaluated_once(monkeypatch: pytest.MonkeyPatch):
     from ergon.workshop.models.mims import functions
 
     read = []

@@ -106,22 +106,22 @@ TOUCHES = {
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_a_model_without_contacts(name: str) -> None:
+def test_sam_model_without_contacts(name: str) -> None:
     assert sam_off(MODELS[name], 0.1) < LINEAR
 
 
 @pytest.mark.parametrize("name", TOUCHES)
-def test_a_model_with_contacts(name: str) -> None:
+def test_sam_model_with_contacts(name: str) -> None:
     assert sam_off(TOUCHES[name], 0.1) < TOUCHING
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [*MODELS, *TOUCHES])
-def test_a_model_over_a_second(name: str) -> None:
+def test_sam_model_for_one_second(name: str) -> None:
     assert sam_off((MODELS | TOUCHES)[name], 1.0) < (LINEAR if name in MODELS else 1e-5)
 
 
-def test_every_word_is_played() -> None:
+def test_sam_cases_cover_all_words() -> None:
     text = "\n".join([*MODELS.values(), *TOUCHES.values()])
     assert {word for word in (*MASSES, *LINKS) if f"{word}(" not in text} == set()
 
@@ -149,14 +149,14 @@ audioout,right,0.0; # nothing
 """
 
 
-def test_a_number_that_no_score_holds_is_refused_with_its_line() -> None:
+def test_sam_import_refuses_too_large_number_with_line() -> None:
     text = WRITTEN.replace("250.0,", "250.1e90,")
     with pytest.raises(ModelError, match="k: the number is too large") as refused:
         sam_score(text)
     assert refused.value.line == 5
 
 
-def test_a_score_is_as_a_person_writes_it() -> None:
+def test_sam_score_comments_units_and_names() -> None:
     score = sam_score(WRITTEN)
     for line in (
         "# A drum of a friend.",
@@ -177,7 +177,7 @@ def test_a_score_is_as_a_person_writes_it() -> None:
     assert "vol" not in score.split("let:")[1].split("instruments:")[0]
 
 
-def test_a_port_may_be_a_key_in_its_place() -> None:
+def test_sam_port_as_key_in_score() -> None:
     score = sam_score(WRITTEN)
     key = re.search(r"^# (keys: .+)$", score, flags=re.MULTILINE)
     assert key is not None
@@ -187,13 +187,13 @@ def test_a_port_may_be_a_key_in_its_place() -> None:
     assert result.piece is not None, result.diagnostics
 
 
-def test_a_parameter_may_have_another_value() -> None:
+def test_sam_parameter_override() -> None:
     assert "  k: 300  # hslider" in sam_score(WRITTEN, k=300.0)
     with pytest.raises(ModelError, match="no parameter 'kk'; did you mean 'k'"):
         sam_score(WRITTEN, kk=1.0)
 
 
-def test_channels_are_sums_of_positions_and_forces() -> None:
+def test_sam_channels_sum_positions_and_forces() -> None:
     text = MODELS["offsets between masses"] + "\nport(),d;\nlink(50.0,0.01,0.0),q,m,d;\n"
     listened = "faustcode: vol = -6.0 : db2linear; pan(x) = x*0.25 + 0.5;\n"
     listened += "audioout,a,(m*2.0 + p:*(3.0))*vol;\naudioout,b,(p - m)/(0.5+0.5);\n"
@@ -211,7 +211,7 @@ def test_channels_are_sums_of_positions_and_forces() -> None:
 
 @pytest.mark.usefixtures("work_folder")
 @pytest.mark.parametrize("first", [0.0, 0.01])
-def test_ports_are_moved_by_files(first: float, capsys: pytest.CaptureFixture[str]) -> None:
+def test_sam_ports_driven_by_files(first: float, capsys: pytest.CaptureFixture[str]) -> None:
     text = model("mass(0.01,0.02,0.0),m", G, "port(),d", "port(),e", "link(200.0,0.02,0.001),l,m,d",
                  "touch(900.0,0.05,0.0),t,e,m", "link(20.0,0.01,0.0),j,g,m",
                  "audioout,a,m", "audioout,b,d")  # fmt: skip
@@ -258,7 +258,7 @@ def test_ports_are_moved_by_files(first: float, capsys: pytest.CaptureFixture[st
         ("2.0*PI", 2.0 * np.pi),
     ],
 )  # fmt: skip
-def test_expressions_of_faust(text: str, value: float) -> None:
+def test_sam_faust_expression_values(text: str, value: float) -> None:
     code = [
         Code("twice(x) = x*2.0;", 1),
         Code("preset(list)=rdtable(n, mytake(presetInitIndex,n,list), at);", 2),
@@ -277,7 +277,7 @@ def test_expressions_of_faust(text: str, value: float) -> None:
         ("k0=*(2.0)", "k{0}=((k{1}))"),
     ],
 )
-def test_definitions_that_stand_deep_in_one_another_are_refused(first: str, more: str) -> None:
+def test_sam_import_refuses_deeply_nested_definitions(first: str, more: str) -> None:
     lines = [first, *(more.format(at, at - 1) for at in range(1, 3000))]
     code = "".join(f"faustcode: {line};\n" for line in lines)
     used = {"k0=1.0": "k2999", "k0(x)=x": "k2999(1.0)", "k0=*(2.0)": "1.0:k2999"}[first]
@@ -285,7 +285,7 @@ def test_definitions_that_stand_deep_in_one_another_are_refused(first: str, more
         sam_score(code + f"mass({used},0.0,0.0),m;")
 
 
-def test_names_that_a_score_makes_itself_are_free() -> None:
+def test_sam_names_colliding_with_score_names() -> None:
     names = "faustcode: sixty=200.0; a=1.0; A=2.0; e=3.0; bar=0.5; m=1.0;\n"
     text = names + model("resonators(sixty*a*A*e*bar*m,1.0,1.0),still", "ground(0.0),stillear",
                          "mass(1.0,0.1,0.0),model", "link(9.0,0.1,0.0),heard,still,model",
@@ -353,14 +353,14 @@ WRONG = {
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_what_no_score_says_is_refused_with_its_line(name: str) -> None:
+def test_sam_import_refuses_unsupported_with_line(name: str) -> None:
     line, text, says = WRONG[name]
     with pytest.raises(ModelError, match=says) as refused:
         sam_score(text)
     assert refused.value.line == line
 
 
-def test_a_model_is_known_by_its_first_line() -> None:
+def test_is_model_recognises_sam() -> None:
     assert is_model("# a comment\n\n  link(1.0,0.1,0.0),l,m,g;")
     assert is_model("faustcode: k=1.0;")
     assert is_model("audioout,a,m;")
@@ -380,7 +380,7 @@ def test_a_model_is_known_by_its_first_line() -> None:
         (["--dialect", "v1"], "m.mdl:"),
     ],
 )
-def test_what_is_asked_otherwise_is_refused(
+def test_sam_import_refuses_wrong_options(
     options: list[str], says: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     soundfile.write("w.wav", np.zeros(10), RATE, subtype="FLOAT")
@@ -391,7 +391,7 @@ def test_what_is_asked_otherwise_is_refused(
 
 
 @pytest.mark.usefixtures("work_folder")
-def test_values_and_dialects_are_taken_in_python() -> None:
+def test_sam_import_with_python_options() -> None:
     Path("m.mdl").write_text(WRITTEN)
     built = import_model("m.mdl", ModelOptions(dialect="sam", values={"k": "1e2"}))
     assert (built.dialect, built.n_statements, built.unfed) == ("sam", 11, ("dev1",))
@@ -425,7 +425,7 @@ def spoiled(seed: int) -> str:
 
 
 @pytest.mark.parametrize("first", few(range(0, 3000, 300), 1))
-def test_spoiled_models_are_refused_or_read(first: int) -> None:
+def test_sam_damaged_models_refused_or_read(first: int) -> None:
     read = 0
     for seed in range(first, first + 300):
         text = spoiled(seed)

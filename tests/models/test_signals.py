@@ -87,43 +87,43 @@ def compared(text: str, laws: str = "head", least: float = 1e-12) -> None:
 
 @pytest.mark.parametrize("laws", ["head", "2019"])
 @pytest.mark.parametrize("name", LINKS)
-def test_a_signal_is_a_value_of_a_link(name: str, laws: str):
+def test_signal_as_link_parameter(name: str, laws: str):
     compared(f"{HAND}@l {LINKS[name]}{OUT}", laws)
 
 
 @pytest.mark.parametrize("name", MASSES)
-def test_a_signal_is_a_value_of_a_mass(name: str):
+def test_signal_as_mass_parameter(name: str):
     """A mass takes the value of the step that it goes, a link that of where it is."""
     compared(f"{STRING}{MASSES[name]}{OUT}")
 
 
 @pytest.mark.parametrize("name", BODIES)
-def test_a_signal_is_a_value_of_a_row_of_masses(name: str):
+def test_signal_as_string_or_mesh_parameter(name: str):
     lines = "@l springDamper [@s 0.4] @h 0.02 0.001\n@out1 posOutput [@s 0.3]\n"
     compared(f"{STRING}{BODIES[name]}\n{lines}@out2 posOutput @h\n")
 
 
-def test_a_bow_between_masses_is_pressed_by_a_signal():
+def test_signal_as_bow_force_between_masses():
     lines = "@s string 9 1 0.3 0.002 0 0\n@b nlBow [@s 0.33] @h x [0.002 + 0.004*x]\n"
     compared(f"{STRING}{lines}@out1 posOutput [@s 0.6]\n@out2 posOutput @h\n")
 
 
-def test_a_signal_jumps_from_an_input_too():
+def test_signal_with_initial_jump_of_input():
     """What is felt of the first step is by the first values of the signals."""
     text = f"{HAND}@in4 posInput 0.5\n@l springDamper @in4 @m x y{OUT}"
     compared(text)
 
 
 @pytest.mark.parametrize("kind", ["string 7 1 0.1 0.01 0 50", "stiffString 8 1 0.1 0.02 0.01 0 9"])
-def test_the_ends_of_a_moving_string_pull(kind: str):
+def test_signal_parameter_string_end_forces(kind: str):
     compared(f"@s {kind}\n@out1 posOutput [@s 0.3]\n")
 
 
-def test_the_end_of_a_moving_string_of_one_mass_pulls_twice():
+def test_signal_parameter_string_of_one_mass():
     compared("@s string 3 1 0.1 0.01 0.02 50\n@out1 posOutput [@s 0.5]\n")
 
 
-def test_a_signal_without_a_file_is_0_and_one_that_stays_is_a_number():
+def test_signal_without_file_becomes_constant():
     text = f"{HAND}@l springDamper @m @h [0.02 + x] [0.001 + y]{OUT}"
     built = written(parse(text, "v2"))
     assert "follows" not in built
@@ -141,7 +141,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_what_a_signal_cannot_be_is_refused_at_its_line(name: str):
+def test_signal_mistakes_refused_with_line(name: str):
     line, text, message = REFUSED[name]
     signals = {name: np.float32(signal) for name, signal in SIGNALS.items()}
     for each, signal in signals.items():

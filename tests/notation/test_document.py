@@ -21,7 +21,7 @@ def errors(text):
     return [(d.code, d.place.line, d.place.column) for d in read(text)[1]]
 
 
-def test_nothing_is_guessed():
+def test_scalars_remain_text():
     root = read("a: 1e-3\nb: 1:30\nc: 012\nd: no\ne: 0x1F\nf: 2001-01-01\ng: ~\n")[0].root
     texts = [value.text for _, value in root.entries.values()]
     assert texts == ["1e-3", "1:30", "012", "no", "0x1F", "2001-01-01", "~"]
@@ -56,7 +56,7 @@ def test_nodes_equal_those_of_yaml():
         ("a: 😀😀 cd", "cd"),
     ],
 )
-def test_places_inside_scalars(text, word):
+def test_scalar_character_places(text, word):
     document, _ = read(text)
     scalar = document.root.entries[next(iter(document.root.entries))][1]
     if isinstance(scalar, Sequence):
@@ -75,7 +75,7 @@ def test_escaped_and_folded_texts_point_at_their_start(text):
 
 @settings(max_examples=300)
 @given(st.lists(st.text("abc \t", max_size=6), min_size=1, max_size=8), st.integers(1, 5))
-def test_literal_blocks_are_the_source_shifted(lines, indent):
+def test_literal_block_character_places(lines, indent):
     text = f"k: |{indent}\n" + "".join(" " * indent + line + "\n" for line in lines)
     document, result = read(text)
     if result:  # a tab where YAML wants none
@@ -116,11 +116,11 @@ def test_duplicates_name_the_first_line():
         ("{a: " * 5_000, ("E105", 1, 4 * 64 + 1)),
     ],
 )
-def test_refusals(text, expected):
+def test_refused_yaml_features(text, expected):
     assert errors(text) == [expected]
 
 
-def test_alias_bombs_stay_small():
+def test_alias_bomb_is_refused_in_little_memory():
     bomb = "a0: &a0 [x,x,x,x,x,x,x,x,x,x]\n"
     for i in range(1, 40):
         bomb += f"a{i}: &a{i} [{','.join([f'*a{i - 1}'] * 10)}]\n"
@@ -133,7 +133,7 @@ def test_alias_bombs_stay_small():
     assert peak < 5e6
 
 
-def test_deep_aliases_are_deep():
+def test_nesting_through_aliases_is_refused():
     text = "a: &a " + "[" * 40 + "]" * 40 + "\nb: " + "[" * 40 + "*a" + "]" * 40
     assert [code for code, *_ in errors(text)] == ["E105"]
 
@@ -143,7 +143,7 @@ def test_too_many_entries(monkeypatch):
     assert errors("[" + "a," * 2000 + "]")[0][0] == "E105"
 
 
-def test_a_table_costs_no_nodes():
+def test_block_scalar_of_100000_rows_places():
     rows = "".join(f"    {i} {i % 7}mm\n" for i in range(100_000))
     document, result = read("a: |\n" + rows)
     scalar = document.root.get("a")
@@ -160,17 +160,17 @@ def test_a_table_costs_no_nodes():
         (b"\x00" * (MAX_BYTES + 1), "E105"),
     ],
 )
-def test_bytes_that_are_no_text(data, code):
+def test_decode_of_invalid_bytes_codes(data, code):
     collector = Collector()
     assert decode(data, "s", collector) is None
     assert [d.code for d in collector.finish()] == [code]
 
 
-def test_a_byte_order_mark_is_no_text():
+def test_decode_removes_byte_order_mark():
     assert decode(b"\xef\xbb\xbfa: 1", "s", Collector()) == "a: 1"
 
 
-def test_a_wrong_byte_has_a_place():
+def test_decode_of_invalid_utf8_place():
     collector = Collector()
     decode("é: 1\nüb".encode() + b"\xe9", "s", collector)
     assert collector.finish()[0].place.line == 2
@@ -179,6 +179,6 @@ def test_a_wrong_byte_has_a_place():
 
 @settings(max_examples=500)
 @given(st.text("ab:{}[],-|>&*!#'\"\\%@` \n\t\r?~1.é\u2028\x85\x00\ud800", max_size=40))
-def test_no_text_raises(text):
+def test_compose_of_random_text_never_raises(text):
     document, _ = read(text)
     assert document.root is None or isinstance(document.root, (Scalar, Sequence, Mapping))

@@ -135,7 +135,7 @@ def is_word(node):
 
 @quiet
 @given(placed(is_word), st.sampled_from(["x", "5|1", "900N/m", "'a, b'"]))
-def test_a_value_put_back_leaves_no_trace(outcome, text):
+def test_put_and_put_back_restores_text(outcome, text):
     document, (_, path) = outcome.document, outcome.words
     node = dict(paths(document.root))[path]
     changed = put(document, path, text)
@@ -148,7 +148,7 @@ def test_a_value_put_back_leaves_no_trace(outcome, text):
 
 @quiet
 @given(placed(lambda node: isinstance(node, Sequence)), st.sampled_from(["x", "{a: 1, b: [c]}"]))
-def test_an_item_appended_and_removed_leaves_no_trace(outcome, text):
+def test_append_and_remove_restores_text(outcome, text):
     document, (_, path) = outcome.document, outcome.words
     node = dict(paths(document.root))[path]
     changed = append(document, path, text)
@@ -162,7 +162,7 @@ def test_an_item_appended_and_removed_leaves_no_trace(outcome, text):
     st.sampled_from([("new",), ("new", "deeper"), ("new", "deeper", "still")]),
     st.sampled_from([put, append]),
 )
-def test_a_name_made_and_removed_leaves_no_trace(outcome, names, edit):
+def test_insert_and_remove_of_name_restores_text(outcome, names, edit):
     document, (_, path) = outcome.document, outcome.words
     node = dict(paths(document.root))[path]
     changed = edit(document, (*path, *names), "{a: 1}")
@@ -176,7 +176,7 @@ def test_a_name_made_and_removed_leaves_no_trace(outcome, names, edit):
 
 @quiet
 @given(documents, st.sampled_from(ORDER), st.sampled_from([("x",), ("x", "y")]))
-def test_a_section_stands_in_the_usual_order(outcome, section, names):
+def test_put_of_section_in_usual_order(outcome, section, names):
     document = outcome.document
     assume(section not in document.root.entries)
     changed = put(document, (section, *names), "1", ORDER)
@@ -194,7 +194,7 @@ def is_table(node):
 
 @quiet
 @given(placed(is_table), st.data())
-def test_rows_come_and_go_without_a_trace(outcome, data):
+def test_add_and_remove_of_rows_restores_text(outcome, data):
     document, (_, path) = outcome.document, outcome.words
     node = dict(paths(document.root))[path]
     lines = rows(node.text)
@@ -228,7 +228,7 @@ def test_removal_changes_only_the_removed_path(outcome, data):
 @pytest.mark.slow
 @quiet
 @given(documents, st.data())
-def test_many_edits_in_a_row_keep_the_comments(outcome, data):
+def test_many_successive_edits_keep_comments(outcome, data):
     """Only what is replaced or removed as a whole takes its comments with it: here nothing is."""
     document = outcome.document
     first = comments(document.text)
@@ -268,7 +268,7 @@ def test_many_edits_in_a_row_keep_the_comments(outcome, data):
         ("a:\r\n    b: 1", ("a", "c", "d"), "2", "a:\r\n    b: 1\r\n    c:\r\n        d: 2"),
     ],
 )
-def test_what_put_writes(text, path, value, expected):
+def test_put_expected_texts(text, path, value, expected):
     assert put(read(text), path, value) == expected
 
 
@@ -289,7 +289,7 @@ def test_what_put_writes(text, path, value, expected):
         ("a: &n\n  - b\n", ("a",), "a: &n\n  - b\n  - x\n"),
     ],
 )
-def test_what_append_writes(text, path, expected):
+def test_append_expected_texts(text, path, expected):
     assert append(read(text), path, "x") == expected
 
 
@@ -312,7 +312,7 @@ def test_editing_aliases_and_missing_paths_is_refused(edit, text, path):
 
 
 @pytest.mark.parametrize("value", ["a: b", "[", "x\ny: 1", "", "*n", "- 1", "# c"])
-def test_what_is_not_one_value_is_refused(value):
+def test_put_of_invalid_value_is_refused(value):
     with pytest.raises(EditError):
         put(read("a: {b: 1}\n"), ("a", "b"), value)
 
@@ -323,7 +323,7 @@ def test_comments_between_shared_lines_are_not_lost():
     assert remove(read("a:\n- b: 1\n  d: 2\n"), ("a", 0, "b")) == "a:\n- d: 2\n"
 
 
-def test_a_table_of_one_row_grows():
+def test_add_row_to_table_of_one_row():
     text = add_row(read("parts:\n  ada: A knock\n"), ("parts", "ada"), "B lean")
     assert read(text).root.get("parts").get("ada").text == "A knock\nB lean"
 
@@ -363,6 +363,6 @@ PRINTABLE = st.characters(exclude_categories=("C", "Z")) | st.just(" ")
 
 
 @given(st.text(PRINTABLE, max_size=20))
-def test_any_text_can_be_quoted(text):
+def test_quoted_text_round_trip(text):
     item = read(f"[{quoted(text)}]").root.items[0]
     assert (item.text, item.is_empty) == (text, False)

@@ -42,7 +42,7 @@ def score(n_modules: int, *, has_links: bool, is_commented: bool) -> str:
     is_commented=st.booleans(),
     is_removed=st.booleans(),
 )
-def test_elided_edit_equals_edit_of_whole_text(
+def test_elided_edit_equals_edit_of_complete_text(
     path, n_modules, has_links, is_commented, is_removed
 ):
     text = score(n_modules, has_links=has_links, is_commented=is_commented)

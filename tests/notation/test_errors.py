@@ -34,7 +34,7 @@ def report():
     return loaded.diagnostics[0], loaded.files
 
 
-def test_full_shows_line_caret_and_suggestion():
+def test_full_diagnostic_shows_caret_and_suggestion():
     assert full(*report()).split("\n") == [
         "score:3:16: error[E204] gesture 'knock': unknown word 'smoth'; "
         "curves are smooth, line, hold, throw",
@@ -43,16 +43,16 @@ def test_full_shows_line_caret_and_suggestion():
     ]
 
 
-def test_concise_is_one_line():
+def test_concise_diagnostic_is_one_line():
     assert concise(*report()).endswith("hold, throw     did you mean 'smooth'?")
 
 
-def test_github():
+def test_render_as_github_annotations():
     d = Diagnostic("W310", "50% here", Place("a,b.yaml", 2, 3))
     assert github(d) == "::warning file=a%2Cb.yaml,line=2,col=3,title=W310::50%25 here"
 
 
-def test_json():
+def test_render_as_json_lines():
     assert json.loads(json_line(*report())) == {
         "v": 1,
         "event": "error",
@@ -65,7 +65,7 @@ def test_json():
     }
 
 
-def test_the_caret_stands_under_wide_and_combining_characters():
+def test_caret_under_wide_and_combining_characters():
     text = "ergon: 1\ntitle: {音e\u0301: x}\n"
     loaded = load("s", text=text)
     lines = full(loaded.diagnostics[0], loaded.files).split("\n")
@@ -84,7 +84,7 @@ def test_long_lines_are_cut_round_the_caret():
         assert len(shown[1]) < 200
 
 
-def test_nothing_moves_the_terminal():
+def test_rendered_diagnostics_without_control_characters():
     # YAML lets C1 controls through in quotes; \x9b is an escape sequence's beginning
     loaded = load("s", text='ergon: 1\n"\\u009b2J": 1\nuse: ["\\e[2J"]\n')
     for d in loaded.diagnostics:
@@ -92,7 +92,7 @@ def test_nothing_moves_the_terminal():
             assert not re.search("[\x00-\x09\x0b-\x1f\x7f-\x9f]", render(d, loaded.files))
 
 
-def test_each_place_and_code_once_and_in_file_order():
+def test_diagnostics_deduplicated_and_in_file_order():
     collector = Collector()
     for name in ("main", "used"):
         collector.file(name)
@@ -103,7 +103,7 @@ def test_each_place_and_code_once_and_in_file_order():
     assert result == [("main", 1), ("main", 3), ("used", 1), ("used", 3)]
 
 
-def test_kinds_are_counted_apart():
+def test_collector_limits_each_severity():
     collector = Collector()
     for line in range(30):
         collector.error("E101", "x", Place("f", line + 1, 1))
@@ -112,13 +112,13 @@ def test_kinds_are_counted_apart():
     assert collector.left_out() == {"error": 10, "warning": 10, "note": 0}
 
 
-def test_names_are_listed_where_none_is_near():
+def test_help_lists_names_without_near_match():
     loaded = load("s", text="ergon: 1\nkeys: {a: {M: 1kg, K: 1}}\nplayers: {p: {key: zzz}}\n")
     assert loaded.diagnostics[0].help == "known here: a"
 
 
 @given(st.text())
-def test_quoting(text):
+def test_quote_is_printable_and_short(text):
     assert quote(text).isprintable()
     assert len(quote(text)) <= 42
 
@@ -126,7 +126,7 @@ def test_quoting(text):
 # --- pages ---------------------------------------------------------------------------------------
 
 
-def test_committed_pages_are_what_the_checker_says():
+def test_error_pages_equal_generated_pages():
     committed = {p.name: p.read_text(encoding="utf-8") for p in (ROOT / "docs/errors").iterdir()}
     assert committed == pages()  # make docs
 
@@ -137,7 +137,7 @@ def test_good_examples_get_no_report(entry):  # the bad ones stand in the pages
     assert not [d for d in after if d.code != "N401"]
 
 
-def test_every_code_has_a_page():
+def test_error_codes_equal_codes_in_source():
     source = [
         *ROOT.glob("ergon/notation/**/*.py"),
         *ROOT.glob("scores/**/*.py"),

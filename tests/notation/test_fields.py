@@ -53,7 +53,7 @@ def read(shape, text):
     return shape.read(document.root, "", Context(collector)), collector.finish()
 
 
-def test_given_and_default():
+def test_fields_written_and_default():
     values, result = read(POINT, "{x: 3, to: a}")
     assert not result
     assert (values["x"], values["t"], values["side"]) == (3.0, 0.5, None)
@@ -76,7 +76,7 @@ def test_given_and_default():
         ("{x: abc}", "E204", 5, None),
     ],
 )
-def test_mistakes(text, code, column, suggestion):
+def test_fields_mistakes_and_codes(text, code, column, suggestion):
     _, found = read(POINT, text)
     assert [(d.code, d.place.column, d.suggestion) for d in found] == [(code, column, suggestion)]
 
@@ -88,14 +88,14 @@ def test_wrong_entry_does_not_hide_the_other_entries():
     assert [d.code for d in result] == ["E204", "E110", "E103", "E101"]
 
 
-def test_either_goes_by_the_form():
+def test_either_shape_selected_by_form():
     shape = Either(scalar=NUMBER, mapping=POINT)
     assert read(shape, "3")[0] == 3.0
     assert read(shape, "{x: 4}")[0]["x"] == 4.0
     assert read(shape, "[1]")[1][0].code == "E106"
 
 
-def test_a_missing_space_is_told():
+def test_missing_space_after_colon_help():
     assert "space" in read(POINT, "{x: 1, side:left}")[1][0].help
 
 
@@ -126,7 +126,7 @@ def errors(score):
     return list(jsonschema.Draft7Validator(schema()).iter_errors(yaml.safe_load(score)))
 
 
-def test_the_schema_accepts_the_example():
+def test_schema_accepts_example_score():
     assert errors(DUET) == []
 
 
@@ -145,13 +145,13 @@ def test_the_schema_accepts_the_example():
         ("meter: 4/4", "meter: four"),
     ],
 )
-def test_the_schema_refuses_what_the_checker_refuses(right, wrong):
+def test_schema_refuses_scores_with_typos(right, wrong):
     assert right in DUET
     mistyped = DUET.replace(right, wrong, 1)
     assert errors(mistyped)
     assert load(ROOT / "tests/data/duet-2.2.yaml", text=mistyped).piece is None
 
 
-def test_the_committed_reference_is_that_of_the_tables():
+def test_reference_page_equals_generated_text():
     committed = (ROOT / "docs/reference.md").read_text(encoding="utf-8")
     assert committed == reference.text()  # make docs

@@ -66,7 +66,7 @@ parts:
 """
 
 
-def test_spacing():
+def test_format_spacing_of_examples():
     assert formatted(UNTIDY) == TIDY
 
 
@@ -74,7 +74,7 @@ def test_formatting_is_idempotent():
     assert formatted(TIDY) == TIDY
 
 
-def test_columns_that_are_aligned_stay():
+def test_format_preserves_aligned_columns():
     text = "points: |\n  # t      x\n  0        0mm\n  1        3.5mm   hold\n"
     assert formatted(text) == text
 
@@ -83,7 +83,7 @@ def test_columns_that_are_aligned_stay():
     "text",
     ["{a: , b: 1}\n", "a: |+\n  x\n\n\n", "? a\n: b\n", "a: {'b':1}\n", "[a: 1, {b}]\n", "", "\n"],
 )
-def test_unusual_yaml_keeps_its_meaning(text):
+def test_format_of_unusual_yaml_keeps_meaning(text):
     try:
         result = formatted(text)
     except TextError as error:
@@ -94,16 +94,16 @@ def test_unusual_yaml_keeps_its_meaning(text):
 
 
 @pytest.mark.parametrize("text", ["[" * 200_000, "{a: " * 50_000, "- " * 100_000])
-def test_depth_is_bounded(text):
+def test_format_of_deep_yaml_is_bounded(text):
     with pytest.raises(TextError, match="the nesting is deeper than"):
         formatted(text)
 
 
-def test_line_ends_stay_as_they_are():
+def test_format_preserves_line_ends():
     assert formatted("a: {b:  1} \r\nc: [1,2]\r\n\r\n") == "a: {b: 1}\r\nc: [1, 2]\r\n"
 
 
-def test_what_is_not_yaml_is_refused_with_its_place():
+def test_format_of_invalid_yaml_is_refused():
     with pytest.raises(TextError) as caught:
         formatted("ergon: 1\nkeys: {k1: [}\n")
     assert 9 <= caught.value.offset <= 22
@@ -123,7 +123,7 @@ cells = st.lists(st.sampled_from(["0", "1/2", "3.5mm", "hold", "# c", "A", "lean
 
 
 @given(st.lists(st.tuples(cells, st.integers(1, 4)), min_size=1, max_size=6), st.booleans())
-def test_any_table_stays_the_same_words(rows, part):
+def test_format_preserves_words_of_random_tables(rows, part):
     body = "\n".join("    " + (" " * gap).join(words) for words, gap in rows)
     text = ("parts:\n  ada: |\n" if part else "lean:\n  points: |\n") + body + "\n"
     try:

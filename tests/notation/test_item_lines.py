@@ -84,7 +84,7 @@ def _flow(head, items):
     lists=st.lists(st.tuples(HEAD, LIST, st.booleans()), min_size=1, max_size=4),
     row=st.integers(0, 3),
 )
-def test_nodes_are_those_of_the_whole_text(lists, row):
+def test_list_lines_compose_as_complete_text(lists, row):
     text = "parts:\n" + "".join(
         _flow(head, items) if is_flow else head + "".join(f"    {item}\n" for item in items)
         for head, items, is_flow in lists
@@ -129,7 +129,7 @@ def test_block_text_resembling_a_list_is_not_read_by_lines():
     parts=st.lists(st.tuples(st.booleans(), ENTRIES), min_size=1, max_size=3),
     row=st.integers(0, 3),
 )
-def test_entries_of_mappings_are_those_of_the_whole_text(parts, row):
+def test_mapping_lines_compose_as_complete_text(parts, row):
     text = "instruments:\n" + "".join(
         f"  part{number}:{' |' * is_text}\n" + "".join(f"      {entry}\n" for entry in entries)
         for number, (is_text, entries) in enumerate(parts)
@@ -165,6 +165,6 @@ def test_known_entries_are_not_composed_again(monkeypatch):
     assert composed == [f"{text}      lines0: {{}}\n", changed]
 
 
-def test_a_name_that_stands_twice_is_left_to_the_whole_text():
+def test_duplicate_names_are_not_composed_by_lines():
     rows = "".join([*ROWS, ROWS[3]])
     assert item_lines.compose_by_lines(f"instruments:\n  bell:\n{rows}", "s", Path(), 0, {}) is None

@@ -35,7 +35,7 @@ from ergon.notation.text.errors import TextError
         ("120mNs/m", q.DAMPING, 0.12),
     ],
 )
-def test_values(text, dimension, value):
+def test_quantity_values_with_units(text, dimension, value):
     assert q.quantity(text, dimension) == value
 
 
@@ -43,7 +43,7 @@ def test_values(text, dimension, value):
     st.decimals(-(10**6), 10**6, allow_nan=False, places=7),
     st.sampled_from(sorted(q.CONSTANT.units.items())),
 )
-def test_every_unit_is_correctly_rounded(number, unit):
+def test_quantity_units_are_correctly_rounded(number, unit):
     name, power = unit
     text = f"{number:f}{name}"
     exact = Fraction(Decimal(number)) * Fraction(10) ** power
@@ -70,7 +70,7 @@ def test_every_unit_is_correctly_rounded(number, unit):
         ("5Ms", q.DURATION, None),
     ],
 )
-def test_a_unit_that_is_unknown_is_answered_with_the_one_that_was_meant(text, dimension, meant):
+def test_unknown_unit_suggestion(text, dimension, meant):
     with pytest.raises(TextError) as error:
         q.quantity(text, dimension)
     assert error.value.code == "E203"
@@ -104,14 +104,14 @@ def test_a_unit_that_is_unknown_is_answered_with_the_one_that_was_meant(text, di
         ("fast", q.SPEED, "E201", "0.5m/s"),
     ],
 )
-def test_refusals(text, dimension, code, part):
+def test_quantity_refusals_and_suggestions(text, dimension, code, part):
     with pytest.raises(TextError) as caught:
         q.quantity(text, dimension)
     assert caught.value.code == code
     assert part in caught.value.message
 
 
-def test_a_missing_unit_is_suggested():
+def test_missing_unit_suggestion():
     with pytest.raises(TextError) as caught:
         q.quantity("2.5", q.DURATION)
     assert caught.value.suggestion == "2.5s"
@@ -123,19 +123,19 @@ def test_a_missing_unit_is_suggested():
 @pytest.mark.parametrize(
     ("note", "midi"), [("A4", 69), ("A1", 33), ("C4", 60), ("C#4", 61), ("Bb2", 46), ("B3", 59)]
 )
-def test_notes(note, midi):
+def test_frequency_of_notes(note, midi):
     assert q.frequency(note) == pytest.approx(440 * 2 ** ((midi - 69) / 12), rel=1e-15)
 
 
-def test_every_a_is_exact():
+def test_frequency_of_octaves_of_a_is_exact():
     assert [q.frequency(f"A{i}") for i in range(1, 8)] == [55.0 * 2**i for i in range(7)]
 
 
-def test_cents():
+def test_transposition_in_cents():
     assert q.frequency("A3+20cents") == pytest.approx(220 * 2 ** (20 / 1200), rel=1e-15)
 
 
-def test_ranges():
+def test_span_of_quantities():
     def read(text):
         return q.quantity(text, q.POSITION)
 
@@ -150,7 +150,7 @@ def test_ranges():
     assert caught.value.offset == 6
 
 
-def test_gains():
+def test_gain_in_db_and_factor():
     assert q.gain("x0.5") == 0.5
     assert q.gain("0dB") == 1.0
     assert q.gain("-6dB") == pytest.approx(10 ** (-6 / 20), rel=1e-15)
@@ -158,7 +158,7 @@ def test_gains():
         q.gain("-6")
 
 
-def test_whole_numbers():
+def test_integer_forms_and_refusals():
     assert q.integer("1e4", 0, 10**6) == 10_000
     assert q.integer("18446744073709551615", 0, 2**64 - 1) == 2**64 - 1
     for text in ("1.5", "1e11", "-1", "abc", "1e300"):
@@ -167,7 +167,7 @@ def test_whole_numbers():
 
 
 @given(st.text(max_size=80))
-def test_no_text_raises_anything_else(text):
+def test_quantity_of_random_text_raises_text_error_only(text):
     for read in (
         q.frequency,
         q.gain,
@@ -221,13 +221,13 @@ def test_numbers_of_other_spellings_are_suggested(text, dimension, suggestion):
     q.quantity(suggestion, dimension)
 
 
-def test_a_gain_without_a_unit_is_asked_for_one():
+def test_gain_without_unit_suggestion():
     with pytest.raises(TextError, match=r"write x0\.5 for a factor, or 0\.5dB") as raised:
         q.gain("0.5")
     assert raised.value.suggestion == "x0.5"
 
 
-def test_the_note_next_to_a_frequency():
+def test_nearest_note_of_frequency():
     assert notes.nearest_note(440.0) == ("A4", 0.0)
     assert notes.nearest_note(311.0) == ("Eb4", pytest.approx(-0.70674, abs=1e-4))
     assert notes.nearest_note(8.0)[0] == "C-1"
@@ -242,7 +242,7 @@ def test_the_note_next_to_a_frequency():
         ("200", q.PRESSURE, ("200GPa", "200Pa")),
     ],
 )
-def test_bare_number_is_refused_with_what_it_could_mean(text, dimension, readings):
+def test_bare_number_lists_possible_units(text, dimension, readings):
     with pytest.raises(TextError) as caught:
         q.quantity(text, dimension)
     assert caught.value.code == "E203"
@@ -253,12 +253,12 @@ def test_bare_number_is_refused_with_what_it_could_mean(text, dimension, reading
 
 
 @pytest.mark.parametrize(("text", "note"), [("60", "C4"), ("127", "G9"), ("1", "C#-1")])
-def test_pitch_that_could_be_a_number_of_midi(text, note):
+def test_pitch_like_midi_number_suggests_note(text, note):
     with pytest.raises(TextError) as caught:
         q.frequency(text)
     assert f"{text}Hz, or the note {note}," in caught.value.message
 
 
 @pytest.mark.parametrize("text", ["128", "440", "60.5", "60Hz"])
-def test_pitch_that_is_no_number_of_midi(text):
+def test_pitch_unlike_midi_number_is_accepted(text):
     assert q.frequency(text) == float(text.removesuffix("Hz"))

@@ -63,7 +63,7 @@ def test_level_written_and_read(text, factor):
     assert level(scaled.written) == scaled
 
 
-def test_levels_in_turn():
+def test_levels_in_turn_by_stroke():
     pattern = levels("f p 2mNs p..f")
     assert [pattern.step(n, 99) for n in range(5)] == [*map(level, ("f", "p", "2mNs", "p..f", "f"))]
 
@@ -101,7 +101,7 @@ def test_level_refused_in_its_place(text, offset, suggestion, part):
     assert caught.value.suggestion == suggestion
 
 
-def test_levels_bounded():
+def test_levels_with_too_many_steps_are_refused():
     with pytest.raises(TextError):
         levels("f " * 2_000)
     assert len(levels("f " * 1_000).steps) == 1_000

@@ -40,13 +40,13 @@ def resolve(tempo_map, text):
 EXAMPLE = tempo(("1|1", 60, None, "4/4"), ("9|1", "60 -> 96", "4bar"), A="1|1", B="5|1", C="9|1")
 
 
-def test_without_entries_a_piece_is_in_four_at_sixty():
+def test_tempo_map_without_entries():
     tempo_map = TempoMap()
     assert tempo_map.seconds(7.5) == 7.5
     assert tempo_map.bar_beat(7.5) == (2, 4.5)
 
 
-def test_the_ramp_of_the_contract_lasts_12_533_seconds():
+def test_tempo_ramp_of_example_lasts_12_533_seconds():
     ramp = EXAMPLE.seconds(48) - EXAMPLE.seconds(32)
     assert ramp == pytest.approx(60 * 16 * math.log(96 / 60) / 36, rel=1e-14)
     assert round(ramp, 3) == 12.533
@@ -76,7 +76,7 @@ def test_the_ramp_of_the_contract_lasts_12_533_seconds():
         ("2|3+1", 7),
     ],
 )
-def test_positions(text, beats):
+def test_resolve_positions_in_example(text, beats):
     assert resolve(EXAMPLE, text) == pytest.approx(beats, abs=1e-12)
 
 
@@ -96,7 +96,7 @@ def test_positions(text, beats):
         ("", "", "not a position"),
     ],
 )
-def test_mistaken_positions_have_a_place(text, marked, words):
+def test_parse_position_mistake_places(text, marked, words):
     with pytest.raises(TextError) as caught:
         parse_position(text)
     error = caught.value
@@ -104,7 +104,7 @@ def test_mistaken_positions_have_a_place(text, marked, words):
     assert words in error.message
 
 
-def test_an_unknown_mark_has_a_suggestion():
+def test_unknown_mark_suggestion():
     tempo_map = tempo(verse="1|1", chorus="5|1")
     with pytest.raises(TextError, match="unknown mark 'chours'") as caught:
         resolve(tempo_map, "chours+2")
@@ -115,13 +115,13 @@ def test_an_unknown_mark_has_a_suggestion():
         resolve(tempo_map, "3|5")
 
 
-def test_marks_may_stand_on_marks():
+def test_marks_placed_by_other_marks():
     tempo_map = tempo(A="3|1", B="A+8bar", C="B-2", D="A+1s")
     assert resolve(tempo_map, "C+1") == 8 + 32 - 2 + 1
     assert resolve(tempo_map, "D") == 9
 
 
-def test_marks_that_place_each_other_are_reported_as_a_circle():
+def test_circular_marks_are_reported():
     tempo_map = tempo(A="B+1", B="C", C="A")
     with pytest.raises(TextError, match="A -> B -> C -> A"):
         resolve(tempo_map, "A")
@@ -130,21 +130,21 @@ def test_marks_that_place_each_other_are_reported_as_a_circle():
         resolve(deep, "m0")
 
 
-def test_a_mark_may_be_named_like_a_difference():
+def test_mark_named_like_difference():
     marks = {"verse-2": parse_position("5|1"), "verse": parse_position("3|1")}
     tempo_map = TempoMap((), marks)
     assert resolve(tempo_map, "verse-2") == 16
     assert resolve(tempo_map, "verse-1") == 7
 
 
-def test_tempo_entries_may_stand_on_marks_and_seconds():
+def test_tempo_entries_at_marks_and_seconds():
     tempo_map = tempo(("A", 120), ("8s", 60), A="2|1", B="10s")
     assert tempo_map.seconds(4) == 4
     assert resolve(tempo_map, "8s") == 12
     assert resolve(tempo_map, "B") == 14
 
 
-def test_meters_change_on_bars_and_their_beat_is_the_lower_number():
+def test_meter_changes_at_bars():
     tempo_map = tempo(("1|1", 60, None, "3/4"), ("3|1", 120, None, "3+2+2/8"), ("5|1", 90))
     assert tempo_map.bar_beat(6) == (3, 1)
     assert tempo_map.bar_beat(12.5) == (3, 7.5)
@@ -176,20 +176,20 @@ def test_meters_change_on_bars_and_their_beat_is_the_lower_number():
         ),
     ],
 )
-def test_entries_that_do_not_fit(entries, which, field, words):
+def test_invalid_tempo_entries_and_fields(entries, which, field, words):
     with pytest.raises(TempoError) as caught:
         tempo(*entries)
     assert (caught.value.entry, caught.value.field) == (which, field)
     assert words in caught.value.message
 
 
-def test_a_meter_may_change_inside_a_ramp_of_beats():
+def test_meter_change_inside_tempo_ramp():
     tempo_map = tempo(("1|1", "60 -> 96", "16"), ("3|1", None, None, "3/4"))
     assert tempo_map.seconds(16) == pytest.approx(12.533, abs=5e-4)
     assert tempo_map.bar_beat(16) == (5, 3)
 
 
-def test_a_ramp_may_last_seconds():
+def test_tempo_ramp_over_seconds():
     tempo_map = tempo(("1|1", "60 -> 96", "8s"))
     end = tempo_map.beats(8)
     assert tempo_map.bpm(end) == pytest.approx(96, rel=1e-12)
@@ -221,7 +221,7 @@ def test_wrong_tempos_are_refused_with_their_place(text, marked):
         (" 12s", Length(seconds=12)),
     ],
 )
-def test_lengths(text, length):
+def test_parse_length_in_beats(text, length):
     assert parse_length(text) == length
 
 
@@ -262,7 +262,7 @@ def test_beats_and_seconds_are_inverse(rows, part):
 
 
 @given(bpms, st.floats(-1e-3, 1e-3))
-def test_a_ramp_that_hardly_moves_loses_no_digits(bpm, change):
+def test_tempo_ramp_with_tiny_change_is_exact(bpm, change):
     tempo_map, _ = ramped([(bpm, bpm + change, 64.0, 0.0)])
     u = change / bpm
     exact = 60 * 64 / bpm * (math.log1p(u) / u if u else 1.0)
@@ -270,7 +270,7 @@ def test_a_ramp_that_hardly_moves_loses_no_digits(bpm, change):
     assert tempo_map.beats(tempo_map.seconds(32.0)) == pytest.approx(32.0, rel=4e-15)
 
 
-def test_an_instant_adds_beats_then_seconds():
+def test_instant_adds_beats_then_seconds():
     assert EXAMPLE.instant(16, Time(0.5, 0.02)) == pytest.approx(16.52)
     assert EXAMPLE.instant(0, Time(-0.5, 0)) == -0.5
     ramp_first = tempo(("1|1", "20 -> 300", "4"))
@@ -278,7 +278,7 @@ def test_an_instant_adds_beats_then_seconds():
     assert ramp_first.beats(-6) == -2
 
 
-def test_two_tempi_at_one_instant_are_a_mistake():
+def test_tempo_entries_at_same_instant_are_refused():
     entries = [Entry(parse_position("1|1"), bpm, None, None, None) for bpm in (60.0, 90.0)]
     with pytest.raises(TempoError) as raised:
         TempoMap(entries)
@@ -286,7 +286,7 @@ def test_two_tempi_at_one_instant_are_a_mistake():
 
 
 @pytest.mark.parametrize("text", ["72..108", "72 .. 108", "72-108", "72 to 108", "72 → 108"])
-def test_a_ramp_of_another_spelling_is_suggested(text):
+def test_misspelt_tempo_ramp_suggestion(text):
     with pytest.raises(TextError) as raised:
         parse_bpm(text)
     assert raised.value.suggestion == "72 -> 108"
@@ -296,13 +296,13 @@ def test_a_ramp_of_another_spelling_is_suggested(text):
     ("text", "suggestion"),
     [("5:1", "5|1"), ("5 : 1.5", "5|1.5"), ("bar 5", "5|1"), ("2 s", "2s"), ("x y", None)],
 )
-def test_a_position_of_another_spelling_is_suggested(text, suggestion):
+def test_misspelt_position_suggestion(text, suggestion):
     with pytest.raises(TextError) as raised:
         parse_position(text)
     assert raised.value.suggestion == suggestion
 
 
-def test_a_length_with_a_space_is_suggested_without():
+def test_length_with_space_suggestion():
     with pytest.raises(TextError) as raised:
         parse_length("2 bars")
     assert raised.value.suggestion == "2bars"

@@ -42,7 +42,7 @@ def listed(chance: random.Random, n_items: int) -> str:
 
 
 @pytest.mark.parametrize("seed", range(120))
-def test_an_edit_of_an_end_is_the_edit_of_the_whole(seed: int):
+def test_windowed_edit_of_list_end_equals_complete_edit(seed: int):
     chance = random.Random(seed)
     text = chance.choice(HEADS) + listed(chance, chance.randrange(1, 9)) + chance.choice(TAILS)
     if seed % 3 == 0:
@@ -69,13 +69,13 @@ def test_an_edit_of_an_end_is_the_edit_of_the_whole(seed: int):
         text = complete
 
 
-def test_what_shares_a_value_is_edited_whole():
+def test_edit_of_list_with_aliases():
     text = "parts:\n  ada:\n    - &a {at: 1|1, play: x}\n    - *a\n    - {at: 2|1, play: y}\n"
     built = Texts("s.yaml", text).append(("parts", "ada"), "{at: 3|1, play: z}")
     assert built.text == text + "    - {at: 3|1, play: z}\n"
 
 
-def test_a_long_list_is_read_once_by_an_edit(monkeypatch: pytest.MonkeyPatch):
+def test_edit_of_long_list_reads_it_once(monkeypatch: pytest.MonkeyPatch):
     rows = "".join(f"    - {{at: {n}|1, play: x}}\n" for n in range(1, 400))
     texts = Texts("s.yaml", f"ergon: 1\nparts:\n  ada:\n{rows}")
     texts.section("parts")
@@ -91,7 +91,7 @@ def test_a_long_list_is_read_once_by_an_edit(monkeypatch: pytest.MonkeyPatch):
     assert sum(read) < 400
 
 
-def test_a_list_in_braces_is_read_alone(monkeypatch: pytest.MonkeyPatch):
+def test_edit_of_flow_list_reads_it_only(monkeypatch: pytest.MonkeyPatch):
     items = ", ".join(f"{{at: {n}|1, play: x}}" for n in range(1, 400))
     texts = Texts("s.yaml", f"ergon: 1\nparts: {{ada: [{items}], leo: [{{at: 1|1, play: y}}]}}\n")
     texts.section("parts")
@@ -117,7 +117,7 @@ def edited(player: str, number: int, text: str) -> ListEdit:
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_lists_edited_together_are_as_edited_one_by_one(seed: int):
+def test_joint_edit_of_lists_equals_single_edits(seed: int):
     chance = random.Random(seed)
     n_items = chance.randrange(1, 9)
     together = Texts("s.yaml", listed(chance, n_items))
@@ -130,7 +130,7 @@ def test_lists_edited_together_are_as_edited_one_by_one(seed: int):
 
 @pytest.mark.parametrize("n_gone", [1, 2, 3])
 @pytest.mark.parametrize("tail", ["", ", "])
-def test_the_last_items_of_a_list_go_with_their_commas(n_gone: int, tail: str):
+def test_removal_of_last_flow_items_with_commas(n_gone: int, tail: str):
     items = [f"{{at: {n}}}" for n in range(4)]
     text = f"parts:\n  ada: [{', '.join(items)}{tail}]\n"
     gone = [("parts", "ada", n) for n in range(4 - n_gone, 4)]
@@ -167,7 +167,7 @@ instruments:   # all
     ],
 )
 @pytest.mark.parametrize("newline", ["\n", "\r\n"])
-def test_an_edit_of_a_line_is_the_edit_of_the_whole(path, value, newline):
+def test_line_edit_equals_complete_edit(path, value, newline):
     text = MODULES.replace("\n", newline)
     texts, single = Texts("s.yaml", text), edit.read(text, "s.yaml")
     place = ("instruments", *path)

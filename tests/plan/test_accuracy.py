@@ -28,7 +28,7 @@ def named(name: str) -> str:
     return (NAMED / f"{name}.yaml").read_text(encoding="utf-8")
 
 
-def test_the_reference_is_scipys_dop853():
+def test_reference_against_scipy_dop853():
     """The same equations, written out for one scene, by the integrator that scipy ships."""
     scene = read(named("hard-8"))
     (a, b), (k, q, _, z, *_) = scene.ends[0], scene.numbers[0]
@@ -46,7 +46,7 @@ def test_the_reference_is_scipys_dop853():
 
 
 @pytest.mark.parametrize("name", ["nonprop-1", "damper"])
-def test_the_reference_is_the_matrix_exponential_where_a_scene_is_linear(name: str):
+def test_reference_equals_matrix_exponential_if_linear(name: str):
     scene = read(named(name))
     n_frames = 2000
     assert scene.is_linear
@@ -55,7 +55,7 @@ def test_the_reference_is_the_matrix_exponential_where_a_scene_is_linear(name: s
     assert audit.error_db(stepped, exact, scene.rate) < SURE_DB
 
 
-def test_modes_above_hearing_are_taken_from_the_reference():
+def test_reference_without_modes_above_hearing():
     """Of modes of 1 kHz and 30 kHz in other coordinates stay the slow one and the constant 1."""
 
     def mode(hertz: float) -> np.ndarray:
@@ -69,19 +69,19 @@ def test_modes_above_hearing_are_taken_from_the_reference():
     assert np.abs(low - expected).max() < 1e-12
 
 
-def test_what_a_plan_by_ear_leaves_out_above_hearing_is_no_error():
+def test_plan_by_ear_ignores_error_above_hearing():
     result = audit.look("string-7", named("string-7"), (audit.BY_EAR, -120.0), plain=False)
     honest(result)
     by_ear, all_modes = result.plans
     assert by_ear.cost < all_modes.cost
 
 
-def test_prefixes_of_units_are_those_of_scores():
+def test_number_with_unit_prefixes():
     written = {"48kHz": 48e3, "44100Hz": 44100.0, "20mm/s": 0.02, "2m/s": 2.0, "0.5g": 5e-4}
     assert {text: number(text) for text in written} == pytest.approx(written)
 
 
-def test_unmeasured_large_error_without_warning_is_a_silent_miss():
+def test_silent_miss_of_unmeasured_large_error():
     """A plan that states nothing is a silent miss if its error is large and it does not warn."""
     plan = audit.Plan(-40.0, stated=np.inf, real=-20.0, doubt=-120.0)
     output = replace(plan, warned=True)
@@ -98,7 +98,7 @@ def judged(budget: float, real: float, cost: float, *, warned: bool = False) -> 
     return audit.Plan(budget, real, real, real, -300.0, 0.3, cost, warned)
 
 
-def test_inversions_by_error_and_by_cost():
+def test_audit_inversions_by_error_and_cost():
     """The strictest misses by more than a looser one errs; the loosest costs more than the next."""
     plans = (judged(-40.0, -55.0, 2.0), judged(-60.0, -61.0, 1.0), judged(-80.0, -59.9, 3.0))
     result = audit.Audit("out of order", plans)
@@ -111,7 +111,7 @@ def test_inversions_by_error_and_by_cost():
     assert [row.inversions for row in tallied] == [0, 1, 0, 1]
 
 
-def test_false_cannot_with_a_plain_setting():
+def test_warned_budget_reachable_by_plain_setting():
     """A plain setting keeps -60 dB, none keeps -80 dB."""
     plans = tuple(judged(budget, -50.0, 1.0, warned=True) for budget in (-60.0, -80.0))
     by_ear = replace(plans[0], budget=audit.BY_EAR)
@@ -127,7 +127,7 @@ def test_false_cannot_with_a_plain_setting():
     assert tables.together([older, older]).false_cannot is None
 
 
-def test_reference_of_a_string_that_shares_its_tension():
+def test_reference_of_string_with_stretching():
     """Against scipy's integrator: ten springs and a tension by the sum of their squares."""
     n, q = 9, 2e9
     body = f"masses: {n}, M: 3g, f: 110Hz, t60: 4s, stretching: {q!r}"
@@ -179,7 +179,7 @@ FRICTION = {f"{kind}, {name}": scene for kind, scenes in
 
 
 @pytest.mark.parametrize("name", few(FRICTION, list(FRICTION)[::6]))
-def test_the_reference_of_friction_is_that_of_its_equations(name: str):
+def test_reference_of_friction_against_scipy(name: str):
     """Turns found by halving, and bends as states: against scipy's integrator, another turn finder
     and equations that are written out for each scene."""
     scene, n_frames = FRICTION[name], 1500
@@ -190,19 +190,19 @@ def test_the_reference_of_friction_is_that_of_its_equations(name: str):
 
 
 @pytest.mark.parametrize("name", few(["hammer-9", "laws-13", "key-7"], 1))
-def test_a_finer_tolerance_leaves_the_reference_as_it_is(name: str):
+def test_reference_converged_with_tolerance(name: str):
     scene = read(named(name))
     result = reference.solve(scene, round(0.15 * scene.rate))
     assert audit.error_db(result.rough, result.sound, scene.rate) < SURE_DB
 
 
 @pytest.mark.parametrize("family", random_scenes.FAMILIES)
-def test_a_random_scene_is_a_function_of_its_seed(family: str):
+def test_random_scene_determined_by_seed(family: str):
     assert random_scenes.text(family, 3) == random_scenes.text(family, 3)
     assert random_scenes.text(family, 3) != random_scenes.text(family, 4)
 
 
-def test_the_metric_is_the_plans_own():
+def test_error_db_of_worst_output_and_beginning():
     """Of the worst output, its mean no sound, over the worst of three beginnings."""
     t = np.arange(3000) / 10_000.0
     x = np.stack([5.0 + np.sin(700.0 * t), np.sin(300.0 * t)], axis=1)
@@ -221,13 +221,13 @@ def honest(outcome: audit.Audit) -> None:
 
 
 @pytest.mark.parametrize("name", ["hammer-0", "laws-13", "plan-roundtrip"])
-def test_a_plan_of_a_named_scene_is_as_exact_as_it_says(name: str):
+def test_plan_of_named_scene_states_its_error(name: str):
     honest(audit.look(name, named(name), (-40.0, -80.0), plain=False))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("points", [12, 30, 60])
-def test_a_string_on_a_bridge_of_many_points_is_exact_and_cheap(points: int):
+def test_plan_of_string_on_many_point_bridge(points: int):
     result = audit.look("bridge", named(f"bridge-{points}"), (-60.0,), plain=False)
     honest(result)
     (plan,) = result.plans
@@ -237,7 +237,7 @@ def test_a_string_on_a_bridge_of_many_points_is_exact_and_cheap(points: int):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["stability-fric-12", "stability-fric-13"])
-def test_a_steep_bow_is_held_against_a_more_exact_run(name: str):
+def test_plan_of_steep_bow_meets_budget(name: str):
     """The search ends above the budget because it knows no better."""
     result = audit.look(name, named(name), (-60.0,), plain=False)
     honest(result)
@@ -250,7 +250,7 @@ def test_a_steep_bow_is_held_against_a_more_exact_run(name: str):
 @pytest.mark.parametrize(
     "scene", few(["chain-106", "chain-138", "hard-165", "body-109"], ["chain-138", "body-109"])
 )
-def test_new_random_scenes_miss_in_silence_no_more(scene: str):
+def test_new_random_scenes_without_silent_miss(scene: str):
     """Losses of two contacts on one mass; clamped contacts that close while others push; rows of
     springs beside single ones; a plate that drifts away. The error was up to 37 dB above what was
     stated.
@@ -260,7 +260,7 @@ def test_new_random_scenes_miss_in_silence_no_more(scene: str):
         assert not plan.is_silent_miss, plan
 
 
-def test_many_contacts_on_one_string_are_exact():
+def test_plan_of_many_contacts_on_one_string():
     """Their impulses are kept as amplitudes of its modes."""
     text = named("bridge-60").replace("masses: 90", "masses: 24").replace("0..59", "0..19")
     for old, new in [("b.64", "b.21"), ("b.70", "b.22"), ("b.30", "b.10"), ("0.2s", "0.05s")]:
@@ -275,12 +275,12 @@ def test_many_contacts_on_one_string_are_exact():
     "family",
     few(["mesh", "hammer", "chain", "hard", "law", "bristle"], ["mesh", "hammer", "hard", "law"]),
 )
-def test_a_plan_of_a_random_scene_is_as_exact_as_it_says(family: str):
+def test_plan_of_random_scene_states_its_error(family: str):
     honest(audit.look(family, random_scenes.text(family, 1), (-60.0,), plain=False))
 
 
 @pytest.mark.parametrize("scene", few(["dry-76", "dry-84", "bristle-130"], ["dry-84"]))
-def test_agreement_of_two_wrong_friction_runs_is_not_trusted(scene: str):
+def test_plan_distrusts_agreement_of_rough_friction_runs(scene: str):
     """In each, one step a frame and two agree far better than either is right."""
     family, _, seed = scene.partition("-")
     text = random_scenes.text(family, int(seed))
@@ -289,7 +289,7 @@ def test_agreement_of_two_wrong_friction_runs_is_not_trusted(scene: str):
 
 
 @pytest.mark.parametrize("seed", few([3, 12, 13, 18], [13]))
-def test_kinks_that_agree_by_luck_are_not_believed(seed: int):
+def test_plan_distrusts_lucky_agreement_at_kinks(seed: int):
     """Ropes: where the kink lies within a step is luck, and rough runs seem chaotic."""
     result = audit.look("law", random_scenes.text("law", seed), (-60.0,), plain=False)
     (plan,) = result.plans
@@ -297,7 +297,7 @@ def test_kinks_that_agree_by_luck_are_not_believed(seed: int):
     assert plan.real <= -60.0
 
 
-def test_a_table_has_a_row_for_each_scene_and_budget():
+def test_accuracy_table_row_per_scene_and_budget():
     result = audit.look("plan-roundtrip", named("plan-roundtrip"))
     assert result.overspending(result.plans[2]) == pytest.approx(1.0)
     rows = tables.summary({"named": tables.tallies([result])}).splitlines()
@@ -306,7 +306,7 @@ def test_a_table_has_a_row_for_each_scene_and_budget():
     assert "exact / -2" in tables.scene(result)
 
 
-def test_stored_family_results_round_trip(tmp_path: Path):
+def test_accuracy_stored_results_round_trip(tmp_path: Path):
     audits = [audit.look("plan-roundtrip", named("plan-roundtrip"), plain=False)]
     single = kept.results("2026-11-22", "0123abc", audits)
     kept.keep("named", single, tmp_path)
@@ -321,7 +321,7 @@ def test_accuracy_page_equals_stored_results():
     assert page.read_text(encoding="utf-8") == wrapped(written(known))
 
 
-def test_all_scenes_together_are_those_of_each_group():
+def test_accuracy_tallies_summed_over_groups():
     first = tables.Tally(3, 2, 2, 0, 1, 4.0, 1.0, 2.0)
     other = tables.Tally(4, 0, 0, 0, 0, None, None, None)
     assert tables.together([first, other]) == tables.Tally(7, 2, 2, 0, 1, 4.0, None, 2.0)
@@ -329,7 +329,7 @@ def test_all_scenes_together_are_those_of_each_group():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(path.stem for path in Path(NAMED).glob("*.yaml")))
-def test_no_named_scene_misses_in_silence(name: str):
+def test_named_scenes_without_silent_miss(name: str):
     found = audit.look(name, named(name), plain=False)
     assert not any(plan.is_silent_miss for plan in found.plans)
 
@@ -337,7 +337,7 @@ def test_no_named_scene_misses_in_silence(name: str):
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(100, 106))
 @pytest.mark.parametrize("family", random_scenes.FAMILIES)
-def test_random_scenes_miss_no_budget_in_silence(family: str, seed: int):
+def test_random_scenes_without_silent_miss(family: str, seed: int):
     result = audit.look(family, random_scenes.text(family, seed), plain=False)
     for plan in result.plans:
         assert plan.budget is None or not plan.is_silent_miss, plan

@@ -34,7 +34,7 @@ def named(name: str) -> str:
 
 
 @pytest.mark.parametrize("name", few([*CONTACTS, *MORE_CONTACTS], 1))
-def test_contacts_are_right_by_ear_and_at_80_db(name: str):
+def test_contacts_error_by_ear_and_at_80_db(name: str):
     by_ear, asked = audit.look(name, named(name), (audit.BY_EAR, -80.0), plain=False).plans
     assert by_ear.real <= -60.0
     assert asked.real <= -80.0
@@ -42,7 +42,7 @@ def test_contacts_are_right_by_ear_and_at_80_db(name: str):
 
 
 @pytest.mark.parametrize("name", ["hammer-0", "multi-14"])
-def test_plain_and_exact_are_one_equation(name: str):
+def test_plain_and_exact_contact_planned_alike(name: str):
     """A plan chooses the way, not the word: the same samples to the last bit."""
     text = named(name)
     sounds = []
@@ -65,7 +65,7 @@ def test_single_laws_reach_80_db(name: str):
 
 
 @pytest.mark.parametrize("name", few(LAWS, 1))
-def test_single_laws_cost_what_the_page_says(name: str):
+def test_single_law_cost_within_documented_factor(name: str):
     """Five times what CA takes at most, by the table of costs (docs/numerics.md)."""
     result = audit.look(name, named(name), (-80.0,))
     (asked,) = result.plans
@@ -77,7 +77,7 @@ def test_single_laws_cost_what_the_page_says(name: str):
 @pytest.mark.parametrize(
     "slope", few(["F: 11.025, s: 0.01", "F: 0.11, s: 0.001"], ["F: 0.11, s: 0.001"])
 )
-def test_friction_too_steep_for_a_step_is_solved_between_frames(slope: str):
+def test_steep_friction_solved_between_frames(slope: str):
     """It was refused; the first holds its string, the second slips."""
     text = named("stability-fric-5").replace("F: 11.025, s: 0.01", slope)
     for plan in audit.look("stability-fric-5", text, (audit.BY_EAR, -60.0), plain=False).plans:
@@ -89,14 +89,14 @@ def test_friction_too_steep_for_a_step_is_solved_between_frames(slope: str):
 @pytest.mark.parametrize(
     "name", few([f"stability-fric-{i}" for i in (10, 12, 13)], ["stability-fric-10"])
 )
-def test_a_steep_bow_keeps_its_stick_and_slip(name: str):
+def test_steep_bow_stick_and_slip_within_error(name: str):
     """Newton's steps do not end on such slopes; the motion was 100 times as large."""
     (asked,) = audit.look(name, named(name), (-60.0,), plain=False).plans
     assert not asked.refused
     assert asked.render_error <= -60.0
 
 
-def test_contacts_that_chaos_moves_are_not_computed_ever_finer():
+def test_contact_substeps_limited_in_chaotic_motion():
     """Doublings end where they gain nothing; the plan says until when it holds."""
     piece = load("scene.yaml", text=named("key-16")).piece
     assert piece is not None
@@ -109,21 +109,21 @@ def test_contacts_that_chaos_moves_are_not_computed_ever_finer():
 
 
 @pytest.mark.slow
-def test_contacts_that_turn_at_one_instant_end():
+def test_alternating_contacts_plan_terminates():
     """Two keys, a bell and a tamtam: two contacts took turns for ever, and the plan never came."""
     ready = piece_of_data("two-keys")
     rows = _core.Plan(ready.network, ready.timeline, error_db=-60.0).rows()
     assert rows[0].contact_substeps == 2
 
 
-def test_the_stiffest_contact_plays_to_its_end():
+def test_stiffest_contact_plays_to_end():
     """K·T²/m is 1e6: the contact lasts a 300th of a frame. An explicit step would diverge."""
     result = audit.look("but-1e6", named("but-1e6"), (audit.BY_EAR, -60.0), plain=False)
     assert not any(plan.refused for plan in result.plans)
 
 
 @pytest.mark.parametrize("name", ["hard-7", "hard-8"])
-def test_a_method_by_name_is_obeyed_or_refused(name: str):
+def test_method_by_name_used_or_refused(name: str):
     """Neither CA in its name where a law's force is heard, nor where it is not."""
 
     def plan(text: str) -> _core.Plan:
@@ -142,9 +142,7 @@ def test_a_method_by_name_is_obeyed_or_refused(name: str):
 @pytest.mark.parametrize(
     ("masses", "contact"), few(product([24, 48], [(2e5, 0.0), (2e4, 0.05)]), 1)
 )
-def test_an_obstacle_of_twelve_contacts_under_a_string_is_exact(
-    masses: int, contact: tuple[float, float]
-):
+def test_string_on_twelve_point_obstacle_within_error(masses: int, contact: tuple[float, float]):
     """A curved bridge that a quarter or half of the masses meet: one contact of many points."""
     stiffness, viscosity = contact
     modules = [f"b: {{STRING: {{masses: {masses}, M: 4g, f: 110.0Hz, t60: 3.0s, ends: fixed}}}}"]

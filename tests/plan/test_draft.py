@@ -51,7 +51,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     Path("a.yaml").write_text(SCORE)
 
 
-def test_a_draft_is_rendered_with_few_trials_and_says_so(capsys: Capture) -> None:
+def test_draft_render_with_few_trials_and_its_note(capsys: Capture) -> None:
     assert app.run(["render", "a.yaml", "--draft"]) == 0
     output = capsys.readouterr().err
     assert "draft, by the cheapest stable methods and few trials" in output
@@ -59,7 +59,7 @@ def test_a_draft_is_rendered_with_few_trials_and_says_so(capsys: Capture) -> Non
     assert Path("a.wav").exists()
 
 
-def test_a_draft_has_a_twentieth_of_the_trials() -> None:
+def test_draft_trials_against_plan_trials() -> None:
     """And they show that a hammer, at least here, needs no more steps than in a render."""
     from ergon.api import score as scores
     from ergon.api.options import AccuracyOptions
@@ -79,6 +79,6 @@ def test_a_draft_has_a_twentieth_of_the_trials() -> None:
 
 
 @pytest.mark.parametrize("other", [["--error", "-40dB"], ["--method", "ca"], ["--cents", "3"]])
-def test_a_draft_has_no_accuracy(other: list[str], capsys: Capture) -> None:
+def test_draft_option_excludes_accuracy_options(other: list[str], capsys: Capture) -> None:
     assert app.run(["render", "a.yaml", "--draft", *other]) == 2
     assert f"excludes {other[0]}" in capsys.readouterr().err

@@ -42,7 +42,7 @@ render: {{tail: 0.1s, bits: float}}
 
 
 @pytest.mark.parametrize("damped", few([False, True], 1))
-def test_a_free_chain_is_hammered_away(damped: bool) -> None:
+def test_free_chain_struck_by_hammer_against_dop853(damped: bool) -> None:
     """Its modes and its flight, against DOP853; it stays -80 dB exact where it has gone 5 cm."""
     scene = Scene()
     scene.part("chain")
@@ -64,7 +64,7 @@ def test_a_free_chain_is_hammered_away(damped: bool) -> None:
 
 
 @pytest.mark.parametrize("body", few(BODIES, ["membrane"]))
-def test_a_free_plate_goes_by_its_modes(body: str) -> None:
+def test_free_plate_planned_by_modes(body: str) -> None:
     """Against the same module by module, by splitting of order 4 at eight times the rate."""
     text = SCORE.format(body=BODIES[body])
     _, built = planned(text, error_db=-80.0)
@@ -83,7 +83,7 @@ def test_a_free_plate_goes_by_its_modes(body: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("masses", "in_session"), few([(37, True), (310, False)], [(37, True)]))
-def test_a_plate_that_is_hung_goes_by_its_modes(masses: int, in_session: bool) -> None:
+def test_hung_plate_planned_by_modes(masses: int, in_session: bool) -> None:
     """The nail loses otherwise than the metal, and no complex modes are at hand.
 
     A session knows none, and beyond 300 masses there are none.
@@ -104,7 +104,7 @@ def test_a_plate_that_is_hung_goes_by_its_modes(masses: int, in_session: bool) -
 
 
 @pytest.mark.parametrize("line", ["set gong.b.K 2kN/m", "set gong.p.f x1.1", "undo"])
-def test_an_edit_leaves_a_free_plate_where_it_is(tmp_path: Path, line: str) -> None:
+def test_session_edit_continues_free_plate_motion(tmp_path: Path, line: str) -> None:
     """A session takes its motion over, its flight too."""
     text = SCORE.format(body=BODIES["membrane"])
     player_session = Stepped(text.split("strikes:")[0], tmp_path)

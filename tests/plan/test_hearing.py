@@ -33,7 +33,7 @@ def test_errors_of_a_partial_in_pitch_and_decay():
     assert errors.t60 == pytest.approx(0.52 / 0.5 - 1.0, rel=0.15)
 
 
-def test_errors_of_third_octaves_heard_and_masked():
+def test_errors_of_third_octaves_audible_and_masked():
     # An abrupt beginning would be heard in all of them.
     rise = np.sin(np.linspace(0.0, 0.5 * np.pi, round(0.3 * RATE)))[:, None] ** 2
     low, high = rise * partial(440.0, 0.5), rise * partial(3000.0, 0.5, 0.1)
@@ -52,12 +52,12 @@ def test_errors_of_strokes_late_and_louder():
     assert louder.stroke_db == pytest.approx(0.83, abs=0.1)
 
 
-def test_errors_of_a_sound_that_is_not_finite():
+def test_errors_of_non_finite_sound():
     sound = partial(440.0, 0.5)
     assert hearing.errors(sound * np.nan, sound, RATE).excess == np.inf
 
 
-def test_errors_of_partials_that_beat():
+def test_errors_of_beating_partials():
     """Where two beat, a level that is off turns the phase of both to and fro: the pitch stays."""
     errors = hearing.errors(
         partial(440.0, 0.5) + partial(455.0, 0.5, 0.7),
@@ -67,7 +67,7 @@ def test_errors_of_partials_that_beat():
     assert errors.cents < 1.0
 
 
-def test_errors_of_a_partial_that_fades_fast():
+def test_errors_of_fast_fading_partial():
     low = partial(110.0, 0.35)
     errors = hearing.errors(low + partial(451.3, 0.05), low + partial(450.0, 0.05), RATE)
     assert errors.cents == pytest.approx(1200.0 * np.log2(451.3 / 450.0), rel=0.1)

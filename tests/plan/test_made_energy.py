@@ -57,7 +57,7 @@ def folder(work_folder: Path) -> Path:
     [("but-16", "ca", "s.c"), ("but-14", "ca", "s.c"), ("hard-4", "ieq", "s.b"),
      ("hard-14", "ieq", "s.b")],
 )  # fmt: skip
-def test_a_render_ends_where_the_energy_doubles(
+def test_render_with_energy_doubling_exits_4(
     scene: str, method: str, module: str, capsys: Capture
 ) -> None:
     path = SCENES / f"stability-{scene}.yaml"
@@ -90,7 +90,7 @@ def test_small_created_energy_warns_w404_unless_planned(capsys: Capture) -> None
 
 @pytest.mark.parametrize("error", [None, -60.0])
 @pytest.mark.parametrize("scene", ["hard-4", "hard-14"])
-def test_a_plan_says_that_a_trial_diverged(
+def test_plan_warns_of_diverged_trial(
     scene: str, error: float | None, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
     monkeypatch.setenv("ERGON_CACHE", "on")
@@ -122,7 +122,7 @@ def test_guarantee_of_ieq_with_hardening_links_is_guarded() -> None:
     assert [row.guarantee for row in plan.rows()] == ["guarded"]
 
 
-def test_a_link_that_a_method_does_not_know_is_refused() -> None:
+def test_ieq_with_unsupported_law_is_refused() -> None:
     piece = load("a.yaml", text=LAWFUL).piece
     assert piece is not None
     with pytest.raises(StageError) as refused:
@@ -132,7 +132,7 @@ def test_a_link_that_a_method_does_not_know_is_refused() -> None:
     assert "ieq needs a law by points or a polynomial" in result.message
 
 
-def test_an_error_that_no_trial_measured_is_warned_of() -> None:
+def test_plan_warns_of_unmeasured_error() -> None:
     row = SimpleNamespace(
         what="ieq",
         parts=["gong"],

@@ -50,7 +50,7 @@ def staged(text: str, *, is_seen: bool = True) -> Stage:
     return stage(read.piece, planned=True, is_seen=is_seen)
 
 
-def test_it_is_a_least_rate_and_a_frame_count_follows() -> None:
+def test_motion_rate_as_frame_count() -> None:
     plain = check(score()).piece
     assert plain.motion_every == 1
     for text, every in {"2kHz": 22, "44100Hz": 1, "30kHz": 1, "22050Hz": 2, "1kHz": 44}.items():
@@ -61,7 +61,7 @@ def test_it_is_a_least_rate_and_a_frame_count_follows() -> None:
     assert faster.motion_every == 48
 
 
-def test_one_above_the_audio_rate_is_refused() -> None:
+def test_motion_rate_above_audio_rate_is_refused() -> None:
     (first,) = check(score("rates: {motion: 48kHz}\n")).diagnostics
     assert (first.code, first.suggestion) == ("E311", "44100Hz")
     assert "48000 Hz is above the audio rate" in first.message
@@ -89,7 +89,7 @@ def tangle(motion: int) -> tuple[str, dict[str, np.ndarray], list[matter.Link]]:
     return head + BELL + flag + rest, {"x0": x0, "v0": v0, "mass": mass}, links
 
 
-def test_it_moves_as_dop853_does() -> None:
+def test_motion_rate_part_against_dop853() -> None:
     """By the second order of its own step, and as far off as its plan says."""
     errors = []
     for motion in (2205, 4410):
@@ -117,9 +117,7 @@ def test_it_moves_as_dop853_does() -> None:
     assert errors[0] < 1e-2
 
 
-def test_the_plan_says_which_part_at_which_rate_and_how_exactly(
-    work_folder: Path, capsys: Capture
-) -> None:
+def test_motion_rate_in_plan_table_and_why(work_folder: Path, capsys: Capture) -> None:
     Path("plain.yaml").write_text(score())
     Path("s.yaml").write_text(score("rates: {motion: 2kHz}\n"))
     assert app.run(["plan", "s.yaml"]) == 0
@@ -146,7 +144,7 @@ def test_the_plan_says_which_part_at_which_rate_and_how_exactly(
     assert row["error_over_s"] > 0.29
 
 
-def test_its_work_is_counted_by_its_frames() -> None:
+def test_motion_rate_part_cost_by_frames() -> None:
     """Modules times frames, by the table of costs."""
     costs = {}
     for motion in (44_100, 2205):
@@ -184,7 +182,7 @@ def positions(name: str) -> np.ndarray:
         return held["space_positions"]
 
 
-def test_the_sound_stays_and_the_picture_nearly_does(work_folder: Path) -> None:
+def test_motion_rate_leaves_sound_unchanged(work_folder: Path) -> None:
     text = "rates: {motion: 2kHz}\n"
     sound, _ = rendered("each", "")
     slowly, motion = rendered("slow", text)
@@ -214,7 +212,7 @@ mix: {channels: 1, route: [{from: sky, to: 1}]}
 """
 
 
-def test_a_session_plays_it_and_its_journal_gives_every_sample_again(tmp_path: Path) -> None:
+def test_motion_rate_session_replays_from_journal(tmp_path: Path) -> None:
     """A rope that moved while nobody heard it is heard from a line on."""
     stepped = Stepped(SESSION, tmp_path, is_seen=True)
     listened = SESSION.replace(

@@ -58,7 +58,7 @@ def play(
 
 
 @pytest.mark.slow
-def test_a_key_of_many_masses_is_made_slow_and_sounds_as_it_should():
+def test_planner_slows_key_of_many_masses():
     built = scene()
     plan = _core.Plan(*built, error_db=ASKED_DB)
     key = rows(plan)["key"]
@@ -97,13 +97,13 @@ def test_planner_offers_no_slow_key_without_benefit(name: str):
     assert all(row.what != "e4" for row in _core.Plan(*made, error_db=ASKED_DB).rows())
 
 
-def test_open_timeline_keeps_a_key_at_every_frame():
+def test_planner_slows_no_key_of_open_timeline():
     network, timeline = scene()
     assert rows(_core.Plan(network, timeline, method="ca"))["key"].what == "stepped"
     timeline.open()
     assert all(row.what != "e4" for row in _core.Plan(network, timeline).rows())
 
 
-def test_requested_slow_key_is_not_marked_as_offered():
+def test_slow_key_by_request_not_marked_offered():
     key = rows(_core.Plan(*scene(every=10), error_db=ASKED_DB))["key"]
     assert (key.what, key.offered) == ("e4", False)

@@ -46,7 +46,7 @@ def check(seed: int, setting: str, seconds: float) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_exact_motion_has_a_gain_of_one(name: str) -> None:
+def test_exact_motion_energy_gain_is_one(name: str) -> None:
     """DOP853's motion, by the same sum of energies."""
     text = text_of(name)
     scene, single = read(text), network_of_text(text)
@@ -57,7 +57,7 @@ def test_the_exact_motion_has_a_gain_of_one(name: str) -> None:
 
 @pytest.mark.parametrize("method", ["by ear", "-60 dB", "draft", "session"])
 @pytest.mark.parametrize("name", NAMES)
-def test_masses_that_meet_on_springs_keep_their_energy(name: str, method: str) -> None:
+def test_masses_with_contacts_and_springs_conserve_energy(name: str, method: str) -> None:
     """They made 80 to 321 times their energy while small bodies were stepped between contacts."""
     text = text_of(name)
     looked = look(text, method, 2.0)
@@ -139,14 +139,14 @@ def setting_of(seed: int) -> str:
 
 
 @pytest.mark.parametrize("first", range(0, 100, 5))
-def test_random_networks_make_no_energy(first: int) -> None:
+def test_random_networks_create_no_energy(first: int) -> None:
     for seed in range(first, first + 5):
         check(seed, setting_of(seed), HALF)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("first", range(0, 2_000, 10))
-def test_random_networks_make_no_energy_for_long(first: int) -> None:
+def test_random_networks_create_no_energy_long(first: int) -> None:
     settings = list(WAYS)
     for seed in range(first, first + 10):
         check(seed, settings[seed % len(settings)], LONG)

@@ -48,13 +48,13 @@ def planned(threads: int = 1) -> _core.Plan:
 
 
 @pytest.mark.slow
-def test_trials_draw_no_more_than_their_allowance() -> None:
+def test_trials_within_their_allowance() -> None:
     drawn, most = hostile(1).trials
     assert 0.0 < drawn <= most
 
 
 @pytest.mark.slow
-def test_a_plan_cut_short_is_the_same_with_any_threads() -> None:
+def test_truncated_plan_same_with_any_threads() -> None:
     first, four = hostile(1), hostile(4)
     assert any(row.cut_short for row in first.rows())
     assert (first.hash, first.trials) == (four.hash, four.trials)
@@ -62,7 +62,7 @@ def test_a_plan_cut_short_is_the_same_with_any_threads() -> None:
 
 
 @pytest.mark.slow
-def test_a_plan_says_that_it_was_cut_short_also_when_it_is_kept(
+def test_truncated_plan_reported_also_from_cache(
     monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
     monkeypatch.setenv("ERGON_CACHE", "on")
@@ -84,7 +84,7 @@ def test_a_plan_says_that_it_was_cut_short_also_when_it_is_kept(
 
 
 @pytest.mark.slow
-def test_the_proof_that_slow_parts_do_not_grow_is_drawn() -> None:
+def test_slow_part_stability_proof_counted_as_work() -> None:
     network = _core.Network()
     for name, every in (("one", 137), ("two", 139)):
         network.part(name, macrostep=every)
@@ -106,5 +106,5 @@ def test_the_proof_that_slow_parts_do_not_grow_is_drawn() -> None:
     ("part", "shown"),
     [(1e-6, "0.0001%"), (0.0347, "3.5%"), (0.8, "80%"), (1.234, "123%"), (0.0, "0%")],
 )
-def test_percent_of_small_core_shares(part: float, shown: str) -> None:
+def test_percent_text_of_small_core_shares(part: float, shown: str) -> None:
     assert _percent(part) == shown

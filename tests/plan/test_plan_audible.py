@@ -43,7 +43,7 @@ def apart(ours: np.ndarray, theirs: np.ndarray, rate: float) -> tuple[float, flo
 
 
 @pytest.mark.parametrize("name", few(["hammer-0", "hammer-20", "hard-8", "hard-20", "laws-10"], 2))
-def test_by_ear_pitches_and_third_octaves_are_right_or_said_not_to_be(name: str):
+def test_plan_by_ear_pitch_and_octave_errors(name: str):
     text = (SCENES / f"{name}.yaml").read_text(encoding="utf-8")
     piece = load("scene.yaml", text=text).piece
     assert piece is not None
@@ -64,7 +64,7 @@ def test_by_ear_pitches_and_third_octaves_are_right_or_said_not_to_be(name: str)
 
 
 @pytest.mark.parametrize("name", ["stability-fric-12", "stability-fric-13"])
-def test_a_steep_bow_by_ear_is_the_bow_and_no_chatter_of_the_method(name: str):
+def test_plan_by_ear_of_steep_bow_without_chatter(name: str):
     text = (SCENES / f"{name}.yaml").read_text(encoding="utf-8")
     piece = load("scene.yaml", text=text).piece
     assert piece is not None
@@ -94,7 +94,7 @@ render: {bits: float, tail: 1s}
 """
 
 
-def test_a_bow_that_is_far_off_once_a_frame_is_computed_between_frames_by_ear():
+def test_plan_by_ear_solves_bow_between_frames():
     piece = load("scene.yaml", text=BOWED).piece
     assert piece is not None
     ready = prepare(piece)
@@ -143,7 +143,7 @@ def held(falls: str, accuracy: Accuracy) -> tuple[_core.Plan, np.ndarray]:
     return built.plan, sound[:, 0]
 
 
-def test_a_strike_that_friction_stops_within_a_frame_is_heard():
+def test_plan_by_ear_of_strike_stopped_by_friction():
     _, sound = held("static: 560N", Accuracy())
     # The mass slides on a part of one swing about the place where its spring balances the friction.
     mass, omega, start, speed = 1.2e-3, 2.0 * np.pi * 1500.0, 3e-3, 0.54e-3 / 1.2e-3
@@ -153,7 +153,7 @@ def test_a_strike_that_friction_stops_within_a_frame_is_heard():
     assert abs(sound[-1] - end) < 1e-3 * (end - start)
 
 
-def test_a_mass_that_steep_friction_holds_is_cheap_between_frames():
+def test_plan_cost_of_mass_under_steep_friction():
     plan, sound = held("static: 765N, speed: 83mm/s", Accuracy(error=-40.0))
     assert sound[0] != sound[-1]
     (choice,) = plan.choices()
@@ -213,7 +213,7 @@ def test_audible_errors_above_the_threshold_are_reported(
         (-90.0, 0.3, Accuracy(), True),
     ],
 )
-def test_the_end_of_planning_is_said_where_the_error_is_not_known_to_be_allowed(
+def test_truncated_plan_note_only_for_unknown_error(
     db: float | None, spectral: float | None, accuracy: Accuracy, is_said: bool
 ):
     ended = row(2.0, 0.0, 0.5, spectral=spectral, cut_short=True)
@@ -223,7 +223,7 @@ def test_the_end_of_planning_is_said_where_the_error_is_not_known_to_be_allowed(
 
 
 @pytest.mark.parametrize(("spectral", "is_said"), [(1.9, False), (3.3, True)])
-def test_another_spectrum_of_a_chaotic_motion_is_said(spectral: float, is_said: bool):
+def test_plan_note_of_chaotic_spectral_error(spectral: float, is_said: bool):
     plan = cast(_core.Plan, SimpleNamespace(rows=lambda: [row(0, 0, 0, spectral=spectral)]))
     text = planning._missed_by_ear(plan, None)
     assert len(text) == is_said
@@ -260,7 +260,7 @@ def test_audible_error_in_the_plan_table_and_the_cache(
 @pytest.mark.parametrize(
     ("name", "part", "is_linear"), [("key-18", 0.8, False), ("stability-cut-6", 0.6, True)]
 )
-def test_a_plan_says_until_when_its_error_holds(name: str, part: float, is_linear: bool):
+def test_plan_time_until_error_is_known(name: str, part: float, is_linear: bool):
     """A pilot ends 0.3 s after the first contact; later the key meets it again, or drifts.
 
     `part`: of the render, before which the plan says that the waveform ends to be known. A linear

@@ -65,12 +65,12 @@ def digest_and_sound(block: int, threads: int) -> tuple[str, bool]:
     return sha256, bool(np.abs(out).max() > 0.0)
 
 
-def test_the_scene_has_something_of_every_kind():
+def test_plan_scene_contains_all_row_kinds():
     assert {row.what for row in planned()[-1].rows()} == {"modes", "oscillators", "stepped"}
 
 
 @pytest.mark.parametrize("wishes", few(WISHES, 1), ids=str)
-def test_neither_threads_nor_blocks_change_a_byte(wishes: dict[str, Any]):
+def test_plan_bytes_with_threads_and_blocks(wishes: dict[str, Any]):
     sound = play(simulation(**wishes), N)
     assert (np.abs(sound).max(axis=0) > 0.0).all()
     for threads, block in ((1, 1), (1, 64), (2, 0), (2, 64), (2, 997), (7, 5000)):
@@ -80,7 +80,7 @@ def test_neither_threads_nor_blocks_change_a_byte(wishes: dict[str, Any]):
 
 @pytest.mark.parametrize("wishes", WISHES, ids=str)
 @pytest.mark.parametrize("first", [1, 255, 1000, 4099])
-def test_a_restored_moment_changes_no_byte(first: int, wishes: dict[str, Any]):
+def test_plan_bytes_after_restored_snapshot(first: int, wishes: dict[str, Any]):
     """Also in another simulation of the same plan, and played by more threads in other blocks."""
     sim = simulation(**wishes)
     play(sim, first, 64)
@@ -101,16 +101,16 @@ def reference() -> str:
 
 
 @pytest.mark.slow
-def test_a_fresh_interpreter_makes_the_same(reference: str):
+def test_plan_bytes_in_fresh_interpreter(reference: str):
     assert digest(SCRIPT, "997", "2") == reference
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="GLIBC_TUNABLES is glibc's")
-def test_without_vector_instructions_in_the_c_library(reference: str):
+def test_plan_bytes_without_libc_vector_instructions(reference: str):
     assert digest(SCRIPT, "997", "1", GLIBC_TUNABLES=PLAIN_GLIBC) == reference
 
 
 @pytest.mark.slow
-def test_without_vector_instructions_in_numpy(reference: str):
+def test_plan_bytes_without_numpy_vector_instructions(reference: str):
     assert digest(SCRIPT, "64", "2", NPY_DISABLE_CPU_FEATURES=disabled()) == reference

@@ -84,7 +84,7 @@ def play(source: NetworkAndTimeline, plan: _core.Plan) -> metrics.Floats:
     return sound
 
 
-def test_a_gong_that_is_struck_hard_is_judged_by_its_spectrum():
+def test_chaotic_gong_judged_by_spectrum():
     gong = scene()
     plan = _core.Plan(gong.network, gong.timeline, error_db=ASKED_DB)
     (row,) = plan.rows()
@@ -117,7 +117,7 @@ def test_a_gong_that_is_struck_hard_is_judged_by_its_spectrum():
 
 
 @pytest.mark.parametrize("listened", few(OUTPUTS, ["position"]))
-def test_what_is_linear_but_for_a_blow_is_judged_by_its_waveform(listened: str):
+def test_struck_linear_part_judged_by_waveform(listened: str):
     for impulse in (HARD, 10.0 * HARD):
         row = error_of(scene(OUTPUTS[listened], impulse), error_db=ASKED_DB)
         assert row.spectral_db is None
@@ -137,7 +137,7 @@ def test_coarsely_bowed_string_is_judged_by_its_spectrum():
 
 
 @pytest.mark.slow
-def test_so_is_a_gong_that_is_struck_softly():
+def test_softly_struck_gong_judged_by_waveform():
     row = error_of(scene(impulse=1.6), error_db=ASKED_DB)
     assert row.spectral_db is None
 
@@ -161,7 +161,7 @@ def test_by_ear_the_planner_rejects_a_too_loud_method():
 
 
 @pytest.mark.parametrize("share", [0.05, 0.02])
-def test_what_a_trial_lost_is_muted_where_the_last_method_makes_energy(share: float):
+def test_diverging_part_muted_after_truncated_planning(share: float):
     # At twenty times the blow the first trial leaves all bounds, and the allowance ends with it.
     # What cannot diverge keeps an energy of its own: of 0.2 J its springs have made 400 kJ.
     gong = scene(impulse=20.0 * HARD)

@@ -17,7 +17,7 @@ SCENES = [
 
 
 @pytest.mark.parametrize(("family", "seed"), few(SCENES, 3))
-def test_no_plain_setting_is_much_cheaper(family: str, seed: int):
+def test_plan_cost_near_cheapest_plain_setting(family: str, seed: int):
     text = random_scenes.text(family, seed)
     result = audit.look(f"{family}-{seed}", text, (-40.0, -60.0, -80.0))
     for plan in result.plans:
@@ -44,7 +44,7 @@ OTHER_WAYS = [
 
 
 @pytest.mark.parametrize(("family", "seed", "budget"), OTHER_WAYS)
-def test_cheapest_method_outside_the_search_order(family: str, seed: int, budget: float):
+def test_plan_cheapest_method_outside_search_order(family: str, seed: int, budget: float):
     # At one instant: the scenes were found so, and it asks most of what is between frames.
     text = random_scenes.text(family, seed).replace("impulse: ", "lasts: 0s, impulse: ")
     result = audit.look(f"{family}-{seed}", text, (budget,))
@@ -57,14 +57,14 @@ def test_cheapest_method_outside_the_search_order(family: str, seed: int, budget
 
 
 @pytest.mark.parametrize("seed", [126, 182, 190])
-def test_a_law_with_a_kink_is_not_exact_because_two_runs_agree(seed: int):
+def test_plan_distrusts_two_runs_at_law_kink(seed: int):
     """A rope's frame is divided no more often than its deviation asks, whatever the substeps."""
     result = audit.look(f"law-{seed}", random_scenes.text("law", seed), (-80.0,), plain=False)
     (plan,) = result.plans
     assert plan.real <= -80.0 or plan.warned, plan
 
 
-def test_two_rough_runs_of_a_mesh_that_agree_are_not_believed():
+def test_plan_distrusts_two_rough_mesh_runs():
     """A plate that hardens much: one step a frame and two are -26 dB apart, and both are wrong."""
     result = audit.look("hard-532", random_scenes.text("hard", 532), (-40.0,), plain=False)
     (plan,) = result.plans
@@ -73,7 +73,7 @@ def test_two_rough_runs_of_a_mesh_that_agree_are_not_believed():
     assert plan.real < -25.0, plan
 
 
-def test_three_runs_whose_change_does_not_fall_are_not_believed():
+def test_plan_distrusts_three_runs_without_convergence():
     """Bristles once a step by ear: each doubling changes as much as the one before."""
     result = audit.look(
         "bristle-727", random_scenes.text("bristle", 727), (audit.BY_EAR,), plain=False
@@ -82,7 +82,7 @@ def test_three_runs_whose_change_does_not_fall_are_not_believed():
     assert plan.excess <= 1.5, plan
 
 
-def test_by_ear_the_search_stops_at_the_audible_error():
+def test_search_by_ear_stops_at_audible_error():
     """The waveform is promised by no budget of ears: the way stays that of the search."""
     plans = audit.look("law-0", random_scenes.text("law", 0), (audit.BY_EAR, -80.0), plain=False)
     by_ear, asked = plans.plans
@@ -91,7 +91,7 @@ def test_by_ear_the_search_stops_at_the_audible_error():
 
 
 @pytest.mark.parametrize("seed", [304, pytest.param(308, marks=pytest.mark.slow)])
-def test_by_ear_costly_contacts_stop_at_the_audible_error(seed: int):
+def test_search_by_ear_stops_for_costly_contacts(seed: int):
     text = random_scenes.text("bridge", seed)
     by_ear, asked = audit.look("bridge", text, (audit.BY_EAR, -80.0), plain=False).plans
     assert asked.is_met, asked
@@ -133,7 +133,7 @@ WAYS = [
 ]
 
 
-def test_what_contacts_cost_between_frames_is_counted():
+def test_plan_cost_includes_contacts_between_frames():
     text = random_scenes.text("chain", 302)
     piece = load("scene.yaml", text=text).piece
     assert piece is not None
@@ -150,7 +150,7 @@ def test_what_contacts_cost_between_frames_is_counted():
 
 
 @pytest.mark.parametrize(("family", "seed", "error"), WAYS)
-def test_a_way_is_the_same_when_it_is_written_and_recalled(family: str, seed: int, error: float):
+def test_plan_choices_pinned_and_recalled_same_sound(family: str, seed: int, error: float):
     text = random_scenes.text(family, seed)
     stage, plan = planned(text, error_db=error)
     sound = played(text, error_db=error)

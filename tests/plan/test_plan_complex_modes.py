@@ -51,7 +51,7 @@ def played(text: str, threads: int = 1, block: int | None = None, **wishes: obje
 
 
 @pytest.mark.parametrize("name", ["nonprop-1", "nonprop-2", "damper"])
-def test_a_linear_scene_is_exact_at_every_budget(name: str):
+def test_complex_modes_exact_at_every_budget(name: str):
     text = (NAMED / f"{name}.yaml").read_text(encoding="utf-8")
     for plan in audit.look(name, text, plain=False).plans:
         assert not plan.refused, plan.refused
@@ -62,14 +62,14 @@ def test_a_linear_scene_is_exact_at_every_budget(name: str):
 
 @pytest.mark.parametrize("family", ["linear", "mesh", "body"])
 @pytest.mark.parametrize("seed", few(range(6), 2))
-def test_random_linear_scenes_are_exact(family: str, seed: int):
+def test_complex_modes_exact_for_random_linear_scenes(family: str, seed: int):
     text = random_scenes.text(family, seed)
     (plan,) = audit.look(f"{family}-{seed}", text, (-140.0,), plain=False).plans
     assert plan.how in (ALL, "modes ×1")
     assert plan.render_error <= EXACT_DB
 
 
-def test_a_mass_that_a_damper_alone_holds_comes_to_rest():
+def test_complex_modes_of_mass_with_damper_only():
     """x = v·m/z·(1 − e^(−z·t/m)), and its damper pulls with z·v."""
     m, z, v = 0.02, 0.5, 1.5
     modules = f"""
@@ -84,7 +84,7 @@ d: {{FRO: {{between: [w, a], Z: {z}}}}}
     assert off_db(sound, exact) <= -200.0
 
 
-def test_a_body_that_nothing_holds_goes_on_evenly():
+def test_complex_modes_of_free_body():
     """Two masses, a spring and a damper: their middle moves with the sum of the impulses."""
     modules = """
 a: {MAS: {M: 10g, V0: 0.5m/s}}
@@ -100,7 +100,7 @@ k: {REF: {between: [a, b], K: 2000, Z: 0.3}}
 
 
 @pytest.mark.parametrize("share", [0.999999, 1.0, 1.000001, 3.0])
-def test_damping_about_the_critical_one_is_exact(share: float):
+def test_complex_modes_near_critical_damping(share: float):
     """x¨ + 2σx˙ + ω²x = 0 where σ is ω, and beside: both roots are one, or nearly."""
     m, k = 0.01, 4e3
     omega = float(np.sqrt(k / m))
@@ -121,7 +121,7 @@ k: {{REF: {{between: [w, a], K: {k}, Z: {2.0 * sigma * m!r}}}}}
 
 
 @pytest.mark.parametrize("Z", [1e2, 1e4, 1e5])
-def test_a_strong_damper_makes_nothing_inexact(Z: float):
+def test_complex_modes_with_strong_damper(Z: float):
     modules = f"""
 w: {{SOL: {{}}}}
 a: {{MAS: {{M: 1g, X0: 1mm}}}}
@@ -137,7 +137,7 @@ d: {{FRO: {{between: [w, b], Z: {Z}}}}}
     assert off_db(sound, exact) <= EXACT_DB
 
 
-def test_equal_poles_within_a_body_are_exact():
+def test_complex_modes_with_equal_poles():
     """A ring of equal cells, one of which a damper holds: most of its poles are equal in pairs."""
     n = 12
     cells = [
@@ -151,14 +151,14 @@ def test_equal_poles_within_a_body_are_exact():
     assert off_db(sound, solve(read(text), len(sound)).sound) <= EXACT_DB
 
 
-def test_neither_threads_nor_blocks_change_a_byte():
+def test_complex_modes_bytes_with_threads_and_blocks():
     text = random_scenes.text("linear", 1)
     sound = played(text)
     for threads, block in ((2, None), (4, 777), (1, 1)):
         assert played(text, threads, block).tobytes() == sound.tobytes()
 
 
-def test_a_plan_that_is_given_back_plays_the_same():
+def test_complex_modes_plan_from_pins_same_hash():
     stage = ready(random_scenes.text("mesh", 0))
     plan = _core.Plan(stage.network, stage.timeline, error_db=-20.0)
     (row,) = plan.rows()
@@ -167,7 +167,7 @@ def test_a_plan_that_is_given_back_plays_the_same():
     assert again.hash == plan.hash
 
 
-def test_fewer_modes_are_computed_where_that_is_enough():
+def test_complex_modes_truncated_to_budget():
     """Of many only those that a budget asks for, where that halves the work; else all, exactly."""
     n = 60
     chain = [f"m{i}: {{MAS: {{M: 1g}}}}" for i in range(n)]
@@ -192,7 +192,7 @@ def test_fewer_modes_are_computed_where_that_is_enough():
     assert saved[-1] == n
 
 
-def test_a_network_that_is_the_truth_is_stepped_as_it_is():
+def test_complex_modes_not_used_for_ca_units():
     """`units: ca`: its own steps are the sound."""
     modules = """
 w: {SOL: {}}
@@ -228,7 +228,7 @@ l: {LNL: {between: [w, b.4], damping: bow, F: 0.05, a: 40, u: 0.1}}
 
 
 @pytest.mark.parametrize("modules", few([HAMMER, BOW], 1), ids=["hammer", "bow"])
-def test_a_body_that_others_touch_goes_by_complex_modes_between_them(modules: str):
+def test_complex_modes_of_body_with_contacts(modules: str):
     """As exact as a body by its normal modes: the error is that of the contact or the law."""
     strikes = "strikes:\n  hit: {to: s.b.9, at: 0.0503s, impulse: 1e-4Ns}\n"
     text = score(modules, "{a: {SOX: b.15}, b: {SOX: b.4}}", strikes)
@@ -241,7 +241,7 @@ def test_a_body_that_others_touch_goes_by_complex_modes_between_them(modules: st
     assert damped.excess <= 1.5
 
 
-def test_a_link_to_what_goes_by_no_modes_is_felt_as_by_any_body():
+def test_complex_modes_of_body_linked_to_key():
     """A key on a spring at a damped body, led by a hand: against the exact motion."""
     modules = """
 b: {STRING: {masses: 12, M: 20g, f: 150Hz, t60: 1s}}

@@ -61,7 +61,7 @@ def struck(name: str) -> tuple[Scene, np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("name", few(HAMMERS, 2))
 @pytest.mark.parametrize("db", BUDGETS)
-def test_a_hammer_on_a_string_is_within_its_budget(name: str, db: float):
+def test_plan_of_hammer_on_string_within_budget(name: str, db: float):
     scene, truth, rough = struck(name)
     assert error_db(rough, truth) < db - 20.0
     rows = plan(scene, RATE, error_db=db).rows()
@@ -92,7 +92,7 @@ T, X = [0.0, 0.02, 0.035, 0.05], [0.0, 3e-3, 2e-3, 0.0]
     few([{"K": 900.0, "Z": 0.0}, {"K": 2e4}, {"K": 3e5, "exponent": 1.5}], 1),
     ids=["light", "hard", "felt"],
 )
-def test_a_key_on_a_bell_is_within_its_budget(but: dict[str, Any], db: float):
+def test_plan_of_key_on_bell_within_budget(but: dict[str, Any], db: float):
     scene, key = bell(**but)
     lead = gesture.pushing(T, X, M=0.4, K=60.0, Z=1.2)
     unit = np.arange(len(scene.mats)) == int(key)
@@ -103,7 +103,7 @@ def test_a_key_on_a_bell_is_within_its_budget(but: dict[str, Any], db: float):
 
 
 @pytest.mark.parametrize("wishes", [{}, {"error_db": -60.0}], ids=str)
-def test_what_comes_long_after_the_first_contact_is_planned_for_too(wishes: dict[str, Any]):
+def test_plan_of_strike_long_after_contact_within_budget(wishes: dict[str, Any]):
     """The hammer meets the middle, where half the modes stand still; a strike does not."""
     scene = Scene()
     scene.part("string")
@@ -120,7 +120,7 @@ def test_what_comes_long_after_the_first_contact_is_planned_for_too(wishes: dict
     assert error_db(render(scene, RATE, n, **wishes), fine) < limit
 
 
-def test_what_nothing_moves_gives_no_contact_way():
+def test_plan_omits_modes_at_rest_at_contact():
     """Half of a plate's modes rest where a hammer meets it: none is kept for its softness."""
     network = _core.Network()
     network.part("plate")

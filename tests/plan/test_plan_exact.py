@@ -124,7 +124,7 @@ SCENES = {
 
 
 @pytest.mark.parametrize("name", few(SCENES, 4))
-def test_what_is_linear_is_exact(name: str):
+def test_plan_exact_for_linear_scenes(name: str):
     make, what = SCENES[name]
     scene = make()
     rows = plan(scene, RATE, method="modal").rows()
@@ -136,7 +136,7 @@ def test_what_is_linear_is_exact(name: str):
 
 
 @pytest.mark.parametrize("rate", [11025.0, 96000.0])
-def test_it_is_exact_at_any_rate(rate: float):
+def test_plan_exact_at_any_rate(rate: float):
     """At 11 kHz the scheme would not even be stable."""
     scene = string(stiffness=0.02)
     scene.part("more")
@@ -147,7 +147,7 @@ def test_it_is_exact_at_any_rate(rate: float):
     assert error_db(planned(scene, rate, N, method="modal"), truth) < EXACT_DB
 
 
-def test_a_body_in_algorithmic_units_is_its_discrete_network():
+def test_plan_exact_for_body_in_ca_units():
     """There the scheme is the truth, and strikes fall on frames."""
     scene = Scene()
     scene.part("old", ca_rate=RATE)
@@ -161,7 +161,7 @@ def test_a_body_in_algorithmic_units_is_its_discrete_network():
     assert error_db(planned(scene, RATE, N, method="modal"), render(scene, RATE, N)) < EXACT_DB
 
 
-def test_a_body_beside_a_contact_that_stays_open_is_exact():
+def test_plan_exact_for_body_beside_open_contact():
     """Cut out of its island, seen from where a hammer might have struck it."""
     alone, scene = string(stiffness=0.02), string(stiffness=0.02)
     mats = [Mat(i) for i in range(40)]
@@ -175,7 +175,7 @@ def test_a_body_beside_a_contact_that_stays_open_is_exact():
     assert error_db(planned(scene, RATE, N, method="modal"), truth) < EXACT_DB
 
 
-def test_a_cell_that_a_contact_might_touch_takes_strikes_exactly():
+def test_plan_exact_strikes_on_cell_beside_contact():
     """Though it is stepped: what a contact does is added to a motion that is its own."""
     alone, scene = Scene(), Scene()
     for item in (alone, scene):
@@ -200,7 +200,7 @@ def test_free_and_damped_bodies_use_complex_modes(change: str):
     assert (row.what, row.because) == ("complex modes", None)
 
 
-def test_network_without_modes_is_stepped_with_a_reason():
+def test_plan_steps_network_without_modes():
     """A discrete network that is the truth, damped at one point: its own steps, to the last bit."""
     scene = Scene()
     scene.part("old", ca_rate=RATE)

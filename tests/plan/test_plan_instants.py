@@ -28,7 +28,7 @@ def pinned(network, timeline, oversampling: int, seconds: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("oversampling", [1, 2, 4])
-def test_a_throw_lands_at_the_frame_of_the_score(oversampling: int):
+def test_throw_lands_at_score_frame_when_oversampled(oversampling: int):
     x = played(oversampling, ["throw"] * 5)
     assert np.abs(x[FRAMES] - X).max() < 1e-9
 
@@ -45,7 +45,7 @@ def test_a_throw_lands_at_the_frame_of_the_score(oversampling: int):
     ],
     ids=["throws", "throws-and-paths", "grains", "grains-every-frame"],
 )
-def test_a_key_moves_alike_at_every_oversampling(
+def test_key_path_same_at_every_oversampling(
     oversampling: int, rate: float, curves: list[str], manner: dict[str, float], limit: float
 ):
     once = played(1, curves, rate, **manner)
@@ -54,7 +54,7 @@ def test_a_key_moves_alike_at_every_oversampling(
 
 @pytest.mark.parametrize("oversampling", [1, 2, 4])
 @pytest.mark.parametrize("event", ["strike", "ergon"])
-def test_an_impulse_on_a_key_acts_at_the_frame_of_the_score(oversampling: int, event: str):
+def test_key_impulse_at_score_frame_when_oversampled(oversampling: int, event: str):
     network, timeline, _ = lone(M=0.3)
     if event == "strike":
         timeline.strike(0, 100.4 / RATE, impulse=1e-3)

@@ -115,7 +115,7 @@ EDITS = [
 
 
 @pytest.mark.parametrize(("old", "new"), few(EDITS, EDITS[1:2]))
-def test_a_plan_with_what_is_known_is_that_from_scratch(old: str, new: str) -> None:
+def test_plan_of_edited_score_from_store_equals_fresh(old: str, new: str) -> None:
     edited = SCORE.replace(old, new)
     assert edited != SCORE
     first, saved = plan_of_score()
@@ -128,7 +128,7 @@ def test_a_plan_with_what_is_known_is_that_from_scratch(old: str, new: str) -> N
     assert plan_values(planned(SCORE, store)) == first
 
 
-def test_a_plan_of_what_is_known_is_that_from_scratch() -> None:
+def test_plan_of_same_score_from_store_equals_fresh() -> None:
     first, saved = plan_of_score()
     assert plan_values(planned(SCORE, None)) == first
     store = Records(saved)
@@ -137,7 +137,7 @@ def test_a_plan_of_what_is_known_is_that_from_scratch() -> None:
 
 
 @pytest.mark.slow
-def test_an_entry_after_the_trials_needs_none() -> None:
+def test_plan_of_late_added_entry_needs_no_trials() -> None:
     text = SCORE.replace("accuracy: {error: -50dB}", "accuracy: {error: -20dB}")
     store = Records()
     planned(text, store)
@@ -149,7 +149,7 @@ def test_an_entry_after_the_trials_needs_none() -> None:
 
 
 @pytest.mark.parametrize("share", few([0.001, 0.01, 0.05, 0.2], [0.01]))
-def test_where_the_allowance_ends_the_plan_is_that_from_scratch(share: float) -> None:
+def test_plan_at_allowance_limit_from_store_equals_fresh(share: float) -> None:
     """An allowance that all islands share: what one takes less of, another has."""
     network, timeline = _prepared(SCORE)
     _, edited = _prepared(
@@ -173,7 +173,7 @@ _SHORT = (0, 6, 9, 21)
 
 
 @pytest.mark.parametrize("seed", few(range(24), _SHORT))
-def test_scores_by_chance_are_planned_as_from_scratch(seed: int) -> None:
+def test_plan_of_random_scores_from_store_equals_fresh(seed: int) -> None:
     built = random_scores.Score(seed)
     store = Records()
     first = planned(built.text, store)
@@ -184,7 +184,7 @@ def test_scores_by_chance_are_planned_as_from_scratch(seed: int) -> None:
         assert plan_values(planned(edited, store)) == plan_values(planned(edited, None))
 
 
-def test_what_a_store_raises_ends_the_planning() -> None:
+def test_plan_store_exceptions_propagate() -> None:
     class Broken(Records):
         def get(self, key: str) -> _core.TrialRecord | None:
             raise KeyboardInterrupt(key)

@@ -77,7 +77,7 @@ mix: {channels: 1}
 """
 
 
-def test_what_comes_to_rest_before_an_event_is_tried_from_its_beginning():
+def test_plan_trial_of_part_at_rest_before_event():
     piece = load("scene.yaml", text=SWINGS_OUT).piece
     assert piece is not None
     scene = Score(piece).build_at(RATE)
@@ -124,7 +124,7 @@ def played(scene: NetworkAndTimeline, plan: _core.Plan) -> np.ndarray:
     return sound
 
 
-def test_where_friction_holds_the_first_blow_the_first_that_is_heard_is_tried():
+def test_plan_trial_of_first_audible_blow_after_friction():
     scene = hammered("")
     (by_ca,) = _core.Plan(scene.network, scene.timeline, method="ca").choices()
     pins = [by_ca._replace(oversampling=64)]
@@ -139,7 +139,7 @@ def test_where_friction_holds_the_first_blow_the_first_that_is_heard_is_tried():
         assert all(row.error_s == pytest.approx(0.7, abs=0.01) for row in plan.rows())
 
 
-def test_an_output_that_hears_only_rounding_is_silent():
+def test_plan_treats_rounding_noise_as_silence():
     # The felt and what lies beyond it differ from run to run by as much as they move.
     scene = hammered(", near: {SOX: s.9}, felt: {SOX: s.20}")
     plan = _core.Plan(scene.network, scene.timeline, error_db=-60.0)
@@ -199,7 +199,7 @@ parts: {ada: [{at: 0, play: soft}, {at: 8, play: LATER}]}
 
 
 @pytest.mark.parametrize(("later", "stated_db"), [("soft", None), ("strong", 8.0)])
-def test_a_key_that_plays_harder_later_is_told(later: str, stated_db: float | None):
+def test_plan_states_later_harder_key_stroke(later: str, stated_db: float | None):
     """Its trials play on, and may not come so far."""
     _, plan = planned(KEYED.replace("LATER", later))
     (row,) = plan.rows()

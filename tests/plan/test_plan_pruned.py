@@ -67,7 +67,7 @@ def both(first: Callable[[Scene], None], second: Callable[[Scene], None]) -> Sce
 
 
 @pytest.mark.parametrize("wishes", few(WISHES, [{"method": "modal"}, {"method": "ca"}]), ids=str)
-def test_unheard_parts_change_no_byte(wishes: dict[str, Any]):
+def test_plan_skips_inaudible_parts_without_byte_change(wishes: dict[str, Any]):
     alone = Scene()
     add_played_bodies(alone)
     sound = planned(alone, RATE, N, **wishes)
@@ -89,7 +89,7 @@ def moving(scene: Scene) -> list[int]:
 
 
 @pytest.mark.parametrize("wishes", WISHES, ids=str)
-def test_what_is_heard_through_others_is_computed(wishes: dict[str, Any]):
+def test_plan_computes_parts_audible_through_others(wishes: dict[str, Any]):
     """A chain from the key to the ear: nothing of it may be missing, however it is joined."""
     scene = Scene()
     scene.part("a")
@@ -123,7 +123,7 @@ def still(scene: Scene) -> list[Mat]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("wishes", few(WISHES, WISHES[:1]), ids=str)
-def test_position_of_a_resting_part_affects_the_sound(wishes: dict[str, Any]):
+def test_plan_includes_position_of_resting_part(wishes: dict[str, Any]):
     alone, scene = Scene(), Scene()
     add_played_bodies(alone)
     add_played_bodies(scene)
@@ -145,7 +145,7 @@ def test_position_of_a_resting_part_affects_the_sound(wishes: dict[str, Any]):
 
 
 @pytest.mark.parametrize("wishes", WISHES, ids=str)
-def test_a_coupling_between_two_points_is_heard_to_come_and_go(wishes: dict[str, Any]):
+def test_plan_computes_timed_coupling_force(wishes: dict[str, Any]):
     network = _core.Network()
     network.part("p")
     link = network.ref("r", network.sol("a"), network.sol("b", X0=3e-3), K=200.0)
@@ -163,7 +163,7 @@ def test_a_coupling_between_two_points_is_heard_to_come_and_go(wishes: dict[str,
 @pytest.mark.parametrize(
     "how", ["struck", "flying", "bent", "stretched", "pulled along", "pushed", "met"]
 )
-def test_whatever_moves_a_part_it_is_computed(how: str, wishes: dict[str, Any]):
+def test_plan_computes_part_moved_by_any_cause(how: str, wishes: dict[str, Any]):
     scene = Scene()
     scene.part("p")
     flies, bent = how == "flying", 1e-3 * (how == "bent")

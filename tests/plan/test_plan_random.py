@@ -74,26 +74,26 @@ def check(seed: int, *, even: bool) -> None:
 @pytest.mark.slow
 @given(seed=SEEDS)
 @settings(max_examples=8)
-def test_bodies_and_what_meets_them_keep_their_budget(seed: int):
+def test_random_bodies_with_contacts_within_budget(seed: int):
     check(seed, even=True)
 
 
 @pytest.mark.slow
 @given(seed=SEEDS)
 @settings(max_examples=8)
-def test_networks_that_have_no_modes_keep_their_budget(seed: int):
+def test_random_networks_without_modes_within_budget(seed: int):
     check(seed, even=False)
 
 
 @pytest.mark.slow
 @given(seed=SEEDS, even=st.booleans())
 @settings(max_examples=160)
-def test_many_scenes_keep_their_budget(seed: int, even: bool):
+def test_random_scenes_within_budget_long(seed: int, even: bool):
     check(seed, even=even)
 
 
 @pytest.mark.slow
-def test_most_scenes_can_be_told_from_their_reference():
+def test_random_scenes_exceed_budget_without_plan():
     """Else the tests above would hold of anything: the plain scheme itself is far outside."""
     outside = 0
     for seed in range(12):

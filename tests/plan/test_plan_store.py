@@ -65,7 +65,7 @@ def sound() -> str:
     return hash_samples(Path("a.wav"))
 
 
-def test_the_same_sound_and_the_same_table(capsys: Capture, monkeypatch: pytest.MonkeyPatch):
+def test_plan_store_same_table_and_sound(capsys: Capture, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("ERGON_CACHE", "off")
     fresh, is_kept = printed_plan(capsys)
     assert not is_kept
@@ -95,7 +95,7 @@ EDITS = [
 
 
 @pytest.mark.parametrize(("old", "new", "is_known"), few(EDITS, EDITS[::4]))
-def test_whatever_a_trial_depends_on_makes_another(
+def test_plan_store_key_depends_on_score_fields(
     capsys: Capture, monkeypatch: pytest.MonkeyPatch, old: str, new: str, is_known: bool
 ):
     assert not printed_plan(capsys)[1]
@@ -106,12 +106,12 @@ def test_whatever_a_trial_depends_on_makes_another(
     assert printed_plan(capsys) == (edited, False)
 
 
-def test_another_budget_is_tried_anew(capsys: Capture):
+def test_plan_store_key_depends_on_budget(capsys: Capture):
     assert not printed_plan(capsys)[1]
     assert not printed_plan(capsys, "--error", "-49dB")[1]
 
 
-def test_another_version_plans_anew(capsys: Capture, monkeypatch: pytest.MonkeyPatch):
+def test_plan_store_key_depends_on_version(capsys: Capture, monkeypatch: pytest.MonkeyPatch):
     assert not printed_plan(capsys)[1]
     monkeypatch.setattr(cache_folder, "_version", lambda: "another")
     assert not printed_plan(capsys)[1]
@@ -136,7 +136,7 @@ SPOILT = [
 
 
 @pytest.mark.parametrize("spoil", few(SPOILT, 3))
-def test_a_broken_file_is_made_anew(capsys: Capture, plans: Path, spoil):
+def test_plan_store_rewrites_damaged_files(capsys: Capture, plans: Path, spoil):
     Path("a.yaml").write_text(BELL)
     fresh, _ = printed_plan(capsys)
     good = {file: file.read_text() for file in plans.iterdir()}
@@ -149,14 +149,14 @@ def test_a_broken_file_is_made_anew(capsys: Capture, plans: Path, spoil):
     assert printed_plan(capsys) == (fresh, True)
 
 
-def test_a_folder_that_cannot_be_written_is_no_mistake(capsys: Capture, plans: Path):
+def test_plan_store_unwritable_folder_ignored(capsys: Capture, plans: Path):
     plans.parent.mkdir(parents=True)
     plans.write_text("no folder")
     assert not printed_plan(capsys)[1]
     assert capsys.readouterr().err == ""
 
 
-def test_plan_store_forgets_the_least_used_files(plans: Path, monkeypatch: pytest.MonkeyPatch):
+def test_plan_store_evicts_least_used_files(plans: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(plan_store, "_FILES_MAX", 3)
     store = PlanStore(plans)
     first = TrialRecord([-60.5, None, 0.5], [[1, 2], []], "it is not linear")

@@ -96,7 +96,7 @@ def truncated_run(name: str, db: float) -> tuple[int, float | None, float, float
 
 
 @pytest.mark.parametrize("name", few(SCENES, 4))
-def test_what_is_left_out_stays_below_the_budget(name: str):
+def test_omitted_modes_stay_below_error_budget(name: str):
     saved = []
     for db in BUDGETS:
         modes, _, early, late = truncated_run(name, db)
@@ -108,7 +108,7 @@ def test_what_is_left_out_stays_below_the_budget(name: str):
 
 
 @pytest.mark.parametrize("name", few(SCENES, 4))
-def test_a_plan_says_how_loud_the_rest_would_have_been(name: str):
+def test_plan_states_level_of_omitted_modes(name: str):
     """The worst of spans from 0.1 s to 1 s, so it is never less than what was measured over two."""
     for db in BUDGETS:
         _, text, early, late = truncated_run(name, db)

@@ -31,7 +31,7 @@ def piece(text: str) -> Piece:
     return read.piece
 
 
-def test_a_key_goes_at_the_rate_of_gestures_or_at_its_own():
+def test_key_rate_from_gesture_rate_or_key_field():
     plain = piece(HEAD + KEYS + REST)
     assert (plain.keys["k1"].every, plain.instruments["bell"].every) == (1, 1)
     assert piece(HEAD + "rates: {gesture: 4410Hz}\n" + KEYS + REST).keys["k1"].every == 10
@@ -54,9 +54,7 @@ def test_a_key_goes_at_the_rate_of_gestures_or_at_its_own():
     ],
 )
 @pytest.mark.parametrize("where", ["gestures", "key", "instrument"])
-def test_a_rate_that_is_no_whole_fraction_is_refused_with_the_nearest(
-    where: str, rate: str, nearest: str
-):
+def test_rate_of_non_integer_fraction_is_refused(where: str, rate: str, nearest: str):
     def text(rate: str) -> str:
         rates = f"rates: {{gesture: {rate}}}\n" if where == "gestures" else ""
         key = KEYS.replace("M:", f"rate: {rate}, M:") if where == "key" else KEYS
@@ -69,7 +67,7 @@ def test_a_rate_that_is_no_whole_fraction_is_refused_with_the_nearest(
     assert not check(text(nearest)).diagnostics
 
 
-def test_a_staged_key_is_slow_and_sounds_alike():
+def test_slow_key_staged_sounds_alike():
     def rendered(text: str) -> np.ndarray:
         played = stage(piece(text), planned=True)
         assert not played.diagnostics
@@ -129,7 +127,7 @@ render: {tail: 1.5s}
 """
 
 
-def test_rates_of_a_linear_scene_without_chaos():
+def test_rates_of_linear_scene_without_chaos_note():
     """Errors of pitch add up in a linear motion; it never parts by chance."""
     staged = stage(piece(HEAD + LEVERS), planned=True)
     assert staged.plan is not None
@@ -139,7 +137,7 @@ def test_rates_of_a_linear_scene_without_chaos():
 
 
 @pytest.mark.usefixtures("folder")
-def test_the_plan_shows_it(capsys: pytest.CaptureFixture[str]):
+def test_rates_in_plan_table_and_why(capsys: pytest.CaptureFixture[str]):
     assert app.run(["plan", "s.yaml"]) == 0
     table = capsys.readouterr().out
     assert "exact flow (E4)" in table

@@ -120,7 +120,7 @@ def test_seen_part_sound_against_dop853() -> None:
     assert errors[0] < -20
 
 
-def test_the_sound_is_as_far_off_as_the_plan_says() -> None:
+def test_seen_part_error_as_plan_states() -> None:
     built, plain = staged(FLAG), staged(FLAG.replace("rates: {motion: 2kHz}\n", ""))
     (row,) = slow_rows(built)
     assert row.parts == ["flag"]
@@ -139,7 +139,7 @@ def test_the_sound_is_as_far_off_as_the_plan_says() -> None:
     assert not [one for one in built.diagnostics if one.code == "N403"]
 
 
-def test_it_is_the_same_on_any_thread_count_seen_or_not_and_from_a_plan(work_folder: Path) -> None:
+def test_seen_part_same_bytes_for_threads_and_plan(work_folder: Path) -> None:
     Path("s.yaml").write_text(FLAG)
     assert app.run(["plan", "s.yaml", "-o", "p.json"]) == 0
     sounds = []
@@ -161,7 +161,7 @@ def positions(name: str) -> np.ndarray:
         return held["space_positions"]
 
 
-def test_its_points_are_seen_where_they_are(work_folder: Path) -> None:
+def test_seen_part_positions_near_full_rate(work_folder: Path) -> None:
     for name, text in {"slow": FLAG, "each": FLAG.replace("rates: {motion: 2kHz}\n", "")}.items():
         Path(f"{name}.yaml").write_text(text)
         how = ergon.FileOptions(force=True, motion=True, see="all")
@@ -201,7 +201,7 @@ def test_seen_part_rate_grows_with_the_asked_accuracy(work_folder: Path, capsys:
     ],
     ids=["heard", "stiff", "one method for everything"],
 )
-def test_what_is_heard_or_too_stiff_goes_at_each_frame(text: str) -> None:
+def test_seen_part_at_full_rate_when_stiff(text: str) -> None:
     assert not slow_rows(staged(text))
     (message,) = (one for one in staged(text, is_seen=True).diagnostics if one.code == "N403")
     assert "no part goes at the rate of motion" in message.message

@@ -42,7 +42,7 @@ def test_balance_equals_a_meter_after_the_gain(out, block, gain):
     assert result.loudness == pytest.approx(meter.loudness, abs=0.02)
 
 
-def test_silence():
+def test_balance_level_of_silence():
     balance = Balance("bell", mixer(0), RATE, 2, 0, RATE)
     balance.take(np.zeros((RATE, 2)))
     assert (balance.level(3.0).peak, balance.level(3.0).loudness) == (0.0, -np.inf)
@@ -58,7 +58,7 @@ def test_silence():
         ([], None),
     ],
 )
-def test_dominant_instrument_by_levels(levels: list[float], loudest: int | None):
+def test_balance_dominant_instrument_by_levels(levels: list[float], loudest: int | None):
     each = [InstrumentLevel(f"i{at}", 0.1, level) for at, level in enumerate(levels)]
     result = dominant_instrument(each)
     if loudest is None:

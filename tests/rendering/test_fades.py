@@ -35,7 +35,7 @@ def score(
 
 
 @pytest.mark.parametrize("level", few(["", "normalise: -6dB, limit: -6dB", "limit: -1dB"], 1))
-def test_the_file_ends_at_80_db_with_the_samples_of_a_longer_one(tmp_path, level):
+def test_auto_tail_ends_at_minus_80_db(tmp_path, level):
     master = f"master: {{{level}}}" if level else ""
     ends = {}
     for tail in ("auto", "4s"):
@@ -52,7 +52,7 @@ def test_the_file_ends_at_80_db_with_the_samples_of_a_longer_one(tmp_path, level
     assert np.abs(long[len(short) :]).max() <= 1.1e-4 * np.abs(long).max()
 
 
-def test_silence_ends_soon_and_a_long_sound_after_a_minute(tmp_path):
+def test_auto_tail_of_silence_and_endless_sound(tmp_path):
     silent = ergon.render(score(tmp_path, "auto", impulse="0Ns"))
     assert len(silent.frames) < RATE
     endless = ergon.render(score(tmp_path, "auto", t60="900s"))
@@ -60,7 +60,7 @@ def test_silence_ends_soon_and_a_long_sound_after_a_minute(tmp_path):
 
 
 @pytest.mark.parametrize("block", [1, 100, 4096])
-def test_what_beats_is_not_over(block):
+def test_silence_detector_with_beating_sound(block):
     """Quiet for half a second, then loud again: it goes on."""
     sound = np.ones((8 * RATE, 1))
     sound[RATE : RATE + RATE // 2] = 5e-5
@@ -70,19 +70,19 @@ def test_what_beats_is_not_over(block):
     assert next(end for end in ends if end is not None) == 2 * RATE + 4410
 
 
-def test_no_end_before_the_last_event():
+def test_silence_detector_waits_for_last_event():
     finder = SilenceDetector(RATE, 2, 3 * RATE)
     assert finder.take(np.zeros((10 * RATE, 2))) == 3 * RATE + 4410
 
 
-def test_a_tail_is_a_time_or_auto():
+def test_tail_accepts_time_or_auto():
     text = SCORE.replace("T60", "1s").replace("IMPULSE", "1mNs").replace(", MASTER", "")
     assert codes(text.replace("TAIL", "auto")) == []
     assert codes(text.replace("TAIL", "7s")) == []
     assert codes(text.replace("TAIL", "atuo")) != []
 
 
-def test_a_performance_ends_there_too(tmp_path, monkeypatch):
+def test_play_with_auto_tail_ends_like_render(tmp_path, monkeypatch):
     """Where nothing is written of a tail: the frames of the file, and no more."""
     monkeypatch.chdir(tmp_path)
     path = score(tmp_path, "auto")

@@ -40,7 +40,7 @@ def render(name: str, *options: str) -> tuple[bytes, bytes]:
     return Path(f"{name}.wav").read_bytes(), motion.read_bytes() if motion.exists() else b""
 
 
-def test_sound_and_motion_have_the_same_bytes_however_they_are_computed() -> None:
+def test_motion_render_same_bytes_for_threads_and_blocks() -> None:
     sound, none = render("blind")
     assert none == b""
     plain, motion = render("a", "--motion")
@@ -58,7 +58,7 @@ def test_sound_and_motion_have_the_same_bytes_however_they_are_computed() -> Non
     assert unseen["bell"] is None
 
 
-def test_keys_contacts_and_levels_are_told() -> None:
+def test_motion_file_keys_contacts_marks_and_sources() -> None:
     _, motion = render("a", "--motion")
     replica = Replica(motion)
     assert replica.manifest["keys"] == [
@@ -89,7 +89,7 @@ def test_keys_contacts_and_levels_are_told() -> None:
     assert {source["file"] for source in replica.manifest["sources"]} == {"bell.yaml"}
 
 
-def test_what_a_gesture_strikes_is_told_as_few_ergons_with_its_impulse(capsys: Capture) -> None:
+def test_motion_file_ergons_sum_to_compiled_impulse(capsys: Capture) -> None:
     _, motion = render("a", "--motion")
     replica = Replica(motion)
     key = replica.names.index("k1")
@@ -126,7 +126,7 @@ def test_what_a_gesture_strikes_is_told_as_few_ergons_with_its_impulse(capsys: C
     assert sources == {knock}
 
 
-def test_info(capsys: Capture) -> None:
+def test_info_of_motion_file(capsys: Capture) -> None:
     render("a", "--motion")
     assert app.run(["info", "--json", "a.motion"]) == 0
     (record,) = records(capsys)
@@ -142,7 +142,7 @@ def test_info(capsys: Capture) -> None:
     assert "this is not a motion file" in capsys.readouterr().err
 
 
-def test_npz_and_csv_hold_what_the_reader_finds() -> None:
+def test_motion_export_npz_and_csv_equal_reader() -> None:
     _, motion = render("a", "--motion", "--see", "all")
     replica = Replica(motion)
     for name in ("x.npz", "x.csv"):
@@ -167,7 +167,7 @@ def test_npz_and_csv_hold_what_the_reader_finds() -> None:
     assert np.allclose(numbers[:, 1:], moved, rtol=1e-6, equal_nan=True)
 
 
-def test_a_gltf_animates_a_node_for_each_point() -> None:
+def test_motion_export_gltf_node_per_point() -> None:
     _, motion = render("a", "--motion", "--see", "all")
     replica = Replica(motion)
     how = ["--fps", "30", "--exaggeration", "100"]
@@ -206,7 +206,7 @@ def test_a_gltf_animates_a_node_for_each_point() -> None:
         (["motion", "export", "a.motion", "-o", "x.csv", "--exaggeration", "2"], "for glTF"),
     ],
 )
-def test_what_is_refused(capsys: Capture, words: list[str], sentence: str) -> None:
+def test_motion_commands_refusals(capsys: Capture, words: list[str], sentence: str) -> None:
     render("a", "--motion")
     capsys.readouterr()
     assert app.run(words) == 2
@@ -214,7 +214,7 @@ def test_what_is_refused(capsys: Capture, words: list[str], sentence: str) -> No
     assert not list(Path().glob("x.*"))
 
 
-def test_somebody_elses_file_is_not_written_over(capsys: Capture) -> None:
+def test_motion_render_refuses_foreign_file(capsys: Capture) -> None:
     Path("a.motion").write_bytes(b"mine")
     assert app.run(["render", "-q", "bell.yaml", "-o", "a.wav", "--motion"]) == 2
     assert "a.motion exists" in capsys.readouterr().err

@@ -109,7 +109,7 @@ strikes:
 
 @pytest.mark.parametrize("threads", [1, 2])
 @pytest.mark.parametrize("alone", ["sky", "dust"])
-def test_a_large_bank_sounds_alone_as_among_others(alone: str, threads: int) -> None:
+def test_large_bank_sounds_same_alone(alone: str, threads: int) -> None:
     loaded = load("s.yaml", text=BANKS)
     assert loaded.piece is not None, loaded.diagnostics
     sounds = []
@@ -131,9 +131,7 @@ def test_a_large_bank_sounds_alone_as_among_others(alone: str, threads: int) -> 
     ("parts", "start"),
     few(product(["gong,sky", "gong", "bell-less"], [(), ("--from", "1|2.3")]), 1),
 )
-def test_frozen_and_live_together_are_what_was_played_at_once(
-    folder: Path, start: tuple[str, ...], parts: str
-):
+def test_frozen_and_live_parts_equal_full_play(folder: Path, start: tuple[str, ...], parts: str):
     """Bit for bit: high-passes and sums go over all parts at once, in their own order."""
     if parts == "bell-less":  # everything that is heard is frozen
         text = SCORE.replace("    - {from: bell, to: [1, 2], highpass: 20Hz}\n", "")
@@ -147,7 +145,7 @@ def test_frozen_and_live_together_are_what_was_played_at_once(
     assert np.array_equal(complete, again)
 
 
-def test_cells_of_two_parts_may_fall_asleep_apart(folder: Path):
+def test_cells_of_two_parts_go_silent_separately(folder: Path):
     """Isolated cells share a bank, which says what is too faint to be heard."""
     text = SCORE.replace("      t: {REF: {between: [s.3, c], K: 40N/m}}\n", "")
     text = text.replace("      h: {REF: {between: [c, wall], K: 10N/m}}\n", "")
@@ -163,7 +161,7 @@ def test_cells_of_two_parts_may_fall_asleep_apart(folder: Path):
     assert np.max(np.abs(complete - again)) <= 2.0**-24
 
 
-def test_a_stem_is_what_the_outputs_hear(folder: Path):
+def test_frozen_stem_equals_part_outputs(folder: Path):
     text = frozen("gong")
     (stem,) = text["stems"]
     result, rate = soundfile.read(f"s.frozen/{stem['file']}", dtype="float64")
@@ -179,7 +177,7 @@ def test_a_stem_is_what_the_outputs_hear(folder: Path):
     assert text["score"] == digest_of(piece())
 
 
-def test_what_is_frozen_is_not_computed():
+def test_frozen_parts_not_computed():
     rest = staging.stage(piece(), planned=True, silent=["gong", "sky"])
     assert rest.plan is not None
     rows = rest.plan.rows()
@@ -189,7 +187,7 @@ def test_what_is_frozen_is_not_computed():
     assert rest.simulation.n_out == staging.stage(piece(), planned=True).simulation.n_out
 
 
-def test_the_same_bytes_for_any_number_of_threads(folder: Path):
+def test_frozen_bytes_with_any_threads(folder: Path):
     frozen("gong,sky", "--threads", "1")
     before = {path.name: path.read_bytes() for path in Path("s.frozen").iterdir()}
     frozen("gong,sky", "--threads", "2")
@@ -197,7 +195,7 @@ def test_the_same_bytes_for_any_number_of_threads(folder: Path):
     assert sorted(before) == ["01_gong.wav", "02_sky.wav", "frozen.json"]
 
 
-def test_a_preflight_hears_what_is_frozen(folder: Path, capsys: Capture):
+def test_preflight_gain_includes_frozen_parts(folder: Path, capsys: Capture):
     text = SCORE.replace("mix:\n", "mix:\n  master: {normalise: -1dB}\n")
     Path("s.yaml").write_text(text, encoding="utf-8")
     frozen("gong,sky")
@@ -213,7 +211,7 @@ def test_a_preflight_hears_what_is_frozen(folder: Path, capsys: Capture):
 # --- what can be felt -----------------------------------------------------------------------------
 
 
-def test_parts_without_links_to_live_parts_can_be_frozen():
+def test_ties_of_parts_without_live_links_empty():
     assert ties(piece(), ["gong"], ["remi"]) == []
     assert ties(piece(), ["gong", "sky"], ["remi"]) == []
     # A fixed point ends an island.
@@ -242,9 +240,7 @@ def test_parts_without_links_to_live_parts_can_be_frozen():
         ),
     ],
 )
-def test_what_a_hand_feels_is_refused_with_the_links(
-    part: str, old: str, new: str, links: list[str]
-):
+def test_freeze_of_part_linked_to_hand_is_refused(part: str, old: str, new: str, links: list[str]):
     result = piece(old, new)
     (tie,) = ties(result, [part], ["remi"])
     assert (tie.player, tie.key) == ("remi", "k")
@@ -255,7 +251,7 @@ def test_what_a_hand_feels_is_refused_with_the_links(
     assert f"cannot be frozen: remi can feel it through {tie.links[0].name} (s.yaml:" in str(tie)
 
 
-def test_freezing_one_of_two_linked_parts_is_refused():
+def test_freeze_of_one_linked_part_is_refused():
     tied = piece(
         "    out: {left", "      x: {REF: {between: [c, sky.cells.7], K: 5N/m}}\n    out: {left"
     )
@@ -266,7 +262,7 @@ def test_freezing_one_of_two_linked_parts_is_refused():
     assert ties(tied, ["sky", "gong"], ["remi"]) == []
 
 
-def test_an_output_that_listens_elsewhere():
+def test_freeze_of_output_on_live_module_is_refused():
     """The bell is live, so what also hears it cannot be frozen."""
     listened = piece("right: {SOX: c}", "right: {SOX: bell.m}")
     (tie,) = ties(listened, ["gong"], ["remi"])
@@ -275,7 +271,7 @@ def test_an_output_that_listens_elsewhere():
     assert str(tie) == "gong cannot be frozen without bell: both listen to one module"
 
 
-def test_refusals_by_the_commands(folder: Path, capsys: Capture):
+def test_freeze_and_frozen_options_refusals(folder: Path, capsys: Capture):
     def refused(*asked: str) -> str:
         assert app.run(list(asked)) == 2
         return capsys.readouterr().err
@@ -297,7 +293,7 @@ def test_refusals_by_the_commands(folder: Path, capsys: Capture):
 
 
 @pytest.mark.slow
-def test_what_is_not_of_this_piece_is_refused(folder: Path, capsys: Capture):
+def test_frozen_of_other_seed_rate_or_score_refused(folder: Path, capsys: Capture):
     def refused(*more: str) -> str:
         asked = ["play", "s.yaml", "--audio", "null", "--frozen", "s.frozen", "-q", *more]
         assert app.run(asked) == 2
@@ -333,7 +329,7 @@ def test_what_is_not_of_this_piece_is_refused(folder: Path, capsys: Capture):
         {"rate": "NaN?"},
     ],
 )
-def test_manifests_of_strangers(folder: Path, change: dict):
+def test_frozen_manifests_with_hostile_values(folder: Path, change: dict):
     text = frozen("gong")
     Path("s.frozen/frozen.json").write_text(json.dumps(text | change))
     with pytest.raises(exchange.NotFrozenError):
@@ -349,7 +345,7 @@ def test_freeze_refuses_to_overwrite_foreign_files(folder: Path, capsys: Capture
     assert "-f overwrites it" in capsys.readouterr().err
 
 
-def test_stems_of_outputs_that_are_not_there(folder: Path):
+def test_frozen_stems_with_unknown_outputs_refused(folder: Path):
     complete = staging.stage(piece(), planned=True)
     for outputs in ([], [complete.simulation.n_out]):
         with pytest.raises(_core.EngineError, match="names no output"):
@@ -369,7 +365,7 @@ def test_stems_of_outputs_that_are_not_there(folder: Path):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals")
-def test_a_hand_plays_the_same_beside_what_is_frozen(folder: Path):
+def test_lockstep_duet_same_beside_frozen_parts(folder: Path):
     """A hand in another process, in lockstep: what it did, felt and heard, to the bit."""
     frozen("gong,sky")
     listened, forces = [], []
@@ -386,7 +382,7 @@ def test_a_hand_plays_the_same_beside_what_is_frozen(folder: Path):
     assert np.array_equal(*forces)
 
 
-def test_reply_says_how_long_a_tail_of_auto_is(folder: Path, capsys: Capture) -> None:
+def test_freeze_dry_run_states_auto_tail_length(folder: Path, capsys: Capture) -> None:
     (folder / "s.yaml").write_text(SCORE.replace("tail: 1s", "tail: auto"))
     assert app.run(["render", "s.yaml", "--freeze", "gong", "-n"]) == 0
     reply = capsys.readouterr()

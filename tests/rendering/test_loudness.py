@@ -31,14 +31,14 @@ def test_loudness_at_any_gain(block):
 
 
 @pytest.mark.parametrize(("asked", "limit"), [(-30.0, None), (-14.0, 0.8), (-45.0, None)])
-def test_a_gain_brings_a_sound_to_a_loudness(asked, limit):
+def test_measured_gain_reaches_loudness(asked, limit):
     frames = 1e-3 * sound()
     measured = MeasuredLevel(Level(loudness=asked, limit=limit), RATE, 2)
     measured.take(frames)
     assert integrated(measured.gain() * frames) == pytest.approx(asked, abs=0.02)
 
 
-def test_peaks_hold_a_loudness_down_where_nothing_limits_them():
+def test_measured_gain_limited_by_peaks():
     frames = 1e-3 * sound()
     frames[RATE] = 0.5
     measured = MeasuredLevel(Level(loudness=-14.0), RATE, 2)
@@ -47,7 +47,7 @@ def test_peaks_hold_a_loudness_down_where_nothing_limits_them():
     assert 20 * math.log10(peak) == pytest.approx(-1.0, abs=0.3)
 
 
-def test_a_short_sound_is_brought_to_its_peak_and_silence_left_alone():
+def test_measured_gain_of_short_sound_and_silence():
     short, silent = (MeasuredLevel(Level(loudness=-20.0), RATE, 1) for _ in range(2))
     tone = 0.1 * np.sin(2 * np.pi * 440 * np.arange(RATE // 5) / RATE)[:, None]
     short.take(tone)
@@ -56,7 +56,7 @@ def test_a_short_sound_is_brought_to_its_peak_and_silence_left_alone():
     assert silent.gain() == 1.0
 
 
-def test_true_peak_of_a_tone_whose_samples_miss_its_crests():
+def test_true_peak_of_tone_between_samples():
     """At a quarter of the rate and 45 degrees samples are 3.01 dB below the crest."""
     tone = np.sin(np.pi / 2 * np.arange(4000) + np.pi / 4) * np.hanning(4000)
     for block in (64, 4000):

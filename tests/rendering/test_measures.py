@@ -14,7 +14,7 @@ def ring(f: float, t60: float, amplitude: float = 1.0) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("f", "t60"), [(110.0, 1.5), (441.3, 0.5), (1234.5, 0.8)])
-def test_a_decaying_tone_with_a_harmonic(f: float, t60: float):
+def test_measures_of_decaying_tone_with_harmonic(f: float, t60: float):
     result = measures((ring(f, t60) + ring(2 * f, t60, 0.3))[:, None], RATE)
     assert result.pitch == pytest.approx(f, rel=2e-3)
     assert result.partial == pytest.approx(f, rel=1e-4)
@@ -23,7 +23,7 @@ def test_a_decaying_tone_with_a_harmonic(f: float, t60: float):
     assert result.centroid == pytest.approx(f * (1 + 2 * 0.09) / 1.09, rel=0.03)
 
 
-def test_two_channels_add_up_and_the_last_blow_counts():
+def test_measures_of_two_channels_and_last_blow():
     twice = np.concatenate([ring(300.0, 0.4), ring(300.0, 0.9)])
     frames = np.stack([twice, 0.5 * twice], axis=1)
     assert measures(frames, RATE).t60 == pytest.approx(0.9, rel=2e-3)
@@ -44,6 +44,6 @@ def test_measures_of_noise_have_no_pitch_and_t60():
     assert cut.pitch == pytest.approx(200.0, rel=2e-3)
 
 
-def test_short_sounds_have_no_pitch():
+def test_measures_of_short_sounds_without_pitch():
     for n in (1, 2, 3, 100, 1700):
         assert measures(np.sin(np.arange(1.0, n + 1))[:, None], RATE).pitch is None

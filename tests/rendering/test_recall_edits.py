@@ -170,7 +170,7 @@ def series() -> st.SearchStrategy[list[tuple[int, int]]]:
 
 @settings(max_examples=4, deadline=None)
 @given(series())
-def test_edited_scores_sound_as_from_scratch(edits: list[tuple[int, int]]) -> None:
+def test_edited_scores_recalled_equal_fresh_render(edits: list[tuple[int, int]]) -> None:
     with pytest.MonkeyPatch.context() as patch:
         check_edits(edits, patch)
 
@@ -178,7 +178,7 @@ def test_edited_scores_sound_as_from_scratch(edits: list[tuple[int, int]]) -> No
 @pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(series())
-def test_many_edited_scores_sound_as_from_scratch(edits: list[tuple[int, int]]) -> None:
+def test_edited_scores_recalled_equal_fresh_render_long(edits: list[tuple[int, int]]) -> None:
     with pytest.MonkeyPatch.context() as patch:
         check_edits(edits, patch)
 
@@ -205,7 +205,7 @@ class Recalled:
     ("edit", "number"),
     [(renamed, 0), (renamed, 1), (reordered, 1), (with_unused, 0), (with_note, 0)],
 )
-def test_an_edit_that_changes_no_island_computes_none(
+def test_edit_without_island_change_computes_nothing(
     edit, number: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     score, recalled = Score(), Recalled(monkeypatch)
@@ -222,9 +222,7 @@ def test_an_edit_that_changes_no_island_computes_none(
 
 
 @pytest.mark.parametrize("number", [0, 1, 3])
-def test_unplayed_note_leaves_the_mix_as_it_is(
-    number: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_unplayed_note_leaves_mix_unchanged(number: int, monkeypatch: pytest.MonkeyPatch) -> None:
     score, recalled = Score(), Recalled(monkeypatch)
     first = rendered(score, monkeypatch)
     n_computed = len(recalled.all)
@@ -236,7 +234,7 @@ def test_unplayed_note_leaves_the_mix_as_it_is(
     assert digest(scratch) == digest(first)
 
 
-def test_unplayed_instrument_that_begins_away_from_rest(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unplayed_instrument_displaced_at_start_recalled(monkeypatch: pytest.MonkeyPatch) -> None:
     """An instrument that nothing plays is no silence if it begins away from its rest."""
     score = Score()
     first = rendered(score, monkeypatch)
@@ -250,7 +248,7 @@ def test_unplayed_instrument_that_begins_away_from_rest(monkeypatch: pytest.Monk
     assert sounds[0] == sounds[1] != digest(first)
 
 
-def test_a_retuned_part_is_computed_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_retuned_part_computed_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     score, recalled = Score(), Recalled(monkeypatch)
     rendered(score, monkeypatch)
     complete = recalled.computed
@@ -261,7 +259,7 @@ def test_a_retuned_part_is_computed_alone(monkeypatch: pytest.MonkeyPatch) -> No
 @pytest.mark.parametrize(
     ("edit", "number"), [(renamed, 1), (reordered, 1), (with_unused, 0), (with_note, 0)]
 )
-def test_an_edit_that_changes_no_island_plans_none(
+def test_edit_without_island_change_reuses_plan(
     edit, number: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     score = Score()
@@ -270,7 +268,7 @@ def test_an_edit_that_changes_no_island_plans_none(
     assert stage_piece(read("a.yaml"), RenderOptions()).stage.is_plan_kept
 
 
-def test_a_known_piece_is_not_computed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_known_piece_excerpts_recalled(monkeypatch: pytest.MonkeyPatch) -> None:
     score, recalled = Score(), Recalled(monkeypatch)
     first = rendered(score, monkeypatch)
     n_computed = len(recalled.all)
@@ -286,7 +284,7 @@ def test_a_known_piece_is_not_computed(monkeypatch: pytest.MonkeyPatch) -> None:
         assert digest(excerpt) == digest(rendered(score, monkeypatch, saved=False, **options))
 
 
-def test_a_known_piece_is_followed_to_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_known_piece_with_auto_tail_recalled(monkeypatch: pytest.MonkeyPatch) -> None:
     recalled = Recalled(monkeypatch)
     text = Score().text().replace("tail: 0.5s", "tail: auto")
     Path("a.yaml").write_text(text)
@@ -300,7 +298,7 @@ def test_a_known_piece_is_followed_to_its_end(monkeypatch: pytest.MonkeyPatch) -
     assert digest(scratch) == digest(first) == digest(again)
 
 
-def test_limited_and_normalised_excerpts_are_those_of_the_whole(
+def test_limited_excerpt_of_recalled_piece(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     master = "mix: {master: {normalise: -1dB, limit: -6dB}}\nrender:"
@@ -322,7 +320,7 @@ _LEVELS = ("normalise: -1dB", "loudness: -45LUFS", "loudness: -12LUFS, limit: -3
 @pytest.mark.parametrize("tail", ["0.5s", "8s", "auto"])
 @pytest.mark.parametrize("level", few(_LEVELS, ("loudness: -45LUFS",)))
 @pytest.mark.parametrize("order", few((0, 1, 2, 3), (0, 3)))
-def test_parts_recall_the_level_of_the_piece(
+def test_excerpts_recall_level_of_piece(
     order: int, level: str, tail: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Whichever of them is rendered first: what it leaves is enough for others, or computed."""
@@ -344,7 +342,7 @@ def test_parts_recall_the_level_of_the_piece(
     assert len(recalled.all) == (2 if is_later else 1)
 
 
-def test_levels_of_instruments_in_a_part_are_recalled(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_excerpt_instrument_levels_recalled(monkeypatch: pytest.MonkeyPatch) -> None:
     """What a part measures, which is computed to the end of the piece, is known of the piece."""
     master = "mix: {master: {loudness: -24LUFS}}\nrender:"
     Path("a.yaml").write_text(Score().text().replace("render:", master))
@@ -360,7 +358,7 @@ def test_levels_of_instruments_in_a_part_are_recalled(monkeypatch: pytest.Monkey
     assert len(recalled.all) == 1
 
 
-def test_what_stands_still_is_faded_as_from_scratch(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_recalled_constant_sound_faded_as_new(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its sound is the same in all stretches, but not what the mix makes of it."""
     still = "  wall: {modules: {w: {SOL: {X0: 1mm}}}, out: {SOX: w}}\n"
     text = "ergon: 1\nrates: {audio: 8kHz}\ninstruments:\n" + still + "render: {tail: 2s}\n"

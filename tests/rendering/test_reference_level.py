@@ -50,13 +50,13 @@ def _in_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ("SOF: {FRO: d}", 1e-2 / (1e-6 * OMEGA)),
     ],
 )
-def test_each_kind_has_a_quantity_at_minus_20_decibels(out: str, amplitude: float) -> None:
+def test_reference_level_of_each_output_kind(out: str, amplitude: float) -> None:
     assert peak(out, amplitude / 4) == pytest.approx(-32.04, abs=0.02)
     assert peak(out, amplitude / 2) == pytest.approx(-26.02, abs=0.02)  # twice is 6 dB louder
     assert peak(out, amplitude) == pytest.approx(-20.0, abs=0.02)
 
 
-def test_a_pressure_has_one_too() -> None:
+def test_reference_level_of_radiated_pressure() -> None:
     """1 Pa: of a disc of 5 cm at 2 m, an acceleration of 2 · 2 m / (1.204 kg/m³ · (5 cm)²)."""
     amplitude = 2 * 2.0 / (1.204 * 0.05**2) / OMEGA**2
     mix = ", route: {from: bell, to: 1, radiate: {distance: 2m, radius: 5cm}}"
@@ -76,7 +76,7 @@ def test_a_pressure_has_one_too() -> None:
         ("{normalise: -3dB}", -3.0),
     ],
 )
-def test_a_master_that_gives_a_level_keeps_its_meaning(master: str, level: float) -> None:
+def test_reference_level_with_explicit_master(master: str, level: float) -> None:
     mix = f", master: {master}" if master else ""
     assert peak("SOX: m", 1e-4, mix) == pytest.approx(level, abs=0.02)
 
@@ -91,7 +91,7 @@ def test_a_master_that_gives_a_level_keeps_its_meaning(master: str, level: float
         ("{normalise: -3dB}", -3.0),
     ],
 )
-def test_floats_are_a_measurement_unless_a_reference_is_written(master: str, level: float) -> None:
+def test_float_render_unscaled_without_reference(master: str, level: float) -> None:
     mix = f", master: {master}" if master else ""
     assert peak("SOX: m", 1e-4, mix, "float") == pytest.approx(level, abs=0.02)
 
@@ -123,7 +123,7 @@ def balance(master: str, bits: str = "24") -> float:
     return 20.0 * math.log10(frames[:RATE].max() / frames[RATE + RATE // 10 :].max())
 
 
-def test_a_master_does_not_change_the_balance() -> None:
+def test_instrument_balance_independent_of_master() -> None:
     usual = balance("")
     for master in (
         *("{gain: 0dB}", "{gain: -9dB}", "{normalise: -1dB}", "{loudness: -26LUFS}"),
@@ -136,17 +136,17 @@ def test_a_master_does_not_change_the_balance() -> None:
     assert balance("{reference: SI, normalise: -1dB}") == pytest.approx(usual - 80.0, abs=0.1)
 
 
-def test_a_sum_with_two_levels_is_refused() -> None:
+def test_master_with_two_levels_is_refused() -> None:
     loaded = load("s.yaml", text="ergon: 1\nmix: {master: {loudness: -20LUFS, normalise: -1dB}}\n")
     assert [one.code for one in loaded.diagnostics] == ["E111"]
 
 
-def test_gains_of_routes_are_relative_to_the_reference() -> None:
+def test_route_gain_relative_to_reference() -> None:
     mix = ", route: {from: bell, to: 1, gain: 6dB}"
     assert peak("SOX: m", 1e-4, mix) == pytest.approx(-14.0, abs=0.02)
 
 
-def test_the_high_pass_is_for_files_of_integers() -> None:
+def test_highpass_default_for_integer_files_only() -> None:
     piece = load("s.yaml", text="ergon: 1\n").piece
     assert piece is not None
     assert [level_of(piece, bits).highpass for bits in (16, 24, "float")] == [8.0, 8.0, None]

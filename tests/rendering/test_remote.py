@@ -132,7 +132,7 @@ def report_values(home: PreparedRender) -> str:
     ("accuracy", "count"),
     few([("{error: -50dB}", 3), ("{method: ca}", 1), ("{method: ca}", 4)], 1),
 )
-def test_the_samples_of_one_machine(accuracy: str, count: int):
+def test_remote_render_equals_local_samples(accuracy: str, count: int):
     score = PIECE.format(accuracy=accuracy)
     first = prepared(score)
     n_frames = first.stage.n_frames
@@ -151,7 +151,7 @@ def test_the_samples_of_one_machine(accuracy: str, count: int):
 
 
 @pytest.mark.parametrize("scene", few(SCENES, ("modes",)))
-def test_every_kind_of_body(scene: str):
+def test_remote_render_of_every_body_kind(scene: str):
     score = text(scene).replace("{late}", "3.9")
     first = prepared(score, draft=False)
     n_frames = min(first.stage.n_frames, 30_000)
@@ -161,7 +161,7 @@ def test_every_kind_of_body(scene: str):
     assert (frames(shared, n_frames) == expected).all()
 
 
-def test_options_of_the_render_go_with_it():
+def test_remote_render_with_seed_rate_and_method():
     score = PIECE.format(accuracy="{error: -50dB}")
     for options in ({"seed": 7, "rate": 22_050.0}, {"draft": True}, {"method": "ca"}):
         first, home = prepared(score, **options), prepared(score, **options)
@@ -172,7 +172,7 @@ def test_options_of_the_render_go_with_it():
         assert (frames(shared, n_frames) == frames(first.stage.simulation, n_frames)).all(), options
 
 
-def test_what_arrived_is_computed_once(tmp_path: Path):
+def test_remote_render_resumes_from_stored_stretches(tmp_path: Path):
     """A render that ends in the middle goes on from there, and by fewer requests."""
     score = PIECE.format(accuracy="{error: -50dB}")
     single = prepared(score)
@@ -190,7 +190,7 @@ def test_what_arrived_is_computed_once(tmp_path: Path):
     assert 0 < again.n_computed < done
 
 
-def test_what_diverges_is_told_as_by_one_machine():
+def test_remote_render_same_divergence_message():
     score = PIECE.format(accuracy="{method: ca}").replace("q: 4e6N/m3", "q: 1e17N/m3")
     score = score.replace("render:", "  b: {to: [bell.m], at: 0.3s, impulse: 10Ns}\nrender:")
     messages = []
@@ -243,7 +243,9 @@ def _a_way_out(job: Job, request: Request) -> None:
         (_a_way_out, "'../evil.yaml' is not a file of this score"),
     ],
 )
-def test_what_differs_is_refused(change: Callable[[Job, Request], None], message: str):
+def test_remote_render_refuses_mismatched_workers(
+    change: Callable[[Job, Request], None], message: str
+):
     home = prepared(PIECE.format(accuracy="{error: -50dB}"))
     job = job_of(home)
     workers = Workers(job, 1)
@@ -259,7 +261,7 @@ def test_what_differs_is_refused(change: Callable[[Job, Request], None], message
         frames(shared, 5000)
 
 
-def test_sounds_of_another_length_are_refused():
+def test_remote_render_refuses_wrong_answer_length():
     home = prepared(PIECE.format(accuracy="{error: -50dB}"))
 
     def cut(request: Request, answer: Answer) -> Answer:
@@ -272,7 +274,7 @@ def test_sounds_of_another_length_are_refused():
         frames(shared, 5000)
 
 
-def test_groups_are_even():
+def test_group_by_cost_balanced_groups():
     costs = [5.0, 3.0, 3.0, 2.0, 2.0, 1.0]
     groups = group_by_cost(costs, 3)
     assert sorted(i for group in groups for i in group) == list(range(6))
@@ -296,7 +298,7 @@ for name in ("tornado.application", "distributed.core", "asyncio"):
 """
 
 
-def test_a_failure_is_told_once_and_not_by_the_logs_of_dask():
+def test_remote_failure_reported_once_without_dask_logs():
     done = subprocess.run([sys.executable, "-c", FAILING], capture_output=True, text=True)
     assert "tcp://127.0.0.1:9: no " in done.stdout
     assert done.stderr == ""

@@ -90,7 +90,7 @@ def quiet(_: int) -> None:
     pass
 
 
-def test_float_writes_physical_values(tmp_path: Path) -> None:
+def test_render_float_file_in_physical_units(tmp_path: Path) -> None:
     path = tmp_path / "x.wav"
     done = render(Stage(), order(path, "float"), quiet)
     data, rate = soundfile.read(path, dtype="float32")
@@ -101,7 +101,7 @@ def test_float_writes_physical_values(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("bits", [16, 24])
-def test_normalised_to_minus_one_decibel(tmp_path: Path, bits) -> None:
+def test_render_normalised_to_minus_one_db(tmp_path: Path, bits) -> None:
     path = tmp_path / "x.wav"
     target = 10 ** (-1 / 20)
     done = render(Stage(), order(path, bits, Level(normalise=target)), quiet)
@@ -113,7 +113,7 @@ def test_normalised_to_minus_one_decibel(tmp_path: Path, bits) -> None:
 
 
 @pytest.mark.parametrize("level", [Level(), Level(normalise=0.5), Level(limit=0.01)])
-def test_blocks_and_threads_change_no_byte(tmp_path: Path, level: Level) -> None:
+def test_render_bytes_with_blocks_and_threads(tmp_path: Path, level: Level) -> None:
     files = []
     for index, (block, threads) in enumerate([(4096, 1), (64, 1), (997, 2), (10_000, 8)]):
         path = tmp_path / f"{index}.wav"
@@ -123,7 +123,7 @@ def test_blocks_and_threads_change_no_byte(tmp_path: Path, level: Level) -> None
 
 
 @pytest.mark.parametrize("level", [Level(), Level(limit=0.01)])
-def test_a_part_is_cut_from_the_whole(tmp_path: Path, level: Level) -> None:
+def test_render_excerpt_equals_full_render_samples(tmp_path: Path, level: Level) -> None:
     complete, part = tmp_path / "whole.wav", tmp_path / "part.wav"
     render(Stage(), order(complete, "float", level), quiet)
     stage = Stage()
@@ -134,7 +134,7 @@ def test_a_part_is_cut_from_the_whole(tmp_path: Path, level: Level) -> None:
     assert stage.simulation.frame <= 5000 + 1000  # not to the end
 
 
-def test_a_limiter_costs_no_time(tmp_path: Path) -> None:
+def test_render_with_limiter_without_delay(tmp_path: Path) -> None:
     path = tmp_path / "x.wav"
     done = render(Stage(), order(path, "float", Level(limit=0.015)), quiet)
     data, _ = soundfile.read(path)
@@ -148,7 +148,7 @@ def test_a_limiter_costs_no_time(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "level", [Level(normalise=0.5), Level(loudness=-30.0), Level(loudness=-9.0, limit=0.4)]
 )
-def test_a_part_has_the_level_of_the_whole_piece(tmp_path: Path, level: Level) -> None:
+def test_render_excerpt_at_level_of_piece(tmp_path: Path, level: Level) -> None:
     class Swelling(Stage):
         """Each part has another level."""
 
@@ -182,7 +182,7 @@ def test_a_part_has_the_level_of_the_whole_piece(tmp_path: Path, level: Level) -
 
 @pytest.mark.parametrize("bits", [24, "float"])
 @pytest.mark.parametrize("level", [Level(normalise=0.5), Level(limit=0.015)])
-def test_stems_add_up_to_the_mix(tmp_path: Path, bits, level: Level) -> None:
+def test_render_stems_sum_to_mix(tmp_path: Path, bits, level: Level) -> None:
     path, folder = tmp_path / "mix.wav", tmp_path / "stems"
     done = render(Stage(), order(path, bits, level, stems=folder), quiet)
     names = [Path(stem.path).name for stem in done.stems]
@@ -194,7 +194,7 @@ def test_stems_add_up_to_the_mix(tmp_path: Path, bits, level: Level) -> None:
     np.testing.assert_allclose(sum(stems), mix, atol=3e-7)
 
 
-def test_stems_never_clip_though_the_mix_cancels(tmp_path: Path) -> None:
+def test_render_stems_unclipped_while_mix_cancels(tmp_path: Path) -> None:
     class Cancelling(Stage):
         def mixer(self, *, highpass: float | None = None, reference: float | None = None) -> Matrix:
             return Matrix([[0.1, 0.0, 0.0], [0.0, 0.0, 0.0]])
@@ -209,7 +209,7 @@ def test_stems_never_clip_though_the_mix_cancels(tmp_path: Path) -> None:
     assert done.stems[0].gain == done.stems[1].gain < done.mix.gain
 
 
-def test_fewer_and_more_channels(tmp_path: Path) -> None:
+def test_render_channel_count_below_and_above_mix(tmp_path: Path) -> None:
     path = tmp_path / "x.wav"
     render(Stage(), order(path, "float", n_channels=2), quiet)
     data, _ = soundfile.read(path)
@@ -223,7 +223,7 @@ def test_fewer_and_more_channels(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("threads", [1, 2])
 @pytest.mark.parametrize("level", [Level(), Level(normalise=0.5)])
-def test_a_failing_part_leaves_no_file(tmp_path: Path, threads: int, level: Level) -> None:
+def test_failing_render_leaves_no_file(tmp_path: Path, threads: int, level: Level) -> None:
     wanted = order(
         tmp_path / "x.wav", 24, level, threads=threads, stems=tmp_path / "stems", block=100
     )
@@ -234,7 +234,7 @@ def test_a_failing_part_leaves_no_file(tmp_path: Path, threads: int, level: Leve
 
 
 @pytest.mark.parametrize("threads", [1, 2])
-def test_ctrl_c_leaves_no_file(tmp_path: Path, threads: int) -> None:
+def test_render_interrupted_leaves_no_file(tmp_path: Path, threads: int) -> None:
     def interrupt(done: int) -> None:
         if done >= 500:
             raise KeyboardInterrupt
@@ -245,7 +245,7 @@ def test_ctrl_c_leaves_no_file(tmp_path: Path, threads: int) -> None:
     assert threading.active_count() == 1
 
 
-def test_a_foreign_file_is_refused_before_any_work(tmp_path: Path) -> None:
+def test_render_refuses_foreign_file_before_work(tmp_path: Path) -> None:
     folder = tmp_path / "stems"
     folder.mkdir()
     soundfile.write(folder / "02_re_mi_2.wav", np.zeros(10), RATE)
@@ -256,13 +256,13 @@ def test_a_foreign_file_is_refused_before_any_work(tmp_path: Path) -> None:
     assert not (tmp_path / "x.wav").exists()
 
 
-def test_routes_hear_of_the_default_highpass(tmp_path: Path) -> None:
+def test_render_passes_default_highpass_to_mixer(tmp_path: Path) -> None:
     stage = Stage()
     render(stage, order(tmp_path / "x.wav", 24, Level(highpass=8.0)), quiet)
     assert stage.highpass == [8.0]
 
 
-def test_silence_is_normalised_to_silence(tmp_path: Path) -> None:
+def test_render_normalised_silence(tmp_path: Path) -> None:
     stage = Stage()
     stage.matrix = ((0.0,) * 3, (0.0,) * 3)
     done = render(stage, order(tmp_path / "x.wav", 24, Level(normalise=0.5)), quiet)
@@ -271,12 +271,12 @@ def test_silence_is_normalised_to_silence(tmp_path: Path) -> None:
     assert read_info(tmp_path / "x.wav").n_frames == N_FRAMES
 
 
-def test_stem_names() -> None:
+def test_stem_paths_of_instrument_names() -> None:
     names = stem_paths(Path("s"), ["ada", "é.x", "../up"], ".wav")
     assert [path.name for path in names] == ["01_ada.wav", "02_é.x.wav", "03_.._up.wav"]
 
 
-def test_a_thread_ahead_keeps_order_and_passes_errors_on() -> None:
+def test_ahead_iterator_order_and_exceptions() -> None:
     assert list(ahead(iter(range(100)))) == list(range(100))
 
     def broken():

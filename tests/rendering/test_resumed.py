@@ -120,7 +120,7 @@ def sound(score: str, monkeypatch: pytest.MonkeyPatch, *, saved: bool, **options
 
 
 @pytest.mark.parametrize("scene", few(SCENES, ("ca2p",)))
-def test_an_edit_recalls_what_it_does_not_change(
+def test_edited_score_recalls_unchanged_stretches(
     scene: str, counted: Counted, monkeypatch: pytest.MonkeyPatch
 ):
     versions = [text(scene), text(scene, last="toss"), text(scene, late=4.1)]
@@ -176,9 +176,7 @@ def test_resumed_render_of_contacts_between_frames(
 
 
 @pytest.mark.slow
-def test_where_in_the_text_a_gesture_stands_does_not_sound(
-    counted: Counted, monkeypatch: pytest.MonkeyPatch
-):
+def test_gesture_definition_order_recalls_all(counted: Counted, monkeypatch: pytest.MonkeyPatch):
     two = """\
 ergon: 1
 accuracy: {error: -40dB}
@@ -205,7 +203,7 @@ render: {tail: 0.5s, bits: float}
     assert edited == again / 2  # all of what remi plays
 
 
-def test_threads_and_blocks_recall_the_same(counted: Counted, monkeypatch: pytest.MonkeyPatch):
+def test_recall_same_with_threads_and_blocks(counted: Counted, monkeypatch: pytest.MonkeyPatch):
     score = text("hardening")
     scratch = sound(score, monkeypatch, saved=False)
     for options in ({"threads": 2}, {"block": 1000}, {"block": 10_000, "threads": 3}):
@@ -215,7 +213,7 @@ def test_threads_and_blocks_recall_the_same(counted: Counted, monkeypatch: pytes
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", few(range(60), range(2)))
-def test_random_scores_sound_as_from_scratch(
+def test_random_scores_recalled_equal_fresh_render(
     seed: int, counted: Counted, monkeypatch: pytest.MonkeyPatch
 ):
     score = random_scores.score(seed)
@@ -249,7 +247,7 @@ ergon.render_to_file("a.yaml", "a.wav")
 
 
 @pytest.mark.parametrize("puts", few(range(1, 40), (1, 30)))
-def test_a_render_that_was_killed_goes_on_where_it_was(
+def test_killed_render_resumes_from_stored_stretches(
     counted: Counted, monkeypatch: pytest.MonkeyPatch, puts: int
 ):
     score = text("hardening")
@@ -262,7 +260,7 @@ def test_a_render_that_was_killed_goes_on_where_it_was(
     assert (counted.recalled[-1] > 0) == (puts > 1)
 
 
-def test_damaged_stretches_are_ignored(tmp_path: Path):
+def test_damaged_stretch_files_ignored(tmp_path: Path):
     store = StretchStore(tmp_path)
     key = "0" * 64
     stretch = Stretch(np.arange(5.0), b"state")
@@ -282,7 +280,7 @@ def test_damaged_stretches_are_ignored(tmp_path: Path):
 
 
 @pytest.mark.slow
-def test_a_folder_that_cannot_be_written_is_no_mistake(
+def test_unwritable_cache_folder_ignored(
     tmp_path: Path, counted: Counted, monkeypatch: pytest.MonkeyPatch
 ):
     (tmp_path / "cache").write_text("a file where the folder would be")
@@ -291,7 +289,7 @@ def test_a_folder_that_cannot_be_written_is_no_mistake(
     assert counted.recalled == [0]
 
 
-def test_the_least_recently_used_go_first(tmp_path: Path):
+def test_stretch_store_evicts_least_recently_used(tmp_path: Path):
     store = StretchStore(tmp_path, n_bytes=1000)
     for index in range(10):
         store.put(f"{index:064}", np.zeros(20), b"")

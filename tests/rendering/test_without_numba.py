@@ -76,14 +76,14 @@ def test_render_without_numba_has_the_same_bytes(
         (BROKEN, "numba is installed, and cannot be loaded: libLLVM.so"),
     ],
 )
-def test_doctor_names_the_absence_of_numba(lack: str, reason: str):
+def test_doctor_reports_missing_numba(lack: str, reason: str):
     done = ergon(lack, "doctor", "--no-audio", "--seconds", "0.1")
     assert done.returncode == 0, done.stderr
     assert f"laws     computed step by step: {reason}" in done.stdout
     assert "pip install numba" in done.stdout
 
 
-def test_machines_for_which_numba_has_wheels():
+def test_numba_requirement_marker_by_platform():
     """The marker in pyproject.toml, by packaging's reading of it (PEP 508)."""
     table = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     (line,) = (text for text in table["project"]["dependencies"] if text.startswith("numba"))

@@ -100,7 +100,7 @@ def steps(division: int, *numbers: int) -> list[int]:
     return [number * SLOTS // division for number in numbers]
 
 
-def test_page_is_what_the_generator_makes() -> None:
+def test_ideas_page_equals_generator_output() -> None:
     committed = (ROOT / "docs/ideas.md").read_text(encoding="utf-8")
     assert committed == ideas.page()  # make docs
 
@@ -120,7 +120,7 @@ def test_idea_has_as_many_characters_as_in_tidal() -> None:
     [("d1", 2), ("a do\n  b c\nend", 12), ("\na\n", 1)],
     ids=["line", "indented", "empty lines around"],
 )
-def test_count(text: str, n: int) -> None:
+def test_ideas_page_character_counts(text: str, n: int) -> None:
     assert ideas.count(text) == n
 
 

@@ -24,7 +24,7 @@ from ergon.repl.session.running import RunningVersion
 from tests.repl.test_journal_hostile import KEYS, SCORE
 
 
-def test_journals_that_begin_at_once_get_a_name_each(tmp_path: Path) -> None:
+def test_journal_names_of_simultaneous_sessions(tmp_path: Path) -> None:
     """Four sessions in one folder: each one begins."""
     begun: list[Path] = []
     failed: list[BaseException] = []
@@ -56,9 +56,7 @@ def test_journals_that_begin_at_once_get_a_name_each(tmp_path: Path) -> None:
     }
 
 
-def test_every_line_comes_to_the_disk_and_nobody_waits_for_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_journal_append_with_slow_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     slow = threading.Event()
     sizes: list[int] = []
 
@@ -79,7 +77,7 @@ def test_every_line_comes_to_the_disk_and_nobody_waits_for_it(
     assert sizes[-1] == (tmp_path / "a.jsonl").stat().st_size
 
 
-def test_a_disk_that_fails_is_told_and_the_music_goes_on(
+def test_journal_failure_message_after_disk_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tried = threading.Event()
@@ -189,7 +187,9 @@ def test_replay_warning_for_journal_gap(tmp_path: Path) -> None:
     assert "not all in it" in warning
 
 
-def test_a_journal_is_a_file_of_a_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_read_journal_of_irregular_and_huge_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     os.mkfifo(tmp_path / "pipe.jsonl")
     (tmp_path / "folder.jsonl").mkdir()
     for name in ("pipe.jsonl", "folder.jsonl"):
@@ -212,7 +212,7 @@ def test_a_journal_is_a_file_of_a_size(tmp_path: Path, monkeypatch: pytest.Monke
         read_journal(deep)
 
 
-def test_lines_that_only_look_or_write_do_nothing_again(tmp_path: Path) -> None:
+def test_replay_of_save_keep_and_py_lines(tmp_path: Path) -> None:
     """`save`, `keep` and `py` in a journal are no deeds of whoever reads it."""
     (tmp_path / "keys.yaml").write_text(KEYS)
     with closing(Stepped(SCORE, tmp_path)) as stepped:
@@ -235,7 +235,7 @@ def test_lines_that_only_look_or_write_do_nothing_again(tmp_path: Path) -> None:
     assert sorted(tmp_path.iterdir()) == before
 
 
-def test_the_end_stands_below_a_line_that_takes_effect_while_the_engine_closes(
+def test_journal_end_after_commit_during_close(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "keys.yaml").write_text(KEYS)
@@ -251,7 +251,7 @@ def test_the_end_stands_below_a_line_that_takes_effect_while_the_engine_closes(
     assert end.get("frame", int) >= commit.get("frame", int)
 
 
-def test_a_line_takes_over_at_its_own_frame_where_the_timeline_is_extended_too(
+def test_replay_takeover_frame_with_extended_timeline(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A session beside a real hand extends its timeline at other frames than its render does."""
@@ -286,7 +286,7 @@ def test_a_line_takes_over_at_its_own_frame_where_the_timeline_is_extended_too(
     assert [start for start, number in taken if number == commits[1]["number"]] == extended[-1:]
 
 
-def test_a_tempo_whose_bar_the_piece_has_jumped_over_lets_it_go_on_from_where_it_is(
+def test_tempo_at_bar_passed_by_a_jump(
     tmp_path: Path,
 ) -> None:
     """It went to bar 239 before: its seconds were counted anew from the beginning."""
@@ -315,9 +315,7 @@ def test_a_tempo_whose_bar_the_piece_has_jumped_over_lets_it_go_on_from_where_it
         ("leo plays knock every 1 in 4", "remove leo in 1"),
     ],
 )
-def test_a_name_is_not_taken_from_a_line_that_waits_for_later(
-    tmp_path: Path, waits: str, takes: str
-) -> None:
+def test_name_of_a_waiting_line_is_refused(tmp_path: Path, waits: str, takes: str) -> None:
     """A render reads the lines in the order in which they take effect."""
     two = BELL.replace("players:\n", "players:\n  leo: {hand: virtual, key: k2}\n").replace(
         "instruments:\n", "  k2: {like: k1}\ninstruments:\n"

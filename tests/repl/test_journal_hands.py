@@ -183,7 +183,7 @@ def sound(path: Path) -> np.ndarray:
     return frames
 
 
-def test_a_render_plays_hands_jumps_panics_and_a_device_that_was_lost(tmp_path: Path):
+def test_render_of_hands_jumps_panics_and_lost_device(tmp_path: Path):
     with playing(tmp_path) as player_session:
         player_session.run(0.3)
         player_session.ok("play")
@@ -264,7 +264,7 @@ def written(folder: Path, events: list[dict]) -> None:
     (folder / "session.jsonl").write_text(text, encoding="utf-8")
 
 
-def test_a_score_without_the_player_of_a_device_is_refused_by_a_sentence(tmp_path: Path):
+def test_load_without_player_of_a_device_is_refused(tmp_path: Path):
     """It was an internal error; what plays goes on."""
     (tmp_path / "other.yaml").write_text(SCORE.replace("remi", "ines"), encoding="utf-8")
     with playing(tmp_path) as player_session:
@@ -276,7 +276,7 @@ def test_a_score_without_the_player_of_a_device_is_refused_by_a_sentence(tmp_pat
         player_session.run(0.2)
 
 
-def test_the_journal_names_device_key_and_frame_of_each_hand(short: Path, tmp_path: Path):
+def test_journal_fields_of_real_hands(short: Path, tmp_path: Path):
     first = copied(short, tmp_path)[0]
     assert first["take"] == "session.take"
     hands = [(h["player"], h["key"], h["axis"], h["start"]) for h in first["hands"]]
@@ -284,7 +284,7 @@ def test_the_journal_names_device_key_and_frame_of_each_hand(short: Path, tmp_pa
     assert len({hand["device"] for hand in first["hands"]}) == 2
 
 
-def test_a_missing_recording_is_refused_by_name(short: Path, tmp_path: Path):
+def test_render_without_recording_is_refused(short: Path, tmp_path: Path):
     copied(short, tmp_path)
     (tmp_path / "session.take").unlink()
     done = rendered(tmp_path)
@@ -297,7 +297,7 @@ def test_a_missing_recording_is_refused_by_name(short: Path, tmp_path: Path):
 @pytest.mark.parametrize(
     "name", few(["../session.take", "/dev/zero", "a/b.take", "score.yaml", ""], 2)
 )
-def test_a_recording_elsewhere_is_refused(short: Path, tmp_path: Path, name: str):
+def test_render_with_recording_elsewhere_is_refused(short: Path, tmp_path: Path, name: str):
     events = copied(short, tmp_path)
     events[0]["take"] = name
     written(tmp_path, events)
@@ -307,7 +307,7 @@ def test_a_recording_elsewhere_is_refused(short: Path, tmp_path: Path, name: str
     assert "line 1" in done.stderr
 
 
-def test_a_recording_of_other_hands_is_refused(short: Path, tmp_path: Path):
+def test_render_with_recording_of_other_hands_is_refused(short: Path, tmp_path: Path):
     events = copied(short, tmp_path)
     del events[0]["hands"][1]
     written(tmp_path, events)
@@ -316,7 +316,7 @@ def test_a_recording_of_other_hands_is_refused(short: Path, tmp_path: Path):
     assert "does not record remi of this session" in done.stderr
 
 
-def test_what_was_cut_is_not_called_whole(short: Path, tmp_path: Path):
+def test_render_of_cut_journal_and_recording(short: Path, tmp_path: Path):
     events = copied(short, tmp_path)
     written(tmp_path, events[:-1])
     take = tmp_path / "session.take"
@@ -342,7 +342,9 @@ def test_what_was_cut_is_not_called_whole(short: Path, tmp_path: Path):
         1,
     ),
 )
-def test_silences_that_cannot_be_are_refused(short: Path, tmp_path: Path, silences: list[dict]):
+def test_render_with_impossible_silences_is_refused(
+    short: Path, tmp_path: Path, silences: list[dict]
+):
     events = copied(short, tmp_path)
     events[1:1] = [{"v": 1, "event": "silence", **one} for one in silences]
     written(tmp_path, events)
@@ -351,7 +353,7 @@ def test_silences_that_cannot_be_are_refused(short: Path, tmp_path: Path, silenc
     assert "silences neither overlap" in done.stderr
 
 
-def test_what_one_hand_plays_on_two_instruments_goes_on_to_the_last_bit(tmp_path: Path):
+def test_takeover_of_two_islands_with_one_hand(tmp_path: Path):
     """Two islands begin with the hand's key, and each must take over from itself."""
     text = SCORE.replace("gestures:", "  other: {like: drum, transpose: -4st}\ngestures:", 1)
     path = tmp_path / "score.yaml"

@@ -296,7 +296,7 @@ def test_hostile_journals_write_nothing_and_read_nothing(sandbox: Sandbox) -> No
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("library")
-def test_a_thousand_hostile_journals(sandbox: Sandbox) -> None:
+def test_thousand_hostile_journals_write_and_read_nothing(sandbox: Sandbox) -> None:
     went_on, saves = swarm(sandbox, 2, 1000)
     assert went_on > 100
     assert saves > 100
@@ -339,7 +339,7 @@ def test_replay_of_python_lines(sandbox: Sandbox) -> None:
 
 
 @pytest.mark.parametrize("name", ["/", ".", "..", "a/.."])
-def test_the_score_of_a_journal_is_a_file(tmp_path: Path, name: str) -> None:
+def test_read_journal_with_invalid_score_name(tmp_path: Path, name: str) -> None:
     """Otherwise its folder would be the one above the journal's, and takes there were read."""
     folder = tmp_path / "down"
     folder.mkdir()

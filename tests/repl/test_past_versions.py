@@ -22,7 +22,7 @@ def drawn_texts(seed: int, n_texts: int) -> list[str]:
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_texts_of_past_versions_are_given_back(seed):
+def test_past_version_texts_in_random_order(seed):
     texts, store = drawn_texts(seed, 120), PastVersionStore()
     for number, text in enumerate(texts):
         store[number] = PastVersion(number, f"line {number}", Texts("s.yaml", text), Faders(), {})
@@ -60,11 +60,11 @@ def test_rebase_keeps_texts():
         ("same head, tail", "same head! tail", (9, 10, "!")),
     ],
 )
-def test_difference(before, now, expected):
+def test_difference_between_two_texts(before, now, expected):
     assert difference(before, now) == expected
 
 
-def test_many_versions_take_memory_in_proportion_to_their_changes():
+def test_past_version_memory_with_growing_text():
     store, text = PastVersionStore(), "x" * 100_000
     for number in range(640):
         text += f"{number} "

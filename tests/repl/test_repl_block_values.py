@@ -62,7 +62,7 @@ def test_def_with_default_and_with_number(session):
         assert _times(resumed)["d1"] == 5
 
 
-def test_several_values_are_taken_in_their_order_or_by_name(session):
+def test_run_with_values_by_order_or_by_name(session):
     session.ok(
         "def fill what=low n=2:\n"
         "  $step = 1/2\n"
@@ -106,7 +106,7 @@ def test_tick_as_number(session):
 
 @pytest.mark.parametrize("text", ["every 2bar", "every 3", "when bar % 3 == 2", "when beat == 2"])
 @pytest.mark.parametrize("begin", [0.0, 4.0, 5.5])
-def test_count_of_a_trigger_is_the_number_of_its_beats(text, begin):
+def test_trigger_count_equals_number_of_its_beats(text, begin):
     entries = [
         Entry(parse_position("1|1"), 60.0, meter=parse_meter("4/4")),
         Entry(parse_position("5|1"), 90.0, meter=parse_meter("3/4")),
@@ -140,7 +140,7 @@ def test_count_of_a_trigger_is_the_number_of_its_beats(text, begin):
         ("still 3", "takes no value"),
     ],
 )
-def test_invalid_values_are_refused(session, line, why):
+def test_invalid_block_values_are_refused(session, line, why):
     session.ok("def fill n=8: d1 strikes low every 1/4 times $n\ndef still: hush")
     text = session.session.schedule.head.texts.text
     reply = session.type(line)

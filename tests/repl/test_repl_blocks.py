@@ -324,7 +324,7 @@ def test_paste_of_block_and_lines(stepped):
     assert set(head.rules) == {"fill"}
 
 
-def test_words_are_offered(stepped):
+def test_completion_of_block_words(stepped):
     stepped.ok("def fill: ada plays knock")
 
     def offered(line):
@@ -350,7 +350,7 @@ def _all(trigger, tempo, begin, until):
     return result
 
 
-def test_when_a_rule_runs():
+def test_next_beat_of_every_and_when_rules():
     tempo = _tempo("3/4")
     assert _all(parse_every("2bar"), tempo, 4.0, 20.0) == [10.0, 16.0]  # from 2|2
     assert parse_every("2bar").next_beat(tempo, 40.0, 3.0, 9.0) == 4.0  # before it began, in step

@@ -46,7 +46,7 @@ def offered(line: str, cursor: int | None = None) -> list[str]:
         ("ada plays knock \\\n ev", {"every"}),
     ],
 )
-def test_completion_offers_what_could_follow(line: str, some: set[str]):
+def test_complete_offers_expected_words(line: str, some: set[str]):
     result = complete(line, len(line), SCOPE)
     assert some <= {s.text for s in result}
     for suggestion in result:
@@ -55,7 +55,7 @@ def test_completion_offers_what_could_follow(line: str, some: set[str]):
         assert suggestion.text.lower().startswith(line[suggestion.start :].lower())
 
 
-def test_completion_offers_nothing_that_would_be_refused():
+def test_complete_offers_no_refused_words():
     assert offered("ada plays knock every n") == []  # `now` is no length
     assert offered("ada plays knock # ") == []
     assert offered("xyz ") == []
@@ -69,7 +69,7 @@ UNFINISHED = re.compile(
 
 
 @pytest.mark.parametrize("line", [line.split(" #")[0] for line, _ in SESSION + OTHERS])
-def test_what_is_offered_is_taken_or_only_unfinished(line: str):
+def test_complete_offers_only_valid_or_unfinished_lines(line: str):
     for cut in [i for i, character in enumerate(line) if character == " "]:
         head = line[: cut + 1]
         for suggestion in complete(head, len(head), SCOPE):
@@ -87,7 +87,7 @@ def sentence(text: str) -> str:
     return "nothing is missing"
 
 
-def test_completion_looks_at_the_cursor_only():
+def test_completion_uses_words_up_to_cursor():
     assert offered("ada pl knock every 1", 6) == ["plays"]
 
 
@@ -118,6 +118,6 @@ def test_help_names_every_verb_once():
     assert max(map(len, help.overview())) <= 100
 
 
-def test_the_committed_cheat_sheet_is_that_of_the_table():
+def test_cheat_sheet_equals_generated_text():
     committed = (ROOT / "docs/cheat-sheet.md").read_text(encoding="utf-8")
     assert committed == help.cheat_sheet()  # make docs

@@ -39,7 +39,7 @@ def shown(answer: str) -> re.Pattern[str]:
 
 
 @pytest.mark.slow
-def test_the_concert_of_the_page(tmp_path: Path):
+def test_concert_of_repl_page_in_real_terminal(tmp_path: Path):
     page = PAGE.read_text(encoding="utf-8")
     score = re.search(r"<!-- file: concert.yaml -->\n```yaml\n(.*?)```", page, re.DOTALL)
     session = BLOCK.search(page)

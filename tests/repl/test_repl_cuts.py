@@ -62,12 +62,12 @@ def test_cut_sounds_as_its_version(seed: int, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12, 12 + _LONGER))
-def test_cut_sounds_as_its_version_long(seed: int, tmp_path: Path) -> None:
+def test_cut_sounds_as_its_version_many_random_sessions(seed: int, tmp_path: Path) -> None:
     check_random(seed, tmp_path)
 
 
 @pytest.mark.parametrize("act", ACTS)
-def test_gestures_in_flight_go_on_only_in_a_stop(act: Act, stepped: Stepped) -> None:
+def test_cut_keeps_gestures_in_flight_after_stop_only(act: Act, stepped: Stepped) -> None:
     for line in ("play", "ada plays lean every 1 now", "leo plays knock every 1/2 now"):
         stepped.ok(line)
     stepped.run(1.3)

@@ -129,7 +129,7 @@ def test_note_off_after_panic_leaves_nothing_pressed(tmp_path):
 
 
 @pytest.mark.parametrize("line", ["panic", ""])
-def test_heard_note_lasts_a_second(tmp_path, line):
+def test_hear_of_drawn_note_lasts_a_second(tmp_path, line):
     with closing(Stepped(SCORE, tmp_path)) as stepped:
         stepped.ok("hear scales 1")
         assert pressed(stepped, 0.8) == pytest.approx(2.0, rel=2e-2)

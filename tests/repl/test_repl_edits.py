@@ -15,7 +15,7 @@ from tests.support.entries import parse_entry
 
 
 @pytest.mark.parametrize(("path", "span"), SPANS)
-def test_bars_are_kept_as_they_were(path, span):
+def test_keep_of_bars_preserves_gestures_and_tempo(path, span):
     start, stop = span
     texts, piece = opened(path)
     tempo = piece.tempo_map
@@ -83,7 +83,7 @@ BY_HAND = [path for path in SCORES if "\nplayers:" in Path(path).read_text(encod
 
 
 @pytest.mark.parametrize(("path", "number"), crossed(BY_HAND, range(6)))
-def test_a_session_of_edits_is_a_score_at_every_step(path, number):
+def test_random_edits_load_as_score_after_every_line(path, number):
     chance = random.Random(number)
     texts = Texts.read(path)
     is_crlf = number % 2 == 1

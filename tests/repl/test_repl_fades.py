@@ -26,7 +26,7 @@ ROUTED = SCORE + "mix: {channels: 4, route: [{from: bells, to: [1, 2]}]}\n"
     ],
     ids=lambda lines: lines[0],
 )
-def test_nothing_clicks(tmp_path: Path, lines: list[str]) -> None:
+def test_link_route_and_level_edits_do_not_click(tmp_path: Path, lines: list[str]) -> None:
     player_session = Stepped(ROUTED, tmp_path)
     player_session.ok("play")
     player_session.run(0.3)
@@ -45,7 +45,7 @@ def test_nothing_clicks(tmp_path: Path, lines: list[str]) -> None:
     assert max(loud.values()) < 1.5, loud
 
 
-def test_a_route_with_a_delay_does_not_click_when_it_goes(tmp_path: Path) -> None:
+def test_route_change_with_delayed_route_does_not_click(tmp_path: Path) -> None:
     route = "{from: bells, to: [1], radiate: {distance: 3m, radius: 5cm}}"
     text = SCORE.replace("SOX", "SOA") + f"mix: {{channels: 4, route: [{route}]}}\n"
     player_session = Stepped(text, tmp_path)
@@ -59,7 +59,7 @@ def test_a_route_with_a_delay_does_not_click_when_it_goes(tmp_path: Path) -> Non
     assert worst(player_session.sound, position, player_session.rate) < 1.5
 
 
-def test_a_link_that_is_removed_lets_go_in_20_ms_and_is_gone_with_the_next_line(
+def test_removed_link_fades_out_in_20_ms(
     tmp_path: Path,
 ) -> None:
     player_session = Stepped(ROUTED, tmp_path)
@@ -82,7 +82,7 @@ def test_a_link_that_is_removed_lets_go_in_20_ms_and_is_gone_with_the_next_line(
     assert np.array_equal(player_session.again(), player_session.sound)
 
 
-def test_a_link_that_comes_back_while_it_lets_go_goes_on_from_there(tmp_path: Path) -> None:
+def test_undo_of_link_removal_during_its_fade(tmp_path: Path) -> None:
     player_session = Stepped(ROUTED, tmp_path)
     player_session.ok("play")
     player_session.run(0.1)
@@ -98,7 +98,7 @@ def test_a_link_that_comes_back_while_it_lets_go_goes_on_from_there(tmp_path: Pa
     assert np.array_equal(player_session.again(), player_session.sound)
 
 
-def test_what_is_removed_with_an_end_of_it_is_gone_at_once(tmp_path: Path) -> None:
+def test_remove_instrument_during_fade_of_its_link(tmp_path: Path) -> None:
     player_session = Stepped(ROUTED, tmp_path)
     player_session.ok("drum = bells")
     player_session.ok("link bells.a drum.a REF K=90N/m")

@@ -77,7 +77,7 @@ def frozen_now(stepped: Stepped) -> list[str]:
 
 
 @pytest.mark.slow
-def test_a_frozen_part_stands_where_the_score_stands(folder: Path):
+def test_frozen_part_position_after_jumps_and_stop(folder: Path):
     """After `play`, a stop, a jump forward and one back, to the last bit; and in the journal."""
     with closing(opened(folder)) as stepped:
         stepped.run(0.3)
@@ -106,7 +106,7 @@ def test_a_frozen_part_stands_where_the_score_stands(folder: Path):
     assert frozen_now(stepped) == ["gong", "sky"]
 
 
-def test_a_session_with_frozen_parts_sounds_as_one_that_computes_them(folder: Path):
+def test_session_with_frozen_parts_sounds_as_computed(folder: Path):
     listened = []
     for frozen in (None, folder / "score.frozen"):
         with closing(Stepped(SCORE, folder, frozen=frozen, journal=False)) as stepped:
@@ -123,7 +123,7 @@ def test_a_session_with_frozen_parts_sounds_as_one_that_computes_them(folder: Pa
     assert np.any(listened[0][:, 0])
 
 
-def test_lines_about_others_leave_it_frozen(folder: Path):
+def test_lines_about_others_leave_a_part_frozen(folder: Path):
     """The taps get other numbers, names change, the timeline is extended: it sounds on."""
     with closing(opened(folder)) as stepped:
         stepped.ok("play")
@@ -163,7 +163,7 @@ def test_lines_about_others_leave_it_frozen(folder: Path):
         [("set gong.c.f 300Hz", ["sky"]), ("tempo 90", [])],
     ),
 )
-def test_a_line_that_changes_its_sound_computes_it_again(folder: Path, line: str, left: list[str]):
+def test_edit_of_frozen_part_computes_it_live(folder: Path, line: str, left: list[str]):
     with closing(opened(folder)) as stepped:
         stepped.ok("play")
         stepped.run(0.5)
@@ -186,7 +186,7 @@ def test_a_line_that_changes_its_sound_computes_it_again(folder: Path, line: str
     assert np.array_equal(stepped.sound, stepped.again())
 
 
-def test_a_part_that_is_removed_is_no_more(folder: Path):
+def test_reload_without_a_frozen_part(folder: Path):
     with closing(opened(folder)) as stepped:
         stepped.ok("play")
         stepped.run(1.0)
@@ -203,7 +203,7 @@ def test_a_part_that_is_removed_is_no_more(folder: Path):
 # --- resume, reload, journal ----------------------------------------------------------------------
 
 
-def test_a_session_that_is_resumed_finds_its_frozen_parts(folder: Path):
+def test_resumed_session_with_frozen_parts(folder: Path):
     """What the lines before the end left frozen is frozen still, at the bar where it stands."""
     with closing(opened(folder)) as stepped:
         stepped.ok("play")
@@ -220,7 +220,7 @@ def test_a_session_that_is_resumed_finds_its_frozen_parts(folder: Path):
     assert np.array_equal(again.sound, again.again())
 
 
-def test_a_reload_computes_what_the_file_changes(folder: Path):
+def test_reload_of_edited_file_with_frozen_parts(folder: Path):
     with closing(opened(folder)) as stepped:
         stepped.ok("play")
         stepped.run(0.5)
@@ -236,9 +236,7 @@ def test_a_reload_computes_what_the_file_changes(folder: Path):
     assert np.array_equal(stepped.sound, stepped.again())
 
 
-def test_a_journal_refuses_frozen_parts_that_are_missing_or_others(
-    folder: Path, capsys: Capture
-) -> None:
+def test_render_with_missing_or_other_frozen_parts(folder: Path, capsys: Capture) -> None:
     with closing(opened(folder)) as stepped:
         stepped.ok("play")
         stepped.run(1.0)
@@ -271,7 +269,9 @@ def test_a_journal_refuses_frozen_parts_that_are_missing_or_others(
         2,
     ),
 )
-def test_a_forged_journal_is_refused(folder: Path, field: str, value: object, why: str) -> None:
+def test_read_journal_with_forged_frozen_fields(
+    folder: Path, field: str, value: object, why: str
+) -> None:
     with closing(opened(folder)) as stepped:
         stepped.run(0.1)
     path = folder / "session.jsonl"
@@ -316,7 +316,7 @@ def compare_with_journal(name: str, pause: float) -> Comparison:
     return check_heard(played, again, re.findall(r"gaps [0-9]+", output))
 
 
-def test_what_was_heard_is_what_its_journal_renders(folder: Path) -> None:
+def test_journal_of_frozen_session_renders_live_sound(folder: Path) -> None:
     """The command itself: a jump, a stop, a line that computes a part again.
 
     How much is heard between two lines is up to the machine: a busy one gets more time.

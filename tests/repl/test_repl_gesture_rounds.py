@@ -51,7 +51,7 @@ def played(session: Stepped, seconds: float) -> list[Path]:
     return sorted(result)
 
 
-def test_rounds_go_on_counting_and_come_back(session):
+def test_gesture_rounds_after_undo_and_redo(session):
     session.ok("ada plays tap every 1 at 1|1")
     session.ok("play")
     session.run(2.2)
@@ -67,7 +67,7 @@ def test_rounds_go_on_counting_and_come_back(session):
     same(session)
 
 
-def test_rounds_of_a_counted_line_stay_as_many(session):
+def test_gesture_rounds_of_a_counted_line(session):
     session.ok("ada plays tap every 1 times 12 at 1|1")
     session.ok("play")
     session.run(1.2)
@@ -98,7 +98,7 @@ def test_fast_halves_the_gesture_and_the_time_between(session):
         "iter 2",
     ],
 )
-def test_what_is_entered_in_the_middle_is_what_plays_there(tmp_path, do):
+def test_gesture_rounds_with_play_from_middle(tmp_path, do):
     result = []
     for name, start in (("a", "1|1"), ("b", "21|1")):
         (tmp_path / name).mkdir()
@@ -120,7 +120,7 @@ def test_what_is_entered_in_the_middle_is_what_plays_there(tmp_path, do):
     again.close()
 
 
-def test_what_is_saved_plays_the_same(session, tmp_path):
+def test_save_of_gesture_rounds(session, tmp_path):
     session.ok("ada plays tap lean every 1 at 1|1")
     session.ok("play")
     session.run(1.0)
@@ -142,7 +142,7 @@ def test_what_is_saved_plays_the_same(session, tmp_path):
 @pytest.mark.parametrize(
     "do", ["fast 2", "every 2 rev, scale 0.5, degrade 0.4", "slow 2, rev", "iter 2"]
 )
-def test_what_is_kept_plays_as_it_was_played(session, tmp_path, do):
+def test_keep_of_gesture_rounds(session, tmp_path, do):
     session.ok("play")
     session.ok(f"ada plays tap lean every 1/2 do {do}")
     before = played(session, 10.0)
@@ -157,7 +157,7 @@ def test_what_is_kept_plays_as_it_was_played(session, tmp_path, do):
 
 
 @pytest.mark.parametrize("do", ["off 1/8 rev", "every 2 ply 2", "stack rev", "jux rev"])
-def test_a_second_path_on_a_key_is_refused_with_the_reason(session, do):
+def test_gesture_rounds_with_second_path_are_refused(session, do):
     session.ok("ada plays tap every 1")
     reply = session.type(f"ada do {do}")
     assert not reply.taken

@@ -53,7 +53,7 @@ def played_pitch(session: Stepped, begin: float, end: float) -> float:
     return pitch(session.sound[int(begin * rate) : int(end * rate), 0], rate)
 
 
-def test_a_string_glides_in_pitch_and_what_is_saved_glides_too(session, tmp_path):
+def test_pitch_glide_of_string_live_and_saved(session, tmp_path):
     session.ok("play from 1|1")
     session.ok("set bell.s.f A3 over 2bar")
     session.run(8.0)
@@ -104,7 +104,7 @@ NOTES = "bell notes C4 A3 euclid 5 8 impulse 0.1mNs..1mNs"
         ),
     ],
 )
-def test_when_the_timeline_is_extended_changes_no_bit(score, lines, tmp_path, monkeypatch):
+def test_glide_independent_of_timeline_extension(score, lines, tmp_path, monkeypatch):
     """The session looks at its engine whenever it can, and extends its timeline when it looks."""
     sounds = []
     for look in (0.03, 0.06):
@@ -120,7 +120,7 @@ def test_when_the_timeline_is_extended_changes_no_bit(score, lines, tmp_path, mo
     assert np.array_equal(*sounds)
 
 
-def test_a_string_whose_pitch_is_set_does_not_jump(session):
+def test_set_pitch_of_string_does_not_click(session):
     session.ok("play from 1|1")
     session.run(1.0)
     session.ok("set bell.s.f 116Hz now")
@@ -136,7 +136,7 @@ def test_a_string_whose_pitch_is_set_does_not_jump(session):
     assert np.array_equal(session.again(), session.sound)
 
 
-def test_a_factor_is_of_the_value_that_is_reached(session):
+def test_set_factor_applies_to_reached_value(session):
     session.ok("play from 1|1")
     session.ok("set bell.m.f x2 over 1bar")
     session.run(6.0)
@@ -157,7 +157,7 @@ def test_a_factor_is_of_the_value_that_is_reached(session):
     assert np.array_equal(session.again(), session.sound)
 
 
-def test_a_curve_is_typed(session):
+def test_set_of_typed_curve(session):
     session.ok("play from 1|1")
     session.ok("set bell.m.f A3@0 smooth C4@2 line A3@4")
     session.run(1.0)
@@ -185,7 +185,7 @@ def test_glides_of_fixed_fields_are_refused(session, line, why, goes):
     assert session.session.schedule.head.texts == before
 
 
-def test_where_time_stands_a_parameter_glides_and_is_set(session):
+def test_set_with_glide_while_piece_stopped(session):
     session.ok("set bell.m.f x2 over 1bar")
     piece = session.session.schedule.head.piece
     assert not piece.automation
@@ -195,7 +195,7 @@ def test_where_time_stands_a_parameter_glides_and_is_set(session):
     assert glide.stop - glide.start == pytest.approx(2.0)
 
 
-def test_kept_bars_go_on_with_a_glide(session, tmp_path):
+def test_keep_of_bars_within_a_glide(session, tmp_path):
     session.ok("play from 1|1")
     session.ok("ada plays knock every 1")
     session.ok("set bell.m.f A4 over 3bar")

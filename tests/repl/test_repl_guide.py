@@ -117,7 +117,7 @@ def part(folder: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.slow
-def test_a_key_follows_who_leads_it_until_it_is_free(tmp_path: Path):
+def test_guided_key_follows_leader_until_released(tmp_path: Path):
     with led(tmp_path) as single:
         single.ok("play")
         assert single.ok("guide remi ada now").endswith("remi: guided by ada")
@@ -188,7 +188,7 @@ def hands(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
         yield own.session
 
 
-def test_a_key_that_is_gone_is_not_led(tmp_path: Path):
+def test_guide_with_disconnected_key_is_refused(tmp_path: Path):
     with led(tmp_path) as single:
         single.board.leave()
         until(
@@ -199,7 +199,7 @@ def test_a_key_that_is_gone_is_not_led(tmp_path: Path):
 
 
 @pytest.mark.parametrize("is_away", [True, False])
-def test_a_session_that_closes_waits_for_no_board(tmp_path: Path, is_away: bool):
+def test_session_close_without_response_from_board(tmp_path: Path, is_away: bool):
     """It is searched for, or its reply is waited for: for longer than a test lasts."""
     with led(tmp_path) as single:
         if is_away:
@@ -216,7 +216,7 @@ def test_a_session_that_closes_waits_for_no_board(tmp_path: Path, is_away: bool)
         assert is_away or not [said for said in single.session.messages() if "gone" in said]
 
 
-def test_a_path_that_is_made_again_goes_on_where_the_first_went(tmp_path: Path):
+def test_guide_path_recomputed_from_middle(tmp_path: Path):
     path = tmp_path / "score.yaml"
     path.write_text(SCORE, encoding="utf-8")
     piece = piece_of(Texts.read(path))

@@ -106,7 +106,7 @@ def test_stroke_line_with_other_words(session):
     assert _strikes(session) == []
 
 
-def test_stroke_goes_on_in_a_version_that_begins_while_it_lasts(tmp_path):
+def test_hear_stroke_across_change_of_version(tmp_path):
     text = SCORE.replace("f: A4, t60: 50ms", "f: A4, t60: 1s").replace(
         "{impulse: 1mNs..4mNs}", "{impulse: 1mNs..4mNs, lasts: 40ms}"
     )
@@ -287,7 +287,7 @@ def test_phrasing_live_equals_journal(tmp_path):
     assert check_heard(played, again, troubles).equal > 22_050
 
 
-def test_journals_that_number_notes_play_on(session):
+def test_journal_with_numbered_hear_notes(session):
     session.ok("hear bar C4 Bb4")
     session.run(0.2)
     session.close()
@@ -302,7 +302,7 @@ def test_journals_that_number_notes_play_on(session):
     "lines",
     [("hear kick", "play"), ("hear kick", "play", 'd1 = "kick*4"'), ("hear kick", "hear kick p")],
 )
-def test_stroke_is_heard_where_a_version_takes_over(tmp_path, lines):
+def test_hear_stroke_at_frame_of_takeover(tmp_path, lines):
     """A timeline that goes on takes over at the very frame of the stroke."""
     text = "ergon: 1\nuse: [instruments/skins.yaml]\n"
     text += "mix: {channels: 1, route: [{from: kick, to: 1}]}\n"

@@ -26,7 +26,7 @@ def renders_the_same(stepped_session: Stepped) -> None:
     assert np.array_equal(again, stepped_session.sound[: len(again)])
 
 
-def test_undo_takes_back_the_last_that_took_effect(stepped_session: Stepped) -> None:
+def test_undo_in_order_of_effect(stepped_session: Stepped) -> None:
     stepped_session.ok("play")
     stepped_session.run(0.3)
     stepped_session.ok("ada plays knock every 1 at 3|1")
@@ -54,7 +54,7 @@ def test_undo_takes_back_the_last_that_took_effect(stepped_session: Stepped) -> 
     renders_the_same(stepped_session)
 
 
-def test_back_takes_waiting_lines_back_too(stepped_session: Stepped) -> None:
+def test_back_withdraws_waiting_lines(stepped_session: Stepped) -> None:
     stepped_session.ok("play")
     stepped_session.ok("ada plays knock every 1 now")
     stepped_session.run(1.0)
@@ -71,7 +71,7 @@ def test_back_takes_waiting_lines_back_too(stepped_session: Stepped) -> None:
     renders_the_same(stepped_session)
 
 
-def test_a_resumed_session_has_the_history_of_before(stepped_session: Stepped) -> None:
+def test_history_after_resume(stepped_session: Stepped) -> None:
     stepped_session.ok("play")
     for line in ("ada plays knock every 1 now", "set bell.m.t60 2s", "gain bell -6dB", "seed 3"):
         stepped_session.ok(line)
@@ -107,7 +107,7 @@ def test_a_resumed_session_has_the_history_of_before(stepped_session: Stepped) -
         renders_the_same(three)
 
 
-def test_a_line_that_a_panic_dropped_does_not_come_back(stepped_session: Stepped) -> None:
+def test_resume_without_line_dropped_by_panic(stepped_session: Stepped) -> None:
     stepped_session.ok("play")
     stepped_session.run(0.5)
     stepped_session.ok("ada plays knock every 1 at 9|1")
@@ -119,7 +119,7 @@ def test_a_line_that_a_panic_dropped_does_not_come_back(stepped_session: Stepped
         assert two.session.schedule.head.texts.text == text
 
 
-def test_a_jump_loses_no_line_that_waits(stepped_session: Stepped) -> None:
+def test_play_from_keeps_waiting_lines(stepped_session: Stepped) -> None:
     stepped_session.ok("play")
     stepped_session.run(0.5)
     stepped_session.ok("seed 3 at 5|1")

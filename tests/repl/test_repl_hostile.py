@@ -78,7 +78,7 @@ def test_hostile_lines(n_lines: int):
 
 
 @given(st.text(st.characters(codec=None), max_size=80))
-def test_any_text_is_taken_or_refused(text: str):
+def test_random_text_is_taken_or_refused(text: str):
     holds(text)
 
 

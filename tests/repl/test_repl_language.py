@@ -36,7 +36,7 @@ def test_lines_parse_to_their_commands(line: str, command: Command):
 _BASES = (Command, BlockCommand)
 
 
-def test_every_command_is_reached_by_a_line_above():
+def test_parse_examples_cover_every_command():
     asked = {type(command) for _, command in SESSION + OTHERS}
     files = [module for name, module in sys.modules.items() if name.startswith(language.__name__)]
     assert asked == {
@@ -48,14 +48,14 @@ def test_every_command_is_reached_by_a_line_above():
 
 
 @pytest.mark.parametrize("form", verbs.FORMS, ids=lambda form: form.written)
-def test_the_example_of_every_verb_is_taken(form: verbs.Form):
+def test_verb_examples_parse_and_appear_in_help(form: verbs.Form):
     assert isinstance(parsed(form.example.replace("as solo", "as solo-2")), Command)
     text = "\n".join(help.verb_help(form.verb))
     assert form.written in text
     assert form.example in text
 
 
-def test_values_are_kept_as_written_and_where():
+def test_parse_keeps_words_and_their_offsets():
     line = "ada plays knock every 1/2 do scale 0.5, mirror until C  in 2bar"
     words = parsed(line).words
     assert {name: word.text for name, word in words.items()} == {
@@ -79,7 +79,7 @@ def test_values_are_kept_as_written_and_where():
     assert parsed("set bell.m.K 1kN/m now").words["change"].text == "1kN/m"
 
 
-def test_a_pasted_block_is_several_commands():
+def test_parse_of_pasted_block_with_continuations():
     block = """\
 # the second verse
 verse = 0@0 6@1 \\
@@ -97,7 +97,7 @@ ada plays verse every 2 \\
     assert block[times.start : times.end] == "4"
 
 
-def test_a_block_with_one_bad_line_is_refused_and_put_right_whole():
+def test_parse_of_block_with_one_bad_line():
     block = "ada plays knock\nremi plyas lean # or roll\n"
     refusal = refused(block)
     assert block[refusal.offset :].startswith("plyas")
@@ -118,19 +118,19 @@ def test_line_ending_in_a_backslash_is_incomplete():
     assert is_whole("ada plays \\\n knock")
 
 
-def test_a_hash_inside_a_word_begins_no_comment():
+def test_parse_of_hash_inside_a_word():
     assert parsed("set gong.f A#1") == Set("gong.f", pytest.approx(58.27, abs=0.01), None, None)
 
 
 @pytest.mark.parametrize("among", [verbs.VERBS, verbs.SUBJECT_VERBS])
-def test_every_shortest_form_means_one_verb_and_so_does_all_that_is_longer(among: tuple[str, ...]):
+def test_verb_abbreviations_are_unique(among: tuple[str, ...]):
     for verb in among:
         for length in range(len(verbs.SHORTEST[verb]), len(verb) + 1):
             word = verb[:length]  # `pan` is a verb itself, and the beginning of `panic`
             assert verbs.verbs_matching(word, among) == (word if word in among else verb,)
 
 
-def test_a_verb_that_is_added_later_takes_no_short_form_away(monkeypatch: pytest.MonkeyPatch):
+def test_verb_abbreviations_with_added_verb(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(verbs.SHORTEST, "hum", "hum")
     later = (*verbs.VERBS, "hum")
     assert verbs.verbs_matching("hu", later) == ("hush",)

@@ -150,7 +150,7 @@ def test_use_family_beside_other_files(tmp_path: Path, used: str, wanted: str):
         assert piece_of(Texts.read(tmp_path / "score.yaml")).used[-1] == "skins"
 
 
-def test_use_keeps_a_name_that_the_score_has(session: Stepped):
+def test_use_does_not_replace_existing_instrument(session: Stepped):
     session.ok("kick = skins/snare")
     reply = session.ok("use skins")
     assert "kick is not replaced, because the score has it already" in reply.text
@@ -204,7 +204,7 @@ def test_use_file_refused(session: Stepped, line: str, sentence: str):
     assert text(session) == EMPTY
 
 
-def test_use_at_a_beat_before_what_needs_it(session: Stepped):
+def test_use_at_a_beat_before_dependent_line(session: Stepped):
     session.ok("play")
     session.ok("use skins at 2|1")
     session.ok(f"{KICK} at 2|2")
@@ -214,7 +214,7 @@ def test_use_at_a_beat_before_what_needs_it(session: Stepped):
     assert np.array_equal(session.again(), session.sound)
 
 
-def test_reload_keeps_what_use_brought(session: Stepped):
+def test_reload_after_use_of_file(session: Stepped):
     folder = session.journal.parent
     (folder / "mine.yaml").write_text(MINE)
     session.ok("use mine.yaml")
@@ -245,7 +245,7 @@ def test_instruments_lists_routes_and_families(session: Stepped):
     assert len(about) == 6
 
 
-def test_every_instrument_that_ships_says_what_it_is():
+def test_library_instruments_have_descriptions():
     assert {"skins", "bells", "plates"} <= families.library().keys()
     for name, members in families.library().items():
         assert all(member.about for member in members), name
@@ -294,7 +294,7 @@ def test_completion_of_families_and_modules(session: Stepped):
     assert {"kick.f", "kick.skin.", "kick.hammer."} <= set(suggested(session, "set kick."))
 
 
-def test_words_with_levels_bring_their_instruments(session: Stepped):
+def test_rhythm_words_with_levels_add_instruments(session: Stepped):
     session.ok("use skins")
     session.ok('d1 = "~ snare:mf ~ [snare:f snare:p]"')
     session.ok('d2 = "timpani:p(11,16), <tabla:v64 kick:ff>"')
@@ -313,7 +313,7 @@ def test_rename_reaches_words_with_levels(session: Stepped):
     assert np.abs(session.sound).max() > 0.0
 
 
-def test_name_of_instrument_without_verb_is_answered_with_lines(session: Stepped):
+def test_instrument_name_without_verb_suggests_lines(session: Stepped):
     session.ok("use skins")
     answer = session.type("kick").text
     assert """write kick = "kick*4", or kick f""" in answer

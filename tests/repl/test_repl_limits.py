@@ -37,7 +37,7 @@ def stepped(tmp_path):
     stepped.close()
 
 
-def test_line_above_its_limit_is_not_taken(stepped, monkeypatch):
+def test_line_above_step_limit_is_refused(stepped, monkeypatch):
     stepped.ok("play")
     text = stepped.session.schedule.head.texts.text
     monkeypatch.setattr(computing, "LINE_STEPS", 0)
@@ -56,7 +56,7 @@ def test_line_above_its_limit_is_not_taken(stepped, monkeypatch):
     stepped.ok("ada plays knock")
 
 
-def test_line_that_reads_files_has_more(stepped, monkeypatch):
+def test_reload_has_the_step_limit_for_files(stepped, monkeypatch):
     monkeypatch.setattr(computing, "LINE_STEPS", 0)
     stepped.ok("reload")
     stepped.ok("play")
@@ -66,7 +66,7 @@ def test_line_that_reads_files_has_more(stepped, monkeypatch):
     assert "more than 0 million steps" in reply.text
 
 
-def test_steps_of_a_line_are_the_same_each_time(tmp_path):
+def test_line_step_count_is_reproducible(tmp_path):
     """The least limit that suffices is found by halving, twice."""
 
     def least(folder) -> int:
@@ -89,7 +89,7 @@ def test_steps_of_a_line_are_the_same_each_time(tmp_path):
 
 
 @pytest.mark.parametrize("how", ["cancel", "panic"])
-def test_a_line_is_dropped_while_it_is_computed(stepped, monkeypatch, how):
+def test_cancel_and_panic_while_line_is_computed(stepped, monkeypatch, how):
     monkeypatch.setattr(computing, "LINE_STEPS", 1 << 60)
     stepped.ok("play")
     text = stepped.session.schedule.head.texts.text

@@ -74,7 +74,7 @@ def go_on(session: Session, seconds: float) -> None:
 
 
 @pytest.mark.parametrize("is_seen", few([False, True], 1))
-def test_what_was_played_is_what_its_journal_renders(tmp_path: Path, is_seen: bool):
+def test_journal_of_real_engine_renders_live_sound(tmp_path: Path, is_seen: bool):
     """Check 12, over the real engine; the same where pages see it."""
     listened = tmp_path / "heard.wav"
     pages = pages_of(SessionOptions(view=is_seen), Report())
@@ -111,7 +111,7 @@ def test_what_was_played_is_what_its_journal_renders(tmp_path: Path, is_seen: bo
     assert check_heard(played, again, troubles).equal > 2 * 8_000
 
 
-def test_a_piece_begins_at_any_bar(tmp_path: Path):
+def test_play_from_bar_100(tmp_path: Path):
     """The first bars are then before the first frame."""
     with closing(session_on(tmp_path, "null")) as session:
         assert ok(session, "play from 100|1") == "ok from 100|1"
@@ -129,7 +129,7 @@ def test_a_piece_begins_at_any_bar(tmp_path: Path):
         assert beats == pytest.approx([4.0 * (first + i) for i in range(len(beats))], abs=1e-3)
 
 
-def test_a_panic_is_silent_and_forgets(tmp_path: Path):
+def test_panic_silences_and_drops_waiting_lines(tmp_path: Path):
     """Check 10: F12, then release; nothing of what waited comes back."""
     with closing(session_on(tmp_path, "null")) as session:
         ok(session, "play")
@@ -151,7 +151,7 @@ def test_a_panic_is_silent_and_forgets(tmp_path: Path):
         assert "ada" not in dict(session.state().playing)
 
 
-def test_a_score_that_is_saved_in_an_editor_takes_over(tmp_path: Path):
+def test_watch_reloads_score_saved_in_editor(tmp_path: Path):
     with closing(session_on(tmp_path, "null", watches=True)) as session:
         ok(session, "play")
         path = tmp_path / "score.yaml"
@@ -170,7 +170,7 @@ def test_a_score_that_is_saved_in_an_editor_takes_over(tmp_path: Path):
         until(lambda: ("ada", "knock") in session.state().playing, "ada plays")
 
 
-def test_a_journal_restores_what_was_accepted(tmp_path: Path):
+def test_resume_from_cut_journal(tmp_path: Path):
     """Check 15: what had begun, what waited, not what was taken back or undone."""
     with closing(session_on(tmp_path, "null")) as session:
         ok(session, "play")
@@ -197,7 +197,7 @@ def test_a_journal_restores_what_was_accepted(tmp_path: Path):
     "text",
     ["", "no json\n", '{"v": 1, "event": "line"}\n', '{"v": 2, "event": "session"}\n', "[]\n"],
 )
-def test_what_is_no_journal_is_refused(tmp_path: Path, text: str):
+def test_render_and_resume_of_invalid_journal(tmp_path: Path, text: str):
     (tmp_path / "bad.jsonl").write_text(text, encoding="utf-8")
     for command in (["render", "bad.jsonl", "-o", "x.wav"], ["repl", "--resume", "bad.jsonl"]):
         done = forked(command, tmp_path)
@@ -207,7 +207,7 @@ def test_what_is_no_journal_is_refused(tmp_path: Path, text: str):
     assert not (tmp_path / "x.wav").exists()
 
 
-def test_a_real_hand_is_captured_and_played_by_a_written_one(tmp_path: Path):
+def test_record_real_hand_and_replay_it(tmp_path: Path):
     score = SCORE.replace("  leo: {key: k2}\n", "  leo: {hand: live, key: k2}\n")
     (tmp_path / "score.yaml").write_text(score, encoding="utf-8")
     hand = ("--gesture", "0mm@0 (smooth 4mm@1 0mm@2)*300", "--hand", "900N/m")
@@ -279,7 +279,7 @@ def journal(tmp_path_factory: pytest.TempPathFactory) -> str:
         ("end", {"frame": 10**15}),
     ],
 )
-def test_a_hostile_journal_is_refused_by_a_sentence(
+def test_render_of_hostile_journal_is_refused(
     tmp_path: Path, journal: str, event: str, fields: dict
 ):
     """Nobody's journal makes a render fall over, run on, or read another file."""

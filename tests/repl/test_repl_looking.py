@@ -24,13 +24,13 @@ def stepped_session(tmp_path: Path) -> Stepped:
     return stepped
 
 
-def test_rest_names_who_may_rest(stepped_session: Stepped):
+def test_rest_without_player_names_players(stepped_session: Stepped):
     text = stepped_session.type("rest")
     assert not text.taken
     assert "rest ada, rest leo or rest all" in text.text
 
 
-def test_two_taps_set_the_tempo(stepped_session: Stepped, monkeypatch: pytest.MonkeyPatch):
+def test_tap_twice_sets_tempo(stepped_session: Stepped, monkeypatch: pytest.MonkeyPatch):
     now = iter([10.0, 10.5])
     monkeypatch.setattr("ergon.repl.session.session_commands.time.monotonic", lambda: next(now))
     assert stepped_session.ok("tap").text == "tap 1: one more sets the tempo"
@@ -49,7 +49,7 @@ def test_tap_out_of_range(stepped_session: Stepped, monkeypatch: pytest.MonkeyPa
     assert stepped_session.session.schedule.head is before
 
 
-def test_a_parameter_is_shown_as_it_sounds(stepped_session: Stepped):
+def test_show_parameter_under_set_and_automation(stepped_session: Stepped):
     """Lines that wait for their bar do not count, and automation leads it."""
     stepped_session.run(1.0)
     definition = stepped_session.ok("show bell").lines
@@ -71,7 +71,7 @@ def test_a_parameter_is_shown_as_it_sounds(stepped_session: Stepped):
     assert rest.endswith(", by its automation")
 
 
-def test_scope_draws_where_the_key_has_been(stepped_session: Stepped):
+def test_scope_draws_past_key_positions(stepped_session: Stepped):
     stepped_session.ok("ada plays knock every 1 now")
     stepped_session.run(2.2)
     head, *drawing = stepped_session.ok("scope ada").lines
@@ -87,7 +87,7 @@ def test_scope_draws_where_the_key_has_been(stepped_session: Stepped):
     assert not refused.taken
 
 
-def test_what_goes_wrong_is_said_once_and_stands_in_the_state(
+def test_engine_trouble_message_and_state(
     stepped_session: Stepped, monkeypatch: pytest.MonkeyPatch
 ):
     stepped_session.session.messages()
@@ -105,7 +105,7 @@ def test_what_goes_wrong_is_said_once_and_stands_in_the_state(
     assert len([one for one in stepped_session.session.messages() if "gaps 4" in one]) == 1
 
 
-def test_a_take_of_nothing_is_not_written(tmp_path: Path):
+def test_capture_write_without_recorded_samples(tmp_path: Path):
     ticks = np.arange(10, dtype=np.uint64)
     recorded = _core.Recording(44_100.0, 44, [("remi", "k2")], "{}", ticks, np.zeros((10, 1)))
     hands = tmp_path / "session.take"
@@ -119,7 +119,7 @@ def test_a_take_of_nothing_is_not_written(tmp_path: Path):
     assert cut.n_missing == 20
 
 
-def test_two_bars_are_drawn_beat_by_beat(stepped_session: Stepped, monkeypatch: pytest.MonkeyPatch):
+def test_look_draws_two_bars_by_beats(stepped_session: Stepped, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("COLUMNS", "80")
     stepped_session.ok("ada plays knock every 1/2 until 3|1")
     stepped_session.ok("leo plays lean every 4")
@@ -138,7 +138,7 @@ def test_two_bars_are_drawn_beat_by_beat(stepped_session: Stepped, monkeypatch: 
     assert "knoc" in rows[2]
 
 
-def test_what_began_before_the_bar_goes_on(
+def test_look_with_gesture_from_previous_bar(
     stepped_session: Stepped, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setenv("COLUMNS", "30")
@@ -155,7 +155,9 @@ def test_what_began_before_the_bar_goes_on(
     ]
 
 
-def test_rests_of_a_pattern_are_empty(stepped_session: Stepped, monkeypatch: pytest.MonkeyPatch):
+def test_look_draws_rests_of_pattern_empty(
+    stepped_session: Stepped, monkeypatch: pytest.MonkeyPatch
+):
     """They were drawn with the name of the pattern's first gesture."""
     monkeypatch.setenv("COLUMNS", "80")
     stepped_session.ok("ada plays knock ~ (lean knock) ~ every 1")
@@ -166,7 +168,7 @@ def test_rests_of_a_pattern_are_empty(stepped_session: Stepped, monkeypatch: pyt
     )
 
 
-def test_a_key_is_traced_while_it_moves(stepped_session: Stepped):
+def test_scope_of_moving_key_on_and_off(stepped_session: Stepped):
     assert not stepped_session.type("scope ada on").taken  # ada has not moved yet
     stepped_session.ok("ada plays knock every 1 now")
     stepped_session.run(1.0)
@@ -255,7 +257,7 @@ mix: {route: [{from: bars, to: 1}]}
         ),
     ],
 )
-def test_tuning_is_shown(tuning, notes, expected, tmp_path):
+def test_show_tuning_of_score(tuning, notes, expected, tmp_path):
     (tmp_path / "own.scl").write_text("Three\n3\n5/4\n3/2\n2/1\n", encoding="utf-8")
     with closing(Stepped(TUNED % (tuning, notes), tmp_path)) as session:
         assert "\n".join(session.ok("show tuning").lines) == expected
@@ -263,7 +265,7 @@ def test_tuning_is_shown(tuning, notes, expected, tmp_path):
         assert session.ok("? tuning").lines == session.ok("show tuning").lines
 
 
-def test_tuning_of_a_score_without_one_is_shown(stepped_session: Stepped):
+def test_show_tuning_of_score_without_tuning(stepped_session: Stepped):
     (line,) = stepped_session.ok("show tuning").lines
     assert line == "tuning: 12 equal steps to an octave, A4 has 440 Hz, ratios count from C4"
     assert not [line for line in stepped_session.ok("show").lines if line.startswith("tuning")]

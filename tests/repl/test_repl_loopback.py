@@ -24,7 +24,7 @@ def _forced(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(loopback.FORCED, "loopback")
 
 
-def test_session_at_a_port(short_folder: Path):
+def test_session_served_at_a_port(short_folder: Path):
     path = short_folder / "s"
     with serving(path):
         assert stat.S_IMODE(path.stat().st_mode) == 0o600
@@ -58,7 +58,7 @@ def test_client_without_the_key_is_refused(first: bytes, short_folder: Path):
         assert session.lines == []
 
 
-def test_port_that_another_program_has_taken(short_folder: Path):
+def test_connect_to_port_of_another_program(short_folder: Path):
     """What it answers does not hold the second secret."""
     path = short_folder / "s"
     bound, address = loopback.bind(path)
@@ -91,7 +91,7 @@ def _port_of_no_number(path: Path) -> None:
 
 
 @pytest.mark.parametrize("spoil", [_readable_by_others, _cut, _port_of_no_number])
-def test_read_address_of_a_spoilt_file(spoil: Callable[[Path], None], short_folder: Path):
+def test_read_address_of_invalid_file(spoil: Callable[[Path], None], short_folder: Path):
     bound, address = loopback.bind(short_folder / "s")
     bound.close()
     assert loopback.read_address(short_folder / "s") == address
@@ -110,7 +110,7 @@ def test_address_of_a_killed_session_is_replaced(short_folder: Path):
         pass
 
 
-def test_processes_meet_at_a_port(short_folder: Path):
+def test_processes_join_session_at_a_port(short_folder: Path):
     (short_folder / "score.yaml").write_text(SCORE)
     begin = ["repl", "score.yaml", "--socket", "s", "--audio", "null", "--gain", "0dB"]
     done = forked(begin, short_folder, lines="tempo 72\n")

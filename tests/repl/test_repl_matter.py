@@ -28,7 +28,7 @@ from ergon.scores.edits import matter
         (TEMPO, "k2.M"),
     ],
 )
-def test_a_value_is_multiplied_where_it_is_written(path, target):
+def test_set_value_by_factor_edits_one_line(path, target):
     texts, piece = opened(path)
     after = matter.set_value(texts, piece, target, "x1.5")
     new, old = value(piece_of(after), target), value(piece, target)
@@ -41,7 +41,7 @@ def test_a_value_is_multiplied_where_it_is_written(path, target):
     assert sum(len(gone) for gone, _ in changed) <= 1
 
 
-def test_setting_a_value_leaves_other_instruments_unchanged():
+def test_set_value_leaves_other_instruments_unchanged():
     texts, piece = opened(TEMPO)
     after = piece_of(matter.set_value(texts, piece, "high.hammer.M", "9g"))
     assert value(after, "high.hammer.M") == 0.009
@@ -49,7 +49,7 @@ def test_setting_a_value_leaves_other_instruments_unchanged():
 
 
 @pytest.mark.parametrize(("target", "other"), [("bell.m.K", "Z"), ("bell.m.Z", "K")])
-def test_stiffness_takes_the_place_of_a_pitch(target, other):
+def test_set_stiffness_replaces_pitch_and_back(target, other):
     texts, piece = opened(DUET)
     after = matter.set_value(texts, piece, target, "x1")
     fields = {name: value(piece_of(after), f"bell.m.{name}") for name in ("M", "K", "Z", "f")}
@@ -65,14 +65,14 @@ def test_stiffness_takes_the_place_of_a_pitch(target, other):
     assert value(piece_of(back), "bell.m.K") is None
 
 
-def test_a_measured_value_is_what_is_multiplied():
+def test_set_factor_of_measured_key_value():
     texts, piece = opened(DUET)
     measured = value(piece, "k2.M")
     after = piece_of(matter.set_value(texts, piece, "k2.M", "x2"))
     assert value(after, "k2.M") == pytest.approx(2 * measured)
 
 
-def test_under_ca_numbers_stay_numbers():
+def test_set_of_numbers_under_ca():
     text = (
         "ergon: 1\ninstruments:\n  bell:\n    units: ca\n    at: 44100Hz\n    modules:\n"
         "      m: {CEL: {M: 1, K: 0.001, Z: 1e-5}}\n    out: {SOX: m}\n"
@@ -86,13 +86,13 @@ def test_under_ca_numbers_stay_numbers():
 @pytest.mark.parametrize(
     "target", ["bell.K", "bell.q.K", "bell.m.Q", "nix", "k1", "nix.K", "k1.m.K", "bell.m.K.x", ""]
 )
-def test_setting_missing_targets_is_refused(target):
+def test_set_of_missing_target_is_refused(target):
     texts, piece = opened(DUET)
     with pytest.raises(EditError):
         matter.set_value(texts, piece, target, "1")
 
 
-def test_gains_are_those_of_the_routes():
+def test_gain_edit_of_routes_and_master():
     texts, piece = opened(TWO)
     after = piece_of(matter.gain(texts, "tamtam", "-20dB"))
     gains = {(route.part, route.out): route.gain for route in after.mix.routes}

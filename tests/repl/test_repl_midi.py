@@ -36,7 +36,7 @@ def _events(own, name):
     return [row for row in rows if row["event"] == name]
 
 
-def test_a_note_strikes_and_the_journal_renders_to_the_bit(played):
+def test_mapped_note_strikes_and_renders_to_the_bit(played):
     single, port = played
     single.ok("map note C3..C5 bell.m 1mNs..20mNs")
     single.run(0.5)
@@ -164,7 +164,7 @@ def test_note_runs_a_block_and_controller_sets_the_tempo(tmp_path):
         assert np.array_equal(session.again(), session.sound)
 
 
-def test_a_controller_moves_a_parameter_and_a_level(played):
+def test_mapped_controller_moves_parameter_and_level(played):
     single, port = played
     single.ok("map cc 21 bell.m.M 1g..3g")
     single.ok("map cc 7 gain bell -40dB..0dB")
@@ -234,7 +234,7 @@ instruments:
 """
 
 
-def test_notes_of_a_range_strike_one_member_after_the_other(tmp_path):
+def test_map_note_range_to_range_of_members(tmp_path):
     player_session = Stepped(STRING, tmp_path)
     player_session.ok("map note 60..64 string.4..8 1mNs")
     player_session.ok("map note 70 bell 1mNs")
@@ -275,7 +275,7 @@ def test_map_of_impossible_target_is_refused(played, line, why):
     assert why in reply.text
 
 
-def test_a_value_that_the_engine_refuses_is_said_once_and_moves_nothing(played):
+def test_mapped_value_refused_by_engine(played):
     single, port = played
     single.ok("map cc 1 bell.m.f 1Hz..40000Hz")
     single.run(0.1)
@@ -290,7 +290,7 @@ def test_a_value_that_the_engine_refuses_is_said_once_and_moves_nothing(played):
     assert "630.906Hz" in single.session.schedule.head.texts.text
 
 
-def test_a_panic_takes_no_notes(played):
+def test_mapped_notes_during_panic(played):
     single, port = played
     single.ok("map note 60 bell.m 1mNs")
     single.run(0.1)
@@ -315,7 +315,7 @@ def test_a_panic_takes_no_notes(played):
         {"frame": -1},
     ],
 )
-def test_a_forged_strike_is_refused_with_its_place(played, damage):
+def test_forged_strike_in_journal_is_refused(played, damage):
     single, port = played
     single.ok("map note 60 bell.m 1mNs")
     single.run(0.1)
@@ -353,7 +353,7 @@ def test_forged_maps_are_refused(played, row):
         single.again()
 
 
-def test_what_was_struck_live_is_what_its_journal_renders(tmp_path):
+def test_live_strikes_render_to_the_bit(tmp_path):
     """Over the real engine: strikes fall between ticks, and controllers move meanwhile."""
     listened = tmp_path / "heard.wav"
     port = ProcessPort()
@@ -446,7 +446,7 @@ def test_random_sets_with_a_keyboard_render_to_the_bit(tmp_path, seed):
             player_session = Stepped.resumed(player_session.journal)
 
 
-def test_a_strike_during_a_line_is_in_the_journal_before_its_answer(played):
+def test_strike_in_journal_before_reply_of_line(played):
     """A kill after the answer lost it: the journal went on to a frame behind the strike."""
     single, _ = played
     single.ok("map note 60 bell.m 5mNs")
@@ -457,7 +457,7 @@ def test_a_strike_during_a_line_is_in_the_journal_before_its_answer(played):
     single.run(0.1)
 
 
-def test_strikes_are_in_the_journal_while_a_line_is_computed(tmp_path):
+def test_midi_strikes_in_journal_during_long_line(tmp_path):
     """They waited for the end of the line: a kill meanwhile lost all of them, and its commits."""
     with closing(session_on(tmp_path, f"clock:{tmp_path / 'heard.wav'}")) as session:
         assert session.submit("map note 60 bell.m 5mNs now").taken

@@ -22,7 +22,7 @@ STEP = 0.01  # [s] between two looks
 SCORE = SCORE.replace("rates: {audio: 8kHz}\n", "")  # ticks of 1.5 ms, as where one plays
 
 
-def test_a_session_tells_24_clocks_a_beat_where_its_beats_are(tmp_path):
+def test_clock_output_of_24_pulses_per_beat(tmp_path):
     player_session = Stepped(SCORE, tmp_path)
     events = ClockEvents(player_session.session.schedule)
     output: list[tuple[int, bytes]] = []
@@ -130,7 +130,7 @@ def followed(stepped, master, seconds, *, latency=0.03, since=0.2, start=True):
         [(97.3, 0.0)],
     ),
 )
-def test_a_session_follows_within_a_millisecond_a_beat(tmp_path, bpm, jitter):
+def test_clock_follower_error_within_a_millisecond(tmp_path, bpm, jitter):
     player_session = Stepped(SCORE, tmp_path, keeps=False)
     errors, lines = followed(player_session, Master(bpm, jitter=jitter), 30.0)
     assert player_session.session.schedule.running.clock.is_running
@@ -146,7 +146,7 @@ def test_a_session_follows_within_a_millisecond_a_beat(tmp_path, bpm, jitter):
 
 
 @pytest.mark.parametrize("seed", few(range(4), [0]))
-def test_clocks_that_come_late_in_bursts_leave_beats_where_they_are(tmp_path, seed):
+def test_clock_follower_with_late_bursts(tmp_path, seed):
     player_session = Stepped(SCORE, tmp_path, keeps=False)
     master = Master(123.4, jitter=0.0003, stall=0.08, seed=seed)
     errors, _ = followed(player_session, master, 30.0)
@@ -156,7 +156,7 @@ def test_clocks_that_come_late_in_bursts_leave_beats_where_they_are(tmp_path, se
     player_session.close()
 
 
-def test_a_tempo_that_jumps_is_followed_within_ten_beats(tmp_path):
+def test_clock_follower_after_tempo_jump(tmp_path):
     player_session = Stepped(SCORE, tmp_path, keeps=False)
     errors, _ = followed(player_session, Master(lambda beat: 120.0 if beat < 24 else 131.0), 24.0)
     assert np.abs(errors[12:24]).max() < 1e-3
@@ -164,7 +164,7 @@ def test_a_tempo_that_jumps_is_followed_within_ten_beats(tmp_path):
     player_session.close()
 
 
-def test_a_ramp_of_the_master_is_followed(tmp_path):
+def test_clock_follower_during_tempo_ramp(tmp_path):
     player_session = Stepped(SCORE, tmp_path, keeps=False)
     errors, _ = followed(player_session, Master(lambda beat: 110.0 + min(beat, 40.0) * 0.25), 36.0)
     assert np.abs(errors[16:40]).max() < 0.02
@@ -172,7 +172,7 @@ def test_a_ramp_of_the_master_is_followed(tmp_path):
     player_session.close()
 
 
-def test_without_a_start_the_tempo_alone_is_followed(tmp_path):
+def test_clock_follower_without_start_takes_tempo_only(tmp_path):
     player_session = Stepped(SCORE, tmp_path, keeps=False)
     player_session.ok("play")
     player_session.run(0.5)
@@ -182,7 +182,7 @@ def test_without_a_start_the_tempo_alone_is_followed(tmp_path):
     player_session.close()
 
 
-def test_stop_and_continue_are_followed(tmp_path):
+def test_clock_follower_with_stop_and_continue(tmp_path):
     player_session = Stepped(SCORE, tmp_path, keeps=False)
     clock = ClockIn(player_session.session, lambda frame: frame / player_session.rate)
     for data, wanted in (
@@ -201,7 +201,7 @@ def test_stop_and_continue_are_followed(tmp_path):
     player_session.close()
 
 
-def test_a_follower_knows_when_there_is_nothing_to_follow():
+def test_clock_follower_estimate_without_valid_clock():
     follower = ClockFollower()
     assert follower.estimate() is None
     for n in range(30):
@@ -218,7 +218,7 @@ def test_a_follower_knows_when_there_is_nothing_to_follow():
     assert follower.estimate() is None
 
 
-def test_messages_of_every_length_are_read():
+def test_parse_message_of_every_length():
     assert parse_message(b"") is None
     assert parse_message(bytes([0xF8])) is Transport.CLOCK
     assert parse_message(bytes([0xF8, 0])) is None
@@ -226,7 +226,7 @@ def test_messages_of_every_length_are_read():
     assert parse_message(encode_song_position(1e9)).clocks == 0x3FFF * 6
 
 
-def test_a_sender_sends_in_the_order_of_instants_and_never_early():
+def test_timed_sender_order_and_times():
     sender = TimedSender(ECHO)
     now = time.monotonic()
     for after, data in (
@@ -244,7 +244,7 @@ def test_a_sender_sends_in_the_order_of_instants_and_never_early():
     assert sender.next_echo() == b""
 
 
-def test_who_plays_along_is_told_to_stop_at_the_end():
+def test_midi_sender_sends_stop_at_end_of_input():
     sender = subprocess.Popen(
         [sys.executable, "-m", "ergon.live.midi_sender", ECHO],
         stdin=subprocess.PIPE,
@@ -254,12 +254,12 @@ def test_who_plays_along_is_told_to_stop_at_the_end():
     assert [line.split()[1] for line in out.splitlines()[1:]] == [b"f8", b"fc"]
 
 
-def test_a_port_that_does_not_open_is_said():
+def test_timed_sender_with_unknown_port():
     with pytest.raises(MidiError, match="MIDI"):
         TimedSender("no such port")
 
 
-def test_stamps_are_those_of_the_system_and_not_of_a_late_thread():
+def test_midi_stamps_of_system_despite_late_thread():
     chance, stamps = random.Random(3), ArrivalStamps()
     result = []
     for n in range(200):
@@ -270,7 +270,7 @@ def test_stamps_are_those_of_the_system_and_not_of_a_late_thread():
     assert stamps.stamp(0.0208, 500.0) == 500.0  # after a pause of minutes
 
 
-def test_a_port_is_found_by_a_part_of_its_name():
+def test_choose_port_by_part_of_name():
     names = ["Midi Through:Port-0", "nanoKONTROL2 MIDI 1", "nanoKEY2 MIDI 1"]
     assert choose_port("kontrol", names, "input") == 1
     assert choose_port("Midi Through:Port-0", names, "input") == 0

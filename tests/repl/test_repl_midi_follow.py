@@ -71,7 +71,7 @@ def test_parameter_follows_file_as_in_score(session, tmp_path):
         )
 
 
-def test_options_and_undo(session):
+def test_midi_follow_options_and_undo(session):
     session.ok(
         "set bell.m.t60 from tune.mid by pressure C4 range 0.5..2 channel 2 start 1 until 9|1"
     )
@@ -103,7 +103,7 @@ def test_options_and_undo(session):
         ("set bell.m.f from ../tune.mid by cc 1 range 0.5..2", "tune.mid"),
     ],
 )
-def test_mistake_is_refused_in_words(session, line, part):
+def test_midi_follow_mistakes_are_refused(session, line, part):
     reply = session.type(line)
     assert not reply.taken
     assert part in reply.text

@@ -176,7 +176,7 @@ def test_learn_of_note_on_and_off(played):
     assert _is_replayed(session)
 
 
-def test_maps_without_map_are_counted(played):
+def test_maps_counts_messages_without_map(played):
     session, port = played
     session.ok("map cc 21 bell.m.M 1g..3g now")
     session.run(0.1)

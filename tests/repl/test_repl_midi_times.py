@@ -40,7 +40,7 @@ def folder(tmp_path: Path) -> Path:
         ["tempo 90 now", "undo", "nudge 20ms"],
     ],
 )
-def test_sound_with_lines_is_that_of_journal(folder: Path, lines: list[str]) -> None:
+def test_journal_of_lines_on_tempos_of_file(folder: Path, lines: list[str]) -> None:
     session = Stepped(SCORE, folder)
     session.ok("play")
     session.run(0.3)

@@ -157,7 +157,7 @@ def test_without_a_zone_a_channel_moves_all_notes(keyboard):
         "f: A4\n    modules: {a: {CEL: {M: 1g, f: A4, t60: 4s}}, b: {CEL: {M: 9g, f: 3kHz}}}",
     ],
 )
-def test_a_transposition_moves_all_notes(tmp_path, matter):
+def test_transpose_moves_all_notes_of_a_zone(tmp_path, matter):
     text = SCORE.replace("CEL: {M: 1g, f: A4, t60: 4s}", matter)
     if "modules" in matter:
         text = text.replace("{SOX: bar}", "{SOX: a}").replace("strike: {", "strike: {at: a, ")
@@ -177,7 +177,7 @@ def test_a_transposition_moves_all_notes(tmp_path, matter):
         check_journal(session)
 
 
-def test_levels_move_as_a_whole_in_a_zone(keyboard):
+def test_map_pressure_to_gain_in_zone(keyboard):
     session, send = keyboard
     session.ok("map pressure gain bar -40dB..0dB now")
     session.run(0.2)

@@ -72,14 +72,14 @@ def test_notes_are_set_faded_routed_and_struck(stepped_session: Stepped):
     assert np.array_equal(stepped_session.again(), stepped_session.sound)
 
 
-def test_a_note_of_a_route_as_a_whole_is_not_routed_alone(stepped_session: Stepped):
+def test_route_note_of_a_routed_instrument_is_refused(stepped_session: Stepped):
     stepped_session.run(0.2)
     reply = stepped_session.type("route cell.E4 2")
     assert not reply.taken
     assert "routed with all notes of cell" in reply.text
 
 
-def test_a_pattern_of_notes_is_typed(stepped_session: Stepped):
+def test_pattern_of_notes_typed_and_saved_by_keep(stepped_session: Stepped):
     stepped_session.ok("cell notes C4 E4 ~ G#4 every 1/2 impulse 2mNs")
     stepped_session.run(2.5)
     result = [
@@ -94,7 +94,7 @@ def test_a_pattern_of_notes_is_typed(stepped_session: Stepped):
     assert np.array_equal(stepped_session.again(), stepped_session.sound)
 
 
-def test_a_melody_is_rendered_as_it_was_played(stepped_session: Stepped):
+def test_journal_of_melody_with_pitch_glide(stepped_session: Stepped):
     stepped_session.run(4.0)
     stepped_session.ok("set cell.C4.f x1.5 over 1bar")
     stepped_session.run(3.0)

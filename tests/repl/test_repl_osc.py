@@ -68,7 +68,7 @@ def test_requests_are_lines_of_the_journal(tmp_path: Path, listener: Listener): 
     ["py 1", "save x.yaml", "keep 1bar as x", "load score.yaml", "reload", "quit",
      "tempo 99\npy __import__('os').system('true')", "record ada as x"],
 )  # fmt: skip
-def test_what_needs_a_password_is_not_done(tmp_path: Path, listener: Listener, line: str):  # noqa: F811
+def test_osc_line_requiring_password_is_refused(tmp_path: Path, listener: Listener, line: str):  # noqa: F811
     with served(tmp_path) as (_, port):
         listener.say(port, "/ergon/cmd", line)
         answer = listener.until("/ergon/error", "/ergon/reply")[2:]
@@ -89,7 +89,7 @@ def test_wrong_osc_messages_change_no_fader(tmp_path: Path, listener: Listener):
     assert "1 datagrams were not valid OSC and were ignored" in session.messages()
 
 
-def test_beats_and_gestures_are_those_of_the_versions_that_played(tmp_path: Path):
+def test_osc_beats_and_gestures_across_versions(tmp_path: Path):
     player_session = Stepped(SCORE, tmp_path)
     events = SessionEvents(player_session.session.schedule)
     output = []
@@ -125,7 +125,7 @@ def test_beats_and_gestures_are_those_of_the_versions_that_played(tmp_path: Path
     assert len(strikes) == len(set(strikes)) > 6
 
 
-def test_the_command_takes_osc(tmp_path: Path):
+def test_repl_command_with_osc_options(tmp_path: Path):
     import subprocess
 
     from commands import ERGON

@@ -100,7 +100,7 @@ def forces(values: list[tuple[int, str, float]], n_frames: int) -> NDArray[np.fl
     return np.clip(2e-3 * x[1:], -3e-3, 3e-3)
 
 
-def test_values_by_udp_are_reached_and_held_and_the_journal_renders_to_the_bit(
+def test_osc_inputs_by_udp_live_equal_journal(
     session_osc: OscSession,
 ):
     single = session_osc.stepped
@@ -167,7 +167,7 @@ def test_osc_input_refuses_non_finite_values(
     assert not session_osc.stepped.sound[:, 0].any()
 
 
-def test_an_input_that_the_score_lacks_has_no_address(session_osc: OscSession, listener: Listener):  # noqa: F811
+def test_osc_address_of_unknown_input(session_osc: OscSession, listener: Listener):  # noqa: F811
     assert session_osc._osc.place is not None
     listener.say(session_osc._osc.place[1], "/ergon/input/nobody", 1.0)
     listener.say(session_osc._osc.place[1], "/ergon/input/", 1.0)
@@ -189,7 +189,7 @@ class Asked:
         return self.takes
 
 
-def test_of_values_that_come_too_fast_the_latest_acts():
+def test_osc_inputs_rate_limit_with_fast_values():
     asked = Asked()
     for index in range(1000):  # in one second, to two inputs by turns
         asked.now = index / 1000
@@ -203,7 +203,7 @@ def test_of_values_that_come_too_fast_the_latest_acts():
     assert abs(sum(name == "a" for name, _ in asked.received) - len(asked.received) / 2) <= 1
 
 
-def test_a_value_that_finds_no_room_is_told_later():
+def test_osc_input_value_resent_after_full_queue():
     asked = Asked()
     asked.takes = False
     asked.inputs.handler_of("a")([0.5])
@@ -227,7 +227,7 @@ def test_a_value_that_finds_no_room_is_told_later():
         ({"frame": -1}, "must be from 0"),
     ],
 )
-def test_a_forged_value_is_refused_with_its_place(
+def test_forged_input_value_in_journal_is_refused(
     session_osc: OscSession, damage: dict[str, Any], message: str
 ):
     session_osc.stepped.run(0.1)
@@ -280,7 +280,7 @@ def test_journal_renders_live_osc_inputs_to_the_bit(folder: Path, listener: List
     assert check_heard(sound, again, troubles).equal > 44_100
 
 
-def test_a_performance_is_told_at_a_tick(folder: Path, listener: Listener):  # noqa: F811
+def test_osc_inputs_of_play_command_act_at_ticks(folder: Path, listener: Listener):  # noqa: F811
     """`ergon play`: what is heard is what values at the frames of their events make."""
     staged = stage(piece(SCORE), planned=True)
     listened = PlaybackConfig(audio=f"clock:{folder / 'heard.wav'}")

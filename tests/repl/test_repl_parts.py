@@ -11,7 +11,7 @@ from ergon.scores.edits import parts
 from tests.support.entries import parse_entry
 
 
-def test_a_line_goes_on_from_its_beat():
+def test_play_splits_entry_at_beat():
     texts, piece = opened(DUET)
     after = parts.play(texts, piece, "ada", 8.0, parse_entry("roll every 2"))
     assert lines(texts, after) == (
@@ -30,7 +30,7 @@ def test_a_line_goes_on_from_its_beat():
     assert [x for x in new if x[0] >= 8][:3] == [(8 + 2 * i, "roll", ()) for i in range(3)]
 
 
-def test_a_table_stays_a_table():
+def test_play_edits_a_table_of_parts():
     texts, piece = opened(DUET)
     after = parts.play(
         texts, piece, "remi", 8.0, parse_entry("lean every 4 times 2 layer do scale 0.5, mirror")
@@ -56,14 +56,14 @@ def test_a_table_stays_a_table():
         ("tap do jitter 4ms 0.2mm", "{at: 3|1.5, play: tap, do: [jitter 4ms 0.2mm]}"),
     ],
 )
-def test_words_become_fields(words, written):
+def test_play_words_become_entry_fields(words, written):
     texts, piece = opened(TWO)
     after = parts.play(texts, piece, "ada", 8.5, parse_entry(words))
     assert lines(texts, after)[1][-1] == f"- {written}"
     piece_of(after)
 
 
-def test_a_player_without_a_part_gets_one():
+def test_play_for_player_without_part():
     text = Path(TWO).read_text().split("parts:")[0] + "parts:\n  ada:\n"
     texts, piece = opened(TWO, text)
     after = parts.play(texts, piece, "remi", 0.0, parse_entry("tap"))
@@ -94,7 +94,7 @@ def test_transform_changes_gestures_and_keeps_their_times():
     assert ("mirror", "scale", "reverse") in {do[-3:] for _, _, do in begun(piece_of(twice), "ada")}
 
 
-def test_a_gesture_under_way_begins_again_transformed():
+def test_transform_gesture_under_way():
     texts, piece = opened(DUET)
     texts = parts.play(texts, piece, "ada", 4.0, parse_entry("lean"))
     after = parts.transform(texts, piece_of(texts), "ada", 6.0, ["mirror"])
@@ -104,7 +104,7 @@ def test_a_gesture_under_way_begins_again_transformed():
 
 
 @pytest.mark.parametrize(("score", "what"), [(DUET, "lean"), (TWO, "tap")])
-def test_what_begins_just_there_begins_transformed(score, what):
+def test_transform_gesture_beginning_at_beat(score, what):
     texts, piece = opened(score)
     texts = parts.play(texts, piece, "ada", 8.0, parse_entry(f"{what} every 2 times 3 do mirror"))
     once = parts.transform(texts, piece_of(texts), "ada", 8.0, ["scale 0.5"])
@@ -120,7 +120,7 @@ def test_what_begins_just_there_begins_transformed(score, what):
 
 
 @pytest.mark.parametrize(("path", "beat"), crossed(SCORES, [0.0, 6.5, 17.0]))
-def test_rest_leaves_what_has_begun(path, beat):
+def test_rest_keeps_begun_gestures(path, beat):
     texts, piece = opened(path)
     after = parts.rest(texts, piece, None, beat)
     for player in piece.players:
@@ -128,7 +128,7 @@ def test_rest_leaves_what_has_begun(path, beat):
 
 
 @pytest.mark.parametrize("beat", few([0.0, 9.0, 17.0, 40.0], [9.0]))
-def test_after_hush_no_ergon_begins(beat):
+def test_hush_leaves_no_later_ergons(beat):
     for path in SCORES:
         texts, piece = opened(path)
         silent = piece_of(parts.hush(texts, piece, beat))
@@ -152,7 +152,7 @@ def test_after_hush_no_ergon_begins(beat):
             assert min(ends, default=tempo.resolve(strikes.at)) <= beat
 
 
-def test_what_is_saved_has_an_end():
+def test_finish_puts_end_to_endless_entries():
     texts, piece = opened(TWO)
     texts = parts.play(texts, piece, "ada", 8.0, parse_entry("tap every 1"))
     texts = parts.play(texts, piece_of(texts), "remi", 30.0, parse_entry("tap every 1"))
@@ -162,14 +162,14 @@ def test_what_is_saved_has_an_end():
     assert begun(piece_of(after), "remi")[-1][0] == 30.0
 
 
-def test_a_long_session_has_no_last_bar():
+def test_play_after_bar_950():
     texts, piece = opened(TWO)
     position = 950 * 4.0
     after = piece_of(parts.play(texts, piece, "ada", position, parse_entry("tap every 4")))
     assert begun(after, "ada")[-1][0] > position + 4000
 
 
-def test_an_entry_behind_an_alias_is_written_out():
+def test_rest_with_aliased_entry():
     text = (
         Path(TWO)
         .read_text()

@@ -70,7 +70,7 @@ def gestures(session: Stepped, player: str = "ada") -> list[tuple[str, float]]:
         2,
     ),
 )
-def test_a_line_says_what_a_part_says(session, tmp_path, line, row):
+def test_pattern_line_sounds_as_written_part(session, tmp_path, line, row):
     session.ok("play")
     reply = session.ok(line)
     assert reply.text.startswith("ok ")
@@ -88,7 +88,7 @@ def test_a_line_says_what_a_part_says(session, tmp_path, line, row):
     assert np.max(np.abs(result - wanted)) < 1e-9 * np.max(np.abs(wanted))
 
 
-def test_a_pattern_is_undone_and_done_again(session):
+def test_pattern_line_with_undo_and_redo(session):
     session.ok("play")
     session.ok("ada plays knock every 1")
     session.run(4.2)
@@ -116,7 +116,7 @@ def test_a_pattern_is_undone_and_done_again(session):
         1,
     ),
 )
-def test_what_is_entered_in_the_middle_is_what_plays_there(tmp_path, line):
+def test_pattern_with_play_from_middle(tmp_path, line):
     """`play from`, a resumed session and a session from the beginning play the same."""
     result = []
     for name, start in (("a", "1|1"), ("b", "41|1")):
@@ -171,7 +171,7 @@ def test_more_transformations_change_neither_order_nor_chance(tmp_path, line):
     assert result[0] == result[1] != []
 
 
-def test_kept_bars_repeat_the_played_bars(session, tmp_path):
+def test_keep_of_pattern_bars(session, tmp_path):
     session.ok("play")
     session.ok("ada plays choose knock tap lean every 1/2 chance 0.7")
     session.ok("leo plays knock (tap tap) lean euclid 5 8 every 3rd do mirror")
@@ -196,7 +196,7 @@ def test_kept_bars_repeat_the_played_bars(session, tmp_path):
         ]
 
 
-def test_what_is_saved_is_a_score(session, tmp_path):
+def test_save_of_pattern(session, tmp_path):
     session.ok("play")
     session.ok("ada plays walk knock tap every 1/2 swing 0.6 every 2nd do scale 0.5")
     session.run(8.5)
@@ -280,14 +280,14 @@ def sessions(n: int):
 @pytest.mark.slow
 @sessions(4)
 @given(acts=_ACTS)
-def test_a_random_session_is_its_journal(tmp_path_factory, acts):
+def test_journal_of_random_pattern_session(tmp_path_factory, acts):
     typed_and_rendered(tmp_path_factory.mktemp("session"), acts)
 
 
 @pytest.mark.slow
 @sessions(300)
 @given(acts=_ACTS)
-def test_many_random_sessions_are_their_journals(tmp_path_factory, acts):
+def test_journals_of_many_random_pattern_sessions(tmp_path_factory, acts):
     typed_and_rendered(tmp_path_factory.mktemp("session"), acts)
 
 
@@ -332,7 +332,7 @@ def test_strikes_are_typed_replaced_rested_and_rendered(session, tmp_path):
     same(session)
 
 
-def test_strikes_from_the_middle_are_those_of_the_whole(tmp_path):
+def test_strikes_with_play_from_middle(tmp_path):
     """What is played from 9|1 is what a whole piece strikes from there on."""
     listened = []
     for name, start in (("a", "1|1"), ("b", "9|1")):
@@ -384,7 +384,7 @@ def hertz(k: float) -> float:
     return float(np.sqrt(k / 0.002)) / (2 * np.pi)
 
 
-def test_a_parameter_follows_a_pattern_and_is_undone(session, tmp_path):
+def test_automation_pattern_with_undo_and_save(session, tmp_path):
     session.ok("play")
     session.ok("ada plays knock every 1")
     session.ok("set bell.m.f A3 C4 E4 every 1")
@@ -410,7 +410,7 @@ def test_a_parameter_follows_a_pattern_and_is_undone(session, tmp_path):
     same(session)
 
 
-def test_a_swing_starts_and_ends_without_a_jump(session):
+def test_lfo_start_and_end_without_jump(session):
     session.ok("play")
     session.ok("ada plays knock every 1/2")
     session.ok("lfo bell.m.K 0.8..1.2 period 2bar shape sine")
@@ -425,7 +425,7 @@ def test_a_swing_starts_and_ends_without_a_jump(session):
     same(session)
 
 
-def test_what_a_line_does_not_touch_follows_on_to_the_last_bit(tmp_path):
+def test_automation_unchanged_by_unrelated_lines(tmp_path):
     listened = []
     for name in ("a", "b"):
         (tmp_path / name).mkdir()
@@ -451,7 +451,7 @@ def test_what_a_line_does_not_touch_follows_on_to_the_last_bit(tmp_path):
         ["set bell.m.f walk A3.minor every 1/2 chance 0.8"],
     ),
 )
-def test_values_from_the_middle_are_those_of_the_whole(tmp_path, line):
+def test_automation_values_with_play_from_middle(tmp_path, line):
     result = []
     for name in ("a", "b"):
         (tmp_path / name).mkdir()
@@ -468,7 +468,7 @@ def test_values_from_the_middle_are_those_of_the_whole(tmp_path, line):
     assert result[0] == pytest.approx(result[1], rel=1e-9)
 
 
-def test_kept_bars_hold_what_leads_their_parameters(session, tmp_path):
+def test_keep_of_bars_with_automation(session, tmp_path):
     session.ok("play")
     session.ok("ada plays knock every 1")
     session.ok("set bell.m.f A3 C4 E4 every 1")
@@ -539,7 +539,7 @@ def test_wrong_note_lines_give_the_reason(session, line, why):
     assert why in reply.text
 
 
-def test_of_a_pattern_that_has_ended_the_gesture_under_way_is_transformed(tmp_path):
+def test_transform_last_gesture_of_ended_pattern(tmp_path):
     player_session = Stepped(
         SCORE.replace("A, play: knock, every: 1, times: 2", "1|1, play: knock"), tmp_path
     )

@@ -56,7 +56,7 @@ def onsets(sound: np.ndarray, rate: float) -> list[int]:
     return result if len(moved) else []
 
 
-def test_a_phrase_is_defined_played_and_undone(stepped_session):
+def test_phrase_defined_played_transformed_and_rested(stepped_session):
     stepped_session.ok(TUNE)
     piece = stepped_session.session.schedule.head.piece
     assert piece.phrases == ("tune",)
@@ -83,7 +83,7 @@ def test_a_phrase_is_defined_played_and_undone(stepped_session):
     assert np.array_equal(stepped_session.again(), stepped_session.sound)
 
 
-def test_a_phrase_is_redefined_while_it_plays_saved_kept_and_resumed(stepped_session):
+def test_phrase_redefined_saved_renamed_and_resumed(stepped_session):
     stepped_session.ok(TUNE)
     stepped_session.ok("hook strikes tune every 1bar\nada plays knock every 1")
     stepped_session.run(2.2)
@@ -157,7 +157,7 @@ def test_wrong_phrase_lines_change_no_version(stepped_session, line, message):
     assert stepped_session.session.schedule.head.texts.text == text
 
 
-def test_a_phrase_that_strikes_play_is_completed(stepped_session):
+def test_completion_of_phrase_in_strikes_line(stepped_session):
     stepped_session.ok(TUNE)
     offered = [one.text for one in stepped_session.session.complete("hook strikes t", 14)]
     assert "tune" in offered

@@ -16,7 +16,7 @@ from sockets import remote, serving
 from ergon.repl.wire import local_socket
 
 
-def test_the_place_is_its_owners_alone(short_folder: Path):
+def test_default_socket_path_permissions(short_folder: Path):
     result = local_socket.default_path({"XDG_RUNTIME_DIR": str(short_folder)})
     assert result == short_folder / "ergon" / "session.sock"
     assert stat.S_IMODE(result.parent.stat().st_mode) == 0o700
@@ -38,7 +38,7 @@ def test_the_place_is_its_owners_alone(short_folder: Path):
         local_socket.default_path({"XDG_RUNTIME_DIR": str(short_folder)})
 
 
-def test_without_a_runtime_folder_it_lies_in_one_of_the_users_own(
+def test_default_socket_path_without_runtime_folder(
     short_folder: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setattr(tempfile, "tempdir", str(short_folder))
@@ -48,7 +48,7 @@ def test_without_a_runtime_folder_it_lies_in_one_of_the_users_own(
         assert stat.S_IMODE(result.parent.stat().st_mode) == 0o700
 
 
-def test_what_a_killed_process_left_is_taken_over_and_a_file_is_not(short_folder: Path):
+def test_server_socket_over_stale_socket_or_file(short_folder: Path):
     left = socket.socket(socket.AF_UNIX)
     left.bind(str(short_folder / "s"))
     left.close()
@@ -62,7 +62,7 @@ def test_what_a_killed_process_left_is_taken_over_and_a_file_is_not(short_folder
         local_socket.ServerSocket(short_folder / ("x" * 200))
 
 
-def test_another_user_is_not_let_in(short_folder: Path, monkeypatch: pytest.MonkeyPatch):
+def test_connection_of_another_user_is_refused(short_folder: Path, monkeypatch: pytest.MonkeyPatch):
     with serving(short_folder / "s"):
         monkeypatch.setattr(local_socket, "is_same_user", lambda connection: False)
         with socket.socket(socket.AF_UNIX) as stranger:
@@ -83,7 +83,7 @@ def test_another_user_is_not_let_in(short_folder: Path, monkeypatch: pytest.Monk
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can be another user")
-def test_a_process_of_another_user_is_refused_though_it_can_connect(short_folder: Path):
+def test_connection_of_process_of_other_user_is_refused(short_folder: Path):
     with serving(short_folder / "s"):
         short_folder.chmod(0o777)
         (short_folder / "s").chmod(0o777)

@@ -42,7 +42,7 @@ def submitted(folder: Path) -> list[str]:
 # --- through a pipe ------------------------------------------------------------------------------
 
 
-def test_a_script_and_what_it_says(tmp_path: Path):
+def test_script_output_and_submitted_lines(tmp_path: Path):
     done = script(tmp_path, "ada plays lean\nadda\n\nada \\\nplays\ndraw\nada last")
     lines = [line.partition(" > ")[2] or line for line in done.stdout.splitlines()]
     assert lines == [
@@ -70,18 +70,18 @@ def test_a_script_and_what_it_says(tmp_path: Path):
     assert calls(tmp_path)[-1]["what"] == "close"
 
 
-def test_strict_tells_whether_a_line_was_refused(tmp_path: Path):
+def test_strict_option_exit_code_after_refused_line(tmp_path: Path):
     assert script(tmp_path, "ada plays\n", "--strict").returncode == 0
     assert script(tmp_path, "adda\nada plays\n", "--strict").returncode == 1
     assert script(tmp_path, "fail value\n", "--strict").returncode == 1
 
 
-def test_quit_ends_a_script(tmp_path: Path):
+def test_quit_ends_piped_script(tmp_path: Path):
     script(tmp_path, "ada plays\nquit\nada more\n")
     assert submitted(tmp_path) == ["ada plays", "quit"]
 
 
-def test_messages_arrive_while_no_line_runs(tmp_path: Path):
+def test_piped_session_prints_messages_while_idle(tmp_path: Path):
     with subprocess.Popen(
         [*SESSION, str(tmp_path / "log")], stdin=subprocess.PIPE, stdout=subprocess.PIPE
     ) as process:
@@ -97,7 +97,7 @@ def test_messages_arrive_while_no_line_runs(tmp_path: Path):
         assert process.wait(PATIENCE) == 0
 
 
-def test_bytes_that_are_no_text(tmp_path: Path):
+def test_script_with_invalid_utf8_and_huge_line(tmp_path: Path):
     done = script(
         tmp_path, b"ada \xff\xfe\x00\x1b[2J\xed\xa0\x80\n" + b"x" * 1_000_000 + b"\nada b\n"
     )
@@ -110,7 +110,7 @@ def test_bytes_that_are_no_text(tmp_path: Path):
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_a_signal_closes_the_session(tmp_path: Path, number: signal.Signals):
+def test_signal_closes_piped_session(tmp_path: Path, number: signal.Signals):
     with subprocess.Popen(
         [*SESSION, str(tmp_path / "log")], stdin=subprocess.PIPE, stdout=subprocess.PIPE
     ) as process:
@@ -125,7 +125,7 @@ def test_a_signal_closes_the_session(tmp_path: Path, number: signal.Signals):
 
 
 @pytest.mark.parametrize("how", ["--plain", "dumb"])
-def test_a_plain_terminal_draws_nothing(tmp_path: Path, how: str):
+def test_plain_terminal_output_without_escapes(tmp_path: Path, how: str):
     options = [how] if how.startswith("-") else []
     environment = {} if options else {"TERM": how}
     with Terminal([*SESSION, str(tmp_path / "log"), *options], **environment) as terminal:
@@ -157,7 +157,7 @@ def test_a_plain_terminal_draws_nothing(tmp_path: Path, how: str):
     assert b"\x1b" not in terminal.output
 
 
-def test_a_plain_terminal_hears_f12_with_the_line_and_ctrl_d(tmp_path: Path):
+def test_plain_terminal_with_f12_and_ctrl_d(tmp_path: Path):
     with Terminal([*SESSION, str(tmp_path / "log"), "--plain"]) as terminal:
         terminal.sees(" >")
         terminal.type(F12 + ENTER)
@@ -171,7 +171,7 @@ def test_a_plain_terminal_hears_f12_with_the_line_and_ctrl_d(tmp_path: Path):
 # --- without one ---------------------------------------------------------------------------------
 
 
-def test_messages_at_a_pace_that_can_be_read():
+def test_message_throttle_rate_and_folding():
     folded = MessageThrottle()
     folded.add(["first"] * 3)
     assert folded.pop_due(0.0) == ["first … 2 more like it"]
@@ -192,14 +192,14 @@ def test_messages_at_a_pace_that_can_be_read():
     )
 
 
-def test_throttled_messages_are_printed_with_their_count():
+def test_message_throttle_prints_counts_in_pipe():
     folded = MessageThrottle()
     folded.add(["one", "two", "two"])
     assert folded.pop_all() == ["one", "two … 1 more like it"]
     assert folded.pop_all() == []
 
 
-def test_the_status_line_shortens_what_plays_first():
+def test_status_line_shortened_to_width():
     state = State(
         bar=12,
         beat=4.99,
@@ -224,7 +224,7 @@ def test_the_status_line_shortens_what_plays_first():
     assert status(State(1, 1.0, 60.0, panicked=True), 80).startswith("PANIC")
 
 
-def test_nothing_that_is_shown_steers_the_terminal():
+def test_shown_text_without_control_characters():
     hostile = "".join(map(chr, range(0x20))) + "\x7f\x9b2J\u202e\ud800 é漢🎻"
     shown = clean(hostile)
     assert set(shown) == set("?\t\n 2Jé漢🎻")
@@ -233,19 +233,19 @@ def test_nothing_that_is_shown_steers_the_terminal():
     assert echo("1|1 > ", "a\nb\x1b") == "1|1 > a\n    . b?"
 
 
-def test_what_is_typed_can_be_written():
+def test_valid_unicode_of_surrogates():
     assert valid_unicode(b"a\xff\xc3".decode("utf-8", "surrogateescape")) == "a\ufffd\ufffd"
     assert valid_unicode("é漢🎻") == "é漢🎻"
     valid_unicode("\ud800 \udcff").encode()
 
 
-def test_where_the_history_lies(tmp_path: Path):
+def test_history_path_of_user(tmp_path: Path):
     assert history_of_user({"XDG_STATE_HOME": str(tmp_path)}) == tmp_path / "ergon" / "history"
     ours = Path.home() / ".local" / "state" / "ergon" / "history"
     assert history_of_user({"XDG_STATE_HOME": "not/absolute"}) == history_of_user({}) == ours
 
 
-def test_a_history_is_its_owners_and_holds_no_pastes(tmp_path: Path):
+def test_history_file_permissions_and_content(tmp_path: Path):
     path = tmp_path / "ergon" / "history"
     old = os.umask(0)
     try:

@@ -74,7 +74,7 @@ def home_stage(short_folder: Path) -> Iterator[Stage]:
         yield stage
 
 
-def test_two_prompts_share_a_session(home_stage: Stage):
+def test_prompts_of_two_terminals_share_a_session(home_stage: Stage):
     with home_stage.begins() as first, home_stage.prompt() as two:
         two.sees("joined")
         two.sees("1|1 >")
@@ -92,7 +92,7 @@ def test_two_prompts_share_a_session(home_stage: Stage):
     assert home_stage.events("end")
 
 
-def test_a_closed_window_leaves_the_music_on(home_stage: Stage):
+def test_closed_terminal_leaves_engine_running(home_stage: Stage):
     with home_stage.begins() as first:
         first.type("play" + ENTER + "ada plays knock every 1" + ENTER)
         first.sees("ok 2|1 ada")
@@ -114,7 +114,7 @@ def test_a_closed_window_leaves_the_music_on(home_stage: Stage):
     assert home_stage.engine() == engine
 
 
-def test_kill_the_engine_and_resume(home_stage: Stage):
+def test_engine_killed_and_session_resumed(home_stage: Stage):
     with home_stage.begins() as first:
         first.type("play" + ENTER + "ada plays knock every 1" + ENTER)
         first.sees("ok 2|1 ada")
@@ -145,7 +145,7 @@ def test_kill_the_engine_and_resume(home_stage: Stage):
 
 
 @pytest.mark.slow
-def test_why_an_engine_does_not_start(home_stage: Stage):
+def test_engine_start_failure_messages(home_stage: Stage):
     bad = home_stage.folder / "bad.yaml"
     bad.write_text(SCORE.replace("M: 400g", "M: 400h"))
     for words, code, why in (
@@ -167,7 +167,7 @@ def test_why_an_engine_does_not_start(home_stage: Stage):
     assert {path.name for path in home_stage.folder.iterdir()} == {"score.yaml", "bad.yaml"}
 
 
-def test_an_ended_engine_ends_well(home_stage: Stage):
+def test_engine_after_sighup_and_sigterm(home_stage: Stage):
     with home_stage.begins() as first:
         engine = home_stage.engine()
         os.kill(engine, signal.SIGHUP)
@@ -179,7 +179,7 @@ def test_an_ended_engine_ends_well(home_stage: Stage):
         assert home_stage.events("end")
 
 
-def test_the_place_need_not_be_said(home_stage: Stage):
+def test_socket_option_without_path_joins_session(home_stage: Stage):
     (home_stage.folder / "ergon").mkdir(mode=0o700)
     home_stage.socket = home_stage.folder / "ergon" / "session.sock"
 
@@ -207,7 +207,7 @@ def test_the_place_need_not_be_said(home_stage: Stage):
     until(lambda: not home_stage.socket.exists(), "the end of the engine")
 
 
-def test_another_score_does_not_get_into_it(home_stage: Stage):
+def test_repl_with_other_score_at_used_socket(home_stage: Stage):
     with home_stage.begins():
         (home_stage.folder / "other.yaml").write_text(SCORE)
         done = subprocess.run(

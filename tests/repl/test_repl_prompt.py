@@ -63,7 +63,7 @@ def typed_prompt(tmp_path: Path) -> Iterator[Prompt]:
         yield terminal
 
 
-def test_a_line_its_echo_and_its_reply(typed_prompt: Prompt):
+def test_prompt_shows_line_and_reply(typed_prompt: Prompt):
     typed_prompt.type("ada plays lean")
     typed_prompt.typing("> ada plays lean")
     typed_prompt.type(ENTER)
@@ -77,7 +77,7 @@ def test_a_line_its_echo_and_its_reply(typed_prompt: Prompt):
     assert typed_prompt.submitted == ["ada plays lean"]
 
 
-def test_prompt_and_status_line_follow_the_clock_and_stand_still_under_a_line(typed_prompt: Prompt):
+def test_prompt_and_status_line_follow_clock(typed_prompt: Prompt):
     def bar() -> int:
         return int(re.match(r"(\d+)\|", typed_prompt.cursor_line)[1])
 
@@ -94,7 +94,7 @@ def test_prompt_and_status_line_follow_the_clock_and_stand_still_under_a_line(ty
     assert typed_prompt.cursor_line == stands
 
 
-def test_tab_takes_what_a_refusal_suggests(typed_prompt: Prompt):
+def test_tab_inserts_suggestion_of_refusal(typed_prompt: Prompt):
     typed_prompt.enter("adda plays leen", "not taken: unknown verb 'adda plays leen'")
     assert "      try: ada plays lean   [Tab]" in typed_prompt.text
     typed_prompt.is_empty()
@@ -111,7 +111,7 @@ def test_tab_takes_what_a_refusal_suggests(typed_prompt: Prompt):
     typed_prompt.sees("no more ergons")
 
 
-def test_tab_completes_and_says_what_each_does(typed_prompt: Prompt):
+def test_tab_completes_verbs_with_hints(typed_prompt: Prompt):
     typed_prompt.type("pl" + TAB)
     typed_prompt.sees("plays  a player begins")
     typed_prompt.typing("> play")
@@ -140,7 +140,7 @@ def test_ctrl_z_ctrl_s_and_ctrl_q_do_nothing(typed_prompt: Prompt):
     typed_prompt.enter("", "ok 2|1 ada: plays")
 
 
-def test_ctrl_d_leaves_an_empty_line_alone_and_after_all_lines_are_done(typed_prompt: Prompt):
+def test_ctrl_d_on_empty_line_after_pending_lines(typed_prompt: Prompt):
     typed_prompt.type("ada" + CTRL_D + " stays")
     typed_prompt.typing("> ada stays")
     typed_prompt.type(CTRL_C)
@@ -153,7 +153,7 @@ def test_ctrl_d_leaves_an_empty_line_alone_and_after_all_lines_are_done(typed_pr
     assert typed_prompt.text.rstrip().endswith("closed")
 
 
-def test_a_second_ctrl_d_leaves_a_line_that_does_not_end(typed_prompt: Prompt):
+def test_ctrl_d_twice_during_endless_line(typed_prompt: Prompt):
     typed_prompt.type("slow 1000" + ENTER)
     typed_prompt.until(lambda: typed_prompt.submitted, "the line at work")
     typed_prompt.type(CTRL_D + CTRL_D)
@@ -161,14 +161,14 @@ def test_a_second_ctrl_d_leaves_a_line_that_does_not_end(typed_prompt: Prompt):
     assert typed_prompt.count("close") == 1
 
 
-def test_quit_leaves(typed_prompt: Prompt):
+def test_quit_line_ends_prompt(typed_prompt: Prompt):
     typed_prompt.type("quit" + ENTER)
     assert typed_prompt.ends() == 0
     assert "      left" in typed_prompt.text
     assert typed_prompt.count("close") == 1
 
 
-def test_f12_is_heard_while_a_line_is_at_work(typed_prompt: Prompt):
+def test_f12_while_a_line_runs(typed_prompt: Prompt):
     typed_prompt.type("slow 1000" + ENTER)
     typed_prompt.until(lambda: typed_prompt.submitted, "the line at work")
     typed_prompt.type("typing goes on")
@@ -181,7 +181,7 @@ def test_f12_is_heard_while_a_line_is_at_work(typed_prompt: Prompt):
 
 
 @pytest.mark.parametrize("reads", [("\x1b[200~all this", F12), ("\x1b[200~all this" + F12,)])
-def test_f12_is_heard_within_a_paste_that_never_ends(typed_prompt: Prompt, reads: tuple[str, ...]):
+def test_f12_within_unfinished_paste(typed_prompt: Prompt, reads: tuple[str, ...]):
     for typed in reads:
         typed_prompt.look()
         typed_prompt.type(typed)
@@ -190,7 +190,7 @@ def test_f12_is_heard_within_a_paste_that_never_ends(typed_prompt: Prompt, reads
     assert typed_prompt.count("panic") == 1
 
 
-def test_a_pasted_block_is_one_submission(typed_prompt: Prompt):
+def test_pasted_block_is_one_submission(typed_prompt: Prompt):
     typed_prompt.paste("knock = 0@0\r\nada plays knock\nremi rests\n")
     typed_prompt.typing(". remi rests")
     assert typed_prompt.submitted == []
@@ -198,7 +198,7 @@ def test_a_pasted_block_is_one_submission(typed_prompt: Prompt):
     assert typed_prompt.submitted == ["knock = 0@0\nada plays knock\nremi rests"]
 
 
-def test_a_line_that_ends_in_a_backslash_goes_on(typed_prompt: Prompt):
+def test_backslash_at_line_end_continues_line(typed_prompt: Prompt):
     typed_prompt.type("ada plays \\" + ENTER)
     typed_prompt.until(lambda: typed_prompt.cursor_line.endswith(" ."), "a second line")
     assert typed_prompt.submitted == []
@@ -206,7 +206,7 @@ def test_a_line_that_ends_in_a_backslash_goes_on(typed_prompt: Prompt):
     assert typed_prompt.submitted == ["ada plays \\\nknock"]
 
 
-def test_messages_stand_above_a_line_that_is_being_typed(typed_prompt: Prompt):
+def test_messages_printed_above_typed_line(typed_prompt: Prompt):
     typed_prompt.enter("say 1 0.2 the key of remi is gone", "ok, later")
     typed_prompt.type("half a li")
     typed_prompt.typing("half a li")
@@ -219,7 +219,7 @@ def test_messages_stand_above_a_line_that_is_being_typed(typed_prompt: Prompt):
     assert above[-2] == typed_prompt.cursor_line
 
 
-def test_a_flood_of_messages_comes_folded(typed_prompt: Prompt):
+def test_flood_of_messages_is_folded(typed_prompt: Prompt):
     typed_prompt.enter("say 15 0 the same", "the same … 14 more like it")
     typed_prompt.enter("say 25 0 different #", "ok, later")
     typed_prompt.type("half")
@@ -229,19 +229,19 @@ def test_a_flood_of_messages_comes_folded(typed_prompt: Prompt):
     assert typed_prompt.text.count("the same") == 2
 
 
-def test_what_code_prints_stands_above_too(typed_prompt: Prompt):
+def test_prints_of_code_above_typed_line(typed_prompt: Prompt):
     typed_prompt.type("print something")
     typed_prompt.type(ENTER + "half")
     typed_prompt.sees("\nprinted something\n")
     typed_prompt.typing("half")
 
 
-def test_a_drawing_is_shown_as_it_is_and_steers_nothing(typed_prompt: Prompt):
+def test_drawing_with_escapes_is_cleaned(typed_prompt: Prompt):
     typed_prompt.enter("draw", "\n⣀⡠⠤ a drawing\n?[31m of two lines\n")
 
 
 @pytest.mark.parametrize("kind", ["exit", "panic", "value"])
-def test_no_error_of_the_session_ends_the_prompt(typed_prompt: Prompt, kind: str):
+def test_session_errors_do_not_end_prompt(typed_prompt: Prompt, kind: str):
     typed_prompt.enter(f"fail {kind}", "not taken: internal error")
     typed_prompt.type("an unlucky line")
     typed_prompt.sees("internal error: ValueError: no colours")
@@ -250,7 +250,7 @@ def test_no_error_of_the_session_ends_the_prompt(typed_prompt: Prompt, kind: str
     typed_prompt.enter("ada goes on", "ok 2|1 ada: goes on")
 
 
-def test_a_terminal_of_another_size(typed_prompt: Prompt):
+def test_prompt_after_terminal_resize(typed_prompt: Prompt):
     typed_prompt.type("ada plays")
     typed_prompt.typing("ada plays")
     for rows, columns in ((40, 120), (10, 40), (3, 20), (24, 80)):
@@ -260,7 +260,7 @@ def test_a_terminal_of_another_size(typed_prompt: Prompt):
     typed_prompt.enter("", "ok 2|1 ada: plays")
 
 
-def test_lines_of_earlier_sessions(tmp_path: Path):
+def test_prompt_history_of_earlier_sessions(tmp_path: Path):
     history = tmp_path / "state" / "ergon" / "history"
     with prompt(tmp_path, "--history", str(history)) as prompt_shown:
         prompt_shown.enter("ada plays knock", "ok 2|1")
@@ -277,7 +277,7 @@ def test_lines_of_earlier_sessions(tmp_path: Path):
         prompt_shown.typing("> ada plays knock")
 
 
-def test_a_history_that_cannot_be_kept_is_no_error(tmp_path: Path):
+def test_prompt_with_unwritable_history(tmp_path: Path):
     (tmp_path / "file").write_text("")
     with prompt(tmp_path, "--history", str(tmp_path / "file" / "history")) as prompt_shown:
         prompt_shown.enter("ada plays knock", "ok 2|1")
@@ -305,7 +305,7 @@ def garbage(seed: int, count: int) -> list[bytes]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("n_lines", few([20, 200], [20]))
-def test_lines_of_garbage_and_a_paste_of_a_megabyte(typed_prompt: Prompt, n_lines: int):
+def test_prompt_with_garbage_lines_and_megabyte_paste(typed_prompt: Prompt, n_lines: int):
     for number, line in enumerate(garbage(1, n_lines)):
         typed_prompt.type(line)
         if number == n_lines // 2:
@@ -322,12 +322,12 @@ def test_lines_of_garbage_and_a_paste_of_a_megabyte(typed_prompt: Prompt, n_line
     assert typed_prompt.ends() == 0
 
 
-def test_a_terminal_that_is_closed_closes_the_session(typed_prompt: Prompt):
+def test_closed_terminal_closes_session(typed_prompt: Prompt):
     typed_prompt.child.ptyproc.fileobj.close()
     until(lambda: typed_prompt.count("close"), "the end")
 
 
-def test_a_terminal_that_is_closed_while_something_is_printed(typed_prompt: Prompt):
+def test_closed_terminal_during_output_closes_session(typed_prompt: Prompt):
     typed_prompt.enter("say 100 0 different #", "different 2")
     typed_prompt.type("slow 1000" + ENTER)
     typed_prompt.child.ptyproc.fileobj.close()
@@ -335,13 +335,13 @@ def test_a_terminal_that_is_closed_while_something_is_printed(typed_prompt: Prom
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_closes_the_session_and_acts(typed_prompt: Prompt, number: signal.Signals):
+def test_signal_closes_session_with_its_exit_status(typed_prompt: Prompt, number: signal.Signals):
     typed_prompt.child.kill(number)
     assert typed_prompt.ends() == -number
     assert typed_prompt.count("close") == 1
 
 
-def test_the_terminal_is_as_it_was(tmp_path: Path):
+def test_terminal_settings_restored_at_exit(tmp_path: Path):
     code = f"stty -a > before; {sys.executable} {SESSION} log; stty -a > after"
     with Terminal(["/bin/sh", "-c", f"cd {tmp_path}; {code}"]) as terminal:
         terminal.sees("quant bar")
@@ -350,7 +350,7 @@ def test_the_terminal_is_as_it_was(tmp_path: Path):
     assert (tmp_path / "before").read_text() == (tmp_path / "after").read_text()
 
 
-def test_no_colour_where_none_is_wanted(tmp_path: Path):
+def test_colours_with_and_without_no_color(tmp_path: Path):
     colour = re.compile(rb"\x1b\[(?:[0-9]+;)*(?:3[0-8]|9[0-7])[;m]")
     for environment, coloured in (({}, True), ({"NO_COLOR": "1"}, False)):
         with prompt(tmp_path, **environment) as prompt_shown:

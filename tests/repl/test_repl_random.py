@@ -143,14 +143,14 @@ def sessions(n: int):
 
 @sessions(12)
 @given(seed=st.integers(0, 2**32 - 1))
-def test_a_random_session_is_its_journal(seed: int, tmp_path_factory: pytest.TempPathFactory):
+def test_journal_of_random_session(seed: int, tmp_path_factory: pytest.TempPathFactory):
     played(tmp_path_factory.mktemp("random") / "session", seed, 20)
 
 
 @pytest.mark.slow
 @sessions(500)
 @given(seed=st.integers(0, 2**32 - 1))
-def test_five_hundred_random_sessions_are_their_journals(
+def test_journals_of_five_hundred_random_sessions(
     seed: int, tmp_path_factory: pytest.TempPathFactory
 ):
     played(tmp_path_factory.mktemp("random") / "session", seed, 40)

@@ -137,7 +137,7 @@ def unpaced(events: list[dict]) -> int:
 @pytest.mark.slow
 @sessions(3)
 @given(seed=st.integers(0, 2**32 - 1))
-def test_a_random_session_whose_keys_vanish_is_its_journal(
+def test_journal_of_random_session_with_vanishing_keys(
     seed: int, tmp_path_factory: pytest.TempPathFactory
 ):
     played(tmp_path_factory.mktemp("devices"), seed, 20)
@@ -146,7 +146,7 @@ def test_a_random_session_whose_keys_vanish_is_its_journal(
 @pytest.mark.slow
 @sessions(300)
 @given(seed=st.integers(0, 2**32 - 1))
-def test_three_hundred_random_sessions_whose_keys_vanish_are_their_journals(
+def test_journals_of_many_sessions_with_vanishing_keys(
     seed: int, tmp_path_factory: pytest.TempPathFactory
 ):
     played(tmp_path_factory.mktemp("devices"), seed, 40)

@@ -121,5 +121,5 @@ def check_session(seed: int, folder: Path) -> None:
 
 
 @pytest.mark.parametrize("seed", few(range(300), 4))
-def test_random_rhythms_are_their_journals(seed: int, tmp_path: Path):
+def test_journals_of_random_rhythm_sessions(seed: int, tmp_path: Path):
     check_session(seed, tmp_path)

@@ -49,7 +49,7 @@ from ergon.repl.language.transport import Tap
         ("ada plays \x1bknock\x00", "\x1bknock\x00", "ada plays knock"),
     ],
 )
-def test_a_refusal_has_a_place_and_a_better_line(line: str, faulty_text: str, better: str | None):
+def test_refusal_offset_and_suggestion(line: str, faulty_text: str, better: str | None):
     refusal = refused(line)
     assert line[refusal.offset : refusal.offset + refusal.length] == faulty_text
     assert refusal.try_ == better
@@ -111,7 +111,7 @@ def test_refusals_give_reason_and_valid_suggestion(line: str, reason: str):
     assert refusal.try_ is None or parse(refusal.try_, SCOPE)
 
 
-def test_a_name_may_be_that_of_a_verb():
+def test_verb_names_as_gestures_and_players():
     """`tempo.yaml` has a gesture `tap`; players are called what they are called."""
     scope = dataclasses.replace(
         SCOPE, gestures={"tap": "", "help": ""}, players={"set": "", "ada": ""}
@@ -123,7 +123,7 @@ def test_a_name_may_be_that_of_a_verb():
     assert isinstance(parse("set bell.m.K x2", scope)[0], Set)
 
 
-def test_a_mark_with_a_minus_is_a_mark():
+def test_mark_with_hyphen_parses_as_mark():
     scope = dataclasses.replace(SCOPE, marks={"verse-2": ""})
     (stop,) = parse("stop at verse-2", scope)
     assert isinstance(stop.when, Position)
@@ -151,18 +151,18 @@ def test_unknown_verb_near_removing_verb(line: str, suggested: str | None):
     assert refused(line).try_ == suggested
 
 
-def test_transformation_as_verb():
+def test_transformation_as_verb_is_refused():
     assert "'fast' is a transformation" in refused("fast 2").message
     assert "rain do fast 2" in refused("fast 2").message
 
 
 @pytest.mark.parametrize("line", ["d9 do rev", "d9 do mirror"])
-def test_do_of_unknown_name_says_which_there_are(line: str):
+def test_do_of_unknown_name_lists_players_and_strikes(line: str):
     message = refused(line).message
     assert "'d9' is not a player or the name of strikes" in message
     assert all(name in message for name in ("ada", "remi", "rain"))
 
 
-def test_strikes_with_ordinal():
+def test_strikes_with_ordinal_are_refused():
     refusal = refused("d1 strikes bell.m every 4th do rev")
     assert refusal.message.startswith("'every 4th' changes every so many plays of a gesture")

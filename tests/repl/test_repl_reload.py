@@ -46,7 +46,7 @@ def renders_the_same(stepped_session: Stepped) -> None:
 LEO = ("lean: 0mm@0 smooth 3mm@1", "lean: 0mm@0 smooth 4mm@1")
 
 
-def test_what_was_typed_goes_on_to_the_last_bit(tmp_path: Path) -> None:
+def test_reload_keeps_typed_lines_to_the_bit(tmp_path: Path) -> None:
     """The file's own change is of a gesture that nobody plays."""
     listened = []
     for name, reloads in (("a", True), ("b", False)):
@@ -72,9 +72,7 @@ def test_what_was_typed_goes_on_to_the_last_bit(tmp_path: Path) -> None:
     assert np.array_equal(*listened)
 
 
-def test_a_place_that_both_changed_is_as_the_file_says_and_is_named(
-    stepped_session: Stepped, tmp_path: Path
-) -> None:
+def test_reload_conflict_takes_value_of_file(stepped_session: Stepped, tmp_path: Path) -> None:
     stepped_session.ok("play")
     stepped_session.ok("knock = 0@0 smooth 5@1/8 smooth 0@1/2 now")
     stepped_session.ok("ada plays knock every 1 now")
@@ -100,9 +98,7 @@ def test_a_place_that_both_changed_is_as_the_file_says_and_is_named(
     renders_the_same(stepped_session)
 
 
-def test_what_needs_something_that_the_file_lacks_is_dropped_and_named(
-    stepped_session: Stepped, tmp_path: Path
-) -> None:
+def test_reload_drops_lines_with_missing_gesture(stepped_session: Stepped, tmp_path: Path) -> None:
     stepped_session.ok("play")
     stepped_session.ok("leo plays lean every 2 now")
     stepped_session.ok("set bell.m.t60 2s now")
@@ -116,7 +112,7 @@ def test_what_needs_something_that_the_file_lacks_is_dropped_and_named(
     renders_the_same(stepped_session)
 
 
-def test_a_line_before_a_reload_takes_effect_is_kept(
+def test_reload_waiting_for_bar_keeps_lines_before(
     stepped_session: Stepped, tmp_path: Path
 ) -> None:
     stepped_session.ok("play")
@@ -131,9 +127,7 @@ def test_a_line_before_a_reload_takes_effect_is_kept(
     renders_the_same(stepped_session)
 
 
-def test_after_a_save_what_was_saved_is_what_the_file_was(
-    stepped_session: Stepped, tmp_path: Path
-) -> None:
+def test_reload_after_save_compares_saved_text(stepped_session: Stepped, tmp_path: Path) -> None:
     stepped_session.ok("play")
     for line in LINES:
         stepped_session.ok(line)
@@ -148,9 +142,7 @@ def test_after_a_save_what_was_saved_is_what_the_file_was(
     renders_the_same(stepped_session)
 
 
-def test_a_resumed_session_knows_what_the_file_was(
-    stepped_session: Stepped, tmp_path: Path
-) -> None:
+def test_reload_in_resumed_session(stepped_session: Stepped, tmp_path: Path) -> None:
     stepped_session.ok("play")
     for line in LINES:
         stepped_session.ok(line)
@@ -168,7 +160,7 @@ def test_a_resumed_session_knows_what_the_file_was(
 
 
 @pytest.mark.parametrize("text", ["", "[]", "nonsense", "ergon: 1\nkeys: {k: {M: x}}\n", "\0"])
-def test_a_file_that_is_no_score_changes_nothing(
+def test_reload_of_invalid_score_is_refused(
     stepped_session: Stepped, tmp_path: Path, text: str
 ) -> None:
     stepped_session.ok("play")
@@ -181,9 +173,7 @@ def test_a_file_that_is_no_score_changes_nothing(
     assert stepped_session.session.schedule.head is before
 
 
-def test_a_loaded_score_is_the_one_that_is_watched(
-    stepped_session: Stepped, tmp_path: Path
-) -> None:
+def test_watch_follows_loaded_score(stepped_session: Stepped, tmp_path: Path) -> None:
     other = tmp_path / "other.yaml"
     other.write_text(SCORE)
     stepped_session.session.watch = FileWatch(Texts.read(tmp_path / "score.yaml"))
@@ -206,7 +196,7 @@ def test_a_loaded_score_is_the_one_that_is_watched(
         {"number": 0, "score": "score.yaml", "files": {}},
     ],
 )
-def test_a_forged_history_is_refused_with_its_place(stepped_session: Stepped, row: object) -> None:
+def test_forged_history_in_journal_is_refused(stepped_session: Stepped, row: object) -> None:
     stepped_session.close()
     first, *rest = stepped_session.journal.read_text().splitlines()
     good = {"number": 0, "score": str(stepped_session.journal.parent / "score.yaml"), "files": {}}

@@ -108,12 +108,12 @@ def without(tmp_path_factory):
         ["rename k1 pad"],
     ),
 )
-def test_the_sound_goes_on_to_the_last_bit_and_the_undo_does(tmp_path, without, line):
+def test_rename_and_undo_change_no_sample(tmp_path, without, line):
     lines = [line, "ada plays knock every 1/2", "undo", "undo", "redo"]
     assert np.array_equal(_played(tmp_path / "a", lines), without)
 
 
-def test_every_reference_follows(stepped_session):
+def test_rename_changes_every_reference(stepped_session):
     stepped_session.run(0.5)
     stepped_session.ok("gain bell -3dB now\nmute harp now\nmap cc 21 bell.m.K 1kN/m..9kN/m")
     stepped_session.ok("map note C3 bell.low 1mNs..2mNs")
@@ -145,7 +145,7 @@ def test_every_reference_follows(stepped_session):
     assert np.array_equal(stepped_session.again(), stepped_session.sound)
 
 
-def test_a_name_that_is_free_again_is_another_instrument(stepped_session):
+def test_rename_with_new_instrument_of_old_name(stepped_session):
     stepped_session.run(0.6)
     stepped_session.ok("rename bell chime now\nbell = bell/bell\nroute bell 2")
     stepped_session.run(1.0)
@@ -160,7 +160,7 @@ def test_a_name_that_is_free_again_is_another_instrument(stepped_session):
     assert np.array_equal(stepped_session.again(), stepped_session.sound)
 
 
-def test_a_resumed_session_knows_what_sounds_by_another_name(stepped_session):
+def test_rename_in_resumed_session(stepped_session):
     stepped_session.run(0.6)
     stepped_session.ok("rename bell chime\nrename k1 pad\nada plays knock every 1/2")
     stepped_session.run(1.5)
@@ -190,7 +190,7 @@ def _edited(stepped_session, *changes):
     path.write_text(text)
 
 
-def test_what_was_renamed_is_edited_in_the_file_under_its_old_name(stepped_session):
+def test_reload_after_rename_with_edited_file(stepped_session):
     stepped_session.run(0.6)
     for line in ("rename bell chime", "rename k1 pad", "rename knock tap", "set chime.low.t60 1s"):
         stepped_session.ok(f"{line} now")
@@ -219,7 +219,7 @@ def test_what_was_renamed_is_edited_in_the_file_under_its_old_name(stepped_sessi
     assert np.array_equal(stepped_session.again(), stepped_session.sound)
 
 
-def test_what_was_renamed_or_removed_stays_so_when_the_file_is_edited_after_a_resume(
+def test_reload_after_rename_remove_and_resume(
     stepped_session,
 ):
     stepped_session.run(0.6)

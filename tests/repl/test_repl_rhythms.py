@@ -87,7 +87,7 @@ def test_strength_after_rhythm_and_after_words(stepped: Stepped):
     assert hard / soft == pytest.approx(16 ** (5 / 7), rel=0.01)
 
 
-def test_do_goes_on_from_its_cycle(stepped: Stepped):
+def test_do_rev_continues_from_current_cycle(stepped: Stepped):
     """`rev` turns the cycles that follow; what is chosen by cycle is not begun anew."""
     stepped.ok('d1 = "<kick hat> ~ ~ ~"')
     stepped.ok("play")
@@ -126,7 +126,7 @@ def test_do_of_walk(stepped: Stepped):
     same_again(stepped)
 
 
-def test_phrase_takes_the_words_of_rhythms(stepped: Stepped):
+def test_do_of_rhythm_words_on_phrase(stepped: Stepped):
     """Rounds of four beats, first backwards, then as written, then twice as fast."""
     stepped.ok("phrase tune 0 C4 1mNs, 1 E4, 3 G4 to bar length 4")
     stepped.ok("hook strikes tune every 4 do every 2 rev")
@@ -168,7 +168,7 @@ def test_phrasing_sounds_on_its_steps(stepped: Stepped, do: str, expected: list[
     same_again(stepped)
 
 
-def test_notes_of_an_instrument_of_the_same_name(stepped: Stepped):
+def test_rhythm_of_notes_named_like_instrument(stepped: Stepped):
     stepped.ok('bar = "c4 <e4 g4>" mf')
     stepped.ok("play")
     stepped.run(2.0)
@@ -176,7 +176,7 @@ def test_notes_of_an_instrument_of_the_same_name(stepped: Stepped):
     same_again(stepped)
 
 
-def test_bow_comes_with_its_first_stroke(stepped: Stepped):
+def test_bow_is_added_with_first_stroke(stepped: Stepped):
     stepped.ok("saw = friction/saw")
     stepped.ok("play")
     stepped.run(1.0)
@@ -216,7 +216,7 @@ def test_undo_returns_the_rhythm(stepped: Stepped):
         ("d1 do rev", 0, "'d1' is not"),
     ],
 )
-def test_mistake_told_in_its_place(stepped: Stepped, line: str, place: int, part: str):
+def test_rhythm_line_mistake_offset(stepped: Stepped, line: str, place: int, part: str):
     reply = stepped.type(line)
     assert not reply.taken
     assert part in reply.text
@@ -275,7 +275,7 @@ def test_strikes_line_with_wrong_end(line: str, expected: str):
     assert error.message.startswith(expected)
 
 
-def test_pasted_lines_know_what_the_first_brings_in(stepped: Stepped):
+def test_pasted_lines_with_names_of_first_line(stepped: Stepped):
     stepped.ok("use friction")
     stepped.ok('d1 = "saw*2"\ngain saw -3dB\nd1 do rev')
 

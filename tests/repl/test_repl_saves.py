@@ -64,9 +64,7 @@ def says_the_same(session: Session, path: Path) -> None:
     assert digest_of(piece) == digest_of(piece_of(session.schedule.head.texts))
 
 
-def test_a_save_writes_what_was_changed_and_nothing_else(
-    stepped_session: Stepped, tmp_path: Path
-) -> None:
+def test_save_writes_only_changed_files(stepped_session: Stepped, tmp_path: Path) -> None:
     assert (
         stepped_session.ok("save").text
         == "ok nothing to write: the files already hold this version"
@@ -82,7 +80,7 @@ def test_a_save_writes_what_was_changed_and_nothing_else(
 
 
 @pytest.mark.parametrize("edited", ["score.yaml", "keys.yaml"])
-def test_files_edited_meanwhile_are_not_replaced(
+def test_save_does_not_replace_edited_files(
     stepped_session: Stepped, tmp_path: Path, edited: str
 ) -> None:
     stepped_session.ok("set k1.M 500g")
@@ -104,9 +102,7 @@ def test_files_edited_meanwhile_are_not_replaced(
     assert "M: 600g" in (tmp_path / "keys.yaml").read_text()
 
 
-def test_a_resumed_session_replaces_no_edited_file(
-    stepped_session: Stepped, tmp_path: Path
-) -> None:
+def test_save_in_resumed_session_over_edited_file(stepped_session: Stepped, tmp_path: Path) -> None:
     stepped_session.ok("set ring.m.M 3g")
     stepped_session.close()
     with closing(gone_on(tmp_path)) as session:
@@ -118,9 +114,7 @@ def test_a_resumed_session_replaces_no_edited_file(
         says_the_same(session, tmp_path / "score.yaml")
 
 
-def test_a_session_that_went_on_twice_still_knows_its_files(
-    stepped_session: Stepped, tmp_path: Path
-) -> None:
+def test_save_after_session_resumed_twice(stepped_session: Stepped, tmp_path: Path) -> None:
     stepped_session.ok("set k1.M 500g")
     stepped_session.ok("save")
     stepped_session.ok("set k1.M 600g")
@@ -139,9 +133,7 @@ def test_a_session_that_went_on_twice_still_knows_its_files(
     assert "M: 600g" in (tmp_path / "keys.yaml").read_text()
 
 
-def test_what_ships_is_never_written_but_stands_beside_the_score(
-    stepped_session: Stepped, tmp_path: Path
-) -> None:
+def test_save_of_library_edit_writes_beside_score(stepped_session: Stepped, tmp_path: Path) -> None:
     library = installed_path("instruments/bell.yaml")
     before = library.read_bytes(), library.stat().st_mtime_ns
     stepped_session.ok("set bell.hum.t60 x0.5")
@@ -157,7 +149,7 @@ def test_what_ships_is_never_written_but_stands_beside_the_score(
     assert (tmp_path / "instruments" / "bell.yaml").read_bytes() == before[0]
 
 
-def test_a_score_that_ships_is_saved_where_we_are(
+def test_save_of_bundled_score_in_current_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -177,9 +169,7 @@ def test_a_score_that_ships_is_saved_where_we_are(
     assert load("mine.yaml").piece is not None
 
 
-def test_another_name_leaves_the_files_of_other_scores(
-    stepped_session: Stepped, tmp_path: Path
-) -> None:
+def test_save_under_other_name_copies_used_files(stepped_session: Stepped, tmp_path: Path) -> None:
     stepped_session.ok("set k1.M 500g")
     stepped_session.ok("set bell.hum.t60 x0.5")
     stepped_session.ok("save live")
@@ -195,9 +185,7 @@ def test_another_name_leaves_the_files_of_other_scores(
 
 
 @pytest.mark.parametrize("there", ["live.yaml", "live/keys.yaml"])
-def test_a_refusal_has_written_nothing(
-    stepped_session: Stepped, tmp_path: Path, there: str
-) -> None:
+def test_refused_save_writes_no_file(stepped_session: Stepped, tmp_path: Path, there: str) -> None:
     stepped_session.ok("set k1.M 500g")
     (tmp_path / there).parent.mkdir(exist_ok=True)
     (tmp_path / there).write_text("made by ergon? Mine.\n")
@@ -208,7 +196,7 @@ def test_a_refusal_has_written_nothing(
     assert files(tmp_path) == before
 
 
-def test_what_was_kept_sounds_as_it_did(stepped_session: Stepped, tmp_path: Path) -> None:
+def test_keep_includes_edited_key_values(stepped_session: Stepped, tmp_path: Path) -> None:
     stepped_session.ok("play")
     stepped_session.ok("ada plays knock every 1 now")
     stepped_session.ok("set k1.M 500g now")
@@ -222,7 +210,7 @@ def test_what_was_kept_sounds_as_it_did(stepped_session: Stepped, tmp_path: Path
 
 
 @pytest.mark.parametrize("fails", [1, 2])
-def test_a_full_disk_changes_nothing(
+def test_save_on_full_disk_changes_no_file(
     stepped_session: Stepped, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fails: int
 ) -> None:
     stepped_session.ok("set k1.M 500g")
@@ -248,7 +236,7 @@ def test_a_full_disk_changes_nothing(
     says_the_same(stepped_session.session, tmp_path / "score.yaml")
 
 
-def test_links_that_lead_out_are_not_followed(
+def test_save_refuses_links_and_paths_outside(
     stepped_session: Stepped, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     outside = tmp_path_factory.mktemp("elsewhere") / "new.yaml"
@@ -270,7 +258,7 @@ def test_links_that_lead_out_are_not_followed(
     assert list(outside.parent.iterdir()) == []
 
 
-def test_a_used_file_of_remarks_only(tmp_path: Path) -> None:
+def test_save_with_used_file_of_comments_only(tmp_path: Path) -> None:
     (tmp_path / "keys.yaml").write_text(KEYS)
     (tmp_path / "later.yaml").write_text(REMARKS)
     text = SCORE.replace("use: [", "use: [later.yaml, ")
@@ -299,7 +287,7 @@ def resumed_by_hand(folder: Path, *words: str, lines: str = "save\nquit\n") -> s
 
 
 @pytest.mark.parametrize("field", ["overlay", "score"])
-def test_a_strangers_journal_writes_no_file(
+def test_journal_with_foreign_paths_saves_no_file(
     stepped_session: Stepped, tmp_path: Path, field: str
 ) -> None:
     """What was proved: an absolute path in the first line, and `save` wrote it."""
@@ -318,9 +306,7 @@ def test_a_strangers_journal_writes_no_file(
     victim.unlink()
 
 
-def test_a_score_elsewhere_is_named_by_who_resumes_it(
-    stepped_session: Stepped, tmp_path: Path
-) -> None:
+def test_resume_with_score_in_other_folder(stepped_session: Stepped, tmp_path: Path) -> None:
     stepped_session.ok("set ring.m.M 3g")
     stepped_session.close()
     here = tmp_path / "desk"

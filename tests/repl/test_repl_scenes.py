@@ -74,7 +74,7 @@ def bar_sound(stepped_session: Stepped, bar: int, count: int = 1) -> np.ndarray:
     return stepped_session.sound[(bar - 1) * n : (bar - 1 + count) * n]
 
 
-def test_a_scene_comes_back_on_the_next_bar_and_begins_again(stepped_session: Stepped):
+def test_scene_restarts_at_bar_and_repeats(stepped_session: Stepped):
     a_verse(stepped_session)
     stepped_session.ok("leo plays knock every 1/2")
     to_bar(stepped_session, 8)
@@ -94,7 +94,7 @@ def test_a_scene_comes_back_on_the_next_bar_and_begins_again(stepped_session: St
     assert np.abs(rounds[2] - rounds[1]).max() < 0.01 * scale
 
 
-def test_a_scene_takes_gestures_tempo_couplings_and_parameters_along(stepped_session: Stepped):
+def test_scene_restores_gestures_tempo_and_parameters(stepped_session: Stepped):
     stepped_session.ok("set bell.m.f 330Hz\ncouple k1 k2 K=20N/m")
     a_verse(stepped_session)
     stepped_session.ok("knock = 0@0 smooth 2@60ms smooth 0@160ms")
@@ -145,9 +145,7 @@ def test_scene_change_glides_parameters(stepped_session: Stepped):
     assert glide.stop - glide.start == pytest.approx(ramp)
 
 
-def test_a_session_of_scenes_is_its_journal_also_after_undo_and_resume(
-    stepped_session: Stepped, tmp_path: Path
-):
+def test_journal_of_scenes_after_undo_and_resume(stepped_session: Stepped, tmp_path: Path):
     a_verse(stepped_session)
     stepped_session.ok("set bell.m.f 440Hz\nada plays lean every 4")
     stepped_session.run(3.0)
@@ -176,7 +174,7 @@ def test_a_session_of_scenes_is_its_journal_also_after_undo_and_resume(
     assert np.array_equal(again.again(), again.sound)
 
 
-def test_a_scene_is_an_edit_of_the_text_and_undone_by_the_text_before(stepped_session: Stepped):
+def test_undo_of_scene_restores_text(stepped_session: Stepped):
     a_verse(stepped_session)
     before = stepped_session.session.schedule.head.texts.text
     stepped_session.ok("scene verse")
@@ -211,7 +209,7 @@ def test_scene_refuses_missing_and_broken_files(
     assert stepped_session.session.schedule.head.texts.text == text
 
 
-def test_a_scene_whose_player_is_missing_is_refused(stepped_session: Stepped, tmp_path: Path):
+def test_scene_with_missing_player_is_refused(stepped_session: Stepped, tmp_path: Path):
     other = SCORE.replace("leo", "mia").replace("  mia: []", "  mia: [{at: 1|1, play: knock}]")
     (tmp_path / "other.yaml").write_text(other)
     assert "no player mia" in stepped_session.type("scene other").text
@@ -225,7 +223,7 @@ def test_names_of_scenes_and_files_are_completed(stepped_session: Stepped):
 
 
 @pytest.mark.parametrize(("path", "span"), SPANS)
-def test_what_is_kept_of_any_score_comes_back_in_rounds(path, span):
+def test_keep_as_scene_repeats_bars_of_any_score(path, span):
     start, stop = span
     texts, piece = opened(path)
     try:
@@ -256,7 +254,7 @@ gestures:""",
 
 
 @pytest.mark.parametrize("until", [None, 101.5, 102.5, 120.0])
-def test_strikes_come_back_in_rounds(until: float | None):
+def test_scene_repeats_strikes(until: float | None):
     texts, piece = opened("s.yaml", STRUCK + "marks: {end: 3|1}\n")
     scene = Scene.from_texts(texts, piece)
     assert scene.beats == 8.0
@@ -281,9 +279,7 @@ def test_strikes_come_back_in_rounds(until: float | None):
 SHORT = SCORE.replace("  ada: []", "  ada: [{at: 1|1, play: knock, every: 1, times: 16}]")
 
 
-def test_a_score_whose_bars_are_past_begins_when_it_is_loaded(
-    stepped_session: Stepped, tmp_path: Path
-):
+def test_load_of_shorter_score_restarts_at_bar_one(stepped_session: Stepped, tmp_path: Path):
     (tmp_path / "short.yaml").write_text(SHORT.replace("bpm: 240", "bpm: 120"))
     stepped_session.ok("play")
     to_bar(stepped_session, 9)
@@ -302,9 +298,7 @@ def test_a_score_whose_bars_are_past_begins_when_it_is_loaded(
     again.close()
 
 
-def test_a_score_with_bars_to_come_goes_on_at_the_same_beat(
-    stepped_session: Stepped, tmp_path: Path
-):
+def test_load_of_score_continues_at_same_beat(stepped_session: Stepped, tmp_path: Path):
     (tmp_path / "short.yaml").write_text(SHORT.replace("bpm: 240", "bpm: 120"))
     stepped_session.ok("play")
     to_bar(stepped_session, 2)
@@ -327,7 +321,7 @@ PATTERNS = [
 
 
 @pytest.mark.parametrize("line", few(PATTERNS, PATTERNS[::2]))
-def test_patterns_of_a_scene_are_what_was_kept_in_every_round(stepped_session: Stepped, line: str):
+def test_scene_repeats_pattern_bars(stepped_session: Stepped, line: str):
     stepped_session.ok("play")
     to_bar(stepped_session, 2)
     stepped_session.ok(line)
@@ -367,7 +361,7 @@ def started(stepped_session: Stepped, since: float, until: float) -> list[tuple[
         2,
     ),
 )
-def test_strikes_by_patterns_come_back(stepped_session: Stepped, line: str):
+def test_scene_with_strikes_by_patterns(stepped_session: Stepped, line: str):
     """`scene` was an internal error, or its strikes had the scene's length as their step."""
     stepped_session.ok("play")
     to_bar(stepped_session, 2)
@@ -385,7 +379,7 @@ def test_strikes_by_patterns_come_back(stepped_session: Stepped, line: str):
     assert np.array_equal(stepped_session.again(), stepped_session.sound)
 
 
-def test_strikes_by_a_pattern_come_back_in_rounds_of_the_scene():
+def test_scene_repeats_strikes_by_pattern_in_rounds():
     """Those with notes too: they are written out on the grid of their steps."""
     path = next(path for path in SCORES if path.endswith("patterns.yaml"))
     texts, piece = opened(path)
@@ -417,7 +411,7 @@ def test_strikes_by_a_pattern_come_back_in_rounds_of_the_scene():
 
 
 @pytest.mark.slow
-def test_a_scene_ends_automation_that_is_not_its_own(stepped_session: Stepped):
+def test_scene_ends_automation_typed_after_keep(stepped_session: Stepped):
     """An lfo, a pattern and a glide that began after the bars were kept went on for ever."""
     stepped_session.ok("lfo drum.m.K 0.5..2 period 2bar")
     a_verse(stepped_session)
@@ -450,7 +444,7 @@ def test_a_scene_ends_automation_that_is_not_its_own(stepped_session: Stepped):
     assert np.array_equal(stepped_session.again(), stepped_session.sound)
 
 
-def test_automation_of_a_scene_begins_with_it_and_ends_where_another_begins(
+def test_scene_automation_begins_and_ends_with_scene(
     stepped_session: Stepped,
 ):
     stepped_session.ok("play")
@@ -473,7 +467,7 @@ def test_automation_of_a_scene_begins_with_it_and_ends_where_another_begins(
     assert np.array_equal(stepped_session.again(), stepped_session.sound)
 
 
-def test_automation_that_begins_behind_the_next_scene_is_left_out(stepped_session: Stepped):
+def test_scene_without_automation_after_next_scene(stepped_session: Stepped):
     """It was refused: "`until` must be later than `at`"."""
     stepped_session.ok("play")
     to_bar(stepped_session, 2)

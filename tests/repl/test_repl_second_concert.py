@@ -92,7 +92,7 @@ def captured(path: Path) -> np.ndarray:
 
 
 @pytest.mark.slow
-def test_the_concert_with_hands_is_heard_again_from_its_journals(tmp_path: Path):
+def test_concert_with_hands_renders_from_journals(tmp_path: Path):
     page = PAGE.read_text(encoding="utf-8")
     score = re.search(r"<!-- file: duo.yaml -->\n```yaml\n(.*?)```", page, re.DOTALL)
     first, second = BLOCK.finditer(page)

@@ -64,7 +64,7 @@ def test_seen_unheard_parts_change_no_sample(tmp_path: Path) -> None:
     assert np.array_equal(plain.sound, seen.sound)
 
 
-def test_a_journal_renders_what_had_moved_before_it_was_heard(tmp_path: Path) -> None:
+def test_journal_of_seen_parts_audible_later(tmp_path: Path) -> None:
     """A string that was struck while nobody heard it rings on where it was computed."""
     plain, _ = played(tmp_path / "plain", is_seen=False, then=AUDIBLE_SCORE)
     seen, _ = played(tmp_path / "seen", is_seen=True, then=AUDIBLE_SCORE)
@@ -75,7 +75,7 @@ def test_a_journal_renders_what_had_moved_before_it_was_heard(tmp_path: Path) ->
         assert len(again) > 0.9 * len(item.sound)
 
 
-def test_a_journal_that_says_it_otherwise_is_refused(tmp_path: Path) -> None:
+def test_journal_with_invalid_see_field_is_refused(tmp_path: Path) -> None:
     stepped, _ = played(tmp_path / "seen", is_seen=True)
     first, *lines = stepped.journal.read_text().splitlines()
     fields = json.loads(first)

@@ -83,7 +83,7 @@ def onset(sound: np.ndarray, channel: int = 0) -> int:
     return int(np.flatnonzero(sound[:, channel])[0])
 
 
-def test_a_line_before_its_boundary_plays_as_if_it_had_been_written(session, tmp_path):
+def test_typed_line_sounds_as_written_score(session, tmp_path):
     """Check 9: what is typed in bar 1 for bar 2 is what a score says of bar 2, to the sample."""
     session.ok("play")
     begun = session.session.schedule.running.clock.began_at
@@ -101,7 +101,7 @@ def test_a_line_before_its_boundary_plays_as_if_it_had_been_written(session, tmp
     assert np.max(np.abs(result - wanted)) < 1e-9 * np.max(np.abs(wanted))
 
 
-def test_a_redefinition_waits_for_its_bar_and_what_sounds_goes_on(session):
+def test_redefined_gesture_starts_at_bar_without_click(session):
     """Check 7, for gestures: no click, no restart."""
     session.ok("play")
     session.ok("ada plays knock every 1")
@@ -116,7 +116,7 @@ def test_a_redefinition_waits_for_its_bar_and_what_sounds_goes_on(session):
     assert "smooth 7.0@1/8" in session.session.schedule.head.texts.text
 
 
-def test_a_hostile_line_changes_no_sample(tmp_path):
+def test_hostile_lines_change_no_sample(tmp_path):
     """Check 8: 200 bad lines, and the sound of a run without them."""
     with closing(_stepped(tmp_path / "a")) as plain, closing(_stepped(tmp_path / "b")) as hurt:
         _hurt(plain, hurt)
@@ -178,7 +178,7 @@ def _hurt(plain: Stepped, hurt: Stepped) -> None:
     hurt.ok("ada plays lean")
 
 
-def test_a_refused_throw_says_how_far_and_what_to_type(session):
+def test_refused_throw_names_distance_and_travel(session):
     session.ok("ada plays knock")  # leo's key has no travel
     reply = session.type("knock = 0@0 throw 12@125ms throw 0@375ms")
     assert not reply.taken
@@ -206,7 +206,7 @@ def test_rest_ends_after_the_gesture_and_hush_at_once(session):
 
 
 @pytest.mark.parametrize("phase", range(20))
-def test_nothing_comes_back_after_a_panic(session, phase):
+def test_panic_ends_repeated_gestures_at_any_phase(session, phase):
     """Wherever the panic falls between two gestures that begin every quarter of a second."""
     session.ok("play")
     session.ok("ada plays knock every 1/2 now")
@@ -220,7 +220,7 @@ def test_nothing_comes_back_after_a_panic(session, phase):
     assert session.session.state().playing == ()
 
 
-def test_a_hushed_bell_decays_as_its_model_says(session):
+def test_hush_leaves_bell_decay_by_t60(session):
     session.ok("play")
     session.ok("leo plays knock every 1 now")
     session.run(0.4)
@@ -237,7 +237,7 @@ def test_a_hushed_bell_decays_as_its_model_says(session):
     assert t60 == pytest.approx(0.3, rel=0.05)
 
 
-def test_undo_comes_back_to_the_first_version(session):
+def test_undo_of_ten_lines_returns_first_version(session):
     """Check 11: ten changes, ten undo; redo returns; history lists them."""
     session.ok("play")
     first = session.session.schedule.head
@@ -260,7 +260,7 @@ def test_undo_comes_back_to_the_first_version(session):
     assert session.session.schedule.head.texts == last.texts
 
 
-def test_an_undo_before_the_boundary_takes_the_line_back(session):
+def test_undo_cancels_waiting_line(session):
     session.ok("play")
     session.run(0.3)
     before = session.session.schedule.head.texts
@@ -271,7 +271,7 @@ def test_an_undo_before_the_boundary_takes_the_line_back(session):
     assert "knock, every" not in session.session.schedule.head.texts.text
 
 
-def test_a_line_now_acts_before_one_that_waits(session):
+def test_line_with_now_precedes_waiting_line(session):
     session.ok("play")
     session.run(0.3)
     session.ok("ada plays lean every 2 at 4|1")
@@ -283,7 +283,7 @@ def test_a_line_now_acts_before_one_that_waits(session):
     assert dict(session.session.state().playing)["ada"] == "lean"
 
 
-def test_the_journal_renders_the_same_samples(session):
+def test_journal_renders_same_samples(session):
     """Check 12."""
     session.run(0.5)
     session.ok("play")
@@ -335,7 +335,7 @@ def test_lines_of_one_frame_keep_their_order_in_the_journal(session):
     assert np.array_equal(session.again(), session.sound)
 
 
-def test_a_saved_score_keeps_its_comments_and_passes(session, tmp_path):
+def test_save_keeps_comments_and_loads(session, tmp_path):
     session.ok("play")
     session.ok("ada plays knock every 1")
     session.run(3.0)
@@ -352,7 +352,7 @@ def test_a_saved_score_keeps_its_comments_and_passes(session, tmp_path):
     assert "999|1" not in saved
 
 
-def test_what_repeats_goes_on_beyond_the_horizon(session):
+def test_endless_part_continues_beyond_horizon(session):
     session.ok("play")
     session.ok("tempo 1200 now")
     session.ok("leo plays knock every 1 now")
@@ -363,7 +363,7 @@ def test_what_repeats_goes_on_beyond_the_horizon(session):
     assert np.array_equal(session.again(), session.sound)
 
 
-def test_lines_of_one_bar_come_together(session):
+def test_lines_of_one_bar_take_effect_together(session):
     session.ok("play")
     session.ok("ada plays knock every 1")
     session.ok("leo plays lean every 2")
@@ -377,7 +377,7 @@ def test_lines_of_one_bar_come_together(session):
     assert np.array_equal(session.again(), session.sound)
 
 
-def test_lines_act_where_they_say(session):
+def test_lines_take_effect_at_their_written_beats(session):
     session.ok("play")
     session.run(0.2)
     assert session.ok("ada plays knock in 2").text.startswith("ok 1|3")
@@ -388,7 +388,7 @@ def test_lines_act_where_they_say(session):
     assert "past" in session.type("ada plays knock at 1|1").text
 
 
-def test_every_tick_is_a_boundary(session):
+def test_version_starts_at_multiple_of_ticks(session):
     assert session.engine.tick_frames == EVERY
     session.ok("play")
     session.run(0.1)
@@ -396,7 +396,7 @@ def test_every_tick_is_a_boundary(session):
     assert session.session.schedule.running.start % EVERY == 0
 
 
-def test_strikes_end_at_the_boundary_and_begin_there(tmp_path):
+def test_strikes_end_and_begin_at_bar(tmp_path):
     score = SCORE.replace(
         "parts:\n",
         "strikes: {rain: {to: bell.m, at: 1|1, for: 99bar, rate: 20Hz, impulse: 1uNs}}\nparts:\n",
@@ -433,7 +433,7 @@ def _memory(stepped: Stepped, lines: tuple[str, ...], count: int) -> list[float]
 
 
 @pytest.mark.slow
-def test_lines_that_replace_one_another_leave_memory_flat(tmp_path):
+def test_memory_of_lines_replacing_one_another(tmp_path):
     lines = ("gain bell -3dB", "gain bell -2dB", "tempo 66", "tempo 120")
     with closing(Stepped(SCORE, tmp_path, keeps=False)) as stepped:
         used = _memory(stepped, lines, 600)
@@ -441,7 +441,7 @@ def test_lines_that_replace_one_another_leave_memory_flat(tmp_path):
 
 
 @pytest.mark.slow
-def test_an_hour_of_lines_takes_memory_as_its_score_grows(tmp_path):
+def test_memory_of_600_lines_and_journal_hash(tmp_path):
     """Ten lines a minute for an hour; then the journal, sample by sample."""
     lines = (
         "ada plays knock every 1",
@@ -462,7 +462,7 @@ def test_an_hour_of_lines_takes_memory_as_its_score_grows(tmp_path):
     assert stepped.hash_again() == stepped.hash.hexdigest()
 
 
-def test_a_late_line_does_not_come_back_after_a_panic(session):
+def test_late_change_dropped_by_panic(session):
     """A change that the engine reports as late waits again; one that a panic dropped does not."""
     session.ok("play")
     session.run(0.5)

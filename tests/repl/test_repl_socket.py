@@ -20,7 +20,7 @@ from ergon.repl.wire.remote import RemoteSession
 from ergon.repl.wire.serve import MAX_PROMPTS
 
 
-def test_the_protocol_as_it_is_written_down(short_folder: Path):
+def test_socket_protocol_requests_and_replies(short_folder: Path):
     with serving(short_folder / "s") as face, raw(short_folder / "s") as first:
         assert first.greeting is not None
         assert first.greeting["ergon"] == VERSION == 1
@@ -100,7 +100,7 @@ def test_hostile_bytes_leave_other_clients_served(short_folder: Path):
 
 
 @pytest.mark.slow
-def test_client_that_does_not_read_is_dropped(short_folder: Path):
+def test_slow_client_is_dropped(short_folder: Path):
     with serving(short_folder / "s") as face, raw(short_folder / "s") as stalled:
         stalled.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         stalled.socket.settimeout(0.2)
@@ -120,7 +120,7 @@ def test_client_that_does_not_read_is_dropped(short_folder: Path):
         assert face.lines == ["ada"]
 
 
-def test_while_a_line_takes_long_panic_acts_and_others_see(short_folder: Path):
+def test_panic_and_state_during_long_line(short_folder: Path):
     with (
         serving(short_folder / "s") as face,
         contextlib.closing(remote(short_folder / "s")) as first,
@@ -164,7 +164,7 @@ def test_lines_run_in_order_and_reach_other_clients(short_folder: Path):
         assert first.submit("after it").taken
 
 
-def test_quit_at_one_prompt_ends_it_for_all(short_folder: Path):
+def test_quit_at_one_prompt_ends_session_for_all(short_folder: Path):
     with (
         serving(short_folder / "s") as face,
         contextlib.closing(remote(short_folder / "s")) as first,
@@ -194,7 +194,7 @@ def vanishing(path: Path, vanish: threading.Event) -> None:
     door.close()
 
 
-def test_a_prompt_waits_for_a_session_that_went_away(short_folder: Path):
+def test_prompt_reconnects_after_server_vanishes(short_folder: Path):
     path, vanish = short_folder / "s", threading.Event()
     thread = threading.Thread(target=vanishing, args=(path, vanish))
     thread.start()
@@ -235,7 +235,7 @@ def test_a_prompt_waits_for_a_session_that_went_away(short_folder: Path):
             hears("goes on")
 
 
-def test_there_are_so_many_prompts_and_no_more(short_folder: Path):
+def test_number_of_connected_prompts_is_limited(short_folder: Path):
     with serving(short_folder / "s"), contextlib.ExitStack() as stack:
         many = [stack.enter_context(raw(short_folder / "s")) for _ in range(MAX_PROMPTS)]
         with raw(short_folder / "s") as late:
@@ -249,7 +249,7 @@ def test_there_are_so_many_prompts_and_no_more(short_folder: Path):
         until(fits, "a free place")
 
 
-def test_every_request_is_answered_by_the_server(short_folder: Path):
+def test_server_answers_every_request(short_folder: Path):
     values = {str: "ada", int: 1}
     with serving(short_folder / "s"):
         for do, fields in REQUESTS.items():

@@ -36,7 +36,7 @@ def _frames(session: Session, count: int) -> None:
 
 
 @pytest.mark.parametrize("audio", few(["null", "clock"], 1))
-def test_a_file_of_what_is_heard_is_the_render_of_those_frames(tmp_path: Path, audio: str):
+def test_record_audio_equals_render_of_those_frames(tmp_path: Path, audio: str):
     output = audio if audio == "null" else f"clock:{tmp_path / 'output.wav'}"
     with closing(session_on(tmp_path, output)) as session:
         for line in ("play", "ada plays knock every 1 now", "leo plays lean every 1 now"):
@@ -67,7 +67,7 @@ def test_a_file_of_what_is_heard_is_the_render_of_those_frames(tmp_path: Path, a
     assert np.array_equal(part, again[sound["first"] :][: len(part)])
 
 
-def test_a_session_that_ends_closes_its_file(tmp_path: Path):
+def test_session_close_finishes_recorded_file(tmp_path: Path):
     with closing(session_on(tmp_path, "null")) as session:
         assert session.submit("record audio all.wav").taken
         _frames(session, 2_000)
@@ -88,7 +88,7 @@ def test_a_session_that_ends_closes_its_file(tmp_path: Path):
         ("folder/x.wav", "a session writes only into"),
     ],
 )
-def test_a_file_elsewhere_is_refused(tmp_path: Path, file: str, why: str):
+def test_record_audio_elsewhere_is_refused(tmp_path: Path, file: str, why: str):
     with closing(session_on(tmp_path, "null")) as session:
         reply = session.submit(f"record audio {file}")
         assert not reply.taken

@@ -61,7 +61,7 @@ def followed(session: Stepped, seconds: float, step: float) -> list[SoundingPlac
 
 
 @pytest.mark.parametrize("step", [0.05, 0.7, 4.9])
-def test_places_of_what_sounds(tmp_path: Path, step: float):
+def test_sounding_places_begin_once_at_written_beats(tmp_path: Path, step: float):
     """However often one looks: each begins once, at its beat, where it is written."""
     session = Stepped(SCORE, tmp_path)
     session.ok("play")
@@ -104,7 +104,7 @@ def test_sounding_of_a_stopped_piece_is_empty(tmp_path: Path):
     session.close()
 
 
-def test_places_as_a_line_of_the_protocol(tmp_path: Path):
+def test_sounding_places_over_protocol(tmp_path: Path):
     session = Stepped(SCORE, tmp_path)
     look = SoundingPlaces(session.session.schedule)
     session.ok("play")

@@ -69,7 +69,7 @@ def same_again(stepped_session: Stepped) -> None:
     assert text != SCORE
 
 
-def test_an_instrument_is_placed_between_its_channels(stepped_session: Stepped):
+def test_route_pan_and_gain_of_instrument(stepped_session: Stepped):
     stepped_session.ok("mute bell now")
     stepped_session.ok("route drone pan -0.6 now")
     stepped_session.run(1.0)
@@ -86,7 +86,7 @@ def test_an_instrument_is_placed_between_its_channels(stepped_session: Stepped):
     same_again(stepped_session)
 
 
-def test_a_pan_moves_over_a_length_from_where_it_is(stepped_session: Stepped):
+def test_pan_over_length_from_current_position(stepped_session: Stepped):
     stepped_session.ok("mute bell now")
     stepped_session.ok("pan drone -1 now")
     stepped_session.run(0.5)
@@ -116,7 +116,7 @@ def test_a_pan_moves_over_a_length_from_where_it_is(stepped_session: Stepped):
     same_again(stepped_session)
 
 
-def test_a_filter_and_a_delay_are_typed_changed_and_taken_away(stepped_session: Stepped):
+def test_filter_and_delay_typed_changed_and_removed(stepped_session: Stepped):
     stepped_session.ok("mute bell now")
     stepped_session.run(0.5)
     plain = level(stepped_session, 0.3)[0]
@@ -151,7 +151,7 @@ def test_a_filter_and_a_delay_are_typed_changed_and_taken_away(stepped_session: 
     assert np.array_equal(stepped_session.again(), stepped_session.sound)
 
 
-def test_a_room_is_added_sent_to_and_changed(stepped_session: Stepped):
+def test_room_added_sent_to_and_changed(stepped_session: Stepped):
     stepped_session.ok("room hall t60=1s size=8m gain=-3dB")
     stepped_session.ok("route bell send hall -6dB")
     stepped_session.run(3.0)
@@ -169,7 +169,7 @@ def test_a_room_is_added_sent_to_and_changed(stepped_session: Stepped):
     same_again(stepped_session)
 
 
-def test_an_instrument_fades_out_and_in_again(stepped_session: Stepped):
+def test_fade_out_and_in_of_instrument(stepped_session: Stepped):
     stepped_session.ok("mute bell now")
     stepped_session.run(0.5)
     before = level(stepped_session, 0.3)[0]
@@ -187,7 +187,7 @@ def test_an_instrument_fades_out_and_in_again(stepped_session: Stepped):
     same_again(stepped_session)
 
 
-def test_a_fade_that_is_turned_goes_on_from_its_level(stepped_session: Stepped):
+def test_fade_in_during_fade_out(stepped_session: Stepped):
     stepped_session.ok("mute bell now")
     stepped_session.ok("fade drone out over 2bar now")
     stepped_session.run(1.0)
@@ -202,7 +202,7 @@ def test_a_fade_that_is_turned_goes_on_from_its_level(stepped_session: Stepped):
     same_again(stepped_session)
 
 
-def test_a_change_of_tempo_moves_the_end_of_a_fade(stepped_session: Stepped):
+def test_fade_end_after_tempo_change(stepped_session: Stepped):
     stepped_session.ok("mute bell now")
     stepped_session.ok("fade drone out over 4bar now")
     stepped_session.run(0.5)
@@ -212,7 +212,7 @@ def test_a_change_of_tempo_moves_the_end_of_a_fade(stepped_session: Stepped):
     same_again(stepped_session)
 
 
-def test_everything_fades_and_a_fade_is_kept(stepped_session: Stepped):
+def test_fade_master_out_and_keep(stepped_session: Stepped):
     stepped_session.ok("fade master out over 4bar")
     stepped_session.run(3.3)
     stepped_session.ok("keep 2bar as verse")
@@ -231,7 +231,7 @@ def test_everything_fades_and_a_fade_is_kept(stepped_session: Stepped):
 
 
 @pytest.mark.parametrize("name", ["master", "drone"])
-def test_a_jump_leaves_a_fade_behind_or_lands_in_it(stepped_session: Stepped, name: str):
+def test_play_from_after_and_within_fade(stepped_session: Stepped, name: str):
     stepped_session.ok("mute bell now")
     stepped_session.ok(f"fade {name} out over 2bar")
     stepped_session.run(0.5)
@@ -246,7 +246,7 @@ def test_a_jump_leaves_a_fade_behind_or_lands_in_it(stepped_session: Stepped, na
 
 @pytest.mark.parametrize("name", few(["master", "drone"], 1))
 @pytest.mark.parametrize("method", ["out", "in"])
-def test_a_fade_that_is_undone_does_not_jump(stepped_session: Stepped, name: str, method: str):
+def test_undo_and_redo_of_fade_without_jump(stepped_session: Stepped, name: str, method: str):
     stepped_session.ok("mute bell now")
     stepped_session.run(0.3)
     plain = np.abs(np.diff(stepped_session.sound[int(0.2 * stepped_session.rate) :, 0], 3)).max()

@@ -33,7 +33,7 @@ def stepped_session(tmp_path: Path) -> Iterator[Stepped]:
         yield stepped
 
 
-def test_a_first_line_may_begin_the_piece_anywhere(tmp_path: Path) -> None:
+def test_play_from_bar_100_after_first_line(tmp_path: Path) -> None:
     with closing(session_on(tmp_path, "null")) as session:
         assert session.submit("ada plays knock every 1").taken
         assert session.submit("play from 100|1").text == "ok from 100|1"
@@ -46,7 +46,7 @@ def test_a_first_line_may_begin_the_piece_anywhere(tmp_path: Path) -> None:
     assert np.any(out[began:])  # within a second of the session's own time
 
 
-def test_bars_of_a_jump_lie_between_its_frames(stepped_session: Stepped) -> None:
+def test_bar_frames_after_jump_are_ordered(stepped_session: Stepped) -> None:
     stepped_session.ok("play from 100|1")
     running = stepped_session.session.schedule.running
     result = bar_frames(
@@ -57,9 +57,7 @@ def test_bars_of_a_jump_lie_between_its_frames(stepped_session: Stepped) -> None
     assert result[0] >= running.start
 
 
-def test_a_score_of_other_channels_is_refused_and_nothing_is_changed(
-    stepped_session: Stepped, tmp_path: Path
-) -> None:
+def test_load_with_other_channel_count_is_refused(stepped_session: Stepped, tmp_path: Path) -> None:
     (tmp_path / "mono.yaml").write_text(MONO)
     stepped_session.ok("play")
     reply = stepped_session.type(f"load {tmp_path / 'mono.yaml'}")
@@ -71,7 +69,7 @@ def test_a_score_of_other_channels_is_refused_and_nothing_is_changed(
     assert stepped_session.session.history.numbers == [0]
 
 
-def test_a_change_that_the_engine_refuses_is_dropped(
+def test_change_refused_by_engine_is_dropped(
     stepped_session: Stepped, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from ergon._core import EngineError
@@ -89,7 +87,7 @@ def test_a_change_that_the_engine_refuses_is_dropped(
     assert stepped_session.session.schedule.head is before
 
 
-def test_a_gesture_is_tried_on_keys_that_play_it(tmp_path: Path) -> None:
+def test_define_checks_gesture_on_keys_playing_it(tmp_path: Path) -> None:
     with closing(Stepped(NARROW, tmp_path)) as stepped_session:
         reply = stepped_session.ok("knock = 0@0 smooth 6@60ms smooth 0@160ms")
         assert "only k1" in reply.text
@@ -101,13 +99,13 @@ def test_a_gesture_is_tried_on_keys_that_play_it(tmp_path: Path) -> None:
         assert stepped_session.session.submit("? knock").lines[0] == "knock on k1"
 
 
-def test_any_score_that_is_checked_can_be_rehearsed(tmp_path: Path) -> None:
+def test_rehearsal_of_gesture_outside_travel(tmp_path: Path) -> None:
     texts = Texts(str(tmp_path / "score.yaml"), NARROW.replace("6mm@", "600mm@"))
     piece = piece_of(texts)
     stage(rehearsal(piece), planned=True)
 
 
-def test_show_tells_what_sounds(stepped_session: Stepped) -> None:
+def test_show_lists_current_and_next_gestures(stepped_session: Stepped) -> None:
     stepped_session.ok("play")
     stepped_session.ok("ada plays knock every 1 at 2|1")
     stepped_session.ok("ada plays lean every 2 at 9|1")
@@ -128,7 +126,7 @@ def test_show_tells_what_sounds(stepped_session: Stepped) -> None:
         ("py exit(3)", "your Python raised SystemExit: 3"),
     ],
 )
-def test_errors_of_the_performers_python_are_the_performers(
+def test_py_errors_shown_as_errors_of_typed_code(
     stepped_session: Stepped, line: str, text: str
 ) -> None:
     assert stepped_session.type(line).text.startswith(text)

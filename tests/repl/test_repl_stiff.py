@@ -35,7 +35,7 @@ def settled(rig: Rig, line: str) -> float:
     "line",
     few([STIFF, "set bell.b.K 5kN/m over 2bar now", "couple k1 k2 K=5kN/m Z=3Ns/m now"], 1),
 )
-def test_what_stiffens_a_scene_shakes_no_hand(tmp_path: Path, hand: str, line: str):
+def test_stiffer_coupling_scales_force_of_hand(tmp_path: Path, hand: str, line: str):
     with rig(tmp_path, hand, Scene().text) as single:
         assert single.scale == 1.0
         assert settled(single, line) <= POWER_MAX
@@ -43,7 +43,7 @@ def test_what_stiffens_a_scene_shakes_no_hand(tmp_path: Path, hand: str, line: s
         assert single.trips == 0
 
 
-def test_a_scaled_hand_is_told_once_and_gets_all_of_it_back(tmp_path: Path):
+def test_force_scale_messages_and_recovery_by_undo(tmp_path: Path):
     with rig(tmp_path, "firm", Scene().text) as single:
         single.run(0.1)
         text = single.ok(STIFF).text
@@ -62,7 +62,7 @@ def test_a_scaled_hand_is_told_once_and_gets_all_of_it_back(tmp_path: Path):
         assert single.scale == 1.0
 
 
-def test_undo_reload_and_load_take_the_same_road(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_force_scale_after_undo_reload_and_load(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
     soft, stiff = Scene(), Scene(stiffness=5e3)
     with rig(tmp_path, "firm", soft.text) as single:
@@ -84,7 +84,7 @@ def test_undo_reload_and_load_take_the_same_road(tmp_path: Path, monkeypatch: py
         assert single.trips == 0
 
 
-def test_a_scene_that_a_key_cannot_bear_is_refused_and_the_music_goes_on(tmp_path: Path):
+def test_unbearable_coupling_is_refused_while_playing(tmp_path: Path):
     with rig(tmp_path, "none", Scene().text) as single:
         single.ok("play")
         single.ok("ada plays knock every 1/2 now")
@@ -103,7 +103,7 @@ def test_a_scene_that_a_key_cannot_bear_is_refused_and_the_music_goes_on(tmp_pat
         assert single.power(since) <= POWER_MAX
 
 
-def test_a_scale_has_fallen_when_a_stiffer_scene_begins_and_rises_when_it_is_gone(tmp_path: Path):
+def test_force_scale_timing_across_stiffer_version(tmp_path: Path):
     with rig(tmp_path, "firm", Scene().text) as single:
         single.ok(STIFF)
         position = single.session.schedule.running.start
@@ -136,7 +136,7 @@ def _ticks(rig: Rig, until: int) -> list[tuple[int, float]]:
     return seen[1:]
 
 
-def test_what_is_far_from_a_hand_costs_nothing(tmp_path: Path):
+def test_force_bounds_unchanged_by_unrelated_lines(tmp_path: Path):
     """Counted: how often a scene is played against the key."""
     with rig(tmp_path, "firm", Scene().text) as single:
         bounds = single.engine.bounds_finder
@@ -152,7 +152,7 @@ def test_what_is_far_from_a_hand_costs_nothing(tmp_path: Path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", few(range(6), (1, 3)))
-def test_random_stiffenings_shake_no_hand(tmp_path: Path, seed: int):
+def test_force_scale_under_random_stiffenings(tmp_path: Path, seed: int):
     for hand in HANDS:
         folder = tmp_path / hand
         folder.mkdir()
@@ -162,7 +162,7 @@ def test_random_stiffenings_shake_no_hand(tmp_path: Path, seed: int):
 
 
 @pytest.mark.slow
-def test_two_hundred_random_stiffenings_shake_no_hand(tmp_path: Path):
+def test_force_scale_under_two_hundred_random_stiffenings(tmp_path: Path):
     worst = 0.0
     for seed, hand in itertools.product(range(200), HANDS):
         folder = tmp_path / f"{seed}-{hand}"
@@ -189,7 +189,7 @@ SOFT_GROUND = Scene(stiffness=3e3, ground=100.0, mass=0.002)
         1,
     ),
 )
-def test_automation_that_stiffens_a_scene_shakes_no_hand(tmp_path: Path, hand: str, line: str):
+def test_force_scale_under_stiffening_automation(tmp_path: Path, hand: str, line: str):
     with rig(tmp_path, hand, SOFT_GROUND.text) as single:
         assert single.scale == 1.0
         single.ok("play")
@@ -205,7 +205,7 @@ def test_automation_that_stiffens_a_scene_shakes_no_hand(tmp_path: Path, hand: s
 
 
 @pytest.mark.parametrize("target", ["bell.m.K", "k1.K"])
-def test_a_duet_knows_no_force_for_automation_that_its_hand_feels(tmp_path: Path, target: str):
+def test_tangible_modules_of_automation_in_duet(tmp_path: Path, target: str):
     path = tmp_path / "score.yaml"
     automation = f"automation: [{{lfo: {target}, range: 1..30, period: 2bar, at: 1|1}}]\n"
     path.write_text(SOFT_GROUND.text + automation, encoding="utf-8")
@@ -214,7 +214,7 @@ def test_a_duet_knows_no_force_for_automation_that_its_hand_feels(tmp_path: Path
     assert result == ({"remi": ["bell.m"]} if target == "bell.m.K" else {})
 
 
-def test_automation_that_no_hand_feels_takes_no_force_away(tmp_path: Path):
+def test_force_scale_under_automation_apart_from_hand(tmp_path: Path):
     with rig(tmp_path, "firm", SOFT_GROUND.text) as single:
         single.ok("play")
         single.ok("lfo k1.K 1..30 period 2bar now")
@@ -226,7 +226,7 @@ def test_automation_that_no_hand_feels_takes_no_force_away(tmp_path: Path):
         assert single.engine.bounds_finder.n_responses <= asked + 1
 
 
-def test_automation_with_more_values_than_are_checked_is_refused(tmp_path: Path):
+def test_force_check_with_too_many_values_is_refused(tmp_path: Path):
     values = " ".join(f"{200 + n}N/m" for n in range(65))
     with rig(tmp_path, "firm", SOFT_GROUND.text) as single:
         single.ok("play")

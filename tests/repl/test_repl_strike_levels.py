@@ -110,7 +110,7 @@ def test_gain_strikes_of_a_mass_and_a_rain(stepped: Stepped):
     same_again(stepped)
 
 
-def test_gain_strikes_holds_for_what_follows(stepped: Stepped):
+def test_mute_strikes_applies_to_redefined_strikes(stepped: Stepped):
     stepped.ok("mute d2 at 3|1")
     stepped.ok("d2 strikes high.m every 1 impulse 2mNs at 4|1")
     stepped.run(6.0)

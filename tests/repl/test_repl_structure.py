@@ -78,7 +78,7 @@ def level(stepped_session: Stepped, channel: int, seconds: float) -> float:
     )
 
 
-def test_a_new_instrument_is_built_linked_routed_and_played(stepped_session: Stepped):
+def test_build_link_route_and_play_new_instrument(stepped_session: Stepped):
     stepped_session.run(1.2)
     stepped_session.ok("bell2 = bell/bell transpose 7st")
     stepped_session.ok("mia takes k3 like k1\nlink k3 bell2.hammer BUT K=4kN/m Z=2Ns/m")
@@ -110,7 +110,7 @@ def test_build_routes_to_all_channels(stepped_session: Stepped, base: str, struc
     same_again(stepped_session)
 
 
-def test_an_instrument_like_another_is_transposed_where_it_sounds(stepped_session: Stepped):
+def test_build_with_transpose_scales_sounding_modules(stepped_session: Stepped):
     stepped_session.ok("deep = bell transpose -12st")
     piece = stepped_session.session.schedule.head.piece
     item = {module.name: module.fields for module in piece.instruments["deep"].modules}
@@ -120,7 +120,7 @@ def test_an_instrument_like_another_is_transposed_where_it_sounds(stepped_sessio
     assert piece.instruments["bell"].modules[0].fields["f"] == 220.0
 
 
-def test_cents_and_ratios_transpose_too(stepped_session: Stepped):
+def test_build_with_transpose_by_cents_and_ratios(stepped_session: Stepped):
     stepped_session.ok("low = bell transpose -14cents")
     stepped_session.ok("fifth = bell transpose x1.5")
     piece = stepped_session.session.schedule.head.piece
@@ -131,14 +131,14 @@ def test_cents_and_ratios_transpose_too(stepped_session: Stepped):
     assert "transpose: x1.5" in stepped_session.session.schedule.head.texts.text
 
 
-def test_a_generator_takes_fields_of_its_own(stepped_session: Stepped):
+def test_build_generator_with_fields_and_transpose(stepped_session: Stepped):
     stepped_session.ok("gong2 = gong/plate f=C2 t60=3s transpose 12st")
     (module,) = stepped_session.session.schedule.head.piece.instruments["gong2"].modules
     assert module.fields["f"] == pytest.approx(2 * 65.406, rel=1e-3)
     assert module.fields["t60"] == 3.0
 
 
-def test_a_link_comes_in_without_a_jump(stepped_session: Stepped):
+def test_link_during_play_starts_without_jump(stepped_session: Stepped):
     stepped_session.ok("ada plays knock every 1")
     stepped_session.run(2.0)
     stepped_session.ok("link bell.m bell.low REF K=2kN/m now")
@@ -153,7 +153,7 @@ def test_a_link_comes_in_without_a_jump(stepped_session: Stepped):
     same_again(stepped_session)
 
 
-def test_what_was_built_is_removed_with_what_belongs_to_it(stepped_session: Stepped):
+def test_remove_built_instruments_links_and_keys(stepped_session: Stepped):
     stepped_session.ok(
         "couple k1 k2 K=20N/m\nb2 = bell\nroute b2 2\nlink k2 b2.m BUT K=500N/m gap=1mm"
     )
@@ -175,7 +175,7 @@ def test_what_was_built_is_removed_with_what_belongs_to_it(stepped_session: Step
     same_again(stepped_session)
 
 
-def test_what_is_renamed_is_renamed_wherever_it_is_named(stepped_session: Stepped):
+def test_rename_gesture_and_player_in_parts(stepped_session: Stepped):
     stepped_session.run(1.1)
     stepped_session.ok("rename knock tap2")
     piece = stepped_session.session.schedule.head.piece
@@ -191,7 +191,7 @@ def test_what_is_renamed_is_renamed_wherever_it_is_named(stepped_session: Steppe
     same_again(stepped_session)
 
 
-def test_what_is_renamed_is_renamed_in_patterns(stepped_session: Stepped):
+def test_rename_gesture_in_patterns(stepped_session: Stepped):
     stepped_session.ok("ada plays knock (lean knock) ~ every 1")
     stepped_session.ok("leo plays choose knock lean every 1 chance 0.5")
     stepped_session.run(1.0)
@@ -203,7 +203,7 @@ def test_what_is_renamed_is_renamed_in_patterns(stepped_session: Stepped):
     stepped_session.run(1.0)
 
 
-def test_a_player_takes_another_key(stepped_session: Stepped):
+def test_takes_with_existing_and_new_key(stepped_session: Stepped):
     stepped_session.ok("leo takes k1")
     assert stepped_session.session.schedule.head.piece.players["leo"].key == "k1"
     stepped_session.run(1.5)
@@ -211,7 +211,7 @@ def test_a_player_takes_another_key(stepped_session: Stepped):
     assert stepped_session.session.schedule.head.piece.keys["k9"].travel == (-0.015, 0.015)
 
 
-def test_without_routes_what_sounds_stays_where_it_is():
+def test_first_route_keeps_implicit_routes():
     text = SCORE[: SCORE.index("mix:")] + "mix: {channels: 4}\n"
     texts, piece = opened("s.yaml", text)
     built = structure.build(texts, piece, "b2", "bell", {})
@@ -276,7 +276,7 @@ strikes:
 """
 
 
-def test_what_is_referred_to_is_not_removed_and_all_that_does_is_named(tmp_path: Path) -> None:
+def test_remove_of_referenced_module_names_references(tmp_path: Path) -> None:
     with closing(Stepped(SCORE + STRUCK, tmp_path)) as player_session:
         player_session.ok("play")
         reply = player_session.type("remove bell.m now")
@@ -291,7 +291,7 @@ def test_what_is_referred_to_is_not_removed_and_all_that_does_is_named(tmp_path:
     assert np.array_equal(player_session.again(), player_session.sound)
 
 
-def test_unheard_part_is_refused_by_its_line(stepped_session: Stepped) -> None:
+def test_build_with_pitch_above_half_rate_is_refused(stepped_session: Stepped) -> None:
     """It was taken, and the next line was refused for it."""
     glockenspiel = "glk = bars/glockenspiel notes=C9"  # all its modes: none can be left out
     for line in (glockenspiel, f"{glockenspiel}\nroute glk 1 2"):

@@ -99,12 +99,12 @@ def clicks(count: int, folder: Path) -> list[tuple[str, float]]:
 
 
 @pytest.mark.slow
-def test_forty_edits_never_click(tmp_path: Path):
+def test_forty_edits_of_ringing_bells_without_click(tmp_path: Path):
     loud = [found for found in clicks(40, tmp_path) if found[1] > 1.5]
     assert not loud
 
 
 @pytest.mark.slow
-def test_two_hundred_edits_never_click(tmp_path: Path):
+def test_edits_of_ringing_bells_200_times_without_click(tmp_path: Path):
     loud = [found for found in clicks(200, tmp_path) if found[1] > 1.5]
     assert not loud

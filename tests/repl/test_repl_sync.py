@@ -116,7 +116,7 @@ def test_sync_with_unknown_voice_is_refused(session, line, why):
     assert why in reply.text
 
 
-def test_names_after_sync_are_completed(session):
+def test_completion_after_sync(session):
     session.ok("rain strikes low rate 3Hz")
     offered = {offer.text for offer in session.session.complete("hush sync ", 10)}
     assert offered == {"rain", "ada"}

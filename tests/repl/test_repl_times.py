@@ -15,7 +15,7 @@ from ergon.scores.edits.texts import Texts
     ("path", "beat", "tempo"),
     crossed(SCORES, [0.0, 3.0, 12.0, 22.0, 60.0], [("72", None), ("60 -> 96", "8")]),
 )
-def test_the_tempo_holds_from_its_beat(path, beat, tempo):
+def test_tempo_change_from_its_beat(path, beat, tempo):
     bpm, over = tempo
     texts, piece = opened(path)
     after = piece_of(times.change(texts, piece, beat, bpm, over)).tempo_map
@@ -27,7 +27,7 @@ def test_the_tempo_holds_from_its_beat(path, beat, tempo):
     assert after.bpm(beat + 1000) == float(bpm.split()[-1])
 
 
-def test_a_ramp_under_way_ends_where_it_is():
+def test_tempo_change_cuts_ramp_under_way():
     texts, piece = opened(DUET)
     after = times.change(texts, piece, 36.0, "72")
     assert lines(texts, after)[1] == [
@@ -46,7 +46,7 @@ def test_a_ramp_under_way_ends_where_it_is():
         "",
     ],
 )
-def test_a_tempo_beside_a_lone_one(tempo):
+def test_tempo_change_beside_single_entry(tempo):
     head, tail = Path(TWO).read_text().split("tempo:\n")
     texts, piece = opened(TWO, head + tempo + tail[tail.index("marks:") :])
     after = piece_of(times.change(texts, piece, 4.0, "90"))
@@ -79,7 +79,7 @@ def test_change_meter_within_bar():
         times.change_meter(texts, piece, 37.0, "3/4")
 
 
-def test_a_mark_is_where_it_was_set():
+def test_mark_resolves_to_its_beat():
     texts, piece = opened(DUET)
     after = piece_of(times.mark(texts, piece, "verse-2", 13.25))
     assert {m.name: after.tempo_map.resolve(m.at) for m in after.marks}["verse-2"] == 13.25
@@ -96,7 +96,7 @@ def test_defined_gesture_has_its_written_points(name):
         assert result.manner == piece.gestures[name].manner
 
 
-def test_a_gesture_of_a_file_is_redefined_there():
+def test_define_edits_gesture_in_its_file():
     texts, _ = opened(TEMPO)
     after = names.define(texts, "tap", "0@0 smooth 7@1/8 0@1/4")
     file = str(PIECES / "gestures" / "common.yaml")
@@ -114,7 +114,7 @@ def test_a_gesture_of_a_file_is_redefined_there():
     assert list(after.overlay) == [file]
 
 
-def test_a_take_and_a_seed():
+def test_take_and_seed_edits():
     texts, _ = opened(DUET)
     after = piece_of(names.seed(names.take(texts, "solo", "takes/hand-draw-1.csv", "x"), 7))
     assert (after.takes["solo"].channel, after.seed) == ("x", 7)
@@ -130,7 +130,7 @@ def acting(piece, beat):
 
 
 @pytest.mark.parametrize("coupling_beat", [8.0, 32.0, 40.0])
-def test_a_coupling_takes_the_place_of_another(coupling_beat):
+def test_couple_replaces_earlier_coupling(coupling_beat):
     texts, piece = opened(DUET)
     after = keys.couple(texts, piece, coupling_beat, "k2", "k1", "90N/m", "1Ns/m")
     new = piece_of(after)

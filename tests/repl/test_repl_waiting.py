@@ -35,7 +35,7 @@ def commits(session: Stepped) -> dict[int, int]:
 
 
 @pytest.mark.slow
-def test_what_repeats_goes_on_while_a_line_waits_for_a_far_bar(session: Stepped):
+def test_endless_part_continues_before_far_waiting_line(session: Stepped):
     """It fell silent 32 bars after the last line that took effect."""
     session.ok("play")
     session.ok("ada plays knock every 1")
@@ -49,7 +49,7 @@ def test_what_repeats_goes_on_while_a_line_waits_for_a_far_bar(session: Stepped)
     same(session)
 
 
-def test_a_line_whose_bar_a_jump_has_passed_acts_at_once(session: Stepped):
+def test_waiting_line_passed_by_jump_acts_at_once(session: Stepped):
     """The music stopped at the frame that the line waited for, until its window was extended."""
     session.ok("play")
     session.ok("ada plays knock every 1 now")
@@ -65,7 +65,7 @@ def test_a_line_whose_bar_a_jump_has_passed_acts_at_once(session: Stepped):
     same(session)
 
 
-def test_a_line_acts_on_its_beat_though_the_tempo_changes(session: Stepped):
+def test_waiting_line_keeps_beat_after_tempo_change(session: Stepped):
     """It acted at the second at which its beat had been."""
     session.ok("play")
     session.ok("ada plays knock every 1 at 9|1")  # at 8 s
@@ -81,7 +81,7 @@ def test_a_line_acts_on_its_beat_though_the_tempo_changes(session: Stepped):
     same(session)
 
 
-def test_a_line_that_takes_a_name_from_one_that_waits_is_refused(session: Stepped):
+def test_rename_of_name_in_waiting_line_is_refused(session: Stepped):
     """It was an internal error."""
     session.ok("play")
     session.run(0.1)
@@ -98,7 +98,7 @@ def test_a_line_that_takes_a_name_from_one_that_waits_is_refused(session: Steppe
 
 
 @pytest.mark.slow
-def test_a_session_that_stood_still_says_what_did_not_begin(tmp_path: Path):
+def test_suspended_session_reports_skipped_lines(tmp_path: Path):
     stepped = Stepped(SCORE, tmp_path)
     stepped.ok("play")
     stepped.run(1.0)
@@ -114,7 +114,7 @@ def test_a_session_that_stood_still_says_what_did_not_begin(tmp_path: Path):
     stepped.close()
 
 
-def test_lines_that_one_delay_makes_late_are_put_off_once(session: Stepped):
+def test_late_lines_are_postponed_once(session: Stepped):
     """The time that a version takes was doubled for each: the twelfth waited for hours."""
     schedule = session.session.schedule
     schedule.moments.margin = 64
@@ -131,9 +131,7 @@ def test_lines_that_one_delay_makes_late_are_put_off_once(session: Stepped):
     assert max(bars) * 4 < schedule.beat_now() + 40
 
 
-def test_a_version_that_takes_long_to_make_begins_nevertheless(
-    session: Stepped, monkeypatch: pytest.MonkeyPatch
-):
+def test_slow_version_eventually_begins(session: Stepped, monkeypatch: pytest.MonkeyPatch):
     """The sound goes on meanwhile: each version came too late, and `play` never began."""
     engine, schedule = session.engine, session.session.schedule
 
@@ -166,7 +164,7 @@ parts:
 """
 
 
-def test_a_line_that_can_no_longer_take_effect_is_dropped_and_not_committed(tmp_path: Path):
+def test_impossible_waiting_line_is_dropped_from_journal(tmp_path: Path):
     """The journal held both, and could not be rendered."""
     stepped = Stepped(TRAVEL, tmp_path)
     stepped.ok("play")

@@ -70,7 +70,7 @@ def staged(text, tmp_path):
 
 @pytest.mark.parametrize("part", ["bell", "bell2"])
 @pytest.mark.parametrize("to", ["C5", "x1.25", "C4@0 smooth C5@2"])
-def test_a_glide_ends_where_the_instrument_is_transposed(tmp_path, part, to):
+def test_instrument_pitch_glide_ends_as_transposed_instrument(tmp_path, part, to):
     over = "" if "@" in to else ", over: 1bar"
     line = f"automation: [{{at: 1|1, set: {part}.f, to: {to}{over}}}]\n"
     led = staged(SCORE + line, tmp_path)
@@ -91,7 +91,7 @@ def test_a_glide_ends_where_the_instrument_is_transposed(tmp_path, part, to):
         assert led.paths[part, name][-1][1:] == pytest.approx(tuple(alone), rel=1e-9), name
 
 
-def test_a_module_that_glides_by_itself_goes_with_the_whole(tmp_path):
+def test_instrument_pitch_glide_times_module_pitch_glide(tmp_path):
     lines = "automation:\n  - {at: 1|1, set: bell.f, to: A4, over: 1bar}\n"
     lines += "  - {at: 1|1, set: bell.m.f, to: C4, over: 2bar}\n"
     led = staged(SCORE + lines, tmp_path)
@@ -100,7 +100,7 @@ def test_a_module_that_glides_by_itself_goes_with_the_whole(tmp_path):
 
 
 @pytest.mark.slow
-def test_the_whole_glides_at_the_prompt_and_what_is_saved_does(stepped_session, tmp_path):
+def test_set_instrument_pitch_over_bar_live_and_saved(stepped_session, tmp_path):
     stepped_session.ok("play from 1|1")
     stepped_session.ok("set bell.f A4 over 1bar\nada plays knock every 1")
     stepped_session.run(3.5)
@@ -130,7 +130,7 @@ def test_the_whole_glides_at_the_prompt_and_what_is_saved_does(stepped_session, 
     assert np.array_equal(stepped_session.again(), stepped_session.sound)
 
 
-def test_the_pitch_is_set_where_it_is_written(stepped_session):
+def test_set_pitch_of_instrument_edits_transpose_and_bank(stepped_session):
     def written_pitch(name):
         return stepped_session.session.schedule.head.piece.instruments[name].pitch
 

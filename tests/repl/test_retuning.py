@@ -63,12 +63,12 @@ def sounding(session: Stepped) -> float:
         ("set vib.tuning off", 440.0 * 2.0 ** (-5 / 12)),
     ],
 )
-def test_partial_after_retuning_is_that_of_the_closed_form(session, line, expected):
+def test_partial_after_set_tuning_by_closed_form(session, line, expected):
     session.ok(line)
     assert cents(sounding(session), expected) < 0.05
 
 
-def test_session_equals_the_render_of_its_journal(session):
+def test_set_tuning_live_equals_journal(session):
     session.ok("set vib.tuning edo 19 over 500ms")
     session.run(1.5)
     session.ok("set tuning 442Hz")
@@ -81,7 +81,7 @@ def test_session_equals_the_render_of_its_journal(session):
     assert (session.again() == sound).all()
 
 
-def test_scale_of_a_file_is_in_the_journal(session, tmp_path):
+def test_set_tuning_scale_file_in_journal(session, tmp_path):
     (tmp_path / "just.scl").write_text(SCALE, encoding="utf-8")
     (tmp_path / "just.kbm").write_text(A4_MAP, encoding="utf-8")
     session.ok("set vib.tuning scale just.scl keys just.kbm")
@@ -92,7 +92,7 @@ def test_scale_of_a_file_is_in_the_journal(session, tmp_path):
     assert (session.again() == sound).all()
 
 
-def test_undo_brings_the_tuning_before_back(session):
+def test_undo_restores_previous_tuning(session):
     session.ok("set vib.tuning edo 19")
     session.run(2.0)
     session.ok("undo")
@@ -112,13 +112,13 @@ def test_undo_brings_the_tuning_before_back(session):
         ("set vbi.tuning edo 19", "'vbi.tuning' is not a tuning"),
     ],
 )
-def test_what_is_no_tuning_is_refused(session, line, words):
+def test_invalid_tuning_is_refused(session, line, words):
     reply = session.type(line)
     assert not reply.taken
     assert words in reply.text
 
 
-def test_scale_outside_of_the_folder_is_refused(tmp_path):
+def test_set_tuning_scale_outside_folder_is_refused(tmp_path):
     (tmp_path / "just.scl").write_text(SCALE, encoding="utf-8")
     (tmp_path / "piece").mkdir()
     session = Stepped(SCORE, tmp_path / "piece")
@@ -135,6 +135,6 @@ def test_scale_outside_of_the_folder_is_refused(tmp_path):
         ("set vib.tuning edo ", {"19"}),
     ],
 )
-def test_words_of_a_tuning_are_completed(session, line, words):
+def test_completion_of_tuning_words(session, line, words):
     scope = scope_of(session.session.schedule.head.piece)
     assert words <= {each.text for each in complete(line, len(line), scope)}

@@ -43,7 +43,7 @@ def damped(like: Stage, frame: int) -> Change:
     return Change(frame, new, like, damp=0.1)
 
 
-def test_revoked_changes_are_late_by_their_tickets(begun: Stage) -> None:
+def test_revoke_reports_later_changes_as_late(begun: Stage) -> None:
     engine = SteppedEngine(begun, tick_frames=EVERY, highpass=None)
     first = damped(begun, 10 * EVERY)
     tickets = [engine.change(first)]
@@ -56,7 +56,7 @@ def test_revoked_changes_are_late_by_their_tickets(begun: Stage) -> None:
     assert not engine.events()
 
 
-def test_change_after_revocation(tmp_path: Path) -> None:
+def test_change_after_revoke_takes_effect(tmp_path: Path) -> None:
     sounds = []
     for revokes in (False, True):
         begun = fresh(tmp_path)

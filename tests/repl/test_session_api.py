@@ -164,12 +164,12 @@ class StoringFace:
         self.closed = True
 
 
-def test_every_form_has_its_call():
+def test_calls_cover_every_form_of_verbs():
     assert set(CALLS) == {form.example for form in FORMS}
 
 
 @pytest.mark.parametrize("wanted", [*CALLS, *MORE])
-def test_a_call_is_its_line(wanted: str):
+def test_method_call_submits_its_line(wanted: str):
     face = StoringFace()
     reply = (CALLS | MORE)[wanted](SessionProxy(face))
     assert face.lines == [wanted]
@@ -177,7 +177,7 @@ def test_a_call_is_its_line(wanted: str):
     assert face.closed == (wanted == "quit")
 
 
-def test_what_is_refused_is_raised():
+def test_refused_line_raises_not_taken():
     face = StoringFace()
     with pytest.raises(NotTaken, match=r"unknown verb 'adda'; try: ada plays knock") as refused:
         SessionProxy(face)("adda")
@@ -197,14 +197,14 @@ def test_what_is_refused_is_raised():
         lambda s: s.record("on"),
     ],
 )
-def test_a_call_that_is_no_line_types_nothing(wrong: Callable[[SessionProxy], Reply]):
+def test_invalid_call_raises_type_error(wrong: Callable[[SessionProxy], Reply]):
     face = StoringFace()
     with pytest.raises(TypeError, match="write it as "):
         wrong(SessionProxy(face))
     assert face.lines == []
 
 
-def test_a_value_is_no_second_line():
+def test_argument_with_newline_raises_value_error():
     face = StoringFace()
     with pytest.raises(ValueError, match="one line"):
         SessionProxy(face).py("1\nquit")
@@ -219,7 +219,7 @@ def test_names_can_be_completed_and_explained():
     assert set(building.FUNCTIONS.values()) == {form.verb for form in FORMS}
 
 
-def test_calls_change_what_a_real_session_plays(tmp_path: Path):
+def test_calls_on_stepped_session(tmp_path: Path):
     stepped = Stepped(SCORE, tmp_path)
     with SessionProxy(stepped.session) as session:
         session.play()
@@ -236,7 +236,7 @@ def test_calls_change_what_a_real_session_plays(tmp_path: Path):
         assert "knock: 0@0 smooth 5@1/8" in stepped.session.schedule.head.texts.text
 
 
-def test_it_opens_as_the_command_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_open_session_options_and_errors(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
     Path("score.yaml").write_text(SCORE)
     Path("bad.yaml").write_text(SCORE.replace("400g", "400h"))
@@ -257,7 +257,7 @@ def test_it_opens_as_the_command_does(tmp_path: Path, monkeypatch: pytest.Monkey
         ergon.open_session(None, ergon.SessionOptions(socket=str(tmp_path / "s")))
 
 
-def test_what_the_page_shows(
+def test_notebook_page_example_output(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
     """The example of docs/notebook.md, on a piece that stands still: no line comes too late."""
@@ -276,7 +276,7 @@ def test_what_the_page_shows(
     assert output.count("knock = 0@0") == 4
 
 
-def test_what_is_not_closed_is_closed_at_the_end(tmp_path: Path):
+def test_session_closed_at_interpreter_exit(tmp_path: Path):
     (tmp_path / "score.yaml").write_text(SCORE)
     code = (
         "import ergon; options = ergon.SessionOptions(audio='null', gain='0dB'); "

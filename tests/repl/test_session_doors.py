@@ -98,7 +98,7 @@ def test_session_typed_by_call(typed: Session) -> None:
 
 
 @pytest.mark.parametrize("door", [name for name in DOORS if name != "call"])
-def test_journal_of_each_door(typed: Session, tmp_path: Path, door: str) -> None:
+def test_journal_of_each_input(typed: Session, tmp_path: Path, door: str) -> None:
     result = play(tmp_path / "session", DOORS[door])
     assert [event["event"] for event in result.journal] == [
         event["event"] for event in typed.journal
@@ -110,7 +110,7 @@ def test_journal_of_each_door(typed: Session, tmp_path: Path, door: str) -> None
 
 
 @pytest.mark.parametrize("door", [name for name in DOORS if name != "pipe"])
-def test_blocks_do_what_their_lines_do_singly(typed: Session, tmp_path: Path, door: str) -> None:
+def test_blocks_equal_their_lines_by_each_input(typed: Session, tmp_path: Path, door: str) -> None:
     is_rendered = door == "call"
     result = play(tmp_path / "session", DOORS[door], in_blocks=True, is_rendered=is_rendered)
     assert result.texts == typed.texts

@@ -51,7 +51,7 @@ def seconds_of(delayed: Stepped, channel: int) -> np.ndarray:
 # --- 2: the music goes on while the prompt is busy ------------------------------------------------
 
 
-def test_music_goes_on_while_a_line_is_made_for_a_minute(delayed: Delayed) -> None:
+def test_sound_during_line_of_a_minute(delayed: Delayed) -> None:
     delayed.ok("play")
     delayed.ok("leo plays knock every 1 now")
     delayed.run(2.0)
@@ -64,7 +64,7 @@ def test_music_goes_on_while_a_line_is_made_for_a_minute(delayed: Delayed) -> No
     check_render(delayed)
 
 
-def test_music_goes_on_while_python_waits(tmp_path: Path) -> None:
+def test_sound_during_blocked_py_line(tmp_path: Path) -> None:
     """By the session's own threads: the prompt's thread waits within a line."""
     with closing(Stepped(SCORE, tmp_path)) as stepped:
         session = stepped.session
@@ -161,7 +161,7 @@ def test_fence_with_a_defined_instrument(delayed: Delayed) -> None:
     check_render(delayed)
 
 
-def test_drop_names_the_line_that_fails(delayed: Delayed) -> None:
+def test_remove_of_instrument_needed_by_waiting_line(delayed: Delayed) -> None:
     delayed.ok("play")
     delayed.run(0.2)
     delayed.ok("chime = bell transpose 3st at 3|1\nroute chime 1")
@@ -188,7 +188,7 @@ def test_making_time_after_a_slow_line(delayed: Delayed) -> None:
 
 
 @pytest.mark.parametrize("line", ["hush now", "stop now", "mute drum now", "panic", "damp 1s now"])
-def test_stops_act_at_once_whatever_waits(delayed: Delayed, line: str) -> None:
+def test_stop_acts_at_once_beside_slow_waiting_lines(delayed: Delayed, line: str) -> None:
     """Their time was estimated from that of the lines before: 9.9 s for a hush."""
     delayed.ok("play")
     delayed.ok("leo plays knock every 1/2 now")
@@ -228,7 +228,7 @@ def test_release_before_the_end_of_a_panic(delayed: Delayed) -> None:
 # --- 5: a piece that stands keeps `at` ------------------------------------------------------------
 
 
-def test_lines_typed_before_play_act_where_they_say(delayed: Delayed) -> None:
+def test_lines_typed_before_play_keep_their_beats(delayed: Delayed) -> None:
     assert delayed.ok("ada plays knock every 1 at 3|1").text.startswith("ok 3|1")
     assert delayed.ok("tempo 60 at 2|1").text == "ok 2|1"
     assert delayed.ok("leo plays lean in 2").text.startswith("ok 1|3")
@@ -283,7 +283,7 @@ def test_save_of_a_tempo_at_a_later_bar(delayed: Delayed, tmp_path: Path) -> Non
 # --- 7: lines before play -------------------------------------------------------------------------
 
 
-def test_lines_typed_singly_before_play_are_as_good_as_a_block(tmp_path: Path) -> None:
+def test_lines_before_play_singly_equal_a_block(tmp_path: Path) -> None:
     lines = ["kick = skins/kick", "route kick 1 2", "gain kick -3dB"]
     heads = []
     for number, typed in enumerate((lines, ["\n".join(lines)])):
@@ -372,7 +372,7 @@ def test_gain_of_a_withdrawn_instrument(delayed: Delayed) -> None:
     check_render(delayed)
 
 
-def test_undo_keeps_the_levels_that_acted_before(delayed: Delayed) -> None:
+def test_undo_keeps_levels_applied_earlier(delayed: Delayed) -> None:
     """The version after a line lacked the levels that had overtaken it."""
     delayed.delay = lambda: 0.1
     delayed.ok("tempo 110")
@@ -547,7 +547,7 @@ def test_render_of_an_undo_staged_with_its_line(delayed: Delayed) -> None:
     check_render(delayed)
 
 
-def test_undo_leaves_out_what_a_level_of_its_bar_overtook(delayed: Delayed) -> None:
+def test_undo_of_line_overtaken_by_level(delayed: Delayed) -> None:
     """The version of the level had the line that was typed before it and acted after it."""
     delayed.delay = lambda: 0.02
     delayed.ok("play")
@@ -589,7 +589,7 @@ def paced(delayed: Delayed, *seconds: float) -> None:
     delayed.delay = lambda: next(turns)
 
 
-def test_what_ends_at_a_beat_passes_no_play_that_is_to_begin(delayed: Delayed) -> None:
+def test_rest_and_lfo_lines_behind_waiting_play(delayed: Delayed) -> None:
     """It acted before the piece began, and was an error for a piece that stands."""
     paced(delayed, 0.0, 0.004, 1.2, 1.2, 0.0)
     delayed.ok("tempo 100 -> 130 over 1bar")

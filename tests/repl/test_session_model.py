@@ -250,5 +250,5 @@ TestSession = machine(120, 10)
 
 
 @pytest.mark.slow
-def test_hundred_thousand_sessions_hold() -> None:
+def test_hundred_thousand_random_sessions_in_virtual_time() -> None:
     machine(100_000, 20)("runTest").runTest()

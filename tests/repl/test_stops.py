@@ -116,7 +116,7 @@ STOPS = {
 
 
 @pytest.mark.parametrize("method", few(STOPS, ["panic"]))
-def test_a_stop_waits_for_no_line(tmp_path: Path, method: str):
+def test_stop_releases_force_during_endless_line(tmp_path: Path, method: str):
     line, stop = STOPS[method]
     with played(tmp_path) as board, piped(tmp_path, board, line) as process:
         until(lambda: pushes(board), "a force")
@@ -142,9 +142,7 @@ def terminal(folder: Path, board: Simulated, *options: str) -> Iterator[Terminal
 @pytest.mark.slow
 @pytest.mark.parametrize("key", [F12, CTRL_C, "panic" + ENTER, "quit" + ENTER, "SIGINT"])
 @pytest.mark.parametrize("options", [(), ("--plain",)])
-def test_a_terminal_stops_while_a_line_is_at_work(
-    tmp_path: Path, options: tuple[str, ...], key: str
-):
+def test_terminal_stop_keys_during_endless_line(tmp_path: Path, options: tuple[str, ...], key: str):
     with played(tmp_path) as board, terminal(tmp_path, board, *options) as position:
         position.type(LINE.rstrip() + ENTER)
         position.sees("\nstuck\n")
@@ -155,7 +153,7 @@ def test_a_terminal_stops_while_a_line_is_at_work(
         until(lambda: position.look(0) and has_let_go(board), "zero force")
 
 
-def test_an_idle_terminal_clears_a_line_by_ctrl_c_and_goes_on_pushing(tmp_path: Path):
+def test_ctrl_c_at_idle_terminal_clears_line_only(tmp_path: Path):
     with played(tmp_path) as board, terminal(tmp_path, board) as position:
         position.type("half a line")
         position.sees("half a line")
@@ -173,7 +171,7 @@ def test_an_idle_terminal_clears_a_line_by_ctrl_c_and_goes_on_pushing(tmp_path: 
 # --- lines, stops, and their turns ---------------------------------------------------------------
 
 
-def test_a_stop_in_a_pipe_is_done_before_the_line_that_it_follows_ends(tmp_path: Path):
+def test_panic_in_pipe_stops_preceding_line(tmp_path: Path):
     """`slow` ends by a panic alone."""
     done = script(tmp_path, "slow 1000\nada a\npanic\nada b\n")
     assert "stopped by the panic" in done.stdout
@@ -186,7 +184,7 @@ def test_a_stop_in_a_pipe_is_done_before_the_line_that_it_follows_ends(tmp_path:
     assert [call["releases"] for call in message if call.get("text") == "ada a"] == [False]
 
 
-def test_a_file_is_read_one_line_ahead(tmp_path: Path):
+def test_script_file_is_read_one_line_ahead(tmp_path: Path):
     lines = tmp_path / "lines.txt"
     lines.write_text("ada a\nada b\nslow 1000\npanic\nada c\nada d\n")
     session = [sys.executable, str(Path(__file__).parents[1] / "support/acted_session.py")]
@@ -218,7 +216,7 @@ class StoringActions(Acted):
         self.asked.append("input ends")
 
 
-def test_lines_before_a_stop_bring_nothing_back():
+def test_line_queue_withholds_lines_entered_before_stop():
     face = StoringActions()
     turns: LineQueue[int] = LineQueue(face)
     turns.enter("play", 1)
@@ -241,7 +239,7 @@ def test_lines_before_a_stop_bring_nothing_back():
     assert last.releases
 
 
-def test_a_line_that_a_panic_overtook_does_not_end_it(tmp_path: Path):
+def test_line_entered_before_panic_does_not_end_it(tmp_path: Path):
     played = Stepped(SCORE, tmp_path)
     session = played.session
     session.panic()
@@ -258,7 +256,7 @@ def test_a_line_that_a_panic_overtook_does_not_end_it(tmp_path: Path):
     played.close()
 
 
-def test_a_panic_is_one_version_however_often_it_is_asked(tmp_path: Path):
+def test_repeated_panic_is_one_version(tmp_path: Path):
     played = Stepped(SCORE, tmp_path)
     played.ok("play")
     played.run(0.5)
@@ -282,7 +280,7 @@ def test_a_panic_is_one_version_however_often_it_is_asked(tmp_path: Path):
         *((line, None) for line in ("play", "pan", "p", "panics", "panic = 0@0 smooth 1@1")),
     ],
 )
-def test_stops_are_the_words_of_the_language(tmp_path: Path, line: str, stop: str | None):
+def test_prompt_stop_words_equal_language_stop_words(tmp_path: Path, line: str, stop: str | None):
     """What the prompt takes for a stop, the language does."""
     played = Stepped(SCORE, tmp_path)
     scope = scope_of(played.session.schedule.head.piece)
@@ -308,7 +306,7 @@ def test_queue_with_refused_line(tmp_path: Path, line: str):
     played.close()
 
 
-def test_pan_with_instrument_of_that_name(tmp_path: Path):
+def test_pan_line_with_instrument_named_pan(tmp_path: Path):
     text = SCORE.replace(
         "  bell:",
         "  pan:\n    modules: {m: {CEL: {M: 20g, f: 90Hz}}}\n    out: {SOX: m}\n  bell:",
@@ -324,7 +322,7 @@ def test_pan_with_instrument_of_that_name(tmp_path: Path):
     played.close()
 
 
-def test_every_face_has_every_stop():
+def test_session_classes_implement_stop_methods():
     for face in (ErrorBoundary, RemoteSession, Acted):
         for name in ("panic", "let_go", "input_ends"):
             assert callable(getattr(face, name)), (face, name)

@@ -108,7 +108,7 @@ def finished(expected: str) -> None:
     assert not [path for path in Path().iterdir() if path.name.startswith(".")]
 
 
-def test_a_worker_and_a_client_are_killed(expected: str):
+def test_render_after_killed_worker_and_client(expected: str):
     dice = random.Random(1)
     process = render("-o", "two.wav", "--on", "local:2")
     until(lambda: stored() >= 3, "stretches")
@@ -123,7 +123,7 @@ def test_a_worker_and_a_client_are_killed(expected: str):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(30))
-def test_kills_at_random_instants(expected: str, seed: int, killed: "Counter[str]"):
+def test_render_after_kills_at_random_instants(expected: str, seed: int, killed: "Counter[str]"):
     """Ten kills of workers, or of the client from whose stretches another one goes on."""
     dice = random.Random(seed)
     process, n_kills = render("-o", "two.wav", "--on", "local:2"), 0
@@ -205,7 +205,7 @@ def dask() -> Iterator[Dask]:
 
 
 @pytest.mark.slow
-def test_a_scheduler_is_killed(expected: str, dask: Dask):
+def test_render_resumes_after_killed_scheduler(expected: str, dask: Dask):
     process = render("-o", "two.wav", "--on", dask.address)
     until(lambda: stored() >= 2, "stretches")
     dask.processes[0].kill()
@@ -225,7 +225,7 @@ def test_a_scheduler_is_killed(expected: str, dask: Dask):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
-def test_schedulers_are_killed_at_random_instants(
+def test_render_after_scheduler_kills_at_random_instants(
     expected: str, dask: Dask, seed: int, killed: "Counter[str]"
 ):
     """Five schedulers, and workers between: each client ends with the bytes or with a sentence."""

@@ -34,7 +34,7 @@ def here(work_folder: Path) -> None:
 
 @needs("openssl")
 @pytest.mark.slow
-def test_by_the_documented_commands():
+def test_cluster_tls_by_documented_commands():
     binaries = Path(sys.executable).parent
     if not (binaries / "dask").exists():
         pytest.skip("no command dask")
@@ -77,7 +77,7 @@ def test_by_the_documented_commands():
         ({"CA_FILE": "piece.yaml", "CLIENT__CERT": "piece.yaml"}, "cannot be used: "),
     ],
 )
-def test_certificates_that_lack(
+def test_cluster_tls_missing_certificates_message(
     names: dict[str, str], output: str, capsys: pytest.CaptureFixture[str]
 ):
     import dask.config

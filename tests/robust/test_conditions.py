@@ -113,7 +113,7 @@ WRITERS = (
 
 
 @pytest.mark.parametrize("line", WRITERS)
-def test_a_full_disk_leaves_nothing_half(small: Path, line: str) -> None:
+def test_full_disk_refused_without_partial_files(small: Path, line: str) -> None:
     code, _, output = forked_ergon(small, line)
     assert code == 2
     assert " cannot be written: No space left" in output, output
@@ -121,7 +121,7 @@ def test_a_full_disk_leaves_nothing_half(small: Path, line: str) -> None:
 
 
 @pytest.mark.parametrize("line", WRITERS)
-def test_the_largest_file_that_may_be_is_a_full_disk(here: Path, line: str) -> None:
+def test_file_size_limit_refused_without_partial_files(here: Path, line: str) -> None:
     code, _, output = forked_ergon(here, line, (resource.RLIMIT_FSIZE, 100_000))
     assert code == 2
     assert " cannot be written: File too large" in output, output
@@ -137,7 +137,7 @@ def test_the_largest_file_that_may_be_is_a_full_disk(here: Path, line: str) -> N
         "schema -o /dev/full",
     ],
 )
-def test_a_device_that_is_full(here: Path, line: str) -> None:
+def test_write_to_full_device_is_refused(here: Path, line: str) -> None:
     code, _, output = forked_ergon(here, line)
     assert code == 2
     assert "No space left" in output, output
@@ -148,7 +148,7 @@ def test_a_device_that_is_full(here: Path, line: str) -> None:
     few(["info score.yaml", "plan score.yaml", "compile score.yaml", "render score.yaml -o -"], 1),
 )
 @pytest.mark.parametrize("unbuffered", ["", "1"])
-def test_a_full_standard_output(here: Path, line: str, unbuffered: str) -> None:
+def test_full_standard_output_exit_2(here: Path, line: str, unbuffered: str) -> None:
     """Whether a write fails at once or when the buffer is flushed at the end."""
     words = [*ERGON, *line.split()]
     environment = {**os.environ, "PYTHONUNBUFFERED": unbuffered}
@@ -164,7 +164,7 @@ def test_a_full_standard_output(here: Path, line: str, unbuffered: str) -> None:
 
 
 @pytest.mark.parametrize("line", ["check score.yaml", "check none.yaml"])
-def test_a_full_standard_error(here: Path, line: str) -> None:
+def test_full_standard_error_exit_2(here: Path, line: str) -> None:
     with open("/dev/full", "wb") as full:
         done = subprocess.run(
             [*ERGON, *line.split()], cwd=here, stdout=subprocess.DEVNULL, stderr=full
@@ -172,7 +172,7 @@ def test_a_full_standard_error(here: Path, line: str) -> None:
     assert done.returncode == 2
 
 
-def test_data_and_messages_in_one_file_stand_in_order(here: Path) -> None:
+def test_stdout_and_stderr_in_one_file_ordered(here: Path) -> None:
     """The sentence about a warning does not overtake the data printed before it."""
     environment = {**os.environ, "PYTHONUNBUFFERED": ""}
     program = (
@@ -203,7 +203,7 @@ RECORDERS = (
 
 
 @pytest.mark.parametrize("what", RECORDERS)
-def test_a_take_on_a_disk_that_gets_full_is_told_and_never_whole(small: Path, what: str) -> None:
+def test_take_on_filling_disk_marked_incomplete(small: Path, what: str) -> None:
     device = subprocess.Popen(DEVICE, stdout=subprocess.PIPE, text=True)
     assert device.stdout is not None
     with device:
@@ -238,7 +238,7 @@ def test_a_take_on_a_disk_that_gets_full_is_told_and_never_whole(small: Path, wh
 
 
 @pytest.mark.parametrize("what", RECORDERS)
-def test_a_take_on_a_disk_that_is_full_is_refused(small: Path, what: str) -> None:
+def test_take_on_full_disk_is_refused(small: Path, what: str) -> None:
     fill(small)
     with subprocess.Popen(DEVICE, stdout=subprocess.PIPE, text=True) as device:
         assert device.stdout is not None
@@ -252,7 +252,7 @@ def test_a_take_on_a_disk_that_is_full_is_refused(small: Path, what: str) -> Non
     assert not (small / "a.take").exists(), "a take of nothing"
 
 
-def test_a_journal_on_a_full_disk_is_told_and_never_whole(small: Path) -> None:
+def test_journal_on_full_disk_reported(small: Path) -> None:
     fill(small)
     line = "repl score.yaml --audio null --gain 0dB --plain"
     _, out, output = forked_ergon(small, line, lines="play\nada plays knock every 1\nquit\n")
@@ -263,7 +263,7 @@ def test_a_journal_on_a_full_disk_is_told_and_never_whole(small: Path) -> None:
 
 
 @pytest.mark.parametrize("line", WRITERS)
-def test_a_folder_that_is_read_only(tmp_path: Path, here: Path, line: str) -> None:
+def test_read_only_folder_is_refused(tmp_path: Path, here: Path, line: str) -> None:
     mount = ["mount", "-t", "tmpfs", "-o", "ro,size=64k", "tmpfs", str(here)]
     line = line.replace("score.yaml", str(tmp_path / "score.yaml"))
     (tmp_path / "score.yaml").write_text(SCORE.replace("TAIL", "1s"))
@@ -322,7 +322,7 @@ ENVIRONMENTS: dict[str, dict[str, str | None]] = {
 
 
 @pytest.mark.parametrize(("name", "line"), crossed([*ENVIRONMENTS], LINES))
-def test_an_environment_without(here: Path, name: str, line: str) -> None:
+def test_commands_without_environment_variables(here: Path, name: str, line: str) -> None:
     before = files(here)
     code, _, output = ergon(here, line, **ENVIRONMENTS[name])
     assert code == 0, output
@@ -330,7 +330,7 @@ def test_an_environment_without(here: Path, name: str, line: str) -> None:
 
 
 @pytest.mark.parametrize("line", few(LINES, 2))
-def test_a_home_that_is_read_only(tmp_path: Path, here: Path, line: str) -> None:
+def test_commands_with_read_only_home(tmp_path: Path, here: Path, line: str) -> None:
     home = tmp_path / "home"
     home.mkdir()
     mount = ["mount", "-t", "tmpfs", "-o", "ro,size=64k", "tmpfs", str(home)]
@@ -350,7 +350,7 @@ def test_a_home_that_is_read_only(tmp_path: Path, here: Path, line: str) -> None
 
 @pytest.mark.parametrize("line", LINES)
 @pytest.mark.parametrize("limit", few([8, 16], [8]))
-def test_few_descriptors(here: Path, line: str, limit: int) -> None:
+def test_commands_with_few_file_descriptors(here: Path, line: str, limit: int) -> None:
     code, out, output = ergon(here, line, limited(resource.RLIMIT_NOFILE, limit))
     assert code in (0, 2, 3), output
     assert code == 0 or output.strip() or out.strip()
@@ -361,7 +361,7 @@ def test_few_descriptors(here: Path, line: str, limit: int) -> None:
 @pytest.mark.parametrize(
     "line", ["check score.yaml", "render long.yaml -o x.wav --normalise -1dB -n"]
 )
-def test_little_memory(here: Path, line: str, limit: int) -> None:
+def test_commands_with_little_memory(here: Path, line: str, limit: int) -> None:
     done = subprocess.run(
         [*ERGON, *line.split()],
         cwd=here,
@@ -387,7 +387,7 @@ def test_little_memory(here: Path, line: str, limit: int) -> None:
         ("repl score.yaml --audio null --gain 0dB --plain", "session.jsonl"),
     ],
 )
-def test_a_signal_ends_it_with_nothing_left(
+def test_signal_ends_command_without_files(
     here: Path, number: signal.Signals, line: str, begun: str
 ) -> None:
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
@@ -414,7 +414,7 @@ def test_a_signal_ends_it_with_nothing_left(
     )
 
 
-def test_who_reads_no_further_ends_a_render(here: Path) -> None:
+def test_render_to_closed_pipe_ends_silently(here: Path) -> None:
     """`ergon render -o - | head -c 100`: no message, no file."""
     shell = f"{' '.join(ERGON)} render long.yaml -q -o - --bits float | head -c 100 | wc -c"
     words = ["bash", "-c", shell]
@@ -428,7 +428,7 @@ def test_who_reads_no_further_ends_a_render(here: Path) -> None:
 
 
 @pytest.mark.slow
-def test_two_renders_to_one_file(here: Path) -> None:
+def test_simultaneous_renders_to_one_file(here: Path) -> None:
     line = [*ERGON, "render", "score.yaml", "-q", "-o"]
     subprocess.run([*line, "one.wav"], cwd=here, check=True)
     both = [subprocess.Popen([*line, "x.wav"], cwd=here, stderr=subprocess.PIPE) for _ in range(4)]
@@ -439,7 +439,7 @@ def test_two_renders_to_one_file(here: Path) -> None:
     assert files(here) == sorted([*INPUT_FILES, "one.wav", "x.wav"])
 
 
-def test_two_sessions_in_one_folder(here: Path) -> None:
+def test_simultaneous_sessions_in_one_folder(here: Path) -> None:
     line = [*PATIENT, "repl", "score.yaml", "--audio", "null", "--gain", "0dB", "--plain"]
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     both = [subprocess.Popen(line, cwd=here, text=True, **pipes) for _ in range(3)]
@@ -485,7 +485,7 @@ READERS = (
 
 
 @pytest.mark.parametrize("line", READERS)
-def test_no_reader_waits_for_what_is_no_file(here: Path, line: str) -> None:
+def test_readers_refuse_fifos_folders_and_devices(here: Path, line: str) -> None:
     """A pipe that nobody writes to, a folder, a device without an end: a sentence, in 2 GB."""
     captured = (".c3d", ".bvh", ".trc", ".tsv", ".sdif")
     suffixes = (".csv", ".npz", ".wav", *captured) if "take import" in line else ("",)
@@ -510,7 +510,7 @@ def test_no_reader_waits_for_what_is_no_file(here: Path, line: str) -> None:
             assert files(here) == before
 
 
-def test_load_takes_files_alone(here: Path) -> None:
+def test_load_refuses_non_files(here: Path) -> None:
     os.mkfifo(here / "fifo")
     (here / "folder").mkdir()
     line = "repl score.yaml --audio null --gain 0dB --plain"

@@ -67,7 +67,7 @@ def names(folder: Path) -> set[str]:
 
 
 @pytest.mark.parametrize("writer", few(EVERY, SHOWN), ids=lambda writer: writer.line)
-def test_a_full_disk_leaves_what_was_there(disk: Path, writer: Writer) -> None:
+def test_full_disk_leaves_existing_files(disk: Path, writer: Writer) -> None:
     """Over nothing, and over what an earlier run made; with room for none of it, and for some."""
     before, there = names(disk), contents(disk)
     complete = shutil.copytree(disk, disk.parent.parent / "whole")
@@ -88,7 +88,7 @@ def test_a_full_disk_leaves_what_was_there(disk: Path, writer: Writer) -> None:
         before, there, is_over = names(disk), contents(disk), True
 
 
-def test_a_sweep_on_a_full_disk_keeps_what_is_whole_and_goes_on(disk: Path) -> None:
+def test_sweep_resumes_after_full_disk(disk: Path) -> None:
     before = names(disk)
     leave(disk.parent, 8)
     assert is_refused(SWEEP, disk, message="No space left")
@@ -102,7 +102,7 @@ def test_a_sweep_on_a_full_disk_keeps_what_is_whole_and_goes_on(disk: Path) -> N
 
 
 @pytest.mark.parametrize("writer", few(EVERY, SHOWN[:1]), ids=lambda writer: writer.line)
-def test_the_largest_file_that_may_be_leaves_what_was_there(
+def test_file_size_limit_leaves_existing_files(
     inputs: Path, tmp_path: Path, writer: Writer
 ) -> None:
     complete, folder = (shutil.copytree(inputs, tmp_path / name) for name in ("whole", "folder"))

@@ -42,7 +42,7 @@ DIGITS = "9" * 100_000
         (b"\xff", "not text in UTF-8"),
     ],
 )
-def test_json_and_toml_have_one_error(
+def test_json_and_toml_errors_of_hostile_text(
     parse: Callable[[str | bytes], object], text: str | bytes, words: str
 ):
     if parse is parse_json:
@@ -52,7 +52,7 @@ def test_json_and_toml_have_one_error(
         parse(text)
 
 
-def test_what_is_whole_is_parsed():
+def test_parse_json_and_toml_of_valid_text():
     assert parse_json(b'\xef\xbb\xbf{"a": [1, 2.5, "' + b"9" * 400 + b'"]}')["a"][:2] == [1, 2.5]
     assert parse_json("9" * 308) == 10**308 - 1
     with pytest.raises(MalformedTextError, match="too many digits"):
@@ -60,7 +60,7 @@ def test_what_is_whole_is_parsed():
     assert parse_toml(b'a.b.c = "frame:/dev/ttyACM0"') == {"a": {"b": {"c": "frame:/dev/ttyACM0"}}}
 
 
-def test_a_list_of_devices_is_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_devices_toml_must_be_small_regular_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """A pipe was waited for, and /dev/zero filled the memory."""
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
     path = tmp_path / "ergon" / "devices.toml"
@@ -81,7 +81,7 @@ def test_a_list_of_devices_is_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyP
 @pytest.mark.parametrize("suffix", [".csv", ".tsv"])
 @pytest.mark.parametrize("row", [0, 1])
 @pytest.mark.parametrize("instant", ["nan", "inf", "1e400", "1_0"])
-def test_instants_of_a_table_are_numbers(tmp_path: Path, suffix: str, row: int, instant: str):
+def test_take_table_with_non_numeric_instants(tmp_path: Path, suffix: str, row: int, instant: str):
     """Of the first row NaN was an internal error of `take info`, of a later one it was told."""
     rows = [["t [s]", "x [mm]"], ["0", "0"], ["0.1", "nan"], ["0.2", "1"]]
     rows[row + 1][0] = instant
@@ -91,7 +91,7 @@ def test_instants_of_a_table_are_numbers(tmp_path: Path, suffix: str, row: int, 
         summary(path)
 
 
-def test_a_value_that_is_hidden_is_left_out_of_a_summary(tmp_path: Path):
+def test_take_summary_skips_hidden_values(tmp_path: Path):
     path = tmp_path / "a.csv"
     path.write_text("t [s],x [mm],y [mm]\n0,nan,nan\n0.1,2,nan\n0.2,1,nan\n")
     time, x, y = summary(path).columns
@@ -103,7 +103,7 @@ def test_a_value_that_is_hidden_is_left_out_of_a_summary(tmp_path: Path):
         summary(path)
 
 
-def test_a_record_of_what_is_hidden_is_json(work_folder: Path):
+def test_take_info_json_of_hidden_values(work_folder: Path):
     """It held Infinity, which no other program reads."""
     Path("a.csv").write_text("t [s],x [mm]\n0,nan\n1,nan\n")
     done = forked(["take", "info", "--json", "a.csv"], work_folder)
@@ -121,7 +121,7 @@ def wave(rate: int, n_frames: int = 22_000) -> bytes:
 
 
 @pytest.mark.parametrize("rate", [1, 2**32 - 1])
-def test_no_stroke_has_a_rate_beyond_all_sound(tmp_path: Path, rate: int):
+def test_wav_with_excessive_rate_is_refused(tmp_path: Path, rate: int):
     """44 kB took 18 s."""
     (tmp_path / "a.wav").write_bytes(wave(rate))
     with pytest.raises(NotAStrokeError, match="frames a second"):
@@ -131,7 +131,7 @@ def test_no_stroke_has_a_rate_beyond_all_sound(tmp_path: Path, rate: int):
 
 
 @pytest.mark.parametrize(("n_frames", "words"), [(2**36 - 1, "cannot hold"), (0, "how long it is")])
-def test_a_flac_file_of_another_length(tmp_path: Path, n_frames: int, words: str):
+def test_flac_with_wrong_length_is_refused(tmp_path: Path, n_frames: int, words: str):
     path = tmp_path / "a.flac"
     soundfile.write(path, np.zeros((1000, 2)), 48_000, subtype="PCM_24")
     data = bytearray(path.read_bytes())
@@ -142,7 +142,7 @@ def test_a_flac_file_of_another_length(tmp_path: Path, n_frames: int, words: str
         sound.read_info(path)
 
 
-def test_a_flac_file_that_ends_early(tmp_path: Path):
+def test_truncated_flac_is_refused(tmp_path: Path):
     path = tmp_path / "a.flac"
     noise = np.random.default_rng(1).normal(size=(100_000, 1)) / 8
     soundfile.write(path, noise, 48_000, subtype="PCM_16")
@@ -152,7 +152,7 @@ def test_a_flac_file_that_ends_early(tmp_path: Path):
         list(sound.read_blocks(path))
 
 
-def test_a_table_of_resonances_is_a_file(tmp_path: Path):
+def test_resonance_table_must_be_regular_file(tmp_path: Path):
     os.mkfifo(tmp_path / "pipe.txt")
     for path in (tmp_path / "pipe.txt", Path("/dev/zero")):
         with pytest.raises(OSError, match="regular"):
@@ -170,19 +170,19 @@ def test_a_table_of_resonances_is_a_file(tmp_path: Path):
         ("M: 9g\nK: 6N/m\nZ: 1Ns/m\nmodes:\n  - {M: 9g, f: 5Hz, t60: 1s}\n", "masses of the modes"),
     ],
 )
-def test_a_calibration_has_numbers(text: str, words: str):
+def test_calibration_with_wrong_numbers_is_refused(text: str, words: str):
     with pytest.raises(MeasurementError, match=words):
         calibration_file.read(text)
 
 
 @pytest.mark.parametrize("angle", [DIGITS, "1e999", "9" * 300])
-def test_a_layout_has_angles(angle: str):
+def test_layout_with_wrong_angles_is_refused(angle: str):
     text = f'{{"LoudspeakerLayout": {{"Loudspeakers": [{{"Azimuth": {angle}}}]}}}}'
     with pytest.raises(LayoutFileError):
         FORMS["iem"].read(text.encode())
 
 
-def test_a_plan_has_a_finite_budget(tmp_path: Path):
+def test_plan_file_with_infinite_budget_is_refused(tmp_path: Path):
     """No float holds 400 digits: it was an OverflowError."""
     text = plan_file.text([], "0").replace(
         '"choices"', f'"budget": {{"error": {"9" * 400}}}, "choices"'
@@ -193,7 +193,7 @@ def test_a_plan_has_a_finite_budget(tmp_path: Path):
 
 
 @pytest.mark.parametrize("command", ["play score.yaml", "layout noise stereo"])
-def test_sound_that_is_played_overwrites_no_file(work_folder: Path, command: str):
+def test_play_to_file_never_overwrites(work_folder: Path, command: str):
     """It was "entity already exists", with the exit code of a missing device."""
     Path("score.yaml").write_text(SCORE)
     Path("a.wav").write_bytes(b"mine")
@@ -220,7 +220,7 @@ OTHER_READERS = (
 
 
 @pytest.mark.parametrize("line", OTHER_READERS)
-def test_other_readers_take_files_alone(work_folder: Path, line: str):
+def test_other_readers_refuse_non_files(work_folder: Path, line: str):
     """A pipe that nobody writes to, and a device without an end, which `ergon bell` waited for."""
     soundfile.write("a.wav", np.zeros((100, 2)), 48_000, subtype="PCM_24")
     suffix = Path(line.split()[1 + line.startswith(("layout", "metrology"))]).suffix

@@ -44,7 +44,9 @@ def alike(outcome: dict[str, bytes], wanted: dict[str, bytes]) -> bool:
 
 
 @pytest.mark.parametrize("writer", few(EVERY, SHOWN), ids=lambda writer: writer.line)
-def test_a_kill_at_any_change_of_a_file(inputs: Path, tmp_path: Path, writer: Writer) -> None:
+def test_kill_at_each_file_change_leaves_valid_files(
+    inputs: Path, tmp_path: Path, writer: Writer
+) -> None:
     complete = shutil.copytree(inputs, tmp_path / "whole")
     before = contents(complete)
     assert run(writer, complete) == 0

@@ -267,10 +267,10 @@ def kill_all(numbers: range) -> None:
     assert not wrong, f"{len(wrong)} of {len(numbers)}\n" + "\n".join(wrong[:5])
 
 
-def test_three_kills() -> None:
+def test_recordings_valid_after_three_kills() -> None:
     kill_all(range(3))
 
 
 @pytest.mark.slow
-def test_a_thousand_kills() -> None:
+def test_recordings_valid_after_thousand_kills() -> None:
     kill_all(range(MANY))

@@ -130,7 +130,7 @@ def test_content_of_a_pack(capsys: pytest.CaptureFixture[str]):
     assert record["files"][-1]["sha256"] == digest
 
 
-def test_packed_instrument_comes_before_that_of_a_later_library(
+def test_packed_instrument_preferred_to_later_library(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ):
     from ergon.notation.text import bounds, files
@@ -161,7 +161,7 @@ def test_packed_instrument_comes_before_that_of_a_later_library(
     ],
     ids=lambda words: words[0],
 )
-def test_every_command_reads_a_pack(
+def test_commands_read_pack_as_score(
     arguments: list[str], capsys: pytest.CaptureFixture[str], temporary: Path
 ):
     packed(capsys)
@@ -197,7 +197,7 @@ def test_score_with_mistakes_is_not_packed(capsys: pytest.CaptureFixture[str]):
     assert os.listdir() == ["bad.yaml"]
 
 
-def test_file_named_by_its_whole_path_is_not_packed(capsys: pytest.CaptureFixture[str]):
+def test_absolute_path_in_use_not_packed(capsys: pytest.CaptureFixture[str]):
     Path("g.yaml").write_text(GESTURES)
     Path("s.yaml").write_text(f"ergon: 1\nuse: ['{os.path.abspath('g.yaml')}']\n")
     assert app.run(["pack", "s.yaml"]) == 2
@@ -205,7 +205,7 @@ def test_file_named_by_its_whole_path_is_not_packed(capsys: pytest.CaptureFixtur
     assert sorted(os.listdir()) == ["g.yaml", "s.yaml"]
 
 
-def test_render_of_a_pack_writes_here_alone(
+def test_render_of_pack_writes_only_to_current_folder(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
     """The score in the pack names a file that would lie outside the folder."""
@@ -224,7 +224,7 @@ def test_render_of_a_pack_writes_here_alone(
     assert os.listdir("../../..") == ["x"]
 
 
-def test_unpacked_files_are_those_that_were_packed(capsys: pytest.CaptureFixture[str]):
+def test_unpacked_files_equal_packed_files(capsys: pytest.CaptureFixture[str]):
     data = packed(capsys)
     assert app.run(["unpack", "piece.ergonpack", "-o", "two"]) == 0, capsys.readouterr().err
     for name in ("pieces/piece.yaml", "common/gestures.yaml", "pieces/takes/hand.csv"):
@@ -235,7 +235,7 @@ def test_unpacked_files_are_those_that_were_packed(capsys: pytest.CaptureFixture
     assert "two exists already and is not empty" in capsys.readouterr().err
 
 
-def test_commands_that_change_a_score_leave_a_pack(capsys: pytest.CaptureFixture[str]):
+def test_commands_editing_score_refuse_pack(capsys: pytest.CaptureFixture[str]):
     data = packed(capsys)
     assert app.run(["fmt", "piece.ergonpack"]) == 2
     assert "ergon unpack" in capsys.readouterr().err
@@ -416,7 +416,7 @@ def test_pack_with_any_byte_changed(tmp_path: Path):
     assert refused > len(data)
 
 
-def test_pack_that_is_missing(capsys: pytest.CaptureFixture[str]):
+def test_missing_pack_is_refused(capsys: pytest.CaptureFixture[str]):
     assert app.run(["render", "none.ergonpack"]) == 2
     assert "none.ergonpack: No such file" in capsys.readouterr().err
 
@@ -429,12 +429,12 @@ def test_pack_larger_than_the_bound(capsys: pytest.CaptureFixture[str]):
     assert "256 MB at most" in capsys.readouterr().err
 
 
-def test_too_much_to_pack():
+def test_pack_above_size_limit_is_refused():
     with pytest.raises(PackError, match="256 MB"):
         pack_bytes(Pack("a.yaml", "1", {"a.yaml": bytes(BYTES_MAX)}))
 
 
-def test_packing_from_python_is_packing_by_the_command(capsys: pytest.CaptureFixture[str]):
+def test_pack_function_equals_pack_command(capsys: pytest.CaptureFixture[str]):
     data = packed(capsys)
     done = ergon.pack("one/pieces/piece.yaml", "other.ergonpack")
     assert Path("other.ergonpack").read_bytes() == data

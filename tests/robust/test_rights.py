@@ -105,12 +105,12 @@ def check(folder: Path, before: dict[str, int], umask: int) -> None:
 
 
 @pytest.mark.parametrize(("line", "umask"), crossed(list(COMMANDS), UMASKS))
-def test_what_a_command_writes_has_the_right_rights(folder: Path, line: str, umask: int) -> None:
+def test_file_modes_of_commands_under_umask(folder: Path, line: str, umask: int) -> None:
     before = rights(folder)
     run(folder, line, COMMANDS[line], umask, lambda: check(folder, before, umask))
 
 
-def test_a_replaced_file_keeps_its_rights(folder: Path) -> None:
+def test_replaced_file_preserves_mode(folder: Path) -> None:
     for mode in (0o600, 0o640, 0o666):
         (folder / "x.plan").write_text("")
         (folder / "x.plan").chmod(mode)
@@ -118,7 +118,7 @@ def test_a_replaced_file_keeps_its_rights(folder: Path) -> None:
         assert rights(folder)["x.plan"] == mode
 
 
-def test_a_file_in_the_making_is_its_owners_alone(folder: Path) -> None:
+def test_temporary_file_private_to_owner(folder: Path) -> None:
     from ergon.exchange.safe import open_for_writing
 
     with open_for_writing(folder / "x.txt", binary=False) as file:
@@ -127,7 +127,7 @@ def test_a_file_in_the_making_is_its_owners_alone(folder: Path) -> None:
         file.write(b"x")
 
 
-def test_umasks_of_commands() -> None:
+def test_private_umask_of_commands() -> None:
     before = os.umask(0)
     try:
         for umask, now in {
@@ -145,7 +145,7 @@ def test_umasks_of_commands() -> None:
 
 
 @pytest.mark.parametrize("umask", UMASKS)
-def test_folders_are_private_also_for_the_library(tmp_path: Path, umask: int) -> None:
+def test_created_folders_private_in_library(tmp_path: Path, umask: int) -> None:
     tmp_path.chmod(0o700)
     before = os.umask(umask)
     try:
@@ -161,7 +161,7 @@ def test_folders_are_private_also_for_the_library(tmp_path: Path, umask: int) ->
     assert runtime == tmp_path / "ergon"
 
 
-def test_what_others_can_have_changed_in_the_cache_is_not_read(tmp_path: Path) -> None:
+def test_cache_writable_by_others_ignored(tmp_path: Path) -> None:
     store = CacheFolder(tmp_path / "ergon" / "plans", ".json", 10, 1000, 1000)
     key = "0" * 64
     assert store.write(key, b"kept")
@@ -184,7 +184,7 @@ def test_what_others_can_have_changed_in_the_cache_is_not_read(tmp_path: Path) -
 
 
 @needs_root
-def test_a_cache_of_another_user_is_neither_read_nor_written(short_folder: Path) -> None:
+def test_cache_of_another_user_ignored(short_folder: Path) -> None:
     short_folder.chmod(0o777)
     code = 'os.makedirs(sys.argv[1]); open(sys.argv[1] + "/" + sys.argv[2], "w"); print("null")'
     folder, key = short_folder / "ergon" / "plans", "0" * 64

@@ -118,7 +118,7 @@ print(json.dumps({port: [answer(int(port), context, asked) for context, asked in
 """
 
 
-def test_workers_of_this_machine_answer_nobody_else(folder: Path):
+def test_local_workers_reject_second_user(folder: Path):
     pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
     with running(folder, "render", "long.yaml", "--on", "local:2", "-o", "x.wav", "-q") as process:
         # The scheduler and two nannies are threads of the command, the workers processes of it.
@@ -177,7 +177,7 @@ def events(process: subprocess.Popen[str], *names: str) -> list[dict[str, Any]]:
     return [rows[name] for name in names]
 
 
-def test_osc_and_pages_of_a_performance_are_the_players_alone(folder: Path):
+def test_osc_and_pages_reject_second_user(folder: Path):
     from ergon.live.datagrams import encode_message
 
     words = ("--audio", "null", "--gain", "0dB", "--osc", "0", "--view", "--json")
@@ -228,7 +228,7 @@ def open_to_others(folder: Path) -> list[str]:
     return rows
 
 
-def test_the_look_of_a_second_user_sees_what_is_open(folder: Path):
+def test_open_to_others_lists_accessible_files(folder: Path):
     (folder / "home" / "open").write_text("")
     (folder / "home" / "open").chmod(0o604)
     (folder / "written").write_text("")

@@ -274,10 +274,10 @@ def kill_all(numbers: range) -> None:
     assert not wrong, f"{len(wrong)} of {len(numbers)}\n" + "\n".join(wrong[:5])
 
 
-def test_six_kills_of_a_session() -> None:
+def test_session_lines_preserved_after_six_kills() -> None:
     kill_all(range(6))
 
 
 @pytest.mark.slow
-def test_300_kills_of_a_session() -> None:
+def test_session_lines_preserved_after_300_kills() -> None:
     kill_all(range(MANY))

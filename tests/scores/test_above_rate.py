@@ -73,7 +73,7 @@ def test_modes_above_half_rate_sound_as_without_them():
         },
     ],
 )
-def test_modes_above_half_rate_that_are_played_stay(changes):
+def test_modes_above_half_rate_used_elsewhere_remain(changes):
     result = load("s.yaml", text=text(**changes))
     assert result.piece is not None, result.diagnostics
     assert "high" in [m.name for m in result.piece.instruments["bar.C6"].modules]

@@ -63,7 +63,7 @@ def pitch(sound: np.ndarray, rate: float) -> float:
     return rate * (len(position) - 1) / (position[-1] - position[0])
 
 
-def test_a_pattern_of_notes_is_heard():
+def test_set_pattern_of_notes_in_sound():
     source = piece("{set: bell.m.f, to: A3 C4 (E4 A4), at: 1|1, every: 1, times: 2}", tail=7.0)
     complete = stage(source)
     sound = np.zeros((complete.n_frames, complete.simulation.n_out))
@@ -100,7 +100,7 @@ def test_values_and_factors_are_set_in_twenty_milliseconds():
         ("ramp", lambda p: 0.8 + 0.4 * p),
     ],
 )
-def test_a_swing_goes_between_its_ends(shape, expected):
+def test_lfo_values_of_each_shape(shape, expected):
     source = piece(f"{{lfo: bell.n.K, range: 0.8..1.2, period: 4, shape: {shape}, at: 1|1}}")
     result = points(source, "n")
     t, k = [p[0] for p in result], [p[1] / 900.0 for p in result]
@@ -111,7 +111,7 @@ def test_a_swing_goes_between_its_ends(shape, expected):
     assert result[0][:2] == (0.0, 900.0)  # from its own value
 
 
-def test_a_swing_moves_up_to_the_end_of_a_piece():
+def test_lfo_continues_to_end_of_piece():
     """Its points are a second apart, and the piece ends in between."""
     line = "{lfo: bell.m.f, range: 200Hz..300Hz, period: 64, at: 1|1}"
     [cut, complete] = [stage(piece(line, tail=tail)) for tail in (7.5, 9.0)]
@@ -123,7 +123,7 @@ def test_a_swing_moves_up_to_the_end_of_a_piece():
     assert np.array_equal(*sounds)
 
 
-def test_a_phase_begins_in_the_middle_of_a_swing():
+def test_lfo_with_phase_starts_within_period():
     half = "{lfo: bell.n.K, range: 1kN/m..2kN/m, period: 4, phase: 0.25, at: 1|1, until: 2|1}"
     result = points(piece(half), "n")
     t, k = [p[0] for p in result], [p[1] for p in result]
@@ -133,7 +133,7 @@ def test_a_phase_begins_in_the_middle_of_a_swing():
     assert result[-1][:2] == (4.0 + GLIDE, 900.0)  # its own again
 
 
-def test_lines_follow_one_another_and_parameters_go_together():
+def test_automation_entries_in_succession_and_in_parallel():
     lines = (
         "{set: bell.m.f, to: A3 A4, at: 1|1, every: 1, until: 2|1},"
         "{lfo: bell.m.t60, range: 1s..3s, period: 2, at: 1|1, until: 2|1},"
@@ -153,7 +153,7 @@ def test_lines_follow_one_another_and_parameters_go_together():
     assert all(a[0] <= b[0] for a, b in pairwise(result))
 
 
-def test_chance_and_choices_are_those_of_the_seed():
+def test_automation_chance_and_choices_by_seed():
     line = "{set: bell.m.f, to: choose A3 C4 E4, at: 1|1, every: 1/4, until: 3|1, chance: 0.7}"
     assert points(piece(line)) == points(piece(line))
     assert points(piece(line)) != points(piece(line, 6))
@@ -164,7 +164,7 @@ def test_chance_and_choices_are_those_of_the_seed():
     assert len(listened) > 2
 
 
-def test_a_glide_goes_evenly_in_pitch_and_stays():
+def test_set_over_length_glides_evenly_in_pitch():
     result = points(piece("{set: bell.m.f, to: A5, at: 1|2, over: 2}"))
     t, k = [p[0] for p in result], [p[1] for p in result]
     for position, f in (
@@ -184,7 +184,7 @@ def test_a_glide_goes_evenly_in_pitch_and_stays():
     assert position == pytest.approx(expected, rel=1e-4)
 
 
-def test_a_written_curve_passes_its_points():
+def test_set_curve_passes_its_points():
     line = "{set: bell.m.f, to: A3@0 smooth A4@1 line A3@2 hold A3@250ms, at: 1|2, until: 2|3}"
     collector = Collector()
     automation_points(piece(line), -math.inf, 8.0, collector)
@@ -207,7 +207,7 @@ def test_a_written_curve_passes_its_points():
     assert frequency(*again[-1][1:]) == pytest.approx(440.0)
 
 
-def test_a_glide_is_cut_by_what_follows_it():
+def test_set_glide_cut_by_next_entry():
     lines = "{set: bell.n.K, to: x3, at: 1|1, over: 4},{set: bell.n.K, to: x1, at: 1|3, over: 2}"
     result = points(piece(lines), "n")
     t, k = [p[0] for p in result], [p[1] for p in result]
@@ -230,7 +230,7 @@ def test_a_glide_is_cut_by_what_follows_it():
         "{lfo: bell.n.K, range: 0.5..1.5, period: 3, at: 1|1, shape: square}",
     ],
 )
-def test_what_is_entered_in_the_middle_has_the_values_of_the_whole(line, since):
+def test_automation_from_middle_equals_complete_automation(line, since):
     source = piece(line)
     complete, rest = points(source, "n"), points(source, "n", since)
     for index in np.arange(since, 7.9, 0.003):
@@ -241,7 +241,7 @@ def test_what_is_entered_in_the_middle_has_the_values_of_the_whole(line, since):
         assert values[0] == pytest.approx(values[1], rel=1e-12), index
 
 
-def test_scales_and_chords_have_names():
+def test_automation_with_scale_and_chord_names():
     order, amounts = parse_values("A3.minor ~ C4.maj*2", lambda text: 0.0, is_pitch=True)
     assert order.places == 7 + 1 + 6
     result = [amounts[leaf.name].value for leaf in order.leaves()]
@@ -292,7 +292,7 @@ def test_scales_and_chords_have_names():
         ("{set: bell.m.f, to: A3, every: 1, at: Z}", "E301", "no mark is called"),
     ],
 )  # fmt: skip
-def test_mistakes_are_told(line, code, words):
+def test_automation_mistakes_and_codes(line, code, words):
     loaded = load("s.yaml", text=SCORE.format(lines=line, seed=1, tail=1))
     assert loaded.piece is None
     assert (loaded.diagnostics[0].code, words in loaded.diagnostics[0].message) == (code, True), (
@@ -300,7 +300,7 @@ def test_mistakes_are_told(line, code, words):
     )
 
 
-def test_automation_is_part_of_what_a_score_says():
+def test_automation_changes_digest():
     first, other = piece("{set: bell.m.f, to: A3, every: 1, at: 1|1}"), piece("")
     assert digest_of(first) != digest_of(other)
     assert prepare(other).paths == {}
@@ -308,7 +308,7 @@ def test_automation_is_part_of_what_a_score_says():
     assert prepare(first, spans=spans).paths.keys() == {("bell", "m")}
 
 
-def test_notes_strike_at_their_pitch():
+def test_notes_of_strikes_set_pitch_at_strike():
     strikes = "strikes: {tune: {to: bell.m, at: 1|1, notes: A3 C4 ~ (E4 A4), every: 1, times: 1,"
     text = SCORE.format(lines="", seed=1, tail=3.0).replace(", X0: 1mm", ", t60: 300ms")
     loaded = load("s.yaml", text=f"{text}{strikes} impulse: 0.1mNs}}}}\n")
@@ -334,7 +334,7 @@ def test_notes_strike_at_their_pitch():
         ("to: drum, notes: A3, every: 1", "E304", "has no pitch of its own"),
     ],
 )
-def test_mistakes_in_notes_are_told(fields, code, words):
+def test_notes_of_strikes_mistakes_and_codes(fields, code, words):
     text = SCORE.format(lines="", seed=1, tail=3.0).replace(
         "automation:",
         "  drum: {BANK: {count: 3, f: 99Hz, t60: 1s, M: 1g}, out: {SOX: drum.all}}\nautomation:",

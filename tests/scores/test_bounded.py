@@ -66,7 +66,7 @@ def _checked(text: str) -> tuple[int, float, str]:
 
 
 @pytest.mark.parametrize("name", few(_SCORES, ["occurrences", "gestures", "rain"]))
-def test_a_number_takes_no_memory(name):
+def test_check_memory_with_huge_numbers(name):
     text, code, why = _SCORES[name]
     ended, peak, message = _checked(text)
     assert ended == code, message
@@ -75,7 +75,7 @@ def test_a_number_takes_no_memory(name):
     assert "Traceback" not in message
 
 
-def test_a_long_part_of_a_live_hand_is_refused():
+def test_stage_with_long_live_part_is_refused():
     text = (
         _HEAD.replace("{p: {key: k}}", "{p: {key: k, hand: live, standin: t}}")
         + "takes: {t: {file: takes/hand-point-2.csv, channel: x}}\n"
@@ -93,7 +93,7 @@ def test_a_long_part_of_a_live_hand_is_refused():
 
 
 @pytest.mark.parametrize("seed", few(range(12), 4))
-def test_any_numbers_are_answered(seed):
+def test_check_memory_with_random_numbers(seed):
     texts = [*bases().values()]
     text = texts[seed % len(texts)]
     ended, peak, message = _checked(mutated(text, random.Random(1000 * seed)))

@@ -50,7 +50,7 @@ def piece(tmp_path: Path):
     return loaded_piece
 
 
-def test_the_whole_key_is_played(piece):
+def test_calibrated_key_has_all_measured_modules(piece):
     modules = {own.name: own for own in piece().keys["k"].modules}
     kinds = [own.kind for own in modules.values()]
     assert kinds == ["CEL", "MAS", "REF", "SOL", "DRY"]
@@ -65,13 +65,13 @@ def test_the_whole_key_is_played(piece):
     assert piece().keys["k"].measured == (pytest.approx(0.38), 1.2, 1e-3)
 
 
-def test_simple_leaves_mass_spring_and_damper(piece):
+def test_calibrated_key_with_simple_option(piece):
     (single,) = piece(more=", simple: true").keys["k"].modules
     fields = {name: single.fields[name] for name in ("M", "K", "Z", "rest", "X0")}
     assert fields == {"M": 0.4, "K": 60.0, "Z": 1.2, "rest": 0.0, "X0": 0.0}
 
 
-def test_what_the_key_writes_holds(piece):
+def test_calibrated_key_with_overridden_fields(piece):
     cel = piece(more=", K: 80N/m, rest: 1mm, X0: 0mm").keys["k"].modules[0].fields
     assert (cel["M"], cel["K"]) == (pytest.approx(0.38), 80.0)
     assert (cel["rest"], cel["X0"]) == (1e-3, 0.0)
@@ -79,7 +79,7 @@ def test_what_the_key_writes_holds(piece):
 
 @pytest.mark.parametrize("touch", ["open", "tracked"])
 @pytest.mark.parametrize("curve", ["smooth", "throw"])
-def test_gestures_meet_their_points(piece, touch: str, curve: str):
+def test_gestures_on_calibrated_key_reach_their_points(piece, touch: str, curve: str):
     how = f", touch: {touch}"
     text = piece(how=how)
     built = stage(text)
@@ -92,7 +92,7 @@ def test_gestures_meet_their_points(piece, touch: str, curve: str):
     assert sound[-1, 0] == pytest.approx(-2e-3, abs=5e-5)
 
 
-def test_a_real_hand_holds_the_struck_mass_alone(piece):
+def test_live_hand_takes_struck_mass_only(piece):
     text = piece(hand=", hand: live")
     complete = stage(text)
     real = stage(text, real={"ada": np.zeros(500)})
@@ -102,7 +102,7 @@ def test_a_real_hand_holds_the_struck_mass_alone(piece):
     assert real.live[0].mat == 0
 
 
-def test_a_duet_is_told_what_was_measured(piece, monkeypatch: pytest.MonkeyPatch):
+def test_live_hand_receives_measured_values(piece, monkeypatch: pytest.MonkeyPatch):
     from ergon.live import perform
 
     output = []
@@ -129,7 +129,7 @@ def played_positions(piece: Piece) -> np.ndarray:
     return sound[:, 0]
 
 
-def test_a_spring_carries_the_weight_of_a_key_where_both_balance(piece):
+def test_key_weight_balanced_by_spring(piece):
     """150 mN on 60 N/m are 2.5 mm: the key is the one that was measured there."""
     by_weight = played_positions(piece(MEASURED.replace("rest: -2.5mm", "weight: 150mN")))
     assert by_weight[0] == pytest.approx(-2.5e-3, abs=1e-12)
@@ -140,7 +140,7 @@ HEAVY = "ergon: 1\nM: 400g\nK: {stiffness}\nZ: 1.2Ns/m\nweight: {weight}\ndry: 2
 
 
 @pytest.mark.parametrize(("weight", "end"), [("150mN", -15e-3), ("-150mN", 15e-3)])
-def test_a_key_without_a_spring_falls_to_the_end_of_its_travel(piece, weight: str, end: float):
+def test_key_weight_without_spring_falls_to_travel_end(piece, weight: str, end: float):
     """Let go at rest it falls by the closed form of a constant force against a damper, and stays
     on the end.
     """
@@ -158,14 +158,14 @@ def test_a_key_without_a_spring_falls_to_the_end_of_its_travel(piece, weight: st
     assert x[-1] == pytest.approx(end, abs=1.1e-6)
 
 
-def test_a_weak_spring_leaves_a_heavy_key_on_the_end(piece):
+def test_heavy_key_on_weak_spring_rests_on_end(piece):
     measured = HEAVY.format(stiffness="3N/m", weight="150mN") + "travel: -15mm..15mm\n"
     cel, *_, weight = piece(measured).keys["k"].modules
     assert (cel.fields["X0"], cel.fields["rest"]) == (-15e-3, 0.0)
     assert (weight.kind, weight.fields["from"]) == ("ENF", -0.15)
 
 
-def test_a_stand_in_of_a_heavy_key_falls_as_the_key_does(piece):
+def test_standin_path_of_heavy_key(piece):
     """The path of a part on a real key comes from the key alone: its weight is in it."""
     measured = HEAVY.format(stiffness="0N/m", weight="150mN") + "travel: -15mm..15mm\n"
     text = piece(measured, hand=", hand: live")
@@ -183,7 +183,7 @@ def test_a_stand_in_of_a_heavy_key_falls_as_the_key_does(piece):
         ("static: 80mN", "static: 30mN\npresliding: 1kN/m", "E111"),
     ],
 )
-def test_what_no_key_can_be_is_told_at_its_place(
+def test_calibration_mistakes_are_placed_in_its_file(
     tmp_path: Path, before: str, after: str, code: str
 ):
     (tmp_path / "key.yaml").write_text(MEASURED.replace(before, after))
@@ -192,7 +192,7 @@ def test_what_no_key_can_be_is_told_at_its_place(
     assert [(one.code, Path(one.place.file).name) for one in result] == [(code, "key.yaml")]
 
 
-def test_a_weight_that_nothing_carries_is_told_with_what_to_write(tmp_path: Path):
+def test_key_weight_without_spring_or_travel_is_refused(tmp_path: Path):
     (tmp_path / "key.yaml").write_text(HEAVY.format(stiffness="0N/m", weight="150mN"))
     text = SCORE.format(more="", how="", hand="")
     (mistake,) = load(str(tmp_path / "score.yaml"), text=text).diagnostics

@@ -25,7 +25,7 @@ HISSES = ("pebbles", "hat", "triangle")  # stones click, a hat and a triangle hi
 STRETCHING = {"cymbal"}
 
 
-def test_every_instrument_of_a_family_has_a_card() -> None:
+def test_cards_cover_every_instrument_of_families() -> None:
     for family, message in FAMILIES.items():
         text = (ROOT / "instruments" / "library" / f"{family}.yaml").read_text(encoding="utf-8")
         assert list(message["cards"]) == list(yaml.safe_load(text)["instruments"]), family
@@ -61,7 +61,7 @@ def test_hammer_of_a_card_is_played_from_ppp_to_fff(family: str, name: str) -> N
     )
 
 
-def test_hard_strokes_begin_without_a_click() -> None:
+def test_hard_strokes_of_cards_begin_without_click() -> None:
     loud = {
         name: float(ROWS[name]["click"])
         for family, name in CARDS
@@ -71,11 +71,11 @@ def test_hard_strokes_begin_without_a_click() -> None:
     assert max(loud.values()) < -35.0
 
 
-def test_pictures_are_small() -> None:
+def test_card_pictures_are_small() -> None:
     assert all((FOLDER / f"{name}.svg").stat().st_size < 40_000 for _, name in CARDS)
 
 
-def test_a_jawari_blooms_and_a_bare_string_does_not() -> None:
+def test_jawari_centroid_rises_unlike_bare_string() -> None:
     """The centre of its spectrum rises for 0.2 s after the stroke."""
     family = "plucked"
     message = {**FAMILIES[family]["cards"]["jawari"], "impulse": "0.1mNs 0.1mNs 0.1mNs"}
@@ -93,7 +93,7 @@ def test_a_jawari_blooms_and_a_bare_string_does_not() -> None:
 
 
 @pytest.mark.parametrize(("family", "name"), few(CARDS, {card[0]: card for card in CARDS}.values()))
-def test_an_instrument_sounds_as_its_card_says(family: str, name: str) -> None:
+def test_instrument_sounds_equal_figures_of_cards(family: str, name: str) -> None:
     text: dict[str, Any] = FAMILIES[family]["cards"][name]
     single = measured(family, name, text).figures
     for key, value in asdict(single).items():

@@ -60,7 +60,7 @@ def reports(text, name="s.yaml", **options):
 @pytest.mark.parametrize(
     "method", ["absolute", "above", "link", "folder that is a link", "missing"]
 )
-def test_what_lies_outside_is_refused(piece, what, method):
+def test_files_outside_score_folder_are_refused(piece, what, method):
     text, content = NAMED[what]
     suffix = ".csv" if content == CSV else ".yaml"
     outside = piece.parent / f"x{suffix}"
@@ -83,7 +83,7 @@ def test_what_lies_outside_is_refused(piece, what, method):
 
 
 @pytest.mark.parametrize("what", NAMED)
-def test_what_lies_inside_is_read(piece, what):
+def test_files_inside_score_folder_are_read(piece, what):
     text, content = NAMED[what]
     suffix = ".csv" if content == CSV else ".yaml"
     for name in (f"x{suffix}", f"sub/deeper/x{suffix}", f"sub/../y{suffix}"):
@@ -95,7 +95,7 @@ def test_what_lies_inside_is_read(piece, what):
             assert not {c for c, _ in reports(text.format(method))} & {"E112", "E107"}
 
 
-def test_no_line_of_a_file_outside_is_told(piece, capsys):
+def test_check_output_hides_text_of_outside_file(piece, capsys):
     Path("../passwd").write_text(f"{SECRET}\n\tx: [\n")
     for name in (str(piece.parent / "passwd"), "../passwd"):
         Path("s.yaml").write_text(f"ergon: 1\nuse: [{name}]\n")
@@ -106,7 +106,7 @@ def test_no_line_of_a_file_outside_is_told(piece, capsys):
             assert "E112" in out + err
 
 
-def test_the_place_and_a_way_out_are_told(piece, capsys):
+def test_outside_file_message_suggests_trust(piece, capsys):
     Path("../x.yaml").write_text("gestures: {g: 0@0 1@1}\n")
     Path("s.yaml").write_text("ergon: 1\nuse: [../x.yaml]\n" + PLAYED)
     assert app.run(["check", "s.yaml"]) == 1
@@ -116,7 +116,7 @@ def test_the_place_and_a_way_out_are_told(piece, capsys):
     assert app.run(["check", "--trust", "s.yaml"]) == 0
 
 
-def test_an_instrument_names_files_from_where_it_stands(piece):
+def test_use_paths_relative_to_instrument_file(piece):
     Path("instruments/parts").mkdir(parents=True)
     Path("common").mkdir()
     Path("common/laws.yaml").write_text("gestures: {g: 0@0 1@1}\n")
@@ -128,7 +128,7 @@ def test_an_instrument_names_files_from_where_it_stands(piece):
     assert [code for code, _ in reports("use: [instruments/bell.yaml]\n")] == ["E112"]
 
 
-def test_what_ships_is_always_read(piece):
+def test_library_files_are_always_read(piece):
     assert reports("use: [instruments/bowed.yaml]\n") == []
     # Its own take lies in another folder of the library.
     assert (
@@ -137,7 +137,7 @@ def test_what_ships_is_always_read(piece):
     )
 
 
-def test_a_project_is_one_folder(piece):
+def test_project_marker_widens_bounds_to_its_folder(piece):
     (piece.parent / "scores").mkdir()
     (piece.parent / "x.yaml").write_text("gestures: {g: 0@0 1@1}\n")
     name = str(piece.parent / "scores" / "s.yaml")
@@ -147,7 +147,7 @@ def test_a_project_is_one_folder(piece):
     assert [code for code, _ in reports("use: [../../x.yaml]\n", name)] == ["E112"]
 
 
-def test_a_project_is_what_its_owner_made_one(piece, monkeypatch):
+def test_project_marker_must_be_file_of_same_user(piece, monkeypatch):
     (piece.parent / "x.yaml").write_text("gestures: {g: 0@0 1@1}\n")
     os.mkfifo(piece.parent / MARKER)
     assert [code for code, _ in reports("use: [../x.yaml]\n")] == ["E112"]
@@ -159,7 +159,7 @@ def test_a_project_is_what_its_owner_made_one(piece, monkeypatch):
     assert [code for code, _ in reports("use: [../x.yaml]\n")] == ["E112"]
 
 
-def test_render_writes_inside(piece, capsys):
+def test_render_refuses_output_outside_folder(piece, capsys):
     for name in ("../x.wav", str(piece.parent / "x.wav")):
         Path("s.yaml").write_text(f"ergon: 1\nrender: {{file: {name}, tail: 10ms}}\n" + PLAYED)
         for more in ([], ["-f"], ["-n"]):
@@ -187,7 +187,7 @@ COMMANDS = (
 
 
 @pytest.mark.parametrize("arguments", COMMANDS, ids=" ".join)
-def test_every_command_may_trust(piece, capsys, arguments):
+def test_trust_option_of_every_command(piece, capsys, arguments):
     Path("../x.yaml").write_text("gestures: {g: 0mm@0 1mm@1/8 0mm@1/4}\n")
     text = f"ergon: 1\nuse: [../x.yaml]\nrender: {{tail: 10ms}}\n{KEY}{PLAYED}"
     text = text.replace("every: 1, times: 2", "every: 0.1s, times: 2")
@@ -197,7 +197,7 @@ def test_every_command_may_trust(piece, capsys, arguments):
     assert app.run([*arguments, "--trust"]) == 0
 
 
-def test_a_session_trusts_as_its_first_line_did(piece):
+def test_texts_keep_trust_of_first_reading(piece):
     Path("../x.yaml").write_text("gestures: {g: 0@0 1@1}\n")
     text = "ergon: 1\nuse: [../x.yaml]\n" + PLAYED
     Path("s.yaml").write_text(text)
@@ -209,7 +209,7 @@ def test_a_session_trusts_as_its_first_line_did(piece):
     assert trusted.changed(text + "title: x\n").load().piece is not None
 
 
-def test_a_journal_reads_in_its_own_folder(piece):
+def test_journal_reads_only_files_of_its_folder(piece):
     """A stranger's journal says where its score lay: that is no leave to read there."""
     secret = piece.parent / "hidden"
     secret.mkdir()
@@ -226,7 +226,7 @@ def test_a_journal_reads_in_its_own_folder(piece):
         assert all("secret" not in d.message for d in loaded.diagnostics)
 
 
-def test_a_session_goes_on_where_its_journal_lies(piece):
+def test_resume_with_score_outside_journal_folder(piece):
     """Lines of a session that goes on write its score: not where a stranger's journal says."""
     outside = piece.parent / "s.yaml"
     for score, refused in ((outside, True), (piece / "s.yaml", False), ("s.yaml", False)):
@@ -253,7 +253,7 @@ def test_a_session_goes_on_where_its_journal_lies(piece):
                 VERSION_EDITS[Reload](Reload())(version, 0.0)
 
 
-def test_a_score_that_is_loaded_has_its_own_folder(piece):
+def test_load_bounds_are_folder_of_loaded_score(piece):
     """`load` is typed; what it loads is held to where it lies, and trusted if the session is."""
     other = piece.parent / "other"
     other.mkdir()
@@ -277,7 +277,7 @@ def test_a_score_that_is_loaded_has_its_own_folder(piece):
 
 
 @pytest.mark.parametrize("what", [name for name in NAMED if name != "render"])
-def test_what_is_no_file_is_never_waited_for(piece, what):
+def test_non_regular_files_in_score_are_refused(piece, what):
     text, _ = NAMED[what]
     suffix = ".csv" if what == "take" else ""
     os.mkfifo(f"fifo{suffix}")
@@ -289,7 +289,7 @@ def test_what_is_no_file_is_never_waited_for(piece, what):
 
 
 @pytest.mark.parametrize("kind", ["fifo", "/dev/zero", "dir"])
-def test_a_score_is_a_regular_file(piece, kind):
+def test_commands_refuse_score_of_irregular_file(piece, kind):
     os.mkfifo("fifo")
     os.mkdir("dir")
     for command in (["check", kind], ["render", "x.yaml", "--plan", kind], ["take", "info", kind]):

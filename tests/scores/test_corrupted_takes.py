@@ -132,7 +132,7 @@ def tried(suffix, count, seed, tmp_path, capsys) -> Counter:
 
 
 @pytest.mark.parametrize("suffix", few(FORMATS, 3))
-def test_damage_is_refused_with_a_sentence(tmp_path, capsys, suffix):
+def test_damaged_takes_are_refused(tmp_path, capsys, suffix):
     for data in FORMATS[suffix]:
         (tmp_path / f"whole{suffix}").write_bytes(data)
         rate = 100.0 if data is FORMATS[".npz"][2] else None
@@ -148,6 +148,6 @@ def test_damage_is_refused_with_a_sentence(tmp_path, capsys, suffix):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", FORMATS)
-def test_much_damage_is_refused_with_a_sentence(tmp_path, capsys, suffix):
+def test_thousands_of_damaged_takes_are_refused(tmp_path, capsys, suffix):
     """Together some 66,000 files."""
     assert tried(suffix, 16_448, 1000, tmp_path, capsys) == {}

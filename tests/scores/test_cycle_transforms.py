@@ -149,7 +149,7 @@ def test_parse_places():
 
 
 @pytest.mark.parametrize("word", TABLE)
-def test_table_examples(word):
+def test_examples_of_transformation_table(word):
     form = TABLE[word]
     (transform,) = parse_transforms(form.example)
     assert transform.word == word
@@ -264,7 +264,7 @@ def test_apply_largest(transforms):
 # --- the page -----------------------------------------------------------------------------------
 
 
-def test_page_examples():
+def test_transformation_page_lists_words_of_table():
     text, _ = PAGE.read_text(encoding="utf-8").split("## What a hand plays")
     rows = re.findall(r"^\| `([a-z]+)[^`]*` \| `([^`]+)` \|", text, re.MULTILINE)
     assert [name for name, _ in rows] == list(TABLE)

@@ -104,7 +104,7 @@ def same(part: Cycles[str]) -> Cycles[str]:
     ],
     ids=range(19),
 )
-def test_identities(law):
+def test_transformation_identities_on_random_rhythms(law):
     for rhythm in RHYTHMS:
         assert played(law(rhythm)) == played(rhythm)
 
@@ -165,7 +165,7 @@ def test_undegrade_complements_degrade():
         assert played(stack([left, rest])) == played(rhythm)
 
 
-def test_every_whenmod_chunk_other_cycles():
+def test_apply_every_whenmod_and_chunk_by_cycle():
     for rhythm in RHYTHMS:
         for cycle in CYCLES:
             plain, changed = rhythm.onsets(cycle), upper(rhythm).onsets(cycle)

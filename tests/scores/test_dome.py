@@ -66,7 +66,7 @@ def rings(places: list[tuple[float, float]], placing: Placing | None) -> np.ndar
     return 100.0 * np.array(shares) / len(places)
 
 
-def test_a_galaxy_reaches_the_whole_dome():
+def test_galaxy_place_covers_dome_rings():
     """Its hole decides how many are overhead; without `across` all of them are."""
     across = Placing(6.0, (0.0, 0.0), None)
     np.testing.assert_allclose(rings(galaxy(4000, 0.3), across), (11, 50, 39), atol=2.0)
@@ -74,14 +74,14 @@ def test_a_galaxy_reaches_the_whole_dome():
     assert rings(galaxy(400, 0.3), None)[2] == 100.0
 
 
-def test_low_pitches_are_heard_at_the_horizon_and_high_ones_overhead():
+def test_galaxy_place_maps_pitch_to_height():
     lying = "place: {across: 6m}"
     assert min(sounding("place: galaxy", lying, 0)) < 12
     assert min(sounding("place: galaxy", lying, 399)) >= 20
     assert min(sounding("place: galaxy, hole: 1", lying, 399)) < 12, "no hole: all at the rim"
 
 
-def test_a_body_is_moved_through_the_room():
+def test_place_at_and_height_select_loudspeakers():
     behind = sounding("place: galaxy", "place: {across: 0.1m, at: [0m, -3m]}", 0)
     right = sounding("place: galaxy", "place: {across: 0.1m, at: [3m, 0m]}", 0)
     above = sounding("place: galaxy", "place: {across: 6m, height: 30m}", 0)
@@ -89,7 +89,7 @@ def test_a_body_is_moved_through_the_room():
     assert min(above) >= 20
 
 
-def test_height_is_a_place_in_the_room_not_on_the_plan():
+def test_place_height_is_apart_from_plan_angle():
     """3 m to the right and 3.5 m high is nearest to the ring at 35°."""
     (listened,) = sounding(
         "place: galaxy", "place: {across: 0.1m, at: [2.5m, 0.6m], height: 1.7m}", 0
@@ -97,7 +97,7 @@ def test_height_is_a_place_in_the_room_not_on_the_plan():
     assert 12 <= listened < 20
 
 
-def test_without_words_the_ring_is_as_it_was():
+def test_flat_layout_nearest_by_angle_only():
     """A flat layout, on the bench: the angle alone decides, at whatever distance."""
     layout = "layouts/ring24.yaml"
     for member in (0, 7, 50):
@@ -112,7 +112,7 @@ def _spiral(i: int, count: int) -> tuple[float, float]:
     return radius * np.cos(angle), radius * np.sin(angle)
 
 
-def test_angles_and_places_are_one_layout(tmp_path: Path):
+def test_layout_by_angles_equals_layout_by_places(tmp_path: Path):
     """Seen from above, as files without `project` are."""
     (tmp_path / "angles.yaml").write_text(
         "ergon: 1\nspeakers: [{az: 45, r: 2m}, {az: -45deg, el: 30deg}, [1m, -1m], {az: 180}]\n"
@@ -163,14 +163,14 @@ def test_random_angles_of_a_galaxy_by_seed(bank: str):
         ("place: galaxy", "place: {at: [1m, 2s]}", "E203", "does not measure length"),
     ],
 )
-def test_what_cannot_be_placed_is_told_with_its_place(bank: str, lying: str, code: str, words: str):
+def test_place_mistakes_and_codes(bank: str, lying: str, code: str, words: str):
     result = [one for one in scored(bank, lying).diagnostics if one.severity == "error"]
     assert [one.code for one in result] == [code], result
     assert words in f"{result[0].message} {result[0].suggestion}"
     assert result[0].place.line in (4, 6)
 
 
-def test_the_force_of_a_link_is_nearest_to_no_loudspeaker():
+def test_nearest_for_link_force_is_refused():
     text = SCORE % ("place: galaxy", "", 0, "layouts/dome24.yaml")
     modules = "wall: {SOL: {}}, m: {MAS: {M: 1g}}, spring: {RES: {between: [wall, m], K: 1N/m}}"
     spring = f"  spring: {{modules: {{{modules}}}, out: {{SOF: {{RES: spring}}}}}}\nstrikes:"
@@ -182,7 +182,7 @@ def test_the_force_of_a_link_is_nearest_to_no_loudspeaker():
     assert named.piece is not None, named.diagnostics
 
 
-def test_what_begins_with_another_lies_where_it_lies():
+def test_like_copies_and_overrides_place():
     """`like` brings `place`, and the copy may lie elsewhere."""
     text = SCORE % ("place: galaxy", "place: {across: 6m}", 0, "layouts/dome24.yaml")
     copies = "  same: {like: sky}\n  other: {like: sky, place: {at: [1m, 0m]}}\n"

@@ -60,7 +60,7 @@ def ergons_of(piece: Piece, built: BuiltNetwork) -> int:
     ("name", "modules", "within"),
     few([("feathers", 245_000, 0.02), ("feathers-small", 20_000, 0.15)], 1),
 )
-def test_so_many_modules_move(name: str, modules: int, within: float) -> None:
+def test_feathers_module_counts(name: str, modules: int, within: float) -> None:
     """Each ergon counts as two: the MAS that flies, and the BUT by which it strikes."""
     piece = piece_of(name)
     built = build_network(piece, ())
@@ -86,7 +86,7 @@ def test_harp_and_sky_are_harmonics_of_the_lowest_thread(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", BOTH)
-def test_the_canon_meets_and_parts(name: str) -> None:
+def test_feathers_canon_entries_meet_and_separate(name: str) -> None:
     piece = piece_of(name)
     starts: dict[str, list[float]] = {}
     for play, begun in zip(piece.parts, piece.starts, strict=True):
@@ -127,7 +127,7 @@ def computed(stage: Stage, seconds: float) -> np.ndarray:
 
 
 @pytest.mark.slow  # plans it three times
-def test_what_is_frozen_and_what_is_live_are_the_whole() -> None:
+def test_feathers_frozen_plus_live_equals_complete() -> None:
     """By the hands that stand in, bit for bit."""
     text = from_the_serpent("feathers-small")
     complete = planned(text, ())

@@ -30,7 +30,7 @@ def read(old: str = "", new: str = ""):
     return load("s.yaml", text=SCORE.replace(old, new, 1))
 
 
-def test_the_score_itself_is_right():
+def test_base_score_without_diagnostics():
     assert not read().diagnostics
 
 
@@ -51,7 +51,7 @@ def test_the_score_itself_is_right():
         ("mix:", "include: [{score: other.yaml}]\nmix:", 12, 12, "file"),
     ],
 )
-def test_one_message_with_a_suggestion(old, new, line, column, suggestion):
+def test_single_message_with_place_and_suggestion(old, new, line, column, suggestion):
     (error,) = read(old, new).diagnostics
     assert (error.place.line, error.place.column) == (line, column)
     assert error.suggestion == suggestion
@@ -65,18 +65,18 @@ def test_one_message_with_a_suggestion(old, new, line, column, suggestion):
         ("{tail: 4s}", "[{tail: 4s}]", "a group of fields is written: file, bits"),
     ],
 )
-def test_one_message_with_help(old, new, help):
+def test_single_message_with_help(old, new, help):
     (error,) = read(old, new).diagnostics
     assert error.help is not None
     assert help in error.help
 
 
-def test_a_name_without_a_colon_is_shown_on_its_own_line():
+def test_missing_colon_message_at_its_line():
     (error,) = load("s.yaml", text="ergon: 1\ntitle Base\nkeys: {}\n").diagnostics
     assert (error.place.line, error.message) == (2, "the name has no ':' after it")
 
 
-def test_two_players_on_one_key_are_named_with_the_key():
+def test_players_sharing_a_key_message_names_key():
     loaded = read("strikes", "  bob: [{at: 1|1.05, play: knock}]\nstrikes")
     assert loaded.piece is not None
     (result,) = stage(loaded.piece).diagnostics
@@ -84,13 +84,13 @@ def test_two_players_on_one_key_are_named_with_the_key():
     assert result.help == "write `layer: true` to play both, or give each player a key"
 
 
-def test_a_group_whose_commas_part_fields_is_read_as_before():
+def test_misplaced_comma_in_group_is_one_mistake():
     """`a: 4, 5s: 1` has a space: a mistake of another kind."""
     result = [d.code for d in read("tail: 4s", "tail: 4s, 5s: 1").diagnostics]
     assert result == ["E101"]
 
 
-def test_an_entry_of_a_melody_says_what_is_struck():
+def test_melody_entry_with_to_mentions_field_of_entries():
     tap = "{tap: {at: 1|1, to: bell.hum, every: 1, times: 2, impulse: 1mNs}}"
     first, *_ = read(tap, "{tap: [{at: 1|1, to: bell.hum, impulse: 1mNs}]}").diagnostics
     assert (first.code, first.place.line) in (("E101", 11), ("E103", 11))
@@ -114,7 +114,7 @@ def test_an_entry_of_a_melody_says_what_is_struck():
         ("mix: {route: {from: bell, to: 1, gain: 0.5}}", "E203", "has no unit", "x0.5"),
     ],
 )
-def test_what_is_typed_first_is_answered_once(text, code, words, suggestion):
+def test_common_instrument_mistakes_have_one_message(text, code, words, suggestion):
     modules = "{a: {CEL: {M: 2g, f: 440Hz, t60: 1s}}, b: {CEL: {M: 2g, f: 550Hz, t60: 1s}}}"
     score = (
         f"ergon: 1\ninstruments: {{bell: {{modules: {modules}, out: {{SOX: [a, b]}}}}}}\n{text}\n"
@@ -124,7 +124,7 @@ def test_what_is_typed_first_is_answered_once(text, code, words, suggestion):
     assert words in result.message
 
 
-def test_a_misspelt_field_is_one_mistake():
+def test_misspelt_required_field_has_one_message():
     """A field that is needed, and resembles an unknown one, is not missing too."""
     score = (
         "ergon: 1\nkeys: {k: {M: 400g, K: 60N/m}}\ngestures: {g: 0mm@0 3mm@1}\n"
@@ -135,7 +135,7 @@ def test_a_misspelt_field_is_one_mistake():
     ]
 
 
-def test_a_tempo_begins_at_the_beginning():
+def test_tempo_without_at_starts_at_beginning():
     first = load("s.yaml", text="ergon: 1\ntempo: {bpm: 72}\n").piece
     written = load("s.yaml", text="ergon: 1\ntempo: [{at: 1|1, bpm: 72}]\n").piece
     assert first is not None
@@ -159,7 +159,7 @@ def test_a_tempo_begins_at_the_beginning():
         ("use: [instruments/mine/x.yaml]", None, None),
     ],
 )
-def test_a_file_that_is_not_there_is_looked_for_where_it_was_named(line, suggestion, help):
+def test_missing_file_suggestions_and_help(line, suggestion, help):
     result = load("s.yaml", text=f"ergon: 1\n{line}\n").diagnostics
     (missing,) = [
         one for one in result if one.code in ("E107", "E112") and "no file" in one.message
@@ -168,7 +168,7 @@ def test_a_file_that_is_not_there_is_looked_for_where_it_was_named(line, suggest
 
 
 @pytest.mark.parametrize("name", ["gain bell", "bell.gain", "bell.hum.gain"])
-def test_a_level_that_automation_is_to_move_is_sent_to_its_route(name):
+def test_automation_of_level_suggests_route_fade(name):
     result = read("mix:", f"automation: [{{at: 1|1, set: {name}, to: -6dB, over: 2}}]\nmix:")
     (error,) = result.diagnostics
     assert error.place.line == 12
@@ -190,7 +190,7 @@ strikes: {one: {to: TO, at: 0, notes: D3 F3 ~ D4, every: 1/2, times: 3, impulse:
         ("st.hammer.D3", "nothing is called 'st.hammer.D3'", None),
     ],
 )
-def test_a_mistake_in_a_name_of_many_members_is_told_once(to, message, suggestion):
+def test_misspelt_member_of_many_has_one_message(to, message, suggestion):
     (error,) = load("s.yaml", text=FAMILY.replace("TO", to)).diagnostics
     assert message in error.message
     assert error.suggestion == suggestion
@@ -199,7 +199,7 @@ def test_a_mistake_in_a_name_of_many_members_is_told_once(to, message, suggestio
 @pytest.mark.parametrize(
     "tempo", ["{at: 1|1, bpm: 60, meter: 4/5}", "{at: 5|1, bpm: 60}, {at: 1|1}"]
 )
-def test_marks_are_known_though_the_tempo_has_a_mistake(tempo):
+def test_marks_known_despite_tempo_mistake(tempo):
     text = f"""\
 ergon: 1
 tempo: [{tempo}]
@@ -212,7 +212,7 @@ strikes: {{a: {{to: c, at: B, impulse: 1mNs}}, b: {{to: c, at: B - first, impuls
     assert error.place.line == 2
 
 
-def test_a_room_without_a_route_hears_all_channels():
+def test_room_without_route_receives_all_channels():
     loaded = read(
         "mix: {channels: 1, route: [{from: bell, to: 1, gain: -6dB}]}",
         "mix: {rooms: {r: {t60: 1s}}}",
@@ -220,7 +220,7 @@ def test_a_room_without_a_route_hears_all_channels():
     assert loaded.piece is not None, loaded.diagnostics
 
 
-def test_a_missing_take_is_not_meant_to_be_a_score(tmp_path):
+def test_missing_take_suggests_only_takes(tmp_path):
     (tmp_path / "hands.yaml").write_text("ergon: 1\n")
     path = tmp_path / "score.yaml"
     path.write_text("ergon: 1\ntakes: {h: {file: hand.csv}}\n")
@@ -238,7 +238,7 @@ def test_a_missing_take_is_not_meant_to_be_a_score(tmp_path):
         ("0mm@0 smooth 14.9mm@60ms 14mm@70ms 0mm@80ms", "write a `hold` at the turning point"),
     ],
 )
-def test_what_leaves_the_travel_is_told_what_helps(points, help):
+def test_gesture_outside_travel_help(points, help):
     piece = read("0mm@0 smooth 6mm@60ms 0mm@120ms", points).piece
     assert piece is not None
     with pytest.raises(StageError) as raised:
@@ -247,7 +247,7 @@ def test_what_leaves_the_travel_is_told_what_helps(points, help):
     assert error.help.startswith(help)
 
 
-def test_notes_that_change_a_pitch_too_often_are_told_where_they_stand(monkeypatch):
+def test_notes_with_too_many_points_message_place(monkeypatch):
     monkeypatch.setattr("ergon.scores.staging.automating.MAX_POINTS", 10)
     text = """\
 ergon: 1
@@ -331,7 +331,7 @@ render: {file: out.wav}
         ("SOX", "SOXX", 7, "E101", "unknown output 'SOXX' of instrument 'vib'", "SOX"),
     ],
 )
-def test_what_is_typed_is_answered_once_with_what_is_meant(old, new, line, code, words, suggestion):
+def test_common_score_mistakes_have_one_message(old, new, line, code, words, suggestion):
     assert old in PLAYED
     text = PLAYED.replace(old, new, 1)
     (error,) = [d for d in load("s.yaml", text=text).diagnostics if d.severity == "error"]
@@ -349,7 +349,7 @@ def test_what_is_typed_is_answered_once_with_what_is_meant(old, new, line, code,
         ("M: 2g", "M:\u00a02g", "has a no-break space (U+00A0); write a plain space"),
     ],
 )
-def test_what_has_no_field_is_sent_where_it_is_done(old, new, help):
+def test_unknown_field_help_names_its_section(old, new, help):
     assert old in PLAYED
     text = PLAYED.replace(old, new, 1)
     (error,) = [d for d in load("s.yaml", text=text).diagnostics if d.severity == "error"]
@@ -380,7 +380,7 @@ def test_lost_indentation_is_one_mistake(text, above, word, line):
     ("text", "suggestion"),
     [("marks:\ninstrumnts: {}\n", "instruments"), ("marks:\nplayer: {}\n", "players")],
 )
-def test_a_misspelt_section_below_an_empty_one_is_no_lost_indentation(text, suggestion):
+def test_misspelt_section_after_empty_one(text, suggestion):
     (error,) = load("s.yaml", text=f"ergon: 1\n{text}").diagnostics
     assert error.suggestion == suggestion
 
@@ -389,7 +389,7 @@ def test_a_misspelt_section_below_an_empty_one_is_no_lost_indentation(text, sugg
     ("mark", "readings"),
     [("3.1", ("3|1", "3.1beats")), ("12.2", ("12|2", "12.2beats"))],
 )
-def test_mark_without_unit_is_refused_with_what_it_could_mean(mark, readings):
+def test_mark_without_unit_lists_valid_forms(mark, readings):
     (result,) = load("s.yaml", text=f"ergon: 1\nmarks: {{B: {mark}}}\n").diagnostics
     assert result.code == "E203"
     assert result.suggestion == readings[0]
@@ -408,7 +408,7 @@ def test_masses_of_discrete_networks_are_numbers():
     assert [d.code for d in load("s.yaml", text=in_si).diagnostics] == ["E203"]
 
 
-def test_load_with_a_name_that_lost_its_indentation():
+def test_load_with_name_without_indentation():
     """Both readings: a section that it resembles, and a name of a section's own."""
     text = "ergon: 1\ninstruments:\n  vib: {from: bars/vibraphone}\nmar: {from: bars/marimba}\n"
     (error,) = [d for d in load("s.yaml", text=text).diagnostics if d.severity == "error"]

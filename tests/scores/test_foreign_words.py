@@ -86,7 +86,7 @@ def diagnostics(text: str) -> list[Diagnostic]:
     CASES,
     ids=[f"{instead.strip()[-24:]}-{number}" for number, (_, instead, *_) in enumerate(CASES)],
 )
-def test_answers_have_a_place_and_what_to_write(written, instead, marked, words, suggestion):
+def test_foreign_words_message_place_and_suggestion(written, instead, marked, words, suggestion):
     assert SCORE.count(written) >= 1
     text = SCORE.replace(written, instead, 1)
     first = diagnostics(text)[0]
@@ -102,5 +102,5 @@ def test_foreign_words_cause_a_single_message(case):
     assert len(diagnostics(SCORE.replace(written, instead, 1))) == 1
 
 
-def test_the_score_itself_has_no_mistake():
+def test_base_score_without_diagnostics():
     assert not diagnostics(SCORE)

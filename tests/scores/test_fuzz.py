@@ -18,7 +18,7 @@ MELODIES = (DATA / "melodies.yaml").read_text(encoding="utf-8")
 @pytest.mark.parametrize("score_text", few([DUET, MELODIES], 1), ids=["duet", "melodies"])
 @settings(max_examples=200)
 @given(st.data())
-def test_no_damage_raises(score_text, data):
+def test_load_of_damaged_scores_never_raises(score_text, data):
     """Cut, double or replace a stretch of a score: diagnostics, never an exception."""
     start = data.draw(st.integers(0, len(score_text)))
     stop = data.draw(st.integers(start, min(len(score_text), start + 30)))
@@ -31,7 +31,7 @@ def test_no_damage_raises(score_text, data):
 
 @settings(max_examples=200)
 @given(st.text(max_size=60))
-def test_no_text_raises(text):
+def test_load_of_random_text_never_raises(text):
     load("s.yaml", text=text)
 
 
@@ -68,5 +68,5 @@ def written(tree):
         max_size=5,
     )
 )
-def test_no_tree_raises(tree):
+def test_load_of_random_trees_never_raises(tree):
     load("s.yaml", text=written(tree))

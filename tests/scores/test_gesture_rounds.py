@@ -72,12 +72,12 @@ def spelled(names: list[str], changes: dict[int, str]) -> str:
         ("sometimes 0 rev, degrade 0", {}),
     ],
 )  # fmt: skip
-def test_rounds_of_a_gesture_are_those_spelled_out(do, changes):
+def test_gesture_rounds_equal_written_out_rounds(do, changes):
     expected = paths(spelled(["knock"] * 8, changes))
     assert paths(f"1|1 knock every 1 times 8 do {do}") == expected
 
 
-def test_rounds_of_a_pattern_are_passes_through_its_names():
+def test_pattern_rounds_are_passes_through_names():
     names = ["knock", "lean"] * 4
     expected = paths(spelled(names, dict.fromkeys((0, 1, 4, 5), "reverse")))
     assert paths("1|1 knock lean every 1 times 4 do every 2 rev") == expected
@@ -114,7 +114,7 @@ def test_chunk_changes_a_share_of_each_round():
     assert paths("1|1 knock lean every 1 times 4 do chunk 2 mirror") == expected
 
 
-def test_a_list_and_a_table_say_the_same():
+def test_do_of_rounds_as_list_and_as_table():
     table = piece("1|1 knock every 1 times 8 do scale 0.5, every 4 (rev, fast 2), degrade 0.3")
     begin, _, _ = SCORE.partition("  p: |")
     for do in ("[scale 0.5, 'every 4 (rev, fast 2)', degrade 0.3]",
@@ -162,7 +162,7 @@ def test_sometimes_changes_a_share_by_chance(word, share):
     assert len(mirrored) / 2000 == pytest.approx(share, abs=0.045)
 
 
-def test_two_chances_of_a_line_draw_by_themselves():
+def test_sometimes_twice_in_do_draws_independently():
     result = paths("1|1 knock every 1/2 times 1000 do sometimes mirror, sometimes scale 0.5")
     kinds = {(min(x) < 0.0, round(max(map(abs, x)), 6)) for _, _, x in result}
     assert kinds == {(False, 0.006), (False, 0.003), (True, 0.006), (True, 0.003)}
@@ -192,7 +192,7 @@ def test_two_chances_of_a_line_draw_by_themselves():
         ("fast 0", "0", "above 0"),
     ],
 )
-def test_mistakes_have_a_place(do, marked, words):
+def test_gesture_round_mistakes_have_a_place(do, marked, words):
     with pytest.raises(TextError) as caught:
         parse_chain(do)
     error = caught.value
@@ -200,12 +200,12 @@ def test_mistakes_have_a_place(do, marked, words):
     assert do[error.offset : error.offset + error.length] == marked
 
 
-def test_many_changes_inside_each_other_are_refused():
+def test_deeply_nested_do_is_refused():
     with pytest.raises(TextError, match="at most 32"):
         parse_chain("often " * 40 + "rev")
 
 
-def test_changes_stand_among_the_options_of_a_row():
+def test_do_of_rounds_among_options_of_row():
     play = parse("knock every 1 do every 4 (rev, fast 2), degrade until C chance 0.5")
     assert {name: word.text for name, word in play.options.items()} == {
         "every": "1", "until": "C", "chance": "0.5"
@@ -215,7 +215,7 @@ def test_changes_stand_among_the_options_of_a_row():
     assert again.what.text == "fast rev"
 
 
-def test_a_gesture_by_itself_has_no_rounds():
+def test_do_of_rounds_in_gesture_definition_is_refused():
     text = SCORE.format(seed=5, rows="    1|1 knock").replace(
         "  knock: 0mm@0 smooth 6mm@60ms 0mm@160ms",
         "  knock: {points: 0mm@0 smooth 6mm@60ms 0mm@160ms, do: every 4 rev}",
@@ -241,7 +241,7 @@ def test_rev_is_reverse():
     assert paths("1|1 lean do rev") == paths("1|1 lean do reverse")
 
 
-def test_commas_in_parentheses_part_nothing():
+def test_commas_in_parentheses_do_not_split_do():
     assert split_chain("rev, every 4 (rev, fast 2), mirror") == (
         "rev", "every 4 (rev, fast 2)", "mirror"
     )  # fmt: skip

@@ -70,21 +70,21 @@ def contact_force(name: str, impulse: float, times: int, seconds: float) -> NDAr
 
 
 @pytest.mark.parametrize("name", few(list(HAMMERS), SOME))
-def test_stroke_softer_than_ppp_arrives(name):
+def test_hammer_stroke_softer_than_ppp_arrives(name):
     soft, _ = reach(name)
     # 6 dB, and a colour that follows; the jingles of a tambourine catch some of it.
     assert 5.0 <= peak(name, soft) - peak(name, soft / 2) <= 16.0
 
 
 @pytest.mark.parametrize("name", few([n for n in HAMMERS if n not in SWING], SOME[:-1]))
-def test_hardest_stroke_touches_once(name):
+def test_hammer_hardest_stroke_touches_once(name):
     force = contact_force(name, reach(name)[1], 1, 1.5)
     touching = np.flatnonzero(force > 1e-6 * force.max())
     assert touching[-1] < 0.06 * 44100
 
 
 @pytest.mark.parametrize("name", few(list(HAMMERS), SOME))
-def test_repeated_strokes_arrive_as_the_first(name):
+def test_hammer_repeated_strokes_equal_the_first(name):
     soft, hard = reach(name)
     force = contact_force(name, soft * (hard / soft) ** (4 / 7), 4, 0.5)
     strokes = force[: 4 * 5512].reshape(4, 5512)  # 125 ms each
@@ -95,7 +95,7 @@ def test_repeated_strokes_arrive_as_the_first(name):
 
 
 @pytest.mark.parametrize("note", ["D2", "D3", "C4"])
-def test_reed_sounds_the_note_asked_for(note):
+def test_reed_pitch_equals_its_note(note):
     text = f"ergon: 1\ninstruments: {{x: {{from: friction/reed, f: {note}}}}}\n"
     (sound,), rate = play(text + "strikes: {s: {to: x, at: 0s}}\nrender: {tail: 0.9s}\n", 0.9)
     steady = sound[int(0.3 * rate) :]

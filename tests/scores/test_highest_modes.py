@@ -18,7 +18,7 @@ def modes(fields: str) -> list:
     return highest_modes(piece, prepare(piece).built)
 
 
-def test_the_highest_mode_of_a_row_is_that_of_its_formula():
+def test_highest_mode_of_string_by_formula():
     (first,) = modes("STRING: {masses: 40, M: 1g, f: 100Hz, t60: 3s}")
     # sin(40·π/82)/sin(π/82) of the lowest; losses do not count.
     assert (first.name, first.hertz) == ("s.body", pytest.approx(2608.9, rel=1e-3))
@@ -34,7 +34,7 @@ def test_the_highest_mode_of_a_row_is_that_of_its_formula():
         ("PLATE: {radius: %d, shape: disc, M: 1g, f: 110Hz, rim: fixed}", 12, 43),
     ],
 )
-def test_a_body_that_stops_low_says_what_would_reach_and_that_does(body, low, enough):
+def test_low_mode_warning_suggests_sufficient_masses(body, low, enough):
     (warning,) = warn_low_modes(modes(body % low))
     assert warning.code == "W331"
     text = re.fullmatch(
@@ -46,7 +46,7 @@ def test_a_body_that_stops_low_says_what_would_reach_and_that_does(body, low, en
     assert warn_low_modes(modes(body % (number + 4))) == []
 
 
-def test_a_rectangle_says_its_masses():
+def test_low_mode_warning_of_rectangle_gives_sides():
     (warning,) = warn_low_modes(
         modes("PLATE: {shape: rectangle, sides: [9, 7], M: 1g, f: 100Hz, bending: true}")
     )
@@ -57,7 +57,7 @@ def test_a_rectangle_says_its_masses():
     assert first.hertz > 4000.0
 
 
-def test_check_warns_without_playing_once_for_all_notes_and_never_of_the_library(tmp_path):
+def test_check_low_mode_warning_once_for_all_notes(tmp_path):
     path = tmp_path / "a.yaml"
     path.write_text(
         "ergon: 1\ninstruments:\n"
@@ -81,7 +81,7 @@ render: {tail: 1s}
 
 
 @pytest.mark.parametrize("accuracy", ["", "accuracy: {method: ca}\n", "accuracy: {error: -40dB}\n"])
-def test_automation_that_passes_the_limit_of_a_step_says_when(tmp_path, accuracy):
+def test_automation_above_step_limit_warns_with_time(tmp_path, accuracy):
     path = tmp_path / "a.yaml"
     path.write_text(AUTOMATED % "A2@0 line A5@4" + accuracy)
     (result,) = [one for one in api_check.check(path).diagnostics if one.code == "W332"]

@@ -58,7 +58,7 @@ def rain(rate, span):
     ],
     ids=range(24),
 )
-def test_refused(text, code):
+def test_hostile_scores_are_refused(text, code):
     tracemalloc.start()
     loaded = load("s.yaml", text=text)
     peak = tracemalloc.get_traced_memory()[1]
@@ -69,19 +69,19 @@ def test_refused(text, code):
     assert peak < 50e6  # a million occurrences, the most that a piece may have, take 32 MB
 
 
-def test_files_that_use_each_other_deeply():
+def test_use_chain_of_300_files_is_refused():
     overlay = {f"f{i}.yaml": f"use: [f{i + 1}.yaml]\n" for i in range(300)}
     loaded = load("s.yaml", text="ergon: 1\nuse: [f0.yaml]\n", overlay=overlay)
     assert [d.code for d in loaded.diagnostics] == ["E105"]
 
 
-def test_many_files():
+def test_use_of_400_files_is_refused():
     overlay = {f"f{i}.yaml": "ergon: 1\n" for i in range(400)}
     text = f"ergon: 1\nuse: [{', '.join(overlay)}]\n"
     assert {d.code for d in load("s.yaml", text=text, overlay=overlay).diagnostics} == {"E105"}
 
 
-def test_a_big_table_is_read():
+def test_load_table_of_100000_rows():
     rows = "".join(f"    {i} {i % 7}mm\n" for i in range(100_000))
     piece = load("s.yaml", text=f"ergon: 1\ngestures:\n  t: |\n{rows}").piece
     assert isinstance(piece, Piece)

@@ -56,7 +56,7 @@ def codes(text: str) -> list[str]:
         ("  bell:\n", "  bell:\n    units: ca\n    at: 44100Hz\n", []),
     ],
 )
-def test_said_and_nearly_said(before, after, wanted):
+def test_implausible_values_and_near_misses(before, after, wanted):
     if "units" in after:
         text = "ergon: 1\ninstruments:\n  bell:\n    units: ca\n    at: 44100Hz\n    modules: "
         text += "{m: {CEL: {M: 1, K: 3}}, w: {SOL: {}}, b: {BUT: {between: [w, m], K: 9, gap: -1}}}"
@@ -68,13 +68,13 @@ def test_said_and_nearly_said(before, after, wanted):
 
 
 @pytest.mark.parametrize("path", sorted(ROOT.glob("scores/library/*.yaml")), ids=lambda p: p.stem)
-def test_no_bundled_score_is_implausible(path):
+def test_bundled_scores_have_no_implausible_warnings(path):
     piece = load(path).piece
     assert piece is not None
     assert warn_implausible(piece) == []
 
 
-def test_a_measurement_may_be_soft(tmp_path):
+def test_soft_output_warning_by_bits_and_master(tmp_path):
     """A file of floats without a master is in metres: nothing is said of its level."""
     listened = []
 

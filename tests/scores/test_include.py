@@ -83,12 +83,12 @@ def reports(text: str, **files: str) -> list[tuple[str, str, int]]:
     return [(d.code, d.message, d.place.line if d.place else 0) for d in loaded.diagnostics]
 
 
-def test_it_is_what_is_written_by_hand():
+def test_include_equals_score_written_by_hand():
     included = rendered(MAIN.replace("INCLUDE", "include: {file: verse.yaml, at: 3|1}"))
     assert np.array_equal(included, rendered(MAIN.replace("INCLUDE", BY_HAND)))
 
 
-def test_a_prefix_and_a_transposition_are_what_is_written_by_hand():
+def test_include_with_prefix_and_transpose():
     """Without what chance draws, which is told apart by names, and pitches that are set."""
     plain = [line for line in VERSE.splitlines() if "rain" not in line and "automation" not in line]
     Path("verse.yaml").write_text("\n".join(plain), encoding="utf-8")
@@ -105,7 +105,7 @@ def test_a_prefix_and_a_transposition_are_what_is_written_by_hand():
     assert np.array_equal(included, rendered(MAIN.replace("INCLUDE", "\n".join(hand))))
 
 
-def test_twice_in_one_piece_and_inside_another():
+def test_include_twice_and_nested():
     Path("verse.yaml").write_text(
         "\n".join(line for line in VERSE.splitlines() if "rain" not in line), encoding="utf-8"
     )
@@ -126,7 +126,7 @@ def test_twice_in_one_piece_and_inside_another():
     assert np.allclose(first[:-end], second[:-end], rtol=0, atol=1e-6)  # instants are rounded
 
 
-def test_positions_in_seconds_stay_seconds():
+def test_include_keeps_positions_in_seconds():
     Path("verse.yaml").write_text(
         "ergon: 1\nuse: [shared.yaml]\nstrikes: {s: {to: glass.m, at: 250ms, impulse: 1mNs}}\n",
         encoding="utf-8",
@@ -150,7 +150,7 @@ def test_positions_in_seconds_stay_seconds():
         ("include: {file: ring.yaml}", "E302", "ring.yaml uses itself"),
     ],
 )
-def test_mistakes_are_told_at_the_line(line: str, code: str, words: str):
+def test_include_mistakes_at_their_line(line: str, code: str, words: str):
     ring = "ergon: 1\ninclude: [{file: ring.yaml}]\n"
     errors = [one for one in reports(f"ergon: 1\n{line}\n", ring=ring) if one[0][0] == "E"]
     assert errors
@@ -158,7 +158,7 @@ def test_mistakes_are_told_at_the_line(line: str, code: str, words: str):
     assert errors[0][2] == 2
 
 
-def test_a_mistake_inside_is_told_there_once():
+def test_mistake_in_included_file_has_one_message():
     wrong = VERSE.replace("play: two", "play: tow")
     Path("wrong.yaml").write_text(wrong, encoding="utf-8")
     loaded = load("main.yaml", text="ergon: 1\ninclude: [{file: wrong.yaml}]\n")
@@ -168,13 +168,13 @@ def test_a_mistake_inside_is_told_there_once():
     assert item.place.file == "wrong.yaml"
 
 
-def test_a_tempo_of_its_own_is_left_out_with_a_warning():
+def test_included_tempo_is_ignored_with_warning():
     slow = VERSE + "tempo: [{bpm: 30}]\n"
     codes = [one[0] for one in reports("ergon: 1\ninclude: {file: slow.yaml}\n", slow=slow)]
     assert codes.count("W330") == 1
 
 
-def test_what_doubles_with_each_file_is_bounded():
+def test_include_doubling_with_each_file_is_refused():
     files = {"f0": VERSE}
     for n in range(1, 19):
         lines = f"[{{file: f{n - 1}.yaml, as: a}}, {{file: f{n - 1}.yaml, as: b}}]"

@@ -9,7 +9,7 @@ automation: [{set: bell.hum.f, to: A3 C4, every: 1, at: 1|1}]
 """
 
 
-def test_an_instrument_that_automation_alone_names_is_there():
+def test_instrument_named_only_by_automation_is_loaded():
     loaded = load("s.yaml", text=SCORE)
     assert loaded.piece is not None, loaded.diagnostics
     assert [one.name for one in loaded.piece.automation] == ["bell.hum.f"]

@@ -156,7 +156,7 @@ def level(x: Frames) -> float:
 
 
 @pytest.mark.parametrize("path", CHECKED, ids=lambda path: f"{path.parent.name}/{path.stem}")
-def test_checks_without_error_or_warning(path: Path) -> None:
+def test_library_scores_check_without_error_or_warning(path: Path) -> None:
     loaded = load(path)
     assert loaded.piece is not None, loaded.diagnostics
     # The parts of some can be played by their modes alone, which a plan chooses.
@@ -166,13 +166,13 @@ def test_checks_without_error_or_warning(path: Path) -> None:
     assert codes == (["N401"] if path in LIVE else [])
 
 
-def test_every_instrument_that_ships_can_be_heard() -> None:
+def test_library_instruments_have_outputs() -> None:
     for path in INSTRUMENTS.glob("*.yaml"):
         for instrument in piece_of(path).instruments.values():
             assert instrument.outputs, f"{path.name}: {instrument.name}"
 
 
-def test_every_score_has_a_title_a_length_and_comments() -> None:
+def test_library_scores_have_title_length_and_comments() -> None:
     assert set(bundled()) == set(SECONDS)
     for path in bundled().values():
         assert score_title(path)
@@ -182,7 +182,7 @@ def test_every_score_has_a_title_a_length_and_comments() -> None:
 
 
 @pytest.mark.parametrize("name", few(SECONDS, SHORT))
-def test_sounds(name: str) -> None:
+def test_library_scores_sound(name: str) -> None:
     staged, x = staged_and_rendered(name)
     assert staged.n_frames / staged.rate == pytest.approx(SECONDS[name], abs=0.05)
     assert np.all(np.isfinite(x))
@@ -215,7 +215,7 @@ def loneliest(x: Frames, rate: float) -> float:
 
 
 @pytest.mark.slow
-def test_no_stroke_clicks() -> None:
+def test_library_scores_have_no_clicks() -> None:
     """A click is a step: more treble in one sample than any sound around it has."""
     for name in ("one-gesture", "tempo", "hand"):
         staged, x = staged_and_rendered(name)
@@ -241,7 +241,7 @@ def test_times_counts_the_rounds_of_a_pattern() -> None:
     ]
 
 
-def test_the_duet_reaches_all_its_loudspeakers() -> None:
+def test_duet_score_channels_and_measured_key() -> None:
     staged = stage(piece_of(SCORES / "duet.yaml"))
     assert staged.n_channels == 24
     assert {way.channel for way in staged.listening.ways if way.part == "sky"} == set(range(24))
@@ -253,7 +253,7 @@ def test_the_duet_reaches_all_its_loudspeakers() -> None:
 
 
 @pytest.mark.slow
-def test_the_other_key_plays_where_keys_are_coupled() -> None:
+def test_coupled_keys_sound_on_other_instrument() -> None:
     """From C on only ada plays for eight beats, and remi's sheet of steel sounds with hers."""
     text = (SCORES / "two-keys.yaml").read_text(encoding="utf-8")
     alone = text[: text.index("parts:")] + "parts: {ada: [{at: C, play: hit, every: 1, times: 2}]}"
@@ -283,7 +283,7 @@ def test_bell_has_its_partials() -> None:
     assert min(audible_partials) > -40.0
 
 
-def test_a_harder_stroke_is_louder_and_brighter() -> None:
+def test_bell_harder_strokes_are_louder_and_brighter() -> None:
     centroids, levels = [], []
     for scale in (0.7, 0.85, 1.05):
         staged = struck("bell", "bell.hammer", scale)
@@ -366,7 +366,7 @@ def law(name: str, **constants: float) -> _core.Law:
     return _core.Law(words["law"], words["damping"], {**values, **constants})
 
 
-def test_laws_do_what_they_say() -> None:
+def test_library_force_laws_by_formula() -> None:
     d = [-4e-3, -1e-3, -1e-4, 1e-4, 1e-3, 4e-3]
     cubic = law("cubic", k=100.0, q=1e8)
     assert [cubic.force(x) for x in d] == pytest.approx([100 * x + 1e8 * x**3 for x in d])
@@ -392,7 +392,7 @@ def test_detent_holds_and_pluck_lets_slip() -> None:
         assert abs(force[-1]) < 1e-9
 
 
-def test_friction_laws() -> None:
+def test_library_friction_laws_by_formula() -> None:
     bow = law("bow", F=0.8, a=50.0)
     v = np.linspace(-2, 2, 4001)
     force = np.array([bow.force(0.0, float(one)) for one in v])

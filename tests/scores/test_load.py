@@ -17,7 +17,7 @@ def duet(text=DUET):
     return load(DATA / "duet-2.2.yaml", text=text)
 
 
-def test_the_example_loads():
+def test_load_of_example_duet():
     loaded = load(DATA / "duet-2.2.yaml")
     assert [d.code for d in loaded.diagnostics] == ["N401"]
     piece = loaded.piece
@@ -95,7 +95,7 @@ TYPOS = [  # (written, mistyped, code, the word marked, suggestion)
 
 
 @pytest.mark.parametrize(("right", "wrong", "code", "word", "suggestion"), TYPOS)
-def test_one_mistake_has_one_report_in_its_place(right, wrong, code, word, suggestion):
+def test_typo_message_place_and_suggestion(right, wrong, code, word, suggestion):
     assert right in DUET
     text = DUET.replace(right, wrong, 1)
     before, _, _ = DUET.partition(right)
@@ -111,7 +111,7 @@ def test_one_mistake_has_one_report_in_its_place(right, wrong, code, word, sugge
     assert len(errors) == 1 or word in ("player", "knock")
 
 
-def test_mistakes_are_told_together_and_in_order():
+def test_mistakes_reported_together_in_order():
     text = DUET
     for right, wrong, code, *_ in TYPOS:
         if code != "E100":
@@ -122,7 +122,7 @@ def test_mistakes_are_told_together_and_in_order():
     assert len(diagnostics) >= 15
 
 
-def test_at_most_twenty_are_shown_and_the_rest_counted():
+def test_diagnostics_above_twenty_are_counted():
     loaded = check("ergon: 1\nkeys:\n" + "".join(f"  k{i}: {{M: 1N, K: 1}}\n" for i in range(50)))
     assert len(loaded.diagnostics) == 20
     assert loaded.left_out["error"] == 30
@@ -131,14 +131,14 @@ def test_at_most_twenty_are_shown_and_the_rest_counted():
 # --- files ---------------------------------------------------------------------------------------
 
 
-def test_a_circle_of_files_is_told_as_a_chain():
+def test_circular_use_reported_as_chain():
     loaded = check("ergon: 1\nuse: [a.yaml]\n", a="use: [b.yaml]\n", b="# b\nuse: [a.yaml]\n")
     d = loaded.diagnostics[0]
     assert (d.code, d.place.file, d.place.line) == ("E302", "b.yaml", 2)
     assert "a.yaml:1:7 -> b.yaml:2:7" in d.message
 
 
-def test_names_with_a_prefix():
+def test_names_of_used_file_with_prefix():
     loaded = check(
         """\
         ergon: 1
@@ -163,7 +163,7 @@ def test_names_with_a_prefix():
     assert loaded.piece.instruments["own"].outputs[0].targets[0].part == "own"
 
 
-def test_a_clash_of_names_is_an_error():
+def test_name_clash_between_files_is_an_error():
     clash = check_reports(
         "ergon: 1\nuse: [a.yaml]\ngestures: {g: 0@0 1@1}\n", a="gestures: {g: 0@0}\n"
     )
@@ -181,12 +181,12 @@ def test_a_clash_of_names_is_an_error():
         ("calib/crm-key-03.yaml", "a calibration is named by a key: `calib: FILE`"),
     ],
 )
-def test_a_file_of_another_kind_is_told_once(file, help):
+def test_load_of_wrong_file_kind_has_one_message(file, help):
     (found,) = load(ROOT / "scores/library" / file).diagnostics
     assert (found.code, found.help) == ("E101", help)
 
 
-def test_missing_files():
+def test_missing_files_error_codes():
     assert codes("ergon: 1\nuse: [none.yaml]\n") == ["E107"]
     assert codes("ergon: 1\ntakes: {t: {file: none.csv}}\n") == ["E107"]
     assert codes("ergon: 1\ntakes: {t: {file: hand.gms}}\n") == ["E108"]
@@ -194,7 +194,7 @@ def test_missing_files():
     assert [d.code for d in load("/").diagnostics] == ["E107"]
 
 
-def test_like_in_a_circle():
+def test_like_cycle_error_codes():
     text = "ergon: 1\ngestures:\n  a: {like: b}\n  b: {like: a}\n"
     assert codes(text) == ["E302", "E302"]
 
@@ -226,7 +226,7 @@ parts: {p: [%s]}
         ("{at: A, play: g, until: B+100000000}", ["E305"]),
     ],
 )
-def test_times(entries, expected):
+def test_part_entry_times_and_their_error_codes(entries, expected):
     assert codes(PLAYED % entries) == expected
 
 
@@ -240,12 +240,12 @@ def test_times(entries, expected):
         ("until: 3", ["E103"]),
     ],
 )
-def test_many_strikes_say_how_far_apart(when, expected):
+def test_strikes_repeated_without_spacing_are_refused(when, expected):
     strikes = f"strikes: {{s: {{to: k, at: A, impulse: 1mNs, {when}}}}}\n"
     assert codes(PLAYED % "{at: A, play: g}" + strikes) == expected
 
 
-def test_a_table_reads_as_a_list_does():
+def test_part_as_table_equals_part_as_list():
     rows = "A g every 3 times 2 do mirror layer\n    B+1 g rate 4kHz  # twice"
     table = check(PLAYED.replace("{p: [%s]}\n", "\n  p: |\n    ") + rows)
     listed = check(
@@ -263,7 +263,7 @@ def test_tempo_errors_have_places():
     assert codes("ergon: 1\nmarks: {A: B, B: A}\n")[0] == "E305"
 
 
-def test_bar_checks():
+def test_bar_checks_warn_of_wrong_bars():
     bars = "{at: A, play: g}"
     assert codes((PLAYED % bars).replace("0@0 1@2", "0@0 1@4 | 2@5")) == []
     assert codes((PLAYED % bars).replace("0@0 1@2", "0@0 1@3 | 2@5")) == ["W311"]
@@ -284,7 +284,7 @@ strikes: {tap: {to: s.b.0, at: 1|1, every: 1, times: 2, impulse: 1mNs}}
 """
 
 
-def test_the_digest_is_that_of_earlier_versions():
+def test_digest_equals_stored_value():
     """Computed by the version before `inharmonicity`, `stretching`, `sides` and `bending`."""
     digest = "a2898cbdf3a77701bf2c5d822b87760138fa714f800a00ab90089d7248db3fc8"
     piece = load("s.yaml", text=BODIES).piece
@@ -306,7 +306,7 @@ def test_the_digest_is_that_of_earlier_versions():
         ("marks: {A: 1|1, B: 5|1, C: 9|1}", "marks:\n  C: 9|1\n  A: 1|1\n  B: 5|1"),
     ],
 )
-def test_the_digest_is_of_values(before, after):
+def test_digest_unchanged_by_equal_values(before, after):
     assert before in DUET
     assert digest_of(duet(DUET.replace(before, after)).piece) == digest_of(duet().piece)
 
@@ -315,7 +315,7 @@ def test_the_digest_is_of_values(before, after):
     ("before", "after"),
     [("seed: 20181110", "seed: 1"), ("6mm@1/8 throw", "6.001mm@1/8 throw"), ("A1", "A2")],
 )
-def test_the_digest_sees_every_value(before, after):
+def test_digest_changes_with_every_value(before, after):
     assert digest_of(duet(DUET.replace(before, after)).piece) != digest_of(duet().piece)
 
 

@@ -108,18 +108,18 @@ strikes:
         2,
     ),
 )
-def test_a_melody_is_the_strikes_written_by_hand_to_the_byte(written):
+def test_melody_notations_equal_strikes_by_hand(written):
     assert sound(written).tobytes() == sound(BY_HAND).tobytes()
 
 
-def test_an_impulse_holds_until_another():
+def test_melody_impulse_holds_until_next():
     text = "strikes: {s: {to: cell, entries: [{at: 0, what: C3, impulse: 2mNs}, {at: 1, what: D3},"
     text += " {at: 2, what: E3, impulse: 3mNs..4mNs}, {at: 3, what: F3}]}}\n"
     both = (0.003, 0.004)
     assert [impulse for *_, impulse in falls(text)] == [(0.002, 0.002)] * 2 + [both] * 2
 
 
-def test_every_instrument_of_to_is_struck():
+def test_melody_to_strikes_several_instruments():
     text = "strikes: {s: {to: [cell, string.hammer], impulse: 1mNs, entries: '0  D3'}}\n"
     assert falls(text) == [(0.0, ("cell.D3", "string.D3"), (0.001, 0.001))]
 
@@ -127,19 +127,19 @@ def test_every_instrument_of_to_is_struck():
 # --- phrases ------------------------------------------------------------------------------------
 
 
-def test_a_phrase_is_repeated_after_its_own_length():
+def test_phrase_repeats_after_its_length():
     text = f"{CALL}strikes: {{s: {{play: call, at: 1|1, times: 2}}}}\n"
     assert [beat for beat, *_ in falls(text)] == [0.0, 0.5, 3.0, 4.0, 4.5, 7.0]
     text = f"{CALL}strikes: {{s: {{play: call, at: B, every: 2, until: 4|1}}}}\n"
     assert [beat for beat, *_ in falls(text)] == [8.0, 8.5, 11.0, 10.0, 10.5, 13.0]
 
 
-def test_a_phrase_without_a_length_ends_on_the_beat_after_its_last_strike():
+def test_phrase_without_length_ends_on_next_beat():
     text = "phrases: {p: '5/2  lone 1mNs'}\nstrikes: {s: {play: p, at: 0, times: 3}}\n"
     assert [beat for beat, *_ in falls(text)] == [2.5, 5.5, 8.5]
 
 
-def test_lengths_in_bars_and_seconds_follow_the_tempo():
+def test_phrase_lengths_in_bars_and_seconds():
     text = "phrases: {p: {length: 1bar, entries: '250ms  lone 1mNs'}}\n"
     text += "strikes: {s: {play: p, at: 1|1, times: 2}}\n"
     assert [beat for beat, *_ in falls(text)] == [1.0, 5.0]
@@ -159,7 +159,7 @@ def test_lengths_in_bars_and_seconds_follow_the_tempo():
         ("do: [stretch 2, reverse]", "0 C#3 1, 5 E3 G3 3, 6 C3 1"),
     ],
 )
-def test_a_phrase_is_transposed_and_transformed(options, expected):
+def test_phrase_transposed_and_transformed(options, expected):
     low = "  low: {CEL: {M: 1g, f: A4, t60: 2s}, notes: C2..C4}\n"
     text = f"{CALL}strikes: {{s: {{play: call, at: 0, {options}}}}}\n"
     loaded = check(CELLS.replace("render:", f"{low}render:") + text)
@@ -172,7 +172,7 @@ def test_a_phrase_is_transposed_and_transformed(options, expected):
     assert ", ".join(message) == expected
 
 
-def test_phrases_come_from_other_files():
+def test_phrases_of_used_files():
     text = "use: {lib: lib.yaml}\nstrikes: {s: {play: lib.call, at: 0}}\n"
     loaded = check(CELLS + text, lib=f"ergon: 1\n{CALL}")
     assert loaded.piece is not None, loaded.diagnostics
@@ -182,7 +182,7 @@ def test_phrases_come_from_other_files():
 # --- patterns -----------------------------------------------------------------------------------
 
 
-def test_a_pattern_of_notes_strikes_the_notes_of_an_instrument():
+def test_notes_pattern_equals_melody_by_hand():
     text = (
         "strikes: {s: {to: cell, at: 0, impulse: 1mNs, notes: C4 E4 ~ Ab4, every: 1, times: 2}}\n"
     )
@@ -199,7 +199,7 @@ strikes:
     assert sound(text).tobytes() == sound(by_hand).tobytes()
 
 
-def test_scales_and_chances_of_patterns_choose_among_the_notes():
+def test_notes_pattern_with_scales_and_chance():
     text = "strikes: {s: {to: string.hammer, at: 0, impulse: 1mNs, notes: D3.min, every: 1}}\n"
     built = piece(text.replace("D3.min", "choose D3 F3"))
     assert {t.part for t in built.strikes[0].to} == {"string.D3", "string.F3"}
@@ -336,12 +336,12 @@ def test_scales_and_chances_of_patterns_choose_among_the_notes():
         ),
     ],
 )
-def test_what_is_no_melody_is_refused(text, report):
+def test_melody_mistakes_are_refused(text, report):
     code, _, message = check_reports(f"{CELLS}{text}\n")[0]
     assert (code, message) == report
 
 
-def test_a_mistake_in_a_table_has_its_place():
+def test_melody_table_mistake_places():
     text = f"{CELLS}strikes:\n  s: |\n    0  lone  1mNs\n    1  lne  1mNs\n    2  lone  1mNx\n"
     message = [
         (d.code, d.place.line, d.place.column, d.suggestion) for d in check(text).diagnostics
@@ -384,7 +384,7 @@ def test_hush_ends_melodies():
     ]
 
 
-def test_kept_bars_keep_their_part_of_a_melody():
+def test_keep_of_bars_of_a_melody():
     assert falling(keep(*texts(TABLE), "kept", 8.0, 12.0)) == [(1.0, 2)]
     phrase = f"{CALL}strikes: {{s: {{play: call, at: 0, times: 4}}}}\n"
     assert falling(keep(*texts(phrase), "kept", 4.0, 12.0)) == [
@@ -392,7 +392,7 @@ def test_kept_bars_keep_their_part_of_a_melody():
     ]
 
 
-def test_a_phrase_begins_inside():
+def test_phrase_with_from_drops_first_beats():
     """Two beats are left out, of its length too; what is left out first gave the impulse."""
     inside = falls(f"{CALL}strikes: {{s: {{play: call, at: 0, times: 2, do: from 1/2}}}}")
     assert inside == [
@@ -417,7 +417,7 @@ def onsets(do: str, seed: int = 7) -> list[float]:
     return sorted(own[0] / staged.rate for own in listened if len(own))
 
 
-def test_jitter_moves_each_strike_of_a_phrase_by_a_draw_of_its_own():
+def test_phrase_jitter_draws_by_strike():
     plain, moved = onsets("scale 1"), onsets("jitter 20ms 0mm")
     apart = [a - b for a, b in zip(moved, plain, strict=True)]
     assert all(0 < abs(one) <= 0.0201 for one in apart)
@@ -427,7 +427,7 @@ def test_jitter_moves_each_strike_of_a_phrase_by_a_draw_of_its_own():
     assert onsets("jitter 0ms 0mm") == plain
 
 
-def test_the_notes_of_an_instrument_are_heard_from_the_same_channels():
+def test_notes_of_instrument_share_output_channels():
     """Without routes: a channel for each output of an instrument, whatever its notes."""
     built = piece(f"{CALL}strikes: {{s: {{play: call, at: 0}}}}")
     staged = stage(built)
@@ -435,7 +435,7 @@ def test_the_notes_of_an_instrument_are_heard_from_the_same_channels():
     assert {way.channel for way in staged.listening.ways if way.part.startswith("cell.")} == {0}
 
 
-def test_rows_that_name_one_module_have_a_place_each():
+def test_melody_rows_on_one_module_have_their_places():
     text = """\
 ergon: 1
 instruments:
@@ -475,7 +475,7 @@ strikes: {s: {play: PLAYED, at: 0, every: 8, times: 1}}
         ("other", [(0.5, "cell.F3", 1.0)], 3.0),
     ],
 )
-def test_phrases_begin_with_others_and_transform(name, expected, length):
+def test_phrases_with_like_and_transform(name, expected, length):
     result = check(CELLS + LIKE.replace("PLAYED", name))
     assert result.piece is not None, result.diagnostics
     (strikes,) = result.piece.strikes
@@ -495,7 +495,7 @@ def test_phrases_begin_with_others_and_transform(name, expected, length):
         ("like: call, do: reverse", "length: 2", "E103", "phrase 'back' has no 'entries'"),
     ],
 )
-def test_phrases_like_others_refused(old, new, code, words):
+def test_phrases_with_invalid_like_are_refused(old, new, code, words):
     text = LIKE.replace("PLAYED", "back")
     assert old in text
     first, *_ = check(CELLS + text.replace(old, new, 1)).diagnostics

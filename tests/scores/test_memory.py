@@ -67,7 +67,7 @@ def _loaded_values(loaded: Loaded) -> tuple[object, ...]:
 
 
 @pytest.mark.parametrize("name", few(_SCORES, _SCORES[::20]))
-def test_a_score_that_changes_step_by_step_reads_as_if_it_were_new(name: str) -> None:
+def test_memory_of_changing_score_equals_fresh_load(name: str) -> None:
     path = _LIBRARY / name
     complete = path.read_text(encoding="utf-8")
     chance = random.Random(name)
@@ -83,7 +83,7 @@ def test_a_score_that_changes_step_by_step_reads_as_if_it_were_new(name: str) ->
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", few(["drum-machine.yaml", "workshop.yaml", "patterns.yaml"], 1))
-def test_a_loose_memory_keeps_all_but_the_places_of_what_is_right(name: str) -> None:
+def test_loose_memory_equals_fresh_load_except_places(name: str) -> None:
     path = _LIBRARY / name
     complete = path.read_text(encoding="utf-8")
     chance = random.Random(name)
@@ -120,7 +120,7 @@ def _sections(loaded: Loaded) -> dict[str, document.Node]:
     return {name: node for name, (_, node) in single.root.entries.items()}
 
 
-def test_only_what_has_changed_or_moved_is_read_again() -> None:
+def test_memory_rereads_changed_or_moved_sections() -> None:
     memory = Memory()
     before = _sections(load("s.yaml", text=_SCORE, memory=memory))
     edited = _SCORE.replace("parts: {ada: []}", "parts: {ada: []}\ngestures: {g: 0mm@0 1mm@1}")
@@ -132,7 +132,7 @@ def test_only_what_has_changed_or_moved_is_read_again() -> None:
     assert moved["players"].place.line == before["players"].place.line + 1
 
 
-def test_a_mistake_is_told_as_often_as_it_is_read() -> None:
+def test_memory_repeats_diagnostics_of_mistakes() -> None:
     memory = Memory()
     wrong = _SCORE.replace("f: 200Hz", "f: 200kg").replace("key: k", "key: h")
     output = [load("s.yaml", text=wrong, memory=memory).diagnostics for _ in range(3)]
@@ -141,7 +141,7 @@ def test_a_mistake_is_told_as_often_as_it_is_read() -> None:
     assert load("s.yaml", text=_SCORE, memory=memory).piece is not None
 
 
-def test_two_instruments_may_be_one_node() -> None:
+def test_memory_with_two_instruments_of_one_alias() -> None:
     twice = _SCORE.replace("  bell:", "  bell: &bell").replace(
         "\nplayers", "\n  other: *bell\nplayers"
     )
@@ -153,7 +153,7 @@ def test_two_instruments_may_be_one_node() -> None:
             assert _loaded_values(saved) == _loaded_values(load("s.yaml", text=text))
 
 
-def test_a_reading_of_names_forgets_no_instrument(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_memory_of_instruments_after_reading_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """A scene reads names between two whole readings, which each read a hundred modules again."""
     path = tmp_path / "score.yaml"
     path.write_text(_BELL, encoding="utf-8")
@@ -188,7 +188,7 @@ def _played(count: int) -> str:
     return f"{head}{cells}\n    out: {{SOX: m}}\nstrikes:\n{strikes}\nautomation:\n{lines}\n"
 
 
-def test_entries_are_read_again_only_if_they_or_their_modules_change(monkeypatch) -> None:
+def test_memory_rereads_entries_of_changed_modules(monkeypatch) -> None:
     counts = {"automation": 0, "strikes": 0}
     for name, (owner, call) in {
         "automation": (automation, "build_automation"),
@@ -220,7 +220,7 @@ def test_entries_are_read_again_only_if_they_or_their_modules_change(monkeypatch
     assert read(text) == (10, 0)
 
 
-def test_part_that_is_named_no_more_is_not_reached() -> None:
+def test_memory_forgets_unnamed_module() -> None:
     memory, base = Memory(is_loose=True), _played(9)
     texts = Texts("a.yaml", base.replace("bell.n.K", "bell.x.K"), memory=memory)
     assert "bell.x" in texts.load().diagnostics[0].message

@@ -113,7 +113,7 @@ class Reader:
         ("pressure E4", 1),
     ],
 )
-def test_values_are_those_of_mido_in_every_meter(tmp_path: Path, meter, source, channel):
+def test_follow_values_equal_mido_in_every_meter(tmp_path: Path, meter, source, channel):
     """At the instants at which mido plays the file, at 75 quarters a minute."""
     save(tmp_path / "tune.mid", note(0, 60, 21 * TICKS), moving(random.Random(source)))
     bpm = 75.0 * int(meter.partition("/")[2]) / 4
@@ -135,19 +135,19 @@ def test_values_are_those_of_mido_in_every_meter(tmp_path: Path, meter, source, 
     assert len(compared) > 3
 
 
-def test_factors_are_of_the_own_value(tmp_path: Path):
+def test_follow_range_of_factors_multiplies_value(tmp_path: Path):
     save(tmp_path / "tune.mid", note(0), [control(TICKS, 1, 127), control(3 * TICKS, 1, 0)])
     loaded = load(written(tmp_path, "by: cc 1, range: 0.5..3"))
     assert [stiffness(loaded, t) for t in (0.5, 2.0, 4.0)] == pytest.approx([100.0, 300.0, 50.0])
 
 
-def test_follows_until_a_position(tmp_path: Path):
+def test_follow_ends_at_until_position(tmp_path: Path):
     save(tmp_path / "tune.mid", note(0), [control(TICKS, 1, 127), control(3 * TICKS, 1, 0)])
     loaded = load(written(tmp_path, f"by: cc 1, {RANGE}, until: 1|3"))
     assert [stiffness(loaded, t) for t in (1.9, 2.1, 5.0)] == pytest.approx([250.0, 100.0, 100.0])
 
 
-def test_a_later_line_ends_it(tmp_path: Path):
+def test_follow_ended_by_later_set_line(tmp_path: Path):
     save(tmp_path / "tune.mid", note(0), [control(TICKS, 1, 127), control(4 * TICKS, 1, 0)])
     path = written(tmp_path, f"by: cc 1, {RANGE}")
     text = path.read_text(encoding="utf-8")
@@ -156,7 +156,7 @@ def test_a_later_line_ends_it(tmp_path: Path):
     assert [stiffness(load(path), t) for t in (1.9, 2.6, 9.0)] == pytest.approx([250.0, 70.0, 70.0])
 
 
-def test_start_leaves_out_the_beginning(tmp_path: Path):
+def test_follow_with_start_skips_beginning(tmp_path: Path):
     save(tmp_path / "tune.mid", note(0), [control(k * TICKS, 1, 20 * k) for k in range(1, 7)])
     loaded = load(written(tmp_path, f"by: cc 1, {RANGE}, start: 2.5"))
     values = [stiffness(loaded, t) for t in (0.25, 0.75, 1.75)]
@@ -164,7 +164,7 @@ def test_start_leaves_out_the_beginning(tmp_path: Path):
 
 
 @pytest.mark.parametrize("meter", ["4/4", "6/8", "3/2"])
-def test_bars_that_are_cut_out_follow_the_same_values(tmp_path: Path, meter: str):
+def test_keep_of_bars_of_followed_file(tmp_path: Path, meter: str):
     events = [control(k * TICKS // 3, 1, k) for k in range(1, 127)]
     save(tmp_path / "tune.mid", note(0), note(20 * TICKS), events)
     path = written(tmp_path, f"by: cc 1, {RANGE}, start: 1.5", meter)
@@ -184,7 +184,7 @@ def test_bars_that_are_cut_out_follow_the_same_values(tmp_path: Path, meter: str
 # --- what is passed over, and what is refused ----------------------------------------------------
 
 
-def test_what_is_followed_is_not_passed_over(tmp_path: Path):
+def test_follow_note_of_unused_events(tmp_path: Path):
     events = [control(1, 1, 9), control(2, 7, 9), control(3, 1, 9, 4)]
     events += [(4, mido.Message("aftertouch", value=3)), (5, mido.Message("pitchwheel", pitch=3))]
     save(tmp_path / "tune.mid", note(0), events)
@@ -213,7 +213,7 @@ def test_what_is_followed_is_not_passed_over(tmp_path: Path):
         (f"by: cc 1, {RANGE}, over: 1bar", "E111", "`over`"),
     ],
 )
-def test_what_cannot_be_followed_is_refused(tmp_path: Path, fields, code, words):
+def test_follow_mistakes_are_refused(tmp_path: Path, fields, code, words):
     save(tmp_path / "tune.mid", note(0), [control(1, 1, 9)])
     loaded = load(written(tmp_path, fields))
     errors = [d for d in loaded.diagnostics if d.severity == "error"]

@@ -82,7 +82,7 @@ def _mido_notes(path: Path) -> Iterator[tuple[str, float, float]]:
 
 @pytest.mark.parametrize("meter", [(4, 4), (7, 8), (3, 2)])
 @pytest.mark.parametrize("matter", ["strings/piano", "friction/viol"])
-def test_notes_begin_and_end_as_mido_says(tmp_path: Path, matter: str, meter: tuple[int, int]):
+def test_midi_notes_begin_and_end_as_in_mido(tmp_path: Path, matter: str, meter: tuple[int, int]):
     _sequence(tmp_path / "tune.mid", *meter)
     text = SCORE.format(rate="44.1kHz", matter=matter)
     (tmp_path / "s.yaml").write_text(text, encoding="utf-8")

@@ -95,7 +95,7 @@ def score(tmp_path: Path) -> Path:
 @pytest.mark.parametrize(
     ("channel", "note", "column", "before_pressure"), [(0, C2, 0, 0.99), (1, E2, 1, 2.99)]
 )
-def test_pressures_press_what_their_notes_play(
+def test_pressure_in_file_acts_on_notes_of_channel(
     score: Path, channel: int, note: int, column: int, before_pressure: float
 ):
     sound = ergon.render(score, ergon.RenderOptions(bits="float")).frames[:, column]
@@ -134,7 +134,7 @@ def test_transposed_and_stretched_pressures(score: Path):
     assert places / places[1] == pytest.approx(forces / forces[1], abs=1e-5)
 
 
-def test_notes_that_the_instrument_lacks_are_named_once(score: Path):
+def test_missing_notes_of_instrument_have_one_message(score: Path):
     score.write_text(SCORE.replace("[C2, E2]", "[C2, F2]").replace("scales.E2", "scales.F2"))
     codes = [d.code for d in read(score).diagnostics if d.code.startswith("E")]
     assert codes == ["E301"]

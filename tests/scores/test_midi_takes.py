@@ -97,7 +97,7 @@ def test_notes_of_all_channels_or_of_one(tmp_path, kind):
 
 
 @pytest.mark.parametrize("seed", range(30))
-def test_it_reads_what_mido_reads(tmp_path, seed):
+def test_read_notes_equals_mido_on_random_files(tmp_path, seed):
     draw = random.Random(seed)
     notes = sorted(
         (draw.randrange(0, 5000), draw.randrange(128), draw.randrange(1, 128), draw.randrange(16))
@@ -121,7 +121,7 @@ def test_it_reads_what_mido_reads(tmp_path, seed):
 
 
 @pytest.mark.parametrize("meter", ["4/4", "3/4", "6/8", "5/8", "2/2", "3/2"])
-def test_instants_are_those_of_mido_in_every_meter(tmp_path, meter):
+def test_midi_take_instants_equal_mido_in_every_meter(tmp_path, meter):
     """A quarter note of the file is one of the score, whatever note its beats are."""
     path = tune(tmp_path / "tune.mid")
     file = mido.MidiFile(path)
@@ -191,7 +191,7 @@ strikes:
 """
 
 
-def test_a_tune_is_the_strikes_written_by_hand_to_the_byte(tmp_path):
+def test_midi_take_equals_strikes_by_hand(tmp_path):
     notes = ((0, 48, 1, 0), (240, 52, 127, 0), (240, 55, 64, 0), (960, 50, 64, 1))
     tune(tmp_path / "tune.mid", notes)
     text = "takes: {t: {file: tune.mid, channel: 1, velocity: 1mNs..9mNs}}\n"
@@ -200,7 +200,7 @@ def test_a_tune_is_the_strikes_written_by_hand_to_the_byte(tmp_path):
     assert sound(tmp_path, text).tobytes() == sound(tmp_path, BY_HAND).tobytes()
 
 
-def test_a_tune_is_transposed_transformed_and_repeated(tmp_path):
+def test_midi_take_transposed_stretched_and_repeated(tmp_path):
     tune(tmp_path / "tune.mid")
     text = "takes: {t: {file: tune.mid, velocity: 1mNs}}\n"
     text += "strikes: {s: {play: t, to: cell, at: 2|1, times: 2, transpose: 2st, do: stretch 2}}\n"
@@ -211,7 +211,7 @@ def test_a_tune_is_transposed_transformed_and_repeated(tmp_path):
     assert result == [*first, *((beat + 8.0, what) for beat, what in first)]
 
 
-def test_the_strikes_may_say_one_impulse(tmp_path):
+def test_midi_take_with_impulse_of_strikes(tmp_path):
     tune(tmp_path / "tune.mid")
     text = "takes: {t: {file: tune.mid}}\n"
     text += "strikes: {s: {play: t, to: cell, at: 0, impulse: 3mNs}}\n"
@@ -223,7 +223,7 @@ def test_the_strikes_may_say_one_impulse(tmp_path):
 # --- gestures -----------------------------------------------------------------------------------
 
 
-def test_a_tune_presses_a_key(tmp_path):
+def test_midi_take_as_gesture_on_key(tmp_path):
     tune(tmp_path / "tune.mid")
     text = (
         "takes: {t: {file: tune.mid, depth: 1mm..8mm}}\n"
@@ -298,7 +298,7 @@ def test_a_tune_presses_a_key(tmp_path):
         ),
     ],
 )
-def test_what_cannot_be_played_is_said(tmp_path, text, report):
+def test_midi_take_mistakes_are_refused(tmp_path, text, report):
     tune(tmp_path / "tune.mid")
     (tmp_path / "tune.csv").write_text("t [s],x [mm]\n0,0\n1,1\n")
     code, line, message = reports(tmp_path, text)[0]
@@ -337,7 +337,7 @@ def track(content: bytes) -> bytes:
         (track(b"\x00\x90\x40\x00"), "it has no notes"),
     ],
 )
-def test_a_damaged_file_is_refused_with_the_byte(tmp_path, data, message):
+def test_damaged_midi_file_message_names_byte(tmp_path, data, message):
     path = tmp_path / "bad.mid"
     path.write_bytes(data)
     with pytest.raises(TakeError) as refused:
@@ -363,7 +363,7 @@ def test_running_status_over_meta_events(tmp_path):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_hostile_bytes_give_notes_or_a_report(tmp_path, seed):
+def test_hostile_midi_bytes_are_read_or_refused(tmp_path, seed):
     """Cuts, changed bytes and noise behind a good head; 500 files of each."""
     draw = random.Random(seed)
     good = tune(tmp_path / "tune.mid").read_bytes()
@@ -392,7 +392,7 @@ def test_hostile_bytes_give_notes_or_a_report(tmp_path, seed):
         assert all(1 <= note.velocity < 128 for note in result.notes)
 
 
-def test_the_size_of_a_file_and_the_number_of_its_notes_are_bounded(tmp_path, monkeypatch):
+def test_midi_file_size_and_note_limits(tmp_path, monkeypatch):
     path = tmp_path / "large.mid"
     path.write_bytes(track(b"\x00\x90\x40\x40" * (midi_file.MAX_BYTES // 4)))
     with pytest.raises(TakeError, match="more than 4 MB"):
@@ -402,7 +402,7 @@ def test_the_size_of_a_file_and_the_number_of_its_notes_are_bounded(tmp_path, mo
         read_notes(path)
 
 
-def test_a_file_outside_the_folder_is_refused(tmp_path):
+def test_midi_file_outside_folder_is_refused(tmp_path):
     tune(tmp_path / "tune.mid")
     inner = tmp_path / "inner"
     inner.mkdir()

@@ -103,7 +103,7 @@ def test_written_meter_ends_those_of_file(tmp_path):
     assert bars.start(6) == 6.0 + 15.0
 
 
-def test_position_in_bar_of_meter_that_comes_later(tmp_path):
+def test_bar_position_in_later_meter_of_file(tmp_path):
     """Beat 5 of bar 3 exists by the file's second meter, not by its first."""
     head = [midi_files.meter(0, 2, 4), midi_files.meter(1920, 5, 4)]
     midi_files.save(tmp_path / "tune.mid", head, midi_files.note(0))
@@ -119,7 +119,7 @@ def test_file_without_tempo_and_meter_has_120_quarters_in_4_4(tmp_path):
     assert piece.tempo_map.bar_beat(4.0) == (2, 1.0)
 
 
-def test_render_with_tempos_of_file_is_that_of_written_tempos(tmp_path):
+def test_render_with_file_tempos_equals_written_tempos(tmp_path):
     head = [midi_files.tempo(0, 500_000), midi_files.tempo(960, 375_000), midi_files.meter(0, 3, 4)]
     notes = [event for tick in (0, 480, 1200, 1500) for event in midi_files.note(tick)]
     midi_files.save(tmp_path / "tune.mid", head, notes)
@@ -238,7 +238,7 @@ def test_meter_typed_in_piece_with_meters_of_file(tmp_path):
 
 
 @pytest.mark.parametrize("seed", SEEDS[:10])
-def test_bars_kept_as_score_have_tempos_of_file(tmp_path, seed):
+def test_keep_of_bars_writes_out_file_tempos(tmp_path, seed):
     """What is cut out needs no file for its tempos and meters, and has every beat where it was."""
     midi_files.random_file(tmp_path / "tune.mid", seed)
     regular = "{to: cell.C3, at: 0, every: 1/2, until: 9|1, impulse: 1mNs}"

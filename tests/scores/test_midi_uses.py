@@ -82,7 +82,7 @@ def test_passed_over_events_in_one_note(tmp_path, text, message):
     assert reported == f"tune.mid: {message} are passed over"
 
 
-def test_two_takes_of_file_share_a_note(tmp_path):
+def test_note_on_unused_events_shared_by_takes(tmp_path):
     rich(tmp_path / "tune.mid")
     takes = "takes:\n  a: {file: tune.mid, channel: 1, velocity: 1mNs}\n"
     takes += "  b: {file: tune.mid, channel: 5, velocity: 1mNs}\n"

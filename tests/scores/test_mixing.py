@@ -51,12 +51,12 @@ def digest(text: str) -> str:
 
 
 @pytest.mark.parametrize(("pan", "gains"), [(-1, (1, 0)), (0, (0.5**0.5,) * 2), (0.28, (0.6, 0.8))])
-def test_a_pan_keeps_the_power(pan, gains):
+def test_pan_gains_preserve_power(pan, gains):
     plain, panned = mixed_score(score()), mixed_score(score(f"pan: {pan}"))
     assert np.allclose(panned, plain * gains, rtol=1e-12, atol=0)
 
 
-def test_a_fade_goes_by_positions():
+def test_fade_levels_at_positions():
     fade = "{at: A, gain: -40dB}, {at: B, gain: 0dB, curve: line}, {at: B+1/2, gain: -6dB}"
     fade = f"fade: [{fade}]"
     plain, faded = mixed_score(score(), 80_000), mixed_score(score(fade), 80_000)
@@ -65,14 +65,14 @@ def test_a_fade_goes_by_positions():
     assert gains == pytest.approx([-40 + 40 * 1000 / 44_100, -20, 0, -3, -6], abs=1e-9)
 
 
-def test_the_master_fades_to_nothing():
+def test_master_fade_to_zero():
     fade = "master: {fade: [{at: A, gain: 0dB}, {at: 0.5s, gain: x0}]}"
     plain, faded = mixed_score(score()), mixed_score(score(master=fade))
     assert faded[11_025, 1] == pytest.approx(plain[11_025, 1] / 2)
     assert not faded[22_050:].any()
 
 
-def test_a_disc_is_heard_later_and_softer_from_afar():
+def test_radiate_delay_and_level_by_distance():
     near, far = (
         mixed_score(score(f"radiate: {{distance: {d}, radius: 2cm}}")) for d in ("1m", "8m")
     )
@@ -84,7 +84,7 @@ def test_a_disc_is_heard_later_and_softer_from_afar():
     assert not far[: late[1]].any()
 
 
-def test_a_room_goes_on_and_stems_add_up():
+def test_room_tail_and_sum_of_stems():
     treated = "send: {hall: -6dB}, pan: 0.3, highpass: 20Hz"
     text = score(treated, ROOMS).replace("t60: 9s", "t60: 50ms")
     other = "gong: {modules: {m: {CEL: {M: 2g, f: C4, t60: 1s, V0: 1m/s}}}, out: {SOA: m}}"
@@ -104,7 +104,7 @@ def test_a_room_goes_on_and_stems_add_up():
     assert 1e-4 < late < 0.1, "the bell itself has faded by 600 dB there"
 
 
-def test_the_notes_of_an_instrument_are_one_stem():
+def test_notes_of_instrument_share_one_stem():
     bells = "bells: {notes: [C4, E4], modules: {m: {CEL: {M: 2g, f: C4, V0: 1m/s}}}, out: {SOA: m}}"
     text = score().replace("mix:", f"  {bells}\nmix:")
     text = text.replace("route:", "route:\n    - {from: bells, to: 1}")
@@ -120,7 +120,7 @@ def test_the_notes_of_an_instrument_are_one_stem():
     assert np.allclose(sum(stems), complete, rtol=0, atol=1e-9 * np.abs(complete).max())
 
 
-def test_live_is_offline(tmp_path):
+def test_mix_live_equals_render(tmp_path):
     """A room, a fade and a radiation while lines are typed, and the journal: the same bytes."""
     treated = "send: {hall: -6dB}, pan: 0.3, radiate: {distance: 3m}, fade: {at: A, gain: -3dB}"
     fade = "master: {fade: [{at: B, gain: 0dB}, {at: B+2, gain: -20dB}]}"
@@ -137,7 +137,7 @@ def test_live_is_offline(tmp_path):
     assert rings[22_000:26_000].max() < 2 * rings[10_000:22_000].max()
 
 
-def test_what_says_nothing_new_has_the_old_hash():
+def test_digest_of_pan_room_and_master_values():
     assert digest(score()) != digest(score("pan: 0"))
     assert digest(score("pan: 0")) != digest(score("pan: 0.1"))
     assert digest(score(rooms=ROOMS)) != digest(score(rooms=ROOMS.replace("8m", "9m")))
@@ -161,7 +161,7 @@ def test_what_says_nothing_new_has_the_old_hash():
         (PLAIN, "rooms: {hall: {t60: 2s, to: 3}}", "E202", "channel 3 does not exist"),
     ],
 )
-def test_mistakes_have_places(treated, rooms, code, words):
+def test_mix_mistakes_codes_and_lines(treated, rooms, code, words):
     reports = check_reports(score(treated, rooms))
     assert reports, "it is refused"
     assert any(c == code and words in message for c, _, message in reports), reports
@@ -169,7 +169,7 @@ def test_mistakes_have_places(treated, rooms, code, words):
     assert lines <= {9, 11}, reports
 
 
-def test_a_room_that_cannot_fade_so_is_refused_in_its_place():
+def test_room_with_impossible_t60_is_refused():
     text = score(rooms="rooms: {hall: {t60: {200Hz: 9s, 300Hz: 0.1s}}}")
     with pytest.raises(StageError) as refused:
         stage(load("x.yaml", text=text).piece)
@@ -178,11 +178,11 @@ def test_a_room_that_cannot_fade_so_is_refused_in_its_place():
     assert "are impossible at these frequencies" in report.message
 
 
-def test_only_two_channels_have_a_between():
+def test_pan_on_other_than_two_channels_is_refused():
     assert codes(score("pan: 0.5").replace("to: [1, 2]", "to: 1")) == ["E103"]
 
 
-def test_a_position_does_not_radiate():
+def test_radiate_of_position_output_is_refused():
     text = score("radiate: {distance: 1m}")
     assert codes(text) == []
     assert codes(text.replace("SOA: m", "SOX: m")) == ["E304"]
@@ -200,7 +200,7 @@ def turned(path: str, n_frames: int = 80_000) -> np.ndarray:
     )
 
 
-def test_a_pan_moves_evenly_in_angle_with_constant_power():
+def test_pan_path_gains_by_angle():
     gains = turned("pan: [{at: A, pan: -1}, {at: B, pan: 1}]")
     frames = np.arange(80_000)
     angle = np.pi / 2 * np.minimum(frames / 44_100, 1.0)
@@ -208,7 +208,7 @@ def test_a_pan_moves_evenly_in_angle_with_constant_power():
     assert np.nanmax(np.abs(gains - exact)) < 1e-12
 
 
-def test_a_pan_between_places_of_the_constant_one():
+def test_pan_path_between_intermediate_pans():
     """Its ends are those of `pan: -0.28` and `pan: 0.6`; halfway is the middle of the angles."""
     gains = turned("pan: [{at: A, pan: -0.28, curve: line}, {at: B, pan: 0.6, curve: smooth}]")
     ends = [np.arccos(0.28) / 2, np.arccos(-0.6) / 2]
@@ -218,7 +218,7 @@ def test_a_pan_between_places_of_the_constant_one():
     assert np.nanmax(np.abs(gains - exact)) < 1e-12
 
 
-def test_a_pan_that_moves_multiplies_a_fade_and_leaves_rooms_alone():
+def test_pan_path_with_fade_and_room_send():
     fade = "fade: [{at: A, gain: -6dB}]"
     path = "pan: [{at: A, pan: -1}, {at: B, pan: 1}]"
     alone, faded = mixed_score(score(path)), mixed_score(score(f"{path}, {fade}"))
@@ -247,7 +247,7 @@ def test_a_pan_that_moves_multiplies_a_fade_and_leaves_rooms_alone():
         ("delay: 250", "E203", "no unit"),
     ],
 )
-def test_mistakes_of_treatments_have_places(treated, code, words):
+def test_route_treatment_mistakes_codes_and_lines(treated, code, words):
     reports = check_reports(score(treated))
     assert any(c == code and words in message for c, _, message in reports), reports
     assert {line for c, line, _ in reports if c == code} == {11}, reports
@@ -291,13 +291,13 @@ def cookbook(kind: str, f: float, level: float = 0.0) -> tuple[list[float], list
         ("highshelf: {f: 150Hz, gain: 6dB}", "highshelf", 150, 6),
     ],
 )
-def test_a_filter_is_that_of_the_cookbook_by_scipy(written, kind, f, level):
+def test_route_filters_equal_cookbook_by_scipy(written, kind, f, level):
     plain, filtered = mixed_score(score()), mixed_score(score(written))
     expected = lfilter(*cookbook(kind, f, level), plain[:, 0])
     assert np.abs(filtered[:, 0] - expected).max() < 1e-10 * np.abs(plain).max()
 
 
-def test_filters_follow_each_other():
+def test_route_filters_in_succession():
     written = "highpass: 90Hz, lowpass: 2kHz, lowshelf: {f: 300Hz, gain: 4dB}"
     written += ", highshelf: {f: 1kHz, gain: -7dB}"
     expected = mixed_score(score())[:, 0]
@@ -313,7 +313,7 @@ def test_filters_follow_each_other():
     )
 
 
-def test_a_delay_is_later_and_its_echoes_fall():
+def test_route_delay_and_feedback_echoes():
     plain = mixed_score(score())[:, 0]
     frames = round(0.1 * RATE)
     later = mixed_score(score("delay: 100ms"))[:, 0]
@@ -326,7 +326,7 @@ def test_a_delay_is_later_and_its_echoes_fall():
     assert np.abs(echoes - expected).max() < 1e-12 * np.abs(plain).max()
 
 
-def test_echoes_of_what_radiates_come_by_the_delay_alone():
+def test_route_delay_feedback_with_radiate():
     radiate = "radiate: {distance: 3.43m}"  # 441 frames
     plain = mixed_score(score(radiate))[:, 0]
     echoes = mixed_score(score(f"{radiate}, delay: {{time: 50ms, feedback: x0.5}}"))[:, 0]
@@ -335,7 +335,7 @@ def test_echoes_of_what_radiates_come_by_the_delay_alone():
     assert np.abs(echoes - expected).max() < 1e-12 * np.abs(plain).max()
 
 
-def test_a_filter_above_half_of_the_rate_is_refused_in_its_place():
+def test_filter_above_half_rate_is_refused():
     for written in ("lowpass: 30kHz", "highpass: 22050Hz"):
         with pytest.raises(StageError) as refused:
             stage(load("x.yaml", text=score(written)).piece)
@@ -344,13 +344,13 @@ def test_a_filter_above_half_of_the_rate_is_refused_in_its_place():
         assert "below half of the rate, 44100 Hz" in report.message
 
 
-def test_treatments_change_the_hash():
+def test_route_treatments_change_the_digest():
     texts = ["lowpass: 2kHz", "lowpass: 3kHz", "delay: 1s", "delay: {time: 1s, feedback: -6dB}"]
     texts += ["pan: [{at: A, pan: 1}]", "pan: [{at: B, pan: 1}]", "pan: 1", PLAIN]
     assert len({digest(score(text)) for text in texts}) == len(texts)
 
 
-def test_a_mix_is_recalled_by_all_that_it_does():
+def test_mix_keys_differ_by_treatment():
     texts = [PLAIN, "lowpass: 2kHz", "lowpass: 3kHz", "lowshelf: {f: 2kHz, gain: 3dB}"]
     texts += ["delay: 1s", "delay: {time: 1s, feedback: -6dB}", "pan: 1", "pan: [{at: A, pan: 1}]"]
     listening = [stage(load("x.yaml", text=score(text)).piece).listening for text in texts]

@@ -39,7 +39,7 @@ def is_of(
 @pytest.mark.parametrize("analog", [0, 3])
 @pytest.mark.parametrize("scale", [-1.0, 0.0625])
 @pytest.mark.parametrize("processor", files.PROCESSORS)
-def test_a_c3d_file_of_any_processor_is_read(tmp_path, processor, scale, analog):
+def test_c3d_of_each_processor_and_scale(tmp_path, processor, scale, analog):
     path = wrote(
         tmp_path, ".c3d", files.c3d(PLACES, ("RWRI", "LWRI"), processor, scale, analog=analog)
     )
@@ -48,7 +48,7 @@ def test_a_c3d_file_of_any_processor_is_read(tmp_path, processor, scale, analog)
             assert is_of(read(path, f"{name}.{letter}"), PLACES, point, axis)
 
 
-def test_a_c3d_file_of_another_writer_is_read(tmp_path):
+def test_c3d_written_by_ezc3d(tmp_path):
     """By ezc3d, which nothing else of ergon uses: values, names, rate, hidden points, analog."""
     chance = np.random.default_rng(7)
     places = chance.normal(size=(3000, 5, 3)).astype(np.float32).astype(float)
@@ -74,7 +74,7 @@ def channels_used(count: int):
 
 @pytest.mark.parametrize("scale", [-1.0, 0.0625])
 @pytest.mark.parametrize("stated", [{"stated_analog": 2}, {"stated_points": 1}])
-def test_the_length_of_the_file_decides_how_long_a_frame_is(tmp_path, scale, stated):
+def test_c3d_frame_length_by_file_size(tmp_path, scale, stated):
     """Headers that count the channels but not their samples, or not all the points."""
     places = files.curve(200)
     more = {"analog": 6, "samples": 3, "parameters": (channels_used(2),), **stated}
@@ -85,20 +85,20 @@ def test_the_length_of_the_file_decides_how_long_a_frame_is(tmp_path, scale, sta
             assert is_of(read(path, f"LWRI.{letter}"), places, 1, axis)
 
 
-def test_zeros_after_the_last_frame_decide_between_two_readings_of_a_short_file(tmp_path):
+def test_c3d_frame_length_by_trailing_zeros(tmp_path):
     data = files.c3d(PLACES, analog=6, samples=3, parameters=(channels_used(2),), stated_analog=2)
     assert 12 * 4 * (6 - 2) < 512
     assert is_of(read(wrote(tmp_path, ".c3d", data), "LWRI.y"), PLACES, 1, 1)
 
 
-def test_a_file_that_fits_neither_its_header_nor_its_parameters_is_refused(tmp_path):
+def test_c3d_with_contradictory_frame_length_is_refused(tmp_path):
     places = files.curve(200)
     data = files.c3d(places, analog=5, samples=3, parameters=(channels_used(2),), stated_analog=2)
     with pytest.raises(TakeError, match=r"2 points with 2 .*or 2 points with 6 analog values, and"):
         read(wrote(tmp_path, ".c3d", data), "LWRI.y")
 
 
-def test_more_frames_than_the_header_can_say(tmp_path):
+def test_c3d_with_more_frames_than_header_field(tmp_path):
     places = np.zeros((66_000, 1, 3))
     places[:, 0, 0] = np.arange(66_000) % 500
     single = files._Numbers("intel")
@@ -108,12 +108,12 @@ def test_more_frames_than_the_header_can_say(tmp_path):
     assert is_of(read(wrote(tmp_path, ".c3d", data), "p.x"), places, 0, 0)
 
 
-def test_names_of_points_are_told_apart(tmp_path):
+def test_c3d_point_names_are_distinct(tmp_path):
     path = wrote(tmp_path, ".c3d", files.c3d(files.curve(4, 4), ("a", "a", "b")))
     assert c3d_file.read(path).points == ("a", "a 2", "b", "4")
 
 
-def test_a_file_without_a_unit_asks_for_it(tmp_path):
+def test_c3d_without_unit_needs_unit_option(tmp_path):
     path = wrote(tmp_path, ".c3d", files.c3d(PLACES, unit=None))
     with pytest.raises(TakeError, match=r"write what 1\.0 means") as caught:
         read(path, "RWRI.x")
@@ -137,7 +137,7 @@ def test_a_file_without_a_unit_asks_for_it(tmp_path):
         (files.c3d(PLACES)[:12] + b"\0\0\xc0\x7f" + files.c3d(PLACES)[16:], "header is damaged"),
     ],
 )
-def test_what_is_no_c3d_file_is_refused(tmp_path, data, told):
+def test_c3d_malformed_files_are_refused(tmp_path, data, told):
     with pytest.raises(TakeError, match=told):
         read(wrote(tmp_path, ".c3d", data), "RWRI.x")
 
@@ -155,14 +155,14 @@ def test_what_is_no_c3d_file_is_refused(tmp_path, data, told):
         ("head.z", "no point 'head'; there are RWRI, LWRI", None),
     ],
 )
-def test_an_unknown_channel_names_what_there_is(tmp_path, channel, message, suggestion):
+def test_unknown_channel_lists_and_suggests_channels(tmp_path, channel, message, suggestion):
     path = wrote(tmp_path, ".c3d", files.c3d(PLACES))
     with pytest.raises(TakeError, match=message) as caught:
         read(path, channel)
     assert (caught.value.suggestion, caught.value.field) == (suggestion, "channel")
 
 
-def test_auto_goes_along_the_path(tmp_path):
+def test_auto_channel_follows_main_direction(tmp_path):
     """A point that goes 300 mm along a line in space, and a little across it."""
     s = np.linspace(0, 1, 200)
     along = s**3 * (10 - 15 * s + 6 * s * s)
@@ -183,7 +183,7 @@ def test_auto_goes_along_the_path(tmp_path):
 
 
 @pytest.mark.parametrize("suffix", [".c3d", ".tsv"])
-def test_a_point_that_is_hidden_for_long_is_refused(tmp_path, suffix):
+def test_point_hidden_for_long_is_refused(tmp_path, suffix):
     write = files.c3d if suffix == ".c3d" else files.qtm
     places = files.curve(200)
     places[50:80, 0] = np.nan
@@ -215,7 +215,7 @@ def turned(angle: float, axis: int):
     return matrix
 
 
-def test_joints_turn_about_their_parents(tmp_path):
+def test_bvh_joint_positions_by_rotation_matrices(tmp_path):
     """Against one frame at a time, joint by joint, from the end of the limb back to the hips."""
     rows = np.random.default_rng(3).uniform(-180, 180, (400, 12))
     path = wrote(tmp_path, ".bvh", files.bvh(rows))
@@ -255,7 +255,7 @@ LAYOUTS = {
 
 
 @pytest.mark.parametrize("text", LAYOUTS.values(), ids=LAYOUTS)
-def test_the_same_words_in_other_lines_are_the_same_motion(tmp_path, text):
+def test_bvh_with_other_line_breaks_is_equal(tmp_path, text):
     expected = np.concatenate([*bvh_file.read(wrote(tmp_path, ".bvh", PLAIN.encode())).blocks()])
     motion = bvh_file.read(wrote(tmp_path, ".bvh", text.encode()))
     names = ["hips", "arm", "hand", "hand end"]
@@ -264,14 +264,14 @@ def test_the_same_words_in_other_lines_are_the_same_motion(tmp_path, text):
     assert (motion.n, motion.note) == (5, None)
 
 
-def test_frames_beyond_the_stated_number_are_named(tmp_path):
+def test_bvh_frames_beyond_stated_number(tmp_path):
     path = wrote(tmp_path, ".bvh", PLAIN.replace("Frames: 5", "Frames: 3").encode())
     words = "the file says 3 frames, and 2 more follow, which are not read"
     assert summary(path).note == words
     assert read(path, "hand.x", unit=0.01).damage == words
 
 
-def test_an_arm_that_turns_by_a_right_angle(tmp_path):
+def test_bvh_arm_rotated_by_right_angle(tmp_path):
     rows = np.zeros((2, 12))
     rows[1, 6] = 90.0
     places = np.concatenate(list(bvh_file.read(wrote(tmp_path, ".bvh", files.bvh(rows))).blocks()))
@@ -296,7 +296,7 @@ def test_an_arm_that_turns_by_a_right_angle(tmp_path):
         ("0 0 0 0 0 0 0 0 0 0 0 1", "0 0 0 0 0 0 0 0 0 0 1", "a frame must be 12 numbers"),
     ],
 )
-def test_what_is_no_bvh_file_is_refused_in_its_line(tmp_path, old, new, message):
+def test_bvh_malformed_files_are_refused_by_line(tmp_path, old, new, message):
     text = files.bvh(np.eye(12)[[0, 3, 11]]).decode()
     assert old in text
     path = wrote(tmp_path, ".bvh", text.replace(old, new, 1).encode())
@@ -311,7 +311,7 @@ def test_what_is_no_bvh_file_is_refused_in_its_line(tmp_path, old, new, message)
 @pytest.mark.parametrize(
     "layout", [{}, {"blank": False}, {"last_tab": True}, {"end": "\r\n"}, {"rate": 59.94}]
 )
-def test_markers_of_trc(tmp_path, unit, layout):
+def test_trc_markers_and_rate(tmp_path, unit, layout):
     places = files.curve(40)
     places[10:13, 1] = np.nan
     path = wrote(tmp_path, ".trc", files.trc(places, unit=unit, **layout))
@@ -347,7 +347,7 @@ TRC = files.trc(files.curve(3))
         (TRC.replace(b"\tmm", b"\tell"), "does not state the unit"),
     ],
 )
-def test_what_is_no_trc_file_is_refused(tmp_path, data, message):
+def test_trc_malformed_files_are_refused(tmp_path, data, message):
     assert data != TRC
     with pytest.raises(TakeError, match=message):
         read(wrote(tmp_path, ".trc", data), "RWRI.x")
@@ -359,7 +359,7 @@ def test_what_is_no_trc_file_is_refused(tmp_path, data, message):
 @pytest.mark.parametrize("hidden", ["0.000", "", "NULL", "NaN"])
 @pytest.mark.parametrize("leading", [0, 1, 2])
 @pytest.mark.parametrize("titles", [False, True])
-def test_tsv_of_qtm(tmp_path, titles, leading, hidden):
+def test_qtm_tsv_markers_and_rate(tmp_path, titles, leading, hidden):
     places = files.curve(40)
     places[20:23, 1] = np.nan
     data = files.qtm(places, titles=titles, leading=leading, hidden=hidden)
@@ -371,7 +371,7 @@ def test_tsv_of_qtm(tmp_path, titles, leading, hidden):
         assert "3 frames" in (read(path, "LWRI.x").damage or "")
 
 
-def test_tsv_of_qtm_by_another_clock_needs_a_rate(tmp_path):
+def test_qtm_tsv_with_other_clock_needs_rate(tmp_path):
     path = wrote(tmp_path, ".tsv", files.qtm(PLACES, rate="EXT"))
     with pytest.raises(TakeError, match="such as rate: 100Hz"):
         read(path, "RWRI.x")
@@ -391,7 +391,7 @@ def test_tsv_of_qtm_by_another_clock_needs_a_rate(tmp_path):
         ("\t-", "\t1\t", "the markers need 6"),
     ],
 )
-def test_what_is_no_tsv_of_qtm_is_refused(tmp_path, old, new, message):
+def test_qtm_tsv_malformed_files_are_refused(tmp_path, old, new, message):
     text = files.qtm(PLACES).decode()
     head, _, rest = text.rpartition(old)
     path = wrote(tmp_path, ".tsv", f"{head}{new}{rest}".encode())
@@ -401,7 +401,7 @@ def test_what_is_no_tsv_of_qtm_is_refused(tmp_path, old, new, message):
 
 @pytest.mark.parametrize("leading", [0, 2])
 @pytest.mark.parametrize("titles", [False, True])
-def test_bodies_of_qtm(tmp_path, titles, leading):
+def test_qtm_bodies_positions(tmp_path, titles, leading):
     """Where a body is stands in its first three columns; its turns are passed over."""
     places = files.curve(40)
     places[20:23, 1] = np.nan
@@ -419,7 +419,7 @@ def test_bodies_of_qtm(tmp_path, titles, leading):
 
 @pytest.mark.parametrize("timed", [False, True])
 @pytest.mark.parametrize("version", [1.1, 1.25])
-def test_csv_of_optitrack(tmp_path, version, timed):
+def test_optitrack_csv_markers_and_rate(tmp_path, version, timed):
     places = files.curve(40)
     places[20:23, 1] = np.nan
     path = wrote(tmp_path, ".csv", files.optitrack(places, version=version, timed=timed))
@@ -437,7 +437,7 @@ def test_csv_of_optitrack(tmp_path, version, timed):
         read(path, "Hand:RWRI.x", unit=0.01)
 
 
-def test_csv_of_optitrack_without_a_rate_or_unit_asks_for_them(tmp_path):
+def test_optitrack_csv_without_rate_or_unit(tmp_path):
     path = wrote(tmp_path, ".csv", files.optitrack(PLACES, head="Take Notes,", unit="Feet"))
     with pytest.raises(TakeError, match="such as unit: 1cm"):
         read(path, "Hand:RWRI.x")
@@ -460,7 +460,7 @@ def test_csv_of_optitrack_without_a_rate_or_unit_asks_for_them(tmp_path):
         (",0,7,", ",0,-7e99,", "no camera sees"),
     ],
 )
-def test_what_is_no_csv_of_optitrack_is_refused(tmp_path, old, new, message):
+def test_optitrack_csv_malformed_files_are_refused(tmp_path, old, new, message):
     text = files.optitrack(PLACES).decode()
     assert old in text
     count = -1 if old == "Position" else 1
@@ -469,7 +469,7 @@ def test_what_is_no_csv_of_optitrack_is_refused(tmp_path, old, new, message):
         read(path, "Hand:RWRI.x")
 
 
-def test_columns_of_a_plain_tsv(tmp_path):
+def test_plain_tsv_columns(tmp_path):
     path = wrote(tmp_path, ".tsv", b"t [ms]\tx [cm]\n0\t0\n10\t3\n")
     assert read(path).t.tolist() == [0.0, 0.01]
     assert read(path).x.tolist() == [0.0, 0.03]
@@ -498,7 +498,7 @@ def test_columns_of_sdif_by_their_names(tmp_path):
 
 
 @pytest.mark.parametrize("kind", [4, 8, 0x104])
-def test_streams_and_rows_of_sdif_are_told_apart(tmp_path, kind):
+def test_sdif_channels_by_stream_and_row(tmp_path, kind):
     def packet(t: float, stream: int, x: float) -> bytes:
         return files.frame(
             b"XMOV", t, files.matrix(b"XPOS", np.array([[x], [-x]]), kind), stream=stream
@@ -527,6 +527,6 @@ def test_streams_and_rows_of_sdif_are_told_apart(tmp_path, kind):
         (files.sdif(files.frame(b"XMOV", 0.0, files.matrix(b"XPOS", np.ones((40, 40))))), "1,024"),
     ],
 )
-def test_what_is_no_sdif_file_is_refused(tmp_path, data, told):
+def test_sdif_malformed_files_are_refused(tmp_path, data, told):
     with pytest.raises(TakeError, match=told):
         read(wrote(tmp_path, ".sdif", data), "XPOS.1", unit=0.001)

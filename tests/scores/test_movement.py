@@ -20,7 +20,7 @@ def speed(t):
     return 30 * A / T * s * s * (1 - s) ** 2
 
 
-def test_a_minimum_jerk_movement():
+def test_movement_stats_of_minimum_jerk():
     """Flash & Hogan 1985: peak speed 15/8, peak acceleration 10/√3, means by the polynomials."""
     t = np.arange(round(T * RATE) + 1) / RATE
     result = movement_stats(t, minimum_jerk(t), cutoff=100.0)
@@ -49,7 +49,7 @@ def arc_length() -> float:
     return float(np.hypot(np.diff(height), np.diff(omega) / limit).sum())
 
 
-def test_smoothness_knows_neither_size_nor_rest_nor_duration_of_samples():
+def test_smoothness_independent_of_size_rest_and_rate():
     t = np.arange(round(T * RATE) + 1) / RATE
     v = speed(t)
     first = spectral_arc_length(v, RATE)
@@ -62,7 +62,7 @@ def test_smoothness_knows_neither_size_nor_rest_nor_duration_of_samples():
 
 
 @pytest.mark.parametrize("single_rate", [1002.27, 120.0])
-def test_a_sinusoid(single_rate):
+def test_movement_stats_of_sinusoid(single_rate):
     f, size, seconds = 3.0, 4e-3, 10.0
     t = np.arange(int(seconds * single_rate) + 1) / single_rate
     result = movement_stats(t, size * np.sin(2 * np.pi * f * t))
@@ -80,7 +80,7 @@ def test_a_sinusoid(single_rate):
     assert result.strikes.size == 0
 
 
-def test_bounces_are_strikes_and_turns_in_the_air_are_none():
+def test_movement_stats_strikes_and_reversals_of_bounces():
     """A ball that falls 20 mm, five times: it turns above for long, and below at once."""
     g, height = 9.81, 0.02
     up = np.sqrt(2 * height / g)
@@ -93,13 +93,13 @@ def test_bounces_are_strikes_and_turns_in_the_air_are_none():
     assert result.reversals.size == 9
 
 
-def test_small_wobbles_are_no_reversals():
+def test_movement_stats_ignores_small_reversals():
     t = np.arange(2000) / RATE
     x = 0.01 * np.sin(np.pi * t) + 0.0004 * np.sin(2 * np.pi * 9 * t)
     assert movement_stats(t, x).reversals.size == 3 - 1
 
 
-def test_what_stays_in_its_place():
+def test_movement_stats_of_resting_hand():
     t = np.arange(100) / 100
     result = movement_stats(t, np.full(100, 0.003))
     assert (result.low, result.high, result.speed_peak) == pytest.approx(

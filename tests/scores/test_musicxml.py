@@ -310,7 +310,7 @@ def test_score_with_musicxml_take(tmp_path):
 REST = "<note><rest/><duration>{}</duration><voice>1</voice></note>"
 
 
-def test_rests_longer_than_the_bar_do_not_lengthen_it(tmp_path):
+def test_musicxml_rests_longer_than_bar(tmp_path):
     """Programs write two whole rests, or one of a breve, where the other parts have a bar."""
     melody = part(note("C", 4, 8), note("D", 4, 8), note("E", 4, 8))
     silent = part(REST.format(8), REST.format(8) * 2, note("G", 3, 8), name="P2")
@@ -318,7 +318,7 @@ def test_rests_longer_than_the_bar_do_not_lengthen_it(tmp_path):
     assert played(path) == [(0.0, "C4", 4.0), (4.0, "D4", 4.0), (8.0, "G3", 4.0), (8.0, "E4", 4.0)]
 
 
-def test_rests_in_an_incomplete_bar_do_not_fill_it(tmp_path):
+def test_musicxml_rests_in_incomplete_bar(tmp_path):
     """A bar that counts for nothing (`implicit`) is as long as its shortest part."""
     upbeat = part(note("C", 4, 8), note("D", 4, 2), note("E", 4, 8))
     silent = part(REST.format(8), REST.format(8), note("G", 3, 8), name="P2")

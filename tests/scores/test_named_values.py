@@ -67,14 +67,14 @@ def read(let: str = "", **fields: str):
     return load("s.yaml", text=SCORE.format(let=let, **{**PLAIN, **fields}))
 
 
-def test_named_values_say_what_plain_ones_say():
+def test_named_values_give_same_digest():
     plain, named = read().piece, read(LET, **NAMED)
     assert plain is not None
     assert named.piece is not None, named.diagnostics
     assert digest_of(named.piece) == digest_of(plain)
 
 
-def test_a_glide_ends_at_a_named_value():
+def test_glide_to_named_value():
     def glide(to: str):
         more = f"automation: [{{at: 1|1, set: bell.m.f, to: {to}, over: 1bar}}]\n"
         return load("s.yaml", text=SCORE.format(let=LET, **PLAIN) + more)
@@ -87,7 +87,7 @@ def test_a_glide_ends_at_a_named_value():
     assert wrong.suggestion == "low"
 
 
-def test_arithmetic_needs_no_names():
+def test_arithmetic_without_let():
     piece = read(mass="2*400g", every="1/6bar + 1/6bar").piece
     assert piece is not None
     assert piece.keys["k"].modules[0].fields["M"] == 0.8
@@ -120,14 +120,14 @@ def test_arithmetic_needs_no_names():
         ("sqrt(9)/2*1kg", "1.5kg"),
     ],
 )
-def test_expressions_have_these_values(text, literal):
+def test_arithmetic_expression_values_and_units(text, literal):
     result = evaluate(text, {}).literal
     if result != literal:  # transcendentals to the last bit or so
         assert result[-2:] == literal[-2:] == "Hz"
         assert float(result[:-2]) == pytest.approx(float(literal[:-2]), rel=1e-12)
 
 
-def test_a_note_is_the_note_that_is_written():
+def test_notes_with_zero_transposition_are_unchanged():
     for octave in range(1, 8):
         for name in ("C", "C#", "Eb", "F", "A", "B"):
             here, there = f"{name}{octave}", evaluate(f"{name}{octave} + 12st - 12st", {}).literal
@@ -161,7 +161,7 @@ def test_a_note_is_the_note_that_is_written():
         ("let: {a: 1e99}\n", {}, "E201", "too large", 10),
     ],
 )
-def test_mistakes_are_told_in_their_places(let, fields, code, words, column):
+def test_named_value_mistakes_codes_and_columns(let, fields, code, words, column):
     loaded = read(let, **fields)
     assert loaded.piece is None
     result = loaded.diagnostics[0]
@@ -169,17 +169,17 @@ def test_mistakes_are_told_in_their_places(let, fields, code, words, column):
     assert column in (None, result.place.column)
 
 
-def test_a_misspelt_name_has_a_suggestion():
+def test_misspelt_name_has_suggestion():
     assert read(LET, mass="2*hevy").diagnostics[0].suggestion == "heavy"
 
 
-def test_plain_mistakes_stay_what_they_were():
+def test_mistakes_without_let_do_not_mention_let():
     for text in ("400", "4,5", "heavy", "400N", "4e", "40g2", "1:30", "400 kg g"):
         message = read(mass=text).diagnostics
         assert all("let" not in one.message for one in message), (text, message)
 
 
-def test_what_is_remembered_knows_the_names_that_it_was_read_with():
+def test_memory_with_changed_named_values():
     memory = Memory()
     for mass in ("400g", "500g", "400g"):
         let = f"let: {{heavy: {mass}}}\n"
@@ -238,7 +238,7 @@ NO_VALUES = (
 )
 
 
-def test_a_name_stands_wherever_a_value_does():
+def test_named_values_in_every_value_field():
     """In each field of the tables that takes a value."""
     n_values = 0
     for path, shape in texts(TABLE, "score", set()):
@@ -304,7 +304,7 @@ def written(words: dict[str, str], let: str = "") -> str:
     return text.replace("LET", let)
 
 
-def test_names_stand_in_notations_tables_curves_and_patterns():
+def test_named_values_in_notations_tables_and_curves():
     plain = load("s.yaml", text=written(LITERALS))
     let = "let: {deep: 3mm, half: 0.5, n: 3, low: A2, soft: 1mNs, long: 2s}\n"
     named = load("s.yaml", text=written(BY_NAME, let))
@@ -326,7 +326,7 @@ def test_names_stand_in_notations_tables_curves_and_patterns():
         assert mine.swing == other.swing
 
 
-def test_a_mistake_beside_a_name_is_told_where_it_is_written():
+def test_mistake_beside_a_named_value_has_its_place():
     text = written(BY_NAME, "let: {deep: 3mm, half: 0.5, n: 3, low: A2, soft: 1mNs, long: 2s}\n")
     text = text.replace("line low+7st@3", "lime low+7st@3")
     result = [d for d in load("s.yaml", text=text).diagnostics if d.code[0] == "E"]
@@ -364,7 +364,7 @@ def struck(rows: str):
 
 
 @pytest.mark.parametrize(("named", "plain"), TABLES)
-def test_a_table_of_strikes_with_names_is_that_without(named: str, plain: str) -> None:
+def test_strikes_table_with_named_values(named: str, plain: str) -> None:
     assert struck(named) == struck(plain)
 
 
@@ -379,7 +379,7 @@ def test_a_table_of_strikes_with_names_is_that_without(named: str, plain: str) -
         ("late*heavy  D3  soft", "E203", "'late*heavy' is 0.006kg", None),
     ],
 )
-def test_a_mistake_in_a_name_of_a_table_is_told_at_the_name(
+def test_strikes_table_mistakes_in_named_values(
     rows: str, code: str, message: str, suggestion: str | None
 ) -> None:
     (result,) = load("score.yaml", text=TABLE_SCORE.format(rows="      " + rows)).diagnostics
@@ -387,7 +387,7 @@ def test_a_mistake_in_a_name_of_a_table_is_told_at_the_name(
     assert message in result.message
 
 
-def test_a_wrong_value_where_no_field_is_has_one_message() -> None:
+def test_wrong_value_in_unknown_field_has_one_message() -> None:
     text = "ergon: 1\ninstruments: {b: {from: bell/bell, t60: 3x}}\n"
     (result,) = load("score.yaml", text=text).diagnostics
     assert (result.code, result.place.column) == ("E203", 42)
@@ -412,7 +412,7 @@ mix: {{channels: 1, route: [{{from: bell, to: 1}}]}}
 """
 
 
-def test_names_and_arithmetic_stand_in_positions():
+def test_named_values_and_arithmetic_in_positions():
     let = "let: {first: 4, gap_: 1/2, later: 250ms, c: 7, step: 2bar}\n"
     named = {
         "mark": "1|1 + first*2",
@@ -458,7 +458,7 @@ def test_names_and_arithmetic_stand_in_positions():
         ("3|1+first*x", "E201", "'x' is not a name"),
     ],
 )
-def test_positions_that_are_none_say_so(written: str, code: str, message: str):
+def test_invalid_positions_with_named_values(written: str, code: str, message: str):
     text = f"ergon: 1\nlet: {{first: 4, step: 2bar}}\nmarks: {{A: 2|1, B: '{written}'}}\n"
     (result,) = load("s.yaml", text=text).diagnostics
     assert result.code == code
@@ -478,7 +478,7 @@ def test_positions_that_are_none_say_so(written: str, code: str, message: str):
         ("last-vers", "last-verse", None),
     ],
 )
-def test_what_is_taken_from_a_mark_without_spaces_is_told_from_a_name(written, suggestion, help):
+def test_mark_minus_name_without_spaces_suggestion(written, suggestion, help):
     text = (
         "ergon: 1\nlet: {first: 4, gap: 1/2}\n"
         f"marks: {{A: 2|1, c: 3|1, last-verse: 5|1, x: '{written}'}}\n"
@@ -487,7 +487,7 @@ def test_what_is_taken_from_a_mark_without_spaces_is_told_from_a_name(written, s
     assert (result.code, result.suggestion, result.help) == ("E301", suggestion, help)
 
 
-def test_a_mark_with_a_hyphen_is_one_and_a_difference_has_spaces():
+def test_mark_with_hyphen_versus_spaced_difference():
     text = "ergon: 1\nlet: {gap: 1/2}\nmarks: {c: 3|1, c-gap: 9|1, x: c-gap, y: c - gap}\n"
     result = load("s.yaml", text=text)
     assert not result.diagnostics
@@ -495,11 +495,11 @@ def test_a_mark_with_a_hyphen_is_one_and_a_difference_has_spaces():
     assert (marks["x"], marks["y"]) == (32, 7.5)
 
 
-def test_a_position_among_named_values_is_sent_to_the_marks():
+def test_position_in_let_suggests_marks():
     (found,) = load("s.yaml", text="ergon: 1\nlet: {first: 3|1}\n").diagnostics
     assert "name it under `marks:`" in found.message
 
 
 @pytest.mark.parametrize(("pitch", "same"), [("500Hz/2", "250Hz"), ("2kHz/(4+4)", "250Hz")])
-def test_a_number_with_a_unit_is_divided_without_spaces(pitch: str, same: str):
+def test_quantity_divided_without_spaces(pitch: str, same: str):
     assert read("", pitch=pitch).piece == read("", pitch=same).piece

@@ -28,7 +28,7 @@ def drawn(chance, count):
     )
 
 
-def test_lines_that_are_over_are_not_looked_at_again():
+def test_ended_lines_are_checked_once():
     lines = tuple(Item("knock", float(n), 1) for n in range(1000))
     seen = []
 
@@ -62,7 +62,7 @@ def check_counts(lines, left, counts, since):
         assert counts.get(line.what, 0) + beside == above
 
 
-def test_occurrences_before_each_line_are_those_of_all_lines_above_it():
+def test_occurrence_counts_of_ended_lines():
     chance = random.Random(1)
     for _ in range(200):
         lines, known = drawn(chance, 9), NotOver()
@@ -71,7 +71,7 @@ def test_occurrences_before_each_line_are_those_of_all_lines_above_it():
             check_counts(lines, left, counts, since)
 
 
-def test_occurrences_of_lines_that_change_between_looks():
+def test_occurrence_counts_with_changing_lines():
     chance = random.Random(2)
     for _ in range(400):
         lines, known = drawn(chance, 9), NotOver()

@@ -24,7 +24,7 @@ def fault(read, text):
     return error, text[error.offset : error.offset + error.length]
 
 
-def test_the_knock_of_the_example():
+def test_parse_of_example_gesture():
     assert plain(parse("0mm@0 smooth 6mm@1/8 throw 0mm@1/4 hold 0mm@1/2")) == [
         (0, 0, 0, "smooth"),
         (0.125, 0, 6, "smooth"),
@@ -33,7 +33,7 @@ def test_the_knock_of_the_example():
     ]
 
 
-def test_units_are_metres_beats_and_seconds():
+def test_parse_units_of_points():
     notation = parse("1cm@0 -2@1beat 0.5m@1.5 40um@+250ms 6mm@+1/4s")
     assert [p.x for p in notation.points] == [0.01, -0.002, 0.5, 40e-6, 0.006]
     assert [p.at for p in notation.points] == [
@@ -41,11 +41,11 @@ def test_units_are_metres_beats_and_seconds():
     ]  # fmt: skip
 
 
-def test_the_length_includes_a_final_hold():
+def test_parse_final_hold_extends_length():
     assert parse("0@0 6@1 hold 6@3").points[-1].at == Time(3, 0)
 
 
-def test_a_group_starts_again_from_the_last_point():
+def test_group_repeats_from_last_point():
     assert plain(parse("0mm@0 (6mm@1/8 0mm@1/4)*2 3@1")) == [
         (0, 0, 0, "smooth"),
         (0.125, 0, 6, "smooth"),
@@ -56,38 +56,38 @@ def test_a_group_starts_again_from_the_last_point():
     ]
 
 
-def test_a_group_that_names_its_own_beginning_is_the_same_group():
+def test_group_with_explicit_first_point():
     assert plain(parse("0@0 (0@0 6@1/8 0@1/4)*3")) == plain(parse("0@0 (6@1/8 0@1/4)*3"))
 
 
-def test_every_repetition_plays_alike():
+def test_group_repetitions_have_equal_curves():
     curves = [p.curve for p in parse("0@0 line (6@1 throw 0@2)*2 6@5").points]
     assert curves == ["smooth", "line", "throw", "line", "throw", "throw"]
 
 
-def test_groups_nest():
+def test_parse_nested_groups():
     nested = plain(parse("0@0 ((1@1/2 0@1)*2 5@3 0@4)*2"))
     assert [beats for beats, *_ in nested] == [0, 0.5, 1, 1.5, 2, 3, 4, 4.5, 5, 5.5, 6, 7, 8]
 
 
-def test_repeating_does_not_drift():
+def test_parse_repeated_group_without_drift():
     notation = parse("0@0 (1@1/20 0@1/10)*1000 3@101")
     drift = [p.at.beats - k / 10 for k, p in enumerate(notation.points[2:-1:2], 1)]
     assert max(map(abs, drift)) <= 2**-46  # two last places of 100
 
 
-def test_relative_times_follow_the_previous_point():
+def test_parse_relative_times():
     assert [p.at.beats for p in parse("0@1 6@+1/8 0@+1/8 (3@+1 0@+1)*2").points] == [
         1, 1.125, 1.25, 2.25, 3.25, 4.25, 5.25,
     ]  # fmt: skip
 
 
-def test_bar_checks_stand_at_the_point_before_them():
+def test_parse_bar_check_positions():
     checks = parse("0@0 6@4 | 0@5 (3@2 | 0@4)*2").bar_checks
     assert [(c.at.beats, c.offset) for c in checks] == [(4, 8), (7, 19), (11, 19)]
 
 
-def test_the_option_curve_leads_until_the_first_word():
+def test_curve_option_until_first_curve_word():
     assert [p.curve for p in parse("0@0 6@1 throw 0@2", "line").points] == ["line", "line", "throw"]
 
 
@@ -127,7 +127,7 @@ def test_the_option_curve_leads_until_the_first_word():
         ("", "", "needs a point", None),
     ],
 )
-def test_mistakes_have_a_place(text, marked, words, suggestion):
+def test_parse_mistake_place_and_suggestion(text, marked, words, suggestion):
     error, under = fault(parse, text)
     assert under == marked
     assert words in error.message
@@ -144,18 +144,18 @@ def test_mistakes_have_a_place(text, marked, words, suggestion):
         ("0@0 (6@1 |)*999999", "500,000 points"),
     ],
 )
-def test_sizes_are_bounded(text, words):
+def test_parse_size_limits(text, words):
     error, _ = fault(parse, text)
     assert words in error.message
 
 
 @pytest.mark.parametrize("text", [" " * 500_000, "9" * 500_000, "0@0 6@1" + "(" * 500_000])
-def test_hostile_lines_are_refused_in_one_reading(text):
+def test_parse_of_hostile_lines_is_refused(text):
     fault(parse, text)
     fault(parse_table, text)
 
 
-def test_a_table_has_time_first_and_a_word_for_its_own_row():
+def test_parse_table_of_times_and_curves():
     text = "# t x\n0 0mm\n1   3.5mm  # up\r\n2.5 3.5mm hold\n\n4 0mm\n"
     notation = parse_table(text)
     assert plain(notation) == [
@@ -186,7 +186,7 @@ def test_a_table_has_time_first_and_a_word_for_its_own_row():
         ("0 0 $", "$", "unknown word"),
     ],
 )
-def test_a_mistake_deep_in_a_table_has_its_place(row, marked, words):
+def test_parse_table_mistake_place(row, marked, words):
     before = "".join(f"{i / 100:.2f} {i % 5}mm\n" for i in range(90))
     text = before + row + "\n5 0mm\n"
     error, under = fault(parse_table, text)
@@ -195,7 +195,7 @@ def test_a_mistake_deep_in_a_table_has_its_place(row, marked, words):
     assert error.offset >= len(before)
 
 
-def test_a_long_table():
+def test_parse_table_of_100000_rows():
     n = 100_000
     notation = parse_table("".join(f"{i / 100:.2f} {i % 7}mm\n" for i in range(n)))
     assert len(notation.points) == n < MAX_EVENTS
@@ -206,7 +206,7 @@ numbers = st.integers(0, 999).map(lambda n: Fraction(n, 8))
 
 
 @given(st.lists(st.tuples(numbers, st.integers(-14, 14), st.sampled_from(CURVES)), min_size=1))
-def test_a_table_and_a_notation_say_the_same(rows):
+def test_parse_table_equals_parse_of_line(rows):
     times = [sum((t + 1 for t, _, _ in rows[: i + 1]), Fraction()) for i in range(len(rows))]
     rows = [
         (t, x, "smooth" if c == "hold" else c) for t, (_, x, c) in zip(times, rows, strict=True)
@@ -220,7 +220,7 @@ def test_a_table_and_a_notation_say_the_same(rows):
 
 
 @given(st.text(alphabet="0123456789.@+-/()*| \nsmothrwlined#e", max_size=60))
-def test_any_text_is_read_or_refused_with_a_place(text):
+def test_parse_of_random_text(text):
     for read in (parse, parse_table):
         try:
             notation = read(text)

@@ -70,7 +70,7 @@ def test_lists_ranges_scales_chords_and_counts(text, expected):
         ("", "E201", 0, 1, None),
     ],
 )
-def test_what_is_no_list_of_notes_is_refused_in_its_place(text, code, offset, length, suggestion):
+def test_parse_notes_mistake_places(text, code, offset, length, suggestion):
     with pytest.raises(TextError) as refused:
         notes.parse_notes(text)
     error = refused.value
@@ -82,7 +82,7 @@ def test_what_is_no_list_of_notes_is_refused_in_its_place(text, code, offset, le
     )
 
 
-def test_every_note_has_a_number_and_a_name():
+def test_note_numbers_and_names_round_trip():
     for number in range(notes.LOWEST, notes.HIGHEST + 1):
         for flat in (False, True):
             assert notes.number(notes.name(number, flat=flat)) == number
@@ -94,7 +94,7 @@ def test_every_note_has_a_number_and_a_name():
 # --- what they are ------------------------------------------------------------------------------
 
 
-def test_each_note_is_the_instrument_retuned_to_it():
+def test_notes_of_instrument_equal_instrument_retuned():
     built = piece(
         "instruments:\n  string: {from: string/string, notes: [D3, F3, Bb3]}\n"
         "  by-hand: {from: string/string, f: F3}\n"
@@ -104,7 +104,7 @@ def test_each_note_is_the_instrument_retuned_to_it():
     assert [dict(m.fields, between=None) for m in built.instruments["string.F3"].modules] == plain
 
 
-def test_a_member_sounds_as_one_that_is_written_by_hand_to_the_byte():
+def test_note_member_sounds_as_single_instrument():
     gong = "from: gong/plate, PLATE: {radius: 3}"
     by_hand = f"instruments: {{g: {{{gong}, f: F2}}}}\n"
     family = f"instruments: {{g: {{{gong}, notes: [C2, F2]}}}}\n"
@@ -128,7 +128,7 @@ instruments:
 """
 
 
-def test_members_stand_wherever_a_module_does():
+def test_note_members_in_place_of_modules():
     built = piece(
         f"{FAMILY}strikes: {{s: {{to: [string.hammer, string.Gb3.body.7, gong.centre, cell.E4],"
         " at: 1, impulse: 1mNs}}\n"
@@ -162,14 +162,14 @@ def test_members_stand_wherever_a_module_does():
     assert built.automation[0].target.part == "cell.C4"
 
 
-def test_one_key_reaches_every_note():
+def test_key_acts_on_every_note_member():
     built = piece(FAMILY)
     for name in ("string.D3", "string.F#3", "string.A3"):
         (action,) = [m for m in built.instruments[name].modules if m.name == "action"]
         assert [t.part for t in action.fields["between"]] == ["k1", name]
 
 
-def test_notes_come_by_like_and_are_replaced():
+def test_notes_field_by_like_and_replaced():
     built = piece(f"{FAMILY}  low: {{like: cell, notes: [C2]}}\n  same: {{like: cell}}\n")
     assert [n for n in built.instruments if n.startswith(("low", "same"))] == [
         *("low.C2", "same.A3", "same.C4", "same.E4", "same.G4"),
@@ -234,11 +234,11 @@ def test_notes_of_a_file_with_a_prefix():
         ),
     ],
 )
-def test_what_cannot_have_notes_is_said(lines, report):
+def test_notes_field_mistakes_are_refused(lines, report):
     assert check_reports(f"ergon: 1\n{FAMILY}{lines}")[0] == report
 
 
-def test_a_note_that_is_missing_is_named_with_those_that_are_there():
+def test_missing_note_message_lists_range():
     text = f"ergon: 1\n{FAMILY}strikes: {{s: {{to: cell.F4, at: 1, impulse: 1mNs}}}}\n"
     (message,) = check(text).diagnostics
     expected = "strikes 's': nothing is called 'cell.F4'; the notes of 'cell' are A3 to G4"
@@ -246,7 +246,7 @@ def test_a_note_that_is_missing_is_named_with_those_that_are_there():
     assert message.suggestion in ("cell.E4", "cell.G4", "cell.A3", "cell.C4")
 
 
-def test_notes_that_are_not_played_are_no_warnings_where_others_are():
+def test_unused_notes_warn_once_for_instrument():
     struck = "strikes: {s: {to: [string.D3.hammer, gong.C2.centre], at: 0, impulse: 20mNs}}\n"
     built = piece(f"{FAMILY}{struck}render: {{tail: 0.1s}}\n")
     message = [d.message.split(":")[0] for d in warn_unused(built) if d.code == "W322"]
@@ -263,7 +263,7 @@ def test_notes_that_are_not_played_are_no_warnings_where_others_are():
 # --- at the prompt ------------------------------------------------------------------------------
 
 
-def test_a_field_is_set_for_all_notes_at_once():
+def test_set_field_of_all_notes():
     texts = Texts("s.yaml", f"ergon: 1\n{FAMILY}")
     before = texts.load().piece
     assert before is not None
@@ -285,7 +285,7 @@ def test_a_field_is_set_for_all_notes_at_once():
         ("cell.C4.f", "A3", "cell.C4", "f", 220.0),
     ],
 )
-def test_a_field_of_one_note_is_set_for_it_alone(target, value, part, field, expected):
+def test_set_field_of_one_note(target, value, part, field, expected):
     texts = Texts("s.yaml", f"ergon: 1\n{FAMILY}")
     before = texts.load().piece
     assert before is not None
@@ -300,7 +300,7 @@ def test_a_field_of_one_note_is_set_for_it_alone(target, value, part, field, exp
             assert [dict(m.fields, between=None) for m in instrument.modules] == plain
 
 
-def test_members_have_fields_of_their_own():
+def test_members_field_overrides_fields_of_notes():
     built = piece(
         "instruments:\n  s: {from: string/string, notes: [D3, F#3], members:"
         " {Gb3: {modules: {body: {STRING: {masses: 70}}, felt: {BUT: {gap: 5mm}}}}}}\n"
@@ -338,7 +338,7 @@ def test_members_have_fields_of_their_own():
         ),
     ],
 )
-def test_members_that_are_not_there_are_refused(members, report):
+def test_members_field_with_unknown_note_is_refused(members, report):
     cell = "{CEL: {M: 1g, f: A4, t60: 2s}, notes: [C3, D3], members: "
     text = f"ergon: 1\ninstruments:\n  c: {cell}{members}}}\n"
     assert [(code, message) for code, _, message in check_reports(text)] == [report]

@@ -27,15 +27,15 @@ def bell_struck(strikes: str) -> float:
         "to: b, at: 50ms, impulse: 1mNs, lasts: 1ms",
     ],
 )
-def test_stroke_of_each_kind_of_strikes(strikes: str):
+def test_stroke_onset_of_each_kind_without_click(strikes: str):
     assert bell_struck(strikes) < -60.0
 
 
-def test_stroke_that_lasts_an_instant_clicks():
+def test_stroke_lasting_zero_seconds_clicks():
     assert bell_struck("to: b, at: 50ms, impulse: 1mNs, lasts: 0s") > -30.0
 
 
-def test_stroke_that_lasts_as_its_instrument_says():
+def test_stroke_duration_of_instrument_act():
     bell = BELL.replace("out:", "play: {hit: {impulse: 0.1mNs..2mNs, lasts: 0s}}, out:")
 
     def sound(text: str, more: str = "") -> Any:

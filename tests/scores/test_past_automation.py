@@ -85,7 +85,7 @@ def _random_piece(seed: int) -> Piece:
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_points_from_an_instant_on_are_those_of_the_whole_past(seed: int):
+def test_automation_points_from_instant_equal_complete_points(seed: int):
     source, rnd = _random_piece(seed), random.Random(seed)
     collector = Collector()
     for _ in range(6):
@@ -173,7 +173,7 @@ def test_glide_under_way_is_expanded_from_the_window_on(monkeypatch):
     assert late["points"] < 0.2 * begun["points"]
 
 
-def test_module_that_glided_back_stays_automated():
+def test_module_glided_back_remains_automated():
     source = piece(
         "{set: bell.n.K, to: x2, over: 1, at: 1|1}, {set: bell.n.K, to: x1, over: 1, at: 2}"
     )

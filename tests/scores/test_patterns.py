@@ -53,11 +53,11 @@ def played(text: str, rounds: int = 1, seed: int = 7, **more) -> list[tuple[floa
                            (5 / 6, "d")]),
     ],
 )  # fmt: skip
-def test_a_pattern_plays_its_items_in_turn(text, expected):
+def test_pattern_items_in_order(text, expected):
     assert played(text) == [(pytest.approx(step), name) for step, name in expected]
 
 
-def test_rounds_follow_each_other():
+def test_pattern_rounds_in_succession():
     assert played("a (b c)", 3) == [
         (turn * 2 + step, name) for turn in range(3) for step, name in played("a (b c)")
     ]
@@ -91,7 +91,7 @@ def test_euclidean_rhythms(text, expected):
 
 
 @given(st.integers(1, 40), st.integers(0, 40), st.integers(0, 80))
-def test_pulses_are_spread_as_evenly_as_possible(pulses, more, rotate):
+def test_euclid_spreads_pulses_evenly(pulses, more, rotate):
     steps_ = pulses + more
     result = rhythm.Euclid(pulses, steps_, rotate % steps_).positions()
     assert len(set(result)) == pulses
@@ -101,7 +101,7 @@ def test_pulses_are_spread_as_evenly_as_possible(pulses, more, rotate):
     assert max(gaps) - min(gaps) <= 1
 
 
-def test_names_go_on_over_the_pulses_of_a_rhythm():
+def test_euclid_continues_names_across_pulses():
     result = played("a b c", 3, euclid=rhythm.Euclid(5, 8))
     pulses = [cycle * 8 + at for cycle in range(3) for at in (0, 2, 3, 5, 6)]
     assert result == list(zip(pulses, "abcabcabcabcabc", strict=True))
@@ -116,7 +116,7 @@ def test_swing_moves_every_second_step(share):
     assert found == pytest.approx([0, 2 * share, 1 + share, 2, 2 + 2 * share, 3 + share])
 
 
-def test_a_choice_is_one_of_its_items_each_as_often():
+def test_choose_draws_each_item_equally_often():
     names = [name for _, name in played("choose a b c", 3000)]
     assert {name: round(names.count(name) / 1000, 1) for name in "abc"} == {
         name: pytest.approx(1.0, abs=0.11) for name in "abc"
@@ -133,7 +133,7 @@ def test_a_choice_is_one_of_its_items_each_as_often():
         assert item in ([(0, "a")], [(0, "b"), (0.5, "c")])
 
 
-def test_a_shuffle_plays_all_in_an_order_of_its_own():
+def test_shuffle_plays_all_items_in_random_order():
     rounds = [
         "".join(name for _, name in played("shuffle a b c", 1, seed=seed)) for seed in range(200)
     ]
@@ -145,14 +145,14 @@ def test_a_shuffle_plays_all_in_an_order_of_its_own():
     assert [step for step, _ in spans] == list(range(200))  # five steps whatever their order
 
 
-def test_a_walk_goes_to_a_neighbour():
+def test_walk_moves_to_neighbours():
     path = ["abcd".index(name) for _, name in played("walk a b c d", 600)]
     assert path[0] == 0
     assert set(path) == {0, 1, 2, 3}
     assert {b - a for a, b in pairwise(path)} == {-1, 0, 1}
 
 
-def test_chance_leaves_places_out_and_keeps_the_others():
+def test_chance_omits_places():
     everything = played("a b", 1000)
     some = played("a b", 1000, chance=0.6)
     assert set(some) < set(everything)
@@ -161,7 +161,7 @@ def test_chance_leaves_places_out_and_keeps_the_others():
     assert played("a b", 100, chance=0.0) == []
 
 
-def test_every_nth_round_has_transformations_of_its_own():
+def test_nth_round_transformations():
     single = turns.parse("4th do mirror, scale 0.5 every 3rd do reverse")
     assert [(turn.nth, [t.word for t in turn.do]) for turn in single] == [
         (4, ["mirror", "scale"]),
@@ -183,7 +183,7 @@ def test_every_nth_round_has_transformations_of_its_own():
     ["a b c", "choose a (b c)", "shuffle a b (c d)", "walk a b c", "(choose a b) (walk c d)"],
 )
 @pytest.mark.parametrize("skip", [1, 2, 5, 100])
-def test_what_is_entered_in_the_middle_plays_what_it_would_have_played(text, skip):
+def test_pattern_with_skip_equals_later_places(text, skip):
     """No draw depends on those before: play from, resume and render agree."""
     complete, rest = course(text, chance=0.7), course(text, chance=0.7, skip=skip)
     for place in range(50):
@@ -191,7 +191,7 @@ def test_what_is_entered_in_the_middle_plays_what_it_would_have_played(text, ski
         assert rest.position(place) == complete.position(place + skip)
 
 
-def test_draws_depend_on_the_seed_and_on_who_plays_what():
+def test_draws_by_seed_and_name():
     first = played("choose a b", 40)
     assert first == played("choose a b", 40)
     assert first != played("choose a b", 40, seed=8)
@@ -234,17 +234,17 @@ def beats(text, every="1", tempo=FLAT, start=0.0, length=lambda name: None, **mo
         ("a b c", {"skip": 2, "times": 2}, [0, 1, 2, 3]),
     ],
 )  # fmt: skip
-def test_places_have_their_beats(text, options, expected):
+def test_pattern_beats_of_places(text, options, expected):
     assert list(beats(text, **options)) == pytest.approx(expected)
 
 
-def test_beats_follow_the_tempo():
+def test_pattern_beats_follow_the_tempo():
     result = beats("a (b c)", every="250ms", tempo=RAMP, times=8)
     instants = [RAMP.seconds(beat) for beat in result]
     assert instants == pytest.approx([0.25 * (2 * n + i) for n in range(8) for i in (0, 1, 1.5)])
 
 
-def test_a_line_without_end_is_worked_out_where_it_is_asked_for():
+def test_pattern_beats_of_endless_line_on_demand():
     complete = beats("walk a b c", every="1/16", until=62_000.0)
     assert len(complete) == 992_000
     assert complete[991_999] == pytest.approx(62_000 - 1 / 16)
@@ -263,7 +263,7 @@ def test_a_line_without_end_is_worked_out_where_it_is_asked_for():
         ("a", {"every": "1/1000", "until": 1e6}, "more than 1,000,000 occurrences"),
     ],
 )
-def test_what_has_no_beats_is_refused(text, options, words_):
+def test_pattern_options_without_beats_are_refused(text, options, words_):
     with pytest.raises(TextError, match=re.escape(words_)):
         beats(text, **options)
 
@@ -289,7 +289,7 @@ def test_what_has_no_beats_is_refused(text, options, words_):
         ("((((((((((a))))))))))", "(", "nested more than 8 deep", None),
     ],
 )
-def test_mistakes_have_a_place(text, marked, words_, suggestion):
+def test_parse_order_mistake_place(text, marked, words_, suggestion):
     if words_ is None:
         assert [name for _, name in played(text)] == ["a", "a"]
         return
@@ -315,7 +315,7 @@ def test_mistakes_have_a_place(text, marked, words_, suggestion):
         ("knock (lean every 1", "(", "not closed"),
     ],
 )
-def test_mistakes_in_a_line_have_a_place(text, marked, words_):
+def test_parse_pattern_line_mistake_place(text, marked, words_):
     with pytest.raises(TextError) as caught:
         words.parse(text, 100)
     error = caught.value
@@ -323,7 +323,7 @@ def test_mistakes_in_a_line_have_a_place(text, marked, words_):
     assert words_ in error.message
 
 
-def test_every_word_of_a_pattern():
+def test_parse_words_of_pattern_line():
     text = (
         "(knock lean)*2 ~ every 1/2 every 4th do mirror, scale 2 every 3rd do reverse chance 60% "
         "euclid 3 8 rotate 2 swing 2/3 skip 5 until C do scale 0.5"
@@ -343,14 +343,14 @@ def test_every_word_of_a_pattern():
     assert [t.word for t in play.do] == ["scale"]
 
 
-def test_words_of_patterns_may_be_names_of_gestures():
+def test_pattern_words_as_gesture_names():
     for name in ("chance", "swing", "skip", "walk", "choose"):
         assert words.parse(f"{name} every 1").what.text == name
         assert words.parse(f"{name} every 1").order is None or played(name) == [(0, name)]
 
 
 @given(st.text(alphabet="ab~()*2 choosewalk", max_size=40))
-def test_any_text_is_read_or_refused(text):
+def test_parse_of_random_pattern_text(text):
     try:
         result = order.parse(text)
     except TextError as error:

@@ -78,7 +78,7 @@ def test_strokes_of_a_phrase(fields, expected):
         "play: thirds, at: 2.5, every: 3, times: 2, transpose: 12st, do: [scale 0.7, mirror]",
     ],
 )
-def test_phrase_that_nothing_changes_strikes_the_same(fields):
+def test_phrase_with_neutral_transformation(fields):
     ergons = []
     for do in ("", "fast 1"):
         written = fields.replace("]", f", {do}]") if do and "do:" in fields else fields
@@ -150,7 +150,7 @@ def test_split_do(text, words, rest):
         ("entries: '1|1 bar.C4 mf', do: rev", "E111", "together with `entries`"),
     ],
 )
-def test_mistakes(fields, code, part):
+def test_phrase_rhythm_mistakes(fields, code, part):
     position = "" if "entries" in fields else ", at: 0"
     loaded = check(f"{SCORE}strikes: {{s: {{{fields}{position}}}}}\n")
     (error,) = [each for each in loaded.diagnostics if each.severity == "error"]

@@ -167,7 +167,7 @@ def test_notes_end_at_the_damper(fields, expected):
         ("rhythm: kick*4, do: 'legato 1, tremolo 300'", "E306", "steps"),
     ],
 )
-def test_mistakes(fields, code, part):
+def test_phrasing_field_mistakes(fields, code, part):
     loaded = check(f"{PLAYED}strikes: {{s: {{{fields}, at: 0, times: 1}}}}\n")
     (error,) = [each for each in loaded.diagnostics if each.severity == "error"]
     assert part in error.message
@@ -252,7 +252,7 @@ def test_walk_under_do_visits_neighbours():
         ("to: kick, every: 1, times: 4, impulse: p -> f, do: rev", "E306", "a line of levels"),
     ],
 )
-def test_mistakes_of_strikes_by_the_clock(fields, code, part):
+def test_mistakes_of_do_on_strikes_by_clock(fields, code, part):
     loaded = check(f"{PLAYED}strikes: {{s: {{{fields}, at: 0}}}}\n")
     (error,) = [each for each in loaded.diagnostics if each.severity == "error"]
     assert part in error.message

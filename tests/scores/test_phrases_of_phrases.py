@@ -112,7 +112,7 @@ def test_impulse_line_of_entries():
         ),
     ],
 )
-def test_mistakes_are_told_once(phrases, code, words):
+def test_nested_phrase_mistakes_have_one_message(phrases, code, words):
     reports = [(c, message) for c, _, message in check_reports(HEAD + phrases) if c[0] == "E"]
     assert len(reports) == 1, reports
     assert reports[0][0] == code

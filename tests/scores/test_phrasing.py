@@ -194,7 +194,7 @@ def test_spread_chords_keep_their_notes(text, do):
 
 @pytest.mark.parametrize("text", TEXTS)
 @pytest.mark.parametrize("do", [*WORDS, "legato 1, arp up, degrade 0.3", "arp up, rev, tremolo 2"])
-def test_windows_see_the_same_strokes(text, do):
+def test_phrasing_independent_of_window(text, do):
     """What a pattern plays does not depend on which parts of time are asked for."""
     cycles, random = compiled(text, do), Random(text)
     cuts = sorted(
@@ -279,7 +279,7 @@ def test_walk_without_do():
         ("strum 2s", (6, 2), "a time up to a second", None),
     ],
 )
-def test_mistakes_in_their_place(do, place, part, near):
+def test_phrasing_mistake_codes_and_places(do, place, part, near):
     with pytest.raises(TextError) as caught:
         parse_transforms(do)
     error = caught.value

@@ -119,7 +119,7 @@ def test_bend_range_of_zone(tmp_path: Path):
 
 
 @pytest.mark.parametrize("meter", ["4/4", "6/8", "3/2"])
-def test_pitches_are_those_of_the_file_in_every_meter(tmp_path: Path, meter: str):
+def test_wheel_pitches_equal_mido_in_every_meter(tmp_path: Path, meter: str):
     """Against the wheel as mido reads it, at the instants of the file at 75 quarters a minute."""
     draw = random.Random(7)
     ticks = sorted(draw.sample(range(30, 20 * TICKS, 7), 60))

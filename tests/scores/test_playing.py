@@ -148,7 +148,7 @@ def test_phrase_scaled_in_strength():
         ),
     ],
 )
-def test_mistake_told_in_its_place(text, code, part):
+def test_strength_and_act_mistake_messages(text, code, part):
     report = check_reports(DRUMS + text + "\n")
     (code_found, _, message), *others = report
     assert (code_found, others) == (code, [])
@@ -164,7 +164,7 @@ def test_mistake_told_in_its_place(text, code, part):
         ("{strike: {impulse: 1mNs..2mNs}}", "E304", "is ambiguous"),
     ],
 )
-def test_wrong_act_told_once(play, code, part):
+def test_wrong_act_in_play_has_one_message(play, code, part):
     text = "ergon: 1\ninstruments:\n  d:\n    modules: {skin: {CEL: {M: 5g, f: 90Hz, t60: 1s}}, "
     text += (
         f"rim: {{CEL: {{M: 5g, f: 90Hz, t60: 1s}}}}}}\n    play: {play}\n    out: {{SOV: skin}}\n"
@@ -183,7 +183,7 @@ def test_route_level_counts_from_loudness():
     assert route.ratio == pytest.approx(10 ** ((12 - 6) / 20) / math.sqrt(2))
 
 
-def test_acts_leave_digest():
+def test_digest_independent_of_unplayed_acts():
     """What is played decides, not what could be played."""
     text = "strikes: {s: {to: drum.skin, at: 0, impulse: 2mNs}}\n"
     silent = DRUMS.replace("1mNs..16mNs", "1mNs..20mNs") + text
@@ -219,13 +219,13 @@ def test_act_brings_its_modules_once_played():
     assert modules_of("strikes: {s: {rhythm: reed, at: 0, times: 1}}\n") == {"m", "bow", "hair"}
 
 
-def test_module_of_instrument_stands_for_one_of_act():
+def test_module_of_instrument_replaces_module_of_act():
     text = BOWED.replace("{m: {CEL", "{bow: {MAS: {M: 2kg}}, m: {CEL")
     score_piece = piece("strikes: {s: {to: reed.bow, at: 0, impulse: 1mNs}}\n", text)
     assert [m.name for m in score_piece.instruments["reed"].modules] == ["bow", "m"]
 
 
-def test_each_second_stroke_turns():
+def test_act_alternates_sign_of_strokes():
     score_piece = piece(
         "strikes: {s: {to: reed, at: 0, every: 1, times: 4, impulse: fff}}\n", BOWED
     )
@@ -267,7 +267,7 @@ def damper(fields: str) -> list[tuple[float, float]]:
         ("entries: [{at: 1, what: bar.C4, impulse: f}]", [(1, -1)]),
     ],
 )
-def test_release_lifts_and_lets_down(fields, expected):
+def test_release_act_lifts_and_lowers_damper(fields, expected):
     assert damper(fields) == sorted((at, sign * 0.02) for at, sign in expected)
 
 
@@ -305,7 +305,7 @@ def library() -> list[tuple[str, str, Instrument]]:
 PLAYED = library()
 
 
-def test_every_card_has_acts():
+def test_cards_with_strike_are_tested():
     import yaml
 
     cards = yaml.safe_load((LIBRARY.parents[1] / "docs/generators/cards.yaml").read_text())

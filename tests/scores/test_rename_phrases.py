@@ -31,7 +31,7 @@ strikes:
 
 
 @pytest.mark.parametrize("old", ["a", "b", "c", "d"])
-def test_every_use_follows_and_strikes_stay(old):
+def test_rename_phrase_keeps_digest(old):
     texts = Texts("s.yaml", SCORE)
     piece = texts.load().piece
     assert piece is not None
@@ -42,7 +42,7 @@ def test_every_use_follows_and_strikes_stay(old):
     assert set(after.phrases) == {*piece.phrases, "gruppetto"} - {old}
 
 
-def test_rename_refuses_a_name_that_changes_the_piece():
+def test_rename_phrase_to_ambiguous_name_is_refused():
     """In an entry the name of a phrase hides that of an instrument."""
     texts = Texts("s.yaml", SCORE)
     piece = texts.load().piece

@@ -144,7 +144,7 @@ def test_block_of_text_as_rhythm():
         ("rhythm: 'kick', at: 0, for: 1, until: 9", "E111", None, "keep one"),
     ],
 )
-def test_mistake_told_in_its_place(fields, code, column, part):
+def test_rhythm_mistake_code_and_column(fields, code, column, part):
     loaded = check(f"{DRUMS}strikes: {{s: {{{fields}}}}}\n")
     errors = [each for each in loaded.diagnostics if each.severity == "error"]
     assert len(errors) == 1, errors
@@ -172,7 +172,7 @@ def test_rename_changes_words():
     assert after.load().piece is not None
 
 
-def test_end_puts_until():
+def test_end_edit_writes_until():
     before = load("s.yaml", text=TEXT).piece
     assert before is not None
     after = edits.end(texts(), before, before.strikes[0], 8.0)
@@ -181,7 +181,7 @@ def test_end_puts_until():
     assert len([*score_piece.strikes[0].falls(score_piece)]) == 6
 
 
-def test_kept_bars_written_out():
+def test_keep_of_rhythm_writes_out_strikes():
     before = load("s.yaml", text=TEXT).piece
     assert before is not None
     excerpt = keep(texts(), before, "two", 6.0, 12.0)
@@ -249,5 +249,5 @@ def test_do_keeps_the_end_of_a_rhythm():
     assert beats == [0, 2, 4, 6, 8, 10, 12, 14]
 
 
-def test_no_mistake_in_plain_rhythm():
+def test_plain_rhythm_without_diagnostics():
     assert check_reports(TEXT) == []

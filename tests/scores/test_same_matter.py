@@ -24,7 +24,7 @@ def piece(text: str) -> Piece:
         ("smooth 6mm", "smooth 5mm"),
     ],
 )
-def test_what_is_played_and_written_otherwise_is_the_same_matter(old: str, new: str):
+def test_same_matter_with_other_playing_and_spelling(old: str, new: str):
     assert old in SCORE
     assert is_same_matter(piece(SCORE), piece(SCORE.replace(old, new)))
 
@@ -42,6 +42,6 @@ def test_what_is_played_and_written_otherwise_is_the_same_matter(old: str, new: 
         (", travel: -15mm..15mm}", ", travel: -14mm..15mm}"),
     ],
 )
-def test_other_modules_and_routes_are_another_matter(old: str, new: str):
+def test_same_matter_with_other_modules_and_routes(old: str, new: str):
     assert old in SCORE
     assert not is_same_matter(piece(SCORE), piece(SCORE.replace(old, new)))

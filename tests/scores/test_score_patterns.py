@@ -55,7 +55,7 @@ def staged(source: Piece, spans=None) -> list[tuple[str, float, tuple[float, ...
     return [(g.name, round(beat(g.start), 9), tuple(g.x)) for g in gestures]
 
 
-def test_a_table_and_a_list_say_the_same():
+def test_pattern_part_as_table_equals_list():
     assert staged(piece(TABLE)) == staged(piece(LIST))
     assert digest_of(piece(TABLE)) == digest_of(piece(LIST))
     assert digest_of(piece(TABLE)) != digest_of(piece(TABLE.replace("chance 0.6", "chance 0.5")))
@@ -80,7 +80,7 @@ def test_patterns_become_gestures_on_a_key():
     assert [name for name, _ in bars[9]] != [name for name, _ in bars[10]]
 
 
-def test_another_seed_draws_anew():
+def test_pattern_draws_with_another_seed():
     for_five, for_six = staged(piece(TABLE)), staged(piece(TABLE, 6))
     assert [g for g in for_five if g[1] < 12] == [g for g in for_six if g[1] < 12]
     assert for_five != for_six
@@ -94,7 +94,7 @@ def test_another_seed_draws_anew():
 
 
 @pytest.mark.parametrize("cuts", [(3.0, 13.2, 37.1), (12.5, 24.0, 40.0)])
-def test_windows_add_up_to_the_whole(cuts):
+def test_pattern_gestures_staged_in_windows(cuts):
     """A session stages stretch by stretch what a render stages at once."""
     source = piece(TABLE)
     edges = (float("-inf"), *cuts, float("inf"))
@@ -102,7 +102,7 @@ def test_windows_add_up_to_the_whole(cuts):
     assert sorted(staged(source, spans)) == sorted(staged(source))
 
 
-def test_another_line_changes_no_draw():
+def test_pattern_draws_with_additional_line():
     before = staged(piece(TABLE))
     more = TABLE + "    20|1  choose knock lean every 1 times 8 chance 0.5 do jitter 1ms 0.1mm\n"
     assert [g for g in staged(piece(more)) if g[1] < 76] == before
@@ -120,7 +120,7 @@ def test_another_line_changes_no_draw():
         ("1|1  choose knock lean", "E103", "write `every`", 10),
     ],
 )
-def test_mistakes_in_a_score_have_their_place(row, code, words_, column):
+def test_pattern_mistakes_in_score_have_places(row, code, words_, column):
     loaded = load("s.yaml", text=SCORE.format(part=f"|\n    {row}\n"))
     assert loaded.piece is None
     result = loaded.diagnostics[0]
@@ -128,7 +128,7 @@ def test_mistakes_in_a_score_have_their_place(row, code, words_, column):
     assert words_ in result.message
 
 
-def test_a_single_name_is_what_it_was():
+def test_single_name_equals_group_of_one():
     plain, group = (
         piece("[{at: 1|1, play: knock, every: 1}]"),
         piece("|\n    1|1 (knock)*1 every 1"),
@@ -137,7 +137,7 @@ def test_a_single_name_is_what_it_was():
     assert staged(plain) == staged(group)
 
 
-def test_lines_go_on_for_ever_at_little_cost():
+def test_endless_pattern_lines_cost_little():
     endless = "|\n    1|1  walk knock lean tap every 1/2 until 999|1\n"
     source = piece(endless)
     (places,) = source.starts
@@ -182,14 +182,14 @@ def rain(text: str, within=(float("-inf"), float("inf")), seed: int = 3) -> list
     return struck.strikes
 
 
-def test_strikes_fall_in_a_rhythm():
+def test_strikes_with_euclid_and_swing_times():
     result = rain("euclid: 3 8, for: 2bar")
     assert result == [(at, mat) for at in (0, 1.5, 3, 4, 5.5, 7) for mat in range(5)]
     result = rain("every: 1/2, times: 4, swing: 2/3")
     assert result == [(pytest.approx(at), mat) for at in (0, 2 / 3, 1, 5 / 3) for mat in range(5)]
 
 
-def test_each_member_has_a_chance_of_its_own():
+def test_strike_chance_draws_by_member():
     result = rain("every: 1/4, times: 400, chance: 30%")
     assert len(result) / 2000 == pytest.approx(0.3, abs=0.03)
     each = [[at for at, mat in result if mat == member] for member in range(5)]
@@ -199,7 +199,7 @@ def test_each_member_has_a_chance_of_its_own():
 
 
 @pytest.mark.parametrize("cut", [10.0, 33.3, 60.0])
-def test_windows_of_strikes_add_up_to_the_whole(cut):
+def test_pattern_strikes_staged_in_windows(cut):
     text = "every: 1/4, times: 400, chance: 30%, swing: 0.6, euclid: 5 7"
     assert rain(text, (0.0, cut)) + rain(text, (cut, 1e9)) == rain(text)
 
@@ -213,7 +213,7 @@ def test_windows_of_strikes_add_up_to_the_whole(cut):
         ("euclid: 3 8, every: 1, times: 2, skip: 9", "E305", "leaves out every place"),
     ],
 )
-def test_mistakes_in_strikes_are_told(text, code, words_):
+def test_pattern_strike_mistakes_codes(text, code, words_):
     loaded = load("s.yaml", text=STRUCK.format(rain=text, seed=3))
     assert loaded.piece is None
     assert loaded.diagnostics[0].code == code

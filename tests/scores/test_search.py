@@ -13,14 +13,14 @@ BEAT = st.one_of(st.floats(-1e6, 1e6), st.sampled_from([inf, -inf, 0.0, 1.0]))
 
 
 @given(beats=st.lists(BEAT, max_size=40).map(sorted), wanted=BEAT)
-def test_the_first_is_that_of_halving(beats: list[float], wanted: float):
+def test_n_before_equals_bisect_left(beats: list[float], wanted: float):
     assert n_before(beats, wanted) == bisect_left(beats, wanted)
     for item in beats:
         assert n_before(beats, item) == bisect_left(beats, item)
 
 
 @pytest.mark.parametrize("wanted", [0.0, 0.25, 1234.5, 1234.6, 249999.75, 249999.8, inf])
-def test_an_even_line_of_a_million_is_asked_few_times(wanted: float):
+def test_first_from_on_even_line_needs_few_calls(wanted: float):
     asked = []
 
     def value_of_point(number: int) -> float:

@@ -59,7 +59,7 @@ def noise(n_frames: int, seed: int = 1) -> NDArray[np.float64]:
     return sound.astype(np.float32).astype(np.float64)
 
 
-def test_what_is_not_written_has_its_default():
+def test_sound_input_default_fields():
     take = read(text("input: 2, gain: -2mN")).takes["mic"]
     assert take.path is None
     assert take.input == SoundInput(2, -2e-3, True, 20.0, 2e-3)
@@ -106,19 +106,19 @@ def test_values_by_osc_glide_and_have_no_filter(work_folder: Path):
         ("input: osk, gain: 1N", "E201", "neither a whole number nor osc"),
     ],
 )
-def test_what_an_input_cannot_be_is_told(work_folder: Path, fields: str, code: str, words: str):
+def test_sound_input_mistakes_codes(work_folder: Path, fields: str, code: str, words: str):
     (result,) = refused(text(fields))
     assert result.code == code
     assert words in result.message
 
 
-def test_gain_and_clamp_are_of_inputs_alone(work_folder: Path):
+def test_gain_and_clamp_without_input_are_refused(work_folder: Path):
     wave("x.wav", noise(9))
     (result,) = refused(text("file: x.wav, gain: 1N"))
     assert (result.code, "belongs to a take with `input`" in result.message) == ("E111", True)
 
 
-def test_an_input_has_no_beginning():
+def test_sound_input_with_at_is_refused():
     (found,) = refused(text("input: 1, gain: 1N", more=", at: 1s"))
     assert (found.code, "remove `at`" in found.message) == ("E111", True)
 
@@ -138,9 +138,7 @@ def test_an_input_has_no_beginning():
         ),
     ],
 )
-def test_what_shows_when_it_is_staged_is_told(
-    work_folder: Path, written: str, code: str, words: str
-):
+def test_sound_input_stage_errors(work_folder: Path, written: str, code: str, words: str):
     wave("x.wav", noise(9), noise(9))
     piece = read(written)
     with pytest.raises(StageError) as raised:
@@ -150,7 +148,7 @@ def test_what_shows_when_it_is_staged_is_told(
     assert words in result.message
 
 
-def test_the_channel_of_a_file_is_that_of_the_input(work_folder: Path):
+def test_sound_input_file_channel(work_folder: Path):
     wave("two.wav", noise(100, 1), noise(100, 2))
     wave("one.wav", noise(100, 2))
     fields = "gain: 1mm, highpass: 20Hz, file"
@@ -164,7 +162,7 @@ def test_the_channel_of_a_file_is_that_of_the_input(work_folder: Path):
     assert not np.array_equal(second, sound(f"input: 1, {fields}: two.wav"))
 
 
-def test_a_position_is_the_file_filtered_and_clamped(work_folder: Path):
+def test_sound_input_file_highpass_and_clamp(work_folder: Path):
     x = noise(RATE // 2)
     wave("x.wav", x)
     piece = read(text("input: 1, gain: 1mm, highpass: 300Hz, clamp: 0.7mm, file: x.wav", "ENX"))
@@ -187,7 +185,7 @@ def test_a_position_is_the_file_filtered_and_clamped(work_folder: Path):
     assert not got[len(x) + 1 :].any()
 
 
-def test_a_file_at_another_rate_goes_to_that_of_the_score(work_folder: Path):
+def test_sound_input_file_resampled_to_score_rate(work_folder: Path):
     t = np.arange(48_000 // 4) / 48_000
     wave("x.wav", 0.5 * np.sin(2 * np.pi * 440.0 * t), rate=48_000)
     got = rendered(stage(read(text("input: 1, gain: 1m, highpass: 0.01Hz, file: x.wav", "ENX"))))

@@ -26,7 +26,7 @@ PATHS = [
 
 
 @pytest.mark.parametrize(("written", "alone"), PATHS)
-def test_a_path_is_one_for_each_axis(written: str, alone: tuple[str, ...]):
+def test_space_path_parses_into_axes(written: str, alone: tuple[str, ...]):
     assert space_path.axes(written) == len(alone)
     for got, text in zip(space_path.parse(written), alone, strict=True):
         plain = notation.parse(text)
@@ -42,7 +42,7 @@ def test_a_path_is_one_for_each_axis(written: str, alone: tuple[str, ...]):
 
 
 @pytest.mark.parametrize("text", ["0@0 6@1/8", "0@0 (6@1/4 0@1/2)*4", "0@0 6,5@1", "", "(0)@0"])
-def test_other_notations_are_of_one_axis(text: str):
+def test_notation_without_brackets_has_one_axis(text: str):
     assert space_path.axes(text) == 1
 
 
@@ -64,7 +64,7 @@ def test_other_notations_are_of_one_axis(text: str):
         ("(0, 0)@0 ((6, 1)@1/4", "(", "this group is not closed"),
     ],
 )
-def test_mistakes_have_their_places(written: str, on_fault: str, message: str):
+def test_space_path_parse_mistake_places(written: str, on_fault: str, message: str):
     with pytest.raises(TextError) as refused:
         space_path.parse(written)
     error = refused.value
@@ -99,7 +99,7 @@ render: {tail: 1s}
 """
 
 
-def test_a_part_plays_an_axis():
+def test_part_plays_axis_of_space_path():
     piece = check(SCORE).piece
     assert list(piece.gestures) == ["circle.x", "circle.y", "wide.x", "wide.y"]
     assert [p.x for p in piece.gestures["circle.x"].points] == [0.0, 0.006, 0.006, 0.0]
@@ -116,7 +116,7 @@ def test_a_part_plays_an_axis():
         ("(6, 4)@1/2", "(6, 4, 1)@1/2", 7, "this point has 3 positions, and the first has 2"),
     ],
 )
-def test_mistakes_of_a_score_have_a_sentence(old: str, new: str, line: int, message: str):
+def test_space_path_mistakes_in_score(old: str, new: str, line: int, message: str):
     reports = check_reports(SCORE.replace(old, new))
     assert reports
     for _, place, sentence in reports:  # `wide` begins with what is wrong, too
@@ -124,7 +124,7 @@ def test_mistakes_of_a_score_have_a_sentence(old: str, new: str, line: int, mess
         assert place == line
 
 
-def test_a_session_defines_plays_and_renames(tmp_path: Path):
+def test_space_path_defined_played_and_renamed_live(tmp_path: Path):
     stepped = Stepped(SCORE, tmp_path)
     try:
         assert (

@@ -54,16 +54,16 @@ def warned(plays: str) -> list[Diagnostic]:
         ("{at: 1|2, play: g}", ["W310"]),  # cuts the stand-in
     ],
 )
-def test_a_later_gesture_cuts_an_earlier_one(plays: str, codes: list[str]):
+def test_stage_warnings_of_overlapping_gestures(plays: str, codes: list[str]):
     assert [found.code for found in warned(plays)] == codes
 
 
-def test_a_cut_is_placed_in_bars_and_beats():
+def test_overlap_warning_position_in_bars_and_beats():
     (found,) = warned("{at: 6|1, play: g}, {at: 6|2.5, play: g}")
     assert found.message == "'g' at 6|2.5 cuts 'g', which lasts until 6|3"
 
 
-def test_a_thrown_key_that_leaves_its_travel_is_told_once():
+def test_throw_outside_travel_has_one_message():
     with pytest.raises(StageError) as raised:
         staged("{at: 6|1, play: wide, every: 2, times: 8}, {at: 20|1, play: wide}")
     assert [found.code for found in raised.value.diagnostics] == ["E307", "W312"]
@@ -71,7 +71,7 @@ def test_a_thrown_key_that_leaves_its_travel_is_told_once():
     assert "swings to 98.6 mm" in raised.value.diagnostics[0].message
 
 
-def test_a_stand_in_plays_for_a_live_hand():
+def test_standin_take_of_live_hand():
     played = staged("{at: 6|1, play: g}")
     assert [(g.player, g.name, g.start) for g in played.gestures] == [
         ("p", "g", 10.0),
@@ -88,7 +88,7 @@ def test_a_stand_in_plays_for_a_live_hand():
         ("rate: 50Hz", "50Hz"),
     ],
 )
-def test_a_take_is_refused_at_the_field_at_fault(fields: str, on_fault: str):
+def test_take_errors_at_their_field(fields: str, on_fault: str):
     text = PLAYED.replace("hand-point-1.csv", "hand-point-1.csv, " + fields)
     text = text.format(plays="{at: 6|1, play: t}", takes=TAKES)
     loaded = load("s.yaml", text=text)
@@ -101,7 +101,7 @@ def test_a_take_is_refused_at_the_field_at_fault(fields: str, on_fault: str):
     assert line[result.place.column - 1 :].startswith(on_fault)
 
 
-def test_a_gesture_alone_begins_the_piece():
+def test_solo_of_gesture_starts_at_zero():
     piece = staged("{at: 6|1, play: g}").piece
     alone = solo(piece, "g", "k")
     assert [(g.name, g.start, g.stop) for g in alone.gestures] == [("g", 0.0, 1.0)]
@@ -109,14 +109,14 @@ def test_a_gesture_alone_begins_the_piece():
     assert alone.simulation.positions()[0] == pytest.approx(1e-3, abs=1e-9)
 
 
-def test_a_piece_may_have_no_tail_and_a_gesture_no_join():
+def test_stage_without_tail_and_join():
     text = PLAYED.format(plays="{at: 6|1, play: g, join: 0s}", takes=TAKES)
     loaded = load("s.yaml", text=text + "render: {tail: 0s}\n")
     assert loaded.piece is not None, loaded.diagnostics
     assert stage(loaded.piece).n_frames == 11 * 44100  # 2 beats at 120 from 10 s on
 
 
-def test_a_stage_after_another_reads_a_take_again_when_its_file_has_changed(tmp_path: Path):
+def test_restage_rereads_changed_take(tmp_path: Path):
     def after(before: Stage | None) -> Stage:
         text = PLAYED.format(plays="{at: 6|1, play: t}", takes=tmp_path)
         piece = load(tmp_path / "s.yaml", text=text).piece
@@ -135,7 +135,7 @@ def test_a_stage_after_another_reads_a_take_again_when_its_file_has_changed(tmp_
     assert played == [("t", pytest.approx(1.0))]
 
 
-def test_a_take_is_played_from_its_middle():
+def test_take_with_from_stretch_and_mirror():
     """At 120 bpm two beats are a second; twice as slow and mirrored it passes where it passed."""
     played = staged("{at: 6|1, play: t, do: [from 2, stretch 2, mirror]}")
     (mine,) = (g for g in played.gestures if g.player == "p")
@@ -151,7 +151,7 @@ def test_a_take_is_played_from_its_middle():
     assert simulation.positions()[mine.struck] == pytest.approx(wanted, abs=1e-9)
 
 
-def test_nothing_is_left_of_a_take_that_begins_after_its_end():
+def test_take_with_from_after_its_end_is_refused():
     with pytest.raises(StageError) as raised:
         staged("{at: 6|1, play: t, do: [from 90s]}")
     (result,) = raised.value.diagnostics
@@ -159,7 +159,7 @@ def test_nothing_is_left_of_a_take_that_begins_after_its_end():
     assert "does not lie inside a take that lasts" in result.message
 
 
-def test_a_module_of_another_file_is_refused_where_it_is_taken_from_there(tmp_path: Path):
+def test_module_error_of_used_file_at_instrument(tmp_path: Path):
     score = tmp_path / "score.yaml"
     score.write_text("ergon: 1\ninstruments:\n  small: {from: bell/bell, transpose: 96st}\n")
     piece = load(score).piece
@@ -228,13 +228,13 @@ strikes: {s: {to: [a, b], at: 0, impulse: 1mNs}}
     ],
     ids=["pitches", "decays", "glides"],
 )
-def test_all_that_the_engine_refuses_is_told_at_once(
+def test_stage_reports_all_engine_errors(
     text: str, refused: list[tuple[int, str]], planned: bool
 ) -> None:
     assert stage_errors(text, planned=planned) == refused
 
 
-def test_each_part_that_would_diverge_is_told() -> None:
+def test_stage_reports_each_unstable_part() -> None:
     assert stage_errors(UNSTABLE, planned=True) == [(3, "first.m"), (5, "second.m")]
 
 

@@ -34,7 +34,7 @@ def paths(point: str, strikes: str) -> np.ndarray:
 
 
 @pytest.mark.parametrize("along", [(1, 2, 2), (-3, 0, 4), (0, 0, -0.5)])
-def test_a_push_goes_along_its_direction(along):
+def test_strike_along_direction_sets_velocity(along):
     path = paths("bob", f"to: a.bob, at: 0, impulse: 6mNs, along: [{', '.join(map(str, along))}]")
     speed = (path[-1] - path[-2]) * 44_100
     wanted = 0.6 * np.array(along) / np.linalg.norm(along)
@@ -49,7 +49,7 @@ def test_a_push_goes_along_its_direction(along):
         "at: 0, euclid: 3 8, every: 1/64",
     ],
 )
-def test_chance_draws_alike_on_all_axes(when):
+def test_chance_impulse_along_keeps_direction(when):
     """Impulses by chance, some of them backwards: the path stays on one line."""
     path = paths("net.2", f"{when}, to: a.net.all, impulse: -1mNs..3mNs, along: [2, -1, 2]")
     moved = path - path[0]
@@ -75,6 +75,6 @@ def test_chance_draws_alike_on_all_axes(when):
         ("to: a.net, impulse: 1mNs, along: [1, 0, 0]", "E304", "write some of them"),
     ],
 )
-def test_mistakes_have_a_sentence(strikes, code, said):
+def test_strike_along_mistakes_codes(strikes, code, said):
     reports = check_reports(SCENE.format("bob", f"at: 0, {strikes}"))
     assert any(code == own and said in message for own, _, message in reports), reports

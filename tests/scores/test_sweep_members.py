@@ -84,7 +84,7 @@ def places(created: Piece, part: str) -> dict[int, tuple[float, float]]:
     ],
 )
 @pytest.mark.parametrize("part", ["sky", "gong"])
-def test_a_front_passes_each_member_once_and_evenly(part, direction, measure):
+def test_sweep_strikes_each_member_once(part, direction, measure):
     built = piece(f"s: {{to: {part}.all, at: 2|1, for: 4, sweep: {direction}, impulse: 1mNs}}")
     where = places(built, part)
     values = {mat: measure(*place) for mat, place in where.items()}
@@ -96,7 +96,7 @@ def test_a_front_passes_each_member_once_and_evenly(part, direction, measure):
     assert [instant for instant, *_ in hits] == sorted(instant for instant, *_ in hits)
 
 
-def test_a_front_goes_once_round_from_the_front_to_the_left():
+def test_sweep_clockwise_and_anticlockwise_angles():
     built = piece("s: {to: sky.all, at: 1|1, for: 4, sweep: anticlockwise, impulse: 1mNs}")
     where = places(built, "sky")
     for instant, mat, _ in struck(built):
@@ -112,7 +112,7 @@ def test_a_front_goes_once_round_from_the_front_to_the_left():
     )
 
 
-def test_a_front_by_pitch_passes_octaves_in_equal_times():
+def test_sweep_by_pitch_is_logarithmic():
     built = piece("s: {to: sky.all, at: 1|1, for: 4, sweep: upward, impulse: 1mNs}")
     network = built_of(built).network
     modes = [mode.f for mode in network.modes("sky", 300)]  # of single cells, from low to high
@@ -153,7 +153,7 @@ def searched(where: dict[int, tuple[float, float]], points, width: float, n: int
     ),
 )
 @pytest.mark.parametrize("part", ["sky", "gong"])
-def test_a_head_strikes_what_it_passes_where_it_is_nearest(part, path, points, width):
+def test_path_strikes_nearest_members_within_width(part, path, points, width):
     line = f"path: {path}, width: {width}, impulse: 1mNs"
     built = piece(f"s: {{to: {part}.all, at: 1|1, for: 8, {line}}}")
     hits = [(instant / 4, mat) for instant, mat, _ in struck(built)]
@@ -176,7 +176,7 @@ def is_among(visits: list[tuple[float, int]], share: float, mat: int, tolerance:
     )
 
 
-def test_rounds_begin_every_so_often_and_follow_the_tempo():
+def test_sweep_rounds_follow_tempo():
     built = piece(
         "s: {to: sky.all, at: 4|1, for: 8, every: 8, times: 2, sweep: inward, impulse: 1mNs}"
     )
@@ -201,7 +201,7 @@ def beat(tempo, instant: float) -> float:
     return low
 
 
-def test_until_lets_no_round_begin_and_cuts_none_short():
+def test_sweep_until_completes_begun_round():
     line = "to: sky.all, at: 1|1, for: 4, every: 4, sweep: inward, impulse: 1mNs"
     built = piece(f"s: {{{line}, until: 2|3}}")
     hits = struck(built)
@@ -209,7 +209,7 @@ def test_until_lets_no_round_begin_and_cuts_none_short():
     assert hits[-1][0] == pytest.approx(4.0)
 
 
-def test_chance_leaves_members_out_and_draws_impulses_by_member():
+def test_sweep_chance_and_impulses_by_member():
     line = "to: sky.all, at: 1|1, for: 4, sweep: inward"
     complete = struck(piece(f"s: {{{line}, impulse: -1mNs..1mNs}}"))
     some = struck(piece(f"s: {{{line}, chance: 40%, impulse: -1mNs..1mNs}}"))
@@ -218,7 +218,7 @@ def test_chance_leaves_members_out_and_draws_impulses_by_member():
     assert min(one[2] for one in complete) < -0.8e-3 < 0.8e-3 < max(one[2] for one in complete)
 
 
-def test_a_window_holds_what_falls_in_it():
+def test_sweep_strikes_within_window():
     built = piece(
         f"s: {{to: sky.all, at: 1|1, for: 8, every: 8, times: 3, {SERPENT}, impulse: 1uNs..2uNs}}"
     )
@@ -228,7 +228,7 @@ def test_a_window_holds_what_falls_in_it():
     assert len(inside) > 100
 
 
-def test_mass_and_speed_strike_as_an_impulse_does():
+def test_sweep_with_mass_and_speed_equals_impulse():
     line = "to: sky.all, at: 1|1, for: 4, sweep: inward"
     staged = [
         stage(piece(f"s: {{{line}, {how}}}")) for how in ("impulse: 1mNs", "mass: 1g, speed: 1m/s")
@@ -237,7 +237,7 @@ def test_mass_and_speed_strike_as_an_impulse_does():
     assert counts[0] == counts[1]
 
 
-def test_what_is_rendered_is_struck():
+def test_sweep_inward_raises_spectral_centroid():
     """A front that goes from the rim of a galaxy to its hole is heard to rise."""
     built = piece("s: {to: sky.all, at: 1|1, for: 4, sweep: inward, impulse: 1mNs}")
     staged = stage(built)
@@ -293,13 +293,13 @@ def test_what_is_rendered_is_struck():
         ),
     ],
 )
-def test_what_is_wrong_has_its_place(line, code, words):
+def test_sweep_mistakes_codes_and_lines(line, code, words):
     reports = check_reports(SCORE + f"  s: {{{line}}}\n")
     assert [(one, stepped_session) for one, stepped_session, _ in reports] == [(code, 10)], reports
     assert words in reports[0][2]
 
 
-def test_a_cell_without_a_spring_has_no_pitch():
+def test_sweep_by_pitch_of_springless_cell_is_refused():
     text = "ergon: 1\ninstruments:\n  a: {CEL: {M: 1g, K: 0, Z: 1Ns/m}, out: {SOX: a}}\n"
     text += "strikes: {s: {to: a, at: 1|1, for: 4, sweep: upward, impulse: 1mNs}}\n"
     loaded = check(text)
@@ -308,7 +308,7 @@ def test_a_cell_without_a_spring_has_no_pitch():
         stage(loaded.piece)
 
 
-def test_every_direction_is_a_word_of_the_table():
+def test_sweep_directions_cover_every_quantity():
     assert {quantity for quantity, _ in SWEEPS.values()} == {"radius", "angle", "x", "y", "pitch"}
     assert all(list(SWEEPS.values()).count((q, up)) == 1 for q, up in SWEEPS.values())
 
@@ -332,7 +332,7 @@ def stepped_session(tmp_path: Path):
     stepped.close()
 
 
-def test_what_passes_is_typed_ended_kept_and_comes_back_as_a_scene(stepped_session):
+def test_sweep_typed_saved_and_replayed_as_scene(stepped_session):
     stepped_session.ok("play")
     stepped_session.ok("front strikes sky.all sweep inward for 2 every 1bar impulse 1mNs")
     stepped_session.ok(
@@ -377,7 +377,7 @@ def test_what_passes_is_typed_ended_kept_and_comes_back_as_a_scene(stepped_sessi
         ("front strikes sky.all sweep inward impulse 1mNs", "has no 'for'"),
     ],
 )
-def test_what_is_typed_wrong_is_refused(stepped_session, line, message):
+def test_sweep_lines_with_mistakes_are_refused(stepped_session, line, message):
     reply = stepped_session.type(line)
     assert not reply.taken
     assert message in reply.text

@@ -28,7 +28,7 @@ def csv(tmp_path, text):
 
 
 @pytest.mark.parametrize("path", sorted(LIBRARY.glob("*.csv")), ids=lambda p: p.stem)
-def test_the_takes_that_ship_are_hands(path):
+def test_bundled_takes_have_150_samples_at_30_hz(path):
     take = read(path)
     assert len(take.t) == len(take.x) == 150
     assert take.t[0] == take.x[0] == 0
@@ -36,7 +36,7 @@ def test_the_takes_that_ship_are_hands(path):
     assert take.x.std() == pytest.approx(4e-3, rel=0.02)
 
 
-def test_units_and_channels_are_told_by_the_header(tmp_path):
+def test_csv_units_and_channels_by_header(tmp_path):
     path = csv(
         tmp_path, "\ufeff# captured\r\nt [ms];x [mm];f [N]\r\n0;1;2\r\n# pause\r\n10; -3 ;4\r\n"
     )
@@ -71,7 +71,7 @@ SPREADSHEETS = {
 
 
 @pytest.mark.parametrize("text", SPREADSHEETS.values(), ids=SPREADSHEETS)
-def test_tables_as_spreadsheets_write_them(tmp_path, text):
+def test_csv_tables_of_spreadsheets(tmp_path, text):
     path = csv(tmp_path, text)
     take = read(path)
     assert take.t.tolist() == [0.0, 0.1, 0.2]
@@ -80,7 +80,7 @@ def test_tables_as_spreadsheets_write_them(tmp_path, text):
     assert (x.low, x.high) == (1.0, 4.5)
 
 
-def test_a_unit_counts_where_the_column_has_none(tmp_path):
+def test_csv_unit_option_of_unitless_column(tmp_path):
     path = csv(tmp_path, "t,x,y [cm]\n0,1,1\n0.1,2,3\n")
     take = read(path, "x", unit=1e-3)
     assert (take.t.tolist(), take.x.tolist()) == ([0.0, 0.1], [1e-3, 2e-3])
@@ -89,12 +89,12 @@ def test_a_unit_counts_where_the_column_has_none(tmp_path):
     assert read(path, "y").x.tolist() == [0.01, 0.03]
 
 
-def test_a_table_without_a_header_is_no_summary(tmp_path):
+def test_csv_summary_without_header_is_refused(tmp_path):
     with pytest.raises(TakeError, match=r"hand\.csv:1: this line is numbers"):
         summary(csv(tmp_path, "1;1;100;2.5\n2;2;100;3.5\n"))
 
 
-def test_a_channel_has_a_suggestion(tmp_path):
+def test_misspelt_channel_has_suggestion(tmp_path):
     path = csv(tmp_path, "t [s],thumb [mm],index [mm]\n0,0,0\n1,0,0\n")
     with pytest.raises(TakeError, match="no channel 'indx'") as caught:
         read(path, "indx")
@@ -134,7 +134,7 @@ def test_a_channel_has_a_suggestion(tmp_path):
         (b"\x00" * 100_000, 1, "this line has more than"),
     ],
 )
-def test_bad_rows_are_named_by_their_line(tmp_path, text, line, words):
+def test_csv_bad_row_message_names_line(tmp_path, text, line, words):
     with pytest.raises(TakeError) as caught:
         read(csv(tmp_path, text))
     assert caught.value.line == line
@@ -142,7 +142,7 @@ def test_bad_rows_are_named_by_their_line(tmp_path, text, line, words):
     assert caught.value.message.startswith("hand.csv" if line is None else f"hand.csv:{line}: ")
 
 
-def test_sizes_are_bounded(tmp_path, monkeypatch):
+def test_take_sample_count_limits(tmp_path, monkeypatch):
     path = csv(tmp_path, "t [s],x [mm]\n0,0\n1,1\n2,0\n")
     for module in (takes, npz):
         monkeypatch.setattr(module, "MAX_SAMPLES", 2)
@@ -160,7 +160,7 @@ def test_sizes_are_bounded(tmp_path, monkeypatch):
         read(path)
 
 
-def test_what_is_no_file(tmp_path):
+def test_missing_and_unknown_take_files(tmp_path):
     for name, words in [("no.csv", "the file does not exist"), ("x.gms", "cannot be read yet")]:
         with pytest.raises(TakeError, match=words):
             read(tmp_path / name)
@@ -169,7 +169,7 @@ def test_what_is_no_file(tmp_path):
         read(tmp_path / "dir.csv")
 
 
-def test_a_wav_take_is_scaled_and_timed_by_its_rate(tmp_path):
+def test_wav_take_scale_channel_and_rate(tmp_path):
     path = tmp_path / "hand.wav"
     x = np.array([[0.0, 0.5], [0.25, -0.5], [-1.0, 0.0]])
     soundfile.write(path, x, 3000, subtype="DOUBLE")
@@ -213,7 +213,7 @@ def test_hostile_wav_files(tmp_path, data, words):
         read(path)
 
 
-def test_an_npz_take_is_in_si_or_says_its_units(tmp_path):
+def test_npz_take_units_and_rate(tmp_path):
     path = tmp_path / "hand.npz"
     np.savez_compressed(path, **{"t": np.arange(3) / 10, "x [mm]": [1, 2, 3], "y": [0.5, 0, 0]})
     assert read(path, "x").x.tolist() == [0.001, 0.002, 0.003]
@@ -258,7 +258,7 @@ def test_hostile_npz_files(tmp_path, data, words):
         read(path, rate=100.0)
 
 
-def test_a_pickle_is_not_opened(tmp_path):
+def test_npz_with_pickled_objects_is_refused(tmp_path):
     """Opened, it would make a folder."""
 
     class Opened:
@@ -282,7 +282,7 @@ def test_npz_arrays_must_belong_together(tmp_path):
         read(path)
 
 
-def test_a_broken_npz_is_refused_at_every_byte(tmp_path):
+def test_npz_with_flipped_bytes_is_read_or_refused(tmp_path):
     path = tmp_path / "hand.npz"
     np.savez_compressed(path, t=np.arange(20.0), x=np.linspace(0, 1e-3, 20))
     complete = path.read_bytes()
@@ -296,7 +296,7 @@ def test_a_broken_npz_is_refused_at_every_byte(tmp_path):
 
 
 @given(st.binary(max_size=200))
-def test_any_bytes_are_read_or_refused(tmp_path_factory, data):
+def test_csv_of_random_bytes_is_read_or_refused(tmp_path_factory, data):
     path = tmp_path_factory.getbasetemp() / "any.csv"
     path.write_bytes(b"t [s],x [mm]\n0,0\n" + data)
     try:
@@ -317,7 +317,7 @@ def test_any_bytes_are_read_or_refused(tmp_path_factory, data):
         ("OGG", "VORBIS"),
     ],
 )
-def test_what_only_calls_itself_wav_is_never_decoded(tmp_path, form, subtype):
+def test_wav_name_with_other_format_is_refused(tmp_path, form, subtype):
     """libsndfile looks at the content: a decoder of anything is behind the name of a WAV file."""
     path = tmp_path / "hand.wav"
     soundfile.write(path, np.zeros(2000), 8000, format=form, subtype=subtype)
@@ -328,7 +328,7 @@ def test_what_only_calls_itself_wav_is_never_decoded(tmp_path, form, subtype):
 @pytest.mark.parametrize("form", ["WAV", "WAVEX", "RF64"])
 @pytest.mark.parametrize("subtype", ["PCM_16", "PCM_24", "PCM_32", "FLOAT", "DOUBLE"])
 @pytest.mark.parametrize("endian", ["LITTLE", "BIG"])
-def test_all_samples_that_are_not_coded_are_read(tmp_path, form, subtype, endian):
+def test_wav_take_of_every_uncompressed_format(tmp_path, form, subtype, endian):
     path = tmp_path / "hand.wav"
     if endian == "BIG" and form != "WAV":
         endian = "FILE"

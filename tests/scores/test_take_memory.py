@@ -105,7 +105,7 @@ def bombs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 
 @pytest.mark.parametrize("kind", ["info", "read"])
-def test_a_bomb_is_never_unpacked(bombs, kind):
+def test_decompression_bombs_are_refused_in_little_memory(bombs, kind):
     for name, path in bombs.items():
         assert path.stat().st_size < 32e6
         code, more, output = cost(kind, path)
@@ -114,7 +114,7 @@ def test_a_bomb_is_never_unpacked(bombs, kind):
         assert more < MORE, name
 
 
-def test_what_is_told_of_a_long_take_is_read_in_blocks(tmp_path):
+def test_summary_of_long_take_uses_little_memory(tmp_path):
     """6 million samples and their times are 96 MB; a summary holds a block of them."""
     path = tmp_path / "long.npz"
     np.savez(path, t=np.arange(6e6), x=np.zeros(6_000_000))
@@ -125,7 +125,7 @@ def test_what_is_told_of_a_long_take_is_read_in_blocks(tmp_path):
 
 
 @pytest.mark.slow
-def test_the_file_of_6_mb_that_took_6_gb(tmp_path):
+def test_npz_bomb_of_6_mb_is_refused(tmp_path):
     path = tmp_path / "bomb.npz"
     bomb(path, "(796917744,)", 6080 * 2**20, level=9)
     assert 5.5e6 < path.stat().st_size < 7e6
@@ -136,7 +136,7 @@ def test_the_file_of_6_mb_that_took_6_gb(tmp_path):
         assert more < MORE
 
 
-def test_a_row_of_a_csv_is_bounded(tmp_path):
+def test_csv_with_huge_row_is_refused(tmp_path):
     path = tmp_path / "long.csv"
     with path.open("wb") as file:
         file.write(b"t [s],x [mm]\n0,")

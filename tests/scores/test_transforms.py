@@ -61,13 +61,13 @@ def shaped(notation, do, chance=None, beat=1.0):
         ),
     ],
 )
-def test_each_does_what_its_word_says(do, rows):
+def test_transformation_words_on_example_gesture(do, rows):
     points, notes = shaped(KNOCK, do)
     assert points == [(t, 0, x, curve) for t, x, curve in rows]
     assert notes == ()
 
 
-def test_they_act_left_to_right():
+def test_transformations_apply_left_to_right():
     assert shaped("0@0 6@1", "shift 1, stretch 2")[0][0][0] == 2
     assert shaped("0@0 6@1", "stretch 2, shift 1")[0][0][0] == 1
 
@@ -104,14 +104,14 @@ def is_playable(points):
 
 
 @given(written)
-def test_what_is_its_own_inverse(rows):
+def test_reverse_and_mirror_are_involutions(rows):
     points = gesture(rows)
     for word in ("reverse", "mirror"):
         assert apply(points, parse_chain(f"{word}, {word}"), Extreme(1))[0] == points
 
 
 @given(written, st.integers(0, 2**32), st.sampled_from(["1s 5mm", "4ms 0.2mm", "1/4 1mm"]))
-def test_jitter_keeps_the_order_the_holds_and_the_first_point(rows, seed, reach):
+def test_jitter_preserves_order_holds_and_first_point(rows, seed, reach):
     points = gesture(rows)
     moved, _ = apply(points, parse_chain(f"jitter {reach}"), random.Random(seed))
     is_playable(moved)
@@ -120,7 +120,7 @@ def test_jitter_keeps_the_order_the_holds_and_the_first_point(rows, seed, reach)
 
 
 @pytest.mark.parametrize("part", [1, -1])
-def test_jitter_reaches_as_far_as_it_says(part):
+def test_jitter_amounts_stay_within_bounds(part):
     points, _ = shaped("0@0 6@1 0@2", "jitter 4ms 0.2mm", Extreme(part))
     assert points[1:] == [
         (1, part * 0.004, 6 + part * 0.2, "smooth"),
@@ -128,7 +128,7 @@ def test_jitter_reaches_as_far_as_it_says(part):
     ]
 
 
-def test_jitter_of_seconds_knows_how_long_a_beat_is():
+def test_jitter_in_seconds_depends_on_tempo():
     points, _ = shaped("0@0 6@1/8 0@1/4", "jitter 1s 0mm", Extreme(-1), beat=0.5)
     assert points[1][1] == pytest.approx(-0.45 / 16)
 
@@ -144,7 +144,7 @@ def test_quantise_lands_on_multiples_and_stays_playable(rows, q):
     assert moved[-1].x == points[-1].x
 
 
-def test_points_that_meet_are_merged_and_said():
+def test_quantise_merges_coinciding_points_with_note():
     points, notes = shaped("0@0 throw 6@0.9 hold 6@1.1 smooth 0@2", "quantise 1")
     assert points == [(0, 0, 0, "smooth"), (1, 0, 6, "throw"), (2, 0, 0, "smooth")]
     assert notes == ("quantise 1: 1 point falls on the time of the next point",)
@@ -203,7 +203,7 @@ def test_transformations_of_a_take_sum_up(do, take):
 
 
 @pytest.mark.parametrize("do", ["jitter 4ms 0.2mm", "scale 2, quantise 1/8"])
-def test_a_take_has_no_points_to_move(do):
+def test_point_transformations_of_take_are_refused(do):
     with pytest.raises(TextError, match="a take has none") as caught:
         apply_to_take(parse_chain(do))
     error = caught.value
@@ -233,7 +233,7 @@ def test_a_take_has_no_points_to_move(do):
         ("", "", "is one of", None),
     ],
 )
-def test_mistakes_have_a_place(do, marked, words, suggestion):
+def test_parse_chain_mistake_place_and_suggestion(do, marked, words, suggestion):
     with pytest.raises(TextError) as caught:
         parse_chain(do)
     error = caught.value

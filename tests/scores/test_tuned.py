@@ -195,7 +195,7 @@ def test_automation_by_notes_of_the_tuning(tmp_path):
 
 
 @given(st.integers(5, 400), st.sampled_from(["Cb4", "E4", "F#3", "Bb5", "G##2", "Abb4"]))
-def test_fifths_of_equal_steps(count, word):
+def test_equal_division_fifths_and_sharps(count, word):
     """Twelve fifths up and seven octaves down is a sharp and its flat apart."""
     fifth = round(count * log2(1.5))
     with used(Tuning(edo=count)):
@@ -221,7 +221,7 @@ def test_twelve_equal_steps_are_those_without_a_tuning(key):
 DIGEST = "62a3db6feee00c8fbea3a91fdb3fe02ad3c253b2bc2647bc6b4aebc7f33252c3"
 
 
-def test_digest_is_that_of_the_frequencies(tmp_path):
+def test_digest_depends_on_frequencies_of_tuning(tmp_path):
     rhythm = (
         '  r: {rhythm: "[c4,a4]", do: arp up, to: cells.m, at: 0, times: 1, impulse: 1mNs}\nrender'
     )
@@ -266,7 +266,7 @@ def test_midi_notes_play_degrees(tmp_path):
     assert parts == {60: "cells.C4", 62: "cells.C#4", 63: "cells.Db4", 67: "cells.7of31"}
 
 
-def test_tuning_that_changes_in_a_session(tmp_path):
+def test_tuning_edited_repeatedly_in_texts(tmp_path):
     (tmp_path / "19.scl").write_text(NINETEEN, encoding="utf-8")
     text = score("scale: 19.scl", ["C4", "A4"])
     path = tmp_path / "score.yaml"
@@ -296,7 +296,7 @@ def test_tuning_that_changes_in_a_session(tmp_path):
         ("root: nothing", "E201", "neither a note such as C4 nor a frequency"),
     ],
 )
-def test_tuning_refused(tuning, code, message, tmp_path):
+def test_tuning_mistakes_are_refused(tuning, code, message, tmp_path):
     inner = tmp_path / "inner"
     inner.mkdir()
     (tmp_path / "other.scl").write_text(NINETEEN)

@@ -115,7 +115,7 @@ def test_render_of_two_tunings_against_closed_form(tuning, tmp_path):
     assert off(pitches(sound.sum(axis=1), len(STRUCK)), BY_CLOSED_FORM) < 0.05
 
 
-def test_session_of_two_tunings_as_closed_form_and_as_its_journal(tmp_path):
+def test_session_of_two_tunings_by_closed_form(tmp_path):
     with closing(Stepped(score("edo: 19", written_singly(STRUCK)), tmp_path)) as session:
         session.ok("play")
         session.run(len(STRUCK) + 1)
@@ -142,7 +142,7 @@ def test_notes_of_an_instrument_beside_a_tuning_of_the_score(tmp_path):
     assert frequency(piece, "bars.E4") == pytest.approx(440.0 * 2 ** (-13 / 31), rel=1e-12)
 
 
-def test_tuning_of_an_instrument_goes_with_like(tmp_path):
+def test_instrument_tuning_inherited_by_like(tmp_path):
     more = (
         "  twin: {like: vib, f: D#4, notes: [D#4]}\n  plain: {like: vib, tuning: {}, notes: [D#4]}"
     )
@@ -280,7 +280,7 @@ def test_show_tuning_tells_each_instrument(tmp_path):
     assert "C#4 277.18 Hz" in lines[3]
 
 
-def test_tuning_of_an_instrument_that_changes_in_a_session(tmp_path):
+def test_instrument_tuning_edited_repeatedly_in_texts(tmp_path):
     (tmp_path / "19.scl").write_text(NINETEEN, encoding="utf-8")
     path = tmp_path / "score.yaml"
     path.write_text(score("scale: 19.scl", "", notes="C4, A4"), encoding="utf-8")
@@ -333,7 +333,7 @@ strikes: {{r: {{{fields}, to: [vib, bars], at: 0}}}}"""
     assert error.place.line == 17
 
 
-def test_note_that_an_instrument_lacks_is_refused_by_its_tuning(tmp_path):
+def test_note_missing_in_instrument_tuning_is_refused(tmp_path):
     more = "strikes: {r: {entries: '1|1 Db4 f', to: vib}}"
     diagnostics = checked(score("edo: 19", more, notes="C4, C#4"), tmp_path).diagnostics
     assert any("'vib' has no note 'Db4'" in d.message for d in diagnostics), diagnostics

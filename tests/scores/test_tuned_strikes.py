@@ -140,7 +140,7 @@ def wheel(tick: int, value: int):
         ("scale: 7.scl", "C4, D4", ""),
     ],
 )
-def test_wheel_moves_the_notes_that_keys_play(tuning, notes, transpose, tmp_path):
+def test_wheel_glides_of_notes_played_by_keys(tuning, notes, transpose, tmp_path):
     steps = "".join(f"{1200 * step / 7:.6f}\n" for step in range(1, 8))
     (tmp_path / "7.scl").write_text(f"seven\n7\n{steps}", encoding="utf-8")
     save(

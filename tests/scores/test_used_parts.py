@@ -28,7 +28,7 @@ parts: {ada: [{at: 1|1, play: knock}]}
 
 
 @pytest.mark.parametrize("section", PLAYED)
-def test_what_is_left_out_is_told_once_at_its_place(tmp_path: Path, section: str):
+def test_ignored_section_of_used_file_warns_once(tmp_path: Path, section: str):
     (tmp_path / "other.yaml").write_text(USED + PLAYED[section], encoding="utf-8")
     path = tmp_path / "score.yaml"
     path.write_text(SCORE, encoding="utf-8")
@@ -38,7 +38,7 @@ def test_what_is_left_out_is_told_once_at_its_place(tmp_path: Path, section: str
     assert (item.place.file, item.place.line) == (str(path), 2)
 
 
-def test_a_file_of_names_is_told_of_nothing(tmp_path: Path):
+def test_used_file_of_definitions_has_no_warning(tmp_path: Path):
     (tmp_path / "other.yaml").write_text(USED, encoding="utf-8")
     path = tmp_path / "score.yaml"
     path.write_text(SCORE, encoding="utf-8")
@@ -51,7 +51,7 @@ def test_a_file_of_names_is_told_of_nothing(tmp_path: Path):
     ["ergon: 1\nkeys: {k1: {calib: other.yaml}}\n", "ergon: 1\nmix: {layout: other.yaml}\n"],
     ids=["calib", "layout"],
 )
-def test_an_empty_file_is_refused_where_it_is_named(tmp_path: Path, text: str, score: str):
+def test_empty_used_file_is_refused(tmp_path: Path, text: str, score: str):
     (tmp_path / "other.yaml").write_text(text, encoding="utf-8")
     path = tmp_path / "score.yaml"
     path.write_text(score, encoding="utf-8")
@@ -62,7 +62,7 @@ def test_an_empty_file_is_refused_where_it_is_named(tmp_path: Path, text: str, s
     assert empty.place.file == str(path)
 
 
-def test_names_are_missed_that_an_empty_file_does_not_bring(tmp_path: Path):
+def test_missing_name_of_empty_used_file(tmp_path: Path):
     """A link to one of them went on to the engine, which was an internal error."""
     (tmp_path / "other.yaml").write_text("# keys are to come\n", encoding="utf-8")
     path = tmp_path / "score.yaml"

@@ -26,7 +26,7 @@ instruments:
 """
 
 
-def test_a_mistake_is_told_once_for_all_copies(
+def test_mistake_of_copied_instrument_has_one_message(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "lib.yaml").write_text(LIBRARY)
@@ -47,7 +47,7 @@ strikes:
 """
 
 
-def test_all_that_is_missing_at_one_place_is_told_once_each(
+def test_missing_notes_have_one_message_per_note(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     track = mido.MidiTrack()

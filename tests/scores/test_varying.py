@@ -20,7 +20,7 @@ from ergon.scores.edits.varying import combined, parse
         ("a.K=x0.5,x2", ("x0.5", "x2")),
     ],
 )
-def test_values(text: str, values: tuple[str, ...]):
+def test_varying_values_by_form(text: str, values: tuple[str, ...]):
     assert parse(text).values == values
     assert parse(text).target == text.partition("=")[0].strip()
 
@@ -43,7 +43,7 @@ def test_values(text: str, values: tuple[str, ...]):
         ("seed=1..2:3", "a seed is a whole number"),
     ],
 )
-def test_mistakes(text: str, message: str):
+def test_varying_value_mistakes(text: str, message: str):
     with pytest.raises(EditError) as raised:
         parse(text)
     assert message in str(raised.value)

@@ -88,7 +88,7 @@ def test_curve_between_impulses_and_depths(tmp_path):
         ("''", 37, "1 to 127 points"),
     ],
 )
-def test_mistakes_of_curves(tmp_path, curve, column, part):
+def test_velocity_curve_mistakes(tmp_path, curve, column, part):
     tune(tmp_path / "tune.mid", [(0, 60, 64)])
     (report,) = checked(tmp_path, f"takes: {{t: {{file: tune.mid, curve: {curve}}}}}\n").diagnostics
     assert part in report.message

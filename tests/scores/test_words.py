@@ -17,7 +17,7 @@ FLAT = TempoMap()
 RAMP = TempoMap([Entry(parse_position("0"), 60.0, 120.0, Length(beats=64))])
 
 
-def test_every_word_of_a_play():
+def test_parse_words_of_play():
     text = "knock at A every 1 times 16 do scale 0.5, mirror until C layer touch tracked"
     play = parse(text)
     assert play.what == ("knock", 0)
@@ -35,7 +35,7 @@ def test_every_word_of_a_play():
     assert [text[t.offset : t.offset + t.length] for t in play.do] == ["scale 0.5", "mirror"]
 
 
-def test_transformations_are_words_too():
+def test_parse_transformations_in_play():
     play = parse("solo from 4 stretch 2 reverse")
     assert [t.word for t in play.do] == ["from", "stretch", "reverse"]
     jitter = parse("a do jitter 4ms 0.2mm, scale 2 every 1").do
@@ -61,7 +61,7 @@ def test_transformations_are_words_too():
         ("", "", "gesture or take is missing", None),
     ],
 )
-def test_mistakes_have_a_place(text, marked, words, suggestion):
+def test_parse_mistake_place_and_suggestion(text, marked, words, suggestion):
     with pytest.raises(TextError) as caught:
         parse(text)
     error = caught.value
@@ -71,7 +71,7 @@ def test_mistakes_have_a_place(text, marked, words, suggestion):
     assert error.suggestion == suggestion
 
 
-def test_an_offset_is_carried_along():
+def test_parse_mistake_with_offset():
     with pytest.raises(TextError) as caught:
         parse("lean evry 8", 100)
     assert caught.value.offset == 105
@@ -88,7 +88,7 @@ def parse_rows(text):
     return [parse_row(row, offset) for row, offset in rows(text)]
 
 
-def test_a_part_may_be_a_table():
+def test_parse_rows_of_part_table():
     read = parse_rows(TABLE)
     assert [(r.at.text, r.play.what.text) for r in read] == [("A", "lean"), ("3|2.5", "remi-7")]
     for row in read:
@@ -98,7 +98,7 @@ def test_a_part_may_be_a_table():
             assert TABLE[t.offset : t.offset + t.length] == "mirror"
 
 
-def test_each_row_can_be_read_alone():
+def test_parse_row_mistake_offsets():
     mistakes = []
     for row, offset in rows("A knok evry 1\nB lean\nC lean at 4\nD\n"):
         try:
@@ -111,7 +111,7 @@ def test_each_row_can_be_read_alone():
 @pytest.mark.parametrize(
     ("row", "example"), [("  bad", "write 1|1 bad"), ("3|1", "write 3|1 knock")]
 )
-def test_a_row_has_two_words(row, example):
+def test_parse_row_of_one_word_is_refused(row, example):
     with pytest.raises(TextError, match=re.escape(example)) as caught:
         parse_row(row)
     error = caught.value
@@ -119,7 +119,7 @@ def test_a_row_has_two_words(row, example):
 
 
 @given(st.text(alphabet="abdeilmnorstuvxy ,0123456789.#\n", max_size=50))
-def test_any_text_is_read_or_refused(text):
+def test_parse_rows_of_random_text(text):
     try:
         parse_rows(text)
     except TextError as error:
@@ -148,7 +148,7 @@ def begin(tempo=FLAT, at=0.0, length=(2.0, 0.0), every=None, times=None, until=N
         ({"length": (0, 0), "times": 1}, [0]),
     ],
 )
-def test_occurrences(options, expected):
+def test_occurrences_of_play_options(options, expected):
     assert begin(**options) == expected
 
 
@@ -180,7 +180,7 @@ def test_occurrences_are_bounded(options, words):
 
 
 @pytest.mark.parametrize("text", ["0", "-1", "1.5", "x", "", "99999999", "1000001"])
-def test_times_that_are_none(text):
+def test_parse_times_of_invalid_numbers(text):
     with pytest.raises(TextError, match="number of repetitions"):
         parse_times(text)
     assert parse_times(" 16 ") == 16

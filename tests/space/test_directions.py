@@ -20,19 +20,19 @@ from ergon.space import directions, quality
         (0, -90, (0, 0, -2)),
     ],
 )
-def test_quarter_turns_are_exact(azimuth: float, elevation: float, place: tuple):
+def test_point_at_quarter_turns_exact(azimuth: float, elevation: float, place: tuple):
     assert directions.point(float(azimuth), float(elevation), 2.0) == place
 
 
 @given(st.floats(-179.9, 179.9), st.floats(-89.0, 89.0), st.floats(0.1, 50.0))
-def test_angles_come_back(azimuth: float, elevation: float, distance: float):
+def test_angles_of_point_round_trip(azimuth: float, elevation: float, distance: float):
     place = directions.point(azimuth, elevation, distance)
     np.testing.assert_allclose(
         directions.angles(place), (azimuth, elevation, distance), rtol=1e-9, atol=1e-9
     )
 
 
-def test_the_plan_keeps_angles_from_the_zenith():
+def test_equidistant_projection_of_elevations():
     """At 3 m the horizon is 3 m from the middle, 35° up 3·55/90 m, the zenith the middle."""
     assert directions.equidistant((0.0, 0.0, 3.0)) == (0.0, 0.0)
     for elevation, radius in ((0.0, 3.0), (35.0, 3.0 * 55 / 90), (70.0, 3.0 * 20 / 90)):
@@ -40,14 +40,14 @@ def test_the_plan_keeps_angles_from_the_zenith():
         np.testing.assert_allclose((x, y), (-radius / 2, radius * 0.75**0.5), rtol=1e-12)
 
 
-def test_directions_fill_the_sphere_evenly():
+def test_spread_directions_uniform_on_sphere():
     rows = directions.spread_directions(4000)
     np.testing.assert_allclose((rows**2).sum(1), 1.0, atol=1e-12)
     np.testing.assert_allclose(rows.mean(0), 0.0, atol=1e-3)
     assert (directions.spread_directions(100, lowest=0.0)[:, 2] > 0.0).all()
 
 
-def test_the_dome_places_sound_as_it_was_measured():
+def test_dome_quality_figures():
     """Figures of a dome 12 + 8 + 4, and of the flat ring, which has a hole overhead."""
     near, vbap, third, fifth = quality.qualities(dome())
     np.testing.assert_allclose(near.off, (13.1, 24.5), atol=0.05)
@@ -60,7 +60,7 @@ def test_the_dome_places_sound_as_it_was_measured():
     assert ring[1].off[1] > 80.0
 
 
-def test_holes_and_symmetry():
+def test_layout_holes_and_symmetry():
     assert quality.holes(dome()) == []
     assert quality.is_symmetric(dome())
     four = dome(((4, 0.0, 45.0),))

@@ -15,11 +15,11 @@ RING = fold_filters.Field(dome(((24, 0.0, 0.0),)))
 ARRAY = unit_vectors(DOME.speakers)
 
 
-def test_the_same_room_is_untouched():
+def test_fold_to_same_layout_is_identity():
     np.testing.assert_array_equal(fold_filters.to_field(DOME, DOME)[:, :, 0], np.eye(24))
 
 
-def test_stereo_has_constant_power():
+def test_fold_to_stereo_constant_power():
     gains = fold_filters.to_stereo(DOME)[:, :, 0]
     np.testing.assert_allclose((gains**2).sum(1), 1.0, atol=1e-12)
     np.testing.assert_allclose(gains[0], np.sqrt(0.5), atol=1e-12)
@@ -27,7 +27,7 @@ def test_stereo_has_constant_power():
 
 
 @pytest.mark.parametrize("azimuth", [30.0, 45.0, 90.0, 110.0])
-def test_a_stereo_pair_stays_as_it_is(azimuth: float):
+def test_fold_stereo_pair_to_stereo_is_identity(azimuth: float):
     left, right = point(azimuth, 0.0, 2.0), point(-azimuth, 0.0, 2.0)
     gains = fold_filters.to_stereo(fold_filters.Field((left, right)))[:, :, 0]
     np.testing.assert_array_equal(gains, np.eye(2))
@@ -35,13 +35,13 @@ def test_a_stereo_pair_stays_as_it_is(azimuth: float):
     np.testing.assert_array_equal(crossed, np.eye(2)[::-1])
 
 
-def test_another_room_has_the_energy():
+def test_fold_to_other_layout_preserves_energy():
     gains = fold_filters.to_field(DOME, RING)[:, :, 0]
     np.testing.assert_allclose((gains**2).sum(1), 1.0, atol=1e-12)
     np.testing.assert_allclose(gains[1], np.eye(24)[2], atol=1e-9)
 
 
-def test_ambix_is_encoded_and_decoded():
+def test_fold_ambisonics_encoding_and_decoding_errors():
     """As measured: order 5 and back, 2.5° off on average and loudness within 1.5 dB."""
     there = fold_filters.to_field(DOME, fold_filters.Field(order=5))
     assert there.shape == (24, 36, 1)
@@ -53,7 +53,7 @@ def test_ambix_is_encoded_and_decoded():
     assert -1.5 < result.loudness[0] < result.loudness[1] < 1.5
 
 
-def test_a_decoded_source_is_as_loud_as_one_loudspeaker():
+def test_fold_decoded_ambisonics_loudness():
     up = spread_directions(500, lowest=0.0)
     for order in (1, 3, 5):
         gains = (
@@ -64,20 +64,20 @@ def test_a_decoded_source_is_as_loud_as_one_loudspeaker():
         assert abs(10.0 * np.log10(energy.mean())) < 0.5, order
 
 
-def test_orders_are_cut_and_filled():
+def test_fold_between_ambisonic_orders():
     gains = fold_filters.to_field(fold_filters.Field(order=3), fold_filters.Field(order=1))[:, :, 0]
     np.testing.assert_array_equal(gains, np.eye(16, 4))
     gains = fold_filters.to_field(fold_filters.Field(order=1), fold_filters.Field(order=3))[:, :, 0]
     np.testing.assert_array_equal(gains, np.eye(4, 16))
 
 
-def test_ambisonics_from_the_left_is_louder_left():
+def test_fold_ambisonics_to_stereo_sides():
     left = encoder(5, unit_vectors((point(90.0, 0.0, 1.0),)))
     gains = (left @ fold_filters.to_stereo(fold_filters.Field(order=5))[:, :, 0])[0]
     assert gains[0] > 3.0 * abs(gains[1])
 
 
-def test_a_room_that_surrounds_nobody_is_refused():
+def test_fold_to_non_surrounding_layout_is_refused():
     pair = fold_filters.Field((point(30.0, 0.0, 1.0), point(-30.0, 0.0, 1.0)))
     with pytest.raises(ArrayError, match="surround"):
         fold_filters.to_field(DOME, pair)

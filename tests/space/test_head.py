@@ -28,7 +28,7 @@ def apart(pair: np.ndarray, rate: float) -> float:
     return 1e6 * (int(np.argmax(match)) - size * finer // 2) / (rate * finer)
 
 
-def test_delays_and_levels_of_the_sides():
+def test_head_delays_and_levels_at_sides():
     """A KEMAR at 90°: 700 µs and 12 dB at 44.1 kHz, by its measured responses."""
     pairs = head.kemar().pairs(ARRAY, 44_100.0)
     power = (pairs**2).sum(2)
@@ -39,13 +39,13 @@ def test_delays_and_levels_of_the_sides():
     assert abs(levels[0]) < 0.01
 
 
-def test_ears_mirror_each_other():
+def test_head_filters_mirror_symmetry():
     pairs = head.kemar().pairs(ARRAY, 48_000.0)
     mirrored = [int(np.argmax(ARRAY @ (one * [-1, 1, 1]))) for one in ARRAY]
     np.testing.assert_allclose(pairs[mirrored][:, ::-1], pairs, atol=2e-3)
 
 
-def test_long_waves_pass_and_the_mean_is_flat():
+def test_head_filters_diffuse_field_flat():
     """Equalised to a diffuse field: ±2 dB from 50 Hz to 12 kHz over all directions."""
     pairs = head.kemar().pairs(ARRAY, 48_000.0)
     for frequency in (50.0, 100.0, 500.0, 2_000.0, 8_000.0, 12_000.0):
@@ -54,7 +54,7 @@ def test_long_waves_pass_and_the_mean_is_flat():
 
 
 @pytest.mark.parametrize("rate", few([22_050.0, 48_000.0, 96_000.0], 1))
-def test_another_rate_is_the_same_filter(rate: float):
+def test_head_filters_same_at_other_rates(rate: float):
     item, other = (head.kemar().pairs(ARRAY, r) for r in (44_100.0, rate))
     for frequency in (200.0, 1_000.0, 5_000.0):
         ratio = spectrum(item, 44_100.0, frequency) / spectrum(other, rate, frequency)
@@ -62,7 +62,7 @@ def test_another_rate_is_the_same_filter(rate: float):
     np.testing.assert_allclose(apart(other[3], rate), apart(item[3], 44_100.0), atol=5.0)
 
 
-def test_a_direction_in_between_is_panned():
+def test_head_filters_between_directions_panned():
     """As loud as its neighbours, and between their delays."""
     pairs = head.kemar().pairs(unit_vectors((point(75.0, 0.0, 1.0),)), 44_100.0)
     low, high = (apart(one, 44_100.0) for one in head.kemar().pairs(ARRAY, 44_100.0)[2:4])
@@ -86,7 +86,7 @@ def sphere(count: int = 400, rate: float = 48_000.0) -> tuple[np.ndarray, np.nda
     return directions, np.array(responses)
 
 
-def test_a_made_up_head_is_found_again():
+def test_head_filters_of_synthetic_sphere():
     """Delays to a twentieth of a sample, levels to 0.3 dB; what all directions share is gone."""
     rate = 48_000.0
     directions, responses = sphere(rate=rate)
@@ -101,7 +101,7 @@ def test_a_made_up_head_is_found_again():
     np.testing.assert_allclose(20 * np.log10(flat), 0.0, atol=1.0)
 
 
-def test_a_delay_beside_a_response_is_as_a_delay_in_it():
+def test_head_delay_field_equals_delay_in_response():
     """AES69 lets a file say the same sound both ways."""
     directions, responses = sphere(rate=48_000.0)
     wanted = directions[[5, 50, 200, 333]]
@@ -118,7 +118,7 @@ def test_a_delay_beside_a_response_is_as_a_delay_in_it():
     np.testing.assert_allclose(beside.filters, within.filters, atol=0.03)
 
 
-def test_the_file_says_whose_measurements_these_are():
+def test_head_file_credits_and_shape():
     text = Path(head.KEMAR_PATH).read_text(encoding="utf-8")
     assert "Bill Gardner and Keith Martin" in text
     assert "Copyright 1994 by the MIT Media Laboratory" in text

@@ -27,11 +27,11 @@ def same_table(ours: np.ndarray, gains: np.ndarray) -> None:
     np.testing.assert_allclose(a.off, b.off, atol=1e-4)  # degrees
 
 
-def test_the_nearest_loudspeaker_is_theirs(theirs: Theirs):
+def test_nearest_gains_equal_spaudiopy(theirs: Theirs):
     same_table(panning.nearest_gains(SOURCES, ARRAY), theirs.nearest(SOURCES))
 
 
-def test_vbap_is_theirs(theirs: Theirs):
+def test_vbap_gains_equal_spaudiopy(theirs: Theirs):
     gains = theirs.vbap(SOURCES)
     ours = panning.vbap(SOURCES, ARRAY, keeps_imaginary=True)
     np.testing.assert_allclose(ours, gains, atol=1e-6)
@@ -39,7 +39,7 @@ def test_vbap_is_theirs(theirs: Theirs):
 
 
 @pytest.mark.parametrize("order", few([1, 3, 5], 1))
-def test_allrad_is_theirs(theirs: Theirs, order: int):
+def test_allrad_gains_equal_spaudiopy(theirs: Theirs, order: int):
     gains = theirs.allrad(order, SOURCES)
     decoder = ambisonics.allrad(order, ARRAY, theirs.virtual)
     ours = ambisonics.harmonics(order, SOURCES) @ decoder.T
@@ -50,7 +50,7 @@ def test_allrad_is_theirs(theirs: Theirs, order: int):
 
 
 @pytest.mark.parametrize("order", [0, 1, 4, 7])
-def test_harmonics_and_weights_are_theirs(order: int):
+def test_harmonics_and_weights_equal_spaudiopy(order: int):
     everywhere = spread_directions(500)
     ours = ambisonics.harmonics(order, everywhere)
     np.testing.assert_allclose(ours, their_harmonics(order, everywhere), atol=1e-9)
@@ -60,17 +60,17 @@ def test_harmonics_and_weights_are_theirs(order: int):
     np.testing.assert_allclose(ambisonics.encoder(order, everywhere), sn3d, atol=1e-9)
 
 
-def test_harmonics_are_orthonormal_on_the_sphere():
+def test_spherical_harmonics_orthonormal():
     even = spread_directions(20_000)
     basis = ambisonics.harmonics(4, even)
     np.testing.assert_allclose(basis.T @ basis / len(even), np.eye(25), atol=2e-3)
 
 
-def test_a_source_at_a_loudspeaker_is_that_loudspeaker():
+def test_vbap_source_at_loudspeaker():
     np.testing.assert_allclose(panning.vbap(ARRAY, ARRAY), np.eye(24), atol=1e-9)
 
 
-def test_facets_of_four_corners_have_no_diagonal():
+def test_vbap_source_amid_four_corner_facet():
     """A source in the middle of the four of the top is heard from all of them alike."""
     array = unit_vectors(dome())
     gains = panning.vbap(np.array([[0.0, 0.0, 1.0]]), array)[0]
@@ -78,7 +78,7 @@ def test_facets_of_four_corners_have_no_diagonal():
     np.testing.assert_allclose(gains[:20], 0.0, atol=1e-12)
 
 
-def test_a_mirrored_source_has_mirrored_gains():
+def test_vbap_of_mirrored_source():
     array = unit_vectors(dome())
     mirror = np.array([-1.0, 1.0, 1.0])
     other = [int(np.argmax(array @ (one * mirror))) for one in array]
@@ -86,7 +86,7 @@ def test_a_mirrored_source_has_mirrored_gains():
     np.testing.assert_allclose(gains[:, other], mirrored, atol=1e-9)
 
 
-def test_energy_is_whole_even_below_a_dome():
+def test_vbap_energy_below_dome():
     array = unit_vectors(dome())
     gains = panning.vbap(spread_directions(500), array)
     np.testing.assert_allclose((gains**2).sum(1), 1.0, atol=1e-12)
@@ -94,7 +94,7 @@ def test_energy_is_whole_even_below_a_dome():
     assert not fading.any(), "the hole is silent"
 
 
-def test_what_surrounds_nothing_is_refused():
+def test_vbap_refuses_non_surrounding_layouts():
     with pytest.raises(panning.ArrayError, match="do not surround"):
         panning.triangles(unit_vectors(((0.0, 1.0, 0.0), (1.0, 0.0, 0.0))))
     with pytest.raises(panning.ArrayError, match="do not surround"):

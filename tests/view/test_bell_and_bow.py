@@ -96,7 +96,7 @@ def reference(trace: np.ndarray, stiffness: float) -> np.ndarray:
 # Fingers move by the clock of the machine, and how hard they press depends on how busy it is.
 @pytest.mark.slow
 @pytest.mark.parametrize("seconds", [4.0, 60.0])
-def test_two_fingers_on_a_bell_and_a_bow(
+def test_page_fingers_play_bell_and_bow(
     chromium: browser.Browser, work_folder: Path, seconds: float
 ):
     Path("s.yaml").write_text(SCORE)

@@ -32,7 +32,7 @@ def dots(text: str) -> list[tuple[int, int]]:
     return result
 
 
-def test_a_sine_is_drawn_where_it_is() -> None:
+def test_plot_sine_dots_at_values() -> None:
     text = braille.plot([WAVE], width=66, height=23)
     lines = text.splitlines()
     assert len(lines) == 23
@@ -49,7 +49,7 @@ def test_a_sine_is_drawn_where_it_is() -> None:
         assert min(ys) - 1.5 <= want <= max(ys) + 1.5
 
 
-def test_axes_carry_round_numbers_and_units() -> None:
+def test_plot_axes_with_round_numbers_and_units() -> None:
     text = braille.plot([WAVE], t_label="time [s]", x_label="position [mm]")
     assert "position [mm]" in text
     assert "time [s]" in text
@@ -57,7 +57,7 @@ def test_axes_carry_round_numbers_and_units() -> None:
     assert re.search(r"^−1\.0 ┤", text, re.MULTILINE)
 
 
-def test_curves_are_told_apart_without_colour() -> None:
+def test_plot_curves_distinct_without_colour() -> None:
     flat = [Curve(name, [0, 1], [0, 0]) for name in ("asked", "free", "done")]
     columns = [{x for x, _ in dots(braille.plot([curve]))} for curve in flat]
     assert columns[0] == columns[1] == columns[2]
@@ -69,7 +69,7 @@ def test_curves_are_told_apart_without_colour() -> None:
     assert "\x1b" not in both
 
 
-def test_gaps_and_flat_curves() -> None:
+def test_plot_curves_with_gaps_and_flat_curves() -> None:
     gap = Curve("a", [0, 1, 2, 3], [0, math.nan, 0, 1])
     columns = {x for x, _ in dots(braille.plot([gap]))}
     across = max(columns)
@@ -81,7 +81,7 @@ def test_gaps_and_flat_curves() -> None:
         braille.plot([])
 
 
-def test_strokes_at_one_time_are_not_joined() -> None:
+def test_plot_separate_strokes_not_joined() -> None:
     two_notes = Curve("notes", [0.0, 1.0, 1.0, 0.0, 1.0], [60.0, 60.0, math.nan, 72.0, 72.0])
     rows = {row for _, row in dots(braille.plot([two_notes], width=66, height=23))}
     assert len(rows) == 2
@@ -91,7 +91,7 @@ def test_strokes_at_one_time_are_not_joined() -> None:
     ("low", "high", "ticks"),
     [(0, 10, (0, 2, 4, 6, 8, 10)), (-0.006, 0.0, 7), (98, 103, (98, 99, 100, 101, 102, 103))],
 )
-def test_ticks(low: float, high: float, ticks: tuple[float, ...] | int) -> None:
+def test_axis_ticks_of_ranges(low: float, high: float, ticks: tuple[float, ...] | int) -> None:
     result = axis((low, high), 6)
     if isinstance(ticks, int):
         assert len(result.ticks) == ticks
@@ -102,7 +102,7 @@ def test_ticks(low: float, high: float, ticks: tuple[float, ...] | int) -> None:
     assert result.high >= high
 
 
-def test_svg_is_well_formed_and_holds_the_curve() -> None:
+def test_svg_plot_well_formed_with_curve() -> None:
     text = svg.plot([WAVE, Curve("done <3>", T, T)], title="lean & mirror", x_label="position [mm]")
     root = ET.fromstring(text)
     space = "{http://www.w3.org/2000/svg}"
@@ -139,7 +139,7 @@ def unpacked(data: bytes) -> np.ndarray:
     return rows[:, 1:].reshape(size[1], size[0], 3)
 
 
-def test_a_spectrogram_shows_the_tone_at_its_place() -> None:
+def test_spectrogram_tone_position() -> None:
     rate, n_frames, tone = 44_100, 22_050, 1000.0
     t = np.arange(n_frames) / rate
     block = np.sin(2 * np.pi * tone * t)[:, None] * np.ones(2)
@@ -153,11 +153,11 @@ def test_a_spectrogram_shows_the_tone_at_its_place() -> None:
     assert {"20", "1k", "10k"} <= {e.text for e in root.iter("{http://www.w3.org/2000/svg}text")}
 
 
-def test_silence_has_a_picture_too() -> None:
+def test_spectrogram_of_silence() -> None:
     ET.fromstring(sound.picture([np.zeros((100, 1))], 100, 44_100, "nothing"))
 
 
-def test_panels_share_one_time():
+def test_plot_panels_with_common_time_axis():
     """Each as a plot by itself draws it, over the longest time and beside the widest label."""
     t = [i / 100 for i in range(201)]
     slow = Curve("slow", t, [math.sin(3 * x) for x in t])

@@ -60,7 +60,7 @@ def pixels(png: bytes) -> NDArray[np.float64]:
     return frame.to_ndarray(format="rgb24").astype(float)
 
 
-def test_pictures_are_what_the_page_draws_at_their_instants(
+def test_movie_pictures_equal_page_at_instants(
     shown: Shown, page: browser.Page, tmp_path: Path
 ) -> None:
     asked = replace(SMALL, start="1s", end="2s", camera="4")
@@ -75,7 +75,7 @@ def test_pictures_are_what_the_page_draws_at_their_instants(
 
 
 @pytest.mark.parametrize("suffix", [".webm", pytest.param(".mp4", marks=pytest.mark.slow)])
-def test_a_film_has_its_pictures_and_its_sound(shown: Shown, tmp_path: Path, suffix: str) -> None:
+def test_movie_file_with_pictures_and_sound(shown: Shown, tmp_path: Path, suffix: str) -> None:
     asked = replace(SMALL, start="1s", end="3s")
     target = tmp_path / f"film{suffix}"
     built = MovieMaker(target, asked).make(shown)
@@ -101,7 +101,7 @@ def test_a_film_has_its_pictures_and_its_sound(shown: Shown, tmp_path: Path, suf
     assert np.argmax(np.abs(np.fft.rfft(loud))) * rate / len(loud) == pytest.approx(TONE, abs=2)
 
 
-def test_the_camera_goes_from_view_to_view(page: browser.Page) -> None:
+def test_movie_camera_travel_between_views(page: browser.Page) -> None:
     assert page.run("ergon.page.travel([[1, 0], [3, 3]])") is None
     list_of = "({target, distance, yaw, pitch}) => [...target, distance, yaw, pitch]"
     looks = page.run(f"ergon.page.presets.map({list_of})")
@@ -117,7 +117,7 @@ def test_the_camera_goes_from_view_to_view(page: browser.Page) -> None:
     assert page.run("ergon.page.travel([[0, 99]])") == len(looks)
 
 
-def test_the_command_makes_a_film_and_says_so(shown: Shown, tmp_path: Path) -> None:
+def test_view_movie_option_writes_film(shown: Shown, tmp_path: Path) -> None:
     target = tmp_path / "film.webm"
     sizes = ["--size", "64x64", "--fps", "2", "--from", "1s", "--until", "2s"]
     arguments = ["view", str(shown.motion), "--sound", str(shown.sound), "--movie", str(target)]
@@ -144,13 +144,13 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_what_cannot_be_is_refused_before_anything_is_done(name: str, tmp_path: Path) -> None:
+def test_movie_refuses_wrong_options(name: str, tmp_path: Path) -> None:
     options, sentence = REFUSED[name]
     with pytest.raises(OptionError, match=sentence):
         MovieMaker(tmp_path / "film.webm", options)
 
 
-def test_names_that_are_no_film_are_refused(tmp_path: Path) -> None:
+def test_movie_refuses_wrong_file_names(tmp_path: Path) -> None:
     with pytest.raises(OptionError, match=r"films end in \.webm, \.mp4; a name that ends in /"):
         MovieMaker(tmp_path / "film.avi", SMALL)
     (tmp_path / "mine.webm").write_text("mine")
@@ -168,7 +168,7 @@ STRETCHES = {
 
 
 @pytest.mark.parametrize("name", STRETCHES)
-def test_a_stretch_that_is_not_there_is_refused_and_leaves_nothing(
+def test_movie_of_interval_outside_piece_is_refused(
     name: str, shown: Shown, tmp_path: Path
 ) -> None:
     start, end, sentence = STRETCHES[name]
@@ -178,7 +178,7 @@ def test_a_stretch_that_is_not_there_is_refused_and_leaves_nothing(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_browser_that_ends_is_told_and_leaves_nothing(shown: Shown, tmp_path: Path) -> None:
+def test_movie_with_ended_browser_leaves_no_file(shown: Shown, tmp_path: Path) -> None:
     maker = MovieMaker(tmp_path / "film.webm", replace(SMALL, browser="true"))
     with pytest.raises(BrowserError, match="the browser has ended"):
         maker.make(shown)

@@ -89,7 +89,7 @@ def middle(page: browser.Page, near: NDArray[np.float64], radius: float) -> NDAr
     return np.array([x, y])
 
 
-def test_it_loads_without_a_word_and_asks_nobody_else(page: browser.Page, url: str) -> None:
+def test_page_loads_without_errors_or_external_requests(page: browser.Page, url: str) -> None:
     seek(page, 1.5)
     assert page.run(LIT) > 500
     assert page.errors == []
@@ -99,7 +99,7 @@ def test_it_loads_without_a_word_and_asks_nobody_else(page: browser.Page, url: s
     assert page.run("document.title") == "Example: view"
 
 
-def test_every_loudspeaker_has_its_name_and_level(page: browser.Page) -> None:
+def test_page_loudspeaker_labels_and_levels(page: browser.Page) -> None:
     page.press("4")
     seek(page, 2.0)
     result = page.run(
@@ -117,7 +117,7 @@ def test_every_loudspeaker_has_its_name_and_level(page: browser.Page) -> None:
     assert len(items) == 24
 
 
-def test_points_are_where_the_formulas_say(page: browser.Page) -> None:
+def test_page_point_positions_by_formula(page: browser.Page) -> None:
     """At 15 instants in any order; so slowly that nothing strobes."""
     page.run("ergon.page.clock.slow = 9")
     parts = [("sky", CELLS), ("wire", 40), ("disc", 60), ("plate", 50), ("keys", 2)]
@@ -132,7 +132,7 @@ def test_points_are_where_the_formulas_say(page: browser.Page) -> None:
             assert off < 5e-3 * peak, f"{name} at {t} s: {off} m of {peak} m"
 
 
-def test_what_strobes_is_drawn_as_its_sweep(page: browser.Page) -> None:
+def test_page_draws_fast_points_as_sweep(page: browser.Page) -> None:
     seek(page, 1.6)
     z, sweep = np.array(
         page.run("[Array.from(ergon.page.motion.z), Array.from(ergon.page.motion.sweep)]")
@@ -150,7 +150,7 @@ def test_what_strobes_is_drawn_as_its_sweep(page: browser.Page) -> None:
     assert largest == pytest.approx(sweep[loudest], rel=0.02)
 
 
-def test_a_spark_meets_its_target_in_the_frame_of_its_instant(page: browser.Page) -> None:
+def test_page_spark_at_target_at_its_instant(page: browser.Page) -> None:
     alone(page, "sparks")
     page.run("ergon.page.clock.slow = 9")  # so that no other is near, and cells go slowly
     for e in PIECE.ergons[5:400:40]:
@@ -163,7 +163,7 @@ def test_a_spark_meets_its_target_in_the_frame_of_its_instant(page: browser.Page
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
-def test_a_spark_comes_down_on_the_vertical_and_goes_back(page: browser.Page, sign: int) -> None:
+def test_page_spark_path_before_and_after_impact(page: browser.Page, sign: int) -> None:
     alone(page, "sparks")
     e = next(e for e in PIECE.ergons[10:] if np.sign(e.impulse) == sign)
     target = PIECE.xyz[:, e.point].tolist()
@@ -179,7 +179,7 @@ def test_a_spark_comes_down_on_the_vertical_and_goes_back(page: browser.Page, si
         assert np.hypot(*(middle(page, wanted, 12) - wanted)) < 3, (e, early)
 
 
-def test_a_point_is_told_of_where_the_pointer_is(page: browser.Page) -> None:
+def test_page_point_details_under_pointer(page: browser.Page) -> None:
     e = next(e for e in PIECE.ergons if e.point < CELLS)
     seek(page, e.t + 0.01)
     factor = page.run("ergon.page.motion.exaggeration(0)")
@@ -198,7 +198,7 @@ def test_a_point_is_told_of_where_the_pointer_is(page: browser.Page) -> None:
     assert lines[-1] == "rain, example.yaml:12"
 
 
-def test_point_that_nothing_has_struck_is_at_rest(page: browser.Page) -> None:
+def test_page_details_of_unstruck_point(page: browser.Page) -> None:
     first = min(e.t for e in PIECE.ergons if e.point < CELLS)
     seek(page, first / 2)
     point = next(e.point for e in PIECE.ergons if e.point < CELLS)
@@ -209,7 +209,7 @@ def test_point_that_nothing_has_struck_is_at_rest(page: browser.Page) -> None:
     assert not [line for line in lines if "?" in line or "±" in line]
 
 
-def test_pictures_a_second_while_it_runs(page: browser.Page) -> None:
+def test_page_frame_rate_display(page: browser.Page) -> None:
     bar = "document.getElementById('bar').textContent"
     page.run("ergon.page.look.frameRate = true; ergon.page.play(true); ergon.page.clock.slow = 3")
     until(lambda: re.search(r"\b[1-9]\d* pictures a second", page.run(bar)), "a rate")
@@ -218,7 +218,7 @@ def test_pictures_a_second_while_it_runs(page: browser.Page) -> None:
     page.run("ergon.page.play(false)")
 
 
-def test_every_key_does_what_it_says(page: browser.Page) -> None:
+def test_page_keys_change_state(page: browser.Page) -> None:
     def state() -> str:
         return page.run(
             "JSON.stringify([ergon.page.clock, ergon.page.camera, ergon.page.look,"
@@ -245,9 +245,7 @@ def test_every_key_does_what_it_says(page: browser.Page) -> None:
     assert page.errors == []
 
 
-def test_the_picture_is_shifted_on_all_ports_of_a_machine(
-    chromium: browser.Browser, motion: Path
-) -> None:
+def test_page_time_shift_shared_by_ports(chromium: browser.Browser, motion: Path) -> None:
     def opened(page: browser.Page) -> str:
         server = _core.ViewServer(motion, key=browser.KEY)
         try:
@@ -266,7 +264,7 @@ def test_the_picture_is_shifted_on_all_ports_of_a_machine(
         page.run("ergon.page.alignment.shift(-0.01)")
 
 
-def test_parts_are_hidden_dimmed_and_alone(page: browser.Page) -> None:
+def test_page_parts_hidden_dimmed_and_alone(page: browser.Page) -> None:
     seek(page, 1.5)
     page.run("for (const k of ['speakers', 'sparks']) ergon.page.drawing.show[k] = false")
 
@@ -289,7 +287,7 @@ def test_parts_are_hidden_dimmed_and_alone(page: browser.Page) -> None:
     assert words.startswith("sky ×")
 
 
-def test_time_goes_as_it_is_told(page: browser.Page) -> None:
+def test_page_clock_speed_and_loop(page: browser.Page) -> None:
     """A clock that the test makes: nothing depends on how fast this machine draws."""
     script = """(async () => {
       const {Clock} = await import(new URL('clock.js', document.baseURI));
@@ -309,7 +307,7 @@ def test_time_goes_as_it_is_told(page: browser.Page) -> None:
     assert "×1/1000" in page.run("document.getElementById('bar').textContent")
 
 
-def test_damage_is_told_and_what_came_before_is_drawn(
+def test_page_of_damaged_file_draws_valid_part(
     chromium: browser.Browser, motion: Path, tmp_path: Path
 ) -> None:
     complete = bytearray(motion.read_bytes())
@@ -381,9 +379,7 @@ CHANGED = f"""(async () => {{
 }})()"""
 
 
-def test_flashes_cover_less_than_what_counts_as_one(
-    chromium: browser.Browser, tmp_path: Path
-) -> None:
+def test_page_flash_area_below_wcag_limit(chromium: browser.Browser, tmp_path: Path) -> None:
     """WCAG 2.3.1: a quarter of 341 × 256 px in 1024 × 768. What `--strobe` allows is more."""
     path = tmp_path / "storm.motion"
     path.write_bytes(storm())
@@ -402,7 +398,7 @@ def test_flashes_cover_less_than_what_counts_as_one(
     assert shares["t=0&strobe"] > 2 * allowed
 
 
-def test_a_key_touches_where_its_body_is(page: browser.Page) -> None:
+def test_page_contact_light_at_key_position(page: browser.Page) -> None:
     """Keys stand apart: half way between the two is nothing."""
     seek(page, 1.51)
     alone(page, "contacts")
@@ -412,7 +408,7 @@ def test_a_key_touches_where_its_body_is(page: browser.Page) -> None:
     assert np.abs(middle(page, position, 20) - position).max() < 1
 
 
-def test_keys_at_rest_are_seen(page: browser.Page) -> None:
+def test_page_contrast_of_resting_keys(page: browser.Page) -> None:
     """A contrast of three to one with the background, as WCAG 1.4.11 asks of what is no text."""
     alone(page, "points")
     seek(page, 0.0)
@@ -434,7 +430,7 @@ def luminance(rgb: Sequence[float]) -> float:
     return float(linear @ (0.2126, 0.7152, 0.0722)) + 0.05
 
 
-def test_who_wants_less_motion_gets_a_still_page(chromium: browser.Browser, url: str) -> None:
+def test_page_with_reduced_motion_starts_paused(chromium: browser.Browser, url: str) -> None:
     with chromium.page(WIDTH, HEIGHT) as page:
         page.call(
             "Emulation.setEmulatedMedia",
@@ -453,9 +449,7 @@ def test_who_wants_less_motion_gets_a_still_page(chromium: browser.Browser, url:
         assert page.run(LIT) > 0
 
 
-def test_a_stage_shows_the_picture_alone_and_is_black_when_the_line_is_lost(
-    chromium: browser.Browser, motion: Path
-) -> None:
+def test_page_in_stage_mode_and_lost_connection(chromium: browser.Browser, motion: Path) -> None:
     server = _core.ViewServer(motion, key=browser.KEY)
     place = server.url.removeprefix("http://").split("/")[0]
     with chromium.page(WIDTH, HEIGHT) as page:
@@ -475,7 +469,7 @@ def test_a_stage_shows_the_picture_alone_and_is_black_when_the_line_is_lost(
         again.close()
 
 
-def test_a_key_in_the_address_opens_the_page(chromium: browser.Browser, motion: Path) -> None:
+def test_page_opens_with_key_in_address(chromium: browser.Browser, motion: Path) -> None:
     server = _core.ViewServer(motion, address="0.0.0.0:0", key=browser.KEY)
     assert server.url.endswith(f"/{browser.KEY}/")
     with chromium.page(WIDTH, HEIGHT) as page:
@@ -488,7 +482,7 @@ def test_a_key_in_the_address_opens_the_page(chromium: browser.Browser, motion: 
         _core.ViewServer(motion, address="0.0.0.0:0", key="0")
 
 
-def test_a_page_shows_what_its_server_has_file_or_live(
+def test_page_switches_between_file_and_live_server(
     chromium: browser.Browser, motion: Path
 ) -> None:
     """Another server on the port of the last: the page that is open shows what is there."""

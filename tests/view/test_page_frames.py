@@ -95,7 +95,7 @@ def test_page_decodes_engine_motion(
     assert (np.ptp(moved, axis=0) > 1e-6).sum() > 50
 
 
-def test_format_long_factor(chromium: browser.Browser, tmp_path: Path) -> None:
+def test_page_text_of_very_large_exaggeration(chromium: browser.Browser, tmp_path: Path) -> None:
     """Of a part whose displacements are too small to be seen, and of one that moves by 1 nm."""
     server = _core.ViewServer(PIECE.write(tmp_path / "a.motion"), key=browser.KEY)
     try:

@@ -60,7 +60,7 @@ def chromium() -> Iterator[browser.Browser]:
 
 
 @pytest.mark.parametrize("size", [(1280, 720), (640, 640), (500, 900)])
-def test_first_view_fills_windows_of_any_shape(
+def test_page_first_view_fills_any_window_shape(
     chromium: browser.Browser, url: str, size: tuple[int, int]
 ) -> None:
     with chromium.page(*size) as page:
@@ -73,7 +73,7 @@ def test_first_view_fills_windows_of_any_shape(
     assert ((high - low) / (0.86, 0.76)).max() == pytest.approx(1.0, abs=0.01)
 
 
-def test_labels_cover_no_other(chromium: browser.Browser, url: str) -> None:
+def test_page_labels_without_overlap(chromium: browser.Browser, url: str) -> None:
     with chromium.page(1280, 720) as page:
         page.open(f"{url}?t=1.4")
         for view in range(4):
@@ -87,7 +87,7 @@ def test_labels_cover_no_other(chromium: browser.Browser, url: str) -> None:
                     assert across <= 2 or down <= 3, (view, name, other)
 
 
-def test_contrast_in_projector_mode(chromium: browser.Browser, url: str) -> None:
+def test_page_contrast_in_projector_mode(chromium: browser.Browser, url: str) -> None:
     """Contrast by WCAG 2.2 against the background: what rests at the beginning is seen."""
     with chromium.page(1280, 720) as page:
         page.open(f"{url}?t=0")
@@ -104,7 +104,7 @@ def test_contrast_in_projector_mode(chromium: browser.Browser, url: str) -> None
     assert (bright + 0.05).min() / (ground + 0.05) >= 4.5
 
 
-def test_dome_view_with_loudspeakers(chromium: browser.Browser, url: str) -> None:
+def test_page_dome_view_with_loudspeakers(chromium: browser.Browser, url: str) -> None:
     with chromium.page(1280, 720) as page:
         page.open(f"{url}?t=0")
         page.run("ergon.page.preset(1); ergon.page.one(0)")

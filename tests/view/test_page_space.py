@@ -21,7 +21,7 @@ def chromium() -> Iterator[browser.Browser]:
 
 
 @pytest.mark.parametrize("axes", [2, 3])
-def test_a_thrown_ball_is_where_it_flies(
+def test_page_thrown_ball_position(
     chromium: browser.Browser, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, axes: int
 ):
     monkeypatch.chdir(tmp_path)
@@ -86,7 +86,7 @@ MIDDLE = """(() => {
 })()"""
 
 
-def test_a_spring_that_broke_is_not_drawn(
+def test_page_hides_broken_spring(
     chromium: browser.Browser, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -129,7 +129,7 @@ render: {tail: 0.5s}
 """
 
 
-def test_a_plate_lies_where_its_surface_is(
+def test_page_plate_drawn_at_its_surface(
     chromium: browser.Browser, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Its masses are drawn there, exaggerated as without a surface; a tie ends at one of them."""

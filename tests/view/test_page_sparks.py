@@ -43,7 +43,7 @@ def film(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return Path("bell.motion")
 
 
-def test_each_spark_meets_the_key_from_below_or_above_by_its_sign(film: Path) -> None:
+def test_page_sparks_meet_key_by_sign(film: Path) -> None:
     replica = Replica(film.read_bytes())
     key = replica.names.index("k1")
     output = [

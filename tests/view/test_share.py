@@ -78,7 +78,7 @@ def pixels(page: browser.Page, t: float) -> NDArray[np.uint8]:
 
 
 @pytest.mark.parametrize("name", ["all-kinds", "bell", "title"])
-def test_shared_file_plays_and_asks_nobody(
+def test_shared_file_plays_without_network(
     name: str, chromium: browser.Browser, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     path, motion = shared(name, tmp_path, monkeypatch)
@@ -154,7 +154,7 @@ def test_shared_title_is_text(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     assert "<img" not in text
 
 
-def test_shared_file_has_a_largest_size(
+def test_shared_file_size_limit(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
     monkeypatch.chdir(tmp_path)
@@ -199,7 +199,7 @@ def test_check_estimate_within_a_factor_of_the_size(name: str, tmp_path: Path):
         check_estimate(prepared, tmp_path / "a.html", size / 8.0)
 
 
-def test_page_that_changed_is_not_shared_wrongly():
+def test_shared_page_with_changed_source_is_refused():
     """The words of the address are put in at the one place where the page reads them."""
     files = {"": "<!doctype html>", "main.js": "", "icon.svg": "", "style.css": ""}
     with pytest.raises(ValueError, match="words of its address"):

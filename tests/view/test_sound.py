@@ -58,7 +58,7 @@ def sounds(page: browser.Page) -> bool:
     return page.run("ergon.page.sound.sounds")
 
 
-def test_it_sounds_while_the_picture_runs_and_the_picture_follows_it(page: browser.Page) -> None:
+def test_page_sound_follows_running_picture(page: browser.Page) -> None:
     assert page.run(f"{AUDIO}.duration") == pytest.approx(SECONDS + 20)
     assert not sounds(page)
     page.press(" ")
@@ -73,7 +73,7 @@ def test_it_sounds_while_the_picture_runs_and_the_picture_follows_it(page: brows
     until(lambda: not sounds(page), "silence")
 
 
-def test_it_goes_where_the_picture_goes_and_is_silent_where_time_is_slow(
+def test_page_sound_seeks_and_silent_in_slow_time(
     page: browser.Page,
 ) -> None:
     page.press(" ")
@@ -91,7 +91,7 @@ def test_it_goes_where_the_picture_goes_and_is_silent_where_time_is_slow(
     assert "no sound" in page.run("document.getElementById('bar').textContent")
 
 
-def test_a_loop_takes_the_sound_back(page: browser.Page) -> None:
+def test_page_sound_in_loop(page: browser.Page) -> None:
     page.run("{ const {clock} = ergon.page; clock.loop = [0.2, 0.7]; ergon.page.play(true); }")
     listened: set[int] = set()
 
@@ -103,9 +103,7 @@ def test_a_loop_takes_the_sound_back(page: browser.Page) -> None:
     until(went_back, "the loop")
 
 
-def test_without_a_key_or_click_a_browser_may_refuse_and_is_asked_again(
-    motion: Path, tmp_path: Path
-) -> None:
+def test_page_sound_after_refused_autoplay(motion: Path, tmp_path: Path) -> None:
     flag = "--autoplay-policy=document-user-activation-required"
     server = _core.ViewServer(motion, sound=tone(tmp_path / "a.wav", SECONDS), key=browser.KEY)
     try:
@@ -125,7 +123,7 @@ def test_without_a_key_or_click_a_browser_may_refuse_and_is_asked_again(
         server.close()
 
 
-def test_what_is_no_sound_is_told_and_the_picture_goes_on(
+def test_page_with_unplayable_sound(
     chromium: browser.Browser, motion: Path, tmp_path: Path
 ) -> None:
     (tmp_path / "a.wav").write_bytes(b"no sound at all")

@@ -44,7 +44,7 @@ def labels_are_apart(picture: str) -> None:
 
 @pytest.mark.parametrize("span", [(20.0, 5000.0), (0.01, 20000.0), (430.0, 460.0), (90.0, 130.0)])
 @pytest.mark.parametrize("names", [1, 3])
-def test_an_admittance(span: tuple[float, float], names: int):
+def test_admittance_picture_labels_and_curves(span: tuple[float, float], names: int):
     f = [span[0] * (span[1] / span[0]) ** (i / 50) for i in range(51)]
     curves = [
         Curve(f"velocity of a-long-name.of-a-mass.{i}", f, [i - x / 9 for x in f])
@@ -62,7 +62,7 @@ def test_an_admittance(span: tuple[float, float], names: int):
 
 
 @pytest.mark.parametrize("count", [0, 1, 5, 60, 90])
-def test_a_stave(count: int):
+def test_stave_picture_of_mode_counts(count: int):
     modes = [
         PitchedMode(110.0 * (1 + i * 0.03), (7.0 * i) % 100 - 50, f"{i + 1}  Eb4 −12.3  12.5 s")
         for i in range(count)
@@ -77,7 +77,7 @@ def test_a_stave(count: int):
     assert ("the first 60 of 90 modes" in picture) == (count == 90)
 
 
-def test_a_dot_of_a_stave_stands_at_its_cents_and_its_pitch():
+def test_stave_picture_dot_position():
     modes = [PitchedMode(440.0, 0.0, "A4"), PitchedMode(440.0 * 2 ** (0.25 / 12), 25.0, "A4 +25")]
     picture = structure.stave([("a", modes)], title="")
     (x0, y0), (x1, y1) = sorted(
@@ -93,7 +93,7 @@ def test_a_dot_of_a_stave_stands_at_its_cents_and_its_pitch():
     assert y0 - y1 == pytest.approx(height * 0.25 / 12, abs=0.11)
 
 
-def test_shapes_of_a_row_and_of_a_plate():
+def test_shape_pictures_of_row_and_plate():
     n = 24
     row = [
         Shape(

@@ -238,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn is_read_to_the_last_bit() {
+    fn archive_read_back_to_the_last_bit() {
         let mut state = Sample {
             x: vec![0.1, -0.0, f64::NAN],
             n: 7,
@@ -256,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_is_refused() {
+    fn archive_of_cut_or_wrong_bytes_is_damaged() {
         let mut state = Sample {
             x: vec![1.0; 3],
             n: 7,
@@ -275,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn a_state_is_compared_and_stays() {
+    fn archive_same_compares_without_changing_a_state() {
         let mut state = Sample {
             x: vec![0.0, f64::NAN],
             n: 7,
@@ -299,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn a_state_is_noted_where_there_is_room() {
+    fn archive_note_within_and_beyond_capacity() {
         let mut state = vec![1.0_f64; 8];
         for (room, is_noted) in [(63, false), (64, true), (200, true)] {
             let mut bytes = Vec::with_capacity(room);
@@ -311,7 +311,7 @@ mod tests {
     }
 
     #[test]
-    fn a_list_asks_for_no_more_than_there_is() {
+    fn archive_list_with_wrong_length_is_damaged() {
         let mut list = vec![1.0_f64, 2.0];
         let mut bytes = Vec::new();
         Archive::Write(&mut bytes).list(&mut list).unwrap();

@@ -116,7 +116,7 @@ mod tests {
     /// hashlib.sha256(b"20181110/strikes/rain/3/1").digest(); then numpy.random.PCG64 with
     /// inc = stream << 1 | 1 and state = (state + inc)·multiplier + inc (mod 2**128): random_raw(3).
     #[test]
-    fn as_numpy() {
+    fn chance_draws_equal_numpy() {
         let mut chance = chance("rain");
         assert_eq!([0; 3].map(|_: u64| chance.0.next_u64()), NUMPY);
     }
@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn stays_in_range() {
+    fn chance_draws_stay_in_range() {
         let mut chance = chance("rain");
         for _ in 0..100_000 {
             assert!((0.1..0.3).contains(&chance.uniform(0.1, 0.3)));
@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn keys_share_nothing() {
+    fn chance_of_other_keys_differs() {
         let first = |mut c: Chance| c.0.next_u64();
         let base = first(chance("rain"));
         for other in [
@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn rain_falls_at_its_rate_and_a_longer_one_begins_alike() {
+    fn poisson_times_have_their_rate_and_equal_beginnings() {
         let fall = |stop: f64| {
             let mut chance = chance("rain");
             let mut times = chance.poisson_times(50.0, 2.0, stop);

@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sine_has_its_speed_and_acceleration() {
+    fn derivatives_of_a_sine() {
         for (f, first, second) in [
             (220.0, -130.0, -130.0),
             (2_000.0, -130.0, -130.0),
@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn blocks_change_nothing() {
+    fn derivatives_in_blocks_of_any_size() {
         let noise: Vec<f64> = (0..1000)
             .map(|i| sincos(f64::from(i * i % 7919)).0)
             .collect();

@@ -226,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn ends_at_the_poll_that_says_so() {
+    fn until_ends_at_the_first_positive_poll() {
         let (ask, polls) = ask_until(3);
         let done = Cell::new(0);
         let end = until(ask, || {
@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn asks_nobody_outside() {
+    fn until_polls_only_within_its_computation() {
         let (ask, polls) = ask_until(1);
         assert_eq!(until(ask, || 7), Ok(7));
         poll();
@@ -248,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn an_inner_computation_has_its_own_question() {
+    fn until_with_an_inner_computation() {
         let (outer, polls) = ask_until(2);
         let ended = until(outer, || {
             poll();
@@ -260,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn long_loops_poll_once_in_a_stride() {
+    fn steps_and_each_poll_once_in_a_stride() {
         for n in [0, 1, STRIDE, STRIDE + 1, 3 * STRIDE] {
             let list = vec![7; n];
             for work in [
@@ -276,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn threads_end_with_the_computation_that_they_share() {
+    fn on_threads_ends_with_its_computation() {
         for last_poll in [1, 2, 40] {
             let (ask, polls) = ask_until(last_poll);
             let others = AtomicBool::new(false);
@@ -297,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn threads_that_nobody_asks_end_by_themselves() {
+    fn on_threads_without_a_computation_runs_each_thread() {
         let runs = std::sync::atomic::AtomicUsize::new(0);
         on_threads(4, || {
             poll();
@@ -307,7 +307,7 @@ mod tests {
     }
 
     #[test]
-    fn a_panic_of_another_thread_goes_on() {
+    fn on_threads_passes_a_panic_on() {
         let leader = thread::current().id();
         let work = || assert_eq!(thread::current().id(), leader, "another thread");
         for is_asked in [true, false] {
@@ -324,7 +324,7 @@ mod tests {
     }
 
     #[test]
-    fn a_panic_goes_on() {
+    fn until_passes_a_panic_on() {
         let (ask, _) = ask_until(9);
         let panicked = catch_unwind(AssertUnwindSafe(|| until(ask, || panic!("other"))));
         assert!(panicked.is_err());

@@ -42,7 +42,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn power_law_of_halves_and_of_others() {
+    fn power_law_of_halves_and_other_exponents() {
         for halves in -3..=12 {
             for exponent in [0.5 * f64::from(halves), 0.5 * f64::from(halves) + 0.1] {
                 for p in [1e-9, 0.37, 1.0, 12.5] {

@@ -104,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn high_pass_is_butterworth() {
+    fn high_pass_section_is_butterworth() {
         for (cutoff, rate, f) in [
             (8.0, 44_100.0, 8.0),
             (8.0, 44_100.0, 1.0),

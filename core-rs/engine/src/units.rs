@@ -76,7 +76,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_rate_is_positive() {
+    fn rate_from_positive_numbers_only() {
         assert_eq!(Rate::new(44_100.0).map(Rate::hertz), Ok(44_100.0));
         assert_eq!(Rate::new(4.0).map(Rate::step), Ok(0.25));
         for bad in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e-310] {

@@ -7,14 +7,14 @@ mod gesture;
 mod struck_string;
 
 #[test]
-fn a_gesture_takes_its_key_along_the_path() {
+fn gesture_example_moves_its_key_along_the_path() {
     let x = gesture::path().unwrap();
     assert!((x[4410] - 6e-3).abs() < 1e-8, "{}", x[4410]); // 100 ms
     assert!(x[13_230].abs() < 1e-8, "{}", x[13_230]); // 300 ms: at rest where it began
 }
 
 #[test]
-fn a_struck_string_sounds_at_its_pitch() {
+fn struck_string_example_sounds_at_its_pitch() {
     let x = struck_string::sound().unwrap();
     assert!(x[..441].iter().all(|x| *x == 0.0)); // before the strike
     // 61 springs of 50 kN/m between 60 masses of 1 g and two fixed ends: sqrt(K/M)/π·sin(π/122) = 57.95 Hz.

@@ -63,7 +63,7 @@ fn strings() -> (Network, Timeline) {
 }
 
 #[test]
-fn a_large_body_is_planned_and_computed_with_many_looks() {
+fn plan_and_simulation_of_large_bodies_poll_often() {
     let (network, timeline) = strings();
     let network = Arc::new(network);
     let budget = Budget::Method(Method::Ca);
@@ -79,7 +79,7 @@ fn a_large_body_is_planned_and_computed_with_many_looks() {
 }
 
 #[test]
-fn threads_that_compute_bodies_end_with_the_computation() {
+fn simulation_threads_end_with_an_interrupted_computation() {
     let (network, timeline) = strings();
     let budget = Budget::Method(Method::Ca);
     let plan = Plan::new(Arc::new(network), &timeline, &budget, None).unwrap();

@@ -32,14 +32,14 @@ fn allocations(simulation: &mut Simulation, out: &mut [f64]) -> u32 {
 }
 
 #[test]
-fn the_allocator_is_watched() {
+fn allocator_counts_violations() {
     reset_violation_count();
     drop(assert_no_alloc(|| Vec::<u8>::with_capacity(100)));
     assert!(violation_count() > 0);
 }
 
 #[test]
-fn a_playing_scene_does_not_allocate() {
+fn process_of_random_scenes_does_not_allocate() {
     for seed in 0..60 {
         let scene = Scene::random(seed);
         let mut simulation = scene.simulation(options(OnFault::Stop));
@@ -59,13 +59,13 @@ fn a_playing_scene_does_not_allocate() {
 
 /// Looking only copies: masses, cells, modes, the strongest push of each contact, and the strikes of written hands.
 #[test]
-fn looking_does_not_allocate() {
+fn look_does_not_allocate() {
     look(0..4);
 }
 
 #[test]
 #[ignore = "minutes: make test-long"]
-fn many_looks_do_not_allocate() {
+fn look_at_many_scenes_does_not_allocate() {
     look(4..20);
 }
 
@@ -102,7 +102,7 @@ fn look(seeds: Range<u64>) {
 /// A key of two masses that is computed once in ten frames, and a bell that it pulls: the key is led, thrown by grains
 /// and struck.
 #[test]
-fn a_slow_key_does_not_allocate() {
+fn slow_key_does_not_allocate() {
     let mut network = Network::new();
     network.part("key", None);
     network.macrostep(10);
@@ -168,13 +168,13 @@ fn a_slow_key_does_not_allocate() {
 
 /// One simulation takes over from another while both play any scene.
 #[test]
-fn a_take_over_does_not_allocate() {
+fn take_over_does_not_allocate() {
     take_over(0..4);
 }
 
 #[test]
 #[ignore = "minutes: make test-long"]
-fn many_take_overs_do_not_allocate() {
+fn take_over_of_many_scenes_does_not_allocate() {
     take_over(4..100);
 }
 
@@ -203,7 +203,7 @@ fn take_over(seeds: Range<u64>) {
 
 /// A gong and a key at rest are tested for rest, skipped, forked, struck live, and tested again.
 #[test]
-fn what_comes_to_rest_and_wakes_does_not_allocate() {
+fn rest_and_wake_do_not_allocate() {
     let mut network = Network::new();
     network.part("gong", None);
     let topology = plate(Shape::Hex, 6, Rim::Fixed).unwrap();
@@ -303,7 +303,7 @@ fn finer_frames_do_not_allocate() {
 
 /// The same when the method of a body changes at a takeover: modes to other modes, modes to masses, and back.
 #[test]
-fn a_body_that_changes_does_not_allocate() {
+fn take_over_with_another_method_does_not_allocate() {
     let string = |k: f64| {
         let mut network = Network::new();
         network.part("string", None);
@@ -356,7 +356,7 @@ fn a_body_that_changes_does_not_allocate() {
 
 /// Points with contacts and sliding history between all pairs: from the first frame on, and once they lie in a heap.
 #[test]
-fn a_crowd_that_rubs_does_not_allocate() {
+fn friction_between_all_pairs_does_not_allocate() {
     let (side, gap, n) = (5, 8e-3, 125);
     let mut network = Network::new();
     network.part("sand", None);

@@ -110,14 +110,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn tells_what_was_granted() {
+    fn request_names_the_granted_rights() {
         let text = std::thread::spawn(|| request(PHYSICS_PRIORITY).to_string());
         let text = text.join().expect("the thread ends");
         assert!(text.contains("memory"), "{text}");
     }
 
     #[test]
-    fn sleeps_until_the_instant() {
+    fn sleep_until_the_instant() {
         let instant = Instant::now() + Duration::from_millis(5);
         let late = sleep_until(instant);
         assert!(Instant::now() >= instant + late);

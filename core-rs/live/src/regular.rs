@@ -35,7 +35,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_folder_and_a_device_are_refused() {
+    fn open_refuses_folders_and_devices() {
         for path in [std::env::temp_dir().as_path(), Path::new("/dev/zero")] {
             assert!(open(path).is_err(), "{}", path.display());
         }

@@ -17,7 +17,7 @@ use ergon_live::safety::{Guarded, Limits};
 static ALLOCATOR: AllocDisabler = AllocDisabler;
 
 #[test]
-fn an_exchange_does_not_allocate() {
+fn exchange_with_each_device_does_not_allocate() {
     // The emulators run in threads of their own, and violations are counted per thread.
     for (kind, protocol, transport, how) in [
         (

@@ -123,7 +123,7 @@ fn device_stats(device: &Guarded) -> device::Stats {
 }
 
 #[test]
-fn in_lockstep_only_the_order_counts() {
+fn lockstep_session_is_independent_of_pace() {
     for (wire, (kind, ..)) in WIRES.iter().enumerate() {
         let (path, _) = session(wire, 0);
         let peak = path.iter().fold(0.0, |peak: f64, x| peak.max(*x));
@@ -159,7 +159,7 @@ fn integers_are_equal_on_every_wire() {
 }
 
 #[test]
-fn the_position_hash_repeats_by_any_pace() {
+fn position_hash_is_independent_of_pace() {
     for wire in [0, 3] {
         let (_, fast) = session(wire, 0);
         let (_, slow) = session(wire, 20);
@@ -202,7 +202,7 @@ fn duet(kind: &str, protocol: Protocol, transport: Transport, how: &str, k: f64)
 }
 
 #[test]
-fn two_hands_feel_each_other() {
+fn hands_feel_each_other_through_a_coupling() {
     let udp = Transport::Udp(0);
     let free = duet("frame+udp", Protocol::Frame, udp, "lockstep&wide", 0.0);
     assert_eq!(free[1], 0.0, "nothing ties them");
@@ -223,7 +223,7 @@ fn two_hands_feel_each_other() {
 }
 
 #[test]
-fn a_device_that_dies_gets_no_more_force() {
+fn dead_device_receives_zero_force() {
     let mut options = options(Protocol::Frame, Transport::Udp(0), 1, vec![Hand::Resting]);
     options.board.lockstep = false;
     let emulator = Emulator::start(options);
@@ -250,7 +250,7 @@ fn a_device_that_dies_gets_no_more_force() {
 
 /// The first reply after a silence reports it, and a later one no longer does.
 #[test]
-fn a_device_that_let_go_says_so_once() {
+fn let_go_is_reported_once() {
     let mut options = options(Protocol::Frame, Transport::Udp(0), 1, vec![Hand::Resting]);
     options.board.lockstep = false;
     let emulator = Emulator::start(options);
@@ -279,7 +279,7 @@ fn a_device_that_let_go_says_so_once() {
 }
 
 #[test]
-fn a_serial_device_that_dies_is_gone() {
+fn dead_serial_device_is_gone() {
     let emulator = Emulator::start(options(Protocol::FireFader, Transport::Terminal, 2, vec![]));
     let mut device = guard(emulator.open("firefader", "lockstep"));
     emulator.end();
@@ -296,7 +296,7 @@ fn a_serial_device_that_dies_is_gone() {
 const EXCHANGES_MAX: usize = 600_000;
 
 #[test]
-fn by_the_wall_a_frame_says_how_late_and_how_fast_it_is() {
+fn frame_without_lockstep_reports_time_and_velocity() {
     let mut options = options(
         Protocol::Frame,
         Transport::Udp(0),
@@ -327,7 +327,7 @@ fn by_the_wall_a_frame_says_how_late_and_how_fast_it_is() {
 }
 
 #[test]
-fn a_service_is_told_when_its_host_falls_silent() {
+fn service_with_a_silent_host_receives_zero() {
     let mut options = options(
         Protocol::Haply,
         Transport::WebSocket(0),
@@ -363,7 +363,7 @@ fn a_service_is_told_when_its_host_falls_silent() {
 }
 
 #[test]
-fn what_is_not_there_is_named() {
+fn open_of_missing_devices_names_them() {
     let fails = |text: &str| device::open(&Url::parse(text).unwrap()).err().unwrap();
     let error = fails("firefader:/dev/no-such-port");
     assert!(matches!(error, DeviceError::Closed { .. }), "{error}");
@@ -383,7 +383,7 @@ fn what_is_not_there_is_named() {
 }
 
 #[test]
-fn a_real_board_has_its_own_time() {
+fn lockstep_with_a_real_time_board_is_refused() {
     let mut options = options(Protocol::Frame, Transport::Udp(0), 1, vec![]);
     options.board.lockstep = false;
     let emulator = Emulator::start(options);
@@ -457,7 +457,7 @@ fn ended(kind: &str, mut options: Options, end: End) -> Emulator {
 }
 
 #[test]
-fn a_host_that_is_killed_leaves_no_force() {
+fn killed_host_leaves_no_force() {
     let frame = options(Protocol::Frame, Transport::Udp(0), 1, vec![Hand::Resting]);
     let fader = options(
         Protocol::FireFader,
@@ -508,7 +508,7 @@ fn is_back(x: f64) -> bool {
 }
 
 #[test]
-fn whoever_ends_a_host_frees_the_hand() {
+fn ended_host_releases_the_hand() {
     // 1 N on 100 N/m gives 10 mm. Nothing can be sent after SIGKILL, which shows that the other ends do send zero.
     let signals = [
         libc::SIGKILL,

@@ -32,7 +32,7 @@ fn guarded(device: Box<dyn Device>) -> Guarded {
 }
 
 #[test]
-fn a_clock_is_never_early() {
+fn checkup_clock_is_never_early() {
     let result = std::thread::spawn(|| checkup::<Box<dyn Device>>(None, PERIOD, 300, &GO));
     let result = result.join().unwrap().unwrap();
     assert_eq!(result.lateness.len(), 300);
@@ -41,7 +41,7 @@ fn a_clock_is_never_early() {
 }
 
 #[test]
-fn every_force_is_answered_or_counted() {
+fn checkup_counts_answered_and_lost_forces() {
     let emulator = udp(true);
     let mut device = guarded(emulator.open("frame+udp", "lockstep&wide"));
     let result = checkup(Some(&mut device), PERIOD, 500, &GO).unwrap();
@@ -77,7 +77,7 @@ fn every_force_is_answered_or_counted() {
 }
 
 #[test]
-fn a_device_is_opened_with_what_is_known_of_its_axes() {
+fn with_calibration_applies_known_axes() {
     let emulator = udp(true);
     let device = emulator.open("frame+udp", "lockstep&wide");
     let plain = Axis::plain(device.spec());
@@ -98,7 +98,7 @@ fn a_device_is_opened_with_what_is_known_of_its_axes() {
 }
 
 #[test]
-fn it_ends_when_it_is_told_to() {
+fn checkup_with_a_set_stop_ends() {
     let stop = AtomicBool::new(true);
     let result = checkup::<Box<dyn Device>>(None, PERIOD, 1000, &stop).unwrap();
     assert!(result.lateness.is_empty());

@@ -67,7 +67,7 @@ fn board() -> Option<(Board, String)> {
 }
 
 #[test]
-fn the_sketch_is_a_device() {
+fn firmware_sketch_acts_as_a_device() {
     let Some((mut board, path)) = board() else {
         return;
     };

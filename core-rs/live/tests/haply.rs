@@ -62,7 +62,7 @@ fn let_go_by(reply: Reply) {
 }
 
 #[test]
-fn what_a_former_host_left_is_taken_back_at_once() {
+fn open_zeroes_the_force_of_a_former_host() {
     let service = Service::start();
     let device = open(&service.url);
     service.until_zero();
@@ -70,17 +70,17 @@ fn what_a_former_host_left_is_taken_back_at_once() {
 }
 
 #[test]
-fn a_silent_service_is_told_zero_without_a_reply() {
+fn silent_service_receives_zero_without_a_reply() {
     let_go_by(Reply::SilentUntilZero);
 }
 
 #[test]
-fn a_service_that_tells_no_state_is_told_zero() {
+fn service_without_a_state_receives_zero() {
     let_go_by(Reply::EmptyUntilZero);
 }
 
 #[test]
-fn a_service_that_never_answers_again_is_gone() {
+fn service_without_replies_is_gone() {
     let service = Service::start();
     let mut device = open(&service.url);
     let start = Instant::now();
@@ -98,7 +98,7 @@ fn a_service_that_never_answers_again_is_gone() {
 }
 
 #[test]
-fn a_service_that_hangs_up_is_told_zero_on_a_new_connection() {
+fn service_closing_its_connection_receives_zero_on_another() {
     let service = Service::start();
     let mut device = open(&service.url);
     let start = Instant::now();
@@ -168,7 +168,7 @@ fn signal(pid: i32, signal: i32) {
 }
 
 #[test]
-fn a_host_that_is_killed_leaves_no_force() {
+fn killed_host_leaves_no_force() {
     let (service, mut host) = hosted();
     host.kill();
     service.until_zero();
@@ -176,7 +176,7 @@ fn a_host_that_is_killed_leaves_no_force() {
 }
 
 #[test]
-fn a_host_that_is_stopped_leaves_no_force() {
+fn stopped_host_leaves_no_force() {
     let (service, mut host) = hosted();
     host.signal(libc::SIGSTOP);
     service.until_zero();
@@ -188,7 +188,7 @@ fn a_host_that_is_stopped_leaves_no_force() {
 }
 
 #[test]
-fn a_process_group_that_is_killed_leaves_no_force() {
+fn killed_process_group_leaves_no_force() {
     let (service, host) = hosted();
     signal(-host.0.id().cast_signed(), libc::SIGKILL);
     service.until_zero();
@@ -209,7 +209,7 @@ fn children(source: u32) -> Vec<i32> {
 
 #[cfg(target_os = "linux")]
 #[test]
-fn a_guardian_outlives_what_ends_programs_and_not_its_host() {
+fn guardian_survives_signals_and_ends_with_its_host() {
     let (service, mut host) = hosted();
     let [guardian] = children(host.0.id())[..] else {
         panic!("one guardian");
@@ -231,7 +231,7 @@ fn a_guardian_outlives_what_ends_programs_and_not_its_host() {
 }
 
 #[test]
-fn a_real_service_has_its_own_time() {
+fn lockstep_with_a_real_time_service_is_refused() {
     let service = Service::start();
     emulator::can_guard();
     let url = Url::parse(&format!("{}?lockstep", service.url)).unwrap();
@@ -240,7 +240,7 @@ fn a_real_service_has_its_own_time() {
 }
 
 #[test]
-fn a_service_that_is_not_there_is_named() {
+fn open_of_a_missing_service_names_it() {
     emulator::can_guard();
     let url = Url::parse("haply:ws://127.0.0.1:1").unwrap();
     let error = device::open(&url).err().unwrap().to_string();

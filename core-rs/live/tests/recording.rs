@@ -36,7 +36,7 @@ fn file(name: &str) -> PathBuf {
 }
 
 #[test]
-fn the_real_time_side_does_not_allocate() {
+fn recorder_does_not_allocate_in_real_time() {
     let path = file("no-alloc");
     let (mut sink, handle) = Recorder::start(&path, &header()).unwrap();
     reset_violation_count();
@@ -71,7 +71,7 @@ fn records_until_it_is_killed() {
 }
 
 #[test]
-fn a_killed_recording_keeps_what_it_had() {
+fn killed_recording_keeps_its_rows() {
     let path = file("killed");
     let mut child = Command::new(env::current_exe().unwrap())
         .args([

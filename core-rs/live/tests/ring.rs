@@ -46,7 +46,7 @@ fn silence_before_the_first_frame_is_no_underrun() {
 }
 
 #[test]
-fn a_closed_feed_is_played_to_its_end_and_misses_nothing() {
+fn closed_feed_plays_to_its_end() {
     let (mut feed, mut drain) = ring(1, 1000);
     feed.push(&[0.25; 100]);
     feed.close();
@@ -61,7 +61,7 @@ fn a_closed_feed_is_played_to_its_end_and_misses_nothing() {
 }
 
 #[test]
-fn an_underrun_falls_to_silence_and_what_comes_next_rises() {
+fn underrun_falls_to_silence_and_rises_again() {
     let (mut feed, mut drain) = playing(10);
     let out = filled(&mut drain, 10 + FADE + 20);
     assert_eq!(out[..10], [1.0; 10]);
@@ -126,7 +126,7 @@ fn panic_is_silent_after_five_milliseconds_and_holds() {
 }
 
 #[test]
-fn a_taker_without_a_clock_gets_a_panic_as_silence() {
+fn take_with_a_panic_returns_silence() {
     let (mut feed, mut drain) = ring(1, 4096);
     let shared = feed.shared().clone();
     let mut listened = Vec::new();
@@ -148,7 +148,7 @@ fn a_taker_without_a_clock_gets_a_panic_as_silence() {
 }
 
 #[test]
-fn a_panic_soon_after_a_release_goes_on_in_silence() {
+fn panic_soon_after_a_release_stays_silent() {
     let (mut feed, mut drain) = playing(1000);
     let shared = feed.shared().clone();
     shared.panic();
@@ -164,7 +164,7 @@ fn a_panic_soon_after_a_release_goes_on_in_silence() {
 }
 
 #[test]
-fn when_a_frame_went_to_the_card_is_told_by_its_last_block() {
+fn sounding_by_the_last_block() {
     let (mut feed, mut drain) = ring(1, 4096);
     feed.set_prefill(1);
     let shared = feed.shared().clone();
@@ -195,7 +195,7 @@ fn when_a_frame_went_to_the_card_is_told_by_its_last_block() {
 }
 
 #[test]
-fn a_gain_that_is_moved_allocates_nothing() {
+fn set_gain_does_not_allocate() {
     let mut mixer = Mixer::new(44_100.0, 1, 1);
     mixer.route_of(1, 0, 0, 1.0, None).expect("both are there");
     let (frames, mut mixed) = ([1.0; 2048], [0.0; 2048]);
@@ -209,7 +209,7 @@ fn a_gain_that_is_moved_allocates_nothing() {
 }
 
 #[test]
-fn the_end_of_a_panicked_performance_is_an_end() {
+fn close_after_a_panic_finishes() {
     let (feed, mut drain) = playing(1000);
     feed.shared().panic();
     feed.close();
@@ -239,7 +239,7 @@ fn steps() -> impl Strategy<Value = Vec<Step>> {
 proptest! {
     /// Whoever is late, a constant sound never jumps: no step is steeper than both ramps together.
     #[test]
-    fn whatever_happens_nothing_cracks(steps in steps()) {
+    fn ring_output_never_jumps(steps in steps()) {
         let (mut feed, mut drain) = playing(0);
         let mut heard = vec![1.0_f32];
         for step in steps {
@@ -258,7 +258,7 @@ proptest! {
 
     /// However the frames are divided into blocks, they come out unchanged and complete.
     #[test]
-    fn untroubled_frames_pass_unchanged(
+    fn frames_in_blocks_of_any_size_pass_unchanged(
         blocks in prop::collection::vec((1..200_usize, 1..200_usize), 1..80),
         channels in 1..65_usize,
     ) {
@@ -283,7 +283,7 @@ proptest! {
 }
 
 #[test]
-fn nothing_allocates_whatever_happens() {
+fn ring_does_not_allocate() {
     let (mut feed, mut drain) = ring(24, 1024);
     let frames = vec![0.5; 600 * 24];
     let mut out = vec![0.0; 256 * 24];

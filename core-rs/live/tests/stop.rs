@@ -69,7 +69,7 @@ fn raise(signal: i32) {
 }
 
 #[test]
-fn a_stop_holds_every_hand_until_it_is_taken_back() {
+fn stop_holds_all_hands_until_release() {
     let device = still();
     let ramp = 0.1;
     let limits = Limits {

@@ -136,7 +136,7 @@ mod tests {
     proptest! {
         /// Points of amplitudes from 1 nm to 1 km beside each other, far from where they rest or near.
         #[test]
-        fn each_point_comes_back_within_its_bound(
+        fn packed_points_return_within_their_bounds(
             exponents in prop::collection::vec(-9.0..3.0_f64, POINTS),
             offsets in prop::collection::vec(-500.0..500.0_f64, POINTS),
             shares in prop::collection::vec(prop::collection::vec(-1.0..1.0_f64, POINTS), 1..70),
@@ -158,7 +158,7 @@ mod tests {
         }
 
         #[test]
-        fn plain_frames_come_back_in_single_precision(
+        fn plain_frames_return_in_single_precision(
             rows in prop::collection::vec(prop::collection::vec(-1e3..1e3_f64, POINTS), 1..9),
         ) {
             let all = frames(rows.concat());
@@ -221,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_known_is_not_a_number() {
+    fn unknown_positions_are_nan() {
         let rows = vec![1.0, f64::NAN, 2.0, 1.0, 0.0];
         for bytes in [
             frames(rows.clone()).plain(),

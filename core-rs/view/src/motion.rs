@@ -100,7 +100,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_written_is_read_and_what_is_damaged_is_refused(
+        fn chunk_round_trip_and_damage(
             kind: u16, version: u16, seconds: f64, payload: Vec<u8>, at: prop::sample::Index, bit in 0..8u32,
         ) {
             let chunk = Chunk { kind, version, seconds, payload: &payload };

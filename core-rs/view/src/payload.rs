@@ -170,7 +170,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn half_precision_keeps_eleven_bits() {
+    fn to_half_keeps_eleven_bits() {
         for (value, bits) in [
             (0.0, 0x0000),
             (1.0, 0x3c00),

@@ -155,7 +155,7 @@ fn check(simulation: Simulation, network: &Network, when: &[Option<f64>]) {
 }
 
 #[test]
-fn links_are_told_broken_when_they_break_and_with_each_key_state() {
+fn broken_links_arrive_at_once_and_in_states() {
     let (network, when) = torn();
     let network = Arc::new(network);
     let timeline = Timeline::new(Rate::new(RATE).unwrap());

@@ -203,7 +203,7 @@ fn page_is_refused_a_key_of_another_page() {
 }
 
 #[test]
-fn page_positions_that_are_not_finite() {
+fn page_with_non_finite_positions_is_ignored() {
     let key = Arc::new(Noted::default());
     let server = served(std::slice::from_ref(&key));
     let mut page = join(&server);

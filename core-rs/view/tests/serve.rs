@@ -150,7 +150,7 @@ fn until(holds: impl Fn() -> bool, what: &str) {
 }
 
 #[test]
-fn a_page_and_its_file_are_served_with_what_keeps_others_out() {
+fn page_and_file_are_served_with_security_headers() {
     let _alone = alone();
     let bytes: Vec<u8> = (b'a'..=b'z').collect();
     let lent = Lent::new("served.motion", &bytes, 26);
@@ -178,7 +178,7 @@ fn a_page_and_its_file_are_served_with_what_keeps_others_out() {
 }
 
 #[test]
-fn where_there_is_no_file_a_page_learns_that_without_an_error() {
+fn motion_without_a_file_is_204() {
     let _alone = alone();
     let lent = Lent::new("gone.motion", b"abc", 3);
     let live = Options {
@@ -196,7 +196,7 @@ fn where_there_is_no_file_a_page_learns_that_without_an_error() {
 }
 
 #[test]
-fn wrong_requests_are_refused() {
+fn server_refuses_wrong_requests() {
     let _alone = alone();
     let lent = Lent::new("refused.motion", b"abc", 3);
     let server = Server::start(local(&lent)).expect("a server");
@@ -252,7 +252,7 @@ fn wrong_requests_are_refused() {
 }
 
 #[test]
-fn everywhere_the_key_is_needed_and_in_the_address() {
+fn key_is_required_in_the_address() {
     let _alone = alone();
     let lent = Lent::new("key.motion", b"abc", 3);
     assert_eq!(Key::new("0123"), None);
@@ -356,7 +356,7 @@ fn full_server_refuses_a_page_with_a_reason() {
 }
 
 #[test]
-fn sixteen_pages_are_told_and_a_seventeenth_is_not() {
+fn seventeenth_page_is_refused() {
     let _alone = alone();
     let lent = Lent::new("many.motion", b"", 0);
     let server = Server::start(local(&lent)).expect("a server");
@@ -393,7 +393,7 @@ fn sixteen_pages_are_told_and_a_seventeenth_is_not() {
 }
 
 #[test]
-fn a_page_that_takes_nothing_is_dropped() {
+fn stalled_page_is_dropped() {
     let _alone = alone();
     let lent = Lent::new("stall.motion", b"", 0);
     let mut options = local(&lent);
@@ -488,7 +488,7 @@ fn hostile(server: &Server, i: u64) {
 }
 
 #[test]
-fn a_thousand_hostile_requests_are_refused_and_a_page_misses_nothing() {
+fn hostile_requests_are_refused_beside_a_page() {
     const N: u64 = 1000;
     let _alone = alone();
     let lent = Lent::new("hostile.motion", b"", 64 << 20);
@@ -541,7 +541,7 @@ fn a_thousand_hostile_requests_are_refused_and_a_page_misses_nothing() {
 }
 
 #[test]
-fn a_server_that_is_dropped_says_so_to_its_pages() {
+fn dropped_server_closes_its_pages() {
     let _alone = alone();
     let lent = Lent::new("over.motion", b"", 0);
     let server = Server::start(local(&lent)).expect("a server");

@@ -60,7 +60,7 @@ fn flow(m: f64, k: f64, z: f64, t: f64, x: f64, v: f64) -> (f64, f64) {
 }
 
 #[test]
-fn a_released_cell_moves_as_the_matrix_exponential() {
+fn released_cell_matches_matrix_exponential() {
     // Without loss, below, at and above critical damping, and without a spring.
     for (k, z) in [
         (4e6, 0.0),
@@ -88,7 +88,7 @@ fn a_released_cell_moves_as_the_matrix_exponential() {
 
 // Reference values, computed by another program with more digits.
 #[test]
-fn ratios_match_the_vectors() {
+fn ratios_match_reference_values() {
     let vectors = [
         (
             440.0,
@@ -127,14 +127,14 @@ fn ratios_match_the_vectors() {
 }
 
 #[test]
-fn the_split_matches_the_vector() {
+fn split_matches_reference_values() {
     let [now, next] = Cell::tuned(1.0, 440.0, Some(1.0)).split(1.0, 0.3, rate(44_100.0));
     assert!(close(now, 30_856.709_804_9, 1e-12), "{now}");
     assert!(close(next, 13_225.697_835_1, 1e-12), "{next}");
 }
 
 #[test]
-fn limits_are_exact() {
+fn ratios_of_free_and_slowing_cells() {
     let rate = rate(1_000.0);
     let free = Cell::new(2.0, 0.0, 0.0).ratios(rate);
     assert_eq!(
@@ -193,7 +193,7 @@ fn cells() -> impl Strategy<Value = (f64, f64, f64)> {
 proptest! {
     // 20 Hz to 20 kHz: 1e-10 cents and 2e-16 in T60 were measured elsewhere.
     #[test]
-    fn pitch_is_the_inverse(f in 20.0..20_000.0f64, t60 in 0.01..10.0f64) {
+    fn pitch_inverts_tune(f in 20.0..20_000.0f64, t60 in 0.01..10.0f64) {
         let rate = rate(44_100.0);
         let (f_again, t60_again) = tune(f, Some(t60), rate).pitch(rate).expect("complex poles");
         prop_assert!(close(f_again, f, 1e-12));
@@ -202,7 +202,7 @@ proptest! {
 
     // Started from its own backward step, the scheme runs through the continuous motion.
     #[test]
-    fn the_scheme_is_the_continuous_motion(
+    fn scheme_follows_continuous_motion(
         (m, k, z) in cells(), x0 in -1.0..1.0f64, v0 in -300.0..300.0f64, rest in -1.0..1.0f64,
     ) {
         let rate = rate(1_000.0);
@@ -224,7 +224,7 @@ proptest! {
 
     // An impulse between two samples, split over both, leaves no error afterwards.
     #[test]
-    fn the_split_is_the_continuous_impulse((m, k, z) in cells(), alpha in 0.0..1.0f64) {
+    fn split_follows_continuous_impulse((m, k, z) in cells(), alpha in 0.0..1.0f64) {
         let rate = rate(1_000.0);
         let cell = Cell::new(m, k, z);
         let Ratios { kappa, zeta } = cell.ratios(rate);

@@ -58,7 +58,7 @@ fn close(a: f64, b: f64, tolerance: f64) -> bool {
 }
 
 #[test]
-fn plates_link_all_neighbours_and_nothing_else() {
+fn plate_links_all_neighbours_once() {
     for (shape, rim, radius) in [
         (Shape::Hex, Rim::Free, 4),
         (Shape::Hex, Rim::Fixed, 3),
@@ -93,7 +93,7 @@ fn plates_link_all_neighbours_and_nothing_else() {
 }
 
 #[test]
-fn strings_have_their_springs() {
+fn string_springs_by_ends() {
     for (ends, springs, fixed) in [(Ends::Fixed, 8, 2), (Ends::Left, 7, 1), (Ends::Free, 6, 0)] {
         let plain = string(7, ends, 0.0).expect("string");
         assert_eq!(
@@ -150,7 +150,7 @@ fn lowest_modes_match_dense_eigenvalues() {
 
 // The gong of ten thousand masses, against ARPACK (shift-invert; λ₁ as the sum over links of its vector).
 #[test]
-fn a_large_gong_matches_arpack() {
+fn large_gong_modes_match_arpack() {
     let gong = plate(Shape::Hex, 58, Rim::Free).expect("gong");
     let lambda = gong.lowest().expect("mode");
     assert!(
@@ -194,7 +194,7 @@ fn a_large_gong_matches_arpack() {
 }
 
 #[test]
-fn what_cannot_be_made_is_refused_with_a_sentence() {
+fn strings_and_plates_of_impossible_sizes_are_refused() {
     let sentence = |error: GeneratorError| error.to_string();
     assert_eq!(
         string(0, Ends::Fixed, 0.0).map_err(sentence),
@@ -226,7 +226,7 @@ fn what_cannot_be_made_is_refused_with_a_sentence() {
 
 /// σ and damped frequency of the lowest mode of m ẍ + z L ẋ + k L x = 0, from the dense matrix.
 #[test]
-fn continuous_tuning_gives_pitch_and_decay() {
+fn continuous_tuning_of_pitch_and_decay() {
     let plate = plate(Shape::Hex, 4, Rim::Free).expect("plate");
     let (mass, f, t60) = (0.005, 65.4, 3.0);
     let Tuned { k, z } = tune(&plate, mass, f, Some(t60), None).expect("tuned");
@@ -250,7 +250,7 @@ fn continuous_tuning_gives_pitch_and_decay() {
 
 // The discrete network is run: its lowest mode is excited alone, and its pole read from three samples.
 #[test]
-fn discrete_tuning_gives_the_pole() {
+fn discrete_tuning_of_pole() {
     let (rate, f, t60) = (Rate::new(44_100.0).expect("rate"), 880.0, 0.4);
     let string = string(12, Ends::Fixed, 0.1).expect("string");
     let mass = 3.0;
@@ -293,7 +293,7 @@ fn discrete_tuning_gives_the_pole() {
 proptest! {
     // Runs, and slices of them, act as their links do one by one.
     #[test]
-    fn apply_is_the_dense_matrix(seed in 0..1_000u32, fixed in any::<bool>()) {
+    fn apply_equals_dense_matrix(seed in 0..1_000u32, fixed in any::<bool>()) {
         let rim = if fixed { Rim::Fixed } else { Rim::Free };
         let plate = plate(Shape::Hex, 3, rim).expect("plate");
         let x: Vec<f64> = (0..plate.n_mat as u32)

@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn stretches_scales_and_derives() {
+    fn transformed_path_stretches_scales_and_derives() {
         let placed = Placed::transformed(knock(), 10.0, -0.5, 2.0, false).unwrap();
         assert_eq!((placed.start(), placed.stop()), (12.0, 16.0));
         let (x, v, a) = placed.evaluate(13.0);
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn reversed_runs_back_in_the_same_time() {
+    fn transformed_path_reversed_takes_the_same_time() {
         let placed = Placed::transformed(knock(), 10.0, 1.0, 1.0, true).unwrap();
         assert_eq!((placed.start(), placed.stop()), (11.0, 13.0));
         let mut cursor = 0;
@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn range_follows_the_sign_of_scale() {
+    fn range_of_placed_path_by_sign_of_scale() {
         let (low, high) = knock().range(1.0, 3.0);
         let placed = Placed::transformed(knock(), 0.0, -2.0, 3.0, true).unwrap();
         assert_eq!(placed.range(0.0, 100.0), (-2.0 * high, -2.0 * low));
@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_what_has_no_time() {
+    fn transformed_path_without_positive_stretch_is_refused() {
         for stretch in [0.0, -1.0, f64::NAN] {
             assert!(Placed::transformed(knock(), 0.0, 1.0, stretch, false).is_err());
         }

@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn meets_a_quintic_everywhere() {
+    fn joining_quintics_meets_a_quintic() {
         let piece = Quintic::joining(wave(0.7), wave(5.2));
         for i in 0..=50 {
             let t = 0.7 + 4.5 * f64::from(i) / 50.0;
@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn range_finds_the_hidden_extrema() {
+    fn range_of_quintic_includes_inner_extrema() {
         let piece = Quintic::joining(wave(0.9), wave(5.1));
         let (low, high) = piece.range(1.0, 5.0);
         // With u = t − 3 it is (u⁵ - 5u³ + 4u)/10, whose slope vanishes at u² = (15 ± √145)/10; the outer pair has the
@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn no_time_is_rest() {
+    fn joining_quintic_without_duration_rests() {
         let to = Knot {
             t: 1.0,
             x: 3.0,

@@ -49,7 +49,7 @@ fn net(seed: i128, mut join: impl FnMut(&mut Network, usize, usize, usize)) -> N
 /// λ is within the limit while there is a margin, and otherwise at most λ at rest plus the rise that the guard
 /// computes.
 #[test]
-fn what_links_have_stiffened_by_bounds_lambda() {
+fn guard_bounds_lambda_of_stiffened_links() {
     let [k, q, z] = [2e4, 3e10, 0.05];
     let hardening = Arc::new(Law::hardening(k, q, z).unwrap());
     let quintic = law("2e4*d + 1e16*d**5");
@@ -98,7 +98,7 @@ fn what_links_have_stiffened_by_bounds_lambda() {
 }
 
 #[test]
-fn laws_say_how_far_they_may_be_stretched() {
+fn stiffens_beyond_gives_the_allowed_stretch() {
     let near = |result: f64, expected: f64| {
         assert!(
             result <= expected && result > expected / 1.05,
@@ -124,7 +124,7 @@ fn laws_say_how_far_they_may_be_stretched() {
 }
 
 #[test]
-fn what_cannot_stiffen_is_not_watched() {
+fn guard_is_absent_for_laws_without_stiffening() {
     let guard = |law: Arc<Law>| {
         let network = net(1, |network, link, a, b| {
             network
@@ -143,7 +143,7 @@ fn what_cannot_stiffen_is_not_watched() {
 
 /// A position that is NaN or infinite is beyond every reach.
 #[test]
-fn no_number_is_overlooked() {
+fn guard_with_non_finite_positions_needs_finer_steps() {
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         assert!(!watch::peak(&[0.0, bad, 1.0]).is_finite());
         let network = net(2, |network, link, a, b| {

@@ -122,7 +122,7 @@ mod tests {
 
     /// For one CEL the kicks equal those of its exact CA scheme, here in frames of 10/44,100 s, in closed form.
     #[test]
-    fn a_cel_alone_is_kicked_as_by_its_own_poles() {
+    fn flow_of_a_cel_has_its_poles() {
         let (rate, m) = (Rate::new(4410.0).unwrap(), 2e-3);
         let (pi, sigma) = (std::f64::consts::PI, 3.0 * crate::maths::log(10.0));
         let k = m * ((2.0 * pi * 440.0) * (2.0 * pi * 440.0) + sigma * sigma);
@@ -140,7 +140,7 @@ mod tests {
 
     /// Without fast links, kicks and straight motion agree with the exact flow at every kick, whatever the damping.
     #[test]
-    fn alone_the_kicks_are_the_exact_flow() {
+    fn flow_without_fast_links_is_exact() {
         let (mut k, mut z) = (Square::zero(3), Square::zero(3));
         let entries = [
             (0, 0, 3e-3, 4e-3),

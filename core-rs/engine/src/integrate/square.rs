@@ -128,7 +128,7 @@ mod tests {
 
     /// Compares e^A of a rotation, a decay and a shear with the closed form.
     #[test]
-    fn an_exponential_is_that_of_a_rotation_a_decay_and_a_shear() {
+    fn exponential_of_rotation_decay_and_shear() {
         let mut a = Square::zero(5);
         (*a.entry(0, 1), *a.entry(1, 0)) = (7.0, -7.0);
         *a.entry(2, 2) = -3.0;
@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn a_power_is_the_product_and_a_quotient_undoes_it() {
+    fn power_and_quotient_of_square_matrices() {
         let n = 7;
         let mut a = Square::identity(n);
         for i in 0..n * n {

@@ -202,7 +202,7 @@ mod tests {
 
     /// The order of summation, and with it every bit, does not depend on the number of threads.
     #[test]
-    fn every_mat_feels_the_same_bits() {
+    fn partitioned_forces_have_the_same_bits() {
         let (x, v) = (numbers("x"), numbers("v"));
         for seed in 0..50 {
             let springs = springs(seed);
@@ -224,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn ranges_are_all_mats_in_order() {
+    fn partition_ranges_cover_all_mats_in_order() {
         for parts in 2..=RANGES_MAX {
             let mesh_partition = MeshPartition::new(&springs(3), N_MAT, parts);
             assert!(mesh_partition.0.len() <= parts);

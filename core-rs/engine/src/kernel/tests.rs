@@ -20,7 +20,7 @@ fn bits(values: &[f64]) -> Vec<u64> {
 
 proptest! {
     #[test]
-    fn masses(
+    fn masses_kernel_equals_plain_loop(
         (w, kappa, zeta, rest, force, x, d) in (0usize..70).prop_flat_map(|n| {
             let some = || numbers(n);
             (some(), some(), some(), some(), some(), some(), some())
@@ -38,7 +38,7 @@ proptest! {
     }
 
     #[test]
-    fn masses_of_one_kind(
+    fn masses_kernel_with_equal_masses(
         (force, x, d) in (0usize..70).prop_flat_map(|n| (numbers(n), numbers(n), numbers(n))),
         one in prop::array::uniform4(-3.0f64..3.0),
     ) {
@@ -63,7 +63,7 @@ proptest! {
 
     /// A MAT that is at end a and at end b adds the force of end a first, whatever the distance between the ends.
     #[test]
-    fn pulls(
+    fn pulls_kernel_equals_plain_loop(
         f in (0usize..70).prop_flat_map(numbers),
         start in numbers(160),
         (a, b) in (0usize..90, 0usize..90),
@@ -81,7 +81,7 @@ proptest! {
     }
 
     #[test]
-    fn links(
+    fn links_kernel_equals_plain_loop(
         (xa, xb, da, db) in (0usize..70)
             .prop_flat_map(|n| (numbers(n), numbers(n), numbers(n), numbers(n))),
         (k, q, z, rest) in (0.0f64..1e4, 0.0f64..1e8, -1.0f64..10.0, -0.1f64..0.1),

@@ -218,7 +218,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_part_is_done_once_a_round() {
+    fn thread_team_runs_every_part_once_per_round() {
         let rounds = if cfg!(miri) { 20 } else { 2_000 }; // Miri takes seconds for a hundred
         for threads in 1..=4 {
             let mut parts = [0_u64; 5];
@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn whoever_panics_leaves_nobody_behind() {
+    fn thread_team_with_a_panic_ends() {
         for bad in 0..3 {
             let mut parts = [0, 1, 2];
             let end = catch_unwind(AssertUnwindSafe(|| {

@@ -79,7 +79,7 @@ fn tangent_error(row: &[f64], forces: &[f64]) -> f64 {
 }
 
 #[test]
-fn derivatives_are_those_of_the_path() {
+fn jacobian_of_key_path_equals_differences() {
     let forces = forces(3000, 1);
     let sliding = ROW;
     let (mut static_too, mut giving_way, mut both) = (ROW, ROW, ROW);
@@ -93,7 +93,7 @@ fn derivatives_are_those_of_the_path() {
 }
 
 #[test]
-fn a_path_beside_its_derivatives_is_the_path() {
+fn path_and_jacobian_returns_the_same_path() {
     let forces = forces(2000, 2);
     let key = KeyModel::from_row(&ROW).unwrap();
     let alone = key.path(&forces, RATE, None).unwrap();
@@ -108,7 +108,7 @@ fn a_path_beside_its_derivatives_is_the_path() {
 
 /// A key that slides with 50 mN of dry friction turns where its velocity is zero, and its path consists of parabolas.
 #[test]
-fn friction_turns_at_its_instant() {
+fn friction_turns_at_zero_velocity() {
     let (mass, dry) = (0.4, 0.05);
     // With this delay, forces change between two velocities, so that friction changes with them.
     let delay = |steps: usize| 0.5 / (RATE * steps as f64);
@@ -144,7 +144,7 @@ fn friction_turns_at_its_instant() {
 }
 
 #[test]
-fn the_path_is_of_second_order() {
+fn key_path_is_of_second_order() {
     let forces = forces(1500, 4);
     let row = &[0.38, 60.0, 1.2, 0.15, 0.0, -2.5e-3, 1.1e-3, 0.0, 0.0, 0.0];
     let fine = path(row, &forces, 1760);
@@ -157,7 +157,7 @@ fn the_path_is_of_second_order() {
 }
 
 #[test]
-fn a_resting_key_stays_within_friction() {
+fn resting_key_stays_within_friction() {
     let row = [0.4, 60.0, 1.2, 0.0, 0.05, 0.0, 0.0, 0.0, 0.0, 0.0];
     let held = path(&row, &[0.049; 500], 44);
     assert!(held.iter().all(|&x| x == 0.0));
@@ -174,7 +174,7 @@ fn a_resting_key_stays_within_friction() {
 }
 
 #[test]
-fn a_delay_shifts_the_path() {
+fn delay_shifts_the_key_path() {
     let forces = forces(500, 3);
     let (mut now, mut later) = (ROW, ROW);
     (now[6], later[6]) = (0.0, 3.0 / RATE);
@@ -185,7 +185,7 @@ fn a_delay_shifts_the_path() {
 }
 
 #[test]
-fn what_is_no_key_is_refused() {
+fn key_models_with_wrong_rows_are_refused() {
     let with = |index: usize, value: f64| {
         let mut row = ROW;
         row[index] = value;
@@ -209,7 +209,7 @@ fn what_is_no_key_is_refused() {
 proptest! {
     /// For any key and any forces, the path is finite, and no energy exceeds what the forces put in.
     #[test]
-    fn a_key_stays_finite(
+    fn key_path_of_random_keys_stays_finite(
         mass in 0.02..2.0f64, stiffness in 0.0..400.0f64, damping in 0.0..5.0f64, dry in 0.0..0.5f64,
         presliding in prop_oneof![Just(0.0), 100.0..5000.0f64], frequency in 20.0..400.0f64, seed in 0..1000i128,
     ) {
@@ -220,7 +220,7 @@ proptest! {
 }
 
 #[test]
-fn derivatives_with_respect_to_forces_equal_differences() {
+fn force_derivatives_equal_differences() {
     let key = KeyModel::from_row(&[
         0.38, 60.0, 1.2, 0.15, 0.05, -2.5e-3, 1.3e-3, 0.0, 0.0, 0.0, 0.02, 180.0, 0.02,
     ])

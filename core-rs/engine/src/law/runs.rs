@@ -212,7 +212,7 @@ mod tests {
 
     /// Both parts have the same bits as the law of a single link, also through a lever.
     #[test]
-    fn the_parts_are_those_of_the_whole() {
+    fn law_runs_of_parts_equal_single_links() {
         let damping = Some("0.3*v*abs(v) + d");
         let texts = [Some("2*d + d**3"), Some("tanh(3*d)"), None];
         for (text, reach) in texts.iter().flat_map(|text| [(*text, 1.0), (*text, 0.7)]) {

@@ -171,7 +171,7 @@ mod tests {
 
     /// The slopes of a cubic spring and of a damping that depends on the elongation, also behind a lever.
     #[test]
-    fn slopes_are_those_of_the_closed_form() {
+    fn tangents_equal_closed_form_slopes() {
         let text = LawText {
             law: Some("2*d + 5*d**3"),
             damping: Some("0.3*v + 4*d*v**2"),

@@ -46,7 +46,7 @@ fn same(a: f64, b: f64) -> bool {
 }
 
 #[test]
-fn constants_and_fields_are_checked() {
+fn law_with_wrong_constants_or_fields_is_refused() {
     let refuse = |text: &LawText<'_>| Law::new(text).expect_err("refused").which;
     for (name, value) in [("d", 1.0), ("v", 1.0), ("sqrt", 1.0), ("k", f64::NAN)] {
         let constants = constants(&[(name, value)]);
@@ -80,7 +80,7 @@ fn constants_and_fields_are_checked() {
 }
 
 #[test]
-fn points_are_checked() {
+fn law_with_wrong_points_is_refused() {
     let refuse = |points: &[(f64, f64)]| {
         let text = LawText {
             points: Some(points),
@@ -100,7 +100,7 @@ fn points_are_checked() {
 }
 
 #[test]
-fn points_go_on_with_their_last_slopes() {
+fn law_by_points_continues_with_its_last_slopes() {
     let points = [(-1.0, -2.0), (0.5, 1.0), (2.0, 1.0), (3.0, 5.0)];
     let law = Law::new(&LawText {
         points: Some(&points),
@@ -127,7 +127,7 @@ fn points_go_on_with_their_last_slopes() {
 }
 
 #[test]
-fn potentials_match_closed_forms() {
+fn potential_matches_closed_forms() {
     let close = |law: &Law, d: f64, energy: f64| {
         let got = law.potential(d);
         assert!(
@@ -170,7 +170,7 @@ fn maths_power(a: f64, b: f64) -> f64 {
 
 // A polynomial is integrated exactly; the same law, written so that it is not recognised, by quadrature.
 #[test]
-fn polynomials_are_recognised() {
+fn potential_of_recognised_polynomials() {
     let named = [("k", 400.0), ("q", 3e7)];
     let pairs = [
         ("k*d + q*d**3", "k*abs(d)*sign(d) + q*abs(d)**3*sign(d)"),
@@ -222,7 +222,7 @@ fn polynomials_are_recognised() {
 }
 
 #[test]
-fn the_force_is_the_slope_of_the_potential() {
+fn force_is_the_slope_of_the_potential() {
     let laws = [
         law("k*d + q*d**3", &[("k", 400.0), ("q", 3e7)]),
         law("min(k*d, 0.5) + 0.3*max(d, 0)", &[("k", 400.0)]),
@@ -248,7 +248,7 @@ fn the_force_is_the_slope_of_the_potential() {
 }
 
 #[test]
-fn slopes_are_tangents() {
+fn slope_is_the_tangent_of_the_force() {
     let cubic = law("k*d + q*d**3", &[("k", 400.0), ("q", 3e7)]);
     for d in [0.0, -1e-3, 5e-3, 0.2] {
         let tangent = 400.0 + 9e7 * d * d;
@@ -262,7 +262,7 @@ fn slopes_are_tangents() {
 }
 
 #[test]
-fn a_bow_is_active_and_a_brake_is_not() {
+fn is_active_of_bows_and_brakes() {
     assert!(!law("1 - d", &[]).is_active(1.0, 1.0));
     assert!(!damping("z*v + c*tanh(v/1e-4)", &[("z", 0.1), ("c", 0.3)]).is_active(0.01, 2.0));
     // A bow that moves at 0.2 m/s drags along anything slower.
@@ -279,7 +279,7 @@ fn a_bow_is_active_and_a_brake_is_not() {
 }
 
 #[test]
-fn integer_powers_are_products() {
+fn law_with_integer_powers_equals_products() {
     for (exponent, product) in [("2", 1.1 * 1.1), ("3", 1.1 * 1.1 * 1.1), ("-1", 1.0 / 1.1)] {
         assert_eq!(law(&format!("d**{exponent}"), &[]).force(1.1, 0.0), product);
     }
@@ -318,7 +318,7 @@ fn trees() -> impl Strategy<Value = String> {
 proptest! {
     // Four evaluations with the same bits: the tree itself, a single link, a few links, and a run of links.
     #[test]
-    fn program_equals_tree_and_runs_equal_scalar(
+    fn law_program_equals_tree_and_runs(
         text in trees(),
         links in prop::collection::vec((-10.0f64..10.0, -10.0f64..10.0), 1..600),
         reach in prop::sample::select(vec![1.0, 0.3, 4.0]),
@@ -351,7 +351,7 @@ proptest! {
     }
 
     #[test]
-    fn points_run_equals_scalar(links in prop::collection::vec(-10.0f64..10.0, 1..600)) {
+    fn law_by_points_equals_scalar_in_runs(links in prop::collection::vec(-10.0f64..10.0, 1..600)) {
         let points = [(-3.0, -2.0), (0.5, 1.0), (2.0, 1.0), (3.0, 5.0)];
         let text = LawText { points: Some(&points), ..Default::default() };
         let law = Law::new(&text).expect("law").through(0.7).expect("lever");
@@ -368,7 +368,7 @@ proptest! {
 
 /// An open constant gives the same bits as a written one, whatever value it is set to.
 #[test]
-fn open_constants_are_as_if_they_were_written() {
+fn open_constants_equal_written_ones() {
     let text = "where(abs(v) < w, (k - k/3)*v, sign(v)*k*w/3) + k";
     let law = |k: f64, open: &[String]| {
         let constants = [("k".to_owned(), k), ("w".to_owned(), 0.2)].into();
@@ -396,7 +396,7 @@ fn open_constants_are_as_if_they_were_written() {
 
 /// A bow gives way far from rest; a spring, a damper and a law that hardens do not.
 #[test]
-fn laws_bounded_far_from_rest() {
+fn is_bounded_far_from_rest_by_law() {
     let law = |law, damping| {
         let text = LawText {
             law,

@@ -130,7 +130,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn lanes_have_the_bits_of_one(
+        fn lanes_equal_single_values_bitwise(
             tame in prop::collection::vec(-708.0f64..708.0, 1..80),
             small in prop::collection::vec(-2.0f64..2.0, 1..80),
             any in prop::collection::vec(any::<f64>(), 1..20),

@@ -133,7 +133,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_affine_iteration_is_solved_in_as_many_rounds_as_it_has_values() {
+    fn mixing_solves_an_affine_iteration_in_few_rounds() {
         // Gauss-Seidel on a chain of springs, whose plain rounds reduce an error by 0.93.
         const N: usize = 5;
         let right = [1.0, -2.0, 0.5, 3.0, 0.1];
@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn after_failures_rounds_are_plain() {
+    fn mixing_after_failures_guesses_plainly() {
         let mut mixing = Mixing::new(1);
         mixing.start(1);
         // Changes that grow, whatever is guessed.

@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn curve_passes_through_its_points() {
+    fn curve_passes_its_points() {
         let curve = Curve::new(vec![
             point(300, 0.0, Segment::Smooth),
             point(100, 0.5, Segment::Line),
@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn goes_on_from_points_before_the_beginning() {
+    fn curve_from_points_before_the_beginning() {
         let curve = Curve::new(vec![
             point(-100, 1.0, Segment::Line),
             point(100, 0.0, Segment::Line),
@@ -224,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn spans_have_the_gains_of_their_frames() {
+    fn curve_spans_equal_gains_of_their_frames() {
         let levels = vec![
             point(100, 0.5, Segment::Line),
             point(200, 2.0, Segment::Smooth),
@@ -248,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn without_points_nothing_changes() {
+    fn curve_without_points_is_one() {
         assert_eq!(Curve::new(Vec::new()).value(7), 1.0);
     }
 

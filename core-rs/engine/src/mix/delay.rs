@@ -141,13 +141,13 @@ mod tests {
     }
 
     #[test]
-    fn gives_back_later() {
+    fn delay_returns_samples_later() {
         let mut delay = Delay::new(3);
         assert_eq!(through(&mut delay, 1, 7), [0.0, 0.0, 0.0, 1.0, 2.0, 3.0]);
     }
 
     #[test]
-    fn echoes_fall_by_the_feedback() {
+    fn echoing_delay_falls_by_its_feedback() {
         let echoes = |length| {
             let echo = Echo {
                 frames: 3,
@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn another_goes_on_with_the_newest() {
+    fn delay_take_over_keeps_the_newest_samples() {
         let mut old = Delay::new(5);
         through(&mut old, 1, 13); // holds 8 … 12
         let mut same = Delay::new(5);

@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn passes_at_their_cutoff() {
+    fn filters_have_half_power_at_their_cutoff() {
         for f in [50.0, 1000.0, 15_000.0] {
             let half = 10.0 * log10(0.5);
             assert!((level(Tone::Lowpass { f }, f) - half).abs() < 1e-6);

@@ -205,7 +205,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn any_blocks_give_the_written_sum_to_the_bit(
+        fn fold_in_blocks_equals_the_direct_sum(
             (n_in, n_out, n_taps) in (1usize..4, 1usize..4, 1usize..40),
             seed in prop::collection::vec(-1.0..1.0f64, 5000),
             cuts in prop::collection::vec(0usize..1500, 0..4),
@@ -227,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_a_fold_is_refused() {
+    fn fold_with_wrong_filters_is_refused() {
         assert_eq!(Fold::new(0, 1, &[]).err(), Some(FoldError::Channels(0, 1)));
         assert_eq!(Fold::new(2, 2, &[]).err(), Some(FoldError::Taps(0)));
         assert_eq!(Fold::new(2, 2, &[1.0; 6]).err(), Some(FoldError::Taps(6)));

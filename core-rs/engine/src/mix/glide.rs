@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn blocks_change_nothing() {
+    fn glide_in_blocks_of_any_size() {
         let in_one_block = gains(2000, 4096);
         for block in [1, 7, 44, 64, 333] {
             assert_eq!(gains(2000, block), in_one_block);

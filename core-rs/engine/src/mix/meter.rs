@@ -119,7 +119,7 @@ mod tests {
     /// BS.1770: a 997 Hz sine of 0 dBFS in one channel reads -3.01 LKFS; every doubling of
     /// channels adds 3.01.
     #[test]
-    fn reads_the_reference_tone() {
+    fn loudness_of_the_reference_tone() {
         for (n_channels, wanted) in [(1, -23.01), (2, -20.0), (24, -9.21)] {
             let meter = measured(&tone(n_channels, -20.0), n_channels);
             assert!(
@@ -132,14 +132,14 @@ mod tests {
     }
 
     #[test]
-    fn the_last_moments_are_a_steady_tones_loudness() {
+    fn momentary_loudness_of_a_steady_tone() {
         let meter = measured(&tone(1, -40.0), 1);
         assert!((meter.momentary() + 43.01).abs() < 0.02);
         assert_eq!(measured(&[0.0; 96_000], 2).momentary(), f64::NEG_INFINITY);
     }
 
     #[test]
-    fn silence_has_no_loudness() {
+    fn loudness_of_silence() {
         let meter = measured(&[0.0; 96_000], 2);
         assert_eq!((meter.peak(), meter.loudness()), (0.0, f64::NEG_INFINITY));
         assert_eq!(
@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_what_it_cannot_measure() {
+    fn meter_with_wrong_settings_is_refused() {
         for (rate, n_channels) in [
             (48_000.0, 0),
             (48_000.0, 65),

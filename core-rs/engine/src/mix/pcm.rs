@@ -75,7 +75,7 @@ mod tests {
     }
 
     #[test]
-    fn rounds_half_to_even() {
+    fn codes_round_half_to_even() {
         let step = 1.0 / 32_768.0;
         let ties = [0.5, 1.5, 2.5, -0.5, -1.5, -2.5, 2.500_000_1].map(|x| x * step);
         assert_eq!(codes(&ties, 1.0, Bits::Sixteen), [0, 2, 2, 0, -2, -2, 3]);
@@ -84,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn clips_at_the_last_codes() {
+    fn codes_clip_at_the_last_values() {
         let loud = [
             1.0,
             -1.0,
@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn widths() {
+    fn bits_from_16_24_and_other_widths() {
         assert_eq!(
             (Bits::try_from(16), Bits::try_from(24)),
             (Ok(Bits::Sixteen), Ok(Bits::TwentyFour))
@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn single_rounds_once() {
+    fn single_rounds_once_after_scaling() {
         let mut y = [0.0f32; 3];
         single(&[0.1, 1.0 / 3.0, -2.0], 3.0, &mut y);
         assert_eq!(y, [(0.1 * 3.0) as f32, 1.0, -6.0]);

@@ -404,7 +404,7 @@ mod tests {
     }
 
     #[test]
-    fn without_loss_all_energy_stays() {
+    fn room_without_loss_keeps_its_energy() {
         let mut room = Room::new(spec(f64::INFINITY, f64::INFINITY), 44_100.0).unwrap();
         let mut frame = [0.0; 2];
         room.next(1.0, &mut frame);
@@ -437,7 +437,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bad_sample_does_not_stay() {
+    fn room_recovers_from_a_non_finite_sample() {
         let mut room = Room::new(spec(1.0, 0.5), 44_100.0).unwrap();
         let mut frame = [0.0; 2];
         room.next(f64::NAN, &mut frame);
@@ -446,7 +446,7 @@ mod tests {
     }
 
     #[test]
-    fn it_falls_silent_without_slow_numbers() {
+    fn room_falls_silent_without_subnormal_numbers() {
         let mut room = Room::new(spec(0.3, 0.2), 44_100.0).unwrap();
         let mut frame = [0.0; 2];
         room.next(1.0, &mut frame);

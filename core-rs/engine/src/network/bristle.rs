@@ -136,7 +136,7 @@ mod tests {
     };
 
     #[test]
-    fn a_steady_slide_meets_its_level() {
+    fn steady_slide_has_its_friction_level() {
         for v in [-1.0, -0.01, 1e-4, 0.3] {
             let z = BOW.slide(0.0, v, 10.0);
             let level = BOW.steady(v).copysign(v);
@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn no_slope_is_steeper_than_the_certificate_takes() {
+    fn steepest_damping_bounds_all_slopes() {
         let steepest = BOW.steepest_damping();
         let bent = BOW.static_level / BOW.stiffness;
         for i in -4000..4000 {
@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn the_slope_of_the_wear_is_that_of_near_speeds() {
+    fn wear_slope_equals_differences() {
         for v in [-0.5, -0.02, -1e-3, 1e-4, 0.01, 0.03] {
             let by = 1e-7 * v;
             let slope = (BOW.wear(v + by) - BOW.wear(v - by)) / (2.0 * by);
@@ -187,7 +187,7 @@ mod tests {
 
     /// Bristles that slow sliding bent to Fs spring back when sliding goes on at a speed at which only Fc holds.
     #[test]
-    fn with_enough_viscosity_nothing_is_gained() {
+    fn bristle_with_enough_viscosity_creates_no_energy() {
         let least_loss = |bristle: &Bristle| {
             let (v, h) = (0.2, 1e-8);
             let begin = bristle.static_level / bristle.stiffness;

@@ -9,7 +9,7 @@ fn string(network: &mut Network, name: &str, masses: usize) -> usize {
 }
 
 #[test]
-fn names_are_those_the_composer_wrote() {
+fn names_of_parts_and_modules_as_written() {
     let mut network = Network::new();
     network.part("bell", None);
     let m = network.mas("m", 1.0, 0.0, 0.0).unwrap();
@@ -41,7 +41,7 @@ fn names_are_those_the_composer_wrote() {
 }
 
 #[test]
-fn a_part_goes_on_where_it_was_left() {
+fn part_continued_after_another_part() {
     let mut network = Network::new();
     for (part, module) in [("a", "m"), ("b", "m"), ("a", "n")] {
         network.part(part, None);
@@ -53,7 +53,7 @@ fn a_part_goes_on_where_it_was_left() {
 
 /// Modules without a part get one with an empty name, so that every MAT has a part.
 #[test]
-fn a_module_without_a_part_has_one_without_a_name() {
+fn module_without_a_part_has_an_unnamed_part() {
     let mut network = Network::new();
     assert!(network.parts().is_empty());
     network.mas("m", 1.0, 0.0, 0.0).unwrap();
@@ -65,7 +65,7 @@ fn a_module_without_a_part_has_one_without_a_name() {
 }
 
 #[test]
-fn a_part_alone_keeps_its_inner_links_whoever_declared_them() {
+fn part_alone_keeps_its_inner_links() {
     let rate = Rate::new(44_100.0).unwrap();
     let mut network = Network::new();
     network.part("other", None);
@@ -101,7 +101,7 @@ fn a_part_alone_keeps_its_inner_links_whoever_declared_them() {
 }
 
 #[test]
-fn bad_numbers_and_ends_are_refused() {
+fn network_with_bad_numbers_or_ends_is_refused() {
     let mut network = Network::new();
     network.part("p", None);
     let a = network.mas("a", 1.0, 0.0, 0.0).unwrap();
@@ -125,7 +125,7 @@ fn bad_numbers_and_ends_are_refused() {
 }
 
 #[test]
-fn an_output_listens_to_what_is_there() {
+fn listen_to_missing_masses_is_refused() {
     let mut network = Network::new();
     network.mas("a", 1.0, 0.0, 0.0).unwrap();
     let term = |first, len, weight| vec![Term::Position { first, len, weight }];

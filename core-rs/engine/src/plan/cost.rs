@@ -274,7 +274,7 @@ mod tests {
     use crate::units::Rate;
 
     #[test]
-    fn every_line_is_a_cost() {
+    fn cost_table_lines_are_positive() {
         for line in TABLE.lines().filter(|line| !line.starts_with('#')) {
             let kind = line.split_whitespace().next().unwrap();
             assert!(Costs::nanoseconds(kind) > 0.0, "{line}");
@@ -283,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn each_law_of_a_link_that_stands_alone_counts() {
+    fn lone_laws_cost_counts_each_law() {
         let mut network = Network::new();
         let law = Arc::new(Law::hardening(500.0, 1e8, 0.01).unwrap());
         for i in 0..4 {
@@ -324,7 +324,7 @@ mod tests {
     }
 
     #[test]
-    fn a_surface_costs_more_the_finer_it_is() {
+    fn cost_of_a_surface_rises_with_fineness() {
         // A square of 1 m², divided into `n` × `n` squares.
         let square = |n: u32| {
             let place = |i: u32| f64::from(i) / f64::from(n);

@@ -82,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn stretches_are_all_masses_in_order() {
+    fn alike_stretches_cover_all_masses_in_order() {
         let scheme = scheme(&[(100, 1e-3), (1, 2e-3), (400, 1e-3)]);
         let ranges: Vec<_> = scheme.alike.iter().map(|one| one.mats.clone()).collect();
         assert_eq!(ranges, [0..100, 100..101, 101..501]);
@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn short_stretches_gain_nothing() {
+    fn alike_stretches_below_the_least_length_are_dropped() {
         for n_kinds in 1..9 {
             let kinds: Vec<_> = (1..=n_kinds)
                 .map(|kind| (LEAST, 1e-3 * kind as f64))
@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn every_number_tells_masses_apart() {
+    fn alike_stretches_differ_by_any_number() {
         let (ground, tuned) = (0.0, |f| Tie::Tuned { f, t60: None });
         for ties in [
             [(200.0, ground), (300.0, ground)],

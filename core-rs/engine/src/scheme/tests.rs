@@ -54,7 +54,7 @@ fn row(n: usize, k: f64) -> Network {
 }
 
 #[test]
-fn the_border_of_one_mass_is_four() {
+fn certify_of_a_single_mass_at_its_limit() {
     for (k, z) in [(4.0, 0.0), (2.0, 1.0), (0.0, 2.0)] {
         let below = certify(&single_mass(k * (1.0 - 1e-12), z * (1.0 - 1e-12))).unwrap();
         assert_eq!(
@@ -72,7 +72,7 @@ fn the_border_of_one_mass_is_four() {
 
 /// The bound from sums is 4K and more; the eigenvalue is slightly less.
 #[test]
-fn where_sums_are_too_coarse_the_eigenvalue_decides() {
+fn certify_by_eigenvalue_beyond_coarse_sums() {
     let n = 40;
     let cos = crate::maths::cos(std::f64::consts::PI / (2 * n) as f64);
     let border = 1.0 / (cos * cos);
@@ -88,7 +88,7 @@ fn where_sums_are_too_coarse_the_eigenvalue_decides() {
 }
 
 #[test]
-fn the_module_named_is_the_one_that_would_move() {
+fn certify_names_the_unstable_module() {
     let mut network = discrete();
     for i in 0..30 {
         let tie = Tie::Physical { k: 1.0, z: 0.1 };
@@ -108,7 +108,7 @@ fn the_module_named_is_the_one_that_would_move() {
 
 /// The oversampling factor in the error is the smallest that suffices.
 #[test]
-fn oversampling_suffices_and_less_does_not() {
+fn certify_names_the_smallest_oversampling() {
     for k in [4.5, 15.9, 16.1, 35.0, 37.0] {
         let mut network = Network::new();
         network.part("p", None);
@@ -139,7 +139,7 @@ fn but(contact: Contact) -> But {
 
 /// Contacts count as closed, laws by their slope at rest; an exact contact is always stable.
 #[test]
-fn non_linear_links_are_guarded() {
+fn certify_of_non_linear_links_is_guarded() {
     let scene = |join: &dyn Fn(&mut Network)| {
         let mut network = discrete();
         network.mas("m", 1.0, 0.0, 0.0).unwrap();
@@ -181,7 +181,7 @@ fn non_linear_links_are_guarded() {
 }
 
 #[test]
-fn nothing_is_stable() {
+fn certify_of_an_empty_network() {
     assert_eq!(certify(&Network::new()).unwrap().lambda_max, 0.0);
     let mut network = discrete();
     network.sol("s", 1.0).unwrap();
@@ -189,7 +189,7 @@ fn nothing_is_stable() {
 }
 
 #[test]
-fn a_magic_contact_is_refused_where_it_would_not_be_exact() {
+fn magic_contact_between_wrong_ends_is_refused() {
     // a: 0 MAS, 1 MAS, 2 SOL, 3 SOL, 4 CEL
     let refused = |a: usize, b: usize, more: &dyn Fn(&mut Network)| {
         let mut network = Network::new();
@@ -226,7 +226,7 @@ fn a_magic_contact_is_refused_where_it_would_not_be_exact() {
 }
 
 #[test]
-fn a_magic_contact_refuses_what_breaks_its_promise() {
+fn magic_contact_with_wrong_settings_is_refused() {
     let mut network = discrete();
     network.mas("m", 1.0, 0.0, 0.0).unwrap();
     network.sol("s", 0.0).unwrap();
@@ -271,7 +271,7 @@ fn a_magic_contact_refuses_what_breaks_its_promise() {
 
 /// Its exact poles would be stable, but of another pitch.
 #[test]
-fn a_cell_above_half_the_rate_is_refused() {
+fn cell_above_half_the_rate_is_refused() {
     let scheme = |ca: Option<Rate>, tie: Tie, hertz: f64| {
         let mut network = Network::new();
         network.part("p", ca);
@@ -305,7 +305,7 @@ fn a_cell_above_half_the_rate_is_refused() {
 }
 
 #[test]
-fn the_rate_that_a_refusal_names_is_the_lowest_that_helps() {
+fn certify_names_the_lowest_stable_rate() {
     // λ of a damper falls with the rate, that of a spring with its square.
     for (k, z) in [(0.0, 1000.0), (1e7, 0.0), (1e6, 30.0)] {
         let mut network = Network::new();
@@ -328,7 +328,7 @@ fn the_rate_that_a_refusal_names_is_the_lowest_that_helps() {
 }
 
 #[test]
-fn every_module_above_half_the_rate_is_told_and_each_once() {
+fn refusal_names_modules_above_half_the_rate_once() {
     let mut network = Network::new();
     for (name, f) in [("a", 30_000.0), ("b", 440.0), ("c", 40_000.0)] {
         let tie = Tie::Tuned { f, t60: Some(1.0) };

@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn only_what_a_hand_can_reach_is_met() {
+    fn reachable_network_ends_at_held_keys() {
         let (network, [a, far, b, ..]) = scene();
         let reached = network.reachable_network(a, &NetworkMoment::default(), 1e-3, RATE);
         assert_eq!(
@@ -187,7 +187,7 @@ mod tests {
 
     /// At a moment of a glide, the network responds as one that has the numbers of that moment.
     #[test]
-    fn a_moment_answers_as_a_network_with_its_numbers() {
+    fn response_at_a_moment_of_a_glide() {
         let (network, [a, _, _, m, _]) = scene();
         let moment = NetworkMoment {
             ties: vec![(m, [10.0, 0.3, 0.02])],
@@ -216,7 +216,7 @@ mod tests {
 
     /// The same numbers give the same bytes; a change of any number changes the bytes.
     #[test]
-    fn numbers_tell_networks_apart() {
+    fn numbers_of_networks_differ_with_any_value() {
         let (network, [a, _, b, ..]) = scene();
         let plain = NetworkMoment::default();
         let key_of = |moment: &NetworkMoment| {
@@ -240,7 +240,7 @@ mod tests {
 
     /// With its contacts closed, this network needs finer steps than a frame.
     #[test]
-    fn a_network_too_stiff_for_a_frame_is_computed_finer() {
+    fn response_of_a_stiff_network_uses_finer_steps() {
         let mut network = Network::new();
         network.part("keys", None);
         let a = network.cel("a", 0.4, KEY, 0.0, 0.0, 0.0).unwrap();

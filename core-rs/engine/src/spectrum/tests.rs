@@ -72,7 +72,7 @@ fn residual(springs: &Springs, mode: &Mode) -> f64 {
 }
 
 #[test]
-fn strings_match_closed_forms() {
+fn lowest_mode_of_strings_matches_closed_form() {
     for n in [1, 2, 3, 7, 60, 1_000, 5_000] {
         let wide = 2.0 * (n as f64 + 1.0);
         let fixed = string(n, true);
@@ -162,7 +162,7 @@ fn modes_of_a_string_and_of_a_membrane() {
 
 // Two bodies nearly in tune: their lowest modes differ by a ten-thousandth.
 #[test]
-fn modes_that_nearly_agree_are_told_apart() {
+fn modes_of_nearly_tuned_bodies_are_separated() {
     let n = 50;
     let mut springs = string(n, true);
     let second: Springs = string(n, true);
@@ -183,7 +183,7 @@ fn modes_that_nearly_agree_are_told_apart() {
 }
 
 #[test]
-fn a_network_without_links_has_no_frequency() {
+fn modes_without_links_have_zero_frequency() {
     let mut nothing = |_: &[f64], y: &mut [f64]| y.fill(0.0);
     assert_eq!(largest(5, &mut nothing).theta, 0.0);
     assert_eq!(lowest(5, &mut nothing, &[]).expect("mode").lambda, 0.0);
@@ -252,7 +252,7 @@ proptest! {
 }
 
 #[test]
-fn what_is_beyond_a_bound_is_known_after_a_few_steps() {
+fn largest_up_to_a_bound_ends_early() {
     // Fixed ends and 2,000 masses: λmax is just below 4.
     let n = 2_000;
     let mut row = |v: &[f64], y: &mut [f64]| {
@@ -277,7 +277,7 @@ fn what_is_beyond_a_bound_is_known_after_a_few_steps() {
 
 /// Eigenvalues, and squares of coordinates, against nalgebra's; one matrix has equal eigenvalues.
 #[test]
-fn the_whole_spectrum_is_that_of_the_matrix() {
+fn eigenvalues_of_full_matrices_equal_nalgebra() {
     for n in [1usize, 2, 3, 10, 33, 120] {
         let cell = |i: usize, j: usize| {
             let (low, high) = (i.min(j) as f64, i.max(j) as f64);
@@ -307,7 +307,7 @@ fn the_whole_spectrum_is_that_of_the_matrix() {
 
 /// The eigenvalues of a string are 2 − 2 cos(πi/(n + 1)), its vectors √(2/(n + 1))·sin.
 #[test]
-fn the_whole_spectrum_of_a_string() {
+fn eigenvalues_of_a_string_match_closed_form() {
     let n = 400;
     let mut full = vec![0.0; n * n];
     for i in 0..n {
@@ -331,7 +331,7 @@ fn the_whole_spectrum_of_a_string() {
 /// Isolated oscillators, whose eigenvalues are known; several runs are needed, each orthogonal to the modes found
 /// before.
 #[test]
-fn modes_that_lie_near_each_other_are_found_once_each() {
+fn close_modes_are_certified_once_each() {
     let n = 400;
     for step in [2.3e-5, 1e-8] {
         let lambdas: Vec<f64> = (0..n).map(|i| 1e6 * (1.0 + step * i as f64)).collect();
@@ -348,7 +348,7 @@ fn modes_that_lie_near_each_other_are_found_once_each() {
 
 /// Counting eigenvalues cannot tell whether a mode was found twice, or a vector is not a mode.
 #[test]
-fn what_is_no_mode_or_one_twice_is_not_certified() {
+fn are_modes_rejects_repeated_and_false_modes() {
     let alone: Springs = (0..5).map(|i| (i, None, 1.0 + i as f64)).collect();
     let springs = matrix(5, &alone);
     let result = lowest_modes(&springs, 4).modes;

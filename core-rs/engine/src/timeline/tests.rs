@@ -27,7 +27,7 @@ fn timeline(hertz: f64) -> Timeline {
 }
 
 #[test]
-fn fades_lie_on_the_grid_and_never_jump() {
+fn fades_lie_on_the_grid_without_jumps() {
     for hertz in [8_000.0, 44_100.0, 48_000.0, 192_000.0] {
         for (start, stop) in [
             (0.0, None),
@@ -70,7 +70,7 @@ fn fades_lie_on_the_grid_and_never_jump() {
 
 /// A fade of another length, and a linear factor, alone and together with the fade.
 #[test]
-fn gates_have_a_length_and_a_factor() {
+fn fades_with_length_and_factor() {
     let hertz = 44_100.0;
     let (network, mut timeline) = (network(), timeline(hertz));
     let span = (0.5, 0.9);
@@ -106,7 +106,7 @@ fn gates_have_a_length_and_a_factor() {
 }
 
 #[test]
-fn wrong_couplings_are_refused() {
+fn couple_of_wrong_links_is_refused() {
     let mut network = network();
     let topology = crate::generator::string(5, crate::generator::Ends::Fixed, 0.0).unwrap();
     let inner = network.n_lia() + 1;
@@ -143,7 +143,7 @@ fn wrong_couplings_are_refused() {
 
 /// Events beyond the last frame never begin: frame numbers do not wrap round.
 #[test]
-fn the_end_of_time_is_no_beginning() {
+fn events_after_the_last_frame_never_begin() {
     let mut timeline = timeline(192_000.0);
     timeline.couple(&network(), 0, 1e300, None).unwrap();
     assert_eq!(timeline.gates[0].open(1 << 40), 0.0);
@@ -158,7 +158,7 @@ fn the_end_of_time_is_no_beginning() {
 }
 
 #[test]
-fn an_instant_falls_on_the_nearest_frame() {
+fn frame_is_nearest_to_the_instant() {
     for (t, n) in [
         (0.0, 0),
         (0.4e-3, 0),
@@ -173,7 +173,7 @@ fn an_instant_falls_on_the_nearest_frame() {
 
 /// Impulse and, off the grid, its first moment: Σ F·T = p, Σ F·T·n = p·t·rate.
 #[test]
-fn a_strike_keeps_its_impulse_and_its_instant() {
+fn strike_keeps_its_impulse_and_instant() {
     let network = network();
     for position in [0.0, 0.25, 0.5, 7.999_9] {
         let mut timeline = timeline(1_000.0);
@@ -222,7 +222,7 @@ fn parts_of_a_strike_at_other_rates() {
 }
 
 #[test]
-fn on_a_key_and_under_ca_a_strike_is_one_step() {
+fn strike_on_keys_and_ca_parts_is_undivided() {
     let mut network = network();
     network.part("ca", Some(Rate::new(44_100.0).unwrap()));
     let discrete = network.mas("m", 1.0, 0.0, 0.0).unwrap();
@@ -242,7 +242,7 @@ fn on_a_key_and_under_ca_a_strike_is_one_step() {
 }
 
 #[test]
-fn wrong_strikes_are_refused() {
+fn strike_with_wrong_values_is_refused() {
     let network = network();
     let mut timeline = timeline(44_100.0);
     for position in [-1e-9, f64::NAN, f64::INFINITY] {
@@ -278,7 +278,7 @@ fn wrong_strikes_are_refused() {
 
 /// The rain is refused before it fills the memory, even if its impulses are 0.
 #[test]
-fn an_endless_rain_is_refused_at_once() {
+fn rain_without_end_is_refused_at_once() {
     let network = network();
     let mut timeline = timeline(44_100.0);
     let rain = Rain {
@@ -337,7 +337,7 @@ fn an_endless_rain_is_refused_at_once() {
 
 /// The gated contact of a simulation follows the gate: see `simulation::tests`.
 #[test]
-fn a_gate_finds_contacts_of_every_kind() {
+fn couple_of_contacts_of_any_kind() {
     for contact in [Contact::Plain, Contact::Exact] {
         let mut network = network();
         let but = But {
@@ -350,7 +350,7 @@ fn a_gate_finds_contacts_of_every_kind() {
 }
 
 #[test]
-fn a_mat_goes_one_way() {
+fn drive_by_position_twice_is_refused() {
     let mut timeline = timeline(44_100.0);
     let mut drive = |kind, value| timeline.drive(0, kind, Source::Constant(value), true);
     assert_eq!(drive(DriveKind::Position, 0.0), Ok(()));

@@ -34,7 +34,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
     #[test]
-    fn blocks_change_no_byte(seed in any::<u64>(), blocks in prop::collection::vec(1..700_usize, 1..6)) {
+    fn blocks_of_any_size_give_the_same_bytes(seed in any::<u64>(), blocks in prop::collection::vec(1..700_usize, 1..6)) {
         let scene = Scene::random(seed);
         let n = scene.n_frames();
         let mut whole = scene.simulation(options(OnFault::Mute));
@@ -46,7 +46,7 @@ proptest! {
 
     /// A snapshot is taken in the middle of gestures, flights, throws, fades and contacts.
     #[test]
-    fn a_snapshot_is_the_whole_moment(seed in any::<u64>(), part in 0.0..1.0_f64) {
+    fn snapshot_restores_the_complete_state(seed in any::<u64>(), part in 0.0..1.0_f64) {
         let scene = Scene::random(seed);
         let at = (part * scene.n_frames() as f64) as usize;
         let rest = scene.n_frames() - at;
@@ -63,7 +63,7 @@ proptest! {
 }
 
 #[test]
-fn skipping_is_playing_unheard() {
+fn skip_equals_play() {
     let scene = Scene::random(11);
     let mut played = scene.simulation(options(OnFault::Stop));
     let mut skipped = scene.simulation(options(OnFault::Stop));

@@ -113,7 +113,7 @@ fn played(plan: &Arc<Plan>, blocks: &[usize]) -> (Vec<u64>, String) {
 }
 
 #[test]
-fn frames_that_are_passed_over_are_those_one_by_one() {
+fn coasting_frames_equal_frames_in_sequence() {
     let cases = [2e-2, 0.4].into_iter();
     for (below, contacts) in cases.flat_map(|below| CONTACTS.map(|contacts| (below, contacts))) {
         let plan = plan(below, contacts);
@@ -187,7 +187,7 @@ fn keyed(gap: f64, contacts: Contacts) -> Arc<Plan> {
 }
 
 #[test]
-fn frames_between_the_gestures_of_a_key_are_passed_over_too() {
+fn coasting_between_gestures_of_a_key() {
     let cases = [7e-3, 1e-4].into_iter();
     for (gap, contacts) in cases.flat_map(|gap| CONTACTS.map(|contacts| (gap, contacts))) {
         let plan = keyed(gap, contacts);

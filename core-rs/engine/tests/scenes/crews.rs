@@ -62,7 +62,7 @@ fn same_for_all(sound: impl Fn(usize, &[usize]) -> Vec<u64>) {
 }
 
 #[test]
-fn by_themselves_set_back_and_forked() {
+fn threads_agree_bitwise_after_restore_and_fork() {
     for method in [Method::Ca, Method::Ca2p] {
         let plan = piece([65.4, 65.4], method);
         same_for_all(|threads, blocks| {
@@ -82,7 +82,7 @@ fn by_themselves_set_back_and_forked() {
 
 /// The first takeover keeps the gong, the second replaces it.
 #[test]
-fn taken_over_and_damped() {
+fn threads_agree_bitwise_after_take_over() {
     for method in [Method::Ca, Method::Ca2p] {
         let versions = [[65.4, 65.4], [65.4, 80.0], [70.0, 80.0]].map(|f| piece(f, method));
         same_for_all(|threads, blocks| {
@@ -104,7 +104,7 @@ fn taken_over_and_damped() {
 
 /// Strikes so hard that frames are computed in finer steps.
 #[test]
-fn struck_beyond_what_the_scheme_bears() {
+fn threads_agree_bitwise_with_finer_frames() {
     for method in [Method::Ca, Method::Ca2p] {
         let plan = struck([65.4, 65.4], method, 0.5);
         same_for_all(|threads, blocks| {
@@ -124,7 +124,7 @@ fn struck_beyond_what_the_scheme_bears() {
 
 /// A part that is muted takes its links out of the mesh that threads share.
 #[test]
-fn a_part_of_its_island_is_muted() {
+fn threads_agree_bitwise_after_mute() {
     let mut network = Network::new();
     network.part("gong", None);
     let topology = plate(Shape::Hex, 32, Rim::Fixed).unwrap();

@@ -38,7 +38,7 @@ fn level(simulation: &mut Simulation, output: usize) -> f64 {
 /// The additional damping adds to the own damping, for each method and frequency, until it is changed or another
 /// version takes over.
 #[test]
-fn an_extra_viscosity_adds_up() {
+fn extra_damping_adds_to_decay() {
     let damping = 0.8;
     let ln_1000 = 6.907_755_278_982_137;
     // Damping in proportion to mass: all modes of these bodies have the same decay time.

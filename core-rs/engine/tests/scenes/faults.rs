@@ -65,7 +65,7 @@ fn gesture(touch: Touch, t: [f64; 2]) -> Gesture {
 }
 
 #[test]
-fn a_stopped_run_names_module_part_and_frame() {
+fn fault_of_a_stopped_run_names_its_place() {
     let (network, timeline, _) = scene();
     let options = Options {
         on_fault: OnFault::Stop,
@@ -85,7 +85,7 @@ fn a_stopped_run_names_module_part_and_frame() {
 }
 
 #[test]
-fn a_network_without_parts_still_names_its_module() {
+fn fault_without_parts_names_the_module() {
     let mut network = Network::new();
     network.mas("m", 1.0, 0.0, 1e9).unwrap();
     let timeline = Timeline::new(Rate::new(HERTZ).unwrap());
@@ -99,7 +99,7 @@ fn a_network_without_parts_still_names_its_module() {
 
 /// The gestures of a muted key are dropped: while one plays, before it begins, after it has ended.
 #[test]
-fn a_muted_key_forgets_its_gestures() {
+fn mute_of_a_key_drops_its_gestures() {
     for touch in [Touch::Open, Touch::Tracked] {
         for t in [[0.05, 0.2], [0.15, 0.2], [0.02, 0.05]] {
             let (mut network, mut timeline, _) = scene();
@@ -124,7 +124,7 @@ fn a_muted_key_forgets_its_gestures() {
 
 /// Strikes and drives of a muted part continue in the timeline, but have no effect.
 #[test]
-fn nothing_moves_a_muted_part() {
+fn mute_of_a_part_ignores_strikes_and_drives() {
     let (mut network, mut timeline, mass) = scene();
     network.part("sick", None);
     let point = network.sol("point", 0.0).unwrap();
@@ -162,7 +162,7 @@ fn nothing_moves_a_muted_part() {
 
 /// A force may be non-finite one frame before the position that it moves.
 #[test]
-fn no_output_is_ever_non_finite() {
+fn mute_keeps_outputs_finite() {
     let (mut network, timeline, mass) = scene();
     network.part("sick", None);
     let law = LawText {
@@ -189,7 +189,7 @@ fn no_output_is_ever_non_finite() {
 }
 
 #[test]
-fn a_snapshot_from_before_brings_the_part_back() {
+fn mute_is_undone_by_an_earlier_snapshot() {
     let (network, timeline, _) = scene();
     let mut simulation = Simulation::new(Arc::new(network), &timeline, OPTIONS).unwrap();
     play(&mut simulation, 4_000);
@@ -203,7 +203,7 @@ fn a_snapshot_from_before_brings_the_part_back() {
 
 /// Its ground lies beyond all bounds: muting the part must terminate all the same.
 #[test]
-fn a_part_far_away_can_be_muted() {
+fn mute_of_a_part_with_distant_ground() {
     let mut network = Network::new();
     network.part("far", None);
     let tie = Tie::Physical { k: 1.0, z: 0.0 };
@@ -221,7 +221,7 @@ fn a_part_far_away_can_be_muted() {
 
 /// Only the imposed point that leaves the bounds is muted: the mass tied to it has not moved yet.
 #[test]
-fn an_absurd_drive_mutes_its_own_part_first() {
+fn mute_by_an_absurd_drive_spares_its_neighbours() {
     let (mut network, mut timeline, _) = scene();
     network.part("rail", None);
     let point = network.sol("point", 0.0).unwrap();
@@ -238,7 +238,7 @@ fn an_absurd_drive_mutes_its_own_part_first() {
 }
 
 #[test]
-fn what_the_certificate_refuses_runs_unchecked_until_it_diverges() {
+fn unchecked_simulation_runs_until_it_diverges() {
     let mut network = Network::new();
     network.part("p", Rate::new(HERTZ).ok());
     let tie = Tie::Physical { k: 4.2, z: 0.0 };

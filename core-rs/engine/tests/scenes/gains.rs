@@ -70,7 +70,7 @@ fn play(simulation: &mut Simulation) -> Vec<f64> {
 }
 
 #[test]
-fn a_contact_too_stiff_for_its_steps_ends_a_render() {
+fn too_stiff_contact_stops_a_render() {
     let mut simulation = begin(hammered(3e11, None), OnFault::Stop);
     let fault = simulation.skip(4_410).unwrap_err();
     assert_eq!((&*fault.module, &*fault.part), ("stiff.c", "stiff"));
@@ -83,7 +83,7 @@ fn a_contact_too_stiff_for_its_steps_ends_a_render() {
 }
 
 #[test]
-fn its_part_is_muted_and_the_others_play_on() {
+fn mute_of_a_part_with_created_energy() {
     let mut simulation = begin(hammered(3e11, None), OnFault::Mute);
     let out = play(&mut simulation);
     let muted = simulation.muted();
@@ -95,7 +95,7 @@ fn its_part_is_muted_and_the_others_play_on() {
 }
 
 #[test]
-fn a_contact_that_is_slow_beside_its_steps_makes_nothing() {
+fn contact_slow_beside_its_steps_creates_no_energy() {
     let mut simulation = begin(hammered(1e7, None), OnFault::Stop);
     play(&mut simulation);
     assert_eq!(simulation.gains(), []);
@@ -141,7 +141,7 @@ fn created_energy_under_units_ca_is_reported() {
 
 /// For IEQ, the energy that counts is that of its own scheme, not that of the masses and springs.
 #[test]
-fn a_mesh_is_held_against_the_energy_of_its_laws() {
+fn mesh_energy_is_compared_by_its_laws() {
     let mut network = Network::new();
     network.part("wire", None);
     let wall = network.sol("w", 0.0).unwrap();
@@ -214,7 +214,7 @@ fn rattled(n_heard: usize, z: f64, on_fault: OnFault) -> (Simulation, Result<Vec
 }
 
 #[test]
-fn a_small_body_that_meets_a_contact_keeps_its_energy() {
+fn small_body_in_contact_keeps_its_energy() {
     // The force of an undamped spring is a sum of positions.
     for n_heard in [0, 2] {
         let (simulation, out) = rattled(n_heard, 0.0, OnFault::Stop);
@@ -233,7 +233,7 @@ fn rise(out: &[f64]) -> f64 {
 
 /// By one spring that is stepped at a port of a body, or by two at a stepped mass: none is created, or it is told.
 #[test]
-fn energy_of_a_stepped_spring_beside_a_contact_between_frames_is_told() {
+fn created_energy_of_a_spring_beside_a_contact() {
     for n_heard in [1, 2] {
         let (simulation, out) = rattled(n_heard, Z, OnFault::Stop);
         match out {

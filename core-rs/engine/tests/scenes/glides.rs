@@ -86,7 +86,7 @@ fn plan(network: Network, timeline: &Timeline, budget: &Budget) -> Arc<Plan> {
 /// A cell of 2 g at 220 Hz whose K grows by a factor of 1.5: from a bank into an island, in which it glides, and back
 /// into a bank.
 #[test]
-fn a_cell_glides_to_another_stiffness() {
+fn cell_glides_to_another_stiffness() {
     let omega = std::f64::consts::TAU * 220.0;
     let (m, k) = (2e-3, 2e-3 * omega * omega);
     let network = |k: f64| {
@@ -130,7 +130,7 @@ fn a_cell_glides_to_another_stiffness() {
 /// A spring between two stepped masses that are struck in turn. A factor on one link, and two links of which one opens
 /// as the other closes, give the same glide.
 #[test]
-fn a_spring_glides_to_another_stiffness() {
+fn spring_glides_to_another_stiffness() {
     let network = |springs: &[f64]| {
         let mut network = Network::new();
         network.part("pair", None);
@@ -222,7 +222,7 @@ fn struck(network: &Network) -> Timeline {
 
 /// A string computed by modes becomes a stepped one, whose pitch glides by 1 %.
 #[test]
-fn a_string_glides_to_another_pitch() {
+fn string_glides_to_another_pitch() {
     let n = 12;
     let ratio = 1.01 * 1.01;
     let (old, new) = (string(1.0, n), string(ratio, n));
@@ -244,7 +244,7 @@ fn a_string_glides_to_another_pitch() {
 
 /// Whatever methods compute a body before and after, all its masses keep their positions and steps.
 #[test]
-fn a_body_goes_on_mass_by_mass() {
+fn take_over_keeps_positions_of_all_masses() {
     mass_by_mass(false);
     mass_by_mass(true);
 }
@@ -309,7 +309,7 @@ fn mass_by_mass(has_key: bool) {
 
 /// A slow key continues as well, up to the difference that its kicks at each macrostep make.
 #[test]
-fn a_slow_body_goes_on() {
+fn take_over_of_a_slow_key() {
     let network = |k: f64| {
         let mut network = Network::new();
         network.part("key", None);
@@ -355,7 +355,7 @@ fn key() -> Timeline {
 
 /// A path through two points is a glide, to the last bit; with more points it continues after the first.
 #[test]
-fn a_path_goes_on_where_a_glide_ends() {
+fn path_continues_after_its_glide() {
     let ties = [
         [790.0, 0.02, 0.002],
         [1_600.0, 0.04, 0.002],
@@ -438,7 +438,7 @@ fn played(network: &Network, timeline: &Timeline, budget: &Budget, blocks: usize
 /// Links that are led to other values from the beginning equal links with these values, to the last bit, where both are
 /// stepped: by ear a plan computes by its modes what is not led. In blocks of any size they sound the same.
 #[test]
-fn links_that_are_led_are_links_with_those_values() {
+fn lead_of_links_equals_links_with_those_values() {
     let (spring, contact) = ([4.0, 0.5], [2.0, 4.0]);
     let single = joined_cells([1.0; 2], [1.0; 2]);
     let written = joined_cells(spring, contact);
@@ -458,7 +458,7 @@ fn links_that_are_led_are_links_with_those_values() {
 
 /// A string that is led to another pitch continues as the string of that pitch.
 #[test]
-fn a_string_that_is_led_is_the_string_it_is_led_to() {
+fn lead_of_a_string_equals_a_retuned_string() {
     let n = 12;
     let (single, written) = (string(1.0, n), string(4.0, n));
     let mut timeline = struck(&single);
@@ -480,7 +480,7 @@ fn a_string_that_is_led_is_the_string_it_is_led_to() {
 
 /// Leads that cannot be applied to links are refused.
 #[test]
-fn wrong_leads_of_parameters_are_refused() {
+fn lead_with_wrong_values_is_refused() {
     let network = joined_cells([1.0; 2], [1.0; 2]);
     let refused = |link: usize, n: usize, points: &[(f64, [f64; 2])]| {
         begin().lead(&network, (link, n), points).is_err()

@@ -79,7 +79,7 @@ fn smooth(points: &[(f64, f64)]) -> Vec<(f64, f64, Approach)> {
 
 /// At any rate, a written point that lies on a frame is met.
 #[test]
-fn points_are_met_at_every_rate() {
+fn gesture_meets_its_points_at_any_rate() {
     for hertz in [8_000.0, 44_100.0, 192_000.0] {
         for touch in [Touch::Open, Touch::Tracked] {
             let mut keys = Keyboard::new(hertz);
@@ -102,7 +102,7 @@ fn points_are_met_at_every_rate() {
 
 /// A gesture that began before the piece is joined from rest; all later points are met.
 #[test]
-fn a_gesture_from_before_the_piece_is_joined() {
+fn gesture_from_before_the_piece_is_joined() {
     let mut keys = Keyboard::new(44_100.0);
     keys.play(&smooth(&[(-0.05, 2e-3), (0.1, 5e-3)]), Manner::OPEN);
     let (x, reports) = keys.hear(0.15);
@@ -118,7 +118,7 @@ fn a_gesture_from_before_the_piece_is_joined() {
 }
 
 #[test]
-fn two_gestures_at_an_instant_play_the_later() {
+fn gestures_at_the_same_instant_play_the_later() {
     let mut keys = Keyboard::new(44_100.0);
     keys.play(&smooth(&[(0.05, 0.0), (0.1, 5e-3)]), Manner::OPEN);
     keys.play(&smooth(&[(0.05, 0.0), (0.1, -3e-3)]), Manner::OPEN);
@@ -129,7 +129,7 @@ fn two_gestures_at_an_instant_play_the_later() {
 
 /// A single point, a gesture longer than the piece, and no gesture.
 #[test]
-fn very_short_and_long_gestures_stay_finite() {
+fn gestures_of_extreme_lengths_stay_finite() {
     let mut keys = Keyboard::new(44_100.0);
     keys.play(&smooth(&[(0.05, 2e-3)]), Manner::OPEN);
     keys.play(&smooth(&[(0.1, 0.0), (1e6, 5e-3)]), Manner::OPEN);
@@ -141,7 +141,7 @@ fn very_short_and_long_gestures_stay_finite() {
 
 /// If a hold ends between two frames, the throw still lands on its own frame.
 #[test]
-fn a_throw_right_after_a_hold_lands() {
+fn throw_right_after_a_hold_lands() {
     for start in [0.05, 0.05 + 0.3 / 44_100.0, 0.05 + 0.7 / 44_100.0] {
         let mut keys = Keyboard::new(44_100.0);
         let (thrown, back) = (start + 0.03, start + 0.05);
@@ -166,7 +166,7 @@ fn a_throw_right_after_a_hold_lands() {
 
 /// After half its period a key is at the same place whatever the throw: no impulse makes it land elsewhere.
 #[test]
-fn a_throw_that_cannot_land_is_not_made() {
+fn throw_without_a_solution_is_skipped() {
     let mut keys = Keyboard::new(8_000.0);
     let undamped = Tie::Tuned { f: 8.0, t60: None };
     keys.network = Network::new();
@@ -191,7 +191,7 @@ fn a_throw_that_cannot_land_is_not_made() {
 }
 
 #[test]
-fn non_finite_gesture_points_are_refused() {
+fn gesture_with_non_finite_points_is_refused() {
     let mut keys = Keyboard::new(44_100.0);
     for method in [Approach::Throw, Path(Smooth)] {
         for (t, x) in [(0.1, f64::NAN), (f64::NAN, 0.0), (f64::INFINITY, 0.0)] {
@@ -250,7 +250,7 @@ fn non_finite_gesture_points_are_refused() {
 
 /// The last grain is shortened to the time that is left; the end of the gesture is still met.
 #[test]
-fn a_grain_that_does_not_divide_the_gesture_ends_with_it() {
+fn grain_shortened_at_the_end_of_a_gesture() {
     for grain in [0.007, 0.03] {
         let mut keys = Keyboard::new(44_100.0);
         keys.play(
@@ -269,7 +269,7 @@ fn a_grain_that_does_not_divide_the_gesture_ends_with_it() {
 
 /// A grain longer than a quarter period is allowed if the gesture ends sooner, because no flight is then that long.
 #[test]
-fn a_grain_is_held_against_the_flights_there_are() {
+fn grain_longer_than_a_quarter_period() {
     let mut keys = Keyboard::new(44_100.0);
     let long = Manner {
         grain: Some(1e9),
@@ -283,7 +283,7 @@ fn a_grain_is_held_against_the_flights_there_are() {
 
 /// The free copy of the key has no gates: the inner link would hold the copy, but not the key.
 #[test]
-fn a_coupling_inside_a_key_is_refused() {
+fn coupling_inside_a_key_is_refused() {
     let mut keys = Keyboard::new(44_100.0);
     let rail = keys.network.sol("rail", 0.0).unwrap();
     let inner = keys
@@ -313,7 +313,7 @@ fn a_coupling_inside_a_key_is_refused() {
 
 /// A stop 10 mm away does not change the period of the key, nor a gesture laid over another.
 #[test]
-fn an_open_stop_changes_nothing() {
+fn open_stop_leaves_gestures_unchanged() {
     let but = But::plain(1e5, 0.0, 0.01);
     let hear = |stop: bool| {
         let mut keys = Keyboard::new(44_100.0);

@@ -13,7 +13,7 @@ fn ledger(scene: &Scene) -> Energy {
 }
 
 #[test]
-fn it_closes_for_every_kind_of_link() {
+fn energy_ledger_closes_for_all_kinds_of_link() {
     for kind in 0..LINKS {
         for gated in [false, true] {
             for imposed in [false, true] {

@@ -74,7 +74,7 @@ fn planned(network: &Arc<Network>, timeline: &Timeline, budget: &Budget) -> Simu
 /// A performance tick by tick, as from a device, and a render of its recording give the same samples and forces, for
 /// every block size and plan.
 #[test]
-fn a_recording_renders_to_what_was_played() {
+fn recording_renders_to_the_played_samples() {
     let network = Arc::new(scene(Side::Below));
     let every = 44;
     let ticks = wave(500, RATE / f64::from(every));
@@ -119,7 +119,7 @@ fn a_recording_renders_to_what_was_played() {
 
 /// A key in one process and a scene in another, with ticks of one frame, give the bits of the key in the scene.
 #[test]
-fn a_key_apart_is_the_key_in_the_scene() {
+fn key_in_another_simulation_equals_key_in_scene() {
     let network = Arc::new(scene(Side::Below));
     let push = 2.0;
     // The whole network; a constant force pushes the key until it strikes.
@@ -181,7 +181,7 @@ fn structural_latency_is_one_sample() {
 
 /// Two hands joined by a spring that no output hears: each feels the other.
 #[test]
-fn hands_feel_each_other() {
+fn hands_feel_each_other_through_a_spring() {
     let mut network = Network::new();
     network.part("keys", None);
     let tie = Tie::Physical { k: 60.0, z: 1.2 };

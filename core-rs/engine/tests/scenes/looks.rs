@@ -158,7 +158,7 @@ fn positions(look: &Look, tracks: &[f64]) -> Vec<f64> {
 }
 
 #[test]
-fn every_mass_is_seen_where_it_is() {
+fn look_sees_masses_at_their_positions() {
     let (network, timeline) = scene(true);
     let plain = Options {
         ledger: false,
@@ -195,7 +195,7 @@ fn every_mass_is_seen_where_it_is() {
 }
 
 #[test]
-fn looking_changes_no_sample() {
+fn look_changes_no_sample() {
     for discrete in [true, false] {
         let (network, timeline) = scene(discrete);
         let budget = Budget::default();
@@ -222,7 +222,7 @@ fn looking_changes_no_sample() {
 }
 
 #[test]
-fn what_is_free_goes_where_two_frames_say() {
+fn look_predicts_free_masses_from_two_frames() {
     for discrete in [true, false] {
         let (network, timeline) = scene(discrete);
         let plan = plan(&network, &timeline, &all(&network), &Budget::Error(-100.0));
@@ -271,7 +271,7 @@ fn what_is_free_goes_where_two_frames_say() {
 }
 
 #[test]
-fn a_contact_tells_how_hard_it_pushed() {
+fn take_contacts_returns_strongest_forces() {
     let (network, timeline) = scene(true);
     let plan = plan(&network, &timeline, &all(&network), &Budget::default());
     let mut simulation = running(&plan, 1);

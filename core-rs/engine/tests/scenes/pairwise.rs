@@ -141,7 +141,7 @@ fn motion(seed: u64, n_axes: usize, is_listed: bool, n_frames: u64) -> Simulatio
 }
 
 #[test]
-fn all_pairs_are_as_a_link_each() {
+fn pairwise_contacts_equal_single_links() {
     for (seed, n_axes) in [(1, 2), (2, 3), (3, 2), (4, 3)] {
         // Long enough for points to move by several gaps; afterwards rounding errors have grown.
         let n_frames = 2_000;
@@ -168,7 +168,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(16))]
 
     #[test]
-    fn the_ledger_closes_and_momentum_stays(
+    fn pairwise_contacts_keep_ledger_and_momentum(
         seed in any::<u64>(),
         n_axes in 2_usize..=3,
         friction in prop_oneof![Just(0.0), 0.01..1.5_f64],
@@ -197,7 +197,7 @@ proptest! {
 
     /// A neighbour list that was built at other positions gives the same sums in the same order.
     #[test]
-    fn lists_of_neighbours_change_no_byte(
+    fn neighbour_lists_change_no_byte(
         seed in any::<u64>(),
         n_axes in 2_usize..=3,
         friction in prop_oneof![Just(0.0), 0.01..1.5_f64],
@@ -237,7 +237,7 @@ proptest! {
 
 /// One ball against a wall: half an oscillation of M on K.
 #[test]
-fn a_ball_leaves_a_plane_as_fast_as_it_came() {
+fn ball_leaves_a_plane_at_its_incoming_speed() {
     let (m, k, v) = (2e-3, 2e4, 1.5);
     let tilt = 0.3;
     let normal = [sin(tilt), 0.0, cos(tilt)];
@@ -270,7 +270,7 @@ fn a_ball_leaves_a_plane_as_fast_as_it_came() {
 }
 
 #[test]
-fn a_ball_stays_within_a_sphere() {
+fn ball_stays_within_a_sphere() {
     let mut network = Network::new();
     network.part("drum", None);
     let still = [0.0; 3];
@@ -305,7 +305,7 @@ fn a_ball_stays_within_a_sphere() {
 }
 
 #[test]
-fn wrong_pairs_of_groups_are_refused() {
+fn pairwise_with_wrong_groups_is_refused() {
     let mut network = Network::new();
     network.part("sand", None);
     let single = crowd(&mut network, "m", 3, 5, 1);
@@ -378,7 +378,7 @@ fn wrong_pairs_of_groups_are_refused() {
 
 /// Contacts that are too stiff for their steps create energy, which stops a render.
 #[test]
-fn created_energy_of_pairs_is_reported() {
+fn pairwise_created_energy_is_reported() {
     let mut network = Network::new();
     network.part("drum", None);
     let still = [0.0; 3];
@@ -451,7 +451,7 @@ fn apart(is_reversed: bool) -> Vec<f64> {
 }
 
 #[test]
-fn coordinates_of_a_point_may_stand_in_any_order() {
+fn space_points_with_coordinates_in_any_order() {
     let [first, other] = [false, true].map(apart);
     assert!(largest(&first) > 0.02, "they fly apart");
     assert!(

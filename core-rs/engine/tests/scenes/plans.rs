@@ -73,7 +73,7 @@ fn discrete() -> (Network, Timeline) {
 
 /// A discrete network is exact by definition, and its modes equal it: up to rounding, for seconds.
 #[test]
-fn the_modes_of_a_discrete_body_are_the_body() {
+fn modal_discrete_body_equals_its_network() {
     let (network, timeline) = discrete();
     let network = Arc::new(network);
     let options = Options {
@@ -107,7 +107,7 @@ fn the_modes_of_a_discrete_body_are_the_body() {
 /// The same body with hands, contacts and couplings: modes that are pushed at their ports still equal the discrete
 /// network, even if contacts open and close and strikes fall in between.
 #[test]
-fn the_modes_of_a_discrete_body_are_the_body_in_contact() {
+fn modal_discrete_body_equals_its_network_in_contact() {
     for contact in [Contact::Plain, Contact::Exact] {
         let (mut network, mut timeline) = discrete();
         let rate = Rate::new(44_100.0).unwrap();

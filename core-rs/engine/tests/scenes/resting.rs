@@ -235,7 +235,7 @@ fn simulations(network: &Arc<Network>, timeline: &Timeline) -> Vec<(String, Simu
 }
 
 #[test]
-fn what_rests_is_passed_over_and_not_a_bit_is_another() {
+fn rest_is_skipped_with_the_same_bits() {
     let network = network();
     let timeline = timeline(&network);
     // Frames at which both are compared, unrelated to any period: while everything is at rest, and later.
@@ -272,7 +272,7 @@ fn what_rests_is_passed_over_and_not_a_bit_is_another() {
 
 /// Strikes at the border of a block, next to it, and in the middle of one.
 #[test]
-fn a_live_strike_wakes_what_it_strikes_in_its_frame() {
+fn live_strike_wakes_resting_parts_in_its_frame() {
     let network = network();
     let mut open = Timeline::new(Rate::new(RATE).unwrap());
     open.open();
@@ -308,7 +308,7 @@ fn a_live_strike_wakes_what_it_strikes_in_its_frame() {
 
 /// A mass that friction has stopped rests where it stopped, until it is struck again.
 #[test]
-fn what_has_stopped_rests_again() {
+fn mass_stopped_by_friction_rests_again() {
     let mut network = Network::new();
     network.part("sled", None);
     let sled = network.mas("m", 0.02, 0.0, 0.0).unwrap();
@@ -346,7 +346,7 @@ fn what_has_stopped_rests_again() {
 
 /// If watching begins while the scene is at rest, pressing contacts are seen frame by frame.
 #[test]
-fn a_look_sees_what_presses_at_rest() {
+fn look_at_rest_sees_pressing_contacts() {
     let network = network();
     let timeline = timeline(&network);
     let mut rested = Simulation::new(network.clone(), &timeline, plain()).unwrap();
@@ -369,7 +369,7 @@ fn a_look_sees_what_presses_at_rest() {
 
 /// One version takes over while everything is at rest, another one in the middle of what follows.
 #[test]
-fn a_version_takes_over_from_one_at_rest() {
+fn take_over_from_a_resting_version() {
     let network = network();
     let version = |is_written: bool| {
         let mut single = Timeline::new(Rate::new(RATE).unwrap());

@@ -102,7 +102,7 @@ fn swing(simulation: &Simulation) -> Vec<u64> {
 }
 
 #[test]
-fn it_moves_as_a_score_at_that_rate() {
+fn seen_part_moves_as_a_slower_score() {
     let network = network(false);
     let plan = plan(
         &network,
@@ -125,7 +125,7 @@ fn it_moves_as_a_score_at_that_rate() {
 }
 
 #[test]
-fn between_its_steps_it_is_seen_on_a_straight_line() {
+fn seen_part_is_interpolated_between_its_steps() {
     let network = network(false);
     let plan = plan(
         &network,
@@ -181,7 +181,7 @@ fn all(plan: &Arc<Plan>, threads: usize, block: usize) -> (Vec<u64>, Vec<Vec<u64
 }
 
 #[test]
-fn no_thread_block_or_snapshot_changes_a_bit_and_what_is_heard_keeps_its_samples() {
+fn seen_part_agrees_bitwise_for_threads_and_blocks() {
     let network = network(false);
     let timeline = timeline_at(RATE, &network);
     let budget = Budget::Error(-60.0);
@@ -205,7 +205,7 @@ fn no_thread_block_or_snapshot_changes_a_bit_and_what_is_heard_keeps_its_samples
 }
 
 #[test]
-fn its_cost_is_that_of_its_frames_and_its_error_is_told() {
+fn seen_part_cost_and_error_by_rate() {
     let network = network(false);
     let timeline = timeline_at(RATE, &network);
     let mut last = (f64::INFINITY, -400.0);
@@ -234,7 +234,7 @@ fn its_cost_is_that_of_its_frames_and_its_error_is_told() {
 }
 
 #[test]
-fn a_version_goes_on_where_it_was_at_any_frame() {
+fn take_over_of_a_seen_part_mid_step() {
     let quiet = network(false);
     let timeline = timeline_at(RATE, &quiet);
     let budget = Budget::Method(Method::Ca);
@@ -274,7 +274,7 @@ fn a_version_goes_on_where_it_was_at_any_frame() {
 }
 
 #[test]
-fn what_no_slow_step_bears_goes_as_often_as_it_needs() {
+fn seen_part_too_stiff_is_oversampled() {
     let mut network = bell();
     let mut rows = Vec::new();
     for (part, k) in [("soft", 4e2), ("stiff", 4e5), ("stiffest", 7e7)] {

@@ -96,7 +96,7 @@ fn strikes(network: &Network, hammer: usize) -> Timeline {
 }
 
 #[test]
-fn sleep_between_strikes_is_not_heard() {
+fn sleep_between_strikes_is_inaudible() {
     for q in [0.0, 1e9] {
         let (network, hammer) = drum(q);
         let mut asleep = simulation(&network, &strikes(&network, hammer));
@@ -189,7 +189,7 @@ fn sleep_ends_with_a_live_strike() {
 /// A mass that drives itself, from a millionth of a millionth of a millimetre up, beside one that was struck and has
 /// long decayed when it is heard.
 #[test]
-fn sleep_leaves_what_grows_by_itself() {
+fn sleep_excludes_growing_oscillations() {
     let mut network = Network::new();
     network.part("pair", None);
     let tie = |f, t60| Tie::Tuned { f, t60 };

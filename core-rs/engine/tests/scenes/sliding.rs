@@ -54,7 +54,7 @@ fn uphill(simulation: &Simulation, angle: f64) -> [f64; 3] {
 }
 
 #[test]
-fn a_block_that_friction_holds_stays_where_its_spring_holds_it() {
+fn block_on_a_slope_rests_with_enough_friction() {
     for angle in [0.1, 0.4, 0.7] {
         // Enough friction to hold against the damper too, which pushes while the spring gets longer.
         let friction = 1.3 * sin(angle) / cos(angle);
@@ -75,7 +75,7 @@ fn a_block_that_friction_holds_stays_where_its_spring_holds_it() {
 }
 
 #[test]
-fn a_block_that_friction_does_not_hold_slides_as_coulomb_says() {
+fn block_on_a_slope_slides_by_coulomb_friction() {
     for (angle, friction) in [(0.3, 0.0), (0.4, 0.1), (0.7, 0.6)] {
         let mut simulation = block(angle, friction, STILL);
         let n = 22_050;
@@ -94,7 +94,7 @@ fn a_block_that_friction_does_not_hold_slides_as_coulomb_says() {
 }
 
 #[test]
-fn a_thrown_block_slides_straight_and_stops_where_its_energy_ends() {
+fn thrown_block_slides_straight_and_stops_by_friction() {
     let (friction, v) = (0.3, [0.6, 0.8, 0.0]);
     let mut simulation = block(0.0, friction, v);
     let seconds = 1.0 / (friction * G);
@@ -121,7 +121,7 @@ fn a_thrown_block_slides_straight_and_stops_where_its_energy_ends() {
 
 /// Another version takes over while the block sticks: contacts keep their memory.
 #[test]
-fn nothing_slips_where_a_version_takes_over() {
+fn take_over_of_sticking_contacts_without_slip() {
     let scene = |has_bell: bool| {
         let mut network = Network::new();
         network.part("sand", None);
@@ -171,7 +171,7 @@ fn nothing_slips_where_a_version_takes_over() {
 
 /// One group with neighbour search, against one link for each pair.
 #[test]
-fn friction_of_all_pairs_is_that_of_each() {
+fn pairwise_friction_equals_single_links() {
     let motion = |is_listed: bool, n_axes: usize| {
         let mut network = Network::new();
         network.part("sand", None);
@@ -213,7 +213,7 @@ fn friction_of_all_pairs_is_that_of_each() {
 }
 
 #[test]
-fn attraction_of_all_pairs_is_that_of_each() {
+fn pairwise_attraction_equals_single_links() {
     let motion = |is_listed: bool| {
         let mut network = Network::new();
         network.part("sky", None);

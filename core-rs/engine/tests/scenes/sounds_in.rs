@@ -118,7 +118,7 @@ fn output_sound(sound: &[f64], output: usize) -> Vec<f64> {
 }
 
 #[test]
-fn what_is_played_is_what_a_recording_of_it_makes() {
+fn live_input_equals_its_recording() {
     let noise = noise();
     let file = computed(&mut simulation(Some(&noise)));
     assert!(file.iter().any(|x| *x != 0.0));
@@ -144,7 +144,7 @@ fn what_is_played_is_what_a_recording_of_it_makes() {
 /// x[n+1] = 2x[n] − x[n−1] + F[n]/(M·rate²); F is the output of an analogue Butterworth filter by the bilinear
 /// transform.
 #[test]
-fn a_force_is_filtered_scaled_and_clamped() {
+fn input_force_is_filtered_scaled_and_clamped() {
     let noise = noise();
     let sound = output_sound(&computed(&mut simulation(Some(&noise))), 0);
     let k = libm::tan(PI * 200.0 / RATE);
@@ -172,7 +172,7 @@ fn a_force_is_filtered_scaled_and_clamped() {
 }
 
 #[test]
-fn a_position_is_reached_at_the_end_of_its_frame() {
+fn input_position_is_reached_at_end_of_frame() {
     let noise = noise();
     let sound = output_sound(&computed(&mut simulation(Some(&noise))), 1);
     assert_eq!(sound[0], 0.0);
@@ -182,7 +182,7 @@ fn a_position_is_reached_at_the_end_of_its_frame() {
 }
 
 #[test]
-fn a_version_goes_on_where_the_input_of_another_stands() {
+fn take_over_continues_the_input() {
     let noise = noise();
     let complete = played(&mut simulation(None), &noise, 64);
     let mut old = simulation(None);
@@ -200,7 +200,7 @@ fn a_version_goes_on_where_the_input_of_another_stands() {
 /// If a mesh is stepped finer, an input position is interpolated linearly and an input force is held: the result is
 /// near that of whole frames.
 #[test]
-fn finer_steps_hear_the_same_input() {
+fn input_with_finer_steps_is_interpolated() {
     let mut noise = noise();
     // Frequencies low enough for steps of a whole frame.
     let mut low = [0.0_f32; 2];
@@ -229,7 +229,7 @@ fn finer_steps_hear_the_same_input() {
 }
 
 #[test]
-fn wrong_input_settings_are_refused() {
+fn input_with_wrong_settings_is_refused() {
     let (_, mut timeline) = timeline(None);
     for wrong in [
         SoundInSettings {
@@ -358,7 +358,7 @@ fn walked(number: u64, glide: f64) -> Vec<f64> {
 /// The file is heard up to the first value; then each value is reached on a straight line and held. The clamp still
 /// acts.
 #[test]
-fn input_target_is_reached_and_constant() {
+fn input_target_is_reached_linearly_and_constant() {
     let simulation = || {
         let (network, timeline) = value_timeline();
         Simulation::new(network, &timeline, plain()).unwrap()
@@ -387,7 +387,7 @@ fn input_target_is_reached_and_constant() {
 
 /// Another version continues the way to the values told, at any frame of it, with and without a plan.
 #[test]
-fn a_version_goes_on_by_what_was_told() {
+fn take_over_continues_towards_input_targets() {
     let plan = |planned: bool| {
         let (network, timeline) = value_timeline();
         let plan = if planned {

@@ -86,7 +86,7 @@ pub(crate) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 }
 
 #[test]
-fn a_thrown_point_flies_its_parabola() {
+fn thrown_point_flies_a_parabola() {
     let mut network = Network::new();
     network.part("ball", None);
     let ball = point(&mut network, "m", 0.2, [0.1, 0.0, 2.0], [1.0, -2.0, 3.0]);
@@ -106,7 +106,7 @@ fn a_thrown_point_flies_its_parabola() {
 
 /// A spring without length pulls along each axis independently: an ellipse around its fixed end.
 #[test]
-fn a_spring_without_length_turns_its_end_on_an_ellipse() {
+fn spring_without_length_moves_on_an_ellipse() {
     let (k, m) = (40.0_f64, 0.01_f64);
     let error = |rate: f64| {
         let mut network = Network::new();
@@ -134,7 +134,7 @@ fn a_spring_without_length_turns_its_end_on_an_ellipse() {
 
 /// A row of springs under tension T: transverse modes depend on T, longitudinal ones on K.
 #[test]
-fn a_stretched_row_has_the_modes_of_the_lattice() {
+fn stretched_row_has_modes_of_the_lattice() {
     let (n, k, m, spacing, rest) = (5, 2_000.0, 1e-3, 0.02, 0.015);
     for (axis, stiffness) in [(0, k), (1, k * (spacing - rest) / spacing)] {
         let mut network = Network::new();
@@ -179,7 +179,7 @@ fn a_stretched_row_has_the_modes_of_the_lattice() {
 }
 
 #[test]
-fn a_collision_keeps_momenta_and_energy() {
+fn collision_conserves_momenta_and_energy() {
     let masses = [0.05, 0.02];
     let mut network = Network::new();
     network.part("balls", None);
@@ -219,7 +219,7 @@ fn a_collision_keeps_momenta_and_energy() {
 }
 
 #[test]
-fn wrong_links_in_space_are_refused() {
+fn space_links_with_wrong_values_are_refused() {
     let mut network = Network::new();
     network.part("rope", None);
     let a = point(&mut network, "a", 1e-3, [0.0; 3], [0.0; 3]);
@@ -268,7 +268,7 @@ fn wrong_links_in_space_are_refused() {
 
 /// A row at its rest length: its spring forces are rounding errors, which do not count as created energy.
 #[test]
-fn a_row_at_rest_makes_no_energy() {
+fn row_at_rest_creates_no_energy() {
     let mut network = Network::new();
     network.part("row", None);
     let n = 7;
@@ -297,7 +297,7 @@ fn a_row_at_rest_makes_no_energy() {
 /// Three paths of computation: all springs in one pass; springs with an infinite yield force, computed operation by
 /// operation; and springs one by one.
 #[test]
-fn runs_of_springs_have_the_bits_of_single_ones() {
+fn space_springs_in_runs_equal_single_springs() {
     const N: usize = 131;
     let endless = SpaceLaw::Yielding {
         yields: f64::INFINITY,

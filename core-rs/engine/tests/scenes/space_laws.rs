@@ -13,7 +13,7 @@ use ergon_engine::units::Rate;
 
 /// A law that is infinite at d = 0, and one that dissipates.
 #[test]
-fn laws_of_distances_keep_momenta_and_ledger() {
+fn space_laws_conserve_momenta_and_close_the_ledger() {
     let law = |law: &str, damping: Option<&str>| {
         let text = LawText {
             law: Some(law),
@@ -65,7 +65,7 @@ fn laws_of_distances_keep_momenta_and_ledger() {
 
 /// At its initial length a law is as stiff as its slope along its line, and as f/ℓ across it.
 #[test]
-fn a_law_too_stiff_where_it_begins_is_refused() {
+fn space_law_too_stiff_initially_is_refused() {
     let scene = |expression: &str| {
         let text = LawText {
             law: Some(expression),

@@ -110,7 +110,7 @@ fn near(a: f64, b: f64, by: f64) {
 }
 
 #[test]
-fn a_stream_is_seen_as_one_ergon_of_each_sign_a_look() {
+fn sparks_of_smooth_paths_are_gathered_by_sign() {
     let smooth = Approach::Path(Curve::Smooth);
     for touch in [Touch::Open, Touch::Tracked] {
         let manner = Manner {
@@ -139,7 +139,7 @@ fn a_stream_is_seen_as_one_ergon_of_each_sign_a_look() {
 }
 
 #[test]
-fn particles_are_seen_with_the_speed_that_they_have() {
+fn sparks_of_particles_have_their_speed() {
     let manner = Manner {
         ergons: Ergons::Particle,
         ..Manner::OPEN
@@ -156,7 +156,7 @@ fn particles_are_seen_with_the_speed_that_they_have() {
 }
 
 #[test]
-fn throws_and_grains_are_seen_one_by_one() {
+fn sparks_of_throws_and_grains_are_single() {
     let grains = Manner {
         grain: Some(3e-3),
         ..Manner::OPEN
@@ -182,7 +182,7 @@ fn throws_and_grains_are_seen_one_by_one() {
 }
 
 #[test]
-fn more_than_can_be_told_is_gathered_by_sign() {
+fn sparks_beyond_the_limit_are_gathered_by_sign() {
     let manner = Manner {
         grain: Some(1e-4),
         ..Manner::OPEN
@@ -214,7 +214,7 @@ fn impulses<'a>(all: impl Iterator<Item = &'a Record>) -> HashMap<(u32, bool), f
 }
 
 #[test]
-fn no_impulse_of_a_gesture_is_lost_whatever_the_scene() {
+fn sparks_sum_to_the_impulses_of_gestures() {
     let mut n = 0;
     for seed in 0..24 {
         let scene = Scene::random(seed);
@@ -243,7 +243,7 @@ fn no_impulse_of_a_gesture_is_lost_whatever_the_scene() {
 }
 
 #[test]
-fn watching_what_hands_strike_changes_no_sample() {
+fn watch_changes_no_sample() {
     for seed in 0..12 {
         let scene = Scene::random(seed);
         let sound = |is_watched: bool| -> Vec<u64> {

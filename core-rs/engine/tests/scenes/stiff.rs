@@ -130,7 +130,7 @@ fn quintic() -> LawText<'static> {
 /// The error is taken over ten frames after the strike. If all of these are computed in eight steps, they equal CA at
 /// eight times the rate, up to rounding. Later motion is chaotic at any rate: only its level is compared.
 #[test]
-fn a_scene_that_would_diverge_plays_on() {
+fn hard_strikes_stay_near_a_finer_reference() {
     let strikes = [1.0, 2.0, 4.0, 8.0, 16.0];
     for (network, limit) in [
         (gong(Some(1.0)), [-34.0, -27.0, -29.0, -33.0, -250.0]),
@@ -152,7 +152,7 @@ fn a_scene_that_would_diverge_plays_on() {
 
 /// Not every strike can be computed in eight steps a frame: a harder one still ends in a fault.
 #[test]
-fn harder_still_is_a_fault() {
+fn hard_strike_beyond_eight_steps_is_a_fault() {
     let network = Arc::new(gong(Some(1.0)));
     let impulse = 64.0 * hardest(&network);
     let fault = begin(&network, impulse, plain())
@@ -166,7 +166,7 @@ fn harder_still_is_a_fault() {
 
 /// A law whose stiffness stays within the limit of eight steps never diverges.
 #[test]
-fn lines_through_points_bear_anything() {
+fn law_by_points_never_diverges() {
     let points = [(-1e-2, -9.8e4), (-2e-4, -4.0), (2e-4, 4.0), (1e-2, 9.8e4)];
     let law = LawText {
         points: Some(&points),
@@ -202,7 +202,7 @@ fn hard_struck_gong_creates_no_energy() {
 
 /// If links do not stiffen so much, the guard changes no byte; if they do, it changes only their island.
 #[test]
-fn what_does_not_stiffen_keeps_its_bytes() {
+fn guard_changes_stiffened_islands_only() {
     for network in [gong(Some(1.0)), string(&quintic())] {
         let network = Arc::new(network);
         let border = hardest(&network);
@@ -225,7 +225,7 @@ fn what_does_not_stiffen_keeps_its_bytes() {
 
 /// A bell of 9 kHz on a string that is struck too hard: its poles are also exact in finer steps.
 #[test]
-fn a_cell_beside_keeps_its_pitch() {
+fn cell_beside_hard_struck_string_keeps_its_pitch() {
     let mut network = string(&quintic());
     let border = hardest(&Arc::new(network.clone()));
     network.part("bell", None);
@@ -282,7 +282,7 @@ fn hard_struck_gong_survives_blocks_snapshots_and_takeover() {
 
 /// Another gong takes over while frames are computed finer, and is damped: it plays on from that state.
 #[test]
-fn another_takes_over() {
+fn take_over_of_a_hard_struck_gong() {
     let network = Arc::new(gong(Some(1.0)));
     let impulse = 4.0 * hardest(&network);
     let plan = |network: &Arc<Network>| {

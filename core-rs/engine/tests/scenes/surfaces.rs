@@ -64,7 +64,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(8))]
 
     #[test]
-    fn the_ledger_closes_and_nothing_gets_out(
+    fn surface_contacts_close_the_ledger_and_confine_points(
         seed in any::<u64>(),
         is_hertz in any::<bool>(),
         friction in prop_oneof![Just(0.0), 0.1..0.9_f64],
@@ -83,7 +83,7 @@ proptest! {
 
     /// A free box takes up the momentum of the points.
     #[test]
-    fn momentum_stays(seed in any::<u64>(), friction in prop_oneof![Just(0.0), 0.1..0.9_f64]) {
+    fn surface_contacts_conserve_momentum(seed in any::<u64>(), friction in prop_oneof![Just(0.0), 0.1..0.9_f64]) {
         let (network, masses) = shaken(seed, 0.05, LINEAR, friction);
         let n = masses.len() - 1;
         let mut simulation = start(network);

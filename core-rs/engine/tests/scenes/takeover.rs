@@ -261,7 +261,7 @@ fn versions(
 const LENGTH: u64 = 17_600;
 
 #[test]
-fn a_version_that_is_the_same_changes_no_bit() {
+fn take_over_by_an_equal_version_bitwise() {
     let network = Arc::new(network());
     let timeline = timeline(&network, f64::INFINITY);
     for budget in [
@@ -315,7 +315,7 @@ fn a_version_that_is_the_same_changes_no_bit() {
 /// A version that differs only after `until`: no bit before that changes, and takeovers before it give the samples of
 /// the new version played from the start.
 #[test]
-fn a_version_that_differs_later_is_heard_later() {
+fn take_over_by_a_version_with_later_changes() {
     let network = Arc::new(network());
     let until = 0.205;
     let (old, new) = (timeline(&network, f64::INFINITY), timeline(&network, until));
@@ -344,7 +344,7 @@ fn a_version_that_differs_later_is_heard_later() {
 
 /// The plan of a session does not depend on the events written, nor on the plan that it is made like.
 #[test]
-fn a_session_is_planned_for_what_may_come() {
+fn plan_of_a_session_ignores_written_events() {
     let network = Arc::new(network());
     let plan = |timeline: &Timeline, like: Option<&Plan>| {
         let budget = Budget::default();
@@ -390,7 +390,7 @@ fn a_session_is_planned_for_what_may_come() {
 /// Another instrument is added and removed: everything that it does not touch keeps its bits, whatever its new indices
 /// are.
 #[test]
-fn what_is_added_changes_no_bit_of_the_others() {
+fn take_over_with_an_added_part_bitwise() {
     let (network, more) = (Arc::new(network()), Arc::new(network_with(true)));
     for budget in [Budget::default(), Budget::Method(Method::Ca2p)] {
         let plan = |network: &Arc<Network>| {
@@ -423,7 +423,7 @@ fn what_is_added_changes_no_bit_of_the_others() {
 /// A running gesture that the new version does not have ends at once: the key moves freely, and the next gesture joins
 /// it there.
 #[test]
-fn a_gesture_that_is_gone_ends_there() {
+fn take_over_without_a_running_gesture_ends_it() {
     let mut network = Network::new();
     network.part("key", None);
     let tie = Tie::Tuned {
@@ -480,7 +480,7 @@ fn a_gesture_that_is_gone_ends_there() {
 /// Another network: masses of the same name keep their motion, in a bank or stepped; new ones begin at their initial
 /// state.
 #[test]
-fn masses_go_on_by_name() {
+fn take_over_keeps_masses_by_name() {
     let version = |k: f64, coupled: bool, more: bool| {
         let mut network = Network::new();
         network.part("bells", None);
@@ -541,13 +541,13 @@ fn masses_go_on_by_name() {
 }
 
 #[test]
-fn random_scenes_go_on() {
+fn take_over_of_random_scenes() {
     go_on(0..4);
 }
 
 #[test]
 #[ignore = "minutes: make test-long"]
-fn many_random_scenes_go_on() {
+fn take_over_of_many_random_scenes() {
     go_on(4..100);
 }
 
@@ -591,7 +591,7 @@ fn go_on(seeds: Range<u64>) {
 
 /// A muted part stays muted in a version that does not change it, and all others play on.
 #[test]
-fn a_muted_part_stays_mute() {
+fn take_over_keeps_muted_parts_muted() {
     let version = |struck: &[f64]| {
         let mut network = Network::new();
         network.part("bell", None);

@@ -88,7 +88,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
     #[test]
-    fn the_ledger_closes(seed in any::<u64>()) {
+    fn energy_ledger_of_tangles_closes(seed in any::<u64>()) {
         let (network, timeline, _) = tangle(seed);
         let mut simulation = start(network, &timeline);
         simulation.skip(8_000).unwrap();
@@ -98,7 +98,7 @@ proptest! {
     }
 
     #[test]
-    fn blocks_plans_and_snapshots_change_no_byte(seed in any::<u64>()) {
+    fn tangles_in_blocks_plans_and_snapshots_bitwise(seed in any::<u64>()) {
         let (network, timeline, _) = tangle(seed);
         let n = 4_000;
         let mut whole = start(network.clone(), &timeline);
@@ -156,7 +156,7 @@ fn free(turned: impl Fn([f64; 3]) -> [f64; 3], drift: [f64; 3]) -> (Network, [f6
 
 /// Without links to anything else, momentum and angular momentum are conserved.
 #[test]
-fn a_free_tangle_keeps_its_momenta() {
+fn free_tangle_conserves_its_momenta() {
     let (network, masses) = free(|x| x, [0.0; 3]);
     let timeline = Timeline::new(Rate::new(RATE).unwrap());
     let mut simulation = start(network, &timeline);
@@ -174,7 +174,7 @@ fn a_free_tangle_keeps_its_momenta() {
 
 /// In a rotated or moving reference frame the motion is the same, up to rounding.
 #[test]
-fn a_free_tangle_moves_alike_from_everywhere() {
+fn free_tangle_in_rotated_and_moving_frames() {
     // Rotation about (1, 2, 2)/3 by 1 rad (Rodrigues).
     let (c, s, k) = (cos(1.0), sin(1.0), [1.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0]);
     let turned = |x: [f64; 3]| -> [f64; 3] {

@@ -36,7 +36,7 @@ fn pulled(law: SpaceLaw, far: f64) -> (Simulation, Vec<f64>) {
 }
 
 #[test]
-fn a_wire_yields_and_breaks() {
+fn yielding_link_yields_and_breaks() {
     let endless = f64::INFINITY;
     // The link grows by 20 mm in a second: at 1 N/mm the final force is 20 N, if nothing yields.
     let (_, force) = pulled(SpaceLaw::Spring, 0.02);
@@ -118,7 +118,7 @@ fn torn_row(is_more: bool) -> Network {
 /// A net that is stretched by its own motion until it tears: the ledger closes, and broken links stay broken and never
 /// pull.
 #[test]
-fn a_net_tears_and_its_ledger_closes() {
+fn tearing_row_closes_its_ledger() {
     let timeline = Timeline::new(Rate::new(RATE).unwrap());
     let mut simulation = start(torn_row(false), &timeline);
     let n = 20_000;
@@ -142,7 +142,7 @@ fn a_net_tears_and_its_ledger_closes() {
 
 /// Links that are torn stay torn when an edit changes the rest.
 #[test]
-fn an_edit_mends_nothing() {
+fn take_over_keeps_broken_links_broken() {
     let timeline = Timeline::new(Rate::new(RATE).unwrap());
     let version = |is_more| {
         let network = Arc::new(torn_row(is_more));

@@ -129,7 +129,7 @@ fn turned_modes_for_each_struck_point() {
 
 /// Another version takes over from turned modes mass by mass.
 #[test]
-fn another_version_goes_on_from_turned_modes() {
+fn take_over_from_turned_modes() {
     for by in [By::Strikes, By::Hammer] {
         let (closed, open) = (plan(by, false), plan(by, true));
         let mut complete = Simulation::planned(open.clone(), alone()).unwrap();

@@ -200,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_has_the_unfinished_name_is_kept() {
+    fn recording_keeps_a_file_with_its_unfinished_name() {
         let folder = folder("unfinished");
         let path = folder.join("a.wav");
         let taken = folder.join(format!(".a.wav.{}.part", std::process::id()));
@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_gets_the_name_meanwhile_is_kept() {
+    fn recording_keeps_a_file_created_meanwhile() {
         let folder = folder("meanwhile");
         let path = folder.join("a.wav");
         let mut recording = Recording::create(&path, 1000, 1).expect("a recording");

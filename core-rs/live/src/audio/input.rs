@@ -298,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn what_comes_in_time_is_what_is_heard() {
+    fn input_reader_returns_frames_in_time() {
         let (mut feed, drain) = ring::ring(1, 4096);
         feed.set_prefill(300);
         let mut reader = InputReader::new(drain, 300, 48_000);
@@ -320,7 +320,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_missing_is_silence_and_counted() {
+    fn input_reader_counts_missing_frames_as_silence() {
         let (mut feed, drain) = ring::ring(2, 4096);
         feed.set_prefill(1);
         let mut reader = InputReader::new(drain, 1, 48_000);
@@ -339,7 +339,7 @@ mod tests {
     }
 
     #[test]
-    fn what_comes_too_fast_is_caught_up_with() {
+    fn input_reader_discards_excess_frames() {
         let (mut feed, drain) = ring::ring(1, 4096);
         feed.set_prefill(100);
         let mut reader = InputReader::new(drain, 100, 48_000);

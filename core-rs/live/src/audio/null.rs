@@ -96,7 +96,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn hours_of_blocks_do_not_drift() {
+    fn lasting_of_hours_of_blocks_without_drift() {
         // 256 frames at 44.1 kHz are not a whole number of nanoseconds.
         assert_eq!(
             lasting(44_100 * 3600 * 10, 44_100),

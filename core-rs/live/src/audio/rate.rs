@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn a_second_stays_a_second_and_a_sine_the_same_sine() {
+    fn converted_sine_keeps_duration_and_pitch() {
         for (from, to) in [(44_100, 48_000), (48_000, 44_100), (96_000, 48_000)] {
             for pitch in [440.0, 10_000.0] {
                 let got = converted(from, to, pitch);

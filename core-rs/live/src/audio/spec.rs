@@ -153,7 +153,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_devices_and_options() {
+    fn spec_with_device_and_options() {
         let spec: Spec = "pulse:dome,block=512,channels=24".parse().expect("is one");
         assert_eq!(spec.backend, Backend::Pulse);
         assert_eq!(spec.device.as_deref(), Some("dome"));
@@ -163,14 +163,14 @@ mod tests {
     }
 
     #[test]
-    fn a_path_keeps_its_commas() {
+    fn spec_of_a_path_with_commas() {
         let spec: Spec = "file:a,b=c.wav,block=64".parse().expect("is one");
         assert_eq!(spec.backend, Backend::File("a,b=c.wav".into()));
         assert_eq!(spec.block, Some(64));
     }
 
     #[test]
-    fn refuses_what_it_does_not_know() {
+    fn spec_with_unknown_names_is_refused() {
         for text in [
             "",
             "alsa",

@@ -214,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_pushed_is_in_the_file() {
+    fn tap_writes_pushed_frames_to_its_file() {
         let folder = std::env::temp_dir().join(format!("ergon-tap-{}", std::process::id()));
         std::fs::create_dir_all(&folder).expect("a folder");
         let path = folder.join("a.wav");
@@ -248,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_without_room_become_silence_in_their_place() {
+    fn tap_without_room_writes_silence() {
         let folder = std::env::temp_dir().join(format!("ergon-tap-full-{}", std::process::id()));
         std::fs::create_dir_all(&folder).expect("a folder");
         let path = folder.join("a.wav");

@@ -89,7 +89,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn both_containers_have_one_layout() {
+    fn wave_headers_of_both_containers_have_equal_layout() {
         let (riff, rf64) = (
             header_above(48_000, 24, 10, u64::MAX),
             header_above(48_000, 24, 10, 0),
@@ -104,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn a_long_recording_says_its_size_in_64_bits() {
+    fn wave_header_of_a_long_recording() {
         let frames = 16 * 60 * 48_000; // 16 minutes of 24 channels: more than 4 GiB
         let head = header(48_000, 24, frames);
         assert_eq!(&head[..4], b"RF64");

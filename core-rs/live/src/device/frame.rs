@@ -405,7 +405,7 @@ mod tests {
     }
 
     #[test]
-    fn unknown_numbers_are_zero() {
+    fn description_with_zeros_is_unknown() {
         let spec = described(|numbers| {
             for number in [0, 2, 5, 6, 7] {
                 numbers[number] = 0.0;

@@ -102,7 +102,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_board_has_one_owner_until_that_lets_go() {
+    fn device_lock_is_exclusive_until_dropped() {
         let folder = std::env::temp_dir().join(format!("ergon-lock-{}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
         let [address, other] = [9801, 9802].map(|port| SocketAddr::from(([192, 168, 1, 20], port)));
@@ -119,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_is_the_users_own_and_no_link() {
+    fn lock_folder_by_owner_mode_and_link() {
         let base = std::env::temp_dir().join(format!("ergon-own-{}", std::process::id()));
         std::fs::create_dir_all(&base).unwrap();
         let (file, link) = (base.join("file"), base.join("link"));

@@ -100,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn a_board_is_known_by_its_serial_number_and_by_nothing_less() {
+    fn identity_by_serial_number_only() {
         let ports = [
             port("/dev/ttyACM0", 0x2341, Some("85439303 ")),
             port("/dev/ttyACM1", 0x16c0, Some("85439303")),

@@ -284,7 +284,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn reads_kinds_places_options_and_axes() {
+    fn url_with_kind_target_options_and_axis() {
         let url = Url::parse("firefader:/dev/ttyACM0#1").unwrap();
         assert_eq!((url.kind, url.axis), (Kind::FireFader, Some(1)));
         assert_eq!(url.target, "/dev/ttyACM0");
@@ -299,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn names_what_it_does_not_know() {
+    fn url_with_unknown_words_is_refused_by_name() {
         for (text, word) in [
             ("hapi:/dev/ttyACM1", "not supported yet"),
             (

@@ -4,7 +4,7 @@ use super::*;
 use crate::emulate::Hand;
 
 #[test]
-fn no_fault_exceeds_its_bound() {
+fn faults_stay_within_their_bounds() {
     let result = measure().unwrap();
     assert_eq!(result.len(), Fault::ALL.len() * Emulator::ALL.len());
     let broken: Vec<_> = result.iter().filter(|one| one.exceeds()).collect();
@@ -12,7 +12,7 @@ fn no_fault_exceeds_its_bound() {
 }
 
 #[test]
-fn the_same_figures_come_out_again() {
+fn measure_repeats_the_same_figures() {
     assert_eq!(measure().unwrap(), measure().unwrap());
 }
 

@@ -125,7 +125,7 @@ fn jumps() -> Vec<f64> {
 }
 
 #[test]
-fn every_fault_ends_the_force_and_keeps_what_was_recorded() {
+fn excite_with_faults_ends_force_and_keeps_rows() {
     for (fault, end, n) in [
         (Fault::None, End::Done, 3000),
         (Fault::Touch, End::Touched, 700),
@@ -168,7 +168,7 @@ fn every_fault_ends_the_force_and_keeps_what_was_recorded() {
 }
 
 #[test]
-fn a_hand_that_asks_for_the_end_gets_it_at_once() {
+fn excite_with_a_set_stop_ends_at_once() {
     let (device, last) = key(Fault::None, 0);
     let result = excite(device, &pushed(&jumps()), None, &AtomicBool::new(true));
     assert_eq!((result.end, result.rows.len()), (End::Stopped, 0));
@@ -177,7 +177,7 @@ fn a_hand_that_asks_for_the_end_gets_it_at_once() {
 
 /// A steady push does not take a key without a spring to an end: the brake takes over, then the guide returns the key.
 #[test]
-fn the_brake_keeps_the_key_from_its_ends() {
+fn excite_brakes_the_key_before_its_ends() {
     let mut forces = vec![1.5; 4000];
     forces[..100].fill(0.0);
     let (device, _) = key(Fault::None, 0);

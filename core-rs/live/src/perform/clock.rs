@@ -102,7 +102,7 @@ mod tests {
 
     /// The clock follows a card whose clock is wrong by up to three parts in a thousand.
     #[test]
-    fn the_ring_settles_at_its_target_whatever_the_card_does() {
+    fn clock_steers_the_ring_to_its_target() {
         for drift in [-2e-3, 0.0, 1e-3, 3e-3] {
             let (frames, period, target) = (44.0, 1e-3, 1_024);
             let mut clock = Clock::new(period, target, true, true);
@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn a_late_tick_is_told_and_a_lost_one_sets_the_clock_anew() {
+    fn clock_reports_late_ticks_and_resets_after_losses() {
         // Ticks this long hide any stall of a busy machine.
         const PERIOD: f64 = 0.5;
         let mut clock = Clock::new(PERIOD, 64, true, true);

@@ -261,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn a_guide_pulls_towards_the_part_and_brakes() {
+    fn guidance_force_pulls_to_the_part_and_brakes() {
         let hand = hand(false);
         let mut guidance = GuidanceState::new(hand.guidance, PERIOD);
         for tick in [0, 9] {
@@ -272,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn a_loose_guide_comes_and_goes_by_its_steps() {
+    fn loose_guidance_fades_by_its_steps() {
         let hand = hand(true);
         let mut guidance = GuidanceState::new(hand.guidance, PERIOD);
         let step = |at, share| GuidanceStep { frame: at, share };
@@ -302,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn another_path_is_gone_over_to() {
+    fn guidance_changes_to_another_path_without_a_jump() {
         let mut hand = hand(true);
         let mut guidance = GuidanceState::new(hand.guidance, PERIOD);
         guidance.steps = vec![GuidanceStep {
@@ -326,7 +326,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_share_leads_nobody() {
+    fn guidance_with_a_wrong_share_has_no_force() {
         let hand = hand(true);
         let mut guidance = GuidanceState::new(hand.guidance, PERIOD);
         let share = GuidanceShare {

@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn a_change_of_hands_never_jumps() {
+    fn hand_source_changes_without_a_jump() {
         for apart in [1e-5, 3e-3, -12e-3, 60e-3] {
             let mut source = HandSource::default();
             source.follow(0.0);

@@ -97,7 +97,7 @@ mod tests {
 
     /// The scale falls ahead of a change that waits: without a jump, and completely by the tick of the change.
     #[test]
-    fn a_scale_falls_before_a_stiffer_scene_acts() {
+    fn scale_falls_before_a_stiffer_scene_acts() {
         let mut scale = Scale::new(1.0, PERIOD);
         let coming = [bound(100, 0.2)];
         let mut last = 1.0;
@@ -112,7 +112,7 @@ mod tests {
 
     /// A bound that arrives late takes effect over the remaining ticks; one that arrives at its tick acts at once.
     #[test]
-    fn a_late_bound_holds_from_its_tick_on() {
+    fn scale_with_a_late_bound() {
         for left in [0, 1, 5] {
             let mut scale = Scale::new(1.0, PERIOD);
             for tick in 0..=left {
@@ -128,7 +128,7 @@ mod tests {
 
     /// The scale rises only after the glide to a softer piece is over; a change that waits meanwhile holds it down.
     #[test]
-    fn a_scale_rises_once_the_stiff_scene_is_gone() {
+    fn scale_rises_after_the_stiff_scene_has_ended() {
         let mut scale = Scale::new(0.2, PERIOD);
         scale.bounds = vec![bound(0, 0.2), bound(300, 1.0)];
         scale.begin(100);
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_scale_lets_nothing_through() {
+    fn scale_with_a_wrong_bound_is_zero() {
         for wrong in [f64::NAN, -1.0, f64::NEG_INFINITY] {
             let mut scale = Scale::new(1.0, PERIOD);
             scale.bounds = vec![bound(0, wrong)];

@@ -77,7 +77,7 @@ fn reread(bytes: &[u8]) -> Result<Recording, RecordingError> {
 }
 
 #[test]
-fn what_a_hand_did_is_read_back_to_the_bit() {
+fn recording_is_read_back_to_the_bit() {
     let folder = Folder::new();
     let path = folder.file("a.take");
     let (mut sink, handle) = Recorder::start(&path, &header(3)).unwrap();
@@ -103,7 +103,7 @@ fn what_a_hand_did_is_read_back_to_the_bit() {
 }
 
 #[test]
-fn no_file_is_written_over() {
+fn recording_overwrites_no_file() {
     let folder = Folder::new();
     let path = folder.file("a.take");
     fs::write(&path, "mine").unwrap();
@@ -115,7 +115,7 @@ fn no_file_is_written_over() {
 }
 
 #[test]
-fn a_sink_that_is_dropped_ends_the_recording() {
+fn recording_ends_with_a_dropped_sink() {
     let folder = Folder::new();
     let path = folder.file("a.take");
     let (mut sink, handle) = Recorder::start(&path, &header(1)).unwrap();
@@ -128,7 +128,7 @@ fn a_sink_that_is_dropped_ends_the_recording() {
 }
 
 #[test]
-fn a_part_of_it_can_be_read() {
+fn decode_of_a_part_by_ticks() {
     let mut recording = recording_of(&[3, 4, 6, 9, 10], 2);
     recording.events = vec![(3, "1".into()), (6, "2".into()), (10, "3".into())];
     let bytes = written(&recording);
@@ -141,7 +141,7 @@ fn a_part_of_it_can_be_read() {
 }
 
 #[test]
-fn a_missing_tick_holds_the_one_before() {
+fn positions_filled_repeats_before_missing_ticks() {
     let held = recording_of(&[3, 4, 7], 2).positions_filled().unwrap();
     let position = |tick, axis| sample(tick, axis).position;
     let wanted = [3, 4, 4, 4, 7].map(|tick| [position(tick, 0), position(tick, 1)]);
@@ -152,7 +152,7 @@ fn a_missing_tick_holds_the_one_before() {
 }
 
 #[test]
-fn a_later_version_may_say_more() {
+fn reader_skips_unknown_chunks_and_refuses_other_versions() {
     let mut bytes = written(&recording_of(&[1], 1));
     let end = bytes.len() - chunk::FRAME - 8;
     let after = bytes.split_off(end);
@@ -164,7 +164,7 @@ fn a_later_version_may_say_more() {
 }
 
 #[test]
-fn rows_that_go_back_are_lost() {
+fn reader_drops_rows_going_back() {
     let mut bytes = written(&recording_of(&[5, 6], 1));
     bytes.truncate(bytes.len() - chunk::FRAME - 8);
     let mut row = vec![0; row::size(1)];
@@ -181,7 +181,7 @@ fn rows_that_go_back_are_lost() {
 }
 
 #[test]
-fn headers_that_cannot_be_are_refused() {
+fn header_check_refuses_impossible_values() {
     let change = |change: fn(&mut Header)| {
         let mut header = header(1);
         change(&mut header);
@@ -197,7 +197,7 @@ fn headers_that_cannot_be_are_refused() {
 }
 
 #[test]
-fn every_axis_has_a_name_of_its_own() {
+fn header_names_are_unique_per_axis() {
     let names = |axes: &[(&str, &str)]| {
         let axis = |(player, key): &(&str, &str)| Axis {
             player: (*player).to_owned(),
@@ -218,7 +218,7 @@ fn every_axis_has_a_name_of_its_own() {
 }
 
 #[test]
-fn only_files_are_read() {
+fn read_refuses_folders_and_other_files() {
     let folder = Folder::new();
     let refused = read(&folder.0, None);
     assert!(matches!(refused, Err(RecordingError::Io(_))));
@@ -261,7 +261,7 @@ fn laid_out(chunks: &[Vec<u64>], n_axes: usize) -> (Vec<u8>, Vec<usize>) {
 
 proptest! {
     #[test]
-    fn a_cut_file_loses_its_last_chunk_alone(
+    fn cut_file_loses_its_last_chunk_only(
         (chunks, n_axes) in recordings(),
         part in 0.0..1.0_f64,
     ) {
@@ -279,7 +279,7 @@ proptest! {
     }
 
     #[test]
-    fn a_garbled_payload_loses_its_chunk_alone(
+    fn damaged_payload_loses_its_chunk_only(
         (chunks, n_axes) in recordings(),
         which in 0.0..1.0_f64,
         at in 0.0..1.0_f64,
@@ -301,7 +301,7 @@ proptest! {
     }
 
     #[test]
-    fn strangers_bytes_are_read_or_refused(
+    fn damaged_recordings_are_read_or_refused(
         (chunks, n_axes) in recordings(),
         changes in prop::collection::vec((0.0..1.0_f64, any::<u8>(), 0_usize..40), 1..6),
     ) {
@@ -327,7 +327,7 @@ proptest! {
     }
 
     #[test]
-    fn anything_is_read_or_refused(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
+    fn random_bytes_are_read_or_refused(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
         let mut all = reader::start(&header(1));
         all.extend(&bytes);
         if let Ok(found) = reread(&all) {

@@ -355,7 +355,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_wait_for_a_disk_that_is_full() {
+    fn writer_keeps_rows_on_a_full_disk() {
         let (header, beginning, path) = file("full");
         let full = OpenOptions::new().write(true).open("/dev/full").unwrap();
         let (mut sink, mut writer) = channel(&header, full, beginning.len() as u64);
@@ -373,7 +373,7 @@ mod tests {
     }
 
     #[test]
-    fn what_finds_no_room_is_counted() {
+    fn sink_without_room_counts_dropped_rows() {
         let (header, beginning, path) = file("room");
         let plain = OpenOptions::new().append(true).open(&path).unwrap();
         let (mut sink, mut writer) = channel(&header, plain, beginning.len() as u64);

@@ -189,7 +189,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_transform_is_the_sum() {
+    fn transform_equals_the_defining_sum() {
         let circle = unit_circle(16);
         let x: Vec<f64> = (0..16).map(|i| f64::from(i * i % 7)).collect();
         let mut transformed: Vec<Complex> = x.iter().map(|&x| (x, 0.0)).collect();
@@ -207,7 +207,7 @@ mod tests {
 
     /// Compares with the differential equation of key and hand, integrated in very small steps.
     #[test]
-    fn a_held_key_goes_as_its_equation() {
+    fn motion_of_a_held_key_matches_its_equation() {
         let key = Key {
             mass: 0.05,
             damping: 1.0,
@@ -245,7 +245,7 @@ mod tests {
 
     /// A piece that rings: at the border the loop, simulated for long, neither grows nor decays.
     #[test]
-    fn the_border_is_where_a_played_loop_begins_to_grow() {
+    fn gain_margin_equals_border_of_a_played_loop() {
         let (mass, k, z, period) = (0.02, 800.0, 0.2, 1e-3);
         // A mass on a spring, coupled to the key by 4 kN/m; the response is the coupling's force, tick by tick.
         let (coupling, n) = (4e3, 2_048);

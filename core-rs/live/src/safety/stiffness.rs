@@ -88,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn the_formula_is_the_sampled_loops() {
+    fn limit_of_a_sampled_loop_matches_simulation() {
         // Damping, rate, delay, and the greatest stable stiffness in a simulation of such a loop with 50 g.
         for (b, rate, delay, known) in [
             (0.3, 1e3, 0, 645.0),
@@ -117,14 +117,14 @@ mod tests {
     }
 
     #[test]
-    fn scales_only_what_is_too_stiff() {
+    fn scale_only_beyond_the_limit() {
         assert_eq!(scale(100.0, 200.0), 1.0);
         assert_eq!(scale(400.0, 200.0), 0.5);
     }
 
     /// A spring alone: the border equals that of the eigenvalues of the loop.
     #[test]
-    fn a_spring_is_borne_up_to_its_limit() {
+    fn gain_margin_of_a_spring_equals_its_limit() {
         for (damping, delay) in [(0.3, 0), (1.0, 0), (1.0, 1), (3.0, 2)] {
             let period = 1e-3;
             let border = numerically(damping, period, delay);
@@ -149,7 +149,7 @@ mod tests {
 
     /// Heavy keys on soft springs swing slowly and settle: their force is not reduced.
     #[test]
-    fn slow_swings_are_no_instability() {
+    fn safe_scale_of_slow_swings_is_one() {
         let period = 44.0 / 44_100.0;
         let keys = [
             (0.05, 0.3, 5.0, 0),

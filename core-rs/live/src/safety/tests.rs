@@ -107,7 +107,7 @@ fn still(asked: f64, n: usize) -> impl Iterator<Item = (f64, Option<f64>)> {
 }
 
 #[test]
-fn what_is_safe_is_sent_to_the_last_bit() {
+fn safe_forces_are_sent_bitwise() {
     let mut bench = Bench::new();
     let limits = Limits {
         ramp: 0.0,
@@ -133,7 +133,7 @@ fn what_is_safe_is_sent_to_the_last_bit() {
 }
 
 #[test]
-fn a_force_that_is_no_number_trips() {
+fn non_finite_force_trips() {
     let mut bench = Bench::new();
     let mut guarded = Guarded::new(&mut bench, open(), PERIOD);
     let mut ticks: Vec<_> = still(0.5, 300).collect();
@@ -149,7 +149,7 @@ fn a_force_that_is_no_number_trips() {
 }
 
 #[test]
-fn force_is_the_least_of_the_players_and_the_devices() {
+fn force_is_limited_by_player_and_device() {
     let mut bench = Bench::new();
     let sent = play(
         &mut Guarded::new(&mut bench, open(), PERIOD),
@@ -184,7 +184,7 @@ fn hot_motor_force_falls_to_the_continuous_limit() {
 }
 
 #[test]
-fn force_grows_no_faster_than_it_may() {
+fn force_rises_within_the_slew_limit() {
     let mut bench = Bench::new();
     let limits = Limits {
         slew: 0.1,
@@ -200,7 +200,7 @@ fn force_grows_no_faster_than_it_may() {
 }
 
 #[test]
-fn it_starts_over_two_seconds() {
+fn force_ramps_up_over_two_seconds() {
     let mut bench = Bench::new();
     let limits = Limits {
         ramp: 2.0,
@@ -219,7 +219,7 @@ fn it_starts_over_two_seconds() {
 }
 
 #[test]
-fn a_key_that_flies_trips() {
+fn fast_key_trips_by_velocity() {
     let mut bench = Bench::new();
     bench.spec.pos_range = [-0.2, 0.2];
     let limits = Limits {
@@ -274,7 +274,7 @@ fn positions_outside_the_travel_and_jumps_stay_off() {
 
 /// Every trip that ends by itself stays with the third within a minute; a slower sequence does not.
 #[test]
-fn the_third_trip_within_a_minute_stays() {
+fn third_trip_within_a_minute_persists() {
     for (pause, stays) in [(20_000, true), (40_000, false)] {
         for asked in [Some(f64::NAN), None] {
             let mut bench = Bench::new();
@@ -310,7 +310,7 @@ fn the_third_trip_within_a_minute_stays() {
 
 /// A device that was lost and returns keeps the trips that stay.
 #[test]
-fn a_trip_that_stays_outlives_the_connection() {
+fn persistent_trip_survives_a_reconnection() {
     let mut first = Bench::new();
     let mut lost = Guarded::new(&mut first, open(), PERIOD);
     play(
@@ -393,7 +393,7 @@ fn created_energy_of_a_loop_is_limited() {
 }
 
 #[test]
-fn a_coupling_is_scaled() {
+fn scale_of_a_stiff_coupling_halves_its_force() {
     let mut bench = Bench::new();
     let mut guarded = Guarded::new(&mut bench, open(), PERIOD);
     guarded.scale(0, stiffness::scale(400.0, stiffness::limit(0.3, PERIOD, 1)));
@@ -402,7 +402,7 @@ fn a_coupling_is_scaled() {
 }
 
 #[test]
-fn a_player_stops_it() {
+fn stop_by_the_player_ends_force() {
     let mut bench = Bench::new();
     let limits = Limits {
         ramp: 0.1,
@@ -423,7 +423,7 @@ fn a_player_stops_it() {
 }
 
 #[test]
-fn a_panic_sends_zero_forces() {
+fn panic_sends_zero_forces() {
     let mut bench = Bench::new();
     let panicked = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
         let mut guarded = Guarded::new(&mut bench, open(), PERIOD);
@@ -435,7 +435,7 @@ fn a_panic_sends_zero_forces() {
 }
 
 #[test]
-fn a_turned_force_is_never_greater() {
+fn with_gains_never_increases_a_force() {
     let force = SafeForce::new([1.0; MAX_AXES], 3);
     let mut gains = [1.0; MAX_AXES];
     (gains[0], gains[1], gains[2]) = (-1.0, 5.0, f64::NAN);
@@ -446,7 +446,7 @@ proptest! {
     /// Whatever is asked and observed, forces stay finite, within the limit, and within the slew limit while nothing
     /// trips.
     #[test]
-    fn no_wish_is_dangerous(
+    fn random_forces_and_positions_stay_within_limits(
         wishes in prop::collection::vec(prop_oneof![
             4 => -5.0..5.0_f64, 1 => any::<f64>()], 1..300),
         places in prop::collection::vec(prop::option::weighted(0.9, -0.05..0.05_f64), 300),

@@ -314,18 +314,18 @@ fn fuzzed(count: u64) {
 }
 
 #[test]
-fn no_bytes_break_a_reader() {
+fn readers_survive_random_bytes() {
     fuzzed(SHORT);
 }
 
 #[test]
 #[ignore = "a million cases of each target: make test-long"]
-fn no_million_of_cases_breaks_a_reader() {
+fn readers_survive_a_million_random_cases() {
     fuzzed(LONG);
 }
 
 #[test]
-fn every_cut_and_every_bit_of_a_recording() {
+fn recordings_with_cuts_and_flipped_bits_are_read() {
     let complete = recorded();
     for end in 0..complete.len() {
         read_recording(&complete[..end]);

@@ -6,7 +6,7 @@ use super::*;
 use crate::wire::MAX_AXES;
 
 #[test]
-fn firefader_forces_are_bytes() {
+fn firefader_request_bytes_of_forces() {
     assert_eq!(firefader::request([0.0, 0.0]), [0x7F, 0, 0]);
     // 0.78 N is half of 1.56 N: 63.5 rounds away from zero.
     assert_eq!(firefader::request([0.78, -0.78]), [0x7F, 64, 0xC0]);
@@ -20,7 +20,7 @@ fn firefader_forces_are_bytes() {
 }
 
 #[test]
-fn firefader_positions_are_bytes() {
+fn firefader_reply_bytes_of_positions() {
     let bytes = [0xFF, 128, 0, 1, 2, 31, 30];
     let Parsed::Packet(reply, 7) = firefader::parse_reply(&bytes) else {
         panic!("{bytes:?}");
@@ -35,7 +35,7 @@ fn firefader_positions_are_bytes() {
 }
 
 #[test]
-fn firefader_finds_the_next_packet() {
+fn firefader_inbox_finds_the_next_packet() {
     let mut inbox = Inbox::<64>::new();
     let mut seen = Vec::new();
     // The end of a packet, a packet that is cut by the next one, and a packet in two pieces.
@@ -52,7 +52,7 @@ fn firefader_finds_the_next_packet() {
 }
 
 #[test]
-fn frame_check_sum_is_the_known_one() {
+fn frame_crc_of_the_check_value() {
     // The check value of CRC-16/CCITT-FALSE.
     assert_eq!(frame::crc(b"123456789"), 0x29B1);
 }
@@ -72,7 +72,7 @@ fn forces(n: usize) -> frame::Request {
 }
 
 #[test]
-fn frame_bytes_are_those_of_the_table() {
+fn frame_bytes_of_a_request() {
     let mut bytes = [0; frame::LONGEST];
     let len = forces(2).write(2.0, &mut bytes);
     // -1 N of 2 N is -16384 steps (-16383.5 rounds away from zero), 0xC000.
@@ -94,7 +94,7 @@ fn frame_bytes_are_those_of_the_table() {
 }
 
 #[test]
-fn frame_positions_are_tens_of_nanometres() {
+fn frame_reply_positions_in_tens_of_nanometres() {
     let mut bytes = [0; frame::LONGEST];
     let mut reply = frame::Reply {
         n: 1,
@@ -111,7 +111,7 @@ fn frame_positions_are_tens_of_nanometres() {
 }
 
 #[test]
-fn haply_messages_are_the_services() {
+fn haply_messages_of_the_service() {
     let text = r#"{"session_id":1,"inverse3":[{"device_id":"A14","state":{"cursor_position":
         {"x":0.01,"y":-0.02,"z":0.15},"cursor_velocity":{"x":0,"y":0,"z":0}},"status":{"power":true}}]}"#;
     let state = haply::parse_state(text, None).unwrap();
@@ -160,7 +160,7 @@ fn feeds<T: PartialEq + std::fmt::Debug>(
 
 proptest! {
     #[test]
-    fn any_bytes_are_taken(bytes in prop::collection::vec(any::<u8>(), 0..600), piece in 1_usize..80) {
+    fn parsers_accept_random_bytes(bytes in prop::collection::vec(any::<u8>(), 0..600), piece in 1_usize..80) {
         let mut firefader_in = Inbox::<64>::new();
         let mut frame_in = Inbox::<512>::new();
         let mut who_in = Inbox::<512>::new();
@@ -183,7 +183,7 @@ proptest! {
     }
 
     #[test]
-    fn firefader_replies_are_found_again(
+    fn firefader_replies_are_parsed_from_noise(
         data in prop::collection::vec(prop::array::uniform6(0_u8..255), 1..8),
         noise in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..9), 0..8),
         piece in 1_usize..20,
@@ -204,7 +204,7 @@ proptest! {
     }
 
     #[test]
-    fn frames_are_found_again(
+    fn frames_are_parsed_from_noise(
         positions in prop::collection::vec(
             (prop::collection::vec(-1.0..1.0_f64, 1..MAX_AXES), any::<bool>(), any::<u8>()), 1..6),
         noise in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..9), 0..6),
@@ -235,7 +235,7 @@ proptest! {
     }
 
     #[test]
-    fn a_frame_with_a_wrong_bit_is_none(bit in 0_usize..(16 * 8), seq in any::<u16>()) {
+    fn frame_with_a_flipped_bit_is_refused(bit in 0_usize..(16 * 8), seq in any::<u16>()) {
         let mut bytes = [0; frame::LONGEST];
         let mut request = forces(3);
         request.seq = seq;
@@ -248,7 +248,7 @@ proptest! {
     }
 
     #[test]
-    fn a_wide_frame_that_is_no_number_is_none(axis in 0_usize..3, infinite in any::<bool>()) {
+    fn wide_frame_with_non_finite_force_is_garbage(axis in 0_usize..3, infinite in any::<bool>()) {
         let mut request = forces(3);
         request.wide = true;
         request.force[axis] = if infinite { f64::INFINITY } else { f64::NAN };

@@ -33,7 +33,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_file_of_the_folder_is_served_and_no_other() {
+    fn served_files_are_those_of_the_folder() {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("page");
         let lie = std::fs::read_dir(folder).expect("the folder");
         let lie: BTreeSet<_> = lie

@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn a_late_viewer_gets_every_event_and_the_latest_frame() {
+    fn late_viewer_receives_events_and_the_latest_frame() {
         let hub = Hub::default();
         hub.greet(b"manifest");
         let mut late = hub.join();
@@ -213,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn what_waits_is_bounded_and_a_viewer_is_told_what_it_missed() {
+    fn hub_is_bounded_and_reports_lost_events() {
         let hub = Hub::default();
         let mut stalled = hub.join();
         let event = vec![7; 1 << 20];
@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn a_new_greeting_ends_what_was_before_it() {
+    fn greet_drops_earlier_messages() {
         let hub = Hub::default();
         hub.greet(b"one");
         hub.publish(b"key of one", Keep::Key);
@@ -266,7 +266,7 @@ mod tests {
     }
 
     #[test]
-    fn many_frames_take_the_room_of_one() {
+    fn latest_frames_replace_each_other() {
         let hub = Hub::default();
         for _ in 0..1000 {
             hub.publish(&vec![1; 500_000], Keep::Latest);
@@ -275,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn a_closed_hub_ends_who_waits() {
+    fn closed_hub_ends_waiting_viewers() {
         let hub = Hub::default();
         let mut cursor = hub.join();
         hub.close();

@@ -94,7 +94,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_oldest_of_the_address_with_most_places_is_sent_away() {
+    fn admit_drops_the_oldest_of_a_crowded_address() {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).expect("a port");
         let address = listener.local_addr().expect("an address");
         let stream = Arc::new(TcpStream::connect(address).expect("a connection"));

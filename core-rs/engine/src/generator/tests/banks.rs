@@ -12,7 +12,7 @@ fn form(count: usize, spread: Spread, place: Place) -> BankForm {
 }
 
 #[test]
-fn an_even_bank_runs_from_low_and_long_to_high_and_short() {
+fn even_bank_of_falling_decays_and_rising_pitches() {
     let never = |_| unreachable!("nothing is drawn");
     let bank = bank(&form(3, Spread::Even, Place::Line), never, |_| 0.0).expect("bank");
     let source = |member: &BankCell| (member.f, member.t60);
@@ -25,7 +25,7 @@ fn an_even_bank_runs_from_low_and_long_to_high_and_short() {
 }
 
 #[test]
-fn a_spiral_fills_the_disc_evenly() {
+fn spiral_bank_fills_the_disc_evenly() {
     let bank = bank(
         &form(1_000, Spread::Random, Place::Spiral),
         |i| (0.5, i as f64 / 1e3),
@@ -44,7 +44,7 @@ fn a_spiral_fills_the_disc_evenly() {
 }
 
 #[test]
-fn radii_of_a_galaxy_are_inversely_proportional_to_cents() {
+fn galaxy_radii_are_inversely_proportional_to_cents() {
     let hole = 0.3;
     let bank = bank(
         &form(
@@ -72,7 +72,7 @@ fn radii_of_a_galaxy_are_inversely_proportional_to_cents() {
 }
 
 #[test]
-fn a_galaxy_of_listed_pitches_is_that_of_a_range() {
+fn galaxy_of_listed_pitches_equals_a_range() {
     let place = Place::Galaxy {
         hole: 0.4,
         angles: Angles::Even,
@@ -93,7 +93,7 @@ fn a_galaxy_of_listed_pitches_is_that_of_a_range() {
 }
 
 #[test]
-fn random_angles_of_a_galaxy_keep_its_radii() {
+fn galaxy_radii_with_random_angles() {
     let hole = 0.3;
     let placed = |angles| {
         let place = Place::Galaxy { hole, angles };
@@ -146,7 +146,7 @@ fn bad_banks_are_refused() {
 
 proptest! {
     #[test]
-    fn drawn_members_lie_within(u in 0.0..1.0f64, w in 0.0..1.0f64) {
+    fn random_bank_members_lie_within_ranges(u in 0.0..1.0f64, w in 0.0..1.0f64) {
         let bank = bank(&form(2, Spread::Random, Place::Line), |_| (u, w), |_| 0.0).expect("bank");
         for member in bank {
             prop_assert!((20.0..=10_000.0).contains(&member.f));

@@ -2,7 +2,7 @@ use super::*;
 
 // Every partial that the masses hold, against dense eigenvalues of the links that were made.
 #[test]
-fn partials_of_a_stiff_string_are_in_tune() {
+fn stiff_string_partials_are_in_tune() {
     for ends in [Ends::Fixed, Ends::Free, Ends::Left] {
         for masses in [30, 60, 101] {
             for b in [0.0, 1e-4, 3e-4, 1e-3] {
@@ -31,7 +31,7 @@ fn partials_of_a_stiff_string_are_in_tune() {
 }
 
 #[test]
-fn a_stiff_string_that_cannot_be_is_refused() {
+fn stiff_string_with_impossible_values_is_refused() {
     let sentence = |masses, b| {
         let error = stiff_string(masses, Ends::Fixed, b).expect_err("refused");
         error.to_string()
@@ -51,7 +51,7 @@ fn a_stiff_string_that_cannot_be_is_refused() {
 
 /// Bending is not stretching, so it does not harden.
 #[test]
-fn only_links_between_neighbours_harden() {
+fn stiff_string_hardens_between_neighbours_only() {
     let string = stiff_string(40, Ends::Fixed, 5e-4).expect("string");
     let hard: usize = string
         .runs
@@ -79,7 +79,7 @@ fn spectrum_of(body: &Topology) -> Vec<f64> {
 
 // Leissa, Vibration of Plates (NASA SP-160, 1969): λ² of free and of simply supported plates.
 #[test]
-fn plates_that_bend_have_the_ratios_of_thin_plates() {
+fn bending_plates_have_ratios_of_thin_plates() {
     let rectangle = Shape::Rectangle { across: 17, up: 17 };
     let cases = [
         // A free disc, ν = 0.33: (2, 0) twice, (0, 1), (3, 0) twice.
@@ -135,7 +135,7 @@ fn plates_that_bend_have_the_ratios_of_thin_plates() {
 
 /// ω of a simply supported rectangle is proportional to (m/a)² + (n/b)².
 #[test]
-fn a_held_rectangle_has_the_closed_form() {
+fn supported_rectangle_matches_closed_form() {
     let (across, up) = (39, 24);
     let plate = bent_plate(Shape::Rectangle { across, up }, 0, Rim::Fixed, 0.3).expect("plate");
     let values = spectrum_of(&plate);
@@ -155,7 +155,7 @@ fn a_held_rectangle_has_the_closed_form() {
 }
 
 #[test]
-fn a_rectangle_of_a_squares_sides_is_the_square() {
+fn rectangle_with_equal_sides_is_the_square_plate() {
     for rim in [Rim::Free, Rim::Fixed] {
         let square = plate(Shape::Square, 4, rim).expect("square");
         let same = plate(Shape::Rectangle { across: 9, up: 9 }, 0, rim).expect("rectangle");
@@ -169,7 +169,7 @@ fn a_rectangle_of_a_squares_sides_is_the_square() {
 }
 
 #[test]
-fn plates_that_cannot_bend_are_refused() {
+fn bending_plates_with_impossible_values_are_refused() {
     let refused = |shape, radius, poisson| {
         let error = bent_plate(shape, radius, Rim::Free, poisson).expect_err("refused");
         error.to_string()
@@ -183,7 +183,7 @@ fn plates_that_cannot_bend_are_refused() {
 }
 
 #[test]
-fn a_round_membrane_has_the_modes_of_bessel_functions() {
+fn round_membrane_modes_match_bessel_zeros() {
     let disc = round_membrane(12, Rim::Fixed).expect("membrane");
     assert_eq!((disc.n_mat, disc.n_fixed), (397, 72));
     assert!(disc.runs.iter().all(|run| run.factor > 0.0));

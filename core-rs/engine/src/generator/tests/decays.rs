@@ -54,7 +54,7 @@ fn decay_at(modes: &[(f64, f64)], f: f64) -> f64 {
 }
 
 #[test]
-fn decays_at_named_pitches() {
+fn tune_points_at_named_pitches() {
     let two = [(100.0, 8.0), (4_000.0, 1.0)];
     // As air and a soundboard damp a string: loss rises by less than the square of the pitch.
     let four = [(110.0, 12.0), (500.0, 8.0), (1_500.0, 4.0), (4_000.0, 1.0)];
@@ -108,7 +108,7 @@ fn decays_at_named_pitches() {
 }
 
 #[test]
-fn decays_that_no_damper_gives_are_refused() {
+fn tune_points_of_impossible_decays_are_refused() {
     let string = string(20, Ends::Fixed, 0.0).expect("string");
     let sentence = |points: &[(f64, f64)]| {
         let error = tune_points(&string, 1e-4, 110.0, points, None).expect_err("refused");

@@ -23,7 +23,7 @@ fn mixed() -> Profile {
 }
 
 #[test]
-fn passes_every_point_and_rests_at_the_ends_of_runs() {
+fn profile_meets_points_and_rests_at_run_ends() {
     let path = mixed();
     for (t, x) in [
         (1.0, 0.0),
@@ -62,7 +62,7 @@ fn profile_of_a_single_point_is_constant() {
 }
 
 #[test]
-fn a_cursor_sees_what_a_search_sees() {
+fn evaluate_from_a_cursor_equals_evaluate() {
     let path = mixed();
     let mut cursor = 0;
     let walk = (0..=800).map(|i| 0.5 + f64::from(i) / 100.0);
@@ -80,7 +80,7 @@ fn a_cursor_sees_what_a_search_sees() {
 }
 
 #[test]
-fn range_is_the_true_excursion() {
+fn range_of_profile_is_its_true_excursion() {
     let path = mixed();
     for (from, to) in [
         (0.0, 9.0),
@@ -114,7 +114,7 @@ fn range_is_the_true_excursion() {
 }
 
 #[test]
-fn a_trimmed_path_is_the_same_path() {
+fn trimmed_profile_follows_the_same_path() {
     let path = mixed();
     let part = path.trimmed(1.25, 4.5).earlier(1.25);
     assert_eq!((part.start(), part.stop()), (0.0, 3.25));
@@ -129,7 +129,7 @@ fn a_trimmed_path_is_the_same_path() {
 }
 
 #[test]
-fn refuses_with_the_point() {
+fn profile_error_names_the_point() {
     assert_eq!(Profile::through(&[]), Err(PathError::Empty));
     let late = Profile::through(&points(&[(1.0, 0.0, Line), (1.0, 1.0, Line)]));
     assert_eq!(

@@ -20,7 +20,7 @@ fn close(result: &[f64], wanted: &[f64], tolerance: f64) {
 /// s = scipy.interpolate.make_interp_spline(T, X, k=5, bc_type=(left, right)); s(T, 1), s(T, 2)
 /// with left = right = [(3, 0), (4, 0)].
 #[test]
-fn natural_as_scipy() {
+fn slopes_of_natural_spline_equal_scipy() {
     let (v, a) = slopes(&T, &X, Ends::Natural);
     let velocities = [
         0.09030934813970125,
@@ -44,7 +44,7 @@ fn natural_as_scipy() {
 
 /// The same with left = [(1, .1), (2, -.2)], right = [(1, -.3), (2, .4)], and with all four zero.
 #[test]
-fn clamped_as_scipy() {
+fn slopes_of_clamped_spline_equal_scipy() {
     let (v, a) = slopes(
         &T,
         &X,
@@ -96,7 +96,7 @@ fn clamped_as_scipy() {
 /// Reference: continuous x''' and x'''', solved in rational numbers (Python's Fraction) for exactly these doubles;
 /// scipy is off by 5e-10 here, Cholesky on the system in v and a by 1e-10.
 #[test]
-fn a_millisecond_beside_ten_seconds() {
+fn slopes_with_a_millisecond_beside_ten_seconds() {
     let t = [0.0, 10.0, 10.001, 10.002, 20.5, 20.5001, 30.0];
     let x = [0.0, 6e-3, 6.1e-3, 5.9e-3, -4e-3, -4.001e-3, 1e-3];
     let (v, a) = slopes(&t, &x, Ends::Natural);
@@ -147,7 +147,7 @@ fn a_millisecond_beside_ten_seconds() {
 }
 
 #[test]
-fn few_knots() {
+fn slopes_of_few_knots() {
     assert_eq!(slopes(&[], &[], Ends::Natural), (vec![], vec![]));
     assert_eq!(
         slopes(&[3.0], &[1.0], Ends::Natural),
@@ -190,7 +190,7 @@ fn few_knots() {
 
 /// The spline through points of a quintic, clamped as it is, equals this quintic for any knots and unit of time.
 #[test]
-fn a_quintic_is_its_own_spline() {
+fn slopes_of_a_clamped_quintic_are_its_derivatives() {
     for unit in [1e-6, 1.0, 1e4] {
         let knots: Vec<f64> = [0.0, 0.1, 0.7, 0.701, 1.0, 2.5, 2.6, 3.0]
             .iter()
@@ -222,7 +222,7 @@ fn a_quintic_is_its_own_spline() {
 
 /// An hour of a hand at 720 Hz: the spline moves as the sampled sine does.
 #[test]
-fn two_million_knots() {
+fn slopes_of_two_million_knots() {
     let n = 2_600_000;
     let t: Vec<f64> = (0..n).map(|i| f64::from(i) / 720.0).collect();
     let x: Vec<f64> = t.iter().map(|&t| crate::maths::sin(20.0 * t)).collect();

@@ -16,7 +16,7 @@ fn plain(t: &[f64], x: &[f64]) -> Take {
 }
 
 #[test]
-fn trim_cuts_the_path_not_the_samples() {
+fn trim_of_take_cuts_the_path_between_samples() {
     let (t, x) = hand();
     let complete = plain(&t, &x);
     let trim = Some((0.0101, 0.0777));
@@ -45,7 +45,7 @@ fn trim_cuts_the_path_not_the_samples() {
 }
 
 #[test]
-fn a_take_is_played_from_its_first_instant() {
+fn placed_take_starts_with_its_first_instant() {
     let (t, x) = hand();
     let late: Vec<f64> = t.iter().map(|t| t + 40.0).collect();
     let placed = plain(&late, &x).placed(3.0, 2.0, 0.5, false).unwrap();
@@ -59,7 +59,7 @@ fn a_take_is_played_from_its_first_instant() {
 
 /// sos = scipy.signal.butter(4, 30, fs=240, output="sos"); scipy.signal.sosfiltfilt(sos, x)[[0, 7, 23]]
 #[test]
-fn smooth_as_scipy() {
+fn smooth_take_equals_scipy() {
     let (t, x) = hand();
     let take = Take::new(
         &t,
@@ -80,7 +80,7 @@ const SCIPY: [f64; 3] = [0.09902771411784429, 1.0009927583782594, -0.89368666049
 
 /// The filter needs a constant step; the spline through the jittered instants gives the movement between them.
 #[test]
-fn uneven_samples_are_filtered_as_the_movement_they_are() {
+fn smooth_take_with_uneven_samples() {
     let rate = 500.0;
     let movement = |t: f64| maths::sin(12.0 * t);
     let even: Vec<f64> = (0..1000).map(|i| f64::from(i) / rate).collect();
@@ -108,7 +108,7 @@ fn uneven_samples_are_filtered_as_the_movement_they_are() {
 
 /// The ends of a movement that stops away from 0 do not sag towards 0.
 #[test]
-fn ends_do_not_sag() {
+fn smooth_take_has_straight_ends() {
     let t: Vec<f64> = (0..200).map(|i| f64::from(i) / 200.0).collect();
     let ramp: Vec<f64> = t.iter().map(|t| 3.0 + 0.5 * t).collect();
     let take = Take::new(
@@ -137,7 +137,7 @@ fn ends_do_not_sag() {
 }
 
 #[test]
-fn refuses_with_the_sample() {
+fn take_error_names_the_sample() {
     let refused = |t: &[f64], x: &[f64], preparation| Take::new(t, x, preparation).unwrap_err();
     let none = Preparation::default();
     assert_eq!(refused(&[0.0], &[0.0], none), TakeError::TooFew(1));

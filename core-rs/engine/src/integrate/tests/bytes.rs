@@ -34,7 +34,7 @@ fn everything() -> Network {
 }
 
 #[test]
-fn ca_is_the_island_s_scheme() {
+fn integrator_by_ca_equals_the_scheme_of_islands() {
     let network = Arc::new(everything());
     let strikes = [(0, 165, 0.02), (17, 3, -0.01), (18, 3, 0.004)];
     let mut timeline = Timeline::new(rate());
@@ -63,7 +63,7 @@ fn ca_is_the_island_s_scheme() {
 }
 
 #[test]
-fn a_clone_is_a_snapshot() {
+fn clone_of_integrator_continues_with_the_same_bits() {
     for method in MeshMethod::ALL {
         let network = hex(2e12, Some(0.5));
         let mut it = by(&network, method, 2);
@@ -83,7 +83,7 @@ fn a_clone_is_a_snapshot() {
 
 /// A mesh partitioned for a thread team gives the same bits for any number of threads.
 #[test]
-fn a_crew_steps_the_same_bits() {
+fn thread_team_steps_the_same_bits() {
     // Enough masses for three ranges, and every kind of pass: with losses of links, with losses of ties, and without
     // losses.
     let hung = |t60: Option<f64>| {

@@ -36,7 +36,7 @@ fn errors(network: &Network) -> [f64; 4] {
 /// κ = K(1/m + 1/m)T², from soft to too stiff for any explicit step. CA, CA2P, BM4 and IEQ reach
 /// -45, -74, -90, -46 | -32, -32, -51, -29 | -9, -24, -31, -20 | fail, fail, -7, -21 | fail, fail, fail, -21 dB.
 #[test]
-fn stiffness_sweep() {
+fn contact_errors_by_stiffness_and_method() {
     let position = |kappa: f64| {
         let k = kappa * HERTZ * HERTZ / (1.0 / HAMMER + 1e3);
         errors(&struck(k, 1.0, 0.0))
@@ -54,7 +54,7 @@ fn stiffness_sweep() {
 }
 
 #[test]
-fn power_laws_keep_or_lose_energy() {
+fn power_law_contacts_by_method() {
     for (z, limit) in [(0.0, [-63.0, -80.0, -160.0, -63.0]), (5.0, [-50.0; 4])] {
         let network = struck(3e8, 2.5, z);
         let errors = errors(&network);

@@ -18,7 +18,7 @@ fn drift(mut it: Integrator, frames: usize) -> f64 {
 }
 
 #[test]
-fn linear_bodies_keep_their_energy_to_rounding() {
+fn linear_row_keeps_its_energy_to_rounding() {
     let network = row(20, 2e5, 0.0, 0.0);
     for method in MeshMethod::ALL {
         // BM4 conserves an energy close to this one, which therefore oscillates but does not drift.
@@ -34,7 +34,7 @@ fn linear_bodies_keep_their_energy_to_rounding() {
 
 /// Links that harden until CA and CA2P compute only finer frames, and BM4 diverges: IEQ still conserves its energy.
 #[test]
-fn a_hard_cubic_chain() {
+fn hard_cubic_chain_keeps_its_energy_by_ieq() {
     let ways = [
         MeshMethod::Ca,
         MeshMethod::Ca2p,
@@ -52,7 +52,7 @@ fn a_hard_cubic_chain() {
 
 /// Springs up to about 500 times as stiff as an explicit step allows.
 #[test]
-fn stiff_springs() {
+fn stiff_springs_keep_their_energy_by_ieq() {
     for k in [1e6, 1e7, 1e9] {
         let drifts = [
             drift(by(&row(20, k, 0.0, 0.0), MeshMethod::Ieq, 1), 4000),
@@ -67,7 +67,7 @@ fn stiff_springs() {
 
 /// A struck, damped row: at every frame the energy put in is stored or lost, to rounding.
 #[test]
-fn ledgers_close() {
+fn energy_ledger_of_a_damped_row_closes() {
     let z = 0.3;
     for q in [0.0, 1e14] {
         let network = row(20, 2e5, q, z);
@@ -103,7 +103,7 @@ fn ledgers_close() {
 
 /// Neither a step nor a reading allocates memory.
 #[test]
-fn nothing_is_allocated() {
+fn step_and_readings_do_not_allocate() {
     for method in MeshMethod::ALL {
         let mut it = by(&hex(1e13, Some(1.0)), method, 2);
         let mut v = [0.0; 2];

@@ -16,7 +16,7 @@ const WAYS: [MeshMethod; 4] = [
 /// Errors of CA, CA2P, BM4 and IEQ at 1 m/s: -10.0, -43.3, -83.7 and -11.0 dB; at 4 m/s: -10.1, -32.5, -81.3 and -11.7
 /// dB.
 #[test]
-fn a_struck_gong() {
+fn struck_gong_errors_by_method() {
     let network = hex(1e13, Some(2.0));
     for (v, limit) in [(1.0, [-9.5, -42.5, -82.5]), (4.0, [-9.5, -32.0, -80.5])] {
         let strike = [(0, CENTRE, v * EACH)];
@@ -37,7 +37,7 @@ fn a_struck_gong() {
 /// The hardest strike that each method survives [m/s]. CA and CA2P: 128 with finer frames (8 and 32 without them); BM4:
 /// 64; IEQ: all.
 #[test]
-fn harder_and_harder() {
+fn hardest_survived_strike_of_a_gong_by_method() {
     let network = hex(1e13, Some(2.0));
     let survives = |way: MeshMethod, v: &f64| {
         play(by(&network, way, 1), FRAMES, &[(0, CENTRE, v * EACH)]).len() == FRAMES

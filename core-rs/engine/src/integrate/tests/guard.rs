@@ -27,7 +27,7 @@ fn energies(network: &Network, x: &[f64], before: &[f64]) -> [f64; 2] {
 /// exceeds the total by much (the velocity is a mean over a frame, which lowers the kinetic energy), and at the end the
 /// total is what was put in.
 #[test]
-fn an_undamped_gong_keeps_its_energy() {
+fn undamped_gong_keeps_its_energy_with_finer_frames() {
     let network = hex(1e13, None);
     for method in [MeshMethod::Ca, MeshMethod::Ca2p] {
         for v in [32.0, 64.0, 128.0, 256.0] {
@@ -65,7 +65,7 @@ fn an_undamped_gong_keeps_its_energy() {
 /// If all frames of CA are computed in eight finer steps, they equal CA at eight times the rate up to rounding errors,
 /// which grow.
 #[test]
-fn eight_steps_are_eight_times_the_rate() {
+fn eight_finer_steps_equal_eight_times_the_rate() {
     let network = hex_of(10, 60.0, 1e13, Some(2.0));
     let strike = [(0, CENTRE, 256.0 * EACH)];
     let truth = play(by(&network, MeshMethod::Ca, 8), 60, &strike);
@@ -74,7 +74,7 @@ fn eight_steps_are_eight_times_the_rate() {
 }
 
 #[test]
-fn nothing_is_allocated_in_it() {
+fn finer_frames_of_a_gong_do_not_allocate() {
     let network = hex(1e13, Some(2.0));
     for method in [MeshMethod::Ca, MeshMethod::Ca2p] {
         let mut it = by(&network, method, 1);

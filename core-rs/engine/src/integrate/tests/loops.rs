@@ -81,7 +81,7 @@ fn passes_have_the_bits_of_their_formulas() {
 }
 
 #[test]
-fn a_body_out_of_bounds_is_unsound() {
+fn are_in_range_of_bad_positions() {
     for bad in [f64::NAN, f64::INFINITY, -2e4] {
         let mut x = numbers(70, 2);
         assert!(passes::are_in_range(&x));
@@ -91,7 +91,7 @@ fn a_body_out_of_bounds_is_unsound() {
 }
 
 #[test]
-fn conjugate_gradients_solve() {
+fn conjugate_gradients_solve_banded_systems() {
     for (n, band) in [(1, 0), (5, 4), (60, 9)] {
         let mut columns = numbers(n * (band + 1), 4);
         for j in 0..n {

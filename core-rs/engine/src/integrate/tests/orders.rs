@@ -25,7 +25,7 @@ fn close(slopes: &[f64], order: f64, off: f64) -> bool {
 
 /// Struck, moving from the start, and coupled to a CEL with rest positions; ωT up to 0.6.
 #[test]
-fn an_undamped_row_converges_by_each_order() {
+fn undamped_row_converges_by_order_of_method() {
     let mut network = row(8, 1.7e5, 0.0, 0.0);
     let tie = Tie::Physical { k: 4e4, z: 0.0 };
     let cell = network
@@ -49,7 +49,7 @@ fn an_undamped_row_converges_by_each_order() {
 /// small. CA2P falls from order 4 to 2. BM4 does too, because of its midpoint rule for losses, but only at smaller
 /// steps.
 #[test]
-fn damped_links_take_orders_away() {
+fn damped_links_reduce_orders_of_methods() {
     let network = row(8, 1.7e5, 0.0, 0.05);
     let exact = exactly(&network, FRAMES, &STRIKES);
     let all = |network: &Network, exact: &[Vec<f64>]| {
@@ -78,7 +78,7 @@ fn damped_links_take_orders_away() {
 
 /// Cubic links, whose tangent stiffness doubles: CA2P is of order 2, and BM4 alone of order 4.
 #[test]
-fn cubic_links() {
+fn cubic_links_converge_by_order_of_method() {
     let network = row(6, 8e4, 2e12, 0.0);
     let exact = finely(&network, FRAMES, &STRIKES);
     for method in [
@@ -113,7 +113,7 @@ fn cubic_links() {
 
 /// Error of the pitch of one oscillator at 5 kHz, in cents.
 #[test]
-fn pitch_at_5_khz() {
+fn pitch_error_at_5_khz_by_method() {
     let expected = [38.440, -0.669, -0.0074, 38.440, -69.477];
     for (method, expected) in MeshMethod::ALL.into_iter().zip(expected) {
         let mut network = Network::new();
@@ -140,7 +140,7 @@ fn pitch_at_5_khz() {
 /// Pitch error in cents and decay of one damped CEL, from the two-term recursion that its path obeys: CA has the CEL's
 /// own poles, and BM4 its decay to rounding.
 #[test]
-fn the_poles_of_a_cell() {
+fn poles_of_a_damped_cell_by_method() {
     for (method, limit) in [
         (MeshMethod::Ca, [1e-8, 1e-10]),
         (MeshMethod::Ca2p, [0.02, 1e-5]),

@@ -28,7 +28,7 @@ fn stays(network: &Network, method: MeshMethod) -> bool {
 }
 
 #[test]
-fn borders_are_where_methods_break() {
+fn certificate_limits_by_method() {
     let (low, high) = (1.0 - 1e-3, 1.0 + 1e-3);
     let maximum = super::super::method::BM4_LIMIT * super::super::method::BM4_LIMIT;
     for (method, border, sure) in [
@@ -63,7 +63,7 @@ fn borders_are_where_methods_break() {
 }
 
 #[test]
-fn damping_makes_ca2p_tried() {
+fn certificate_of_ca2p_with_damping() {
     for (kappa, zeta, expected) in [
         (2.0, 0.5, Some(StabilityGuarantee::Proved)),
         (2.0, 1.0, Some(StabilityGuarantee::Tried)),
@@ -87,7 +87,7 @@ fn damping_makes_ca2p_tried() {
 }
 
 #[test]
-fn links_that_harden_are_watched() {
+fn certificate_of_hardening_links_is_guarded() {
     let network = hex(1e13, Some(2.0));
     let words = MeshMethod::ALL.map(|way| word(&network, way));
     use StabilityGuarantee::{Guarded, Tried};
@@ -112,7 +112,7 @@ fn law(text: &str) -> Network {
 }
 
 #[test]
-fn what_a_way_cannot_step_is_refused() {
+fn integrator_refuses_links_by_method() {
     let refused = |network: &Network, ways: &[MeshMethod]| {
         for method in MeshMethod::ALL {
             let it = Integrator::new(network, rate(), method, 1);
@@ -147,7 +147,7 @@ fn what_a_way_cannot_step_is_refused() {
 
 /// The same spring given by three numbers, by an expression, and by points.
 #[test]
-fn general_laws_are_stepped_like_springs() {
+fn general_law_steps_equal_springs() {
     let spring = lawful(&LawText {
         law: Some("2e4*d + 1e11*d**3"),
         damping: Some("0.05*v"),

@@ -152,7 +152,7 @@ mod tests {
     use crate::maths::sin;
 
     #[test]
-    fn rows_are_added_in_order_however_many_polynomials_there_are() {
+    fn basis_rows_are_added_in_order() {
         for n in LEAST..POLYNOMIALS_MAX {
             let number = |at: usize| sin(at as f64 + 0.3);
             let rows: Vec<f64> = (0..n * n).map(number).collect();
@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn a_swing_and_its_velocity_are_known_between_the_instants() {
+    fn basis_fit_of_a_swing_between_instants() {
         for reach in [0.3, 2.0, 6.0, 12.0] {
             let basis = Basis::new(reach, ERROR);
             let n = basis.n();

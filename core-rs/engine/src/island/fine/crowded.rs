@@ -274,7 +274,7 @@ mod tests {
     use crate::maths::sin;
 
     #[test]
-    fn modes_move_as_each_impulse_says() {
+    fn crowded_modes_follow_each_impulse() {
         let rate = Rate::new(44_100.0).unwrap();
         // Oscillating, critically damped, creeping and free modes; more than a group holds.
         let cells: Vec<Cell> = (0..13)
@@ -337,7 +337,7 @@ mod tests {
     }
 
     #[test]
-    fn few_contacts_keep_the_paths_of_pairs() {
+    fn is_crowded_by_contacts_and_modes() {
         assert!(!is_crowded(1, 40, 9) && !is_crowded(12, 90, 9));
         assert!(is_crowded(30, 90, 9) && is_crowded(19, 45, 9));
     }

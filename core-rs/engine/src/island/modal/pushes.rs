@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn modes_and_outputs_under_pushes_as_by_the_recurrence() {
+    fn modal_pushes_equal_the_recurrence() {
         let plan = body();
         let mut running = RunningModal::new(&plan);
         let (mut now, mut before) = ([0.0; N_MODES], [0.0; N_MODES]);

@@ -514,7 +514,7 @@ mod tests {
     }
 
     #[test]
-    fn body_that_was_never_pushed_stays_at_rest() {
+    fn slow_body_without_pushes_stays_at_rest() {
         let mut block = row_of_masses(4);
         block.state_mut().fill(0.0);
         block.begin();

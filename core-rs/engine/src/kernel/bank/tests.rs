@@ -20,7 +20,7 @@ fn bits(motion: &Motion, sums: &[Sum]) -> Vec<u64> {
 
 proptest! {
     #[test]
-    fn every_width_gives_the_same_bits(
+    fn bank_kernels_of_any_width_agree_bitwise(
         a in lanes(), b in lanes(), now in lanes(), before in lanes(),
         weights in prop::collection::vec(lanes(), 2..4), n in 0usize..9,
     ) {

@@ -70,7 +70,7 @@ proptest! {
     /// The force is the discrete gradient between the old and the new penetration, for stiffnesses from negligible to
     /// 1e12 N/m and for any masses.
     #[test]
-    fn a_push_solves_its_equation(
+    fn push_solves_the_contact_equation(
         power in 0..4_usize, k in 0.0..12.0_f64, beta in -12.0..-3.0_f64, p in length(), w in length(),
     ) {
         let (alpha, k, beta) = (POWERS[power], maths::pow(10.0, k), maths::pow(10.0, beta));
@@ -90,7 +90,7 @@ proptest! {
 
 /// A mass that falls onto the contact again and again: the sum of kinetic, stored and potential energy is constant.
 #[test]
-fn energy_is_kept_over_many_bounces_at_any_stiffness() {
+fn push_conserves_energy_over_bounces() {
     for alpha in POWERS {
         for k in [1e3, 1e6, 1e9, 1e12] {
             let (beta, weight) = (1e-8, 1.0);
@@ -122,7 +122,7 @@ fn energy_is_kept_over_many_bounces_at_any_stiffness() {
 }
 
 #[test]
-fn damping_takes_and_a_clamp_never_pulls() {
+fn push_with_damping_and_clamp() {
     for alpha in POWERS {
         let mut contact = spring(1e5, alpha, 1e-8);
         contact.z = 300.0;
@@ -138,7 +138,7 @@ fn damping_takes_and_a_clamp_never_pulls() {
 
 /// Two imposed points: β is 0 and all three penetrations are known.
 #[test]
-fn an_imposed_meeting_takes_the_gradient_as_it_is() {
+fn push_of_imposed_points_is_the_gradient() {
     for alpha in POWERS {
         let contact = spring(1e5, alpha, 0.0);
         let wanted = gradient(1e5, alpha, 2e-3, 1e-3);
@@ -149,7 +149,7 @@ fn an_imposed_meeting_takes_the_gradient_as_it_is() {
 
 /// Both ends of the bracket round to p, and the residue there is positive: the solver must widen the bracket.
 #[test]
-fn a_bracket_that_rounding_closed_opens_again() {
+fn solve_with_a_closed_bracket_widens_it() {
     let (alpha, w, p) = (1.5, 1e-3, -1.0);
     for part in 1..=64 {
         let push = f64::from(part) / 32.0 * f64::EPSILON / 4.0;

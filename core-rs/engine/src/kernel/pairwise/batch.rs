@@ -266,7 +266,7 @@ mod tests {
 
     /// Friction divides by the penetration, which rounding could make 0.
     #[test]
-    fn what_touches_is_pressed() {
+    fn batch_find_presses_touching_pairs() {
         let mut batch = Batch::new();
         let mut n_rounded = 0;
         for i in 1..20_000 {

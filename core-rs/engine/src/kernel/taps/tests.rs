@@ -19,7 +19,7 @@ fn scene(n: usize) -> (Network, Body) {
 
 /// The tree is part of the definition of a sample: eight lanes, then ((0+4)+(2+6))+((1+5)+(3+7)).
 #[test]
-fn a_sum_is_a_fixed_tree() {
+fn sum_is_a_fixed_tree() {
     for n in [2, 7, 8, 9, 19, 64] {
         let (_, body) = scene(n);
         let lane = |k: usize| body.x.iter().skip(k).step_by(8).fold(0.0, |sum, x| sum + x);
@@ -36,7 +36,7 @@ fn a_sum_is_a_fixed_tree() {
 }
 
 #[test]
-fn terms_have_their_signs_and_weights() {
+fn taps_have_signs_and_weights_of_terms() {
     let mut network = Network::new();
     network.part("p", None);
     let tie = crate::network::Tie::Physical { k: 7.0, z: 0.1 };
@@ -77,7 +77,7 @@ fn terms_have_their_signs_and_weights() {
 
 /// Members that are not adjacent are summed by the same tree as adjacent ones.
 #[test]
-fn scattered_members_sum_as_a_row_does() {
+fn taps_of_scattered_members_equal_a_row() {
     let (mut network, body) = scene(40);
     let row: Vec<Term> = (0..40)
         .map(|first| Term::Position {

@@ -27,7 +27,7 @@ fn refusal(expression: &str) -> LawError {
 
 // Values as Python gives them for the same text.
 #[test]
-fn operators_bind_as_in_python() {
+fn parse_binds_operators_as_in_python() {
     let values = [
         ("-2**2", -4.0),
         ("2**3**2", 512.0),
@@ -55,7 +55,7 @@ fn operators_bind_as_in_python() {
 }
 
 #[test]
-fn refusals_have_places_and_suggestions() {
+fn parse_refusals_have_places_and_suggestions() {
     // text, first character, characters, suggestion
     let cases: [(&str, usize, usize, Option<&str>); 24] = [
         ("stifness*d", 0, 8, Some("stiffness")),
@@ -99,7 +99,7 @@ fn refusals_have_places_and_suggestions() {
 }
 
 #[test]
-fn sizes_are_bounded() {
+fn parse_bounds_sizes_of_texts() {
     let deep = format!("{}d{}", "(".repeat(65), ")".repeat(65));
     assert!(refusal(&deep).message.contains("64 deep"));
     assert_eq!(refusal(&"-".repeat(1_999)).offset, 64);
@@ -120,7 +120,7 @@ fn sizes_are_bounded() {
 
 // The names of all operations, so that the loops over runs omit none.
 #[test]
-fn every_operation_is_reached_by_text() {
+fn parse_reaches_all_operations() {
     let read = |text: &str| {
         parse(Which::Law, text, &Constants::new(), &[])
             .expect(text)
@@ -137,7 +137,7 @@ fn every_operation_is_reached_by_text() {
 proptest! {
     // Any text gives a law, or an error with a place inside the text.
     #[test]
-    fn any_text_is_read_or_refused(text in "[-+*/() dvk0-9.e<>=!,a-zµ−\"\\[]{0,60}") {
+    fn parse_of_random_text(text in "[-+*/() dvk0-9.e<>=!,a-zµ−\"\\[]{0,60}") {
         let length = text.chars().count();
         let text = LawText { law: Some(&text), ..Default::default() };
         if let Err(error) = Law::new(&text) {

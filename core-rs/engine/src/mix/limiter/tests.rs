@@ -24,7 +24,7 @@ fn samples() -> impl Strategy<Value = Vec<f64>> {
 
 proptest! {
     #[test]
-    fn never_above_the_ceiling(mut x in samples(), ceiling in 1e-3..2.0f64, n in 1usize..4) {
+    fn limiter_output_stays_below_the_ceiling(mut x in samples(), ceiling in 1e-3..2.0f64, n in 1usize..4) {
         x.truncate(x.len() / n * n);
         x.extend(vec![0.0; 41 * n]);
         for y in limited(&x, n, ceiling) {
@@ -33,7 +33,7 @@ proptest! {
     }
 
     #[test]
-    fn blocks_change_nothing(x in samples(), cuts in prop::collection::vec(0usize..50, 1..60)) {
+    fn limiter_in_blocks_of_any_size(x in samples(), cuts in prop::collection::vec(0usize..50, 1..60)) {
         let whole = limited(&x, 1, 0.7);
         let mut limiter = Limiter::new(RATE, 1, 0.7).unwrap();
         let (mut pieces, mut rest) = (x.clone(), 0);
@@ -46,7 +46,7 @@ proptest! {
     }
 
     #[test]
-    fn below_the_ceiling_it_is_a_delay(mut x in prop::collection::vec(-0.5..=0.5f64, 80..300)) {
+    fn limiter_below_the_ceiling_is_a_delay(mut x in prop::collection::vec(-0.5..=0.5f64, 80..300)) {
         x.truncate(x.len() / 2 * 2);
         let y = limited(&x, 2, 0.5);
         let late = 2 * Limiter::new(RATE, 2, 0.5).unwrap().latency();
@@ -61,7 +61,7 @@ fn bits(x: &[f64]) -> Vec<u64> {
 
 /// One peak of twice the ceiling in a constant signal: the gain is read off the signal.
 #[test]
-fn gain_falls_straight_and_comes_back_exactly() {
+fn limiter_gain_falls_straight_and_returns_exactly() {
     let latency = 40;
     let mut x = vec![0.25; 16_000];
     x[1000] = 2.0;
@@ -95,7 +95,7 @@ fn gain_falls_straight_and_comes_back_exactly() {
 }
 
 #[test]
-fn all_channels_by_one_gain() {
+fn limiter_applies_the_same_gain_to_all_channels() {
     let x: Vec<f64> = (0..500)
         .flat_map(|i| [if i == 200 { 3.0 } else { 0.1 }, 0.2])
         .collect();
@@ -106,7 +106,7 @@ fn all_channels_by_one_gain() {
 }
 
 #[test]
-fn refuses_what_cannot_be() {
+fn limiter_with_wrong_settings_is_refused() {
     for rate in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e9] {
         assert!(matches!(
             Limiter::new(rate, 1, 1.0),

@@ -29,7 +29,7 @@ fn mixer() -> Mixer {
 }
 
 #[test]
-fn sums_routes() {
+fn mixer_sums_its_routes() {
     let frames = frames(1000);
     let mut mixed = vec![f64::NAN; 2000];
     let mut mixer = Mixer::new(48_000.0, 3, 2);
@@ -42,7 +42,7 @@ fn sums_routes() {
 }
 
 #[test]
-fn blocks_change_nothing() {
+fn mixer_in_blocks_of_any_size() {
     let n = 5000;
     let frames = frames(n);
     let mut complete = vec![0.0; 2 * n];
@@ -69,7 +69,7 @@ fn blocks_change_nothing() {
 
 /// Of two groups, one changes its gain at frame 1000 of the piece: the other keeps its bits.
 #[test]
-fn a_group_glides_and_blocks_change_nothing() {
+fn group_gain_glides_alike_in_blocks() {
     let n = 4000;
     let frames = frames(n);
     let mixed = |block: usize| {
@@ -126,7 +126,7 @@ fn highpass_removes_a_constant_offset() {
 }
 
 #[test]
-fn refuses_what_is_not_there() {
+fn route_with_wrong_values_is_refused() {
     let mut mixer = Mixer::new(44_100.0, 3, 2);
     assert_eq!(
         mixer.route(3, 0, 1.0, None),
@@ -196,7 +196,7 @@ fn hall() -> Mixer {
 }
 
 #[test]
-fn rooms_delays_and_curves_are_the_same_in_blocks_and_in_another_mixer() {
+fn treatments_in_blocks_and_after_take_over() {
     let n = 5000;
     let frames = frames(n);
     let mut complete = vec![0.0; 2 * n];
@@ -224,7 +224,7 @@ fn rooms_delays_and_curves_are_the_same_in_blocks_and_in_another_mixer() {
 }
 
 #[test]
-fn refuses_rooms_and_delays_that_are_not_there() {
+fn treated_with_wrong_room_or_delay_is_refused() {
     let mut mixer = hall();
     let late = Treatment {
         delay: DELAY_MAX + 1,
@@ -259,7 +259,7 @@ fn taken_over(before: &[(usize, f64)], after: &[(usize, f64)], block: usize) -> 
 }
 
 #[test]
-fn a_route_that_comes_fades_in_one_that_goes_fades_out_and_a_gain_glides() {
+fn take_over_fades_routes_and_glides_gains() {
     let mixed = taken_over(&[(0, 0.5)], &[(1, 0.25)], 2000);
     let gained = taken_over(&[(0, 0.5)], &[(0, 1.0)], 2000);
     for block in [1, 64, 333] {
@@ -319,7 +319,7 @@ fn turned(before: &[Point], after: &[Point], is_route: bool, block: usize) -> Ve
 }
 
 #[test]
-fn a_fade_that_is_taken_back_returns_in_20_ms_without_a_jump() {
+fn take_over_of_a_reversed_fade_without_jump() {
     let out = [level(0, 1.0), level(500, 0.0)];
     let rise = [level(0, 0.0), level(990, 0.0), level(200_000, 1.0)];
     for is_route in [false, true] {
@@ -348,7 +348,7 @@ fn a_fade_that_is_taken_back_returns_in_20_ms_without_a_jump() {
 }
 
 #[test]
-fn nothing_in_or_out() {
+fn mixer_without_inputs_or_outputs() {
     Mixer::new(44_100.0, 0, 2).process(&[], &mut [1.0; 8]);
     Mixer::new(44_100.0, 0, 0).process(&[], &mut []);
 }
@@ -364,7 +364,7 @@ fn ramp(source: &Arc<FrozenOutputs>, begins: Option<i64>) -> Mixer {
 }
 
 #[test]
-fn frozen_outputs_stand_where_they_are_placed_and_move_without_a_step() {
+fn frozen_outputs_begin_and_move_without_a_jump() {
     let samples: Vec<f64> = (0..6_000).map(|n| 1.0 + f64::from(n) * 1e-4).collect();
     let source = Arc::new(FrozenOutputs::new(samples, 1));
     let played = |block: usize| {
@@ -406,7 +406,7 @@ fn frozen_outputs_stand_where_they_are_placed_and_move_without_a_step() {
 }
 
 #[test]
-fn frozen_outputs_follow_an_output_that_has_another_number() {
+fn frozen_outputs_follow_a_renumbered_output() {
     let source = Arc::new(FrozenOutputs::new(vec![1.0; 4_000], 1));
     let mut before = ramp(&source, Some(0));
     let mut after = Mixer::new(44_100.0, 2, 1);
@@ -420,7 +420,7 @@ fn frozen_outputs_follow_an_output_that_has_another_number() {
 }
 
 #[test]
-fn frozen_outputs_need_an_output_each() {
+fn frozen_outputs_without_matching_outputs_are_refused() {
     let source = Arc::new(FrozenOutputs::new(vec![0.0; 4], 2));
     let mut mixer = Mixer::new(44_100.0, 2, 1);
     let error = mixer.freeze(&source, &[0, 2], 0).unwrap_err();
@@ -433,7 +433,7 @@ fn frozen_outputs_need_an_output_each() {
 }
 
 #[test]
-fn routes_with_a_delay_or_a_curve_fade_out_like_others() {
+fn take_over_fades_routes_with_delay_or_curve() {
     let rise = Curve::new(vec![level(0, 0.5), level(4000, 1.0)]);
     let late = Treatment {
         delay: 300,
@@ -500,7 +500,7 @@ fn retreated(before: &Treatment, after: &Treatment, block: usize) -> Vec<f64> {
 }
 
 #[test]
-fn another_filter_or_delay_takes_over_without_a_step() {
+fn take_over_of_filter_or_delay_without_jump() {
     let shelf = |level: f64| Treatment {
         tones: vec![Tone::Lowshelf { f: 900.0, level }],
         ..Treatment::default()
@@ -536,7 +536,7 @@ fn another_filter_or_delay_takes_over_without_a_step() {
 }
 
 #[test]
-fn refuses_filters_and_echoes_that_cannot_be() {
+fn treated_with_impossible_filters_or_echoes_is_refused() {
     let mut mixer = Mixer::new(44_100.0, 1, 1);
     let f = 30_000.0;
     let tones = [

@@ -299,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn the_nearest_point_is_the_nearest() {
+    fn nearest_point_of_a_triangle() {
         let mut chance = Chance::new(7, "facets", "nearest", 0, 0);
         let mut vector =
             |size: f64| -> Vector { std::array::from_fn(|_| chance.uniform(-size, size)) };
@@ -317,7 +317,7 @@ mod tests {
 
     /// Cells omit no triangle that a place may touch.
     #[test]
-    fn cells_change_no_bit() {
+    fn facets_in_cells_omit_no_triangle() {
         let mut chance = Chance::new(8, "facets", "cells", 0, 0);
         let corners: Vec<Vector> = (0..90)
             .map(|_| std::array::from_fn(|_| chance.uniform(-1.0, 1.0)))
@@ -345,7 +345,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_surface_is_refused() {
+    fn facets_without_area_or_gap_are_refused() {
         let corners = [[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]];
         for (triangles, reach, message) in [
             (vec![[0, 1, 2]], 0.1, "no triangle with an area"),

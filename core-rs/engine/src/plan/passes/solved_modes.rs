@@ -168,7 +168,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_body_is_solved_once_whatever_the_rate() {
+    fn memo_modes_are_solved_once_for_all_rates() {
         let mut network = Network::default();
         let mut last = network.mas("m0", 1e-3, 0.0, 0.0).unwrap();
         for i in 1..8 {

@@ -282,7 +282,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn doubt_is_added_within_what_was_asked_for() {
+    fn doubted_error_stays_within_the_limit() {
         let stated = |db: f64| {
             let measured = Measured {
                 db,

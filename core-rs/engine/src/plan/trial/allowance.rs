@@ -239,7 +239,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn grows_with_the_score_up_to_a_bound() {
+    fn allowance_grows_with_score_length_to_a_bound() {
         let seconds = |n| Allowance::new(n, 1.0).spent().1;
         let all = [1, 100, 550, 1_000, 2_000, 1_000_000].map(seconds);
         for (seconds, most) in all.into_iter().zip([1.0, 1.0, 1.75, 2.5, 5.0, 10.0]) {
@@ -249,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn is_spent_from_the_first_trial_that_does_not_fit() {
+    fn allowance_is_spent_from_the_first_refused_trial() {
         let allowance = Allowance::new(1, 1.0);
         assert!(allowance.draw(0.75).is_ok());
         assert!(matches!(
@@ -264,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_to_be_done_leaves_less_for_trials() {
+    fn spend_of_required_work_leaves_less_for_trials() {
         let allowance = Allowance::new(1, 1.0);
         allowance.spend(0.75);
         assert!(matches!(
@@ -276,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn a_series_of_trials_counts_again_where_it_would_go_the_same_way() {
+    fn replay_of_trials_with_enough_allowance() {
         let first = Allowance::new(1, 1.0);
         let left = first.begin();
         first.draw(0.25).unwrap();
@@ -294,7 +294,7 @@ mod tests {
     }
 
     #[test]
-    fn a_series_that_was_cut_short_counts_again_where_as_much_is_left() {
+    fn replay_of_refused_trials_with_equal_allowance() {
         let first = Allowance::new(1, 1.0);
         let left = first.begin();
         first.draw(0.75).unwrap();

@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn rounding_of_a_place_at_rest_is_not_heard() {
+    fn audible_ignores_rounding_at_rest() {
         let spans = Spans {
             n_out: 1,
             rate: 32_000.0,

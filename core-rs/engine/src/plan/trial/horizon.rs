@@ -257,7 +257,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_change_is_told_from_the_start_to_each_look() {
+    fn changes_from_the_start_to_each_look() {
         let b: Vec<f64> = (0..400).map(|n| 3.0 + f64::from(n % 7)).collect();
         let a: Vec<f64> = (0..400)
             .map(|n| b[n] + if n < 200 { 1e-3 } else { 1.0 })

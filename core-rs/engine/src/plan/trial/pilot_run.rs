@@ -496,7 +496,7 @@ mod tests {
     }
 
     #[test]
-    fn what_rests_is_passed_over_and_every_bit_is_as_played() {
+    fn pilot_run_skips_rest_with_the_same_bits() {
         for budget in [Budget::Error(-60.0), Budget::Method(Method::Ca)] {
             for rests in [true, false] {
                 let plan = plan(&budget, rests);
@@ -522,7 +522,7 @@ mod tests {
 
     /// Without guesses it takes 102 rounds a frame.
     #[test]
-    fn friction_that_holds_masses_in_a_ring_takes_few_rounds() {
+    fn friction_in_a_ring_takes_few_rounds() {
         let mut network = Network::new();
         network.part("ring", None);
         let cells = [

@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn a_transform_is_the_sum_that_defines_it() {
+    fn powers_equal_the_defining_sum() {
         let x: Vec<f64> = (0..16)
             .map(|i| f64::from((7 * i * i + 3 * i) % 13))
             .collect();
@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn phases_are_forgiven_and_levels_are_not() {
+    fn level_difference_ignores_phases() {
         let apart = |a: &[f64], b: &[f64]| level_difference(a, b, 2, 44_100.0);
         let b = sound(|_| 1.0, 1.0);
         let other = apart(&sound(|_| 1.0, 2.0), &b);

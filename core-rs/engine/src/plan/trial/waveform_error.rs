@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn an_error_beside_another_is_worth_the_sum_of_amplitudes() {
+    fn error_beside_another_adds_amplitudes() {
         for (error, other) in [(-70.0, -66.0), (-60.0, -120.0), (-90.0, -90.0)] {
             let both = power_sum(error_beside(error, other), other);
             assert!(
@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn a_shorter_time_is_a_part_of_it_after_the_same_event() {
+    fn shortened_spans_keep_the_event() {
         let all = spans();
         assert_eq!((all.event(), all.end()), (60, 360));
         for (parts, end) in [(0, 108), (1, 108), (3, 210), (4, 258), (6, 360), (99, 360)] {
@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn a_run_on_its_way_is_never_told_to_be_further_than_it_will_be() {
+    fn early_comparison_never_exceeds_the_full_difference() {
         let spans = spans();
         let grows = |n: usize| 1e-6 * (n as f64 - 60.0).max(0.0);
         let falls = |n: usize| if (60..85).contains(&n) { 1e-3 } else { 1e-9 };

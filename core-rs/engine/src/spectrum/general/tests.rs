@@ -40,7 +40,7 @@ fn drawn(n: usize, seed: u64) -> Vec<f64> {
 }
 
 #[test]
-fn eigenvectors_of_any_matrix_are_turned_by_their_eigenvalues_alone() {
+fn general_eigenvectors_of_random_matrices() {
     for n in 1..40 {
         for seed in 0..8 {
             let matrix = drawn(n, seed * 100 + n as u64);
@@ -54,7 +54,7 @@ fn eigenvectors_of_any_matrix_are_turned_by_their_eigenvalues_alone() {
 }
 
 #[test]
-fn roots_of_a_polynomial_are_the_eigenvalues_of_its_companion() {
+fn general_eigenvalues_of_a_companion_matrix() {
     // The companion matrix of (x − 1)(x − 2)(x + 3)(x² + 2x + 5).
     let mut matrix = vec![0.0; 25];
     for i in 0..4 {
@@ -91,7 +91,7 @@ fn roots_of_a_polynomial_are_the_eigenvalues_of_its_companion() {
 }
 
 #[test]
-fn equal_eigenvalues_have_eigenvectors_of_their_own() {
+fn general_eigenvectors_of_equal_eigenvalues() {
     // The same rotation twice, in two planes that are not coupled.
     let mut matrix = vec![0.0; 16];
     for (i, j, x) in [(0, 2, 3.0), (2, 0, -3.0), (1, 3, 3.0), (3, 1, -3.0)] {
@@ -103,7 +103,7 @@ fn equal_eigenvalues_have_eigenvectors_of_their_own() {
 }
 
 #[test]
-fn a_matrix_times_its_inverse_is_one() {
+fn inverse_times_matrix_is_identity() {
     for n in [1, 2, 7, 30] {
         let matrix = drawn(n, n as u64);
         let result = inverse(matrix.clone()).unwrap();
@@ -118,7 +118,7 @@ fn a_matrix_times_its_inverse_is_one() {
 }
 
 #[test]
-fn non_finite_matrix_has_no_spectrum() {
+fn general_spectrum_of_a_non_finite_matrix() {
     assert!(general(vec![1.0, f64::NAN, 0.0, 1.0]).is_none());
     assert!(general(Vec::new()).is_some());
 }

@@ -460,7 +460,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_busy_server_is_asked_again() {
+    fn open_with_retries_of_a_busy_server() {
         let mut asked = 0;
         let client = open_with_retries(|status| {
             asked += 1;
@@ -471,7 +471,7 @@ mod tests {
     }
 
     #[test]
-    fn a_refusal_is_told_in_words() {
+    fn open_with_retries_explains_a_refusal() {
         let why = |status| {
             open_with_retries(|own| (None::<()>, *own = status).0)
                 .unwrap_err()

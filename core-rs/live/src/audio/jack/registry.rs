@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn open_that_fails_registers_nothing() {
+    fn open_with_an_error_registers_nothing() {
         let registry = Registry::<Counted>::new();
         assert_eq!(registry.open(|| Err("no server")).err(), Some("no server"));
         assert!(registry.lock().is_empty());

@@ -28,7 +28,7 @@ fn direction<D: Device>(device: &mut D) -> Result<f64, DirectionError> {
 }
 
 #[test]
-fn a_pulse_tells_the_direction() {
+fn direction_of_straight_and_reversed_motors() {
     let mut straight = device(Hand::Resting);
     assert_eq!(direction(&mut straight), Ok(1.0));
     let mut wired = odd(device(Hand::Resting));
@@ -43,7 +43,7 @@ fn a_pulse_tells_the_direction() {
 }
 
 #[test]
-fn a_pulse_is_small() {
+fn pulse_moves_a_key_slightly() {
     let mut straight = device(Hand::Resting);
     let pulse = Pulse::from_spec(straight.spec());
     directions(&mut straight, &[0], pulse, PERIOD, &GO).unwrap();
@@ -54,7 +54,7 @@ fn a_pulse_is_small() {
 }
 
 #[test]
-fn an_axis_that_is_held_is_not_guessed() {
+fn directions_of_a_held_axis_are_unknown() {
     let held = Hand::OnPath {
         path: vec![0.0; 100_000],
         stiffness: 5e4,
@@ -75,7 +75,7 @@ fn an_axis_that_is_held_is_not_guessed() {
 }
 
 #[test]
-fn ends_give_zero_and_gain() {
+fn travel_ends_give_offset_and_gain() {
     let path = (0..200).map(|i| if i < 100 { 0.01 } else { -0.03 });
     let hand = Hand::OnPath {
         path: path.collect(),

@@ -256,7 +256,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn messages_travel_whole() {
+    fn messages_parse_to_the_same_bits() {
         let order = ForceCommand {
             number: 0xABCD,
             force: [0.1, -0.0, f64::MIN_POSITIVE],
@@ -281,7 +281,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn messages_are_found_whatever_the_pieces_they_come_in() {
+    fn line_finds_messages_in_any_pieces() {
         let (mut from, to) = Stream::pair().unwrap();
         let mut line = Line::new(to).unwrap();
         let order = |number| ForceCommand {
@@ -306,7 +306,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn a_text_has_its_length_and_its_end() {
+    fn take_text_with_wrong_length_is_refused() {
         let (mut from, mut to) = Stream::pair().unwrap();
         put_text(&mut from, "ws://127.0.0.1").unwrap();
         let patience = Duration::from_secs(10);

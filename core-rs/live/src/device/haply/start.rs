@@ -191,7 +191,7 @@ mod loopback {
         use super::*;
 
         #[test]
-        fn only_who_knows_the_token_is_met() {
+        fn rendezvous_meets_holders_of_the_token_only() {
             let (meeting, address) = Rendezvous::new().unwrap();
             let mut wrong = address;
             wrong[17] ^= 1;
@@ -205,7 +205,7 @@ mod loopback {
         }
 
         #[test]
-        fn dead_service_is_not_awaited() {
+        fn rendezvous_with_a_dead_service_ends() {
             let (meeting, _) = Rendezvous::new().unwrap();
             assert!(meeting.wait(|| false).is_err());
         }

@@ -79,7 +79,7 @@ fn silent_host_releases_the_key() {
 }
 
 #[test]
-fn by_the_wall_only_the_newest_packet_counts() {
+fn firmware_without_lockstep_uses_the_newest_packet() {
     let mut board = board(Protocol::FireFader, false);
     board.touch_gate = false;
     let mut firmware = firmware(board, 2, Hand::Resting);
@@ -102,7 +102,7 @@ fn frame_reply(firmware: &mut Firmware, request: frame::Request) -> Parsed<frame
 }
 
 #[test]
-fn a_frame_asked_takes_no_step() {
+fn frame_with_ask_takes_no_step() {
     let mut firmware = firmware(board(Protocol::Frame, true), 3, Hand::Resting);
     let mut request = frame::Request {
         seq: 9,
@@ -138,7 +138,7 @@ fn a_frame_asked_takes_no_step() {
 }
 
 #[test]
-fn a_frame_says_who_it_is() {
+fn device_info_of_a_frame_board() {
     let mut firmware = firmware(board(Protocol::Frame, true), 12, Hand::Free);
     let request = frame::Request {
         seq: 3,
@@ -161,7 +161,7 @@ fn a_frame_says_who_it_is() {
 proptest! {
     /// Whatever bytes a host sends, a board does not panic, and does not push harder than its motors can.
     #[test]
-    fn any_bytes_are_heard(
+    fn firmware_with_random_bytes_stays_within_its_force(
         pieces in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..100), 0..20),
         lockstep in any::<bool>(),
     ) {

@@ -20,7 +20,7 @@ fn push(force: f64) -> [f64; MAX_AXES] {
 /// Compares a CEL that a spring pulls, in one network with a mass, with the same CEL as a key that gets the spring's
 /// force.
 #[test]
-fn a_key_is_a_cel_to_the_last_bit() {
+fn emulated_key_equals_a_cel_bitwise() {
     let rate = 44_100.0 / 44.0;
     let key = Key {
         mass: 0.08,
@@ -61,7 +61,7 @@ fn a_key_is_a_cel_to_the_last_bit() {
 /// A hand is a spring and a damper to a moving point; for a point that stands still, the motion is compared with the
 /// closed solution.
 #[test]
-fn a_hand_pulls_to_its_path() {
+fn hand_on_path_pulls_as_a_damped_spring() {
     let rate = 10_000.0;
     let (mass, stiffness, damping, to) = (0.05, 300.0, 2.0, 0.01);
     let hand = Hand::OnPath {
@@ -94,7 +94,7 @@ fn a_hand_pulls_to_its_path() {
 }
 
 #[test]
-fn only_a_finger_touches() {
+fn touched_of_free_and_resting_hands() {
     for (hand, touched) in [(Hand::Free, false), (Hand::Resting, true)] {
         let mut key = keys(Key::default(), 1000.0, vec![hand]);
         assert_eq!(key.touched(0), touched);
@@ -115,7 +115,7 @@ fn key_stops_at_its_travel() {
 }
 
 #[test]
-fn a_key_with_a_model_goes_as_the_model() {
+fn key_with_a_model_follows_the_model() {
     let row = [
         0.38, 60.0, 1.2, 0.15, 0.05, -2.5e-3, 1e-3, 0.0, 0.0, 0.0, 0.02, 180.0, 0.02,
     ];
@@ -135,7 +135,7 @@ fn a_key_with_a_model_goes_as_the_model() {
 }
 
 #[test]
-fn other_paths_have_other_hashes() {
+fn hash_differs_with_the_path() {
     let path = |force: f64| {
         let mut key = keys(Key::default(), 1000.0, vec![]);
         for _ in 0..100 {

@@ -51,7 +51,7 @@ fn until_ready(frozen: &Frozen, start: u64, n: usize) {
 }
 
 #[test]
-fn two_files_beside_a_simulation() {
+fn frozen_stems_join_a_simulation() {
     let n = 150_000; // more than the ring holds
     let (_a, a) = stem("a", n, n, &[3, 0]);
     let (_b, b) = stem("b", n, n, &[2]);
@@ -78,7 +78,7 @@ fn two_files_beside_a_simulation() {
 }
 
 #[test]
-fn what_comes_too_late_is_left_out_and_the_rest_is_in_its_place() {
+fn frozen_frames_too_late_are_dropped() {
     let n = 100_000;
     let (_a, a) = stem("late", n, n, &[0]);
     let (mut frozen, reader) = open(vec![a], 0).unwrap();
@@ -98,7 +98,7 @@ fn what_comes_too_late_is_left_out_and_the_rest_is_in_its_place() {
 }
 
 #[test]
-fn a_file_that_ends_early() {
+fn frozen_stem_with_a_short_file_is_refused() {
     let (_a, a) = stem("short", 5_000, 10, &[0]);
     let (path, error) = open(vec![a.clone()], 0).err().unwrap();
     assert_eq!(path, a.path);

@@ -5,7 +5,7 @@ use crate::perform::tests::unplugged::Unplugged;
 
 /// A motor keeps its heat while its cable is unplugged and plugged in again.
 #[test]
-fn a_device_that_comes_back_is_still_hot() {
+fn reconnected_device_keeps_its_heat() {
     let url = Url::parse("emul:?mass=0.05&damping=1&stiffness=1000").unwrap();
     let key = device::open(&url).unwrap();
     let config = DeviceConfig {

@@ -15,7 +15,7 @@ fn events_of(performance: &mut Performance) -> Vec<(u64, EventKind)> {
 
 /// Versions with other strikes, one of them too late: the sound equals that of a replay, and no tick allocates.
 #[test]
-fn changes_are_done_at_their_frames() {
+fn changes_act_at_their_frames() {
     let path = std::env::temp_dir().join(format!("ergon-changes-{}.wav", std::process::id()));
     let config = config(&format!("file:{}", path.display()));
     let (every, n_ticks) = (EVERY as u64, 600_u64);
@@ -125,7 +125,7 @@ fn changes_are_done_at_their_frames() {
 
 /// Versions that are withdrawn before their frames: others play on, and no tick allocates.
 #[test]
-fn changes_are_revoked_until_they_are_made() {
+fn changes_are_revoked_before_their_frames() {
     let config = config("null:");
     let every = EVERY as u64;
     let frames = [10, 30, 20, 40].map(|tick| tick * every);
@@ -181,7 +181,7 @@ fn changes_are_revoked_until_they_are_made() {
 
 /// A spring that is struck until it is too stiff for one step per frame: it plays on, and this is reported once.
 #[test]
-fn what_is_computed_finer_is_told_once() {
+fn finer_frames_are_reported_once() {
     let mut network = Network::new();
     network.part("stiff", None);
     let wall = network.sol("wall", 0.0).unwrap();

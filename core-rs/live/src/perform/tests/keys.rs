@@ -7,7 +7,7 @@ use crate::recording::{Axis, flag, read};
 
 /// Guidance counts even before it acts: a key that could not bear it gets less force.
 #[test]
-fn a_loose_guide_is_borne() {
+fn limit_with_loose_guidance_scales_the_key() {
     let scale = |guidance: Option<(f64, bool)>| {
         let hand = Hand {
             guidance: guidance.map(|(k, loose)| Guidance { k, z: 0.0, loose }),
@@ -29,7 +29,7 @@ fn a_loose_guide_is_borne() {
 
 /// A value of a calibration counts if the device reports none, or if it makes the loop less stable.
 #[test]
-fn a_measured_key_bears_what_it_was_measured_for() {
+fn limit_with_measured_key_takes_the_worse_value() {
     let limit = |measured: Option<MeasuredKey>| {
         let hand = Hand {
             response: vec![4e3; 1],
@@ -60,7 +60,7 @@ fn a_measured_key_bears_what_it_was_measured_for() {
 
 /// Guidance that comes and goes: the key follows its path, and is then left alone.
 #[test]
-fn a_key_is_led_and_let_go() {
+fn loose_guidance_leads_a_key_and_releases_it() {
     let config = config("null:fast");
     let mut stage = stage();
     for hand in &mut stage.hands {
@@ -120,7 +120,7 @@ fn a_key_is_led_and_let_go() {
 
 /// A key is unplugged and comes back, a panic begins and ends, the gain changes, and everything is recorded.
 #[test]
-fn a_tick_does_not_allocate() {
+fn tick_does_not_allocate() {
     let path = std::env::temp_dir().join(format!("ergon-ticks-{}.take", std::process::id()));
     let axis = |player: &str| Axis {
         player: player.into(),

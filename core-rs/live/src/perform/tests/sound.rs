@@ -7,7 +7,7 @@ use super::*;
 
 /// The sound through a fold is the folded mix, to the end of its filters; no tick allocates.
 #[test]
-fn a_fold_sounds_to_its_end() {
+fn fold_sounds_to_its_end() {
     let path = std::env::temp_dir().join(format!("ergon-fold-{}.wav", std::process::id()));
     let config = config(&format!("file:{}", path.display()));
     let n_frames = 100 * EVERY + 7;
@@ -79,7 +79,7 @@ fn pushed_by_sound() -> Simulation {
 
 /// An input with gaps: the sound equals that of the piece with the recorded file as its input, and no tick allocates.
 #[test]
-fn an_input_is_what_its_recording_says() {
+fn input_with_gaps_equals_its_recording() {
     let path = |what: &str| {
         std::env::temp_dir().join(format!("ergon-input-{what}-{}.wav", std::process::id()))
     };

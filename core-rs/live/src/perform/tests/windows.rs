@@ -62,7 +62,7 @@ fn pages_receive_live_strikes() {
 /// Strikes between a takeover and the first picture of its window are in that picture, written ones and live ones; so
 /// are live strikes since the last picture before. Written strikes of the new score before the takeover did not happen.
 #[test]
-fn strikes_before_the_first_picture_of_a_version_are_told() {
+fn strikes_before_the_first_picture_are_shown() {
     let with_points = |struck: &[f64]| {
         let mut single = scene(struck);
         single.1.open();
@@ -121,7 +121,7 @@ fn strikes_before_the_first_picture_of_a_version_are_told() {
 
 /// The strikes of a written gesture are reported with the pictures, even if pages missed some: no impulse is lost.
 #[test]
-fn pages_are_told_what_a_gesture_strikes() {
+fn pages_receive_strikes_of_gestures() {
     let scene = gesture();
     let simulation = planned(&scene, 0);
     let look = simulation.looked_at();
@@ -163,7 +163,7 @@ fn pages_are_told_what_a_gesture_strikes() {
 
 /// A page that joins after a thread tore learns this from its first key state; so does a window that is opened then.
 #[test]
-fn pages_that_come_late_are_told_what_broke() {
+fn late_pages_receive_broken_links() {
     let scene = torn();
     let simulation = planned(&scene, 0);
     let mut shown = Shown::fast(&simulation, &scene.1);
@@ -224,7 +224,7 @@ fn pages_that_come_late_are_told_what_broke() {
 
 /// A page that misses nothing gets the positions of the engine's masses, once per video frame.
 #[test]
-fn pages_are_told_what_the_engine_has() {
+fn pages_receive_positions_of_the_engine() {
     let scene = scene(&strikes());
     let simulation = planned(&scene, 0);
     let mut truth = simulation.fork();
@@ -345,7 +345,7 @@ fn pages_are_told_what_the_engine_has() {
 
 /// The sound is the same to the bit without a window, with a window, and with a window whose pictures nobody fetches.
 #[test]
-fn a_window_changes_no_sample() {
+fn window_changes_no_sample() {
     let scene = scene(&strikes());
     let simulation = planned(&scene, 0);
     let path = |name: &str| {
@@ -394,7 +394,7 @@ fn a_window_changes_no_sample() {
 
 /// Contacts and levels of skipped pictures are in the next picture.
 #[test]
-fn what_happens_while_nobody_looks_is_told_afterwards() {
+fn skipped_pictures_are_gathered_in_the_next() {
     let scene = scene(&[]);
     let simulation = planned(&scene, 0);
     let mut shown = Shown::fast(&simulation, &scene.1);
@@ -429,7 +429,7 @@ fn what_happens_while_nobody_looks_is_told_afterwards() {
 
 /// A new version has its own manifest from its first picture on; a version that came too late is never shown.
 #[test]
-fn a_version_that_takes_over_is_shown_from_then_on() {
+fn version_is_shown_from_its_takeover_on() {
     let first = scene(&strikes());
     let (old, second) = (planned(&first, 0), scene(&[0.6, 0.7]));
     let mut shown = Shown::fast(&old, &first.1);

@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn the_earliest_of_a_second_says_when_a_frame_is_heard() {
+    fn frame_time_by_the_earliest_report() {
         let mut line = FrameTimeLine::new(RATE, 4_410);
         assert_eq!(line.when(0, 0), None);
         // Most reports of a block come up to a block late; some come at once.
@@ -115,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn a_gap_begins_another_line() {
+    fn frame_time_after_a_gap() {
         let mut line = FrameTimeLine::new(RATE, 0);
         line.add_report(Some(sounding(4.0, 0.0, 0)), 0, 4.0);
         // 5 ms of silence were inserted: everything after them is heard later.

@@ -155,7 +155,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn counts_replies_and_what_was_lost() {
+    fn stats_count_replies_and_losses() {
         let (mut sent, mut stats) = (Sent::default(), Stats::default());
         let start = Instant::now();
         for i in 0..1000_u64 {
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn replies_to_another_are_noticed_and_leftovers_are_not() {
+    fn stats_detect_replies_to_another_host() {
         let (mut sent, mut stats) = (Sent::default(), Stats::default());
         let now = Instant::now();
         // Leftover replies of another session come first.
@@ -196,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn replies_of_a_board_that_was_held_up_are_ours() {
+    fn stats_accept_replies_of_a_stalled_board() {
         let (mut sent, mut stats) = (Sent::default(), Stats::default());
         let now = Instant::now();
         assert_eq!(sent.number(now, &mut stats), 0);
@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn drift_outlives_the_clocks_wrap() {
+    fn drift_across_the_wrap_of_the_clock() {
         let (mut drift, start) = (Drift::default(), Instant::now());
         let mut last = None;
         for ms in 0..5000_u64 {

@@ -220,7 +220,7 @@ fn playing_hands_cause_no_trip() {
 #[test]
 #[ignore = "an hour of each, by a minute of the machine: --ignored --nocapture"]
 #[allow(clippy::print_stdout)] // prints a table on request
-fn nobody_who_plays_for_an_hour_is_stopped() {
+fn playing_hands_for_an_hour_cause_no_trip() {
     let played_cases = played(3_600.0);
     for (name, trips, probes) in &played_cases {
         println!("{name:28} {probes:6} probes, trips {trips:?}");

@@ -73,7 +73,7 @@ fn harms(fault: fn(&mut Key), grip: Option<Grip>) -> Vec<(&'static str, f64, Fau
 }
 
 #[test]
-fn a_motor_that_turns_round_under_a_hand_is_off_before_it_goes_far() {
+fn reversed_motor_under_a_hand_trips_early() {
     for (name, position, harm) in harms(REVERSED, Some(HAND)) {
         assert_eq!(harm.why, Some(Trip::WrongWay), "{name} {position} {harm:?}");
         assert!(
@@ -113,7 +113,7 @@ fn reversed_motor_trips_under_moving_and_absent_hands() {
 }
 
 #[test]
-fn a_sensor_that_freezes_lets_go() {
+fn frozen_sensor_trips_or_moves_little() {
     for grip in [Some(HAND), Some(SINE)] {
         for (name, position, harm) in harms(FROZEN, grip) {
             if harm.why.is_none() {
@@ -154,7 +154,7 @@ fn wrong_wiring_stops_at_first_movement() {
 }
 
 #[test]
-fn a_key_pushed_into_its_stop_is_let_go_and_gets_its_force_back() {
+fn key_pushed_into_its_stop_trips_and_recovers() {
     // For a while the scene pulls the key to a position beyond its range.
     let scene: Scene = |t, x, _| 100.0 * (if t < 4.0 { 0.09 } else { 0.0 } - x);
     let mut play = Play::new(Key::new(FINE, 20.0, None), scene);
@@ -184,7 +184,7 @@ fn a_key_pushed_into_its_stop_is_let_go_and_gets_its_force_back() {
 }
 
 #[test]
-fn after_three_trips_only_the_player_lets_it_push() {
+fn third_trip_lasts_until_the_player_releases_it() {
     let mut play = Play::new(Key::new(FINE, 20.0, None), |t, x, _| {
         if x > 0.049 && t % 8.0 < 4.0 { 5.0 } else { 0.0 }
     });
@@ -236,7 +236,7 @@ fn figures() {
 
 /// A key keeps its position until a question is asked; then the host is stopped. Afterwards the force equals the scene's.
 #[test]
-fn a_stall_ends_a_question_and_every_suspicion() {
+fn restart_ends_questions_and_suspicions() {
     let built = AxisSpec {
         range: [-0.05, 0.05],
         resolution: 1e-5,

@@ -152,7 +152,7 @@ const STOPS: [f64; 5] = [0.03, 0.06, 0.3, 2.0, 10.0];
 const FORCES: [f64; 3] = [2.03, -4.0, 10.0];
 
 #[test]
-fn a_host_that_was_stopped_between_ticks_fades_in() {
+fn stall_between_ticks_fades_in() {
     for stop in STOPS {
         for force in FORCES {
             let mut host = Host::new(Board::new(), force);
@@ -167,7 +167,7 @@ fn a_host_that_was_stopped_between_ticks_fades_in() {
 
 /// The reply that is read after the stop was sent before it.
 #[test]
-fn a_host_that_was_stopped_before_the_reply_fades_in() {
+fn stall_before_the_reply_fades_in() {
     for stop in STOPS {
         for force in FORCES {
             let mut host = Host::new(Board::new(), force);
@@ -185,7 +185,7 @@ fn a_host_that_was_stopped_before_the_reply_fades_in() {
 
 /// The only place where nothing can be done in advance: zero follows at once.
 #[test]
-fn a_force_that_was_stopped_at_the_write_is_taken_back_at_once() {
+fn stall_at_the_write_sends_zero_at_once() {
     for stop in STOPS {
         let mut host = Host::new(Board::new(), 4.0);
         host.guarded.device.stop = Duration::from_secs_f64(stop).as_nanos() as u64;
@@ -199,7 +199,7 @@ fn a_force_that_was_stopped_at_the_write_is_taken_back_at_once() {
 }
 
 #[test]
-fn a_host_that_is_a_little_late_changes_nothing() {
+fn slightly_late_host_keeps_its_force() {
     let mut host = Host::new(Board::new(), 4.0);
     host.wait(0.015);
     (0..50).for_each(|_| host.tick(4.0));
@@ -207,7 +207,7 @@ fn a_host_that_is_a_little_late_changes_nothing() {
 }
 
 #[test]
-fn a_position_grows_old_by_the_clock() {
+fn old_positions_by_the_clock_end_the_force() {
     let mut host = Host::new(Board::new(), 4.0);
     host.guarded.device.answers = false;
     // With ticks of 10 ms, an age of two ticks is allowed, one of three is not.
@@ -227,7 +227,7 @@ fn a_position_grows_old_by_the_clock() {
 
 /// A board may let go for reasons of its own, although its host was never late.
 #[test]
-fn a_board_that_let_go_is_faded_in() {
+fn board_with_released_force_fades_in() {
     for force in FORCES {
         let mut host = Host::new(Board::new(), force);
         host.wait(PERIOD);
@@ -243,7 +243,7 @@ fn a_board_that_let_go_is_faded_in() {
 }
 
 #[test]
-fn a_board_that_is_hot_gets_what_it_bears() {
+fn hot_board_receives_its_continuous_force() {
     let board = Board::new();
     let mut host = Host::new(board, 10.0);
     host.guarded.device.sample.hot = true;
@@ -258,7 +258,7 @@ fn a_board_that_is_hot_gets_what_it_bears() {
 
 /// In lockstep the wall clock does not count: the run is the same, however long the machine was held up.
 #[test]
-fn in_lockstep_only_ticks_count() {
+fn lockstep_ignores_the_wall_clock() {
     let mut bench = Bench::new();
     let mut guarded = Guarded::new(&mut bench, open(), PERIOD);
     assert!(matches!(guarded.clock, Clock::Ticks { .. }));
@@ -275,7 +275,7 @@ fn in_lockstep_only_ticks_count() {
 }
 
 #[test]
-fn heat_is_kept_and_cools() {
+fn heat_is_recalled_and_cools() {
     let mut bench = Bench::new();
     let limits = Limits {
         heat: 1.0,
@@ -306,7 +306,7 @@ fn heat_is_kept_and_cools() {
 
 /// A position of NaN must not enter the means, where it would stay for ever.
 #[test]
-fn a_position_that_is_no_number_trips_and_passes() {
+fn non_finite_position_trips_and_recovers() {
     let mut host = Host::new(Board::new(), 4.0);
     host.guarded.device.sample.position[0] = f64::NAN;
     host.tick(4.0);

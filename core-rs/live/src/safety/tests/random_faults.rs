@@ -534,13 +534,13 @@ fn random_faults_end_within_their_bounds() {
 
 #[test]
 #[ignore = "a minute: make test-long"]
-fn a_thousand_random_faults_end_within_their_bounds() {
+fn thousand_random_faults_end_within_their_bounds() {
     sweep(1_080, 2, &(0..KINDS).collect::<Vec<_>>());
 }
 
 #[test]
 #[ignore = "two minutes: make test-long"]
-fn a_motor_that_reverses_at_a_thousand_random_ticks_is_found_under_six_hands() {
+fn reversed_motor_at_random_ticks_under_six_hands() {
     sweep(6_000, 3, &[5]);
 }
 

@@ -120,12 +120,12 @@ fn too_fast(ticks: u64, seed: u64) -> u64 {
 }
 
 #[test]
-fn no_force_rises_faster_than_it_may() {
+fn slew_limit_bounds_rises() {
     assert_eq!(too_fast(300_000, 1), 0);
 }
 
 #[test]
 #[ignore = "seconds: make test-long"]
-fn no_force_rises_faster_than_it_may_in_ten_million_ticks() {
+fn slew_limit_bounds_rises_in_ten_million_ticks() {
     assert_eq!(too_fast(10_000_000, 2), 0);
 }

@@ -69,7 +69,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_root_is_found_however_steep_a_law_is() {
+    fn root_of_steep_laws() {
         // A smooth bow whose slope at rest is 10⁴ times what Newton's method can solve.
         let bow = |v: f64| v * 1e4 / (1.0 + 1e8 * v * v);
         for v in [-0.3, -1e-5, 0.0, 1e-6, 0.02] {

@@ -321,7 +321,7 @@ mod tests {
     use crate::island::fine::laws::POINTS;
 
     #[test]
-    fn means_are_exact_for_parabolas() {
+    fn means_of_parabolas_are_exact() {
         for (row, c) in MEANS.iter().zip(POINTS) {
             assert!((dot(row, &[1.0; STAGES]) - c).abs() < 1e-15);
             assert!((dot(row, &POINTS) - c * c / 2.0).abs() < 1e-15);

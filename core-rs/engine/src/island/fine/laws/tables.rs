@@ -234,7 +234,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn polynomials_of_degree_5_are_extrapolated_from_two_parts() {
+    fn extrapolation_weights_are_exact_up_to_degree_5() {
         for power in 0..6 {
             let polynomial = |s: f64| (0..power).map(|_| s).product::<f64>();
             for s in POINTS.map(|c| 1.0 + c) {

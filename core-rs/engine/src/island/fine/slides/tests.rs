@@ -53,7 +53,7 @@ fn played(network: &Network, (rate, steps): (f64, usize), n_frames: usize) -> Ve
 }
 
 #[test]
-fn a_block_that_swings_out_is_at_every_frame_where_its_half_swings_take_it() {
+fn sliding_block_swings_about_shifted_centres() {
     let (m, f, x0) = (0.05, 1331.9, 1.26e-3);
     let omega = 2.0 * PI * f;
     for ratio in [0.507, 0.12, 0.031] {
@@ -96,7 +96,7 @@ fn a_block_that_swings_out_is_at_every_frame_where_its_half_swings_take_it() {
 }
 
 #[test]
-fn a_block_that_the_ground_holds_rests_to_the_last_bit() {
+fn sticking_block_rests_to_the_last_bit() {
     let mut network = Network::new();
     network.part("s", None);
     let tie = Tie::Tuned {

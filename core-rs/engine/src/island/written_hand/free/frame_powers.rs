@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn many_frames_at_once_are_the_same_frames() {
+    fn frame_powers_advance_equals_frames_in_sequence() {
         let free = key();
         let mut buffers = buffers(&free);
         let mut frame_powers = buffers.frame_powers.take().unwrap();
@@ -211,7 +211,7 @@ mod tests {
 
     /// Frame by frame this would take minutes.
     #[test]
-    fn a_throw_of_a_day_arrives() {
+    fn aim_of_a_throw_lasting_a_day() {
         let free = key();
         let mut buffers = buffers(&free);
         let (n, to, x) = (1_000, 86_399 * 44_100, 0.5e-3);
@@ -232,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn a_key_with_laws_has_no_such_map() {
+    fn frame_powers_with_laws_are_absent() {
         let mut free = key();
         assert!(FramePowers::new(&free).is_some());
         Arc::make_mut(&mut free.scheme).linear = false;

@@ -48,7 +48,7 @@ fn mixed(mixer: &mut Mixer, n_frames: usize) -> Vec<u64> {
 }
 
 #[test]
-fn side_by_side_they_sound_as_apart() {
+fn repeated_routes_equal_separate_ones() {
     let (mut beside, mut apart) = (mixer(true, 0.5), mixer(false, 0.5));
     for n_frames in [1, 255, 3_000] {
         assert_eq!(mixed(&mut beside, n_frames), mixed(&mut apart, n_frames));
@@ -59,7 +59,7 @@ fn side_by_side_they_sound_as_apart() {
 }
 
 #[test]
-fn taken_over_they_sound_as_apart() {
+fn repeated_routes_after_take_over() {
     let (mut beside, mut apart) = (mixer(true, 0.5), mixer(false, 0.5));
     assert_eq!(mixed(&mut beside, 1_000), mixed(&mut apart, 1_000));
     for gain in [0.25, 0.0, 1.0] {
@@ -72,7 +72,7 @@ fn taken_over_they_sound_as_apart() {
 }
 
 #[test]
-fn added_beside_another_it_begins_at_rest() {
+fn repeated_route_added_later_begins_at_rest() {
     // A silent route between the two keeps them apart.
     let routes = |apart: bool, count: usize| {
         let mut mixer = Mixer::new(RATE, 2, 2);

@@ -99,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn a_masker_spreads_further_up_than_down() {
+    fn spreading_reaches_further_up_than_down() {
         assert!(spreading(0.0).abs() < 0.01);
         assert!((spreading(3.0) + 21.4).abs() < 0.1, "{}", spreading(3.0));
         assert!((spreading(-3.0) + 50.7).abs() < 0.1, "{}", spreading(-3.0));

@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn pitch_and_decay_are_told_of_weaker_partials_too() {
+    fn pitch_errors_of_weaker_partials() {
         let b = sound((220.0, 8.0), (1_310.0, 20.0));
         let (cents, t60) = pitch_errors(&b, &b, RATE, 5_000.0);
         assert_eq!((cents, t60), (0.0, 0.0));
@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn pitch_errors_of_a_partial_that_fades_fast() {
+    fn pitch_errors_of_a_fast_fading_partial() {
         // 20 dB below the other at the beginning, and 60 dB lower after 115 ms of 300.
         let b = sound((110.0, 20.0), (450.0, 60.0));
         let a = sound((110.0, 20.0), (450.0 * 1.002_892, 60.0));

@@ -27,7 +27,7 @@ fn pushing() -> (Rules, Instant) {
 }
 
 #[test]
-fn a_silent_host_lets_go_once() {
+fn rules_send_zero_once_to_a_silent_host() {
     let (mut rules, start) = pushing();
     assert!(rules.next(start) <= start + HOST_SILENT);
     assert_eq!(rules.due(start + ms(49)), Action::Nothing);
@@ -68,7 +68,7 @@ fn silent_service_receives_zeros_and_is_gone_after_two_seconds() {
 }
 
 #[test]
-fn a_service_that_answers_again_is_pushed_again() {
+fn rules_push_again_after_the_service_answers() {
     let (mut rules, start) = pushing();
     rules.order(order(2, 1.0), start);
     assert_eq!(rules.due(start), PUSH);
@@ -85,7 +85,7 @@ fn a_service_that_answers_again_is_pushed_again() {
 }
 
 #[test]
-fn a_slow_service_gets_one_force_at_a_time_and_zero_at_once() {
+fn rules_send_a_slow_service_single_forces() {
     let (mut rules, start) = pushing();
     rules.order(order(2, 1.0), start);
     assert_eq!(rules.due(start), PUSH);
@@ -105,7 +105,7 @@ fn a_slow_service_gets_one_force_at_a_time_and_zero_at_once() {
 }
 
 #[test]
-fn in_lockstep_every_order_is_a_command_and_no_other_is() {
+fn rules_in_lockstep_send_each_order_once() {
     let start = Instant::now();
     let mut rules = Rules::new(true, start);
     for number in 0..3 {

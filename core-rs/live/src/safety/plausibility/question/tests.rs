@@ -72,7 +72,7 @@ fn answer_sum_of_polynomial_paths() {
 }
 
 #[test]
-fn every_hand_answers_the_way_it_is_pushed() {
+fn answer_of_all_hands_is_positive() {
     let hands = [
         [0.1, 0.0],
         [1.0, 0.0],
