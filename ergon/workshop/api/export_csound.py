@@ -41,7 +41,7 @@ def csound_orchestras(
     bank = joined(title, [bank for bank, _ in banks])
     n_modes = sum(len(path.rows) for path in bank.ways)
     if n_modes > BANK_MAX:
-        most = f"the piece takes {n_modes:,} resonators, and a file has {BANK_MAX:,} at most"
-        raise OptionError("parts", f"{most}; name the parts to write, or lower `upto`")
+        reason = f"the piece takes {n_modes:,} resonators, and a file has {BANK_MAX:,} at most"
+        raise OptionError("parts", f"{reason}; name the parts to write, or lower `upto`")
     warnings = tuple(f"{one.name}: {warning}" for one, every in banks for warning in every)
     return (ExportedPart(title, orchestra(bank), warnings, loaded.inputs),)
