@@ -22,7 +22,7 @@ LONGER = {
     ("core-rs/engine/src/key_model/motion/derivatives.rs", "direct"): 82,
     ("core-rs/engine/src/network/bodies.rs", "add_mesh"): 91,
     ("core-rs/engine/src/network/modes.rs", "part_modes"): 92,
-    ("core-rs/engine/src/plan/make.rs", "make"): 89,
+    ("core-rs/engine/src/plan/make.rs", "make"): 87,
     ("core-rs/engine/src/plan/make.rs", "stepped"): 100,
     ("core-rs/engine/src/plan/passes/assemble.rs", "new"): 98,
     ("core-rs/engine/src/plan/passes/cells.rs", "oscillators"): 91,

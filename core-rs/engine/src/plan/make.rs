@@ -88,11 +88,8 @@ pub(super) fn make(
     let mut refused = Vec::new();
     let mut unheard = Vec::new();
     let (mut loose, mut island_plans, mut gliding) = (Vec::new(), Vec::new(), Vec::new());
-    let glides: BTreeSet<u32> = timeline
-        .glides
-        .iter()
-        .map(|glide| glide.mat as u32)
-        .collect();
+    let glides = timeline.glides.iter().map(|glide| glide.mat as u32);
+    let glides: BTreeSet<u32> = glides.collect();
     for island in all_islands {
         interrupt::poll();
         let is_gliding = |mat: &u32| glides.contains(mat);
