@@ -3,6 +3,7 @@
 //! Linear springs act exactly, and MATs that nothing else touches are computed once in a block of frames (`blocks`).
 //! Springs in space kick once every R frames; these MATs then move in a straight line from kick to kick.
 
+mod block;
 mod blocks;
 mod led;
 mod springs;

@@ -7,7 +7,8 @@
 use std::sync::Arc;
 
 use super::Slow;
-use super::blocks::{Block, BlockFlow};
+use super::block::Block;
+use super::blocks::BlockFlow;
 use crate::archive::{Archive, Damaged, State};
 use crate::kernel::thread_team::ThreadTeam;
 use crate::kernel::{self, Laws};

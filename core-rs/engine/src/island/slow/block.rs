@@ -1,0 +1,349 @@
+//! A running slow body of linear springs: its motion in the present block of frames.
+
+use std::sync::Arc;
+
+use super::blocks::{BlockFlow, Present};
+use crate::archive;
+use crate::kernel::dense;
+
+/// A body whose displacements [m] and velocities [m a frame] are all smaller than this rests: 280 dB below a micrometre.
+const REST: f64 = 1e-20;
+
+/// A running body.
+#[derive(Clone, Debug)]
+pub(super) struct Block {
+    flow: Arc<BlockFlow>,
+    /// Displacements and velocities at its first frame   (2n)
+    state: Vec<f64>,
+    /// What is seen in its frames after the inputs so far   (n_seen, B + 1)
+    seen: Vec<f64>,
+    /// Inputs so far   (n_inputs, B), and which of them are not all 0
+    inputs: Vec<f64>,
+    is_pushed: Vec<bool>,
+    /// Frames since its first.
+    since: u32,
+    /// Nothing moved at its first frame.
+    is_still: bool,
+    /// (2n)
+    buffer: Vec<f64>,
+}
+
+archive::state!(Block {
+    state,
+    seen,
+    inputs,
+    is_pushed,
+    since,
+    is_still
+});
+
+impl Block {
+    pub(super) fn new(flow: &Arc<BlockFlow>) -> Self {
+        let (n_state, n_frames, n_inputs) = (flow.frame.n, flow.n_frames, flow.inputs.len());
+        Self {
+            state: vec![0.0; n_state],
+            seen: vec![0.0; flow.seen.len() * (n_frames + 1)],
+            inputs: vec![0.0; n_inputs * n_frames],
+            is_pushed: vec![false; n_inputs],
+            since: 0,
+            is_still: true,
+            buffer: vec![0.0; n_state],
+            flow: flow.clone(),
+        }
+    }
+
+    /// Frames of a block.
+    pub(super) fn n_frames(&self) -> u32 {
+        self.flow.n_frames as u32
+    }
+
+    pub(super) fn flow(&self) -> &BlockFlow {
+        &self.flow
+    }
+
+    /// Whether this is the first frame of a block.
+    pub(super) fn is_first(&self) -> bool {
+        self.since == 0
+    }
+
+    /// Displacements and velocities at the first frame   (2n).
+    pub(super) fn state(&self) -> &[f64] {
+        &self.state
+    }
+
+    /// The same, to be changed; [`Self::begin`] has to follow.
+    pub(super) fn state_mut(&mut self) -> &mut [f64] {
+        &mut self.state
+    }
+
+    /// Begin a block with the present state.
+    pub(super) fn begin(&mut self) {
+        for (inputs, is_pushed) in self
+            .inputs
+            .chunks_exact_mut(self.flow.n_frames)
+            .zip(&mut self.is_pushed)
+        {
+            if std::mem::take(is_pushed) {
+                inputs.fill(0.0);
+            }
+        }
+        self.since = 0;
+        self.seen.fill(0.0);
+        self.is_still = self.state.iter().all(|x| *x == 0.0);
+        if !self.is_still {
+            dense::apply(&self.flow.free, &self.state, &mut self.seen);
+        }
+    }
+
+    /// Add an input of this frame.
+    fn push(&mut self, input: usize, value: f64) {
+        let (n_frames, since) = (self.flow.n_frames, self.since as usize);
+        self.is_pushed[input] = true;
+        self.inputs[input * n_frames + since] += value;
+        let responses = self.flow.inputs[input].seen.chunks_exact(n_frames);
+        for (seen, response) in self.seen.chunks_exact_mut(n_frames + 1).zip(responses) {
+            for (seen, response) in seen[since + 1..].iter_mut().zip(response) {
+                *seen += value * response;
+            }
+        }
+    }
+
+    /// Add a force on a port in this frame [N].
+    pub(super) fn push_port(&mut self, port: usize, force: f64) {
+        if force != 0.0 {
+            self.push(port, force);
+        }
+    }
+
+    /// Note that a force on a port in this frame is that of a strike [N].
+    pub(super) fn strike(&mut self, port: usize, force: f64) {
+        if let Some(input) = self.flow.strikes[port] {
+            self.push(input, force);
+        }
+    }
+
+    /// Go to the next frame. `damped` is a factor on velocities for each block.
+    pub(super) fn step(&mut self, damped: f64) {
+        self.since += 1;
+        if self.since < self.flow.n_frames as u32 {
+            return;
+        }
+        let is_pushed = self.is_pushed.contains(&true);
+        if self.is_still && !is_pushed {
+            self.since = 0;
+            return;
+        }
+        self.end_block();
+        if damped < 1.0 {
+            let n = self.state.len() / 2;
+            self.state[n..].iter_mut().for_each(|v| *v *= damped);
+        }
+        if !is_pushed && self.state.iter().all(|x| x.abs() < REST) {
+            self.state.fill(0.0);
+        }
+        self.begin();
+    }
+
+    /// The state after all frames of the block.
+    fn end_block(&mut self) {
+        let Self {
+            flow,
+            state,
+            inputs,
+            is_pushed,
+            buffer,
+            ..
+        } = self;
+        buffer.fill(0.0);
+        dense::apply(&flow.block.entries, state, buffer);
+        let pushes = inputs.chunks_exact(flow.n_frames).zip(&*is_pushed);
+        for ((pushes, _), input) in pushes
+            .zip(&flow.inputs)
+            .filter(|((_, is_pushed), _)| **is_pushed)
+        {
+            dense::apply(&input.end, pushes, buffer);
+        }
+        std::mem::swap(state, buffer);
+    }
+
+    /// What is seen at this frame [m]: a port, or an output after them.
+    pub(super) fn position(&self, seen: usize) -> f64 {
+        self.seen[seen * (self.flow.n_frames + 1) + self.since as usize]
+    }
+
+    /// By how much it would move to the next frame without further forces [m].
+    pub(super) fn velocity(&self, seen: usize) -> f64 {
+        let index = seen * (self.flow.n_frames + 1) + self.since as usize;
+        self.seen[index + 1] - self.seen[index]
+    }
+
+    /// What an output sees at this frame [m].
+    pub(super) fn output(&self, output: usize) -> f64 {
+        self.position(self.flow.strikes.len() + output)
+    }
+
+    /// Displacements and velocities at this frame.
+    pub(super) fn present(&self) -> Present {
+        let n_state = self.state.len();
+        let (mut present, mut next) = (Present::default(), Present::default());
+        present.0[..n_state].copy_from_slice(&self.state);
+        for k in 0..self.since as usize {
+            let next = &mut next.0[..n_state];
+            next.fill(0.0);
+            dense::apply(&self.flow.frame.entries, &present.0[..n_state], next);
+            let inputs = self.inputs.iter().skip(k).step_by(self.flow.n_frames);
+            for (input, value) in self.flow.inputs.iter().zip(inputs) {
+                let pairs = next.iter_mut().zip(&input.state);
+                pairs.for_each(|(next, state)| *next += value * state);
+            }
+            present.0[..n_state].copy_from_slice(next);
+        }
+        present
+    }
+
+    /// Displacement of a mass at that frame, and its step to there [m].
+    pub(super) fn motion(&self, present: &Present, index: usize) -> (f64, f64) {
+        let n_state = self.state.len();
+        let row = self.flow.steps.iter().skip(index).step_by(n_state / 2);
+        let step = row.zip(&present.0[..n_state]).map(|(a, x)| a * x).sum();
+        (present.0[index], step)
+    }
+
+    /// Set the velocity of one mass at the first frame, to which it came in a step of that length [m].
+    pub(super) fn set_velocity(&mut self, index: usize, step: f64) {
+        let n = self.state.len() / 2;
+        let row = self.flow.flow.pull.entries.iter().skip(index).step_by(n);
+        let pull: f64 = row.zip(&self.state[..n]).map(|(a, u)| a * u).sum();
+        self.state[n + index] = step - pull;
+    }
+
+    /// Set the velocities of all masses at the first frame, to which they came in such steps [m]   (n).
+    pub(super) fn set_velocities(&mut self, steps: &[f64]) {
+        let (u, v) = self.state.split_at_mut(steps.len());
+        v.fill(0.0);
+        dense::apply(&self.flow.flow.pull.entries, u, v);
+        v.iter_mut().for_each(|v| *v = -*v);
+        dense::apply(&self.flow.flow.keep.entries, steps, v);
+    }
+
+    /// End the block at this frame. [`Self::begin`] has to follow.
+    pub(super) fn end_here(&mut self) {
+        let present = self.present();
+        let n_state = self.state.len();
+        self.state.copy_from_slice(&present.0[..n_state]);
+        self.since = 0;
+    }
+
+    /// Take over another's motion without allocating.
+    pub(super) fn copy_motion(&mut self, other: &Self) {
+        self.state.copy_from_slice(&other.state);
+        self.seen.copy_from_slice(&other.seen);
+        self.inputs.copy_from_slice(&other.inputs);
+        self.is_pushed.copy_from_slice(&other.is_pushed);
+        self.since = other.since;
+        self.is_still = other.is_still;
+    }
+
+    /// For a body at rest: advance by `frames`, which may be negative.
+    pub(super) fn shift_frames(&mut self, frames: i64) {
+        let since = i64::from(self.since) + frames;
+        self.since = since.rem_euclid(i64::from(self.n_frames())) as u32;
+    }
+
+    /// Its energy at the first frame of the block [in units of a frame].
+    pub(super) fn energy(&self, w: &[f64]) -> f64 {
+        let (u, v) = self.state.split_at(w.len());
+        let columns = self.flow.flow.pull.entries.chunks_exact(w.len());
+        let potential = columns.zip(u).map(|(column, x)| {
+            let pulls = column.iter().zip(u).zip(w);
+            x * pulls.map(|((pull, u), w)| u * pull / w).sum::<f64>()
+        });
+        let kinetic = v.iter().zip(w).map(|(v, w)| v * v / w);
+        0.5 * (potential.sum::<f64>() + kinetic.sum::<f64>())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::blocks::Interface;
+    use super::*;
+    use crate::integrate::flow::{Flow, frame};
+    use crate::integrate::square::Square;
+
+    /// A row of three masses; the last one may be struck.
+    fn row_of_masses(n_frames: usize) -> Block {
+        let (mut k, mut z) = (Square::zero(3), Square::zero(3));
+        let entries = [
+            (0, 0, 3e-3, 4e-3),
+            (0, 1, -2e-3, -1e-3),
+            (1, 0, -1e-3, -5e-4),
+            (1, 1, 2.5e-3, 5e-4),
+            (1, 2, -1.5e-3, 0.0),
+            (2, 1, -3e-3, 0.0),
+            (2, 2, 3e-3, 2e-2),
+        ];
+        for (row, column, stiff, damp) in entries {
+            (*k.entry(row, column), *z.entry(row, column)) = (stiff, damp);
+        }
+        let map = frame(&k, &z, false);
+        let flow = Flow::new(&map).unwrap();
+        let mut moved = vec![0.0; 6];
+        moved[5] = 1.0;
+        let missing = flow.missing(2, &map.apply(&moved));
+        let interface = Interface {
+            w: &[0.5, 0.25, 2.0],
+            ports: vec![(0, None), (2, Some(missing))],
+            outputs: vec![vec![(0, 1.0), (1, -0.5)]],
+        };
+        let mut block = Block::new(&Arc::new(BlockFlow::new(flow, interface, n_frames)));
+        block
+            .state_mut()
+            .copy_from_slice(&[1.0, -0.5, 2.0, 0.01, 0.03, -0.02]);
+        block.begin();
+        block
+    }
+
+    /// Forces, a strike, an end ahead of time and an output, beside blocks of a single frame.
+    #[test]
+    fn block_of_any_length_gives_the_motion_of_every_frame() {
+        for n_frames in [2, 7, 30] {
+            let (mut blocks, mut frames) = (row_of_masses(n_frames), row_of_masses(1));
+            for n in 0..200_usize {
+                for block in [&mut blocks, &mut frames] {
+                    let force = if n % 3 == 0 { 0.0 } else { 1e-3 * n as f64 };
+                    block.push_port(0, force);
+                    block.push_port(1, if n == 41 { 0.7 } else { 0.0 });
+                    if n == 41 {
+                        block.strike(1, 0.7);
+                    }
+                    block.step(1.0);
+                    if n == 95 {
+                        block.end_here();
+                        block.begin();
+                    }
+                }
+                let seen = [0, 1, 2].map(|seen| (blocks.position(seen), frames.position(seen)));
+                assert!(
+                    seen.iter()
+                        .all(|(a, b)| (a - b).abs() < 1e-9 * b.abs().max(1.0))
+                );
+                let present = (blocks.present(), frames.present());
+                for mass in 0..3 {
+                    let (x, step) = blocks.motion(&present.0, mass);
+                    let (x_by_frame, step_by_frame) = frames.motion(&present.1, mass);
+                    assert!((x - x_by_frame).abs() < 1e-9 * x.abs().max(1.0));
+                    assert!((step - step_by_frame).abs() < 1e-9 * x.abs().max(1.0));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn slow_body_without_pushes_stays_at_rest() {
+        let mut block = row_of_masses(4);
+        block.state_mut().fill(0.0);
+        block.begin();
+        (0..9).for_each(|_| block.step(1.0));
+        assert!((0..3).all(|seen| block.position(seen) == 0.0 && block.velocity(seen) == 0.0));
+    }
+}
