@@ -124,9 +124,14 @@ _ROUTE = (
     "`mix: {route: [{from: bell, to: 1, gain: -6dB, pan: 0.3}]}`"
 )
 _SILENT = f"{_ROUTE}; without a route it is silent, and at the prompt `mute bell` and `solo bell`"
-_IN_ROUTES = {
+_PEDAL = (
+    "an instrument has no pedal: its `play` may have a `release`, which ends notes, and the pedal "
+    "of a MIDI file (controller 64) delays it"
+)
+_ELSEWHERE = {
     **dict.fromkeys(("gain", "volume", "pan", "to", "reverb", "send", "channel"), _ROUTE),
     **dict.fromkeys(("mute", "solo"), _SILENT),
+    **dict.fromkeys(("pedal", "sustain"), _PEDAL),
 }
 
 
@@ -161,7 +166,7 @@ def instrument_table(form: Form) -> Record:
         Field("level", LOUDNESS, LEVEL_DOC, shown="unknown"),
     )
     kinds = {name: with_optional_fields(table) for name, table in tables(form, HOLDERS).items()}
-    return Record("instrument", "a CORDIS-ANIMA network", fields, kinds=kinds, elsewhere=_IN_ROUTES)
+    return Record("instrument", "a CORDIS-ANIMA network", fields, kinds=kinds, elsewhere=_ELSEWHERE)
 
 
 @dataclass(frozen=True)

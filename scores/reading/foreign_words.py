@@ -96,5 +96,7 @@ ELSEWHERE: Mapping[str, Mapping[str, str]] = {
     "phrase": {
         **_LASTS,
         "loop": "a phrase is repeated where it is played: `times: 4` in `strikes`",
+        "file": "a file of notes is a take: `takes: {tune: {file: tune.mid}}`, which strikes play "
+        "as `play: tune`",
     },
 }

@@ -99,9 +99,7 @@ def test_slow_key_at_every_frame_equals_plain_network(gesture: dict[str, Any] | 
 @pytest.mark.parametrize(
     ("kc", "gesture", "damped"), few(product([5e2, 5e4], [None, {}], [True, False]), 2)
 )
-def test_rate_of_key_against_every_frame(
-    kc: float, gesture: dict[str, Any] | None, damped: bool
-):
+def test_rate_of_key_against_every_frame(kc: float, gesture: dict[str, Any] | None, damped: bool):
     """Down to 1002 Hz, beside the network that is stepped by its numbers."""
     how: dict[str, Any] = {"kc": kc, "ca": True, "gesture": gesture}
     # One damper more than none: else all of it is one bank of modes.

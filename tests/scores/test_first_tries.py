@@ -319,10 +319,10 @@ render: {file: out.wav}
         ("to: vib.C3", "to: vib, rhythm: c3 mi3, times: 2", 8, "E201", "is solfège", "E3"),
         ("to: vib.C3, at: 0", "to: vib, entries: 0 C", 8, "E201", "'C' has no octave", "C4"),
         # Values where a group is written.
-        ("{bpm: 96}", "96", 10, "E106", "'tempo' is a text", "{bpm: 96}"),
-        ("{bpm: 96}", "96 bpm", 10, "E106", "'tempo' is a text", "{bpm: 96}"),
-        ("{file: out.wav}", "out.wav", 11, "E106", "'render' is a text", "{file: out.wav}"),
-        ("tempo: {bpm: 96}", "tuning: 442Hz", 10, "E106", "is a text", "{A4: 442Hz}"),
+        ("{bpm: 96}", "96", 10, "E106", "'tempo' is '96'; expected", "{bpm: 96}"),
+        ("{bpm: 96}", "96 bpm", 10, "E106", "'tempo' is '96 bpm'", "{bpm: 96}"),
+        ("{file: out.wav}", "out.wav", 11, "E106", "'render' is 'out.wav'", "{file: out.wav}"),
+        ("tempo: {bpm: 96}", "tuning: 442Hz", 10, "E106", "is '442Hz'", "{A4: 442Hz}"),
         ("out.wav", "out.mp3", 11, "E201", "out.mp3 ends in .mp3, but sound files", "out.wav"),
         ("out.wav", "out", 11, "E201", "out has no ending, but sound files", "out.wav"),
         # What is refused is not missing too.
@@ -346,6 +346,11 @@ def test_common_score_mistakes_have_one_message(old, new, line, code, words, sug
         ("impulse: 1mNs}}", "impulse: 1mNs, mute: true}}", "put '#' before their lines; at the"),
         ("to: 1,", "to: 1, mute: true,", "`gain: x0` there; at the prompt `mute bell`"),
         ("tempo:", "mute: [vib]\ntempo:", "an instrument is silent without its route"),
+        (
+            "tempo:",
+            "phrases: {x: {entries: 0 C4, file: a.mid}}\ntempo:",
+            "a file of notes is a take",
+        ),
         ("M: 2g", "M:\u00a02g", "has a no-break space (U+00A0); write a plain space"),
     ],
 )

@@ -590,13 +590,13 @@ def wrong_shape(
     suggestion: str | None = None,
 ) -> Any:
     """Report a mapping, list or text that stands where another is expected."""
-    shape_name = {document.Mapping: "a mapping", document.Sequence: "a list"}.get(
-        type(node), "a text"
-    )
-    if isinstance(node, Scalar) and node.is_empty:
-        message = f"{context.label(name)} is empty; expected: {shape.words()}"
+    if isinstance(node, document.Mapping):
+        actual = "is a mapping"
+    elif isinstance(node, Scalar):
+        actual = "is empty" if node.is_empty else f"is {quote(node.text)}"
     else:
-        message = f"{context.label(name)} is {shape_name}; expected: {shape.words()}"
+        actual = "is a list"
+    message = f"{context.label(name)} {actual}; expected: {shape.words()}"
     if isinstance(node, document.Sequence) and isinstance(shape, Text | Reference):
         help = "a list is not read here: repeat the entry, once for each value"
     context.error("E106", message, node.place, help=help, suggestion=suggestion)
