@@ -358,6 +358,9 @@ impl RunningSlow {
         else {
             return;
         };
+        if block.is_alike(before) && self.plan.rest == old.plan.rest {
+            return block.copy_motion(before);
+        }
         before.end_here();
         let state = block.state_mut();
         state.copy_from_slice(before.state());

@@ -234,6 +234,11 @@ impl Block {
         self.since = 0;
     }
 
+    /// Whether another block moves by the same numbers, so that its motion can be continued to the bit.
+    pub(super) fn is_alike(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.flow, &other.flow) || self.flow.is_alike(&other.flow)
+    }
+
     /// Take over another's motion without allocating.
     pub(super) fn copy_motion(&mut self, other: &Self) {
         self.state.copy_from_slice(&other.state);

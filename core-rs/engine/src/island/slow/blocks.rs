@@ -147,6 +147,17 @@ impl BlockFlow {
         Input { state, seen, end }
     }
 
+    /// Whether another flow has the same numbers: its map, block, ports, outputs and responses.
+    pub(super) fn is_alike(&self, other: &Self) -> bool {
+        let mut inputs = self.inputs.iter().zip(&other.inputs);
+        self.n_frames == other.n_frames
+            && self.frame.entries == other.frame.entries
+            && self.steps == other.steps
+            && self.seen == other.seen
+            && self.strikes == other.strikes
+            && inputs.all(|(input, other)| input.state == other.state)
+    }
+
     /// Number of products of a frame, on average, while one port is pushed.
     pub(crate) fn n_products(&self) -> f64 {
         let (n_state, n_frames) = (self.frame.n as f64, self.n_frames as f64);
