@@ -46,10 +46,8 @@ def export_daw(
     paths = [tempo_path, marks_path, *([project_path] if is_rendered else [])]
     for path in paths:
         check_target(path, force=asked.force, inputs=loaded.inputs)
-    tempo = piece.tempo_map
     marks = [
-        (name, score.where(piece, tempo.seconds(beats)), tempo.seconds(beats))
-        for name, beats in score.marks_of(piece)
+        (name, score.where(piece, instant), instant) for name, instant in score.mark_instants(piece)
     ]
     clock = _clock(piece, end)
     files = {marks_path: markers_csv(marks).encode()}

@@ -137,8 +137,7 @@ def manifest(stage: Stage, look: MotionLook, duration: float | None) -> dict[str
             {"name": None, "file": shown(place.file), "line": place.line} for place in stage.sources
         ],
         "marks": [
-            {"name": name, "seconds": piece.tempo_map.seconds(beats)}
-            for name, beats in scores.marks_of(piece)
+            {"name": name, "seconds": instant} for name, instant in scores.mark_instants(piece)
         ],
     }
 

@@ -253,10 +253,14 @@ def marks_of(piece: Piece) -> list[tuple[str, float]]:
     return sorted(beats, key=lambda mark: (mark[1], mark[0]))
 
 
-def mark_frames(piece: Piece, rate: float, start: int = 0) -> list[tuple[str, int]]:
+def mark_instants(piece: Piece) -> list[tuple[str, float]]:
+    """Marks with their instants [s], in order of time."""
+    return [(name, piece.tempo_map.seconds(beats)) for name, beats in marks_of(piece)]
+
+
+def mark_frames(piece: Piece, rate: float, start: int) -> list[tuple[str, int]]:
     """Marks with their frames in a file that begins at frame `start`, in order of time."""
-    tempo = piece.tempo_map
-    return [(name, round(tempo.seconds(at) * rate) - start) for name, at in marks_of(piece)]
+    return [(name, round(instant * rate) - start) for name, instant in mark_instants(piece)]
 
 
 def level_of(piece: Piece, bits: Bits) -> Level:

@@ -26,7 +26,6 @@ LIMIT_MB = 50.0
 _MEGA = 1e6
 _CODED = 4 / 3  # characters of base64 for a byte
 
-
 # Typical sizes of what ships [bytes]; a piece may have half of them, or twice as much.
 _SAMPLED_POINT = 60.0  # a second, of a mass whose positions are sampled
 _FREE_POINT = 25.0  # a second, of a free oscillation or a mode

@@ -161,11 +161,10 @@ def make(
     if pins is not None:
         pinned = _core.Plan(network, timeline, **_budget(accuracy), **watched, pins=pins)
         return Planned(pinned, accuracy)
+    planner = _Planner(network, timeline, store, like, watched)
     if is_draft:
-        planner = _Planner(network, timeline, store, like, watched)
         draft = Accuracy(error=_DRAFT)
         return Planned(planner.plan(draft, _DRAFT_SHARE), draft, is_kept=planner.finish())
-    planner = _Planner(network, timeline, store, like, watched)
     is_free = accuracy == Accuracy(cpu=accuracy.cpu) and accuracy.cpu is not None
     plan_made = planner.plan(accuracy, 1.0 if accuracy.cpu is None else _SHARE)
     missed = _missed(plan_made, accuracy.error, is_foreseen=is_foreseen)

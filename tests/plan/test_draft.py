@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from ergon.cli import app
+from ergon.scores.staging import planning
 
 Capture = pytest.CaptureFixture[str]
 
@@ -57,6 +58,14 @@ def test_draft_render_with_few_trials_and_its_note(capsys: Capture) -> None:
     assert "draft, by the cheapest stable methods and few trials" in output
     assert "W403" not in output
     assert Path("a.wav").exists()
+
+
+def test_draft_note_names_parts_without_trials(
+    capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(planning, "_DRAFT_SHARE", 0.0)
+    assert app.run(["render", "a.yaml", "--draft"]) == 0
+    assert "the error of k1 + wire is not measured" in capsys.readouterr().err
 
 
 def test_draft_trials_against_plan_trials() -> None:

@@ -107,6 +107,25 @@ pub(crate) fn frame(k: &Square, z: &Square, is_discrete: bool) -> Square {
     if is_discrete { map } else { map.exponential() }
 }
 
+/// M⁻¹K and M⁻¹Z of a row of three masses, for tests: unequal masses and damping of no proportion.
+#[cfg(test)]
+pub(crate) fn row_of_three() -> (Square, Square) {
+    let (mut k, mut z) = (Square::zero(3), Square::zero(3));
+    let entries = [
+        (0, 0, 3e-3, 4e-3),
+        (0, 1, -2e-3, -1e-3),
+        (1, 0, -1e-3, -5e-4),
+        (1, 1, 2.5e-3, 5e-4),
+        (1, 2, -1.5e-3, 0.0),
+        (2, 1, -3e-3, 0.0),
+        (2, 2, 3e-3, 2e-2),
+    ];
+    for (row, column, stiff, damp) in entries {
+        (*k.entry(row, column), *z.entry(row, column)) = (stiff, damp);
+    }
+    (k, z)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -141,19 +160,7 @@ mod tests {
     /// Without fast links, kicks and straight motion agree with the exact flow at every kick, whatever the damping.
     #[test]
     fn flow_without_fast_links_is_exact() {
-        let (mut k, mut z) = (Square::zero(3), Square::zero(3));
-        let entries = [
-            (0, 0, 3e-3, 4e-3),
-            (0, 1, -2e-3, -1e-3),
-            (1, 0, -1e-3, -5e-4),
-            (1, 1, 2.5e-3, 5e-4),
-            (1, 2, -1.5e-3, 0.0),
-            (2, 1, -3e-3, 0.0),
-            (2, 2, 3e-3, 2e-2),
-        ];
-        for (row, column, stiff, damp) in entries {
-            (*k.entry(row, column), *z.entry(row, column)) = (stiff, damp);
-        }
+        let (k, z) = row_of_three();
         for is_discrete in [false, true] {
             let frame = frame(&k, &z, is_discrete);
             let flow = Flow::new(&frame).unwrap();

@@ -42,10 +42,10 @@ class Bank:
 
 def joined(name: str, banks: Sequence[Bank]) -> Bank:
     """The banks of several parts of one piece side by side, in one bank of this name."""
-    ways: list[ModePath] = []
+    paths: list[ModePath] = []
     n_struck = n_outputs = 0
     for bank in banks:
-        ways += (
+        paths += (
             replace(path, struck=n_struck + path.struck, output=n_outputs + path.output)
             for path in bank.ways
         )
@@ -59,5 +59,5 @@ def joined(name: str, banks: Sequence[Bank]) -> Bank:
         [strikes for bank in banks for strikes in bank.strikes],
         [(f"{bank.name}: {one}", order) for bank in banks for one, order in bank.outputs],
         [full for bank in banks for full in bank.full],
-        ways,
+        paths,
     )

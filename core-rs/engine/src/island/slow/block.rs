@@ -272,24 +272,11 @@ impl Block {
 mod tests {
     use super::super::blocks::Interface;
     use super::*;
-    use crate::integrate::flow::{Flow, frame};
-    use crate::integrate::square::Square;
+    use crate::integrate::flow::{Flow, frame, row_of_three};
 
     /// A row of three masses; the last one may be struck.
     fn row_of_masses(n_frames: usize) -> Block {
-        let (mut k, mut z) = (Square::zero(3), Square::zero(3));
-        let entries = [
-            (0, 0, 3e-3, 4e-3),
-            (0, 1, -2e-3, -1e-3),
-            (1, 0, -1e-3, -5e-4),
-            (1, 1, 2.5e-3, 5e-4),
-            (1, 2, -1.5e-3, 0.0),
-            (2, 1, -3e-3, 0.0),
-            (2, 2, 3e-3, 2e-2),
-        ];
-        for (row, column, stiff, damp) in entries {
-            (*k.entry(row, column), *z.entry(row, column)) = (stiff, damp);
-        }
+        let (k, z) = row_of_three();
         let map = frame(&k, &z, false);
         let flow = Flow::new(&map).unwrap();
         let mut moved = vec![0.0; 6];
