@@ -19,8 +19,8 @@ def test_score_path_with_bundled_name(command: str):
 
 
 def test_render_target_of_bundled_score():
-    assert app.run(["render", "duet", "--until", "0.1s"]) == 0
-    assert Path("duet.wav").is_file()
+    assert app.run(["render", "one-gesture", "--until", "0.1s"]) == 0
+    assert Path("one-gesture.wav").is_file()
 
 
 def test_score_path_with_file_of_bundled_name():

@@ -17,6 +17,7 @@ HIDDEN = Key(
 )
 
 
+@pytest.mark.slow  # a search with ten parameters
 def test_metrology_retries_refused_terms():
     measured_key = outcome(HIDDEN, 11)
     stages = measured_key.measured.stages

@@ -327,7 +327,7 @@ def loudness(family: str, name: str, strengths: tuple[str, ...], note: str = "")
     loaded = load(BESIDE, text=text)
     assert loaded.piece is not None, loaded.diagnostics
     staged = stage(loaded.piece)
-    n_frames = min(int(1.5 * staged.rate), staged.n_frames)
+    n_frames = min(int(0.75 * staged.rate), staged.n_frames)
     frames = np.zeros((n_frames, staged.simulation.n_out))
     staged.simulation.process(frames)
     mixed = np.zeros((n_frames, staged.n_channels))
