@@ -15,16 +15,16 @@ pub(crate) fn load_numpy(py: Python<'_>) {
     if IS_LOADED.swap(true, Ordering::Relaxed) {
         return;
     }
-    let load = || {
+    let load_interface = || {
         Python::attach(|py| {
-            let array = PyArray1::<f64>::zeros(py, 1, false);
-            drop(array.readonly()); // also loads the shared borrow checker
+            let probe_array = PyArray1::<f64>::zeros(py, 1, false);
+            drop(probe_array.readonly()); // also loads the shared borrow checker
         });
     };
     // If the thread cannot start or numpy cannot be loaded, the first use of an array reports the error.
     let _ = py.detach(|| {
         thread::Builder::new()
-            .spawn(load)
+            .spawn(load_interface)
             .map(thread::JoinHandle::join)
     });
 }

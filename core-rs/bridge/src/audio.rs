@@ -43,16 +43,16 @@ impl AudioOut {
     ) -> PyResult<Self> {
         let spec: Spec = spec.parse().map_err(failed)?;
         if !(1..=audio::CHANNELS_MAX).contains(&n_channels) || rate == 0 {
-            let limit = audio::CHANNELS_MAX;
+            let channel_limit = audio::CHANNELS_MAX;
             return Err(plain_error(format!(
-                "an output must have 1 to {limit} channels and a rate above 0"
+                "an output must have 1 to {channel_limit} channels and a rate above 0"
             )));
         }
         py.detach(|| {
-            let (feed, drain) = audio::ring(n_channels, capacity);
-            let output = audio::open(&spec, rate, n_channels, drain)?;
+            let (frame_feed, frame_drain) = audio::ring(n_channels, capacity);
+            let output = audio::open(&spec, rate, n_channels, frame_drain)?;
             Ok(Self {
-                feed: Mutex::new(feed),
+                feed: Mutex::new(frame_feed),
                 output,
                 n_channels,
             })
@@ -81,8 +81,8 @@ impl AudioOut {
     fn play(&mut self, py: Python<'_>, frames: PyReadonlyArray2<'_, f32>) -> PyResult<()> {
         let mut frames = rows(&frames, "frames", self.n_channels)?;
         while !frames.is_empty() {
-            let feed = self.feed();
-            frames = py.detach(|| pushed(feed, frames));
+            let frame_feed = self.feed();
+            frames = py.detach(|| pushed(frame_feed, frames));
             py.check_signals()?;
         }
         Ok(())
@@ -91,14 +91,14 @@ impl AudioOut {
     /// Mark the end and wait until all frames were heard; False if `limit` [s] passes first.
     fn finish(&mut self, py: Python<'_>, limit: f64) -> PyResult<bool> {
         self.feed().close();
-        let until = Instant::now() + Duration::from_secs_f64(limit.clamp(0.0, 1e6));
+        let deadline = Instant::now() + Duration::from_secs_f64(limit.clamp(0.0, 1e6));
         loop {
-            let output = &self.output;
-            if py.detach(|| output.wait(CHECK_INTERVAL)) {
+            let audio_output = &self.output;
+            if py.detach(|| audio_output.wait(CHECK_INTERVAL)) {
                 return Ok(true);
             }
             py.check_signals()?;
-            if Instant::now() >= until {
+            if Instant::now() >= deadline {
                 return Ok(false);
             }
         }
@@ -106,8 +106,8 @@ impl AudioOut {
 
     /// Close the output; a file gets its final name.
     fn close(&mut self, py: Python<'_>) -> PyResult<()> {
-        let output = &mut self.output;
-        py.detach(|| output.close()).map_err(failed)
+        let audio_output = &mut self.output;
+        py.detach(|| audio_output.close()).map_err(failed)
     }
 
     /// Silence within 5 ms, until `release`.
@@ -145,8 +145,8 @@ impl AudioOut {
     /// All events so far.
     #[getter]
     fn events(&self) -> Vec<AudioEvent> {
-        let events = self.output.events().into_iter();
-        events
+        let output_events = self.output.events().into_iter();
+        output_events
             .map(|event| AudioEvent {
                 time: event.time,
                 frame: event.frame,
@@ -200,15 +200,15 @@ impl AudioOut {
 
 impl AudioOut {
     fn feed(&mut self) -> &mut Feed {
-        let feed = self.feed.get_mut();
-        feed.unwrap_or_else(PoisonError::into_inner)
+        let lock_result = self.feed.get_mut();
+        lock_result.unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 /// Push frames for at most `CHECK_INTERVAL`; returns those that are left.
 fn pushed<'a>(feed: &mut Feed, mut frames: &'a [f32]) -> &'a [f32] {
-    let until = Instant::now() + CHECK_INTERVAL;
-    while !frames.is_empty() && Instant::now() < until {
+    let deadline = Instant::now() + CHECK_INTERVAL;
+    while !frames.is_empty() && Instant::now() < deadline {
         match feed.push(frames) {
             0 => std::thread::sleep(POLL_INTERVAL),
             taken => frames = &frames[taken * feed.channels()..],
@@ -227,13 +227,13 @@ pub(crate) fn play_frames(
     spec: &str,
 ) -> PyResult<String> {
     let [n_frames, n_channels] = [frames.shape()[0], frames.shape()[1]];
-    let mut out = AudioOut::new(py, spec, rate, n_channels, rate.max(4096) as usize / 2)?;
-    out.play(py, frames)?;
+    let mut audio_output = AudioOut::new(py, spec, rate, n_channels, rate.max(4096) as usize / 2)?;
+    audio_output.play(py, frames)?;
     let seconds = n_frames as f64 / f64::from(rate);
-    let played = out.finish(py, seconds + 10.0)?;
-    let sentence = out.output.info().sentence;
-    out.close(py)?;
-    if played {
+    let is_complete = audio_output.finish(py, seconds + 10.0)?;
+    let sentence = audio_output.output.info().sentence;
+    audio_output.close(py)?;
+    if is_complete {
         Ok(sentence)
     } else {
         Err(plain_error(format!(

@@ -28,8 +28,8 @@ impl Chance {
 
     /// A number from low to high, both above zero, whose logarithm is uniform.
     fn logarithmic(&mut self, low: f64, high: f64) -> PyResult<f64> {
-        let fit = low > 0.0 && high > 0.0 && low.is_finite() && high.is_finite();
-        check(fit, "low and high must be finite and above zero")?;
+        let is_in_domain = low > 0.0 && high > 0.0 && low.is_finite() && high.is_finite();
+        check(is_in_domain, "low and high must be finite and above zero")?;
         Ok(self.0.logarithmic(low, high))
     }
 

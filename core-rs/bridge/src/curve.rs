@@ -13,7 +13,7 @@ pub(crate) fn path_values(
     points: Vec<(f64, f64, String)>,
     instants: Vec<f64>,
 ) -> PyResult<Vec<f64>> {
-    let point = |(t, x, curve): &(f64, f64, String)| {
+    let read_point = |(t, x, curve): &(f64, f64, String)| {
         let Approach::Path(curve) = word("curve", curve, words::WAYS)? else {
             return Err(module_error(
                 "path_values",
@@ -26,7 +26,14 @@ pub(crate) fn path_values(
             curve,
         })
     };
-    let points = points.iter().map(point).collect::<PyResult<Vec<_>>>()?;
-    let path = Profile::through(&points).map_err(|error| module_error("path_values", error))?;
-    Ok(instants.into_iter().map(|t| path.evaluate(t).0).collect())
+    let points = points
+        .iter()
+        .map(read_point)
+        .collect::<PyResult<Vec<_>>>()?;
+    let path_profile =
+        Profile::through(&points).map_err(|error| module_error("path_values", error))?;
+    Ok(instants
+        .into_iter()
+        .map(|t| path_profile.evaluate(t).0)
+        .collect())
 }

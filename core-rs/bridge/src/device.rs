@@ -29,29 +29,29 @@ pub(crate) type BoxedDevice = Box<dyn live::Device>;
 
 /// The calibration of an axis; EngineError if its values are impossible.
 pub(crate) fn axis(calibration: AxisTuple) -> PyResult<(usize, Axis)> {
-    let (number, sign, offset, gain, (low, high), force_max) = calibration;
-    let sound = sign.abs() == 1.0
-        && [offset, gain, low, high, force_max]
+    let (axis_number, sign, offset, gain, (range_low, range_high), force_max) = calibration;
+    let is_possible = sign.abs() == 1.0
+        && [offset, gain, range_low, range_high, force_max]
             .iter()
             .all(|x| x.is_finite())
         && gain != 0.0
-        && low < high
+        && range_low < range_high
         && force_max >= 0.0;
-    if !sound {
+    if !is_possible {
         return Err(module_error(
             "calibration",
             "the calibration of an axis is impossible",
         ));
     }
-    let range = [low, high];
-    let axis = Axis {
+    let range = [range_low, range_high];
+    let calibrated_axis = Axis {
         sign,
         offset,
         gain,
         range,
         force_max,
     };
-    Ok((number, axis))
+    Ok((axis_number, calibrated_axis))
 }
 
 /// Run `work` in a separate thread, which Ctrl-C tells to stop.
@@ -59,31 +59,31 @@ fn run_in_thread<T: Send>(
     py: Python<'_>,
     work: impl FnOnce(&AtomicBool) -> T + Send,
 ) -> PyResult<T> {
-    let stop = AtomicBool::new(false);
+    let stop_flag = AtomicBool::new(false);
     py.detach(|| {
         thread::scope(|scope| {
-            let thread = scope.spawn(|| work(&stop));
-            let (mut error, mut wait) = (None, CHECK_INTERVAL / 100);
-            while !thread.is_finished() {
-                thread::sleep(wait);
-                wait = (2 * wait).min(CHECK_INTERVAL);
-                if error.is_none() {
-                    error = Python::attach(|py| py.check_signals()).err();
-                    stop.store(error.is_some(), Ordering::Relaxed);
+            let worker_thread = scope.spawn(|| work(&stop_flag));
+            let (mut signal_error, mut poll_interval) = (None, CHECK_INTERVAL / 100);
+            while !worker_thread.is_finished() {
+                thread::sleep(poll_interval);
+                poll_interval = (2 * poll_interval).min(CHECK_INTERVAL);
+                if signal_error.is_none() {
+                    signal_error = Python::attach(|py| py.check_signals()).err();
+                    stop_flag.store(signal_error.is_some(), Ordering::Relaxed);
                 }
             }
-            let done = thread
+            let work_outcome = worker_thread
                 .join()
                 .map_err(|_| plain_error("the measurement failed"));
-            error.map_or(done, Err)
+            signal_error.map_or(work_outcome, Err)
         })
     })
 }
 
 fn ticks(seconds: f64, period: f64) -> PyResult<usize> {
-    let ticks = (seconds / period).ceil();
-    if period > 0.0 && (1.0..=TICKS_MAX).contains(&ticks) {
-        Ok(ticks as usize)
+    let tick_count = (seconds / period).ceil();
+    if period > 0.0 && (1.0..=TICKS_MAX).contains(&tick_count) {
+        Ok(tick_count as usize)
     } else {
         Err(module_error(
             "seconds",
@@ -160,14 +160,18 @@ impl Device {
     fn new(py: Python<'_>, url: &str, calibration: Vec<AxisTuple>) -> PyResult<Self> {
         let url = Url::parse(url).map_err(plain_error)?;
         guardian::register_guardian(py);
-        let known = calibration
+        let calibrated_axes = calibration
             .into_iter()
             .map(axis)
             .collect::<PyResult<Vec<_>>>()?;
-        let device = py
-            .detach(|| live::open(&url).map(|device| calibrate::with_calibration(device, &known)))
+        let opened_device = py
+            .detach(|| {
+                live::open(&url).map(|opened_device| {
+                    calibrate::with_calibration(opened_device, &calibrated_axes)
+                })
+            })
             .map_err(plain_error)?;
-        Ok(Self::from_device(device))
+        Ok(Self::from_device(opened_device))
     }
 
     #[getter]
@@ -223,8 +227,8 @@ impl Device {
 
     /// The sign of an axis, found by a small force, in ticks of `period` [s]: 1 or -1.
     fn direction(&self, py: Python<'_>, axis: usize, period: f64) -> PyResult<f64> {
-        let signs = self.signs(py, &[axis], period)?;
-        signs[0].map_err(|unsure| {
+        let axis_signs = self.signs(py, &[axis], period)?;
+        axis_signs[0].map_err(|unsure| {
             with_attributes(UnsureError::new_err(unsure.to_string()), None, |_| Ok(()))
         })
     }
@@ -236,8 +240,8 @@ impl Device {
         axes: Vec<usize>,
         period: f64,
     ) -> PyResult<Vec<Option<f64>>> {
-        let signs = self.signs(py, &axes, period)?;
-        Ok(signs.into_iter().map(Result::ok).collect())
+        let axis_signs = self.signs(py, &axes, period)?;
+        Ok(axis_signs.into_iter().map(Result::ok).collect())
     }
 
     /// Least and greatest position of each axis during `seconds` [s] of motion by hand, (n_axes, 2) [m or rad].
@@ -248,34 +252,35 @@ impl Device {
         period: f64,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         ticks(seconds, period)?;
-        let ends = self
+        let axis_ends = self
             .with(py, |own, stop| {
                 calibrate::travel_ends(own, seconds, period, stop)
             })?
             .map_err(plain_error)?;
-        let rows: Vec<_> = ends[..self.spec.dof]
+        let end_rows: Vec<_> = axis_ends[..self.spec.dof]
             .iter()
             .map(|row| row.to_vec())
             .collect();
-        PyArray2::from_vec2(py, &rows).map_err(plain_error)
+        PyArray2::from_vec2(py, &end_rows).map_err(plain_error)
     }
 
     /// Send zero forces every `period` [s] for `seconds` [s], and time the replies.
     fn checkup(&self, py: Python<'_>, seconds: f64, period: f64) -> PyResult<Checkup> {
         let ticks = ticks(seconds, period)?;
-        let (checkup, stats) = self.with(py, |device, stop| -> (Result<_, Gone>, Stats) {
-            let limits = Limits::from_spec(device.spec());
-            let mut guarded = Guarded::new(device, limits, period);
-            let checkup = doctor::checkup(Some(&mut guarded), period, ticks, stop);
-            (checkup, guarded.device().stats())
-        })?;
-        Ok(Checkup::new(checkup.map_err(plain_error)?, stats))
+        let (checkup, device_stats) =
+            self.with(py, |device, stop| -> (Result<_, Gone>, Stats) {
+                let device_limits = Limits::from_spec(device.spec());
+                let mut guarded = Guarded::new(device, device_limits, period);
+                let checkup = doctor::checkup(Some(&mut guarded), period, ticks, stop);
+                (checkup, guarded.device().stats())
+            })?;
+        Ok(Checkup::new(checkup.map_err(plain_error)?, device_stats))
     }
 
     /// Close the device; forces are zero.
     fn close(&self, py: Python<'_>) {
-        let device = self.open().take();
-        py.detach(|| drop(device));
+        let taken_device = self.open().take();
+        py.detach(|| drop(taken_device));
     }
 }
 
@@ -292,12 +297,12 @@ impl Device {
     }
 
     pub(crate) fn check_axis(&self, axis: usize) -> PyResult<()> {
-        let n = self.spec.dof;
-        if axis < n {
+        let axis_count = self.spec.dof;
+        if axis < axis_count {
             Ok(())
         } else {
             Err(plain_error(format!(
-                "axis {axis} does not exist: the device has {n}, counted from 0"
+                "axis {axis} does not exist: the device has {axis_count}, counted from 0"
             )))
         }
     }
@@ -311,9 +316,9 @@ impl Device {
         for &axis in axes {
             self.check_axis(axis)?;
         }
-        let pulse = Pulse::from_spec(&self.spec);
+        let test_pulse = Pulse::from_spec(&self.spec);
         self.with(py, |own, stop| {
-            calibrate::directions(own, axes, pulse, period, stop)
+            calibrate::directions(own, axes, test_pulse, period, stop)
         })?
         .map_err(plain_error)
     }
@@ -324,12 +329,12 @@ impl Device {
         work: impl FnOnce(&mut BoxedDevice, &AtomicBool) -> T + Send,
     ) -> PyResult<T> {
         // The lock is not held during the work: other callers meanwhile get the error that the device is closed.
-        let device = self.open().take();
-        let mut device = device.ok_or_else(|| plain_error("the device is closed"))?;
-        let done = run_in_thread(py, |stop| (work(&mut device, stop), device));
-        let (done, device) = done?;
-        *self.open() = Some(device);
-        Ok(done)
+        let taken_device = self.open().take();
+        let mut taken_device = taken_device.ok_or_else(|| plain_error("the device is closed"))?;
+        let work_outcome = run_in_thread(py, |stop| (work(&mut taken_device, stop), taken_device));
+        let (work_outcome, taken_device) = work_outcome?;
+        *self.open() = Some(taken_device);
+        Ok(work_outcome)
     }
 }
 

@@ -117,22 +117,22 @@ fn run(py: Python<'_>, options: Options, tell: &Py<PyAny>) -> PyResult<()> {
         // A signal handler's exception appears at the next run of Python code: a call of `tell`, or `check_signals`.
         // The first one is kept.
         let error = RefCell::new(None);
-        let python = |call: &dyn Fn(Python<'_>) -> PyResult<()>| {
+        let run_python = |call: &dyn Fn(Python<'_>) -> PyResult<()>| {
             if error.borrow().is_none() {
                 *error.borrow_mut() = Python::attach(call).err();
             }
             error.borrow().is_none()
         };
-        let mut report = |event: Event| {
-            let words = match event {
+        let mut report_event = |event: Event| {
+            let event_words = match event {
                 Event::Ready(address) => ("ready", address),
                 Event::LetGo => ("let-go", String::new()),
                 Event::HostGone => ("host-gone", String::new()),
             };
-            python(&|py| tell.call1(py, words.clone()).map(drop));
+            run_python(&|py| tell.call1(py, event_words.clone()).map(drop));
         };
-        let outcome = serve(options, &mut report, &mut || {
-            python(&|py| py.check_signals())
+        let outcome = serve(options, &mut report_event, &mut || {
+            run_python(&|py| py.check_signals())
         });
         (outcome, error.into_inner())
     });
@@ -142,7 +142,7 @@ fn run(py: Python<'_>, options: Options, tell: &Py<PyAny>) -> PyResult<()> {
         hash,
     } = outcome.map_err(|error| module_error("emulate", error))?;
     // The summary is also sent after Ctrl-C.
-    let over = format!("{periods} {packets} {hash:016x}");
-    tell.call1(py, ("over", over))?;
+    let summary_line = format!("{periods} {packets} {hash:016x}");
+    tell.call1(py, ("over", summary_line))?;
     error.map_or(Ok(()), Err)
 }

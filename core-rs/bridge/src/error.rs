@@ -38,25 +38,25 @@ pub(crate) fn with_attributes(
     module: Option<&str>,
     attributes: impl FnOnce(&Bound<'_, PyAny>) -> PyResult<()>,
 ) -> PyErr {
-    let set = Python::attach(|py| {
-        let value = error.value(py).as_any();
-        value.setattr("module", module)?;
-        value.setattr("refusals", Vec::<PyErr>::new())?;
-        value.setattr("index", None::<usize>)?;
-        value.setattr("sentence", value.to_string())?;
-        attributes(value)
+    let set_outcome = Python::attach(|py| {
+        let error_object = error.value(py).as_any();
+        error_object.setattr("module", module)?;
+        error_object.setattr("refusals", Vec::<PyErr>::new())?;
+        error_object.setattr("index", None::<usize>)?;
+        error_object.setattr("sentence", error_object.to_string())?;
+        attributes(error_object)
     });
     // If an attribute cannot be set (out of memory), that error is returned instead.
-    set.err().unwrap_or(error)
+    set_outcome.err().unwrap_or(error)
 }
 
 /// LawError(message, which), with `offset`, `length` and `suggestion`.
 pub(crate) fn from_law(error: law::LawError) -> PyErr {
-    let raised = LawError::new_err((error.message, error.which.as_str()));
-    with_attributes(raised, None, |raised| {
-        raised.setattr("offset", error.offset)?;
-        raised.setattr("length", error.length)?;
-        raised.setattr("suggestion", error.suggestion)
+    let python_error = LawError::new_err((error.message, error.which.as_str()));
+    with_attributes(python_error, None, |python_error| {
+        python_error.setattr("offset", error.offset)?;
+        python_error.setattr("length", error.length)?;
+        python_error.setattr("suggestion", error.suggestion)
     })
 }
 
@@ -80,17 +80,19 @@ pub(crate) fn module_error(module: &str, message: impl Display) -> PyErr {
 
 /// The same about one element of it, such as a point of a gesture; `index` counts from 0.
 fn indexed_error(module: &str, message: impl Display, index: Option<usize>) -> PyErr {
-    let raised = EngineError::new_err(format!("{module}: {message}"));
-    with_attributes(raised, Some(module), |raised| {
-        raised.setattr("index", index)?;
-        raised.setattr("sentence", message.to_string())
+    let python_error = EngineError::new_err(format!("{module}: {message}"));
+    with_attributes(python_error, Some(module), |python_error| {
+        python_error.setattr("index", index)?;
+        python_error.setattr("sentence", message.to_string())
     })
 }
 
 /// EngineError with a sentence about one hand, which whoever shows it calls by its player.
 pub(crate) fn hand_error(sentence: impl Display, hand: usize) -> PyErr {
-    let raised = EngineError::new_err(sentence.to_string());
-    with_attributes(raised, None, |raised| raised.setattr("index", hand))
+    let python_error = EngineError::new_err(sentence.to_string());
+    with_attributes(python_error, None, |python_error| {
+        python_error.setattr("index", hand)
+    })
 }
 
 /// EngineError about a gesture; `index` is that of the point at fault, if one is.
@@ -102,33 +104,34 @@ pub(crate) fn from_gesture(argument: &str, error: &GestureError) -> PyErr {
 /// `refusals`.
 pub(crate) fn from_engine(error: network::Error) -> PyErr {
     let (message, sentence) = (error.to_string(), error.sentence());
-    let (raised, module) = match &error {
+    let (python_error, module) = match &error {
         network::Error::Refused { module, .. } => (EngineError::new_err(message), Some(module)),
         network::Error::Unstable { module, .. } => (UnstableError::new_err(message), Some(module)),
         network::Error::Several(_) => (EngineError::new_err(message), None),
     };
-    let raised = with_attributes(raised, module.map(String::as_str), |raised| {
-        raised.setattr("sentence", sentence)
+    let python_error = with_attributes(python_error, module.map(String::as_str), |python_error| {
+        python_error.setattr("sentence", sentence)
     });
-    let network::Error::Several(each) = error else {
-        return raised;
+    let network::Error::Several(inner_errors) = error else {
+        return python_error;
     };
-    let refusals: Vec<PyErr> = each.into_iter().map(from_engine).collect();
-    Python::attach(|py| raised.value(py).setattr("refusals", refusals).err()).unwrap_or(raised)
+    let refusals: Vec<PyErr> = inner_errors.into_iter().map(from_engine).collect();
+    Python::attach(|py| python_error.value(py).setattr("refusals", refusals).err())
+        .unwrap_or(python_error)
 }
 
 /// DivergedError that names the module and the frame.
 pub(crate) fn from_fault(fault: Fault) -> PyErr {
-    let raised = DivergedError::new_err(fault.to_string());
-    with_attributes(raised, Some(&fault.module), |raised| {
-        raised.setattr("frame", fault.frame)
+    let python_error = DivergedError::new_err(fault.to_string());
+    with_attributes(python_error, Some(&fault.module), |python_error| {
+        python_error.setattr("frame", fault.frame)
     })
 }
 
 /// EngineError for a file that cannot be written; its `module` is "record".
 pub(crate) fn unwritten(sentence: impl Display) -> PyErr {
-    let raised = EngineError::new_err(sentence.to_string());
-    with_attributes(raised, Some("record"), |_| Ok(()))
+    let python_error = EngineError::new_err(sentence.to_string());
+    with_attributes(python_error, Some("record"), |_| Ok(()))
 }
 
 /// The value of a word in the table `words`; EngineError that lists the known words.
@@ -138,10 +141,10 @@ pub(crate) fn word<T: Copy>(what: &str, word_text: &str, words: &[(&str, T)]) ->
         .find(|(word, _)| *word == word_text)
         .map(|(_, value)| *value);
     matched.ok_or_else(|| {
-        let known: Vec<&str> = words.iter().map(|(word, _)| *word).collect();
+        let known_words: Vec<&str> = words.iter().map(|(word, _)| *word).collect();
         module_error(
             what,
-            format!("'{word_text}' is none of {}", known.join(", ")),
+            format!("'{word_text}' is none of {}", known_words.join(", ")),
         )
     })
 }

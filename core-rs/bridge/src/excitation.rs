@@ -41,7 +41,7 @@ pub(crate) fn excite(
     is_gated: bool,
     record: Option<RecordTuple>,
 ) -> PyResult<Excited> {
-    let (centre, half, soft, firm, deceleration) = guide;
+    let (centre, half, guide_spring, brake_spring, deceleration) = guide;
     let spring_damper = |(stiffness, damping)| SpringDamper { stiffness, damping };
     let positive = |x: f64| x.is_finite() && x > 0.0;
     if !(positive(half) && positive(deceleration) && positive(rate) && frames > 0) {
@@ -58,8 +58,8 @@ pub(crate) fn excite(
         guide: Guide {
             centre,
             half,
-            guide: spring_damper(soft),
-            brake: spring_damper(firm),
+            guide: spring_damper(guide_spring),
+            brake: spring_damper(brake_spring),
             deceleration,
         },
         force_step,
@@ -69,37 +69,37 @@ pub(crate) fn excite(
     device.check_axis(axis)?;
     let recorder = record.map(|(path, axes, about)| {
         let axis = |(player, key)| recording::Axis { player, key };
-        let header = Header {
+        let take_header = Header {
             rate,
             frames,
             axes: axes.into_iter().map(axis).collect(),
             about,
         };
-        Recorder::start(&path, &header).map_err(crate::recording::from_recording)
+        Recorder::start(&path, &take_header).map_err(crate::recording::from_recording)
     });
-    let (mut sink, handle) = recorder.transpose()?.unzip();
-    let rows = device.with(py, |port, stop| {
-        let turned = Axis {
+    let (mut record_sink, record_handle) = recorder.transpose()?.unzip();
+    let excited_rows = device.with(py, |port, stop| {
+        let turned_axis = Axis {
             sign: f64::from(sign),
             range: port.range(axis),
             ..Axis::plain(port.spec())
         };
         let mut axes = vec![Axis::plain(port.spec()); port.spec().dof];
-        axes[axis] = turned;
+        axes[axis] = turned_axis;
         metrology::excite(
             Calibrated::new(port, axes),
             &excitation,
-            sink.as_mut(),
+            record_sink.as_mut(),
             stop,
         )
     });
-    drop(sink);
-    let stopped = handle.map(|handle| py.detach(|| handle.stop()));
-    let rows = rows?;
+    drop(record_sink);
+    let stopped = record_handle.map(|record_handle| py.detach(|| record_handle.stop()));
+    let excited_rows = excited_rows?;
     stopped
         .transpose()
         .map_err(crate::recording::from_recording)?;
-    Ok(Excited(rows))
+    Ok(Excited(excited_rows))
 }
 
 /// The record of a key that `excite` pushed: its ticks as columns, and why they ended.
@@ -190,12 +190,12 @@ pub(crate) fn emulated_device(
     let model = KeyModel::from_row(model.as_slice()?);
     let model = model.map_err(|error| module_error("emulated_device", error))?;
     let protocol = word("protocol", protocol, PROTOCOLS)?;
-    let half = 0.5 * travel;
+    let half_travel = 0.5 * travel;
     let key = Key {
         mass: model.mass,
         stiffness: model.stiffness,
         damping: model.damping,
-        range: [-half, half],
+        range: [-half_travel, half_travel],
     };
     let hands = path.map_or(Vec::new(), |path| {
         let (stiffness, damping) = hand;
@@ -233,11 +233,15 @@ pub(crate) fn emulated_device(
         seconds,
         once: false,
     };
-    let known = calibration
+    let calibrated_axes = calibration
         .into_iter()
         .map(axis)
         .collect::<PyResult<Vec<_>>>()?;
-    let open =
-        || live::open_board(&options).map(|device| calibrate::with_calibration(device, &known));
-    Ok(Device::from_device(py.detach(open).map_err(plain_error)?))
+    let open_device = || {
+        live::open_board(&options)
+            .map(|device| calibrate::with_calibration(device, &calibrated_axes))
+    };
+    Ok(Device::from_device(
+        py.detach(open_device).map_err(plain_error)?,
+    ))
 }

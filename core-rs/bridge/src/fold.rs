@@ -15,10 +15,10 @@ pub(crate) struct Fold(pub(crate) fold::Fold);
 impl Fold {
     #[new]
     fn new(filters: PyReadonlyArray3<'_, f64>) -> PyResult<Self> {
-        let shape = filters.shape();
-        let (n_in, n_out) = (shape[0], shape[1]);
-        let all: Vec<f64> = filters.as_array().iter().copied().collect();
-        fold::Fold::new(n_in, n_out, &all)
+        let filter_shape = filters.shape();
+        let (n_inputs, n_outputs) = (filter_shape[0], filter_shape[1]);
+        let filter_taps: Vec<f64> = filters.as_array().iter().copied().collect();
+        fold::Fold::new(n_inputs, n_outputs, &filter_taps)
             .map(Self)
             .map_err(plain_error)
     }

@@ -37,14 +37,14 @@ pub(crate) fn register_guardian(py: Python<'_>) {
 }
 
 fn program(py: Python<'_>) -> Option<Program> {
-    let sys = py.import("sys").ok()?;
-    if sys.hasattr("frozen").ok()? {
+    let sys_module = py.import("sys").ok()?;
+    if sys_module.hasattr("frozen").ok()? {
         return None;
     }
-    let path: PathBuf = sys.getattr("executable").ok()?.extract().ok()?;
-    let core = py.import("ergon._core").ok()?.getattr("__file__").ok()?;
-    let core: PathBuf = core.extract().ok()?;
+    let path: PathBuf = sys_module.getattr("executable").ok()?.extract().ok()?;
+    let core_file = py.import("ergon._core").ok()?.getattr("__file__").ok()?;
+    let core_file: PathBuf = core_file.extract().ok()?;
     let mut arguments: Vec<OsString> = ["-I", "-S", "-c", LOAD].map(Into::into).into();
-    arguments.push(core.into());
+    arguments.push(core_file.into());
     path.is_file().then_some(Program { path, arguments })
 }

@@ -21,14 +21,14 @@ pub(crate) fn key_path<'py>(
     columns: Option<Vec<usize>>,
     steps: Option<usize>,
 ) -> PyResult<PathAndJacobian<'py>> {
-    let (row, force) = (parameters.as_slice()?, force.as_slice()?);
-    let columns = columns.unwrap_or_else(|| (0..row.len()).collect());
+    let (parameter_row, force) = (parameters.as_slice()?, force.as_slice()?);
+    let columns = columns.unwrap_or_else(|| (0..parameter_row.len()).collect());
     let (path, jacobian) = computing(py, || {
-        let key = KeyModel::from_row(row)?;
+        let real_key = KeyModel::from_row(parameter_row)?;
         if columns.is_empty() {
-            return Ok((key.path(force, rate, steps)?, Vec::new()));
+            return Ok((real_key.path(force, rate, steps)?, Vec::new()));
         }
-        key.path_and_jacobian(force, rate, steps, &columns)
+        real_key.path_and_jacobian(force, rate, steps, &columns)
     })?
     .map_err(|error: ergon_engine::key_model::KeyError| module_error("key_path", error))?;
     let jacobian = Array2::from_shape_vec((force.len(), columns.len()), jacobian)
@@ -47,9 +47,9 @@ pub(crate) fn key_force_derivatives<'py>(
     ticks: Vec<usize>,
     steps: Option<usize>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let (row, force) = (parameters.as_slice()?, force.as_slice()?);
+    let (parameter_row, force) = (parameters.as_slice()?, force.as_slice()?);
     let derivatives = computing(py, || {
-        KeyModel::from_row(row)?.force_derivatives(force, rate, steps, &ticks)
+        KeyModel::from_row(parameter_row)?.force_derivatives(force, rate, steps, &ticks)
     })?
     .map_err(|error| module_error("key_force_derivatives", error))?;
     let derivatives = Array2::from_shape_vec((force.len(), ticks.len()), derivatives)

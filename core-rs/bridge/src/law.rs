@@ -30,15 +30,15 @@ impl Law {
             Some(constants) => constants.items()?.extract::<Vec<(String, f64)>>()?,
             None => Vec::new(),
         };
-        let text = law::LawText {
+        let law_text = law::LawText {
             law: expression,
             damping,
             constants: constants.into_iter().collect(),
             points: points.as_deref(),
             ..law::LawText::default()
         };
-        let law = py.detach(|| law::Law::new(&text)?.through(reach));
-        law.map(Self).map_err(from_law)
+        let parsed_law = py.detach(|| law::Law::new(&law_text)?.through(reach));
+        parsed_law.map(Self).map_err(from_law)
     }
 
     /// Force at elongation d [m] and its rate v [m/s].
@@ -59,8 +59,8 @@ impl Law {
 
     /// The operations, in order; None for `points`.
     fn rows(&self) -> Option<Vec<LawRow>> {
-        let rows = self.0.rows()?;
-        Some(rows.iter().map(named_row).collect())
+        let operation_rows = self.0.rows()?;
+        Some(operation_rows.iter().map(named_row).collect())
     }
 
     /// The same law, computed by native code of its rows at `address`.
@@ -68,10 +68,10 @@ impl Law {
         if address == 0 || self.0.rows().is_none() {
             return Err(PyValueError::new_err("this law has no native code"));
         }
-        let mut law = self.0.clone();
+        let mut native_law = self.0.clone();
         // SAFETY: `ergon.instruments.native`, the only caller, passes what was compiled of these rows.
-        unsafe { law.set_native(entry(address)) };
-        Ok(Self(law))
+        unsafe { native_law.set_native(entry(address)) };
+        Ok(Self(native_law))
     }
 
     /// Write forces [N] for elongations d [m] and their rates v [m/s] into `out`, all (n_links,); computed `times`

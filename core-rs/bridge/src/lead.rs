@@ -57,8 +57,8 @@ impl Lead {
             traced_ticks,
         };
         let refused = format!("{} is in use", options.name);
-        let stream = Stream::new(options, present);
-        stream.map(Self).ok_or_else(|| plain_error(refused))
+        let lead_stream = Stream::new(options, present);
+        lead_stream.map(Self).ok_or_else(|| plain_error(refused))
     }
 
     #[getter]
@@ -69,8 +69,8 @@ impl Lead {
     /// The two ends of the key's travel [m].
     #[getter]
     fn range(&self) -> (f64, f64) {
-        let [low, high] = self.0.options().key.range;
-        (low, high)
+        let [lower_end, upper_end] = self.0.options().key.range;
+        (lower_end, upper_end)
     }
 
     /// The force of the pointer on the finger at the end of the last tick [N].
@@ -115,11 +115,11 @@ impl Lead {
 
     /// What happened in each tick so far, (n_ticks, 6).
     fn trace<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
-        let rows: Vec<Vec<f64>> = self.0.trace().iter().map(|row| row.to_vec()).collect();
-        if rows.is_empty() {
+        let trace_rows: Vec<Vec<f64>> = self.0.trace().iter().map(|row| row.to_vec()).collect();
+        if trace_rows.is_empty() {
             return PyArray2::zeros(py, [0, TRACE_COLUMNS], false);
         }
-        PyArray2::from_vec2(py, &rows).expect("rows of equal length")
+        PyArray2::from_vec2(py, &trace_rows).expect("rows of equal length")
     }
 
     /// Discard the positions that wait, where no performance reads them.
@@ -130,21 +130,21 @@ impl Lead {
     /// The quantile `part` of the gap between positions while the pointer moves, of the time from stamp to arrival, and of
     /// the delay that a path would need [s], to 0.25 ms upwards.
     fn arrival_times(&self, part: f64) -> (f64, f64, f64) {
-        let times = self.0.arrival_times(part);
-        (times.gap, times.wait, times.need)
+        let time_quantiles = self.0.arrival_times(part);
+        (time_quantiles.gap, time_quantiles.wait, time_quantiles.need)
     }
 
     /// Counts of positions, and mean and deviation of the gaps between them [s].
     #[getter]
     fn tally(&self) -> BTreeMap<&'static str, f64> {
-        let tally = self.0.tally();
+        let position_tally = self.0.tally();
         BTreeMap::from([
-            ("taken", tally.taken as f64),
-            ("refused", tally.refused as f64),
-            ("misdated", tally.misdated as f64),
-            ("late", tally.late as f64),
-            ("gap", tally.gap),
-            ("deviation", tally.deviation),
+            ("taken", position_tally.taken as f64),
+            ("refused", position_tally.refused as f64),
+            ("misdated", position_tally.misdated as f64),
+            ("late", position_tally.late as f64),
+            ("gap", position_tally.gap),
+            ("deviation", position_tally.deviation),
         ])
     }
 }
@@ -168,22 +168,24 @@ pub(crate) fn even_path<'py>(
             "stamps, arrivals and positions must be equally many",
         ));
     }
-    let (mut reader, mut read) = (PathReader::new(delay), 0);
-    let path = times.iter().map(|&time| {
-        let mut next = || {
-            let is_there = arrivals.get(read).is_some_and(|&arrival| arrival <= time);
+    let (mut path_reader, mut read_count) = (PathReader::new(delay), 0);
+    let path_positions = times.iter().map(|&time| {
+        let mut next_position = || {
+            let is_there = arrivals
+                .get(read_count)
+                .is_some_and(|&arrival| arrival <= time);
             is_there.then(|| {
-                read += 1;
+                read_count += 1;
                 Placed {
-                    time: stamps[read - 1],
-                    x: positions[read - 1],
+                    time: stamps[read_count - 1],
+                    x: positions[read_count - 1],
                     firmness: Some(1.0),
                 }
             })
         };
-        let placed = reader.read(time - delay, &mut next);
-        placed.map_or(f64::NAN, |(x, _)| x)
+        let path_reading = path_reader.read(time - delay, &mut next_position);
+        path_reading.map_or(f64::NAN, |(x, _)| x)
     });
-    let path: Vec<_> = path.collect();
-    Ok((PyArray1::from_vec(py, path), reader.late()))
+    let path_positions: Vec<_> = path_positions.collect();
+    Ok((PyArray1::from_vec(py, path_positions), path_reader.late()))
 }

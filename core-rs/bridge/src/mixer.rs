@@ -23,11 +23,11 @@ impl FrozenOutputs {
     /// Copy samples (n_frames, n_out).
     #[new]
     fn new(samples: PyReadonlyArray2<'_, f64>) -> PyResult<Self> {
-        let n_out = samples.shape()[1];
-        let rows = rows(&samples, "samples", n_out)?;
+        let n_outputs = samples.shape()[1];
+        let rows = rows(&samples, "samples", n_outputs)?;
         Ok(Self(Arc::new(frozen::FrozenOutputs::new(
             rows.to_vec(),
-            n_out,
+            n_outputs,
         ))))
     }
 }
@@ -66,7 +66,7 @@ impl Mixer {
         to_room: bool,
         squared: bool,
     ) -> PyResult<()> {
-        let to = if to_room {
+        let destination = if to_room {
             mixer::To::Room(channel)
         } else {
             mixer::To::Channel(channel)
@@ -76,8 +76,8 @@ impl Mixer {
             .iter()
             .map(|(word, f, level)| tone_of(word, *f, *level));
         let pan = pan.map(|(places, is_second)| {
-            let side = if is_second { Side::Second } else { Side::First };
-            Pan::new(points_of(places), side)
+            let pan_side = if is_second { Side::Second } else { Side::First };
+            Pan::new(points_of(places), pan_side)
         });
         let treatment = mixer::Treatment {
             is_squared: squared,
@@ -90,7 +90,7 @@ impl Mixer {
             },
         };
         self.0
-            .treated(group, out, to, gain, treatment)
+            .treated(group, out, destination, gain, treatment)
             .map_err(plain_error)
     }
 
@@ -105,14 +105,14 @@ impl Mixer {
         t60: [(f64, f64); 2],
         gain: f64,
     ) -> PyResult<usize> {
-        let spec = RoomSpec {
+        let room_spec = RoomSpec {
             name,
             size,
             t60,
             channels,
             gain,
         };
-        self.0.room(spec).map_err(plain_error)
+        self.0.room(room_spec).map_err(plain_error)
     }
 
     /// Add frozen outputs to `outputs`, one each; their first frame is heard at frame `begins`.
@@ -145,9 +145,10 @@ impl Mixer {
         frames: PyReadonlyArray2<'_, f64>,
         mut mixed: PyReadwriteArray2<'_, f64>,
     ) -> PyResult<()> {
-        let (n_in, n_mixed) = (frames.shape()[0], mixed.shape()[0]);
-        if n_in != n_mixed {
-            let message = format!("`frames` has {n_in} frames and `mixed` has {n_mixed}");
+        let (input_frames, mixed_frames) = (frames.shape()[0], mixed.shape()[0]);
+        if input_frames != mixed_frames {
+            let message =
+                format!("`frames` has {input_frames} frames and `mixed` has {mixed_frames}");
             return Err(plain_error(message));
         }
         let frames = rows(&frames, "frames", self.0.n_out())?;
@@ -161,7 +162,7 @@ impl Mixer {
 type Points = Vec<(i64, f64, bool)>;
 
 fn points_of(points: Points) -> Vec<Point> {
-    let point = |(frame, value, is_smooth): (i64, f64, bool)| Point {
+    let curve_point = |(frame, value, is_smooth): (i64, f64, bool)| Point {
         frame,
         value,
         segment: if is_smooth {
@@ -170,7 +171,7 @@ fn points_of(points: Points) -> Vec<Point> {
             Segment::Line
         },
     };
-    points.into_iter().map(point).collect()
+    points.into_iter().map(curve_point).collect()
 }
 
 fn curve_of(points: Points) -> Curve {

@@ -30,9 +30,9 @@ impl MotionLook {
     /// Look at a simulation, which is not changed.
     #[new]
     fn new(py: Python<'_>, simulation: &Simulation) -> Self {
-        let parts = simulation.0.network().parts().iter();
-        let names = parts.map(|part| part.name.clone()).collect();
-        Self(py.detach(|| simulation.0.looked_at()), names)
+        let network_parts = simulation.0.network().parts().iter();
+        let part_names = network_parts.map(|part| part.name.clone()).collect();
+        Self(py.detach(|| simulation.0.looked_at()), part_names)
     }
 
     #[getter]
@@ -96,10 +96,19 @@ impl MotionRecorder {
         n_speakers: usize,
         fps: f64,
     ) -> PyResult<Self> {
-        let inner = &mut simulation.0;
-        let setup = setup(inner, timeline, manifest, &places, keys, n_speakers, fps)?;
-        inner.watch();
-        let recorder = Recorder::new(inner, look.0.clone(), setup).map_err(plain_error)?;
+        let engine_simulation = &mut simulation.0;
+        let setup = setup(
+            engine_simulation,
+            timeline,
+            manifest,
+            &places,
+            keys,
+            n_speakers,
+            fps,
+        )?;
+        engine_simulation.watch();
+        let recorder =
+            Recorder::new(engine_simulation, look.0.clone(), setup).map_err(plain_error)?;
         Ok(Self {
             recorder,
             n_speakers,
@@ -114,8 +123,8 @@ impl MotionRecorder {
 
     /// Record the state of the simulation, which is at frame `next`.
     fn look(&mut self, py: Python<'_>, mut simulation: PyRefMut<'_, Simulation>) {
-        let inner = &mut simulation.0;
-        py.detach(|| self.recorder.look(inner));
+        let engine_simulation = &mut simulation.0;
+        py.detach(|| self.recorder.look(engine_simulation));
     }
 
     /// Measure the sound of the loudspeakers since the last look, (n_frames, n_speakers).
@@ -183,18 +192,27 @@ impl Window {
         n_speakers: usize,
         fps: f64,
     ) -> PyResult<Self> {
-        let inner = &simulation.0;
-        let setup = setup(inner, timeline, manifest, &places, keys, n_speakers, fps)?;
-        let ends = py.detach(|| perform::window(inner, look.0.clone(), setup));
-        Ok(Self(Mutex::new(Some(ends.map_err(plain_error)?))))
+        let engine_simulation = &simulation.0;
+        let setup = setup(
+            engine_simulation,
+            timeline,
+            manifest,
+            &places,
+            keys,
+            n_speakers,
+            fps,
+        )?;
+        let window_ends = py.detach(|| perform::window(engine_simulation, look.0.clone(), setup));
+        Ok(Self(Mutex::new(Some(window_ends.map_err(plain_error)?))))
     }
 }
 
 impl Window {
     /// Its two ends; EngineError at the second call.
     pub(crate) fn ends(&self) -> PyResult<(perform::Window, perform::Scene)> {
-        let mut ends = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        ends.take()
+        let mut window_ends = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        window_ends
+            .take()
             .ok_or_else(|| plain_error("this window is in use already"))
     }
 }
@@ -217,18 +235,18 @@ pub(crate) fn motion_bound() -> BTreeMap<&'static str, f64> {
 /// Read a `.motion` file up to its last whole chunk.
 #[pyfunction]
 pub(crate) fn read_motion(py: Python<'_>, path: PathBuf) -> PyResult<Motion> {
-    let bytes = py.detach(|| read_bytes(&path))?;
-    py.detach(|| MotionFile::new(bytes))
+    let file_bytes = py.detach(|| read_bytes(&path))?;
+    py.detach(|| MotionFile::new(file_bytes))
         .map(Motion)
         .map_err(from_read)
 }
 
 fn read_bytes(path: &Path) -> io::Result<Vec<u8>> {
-    let mut file = regular::open(path)?;
-    let mut bytes = Vec::new();
-    bytes.try_reserve_exact(file.metadata()?.len() as usize)?;
-    file.read_to_end(&mut bytes)?;
-    Ok(bytes)
+    let mut motion_file = regular::open(path)?;
+    let mut file_bytes = Vec::new();
+    file_bytes.try_reserve_exact(motion_file.metadata()?.len() as usize)?;
+    motion_file.read_to_end(&mut file_bytes)?;
+    Ok(file_bytes)
 }
 
 fn from_read(error: ReadError) -> PyErr {
@@ -264,15 +282,16 @@ impl Motion {
 
     /// x, y, z and rest position of each point [m], (n_points, 4).
     fn places<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let all = self.0.places.concat();
-        let array = Array2::from_shape_vec((self.0.n_points, 4), all).map_err(plain_error)?;
-        Ok(array.into_pyarray(py))
+        let point_places = self.0.places.concat();
+        let place_array =
+            Array2::from_shape_vec((self.0.n_points, 4), point_places).map_err(plain_error)?;
+        Ok(place_array.into_pyarray(py))
     }
 
     /// All whole chunks.
     fn chunks(&self) -> Vec<MotionChunk> {
-        let chunks = self.0.chunks.iter();
-        chunks
+        let file_chunks = self.0.chunks.iter();
+        file_chunks
             .map(|chunk| MotionChunk {
                 kind: chunk.kind,
                 seconds: chunk.seconds,
@@ -283,9 +302,10 @@ impl Motion {
 
     /// The payload of a chunk.
     fn payload<'py>(&self, py: Python<'py>, chunk: usize) -> PyResult<Bound<'py, PyBytes>> {
-        let place = self.0.chunks.get(chunk);
-        let place = place.ok_or_else(|| plain_error(format!("there is no chunk {chunk}")))?;
-        Ok(PyBytes::new(py, self.0.payload(place)))
+        let chunk_place = self.0.chunks.get(chunk);
+        let chunk_place =
+            chunk_place.ok_or_else(|| plain_error(format!("there is no chunk {chunk}")))?;
+        Ok(PyBytes::new(py, self.0.payload(chunk_place)))
     }
 
     /// Displacements of all points [m] at rising instants [s], (n_instants, n_points).
@@ -297,11 +317,11 @@ impl Motion {
         if !instants.is_sorted() {
             return Err(plain_error("instants must rise"));
         }
-        let all = py
+        let flat_displacements = py
             .detach(|| self.0.displacements(&instants))
             .map_err(from_read)?;
-        let shape = (instants.len(), self.0.n_points);
-        Ok(Array2::from_shape_vec(shape, all)
+        let array_shape = (instants.len(), self.0.n_points);
+        Ok(Array2::from_shape_vec(array_shape, flat_displacements)
             .map_err(plain_error)?
             .into_pyarray(py))
     }

@@ -66,7 +66,7 @@ impl Network {
         depth: f64,
     ) -> PyResult<ReachableNetwork> {
         self.check_mat(mat)?;
-        let moment = network::NetworkMoment {
+        let network_moment = network::NetworkMoment {
             held,
             without,
             ties: ties
@@ -78,7 +78,8 @@ impl Network {
         let rate = hertz(rate)?;
         Ok(ReachableNetwork {
             reached: computing(py, || {
-                self.0.reachable_network(mat, &moment, depth, rate.hertz())
+                self.0
+                    .reachable_network(mat, &network_moment, depth, rate.hertz())
             })?,
             rate,
         })
@@ -89,8 +90,8 @@ impl Network {
     fn part(&mut self, name: &str, ca_rate: Option<f64>, macrostep: Option<u32>) -> PyResult<()> {
         let ca_rate = ca_rate.map(hertz).transpose()?;
         self.0.part(name, ca_rate);
-        if let Some(frames) = macrostep {
-            self.0.macrostep(frames);
+        if let Some(macrostep_frames) = macrostep {
+            self.0.macrostep(macrostep_frames);
         }
         Ok(())
     }
@@ -113,30 +114,28 @@ impl Network {
         lengths: Ranges,
         order: u8,
     ) -> PyResult<usize> {
-        let terms =
+        let range_terms =
             |ranges: Ranges, term: fn((usize, usize, f64)) -> Term| ranges.into_iter().map(term);
-        let all = terms(positions, |(first, len, weight)| Term::Position {
+        let output_terms = range_terms(positions, |(first, len, weight)| Term::Position {
             first,
             len,
             weight,
         })
-        .chain(terms(forces, |(first, len, weight)| Term::Force {
+        .chain(range_terms(forces, |(first, len, weight)| Term::Force {
             first,
             len,
             weight,
         }))
-        .chain(terms(ground_forces, |(first, len, weight)| Term::Ground {
-            first,
-            len,
-            weight,
+        .chain(range_terms(ground_forces, |(first, len, weight)| {
+            Term::Ground { first, len, weight }
         }))
-        .chain(terms(lengths, |(first, len, weight)| Term::Length {
+        .chain(range_terms(lengths, |(first, len, weight)| Term::Length {
             first,
             len,
             weight,
         }));
         self.0
-            .listen_to(name, all.collect(), order)
+            .listen_to(name, output_terms.collect(), order)
             .map_err(from_engine)
     }
 
@@ -147,14 +146,14 @@ impl Network {
 
     /// The lowest modes of a part, whatever its damping.
     fn modes(&self, py: Python<'_>, part: &str, n_modes: usize) -> PyResult<Vec<Mode>> {
-        let index = self.part_index(part)?;
-        let tones = computing(py, || self.0.tones(index, n_modes))?;
-        let tones = tones.map_err(|error| module_error(part, error))?;
-        let mode = |tone: &network::Tone| Mode {
+        let part_index = self.part_index(part)?;
+        let part_tones = computing(py, || self.0.tones(part_index, n_modes))?;
+        let part_tones = part_tones.map_err(|error| module_error(part, error))?;
+        let mode_of_tone = |tone: &network::Tone| Mode {
             f: tone.f,
             t60: tone.t60,
         };
-        Ok(tones.iter().map(mode).collect())
+        Ok(part_tones.iter().map(mode_of_tone).collect())
     }
 
     /// Modes of a part: the lowest `count`, all up to `to` [Hz], or `count` next to `around` [Hz].
@@ -168,47 +167,49 @@ impl Network {
         around: Option<f64>,
     ) -> PyResult<PartModes> {
         load_numpy(py);
-        let index = self.part_index(part)?;
+        let part_index = self.part_index(part)?;
         let frequency = |f: f64| {
-            let is_one = f > 0.0 && f.is_finite();
+            let is_positive = f > 0.0 && f.is_finite();
             let refusal = || module_error(part, "modes are asked for at frequencies above 0 Hz");
-            if is_one { Ok(f) } else { Err(refusal()) }
+            if is_positive { Ok(f) } else { Err(refusal()) }
         };
-        let range = match (count, to, around) {
+        let mode_range = match (count, to, around) {
             (Some(count), None, None) => ModeRange::Lowest(count),
             (None, Some(to), None) => ModeRange::Below(frequency(to)?),
             (Some(count), None, Some(f)) => ModeRange::Around(frequency(f)?, count),
             _ => {
-                let why = "modes are asked for by `count`, by `to`, or by `count` and `around`";
-                return Err(module_error(part, why));
+                let refusal_reason =
+                    "modes are asked for by `count`, by `to`, or by `count` and `around`";
+                return Err(module_error(part, refusal_reason));
             }
         };
-        let modes = computing(py, || {
-            let mut modes = self.0.part_modes(index, range)?;
+        let computed_modes = computing(py, || {
+            let mut computed_modes = self.0.part_modes(part_index, mode_range)?;
             // Shapes of a large body are hundreds of megabytes: each is copied, and given back, between two polls.
-            let mut shapes = Vec::with_capacity(modes.poles.len() * modes.mats.len());
-            for shape in std::mem::take(&mut modes.shapes) {
+            let mut mode_shapes =
+                Vec::with_capacity(computed_modes.poles.len() * computed_modes.mats.len());
+            for shape in std::mem::take(&mut computed_modes.shapes) {
                 interrupt::poll();
-                shapes.extend(shape);
+                mode_shapes.extend(shape);
             }
-            Ok((modes, shapes))
+            Ok((computed_modes, mode_shapes))
         })?;
-        let (modes, shapes) =
-            modes.map_err(|error: network::TooManyModes| module_error(part, error))?;
-        let (n_modes, n_masses) = (modes.poles.len(), modes.mats.len());
+        let (computed_modes, mode_shapes) =
+            computed_modes.map_err(|error: network::TooManyModes| module_error(part, error))?;
+        let (n_modes, n_masses) = (computed_modes.poles.len(), computed_modes.mats.len());
         Ok(PartModes {
             poles: Complexes {
-                values: modes.poles,
+                values: computed_modes.poles,
                 shape: vec![n_modes],
             },
             shapes: Complexes {
-                values: shapes,
+                values: mode_shapes,
                 shape: vec![n_modes, n_masses],
             },
-            mats: modes.mats,
-            is_certified: modes.is_certified,
-            n_laws: modes.n_laws,
-            n_contacts: modes.n_contacts,
+            mats: computed_modes.mats,
+            is_certified: computed_modes.is_certified,
+            n_laws: computed_modes.n_laws,
+            n_contacts: computed_modes.n_contacts,
         })
     }
 
@@ -217,12 +218,13 @@ impl Network {
         load_numpy(py);
         let indices = self.part_indices(&parts)?;
         let elements = computing(py, || self.0.elements(&indices))?;
-        let end = |end_index: usize| -> Numbers<i64> {
-            let slot =
-                |element: &network::Element| element.ends[end_index].map_or(-1, |slot| slot as i64);
-            Numbers(elements.each.iter().map(slot).collect())
+        let end_slots = |end_index: usize| -> Numbers<i64> {
+            let slot_index = |element: &network::Element| {
+                element.ends[end_index].map_or(-1, |slot_index| slot_index as i64)
+            };
+            Numbers(elements.each.iter().map(slot_index).collect())
         };
-        let kind = |element: &network::Element| match element.kind {
+        let kind_word = |element: &network::Element| match element.kind {
             ElementKind::Tie => "CEL",
             ElementKind::Ref if element.z == 0.0 => "RES",
             ElementKind::Ref if element.k == 0.0 => "FRO",
@@ -234,9 +236,9 @@ impl Network {
             ElementKind::Space => "SPACE",
         };
         Ok(Elements {
-            kinds: elements.each.iter().map(kind).collect(),
-            a: end(0),
-            b: end(1),
+            kinds: elements.each.iter().map(kind_word).collect(),
+            a: end_slots(0),
+            b: end_slots(1),
             stiffness: Numbers(elements.each.iter().map(|element| element.k).collect()),
             damping: Numbers(elements.each.iter().map(|element| element.z).collect()),
             n_held: elements.n_held,
@@ -259,8 +261,8 @@ impl Network {
         load_numpy(py);
         let indices = self.part_indices(&parts)?;
         if !frequencies.iter().all(|f| *f > 0.0 && f.is_finite()) {
-            let why = "an admittance is asked for at frequencies above 0 Hz";
-            return Err(module_error(&parts.join(" + "), why));
+            let refusal_reason = "an admittance is asked for at frequencies above 0 Hz";
+            return Err(module_error(&parts.join(" + "), refusal_reason));
         }
         let shape = vec![observed.len(), frequencies.len()];
         let values = computing(py, || {
@@ -299,8 +301,8 @@ impl Network {
 
 impl Network {
     fn part_index(&self, part: &str) -> PyResult<usize> {
-        let index = self.0.parts().iter().position(|known| known.name == part);
-        index.ok_or_else(|| module_error(part, "no part has this name"))
+        let matched_index = self.0.parts().iter().position(|known| known.name == part);
+        matched_index.ok_or_else(|| module_error(part, "no part has this name"))
     }
 
     fn part_indices(&self, parts: &[String]) -> PyResult<Vec<usize>> {

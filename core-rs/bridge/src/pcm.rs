@@ -45,11 +45,11 @@ fn converted<'py, T: Element + Default>(
         return Err(plain_error("frames must be C-contiguous"));
     }
     let samples = frames.as_slice()?;
-    let array = PyArrayDyn::<T>::zeros(py, IxDyn(frames.shape()), false);
+    let converted_array = PyArrayDyn::<T>::zeros(py, IxDyn(frames.shape()), false);
     {
-        let mut filled = array.readwrite();
-        let values = filled.as_slice_mut()?;
-        py.detach(|| convert(samples, values));
+        let mut write_access = converted_array.readwrite();
+        let output_values = write_access.as_slice_mut()?;
+        py.detach(|| convert(samples, output_values));
     }
-    Ok(array)
+    Ok(converted_array)
 }

@@ -106,18 +106,18 @@ impl Performance {
         if let Some(fold) = fold
             && fold.0.n_in() != n_channels
         {
-            let n_in = fold.0.n_in();
+            let fold_inputs = fold.0.n_in();
             return Err(plain_error(format!(
-                "the fold takes {n_in} channels, and the mixer gives {n_channels}"
+                "the fold takes {fold_inputs} channels, and the mixer gives {n_channels}"
             )));
         }
-        let n_heard = fold.map_or(n_channels, |fold| fold.0.n_out());
+        let output_channels = fold.map_or(n_channels, |fold| fold.0.n_out());
         let stage = Stage {
             simulation: simulation.0.fork(),
             mixer: mixer.0.clone(),
             gain,
             fold: fold.map(|fold| fold.0.clone()),
-            limiter: Limiter::new(rate, n_heard, limit).map_err(plain_error)?,
+            limiter: Limiter::new(rate, output_channels, limit).map_err(plain_error)?,
             n_frames,
             fades: fades_from.map(|from| SilenceDetector::new(rate, n_channels, from)),
             tick_frames: tick_frames.max(1),
@@ -126,7 +126,7 @@ impl Performance {
             frozen: stems(frozen, simulation.0.n_out())?,
             is_seen: seen,
         };
-        let config = PlaybackConfig {
+        let playback_config = PlaybackConfig {
             audio: audio.parse().map_err(plain_error)?,
             input: InputConfig {
                 from: match audio_in {
@@ -137,24 +137,25 @@ impl Performance {
             },
             ahead,
             record: record.map(|(path, axes, about)| {
-                let axis = |(player, key)| Axis { player, key };
-                let header = Header {
+                let recorded_axis = |(player, key)| Axis { player, key };
+                let take_header = Header {
                     rate,
                     frames: tick_frames as u32,
-                    axes: axes.into_iter().map(axis).collect(),
+                    axes: axes.into_iter().map(recorded_axis).collect(),
                     about,
                 };
-                (path, header)
+                (path, take_header)
             }),
         };
         guardian::register_guardian(py);
         py.detach(|| {
-            let period = tick_frames as f64 / rate;
+            let tick_period = tick_frames as f64 / rate;
             let boards = boards
                 .into_iter()
-                .map(|board| open(board, period))
+                .map(|board| open(board, tick_period))
                 .collect::<PyResult<_>>()?;
-            perform::Performance::start(stage, boards, config).map_err(|error| match error {
+            perform::Performance::start(stage, boards, playback_config).map_err(|error| match error
+            {
                 perform::PlayError::Recording(_)
                 | perform::PlayError::Audio(AudioError::File { .. }) => unwritten(error),
                 perform::PlayError::Stiff { hand, .. } => hand_error(error, hand),
@@ -183,22 +184,22 @@ impl Performance {
 
     /// Events of the sound output and input so far.
     fn sound_events(&self) -> PyResult<Vec<SoundEvent>> {
-        let named = |event: &audio::Event| SoundEvent {
+        let sound_event = |event: &audio::Event| SoundEvent {
             time: event.time,
             sentence: event.sentence.clone(),
         };
-        self.with(|performance| performance.sound_events().iter().map(named).collect())
+        self.with(|performance| performance.sound_events().iter().map(sound_event).collect())
     }
 
     /// Edges of the silence of panics, from number `since` on.
     fn silences(&self, since: u64) -> PyResult<Vec<SilenceEdge>> {
-        let named = |edge: audio::Edge| SilenceEdge {
+        let silence_edge = |edge: audio::Edge| SilenceEdge {
             frame: edge.frame,
             begins: edge.silent,
         };
         self.with(|performance| {
-            let edges = performance.output().shared().edges(since);
-            edges.into_iter().map(named).collect()
+            let silence_edges = performance.output().shared().edges(since);
+            silence_edges.into_iter().map(silence_edge).collect()
         })
     }
 
@@ -222,8 +223,8 @@ impl Performance {
         response: PyReadonlyArray1<'_, f64>,
     ) -> PyResult<Option<HandLimit>> {
         let response = response.as_slice()?;
-        let key = self.with(|performance| performance.hand_key(hand))?;
-        Ok(key.map(|key| py.detach(|| HandLimit::new(&key.limit(response)))))
+        let hand_key = self.with(|performance| performance.hand_key(hand))?;
+        Ok(hand_key.map(|hand_key| py.detach(|| HandLimit::new(&hand_key.limit(response)))))
     }
 
     /// The sound output, as a sentence.
@@ -234,19 +235,23 @@ impl Performance {
     /// The sound input, and what is missing of it.
     fn sound_input(&self) -> PyResult<SoundInput> {
         self.with(|performance| {
-            let input = performance.input();
-            let shared = input.input.as_ref().map(audio::Input::shared);
-            let count = |of: fn(&audio::Shared) -> u64| shared.map_or(0, |shared| of(shared));
-            let tap = input.recorded.as_ref().map(audio::TapHandle::status);
+            let input_state = performance.input();
+            let shared_state = input_state.input.as_ref().map(audio::Input::shared);
+            let shared_count = |of: fn(&audio::Shared) -> u64| {
+                shared_state.map_or(0, |shared_state| of(shared_state))
+            };
+            let tap_status = input_state.recorded.as_ref().map(audio::TapHandle::status);
             SoundInput {
-                sentence: input.sentence.clone(),
-                live: shared.is_some(),
-                gaps: count(audio::Shared::underruns),
-                missing: count(audio::Shared::missing),
-                discarded: count(audio::Shared::discarded),
-                recorded: tap.as_ref().map(|tap| tap.frames),
-                lost: tap.as_ref().map_or(0, |tap| tap.missing),
-                error: tap.and_then(|tap| tap.error),
+                sentence: input_state.sentence.clone(),
+                live: shared_state.is_some(),
+                gaps: shared_count(audio::Shared::underruns),
+                missing: shared_count(audio::Shared::missing),
+                discarded: shared_count(audio::Shared::discarded),
+                recorded: tap_status.as_ref().map(|tap_status| tap_status.frames),
+                lost: tap_status
+                    .as_ref()
+                    .map_or(0, |tap_status| tap_status.missing),
+                error: tap_status.and_then(|tap_status| tap_status.error),
             }
         })
     }
@@ -284,13 +289,13 @@ impl Performance {
 
     /// The state of the file of `record_audio`; None if there was none.
     fn audio_recorded(&self) -> PyResult<Option<AudioRecorded>> {
-        let status = self.with(|performance| performance.audio_recorded())?;
-        Ok(status.map(|status| AudioRecorded {
-            first: status.first,
-            frames: status.frames,
-            missing: status.missing,
-            ended: status.ended,
-            error: status.error,
+        let tap_status = self.with(|performance| performance.audio_recorded())?;
+        Ok(tap_status.map(|tap_status| AudioRecorded {
+            first: tap_status.first,
+            frames: tap_status.frames,
+            missing: tap_status.missing,
+            ended: tap_status.ended,
+            error: tap_status.error,
         }))
     }
 
@@ -338,18 +343,19 @@ impl Performance {
         if simulation.is_none() && old.is_some() {
             return Err(module_error("change", "`old` requires `simulation`"));
         }
-        let new = simulation.map(|new| &new.0);
+        let new_simulation = simulation.map(|new_simulation| &new_simulation.0);
         let old = old.map(|old| &old.0);
-        let slice = |values: &PyReadonlyArray1<'_, f64>| Ok(values.as_slice()?.to_vec());
-        let slices = |all: &Vec<_>| all.iter().map(slice).collect::<PyResult<Vec<_>>>();
-        let mut change = perform::Change {
+        let copied_values = |values: &PyReadonlyArray1<'_, f64>| Ok(values.as_slice()?.to_vec());
+        let copied_lists =
+            |all: &Vec<_>| all.iter().map(copied_values).collect::<PyResult<Vec<_>>>();
+        let mut planned_change = perform::Change {
             simulation: None,
             mixer: mixer.map(|mixer| mixer.0.clone()),
             gains,
             gain,
             bars,
-            standins: standins.as_ref().map(slices).transpose()?,
-            forces: slices(&forces)?,
+            standins: standins.as_ref().map(copied_lists).transpose()?,
+            forces: copied_lists(&forces)?,
             guidance_steps: guidance.map(|all| all.into_iter().map(steps).collect()),
             bounds: bounds.map(|all| all.into_iter().map(limits).collect()),
             damp: match damp {
@@ -358,12 +364,17 @@ impl Performance {
             },
         };
         py.detach(|| {
-            change.simulation = new.map(|new| {
+            planned_change.simulation = new_simulation.map(|new_simulation| {
                 // Without `old`, the new simulation begins in its own state.
-                let takeover = old.map_or_else(Takeover::default, |old| Takeover::new(old, new));
-                (new.fork(), takeover)
+                let takeover =
+                    old.map_or_else(Takeover::default, |old| Takeover::new(old, new_simulation));
+                (new_simulation.fork(), takeover)
             });
-            self.with(|performance| performance.change(frame, change).map_err(plain_error))?
+            self.with(|performance| {
+                performance
+                    .change(frame, planned_change)
+                    .map_err(plain_error)
+            })?
         })
     }
 
@@ -380,13 +391,13 @@ impl Performance {
 
     /// Wait until the last frame is computed; False when `seconds` have passed first.
     fn wait(&self, py: Python<'_>, seconds: f64) -> PyResult<bool> {
-        let until = Instant::now() + Duration::from_secs_f64(seconds.clamp(0.0, SECONDS_MAX));
+        let deadline = Instant::now() + Duration::from_secs_f64(seconds.clamp(0.0, SECONDS_MAX));
         while !self.with(|performance| performance.is_done())? {
-            let left = until.saturating_duration_since(Instant::now());
-            if left.is_zero() {
+            let time_left = deadline.saturating_duration_since(Instant::now());
+            if time_left.is_zero() {
                 return Ok(false);
             }
-            py.detach(|| std::thread::sleep(left.min(CHECK_INTERVAL)));
+            py.detach(|| std::thread::sleep(time_left.min(CHECK_INTERVAL)));
             py.check_signals()?;
         }
         Ok(true)
@@ -403,10 +414,10 @@ impl Performance {
             return Ok(Vec::new());
         };
         let patience = Duration::from_secs_f64(patience.clamp(0.0, SECONDS_MAX));
-        let events = py
+        let remaining_events = py
             .detach(|| performance.close(patience))
             .map_err(plain_error)?;
-        Ok(events.into_iter().map(named_event).collect())
+        Ok(remaining_events.into_iter().map(named_event).collect())
     }
 }
 
@@ -427,20 +438,20 @@ impl Performance {
 }
 
 fn steps(all: Vec<StepTuple>) -> Vec<GuidanceStep> {
-    let step = |(frame, k, z)| GuidanceStep {
+    let guidance_step = |(frame, k, z)| GuidanceStep {
         frame,
         share: GuidanceShare { k, z },
     };
-    all.into_iter().map(step).collect()
+    all.into_iter().map(guidance_step).collect()
 }
 
 fn limits(all: Vec<BoundTuple>) -> Vec<Bound> {
-    let bound = |(at, scale)| Bound { frame: at, scale };
-    all.into_iter().map(bound).collect()
+    let frame_bound = |(at, scale)| Bound { frame: at, scale };
+    all.into_iter().map(frame_bound).collect()
 }
 
 fn open((url, axes, force_limit, calibrated): BoardTuple, period: f64) -> PyResult<Keyboard> {
-    let config = DeviceConfig {
+    let device_config = DeviceConfig {
         url: Url::parse(&url).map_err(plain_error)?,
         calibration: calibrated
             .into_iter()
@@ -450,11 +461,11 @@ fn open((url, axes, force_limit, calibrated): BoardTuple, period: f64) -> PyResu
         period,
         canceller: WaitCanceller::default(),
     };
-    Keyboard::open(config, axes).map_err(plain_error)
+    Keyboard::open(device_config, axes).map_err(plain_error)
 }
 
 fn stems(frozen: Vec<StemTuple>, n_out: usize) -> PyResult<Vec<Stem>> {
-    let stem = |(path, offset, n_frames, outputs): StemTuple| {
+    let checked_stem = |(path, offset, n_frames, outputs): StemTuple| {
         if outputs.is_empty() || outputs.iter().any(|&output| output >= n_out) {
             return Err(module_error(
                 "frozen",
@@ -468,7 +479,7 @@ fn stems(frozen: Vec<StemTuple>, n_out: usize) -> PyResult<Vec<Stem>> {
             outputs,
         })
     };
-    frozen.into_iter().map(stem).collect()
+    frozen.into_iter().map(checked_stem).collect()
 }
 
 /// The state of a sound file that is being recorded.

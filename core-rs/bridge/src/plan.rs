@@ -28,8 +28,8 @@ struct Store {
 
 impl Store {
     fn call<T: Default>(&self, call: impl FnOnce(&Bound<'_, PyAny>) -> PyResult<T>) -> T {
-        let done = Python::attach(|py| call(self.object.bind(py)));
-        done.unwrap_or_else(|error| {
+        let call_outcome = Python::attach(|py| call(self.object.bind(py)));
+        call_outcome.unwrap_or_else(|error| {
             *self.raised.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
             interrupt::stop()
         })
@@ -38,9 +38,9 @@ impl Store {
 
 impl TrialStore for Store {
     fn get(&self, key: &str) -> Option<plan::TrialRecord> {
-        let record: Option<Record> =
+        let stored_record: Option<Record> =
             self.call(|store| store.call_method1("get", (key,))?.extract());
-        record.map(|(numbers, counts, reason)| plan::TrialRecord {
+        stored_record.map(|(numbers, counts, reason)| plan::TrialRecord {
             numbers,
             counts,
             reason,
@@ -93,22 +93,22 @@ impl Plan {
             raised: Mutex::default(),
         });
         let planned = computing(py, || {
-            let known = Known {
+            let prior_knowledge = Known {
                 like: like.map(|like| &*like.0),
                 store: store.as_ref().map(|store| store as &dyn TrialStore),
                 share,
                 seen: &seen,
                 seen_every: seen_every.max(1),
             };
-            plan::Plan::with(network, &timeline.inner, &budget, pins, known)
+            plan::Plan::with(network, &timeline.inner, &budget, pins, prior_knowledge)
         });
         if let Some(store) = store
-            && let Some(error) = store
+            && let Some(store_error) = store
                 .raised
                 .into_inner()
                 .unwrap_or_else(PoisonError::into_inner)
         {
-            return Err(error);
+            return Err(store_error);
         }
         planned?
             .map(|plan| Self(Arc::new(plan)))
@@ -143,7 +143,7 @@ impl Plan {
 
     /// The decisions, island by island.
     fn choices(&self) -> Vec<IslandChoice> {
-        let named = |choice: &Choice| {
+        let named_choice = |choice: &Choice| {
             let (modules, oversampling, contact_substeps, bodies, counted_cost) = choice.numbers();
             IslandChoice {
                 modules,
@@ -153,13 +153,15 @@ impl Plan {
                 counted_cost,
             }
         };
-        self.0.choices().iter().map(named).collect()
+        self.0.choices().iter().map(named_choice).collect()
     }
 
     /// The parts with their own rate that are nevertheless computed at every frame, and why.
     fn stay(&self) -> Vec<FullRatePart> {
-        let stay = self.0.stay().iter().cloned();
-        stay.map(|(name, why)| FullRatePart { name, why }).collect()
+        let full_rate_parts = self.0.stay().iter().cloned();
+        full_rate_parts
+            .map(|(name, why)| FullRatePart { name, why })
+            .collect()
     }
 
     /// Work of its trials, and the most allowed, by the table of costs [s].
@@ -182,7 +184,7 @@ fn budget(
     cents: Option<f64>,
     upto: Option<f64>,
 ) -> PyResult<Budget> {
-    let finite = |name: &str, value: f64, good: bool| {
+    let check_number = |name: &str, value: f64, good: bool| {
         if value.is_finite() && good {
             Ok(value)
         } else {
@@ -197,11 +199,11 @@ fn budget(
         (Some(method), None, None, None) => {
             Ok(Budget::Method(word("method", method, words::METHODS)?))
         }
-        (None, Some(db), None, None) => Ok(Budget::Error(finite("error_db", db, db < 0.0)?)),
+        (None, Some(db), None, None) => Ok(Budget::Error(check_number("error_db", db, db < 0.0)?)),
         (None, None, Some(cents), upto) => {
-            let cents = finite("cents", cents, cents > 0.0)?;
+            let cents = check_number("cents", cents, cents > 0.0)?;
             let upto = upto.unwrap_or(plan::PITCH_UPTO);
-            let upto = finite("upto", upto, upto > 0.0)?;
+            let upto = check_number("upto", upto, upto > 0.0)?;
             Ok(Budget::Cents { cents, upto })
         }
         _ => Err(module_error(
@@ -247,15 +249,15 @@ const PARTS_NAMED: usize = 4;
 impl PlanRow {
     /// `<PlanRow k1 + bell: stepped, 12 MATs, 14 LIAs, -36.2 dB, cost 6.3e-3>`
     fn __repr__(&self) -> String {
-        let mut parts = self.parts[..self.parts.len().min(PARTS_NAMED)].join(" + ");
+        let mut part_names = self.parts[..self.parts.len().min(PARTS_NAMED)].join(" + ");
         if self.parts.len() > PARTS_NAMED {
-            parts += &format!(" + {} more", self.parts.len() - PARTS_NAMED);
+            part_names += &format!(" + {} more", self.parts.len() - PARTS_NAMED);
         }
-        let error = self
+        let error_text = self
             .error_db
             .map_or(String::new(), |db| format!(", {db:.1} dB"));
         format!(
-            "<PlanRow {parts}: {}, {} MATs, {} LIAs{error}, cost {:.2e}>",
+            "<PlanRow {part_names}: {}, {} MATs, {} LIAs{error_text}, cost {:.2e}>",
             self.what, self.n_mat, self.n_lia, self.cost
         )
     }
@@ -279,11 +281,11 @@ impl PlanRow {
                     ModeKind::Normal => "modes",
                     ModeKind::Complex => "complex modes",
                 };
-                let count = ModeCount {
+                let mode_count = ModeCount {
                     computed: n_computed,
                     total: n_total,
                 };
-                (what, Some(count), left_out)
+                (what, Some(mode_count), left_out)
             }
             Computed::LeftOut(Reason::Unheard) => ("unheard", None, None),
             Computed::LeftOut(Reason::Still) => ("still", None, None),

@@ -53,18 +53,18 @@ impl Recording {
             .map(|(player, key)| Axis { player, key })
             .collect();
         let positions = rows(&positions, "positions", axes.len())?;
-        let sample = |&position| Sample {
+        let position_sample = |&position| Sample {
             position,
             ..Sample::default()
         };
-        let header = Header {
+        let take_header = Header {
             rate,
             frames,
             axes,
             about,
         };
-        let samples = positions.iter().map(sample).collect();
-        recording::Recording::new(header, ticks.as_slice()?.to_vec(), samples)
+        let samples = positions.iter().map(position_sample).collect();
+        recording::Recording::new(take_header, ticks.as_slice()?.to_vec(), samples)
             .map(Self)
             .map_err(from_recording)
     }
@@ -81,8 +81,9 @@ impl Recording {
 
     #[getter]
     fn axes(&self) -> Vec<RecordedAxis> {
-        let axes = self.0.header.axes.iter().cloned();
-        axes.map(|Axis { player, key }| RecordedAxis { player, key })
+        let header_axes = self.0.header.axes.iter().cloned();
+        header_axes
+            .map(|Axis { player, key }| RecordedAxis { player, key })
             .collect()
     }
 
@@ -99,8 +100,8 @@ impl Recording {
 
     #[getter]
     fn events(&self) -> Vec<RecordedEvent> {
-        let events = self.0.events.iter().cloned();
-        events
+        let recorded_events = self.0.events.iter().cloned();
+        recorded_events
             .map(|(tick, line)| RecordedEvent { tick, line })
             .collect()
     }
@@ -169,18 +170,18 @@ impl Recording {
 
     /// Positions [m] at every tick from the first to the last, (n, n_axes); a gap holds its last value.
     fn held<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let held = py
+        let filled_positions = py
             .detach(|| self.0.positions_filled())
             .map_err(from_recording)?;
-        Ok(self.shaped(py, held))
+        Ok(self.shaped(py, filled_positions))
     }
 
     /// The bytes of a complete `.take` file.
     fn to_bytes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        let mut bytes = Vec::new();
-        py.detach(|| self.0.write(&mut bytes))
+        let mut file_bytes = Vec::new();
+        py.detach(|| self.0.write(&mut file_bytes))
             .map_err(from_recording)?;
-        Ok(PyBytes::new(py, &bytes))
+        Ok(PyBytes::new(py, &file_bytes))
     }
 }
 
@@ -195,8 +196,9 @@ impl Recording {
 
     fn shaped<'py, T: Element>(&self, py: Python<'py>, values: Vec<T>) -> Bound<'py, PyArray2<T>> {
         let n_axes = self.0.header.axes.len();
-        let shape = (values.len() / n_axes, n_axes);
-        let array = Array2::from_shape_vec(shape, values).expect("a value for each tick and axis");
-        array.into_pyarray(py)
+        let array_shape = (values.len() / n_axes, n_axes);
+        let tick_array =
+            Array2::from_shape_vec(array_shape, values).expect("a value for each tick and axis");
+        tick_array.into_pyarray(py)
     }
 }

@@ -111,7 +111,7 @@ impl Simulation {
                 "the simulation was stopped in the middle of a frame and cannot go on",
             ));
         }
-        let done = computing(py, || {
+        let run_outcome = computing(py, || {
             if n_out == 0 {
                 simulation.skip(n_frames as u64)
             } else {
@@ -119,7 +119,7 @@ impl Simulation {
             }
         })?;
         *is_stopped = false;
-        done.map_err(from_fault)
+        run_outcome.map_err(from_fault)
     }
 
     /// Positions now [m], (n_mat,).
@@ -129,8 +129,13 @@ impl Simulation {
 
     /// Velocities now [m/s], (n_mat,): backward differences.
     fn velocities<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        let rate = self.0.rate();
-        let velocities: Vec<f64> = self.0.steps().iter().map(|step| step * rate).collect();
+        let sample_rate = self.0.rate();
+        let velocities: Vec<f64> = self
+            .0
+            .steps()
+            .iter()
+            .map(|step| step * sample_rate)
+            .collect();
         velocities.into_pyarray(py)
     }
 
@@ -190,17 +195,17 @@ impl Simulation {
     /// Take the state of `old` over, which must be at the same frame and must not be used afterwards. Returns, for each
     /// output of `old`, the index of the output here.
     fn take_over(&mut self, py: Python<'_>, old: &mut Self) -> PyResult<Vec<Option<usize>>> {
-        let done = py.detach(|| {
+        let takeover_outcome = py.detach(|| {
             let mut takeover = simulation::Takeover::new(&old.0, &self.0);
-            let done = self.0.take_over(&mut old.0, &mut takeover);
-            done.then(|| takeover.outputs().to_vec())
+            let takeover_outcome = self.0.take_over(&mut old.0, &mut takeover);
+            takeover_outcome.then(|| takeover.outputs().to_vec())
         });
-        if let Some(outputs) = done {
+        if let Some(outputs) = takeover_outcome {
             return Ok(outputs);
         }
-        let (frame, old) = (self.0.frame(), old.0.frame());
+        let (current_frame, old) = (self.0.frame(), old.0.frame());
         let message = format!(
-            "both simulations must be at one frame: this one is at {frame}, the other at {old}"
+            "both simulations must be at one frame: this one is at {current_frame}, the other at {old}"
         );
         Err(module_error("take_over", message))
     }
@@ -215,18 +220,18 @@ impl Simulation {
 
     /// The ledger.
     fn energy(&self) -> PyResult<Energy> {
-        let energy = self
+        let energy_ledger = self
             .0
             .energy()
             .ok_or_else(|| module_error("energy", "the simulation was made without ledger=True"))?;
         Ok(Energy {
-            start: energy.start,
-            stored: energy.stored,
-            injected: energy.injected,
-            lost: energy.lost,
-            produced: energy.produced,
-            residual: energy.residual,
-            flow: energy.flow,
+            start: energy_ledger.start,
+            stored: energy_ledger.stored,
+            injected: energy_ledger.injected,
+            lost: energy_ledger.lost,
+            produced: energy_ledger.produced,
+            residual: energy_ledger.residual,
+            flow: energy_ledger.flow,
         })
     }
 
@@ -258,16 +263,16 @@ impl Simulation {
     fn ergons<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let records = self.0.take_ergons();
         let columns = PyDict::new(py);
-        let column = |name: &str, column_value: &dyn Fn(&simulation::Record) -> f64| {
-            let values: Vec<f64> = records.iter().map(column_value).collect();
-            columns.set_item(name, values.into_pyarray(py))
+        let set_column = |name: &str, column_value: &dyn Fn(&simulation::Record) -> f64| {
+            let column_numbers: Vec<f64> = records.iter().map(column_value).collect();
+            columns.set_item(name, column_numbers.into_pyarray(py))
         };
-        column("time", &|record| record.time)?;
-        column("mat", &|record| f64::from(record.mat))?;
-        column("mass", &|record| record.mass)?;
-        column("speed", &|record| record.speed)?;
-        column("impulse", &|record| record.impulse)?;
-        column("source", &|record| f64::from(record.source))?;
+        set_column("time", &|record| record.time)?;
+        set_column("mat", &|record| f64::from(record.mat))?;
+        set_column("mass", &|record| record.mass)?;
+        set_column("speed", &|record| record.speed)?;
+        set_column("impulse", &|record| record.impulse)?;
+        set_column("source", &|record| f64::from(record.source))?;
         Ok(columns)
     }
 
@@ -283,16 +288,16 @@ impl Simulation {
 
     /// The parts that were muted.
     fn muted(&self) -> Vec<MutedPart> {
-        let muted = self.0.muted().into_iter();
-        muted
+        let muted_parts = self.0.muted().into_iter();
+        muted_parts
             .map(|(name, frame)| MutedPart { name, frame })
             .collect()
     }
 
     /// Links and meshes that made energy.
     fn gains(&self) -> Vec<EnergyGain> {
-        let gains = self.0.gains().into_iter();
-        gains
+        let energy_gains = self.0.gains().into_iter();
+        energy_gains
             .map(|(name, frame, sentence)| EnergyGain {
                 name,
                 frame,
@@ -351,10 +356,10 @@ impl Simulation {
 
     /// The sound of an island since `record`, and its state now; the recording ends.
     fn recorded(&mut self, py: Python<'_>, island: &StorableIsland) -> IslandStretch {
-        let (sound, state) = self.0.recorded(&island.0);
+        let (island_sound, island_state) = self.0.recorded(&island.0);
         IslandStretch {
-            sound: sound.into_pyarray(py).unbind(),
-            state: PyBytes::new(py, &state).unbind(),
+            sound: island_sound.into_pyarray(py).unbind(),
+            state: PyBytes::new(py, &island_state).unbind(),
         }
     }
 
@@ -365,21 +370,21 @@ impl Simulation {
         island: &StorableIsland,
         n_frames: usize,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let inner = &mut self.0;
-        let done = computing(py, || inner.advance(&island.0, n_frames))?;
-        Ok(done.map_err(from_fault)?.into_pyarray(py))
+        let engine_simulation = &mut self.0;
+        let advance_outcome = computing(py, || engine_simulation.advance(&island.0, n_frames))?;
+        Ok(advance_outcome.map_err(from_fault)?.into_pyarray(py))
     }
 
     /// Put an island into the state that an equal island had at this frame, and compute it from here on.
     fn set_state(&mut self, island: &StorableIsland, state: &[u8]) -> PyResult<()> {
-        let done = self.0.set_state(&island.0, state);
-        done.map_err(|error| module_error("set_state", error.to_string()))
+        let state_outcome = self.0.set_state(&island.0, state);
+        state_outcome.map_err(|error| module_error("set_state", error.to_string()))
     }
 
     /// The parts with frames of more than one step.
     fn finer(&self) -> Vec<FinerPart> {
-        let finer = self.0.finer().into_iter();
-        finer
+        let finer_parts = self.0.finer().into_iter();
+        finer_parts
             .map(|(name, frames, steps)| FinerPart {
                 name,
                 frames,

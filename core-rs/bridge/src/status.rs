@@ -72,38 +72,38 @@ pub(crate) struct Status {
 
 impl Status {
     pub(crate) fn new(performance: &mut perform::Performance) -> Self {
-        let status = performance.status();
-        let sound = performance.output().shared();
-        let info = performance.output().info();
-        let (_, latency) = sound.timing();
-        let input = performance
+        let play_status = performance.status();
+        let output_state = performance.output().shared();
+        let output_info = performance.output().info();
+        let (_, latency) = output_state.timing();
+        let input_state = performance
             .input()
             .input
             .as_ref()
             .map(ergon_live::audio::Input::shared);
         Self {
-            frame: status.frame,
-            ticks: status.ticks,
-            late: status.late,
-            latest: status.latest.as_secs_f64(),
-            lost: status.lost,
-            dropped: status.dropped,
-            missed: status.missed,
-            load: status.load,
-            busiest: status.busiest,
-            filled: status.filled,
-            underruns: sound.underruns(),
-            input_gaps: input.map_or(0, |shared| shared.underruns()),
-            xruns: sound.xruns(),
-            played: sound.played(),
-            alive: sound.alive(),
+            frame: play_status.frame,
+            ticks: play_status.ticks,
+            late: play_status.late,
+            latest: play_status.latest.as_secs_f64(),
+            lost: play_status.lost,
+            dropped: play_status.dropped,
+            missed: play_status.missed,
+            load: play_status.load,
+            busiest: play_status.busiest,
+            filled: play_status.filled,
+            underruns: output_state.underruns(),
+            input_gaps: input_state.map_or(0, |shared| shared.underruns()),
+            xruns: output_state.xruns(),
+            played: output_state.played(),
+            alive: output_state.alive(),
             done: performance.is_done(),
-            panicked: sound.panicked(),
-            sounding: sound.sounding().map(|since| since.as_secs_f64()),
-            latency: f64::from(latency) / f64::from(info.rate.max(1)),
-            paced: info.paced,
-            peaks: status.peaks[..performance.n_channels()].to_vec(),
-            hands: status.hands.iter().map(HandStatus::new).collect(),
+            panicked: output_state.panicked(),
+            sounding: output_state.sounding().map(|since| since.as_secs_f64()),
+            latency: f64::from(latency) / f64::from(output_info.rate.max(1)),
+            paced: output_info.paced,
+            peaks: play_status.peaks[..performance.n_channels()].to_vec(),
+            hands: play_status.hands.iter().map(HandStatus::new).collect(),
         }
     }
 }

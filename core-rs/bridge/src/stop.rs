@@ -11,13 +11,13 @@ use pyo3::prelude::*;
 #[pyfunction]
 #[pyo3(signature = (signals, *, ends))]
 pub(crate) fn stop_on_signals(signals: Vec<i32>, ends: Option<bool>) {
-    let stops = match ends {
+    let stop_scope = match ends {
         Some(true) => Stop::All,
         Some(false) => Stop::Forces,
         None => Stop::Nothing,
     };
     for signal in signals {
-        safety::watch(signal, stops);
+        safety::watch(signal, stop_scope);
     }
 }
 

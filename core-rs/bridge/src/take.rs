@@ -53,10 +53,10 @@ impl Take {
         t: PyReadonlyArray1<'py, f64>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let (profile, t) = (self.0.profile(), t.as_slice()?);
-        let mut cursor = 0;
-        let mut position = |&t: &f64| profile.evaluate_from(&mut cursor, t).0;
-        let x: Vec<f64> = py.detach(|| t.iter().map(&mut position).collect());
-        Ok(x.into_pyarray(py))
+        let mut search_cursor = 0;
+        let mut position = |&t: &f64| profile.evaluate_from(&mut search_cursor, t).0;
+        let path_positions: Vec<f64> = py.detach(|| t.iter().map(&mut position).collect());
+        Ok(path_positions.into_pyarray(py))
     }
 }
 
@@ -67,6 +67,6 @@ fn take_error(error: TakeError) -> PyErr {
         TakeError::Smooth { .. } => Some("smooth"),
         _ => None,
     };
-    let raised = EngineError::new_err(error.to_string());
-    with_attributes(raised, argument, |_| Ok(()))
+    let python_error = EngineError::new_err(error.to_string());
+    with_attributes(python_error, argument, |_| Ok(()))
 }

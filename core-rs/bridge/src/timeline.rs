@@ -87,8 +87,10 @@ impl Timeline {
 
     /// Lowest and highest position [m] of each gesture's written points and paths, by index.
     fn ranges(&self) -> Vec<Range> {
-        let ranges = self.inner.ranges().into_iter();
-        ranges.map(|(low, high)| Range { low, high }).collect()
+        let gesture_ranges = self.inner.ranges().into_iter();
+        gesture_ranges
+            .map(|(low, high)| Range { low, high })
+            .collect()
     }
 
     /// The strikes on a MAT in order of their instants; an ergon brings mass times speed.
@@ -129,11 +131,11 @@ impl Timeline {
     ) -> PyResult<usize> {
         work::poll(0)?;
         let manner = manner(touch, ergons, grain, join, force_limit, layer)?;
-        let path = take
+        let placed_take = take
             .0
             .placed(start, scale, stretch, reverse)
             .map_err(|error| module_error("take", error))?;
-        Gesture::from_take(key, path, until, source, manner)
+        Gesture::from_take(key, placed_take, until, source, manner)
             .and_then(|gesture| self.inner.gesture(gesture))
             .map_err(|error| from_gesture("take", &error))
     }
@@ -192,8 +194,8 @@ impl Timeline {
     ) -> PyResult<u64> {
         mats.iter().try_for_each(|&mat| self.check_mat(name, mat))?;
         computing(py, || {
-            let chance = |member| Chance::new(seed, "strikes", name, member, 0);
-            let rain = Rain {
+            let member_chance = |member| Chance::new(seed, "strikes", name, member, 0);
+            let rain_strikes = Rain {
                 rate,
                 start,
                 stop,
@@ -202,7 +204,8 @@ impl Timeline {
                 within,
                 source,
             };
-            self.inner.rain(&self.network, &mats, &rain, chance)
+            self.inner
+                .rain(&self.network, &mats, &rain_strikes, member_chance)
         })?
         .map_err(|error| module_error(name, error))
     }
@@ -331,15 +334,15 @@ impl Timeline {
     ) -> PyResult<()> {
         self.check_mat("drive", mat)?;
         let kind = word("kind", kind, words::DRIVES)?;
-        let source = match (constant, take, sound) {
+        let drive_source = match (constant, take, sound) {
             (None, None, Some(sound)) => {
-                let driven = self.inner.drive_by_sound(mat, kind, sound, scale);
-                return driven.map_err(|error| module_error("drive", error));
+                let drive_outcome = self.inner.drive_by_sound(mat, kind, sound, scale);
+                return drive_outcome.map_err(|error| module_error("drive", error));
             }
             (Some(constant), None, None) => Source::Constant(constant),
             (None, Some(take), None) => {
-                let path = take.0.placed(start, scale, 1.0, false);
-                Source::Take(path.map_err(|error| module_error("drive", error))?)
+                let placed_take = take.0.placed(start, scale, 1.0, false);
+                Source::Take(placed_take.map_err(|error| module_error("drive", error))?)
             }
             _ => {
                 return Err(module_error(
@@ -349,7 +352,7 @@ impl Timeline {
             }
         };
         self.inner
-            .drive(mat, kind, source, is_exclusive)
+            .drive(mat, kind, drive_source, is_exclusive)
             .map_err(|error| module_error("drive", error))
     }
 
@@ -413,9 +416,9 @@ impl Timeline {
 impl Timeline {
     /// EngineError if MATs or LIAs were added to the network after the timeline was made.
     pub(crate) fn check_network(&self, network: &Network) -> PyResult<()> {
-        let same =
+        let is_unchanged =
             network.0.n_mat() == self.network.n_mat() && network.0.n_lia() == self.network.n_lia();
-        if same {
+        if is_unchanged {
             return Ok(());
         }
         Err(module_error(

@@ -32,8 +32,9 @@ impl ViewServer {
     }
 
     fn with<T>(&self, look: impl FnOnce(&mut Open) -> T) -> PyResult<T> {
-        let mut open = self.open();
-        open.as_mut()
+        let mut server_lock = self.open();
+        server_lock
+            .as_mut()
             .map(look)
             .ok_or_else(|| plain_error("the server is closed"))
     }
@@ -56,8 +57,8 @@ impl ViewServer {
                 "{address} is not an address of this machine; write HOST:PORT"
             ))
         };
-        let place = py.detach(|| address.to_socket_addrs());
-        let socket_address = place.ok().and_then(|mut all| all.next());
+        let address_lookup = py.detach(|| address.to_socket_addrs());
+        let socket_address = address_lookup.ok().and_then(|mut all| all.next());
         let key = Key::new(key).ok_or_else(|| plain_error("a key has 32 hexadecimal digits"))?;
         let options = Options {
             address: socket_address.ok_or_else(no_place)?,
@@ -83,14 +84,14 @@ impl ViewServer {
 
     /// Show a performance through `window`, as soon as the simulation plays for which the window was made.
     fn show(&self, window: &Window, performance: &Performance) -> PyResult<()> {
-        let (physics, pages) = window.ends()?;
+        let (physics, scene_pages) = window.ends()?;
         let times_heard = performance.with(|own| own.output_times())?;
         self.with(|open| {
             let showing = match open.showing.take() {
                 Some(showing) => showing,
                 None => Showing::start(open.server.clone()).map_err(plain_error)?,
             };
-            showing.show(pages, times_heard);
+            showing.show(scene_pages, times_heard);
             open.showing = Some(showing);
             Ok::<_, PyErr>(())
         })??;
@@ -104,20 +105,23 @@ impl ViewServer {
     #[getter]
     fn tally(&self) -> PyResult<BTreeMap<&'static str, u64>> {
         self.with(|open| {
-            let tally = open.server.tally();
+            let server_tally = open.server.tally();
             let skipped = open.showing.as_ref().map_or(0, Showing::skipped);
             BTreeMap::from([
                 ("skipped", skipped),
-                ("served", tally.served.load(Ordering::Relaxed)),
-                ("refused", tally.refused.load(Ordering::Relaxed)),
-                ("dropped", tally.dropped.load(Ordering::Relaxed)),
-                ("viewers", tally.viewers.load(Ordering::Relaxed) as u64),
+                ("served", server_tally.served.load(Ordering::Relaxed)),
+                ("refused", server_tally.refused.load(Ordering::Relaxed)),
+                ("dropped", server_tally.dropped.load(Ordering::Relaxed)),
+                (
+                    "viewers",
+                    server_tally.viewers.load(Ordering::Relaxed) as u64,
+                ),
             ])
         })
     }
 
     fn close(&self, py: Python<'_>) {
-        let open = self.open().take();
-        py.detach(|| drop(open));
+        let open_server = self.open().take();
+        py.detach(|| drop(open_server));
     }
 }

@@ -14,8 +14,8 @@ pub(crate) fn waveform_errors(
     reference: PyReadonlyArray2<'_, f64>,
     ends: Vec<usize>,
 ) -> PyResult<Vec<f64>> {
-    let n_out = reference.shape()[1];
-    let sound = rows(&sound, "sound", n_out)?;
-    let reference = rows(&reference, "reference", n_out)?;
-    Ok(errors_until(sound, reference, n_out, &ends))
+    let n_outputs = reference.shape()[1];
+    let sound = rows(&sound, "sound", n_outputs)?;
+    let reference = rows(&reference, "reference", n_outputs)?;
+    Ok(errors_until(sound, reference, n_outputs, &ends))
 }

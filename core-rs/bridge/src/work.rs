@@ -36,9 +36,9 @@ impl Limit {
         if self.is_cancelled.load(Ordering::Relaxed) {
             return Some("cancelled");
         }
-        let spent = self.spent.load(Ordering::Relaxed).saturating_add(more);
+        let steps_spent = self.spent.load(Ordering::Relaxed).saturating_add(more);
         self.steps_max
-            .is_some_and(|most| spent > most)
+            .is_some_and(|most| steps_spent > most)
             .then_some("costly")
     }
 }
@@ -65,9 +65,9 @@ fn stopped(why: &'static str) -> PyErr {
         "costly" => "the computation exceeded its limit of steps",
         _ => "the computation was cancelled",
     };
-    let error = StoppedError::new_err(message);
-    let set = Python::attach(|py| error.value(py).setattr("why", why));
-    set.err().unwrap_or(error)
+    let stopped_error = StoppedError::new_err(message);
+    let set_outcome = Python::attach(|py| stopped_error.value(py).setattr("why", why));
+    set_outcome.err().unwrap_or(stopped_error)
 }
 
 /// A limit for the computations of one thread, a context manager: work ends after `steps` of about a nanosecond, which
@@ -95,13 +95,13 @@ impl Work {
     }
 
     fn __enter__(slf: Bound<'_, Self>) -> Bound<'_, Self> {
-        let work = slf.get();
-        let limit = Arc::new(Limit {
-            steps_max: work.steps_max,
+        let entered_work = slf.get();
+        let work_limit = Arc::new(Limit {
+            steps_max: entered_work.steps_max,
             spent: AtomicU64::new(0),
-            is_cancelled: work.is_cancelled.clone(),
+            is_cancelled: entered_work.is_cancelled.clone(),
         });
-        LIMITS.with_borrow_mut(|limits| limits.push(limit));
+        LIMITS.with_borrow_mut(|limits| limits.push(work_limit));
         slf
     }
 
@@ -122,12 +122,12 @@ impl Work {
 #[pyfunction]
 #[pyo3(signature = (steps=0))]
 pub(crate) fn poll(steps: u64) -> PyResult<()> {
-    let why = LIMITS.with_borrow(|limits| {
+    let end_reason = LIMITS.with_borrow(|limits| {
         count(limits, steps);
         stop_reason(limits, 0)
     });
-    match why {
-        Some(why) => Err(stopped(why)),
+    match end_reason {
+        Some(end_reason) => Err(stopped(end_reason)),
         None => Ok(()),
     }
 }
@@ -142,20 +142,24 @@ pub(crate) fn computing<T: Send>(
     compute: impl FnOnce() -> T + Send,
 ) -> PyResult<T> {
     poll(0)?; // a computation shorter than CHECK_INTERVAL never checks by itself
-    let (raised, spent) = (Arc::new(Mutex::new(None)), Arc::<AtomicU64>::default());
-    let limits = LIMITS.with_borrow(Clone::clone);
-    let (to_raise, spent_here, to_ask) = (raised.clone(), spent.clone(), limits.clone());
-    let done = py.detach(move || {
-        let ask = stop_check(to_ask, spent_here.clone(), to_raise);
-        interrupt::until_counted(ask, spent_here, compute)
+    let (raised_error, steps_spent) = (Arc::new(Mutex::new(None)), Arc::<AtomicU64>::default());
+    let work_limits = LIMITS.with_borrow(Clone::clone);
+    let (to_raise, spent_here, asked_limits) = (
+        raised_error.clone(),
+        steps_spent.clone(),
+        work_limits.clone(),
+    );
+    let work_outcome = py.detach(move || {
+        let should_stop = stop_check(asked_limits, spent_here.clone(), to_raise);
+        interrupt::until_counted(should_stop, spent_here, compute)
     });
-    count(&limits, spent.load(Ordering::Relaxed));
-    let done = done.map_err(|interrupt::Stopped| {
-        let mut raised = raised.lock().unwrap_or_else(PoisonError::into_inner);
-        raised.take().unwrap_or_else(|| stopped("cancelled"))
+    count(&work_limits, steps_spent.load(Ordering::Relaxed));
+    let work_outcome = work_outcome.map_err(|interrupt::Stopped| {
+        let mut raised_error = raised_error.lock().unwrap_or_else(PoisonError::into_inner);
+        raised_error.take().unwrap_or_else(|| stopped("cancelled"))
     })?;
     poll(0)?;
-    Ok(done)
+    Ok(work_outcome)
 }
 
 fn stop_check(
@@ -163,22 +167,22 @@ fn stop_check(
     spent: Arc<AtomicU64>,
     raised: Arc<Mutex<Option<PyErr>>>,
 ) -> Ask {
-    let mut next = Instant::now() + CHECK_INTERVAL;
+    let mut next_check = Instant::now() + CHECK_INTERVAL;
     Box::new(move || {
-        let now = Instant::now();
-        if now < next {
+        let check_time = Instant::now();
+        if check_time < next_check {
             return false;
         }
-        next = now + CHECK_INTERVAL;
-        let why = match stop_reason(&limits, spent.load(Ordering::Relaxed)) {
-            Some(why) => Some(stopped(why)),
+        next_check = check_time + CHECK_INTERVAL;
+        let stop_cause = match stop_reason(&limits, spent.load(Ordering::Relaxed)) {
+            Some(stop_cause) => Some(stopped(stop_cause)),
             // Signal handlers run only in the main thread; in other threads this does nothing.
             None => Python::attach(|py| py.check_signals()).err(),
         };
-        let is_over = why.is_some();
-        if is_over {
-            *raised.lock().unwrap_or_else(PoisonError::into_inner) = why;
+        let must_stop = stop_cause.is_some();
+        if must_stop {
+            *raised.lock().unwrap_or_else(PoisonError::into_inner) = stop_cause;
         }
-        is_over
+        must_stop
     })
 }

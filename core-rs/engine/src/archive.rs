@@ -38,9 +38,9 @@ impl Archive<'_> {
                 Ok(number)
             }
             Self::Read(from) => {
-                let (first, rest) = from.split_first_chunk().ok_or(Damaged)?;
-                *from = rest;
-                Ok(*first)
+                let (leading_bytes, bytes_left) = from.split_first_chunk().ok_or(Damaged)?;
+                *from = bytes_left;
+                Ok(*leading_bytes)
             }
             Self::Count(size) => {
                 **size += N;
@@ -54,9 +54,9 @@ impl Archive<'_> {
                 Ok(number)
             }
             Self::Same(known) => {
-                let (first, rest) = known.split_first_chunk().ok_or(Damaged)?;
-                *known = rest;
-                if *first == number {
+                let (leading_bytes, bytes_left) = known.split_first_chunk().ok_or(Damaged)?;
+                *known = bytes_left;
+                if *leading_bytes == number {
                     Ok(number)
                 } else {
                     Err(Damaged)
@@ -67,15 +67,15 @@ impl Archive<'_> {
 
     /// A list whose length changes during a simulation.
     pub(crate) fn list<T: State + Default>(&mut self, list: &mut Vec<T>) -> Result<(), Damaged> {
-        let mut len = list.len();
-        len.archive(self)?;
-        if let Self::Read(from) = self {
+        let mut list_length = list.len();
+        list_length.archive(self)?;
+        if let Self::Read(source_bytes) = self {
             // Each entry takes at least a byte: so no archive makes this allocate for more entries than it has bytes.
-            if len > from.len() {
+            if list_length > source_bytes.len() {
                 return Err(Damaged);
             }
             list.clear();
-            list.resize_with(len, T::default);
+            list.resize_with(list_length, T::default);
         }
         list.iter_mut().try_for_each(|own| own.archive(self))
     }
@@ -145,8 +145,8 @@ numbers!(f64, u32, u64, usize);
 
 impl State for bool {
     fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
-        let [byte] = archive.bytes([u8::from(*self)])?;
-        *self = match byte {
+        let [flag_byte] = archive.bytes([u8::from(*self)])?;
+        *self = match flag_byte {
             0 => false,
             1 => true,
             _ => return Err(Damaged),
@@ -232,93 +232,109 @@ mod tests {
     state!(Sample { x, n, is_on });
 
     fn written(state: &mut impl State) -> Vec<u8> {
-        let mut bytes = Vec::new();
-        state.archive(&mut Archive::Write(&mut bytes)).unwrap();
-        bytes
+        let mut state_bytes = Vec::new();
+        state
+            .archive(&mut Archive::Write(&mut state_bytes))
+            .unwrap();
+        state_bytes
     }
 
     #[test]
     fn archive_read_back_to_the_last_bit() {
-        let mut state = Sample {
+        let mut sample_state = Sample {
             x: vec![0.1, -0.0, f64::NAN],
             n: 7,
             is_on: true,
         };
-        let bytes = written(&mut state);
-        let mut other = Sample {
+        let state_bytes = written(&mut sample_state);
+        let mut restored_state = Sample {
             x: vec![0.0; 3],
             ..Sample::default()
         };
-        let mut archive = Archive::Read(&bytes);
-        other.archive(&mut archive).unwrap();
+        let mut archive = Archive::Read(&state_bytes);
+        restored_state.archive(&mut archive).unwrap();
         assert!(archive.is_empty());
-        assert_eq!(written(&mut other), bytes);
+        assert_eq!(written(&mut restored_state), state_bytes);
     }
 
     #[test]
     fn archive_of_cut_or_wrong_bytes_is_damaged() {
-        let mut state = Sample {
+        let mut sample_state = Sample {
             x: vec![1.0; 3],
             n: 7,
             is_on: true,
         };
-        let bytes = written(&mut state);
-        for cut in 0..bytes.len() {
+        let state_bytes = written(&mut sample_state);
+        for cut in 0..state_bytes.len() {
             assert_eq!(
-                state.archive(&mut Archive::Read(&bytes[..cut])),
+                sample_state.archive(&mut Archive::Read(&state_bytes[..cut])),
                 Err(Damaged)
             );
         }
-        let mut wrong = bytes;
-        *wrong.last_mut().unwrap() = 2;
-        assert_eq!(state.archive(&mut Archive::Read(&wrong)), Err(Damaged));
+        let mut wrong_bytes = state_bytes;
+        *wrong_bytes.last_mut().unwrap() = 2;
+        assert_eq!(
+            sample_state.archive(&mut Archive::Read(&wrong_bytes)),
+            Err(Damaged)
+        );
     }
 
     #[test]
     fn archive_same_compares_without_changing_a_state() {
-        let mut state = Sample {
+        let mut sample_state = Sample {
             x: vec![0.0, f64::NAN],
             n: 7,
             is_on: true,
         };
-        let bytes = written(&mut state);
-        let mut size = 0;
-        state.archive(&mut Archive::Count(&mut size)).unwrap();
-        assert_eq!(size, bytes.len());
-        let is_same = |state: &mut Sample, bytes: &[u8]| {
-            let mut archive = Archive::Same(bytes);
-            state.archive(&mut archive).is_ok() && archive.is_empty()
+        let state_bytes = written(&mut sample_state);
+        let mut byte_count = 0;
+        sample_state
+            .archive(&mut Archive::Count(&mut byte_count))
+            .unwrap();
+        assert_eq!(byte_count, state_bytes.len());
+        let compares_equal = |sample_state: &mut Sample, state_bytes: &[u8]| {
+            let mut archive = Archive::Same(state_bytes);
+            sample_state.archive(&mut archive).is_ok() && archive.is_empty()
         };
-        assert!(is_same(&mut state, &bytes));
-        assert_eq!(written(&mut state), bytes);
+        assert!(compares_equal(&mut sample_state, &state_bytes));
+        assert_eq!(written(&mut sample_state), state_bytes);
         assert!(
-            !is_same(&mut state, &bytes[1..]) && !is_same(&mut state, &[&bytes[..], &[0]].concat())
+            !compares_equal(&mut sample_state, &state_bytes[1..])
+                && !compares_equal(&mut sample_state, &[&state_bytes[..], &[0]].concat())
         );
-        state.x[0] = -0.0; // only the sign bit differs
-        assert!(!is_same(&mut state, &bytes));
+        sample_state.x[0] = -0.0; // only the sign bit differs
+        assert!(!compares_equal(&mut sample_state, &state_bytes));
     }
 
     #[test]
     fn archive_note_within_and_beyond_capacity() {
-        let mut state = vec![1.0_f64; 8];
+        let mut sample_list = vec![1.0_f64; 8];
         for (room, is_noted) in [(63, false), (64, true), (200, true)] {
-            let mut bytes = Vec::with_capacity(room);
-            let before = (bytes.as_ptr(), bytes.capacity());
-            let noted = state.archive(&mut Archive::Note(&mut bytes));
-            assert_eq!(noted.is_ok(), is_noted || before.1 >= 64);
-            assert_eq!((bytes.as_ptr(), bytes.capacity()), before);
+            let mut note_buffer = Vec::with_capacity(room);
+            let buffer_before = (note_buffer.as_ptr(), note_buffer.capacity());
+            let note_outcome = sample_list.archive(&mut Archive::Note(&mut note_buffer));
+            assert_eq!(note_outcome.is_ok(), is_noted || buffer_before.1 >= 64);
+            assert_eq!(
+                (note_buffer.as_ptr(), note_buffer.capacity()),
+                buffer_before
+            );
         }
     }
 
     #[test]
     fn archive_list_with_wrong_length_is_damaged() {
-        let mut list = vec![1.0_f64, 2.0];
-        let mut bytes = Vec::new();
-        Archive::Write(&mut bytes).list(&mut list).unwrap();
-        let mut other: Vec<f64> = Vec::new();
-        Archive::Read(&bytes).list(&mut other).unwrap();
-        assert_eq!(other, list);
-        bytes[..8].copy_from_slice(&u64::MAX.to_le_bytes());
-        assert_eq!(Archive::Read(&bytes).list(&mut other), Err(Damaged));
+        let mut sample_list = vec![1.0_f64, 2.0];
+        let mut list_bytes = Vec::new();
+        Archive::Write(&mut list_bytes)
+            .list(&mut sample_list)
+            .unwrap();
+        let mut restored_list: Vec<f64> = Vec::new();
+        Archive::Read(&list_bytes).list(&mut restored_list).unwrap();
+        assert_eq!(restored_list, sample_list);
+        list_bytes[..8].copy_from_slice(&u64::MAX.to_le_bytes());
+        assert_eq!(
+            Archive::Read(&list_bytes).list(&mut restored_list),
+            Err(Damaged)
+        );
     }
 }

@@ -92,10 +92,10 @@ impl Bank {
         frames_max: usize,
         is_open: bool,
     ) -> Self {
-        let mut order: Vec<usize> = (0..oscillators.len()).collect();
+        let mut member_order: Vec<usize> = (0..oscillators.len()).collect();
         let outputs = |i: usize| oscillators[i].outputs.iter().map(|&(output, _)| output);
-        order.sort_by(|&i, &j| outputs(i).cmp(outputs(j)).then(i.cmp(&j)));
-        let mut script = Script {
+        member_order.sort_by(|&i, &j| outputs(i).cmp(outputs(j)).then(i.cmp(&j)));
+        let mut bank_script = Script {
             rate,
             sections: Vec::new(),
             rates: Vec::new(),
@@ -108,46 +108,50 @@ impl Bank {
             members: Vec::new(),
         };
         let mut motions = Vec::new();
-        for alike in order.chunk_by(|&i, &j| outputs(i).eq(outputs(j))) {
-            let first = script.rates.len();
+        for alike in member_order.chunk_by(|&i, &j| outputs(i).eq(outputs(j))) {
+            let first_group = bank_script.rates.len();
             for members in alike.chunks(LANES) {
-                motions.push(script.group(oscillators, members));
+                motions.push(bank_script.group(oscillators, members));
             }
-            script.sections.push(Section {
+            bank_script.sections.push(Section {
                 outputs: outputs(alike[0]).collect(),
-                groups: first..script.rates.len(),
+                groups: first_group..bank_script.rates.len(),
             });
         }
-        script.add_strikes();
-        script.rest_threshold = if is_open {
+        bank_script.add_strikes();
+        bank_script.rest_threshold = if is_open {
             UNHEARABLE
         } else {
-            rest_threshold(oscillators, &script.strikes, rate) / script.rates.len().max(1) as f64
+            rest_threshold(oscillators, &bank_script.strikes, rate)
+                / bank_script.rates.len().max(1) as f64
         };
-        let still = |motion: &Motion| motion.now == Lanes::ZERO && motion.before == Lanes::ZERO;
-        let n_outputs = script.sections.iter().map(|section| section.outputs.len());
+        let is_still = |motion: &Motion| motion.now == Lanes::ZERO && motion.before == Lanes::ZERO;
+        let n_outputs = bank_script
+            .sections
+            .iter()
+            .map(|section| section.outputs.len());
         Self {
             frame: 0,
             next: vec![0; motions.len()],
-            still: motions.iter().map(still).collect(),
+            still: motions.iter().map(is_still).collect(),
             sums: vec![Sum::ZERO; n_outputs.max().unwrap_or(0) * frames_max],
             frames_max,
             motions,
-            damped: script.rates.clone(),
+            damped: bank_script.rates.clone(),
             is_damped: false,
-            script: Arc::new(script),
+            script: Arc::new(bank_script),
         }
     }
 
     /// Advance by `n_frames` frames and add the outputs to `out`, (n_frames · n_out).
     pub(crate) fn process(&mut self, out: &mut [f64], n_out: usize, n_frames: usize) {
-        let script = self.script.clone();
-        for section in &script.sections {
+        let bank_script = self.script.clone();
+        for section in &bank_script.sections {
             let n_outputs = section.outputs.len();
             let frames_max = self.frames_max;
             self.sums[..n_outputs * frames_max].fill(Sum::ZERO);
             for group in section.groups.clone() {
-                self.advance(&script, group, n_outputs, n_frames);
+                self.advance(&bank_script, group, n_outputs, n_frames);
             }
             if out.is_empty() {
                 continue;
@@ -163,37 +167,39 @@ impl Bank {
 
     /// Advance one group by `n_frames` frames, with a stop at each blow.
     fn advance(&mut self, script: &Script, group: usize, n_outputs: usize, n_frames: usize) {
-        let mut first = 0;
-        while first < n_frames {
-            let now = self.frame + first as u64;
-            let event = script.events[group].get(self.next[group]);
-            let until = event.map_or(n_frames, |event| {
-                (event.frame.saturating_sub(self.frame) as usize).min(n_frames)
+        let mut segment_start = 0;
+        while segment_start < n_frames {
+            let current_frame = self.frame + segment_start as u64;
+            let next_event = script.events[group].get(self.next[group]);
+            let segment_end = next_event.map_or(n_frames, |next_event| {
+                (next_event.frame.saturating_sub(self.frame) as usize).min(n_frames)
             });
-            if until > first {
-                let until = until.min(first + (REST_TEST_EVERY - now % REST_TEST_EVERY) as usize);
-                self.run(script, group, n_outputs, first..until);
-                first = until;
-                if (self.frame + first as u64).is_multiple_of(REST_TEST_EVERY) {
+            if segment_end > segment_start {
+                let segment_end = segment_end.min(
+                    segment_start + (REST_TEST_EVERY - current_frame % REST_TEST_EVERY) as usize,
+                );
+                self.run(script, group, n_outputs, segment_start..segment_end);
+                segment_start = segment_end;
+                if (self.frame + segment_start as u64).is_multiple_of(REST_TEST_EVERY) {
                     self.rest_if_decayed(script, group);
                 }
                 continue;
             }
             self.still[group] = false;
-            let mut added = Lanes::ZERO;
-            let motion = &self.motions[group];
-            while let Some(event) = script.events[group]
+            let mut displacement = Lanes::ZERO;
+            let group_motion = &self.motions[group];
+            while let Some(next_event) = script.events[group]
                 .get(self.next[group])
-                .filter(|event| event.frame <= now)
+                .filter(|next_event| next_event.frame <= current_frame)
             {
-                script.add(group, motion, event, &mut added);
+                script.add(group, group_motion, next_event, &mut displacement);
                 self.next[group] += 1;
             }
-            self.run(script, group, n_outputs, first..first + 1);
-            for (x, added) in self.motions[group].now.0.iter_mut().zip(&added.0) {
-                *x += added;
+            self.run(script, group, n_outputs, segment_start..segment_start + 1);
+            for (x, displacement) in self.motions[group].now.0.iter_mut().zip(&displacement.0) {
+                *x += displacement;
             }
-            first += 1;
+            segment_start += 1;
         }
     }
 
@@ -201,21 +207,21 @@ impl Bank {
         if self.still[group] {
             return;
         }
-        let (rates, motion) = (self.damped.get(group), &mut self.motions[group]);
-        let rates = rates
+        let (group_rates, group_motion) = (self.damped.get(group), &mut self.motions[group]);
+        let group_rates = group_rates
             .filter(|_| self.is_damped)
             .unwrap_or(&script.rates[group]);
         if n_outputs == 1 {
-            run(rates, motion, &mut self.sums[frames]);
+            run(group_rates, group_motion, &mut self.sums[frames]);
         } else {
             let n_frames = frames.len();
-            let sums = &mut self.sums[frames.start..];
+            let output_sums = &mut self.sums[frames.start..];
             run_weighted(
-                rates,
-                motion,
+                group_rates,
+                group_motion,
                 &script.weights[group],
                 n_frames,
-                sums,
+                output_sums,
                 self.frames_max,
             );
         }
@@ -231,10 +237,13 @@ impl Bank {
 
     /// Positions of an oscillator now and one frame before [m].
     pub(crate) fn motion(&self, oscillator: usize) -> (f64, f64) {
-        let (group, lane) = self.script.places[oscillator];
-        let (group, lane) = (group as usize, lane as usize);
-        let scale = self.script.scales[group].0[lane];
-        let motion = &self.motions[group];
-        (motion.now.0[lane] / scale, motion.before.0[lane] / scale)
+        let (group_index, lane_index) = self.script.places[oscillator];
+        let (group_index, lane_index) = (group_index as usize, lane_index as usize);
+        let lane_scale = self.script.scales[group_index].0[lane_index];
+        let group_motion = &self.motions[group_index];
+        (
+            group_motion.now.0[lane_index] / lane_scale,
+            group_motion.before.0[lane_index] / lane_scale,
+        )
     }
 }

@@ -38,9 +38,9 @@ pub struct Ratios {
 impl Ratios {
     /// The ratios for which the poles are r e^{±iθ}, with r = e^-s.
     pub(crate) fn from_poles(s: f64, theta: f64) -> Self {
-        let (loss, half) = (-expm1(-s), sin(0.5 * theta));
+        let (radius_loss, half_sine) = (-expm1(-s), sin(0.5 * theta));
         Self {
-            kappa: loss * loss + 4.0 * exp(-s) * (half * half),
+            kappa: radius_loss * radius_loss + 4.0 * exp(-s) * (half_sine * half_sine),
             zeta: -expm1(-2.0 * s),
         }
     }
@@ -48,14 +48,14 @@ impl Ratios {
     /// Damped frequency [Hz] and T60 [s] (infinite without loss); `None` if the poles are not complex.
     pub fn pitch(self, rate: Rate) -> Option<(f64, f64)> {
         // 1-ζ is r²; if Z removes all velocity in one step, r is 0 and there is no oscillation.
-        let r = sqrt(1.0 - self.zeta);
-        let loss = self.zeta / (1.0 + r);
-        let half = (self.kappa - loss * loss) / (4.0 * r);
-        if !(half > 0.0 && half < 1.0) {
+        let pole_radius = sqrt(1.0 - self.zeta);
+        let radius_loss = self.zeta / (1.0 + pole_radius);
+        let half_sine_squared = (self.kappa - radius_loss * radius_loss) / (4.0 * pole_radius);
+        if !(half_sine_squared > 0.0 && half_sine_squared < 1.0) {
             return None;
         }
-        let f = 2.0 * asin(sqrt(half)) / TAU * rate.hertz();
-        Some((f, 6.0 * LN_10 * rate.step() / -log1p(-self.zeta)))
+        let frequency = 2.0 * asin(sqrt(half_sine_squared)) / TAU * rate.hertz();
+        Some((frequency, 6.0 * LN_10 * rate.step() / -log1p(-self.zeta)))
     }
 }
 
@@ -73,8 +73,8 @@ impl Ratios {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn tune(f: f64, t60: Option<f64>, rate: Rate) -> Ratios {
-    let step = rate.step();
-    Ratios::from_poles(decay(t60) * step, TAU * f * step)
+    let time_step = rate.step();
+    Ratios::from_poles(decay(t60) * time_step, TAU * f * time_step)
 }
 
 /// A continuous CEL.
@@ -107,13 +107,13 @@ impl Cell {
     pub fn new(m: f64, k: f64, z: f64) -> Self {
         let sigma = 0.5 * z / m;
         let squared = k / m;
-        let excess = sigma * sigma - squared;
-        let poles = if excess <= 0.0 {
+        let overdamping = sigma * sigma - squared;
+        let poles = if overdamping <= 0.0 {
             Poles::Oscillating {
-                omega: sqrt(-excess),
+                omega: sqrt(-overdamping),
             }
         } else {
-            let fast = sigma + sqrt(excess);
+            let fast = sigma + sqrt(overdamping);
             // Not σ - √…: that difference loses its digits if the spring is weak.
             Poles::Creeping {
                 slow: squared / fast,
@@ -162,32 +162,37 @@ impl Cell {
     ///
     /// Without stiffness κ is 0 and ζ = 1 - e^{-zT/m}; without viscosity ζ is 0.
     pub fn ratios(&self, rate: Rate) -> Ratios {
-        let step = rate.step();
+        let time_step = rate.step();
         match self.poles {
-            Poles::Oscillating { omega } => Ratios::from_poles(self.sigma * step, omega * step),
+            Poles::Oscillating { omega } => {
+                Ratios::from_poles(self.sigma * time_step, omega * time_step)
+            }
             // κ is (1-λ₁)(1-λ₂), ζ is 1-λ₁λ₂.
             Poles::Creeping { slow, fast } => Ratios {
-                kappa: expm1(-slow * step) * expm1(-fast * step),
-                zeta: -expm1(-2.0 * self.sigma * step),
+                kappa: expm1(-slow * time_step) * expm1(-fast * time_step),
+                zeta: -expm1(-2.0 * self.sigma * time_step),
             },
         }
     }
 
     /// The cell of mass `m` [kg] that has these ratios at `rate`; `None` if no continuous motion has such samples.
     pub(crate) fn from_ratios(m: f64, Ratios { kappa, zeta }: Ratios, rate: Rate) -> Option<Self> {
-        let (hertz, r) = (rate.hertz(), sqrt(1.0 - zeta));
-        let loss = zeta / (1.0 + r);
-        let half = (kappa - loss * loss) / (4.0 * r);
-        let sigma = -0.5 * log1p(-zeta) * hertz;
-        let poles = if half >= 0.0 {
-            let omega = 2.0 * asin(sqrt(half)) * hertz;
+        let (sample_rate, pole_radius) = (rate.hertz(), sqrt(1.0 - zeta));
+        let radius_loss = zeta / (1.0 + pole_radius);
+        let half_sine_squared = (kappa - radius_loss * radius_loss) / (4.0 * pole_radius);
+        let sigma = -0.5 * log1p(-zeta) * sample_rate;
+        let poles = if half_sine_squared >= 0.0 {
+            let omega = 2.0 * asin(sqrt(half_sine_squared)) * sample_rate;
             Poles::Oscillating { omega }
         } else {
             // λ = r·e^±d; 1 − λ of both poles, without cancellation.
-            let spread = sqrt(-half * (1.0 - half));
-            let slow = loss + 2.0 * r * half - 2.0 * r * spread;
-            let fast = loss + 2.0 * r * half + 2.0 * r * spread;
-            let [slow, fast] = [slow, fast].map(|gone| -log1p(-gone) * hertz);
+            let pole_spread = sqrt(-half_sine_squared * (1.0 - half_sine_squared));
+            let slow = radius_loss + 2.0 * pole_radius * half_sine_squared
+                - 2.0 * pole_radius * pole_spread;
+            let fast = radius_loss
+                + 2.0 * pole_radius * half_sine_squared
+                + 2.0 * pole_radius * pole_spread;
+            let [slow, fast] = [slow, fast].map(|gone| -log1p(-gone) * sample_rate);
             Poles::Creeping { slow, fast }
         };
         let is_sound = match poles {
@@ -209,27 +214,33 @@ impl Cell {
     pub fn last_step(&self, x: f64, v: f64, rest: f64, rate: Rate) -> f64 {
         /// e^-FORGOTTEN is less than half the rounding unit.
         const FORGOTTEN: f64 = 37.0;
-        let (y, step) = (x - rest, rate.step());
-        let s = self.sigma * step;
+        let (y, time_step) = (x - rest, rate.step());
+        let s = self.sigma * time_step;
         if 2.0 * s > FORGOTTEN {
-            return step * v;
+            return time_step * v;
         }
         // y(-T) = e^s (y C - (v + σy) S), with the (hyperbolic) cosine C, and sine over ω S, of one step:
         // `cosine_term` is 1 - e^s C and `sine_term` is e^s S, both computed without cancellation.
         let (cosine_term, sine_term) = match self.poles {
             Poles::Oscillating { omega } => {
-                let half = sin(0.5 * omega * step);
+                let half_sine = sin(0.5 * omega * time_step);
                 let sine_term = if omega > 0.0 {
-                    sin(omega * step) / omega
+                    sin(omega * time_step) / omega
                 } else {
-                    step
+                    time_step
                 };
-                (2.0 * exp(s) * (half * half) - expm1(s), exp(s) * sine_term)
+                (
+                    2.0 * exp(s) * (half_sine * half_sine) - expm1(s),
+                    exp(s) * sine_term,
+                )
             }
             Poles::Creeping { slow, fast } => {
-                let gap = fast - slow;
-                let cosine_term = -0.5 * (expm1(fast * step) + expm1(slow * step));
-                (cosine_term, exp(slow * step) * expm1(gap * step) / gap)
+                let pole_gap = fast - slow;
+                let cosine_term = -0.5 * (expm1(fast * time_step) + expm1(slow * time_step));
+                (
+                    cosine_term,
+                    exp(slow * time_step) * expm1(pole_gap * time_step) / pole_gap,
+                )
             }
         };
         y * cosine_term + (v + self.sigma * y) * sine_term
@@ -243,8 +254,8 @@ impl Cell {
             }
             Poles::Oscillating { .. } => exp(-self.sigma * t) * t,
             Poles::Creeping { slow, fast } => {
-                let gap = fast - slow;
-                -exp(-slow * t) * expm1(-gap * t) / gap
+                let pole_gap = fast - slow;
+                -exp(-slow * t) * expm1(-pole_gap * t) / pole_gap
             }
         }
     }
@@ -256,8 +267,8 @@ impl Cell {
                 exp(-self.sigma * t) * cos(omega * t) + self.sigma * self.response(t)
             }
             Poles::Creeping { slow, fast } => {
-                let gap = fast - slow;
-                exp(-slow * t) * (1.0 - slow * expm1(-gap * t) / gap)
+                let pole_gap = fast - slow;
+                exp(-slow * t) * (1.0 - slow * expm1(-pole_gap * t) / pole_gap)
             }
         }
     }
@@ -266,8 +277,8 @@ impl Cell {
     /// position [m].
     pub(crate) fn energy(&self, [now, next]: [f64; 2], rate: Rate) -> f64 {
         let (released, response) = (self.released(rate.step()), self.response(rate.step()));
-        let v = (next - released * now) / response;
-        0.5 * self.mass * (v * v) + 0.5 * self.stiffness() * (now * now)
+        let velocity = (next - released * now) / response;
+        0.5 * self.mass * (velocity * velocity) + 0.5 * self.stiffness() * (now * now)
     }
 
     /// Displacement [m] per impulse [N·s], `t` [s] >= 0 after it.
@@ -291,28 +302,32 @@ impl Cell {
     pub(crate) fn answer_factors(&self, t: f64) -> [[f64; 2]; 2] {
         match self.poles {
             Poles::Oscillating { omega } => {
-                let (decay, sine, cosine) = (exp(-self.sigma * t), sin(omega * t), cos(omega * t));
-                let part = decay / (self.mass * omega);
+                let (decay_factor, sine, cosine) =
+                    (exp(-self.sigma * t), sin(omega * t), cos(omega * t));
+                let amplitude_factor = decay_factor / (self.mass * omega);
                 [
-                    [part * sine, -part * cosine],
-                    [cosine / decay, sine / decay],
+                    [amplitude_factor * sine, -amplitude_factor * cosine],
+                    [cosine / decay_factor, sine / decay_factor],
                 ]
             }
             Poles::Creeping { slow, fast } => {
-                let part = 1.0 / (self.mass * (fast - slow));
+                let amplitude_factor = 1.0 / (self.mass * (fast - slow));
                 let [slow, fast] = [slow, fast].map(|pole| exp(-pole * t));
-                [[part * slow, -part * fast], [1.0 / slow, 1.0 / fast]]
+                [
+                    [amplitude_factor * slow, -amplitude_factor * fast],
+                    [1.0 / slow, 1.0 / fast],
+                ]
             }
         }
     }
 
     /// Whether [`Self::answer_factors`] keep the digits of the answer within a step [s].
     pub(crate) fn has_answer_factors(&self, step: f64) -> bool {
-        let spread = match self.poles {
+        let pole_spread = match self.poles {
             Poles::Oscillating { omega } => omega,
             Poles::Creeping { slow, fast } => fast - slow,
         };
-        spread * step >= FACTORS_SPREAD_MIN && self.reach() * step <= BACKWARD_DECAY_MAX
+        pole_spread * step >= FACTORS_SPREAD_MIN && self.reach() * step <= BACKWARD_DECAY_MAX
     }
 
     /// Velocity [m/s] per impulse [N·s], right after it.
@@ -331,11 +346,14 @@ impl Cell {
     /// Weights of two successive samples, relative to the rest position, that give the free motion at the fraction
     /// `part` of the step between them.
     pub(crate) fn interpolation(&self, part: f64, rate: Rate) -> (f64, f64) {
-        let step = rate.step();
-        let full_step = self.response(step);
-        let left = self.response((1.0 - part) * step) / full_step;
-        let done = self.response(part * step) / full_step;
-        (left * exp(-2.0 * self.sigma * part * step), done)
+        let time_step = rate.step();
+        let full_step = self.response(time_step);
+        let remaining_response = self.response((1.0 - part) * time_step) / full_step;
+        let elapsed_response = self.response(part * time_step) / full_step;
+        (
+            remaining_response * exp(-2.0 * self.sigma * part * time_step),
+            elapsed_response,
+        )
     }
 
     /// Forces [N] at samples n and n+1 that replace an impulse [N·s] at (n + α)T, 0 <= α < 1: from sample n+1 on the
@@ -362,24 +380,24 @@ impl Cell {
         rate: Rate,
         step_response: f64,
     ) -> ((f64, f64), [f64; 2]) {
-        let split = self.split_at(part, rate);
-        let decay = exp(-2.0 * self.sigma * part * rate.step());
+        let impulse_split = self.split_at(part, rate);
+        let decay_factor = exp(-2.0 * self.sigma * part * rate.step());
         let weights = (
-            split.now / step_response * decay,
-            split.past / step_response,
+            impulse_split.now / step_response * decay_factor,
+            impulse_split.past / step_response,
         );
-        (weights, split.forces(1.0))
+        (weights, impulse_split.forces(1.0))
     }
 
     /// The part of [`Self::split`] that depends on the instant only, for many impulses at this instant.
     pub(crate) fn split_at(&self, alpha: f64, rate: Rate) -> Split {
-        let step = rate.step();
-        let (rest, past) = ((1.0 - alpha) * step, alpha * step);
+        let time_step = rate.step();
+        let (time_left, time_past) = ((1.0 - alpha) * time_step, alpha * time_step);
         Split {
-            square: step * step,
-            now: self.response(rest),
-            decay: exp(-2.0 * self.sigma * rest),
-            past: self.response(past),
+            square: time_step * time_step,
+            now: self.response(time_left),
+            decay: exp(-2.0 * self.sigma * time_left),
+            past: self.response(time_past),
         }
     }
 }
@@ -397,7 +415,10 @@ pub(crate) struct Split {
 impl Split {
     /// The forces [N] for an impulse [N·s].
     pub(crate) fn forces(&self, impulse: f64) -> [f64; 2] {
-        let unit = impulse / self.square;
-        [unit * self.now, unit * self.decay * self.past]
+        let scaled_impulse = impulse / self.square;
+        [
+            scaled_impulse * self.now,
+            scaled_impulse * self.decay * self.past,
+        ]
     }
 }

@@ -27,11 +27,12 @@ pub struct Chance(Pcg64);
 impl Chance {
     /// The generator for one occurrence of one member of a named thing, such as a bank.
     pub fn new(seed: i128, kind: &str, name: &str, member: u64, occurrence: u64) -> Self {
-        let mut key = String::with_capacity(kind.len() + name.len() + 96);
-        let _ = write!(key, "{seed}/{kind}/{name}/{member}/{occurrence}");
-        let digest: [u8; 32] = Sha256::digest(key.as_bytes()).into();
-        let half = |from: usize| u128::from_le_bytes(std::array::from_fn(|i| digest[from + i]));
-        Self(Pcg64::new(half(0), half(16)))
+        let mut hash_key = String::with_capacity(kind.len() + name.len() + 96);
+        let _ = write!(hash_key, "{seed}/{kind}/{name}/{member}/{occurrence}");
+        let key_digest: [u8; 32] = Sha256::digest(hash_key.as_bytes()).into();
+        let half_digest =
+            |from: usize| u128::from_le_bytes(std::array::from_fn(|i| key_digest[from + i]));
+        Self(Pcg64::new(half_digest(0), half_digest(16)))
     }
 
     /// A multiple of 2⁻⁵³ in [0, 1).
@@ -47,9 +48,9 @@ impl Chance {
 
     /// A number from `low` to `high`, both above zero, uniformly distributed in its logarithm.
     pub fn logarithmic(&mut self, low: f64, high: f64) -> f64 {
-        let (from, to) = (maths::log(low), maths::log(high));
+        let (log_low, log_high) = (maths::log(low), maths::log(high));
         // exp(ln x) may differ from x by a bit, and the result must stay in the range.
-        maths::exp(from + (to - from) * self.unit()).clamp(low.min(high), low.max(high))
+        maths::exp(log_low + (log_high - log_low) * self.unit()).clamp(low.min(high), low.max(high))
     }
 
     /// A waiting time of a Poisson process: exponential, with this `mean`.
@@ -130,21 +131,21 @@ mod tests {
     #[test]
     fn moments() {
         let mut chance = chance("rain");
-        let n = 200_000;
-        let mut mean = |draw: fn(&mut Chance) -> f64| {
-            (0..n).map(|_| draw(&mut chance)).sum::<f64>() / f64::from(n)
+        let draw_count = 200_000;
+        let mut mean_of_draws = |draw: fn(&mut Chance) -> f64| {
+            (0..draw_count).map(|_| draw(&mut chance)).sum::<f64>() / f64::from(draw_count)
         };
         // Five standard errors of each mean.
-        assert!((mean(|c| c.uniform(-1.0, 3.0)) - 1.0).abs() < 5.0 * 1.155 / 447.0);
-        assert!((mean(|c| c.uniform(0.0, 1.0) * c.uniform(0.0, 1.0)) - 0.25).abs() < 3e-3);
-        assert!((mean(|c| c.exponential(0.2)) - 0.2).abs() < 5.0 * 0.2 / 447.0);
-        let square = |c: &mut Chance| {
-            let x = c.exponential(1.0);
-            x * x
+        assert!((mean_of_draws(|c| c.uniform(-1.0, 3.0)) - 1.0).abs() < 5.0 * 1.155 / 447.0);
+        assert!((mean_of_draws(|c| c.uniform(0.0, 1.0) * c.uniform(0.0, 1.0)) - 0.25).abs() < 3e-3);
+        assert!((mean_of_draws(|c| c.exponential(0.2)) - 0.2).abs() < 5.0 * 0.2 / 447.0);
+        let squared_draw = |c: &mut Chance| {
+            let drawn_number = c.exponential(1.0);
+            drawn_number * drawn_number
         };
-        assert!((mean(square) - 2.0).abs() < 5.0 * 4.472 / 447.0);
-        let octave = mean(|c| maths::log(c.logarithmic(20.0, 20_000.0) / 20.0));
-        assert!((octave - 0.5 * maths::log(1000.0)).abs() < 5.0 * 1.994 / 447.0);
+        assert!((mean_of_draws(squared_draw) - 2.0).abs() < 5.0 * 4.472 / 447.0);
+        let mean_logarithm = mean_of_draws(|c| maths::log(c.logarithmic(20.0, 20_000.0) / 20.0));
+        assert!((mean_logarithm - 0.5 * maths::log(1000.0)).abs() < 5.0 * 1.994 / 447.0);
     }
 
     #[test]
@@ -160,39 +161,39 @@ mod tests {
 
     #[test]
     fn chance_of_other_keys_differs() {
-        let first = |mut c: Chance| c.0.next_u64();
-        let base = first(chance("rain"));
+        let first_draw = |mut c: Chance| c.0.next_u64();
+        let rain_draw = first_draw(chance("rain"));
         for other in [
             chance("rains"),
             Chance::new(-20_181_110, "strikes", "rain", 3, 1),
             Chance::new(20_181_110, "gesture", "rain", 3, 1),
             Chance::new(20_181_110, "strikes", "rain", 1, 3),
         ] {
-            assert_ne!(first(other), base);
+            assert_ne!(first_draw(other), rain_draw);
         }
     }
 
     #[test]
     fn poisson_times_have_their_rate_and_equal_beginnings() {
-        let fall = |stop: f64| {
+        let rain_until = |stop: f64| {
             let mut chance = chance("rain");
-            let mut times = chance.poisson_times(50.0, 2.0, stop);
-            let mut drops = Vec::new();
-            while let Some(t) = times.next() {
-                drops.push((t, times.chance().uniform(1.0, 2.0)));
+            let mut drop_times = chance.poisson_times(50.0, 2.0, stop);
+            let mut timed_drops = Vec::new();
+            while let Some(drop_time) = drop_times.next() {
+                timed_drops.push((drop_time, drop_times.chance().uniform(1.0, 2.0)));
             }
-            drops
+            timed_drops
         };
-        let long = fall(402.0);
+        let long_rain = rain_until(402.0);
         assert!(
-            (long.len() as f64 - 20_000.0).abs() < 5.0 * 141.5,
+            (long_rain.len() as f64 - 20_000.0).abs() < 5.0 * 141.5,
             "{}",
-            long.len()
+            long_rain.len()
         );
-        assert!(long.windows(2).all(|w| w[0].0 < w[1].0) && long[0].0 >= 2.0);
-        assert!(long.iter().all(|drop| drop.0 < 402.0));
-        let short = fall(40.0);
-        assert_eq!(short[..], long[..short.len()]);
+        assert!(long_rain.windows(2).all(|w| w[0].0 < w[1].0) && long_rain[0].0 >= 2.0);
+        assert!(long_rain.iter().all(|drop| drop.0 < 402.0));
+        let short_rain = rain_until(40.0);
+        assert_eq!(short_rain[..], long_rain[..short_rain.len()]);
         assert_eq!(chance("rain").poisson_times(0.0, 0.0, 1e9).count(), 0);
     }
 }

@@ -69,11 +69,13 @@ impl Derivatives {
     /// Copy the past frames from `old`; `outputs` gives for each old output its index here. Allocates nothing.
     pub fn take_over(&mut self, old: &Self, outputs: &[Option<usize>]) {
         for differentiator in &mut self.0 {
-            let is_same = |before: &&Differentiator| {
-                outputs.get(before.output).copied().flatten() == Some(differentiator.output)
+            let is_same_output = |old_differentiator: &&Differentiator| {
+                outputs.get(old_differentiator.output).copied().flatten()
+                    == Some(differentiator.output)
             };
-            if let Some(before) = old.0.iter().find(is_same) {
-                (differentiator.past, differentiator.is_begun) = (before.past, before.is_begun);
+            if let Some(old_differentiator) = old.0.iter().find(is_same_output) {
+                (differentiator.past, differentiator.is_begun) =
+                    (old_differentiator.past, old_differentiator.is_begun);
             }
         }
     }
@@ -83,7 +85,7 @@ impl Differentiator {
     /// Process at most [`BLOCK`] frames, (n_frames, n_out).
     fn process(&mut self, frames: &mut [f64], n_out: usize) {
         const PAST: usize = SPAN - 1;
-        let n = frames.len() / n_out;
+        let n_frames = frames.len() / n_out;
         let mut x = [0.0; PAST + BLOCK];
         let samples = frames.iter().skip(self.output).step_by(n_out);
         x[PAST..]
@@ -95,13 +97,15 @@ impl Differentiator {
             self.is_begun = true;
         }
         x[..PAST].copy_from_slice(&self.past);
-        self.past.copy_from_slice(&x[n..n + PAST]);
+        self.past.copy_from_slice(&x[n_frames..n_frames + PAST]);
         // Each frame sums its pairs in the same order, whatever the length of the block.
-        let mut rates = [-0.0; BLOCK];
-        let rates = &mut rates[..n];
-        add_pairs(&self.weights, self.is_second, &x, rates);
+        let mut derivative_block = [-0.0; BLOCK];
+        let derivative_block = &mut derivative_block[..n_frames];
+        add_pairs(&self.weights, self.is_second, &x, derivative_block);
         let samples = frames.iter_mut().skip(self.output).step_by(n_out);
-        samples.zip(rates).for_each(|(x, rate)| *x = *rate);
+        samples
+            .zip(derivative_block)
+            .for_each(|(x, rate)| *x = *rate);
     }
 }
 
@@ -128,13 +132,13 @@ wide! {
 fn first() -> [f64; SIDE] {
     std::array::from_fn(|i| {
         let k = (i + 1) as f64;
-        let odd = 2.0 * k - 1.0;
+        let odd_number = 2.0 * k - 1.0;
         // The slope of the Lagrange polynomial through all frames.
-        let others = (1..=SIDE).filter(|&m| m != i + 1).map(|m| {
-            let other = 2.0 * m as f64 - 1.0;
-            other * other / (other * other - odd * odd)
+        let lagrange_factors = (1..=SIDE).filter(|&m| m != i + 1).map(|m| {
+            let other_odd = 2.0 * m as f64 - 1.0;
+            other_odd * other_odd / (other_odd * other_odd - odd_number * odd_number)
         });
-        others.product::<f64>() / odd
+        lagrange_factors.product::<f64>() / odd_number
     })
 }
 
@@ -142,11 +146,11 @@ fn first() -> [f64; SIDE] {
 fn second() -> [f64; SIDE] {
     std::array::from_fn(|i| {
         let k = (i + 1) as f64;
-        let others = (1..=SIDE).filter(|&m| m != i + 1).map(|m| {
-            let other = m as f64;
-            other * other / (other * other - k * k)
+        let lagrange_factors = (1..=SIDE).filter(|&m| m != i + 1).map(|m| {
+            let other_offset = m as f64;
+            other_offset * other_offset / (other_offset * other_offset - k * k)
         });
-        others.product::<f64>() / (k * k)
+        lagrange_factors.product::<f64>() / (k * k)
     })
 }
 
@@ -162,13 +166,13 @@ mod tests {
 
     fn derivatives(order: u8) -> Derivatives {
         let mut network = Network::new();
-        let m = network.mas("m", 1.0, 0.0, 0.0).unwrap();
-        let term = Term::Position {
-            first: m,
+        let mass_index = network.mas("m", 1.0, 0.0, 0.0).unwrap();
+        let position_term = Term::Position {
+            first: mass_index,
             len: 1,
             weight: 1.0,
         };
-        network.listen_to("m", vec![term], order).unwrap();
+        network.listen_to("m", vec![position_term], order).unwrap();
         Derivatives::new(&network, RATE)
     }
 
@@ -177,23 +181,24 @@ mod tests {
     fn error(order: u8, f: f64, delay: f64) -> f64 {
         let mut derivative = derivatives(order);
         let omega = TAU * f;
-        let sine = |n: f64| sincos(omega * n / RATE);
-        let mut worst = 0.0_f64;
+        let sine_at_frame = |n: f64| sincos(omega * n / RATE);
+        let mut worst_error = 0.0_f64;
         for n in 0..2000 {
-            let mut x = [sine(f64::from(n)).0];
-            derivative.process(&mut x, 1);
-            let (sin, cos) = sine(f64::from(n) - delay);
-            let wanted = if order == 1 {
+            let mut frame_samples = [sine_at_frame(f64::from(n)).0];
+            derivative.process(&mut frame_samples, 1);
+            let (sin, cos) = sine_at_frame(f64::from(n) - delay);
+            let exact_derivative = if order == 1 {
                 omega * cos
             } else {
                 -omega * omega * sin
             };
             if n >= SPAN as i32 {
-                let size = if order == 1 { omega } else { omega * omega };
-                worst = worst.max(((x[0] - wanted) / size).abs());
+                let peak_derivative = if order == 1 { omega } else { omega * omega };
+                worst_error = worst_error
+                    .max(((frame_samples[0] - exact_derivative) / peak_derivative).abs());
             }
         }
-        20.0 * log10(worst)
+        20.0 * log10(worst_error)
     }
 
     #[test]
@@ -206,8 +211,8 @@ mod tests {
             (15_000.0, -49.2, -41.6),
             (20_000.0, -24.2, -17.9),
         ] {
-            let (speed, acceleration) = (error(1, f, 7.5), error(2, f, 8.0));
-            assert!(speed < first, "{f} Hz: speed {speed} dB");
+            let (speed_error, acceleration) = (error(1, f, 7.5), error(2, f, 8.0));
+            assert!(speed_error < first, "{f} Hz: speed {speed_error} dB");
             assert!(
                 acceleration < second,
                 "{f} Hz: acceleration {acceleration} dB"
@@ -218,26 +223,26 @@ mod tests {
     #[test]
     fn derivatives_of_a_constant_are_zero() {
         for order in [1, 2] {
-            let mut frames = [0.3; 100];
-            derivatives(order).process(&mut frames, 1);
-            assert_eq!(frames, [0.0; 100]);
+            let mut constant_frames = [0.3; 100];
+            derivatives(order).process(&mut constant_frames, 1);
+            assert_eq!(constant_frames, [0.0; 100]);
         }
     }
 
     #[test]
     fn derivatives_in_blocks_of_any_size() {
-        let noise: Vec<f64> = (0..1000)
+        let noise_frames: Vec<f64> = (0..1000)
             .map(|i| sincos(f64::from(i * i % 7919)).0)
             .collect();
-        let mut single_block = noise.clone();
+        let mut single_block = noise_frames.clone();
         derivatives(2).process(&mut single_block, 1);
         for block in [1, 7, 64, 333] {
             let mut derivative = derivatives(2);
-            let mut pieces = noise.clone();
-            pieces
+            let mut block_frames = noise_frames.clone();
+            block_frames
                 .chunks_mut(block)
                 .for_each(|x| derivative.process(x, 1));
-            assert_eq!(pieces, single_block);
+            assert_eq!(block_frames, single_block);
         }
     }
 }

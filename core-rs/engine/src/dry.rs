@@ -39,8 +39,10 @@ impl Dry {
         if !self.falls() {
             return 0.0;
         }
-        let ratio = v / self.speed;
-        -2.0 * ratio / self.speed * (self.static_level - self.level) * exp(-ratio * ratio)
+        let speed_ratio = v / self.speed;
+        -2.0 * speed_ratio / self.speed
+            * (self.static_level - self.level)
+            * exp(-speed_ratio * speed_ratio)
     }
 
     /// Number of steps of a frame in which a level that falls with the velocity changes little, if a force of 1 N over the
@@ -50,8 +52,8 @@ impl Dry {
         if !self.falls() {
             return 1.0;
         }
-        let range = (self.static_level - self.level).abs();
-        let steepest = (2.0 * exp(-1.0)).sqrt() * range / self.speed;
+        let level_range = (self.static_level - self.level).abs();
+        let steepest = (2.0 * exp(-1.0)).sqrt() * level_range / self.speed;
         (steepest * response / CHANGE_MAX).max(1.0)
     }
 
@@ -60,8 +62,8 @@ impl Dry {
         if !self.falls() {
             return self.level;
         }
-        let ratio = v / self.speed;
-        self.level + (self.static_level - self.level) * exp(-ratio * ratio)
+        let speed_ratio = v / self.speed;
+        self.level + (self.static_level - self.level) * exp(-speed_ratio * speed_ratio)
     }
 }
 
@@ -84,33 +86,33 @@ impl Turned {
 
     /// The velocity after a step in which `v` gains `gain` by other forces, and friction changes it by at most `bound`.
     pub(crate) fn after_step(v: f64, gain: f64, bound: f64) -> Self {
-        let sign = if v != 0.0 {
+        let slide_sign = if v != 0.0 {
             v.signum()
         } else if gain.abs() > bound || bound == 0.0 {
             gain.signum()
         } else {
             return Self::HELD;
         };
-        let to = v + gain - sign * bound;
-        if sign * to >= 0.0 || bound == 0.0 {
+        let slid_velocity = v + gain - slide_sign * bound;
+        if slide_sign * slid_velocity >= 0.0 || bound == 0.0 {
             return Self {
-                v: to,
+                v: slid_velocity,
                 by_v: 1.0,
                 by_gain: 1.0,
-                by_bound: -sign,
+                by_bound: -slide_sign,
             };
         }
-        let (before, after) = (gain - sign * bound, gain + sign * bound);
-        if sign * after >= 0.0 {
+        let (gain_before, gain_after) = (gain - slide_sign * bound, gain + slide_sign * bound);
+        if slide_sign * gain_after >= 0.0 {
             return Self::HELD; // it comes to rest, and friction holds it
         }
-        let ratio = after / before;
-        let spread = to / (before * before);
+        let gain_ratio = gain_after / gain_before;
+        let spread = slid_velocity / (gain_before * gain_before);
         Self {
-            v: to * ratio,
-            by_v: ratio,
-            by_gain: ratio + spread * (before - after),
-            by_bound: sign * (spread * (before + after) - ratio),
+            v: slid_velocity * gain_ratio,
+            by_v: gain_ratio,
+            by_gain: gain_ratio + spread * (gain_before - gain_after),
+            by_bound: slide_sign * (spread * (gain_before + gain_after) - gain_ratio),
         }
     }
 }

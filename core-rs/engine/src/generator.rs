@@ -263,12 +263,12 @@ impl Links {
 
     /// Adds a link of either sign of a body that resists bending; `hardens` is true only for links that stretch.
     fn join_bent(&mut self, a: usize, b: usize, factor: f64, hardens: bool) {
-        let goes_on = |run: &LinkRun| {
+        let continues_run = |run: &LinkRun| {
             (run.a + run.len, run.b + run.len) == (a, b)
                 && (run.factor, run.hardens) == (factor, hardens)
         };
         match self.runs.last_mut() {
-            Some(run) if goes_on(run) => run.len += 1,
+            Some(run) if continues_run(run) => run.len += 1,
             _ => self.runs.push(LinkRun {
                 a,
                 b,

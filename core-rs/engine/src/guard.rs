@@ -178,49 +178,52 @@ impl Guard {
         } else {
             &compliance
         };
-        let moves = |mat: usize| w[mat] > 0.0 && !ports.contains(&mat);
-        let mut watches = watches(&scheme.runs, moves);
+        let is_moving = |mat: usize| w[mat] > 0.0 && !ports.contains(&mat);
+        let mut watches = watches(&scheme.runs, is_moving);
         if watches.is_empty() {
             return Ok(None);
         }
-        let enough = 0.5 * limit.trusted;
-        let rest = top(scheme, network, limit.c, enough)?.lambda;
-        if rest >= limit.accepted {
+        let enough_lambda = 0.5 * limit.trusted;
+        let lambda_at_rest = top(scheme, network, limit.c, enough_lambda)?.lambda;
+        if lambda_at_rest >= limit.accepted {
             return Ok(None); // unstable at rest: the certificate refuses it
         }
         // If λ at rest is near or above `trusted`, links may still use a quarter of the distance from it to `accepted`.
         let has_poles = limit.has_poles;
-        let limit = f64::max(limit.trusted, rest + 0.25 * (limit.accepted - rest));
-        set_reaches(&mut watches, limit - rest, w);
+        let limit = f64::max(
+            limit.trusted,
+            lambda_at_rest + 0.25 * (limit.accepted - lambda_at_rest),
+        );
+        set_reaches(&mut watches, limit - lambda_at_rest, w);
         if watches.is_empty() {
             return Ok(None);
         }
-        let ends = || watches.iter().flat_map(|watch| [watch.a, watch.b]);
+        let watched_ends = || watches.iter().flat_map(|watch| [watch.a, watch.b]);
         let longest = watches.iter().map(|watch| watch.len).max().unwrap_or(0);
-        let last = watches.iter().map(|watch| watch.a.max(watch.b) + watch.len);
-        let zeros = || vec![0.0; scheme.n_mat()];
+        let last_mats = watches.iter().map(|watch| watch.a.max(watch.b) + watch.len);
+        let zero_vector = || vec![0.0; scheme.n_mat()];
         let cells = Cells::new(scheme, network, has_poles)?.map(Arc::new);
-        let ties = || cells.as_ref().map_or_else(Vec::new, |_| zeros());
+        let tie_buffer = || cells.as_ref().map_or_else(Vec::new, |_| zero_vector());
         Ok(Some(Self {
-            ties: [ties(), ties()],
-            mats: ends().min().unwrap_or(0)..last.max().unwrap_or(0),
+            ties: [tie_buffer(), tie_buffer()],
+            mats: watched_ends().min().unwrap_or(0)..last_mats.max().unwrap_or(0),
             ports: ports.to_vec(),
             unrelated: unrelated_mats(network, scheme, &watches),
             cells,
-            rest_lambda: rest,
+            rest_lambda: lambda_at_rest,
             limit,
             margin: f64::NEG_INFINITY,
             steps: 1,
             previous_steps: 1,
             calm_frames: 0,
             finer_frames: FinerFrames::default(),
-            lead: zeros(),
-            x: zeros(),
-            d: zeros(),
-            outside: zeros(),
-            travel: zeros(),
-            link_steps: zeros(),
-            sums: zeros(),
+            lead: zero_vector(),
+            x: zero_vector(),
+            d: zero_vector(),
+            outside: zero_vector(),
+            travel: zero_vector(),
+            link_steps: zero_vector(),
+            sums: zero_vector(),
             rises: vec![0.0; longest],
             imposed: Vec::new(),
             compliance,
@@ -278,9 +281,9 @@ impl Guard {
 
     /// Stop watching links of the MATs for which `is_gone` holds.
     pub(crate) fn release(&mut self, is_gone: impl Fn(usize) -> bool) {
-        let meets = |first: usize, len| (first..first + len).any(&is_gone);
+        let touches_gone = |first: usize, len| (first..first + len).any(&is_gone);
         self.watches
-            .retain(|watch| !meets(watch.a, watch.len) && !meets(watch.b, watch.len));
+            .retain(|watch| !touches_gone(watch.a, watch.len) && !touches_gone(watch.b, watch.len));
         self.reset();
     }
 
@@ -294,12 +297,12 @@ impl Guard {
         if self.margin > 0.0 {
             return false;
         }
-        let (risen, mat) = self.stiffening(x, w);
-        let is_over = self.steps_needed(risen) > 1;
-        if is_over {
-            self.finer_frames.mat = mat;
+        let (lambda_rise, worst_mat) = self.stiffening(x, w);
+        let is_exceeded = self.steps_needed(lambda_rise) > 1;
+        if is_exceeded {
+            self.finer_frames.mat = worst_mat;
         }
-        is_over
+        is_exceeded
     }
 
     /// A bound on the rise of λ by stiffening at `x`, and the MAT where it is largest; (0, 0) if every elongation is
@@ -334,34 +337,36 @@ impl Guard {
         if self.rest_lambda + risen <= self.limit {
             return 1;
         }
-        let bears = |steps: &u32| {
-            let steps = f64::from(*steps);
-            self.rest_lambda / steps + risen / (steps * steps) <= TRUSTED
+        let is_enough = |step_count: &u32| {
+            let step_count = f64::from(*step_count);
+            self.rest_lambda / step_count + risen / (step_count * step_count) <= TRUSTED
         };
         [2, 4, MAX_STEPS]
             .into_iter()
-            .find(bears)
+            .find(is_enough)
             .unwrap_or(2 * MAX_STEPS)
     }
 }
 
 /// MATs that no path of links joins with a watched link.
 fn unrelated_mats(network: &Network, scheme: &Scheme, watches: &[Watch]) -> Vec<usize> {
-    let n = scheme.n_mat();
-    let mut forest = Forest::new(n);
-    let moves = |mat: usize| scheme.w[mat] > 0.0 || scheme.is_proxy(mat);
+    let mat_count = scheme.n_mat();
+    let mut link_forest = Forest::new(mat_count);
+    let is_moving = |mat: usize| scheme.w[mat] > 0.0 || scheme.is_proxy(mat);
     for (a, b) in joined(network) {
-        if moves(a) && moves(b) {
-            forest.join(a, b);
+        if is_moving(a) && is_moving(b) {
+            link_forest.join(a, b);
         }
     }
-    let mut is_near = vec![false; n];
+    let mut is_watched = vec![false; mat_count];
     for watch in watches {
         for first in [watch.a, watch.b] {
-            (first..first + watch.len).for_each(|mat| is_near[forest.root(mat)] = true);
+            (first..first + watch.len).for_each(|mat| is_watched[link_forest.root(mat)] = true);
         }
     }
-    (0..n).filter(|&mat| !is_near[forest.root(mat)]).collect()
+    (0..mat_count)
+        .filter(|&mat| !is_watched[link_forest.root(mat)])
+        .collect()
 }
 
 #[cfg(test)]

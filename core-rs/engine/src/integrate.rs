@@ -147,22 +147,22 @@ impl Integrator {
         substeps: u32,
     ) -> Result<Self, Error> {
         let rate = faster(rate, substeps)?;
-        let mesh = Arc::new(Mesh::new(network, rate, method)?);
+        let network_mesh = Arc::new(Mesh::new(network, rate, method)?);
         let motion = match method {
-            MeshMethod::Ca => Motion::Ca(Box::new(ca::Ca::new(mesh, network, rate)?)),
-            MeshMethod::Ca2p => Motion::Ca2p(ca2p::Ca2p::new(mesh, network)?),
-            MeshMethod::Bm4 => Motion::Bm4(bm4::Bm4::new(mesh, network)),
-            MeshMethod::Ieq => Motion::Ieq(ieq::Ieq::new(mesh, network)?),
+            MeshMethod::Ca => Motion::Ca(Box::new(ca::Ca::new(network_mesh, network, rate)?)),
+            MeshMethod::Ca2p => Motion::Ca2p(ca2p::Ca2p::new(network_mesh, network)?),
+            MeshMethod::Bm4 => Motion::Bm4(bm4::Bm4::new(network_mesh, network)),
+            MeshMethod::Ieq => Motion::Ieq(ieq::Ieq::new(network_mesh, network)?),
         };
         Ok(Self { motion, substeps })
     }
 
     /// Advance from frame n to n+1; impulses (MAT, [N·s]) act at the beginning of the frame.
     pub(crate) fn step(&mut self, impulses: &[(usize, f64)], team: &mut ThreadTeam<'_>) {
-        let method = self.motion.stepper_mut();
-        method.step(impulses, team);
+        let stepper = self.motion.stepper_mut();
+        stepper.step(impulses, team);
         for _ in 1..self.substeps {
-            method.step(&[], team);
+            stepper.step(&[], team);
         }
     }
 
@@ -177,21 +177,23 @@ impl Integrator {
         if leads.is_empty() {
             return self.step(impulses, team);
         }
-        let method = self.motion.stepper_mut();
+        let stepper = self.motion.stepper_mut();
         for substep in 0..self.substeps {
-            let part = (f64::from(substep) + 0.5) / f64::from(self.substeps);
-            leads.iter().for_each(|lead| method.lead(lead, (n, part)));
-            method.settle_led(team);
-            method.step(if substep == 0 { impulses } else { &[] }, team);
+            let frame_part = (f64::from(substep) + 0.5) / f64::from(self.substeps);
+            leads
+                .iter()
+                .for_each(|lead| stepper.lead(lead, (n, frame_part)));
+            stepper.settle_led(team);
+            stepper.step(if substep == 0 { impulses } else { &[] }, team);
         }
     }
 
     /// Set the K and Z of led links to their values at frame `n`.
     pub(crate) fn lead(&mut self, n: u64, leads: &[Lead]) {
-        let method = self.motion.stepper_mut();
-        leads.iter().for_each(|lead| method.lead(lead, (n, 0.0)));
+        let stepper = self.motion.stepper_mut();
+        leads.iter().for_each(|lead| stepper.lead(lead, (n, 0.0)));
         if !leads.is_empty() {
-            method.settle_led(&mut ThreadTeam::alone());
+            stepper.settle_led(&mut ThreadTeam::alone());
         }
     }
 
@@ -202,19 +204,19 @@ impl Integrator {
 
     /// Multiply all velocities by a factor.
     pub(crate) fn slow_down(&mut self, by: f64) {
-        let method = self.motion.stepper_mut();
-        method.velocities_mut().iter_mut().for_each(|v| *v *= by);
-        if let Some(guard) = method.guard_mut() {
+        let stepper = self.motion.stepper_mut();
+        stepper.velocities_mut().iter_mut().for_each(|v| *v *= by);
+        if let Some(guard) = stepper.guard_mut() {
             guard.slow_down(by);
         }
     }
 
     /// Position of a MAT, and its step over a frame [m].
     pub(crate) fn motion(&self, mat: usize) -> (f64, f64) {
-        let method = self.motion.stepper();
+        let stepper = self.motion.stepper();
         (
-            method.x()[mat],
-            method.last_step(mat) * f64::from(self.substeps),
+            stepper.x()[mat],
+            stepper.last_step(mat) * f64::from(self.substeps),
         )
     }
 
@@ -226,9 +228,9 @@ impl Integrator {
 
     /// Recompute what depends on the positions and steps of all MATs.
     pub(crate) fn settle(&mut self) {
-        let method = self.motion.stepper_mut();
-        method.guard_mut().into_iter().for_each(Guard::reset);
-        method.settle();
+        let stepper = self.motion.stepper_mut();
+        stepper.guard_mut().into_iter().for_each(Guard::reset);
+        stepper.settle();
     }
 
     /// Partition the mesh for a team of `threads` threads if this saves time; results stay the same to the last bit.
@@ -255,9 +257,9 @@ impl Integrator {
     /// Velocities [m/s] of some MATs at the frame, before its impulses, to the method's accuracy;
     /// `mats`, `out`: (n,).
     pub(crate) fn velocities(&self, mats: &[usize], out: &mut [f64]) {
-        let method = self.motion.stepper();
+        let stepper = self.motion.stepper();
         for (out, &mat) in out.iter_mut().zip(mats) {
-            *out = method.velocity(mat);
+            *out = stepper.velocity(mat);
         }
     }
 
@@ -268,18 +270,18 @@ impl Integrator {
 
     /// Whether steps may create energy that can be measured: never for a linear network.
     pub(crate) fn may_gain(&self) -> bool {
-        let mesh = self.motion.stepper().mesh();
+        let stepped_mesh = self.motion.stepper().mesh();
         // The balance of an active law cannot be judged.
         let is_known = |run: &Run| !matches!(&run.kind, Kind::Lnl { law, .. } if law.is_active(ACTIVE.0, ACTIVE.1));
-        !mesh.scheme.linear
-            && mesh.others.iter().all(is_known)
+        !stepped_mesh.scheme.linear
+            && stepped_mesh.others.iter().all(is_known)
             && self.n_integrated() <= INTEGRATED_MAX
     }
 
     /// Links whose energy has no closed form: it is integrated each time that it is asked for.
     pub(crate) fn n_integrated(&self) -> usize {
-        let others = self.motion.stepper().mesh().others.iter();
-        let integrated = others
+        let other_runs = self.motion.stepper().mesh().others.iter();
+        let integrated = other_runs
             .filter(|run| matches!(&run.kind, Kind::Lnl { law, .. } if !law.has_closed_energy()));
         integrated.map(|run| run.len).sum()
     }
@@ -291,18 +293,18 @@ impl Integrator {
 
     /// Work of the impulses of the coming frame [J]: each impulse times the mean of the velocities before and after it.
     pub(crate) fn work(&self, impulses: &[(usize, f64)]) -> f64 {
-        let method = self.motion.stepper();
-        let (m, rate) = (&method.mesh().m, method.mesh().scheme.rate);
-        let work_of = |(index, &(mat, impulse)): (usize, &(usize, f64))| {
-            if m[mat] == 0.0 {
+        let stepper = self.motion.stepper();
+        let (scaled_masses, step_rate) = (&stepper.mesh().m, stepper.mesh().scheme.rate);
+        let impulse_work = |(index, &(mat, impulse)): (usize, &(usize, f64))| {
+            if scaled_masses[mat] == 0.0 {
                 return 0.0;
             }
-            let before = impulses[..index].iter().filter(|other| other.0 == mat);
-            let earlier: f64 = before.map(|other| other.1).sum();
-            let mass = m[mat] / (rate * rate);
-            impulse * (method.velocity(mat) + (earlier + 0.5 * impulse) / mass)
+            let earlier_impulses = impulses[..index].iter().filter(|other| other.0 == mat);
+            let earlier: f64 = earlier_impulses.map(|other| other.1).sum();
+            let mat_mass = scaled_masses[mat] / (step_rate * step_rate);
+            impulse * (stepper.velocity(mat) + (earlier + 0.5 * impulse) / mat_mass)
         };
-        impulses.iter().enumerate().map(work_of).sum()
+        impulses.iter().enumerate().map(impulse_work).sum()
     }
 
     /// The energy that the method conserves [J]: constant to the method's accuracy if there are no losses and no

@@ -88,10 +88,10 @@ pub fn until_counted<T>(
     work: impl FnOnce() -> T,
 ) -> Result<T, Stopped> {
     let _count = OuterCount(SPENT.replace(spent));
-    let outer = Outer(set(Some(ask)));
-    let done = catch_unwind(AssertUnwindSafe(work));
-    drop(outer);
-    done.or_else(|payload| match payload.downcast::<Stopped>() {
+    let outer_ask = Outer(set(Some(ask)));
+    let work_result = catch_unwind(AssertUnwindSafe(work));
+    drop(outer_ask);
+    work_result.or_else(|payload| match payload.downcast::<Stopped>() {
         Ok(stopped) => Err(*stopped),
         Err(panic) => resume_unwind(panic),
     })
@@ -134,10 +134,10 @@ pub fn poll_for(n: usize) {
 /// The numbers of a range, with a [`poll`] at every 4,096th: for loops over all modules of a network.
 #[inline]
 pub fn steps(range: Range<usize>) -> impl Iterator<Item = usize> + Clone {
-    let end = range.end;
+    let range_end = range.end;
     range.inspect(move |&step| {
         if step.is_multiple_of(STRIDE) {
-            spend(VISIT * STRIDE.min(end - step));
+            spend(VISIT * STRIDE.min(range_end - step));
         }
     })
 }
@@ -158,19 +158,19 @@ pub fn each<T>(all: &[T]) -> impl Iterator<Item = &T> + Clone {
 pub fn on_threads(threads: usize, work: impl Fn() + Sync) {
     let is_over = Arc::new(AtomicBool::new(false));
     let is_asked = IS_ASKED.get();
-    let spent = SPENT.with_borrow(Arc::clone);
-    let leader = thread::current();
+    let spent_steps = SPENT.with_borrow(Arc::clone);
+    let leader_thread = thread::current();
     thread::scope(|scope| {
         let _end = OnEnd(&is_over); // dropped before the scope waits, also where this thread unwinds
         let helper = || {
             let is_over = is_over.clone();
-            let ask = Box::new(move || is_over.load(Ordering::Relaxed));
+            let stop_query = Box::new(move || is_over.load(Ordering::Relaxed));
             if is_asked {
-                let _ = until_counted(ask, spent.clone(), &work); // stopped only where the leader unwinds
+                let _ = until_counted(stop_query, spent_steps.clone(), &work); // stopped only where the leader unwinds
             } else {
                 work();
             }
-            leader.unpark();
+            leader_thread.unpark();
         };
         let helpers: Vec<_> = (1..threads).map(|_| scope.spawn(helper)).collect();
         work();
@@ -179,8 +179,8 @@ pub fn on_threads(threads: usize, work: impl Fn() + Sync) {
             thread::park_timeout(WAIT);
         }
         for helper in helpers {
-            if let Err(panic) = helper.join() {
-                resume_unwind(panic);
+            if let Err(panic_payload) = helper.join() {
+                resume_unwind(panic_payload);
             }
         }
     });
@@ -204,9 +204,9 @@ pub fn stop() -> ! {
 fn ask() {
     // `ask` may itself run a computation inside another [`until`].
     let Some(mut ask) = set(None) else { return };
-    let is_over = ask();
+    let must_stop = ask();
     set(Some(ask));
-    if is_over {
+    if must_stop {
         stop();
     }
 }
@@ -216,61 +216,61 @@ mod tests {
     use super::*;
 
     fn ask_until(n: usize) -> (Ask, std::rc::Rc<Cell<usize>>) {
-        let polls = std::rc::Rc::new(Cell::new(0));
-        let counter = polls.clone();
-        let ask = move || {
+        let poll_count = std::rc::Rc::new(Cell::new(0));
+        let counter = poll_count.clone();
+        let stop_query = move || {
             counter.set(counter.get() + 1);
             counter.get() == n
         };
-        (Box::new(ask), polls)
+        (Box::new(stop_query), poll_count)
     }
 
     #[test]
     fn until_ends_at_the_first_positive_poll() {
-        let (ask, polls) = ask_until(3);
-        let done = Cell::new(0);
-        let end = until(ask, || {
+        let (stop_query, poll_count) = ask_until(3);
+        let loops_done = Cell::new(0);
+        let work_result = until(stop_query, || {
             loop {
                 poll();
-                done.set(done.get() + 1);
+                loops_done.set(loops_done.get() + 1);
             }
         });
-        assert_eq!(end, Err::<(), _>(Stopped));
-        assert_eq!((done.get(), polls.get()), (2, 3));
+        assert_eq!(work_result, Err::<(), _>(Stopped));
+        assert_eq!((loops_done.get(), poll_count.get()), (2, 3));
     }
 
     #[test]
     fn until_polls_only_within_its_computation() {
-        let (ask, polls) = ask_until(1);
-        assert_eq!(until(ask, || 7), Ok(7));
+        let (stop_query, poll_count) = ask_until(1);
+        assert_eq!(until(stop_query, || 7), Ok(7));
         poll();
-        assert_eq!(polls.get(), 0);
+        assert_eq!(poll_count.get(), 0);
     }
 
     #[test]
     fn until_with_an_inner_computation() {
-        let (outer, polls) = ask_until(2);
-        let ended = until(outer, || {
+        let (outer_query, poll_count) = ask_until(2);
+        let outer_result = until(outer_query, || {
             poll();
-            let (inner, _) = ask_until(1);
-            assert_eq!(until(inner, poll), Err(Stopped));
+            let (inner_query, _) = ask_until(1);
+            assert_eq!(until(inner_query, poll), Err(Stopped));
             poll();
         });
-        assert_eq!((ended, polls.get()), (Err(Stopped), 2));
+        assert_eq!((outer_result, poll_count.get()), (Err(Stopped), 2));
     }
 
     #[test]
     fn steps_and_each_poll_once_in_a_stride() {
         for n in [0, 1, STRIDE, STRIDE + 1, 3 * STRIDE] {
-            let list = vec![7; n];
+            let seven_list = vec![7; n];
             for work in [
                 (&|| assert_eq!(steps(0..n).count(), n)) as &dyn Fn(),
-                &|| assert_eq!(each(&list).sum::<i32>(), 7 * n as i32),
+                &|| assert_eq!(each(&seven_list).sum::<i32>(), 7 * n as i32),
                 &|| (0..n).for_each(|at| assert_eq!(steps(at..at).count(), 0)),
             ] {
-                let (ask, polls) = ask_until(usize::MAX);
-                assert_eq!(until(ask, work), Ok(()));
-                assert!([0, n.div_ceil(STRIDE)].contains(&polls.get()));
+                let (stop_query, poll_count) = ask_until(usize::MAX);
+                assert_eq!(until(stop_query, work), Ok(()));
+                assert!([0, n.div_ceil(STRIDE)].contains(&poll_count.get()));
             }
         }
     }
@@ -278,45 +278,45 @@ mod tests {
     #[test]
     fn on_threads_ends_with_its_computation() {
         for last_poll in [1, 2, 40] {
-            let (ask, polls) = ask_until(last_poll);
-            let others = AtomicBool::new(false);
-            let leader = thread::current().id();
+            let (stop_query, poll_count) = ask_until(last_poll);
+            let others_polled = AtomicBool::new(false);
+            let leader_id = thread::current().id();
             let endless = || {
-                while thread::current().id() != leader {
+                while thread::current().id() != leader_id {
                     poll();
-                    others.store(true, Ordering::Relaxed);
+                    others_polled.store(true, Ordering::Relaxed);
                     thread::yield_now();
                 }
-                while !others.load(Ordering::Relaxed) {
+                while !others_polled.load(Ordering::Relaxed) {
                     thread::yield_now();
                 }
             };
-            assert_eq!(until(ask, || on_threads(3, endless)), Err(Stopped));
-            assert_eq!(polls.get(), last_poll);
+            assert_eq!(until(stop_query, || on_threads(3, endless)), Err(Stopped));
+            assert_eq!(poll_count.get(), last_poll);
         }
     }
 
     #[test]
     fn on_threads_without_a_computation_runs_each_thread() {
-        let runs = std::sync::atomic::AtomicUsize::new(0);
+        let run_count = std::sync::atomic::AtomicUsize::new(0);
         on_threads(4, || {
             poll();
-            runs.fetch_add(1, Ordering::Relaxed);
+            run_count.fetch_add(1, Ordering::Relaxed);
         });
-        assert_eq!(runs.into_inner(), 4);
+        assert_eq!(run_count.into_inner(), 4);
     }
 
     #[test]
     fn on_threads_passes_a_panic_on() {
-        let leader = thread::current().id();
-        let work = || assert_eq!(thread::current().id(), leader, "another thread");
+        let leader_id = thread::current().id();
+        let leader_work = || assert_eq!(thread::current().id(), leader_id, "another thread");
         for is_asked in [true, false] {
-            let run = || on_threads(2, work);
+            let run_threads = || on_threads(2, leader_work);
             let panicked = catch_unwind(AssertUnwindSafe(|| {
                 if is_asked {
-                    let _ = until(Box::new(|| false), run);
+                    let _ = until(Box::new(|| false), run_threads);
                 } else {
-                    run();
+                    run_threads();
                 }
             }));
             assert!(panicked.is_err());
@@ -325,8 +325,8 @@ mod tests {
 
     #[test]
     fn until_passes_a_panic_on() {
-        let (ask, _) = ask_until(9);
-        let panicked = catch_unwind(AssertUnwindSafe(|| until(ask, || panic!("other"))));
+        let (stop_query, _) = ask_until(9);
+        let panicked = catch_unwind(AssertUnwindSafe(|| until(stop_query, || panic!("other"))));
         assert!(panicked.is_err());
     }
 }

@@ -170,8 +170,8 @@ fn open_gates(
     continuations: &[Option<GateContinuation>],
     n: u64,
 ) {
-    let each = gates.iter().zip(continuations);
-    for (open, (gate, continuation)) in open.iter_mut().zip(each) {
+    let gate_pairs = gates.iter().zip(continuations);
+    for (open, (gate, continuation)) in open.iter_mut().zip(gate_pairs) {
         *open = GateContinuation::open(continuation.as_ref(), gate, n);
     }
 }
@@ -231,12 +231,12 @@ impl Island {
     pub(crate) fn asked(&self, mut tell: impl FnMut(usize, f64, bool)) {
         for (voice, voice_script) in self.state.hands.voices.iter().zip(&self.script.voices) {
             // A key's own voice stands before its layers.
-            let asked = if voice_script.layer {
+            let asked_displacement = if voice_script.layer {
                 voice.deviation(voice_script)
             } else {
                 voice.asked
             };
-            tell(voice_script.key, asked, voice_script.layer);
+            tell(voice_script.key, asked_displacement, voice_script.layer);
         }
     }
 
@@ -256,8 +256,8 @@ impl Island {
 
     /// Work of contacts that are computed finely, so far.
     pub(crate) fn fine_work(&self) -> fine::FineWork {
-        let fine = self.state.matter.fine.as_ref();
-        fine.map_or_else(fine::FineWork::default, fine::Fine::work)
+        let fine_state = self.state.matter.fine.as_ref();
+        fine_state.map_or_else(fine::FineWork::default, fine::Fine::work)
     }
 
     /// Work of exact contacts and frictions, so far.
@@ -267,20 +267,22 @@ impl Island {
 
     /// Sum over parts of their finer frames so far times the most steps that one such frame took.
     pub(crate) fn guard_steps(&self) -> u64 {
-        let each = self.finer();
-        each.map(|(_, frames, most)| frames * u64::from(most)).sum()
+        let finer_parts = self.finer();
+        finer_parts
+            .map(|(_, frames, most)| frames * u64::from(most))
+            .sum()
     }
 
     /// Makes all motion decay by an additional factor `by` in each step.
     pub(crate) fn damp(&mut self, by: f64) {
         // The poles of x⁺ = (2 − κ − ζ)x − (1 − ζ)x⁻ have magnitude √(1 − ζ), so a factor `by²` on the last step scales
         // them by `by`.
-        let damped = by * by;
+        let step_factor = by * by;
         // A new version of an island is damped as the old one was, which wakes nothing.
-        if self.state.values.damped != damped {
+        if self.state.values.damped != step_factor {
             self.wake();
         }
-        self.state.values.damped = damped;
+        self.state.values.damped = step_factor;
         for body in &mut self.state.matter.bodies {
             body.damp(by);
         }
@@ -289,8 +291,8 @@ impl Island {
     /// Raises the squares of the modes of each body to at least the square of their present amplitude.
     pub(crate) fn squares(&self, squares: &mut [Vec<f64>]) {
         for (body, squares) in self.state.matter.bodies.iter().zip(squares) {
-            if let Some(modal) = body.modal() {
-                modal.squares(squares);
+            if let Some(modal_body) = body.modal() {
+                modal_body.squares(squares);
             }
         }
     }
@@ -359,8 +361,8 @@ impl Island {
             .mutes
             .list()
             .map(|(part, step)| {
-                let name = self.network.parts()[part].name.clone();
-                (name, self.frame_at(step))
+                let part_name = self.network.parts()[part].name.clone();
+                (part_name, self.frame_at(step))
             })
             .collect()
     }
@@ -372,11 +374,11 @@ impl Island {
 
     /// Parts whose links stiffened: name, number of frames computed finer, and most steps in one of them.
     pub(crate) fn finer(&self) -> impl Iterator<Item = (&str, u64, u32)> {
-        let parts = self.network.parts();
+        let network_parts = self.network.parts();
         let guard_frames = self.state.watch.guard.iter().filter_map(|guard| {
             let finer_frames = guard.finer_frames()?;
-            let part = self.script.scheme.part[finer_frames.mat] as usize;
-            Some((&*parts[part].name, finer_frames))
+            let part_name = self.script.scheme.part[finer_frames.mat] as usize;
+            Some((&*network_parts[part_name].name, finer_frames))
         });
         let bodies = self
             .state
@@ -384,13 +386,13 @@ impl Island {
             .bodies
             .iter()
             .filter_map(inside::RunningBody::finer_frames);
-        guard_frames.chain(bodies).map(|(part, finer_frames)| {
+        guard_frames.chain(bodies).map(|(part_name, finer_frames)| {
             let FinerFrames {
                 frames,
-                steps_max: finest,
+                steps_max,
                 ..
             } = finer_frames.per_frame(self.oversampling);
-            (part, frames, finest)
+            (part_name, frames, steps_max)
         })
     }
 

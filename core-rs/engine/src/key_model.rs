@@ -120,12 +120,12 @@ impl KeyModel {
         {
             return Err(KeyError::Count);
         }
-        let mode = |row: &[f64]| Mode {
+        let mode_from_row = |row: &[f64]| Mode {
             mass: row[0],
             frequency: row[1],
             ratio: row[2],
         };
-        let key = Self {
+        let key_model = Self {
             mass: row[0],
             stiffness: row[1],
             damping: row[2],
@@ -138,29 +138,33 @@ impl KeyModel {
             static_speed: row[9],
             modes: row[KEY_PARAMETERS..]
                 .chunks_exact(MODE_PARAMETERS)
-                .map(mode)
+                .map(mode_from_row)
                 .collect(),
         };
         if !row.iter().all(|number| number.is_finite()) {
             return Err(KeyError::NotFinite);
         }
-        key.check()
+        key_model.check()
     }
 
     fn check(self) -> Result<Self, KeyError> {
-        let is_mode = |mode: &Mode| mode.mass > 0.0 && mode.frequency > 0.0;
-        if self.mass <= 0.0 || !self.modes.iter().all(is_mode) {
+        let is_valid_mode = |mode: &Mode| mode.mass > 0.0 && mode.frequency > 0.0;
+        if self.mass <= 0.0 || !self.modes.iter().all(is_valid_mode) {
             return Err(KeyError::Mass);
         }
-        let least = [
+        let non_negatives = [
             self.damping,
             self.dry,
             self.presliding,
             self.static_dry,
             self.static_speed,
         ];
-        let ratios = self.modes.iter().map(|mode| mode.ratio);
-        if least.into_iter().chain(ratios).any(|number| number < 0.0) {
+        let mode_ratios = self.modes.iter().map(|mode| mode.ratio);
+        if non_negatives
+            .into_iter()
+            .chain(mode_ratios)
+            .any(|number| number < 0.0)
+        {
             return Err(KeyError::Negative);
         }
         if !(0.0..=DELAY_MAX).contains(&self.delay) {
@@ -190,16 +194,16 @@ impl KeyModel {
         rate: f64,
         steps: Option<usize>,
     ) -> Result<Vec<f64>, KeyError> {
-        let mut motion = Motion::<0>::with_columns(self, rate, steps, &[])?;
-        let mut path = Vec::with_capacity(forces.len());
+        let mut key_motion = Motion::<0>::with_columns(self, rate, steps, &[])?;
+        let mut positions = Vec::with_capacity(forces.len());
         for (n, &force) in forces.iter().enumerate() {
             if n % POLL_EVERY == 0 {
                 interrupt::spend(TICK_STEPS * POLL_EVERY);
             }
-            path.push(motion.position());
-            motion.tick(force, 0.0);
+            positions.push(key_motion.position());
+            key_motion.tick(force, 0.0);
         }
-        Ok(path)
+        Ok(positions)
     }
 
     /// The path, and its derivatives (ticks, columns) with respect to the parameters of these indices, row by row.
@@ -239,36 +243,36 @@ impl KeyModel {
         if columns.iter().any(|&tick| tick >= forces.len()) || !columns.is_sorted() {
             return Err(KeyError::Count);
         }
-        let mut all = vec![0.0; forces.len() * columns.len()];
-        let mut motion = Motion::<0>::with_columns(self, rate, steps, &[])?;
+        let mut derivatives = vec![0.0; forces.len() * columns.len()];
+        let mut key_motion = Motion::<0>::with_columns(self, rate, steps, &[])?;
         let mut position = 0;
         for (number, group) in columns.chunks(FORCE_COLUMNS).enumerate() {
             while position < group[0] {
-                motion.tick(forces[position], 0.0);
+                key_motion.tick(forces[position], 0.0);
                 position += 1;
             }
-            let last = group[group.len() - 1];
+            let last_tick = group[group.len() - 1];
             let parameters: Vec<_> = group.iter().map(|&tick| Parameter::Force(tick)).collect();
-            let mut wide = motion.widened::<FORCE_COLUMNS>(parameters);
+            let mut wide_motion = key_motion.widened::<FORCE_COLUMNS>(parameters);
             let mut greatest = 0.0_f64;
             for (n, &force) in forces.iter().enumerate().skip(position) {
                 if n % POLL_EVERY == 0 {
                     interrupt::spend(TICK_STEPS * POLL_EVERY);
                 }
-                let row = &wide.dx[..group.len()];
-                let row_max = row
+                let derivative_row = &wide_motion.dx[..group.len()];
+                let row_max = derivative_row
                     .iter()
                     .fold(0.0_f64, |row_max, dx| row_max.max(dx.abs()));
                 greatest = greatest.max(row_max);
-                if n > last && greatest > 0.0 && row_max < DIED_AWAY * greatest {
+                if n > last_tick && greatest > 0.0 && row_max < DIED_AWAY * greatest {
                     break;
                 }
-                let to = n * columns.len() + number * FORCE_COLUMNS;
-                all[to..to + group.len()].copy_from_slice(row);
-                wide.tick(force, 0.0);
+                let row_start = n * columns.len() + number * FORCE_COLUMNS;
+                derivatives[row_start..row_start + group.len()].copy_from_slice(derivative_row);
+                wide_motion.tick(force, 0.0);
             }
         }
-        Ok(all)
+        Ok(derivatives)
     }
 
     fn differentiated<const N: usize>(
@@ -278,18 +282,18 @@ impl KeyModel {
         steps: Option<usize>,
         columns: &[usize],
     ) -> Result<(Vec<f64>, Vec<f64>), KeyError> {
-        let mut motion = Motion::<N>::with_columns(self, rate, steps, columns)?;
-        let mut path = Vec::with_capacity(forces.len());
+        let mut key_motion = Motion::<N>::with_columns(self, rate, steps, columns)?;
+        let mut positions = Vec::with_capacity(forces.len());
         let mut jacobian = Vec::with_capacity(forces.len() * columns.len());
         for (n, &force) in forces.iter().enumerate() {
             if n % POLL_EVERY == 0 {
                 interrupt::spend(TICK_STEPS * POLL_EVERY);
             }
-            path.push(motion.position());
-            jacobian.extend_from_slice(&motion.dx[..columns.len()]);
-            motion.tick(force, 0.0);
+            positions.push(key_motion.position());
+            jacobian.extend_from_slice(&key_motion.dx[..columns.len()]);
+            key_motion.tick(force, 0.0);
         }
-        Ok((path, jacobian))
+        Ok((positions, jacobian))
     }
 }
 

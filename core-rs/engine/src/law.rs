@@ -145,17 +145,18 @@ impl Law {
     /// [`LawError`] with the place, in characters of the text at fault.
     pub fn new(text: &LawText<'_>) -> Result<Self, LawError> {
         check_constants(&text.constants)?;
-        let read = |which, expression| parse::parse(which, expression, &text.constants, text.open);
+        let parse_text =
+            |which, expression| parse::parse(which, expression, &text.constants, text.open);
         let elastic = match (text.law, text.points) {
             (Some(_), Some(_)) => {
                 let message = "A law is given by an expression or by points, not by both.";
                 return Err(LawError::new(Which::Points, 0, 0, message.into()));
             }
             (Some(expression), None) => {
-                let tree = read(Which::Law, expression)?;
+                let syntax_tree = parse_text(Which::Law, expression)?;
                 Elastic::Expression {
-                    program: Program::new(&tree),
-                    integral: polynomial::coefficients(&tree).map(polynomial::integral),
+                    program: Program::new(&syntax_tree),
+                    integral: polynomial::coefficients(&syntax_tree).map(polynomial::integral),
                 }
             }
             (None, Some(points)) => Elastic::Points(Points::new(points)?),
@@ -167,7 +168,7 @@ impl Law {
         };
         let damping = text
             .damping
-            .map(|expression| read(Which::Damping, expression))
+            .map(|expression| parse_text(Which::Damping, expression))
             .transpose()?;
         Ok(Self {
             elastic,
@@ -241,17 +242,19 @@ impl Law {
     /// # Errors
     /// [`LawError`] if a constant is not finite.
     pub fn hardening(k: f64, q: f64, z: f64) -> Result<Self, LawError> {
-        let named = [("k", k), ("q", q), ("z", z)];
+        let named_constants = [("k", k), ("q", q), ("z", z)];
         let z = (z != 0.0).then_some(z);
-        let law = Self::new(&LawText {
+        let parsed_law = Self::new(&LawText {
             law: Some("k*d + q*d**3"),
             damping: z.map(|_| "z*v"),
-            constants: named.map(|(name, value)| (name.to_owned(), value)).into(),
+            constants: named_constants
+                .map(|(name, value)| (name.to_owned(), value))
+                .into(),
             ..LawText::default()
         })?;
         Ok(Self {
             hardening: Some(Hardening { k, q, z }),
-            ..law
+            ..parsed_law
         })
     }
 
@@ -286,11 +289,11 @@ impl Law {
     pub fn force(&self, d: f64, v: f64) -> f64 {
         let (d, v) = (d / self.reach, v / self.reach);
         let elastic = self.elastic(d);
-        let force = match &self.damping {
+        let law_force = match &self.damping {
             Some(damping) => elastic + damping.value(d, v),
             None => elastic,
         };
-        force / self.reach
+        law_force / self.reach
     }
 
     /// The elastic part of the force [N] at elongation `d` [m].
@@ -335,12 +338,15 @@ impl Law {
     /// Work against the elastic part from elongation `from` to `to` [J]. The path need not include 0, where a law may
     /// be infinite.
     pub(crate) fn work(&self, from: f64, to: f64) -> f64 {
-        let (low, high) = (from / self.reach, to / self.reach);
+        let (start_elongation, end_elongation) = (from / self.reach, to / self.reach);
         match &self.elastic {
             Elastic::Expression {
                 program,
                 integral: None,
-            } => potential::integrate(|d| program.value(low + d, 0.0), high - low),
+            } => potential::integrate(
+                |d| program.value(start_elongation + d, 0.0),
+                end_elongation - start_elongation,
+            ),
             _ => self.potential(to) - self.potential(from),
         }
     }
@@ -352,9 +358,11 @@ impl Law {
         let slope = match &self.elastic {
             Elastic::None => 0.0,
             Elastic::Expression { program, .. } => {
-                let step = SLOPE_STEP * d.abs() + SLOPE_STEP_AT_REST;
-                let (low, high) = (d - step, d + step);
-                (program.value(high, 0.0) - program.value(low, 0.0)) / (high - low)
+                let difference_step = SLOPE_STEP * d.abs() + SLOPE_STEP_AT_REST;
+                let (elongation_below, elongation_above) =
+                    (d - difference_step, d + difference_step);
+                (program.value(elongation_above, 0.0) - program.value(elongation_below, 0.0))
+                    / (elongation_above - elongation_below)
             }
             Elastic::Points(points) => points.slope(d),
         };
@@ -373,14 +381,14 @@ impl Law {
             return points.steeper_beyond(stiffness) * self.reach;
         }
         let is_stiffer = |d: &f64| [*d, -d].iter().any(|&d| self.slope(d) > stiffness);
-        let places = (0..=OCTAVE * OCTAVES)
+        let sampled_places = (0..=OCTAVE * OCTAVES)
             .map(|i| SLOPE_STEP_AT_REST * crate::maths::pow(2.0, f64::from(i) / f64::from(OCTAVE)));
-        let mut before = 0.0;
-        for d in places {
+        let mut place_before = 0.0;
+        for d in sampled_places {
             if is_stiffer(&d) {
-                return before;
+                return place_before;
             }
-            before = d;
+            place_before = d;
         }
         f64::INFINITY
     }
@@ -391,9 +399,10 @@ impl Law {
         let Some(damping) = &self.damping else {
             return 0.0;
         };
-        let (d, step) = (d / self.reach, SLOPE_STEP_AT_REST);
-        let slope = (damping.value(d, step) - damping.value(d, -step)) / (2.0 * step);
-        slope / self.reach / self.reach
+        let (d, rate_step) = (d / self.reach, SLOPE_STEP_AT_REST);
+        let rate_slope =
+            (damping.value(d, rate_step) - damping.value(d, -rate_step)) / (2.0 * rate_step);
+        rate_slope / self.reach / self.reach
     }
 
     /// Whether its force far from rest is small compared with its slopes at rest, as that of a bow is: motion that
@@ -423,11 +432,11 @@ impl Law {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn is_active(&self, d_max: f64, v_max: f64) -> bool {
-        let query: ActivityQuery = [self.reach, d_max, v_max].map(f64::to_bits);
-        let answer = || (query, self.gives_energy(d_max, v_max));
-        let known = self.asked.0.get_or_init(answer);
-        if known.0 == query && !self.is_open {
-            known.1
+        let activity_query: ActivityQuery = [self.reach, d_max, v_max].map(f64::to_bits);
+        let computed_answer = || (activity_query, self.gives_energy(d_max, v_max));
+        let cached_answer = self.asked.0.get_or_init(computed_answer);
+        if cached_answer.0 == activity_query && !self.is_open {
+            cached_answer.1
         } else {
             self.gives_energy(d_max, v_max)
         }
@@ -441,13 +450,13 @@ impl Law {
             return false;
         };
         let octaves = std::iter::successors(Some(v_max), |v| Some(0.5 * v)).take(OCTAVES);
-        let even = (1..=EVEN).map(|i| v_max * f64::from(i) / f64::from(EVEN));
-        let rates: Vec<f64> = even.chain(octaves).flat_map(|v| [v, -v]).collect();
+        let even_rates = (1..=EVEN).map(|i| v_max * f64::from(i) / f64::from(EVEN));
+        let tried_rates: Vec<f64> = even_rates.chain(octaves).flat_map(|v| [v, -v]).collect();
         (-ELONGATIONS..=ELONGATIONS).any(|i| {
             let d = d_max * f64::from(i) / f64::from(ELONGATIONS);
-            rates.iter().any(|v| {
-                let power = damping.value(d / self.reach, v / self.reach) * v;
-                power.is_nan() || power < 0.0
+            tried_rates.iter().any(|v| {
+                let damping_power = damping.value(d / self.reach, v / self.reach) * v;
+                damping_power.is_nan() || damping_power < 0.0
             })
         })
     }
@@ -455,14 +464,14 @@ impl Law {
 
 fn check_constants(constants: &Constants) -> Result<(), LawError> {
     for (name, value) in constants {
-        let why = if parse::is_reserved(name) {
+        let message = if parse::is_reserved(name) {
             format!("`{name}` already has a meaning in laws; give the constant another name.")
         } else if !value.is_finite() {
             format!("The constant `{name}` is not a finite number.")
         } else {
             continue;
         };
-        return Err(LawError::new(Which::Constants, 0, 0, why));
+        return Err(LawError::new(Which::Constants, 0, 0, message));
     }
     Ok(())
 }

@@ -25,16 +25,16 @@ const HALVES_MAX: f64 = 4.0;
 
 /// p^α for p >= 0.
 pub(crate) fn power_law(p: f64, exponent: f64) -> f64 {
-    let halves = 2.0 * exponent;
-    if !(0.0..=2.0 * HALVES_MAX).contains(&halves) || halves != floor(halves) {
+    let half_count = 2.0 * exponent;
+    if !(0.0..=2.0 * HALVES_MAX).contains(&half_count) || half_count != floor(half_count) {
         return pow(p, exponent);
     }
-    let halves = halves as u32;
-    let mut power = if halves & 1 == 1 { sqrt(p) } else { 1.0 };
-    for _ in 0..halves / 2 {
-        power *= p;
+    let half_count = half_count as u32;
+    let mut product = if half_count & 1 == 1 { sqrt(p) } else { 1.0 };
+    for _ in 0..half_count / 2 {
+        product *= p;
     }
-    power
+    product
 }
 
 #[cfg(test)]
@@ -46,9 +46,9 @@ mod tests {
         for halves in -3..=12 {
             for exponent in [0.5 * f64::from(halves), 0.5 * f64::from(halves) + 0.1] {
                 for p in [1e-9, 0.37, 1.0, 12.5] {
-                    let exact = pow(p, exponent);
-                    let error = (power_law(p, exponent) - exact).abs();
-                    assert!(error <= 1e-15 * exact, "{p}^{exponent}");
+                    let exact_power = pow(p, exponent);
+                    let absolute_error = (power_law(p, exponent) - exact_power).abs();
+                    assert!(absolute_error <= 1e-15 * exact_power, "{p}^{exponent}");
                 }
             }
         }

@@ -209,28 +209,28 @@ impl Network {
     /// Whether a part with MATs here asks for a macrostep.
     pub(crate) fn has_slow_parts(&self) -> bool {
         let has_mats = |part: usize| self.mats.part.contains(&(part as u32));
-        let mut parts = self.parts.iter().enumerate();
-        parts.any(|(at, part)| part.macrostep.is_some() && has_mats(at))
+        let mut numbered_parts = self.parts.iter().enumerate();
+        numbered_parts.any(|(at, part)| part.macrostep.is_some() && has_mats(at))
     }
 
     /// Names of the parts that have moving MATs among `mats`, in the order of the parts.
     pub(crate) fn parts_of(&self, mats: &[u32]) -> Vec<String> {
-        let mut has = vec![false; self.parts.len()];
-        for &mat in mats {
-            let mat = mat as usize;
-            has[self.mats.part[mat] as usize] |= self.mats.kind[mat].moves();
+        let mut has_moving = vec![false; self.parts.len()];
+        for &mat_index in mats {
+            let mat_index = mat_index as usize;
+            has_moving[self.mats.part[mat_index] as usize] |= self.mats.kind[mat_index].moves();
         }
-        let parts = self.parts.iter().zip(has);
-        parts
-            .filter(|(_, has)| *has)
+        let flagged_parts = self.parts.iter().zip(has_moving);
+        flagged_parts
+            .filter(|(_, has_moving)| *has_moving)
             .map(|(part, _)| part.name.clone())
             .collect()
     }
 
     /// Names of the parts with moving MATs, in order.
     pub(crate) fn moving_parts(&self) -> Vec<String> {
-        let all: Vec<u32> = (0..self.n_mat() as u32).collect();
-        self.parts_of(&all)
+        let all_mats: Vec<u32> = (0..self.n_mat() as u32).collect();
+        self.parts_of(&all_mats)
     }
 
     /// An empty network.
@@ -291,11 +291,11 @@ impl Network {
 
     /// The network of one part: its MATs and all links between them, except the links in the ranges `without`.
     pub(crate) fn part_alone(&self, part: usize, without: &[Range<usize>]) -> Subset {
-        let inside = |&i: &u32| self.mats.part[i as usize] as usize == part;
-        let mats: Vec<u32> = (0..self.n_mat() as u32).filter(inside).collect();
-        let stays = |link: &u32| without.iter().all(|gone| !gone.contains(&(*link as usize)));
-        let links: Vec<u32> = (0..self.n_lia as u32).filter(stays).collect();
-        self.subset(&mats, &[], &links)
+        let is_inside = |&i: &u32| self.mats.part[i as usize] as usize == part;
+        let part_mats: Vec<u32> = (0..self.n_mat() as u32).filter(is_inside).collect();
+        let is_included = |link: &u32| without.iter().all(|gone| !gone.contains(&(*link as usize)));
+        let links_left: Vec<u32> = (0..self.n_lia as u32).filter(is_included).collect();
+        self.subset(&part_mats, &[], &links_left)
     }
 }
 
@@ -303,12 +303,12 @@ impl Network {
     /// Append a run of links, and give it the next index.
     fn push_run(&mut self, run: Run) {
         for axis in 0..run.n_axes() {
-            let (a, b) = run.pair(0, axis);
-            let reach = run.len + a.max(b);
-            self.degree.resize(self.degree.len().max(reach), 0);
+            let (first_mat, second_mat) = run.pair(0, axis);
+            let mats_reached = run.len + first_mat.max(second_mat);
+            self.degree.resize(self.degree.len().max(mats_reached), 0);
             for i in 0..run.len {
-                self.degree[a + i] += 1;
-                self.degree[b + i] += 1;
+                self.degree[first_mat + i] += 1;
+                self.degree[second_mat + i] += 1;
             }
         }
         self.runs.push(Run {

@@ -62,8 +62,8 @@ pub(crate) struct IslandPlan {
 impl IslandPlan {
     /// Nanoseconds a frame, by the table of costs.
     fn cost(&self) -> f64 {
-        let bodies = self.bodies.iter().map(cost::body_cost);
-        f64::from(self.oversampling) * (self.hub_cost() + bodies.sum::<f64>())
+        let body_costs = self.bodies.iter().map(cost::body_cost);
+        f64::from(self.oversampling) * (self.hub_cost() + body_costs.sum::<f64>())
             / f64::from(self.every)
     }
 
@@ -115,16 +115,16 @@ pub(crate) struct BankPlan {
 impl BankPlan {
     /// The frame up to which it gives 0, if nothing comes from outside: that of its first blow.
     pub(crate) fn silent_until(&self) -> u64 {
-        let rests = |each: &Oscillator| each.now == 0.0 && each.before == 0.0;
-        if self.is_open || !self.oscillators.iter().all(rests) {
+        let is_resting = |each: &Oscillator| each.now == 0.0 && each.before == 0.0;
+        if self.is_open || !self.oscillators.iter().all(is_resting) {
             return 0;
         }
-        let blows = self.oscillators.iter().flat_map(|each| &each.blows);
+        let bank_blows = self.oscillators.iter().flat_map(|each| &each.blows);
         let strikes = self.strikes.iter().flat_map(|each| &each.blows);
-        let frames = blows
+        let blow_frames = bank_blows
             .map(|blow| blow.frame)
             .chain(strikes.map(|blow| blow.0));
-        frames.min().unwrap_or(u64::MAX)
+        blow_frames.min().unwrap_or(u64::MAX)
     }
 }
 
@@ -229,19 +229,23 @@ impl Plan {
         timeline: &Timeline,
         unchecked: bool,
     ) -> Result<Self, Error> {
-        let mut plan = Self::empty(network.clone(), timeline);
-        let island_plan = plan.stepped(timeline, 1);
+        let mut plain_plan = Self::empty(network.clone(), timeline);
+        let island_plan = plain_plan.stepped(timeline, 1);
         if !unchecked {
             let mut scheme = Scheme::new(&network, timeline.rate)?;
             if timeline.is_unguarded {
                 scheme.let_laws_give_way();
             }
             let certificate = scheme.certify(&network)?;
-            plan.rows.push(Row::stepped(&island_plan, certificate));
+            plain_plan
+                .rows
+                .push(Row::stepped(&island_plan, certificate));
         }
-        plan.units.push(Unit::IslandPlan(Box::new(island_plan)));
-        plan.n_heard = plan.units.len();
-        Ok(plan)
+        plain_plan
+            .units
+            .push(Unit::IslandPlan(Box::new(island_plan)));
+        plain_plan.n_heard = plain_plan.units.len();
+        Ok(plain_plan)
     }
 
     /// Everything stepped as written, with contacts computed between frames: for networks whose contacts are too stiff
@@ -254,12 +258,14 @@ impl Plan {
         let (budget, steps_max) = (Budget::default(), constants::SUBSTEPS_MAX);
         let (contact_substeps, _, certificate) =
             passes::assemble::hub(&network, timeline, &budget, steps_max, Refusal::Explained)?;
-        let mut plan = Self::empty(network, timeline);
-        let island_plan = plan.stepped(timeline, contact_substeps);
-        plan.rows.push(Row::stepped(&island_plan, certificate));
-        plan.units.push(Unit::IslandPlan(Box::new(island_plan)));
-        plan.n_heard = plan.units.len();
-        Ok(plan)
+        let mut fine_plan = Self::empty(network, timeline);
+        let island_plan = fine_plan.stepped(timeline, contact_substeps);
+        fine_plan.rows.push(Row::stepped(&island_plan, certificate));
+        fine_plan
+            .units
+            .push(Unit::IslandPlan(Box::new(island_plan)));
+        fine_plan.n_heard = fine_plan.units.len();
+        Ok(fine_plan)
     }
 
     /// All of the network as one island, module by module.
@@ -280,7 +286,7 @@ impl Plan {
     /// Whether a simulation of this plan records every ergon of a timeline: none strikes inside a body or a bank, or
     /// something that the plan leaves out.
     pub fn records(&self, timeline: &Timeline) -> bool {
-        let count = |timeline: &Timeline| {
+        let counted_events = |timeline: &Timeline| {
             [
                 timeline.gestures.len(),
                 timeline.strikes.len(),
@@ -290,14 +296,14 @@ impl Plan {
         let mut recorded = [0; 3];
         for unit in &self.units {
             if let Unit::IslandPlan(island_plan) = unit {
-                let event_counts = count(&island_plan.timeline);
+                let event_counts = counted_events(&island_plan.timeline);
                 recorded
                     .iter_mut()
                     .zip(event_counts)
                     .for_each(|(all, event_counts)| *all += event_counts);
             }
         }
-        recorded == count(timeline)
+        recorded == counted_events(timeline)
     }
 
     /// Plans what is both heard and moved, each island by the cheapest method within the budget, or as decided before
@@ -334,44 +340,46 @@ impl Plan {
     /// for the banks of large parts; then those that are only seen. What is only seen does not change the groups of
     /// what is heard, as sums are rounded group by group.
     pub(crate) fn groups(&self, n_groups: usize) -> Vec<Range<usize>> {
-        let mut groups = self.grouped(0..self.n_heard, n_groups);
-        groups.extend(self.grouped(self.n_heard..self.units.len(), n_groups));
-        groups
+        let mut unit_groups = self.grouped(0..self.n_heard, n_groups);
+        unit_groups.extend(self.grouped(self.n_heard..self.units.len(), n_groups));
+        unit_groups
     }
 
     fn grouped(&self, units: Range<usize>, n_groups: usize) -> Vec<Range<usize>> {
-        let costs: Vec<f64> = self.units[units.clone()].iter().map(Unit::cost).collect();
-        let fair = costs.iter().sum::<f64>() / n_groups as f64;
-        let (mut groups, mut first, mut sum) = (Vec::new(), units.start, 0.0);
-        for (unit, cost) in units.clone().zip(&costs) {
-            sum += cost;
-            let is_full = self
+        let unit_costs: Vec<f64> = self.units[units.clone()].iter().map(Unit::cost).collect();
+        let fair_cost = unit_costs.iter().sum::<f64>() / n_groups as f64;
+        let (mut unit_groups, mut first_unit, mut group_cost) = (Vec::new(), units.start, 0.0);
+        for (unit, cost) in units.clone().zip(&unit_costs) {
+            group_cost += cost;
+            let group_is_full = self
                 .ends_piece(unit, &units)
-                .unwrap_or(sum >= fair && groups.len() + 1 < n_groups);
-            if is_full {
-                groups.push(first..unit + 1);
-                (first, sum) = (unit + 1, 0.0);
+                .unwrap_or(group_cost >= fair_cost && unit_groups.len() + 1 < n_groups);
+            if group_is_full {
+                unit_groups.push(first_unit..unit + 1);
+                (first_unit, group_cost) = (unit + 1, 0.0);
             }
         }
-        if first < units.end {
-            groups.push(first..units.end);
+        if first_unit < units.end {
+            unit_groups.push(first_unit..units.end);
         }
-        groups
+        unit_groups
     }
 
     /// Whether a group ends after the bank at index `unit`, if the next unit is a bank of the same part; `None`
     /// otherwise. The answer depends on that part alone, since every output sums its banks.
     fn ends_piece(&self, unit: usize, units: &Range<usize>) -> Option<bool> {
-        let part = |unit: usize| match &self.units[unit] {
+        let bank_part = |unit: usize| match &self.units[unit] {
             Unit::Bank(bank) => bank.part,
             Unit::IslandPlan(_) => None,
         };
-        let part_here = part(unit)?;
-        let is_own = |other: &usize| part(*other) == Some(part_here);
-        let before = (units.start..unit).rev().take_while(is_own).count();
-        let after = (unit + 1..units.end).take_while(is_own).count();
-        let piece = (before + 1 + after).div_ceil(PIECES_MAX).max(PIECE);
-        (after > 0).then(|| (before + 1).is_multiple_of(piece))
+        let part_here = bank_part(unit)?;
+        let is_same_part = |other: &usize| bank_part(*other) == Some(part_here);
+        let banks_before = (units.start..unit).rev().take_while(is_same_part).count();
+        let banks_after = (unit + 1..units.end).take_while(is_same_part).count();
+        let piece_length = (banks_before + 1 + banks_after)
+            .div_ceil(PIECES_MAX)
+            .max(PIECE);
+        (banks_after > 0).then(|| (banks_before + 1).is_multiple_of(piece_length))
     }
 
     fn empty(network: Arc<Network>, timeline: &Timeline) -> Self {

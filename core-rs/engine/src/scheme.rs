@@ -110,11 +110,11 @@ impl Run {
 
     /// The MATs that its i-th link joins along an axis.
     pub(crate) fn pair(&self, i: usize, axis: usize) -> (usize, usize) {
-        let ends = (self.a + i, self.b + i);
+        let link_ends = (self.a + i, self.b + i);
         match &self.kind {
-            Kind::Space(space) => space.pair(ends, axis),
+            Kind::Space(space) => space.pair(link_ends, axis),
             Kind::Pairwise { by, .. } => by.pair((self.a, self.b), i, axis),
-            _ => ends,
+            _ => link_ends,
         }
     }
 
@@ -147,10 +147,10 @@ impl Run {
 
     /// Length of its i-th link minus the rest length, at positions `x` [m].
     pub(crate) fn elongation(&self, i: usize, x: impl Fn(usize) -> f64) -> f64 {
-        let (a, b) = (self.a + i, self.b + i);
+        let (first_end, second_end) = (self.a + i, self.b + i);
         match &self.kind {
-            Kind::Space(space) => space.line((a, b), x).0 - self.rest,
-            _ => x(b) - x(a) - self.rest,
+            Kind::Space(space) => space.line((first_end, second_end), x).0 - self.rest,
+            _ => x(second_end) - x(first_end) - self.rest,
         }
     }
 
@@ -161,10 +161,10 @@ impl Run {
         x: impl Fn(usize) -> f64,
         moved: impl Fn(usize) -> f64,
     ) -> f64 {
-        let ends = (self.a + i, self.b + i);
+        let link_ends = (self.a + i, self.b + i);
         match &self.kind {
-            Kind::Space(space) => space.stretch(ends, space.line(ends, x).1, moved),
-            _ => moved(ends.1) - moved(ends.0),
+            Kind::Space(space) => space.stretch(link_ends, space.line(link_ends, x).1, moved),
+            _ => moved(link_ends.1) - moved(link_ends.0),
         }
     }
 
@@ -316,8 +316,8 @@ impl Scheme {
     /// whose motion or parameters a timeline determines.
     pub(crate) fn has_fine(&self, steered: &[usize]) -> (bool, bool) {
         let is_law = |run: &&Run| run.is_law();
-        let n_laws = self.substepped().filter(is_law).count();
-        let has_laws = (1..=Self::FINE_LAWS).contains(&n_laws);
+        let law_count = self.substepped().filter(is_law).count();
+        let has_laws = (1..=Self::FINE_LAWS).contains(&law_count);
         let has_contacts = self.substepped().any(|run| !is_law(&run));
         (has_contacts, has_laws || self.may_locate_friction(steered))
     }
@@ -325,35 +325,35 @@ impl Scheme {
     /// Contacts and laws that can be computed in substeps, however many laws there are.
     fn substepped(&self) -> impl Iterator<Item = &Run> {
         let takes_springs = self.takes_springs();
-        let runs = self.runs.iter().chain(&self.exact);
-        runs.filter(move |run| self.may_substep(run, takes_springs))
+        let all_runs = self.runs.iter().chain(&self.exact);
+        all_runs.filter(move |run| self.may_substep(run, takes_springs))
     }
 
     /// Whether the ends of slides and holds of all its dry friction can be located between frames: beside no contacts and
     /// laws that can be computed in substeps, not on proxies and masses that change, nor in parts with steered MATs.
     fn may_locate_friction(&self, steered: &[usize]) -> bool {
-        let is_free = |mat: usize| {
-            let mut others = steered.iter();
-            let is_steered = others.any(|&other| self.part[other] == self.part[mat]);
+        let is_free_end = |mat: usize| {
+            let mut steered_mats = steered.iter();
+            let is_steered = steered_mats.any(|&other| self.part[other] == self.part[mat]);
             !is_steered && self.may_end_between(mat)
         };
-        let dry = || self.exact.iter().filter(|run| run.is_dry());
-        (1..=Self::LOCATED_FRICTIONS).contains(&dry().count())
+        let dry_runs = || self.exact.iter().filter(|run| run.is_dry());
+        (1..=Self::LOCATED_FRICTIONS).contains(&dry_runs().count())
             && self.substepped().next().is_none()
-            && dry().all(|run| run.len == 1 && is_free(run.a) && is_free(run.b))
-            && self.is_forest(dry())
+            && dry_runs().all(|run| run.len == 1 && is_free_end(run.a) && is_free_end(run.b))
+            && self.is_forest(dry_runs())
     }
 
     /// Whether the ends of runs make no circle, with all fixed points as one: holds in a circle can share their forces in
     /// many ways.
     fn is_forest<'a>(&self, mut runs: impl Iterator<Item = &'a Run>) -> bool {
-        let ground = self.n_mat();
-        let node = |mat: usize| if self.w[mat] == 0.0 { ground } else { mat };
-        let mut sets = Forest::new(ground + 1);
+        let ground_node = self.n_mat();
+        let node_of = |mat: usize| if self.w[mat] == 0.0 { ground_node } else { mat };
+        let mut node_sets = Forest::new(ground_node + 1);
         runs.all(|run| {
-            let (a, b) = (node(run.a), node(run.b));
-            let is_apart = sets.root(a) != sets.root(b);
-            sets.join(a, b);
+            let (first_node, second_node) = (node_of(run.a), node_of(run.b));
+            let is_apart = node_sets.root(first_node) != node_sets.root(second_node);
+            node_sets.join(first_node, second_node);
             is_apart
         })
     }
@@ -366,8 +366,8 @@ impl Scheme {
     /// Whether a run can be computed in substeps.
     fn may_substep(&self, run: &Run, takes_springs: bool) -> bool {
         let is_taken = takes_springs || !run.is_hardening();
-        let is_free = self.may_end_between(run.a) && self.may_end_between(run.b);
-        is_taken && run.can_substep() && is_free
+        let has_free_ends = self.may_end_between(run.a) && self.may_end_between(run.b);
+        is_taken && run.can_substep() && has_free_ends
     }
 
     /// Whether hardening springs that are single links are computed in substeps: they are few, and no rows of such springs
@@ -390,12 +390,12 @@ impl Scheme {
         if self.proxies.is_empty() {
             return Vec::new();
         }
-        let mut all = self.w.clone();
+        let mut compliances = self.w.clone();
         for proxy in &self.proxies {
             let largest_weight = proxy.masses().map(|mat| self.w[mat]).fold(0.0, f64::max);
-            all[proxy.mat] = proxy.share_sum_max() * proxy.share_sum_max() * largest_weight;
+            compliances[proxy.mat] = proxy.share_sum_max() * proxy.share_sum_max() * largest_weight;
         }
-        all
+        compliances
     }
 
     /// Whether any link is dry friction.
@@ -405,33 +405,34 @@ impl Scheme {
 
     /// Whether there are contacts between all pairs of points.
     pub(crate) fn has_pairwise(&self) -> bool {
-        let mut runs = self.runs.iter();
-        runs.any(|run| matches!(run.kind, Kind::Pairwise { .. }))
+        let mut link_runs = self.runs.iter();
+        link_runs.any(|run| matches!(run.kind, Kind::Pairwise { .. }))
     }
 
     /// The index of the memory of a pairwise run, by its first link.
     pub(crate) fn room_of(&self, link: usize) -> Option<usize> {
-        let mut runs = self.runs.iter();
-        let run = runs.find(|run| run.first == link && run.pairwise().is_some())?;
-        Some(run.room())
+        let mut link_runs = self.runs.iter();
+        let pairwise_run = link_runs
+            .find(|pairwise_run| pairwise_run.first == link && pairwise_run.pairwise().is_some())?;
+        Some(pairwise_run.room())
     }
 
     /// The initial state of all LIAs that have one, such as bristles; empty if none has   (n_lia).
     pub(crate) fn memory(&self) -> Vec<f64> {
         let remembers = |run: &Run| run.bristle().is_some() || run.yields();
-        let any = self.runs.iter().any(remembers);
-        vec![0.0; if any { self.n_lia } else { 0 }]
+        let any_remembers = self.runs.iter().any(remembers);
+        vec![0.0; if any_remembers { self.n_lia } else { 0 }]
     }
 
     /// Move springs to the list that is computed in one pass, except those whose individual force `is_told`.
     pub(crate) fn fuse(&mut self, is_told: impl Fn(usize) -> bool) {
-        let (fused, runs): (Vec<Run>, Vec<Run>) =
+        let (fused_runs, other_runs): (Vec<Run>, Vec<Run>) =
             std::mem::take(&mut self.runs).into_iter().partition(|run| {
-                let links = run.first..run.first + run.len;
-                run.gate.is_none() && run.spring().is_some() && !links.into_iter().any(&is_told)
+                let run_links = run.first..run.first + run.len;
+                run.gate.is_none() && run.spring().is_some() && !run_links.into_iter().any(&is_told)
             });
-        self.runs = runs;
-        self.fused.extend(fused.iter().filter_map(Run::spring));
+        self.runs = other_runs;
+        self.fused.extend(fused_runs.iter().filter_map(Run::spring));
     }
 
     /// Remove and return the contacts and laws that are computed in substeps, laws only if there are few; if there are
@@ -440,23 +441,27 @@ impl Scheme {
         let takes_springs = self.takes_springs();
         if self.may_locate_friction(steered) {
             let exact = std::mem::take(&mut self.exact).into_iter();
-            let (dry, others) = exact.partition(Run::is_dry);
-            self.exact = others;
-            return dry;
+            let (dry_runs, other_exact) = exact.partition(Run::is_dry);
+            self.exact = other_exact;
+            return dry_runs;
         }
-        let (runs, exact) = (
+        let (explicit_runs, exact) = (
             std::mem::take(&mut self.runs),
             std::mem::take(&mut self.exact),
         );
         let is_law = |run: &Run| run.is_law() && self.may_substep(run, takes_springs);
-        let are_few = runs.iter().filter(|run| is_law(run)).count() <= Self::FINE_LAWS;
-        let is_fine = |run: &Run| self.may_substep(run, takes_springs) && (are_few || !is_law(run));
-        let (mut fine, runs) = runs.into_iter().partition::<Vec<_>, _>(is_fine);
-        let (exact, left) = exact.into_iter().partition::<Vec<_>, _>(is_fine);
-        fine.extend(exact);
-        fine.sort_by_key(|run| run.first);
-        (self.runs, self.exact) = (runs, left);
-        fine
+        let are_laws_few =
+            explicit_runs.iter().filter(|run| is_law(run)).count() <= Self::FINE_LAWS;
+        let is_substepped =
+            |run: &Run| self.may_substep(run, takes_springs) && (are_laws_few || !is_law(run));
+        let (mut fine_runs, explicit_runs) = explicit_runs
+            .into_iter()
+            .partition::<Vec<_>, _>(is_substepped);
+        let (exact, exact_left) = exact.into_iter().partition::<Vec<_>, _>(is_substepped);
+        fine_runs.extend(exact);
+        fine_runs.sort_by_key(|run| run.first);
+        (self.runs, self.exact) = (explicit_runs, exact_left);
+        fine_runs
     }
 
     /// 1/M, κ, ζ and rest position of every MAT   (n_mat each).

@@ -54,8 +54,8 @@ impl Section {
 
     /// Whether both remember the same, to the bit.
     pub(crate) fn is_in_state_of(&self, other: &Self) -> bool {
-        let bits = |section: &Self| [section.band, section.low].map(f64::to_bits);
-        bits(self) == bits(other)
+        let state_bits = |section: &Self| [section.band, section.low].map(f64::to_bits);
+        state_bits(self) == state_bits(other)
     }
 
     /// Set the state to which a constant input `x` leads.
@@ -67,12 +67,12 @@ impl Section {
     #[inline]
     pub(crate) fn next(&mut self, x: f64) -> Split {
         let high = (x - (self.damping + self.g) * self.band - self.low) * self.scale;
-        let up = self.g * high;
-        let band = up + self.band;
-        self.band = up + band;
-        let up = self.g * band;
-        let low = up + self.low;
-        self.low = up + low;
+        let increment = self.g * high;
+        let band = increment + self.band;
+        self.band = increment + band;
+        let increment = self.g * band;
+        let low = increment + self.low;
+        self.low = increment + low;
         Split { low, band, high }
     }
 }
@@ -84,21 +84,22 @@ mod tests {
 
     /// Gain of an analogue Butterworth high-pass of order 2 at the prewarped frequency.
     fn wanted(f: f64, cutoff: f64, rate: f64) -> f64 {
-        let warp = |f: f64| maths::sin(0.5 * TAU * f / rate) / maths::cos(0.5 * TAU * f / rate);
-        let r = warp(f) / warp(cutoff);
-        1.0 / maths::sqrt(1.0 + 1.0 / (r * r * r * r))
+        let prewarped =
+            |f: f64| maths::sin(0.5 * TAU * f / rate) / maths::cos(0.5 * TAU * f / rate);
+        let warp_ratio = prewarped(f) / prewarped(cutoff);
+        1.0 / maths::sqrt(1.0 + 1.0 / (warp_ratio * warp_ratio * warp_ratio * warp_ratio))
     }
 
     /// Gain of the high-pass output at `f`, by a Fourier sum of its impulse response.
     fn gain(cutoff: f64, rate: f64, f: f64) -> f64 {
         let mut section = Section::new(cutoff, rate, BUTTERWORTH_2);
-        let n = 1000 + (20.0 * rate / cutoff) as usize;
+        let sample_count = 1000 + (20.0 * rate / cutoff) as usize;
         let (mut re, mut im) = (0.0, 0.0);
-        for i in 0..n {
-            let h = section.next(if i == 0 { 1.0 } else { 0.0 }).high;
+        for i in 0..sample_count {
+            let response = section.next(if i == 0 { 1.0 } else { 0.0 }).high;
             let (sin, cos) = maths::sincos(TAU * f * i as f64 / rate);
-            re += h * cos;
-            im += h * sin;
+            re += response * cos;
+            im += response * sin;
         }
         maths::sqrt(re * re + im * im)
     }

@@ -87,8 +87,8 @@ impl Simulation {
         timeline: &Timeline,
         options: Options,
     ) -> Result<Self, Error> {
-        let plan = Plan::plain(network, timeline, options.unchecked)?;
-        Self::planned(Arc::new(plan), options)
+        let plain_plan = Plan::plain(network, timeline, options.unchecked)?;
+        Self::planned(Arc::new(plain_plan), options)
     }
 
     /// A simulation of a plan, at frame 0.
@@ -96,8 +96,8 @@ impl Simulation {
     /// # Errors
     /// [`Error`] if a part of the network is unstable or a method cannot step it.
     pub fn planned(plan: Arc<Plan>, options: Options) -> Result<Self, Error> {
-        let n_out = plan.network.outputs().len();
-        let block = if options.threads > 1 {
+        let n_outputs = plan.network.outputs().len();
+        let block_frames = if options.threads > 1 {
             THREADED_BLOCK
         } else {
             UNIT_BLOCK
@@ -114,7 +114,7 @@ impl Simulation {
                 on_fault,
                 ..options
             };
-            groups.push(Group::new(&plan, range, n_out * block, options)?);
+            groups.push(Group::new(&plan, range, n_outputs * block_frames, options)?);
         }
         let threads = options.threads.max(1);
         group::assign_teams(&mut groups, &plan, threads);
@@ -133,7 +133,7 @@ impl Simulation {
             threads,
             frame: 0,
             derivatives,
-            skipped_outputs: vec![0.0; looked_at * n_out],
+            skipped_outputs: vec![0.0; looked_at * n_outputs],
         })
     }
 
@@ -162,8 +162,8 @@ impl Simulation {
 
     /// All running units with their plans.
     fn units(&self) -> impl Iterator<Item = (&RunningUnit, &Unit)> {
-        let units = self.groups.iter().flat_map(|group| &group.units);
-        units.zip(&self.plan.units)
+        let running_units = self.groups.iter().flat_map(|group| &group.units);
+        running_units.zip(&self.plan.units)
     }
 
     /// All islands with their plans.
@@ -196,16 +196,16 @@ impl Simulation {
     /// # Errors
     /// [`Fault`] with the first part that becomes non-finite, unless faults are muted.
     pub fn process(&mut self, out: &mut [f64]) -> Result<(), Fault> {
-        let n_out = self.n_out().max(1);
-        out.chunks_mut(self.block_limit() * n_out)
-            .try_for_each(|out| self.advance_with_derivatives(out, out.len() / n_out))
+        let n_outputs = self.n_out().max(1);
+        out.chunks_mut(self.block_limit() * n_outputs)
+            .try_for_each(|out| self.advance_with_derivatives(out, out.len() / n_outputs))
     }
 
     /// [`Simulation::advance_groups`], followed by the differentiation of the outputs that hear rates of change.
     fn advance_with_derivatives(&mut self, out: &mut [f64], n_frames: usize) -> Result<(), Fault> {
         self.advance_groups(out, n_frames)?;
-        let n_out = self.n_out();
-        self.derivatives.process(out, n_out);
+        let n_outputs = self.n_out();
+        self.derivatives.process(out, n_outputs);
         Ok(())
     }
 
@@ -214,18 +214,19 @@ impl Simulation {
     /// # Errors
     /// [`Fault`] with the first part that becomes non-finite, unless faults are muted.
     pub fn skip(&mut self, n_frames: u64) -> Result<(), Fault> {
-        let n_out = self.n_out().max(1);
-        let n_known = n_frames.min((self.skipped_outputs.len() / n_out) as u64);
-        let mut left = n_frames - n_known;
-        while left > 0 {
-            let n = left.min(self.block_limit() as u64);
-            self.advance_groups(&mut [], n as usize)?;
-            left -= n;
+        let n_outputs = self.n_out().max(1);
+        let final_frames = n_frames.min((self.skipped_outputs.len() / n_outputs) as u64);
+        let mut frames_left = n_frames - final_frames;
+        while frames_left > 0 {
+            let block_frames = frames_left.min(self.block_limit() as u64);
+            self.advance_groups(&mut [], block_frames as usize)?;
+            frames_left -= block_frames;
         }
         let mut skipped_outputs = std::mem::take(&mut self.skipped_outputs);
-        let result = self.process(&mut skipped_outputs[..n_known as usize * n_out]);
+        let process_result =
+            self.process(&mut skipped_outputs[..final_frames as usize * n_outputs]);
         self.skipped_outputs = skipped_outputs;
-        result
+        process_result
     }
 
     fn block_limit(&self) -> usize {
@@ -240,20 +241,24 @@ impl Simulation {
     fn advance_groups(&mut self, out: &mut [f64], n_frames: usize) -> Result<(), Fault> {
         interrupt::spend(FRAME_STEPS * n_frames);
         let plan = &*self.plan;
-        let n_out = plan.network.outputs().len();
-        let frames = (self.frame, n_frames);
-        let run = |group: &mut Group| flushed(|| group.run(plan, n_out, frames));
+        let n_outputs = plan.network.outputs().len();
+        let frame_span = (self.frame, n_frames);
+        let run_group = |group: &mut Group| flushed(|| group.run(plan, n_outputs, frame_span));
         let faults: Vec<Fault> = if self.threads == 1 {
-            self.groups.iter_mut().filter_map(run).collect()
+            self.groups.iter_mut().filter_map(run_group).collect()
         } else {
-            let (large, small): (Vec<_>, Vec<_>) =
+            let (team_groups, single_groups): (Vec<_>, Vec<_>) =
                 self.groups.iter_mut().partition(|group| group.team > 1);
-            let mut faults: Vec<Fault> = large.into_iter().filter_map(run).collect();
-            faults.extend(group::run_on_threads(small, self.threads, &run));
+            let mut faults: Vec<Fault> = team_groups.into_iter().filter_map(run_group).collect();
+            faults.extend(group::run_on_threads(
+                single_groups,
+                self.threads,
+                &run_group,
+            ));
             faults
         };
         let fault = faults.into_iter().min_by_key(|fault| fault.frame);
-        for frame in out.chunks_exact_mut(n_out.max(1)) {
+        for frame in out.chunks_exact_mut(n_outputs.max(1)) {
             frame.copy_from_slice(&plan.still);
         }
         let groups = self.groups.iter();
@@ -273,10 +278,10 @@ impl Simulation {
     pub fn positions(&self) -> Vec<f64> {
         let mut x = self.motion(|x, _| x, Island::positions);
         for (island, island_plan) in self.islands() {
-            let ahead = island.ahead(self.frame);
-            let steps = f64::from(ahead) * island.steps_a_frame();
+            let frames_ahead = island.ahead(self.frame);
+            let steps = f64::from(frames_ahead) * island.steps_a_frame();
             let steps = island.steps().iter().map(|step| steps * step);
-            for (local, step) in steps.enumerate().filter(|_| ahead > 0) {
+            for (local, step) in steps.enumerate().filter(|_| frames_ahead > 0) {
                 x[to_network_index(&island_plan.to_whole.mats, local)] -= step;
             }
         }
@@ -288,40 +293,40 @@ impl Simulation {
     pub fn steps(&self) -> Vec<f64> {
         let mut steps = self.motion(|x, before| x - before, Island::steps);
         for (island, island_plan) in self.islands() {
-            let times = island.steps_a_frame();
-            for local in (0..island.steps().len()).filter(|_| times != 1.0) {
-                steps[to_network_index(&island_plan.to_whole.mats, local)] *= times;
+            let frame_steps = island.steps_a_frame();
+            for local in (0..island.steps().len()).filter(|_| frame_steps != 1.0) {
+                steps[to_network_index(&island_plan.to_whole.mats, local)] *= frame_steps;
             }
         }
         steps
     }
 
     fn motion(&self, value_of: fn(f64, f64) -> f64, values_of: fn(&Island) -> &[f64]) -> Vec<f64> {
-        let mut all = vec![f64::NAN; self.plan.network.n_mat()];
+        let mut mat_values = vec![f64::NAN; self.plan.network.n_mat()];
         for (running, unit) in self.units() {
             match (running, unit) {
                 (RunningUnit::Island(island), Unit::IslandPlan(island_plan)) => {
                     for (local, &value) in values_of(island).iter().enumerate() {
-                        all[to_network_index(&island_plan.to_whole.mats, local)] = value;
+                        mat_values[to_network_index(&island_plan.to_whole.mats, local)] = value;
                     }
                 }
                 (RunningUnit::Bank(bank), Unit::Bank(plan)) => {
                     for (oscillator, &(mat, rest)) in plan.mats.iter().enumerate() {
                         let (now, before) = bank.motion(oscillator);
-                        all[mat as usize] = value_of(now + rest, before + rest);
+                        mat_values[mat as usize] = value_of(now + rest, before + rest);
                     }
                 }
                 _ => {}
             }
         }
-        all
+        mat_values
     }
 
     /// Position that the gesture of each key asks for now [m], (n_keys); NaN for keys without a running gesture.
     pub fn asked(&self) -> Vec<f64> {
-        let mut all = vec![f64::NAN; self.plan.n_keys];
-        self.asked_into(&mut all);
-        all
+        let mut asked_positions = vec![f64::NAN; self.plan.n_keys];
+        self.asked_into(&mut asked_positions);
+        asked_positions
     }
 
     /// [`Simulation::asked`] without allocating.
@@ -329,8 +334,12 @@ impl Simulation {
         all.fill(f64::NAN);
         for (island, island_plan) in self.islands() {
             island.asked(|local, asked, is_layer| {
-                let slot = &mut all[to_network_index(&island_plan.to_whole.keys, local)];
-                *slot = if is_layer { *slot + asked } else { asked };
+                let key_position = &mut all[to_network_index(&island_plan.to_whole.keys, local)];
+                *key_position = if is_layer {
+                    *key_position + asked
+                } else {
+                    asked
+                };
             });
         }
     }
@@ -350,13 +359,13 @@ impl Simulation {
     /// Strike a point of [`Timeline::strike_point`] by an impulse [N·s] at the next frame; false if there is no such
     /// point. Impulses of one frame add up.
     pub fn strike(&mut self, point: u32, impulse: f64) -> bool {
-        let mut is_here = false;
+        let mut has_point = false;
         for running in self.groups.iter_mut().flat_map(|group| &mut group.units) {
             if let RunningUnit::Island(island) = running {
-                is_here |= island.strike(point, impulse);
+                has_point |= island.strike(point, impulse);
             }
         }
-        is_here
+        has_point
     }
 
     /// Mean force of the scene on a real hand over the last complete tick [N]; positive towards +x.
@@ -394,14 +403,14 @@ impl Simulation {
     /// ```
     pub fn damp(&mut self, t60: Option<f64>) {
         let t60 = t60.filter(|t60| t60.is_finite() && *t60 > 0.0);
-        let fall = t60.map_or(0.0, |t60| crate::units::LN_1000 / (t60 * self.rate()));
+        let fall_a_frame = t60.map_or(0.0, |t60| crate::units::LN_1000 / (t60 * self.rate()));
         for running in self.groups.iter_mut().flat_map(|group| &mut group.units) {
             match running {
                 RunningUnit::Island(island) => {
-                    let by = crate::maths::exp(-fall / island.steps_a_frame());
-                    island.damp(by);
+                    let step_factor = crate::maths::exp(-fall_a_frame / island.steps_a_frame());
+                    island.damp(step_factor);
                 }
-                RunningUnit::Bank(bank) => bank.damp(crate::maths::exp(-fall)),
+                RunningUnit::Bank(bank) => bank.damp(crate::maths::exp(-fall_a_frame)),
             }
         }
     }
@@ -413,30 +422,30 @@ impl Simulation {
 
     /// Reports of all gestures, in the timeline's order.
     pub fn reports(&self) -> Vec<Report> {
-        let mut all = vec![Report::default(); self.plan.n_gestures];
+        let mut all_reports = vec![Report::default(); self.plan.n_gestures];
         for (island, island_plan) in self.islands() {
             for (local, report) in island.reports().iter().enumerate() {
                 let mut report = *report;
                 report.pushed_by = report
                     .pushed_by
                     .map(|mat| to_network_index(&island_plan.to_whole.mats, mat));
-                all[to_network_index(&island_plan.to_whole.gestures, local)] = report;
+                all_reports[to_network_index(&island_plan.to_whole.gestures, local)] = report;
             }
         }
-        all
+        all_reports
     }
 
     /// Records of the ergons since the last call, by rising frame.
     pub fn take_ergons(&mut self) -> Vec<Record> {
-        let mut all = Vec::new();
-        let units = self.groups.iter_mut().flat_map(|group| &mut group.units);
-        for (running, unit) in units.zip(&self.plan.units) {
+        let mut framed_ergons = Vec::new();
+        let running_units = self.groups.iter_mut().flat_map(|group| &mut group.units);
+        for (running, unit) in running_units.zip(&self.plan.units) {
             let (RunningUnit::Island(island), Unit::IslandPlan(island_plan)) = (running, unit)
             else {
                 continue;
             };
-            let ergons = island.take_ergons().into_iter();
-            all.extend(ergons.map(|record| FramedErgon {
+            let island_ergons = island.take_ergons().into_iter();
+            framed_ergons.extend(island_ergons.map(|record| FramedErgon {
                 record: Record {
                     mat: to_network_index(&island_plan.to_whole.mats, record.record.mat as usize)
                         as u32,
@@ -446,8 +455,11 @@ impl Simulation {
             }));
         }
         // Sorted by the frame of the strike; ergons of one frame stay in the order of the islands.
-        all.sort_by_key(|ergon| ergon.frame);
-        all.into_iter().map(|ergon| ergon.record).collect()
+        framed_ergons.sort_by_key(|ergon| ergon.frame);
+        framed_ergons
+            .into_iter()
+            .map(|ergon| ergon.record)
+            .collect()
     }
 
     /// The energy ledger; `None` if it is not kept, or if the plan computes anything in a bank of oscillators.
@@ -472,13 +484,13 @@ impl Simulation {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn energy(&self) -> Option<Energy> {
-        let is_bank = |(unit, _): (&RunningUnit, &Unit)| matches!(unit, RunningUnit::Bank(_));
-        if self.units().any(is_bank) {
+        let is_bank_unit = |(unit, _): (&RunningUnit, &Unit)| matches!(unit, RunningUnit::Bank(_));
+        if self.units().any(is_bank_unit) {
             return None;
         }
         let mut energies = self.islands().map(|(island, _)| island.energy());
-        let first = energies.next()??;
-        energies.try_fold(first, |sum, energy| Some(sum + energy?))
+        let first_energy = energies.next()??;
+        energies.try_fold(first_energy, |sum, energy| Some(sum + energy?))
     }
 
     /// Names of the muted parts, with the frame at which each was muted.
@@ -496,8 +508,8 @@ impl Simulation {
     /// and that of exact contacts beyond one solution a step [s].
     pub fn counted_work(&self) -> f64 {
         let islands = self.islands();
-        let ns = islands.flat_map(|(island, _)| plan::counted_cost(island));
-        1e-9 * ns.sum::<f64>()
+        let island_costs = islands.flat_map(|(island, _)| plan::counted_cost(island));
+        1e-9 * island_costs.sum::<f64>()
     }
 
     /// Number of muted parts; does not allocate.
@@ -509,22 +521,22 @@ impl Simulation {
     /// largest
     /// number of steps a frame.
     pub fn finer(&self) -> Vec<(String, u64, u32)> {
-        let mut all: Vec<(String, u64, u32)> = Vec::new();
+        let mut finer_parts: Vec<(String, u64, u32)> = Vec::new();
         for (part, frames, finest) in self.islands().flat_map(|(island, _)| island.finer()) {
-            match all.iter_mut().find(|other| other.0 == part) {
+            match finer_parts.iter_mut().find(|other| other.0 == part) {
                 Some(other) => (other.1, other.2) = (other.1.max(frames), other.2.max(finest)),
-                None => all.push((part.to_owned(), frames, finest)),
+                None => finer_parts.push((part.to_owned(), frames, finest)),
             }
         }
-        all
+        finer_parts
     }
 
     /// Links and meshes that created more energy than a hundredth of what the system held: name, frame, and a sentence.
     pub fn gains(&self) -> Vec<(String, u64, String)> {
         let gains_of = |island: &Island| {
-            let rate = self.rate() * island.steps_a_frame();
+            let step_rate = self.rate() * island.steps_a_frame();
             let named_gains = island.gains().map(move |(module, gain)| {
-                let sentence = gain.sentence(&module, gain.frame as f64 / rate);
+                let sentence = gain.sentence(&module, gain.frame as f64 / step_rate);
                 (module, island.frame_at(gain.frame), sentence)
             });
             named_gains.collect::<Vec<_>>()
@@ -586,12 +598,16 @@ impl Simulation {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn fork(&self) -> Self {
-        let mut other = self.clone();
-        for running in other.groups.iter_mut().flat_map(|group| &mut group.units) {
+        let mut fork_copy = self.clone();
+        for running in fork_copy
+            .groups
+            .iter_mut()
+            .flat_map(|group| &mut group.units)
+        {
             if let RunningUnit::Island(island) = running {
                 island.reserve();
             }
         }
-        other
+        fork_copy
     }
 }

@@ -23,41 +23,47 @@ pub(crate) fn backward_steps(
     pushes: &[(usize, f64)],
     acts: &dyn Fn(usize) -> bool,
 ) -> Vec<f64> {
-    let rate = timeline.rate;
-    let t = rate.step();
-    let mats = network.mats();
-    let force = forces(network, timeline, x, pushes, acts);
-    let mut steps: Vec<f64> = (0..network.n_mat())
+    let frame_rate = timeline.rate;
+    let time_step = frame_rate.step();
+    let network_mats = network.mats();
+    let mat_forces = forces(network, timeline, x, pushes, acts);
+    let mut last_steps: Vec<f64> = (0..network.n_mat())
         .map(|i| {
-            let (x0, v0) = (x[i], mats.v0[i]);
-            let ca = network
+            let (start_position, start_velocity) = (x[i], network_mats.v0[i]);
+            let ca_rate = network
                 .parts()
-                .get(mats.part[i] as usize)
+                .get(network_mats.part[i] as usize)
                 .and_then(|part| part.ca_rate);
-            let half = 0.5 * scheme.w[i] * force[i]; // ½T²F/m, since w = T²/m
-            match mats.kind[i] {
+            let force_step = 0.5 * scheme.w[i] * mat_forces[i]; // ½T²F/m, since w = T²/m
+            match network_mats.kind[i] {
                 MatKind::Sol | MatKind::Imposed | MatKind::Proxy => 0.0,
-                _ if ca.is_some() => v0 * t,
-                MatKind::Mas | MatKind::Cel => free_step(network, rate, i, x0) - half,
+                _ if ca_rate.is_some() => start_velocity * time_step,
+                MatKind::Mas | MatKind::Cel => {
+                    free_step(network, frame_rate, i, start_position) - force_step
+                }
             }
         })
         .collect();
     for proxy in network.proxies() {
-        steps[proxy.mat] = proxy.sum(|mat| x[mat], |mat| steps[mat]);
+        last_steps[proxy.mat] = proxy.sum(|mat| x[mat], |mat| last_steps[mat]);
     }
-    steps
+    last_steps
 }
 
 /// d[0] of a MAS or CEL at `x` [m] that no link acts on [m]; zero for all others.
 fn free_step(network: &Network, rate: Rate, mat: usize, x: f64) -> f64 {
-    let mats = network.mats();
-    let v = mats.v0[mat];
-    match mats.kind[mat] {
+    let network_mats = network.mats();
+    let velocity = network_mats.v0[mat];
+    match network_mats.kind[mat] {
         MatKind::Sol | MatKind::Imposed | MatKind::Proxy => 0.0,
-        MatKind::Mas => v * rate.step(),
+        MatKind::Mas => velocity * rate.step(),
         MatKind::Cel => {
-            let cell = Cell::new(mats.m[mat], mats.k[mat], mats.z[mat]);
-            cell.last_step(x, v, mats.rest[mat], rate)
+            let cell = Cell::new(
+                network_mats.m[mat],
+                network_mats.k[mat],
+                network_mats.z[mat],
+            );
+            cell.last_step(x, velocity, network_mats.rest[mat], rate)
         }
     }
 }
@@ -71,61 +77,64 @@ pub(crate) fn forces(
     pushes: &[(usize, f64)],
     acts: &dyn Fn(usize) -> bool,
 ) -> Vec<f64> {
-    let mats = network.mats();
-    let mut force = vec![0.0; network.n_mat()];
-    force[..mats.weight.len()].copy_from_slice(&mats.weight);
+    let network_mats = network.mats();
+    let mut mat_forces = vec![0.0; network.n_mat()];
+    mat_forces[..network_mats.weight.len()].copy_from_slice(&network_mats.weight);
     for &(mat, push) in pushes {
-        force[mat] += push;
+        mat_forces[mat] += push;
     }
-    let closed = |first: usize| {
+    let is_closed = |first: usize| {
         timeline
             .gates
             .iter()
             .any(|gate| gate.links().contains(&first) && gate.open(0) == 0.0)
     };
-    let runs = interrupt::each(network.runs());
-    for run in runs.filter(|run| !closed(run.first) && acts(run.first)) {
-        let ca = network.parts().get(run.part).and_then(|part| part.ca_rate);
-        let ca_step = ca.map_or(1.0, Rate::step);
+    let network_runs = interrupt::each(network.runs());
+    for run in network_runs.filter(|run| !is_closed(run.first) && acts(run.first)) {
+        let ca_rate = network.parts().get(run.part).and_then(|part| part.ca_rate);
+        let ca_step = ca_rate.map_or(1.0, Rate::step);
         let elongation = |i: usize| x[run.b + i] - x[run.a + i] - run.rest;
         let squares = || (0..run.len).map(|i| elongation(i) * elongation(i)).sum();
         let tension = match &run.kind {
             LinkKind::Lnl(law) if law.is_shared() => law.tension(squares()),
             _ => 0.0,
         };
-        if let LinkKind::Space(space) = &run.kind {
+        if let LinkKind::Space(space_link) = &run.kind {
             for i in interrupt::steps(0..run.len) {
-                let ends = (run.a + i, run.b + i);
-                let (length, direction) = space.line(ends, |mat| x[mat]);
-                let v = space.stretch(ends, direction, |mat| mats.v0[mat]) * ca_step;
-                let e = space.law.after_yielding(run.k, length - run.rest, 0.0);
-                let f = space.law.force([run.k, run.z], e, v);
+                let end_mats = (run.a + i, run.b + i);
+                let (link_length, direction) = space_link.line(end_mats, |mat| x[mat]);
+                let v =
+                    space_link.stretch(end_mats, direction, |mat| network_mats.v0[mat]) * ca_step;
+                let e = space_link
+                    .law
+                    .after_yielding(run.k, link_length - run.rest, 0.0);
+                let f = space_link.law.force([run.k, run.z], e, v);
                 for ((a, b), along) in run.pairs(i).zip(direction) {
-                    force[a] += f * along;
-                    force[b] -= f * along;
+                    mat_forces[a] += f * along;
+                    mat_forces[b] -= f * along;
                 }
             }
             continue;
         }
-        if let Some(pairs) = run.pairwise() {
-            let link = &pairs.pairs.link;
-            let push = |ends, e, along: [f64; AXES_MAX]| {
-                let v = link.stretch(ends, along, |mat| mats.v0[mat]) * ca_step;
-                let f = link.law.force([run.k, run.z], e, v);
-                for (axis, along) in along.into_iter().enumerate().take(link.n_axes) {
-                    let (a, b) = link.pair(ends, axis);
-                    force[a] += f * along;
-                    force[b] -= f * along;
+        if let Some(pair_run) = run.pairwise() {
+            let pair_link = &pair_run.pairs.link;
+            let push = |end_mats, e, along: [f64; AXES_MAX]| {
+                let v = pair_link.stretch(end_mats, along, |mat| network_mats.v0[mat]) * ca_step;
+                let f = pair_link.law.force([run.k, run.z], e, v);
+                for (axis, along) in along.into_iter().enumerate().take(pair_link.n_axes) {
+                    let (a, b) = pair_link.pair(end_mats, axis);
+                    mat_forces[a] += f * along;
+                    mat_forces[b] -= f * along;
                 }
             };
-            Neighbours::new(&pairs).touching(&pairs, |mat| x[mat], push);
+            Neighbours::new(&pair_run).touching(&pair_run, |mat| x[mat], push);
             continue;
         }
         for i in interrupt::steps(0..run.len) {
             let (a, b) = (run.a + i, run.b + i);
             let e = x[b] - x[a] - run.rest;
             // Under `ca` Z is a factor of metres per sample.
-            let v = (mats.v0[b] - mats.v0[a]) * ca_step;
+            let v = (network_mats.v0[b] - network_mats.v0[a]) * ca_step;
             let f = match &run.kind {
                 LinkKind::Ref => run.k * e + run.z * v,
                 LinkKind::Lnl(law) if law.is_shared() => tension * e,
@@ -137,34 +146,37 @@ pub(crate) fn forces(
                 LinkKind::But(but) if but.contact == Contact::Exact => continue,
                 LinkKind::But(but) => but.force(run.k, run.z, e, v),
             };
-            force[a] += f;
-            force[b] -= f;
+            mat_forces[a] += f;
+            mat_forces[b] -= f;
         }
     }
     let is_exact =
         |run: &&Run| matches!(&run.kind, LinkKind::But(but) if but.contact == Contact::Exact);
-    let runs = network
+    let network_runs = network
         .runs()
         .iter()
-        .filter(|run| !closed(run.first) && acts(run.first));
+        .filter(|run| !is_closed(run.first) && acts(run.first));
     add_exact_contacts(
         network,
         timeline.rate,
-        &runs.filter(is_exact).collect::<Vec<_>>(),
+        &network_runs.filter(is_exact).collect::<Vec<_>>(),
         x,
-        &mut force,
+        &mut mat_forces,
     );
     for proxy in network.proxies() {
-        let pull = force[proxy.mat];
-        proxy.for_each_share(|mat| x[mat], |mat, share| force[mat] += share * pull);
+        let proxy_force = mat_forces[proxy.mat];
+        proxy.for_each_share(
+            |mat| x[mat],
+            |mat, share| mat_forces[mat] += share * proxy_force,
+        );
     }
-    let runs = interrupt::each(network.runs());
-    for run in runs.filter(|run| !closed(run.first) && acts(run.first)) {
-        if let LinkKind::Dry(dry) = &run.kind {
-            add_dry_friction(network, (run, dry), x, &mut force);
+    let network_runs = interrupt::each(network.runs());
+    for run in network_runs.filter(|run| !is_closed(run.first) && acts(run.first)) {
+        if let LinkKind::Dry(dry_friction) = &run.kind {
+            add_dry_friction(network, (run, dry_friction), x, &mut mat_forces);
         }
     }
-    force
+    mat_forces
 }
 
 /// Add the forces of contacts with `contact: exact` over half a step backward, by the same discrete gradient as in steps:
@@ -174,54 +186,67 @@ pub(crate) fn forces(
 fn add_exact_contacts(network: &Network, rate: Rate, runs: &[&Run], x: &[f64], force: &mut [f64]) {
     /// Contacts that share a MAT are solved in turn; each round halves what they disagree by, or better.
     const ROUNDS: usize = 50;
-    let mats = network.mats();
-    let t = rate.step();
+    let network_mats = network.mats();
+    let time_step = rate.step();
     // Change of a position by a newton over half a step [m/N].
     let compliance = |i: usize| {
-        if mats.kind[i].moves() {
-            0.5 * t * t / mats.m[i]
+        if network_mats.kind[i].moves() {
+            0.5 * time_step * time_step / network_mats.m[i]
         } else {
             0.0
         }
     };
     // Where a MAT would have been without links [m]: the same in all rounds.
-    let free = |i: usize| x[i] - free_step(network, rate, i, x[i]);
-    let links = runs
+    let free_position = |i: usize| x[i] - free_step(network, rate, i, x[i]);
+    let contact_links = runs
         .iter()
         .flat_map(|run| (0..run.len).map(move |i| (*run, run.a + i, run.b + i)));
-    let mut links: Vec<_> = links
-        .map(|(run, a, b)| (run, [(a, free(a)), (b, free(b))], 0.0))
+    let mut contact_links: Vec<_> = contact_links
+        .map(|(run, a, b)| (run, [(a, free_position(a)), (b, free_position(b))], 0.0))
         .collect();
     for _ in 0..ROUNDS {
         let mut is_settled = true;
-        for (run, [(a, free_a), (b, free_b)], push) in &mut links {
-            let LinkKind::But(but) = &run.kind else {
+        for (run, [(a, free_a), (b, free_b)], push) in &mut contact_links {
+            let LinkKind::But(but_link) = &run.kind else {
                 continue;
             };
             let (a, b) = (*a, *b);
             interrupt::poll();
-            let s = but.sign();
+            let side_sign = but_link.sign();
             force[a] -= *push;
             force[b] += *push;
             let contact = kernel::Contact {
                 k: run.k,
                 z: 0.0,
-                exponent: but.exponent,
+                exponent: but_link.exponent,
                 beta: compliance(a) + compliance(b),
                 clamp: false,
             };
-            let now = s * (x[b] - x[a] - run.rest);
-            let v = s * (mats.v0[b] - mats.v0[a]);
+            let contact_depth = side_sign * (x[b] - x[a] - run.rest);
+            let depth_rate = side_sign * (network_mats.v0[b] - network_mats.v0[a]);
             let before_a = *free_a + compliance(a) * force[a];
             let before_b = *free_b + compliance(b) * force[b];
-            let elastic = contact.push(s * (before_b - before_a - run.rest), now, now);
-            let drag = if now > 0.0 { run.z * v } else { 0.0 };
-            let total = elastic + drag;
-            let f = s * if but.clamp { total.max(0.0) } else { total };
-            is_settled &= (f - *push).abs() <= f64::EPSILON * f.abs();
-            *push = f;
-            force[a] += f;
-            force[b] -= f;
+            let elastic = contact.push(
+                side_sign * (before_b - before_a - run.rest),
+                contact_depth,
+                contact_depth,
+            );
+            let damping_force = if contact_depth > 0.0 {
+                run.z * depth_rate
+            } else {
+                0.0
+            };
+            let total_force = elastic + damping_force;
+            let contact_force = side_sign
+                * if but_link.clamp {
+                    total_force.max(0.0)
+                } else {
+                    total_force
+                };
+            is_settled &= (contact_force - *push).abs() <= f64::EPSILON * contact_force.abs();
+            *push = contact_force;
+            force[a] += contact_force;
+            force[b] -= contact_force;
         }
         if is_settled {
             break;
@@ -233,40 +258,42 @@ fn add_exact_contacts(network: &Network, rate: Rate, runs: &[&Run], x: &[f64], f
 /// exceed its level, motion begins at t = 0; just before, the ends moved the other way and reversed, so that friction
 /// had the other sign.
 fn add_dry_friction(network: &Network, (run, dry): (&Run, &Dry), x: &[f64], force: &mut [f64]) {
-    let mats = network.mats();
-    let (a, b) = (run.a, run.b);
-    let v = mats.v0[b] - mats.v0[a];
-    let level = dry.with(run.z).level_at(v);
+    let network_mats = network.mats();
+    let (first_mat, second_mat) = (run.a, run.b);
+    let slip_speed = network_mats.v0[second_mat] - network_mats.v0[first_mat];
+    let friction_level = dry.with(run.z).level_at(slip_speed);
     let per_force = |i: usize| {
-        if mats.kind[i].moves() {
-            1.0 / mats.m[i]
+        if network_mats.kind[i].moves() {
+            1.0 / network_mats.m[i]
         } else {
             0.0
         }
     };
     let acceleration_without = |i: usize| {
-        let tie = mats.k[i] * (x[i] - mats.rest[i]) + mats.z[i] * mats.v0[i];
+        let cell_force = network_mats.k[i] * (x[i] - network_mats.rest[i])
+            + network_mats.z[i] * network_mats.v0[i];
         per_force(i)
             * (force[i]
-                - if mats.kind[i] == MatKind::Cel {
-                    tie
+                - if network_mats.kind[i] == MatKind::Cel {
+                    cell_force
                 } else {
                     0.0
                 })
     };
-    let both = per_force(a) + per_force(b);
-    let f = if v != 0.0 {
-        level * v.signum()
-    } else if both > 0.0 {
-        let held = (acceleration_without(b) - acceleration_without(a)) / both;
-        if held.abs() > level {
-            -level * held.signum()
+    let inverse_masses = per_force(first_mat) + per_force(second_mat);
+    let friction_force = if slip_speed != 0.0 {
+        friction_level * slip_speed.signum()
+    } else if inverse_masses > 0.0 {
+        let holding_force =
+            (acceleration_without(second_mat) - acceleration_without(first_mat)) / inverse_masses;
+        if holding_force.abs() > friction_level {
+            -friction_level * holding_force.signum()
         } else {
-            held
+            holding_force
         }
     } else {
         0.0
     };
-    force[a] += f;
-    force[b] -= f;
+    force[first_mat] += friction_force;
+    force[second_mat] -= friction_force;
 }

@@ -133,8 +133,8 @@ fn histories(scheme: &Scheme) -> Vec<ContactHistory> {
     let mut histories = Vec::new();
     for run in &scheme.runs {
         if let Kind::Pairwise { by, room } = &run.kind {
-            let n_rooms = histories.len().max(room + 1);
-            histories.resize_with(n_rooms, ContactHistory::default);
+            let room_count = histories.len().max(room + 1);
+            histories.resize_with(room_count, ContactHistory::default);
             if by.friction > 0.0 {
                 histories[*room] = ContactHistory::new(by.n_points(run.len));
             }

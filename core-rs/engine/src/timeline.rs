@@ -151,14 +151,14 @@ impl Timeline {
     /// glide.
     pub(crate) fn steered(&self) -> Vec<usize> {
         let is_position = |drive: &&Drive| drive.kind == DriveKind::Position;
-        let driven = self
+        let driven_mats = self
             .drives
             .iter()
             .filter(is_position)
             .map(|drive| drive.mat);
-        let keys = self.keys.iter().map(|key| key.struck);
+        let key_mats = self.keys.iter().map(|key| key.struck);
         let gliding = self.glides.iter().map(|glide| glide.mat);
-        driven.chain(keys).chain(gliding).collect()
+        driven_mats.chain(key_mats).chain(gliding).collect()
     }
 
     /// An empty timeline at `rate`.
@@ -198,19 +198,19 @@ impl Timeline {
     /// The timeline at `oversampling` times the rate; `None` if there is no such rate.
     pub(crate) fn faster(&self, oversampling: u32) -> Option<Self> {
         let rate = Rate::new(self.rate.hertz() * f64::from(oversampling)).ok()?;
-        let gates = self.gates.iter();
-        let glides = self.glides.iter();
-        let leads = self.leads.iter();
+        let slow_gates = self.gates.iter();
+        let slow_glides = self.glides.iter();
+        let slow_leads = self.leads.iter();
         Some(Self {
             rate,
             oversampling: self.oversampling * oversampling,
-            gates: gates
+            gates: slow_gates
                 .map(|gate| gate.faster(u64::from(oversampling)))
                 .collect(),
-            glides: glides
+            glides: slow_glides
                 .map(|glide| glide.faster(u64::from(oversampling)))
                 .collect(),
-            leads: leads
+            leads: slow_leads
                 .map(|lead| lead.faster(u64::from(oversampling)))
                 .collect(),
             drives: self
@@ -226,10 +226,10 @@ impl Timeline {
     /// a gesture is too fast for it, or something is played live, because live values come by frames of the score.
     pub(crate) fn slower(&self, every: u32) -> Option<Self> {
         let rate = Rate::new(self.rate.hertz() / f64::from(every)).ok()?;
-        let is_live =
+        let is_live_drive =
             |drive: &Drive| drive.hand().is_some() || drive.port().is_some() || drive.is_heard();
-        let fits = |gesture: &Arc<Gesture>| gesture.check_rate(rate.hertz()).is_ok();
-        if self.drives.iter().any(is_live) || !self.gestures.iter().all(fits) {
+        let fits_rate = |gesture: &Arc<Gesture>| gesture.check_rate(rate.hertz()).is_ok();
+        if self.drives.iter().any(is_live_drive) || !self.gestures.iter().all(fits_rate) {
             return None;
         }
         let every = u64::from(every);
@@ -360,8 +360,8 @@ impl Timeline {
         mat: usize,
         lasts: Option<f64>,
     ) -> Result<u32, StrikeError> {
-        let part = network.mats().part[mat] as usize;
-        let is_discrete = network.parts()[part].ca_rate.is_some();
+        let part_index = network.mats().part[mat] as usize;
+        let is_discrete = network.parts()[part_index].ca_rate.is_some();
         let lasts = lasts.unwrap_or(if is_discrete { 0.0 } else { pulse::CONTACT });
         if (0.0..=pulse::LASTS_MAX).contains(&lasts) {
             Ok(pulse::n_parts(lasts))
@@ -404,8 +404,8 @@ impl Timeline {
         }
         let mut n_strikes = 0;
         // Strikes are drawn in order of time, so those after the window need not be drawn.
-        let stop = rain.stop.min(rain.within.1);
-        if rain.start >= stop || rain.within.0 >= stop {
+        let stop_time = rain.stop.min(rain.within.1);
+        if rain.start >= stop_time || rain.within.0 >= stop_time {
             return Ok(0);
         }
         for (member, &mat) in mats.iter().enumerate() {
@@ -413,9 +413,11 @@ impl Timeline {
                 interrupt::poll();
             }
             let mut chance = chance(member as u64);
-            let mut times = chance.poisson_times(rain.rate, rain.start, stop);
-            while let Some(instant) = times.next() {
-                let impulse = times.chance().uniform(rain.impulse.0, rain.impulse.1);
+            let mut strike_times = chance.poisson_times(rain.rate, rain.start, stop_time);
+            while let Some(instant) = strike_times.next() {
+                let impulse = strike_times
+                    .chance()
+                    .uniform(rain.impulse.0, rain.impulse.1);
                 if (rain.within.0..rain.within.1).contains(&instant) {
                     self.strike(network, mat, instant, impulse, rain.lasts, rain.source)?;
                     n_strikes += 1;
@@ -468,8 +470,8 @@ impl Timeline {
     ) -> Result<(), StrikeError> {
         movable(network, mat)?;
         let frames = self.frames_of(network, mat, lasts)?;
-        let source = Source::Strikes { point, frames };
-        self.drive(mat, DriveKind::Force, source, false)
+        let strike_source = Source::Strikes { point, frames };
+        self.drive(mat, DriveKind::Force, strike_source, false)
     }
 
     /// The points that may be struck while it plays, each with its MAT.
@@ -492,11 +494,11 @@ impl Timeline {
         source: Source,
         is_exclusive: bool,
     ) -> Result<(), StrikeError> {
-        if let Source::Constant(value) = source {
-            finite("constant", value)?;
+        if let Source::Constant(constant) = source {
+            finite("constant", constant)?;
         }
-        let moved = |drive: &Drive| drive.mat == mat && drive.kind == DriveKind::Position;
-        if kind == DriveKind::Position && self.drives.iter().any(moved) {
+        let sets_position = |drive: &Drive| drive.mat == mat && drive.kind == DriveKind::Position;
+        if kind == DriveKind::Position && self.drives.iter().any(sets_position) {
             return Err(StrikeError::Driven(mat));
         }
         self.drives.push(Drive {

@@ -27,8 +27,8 @@ impl Rate {
     /// # Errors
     /// [`RateError`] unless the rate is positive and finite, and its inverse a normal number.
     pub fn new(hertz: f64) -> Result<Self, RateError> {
-        let sound = hertz > 0.0 && hertz.is_finite() && (1.0 / hertz).is_normal();
-        if sound {
+        let is_usable = hertz > 0.0 && hertz.is_finite() && (1.0 / hertz).is_normal();
+        if is_usable {
             Ok(Self(hertz))
         } else {
             Err(RateError(hertz))
@@ -57,8 +57,8 @@ pub(crate) fn frame(t: f64, rate: f64) -> u64 {
 /// The frame of an instant t [s] at `rate` [Hz], which has `oversampling` frames per frame of the score. An event acts
 /// at the same instant for every `oversampling`.
 pub(crate) fn score_frame(t: f64, rate: f64, oversampling: u32) -> u64 {
-    let times = u64::from(oversampling);
-    (frame(t, rate / f64::from(oversampling)) * times).min(FRAME_MAX as u64)
+    let frame_factor = u64::from(oversampling);
+    (frame(t, rate / f64::from(oversampling)) * frame_factor).min(FRAME_MAX as u64)
 }
 
 /// The nearest frame at a rate that has one frame for `every` frames of this one.

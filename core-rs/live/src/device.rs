@@ -118,13 +118,19 @@ pub(crate) fn open_in_process(
     board: Box<dyn InProcess>,
     lockstep: bool,
 ) -> Result<Box<dyn Device>, DeviceError> {
-    let mut url = Url::in_process(kind);
-    url.lockstep = lockstep;
-    let (port, canceller) = (port::Port::InProcess(board), WaitCanceller::default());
+    let mut board_url = Url::in_process(kind);
+    board_url.lockstep = lockstep;
+    let (board_port, canceller) = (port::Port::InProcess(board), WaitCanceller::default());
     Ok(match kind {
-        Kind::Frame => Box::new(frame::Frame::on_port(port, &url, &canceller)?),
-        Kind::FireFader => Box::new(firefader::FireFader::on_port(port, &url, &canceller)?),
-        _ => return Err(url.cannot("this kind of device cannot be emulated inside the process")),
+        Kind::Frame => Box::new(frame::Frame::on_port(board_port, &board_url, &canceller)?),
+        Kind::FireFader => Box::new(firefader::FireFader::on_port(
+            board_port, &board_url, &canceller,
+        )?),
+        _ => {
+            return Err(
+                board_url.cannot("this kind of device cannot be emulated inside the process")
+            );
+        }
     })
 }
 
@@ -132,10 +138,10 @@ pub(crate) fn open_in_process(
 /// lock of an address that no board has, twice.
 #[cfg(unix)]
 pub(crate) fn second_opening_is_refused() -> bool {
-    let nobody = std::net::SocketAddr::from(([127, 0, 0, 1], 1));
+    let unused_address = std::net::SocketAddr::from(([127, 0, 0, 1], 1));
     // If another process holds the lock now, both calls fail, and the result is the same.
-    let _first = lock::DeviceLock::take(nobody);
-    lock::DeviceLock::take(nobody).is_err()
+    let _first = lock::DeviceLock::take(unused_address);
+    lock::DeviceLock::take(unused_address).is_err()
 }
 
 /// There is no such lock on this system.

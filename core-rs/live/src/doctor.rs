@@ -47,44 +47,46 @@ impl Checkup {
 /// [`Gone`] if the device goes away.
 pub fn checkup<D: Device>(
     mut device: Option<&mut Guarded<D>>,
-    period: f64,
+    tick_period: f64,
     ticks: usize,
     stop: &AtomicBool,
 ) -> Result<Checkup, Gone> {
     let mut checkup = Checkup::new(ticks);
-    let period = Duration::from_secs_f64(period);
+    let tick_period = Duration::from_secs_f64(tick_period);
     let mut sample = Sample::default();
     if let Some(device) = &mut device {
         // The initial position comes first; it is not a reply to a force.
         device.receive(&mut sample, Instant::now())?;
     }
     let lockstep = device.as_ref().is_some_and(|device| device.in_lockstep());
-    let start = Instant::now();
-    let mut due = start;
+    let start_instant = Instant::now();
+    let mut due_instant = start_instant;
     for _ in 0..ticks {
         if stop.load(Ordering::Relaxed) {
             break;
         }
         if !lockstep {
-            due += period;
+            due_instant += tick_period;
             // A reply that took longer than a tick is not lateness of the clock.
-            due = due.max(Instant::now());
-            checkup.lateness.push(nanoseconds(sleep_until(due)));
+            due_instant = due_instant.max(Instant::now());
+            checkup.lateness.push(nanoseconds(sleep_until(due_instant)));
         }
         let Some(device) = &mut device else {
             continue;
         };
         // A late reply must not be taken for the next one.
         device.receive(&mut sample, Instant::now())?;
-        let sent = Instant::now();
+        let send_instant = Instant::now();
         device.send(&[])?;
-        if device.receive(&mut sample, sent + PATIENCE)? {
-            checkup.round_trips.push(nanoseconds(sent.elapsed()));
+        if device.receive(&mut sample, send_instant + PATIENCE)? {
+            checkup
+                .round_trips
+                .push(nanoseconds(send_instant.elapsed()));
         } else {
             checkup.unanswered += 1;
         }
     }
-    checkup.seconds = start.elapsed().as_secs_f64();
+    checkup.seconds = start_instant.elapsed().as_secs_f64();
     Ok(checkup)
 }
 

@@ -261,13 +261,13 @@ impl Emulator {
 impl Measurement {
     /// Whether a promise is broken: the force lasted longer, was greater or grew faster than allowed.
     pub fn exceeds(&self) -> bool {
-        let late = match (self.outcome, self.bound) {
+        let is_late = match (self.outcome, self.bound) {
             (Outcome::Excluded(_), _) | (_, Err(_)) => return false,
             (Outcome::Zero(after), Ok(bound)) => after > bound + 1e-9,
             (Outcome::Persists, Ok(_)) => true,
         };
-        let above = |[found, most]: [f64; 2]| found > most * (1.0 + 1e-12);
-        late || above(self.greatest) || above(self.rise)
+        let is_above = |[found, most]: [f64; 2]| found > most * (1.0 + 1e-12);
+        is_late || is_above(self.greatest) || is_above(self.rise)
     }
 }
 

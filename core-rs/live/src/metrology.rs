@@ -138,7 +138,7 @@ pub fn excite<D: Device>(
     if !in_lockstep {
         realtime::request(realtime::PHYSICS_PRIORITY);
     }
-    let mut take = Take {
+    let mut new_take = Take {
         guarded: Guarded::new(device, limits, excitation.period)
             .watched()
             .without_probes(),
@@ -151,11 +151,11 @@ pub fn excite<D: Device>(
         sink,
         written: 0,
     };
-    let end = take.run(stop).err().unwrap_or(End::Done);
-    take.guarded.zero();
-    take.write(0);
+    let end = new_take.run(stop).err().unwrap_or(End::Done);
+    new_take.guarded.zero();
+    new_take.write(0);
     ExcitationResult {
-        rows: take.rows,
+        rows: new_take.rows,
         end,
     }
 }
@@ -186,22 +186,22 @@ struct Take<'a, 'b, D: Device> {
 impl<D: Device> Take<'_, '_, D> {
     fn run(&mut self, stop: &AtomicBool) -> Result<(), End> {
         let excitation = self.excitation;
-        let axis = excitation.axis;
+        let pushed_axis = excitation.axis;
         self.receive(Instant::now())?;
-        self.motion.x = self.sample.position[axis];
+        self.motion.x = self.sample.position[pushed_axis];
         if !self.motion.x.is_finite() {
             return Err(End::NotFinite);
         }
-        let mut next = Instant::now();
+        let mut next_tick = Instant::now();
         for (tick, &force) in excitation.forces.iter().enumerate() {
             if stop.load(Ordering::Relaxed) || crate::stop::has_let_go() {
                 return Err(End::Stopped);
             }
             let asked = self.guided(force, tick < excitation.still);
             let mut forces = [0.0; MAX_AXES];
-            forces[axis] = asked;
-            let safe = self.guarded.send(&forces).map_err(End::Gone)?;
-            let mut sent = self.guarded.device().on_wire(&safe)[axis];
+            forces[pushed_axis] = asked;
+            let safe_force = self.guarded.send(&forces).map_err(End::Gone)?;
+            let mut sent = self.guarded.device().on_wire(&safe_force)[pushed_axis];
             if excitation.force_step > 0.0 {
                 sent = (sent / excitation.force_step).round() * excitation.force_step;
             }
@@ -212,15 +212,15 @@ impl<D: Device> Take<'_, '_, D> {
                 braked: self.braking,
                 ..Row::default()
             });
-            next += Duration::from_secs_f64(excitation.period);
-            let wait = Duration::from_secs_f64(WAIT * excitation.period);
-            self.receive(Instant::now() + wait)?;
+            next_tick += Duration::from_secs_f64(excitation.period);
+            let reply_wait = Duration::from_secs_f64(WAIT * excitation.period);
+            self.receive(Instant::now() + reply_wait)?;
             self.take_reply(force != 0.0)?;
             self.write(LATE);
             if !self.guarded.in_lockstep() {
-                let late = realtime::sleep_until(next);
-                if late.as_secs_f64() > 10.0 * excitation.period {
-                    next = Instant::now();
+                let lateness = realtime::sleep_until(next_tick);
+                if lateness.as_secs_f64() > 10.0 * excitation.period {
+                    next_tick = Instant::now();
                 }
             }
         }
@@ -236,40 +236,40 @@ impl<D: Device> Take<'_, '_, D> {
             brake,
             deceleration,
         } = self.excitation.guide;
-        let (away, v) = (self.motion.x - centre, self.motion.v);
-        let outwards = (v * away.signum()).max(0.0);
-        let ahead = away.abs() + 0.5 * outwards * outwards / deceleration;
+        let (centre_offset, velocity) = (self.motion.x - centre, self.motion.v);
+        let outwards = (velocity * centre_offset.signum()).max(0.0);
+        let stopping_offset = centre_offset.abs() + 0.5 * outwards * outwards / deceleration;
         self.braking = if self.braking {
-            away.abs() > RELEASE_AT * half || ahead > BRAKE_AT * half
+            centre_offset.abs() > RELEASE_AT * half || stopping_offset > BRAKE_AT * half
         } else {
-            away.abs() > BRAKE_AT * half || ahead > BRAKE_AHEAD * half
+            centre_offset.abs() > BRAKE_AT * half || stopping_offset > BRAKE_AHEAD * half
         };
         if self.braking {
-            return -brake.stiffness * away - brake.damping * v;
+            return -brake.stiffness * centre_offset - brake.damping * velocity;
         }
         if is_still {
             return force;
         }
-        force - guide.stiffness * away - guide.damping * v
+        force - guide.stiffness * centre_offset - guide.damping * velocity
     }
 
     fn receive(&mut self, deadline: Instant) -> Result<(), End> {
         self.sample.fresh = false;
-        let fresh = self.guarded.receive(&mut self.sample, deadline);
-        self.sample.fresh = fresh.map_err(End::Gone)?;
+        let fresh_result = self.guarded.receive(&mut self.sample, deadline);
+        self.sample.fresh = fresh_result.map_err(End::Gone)?;
         Ok(())
     }
 
     /// Take the reply of this tick: enter it in its row, update the motion, and check whether the take must end.
     fn take_reply(&mut self, pushes: bool) -> Result<(), End> {
-        let (axis, sample) = (self.excitation.axis, &self.sample);
-        let (x, period) = (sample.position[axis], self.excitation.period);
-        self.motion.age += period;
-        if let Some(trip) = self.guarded.tripped(axis) {
-            return Err(End::Tripped(trip));
+        let (pushed_axis, sample) = (self.excitation.axis, &self.sample);
+        let (key_position, tick_period) = (sample.position[pushed_axis], self.excitation.period);
+        self.motion.age += tick_period;
+        if let Some(trip_cause) = self.guarded.tripped(pushed_axis) {
+            return Err(End::Tripped(trip_cause));
         }
         if !sample.fresh {
-            self.silent += period;
+            self.silent += tick_period;
             return if self.silent > GONE_AFTER {
                 Err(End::Gone(Gone::Silent))
             } else {
@@ -277,24 +277,29 @@ impl<D: Device> Take<'_, '_, D> {
             };
         }
         self.silent = 0.0;
-        if !x.is_finite() {
+        if !key_position.is_finite() {
             return Err(End::NotFinite);
         }
-        let age = self.motion.age;
-        let weight = (age / VELOCITY_OVER).min(1.0);
-        self.motion.v += ((x - self.motion.x) / age - self.motion.v) * weight;
-        (self.motion.x, self.motion.age) = (x, 0.0);
+        let motion_age = self.motion.age;
+        let blend_weight = (motion_age / VELOCITY_OVER).min(1.0);
+        self.motion.v +=
+            ((key_position - self.motion.x) / motion_age - self.motion.v) * blend_weight;
+        (self.motion.x, self.motion.age) = (key_position, 0.0);
         let row = (self.rows.len() - 1).checked_sub(usize::from(sample.behind));
         if let Some(row) = row.filter(|&row| row >= self.written)
             && let Some(row) = self.rows.get_mut(row)
         {
-            (row.position, row.fresh) = (x, true);
+            (row.position, row.fresh) = (key_position, true);
             row.clock = sample.t_dev_us.unwrap_or(0);
         }
-        if self.excitation.tells_touch && sample.touch[axis] {
+        if self.excitation.tells_touch && sample.touch[pushed_axis] {
             return Err(End::Touched);
         }
-        if self.excitation.is_gated && pushes && sample.behind == 0 && !sample.force_enabled[axis] {
+        if self.excitation.is_gated
+            && pushes
+            && sample.behind == 0
+            && !sample.force_enabled[pushed_axis]
+        {
             return Err(End::GateClosed);
         }
         Ok(())
@@ -302,25 +307,29 @@ impl<D: Device> Take<'_, '_, D> {
 
     /// Give the sink all rows except the newest `keep`, whose replies may still come.
     fn write(&mut self, keep: usize) {
-        let end = self.rows.len().saturating_sub(keep);
-        let Some(sink) = &mut self.sink else {
-            self.written = end;
+        let write_end = self.rows.len().saturating_sub(keep);
+        let Some(row_sink) = &mut self.sink else {
+            self.written = write_end;
             return;
         };
-        while self.written < end {
-            while self.guarded.in_lockstep() && !sink.has_room() {
+        while self.written < write_end {
+            while self.guarded.in_lockstep() && !row_sink.has_room() {
                 std::thread::sleep(ROOM);
             }
-            let row = &self.rows[self.written];
-            let fresh = if row.fresh { recording::flag::FRESH } else { 0 };
-            let sample = recording::Sample {
-                position: row.position,
-                force: row.asked,
-                sent: row.sent as f32,
-                flags: fresh | recording::flag::FORCE_ENABLED,
-                clock: row.clock,
+            let next_row = &self.rows[self.written];
+            let fresh_flag = if next_row.fresh {
+                recording::flag::FRESH
+            } else {
+                0
             };
-            sink.row(self.written as u64, &[sample]);
+            let sample = recording::Sample {
+                position: next_row.position,
+                force: next_row.asked,
+                sent: next_row.sent as f32,
+                flags: fresh_flag | recording::flag::FORCE_ENABLED,
+                clock: next_row.clock,
+            };
+            row_sink.row(self.written as u64, &[sample]);
             self.written += 1;
         }
     }

@@ -24,8 +24,8 @@ impl fmt::Display for Granted {
             Some(priority) => write!(to, "SCHED_FIFO {priority}")?,
             None => write!(to, "no real-time priority")?,
         }
-        let memory = if self.locked { "locked" } else { "not locked" };
-        write!(to, ", memory {memory}")
+        let memory_state = if self.locked { "locked" } else { "not locked" };
+        write!(to, ", memory {memory_state}")
     }
 }
 
@@ -49,9 +49,13 @@ pub fn set_priority(priority: i32) -> Option<i32> {
 fn fifo(priority: i32) -> Option<i32> {
     // SAFETY: zero is a valid sched_param; both calls write into locals that outlive them.
     unsafe {
-        let mut param: libc::sched_param = std::mem::zeroed();
-        param.sched_priority = priority;
-        libc::pthread_setschedparam(libc::pthread_self(), libc::SCHED_FIFO, &raw const param);
+        let mut schedule_param: libc::sched_param = std::mem::zeroed();
+        schedule_param.sched_priority = priority;
+        libc::pthread_setschedparam(
+            libc::pthread_self(),
+            libc::SCHED_FIFO,
+            &raw const schedule_param,
+        );
     }
     self::priority()
 }
@@ -61,10 +65,14 @@ fn fifo(priority: i32) -> Option<i32> {
 pub fn priority() -> Option<i32> {
     // SAFETY: zero is a valid sched_param; the call writes into locals that outlive it.
     unsafe {
-        let mut param: libc::sched_param = std::mem::zeroed();
-        let mut policy = 0;
-        libc::pthread_getschedparam(libc::pthread_self(), &raw mut policy, &raw mut param);
-        (policy == libc::SCHED_FIFO).then_some(param.sched_priority)
+        let mut schedule_param: libc::sched_param = std::mem::zeroed();
+        let mut sched_policy = 0;
+        libc::pthread_getschedparam(
+            libc::pthread_self(),
+            &raw mut sched_policy,
+            &raw mut schedule_param,
+        );
+        (sched_policy == libc::SCHED_FIFO).then_some(schedule_param.sched_priority)
     }
 }
 
@@ -92,15 +100,15 @@ fn lock_memory() -> bool {
 
 #[inline(never)]
 fn prefault() {
-    let stack = [0_u8; PREFAULT_BYTES];
-    std::hint::black_box(&stack);
+    let stack_bytes = [0_u8; PREFAULT_BYTES];
+    std::hint::black_box(&stack_bytes);
 }
 
 /// Sleep until an instant; returns how late the thread woke.
 pub fn sleep_until(instant: Instant) -> Duration {
-    if let Some(left) = instant.checked_duration_since(Instant::now()) {
+    if let Some(time_left) = instant.checked_duration_since(Instant::now()) {
         // Never spin: since Linux 6.12 a spinning real-time thread is stopped for 50 ms in every second.
-        std::thread::sleep(left);
+        std::thread::sleep(time_left);
     }
     Instant::now().saturating_duration_since(instant)
 }
@@ -119,7 +127,7 @@ mod tests {
     #[test]
     fn sleep_until_the_instant() {
         let instant = Instant::now() + Duration::from_millis(5);
-        let late = sleep_until(instant);
-        assert!(Instant::now() >= instant + late);
+        let wake_delay = sleep_until(instant);
+        assert!(Instant::now() >= instant + wake_delay);
     }
 }

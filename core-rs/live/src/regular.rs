@@ -16,18 +16,18 @@ pub fn open(path: &Path) -> io::Result<File> {
         &mut options,
         libc::O_NONBLOCK | libc::O_NOCTTY,
     );
-    let file = options.open(path)?;
-    let kind = file.metadata()?;
-    if kind.is_dir() {
+    let opened_file = options.open(path)?;
+    let file_metadata = opened_file.metadata()?;
+    if file_metadata.is_dir() {
         return Err(io::ErrorKind::IsADirectory.into());
     }
-    if !kind.is_file() {
+    if !file_metadata.is_file() {
         return Err(io::Error::new(
             io::ErrorKind::InvalidInput,
             "not a regular file",
         ));
     }
-    Ok(file)
+    Ok(opened_file)
 }
 
 #[cfg(all(test, unix))]

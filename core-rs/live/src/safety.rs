@@ -93,10 +93,16 @@ impl<D: Device> Guarded<D> {
     /// Guard a device that is sent forces once in every `period` [s].
     pub fn new(device: D, limits: Limits, period: f64) -> Self {
         let in_lockstep = device.in_lockstep();
-        let spec = device.spec();
+        let device_spec = device.spec();
         Self {
             _armed: device.last_resort().and_then(last_resort::arm),
-            pipeline: Pipeline::new(spec, |axis| device.range(axis), limits, period, in_lockstep),
+            pipeline: Pipeline::new(
+                device_spec,
+                |axis| device.range(axis),
+                limits,
+                period,
+                in_lockstep,
+            ),
             watched: None,
             trips: [None; MAX_AXES],
             latches: [Latch::default(); MAX_AXES],
@@ -111,19 +117,19 @@ impl<D: Device> Guarded<D> {
     /// measured.
     #[must_use]
     pub fn watched(mut self) -> Self {
-        let spec = self.device.spec();
-        let built: Vec<AxisSpec> = (0..spec.dof)
+        let device_spec = self.device.spec();
+        let axis_specs: Vec<AxisSpec> = (0..device_spec.dof)
             .map(|axis| AxisSpec {
                 range: self.device.range(axis),
-                resolution: spec.pos_lsb,
-                inertia: spec.inertia,
+                resolution: device_spec.pos_lsb,
+                inertia: device_spec.inertia,
                 force: self.pipeline.force_max(),
-                delay: spec.loop_delay_s.unwrap_or(0.0),
+                delay: device_spec.loop_delay_s.unwrap_or(0.0),
                 energy: self.pipeline.limits().energy,
                 power: self.pipeline.limits().power,
             })
             .collect();
-        self.watched = Some(PlausibilityChecks::new(&built, self.pipeline.period()));
+        self.watched = Some(PlausibilityChecks::new(&axis_specs, self.pipeline.period()));
         self
     }
 
@@ -175,38 +181,38 @@ impl<D: Device> Guarded<D> {
     pub fn send(&mut self, forces: &[f64]) -> Result<SafeForce, Gone> {
         self.hold();
         self.clock.tick();
-        let mut safe = self.pass(forces);
+        let mut safe_force = self.pass(forces);
         if stop::has_let_go() || self.pipeline.was_stopped(self.clock.now()) {
-            safe = self.pipeline.withdraw();
+            safe_force = self.pipeline.withdraw();
         }
         if self.motors_disobey() {
-            safe = self.pipeline.withdraw();
+            safe_force = self.pipeline.withdraw();
             self.device.switch_off()?;
         } else {
-            self.device.send(&safe)?;
+            self.device.send(&safe_force)?;
         }
         if self.pipeline.was_stopped(self.clock.now()) {
-            safe = self.pipeline.withdraw();
+            safe_force = self.pipeline.withdraw();
             self.device.zero();
         }
         if let Some(watched) = &mut self.watched {
-            watched.sent(safe.newtons());
+            watched.sent(safe_force.newtons());
         }
-        Ok(safe)
+        Ok(safe_force)
     }
 
     fn pass(&mut self, forces: &[f64]) -> SafeForce {
-        let now = self.clock.now();
-        let safe = if let Some(watched) = &mut self.watched {
+        let time_now = self.clock.now();
+        let safe_force = if let Some(watched) = &mut self.watched {
             if self.pipeline.is_fading() {
                 watched.restart();
             }
-            self.pipeline.pass(&watched.pass(forces), now)
+            self.pipeline.pass(&watched.pass(forces), time_now)
         } else {
-            self.pipeline.pass(forces, now)
+            self.pipeline.pass(forces, time_now)
         };
-        self.note_trips(now);
-        safe
+        self.note_trips(time_now);
+        safe_force
     }
 
     /// Whether a motor may not do what it is commanded: then zero force does not end its force, and all motors of the
@@ -220,14 +226,14 @@ impl<D: Device> Guarded<D> {
     fn note_trips(&mut self, now: Duration) {
         for (axis, latch) in self.latches.iter_mut().enumerate() {
             let watched = self.watched.as_ref().and_then(|own| own.trip(axis));
-            let why = watched.or_else(|| self.pipeline.tripped(axis));
-            if let Some(why) = why.filter(|_| self.trips[axis].is_none()) {
-                latch.note(why, now);
+            let trip_cause = watched.or_else(|| self.pipeline.tripped(axis));
+            if let Some(trip_cause) = trip_cause.filter(|_| self.trips[axis].is_none()) {
+                latch.note(trip_cause, now);
             }
             if latch.why().is_some() {
                 self.pipeline.latch(axis);
             }
-            self.trips[axis] = latch.why().or(why);
+            self.trips[axis] = latch.why().or(trip_cause);
         }
     }
 
@@ -236,14 +242,14 @@ impl<D: Device> Guarded<D> {
     /// # Errors
     /// [`Gone`] if no positions will come any more.
     pub fn receive(&mut self, into: &mut Sample, deadline: Instant) -> Result<bool, Gone> {
-        let fresh = self.device.receive(into, deadline)?;
-        if fresh {
+        let is_fresh = self.device.receive(into, deadline)?;
+        if is_fresh {
             self.pipeline.observe(into, self.clock.now());
             if let Some(watched) = &mut self.watched {
                 watched.observe(&into.position);
             }
         }
-        Ok(fresh)
+        Ok(is_fresh)
     }
 
     /// Send zero forces now; later forces pass again.
@@ -271,11 +277,11 @@ impl<D: Device> Guarded<D> {
     }
 
     fn hold(&mut self) {
-        let held = self.stopped || stop::has_let_go();
-        if held != self.held {
-            self.held = held;
-            self.pipeline.stop(held);
-            if !held {
+        let is_held = self.stopped || stop::has_let_go();
+        if is_held != self.held {
+            self.held = is_held;
+            self.pipeline.stop(is_held);
+            if !is_held {
                 self.release();
             }
         }

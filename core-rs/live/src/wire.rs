@@ -44,31 +44,31 @@ impl<const N: usize> Inbox<N> {
         mut each: impl FnMut(T),
     ) {
         while !new.is_empty() {
-            let n = new.len().min(N - self.len);
-            self.bytes[self.len..self.len + n].copy_from_slice(&new[..n]);
-            self.len += n;
-            new = &new[n..];
-            let mut offset = 0;
-            while offset < self.len {
-                match parse(&self.bytes[offset..self.len]) {
+            let taken_bytes = new.len().min(N - self.len);
+            self.bytes[self.len..self.len + taken_bytes].copy_from_slice(&new[..taken_bytes]);
+            self.len += taken_bytes;
+            new = &new[taken_bytes..];
+            let mut packet_offset = 0;
+            while packet_offset < self.len {
+                match parse(&self.bytes[packet_offset..self.len]) {
                     Parsed::Packet(packet, len) => {
                         each(packet);
-                        offset += len;
+                        packet_offset += len;
                     }
                     Parsed::Garbage(len) => {
                         self.garbage += len as u64;
-                        offset += len;
+                        packet_offset += len;
                     }
                     // A packet that fills the buffer and is still incomplete is not a packet.
-                    Parsed::Incomplete if self.len - offset == N => {
+                    Parsed::Incomplete if self.len - packet_offset == N => {
                         self.garbage += 1;
-                        offset += 1;
+                        packet_offset += 1;
                     }
                     Parsed::Incomplete => break,
                 }
             }
-            self.bytes.copy_within(offset..self.len, 0);
-            self.len -= offset;
+            self.bytes.copy_within(packet_offset..self.len, 0);
+            self.len -= packet_offset;
         }
     }
 }

@@ -25,9 +25,9 @@ pub fn between(share: f64, (x, y): (f64, f64), before: Option<f64>, after: Optio
     if is_still(x, y) && (is_still(before, x) || is_still(y, after)) {
         return x + share * (y - x);
     }
-    let (back, on, far) = (share + 1.0, share - 1.0, share - 2.0);
-    let outer = share * on * (back * after - far * before) / 6.0;
-    outer + back * far * (on * x - share * y) / 2.0
+    let (from_previous, from_next, from_after) = (share + 1.0, share - 1.0, share - 2.0);
+    let outer_terms = share * from_next * (from_previous * after - from_after * before) / 6.0;
+    outer_terms + from_previous * from_after * (from_next * x - share * y) / 2.0
 }
 
 /// Frames of one part.
@@ -46,9 +46,9 @@ pub struct Frames {
 impl Frames {
     /// The payload for a live page, which draws each frame by itself: in single precision.
     pub fn plain(&self) -> Vec<u8> {
-        let mut out = self.head(PLAIN);
-        self.rows.iter().for_each(|x| out.f32(*x));
-        out.0
+        let mut payload_bytes = self.head(PLAIN);
+        self.rows.iter().for_each(|x| payload_bytes.f32(*x));
+        payload_bytes.0
     }
 
     /// The payload for a file, within [`packed::BOUND`]; plain if a displacement is not known. `amplitudes` [m] are
@@ -57,39 +57,41 @@ impl Frames {
         if !self.rows.iter().all(|x| x.is_finite()) {
             return self.plain();
         }
-        let mut out = self.head(PACKED);
-        packed::pack(&mut out, &self.rows, amplitudes);
-        out.0
+        let mut payload_bytes = self.head(PACKED);
+        packed::pack(&mut payload_bytes, &self.rows, amplitudes);
+        payload_bytes.0
     }
 
     fn head(&self, coding: u8) -> Bytes {
-        let mut out = Bytes::default();
-        out.u16(self.part);
-        out.0.extend([coding, 0]);
-        out.u32(self.count as u32);
-        out.f64(self.hop);
-        out
+        let mut head_bytes = Bytes::default();
+        head_bytes.u16(self.part);
+        head_bytes.0.extend([coding, 0]);
+        head_bytes.u32(self.count as u32);
+        head_bytes.f64(self.hop);
+        head_bytes
     }
 
     /// The frames of a payload; `points_of`: number of points of a part. `None` if the payload is damaged.
     pub fn read(payload: &[u8], points_of: impl Fn(u16) -> Option<usize>) -> Option<Self> {
-        let mut from = Reading(payload);
-        let part = from.u16()?;
-        let &[coding, _] = from.take(2)? else {
+        let mut reading = Reading(payload);
+        let part = reading.u16()?;
+        let &[coding, _] = reading.take(2)? else {
             return None;
         };
-        let (count, hop) = (from.u32()? as usize, from.f64()?);
-        let n = points_of(part)?;
-        let numbers = count.checked_mul(n).filter(|all| *all <= NUMBERS_MAX)?;
+        let (count, hop) = (reading.u32()? as usize, reading.f64()?);
+        let point_count = points_of(part)?;
+        let numbers = count
+            .checked_mul(point_count)
+            .filter(|all| *all <= NUMBERS_MAX)?;
         if !(hop > 0.0 && hop.is_finite()) || count > NUMBERS_MAX {
             return None;
         }
         let rows = match coding {
-            PLAIN if from.0.len() == 4 * numbers => {
-                let values = from.0.chunks_exact(4);
-                values.filter_map(|x| Reading(x).f32()).collect()
+            PLAIN if reading.0.len() == 4 * numbers => {
+                let number_chunks = reading.0.chunks_exact(4);
+                number_chunks.filter_map(|x| Reading(x).f32()).collect()
             }
-            PACKED => packed::unpack(from.0, count, n)?,
+            PACKED => packed::unpack(reading.0, count, point_count)?,
             _ => return None,
         };
         Some(Self {
@@ -121,8 +123,8 @@ mod tests {
     }
 
     fn amplitudes(rows: &[f64]) -> Vec<f64> {
-        let points = (0..POINTS).map(|point| rows[point..].iter().step_by(POINTS));
-        let extents = points.map(|x| {
+        let point_rows = (0..POINTS).map(|point| rows[point..].iter().step_by(POINTS));
+        let extents = point_rows.map(|x| {
             x.clone().copied().fold(f64::NEG_INFINITY, f64::max)
                 - x.copied().fold(f64::INFINITY, f64::min)
         });
@@ -178,18 +180,28 @@ mod tests {
 
     #[test]
     fn decode_of_point_at_rest() {
-        let rows: Vec<f64> = (0..120)
+        let frame_rows: Vec<f64> = (0..120)
             .flat_map(|t| {
-                let fallen = 0.123_456_789 * f64::from(t.min(40));
-                [fallen, 0.0, -fallen, 0.5, 1e-3 * f64::from(t % 7)]
+                let displacement = 0.123_456_789 * f64::from(t.min(40));
+                [
+                    displacement,
+                    0.0,
+                    -displacement,
+                    0.5,
+                    1e-3 * f64::from(t % 7),
+                ]
             })
             .collect();
-        let all = frames(rows);
-        let copy = read(&all.packed(&amplitudes(&all.rows))).expect("frames");
+        let all_frames = frames(frame_rows);
+        let decoded = read(&all_frames.packed(&amplitudes(&all_frames.rows))).expect("frames");
         for t in (0..120).filter(|t| *t >= 60) {
             for point in [0, 1, 2, 3] {
-                let off = all.rows[t * POINTS + point] - copy.rows[t * POINTS + point];
-                assert!(off.abs() <= 1.001 * BOUND.rest, "{t} {point} {off}");
+                let row_error =
+                    all_frames.rows[t * POINTS + point] - decoded.rows[t * POINTS + point];
+                assert!(
+                    row_error.abs() <= 1.001 * BOUND.rest,
+                    "{t} {point} {row_error}"
+                );
             }
         }
     }
@@ -199,37 +211,37 @@ mod tests {
         let cubic = |t: f64| 1.0 + t * (2.0 - t * (0.5 - 0.25 * t));
         let parabola = |t: f64| 1.0 - t * (2.0 + t);
         for share in [0.0, 0.1, 0.5, 0.9] {
-            let is = |x: f64, y: f64| assert!((x - y).abs() < 1e-12, "{x} {y}");
-            let ends = (cubic(0.0), cubic(1.0));
-            is(
-                between(share, ends, Some(cubic(-1.0)), Some(cubic(2.0))),
+            let assert_close = |x: f64, y: f64| assert!((x - y).abs() < 1e-12, "{x} {y}");
+            let end_positions = (cubic(0.0), cubic(1.0));
+            assert_close(
+                between(share, end_positions, Some(cubic(-1.0)), Some(cubic(2.0))),
                 cubic(share),
             );
-            let ends = (parabola(0.0), parabola(1.0));
-            is(
-                between(share, ends, Some(parabola(-1.0)), None),
+            let end_positions = (parabola(0.0), parabola(1.0));
+            assert_close(
+                between(share, end_positions, Some(parabola(-1.0)), None),
                 parabola(share),
             );
-            is(
-                between(share, ends, None, Some(parabola(2.0))),
+            assert_close(
+                between(share, end_positions, None, Some(parabola(2.0))),
                 parabola(share),
             );
-            is(between(share, (1.0, 2.0), None, None), 1.0 + share);
-            is(between(share, (0.5, 0.5), Some(0.5), Some(9.0)), 0.5);
-            is(between(share, (0.5, 0.5), Some(-9.0), Some(0.5)), 0.5);
+            assert_close(between(share, (1.0, 2.0), None, None), 1.0 + share);
+            assert_close(between(share, (0.5, 0.5), Some(0.5), Some(9.0)), 0.5);
+            assert_close(between(share, (0.5, 0.5), Some(-9.0), Some(0.5)), 0.5);
         }
     }
 
     #[test]
     fn unknown_positions_are_nan() {
-        let rows = vec![1.0, f64::NAN, 2.0, 1.0, 0.0];
+        let frame_rows = vec![1.0, f64::NAN, 2.0, 1.0, 0.0];
         for bytes in [
-            frames(rows.clone()).plain(),
-            frames(rows).packed(&[1.0; POINTS]),
+            frames(frame_rows.clone()).plain(),
+            frames(frame_rows).packed(&[1.0; POINTS]),
         ] {
-            let copy = read(&bytes).expect("frames");
-            assert_eq!(copy.rows[0], 1.0);
-            assert!(copy.rows[1].is_nan());
+            let decoded = read(&bytes).expect("frames");
+            assert_eq!(decoded.rows[0], 1.0);
+            assert!(decoded.rows[1].is_nan());
         }
     }
 }

@@ -53,14 +53,14 @@ pub fn write(out: &mut Vec<u8>, chunk: &Chunk) {
         "a payload of {} bytes",
         chunk.payload.len()
     );
-    let begin = out.len();
+    let chunk_begin = out.len();
     out.extend_from_slice(&chunk.kind.to_le_bytes());
     out.extend_from_slice(&chunk.version.to_le_bytes());
     out.extend_from_slice(&(chunk.payload.len() as u32).to_le_bytes());
     out.extend_from_slice(&chunk.seconds.to_le_bytes());
     out.extend_from_slice(chunk.payload);
-    let crc = crc32fast::hash(&out[begin..]);
-    out.extend_from_slice(&crc.to_le_bytes());
+    let chunk_crc = crc32fast::hash(&out[chunk_begin..]);
+    out.extend_from_slice(&chunk_crc.to_le_bytes());
 }
 
 /// The chunk at the beginning of `bytes`, and how many bytes it takes.
@@ -69,26 +69,29 @@ pub fn write(out: &mut Vec<u8>, chunk: &Chunk) {
 ///
 /// [`ChunkError`] if there is no complete chunk.
 pub fn read(bytes: &[u8]) -> Result<(Chunk<'_>, usize), ChunkError> {
-    let head = bytes.get(..HEAD).ok_or(ChunkError::Cut)?;
-    let number = |at: usize| u16::from_le_bytes([head[at], head[at + 1]]);
-    let length = u32::from_le_bytes([head[4], head[5], head[6], head[7]]) as usize;
-    if length > PAYLOAD_MAX {
-        return Err(ChunkError::Long(length));
+    let head_bytes = bytes.get(..HEAD).ok_or(ChunkError::Cut)?;
+    let number_at = |at: usize| u16::from_le_bytes([head_bytes[at], head_bytes[at + 1]]);
+    let payload_length =
+        u32::from_le_bytes([head_bytes[4], head_bytes[5], head_bytes[6], head_bytes[7]]) as usize;
+    if payload_length > PAYLOAD_MAX {
+        return Err(ChunkError::Long(payload_length));
     }
-    let end = HEAD + length;
-    let crc = bytes.get(end..end + CRC).ok_or(ChunkError::Cut)?;
-    if crc32fast::hash(&bytes[..end]).to_le_bytes() != crc {
+    let payload_end = HEAD + payload_length;
+    let crc_bytes = bytes
+        .get(payload_end..payload_end + CRC)
+        .ok_or(ChunkError::Cut)?;
+    if crc32fast::hash(&bytes[..payload_end]).to_le_bytes() != crc_bytes {
         return Err(ChunkError::Crc);
     }
-    let seconds = f64::from_le_bytes(head[8..].try_into().expect("eight bytes"));
+    let seconds = f64::from_le_bytes(head_bytes[8..].try_into().expect("eight bytes"));
     Ok((
         Chunk {
-            kind: number(0),
-            version: number(2),
+            kind: number_at(0),
+            version: number_at(2),
             seconds,
-            payload: &bytes[HEAD..end],
+            payload: &bytes[HEAD..payload_end],
         },
-        end + CRC,
+        payload_end + CRC,
     ))
 }
 

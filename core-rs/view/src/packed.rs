@@ -67,16 +67,20 @@ fn code(bound: f64, unit: f64) -> u64 {
 
 /// What is foreseen of a point in the next frame, from its own frames so far, and those of the two points before it.
 fn foreseen(mode: Mode, frames: &[i64], before: [&[i64]; 2]) -> i64 {
-    let t = frames.len();
-    let Some(&last) = frames.last() else { return 0 };
-    let moved = |point: &[i64]| point[t].wrapping_sub(point[t - 1]);
-    let by = match mode {
-        Mode::Rest | Mode::Hold => 0,
-        Mode::Line => last.wrapping_sub(frames[t.saturating_sub(2)]),
-        Mode::Beside => moved(before[0]),
-        Mode::Ahead => (moved(before[0]).wrapping_mul(2)).wrapping_sub(moved(before[1])),
+    let frame_index = frames.len();
+    let Some(&last_position) = frames.last() else {
+        return 0;
     };
-    last.wrapping_add(by)
+    let movement_of = |point: &[i64]| point[frame_index].wrapping_sub(point[frame_index - 1]);
+    let predicted_move = match mode {
+        Mode::Rest | Mode::Hold => 0,
+        Mode::Line => last_position.wrapping_sub(frames[frame_index.saturating_sub(2)]),
+        Mode::Beside => movement_of(before[0]),
+        Mode::Ahead => {
+            (movement_of(before[0]).wrapping_mul(2)).wrapping_sub(movement_of(before[1]))
+        }
+    };
+    last_position.wrapping_add(predicted_move)
 }
 
 /// What has been learnt so far of the numbers in a chunk.
@@ -118,12 +122,12 @@ impl Learnt {
     /// The mode of a block; it is likelier for being that of the block before.
     fn mode(&mut self, coder: &mut impl Coder, mode: Mode) -> Option<Mode> {
         let chances = &mut self.modes[self.mode];
-        let mut number = 1_usize;
+        let mut tree_node = 1_usize;
         for place in (0..MODE_BITS).rev() {
-            let bit = mode as usize >> place & 1 == 1;
-            number = number << 1 | usize::from(coder.bit(&mut chances[number], bit));
+            let mode_bit = mode as usize >> place & 1 == 1;
+            tree_node = tree_node << 1 | usize::from(coder.bit(&mut chances[tree_node], mode_bit));
         }
-        self.mode = number - (1 << MODE_BITS);
+        self.mode = tree_node - (1 << MODE_BITS);
         MODES.get(self.mode).copied()
     }
 
@@ -134,21 +138,26 @@ impl Learnt {
         difference: i64,
         is_first: bool,
     ) -> Option<i64> {
-        let size = difference.unsigned_abs();
-        let size = if is_first {
-            self.firsts.code(coder, 0, size)?
+        let magnitude = difference.unsigned_abs();
+        let magnitude = if is_first {
+            self.firsts.code(coder, 0, magnitude)?
         } else {
-            let [last, before] = self.sizes;
-            let bits = u64::BITS - (2 * last + before).div_ceil(2).leading_zeros();
-            let size = (self.differences).code(coder, (bits as usize).min(CONTEXTS - 1), size)?;
-            self.sizes = [size, last];
-            size
+            let [last_size, size_before] = self.sizes;
+            let context_bits =
+                u64::BITS - (2 * last_size + size_before).div_ceil(2).leading_zeros();
+            let magnitude = (self.differences).code(
+                coder,
+                (context_bits as usize).min(CONTEXTS - 1),
+                magnitude,
+            )?;
+            self.sizes = [magnitude, last_size];
+            magnitude
         };
-        let is_negative = size != 0 && coder.code(EVEN, difference < 0);
+        let is_negative = magnitude != 0 && coder.code(EVEN, difference < 0);
         Some(if is_negative {
-            -(size as i64)
+            -(magnitude as i64)
         } else {
-            size as i64
+            magnitude as i64
         })
     }
 }
@@ -171,117 +180,128 @@ const FINE_SHARE: f64 = 3e-4;
 /// included.
 pub(crate) fn pack(out: &mut Bytes, rows: &[f64], amplitudes: &[f64]) {
     let n = amplitudes.len();
-    let coarse = |point: usize| BOUND.amplitude * amplitudes[point];
+    let coarse_bound = |point: usize| BOUND.amplitude * amplitudes[point];
     if rows.len() <= 8 * FINE_BYTES_MAX {
-        let finer = |point: usize| {
-            let frames = rows[point..].iter().step_by(n);
-            coarse(point).min(0.5 * FINE_SHARE * extent(frames))
+        let finer_bound = |point: usize| {
+            let point_frames = rows[point..].iter().step_by(n);
+            coarse_bound(point).min(0.5 * FINE_SHARE * extent(point_frames))
         };
-        let bytes = pack_within(rows, amplitudes, finer);
-        if bytes.len() <= FINE_BYTES_MAX {
-            out.0.extend(bytes);
+        let packed_bytes = pack_within(rows, amplitudes, finer_bound);
+        if packed_bytes.len() <= FINE_BYTES_MAX {
+            out.0.extend(packed_bytes);
             return;
         }
     }
-    out.0.extend(pack_within(rows, amplitudes, coarse));
+    out.0.extend(pack_within(rows, amplitudes, coarse_bound));
 }
 
 /// Frames whose points are each right within a bound [m].
 fn pack_within(rows: &[f64], amplitudes: &[f64], bound: impl Fn(usize) -> f64) -> Vec<u8> {
-    let (n, mut out) = (amplitudes.len(), Bytes::default());
+    let (n, mut packed_bytes) = (amplitudes.len(), Bytes::default());
     let largest = |values: &[f64]| {
         values
             .iter()
             .fold(0.0_f64, |largest, x| largest.max(x.abs()))
     };
-    let floor = (largest(amplitudes) * UNSEEN)
+    let floor_bound = (largest(amplitudes) * UNSEEN)
         .clamp(FAINT, BOUND.least)
         .max(largest(rows) / STEPS_MAX);
     // The smallest step is four units.
-    let unit = power_of_two(0.5 * floor);
-    let fine = code(BOUND.rest.max(floor), unit);
-    out.f64(unit);
-    out.u16(fine as u16);
+    let unit_length = power_of_two(0.5 * floor_bound);
+    let fine_code = code(BOUND.rest.max(floor_bound), unit_length);
+    packed_bytes.f64(unit_length);
+    packed_bytes.u16(fine_code as u16);
     let (mut writer, mut learnt) = (Writer::new(), Learnt::new());
-    let count = rows.len() / n.max(1);
-    let (mut before, mut before_that) = (vec![0; count], vec![0; count]);
+    let frame_count = rows.len() / n.max(1);
+    let (mut before, mut before_that) = (vec![0; frame_count], vec![0; frame_count]);
     for point in 0..n {
-        let actual: Vec<f64> = rows[point..].iter().step_by(n).copied().collect();
-        let coarse = code(bound(point).max(floor), unit);
-        learnt.step(&mut writer, coarse);
-        let mut held: Vec<i64> = Vec::with_capacity(count);
-        for block in actual.chunks(BLOCK) {
-            let rests = coarse > fine && extent(block.iter()) <= 2.0 * BOUND.rest;
-            let trials = if rests { &MODES[..1] } else { &MODES[1..] };
-            let size = step(if rests { fine } else { coarse });
-            let trials = trials.iter().map(|&mode| {
-                let mut frames = held.clone();
+        let point_frames: Vec<f64> = rows[point..].iter().step_by(n).copied().collect();
+        let coarse_code = code(bound(point).max(floor_bound), unit_length);
+        learnt.step(&mut writer, coarse_code);
+        let mut coded_frames: Vec<i64> = Vec::with_capacity(frame_count);
+        for block in point_frames.chunks(BLOCK) {
+            let is_resting = coarse_code > fine_code && extent(block.iter()) <= 2.0 * BOUND.rest;
+            let mode_trials = if is_resting { &MODES[..1] } else { &MODES[1..] };
+            let step_size = step(if is_resting { fine_code } else { coarse_code });
+            let mode_trials = mode_trials.iter().map(|&mode| {
+                let mut trial_frames = coded_frames.clone();
                 let differences: Vec<i64> = (block.iter())
                     .map(|x| {
-                        let from = foreseen(mode, &frames, [&before, &before_that]);
-                        let steps = ((x / unit - from as f64) / size as f64).round_ties_even();
-                        frames.push(from + steps as i64 * size);
-                        steps as i64
+                        let predicted = foreseen(mode, &trial_frames, [&before, &before_that]);
+                        let step_difference = ((x / unit_length - predicted as f64)
+                            / step_size as f64)
+                            .round_ties_even();
+                        trial_frames.push(predicted + step_difference as i64 * step_size);
+                        step_difference as i64
                     })
                     .collect();
-                (mode, frames, differences)
+                (mode, trial_frames, differences)
             });
-            let bits = |differences: &[i64]| -> u32 {
-                let bits = differences
+            let bit_count = |differences: &[i64]| -> u32 {
+                let bit_count = differences
                     .iter()
                     .map(|x| u64::BITS - x.unsigned_abs().leading_zeros());
-                bits.sum()
+                bit_count.sum()
             };
-            let Some((mode, frames, differences)) = trials.min_by_key(|trial| bits(&trial.2))
+            let Some((mode, trial_frames, differences)) =
+                mode_trials.min_by_key(|trial| bit_count(&trial.2))
             else {
                 continue;
             };
             learnt.mode(&mut writer, mode);
             for (i, difference) in differences.into_iter().enumerate() {
-                learnt.difference(&mut writer, difference, held.len() + i == 0);
+                learnt.difference(&mut writer, difference, coded_frames.len() + i == 0);
             }
-            held = frames;
+            coded_frames = trial_frames;
         }
-        before_that = std::mem::replace(&mut before, held);
+        before_that = std::mem::replace(&mut before, coded_frames);
     }
-    out.0.extend(writer.finish());
-    out.0
+    packed_bytes.0.extend(writer.finish());
+    packed_bytes.0
 }
 
 /// Read frames (count, n) of displacements [m]; `None` if they are damaged.
 pub(crate) fn unpack(payload: &[u8], count: usize, n: usize) -> Option<Vec<f64>> {
-    let mut head = Reading(payload);
-    let (unit, fine) = (head.f64()?, u64::from(head.u16()?));
-    if !(unit > 0.0 && unit.is_finite()) || fine > CODE_MAX {
+    let mut head_reading = Reading(payload);
+    let (unit_length, fine_code) = (head_reading.f64()?, u64::from(head_reading.u16()?));
+    if !(unit_length > 0.0 && unit_length.is_finite()) || fine_code > CODE_MAX {
         return None;
     }
-    let (mut reader, mut learnt) = (Reader::new(head.0), Learnt::new());
-    let mut rows = vec![0.0; count * n];
+    let (mut reader, mut learnt) = (Reader::new(head_reading.0), Learnt::new());
+    let mut all_rows = vec![0.0; count * n];
     let (mut before, mut before_that) = (vec![0; count], vec![0; count]);
     for point in 0..n {
-        let size = learnt.step(&mut reader, 0)?;
-        let mut held: Vec<i64> = Vec::with_capacity(count);
-        while held.len() < count {
-            let mode = learnt.mode(&mut reader, Mode::Rest)?;
-            let size = if mode == Mode::Rest { step(fine) } else { size };
-            for _ in held.len()..count.min(held.len() + BLOCK) {
-                let from = foreseen(mode, &held, [&before, &before_that]);
-                let steps = learnt.difference(&mut reader, 0, held.is_empty())?;
-                held.push(from.wrapping_add(steps.wrapping_mul(size)));
+        let step_size = learnt.step(&mut reader, 0)?;
+        let mut decoded_frames: Vec<i64> = Vec::with_capacity(count);
+        while decoded_frames.len() < count {
+            let block_mode = learnt.mode(&mut reader, Mode::Rest)?;
+            let step_size = if block_mode == Mode::Rest {
+                step(fine_code)
+            } else {
+                step_size
+            };
+            for _ in decoded_frames.len()..count.min(decoded_frames.len() + BLOCK) {
+                let predicted = foreseen(block_mode, &decoded_frames, [&before, &before_that]);
+                let step_difference =
+                    learnt.difference(&mut reader, 0, decoded_frames.is_empty())?;
+                decoded_frames
+                    .push(predicted.wrapping_add(step_difference.wrapping_mul(step_size)));
             }
         }
-        for (row, x) in rows.chunks_mut(n).zip(&held) {
-            row[point] = *x as f64 * unit;
+        for (row, x) in all_rows.chunks_mut(n).zip(&decoded_frames) {
+            row[point] = *x as f64 * unit_length;
         }
-        before_that = std::mem::replace(&mut before, held);
+        before_that = std::mem::replace(&mut before, decoded_frames);
     }
-    reader.is_ended().then_some(rows)
+    reader.is_ended().then_some(all_rows)
 }
 
 fn extent<'a>(values: impl Iterator<Item = &'a f64>) -> f64 {
-    let ends = (f64::INFINITY, f64::NEG_INFINITY);
-    let (low, high) = values.fold(ends, |(low, high), x| (low.min(*x), high.max(*x)));
-    high - low
+    let empty_range = (f64::INFINITY, f64::NEG_INFINITY);
+    let (minimum, maximum) = values.fold(empty_range, |(minimum, maximum), x| {
+        (minimum.min(*x), maximum.max(*x))
+    });
+    maximum - minimum
 }
 
 /// The largest power of two that is not above a positive normal number.

@@ -83,9 +83,9 @@ pub struct Reading<'a>(pub &'a [u8]);
 impl<'a> Reading<'a> {
     /// The next `n` bytes.
     pub fn take(&mut self, n: usize) -> Option<&'a [u8]> {
-        let (taken, rest) = self.0.split_at_checked(n)?;
-        self.0 = rest;
-        Some(taken)
+        let (next_bytes, bytes_left) = self.0.split_at_checked(n)?;
+        self.0 = bytes_left;
+        Some(next_bytes)
     }
 
     fn array<const N: usize>(&mut self) -> Option<[u8; N]> {
@@ -132,37 +132,41 @@ pub fn put(out: &mut Vec<u8>, kind: u16, seconds: f64, payload: &[u8]) {
 /// A number in half precision (IEEE 754), rounded to nearest, ties to even; a value that is too large becomes the
 /// largest finite one.
 pub fn to_half(value: f64) -> u16 {
-    let sign = if value.is_sign_negative() { 0x8000 } else { 0 };
-    let size = value.abs();
-    if size.is_nan() {
+    let sign_bit = if value.is_sign_negative() { 0x8000 } else { 0 };
+    let magnitude = value.abs();
+    if magnitude.is_nan() {
         return 0x7e00;
     }
-    if size >= 65_504.0 {
-        return sign | 0x7bff;
+    if magnitude >= 65_504.0 {
+        return sign_bit | 0x7bff;
     }
     // Below 2^−14: multiples of 2^−24; above: eleven significant bits.
-    let exponent = if size < 6.103_515_625e-5 {
+    let exponent = if magnitude < 6.103_515_625e-5 {
         -14
     } else {
-        ((size.to_bits() >> 52) as i32) - 1023
+        ((magnitude.to_bits() >> 52) as i32) - 1023
     };
-    let unit = f64::from_bits(((exponent - 10 + 1023) as u64) << 52);
-    let steps = (size / unit).round_ties_even() as u16; // 1024 ≤ steps ≤ 2048 where it is normal
+    let last_place = f64::from_bits(((exponent - 10 + 1023) as u64) << 52);
+    let steps = (magnitude / last_place).round_ties_even() as u16; // 1024 ≤ steps ≤ 2048 where it is normal
     // A carry of the fraction increments the exponent.
-    sign | ((((exponent + 14) as u16) << 10) + steps)
+    sign_bit | ((((exponent + 14) as u16) << 10) + steps)
 }
 
 /// The value of a half-precision number.
 pub fn from_half(bits: u16) -> f64 {
     let (exponent, fraction) = (i32::from(bits >> 10 & 31), f64::from(bits & 1023));
-    let unit = |exponent: i32| f64::from_bits(((exponent + 1023) as u64) << 52);
-    let size = match exponent {
-        0 => fraction * unit(-24),
+    let power_of_two = |exponent: i32| f64::from_bits(((exponent + 1023) as u64) << 52);
+    let magnitude = match exponent {
+        0 => fraction * power_of_two(-24),
         31 if fraction == 0.0 => f64::INFINITY,
         31 => f64::NAN,
-        normal => (1024.0 + fraction) * unit(normal - 25),
+        normal => (1024.0 + fraction) * power_of_two(normal - 25),
     };
-    if bits & 0x8000 == 0 { size } else { -size }
+    if bits & 0x8000 == 0 {
+        magnitude
+    } else {
+        -magnitude
+    }
 }
 
 #[cfg(test)]

@@ -51,10 +51,10 @@ impl Writer {
     fn shift(&mut self) {
         let overflow = (self.low >> 32) as u8;
         if overflow != 0 || self.low < 0xff00_0000 {
-            let mut byte = self.last;
+            let mut pending_byte = self.last;
             for _ in 0..self.waiting {
-                self.out.push(byte.wrapping_add(overflow));
-                byte = 0xff;
+                self.out.push(pending_byte.wrapping_add(overflow));
+                pending_byte = 0xff;
             }
             self.waiting = 0;
             self.last = (self.low >> 24) as u8;
@@ -74,12 +74,12 @@ impl Writer {
 
 impl Coder for Writer {
     fn code(&mut self, chance: u16, bit: bool) -> bool {
-        let bound = (self.range >> CHANCE_BITS) * u32::from(chance);
+        let split_point = (self.range >> CHANCE_BITS) * u32::from(chance);
         if bit {
-            self.low += u64::from(bound);
-            self.range -= bound;
+            self.low += u64::from(split_point);
+            self.range -= split_point;
         } else {
-            self.range = bound;
+            self.range = split_point;
         }
         while self.range < RANGE_MIN {
             self.range <<= 8;
@@ -112,8 +112,8 @@ impl<'a> Reader<'a> {
     }
 
     fn next(&mut self) {
-        let byte = self.bytes.get(self.position).copied().unwrap_or(0);
-        self.code = (self.code << 8) | u32::from(byte);
+        let next_byte = self.bytes.get(self.position).copied().unwrap_or(0);
+        self.code = (self.code << 8) | u32::from(next_byte);
         self.position += 1;
     }
 
@@ -125,13 +125,13 @@ impl<'a> Reader<'a> {
 
 impl Coder for Reader<'_> {
     fn code(&mut self, chance: u16, _: bool) -> bool {
-        let bound = (self.range >> CHANCE_BITS) * u32::from(chance);
-        let bit = self.code >= bound;
+        let split_point = (self.range >> CHANCE_BITS) * u32::from(chance);
+        let bit = self.code >= split_point;
         if bit {
-            self.code -= bound;
-            self.range -= bound;
+            self.code -= split_point;
+            self.range -= split_point;
         } else {
-            self.range = bound;
+            self.range = split_point;
         }
         while self.range < RANGE_MIN {
             self.range <<= 8;
@@ -158,28 +158,31 @@ impl Numbers {
     /// first. The ones, the zero and the first of the bits have chances. `None`: longer than any number may be.
     pub(crate) fn code(&mut self, to: &mut impl Coder, context: usize, value: u64) -> Option<u64> {
         let binary = value + 1;
-        let [lengths, firsts] = &mut self.0[context];
-        let mut length = 0;
+        let [lengths, first_chances] = &mut self.0[context];
+        let mut code_length = 0;
         while to.bit(
-            &mut lengths[(length as usize).min(LENGTHS - 1)],
-            length < binary.ilog2(),
+            &mut lengths[(code_length as usize).min(LENGTHS - 1)],
+            code_length < binary.ilog2(),
         ) {
-            length += 1;
-            if length > LENGTH_MAX {
+            code_length += 1;
+            if code_length > LENGTH_MAX {
                 return None;
             }
         }
-        let mut number = 1_u64;
-        for place in (0..length).rev() {
+        let mut decoded = 1_u64;
+        for place in (0..code_length).rev() {
             let bit = binary >> place & 1 == 1;
-            let bit = if place + 1 == length {
-                to.bit(&mut firsts[(length as usize).min(LENGTHS - 1)], bit)
+            let bit = if place + 1 == code_length {
+                to.bit(
+                    &mut first_chances[(code_length as usize).min(LENGTHS - 1)],
+                    bit,
+                )
             } else {
                 to.code(EVEN, bit)
             };
-            number = number << 1 | u64::from(bit);
+            decoded = decoded << 1 | u64::from(bit);
         }
-        Some(number - 1)
+        Some(decoded - 1)
     }
 }
 

@@ -97,24 +97,24 @@ impl MotionFile {
             }
             _ => return Err(ReadError::Magic),
         }
-        let (mut chunks, mut offset) = (Vec::new(), MAGIC.len());
+        let (mut chunks, mut chunk_offset) = (Vec::new(), MAGIC.len());
         // As after a cut, nothing after a damaged chunk can be trusted.
-        while let Ok((chunk, n)) = motion::read(&bytes[offset..]) {
-            let known = (kind::MANIFEST..=kind::LAST).contains(&chunk.kind);
-            if known && chunk.version != VERSION {
+        while let Ok((chunk, chunk_length)) = motion::read(&bytes[chunk_offset..]) {
+            let is_known = (kind::MANIFEST..=kind::LAST).contains(&chunk.kind);
+            if is_known && chunk.version != VERSION {
                 return Err(ReadError::Version(chunk.kind, chunk.version));
             }
             chunks.push(ChunkRef {
                 kind: chunk.kind,
                 seconds: chunk.seconds,
-                position: offset + n - 4 - chunk.payload.len(),
+                position: chunk_offset + chunk_length - 4 - chunk.payload.len(),
                 len: chunk.payload.len(),
             });
-            offset += n;
+            chunk_offset += chunk_length;
         }
         let is_ended = chunks.last().is_some_and(|last| last.kind == kind::INDEX);
-        let mut file = Self {
-            is_whole: is_ended && offset == bytes.len(),
+        let mut motion_file = Self {
+            is_whole: is_ended && chunk_offset == bytes.len(),
             bytes,
             chunks,
             manifest: String::new(),
@@ -125,21 +125,28 @@ impl MotionFile {
             parts: Vec::new(),
             oscillations: Vec::new(),
         };
-        file.manifest().ok_or(ReadError::Table("manifest"))?;
-        file.points().ok_or(ReadError::Table("table of points"))?;
-        file.names().ok_or(ReadError::Table("list of names"))?;
-        file.shapes().ok_or(ReadError::Table("table of shapes"))?;
-        file.check()?;
-        Ok(file)
+        motion_file.manifest().ok_or(ReadError::Table("manifest"))?;
+        motion_file
+            .points()
+            .ok_or(ReadError::Table("table of points"))?;
+        motion_file
+            .names()
+            .ok_or(ReadError::Table("list of names"))?;
+        motion_file
+            .shapes()
+            .ok_or(ReadError::Table("table of shapes"))?;
+        motion_file.check()?;
+        Ok(motion_file)
     }
 
     /// Whether the bytes after the last complete chunk are the beginning of a chunk: the file was cut, not damaged.
     pub fn is_cut(&self) -> bool {
-        let end = self
+        let chunks_end = self
             .chunks
             .last()
             .map_or(MAGIC.len(), |last| last.position + last.len + 4);
-        end < self.bytes.len() && motion::read(&self.bytes[end..]) == Err(ChunkError::Cut)
+        chunks_end < self.bytes.len()
+            && motion::read(&self.bytes[chunks_end..]) == Err(ChunkError::Cut)
     }
 
     /// The payload of a chunk.
@@ -149,15 +156,15 @@ impl MotionFile {
 
     /// Duration [s]: up to the last frame or event.
     pub fn duration(&self) -> f64 {
-        let end = |chunk: &ChunkRef| match chunk.kind {
+        let chunk_end = |chunk: &ChunkRef| match chunk.kind {
             kind::FRAMES => {
-                let mut head = Reading(&self.payload(chunk)[4..]);
-                let count = head.u32().unwrap_or(1).max(1);
-                chunk.seconds + f64::from(count - 1) * head.f64().unwrap_or(0.0)
+                let mut head_reading = Reading(&self.payload(chunk)[4..]);
+                let frame_count = head_reading.u32().unwrap_or(1).max(1);
+                chunk.seconds + f64::from(frame_count - 1) * head_reading.f64().unwrap_or(0.0)
             }
             _ => chunk.seconds,
         };
-        self.chunks.iter().map(end).fold(0.0, f64::max)
+        self.chunks.iter().map(chunk_end).fold(0.0, f64::max)
     }
 
     fn first(&self, kind: u16) -> Option<&[u8]> {
@@ -166,33 +173,41 @@ impl MotionFile {
     }
 
     fn manifest(&mut self) -> Option<()> {
-        let text = std::str::from_utf8(self.first(kind::MANIFEST)?)
+        let manifest_text = std::str::from_utf8(self.first(kind::MANIFEST)?)
             .ok()?
             .to_owned();
-        let manifest: Value = serde_json::from_str(&text).ok()?;
-        let count = |value: &Value, name: &str| -> Option<usize> {
+        let manifest: Value = serde_json::from_str(&manifest_text).ok()?;
+        let count_named = |value: &Value, name: &str| -> Option<usize> {
             usize::try_from(value.get(name)?.as_u64()?)
                 .ok()
                 .filter(|n| *n <= NUMBERS_MAX)
         };
-        (self.n_points, self.n_modes) = (count(&manifest, "points")?, count(&manifest, "modes")?);
-        let mut until = 0;
+        (self.n_points, self.n_modes) = (
+            count_named(&manifest, "points")?,
+            count_named(&manifest, "modes")?,
+        );
+        let mut points_end = 0;
         for part in manifest.get("parts")?.as_array()? {
-            let (first, count_here) = (count(part, "first")?, count(part, "count")?);
-            if first != until {
+            let (first, count_here) = (count_named(part, "first")?, count_named(part, "count")?);
+            if first != points_end {
                 return None;
             }
-            until += count_here;
+            points_end += count_here;
             let kind = match part.get("kind")?.as_str()? {
                 "free" => Kind::Free,
                 "sampled" => Kind::Sampled,
                 "modal" => {
-                    let modes = part.get("modes")?;
-                    let (first, m) = (count(modes, "first")?, count(modes, "count")?);
-                    if first + m > self.n_modes || m * count_here > 8 * NUMBERS_MAX {
+                    let mode_range = part.get("modes")?;
+                    let (first, mode_count) = (
+                        count_named(mode_range, "first")?,
+                        count_named(mode_range, "count")?,
+                    );
+                    if first + mode_count > self.n_modes
+                        || mode_count * count_here > 8 * NUMBERS_MAX
+                    {
                         return None;
                     }
-                    Kind::Modal(first, m, vec![0.0; m * count_here])
+                    Kind::Modal(first, mode_count, vec![0.0; mode_count * count_here])
                 }
                 "none" => Kind::None,
                 _ => return None,
@@ -203,75 +218,81 @@ impl MotionFile {
                 kind,
             });
         }
-        self.manifest = text;
-        (until == self.n_points).then_some(())
+        self.manifest = manifest_text;
+        (points_end == self.n_points).then_some(())
     }
 
     fn points(&mut self) -> Option<()> {
-        let n = self.n_points;
-        let table = self.first(kind::POINTS)?;
-        if table.len() != 4 + 32 * n {
+        let point_count = self.n_points;
+        let table_bytes = self.first(kind::POINTS)?;
+        if table_bytes.len() != 4 + 32 * point_count {
             return None;
         }
-        let mut from = Reading(table);
-        if from.u32()? as usize != n {
+        let mut reading = Reading(table_bytes);
+        if reading.u32()? as usize != point_count {
             return None;
         }
-        let mut places = vec![[0.0; 4]; n];
+        let mut point_places = vec![[0.0; 4]; point_count];
         for axis in 0..4 {
-            for place in &mut places {
-                place[axis] = from.f32()?;
+            for place in &mut point_places {
+                place[axis] = reading.f32()?;
             }
         }
-        let still = Oscillation {
+        let no_oscillation = Oscillation {
             omega: 0.0,
             sigma: 0.0,
         };
-        let mut oscillations = vec![still; n + self.n_modes];
-        for own in &mut oscillations[..n] {
-            own.omega = from.f64()?;
+        let mut oscillations = vec![no_oscillation; point_count + self.n_modes];
+        for own in &mut oscillations[..point_count] {
+            own.omega = reading.f64()?;
         }
-        for own in &mut oscillations[..n] {
-            own.sigma = from.f64()?;
+        for own in &mut oscillations[..point_count] {
+            own.sigma = reading.f64()?;
         }
-        (self.places, self.oscillations) = (places, oscillations);
+        (self.places, self.oscillations) = (point_places, oscillations);
         Some(())
     }
 
     fn names(&mut self) -> Option<()> {
-        let text = std::str::from_utf8(self.first(kind::NAMES)?).ok()?;
-        let names: Vec<String> = text.lines().map(str::to_owned).collect();
-        (names.len() == self.n_points).then(|| self.names = names)
+        let names_text = std::str::from_utf8(self.first(kind::NAMES)?).ok()?;
+        let point_names: Vec<String> = names_text.lines().map(str::to_owned).collect();
+        (point_names.len() == self.n_points).then(|| self.names = point_names)
     }
 
     fn shapes(&mut self) -> Option<()> {
-        let places = self.chunks.to_vec();
-        for chunk in places.iter().filter(|chunk| chunk.kind == kind::SHAPES) {
-            let mut from = Reading(&self.bytes[chunk.position..chunk.position + chunk.len]);
-            let (part, _) = (from.u16()? as usize, from.u16()?);
-            let (first, m, n) = (
-                from.u32()? as usize,
-                from.u32()? as usize,
-                from.u32()? as usize,
+        let chunk_refs = self.chunks.to_vec();
+        for chunk in chunk_refs.iter().filter(|chunk| chunk.kind == kind::SHAPES) {
+            let mut reading = Reading(&self.bytes[chunk.position..chunk.position + chunk.len]);
+            let (part, _) = (reading.u16()? as usize, reading.u16()?);
+            let (first_mode, mode_count, point_count) = (
+                reading.u32()? as usize,
+                reading.u32()? as usize,
+                reading.u32()? as usize,
             );
             let part = self.parts.get_mut(part)?;
-            let Kind::Modal(first_point, all, shapes) = &mut part.kind else {
+            let Kind::Modal(first_point, part_modes, mode_shapes) = &mut part.kind else {
                 return None;
             };
-            let offset = first.checked_sub(*first_point)?;
-            let size = m.checked_mul(n)?.checked_mul(2)?.checked_add(16 * m)?;
-            if n != part.count || offset + m > *all || from.0.len() != size {
+            let mode_offset = first_mode.checked_sub(*first_point)?;
+            let payload_size = mode_count
+                .checked_mul(point_count)?
+                .checked_mul(2)?
+                .checked_add(16 * mode_count)?;
+            if point_count != part.count
+                || mode_offset + mode_count > *part_modes
+                || reading.0.len() != payload_size
+            {
                 return None;
             }
-            for first_point in &mut self.oscillations[self.n_points + first..][..m] {
-                first_point.omega = from.f64()?;
+            for first_point in &mut self.oscillations[self.n_points + first_mode..][..mode_count] {
+                first_point.omega = reading.f64()?;
             }
-            for first_point in &mut self.oscillations[self.n_points + first..][..m] {
-                first_point.sigma = from.f64()?;
+            for first_point in &mut self.oscillations[self.n_points + first_mode..][..mode_count] {
+                first_point.sigma = reading.f64()?;
             }
-            for row in shapes.chunks_mut((*all).max(1)) {
-                for share in &mut row[offset..offset + m] {
-                    *share = from_half(from.u16()?);
+            for row in mode_shapes.chunks_mut((*part_modes).max(1)) {
+                for share in &mut row[mode_offset..mode_offset + mode_count] {
+                    *share = from_half(reading.u16()?);
                 }
             }
         }
@@ -298,21 +319,21 @@ impl MotionFile {
     }
 
     fn flights(&self, payload: &[u8]) -> Option<Vec<(usize, f64, f64)>> {
-        let mut from = Reading(payload);
-        let mut all = Vec::with_capacity(payload.len() / 12);
-        while !from.0.is_empty() {
-            let number = from.u32()? as usize;
-            if number >= self.oscillations.len() {
+        let mut reading = Reading(payload);
+        let mut all_flights = Vec::with_capacity(payload.len() / 12);
+        while !reading.0.is_empty() {
+            let track_number = reading.u32()? as usize;
+            if track_number >= self.oscillations.len() {
                 return None;
             }
-            all.push((number, from.f32()?, from.f32()?));
+            all_flights.push((track_number, reading.f32()?, reading.f32()?));
         }
-        Some(all)
+        Some(all_flights)
     }
 
     fn frames(&self, chunk: &ChunkRef) -> Option<Frames> {
-        let points = |part: u16| self.parts.get(usize::from(part)).map(|part| part.count);
-        Frames::read(self.payload(chunk), points)
+        let points_of = |part: u16| self.parts.get(usize::from(part)).map(|part| part.count);
+        Frames::read(self.payload(chunk), points_of)
     }
 
     /// Displacements of all points [m] at rising instants [s]   (n_instants · n_points); NaN if unknown.
@@ -320,48 +341,58 @@ impl MotionFile {
     /// # Errors
     /// [`ReadError`] if frames are damaged.
     pub fn displacements(&self, instants: &[f64]) -> Result<Vec<f64>, ReadError> {
-        let n = self.n_points;
-        let mut out = vec![f64::NAN; instants.len() * n];
-        self.evaluate_flights(instants, &mut out);
-        self.interpolate(instants, &mut out)?;
-        Ok(out)
+        let point_count = self.n_points;
+        let mut all_rows = vec![f64::NAN; instants.len() * point_count];
+        self.evaluate_flights(instants, &mut all_rows);
+        self.interpolate(instants, &mut all_rows)?;
+        Ok(all_rows)
     }
 
     /// Points and modes that follow flights.
     fn evaluate_flights(&self, instants: &[f64], out: &mut [f64]) {
-        let n = self.n_points;
-        let mut now = vec![(0.0, 0.0, 0.0); self.oscillations.len()];
+        let point_count = self.n_points;
+        let mut flights_now = vec![(0.0, 0.0, 0.0); self.oscillations.len()];
         let flight_chunks = self.chunks.iter();
         let mut flight_chunks = flight_chunks
-            .filter(|chunk| matches!(chunk.kind, kind::FLIGHTS | kind::STATE))
+            .filter(|flight_chunk| matches!(flight_chunk.kind, kind::FLIGHTS | kind::STATE))
             .peekable();
-        for (&instant, row) in instants.iter().zip(out.chunks_mut(n.max(1))) {
-            while let Some(chunk) = flight_chunks.next_if(|chunk| chunk.seconds <= instant) {
-                if chunk.kind == kind::STATE {
-                    now.fill((0.0, 0.0, 0.0));
+        for (&instant, row) in instants.iter().zip(out.chunks_mut(point_count.max(1))) {
+            while let Some(flight_chunk) =
+                flight_chunks.next_if(|flight_chunk| flight_chunk.seconds <= instant)
+            {
+                if flight_chunk.kind == kind::STATE {
+                    flights_now.fill((0.0, 0.0, 0.0));
                 }
-                for (number, a, b) in self.flights(self.payload(chunk)).unwrap_or_default() {
-                    now[number] = (a, b, chunk.seconds);
+                for (number, a, b) in self.flights(self.payload(flight_chunk)).unwrap_or_default() {
+                    flights_now[number] = (a, b, flight_chunk.seconds);
                 }
             }
             let position_of = |number: usize| {
-                let (a, b, since) = now[number];
-                self.oscillations[number].later((a, b), instant - since).0
+                let (a, b, flight_start) = flights_now[number];
+                self.oscillations[number]
+                    .later((a, b), instant - flight_start)
+                    .0
             };
             for part in &self.parts {
-                let values = &mut row[part.first..part.first + part.count];
+                let part_positions = &mut row[part.first..part.first + part.count];
                 match &part.kind {
                     Kind::Free => {
-                        values
+                        part_positions
                             .iter_mut()
                             .zip(part.first..)
                             .for_each(|(x, number)| *x = position_of(number));
                     }
                     Kind::Modal(first, m, shapes) => {
-                        let modes: Vec<f64> =
-                            (0..*m).map(|mode| position_of(n + first + mode)).collect();
-                        for (x, shape) in values.iter_mut().zip(shapes.chunks((*m).max(1))) {
-                            *x = shape.iter().zip(&modes).map(|(share, q)| share * q).sum();
+                        let mode_positions: Vec<f64> = (0..*m)
+                            .map(|mode| position_of(point_count + first + mode))
+                            .collect();
+                        for (x, shape) in part_positions.iter_mut().zip(shapes.chunks((*m).max(1)))
+                        {
+                            *x = shape
+                                .iter()
+                                .zip(&mode_positions)
+                                .map(|(share, q)| share * q)
+                                .sum();
                         }
                     }
                     Kind::Sampled | Kind::None => {}
@@ -372,56 +403,65 @@ impl MotionFile {
 
     /// Sampled points, between frames as in [`between`].
     fn interpolate(&self, instants: &[f64], out: &mut [f64]) -> Result<(), ReadError> {
-        let n = self.n_points;
+        let point_count = self.n_points;
         for (number, part) in self.parts.iter().enumerate() {
             if !matches!(part.kind, Kind::Sampled) {
                 continue;
             }
-            let is_own = |chunk: &&ChunkRef| {
+            let is_of_part = |chunk: &&ChunkRef| {
                 let number_read = Reading(self.payload(chunk)).u16();
                 chunk.kind == kind::FRAMES && number_read == Some(number as u16)
             };
-            let (mut known, mut index): (Vec<(f64, Vec<f64>)>, usize) = (Vec::new(), 0);
-            let mut blocks = self.chunks.iter().filter(is_own);
-            for (&instant, row) in instants.iter().zip(out.chunks_mut(n.max(1))) {
-                while known
+            let (mut known_frames, mut frame_index): (Vec<(f64, Vec<f64>)>, usize) =
+                (Vec::new(), 0);
+            let mut frame_chunks = self.chunks.iter().filter(is_of_part);
+            for (&instant, row) in instants.iter().zip(out.chunks_mut(point_count.max(1))) {
+                while known_frames
                     .iter()
                     .nth_back(1)
                     .is_none_or(|last| last.0 <= instant)
                 {
-                    let Some(chunk) = blocks.next() else { break };
+                    let Some(chunk) = frame_chunks.next() else {
+                        break;
+                    };
                     let damaged = ReadError::Payload(chunk.kind, chunk.position);
-                    let frames = self.frames(chunk).ok_or(damaged)?;
+                    let chunk_frames = self.frames(chunk).ok_or(damaged)?;
                     // Of the past frames, only the last two are needed.
-                    let past = known.partition_point(|frame| frame.0 <= instant);
-                    known.drain(..past.saturating_sub(2));
-                    index = 0;
-                    for (i, x) in frames.rows.chunks(part.count.max(1)).enumerate() {
-                        known.push((chunk.seconds + i as f64 * frames.hop, x.to_vec()));
+                    let past_frames = known_frames.partition_point(|frame| frame.0 <= instant);
+                    known_frames.drain(..past_frames.saturating_sub(2));
+                    frame_index = 0;
+                    for (i, x) in chunk_frames.rows.chunks(part.count.max(1)).enumerate() {
+                        known_frames
+                            .push((chunk.seconds + i as f64 * chunk_frames.hop, x.to_vec()));
                     }
                 }
-                while index + 1 < known.len() && known[index + 1].0 <= instant {
-                    index += 1;
+                while frame_index + 1 < known_frames.len()
+                    && known_frames[frame_index + 1].0 <= instant
+                {
+                    frame_index += 1;
                 }
                 let number_read = &mut row[part.first..part.first + part.count];
-                let Some((since, x)) = known.get(index).filter(|frame| frame.0 <= instant) else {
+                let Some((frame_time, x)) = known_frames
+                    .get(frame_index)
+                    .filter(|frame| frame.0 <= instant)
+                else {
                     continue;
                 };
                 let neighbour = |number: Option<usize>, point: usize| {
-                    let x = known.get(number?)?.1[point];
+                    let x = known_frames.get(number?)?.1[point];
                     x.is_finite().then_some(x)
                 };
-                let Some((until, y)) = known.get(index + 1) else {
+                let Some((next_time, y)) = known_frames.get(frame_index + 1) else {
                     number_read.copy_from_slice(x);
                     continue;
                 };
-                let share = (instant - since) / (until - since);
+                let time_share = (instant - frame_time) / (next_time - frame_time);
                 for (point, (number_read, ends)) in
                     number_read.iter_mut().zip(x.iter().zip(y)).enumerate()
                 {
-                    let before = neighbour(index.checked_sub(1), point);
-                    let after = neighbour(Some(index + 2), point);
-                    *number_read = between(share, (*ends.0, *ends.1), before, after);
+                    let before = neighbour(frame_index.checked_sub(1), point);
+                    let after = neighbour(Some(frame_index + 2), point);
+                    *number_read = between(time_share, (*ends.0, *ends.1), before, after);
                 }
             }
         }

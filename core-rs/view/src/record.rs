@@ -182,29 +182,30 @@ impl Recorder {
 
     /// Record the next glance.
     pub fn record(&mut self, glance: &Glance) {
-        let now = self.seconds(glance.frame);
+        let look_time = self.seconds(glance.frame);
         let is_first = self.frame.is_multiple_of(self.per_segment());
         if self.frame == 0 {
             // If the recording begins later than the simulation, there was a frame before the first look.
-            self.last = (now - 1.0 / self.setup.fps).max(0.0);
+            self.last = (look_time - 1.0 / self.setup.fps).max(0.0);
             // The instant of a strike may be up to half a frame before the frame in which it acts.
-            let since = (self.since - 0.5 / self.rate).max(now - REPORT_BACK);
-            self.n_reported = (self.setup.ergons).partition_point(|ergon| ergon.time < since);
+            let report_start = (self.since - 0.5 / self.rate).max(look_time - REPORT_BACK);
+            self.n_reported =
+                (self.setup.ergons).partition_point(|ergon| ergon.time < report_start);
         }
-        self.write_flights(&glance.tracks, now, is_first);
+        self.write_flights(&glance.tracks, look_time, is_first);
         self.write_contacts(&glance.pushes);
         self.write_sparks(glance.sparks());
         if is_first {
             self.end_segment();
-            self.begin_segment(now);
+            self.begin_segment(look_time);
         }
         self.sample(&glance.tracks);
-        self.write_breaks(&glance.broken, now, is_first);
-        self.write_upcoming(now);
-        self.write_live_strikes(now);
-        self.write_hands(glance, now);
-        self.write_levels(now);
-        self.last = now;
+        self.write_breaks(&glance.broken, look_time, is_first);
+        self.write_upcoming(look_time);
+        self.write_live_strikes(look_time);
+        self.write_hands(glance, look_time);
+        self.write_levels(look_time);
+        self.last = look_time;
         self.frame += 1;
     }
 
@@ -234,52 +235,53 @@ impl Recorder {
     /// The last bytes: the current segment, and the index.
     pub fn finish(&mut self) -> Vec<u8> {
         self.end_segment();
-        let offset = self.taken + self.out.len() as u64;
-        let mut index = Bytes::default();
-        index.u32(self.index.len() as u32);
-        index.u32(self.peaks.len() as u32);
-        index.f64(self.last);
-        self.peaks.iter().for_each(|peak| index.f32(*peak));
+        let index_offset = self.taken + self.out.len() as u64;
+        let mut index_bytes = Bytes::default();
+        index_bytes.u32(self.index.len() as u32);
+        index_bytes.u32(self.peaks.len() as u32);
+        index_bytes.f64(self.last);
+        self.peaks.iter().for_each(|peak| index_bytes.f32(*peak));
         for &(seconds, byte) in &self.index {
-            index.f64(seconds);
-            index.u64(byte);
+            index_bytes.f64(seconds);
+            index_bytes.u64(byte);
         }
-        index.u64(offset);
-        put(&mut self.out, kind::INDEX, self.last, &index.0);
+        index_bytes.u64(index_offset);
+        put(&mut self.out, kind::INDEX, self.last, &index_bytes.0);
         self.take()
     }
 
     fn event(&mut self, seconds: f64, kind: u16) -> &mut Bytes {
-        let events = &mut self.segment.events;
-        let is_same = |last: &(f64, u16, Bytes)| (last.0, last.1) == (seconds, kind);
-        if !events.last().is_some_and(is_same) {
-            events.push((seconds, kind, Bytes::default()));
+        let segment_events = &mut self.segment.events;
+        let has_same_key =
+            |last_index: &(f64, u16, Bytes)| (last_index.0, last_index.1) == (seconds, kind);
+        if !segment_events.last().is_some_and(has_same_key) {
+            segment_events.push((seconds, kind, Bytes::default()));
         }
-        let last = events.len() - 1;
-        &mut events[last].2
+        let last_index = segment_events.len() - 1;
+        &mut segment_events[last_index].2
     }
 
     /// Pushes of contacts since the last look.
     fn write_contacts(&mut self, pushes: &[Push]) {
-        let (last, rate) = (self.last, self.rate);
-        let all = pushes.iter().enumerate();
-        for (contact, push) in all.filter(|(_, push)| push.force != 0.0) {
-            let to = self.event(last, kind::CONTACTS);
-            to.f32(push.frame as f64 / rate - last);
-            to.u32(contact as u32);
-            to.f32(push.force);
+        let (last_look, frame_rate) = (self.last, self.rate);
+        let all_pushes = pushes.iter().enumerate();
+        for (contact, push) in all_pushes.filter(|(_, push)| push.force != 0.0) {
+            let contact_bytes = self.event(last_look, kind::CONTACTS);
+            contact_bytes.f32(push.frame as f64 / frame_rate - last_look);
+            contact_bytes.u32(contact as u32);
+            contact_bytes.f32(push.force);
         }
     }
 
     /// Strikes of written hands since the last look; at the first look, since the recording began.
     fn write_sparks(&mut self, sparks: &[Record]) {
-        let (last, since) = (self.last, self.since - 0.5 / self.rate);
-        for spark in sparks.iter().filter(|spark| spark.time >= since) {
-            if let Some(&point) = self.points.get(&(spark.mat as usize)) {
+        let (last_look, record_start) = (self.last, self.since - 0.5 / self.rate);
+        for spark in sparks.iter().filter(|spark| spark.time >= record_start) {
+            if let Some(&point_index) = self.points.get(&(spark.mat as usize)) {
                 put_ergon(
-                    self.event(last, kind::ERGONS),
-                    spark.time - last,
-                    point,
+                    self.event(last_look, kind::ERGONS),
+                    spark.time - last_look,
+                    point_index,
                     spark,
                 );
             }
@@ -289,34 +291,34 @@ impl Recorder {
     /// Links that broke since the last look; together with a key state, all that are broken.
     fn write_breaks(&mut self, broken: &[bool], now: f64, is_first: bool) {
         for (index, _) in broken.iter().enumerate().filter(|(_, is)| **is) {
-            let is_new = self.broken[index].is_none();
-            let since = *self.broken[index].get_or_insert(now);
-            let Some(link) = self.links[index] else {
+            let newly_broken = self.broken[index].is_none();
+            let break_time = *self.broken[index].get_or_insert(now);
+            let Some(link_index) = self.links[index] else {
                 continue;
             };
-            if is_new || is_first {
-                let to = self.event(now, kind::BROKEN);
-                to.f32(since - now);
-                to.u32(link);
+            if newly_broken || is_first {
+                let break_bytes = self.event(now, kind::BROKEN);
+                break_bytes.f32(break_time - now);
+                break_bytes.u32(link_index);
             }
         }
     }
 
     fn sample(&mut self, seen: &[f64]) {
         self.segment.rows.resize(self.runs.len(), Vec::new());
-        let all = self
+        let runs_and_rows = self
             .runs
             .iter()
             .zip(&mut self.segment.rows)
             .zip(&mut self.peaks);
-        for ((run, rows), peak) in all.filter(|((run, _), _)| run.kind == "sampled") {
-            let row = &seen[run.points.clone()];
-            *peak = row.iter().fold(*peak, |peak, x| peak.max(x.abs()));
+        for ((run, rows), peak) in runs_and_rows.filter(|((run, _), _)| run.kind == "sampled") {
+            let point_row = &seen[run.points.clone()];
+            *peak = point_row.iter().fold(*peak, |peak, x| peak.max(x.abs()));
             let extremes = &mut self.extremes[run.points.clone()];
-            for ((low, high), x) in extremes.iter_mut().zip(row) {
+            for ((low, high), x) in extremes.iter_mut().zip(point_row) {
                 (*low, *high) = (low.min(*x), high.max(*x));
             }
-            rows.extend_from_slice(row);
+            rows.extend_from_slice(point_row);
         }
         self.segment.count += 1;
     }
@@ -328,13 +330,13 @@ impl Recorder {
                 break;
             }
             self.n_reported += 1;
-            let Some(&point) = self.points.get(&(ergon.mat as usize)) else {
+            let Some(&point_index) = self.points.get(&(ergon.mat as usize)) else {
                 continue;
             };
             put_ergon(
                 self.event(now, kind::ERGONS),
                 ergon.time - now,
-                point,
+                point_index,
                 &ergon,
             );
         }
@@ -342,8 +344,8 @@ impl Recorder {
 
     /// Take a live strike that happened at `seconds`. It is reported with the next look; its speed is unknown.
     pub fn add_strike(&mut self, seconds: f64, point: u32, impulse: f64) {
-        let mat = self.setup.strike_points.get(&point);
-        if let Some(&point_index) = mat.and_then(|mat| self.points.get(mat)) {
+        let struck_mat = self.setup.strike_points.get(&point);
+        if let Some(&point_index) = struck_mat.and_then(|struck_mat| self.points.get(struck_mat)) {
             self.live_strikes
                 .push((seconds, point_index as u32, impulse));
         }
@@ -354,12 +356,12 @@ impl Recorder {
             if seconds < now - REPORT_BACK {
                 continue;
             }
-            let to = self.event(now, kind::ERGONS);
-            to.f32(seconds - now);
-            to.u32(point);
-            to.f32(impulse);
-            to.f32(f64::NAN);
-            to.u32(u32::MAX);
+            let ergon_bytes = self.event(now, kind::ERGONS);
+            ergon_bytes.f32(seconds - now);
+            ergon_bytes.u32(point);
+            ergon_bytes.f32(impulse);
+            ergon_bytes.f32(f64::NAN);
+            ergon_bytes.u32(u32::MAX);
         }
     }
 
@@ -367,25 +369,28 @@ impl Recorder {
         if self.setup.keys.is_empty() {
             return;
         }
-        let all: Vec<(f64, f64)> = (self.setup.keys.iter().enumerate())
+        let key_states: Vec<(f64, f64)> = (self.setup.keys.iter().enumerate())
             .map(|(key, mat)| {
-                let axis_index = self
+                let key_point = self
                     .points
                     .get(mat)
                     .map(|&point| (point, &self.look.points[point]));
-                let x = match axis_index {
+                let key_position = match key_point {
                     Some((_, point)) if matches!(point.how, How::NotComputed { .. }) => f64::NAN,
                     Some((number, point)) => glance.tracks[number] + point.rest,
                     None => f64::NAN,
                 };
-                (x, glance.asked.get(key).copied().unwrap_or(f64::NAN))
+                (
+                    key_position,
+                    glance.asked.get(key).copied().unwrap_or(f64::NAN),
+                )
             })
             .collect();
-        let to = self.event(now, kind::HANDS);
-        for (key, (x, asked)) in all.into_iter().enumerate() {
-            to.u32(key as u32);
-            to.f32(x);
-            to.f32(asked);
+        let hand_bytes = self.event(now, kind::HANDS);
+        for (key, (key_position, asked)) in key_states.into_iter().enumerate() {
+            hand_bytes.u32(key as u32);
+            hand_bytes.f32(key_position);
+            hand_bytes.f32(asked);
         }
     }
 
@@ -393,13 +398,13 @@ impl Recorder {
         if self.n_heard == 0 {
             return;
         }
-        let n = self.n_heard as f64;
+        let frames_heard = self.n_heard as f64;
         let squares = std::mem::replace(&mut self.squares, vec![0.0; self.setup.n_speakers]);
         self.n_heard = 0;
-        let to = self.event(now, kind::LEVELS);
+        let level_bytes = self.event(now, kind::LEVELS);
         squares
             .iter()
-            .for_each(|square| to.f32((square / n).sqrt()));
+            .for_each(|square| level_bytes.f32((square / frames_heard).sqrt()));
     }
 
     /// Write the current segment.
@@ -413,33 +418,33 @@ impl Recorder {
         self.index
             .push((segment.start, self.taken + self.out.len() as u64));
         put(&mut self.out, kind::STATE, segment.start, &segment.state.0);
-        let mut peaks = Bytes::default();
-        self.peaks.iter().for_each(|peak| peaks.f32(*peak));
-        put(&mut self.out, kind::PEAKS, segment.start, &peaks.0);
+        let mut peak_bytes = Bytes::default();
+        self.peaks.iter().for_each(|peak| peak_bytes.f32(*peak));
+        put(&mut self.out, kind::PEAKS, segment.start, &peak_bytes.0);
         for (part, (run, rows)) in self.runs.iter().zip(&mut segment.rows).enumerate() {
             // Split into chunks of the largest possible number of frames.
             for some in chunks(segment.count, (PAYLOAD_MAX / 16) / run.points.len().max(1)) {
                 if run.kind != "sampled" {
                     break;
                 }
-                let n = run.points.len();
+                let point_count = run.points.len();
                 let extremes = &self.extremes[run.points.clone()];
                 let amplitudes: Vec<f64> = extremes
                     .iter()
                     .map(|(low, high)| 0.5 * (high - low))
                     .collect();
-                let frames = Frames {
+                let run_frames = Frames {
                     part: part as u16,
                     hop: 1.0 / self.setup.fps,
-                    rows: rows[some.start * n..some.end * n].to_vec(),
+                    rows: rows[some.start * point_count..some.end * point_count].to_vec(),
                     count: some.len(),
                 };
-                let begins = segment.start + some.start as f64 / self.setup.fps;
+                let chunk_start = segment.start + some.start as f64 / self.setup.fps;
                 put(
                     &mut self.out,
                     kind::FRAMES,
-                    begins,
-                    &frames.packed(&amplitudes),
+                    chunk_start,
+                    &run_frames.packed(&amplitudes),
                 );
             }
         }
@@ -462,14 +467,14 @@ fn put_ergon(to: &mut Bytes, dt: f64, point: usize, ergon: &Record) {
 
 /// Add the squares of the signals to the sums of the loudspeakers; returns the number of frames.
 pub fn add_squares(squares: &mut [f64], mixed: &[f64]) -> u64 {
-    let frames = mixed.chunks_exact(squares.len().max(1));
-    let n = frames.len() as u64;
-    for frame in frames {
+    let mixed_frames = mixed.chunks_exact(squares.len().max(1));
+    let frame_count = mixed_frames.len() as u64;
+    for frame in mixed_frames {
         for (square, x) in squares.iter_mut().zip(frame) {
             *square += x * x;
         }
     }
-    n
+    frame_count
 }
 
 /// The range 0 to `n` in pieces of at most `limit`.

@@ -139,9 +139,9 @@ impl Server {
     ///
     /// [`ServeError`] if the port cannot be opened.
     pub fn start(options: Options) -> Result<Self, ServeError> {
-        let bind = |error| ServeError::Bind(options.address, error);
-        let listener = TcpListener::bind(options.address).map_err(bind)?;
-        let address = listener.local_addr().map_err(bind)?;
+        let bind_error = |error| ServeError::Bind(options.address, error);
+        let listener = TcpListener::bind(options.address).map_err(bind_error)?;
+        let address = listener.local_addr().map_err(bind_error)?;
         let shared = Arc::new(Shared {
             options,
             address,
@@ -198,9 +198,9 @@ impl Drop for Server {
         self.shared.hub.close();
         // The listener waits in `accept`: a connection from here wakes it.
         let address = self.shared.local_address();
-        let woken = TcpStream::connect_timeout(&address, Duration::from_secs(1)).is_ok();
+        let is_woken = TcpStream::connect_timeout(&address, Duration::from_secs(1)).is_ok();
         if let Some(listener) = self.listener.take()
-            && woken
+            && is_woken
         {
             let _ = listener.join();
         }
@@ -215,11 +215,11 @@ impl Shared {
     /// The address by which this machine reaches the server: that at which it listens, or loopback if it listens at
     /// all.
     fn local_address(&self) -> SocketAddr {
-        let ip = match self.address.ip() {
-            ip if !ip.is_unspecified() => ip,
+        let server_ip = match self.address.ip() {
+            server_ip if !server_ip.is_unspecified() => server_ip,
             _ => IpAddr::V4(Ipv4Addr::LOCALHOST),
         };
-        SocketAddr::new(ip, self.address.port())
+        SocketAddr::new(server_ip, self.address.port())
     }
 
     fn is_over(&self) -> bool {
@@ -256,22 +256,25 @@ fn listen(listener: &TcpListener, shared: &Arc<Shared>) {
         if shared.is_over() {
             return;
         }
-        let Ok((stream, peer)) = accepted else {
+        let Ok((client_stream, peer_address)) = accepted else {
             // No file descriptors are left; other connections may free some.
             thread::sleep(Duration::from_millis(10));
             continue;
         };
-        let stream = Arc::new(stream);
-        let limit = shared.options.limits.strangers;
-        let place = shared.strangers.admit(&stream, peer.ip(), limit);
+        let client_stream = Arc::new(client_stream);
+        let stranger_limit = shared.options.limits.strangers;
+        let stranger_place =
+            shared
+                .strangers
+                .admit(&client_stream, peer_address.ip(), stranger_limit);
         let shared = shared.clone();
-        let refuse = shared.clone();
-        let born = thread::Builder::new()
+        let refusal_shared = shared.clone();
+        let spawn_result = thread::Builder::new()
             .name("view client".into())
             .stack_size(STACK)
-            .spawn(move || connection::serve(&stream, place, &shared));
-        if born.is_err() {
-            refuse.tally.refused.fetch_add(1, Ordering::Relaxed);
+            .spawn(move || connection::serve(&client_stream, stranger_place, &shared));
+        if spawn_result.is_err() {
+            refusal_shared.tally.refused.fetch_add(1, Ordering::Relaxed);
         }
     }
 }

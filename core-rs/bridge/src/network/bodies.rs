@@ -78,8 +78,8 @@ impl Network {
             Some(b) => generator::stiff_string(masses, ends, b),
         })?;
         let topology = topology.map(|topology| topology.in_line(stretching > 0.0));
-        let links = Links::new(name, f, t60, K, Z)?;
-        self.mesh(py, name, topology, M, &links, [hardening, stretching])
+        let mesh_links = Links::new(name, f, t60, K, Z)?;
+        self.mesh(py, name, topology, M, &mesh_links, [hardening, stretching])
     }
 
     /// A mesh, whose lowest vibrating mode has f and t60, or with links of the given K and Z.
@@ -111,8 +111,8 @@ impl Network {
             None => generator::plate(shape, radius, rim),
             Some(poisson) => generator::bent_plate(shape, radius, rim, poisson),
         })?;
-        let links = Links::new(name, f, t60, K, Z)?;
-        self.mesh(py, name, topology, M, &links, [hardening, 0.0])
+        let mesh_links = Links::new(name, f, t60, K, Z)?;
+        self.mesh(py, name, topology, M, &mesh_links, [hardening, 0.0])
     }
 
     /// Many CELs with frequencies over a range.
@@ -165,11 +165,11 @@ impl Network {
         seed: i128,
     ) -> PyResult<usize> {
         let place = placed(place, hole, angles)?;
-        let masses: Vec<f64> = cells.iter().map(|(_, _, mass)| *mass).collect();
+        let cell_masses: Vec<f64> = cells.iter().map(|(_, _, mass)| *mass).collect();
         let tunings: Vec<(f64, f64)> = cells.iter().map(|(f, t60, _)| (*f, *t60)).collect();
         let cells = generator::cells_at(&tunings, place, self.0.turns(name, seed))
             .map_err(|error| from_engine(self.0.refused(name, &error.to_string())))?;
-        computing(py, || self.0.cells(name, &masses, &cells))?.map_err(from_engine)
+        computing(py, || self.0.cells(name, &cell_masses, &cells))?.map_err(from_engine)
     }
 
     /// A body of `modes`, each f [Hz] and t60 [s], with `levels` (n_modes, n_places) at places; the index of the first
@@ -184,8 +184,8 @@ impl Network {
         modes: Vec<(f64, f64)>,
         levels: Vec<Vec<f64>>,
     ) -> PyResult<usize> {
-        let places = levels.first().map_or(0, Vec::len);
-        if levels.len() != modes.len() || levels.iter().any(|row| row.len() != places) {
+        let n_places = levels.first().map_or(0, Vec::len);
+        if levels.len() != modes.len() || levels.iter().any(|row| row.len() != n_places) {
             return Err(module_error(name, "each mode has one level for each place"));
         }
         computing(py, || self.0.modal(name, M, &modes, &levels))?.map_err(from_engine)
@@ -223,13 +223,13 @@ impl Network {
         computing(py, || match links {
             Links::Direct(kz) => self.0.linked_mesh(name, &topology, mass, *kz, laws),
             Links::Tuned(f, decays) => {
-                let decay = match decays {
+                let tuned_decay = match decays {
                     None => Decay::Lowest(None),
                     Some(Decays::Lowest(t60)) => Decay::Lowest(Some(*t60)),
                     Some(Decays::Points(points)) => Decay::Points(points),
                 };
                 self.0
-                    .stretched_mesh(name, &topology, mass, *f, decay, laws)
+                    .stretched_mesh(name, &topology, mass, *f, tuned_decay, laws)
             }
         })?
         .map_err(from_engine)

@@ -52,7 +52,7 @@ impl Network {
     ) -> PyResult<usize> {
         let side = word("side", side, words::SIDES)?;
         let contact = word("contact", contact, words::CONTACTS)?;
-        let but = But {
+        let but_link = But {
             k: K,
             z: Z,
             gap,
@@ -63,7 +63,7 @@ impl Network {
             exponent,
             clamp,
         };
-        self.0.but(name, a, b, but).map_err(from_engine)
+        self.0.but(name, a, b, but_link).map_err(from_engine)
     }
 
     /// A friction with memory between MATs a and b; the LIA's index.
@@ -104,12 +104,12 @@ impl Network {
         static_level: Option<f64>,
         speed: f64,
     ) -> PyResult<usize> {
-        let dry = Dry {
+        let dry_friction = Dry {
             level: F,
             static_level: static_level.unwrap_or(F),
             speed,
         };
-        self.0.dry(name, a, b, dry).map_err(from_engine)
+        self.0.dry(name, a, b, dry_friction).map_err(from_engine)
     }
 
     /// A link between MATs a and b with a law, at `rest` [m]; the LIA's index.
@@ -134,44 +134,46 @@ impl Network {
         follows: Vec<(String, FollowingValue)>,
         rest: f64,
     ) -> PyResult<usize> {
-        let text = LawText {
+        let law_text = LawText {
             law,
             damping,
             constants: constants.into_iter().collect(),
             ..LawText::default()
         };
         let follows = follows.into_iter();
-        let by: Vec<_> = follows
+        let following_values: Vec<_> = follows
             .map(|(name, value)| (name, following(value)))
             .collect();
         self.0
-            .following_lnl(name, (a, b), &text, rest, &by)
+            .following_lnl(name, (a, b), &law_text, rest, &following_values)
             .map_err(from_engine)
     }
 
     /// Every different law that has rows, and how many links have it.
     fn laws(&self) -> Vec<LawUse> {
-        let laws = self.0.laws().into_iter();
-        laws.map(|law| LawUse {
-            rows: law.rows.iter().map(named_row).collect(),
-            alone: law.alone,
-            in_runs: law.in_runs,
-        })
-        .collect()
+        let network_laws = self.0.laws().into_iter();
+        network_laws
+            .map(|law| LawUse {
+                rows: law.rows.iter().map(named_row).collect(),
+                alone: law.alone,
+                in_runs: law.in_runs,
+            })
+            .collect()
     }
 
     /// Compute laws by native code: each entry is (index in `laws`, address of the code).
     fn native(&mut self, entries: Vec<(usize, usize)>) -> PyResult<()> {
-        let laws = self.0.laws();
-        let mut by_rows = HashMap::new();
+        let network_laws = self.0.laws();
+        let mut entry_by_rows = HashMap::new();
         for (index, address) in entries {
-            let law = laws.get(index).filter(|_| address != 0);
-            let law = law.ok_or_else(|| PyIndexError::new_err("no law has this index"))?;
+            let used_law = network_laws.get(index).filter(|_| address != 0);
+            let used_law =
+                used_law.ok_or_else(|| PyIndexError::new_err("no law has this index"))?;
             // SAFETY: `ergon.instruments.native`, the only caller, passes what it compiled of these rows.
-            by_rows.insert(law.rows.clone(), unsafe { entry(address) });
+            entry_by_rows.insert(used_law.rows.clone(), unsafe { entry(address) });
         }
         // SAFETY: as above; compiled code is kept until the process ends.
-        unsafe { self.0.set_native(&by_rows) };
+        unsafe { self.0.set_native(&entry_by_rows) };
         Ok(())
     }
 }

@@ -48,7 +48,7 @@ impl Network {
         V0: f64,
         rest: f64,
     ) -> PyResult<usize> {
-        let tie = match (K, Z, f, t60) {
+        let ground_tie = match (K, Z, f, t60) {
             (k, z, None, None) => Tie::Physical {
                 k: k.unwrap_or(0.0),
                 z: z.unwrap_or(0.0),
@@ -61,7 +61,9 @@ impl Network {
                 ));
             }
         };
-        self.0.cel(name, M, tie, rest, X0, V0).map_err(from_engine)
+        self.0
+            .cel(name, M, ground_tie, rest, X0, V0)
+            .map_err(from_engine)
     }
 
     /// Points in space, each with a mass; X0 and V0 have one value for each axis and point, axis by axis.
@@ -77,14 +79,16 @@ impl Network {
         Z: f64,
         numbered: bool,
     ) -> PyResult<usize> {
-        let points = SpacePoints {
+        let space_points = SpacePoints {
             n_axes: axes,
             masses: &M,
             x0: &X0,
             v0: &V0,
             z: Z,
         };
-        self.0.points(name, numbered, points).map_err(from_engine)
+        self.0
+            .points(name, numbered, space_points)
+            .map_err(from_engine)
     }
 
     /// Let gravity g [m/s²] act along the axis of `count` MATs from `first` on.
@@ -132,12 +136,12 @@ impl Network {
                 span,
             },
         });
-        let shares = Shares::Moving {
+        let moving_shares = Shares::Moving {
             mats: mats.into(),
             columns,
             along,
         };
-        self.0.proxy(name, shares).map_err(from_engine)
+        self.0.proxy(name, moving_shares).map_err(from_engine)
     }
 
     /// Set the initial position and velocity of one MAT.

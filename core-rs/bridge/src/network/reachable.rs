@@ -26,10 +26,10 @@ impl ReachableNetwork {
 
     /// Bytes that determine `response`: equal bytes, equal response.
     fn key<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
-        let mut bytes = self.reached.network.numbers();
-        bytes.extend((self.reached.mat as u64).to_le_bytes());
-        bytes.extend(self.rate.hertz().to_le_bytes());
-        PyBytes::new(py, &bytes)
+        let mut key_bytes = self.reached.network.numbers();
+        key_bytes.extend((self.reached.mat as u64).to_le_bytes());
+        key_bytes.extend(self.rate.hertz().to_le_bytes());
+        PyBytes::new(py, &key_bytes)
     }
 
     /// Force against the hand [N/m] in each tick after it was 1 m away for one tick, (n_ticks,).

@@ -11,20 +11,20 @@ use crate::law::Law;
 
 /// Checks two points in space, each given by the MATs of its axes; returns them and the number of axes.
 fn points(name: &str, ends: [&[usize]; 2]) -> PyResult<([SpacePoint; 2], usize)> {
-    let axes = ends[0].len();
-    if !(2..=3).contains(&axes) || ends[1].len() != axes {
+    let n_axes = ends[0].len();
+    if !(2..=3).contains(&n_axes) || ends[1].len() != n_axes {
         let message = "a link in space joins points with two or three coordinates each";
         return Err(module_error(name, message));
     }
-    let behind = |end: &[usize], axis: usize| {
-        let mat = end.get(axis).unwrap_or(&end[0]);
-        (*mat as isize).wrapping_sub(end[0] as isize)
+    let axis_offset = |end: &[usize], axis: usize| {
+        let axis_mat = end.get(axis).unwrap_or(&end[0]);
+        (*axis_mat as isize).wrapping_sub(end[0] as isize)
     };
     let ends = ends.map(|end| SpacePoint {
         first: end[0],
-        offsets: [behind(end, 1), behind(end, 2)],
+        offsets: [axis_offset(end, 1), axis_offset(end, 2)],
     });
-    Ok((ends, axes))
+    Ok((ends, n_axes))
 }
 
 /// A contact with exponent `exponent` and stiffness `k`; with `cohesion` [N], a contact that also pulls, up to `reach`
@@ -51,8 +51,8 @@ impl Network {
         for &mat in a.iter().chain(&b) {
             self.check_mat(mat)?;
         }
-        let (ends, axes) = points("distance", [&a, &b])?;
-        Ok(self.0.distance((ends[0], ends[1]), axes))
+        let (end_points, n_axes) = points("distance", [&a, &b])?;
+        Ok(self.0.distance((end_points[0], end_points[1]), n_axes))
     }
 
     /// Springs and dampers between `count` pairs of consecutive points in space; an end is the MATs of the axes of its
@@ -75,7 +75,7 @@ impl Network {
         breaks: Option<f64>,
         core: Option<f64>,
     ) -> PyResult<usize> {
-        let law = match (core, yields, breaks) {
+        let space_law = match (core, yields, breaks) {
             (Some(core), None, None) => SpaceLaw::Attraction { core },
             (Some(_), ..) => {
                 return Err(module_error(
@@ -89,7 +89,7 @@ impl Network {
                 breaks: breaks.unwrap_or(f64::INFINITY),
             },
         };
-        self.space(name, [&a, &b], count, law, [K, Z, rest])
+        self.space(name, [&a, &b], count, space_law, [K, Z, rest])
     }
 
     /// A link between two points in space without force, to listen to its length; its index.
@@ -116,9 +116,9 @@ impl Network {
         cohesion: Option<f64>,
         reach: f64,
     ) -> PyResult<usize> {
-        let law = contact([exponent, K], clamp, cohesion, reach);
-        let rest = gap + law.reach();
-        self.space(name, [&a, &b], count, law, [K, Z, rest])
+        let contact_law = contact([exponent, K], clamp, cohesion, reach);
+        let rest_distance = gap + contact_law.reach();
+        self.space(name, [&a, &b], count, contact_law, [K, Z, rest_distance])
     }
 
     /// A link between two points in space with a law of distance − `rest` [m]; the LIA's index.
@@ -130,10 +130,10 @@ impl Network {
         law: &Law,
         rest: f64,
     ) -> PyResult<usize> {
-        let (ends, axes) = points(name, [&a, &b])?;
+        let (end_points, n_axes) = points(name, [&a, &b])?;
         let law = Arc::new(law.0.clone());
         self.0
-            .space_lnl(name, (ends[0], ends[1]), axes, law, rest)
+            .space_lnl(name, (end_points[0], end_points[1]), n_axes, law, rest)
             .map_err(from_engine)
     }
 
@@ -171,9 +171,9 @@ impl Network {
         };
         let measure = match (normal, surface) {
             (_, Some((corners, triangles))) => {
-                let facets = Facets::new(&corners, &triangles, gap + law.reach())
+                let surface_facets = Facets::new(&corners, &triangles, gap + law.reach())
                     .map_err(|message| module_error(name, message))?;
-                Measure::Surface(Arc::new(facets))
+                Measure::Surface(Arc::new(surface_facets))
             }
             (Some(normal), None) => Measure::Plane(normal),
             (None, None) if inside => Measure::Within,
@@ -184,10 +184,11 @@ impl Network {
             law,
             friction,
         };
-        let (ends, axes) = points(name, [&a.0, &b.0])?;
-        let groups = [(ends[0], a.1), (ends[1], b.1)].map(|(first, n)| PointGroup { first, n });
+        let (end_points, n_axes) = points(name, [&a.0, &b.0])?;
+        let point_groups =
+            [(end_points[0], a.1), (end_points[1], b.1)].map(|(first, n)| PointGroup { first, n });
         self.0
-            .pairwise(name, groups, axes, pair_law, [K, Z, gap])
+            .pairwise(name, point_groups, n_axes, pair_law, [K, Z, gap])
             .map_err(from_engine)
     }
 }
@@ -201,9 +202,9 @@ impl Network {
         law: SpaceLaw,
         numbers: [f64; 3],
     ) -> PyResult<usize> {
-        let (ends, axes) = points(name, ends)?;
+        let (ends, n_axes) = points(name, ends)?;
         self.0
-            .space_links(name, (ends[0], ends[1]), count, axes, law, numbers)
+            .space_links(name, (ends[0], ends[1]), count, n_axes, law, numbers)
             .map_err(from_engine)
     }
 }

@@ -52,68 +52,68 @@ pub(super) struct Script {
 impl Script {
     /// Add a group of oscillators with the same outputs; returns its motion at frame 0.
     pub(super) fn group(&mut self, oscillators: &[Oscillator], members: &[usize]) -> Motion {
-        let value = |pick: &dyn Fn(&Oscillator) -> f64| {
-            let mut lanes = Lanes::ZERO;
-            for (lane, &member) in lanes.0.iter_mut().zip(members) {
+        let gather_lanes = |pick: &dyn Fn(&Oscillator) -> f64| {
+            let mut picked_lanes = Lanes::ZERO;
+            for (lane, &member) in picked_lanes.0.iter_mut().zip(members) {
                 *lane = pick(&oscillators[member]);
             }
-            lanes
+            picked_lanes
         };
-        let group = self.rates.len();
-        let n_heard = oscillators[members[0]].outputs.len();
+        let group_index = self.rates.len();
+        let n_outputs = oscillators[members[0]].outputs.len();
         // With one output, the lanes hold positions times their weights: the sum then needs no weights.
-        let scale = |oscillator: &Oscillator| match oscillator.outputs[..] {
+        let output_scale = |oscillator: &Oscillator| match oscillator.outputs[..] {
             [(_, weight)] => weight,
             _ => 1.0,
         };
         self.rates.push(Rates {
-            a: value(&|oscillator| oscillator.a),
-            b: value(&|oscillator| oscillator.b),
+            a: gather_lanes(&|oscillator| oscillator.a),
+            b: gather_lanes(&|oscillator| oscillator.b),
         });
-        let weights = if n_heard == 1 { 0 } else { n_heard };
+        let weights = if n_outputs == 1 { 0 } else { n_outputs };
         self.weights.push(
             (0..weights)
-                .map(|output| value(&|oscillator| oscillator.outputs[output].1))
+                .map(|output| gather_lanes(&|oscillator| oscillator.outputs[output].1))
                 .collect(),
         );
-        self.scales.push(value(&scale));
-        let mut events = Vec::new();
+        self.scales.push(gather_lanes(&output_scale));
+        let mut group_events = Vec::new();
         for (lane, &member) in members.iter().enumerate() {
-            self.places[member] = (group as u32, lane as u32);
+            self.places[member] = (group_index as u32, lane as u32);
             for blow in &oscillators[member].blows {
-                events.push(Event {
+                group_events.push(Event {
                     frame: blow.frame,
                     lanes: Target::Lane(lane as u32, blow.kick),
                 });
             }
         }
-        self.events.push(events);
+        self.events.push(group_events);
         let indices = members.iter().map(|&member| Some(member as u32));
         self.members.extend(indices);
         self.members.resize(self.rates.len() * LANES, None);
         Motion {
-            now: value(&|oscillator| scale(oscillator) * oscillator.now),
-            before: value(&|oscillator| scale(oscillator) * oscillator.before),
+            now: gather_lanes(&|oscillator| output_scale(oscillator) * oscillator.now),
+            before: gather_lanes(&|oscillator| output_scale(oscillator) * oscillator.before),
         }
     }
 
     /// Add shared strikes to the events of every group, and sort the events.
     pub(super) fn add_strikes(&mut self) {
         for (index, strikes) in self.strikes.iter().enumerate() {
-            let mut groups: Vec<u32> = self.places[strikes.among.clone()]
+            let mut struck_groups: Vec<u32> = self.places[strikes.among.clone()]
                 .iter()
                 .map(|&(group, _)| group)
                 .collect();
-            groups.sort_unstable();
-            groups.dedup();
-            let steps: &[bool] = if strikes.responses.is_empty() {
+            struck_groups.sort_unstable();
+            struck_groups.dedup();
+            let split_steps: &[bool] = if strikes.responses.is_empty() {
                 &[false]
             } else {
                 &[false, true]
             };
-            for group in groups {
+            for group in struck_groups {
                 for (blow, &(frame, _, _)) in strikes.blows.iter().enumerate() {
-                    for &second in steps {
+                    for &second in split_steps {
                         self.events[group as usize].push(Event {
                             frame: frame + u64::from(second),
                             lanes: Target::Group(index as u32, blow as u32, second),
@@ -129,36 +129,44 @@ impl Script {
 
     /// Add the displacements by an event to `added`; `motion`: positions of the group at the frame of the event.
     pub(super) fn add(&self, group: usize, motion: &Motion, event: &Event, added: &mut Lanes) {
-        let scales = &self.scales[group].0;
+        let lane_scales = &self.scales[group].0;
         match event.lanes {
-            Target::Lane(lane, Kick::By(x)) => {
-                let lane = lane as usize;
-                added.0[lane] += scales[lane] * x;
+            Target::Lane(lane_index, Kick::By(x)) => {
+                let lane_index = lane_index as usize;
+                added.0[lane_index] += lane_scales[lane_index] * x;
             }
-            Target::Lane(lane, Kick::Ergon { mass, speed, w }) => {
-                let lane = lane as usize;
-                let rates = &self.rates[group];
-                let (now, before) = (motion.now.0[lane], motion.before.0[lane]);
-                let next = rates.a.0[lane] * now - rates.b.0[lane] * before + added.0[lane];
-                let velocity = (next - before) / scales[lane] * (0.5 * self.rate.hertz());
-                let struck = self.rate.step() * self.rate.step() / w;
-                let impulse = 2.0 * mass * struck / (mass + struck) * (speed - velocity);
-                added.0[lane] += scales[lane] * w * impulse * self.rate.hertz();
+            Target::Lane(lane_index, Kick::Ergon { mass, speed, w }) => {
+                let lane_index = lane_index as usize;
+                let group_rates = &self.rates[group];
+                let (position_now, position_before) =
+                    (motion.now.0[lane_index], motion.before.0[lane_index]);
+                let position_next = group_rates.a.0[lane_index] * position_now
+                    - group_rates.b.0[lane_index] * position_before
+                    + added.0[lane_index];
+                let velocity = (position_next - position_before) / lane_scales[lane_index]
+                    * (0.5 * self.rate.hertz());
+                let struck_mass = self.rate.step() * self.rate.step() / w;
+                let impulse = 2.0 * mass * struck_mass / (mass + struck_mass) * (speed - velocity);
+                added.0[lane_index] += lane_scales[lane_index] * w * impulse * self.rate.hertz();
             }
             Target::Group(strikes, blow, second) => {
                 let strikes = &self.strikes[strikes as usize];
-                let (_, alpha, impulse) = strikes.blows[blow as usize];
+                let (_, step_fraction, impulse) = strikes.blows[blow as usize];
                 let members = &self.members[group * LANES..(group + 1) * LANES];
                 let oscillators = (members.iter().enumerate())
-                    .filter_map(|(lane, member)| Some((lane, (*member)? as usize)));
-                for (lane, member) in oscillators.filter(|pair| strikes.among.contains(&pair.1)) {
-                    let mode = member - strikes.among.start;
-                    let impulse = impulse * strikes.share[mode];
-                    let force = match strikes.responses.get(mode) {
-                        Some(own) => own.split(impulse, alpha, self.rate)[usize::from(second)],
+                    .filter_map(|(lane_index, member)| Some((lane_index, (*member)? as usize)));
+                for (lane_index, member) in
+                    oscillators.filter(|pair| strikes.among.contains(&pair.1))
+                {
+                    let mode_index = member - strikes.among.start;
+                    let impulse = impulse * strikes.share[mode_index];
+                    let split_force = match strikes.responses.get(mode_index) {
+                        Some(own) => {
+                            own.split(impulse, step_fraction, self.rate)[usize::from(second)]
+                        }
                         None => impulse * self.rate.hertz(),
                     };
-                    added.0[lane] += scales[lane] * force * strikes.w;
+                    added.0[lane_index] += lane_scales[lane_index] * split_force * strikes.w;
                 }
             }
         }

@@ -18,14 +18,14 @@ impl Bank {
         if self.still[group] {
             return;
         }
-        let (rates, motion) = (&script.rates[group], &mut self.motions[group]);
+        let (group_rates, group_motion) = (&script.rates[group], &mut self.motions[group]);
         let amplitude = |lane: usize| {
-            let (a, b) = (rates.a.0[lane], rates.b.0[lane]);
-            amplitude(a, b, motion.now.0[lane], motion.before.0[lane])
+            let (a, b) = (group_rates.a.0[lane], group_rates.b.0[lane]);
+            amplitude(a, b, group_motion.now.0[lane], group_motion.before.0[lane])
         };
-        let moves: f64 = (0..LANES).map(amplitude).sum();
-        if moves < script.rest_threshold {
-            (motion.now, motion.before) = (Lanes::ZERO, Lanes::ZERO);
+        let total_amplitude: f64 = (0..LANES).map(amplitude).sum();
+        if total_amplitude < script.rest_threshold {
+            (group_motion.now, group_motion.before) = (Lanes::ZERO, Lanes::ZERO);
             self.still[group] = true;
         }
     }
@@ -40,9 +40,9 @@ fn amplitude(a: f64, b: f64, now: f64, before: f64) -> f64 {
     if b == 0.0 {
         return now.abs();
     }
-    let sine = 1.0 - a * a / (4.0 * b);
-    if sine > 0.0 {
-        ((now * now + b * before * before - a * now * before) / sine).sqrt()
+    let sine_squared = 1.0 - a * a / (4.0 * b);
+    if sine_squared > 0.0 {
+        ((now * now + b * before * before - a * now * before) / sine_squared).sqrt()
     } else {
         f64::INFINITY
     }
@@ -51,35 +51,37 @@ fn amplitude(a: f64, b: f64, now: f64, before: f64) -> f64 {
 /// Largest sum of amplitudes that counts as rest, for all groups together: [`REST_LEVEL`] below the hardest blow.
 pub(super) fn rest_threshold(oscillators: &[Oscillator], strikes: &[Strikes], rate: Rate) -> f64 {
     // With one output, the lanes hold positions times their weights.
-    let scale = |oscillator: &Oscillator| match oscillator.outputs[..] {
+    let output_scale = |oscillator: &Oscillator| match oscillator.outputs[..] {
         [(_, weight)] => weight.abs(),
         _ => 1.0,
     };
     let oscillator = oscillators.iter().map(|oscillator| {
-        let blows = oscillator.blows.iter().map(|blow| match blow.kick {
+        let blow_sizes = oscillator.blows.iter().map(|blow| match blow.kick {
             Kick::By(x) => x.abs(),
             Kick::Ergon { .. } => 0.0,
         });
-        let start = Some(amplitude(
+        let start_amplitude = Some(amplitude(
             oscillator.a,
             oscillator.b,
             oscillator.now,
             oscillator.before,
         ))
         .filter(|x| x.is_finite());
-        blows.fold(start.unwrap_or(0.0), f64::max) * scale(oscillator)
+        blow_sizes.fold(start_amplitude.unwrap_or(0.0), f64::max) * output_scale(oscillator)
     });
-    let shared = strikes.iter().flat_map(|strikes| {
+    let shared_sizes = strikes.iter().flat_map(|strikes| {
         let impulses = strikes.blows.iter().map(|(_, _, impulse)| impulse.abs());
         let impulse = impulses.fold(0.0, f64::max);
-        let unit = impulse * rate.hertz() * strikes.w;
-        let among = oscillators[strikes.among.clone()].iter();
-        let shares = among.zip(&strikes.share).enumerate();
-        shares.map(move |(i, (oscillator, share))| {
+        let unit_displacement = impulse * rate.hertz() * strikes.w;
+        let struck_members = oscillators[strikes.among.clone()].iter();
+        let member_shares = struck_members.zip(&strikes.share).enumerate();
+        member_shares.map(move |(i, (oscillator, share))| {
             let response = strikes.responses.get(i);
-            let size = response.and_then(Response::size);
-            size.map_or(unit, |size| impulse * size) * share.abs() * scale(oscillator)
+            let response_size = response.and_then(Response::size);
+            response_size.map_or(unit_displacement, |response_size| impulse * response_size)
+                * share.abs()
+                * output_scale(oscillator)
         })
     });
-    oscillator.chain(shared).fold(0.0, f64::max) * crate::maths::decibels(REST_LEVEL)
+    oscillator.chain(shared_sizes).fold(0.0, f64::max) * crate::maths::decibels(REST_LEVEL)
 }

@@ -20,20 +20,26 @@ impl Bank {
 
     /// Set the positions of an oscillator now and one frame before [m].
     pub(crate) fn set_motion(&mut self, oscillator: usize, (now, before): (f64, f64)) {
-        let (group, lane) = self.place(oscillator);
-        let scale = self.script.scales[group].0[lane];
-        self.store(group, lane, (scale * now, scale * before));
+        let (group_index, lane_index) = self.place(oscillator);
+        let lane_scale = self.script.scales[group_index].0[lane_index];
+        self.store(
+            group_index,
+            lane_index,
+            (lane_scale * now, lane_scale * before),
+        );
     }
 
     /// Copy the motion of an oscillator of another bank; exact to the last bit if both have the same scale.
     pub(crate) fn copy_motion(&mut self, oscillator: usize, old: &Self, there: usize) {
-        let ((group, lane), (from, old_lane)) = (self.place(oscillator), old.place(there));
-        if self.script.scales[group].0[lane] == old.script.scales[from].0[old_lane] {
-            let motion = &old.motions[from];
+        let ((group_index, lane_index), (old_group, old_lane)) =
+            (self.place(oscillator), old.place(there));
+        if self.script.scales[group_index].0[lane_index] == old.script.scales[old_group].0[old_lane]
+        {
+            let old_motion = &old.motions[old_group];
             self.store(
-                group,
-                lane,
-                (motion.now.0[old_lane], motion.before.0[old_lane]),
+                group_index,
+                lane_index,
+                (old_motion.now.0[old_lane], old_motion.before.0[old_lane]),
             );
         } else {
             self.set_motion(oscillator, old.motion(there));
@@ -41,20 +47,20 @@ impl Bank {
     }
 
     fn store(&mut self, group: usize, lane: usize, (now, before): (f64, f64)) {
-        let motion = &mut self.motions[group];
-        (motion.now.0[lane], motion.before.0[lane]) = (now, before);
-        self.still[group] = motion.now == Lanes::ZERO && motion.before == Lanes::ZERO;
+        let group_motion = &mut self.motions[group];
+        (group_motion.now.0[lane], group_motion.before.0[lane]) = (now, before);
+        self.still[group] = group_motion.now == Lanes::ZERO && group_motion.before == Lanes::ZERO;
     }
 
     fn place(&self, oscillator: usize) -> (usize, usize) {
-        let (group, lane) = self.script.places[oscillator];
-        (group as usize, lane as usize)
+        let (group_index, lane_index) = self.script.places[oscillator];
+        (group_index as usize, lane_index as usize)
     }
 }
 
 /// Whether two banks hold the same oscillators in the same order; the strikes may differ.
 pub(crate) fn are_same(oscillators: &[Oscillator], other: &[Oscillator]) -> bool {
-    let same =
+    let is_same_pair =
         |(a, b): (&Oscillator, &Oscillator)| (a.a, a.b, &a.outputs) == (b.a, b.b, &b.outputs);
-    oscillators.len() == other.len() && oscillators.iter().zip(other).all(same)
+    oscillators.len() == other.len() && oscillators.iter().zip(other).all(is_same_pair)
 }

@@ -28,9 +28,9 @@ pub(crate) enum Response {
 impl Response {
     /// The forces [N] on a mass of 1 kg at samples n and n+1 that replace an impulse [N·s] at (n + α)T, 0 <= α < 1.
     pub(crate) fn split(&self, impulse: f64, alpha: f64, rate: Rate) -> [f64; 2] {
-        let step = rate.step();
-        let unit = impulse / (step * step);
-        let (rest, past) = ((1.0 - alpha) * step, alpha * step);
+        let time_step = rate.step();
+        let scaled_impulse = impulse / (time_step * time_step);
+        let (time_left, time_past) = ((1.0 - alpha) * time_step, alpha * time_step);
         match *self {
             Self::Cell(cell) => cell.split(impulse, alpha, rate),
             Self::Pair {
@@ -38,16 +38,19 @@ impl Response {
                 omega,
                 gain: [re, im],
             } => {
-                let first = re * cos(omega * rest) - im * sin(omega * rest);
-                let back = re * cos(omega * past) + im * sin(omega * past);
+                let forward_wave = re * cos(omega * time_left) - im * sin(omega * time_left);
+                let backward_wave = re * cos(omega * time_past) + im * sin(omega * time_past);
                 // The second force is −b times the response extended back to sample n.
                 [
-                    unit * exp(-decay * rest) * first,
-                    -unit * exp(-decay * (rest + step)) * back,
+                    scaled_impulse * exp(-decay * time_left) * forward_wave,
+                    -scaled_impulse * exp(-decay * (time_left + time_step)) * backward_wave,
                 ]
             }
-            Self::Real { decay, gain } => [unit * gain * exp(-decay * rest), 0.0],
-            Self::Free { gain } => [unit * gain * rest, unit * gain * past],
+            Self::Real { decay, gain } => [scaled_impulse * gain * exp(-decay * time_left), 0.0],
+            Self::Free { gain } => [
+                scaled_impulse * gain * time_left,
+                scaled_impulse * gain * time_past,
+            ],
         }
     }
 }
@@ -71,7 +74,7 @@ impl Response {
     /// e^-BACKWARD_DECAY_MAX over `t`, it is extended as if it decayed both ways, since its own continuation
     /// would become too large.
     pub(crate) fn around(&self, t: f64) -> f64 {
-        let fades = |decay: f64| {
+        let decay_factor = |decay: f64| {
             let is_steep = -decay * t > BACKWARD_DECAY_MAX;
             exp(-decay * if is_steep { -t } else { t })
         };
@@ -81,8 +84,8 @@ impl Response {
                 decay,
                 omega,
                 gain: [re, im],
-            } => fades(decay) * (re * cos(omega * t) - im * sin(omega * t)),
-            Self::Real { decay, gain } => gain * fades(decay),
+            } => decay_factor(decay) * (re * cos(omega * t) - im * sin(omega * t)),
+            Self::Real { decay, gain } => gain * decay_factor(decay),
             Self::Free { gain } => gain * t,
         }
     }
@@ -124,18 +127,18 @@ impl Response {
 
     /// Weights of two successive samples that give the free motion at the fraction `part` of the step between them.
     pub(crate) fn interpolation(&self, part: f64, rate: Rate) -> (f64, f64) {
-        let step = rate.step();
+        let time_step = rate.step();
         match *self {
             Self::Cell(cell) => cell.interpolation(part, rate),
             Self::Pair { decay, omega, .. } => {
-                let step_response = sin(omega * step);
-                let (rest, past) = ((1.0 - part) * step, part * step);
+                let step_response = sin(omega * time_step);
+                let (time_left, time_past) = ((1.0 - part) * time_step, part * time_step);
                 (
-                    exp(-decay * past) * sin(omega * rest) / step_response,
-                    exp(decay * rest) * sin(omega * past) / step_response,
+                    exp(-decay * time_past) * sin(omega * time_left) / step_response,
+                    exp(decay * time_left) * sin(omega * time_past) / step_response,
                 )
             }
-            Self::Real { decay, .. } => (exp(-decay * part * step), 0.0),
+            Self::Real { decay, .. } => (exp(-decay * part * time_step), 0.0),
             Self::Free { .. } => (1.0 - part, part),
         }
     }
@@ -143,10 +146,13 @@ impl Response {
 
 /// a and b of the recurrence whose poles are −decay ± iω.
 pub(crate) fn recurrence(decay: f64, omega: f64, rate: Rate) -> (f64, f64) {
-    let (s, theta) = (decay * rate.step(), omega * rate.step());
-    if s > STRONG {
-        return (2.0 * exp(-s) * cos(theta), exp(-2.0 * s));
+    let (step_decay, pole_angle) = (decay * rate.step(), omega * rate.step());
+    if step_decay > STRONG {
+        return (
+            2.0 * exp(-step_decay) * cos(pole_angle),
+            exp(-2.0 * step_decay),
+        );
     }
-    let Ratios { kappa, zeta } = Ratios::from_poles(s, theta);
+    let Ratios { kappa, zeta } = Ratios::from_poles(step_decay, pole_angle);
     (2.0 - kappa - zeta, 1.0 - zeta)
 }

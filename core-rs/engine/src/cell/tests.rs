@@ -17,45 +17,49 @@ fn product(a: &Matrix, b: &Matrix) -> Matrix {
 
 /// e^{At} by scaling and squaring a Taylor series, without any use of poles.
 fn expm(a: &Matrix, t: f64) -> Matrix {
-    let size = a
+    let largest_entry = a
         .iter()
         .flatten()
         .map(|x| (x * t).abs())
         .fold(0.0, f64::max);
     let mut halvings = 0;
-    let mut scale = t;
-    while size * (scale / t) > 1e-2 {
+    let mut scaled_time = t;
+    while largest_entry * (scaled_time / t) > 1e-2 {
         halvings += 1;
-        scale *= 0.5;
+        scaled_time *= 0.5;
     }
-    let scaled: Matrix = std::array::from_fn(|i| std::array::from_fn(|j| a[i][j] * scale));
-    let mut sum = [[1.0, 0.0], [0.0, 1.0]];
-    let mut term = sum;
+    let scaled_matrix: Matrix =
+        std::array::from_fn(|i| std::array::from_fn(|j| a[i][j] * scaled_time));
+    let mut exponential = [[1.0, 0.0], [0.0, 1.0]];
+    let mut taylor_term = exponential;
     for n in 1..=12 {
-        term = product(&term, &scaled);
-        for row in &mut term {
+        taylor_term = product(&taylor_term, &scaled_matrix);
+        for row in &mut taylor_term {
             row.iter_mut().for_each(|x| *x /= f64::from(n));
         }
         for i in 0..2 {
             for j in 0..2 {
-                sum[i][j] += term[i][j];
+                exponential[i][j] += taylor_term[i][j];
             }
         }
     }
-    (0..halvings).fold(sum, |root, _| product(&root, &root))
+    (0..halvings).fold(exponential, |root, _| product(&root, &root))
 }
 
 /// Position and velocity after `t` of m ẍ + z ẋ + k x = 0.
 fn flow(m: f64, k: f64, z: f64, t: f64, x: f64, v: f64) -> (f64, f64) {
     // Time is in units of |t|, so that one scale of the Taylor series serves all entries.
-    let unit = t.abs();
-    let e = expm(
-        &[[0.0, 1.0], [-k / m * unit * unit, -z / m * unit]],
-        t / unit,
+    let time_unit = t.abs();
+    let exponential = expm(
+        &[
+            [0.0, 1.0],
+            [-k / m * time_unit * time_unit, -z / m * time_unit],
+        ],
+        t / time_unit,
     );
     (
-        e[0][0] * x + e[0][1] * v * unit,
-        e[1][0] * x / unit + e[1][1] * v,
+        exponential[0][0] * x + exponential[0][1] * v * time_unit,
+        exponential[1][0] * x / time_unit + exponential[1][1] * v,
     )
 }
 
@@ -70,17 +74,17 @@ fn released_cell_matches_matrix_exponential() {
         (0.0, 50.0),
         (0.0, 0.0),
     ] {
-        let cell = Cell::new(2.0, 2.0 * k, 2.0 * z);
+        let released_cell = Cell::new(2.0, 2.0 * k, 2.0 * z);
         for t in [0.0, 1e-5, 3e-4, 2e-3] {
-            let exact = if t == 0.0 {
+            let exact_position = if t == 0.0 {
                 1.0
             } else {
                 flow(1.0, k, z, t, 1.0, 0.0).0
             };
-            let result = cell.released(t);
+            let cell_position = released_cell.released(t);
             assert!(
-                (result - exact).abs() < 1e-12,
-                "{k} {z} {t}: {result} {exact}"
+                (cell_position - exact_position).abs() < 1e-12,
+                "{k} {z} {t}: {cell_position} {exact_position}"
             );
         }
     }
@@ -120,25 +124,32 @@ fn ratios_match_reference_values() {
         ),
     ];
     for (f, t60, hertz, kappa, zeta) in vectors {
-        let ratios = tune(f, Some(t60), rate(hertz));
-        assert!(close(ratios.kappa, kappa, 1e-15), "{f}: {ratios:?}");
-        assert!(close(ratios.zeta, zeta, 1e-15), "{f}: {ratios:?}");
+        let tuned_ratios = tune(f, Some(t60), rate(hertz));
+        assert!(
+            close(tuned_ratios.kappa, kappa, 1e-15),
+            "{f}: {tuned_ratios:?}"
+        );
+        assert!(
+            close(tuned_ratios.zeta, zeta, 1e-15),
+            "{f}: {tuned_ratios:?}"
+        );
     }
 }
 
 #[test]
 fn split_matches_reference_values() {
-    let [now, next] = Cell::tuned(1.0, 440.0, Some(1.0)).split(1.0, 0.3, rate(44_100.0));
-    assert!(close(now, 30_856.709_804_9, 1e-12), "{now}");
-    assert!(close(next, 13_225.697_835_1, 1e-12), "{next}");
+    let [force_now, force_next] =
+        Cell::tuned(1.0, 440.0, Some(1.0)).split(1.0, 0.3, rate(44_100.0));
+    assert!(close(force_now, 30_856.709_804_9, 1e-12), "{force_now}");
+    assert!(close(force_next, 13_225.697_835_1, 1e-12), "{force_next}");
 }
 
 #[test]
 fn ratios_of_free_and_slowing_cells() {
     let rate = rate(1_000.0);
-    let free = Cell::new(2.0, 0.0, 0.0).ratios(rate);
+    let free_ratios = Cell::new(2.0, 0.0, 0.0).ratios(rate);
     assert_eq!(
-        free,
+        free_ratios,
         Ratios {
             kappa: 0.0,
             zeta: 0.0
@@ -166,28 +177,37 @@ fn ratios_of_free_and_slowing_cells() {
         Cell::new(1e-6, 1.0, 1e4).last_step(1.0, 2.0, 0.0, rate),
         0.002
     );
-    let tuned = Cell::tuned(2.0, 3.0, Some(4.0));
-    let again = Cell::new(2.0, tuned.stiffness(), tuned.viscosity());
+    let tuned_cell = Cell::tuned(2.0, 3.0, Some(4.0));
+    let rebuilt_cell = Cell::new(2.0, tuned_cell.stiffness(), tuned_cell.viscosity());
     assert!(close(
-        again.ratios(rate).kappa,
-        tuned.ratios(rate).kappa,
+        rebuilt_cell.ratios(rate).kappa,
+        tuned_cell.ratios(rate).kappa,
         1e-14
     ));
 }
 
 /// Mass, stiffness and viscosity of cells with any damping at 1 kHz, from ω₀T and the damping ratio.
 fn cells() -> impl Strategy<Value = (f64, f64, f64)> {
-    let ratio = prop_oneof![
+    let damping_ratio = prop_oneof![
         Just(0.0),
         Just(1.0),
         0.0..0.99f64,
         0.99..1.01f64,
         1.0..20.0f64
     ];
-    (0.01..10.0f64, prop_oneof![Just(0.0), 1e-3..0.5f64], ratio).prop_map(|(m, angle, ratio)| {
-        let omega = angle * 1_000.0;
-        (m, m * omega * omega, 2.0 * m * ratio * omega.max(1.0))
-    })
+    (
+        0.01..10.0f64,
+        prop_oneof![Just(0.0), 1e-3..0.5f64],
+        damping_ratio,
+    )
+        .prop_map(|(m, angle, damping_ratio)| {
+            let undamped_omega = angle * 1_000.0;
+            (
+                m,
+                m * undamped_omega * undamped_omega,
+                2.0 * m * damping_ratio * undamped_omega.max(1.0),
+            )
+        })
 }
 
 proptest! {

@@ -51,10 +51,10 @@ impl Place {
         rise: f64,
         turn: impl FnOnce(usize) -> f64,
     ) -> [f64; 2] {
-        let share = (i as f64 + 0.5) / count as f64;
-        let radius = match self {
-            Self::Line => return [share - 0.5, 0.0],
-            Self::Spiral => 0.5 * sqrt(share),
+        let rank_share = (i as f64 + 0.5) / count as f64;
+        let place_radius = match self {
+            Self::Line => return [rank_share - 0.5, 0.0],
+            Self::Spiral => 0.5 * sqrt(rank_share),
             Self::Galaxy { hole, .. } => 0.5 * hole / (hole + (1.0 - hole) * rise),
         };
         let angle = match self {
@@ -64,7 +64,7 @@ impl Place {
             } => TAU * turn(i),
             _ => GOLDEN_ANGLE * i as f64,
         };
-        [radius * cos(angle), radius * sin(angle)]
+        [place_radius * cos(angle), place_radius * sin(angle)]
     }
 
     fn check(self) -> Result<(), GeneratorError> {
@@ -136,23 +136,26 @@ pub fn bank(
     range("`f`", form.f)?;
     range("`t60`", form.t60)?;
     form.place.check()?;
-    let n = form.count as f64;
-    let member = |i: usize| {
+    let member_count = form.count as f64;
+    let make_member = |i: usize| {
         if i.is_multiple_of(POLL_EVERY) {
             interrupt::poll();
         }
-        let (pitch, length) = match form.spread {
+        let (pitch_share, decay_share) = match form.spread {
             Spread::Random => draw(i),
             Spread::Even if form.count == 1 => (0.0, 1.0),
-            Spread::Even => (i as f64 / (n - 1.0), 1.0 - i as f64 / (n - 1.0)),
+            Spread::Even => (
+                i as f64 / (member_count - 1.0),
+                1.0 - i as f64 / (member_count - 1.0),
+            ),
         };
         BankCell {
-            f: between(form.f, pitch),
-            t60: between(form.t60, length),
-            position: form.place.position(i, form.count, pitch, &mut turn),
+            f: between(form.f, pitch_share),
+            t60: between(form.t60, decay_share),
+            position: form.place.position(i, form.count, pitch_share, &mut turn),
         }
     };
-    Ok((0..form.count).map(member).collect())
+    Ok((0..form.count).map(make_member).collect())
 }
 
 /// Members with a frequency [Hz] and a decay [s] each. `turn` is that of [`bank`].
@@ -174,24 +177,25 @@ pub fn cells_at(
     mut turn: impl FnMut(usize) -> f64,
 ) -> Result<Vec<BankCell>, GeneratorError> {
     place.check()?;
-    let (low, high) = tunings
-        .iter()
-        .fold((f64::INFINITY, 0.0f64), |(low, high), (f, _)| {
-            (low.min(*f), high.max(*f))
-        });
-    let rise = |f: f64| {
-        if high > low {
-            log(f / low) / log(high / low)
+    let (lowest_frequency, highest_frequency) = tunings.iter().fold(
+        (f64::INFINITY, 0.0f64),
+        |(lowest_frequency, highest_frequency), (f, _)| {
+            (lowest_frequency.min(*f), highest_frequency.max(*f))
+        },
+    );
+    let pitch_rise = |f: f64| {
+        if highest_frequency > lowest_frequency {
+            log(f / lowest_frequency) / log(highest_frequency / lowest_frequency)
         } else {
             0.0
         }
     };
-    let cell = |(i, &(f, t60)): (usize, &(f64, f64))| BankCell {
+    let placed_cell = |(i, &(f, t60)): (usize, &(f64, f64))| BankCell {
         f,
         t60,
-        position: place.position(i, tunings.len(), rise(f), &mut turn),
+        position: place.position(i, tunings.len(), pitch_rise(f), &mut turn),
     };
-    Ok(tunings.iter().enumerate().map(cell).collect())
+    Ok(tunings.iter().enumerate().map(placed_cell).collect())
 }
 
 fn range(what: &'static str, (low, high): (f64, f64)) -> Result<(), GeneratorError> {

@@ -38,9 +38,9 @@ pub fn bent_plate(
 ) -> Result<Topology, GeneratorError> {
     match shape {
         Shape::Rectangle { across, up } => {
-            let what = "`sides` of a plate that bends";
+            let sides_label = "`sides` of a plate that bends";
             for side in [across, up] {
-                count(what, side, 2 * MIN_RADIUS + 1, 2 * MAX_RADIUS + 1)?;
+                count(sides_label, side, 2 * MIN_RADIUS + 1, 2 * MAX_RADIUS + 1)?;
             }
         }
         _ => count(
@@ -61,23 +61,23 @@ pub fn bent_plate(
         (Shape::Disc, _) => Ok(curved(disc(radius, rim), poisson)),
         (_, Rim::Fixed) => held(plate(shape, radius, rim)?),
         (_, Rim::Free) => {
-            let flat = plate(shape, radius, rim)?;
-            Ok(curved(Sites::from_mesh(&flat), poisson))
+            let flat_plate = plate(shape, radius, rim)?;
+            Ok(curved(Sites::from_mesh(&flat_plate), poisson))
         }
     }
 }
 
 /// A rim that is held but free to turn, on straight edges: the square of the membrane's matrix.
 fn held(membrane: Topology) -> Result<Topology, GeneratorError> {
-    let lowest = membrane.lowest()?;
-    let matrix = Sparse::stiffness(&membrane);
-    let places = Sites::from_mesh(&membrane);
-    let runs = matrix
-        .times(&matrix)
-        .links(membrane.n_mat, |a, b| places.are_neighbours(a, b));
+    let membrane_lambda = membrane.lowest()?;
+    let membrane_matrix = Sparse::stiffness(&membrane);
+    let membrane_sites = Sites::from_mesh(&membrane);
+    let runs = membrane_matrix
+        .times(&membrane_matrix)
+        .links(membrane.n_mat, |a, b| membrane_sites.are_neighbours(a, b));
     Ok(Topology {
         runs,
-        lowest_lambda: Some(lowest * lowest),
+        lowest_lambda: Some(membrane_lambda * membrane_lambda),
         ..membrane
     })
 }
@@ -97,29 +97,29 @@ pub(super) struct Sites {
 impl Sites {
     /// The sites of a mesh whose links are all one spacing long; its outermost masses lie on the edge.
     fn from_mesh(mesh: &Topology) -> Self {
-        let run = &mesh.runs[0];
-        let spacing = distance(mesh.positions[run.a], mesh.positions[run.b]);
+        let mesh_run = &mesh.runs[0];
+        let spacing = distance(mesh.positions[mesh_run.a], mesh.positions[mesh_run.b]);
         let places: Vec<[f64; 2]> = mesh
             .positions
             .iter()
             .map(|place| place.map(|at| at / spacing))
             .collect();
-        let mut degree = vec![0_usize; places.len()];
-        for run in &mesh.runs {
-            for i in 0..run.len {
-                degree[run.a + i] += 1;
-                degree[run.b + i] += 1;
+        let mut link_counts = vec![0_usize; places.len()];
+        for mesh_run in &mesh.runs {
+            for i in 0..mesh_run.len {
+                link_counts[mesh_run.a + i] += 1;
+                link_counts[mesh_run.b + i] += 1;
             }
         }
-        let degree_max = degree.iter().copied().max().unwrap_or(0);
+        let degree_max = link_counts.iter().copied().max().unwrap_or(0);
         // Between two successive neighbours lies a triangle or a quarter of a square; at an edge there is one fewer
         // than links.
-        let area = |links: &usize| match *links {
+        let area_share = |links: &usize| match *links {
             links if links == degree_max => 1.0,
             links => links.saturating_sub(1) as f64 / degree_max as f64,
         };
         Self {
-            areas: degree.iter().map(area).collect(),
+            areas: link_counts.iter().map(area_share).collect(),
             places,
             n_mat: mesh.n_mat,
             positions: mesh.positions.clone(),
@@ -137,25 +137,31 @@ pub(super) fn disc(radius: usize, rim: Rim) -> Sites {
     let mut places = vec![[0.0, 0.0]];
     let mut areas = vec![PI / 4.0];
     for ring in 1..=radius {
-        let (members, far) = (6 * ring, ring as f64);
-        let out = if ring == radius { far } else { far + 0.5 };
-        let area = PI * (out * out - (far - 0.5) * (far - 0.5)) / members as f64;
+        let (members, ring_radius) = (6 * ring, ring as f64);
+        let outer_radius = if ring == radius {
+            ring_radius
+        } else {
+            ring_radius + 0.5
+        };
+        let member_area = PI
+            * (outer_radius * outer_radius - (ring_radius - 0.5) * (ring_radius - 0.5))
+            / members as f64;
         for i in 0..members {
             let angle = TAU * i as f64 / members as f64;
-            places.push([far * cos(angle), far * sin(angle)]);
-            areas.push(area);
+            places.push([ring_radius * cos(angle), ring_radius * sin(angle)]);
+            areas.push(member_area);
         }
     }
-    let held = match rim {
+    let held_count = match rim {
         Rim::Free => 0,
         Rim::Fixed => 6 * radius,
     };
-    let width = 2.0 * radius as f64;
+    let disc_width = 2.0 * radius as f64;
     Sites {
-        n_mat: places.len() - held,
+        n_mat: places.len() - held_count,
         positions: places
             .iter()
-            .map(|place| place.map(|at| at / width))
+            .map(|place| place.map(|at| at / disc_width))
             .collect(),
         places,
         areas,
@@ -165,56 +171,69 @@ pub(super) fn disc(radius: usize, rim: Rim) -> Sites {
 
 /// The links of the curvatures at all masses.
 fn curved(sites: Sites, poisson: f64) -> Topology {
-    let n = sites.places.len();
-    let mut matrix = Sparse::zero(sites.n_mat);
-    for middle in 0..n {
+    let n_places = sites.places.len();
+    let mut bending_matrix = Sparse::zero(sites.n_mat);
+    for middle in 0..n_places {
         if middle.is_multiple_of(64) {
             interrupt::poll();
         }
         let patch = patch(&sites, middle);
         let [xx, yy, xy] = curvatures(&sites, middle, &patch);
-        let area = sites.areas[middle];
+        let site_area = sites.areas[middle];
         for (i, &a) in patch.iter().enumerate() {
             for (j, &b) in patch.iter().enumerate() {
                 if a < sites.n_mat && b < sites.n_mat {
                     let spherical = xx[i] * xx[j] + yy[i] * yy[j];
-                    let saddle = xx[i] * yy[j] + yy[i] * xx[j];
-                    let twist = 2.0 * (1.0 - poisson) * xy[i] * xy[j];
-                    matrix.add(a, b, area * (spherical + poisson * saddle + twist));
+                    let saddle_term = xx[i] * yy[j] + yy[i] * xx[j];
+                    let twist_term = 2.0 * (1.0 - poisson) * xy[i] * xy[j];
+                    bending_matrix.add(
+                        a,
+                        b,
+                        site_area * (spherical + poisson * saddle_term + twist_term),
+                    );
                 }
             }
         }
     }
-    let runs = matrix.links(sites.n_mat, |a, b| sites.are_neighbours(a, b));
-    let shares = &sites.areas[..sites.n_mat];
-    let mean = shares.iter().sum::<f64>() / sites.n_mat as f64;
+    let link_runs = bending_matrix.links(sites.n_mat, |a, b| sites.are_neighbours(a, b));
+    let mat_areas = &sites.areas[..sites.n_mat];
+    let mean_area = mat_areas.iter().sum::<f64>() / sites.n_mat as f64;
     Topology {
         centre: sites.centre,
-        shares: shares.iter().map(|area| area / mean).collect(),
-        tilts: n == sites.n_mat,
-        ..Topology::new(sites.n_mat, runs, sites.positions)
+        shares: mat_areas
+            .iter()
+            .map(|site_area| site_area / mean_area)
+            .collect(),
+        tilts: n_places == sites.n_mat,
+        ..Topology::new(sites.n_mat, link_runs, sites.positions)
     }
 }
 
 /// The masses around `middle`, enough for a parabola.
 fn patch(sites: &Sites, middle: usize) -> Vec<usize> {
-    let mut reach = PATCH;
+    let mut patch_reach = PATCH;
     loop {
-        let near = |other: &usize| distance(sites.places[*other], sites.places[middle]) < reach;
-        let neighbours: Vec<usize> = (0..sites.places.len()).filter(near).collect();
+        let is_near =
+            |other: &usize| distance(sites.places[*other], sites.places[middle]) < patch_reach;
+        let neighbours: Vec<usize> = (0..sites.places.len()).filter(is_near).collect();
         if neighbours.len() > UNKNOWNS {
             return neighbours;
         }
-        reach *= 1.1;
+        patch_reach *= 1.1;
     }
 }
 
 /// w_xx, w_yy and w_xy at a mass as sums over its patch, by weighted least squares.
 fn curvatures(sites: &Sites, middle: usize, patch: &[usize]) -> [Vec<f64>; 3] {
-    let [x0, y0] = sites.places[middle];
-    let from = |mass: &usize| [sites.places[*mass][0] - x0, sites.places[*mass][1] - y0];
-    let weight = |[x, y]: [f64; 2]| 1.0 / (0.3 + x * x + y * y);
-    let terms: [fn([f64; 2]) -> f64; UNKNOWNS] = [
+    let [middle_x, middle_y] = sites.places[middle];
+    let middle_offset = |mass: &usize| {
+        [
+            sites.places[*mass][0] - middle_x,
+            sites.places[*mass][1] - middle_y,
+        ]
+    };
+    let fit_weight = |[x, y]: [f64; 2]| 1.0 / (0.3 + x * x + y * y);
+    let parabola_terms: [fn([f64; 2]) -> f64; UNKNOWNS] = [
         |_| 1.0,
         |[x, _]| x,
         |[_, y]| y,
@@ -222,15 +241,15 @@ fn curvatures(sites: &Sites, middle: usize, patch: &[usize]) -> [Vec<f64>; 3] {
         |[_, y]| 0.5 * y * y,
         |[x, y]| x * y,
     ];
-    let columns = terms.map(|term| {
-        let row = |mass| weight(from(mass)) * term(from(mass));
-        patch.iter().map(row).collect::<Vec<f64>>()
+    let columns = parabola_terms.map(|term| {
+        let weighted_term = |mass| fit_weight(middle_offset(mass)) * term(middle_offset(mass));
+        patch.iter().map(weighted_term).collect::<Vec<f64>>()
     });
     let mut derivatives = [(); 3].map(|()| vec![0.0; patch.len()]);
     for (i, mass) in patch.iter().enumerate() {
-        let mut unit = vec![0.0; patch.len()];
-        unit[i] = weight(from(mass));
-        let coefficients = least_squares(&columns, &unit);
+        let mut unit_column = vec![0.0; patch.len()];
+        unit_column[i] = fit_weight(middle_offset(mass));
+        let coefficients = least_squares(&columns, &unit_column);
         for (sum, coefficient) in derivatives.iter_mut().zip(&coefficients[3..]) {
             sum[i] = *coefficient;
         }

@@ -8,35 +8,43 @@ use crate::maths::sqrt;
 pub(super) fn least_squares(columns: &[Vec<f64>], target: &[f64]) -> Vec<f64> {
     /// Relative rounding error that remains of a column that is spanned by those before it.
     const SPANNED: f64 = 1e-13;
-    let n = columns.len();
-    let mut basis: Vec<Vec<f64>> = Vec::with_capacity(n);
-    let mut upper = vec![vec![0.0; n]; n];
-    let mut shares = vec![0.0; n];
-    let mut left = target.to_vec();
+    let n_columns = columns.len();
+    let mut basis_columns: Vec<Vec<f64>> = Vec::with_capacity(n_columns);
+    let mut upper_triangle = vec![vec![0.0; n_columns]; n_columns];
+    let mut basis_shares = vec![0.0; n_columns];
+    let mut target_left = target.to_vec();
     for (j, column) in columns.iter().enumerate() {
         let mut remainder = column.clone();
         // Twice: a single pass leaves the rounding errors of nearly parallel columns.
         for _ in 0..2 {
-            for (i, axis) in basis.iter().enumerate() {
-                let share = dot(axis, &remainder);
-                upper[i][j] += share;
-                subtract(&mut remainder, share, axis);
+            for (i, axis) in basis_columns.iter().enumerate() {
+                let basis_share = dot(axis, &remainder);
+                upper_triangle[i][j] += basis_share;
+                subtract(&mut remainder, basis_share, axis);
             }
         }
-        let norm = sqrt(dot(&remainder, &remainder));
-        let is_spanned = norm <= SPANNED * sqrt(dot(column, column));
-        let scale = if is_spanned { 0.0 } else { 1.0 / norm };
-        remainder.iter_mut().for_each(|value| *value *= scale);
-        upper[j][j] = norm;
-        shares[j] = dot(&remainder, &left);
-        subtract(&mut left, shares[j], &remainder);
-        basis.push(remainder);
+        let remainder_norm = sqrt(dot(&remainder, &remainder));
+        let is_spanned = remainder_norm <= SPANNED * sqrt(dot(column, column));
+        let inverse_norm = if is_spanned {
+            0.0
+        } else {
+            1.0 / remainder_norm
+        };
+        remainder
+            .iter_mut()
+            .for_each(|value| *value *= inverse_norm);
+        upper_triangle[j][j] = remainder_norm;
+        basis_shares[j] = dot(&remainder, &target_left);
+        subtract(&mut target_left, basis_shares[j], &remainder);
+        basis_columns.push(remainder);
     }
-    let mut weights = vec![0.0; n];
-    for i in (0..n).rev() {
-        let above: f64 = (i + 1..n).map(|j| upper[i][j] * weights[j]).sum();
-        if basis[i].iter().any(|value| *value != 0.0) {
-            weights[i] = (shares[i] - above) / upper[i][i];
+    let mut weights = vec![0.0; n_columns];
+    for i in (0..n_columns).rev() {
+        let later_sum: f64 = (i + 1..n_columns)
+            .map(|j| upper_triangle[i][j] * weights[j])
+            .sum();
+        if basis_columns[i].iter().any(|value| *value != 0.0) {
+            weights[i] = (basis_shares[i] - later_sum) / upper_triangle[i][i];
         }
     }
     weights

@@ -68,10 +68,10 @@ impl Pole {
     fn new((f, t60): (f64, f64), discrete: Option<Rate>) -> Self {
         match discrete {
             Some(rate) => {
-                let ratios = cell::tune(f, Some(t60), rate);
+                let tuned_ratios = cell::tune(f, Some(t60), rate);
                 Self {
-                    lambda: ratios.kappa,
-                    loss: ratios.zeta,
+                    lambda: tuned_ratios.kappa,
+                    loss: tuned_ratios.zeta,
                 }
             }
             None => {
@@ -102,9 +102,10 @@ enum Curve {
 
 impl Curve {
     fn new(poles: Vec<Pole>) -> Self {
-        if let [first, two] = poles[..] {
-            let beta = (two.loss - first.loss) / (two.lambda - first.lambda);
-            let alpha = first.loss - beta * first.lambda;
+        if let [first_pole, second_pole] = poles[..] {
+            let beta =
+                (second_pole.loss - first_pole.loss) / (second_pole.lambda - first_pole.lambda);
+            let alpha = first_pole.loss - beta * first_pole.lambda;
             if alpha >= 0.0 && beta >= 0.0 {
                 return Self::Straight { alpha, beta };
             }
@@ -116,24 +117,25 @@ impl Curve {
         match self {
             Self::Straight { alpha, beta } => alpha + beta * lambda,
             Self::Bent(poles) => {
-                let above = poles.partition_point(|pole| pole.lambda < lambda);
-                let above = above.clamp(1, poles.len() - 1);
-                let (lower, two) = (poles[above - 1], poles[above]);
-                let slope = log(two.loss / lower.loss) / log(two.lambda / lower.lambda);
-                lower.loss * exp(slope * log(lambda / lower.lambda))
+                let upper_index = poles.partition_point(|pole| pole.lambda < lambda);
+                let upper_index = upper_index.clamp(1, poles.len() - 1);
+                let (lower_pole, upper_pole) = (poles[upper_index - 1], poles[upper_index]);
+                let log_slope = log(upper_pole.loss / lower_pole.loss)
+                    / log(upper_pole.lambda / lower_pole.lambda);
+                lower_pole.loss * exp(log_slope * log(lambda / lower_pole.lambda))
             }
         }
     }
 
     /// The pole of the mode that sounds at `f`.
     fn pole_of(&self, f: f64, discrete: Option<Rate>) -> Pole {
-        let mut pole = Pole::new((f, 1e3), discrete);
+        let mut mode_pole = Pole::new((f, 1e3), discrete);
         // Damping shifts a pitch only by its square, so this converges at once if a body sounds at all.
         for _ in 0..64 {
-            let t60 = Pole::t60(self.value(pole.lambda), discrete);
-            pole = Pole::new((f, t60), discrete);
+            let decay_time = Pole::t60(self.value(mode_pole.lambda), discrete);
+            mode_pole = Pole::new((f, decay_time), discrete);
         }
-        pole
+        mode_pole
     }
 }
 
@@ -172,18 +174,20 @@ pub fn tune_points(
         .iter()
         .map(|frequency| Pole::new(*frequency, discrete))
         .collect();
-    if let Some(i) = (1..poles.len()).find(|&i| poles[i].lambda <= poles[i - 1].lambda) {
+    if let Some(pole_index) = (1..poles.len())
+        .find(|&pole_index| poles[pole_index].lambda <= poles[pole_index - 1].lambda)
+    {
         return Err(GeneratorError::Range {
             what: "Each frequency in `t60`",
             range: "above the one before, and its decay longer than a period",
-            got: points[i].0,
+            got: points[pole_index].0,
         });
     }
-    let curve = Curve::new(poles.clone());
-    let lowest = topology.lowest()?;
-    let first = curve.pole_of(f, discrete);
-    let k = mass * first.lambda / lowest;
-    if let Curve::Straight { alpha, beta } = curve {
+    let loss_curve = Curve::new(poles.clone());
+    let lowest_lambda = topology.lowest()?;
+    let lowest_pole = loss_curve.pole_of(f, discrete);
+    let k = mass * lowest_pole.lambda / lowest_lambda;
+    if let Curve::Straight { alpha, beta } = loss_curve {
         let tuned = Tuned { k, z: beta * k };
         return Ok(Losses {
             tuned,
@@ -197,13 +201,19 @@ pub fn tune_points(
         1,
         MAX_FITTED,
     )?;
-    let named: Vec<(f64, Pole)> = points.iter().map(|(f, _)| *f).zip(poles).collect();
-    let fit = Fit::new(topology, lowest, first, &curve, &named)?;
-    let fitted = fit.best(discrete)?;
-    let dampers = fit.dampers(&fitted, mass);
+    let named_poles: Vec<(f64, Pole)> = points.iter().map(|(f, _)| *f).zip(poles).collect();
+    let loss_fit = Fit::new(
+        topology,
+        lowest_lambda,
+        lowest_pole,
+        &loss_curve,
+        &named_poles,
+    )?;
+    let loss_coefficients = loss_fit.best(discrete)?;
+    let dampers = loss_fit.dampers(&loss_coefficients, mass);
     Ok(Losses {
         tuned: Tuned { k, z: 0.0 },
-        ground: fitted[0] * mass,
+        ground: loss_coefficients[0] * mass,
         dampers,
     })
 }
@@ -234,49 +244,58 @@ impl<'a> Fit<'a> {
             Some((base, coefficients)) => (base.as_ref(), coefficients.as_slice()),
             None => (topology, [1.0].as_slice()),
         };
-        let mut sums = vec![0.0; base.n_mat];
-        let mut links = vec![0; base.n_mat];
+        let mut row_sums = vec![0.0; base.n_mat];
+        let mut mat_links = vec![0; base.n_mat];
         for run in &base.runs {
             for end in (0..run.len).flat_map(|i| [run.a + i, run.b + i]) {
                 if end < base.n_mat {
-                    sums[end] += run.factor.abs() / base.share(end);
-                    links[end] += 1;
+                    row_sums[end] += run.factor.abs() / base.share(end);
+                    mat_links[end] += 1;
                 }
             }
         }
-        let top = 2.0 * sums.iter().copied().fold(0.0, f64::max);
-        let is_row = links.iter().all(|links| *links <= 2);
-        let low = base.lowest()?;
-        let lambda = |u: f64| first.lambda * polynomial(polynomial_terms, u) / lowest;
+        let top = 2.0 * row_sums.iter().copied().fold(0.0, f64::max);
+        let is_single_row = mat_links.iter().all(|mat_links| *mat_links <= 2);
+        let base_lowest = base.lowest()?;
+        let scaled_lambda =
+            |eigenvalue: f64| first.lambda * polynomial(polynomial_terms, eigenvalue) / lowest;
         let mut places = Vec::with_capacity(PLACES + points.len());
         for i in 0..PLACES {
-            let share = 0.5 - 0.5 * cos(PI * i as f64 / (PLACES - 1) as f64);
-            let u = low + (top - low) * share;
-            places.push([u / top, curve.value(lambda(u)), 1.0]);
+            let chebyshev_share = 0.5 - 0.5 * cos(PI * i as f64 / (PLACES - 1) as f64);
+            let eigenvalue = base_lowest + (top - base_lowest) * chebyshev_share;
+            places.push([
+                eigenvalue / top,
+                curve.value(scaled_lambda(eigenvalue)),
+                1.0,
+            ]);
         }
         let mut named = Vec::new();
         for (f, pole) in points {
             // The margin keeps the lowest mode itself, however it was rounded.
-            let from = lambda(low) * (1.0 - ROUNDING);
-            if !(from..=lambda(top)).contains(&pole.lambda) {
+            let range_start = scaled_lambda(base_lowest) * (1.0 - ROUNDING);
+            if !(range_start..=scaled_lambda(top)).contains(&pole.lambda) {
                 continue;
             }
-            let (mut below, mut above) = (low, top);
+            let (mut bracket_low, mut bracket_high) = (base_lowest, top);
             for _ in 0..100 {
-                let middle = 0.5 * (below + above);
-                match lambda(middle) < pole.lambda {
-                    true => below = middle,
-                    false => above = middle,
+                let bracket_middle = 0.5 * (bracket_low + bracket_high);
+                match scaled_lambda(bracket_middle) < pole.lambda {
+                    true => bracket_low = bracket_middle,
+                    false => bracket_high = bracket_middle,
                 }
             }
-            places.push([below / top, pole.loss, NAMED_WEIGHT]);
+            places.push([bracket_low / top, pole.loss, NAMED_WEIGHT]);
             named.push((*f, pole.loss));
         }
         Ok(Self {
             topology,
             base,
             top,
-            powers: if is_row { POWERS_ROW } else { POWERS_MESH },
+            powers: if is_single_row {
+                POWERS_ROW
+            } else {
+                POWERS_MESH
+            },
             places,
             named,
         })
@@ -284,89 +303,94 @@ impl<'a> Fit<'a> {
 
     /// Coefficients, from the constant on, of the powers of the eigenvalue over `top`.
     fn best(&self, discrete: Option<Rate>) -> Result<Vec<f64>, GeneratorError> {
-        let mut best: Option<(f64, Vec<f64>)> = None;
+        let mut best_fit: Option<(f64, Vec<f64>)> = None;
         for powers in 1..=self.powers {
-            let mut fitted = self.fitted(0, powers);
-            if fitted[0] < 0.0 {
+            let mut coefficients = self.fitted(0, powers);
+            if coefficients[0] < 0.0 {
                 // The loss of a mass to the ground must not be negative.
-                fitted = self.fitted(1, powers);
+                coefficients = self.fitted(1, powers);
             }
-            let loses = self
-                .places
-                .iter()
-                .all(|[u, loss, _]| value(&fitted, *u) > 0.01 * loss);
-            let error = self.worst(&fitted).1;
-            if loses && best.as_ref().is_none_or(|(least, _)| error < *least) {
-                best = Some((error, fitted));
+            let loses_everywhere = self.places.iter().all(|[eigenvalue_ratio, loss, _]| {
+                value(&coefficients, *eigenvalue_ratio) > 0.01 * loss
+            });
+            let worst_error = self.worst(&coefficients).1;
+            if loses_everywhere
+                && best_fit
+                    .as_ref()
+                    .is_none_or(|(least, _)| worst_error < *least)
+            {
+                best_fit = Some((worst_error, coefficients));
             }
-            if best
+            if best_fit
                 .as_ref()
-                .is_some_and(|(error, _)| *error <= ERROR_SOUGHT)
+                .is_some_and(|(worst_error, _)| *worst_error <= ERROR_SOUGHT)
             {
                 break;
             }
         }
-        let (error, fitted) = best.unwrap_or_else(|| (f64::INFINITY, self.fitted(0, 0)));
-        if error <= ERROR_MAX {
-            return Ok(fitted);
+        let (worst_error, coefficients) =
+            best_fit.unwrap_or_else(|| (f64::INFINITY, self.fitted(0, 0)));
+        if worst_error <= ERROR_MAX {
+            return Ok(coefficients);
         }
-        let (index, _) = self.worst(&fitted);
-        let u = self.places[self.places.len() - self.named.len() + index][0];
-        let loss = value(&fitted, u);
+        let (worst_index, _) = self.worst(&coefficients);
+        let eigenvalue_ratio = self.places[self.places.len() - self.named.len() + worst_index][0];
+        let loss = value(&coefficients, eigenvalue_ratio);
         let nearest = if loss > 0.0 {
             Pole::t60(loss, discrete)
         } else {
             f64::INFINITY
         };
         Err(GeneratorError::Decays {
-            f: self.named[index].0,
-            t60: Pole::t60(self.named[index].1, discrete),
+            f: self.named[worst_index].0,
+            t60: Pole::t60(self.named[worst_index].1, discrete),
             nearest,
         })
     }
 
     fn fitted(&self, from: usize, powers: usize) -> Vec<f64> {
-        let column = |power: usize| -> Vec<f64> {
-            let value = |[u, loss, weight]: &[f64; 3]| weight * integer_power(*u, power) / loss;
-            self.places.iter().map(value).collect()
+        let power_column = |power: usize| -> Vec<f64> {
+            let weighted_power =
+                |[u, loss, weight]: &[f64; 3]| weight * integer_power(*u, power) / loss;
+            self.places.iter().map(weighted_power).collect()
         };
-        let columns: Vec<Vec<f64>> = (from..=powers).map(column).collect();
-        let target: Vec<f64> = self.places.iter().map(|place| place[2]).collect();
-        let mut fitted = vec![0.0; from];
-        fitted.extend(least_squares(&columns, &target));
-        fitted
+        let columns: Vec<Vec<f64>> = (from..=powers).map(power_column).collect();
+        let target_column: Vec<f64> = self.places.iter().map(|place| place[2]).collect();
+        let mut coefficients = vec![0.0; from];
+        coefficients.extend(least_squares(&columns, &target_column));
+        coefficients
     }
 
     /// Index and relative error of the named decay with the largest error.
     fn worst(&self, fitted: &[f64]) -> (usize, f64) {
-        let places = &self.places[self.places.len() - self.named.len()..];
-        let error = |[u, loss, _]: &[f64; 3]| (value(fitted, *u) / loss - 1.0).abs();
-        let errors = places.iter().map(error).enumerate();
-        errors.fold(
+        let named_places = &self.places[self.places.len() - self.named.len()..];
+        let relative_error = |[u, loss, _]: &[f64; 3]| (value(fitted, *u) / loss - 1.0).abs();
+        let place_errors = named_places.iter().map(relative_error).enumerate();
+        place_errors.fold(
             (0, 0.0),
             |worst, own| if own.1 > worst.1 { own } else { worst },
         )
     }
 
     fn dampers(&self, fitted: &[f64], mass: f64) -> Vec<LinkRun> {
-        let matrix = Sparse::stiffness(self.base);
-        let mut sum = Sparse::zero(self.base.n_mat);
-        let mut power = matrix.clone();
-        let mut scale = mass / self.top;
+        let base_matrix = Sparse::stiffness(self.base);
+        let mut damper_matrix = Sparse::zero(self.base.n_mat);
+        let mut matrix_power = base_matrix.clone();
+        let mut power_scale = mass / self.top;
         for (i, coefficient) in fitted[1..].iter().enumerate() {
             if i > 0 {
                 // Powers of M⁻¹K, times M.
-                for (row, row_entries) in power.0.iter_mut().enumerate() {
+                for (row, row_entries) in matrix_power.0.iter_mut().enumerate() {
                     row_entries
                         .values_mut()
                         .for_each(|value| *value /= self.base.share(row));
                 }
-                power = matrix.times(&power);
-                scale /= self.top;
+                matrix_power = base_matrix.times(&matrix_power);
+                power_scale /= self.top;
             }
-            sum.add_times(coefficient * scale, &power);
+            damper_matrix.add_times(coefficient * power_scale, &matrix_power);
         }
-        sum.links(self.topology.n_mat, |_, _| false)
+        damper_matrix.links(self.topology.n_mat, |_, _| false)
     }
 }
 

@@ -47,49 +47,52 @@ pub fn modal_body(
     beyond: (f64, f64),
 ) -> Result<ModalBody, GeneratorError> {
     count("The number of modes", poles.len(), 1, MAX_MODAL)?;
-    let places = levels.first().map_or(0, Vec::len);
-    count("The number of places", places, 1, MAX_PLACES)?;
-    for place in 0..places {
+    let n_places = levels.first().map_or(0, Vec::len);
+    count("The number of places", n_places, 1, MAX_PLACES)?;
+    for place in 0..n_places {
         let level_sum: f64 = levels.iter().map(|row| row[place] * row[place]).sum();
         if !(level_sum > 0.0 && level_sum.is_finite()) {
             return Err(GeneratorError::Still { place });
         }
     }
-    let more = added(levels);
-    let mut shapes: Vec<Vec<f64>> = levels.to_vec();
-    shapes.extend(more.iter().cloned());
+    let added_levels = added(levels);
+    let mut mode_shapes: Vec<Vec<f64>> = levels.to_vec();
+    mode_shapes.extend(added_levels.iter().cloned());
     let mut poles = poles.to_vec();
-    poles.resize(shapes.len(), beyond);
-    let n = shapes.len();
+    poles.resize(mode_shapes.len(), beyond);
+    let n_modes = mode_shapes.len();
     // Coordinates x = Hᵀ q, of which the first are those of the places.
-    let mut basis: Vec<Vec<f64>> = (0..places)
-        .map(|place| shapes.iter().map(|row| row[place]).collect())
+    let mut place_basis: Vec<Vec<f64>> = (0..n_places)
+        .map(|place| mode_shapes.iter().map(|row| row[place]).collect())
         .collect();
-    let size: Vec<f64> = basis
+    let basis_norm: Vec<f64> = place_basis
         .iter()
         .map(|level_sum| sqrt(dot(level_sum, level_sum)))
         .collect();
-    let mut stiffness = diagonal(poles.iter().map(|pole| pole.0), n);
-    let mut damping = diagonal(poles.iter().map(|pole| pole.1), n);
-    for step in 0..places {
+    let mut stiffness = diagonal(poles.iter().map(|pole| pole.0), n_modes);
+    let mut damping = diagonal(poles.iter().map(|pole| pole.1), n_modes);
+    for step in 0..n_places {
         interrupt::poll();
-        let Some(mirror) = mirror(&basis[step], step) else {
+        let Some(mirror) = mirror(&place_basis[step], step) else {
             continue;
         };
-        for level_sum in &mut basis[step..] {
+        for level_sum in &mut place_basis[step..] {
             reflect(level_sum, &mirror);
         }
         reflect_both(&mut stiffness, &mirror);
         reflect_both(&mut damping, &mirror);
     }
-    let inside = mass / (size[0] * size[0]);
-    let mut masses: Vec<f64> = size.iter().map(|size| mass / (size * size)).collect();
-    masses.resize(n, inside);
-    let root: Vec<f64> = masses.iter().map(|mass| sqrt(*mass)).collect();
+    let inner_mass = mass / (basis_norm[0] * basis_norm[0]);
+    let mut masses: Vec<f64> = basis_norm
+        .iter()
+        .map(|basis_norm| mass / (basis_norm * basis_norm))
+        .collect();
+    masses.resize(n_modes, inner_mass);
+    let mass_roots: Vec<f64> = masses.iter().map(|mass| sqrt(*mass)).collect();
     for matrix in [&mut stiffness, &mut damping] {
-        for (i, row) in matrix.chunks_exact_mut(n).enumerate() {
-            for (value, other) in row.iter_mut().zip(&root) {
-                *value *= root[i] * other;
+        for (i, row) in matrix.chunks_exact_mut(n_modes).enumerate() {
+            for (value, other) in row.iter_mut().zip(&mass_roots) {
+                *value *= mass_roots[i] * other;
             }
         }
     }
@@ -105,47 +108,48 @@ pub fn modal_body(
 /// With G = Σ φφᵀ of the known modes, they are the columns of L in E = L·Lᵀ, where G + E is diagonal. Each place gains
 /// as much on the diagonal as it has in common with the others.
 fn added(levels: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    let n = levels.first().map_or(0, Vec::len);
-    let inner = |p: usize, q: usize| -> f64 { levels.iter().map(|row| row[p] * row[q]).sum() };
-    let norms: Vec<f64> = (0..n).map(|p| sqrt(inner(p, p))).collect();
+    let n_places = levels.first().map_or(0, Vec::len);
+    let level_product =
+        |p: usize, q: usize| -> f64 { levels.iter().map(|row| row[p] * row[q]).sum() };
+    let place_norm: Vec<f64> = (0..n_places).map(|p| sqrt(level_product(p, p))).collect();
     // In units of the mobility of each place.
-    let mut rest = vec![0.0; n * n];
-    for p in 0..n {
-        for q in (0..n).filter(|&q| q != p) {
-            let common = inner(p, q) / (norms[p] * norms[q]);
-            rest[p * n + q] = -common;
-            rest[p * n + p] += common.abs();
+    let mut remainder = vec![0.0; n_places * n_places];
+    for p in 0..n_places {
+        for q in (0..n_places).filter(|&q| q != p) {
+            let shared_part = level_product(p, q) / (place_norm[p] * place_norm[q]);
+            remainder[p * n_places + q] = -shared_part;
+            remainder[p * n_places + p] += shared_part.abs();
         }
     }
     // Cholesky; pivots that are only rounding errors are skipped.
-    let mut modes = Vec::new();
-    for pivot_index in 0..n {
-        let pivot = rest[pivot_index * n + pivot_index];
-        if pivot <= PIVOT_MIN {
+    let mut added_modes = Vec::new();
+    for pivot_index in 0..n_places {
+        let pivot_entry = remainder[pivot_index * n_places + pivot_index];
+        if pivot_entry <= PIVOT_MIN {
             continue;
         }
-        let root = sqrt(pivot);
-        let column: Vec<f64> = (0..n)
-            .map(|row| rest[row * n + pivot_index] / root)
+        let pivot_root = sqrt(pivot_entry);
+        let factor_column: Vec<f64> = (0..n_places)
+            .map(|row| remainder[row * n_places + pivot_index] / pivot_root)
             .collect();
-        for (row, a) in column.iter().enumerate() {
-            for (other, b) in column.iter().enumerate() {
-                rest[row * n + other] -= a * b;
+        for (row, a) in factor_column.iter().enumerate() {
+            for (other, b) in factor_column.iter().enumerate() {
+                remainder[row * n_places + other] -= a * b;
             }
         }
-        for done in 0..n {
-            rest[pivot_index * n + done] = 0.0;
-            rest[done * n + pivot_index] = 0.0;
+        for done in 0..n_places {
+            remainder[pivot_index * n_places + done] = 0.0;
+            remainder[done * n_places + pivot_index] = 0.0;
         }
-        modes.push(
-            column
+        added_modes.push(
+            factor_column
                 .iter()
-                .zip(&norms)
-                .map(|(a, norms)| a * norms)
+                .zip(&place_norm)
+                .map(|(a, place_norm)| a * place_norm)
                 .collect(),
         );
     }
-    modes
+    added_modes
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
@@ -153,56 +157,62 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 }
 
 fn diagonal(values: impl Iterator<Item = f64>, n: usize) -> Vec<f64> {
-    let mut matrix = vec![0.0; n * n];
+    let mut diagonal_matrix = vec![0.0; n * n];
     for (i, value) in values.enumerate() {
-        matrix[i * n + i] = value;
+        diagonal_matrix[i * n + i] = value;
     }
-    matrix
+    diagonal_matrix
 }
 
 /// v of the reflection 1 - v·vᵀ that takes `vector` to a positive multiple of axis `first` and leaves the axes before it
 /// alone.
 fn mirror(vector: &[f64], first: usize) -> Option<Vec<f64>> {
-    let mut v: Vec<f64> = vector.to_vec();
-    v[..first].fill(0.0);
-    let beyond = dot(&v[first + 1..], &v[first + 1..]);
-    if beyond == 0.0 && v[first] >= 0.0 {
+    let mut reflector: Vec<f64> = vector.to_vec();
+    reflector[..first].fill(0.0);
+    let tail_square = dot(&reflector[first + 1..], &reflector[first + 1..]);
+    if tail_square == 0.0 && reflector[first] >= 0.0 {
         return None;
     }
-    let size = sqrt(v[first] * v[first] + beyond);
+    let tail_norm = sqrt(reflector[first] * reflector[first] + tail_square);
     // own - |own|·axis, without a difference of nearly equal numbers.
-    v[first] = if v[first] > 0.0 {
-        -beyond / (v[first] + size)
+    reflector[first] = if reflector[first] > 0.0 {
+        -tail_square / (reflector[first] + tail_norm)
     } else {
-        v[first] - size
+        reflector[first] - tail_norm
     };
-    let scale = sqrt(2.0 / dot(&v, &v));
-    v.iter_mut().for_each(|value| *value *= scale);
-    Some(v)
+    let reflector_scale = sqrt(2.0 / dot(&reflector, &reflector));
+    reflector
+        .iter_mut()
+        .for_each(|value| *value *= reflector_scale);
+    Some(reflector)
 }
 
 fn reflect(vector: &mut [f64], mirror: &[f64]) {
-    let along = dot(vector, mirror);
+    let projection = dot(vector, mirror);
     for (value, m) in vector.iter_mut().zip(mirror) {
-        *value -= along * m;
+        *value -= projection * m;
     }
 }
 
 /// H·A·H of a symmetric A, exactly symmetric.
 fn reflect_both(matrix: &mut [f64], mirror: &[f64]) {
-    let n = mirror.len();
-    let image: Vec<f64> = matrix.chunks_exact(n).map(|row| dot(row, mirror)).collect();
-    let half = 0.5 * dot(&image, mirror);
-    let turn: Vec<f64> = image
+    let matrix_size = mirror.len();
+    let mirror_image: Vec<f64> = matrix
+        .chunks_exact(matrix_size)
+        .map(|row| dot(row, mirror))
+        .collect();
+    let half_projection = 0.5 * dot(&mirror_image, mirror);
+    let correction: Vec<f64> = mirror_image
         .iter()
         .zip(mirror)
-        .map(|(a, m)| a - half * m)
+        .map(|(a, m)| a - half_projection * m)
         .collect();
-    for i in 0..n {
-        for j in i..n {
-            let value = matrix[i * n + j] - mirror[i] * turn[j] - turn[i] * mirror[j];
-            matrix[i * n + j] = value;
-            matrix[j * n + i] = value;
+    for i in 0..matrix_size {
+        for j in i..matrix_size {
+            let mirrored_entry =
+                matrix[i * matrix_size + j] - mirror[i] * correction[j] - correction[i] * mirror[j];
+            matrix[i * matrix_size + j] = mirrored_entry;
+            matrix[j * matrix_size + i] = mirrored_entry;
         }
     }
 }

@@ -74,11 +74,11 @@ impl Shape {
 
     /// The lowest non-rigid λ of a square, from those of two strings; `None` for other shapes.
     fn lowest_lambda(self, radius: usize, rim: Rim) -> Option<f64> {
-        let side = (2 * radius + 1) as f64;
-        let string = |gaps: f64| 4.0 * sin(FRAC_PI_2 / gaps) * sin(FRAC_PI_2 / gaps);
+        let side_masses = (2 * radius + 1) as f64;
+        let string_lambda = |gaps: f64| 4.0 * sin(FRAC_PI_2 / gaps) * sin(FRAC_PI_2 / gaps);
         match (self, rim) {
-            (Self::Square, Rim::Free) if radius > 0 => Some(string(side)),
-            (Self::Square, Rim::Fixed) => Some(2.0 * string(side + 1.0)),
+            (Self::Square, Rim::Free) if radius > 0 => Some(string_lambda(side_masses)),
+            (Self::Square, Rim::Fixed) => Some(2.0 * string_lambda(side_masses + 1.0)),
             _ => None,
         }
     }
@@ -107,45 +107,52 @@ pub fn plate(shape: Shape, radius: usize, rim: Rim) -> Result<Topology, Generato
         .take_while(|radius| shape.masses(radius + 1) <= MAX_MASSES)
         .count();
     count("`radius`", radius, 0, radius_max)?;
-    let fixed = rim == Rim::Fixed;
-    let outer = radius + usize::from(fixed);
-    let side = 2 * outer + 1;
-    let site = |cell: usize| {
-        let coordinate = |i: usize| i as isize - outer as isize;
-        (coordinate(cell % side), coordinate(cell / side))
+    let is_fixed = rim == Rim::Fixed;
+    let outer_ring = radius + usize::from(is_fixed);
+    let side_sites = 2 * outer_ring + 1;
+    let site_of_cell = |cell: usize| {
+        let coordinate = |i: usize| i as isize - outer_ring as isize;
+        (coordinate(cell % side_sites), coordinate(cell / side_sites))
     };
-    let ring = |cell: &usize| shape.ring(site(*cell), outer, fixed);
+    let ring = |cell: &usize| shape.ring(site_of_cell(*cell), outer_ring, is_fixed);
     let is_mat = |cell: &usize| ring(cell).is_some_and(|ring| ring <= radius);
-    let is_sol = |cell: &usize| fixed && ring(cell) == Some(outer);
-    let mats = (0..side * side).filter(is_mat);
-    let points: Vec<usize> = mats.chain((0..side * side).filter(is_sol)).collect();
+    let is_sol = |cell: &usize| is_fixed && ring(cell) == Some(outer_ring);
+    let mat_cells = (0..side_sites * side_sites).filter(is_mat);
+    let point_cells: Vec<usize> = mat_cells
+        .chain((0..side_sites * side_sites).filter(is_sol))
+        .collect();
     // Nothing at a site without a point.
-    let mut index = vec![None; side * side];
-    for (i, cell) in points.iter().enumerate() {
-        index[*cell] = Some(i);
+    let mut point_index = vec![None; side_sites * side_sites];
+    for (i, cell) in point_cells.iter().enumerate() {
+        point_index[*cell] = Some(i);
     }
     let n_mat = shape.masses(radius);
-    let mut links = Links::new();
+    let mut mesh_links = Links::new();
     // One direction after the other, so that the links of a row form one run.
     for (right, up) in shape.directions() {
-        for cell in 0..side * side {
-            let (x, y) = site(cell);
-            let inside = |i: isize| i.unsigned_abs() <= outer;
-            if !(inside(x + right) && inside(y + up)) {
+        for cell in 0..side_sites * side_sites {
+            let (site_x, site_y) = site_of_cell(cell);
+            let is_inside = |i: isize| i.unsigned_abs() <= outer_ring;
+            if !(is_inside(site_x + right) && is_inside(site_y + up)) {
                 continue;
             }
-            let other = cell as isize + right + up * side as isize;
-            if let (Some(a), Some(b)) = (index[cell], index[other as usize])
-                && a.min(b) < n_mat
+            let other_cell = cell as isize + right + up * side_sites as isize;
+            if let (Some(this_point), Some(other_point)) =
+                (point_index[cell], point_index[other_cell as usize])
+                && this_point.min(other_point) < n_mat
             {
-                links.join(a, b, 1.0);
+                mesh_links.join(this_point, other_point, 1.0);
             }
         }
     }
-    let width = (2 * outer).max(1) as f64;
-    let place = |cell: &usize| shape.place(site(*cell)).map(|at| at / width);
+    let mesh_width = (2 * outer_ring).max(1) as f64;
+    let bench_place = |cell: &usize| shape.place(site_of_cell(*cell)).map(|at| at / mesh_width);
     Ok(Topology {
         lowest_lambda: shape.lowest_lambda(radius, rim),
-        ..Topology::new(n_mat, links.runs, points.iter().map(place).collect())
+        ..Topology::new(
+            n_mat,
+            mesh_links.runs,
+            point_cells.iter().map(bench_place).collect(),
+        )
     })
 }

@@ -16,46 +16,61 @@ pub(super) fn rectangle(across: usize, up: usize, fixed: bool) -> Result<Topolog
         1,
         MAX_MASSES,
     )?;
-    let n = across * up;
-    let mut links = Links::new();
+    let mass_count = across * up;
+    let mut mesh_links = Links::new();
     for row in 0..up {
-        (1..across).for_each(|x| links.join(row * across + x - 1, row * across + x, 1.0));
+        (1..across).for_each(|x| mesh_links.join(row * across + x - 1, row * across + x, 1.0));
     }
-    (across..n).for_each(|i| links.join(i - across, i, 1.0));
+    (across..mass_count).for_each(|i| mesh_links.join(i - across, i, 1.0));
     if fixed {
-        let (below, above, left, right) = (n, n + across, n + 2 * across, n + 2 * across + up);
-        (0..across).for_each(|x| links.join(below + x, x, 1.0));
-        (0..across).for_each(|x| links.join(n - across + x, above + x, 1.0));
-        (0..up).for_each(|y| links.join(left + y, y * across, 1.0));
-        (0..up).for_each(|y| links.join(y * across + across - 1, right + y, 1.0));
+        let (sols_below, sols_above, sols_left, sols_right) = (
+            mass_count,
+            mass_count + across,
+            mass_count + 2 * across,
+            mass_count + 2 * across + up,
+        );
+        (0..across).for_each(|x| mesh_links.join(sols_below + x, x, 1.0));
+        (0..across).for_each(|x| mesh_links.join(mass_count - across + x, sols_above + x, 1.0));
+        (0..up).for_each(|y| mesh_links.join(sols_left + y, y * across, 1.0));
+        (0..up).for_each(|y| mesh_links.join(y * across + across - 1, sols_right + y, 1.0));
     }
     // With SOLs, one spacing more on either side.
-    let edge = if fixed { 1.0 } else { 0.0 };
-    let half = |side: usize| 0.5 * (side - 1) as f64 + edge;
-    let width = (2.0 * half(across).max(half(up))).max(1.0);
-    let point = |x: f64, y: f64| [(x - half(across)) / width, (y - half(up)) / width];
-    let inside = |i: usize| point((i % across) as f64 + edge, (i / across) as f64 + edge);
-    let mut positions: Vec<[f64; 2]> = (0..n).map(inside).collect();
+    let edge_offset = if fixed { 1.0 } else { 0.0 };
+    let half = |side: usize| 0.5 * (side - 1) as f64 + edge_offset;
+    let bench_width = (2.0 * half(across).max(half(up))).max(1.0);
+    let bench_point = |x: f64, y: f64| {
+        [
+            (x - half(across)) / bench_width,
+            (y - half(up)) / bench_width,
+        ]
+    };
+    let mass_point = |i: usize| {
+        bench_point(
+            (i % across) as f64 + edge_offset,
+            (i / across) as f64 + edge_offset,
+        )
+    };
+    let mut positions: Vec<[f64; 2]> = (0..mass_count).map(mass_point).collect();
     if fixed {
-        let (far, high) = ((across + 1) as f64, (up + 1) as f64);
-        positions.extend((1..=across).map(|x| point(x as f64, 0.0)));
-        positions.extend((1..=across).map(|x| point(x as f64, high)));
-        positions.extend((1..=up).map(|y| point(0.0, y as f64)));
-        positions.extend((1..=up).map(|y| point(far, y as f64)));
+        let (right_edge, upper_edge) = ((across + 1) as f64, (up + 1) as f64);
+        positions.extend((1..=across).map(|x| bench_point(x as f64, 0.0)));
+        positions.extend((1..=across).map(|x| bench_point(x as f64, upper_edge)));
+        positions.extend((1..=up).map(|y| bench_point(0.0, y as f64)));
+        positions.extend((1..=up).map(|y| bench_point(right_edge, y as f64)));
     }
-    let string = |gaps: usize| {
+    let string_lambda = |gaps: usize| {
         let half = sin(FRAC_PI_2 / gaps as f64);
         4.0 * half * half
     };
-    let longer = across.max(up);
-    let closed = if fixed {
-        Some(string(across + 1) + string(up + 1))
+    let longer_side = across.max(up);
+    let closed_lambda = if fixed {
+        Some(string_lambda(across + 1) + string_lambda(up + 1))
     } else {
-        (longer > 1).then(|| string(longer))
+        (longer_side > 1).then(|| string_lambda(longer_side))
     };
     Ok(Topology {
         centre: up / 2 * across + across / 2,
-        lowest_lambda: closed,
-        ..Topology::new(n, links.runs, positions)
+        lowest_lambda: closed_lambda,
+        ..Topology::new(mass_count, mesh_links.runs, positions)
     })
 }

@@ -25,52 +25,70 @@ pub fn round_membrane(radius: usize, rim: Rim) -> Result<Topology, GeneratorErro
         centre,
         ..
     } = disc(radius, rim);
-    let mut matrix = Sparse::zero(n_mat);
-    let mut areas = vec![0.0; places.len()];
-    let from = |a: usize, b: usize| [places[b][0] - places[a][0], places[b][1] - places[a][1]];
+    let mut cotangent_matrix = Sparse::zero(n_mat);
+    let mut point_areas = vec![0.0; places.len()];
+    let edge_vector = |corner_a: usize, corner_b: usize| {
+        [
+            places[corner_b][0] - places[corner_a][0],
+            places[corner_b][1] - places[corner_a][1],
+        ]
+    };
     for corners in triangles(radius) {
-        let [a, b, c] = corners;
-        let (to_b, to_c) = (from(a, b), from(a, c));
-        let double_area = (to_b[0] * to_c[1] - to_b[1] * to_c[0]).abs();
-        for (apex, first, two) in [(a, b, c), (b, c, a), (c, a, b)] {
-            let (u, v) = (from(apex, first), from(apex, two));
-            let half_cotangent = 0.5 * (u[0] * v[0] + u[1] * v[1]) / double_area;
+        let [corner_a, corner_b, corner_c] = corners;
+        let (edge_to_b, edge_to_c) = (
+            edge_vector(corner_a, corner_b),
+            edge_vector(corner_a, corner_c),
+        );
+        let double_area = (edge_to_b[0] * edge_to_c[1] - edge_to_b[1] * edge_to_c[0]).abs();
+        for (apex, first, two) in [
+            (corner_a, corner_b, corner_c),
+            (corner_b, corner_c, corner_a),
+            (corner_c, corner_a, corner_b),
+        ] {
+            let (first_edge, second_edge) = (edge_vector(apex, first), edge_vector(apex, two));
+            let half_cotangent = 0.5
+                * (first_edge[0] * second_edge[0] + first_edge[1] * second_edge[1])
+                / double_area;
             for (near, other) in [(first, two), (two, first)] {
                 if near < n_mat {
-                    matrix.add(near, near, half_cotangent);
+                    cotangent_matrix.add(near, near, half_cotangent);
                     if other < n_mat {
-                        matrix.add(near, other, -half_cotangent);
+                        cotangent_matrix.add(near, other, -half_cotangent);
                     }
                 }
             }
-            areas[apex] += double_area / 6.0;
+            point_areas[apex] += double_area / 6.0;
         }
     }
-    let shares = &areas[..n_mat];
-    let mean = shares.iter().sum::<f64>() / n_mat as f64;
+    let mass_areas = &point_areas[..n_mat];
+    let mean_area = mass_areas.iter().sum::<f64>() / n_mat as f64;
     Ok(Topology {
         centre,
-        shares: shares.iter().map(|area| area / mean).collect(),
-        ..Topology::new(n_mat, matrix.links(n_mat, |_, _| true), positions)
+        shares: mass_areas.iter().map(|area| area / mean_area).collect(),
+        ..Topology::new(n_mat, cotangent_matrix.links(n_mat, |_, _| true), positions)
     })
 }
 
 /// Corners of all triangles: in each of six sectors those with a side on the outer ring, and those with a side on the
 /// inner ring.
 fn triangles(radius: usize) -> Vec<[usize; 3]> {
-    let member = |ring: usize, place: usize| match ring {
+    let ring_member = |ring: usize, place: usize| match ring {
         0 => 0,
         _ => 1 + 3 * ring * (ring - 1) + place % (6 * ring),
     };
-    let mut faces = Vec::with_capacity(6 * radius * radius);
+    let mut face_corners = Vec::with_capacity(6 * radius * radius);
     for ring in 1..=radius {
-        let inner = ring - 1;
+        let inner_ring = ring - 1;
         for sector in 0..6 {
-            let out = |place: usize| member(ring, sector * ring + place);
-            let inside = |place: usize| member(inner, sector * inner + place);
-            faces.extend((0..ring).map(|i| [out(i), out(i + 1), inside(i)]));
-            faces.extend((0..inner).map(|i| [inside(i), inside(i + 1), out(i + 1)]));
+            let outer_member = |place: usize| ring_member(ring, sector * ring + place);
+            let inner_member = |place: usize| ring_member(inner_ring, sector * inner_ring + place);
+            face_corners
+                .extend((0..ring).map(|i| [outer_member(i), outer_member(i + 1), inner_member(i)]));
+            face_corners.extend(
+                (0..inner_ring)
+                    .map(|i| [inner_member(i), inner_member(i + 1), outer_member(i + 1)]),
+            );
         }
     }
-    faces
+    face_corners
 }

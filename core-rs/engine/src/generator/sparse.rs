@@ -21,21 +21,21 @@ impl Sparse {
 
     /// The stiffness matrix of a body's springs.
     pub(super) fn stiffness(topology: &Topology) -> Self {
-        let n = topology.n_mat;
-        let mut matrix = Self::zero(n);
+        let n_masses = topology.n_mat;
+        let mut stiffness_matrix = Self::zero(n_masses);
         for run in &topology.runs {
             for (a, b) in (0..run.len).map(|i| (run.a + i, run.b + i)) {
                 for (row, other) in [(a, b), (b, a)] {
-                    if row < n {
-                        matrix.add(row, row, run.factor);
-                        if other < n {
-                            matrix.add(row, other, -run.factor);
+                    if row < n_masses {
+                        stiffness_matrix.add(row, row, run.factor);
+                        if other < n_masses {
+                            stiffness_matrix.add(row, other, -run.factor);
                         }
                     }
                 }
             }
         }
-        matrix
+        stiffness_matrix
     }
 
     pub(super) fn add(&mut self, row: usize, column: usize, value: f64) {
@@ -73,26 +73,28 @@ impl Sparse {
         hardens: impl Fn(usize, usize) -> bool,
     ) -> Vec<LinkRun> {
         let largest = self.0.iter().flat_map(BTreeMap::values);
-        let least = ROUNDING * largest.fold(0.0, |most: f64, value| most.max(value.abs()));
-        let mut links = Vec::new();
+        let entry_threshold =
+            ROUNDING * largest.fold(0.0, |most: f64, value| most.max(value.abs()));
+        let mut matrix_links = Vec::new();
         for (i, row) in self.0.iter().enumerate() {
             for (j, value) in row.range(i + 1..) {
-                if value.abs() > least {
-                    links.push((false, j - i, i, *j, -value));
+                if value.abs() > entry_threshold {
+                    matrix_links.push((false, j - i, i, *j, -value));
                 }
             }
-            let size: f64 = row.values().map(|value| value.abs()).sum();
-            let left: f64 = row.values().sum();
-            if left.abs() > 1e-11 * size {
-                links.push((true, 0, ground, i, left));
+            let row_magnitude: f64 = row.values().map(|value| value.abs()).sum();
+            let row_sum: f64 = row.values().sum();
+            if row_sum.abs() > 1e-11 * row_magnitude {
+                matrix_links.push((true, 0, ground, i, row_sum));
             }
         }
         // Links to the ground come last.
-        links.sort_by_key(|(is_grounded, spacing, a, b, _)| (*is_grounded, *spacing, *a, *b));
-        let mut runs: Vec<LinkRun> = Vec::new();
-        for (is_grounded, _, a, b, factor) in links {
+        matrix_links
+            .sort_by_key(|(is_grounded, spacing, a, b, _)| (*is_grounded, *spacing, *a, *b));
+        let mut link_runs: Vec<LinkRun> = Vec::new();
+        for (is_grounded, _, a, b, factor) in matrix_links {
             let hardens = !is_grounded && hardens(a, b);
-            match runs.last_mut() {
+            match link_runs.last_mut() {
                 Some(run)
                     if (run.a + run.len, run.b + run.len) == (a, b)
                         && (run.factor - factor).abs() <= ROUNDING * factor.abs()
@@ -100,7 +102,7 @@ impl Sparse {
                 {
                     run.len += 1;
                 }
-                _ => runs.push(LinkRun {
+                _ => link_runs.push(LinkRun {
                     a,
                     b,
                     len: 1,
@@ -109,6 +111,6 @@ impl Sparse {
                 }),
             }
         }
-        runs
+        link_runs
     }
 }

@@ -35,8 +35,8 @@ pub fn stiff_string(
     ends: Ends,
     inharmonicity: f64,
 ) -> Result<Topology, GeneratorError> {
-    let what = "`masses` of a string with inharmonicity";
-    count(what, masses, 1, MAX_BENT)?;
+    let masses_label = "`masses` of a string with inharmonicity";
+    count(masses_label, masses, 1, MAX_BENT)?;
     if !(0.0..=0.1).contains(&inharmonicity) {
         return Err(GeneratorError::Range {
             what: "`inharmonicity`",
@@ -46,47 +46,47 @@ pub fn stiff_string(
     }
     let partials = |masses: usize| Partials::new(masses, ends, inharmonicity);
     let Some(coefficients) = partials(masses).fitted() else {
-        let enough = (masses + 1..=MAX_BENT)
+        let enough_masses = (masses + 1..=MAX_BENT)
             .step_by(1 + masses / 8)
             .find(|masses| partials(*masses).fitted().is_some());
         return Err(GeneratorError::FewMasses {
             masses,
-            enough: enough.unwrap_or(MAX_BENT),
+            enough: enough_masses.unwrap_or(MAX_BENT),
         });
     };
-    let row = Row::new(masses, ends);
-    let lowest = polynomial(&coefficients, partials(masses).u[0]);
-    let symbol = stencil(&coefficients);
-    let mut links = Links::new();
-    for apart in 1..symbol.len() {
+    let string_row = Row::new(masses, ends);
+    let lowest_lambda = polynomial(&coefficients, partials(masses).u[0]);
+    let row_symbol = stencil(&coefficients);
+    let mut bent_links = Links::new();
+    for apart in 1..row_symbol.len() {
         for i in 0..masses.saturating_sub(apart) {
-            let entry = entry(&symbol, i, i + apart, masses, ends);
-            links.join_bent(i, i + apart, -entry, apart == 1);
+            let entry = entry(&row_symbol, i, i + apart, masses, ends);
+            bent_links.join_bent(i, i + apart, -entry, apart == 1);
         }
     }
     // The sum of a row of the matrix is a link to a fixed end.
-    if row.n_fixed() > 0 {
-        let reach = symbol.len() - 1;
-        let near_an_end = |i: &usize| *i < reach || *i + reach >= masses;
+    if string_row.n_fixed() > 0 {
+        let stencil_reach = row_symbol.len() - 1;
+        let near_an_end = |i: &usize| *i < stencil_reach || *i + stencil_reach >= masses;
         for i in (0..masses).filter(near_an_end) {
-            let sum: f64 = (i.saturating_sub(reach)..masses.min(i + reach + 1))
-                .map(|j| entry(&symbol, i, j, masses, ends))
+            let row_sum: f64 = (i.saturating_sub(stencil_reach)..masses.min(i + stencil_reach + 1))
+                .map(|j| entry(&row_symbol, i, j, masses, ends))
                 .sum();
             let to_right = ends == Ends::Fixed && 2 * i >= masses;
-            let (end, outermost) = match to_right {
+            let (end_point, outermost) = match to_right {
                 true => (masses + 1, i + 1 == masses),
                 false => (masses, i == 0),
             };
-            let is_rounding = sum.abs() <= 1e-13 * symbol[0];
+            let is_rounding = row_sum.abs() <= 1e-13 * row_symbol[0];
             if !is_rounding {
-                links.join_bent(end, i, sum, outermost);
+                bent_links.join_bent(end_point, i, row_sum, outermost);
             }
         }
     }
     Ok(Topology {
-        lowest_lambda: Some(lowest),
+        lowest_lambda: Some(lowest_lambda),
         base_polynomial: Some((Box::new(string(masses, ends, 0.0)?), coefficients)),
-        ..Topology::new(masses, links.runs, row.positions)
+        ..Topology::new(masses, bent_links.runs, string_row.positions)
     })
 }
 
@@ -100,85 +100,106 @@ struct Partials {
 
 impl Partials {
     fn new(masses: usize, ends: Ends, b: f64) -> Self {
-        let wide = masses as f64;
-        let (step, modes) = match ends {
-            Ends::Fixed => (PI / (wide + 1.0), masses),
-            Ends::Free => (PI / wide, masses - 1),
-            Ends::Left => (PI / (2.0 * wide + 1.0), masses),
+        let mass_count = masses as f64;
+        let (angle_step, n_modes) = match ends {
+            Ends::Fixed => (PI / (mass_count + 1.0), masses),
+            Ends::Free => (PI / mass_count, masses - 1),
+            Ends::Left => (PI / (2.0 * mass_count + 1.0), masses),
         };
-        let number = |i: usize| match ends {
+        let partial_number = |i: usize| match ends {
             Ends::Left => 2.0 * i as f64 + 1.0,
             _ => i as f64 + 1.0,
         };
-        let square = |angle: f64| 4.0 * sin(0.5 * angle) * sin(0.5 * angle);
-        let u = (0..modes).map(|i| square(number(i) * step)).collect();
+        let squared_sine = |angle: f64| 4.0 * sin(0.5 * angle) * sin(0.5 * angle);
+        let u = (0..n_modes)
+            .map(|i| squared_sine(partial_number(i) * angle_step))
+            .collect();
         let wanted = |n: f64| n * n * (1.0 + b * n * n) / (1.0 + b);
-        let wanted = (0..PARTIALS.min(modes)).map(number).map(wanted).collect();
+        let wanted = (0..PARTIALS.min(n_modes))
+            .map(partial_number)
+            .map(wanted)
+            .collect();
         Self { u, wanted }
     }
 
     /// Coefficients of p, from L¹ on, that tune the partials; `None` if none are near enough.
     fn fitted(&self) -> Option<Vec<f64>> {
-        let mut best: Option<(f64, Vec<f64>)> = None;
+        let mut best_fit: Option<(f64, Vec<f64>)> = None;
         for reach in 2..=REACH_MAX.min(self.u.len()) {
             let coefficients = self.with_reach(reach);
-            let all: Vec<f64> = self
+            let mode_lambdas: Vec<f64> = self
                 .u
                 .iter()
                 .map(|u| polynomial(&coefficients, *u))
                 .collect();
-            let rises = all[0] > 0.0 && all.windows(2).all(|pair| pair[0] < pair[1]);
-            let error = self.error(&all);
-            if rises && best.as_ref().is_none_or(|(least, _)| error < *least) {
-                best = Some((error, coefficients));
+            let is_rising =
+                mode_lambdas[0] > 0.0 && mode_lambdas.windows(2).all(|pair| pair[0] < pair[1]);
+            let worst_cents = self.error(&mode_lambdas);
+            if is_rising
+                && best_fit
+                    .as_ref()
+                    .is_none_or(|(least, _)| worst_cents < *least)
+            {
+                best_fit = Some((worst_cents, coefficients));
             }
-            if best.as_ref().is_some_and(|(error, _)| *error <= NEAR) {
+            if best_fit
+                .as_ref()
+                .is_some_and(|(worst_cents, _)| *worst_cents <= NEAR)
+            {
                 break;
             }
         }
-        best.filter(|(error, _)| *error <= FAR)
+        best_fit
+            .filter(|(worst_cents, _)| *worst_cents <= FAR)
             .map(|(_, coefficients)| coefficients)
     }
 
     fn with_reach(&self, reach: usize) -> Vec<f64> {
-        let n = self.wanted.len();
-        let greatest = self.u[n.saturating_sub(1)];
+        let n_partials = self.wanted.len();
+        let greatest = self.u[n_partials.saturating_sub(1)];
         // Each partial counts by its relative error. Powers of u are relative to the largest u, so that none is tiny.
-        let scaled: Vec<f64> = self.u[..n].iter().map(|u| u / greatest).collect();
-        let mut power = vec![1.0; n];
+        let scaled_lambdas: Vec<f64> = self.u[..n_partials].iter().map(|u| u / greatest).collect();
+        let mut lambda_powers = vec![1.0; n_partials];
         let columns: Vec<Vec<f64>> = (0..reach)
             .map(|_| {
-                power.iter_mut().zip(&scaled).for_each(|(p, u)| *p *= u);
-                power.iter().zip(&self.wanted).map(|(p, w)| p / w).collect()
+                lambda_powers
+                    .iter_mut()
+                    .zip(&scaled_lambdas)
+                    .for_each(|(p, u)| *p *= u);
+                lambda_powers
+                    .iter()
+                    .zip(&self.wanted)
+                    .map(|(p, w)| p / w)
+                    .collect()
             })
             .collect();
-        let mut scale = 1.0;
-        let weights = least_squares(&columns, &vec![1.0; n]);
+        let mut power_scale = 1.0;
+        let weights = least_squares(&columns, &vec![1.0; n_partials]);
         weights
             .into_iter()
             .map(|weight| {
-                scale /= greatest;
-                weight * scale
+                power_scale /= greatest;
+                weight * power_scale
             })
             .collect()
     }
 
     /// The largest error of a partial relative to the first one [cents].
     fn error(&self, all: &[f64]) -> f64 {
-        let cents = |(own, wanted): (&f64, &f64)| 600.0 / log(2.0) * log(own / all[0] / wanted);
-        let errors = all.iter().zip(&self.wanted).map(cents);
-        errors.map(f64::abs).fold(0.0, f64::max)
+        let cents_off = |(own, wanted): (&f64, &f64)| 600.0 / log(2.0) * log(own / all[0] / wanted);
+        let partial_errors = all.iter().zip(&self.wanted).map(cents_off);
+        partial_errors.map(f64::abs).fold(0.0, f64::max)
     }
 }
 
 /// A row of p(L) without ends, from its diagonal on: a_0, a_1 …, with L^j = Σ (-1)^d·C(2j, j + d).
 fn stencil(coefficients: &[f64]) -> Vec<f64> {
-    let mut symbol = vec![0.0; coefficients.len() + 1];
+    let mut row_symbol = vec![0.0; coefficients.len() + 1];
     for (j, c) in coefficients.iter().enumerate() {
         let j = j + 1;
         // C(2j, j + d), from the middle outwards.
         let mut binomial = (1..=j).fold(1.0, |b, i| b * (j + i) as f64 / i as f64);
-        for (d, a) in symbol.iter_mut().enumerate().take(j + 1) {
+        for (d, a) in row_symbol.iter_mut().enumerate().take(j + 1) {
             *a += if d % 2 == 0 {
                 c * binomial
             } else {
@@ -187,17 +208,17 @@ fn stencil(coefficients: &[f64]) -> Vec<f64> {
             binomial *= (j - d) as f64 / (j + d + 1) as f64;
         }
     }
-    symbol
+    row_symbol
 }
 
 /// An entry of p(L) on a row: that of the endless row, plus its reflections at both ends.
 fn entry(symbol: &[f64], i: usize, j: usize, masses: usize, ends: Ends) -> f64 {
     let coefficient = |apart: usize| symbol.get(apart).copied().unwrap_or(0.0);
-    let right = 2 * masses - 1 - i - j;
+    let right_image = 2 * masses - 1 - i - j;
     let mirrored = match ends {
-        Ends::Fixed => -coefficient(i + j + 2) - coefficient(right + 1),
-        Ends::Free => coefficient(i + j + 1) + coefficient(right),
-        Ends::Left => -coefficient(i + j + 2) + coefficient(right),
+        Ends::Fixed => -coefficient(i + j + 2) - coefficient(right_image + 1),
+        Ends::Free => coefficient(i + j + 1) + coefficient(right_image),
+        Ends::Left => -coefficient(i + j + 2) + coefficient(right_image),
     };
     coefficient(i.abs_diff(j)) + mirrored
 }

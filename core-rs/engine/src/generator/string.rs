@@ -34,12 +34,12 @@ const MAX_STIFF: usize = 20_000;
 /// # Errors
 /// Numbers out of range.
 pub fn string(masses: usize, ends: Ends, stiffness: f64) -> Result<Topology, GeneratorError> {
-    let stiff = stiffness != 0.0;
-    let (what, limit) = match stiff {
+    let is_stiff = stiffness != 0.0;
+    let (masses_label, masses_limit) = match is_stiff {
         false => ("`masses`", MAX_MASSES),
         true => ("`masses` of a string with stiffness", MAX_STIFF),
     };
-    count(what, masses, 1, limit)?;
+    count(masses_label, masses, 1, masses_limit)?;
     if !(stiffness >= 0.0 && stiffness.is_finite()) {
         let range = "0 or a positive number";
         return Err(GeneratorError::Range {
@@ -48,37 +48,37 @@ pub fn string(masses: usize, ends: Ends, stiffness: f64) -> Result<Topology, Gen
             got: stiffness,
         });
     }
-    let row = Row::new(masses, ends);
-    let (left, right, n) = (row.left, row.right, masses);
-    let mut links = Links::new();
-    if left {
-        links.join(n, 0, 1.0);
+    let string_row = Row::new(masses, ends);
+    let (holds_left, holds_right, n_masses) = (string_row.left, string_row.right, masses);
+    let mut string_links = Links::new();
+    if holds_left {
+        string_links.join(n_masses, 0, 1.0);
     }
-    (1..n).for_each(|i| links.join(i - 1, i, 1.0));
-    if right {
-        links.join(n - 1, n + 1, 1.0);
+    (1..n_masses).for_each(|i| string_links.join(i - 1, i, 1.0));
+    if holds_right {
+        string_links.join(n_masses - 1, n_masses + 1, 1.0);
     }
-    if stiff {
+    if is_stiff {
         // The fixed ends are neighbours like others.
-        if left && n > 1 {
-            links.join(n, 1, stiffness);
+        if holds_left && n_masses > 1 {
+            string_links.join(n_masses, 1, stiffness);
         }
-        (2..n).for_each(|i| links.join(i - 2, i, stiffness));
-        if right && n > 1 {
-            links.join(n - 2, n + 1, stiffness);
+        (2..n_masses).for_each(|i| string_links.join(i - 2, i, stiffness));
+        if holds_right && n_masses > 1 {
+            string_links.join(n_masses - 2, n_masses + 1, stiffness);
         }
     }
     // λ₁ = 4 sin²(angle).
-    let wide = n as f64;
+    let mass_count = n_masses as f64;
     let angle = match ends {
-        Ends::Fixed => FRAC_PI_2 / (wide + 1.0),
-        Ends::Free => FRAC_PI_2 / wide,
-        Ends::Left => FRAC_PI_2 / (2.0 * wide + 1.0),
+        Ends::Fixed => FRAC_PI_2 / (mass_count + 1.0),
+        Ends::Free => FRAC_PI_2 / mass_count,
+        Ends::Left => FRAC_PI_2 / (2.0 * mass_count + 1.0),
     };
-    let known = !stiff && (ends != Ends::Free || n > 1);
+    let is_known = !is_stiff && (ends != Ends::Free || n_masses > 1);
     Ok(Topology {
-        lowest_lambda: known.then(|| 4.0 * sin(angle) * sin(angle)),
-        ..Topology::new(n, links.runs, row.positions)
+        lowest_lambda: is_known.then(|| 4.0 * sin(angle) * sin(angle)),
+        ..Topology::new(n_masses, string_links.runs, string_row.positions)
     })
 }
 
@@ -98,15 +98,25 @@ impl Row {
             Ends::Free => (false, false),
         };
         // Fixed points, or free ends, lie half a metre to either side.
-        let (first, gaps) = (
+        let (first_place, n_gaps) = (
             f64::from(left),
             (masses - 1) as f64 + f64::from(left) + f64::from(right),
         );
-        let position = |place: f64| [if gaps > 0.0 { place / gaps - 0.5 } else { 0.0 }, 0.0];
-        let mut positions: Vec<[f64; 2]> =
-            (0..masses).map(|i| position(first + i as f64)).collect();
+        let position = |place: f64| {
+            [
+                if n_gaps > 0.0 {
+                    place / n_gaps - 0.5
+                } else {
+                    0.0
+                },
+                0.0,
+            ]
+        };
+        let mut positions: Vec<[f64; 2]> = (0..masses)
+            .map(|i| position(first_place + i as f64))
+            .collect();
         positions.extend(left.then(|| position(0.0)));
-        positions.extend(right.then(|| position(gaps)));
+        positions.extend(right.then(|| position(n_gaps)));
         Self {
             left,
             right,

@@ -11,13 +11,18 @@ mod decays;
 
 /// Links one by one, each from its lower point.
 fn links(topology: &Topology) -> Vec<(usize, usize)> {
-    let each = |run: &LinkRun| {
-        let run = *run;
-        (0..run.len).map(move |i| ((run.a + i).min(run.b + i), (run.a + i).max(run.b + i)))
+    let run_links = |link_run: &LinkRun| {
+        let link_run = *link_run;
+        (0..link_run.len).map(move |i| {
+            (
+                (link_run.a + i).min(link_run.b + i),
+                (link_run.a + i).max(link_run.b + i),
+            )
+        })
     };
-    let mut links: Vec<_> = topology.runs.iter().flat_map(each).collect();
-    links.sort_unstable();
-    links
+    let mut sorted_links: Vec<_> = topology.runs.iter().flat_map(run_links).collect();
+    sorted_links.sort_unstable();
+    sorted_links
 }
 
 fn distance(topology: &Topology, (a, b): (usize, usize)) -> f64 {
@@ -27,30 +32,30 @@ fn distance(topology: &Topology, (a, b): (usize, usize)) -> f64 {
 
 /// Every pair of points, not both SOLs, whose distance on the bench is the length of a link.
 fn neighbours(topology: &Topology, length: f64) -> Vec<(usize, usize)> {
-    let n = topology.n_mat + topology.n_fixed;
-    let pairs = (0..topology.n_mat).flat_map(|a| (a + 1..n).map(move |b| (a, b)));
-    pairs
+    let n_points = topology.n_mat + topology.n_fixed;
+    let point_pairs = (0..topology.n_mat).flat_map(|a| (a + 1..n_points).map(move |b| (a, b)));
+    point_pairs
         .filter(|pair| (distance(topology, *pair) / length - 1.0).abs() < 1e-9)
         .collect()
 }
 
 fn dense(topology: &Topology) -> nalgebra::DMatrix<f64> {
-    let n = topology.n_mat;
-    let mut matrix = nalgebra::DMatrix::zeros(n, n);
+    let n_masses = topology.n_mat;
+    let mut stiffness_matrix = nalgebra::DMatrix::zeros(n_masses, n_masses);
     for run in &topology.runs {
         for i in 0..run.len {
-            let (a, b) = (run.a + i, run.b + i);
-            for (p, q) in [(a, b), (b, a)] {
-                if p < n {
-                    matrix[(p, p)] += run.factor;
+            let (end_a, end_b) = (run.a + i, run.b + i);
+            for (p, q) in [(end_a, end_b), (end_b, end_a)] {
+                if p < n_masses {
+                    stiffness_matrix[(p, p)] += run.factor;
                 }
-                if p < n && q < n {
-                    matrix[(p, q)] -= run.factor;
+                if p < n_masses && q < n_masses {
+                    stiffness_matrix[(p, q)] -= run.factor;
                 }
             }
         }
     }
-    matrix
+    stiffness_matrix
 }
 
 fn close(a: f64, b: f64, tolerance: f64) -> bool {
@@ -68,51 +73,61 @@ fn plate_links_all_neighbours_once() {
         (Shape::Square, Rim::Fixed, 0),
     ] {
         let plate = plate(shape, radius, rim).expect("plate");
-        let outer = radius + usize::from(rim == Rim::Fixed);
+        let outer_ring = radius + usize::from(rim == Rim::Fixed);
         assert_eq!(
             links(&plate),
-            neighbours(&plate, 0.5 / outer as f64),
+            neighbours(&plate, 0.5 / outer_ring as f64),
             "{shape:?} {rim:?}"
         );
         assert_eq!(plate.positions.len(), plate.n_mat + plate.n_fixed);
         assert_eq!(plate.positions[plate.centre], [0.0, 0.0]);
-        let ring = match shape {
-            Shape::Hex => 6 * outer,
+        let rim_points = match shape {
+            Shape::Hex => 6 * outer_ring,
             _ => 4 * (2 * radius + 1),
         };
-        assert_eq!(plate.n_fixed, if rim == Rim::Fixed { ring } else { 0 });
+        assert_eq!(
+            plate.n_fixed,
+            if rim == Rim::Fixed { rim_points } else { 0 }
+        );
     }
-    let gong = plate(Shape::Hex, 58, Rim::Free).expect("gong");
-    assert_eq!((gong.n_mat, links(&gong).len()), (10_267, 30_450));
+    let large_gong = plate(Shape::Hex, 58, Rim::Free).expect("gong");
+    assert_eq!(
+        (large_gong.n_mat, links(&large_gong).len()),
+        (10_267, 30_450)
+    );
     assert!(
-        gong.runs.len() <= 3 * 117 - 2,
+        large_gong.runs.len() <= 3 * 117 - 2,
         "one run a row and direction"
     );
-    let square = plate(Shape::Square, 20, Rim::Free).expect("square");
-    assert_eq!(square.runs.len(), 41 + 1);
+    let square_plate = plate(Shape::Square, 20, Rim::Free).expect("square");
+    assert_eq!(square_plate.runs.len(), 41 + 1);
 }
 
 #[test]
 fn string_springs_by_ends() {
     for (ends, springs, fixed) in [(Ends::Fixed, 8, 2), (Ends::Left, 7, 1), (Ends::Free, 6, 0)] {
-        let plain = string(7, ends, 0.0).expect("string");
+        let plain_string = string(7, ends, 0.0).expect("string");
         assert_eq!(
-            (links(&plain).len(), plain.n_fixed, plain.centre),
+            (
+                links(&plain_string).len(),
+                plain_string.n_fixed,
+                plain_string.centre
+            ),
             (springs, fixed, 3)
         );
-        let gap = distance(&plain, (0, 1));
-        assert_eq!(links(&plain), neighbours(&plain, gap));
-        let stiff = string(7, ends, 0.02).expect("string");
+        let link_length = distance(&plain_string, (0, 1));
+        assert_eq!(links(&plain_string), neighbours(&plain_string, link_length));
+        let stiff_row = string(7, ends, 0.02).expect("string");
         // Neighbours but one; a fixed end may be one of them.
-        assert_eq!(links(&stiff).len(), springs + 5 + fixed);
-        let extra: usize = stiff
+        assert_eq!(links(&stiff_row).len(), springs + 5 + fixed);
+        let extra_links: usize = stiff_row
             .runs
             .iter()
             .filter(|run| run.factor == 0.02)
             .map(|run| run.len)
             .sum();
-        assert_eq!(extra, 5 + fixed);
-        assert!(stiff.lowest().expect("mode") > plain.lowest().expect("mode"));
+        assert_eq!(extra_links, 5 + fixed);
+        assert!(stiff_row.lowest().expect("mode") > plain_string.lowest().expect("mode"));
     }
     assert!(string(2, Ends::Free, 0.5).is_ok_and(|s| links(&s).len() == 1));
 }
@@ -120,7 +135,7 @@ fn string_springs_by_ends() {
 // Formulas and iteration against dense matrices of another library.
 #[test]
 fn lowest_modes_match_dense_eigenvalues() {
-    let bodies = [
+    let test_bodies = [
         string(40, Ends::Fixed, 0.0),
         string(40, Ends::Free, 0.0),
         string(40, Ends::Left, 0.0),
@@ -134,48 +149,51 @@ fn lowest_modes_match_dense_eigenvalues() {
         plate(Shape::Hex, 5, Rim::Fixed),
         plate(Shape::Hex, 0, Rim::Fixed),
     ];
-    for body in bodies {
-        let body = body.expect("body");
-        let mut values: Vec<f64> = dense(&body)
+    for tested_body in test_bodies {
+        let tested_body = tested_body.expect("body");
+        let mut eigenvalues: Vec<f64> = dense(&tested_body)
             .symmetric_eigenvalues()
             .iter()
             .copied()
             .collect();
-        values.sort_by(f64::total_cmp);
-        let value = values[usize::from(body.is_rigid())];
-        let lambda = body.lowest().expect("mode");
-        assert!((lambda - value).abs() <= 1e-12 * value + 1e-14 * values[values.len() - 1]);
+        eigenvalues.sort_by(f64::total_cmp);
+        let dense_lambda = eigenvalues[usize::from(tested_body.is_rigid())];
+        let lowest_lambda = tested_body.lowest().expect("mode");
+        assert!(
+            (lowest_lambda - dense_lambda).abs()
+                <= 1e-12 * dense_lambda + 1e-14 * eigenvalues[eigenvalues.len() - 1]
+        );
     }
 }
 
 // The gong of ten thousand masses, against ARPACK (shift-invert; λ₁ as the sum over links of its vector).
 #[test]
 fn large_gong_modes_match_arpack() {
-    let gong = plate(Shape::Hex, 58, Rim::Free).expect("gong");
-    let lambda = gong.lowest().expect("mode");
+    let large_gong = plate(Shape::Hex, 58, Rim::Free).expect("gong");
+    let lowest_lambda = large_gong.lowest().expect("mode");
     assert!(
-        close(lambda, 0.001_767_593_317_852_036_4, 1e-13),
-        "{lambda}"
+        close(lowest_lambda, 0.001_767_593_317_852_036_4, 1e-13),
+        "{lowest_lambda}"
     );
-    let mut apply = |x: &[f64], y: &mut [f64]| gong.apply(x, y);
+    let mut apply_gong = |x: &[f64], y: &mut [f64]| large_gong.apply(x, y);
     let crate::spectrum::Largest {
         theta,
         residual,
         safe,
         ..
-    } = crate::spectrum::largest(gong.n_mat, &mut apply);
-    let exact = 8.998_423_184_734_357;
+    } = crate::spectrum::largest(large_gong.n_mat, &mut apply_gong);
+    let exact_lambda = 8.998_423_184_734_357;
     assert!(
-        theta <= exact && theta + residual >= exact && safe >= exact,
+        theta <= exact_lambda && theta + residual >= exact_lambda && safe >= exact_lambda,
         "{theta} {residual}"
     );
-    let links = gong.runs.iter().flat_map(|run| {
+    let spring_links = large_gong.runs.iter().flat_map(|run| {
         (0..run.len).map(|i| ((run.a + i, 1.0), Some((run.b + i, 1.0)), run.factor))
     });
-    let springs = crate::spectrum::springs::Springs::new(gong.n_mat, links.collect());
-    let result = crate::spectrum::lowest_modes(&springs, 7);
-    assert!(result.is_certified && result.modes[0].lambda.abs() < 1e-13);
-    let modes = &result.modes[1..];
+    let springs = crate::spectrum::springs::Springs::new(large_gong.n_mat, spring_links.collect());
+    let mode_search = crate::spectrum::lowest_modes(&springs, 7);
+    assert!(mode_search.is_certified && mode_search.modes[0].lambda.abs() < 1e-13);
+    let moving_modes = &mode_search.modes[1..];
     let expected = [
         0.001_767_593_317_852,
         0.001_767_593_317_852,
@@ -184,7 +202,7 @@ fn large_gong_modes_match_arpack() {
         0.007_630_716_347_664,
         0.007_685_707_940_994,
     ];
-    for (mode, expected) in modes.iter().zip(expected) {
+    for (mode, expected) in moving_modes.iter().zip(expected) {
         assert!(
             close(mode.lambda, expected, 1e-12),
             "{} {expected}",
@@ -206,10 +224,10 @@ fn strings_and_plates_of_impossible_sizes_are_refused() {
     assert!(string(9, Ends::Fixed, f64::NAN).is_err());
     assert!(plate(Shape::Hex, 817, Rim::Free).is_err());
     assert!(plate(Shape::Square, usize::MAX / 8, Rim::Free).is_err());
-    for lonely in [string(1, Ends::Free, 0.0), plate(Shape::Hex, 0, Rim::Free)] {
-        let lonely = lonely.expect("made");
+    for lonely_body in [string(1, Ends::Free, 0.0), plate(Shape::Hex, 0, Rim::Free)] {
+        let lonely_body = lonely_body.expect("made");
         assert_eq!(
-            tune(&lonely, 1.0, 440.0, None, None),
+            tune(&lonely_body, 1.0, 440.0, None, None),
             Err(GeneratorError::NoMode)
         );
     }
@@ -217,9 +235,9 @@ fn strings_and_plates_of_impossible_sizes_are_refused() {
     for (mass, f, t60) in [(0.0, 1.0, 1.0), (1.0, f64::NAN, 1.0), (1.0, 1.0, 0.0)] {
         assert!(tune(&string, mass, f, Some(t60), None).is_err());
     }
-    let rate = Rate::new(1_000.0).ok();
+    let test_rate = Rate::new(1_000.0).ok();
     assert!(matches!(
-        tune(&string, 1.0, 500.0, None, rate),
+        tune(&string, 1.0, 500.0, None, test_rate),
         Err(GeneratorError::Pitch { .. })
     ));
 }
@@ -230,19 +248,19 @@ fn continuous_tuning_of_pitch_and_decay() {
     let plate = plate(Shape::Hex, 4, Rim::Free).expect("plate");
     let (mass, f, t60) = (0.005, 65.4, 3.0);
     let Tuned { k, z } = tune(&plate, mass, f, Some(t60), None).expect("tuned");
-    let mut values: Vec<f64> = dense(&plate)
+    let mut eigenvalues: Vec<f64> = dense(&plate)
         .symmetric_eigenvalues()
         .iter()
         .copied()
         .collect();
-    values.sort_by(f64::total_cmp);
-    let (squared, sigma) = (k * values[1] / mass, 0.5 * z * values[1] / mass);
+    eigenvalues.sort_by(f64::total_cmp);
+    let (squared, sigma) = (k * eigenvalues[1] / mass, 0.5 * z * eigenvalues[1] / mass);
     assert!(close((squared - sigma * sigma).sqrt(), TAU * f, 1e-12));
     assert!(close(3.0 * LN_10 / sigma, t60, 1e-12));
     let lossless = tune(&plate, mass, f, None, None).expect("tuned");
     assert_eq!(lossless.z, 0.0);
     assert!(close(
-        (lossless.k * values[1] / mass).sqrt(),
+        (lossless.k * eigenvalues[1] / mass).sqrt(),
         TAU * f,
         1e-12
     ));
@@ -251,25 +269,29 @@ fn continuous_tuning_of_pitch_and_decay() {
 // The discrete network is run: its lowest mode is excited alone, and its pole read from three samples.
 #[test]
 fn discrete_tuning_of_pole() {
-    let (rate, f, t60) = (Rate::new(44_100.0).expect("rate"), 880.0, 0.4);
+    let (sample_rate, f, t60) = (Rate::new(44_100.0).expect("rate"), 880.0, 0.4);
     let string = string(12, Ends::Fixed, 0.1).expect("string");
     let mass = 3.0;
-    let Tuned { k, z } = tune(&string, mass, f, Some(t60), Some(rate)).expect("tuned");
-    let mut apply = |x: &[f64], y: &mut [f64]| string.apply(x, y);
-    let shape = crate::spectrum::lowest(12, &mut apply, &[])
+    let Tuned { k, z } = tune(&string, mass, f, Some(t60), Some(sample_rate)).expect("tuned");
+    let mut apply_string = |x: &[f64], y: &mut [f64]| string.apply(x, y);
+    let mode_shape = crate::spectrum::lowest(12, &mut apply_string, &[])
         .expect("mode")
         .vector;
-    let (mut x, mut last) = (shape.clone(), shape);
+    let (mut x, mut last_positions) = (mode_shape.clone(), mode_shape);
     let (mut elastic, mut viscous) = (vec![0.0; 12], vec![0.0; 12]);
     let mut listened = Vec::new();
     for _ in 0..4 {
         listened.push(x[5]);
-        let delta: Vec<f64> = x.iter().zip(&last).map(|(x, last)| x - last).collect();
+        let position_change: Vec<f64> = x
+            .iter()
+            .zip(&last_positions)
+            .map(|(x, last_positions)| x - last_positions)
+            .collect();
         string.apply(&x, &mut elastic);
-        string.apply(&delta, &mut viscous);
-        last.clone_from(&x);
+        string.apply(&position_change, &mut viscous);
+        last_positions.clone_from(&x);
         for i in 0..12 {
-            x[i] += delta[i] - (k * elastic[i] + z * viscous[i]) / mass;
+            x[i] += position_change[i] - (k * elastic[i] + z * viscous[i]) / mass;
         }
     }
     // x[n+1] = (2-κ-ζ) x[n] - (1-ζ) x[n-1], solved for κ and ζ from four samples.
@@ -279,11 +301,11 @@ fn discrete_tuning_of_pole() {
         (c * c - b * d) / (b * b - a * c),
     );
     let zeta = 1.0 - q;
-    let ratios = cell::Ratios {
+    let pole_ratios = cell::Ratios {
         kappa: 2.0 - p - zeta,
         zeta,
     };
-    let (f_heard, t60_heard) = ratios.pitch(rate).expect("oscillates");
+    let (f_heard, t60_heard) = pole_ratios.pitch(sample_rate).expect("oscillates");
     assert!(
         close(f_heard, f, 1e-8) && close(t60_heard, t60, 1e-6),
         "{f_heard} {t60_heard}"

@@ -23,37 +23,41 @@ impl Topology {
     /// # Errors
     /// [`GeneratorError::NoMode`] if no two masses can move against each other.
     pub fn lowest(&self) -> Result<f64, GeneratorError> {
-        if let Some(lambda) = self.lowest_lambda {
-            return Ok(lambda);
+        if let Some(mode_lambda) = self.lowest_lambda {
+            return Ok(mode_lambda);
         }
         // In coordinates √M·x the matrix stays symmetric even if masses differ.
-        let root: Vec<f64> = (0..self.n_mat).map(|i| sqrt(self.share(i))).collect();
+        let mass_root: Vec<f64> = (0..self.n_mat).map(|i| sqrt(self.share(i))).collect();
         let mut displacement = vec![0.0; self.n_mat];
-        let mut apply = |x: &[f64], y: &mut [f64]| {
+        let mut apply_scaled = |x: &[f64], y: &mut [f64]| {
             if self.shares.is_empty() {
                 return self.apply(x, y);
             }
             displacement
                 .iter_mut()
-                .zip(x.iter().zip(&root))
-                .for_each(|(displacement, (x, root))| *displacement = x / root);
+                .zip(x.iter().zip(&mass_root))
+                .for_each(|(displacement, (x, mass_root))| *displacement = x / mass_root);
             self.apply(&displacement, y);
-            y.iter_mut().zip(&root).for_each(|(y, root)| *y /= root);
+            y.iter_mut()
+                .zip(&mass_root)
+                .for_each(|(y, mass_root)| *y /= mass_root);
         };
-        let mut rigid: Vec<Vec<f64>> = Vec::new();
+        let mut rigid_modes: Vec<Vec<f64>> = Vec::new();
         if self.is_rigid() {
-            rigid.push(root.clone());
+            rigid_modes.push(mass_root.clone());
         }
         if self.tilts {
-            let along = |axis: usize| {
-                let places = self.positions.iter().zip(&root);
-                places.map(|(place, root)| place[axis] * root).collect()
+            let tilt_along = |axis: usize| {
+                let weighted_places = self.positions.iter().zip(&mass_root);
+                weighted_places
+                    .map(|(place, mass_root)| place[axis] * mass_root)
+                    .collect()
             };
-            rigid.extend([along(0), along(1)]);
+            rigid_modes.extend([tilt_along(0), tilt_along(1)]);
         }
-        spectrum::lowest(self.n_mat, &mut apply, &rigid)
+        spectrum::lowest(self.n_mat, &mut apply_scaled, &rigid_modes)
             .map(|mode| mode.lambda)
-            .filter(|lambda| *lambda > 0.0)
+            .filter(|mode_lambda| *mode_lambda > 0.0)
             .ok_or(GeneratorError::NoMode)
     }
 }
@@ -85,24 +89,24 @@ pub fn tune(
     positive("A mass", mass)?;
     positive("`f`", f)?;
     t60.map_or(Ok(()), |t60| positive("`t60`", t60))?;
-    let unit = mass / topology.lowest()?;
+    let mass_per_lambda = mass / topology.lowest()?;
     match discrete {
         Some(rate) if 2.0 * f >= rate.hertz() => Err(GeneratorError::Pitch {
             f,
             rate: rate.hertz(),
         }),
         Some(rate) => {
-            let ratios = cell::tune(f, t60, rate);
+            let tuned_ratios = cell::tune(f, t60, rate);
             Ok(Tuned {
-                k: ratios.kappa * unit,
-                z: ratios.zeta * unit,
+                k: tuned_ratios.kappa * mass_per_lambda,
+                z: tuned_ratios.zeta * mass_per_lambda,
             })
         }
         None => {
             let (sigma, omega) = (decay(t60), TAU * f);
             Ok(Tuned {
-                k: (omega * omega + sigma * sigma) * unit,
-                z: 2.0 * sigma * unit,
+                k: (omega * omega + sigma * sigma) * mass_per_lambda,
+                z: 2.0 * sigma * mass_per_lambda,
             })
         }
     }

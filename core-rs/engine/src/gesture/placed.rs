@@ -88,9 +88,9 @@ impl Placed {
     /// Lowest and highest position [m] from `from` to `to` [s] of the piece.
     pub fn range(&self, from: f64, to: f64) -> (f64, f64) {
         let (from, to) = (self.profile_time(from), self.profile_time(to));
-        let (low, high) = self.profile.range(from.min(to), from.max(to));
-        let (low, high) = (low * self.scale, high * self.scale);
-        (low.min(high), low.max(high))
+        let (range_low, range_high) = self.profile.range(from.min(to), from.max(to));
+        let (range_low, range_high) = (range_low * self.scale, range_high * self.scale);
+        (range_low.min(range_high), range_low.max(range_high))
     }
 
     /// The time of the profile at `t` [s] of the piece.
@@ -105,15 +105,15 @@ impl Placed {
 
     /// Position, velocity and acceleration of the profile, scaled and stretched.
     fn scaled(&self, (x, v, a): (f64, f64, f64)) -> (f64, f64, f64) {
-        let pace = if self.reverse {
+        let signed_stretch = if self.reverse {
             -self.stretch
         } else {
             self.stretch
         };
         (
             x * self.scale,
-            v * self.scale / pace,
-            a * self.scale / (pace * pace),
+            v * self.scale / signed_stretch,
+            a * self.scale / (signed_stretch * signed_stretch),
         )
     }
 }
@@ -124,19 +124,19 @@ mod tests {
     use super::*;
 
     fn knock() -> Arc<Profile> {
-        let points = [(1.0, 0.0), (1.25, 6.0), (1.75, -2.0), (3.0, 1.0)].map(|(t, x)| Point {
+        let path_points = [(1.0, 0.0), (1.25, 6.0), (1.75, -2.0), (3.0, 1.0)].map(|(t, x)| Point {
             t,
             x,
             curve: Curve::Smooth,
         });
-        Arc::new(Profile::through(&points).unwrap())
+        Arc::new(Profile::through(&path_points).unwrap())
     }
 
     #[test]
     fn transformed_path_stretches_scales_and_derives() {
-        let placed = Placed::transformed(knock(), 10.0, -0.5, 2.0, false).unwrap();
-        assert_eq!((placed.start(), placed.stop()), (12.0, 16.0));
-        let (x, v, a) = placed.evaluate(13.0);
+        let placed_path = Placed::transformed(knock(), 10.0, -0.5, 2.0, false).unwrap();
+        assert_eq!((placed_path.start(), placed_path.stop()), (12.0, 16.0));
+        let (x, v, a) = placed_path.evaluate(13.0);
         let (x0, v0, a0) = knock().evaluate(1.5);
         assert!((x + 0.5 * x0).abs() < 1e-15);
         assert!((v + 0.25 * v0).abs() < 1e-14);
@@ -145,12 +145,12 @@ mod tests {
 
     #[test]
     fn transformed_path_reversed_takes_the_same_time() {
-        let placed = Placed::transformed(knock(), 10.0, 1.0, 1.0, true).unwrap();
-        assert_eq!((placed.start(), placed.stop()), (11.0, 13.0));
-        let mut cursor = 0;
+        let placed_path = Placed::transformed(knock(), 10.0, 1.0, 1.0, true).unwrap();
+        assert_eq!((placed_path.start(), placed_path.stop()), (11.0, 13.0));
+        let mut path_cursor = 0;
         for i in 0..=200 {
             let t = 11.0 + f64::from(i) / 100.0;
-            let (x, v, a) = placed.evaluate_from(&mut cursor, t);
+            let (x, v, a) = placed_path.evaluate_from(&mut path_cursor, t);
             let (x0, v0, a0) = knock().evaluate(14.0 - t);
             assert_eq!((x, v, a), (x0, -v0, a0));
         }
@@ -158,10 +158,13 @@ mod tests {
 
     #[test]
     fn range_of_placed_path_by_sign_of_scale() {
-        let (low, high) = knock().range(1.0, 3.0);
-        let placed = Placed::transformed(knock(), 0.0, -2.0, 3.0, true).unwrap();
-        assert_eq!(placed.range(0.0, 100.0), (-2.0 * high, -2.0 * low));
-        assert!(low < -2.0 && high > 6.0 - 1e-12);
+        let (knock_low, knock_high) = knock().range(1.0, 3.0);
+        let placed_path = Placed::transformed(knock(), 0.0, -2.0, 3.0, true).unwrap();
+        assert_eq!(
+            placed_path.range(0.0, 100.0),
+            (-2.0 * knock_high, -2.0 * knock_low)
+        );
+        assert!(knock_low < -2.0 && knock_high > 6.0 - 1e-12);
     }
 
     #[test]

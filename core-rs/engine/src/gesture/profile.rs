@@ -122,24 +122,24 @@ impl Profile {
             v: Vec::new(),
             a: Vec::new(),
         };
-        let first = points[0];
+        let first_point = points[0];
         profile.push(Knot {
-            t: first.t,
-            x: first.x,
+            t: first_point.t,
+            x: first_point.x,
             ..Knot::default()
         });
-        let mut start = 0;
-        while start + 1 < points.len() {
-            let curve = points[start + 1].curve;
-            let run = match curve {
-                Curve::Smooth => points[start + 1..]
+        let mut run_start = 0;
+        while run_start + 1 < points.len() {
+            let run_curve = points[run_start + 1].curve;
+            let run_length = match run_curve {
+                Curve::Smooth => points[run_start + 1..]
                     .iter()
-                    .take_while(|p| p.curve == curve)
+                    .take_while(|p| p.curve == run_curve)
                     .count(),
                 Curve::Line | Curve::Hold => 1,
             };
-            profile.run(&points[start..=start + run], curve);
-            start += run;
+            profile.run(&points[run_start..=run_start + run_length], run_curve);
+            run_start += run_length;
         }
         Ok(profile)
     }
@@ -182,24 +182,25 @@ impl Profile {
 
     /// The path between two of its instants, which become its first and last knot.
     pub fn trimmed(&self, from: f64, to: f64) -> Self {
-        let end = |t: f64| {
+        let end_knot = |t: f64| {
             let (x, v, a) = self.evaluate(t);
             Knot { t, x, v, a }
         };
-        let inside = self.t.partition_point(|&t| t <= from)..self.t.partition_point(|&t| t < to);
-        let cut = |values: &[f64], first: f64, last: f64| {
-            let mut knots = Vec::with_capacity(inside.len() + 2);
-            knots.push(first);
-            knots.extend_from_slice(&values[inside.clone()]);
-            knots.push(last);
-            knots
+        let inner_range =
+            self.t.partition_point(|&t| t <= from)..self.t.partition_point(|&t| t < to);
+        let cut_column = |values: &[f64], first_end: f64, last_end: f64| {
+            let mut column_knots = Vec::with_capacity(inner_range.len() + 2);
+            column_knots.push(first_end);
+            column_knots.extend_from_slice(&values[inner_range.clone()]);
+            column_knots.push(last_end);
+            column_knots
         };
-        let (first, last) = (end(from), end(to));
+        let (first_end, last_end) = (end_knot(from), end_knot(to));
         Self {
-            t: cut(&self.t, first.t, last.t),
-            x: cut(&self.x, first.x, last.x),
-            v: cut(&self.v, first.v, last.v),
-            a: cut(&self.a, first.a, last.a),
+            t: cut_column(&self.t, first_end.t, last_end.t),
+            x: cut_column(&self.x, first_end.x, last_end.x),
+            v: cut_column(&self.v, first_end.v, last_end.v),
+            a: cut_column(&self.a, first_end.a, last_end.a),
         }
     }
 
@@ -236,15 +237,15 @@ impl Profile {
 
     /// [`Profile::evaluate`] with a cursor, which begins at 0: O(1) while `t` changes in small steps.
     pub fn evaluate_from(&self, cursor: &mut usize, t: f64) -> (f64, f64, f64) {
-        let mut piece = (*cursor).min(self.t.len() - 1);
+        let mut piece_index = (*cursor).min(self.t.len() - 1);
         for _ in 0..WALK {
-            if self.t[piece] > t && piece > 0 {
-                piece -= 1;
-            } else if self.t.get(piece + 1).is_some_and(|&next| next <= t) {
-                piece += 1;
+            if self.t[piece_index] > t && piece_index > 0 {
+                piece_index -= 1;
+            } else if self.t.get(piece_index + 1).is_some_and(|&next| next <= t) {
+                piece_index += 1;
             } else {
-                *cursor = piece;
-                return self.on_piece(piece, t);
+                *cursor = piece_index;
+                return self.on_piece(piece_index, t);
             }
         }
         *cursor = self.search(t);
@@ -254,19 +255,24 @@ impl Profile {
     /// Lowest and highest position [m] that the path reaches from `from` to `to` [s].
     pub fn range(&self, from: f64, to: f64) -> (f64, f64) {
         let (from, to) = (from.min(to), from.max(to));
-        let (first, last) = (self.search(from), self.search(to));
+        let (first_piece, last_piece) = (self.search(from), self.search(to));
         // Start with the knots: most pieces cannot exceed them, and then need no roots.
-        let ends = [self.evaluate(from).0, self.evaluate(to).0];
-        let mut known = extremes(ends.iter().chain(&self.x[first + 1..=last]));
-        for i in first..(last + 1).min(self.t.len() - 1) {
-            let (low, high) = self.hull(i);
-            let (start, stop) = (from.max(self.t[i]), to.min(self.t[i + 1]));
-            if start < stop && (low < known.0 || high > known.1) {
-                let (low, high) = self.piece(i).range(start, stop);
-                known = (known.0.min(low), known.1.max(high));
+        let end_positions = [self.evaluate(from).0, self.evaluate(to).0];
+        let mut known_range = extremes(
+            end_positions
+                .iter()
+                .chain(&self.x[first_piece + 1..=last_piece]),
+        );
+        for i in first_piece..(last_piece + 1).min(self.t.len() - 1) {
+            let (piece_low, piece_high) = self.hull(i);
+            let (piece_start, piece_stop) = (from.max(self.t[i]), to.min(self.t[i + 1]));
+            if piece_start < piece_stop && (piece_low < known_range.0 || piece_high > known_range.1)
+            {
+                let (piece_low, piece_high) = self.piece(i).range(piece_start, piece_stop);
+                known_range = (known_range.0.min(piece_low), known_range.1.max(piece_high));
             }
         }
-        known
+        known_range
     }
 
     /// The last knot at or before `t`, or the first.
@@ -293,26 +299,26 @@ impl Profile {
 
     /// Bounds of piece `i`: the smallest and the largest ordinate of its Bézier polygon.
     fn hull(&self, i: usize) -> (f64, f64) {
-        let (k, l) = (self.knot(i), self.knot(i + 1));
-        let h = (l.t - k.t) / 5.0;
+        let (left_knot, right_knot) = (self.knot(i), self.knot(i + 1));
+        let h = (right_knot.t - left_knot.t) / 5.0;
         // The third ordinate from either end is x ± 2V/5 + A/20, with V = T·v, A = T²·a and T = 5h.
         let curvature = 25.0 / 20.0 * h * h;
         extremes(&[
-            k.x,
-            k.x + h * k.v,
-            k.x + 2.0 * h * k.v + curvature * k.a,
-            l.x - 2.0 * h * l.v + curvature * l.a,
-            l.x - h * l.v,
-            l.x,
+            left_knot.x,
+            left_knot.x + h * left_knot.v,
+            left_knot.x + 2.0 * h * left_knot.v + curvature * left_knot.a,
+            right_knot.x - 2.0 * h * right_knot.v + curvature * right_knot.a,
+            right_knot.x - h * right_knot.v,
+            right_knot.x,
         ])
     }
 }
 
 fn extremes<'a>(values: impl IntoIterator<Item = &'a f64>) -> (f64, f64) {
-    let none = (f64::INFINITY, f64::NEG_INFINITY);
+    let empty_range = (f64::INFINITY, f64::NEG_INFINITY);
     values
         .into_iter()
-        .fold(none, |(low, high), &x| (low.min(x), high.max(x)))
+        .fold(empty_range, |(low, high), &x| (low.min(x), high.max(x)))
 }
 
 fn check(points: &[Point]) -> Result<(), PathError> {
@@ -330,19 +336,19 @@ fn check(points: &[Point]) -> Result<(), PathError> {
         });
     }
     for (i, pair) in points.windows(2).enumerate() {
-        let [before, here] = [pair[0], pair[1]];
-        if here.t <= before.t {
+        let [previous_point, current_point] = [pair[0], pair[1]];
+        if current_point.t <= previous_point.t {
             return Err(PathError::NotRising {
                 index: i + 1,
-                t: here.t,
-                before: before.t,
+                t: current_point.t,
+                before: previous_point.t,
             });
         }
-        if here.curve == Curve::Hold && here.x != before.x {
+        if current_point.curve == Curve::Hold && current_point.x != previous_point.x {
             return Err(PathError::HoldMoves {
                 index: i + 1,
-                x: here.x,
-                before: before.x,
+                x: current_point.x,
+                before: previous_point.x,
             });
         }
     }

@@ -38,22 +38,27 @@ crate::archive::state!(Quintic { start, length, c });
 impl Quintic {
     /// The piece from one knot to a later one. If there is no time between them, it rests at `to`.
     pub fn joining(from: Knot, to: Knot) -> Self {
-        let h = to.t - from.t;
-        if h <= 0.0 {
+        let duration = to.t - from.t;
+        if duration <= 0.0 {
             return Self {
                 start: to.t,
                 length: 1.0,
                 c: [to.x, 0.0, 0.0, 0.0, 0.0, 0.0],
             };
         }
-        let (v0, v1, a0, a1) = (from.v * h, to.v * h, from.a * h * h, to.a * h * h);
+        let (v0, v1, a0, a1) = (
+            from.v * duration,
+            to.v * duration,
+            from.a * duration * duration,
+            to.a * duration * duration,
+        );
         // What the last three coefficients add to the motion that the left end determines.
         let x = (to.x - from.x) - v0 - 0.5 * a0;
         let v = v1 - v0 - a0;
         let a = a1 - a0;
         Self {
             start: from.t,
-            length: h,
+            length: duration,
             c: [
                 from.x,
                 v0,
@@ -77,13 +82,13 @@ impl Quintic {
 
     /// Lowest and highest position [m] from instant `from` to instant `to` [s].
     pub fn range(&self, from: f64, to: f64) -> (f64, f64) {
-        let s = |t: f64| (t - self.start) / self.length;
-        let slope: [f64; 5] = std::array::from_fn(|k| self.c[k + 1] * (k + 1) as f64);
-        let (from, to) = (s(from), s(to));
-        roots(&slope, from, to)
+        let unit_time = |t: f64| (t - self.start) / self.length;
+        let slope_terms: [f64; 5] = std::array::from_fn(|k| self.c[k + 1] * (k + 1) as f64);
+        let (from, to) = (unit_time(from), unit_time(to));
+        roots(&slope_terms, from, to)
             .into_iter()
             .chain([from, to])
-            .map(|s| value(&self.c, s))
+            .map(|unit_time| value(&self.c, unit_time))
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
                 (low.min(x), high.max(x))
             })
@@ -100,28 +105,28 @@ fn roots(c: &[f64], low: f64, high: f64) -> Vec<f64> {
     if c.len() < 2 {
         return Vec::new();
     }
-    let slope: Vec<f64> = (1..c.len()).map(|k| c[k] * k as f64).collect();
-    let mut bounds = vec![low];
-    bounds.extend(roots(&slope, low, high));
-    bounds.push(high);
-    bounds
+    let slope_terms: Vec<f64> = (1..c.len()).map(|k| c[k] * k as f64).collect();
+    let mut root_bounds = vec![low];
+    root_bounds.extend(roots(&slope_terms, low, high));
+    root_bounds.push(high);
+    root_bounds
         .windows(2)
         .filter_map(|w| bisect(c, w[0], w[1]))
         .collect()
 }
 
 fn bisect(c: &[f64], mut low: f64, mut high: f64) -> Option<f64> {
-    let rising = value(c, high) > 0.0;
-    if (value(c, low) > 0.0) == rising {
+    let is_rising = value(c, high) > 0.0;
+    if (value(c, low) > 0.0) == is_rising {
         return None;
     }
     // 60 halvings of an interval near 1 leave less than the last bit.
     for _ in 0..60 {
-        let middle = 0.5 * (low + high);
-        if (value(c, middle) > 0.0) == rising {
-            high = middle;
+        let midpoint = 0.5 * (low + high);
+        if (value(c, midpoint) > 0.0) == is_rising {
+            high = midpoint;
         } else {
-            low = middle;
+            low = midpoint;
         }
     }
     Some(0.5 * (low + high))
@@ -133,23 +138,24 @@ mod tests {
 
     /// (t-1)(t-2)(t-3)(t-4)(t-5)/10 and its derivatives, written out.
     fn wave(t: f64) -> Knot {
-        let c = [-120.0, 274.0, -225.0, 85.0, -15.0, 1.0].map(|c: f64| c / 10.0);
-        let slope: Vec<f64> = (1..6).map(|k| c[k] * k as f64).collect();
-        let second_derivative: Vec<f64> = (1..5).map(|k| slope[k] * k as f64).collect();
+        let coefficients =
+            [-120.0, 274.0, -225.0, 85.0, -15.0, 1.0].map(|coefficients: f64| coefficients / 10.0);
+        let slope_terms: Vec<f64> = (1..6).map(|k| coefficients[k] * k as f64).collect();
+        let second_derivative: Vec<f64> = (1..5).map(|k| slope_terms[k] * k as f64).collect();
         Knot {
             t,
-            x: value(&c, t),
-            v: value(&slope, t),
+            x: value(&coefficients, t),
+            v: value(&slope_terms, t),
             a: value(&second_derivative, t),
         }
     }
 
     #[test]
     fn joining_quintics_meets_a_quintic() {
-        let piece = Quintic::joining(wave(0.7), wave(5.2));
+        let joined_piece = Quintic::joining(wave(0.7), wave(5.2));
         for i in 0..=50 {
             let t = 0.7 + 4.5 * f64::from(i) / 50.0;
-            let (x, v, a) = piece.evaluate(t);
+            let (x, v, a) = joined_piece.evaluate(t);
             let Knot {
                 x: x0,
                 v: v0,
@@ -162,35 +168,39 @@ mod tests {
 
     #[test]
     fn range_of_quintic_includes_inner_extrema() {
-        let piece = Quintic::joining(wave(0.9), wave(5.1));
-        let (low, high) = piece.range(1.0, 5.0);
+        let wave_piece = Quintic::joining(wave(0.9), wave(5.1));
+        let (range_low, range_high) = wave_piece.range(1.0, 5.0);
         // With u = t − 3 it is (u⁵ - 5u³ + 4u)/10, whose slope vanishes at u² = (15 ± √145)/10; the outer pair has the
         // larger extrema.
         let u = ((15.0 + 145.0f64.sqrt()) / 10.0).sqrt();
-        let wanted = u * (4.0 + u * u * (u * u - 5.0)) / 10.0;
+        let outer_extremum = u * (4.0 + u * u * (u * u - 5.0)) / 10.0;
         assert!(
-            (low - wanted).abs() < 1e-13 && (high + wanted).abs() < 1e-13,
-            "{low} {high}"
+            (range_low - outer_extremum).abs() < 1e-13
+                && (range_high + outer_extremum).abs() < 1e-13,
+            "{range_low} {range_high}"
         );
-        let (low, high) = piece.range(2.9, 3.1);
-        assert!(low < high && high < 0.05, "only that stretch: {low} {high}");
+        let (range_low, range_high) = wave_piece.range(2.9, 3.1);
+        assert!(
+            range_low < range_high && range_high < 0.05,
+            "only that stretch: {range_low} {range_high}"
+        );
     }
 
     #[test]
     fn joining_quintic_without_duration_rests() {
-        let to = Knot {
+        let end_knot = Knot {
             t: 1.0,
             x: 3.0,
             v: 2.0,
             a: 1.0,
         };
-        let piece = Quintic::joining(
+        let resting_piece = Quintic::joining(
             Knot {
                 t: 1.0,
                 ..Knot::default()
             },
-            to,
+            end_knot,
         );
-        assert_eq!(piece.evaluate(1.0), (3.0, 0.0, 0.0));
+        assert_eq!(resting_piece.evaluate(1.0), (3.0, 0.0, 0.0));
     }
 }

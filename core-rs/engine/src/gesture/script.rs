@@ -108,8 +108,8 @@ impl Gesture {
     /// Whether another gesture asks for the same path in the same manner, wherever it is in the score.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
         let instants = |gesture: &Self| -> Vec<u64> {
-            let points = gesture.points.iter();
-            points.map(|(t, _)| t.to_bits()).collect()
+            let gesture_points = gesture.points.iter();
+            gesture_points.map(|(t, _)| t.to_bits()).collect()
         };
         self.manner == other.manner
             && self.stretches == other.stretches
@@ -131,13 +131,15 @@ impl Gesture {
 
     /// Lowest and highest position of the written points and of the paths between them [m].
     pub(crate) fn range(&self) -> (f64, f64) {
-        let ends = (self.entry.x.min(self.exit), self.entry.x.max(self.exit));
-        self.stretches.iter().fold(ends, |(low, high), stretch| {
-            let (from, to) = match stretch {
-                Stretch::Path { path, .. } => path.range(path.start(), path.stop()),
-                Stretch::Throw { x, .. } => (*x, *x),
-            };
-            (low.min(from), high.max(to))
-        })
+        let written_range = (self.entry.x.min(self.exit), self.entry.x.max(self.exit));
+        self.stretches
+            .iter()
+            .fold(written_range, |(low, high), stretch| {
+                let (stretch_low, stretch_high) = match stretch {
+                    Stretch::Path { path, .. } => path.range(path.start(), path.stop()),
+                    Stretch::Throw { x, .. } => (*x, *x),
+                };
+                (low.min(stretch_low), high.max(stretch_high))
+            })
     }
 }

@@ -36,30 +36,36 @@ impl Ends {
 /// two it is straight. O(n) time and memory.
 pub fn slopes(t: &[f64], x: &[f64], ends: Ends) -> (Vec<f64>, Vec<f64>) {
     assert_eq!(t.len(), x.len());
-    let n = t.len();
-    let (mut v, mut a) = (vec![0.0; n], vec![0.0; n]);
-    let points = Points { t, x };
-    if n > 1 {
-        let jerk = Jerk::solve(points, ends);
-        for i in 1..n - 1 {
+    let n_knots = t.len();
+    let (mut v, mut a) = (vec![0.0; n_knots], vec![0.0; n_knots]);
+    let knot_points = Points { t, x };
+    if n_knots > 1 {
+        let solved_jerk = Jerk::solve(knot_points, ends);
+        for i in 1..n_knots - 1 {
             // Without the contribution of the jerk, two straight lines meet at this knot.
-            let (left, right) = (points.step(i - 1), points.step(i));
-            let before = points.slope(i - 1) - jerk.piece(points, i - 1).slope_from_right();
-            let after = points.slope(i) - jerk.piece(points, i).slope_from_left();
-            a[i] = 2.0 * (after - before) / (left + right);
-            v[i] = (right * before + left * after) / (left + right);
+            let (left_step, right_step) = (knot_points.step(i - 1), knot_points.step(i));
+            let slope_before =
+                knot_points.slope(i - 1) - solved_jerk.piece(knot_points, i - 1).slope_from_right();
+            let slope_after =
+                knot_points.slope(i) - solved_jerk.piece(knot_points, i).slope_from_left();
+            a[i] = 2.0 * (slope_after - slope_before) / (left_step + right_step);
+            v[i] = (right_step * slope_before + left_step * slope_after) / (left_step + right_step);
         }
         if let Ends::Clamped { first, last } = ends {
-            ((v[0], a[0]), (v[n - 1], a[n - 1])) = (first, last);
+            ((v[0], a[0]), (v[n_knots - 1], a[n_knots - 1])) = (first, last);
         } else {
-            let (first, last) = (jerk.piece(points, 0), jerk.piece(points, n - 2));
+            let (first, last) = (
+                solved_jerk.piece(knot_points, 0),
+                solved_jerk.piece(knot_points, n_knots - 2),
+            );
             // With two points, a[1] and the jerk are still 0, which gives a straight line.
             a[0] = a[1] - first.acceleration_change();
-            v[0] = points.slope(0) - first.slope_from_left() - 0.5 * first.h * a[0];
-            a[n - 1] = a[n - 2] + last.acceleration_change();
-            v[n - 1] = points.slope(n - 2) - last.slope_from_right() + 0.5 * last.h * a[n - 1];
+            v[0] = knot_points.slope(0) - first.slope_from_left() - 0.5 * first.h * a[0];
+            a[n_knots - 1] = a[n_knots - 2] + last.acceleration_change();
+            v[n_knots - 1] = knot_points.slope(n_knots - 2) - last.slope_from_right()
+                + 0.5 * last.h * a[n_knots - 1];
         }
-    } else if let (1, Ends::Clamped { first, .. }) = (n, ends) {
+    } else if let (1, Ends::Clamped { first, .. }) = (n_knots, ends) {
         (v[0], a[0]) = first;
     }
     (v, a)
@@ -84,30 +90,37 @@ impl Points<'_> {
     ///
     /// Beyond a clamped end the neighbour has no width; beyond a natural end no B-spline uses the share.
     fn shares(self, i: usize) -> (f64, f64) {
-        let h = self.step(i);
-        let left = if i > 0 { self.step(i - 1) } else { 0.0 };
-        let right = if i + 2 < self.t.len() {
+        let interval_width = self.step(i);
+        let left_width = if i > 0 { self.step(i - 1) } else { 0.0 };
+        let right_width = if i + 2 < self.t.len() {
             self.step(i + 1)
         } else {
             0.0
         };
-        (h / (left + h), h / (h + right))
+        (
+            interval_width / (left_width + interval_width),
+            interval_width / (interval_width + right_width),
+        )
     }
 
     /// Twice the second divided differences, including the ends if these are clamped.
     fn second_differences(self, ends: Ends) -> Vec<f64> {
         let last = self.t.len() - 2;
-        let inner = (0..last)
+        let inner_differences = (0..last)
             .map(|i| 2.0 * (self.slope(i + 1) - self.slope(i)) / (self.step(i) + self.step(i + 1)));
         match ends {
-            Ends::Natural => inner.collect(),
+            Ends::Natural => inner_differences.collect(),
             Ends::Clamped {
                 first: (v0, a0),
                 last: (v1, a1),
             } => {
-                let start = [a0, 2.0 * (self.slope(0) - v0) / self.step(0)];
-                let end = [2.0 * (v1 - self.slope(last)) / self.step(last), a1];
-                start.into_iter().chain(inner).chain(end).collect()
+                let start_differences = [a0, 2.0 * (self.slope(0) - v0) / self.step(0)];
+                let end_differences = [2.0 * (v1 - self.slope(last)) / self.step(last), a1];
+                start_differences
+                    .into_iter()
+                    .chain(inner_differences)
+                    .chain(end_differences)
+                    .collect()
             }
         }
     }
@@ -155,37 +168,46 @@ impl Jerk {
         let second_differences = points.second_differences(ends);
         let mut lambda: Vec<f64> = second_differences.windows(2).map(|w| w[1] - w[0]).collect();
         let first = if ends == Ends::Natural { -2 } else { 0 };
-        let n = lambda.len();
-        let mut bands = [vec![0.0; n], vec![0.0; n], vec![0.0; n]];
+        let n_splines = lambda.len();
+        let mut gram_bands = [
+            vec![0.0; n_splines],
+            vec![0.0; n_splines],
+            vec![0.0; n_splines],
+        ];
         for i in 0..points.t.len() - 1 {
-            let (h, (p, r)) = (points.step(i), points.shares(i));
+            let (interval_width, (p, r)) = (points.step(i), points.shares(i));
             // The three B-splines of the interval, in Bernstein's quadratics.
             let splines = [[p, 0.0, 0.0], [1.0 - p, 1.0, 1.0 - r], [0.0, 0.0, r]];
             for (k, left) in splines.iter().enumerate() {
-                let Some(row) = index(first, i, k, n) else {
+                let Some(band_row) = index(first, i, k, n_splines) else {
                     continue;
                 };
                 for (l, right) in splines.iter().enumerate().skip(k) {
-                    if index(first, i, l, n).is_some() {
+                    if index(first, i, l, n_splines).is_some() {
                         let integral: f64 =
                             (0..3).map(|m| left[m] * dot(BERNSTEIN[m], *right)).sum();
-                        bands[l - k][row] += h * integral;
+                        gram_bands[l - k][band_row] += interval_width * integral;
                     }
                 }
             }
         }
-        solve_banded(&mut bands, &mut lambda);
+        solve_banded(&mut gram_bands, &mut lambda);
         Self { lambda, first }
     }
 
     fn piece(&self, points: Points, i: usize) -> JerkPiece {
-        let lambda = |k| index(self.first, i, k, self.lambda.len()).map_or(0.0, |j| self.lambda[j]);
+        let lambda_of_spline =
+            |k| index(self.first, i, k, self.lambda.len()).map_or(0.0, |j| self.lambda[j]);
         let (p, r) = points.shares(i);
-        let (before, here, after) = (lambda(0), lambda(1), lambda(2));
+        let (lambda_before, lambda_here, lambda_after) = (
+            lambda_of_spline(0),
+            lambda_of_spline(1),
+            lambda_of_spline(2),
+        );
         let j = [
-            p * before + (1.0 - p) * here,
-            here,
-            (1.0 - r) * here + r * after,
+            p * lambda_before + (1.0 - p) * lambda_here,
+            lambda_here,
+            (1.0 - r) * lambda_here + r * lambda_after,
         ];
         JerkPiece {
             h: points.step(i),
@@ -205,30 +227,30 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 
 /// Solve G·y = b in place by LDLᵀ; `bands[k][i]` is G[i][i+k]. G is positive definite, so no pivoting is needed.
 fn solve_banded(bands: &mut [Vec<f64>; 3], y: &mut [f64]) {
-    let [d, first, two] = bands;
-    let n = y.len();
-    for i in 0..n {
+    let [diagonal, first_band, second_band] = bands;
+    let n_rows = y.len();
+    for i in 0..n_rows {
         if i > 1 {
-            let factor = two[i - 2];
-            d[i] -= factor * factor * d[i - 2];
-            y[i] -= factor * y[i - 2];
+            let band_factor = second_band[i - 2];
+            diagonal[i] -= band_factor * band_factor * diagonal[i - 2];
+            y[i] -= band_factor * y[i - 2];
         }
         if i > 0 {
-            let factor = first[i - 1];
-            d[i] -= factor * factor * d[i - 1];
-            y[i] -= factor * y[i - 1];
-            first[i] -= factor * two[i - 1] * d[i - 1];
+            let band_factor = first_band[i - 1];
+            diagonal[i] -= band_factor * band_factor * diagonal[i - 1];
+            y[i] -= band_factor * y[i - 1];
+            first_band[i] -= band_factor * second_band[i - 1] * diagonal[i - 1];
         }
-        first[i] /= d[i];
-        two[i] /= d[i];
+        first_band[i] /= diagonal[i];
+        second_band[i] /= diagonal[i];
     }
-    for i in (0..n).rev() {
-        y[i] /= d[i];
-        if i + 1 < n {
-            y[i] -= first[i] * y[i + 1];
+    for i in (0..n_rows).rev() {
+        y[i] /= diagonal[i];
+        if i + 1 < n_rows {
+            y[i] -= first_band[i] * y[i + 1];
         }
-        if i + 2 < n {
-            y[i] -= two[i] * y[i + 2];
+        if i + 2 < n_rows {
+            y[i] -= second_band[i] * y[i + 2];
         }
     }
 }

@@ -167,10 +167,10 @@ impl Take {
         if !(0.0 <= from && from < to && to <= stop) {
             return Err(TakeError::Part { from, to, stop });
         }
-        let start = self.profile.start();
-        let part = self.profile.trimmed(start + from, start + to);
+        let take_start = self.profile.start();
+        let trimmed_path = self.profile.trimmed(take_start + from, take_start + to);
         Ok(Self {
-            profile: Arc::new(part.earlier(start + from)),
+            profile: Arc::new(trimmed_path.earlier(take_start + from)),
         })
     }
 
@@ -191,8 +191,14 @@ impl Take {
         reverse: bool,
     ) -> Result<Placed, PathError> {
         // The clock of a capture may begin at any value, so its origin is not part of the movement.
-        let zero = start - self.profile.start() * stretch;
-        Placed::transformed(Arc::clone(&self.profile), zero, scale, stretch, reverse)
+        let clock_origin = start - self.profile.start() * stretch;
+        Placed::transformed(
+            Arc::clone(&self.profile),
+            clock_origin,
+            scale,
+            stretch,
+            reverse,
+        )
     }
 
     /// Time from its first instant to its last [s].
@@ -202,30 +208,34 @@ impl Take {
 }
 
 fn check(t: &[f64], x: &[f64]) -> Result<(), TakeError> {
-    let n = t.len();
-    if n != x.len() {
+    let n_samples = t.len();
+    if n_samples != x.len() {
         return Err(TakeError::Lengths {
-            n_t: n,
+            n_t: n_samples,
             n_x: x.len(),
         });
     }
-    match n {
-        0 | 1 => return Err(TakeError::TooFew(n)),
+    match n_samples {
+        0 | 1 => return Err(TakeError::TooFew(n_samples)),
         2..=MAX_SAMPLES => {}
-        _ => return Err(TakeError::TooMany(n)),
+        _ => return Err(TakeError::TooMany(n_samples)),
     }
-    if let Some(index) = (0..n).find(|&i| !(t[i].is_finite() && x[i].is_finite())) {
+    if let Some(index) = (0..n_samples)
+        .find(|&sample_index| !(t[sample_index].is_finite() && x[sample_index].is_finite()))
+    {
         return Err(TakeError::NotFinite {
             index,
             t: t[index],
             x: x[index],
         });
     }
-    if let Some(i) = (1..n).find(|&i| t[i] <= t[i - 1]) {
+    if let Some(sample_index) =
+        (1..n_samples).find(|&sample_index| t[sample_index] <= t[sample_index - 1])
+    {
         return Err(TakeError::NotRising {
-            index: i,
-            t: t[i],
-            before: t[i - 1],
+            index: sample_index,
+            t: t[sample_index],
+            before: t[sample_index - 1],
         });
     }
     Ok(())
@@ -243,23 +253,26 @@ fn evenly(
     x: &[f64],
     natural: impl Fn(&[f64], &[f64]) -> Profile,
 ) -> (Vec<f64>, Vec<f64>) {
-    let last = t.len() - 1;
-    let (start, stop) = (t[0], t[last]);
-    let even: Vec<f64> = (0..=last)
-        .map(|i| start + (stop - start) * (i as f64 / last as f64))
+    let last_index = t.len() - 1;
+    let (first_instant, last_instant) = (t[0], t[last_index]);
+    let even_instants: Vec<f64> = (0..=last_index)
+        .map(|i| first_instant + (last_instant - first_instant) * (i as f64 / last_index as f64))
         .collect();
     // 1e-9 of a step allows for the rounding of i·T, which is not jitter.
-    let tolerance = 1e-9 * (stop - start) / last as f64;
-    if t.iter().zip(&even).all(|(t, e)| (t - e).abs() <= tolerance) {
-        return (even, x.to_vec());
+    let tolerance = 1e-9 * (last_instant - first_instant) / last_index as f64;
+    if t.iter()
+        .zip(&even_instants)
+        .all(|(t, e)| (t - e).abs() <= tolerance)
+    {
+        return (even_instants, x.to_vec());
     }
-    let path = natural(t, x);
-    let mut cursor = 0;
-    let x = even
+    let natural_path = natural(t, x);
+    let mut path_cursor = 0;
+    let x = even_instants
         .iter()
-        .map(|&t| path.evaluate_from(&mut cursor, t).0)
+        .map(|&t| natural_path.evaluate_from(&mut path_cursor, t).0)
         .collect();
-    (even, x)
+    (even_instants, x)
 }
 
 /// 1/Q of the two sections of a Butterworth low-pass of order 4: 2·sin(π/8), 2·sin(3π/8).
@@ -274,20 +287,25 @@ fn low_pass(x: &mut [f64], cutoff: f64, rate: f64) -> Result<(), TakeError> {
     if !(cutoff > 0.0 && cutoff < 0.5 * rate) {
         return Err(TakeError::Smooth { cutoff, rate });
     }
-    let last = x.len() - 1;
-    let padding = PADDING.min(last);
-    let before = (1..=padding).rev().map(|i| 2.0 * x[0] - x[i]);
-    let after = (1..=padding).map(|i| 2.0 * x[last] - x[last - i]);
-    let mut padded: Vec<f64> = before.chain(x.iter().copied()).chain(after).collect();
+    let last_index = x.len() - 1;
+    let padding = PADDING.min(last_index);
+    let padding_before = (1..=padding).rev().map(|i| 2.0 * x[0] - x[i]);
+    let padding_after = (1..=padding).map(|i| 2.0 * x[last_index] - x[last_index - i]);
+    let mut padded_samples: Vec<f64> = padding_before
+        .chain(x.iter().copied())
+        .chain(padding_after)
+        .collect();
     for _ in 0..2 {
         for damping in DAMPINGS {
             let mut section = Section::new(cutoff, rate, damping);
-            section.settle(padded[0]);
-            padded.iter_mut().for_each(|x| *x = section.next(*x).low);
+            section.settle(padded_samples[0]);
+            padded_samples
+                .iter_mut()
+                .for_each(|x| *x = section.next(*x).low);
         }
-        padded.reverse();
+        padded_samples.reverse();
     }
-    x.copy_from_slice(&padded[padding..=padding + last]);
+    x.copy_from_slice(&padded_samples[padding..=padding + last_index]);
     Ok(())
 }
 

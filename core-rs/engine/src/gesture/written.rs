@@ -56,28 +56,30 @@ impl Gesture {
     /// # Errors
     /// [`GestureError`] names the point at fault.
     pub fn written(key: usize, points: &Written<'_>, manner: Manner) -> Result<Self, GestureError> {
-        let n = points.t.len();
-        if n == 0 {
+        let n_points = points.t.len();
+        if n_points == 0 {
             return Err(PathError::Empty.into());
         }
-        if points.x.len() != n
-            || points.approaches.len() != n
-            || ![0, n].contains(&points.sources.len())
+        if points.x.len() != n_points
+            || points.approaches.len() != n_points
+            || ![0, n_points].contains(&points.sources.len())
         {
             return Err(GestureError::Shape);
         }
-        let finite = |i: &usize| points.t[*i].is_finite() && points.x[*i].is_finite();
-        if let Some(index) = (0..n).find(|i| !finite(i)) {
+        let is_finite = |i: &usize| points.t[*i].is_finite() && points.x[*i].is_finite();
+        if let Some(index) = (0..n_points).find(|i| !is_finite(i)) {
             let (t, x) = (points.t[index], points.x[index]);
             return Err(PathError::NotFinite { index, t, x }.into());
         }
-        let source = |i: usize| points.sources.get(i).copied().unwrap_or(0);
+        let point_source = |i: usize| points.sources.get(i).copied().unwrap_or(0);
         Self::new(
             key,
             stretches(points)?,
             points.t[0],
-            [points.x[0], points.x[n - 1]],
-            (0..n).map(|i| (points.t[i], source(i))).collect(),
+            [points.x[0], points.x[n_points - 1]],
+            (0..n_points)
+                .map(|i| (points.t[i], point_source(i)))
+                .collect(),
             manner,
         )
     }
@@ -93,12 +95,19 @@ impl Gesture {
         source: u32,
         manner: Manner,
     ) -> Result<Self, GestureError> {
-        let start = path.start();
+        let take_start = path.start();
         let stop = until.map_or(path.stop(), |until| until.min(path.stop()));
-        let ends = [path.evaluate(start).0, path.evaluate(stop).0];
+        let end_positions = [path.evaluate(take_start).0, path.evaluate(stop).0];
         let stretches = vec![Stretch::Path { path, stop }];
         // A take has no written points that ergons have to meet: its single point is at frame 0, before the take.
-        Self::new(key, stretches, start, ends, vec![(0.0, source)], manner)
+        Self::new(
+            key,
+            stretches,
+            take_start,
+            end_positions,
+            vec![(0.0, source)],
+            manner,
+        )
     }
 
     fn new(
@@ -146,8 +155,8 @@ impl Manner {
             return Err(GestureError::TrackedParticle);
         }
         positive("join", self.join, 0.0)?;
-        if let Some(limit) = self.limit {
-            positive("force_limit", limit, f64::MIN_POSITIVE)?;
+        if let Some(force_limit) = self.limit {
+            positive("force_limit", force_limit, f64::MIN_POSITIVE)?;
         }
         self.grain
             .map_or(Ok(()), |grain| positive("grain", grain, f64::MIN_POSITIVE))
@@ -164,24 +173,24 @@ fn stretches(points: &Written<'_>) -> Result<Vec<Stretch>, GestureError> {
         t, x, approaches, ..
     } = *points;
     let mut stretches = Vec::new();
-    let mut i = 0;
-    while i + 1 < t.len() {
+    let mut point_index = 0;
+    while point_index + 1 < t.len() {
         let is_throw = |approach: &Approach| *approach == Approach::Throw;
-        if is_throw(&approaches[i + 1]) {
+        if is_throw(&approaches[point_index + 1]) {
             stretches.push(Stretch::Throw {
-                from: t[i],
-                to: t[i + 1],
-                x: x[i + 1],
-                point: i + 1,
+                from: t[point_index],
+                to: t[point_index + 1],
+                x: x[point_index + 1],
+                point: point_index + 1,
             });
-            i += 1;
+            point_index += 1;
         } else {
-            let run = approaches[i + 1..]
+            let run_length = approaches[point_index + 1..]
                 .iter()
                 .take_while(|approach| !is_throw(approach))
                 .count();
-            stretches.push(path(points, i, i + run)?);
-            i += run;
+            stretches.push(path(points, point_index, point_index + run_length)?);
+            point_index += run_length;
         }
     }
     if stretches.is_empty() {
@@ -192,7 +201,7 @@ fn stretches(points: &Written<'_>) -> Result<Vec<Stretch>, GestureError> {
 
 /// The path through points `from..=to`.
 fn path(points: &Written<'_>, from: usize, to: usize) -> Result<Stretch, GestureError> {
-    let point = |i: usize| Point {
+    let path_point = |i: usize| Point {
         t: points.t[i],
         x: points.x[i],
         curve: match points.approaches[i] {
@@ -200,7 +209,7 @@ fn path(points: &Written<'_>, from: usize, to: usize) -> Result<Stretch, Gesture
             Approach::Throw => Curve::Hold,
         },
     };
-    let points: Vec<Point> = (from..=to).map(point).collect();
+    let points: Vec<Point> = (from..=to).map(path_point).collect();
     let stop = points[points.len() - 1].t;
     let path = Placed::new(Arc::new(Profile::through(&points)?), 0.0)?;
     Ok(Stretch::Path { path, stop })

@@ -23,26 +23,27 @@ impl Cells {
         if !has_poles || !has_ties {
             return Ok(None);
         }
-        let multiples = |steps: u32| -> Result<[Vec<f64>; 2], Error> {
-            let steps = f64::from(steps);
-            let Ok(rate) = Rate::new(scheme.rate * steps) else {
+        let multiples = |step_count: u32| -> Result<[Vec<f64>; 2], Error> {
+            let step_count = f64::from(step_count);
+            let Ok(finer_rate) = Rate::new(scheme.rate * step_count) else {
                 return Ok([&scheme.kappa, &scheme.zeta].map(|all| vec![1.0; all.len()]));
             };
-            let finer = Scheme::new(network, rate)?;
+            let finer_scheme = Scheme::new(network, finer_rate)?;
             let factors = |fine: &[f64], coarse: &[f64], by: f64| {
-                let both = fine.iter().zip(coarse);
-                both.map(|(fine, coarse)| {
-                    if *coarse == 0.0 {
-                        1.0
-                    } else {
-                        by * fine / coarse
-                    }
-                })
-                .collect()
+                let term_pairs = fine.iter().zip(coarse);
+                term_pairs
+                    .map(|(fine, coarse)| {
+                        if *coarse == 0.0 {
+                            1.0
+                        } else {
+                            by * fine / coarse
+                        }
+                    })
+                    .collect()
             };
             Ok([
-                factors(&finer.kappa, &scheme.kappa, steps * steps),
-                factors(&finer.zeta, &scheme.zeta, steps),
+                factors(&finer_scheme.kappa, &scheme.kappa, step_count * step_count),
+                factors(&finer_scheme.zeta, &scheme.zeta, step_count),
             ])
         };
         Ok(Some(Self([

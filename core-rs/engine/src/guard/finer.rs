@@ -33,11 +33,11 @@ impl Guard {
         targets: impl Iterator<Item = usize>,
         path: impl Fn(usize) -> (f64, f64),
     ) {
-        let all = self.ports.iter().copied().chain(targets);
+        let imposed_mats = self.ports.iter().copied().chain(targets);
         self.imposed.clear();
-        self.imposed.extend(all.map(|mat| {
-            let (from, to) = path(mat);
-            (mat, from, to)
+        self.imposed.extend(imposed_mats.map(|mat| {
+            let (path_start, path_end) = path(mat);
+            (mat, path_start, path_end)
         }));
     }
 
@@ -45,14 +45,14 @@ impl Guard {
     /// it. Returns false if a position is no longer finite or plausible.
     pub(crate) fn compute_finer(&mut self, stage: &mut impl Stage) -> bool {
         self.begin(stage);
-        let mut steps = if self.steps > 1 { self.steps } else { 2 };
-        while !self.try_steps(stage, steps) && steps < MAX_STEPS {
-            steps *= 2;
+        let mut step_count = if self.steps > 1 { self.steps } else { 2 };
+        while !self.try_steps(stage, step_count) && step_count < MAX_STEPS {
+            step_count *= 2;
             let Motion { x, d, .. } = stage.motion();
             x.copy_from_slice(&self.x);
             d.copy_from_slice(&self.d);
         }
-        self.end(stage, steps)
+        self.end(stage, step_count)
     }
 
     /// Store the beginning of the frame, and separate outside forces from those of links.
@@ -74,20 +74,20 @@ impl Guard {
 
     /// Compute the frame in `steps` steps; false if they are too few and more are possible.
     fn try_steps(&mut self, stage: &mut impl Stage, steps: u32) -> bool {
-        let part = 1.0 / f64::from(steps);
-        let shift = 0.5 / f64::from(self.previous_steps) - 0.5 * part;
+        let step_fraction = 1.0 / f64::from(steps);
+        let time_shift = 0.5 / f64::from(self.previous_steps) - 0.5 * step_fraction;
         let Motion { d, ties, .. } = stage.motion();
         let [kappa, zeta] = &mut self.ties;
-        if let Some(cells) = &self.cells {
-            cells.ties(steps, [ties[1], ties[2]], [kappa, zeta]);
+        if let Some(finer_cells) = &self.cells {
+            finer_cells.ties(steps, [ties[1], ties[2]], [kappa, zeta]);
         }
         for (i, d) in d.iter_mut().enumerate() {
-            let lead = if self.previous_steps > 1 {
+            let frame_lead = if self.previous_steps > 1 {
                 self.lead[i]
             } else {
                 0.0
             };
-            *d += lead + shift * self.link_steps[i];
+            *d += frame_lead + time_shift * self.link_steps[i];
         }
         for &(mat, from, to) in &self.imposed {
             d[mat] = to - from;
@@ -105,17 +105,17 @@ impl Guard {
                 Some(_) => [ties[0], &self.ties[0], &self.ties[1], ties[3]],
                 None => ties,
             };
-            fine_steps(part, scaled_cells, force, x, d);
+            fine_steps(step_fraction, scaled_cells, force, x, d);
             if step == 1 {
-                let both = self.travel.iter_mut().zip(&*d);
-                both.for_each(|(travel, d)| *travel += 0.5 * d);
+                let travel_pairs = self.travel.iter_mut().zip(&*d);
+                travel_pairs.for_each(|(travel, d)| *travel += 0.5 * d);
             }
-            let share = f64::from(step) * part;
+            let frame_share = f64::from(step) * step_fraction;
             for &(mat, from, to) in &self.imposed {
-                (x[mat], d[mat]) = (from + (to - from) * share, to - from);
+                (x[mat], d[mat]) = (from + (to - from) * frame_share, to - from);
             }
-            let (risen, _) = self.stiffening(x, ties[0]);
-            if steps < MAX_STEPS && self.steps_needed(risen) > steps {
+            let (lambda_rise, _) = self.stiffening(x, ties[0]);
+            if steps < MAX_STEPS && self.steps_needed(lambda_rise) > steps {
                 return false;
             }
         }
@@ -126,15 +126,15 @@ impl Guard {
     fn end(&mut self, stage: &mut impl Stage, steps: u32) -> bool {
         let Motion { ties, x, d, .. } = stage.motion();
         for i in 0..x.len() {
-            let mean = x[i] - self.x[i];
-            self.lead[i] = d[i] - mean;
-            d[i] = mean;
+            let mean_step = x[i] - self.x[i];
+            self.lead[i] = d[i] - mean_step;
+            d[i] = mean_step;
         }
-        let (risen, _) = self.stiffening_exact(x, ties[0]);
+        let (lambda_rise, _) = self.stiffening_exact(x, ties[0]);
         // The number of steps is halved only if a quarter of it would be enough.
         let is_calm = match steps {
-            2 => risen <= CALM_SHARE * (self.limit - self.rest_lambda),
-            _ => 4 * self.steps_needed(risen) <= steps,
+            2 => lambda_rise <= CALM_SHARE * (self.limit - self.rest_lambda),
+            _ => 4 * self.steps_needed(lambda_rise) <= steps,
         };
         self.calm_frames = if is_calm { self.calm_frames + 1 } else { 0 };
         (self.previous_steps, self.steps) = (steps, steps);

@@ -33,10 +33,10 @@ enum Stiffening {
 impl Stiffening {
     fn from_kind(kind: &Kind) -> Option<Self> {
         if let Kind::Followed { by, .. } = kind {
-            let laws: Vec<Law> = by.corners().collect();
-            let slopes = laws.iter().map(|law| law.slope(0.0));
-            let slope_at_rest = slopes.fold(0.0, f64::max);
-            return Some(Self::Any(laws, slope_at_rest));
+            let corner_laws: Vec<Law> = by.corners().collect();
+            let rest_slopes = corner_laws.iter().map(|law| law.slope(0.0));
+            let slope_at_rest = rest_slopes.fold(0.0, f64::max);
+            return Some(Self::Any(corner_laws, slope_at_rest));
         }
         let Kind::Lnl { law, .. } = kind else {
             return None;
@@ -54,8 +54,8 @@ impl Stiffening {
             Self::Square(by) => by * (e * e),
             Self::Law(law, rest_slope) => (law.slope(e) - rest_slope).max(0.0),
             Self::Any(laws, rest_slope) => {
-                let slopes = laws.iter().map(|law| law.slope(e));
-                slopes.fold(*rest_slope, f64::max) - rest_slope
+                let law_slopes = laws.iter().map(|law| law.slope(e));
+                law_slopes.fold(*rest_slope, f64::max) - rest_slope
             }
         }
     }
@@ -77,10 +77,10 @@ impl Stiffening {
 
 /// Runs that stiffen and have an end that moves; runs with a gate are left out.
 pub(super) fn watches(runs: &[Run], moves: impl Fn(usize) -> bool) -> Vec<Watch> {
-    let watch = |run: &Run| {
+    let watch_of_run = |run: &Run| {
         let stiffening = Stiffening::from_kind(&run.kind).filter(|_| run.gate.is_none())?;
-        let mut ends = (0..run.len).flat_map(|i| [run.a + i, run.b + i]);
-        if !ends.any(&moves) {
+        let mut run_ends = (0..run.len).flat_map(|i| [run.a + i, run.b + i]);
+        if !run_ends.any(&moves) {
             return None;
         }
         Some(Watch {
@@ -92,27 +92,28 @@ pub(super) fn watches(runs: &[Run], moves: impl Fn(usize) -> bool) -> Vec<Watch>
             reach: 0.0,
         })
     };
-    runs.iter().filter_map(watch).collect()
+    runs.iter().filter_map(watch_of_run).collect()
 }
 
 /// Set the reach of every run such that λ rises by no more than `rise`, and remove runs that never stiffen so much.
 pub(super) fn set_reaches(watches: &mut Vec<Watch>, rise: f64, w: &[f64]) {
-    let mut degree = vec![0.0; w.len()];
+    let mut link_degree = vec![0.0; w.len()];
     for watch in &*watches {
         for first in [watch.a, watch.b] {
-            degree[first..][..watch.len]
+            link_degree[first..][..watch.len]
                 .iter_mut()
                 .for_each(|n| *n += 1.0);
         }
     }
     // If the stiffening of each link is at most half of `rise`, divided by degree times 1/M at either end, no edge sum
     // exceeds `rise`.
-    let edge_weight = |mat: usize| degree[mat] * w[mat];
+    let edge_weight = |mat: usize| link_degree[mat] * w[mat];
     for watch in &mut *watches {
-        let ends = (0..watch.len).map(|i| edge_weight(watch.a + i).max(edge_weight(watch.b + i)));
+        let end_weights =
+            (0..watch.len).map(|i| edge_weight(watch.a + i).max(edge_weight(watch.b + i)));
         watch.reach = watch
             .stiffening
-            .reach(0.5 * rise / ends.fold(0.0, f64::max));
+            .reach(0.5 * rise / end_weights.fold(0.0, f64::max));
     }
     watches.retain(|watch| watch.reach < f64::INFINITY);
 }
@@ -160,31 +161,33 @@ pub(super) fn stiffening(
 ) -> (f64, usize) {
     sums[mats.clone()].fill(0.0);
     for watch in watches {
-        let (a, b) = (watch.a, watch.b);
+        let (end_a, end_b) = (watch.a, watch.b);
         let rises = &mut rises[..watch.len];
-        let (xa, xb) = (&x[a..][..watch.len], &x[b..][..watch.len]);
+        let (positions_a, positions_b) = (&x[end_a..][..watch.len], &x[end_b..][..watch.len]);
         for (i, rise) in rises.iter_mut().enumerate() {
-            *rise = watch.stiffening.rise(xb[i] - xa[i] - watch.rest);
+            *rise = watch
+                .stiffening
+                .rise(positions_b[i] - positions_a[i] - watch.rest);
         }
-        for first in [a, b] {
+        for first in [end_a, end_b] {
             let sums = &mut sums[first..][..watch.len];
             sums.iter_mut()
                 .zip(&*rises)
                 .for_each(|(sum, rise)| *sum += rise);
         }
     }
-    let (mut greatest, mut mat) = (0.0, mats.start);
+    let (mut greatest, mut worst_mat) = (0.0, mats.start);
     for watch in watches {
         for i in 0..watch.len {
-            let (a, b) = (watch.a + i, watch.b + i);
-            let edge = sums[a] * w[a] + sums[b] * w[b];
-            if edge > greatest || edge.is_nan() {
-                (greatest, mat) = (edge, if w[a] > 0.0 { a } else { b });
+            let (end_a, end_b) = (watch.a + i, watch.b + i);
+            let edge_sum = sums[end_a] * w[end_a] + sums[end_b] * w[end_b];
+            if edge_sum > greatest || edge_sum.is_nan() {
+                (greatest, worst_mat) = (edge_sum, if w[end_a] > 0.0 { end_a } else { end_b });
             }
-            if edge.is_nan() {
-                return (f64::INFINITY, mat);
+            if edge_sum.is_nan() {
+                return (f64::INFINITY, worst_mat);
             }
         }
     }
-    (greatest, mat)
+    (greatest, worst_mat)
 }

@@ -57,16 +57,16 @@ crate::archive::state!(Bm4 {
 impl Bm4 {
     pub(super) fn new(mesh: Arc<Mesh>, network: &Network) -> Self {
         let (x, v) = (network.mats().x0.clone(), mesh.start(network));
-        let (mut scratch, zeros) = (mesh.scratch(), vec![0.0; x.len()]);
-        let mut force = zeros.clone();
-        let team = &mut ThreadTeam::alone();
-        mesh.elastic(&x, &mut scratch, &mut force, team);
-        let mut viscous = zeros.clone();
-        mesh.viscous([&x, &v], &mut scratch, &mut viscous, team);
+        let (mut scratch, zero_vector) = (mesh.scratch(), vec![0.0; x.len()]);
+        let mut force = zero_vector.clone();
+        let lone_team = &mut ThreadTeam::alone();
+        mesh.elastic(&x, &mut scratch, &mut force, lone_team);
+        let mut viscous = zero_vector.clone();
+        mesh.viscous([&x, &v], &mut scratch, &mut viscous, lone_team);
         let zeta = &mesh.scheme.zeta;
-        let exact = !mesh.damped && zeta.iter().any(|zeta| *zeta != 0.0);
-        let stages = STAGES.iter().filter(|_| exact);
-        let losses = stages.map(|[b, _]| losses(zeta, *b)).collect();
+        let has_exact_losses = !mesh.damped && zeta.iter().any(|zeta| *zeta != 0.0);
+        let loss_stages = STAGES.iter().filter(|_| has_exact_losses);
+        let losses = loss_stages.map(|[b, _]| losses(zeta, *b)).collect();
         Self {
             written: mesh
                 .springs
@@ -78,7 +78,7 @@ impl Bm4 {
             v,
             force,
             viscous,
-            midway: zeros,
+            midway: zero_vector,
             scratch,
             mesh,
         }
@@ -91,19 +91,19 @@ impl Bm4 {
         if mesh.damped {
             let (viscous, midway) = (&mut self.viscous, &mut self.midway);
             mesh.ranges(scratch, team, [&mut *midway], |mats, ties, [midway]| {
-                let forces = [&force[mats.clone()], &viscous[mats.clone()]];
-                let motion = [&x[mats.clone()], &v[mats]];
-                passes::midway(0.5 * b, ties, forces, motion, midway);
+                let mat_forces = [&force[mats.clone()], &viscous[mats.clone()]];
+                let mat_motion = [&x[mats.clone()], &v[mats]];
+                passes::midway(0.5 * b, ties, mat_forces, mat_motion, midway);
             });
             mesh.viscous([x, midway], scratch, viscous, team);
             mesh.ranges(scratch, team, [x, v], |mats, ties, [x, v]| {
-                let forces = [&force[mats.clone()], &viscous[mats.clone()]];
-                passes::lossy_kick_drift([b, a], ties, forces, &midway[mats], x, v);
+                let mat_forces = [&force[mats.clone()], &viscous[mats.clone()]];
+                passes::lossy_kick_drift([b, a], ties, mat_forces, &midway[mats], x, v);
             });
-        } else if let Some(losses) = self.losses.get(stage) {
+        } else if let Some(stage_losses) = self.losses.get(stage) {
             mesh.ranges(scratch, team, [x, v], |mats, ties, [x, v]| {
-                let losses = losses.each_ref().map(|all| &all[mats.clone()]);
-                passes::decaying_kick_drift(a, losses, ties, &force[mats], x, v);
+                let stage_losses = stage_losses.each_ref().map(|all| &all[mats.clone()]);
+                passes::decaying_kick_drift(a, stage_losses, ties, &force[mats], x, v);
             });
         } else {
             mesh.ranges(scratch, team, [x, v], |mats, ties, [x, v]| {
@@ -115,26 +115,26 @@ impl Bm4 {
 
 /// e^(−ζb) and (1 − e^(−ζb))/ζ.
 fn losses(zeta: &[f64], b: f64) -> [Vec<f64>; 2] {
-    let decay = zeta.iter().map(|zeta| maths::exp(-zeta * b)).collect();
-    let gain = zeta.iter().map(|&zeta| {
+    let decay_factors = zeta.iter().map(|zeta| maths::exp(-zeta * b)).collect();
+    let gain_factors = zeta.iter().map(|&zeta| {
         if zeta == 0.0 {
             b
         } else {
             -maths::expm1(-zeta * b) / zeta
         }
     });
-    [decay, gain.collect()]
+    [decay_factors, gain_factors.collect()]
 }
 
 impl Stepper for Bm4 {
     fn lead(&mut self, lead: &Lead, (n, part): (u64, f64)) {
         let [k_factor, z_factor] = lead.factors(n, part);
         // The mesh is not shared since `unshare`: nothing is copied.
-        let mesh = Arc::make_mut(&mut self.mesh);
-        for ((spring, first), [k, z]) in mesh
+        let unshared_mesh = Arc::make_mut(&mut self.mesh);
+        for ((spring, first), [k, z]) in unshared_mesh
             .springs
             .iter_mut()
-            .zip(&mesh.firsts)
+            .zip(&unshared_mesh.firsts)
             .zip(&*self.written)
         {
             if lead.links().contains(first) {
@@ -196,10 +196,12 @@ impl Stepper for Bm4 {
     fn settle(&mut self) {
         self.mesh
             .velocities_from_steps(&self.x, &mut self.v, &mut self.midway);
-        let (scratch, team) = (&mut self.scratch, &mut ThreadTeam::alone());
-        self.mesh.elastic(&self.x, scratch, &mut self.force, team);
-        let motion = [&self.x[..], &self.v];
-        self.mesh.viscous(motion, scratch, &mut self.viscous, team);
+        let (scratch, lone_team) = (&mut self.scratch, &mut ThreadTeam::alone());
+        self.mesh
+            .elastic(&self.x, scratch, &mut self.force, lone_team);
+        let mat_motion = [&self.x[..], &self.v];
+        self.mesh
+            .viscous(mat_motion, scratch, &mut self.viscous, lone_team);
     }
 
     fn velocities_mut(&mut self) -> &mut [f64] {

@@ -32,10 +32,20 @@ impl Ca {
     pub(super) fn new(mesh: Arc<Mesh>, network: &Network, rate: Rate) -> Result<Self, Error> {
         let mut scheme = mesh.scheme.clone();
         let guard = Guard::new(&scheme, network, Limit::CA, &[])?;
-        let x = network.mats().x0.clone();
-        let d = backward_steps(network, &Timeline::new(rate), &scheme, &x, &[], &|_| true);
+        let start_positions = network.mats().x0.clone();
+        let start_steps = backward_steps(
+            network,
+            &Timeline::new(rate),
+            &scheme,
+            &start_positions,
+            &[],
+            &|_| true,
+        );
         scheme.fuse(|_| false);
-        let (mut body, mut laws) = (Body::new(&scheme, x, d), Laws::new(&scheme));
+        let (mut body, mut laws) = (
+            Body::new(&scheme, start_positions, start_steps),
+            Laws::new(&scheme),
+        );
         body.previous = guard.as_ref().map(|_| PreviousState::new(scheme.n_mat()));
         kernel::links(&scheme, &[], &mut body, &mut laws, &mut ThreadTeam::alone());
         Ok(Self {
@@ -102,8 +112,8 @@ impl Stepper for Ca {
     }
 
     fn settle(&mut self) {
-        let team = &mut ThreadTeam::alone();
-        kernel::links(&self.scheme, &[], &mut self.body, &mut self.laws, team);
+        let lone_team = &mut ThreadTeam::alone();
+        kernel::links(&self.scheme, &[], &mut self.body, &mut self.laws, lone_team);
     }
 
     fn velocities_mut(&mut self) -> &mut [f64] {

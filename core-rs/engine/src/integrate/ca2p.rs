@@ -62,14 +62,14 @@ impl Ca2p {
         let (x, v) = (network.mats().x0.clone(), mesh.start(network));
         let mut scratch = mesh.scratch();
         let d = last_step(&mesh, &x, &v, &mut scratch);
-        let zeros = vec![0.0; x.len()];
-        let mut it = Self {
+        let zero_vector = vec![0.0; x.len()];
+        let mut integrator = Self {
             there: x.iter().zip(&d).map(|(x, d)| x - d).collect(),
             v,
-            elastic: zeros.clone(),
-            viscous: zeros.clone(),
-            elastic_before: zeros.clone(),
-            force: zeros,
+            elastic: zero_vector.clone(),
+            viscous: zero_vector.clone(),
+            elastic_before: zero_vector.clone(),
+            force: zero_vector,
             previous: PreviousState::new(x.len()),
             guard,
             scratch,
@@ -77,11 +77,15 @@ impl Ca2p {
             d,
             mesh,
         };
-        let team = &mut ThreadTeam::alone();
-        it.mesh
-            .elastic(&it.there, &mut it.scratch, &mut it.elastic, team);
-        it.first_pass(team);
-        Ok(it)
+        let lone_team = &mut ThreadTeam::alone();
+        integrator.mesh.elastic(
+            &integrator.there,
+            &mut integrator.scratch,
+            &mut integrator.elastic,
+            lone_team,
+        );
+        integrator.first_pass(lone_team);
+        Ok(integrator)
     }
 
     /// The first pass: forces at the current frame.
@@ -97,35 +101,39 @@ impl Ca2p {
 
 /// x(0) − x(−T) of the continuous motion [m], by classical Runge-Kutta backwards   (n_mat)
 fn last_step(mesh: &Mesh, x0: &[f64], v0: &[f64], scratch: &mut Scratch) -> Vec<f64> {
-    let n = x0.len();
+    let n_mats = x0.len();
     let (mut x, mut v) = (x0.to_vec(), v0.to_vec());
-    let (mut force, mut there) = (vec![0.0; n], vec![[0.0; 2]; n]);
-    let h = -1.0 / STEPS_BACK as f64;
+    let (mut force, mut stage_slopes) = (vec![0.0; n_mats], vec![[0.0; 2]; n_mats]);
+    let back_step = -1.0 / STEPS_BACK as f64;
     for _ in 0..STEPS_BACK {
-        let mut sums = vec![[0.0; 2]; n];
-        there.fill([0.0; 2]);
+        let mut slope_sums = vec![[0.0; 2]; n_mats];
+        stage_slopes.fill([0.0; 2]);
         for (ahead, weight) in [(0.0, 1.0), (0.5, 2.0), (0.5, 2.0), (1.0, 1.0)] {
-            let places: Vec<f64> = (0..n).map(|i| x[i] + ahead * h * there[i][0]).collect();
-            let speed: Vec<f64> = (0..n).map(|i| v[i] + ahead * h * there[i][1]).collect();
+            let stage_places: Vec<f64> = (0..n_mats)
+                .map(|i| x[i] + ahead * back_step * stage_slopes[i][0])
+                .collect();
+            let stage_speeds: Vec<f64> = (0..n_mats)
+                .map(|i| v[i] + ahead * back_step * stage_slopes[i][1])
+                .collect();
             mesh.total(
-                [&places, &speed],
+                [&stage_places, &stage_speeds],
                 scratch,
                 &mut force,
                 &mut ThreadTeam::alone(),
             );
-            let scheme = &mesh.scheme;
-            for i in 0..n {
-                let a = force[i] * scheme.w[i]
-                    - scheme.kappa[i] * (places[i] - scheme.rest[i])
-                    - scheme.zeta[i] * speed[i];
-                there[i] = [speed[i], a];
-                sums[i][0] += weight * speed[i];
-                sums[i][1] += weight * a;
+            let mesh_scheme = &mesh.scheme;
+            for i in 0..n_mats {
+                let acceleration = force[i] * mesh_scheme.w[i]
+                    - mesh_scheme.kappa[i] * (stage_places[i] - mesh_scheme.rest[i])
+                    - mesh_scheme.zeta[i] * stage_speeds[i];
+                stage_slopes[i] = [stage_speeds[i], acceleration];
+                slope_sums[i][0] += weight * stage_speeds[i];
+                slope_sums[i][1] += weight * acceleration;
             }
         }
-        for i in 0..n {
-            x[i] += h / 6.0 * sums[i][0];
-            v[i] += h / 6.0 * sums[i][1];
+        for i in 0..n_mats {
+            x[i] += back_step / 6.0 * slope_sums[i][0];
+            v[i] += back_step / 6.0 * slope_sums[i][1];
         }
     }
     x0.iter()
@@ -148,14 +156,14 @@ impl Stepper for Ca2p {
         let [elastic, viscous] = [&self.elastic, &self.viscous];
         let (x, d, there, v) = (&self.x, &self.d, &mut self.there, &mut self.v);
         mesh.ranges(scratch, team, [there, v], |mats, ties, [there, v]| {
-            let forces = [elastic, viscous].map(|all| &all[mats.clone()]);
-            let motion = [x, d].map(|all| &all[mats.clone()]);
-            passes::evaluation_point(ties, forces, motion, there, v);
+            let mat_forces = [elastic, viscous].map(|all| &all[mats.clone()]);
+            let mat_motion = [x, d].map(|all| &all[mats.clone()]);
+            passes::evaluation_point(ties, mat_forces, mat_motion, there, v);
         });
         for &(mat, impulse) in impulses {
-            let jump = mesh.jump(mat, impulse);
-            self.there[mat] += jump * (1.0 / 6.0);
-            self.v[mat] += 0.5 * jump;
+            let impulse_jump = mesh.jump(mat, impulse);
+            self.there[mat] += impulse_jump * (1.0 / 6.0);
+            self.v[mat] += 0.5 * impulse_jump;
         }
         mesh.total([&self.there, &self.v], scratch, &mut self.force, team);
         for &(mat, impulse) in impulses {
@@ -165,9 +173,9 @@ impl Stepper for Ca2p {
         let (force, there, v, previous) = (&self.force, &self.there, &self.v, &self.previous);
         let (x, d) = (&mut self.x, &mut self.d);
         mesh.ranges(scratch, team, [&mut *x, &mut *d], |mats, ties, [x, d]| {
-            let point = [there, v].map(|all| &all[mats.clone()]);
-            let from = [&previous.x, &previous.d].map(|all| &all[mats.clone()]);
-            passes::second_pass(ties, &force[mats], point, from, x, d);
+            let point_motion = [there, v].map(|all| &all[mats.clone()]);
+            let previous_motion = [&previous.x, &previous.d].map(|all| &all[mats.clone()]);
+            passes::second_pass(ties, &force[mats], point_motion, previous_motion, x, d);
         });
         if let Some(guard) = &mut self.guard
             && guard.needs_finer(x, d, &mesh.scheme.w)
@@ -200,13 +208,14 @@ impl Stepper for Ca2p {
     fn velocity(&self, mat: usize) -> f64 {
         let x = |i: usize| self.x[i];
         let d = |i: usize| self.d[i];
-        let speed = self.d[mat] + 0.5 * self.mesh.acceleration(mat, &x, &d);
-        let ahead = self.mesh.acceleration(mat, &|i| x(i) + 0.5 * d(i), &d);
-        let behind = self.mesh.acceleration(mat, &|i| x(i) - 0.5 * d(i), &d);
-        let a = self
+        let speed_estimate = self.d[mat] + 0.5 * self.mesh.acceleration(mat, &x, &d);
+        let accel_ahead = self.mesh.acceleration(mat, &|i| x(i) + 0.5 * d(i), &d);
+        let accel_behind = self.mesh.acceleration(mat, &|i| x(i) - 0.5 * d(i), &d);
+        let acceleration = self
             .mesh
-            .acceleration(mat, &x, &|i| if i == mat { speed } else { d(i) });
-        (self.d[mat] + 0.5 * a - (ahead - behind) / 6.0) * self.mesh.scheme.rate
+            .acceleration(mat, &x, &|i| if i == mat { speed_estimate } else { d(i) });
+        (self.d[mat] + 0.5 * acceleration - (accel_ahead - accel_behind) / 6.0)
+            * self.mesh.scheme.rate
     }
 
     fn last_step(&self, mat: usize) -> f64 {
@@ -221,10 +230,10 @@ impl Stepper for Ca2p {
         for (there, (x, d)) in self.there.iter_mut().zip(self.x.iter().zip(&self.d)) {
             *there = x - d;
         }
-        let (scratch, team) = (&mut self.scratch, &mut ThreadTeam::alone());
+        let (scratch, lone_team) = (&mut self.scratch, &mut ThreadTeam::alone());
         self.mesh
-            .elastic(&self.there, scratch, &mut self.elastic, team);
-        self.first_pass(team);
+            .elastic(&self.there, scratch, &mut self.elastic, lone_team);
+        self.first_pass(lone_team);
     }
 
     fn guard(&self) -> Option<&Guard> {
@@ -242,13 +251,16 @@ impl Stepper for Ca2p {
     /// The energy of CA with K − KM⁻¹K/12 in place of K: undamped linear bodies conserve it exactly.
     fn energy(&self) -> f64 {
         let (mesh, scheme) = (&*self.mesh, &self.mesh.scheme);
-        let a = |force: &[f64], x: f64, i: usize| {
+        let acceleration = |force: &[f64], x: f64, i: usize| {
             force[i] * scheme.w[i] - scheme.kappa[i] * (x - scheme.rest[i])
         };
-        let both = |i: usize| {
-            a(&self.elastic, self.x[i], i) * a(&self.elastic_before, self.x[i] - self.d[i], i)
+        let frame_product = |i: usize| {
+            acceleration(&self.elastic, self.x[i], i)
+                * acceleration(&self.elastic_before, self.x[i] - self.d[i], i)
         };
-        let pull: f64 = (0..mesh.n_mat()).map(|i| mesh.m[i] * both(i)).sum();
-        mesh.staggered(&self.x, &self.d, true) - pull / 24.0
+        let pull_product: f64 = (0..mesh.n_mat())
+            .map(|i| mesh.m[i] * frame_product(i))
+            .sum();
+        mesh.staggered(&self.x, &self.d, true) - pull_product / 24.0
     }
 }

@@ -44,24 +44,32 @@ pub(crate) fn certify(
     if method == MeshMethod::Ca {
         return Scheme::new(network, rate)?.certify_or(network, Refusal::Bare);
     }
-    let mesh = Mesh::new(network, rate, method)?;
-    let scheme = &mesh.scheme;
-    let largest = |c: f64, enough: f64, limit: f64| top_up_to(scheme, network, c, enough, limit);
+    let network_mesh = Mesh::new(network, rate, method)?;
+    let mesh_scheme = &network_mesh.scheme;
+    let largest = |loss_weight: f64, enough_lambda: f64, lambda_limit: f64| {
+        top_up_to(
+            mesh_scheme,
+            network,
+            loss_weight,
+            enough_lambda,
+            lambda_limit,
+        )
+    };
     let certificate = |top: &LargestEigenvalue, word: StabilityGuarantee| Certificate {
         lambda_max: top.lambda,
         means: top.means,
         word,
     };
-    let guarantee = if scheme.linear {
+    let guarantee = if mesh_scheme.linear {
         StabilityGuarantee::Proved
     } else {
         StabilityGuarantee::Guarded
     };
     match method {
         MeshMethod::Ca2p => {
-            let (c, enough) = ca2p(&mesh);
-            let largest_value = largest(c, enough, SHARED_MODES)?;
-            if largest_value.lambda < enough {
+            let (loss_weight, enough_lambda) = ca2p(&network_mesh);
+            let largest_value = largest(loss_weight, enough_lambda, SHARED_MODES)?;
+            if largest_value.lambda < enough_lambda {
                 Ok(certificate(&largest_value, guarantee))
             } else if largest_value.lambda < SHARED_MODES {
                 Ok(certificate(&largest_value, StabilityGuarantee::Tried))
@@ -70,16 +78,16 @@ pub(crate) fn certify(
             }
         }
         MeshMethod::Bm4 => {
-            let limit = BM4_LIMIT * BM4_LIMIT;
-            let largest_value = largest(LOSSES, limit, limit)?;
-            if largest_value.lambda < limit {
+            let lambda_limit = BM4_LIMIT * BM4_LIMIT;
+            let largest_value = largest(LOSSES, lambda_limit, lambda_limit)?;
+            if largest_value.lambda < lambda_limit {
                 Ok(certificate(&largest_value, StabilityGuarantee::Tried))
             } else {
-                Err(unstable(network, method, &largest_value, limit))
+                Err(unstable(network, method, &largest_value, lambda_limit))
             }
         }
         MeshMethod::Ca | MeshMethod::Ieq => {
-            ieq::check_supported(&mesh, network)?;
+            ieq::check_supported(&network_mesh, network)?;
             // IEQ has no stability limit, but for non-linear links it conserves an energy that is not that of their
             // laws.
             Ok(certificate(
@@ -103,8 +111,8 @@ pub(super) fn ca2p_guard_limit(mesh: &Mesh) -> Limit {
 
 /// CA2P: the weight c of Z in λmax(M⁻¹(K + c·Z)), and the bound below which stability is proved.
 fn ca2p(mesh: &Mesh) -> (f64, f64) {
-    let loses = mesh.damped || mesh.scheme.zeta.iter().any(|zeta| *zeta != 0.0);
-    if loses {
+    let has_losses = mesh.damped || mesh.scheme.zeta.iter().any(|zeta| *zeta != 0.0);
+    if has_losses {
         (6.0, ANY_MODES)
     } else {
         (0.0, SHARED_MODES)
@@ -117,13 +125,13 @@ fn unstable(
     largest: &LargestEigenvalue,
     limit: f64,
 ) -> Error {
-    let (name, lambda) = (method.facts().name, largest.lambda);
-    let times = (lambda / limit).sqrt().ceil();
+    let (method_name, lambda_max) = (method.facts().name, largest.lambda);
+    let rate_factor = (lambda_max / limit).sqrt().ceil();
     Error::Refused {
         module: network.mat_name(largest.worst),
         message: format!(
-            "unstable with method {name} at this rate: λmax is at least {lambda:.6} and must be below {limit:.3}; use \
-             {times} times the rate or more, a larger M, or a smaller K or Z"
+            "unstable with method {method_name} at this rate: λmax is at least {lambda_max:.6} and must be below {limit:.3}; use \
+             {rate_factor} times the rate or more, a larger M, or a smaller K or Z"
         ),
     }
 }

@@ -45,27 +45,28 @@ impl Conjugate {
         x: &mut [f64],
     ) {
         let Self { r, p, y } = self;
-        let enough = TOLERANCE * TOLERANCE * squared_norm(inverse, right);
-        let (mut iterations, mut last) = (0, f64::INFINITY);
+        let enough_square = TOLERANCE * TOLERANCE * squared_norm(inverse, right);
+        let (mut iterations, mut last_square) = (0, f64::INFINITY);
         while iterations < ITERATIONS_MAX {
             apply(x, y);
-            let mut rho = residual(inverse, right, y, r);
+            let mut residual_square = residual(inverse, right, y, r);
             // Written so that a NaN ends the loop too.
-            if !(rho > enough && rho < RESTART_GAIN * last) {
+            if !(residual_square > enough_square && residual_square < RESTART_GAIN * last_square) {
                 break;
             }
-            last = rho;
+            last_square = residual_square;
             update_direction(inverse, r, 0.0, p);
-            while rho > enough && iterations < ITERATIONS_MAX {
+            while residual_square > enough_square && iterations < ITERATIONS_MAX {
                 interrupt::poll_for(p.len());
                 apply(p, y);
                 let curvature = dot(p, y);
                 if curvature <= 0.0 || curvature.is_nan() {
                     break;
                 }
-                let next = update_solution(rho / curvature, [inverse, p, y], x, r);
-                update_direction(inverse, r, next / rho, p);
-                rho = next;
+                let next_square =
+                    update_solution(residual_square / curvature, [inverse, p, y], x, r);
+                update_direction(inverse, r, next_square / residual_square, p);
+                residual_square = next_square;
                 iterations += 1;
             }
         }
@@ -75,19 +76,19 @@ impl Conjugate {
 /// The sum of f(0) … f(n − 1) by a fixed tree of eight lanes.
 #[inline(always)]
 fn sum(n: usize, mut f: impl FnMut(usize) -> f64) -> f64 {
-    let mut lanes = [0.0; LANES];
-    let n_laned = n - n % LANES;
-    let mut first = 0;
-    while first < n_laned {
-        for (lane, sum) in lanes.iter_mut().enumerate() {
-            *sum += f(first + lane);
+    let mut lane_sums = [0.0; LANES];
+    let laned_count = n - n % LANES;
+    let mut block_start = 0;
+    while block_start < laned_count {
+        for (lane, sum) in lane_sums.iter_mut().enumerate() {
+            *sum += f(block_start + lane);
         }
-        first += LANES;
+        block_start += LANES;
     }
-    for (lane, sum) in lanes.iter_mut().enumerate().take(n - n_laned) {
-        *sum += f(n_laned + lane);
+    for (lane, sum) in lane_sums.iter_mut().enumerate().take(n - laned_count) {
+        *sum += f(laned_count + lane);
     }
-    let [a, b, c, d, e, f, g, h] = lanes;
+    let [a, b, c, d, e, f, g, h] = lane_sums;
     ((a + e) + (c + g)) + ((b + f) + (d + h))
 }
 

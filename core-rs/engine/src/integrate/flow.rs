@@ -22,11 +22,17 @@ impl Flow {
     /// The flow of masses whose map over one frame is `frame`. `None` if b has no inverse, as when a mode has exactly
     /// two kicks per period.
     pub(crate) fn new(frame: &Square) -> Option<Self> {
-        let n = frame.n / 2;
-        let [a, b] = [frame.block(0, 0, n), frame.block(0, n, n)];
-        let [c, d] = [frame.block(n, 0, n), frame.block(n, n, n)];
+        let n_masses = frame.n / 2;
+        let [a, b] = [
+            frame.block(0, 0, n_masses),
+            frame.block(0, n_masses, n_masses),
+        ];
+        let [c, d] = [
+            frame.block(n_masses, 0, n_masses),
+            frame.block(n_masses, n_masses, n_masses),
+        ];
         let conjugated = b.times(&d).over(&b)?;
-        let deviation = a.plus(&Square::identity(n), -1.0);
+        let deviation = a.plus(&Square::identity(n_masses), -1.0);
         let bc = b.times(&c);
         // b·d·b⁻¹·a = b·d·b⁻¹ + b·d·b⁻¹·(a − 1): a − 1 is small, and this form keeps its digits.
         let conjugated_deviation = conjugated.times(&deviation);
@@ -45,41 +51,46 @@ impl Flow {
     /// The velocity of the first straight motion, given positions and velocities at the start.
     pub(crate) fn start(&self, x: &[f64], v: &[f64]) -> Vec<f64> {
         let [by_x, by_v] = &self.start;
-        let pairs = by_x.apply(x).into_iter().zip(by_v.apply(v));
-        pairs.map(|(from_x, from_v)| from_x + from_v).collect()
+        let velocity_pairs = by_x.apply(x).into_iter().zip(by_v.apply(v));
+        velocity_pairs
+            .map(|(from_x, from_v)| from_x + from_v)
+            .collect()
     }
 
     /// A frame as a map of positions and velocities: straight motion, then the kick   (2n, 2n).
     pub(crate) fn joined(&self) -> Square {
-        let n = self.keep.n;
-        let mut map = Square::identity(2 * n);
-        for column in 0..n {
-            *map.entry(column, n + column) = 1.0;
-            for row in 0..n {
-                let (keep, pull) = (self.keep.get(row, column), self.pull.get(row, column));
-                *map.entry(n + row, column) = -pull;
-                *map.entry(n + row, n + column) = keep - pull;
+        let n_masses = self.keep.n;
+        let mut frame_map = Square::identity(2 * n_masses);
+        for column in 0..n_masses {
+            *frame_map.entry(column, n_masses + column) = 1.0;
+            for row in 0..n_masses {
+                let (keep_entry, pull_entry) =
+                    (self.keep.get(row, column), self.pull.get(row, column));
+                *frame_map.entry(n_masses + row, column) = -pull_entry;
+                *frame_map.entry(n_masses + row, n_masses + column) = keep_entry - pull_entry;
             }
         }
-        map
+        frame_map
     }
 
     /// What straight motion and a kick lack after one mass was pushed by a metre a frame at the beginning of a frame.
     /// `moved` holds the exact positions and velocities at its end. Returns what positions and velocities lack after the
     /// kick   (2n).
     pub(crate) fn missing(&self, pushed: usize, moved: &[f64]) -> Vec<f64> {
-        let n = self.keep.n;
-        let (x, v) = moved.split_at(n);
-        let mut alone = vec![0.0; n];
-        alone[pushed] = 1.0;
-        let (retained, pulled) = (self.keep.apply(&alone), self.pull.apply(&alone));
-        let mut after = self.start(x, v);
-        for ((after, retained), pulled) in after.iter_mut().zip(retained).zip(pulled) {
-            *after += pulled - retained;
+        let n_masses = self.keep.n;
+        let (x, v) = moved.split_at(n_masses);
+        let mut unit_push = vec![0.0; n_masses];
+        unit_push[pushed] = 1.0;
+        let (retained, pulled) = (self.keep.apply(&unit_push), self.pull.apply(&unit_push));
+        let mut velocity_lack = self.start(x, v);
+        for ((velocity_lack, retained), pulled) in
+            velocity_lack.iter_mut().zip(retained).zip(pulled)
+        {
+            *velocity_lack += pulled - retained;
         }
         let mut missing = x.to_vec();
         missing[pushed] -= 1.0;
-        missing.extend(after);
+        missing.extend(velocity_lack);
         missing
     }
 }
@@ -87,10 +98,10 @@ impl Flow {
 /// The map of positions and velocities [m a frame] over one frame, of masses with M⁻¹K and M⁻¹Z in units of a frame:
 /// the continuous motion, or one step of CA if `is_discrete`.
 pub(crate) fn frame(k: &Square, z: &Square, is_discrete: bool) -> Square {
-    let n = k.n;
-    let mut map = Square::zero(2 * n);
-    for column in 0..n {
-        for row in 0..n {
+    let n_masses = k.n;
+    let mut frame_map = Square::zero(2 * n_masses);
+    for column in 0..n_masses {
+        for row in 0..n_masses {
             let diagonal = if row == column { 1.0 } else { 0.0 };
             let (k, z) = (k.get(row, column), z.get(row, column));
             let [a, b, c, d] = if is_discrete {
@@ -98,13 +109,17 @@ pub(crate) fn frame(k: &Square, z: &Square, is_discrete: bool) -> Square {
             } else {
                 [0.0, diagonal, -k, -z]
             };
-            *map.entry(row, column) = a;
-            *map.entry(row, n + column) = b;
-            *map.entry(n + row, column) = c;
-            *map.entry(n + row, n + column) = d;
+            *frame_map.entry(row, column) = a;
+            *frame_map.entry(row, n_masses + column) = b;
+            *frame_map.entry(n_masses + row, column) = c;
+            *frame_map.entry(n_masses + row, n_masses + column) = d;
         }
     }
-    if is_discrete { map } else { map.exponential() }
+    if is_discrete {
+        frame_map
+    } else {
+        frame_map.exponential()
+    }
 }
 
 /// M⁻¹K and M⁻¹Z of a row of three masses, for tests: unequal masses and damping of no proportion.
@@ -142,18 +157,22 @@ mod tests {
     /// For one CEL the kicks equal those of its exact CA scheme, here in frames of 10/44,100 s, in closed form.
     #[test]
     fn flow_of_a_cel_has_its_poles() {
-        let (rate, m) = (Rate::new(4410.0).unwrap(), 2e-3);
+        let (frame_rate, cell_mass) = (Rate::new(4410.0).unwrap(), 2e-3);
         let (pi, sigma) = (std::f64::consts::PI, 3.0 * crate::maths::log(10.0));
-        let k = m * ((2.0 * pi * 440.0) * (2.0 * pi * 440.0) + sigma * sigma);
-        let z = 2.0 * sigma * m;
-        let step = rate.step();
-        let physical = frame(&scalar(k * step * step / m), &scalar(z * step / m), false);
-        let ratios = Cell::new(m, k, z).ratios(rate);
-        let discrete = frame(&scalar(ratios.kappa), &scalar(ratios.zeta), true);
+        let k = cell_mass * ((2.0 * pi * 440.0) * (2.0 * pi * 440.0) + sigma * sigma);
+        let z = 2.0 * sigma * cell_mass;
+        let time_step = frame_rate.step();
+        let physical = frame(
+            &scalar(k * time_step * time_step / cell_mass),
+            &scalar(z * time_step / cell_mass),
+            false,
+        );
+        let cell_ratios = Cell::new(cell_mass, k, z).ratios(frame_rate);
+        let discrete = frame(&scalar(cell_ratios.kappa), &scalar(cell_ratios.zeta), true);
         for frame in [physical, discrete] {
-            let flow = Flow::new(&frame).unwrap();
-            assert!((1.0 - flow.keep.entries[0] - 0.003_127_866_834_001_569).abs() < 1e-13);
-            assert!((flow.pull.entries[0] - 0.379_699_981_290_506_4).abs() < 1e-12);
+            let frame_flow = Flow::new(&frame).unwrap();
+            assert!((1.0 - frame_flow.keep.entries[0] - 0.003_127_866_834_001_569).abs() < 1e-13);
+            assert!((frame_flow.pull.entries[0] - 0.379_699_981_290_506_4).abs() < 1e-12);
         }
     }
 
@@ -163,18 +182,18 @@ mod tests {
         let (k, z) = row_of_three();
         for is_discrete in [false, true] {
             let frame = frame(&k, &z, is_discrete);
-            let flow = Flow::new(&frame).unwrap();
+            let frame_flow = Flow::new(&frame).unwrap();
             let (x0, v0) = (vec![1.0, -0.5, 2.0], vec![0.01, 0.03, -0.02]);
-            let (mut x, mut v) = (x0.clone(), flow.start(&x0, &v0));
-            let mut exact = [x0, v0].concat();
-            let joined = flow.joined();
+            let (mut x, mut v) = (x0.clone(), frame_flow.start(&x0, &v0));
+            let mut exact_state = [x0, v0].concat();
+            let joined_map = frame_flow.joined();
             for _ in 0..480 {
-                let next = joined.apply(&[&x[..], &v].concat());
-                x.copy_from_slice(&next[..3]);
-                v.copy_from_slice(&next[3..]);
-                exact = frame.apply(&exact);
-                for (x, exact) in x.iter().zip(&exact) {
-                    assert!((x - exact).abs() < 1e-11, "{x} {exact}");
+                let next_state = joined_map.apply(&[&x[..], &v].concat());
+                x.copy_from_slice(&next_state[..3]);
+                v.copy_from_slice(&next_state[3..]);
+                exact_state = frame.apply(&exact_state);
+                for (x, exact_state) in x.iter().zip(&exact_state) {
+                    assert!((x - exact_state).abs() < 1e-11, "{x} {exact_state}");
                 }
             }
         }

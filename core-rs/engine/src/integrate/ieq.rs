@@ -56,18 +56,18 @@ crate::archive::state!(Ieq {
 impl Ieq {
     pub(super) fn new(mesh: Arc<Mesh>, network: &Network) -> Result<Self, Error> {
         check_supported(&mesh, network)?;
-        let lambda = links::linear_part(&mesh, network)?;
-        let beta = if lambda <= EXPLICIT {
+        let linear_lambda = links::linear_part(&mesh, network)?;
+        let beta = if linear_lambda <= EXPLICIT {
             0.0
         } else {
-            0.25 * (1.0 - EXPLICIT / lambda)
+            0.25 * (1.0 - EXPLICIT / linear_lambda)
         };
         let x = network.mats().x0.clone();
         let links = Links::new(&mesh, beta);
         let d = last_step(&mesh, &links, network);
-        let scheme = &mesh.scheme;
+        let mesh_scheme = &mesh.scheme;
         let mat_diagonal = (0..x.len())
-            .map(|i| mesh.m[i] * (1.0 + 0.5 * scheme.zeta[i] + beta * scheme.kappa[i]))
+            .map(|i| mesh.m[i] * (1.0 + 0.5 * mesh_scheme.zeta[i] + beta * mesh_scheme.kappa[i]))
             .collect();
         Ok(Self {
             state: links.start(&mesh, &x, &d),
@@ -89,8 +89,8 @@ impl Ieq {
 /// (n_mat)
 fn last_step(mesh: &Mesh, links: &Links, network: &Network) -> Vec<f64> {
     let (x, v) = (&network.mats().x0, mesh.start(network));
-    let (scheme, n) = (&mesh.scheme, x.len());
-    let mut force = vec![0.0; n];
+    let (mesh_scheme, n_mats) = (&mesh.scheme, x.len());
+    let mut force = vec![0.0; n_mats];
     mesh.total(
         [x, &v],
         &mut mesh.scratch(),
@@ -98,14 +98,15 @@ fn last_step(mesh: &Mesh, links: &Links, network: &Network) -> Vec<f64> {
         &mut ThreadTeam::alone(),
     );
     for (i, force) in force.iter_mut().enumerate() {
-        let tie = scheme.kappa[i] * (x[i] - scheme.rest[i]) + scheme.zeta[i] * v[i];
-        *force -= mesh.m[i] * tie;
+        let tie_pull =
+            mesh_scheme.kappa[i] * (x[i] - mesh_scheme.rest[i]) + mesh_scheme.zeta[i] * v[i];
+        *force -= mesh.m[i] * tie_pull;
     }
-    let mat_diagonal: Vec<f64> = (0..n)
-        .map(|i| mesh.m[i] * (1.0 + links.beta * scheme.kappa[i]))
+    let mat_diagonal: Vec<f64> = (0..n_mats)
+        .map(|i| mesh.m[i] * (1.0 + links.beta * mesh_scheme.kappa[i]))
         .collect();
     let mut inverse = mat_diagonal.clone();
-    let c = links.elastic_matrix(mesh, [x, &v], &mut inverse);
+    let elastic_terms = links.elastic_matrix(mesh, [x, &v], &mut inverse);
     for (inverse, mat_diagonal) in inverse.iter_mut().zip(&mat_diagonal) {
         *inverse = if *mat_diagonal > 0.0 {
             1.0 / *inverse
@@ -113,14 +114,17 @@ fn last_step(mesh: &Mesh, links: &Links, network: &Network) -> Vec<f64> {
             0.0
         };
     }
-    let (mut a, mut scratch) = (vec![0.0; n], vec![0.0; links.longest()]);
-    let mut apply = |p: &[f64], y: &mut [f64]| {
+    let (mut acceleration, mut scratch) = (vec![0.0; n_mats], vec![0.0; links.longest()]);
+    let mut apply_system = |p: &[f64], y: &mut [f64]| {
         y.fill(0.0);
-        passes::apply_stiffnesses(&links.runs, &c, p, &mut scratch, y);
+        passes::apply_stiffnesses(&links.runs, &elastic_terms, p, &mut scratch, y);
         diagonal_minus(&mat_diagonal, p, y);
     };
-    Conjugate::new(n).solve(&mut apply, &inverse, &force, &mut a);
-    v.iter().zip(&a).map(|(v, a)| v - 0.5 * a).collect()
+    Conjugate::new(n_mats).solve(&mut apply_system, &inverse, &force, &mut acceleration);
+    v.iter()
+        .zip(&acceleration)
+        .map(|(v, acceleration)| v - 0.5 * acceleration)
+        .collect()
 }
 
 impl Stepper for Ieq {
@@ -136,21 +140,27 @@ impl Stepper for Ieq {
             &mut self.forces,
             [&mut self.right, &mut self.inverse],
         );
-        let ties = mesh.ties();
+        let mesh_ties = mesh.ties();
         for i in 0..self.x.len() {
-            let tie = ties.kappa[i] * ((self.x[i] - ties.rest[i]) - 2.0 * links.beta * self.d[i]);
-            self.right[i] += mesh.m[i] * (2.0 * self.d[i] - tie);
-            let moves = self.mat_diagonal[i] > 0.0;
-            self.inverse[i] = if moves { 1.0 / self.inverse[i] } else { 0.0 };
+            let tie_pull = mesh_ties.kappa[i]
+                * ((self.x[i] - mesh_ties.rest[i]) - 2.0 * links.beta * self.d[i]);
+            self.right[i] += mesh.m[i] * (2.0 * self.d[i] - tie_pull);
+            let is_moving = self.mat_diagonal[i] > 0.0;
+            self.inverse[i] = if is_moving {
+                1.0 / self.inverse[i]
+            } else {
+                0.0
+            };
         }
         for &(mat, impulse) in impulses {
             self.right[mat] += impulse * mesh.scheme.rate;
         }
-        let (c, mat_diagonal, forces) = (&self.state.c, &*self.mat_diagonal, &mut self.forces);
+        let (link_terms, mat_diagonal, link_forces) =
+            (&self.state.c, &*self.mat_diagonal, &mut self.forces);
         self.solver.solve(
             &mut |p, y| {
                 y.fill(0.0);
-                passes::apply_stiffnesses(&links.runs, c, p, forces, y);
+                passes::apply_stiffnesses(&links.runs, link_terms, p, link_forces, y);
                 diagonal_minus(mat_diagonal, p, y);
             },
             &self.inverse,
@@ -200,20 +210,20 @@ impl Stepper for Ieq {
     /// Energy between the last frame and this one; conserved exactly if there are no losses.
     fn energy(&self) -> f64 {
         let (mesh, beta) = (&*self.mesh, self.links.beta);
-        let before = |i: usize| self.x[i] - self.d[i];
-        let step = |i: usize| self.d[i] + mesh.scheme.rest[i];
-        let links = self.links.energy(mesh, &self.x, &self.d, &self.state);
+        let position_before = |i: usize| self.x[i] - self.d[i];
+        let shifted_step = |i: usize| self.d[i] + mesh.scheme.rest[i];
+        let link_energy = self.links.energy(mesh, &self.x, &self.d, &self.state);
         mesh.kinetic(&self.d)
-            + mesh.grounds(&before, &|i| self.x[i])
-            + beta * mesh.grounds(&step, &step)
-            + links
+            + mesh.grounds(&position_before, &|i| self.x[i])
+            + beta * mesh.grounds(&shifted_step, &shifted_step)
+            + link_energy
     }
 
     fn stored(&self) -> f64 {
-        let (quadratic, by_laws) =
+        let (quadratic, law_energy) =
             self.links
                 .nonlinear_energies(&self.mesh, &self.x, &self.d, &self.state);
-        self.energy() - quadratic + by_laws
+        self.energy() - quadratic + law_energy
     }
 }
 

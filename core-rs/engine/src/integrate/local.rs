@@ -30,17 +30,21 @@ impl Mesh {
         x: &dyn Fn(usize) -> f64,
         v: &dyn Fn(usize) -> f64,
     ) -> f64 {
-        let scheme = &self.scheme;
-        let mut force = 0.0;
+        let mesh_scheme = &self.scheme;
+        let mut net_force = 0.0;
         let springs = self.springs.iter().map(|run| (run.a, run.b, run.len));
-        let others = self.others.iter().map(|run| (run.a, run.b, run.len));
-        for (run_index, (a, b, len)) in springs.chain(others).enumerate() {
+        let other_ends = self.others.iter().map(|run| (run.a, run.b, run.len));
+        for (run_index, (a, b, len)) in springs.chain(other_ends).enumerate() {
             for (end, sign) in [(a, 1.0), (b, -1.0)] {
-                let Some(i) = mat.checked_sub(end).filter(|i| *i < len) else {
+                let Some(link_index) = mat.checked_sub(end).filter(|link_index| *link_index < len)
+                else {
                     continue;
                 };
-                let (e, de) = (x(b + i) - x(a + i), v(b + i) - v(a + i));
-                force += sign
+                let (e, de) = (
+                    x(b + link_index) - x(a + link_index),
+                    v(b + link_index) - v(a + link_index),
+                );
+                net_force += sign
                     * match self.springs.get(run_index) {
                         Some(run) => {
                             let e = e - run.rest;
@@ -48,7 +52,9 @@ impl Mesh {
                         }
                         None => {
                             let run = &self.others[run_index - self.springs.len()];
-                            let run_index = |i: usize| x(run.b + i) - x(run.a + i) - run.rest;
+                            let run_index = |link_index: usize| {
+                                x(run.b + link_index) - x(run.a + link_index) - run.rest
+                            };
                             match run.tension(run_index) {
                                 0.0 => run.force(e - run.rest, de),
                                 tension => tension * (e - run.rest),
@@ -57,9 +63,9 @@ impl Mesh {
                     };
             }
         }
-        force * scheme.w[mat]
-            - scheme.kappa[mat] * (x(mat) - scheme.rest[mat])
-            - scheme.zeta[mat] * v(mat)
+        net_force * mesh_scheme.w[mat]
+            - mesh_scheme.kappa[mat] * (x(mat) - mesh_scheme.rest[mat])
+            - mesh_scheme.zeta[mat] * v(mat)
     }
 
     /// Kinetic energy at velocities `v` [J].
@@ -69,61 +75,64 @@ impl Mesh {
 
     /// Potential energy of all links and ties at positions `x` [J].
     pub(super) fn stored(&self, x: &[f64]) -> f64 {
-        let mut sum = self.grounds(&|i| x[i], &|i| x[i]);
+        let mut energy_sum = self.grounds(&|i| x[i], &|i| x[i]);
         for run in &self.springs {
-            sum += total(run.len, |i| {
+            energy_sum += total(run.len, |i| {
                 run.potential(x[run.b + i] - x[run.a + i] - run.rest)
             });
         }
         for run in &self.others {
             let elongation = |i: usize| x[run.b + i] - x[run.a + i] - run.rest;
             let tension = run.tension(elongation);
-            sum += total(run.len, |i| {
+            energy_sum += total(run.len, |i| {
                 run.potential(elongation(i)) + tension_energy(tension, elongation(i))
             });
         }
-        sum
+        energy_sum
     }
 
     /// The energy that a staggered scheme conserves between the last frame (x − d) and this one (x) [J]: ½k·e⁻e for
     /// springs, the mean of both values for every other energy. `damped` subtracts ¼Z(e − e⁻)² for each damper: damping
     /// that is computed from the last step reduces the effective mass.
     pub(super) fn staggered(&self, x: &[f64], d: &[f64], damped: bool) -> f64 {
-        let before = |i: usize| x[i] - d[i];
-        let mut sum = self.kinetic(d) + self.grounds(&before, &|i| x[i]);
-        let less = if damped { 0.25 } else { 0.0 };
+        let position_before = |i: usize| x[i] - d[i];
+        let mut energy_sum = self.kinetic(d) + self.grounds(&position_before, &|i| x[i]);
+        let loss_factor = if damped { 0.25 } else { 0.0 };
         for (i, d) in d.iter().enumerate() {
-            sum -= less * self.m[i] * self.scheme.zeta[i] * (d * d);
+            energy_sum -= loss_factor * self.m[i] * self.scheme.zeta[i] * (d * d);
         }
         for run in &self.springs {
-            sum += total(run.len, |i| {
+            energy_sum += total(run.len, |i| {
                 let e = x[run.b + i] - x[run.a + i] - run.rest;
-                let last = before(run.b + i) - before(run.a + i) - run.rest;
-                let (two, four) = (e * last, 0.5 * (e * e * e * e + last * last * last * last));
-                0.5 * run.k * two + 0.25 * run.q * four - less * run.z * ((e - last) * (e - last))
+                let last = position_before(run.b + i) - position_before(run.a + i) - run.rest;
+                let (square_term, fourth_term) =
+                    (e * last, 0.5 * (e * e * e * e + last * last * last * last));
+                0.5 * run.k * square_term + 0.25 * run.q * fourth_term
+                    - loss_factor * run.z * ((e - last) * (e - last))
             });
         }
         for run in &self.others {
             let now = |i: usize| x[run.b + i] - x[run.a + i] - run.rest;
-            let last = |i: usize| before(run.b + i) - before(run.a + i) - run.rest;
+            let last =
+                |i: usize| position_before(run.b + i) - position_before(run.a + i) - run.rest;
             let tensions = [run.tension(now), run.tension(last)];
-            sum += total(run.len, |i| {
+            energy_sum += total(run.len, |i| {
                 let [now, last] = [(now(i), tensions[0]), (last(i), tensions[1])]
                     .map(|(e, tension)| run.potential(e) + tension_energy(tension, e));
                 0.5 * (now + last)
             });
         }
-        sum
+        energy_sum
     }
 
     /// Σ ½κM·(x − rest)(y − rest) [J].
     pub(super) fn grounds(&self, x: &dyn Fn(usize) -> f64, y: &dyn Fn(usize) -> f64) -> f64 {
-        let scheme = &self.scheme;
+        let mesh_scheme = &self.scheme;
         (0..self.n_mat())
-            .filter(|&i| scheme.kappa[i] != 0.0)
+            .filter(|&i| mesh_scheme.kappa[i] != 0.0)
             .map(|i| {
-                let (x, y) = (x(i) - scheme.rest[i], y(i) - scheme.rest[i]);
-                0.5 * self.m[i] * scheme.kappa[i] * (x * y)
+                let (x, y) = (x(i) - mesh_scheme.rest[i], y(i) - mesh_scheme.rest[i]);
+                0.5 * self.m[i] * mesh_scheme.kappa[i] * (x * y)
             })
             .sum()
     }

@@ -63,7 +63,7 @@ impl Mesh {
             Scheme::physical(network, rate)?
         };
         let inverse = |w: &f64| if *w > 0.0 { 1.0 / w } else { 0.0 };
-        let mut mesh = Self {
+        let mut new_mesh = Self {
             m: scheme.w.iter().map(inverse).collect(),
             springs: Vec::new(),
             firsts: Vec::new(),
@@ -71,28 +71,30 @@ impl Mesh {
             damped: false,
             scheme,
         };
-        for run in &mesh.scheme.runs {
+        for run in &new_mesh.scheme.runs {
             let (k, q, z) = match &run.kind {
                 Kind::Ref => (run.k, 0.0, run.z),
                 Kind::Hardening(q) => (run.k, *q, run.z),
                 Kind::Lnl { law, rate, .. } if law.hardening_spring().is_some() => {
-                    let by = law
+                    let hardening = law
                         .hardening_spring()
-                        .map_or((0.0, 0.0, None), |by| (by.k, by.q, by.z));
-                    (by.0, by.1, by.2.unwrap_or(0.0) * rate)
+                        .map_or((0.0, 0.0, None), |hardening| {
+                            (hardening.k, hardening.q, hardening.z)
+                        });
+                    (hardening.0, hardening.1, hardening.2.unwrap_or(0.0) * rate)
                 }
                 other => {
-                    mesh.damped |= match other {
+                    new_mesh.damped |= match other {
                         Kind::Lnl { law, .. } => law.is_damped(),
                         _ => run.z != 0.0,
                     };
-                    mesh.others.push(run.clone());
+                    new_mesh.others.push(run.clone());
                     continue;
                 }
             };
-            mesh.damped |= z != 0.0;
-            mesh.firsts.push(run.first);
-            mesh.springs.push(Spring {
+            new_mesh.damped |= z != 0.0;
+            new_mesh.firsts.push(run.first);
+            new_mesh.springs.push(Spring {
                 a: run.a,
                 b: run.b,
                 len: run.len,
@@ -103,7 +105,7 @@ impl Mesh {
                 pull: Pull::Both(run.a, run.b),
             });
         }
-        Ok(mesh)
+        Ok(new_mesh)
     }
 
     pub(super) fn n_mat(&self) -> usize {
@@ -135,10 +137,10 @@ impl Mesh {
 
     /// V0 per step [m]; 0 for MATs that do not move freely   (n_mat)
     pub(super) fn start(&self, network: &Network) -> Vec<f64> {
-        let mats = network.mats();
+        let network_mats = network.mats();
         (0..self.n_mat())
-            .map(|i| match mats.kind[i] {
-                MatKind::Mas | MatKind::Cel => mats.v0[i] / self.scheme.rate,
+            .map(|i| match network_mats.kind[i] {
+                MatKind::Mas | MatKind::Cel => network_mats.v0[i] / self.scheme.rate,
                 MatKind::Sol | MatKind::Imposed | MatKind::Proxy => 0.0,
             })
             .collect()
@@ -219,12 +221,12 @@ impl Mesh {
         changed: [&mut [f64]; N],
         work: impl Fn(Range<usize>, Ties<'_>, [&mut [f64]; N]) + Sync,
     ) {
-        let ties = self.ties();
+        let mesh_ties = self.ties();
         match scratch.mesh_partition() {
             Some(mesh_partition) => mesh_partition.ranges(team, changed, |mats, changed| {
-                work(mats.clone(), ties.range(mats), changed);
+                work(mats.clone(), mesh_ties.range(mats), changed);
             }),
-            None => work(0..self.n_mat(), ties, changed),
+            None => work(0..self.n_mat(), mesh_ties, changed),
         }
     }
 
@@ -236,31 +238,33 @@ impl Mesh {
 
     fn others(&self, part: Part, [x, v]: [&[f64]; 2], scratch: &mut Scratch, force: &mut [f64]) {
         for run in &self.others {
-            let f = &mut scratch.f[..run.len];
+            let link_force = &mut scratch.f[..run.len];
             match &run.kind {
                 Kind::Lnl {
                     law,
                     rate,
                     room: room_index,
                 } => {
-                    let laws = &mut scratch.laws;
-                    let (e, de) = (&mut laws.e[..run.len], &mut laws.v[..run.len]);
+                    let law_buffers = &mut scratch.laws;
+                    let (e, de) = (&mut law_buffers.e[..run.len], &mut law_buffers.v[..run.len]);
                     for i in 0..run.len {
                         e[i] = x[run.b + i] - x[run.a + i] - run.rest;
                         de[i] = (v[run.b + i] - v[run.a + i]) * rate;
                     }
-                    let law_scratch = &mut laws.scratch[*room_index];
+                    let law_scratch = &mut law_buffers.scratch[*room_index];
                     match part {
-                        Part::Elastic => law.spring_run(e, f, law_scratch),
-                        Part::Viscous => law.drag_run(e, de, f, law_scratch),
-                        Part::Total => law.eval_in(e, de, f, law_scratch, &mut laws.native),
+                        Part::Elastic => law.spring_run(e, link_force, law_scratch),
+                        Part::Viscous => law.drag_run(e, de, link_force, law_scratch),
+                        Part::Total => {
+                            law.eval_in(e, de, link_force, law_scratch, &mut law_buffers.native)
+                        }
                     }
                 }
                 _ => {
-                    for (i, f) in f.iter_mut().enumerate() {
+                    for (i, link_force) in link_force.iter_mut().enumerate() {
                         let e = x[run.b + i] - x[run.a + i] - run.rest;
                         let de = v[run.b + i] - v[run.a + i];
-                        *f = match part {
+                        *link_force = match part {
                             Part::Elastic => run.force(e, 0.0),
                             Part::Viscous => run.force(e, de) - run.force(e, 0.0),
                             Part::Total => run.force(e, de),
@@ -268,7 +272,7 @@ impl Mesh {
                     }
                 }
             }
-            passes::pull(f, run.a, run.b, force);
+            passes::pull(link_force, run.a, run.b, force);
         }
     }
 }
@@ -279,8 +283,8 @@ fn only_ca(what: &str) -> String {
 
 /// Refuses links with a state of their own: a mesh stores only positions and velocities.
 fn refuse_stateful_links(network: &Network) -> Result<(), Error> {
-    let mut runs = network.runs().iter();
-    match runs.find(|run| matches!(run.kind, LinkKind::Bristle(_) | LinkKind::Dry(_))) {
+    let mut link_runs = network.runs().iter();
+    match link_runs.find(|run| matches!(run.kind, LinkKind::Bristle(_) | LinkKind::Dry(_))) {
         Some(run) => Err(Error::Refused {
             module: network.link_name(run.first),
             message: only_ca("a BRISTLE or a DRY link"),
@@ -292,22 +296,25 @@ fn refuse_stateful_links(network: &Network) -> Result<(), Error> {
 /// Refuses what methods other than CA cannot step: they need parameters in continuous time, and forces that are
 /// functions of the positions and velocities.
 fn check_supported(network: &Network) -> Result<(), Error> {
-    let discrete = network.parts().iter().find(|part| part.ca_rate.is_some());
-    if let Some(part) = discrete {
+    let discrete = network
+        .parts()
+        .iter()
+        .find(|discrete_part| discrete_part.ca_rate.is_some());
+    if let Some(discrete_part) = discrete {
         return Err(Error::Refused {
-            module: part.name.clone(),
+            module: discrete_part.name.clone(),
             message: only_ca("a part under `units: ca`, whose steps are its definition"),
         });
     }
-    if let Some(proxy) = network.proxies().first() {
+    if let Some(first_proxy) = network.proxies().first() {
         return Err(Error::Refused {
-            module: network.mat_name(proxy.mat),
+            module: network.mat_name(first_proxy.mat),
             message: only_ca("a PROXY"),
         });
     }
-    if let Some((mat, _)) = network.followed().next() {
+    if let Some((followed_mat, _)) = network.followed().next() {
         return Err(Error::Refused {
-            module: network.mat_name(mat),
+            module: network.mat_name(followed_mat),
             message: "only the CA scheme can step what follows a MAT".to_owned(),
         });
     }
@@ -318,10 +325,10 @@ fn check_supported(network: &Network) -> Result<(), Error> {
                 message: only_ca("a link in space"),
             });
         }
-        let LinkKind::But(but) = &run.kind else {
+        let LinkKind::But(but_link) = &run.kind else {
             continue;
         };
-        if but.contact != Contact::Plain {
+        if but_link.contact != Contact::Plain {
             return Err(Error::Refused {
                 module: network.link_name(run.first),
                 message: only_ca("an exact or a magic contact"),

@@ -16,8 +16,9 @@ pub(super) struct MeshStage<'a, 'b> {
 
 impl Stage for MeshStage<'_, '_> {
     fn links(&mut self) {
-        let motion = [&*self.x, &*self.d];
-        self.mesh.total(motion, self.scratch, self.force, self.team);
+        let mat_motion = [&*self.x, &*self.d];
+        self.mesh
+            .total(mat_motion, self.scratch, self.force, self.team);
     }
 
     fn motion(&mut self) -> Motion<'_> {

@@ -80,12 +80,12 @@ pub(super) struct Ties<'a> {
 impl<'a> Ties<'a> {
     /// The ties of a range of MATs.
     pub(super) fn range(&self, mats: Range<usize>) -> Self {
-        let part_of = |numbers: &'a [f64]| &numbers[mats.clone()];
+        let mat_slice = |numbers: &'a [f64]| &numbers[mats.clone()];
         Self {
-            w: part_of(self.w),
-            kappa: part_of(self.kappa),
-            zeta: part_of(self.zeta),
-            rest: part_of(self.rest),
+            w: mat_slice(self.w),
+            kappa: mat_slice(self.kappa),
+            zeta: mat_slice(self.zeta),
+            rest: mat_slice(self.rest),
         }
     }
 

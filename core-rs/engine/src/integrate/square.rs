@@ -40,8 +40,8 @@ impl Square {
     /// The (n, n) block whose first entry is at `row` and `column`.
     pub(crate) fn block(&self, row: usize, column: usize, n: usize) -> Self {
         let column = |j: usize| {
-            let first = (column + j) * self.n + row;
-            &self.entries[first..first + n]
+            let first_entry = (column + j) * self.n + row;
+            &self.entries[first_entry..first_entry + n]
         };
         Self {
             n,
@@ -58,8 +58,8 @@ impl Square {
 
     /// self + factor·other.
     pub(crate) fn plus(mut self, other: &Self, factor: f64) -> Self {
-        let pairs = self.entries.iter_mut().zip(&other.entries);
-        pairs.for_each(|(own, other)| *own += factor * other);
+        let entry_pairs = self.entries.iter_mut().zip(&other.entries);
+        entry_pairs.for_each(|(own, other)| *own += factor * other);
         self
     }
 
@@ -70,44 +70,45 @@ impl Square {
 
     /// self·x.
     pub(crate) fn apply(&self, x: &[f64]) -> Vec<f64> {
-        let mut y = vec![0.0; self.n];
-        dense::apply(&self.entries, x, &mut y);
-        y
+        let mut product = vec![0.0; self.n];
+        dense::apply(&self.entries, x, &mut product);
+        product
     }
 
     pub(crate) fn power(&self, mut exponent: u32) -> Self {
-        let (mut power, mut square) = (Self::identity(self.n), self.clone());
+        let (mut raised_matrix, mut squared_base) = (Self::identity(self.n), self.clone());
         while exponent > 0 {
             if exponent & 1 == 1 {
-                power = power.times(&square);
+                raised_matrix = raised_matrix.times(&squared_base);
             }
             exponent >>= 1;
             if exponent > 0 {
-                square = square.times(&square);
+                squared_base = squared_base.times(&squared_base);
             }
         }
-        power
+        raised_matrix
     }
 
     /// e^self: the matrix is halved until its norm is ½ or less, and the sum of the series is squared as often.
     pub(crate) fn exponential(&self) -> Self {
         let columns = self.entries.chunks_exact(self.n.max(1));
-        let norm = columns.map(|column| column.iter().map(|entry| entry.abs()).sum::<f64>());
-        let (mut norm, mut squarings) = (norm.fold(0.0, f64::max), 0);
-        while norm > 0.5 && squarings < 64 {
-            (norm, squarings) = (0.5 * norm, squarings + 1);
+        let column_norm = columns.map(|column| column.iter().map(|entry| entry.abs()).sum::<f64>());
+        let (mut column_norm, mut squarings) = (column_norm.fold(0.0, f64::max), 0);
+        while column_norm > 0.5 && squarings < 64 {
+            (column_norm, squarings) = (0.5 * column_norm, squarings + 1);
         }
-        let small = self
+        let scaled_matrix = self
             .clone()
             .scaled(1.0 / (1_u64 << squarings.min(63)) as f64);
-        let mut sum = Self::identity(self.n);
+        let mut series_sum = Self::identity(self.n);
         for term in (1..=TERMS).rev() {
-            sum = Self::identity(self.n).plus(&small.times(&sum), 1.0 / f64::from(term));
+            series_sum = Self::identity(self.n)
+                .plus(&scaled_matrix.times(&series_sum), 1.0 / f64::from(term));
         }
         for _ in 0..squarings {
-            sum = sum.times(&sum);
+            series_sum = series_sum.times(&series_sum);
         }
-        sum
+        series_sum
     }
 
     /// self·other⁻¹; `None` if `other` has no inverse.
@@ -129,12 +130,12 @@ mod tests {
     /// Compares e^A of a rotation, a decay and a shear with the closed form.
     #[test]
     fn exponential_of_rotation_decay_and_shear() {
-        let mut a = Square::zero(5);
-        (*a.entry(0, 1), *a.entry(1, 0)) = (7.0, -7.0);
-        *a.entry(2, 2) = -3.0;
-        *a.entry(3, 4) = 40.0;
-        let e = a.exponential();
-        let cases = [
+        let mut test_matrix = Square::zero(5);
+        (*test_matrix.entry(0, 1), *test_matrix.entry(1, 0)) = (7.0, -7.0);
+        *test_matrix.entry(2, 2) = -3.0;
+        *test_matrix.entry(3, 4) = 40.0;
+        let exponential = test_matrix.exponential();
+        let entry_cases = [
             (0, 0, crate::maths::cos(7.0)),
             (0, 1, crate::maths::sin(7.0)),
             (1, 0, -crate::maths::sin(7.0)),
@@ -143,27 +144,40 @@ mod tests {
             (4, 4, 1.0),
             (2, 0, 0.0),
         ];
-        for (row, column, right) in cases {
-            assert!((e.get(row, column) - right).abs() < 1e-12, "{row} {column}");
+        for (row, column, right) in entry_cases {
+            assert!(
+                (exponential.get(row, column) - right).abs() < 1e-12,
+                "{row} {column}"
+            );
         }
     }
 
     #[test]
     fn power_and_quotient_of_square_matrices() {
-        let n = 7;
-        let mut a = Square::identity(n);
-        for i in 0..n * n {
-            a.entries[i] += 0.1 * (((i * 37) % 11) as f64 - 5.0) / 5.0;
+        let matrix_size = 7;
+        let mut test_matrix = Square::identity(matrix_size);
+        for i in 0..matrix_size * matrix_size {
+            test_matrix.entries[i] += 0.1 * (((i * 37) % 11) as f64 - 5.0) / 5.0;
         }
-        let by_hand = (0..13).fold(Square::identity(n), |power, _| power.times(&a));
-        let apart = a.power(13).plus(&by_hand, -1.0);
-        let largest = by_hand.entries.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
-        assert!(apart.entries.iter().all(|x| x.abs() < 1e-13 * largest));
-        let back = a
-            .times(&by_hand)
-            .over(&by_hand)
-            .map(|back| back.plus(&a, -1.0));
+        let repeated_power = (0..13).fold(Square::identity(matrix_size), |power, _| {
+            power.times(&test_matrix)
+        });
+        let power_error = test_matrix.power(13).plus(&repeated_power, -1.0);
+        let largest = repeated_power
+            .entries
+            .iter()
+            .fold(0.0_f64, |m, x| m.max(x.abs()));
+        assert!(
+            power_error
+                .entries
+                .iter()
+                .all(|x| x.abs() < 1e-13 * largest)
+        );
+        let back = test_matrix
+            .times(&repeated_power)
+            .over(&repeated_power)
+            .map(|back| back.plus(&test_matrix, -1.0));
         assert!(back.is_some_and(|off| off.entries.iter().all(|x| x.abs() < 1e-10)));
-        assert!(a.over(&Square::zero(n)).is_none());
+        assert!(test_matrix.over(&Square::zero(matrix_size)).is_none());
     }
 }

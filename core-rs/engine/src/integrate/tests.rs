@@ -41,21 +41,23 @@ fn row(n: usize, k: f64, q: f64, z: f64) -> Network {
         );
         network.mas(&format!("m{i}"), 1e-3, x0, v0).expect("a mass");
     }
-    let left = network.sol("left", 0.0).expect("a point");
-    let right = network.sol("right", 0.0).expect("a point");
-    let law = Arc::new(Law::hardening(k, q, z).expect("a law"));
-    let mut join = |name: String, a: usize, b: usize| {
+    let left_end = network.sol("left", 0.0).expect("a point");
+    let right_end = network.sol("right", 0.0).expect("a point");
+    let hardening_law = Arc::new(Law::hardening(k, q, z).expect("a law"));
+    let mut join_links = |name: String, a: usize, b: usize| {
         if q == 0.0 {
             network.spring(&name, a, b, k, z, 0.0).expect("a spring");
         } else {
-            network.lnl(&name, a, b, law.clone(), 0.0).expect("a link");
+            network
+                .lnl(&name, a, b, hardening_law.clone(), 0.0)
+                .expect("a link");
         }
     };
-    join("first".to_owned(), left, 0);
+    join_links("first".to_owned(), left_end, 0);
     for i in 1..n {
-        join(format!("l{i}"), i - 1, i);
+        join_links(format!("l{i}"), i - 1, i);
     }
-    join("last".to_owned(), n - 1, right);
+    join_links("last".to_owned(), n - 1, right_end);
     network
 }
 
@@ -78,20 +80,20 @@ fn hex_of(radius: usize, f: f64, hardening: f64, t60: Option<f64>) -> Network {
 /// Positions of all MATs over some frames; `strikes`: (frame, MAT, impulse). Ends early if positions leave the valid
 /// range.
 fn play(mut it: Integrator, frames: usize, strikes: &[(usize, usize, f64)]) -> Vec<Vec<f64>> {
-    let mut path = Vec::with_capacity(frames);
+    let mut position_frames = Vec::with_capacity(frames);
     for n in 0..frames {
-        let now: Vec<(usize, f64)> = strikes
+        let frame_strikes: Vec<(usize, f64)> = strikes
             .iter()
             .filter(|strike| strike.0 == n)
             .map(|strike| (strike.1, strike.2))
             .collect();
-        it.step(&now, &mut ThreadTeam::alone());
+        it.step(&frame_strikes, &mut ThreadTeam::alone());
         if !it.sound() {
             break;
         }
-        path.push(it.positions().to_vec());
+        position_frames.push(it.positions().to_vec());
     }
-    path
+    position_frames
 }
 
 /// 20·log10(‖y − x‖/‖x‖) over all MATs and the frames of `x`; +∞ if `y` ended early.
@@ -99,21 +101,21 @@ fn decibels(y: &[Vec<f64>], x: &[Vec<f64>]) -> f64 {
     if y.len() < x.len() {
         return f64::INFINITY;
     }
-    let (mut error, mut size) = (0.0, 0.0);
+    let (mut error_energy, mut signal_energy) = (0.0, 0.0);
     for (y, x) in y.iter().zip(x) {
         for (y, x) in y.iter().zip(x) {
-            error += (y - x) * (y - x);
-            size += x * x;
+            error_energy += (y - x) * (y - x);
+            signal_energy += x * x;
         }
     }
-    10.0 * crate::maths::log10(error / size)
+    10.0 * crate::maths::log10(error_energy / signal_energy)
 }
 
 /// Order of convergence between successive doublings of the rate, from errors in decibels.
 fn slopes(errors: &[f64]) -> Vec<f64> {
-    let two = 20.0 * crate::maths::log10(2.0);
+    let doubling_db = 20.0 * crate::maths::log10(2.0);
     errors
         .windows(2)
-        .map(|pair| (pair[0] - pair[1]) / two)
+        .map(|pair| (pair[0] - pair[1]) / doubling_db)
         .collect()
 }

@@ -57,8 +57,8 @@ impl Island {
         options: Options,
     ) -> Result<Self, Error> {
         refuse_ledger_of_hands(timeline, options)?;
-        let (mut scheme, links) = numbers(&network, timeline, steps)?;
-        let mut matter = begin(&network, timeline, bodies, &scheme, links, steps)?;
+        let (mut scheme, fine_links) = numbers(&network, timeline, steps)?;
+        let mut matter = begin(&network, timeline, bodies, &scheme, fine_links, steps)?;
         let gestures = framed(timeline);
         let (scripts, voices) = build_voices(&network, timeline, &gestures, bodies)?;
         let guard = guard(&network, timeline, bodies, &scheme, &matter, options)?;
@@ -176,12 +176,12 @@ fn numbers(
 ) -> Result<(Scheme, Vec<Run>), Error> {
     let mut scheme = Scheme::new(network, timeline.rate)?;
     gate(&mut scheme, timeline);
-    let links = if steps < FINE {
+    let fine_links = if steps < FINE {
         Vec::new()
     } else {
         scheme.take_fine(&timeline.steered())
     };
-    Ok((scheme, links))
+    Ok((scheme, fine_links))
 }
 
 /// Where everything is at frame 0, with values that glide or follow as they are there.
@@ -193,23 +193,30 @@ fn begin(
     mut links: Vec<Run>,
     steps: usize,
 ) -> Result<Matter, Error> {
-    let acts = |first: usize| interrupt::each(&links).all(|run| run.first != first);
-    let begun = match &timeline.leads[..] {
+    let link_acts = |first: usize| interrupt::each(&links).all(|run| run.first != first);
+    let start_values = match &timeline.leads[..] {
         [] if network.following_masses().is_empty() => None,
         leads => {
-            let begun = first(network, leads)?;
-            let begun = begun.with_masses_at(&positions(network, timeline, &timeline.drives));
-            let mut scheme = Scheme::new(&begun, timeline.rate)?;
+            let start_values = first(network, leads)?;
+            let start_values =
+                start_values.with_masses_at(&positions(network, timeline, &timeline.drives));
+            let mut scheme = Scheme::new(&start_values, timeline.rate)?;
             gate(&mut scheme, timeline);
-            Some((begun, scheme))
+            Some((start_values, scheme))
         }
     };
-    let (start_state, island_state) = match &begun {
-        Some((begun, scheme)) => (begun, scheme),
+    let (start_state, island_state) = match &start_values {
+        Some((start_values, scheme)) => (start_values, scheme),
         None => (network, scheme),
     };
-    let mut body = start(start_state, island_state, timeline, &timeline.drives, &acts);
-    let mut bodies = join(plans, start_state, timeline, &mut body, &acts)?;
+    let mut body = start(
+        start_state,
+        island_state,
+        timeline,
+        &timeline.drives,
+        &link_acts,
+    );
+    let mut bodies = join(plans, start_state, timeline, &mut body, &link_acts)?;
     for run in &mut links {
         interrupt::poll();
         if is_led(timeline, run.first) {
@@ -228,8 +235,8 @@ fn begin(
 }
 
 fn is_led(timeline: &Timeline, link: usize) -> bool {
-    let mut leads = timeline.leads.iter();
-    leads.any(|lead| lead.links().contains(&link))
+    let mut timeline_leads = timeline.leads.iter();
+    timeline_leads.any(|lead| lead.links().contains(&link))
 }
 
 /// The guard of links that may stiffen beyond what the scheme can step.
@@ -244,16 +251,16 @@ fn guard(
     if options.unchecked || timeline.is_unguarded {
         return Ok(None); // the run has to show when it really diverges
     }
-    let ports: Vec<usize> = plans.iter().flat_map(BodyPlan::ports).collect();
+    let body_ports: Vec<usize> = plans.iter().flat_map(BodyPlan::ports).collect();
     let guarded = if timeline.leads.is_empty() {
-        Guard::new(scheme, network, Limit::CA, &ports)?
+        Guard::new(scheme, network, Limit::CA, &body_ports)?
     } else {
         let stiffest = greatest(network, &timeline.leads)?;
-        let mut finest = Scheme::new(&stiffest, timeline.rate)?;
+        let mut stiffest_scheme = Scheme::new(&stiffest, timeline.rate)?;
         if matter.fine.is_some() {
-            finest.take_fine(&timeline.steered());
+            stiffest_scheme.take_fine(&timeline.steered());
         }
-        Guard::new(&finest, &stiffest, Limit::CA, &ports)?
+        Guard::new(&stiffest_scheme, &stiffest, Limit::CA, &body_ports)?
     };
     Ok(guarded.map(Box::new))
 }
@@ -285,8 +292,8 @@ fn rise(
     if options.unchecked || is_pushed || !timeline.glides.is_empty() {
         return None;
     }
-    let (bodies, fine) = (&matter.bodies, matter.fine.as_ref());
-    Rise::new(network, scheme, bodies, fine, timeline.rate)
+    let (bodies, fine_state) = (&matter.bodies, matter.fine.as_ref());
+    Rise::new(network, scheme, bodies, fine_state, timeline.rate)
 }
 
 /// Scratch memory of laws, and the partition of a mesh for several threads.
@@ -299,19 +306,19 @@ fn laws(scheme: &Scheme, options: Options) -> Laws {
 
 /// Ergons by rising frame.
 fn ergons(timeline: &Timeline) -> Vec<(u64, Ergon)> {
-    let ergons = timeline.ergons.iter();
-    let mut ergons: Vec<_> = ergons
+    let timeline_ergons = timeline.ergons.iter();
+    let mut timeline_ergons: Vec<_> = timeline_ergons
         .map(|ergon| (timeline.frame(ergon.instant), *ergon))
         .collect();
-    ergons.sort_by_key(|(frame, _)| *frame);
-    ergons
+    timeline_ergons.sort_by_key(|(frame, _)| *frame);
+    timeline_ergons
 }
 
 /// Sets the gate of each run that a gate opens; a gate covers whole runs, however they were cut.
 fn gate(scheme: &mut Scheme, timeline: &Timeline) {
     for (index, gate) in timeline.gates.iter().enumerate() {
-        let runs = scheme.runs.iter_mut().chain(&mut scheme.exact);
-        for run in runs.filter(|run| gate.links().contains(&run.first)) {
+        let scheme_runs = scheme.runs.iter_mut().chain(&mut scheme.exact);
+        for run in scheme_runs.filter(|run| gate.links().contains(&run.first)) {
             run.gate = Some(index);
         }
     }
@@ -321,8 +328,13 @@ fn gate(scheme: &mut Scheme, timeline: &Timeline) {
 fn fuse(scheme: &mut Scheme, network: &Network, scripts: &[VoiceScript], timeline: &Timeline) {
     let mut is_excluded = vec![false; network.n_lia()];
     for term in network.outputs().iter().flat_map(|output| &output.terms) {
-        if let Term::Force { first, len, .. } = *term {
-            is_excluded[first..first + len].fill(true);
+        if let Term::Force {
+            first: first_link,
+            len: link_count,
+            ..
+        } = *term
+        {
+            is_excluded[first_link..first_link + link_count].fill(true);
         }
     }
     for &(link, _) in scripts.iter().flat_map(|script| &script.outer_links) {
@@ -346,11 +358,11 @@ fn fine(
     if links.is_empty() {
         return None;
     }
-    let fine = Fine::new(links, network, scheme, bodies, steps, timeline);
+    let fine_state = Fine::new(links, network, scheme, bodies, steps, timeline);
     for modal in bodies.iter_mut().filter_map(inside::RunningBody::modal_mut) {
-        modal.make_tables(fine.instants());
+        modal.make_tables(fine_state.instants());
     }
-    Some(fine)
+    Some(fine_state)
 }
 
 /// Bodies with their ports in the island, started against the forces that the ports feel at frame 0.
@@ -365,28 +377,32 @@ fn join(
         return Ok(Vec::new());
     }
     body.inner = vec![0.0; body.x.len()];
-    let force = crate::start::forces(network, timeline, &body.x, &[], acts);
-    let start = |inside: &BodyPlan| {
-        let playing = inside.start(&force, body)?;
+    let start_forces = crate::start::forces(network, timeline, &body.x, &[], acts);
+    let start_body = |inside: &BodyPlan| {
+        let playing = inside.start(&start_forces, body)?;
         playing.place(body);
         Ok(playing)
     };
-    bodies.iter().map(start).collect()
+    bodies.iter().map(start_body).collect()
 }
 
 /// Writes the outputs of a network at rest at its initial positions into `outputs` (n_out).
 pub(crate) fn outputs_at_rest(network: &Network, scheme: &Scheme, outputs: &mut [f64]) {
-    let x = network.mats().x0.clone();
-    let mut body = Body::new(scheme, x.clone(), vec![0.0; x.len()]);
+    let start_positions = network.mats().x0.clone();
+    let mut resting_body = Body::new(
+        scheme,
+        start_positions.clone(),
+        vec![0.0; start_positions.len()],
+    );
     // An output may hear the force of a contact that presses at rest.
     kernel::links(
         scheme,
         &[],
-        &mut body,
+        &mut resting_body,
         &mut Laws::new(scheme),
         &mut ThreadTeam::alone(),
     );
-    kernel::proxies::divide(scheme, &mut body);
-    kernel::contacts(scheme, &[], &[], &mut body);
-    kernel::tap(scheme, &body, outputs);
+    kernel::proxies::divide(scheme, &mut resting_body);
+    kernel::contacts(scheme, &[], &[], &mut resting_body);
+    kernel::tap(scheme, &resting_body, outputs);
 }

@@ -31,13 +31,13 @@ impl Island {
     pub(super) fn may_coast(&self) -> bool {
         let (script, state) = (&self.script, &self.state);
         let scheme = &script.scheme;
-        let is_bare = scheme.runs.iter().all(|run| contact(run).is_some())
+        let only_contacts = scheme.runs.iter().all(|run| contact(run).is_some())
             && scheme.fused.is_empty()
             && scheme.exact.is_empty()
             && scheme.proxies.is_empty()
             && scheme.weight.iter().all(|&weight| weight == 0.0);
         let is_struck = |drive: &Drive| matches!(drive.source, Source::Strikes { .. });
-        let is_left = script.hand_bindings.is_empty()
+        let is_left_alone = script.hand_bindings.is_empty()
             && script.drives.iter().all(is_struck)
             && !script.voices.iter().any(|own| own.layer);
         let is_plain =
@@ -47,7 +47,7 @@ impl Island {
             watch.ledger.is_none() && watch.guard.is_none() && watch.mutes.list().next().is_none();
         let by_modes = |body: &inside::RunningBody| body.modal().is_some();
         let has_contacts = !scheme.runs.is_empty() || state.matter.fine.is_some();
-        (is_bare && is_left && is_plain && is_whole)
+        (only_contacts && is_left_alone && is_plain && is_whole)
             && state.matter.bodies.iter().all(by_modes)
             && has_contacts
     }
@@ -60,9 +60,11 @@ impl Island {
         to: usize,
     ) -> Result<usize, Fault> {
         let (script, state) = (&*self.script, &mut self.state);
-        let (scheme, n) = (&script.scheme, state.frame);
-        let mut fine = state.matter.fine.as_mut();
-        if fine.as_ref().is_some_and(|fine| !fine.is_done())
+        let (scheme, first_step) = (&script.scheme, state.frame);
+        let mut fine_state = state.matter.fine.as_mut();
+        if fine_state
+            .as_ref()
+            .is_some_and(|fine_state| !fine_state.is_done())
             || !are_open(scheme, &state.matter.body)
         {
             return Ok(0);
@@ -71,91 +73,104 @@ impl Island {
         if gains.is_some_and(|gains| !gains.is_idle()) {
             return Ok(0);
         }
-        let push = script.pushes.get(state.hands.pushed).map(|push| push.frame);
-        let ergon = script.ergons.get(state.hands.ergons);
-        let ergon = ergon.map(|(frame, _)| *frame);
+        let push_frame = script
+            .pushes
+            .get(state.hands.pushed)
+            .map(|push_frame| push_frame.frame);
+        let next_ergon = script.ergons.get(state.hands.ergons);
+        let next_ergon = next_ergon.map(|(frame, _)| *frame);
         let voices = state.hands.voices.iter().zip(&script.voices);
-        let voices =
-            voices.map(|(voice, own)| voice.idle_until(own, &script.gestures).unwrap_or(n));
-        let events = push.into_iter().chain(ergon).chain(voices);
-        let events = events.chain(state.hands.is_struck().then_some(n));
-        let quiet = events.map(|frame_now| frame_now.saturating_sub(n) as usize);
-        let modals = state
+        let voices = voices.map(|(voice, own)| {
+            voice
+                .idle_until(own, &script.gestures)
+                .unwrap_or(first_step)
+        });
+        let event_frames = push_frame.into_iter().chain(next_ergon).chain(voices);
+        let event_frames = event_frames.chain(state.hands.is_struck().then_some(first_step));
+        let quiet_steps =
+            event_frames.map(|frame_now| frame_now.saturating_sub(first_step) as usize);
+        let modal_bodies = state
             .matter
             .bodies
             .iter()
             .filter_map(inside::RunningBody::modal);
-        let ahead = modals.map(super::modal::RunningModal::ahead);
+        let steps_ahead = modal_bodies.map(super::modal::RunningModal::ahead);
         let rise = state.watch.rise.as_ref();
-        let looks = [
-            rise.map(|_| energy_rise::Rise::steps_left(n)),
-            gains.map(|_| n.next_multiple_of(energy_account::BLOCK) - n),
+        let look_steps = [
+            rise.map(|_| energy_rise::Rise::steps_left(first_step)),
+            gains.map(|_| first_step.next_multiple_of(energy_account::BLOCK) - first_step),
         ];
-        let looks = looks.into_iter().flatten().map(|steps| steps as usize);
-        let steps = quiet.chain(ahead).chain(looks);
-        let steps = steps.fold(to - from, usize::min);
-        if steps < STEPS_MIN {
+        let look_steps = look_steps
+            .into_iter()
+            .flatten()
+            .map(|coast_steps| coast_steps as usize);
+        let coast_steps = quiet_steps.chain(steps_ahead).chain(look_steps);
+        let coast_steps = coast_steps.fold(to - from, usize::min);
+        if coast_steps < STEPS_MIN {
             return Ok(0);
         }
         // The motion without forces is needed here: forces of the step before are cleared.
         state.matter.body.force.fill(0.0);
         let has_bodies = !state.matter.bodies.is_empty();
-        let (mut done, mut sound, mut open_until, mut next_look) = (0, true, 0, 0);
-        while done < steps && sound {
+        let (mut steps_done, mut is_sound, mut open_until, mut next_look) = (0, true, 0, 0);
+        while steps_done < coast_steps && is_sound {
             let body = &mut state.matter.body;
-            if done >= open_until {
-                let stays_open = fine
+            if steps_done >= open_until {
+                let stays_open = fine_state
                     .as_ref()
-                    .is_none_or(|fine| fine.stays_open(scheme, body));
+                    .is_none_or(|fine_state| fine_state.stays_open(scheme, body));
                 if !stays_open || !are_open(scheme, body) {
                     break;
                 }
-                if done >= next_look && !has_bodies {
+                if steps_done >= next_look && !has_bodies {
                     let swing = |mat| swing(scheme, body, mat);
-                    let fine = fine.as_ref();
+                    let fine_state = fine_state.as_ref();
                     if cannot_close(scheme, swing)
-                        && fine.is_none_or(|fine| fine.cannot_close(scheme, swing, SLACK))
+                        && fine_state
+                            .is_none_or(|fine_state| fine_state.cannot_close(scheme, swing, SLACK))
                     {
-                        open_until = done + BOUND_STEPS;
+                        open_until = steps_done + BOUND_STEPS;
                     }
-                    next_look = done + RETRY_STEPS;
+                    next_look = steps_done + RETRY_STEPS;
                 }
             }
-            if done == 0 {
-                fine.iter_mut().for_each(|fine| fine.rest(body));
+            if steps_done == 0 {
+                fine_state
+                    .iter_mut()
+                    .for_each(|fine_state| fine_state.rest(body));
                 for run in &scheme.runs {
                     // With the sign of zero that an open contact's force has.
                     body.link[run.links()].fill(0.0 * contact(run).map_or(0.0, But::sign));
                 }
             }
-            let step = n + done as u64;
-            if let Some(out) = outputs.row(from + done) {
-                kernel::tap(scheme, body, out);
+            let island_step = first_step + steps_done as u64;
+            if let Some(output_row) = outputs.row(from + steps_done) {
+                kernel::tap(scheme, body, output_row);
                 let bodies = state.matter.bodies.iter();
                 for modal in bodies.filter_map(inside::RunningBody::modal) {
-                    modal.tap_ahead(done, out);
+                    modal.tap_ahead(steps_done, output_row);
                 }
-                state.watch.mutes.fade(step, scheme, out);
+                state.watch.mutes.fade(island_step, scheme, output_row);
             }
             for (voice, own) in state.hands.voices.iter_mut().zip(&script.voices) {
-                voice.step_idle(own, &mut state.hands.reports, step);
+                voice.step_idle(own, &mut state.hands.reports, island_step);
             }
-            sound = kernel::advance(scheme, &mut [], body, None, &mut ThreadTeam::alone());
-            done += 1;
+            is_sound = kernel::advance(scheme, &mut [], body, None, &mut ThreadTeam::alone());
+            steps_done += 1;
             let bodies = state.matter.bodies.iter();
             for modal in bodies.filter_map(inside::RunningBody::modal) {
-                modal.place_ahead(done, body);
+                modal.place_ahead(steps_done, body);
             }
         }
-        let modals = state.matter.bodies.iter_mut();
-        for modal in modals.filter_map(inside::RunningBody::modal_mut) {
-            modal.coast(done);
+        let modal_bodies = state.matter.bodies.iter_mut();
+        for modal in modal_bodies.filter_map(inside::RunningBody::modal_mut) {
+            modal.coast(steps_done);
         }
-        state.frame += done as u64;
-        if !sound {
+        state.frame += steps_done as u64;
+        if !is_sound {
             self.fault()?;
         }
-        Ok(done)
+        Ok(steps_done)
     }
 }
 
@@ -170,8 +185,9 @@ fn contact(run: &Run) -> Option<&But> {
 /// Whether no contact that is computed once a step pushes in this step.
 fn are_open(scheme: &Scheme, body: &Body) -> bool {
     scheme.runs.iter().all(|run| {
-        let side = contact(run).map_or(0.0, But::sign);
-        let is_closed = |i: usize| side * (body.x[run.b + i] - body.x[run.a + i] - run.rest) > 0.0;
+        let contact_side = contact(run).map_or(0.0, But::sign);
+        let is_closed =
+            |i: usize| contact_side * (body.x[run.b + i] - body.x[run.a + i] - run.rest) > 0.0;
         !(0..run.len).any(is_closed)
     })
 }
@@ -180,11 +196,13 @@ fn are_open(scheme: &Scheme, body: &Body) -> bool {
 /// distance of each from its rest position, and its step [m].
 fn cannot_close(scheme: &Scheme, swing: impl Fn(usize) -> [f64; 2]) -> bool {
     scheme.runs.iter().all(|run| {
-        let side = contact(run).map_or(0.0, But::sign);
+        let contact_side = contact(run).map_or(0.0, But::sign);
         (0..run.len).all(|i| {
-            let (a, b) = (run.a + i, run.b + i);
-            let middle = scheme.rest[b] - scheme.rest[a] - run.rest;
-            side * middle + (swing(a)[0] + swing(b)[0]) * (1.0 + SLACK) < -HAIR
+            let (first_mat, second_mat) = (run.a + i, run.b + i);
+            let rest_elongation = scheme.rest[second_mat] - scheme.rest[first_mat] - run.rest;
+            contact_side * rest_elongation
+                + (swing(first_mat)[0] + swing(second_mat)[0]) * (1.0 + SLACK)
+                < -HAIR
         })
     })
 }
@@ -194,32 +212,33 @@ fn cannot_close(scheme: &Scheme, swing: impl Fn(usize) -> [f64; 2]) -> bool {
 fn swing(scheme: &Scheme, body: &Body, mat: usize) -> [f64; 2] {
     let (kappa, b) = (scheme.kappa[mat], 1.0 - scheme.zeta[mat]);
     let x = body.x[mat] - scheme.rest[mat];
-    let before = x - body.d[mat];
-    let inner = body.inner.get(mat).copied().unwrap_or(0.0);
-    if body.d[mat] == 0.0 && kappa * x == 0.0 && inner == 0.0 {
+    let position_before = x - body.d[mat];
+    let inner_motion = body.inner.get(mat).copied().unwrap_or(0.0);
+    if body.d[mat] == 0.0 && kappa * x == 0.0 && inner_motion == 0.0 {
         return [x.abs(), 0.0];
     }
-    if inner != 0.0 || b <= 0.0 || b > 1.0 || kappa < 0.0 {
+    if inner_motion != 0.0 || b <= 0.0 || b > 1.0 || kappa < 0.0 {
         return [f64::INFINITY; 2];
     }
     // x[n+1] = 2h·x[n] − b·x[n−1]: poles h ± √(h² − b).
     let h = 0.5 * (1.0 + b - kappa);
-    let room = b - h * h;
-    if room > 0.0 {
+    let imaginary_square = b - h * h;
+    if imaginary_square > 0.0 {
         // Poles of magnitude √b: `past` is the position a step before, less the decay of one step. Each pole is √κ away
         // from 1.
-        let past = before * b.sqrt();
-        let square = (x * x + past * past - 2.0 * x * before * h) * b / room;
-        let amplitude = square.max(0.0).sqrt();
+        let past = position_before * b.sqrt();
+        let amplitude_square =
+            (x * x + past * past - 2.0 * x * position_before * h) * b / imaginary_square;
+        let amplitude = amplitude_square.max(0.0).sqrt();
         return [amplitude, amplitude * kappa.sqrt()];
     }
-    let root = (-room).sqrt();
-    let [fast, slow] = [h - root, h + root];
-    if fast < 0.0 || slow > 1.0 || root == 0.0 {
+    let pole_offset = (-imaginary_square).sqrt();
+    let [fast, slow] = [h - pole_offset, h + pole_offset];
+    if fast < 0.0 || slow > 1.0 || pole_offset == 0.0 {
         return [f64::INFINITY; 2];
     }
     // x[n] = u·slowⁿ + v·fastⁿ.
-    let u = slow * (x - before * fast) / (2.0 * root);
+    let u = slow * (x - position_before * fast) / (2.0 * pole_offset);
     let v = x - u;
     [
         u.abs() + v.abs(),

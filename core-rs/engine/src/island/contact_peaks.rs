@@ -27,8 +27,8 @@ pub(super) struct ContactPeaks {
 
 impl ContactPeaks {
     pub(super) fn new(network: &Network) -> Self {
-        let runs = network.runs().iter();
-        let contacts = runs.filter(|run| run.kind.is_contact());
+        let network_runs = network.runs().iter();
+        let contacts = network_runs.filter(|run| run.kind.is_contact());
         let links: Vec<u32> = contacts
             .flat_map(|run| (run.first..run.first + run.len).map(|link| link as u32))
             .collect();

@@ -38,14 +38,14 @@ impl PortBinding {
 impl PortState {
     /// Take the newest forces of a port of another version, whose delay may be another. Allocates nothing.
     pub(super) fn take_over(&mut self, old: &Self) {
-        let (room, count) = (self.forces.len(), old.forces.len());
-        for age in 0..room {
-            let force = if age < count {
-                old.forces[(old.oldest + count - 1 - age) % count]
+        let (new_length, old_length) = (self.forces.len(), old.forces.len());
+        for age in 0..new_length {
+            let past_force = if age < old_length {
+                old.forces[(old.oldest + old_length - 1 - age) % old_length]
             } else {
                 0.0
             };
-            self.forces[(self.oldest + room - 1 - age) % room] = force;
+            self.forces[(self.oldest + new_length - 1 - age) % new_length] = past_force;
         }
     }
 }
@@ -53,11 +53,11 @@ impl PortState {
 /// The delayed ports among drives, in steps of 1/`rate`.
 pub(super) fn port_bindings(drives: &[Drive], rate: f64) -> Vec<PortBinding> {
     let binding = |drive: &Drive| {
-        let port = drive.port()?;
+        let delayed_port = drive.port()?;
         Some(PortBinding {
             port: drive.mat,
-            key: port.key,
-            steps: (port.delay * rate).max(1.0),
+            key: delayed_port.key,
+            steps: (delayed_port.delay * rate).max(1.0),
         })
     };
     drives.iter().filter_map(binding).collect()
@@ -74,14 +74,15 @@ pub(super) fn follow(bindings: &[PortBinding], body: &mut Body) {
 /// Push every key by the force on its port a delay ago; between two steps by their forces, in proportion.
 pub(super) fn pass_on(bindings: &[PortBinding], states: &[PortState], body: &mut Body) {
     for (binding, state) in bindings.iter().zip(states) {
-        let share = binding.steps - floor(binding.steps);
-        let next = (state.oldest + 1) % state.forces.len();
-        let force = if share > 0.0 {
-            share * state.forces[state.oldest] + (1.0 - share) * state.forces[next]
+        let oldest_share = binding.steps - floor(binding.steps);
+        let second_oldest = (state.oldest + 1) % state.forces.len();
+        let delayed_force = if oldest_share > 0.0 {
+            oldest_share * state.forces[state.oldest]
+                + (1.0 - oldest_share) * state.forces[second_oldest]
         } else {
-            state.forces[next]
+            state.forces[second_oldest]
         };
-        body.push(binding.key, force);
+        body.push(binding.key, delayed_force);
     }
 }
 
@@ -89,12 +90,14 @@ pub(super) fn pass_on(bindings: &[PortBinding], states: &[PortState], body: &mut
 pub(super) fn lead(bindings: &[PortBinding], scheme: &Scheme, targets: &mut [Target], body: &Body) {
     for binding in bindings {
         let imposed = targets.iter().find(|target| target.mat == binding.key);
-        let x = imposed.map_or_else(
+        let key_position = imposed.map_or_else(
             || kernel::predict(scheme, body, binding.key),
             |target| target.x,
         );
-        let port = targets.iter_mut().find(|target| target.mat == binding.port);
-        port.into_iter().for_each(|target| target.x = x);
+        let port_target = targets.iter_mut().find(|target| target.mat == binding.port);
+        port_target
+            .into_iter()
+            .for_each(|target| target.x = key_position);
     }
 }
 

@@ -55,7 +55,7 @@ impl EmulatedKey {
     /// # Errors
     /// [`Error`] if that MAT is neither a MAS nor a CEL, or the key is unstable at this rate.
     pub fn new(network: &Network, struck: usize, rate: Rate, motor: Motor) -> Result<Self, Error> {
-        let key = Key {
+        let struck_key = Key {
             name: network.mat_name(struck),
             struck,
         };
@@ -68,13 +68,13 @@ impl EmulatedKey {
                 acts_on_free_key: true,
             });
         }
-        let (free, motion) = free_key(network, &timeline, &key, &[])?;
+        let (free, motion) = free_key(network, &timeline, &struck_key, &[])?;
         free.scheme.certify(network)?;
-        let late = motor.delay.max(0.0) * rate.hertz();
-        let full_frames = floor(late);
+        let delay_frames = motor.delay.max(0.0) * rate.hertz();
+        let full_frames = floor(delay_frames);
         Ok(Self {
             sent: vec![0.0; full_frames as usize + 2],
-            before: late - full_frames,
+            before: delay_frames - full_frames,
             laws: Laws::new(&free.scheme),
             targets: Vec::new(),
             frame: 0,
@@ -90,25 +90,25 @@ impl EmulatedKey {
 
     /// Put the key at `x` [m] with no velocity, as an end of its travel stops it.
     pub fn stop_at(&mut self, x: f64) {
-        let (body, struck) = (&mut self.motion.body, self.free.struck);
-        (body.x[struck], body.d[struck]) = (x, 0.0);
+        let (body, struck_mat) = (&mut self.motion.body, self.free.struck);
+        (body.x[struck_mat], body.d[struck_mat]) = (x, 0.0);
     }
 
     /// Compute one frame under a force of the motor, which acts after its delay, and one of a hand [N].
     pub fn step(&mut self, force: f64, hand: f64) {
         self.sent.rotate_left(1);
-        let newest = self.sent.len() - 1;
-        self.sent[newest] = force;
+        let newest_slot = self.sent.len() - 1;
+        self.sent[newest_slot] = force;
         // Without a fraction of a frame the force is what was sent, to the last bit.
-        let late = if self.before > 0.0 {
+        let delayed_force = if self.before > 0.0 {
             self.before * self.sent[0] + (1.0 - self.before) * self.sent[1]
         } else {
             self.sent[1]
         };
-        let force = late + hand;
-        let (free, motion, n) = (&self.free, &mut self.motion, self.frame);
-        free.forces(motion, n, &mut self.laws, &mut self.targets);
-        free.strike_and_move(motion, n, force, &mut self.targets);
+        let force = delayed_force + hand;
+        let (free_key, key_motion, frame_number) = (&self.free, &mut self.motion, self.frame);
+        free_key.forces(key_motion, frame_number, &mut self.laws, &mut self.targets);
+        free_key.strike_and_move(key_motion, frame_number, force, &mut self.targets);
         self.frame += 1;
     }
 }
@@ -122,16 +122,16 @@ mod tests {
 
     fn key(motor: Motor) -> EmulatedKey {
         let mut network = Network::new();
-        let tie = Tie::Physical { k: 0.0, z: 0.0 };
-        let struck = network.cel("key", 0.4, tie, 0.0, 0.0, 0.0).unwrap();
-        EmulatedKey::new(&network, struck, Rate::new(RATE).unwrap(), motor).unwrap()
+        let ground_tie = Tie::Physical { k: 0.0, z: 0.0 };
+        let struck_mat = network.cel("key", 0.4, ground_tie, 0.0, 0.0, 0.0).unwrap();
+        EmulatedKey::new(&network, struck_mat, Rate::new(RATE).unwrap(), motor).unwrap()
     }
 
     /// Positions under a force of the motor that changes at every frame.
     fn path(motor: Motor) -> Vec<f64> {
         let mut key = key(motor);
-        let frames = 0..60;
-        frames
+        let frame_range = 0..60;
+        frame_range
             .map(|n| {
                 key.step(f64::from(n % 7) - 2.5, 0.0);
                 key.position()
@@ -142,15 +142,16 @@ mod tests {
     #[test]
     fn motor_force_with_delay() {
         let undelayed = path(Motor::default());
-        let late = |frames: f64| {
+        let delayed_path = |frames: f64| {
             path(Motor {
                 delay: frames / RATE,
                 push: 0.0,
             })
         };
-        assert_eq!(late(3.0)[3..], undelayed[..57]);
-        let (two, three, between) = (late(2.0), late(3.0), late(2.25));
-        for ((a, b), x) in two.iter().zip(&three).zip(&between) {
+        assert_eq!(delayed_path(3.0)[3..], undelayed[..57]);
+        let (two_frames_late, three_frames_late, between) =
+            (delayed_path(2.0), delayed_path(3.0), delayed_path(2.25));
+        for ((a, b), x) in two_frames_late.iter().zip(&three_frames_late).zip(&between) {
             assert!((0.75 * a + 0.25 * b - x).abs() < 1e-15);
         }
     }
@@ -162,11 +163,11 @@ mod tests {
             delay: 0.01,
             push: 0.0,
         });
-        let mut plain = key(Motor::default());
+        let mut undelayed = key(Motor::default());
         for _ in 0..20 {
             delayed.step(0.0, 0.3);
-            plain.step(0.3, 0.0);
-            assert_eq!(delayed.position(), plain.position());
+            undelayed.step(0.3, 0.0);
+            assert_eq!(delayed.position(), undelayed.position());
         }
     }
 
@@ -178,9 +179,9 @@ mod tests {
             push: -0.2,
         });
         (0..200).for_each(|_| key.step(0.0, 0.0));
-        let fallen = -0.2 * 200.0 * 200.0 / (2.0 * 0.4 * RATE * RATE);
+        let expected_fall = -0.2 * 200.0 * 200.0 / (2.0 * 0.4 * RATE * RATE);
         assert!(
-            (key.position() - fallen).abs() < 1e-12,
+            (key.position() - expected_fall).abs() < 1e-12,
             "{}",
             key.position()
         );

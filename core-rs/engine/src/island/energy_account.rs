@@ -137,11 +137,11 @@ fn joules(energy: f64) -> String {
         (1e-6, "µJ"),
         (1e-9, "nJ"),
     ];
-    let fits = |unit: &&(f64, &str)| energy >= 0.995 * unit.0 && energy < 995.0 * unit.0;
-    let Some((unit, name)) = UNITS.iter().find(fits) else {
+    let unit_fits = |unit: &&(f64, &str)| energy >= 0.995 * unit.0 && energy < 995.0 * unit.0;
+    let Some((unit, unit_name)) = UNITS.iter().find(unit_fits) else {
         return format!("{energy:.1e} J");
     };
-    let size = energy / unit;
-    let digits = usize::from(size < 9.95);
-    format!("{size:.digits$} {name}")
+    let scaled_energy = energy / unit;
+    let decimal_count = usize::from(scaled_energy < 9.95);
+    format!("{scaled_energy:.decimal_count$} {unit_name}")
 }

@@ -60,7 +60,7 @@ impl Gains {
         is_led: impl Fn(usize) -> bool,
     ) -> Option<Box<Self>> {
         let may_gain = |run: &&Run| {
-            let may = match &run.kind {
+            let kind_may_gain = match &run.kind {
                 Kind::Ref | Kind::Followed { .. } | Kind::Dry { .. } => false,
                 Kind::Pairwise { .. } => false, // all contacts of pairs share one account
                 Kind::Hardening(_) => run.len == 1,
@@ -77,9 +77,9 @@ impl Gains {
             // The energy of other links does not change with K alone, or is not that of one link.
             let is_constant = !is_led(run.first);
             let has_energy = matches!(run.kind, Kind::But(_) | Kind::Lnl { .. });
-            may && (is_constant || is_contact) && (run.gate.is_none() || has_energy)
+            kind_may_gain && (is_constant || is_contact) && (run.gate.is_none() || has_energy)
         };
-        let alone = |run: &Run| {
+        let single_links = |run: &Run| {
             let run = run.clone();
             (0..run.len).map(move |i| Run {
                 a: run.a + i,
@@ -89,9 +89,9 @@ impl Gains {
                 ..run.clone()
             })
         };
-        let runs = scheme.runs.iter().chain(&scheme.exact).chain(fused);
-        let runs = runs.filter(may_gain).flat_map(alone);
-        let links: Vec<Watched> = runs.map(Watched::new).collect();
+        let candidate_runs = scheme.runs.iter().chain(&scheme.exact).chain(fused);
+        let candidate_runs = candidate_runs.filter(may_gain).flat_map(single_links);
+        let links: Vec<Watched> = candidate_runs.map(Watched::new).collect();
         let link_work = links.iter().map(|Watched { run, .. }| {
             let is_fused = fused.iter().any(|own| own.links().contains(&run.first));
             LinkWork::new(run, is_fused, run.gate.is_some() || is_led(run.first))
@@ -121,19 +121,19 @@ impl Gains {
 
     /// Whether a step in which no link pushes and nothing is imposed changes no account.
     pub(super) fn is_idle(&self) -> bool {
-        let links = self.link_work.iter();
+        let link_accounts = self.link_work.iter();
         !self.is_fresh
             && self.pairs.is_none()
             && self.put_in.is_idle()
-            && links.map(LinkWork::force).all(|force| force == 0.0)
+            && link_accounts.map(LinkWork::force).all(|force| force == 0.0)
     }
 
     /// Remove links that end on the marked MATs (n_mat).
     pub(super) fn release(&mut self, mats: &[bool]) {
-        let stays = |a: usize, b: usize| !mats[a] && !mats[b];
+        let link_stays = |a: usize, b: usize| !mats[a] && !mats[b];
         self.link_work
-            .retain(|link_work| stays(link_work.a, link_work.b));
-        self.links.retain(|link| stays(link.run.a, link.run.b));
+            .retain(|link_work| link_stays(link_work.a, link_work.b));
+        self.links.retain(|link| link_stays(link.run.a, link.run.b));
         self.pairs.take_if(|pairs| pairs.touches(mats));
         self.restart();
     }
@@ -149,8 +149,8 @@ impl Gains {
         for (link_work, link) in self.link_work.iter_mut().zip(&self.links) {
             link_work.step(link, scheme, gates, body);
         }
-        if let Some(pairs) = &mut self.pairs {
-            pairs.step(body);
+        if let Some(pair_gains) = &mut self.pairs {
+            pair_gains.step(body);
         }
     }
 
@@ -159,8 +159,8 @@ impl Gains {
         for (link_work, link) in self.link_work.iter_mut().zip(&mut self.links) {
             link_work.begin(link, scheme, gates, body);
         }
-        if let Some(pairs) = &mut self.pairs {
-            pairs.begin(body);
+        if let Some(pair_gains) = &mut self.pairs {
+            pair_gains.begin(body);
         }
         self.is_fresh = false;
     }
@@ -177,12 +177,12 @@ fn around(scheme: &Scheme, bodies: &[RunningBody], body: &Body) -> f64 {
         let (x, d) = (body.x[i] - scheme.rest[i], body.d[i]);
         0.5 * (d * d + scheme.kappa[i] * (x * (x - d))) / scheme.w[i]
     };
-    let moving = (0..scheme.n_mat()).filter(|&i| scheme.w[i] > 0.0);
-    let mut sum: f64 = moving.map(squared).sum();
+    let moving_mats = (0..scheme.n_mat()).filter(|&i| scheme.w[i] > 0.0);
+    let mut energy_sum: f64 = moving_mats.map(squared).sum();
     for modal in bodies.iter().filter_map(RunningBody::modal) {
-        modal.energies(|energy| sum += energy);
+        modal.energies(|energy| energy_sum += energy);
     }
-    sum
+    energy_sum
 }
 
 impl Island {
@@ -190,39 +190,39 @@ impl Island {
     /// nothing else was found.
     fn link_gains(&self) -> impl Iterator<Item = (usize, Gain)> {
         let state = &self.state;
-        let links = state.watch.gains.iter().flat_map(|gains| &gains.links);
-        let links = links.filter_map(|link| Some((link.run.first, link.worst?)));
-        let pairs = state.watch.gains.iter().filter_map(|gains| {
-            let pairs = gains.pairs.as_ref()?;
-            Some((pairs.first_link(), pairs.worst()?))
+        let watched_links = state.watch.gains.iter().flat_map(|gains| &gains.links);
+        let watched_links = watched_links.filter_map(|link| Some((link.run.first, link.worst?)));
+        let pair_gains = state.watch.gains.iter().filter_map(|gains| {
+            let pair_gains = gains.pairs.as_ref()?;
+            Some((pair_gains.first_link(), pair_gains.worst()?))
         });
         let fine = state
             .matter
             .fine
             .iter()
             .filter_map(|fine| fine.sprung().worst());
-        let mut all = links.chain(pairs).chain(fine).peekable();
-        let rise = match all.peek() {
+        let mut account_gains = watched_links.chain(pair_gains).chain(fine).peekable();
+        let rise = match account_gains.peek() {
             Some(_) => None,
             None => state.watch.rise.as_ref().and_then(|rise| rise.worst()),
         };
-        all.chain(rise)
+        account_gains.chain(rise)
     }
 
     /// Links and bodies that created energy, each with the most that it created.
     pub(crate) fn gains(&self) -> impl Iterator<Item = (String, Gain)> {
-        let links = self.link_gains();
-        let links = links.map(|(link, gain)| (self.network.link_name(link), gain));
+        let link_gains = self.link_gains();
+        let link_gains = link_gains.map(|(link, gain)| (self.network.link_name(link), gain));
         let bodies = self.state.matter.bodies.iter();
-        links.chain(bodies.filter_map(|body| Some((body.first_module()?.0, body.gain()?))))
+        link_gains.chain(bodies.filter_map(|body| Some((body.first_module()?.0, body.gain()?))))
     }
 
     /// Whether contacts and laws between frames created energy, or the energy of the whole rose though nothing drove it.
     pub(crate) fn has_risen(&self) -> bool {
         let state = &self.state;
-        let fine = state.matter.fine.as_ref();
+        let fine_state = state.matter.fine.as_ref();
         let rise = state.watch.rise.as_ref();
-        fine.is_some_and(|fine| fine.sprung().worst().is_some())
+        fine_state.is_some_and(|fine_state| fine_state.sprung().worst().is_some())
             || rise.is_some_and(|rise| rise.worst().is_some())
     }
 
@@ -234,116 +234,122 @@ impl Island {
 
     /// The most energy that one link or body has created, as a share of the energy that was there.
     pub(crate) fn created_share(&self) -> f64 {
-        let [contacts, others] = self.created_shares();
-        contacts.max(others)
+        let [contacts, other_share] = self.created_shares();
+        contacts.max(other_share)
     }
 
     /// The most energy that one contact has created, and that one law or body has, as shares of the energy that was there.
     pub(crate) fn created_shares(&self) -> [f64; 2] {
         let state = &self.state;
-        let scheme = state
+        let scheme_now = state
             .values
             .scheme
             .as_deref()
             .unwrap_or(&self.script.scheme);
-        let around = around(scheme, &state.matter.bodies, &state.matter.body);
-        let links = state.watch.gains.iter().flat_map(|gains| {
+        let around = around(scheme_now, &state.matter.bodies, &state.matter.body);
+        let watched_links = state.watch.gains.iter().flat_map(|gains| {
             let put_in = gains.put_in.work_max();
-            let links = gains.link_work.iter().zip(&gains.links);
-            links.map(move |(link_work, link)| {
+            let watched_links = gains.link_work.iter().zip(&gains.links);
+            watched_links.map(move |(link_work, link)| {
                 let gain = link_work.gain(link, &state.matter.body, (around, put_in), 0);
                 (matches!(link.run.kind, Kind::But(_)), gain)
             })
         });
         let reported = self.gains().map(|(_, gain)| (false, gain));
-        let mut shares = [0.0_f64; 2];
-        for (is_contact, gain) in links.chain(reported) {
-            let share = gain.created / gain.reference;
-            let worst = &mut shares[usize::from(!is_contact)];
-            *worst = if share.is_finite() {
-                worst.max(share)
+        let mut worst_shares = [0.0_f64; 2];
+        for (is_contact, gain) in watched_links.chain(reported) {
+            let gain_share = gain.created / gain.reference;
+            let worst_share = &mut worst_shares[usize::from(!is_contact)];
+            *worst_share = if gain_share.is_finite() {
+                worst_share.max(gain_share)
             } else {
-                *worst
+                *worst_share
             };
         }
-        shares
+        worst_shares
     }
 
     /// Check the accounts; stop, or mute, if a part created too much.
     #[cold]
     pub(super) fn check_gains(&mut self) -> Result<(), Fault> {
-        let n = self.state.frame;
-        let mut faults: Vec<(String, usize, Gain)> = Vec::new();
+        let island_step = self.state.frame;
+        let mut gain_faults: Vec<(String, usize, Gain)> = Vec::new();
         let state = &mut self.state;
-        let scheme = state
+        let scheme_now = state
             .values
             .scheme
             .as_deref()
             .unwrap_or(&self.script.scheme);
         let (body, bodies) = (&state.matter.body, &state.matter.bodies);
-        let around = || around(scheme, bodies, body);
-        let hands = &self.script.hand_bindings;
+        let around = || around(scheme_now, bodies, body);
+        let hand_bindings = &self.script.hand_bindings;
         // A part that a hand plays is not silenced where another one can be: its key would jump.
         let part = |a: usize, b: usize| {
-            let is_played = |mat: usize| {
-                let mut hands = hands.iter();
-                hands.any(|hand| scheme.part[hand.mat()] == scheme.part[mat])
+            let is_played = |moved_mat: usize| {
+                let mut hand_bindings = hand_bindings.iter();
+                hand_bindings.any(|hand| scheme_now.part[hand.mat()] == scheme_now.part[moved_mat])
             };
-            let rank = |&mat: &usize| (scheme.w[mat] == 0.0, is_played(mat));
-            let end = if rank(&b) < rank(&a) { b } else { a };
-            scheme.part[end] as usize
+            let silencing_rank =
+                |&moved_mat: &usize| (scheme_now.w[moved_mat] == 0.0, is_played(moved_mat));
+            let silenced_end = if silencing_rank(&b) < silencing_rank(&a) {
+                b
+            } else {
+                a
+            };
+            scheme_now.part[silenced_end] as usize
         };
         let mut put_in = 0.0;
         if let Some(gains) = &mut state.watch.gains {
             put_in = gains.put_in.work_max();
-            for (link_work, link) in gains.link_work.iter_mut().zip(&mut gains.links) {
-                let link_gain = link.check(link_work, body, (around, put_in), n);
+            for (link_work, gained_link) in gains.link_work.iter_mut().zip(&mut gains.links) {
+                let link_gain = gained_link.check(link_work, body, (around, put_in), island_step);
                 if let Some(gain) = link_gain.filter(Gain::is_fault) {
                     let part = part(link_work.a, link_work.b);
-                    faults.push((self.network.link_name(link_work.link), part, gain));
+                    gain_faults.push((self.network.link_name(link_work.link), part, gain));
                 }
             }
-            if let Some(pairs) = &mut gains.pairs
-                && let Some(gain) = pairs
-                    .check(body, (around, put_in), n)
+            if let Some(pair_gains) = &mut gains.pairs
+                && let Some(gain) = pair_gains
+                    .check(body, (around, put_in), island_step)
                     .filter(Gain::is_fault)
             {
-                let part = scheme.part[pairs.moving_mat(scheme)] as usize;
-                faults.push((self.network.link_name(pairs.first_link()), part, gain));
+                let part = scheme_now.part[pair_gains.moving_mat(scheme_now)] as usize;
+                gain_faults.push((self.network.link_name(pair_gains.first_link()), part, gain));
             }
         }
-        if let Some(fine) = &mut state.matter.fine
-            && let Some((link, mat, gain)) = fine.sprung_mut().check((around, put_in), n)
+        if let Some(fine_state) = &mut state.matter.fine
+            && let Some((gained_link, moved_mat, gain)) =
+                fine_state.sprung_mut().check((around, put_in), island_step)
             && gain.is_fault()
         {
-            faults.push((
-                self.network.link_name(link),
-                scheme.part[mat] as usize,
+            gain_faults.push((
+                self.network.link_name(gained_link),
+                scheme_now.part[moved_mat] as usize,
                 gain,
             ));
         }
         for body in &mut self.state.matter.bodies {
-            if let Some(gain) = body.check_gain(n).filter(Gain::is_fault)
-                && let Some((module, part)) = body.first_module()
+            if let Some(gain) = body.check_gain(island_step).filter(Gain::is_fault)
+                && let Some((module_name, part)) = body.first_module()
             {
-                faults.push((module, part, gain));
+                gain_faults.push((module_name, part, gain));
             }
         }
-        if let Some((link, mat, gain)) = self.check_rise()
+        if let Some((gained_link, moved_mat, gain)) = self.check_rise()
             && gain.is_fault()
         {
-            let part = self.script.scheme.part[mat] as usize;
-            faults.push((self.network.link_name(link), part, gain));
+            let part = self.script.scheme.part[moved_mat] as usize;
+            gain_faults.push((self.network.link_name(gained_link), part, gain));
         }
-        let parts = self.network.parts();
+        let network_parts = self.network.parts();
         // Under `units: ca` the time step is part of the instrument: the energy that it creates is intended.
-        faults.retain(|(_, part, _)| parts[*part].ca_rate.is_none());
-        for (module, part, gain) in faults {
+        gain_faults.retain(|(_, part, _)| network_parts[*part].ca_rate.is_none());
+        for (module_name, part, gain) in gain_faults {
             if self.script.on_fault == OnFault::Stop {
-                return Err(self.fault_of(module, part, Some(gain)));
+                return Err(self.fault_of(module_name, part, Some(gain)));
             }
             if !self.state.watch.mutes.is_mute(part) {
-                self.mute(part, n);
+                self.mute(part, island_step);
             }
         }
         Ok(())

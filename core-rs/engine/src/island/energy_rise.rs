@@ -90,41 +90,41 @@ impl Rise {
         fine: Option<&Fine>,
         rate: Rate,
     ) -> Option<Box<Self>> {
-        let parts = network.mats().part.iter();
+        let mat_parts = network.mats().part.iter();
         let is_discrete = |part: &u32| network.parts()[*part as usize].ca_rate.is_some();
         let has_energy =
             |body: &RunningBody| body.modal().is_some_and(|modal| modal.cells().is_some());
         let fine_runs = || fine.into_iter().flat_map(Fine::links);
-        let runs = || scheme.runs.iter().chain(&scheme.exact).chain(fine_runs());
-        let n_springs: usize = runs()
+        let all_runs = || scheme.runs.iter().chain(&scheme.exact).chain(fine_runs());
+        let n_springs: usize = all_runs()
             .filter(|run| run.is_hardening())
             .map(|run| run.len)
             .sum();
         let is_known = scheme.proxies.is_empty()
             && scheme.following_masses.is_empty()
             && scheme.weight.iter().all(|&weight| weight == 0.0)
-            && !parts.clone().any(is_discrete)
+            && !mat_parts.clone().any(is_discrete)
             && bodies.iter().all(has_energy)
-            && runs().all(only_loses)
-            && runs().any(|run| !matches!(run.kind, Kind::Ref))
+            && all_runs().all(only_loses)
+            && all_runs().any(|run| !matches!(run.kind, Kind::Ref))
             && n_springs <= energy_gain::LONGEST;
         if !is_known {
             return None;
         }
         let is_port = |mat: usize| bodies.iter().any(|body| body.has_port(mat));
         let mats = network.mats();
-        let motion = |mat: usize| {
-            let n_fine = fine.map_or(0, |fine| fine.touches(mat));
+        let mat_motion = |mat: usize| {
+            let fine_link_count = fine.map_or(0, |fine| fine.touches(mat));
             let (m, k, z) = (mats.m[mat], mats.k[mat], mats.z[mat]);
             match mats.kind[mat] {
                 _ if scheme.w[mat] == 0.0 || is_port(mat) => Motion::None,
-                _ if network.degree(mat) > n_fine => Motion::Stepped,
+                _ if network.degree(mat) > fine_link_count => Motion::Stepped,
                 MatKind::Cel => Motion::Cell(Cell::new(m, k, z)),
                 _ => Motion::Free,
             }
         };
         Some(Box::new(Self {
-            motions: (0..network.n_mat()).map(motion).collect(),
+            motions: (0..network.n_mat()).map(mat_motion).collect(),
             rate,
             first: f64::NAN,
             least: f64::NAN,
@@ -168,11 +168,11 @@ impl Rise {
 
     /// Whether links are to be computed finer because of this gain.
     fn refines(&mut self, gain: &Gain) -> bool {
-        let is_more = gain.created > self.refined + REFINE_SHARE * gain.reference;
-        if is_more {
+        let has_grown = gain.created > self.refined + REFINE_SHARE * gain.reference;
+        if has_grown {
             self.refined = gain.created;
         }
-        is_more
+        has_grown
     }
 }
 
@@ -190,20 +190,25 @@ fn only_loses(run: &Run) -> bool {
 /// Energy of a link between two steps [J], from its elongation at both [m]: what leapfrog steps keep, but for terms of
 /// their fourth order.
 fn between(run: &Run, [now, before]: [f64; 2]) -> f64 {
-    let (middle, stretch) = (0.5 * (now + before), now - before);
-    run.potential(middle) - 0.125 * run.slope(middle) * stretch * stretch
+    let (middle_elongation, stretch) = (0.5 * (now + before), now - before);
+    run.potential(middle_elongation) - 0.125 * run.slope(middle_elongation) * stretch * stretch
 }
 
 /// The same of springs that are computed in one pass, all of a run.
 fn fused(spring: &Spring, body: &Body, total: &mut Total) {
     for i in 0..spring.len {
-        let (a, b) = (spring.a + i, spring.b + i);
-        let stretch = body.d[b] - body.d[a];
-        let middle = body.x[b] - body.x[a] - spring.rest - 0.5 * stretch;
-        let square = middle * middle;
-        total.add(0.5 * spring.k * square + 0.25 * spring.q * square * square);
-        let damped = 0.125 * (spring.k + 3.0 * spring.q * square) + 0.25 * spring.z;
-        total.add(-damped * stretch * stretch);
+        let (first_mat, second_mat) = (spring.a + i, spring.b + i);
+        let stretch = body.d[second_mat] - body.d[first_mat];
+        let middle_elongation =
+            body.x[second_mat] - body.x[first_mat] - spring.rest - 0.5 * stretch;
+        let elongation_square = middle_elongation * middle_elongation;
+        total.add(
+            0.5 * spring.k * elongation_square
+                + 0.25 * spring.q * elongation_square * elongation_square,
+        );
+        let stretch_coefficient =
+            0.125 * (spring.k + 3.0 * spring.q * elongation_square) + 0.25 * spring.z;
+        total.add(-stretch_coefficient * stretch * stretch);
     }
 }
 
@@ -211,30 +216,30 @@ impl Island {
     /// Look at the energy of the island after a step, and return the link that pushes most, a MAT that it moves, and
     /// what was created, if that is worth reporting.
     pub(super) fn check_rise(&mut self) -> Option<(usize, usize, Gain)> {
-        let n = self.state.frame - 1;
+        let last_step = self.state.frame - 1;
         if self.state.watch.rise.is_none()
-            || !n.is_multiple_of(STEPS)
+            || !last_step.is_multiple_of(STEPS)
             || self.state.values.damped < 1.0
         {
             return None;
         }
-        let due = self.due(n + 1);
+        let next_due = self.due(last_step + 1);
         let mut rise = self.state.watch.rise.take()?;
-        let was_quiet = rise.due > n;
-        rise.due = due;
-        let gain = rise.gain(self.total(&rise), was_quiet, n);
-        let gain = gain.filter(|gain| gain.created > self.rounding());
-        if let (Some(gain), Some(fine)) = (&gain, &mut self.state.matter.fine)
-            && rise.refines(gain)
+        let was_quiet = rise.due > last_step;
+        rise.due = next_due;
+        let rise_gain = rise.gain(self.total(&rise), was_quiet, last_step);
+        let rise_gain = rise_gain.filter(|rise_gain| rise_gain.created > self.rounding());
+        if let (Some(rise_gain), Some(fine_state)) = (&rise_gain, &mut self.state.matter.fine)
+            && rise.refines(rise_gain)
         {
-            fine.refine();
+            fine_state.refine();
         }
-        let reported = gain.filter(Gain::is_reportable).and_then(|gain| {
-            let (link, mat) = self.loudest_link()?;
-            if rise.worst != Some(gain.worse_of(rise.worst)) {
-                (rise.worst, rise.link) = (Some(gain), link);
+        let reported = rise_gain.filter(Gain::is_reportable).and_then(|rise_gain| {
+            let (pushing_link, moved_mat) = self.loudest_link()?;
+            if rise.worst != Some(rise_gain.worse_of(rise.worst)) {
+                (rise.worst, rise.link) = (Some(rise_gain), pushing_link);
             }
-            Some((link, mat, gain))
+            Some((pushing_link, moved_mat, rise_gain))
         });
         self.state.watch.rise = Some(rise);
         reported
@@ -244,104 +249,126 @@ impl Island {
     fn total(&self, rise: &Rise) -> Total {
         let state = &self.state;
         let body = &state.matter.body;
-        let scheme = state
+        let scheme_now = state
             .values
             .scheme
             .as_deref()
             .unwrap_or(&self.script.scheme);
-        let mut total = Total::default();
+        let mut energy_total = Total::default();
         for (mat, motion) in rise.motions.iter().enumerate() {
-            let (w, kappa, zeta) = (scheme.w[mat], scheme.kappa[mat], scheme.zeta[mat]);
-            let (x, d) = (body.x[mat] - scheme.rest[mat], body.d[mat]);
+            let (w, kappa, zeta) = (
+                scheme_now.w[mat],
+                scheme_now.kappa[mat],
+                scheme_now.zeta[mat],
+            );
+            let (x, d) = (body.x[mat] - scheme_now.rest[mat], body.d[mat]);
             // What impulses between frames have still to add.
-            let later = || {
+            let later_step = || {
                 w * state
                     .matter
                     .fine
                     .as_ref()
-                    .map_or(0.0, |fine| fine.later_at(mat))
+                    .map_or(0.0, |fine_state| fine_state.later_at(mat))
             };
             match motion {
                 Motion::None => {}
                 Motion::Free => {
-                    let step = d + later();
-                    total.add(0.5 * step * step / w);
+                    let free_step = d + later_step();
+                    energy_total.add(0.5 * free_step * free_step / w);
                 }
                 Motion::Cell(cell) => {
-                    let next = x + d - kappa * x - zeta * d + later();
-                    total.add(cell.energy([x, next], rise.rate));
+                    let next_position = x + d - kappa * x - zeta * d + later_step();
+                    energy_total.add(cell.energy([x, next_position], rise.rate));
                 }
                 Motion::Stepped => {
-                    total.add((0.5 * (d * d + kappa * x * (x - d)) - 0.25 * zeta * d * d) / w);
+                    energy_total
+                        .add((0.5 * (d * d + kappa * x * (x - d)) - 0.25 * zeta * d * d) / w);
                 }
             }
         }
         for modal in state.matter.bodies.iter().filter_map(RunningBody::modal) {
-            modal.energies(|energy| total.add(energy));
+            modal.energies(|link_energy| energy_total.add(link_energy));
         }
-        let open = |run: &Run| run.gate.map_or(1.0, |gate| state.values.gates[gate]);
-        if let Some(fine) = &state.matter.fine {
-            fine.energies(body, open, |energy| total.add(energy));
+        let gate_opening = |run: &Run| run.gate.map_or(1.0, |gate| state.values.gates[gate]);
+        if let Some(fine_state) = &state.matter.fine {
+            fine_state.energies(body, gate_opening, |link_energy| {
+                energy_total.add(link_energy)
+            });
         }
-        for run in scheme.runs.iter().chain(&scheme.exact) {
+        for run in scheme_now.runs.iter().chain(&scheme_now.exact) {
             let is_exact = matches!(&run.kind, Kind::But(but) if but.contact == Contact::Exact);
             for i in 0..run.len {
-                let now = run.elongation(i, |mat| body.x[mat]);
+                let elongation_now = run.elongation(i, |mat| body.x[mat]);
                 let stretch = body.d[run.b + i] - body.d[run.a + i];
-                let both = [now, now - stretch];
+                let elongation_pair = [elongation_now, elongation_now - stretch];
                 if matches!(run.kind, Kind::Ref) {
-                    total.add(-0.25 * run.z * stretch * stretch);
+                    energy_total.add(-0.25 * run.z * stretch * stretch);
                 }
-                let energy = match run.bristle() {
+                let link_energy = match run.bristle() {
                     Some((by, _)) => by.energy(body.memory[run.first + i]),
-                    None if is_exact => 0.5 * both.map(|e| run.potential(e)).iter().sum::<f64>(),
-                    None => between(run, both),
+                    None if is_exact => {
+                        0.5 * elongation_pair
+                            .map(|e| run.potential(e))
+                            .iter()
+                            .sum::<f64>()
+                    }
+                    None => between(run, elongation_pair),
                 };
-                total.add(open(run) * energy);
+                energy_total.add(gate_opening(run) * link_energy);
             }
         }
-        scheme
+        scheme_now
             .fused
             .iter()
-            .for_each(|spring| fused(spring, body, &mut total));
-        total
+            .for_each(|spring| fused(spring, body, &mut energy_total));
+        energy_total
     }
 
     /// Energy that rounding alone explains [J].
     fn rounding(&self) -> f64 {
         let body = &self.state.matter.body;
-        let far = body.x.iter().fold(0.0_f64, |far, x| far.max(x.abs()));
-        let least = DIGITS * f64::EPSILON * far;
+        let largest_position = body
+            .x
+            .iter()
+            .fold(0.0_f64, |largest_position, x| largest_position.max(x.abs()));
+        let elongation_error = DIGITS * f64::EPSILON * largest_position;
         let scheme = &self.script.scheme;
-        let runs = scheme.runs.iter().chain(&scheme.exact);
-        let stiffness = runs.map(|run| run.k * run.len as f64).sum::<f64>()
+        let scheme_runs = scheme.runs.iter().chain(&scheme.exact);
+        let stiffness = scheme_runs.map(|run| run.k * run.len as f64).sum::<f64>()
             + scheme
                 .fused
                 .iter()
                 .map(|run| run.k * run.len as f64)
                 .sum::<f64>();
         let masses = scheme.w.iter().filter(|w| **w > 0.0).map(|w| 1.0 / w);
-        (stiffness + masses.sum::<f64>()) * least * least
+        (stiffness + masses.sum::<f64>()) * elongation_error * elongation_error
     }
 
     /// The contact or law that pushes most now, or the first; and a MAT that it moves.
     fn loudest_link(&self) -> Option<(usize, usize)> {
         let state = &self.state;
         let scheme = &self.script.scheme;
-        let fine = state.matter.fine.iter().flat_map(Fine::links);
-        let runs = scheme.runs.iter().chain(&scheme.exact).chain(fine);
-        let links = runs
+        let fine_runs = state.matter.fine.iter().flat_map(Fine::links);
+        let all_runs = scheme.runs.iter().chain(&scheme.exact).chain(fine_runs);
+        let link_ends = all_runs
             .filter(|run| !matches!(run.kind, Kind::Ref))
             .flat_map(|run| (0..run.len).map(move |i| (run.first + i, [run.a + i, run.b + i])));
-        let push = |link: usize| state.matter.body.link[link].abs();
-        let louder = |loudest: (usize, [usize; 2]), link_push: (usize, [usize; 2])| {
-            if push(link_push.0) > push(loudest.0) {
+        let push_strength = |pushing_link: usize| state.matter.body.link[pushing_link].abs();
+        let louder_of_two = |loudest: (usize, [usize; 2]), link_push: (usize, [usize; 2])| {
+            if push_strength(link_push.0) > push_strength(loudest.0) {
                 link_push
             } else {
                 loudest
             }
         };
-        let (link, [a, b]) = links.reduce(louder)?;
-        Some((link, if scheme.w[a] > 0.0 { a } else { b }))
+        let (pushing_link, [first_mat, second_mat]) = link_ends.reduce(louder_of_two)?;
+        Some((
+            pushing_link,
+            if scheme.w[first_mat] > 0.0 {
+                first_mat
+            } else {
+                second_mat
+            },
+        ))
     }
 }

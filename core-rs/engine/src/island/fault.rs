@@ -72,10 +72,10 @@ pub(super) struct Mutes {
 /// Only parts that are muted are written: how many parts a score has changes nothing in an island.
 impl State for Mutes {
     fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
-        let mut muted: Vec<(usize, u64)> = self.list().collect();
-        archive.list(&mut muted)?;
+        let mut muted_parts: Vec<(usize, u64)> = self.list().collect();
+        archive.list(&mut muted_parts)?;
         self.since.fill(None);
-        for (part, frame) in muted {
+        for (part, frame) in muted_parts {
             *self.since.get_mut(part).ok_or(Damaged)? = Some(frame);
         }
         state_of!(self, archive, last, outputs)
@@ -112,10 +112,10 @@ impl Mutes {
     /// Fade the outputs of muted parts from their last finite sample; keep the samples of the others. A force may be
     /// non-finite one frame before a position shows it: that frame repeats the sample before.
     pub(super) fn fade(&mut self, n: u64, scheme: &Scheme, out: &mut [f64]) {
-        let length = FADE * scheme.rate;
+        let fade_steps = FADE * scheme.rate;
         for ((sample, last), since) in out.iter_mut().zip(&mut self.last).zip(&self.outputs) {
             match since {
-                Some(since) => *sample = *last * (1.0 - (n - since) as f64 / length).max(0.0),
+                Some(since) => *sample = *last * (1.0 - (n - since) as f64 / fade_steps).max(0.0),
                 None if sample.is_finite() => *last = *sample,
                 None => *sample = *last,
             }
@@ -127,8 +127,8 @@ impl Island {
     /// Handles a step that left a position beyond all bounds: stops with the name of the module, or mutes its part.
     #[cold]
     pub(super) fn fault(&mut self) -> Result<(), Fault> {
-        let n = self.state.frame;
-        while let Some((module, part)) = self
+        let fault_step = self.state.frame;
+        while let Some((module_name, part)) = self
             .state
             .matter
             .bodies
@@ -136,25 +136,25 @@ impl Island {
             .find_map(inside::RunningBody::culprit)
         {
             if self.script.on_fault == OnFault::Stop {
-                return Err(self.fault_of(module, part, None));
+                return Err(self.fault_of(module_name, part, None));
             }
-            self.mute(part, n);
+            self.mute(part, fault_step);
         }
-        while let Some(mat) = self.unsound_mat() {
-            let part = self.script.scheme.part[mat] as usize;
+        while let Some(faulty_mat) = self.unsound_mat() {
+            let part = self.script.scheme.part[faulty_mat] as usize;
             if self.script.on_fault == OnFault::Stop {
-                return Err(self.fault_of(self.network.mat_name(mat), part, None));
+                return Err(self.fault_of(self.network.mat_name(faulty_mat), part, None));
             }
-            self.mute(part, n);
+            self.mute(part, fault_step);
         }
         Ok(())
     }
 
     /// A MAT whose position is beyond all bounds, one that moves if there is one.
     fn unsound_mat(&self) -> Option<usize> {
-        let (x, w) = (&self.state.matter.body.x, &self.script.scheme.w);
-        let unsound = (0..x.len()).filter(|&mat| !kernel::sound(x[mat]));
-        unsound.min_by_key(|&mat| w[mat] == 0.0)
+        let (positions, inverse_masses) = (&self.state.matter.body.x, &self.script.scheme.w);
+        let unsound = (0..positions.len()).filter(|&mat| !kernel::sound(positions[mat]));
+        unsound.min_by_key(|&mat| inverse_masses[mat] == 0.0)
     }
 
     pub(super) fn fault_of(&self, module: String, part: usize, gain: Option<Gain>) -> Fault {
@@ -176,113 +176,126 @@ impl Island {
         let script = std::sync::Arc::make_mut(&mut self.script);
         let scheme = &mut script.scheme;
         scheme.alike = Vec::new();
-        let ours: Vec<bool> = scheme
+        let is_muted: Vec<bool> = scheme
             .part
             .iter()
             .map(|&own| own as usize == part)
             .collect();
-        for (mat, _) in ours.iter().enumerate().filter(|(_, ours)| **ours) {
+        for (mat, _) in is_muted
+            .iter()
+            .enumerate()
+            .filter(|(_, is_muted)| **is_muted)
+        {
             // A rest position beyond all bounds would cause the next fault at once.
-            let ground = Some(scheme.rest[mat]).filter(|&x| kernel::sound(x));
-            state.matter.body.x[mat] = ground.unwrap_or(0.0);
+            let rest_position = Some(scheme.rest[mat]).filter(|&x| kernel::sound(x));
+            state.matter.body.x[mat] = rest_position.unwrap_or(0.0);
             state.matter.body.d[mat] = 0.0;
             (scheme.w[mat], scheme.kappa[mat], scheme.zeta[mat]) = (0.0, 0.0, 0.0);
         }
-        let touches_part = |a: usize, b: usize, len: usize| {
-            ours[a..a + len]
+        let touches_part = |first_a: usize, first_b: usize, len: usize| {
+            is_muted[first_a..first_a + len]
                 .iter()
-                .chain(&ours[b..b + len])
-                .any(|&ours| ours)
+                .chain(&is_muted[first_b..first_b + len])
+                .any(|&is_muted| is_muted)
         };
-        let mut cut = vec![false; scheme.n_lia];
+        let mut is_link_cut = vec![false; scheme.n_lia];
         let run_touches_part = |run: &crate::scheme::Run| {
             if let Some(pairs) = run.pairwise() {
-                return pairs.spans().any(|span| ours[span].contains(&true));
+                return pairs
+                    .spans()
+                    .any(|index_span| is_muted[index_span].contains(&true));
             }
             (0..run.n_axes()).any(|axis| {
-                let (a, b) = run.pair(0, axis);
-                touches_part(a, b, run.len)
+                let (first_a, first_b) = run.pair(0, axis);
+                touches_part(first_a, first_b, run.len)
             })
         };
-        let all = scheme.runs.iter().chain(&scheme.exact);
-        for run in all.filter(|run| run_touches_part(run)) {
-            let span = run.first..run.first + run.len;
-            state.matter.body.link[span.clone()].fill(0.0);
-            cut[span].fill(true);
+        let all_runs = scheme.runs.iter().chain(&scheme.exact);
+        for run in all_runs.filter(|run| run_touches_part(run)) {
+            let index_span = run.first..run.first + run.len;
+            state.matter.body.link[index_span.clone()].fill(0.0);
+            is_link_cut[index_span].fill(true);
         }
         scheme.runs.retain(|run| !run_touches_part(run));
-        let meets = |spring: &Spring| touches_part(spring.a, spring.b, spring.len);
-        scheme.fused.retain(|spring| !meets(spring));
+        let meets_part = |spring: &Spring| touches_part(spring.a, spring.b, spring.len);
+        scheme.fused.retain(|spring| !meets_part(spring));
         scheme.exact.retain(|run| !run_touches_part(run));
         if let Some(mesh_partition) = &mut state.matter.laws.mesh_partition {
             mesh_partition.cut_again(&scheme.fused);
         }
         if let Some(guard) = &mut state.watch.guard {
-            guard.release(|mat| ours[mat]);
+            guard.release(|mat| is_muted[mat]);
         }
         if let Some(gains) = &mut state.watch.gains {
-            gains.release(&ours);
+            gains.release(&is_muted);
         }
         state.watch.rise = None;
         if state.values.scheme.is_some() {
             state.values.scheme = Some(scheme.changing());
         }
-        if let Some(fine) = &mut state.matter.fine {
-            let mut n_left = 0;
-            let places: Vec<Option<usize>> = (state.matter.bodies.iter())
+        if let Some(fine_state) = &mut state.matter.fine {
+            let mut bodies_left = 0;
+            let body_places: Vec<Option<usize>> = (state.matter.bodies.iter())
                 .map(|body| {
-                    let stays = !body.is_of(&ours, part);
-                    n_left += usize::from(stays);
-                    stays.then(|| n_left - 1)
+                    let stays = !body.is_of(&is_muted, part);
+                    bodies_left += usize::from(stays);
+                    stays.then(|| bodies_left - 1)
                 })
                 .collect();
-            for link in fine.release(&ours, &places) {
+            for link in fine_state.release(&is_muted, &body_places) {
                 state.matter.body.link[link] = 0.0;
-                cut[link] = true;
+                is_link_cut[link] = true;
             }
         }
         for body in state
             .matter
             .bodies
             .iter()
-            .filter(|body| body.is_of(&ours, part))
+            .filter(|body| body.is_of(&is_muted, part))
         {
             for output in body.outputs() {
                 state.watch.mutes.outputs[output as usize].get_or_insert(n);
             }
         }
-        state.matter.bodies.retain(|body| !body.is_of(&ours, part));
-        let ends = |port: &PortBinding| ours[port.port] || ours[port.key];
-        for port in script.port_bindings.iter().filter(|port| ends(port)) {
+        state
+            .matter
+            .bodies
+            .retain(|body| !body.is_of(&is_muted, part));
+        let ends_on_part = |port: &PortBinding| is_muted[port.port] || is_muted[port.key];
+        for port in script
+            .port_bindings
+            .iter()
+            .filter(|port| ends_on_part(port))
+        {
             state.matter.body.d[port.port] = 0.0;
         }
-        let mut stays = script.port_bindings.iter().map(|port| !ends(port));
+        let mut stays = script.port_bindings.iter().map(|port| !ends_on_part(port));
         state
             .hands
             .port_states
             .retain(|_| stays.next().unwrap_or(true));
         drop(stays);
-        script.port_bindings.retain(|port| !ends(port));
-        let ends = |drive: &Drive| {
+        script.port_bindings.retain(|port| !ends_on_part(port));
+        let ends_on_part = |drive: &Drive| {
             let port = drive.port();
-            ours[drive.mat] || port.is_some_and(|port| ours[port.key])
+            is_muted[drive.mat] || port.is_some_and(|port| is_muted[port.key])
         };
-        script.drives.retain(|drive| !ends(drive));
-        let mut stays = script.sound_drives.iter().map(|drive| !ours[drive.mat]);
+        script.drives.retain(|drive| !ends_on_part(drive));
+        let mut stays = script.sound_drives.iter().map(|drive| !is_muted[drive.mat]);
         state.hands.played.retain(|_| stays.next().unwrap_or(true));
         drop(stays);
-        script.sound_drives.retain(|drive| !ours[drive.mat]);
-        let mut stays = script.voices.iter().map(|voice| !ours[voice.struck]);
+        script.sound_drives.retain(|drive| !is_muted[drive.mat]);
+        let mut stays = script.voices.iter().map(|voice| !is_muted[voice.struck]);
         state.hands.voices.retain(|_| stays.next().unwrap_or(true));
         drop(stays);
-        script.voices.retain(|voice| !ours[voice.struck]);
+        script.voices.retain(|voice| !is_muted[voice.struck]);
         for (output, since) in scheme.outputs.iter().zip(&mut state.watch.mutes.outputs) {
             let listens = output.terms.iter().any(|term| match *term {
                 Term::Position { first, len, .. } | Term::Ground { first, len, .. } => {
-                    ours[first..first + len].contains(&true)
+                    is_muted[first..first + len].contains(&true)
                 }
                 Term::Force { first, len, .. } | Term::Length { first, len, .. } => {
-                    cut[first..first + len].contains(&true)
+                    is_link_cut[first..first + len].contains(&true)
                 }
             });
             if listens {

@@ -91,9 +91,9 @@ crate::archive::option!(Fine, fixed);
 /// All state that is not computed anew in each frame.
 impl State for Fine {
     fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
-        let mut steps = self.script.steps;
-        steps.archive(archive)?;
-        self.set_steps(steps.min(STEPS_MAX));
+        let mut step_count = self.script.steps;
+        step_count.archive(archive)?;
+        self.set_steps(step_count.min(STEPS_MAX));
         state_of!(
             self,
             archive,
@@ -108,8 +108,8 @@ impl State for Fine {
         if matches!(archive, Archive::Read(_)) && self.has_glided.contains(&true) {
             // With NaN, the next frame that needs these joints retunes them.
             let joints = &mut Arc::make_mut(&mut self.script).joints;
-            let glided = joints.iter_mut().zip(&self.has_glided);
-            for (joint, _) in glided.filter(|(_, has_glided)| **has_glided) {
+            let glided_joints = joints.iter_mut().zip(&self.has_glided);
+            for (joint, _) in glided_joints.filter(|(_, has_glided)| **has_glided) {
                 joint.numbers = [[f64::NAN; 3]; 2];
             }
         }
@@ -191,9 +191,9 @@ impl Fine {
 
     /// Index of a link among the laws.
     fn law_of(&self, link: usize) -> Option<usize> {
-        let links = &self.script.links;
-        let mut laws = self.law_script.links.iter();
-        laws.position(|&own| links[own].first == link)
+        let link_runs = &self.script.links;
+        let mut law_links = self.law_script.links.iter();
+        law_links.position(|&own| link_runs[own].first == link)
     }
 
     /// Remove the links on the marked MATs (n_mat), and bodies that leave; returns the removed links. `places` gives
@@ -208,29 +208,33 @@ impl Fine {
                 *later = 0.0;
             }
         }
-        let stays: Vec<bool> = (script.links.iter())
+        let link_stays: Vec<bool> = (script.links.iter())
             .map(|run| !mats[run.a] && !mats[run.b])
             .collect();
-        let links = (script.links.iter().zip(&stays))
-            .filter(|(_, stays)| !**stays)
+        let removed_links = (script.links.iter().zip(&link_stays))
+            .filter(|(_, link_stays)| !**link_stays)
             .map(|(run, _)| run.first)
             .collect();
-        let laws = Arc::make_mut(&mut self.law_script);
-        let laws_stay: Vec<bool> = laws.links.iter().map(|&link| stays[link]).collect();
+        let law_script = Arc::make_mut(&mut self.law_script);
+        let laws_stay: Vec<bool> = law_script
+            .links
+            .iter()
+            .map(|&link| link_stays[link])
+            .collect();
         keep(&mut self.laws, &laws_stay);
-        keep(&mut script.links, &stays);
-        keep(&mut script.ends, &stays);
-        keep(&mut self.near, &stays);
-        keep(&mut self.pushes, &stays);
-        keep(&mut self.rests, &stays);
-        keep(&mut self.located, &stays);
-        keep(&mut self.forces, &stays);
-        keep(&mut self.depths, &stays);
-        keep(&mut self.numbers, &stays);
-        *laws = LawScript::new(script);
+        keep(&mut script.links, &link_stays);
+        keep(&mut script.ends, &link_stays);
+        keep(&mut self.near, &link_stays);
+        keep(&mut self.pushes, &link_stays);
+        keep(&mut self.rests, &link_stays);
+        keep(&mut self.located, &link_stays);
+        keep(&mut self.forces, &link_stays);
+        keep(&mut self.depths, &link_stays);
+        keep(&mut self.numbers, &link_stays);
+        *law_script = LawScript::new(script);
         self.frictions = Frictions::new(script);
         self.sprung.release(mats);
-        links
+        removed_links
     }
 
     /// Multiply K and Z of a link, if it is still here, by factors at the start and at the end of this frame.
@@ -254,8 +258,8 @@ impl Fine {
     /// not used.
     fn retune(&mut self) {
         for (joint, &numbers) in self.joint_numbers.iter().enumerate() {
-            let known = &self.script.joints[joint];
-            if known.cell.is_some() && known.numbers != numbers {
+            let tuned_joint = &self.script.joints[joint];
+            if tuned_joint.cell.is_some() && tuned_joint.numbers != numbers {
                 // The script is copied once if another version of this simulation shares it.
                 let products = Arc::make_mut(&mut self.script).retune(joint, numbers);
                 self.has_glided[joint] |= products.is_some();
@@ -266,8 +270,8 @@ impl Fine {
 
     /// K and Z of a link at an instant of this frame, 0 to 1.
     fn numbers(&self, link: usize, s: f64) -> [f64; 2] {
-        let [start, end] = self.numbers[link];
-        std::array::from_fn(|i| start[i] + (end[i] - start[i]) * s)
+        let [start_numbers, end_numbers] = self.numbers[link];
+        std::array::from_fn(|i| start_numbers[i] + (end_numbers[i] - start_numbers[i]) * s)
     }
 
     /// Work done so far, counted.
@@ -291,8 +295,8 @@ impl Fine {
 
     /// The force that this frame leaves to the next on a MAT [N].
     pub(super) fn later_at(&self, mat: usize) -> f64 {
-        let joints = self.script.joints.iter().zip(&self.later);
-        let later_at_mat = joints.filter(|(joint, _)| joint.mat == mat);
+        let joint_forces = self.script.joints.iter().zip(&self.later);
+        let later_at_mat = joint_forces.filter(|(joint, _)| joint.mat == mat);
         later_at_mat.map(|(_, later)| later).sum()
     }
 
@@ -304,21 +308,21 @@ impl Fine {
         mut tell: impl FnMut(f64),
     ) {
         for (run, [_, [k, z]]) in self.script.links.iter().zip(&self.numbers) {
-            let energy = match (&run.kind, self.bristle_bend(run.first)) {
+            let link_energy = match (&run.kind, self.bristle_bend(run.first)) {
                 (Kind::Bristle { by, .. }, Some(bend)) => by.with(*k, *z).energy(bend),
                 _ => {
                     let strength = if run.k == 0.0 { 1.0 } else { k / run.k };
                     strength * run.potential(run.elongation(0, |mat| body.x[mat]))
                 }
             };
-            tell(open(run) * energy);
+            tell(open(run) * link_energy);
         }
     }
 
     /// Number of its links that end on a MAT.
     pub(super) fn touches(&self, mat: usize) -> u32 {
-        let links = self.script.links.iter();
-        links
+        let link_runs = self.script.links.iter();
+        link_runs
             .map(|run| u32::from(run.a == mat) + u32::from(run.b == mat))
             .sum()
     }
@@ -331,10 +335,10 @@ impl Fine {
     /// Whether every contact stays open in this frame, with a margin of `HAIR`, if its points move freely.
     pub(super) fn stays_open(&self, scheme: &Scheme, body: &Body) -> bool {
         let is_open = |run: &Run| {
-            let next = |mat: usize| kernel::predict(scheme, body, mat);
-            let now = body.x[run.b] - body.x[run.a];
-            let then = next(run.b) - next(run.a);
-            nearest(run, now - run.rest, then - run.rest) < -HAIR
+            let next_position = |mat: usize| kernel::predict(scheme, body, mat);
+            let distance_now = body.x[run.b] - body.x[run.a];
+            let distance_next = next_position(run.b) - next_position(run.a);
+            nearest(run, distance_now - run.rest, distance_next - run.rest) < -HAIR
         };
         self.laws.is_empty() && self.frictions.is_empty() && self.script.links.iter().all(is_open)
     }
@@ -348,14 +352,14 @@ impl Fine {
         slack: f64,
     ) -> bool {
         let is_open = |run: &Run| {
-            let Kind::But(but) = &run.kind else {
+            let Kind::But(contact) = &run.kind else {
                 return false;
             };
             let [reach_a, step_a] = swing(run.a);
             let [reach_b, step_b] = swing(run.b);
-            let middle = scheme.rest[run.b] - scheme.rest[run.a] - run.rest;
-            let reach = (reach_a + reach_b + step_a + step_b) * (1.0 + slack);
-            but.sign() * middle + reach < -2.0 * HAIR
+            let rest_elongation = scheme.rest[run.b] - scheme.rest[run.a] - run.rest;
+            let total_reach = (reach_a + reach_b + step_a + step_b) * (1.0 + slack);
+            contact.sign() * rest_elongation + total_reach < -2.0 * HAIR
         };
         let joints = &self.script.joints;
         self.laws.is_empty()
@@ -393,18 +397,21 @@ impl Fine {
 }
 
 /// Keep the entries of a list that stay.
-fn keep<T>(list: &mut Vec<T>, stays: &[bool]) {
-    let mut stays = stays.iter();
-    list.retain(|_| *stays.next().unwrap_or(&true));
+fn keep<T>(list: &mut Vec<T>, stay_flags: &[bool]) {
+    let mut stay_flags = stay_flags.iter();
+    list.retain(|_| *stay_flags.next().unwrap_or(&true));
 }
 
 /// Bound on the penetration of a contact between two elongations [m]: the larger of the two, plus the distance between
 /// them for what happens in between.
-fn nearest(run: &Run, now: f64, then: f64) -> f64 {
-    let Kind::But(but) = &run.kind else {
+fn nearest(run: &Run, elongation_now: f64, elongation_next: f64) -> f64 {
+    let Kind::But(contact) = &run.kind else {
         return f64::NEG_INFINITY;
     };
-    let s = but.sign();
-    let (now, then) = (s * now, s * then);
-    now.max(then) + (then - now).abs()
+    let contact_side = contact.sign();
+    let (elongation_now, elongation_next) = (
+        contact_side * elongation_now,
+        contact_side * elongation_next,
+    );
+    elongation_now.max(elongation_next) + (elongation_next - elongation_now).abs()
 }

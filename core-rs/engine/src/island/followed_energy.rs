@@ -42,6 +42,6 @@ pub(super) fn followed(run: &Run) -> Option<(&Followed, f64)> {
 
 /// A buffer for the law of each run that follows MATs, in the order of the runs.
 pub(super) fn laws(scheme: &Scheme) -> Vec<Law> {
-    let runs = scheme.runs.iter().filter_map(followed);
-    runs.map(|(by, _)| by.law().clone()).collect()
+    let followed_runs = scheme.runs.iter().filter_map(followed);
+    followed_runs.map(|(by, _)| by.law().clone()).collect()
 }

@@ -28,25 +28,28 @@ pub(super) struct Glide {
 impl Glide {
     /// The parameters of frame `n`.
     fn numbers_for(&self, n: u64) -> Numbers {
-        let next = self.points.partition_point(|&(frame, _)| frame <= n);
-        let number = |point: usize| self.numbers[self.points[point].1];
-        if next == 0 {
-            return number(0);
+        let next_point = self.points.partition_point(|&(frame, _)| frame <= n);
+        let numbers_at = |point: usize| self.numbers[self.points[point].1];
+        if next_point == 0 {
+            return numbers_at(0);
         }
-        let (start, before) = self.points[next - 1];
-        let Some(&(stop, after)) = self.points.get(next) else {
-            return number(next - 1);
+        let (start_frame, index_before) = self.points[next_point - 1];
+        let Some(&(stop_frame, index_after)) = self.points.get(next_point) else {
+            return numbers_at(next_point - 1);
         };
-        if before == after {
-            return number(next);
+        if index_before == index_after {
+            return numbers_at(next_point);
         }
-        let share = (n - start) as f64 / (stop - start) as f64;
-        let (from, to) = (number(next - 1), number(next));
-        let [w, kappa, zeta, ground] = std::array::from_fn(|i| from[i] + (to[i] - from[i]) * share);
+        let frame_share = (n - start_frame) as f64 / (stop_frame - start_frame) as f64;
+        let (numbers_from, numbers_to) = (numbers_at(next_point - 1), numbers_at(next_point));
+        let [w, kappa, zeta, ground] = std::array::from_fn(|i| {
+            numbers_from[i] + (numbers_to[i] - numbers_from[i]) * frame_share
+        });
         // A continuous oscillation whose frequency ω changes slowly keeps ω times its squared amplitude; the samples of
         // this recurrence keep sin θ times it. The poles are moved outwards by the difference.
-        let correction = (self.amplitude_corrections[after] - self.amplitude_corrections[before])
-            / (stop - start) as f64;
+        let correction = (self.amplitude_corrections[index_after]
+            - self.amplitude_corrections[index_before])
+            / (stop_frame - start_frame) as f64;
         [
             w,
             kappa + 0.5 * correction * (zeta - kappa),
@@ -79,12 +82,12 @@ pub(super) fn glides(
         let mut known_ties: Vec<Option<Ties>> = Vec::new();
         let mut points = Vec::with_capacity(glide.points.len());
         for &(frame, ties) in glide.points.iter() {
-            let known = known_ties.iter().position(|other| *other == ties);
-            let index = known.unwrap_or_else(|| {
+            let known_index = known_ties.iter().position(|other| *other == ties);
+            let tie_index = known_index.unwrap_or_else(|| {
                 known_ties.push(ties);
                 known_ties.len() - 1
             });
-            points.push((frame, index));
+            points.push((frame, tie_index));
         }
         glides.push(Glide {
             mat: glide.mat,
@@ -117,11 +120,11 @@ pub(super) fn glides(
             let mat = glide.mat;
             let (kappa, zeta) = (scheme.kappa[mat], scheme.zeta[mat]);
             let part = network.mats().part[mat] as usize;
-            let is_ca = network
+            let is_discrete = network
                 .parts()
                 .get(part)
                 .is_some_and(|part| part.ca_rate.is_some());
-            let correction = if is_ca {
+            let correction = if is_discrete {
                 0.0
             } else {
                 amplitude_correction(Ratios { kappa, zeta })
@@ -140,13 +143,13 @@ pub(super) fn glides(
 
 /// ln(θ/sin θ) of an oscillation of angle θ a step; 0 if there is none, or it is too near the Nyquist frequency.
 fn amplitude_correction(ratios: Ratios) -> f64 {
-    let root = sqrt(1.0 - ratios.zeta);
-    let loss = ratios.zeta / (1.0 + root);
-    let half = (ratios.kappa - loss * loss) / (4.0 * root);
-    if !(half > 0.0 && half < NYQUIST) {
+    let pole_magnitude = sqrt(1.0 - ratios.zeta);
+    let step_loss = ratios.zeta / (1.0 + pole_magnitude);
+    let half_sine_square = (ratios.kappa - step_loss * step_loss) / (4.0 * pole_magnitude);
+    if !(half_sine_square > 0.0 && half_sine_square < NYQUIST) {
         return 0.0;
     }
-    let theta = 2.0 * asin(sqrt(half));
+    let theta = 2.0 * asin(sqrt(half_sine_square));
     log(theta / sin(theta))
 }
 
@@ -155,8 +158,8 @@ fn round_ties(
     ties: &[Vec<Option<Ties>>],
     round: usize,
 ) -> impl Iterator<Item = (usize, Option<Ties>)> + '_ {
-    let some = ties.iter().enumerate();
-    some.filter_map(move |(at, own)| own.get(round).map(|own| (at, *own)))
+    let indexed_ties = ties.iter().enumerate();
+    indexed_ties.filter_map(move |(at, own)| own.get(round).map(|own| (at, *own)))
 }
 
 /// Write the parameters of frame `n` into `now`; muted MATs are left out.
@@ -208,7 +211,7 @@ enum Place {
 
 /// The runs of a scheme that are led; from now on each has its K and Z as numbers.
 pub(super) fn bind_leads(scheme: &mut Scheme, network: &Network, timeline: &Timeline) -> Vec<Led> {
-    let mut led: Vec<Led> = Vec::new();
+    let mut led_runs: Vec<Led> = Vec::new();
     for lead in &timeline.leads {
         for run in network
             .runs()
@@ -224,16 +227,17 @@ pub(super) fn bind_leads(scheme: &mut Scheme, network: &Network, timeline: &Time
                 find_run(&scheme.exact).map_or(Place::Fine, Place::Exact)
             };
             let lead = lead.on(run.first, run.len);
-            let before = led.last();
-            let has_same_factors = before.is_some_and(|before| before.lead.has_factors_of(&lead));
-            led.push(Led {
+            let led_before = led_runs.last();
+            let has_same_factors =
+                led_before.is_some_and(|led_before| led_before.lead.has_factors_of(&lead));
+            led_runs.push(Led {
                 lead,
                 place,
                 has_same_factors,
             });
         }
     }
-    led
+    led_runs
 }
 
 /// Write K and Z of frame `n` into `now`.
@@ -241,7 +245,7 @@ pub(super) fn apply_leads(
     all: &[Led],
     base: &Scheme,
     now: &mut Scheme,
-    fine: &mut Option<Fine>,
+    fine_state: &mut Option<Fine>,
     n: u64,
 ) {
     let mut factors = [1.0; 2];
@@ -258,8 +262,8 @@ pub(super) fn apply_leads(
             Place::Run(at) => (&base.runs[at], &mut now.runs[at]),
             Place::Exact(at) => (&base.exact[at], &mut now.exact[at]),
             Place::Fine => {
-                if let Some(fine) = fine {
-                    fine.lead(lead.link, [factors, lead.factors(n + 1, 0.0)]);
+                if let Some(fine_state) = fine_state {
+                    fine_state.lead(lead.link, [factors, lead.factors(n + 1, 0.0)]);
                 }
                 continue;
             }

@@ -90,8 +90,9 @@ impl BodyPlan {
         match self {
             Self::Modal(modal) => Box::new(modal.struck.iter().enumerate().flat_map(
                 |(blow_row, struck)| {
-                    let blows = struck.blows.iter();
-                    blows.map(move |&(frame, part, impulse)| (frame, blow_row, [part, impulse]))
+                    let struck_blows = struck.blows.iter();
+                    struck_blows
+                        .map(move |&(frame, part, impulse)| (frame, blow_row, [part, impulse]))
                 },
             )),
             Self::Mesh(mesh) => {
@@ -119,8 +120,8 @@ impl BodyPlan {
         };
         match self {
             Self::Modal(modal) => {
-                let blows = modal.struck.iter().flat_map(|struck| &struck.blows);
-                blows.map(|blow| blow.0).fold(f64::INFINITY, earlier)
+                let body_blows = modal.struck.iter().flat_map(|struck| &struck.blows);
+                body_blows.map(|blow| blow.0).fold(f64::INFINITY, earlier)
             }
             Self::Mesh(mesh) => {
                 let strikes = mesh.strikes.iter();
@@ -139,16 +140,16 @@ impl BodyPlan {
         name_of: impl Fn(usize) -> String,
         their: impl Fn(usize) -> String,
     ) -> bool {
-        let names = |inside: &Self, name: &dyn Fn(usize) -> String| -> Vec<String> {
+        let port_names = |inside: &Self, name: &dyn Fn(usize) -> String| -> Vec<String> {
             inside.ports().into_iter().map(name).collect()
         };
-        let is_same = match (self, other) {
+        let bodies_match = match (self, other) {
             (Self::Modal(name_of), Self::Modal(other)) => name_of.is_same(other),
             (Self::Mesh(name_of), Self::Mesh(other)) => name_of.is_same(other),
             (Self::Slow(name_of), Self::Slow(other)) => name_of.is_same(other),
             _ => false,
         };
-        is_same && names(self, &name_of) == names(other, &their)
+        bodies_match && port_names(self, &name_of) == port_names(other, &their)
     }
 
     /// For a mesh: its method, and steps a frame.
@@ -187,22 +188,22 @@ impl RunningBody {
     }
 
     pub(crate) fn strike(&mut self, n: u64, body: &mut Body) {
-        if let Self::Modal(modal) = self {
-            modal.strike(n, body);
+        if let Self::Modal(modal_body) = self {
+            modal_body.strike(n, body);
         }
     }
 
     /// Take the velocity that a hand gives a MAT of the island at the end of this frame [m a frame].
     pub(crate) fn give(&mut self, mat: usize, velocity: f64) {
-        if let Self::Slow(slow) = self {
-            slow.give(mat, velocity);
+        if let Self::Slow(slow_body) = self {
+            slow_body.give(mat, velocity);
         }
     }
 
     /// Take note of a strike on a MAT of the island in this frame [N]; its force is in the sum already.
     pub(crate) fn struck(&mut self, mat: usize, force: f64) {
-        if let Self::Slow(slow) = self {
-            slow.strike(mat, force);
+        if let Self::Slow(slow_body) = self {
+            slow_body.strike(mat, force);
         }
     }
 
@@ -305,8 +306,8 @@ impl RunningBody {
 
     /// Prepare for a team of `threads` threads, if the body gains by it.
     pub(crate) fn share(&mut self, threads: usize) {
-        if let Self::Mesh(mesh) = self {
-            mesh.share(threads);
+        if let Self::Mesh(mesh_body) = self {
+            mesh_body.share(threads);
         }
     }
 
@@ -352,8 +353,8 @@ impl RunningBody {
 
     /// Reserve room, so that steps do not allocate.
     pub(crate) fn reserve(&mut self) {
-        if let Self::Mesh(mesh) = self {
-            mesh.reserve();
+        if let Self::Mesh(mesh_body) = self {
+            mesh_body.reserve();
         }
     }
 

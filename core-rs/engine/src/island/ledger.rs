@@ -56,13 +56,13 @@ struct Sum {
 
 impl Sum {
     fn add(&mut self, value: f64) {
-        let total = self.sum + value;
+        let rounded_sum = self.sum + value;
         self.dropped += if self.sum.abs() >= value.abs() {
-            (self.sum - total) + value
+            (self.sum - rounded_sum) + value
         } else {
-            (value - total) + self.sum
+            (value - rounded_sum) + self.sum
         };
-        self.sum = total;
+        self.sum = rounded_sum;
         self.flow += value.abs();
     }
 
@@ -108,13 +108,16 @@ crate::archive::state!(Ledger {
 
 /// Elongation of the i-th link of a run: now, and one step ago.
 fn elongation(run: &Run, body: &Body, i: usize) -> (f64, f64) {
-    let now = run.elongation(i, |mat| body.x[mat]);
+    let elongation_now = run.elongation(i, |mat| body.x[mat]);
     if run.n_axes() > 1 {
         let yielded = yielded(run, body, i);
-        let before = run.elongation(i, |mat| body.x[mat] - body.d[mat]);
-        return (now - yielded, before - yielded);
+        let elongation_before = run.elongation(i, |mat| body.x[mat] - body.d[mat]);
+        return (elongation_now - yielded, elongation_before - yielded);
     }
-    (now, now - (body.d[run.b + i] - body.d[run.a + i]))
+    (
+        elongation_now,
+        elongation_now - (body.d[run.b + i] - body.d[run.a + i]),
+    )
 }
 
 /// How much the rest length of the i-th link of a run has grown.
@@ -160,29 +163,31 @@ impl Ledger {
             potential: vec![0.0; scheme.n_lia],
             neighbours: all(scheme)
                 .filter_map(Run::pairwise)
-                .map(|pairs| Neighbours::new(&pairs))
+                .map(|pair_run| Neighbours::new(&pair_run))
                 .collect(),
             laws: followed_energy::laws(scheme),
             lightness: lightness(scheme).collect(),
         };
-        let open = |run: &Run| run.gate.map_or(1.0, |gate| gates[gate].open(0));
-        let mut rooms = ledger.neighbours.iter_mut();
-        let mut laws = ledger.laws.iter_mut();
+        let gate_opening = |run: &Run| run.gate.map_or(1.0, |gate| gates[gate].open(0));
+        let mut neighbour_rooms = ledger.neighbours.iter_mut();
+        let mut law_buffers = ledger.laws.iter_mut();
         for run in all(scheme).filter(|run| !is_spring(run)) {
-            if let Some((by, rate)) = followed(run) {
-                let Some(law) = laws.next() else { continue };
-                by.set(law, |mat| body.x[mat]);
+            if let Some((follower, rate)) = followed(run) {
+                let Some(law_buffer) = law_buffers.next() else {
+                    continue;
+                };
+                follower.set(law_buffer, |mat| body.x[mat]);
                 for i in 0..run.len {
                     let (now, before) = elongation(run, body, i);
-                    let frame = Frame::new(law, rate, [before, now, now], 0.0);
-                    ledger.potential[run.first + i] = frame.held;
+                    let frame_energies = Frame::new(law_buffer, rate, [before, now, now], 0.0);
+                    ledger.potential[run.first + i] = frame_energies.held;
                 }
                 continue;
             }
-            if let Some(pairs) = run.pairwise() {
-                if let Some(room) = rooms.next() {
-                    let [now, before] = pair_energy::potentials(&pairs, run.k, room, body);
-                    ledger.potential[run.first] = 0.5 * open(run) * (now + before);
+            if let Some(pair_run) = run.pairwise() {
+                if let Some(pair_room) = neighbour_rooms.next() {
+                    let [now, before] = pair_energy::potentials(&pair_run, run.k, pair_room, body);
+                    ledger.potential[run.first] = 0.5 * gate_opening(run) * (now + before);
                 }
                 continue;
             }
@@ -190,7 +195,7 @@ impl Ledger {
             for i in 0..run.len {
                 let (now, before) = elongation(run, body, i);
                 ledger.potential[run.first + i] = 0.5
-                    * open(run)
+                    * gate_opening(run)
                     * (potential(run, tensions[0], now) + potential(run, tensions[1], before));
             }
         }
@@ -206,14 +211,14 @@ impl Ledger {
     /// Before the MAT phase: forces are complete, positions are those of frame n.
     pub(super) fn before(&mut self, scheme: &Scheme, targets: &[Target], body: &Body) {
         self.d.copy_from_slice(&body.d);
-        let now = scheme.following_masses.iter().zip(lightness(scheme));
-        for ((mass, now), before) in now.zip(&mut self.lightness) {
-            let step = body.d[mass.mat];
-            if now != 0.0 && *before != 0.0 {
+        let lightness_now = scheme.following_masses.iter().zip(lightness(scheme));
+        for ((mass, lightness_now), before) in lightness_now.zip(&mut self.lightness) {
+            let last_step = body.d[mass.mat];
+            if lightness_now != 0.0 && *before != 0.0 {
                 self.injected
-                    .add(0.5 * step * step * (1.0 / now - 1.0 / *before));
+                    .add(0.5 * last_step * last_step * (1.0 / lightness_now - 1.0 / *before));
             }
-            *before = now;
+            *before = lightness_now;
         }
         self.hold.clear();
         self.hold
@@ -251,62 +256,69 @@ impl Ledger {
             self.injected.add(0.5 * s(target.mat) * hold);
         }
         // A proxy that moves along its masses does work against the force on it.
-        let moving = scheme.proxies.iter().filter(|proxy| proxy.is_moving());
-        for proxy in moving.filter(|_| finer.is_none()) {
+        let moving_proxies = scheme.proxies.iter().filter(|proxy| proxy.is_moving());
+        for proxy in moving_proxies.filter(|_| finer.is_none()) {
             let with_masses = proxy.sum(|mat| body.x[mat] - body.d[mat], s);
-            let along = s(proxy.mat) - with_masses;
-            self.injected.add(-0.5 * along * body.force[proxy.mat]);
+            let proxy_travel = s(proxy.mat) - with_masses;
+            self.injected
+                .add(-0.5 * proxy_travel * body.force[proxy.mat]);
         }
-        let mut rooms = self.neighbours.iter_mut();
-        let mut laws = self.laws.iter_mut();
+        let mut neighbour_rooms = self.neighbours.iter_mut();
+        let mut law_buffers = self.laws.iter_mut();
         for run in all(scheme) {
-            let spring = is_spring(run);
-            let [now, next] = gates.map(|gates| run.gate.map_or(1.0, |gate| gates[gate]));
+            let plain_spring = is_spring(run);
+            let [open_now, open_next] = gates.map(|gates| run.gate.map_or(1.0, |gate| gates[gate]));
             let [tension_next, tension] = tensions(run, body);
             if let Some((by, _)) = run.bristle() {
                 // Work on the bristles that is not stored is lost: their bend between frames is exact.
                 for i in 0..run.len {
-                    let stored = next * by.energy(body.memory[run.first + i]);
-                    let risen = stored - self.potential[run.first + i];
-                    self.potential[run.first + i] = stored;
+                    let stored_energy = open_next * by.energy(body.memory[run.first + i]);
+                    let energy_rise = stored_energy - self.potential[run.first + i];
+                    self.potential[run.first + i] = stored_energy;
                     let stretch = s(run.b + i) - s(run.a + i);
                     self.lost
-                        .add(0.5 * stretch * body.link[run.first + i] - risen);
+                        .add(0.5 * stretch * body.link[run.first + i] - energy_rise);
                 }
                 continue;
             }
-            if let Some(pairs) = run.pairwise() {
-                let Some(room) = rooms.next() else { continue };
-                let [v_next, v] = pair_energy::potentials(&pairs, run.k, room, body);
-                let stored = 0.5 * (next * v_next + now * v);
-                let risen = stored - self.potential[run.first];
-                self.potential[run.first] = stored;
-                let law = [now * run.k, now * run.z];
+            if let Some(pair_run) = run.pairwise() {
+                let Some(pair_room) = neighbour_rooms.next() else {
+                    continue;
+                };
+                let [potential_next, potential_now] =
+                    pair_energy::potentials(&pair_run, run.k, pair_room, body);
+                let stored_energy = 0.5 * (open_next * potential_next + open_now * potential_now);
+                let energy_rise = stored_energy - self.potential[run.first];
+                self.potential[run.first] = stored_energy;
+                let law = [open_now * run.k, open_now * run.z];
                 let before = if finer.is_some() { &body.d } else { &d };
-                let steps: [&[f64]; 2] = [before, &body.d];
+                let frame_steps: [&[f64]; 2] = [before, &body.d];
                 let history = &body.histories[run.room()];
-                let work = pair_energy::work(&pairs, law, room, body, steps, history);
-                self.lost.add(work.total - work.elastic);
+                let pair_work =
+                    pair_energy::work(&pair_run, law, pair_room, body, frame_steps, history);
+                self.lost.add(pair_work.total - pair_work.elastic);
                 if finer.is_none() {
-                    self.produced.add(risen - work.elastic);
+                    self.produced.add(energy_rise - pair_work.elastic);
                 }
                 continue;
             }
             // Positions at which the frame's forces acted.
             let then = |mat: usize| body.x[mat] - body.d[mat];
             if let Some((by, rate)) = followed(run) {
-                let Some(law) = laws.next() else { continue };
+                let Some(law) = law_buffers.next() else {
+                    continue;
+                };
                 by.set(law, then);
                 for i in 0..run.len {
                     let (e_next, e) = elongation(run, body, i);
                     let e_before = run.elongation(i, |mat| then(mat) - d[mat]);
-                    let step = run.stretch(i, then, |mat| body.d[mat]);
-                    let energies = Frame::new(law, rate, [e_before, e, e_next], step);
-                    let was =
+                    let frame_stretch = run.stretch(i, then, |mat| body.d[mat]);
+                    let energies = Frame::new(law, rate, [e_before, e, e_next], frame_stretch);
+                    let stored_before =
                         std::mem::replace(&mut self.potential[run.first + i], energies.stored);
-                    self.injected.add(energies.held - was); // the law has changed
+                    self.injected.add(energies.held - stored_before); // the law has changed
                     if finer.is_some() {
-                        self.lost.add(energies.drag * step);
+                        self.lost.add(energies.drag * frame_stretch);
                         continue;
                     }
                     let stretch = 0.5 * run.stretch(i, then, s);
@@ -318,16 +330,16 @@ impl Ledger {
             }
             for i in 0..run.len {
                 let stretch = run.stretch(i, then, s);
-                if spring {
+                if plain_spring {
                     if run.z != 0.0 {
                         self.lost.add(0.25 * run.z * stretch * stretch);
                     }
                     continue;
                 }
                 let (e_next, e) = elongation(run, body, i);
-                let stored = 0.5
-                    * (next * potential(run, tension_next, e_next)
-                        + now * potential(run, tension, e));
+                let stored_energy = 0.5
+                    * (open_next * potential(run, tension_next, e_next)
+                        + open_now * potential(run, tension, e));
                 if yielded(run, body, i).is_infinite() {
                     self.lost.add(self.potential[run.first + i]);
                     self.potential[run.first + i] = 0.0;
@@ -338,28 +350,29 @@ impl Ledger {
                     let before = |mat: usize| body.x[mat] - body.d[mat] - d[mat];
                     let e_before = run.elongation(i, before) - yielded(run, body, i);
                     let [then, earlier] = [e, e_before].map(|e| run.potential(e));
-                    let left = 0.5 * now * (then + earlier);
-                    self.lost.add(self.potential[run.first + i] - left);
-                    self.potential[run.first + i] = left;
+                    let energy_left = 0.5 * open_now * (then + earlier);
+                    self.lost.add(self.potential[run.first + i] - energy_left);
+                    self.potential[run.first + i] = energy_left;
                 }
-                let risen = stored - self.potential[run.first + i];
-                self.potential[run.first + i] = stored;
+                let energy_rise = stored_energy - self.potential[run.first + i];
+                self.potential[run.first + i] = stored_energy;
                 if finer.is_some() {
-                    let step = run.stretch(i, then, |mat| body.d[mat]);
-                    self.lost.add(now * run.drag(e, step) * step);
+                    let frame_stretch = run.stretch(i, then, |mat| body.d[mat]);
+                    self.lost
+                        .add(open_now * run.drag(e, frame_stretch) * frame_stretch);
                     continue;
                 }
                 let share_given = 0.5 * stretch * body.link[run.first + i];
                 if is_exact(run) && run.z != 0.0 {
-                    self.lost.add(share_given - risen);
+                    self.lost.add(share_given - energy_rise);
                 } else {
                     let elastic = if is_exact(run) {
                         share_given
                     } else {
-                        0.5 * stretch * now * (run.elastic(e) + tension * e)
+                        0.5 * stretch * open_now * (run.elastic(e) + tension * e)
                     };
                     self.lost.add(share_given - elastic);
-                    self.produced.add(risen - elastic);
+                    self.produced.add(energy_rise - elastic);
                 }
             }
         }
@@ -371,28 +384,33 @@ impl Ledger {
 
     /// Energy in masses and links between the last frame and this one [J].
     fn stored(&self, scheme: &Scheme, body: &Body) -> f64 {
-        let mut sum = Sum::default();
+        let mut energy_sum = Sum::default();
         for i in (0..scheme.n_mat()).filter(|&i| scheme.w[i] != 0.0) {
-            let (x, d, rest) = (body.x[i], body.d[i], scheme.rest[i]);
-            if let Some(weight) = scheme.weight.get(i) {
+            let (x, d, rest_position) = (body.x[i], body.d[i], scheme.rest[i]);
+            if let Some(mat_weight) = scheme.weight.get(i) {
                 // With the same work a step as other forces: 0.5·(x[n+1] − x[n−1])·F.
-                sum.add(-weight * (x - 0.5 * d));
+                energy_sum.add(-mat_weight * (x - 0.5 * d));
             }
-            let energy = 0.5 * d * d + 0.5 * scheme.kappa[i] * (x - rest) * (x - d - rest)
+            let mat_energy = 0.5 * d * d
+                + 0.5 * scheme.kappa[i] * (x - rest_position) * (x - d - rest_position)
                 - 0.25 * scheme.zeta[i] * d * d;
-            sum.add(energy / scheme.w[i]);
+            energy_sum.add(mat_energy / scheme.w[i]);
         }
         for run in all(scheme) {
             for i in 0..run.len {
-                sum.add(if is_spring(run) {
-                    let (now, before) = elongation(run, body, i);
-                    0.5 * run.k * now * before - 0.25 * run.z * (now - before) * (now - before)
+                energy_sum.add(if is_spring(run) {
+                    let (elongation_now, elongation_before) = elongation(run, body, i);
+                    0.5 * run.k * elongation_now * elongation_before
+                        - 0.25
+                            * run.z
+                            * (elongation_now - elongation_before)
+                            * (elongation_now - elongation_before)
                 } else {
                     self.potential[run.first + i]
                 });
             }
         }
-        sum.value()
+        energy_sum.value()
     }
 
     pub(super) fn energy(&self, scheme: &Scheme, body: &Body) -> Energy {
@@ -416,8 +434,8 @@ impl Ledger {
 
 /// 1/M of each mass that follows a MAT.
 fn lightness(scheme: &Scheme) -> impl Iterator<Item = f64> + '_ {
-    let masses = scheme.following_masses.iter();
-    masses.map(|mass| scheme.w[mass.mat])
+    let following_masses = scheme.following_masses.iter();
+    following_masses.map(|mass| scheme.w[mass.mat])
 }
 
 fn is_exact(run: &Run) -> bool {

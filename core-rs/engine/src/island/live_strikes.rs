@@ -42,11 +42,11 @@ pub(super) fn strike_points(timeline: &Timeline) -> Vec<StrikePoint> {
 impl Pending {
     /// For each point.
     pub(super) fn none(strike_points: &[StrikePoint]) -> Vec<Self> {
-        let none = |point: &StrikePoint| Self {
+        let silent_point = |point: &StrikePoint| Self {
             impulses: vec![0.0; point.shares.len()],
             n_left: 0,
         };
-        strike_points.iter().map(none).collect()
+        strike_points.iter().map(silent_point).collect()
     }
 
     /// Whether anything acts in the next step or later.
@@ -64,13 +64,13 @@ impl Pending {
 
     /// The impulse of this step [N·s].
     fn next(&mut self) -> f64 {
-        let next = self.impulses[0];
+        let next_impulse = self.impulses[0];
         self.impulses.copy_within(1.., 0);
-        if let Some(last) = self.impulses.last_mut() {
-            *last = 0.0;
+        if let Some(last_impulse) = self.impulses.last_mut() {
+            *last_impulse = 0.0;
         }
         self.n_left -= 1;
-        next
+        next_impulse
     }
 }
 
@@ -100,18 +100,18 @@ impl super::Hands {
 impl super::Island {
     /// Strike a point of the scene by an impulse [N·s] from the next step on; false if the point is not in this island.
     pub(crate) fn strike(&mut self, point: u32, impulse: f64) -> bool {
-        let mut is_here = false;
-        let points = self.script.strike_points.iter();
-        for (strike_point, pending) in points.zip(&mut self.state.hands.pending) {
+        let mut has_point = false;
+        let strike_points = self.script.strike_points.iter();
+        for (strike_point, pending) in strike_points.zip(&mut self.state.hands.pending) {
             if strike_point.point == point {
                 pending.add(&strike_point.shares, impulse);
-                is_here = true;
+                has_point = true;
             }
         }
-        if is_here {
+        if has_point {
             self.wake();
         }
-        is_here
+        has_point
     }
 
     /// Take over what the points of another island have still to receive, where it has the same points.
@@ -122,8 +122,8 @@ impl super::Island {
             .iter()
             .zip(&old.state.hands.pending);
         for (theirs, rest) in strikes.filter(|(_, rest)| rest.is_some()) {
-            let points = self.script.strike_points.iter();
-            for (ours, pending) in points.zip(&mut self.state.hands.pending) {
+            let strike_points = self.script.strike_points.iter();
+            for (ours, pending) in strike_points.zip(&mut self.state.hands.pending) {
                 if ours.point == theirs.point && ours.shares.len() == theirs.shares.len() {
                     pending.impulses.copy_from_slice(&rest.impulses);
                     pending.n_left = rest.n_left;

@@ -75,12 +75,12 @@ impl Mesh {
     /// Whether network, method, ports and led links are those of another mesh. Strikes, and how the links are led, may
     /// differ: each step reads both anew.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
-        let how = |mesh: &Self| (mesh.rate.hertz(), mesh.method, mesh.substeps);
-        let ports = |mesh: &Self| mesh.ports.iter().map(|port| port.0).collect::<Vec<_>>();
-        let led = |mesh: &Self| mesh.leads.iter().map(Lead::links).collect::<Vec<_>>();
-        how(self) == how(other)
-            && ports(self) == ports(other)
-            && led(self) == led(other)
+        let stepping = |mesh: &Self| (mesh.rate.hertz(), mesh.method, mesh.substeps);
+        let port_indices = |mesh: &Self| mesh.ports.iter().map(|port| port.0).collect::<Vec<_>>();
+        let led_links = |mesh: &Self| mesh.leads.iter().map(Lead::links).collect::<Vec<_>>();
+        stepping(self) == stepping(other)
+            && port_indices(self) == port_indices(other)
+            && led_links(self) == led_links(other)
             && self.network.is_same(&other.network)
     }
 
@@ -92,11 +92,11 @@ impl Mesh {
         }
         let n_mat = integrator.positions().len();
         let mut motions: Vec<(f64, f64)> = (0..n_mat).map(|mat| integrator.motion(mat)).collect();
-        let step = self.rate.step();
+        let time_step = self.rate.step();
         for &(port, mat) in &self.ports {
-            let mass = self.network.mats().m[port];
-            if mass > 0.0 {
-                motions[port].1 -= 0.5 * step * step * force[mat] / mass;
+            let port_mass = self.network.mats().m[port];
+            if port_mass > 0.0 {
+                motions[port].1 -= 0.5 * time_step * time_step * force[mat] / port_mass;
             }
         }
         for (mat, motion) in motions.into_iter().enumerate() {
@@ -112,21 +112,21 @@ impl RunningMesh {
         let mut integrator = Integrator::new(&plan.network, plan.rate, plan.method, plan.substeps)?;
         integrator.lead(0, &plan.leads);
         plan.pull_back(&mut integrator, force);
-        let ports: Vec<usize> = plan.ports.iter().map(|&(own, _)| own).collect();
-        let mut velocities = vec![0.0; ports.len()];
-        integrator.velocities(&ports, &mut velocities);
-        let x = integrator.positions();
-        let step = plan.rate.step();
-        let before = ports
+        let port_indices: Vec<usize> = plan.ports.iter().map(|&(own, _)| own).collect();
+        let mut velocities = vec![0.0; port_indices.len()];
+        integrator.velocities(&port_indices, &mut velocities);
+        let positions = integrator.positions();
+        let time_step = plan.rate.step();
+        let positions_before = port_indices
             .iter()
             .zip(&velocities)
-            .map(|(&port, v)| x[port] - v * step);
+            .map(|(&port, v)| positions[port] - v * time_step);
         // Room for one impulse of each port and for the most strikes of one frame, so that steps do not allocate.
         let strikes_at_once = plan.strikes.chunk_by(|a, b| a.0 == b.0).map(<[_]>::len);
         Ok(Self {
-            previous: before.collect(),
-            inertial_steps: velocities.iter().map(|v| v * step).collect(),
-            impulses: Vec::with_capacity(ports.len() + strikes_at_once.max().unwrap_or(0)),
+            previous: positions_before.collect(),
+            inertial_steps: velocities.iter().map(|v| v * time_step).collect(),
+            impulses: Vec::with_capacity(port_indices.len() + strikes_at_once.max().unwrap_or(0)),
             next: 0,
             damped: 1.0,
             // K that changes in time gives and takes energy, as a hand does.
@@ -150,16 +150,16 @@ impl RunningMesh {
 
     /// How strongly it moves: twice its kinetic energy [kg·m² a frame²].
     pub(crate) fn kinetic(&self) -> f64 {
-        let masses = self.plan.network.mats().m.iter().enumerate();
-        let energy = |(mat, mass): (usize, &f64)| {
-            let (_, step) = self.integrator.motion(mat);
+        let indexed_masses = self.plan.network.mats().m.iter().enumerate();
+        let double_energy = |(mat, mass): (usize, &f64)| {
+            let (_, mat_step) = self.integrator.motion(mat);
             if mass.is_finite() {
-                mass * step * step
+                mass * mat_step * mat_step
             } else {
                 0.0
             }
         };
-        masses.map(energy).sum()
+        indexed_masses.map(double_energy).sum()
     }
 
     /// Set positions and steps [m] of MATs to values from elsewhere: (mat, (x, step)).
@@ -169,22 +169,26 @@ impl RunningMesh {
         }
         self.integrator.settle();
         self.begin_account();
-        let ports = self
+        let port_motions = self
             .plan
             .ports
             .iter()
             .zip(self.previous.iter_mut().zip(&mut self.inertial_steps));
-        for (&(port, _), (previous, step_now)) in ports {
-            let (x, step) = self.integrator.motion(port);
-            (*previous, *step_now) = (x - step, step);
+        for (&(port, _), (previous, step_now)) in port_motions {
+            let (x, port_step) = self.integrator.motion(port);
+            (*previous, *step_now) = (x - port_step, port_step);
         }
     }
 
     /// The first frame, `n` or later, in which anything strikes it or leads its links.
     pub(crate) fn due(&self, n: u64) -> u64 {
-        let strike = self.plan.strikes.get(self.next).map(|strike| strike.0);
-        let leads = self.plan.leads.iter().map(|lead| lead.due(n));
-        leads.chain(strike).min().unwrap_or(u64::MAX)
+        let next_strike = self
+            .plan
+            .strikes
+            .get(self.next)
+            .map(|next_strike| next_strike.0);
+        let lead_dues = self.plan.leads.iter().map(|lead| lead.due(n));
+        lead_dues.chain(next_strike).min().unwrap_or(u64::MAX)
     }
 
     /// Begin at frame `n`.
@@ -230,11 +234,11 @@ impl RunningMesh {
 
     /// Add its outputs to `out` (n_out).
     pub(crate) fn tap(&self, out: &mut [f64]) {
-        let x = self.integrator.positions();
+        let positions = self.integrator.positions();
         for (output, row) in &self.plan.outputs {
             out[*output as usize] += row
                 .iter()
-                .map(|&(mat, weight)| weight * x[mat])
+                .map(|&(mat, weight)| weight * positions[mat])
                 .sum::<f64>();
         }
     }
@@ -242,29 +246,30 @@ impl RunningMesh {
     /// Set positions and steps of the ports in the island; `inner` is the part of the last step that the mesh's own
     /// forces made.
     pub(crate) fn place(&self, body: &mut Body) {
-        let x = self.integrator.positions();
-        let memory = self.previous.iter().zip(&self.inertial_steps);
-        for (&(port, mat), (previous, alone)) in self.plan.ports.iter().zip(memory) {
-            let step = x[port] - previous;
-            body.x[mat] = x[port];
-            body.d[mat] = step;
-            body.inner[mat] = step - alone;
+        let positions = self.integrator.positions();
+        let port_memory = self.previous.iter().zip(&self.inertial_steps);
+        for (&(port, mat), (previous, alone)) in self.plan.ports.iter().zip(port_memory) {
+            let port_step = positions[port] - previous;
+            body.x[mat] = positions[port];
+            body.d[mat] = port_step;
+            body.inner[mat] = port_step - alone;
         }
     }
 
     /// Step from frame `n` to the next, under the forces at the ports (n_mat).
     pub(crate) fn step(&mut self, n: u64, force: &[f64], team: &mut ThreadTeam<'_>) {
         interrupt::poll_for(self.integrator.positions().len());
-        let step = self.plan.rate.step();
+        let time_step = self.plan.rate.step();
         self.impulses.clear();
         for (row, &(port, mat)) in self.plan.ports.iter().enumerate() {
-            let x = self.integrator.positions()[port];
-            let mass = self.plan.network.mats().m[port];
+            let port_position = self.integrator.positions()[port];
+            let port_mass = self.plan.network.mats().m[port];
             // The next step without the mesh's own forces: inertia, and the force at the port.
-            self.inertial_steps[row] = (x - self.previous[row]) + force[mat] * step * step / mass;
-            self.previous[row] = x;
+            self.inertial_steps[row] = (port_position - self.previous[row])
+                + force[mat] * time_step * time_step / port_mass;
+            self.previous[row] = port_position;
             if force[mat] != 0.0 {
-                self.impulses.push((port, force[mat] * step));
+                self.impulses.push((port, force[mat] * time_step));
             }
         }
         while let Some(&(_, mat, impulse)) = self
@@ -285,8 +290,9 @@ impl RunningMesh {
         {
             account.take(self.integrator.work(&self.impulses));
         }
-        let leads = &self.plan.leads;
-        self.integrator.step_led(n, leads, &self.impulses, team);
+        let mesh_leads = &self.plan.leads;
+        self.integrator
+            .step_led(n, mesh_leads, &self.impulses, team);
     }
 
     /// Begin the account anew.
@@ -320,8 +326,11 @@ impl RunningMesh {
     /// The name and part of its first MAT that moves.
     pub(super) fn first_module(&self) -> Option<(String, usize)> {
         let network = &self.plan.network;
-        let mat = network.mats().kind.iter().position(|kind| kind.moves())?;
-        Some((network.mat_name(mat), network.mats().part[mat] as usize))
+        let moving_mat = network.mats().kind.iter().position(|kind| kind.moves())?;
+        Some((
+            network.mat_name(moving_mat),
+            network.mats().part[moving_mat] as usize,
+        ))
     }
 
     /// Whether a MAT of the island is one of its ports.
@@ -331,9 +340,9 @@ impl RunningMesh {
 
     /// Whether a port is among some MATs (n_mat), or any of its own in a part.
     pub(crate) fn is_of(&self, mats: &[bool], part: usize) -> bool {
-        let parts = &self.plan.network.mats().part;
+        let mat_part = &self.plan.network.mats().part;
         self.plan.ports.iter().any(|&(_, mat)| mats[mat])
-            || parts.iter().any(|&parts| parts as usize == part)
+            || mat_part.iter().any(|&mat_part| mat_part as usize == part)
     }
 
     /// Outputs that hear it.
@@ -348,17 +357,20 @@ impl RunningMesh {
     /// The name and part of a MAT whose position is beyond all bounds.
     pub(crate) fn culprit(&self) -> Option<(String, usize)> {
         let x = self.integrator.positions();
-        let mat = x.iter().position(|&x| !crate::kernel::sound(x))?;
+        let unsound_mat = x.iter().position(|&x| !crate::kernel::sound(x))?;
         let network = &self.plan.network;
-        Some((network.mat_name(mat), network.mats().part[mat] as usize))
+        Some((
+            network.mat_name(unsound_mat),
+            network.mats().part[unsound_mat] as usize,
+        ))
     }
 
     /// The name of a part whose links stiffened, and which frames were computed finer for it.
     pub(crate) fn finer_frames(&self) -> Option<(&str, FinerFrames)> {
         let finer_frames = self.integrator.finer_frames()?;
         let network = &self.plan.network;
-        let part = network.mats().part[finer_frames.mat] as usize;
-        Some((&network.parts()[part].name, finer_frames))
+        let part_index = network.mats().part[finer_frames.mat] as usize;
+        Some((&network.parts()[part_index].name, finer_frames))
     }
 
     /// Whether all positions are finite and plausible.

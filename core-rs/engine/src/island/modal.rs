@@ -87,15 +87,15 @@ impl RunningModal {
     pub(crate) fn new(plan: &Modal) -> Self {
         let mut script = Script::new(plan);
         script.responses = pushes::responses(&script);
-        let groups = script.rates.len();
-        let motions: Vec<Motion> = (0..groups)
+        let group_count = script.rates.len();
+        let motions: Vec<Motion> = (0..group_count)
             .map(|group| Motion {
                 now: lanes(&plan.modes, group, |mode| plan.modes[mode].now),
                 before: lanes(&plan.modes, group, |mode| plan.modes[mode].before),
             })
             .collect();
         let n_rows = plan.ports.len() + plan.outputs.len();
-        let sum = |shape: &[f64], mode_value: fn(&Mode) -> f64| -> f64 {
+        let mode_sum = |shape: &[f64], mode_value: fn(&Mode) -> f64| -> f64 {
             plan.modes
                 .iter()
                 .zip(shape)
@@ -110,11 +110,11 @@ impl RunningModal {
             previous: plan
                 .ports
                 .iter()
-                .map(|port| sum(&port.shape, |mode| mode.before))
+                .map(|port| mode_sum(&port.shape, |mode| mode.before))
                 .collect(),
             sums: vec![Sum::ZERO; n_rows * AHEAD],
-            kicks: vec![Lanes::ZERO; groups],
-            pending: vec![Lanes::ZERO; groups],
+            kicks: vec![Lanes::ZERO; group_count],
+            pending: vec![Lanes::ZERO; group_count],
             has_pending: false,
             between: None,
             forces: vec![0.0; plan.ports.len()],
@@ -127,12 +127,12 @@ impl RunningModal {
             motions,
             script: Arc::new(script),
         };
-        let rows = plan.ports.iter().map(|port| &port.shape);
-        for (row, shape) in rows
+        let port_shapes = plan.ports.iter().map(|port| &port.shape);
+        for (row, shape) in port_shapes
             .chain(plan.outputs.iter().map(|(_, shape)| shape))
             .enumerate()
         {
-            playing.seen[row * ROOM] = sum(shape, |mode| mode.now);
+            playing.seen[row * ROOM] = mode_sum(shape, |mode| mode.now);
         }
         playing.compute_ahead(0);
         playing
@@ -146,9 +146,9 @@ impl RunningModal {
     /// Add the outputs in `frames` frames to `out` (n_out), if nothing pushes the body until then.
     pub(crate) fn tap_ahead(&self, frames: usize, out: &mut [f64]) {
         let plan = &self.script.plan;
-        let (first, frame) = (plan.ports.len(), self.present + frames);
+        let (first_output, seen_frame) = (plan.ports.len(), self.present + frames);
         for (row, ((output, _), still)) in plan.outputs.iter().zip(&plan.still).enumerate() {
-            out[*output as usize] += self.seen[(first + row) * ROOM + frame] + still;
+            out[*output as usize] += self.seen[(first_output + row) * ROOM + seen_frame] + still;
         }
     }
 
@@ -159,18 +159,18 @@ impl RunningModal {
 
     /// Set the ports as they will be in `frames` frames, if nothing pushes the body until then.
     pub(crate) fn place_ahead(&self, frames: usize, body: &mut Body) {
-        let frame = self.present + frames;
+        let seen_frame = self.present + frames;
         for (row, port) in self.script.plan.ports.iter().enumerate() {
             let port_row = &self.seen[row * ROOM..(row + 1) * ROOM];
-            let (now, next) = (port_row[frame], port_row[frame + 1]);
+            let (position_now, position_next) = (port_row[seen_frame], port_row[seen_frame + 1]);
             let previous = if frames == 0 {
                 self.previous[row]
             } else {
-                port_row[frame - 1]
+                port_row[seen_frame - 1]
             };
-            body.x[port.mat] = now + port.rest;
-            body.d[port.mat] = now - previous;
-            body.inner[port.mat] = (next - now) - (now - previous);
+            body.x[port.mat] = position_now + port.rest;
+            body.d[port.mat] = position_now - previous;
+            body.inner[port.mat] = (position_next - position_now) - (position_now - previous);
         }
     }
 
@@ -185,8 +185,8 @@ impl RunningModal {
 
     /// The frame of its next strike, or `u64::MAX`.
     pub(crate) fn due(&self) -> u64 {
-        let next = self.script.blows.get(self.next);
-        next.map_or(u64::MAX, |blow| blow.0)
+        let next_blow = self.script.blows.get(self.next);
+        next_blow.map_or(u64::MAX, |blow| blow.0)
     }
 
     /// For a body at rest: move the present by `frames`, which may be negative, within the frames ahead.
@@ -208,9 +208,9 @@ impl RunningModal {
 
     /// Apply the strikes of frame `n`, so that contacts know where the ports go with them.
     pub(crate) fn strike(&mut self, n: u64, body: &mut Body) {
-        let is_due = |blow: &&Blow| blow.0 <= n;
-        let blow = self.script.blows.get(self.next).filter(is_due);
-        if blow.is_none() && !self.has_pending {
+        let is_due = |due_blow: &&Blow| due_blow.0 <= n;
+        let due_blow = self.script.blows.get(self.next).filter(is_due);
+        if due_blow.is_none() && !self.has_pending {
             return;
         }
         self.discard_ahead();
@@ -220,9 +220,9 @@ impl RunningModal {
             self.pending.fill(Lanes::ZERO);
             self.has_pending = false;
         }
-        while let Some(&blow) = self.script.blows.get(self.next).filter(is_due) {
+        while let Some(&due_blow) = self.script.blows.get(self.next).filter(is_due) {
             self.next += 1;
-            self.script.strike(blow, &mut self.kicks);
+            self.script.strike(due_blow, &mut self.kicks);
             self.kick();
         }
         self.place(body);
@@ -252,26 +252,29 @@ impl RunningModal {
 
     /// The square of the amplitude of each mode.
     fn squared_amplitudes(&self) -> impl Iterator<Item = f64> {
-        let modes = self.script.plan.modes.iter().enumerate();
-        let mut motion = None;
-        modes.map(move |(mode, oscillator)| {
+        let indexed_modes = self.script.plan.modes.iter().enumerate();
+        let mut group_motion = None;
+        indexed_modes.map(move |(mode, oscillator)| {
             if mode.is_multiple_of(LANES) {
-                motion = Some(self.motion_with_pushes(mode / LANES));
+                group_motion = Some(self.motion_with_pushes(mode / LANES));
             }
-            let Some(motion): &Option<Motion> = &motion else {
+            let Some(group_motion): &Option<Motion> = &group_motion else {
                 return 0.0;
             };
-            let (x, before) = (motion.now.0[mode % LANES], motion.before.0[mode % LANES]);
+            let (x, position_before) = (
+                group_motion.now.0[mode % LANES],
+                group_motion.before.0[mode % LANES],
+            );
             if oscillator.b == 0.0 {
                 return x * x;
             }
             // b = r² and a = 2r·cos θ: `y` is the position a frame before, less the decay of one frame.
-            let (y, sine) = (
-                before * oscillator.b.sqrt(),
+            let (y, sine_square) = (
+                position_before * oscillator.b.sqrt(),
                 1.0 - oscillator.a * oscillator.a / (4.0 * oscillator.b),
             );
-            if sine > 0.0 {
-                (x * x + y * y - x * before * oscillator.a) / sine
+            if sine_square > 0.0 {
+                (x * x + y * y - x * position_before * oscillator.a) / sine_square
             } else {
                 x * x
             }
@@ -296,8 +299,8 @@ impl RunningModal {
         }
         self.look(|mode, now, before| {
             let mode_plan = &plan.modes[mode];
-            if let Some(cell) = &mode_plan.cell {
-                tell(cell.energy([now, mode_plan.a * now - mode_plan.b * before], plan.rate));
+            if let Some(mode_cell) = &mode_plan.cell {
+                tell(mode_cell.energy([now, mode_plan.a * now - mode_plan.b * before], plan.rate));
             }
         });
     }
@@ -333,57 +336,67 @@ impl RunningModal {
     /// Amplitudes of its modes at this frame and the one before   (n_modes each)
     pub(crate) fn amplitudes(&mut self, now: &mut [f64], before: &mut [f64]) {
         self.discard_ahead();
-        let rates = if self.is_damped {
+        let group_rates = if self.is_damped {
             &self.damped
         } else {
             &self.script.rates
         };
         for mode in 0..self.n_modes() {
-            let (group, lane) = (mode / LANES, mode % LANES);
-            let motion = &self.motions[group];
+            let (group_index, lane) = (mode / LANES, mode % LANES);
+            let group_motion = &self.motions[group_index];
             // The motions are those of the next frame, without what impulses between frames have still to add.
-            let next = motion.now.0[lane] + self.pending[group].0[lane];
-            let (a, b) = (rates[group].a.0[lane], rates[group].b.0[lane]);
-            now[mode] = motion.before.0[lane];
-            before[mode] = (a * now[mode] - next) / b;
+            let next_amplitude = group_motion.now.0[lane] + self.pending[group_index].0[lane];
+            let (a, b) = (
+                group_rates[group_index].a.0[lane],
+                group_rates[group_index].b.0[lane],
+            );
+            now[mode] = group_motion.before.0[lane];
+            before[mode] = (a * now[mode] - next_amplitude) / b;
         }
     }
 
     /// Tell what [`Self::amplitudes`] gives for every mode (mode, now, before), and keep the frames ahead.
     pub(crate) fn look(&self, mut tell: impl FnMut(usize, f64, f64)) {
-        let rates = if self.is_damped {
+        let group_rates = if self.is_damped {
             &self.damped
         } else {
             &self.script.rates
         };
         let n_modes = self.n_modes();
-        for (group, rates) in rates.iter().enumerate() {
-            let mut motion = self.saved[group].clone();
-            self.replay(group, &mut motion, 0, self.present + 1);
-            let first = group * LANES;
-            for lane in 0..LANES.min(n_modes - first) {
-                let (a, b) = (rates.a.0[lane], rates.b.0[lane]);
-                let next = motion.now.0[lane] + self.pending[group].0[lane];
-                let now = motion.before.0[lane];
-                let before = if b == 0.0 { now } else { (a * now - next) / b };
-                tell(first + lane, now, before);
+        for (group, group_rates) in group_rates.iter().enumerate() {
+            let mut group_motion = self.saved[group].clone();
+            self.replay(group, &mut group_motion, 0, self.present + 1);
+            let first_mode = group * LANES;
+            for lane in 0..LANES.min(n_modes - first_mode) {
+                let (a, b) = (group_rates.a.0[lane], group_rates.b.0[lane]);
+                let next_amplitude = group_motion.now.0[lane] + self.pending[group].0[lane];
+                let amplitude_now = group_motion.before.0[lane];
+                let amplitude_before = if b == 0.0 {
+                    amplitude_now
+                } else {
+                    (a * amplitude_now - next_amplitude) / b
+                };
+                tell(first_mode + lane, amplitude_now, amplitude_before);
             }
         }
     }
 
     /// Set the amplitudes of its modes at this frame and the one before   (n_modes each)
     pub(crate) fn set_amplitudes(&mut self, now: &[f64], before: &[f64]) {
-        let rates = if self.is_damped {
+        let group_rates = if self.is_damped {
             &self.damped
         } else {
             &self.script.rates
         };
         for mode in 0..self.n_modes() {
-            let (group, lane) = (mode / LANES, mode % LANES);
-            let (a, b) = (rates[group].a.0[lane], rates[group].b.0[lane]);
-            let next = a * now[mode] - b * before[mode];
-            let (motion, saved) = (&mut self.motions[group], &mut self.saved[group]);
-            (motion.now.0[lane], motion.before.0[lane]) = (next, now[mode]);
+            let (group_index, lane) = (mode / LANES, mode % LANES);
+            let (a, b) = (
+                group_rates[group_index].a.0[lane],
+                group_rates[group_index].b.0[lane],
+            );
+            let next_amplitude = a * now[mode] - b * before[mode];
+            let (motion, saved) = (&mut self.motions[group_index], &mut self.saved[group_index]);
+            (motion.now.0[lane], motion.before.0[lane]) = (next_amplitude, now[mode]);
             (saved.now.0[lane], saved.before.0[lane]) = (now[mode], before[mode]);
         }
         (self.present, self.until, self.quiet, self.has_pending) = (0, 1, 0, false);
@@ -397,8 +410,8 @@ impl RunningModal {
             }
         }
         for (row, previous) in self.previous.iter_mut().enumerate() {
-            let each = self.saved.iter().zip(&self.script.rows);
-            *previous = each
+            let saved_rows = self.saved.iter().zip(&self.script.rows);
+            *previous = saved_rows
                 .map(|(saved, rows)| ports::see(&rows[row], &saved.before))
                 .sum();
         }
@@ -441,11 +454,11 @@ impl RunningModal {
             return;
         }
         for group in 0..self.motions.len() {
-            let mut motion = self.saved[group].clone();
-            self.replay(group, &mut motion, 0, present);
-            self.saved[group].clone_from(&motion);
-            self.replay(group, &mut motion, present, present + 1);
-            self.motions[group] = motion;
+            let mut group_motion = self.saved[group].clone();
+            self.replay(group, &mut group_motion, 0, present);
+            self.saved[group].clone_from(&group_motion);
+            self.replay(group, &mut group_motion, present, present + 1);
+            self.motions[group] = group_motion;
         }
         self.forget_pushes();
         for seen in self.seen.chunks_mut(ROOM) {
@@ -456,34 +469,41 @@ impl RunningModal {
 
     /// Compute the free motion from the present, frame `n`, up to the next known strike at most.
     fn compute_ahead(&mut self, n: u64) {
-        let blow = self.script.blows.get(self.next);
-        let free = blow.map_or(u64::MAX, |blow| blow.0.saturating_sub(n));
+        let next_blow = self.script.blows.get(self.next);
+        let free_frames = next_blow.map_or(u64::MAX, |next_blow| next_blow.0.saturating_sub(n));
         // The responses to pushes do not know the damping.
-        let far = if self.quiet < QUIET || self.is_damped {
+        let frames_ahead = if self.quiet < QUIET || self.is_damped {
             1
         } else {
-            free.clamp(1, AHEAD as u64) as usize
+            free_frames.clamp(1, AHEAD as u64) as usize
         };
         self.take_pushes();
         self.saved.clone_from_slice(&self.motions);
         for sums in self.sums.chunks_mut(AHEAD) {
-            sums[..far].fill(Sum::ZERO);
+            sums[..frames_ahead].fill(Sum::ZERO);
         }
         for (group, motion) in self.motions.iter_mut().enumerate() {
-            let rates = if self.is_damped {
+            let group_rates = if self.is_damped {
                 &self.damped
             } else {
                 &self.script.rates
             };
-            let (rates, rows) = (&rates[group], &self.script.rows[group]);
-            follow(rates, motion, rows, far, &mut self.sums, AHEAD);
+            let (group_rates, group_rows) = (&group_rates[group], &self.script.rows[group]);
+            follow(
+                group_rates,
+                motion,
+                group_rows,
+                frames_ahead,
+                &mut self.sums,
+                AHEAD,
+            );
         }
         for (seen, sums) in self.seen.chunks_mut(ROOM).zip(self.sums.chunks(AHEAD)) {
             seen[0] = seen[self.present];
-            for (seen, sum) in seen[1..].iter_mut().zip(&sums[..far]) {
+            for (seen, sum) in seen[1..].iter_mut().zip(&sums[..frames_ahead]) {
                 *seen = joined(sum);
             }
         }
-        (self.present, self.until) = (0, far);
+        (self.present, self.until) = (0, frames_ahead);
     }
 }

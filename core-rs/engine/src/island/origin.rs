@@ -14,34 +14,42 @@ pub(super) fn start(
     drives: &[Drive],
     acts: &dyn Fn(usize) -> bool,
 ) -> Body {
-    let pushes: Vec<_> = drives
+    let drive_forces: Vec<_> = drives
         .iter()
         .filter(|drive| drive.kind == DriveKind::Force)
         .map(|drive| (drive.mat, drive.value(0, scheme.rate)))
         .collect();
-    let x = positions(network, timeline, drives);
-    let mut d = backward_steps(network, timeline, scheme, &x, &pushes, acts);
+    let start_positions = positions(network, timeline, drives);
+    let mut start_steps = backward_steps(
+        network,
+        timeline,
+        scheme,
+        &start_positions,
+        &drive_forces,
+        acts,
+    );
     for (port, key) in timeline.ports() {
-        d[port] = d[key];
+        start_steps[port] = start_steps[key];
     }
-    Body::new(scheme, x, d)
+    Body::new(scheme, start_positions, start_steps)
 }
 
 /// Where every MAT is at frame 0 [m], (n_mat).
 pub(super) fn positions(network: &Network, timeline: &Timeline, drives: &[Drive]) -> Vec<f64> {
-    let mut x = network.mats().x0.clone();
+    let mut start_positions = network.mats().x0.clone();
     for drive in drives
         .iter()
         // The position of a real hand is not yet known: its key begins where the network has it.
         .filter(|drive| drive.is_path())
     {
-        x[drive.mat] = drive.value(0, timeline.rate.hertz());
+        start_positions[drive.mat] = drive.value(0, timeline.rate.hertz());
     }
     for (port, key) in timeline.ports() {
-        x[port] = x[key];
+        start_positions[port] = start_positions[key];
     }
     for proxy in network.proxies() {
-        x[proxy.mat] = proxy.sum(|mat| x[mat], |mat| x[mat]);
+        start_positions[proxy.mat] =
+            proxy.sum(|mat| start_positions[mat], |mat| start_positions[mat]);
     }
-    x
+    start_positions
 }

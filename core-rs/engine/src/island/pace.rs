@@ -14,8 +14,8 @@ impl Island {
 
     /// Number of its own frames that fall in the scene's next `n_frames`, from `frame_of_scene` on.
     pub(crate) fn due_frames(&self, frame_of_scene: u64, n_frames: usize) -> usize {
-        let end = self.island_frames(frame_of_scene + n_frames as u64);
-        (end - self.island_frames(frame_of_scene)) as usize
+        let frames_at_end = self.island_frames(frame_of_scene + n_frames as u64);
+        (frames_at_end - self.island_frames(frame_of_scene)) as usize
     }
 
     /// Number of its steps that are computed when the scene has computed `frame_of_scene` frames.

@@ -15,8 +15,8 @@ pub(super) struct Work {
 
 /// Energy of all pairs of stiffness `k` [J]: now, and a step before.
 pub(super) fn potentials(run: &PairRun, k: f64, room: &mut Neighbours, body: &Body) -> [f64; 2] {
-    let before = potential(run, k, room, |mat| body.x[mat] - body.d[mat]);
-    [potential(run, k, room, |mat| body.x[mat]), before]
+    let energy_before = potential(run, k, room, |mat| body.x[mat] - body.d[mat]);
+    [potential(run, k, room, |mat| body.x[mat]), energy_before]
 }
 
 /// Energy of all pairs of stiffness `k` at positions `x` [J].
@@ -26,10 +26,10 @@ pub(super) fn potential(
     room: &mut Neighbours,
     x: impl Fn(usize) -> f64,
 ) -> f64 {
-    let mut sum = 0.0;
-    let law = &run.pairs.link.law;
-    room.touching(run, x, |_, e, _| sum += law.potential(k, e));
-    sum
+    let mut energy_sum = 0.0;
+    let pair_law = &run.pairs.link.law;
+    room.touching(run, x, |_, e, _| energy_sum += pair_law.potential(k, e));
+    energy_sum
 }
 
 /// Work in the frame that has ended, by the forces at the positions before it. `d` are the steps of the frame before
@@ -42,50 +42,53 @@ pub(super) fn work(
     d: [&[f64]; 2],
     history: &ContactHistory,
 ) -> Work {
-    let link = &run.pairs.link;
-    let mut work = Work::default();
-    let then = |mat: usize| body.x[mat] - body.d[mat];
-    room.touching(run, then, |ends, e, along| {
-        let step = link.stretch(ends, along, |mat| d[0][mat]);
-        let stretch = 0.5 * link.stretch(ends, along, |mat| d[0][mat] + d[1][mat]);
-        let (f, elastic) = (link.law.force(by, e, step), link.law.elastic(by[0], e));
-        work.total += stretch * f;
-        work.elastic += stretch * elastic;
+    let pair_link = &run.pairs.link;
+    let mut pair_work = Work::default();
+    let position_then = |mat: usize| body.x[mat] - body.d[mat];
+    room.touching(run, position_then, |ends, e, along| {
+        let stretch_before = pair_link.stretch(ends, along, |mat| d[0][mat]);
+        let stretch = 0.5 * pair_link.stretch(ends, along, |mat| d[0][mat] + d[1][mat]);
+        let (f, elastic) = (
+            pair_link.law.force(by, e, stretch_before),
+            pair_link.law.elastic(by[0], e),
+        );
+        pair_work.total += stretch * f;
+        pair_work.elastic += stretch * elastic;
         if run.pairs.friction > 0.0 {
-            let moved = d.map(|d| link.between(ends, |mat| d[mat]));
+            let ends_moved = d.map(|d| pair_link.between(ends, |mat| d[mat]));
             let contact = PairContact {
                 e,
                 f,
                 elastic,
                 along,
-                apart: link.between(ends, then),
-                moved: moved[0],
+                apart: pair_link.between(ends, position_then),
+                moved: ends_moved[0],
             };
-            let across = contact.sliding(&run.pairs, by);
-            let (force, _) = across.force(history.find(run.points(ends)));
+            let sliding = contact.sliding(&run.pairs, by);
+            let (force, _) = sliding.force(history.find(run.points(ends)));
             for (axis, force) in force.into_iter().enumerate() {
-                work.total += 0.5 * (moved[0][axis] + moved[1][axis]) * force;
+                pair_work.total += 0.5 * (ends_moved[0][axis] + ends_moved[1][axis]) * force;
             }
         }
     });
-    work
+    pair_work
 }
 
 /// Elastic energy of friction in all touching pairs of stiffness `k` [J].
 pub(super) fn held(run: &PairRun, k: f64, history: &ContactHistory, body: &Body) -> f64 {
-    let link = &run.pairs.link;
+    let pair_link = &run.pairs.link;
     let pair_energy = |(points, anchor): ([u32; 2], [f64; 3])| {
-        let ends = run.ends(points);
-        let e = link.line(ends, |mat| body.x[mat]).0 - run.rest;
+        let pair_ends = run.ends(points);
+        let e = pair_link.line(pair_ends, |mat| body.x[mat]).0 - run.rest;
         if e >= 0.0 {
             return 0.0;
         }
-        let Some([k, _]) = link.law.pressed(k, e, link.law.elastic(k, e)) else {
+        let Some([k, _]) = pair_link.law.pressed(k, e, pair_link.law.elastic(k, e)) else {
             return 0.0;
         };
-        let stretch = difference(link.between(ends, |mat| body.x[mat]), anchor);
-        let square: f64 = stretch.iter().map(|part| part * part).sum();
-        0.5 * k * square
+        let stretch = difference(pair_link.between(pair_ends, |mat| body.x[mat]), anchor);
+        let stretch_square: f64 = stretch.iter().map(|part| part * part).sum();
+        0.5 * k * stretch_square
     };
     history.pairs().map(pair_energy).sum()
 }

@@ -55,11 +55,11 @@ struct PairContacts {
 impl PairGains {
     /// `None` if there are no such contacts, or one of them has a gate.
     pub(super) fn new(scheme: &Scheme) -> Option<Self> {
-        let runs = scheme.runs.iter().filter_map(|pairwise_runs| {
+        let pair_runs = scheme.runs.iter().filter_map(|pairwise_runs| {
             let run = pairwise_runs.pairwise()?;
             Some((pairwise_runs, run))
         });
-        let pair_contacts: Vec<PairContacts> = runs
+        let pair_contacts: Vec<PairContacts> = pair_runs
             .clone()
             .map(|(pairwise_runs, run)| PairContacts {
                 first: pairwise_runs.first,
@@ -69,16 +69,16 @@ impl PairGains {
                 run,
             })
             .collect();
-        let room = || vec![0.0; scheme.n_mat()];
-        let is_gated = runs
+        let mat_buffer = || vec![0.0; scheme.n_mat()];
+        let is_gated = pair_runs
             .clone()
             .any(|(pairwise_runs, _)| pairwise_runs.gate.is_some());
         (!pair_contacts.is_empty() && !is_gated).then(|| Self {
             pair_contacts,
-            d: room(),
-            force: room(),
+            d: mat_buffer(),
+            force: mat_buffer(),
             held: 0.0,
-            from: [room(), room()],
+            from: [mat_buffer(), mat_buffer()],
             account: Account::default(),
             is_whole: false,
             worst: None,
@@ -96,18 +96,18 @@ impl PairGains {
 
     /// A MAT that these contacts move.
     pub(super) fn moving_mat(&self, scheme: &Scheme) -> usize {
-        let run = &self.pair_contacts[0].run;
-        let moving = (run.b..run.b + run.n).find(|&mat| scheme.w[mat] > 0.0);
-        moving.unwrap_or(run.a)
+        let pair_run = &self.pair_contacts[0].run;
+        let first_moving = (pair_run.b..pair_run.b + pair_run.n).find(|&mat| scheme.w[mat] > 0.0);
+        first_moving.unwrap_or(pair_run.a)
     }
 
     /// Whether any of the marked MATs (n_mat) is an end of these contacts.
     pub(super) fn touches(&self, mats: &[bool]) -> bool {
-        let mut spans = self
+        let mut mat_spans = self
             .pair_contacts
             .iter()
             .flat_map(|contacts| contacts.run.spans());
-        spans.any(|span| mats[span].iter().any(|&is_one| is_one))
+        mat_spans.any(|span| mats[span].iter().any(|&is_one| is_one))
     }
 
     pub(super) fn begin(&mut self, body: &Body) {
@@ -121,8 +121,9 @@ impl PairGains {
     }
 
     pub(super) fn step(&mut self, body: &Body) {
-        let now = [&*body.d, &*body.pair_force];
-        self.account.take(-work(&mut self.d, &mut self.force, now));
+        let motion_now = [&*body.d, &*body.pair_force];
+        self.account
+            .take(-work(&mut self.d, &mut self.force, motion_now));
     }
 
     /// The energy created by frame `n`, if that is worth reporting; `around` is the energy of all masses.
@@ -133,8 +134,8 @@ impl PairGains {
         n: u64,
     ) -> Option<Gain> {
         if self.account.is_overdrawn() && !self.is_whole {
-            let start = stored(&mut self.pair_contacts, [&self.from[0], &self.from[1]]);
-            self.account.add_start(start + self.held);
+            let start_energy = stored(&mut self.pair_contacts, [&self.from[0], &self.from[1]]);
+            self.account.add_start(start_energy + self.held);
             self.is_whole = true;
         }
         if !self.account.is_overdrawn() {
@@ -168,10 +169,12 @@ impl PairGains {
 
     fn rounding(&self, body: &Body) -> f64 {
         let pair_energy = |contacts: &PairContacts| {
-            let mats = contacts.run.spans().flatten();
-            let far = mats.map(|mat| body.x[mat].abs()).fold(0.0, f64::max);
-            let least = DIGITS * f64::EPSILON * far;
-            contacts.run.n as f64 * contacts.k * least * least
+            let contact_mats = contacts.run.spans().flatten();
+            let largest_position = contact_mats
+                .map(|mat| body.x[mat].abs())
+                .fold(0.0, f64::max);
+            let elongation_error = DIGITS * f64::EPSILON * largest_position;
+            contacts.run.n as f64 * contacts.k * elongation_error * elongation_error
         };
         self.pair_contacts.iter().map(pair_energy).sum()
     }

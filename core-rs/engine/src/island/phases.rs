@@ -20,8 +20,8 @@ pub(super) fn values(script: &Script, state: &mut State, mut scheme: Option<&mut
     if let Some(scheme) = scheme.as_deref_mut() {
         glide::apply_glides(&script.glides, &script.scheme, scheme, n);
         glide::apply_leads(&script.led, &script.scheme, scheme, &mut matter.fine, n);
-        if let Some(fine) = &mut matter.fine {
-            glide::pass_to_fine(&script.glides, &script.scheme, fine, n);
+        if let Some(fine_state) = &mut matter.fine {
+            glide::pass_to_fine(&script.glides, &script.scheme, fine_state, n);
         }
     }
     values.open(&script.gates, n);
@@ -32,8 +32,8 @@ pub(super) fn values(script: &Script, state: &mut State, mut scheme: Option<&mut
         }
         matter.place(); // bodies are damped by themselves
     }
-    let states = &mut hands.hand_states;
-    real_hands::arrive(&script.hand_bindings, states, n, &mut matter.body);
+    let hand_states = &mut hands.hand_states;
+    real_hands::arrive(&script.hand_bindings, hand_states, n, &mut matter.body);
     delayed_ports::follow(&script.port_bindings, &mut matter.body);
     if let Some(scheme) = scheme {
         glide::apply_following_masses(&script.scheme, scheme, &matter.body.x);
@@ -195,26 +195,26 @@ impl Frame<'_, '_> {
             are_bodies_sound &= inside.sound();
         }
         kernel::proxies::gather(scheme, body);
-        let finer = recompute_finer(scheme, self.state, self.team);
+        let finer_sound = recompute_finer(scheme, self.state, self.team);
         let State {
             values,
             matter,
             watch,
             ..
         } = &mut *self.state;
-        if finer.is_some() || values.damped < 1.0 {
+        if finer_sound.is_some() || values.damped < 1.0 {
             watch.gains.iter_mut().for_each(|gains| gains.restart());
-            let fine = matter.fine.iter_mut();
-            fine.for_each(|fine| fine.sprung_mut().restart());
+            let fine_state = matter.fine.iter_mut();
+            fine_state.for_each(|fine_state| fine_state.sprung_mut().restart());
         }
         kernel::slide_bristles(scheme, &mut matter.body);
         kernel::rest(scheme, &mut matter.body);
-        if let Some(fine) = &matter.fine {
-            fine.rest_held(scheme, &mut matter.body);
+        if let Some(fine_state) = &matter.fine {
+            fine_state.rest_held(scheme, &mut matter.body);
         }
         Moved {
-            is_sound: finer.unwrap_or(is_sound) && are_bodies_sound,
-            is_finer: finer.is_some(),
+            is_sound: finer_sound.unwrap_or(is_sound) && are_bodies_sound,
+            is_finer: finer_sound.is_some(),
         }
     }
 
@@ -254,7 +254,7 @@ impl Frame<'_, '_> {
     /// Let every voice do its part of the frame.
     fn let_voices(&mut self, act: fn(&mut Voice, &VoiceScript, &mut Scene<'_>, u64)) {
         let State { matter, hands, .. } = &mut *self.state;
-        let mut scene = Scene {
+        let mut voice_scene = Scene {
             scheme: self.scheme,
             gestures: &self.script.gestures,
             body: &mut matter.body,
@@ -265,8 +265,8 @@ impl Frame<'_, '_> {
             layers: &hands.layers,
         };
         for (voice, voice_script) in hands.voices.iter_mut().zip(&self.script.voices) {
-            if voice.is_awake(voice_script, scene.gestures, self.n) {
-                act(voice, voice_script, &mut scene, self.n);
+            if voice.is_awake(voice_script, voice_scene.gestures, self.n) {
+                act(voice, voice_script, &mut voice_scene, self.n);
             }
         }
     }
@@ -285,22 +285,22 @@ fn recompute_finer(scheme: &Scheme, state: &mut State, team: &mut ThreadTeam<'_>
     if !guard.needs_finer(&body.x, &body.d, &scheme.w) {
         return None;
     }
-    let then = body.previous.as_mut()?;
-    then.swap(&mut body.x, &mut body.d);
-    let led = matter.targets.iter().map(|target| target.mat);
-    let (x, then) = (&body.x, &then.x);
-    guard.impose(led, |mat| (x[mat], then[mat]));
-    let sound = guard.compute_finer(&mut guard::KernelStage {
+    let previous = body.previous.as_mut()?;
+    previous.swap(&mut body.x, &mut body.d);
+    let imposed_mats = matter.targets.iter().map(|target| target.mat);
+    let (x, previous) = (&body.x, &previous.x);
+    guard.impose(imposed_mats, |mat| (x[mat], previous[mat]));
+    let is_sound = guard.compute_finer(&mut guard::KernelStage {
         scheme,
         gates: &values.gates,
         body,
         laws: &mut matter.laws,
         team,
     });
-    if let Some(before) = &body.previous {
-        guard.keep_unrelated(before, &mut body.x, &mut body.d);
+    if let Some(state_before) = &body.previous {
+        guard.keep_unrelated(state_before, &mut body.x, &mut body.d);
     }
     matter.place();
     kernel::proxies::gather(scheme, &mut matter.body);
-    Some(sound)
+    Some(is_sound)
 }

@@ -34,17 +34,17 @@ impl PutIn {
 
     /// Account for a step in which all forces are known and MATs have not moved yet.
     pub(super) fn step(&mut self, scheme: &Scheme, targets: &[Target], body: &Body) {
-        for (mat, [force, step]) in self.before.drain(..) {
-            self.work += 0.5 * (step + body.d[mat]) * force;
+        for (mat, [holding_force, step]) in self.before.drain(..) {
+            self.work += 0.5 * (step + body.d[mat]) * holding_force;
         }
         self.work_max = self.work_max.max(self.work);
         self.before.extend(targets.iter().map(|target| {
             let mat = target.mat;
-            let force = match scheme.w[mat] {
+            let holding_force = match scheme.w[mat] {
                 0.0 => -body.force[mat],
                 _ => kernel::needed(scheme, body, mat, target.x),
             };
-            (mat, [force, body.d[mat]])
+            (mat, [holding_force, body.d[mat]])
         }));
     }
 }

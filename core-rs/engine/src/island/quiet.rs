@@ -107,32 +107,32 @@ impl Quiet {
         for output in &mut self.outputs {
             is_quiet &= output.is_quiet(QUIET_AMPLITUDE);
         }
-        let mut sum = 0.0;
-        let mats = body.x.iter().zip(&body.d).zip(&scheme.w);
-        for (((x, d), w), largest) in mats.zip(&mut self.steps) {
-            let square = d * d;
-            *largest = largest.max(square);
+        let mut energy_sum = 0.0;
+        let mat_motions = body.x.iter().zip(&body.d).zip(&scheme.w);
+        for (((x, d), w), largest) in mat_motions.zip(&mut self.steps) {
+            let step_square = d * d;
+            *largest = largest.max(step_square);
             // What is led has no energy of its own.
-            let energy = if *w > 0.0 { square / w } else { 0.0 };
-            self.energy = self.energy.max(energy);
-            sum += energy;
-            is_quiet &= square <= QUIET * *largest || d.abs() <= ROUNDING * x.abs();
+            let mat_energy = if *w > 0.0 { step_square / w } else { 0.0 };
+            self.energy = self.energy.max(mat_energy);
+            energy_sum += mat_energy;
+            is_quiet &= step_square <= QUIET * *largest || d.abs() <= ROUNDING * x.abs();
         }
-        sum /= self.energy.max(f64::MIN_POSITIVE);
+        energy_sum /= self.energy.max(f64::MIN_POSITIVE);
         for (body, largest) in bodies.iter().zip(&mut self.bodies) {
-            let motion = body.motion();
-            *largest = largest.max(motion);
-            sum += motion / largest.max(f64::MIN_POSITIVE);
-            is_quiet &= motion <= QUIET * *largest;
+            let body_motion = body.motion();
+            *largest = largest.max(body_motion);
+            energy_sum += body_motion / largest.max(f64::MIN_POSITIVE);
+            is_quiet &= body_motion <= QUIET * *largest;
         }
-        self.period = self.period.max(sum);
+        self.period = self.period.max(energy_sum);
         self.is_quiet = is_quiet && (self.is_quiet || index == 1);
         if index != 0 {
             return false;
         }
-        let fades = self.period <= self.before;
+        let has_faded = self.period <= self.before;
         self.before = std::mem::take(&mut self.period);
-        self.is_quiet && fades
+        self.is_quiet && has_faded
     }
 }
 
@@ -157,43 +157,43 @@ impl Island {
 
     /// The step of the next look; never for an island that may not sleep.
     pub(super) fn next_quiet_look(&self) -> u64 {
-        let steps = self.look_steps();
-        let next = (self.state.frame / steps + 1) * steps;
-        self.quiet.as_ref().map_or(u64::MAX, |_| next)
+        let look_steps = self.look_steps();
+        let next_look = (self.state.frame / look_steps + 1) * look_steps;
+        self.quiet.as_ref().map_or(u64::MAX, |_| next_look)
     }
 
     /// Takes note of frames that were played, (n_frames · n_out). If that ends a period of looks after which the island
     /// sleeps, returns the step until which it does.
     pub(super) fn falls_asleep(&mut self, sound: &[f64]) -> Option<u64> {
-        let (n, steps) = (self.state.frame, self.look_steps());
+        let (island_step, look_steps) = (self.state.frame, self.look_steps());
         let state = &self.state;
         let quiet = self.quiet.as_mut()?;
         quiet.note(sound);
-        if !n.is_multiple_of(steps) {
+        if !island_step.is_multiple_of(look_steps) {
             return None;
         }
-        let scheme = state
+        let scheme_now = state
             .values
             .scheme
             .as_deref()
             .unwrap_or(&self.script.scheme);
         let may_sleep = quiet.look(
-            scheme,
+            scheme_now,
             &state.matter.body,
             &state.matter.bodies,
-            (n / steps) % LOOKS,
+            (island_step / look_steps) % LOOKS,
         );
-        let until = may_sleep.then(|| self.wakes_at()).flatten();
+        let wake_step = may_sleep.then(|| self.wakes_at()).flatten();
         if let Some(quiet) = &mut self.quiet {
-            quiet.is_asleep = until.is_some();
+            quiet.is_asleep = wake_step.is_some();
         }
-        until
+        wake_step
     }
 
     /// The step of the next event; `None` if it is in this frame, so that the island has to wake now. It wakes no earlier,
     /// because a session may know an event from that frame on only, and has to play what is rendered.
     pub(super) fn wakes_at(&self) -> Option<u64> {
-        let (n, often) = (self.state.frame, u64::from(self.oversampling));
-        Some(self.due(n)).filter(|due| *due - n >= often)
+        let (island_step, steps_per_frame) = (self.state.frame, u64::from(self.oversampling));
+        Some(self.due(island_step)).filter(|due| *due - island_step >= steps_per_frame)
     }
 }

@@ -67,25 +67,26 @@ pub(super) fn arrive(
     body: &mut Body,
 ) {
     for (binding, state) in hand_bindings.iter().zip(hand_states) {
-        let (x, d) = (&mut body.x[binding.mat], &mut body.d[binding.mat]);
+        let (mat_position, mat_step) = (&mut body.x[binding.mat], &mut body.d[binding.mat]);
         let tick_frames = u64::from(binding.hand.tick_frames);
-        let within = n % tick_frames;
-        if within == 0 {
-            let (to, step) = state
+        let frame_in_tick = n % tick_frames;
+        if frame_in_tick == 0 {
+            let (end_position, sent_step) = state
                 .sent
                 .unwrap_or_else(|| (binding.hand.position(n), None));
-            let from = if n == 0 { to } else { state.to };
-            (state.from, state.to) = (from, to);
+            let start_position = if n == 0 { end_position } else { state.to };
+            (state.from, state.to) = (start_position, end_position);
             if tick_frames == 1 || binding.hand.interpolation == HandWay::Hold {
-                *d = step.unwrap_or(to - from);
-                *x = to;
+                *mat_step = sent_step.unwrap_or(end_position - start_position);
+                *mat_position = end_position;
                 continue;
             }
         }
         if binding.hand.interpolation == HandWay::Line {
             let distance = state.to - state.from;
-            *d = distance / tick_frames as f64;
-            *x = state.from + distance * ((within + 1) as f64 / tick_frames as f64);
+            *mat_step = distance / tick_frames as f64;
+            *mat_position =
+                state.from + distance * ((frame_in_tick + 1) as f64 / tick_frames as f64);
         }
     }
 }
@@ -124,12 +125,12 @@ impl super::Island {
 
     /// Mean force on a hand of the scene over the last complete tick [N].
     pub(crate) fn hand_force(&self, hand: usize) -> f64 {
-        let pairs = self
+        let hand_pairs = self
             .script
             .hand_bindings
             .iter()
             .zip(&self.state.hands.hand_states);
-        let states = pairs.filter(|(binding, _)| binding.hand.index == hand);
-        states.map(|(_, state)| state.mean_force).sum()
+        let hand_states = hand_pairs.filter(|(binding, _)| binding.hand.index == hand);
+        hand_states.map(|(_, state)| state.mean_force).sum()
     }
 }

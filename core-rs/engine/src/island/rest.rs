@@ -81,47 +81,49 @@ impl Island {
         n_frames: usize,
         team: &mut ThreadTeam<'_>,
     ) -> Result<(), Fault> {
-        let (n_out, often) = (self.n_out(), u64::from(self.oversampling));
-        let mut done = 0;
-        while done < n_frames {
-            let left = (n_frames - done) as u64;
-            let until = |step: u64| left.min(step.saturating_sub(self.state.frame) / often);
-            let to_look = until(self.next_quiet_look());
-            let n = match self.rest.stage {
-                Stage::Computed => to_look.min(until(self.rest.next)),
+        let (n_out, steps_per_frame) = (self.n_out(), u64::from(self.oversampling));
+        let mut frames_done = 0;
+        while frames_done < n_frames {
+            let frames_left = (n_frames - frames_done) as u64;
+            let until = |step: u64| {
+                frames_left.min(step.saturating_sub(self.state.frame) / steps_per_frame)
+            };
+            let frames_to_look = until(self.next_quiet_look());
+            let frame_count = match self.rest.stage {
+                Stage::Computed => frames_to_look.min(until(self.rest.next)),
                 Stage::Alike(_) => 1,
-                Stage::Resting(last) => to_look.min(until(last)),
+                Stage::Resting(last) => frames_to_look.min(until(last)),
                 Stage::Asleep(last) => until(last),
             };
-            let out = &mut out[n_out * done..n_out * (done + n as usize)];
-            done += n as usize;
+            let out = &mut out[n_out * frames_done..n_out * (frames_done + frame_count as usize)];
+            frames_done += frame_count as usize;
             match self.rest.stage {
-                Stage::Asleep(_) if n == 0 => self.sleep_on(),
+                Stage::Asleep(_) if frame_count == 0 => self.sleep_on(),
                 Stage::Asleep(_) => {
                     for row in out.chunks_exact_mut(n_out.max(1)) {
                         self.quiet.iter().for_each(|quiet| quiet.hold(row));
                     }
-                    self.state.frame += n * often;
-                    self.rest.passed += n * often;
+                    self.state.frame += frame_count * steps_per_frame;
+                    self.rest.passed += frame_count * steps_per_frame;
                     continue;
                 }
-                Stage::Computed if n == 0 => self.look_for_rest(),
-                Stage::Computed => self.compute(out, n as usize, team)?,
+                Stage::Computed if frame_count == 0 => self.look_for_rest(),
+                Stage::Computed => self.compute(out, frame_count as usize, team)?,
                 Stage::Alike(frames) => {
-                    let before = self.fine_products();
+                    let work_before = self.fine_products();
                     self.compute(out, 1, team)?;
-                    self.compare(out, frames, before);
+                    self.compare(out, frames, work_before);
                 }
-                Stage::Resting(_) if n == 0 => self.wake(),
+                Stage::Resting(_) if frame_count == 0 => self.wake(),
                 Stage::Resting(_) => {
                     for row in out.chunks_exact_mut(n_out.max(1)) {
                         row.copy_from_slice(&self.rest.outputs);
                     }
-                    self.shift_frames((n * often) as i64, n as i64);
-                    self.rest.passed += n * often;
+                    self.shift_frames((frame_count * steps_per_frame) as i64, frame_count as i64);
+                    self.rest.passed += frame_count * steps_per_frame;
                 }
             }
-            if n > 0
+            if frame_count > 0
                 && let Some(until) = self.falls_asleep(out)
             {
                 self.rest.stage = Stage::Asleep(until);
@@ -189,40 +191,48 @@ impl Island {
     /// The frame up to which its outputs are 0 if nothing comes from outside, found on a copy that is computed until it
     /// rests; the present frame if it sounds or moves soon.
     pub(crate) fn silent_until(&self) -> u64 {
-        let often = u64::from(self.oversampling);
-        let now = self.state.frame / often;
-        if self.due(self.state.frame) <= self.state.frame + SILENCE_FRAMES * often {
-            return now;
+        let steps_per_frame = u64::from(self.oversampling);
+        let frame_now = self.state.frame / steps_per_frame;
+        if self.due(self.state.frame) <= self.state.frame + SILENCE_FRAMES * steps_per_frame {
+            return frame_now;
         }
-        let mut copy = self.clone();
-        let mut row = vec![0.0; self.n_out()];
-        let is_silent = |row: &[f64]| row.iter().all(|x| *x == 0.0);
+        let mut island_copy = self.clone();
+        let mut output_row = vec![0.0; self.n_out()];
+        let is_silent = |output_row: &[f64]| output_row.iter().all(|x| *x == 0.0);
         let team = |team: &mut ThreadTeam<'_>| {
             for _ in 0..SILENCE_FRAMES {
-                if copy.process(&mut row, 1, team).is_err() || !is_silent(&row) {
-                    return now;
+                if island_copy.process(&mut output_row, 1, team).is_err() || !is_silent(&output_row)
+                {
+                    return frame_now;
                 }
-                if let Stage::Resting(last) = copy.rest.stage {
+                if let Stage::Resting(last_step) = island_copy.rest.stage {
                     // What it would give if it slept later.
-                    copy.quiet.iter().for_each(|quiet| quiet.hold(&mut row));
-                    return if is_silent(&row) { last / often } else { now };
+                    island_copy
+                        .quiet
+                        .iter()
+                        .for_each(|quiet| quiet.hold(&mut output_row));
+                    return if is_silent(&output_row) {
+                        last_step / steps_per_frame
+                    } else {
+                        frame_now
+                    };
                 }
             }
-            now
+            frame_now
         };
         ThreadTeam::with(1, team)
     }
 
     /// Reserve room for the state, so that looks at it do not allocate.
     pub(super) fn reserve_rest(&mut self) {
-        let mut size = 0;
-        let _ = self.archive_all(&mut Archive::Count(&mut size));
+        let mut state_size = 0;
+        let _ = self.archive_all(&mut Archive::Count(&mut state_size));
         // Some lists grow while it plays.
         let reports = size_of_val(&*self.state.hands.reports);
-        let room = size + size / 4 + reports + 4_096;
+        let state_room = state_size + state_size / 4 + reports + 4_096;
         self.rest.left.clear();
-        if size <= STATE_MAX {
-            self.rest.left.reserve_exact(room);
+        if state_size <= STATE_MAX {
+            self.rest.left.reserve_exact(state_room);
         }
         if let Stage::Alike(_) = self.rest.stage {
             self.schedule_look();
@@ -238,18 +248,20 @@ impl Island {
 
     #[cold]
     fn look_for_rest(&mut self) {
-        let n = self.state.frame;
-        let soon = n + MARGIN + 2 * ALIKE_FRAMES * u64::from(self.oversampling);
-        let mut left = std::mem::take(&mut self.rest.left);
-        left.clear();
-        let is_known = self.due(n) > soon
+        let island_step = self.state.frame;
+        let soon_step = island_step + MARGIN + 2 * ALIKE_FRAMES * u64::from(self.oversampling);
+        let mut noted_state = std::mem::take(&mut self.rest.left);
+        noted_state.clear();
+        let is_known = self.due(island_step) > soon_step
             && !self
                 .state
                 .watch
                 .touches
                 .are_pushed(&self.state.matter.body.link)
-            && self.archive_all(&mut Archive::Note(&mut left)).is_ok();
-        self.rest.left = left;
+            && self
+                .archive_all(&mut Archive::Note(&mut noted_state))
+                .is_ok();
+        self.rest.left = noted_state;
         if is_known {
             self.rest.stage = Stage::Alike(0);
         } else {
@@ -260,34 +272,34 @@ impl Island {
     /// Compare the frame that was just computed with the look, `frames` frames before; `work` is that of contacts
     /// before the frame.
     fn compare(&mut self, outputs: &[f64], frames: u64, work: [u64; 2]) {
-        let after = self.fine_products();
-        let work = [after[0] - work[0], after[1] - work[1]];
+        let work_after = self.fine_products();
+        let work = [work_after[0] - work[0], work_after[1] - work[1]];
         if frames == 0 {
             self.rest.outputs.copy_from_slice(outputs);
             self.rest.work = work;
         }
-        let is_same = work == self.rest.work && same_bits(outputs, &self.rest.outputs);
-        if !is_same || !self.is_unchanged(frames + 1) {
+        let same_frame = work == self.rest.work && same_bits(outputs, &self.rest.outputs);
+        if !same_frame || !self.is_unchanged(frames + 1) {
             self.schedule_look();
             return;
         }
         self.rest.stage = Stage::Alike(frames + 1);
         if frames + 1 == ALIKE_FRAMES {
-            let due = self.due(self.state.frame);
-            self.rest.stage = Stage::Resting(due.saturating_sub(MARGIN));
+            let due_step = self.due(self.state.frame);
+            self.rest.stage = Stage::Resting(due_step.saturating_sub(MARGIN));
         }
     }
 
     /// Whether the state is that of the look, `frames` frames later.
     fn is_unchanged(&mut self, frames: u64) -> bool {
-        let (frames, often) = (frames as i64, i64::from(self.oversampling));
-        let left = std::mem::take(&mut self.rest.left);
-        let mut same = Archive::Same(&left);
-        self.shift_frames(-frames * often, -frames);
-        let is_same = self.archive_all(&mut same).is_ok() && same.is_empty();
-        self.shift_frames(frames * often, frames);
-        self.rest.left = left;
-        is_same
+        let (frames, steps_per_frame) = (frames as i64, i64::from(self.oversampling));
+        let noted_state = std::mem::take(&mut self.rest.left);
+        let mut same_archive = Archive::Same(&noted_state);
+        self.shift_frames(-frames * steps_per_frame, -frames);
+        let state_is_same = self.archive_all(&mut same_archive).is_ok() && same_archive.is_empty();
+        self.shift_frames(frames * steps_per_frame, frames);
+        self.rest.left = noted_state;
+        state_is_same
     }
 
     /// Archive the whole state, with the ledger and the length of the stream, which a stored render leaves out.
@@ -309,11 +321,11 @@ impl Island {
         for voice in &mut state.hands.voices {
             voice.shift_frames(steps);
         }
-        if let Some(fine) = &mut state.matter.fine {
-            let [instants, products] = self.rest.work.map(|work| work as i64 * frames);
-            let work = &mut fine.work;
-            work.instants = work.instants.wrapping_add_signed(instants);
-            work.products = work.products.wrapping_add_signed(products);
+        if let Some(fine_state) = &mut state.matter.fine {
+            let [instants, products] = self.rest.work.map(|fine_work| fine_work as i64 * frames);
+            let fine_work = &mut fine_state.work;
+            fine_work.instants = fine_work.instants.wrapping_add_signed(instants);
+            fine_work.products = fine_work.products.wrapping_add_signed(products);
         }
     }
 
@@ -334,25 +346,39 @@ impl Island {
         if every.any(|every| u64::from(every) > ALIKE_FRAMES) {
             return n;
         }
-        let push = script.pushes.get(state.hands.pushed).map(|push| push.frame);
-        let ergon = script.ergons.get(state.hands.ergons).map(|ergon| ergon.0);
-        let voices = state.hands.voices.iter().zip(&script.voices);
-        let voices = voices.map(|(voice, own)| voice.due(own, &script.gestures, n));
+        let push_frame = script
+            .pushes
+            .get(state.hands.pushed)
+            .map(|push_frame| push_frame.frame);
+        let ergon_frame = script
+            .ergons
+            .get(state.hands.ergons)
+            .map(|ergon_frame| ergon_frame.0);
+        let voice_events = state.hands.voices.iter().zip(&script.voices);
+        let voice_events = voice_events.map(|(voice, own)| voice.due(own, &script.gestures, n));
         let bodies = state.matter.bodies.iter().map(|body| body.due(n));
         let continuations = state.values.gate_continuations.iter();
-        let gates = script.gates.iter().zip(continuations);
-        let gates = gates.map(|(gate, continuation)| gate.due(continuation.as_ref(), n));
-        let glides = script.glides.iter().map(|glide| glide.due(n));
+        let gate_events = script.gates.iter().zip(continuations);
+        let gate_events =
+            gate_events.map(|(gate, continuation)| gate.due(continuation.as_ref(), n));
+        let glide_events = script.glides.iter().map(|glide| glide.due(n));
         let led = script.led.iter().map(|led| led.due(n));
-        let events = push.into_iter().chain(ergon).chain(voices).chain(bodies);
-        let events = events.chain(gates).chain(glides).chain(led);
-        events.min().unwrap_or(u64::MAX)
+        let event_frames = push_frame
+            .into_iter()
+            .chain(ergon_frame)
+            .chain(voice_events)
+            .chain(bodies);
+        let event_frames = event_frames
+            .chain(gate_events)
+            .chain(glide_events)
+            .chain(led);
+        event_frames.min().unwrap_or(u64::MAX)
     }
 
     /// Work of contacts so far: instants, and products.
     fn fine_products(&self) -> [u64; 2] {
-        let work = self.fine_work();
-        [work.instants, work.products]
+        let fine_work = self.fine_work();
+        [fine_work.instants, fine_work.products]
     }
 }
 
@@ -386,6 +412,6 @@ impl inside::RunningBody {
 }
 
 fn same_bits(a: &[f64], b: &[f64]) -> bool {
-    let bits = |x: &f64| x.to_bits();
-    a.iter().map(bits).eq(b.iter().map(bits))
+    let bit_pattern = |x: &f64| x.to_bits();
+    a.iter().map(bit_pattern).eq(b.iter().map(bit_pattern))
 }

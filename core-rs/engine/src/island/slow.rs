@@ -142,23 +142,23 @@ impl Slow {
     /// Whether another body has the same masses, macrostep and ports. Its other numbers may differ: a body continues
     /// with them from its next kick.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
-        let ports = |slow: &Self| slow.ports.iter().map(|port| port.0).collect::<Vec<_>>();
-        let names = |slow: &Self| -> Vec<String> {
-            let free = slow.free.iter();
-            free.map(|&mat| slow.network.mat_name(mat)).collect()
+        let port_indices = |slow: &Self| slow.ports.iter().map(|port| port.0).collect::<Vec<_>>();
+        let mat_names = |slow: &Self| -> Vec<String> {
+            let free_mats = slow.free.iter();
+            free_mats.map(|&mat| slow.network.mat_name(mat)).collect()
         };
         self.macrostep == other.macrostep
-            && ports(self) == ports(other)
-            && names(self) == names(other)
+            && port_indices(self) == port_indices(other)
+            && mat_names(self) == mat_names(other)
     }
 
     /// The same body with positions as displacements from another motion: at rest at 0, where its springs do not pull.
     pub(crate) fn deviation(&self) -> Self {
-        let n = self.free.len();
+        let free_count = self.free.len();
         Self {
-            rest: vec![0.0; n],
-            x0: vec![0.0; n],
-            v0: vec![0.0; n],
+            rest: vec![0.0; free_count],
+            x0: vec![0.0; free_count],
+            v0: vec![0.0; free_count],
             ..self.clone()
         }
     }
@@ -171,24 +171,24 @@ impl RunningSlow {
         let mut v = springs.start(plan);
         // Half a kick lies between the velocity at the start and that of the straight motion.
         let kick: Vec<f64> = difference(&v, &plan.v0).iter().map(|dv| 2.0 * dv).collect();
-        let half = 0.5 / f64::from(plan.kick_every);
+        let half_share = 0.5 / f64::from(plan.kick_every);
         let mut previous = Vec::with_capacity(plan.ports.len());
         let mut x = plan.x0.clone();
         for &(port, mat) in &plan.ports {
             x[port] = body.x[mat];
             v[port] += body.d[mat] - plan.v0[port];
-            let curve = if plan.is_discrete {
+            let curve_step = if plan.is_discrete {
                 0.0
             } else {
-                half * kick[port]
+                half_share * kick[port]
             };
-            previous.push(x[port] - (body.d[mat] - curve));
+            previous.push(x[port] - (body.d[mat] - curve_step));
         }
-        if let RunningSprings::Exact(block) = &mut springs {
-            let n = x.len();
-            block.state_mut()[..n].copy_from_slice(&difference(&x, &plan.rest));
-            block.state_mut()[n..].copy_from_slice(&v);
-            block.begin();
+        if let RunningSprings::Exact(spring_block) = &mut springs {
+            let mat_count = x.len();
+            spring_block.state_mut()[..mat_count].copy_from_slice(&difference(&x, &plan.rest));
+            spring_block.state_mut()[mat_count..].copy_from_slice(&v);
+            spring_block.begin();
         }
         Self {
             kick: if springs.block().is_some() {
@@ -215,30 +215,30 @@ impl RunningSlow {
         self.kick.copy_from_slice(&other.kick);
         self.previous.copy_from_slice(&other.previous);
         self.since = other.since;
-        if let (RunningSprings::Exact(block), RunningSprings::Exact(other)) =
+        if let (RunningSprings::Exact(spring_block), RunningSprings::Exact(other)) =
             (&mut self.springs, &other.springs)
         {
-            block.copy_motion(other);
+            spring_block.copy_motion(other);
         }
     }
 
     /// The motion of all its MATs at this frame, for [`Self::motion`].
     pub(crate) fn present(&self) -> Present {
-        let block = self.springs.block();
-        block.map_or_else(Present::default, |block| block.present())
+        let spring_block = self.springs.block();
+        spring_block.map_or_else(Present::default, |spring_block| spring_block.present())
     }
 
     /// Position of one of its MATs, and its step in a frame [m]; `present` is that of this frame.
     pub(crate) fn motion(&self, present: &Present, index: usize) -> (f64, f64) {
-        if let Some(block) = self.springs.block() {
-            let (displacement, step) = block.motion(present, index);
+        if let Some(spring_block) = self.springs.block() {
+            let (displacement, step) = spring_block.motion(present, index);
             return (self.plan.rest[index] + displacement, step);
         }
-        let pull = self.kick[index] / f64::from(self.plan.kick_every);
-        let frames = f64::from(self.since) * self.plan.is_inner[index];
+        let kick_per_frame = self.kick[index] / f64::from(self.plan.kick_every);
+        let frames_since = f64::from(self.since) * self.plan.is_inner[index];
         (
-            self.x[index] + frames * self.v[index],
-            self.v[index] - pull * self.ahead(self.since),
+            self.x[index] + frames_since * self.v[index],
+            self.v[index] - kick_per_frame * self.ahead(self.since),
         )
     }
 
@@ -254,14 +254,18 @@ impl RunningSlow {
         }
         self.note_previous();
         let Self { springs, plan, .. } = self;
-        let RunningSprings::Exact(block) = springs else {
+        let RunningSprings::Exact(spring_block) = springs else {
             return self.settle();
         };
-        let n = self.x.len();
-        let pairs = block.state_mut().iter_mut().zip(&self.x).zip(&plan.rest);
-        pairs.for_each(|((u, x), rest)| *u = x - rest);
-        block.set_velocities(&self.v[..n]);
-        block.begin();
+        let mat_count = self.x.len();
+        let state_pairs = spring_block
+            .state_mut()
+            .iter_mut()
+            .zip(&self.x)
+            .zip(&plan.rest);
+        state_pairs.for_each(|((u, x), rest)| *u = x - rest);
+        spring_block.set_velocities(&self.v[..mat_count]);
+        spring_block.begin();
         self.read_block();
     }
 
@@ -272,17 +276,17 @@ impl RunningSlow {
         }
         self.note_previous();
         let Self { springs, plan, .. } = self;
-        let RunningSprings::Exact(block) = springs else {
+        let RunningSprings::Exact(spring_block) = springs else {
             return self.settle();
         };
-        block.end_here();
+        spring_block.end_here();
         for &(own, _) in &plan.ports {
-            block.state_mut()[own] = self.x[own] - plan.rest[own];
+            spring_block.state_mut()[own] = self.x[own] - plan.rest[own];
         }
         for &(own, _) in &plan.ports {
-            block.set_velocity(own, self.v[own]);
+            spring_block.set_velocity(own, self.v[own]);
         }
-        block.begin();
+        spring_block.begin();
         self.read_block();
     }
 
@@ -299,9 +303,9 @@ impl RunningSlow {
         std::mem::swap(&mut self.v, &mut self.kick);
         self.spring_kick(false);
         std::mem::swap(&mut self.v, &mut self.kick);
-        let ahead = self.ahead(self.since) / f64::from(self.plan.kick_every);
+        let ahead_share = self.ahead(self.since) / f64::from(self.plan.kick_every);
         for (v, kick) in self.v.iter_mut().zip(&self.kick) {
-            *v += kick * ahead;
+            *v += kick * ahead_share;
         }
         for &own in &self.plan.inner {
             self.x[own] -= f64::from(self.since) * self.v[own];
@@ -310,17 +314,17 @@ impl RunningSlow {
 
     /// Read positions and velocities from the block: those of ports, and at its first frame all.
     fn read_block(&mut self) {
-        let (plan, RunningSprings::Exact(block)) = (&*self.plan, &self.springs) else {
+        let (plan, RunningSprings::Exact(spring_block)) = (&*self.plan, &self.springs) else {
             return;
         };
-        if block.is_first() {
-            for ((x, rest), u) in self.x.iter_mut().zip(&plan.rest).zip(block.state()) {
+        if spring_block.is_first() {
+            for ((x, rest), u) in self.x.iter_mut().zip(&plan.rest).zip(spring_block.state()) {
                 *x = rest + u;
             }
         }
         for (index, &(port, _)) in plan.ports.iter().enumerate() {
-            self.x[port] = plan.rest[port] + block.position(index);
-            self.v[port] = block.velocity(index);
+            self.x[port] = plan.rest[port] + spring_block.position(index);
+            self.v[port] = spring_block.velocity(index);
         }
     }
 
@@ -331,18 +335,19 @@ impl RunningSlow {
 
     /// For a body at rest: advance by `frames`, which may be negative.
     pub(crate) fn shift_frames(&mut self, frames: i64) {
-        if let RunningSprings::Exact(block) = &mut self.springs {
-            return block.shift_frames(frames);
+        if let RunningSprings::Exact(spring_block) = &mut self.springs {
+            return spring_block.shift_frames(frames);
         }
-        let since = i64::from(self.since) + frames;
-        self.since = since.rem_euclid(i64::from(self.every())) as u32;
+        let frames_since = i64::from(self.since) + frames;
+        self.since = frames_since.rem_euclid(i64::from(self.every())) as u32;
     }
 
     /// Make its motion decay by an additional factor in each frame.
     pub(crate) fn damp(&mut self, by: f64) {
-        let block = self.springs.block();
-        let frames = block.map_or(self.plan.kick_every, |block| block.n_frames());
-        self.damped = (0..2 * frames).fold(1.0, |all, _| all * by);
+        let spring_block = self.springs.block();
+        let block_frames =
+            spring_block.map_or(self.plan.kick_every, |spring_block| spring_block.n_frames());
+        self.damped = (0..2 * block_frames).fold(1.0, |all, _| all * by);
     }
 
     /// Take over the state of an equal body.
@@ -353,37 +358,41 @@ impl RunningSlow {
         std::mem::swap(&mut self.springs, &mut old.springs);
         self.damped = damped;
         // After the swap, the old springs stand in `old` where the new ones were.
-        let (RunningSprings::Exact(block), RunningSprings::Exact(before)) =
+        let (RunningSprings::Exact(spring_block), RunningSprings::Exact(before)) =
             (&mut self.springs, &mut old.springs)
         else {
             return;
         };
-        if block.is_alike(before) && self.plan.rest == old.plan.rest {
-            return block.copy_motion(before);
+        if spring_block.is_alike(before) && self.plan.rest == old.plan.rest {
+            return spring_block.copy_motion(before);
         }
         before.end_here();
-        let state = block.state_mut();
-        state.copy_from_slice(before.state());
-        for ((u, before), rest) in state.iter_mut().zip(&old.plan.rest).zip(&self.plan.rest) {
+        let block_state = spring_block.state_mut();
+        block_state.copy_from_slice(before.state());
+        for ((u, before), rest) in block_state
+            .iter_mut()
+            .zip(&old.plan.rest)
+            .zip(&self.plan.rest)
+        {
             *u += before - rest;
         }
-        block.begin();
+        spring_block.begin();
         self.read_block();
     }
 
     /// Add its outputs now to `out` (n_out).
     pub(crate) fn tap(&self, out: &mut [f64]) {
-        let frames = f64::from(self.since);
+        let frames_since = f64::from(self.since);
         for (index, (output, row)) in self.plan.outputs.iter().enumerate() {
-            if let Some(block) = self.springs.block() {
-                let rest = row
+            if let Some(spring_block) = self.springs.block() {
+                let rest_terms = row
                     .iter()
                     .map(|&(own, weight)| weight * self.plan.rest[own]);
-                out[*output as usize] += rest.sum::<f64>() + block.output(index);
+                out[*output as usize] += rest_terms.sum::<f64>() + spring_block.output(index);
                 continue;
             }
             let weighted = |&(own, weight): &(usize, f64)| {
-                weight * (self.x[own] + frames * self.plan.is_inner[own] * self.v[own])
+                weight * (self.x[own] + frames_since * self.plan.is_inner[own] * self.v[own])
             };
             out[*output as usize] += row.iter().map(weighted).sum::<f64>();
         }
@@ -392,32 +401,32 @@ impl RunningSlow {
     /// Set positions, steps and free motion of the ports in the island.
     pub(crate) fn place(&self, body: &mut Body) {
         for (&(port, mat), previous) in self.plan.ports.iter().zip(&self.previous) {
-            let step = self.x[port] - previous;
+            let port_step = self.x[port] - previous;
             body.x[mat] = self.x[port];
-            body.d[mat] = step;
-            body.inner[mat] = self.v[port] - step;
+            body.d[mat] = port_step;
+            body.inner[mat] = self.v[port] - port_step;
         }
     }
 
     /// Take note of a strike on a MAT of the island in this frame [N]: linear springs answer it from its instant on.
     pub(crate) fn strike(&mut self, mat: usize, force: f64) {
         let port = self.plan.ports.iter().position(|port| port.1 == mat);
-        if let (Some(port), RunningSprings::Exact(block)) = (port, &mut self.springs) {
-            block.strike(port, force);
+        if let (Some(port), RunningSprings::Exact(spring_block)) = (port, &mut self.springs) {
+            spring_block.strike(port, force);
         }
     }
 
     /// Step from frame `n` to the next, under the forces at the ports (n_mat).
     pub(crate) fn step(&mut self, n: u64, force: &[f64]) {
         let plan = &*self.plan;
-        if let RunningSprings::Exact(block) = &mut self.springs {
+        if let RunningSprings::Exact(spring_block) = &mut self.springs {
             for (index, (&(port, mat), previous)) in
                 plan.ports.iter().zip(&mut self.previous).enumerate()
             {
                 *previous = self.x[port];
-                block.push_port(index, force[mat]);
+                spring_block.push_port(index, force[mat]);
             }
-            block.step(self.damped);
+            spring_block.step(self.damped);
             return self.read_block();
         }
         for (&(port, mat), previous) in plan.ports.iter().zip(&mut self.previous) {
@@ -429,8 +438,8 @@ impl RunningSlow {
             self.v[port] += std::mem::take(hand_velocities);
         }
         self.since += 1;
-        let every = plan.kick_every;
-        if !(n + 1).is_multiple_of(u64::from(every)) {
+        let kick_frames = plan.kick_every;
+        if !(n + 1).is_multiple_of(u64::from(kick_frames)) {
             return;
         }
         for &port in &plan.inner {
@@ -450,9 +459,9 @@ impl RunningSlow {
 
     /// Set velocities to those after springs in space pull at the present positions, from those in `kick`, or from rest.
     fn spring_kick(&mut self, is_moving: bool) {
-        let before = is_moving.then_some(&self.kick[..]);
+        let velocities_before = is_moving.then_some(&self.kick[..]);
         if let RunningSprings::Stepped(stepped) = &mut self.springs {
-            stepped.pull(&self.plan, &self.x, before, &mut self.v);
+            stepped.pull(&self.plan, &self.x, velocities_before, &mut self.v);
         }
     }
 
@@ -463,9 +472,9 @@ impl RunningSlow {
 
     /// Visit each of these variables.
     pub(crate) fn each(&mut self, visit: &mut impl FnMut(&mut f64)) {
-        if let RunningSprings::Exact(block) = &mut self.springs {
-            block.state_mut().iter_mut().for_each(&mut *visit);
-            block.begin();
+        if let RunningSprings::Exact(spring_block) = &mut self.springs {
+            spring_block.state_mut().iter_mut().for_each(&mut *visit);
+            spring_block.begin();
         }
         self.previous.iter_mut().for_each(visit);
         self.read_block();
@@ -474,13 +483,13 @@ impl RunningSlow {
     /// Set all displacements to 0, and each velocity to a random one, scaled to equal energy.
     pub(crate) fn randomise(&mut self, mut random: impl FnMut() -> f64) {
         self.previous.fill(0.0);
-        if let RunningSprings::Exact(block) = &mut self.springs {
-            let (u, v) = block.state_mut().split_at_mut(self.plan.w.len());
+        if let RunningSprings::Exact(spring_block) = &mut self.springs {
+            let (u, v) = spring_block.state_mut().split_at_mut(self.plan.w.len());
             u.fill(0.0);
             for (v, w) in v.iter_mut().zip(&self.plan.w) {
                 *v = random() * w.sqrt();
             }
-            block.begin();
+            spring_block.begin();
         }
         self.read_block();
     }
@@ -488,8 +497,10 @@ impl RunningSlow {
     /// Energy of linear springs and their masses at the beginning of the block [in units of a frame]; infinite if its
     /// springs are not linear.
     pub(crate) fn energy(&self) -> f64 {
-        let block = self.springs.block();
-        block.map_or(f64::INFINITY, |block| block.energy(&self.plan.w))
+        let spring_block = self.springs.block();
+        spring_block.map_or(f64::INFINITY, |spring_block| {
+            spring_block.energy(&self.plan.w)
+        })
     }
 
     /// Whether a MAT of the island is one of its ports.
@@ -513,9 +524,9 @@ impl RunningSlow {
 
     /// The name and part of a MAT whose position is beyond all bounds.
     pub(crate) fn culprit(&self) -> Option<(String, usize)> {
-        let index = self.x.iter().position(|&x| !sound(x))?;
-        let name = self.plan.network.mat_name(self.plan.free[index]);
-        Some((name, self.plan.part))
+        let mat_index = self.x.iter().position(|&x| !sound(x))?;
+        let mat_name = self.plan.network.mat_name(self.plan.free[mat_index]);
+        Some((mat_name, self.plan.part))
     }
 
     /// Whether all positions are finite and plausible.

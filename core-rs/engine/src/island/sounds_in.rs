@@ -53,11 +53,11 @@ pub(crate) struct Ramp {
 impl Ramp {
     /// The value at a frame, which is at the earliest the one before `start`.
     fn value(&self, frame: u64) -> f64 {
-        let done = frame + 1 - self.start;
-        if done >= self.length {
+        let frames_done = frame + 1 - self.start;
+        if frames_done >= self.length {
             return self.to;
         }
-        self.from + (self.to - self.from) * (done as f64 / self.length as f64)
+        self.from + (self.to - self.from) * (frames_done as f64 / self.length as f64)
     }
 }
 
@@ -77,8 +77,11 @@ impl Samples {
     fn value(&self, frame: u64, sound: &SoundIn) -> f64 {
         match self.from {
             Some(from) if frame >= from => {
-                let index = usize::try_from(frame - from).unwrap_or(usize::MAX);
-                self.values[..self.n].get(index).copied().unwrap_or(0.0)
+                let sample_index = usize::try_from(frame - from).unwrap_or(usize::MAX);
+                self.values[..self.n]
+                    .get(sample_index)
+                    .copied()
+                    .unwrap_or(0.0)
             }
             Some(from) if frame + 1 == from => self.before,
             _ => sound.value(frame),
@@ -102,7 +105,7 @@ pub(super) fn sound_drives(drives: &[Drive]) -> (Vec<SoundDrive>, Vec<Played>) {
         }),
         _ => None,
     };
-    let all: Vec<SoundDrive> = drives.iter().filter_map(sound_drive).collect();
+    let all_drives: Vec<SoundDrive> = drives.iter().filter_map(sound_drive).collect();
     let played = |drive: &SoundDrive| match drive.sound.settings.source {
         InputSource::Channel(_) => Played::Samples(Samples {
             from: None,
@@ -112,8 +115,8 @@ pub(super) fn sound_drives(drives: &[Drive]) -> (Vec<SoundDrive>, Vec<Played>) {
         }),
         InputSource::Value { .. } => Played::Ramp(None),
     };
-    let played = all.iter().map(played).collect();
-    (all, played)
+    let played = all_drives.iter().map(played).collect();
+    (all_drives, played)
 }
 
 /// Add the forces of step `n`, and impose the positions at its end.
@@ -127,24 +130,24 @@ pub(super) fn apply(
     targets: &mut Vec<Target>,
 ) {
     for (drive, played) in drives.iter().zip(played) {
-        let frame = n / drive.steps;
-        let value = played.value(frame, &drive.sound);
+        let score_frame = n / drive.steps;
+        let value_now = played.value(score_frame, &drive.sound);
         if drive.kind == DriveKind::Force {
-            body.push(drive.mat, drive.scale * value);
+            body.push(drive.mat, drive.scale * value_now);
             continue;
         }
-        let done = n % drive.steps + 1;
-        let x = if done == drive.steps {
-            value
+        let steps_done = n % drive.steps + 1;
+        let ramped_value = if steps_done == drive.steps {
+            value_now
         } else {
-            let before = frame
+            let value_before = score_frame
                 .checked_sub(1)
-                .map_or(0.0, |frame| played.value(frame, &drive.sound));
-            before + (value - before) * (done as f64 / drive.steps as f64)
+                .map_or(0.0, |score_frame| played.value(score_frame, &drive.sound));
+            value_before + (value_now - value_before) * (steps_done as f64 / drive.steps as f64)
         };
         targets.push(Target {
             mat: drive.mat,
-            x: drive.scale * x,
+            x: drive.scale * ramped_value,
             previous: 0.0,
         });
     }
@@ -154,50 +157,50 @@ impl super::Island {
     /// Take the values of an input for the frames of the score from `from` on [m or N]; `before` is the value in the
     /// frame before.
     pub(crate) fn hear(&mut self, index: usize, from: u64, before: f64, values: &[f64]) {
-        let pairs = self
+        let input_pairs = self
             .script
             .sound_drives
             .iter()
             .zip(&mut self.state.hands.played);
-        for (_, played) in pairs.filter(|(drive, _)| drive.sound.index == index) {
+        for (_, played) in input_pairs.filter(|(drive, _)| drive.sound.index == index) {
             let Played::Samples(samples) = played else {
                 continue;
             };
-            let n = values.len().min(FRAMES_MAX);
-            samples.values[..n].copy_from_slice(&values[..n]);
-            (samples.from, samples.before, samples.n) = (Some(from), before, n);
+            let sample_count = values.len().min(FRAMES_MAX);
+            samples.values[..sample_count].copy_from_slice(&values[..sample_count]);
+            (samples.from, samples.before, samples.n) = (Some(from), before, sample_count);
         }
     }
 
     /// Let the input `number` ramp to `value` (full scale 1) from frame `start` of the score on; false if it is not in
     /// this island.
     pub(crate) fn tell(&mut self, number: u64, start: u64, value: f64) -> bool {
-        let mut is_here = false;
+        let mut has_input = false;
         for (sound, ramp) in self.value_inputs(number) {
-            let limit = sound.settings.clamp_start();
-            let before = |frame| match ramp {
+            let clamp_limit = sound.settings.clamp_start();
+            let value_before = |frame| match ramp {
                 Some(ramp) => ramp.value(frame),
                 None => sound.value(frame) / sound.settings.gain,
             };
             *ramp = Some(Ramp {
-                from: start.checked_sub(1).map_or(0.0, before),
-                to: value.clamp(-limit, limit),
+                from: start.checked_sub(1).map_or(0.0, value_before),
+                to: value.clamp(-clamp_limit, clamp_limit),
                 start,
                 length: sound.glide,
             });
-            is_here = true;
+            has_input = true;
         }
-        is_here
+        has_input
     }
 
     /// The inputs with this number, and their ramps.
     fn value_inputs(&mut self, number: u64) -> impl Iterator<Item = (&SoundIn, &mut Option<Ramp>)> {
-        let pairs = self
+        let input_pairs = self
             .script
             .sound_drives
             .iter()
             .zip(&mut self.state.hands.played);
-        pairs.filter_map(
+        input_pairs.filter_map(
             move |(drive, played)| match (drive.sound.settings.source, played) {
                 (InputSource::Value { number: own, .. }, Played::Ramp(ramp)) if own == number => {
                     Some((&drive.sound, ramp))
@@ -209,12 +212,12 @@ impl super::Island {
 
     /// The ramps of inputs that were told a value, with their numbers.
     pub(crate) fn ways(&self) -> impl Iterator<Item = (u64, Ramp)> {
-        let pairs = self
+        let input_pairs = self
             .script
             .sound_drives
             .iter()
             .zip(&self.state.hands.played);
-        pairs.filter_map(
+        input_pairs.filter_map(
             |(drive, played)| match (drive.sound.settings.source, played) {
                 (InputSource::Value { number, .. }, Played::Ramp(Some(ramp))) => {
                     Some((number, *ramp))

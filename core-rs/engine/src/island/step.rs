@@ -51,21 +51,21 @@ impl Island {
             n_out: self.n_out(),
             oversampling: self.oversampling as usize,
         };
-        let (steps, may_coast) = (n_frames * outputs.oversampling, self.may_coast());
-        let (mut done, mut looks) = (0, 0_usize);
+        let (step_count, may_coast) = (n_frames * outputs.oversampling, self.may_coast());
+        let (mut steps_done, mut rounds_done) = (0, 0_usize);
         let modules = self.script.scheme.n_mat() + self.script.scheme.n_lia;
-        let look = (LOOK_MODULES / modules.max(1)).clamp(1, LOOK);
-        while done < steps {
-            if looks.is_multiple_of(look) {
+        let poll_interval = (LOOK_MODULES / modules.max(1)).clamp(1, LOOK);
+        while steps_done < step_count {
+            if rounds_done.is_multiple_of(poll_interval) {
                 interrupt::poll();
             }
-            looks += 1;
+            rounds_done += 1;
             if may_coast {
-                done += self.coast(&mut outputs, done, steps)?;
+                steps_done += self.coast(&mut outputs, steps_done, step_count)?;
             }
-            if done < steps {
-                self.step(outputs.row(done), team)?;
-                done += 1;
+            if steps_done < step_count {
+                self.step(outputs.row(steps_done), team)?;
+                steps_done += 1;
             }
         }
         Ok(())

@@ -11,12 +11,12 @@ impl Island {
 
     /// The changing state, as bytes.
     pub(crate) fn write_state(&mut self) -> Vec<u8> {
-        let mut bytes = Vec::new();
+        let mut state_bytes = Vec::new();
         // Writing into memory cannot fail.
-        let mut archive = Archive::Write(&mut bytes);
+        let mut archive = Archive::Write(&mut state_bytes);
         let _ = self.state.archive(&mut archive);
         let _ = self.quiet.archive(&mut archive);
-        bytes
+        state_bytes
     }
 
     /// Continue from the state of an island of the same network and bodies, with the same events up to there.
@@ -41,12 +41,12 @@ impl Archived for State {
     fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
         // Later gestures may differ from those of the writer, so only reports up to the last gesture that has begun are
         // archived.
-        let begun = |report: &crate::gesture::report::Report| !report.start.is_nan();
+        let has_begun = |report: &crate::gesture::report::Report| !report.start.is_nan();
         let mut n_reports = self
             .hands
             .reports
             .iter()
-            .rposition(begun)
+            .rposition(has_begun)
             .map_or(0, |last| last + 1);
         n_reports.archive(archive)?;
         let reports = self.hands.reports.get_mut(..n_reports).ok_or(Damaged)?;

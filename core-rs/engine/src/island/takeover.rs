@@ -44,8 +44,8 @@ impl State {
         if let Some(link_memory) = self.matter.body.memory.get_mut(link) {
             *link_memory = memory;
         }
-        if let Some(fine) = &mut self.matter.fine {
-            fine.set_bend(link, memory);
+        if let Some(fine_state) = &mut self.matter.fine {
+            fine_state.set_bend(link, memory);
         }
     }
 }
@@ -53,26 +53,35 @@ impl State {
 impl Island {
     /// Begin at a frame of the scene instead of 0: events before it are skipped.
     pub(crate) fn seek(&mut self, frame_of_scene: u64) {
-        let n = self.step_at(frame_of_scene);
+        let start_step = self.step_at(frame_of_scene);
         let (script, state) = (&*self.script, &mut self.state);
-        let rate = script.scheme.rate;
-        state.frame = n;
-        state.hands.pushed = script.pushes.partition_point(|push| push.frame < n);
-        state.hands.ergons = script.ergons.partition_point(|(frame, _)| *frame < n);
+        let step_rate = script.scheme.rate;
+        state.frame = start_step;
+        state.hands.pushed = script
+            .pushes
+            .partition_point(|push| push.frame < start_step);
+        state.hands.ergons = script
+            .ergons
+            .partition_point(|(frame, _)| *frame < start_step);
         for (voice, own) in state.hands.voices.iter_mut().zip(&script.voices) {
-            voice.seek(own, &script.gestures, n);
+            voice.seek(own, &script.gestures, start_step);
         }
         for body in &mut state.matter.bodies {
-            body.seek(n);
+            body.seek(start_step);
         }
         for drive in &script.drives {
-            if drive.is_path() && n > 0 {
-                let x = drive.value(n, rate);
-                state.matter.body.x[drive.mat] = x;
-                state.matter.body.d[drive.mat] = x - drive.value(n - 1, rate);
+            if drive.is_path() && start_step > 0 {
+                let path_position = drive.value(start_step, step_rate);
+                state.matter.body.x[drive.mat] = path_position;
+                state.matter.body.d[drive.mat] =
+                    path_position - drive.value(start_step - 1, step_rate);
             }
         }
-        super::real_hands::seek(&script.hand_bindings, &mut state.hands.hand_states, n);
+        super::real_hands::seek(
+            &script.hand_bindings,
+            &mut state.hands.hand_states,
+            start_step,
+        );
         self.begin_again();
     }
 
@@ -99,13 +108,13 @@ impl Island {
             return;
         }
         let (matter, their) = (&mut self.state.matter, &mut old.state.matter);
-        let (body, other) = (&mut matter.body, &mut their.body);
-        std::mem::swap(&mut body.x, &mut other.x);
-        std::mem::swap(&mut body.d, &mut other.d);
-        std::mem::swap(&mut body.inner, &mut other.inner);
-        std::mem::swap(&mut body.link, &mut other.link);
-        std::mem::swap(&mut body.memory, &mut other.memory);
-        std::mem::swap(&mut body.histories, &mut other.histories);
+        let (body, their_body) = (&mut matter.body, &mut their.body);
+        std::mem::swap(&mut body.x, &mut their_body.x);
+        std::mem::swap(&mut body.d, &mut their_body.d);
+        std::mem::swap(&mut body.inner, &mut their_body.inner);
+        std::mem::swap(&mut body.link, &mut their_body.link);
+        std::mem::swap(&mut body.memory, &mut their_body.memory);
+        std::mem::swap(&mut body.histories, &mut their_body.histories);
         for (matter, their) in matter.bodies.iter_mut().zip(&mut their.bodies) {
             matter.continue_from(their);
         }
@@ -140,25 +149,25 @@ impl Island {
                 voice.continue_from(&script.voices[takeover.to], from, then, takeover);
             }
             ItemTakeover::Gate(from, to) => {
-                let n = self.state.frame;
-                let gate = &self.script.gates[to];
+                let island_step = self.state.frame;
+                let new_gate = &self.script.gates[to];
                 let then = old.state.frame;
                 self.state.values.gate_continuations[to] = match from {
                     // A gate that glides has its own start value.
-                    _ if gate.glides() => None,
-                    None => GateContinuation::new(gate, 1.0, n),
+                    _ if new_gate.glides() => None,
+                    None => GateContinuation::new(new_gate, 1.0, island_step),
                     Some(from) => {
-                        let (before, continuation) = (
+                        let (old_gate, continuation) = (
                             &old.script.gates[from],
                             &old.state.values.gate_continuations[from],
                         );
-                        if before.on(gate.link, gate.len) == *gate {
+                        if old_gate.on(new_gate.link, new_gate.len) == *new_gate {
                             *continuation
                         } else {
                             GateContinuation::new(
-                                gate,
-                                GateContinuation::open(continuation.as_ref(), before, then),
-                                n,
+                                new_gate,
+                                GateContinuation::open(continuation.as_ref(), old_gate, then),
+                                island_step,
                             )
                         }
                     }
@@ -166,43 +175,43 @@ impl Island {
             }
             ItemTakeover::Hand(from, to) => {
                 self.state.hands.hand_states[to] = old.state.hands.hand_states[from].clone();
-                let (mat, their) = (
+                let (mat, their_mat) = (
                     self.script.hand_bindings[to].mat(),
                     old.script.hand_bindings[from].mat(),
                 );
-                self.state.matter.body.x[mat] = old.state.matter.body.x[their];
-                self.state.matter.body.d[mat] = old.state.matter.body.d[their];
+                self.state.matter.body.x[mat] = old.state.matter.body.x[their_mat];
+                self.state.matter.body.d[mat] = old.state.matter.body.d[their_mat];
             }
             ItemTakeover::Port(from, to) => {
                 self.state.hands.port_states[to].take_over(&old.state.hands.port_states[from]);
             }
             ItemTakeover::Report(from, to, is_same) => {
-                let report = &mut self.state.hands.reports[to];
-                *report = old.state.hands.reports[from];
-                report.pushed_by = report.pushed_by.filter(|_| is_same);
+                let new_report = &mut self.state.hands.reports[to];
+                *new_report = old.state.hands.reports[from];
+                new_report.pushed_by = new_report.pushed_by.filter(|_| is_same);
             }
             ItemTakeover::Body(from, to) if is_whole => {
                 self.state.matter.bodies[to].continue_from(&mut old.state.matter.bodies[from]);
             }
             ItemTakeover::Memory(from, to) => {
-                let memory = old.state.memory_of(from);
-                self.state.set_memory(to, memory);
+                let link_memory = old.state.memory_of(from);
+                self.state.set_memory(to, link_memory);
             }
             ItemTakeover::History(from, to) => {
-                let rooms = (
+                let history_rooms = (
                     old.script.scheme.room_of(from),
                     self.script.scheme.room_of(to),
                 );
-                if let (Some(from), Some(to)) = rooms {
+                if let (Some(from), Some(to)) = history_rooms {
                     let mat = &mut self.state.matter.body.histories[to];
                     mat.copy_from(&old.state.matter.body.histories[from]);
                 }
             }
             ItemTakeover::Part(from, to) => {
-                let is_mute = |island: &Self, part| {
+                let part_is_mute = |island: &Self, part| {
                     island.state.watch.mutes.list().any(|(mat, _)| mat == part)
                 };
-                if is_mute(old, from) && !is_mute(self, to) {
+                if part_is_mute(old, from) && !part_is_mute(self, to) {
                     // A muted part stays muted in the next version.
                     self.mute(to, self.state.frame);
                 }
@@ -244,9 +253,9 @@ impl Island {
         for body in &self.state.matter.bodies {
             body.place(&mut self.state.matter.body);
         }
-        let scheme = self.state.values.scheme.as_deref();
-        let scheme = scheme.unwrap_or(&self.script.scheme);
-        kernel::proxies::join(scheme, &mut self.state.matter.body);
+        let scheme_now = self.state.values.scheme.as_deref();
+        let scheme_now = scheme_now.unwrap_or(&self.script.scheme);
+        kernel::proxies::join(scheme_now, &mut self.state.matter.body);
     }
 
     /// The script, whose voices, gates, hands and parts are matched with those of another version.

@@ -15,35 +15,49 @@ use crate::units::{Rate, frame};
 
 /// Links that join a MAT to other parts, each with the MAT at its other end.
 fn outer_links(network: &Network, mat: usize) -> Vec<(usize, usize)> {
-    let part = &network.mats().part;
-    let mut linked = Vec::new();
+    let mat_parts = &network.mats().part;
+    let mut link_ends = Vec::new();
     for run in network.runs() {
         if run.pairwise().is_some() {
-            let links = (0..run.len).flat_map(|i| run.pairs(i).map(move |pair| (i, pair)));
-            for (i, (a, b)) in links.filter(|&(_, (a, b))| a == mat || b == mat) {
-                linked.push((run.first + i, if a == mat { b } else { a }));
+            let pair_links = (0..run.len).flat_map(|link_offset| {
+                run.pairs(link_offset).map(move |pair| (link_offset, pair))
+            });
+            for (link_offset, (first_mat, second_mat)) in pair_links
+                .filter(|&(_, (first_mat, second_mat))| first_mat == mat || second_mat == mat)
+            {
+                link_ends.push((
+                    run.first + link_offset,
+                    if first_mat == mat {
+                        second_mat
+                    } else {
+                        first_mat
+                    },
+                ));
             }
             continue;
         }
         for axis in 0..run.n_axes() {
-            let (a, b) = run.pair(0, axis);
-            for (end, other) in [(a, b), (b, a)] {
-                if let Some(i) = mat.checked_sub(end).filter(|i| *i < run.len) {
-                    linked.push((run.first + i, other + i));
+            let (first_mat, second_mat) = run.pair(0, axis);
+            for (end, other) in [(first_mat, second_mat), (second_mat, first_mat)] {
+                if let Some(link_offset) = mat
+                    .checked_sub(end)
+                    .filter(|link_offset| *link_offset < run.len)
+                {
+                    link_ends.push((run.first + link_offset, other + link_offset));
                 }
             }
         }
     }
-    linked.retain(|&(_, other)| part[other] != part[mat]);
-    linked
+    link_ends.retain(|&(_, other)| mat_parts[other] != mat_parts[mat]);
+    link_ends
 }
 
 /// The gestures of a timeline at its rate.
 pub(super) fn framed(timeline: &Timeline) -> Vec<FramedGesture> {
-    let (rate, oversampling) = (timeline.rate.hertz(), timeline.oversampling);
+    let (frame_rate, oversampling) = (timeline.rate.hertz(), timeline.oversampling);
     let gestures = timeline.gestures.iter();
     gestures
-        .map(|gesture| FramedGesture::new(gesture, rate, oversampling))
+        .map(|gesture| FramedGesture::new(gesture, frame_rate, oversampling))
         .collect()
 }
 
@@ -57,7 +71,7 @@ pub(super) fn build_voices(
     let mut scripts = Vec::new();
     let mut voices = Vec::new();
     for (key, known) in timeline.keys.iter().enumerate() {
-        let (free, motion) = free_key(network, timeline, known, bodies)?;
+        let (free, free_motion) = free_key(network, timeline, known, bodies)?;
         let mut ordered: Vec<usize> = (0..gestures.len())
             .filter(|&i| gestures[i].gesture.key == key)
             .collect();
@@ -66,28 +80,31 @@ pub(super) fn build_voices(
         for &i in &ordered {
             check_playable(&gestures[i], &free, known, timeline.rate)?;
         }
-        let (layers, line): (Vec<usize>, Vec<usize>) = ordered
+        let (layer_gestures, key_gestures): (Vec<usize>, Vec<usize>) = ordered
             .into_iter()
             .partition(|&i| gestures[i].gesture.manner.layer);
-        let script = VoiceScript {
+        let voice_script = VoiceScript {
             key,
             struck: known.struck,
             free,
-            gestures: line,
+            gestures: key_gestures,
             layer: false,
             outer_links: outer_links(network, known.struck),
         };
-        voices.push(Voice::new(&script, motion));
-        scripts.push(script.clone());
-        for gesture in layers {
-            let layer = VoiceScript {
-                free: script.free.deviation(),
+        voices.push(Voice::new(&voice_script, free_motion));
+        scripts.push(voice_script.clone());
+        for gesture in layer_gestures {
+            let layer_script = VoiceScript {
+                free: voice_script.free.deviation(),
                 gestures: vec![gesture],
                 layer: true,
-                ..script.clone()
+                ..voice_script.clone()
             };
-            voices.push(Voice::new(&layer, layer.free.motion_at_rest()));
-            scripts.push(layer);
+            voices.push(Voice::new(
+                &layer_script,
+                layer_script.free.motion_at_rest(),
+            ));
+            scripts.push(layer_script);
         }
     }
     Ok((scripts, voices))
@@ -107,16 +124,20 @@ pub(super) fn free_key(
             message: "ergons of a key can only strike a MAS or a CEL".to_owned(),
         });
     }
-    let part = mats.part[key.struck] as usize;
+    let key_part = mats.part[key.struck] as usize;
     // Links that close by the end are left out: a gesture is written for the key as it is in the end.
     let closing = timeline.gates.iter().filter(|gate| gate.closes());
-    let key_network =
-        network.part_alone(part, &closing.map(|gate| gate.links()).collect::<Vec<_>>());
+    let key_network = network.part_alone(
+        key_part,
+        &closing.map(|gate| gate.links()).collect::<Vec<_>>(),
+    );
     let inside = |mat: usize| key_network.mat(mat);
     let couplings = timeline.gates.iter().filter(|gate| !gate.is_ramp());
     for link in couplings.map(|gate| gate.link) {
-        let run = network.run_of(link);
-        if run.is_some_and(|run| inside(run.a).is_some() && inside(run.b).is_some()) {
+        let link_run = network.run_of(link);
+        if link_run
+            .is_some_and(|link_run| inside(link_run.a).is_some() && inside(link_run.b).is_some())
+        {
             return Err(Error::Refused {
                 module: network.link_name(link),
                 message: "a coupling cannot join two modules of one key, because gestures are computed for the key \
@@ -150,15 +171,15 @@ pub(super) fn free_key(
         slow: bodies
             .iter()
             .filter_map(|body| match body {
-                BodyPlan::Slow(slow) if slow.part == part => Some(slow.alone(inside)),
+                BodyPlan::Slow(slow) if slow.part == key_part => Some(slow.alone(inside)),
                 _ => None,
             })
             .collect(),
         scheme,
         drives,
     };
-    let motion = free.start(body);
-    Ok((free, motion))
+    let free_motion = free.start(body);
+    Ok((free, free_motion))
 }
 
 /// Refuses a gesture that its key cannot play.
@@ -177,8 +198,8 @@ fn check_playable(
     };
     // No flight lasts longer than the gesture.
     let frames_max = gesture.last().saturating_sub(gesture.first);
-    let flight = |grain: &f64| frame(*grain, rate.hertz()).min(frames_max);
-    let is_long = |grain: &f64| free.is_past_quarter(flight(grain));
+    let flight_frames = |grain: &f64| frame(*grain, rate.hertz()).min(frames_max);
+    let is_long = |grain: &f64| free.is_past_quarter(flight_frames(grain));
     if let Some(grain) = manner.grain.filter(is_long) {
         return refuse(format!(
             "a grain of {:.1} ms is longer than a quarter of the key's own period: between \

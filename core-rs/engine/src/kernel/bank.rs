@@ -384,9 +384,9 @@ fastest!(
 
 /// Total of a partial sum.
 pub(crate) fn joined(sum: &Sum) -> f64 {
-    let lanes = &sum.0;
-    ((lanes[0] + lanes[4]) + (lanes[2] + lanes[6]))
-        + ((lanes[1] + lanes[5]) + (lanes[3] + lanes[7]))
+    let sum_lanes = &sum.0;
+    ((sum_lanes[0] + sum_lanes[4]) + (sum_lanes[2] + sum_lanes[6]))
+        + ((sum_lanes[1] + sum_lanes[5]) + (sum_lanes[3] + sum_lanes[7]))
 }
 
 #[cfg(test)]

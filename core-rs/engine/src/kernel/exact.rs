@@ -50,46 +50,46 @@ fn solve(
     is_solved: impl Fn(&Run) -> bool,
 ) {
     let is_solved = |run: &&Run| is_solved(run);
-    let rounds = if scheme.exact_coupled { ROUNDS_MAX } else { 1 };
-    let mut mixing = std::mem::take(&mut body.mixing);
+    let round_limit = if scheme.exact_coupled { ROUNDS_MAX } else { 1 };
+    let mut force_mixing = std::mem::take(&mut body.mixing);
     if scheme.exact_coupled {
-        mixing.start(scheme.exact.iter().filter(is_solved).count());
+        force_mixing.start(scheme.exact.iter().filter(is_solved).count());
     }
-    for round in 0..rounds {
-        let (mut change, mut largest) = (0.0_f64, 0.0_f64);
+    for round in 0..round_limit {
+        let (mut change_max, mut largest) = (0.0_f64, 0.0_f64);
         if scheme.exact_coupled {
-            mixing.next_round();
+            force_mixing.next_round();
         }
         for (index, run) in scheme.exact.iter().filter(is_solved).enumerate() {
             body.exact_work.solved_again += u64::from(round > 0);
-            let before = body.link[run.first];
+            let force_before = body.link[run.first];
             // Subtract the force of the last round, so that the run is solved given all other forces.
-            body.link[run.first] = -before;
+            body.link[run.first] = -force_before;
             scatter(run, body);
             let (force, evaluations) = force(scheme, gates, targets, body, run);
             body.link[run.first] = force;
             body.exact_work.evaluations += evaluations;
             scatter(run, body);
-            let now = body.link[run.first];
-            change = change.max((now - before).abs() - AGREE * now.abs());
-            largest = largest.max(now.abs());
+            let force_now = body.link[run.first];
+            change_max = change_max.max((force_now - force_before).abs() - AGREE * force_now.abs());
+            largest = largest.max(force_now.abs());
             if scheme.exact_coupled {
-                mixing.record(index, before, now);
+                force_mixing.record(index, force_before, force_now);
             }
         }
-        if change <= ROUNDING * largest {
+        if change_max <= ROUNDING * largest {
             break;
         }
-        if round >= PLAIN_ROUNDS && round + 1 < rounds {
-            let runs = scheme.exact.iter().filter(is_solved);
-            for (run, &guess) in runs.zip(mixing.guess()) {
+        if round >= PLAIN_ROUNDS && round + 1 < round_limit {
+            let solved_runs = scheme.exact.iter().filter(is_solved);
+            for (run, &guess) in solved_runs.zip(force_mixing.guess()) {
                 body.link[run.first] = guess - body.link[run.first];
                 scatter(run, body);
                 body.link[run.first] = guess;
             }
         }
     }
-    body.mixing = mixing;
+    body.mixing = force_mixing;
 }
 
 /// Force of one exact contact or dry friction, given all other forces [N], and how often it evaluated a power law.
@@ -99,26 +99,26 @@ fn force(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &Body, run: &
         Kind::Dry { .. } => return (friction::force(scheme, gates, targets, body, run), 0),
         _ => return (0.0, 0),
     };
-    let s = but.sign();
-    let next = |i: usize| match targets.iter().find(|target| target.mat == i) {
+    let contact_side = but.sign();
+    let next_place = |i: usize| match targets.iter().find(|target| target.mat == i) {
         Some(target) => (target.x, 0.0),
         None => (predict(scheme, body, i), scheme.w[i]),
     };
-    let ((xa, wa), (xb, wb)) = (next(run.a), next(run.b));
+    let ((xa, wa), (xb, wb)) = (next_place(run.a), next_place(run.b));
     let (x, d) = (&body.x, &body.d);
-    let now = s * (x[run.b] - x[run.a] - run.rest);
-    let before = now - s * (d[run.b] - d[run.a]);
-    let free = s * (xb - xa - run.rest);
-    let open = run.gate.map_or(1.0, |gate| gates[gate]);
+    let depth_now = contact_side * (x[run.b] - x[run.a] - run.rest);
+    let depth_before = depth_now - contact_side * (d[run.b] - d[run.a]);
+    let free_depth = contact_side * (xb - xa - run.rest);
+    let gate_opening = run.gate.map_or(1.0, |gate| gates[gate]);
     let contact = Contact {
-        k: open * run.k,
-        z: open * run.z,
+        k: gate_opening * run.k,
+        z: gate_opening * run.z,
         exponent: but.exponent,
         beta: wa + wb,
         clamp: but.clamp,
     };
-    let (push, evaluations) = contact.counted_push(free, before, now);
-    (s * push, evaluations)
+    let (push_force, evaluations) = contact.counted_push(free_depth, depth_before, depth_now);
+    (contact_side * push_force, evaluations)
 }
 
 /// A contact over one step, from n−1 to n+1: K and Z per step, and β, the change of its penetration per newton [m/N].
@@ -141,8 +141,8 @@ impl Contact {
     fn counted_push(&self, free: f64, w: f64, now: f64) -> (f64, u64) {
         // Both ends are imposed (β = 0): the next penetration is known, and the gradient is explicit.
         if self.beta == 0.0 {
-            let push = self.gradient(free, w) + self.drag(free, w, now);
-            return (self.limit(push), 1);
+            let push_force = self.gradient(free, w) + self.drag(free, w, now);
+            return (self.limit(push_force), 1);
         }
         // Damping acts while the contact is closed: p ← (p + γw)/(1 + γ), β ← β/(1 + γ).
         let gamma = if now > 0.0 {
@@ -189,9 +189,9 @@ impl Contact {
 
     /// (V(u) − V(w))/(u − w); the force V′ where u = w.
     fn gradient(&self, u: f64, w: f64) -> f64 {
-        let apart = u - w;
+        let difference = u - w;
         // For a smaller difference the quotient loses more digits than the error of Simpson's rule.
-        if apart.abs() <= 1e-3 * (u.abs() + w.abs()) {
+        if difference.abs() <= 1e-3 * (u.abs() + w.abs()) {
             let force = |p: f64| self.elastic().force(p);
             return if u > 0.0 {
                 (force(u) + 4.0 * force(0.5 * (u + w)) + force(w)) / 6.0
@@ -199,7 +199,7 @@ impl Contact {
                 0.0
             };
         }
-        (self.potential(u) - self.potential(w)) / apart
+        (self.potential(u) - self.potential(w)) / difference
     }
 
     /// Solve u + β·gradient(u, w) = p by a bracketed secant; the left side increases with u, so that the root can be
@@ -213,40 +213,47 @@ impl Contact {
             evaluations += 1;
             u + beta * self.gradient(u, w) - p
         };
-        let (mut high, mut low) = (p, p - beta * self.gradient(p, w));
-        let (mut high_residue, mut low_residue) = (residue(high), residue(low));
+        let (mut high_end, mut low_end) = (p, p - beta * self.gradient(p, w));
+        let (mut high_residue, mut low_residue) = (residue(high_end), residue(low_end));
         while low_residue > 0.0 {
             // If both ends of the bracket round to the same number, move them apart.
-            low -= (high - low).max(f64::EPSILON * high.abs());
-            low_residue = residue(low);
+            low_end -= (high_end - low_end).max(f64::EPSILON * high_end.abs());
+            low_residue = residue(low_end);
         }
-        let (mut halve, mut side) = (false, 0.0);
+        let (mut must_halve, mut last_residue) = (false, 0.0);
         for _ in 0..STEPS_MAX {
-            let width = high - low;
-            if width <= 4.0 * f64::EPSILON * high.abs().max(low.abs()) {
+            let bracket_width = high_end - low_end;
+            if bracket_width <= 4.0 * f64::EPSILON * high_end.abs().max(low_end.abs()) {
                 break;
             }
-            let secant = low - low_residue * (width / (high_residue - low_residue));
-            let u = if halve || !(secant > low && secant < high) {
-                0.5 * (low + high)
+            let secant_root =
+                low_end - low_residue * (bracket_width / (high_residue - low_residue));
+            let u = if must_halve || !(secant_root > low_end && secant_root < high_end) {
+                0.5 * (low_end + high_end)
             } else {
-                secant
+                secant_root
             };
             let residue_at_u = residue(u);
             if residue_at_u.abs() <= f64::EPSILON * p.abs().max(u.abs()) {
                 return (u, evaluations); // only rounding is left
             }
             // Illinois rule: halve the residue at the end that stays, so that the next secant falls on its side.
-            let stays = if residue_at_u * side > 0.0 { 0.5 } else { 1.0 };
-            if residue_at_u > 0.0 {
-                (high, high_residue, low_residue) = (u, residue_at_u, stays * low_residue);
+            let stay_factor = if residue_at_u * last_residue > 0.0 {
+                0.5
             } else {
-                (low, low_residue, high_residue) = (u, residue_at_u, stays * high_residue);
+                1.0
+            };
+            if residue_at_u > 0.0 {
+                (high_end, high_residue, low_residue) =
+                    (u, residue_at_u, stay_factor * low_residue);
+            } else {
+                (low_end, low_residue, high_residue) =
+                    (u, residue_at_u, stay_factor * high_residue);
             }
-            side = residue_at_u;
-            halve = high - low > 0.5 * width;
+            last_residue = residue_at_u;
+            must_halve = high_end - low_end > 0.5 * bracket_width;
         }
-        (0.5 * (low + high), evaluations)
+        (0.5 * (low_end + high_end), evaluations)
     }
 }
 

@@ -67,27 +67,27 @@ impl Laws {
 
 /// Laws that follow MATs, one for every `room` in the scheme.
 pub(crate) fn followed(scheme: &Scheme) -> Vec<Law> {
-    let runs = scheme.runs.iter();
-    let mut laws: Vec<Law> = Vec::new();
-    for run in runs {
+    let scheme_runs = scheme.runs.iter();
+    let mut followed_laws: Vec<Law> = Vec::new();
+    for run in scheme_runs {
         if let Kind::Followed { by, room, .. } = &run.kind {
             // Entries below this index belong to runs that the scheme no longer has; they get any law.
-            laws.resize(laws.len().max(room + 1), by.law().clone());
-            laws[*room] = by.law().clone();
+            followed_laws.resize(followed_laws.len().max(room + 1), by.law().clone());
+            followed_laws[*room] = by.law().clone();
         }
     }
-    laws
+    followed_laws
 }
 
 /// A neighbour list for every `room` in the scheme; those of runs that the scheme no longer has stay empty.
 fn neighbours(scheme: &Scheme) -> Vec<Neighbours> {
-    let mut rooms = Vec::new();
+    let mut neighbour_rooms = Vec::new();
     for run in &scheme.runs {
-        if let (Kind::Pairwise { room, .. }, Some(pairs)) = (&run.kind, run.pairwise()) {
-            let n_rooms = rooms.len().max(room + 1);
-            rooms.resize_with(n_rooms, Neighbours::default);
-            rooms[*room] = Neighbours::new(&pairs);
+        if let (Kind::Pairwise { room, .. }, Some(pair_run)) = (&run.kind, run.pairwise()) {
+            let room_count = neighbour_rooms.len().max(room + 1);
+            neighbour_rooms.resize_with(room_count, Neighbours::default);
+            neighbour_rooms[*room] = Neighbours::new(&pair_run);
         }
     }
-    rooms
+    neighbour_rooms
 }

@@ -14,10 +14,10 @@ const POSITION_MAX: f64 = 1e4;
 
 /// Position of a MAT at the next frame [m], given the forces summed so far.
 pub(crate) fn predict(scheme: &Scheme, body: &Body, i: usize) -> f64 {
-    let step = body.force[i] * scheme.w[i]
+    let step_change = body.force[i] * scheme.w[i]
         - scheme.kappa[i] * (body.x[i] - scheme.rest[i])
         - scheme.zeta[i] * body.d[i];
-    body.x[i] + (body.d[i] + step + body.inner.get(i).copied().unwrap_or(0.0))
+    body.x[i] + (body.d[i] + step_change + body.inner.get(i).copied().unwrap_or(0.0))
 }
 
 /// Force that, added to the forces summed so far, brings a MAT to `x` [m] at the next frame [N].
@@ -27,8 +27,8 @@ pub(crate) fn needed(scheme: &Scheme, body: &Body, i: usize, x: f64) -> f64 {
 
 /// Velocity of a MAT at the current frame, given the forces summed so far: (x̂[n+1] − x[n−1])/2T [m/s].
 pub(crate) fn centred(scheme: &Scheme, body: &Body, i: usize) -> f64 {
-    let before = body.x[i] - body.d[i];
-    (predict(scheme, body, i) - before) * (0.5 * scheme.rate)
+    let position_before = body.x[i] - body.d[i];
+    (predict(scheme, body, i) - position_before) * (0.5 * scheme.rate)
 }
 
 /// Move every MAT by one frame, and each MAT with a target to its target. Returns whether all positions are sound.
@@ -42,16 +42,16 @@ pub(crate) fn advance(
     for target in &mut *targets {
         target.previous = body.x[target.mat];
     }
-    let mut within = match mesh_partition {
+    let mut all_sound = match mesh_partition {
         Some(mesh_partition) => advance_free_in_ranges(mesh_partition, team, scheme, body),
         None => advance_free(scheme, body),
     };
     for target in targets {
         body.d[target.mat] = target.x - target.previous;
         body.x[target.mat] = target.x;
-        within &= sound(target.x);
+        all_sound &= sound(target.x);
     }
-    within
+    all_sound
 }
 
 fn advance_free(scheme: &Scheme, body: &mut Body) -> bool {
@@ -75,13 +75,13 @@ fn advance_free_in_ranges(
         previous.swap(x, d);
     }
     let previous = body.previous.as_deref();
-    let within = AtomicBool::new(true);
+    let all_sound = AtomicBool::new(true);
     mesh_partition.ranges(team, [x, d], |mats, moved| {
         if !move_range(scheme, mats, force, previous, moved) {
-            within.store(false, Ordering::Relaxed);
+            all_sound.store(false, Ordering::Relaxed);
         }
     });
-    within.into_inner()
+    all_sound.into_inner()
 }
 
 /// Move a range of MATs: in place, or from the positions and steps in `from`. `force` holds the forces of all MATs,
@@ -96,32 +96,41 @@ fn move_range(
     let from = |part_range: &Range<usize>| {
         from.map(|from| [&from.x, &from.d].map(|all| &all[part_range.clone()]))
     };
-    let [x, d] = moved;
+    let [positions, last_steps] = moved;
     if scheme.alike.is_empty() {
         let (numbers, force) = (
             scheme.ties().map(|all| &all[mats.clone()]),
             &force[mats.clone()],
         );
         return match from(&mats) {
-            Some(from) => move_from(numbers, force, from, x, d),
-            None => move_all(numbers, force, x, d),
+            Some(from) => move_from(numbers, force, from, positions, last_steps),
+            None => move_all(numbers, force, positions, last_steps),
         };
     }
     debug_assert!(scheme.are_alike(), "numbers change");
-    let mut within = true;
+    let mut all_sound = true;
     for alike in &scheme.alike {
         let part_range = alike.mats.start.max(mats.start)..alike.mats.end.min(mats.end);
         if part_range.is_empty() {
             continue;
         }
-        let here = part_range.start - mats.start..part_range.end - mats.start;
-        let (x, d) = (&mut x[here.clone()], &mut d[here]);
-        within &= match from(&part_range) {
-            Some(from) => move_alike_from(alike.numbers, &force[part_range], from, x, d),
-            None => move_alike(alike.numbers, &force[part_range], x, d),
+        let local_range = part_range.start - mats.start..part_range.end - mats.start;
+        let (positions, last_steps) = (
+            &mut positions[local_range.clone()],
+            &mut last_steps[local_range],
+        );
+        all_sound &= match from(&part_range) {
+            Some(from) => move_alike_from(
+                alike.numbers,
+                &force[part_range],
+                from,
+                positions,
+                last_steps,
+            ),
+            None => move_alike(alike.numbers, &force[part_range], positions, last_steps),
         };
     }
-    within
+    all_sound
 }
 
 /// Move MATs in place: d += F·w − κ(x − rest) − ζd, x += d; `numbers` gives w, κ, ζ and rest of each. Returns whether
@@ -133,17 +142,17 @@ fn update(
     x: &mut [f64],
     d: &mut [f64],
 ) -> bool {
-    let n = force.len();
-    let (x, d) = (&mut x[..n], &mut d[..n]);
-    let mut bad = 0_u64;
-    for i in 0..n {
-        let [w, kappa, zeta, rest] = numbers(i);
-        let step = force[i] * w - kappa * (x[i] - rest) - zeta * d[i];
-        d[i] += step;
+    let mat_count = force.len();
+    let (x, d) = (&mut x[..mat_count], &mut d[..mat_count]);
+    let mut unsound_flag = 0_u64;
+    for i in 0..mat_count {
+        let [w, kappa, zeta, rest_position] = numbers(i);
+        let step_change = force[i] * w - kappa * (x[i] - rest_position) - zeta * d[i];
+        d[i] += step_change;
         x[i] += d[i];
-        bad |= u64::from(!sound(x[i]));
+        unsound_flag |= u64::from(!sound(x[i]));
     }
-    bad == 0
+    unsound_flag == 0
 }
 
 /// [`update`] from positions and steps in `from`, which are not changed.
@@ -155,18 +164,19 @@ fn update_from(
     x: &mut [f64],
     d: &mut [f64],
 ) -> bool {
-    let n = force.len();
-    let [previous, by] = from.map(|from| &from[..n]);
-    let (x, d) = (&mut x[..n], &mut d[..n]);
-    let mut bad = 0_u64;
-    for i in 0..n {
-        let [w, kappa, zeta, rest] = numbers(i);
-        let step = force[i] * w - kappa * (previous[i] - rest) - zeta * by[i];
-        d[i] = by[i] + step;
+    let mat_count = force.len();
+    let [previous, previous_steps] = from.map(|from| &from[..mat_count]);
+    let (x, d) = (&mut x[..mat_count], &mut d[..mat_count]);
+    let mut unsound_flag = 0_u64;
+    for i in 0..mat_count {
+        let [w, kappa, zeta, rest_position] = numbers(i);
+        let step_change =
+            force[i] * w - kappa * (previous[i] - rest_position) - zeta * previous_steps[i];
+        d[i] = previous_steps[i] + step_change;
         x[i] = previous[i] + d[i];
-        bad |= u64::from(!sound(x[i]));
+        unsound_flag |= u64::from(!sound(x[i]));
     }
-    bad == 0
+    unsound_flag == 0
 }
 
 wide! {

@@ -35,26 +35,28 @@ struct MeshRange {
 impl MeshPartition {
     /// The partition for a number of threads; `None` if the mesh is too small for threads to save time.
     pub(crate) fn for_threads(springs: &[Spring], n_mat: usize, threads: usize) -> Option<Self> {
-        let parts = threads.min(n_mat / RANGE_MATS_MIN).min(RANGES_MAX);
-        (parts > 1 && !springs.is_empty()).then(|| Self::new(springs, n_mat, parts))
+        let range_count = threads.min(n_mat / RANGE_MATS_MIN).min(RANGES_MAX);
+        (range_count > 1 && !springs.is_empty()).then(|| Self::new(springs, n_mat, range_count))
     }
 
     /// The partition into `parts` ranges with about equal work.
     pub(super) fn new(springs: &[Spring], n_mat: usize, parts: usize) -> Self {
         // Work of a MAT: 1, plus 1 for each end of a spring on it.
-        let mut work = vec![1_usize; n_mat];
+        let mut mat_work = vec![1_usize; n_mat];
         for run in springs {
-            for first in [run.a, run.b] {
-                work[first..][..run.len].iter_mut().for_each(|n| *n += 1);
+            for first_mat in [run.a, run.b] {
+                mat_work[first_mat..][..run.len]
+                    .iter_mut()
+                    .for_each(|n| *n += 1);
             }
         }
-        let all: usize = work.iter().sum();
-        let (mut mesh_partition, mut done, mut first) = (Vec::new(), 0, 0);
-        for (mat, work) in work.iter().enumerate() {
-            done += work;
-            if done * parts >= all * (mesh_partition.len() + 1) || mat + 1 == n_mat {
-                mesh_partition.push(MeshRange::new(springs, first..mat + 1));
-                first = mat + 1;
+        let total_work: usize = mat_work.iter().sum();
+        let (mut mesh_partition, mut summed_work, mut first_mat) = (Vec::new(), 0, 0);
+        for (mat, mat_work) in mat_work.iter().enumerate() {
+            summed_work += mat_work;
+            if summed_work * parts >= total_work * (mesh_partition.len() + 1) || mat + 1 == n_mat {
+                mesh_partition.push(MeshRange::new(springs, first_mat..mat + 1));
+                first_mat = mat + 1;
             }
         }
         Self(mesh_partition)
@@ -75,14 +77,14 @@ impl MeshPartition {
         force: &mut [f64],
         work: impl Fn(&[Spring], &mut [f64], &mut [f64]) + Sync,
     ) {
-        let mut parts: [Option<(&mut MeshRange, &mut [f64])>; RANGES_MAX] =
+        let mut range_parts: [Option<(&mut MeshRange, &mut [f64])>; RANGES_MAX] =
             [const { None }; RANGES_MAX];
-        let (n, mut rest) = (self.0.len(), force);
-        for (part, range) in parts.iter_mut().zip(&mut self.0) {
-            let (range_forces, others) = rest.split_at_mut(range.mats.len());
-            (*part, rest) = (Some((range, range_forces)), others);
+        let (range_count, mut forces_left) = (self.0.len(), force);
+        for (part, range) in range_parts.iter_mut().zip(&mut self.0) {
+            let (range_forces, later_forces) = forces_left.split_at_mut(range.mats.len());
+            (*part, forces_left) = (Some((range, range_forces)), later_forces);
         }
-        team.each(&mut parts[..n], |part| {
+        team.each(&mut range_parts[..range_count], |part| {
             if let Some((
                 MeshRange {
                     springs, scratch, ..
@@ -103,17 +105,17 @@ impl MeshPartition {
         mut changed: [&mut [f64]; N],
         work: impl Fn(Range<usize>, [&mut [f64]; N]) + Sync,
     ) {
-        let mut parts: [Option<Part<'_, N>>; RANGES_MAX] = [const { None }; RANGES_MAX];
-        let n = self.0.len();
-        for (part, range) in parts.iter_mut().zip(&self.0) {
+        let mut range_parts: [Option<Part<'_, N>>; RANGES_MAX] = [const { None }; RANGES_MAX];
+        let range_count = self.0.len();
+        for (part, range) in range_parts.iter_mut().zip(&self.0) {
             let range_slices = changed.each_mut().map(|all| {
-                let (range_slices, others) = take(all).split_at_mut(range.mats.len());
-                *all = others;
+                let (range_slices, later_mats) = take(all).split_at_mut(range.mats.len());
+                *all = later_mats;
                 range_slices
             });
             *part = Some((range.mats.clone(), range_slices));
         }
-        team.each(&mut parts[..n], |part| {
+        team.each(&mut range_parts[..range_count], |part| {
             if let Some((mats, range_slices)) = part {
                 work(
                     mats.clone(),
@@ -131,19 +133,23 @@ impl MeshRange {
         let mut run_ranges = Vec::new();
         for run in springs {
             // Links whose end lies in this range.
-            let links = |end: usize| {
-                let link = |mat: usize| mat.saturating_sub(end).min(run.len);
-                link(mats.start)..link(mats.end)
+            let links_ending = |end: usize| {
+                let link_index = |mat: usize| mat.saturating_sub(end).min(run.len);
+                link_index(mats.start)..link_index(mats.end)
             };
-            let (a, b) = (links(run.a), links(run.b));
-            let both = a.start.max(b.start)..a.end.min(b.end);
-            let [only_a, only_b] = [&a, &b].map(|run_ranges| range_without(run_ranges, &both));
-            let to = |end: usize, i: usize| end + i - mats.start;
+            let (links_at_a, links_at_b) = (links_ending(run.a), links_ending(run.b));
+            let links_at_both =
+                links_at_a.start.max(links_at_b.start)..links_at_a.end.min(links_at_b.end);
+            let [links_only_at_a, links_only_at_b] = [&links_at_a, &links_at_b]
+                .map(|run_ranges| range_without(run_ranges, &links_at_both));
+            let local_mat = |end: usize, i: usize| end + i - mats.start;
             // A MAT that is an end a of one link and an end b of another adds its force as end a first, as in the
             // undivided run.
-            run_ranges.extend(run.piece(only_a, |i| Pull::A(to(run.a, i))));
-            run_ranges.extend(run.piece(both, |i| Pull::Both(to(run.a, i), to(run.b, i))));
-            run_ranges.extend(run.piece(only_b, |i| Pull::B(to(run.b, i))));
+            run_ranges.extend(run.piece(links_only_at_a, |i| Pull::A(local_mat(run.a, i))));
+            run_ranges.extend(run.piece(links_at_both, |i| {
+                Pull::Both(local_mat(run.a, i), local_mat(run.b, i))
+            }));
+            run_ranges.extend(run.piece(links_only_at_b, |i| Pull::B(local_mat(run.b, i))));
         }
         let longest = run_ranges.iter().map(|run| run.len).max();
         Self {
@@ -176,15 +182,15 @@ mod tests {
     /// Runs of all lengths: with ends that overlap, with ends that do not, and with end b before end a.
     fn springs(seed: i128) -> Vec<Spring> {
         let mut chance = Chance::new(seed, "halves", "", 0, 0);
-        let mut below = |n: usize| chance.uniform(0.0, n as f64) as usize;
+        let mut random_below = |n: usize| chance.uniform(0.0, n as f64) as usize;
         (0..40)
             .map(|_| {
-                let (a, b) = (below(N_MAT), below(N_MAT - 1));
+                let (a, b) = (random_below(N_MAT), random_below(N_MAT - 1));
                 let b = b + usize::from(b >= a);
                 Spring {
                     a,
                     b,
-                    len: 1 + below(N_MAT - a.max(b)),
+                    len: 1 + random_below(N_MAT - a.max(b)),
                     k: 1.0 / (1.0 + a as f64),
                     q: (a % 2) as f64,
                     z: 1.0 / (2.0 + b as f64),
@@ -206,19 +212,24 @@ mod tests {
         let (x, v) = (numbers("x"), numbers("v"));
         for seed in 0..50 {
             let springs = springs(seed);
-            let (mut full_force, mut room) = (vec![0.0; N_MAT], vec![0.0; N_MAT]);
-            total(&springs, &x, &v, &mut room, &mut full_force);
+            let (mut full_force, mut run_scratch) = (vec![0.0; N_MAT], vec![0.0; N_MAT]);
+            total(&springs, &x, &v, &mut run_scratch, &mut full_force);
             for (parts, threads) in [(2, 1), (2, 2), (3, 2), (5, 3), (RANGES_MAX, 1)] {
                 let mut mesh_partition = MeshPartition::new(&springs, N_MAT, parts);
                 assert!(mesh_partition.0.len() > 1);
                 let mut range_force = vec![f64::NAN; N_MAT];
                 ThreadTeam::with(threads, |team| {
-                    mesh_partition.forces(team, &mut range_force, |springs, room, force| {
-                        total(springs, &x, &v, room, force);
+                    mesh_partition.forces(team, &mut range_force, |springs, run_scratch, force| {
+                        total(springs, &x, &v, run_scratch, force);
                     });
                 });
-                let bits = |force: &[f64]| force.iter().map(|f| f.to_bits()).collect::<Vec<_>>();
-                assert_eq!(bits(&range_force), bits(&full_force), "{seed} {parts}");
+                let force_bits =
+                    |force: &[f64]| force.iter().map(|f| f.to_bits()).collect::<Vec<_>>();
+                assert_eq!(
+                    force_bits(&range_force),
+                    force_bits(&full_force),
+                    "{seed} {parts}"
+                );
             }
         }
     }
@@ -228,17 +239,22 @@ mod tests {
         for parts in 2..=RANGES_MAX {
             let mesh_partition = MeshPartition::new(&springs(3), N_MAT, parts);
             assert!(mesh_partition.0.len() <= parts);
-            let (mut x, mut seen) = (vec![0.0; N_MAT], vec![0.0; N_MAT]);
+            let (mut mat_number, mut visit_count) = (vec![0.0; N_MAT], vec![0.0; N_MAT]);
             mesh_partition.ranges(
                 &mut ThreadTeam::alone(),
-                [&mut x, &mut seen],
-                |mats, [x, seen]| {
-                    seen.iter_mut().for_each(|seen| *seen += 1.0);
-                    x.iter_mut().zip(mats).for_each(|(x, mat)| *x = mat as f64);
+                [&mut mat_number, &mut visit_count],
+                |mats, [mat_number, visit_count]| {
+                    visit_count
+                        .iter_mut()
+                        .for_each(|visit_count| *visit_count += 1.0);
+                    mat_number
+                        .iter_mut()
+                        .zip(mats)
+                        .for_each(|(mat_number, mat)| *mat_number = mat as f64);
                 },
             );
-            assert_eq!(seen, [1.0; N_MAT]);
-            assert!((0..N_MAT).all(|mat| x[mat] == mat as f64));
+            assert_eq!(visit_count, [1.0; N_MAT]);
+            assert!((0..N_MAT).all(|mat| mat_number[mat] == mat as f64));
         }
     }
 }

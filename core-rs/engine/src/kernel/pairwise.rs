@@ -35,8 +35,8 @@ pub(super) fn forces(
     body: &mut Body,
     (room, neighbours): (usize, &mut Neighbours),
 ) {
-    let open = run.gate.map_or(1.0, |gate| gates[gate]);
-    let by = [open * run.k, open * run.z];
+    let gate_opening = run.gate.map_or(1.0, |gate| gates[gate]);
+    let gated_k_and_z = [gate_opening * run.k, gate_opening * run.z];
     let Body {
         x,
         d,
@@ -49,11 +49,17 @@ pub(super) fn forces(
     let history = &mut histories[room];
     history.begin();
     if pairs.pairs.is_searched() {
-        neighbours.push(pairs, by, (x, d), history);
+        neighbours.push(pairs, gated_k_and_z, (x, d), history);
         neighbours.add_forces(pairs, pair_force, run_forces);
     } else {
-        let seen = neighbours.seen();
-        walls::push(pairs, by, (x, d), (seen, history), (pair_force, run_forces));
+        let may_touch = neighbours.seen();
+        walls::push(
+            pairs,
+            gated_k_and_z,
+            (x, d),
+            (may_touch, history),
+            (pair_force, run_forces),
+        );
     }
     history.end();
 }

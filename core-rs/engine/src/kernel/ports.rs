@@ -7,13 +7,13 @@ use crate::maths::wide::wide;
 /// from memory one by one.
 #[inline(always)]
 fn summed(terms: &Lanes) -> f64 {
-    let mut sum = Sum::ZERO;
+    let mut lane_sum = Sum::ZERO;
     for lane_start in (0..LANES).step_by(SUMS) {
-        for (lane, sum) in sum.0.iter_mut().enumerate() {
-            *sum += terms.0[lane_start + lane];
+        for (lane, lane_sum) in lane_sum.0.iter_mut().enumerate() {
+            *lane_sum += terms.0[lane_start + lane];
         }
     }
-    joined(&sum)
+    joined(&lane_sum)
 }
 
 /// Instants are padded to a multiple of this number, so that a table of them is read in whole vectors.
@@ -45,19 +45,19 @@ wide! {
 fn add_padded<const N: usize>(
     row: &Lanes,
     table: &[f64],
-    [now, next]: [&Lanes; 2],
+    [mode_now, mode_next]: [&Lanes; 2],
     path: &mut [f64],
 ) {
     let (weights, _) = table.as_chunks::<N>();
     let (weights, _) = weights.as_chunks::<2>();
-    let mut sums = [0.0; N];
+    let mut path_sums = [0.0; N];
     for (mode, [by_now, by_next]) in weights.iter().enumerate() {
-        let [now, next] = [now, next].map(|at| row.0[mode] * at.0[mode]);
-        for ((sum, by_now), by_next) in sums.iter_mut().zip(by_now).zip(by_next) {
-            *sum += now * by_now + next * by_next;
+        let [mode_now, mode_next] = [mode_now, mode_next].map(|at| row.0[mode] * at.0[mode]);
+        for ((sum, by_now), by_next) in path_sums.iter_mut().zip(by_now).zip(by_next) {
+            *sum += mode_now * by_now + mode_next * by_next;
         }
     }
-    for (x, sum) in path.iter_mut().zip(sums) {
+    for (x, sum) in path.iter_mut().zip(path_sums) {
         *x += sum;
     }
 }
@@ -97,11 +97,11 @@ wide! {
 
 #[inline(always)]
 fn weighted(row: &Lanes, values: &[f64; LANES]) -> f64 {
-    let mut terms = Lanes::ZERO;
-    for ((term, row), value) in terms.0.iter_mut().zip(&row.0).zip(values) {
+    let mut lane_terms = Lanes::ZERO;
+    for ((term, row), value) in lane_terms.0.iter_mut().zip(&row.0).zip(values) {
         *term = row * value;
     }
-    summed(&terms)
+    summed(&lane_terms)
 }
 
 wide! {

@@ -8,9 +8,9 @@ use crate::state::Body;
 pub(crate) fn divide(scheme: &Scheme, body: &mut Body) {
     let Body { x, force, .. } = body;
     for proxy in &scheme.proxies {
-        let pull = force[proxy.mat];
-        if pull != 0.0 {
-            proxy.for_each_share(|mat| x[mat], |mat, share| force[mat] += share * pull);
+        let proxy_force = force[proxy.mat];
+        if proxy_force != 0.0 {
+            proxy.for_each_share(|mat| x[mat], |mat, share| force[mat] += share * proxy_force);
         }
     }
 }

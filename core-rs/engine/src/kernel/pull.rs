@@ -6,34 +6,57 @@ use crate::maths::wide::wide;
 /// first.
 #[inline(always)]
 pub(super) fn add(f: &[f64], force: &mut [f64], a: usize, b: usize) {
-    let (low, high) = (a.min(b), a.max(b));
+    let (lower_end, upper_end) = (a.min(b), a.max(b));
     // Number of MATs at each side that belong to one range only.
-    let alone = high - low;
-    if alone >= f.len() {
-        let (before, behind) = force.split_at_mut(high);
-        let (low, high) = (&mut before[low..][..f.len()], &mut behind[..f.len()]);
-        let (fa, fb) = if a < b { (low, high) } else { (high, low) };
-        for ((fa, fb), f) in fa.iter_mut().zip(fb).zip(f) {
-            *fa += f;
-            *fb -= f;
+    let unshared_count = upper_end - lower_end;
+    if unshared_count >= f.len() {
+        let (part_before, part_behind) = force.split_at_mut(upper_end);
+        let (lower_end, upper_end) = (
+            &mut part_before[lower_end..][..f.len()],
+            &mut part_behind[..f.len()],
+        );
+        let (forces_at_a, forces_at_b) = if a < b {
+            (lower_end, upper_end)
+        } else {
+            (upper_end, lower_end)
+        };
+        for ((forces_at_a, forces_at_b), f) in forces_at_a.iter_mut().zip(forces_at_b).zip(f) {
+            *forces_at_a += f;
+            *forces_at_b -= f;
         }
         return;
     }
-    let n = f.len() - alone;
-    let (fa, fb) = (&f[high - a..][..n], &f[high - b..][..n]);
-    for ((force, fa), fb) in force[high..][..n].iter_mut().zip(fa).zip(fb) {
-        *force = (*force + fa) - fb;
+    let shared_count = f.len() - unshared_count;
+    let (forces_at_a, forces_at_b) = (
+        &f[upper_end - a..][..shared_count],
+        &f[upper_end - b..][..shared_count],
+    );
+    for ((force, forces_at_a), forces_at_b) in force[upper_end..][..shared_count]
+        .iter_mut()
+        .zip(forces_at_a)
+        .zip(forces_at_b)
+    {
+        *force = (*force + forces_at_a) - forces_at_b;
     }
-    let (before, behind) = ((low, &f[..alone]), (high + n, &f[n..]));
-    let (only_a, only_b) = if a < b {
-        (before, behind)
+    let (part_before, part_behind) = (
+        (lower_end, &f[..unshared_count]),
+        (upper_end + shared_count, &f[shared_count..]),
+    );
+    let (unshared_a, unshared_b) = if a < b {
+        (part_before, part_behind)
     } else {
-        (behind, before)
+        (part_behind, part_before)
     };
-    for (force, f) in force[only_a.0..][..alone].iter_mut().zip(only_a.1) {
+    for (force, f) in force[unshared_a.0..][..unshared_count]
+        .iter_mut()
+        .zip(unshared_a.1)
+    {
         *force += f;
     }
-    for (force, f) in force[only_b.0..][..alone].iter_mut().zip(only_b.1) {
+    for (force, f) in force[unshared_b.0..][..unshared_count]
+        .iter_mut()
+        .zip(unshared_b.1)
+    {
         *force -= f;
     }
 }

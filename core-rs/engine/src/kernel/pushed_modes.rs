@@ -54,9 +54,9 @@ impl PushedGroup {
 fn add_given(group: &mut PushedGroup, [kappa, zeta]: &[Group; 2]) {
     for i in 0..SUMS {
         let (c, s) = (group.unit[0][i], group.unit[1][i]);
-        let by = group.added_velocity[i] / (c * (c - zeta[i] * s) + kappa[i] * s * s);
-        group.amplitudes[0][i] -= s * by;
-        group.amplitudes[1][i] += c * by;
+        let impulse_factor = group.added_velocity[i] / (c * (c - zeta[i] * s) + kappa[i] * s * s);
+        group.amplitudes[0][i] -= s * impulse_factor;
+        group.amplitudes[1][i] += c * impulse_factor;
     }
     group.added_velocity = [0.0; SUMS];
 }

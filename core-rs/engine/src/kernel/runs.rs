@@ -22,11 +22,11 @@ pub(crate) fn links(
     body.pair_force.fill(0.0);
     let Body { x, d, force, .. } = body;
     if scheme.fused.is_empty() {
-        let (heavy, light) = force.split_at_mut(scheme.weight.len());
-        for (force, weight) in heavy.iter_mut().zip(&scheme.weight) {
+        let (weighted_forces, weightless_forces) = force.split_at_mut(scheme.weight.len());
+        for (force, weight) in weighted_forces.iter_mut().zip(&scheme.weight) {
             *force = 0.0 + weight;
         }
-        light.fill(0.0);
+        weightless_forces.fill(0.0);
     } else {
         match &mut laws.mesh_partition {
             Some(mesh_partition) => mesh_partition.forces(team, force, |springs, room, force| {
@@ -42,69 +42,71 @@ pub(crate) fn links(
         }
     }
     for run in &scheme.runs {
-        if let Kind::Space(link) = &run.kind {
-            space::forces(run, link, gates, body, &mut laws.space);
+        if let Kind::Space(space_link) = &run.kind {
+            space::forces(run, space_link, gates, body, &mut laws.space);
             continue;
         }
         if let (Kind::Pairwise { room, .. }, Some(pairs)) = (&run.kind, run.pairwise()) {
-            let memory = (*room, &mut laws.neighbours[*room]);
-            pairwise::forces(run, &pairs, gates, body, memory);
+            let pair_memory = (*room, &mut laws.neighbours[*room]);
+            pairwise::forces(run, &pairs, gates, body, pair_memory);
             continue;
         }
-        let ends = Ends::new(run, &body.x, &body.d);
-        let f = &mut body.link[run.first..run.first + run.len];
+        let run_ends = Ends::new(run, &body.x, &body.d);
+        let link_force = &mut body.link[run.first..run.first + run.len];
         match &run.kind {
-            Kind::Ref => springs(run.k, run.z, run.rest, &ends, f),
+            Kind::Ref => springs(run.k, run.z, run.rest, &run_ends, link_force),
             Kind::Hardening(q) => {
                 let by = Hardening {
                     k: run.k,
                     q: *q,
                     z: (run.z != 0.0).then_some(run.z),
                 };
-                hardening(by, 1.0, run.rest, &ends, f);
+                hardening(by, 1.0, run.rest, &run_ends, link_force);
             }
             Kind::But(but) => {
-                let Ends { xa, xb, da, db } = ends;
+                let Ends { xa, xb, da, db } = run_ends;
                 for i in 0..run.len {
                     let (e, step) = (xb[i] - xa[i] - run.rest, db[i] - da[i]);
-                    f[i] = but.force(run.k, run.z, e, step);
+                    link_force[i] = but.force(run.k, run.z, e, step);
                 }
             }
             Kind::Bristle { .. } => {
                 if let Some((by, step)) = run.bristle() {
-                    let bends = &body.memory[run.first..run.first + run.len];
-                    let Ends { da, db, .. } = ends;
+                    let bristle_bends = &body.memory[run.first..run.first + run.len];
+                    let Ends { da, db, .. } = run_ends;
                     for i in 0..run.len {
-                        f[i] = by.force(bends[i], (db[i] - da[i]) / step);
+                        link_force[i] = by.force(bristle_bends[i], (db[i] - da[i]) / step);
                     }
                 }
             }
             Kind::Followed { by, rate, room } => {
                 let law = &mut laws.followed[*room];
                 by.set(law, |mat| body.x[mat]);
-                let Ends { xa, xb, da, db } = ends;
+                let Ends { xa, xb, da, db } = run_ends;
                 for i in 0..run.len {
-                    f[i] = law.force(xb[i] - xa[i] - run.rest, (db[i] - da[i]) * rate);
+                    link_force[i] = law.force(xb[i] - xa[i] - run.rest, (db[i] - da[i]) * rate);
                 }
             }
             // Dry friction is solved later, with the exact contacts; links in space are already computed above.
-            Kind::Dry { .. } | Kind::Space(_) | Kind::Pairwise { .. } => f.fill(0.0),
+            Kind::Dry { .. } | Kind::Space(_) | Kind::Pairwise { .. } => link_force.fill(0.0),
             Kind::Lnl { law, rate, room } => match law.hardening_spring() {
-                Some(by) => hardening(by, *rate, run.rest, &ends, f),
+                Some(by) => hardening(by, *rate, run.rest, &run_ends, link_force),
                 None => {
-                    let Ends { xa, xb, da, db } = ends;
+                    let Ends { xa, xb, da, db } = run_ends;
                     let (e, v) = (&mut laws.e[..run.len], &mut laws.v[..run.len]);
                     for i in 0..run.len {
                         e[i] = xb[i] - xa[i] - run.rest;
                         v[i] = (db[i] - da[i]) * rate;
                     }
-                    law.eval_in(e, v, f, &mut laws.scratch[*room], &mut laws.native);
+                    law.eval_in(e, v, link_force, &mut laws.scratch[*room], &mut laws.native);
                 }
             },
         }
         if let Some(gate) = run.gate {
-            let open = gates[gate];
-            f.iter_mut().for_each(|f| *f *= open);
+            let gate_opening = gates[gate];
+            link_force
+                .iter_mut()
+                .for_each(|link_force| *link_force *= gate_opening);
         }
         scatter(run, body);
     }
@@ -119,13 +121,13 @@ pub(crate) fn slide_bristles(scheme: &Scheme, body: &mut Body) {
         return;
     }
     for run in &scheme.runs {
-        let Some((by, step)) = run.bristle() else {
+        let Some((bristle_law, time_step)) = run.bristle() else {
             continue;
         };
         for i in 0..run.len {
-            let moved = body.d[run.b + i] - body.d[run.a + i];
+            let ends_step = body.d[run.b + i] - body.d[run.a + i];
             let bristle = &mut body.memory[run.first + i];
-            *bristle = by.slide(*bristle, moved / step, step);
+            *bristle = bristle_law.slide(*bristle, ends_step / time_step, time_step);
         }
     }
 }
@@ -140,12 +142,12 @@ pub(super) struct Ends<'a> {
 
 impl<'a> Ends<'a> {
     fn new(run: &Run, x: &'a [f64], d: &'a [f64]) -> Self {
-        let (a, b) = (run.a..run.a + run.len, run.b..run.b + run.len);
+        let (mats_at_a, mats_at_b) = (run.a..run.a + run.len, run.b..run.b + run.len);
         Self {
-            xa: &x[a.clone()],
-            xb: &x[b.clone()],
-            da: &d[a],
-            db: &d[b],
+            xa: &x[mats_at_a.clone()],
+            xb: &x[mats_at_b.clone()],
+            da: &d[mats_at_a],
+            db: &d[mats_at_b],
         }
     }
 
@@ -187,6 +189,6 @@ wide! {
 
 /// Add a run's forces to its two ends: F_a += f, F_b −= f.
 pub(super) fn scatter(run: &Run, body: &mut Body) {
-    let f = &body.link[run.first..run.first + run.len];
-    pull(f, &mut body.force, run.a, run.b);
+    let link_force = &body.link[run.first..run.first + run.len];
+    pull(link_force, &mut body.force, run.a, run.b);
 }

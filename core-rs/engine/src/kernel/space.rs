@@ -20,13 +20,17 @@ pub(crate) struct SpaceScratch {
 
 impl SpaceScratch {
     pub(super) fn new(scheme: &Scheme) -> Self {
-        let runs = scheme.runs.iter();
-        let runs = runs.filter(|run| matches!(run.kind, Kind::Space(_)));
-        let room = vec![0.0; runs.map(|run| run.len).max().unwrap_or(0)];
+        let space_runs = scheme.runs.iter();
+        let space_runs = space_runs.filter(|run| matches!(run.kind, Kind::Space(_)));
+        let scratch_row = vec![0.0; space_runs.map(|run| run.len).max().unwrap_or(0)];
         Self {
-            along: [room.clone(), room.clone(), room.clone()],
-            e: room.clone(),
-            step: room,
+            along: [
+                scratch_row.clone(),
+                scratch_row.clone(),
+                scratch_row.clone(),
+            ],
+            e: scratch_row.clone(),
+            step: scratch_row,
         }
     }
 }
@@ -39,50 +43,68 @@ pub(super) fn forces(
     body: &mut Body,
     scratch: &mut SpaceScratch,
 ) {
-    let n = run.len;
-    if n == 1 {
+    let link_count = run.len;
+    if link_count == 1 {
         return single(run, link, gates, body);
     }
     let SpaceScratch {
-        along: [along_x, along_y, along_z],
+        along: [direction_x, direction_y, direction_z],
         e,
         step,
     } = scratch;
-    let [along_x, along_y, along_z] = [along_x, along_y, along_z].map(|room| &mut room[..n]);
+    let [direction_x, direction_y, direction_z] =
+        [direction_x, direction_y, direction_z].map(|room| &mut room[..link_count]);
     let Body {
         x,
         d,
         force,
-        link: f,
+        link: link_force,
         memory,
         ..
     } = body;
-    let f = &mut f[run.first..run.first + n];
-    let ends: [(usize, usize); AXES_MAX] =
+    let link_force = &mut link_force[run.first..run.first + link_count];
+    let axis_ends: [(usize, usize); AXES_MAX] =
         std::array::from_fn(|axis| run.pair(0, axis.min(link.n_axes - 1)));
-    let motion = Ends::new(link.n_axes, &ends, [x, d], n);
-    let open = run.gate.map_or(1.0, |gate| gates[gate]);
+    let end_motion = Ends::new(link.n_axes, &axis_ends, [x, d], link_count);
+    let gate_opening = run.gate.map_or(1.0, |gate| gates[gate]);
     if link.law == SpaceLaw::Spring {
-        let by = [run.k, run.z, run.rest, open];
-        springs(by, &motion, f, along_x, along_y, along_z);
+        let spring_terms = [run.k, run.z, run.rest, gate_opening];
+        springs(
+            spring_terms,
+            &end_motion,
+            link_force,
+            direction_x,
+            direction_y,
+            direction_z,
+        );
     } else {
-        let (e, step) = (&mut e[..n], &mut step[..n]);
-        lines(run.rest, &motion, e, step, along_x, along_y, along_z);
+        let (e, step) = (&mut e[..link_count], &mut step[..link_count]);
+        lines(
+            run.rest,
+            &end_motion,
+            e,
+            step,
+            direction_x,
+            direction_y,
+            direction_z,
+        );
         if link.law.yields() {
-            let memory = &mut memory[run.first..run.first + n];
+            let memory = &mut memory[run.first..run.first + link_count];
             for (e, memory) in e.iter_mut().zip(memory) {
                 *e = update_rest(link, run.k, *e, memory);
             }
         }
-        for ((f, &e), &step) in f.iter_mut().zip(&*e).zip(&*step) {
-            *f = link.law.force([run.k, run.z], e, step) * open;
+        for ((link_force, &e), &step) in link_force.iter_mut().zip(&*e).zip(&*step) {
+            *link_force = link.law.force([run.k, run.z], e, step) * gate_opening;
         }
-        for along in [&mut *along_x, &mut *along_y, &mut *along_z] {
-            scale(f, along);
+        for along in [&mut *direction_x, &mut *direction_y, &mut *direction_z] {
+            scale(link_force, along);
         }
     }
-    let parts = ends.into_iter().zip([along_x, along_y, along_z]);
-    for ((a, b), part) in parts.take(link.n_axes) {
+    let axis_forces = axis_ends
+        .into_iter()
+        .zip([direction_x, direction_y, direction_z]);
+    for ((a, b), part) in axis_forces.take(link.n_axes) {
         pull(part, force, a, b);
     }
 }
@@ -102,13 +124,13 @@ impl<'a> Ends<'a> {
         [x, d]: [&'a [f64]; 2],
         n: usize,
     ) -> Self {
-        let vector = |all: &'a [f64], axis: usize, is_one: bool| {
-            let (a, b) = ends[axis];
-            [a, if is_one { a } else { b }].map(|first| &all[first..][..n])
+        let end_slices = |all: &'a [f64], axis: usize, is_one: bool| {
+            let (first_mat, second_mat) = ends[axis];
+            [first_mat, if is_one { first_mat } else { second_mat }].map(|first| &all[first..][..n])
         };
         Self {
-            x: std::array::from_fn(|axis| vector(x, axis, axis >= n_axes)),
-            d: std::array::from_fn(|axis| vector(d, axis, false)),
+            x: std::array::from_fn(|axis| end_slices(x, axis, axis >= n_axes)),
+            d: std::array::from_fn(|axis| end_slices(d, axis, false)),
         }
     }
 
@@ -126,10 +148,13 @@ fn link_line(
     rest: f64,
     i: usize,
 ) -> ([f64; AXES_MAX], f64, f64) {
-    let apart = |[a, b]: [&[f64]; 2]| b[i] - a[i];
-    let (length, along) = line(x.map(apart));
-    let step = 0.0 + along[0] * apart(d[0]) + along[1] * apart(d[1]) + along[2] * apart(d[2]);
-    (along, length - rest, step)
+    let end_offset = |[a, b]: [&[f64]; 2]| b[i] - a[i];
+    let (link_length, direction) = line(x.map(end_offset));
+    let length_step = 0.0
+        + direction[0] * end_offset(d[0])
+        + direction[1] * end_offset(d[1])
+        + direction[2] * end_offset(d[2]);
+    (direction, link_length - rest, length_step)
 }
 
 /// Distance − rest [m] of a link whose rest length has grown by `memory` [m]; updates `memory` if the link yields.
@@ -141,21 +166,21 @@ fn update_rest(link: &SpaceLink, k: f64, e: f64, memory: &mut f64) -> f64 {
 
 /// [`forces`] of a run of one link, for which separate passes would cost ten times as much.
 fn single(run: &Run, link: &SpaceLink, gates: &[f64], body: &mut Body) {
-    let ends = (run.a, run.b);
-    let (length, along) = link.line(ends, |mat| body.x[mat]);
-    let step = link.stretch(ends, along, |mat| body.d[mat]);
-    let mut e = length - run.rest;
+    let link_ends = (run.a, run.b);
+    let (link_length, direction) = link.line(link_ends, |mat| body.x[mat]);
+    let length_step = link.stretch(link_ends, direction, |mat| body.d[mat]);
+    let mut elongation = link_length - run.rest;
     if link.law.yields() {
-        e = update_rest(link, run.k, e, &mut body.memory[run.first]);
+        elongation = update_rest(link, run.k, elongation, &mut body.memory[run.first]);
     }
-    let mut f = link.law.force([run.k, run.z], e, step);
+    let mut link_force = link.law.force([run.k, run.z], elongation, length_step);
     if let Some(gate) = run.gate {
-        f *= gates[gate];
+        link_force *= gates[gate];
     }
-    body.link[run.first] = f;
-    for ((a, b), along) in run.pairs(0).zip(along) {
-        body.force[a] += f * along;
-        body.force[b] -= f * along;
+    body.link[run.first] = link_force;
+    for ((a, b), direction) in run.pairs(0).zip(direction) {
+        body.force[a] += link_force * direction;
+        body.force[b] -= link_force * direction;
     }
 }
 

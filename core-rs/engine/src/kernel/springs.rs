@@ -14,45 +14,58 @@ pub(crate) fn ends<'a>(run: &Spring, x: &'a [f64]) -> (&'a [f64], &'a [f64]) {
 
 /// Add f(i) of every link to its end a and subtract it from its end b, but only at the ends that `pull` names.
 #[inline(always)]
-pub(crate) fn spread(run: &Spring, room: &mut [f64], force: &mut [f64], f: impl Fn(usize) -> f64) {
-    let len = run.len;
-    let (a, b) = match run.pull {
-        Pull::Both(a, b) => (a, b),
-        Pull::A(a) => {
-            let force = &mut force[a..][..len];
-            (0..len).for_each(|i| force[i] += f(i));
+pub(crate) fn spread(
+    run: &Spring,
+    run_scratch: &mut [f64],
+    force: &mut [f64],
+    f: impl Fn(usize) -> f64,
+) {
+    let link_count = run.len;
+    let (first_at_a, first_at_b) = match run.pull {
+        Pull::Both(first_at_a, first_at_b) => (first_at_a, first_at_b),
+        Pull::A(first_at_a) => {
+            let force = &mut force[first_at_a..][..link_count];
+            (0..link_count).for_each(|i| force[i] += f(i));
             return;
         }
-        Pull::B(b) => {
-            let force = &mut force[b..][..len];
-            (0..len).for_each(|i| force[i] -= f(i));
+        Pull::B(first_at_b) => {
+            let force = &mut force[first_at_b..][..link_count];
+            (0..link_count).for_each(|i| force[i] -= f(i));
             return;
         }
     };
     // If the two ends do not overlap, one loop gives the same sums.
-    if b >= a + len {
-        let (low, high) = force.split_at_mut(b);
-        both(&mut low[a..][..len], &mut high[..len], f);
-    } else if a >= b + len {
-        let (low, high) = force.split_at_mut(a);
-        both(&mut high[..len], &mut low[b..][..len], f);
+    if first_at_b >= first_at_a + link_count {
+        let (lower_forces, upper_forces) = force.split_at_mut(first_at_b);
+        both(
+            &mut lower_forces[first_at_a..][..link_count],
+            &mut upper_forces[..link_count],
+            f,
+        );
+    } else if first_at_a >= first_at_b + link_count {
+        let (lower_forces, upper_forces) = force.split_at_mut(first_at_a);
+        both(
+            &mut upper_forces[..link_count],
+            &mut lower_forces[first_at_b..][..link_count],
+            f,
+        );
     } else {
-        let room = &mut room[..len];
-        for (i, room) in room.iter_mut().enumerate() {
-            *room = f(i);
+        let run_scratch = &mut run_scratch[..link_count];
+        for (i, run_scratch) in run_scratch.iter_mut().enumerate() {
+            *run_scratch = f(i);
         }
-        add(room, force, a, b);
+        add(run_scratch, force, first_at_a, first_at_b);
     }
 }
 
 #[inline(always)]
-fn both(fa: &mut [f64], fb: &mut [f64], f: impl Fn(usize) -> f64) {
-    let n = fa.len();
-    let fb = &mut fb[..n];
-    for i in 0..n {
-        let f = f(i);
-        fa[i] += f;
-        fb[i] -= f;
+fn both(fa: &mut [f64], fb: &mut [f64], link_force: impl Fn(usize) -> f64) {
+    let link_count = fa.len();
+    let fb = &mut fb[..link_count];
+    for i in 0..link_count {
+        let link_force = link_force(i);
+        fa[i] += link_force;
+        fb[i] -= link_force;
     }
 }
 

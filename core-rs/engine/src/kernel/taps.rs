@@ -28,9 +28,12 @@ fn value(scheme: &Scheme, body: &Body, term: &Term) -> f64 {
         // A link with force f acts with −f on its second point.
         Term::Force { first, len, weight } => -weight * sum(&body.link[first..first + len]),
         Term::Ground { first, len, weight } => {
-            let range = first..first + len;
-            let (k, x) = (&scheme.ground[range.clone()], &body.x[range.clone()]);
-            weight * grounds(k, x, &scheme.rest[range])
+            let mat_range = first..first + len;
+            let (stiffnesses, positions) = (
+                &scheme.ground[mat_range.clone()],
+                &body.x[mat_range.clone()],
+            );
+            weight * grounds(stiffnesses, positions, &scheme.rest[mat_range])
         }
     }
 }
@@ -78,15 +81,15 @@ wide! {
 
 /// Sum of the forces of CELs on the ground, K·(x − rest) [N].
 fn grounds(k: &[f64], x: &[f64], rest: &[f64]) -> f64 {
-    let force = |i: usize| k[i] * (x[i] - rest[i]);
+    let ground_force = |i: usize| k[i] * (x[i] - rest[i]);
     if x.len() == 1 {
-        return force(0);
+        return ground_force(0);
     }
-    let mut lanes = [0.0; 8];
+    let mut lane_sum = [0.0; 8];
     for i in 0..x.len() {
-        lanes[i % 8] += force(i);
+        lane_sum[i % 8] += ground_force(i);
     }
-    joined(lanes)
+    joined(lane_sum)
 }
 
 #[inline(always)]

@@ -56,29 +56,29 @@ impl ThreadTeam<'_> {
         if threads < 2 {
             return run(&mut ThreadTeam::alone());
         }
-        let shared = SharedPass::default();
+        let shared_pass = SharedPass::default();
         scope(|scope| {
-            let shared = &shared;
+            let shared_pass = &shared_pass;
             // Dropped before the scope waits for the helpers, even where `run` panics.
-            let _end = TeamEnd(shared);
+            let _end = TeamEnd(shared_pass);
             for _ in 1..threads {
                 // If a thread cannot be started, the team has one helper fewer.
-                let _ = Builder::new().spawn_scoped(scope, || flushed(|| shared.help()));
+                let _ = Builder::new().spawn_scoped(scope, || flushed(|| shared_pass.help()));
             }
-            run(&mut ThreadTeam(Some(shared)))
+            run(&mut ThreadTeam(Some(shared_pass)))
         })
     }
 
     /// Call `work` once on every element, each by one thread; all calls have ended when this returns or unwinds.
     pub(crate) fn each<T: Send>(&mut self, all: &mut [T], work: impl Fn(&mut T) + Sync) {
-        let Some(shared) = self.0 else {
+        let Some(shared_pass) = self.0 else {
             all.iter_mut().for_each(work);
             return;
         };
         debug_assert!(all.len() as u64 <= MASK);
-        let parts = Parts(all.as_mut_ptr());
+        let parts_pointer = Parts(all.as_mut_ptr());
         // SAFETY: `run_pass` gives each index below the length to one thread, once, while `all` is borrowed here.
-        shared.run_pass(all.len(), &|at| work(unsafe { parts.get(at) }));
+        shared_pass.run_pass(all.len(), &|at| work(unsafe { parts_pointer.get(at) }));
     }
 }
 
@@ -101,24 +101,24 @@ impl<T> Parts<T> {
 impl SharedPass {
     /// Call `work` on every number below `n`, on this thread and on helpers.
     fn run_pass<F: Fn(usize) + Sync>(&self, n: usize, work: &F) {
-        unsafe fn call<F: Fn(usize)>(work: *const (), index: usize) {
+        unsafe fn call<F: Fn(usize)>(work: *const (), part_index: usize) {
             // SAFETY: `run_pass` made the pointer of a `&F`, and does not end before the call does.
-            unsafe { (*work.cast::<F>())(index) }
+            unsafe { (*work.cast::<F>())(part_index) }
         }
-        let task = Task {
+        let pass_task = Task {
             work: from_ref(work).cast(),
             call: call::<F>,
         };
         // A helper that still reads the state of the last pass finds no part left to take.
-        self.task.store(from_ref(&task).cast_mut(), Relaxed);
+        self.task.store(from_ref(&pass_task).cast_mut(), Relaxed);
         self.done.store(0, Relaxed);
-        let pass = (self.state.load(Relaxed) >> (2 * BITS)) + 1;
-        let state = pass << (2 * BITS) | (n as u64) << BITS;
-        self.state.store(state, Release);
-        let all = PassEnd(self, Cell::new(0));
-        while let Some((index, _)) = self.take() {
-            all.1.set(all.1.get() + 1);
-            work(index);
+        let pass_number = (self.state.load(Relaxed) >> (2 * BITS)) + 1;
+        let packed_state = pass_number << (2 * BITS) | (n as u64) << BITS;
+        self.state.store(packed_state, Release);
+        let pass_end = PassEnd(self, Cell::new(0));
+        while let Some((part_index, _)) = self.take() {
+            pass_end.1.set(pass_end.1.get() + 1);
+            work(part_index);
         }
     }
 
@@ -126,18 +126,18 @@ impl SharedPass {
     fn take(&self) -> Option<(usize, *mut Task)> {
         let mut state = self.state.load(Acquire);
         loop {
-            let (n, next) = parts(state);
-            if next >= n {
+            let (part_count, next_part) = parts(state);
+            if next_part >= part_count {
                 return None;
             }
             // This is the task of the pass in `state`: a pass cannot end before all its parts are taken, and then the
             // exchange fails.
-            let task = self.task.load(Relaxed);
-            let taken = self
+            let pass_task = self.task.load(Relaxed);
+            let state_exchange = self
                 .state
                 .compare_exchange(state, state + 1, AcqRel, Acquire);
-            match taken {
-                Ok(_) => return Some((next as usize, task)),
+            match state_exchange {
+                Ok(_) => return Some((next_part as usize, pass_task)),
                 Err(other) => state = other,
             }
         }
@@ -145,24 +145,24 @@ impl SharedPass {
 
     fn help(&self) {
         let mut panicked = None;
-        let mut spins = 0;
+        let mut spin_count = 0;
         while !self.is_over.load(Acquire) {
-            let Some((index, task)) = self.take() else {
-                spin_or_yield(&mut spins);
+            let Some((part_index, pass_task)) = self.take() else {
+                spin_or_yield(&mut spin_count);
                 continue;
             };
-            spins = 0;
-            let work = || {
+            spin_count = 0;
+            let part_work = || {
                 // SAFETY: the leader is in `run_pass`, where the task lives, until this part is counted as done; its
                 // work is Sync.
-                unsafe { ((*task).call)((*task).work, index) }
+                unsafe { ((*pass_task).call)((*pass_task).work, part_index) }
             };
-            let done = catch_unwind(AssertUnwindSafe(work));
-            panicked = panicked.or(done.err());
+            let part_result = catch_unwind(AssertUnwindSafe(part_work));
+            panicked = panicked.or(part_result.err());
             self.done.fetch_add(1, Release);
         }
-        if let Some(panic) = panicked {
-            resume_unwind(panic);
+        if let Some(first_panic) = panicked {
+            resume_unwind(first_panic);
         }
     }
 }
@@ -172,16 +172,18 @@ struct PassEnd<'a>(&'a SharedPass, Cell<u64>);
 
 impl Drop for PassEnd<'_> {
     fn drop(&mut self) {
-        let Self(shared, n_done) = self;
+        let Self(shared_pass, leader_parts) = self;
         // If the leader unwinds, close the pass: parts that no thread has taken are skipped.
-        let close = |state: u64| Some(state & !MASK | parts(state).0);
-        let before = shared.state.fetch_update(AcqRel, Acquire, close);
-        let (_, taken) = parts(before.unwrap_or_else(|state| state));
-        let mut spins = 0;
-        while shared.done.load(Acquire) + n_done.get() < taken {
-            spin_or_yield(&mut spins);
+        let closed_state = |state: u64| Some(state & !MASK | parts(state).0);
+        let state_before = shared_pass
+            .state
+            .fetch_update(AcqRel, Acquire, closed_state);
+        let (_, parts_taken) = parts(state_before.unwrap_or_else(|state| state));
+        let mut spin_count = 0;
+        while shared_pass.done.load(Acquire) + leader_parts.get() < parts_taken {
+            spin_or_yield(&mut spin_count);
         }
-        shared.task.store(null_mut(), Relaxed);
+        shared_pass.task.store(null_mut(), Relaxed);
     }
 }
 
@@ -219,30 +221,30 @@ mod tests {
 
     #[test]
     fn thread_team_runs_every_part_once_per_round() {
-        let rounds = if cfg!(miri) { 20 } else { 2_000 }; // Miri takes seconds for a hundred
+        let round_count = if cfg!(miri) { 20 } else { 2_000 }; // Miri takes seconds for a hundred
         for threads in 1..=4 {
-            let mut parts = [0_u64; 5];
+            let mut call_counts = [0_u64; 5];
             ThreadTeam::with(threads, |team| {
-                for round in 0..rounds {
-                    team.each(&mut parts, |part| *part += 1);
-                    assert_eq!(*parts.iter().max().unwrap(), round + 1);
+                for round in 0..round_count {
+                    team.each(&mut call_counts, |part| *part += 1);
+                    assert_eq!(*call_counts.iter().max().unwrap(), round + 1);
                 }
             });
-            assert_eq!(parts, [rounds; 5], "{threads}");
+            assert_eq!(call_counts, [round_count; 5], "{threads}");
         }
     }
 
     #[test]
     fn thread_team_with_a_panic_ends() {
         for bad in 0..3 {
-            let mut parts = [0, 1, 2];
-            let end = catch_unwind(AssertUnwindSafe(|| {
+            let mut part_numbers = [0, 1, 2];
+            let team_outcome = catch_unwind(AssertUnwindSafe(|| {
                 ThreadTeam::with(3, |team| {
-                    team.each(&mut parts, |part| assert_ne!(*part, bad));
-                    team.each(&mut parts, |part| *part += 10);
+                    team.each(&mut part_numbers, |part| assert_ne!(*part, bad));
+                    team.each(&mut part_numbers, |part| *part += 10);
                 });
             }));
-            assert!(end.is_err(), "{bad}");
+            assert!(team_outcome.is_err(), "{bad}");
         }
     }
 }

@@ -21,12 +21,12 @@ impl Friction {
                 share: 0.0,
             };
         }
-        let ratio = v / key.static_speed;
-        let share = exp(-ratio * ratio);
-        let over = (key.static_dry - key.dry) * share;
+        let speed_ratio = v / key.static_speed;
+        let share = exp(-speed_ratio * speed_ratio);
+        let static_excess = (key.static_dry - key.dry) * share;
         Self {
-            level: key.dry + over,
-            slope: -2.0 * over * ratio / key.static_speed,
+            level: key.dry + static_excess,
+            slope: -2.0 * static_excess * speed_ratio / key.static_speed,
             share,
         }
     }
@@ -43,7 +43,7 @@ pub(super) struct Contact {
 
 impl Contact {
     pub(super) fn new(key: &KeyModel, friction: &Friction, s: f64, v: f64, h: f64) -> Self {
-        let none = Self {
+        let no_contact = Self {
             s: 0.0,
             by_s: 0.0,
             by_v: 0.0,
@@ -51,23 +51,24 @@ impl Contact {
             by_presliding: 0.0,
         };
         if key.presliding == 0.0 || friction.level <= 0.0 {
-            return none;
+            return no_contact;
         }
         let h_v_over_level = h * v.abs() / friction.level;
         let denominator = 1.0 + key.presliding * h_v_over_level;
-        let to = (s + h * v) / denominator;
-        let by_level = to * key.presliding * h_v_over_level / (friction.level * denominator);
+        let state_after = (s + h * v) / denominator;
+        let by_level =
+            state_after * key.presliding * h_v_over_level / (friction.level * denominator);
         let by_speed = if v == 0.0 {
             0.0
         } else {
             v.signum() * h * key.presliding / friction.level
         };
         Self {
-            s: to,
+            s: state_after,
             by_s: 1.0 / denominator,
-            by_v: (h - to * by_speed) / denominator + by_level * friction.slope,
+            by_v: (h - state_after * by_speed) / denominator + by_level * friction.slope,
             by_level,
-            by_presliding: -to * h_v_over_level / denominator,
+            by_presliding: -state_after * h_v_over_level / denominator,
         }
     }
 }

@@ -86,8 +86,8 @@ impl<const N: usize> Motion<N> {
         if !(rate.is_finite() && rate > 0.0) {
             return Err(KeyError::Rate);
         }
-        let usual = floor(FRAME_RATE / rate + 0.5) as usize;
-        let steps = steps.unwrap_or(usual.max(STEPS_MIN));
+        let usual_steps = floor(FRAME_RATE / rate + 0.5) as usize;
+        let steps = steps.unwrap_or(usual_steps.max(STEPS_MIN));
         if steps == 0 || steps > STEPS_MAX {
             return Err(KeyError::Steps);
         }
@@ -104,11 +104,11 @@ impl<const N: usize> Motion<N> {
             return Err(KeyError::Fast);
         }
         // The velocity is half a step behind the position, so without this shift a force would act half a step early.
-        let shift = (key.delay + 0.5 * step) * rate;
-        let full_ticks = floor(shift);
+        let shift_ticks = (key.delay + 0.5 * step) * rate;
+        let full_ticks = floor(shift_ticks);
         let mut dx = [0.0; N];
-        if let Some(column) = columns.iter().position(|&to| to == Parameter::Start) {
-            dx[column] = 1.0;
+        if let Some(start_column) = columns.iter().position(|&to| to == Parameter::Start) {
+            dx[start_column] = 1.0;
         }
         let mode_motion = |mode: &Mode| {
             let omega = TAU * mode.frequency;
@@ -135,7 +135,7 @@ impl<const N: usize> Motion<N> {
             denominator: 1.0 + half_damping,
             sent: vec![0.0; full_ticks as usize + 2],
             ticks: 0,
-            previous_force_steps: (shift - full_ticks) * steps as f64,
+            previous_force_steps: (shift_ticks - full_ticks) * steps as f64,
             x: key.start,
             v: 0.0,
             spring_fraction: 0.5,
@@ -163,23 +163,27 @@ impl<const N: usize> Motion<N> {
         self.sent.remove(0);
         self.sent.push(force);
         self.ticks += 1;
-        let (before, now) = (self.sent[0], self.sent[1]);
+        let (force_before, force_now) = (self.sent[0], self.sent[1]);
         for step in 0..self.steps {
-            let rest = self.previous_force_steps - step as f64; // steps in which the previous force still acts
-            if rest >= 1.0 {
-                self.step(before + direct, 0.0, 1.0);
-            } else if rest < 0.0 {
-                self.step(now + direct, 0.0, 0.0);
+            let steps_left = self.previous_force_steps - step as f64; // steps in which the previous force still acts
+            if steps_left >= 1.0 {
+                self.step(force_before + direct, 0.0, 1.0);
+            } else if steps_left < 0.0 {
+                self.step(force_now + direct, 0.0, 0.0);
             } else {
-                let slope = (before - now) / self.step;
-                self.step(rest * before + (1.0 - rest) * now + direct, slope, rest);
+                let force_slope = (force_before - force_now) / self.step;
+                self.step(
+                    steps_left * force_before + (1.0 - steps_left) * force_now + direct,
+                    force_slope,
+                    steps_left,
+                );
             }
         }
     }
 
     /// The same motion with other columns, whose derivatives begin at zero.
     pub(super) fn widened<const M: usize>(&self, columns: Vec<Parameter>) -> Motion<M> {
-        let none = [0.0; M];
+        let no_derivatives = [0.0; M];
         let mode_motion = |mode: &ModeMotion<N>| ModeMotion {
             mass: mode.mass,
             omega_squared: mode.omega_squared,
@@ -189,8 +193,8 @@ impl<const N: usize> Motion<N> {
             x: mode.x,
             v: mode.v,
             gain: mode.gain,
-            dx: none,
-            dv: none,
+            dx: no_derivatives,
+            dv: no_derivatives,
         };
         Motion {
             key: self.key.clone(),
@@ -207,20 +211,20 @@ impl<const N: usize> Motion<N> {
             v: self.v,
             spring_fraction: self.spring_fraction,
             s: self.s,
-            dx: none,
-            dv: none,
-            ds: none,
+            dx: no_derivatives,
+            dv: no_derivatives,
+            ds: no_derivatives,
             modes: self.modes.iter().map(mode_motion).collect(),
         }
     }
 
     /// Share of the force of `tick` in the force of a step, in which the earlier of two forces has the share `before`.
     fn share_of(&self, tick: usize, before: f64) -> f64 {
-        let age = self.ticks.wrapping_sub(tick + 1); // 0: the newest
-        let oldest = self.sent.len() - 1;
-        if age == oldest {
+        let ticks_ago = self.ticks.wrapping_sub(tick + 1); // 0: the newest
+        let oldest_age = self.sent.len() - 1;
+        if ticks_ago == oldest_age {
             before
-        } else if age == oldest - 1 {
+        } else if ticks_ago == oldest_age - 1 {
             1.0 - before
         } else {
             0.0
@@ -231,18 +235,19 @@ impl<const N: usize> Motion<N> {
     /// earlier of the two forces of this tick.
     fn step(&mut self, force: f64, slope: f64, before: f64) {
         let (h, x, v) = (self.step, self.x, self.v);
-        let mut pull = 0.0;
+        let mut mode_pull = 0.0;
         for mode in &mut self.modes {
             mode.gain = (mode.omega_squared * (mode.x - x) + mode.damping_rate * (mode.v - v))
                 / mode.denominator;
-            pull += mode.mass * mode.gain;
+            mode_pull += mode.mass * mode.gain;
         }
         let friction = Friction::new(&self.key, v);
         let contact = Contact::new(&self.key, &friction, self.s, v, h);
         let key = &self.key;
-        let held = key.stiffness * x + key.weight;
-        let total = force - self.spring_fraction * held + pull - key.presliding * contact.s;
-        let gain = (self.h_over_m * total - 2.0 * self.half_damping * v) / self.denominator;
+        let spring_and_weight = key.stiffness * x + key.weight;
+        let total_force = force - self.spring_fraction * spring_and_weight + mode_pull
+            - key.presliding * contact.s;
+        let gain = (self.h_over_m * total_force - 2.0 * self.half_damping * v) / self.denominator;
         let per_level = if key.presliding > 0.0 {
             0.0
         } else {
@@ -251,7 +256,7 @@ impl<const N: usize> Motion<N> {
         let bound = friction.level * per_level;
         let turned = Turned::after_step(v, gain, bound);
         if N > 0 {
-            let step = Step {
+            let step_terms = Step {
                 slope,
                 before,
                 gain,
@@ -261,7 +266,7 @@ impl<const N: usize> Motion<N> {
                 contact: &contact,
                 turned: &turned,
             };
-            self.advance_columns(&step);
+            self.advance_columns(&step_terms);
         }
         self.spring_fraction = 1.0;
         self.s = contact.s;

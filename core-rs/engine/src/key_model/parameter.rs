@@ -39,8 +39,9 @@ impl Parameter {
         if let Some(&parameter) = FIRST.get(index) {
             return Some(parameter);
         }
-        let mode = (index - KEY_PARAMETERS) / MODE_PARAMETERS;
-        let each = [Self::ModeMass, Self::ModeFrequency, Self::ModeRatio];
-        (mode < n_modes).then(|| each[(index - KEY_PARAMETERS) % MODE_PARAMETERS](mode))
+        let mode_index = (index - KEY_PARAMETERS) / MODE_PARAMETERS;
+        let mode_parameters = [Self::ModeMass, Self::ModeFrequency, Self::ModeRatio];
+        (mode_index < n_modes)
+            .then(|| mode_parameters[(index - KEY_PARAMETERS) % MODE_PARAMETERS](mode_index))
     }
 }

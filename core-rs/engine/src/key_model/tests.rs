@@ -13,13 +13,13 @@ const ROW: [f64; 13] = [
 /// Strokes and random single ticks, as strong as a fader's motor.
 fn forces(n: usize, seed: i128) -> Vec<f64> {
     let mut chance = Chance::new(seed, "test", "forces", 0, 0);
-    let mut stroke = 0.0;
+    let mut stroke_force = 0.0;
     (0..n)
         .map(|tick| {
             if tick % 150 == 0 {
-                stroke = chance.uniform(-0.3, 0.3);
+                stroke_force = chance.uniform(-0.3, 0.3);
             }
-            stroke
+            stroke_force
                 + if chance.uniform(0.0, 1.0) < 0.5 {
                     1.0
                 } else {
@@ -30,16 +30,16 @@ fn forces(n: usize, seed: i128) -> Vec<f64> {
 }
 
 fn path(row: &[f64], forces: &[f64], steps: usize) -> Vec<f64> {
-    let key = KeyModel::from_row(row).unwrap();
-    key.path(forces, RATE, Some(steps)).unwrap()
+    let key_model = KeyModel::from_row(row).unwrap();
+    key_model.path(forces, RATE, Some(steps)).unwrap()
 }
 
 fn rms(x: impl Iterator<Item = f64>) -> f64 {
-    let (mut sum, mut n) = (0.0, 0);
+    let (mut square_sum, mut term_count) = (0.0, 0);
     for x in x {
-        (sum, n) = (sum + x * x, n + 1);
+        (square_sum, term_count) = (square_sum + x * x, term_count + 1);
     }
-    sqrt(sum / f64::from(n))
+    sqrt(square_sum / f64::from(term_count))
 }
 
 fn differs(a: &[f64], b: &[f64]) -> f64 {
@@ -49,59 +49,63 @@ fn differs(a: &[f64], b: &[f64]) -> f64 {
 /// Largest relative difference of a column from central differences.
 fn tangent_error(row: &[f64], forces: &[f64]) -> f64 {
     let columns: Vec<usize> = (0..row.len()).filter(|&i| row[i] != 0.0).collect();
-    let key = KeyModel::from_row(row).unwrap();
-    let (_, jacobian) = key
+    let key_model = KeyModel::from_row(row).unwrap();
+    let (_, jacobian) = key_model
         .path_and_jacobian(forces, RATE, Some(44), &columns)
         .unwrap();
-    let error = |column: usize, index: usize, by: f64| {
-        let moved = |by: f64| {
+    let relative_error = |column: usize, index: usize, by: f64| {
+        let moved_path = |by: f64| {
             let mut row = row.to_vec();
             row[index] += by;
             path(&row, forces, 44)
         };
-        let (over, under) = (moved(by), moved(-by));
-        let differences = over.iter().zip(&under).map(|(a, b)| (a - b) / (2.0 * by));
+        let (path_above, path_below) = (moved_path(by), moved_path(-by));
+        let differences = path_above
+            .iter()
+            .zip(&path_below)
+            .map(|(a, b)| (a - b) / (2.0 * by));
         let differences: Vec<f64> = differences.collect();
-        let single: Vec<f64> = jacobian[column..]
+        let jacobian_column: Vec<f64> = jacobian[column..]
             .iter()
             .step_by(columns.len())
             .copied()
             .collect();
-        differs(&single, &differences) / rms(differences.into_iter())
+        differs(&jacobian_column, &differences) / rms(differences.into_iter())
     };
     // Wide differences include turns that appear or vanish, narrow ones suffer from rounding; one of the three is
     // accurate.
-    let worst = columns.iter().enumerate().map(|(column, &index)| {
-        let errors = [1e-5, 1e-6, 1e-7].map(|by| error(column, index, by * row[index].abs()));
-        errors.into_iter().fold(f64::INFINITY, f64::min)
+    let column_errors = columns.iter().enumerate().map(|(column, &index)| {
+        let trial_errors =
+            [1e-5, 1e-6, 1e-7].map(|by| relative_error(column, index, by * row[index].abs()));
+        trial_errors.into_iter().fold(f64::INFINITY, f64::min)
     });
-    worst.fold(0.0, f64::max)
+    column_errors.fold(0.0, f64::max)
 }
 
 #[test]
 fn jacobian_of_key_path_equals_differences() {
     let forces = forces(3000, 1);
     let sliding = ROW;
-    let (mut static_too, mut giving_way, mut both) = (ROW, ROW, ROW);
+    let (mut static_too, mut giving_way, mut both_frictions) = (ROW, ROW, ROW);
     static_too[8..10].copy_from_slice(&[0.08, 4e-3]);
     giving_way[7] = 5000.0;
-    both[7..10].copy_from_slice(&[5000.0, 0.08, 4e-3]);
-    for row in [sliding, static_too, giving_way, both] {
-        let error = tangent_error(&row, &forces);
-        assert!(error < 1e-5, "{row:?}: {error:e}");
+    both_frictions[7..10].copy_from_slice(&[5000.0, 0.08, 4e-3]);
+    for row in [sliding, static_too, giving_way, both_frictions] {
+        let worst_error = tangent_error(&row, &forces);
+        assert!(worst_error < 1e-5, "{row:?}: {worst_error:e}");
     }
 }
 
 #[test]
 fn path_and_jacobian_returns_the_same_path() {
     let forces = forces(2000, 2);
-    let key = KeyModel::from_row(&ROW).unwrap();
-    let alone = key.path(&forces, RATE, None).unwrap();
+    let key_model = KeyModel::from_row(&ROW).unwrap();
+    let path_alone = key_model.path(&forces, RATE, None).unwrap();
     for columns in [vec![], vec![4], (0..13).collect()] {
-        let (path, jacobian) = key
+        let (path, jacobian) = key_model
             .path_and_jacobian(&forces, RATE, None, &columns)
             .unwrap();
-        assert_eq!(path, alone);
+        assert_eq!(path, path_alone);
         assert_eq!(jacobian.len(), forces.len() * columns.len());
     }
 }
@@ -112,98 +116,108 @@ fn friction_turns_at_zero_velocity() {
     let (mass, dry) = (0.4, 0.05);
     // With this delay, forces change between two velocities, so that friction changes with them.
     let delay = |steps: usize| 0.5 / (RATE * steps as f64);
-    let row = |steps| [mass, 0.0, 0.0, 0.0, dry, 0.0, delay(steps), 0.0, 0.0, 0.0];
+    let key_row = |steps| [mass, 0.0, 0.0, 0.0, dry, 0.0, delay(steps), 0.0, 0.0, 0.0];
     // 0.4 N for 50 ticks, then -0.3 N: the key goes on, stops and turns.
     let forces: Vec<f64> = (0..200).map(|n| if n < 50 { 0.4 } else { -0.3 }).collect();
-    let (up, down, back) = ((0.4 - dry) / mass, (0.3 + dry) / mass, (0.3 - dry) / mass);
-    let first = 50.0 / RATE;
-    let turn = first + up * first / down;
-    let top = 0.5 * up * first * first + 0.5 * down * (turn - first) * (turn - first);
-    let exact = |n: usize, delay: f64| {
+    let (speeding_up, slowing_down, moving_back) =
+        ((0.4 - dry) / mass, (0.3 + dry) / mass, (0.3 - dry) / mass);
+    let push_duration = 50.0 / RATE;
+    let turn_time = push_duration + speeding_up * push_duration / slowing_down;
+    let top_position = 0.5 * speeding_up * push_duration * push_duration
+        + 0.5 * slowing_down * (turn_time - push_duration) * (turn_time - push_duration);
+    let exact_position = |n: usize, delay: f64| {
         let t = (n as f64 / RATE - delay).max(0.0);
-        if t < first {
-            0.5 * up * t * t
-        } else if t < turn {
-            top - 0.5 * down * (turn - t) * (turn - t)
+        if t < push_duration {
+            0.5 * speeding_up * t * t
+        } else if t < turn_time {
+            top_position - 0.5 * slowing_down * (turn_time - t) * (turn_time - t)
         } else {
-            top - 0.5 * back * (t - turn) * (t - turn)
+            top_position - 0.5 * moving_back * (t - turn_time) * (t - turn_time)
         }
     };
-    let error = |steps: usize| {
-        let path = path(&row(steps), &forces, steps);
-        let errors = path.iter().enumerate();
-        let errors = errors.map(|(n, x)| x - exact(n, delay(steps)));
-        errors.fold(0.0, |worst: f64, error| worst.max(error.abs()))
+    let path_error = |steps: usize| {
+        let path = path(&key_row(steps), &forces, steps);
+        let point_errors = path.iter().enumerate();
+        let point_errors = point_errors.map(|(n, x)| x - exact_position(n, delay(steps)));
+        point_errors.fold(0.0, |worst: f64, path_error| worst.max(path_error.abs()))
     };
     // Second order: sixteen times the steps leave a 256th of the error, wherever in its step the turn lies.
-    let (coarse, fine) = (error(7), error(112));
+    let (coarse_error, fine_error) = (path_error(7), path_error(112));
     assert!(
-        coarse < 2e-8 && fine < coarse / 150.0,
-        "{coarse:e} {fine:e}"
+        coarse_error < 2e-8 && fine_error < coarse_error / 150.0,
+        "{coarse_error:e} {fine_error:e}"
     );
 }
 
 #[test]
 fn key_path_is_of_second_order() {
     let forces = forces(1500, 4);
-    let row = &[0.38, 60.0, 1.2, 0.15, 0.0, -2.5e-3, 1.1e-3, 0.0, 0.0, 0.0];
-    let fine = path(row, &forces, 1760);
-    let [a, b] = [22, 88].map(|steps| differs(&path(row, &forces, steps), &fine));
-    assert!(b < a / 14.0, "{a:e} {b:e}");
+    let key_row = &[0.38, 60.0, 1.2, 0.15, 0.0, -2.5e-3, 1.1e-3, 0.0, 0.0, 0.0];
+    let fine_path = path(key_row, &forces, 1760);
+    let [coarse_error, finer_error] =
+        [22, 88].map(|steps| differs(&path(key_row, &forces, steps), &fine_path));
+    assert!(
+        finer_error < coarse_error / 14.0,
+        "{coarse_error:e} {finer_error:e}"
+    );
     // With modes and friction, the first-order error is small compared with a sensor's step of some micrometres.
-    let fine = path(&ROW, &forces, 1760);
-    let [a, b] = [22, 88].map(|steps| differs(&path(&ROW, &forces, steps), &fine));
-    assert!(a < 1e-7 && b < a / 2.0, "{a:e} {b:e}");
+    let fine_path = path(&ROW, &forces, 1760);
+    let [coarse_error, finer_error] =
+        [22, 88].map(|steps| differs(&path(&ROW, &forces, steps), &fine_path));
+    assert!(
+        coarse_error < 1e-7 && finer_error < coarse_error / 2.0,
+        "{coarse_error:e} {finer_error:e}"
+    );
 }
 
 #[test]
 fn resting_key_stays_within_friction() {
-    let row = [0.4, 60.0, 1.2, 0.0, 0.05, 0.0, 0.0, 0.0, 0.0, 0.0];
-    let held = path(&row, &[0.049; 500], 44);
-    assert!(held.iter().all(|&x| x == 0.0));
-    assert!(path(&row, &[0.051; 500], 44)[499] > 0.0);
+    let key_row = [0.4, 60.0, 1.2, 0.0, 0.05, 0.0, 0.0, 0.0, 0.0, 0.0];
+    let resting_path = path(&key_row, &[0.049; 500], 44);
+    assert!(resting_path.iter().all(|&x| x == 0.0));
+    assert!(path(&key_row, &[0.051; 500], 44)[499] > 0.0);
     // A contact that gives way moves by -F/σ ln(1 - f/F) under a force f that rises slowly.
-    let mut giving = row;
-    giving[7] = 5000.0;
-    let rising: Vec<f64> = (0..4000).map(|n| 0.02 * f64::from(n) / 4000.0).collect();
-    let there = path(&giving, &rising, 44)[3999];
+    let mut yielding_row = key_row;
+    yielding_row[7] = 5000.0;
+    let rising_force: Vec<f64> = (0..4000).map(|n| 0.02 * f64::from(n) / 4000.0).collect();
+    let end_position = path(&yielding_row, &rising_force, 44)[3999];
     assert!(
-        (there / (-1e-5 * crate::maths::log(0.6)) - 1.0).abs() < 0.03,
-        "{there:e}"
+        (end_position / (-1e-5 * crate::maths::log(0.6)) - 1.0).abs() < 0.03,
+        "{end_position:e}"
     );
 }
 
 #[test]
 fn delay_shifts_the_key_path() {
     let forces = forces(500, 3);
-    let (mut now, mut later) = (ROW, ROW);
-    (now[6], later[6]) = (0.0, 3.0 / RATE);
-    (now[5], later[5]) = (-2.5e-3, -2.5e-3);
-    let (now, later) = (path(&now, &forces, 44), path(&later, &forces, 44));
-    assert!(differs(&now[..497], &later[3..]) < 1e-12);
-    assert_ne!(now, later);
+    let (mut undelayed, mut delayed) = (ROW, ROW);
+    (undelayed[6], delayed[6]) = (0.0, 3.0 / RATE);
+    (undelayed[5], delayed[5]) = (-2.5e-3, -2.5e-3);
+    let (undelayed, delayed) = (path(&undelayed, &forces, 44), path(&delayed, &forces, 44));
+    assert!(differs(&undelayed[..497], &delayed[3..]) < 1e-12);
+    assert_ne!(undelayed, delayed);
 }
 
 #[test]
 fn key_models_with_wrong_rows_are_refused() {
-    let with = |index: usize, value: f64| {
-        let mut row = ROW;
-        row[index] = value;
-        KeyModel::from_row(&row)
+    let model_with = |index: usize, value: f64| {
+        let mut changed_row = ROW;
+        changed_row[index] = value;
+        KeyModel::from_row(&changed_row)
     };
     assert_eq!(KeyModel::from_row(&ROW[..9]), Err(KeyError::Count));
     assert_eq!(KeyModel::from_row(&ROW[..11]), Err(KeyError::Count));
-    assert_eq!(with(0, 0.0), Err(KeyError::Mass));
-    assert_eq!(with(11, 0.0), Err(KeyError::Mass));
-    assert_eq!(with(1, f64::NAN), Err(KeyError::NotFinite));
-    assert_eq!(with(4, -1e-9), Err(KeyError::Negative));
-    assert_eq!(with(6, 2.0), Err(KeyError::Delay));
-    let key = with(11, 9000.0).unwrap();
-    assert_eq!(key.path(&[], RATE, Some(44)), Err(KeyError::Fast));
-    assert_eq!(key.path(&[], f64::NAN, None), Err(KeyError::Rate));
-    assert_eq!(key.path(&[], RATE, Some(0)), Err(KeyError::Steps));
-    let none = key.path_and_jacobian(&[], RATE, Some(400), &[13]);
-    assert_eq!(none, Err(KeyError::Count));
+    assert_eq!(model_with(0, 0.0), Err(KeyError::Mass));
+    assert_eq!(model_with(11, 0.0), Err(KeyError::Mass));
+    assert_eq!(model_with(1, f64::NAN), Err(KeyError::NotFinite));
+    assert_eq!(model_with(4, -1e-9), Err(KeyError::Negative));
+    assert_eq!(model_with(6, 2.0), Err(KeyError::Delay));
+    let fast_key = model_with(11, 9000.0).unwrap();
+    assert_eq!(fast_key.path(&[], RATE, Some(44)), Err(KeyError::Fast));
+    assert_eq!(fast_key.path(&[], f64::NAN, None), Err(KeyError::Rate));
+    assert_eq!(fast_key.path(&[], RATE, Some(0)), Err(KeyError::Steps));
+    let wrong_column = fast_key.path_and_jacobian(&[], RATE, Some(400), &[13]);
+    assert_eq!(wrong_column, Err(KeyError::Count));
 }
 
 proptest! {
@@ -221,34 +235,40 @@ proptest! {
 
 #[test]
 fn force_derivatives_equal_differences() {
-    let key = KeyModel::from_row(&[
+    let key_model = KeyModel::from_row(&[
         0.38, 60.0, 1.2, 0.15, 0.05, -2.5e-3, 1.3e-3, 0.0, 0.0, 0.0, 0.02, 180.0, 0.02,
     ])
     .unwrap();
-    let force: Vec<f64> = (0..3000)
+    let tick_forces: Vec<f64> = (0..3000)
         .map(|n| if (n / 170) % 2 == 0 { 0.5 } else { -0.7 } + 0.2 * f64::from(n % 3))
         .collect();
-    let ticks: Vec<usize> = (0..20).map(|i| 40 + 97 * i).collect();
-    let result = key.force_derivatives(&force, 1000.0, None, &ticks).unwrap();
-    let by = 1e-6;
-    for (column, &tick) in ticks.iter().enumerate() {
-        let path = |by: f64| {
-            let mut force = force.clone();
-            force[tick] += by;
-            key.path(&force, 1000.0, None).unwrap()
+    let pushed_ticks: Vec<usize> = (0..20).map(|i| 40 + 97 * i).collect();
+    let derivatives = key_model
+        .force_derivatives(&tick_forces, 1000.0, None, &pushed_ticks)
+        .unwrap();
+    let force_change = 1e-6;
+    for (column, &tick) in pushed_ticks.iter().enumerate() {
+        let path = |force_change: f64| {
+            let mut tick_forces = tick_forces.clone();
+            tick_forces[tick] += force_change;
+            key_model.path(&tick_forces, 1000.0, None).unwrap()
         };
-        let (more, less) = (path(by), path(-by));
-        let (mut error, mut size) = (0.0, 0.0);
-        for n in 0..force.len() {
-            let wide = (more[n] - less[n]) / (2.0 * by);
-            let single = result[n * ticks.len() + column];
-            error += (wide - single) * (wide - single);
-            size += wide * wide;
+        let (path_above, path_below) = (path(force_change), path(-force_change));
+        let (mut error_square, mut square_sum) = (0.0, 0.0);
+        for n in 0..tick_forces.len() {
+            let central_slope = (path_above[n] - path_below[n]) / (2.0 * force_change);
+            let derivative = derivatives[n * pushed_ticks.len() + column];
+            error_square += (central_slope - derivative) * (central_slope - derivative);
+            square_sum += central_slope * central_slope;
         }
-        assert!(error < 1e-8 * size, "{tick}: {error} {size}");
+        assert!(
+            error_square < 1e-8 * square_sum,
+            "{tick}: {error_square} {square_sum}"
+        );
     }
     assert!(
-        key.force_derivatives(&force, 1000.0, None, &[3000])
+        key_model
+            .force_derivatives(&tick_forces, 1000.0, None, &[3000])
             .is_err()
     );
 }

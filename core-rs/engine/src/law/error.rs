@@ -90,8 +90,9 @@ pub(super) fn nearest<'a>(word: &str, candidates: impl Iterator<Item = &'a str>)
     let allowed = if letters.len() <= 4 { 1 } else { 2 };
     candidates
         .map(|candidate| {
-            let other: Vec<char> = candidate.chars().flat_map(char::to_lowercase).collect();
-            (slips(&letters, &other), candidate)
+            let candidate_letters: Vec<char> =
+                candidate.chars().flat_map(char::to_lowercase).collect();
+            (slips(&letters, &candidate_letters), candidate)
         })
         // A single letter is one slip away from any other, so only its case is corrected.
         .filter(|(n, _)| *n <= allowed && (*n < letters.len()))
@@ -101,18 +102,20 @@ pub(super) fn nearest<'a>(word: &str, candidates: impl Iterator<Item = &'a str>)
 
 /// Number of insertions, deletions, changes and swaps of neighbours from `a` to `b` (optimal string alignment).
 fn slips(a: &[char], b: &[char]) -> usize {
-    let mut before = vec![0; b.len() + 1];
-    let mut last: Vec<usize> = (0..=b.len()).collect();
+    let mut earlier_row = vec![0; b.len() + 1];
+    let mut previous_row: Vec<usize> = (0..=b.len()).collect();
     for i in 1..=a.len() {
-        let mut row = vec![i; b.len() + 1];
+        let mut current_row = vec![i; b.len() + 1];
         for j in 1..=b.len() {
-            let change = last[j - 1] + usize::from(a[i - 1] != b[j - 1]);
-            row[j] = change.min(last[j] + 1).min(row[j - 1] + 1);
+            let change_cost = previous_row[j - 1] + usize::from(a[i - 1] != b[j - 1]);
+            current_row[j] = change_cost
+                .min(previous_row[j] + 1)
+                .min(current_row[j - 1] + 1);
             if i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1] {
-                row[j] = row[j].min(before[j - 2] + 1);
+                current_row[j] = current_row[j].min(earlier_row[j - 2] + 1);
             }
         }
-        before = std::mem::replace(&mut last, row);
+        earlier_row = std::mem::replace(&mut previous_row, current_row);
     }
-    last[b.len()]
+    previous_row[b.len()]
 }

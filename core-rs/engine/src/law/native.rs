@@ -46,22 +46,24 @@ impl Law {
 
     /// The law's constants in the order in which its native code reads them; empty without native code.
     pub(super) fn numbers(&self) -> Vec<f64> {
-        let table = self.native.and_then(|_| self.table());
-        table.map(|table| table.constants).unwrap_or_default()
+        let law_table = self.native.and_then(|_| self.table());
+        law_table
+            .map(|law_table| law_table.constants)
+            .unwrap_or_default()
     }
 
     /// Number of its operations that are [`FUNCTIONS`].
     pub(crate) fn n_functions(&self) -> usize {
-        let calls = |row: &&Row| FUNCTIONS.iter().any(|(name, _)| *name == row.operation);
+        let calls_function = |row: &&Row| FUNCTIONS.iter().any(|(name, _)| *name == row.operation);
         self.rows()
-            .map_or(0, |rows| rows.iter().filter(calls).count())
+            .map_or(0, |rows| rows.iter().filter(calls_function).count())
     }
 
     /// Length of the buffer that the native code needs; laws computed one after another can share one.
     pub(crate) fn room(&self) -> usize {
-        let calls = |row: &Row| FUNCTIONS.iter().any(|(name, _)| *name == row.operation);
+        let calls_function = |row: &Row| FUNCTIONS.iter().any(|(name, _)| *name == row.operation);
         match self.native.and_then(|_| self.rows()) {
-            Some(rows) if rows.iter().any(calls) => {
+            Some(rows) if rows.iter().any(calls_function) => {
                 (FIRST_ROW as usize + rows.len()) * NATIVE_LANES
             }
             _ => 0,
@@ -79,14 +81,23 @@ impl Native {
         numbers: &[f64],
         room: &mut [f64],
     ) {
-        let n = out.len();
-        debug_assert!(d.len() == n && (v.len() == n || v.is_empty()));
+        let link_count = out.len();
+        debug_assert!(d.len() == link_count && (v.len() == link_count || v.is_empty()));
         // SAFETY: `set_native` was given an entry.
-        let entry = unsafe { std::mem::transmute::<usize, Entry>(self.entry) };
+        let entry_point = unsafe { std::mem::transmute::<usize, Entry>(self.entry) };
         let (d, v, numbers) = (d.as_ptr(), v.as_ptr(), numbers.as_ptr());
         // SAFETY: made from this law's rows, it reads n numbers of `d`, of `v` where the law has a damping, and
         // what `Law::numbers` made; it writes n numbers of `out`, and as much of the room as `Law::room` says.
-        unsafe { entry(d, v, out.as_mut_ptr(), numbers, room.as_mut_ptr(), n as i64) };
+        unsafe {
+            entry_point(
+                d,
+                v,
+                out.as_mut_ptr(),
+                numbers,
+                room.as_mut_ptr(),
+                link_count as i64,
+            )
+        };
     }
 }
 
@@ -96,30 +107,36 @@ wide! {
     }
 }
 
-unsafe extern "C" fn exp(room: *mut f64, a: i64, _: i64, to: i64, n: i64) {
+unsafe extern "C" fn exp(room: *mut f64, operand: i64, _: i64, to: i64, n: i64) {
     // SAFETY: native code passes places of two rows of the room.
-    let (a, out) = unsafe { (row(room, a, n), row_mut(room, to, n)) };
+    let (operand, result) = unsafe { (row(room, operand, n), row_mut(room, to, n)) };
     // Most LNLs of a score are alone in their run.
-    if let ([a], [out]) = (a, &mut *out) {
-        *out = Unary::Exp.apply(*a);
+    if let ([operand], [result]) = (operand, &mut *result) {
+        *result = Unary::Exp.apply(*operand);
     } else {
-        all_exp(a, out);
+        all_exp(operand, result);
     }
 }
 
-unsafe extern "C" fn tanh(room: *mut f64, a: i64, _: i64, to: i64, n: i64) {
+unsafe extern "C" fn tanh(room: *mut f64, operand: i64, _: i64, to: i64, n: i64) {
     // SAFETY: native code passes places of two rows of the room.
-    let (a, out) = unsafe { (row(room, a, n), row_mut(room, to, n)) };
-    for (out, a) in out.iter_mut().zip(a) {
-        *out = Unary::Tanh.apply(*a);
+    let (operand, result) = unsafe { (row(room, operand, n), row_mut(room, to, n)) };
+    for (result, operand) in result.iter_mut().zip(operand) {
+        *result = Unary::Tanh.apply(*operand);
     }
 }
 
-unsafe extern "C" fn power(room: *mut f64, a: i64, b: i64, to: i64, n: i64) {
+unsafe extern "C" fn power(room: *mut f64, power_base: i64, exponent: i64, to: i64, n: i64) {
     // SAFETY: native code passes places of three rows of the room.
-    let (a, b, out) = unsafe { (row(room, a, n), row(room, b, n), row_mut(room, to, n)) };
-    for (out, (a, b)) in out.iter_mut().zip(a.iter().zip(b)) {
-        *out = Binary::Power.apply(*a, *b);
+    let (power_base, exponent, result) = unsafe {
+        (
+            row(room, power_base, n),
+            row(room, exponent, n),
+            row_mut(room, to, n),
+        )
+    };
+    for (result, (power_base, exponent)) in result.iter_mut().zip(power_base.iter().zip(exponent)) {
+        *result = Binary::Power.apply(*power_base, *exponent);
     }
 }
 

@@ -70,14 +70,15 @@ pub(super) fn parse(
     constants: &Constants,
     open: &[String],
 ) -> Result<Tree, LawError> {
-    let length = text.chars().count();
-    if length > MAX_CHARACTERS {
-        let message =
-            format!("An expression has at most {MAX_CHARACTERS} characters; this has {length}.");
+    let text_length = text.chars().count();
+    if text_length > MAX_CHARACTERS {
+        let message = format!(
+            "An expression has at most {MAX_CHARACTERS} characters; this has {text_length}."
+        );
         return Err(LawError::new(
             which,
             MAX_CHARACTERS,
-            length - MAX_CHARACTERS,
+            text_length - MAX_CHARACTERS,
             message,
         ));
     }
@@ -92,13 +93,13 @@ pub(super) fn parse(
         open,
     };
     let root = parser.expression(0)?;
-    let rest = parser.peek();
-    match rest.kind {
+    let next_token = parser.peek();
+    match next_token.kind {
         Kind::End => Ok(Tree {
             nodes: parser.nodes,
             root,
         }),
-        _ => Err(parser.unexpected(&rest)),
+        _ => Err(parser.unexpected(&next_token)),
     }
 }
 
@@ -118,10 +119,10 @@ impl Parser<'_> {
     }
 
     fn take(&mut self) -> Token {
-        let token = self.peek();
+        let next_token = self.peek();
         // The end token is never passed, so there is always a next token.
         self.next = (self.next + 1).min(self.tokens.len() - 1);
-        token
+        next_token
     }
 
     fn push(&mut self, node: Node, token: &Token) -> Result<usize, LawError> {
@@ -136,22 +137,25 @@ impl Parser<'_> {
 
     /// Parse operators that bind at least as tightly as `least`.
     fn expression(&mut self, least: u8) -> Result<usize, LawError> {
-        let mut left = self.operand()?;
+        let mut left_node = self.operand()?;
         loop {
-            let token = self.peek();
-            let Some((_, operation, binding)) = token.among(&INFIX, |row| row.0) else {
-                return Ok(left);
+            let operator_token = self.peek();
+            let Some((_, operation, binding)) = operator_token.among(&INFIX, |row| row.0) else {
+                return Ok(left_node);
             };
             if *binding < least {
-                return Ok(left);
+                return Ok(left_node);
             }
             self.take();
-            let right = if *binding == POWER {
-                self.nested(&token, |parser| parser.expression(UNARY))?
+            let right_node = if *binding == POWER {
+                self.nested(&operator_token, |parser| parser.expression(UNARY))?
             } else {
                 self.expression(binding + 1)?
             };
-            left = self.push(Node::Binary(*operation, left, right), &token)?;
+            left_node = self.push(
+                Node::Binary(*operation, left_node, right_node),
+                &operator_token,
+            )?;
             if *binding == COMPARE {
                 self.refuse_chain()?;
             }
@@ -160,39 +164,39 @@ impl Parser<'_> {
 
     /// Refuse `a < b < c`, which readers understand in two ways.
     fn refuse_chain(&self) -> Result<(), LawError> {
-        let token = self.peek();
-        match token.among(&INFIX, |row| row.0) {
+        let next_token = self.peek();
+        match next_token.among(&INFIX, |row| row.0) {
             Some((_, _, COMPARE)) => {
                 let message = "Comparisons do not chain; multiply two of them: (a < b)*(b < c).";
-                Err(self.error(&token, message.into()))
+                Err(self.error(&next_token, message.into()))
             }
             _ => Ok(()),
         }
     }
 
     fn operand(&mut self) -> Result<usize, LawError> {
-        let token = self.take();
-        match &token.kind {
-            Kind::Number(value) => self.push(Node::Number(*value), &token),
-            Kind::Name(name) => self.named(name, &token),
+        let operand_token = self.take();
+        match &operand_token.kind {
+            Kind::Number(value) => self.push(Node::Number(*value), &operand_token),
+            Kind::Name(name) => self.named(name, &operand_token),
             Kind::Sign("-") => {
-                let operand = self.nested(&token, |parser| parser.expression(UNARY))?;
-                self.push(Node::Unary(Unary::Negate, operand), &token)
+                let operand = self.nested(&operand_token, |parser| parser.expression(UNARY))?;
+                self.push(Node::Unary(Unary::Negate, operand), &operand_token)
             }
-            Kind::Sign("+") => self.nested(&token, |parser| parser.expression(UNARY)),
+            Kind::Sign("+") => self.nested(&operand_token, |parser| parser.expression(UNARY)),
             Kind::Sign("(") => {
-                let inside = self.nested(&token, |parser| parser.expression(0))?;
-                self.expect(")", &token)?;
-                Ok(inside)
+                let inner_node = self.nested(&operand_token, |parser| parser.expression(0))?;
+                self.expect(")", &operand_token)?;
+                Ok(inner_node)
             }
-            _ => Err(self.unexpected(&token)),
+            _ => Err(self.unexpected(&operand_token)),
         }
     }
 
     fn named(&mut self, name: &str, token: &Token) -> Result<usize, LawError> {
-        let called = matches!(self.peek().kind, Kind::Sign("("));
+        let is_called = matches!(self.peek().kind, Kind::Sign("("));
         let function = FUNCTIONS.iter().find(|(known, _)| *known == name);
-        match (function, called) {
+        match (function, is_called) {
             (Some((_, function)), true) => self.call(name, function, token),
             (Some(_), false) => {
                 let message = format!("`{name}` is a function: write {name}( … ).");
@@ -213,9 +217,11 @@ impl Parser<'_> {
                 Err(self.error(token, message.into()))
             }
             (_, Some(value)) => {
-                let slot = self.open.iter().position(|open| open == name);
-                let node = slot.map_or(Node::Number(*value), |slot| Node::Open(slot, *value));
-                self.push(node, token)
+                let open_slot = self.open.iter().position(|open| open == name);
+                let constant_node = open_slot.map_or(Node::Number(*value), |open_slot| {
+                    Node::Open(open_slot, *value)
+                });
+                self.push(constant_node, token)
             }
             (_, None) => {
                 let message = format!("There is no constant `{}`.", shortened(name));
@@ -228,12 +234,12 @@ impl Parser<'_> {
     }
 
     fn variables(&self) -> impl Iterator<Item = &str> {
-        let rate = (self.which == Which::Damping).then_some("v");
+        let rate_name = (self.which == Which::Damping).then_some("v");
         self.constants
             .keys()
             .map(String::as_str)
             .chain(std::iter::once("d"))
-            .chain(rate)
+            .chain(rate_name)
     }
 
     fn unknown_function(&self, name: &str, token: &Token) -> LawError {
@@ -251,44 +257,47 @@ impl Parser<'_> {
     }
 
     fn call(&mut self, name: &str, function: &Function, token: &Token) -> Result<usize, LawError> {
-        let open = self.take();
+        let open_token = self.take();
         let mut arguments = Vec::new();
         if !matches!(self.peek().kind, Kind::Sign(")")) {
             loop {
-                arguments.push(self.nested(&open, |parser| parser.expression(0))?);
+                arguments.push(self.nested(&open_token, |parser| parser.expression(0))?);
                 if !matches!(self.peek().kind, Kind::Sign(",")) {
                     break;
                 }
                 self.take();
             }
         }
-        self.expect(")", &open)?;
-        let node = match (function, arguments.as_slice()) {
+        self.expect(")", &open_token)?;
+        let call_node = match (function, arguments.as_slice()) {
             (Function::Unary(operation), [a]) => Node::Unary(*operation, *a),
             (Function::Two(operation), [a, b]) => Node::Binary(*operation, *a, *b),
             (Function::Where, [c, a, b]) => Node::Where(*c, *a, *b),
             _ => {
-                let form = match function {
+                let argument_form = match function {
                     Function::Unary(_) => "one argument",
                     Function::Two(_) => "two arguments",
                     Function::Where => "three arguments (condition, value if true, value if not)",
                 };
-                let message = format!("`{name}` takes {form}; here are {}.", arguments.len());
+                let message = format!(
+                    "`{name}` takes {argument_form}; here are {}.",
+                    arguments.len()
+                );
                 return Err(self.error(token, message));
             }
         };
-        self.push(node, token)
+        self.push(call_node, token)
     }
 
     fn expect(&mut self, sign: &str, opened: &Token) -> Result<(), LawError> {
-        let token = self.peek();
-        match token.kind {
+        let next_token = self.peek();
+        match next_token.kind {
             Kind::Sign(sign_read) if sign_read == sign => {
                 self.take();
                 Ok(())
             }
             Kind::End => Err(self.error(opened, "This parenthesis is never closed.".into())),
-            _ => Err(self.unexpected(&token)),
+            _ => Err(self.unexpected(&next_token)),
         }
     }
 
@@ -303,9 +312,9 @@ impl Parser<'_> {
             return Err(self.error(token, message));
         }
         self.nesting += 1;
-        let result = inside(self);
+        let inner_result = inside(self);
         self.nesting -= 1;
-        result
+        inner_result
     }
 
     fn unexpected(&self, token: &Token) -> LawError {

@@ -29,23 +29,26 @@ impl Points {
             );
             return error(MAX_POINTS, message);
         }
-        if let Some(i) = points
+        if let Some(index_at_fault) = points
             .iter()
             .position(|(d, f)| !(d.is_finite() && f.is_finite()))
         {
             return error(
-                i,
-                format!("Point {} is not a pair of finite numbers.", i + 1),
+                index_at_fault,
+                format!(
+                    "Point {} is not a pair of finite numbers.",
+                    index_at_fault + 1
+                ),
             );
         }
-        if let Some(i) = points.windows(2).position(|pair| pair[1].0 <= pair[0].0) {
+        if let Some(index_at_fault) = points.windows(2).position(|pair| pair[1].0 <= pair[0].0) {
             let message = format!(
                 "Elongations must rise: point {} is at {} m, after {} m.",
-                i + 2,
-                points[i + 1].0,
-                points[i].0
+                index_at_fault + 2,
+                points[index_at_fault + 1].0,
+                points[index_at_fault].0
             );
-            return error(i + 1, message);
+            return error(index_at_fault + 1, message);
         }
         let (d, f): (Vec<f64>, Vec<f64>) = points.iter().copied().unzip();
         let slope = points
@@ -66,8 +69,8 @@ impl Points {
 
     /// Index of the line that holds `d`.
     fn line_at(&self, d: f64) -> usize {
-        let after = self.d.partition_point(|point| *point <= d);
-        after.clamp(1, self.slope.len()) - 1
+        let next_point = self.d.partition_point(|point| *point <= d);
+        next_point.clamp(1, self.slope.len()) - 1
     }
 
     /// Slope of the line that holds `d`.
@@ -77,39 +80,43 @@ impl Points {
 
     /// Distance from 0 to the nearest line that is steeper than `slope`.
     pub(super) fn steeper_beyond(&self, slope: f64) -> f64 {
-        let last = self.slope.len() - 1;
+        let last_line = self.slope.len() - 1;
         let nearest = |i: usize| {
-            let low = if i == 0 { f64::NEG_INFINITY } else { self.d[i] };
-            let high = if i == last {
+            let line_start = if i == 0 { f64::NEG_INFINITY } else { self.d[i] };
+            let line_end = if i == last_line {
                 f64::INFINITY
             } else {
                 self.d[i + 1]
             };
-            if low > 0.0 { low } else { (-high).max(0.0) }
+            if line_start > 0.0 {
+                line_start
+            } else {
+                (-line_end).max(0.0)
+            }
         };
-        let steeper = (0..=last).filter(|&i| self.slope[i] > slope);
+        let steeper = (0..=last_line).filter(|&i| self.slope[i] > slope);
         steeper.map(nearest).fold(f64::INFINITY, f64::min)
     }
 
     /// Force at elongation `d`.
     pub(super) fn value(&self, d: f64) -> f64 {
-        let i = self.line_at(d);
-        self.f[i] + self.slope[i] * (d - self.d[i])
+        let line_index = self.line_at(d);
+        self.f[line_index] + self.slope[line_index] * (d - self.d[line_index])
     }
 
     /// Energy from 0 to `d`, exact for straight lines.
     pub(super) fn potential(&self, d: f64) -> f64 {
         let (low, high) = if d < 0.0 { (d, 0.0) } else { (0.0, d) };
-        let (from, to) = ((low, self.value(low)), (high, self.value(high)));
+        let (lower_point, upper_point) = ((low, self.value(low)), (high, self.value(high)));
         let (first, last) = (self.line_at(low), self.line_at(high));
         let between = if first == last {
-            line(from, to)
+            line(lower_point, upper_point)
         } else {
             // Point first + 1 ends the line that holds `low`; point `last` begins that of `high`.
-            let (inner, outer) = (first + 1, last);
-            line(from, (self.d[inner], self.f[inner]))
-                + (self.energy[outer] - self.energy[inner])
-                + line((self.d[outer], self.f[outer]), to)
+            let (after_lower, before_upper) = (first + 1, last);
+            line(lower_point, (self.d[after_lower], self.f[after_lower]))
+                + (self.energy[before_upper] - self.energy[after_lower])
+                + line((self.d[before_upper], self.f[before_upper]), upper_point)
         };
         if d < 0.0 { -between } else { between }
     }

@@ -41,8 +41,8 @@ fn polynomial(tree: &Tree, node: usize) -> Option<Vec<f64>> {
                 },
                 Binary::Power => match b[..] {
                     [exponent] => {
-                        let n = usize::try_from(integer_exponent(exponent)?).ok()?;
-                        (0..n).try_fold(vec![1.0], |power, _| product(&power, &a))
+                        let factor_count = usize::try_from(integer_exponent(exponent)?).ok()?;
+                        (0..factor_count).try_fold(vec![1.0], |power, _| product(&power, &a))
                     }
                     _ => None,
                 },

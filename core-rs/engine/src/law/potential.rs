@@ -46,16 +46,17 @@ const fn point(i: usize) -> f64 {
 /// Lagrange weights for x = 1.
 const fn edge() -> [f64; 15] {
     let mut weights = [1.0; 15];
-    let mut i = 0;
-    while i < 15 {
-        let mut j = 0;
-        while j < 15 {
-            if i != j {
-                weights[i] *= (1.0 - point(j)) / (point(i) - point(j));
+    let mut weight_index = 0;
+    while weight_index < 15 {
+        let mut node_index = 0;
+        while node_index < 15 {
+            if weight_index != node_index {
+                weights[weight_index] *=
+                    (1.0 - point(node_index)) / (point(weight_index) - point(node_index));
             }
-            j += 1;
+            node_index += 1;
         }
-        i += 1;
+        weight_index += 1;
     }
     weights
 }
@@ -79,36 +80,38 @@ pub(super) fn integrate(f: impl Fn(f64) -> f64, d: f64) -> f64 {
     if d == 0.0 {
         return 0.0;
     }
-    let ends = FIRST_ENDS.windows(2);
+    let panel_ends = FIRST_ENDS.windows(2);
     // The deepest panel comes first, so at most one panel of each depth waits. The fixed array avoids allocation while
     // a simulation steps.
     let mut waiting = [const { Panel::NONE }; ROOM];
     let mut n_waiting = 0;
-    for to in ends {
+    for to in panel_ends {
         waiting[n_waiting] = Panel::new(&f, d * to[1], d * to[0], 0);
         n_waiting += 1;
     }
-    let mut scale: f64 = waiting[..n_waiting].iter().map(|panel| panel.size).sum();
-    let mut sum = 0.0;
+    let mut integral_scale: f64 = waiting[..n_waiting].iter().map(|panel| panel.size).sum();
+    let mut integral_sum = 0.0;
     for _ in 0..INTERVALS {
-        let Some(last) = n_waiting.checked_sub(1) else {
+        let Some(last_panel) = n_waiting.checked_sub(1) else {
             break;
         };
-        n_waiting = last;
-        let panel = waiting[last];
+        n_waiting = last_panel;
+        let panel = waiting[last_panel];
         // A narrow detent that coarse panels missed counts as soon as a panel finds it.
-        scale = f64::max(scale, panel.size);
-        if panel.error <= TOLERANCE * scale || panel.depth == DEPTH {
-            sum += panel.integral;
+        integral_scale = f64::max(integral_scale, panel.size);
+        if panel.error <= TOLERANCE * integral_scale || panel.depth == DEPTH {
+            integral_sum += panel.integral;
             continue;
         }
-        let middle = panel.a + 0.5 * (panel.b - panel.a);
-        waiting[last] = Panel::new(&f, middle, panel.b, panel.depth + 1);
-        waiting[last + 1] = Panel::new(&f, panel.a, middle, panel.depth + 1);
-        n_waiting = last + 2;
+        let panel_middle = panel.a + 0.5 * (panel.b - panel.a);
+        waiting[last_panel] = Panel::new(&f, panel_middle, panel.b, panel.depth + 1);
+        waiting[last_panel + 1] = Panel::new(&f, panel.a, panel_middle, panel.depth + 1);
+        n_waiting = last_panel + 2;
     }
-    let left = waiting[..n_waiting].iter();
-    left.fold(sum, |sum, panel| sum + panel.integral)
+    let panels_left = waiting[..n_waiting].iter();
+    panels_left.fold(integral_sum, |integral_sum, panel| {
+        integral_sum + panel.integral
+    })
 }
 
 #[derive(Clone, Copy)]
@@ -133,31 +136,32 @@ impl Panel {
     };
 
     fn new(f: &impl Fn(f64) -> f64, a: f64, b: f64, depth: u32) -> Self {
-        let (half, centre) = (0.5 * (b - a), 0.5 * (a + b));
-        let middle = f(centre);
+        let (half_width, centre) = (0.5 * (b - a), 0.5 * (a + b));
+        let centre_value = f(centre);
         // True value minus extrapolated value, at b and at a.
-        let mut ends = (f(b) - EDGE[7] * middle, f(a) - EDGE[7] * middle);
-        let mut kronrod = KRONROD_CENTRE * middle;
-        let mut gauss = GAUSS_CENTRE * middle;
-        let mut size = KRONROD_CENTRE * middle.abs();
+        let mut end_residuals = (f(b) - EDGE[7] * centre_value, f(a) - EDGE[7] * centre_value);
+        let mut kronrod = KRONROD_CENTRE * centre_value;
+        let mut gauss_sum = GAUSS_CENTRE * centre_value;
+        let mut absolute_sum = KRONROD_CENTRE * centre_value.abs();
         for (i, (node, weight)) in NODES.iter().zip(KRONROD).enumerate() {
-            let (low, high) = (f(centre - half * node), f(centre + half * node));
-            kronrod += weight * (low + high);
-            size += weight * (low.abs() + high.abs());
-            ends.0 -= EDGE[i] * high + EDGE[14 - i] * low;
-            ends.1 -= EDGE[i] * low + EDGE[14 - i] * high;
+            let (value_below, value_above) =
+                (f(centre - half_width * node), f(centre + half_width * node));
+            kronrod += weight * (value_below + value_above);
+            absolute_sum += weight * (value_below.abs() + value_above.abs());
+            end_residuals.0 -= EDGE[i] * value_above + EDGE[14 - i] * value_below;
+            end_residuals.1 -= EDGE[i] * value_below + EDGE[14 - i] * value_above;
             if i % 2 == 1 {
-                gauss += GAUSS[i / 2] * (low + high);
+                gauss_sum += GAUSS[i / 2] * (value_below + value_above);
             }
         }
-        let unseen = (1.0 - NODES[0]) * (ends.0.abs() + ends.1.abs());
+        let unseen_error = (1.0 - NODES[0]) * (end_residuals.0.abs() + end_residuals.1.abs());
         Self {
             a,
             b,
             depth,
-            integral: half * kronrod,
-            error: half.abs() * ((kronrod - gauss).abs() + unseen),
-            size: half.abs() * size,
+            integral: half_width * kronrod,
+            error: half_width.abs() * ((kronrod - gauss_sum).abs() + unseen_error),
+            size: half_width.abs() * absolute_sum,
         }
     }
 }

@@ -77,13 +77,13 @@ impl Program {
     /// Compile a tree: subexpressions that depend on neither d nor v are computed now, and equal expressions are
     /// computed once.
     pub(super) fn new(tree: &Tree) -> Self {
-        let folded = fold(tree);
+        let folded_values = fold(tree);
         let mut program = Self {
             steps: Vec::new(),
             result: 0,
             reads_d: tree.nodes.contains(&Node::Elongation),
         };
-        program.result = program.emit(tree, &folded, tree.root);
+        program.result = program.emit(tree, &folded_values, tree.root);
         program
     }
 
@@ -116,16 +116,16 @@ impl Program {
 
     /// The register of an equal earlier step, or a new one.
     fn register_of(&mut self, step: Step) -> usize {
-        let same = |other: &Step| match (other, &step) {
+        let is_same_step = |other: &Step| match (other, &step) {
             // 0 and -0 compare equal, but are different constants.
             (Step::Constant(a), Step::Constant(b)) => a.to_bits() == b.to_bits(),
             (other, step) => other == step,
         };
-        let index = self.steps.iter().position(same).unwrap_or_else(|| {
+        let step_index = self.steps.iter().position(is_same_step).unwrap_or_else(|| {
             self.steps.push(step);
             self.steps.len() - 1
         });
-        FIRST + index
+        FIRST + step_index
     }
 
     /// The registers of a run, with constants in place.
@@ -151,10 +151,10 @@ impl Program {
     /// Set an open constant to another value.
     pub(super) fn set(&mut self, slot: usize, value: f64) {
         for step in &mut self.steps {
-            if let Step::Open(open_slot, now) = step
+            if let Step::Open(open_slot, open_value) = step
                 && *open_slot == slot
             {
-                *now = value;
+                *open_value = value;
             }
         }
     }
@@ -183,18 +183,18 @@ impl Program {
     }
 
     fn scalar<const N: usize>(&self, d: f64, v: f64) -> f64 {
-        let mut r = [0.0; N];
-        (r[0], r[1]) = (d, v);
+        let mut registers = [0.0; N];
+        (registers[0], registers[1]) = (d, v);
         for (i, step) in self.steps.iter().enumerate() {
-            r[FIRST + i] = match *step {
+            registers[FIRST + i] = match *step {
                 Step::Constant(value) | Step::Open(_, value) => value,
-                Step::Unary(operation, a) => operation.apply(r[a]),
-                Step::WholePower(n, a) => integer_power(r[a], n),
-                Step::Binary(operation, a, b) => operation.apply(r[a], r[b]),
-                Step::Where(c, a, b) => choose(r[c], r[a], r[b]),
+                Step::Unary(operation, a) => operation.apply(registers[a]),
+                Step::WholePower(n, a) => integer_power(registers[a], n),
+                Step::Binary(operation, a, b) => operation.apply(registers[a], registers[b]),
+                Step::Where(c, a, b) => choose(registers[c], registers[a], registers[b]),
             };
         }
-        r[self.result]
+        registers[self.result]
     }
 
     /// The values at a few places, with the bits of `value`; `registers` are this program's, with d and v loaded into 0
@@ -214,20 +214,20 @@ impl Program {
 
 /// The value of every node that depends on neither d nor v.
 fn fold(tree: &Tree) -> Vec<Option<f64>> {
-    let mut known: Vec<Option<f64>> = Vec::with_capacity(tree.nodes.len());
+    let mut folded_values: Vec<Option<f64>> = Vec::with_capacity(tree.nodes.len());
     for node in &tree.nodes {
-        known.push(match *node {
+        folded_values.push(match *node {
             Node::Number(value) => Some(value),
             Node::Elongation | Node::Rate | Node::Open(..) => None,
-            Node::Unary(operation, a) => known[a].map(|a| operation.apply(a)),
-            Node::Binary(operation, a, b) => {
-                known[a].zip(known[b]).map(|(a, b)| operation.apply(a, b))
-            }
-            Node::Where(c, a, b) => known[c]
-                .zip(known[a])
-                .zip(known[b])
+            Node::Unary(operation, a) => folded_values[a].map(|a| operation.apply(a)),
+            Node::Binary(operation, a, b) => folded_values[a]
+                .zip(folded_values[b])
+                .map(|(a, b)| operation.apply(a, b)),
+            Node::Where(c, a, b) => folded_values[c]
+                .zip(folded_values[a])
+                .zip(folded_values[b])
                 .map(|((c, a), b)| choose(c, a, b)),
         });
     }
-    known
+    folded_values
 }

@@ -25,7 +25,8 @@ enum Part {
 impl Law {
     /// Buffers for [`Law::eval_run`].
     pub fn scratch(&self) -> Scratch {
-        let room = |program: Option<&Program>| program.map(Program::registers).unwrap_or_default();
+        let program_registers =
+            |program: Option<&Program>| program.map(Program::registers).unwrap_or_default();
         let elastic = match &self.elastic {
             Elastic::Expression { program, .. } => program.registers(),
             // A register for the elongations.
@@ -33,7 +34,7 @@ impl Law {
         };
         Scratch {
             elastic,
-            damping: room(self.damping.as_ref()),
+            damping: program_registers(self.damping.as_ref()),
             numbers: self.numbers(),
             room: vec![0.0; self.room()],
         }
@@ -62,9 +63,9 @@ impl Law {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn eval_run(&self, d: &[f64], v: &[f64], out: &mut [f64], scratch: &mut Scratch) {
-        let mut room = std::mem::take(&mut scratch.room);
-        self.eval_in(d, v, out, scratch, &mut room);
-        scratch.room = room;
+        let mut scratch_room = std::mem::take(&mut scratch.room);
+        self.eval_in(d, v, out, scratch, &mut scratch_room);
+        scratch.room = scratch_room;
     }
 
     /// [`Law::eval_run`] with a shared `room`, at least as long as [`Law::room`] says.
@@ -121,8 +122,8 @@ impl Law {
 
     pub(super) fn drag(&self, d: f64, v: f64) -> f64 {
         let damping = self.damping.as_ref();
-        let value = damping.map(|damping| damping.value(d / self.reach, v / self.reach));
-        value.unwrap_or_default() / self.reach
+        let damping_force = damping.map(|damping| damping.value(d / self.reach, v / self.reach));
+        damping_force.unwrap_or_default() / self.reach
     }
 
     /// Whether the law has a damping.
@@ -132,8 +133,8 @@ impl Law {
 
     /// Whether its force depends on the rate alone, or is constant.
     pub(crate) fn is_damping_alone(&self) -> bool {
-        let reads_d = |damping: &Program| damping.reads_d();
-        matches!(self.elastic, Elastic::None) && !self.damping.as_ref().is_some_and(reads_d)
+        let depends_on_d = |damping: &Program| damping.reads_d();
+        matches!(self.elastic, Elastic::None) && !self.damping.as_ref().is_some_and(depends_on_d)
     }
 
     /// Whether [`Law::potential`] is exact and allocates nothing: no law, a polynomial, or points.
@@ -214,32 +215,42 @@ mod tests {
     #[test]
     fn law_runs_of_parts_equal_single_links() {
         let damping = Some("0.3*v*abs(v) + d");
-        let texts = [Some("2*d + d**3"), Some("tanh(3*d)"), None];
-        for (text, reach) in texts.iter().flat_map(|text| [(*text, 1.0), (*text, 0.7)]) {
+        let law_texts = [Some("2*d + d**3"), Some("tanh(3*d)"), None];
+        for (text, reach) in law_texts
+            .iter()
+            .flat_map(|text| [(*text, 1.0), (*text, 0.7)])
+        {
             let law = Law::new(&LawText {
                 law: text,
                 damping,
                 ..LawText::default()
             });
             let law = law.and_then(|law| law.through(reach)).expect("a law");
-            let still = Law::new(&LawText {
+            let damping_law = Law::new(&LawText {
                 damping,
                 ..LawText::default()
             });
-            let still = still.and_then(|law| law.through(reach)).expect("a law");
+            let damping_law = damping_law
+                .and_then(|law| law.through(reach))
+                .expect("a law");
             let d: Vec<f64> = (0..550).map(|i| 0.01 * f64::from(i - 70)).collect();
             let v: Vec<f64> = d.iter().map(|d| 0.5 - d * d).collect();
-            let (mut out, mut scratch) = (vec![0.0; d.len()], law.scratch());
-            law.spring_run(&d, &mut out, &mut scratch);
-            for (d, out) in d.iter().zip(&out) {
-                assert_eq!(out.to_bits(), law.spring(*d).to_bits());
+            let (mut run_force, mut scratch) = (vec![0.0; d.len()], law.scratch());
+            law.spring_run(&d, &mut run_force, &mut scratch);
+            for (d, run_force) in d.iter().zip(&run_force) {
+                assert_eq!(run_force.to_bits(), law.spring(*d).to_bits());
             }
-            law.drag_run(&d, &v, &mut out, &mut scratch);
-            let mut alone = [0.0];
-            law.drag_run(&d[3..4], &v[3..4], &mut alone, &mut Scratch::default());
-            assert_eq!(alone[0].to_bits(), out[3].to_bits());
-            for ((d, v), out) in d.iter().zip(&v).zip(&out) {
-                assert_eq!(*out, still.force(*d, *v));
+            law.drag_run(&d, &v, &mut run_force, &mut scratch);
+            let mut single_force = [0.0];
+            law.drag_run(
+                &d[3..4],
+                &v[3..4],
+                &mut single_force,
+                &mut Scratch::default(),
+            );
+            assert_eq!(single_force[0].to_bits(), run_force[3].to_bits());
+            for ((d, v), run_force) in d.iter().zip(&v).zip(&run_force) {
+                assert_eq!(*run_force, damping_law.force(*d, *v));
             }
             assert!(law.is_damped());
             assert_eq!(law.has_closed_energy(), text != Some("tanh(3*d)"));

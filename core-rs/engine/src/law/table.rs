@@ -41,27 +41,27 @@ impl Law {
             rows: Vec::new(),
             constants: Vec::new(),
         };
-        let (mut d, mut v, mut lever) = (0, 1, None);
+        let (mut d_operand, mut v_operand, mut lever_operand) = (0, 1, None);
         if self.reach != 1.0 {
-            let reach = table.constant(self.reach);
-            d = table.push("divide", [d, reach, 0]);
+            let reach_operand = table.constant(self.reach);
+            d_operand = table.push("divide", [d_operand, reach_operand, 0]);
             if self.damping.is_some() {
-                v = table.push("divide", [v, reach, 0]);
+                v_operand = table.push("divide", [v_operand, reach_operand, 0]);
             }
-            lever = Some(reach);
+            lever_operand = Some(reach_operand);
         }
-        let mut force = match &self.elastic {
+        let mut force_operand = match &self.elastic {
             Elastic::None => table.constant(0.0),
-            Elastic::Expression { program, .. } => table.program(program, d, v),
+            Elastic::Expression { program, .. } => table.program(program, d_operand, v_operand),
             Elastic::Points(_) => return None,
         };
         if let Some(damping) = &self.damping {
-            let damping = table.program(damping, d, v);
-            force = table.push("add", [force, damping, 0]);
+            let damping = table.program(damping, d_operand, v_operand);
+            force_operand = table.push("add", [force_operand, damping, 0]);
         }
-        match lever {
-            Some(reach) => table.push("divide", [force, reach, 0]),
-            None => table.push("copy", [force, 0, 0]),
+        match lever_operand {
+            Some(reach_operand) => table.push("divide", [force_operand, reach_operand, 0]),
+            None => table.push("copy", [force_operand, 0, 0]),
         };
         Some(table)
     }
@@ -85,7 +85,7 @@ impl Table {
     fn program(&mut self, program: &Program, d: i32, v: i32) -> i32 {
         let mut registers = vec![d, v];
         for step in program.steps() {
-            let row = match *step {
+            let step_operand = match *step {
                 Step::Constant(value) | Step::Open(_, value) => self.constant(value),
                 Step::Unary(operation, a) => self.push(unary(operation), [registers[a], 0, 0]),
                 Step::WholePower(n, a) => self.push("whole_power", [registers[a], n, 0]),
@@ -96,7 +96,7 @@ impl Table {
                     self.push("where", [registers[c], registers[a], registers[b]])
                 }
             };
-            registers.push(row);
+            registers.push(step_operand);
         }
         registers[program.result()]
     }

@@ -59,20 +59,24 @@ impl Law {
         v: &Places,
         scratch: &mut TangentScratch,
     ) -> Tangents {
-        let [step_d, step_v] = [d, v].map(|at| at.map(|at| NEAR.0 * at.abs() + NEAR.1));
-        let add = |at: &Places, step: &Places| std::array::from_fn(|place| at[place] + step[place]);
-        let (d, v) = ([*d, add(d, &step_d)], [*v, add(v, &step_v)]);
-        let around = match self.native {
+        let [elongation_step, rate_step] = [d, v].map(|at| at.map(|at| NEAR.0 * at.abs() + NEAR.1));
+        let shifted_places =
+            |at: &Places, step: &Places| std::array::from_fn(|place| at[place] + step[place]);
+        let (d, v) = (
+            [*d, shifted_places(d, &elongation_step)],
+            [*v, shifted_places(v, &rate_step)],
+        );
+        let nearby_forces = match self.native {
             Some(native) => self.native_forces(native, &d, &v, scratch),
             None => self.program_forces(&d, &v, scratch),
         };
-        let slope = |near: Places, step: Places| {
-            std::array::from_fn(|place| (near[place] - around.force[place]) / step[place])
+        let place_slopes = |near: Places, step: Places| {
+            std::array::from_fn(|place| (near[place] - nearby_forces.force[place]) / step[place])
         };
         Tangents {
-            force: around.force,
-            by_d: slope(around.near_d, step_d),
-            by_v: slope(around.near_v, step_v),
+            force: nearby_forces.force,
+            by_d: place_slopes(nearby_forces.near_d, elongation_step),
+            by_v: place_slopes(nearby_forces.near_v, rate_step),
         }
     }
 
@@ -86,16 +90,16 @@ impl Law {
         let mut forces = [[0.0; PLACES]; 3];
         let (d, v) = ([*d, *d, *near_d], [*v, *near_v, *v]);
         // The force of a damper is the same nearby in elongation.
-        let n = if self.is_damping_alone() { 2 } else { 3 };
+        let place_sets = if self.is_damping_alone() { 2 } else { 3 };
         native.run(
-            d[..n].as_flattened(),
-            v[..n].as_flattened(),
-            forces[..n].as_flattened_mut(),
+            d[..place_sets].as_flattened(),
+            v[..place_sets].as_flattened(),
+            forces[..place_sets].as_flattened_mut(),
             &scratch.numbers,
             &mut scratch.room,
         );
-        let [force, near_v, last] = forces;
-        let near_d = if n == 3 { last } else { force };
+        let [force, near_v, last_forces] = forces;
+        let near_d = if place_sets == 3 { last_forces } else { force };
         Around {
             force,
             near_d,
@@ -118,31 +122,35 @@ impl Law {
             }
             Elastic::Points(points) => d.map(|d| d.map(|d| points.value(d / self.reach))),
         };
-        let mut around = Around {
+        let mut nearby_forces = Around {
             force,
             near_d,
             near_v: force,
         };
         if let Some(damping) = &self.damping {
             let registers = &mut scratch.damping;
-            let [drag, near_v] = self.drags(damping, [&[d[0]; 2], v], registers);
+            let [drag_forces, near_v] = self.drags(damping, [&[d[0]; 2], v], registers);
             let near_d = if damping.reads_d() {
                 self.drags(damping, [d, &[v[0]; 2]], registers)[1]
             } else {
-                drag
+                drag_forces
             };
             for place in 0..PLACES {
-                around.force[place] += drag[place];
-                around.near_d[place] += near_d[place];
-                around.near_v[place] += near_v[place];
+                nearby_forces.force[place] += drag_forces[place];
+                nearby_forces.near_d[place] += near_d[place];
+                nearby_forces.near_v[place] += near_v[place];
             }
         }
         if self.reach != 1.0 {
-            for forces in [&mut around.force, &mut around.near_d, &mut around.near_v] {
+            for forces in [
+                &mut nearby_forces.force,
+                &mut nearby_forces.near_d,
+                &mut nearby_forces.near_v,
+            ] {
                 forces.iter_mut().for_each(|force| *force /= self.reach);
             }
         }
-        around
+        nearby_forces
     }
 
     #[inline(always)]
@@ -160,8 +168,8 @@ impl Law {
 }
 
 fn halves(Few(values): &Few) -> [Places; 2] {
-    let (halves, _) = values.as_chunks::<PLACES>();
-    [halves[0], halves[1]]
+    let (place_chunks, _) = values.as_chunks::<PLACES>();
+    [place_chunks[0], place_chunks[1]]
 }
 
 #[cfg(test)]
@@ -172,28 +180,28 @@ mod tests {
     /// The slopes of a cubic spring and of a damping that depends on the elongation, also behind a lever.
     #[test]
     fn tangents_equal_closed_form_slopes() {
-        let text = LawText {
+        let law_text = LawText {
             law: Some("2*d + 5*d**3"),
             damping: Some("0.3*v + 4*d*v**2"),
             ..LawText::default()
         };
         for reach in [1.0, 0.7] {
-            let law = Law::new(&text)
+            let law = Law::new(&law_text)
                 .and_then(|law| law.through(reach))
                 .expect("a law");
             let (d, v) = ([0.0, 0.1, -0.3, 2.0], [0.5, -0.2, 0.0, 3.0]);
             let tangents = law.tangents(&d, &v, &mut law.tangent_scratch());
             for place in 0..PLACES {
                 let (x, u) = (d[place] / reach, v[place] / reach);
-                let by_d = (2.0 + 15.0 * x * x + 4.0 * u * u) / (reach * reach);
-                let by_v = (0.3 + 8.0 * x * u) / (reach * reach);
+                let slope_by_d = (2.0 + 15.0 * x * x + 4.0 * u * u) / (reach * reach);
+                let slope_by_v = (0.3 + 8.0 * x * u) / (reach * reach);
                 assert!(
-                    (tangents.by_d[place] / by_d - 1.0).abs() < 1e-5,
-                    "{tangents:?} {by_d}"
+                    (tangents.by_d[place] / slope_by_d - 1.0).abs() < 1e-5,
+                    "{tangents:?} {slope_by_d}"
                 );
                 assert!(
-                    (tangents.by_v[place] / by_v - 1.0).abs() < 1e-5,
-                    "{tangents:?} {by_v}"
+                    (tangents.by_v[place] / slope_by_v - 1.0).abs() < 1e-5,
+                    "{tangents:?} {slope_by_v}"
                 );
             }
         }

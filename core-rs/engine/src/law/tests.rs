@@ -20,24 +20,24 @@ fn law(expression: &str, named: &[(&str, f64)]) -> Law {
 }
 
 fn damping(expression: &str, named: &[(&str, f64)]) -> Law {
-    let text = LawText {
+    let law_text = LawText {
         damping: Some(expression),
         constants: constants(named),
         ..Default::default()
     };
-    Law::new(&text).expect(expression)
+    Law::new(&law_text).expect(expression)
 }
 
 /// The reference: evaluates a tree without compiling it.
 fn walk(tree: &Tree, node: usize, d: f64, v: f64) -> f64 {
-    let source = |node| walk(tree, node, d, v);
+    let evaluated = |node| walk(tree, node, d, v);
     match tree.nodes[node] {
         Node::Number(value) | Node::Open(_, value) => value,
         Node::Elongation => d,
         Node::Rate => v,
-        Node::Unary(operation, a) => operation.apply(source(a)),
-        Node::Binary(operation, a, b) => operation.apply(source(a), source(b)),
-        Node::Where(c, a, b) => choose(source(c), source(a), source(b)),
+        Node::Unary(operation, a) => operation.apply(evaluated(a)),
+        Node::Binary(operation, a, b) => operation.apply(evaluated(a), evaluated(b)),
+        Node::Where(c, a, b) => choose(evaluated(c), evaluated(a), evaluated(b)),
     }
 }
 
@@ -47,30 +47,30 @@ fn same(a: f64, b: f64) -> bool {
 
 #[test]
 fn law_with_wrong_constants_or_fields_is_refused() {
-    let refuse = |text: &LawText<'_>| Law::new(text).expect_err("refused").which;
+    let refused_part = |law_text: &LawText<'_>| Law::new(law_text).expect_err("refused").which;
     for (name, value) in [("d", 1.0), ("v", 1.0), ("sqrt", 1.0), ("k", f64::NAN)] {
         let constants = constants(&[(name, value)]);
-        let text = LawText {
+        let law_text = LawText {
             law: Some("d"),
             constants,
             ..Default::default()
         };
-        assert_eq!(refuse(&text), Which::Constants, "{name}");
+        assert_eq!(refused_part(&law_text), Which::Constants, "{name}");
     }
-    assert_eq!(refuse(&LawText::default()), Which::Law);
-    let both = LawText {
+    assert_eq!(refused_part(&LawText::default()), Which::Law);
+    let law_and_points = LawText {
         law: Some("d"),
         points: Some(&[(0.0, 0.0), (1.0, 1.0)]),
         ..Default::default()
     };
-    assert_eq!(refuse(&both), Which::Points);
-    let bad = LawText {
+    assert_eq!(refused_part(&law_and_points), Which::Points);
+    let bad_damping = LawText {
         law: Some("d"),
         damping: Some("v*w"),
         ..Default::default()
     };
-    let error = Law::new(&bad).expect_err("w");
-    assert_eq!((error.which, error.offset), (Which::Damping, 2));
+    let law_error = Law::new(&bad_damping).expect_err("w");
+    assert_eq!((law_error.which, law_error.offset), (Which::Damping, 2));
     for reach in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         assert_eq!(
             law("d", &[]).through(reach).expect_err("reach").which,
@@ -81,22 +81,25 @@ fn law_with_wrong_constants_or_fields_is_refused() {
 
 #[test]
 fn law_with_wrong_points_is_refused() {
-    let refuse = |points: &[(f64, f64)]| {
-        let text = LawText {
+    let refused_place = |points: &[(f64, f64)]| {
+        let law_text = LawText {
             points: Some(points),
             ..Default::default()
         };
-        let error = Law::new(&text).expect_err("refused");
-        (error.which, error.offset)
+        let law_error = Law::new(&law_text).expect_err("refused");
+        (law_error.which, law_error.offset)
     };
-    assert_eq!(refuse(&[(0.0, 0.0)]), (Which::Points, 0));
+    assert_eq!(refused_place(&[(0.0, 0.0)]), (Which::Points, 0));
     assert_eq!(
-        refuse(&[(0.0, 0.0), (1.0, 1.0), (1.0, 2.0)]),
+        refused_place(&[(0.0, 0.0), (1.0, 1.0), (1.0, 2.0)]),
         (Which::Points, 2)
     );
-    assert_eq!(refuse(&[(0.0, 0.0), (1.0, f64::NAN)]), (Which::Points, 1));
-    let many: Vec<(f64, f64)> = (0..10_001).map(|i| (f64::from(i), 0.0)).collect();
-    assert_eq!(refuse(&many), (Which::Points, 10_000));
+    assert_eq!(
+        refused_place(&[(0.0, 0.0), (1.0, f64::NAN)]),
+        (Which::Points, 1)
+    );
+    let many_points: Vec<(f64, f64)> = (0..10_001).map(|i| (f64::from(i), 0.0)).collect();
+    assert_eq!(refused_place(&many_points), (Which::Points, 10_000));
 }
 
 #[test]
@@ -128,39 +131,39 @@ fn law_by_points_continues_with_its_last_slopes() {
 
 #[test]
 fn potential_matches_closed_forms() {
-    let close = |law: &Law, d: f64, energy: f64| {
-        let got = law.potential(d);
+    let check_energy = |law: &Law, d: f64, energy: f64| {
+        let energy_got = law.potential(d);
         assert!(
-            (got - energy).abs() <= 1e-13 * energy.abs(),
-            "{d}: {got} and {energy}"
+            (energy_got - energy).abs() <= 1e-13 * energy.abs(),
+            "{d}: {energy_got} and {energy}"
         );
     };
     for d in [-3e-3, 1e-6, 2e-3, 0.7] {
-        let cubic = law("k*d + q*d**3", &[("k", 400.0), ("q", 3e7)]);
-        close(&cubic, d, 200.0 * d * d + 0.75e7 * d * d * d * d);
-        close(&cubic.clone().through(4.0).expect("lever"), d, {
+        let cubic_law = law("k*d + q*d**3", &[("k", 400.0), ("q", 3e7)]);
+        check_energy(&cubic_law, d, 200.0 * d * d + 0.75e7 * d * d * d * d);
+        check_energy(&cubic_law.clone().through(4.0).expect("lever"), d, {
             let d = d / 4.0;
             200.0 * d * d + 0.75e7 * d * d * d * d
         });
         // A rope: slack up to 0.1 mm, with a kink inside the interval.
-        let rope = law("where(d > 1e-4, k*(d - 1e-4), 0)", &[("k", 400.0)]);
-        let taut = f64::max(d - 1e-4, 0.0);
-        close(&rope, d, 200.0 * taut * taut);
+        let rope_law = law("where(d > 1e-4, k*(d - 1e-4), 0)", &[("k", 400.0)]);
+        let taut_length = f64::max(d - 1e-4, 0.0);
+        check_energy(&rope_law, d, 200.0 * taut_length * taut_length);
         // A jump at an arbitrary place.
-        let jump = law("where(d > 1.2345e-4, 3, 1)", &[]);
-        close(&jump, d, d + 2.0 * f64::max(d - 1.2345e-4, 0.0));
+        let jump_law = law("where(d > 1.2345e-4, 3, 1)", &[]);
+        check_energy(&jump_law, d, d + 2.0 * f64::max(d - 1.2345e-4, 0.0));
         // Narrow, and near 0.
-        let detent = law("a*d*exp(-(d/3e-5)**2)", &[("a", 50.0)]);
-        close(
-            &detent,
+        let detent_law = law("a*d*exp(-(d/3e-5)**2)", &[("a", 50.0)]);
+        check_energy(
+            &detent_law,
             d,
             25.0 * 9e-10 * -crate::maths::expm1(-(d / 3e-5) * (d / 3e-5)),
         );
         // A power with a vertical tangent at 0, and an exponential.
-        let power = law("sign(d)*abs(d)**0.5", &[]);
-        close(&power, d, maths_power(d.abs(), 1.5) / 1.5);
-        let soft = law("exp(-(d/1e-3))", &[]);
-        close(&soft, d, -1e-3 * crate::maths::expm1(-d / 1e-3));
+        let root_law = law("sign(d)*abs(d)**0.5", &[]);
+        check_energy(&root_law, d, maths_power(d.abs(), 1.5) / 1.5);
+        let exponential_law = law("exp(-(d/1e-3))", &[]);
+        check_energy(&exponential_law, d, -1e-3 * crate::maths::expm1(-d / 1e-3));
     }
 }
 
@@ -171,8 +174,8 @@ fn maths_power(a: f64, b: f64) -> f64 {
 // A polynomial is integrated exactly; the same law, written so that it is not recognised, by quadrature.
 #[test]
 fn potential_of_recognised_polynomials() {
-    let named = [("k", 400.0), ("q", 3e7)];
-    let pairs = [
+    let named_constants = [("k", 400.0), ("q", 3e7)];
+    let law_pairs = [
         ("k*d + q*d**3", "k*abs(d)*sign(d) + q*abs(d)**3*sign(d)"),
         ("-(d - 1e-3)**2*k/3 + 2", "-abs(d - 1e-3)**2*k/3 + 2"),
         (
@@ -180,11 +183,14 @@ fn potential_of_recognised_polynomials() {
             "(abs(d)*sign(d)*k - 1)*(1 - abs(d)**2)",
         ),
     ];
-    for (polynomial, other) in pairs {
-        let (a, b) = (law(polynomial, &named), law(other, &named));
+    for (polynomial, other) in law_pairs {
+        let (recognised, unrecognised) = (
+            law(polynomial, &named_constants),
+            law(other, &named_constants),
+        );
         assert!(
             matches!(
-                a.elastic,
+                recognised.elastic,
                 Elastic::Expression {
                     integral: Some(_),
                     ..
@@ -193,14 +199,17 @@ fn potential_of_recognised_polynomials() {
             "{polynomial}"
         );
         assert!(
-            matches!(b.elastic, Elastic::Expression { integral: None, .. }),
+            matches!(
+                unrecognised.elastic,
+                Elastic::Expression { integral: None, .. }
+            ),
             "{other}"
         );
         for d in [-0.3, 2e-3, 1.7] {
-            let (a, b) = (a.potential(d), b.potential(d));
+            let (recognised, unrecognised) = (recognised.potential(d), unrecognised.potential(d));
             assert!(
-                (a - b).abs() <= 1e-13 * (a.abs() + 0.1),
-                "{polynomial}, {d}: {a} {b}"
+                (recognised - unrecognised).abs() <= 1e-13 * (recognised.abs() + 0.1),
+                "{polynomial}, {d}: {recognised} {unrecognised}"
             );
         }
     }
@@ -231,17 +240,17 @@ fn force_is_the_slope_of_the_potential() {
             &[("a", 2.0), ("w", 4e-4)],
         ),
     ];
-    let levers = [1.0, 0.25, 3.0];
-    for (law, reach) in laws.into_iter().zip(levers) {
+    let lever_reaches = [1.0, 0.25, 3.0];
+    for (law, reach) in laws.into_iter().zip(lever_reaches) {
         let law = law.through(reach).expect("lever");
         for i in -9..=9 {
             let d = 3.1e-4 * f64::from(i) + 1e-5;
             let h = 1e-7;
-            let slope = (law.potential(d + h) - law.potential(d - h)) / (2.0 * h);
-            let force = law.force(d, 0.0);
+            let potential_slope = (law.potential(d + h) - law.potential(d - h)) / (2.0 * h);
+            let law_force = law.force(d, 0.0);
             assert!(
-                (slope - force).abs() <= 1e-6 * force.abs() + 1e-9,
-                "{d}: {slope}, {force}"
+                (potential_slope - law_force).abs() <= 1e-6 * law_force.abs() + 1e-9,
+                "{d}: {potential_slope}, {law_force}"
             );
         }
     }
@@ -249,14 +258,18 @@ fn force_is_the_slope_of_the_potential() {
 
 #[test]
 fn slope_is_the_tangent_of_the_force() {
-    let cubic = law("k*d + q*d**3", &[("k", 400.0), ("q", 3e7)]);
+    let cubic_law = law("k*d + q*d**3", &[("k", 400.0), ("q", 3e7)]);
     for d in [0.0, -1e-3, 5e-3, 0.2] {
         let tangent = 400.0 + 9e7 * d * d;
-        assert!((cubic.slope(d) / tangent - 1.0).abs() < 1e-8, "{d}");
-        let levered = cubic.clone().through(2.0).expect("lever").slope(2.0 * d);
+        assert!((cubic_law.slope(d) / tangent - 1.0).abs() < 1e-8, "{d}");
+        let levered = cubic_law
+            .clone()
+            .through(2.0)
+            .expect("lever")
+            .slope(2.0 * d);
         assert!((levered / (tangent / 4.0) - 1.0).abs() < 1e-8, "{d}");
     }
-    assert_eq!(cubic.damping_slope(0.1), 0.0);
+    assert_eq!(cubic_law.damping_slope(0.1), 0.0);
     let friction = damping("z*v*(1 + d) + c*v**3", &[("z", 0.4), ("c", 9.0)]);
     assert!((friction.damping_slope(0.5) / 0.6 - 1.0).abs() < 1e-12);
 }
@@ -266,9 +279,9 @@ fn is_active_of_bows_and_brakes() {
     assert!(!law("1 - d", &[]).is_active(1.0, 1.0));
     assert!(!damping("z*v + c*tanh(v/1e-4)", &[("z", 0.1), ("c", 0.3)]).is_active(0.01, 2.0));
     // A bow that moves at 0.2 m/s drags along anything slower.
-    let bow = damping("f*tanh((v - 0.2)/1e-3)", &[("f", 0.3)]);
-    assert!(bow.is_active(0.01, 2.0));
-    assert!(bow.is_active(0.01, 200.0));
+    let bow_damping = damping("f*tanh((v - 0.2)/1e-3)", &[("f", 0.3)]);
+    assert!(bow_damping.is_active(0.01, 2.0));
+    assert!(bow_damping.is_active(0.01, 200.0));
     // Negative damping only near rest, and only to one side.
     assert!(damping("where(d > 0.004, v*(abs(v) - 1e-4), v)", &[]).is_active(0.005, 1.0));
     assert!(!damping("where(d > 0.004, v*(abs(v) - 1e-4), v)", &[]).is_active(0.003, 1.0));
@@ -284,30 +297,33 @@ fn law_with_integer_powers_equals_products() {
         assert_eq!(law(&format!("d**{exponent}"), &[]).force(1.1, 0.0), product);
     }
     // A power has the same value whether its exponent is constant or computed.
-    let (fixed, free) = (law("d**7", &[]), law("d**(7 + 0*d)", &[]));
-    assert!(same(fixed.force(1.7, 0.0), free.force(1.7, 0.0)));
+    let (constant_power, computed_power) = (law("d**7", &[]), law("d**(7 + 0*d)", &[]));
+    assert!(same(
+        constant_power.force(1.7, 0.0),
+        computed_power.force(1.7, 0.0)
+    ));
     assert_eq!(law("d**0", &[]).force(0.0, 0.0), 1.0);
 }
 
 fn trees() -> impl Strategy<Value = String> {
-    let leaf = prop_oneof![
+    let leaf_text = prop_oneof![
         Just("d".to_owned()),
         Just("v".to_owned()),
         Just("k".to_owned()),
         (0u32..4000).prop_map(|n| format!("{}", f64::from(n) / 16.0)),
         Just("1e-3".to_owned()),
     ];
-    leaf.prop_recursive(6, 100, 3, |inner| {
-        let infix = prop::sample::select(vec!["+", "-", "*", "/", "**"]);
+    leaf_text.prop_recursive(6, 100, 3, |inner| {
+        let infix_sign = prop::sample::select(vec!["+", "-", "*", "/", "**"]);
         let compare = prop::sample::select(vec!["<", "<=", ">", ">=", "==", "!="]);
-        let first = prop::sample::select(vec!["-", "abs", "sqrt", "sign", "exp", "tanh"]);
-        let two = prop::sample::select(vec!["min", "max"]);
-        let pair = (inner.clone(), inner.clone());
+        let unary_name = prop::sample::select(vec!["-", "abs", "sqrt", "sign", "exp", "tanh"]);
+        let binary_name = prop::sample::select(vec!["min", "max"]);
+        let tree_pair = (inner.clone(), inner.clone());
         prop_oneof![
-            (pair.clone(), infix).prop_map(|((a, b), s)| format!("({a}){s}{b}")),
-            (pair.clone(), compare).prop_map(|((a, b), s)| format!("(({a}) {s} ({b}))")),
-            (inner.clone(), first).prop_map(|(a, f)| format!("{f}({a})")),
-            (pair, two).prop_map(|((a, b), f)| format!("{f}({a}, {b})")),
+            (tree_pair.clone(), infix_sign).prop_map(|((a, b), s)| format!("({a}){s}{b}")),
+            (tree_pair.clone(), compare).prop_map(|((a, b), s)| format!("(({a}) {s} ({b}))")),
+            (inner.clone(), unary_name).prop_map(|(a, f)| format!("{f}({a})")),
+            (tree_pair, binary_name).prop_map(|((a, b), f)| format!("{f}({a}, {b})")),
             (inner.clone(), 0u32..9).prop_map(|(a, n)| format!("({a})**{n}")),
             (inner.clone(), inner.clone(), inner)
                 .prop_map(|(c, a, b)| format!("where({c}, {a}, {b})")),
@@ -369,28 +385,34 @@ proptest! {
 /// An open constant gives the same bits as a written one, whatever value it is set to.
 #[test]
 fn open_constants_equal_written_ones() {
-    let text = "where(abs(v) < w, (k - k/3)*v, sign(v)*k*w/3) + k";
+    let law_text = "where(abs(v) < w, (k - k/3)*v, sign(v)*k*w/3) + k";
     let law = |k: f64, open: &[String]| {
         let constants = [("k".to_owned(), k), ("w".to_owned(), 0.2)].into();
-        let text = LawText {
-            damping: Some(text),
+        let law_text = LawText {
+            damping: Some(law_text),
             constants,
             open,
             ..LawText::default()
         };
-        Law::new(&text).expect("a law")
+        Law::new(&law_text).expect("a law")
     };
-    let mut led = law(0.2, &["k".to_owned()]);
-    assert!(led.rows().is_none(), "native code would keep its constants");
+    let mut open_law = law(0.2, &["k".to_owned()]);
+    assert!(
+        open_law.rows().is_none(),
+        "native code would keep its constants"
+    );
     for k in [0.2, -3.0, 1e-9, 7.25] {
-        led.set(0, k);
+        open_law.set(0, k);
         for v in [-1.0, -0.1, 0.0, 0.15, 0.2, 4.0] {
             assert_eq!(
-                led.force(0.0, v).to_bits(),
+                open_law.force(0.0, v).to_bits(),
                 law(k, &[]).force(0.0, v).to_bits()
             );
         }
-        assert_eq!(led.is_active(1.0, 1.0), law(k, &[]).is_active(1.0, 1.0));
+        assert_eq!(
+            open_law.is_active(1.0, 1.0),
+            law(k, &[]).is_active(1.0, 1.0)
+        );
     }
 }
 
@@ -398,12 +420,14 @@ fn open_constants_equal_written_ones() {
 #[test]
 fn is_bounded_far_from_rest_by_law() {
     let law = |law, damping| {
-        let text = LawText {
+        let law_text = LawText {
             law,
             damping,
             ..LawText::default()
         };
-        Law::new(&text).expect("a law").is_bounded_far_from_rest()
+        Law::new(&law_text)
+            .expect("a law")
+            .is_bounded_far_from_rest()
     };
     assert!(law(None, Some("v*exp(0.5 - 4*(v/0.2)**2)")));
     assert!(law(Some("where(abs(d) < 1, d, 0)"), None));

@@ -57,22 +57,27 @@ pub(super) fn tokens(which: Which, text: &str) -> Result<Vec<Token>, LawError> {
     let characters: Vec<char> = text.chars().collect();
     let mut tokens = Vec::new();
     let mut position = 0;
-    while let Some(&first) = characters.get(position) {
-        if first.is_whitespace() {
+    while let Some(&first_character) = characters.get(position) {
+        if first_character.is_whitespace() {
             position += 1;
             continue;
         }
-        let rest = &characters[position..];
-        let (kind, length) = if first.is_ascii_digit() || (first == '.' && digits(&rest[1..]) > 0) {
-            number(which, rest, position)?
-        } else if is_letter(first) {
-            let length = rest
+        let characters_left = &characters[position..];
+        let (kind, length) = if first_character.is_ascii_digit()
+            || (first_character == '.' && digits(&characters_left[1..]) > 0)
+        {
+            number(which, characters_left, position)?
+        } else if is_letter(first_character) {
+            let length = characters_left
                 .iter()
                 .take_while(|c| is_letter(**c) || c.is_numeric())
                 .count();
-            (Kind::Name(rest[..length].iter().collect()), length)
+            (
+                Kind::Name(characters_left[..length].iter().collect()),
+                length,
+            )
         } else {
-            sign(which, rest, position)?
+            sign(which, characters_left, position)?
         };
         tokens.push(Token {
             kind,
@@ -82,11 +87,11 @@ pub(super) fn tokens(which: Which, text: &str) -> Result<Vec<Token>, LawError> {
         position += length;
     }
     // An error at the end of a text marks its last character, or the first place if the text is empty.
-    let end = text.trim_end().chars().count();
+    let text_end = text.trim_end().chars().count();
     tokens.push(Token {
         kind: Kind::End,
-        offset: end.saturating_sub(1),
-        length: 1.min(end),
+        offset: text_end.saturating_sub(1),
+        length: 1.min(text_end),
     });
     Ok(tokens)
 }
@@ -106,28 +111,28 @@ fn number(which: Which, rest: &[char], position: usize) -> Result<(Kind, usize),
         length += 1 + digits(&rest[length + 1..]);
     }
     if matches!(rest.get(length), Some('e' | 'E')) {
-        let signed = usize::from(matches!(rest.get(length + 1), Some('+' | '-')));
-        let exponent = digits(rest.get(length + 1 + signed..).unwrap_or(&[]));
+        let sign_length = usize::from(matches!(rest.get(length + 1), Some('+' | '-')));
+        let exponent = digits(rest.get(length + 1 + sign_length..).unwrap_or(&[]));
         if exponent > 0 {
-            length += 1 + signed + exponent;
+            length += 1 + sign_length + exponent;
         }
     }
-    let tail = rest[length..]
+    let tail_length = rest[length..]
         .iter()
         .take_while(|c| is_letter(**c) || c.is_numeric())
         .count();
-    if tail > 0 {
+    if tail_length > 0 {
         let message = "A number in a law has no unit: define a constant with one \
                        (`k: 400N/m`), and write a product with `*`.";
         return Err(LawError::new(
             which,
             position,
-            length + tail,
+            length + tail_length,
             message.into(),
         ));
     }
-    let text: String = rest[..length].iter().collect();
-    match text.parse::<f64>() {
+    let number_text: String = rest[..length].iter().collect();
+    match number_text.parse::<f64>() {
         Ok(value) if value.is_finite() => Ok((Kind::Number(value), length)),
         _ => Err(LawError::new(
             which,
@@ -139,16 +144,23 @@ fn number(which: Which, rest: &[char], position: usize) -> Result<(Kind, usize),
 }
 
 fn sign(which: Which, rest: &[char], position: usize) -> Result<(Kind, usize), LawError> {
-    let is = |sign: &str| {
+    let is_at_start = |sign: &str| {
         sign.chars().zip(rest).filter(|(a, b)| a == *b).count() == sign.chars().count()
     };
-    let pair = SIGNS.iter().any(|sign| sign.len() == 2 && is(sign));
-    if let Some((foreign, why, instead)) = FOREIGN_SIGNS.iter().find(|row| is(row.0) && !pair) {
-        let length = foreign.chars().count();
-        return Err(LawError::new(which, position, length, (*why).into())
-            .suggesting(instead.map(str::to_owned)));
+    let has_pair_sign = SIGNS
+        .iter()
+        .any(|sign| sign.len() == 2 && is_at_start(sign));
+    if let Some((foreign, explanation, instead)) = FOREIGN_SIGNS
+        .iter()
+        .find(|row| is_at_start(row.0) && !has_pair_sign)
+    {
+        let sign_length = foreign.chars().count();
+        return Err(
+            LawError::new(which, position, sign_length, (*explanation).into())
+                .suggesting(instead.map(str::to_owned)),
+        );
     }
-    if let Some(sign) = SIGNS.iter().find(|sign| is(sign)) {
+    if let Some(sign) = SIGNS.iter().find(|sign| is_at_start(sign)) {
         return Ok((Kind::Sign(sign), sign.len()));
     }
     let message = match rest[0] {

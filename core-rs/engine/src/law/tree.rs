@@ -56,7 +56,7 @@ impl Unary {
 impl Binary {
     #[inline(always)]
     pub(super) fn apply(self, a: f64, b: f64) -> f64 {
-        let truth = |is: bool| if is { 1.0 } else { 0.0 };
+        let as_number = |is: bool| if is { 1.0 } else { 0.0 };
         match self {
             Self::Add => a + b,
             Self::Subtract => a - b,
@@ -78,12 +78,12 @@ impl Binary {
                     a
                 }
             }
-            Self::Less => truth(a < b),
-            Self::LessEqual => truth(a <= b),
-            Self::Greater => truth(a > b),
-            Self::GreaterEqual => truth(a >= b),
-            Self::Equal => truth(a == b),
-            Self::NotEqual => truth(a != b),
+            Self::Less => as_number(a < b),
+            Self::LessEqual => as_number(a <= b),
+            Self::Greater => as_number(a > b),
+            Self::GreaterEqual => as_number(a >= b),
+            Self::Equal => as_number(a == b),
+            Self::NotEqual => as_number(a != b),
         }
     }
 }
@@ -115,18 +115,18 @@ pub(super) fn power(a: f64, b: f64) -> f64 {
 /// Repeated squaring from the highest bit of the exponent down, with a multiplication by `a` at each set bit: a fixed
 /// order.
 pub(super) fn integer_power(a: f64, n: i32) -> f64 {
-    let size = n.unsigned_abs();
-    if size == 0 {
+    let magnitude = n.unsigned_abs();
+    if magnitude == 0 {
         return 1.0;
     }
-    let mut result = a;
-    for bit in (0..size.ilog2()).rev() {
-        result *= result;
-        if size >> bit & 1 == 1 {
-            result *= a;
+    let mut product = a;
+    for bit in (0..magnitude.ilog2()).rev() {
+        product *= product;
+        if magnitude >> bit & 1 == 1 {
+            product *= a;
         }
     }
-    if n < 0 { 1.0 / result } else { result }
+    if n < 0 { 1.0 / product } else { product }
 }
 
 /// A node; its arguments come before it.

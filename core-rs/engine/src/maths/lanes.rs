@@ -63,15 +63,19 @@ fn tame_exp(x: f64) -> f64 {
         f64::from_bits(0xbebb_bd41_c5d2_6bf1),
         f64::from_bits(0x3e66_3769_72be_a4d0),
     ];
-    let size = x.abs();
+    let magnitude = x.abs();
     let half_sign = 1f64.copysign(x);
     // SAFETY: |x| < 708, so that the product fits an i32.
-    let far: i32 = unsafe { (INV_LN2 * x + 0.5 * half_sign).to_int_unchecked() };
-    let near = if size >= HALF_LN2 { half_sign } else { 0.0 };
-    let k = if size >= MORE_LN2 {
-        f64::from(far)
+    let far_multiple: i32 = unsafe { (INV_LN2 * x + 0.5 * half_sign).to_int_unchecked() };
+    let near_multiple = if magnitude >= HALF_LN2 {
+        half_sign
     } else {
-        near
+        0.0
+    };
+    let k = if magnitude >= MORE_LN2 {
+        f64::from(far_multiple)
+    } else {
+        near_multiple
     };
     let (hi, lo) = (x - k * LN2_HI, k * LN2_LO);
     let r = hi - lo;
@@ -79,7 +83,7 @@ fn tame_exp(x: f64) -> f64 {
     let c = r - rr * (P[0] + rr * (P[1] + rr * (P[2] + rr * (P[3] + rr * P[4]))));
     let y = 1.0 + (r * c / (2.0 - c) - lo + hi);
     let y = y * f64::from_bits((k + TO_BITS).to_bits().wrapping_add(BIAS) << 52);
-    if size < TINY { 1.0 + x } else { y }
+    if magnitude < TINY { 1.0 + x } else { y }
 }
 
 #[cfg(test)]
@@ -88,9 +92,9 @@ mod tests {
     use proptest::prelude::*;
 
     fn check(numbers: &[f64]) {
-        let mut out = vec![0.0; numbers.len()];
-        exp(numbers, &mut out);
-        for (x, y) in numbers.iter().zip(out) {
+        let mut result = vec![0.0; numbers.len()];
+        exp(numbers, &mut result);
+        for (x, y) in numbers.iter().zip(result) {
             let expected = one_exp(*x);
             assert!(
                 expected.to_bits() == y.to_bits() || (expected.is_nan() && y.is_nan()),
@@ -110,11 +114,11 @@ mod tests {
         ];
         for border in borders.map(f64::to_bits) {
             // libm compares only the upper half of a number; the steps are a hundredth of that half's last bit.
-            let near: Vec<f64> = (-4000i64..4000)
+            let near_border: Vec<f64> = (-4000i64..4000)
                 .map(|i| f64::from_bits(border.saturating_add_signed(i * 42_949_673)))
                 .flat_map(|x| [x, -x])
                 .collect();
-            near.chunks(16).for_each(check);
+            near_border.chunks(16).for_each(check);
         }
         check(&[
             f64::INFINITY,

@@ -63,47 +63,53 @@ impl Mixing {
 
     /// The values to begin the next round with   (n)
     pub(crate) fn guess(&mut self) -> &[f64] {
-        let n = self.n;
-        let size = dot(&self.changes[..n], &self.changes[..n]);
-        if size > self.size {
+        let value_count = self.n;
+        let squared_change = dot(&self.changes[..value_count], &self.changes[..value_count]);
+        if squared_change > self.size {
             // The last guess made things worse: rounds are not affine here.
             (self.n_rounds, self.n_failures) = (1, self.n_failures + 1);
         }
-        self.size = size;
-        self.guess[..n].copy_from_slice(&self.values[..n]);
+        self.size = squared_change;
+        self.guess[..value_count].copy_from_slice(&self.values[..value_count]);
         if self.n_failures < FAILURES_MAX {
             self.combine();
         }
-        &self.guess[..n]
+        &self.guess[..value_count]
     }
 
     /// Subtract from the guess what makes its change as small as the last rounds can tell, by modified Gram-Schmidt.
     fn combine(&mut self) {
-        let n = self.n;
-        let (values, earlier_values) = self.values.split_at(n);
-        let (change, earlier_changes) = self.changes.split_at(n);
+        let value_count = self.n;
+        let (values, earlier_values) = self.values.split_at(value_count);
+        let (last_change, earlier_changes) = self.changes.split_at(value_count);
         let mut n_directions = 0;
         for round in 0..(self.n_rounds - 1).min(DEPTH) {
-            let known = n_directions * n;
-            let (others, direction) = self.directions.split_at_mut(known);
-            let (other_steps, step) = self.steps.split_at_mut(known);
-            let (direction, step) = (&mut direction[..n], &mut step[..n]);
-            let earlier = round * n..(round + 1) * n;
-            subtract(direction, change, &earlier_changes[earlier.clone()]);
-            subtract(step, values, &earlier_values[earlier]);
-            let square = dot(direction, direction);
-            for (other, other_step) in others.chunks(n).zip(other_steps.chunks(n)) {
-                let share = dot(other, direction);
-                add(direction, -share, other);
-                add(step, -share, other_step);
+            let used_length = n_directions * value_count;
+            let (other_directions, direction) = self.directions.split_at_mut(used_length);
+            let (other_steps, value_step) = self.steps.split_at_mut(used_length);
+            let (direction, value_step) = (
+                &mut direction[..value_count],
+                &mut value_step[..value_count],
+            );
+            let earlier = round * value_count..(round + 1) * value_count;
+            subtract(direction, last_change, &earlier_changes[earlier.clone()]);
+            subtract(value_step, values, &earlier_values[earlier]);
+            let squared_before = dot(direction, direction);
+            for (other, other_step) in other_directions
+                .chunks(value_count)
+                .zip(other_steps.chunks(value_count))
+            {
+                let projection = dot(other, direction);
+                add(direction, -projection, other);
+                add(value_step, -projection, other_step);
             }
-            let size = dot(direction, direction);
-            if size > DEPENDENT * DEPENDENT * square {
-                let scale = 1.0 / size.sqrt();
-                direction.iter_mut().for_each(|x| *x *= scale);
-                step.iter_mut().for_each(|x| *x *= scale);
-                let share = dot(direction, change);
-                add(&mut self.guess[..n], -share, step);
+            let squared_length = dot(direction, direction);
+            if squared_length > DEPENDENT * DEPENDENT * squared_before {
+                let normaliser = 1.0 / squared_length.sqrt();
+                direction.iter_mut().for_each(|x| *x *= normaliser);
+                value_step.iter_mut().for_each(|x| *x *= normaliser);
+                let projection = dot(direction, last_change);
+                add(&mut self.guess[..value_count], -projection, value_step);
                 n_directions += 1;
             }
         }
@@ -136,24 +142,24 @@ mod tests {
     fn mixing_solves_an_affine_iteration_in_few_rounds() {
         // Gauss-Seidel on a chain of springs, whose plain rounds reduce an error by 0.93.
         const N: usize = 5;
-        let right = [1.0, -2.0, 0.5, 3.0, 0.1];
-        let mut x = [0.0; N];
+        let right_side = [1.0, -2.0, 0.5, 3.0, 0.1];
+        let mut solution = [0.0; N];
         let mut mixing = Mixing::new(N);
         mixing.start(N);
         let mut changes = Vec::new();
         for _ in 0..N + 2 {
             mixing.next_round();
-            let mut change = 0.0_f64;
+            let mut greatest_change = 0.0_f64;
             for index in 0..N {
-                let beside =
-                    if index > 0 { x[index - 1] } else { 0.0 } + x.get(index + 1).unwrap_or(&0.0);
-                let new = (right[index] + beside) / 2.05;
-                mixing.record(index, x[index], new);
-                change = change.max((new - x[index]).abs());
-                x[index] = new;
+                let neighbour_sum = if index > 0 { solution[index - 1] } else { 0.0 }
+                    + solution.get(index + 1).unwrap_or(&0.0);
+                let updated = (right_side[index] + neighbour_sum) / 2.05;
+                mixing.record(index, solution[index], updated);
+                greatest_change = greatest_change.max((updated - solution[index]).abs());
+                solution[index] = updated;
             }
-            changes.push(change);
-            x.copy_from_slice(mixing.guess());
+            changes.push(greatest_change);
+            solution.copy_from_slice(mixing.guess());
         }
         assert!(changes[1] > 0.1 && changes[N + 1] < 1e-12, "{changes:?}");
     }
@@ -165,9 +171,9 @@ mod tests {
         // Changes that grow, whatever is guessed.
         for round in 0..10 {
             mixing.next_round();
-            let after = (1 << round) as f64;
-            mixing.record(0, 0.0, after);
-            let is_plain = mixing.guess() == [after];
+            let value_after = (1 << round) as f64;
+            mixing.record(0, 0.0, value_after);
+            let is_plain = mixing.guess() == [value_after];
             assert!(is_plain || round < FAILURES_MAX + 1);
         }
     }

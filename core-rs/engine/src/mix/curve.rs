@@ -28,9 +28,11 @@ pub struct Point {
 /// point and after the last one, else what `between` makes of two and the share of the way. `None` without points.
 fn along(points: &[Point], frame: u64, between: impl Fn(f64, f64, f64) -> f64) -> Option<f64> {
     let frame = i64::try_from(frame).unwrap_or(i64::MAX);
-    let next = points.partition_point(|point| point.frame <= frame);
-    let before = next.checked_sub(1).and_then(|index| points.get(index));
-    match (before, points.get(next)) {
+    let next_index = points.partition_point(|point| point.frame <= frame);
+    let point_before = next_index
+        .checked_sub(1)
+        .and_then(|index| points.get(index));
+    match (point_before, points.get(next_index)) {
         (Some(from), Some(to)) => {
             let u = (frame - from.frame) as f64 / (to.frame - from.frame) as f64;
             let u = match to.segment {
@@ -50,12 +52,12 @@ fn along(points: &[Point], frame: u64, between: impl Fn(f64, f64, f64) -> f64) -
 
 /// Whether [`along`] gives the same at all of these frames, because they lie before the first point or after the last.
 fn is_even(points: &[Point], frames: &Range<u64>) -> bool {
-    let (Some(first), Some(last)) = (points.first(), points.last()) else {
+    let (Some(first_point), Some(last_point)) = (points.first(), points.last()) else {
         return true;
     };
-    let [start, stop] =
+    let [start_frame, stop_frame] =
         [frames.start, frames.end].map(|frame| i64::try_from(frame).unwrap_or(i64::MAX));
-    stop <= first.frame || start >= last.frame
+    stop_frame <= first_point.frame || start_frame >= last_point.frame
 }
 
 fn sorted(mut points: Vec<Point>) -> Vec<Point> {
@@ -87,7 +89,7 @@ impl Pan {
     /// A pan through places from -1 to 1.
     #[must_use]
     pub fn new(places: Vec<Point>, side: Side) -> Self {
-        let angle = |point: Point| Point {
+        let angle_point = |point: Point| Point {
             value: atan2(
                 sqrt((1.0 + point.value).max(0.0)),
                 sqrt((1.0 - point.value).max(0.0)),
@@ -95,15 +97,15 @@ impl Pan {
             ..point
         };
         Self {
-            angles: sorted(places).into_iter().map(angle).collect(),
+            angles: sorted(places).into_iter().map(angle_point).collect(),
             side,
         }
     }
 
     /// The gain at a frame of the piece; that of the middle without points.
     fn value(&self, frame: u64) -> f64 {
-        let angle = along(&self.angles, frame, |from, to, u| from + (to - from) * u);
-        let (sin, cos) = sincos(angle.unwrap_or(std::f64::consts::FRAC_PI_4));
+        let pan_angle = along(&self.angles, frame, |from, to, u| from + (to - from) * u);
+        let (sin, cos) = sincos(pan_angle.unwrap_or(std::f64::consts::FRAC_PI_4));
         match self.side {
             Side::First => cos,
             Side::Second => sin,
@@ -153,27 +155,27 @@ impl Curve {
     /// The gain at a frame of the piece; 1 without points.
     #[must_use]
     pub fn value(&self, frame: u64) -> f64 {
-        let level = along(&self.levels, frame, |from, to, u| {
+        let curve_level = along(&self.levels, frame, |from, to, u| {
             if from > 0.0 && to > 0.0 {
                 from * pow(to / from, u)
             } else {
                 from + (to - from) * u
             }
         });
-        let share = self.pan.as_ref().map_or(1.0, |pan| pan.value(frame));
-        level.unwrap_or(1.0) * share
+        let pan_gain = self.pan.as_ref().map_or(1.0, |pan| pan.value(frame));
+        curve_level.unwrap_or(1.0) * pan_gain
     }
 
     /// Its gains from frame `first` on.
     pub(super) fn fill(&self, first: u64, gains: &mut [f64]) {
-        let frames = first..first.saturating_add(gains.len() as u64);
+        let frame_range = first..first.saturating_add(gains.len() as u64);
         let mut points =
             std::iter::once(&self.levels).chain(self.pan.as_ref().map(|pan| &pan.angles));
-        if points.all(|points| is_even(points, &frames)) {
+        if points.all(|points| is_even(points, &frame_range)) {
             gains.fill(self.value(first));
         } else {
-            let pairs = gains.iter_mut().zip(frames);
-            pairs.for_each(|(gain, frame)| *gain = self.value(frame));
+            let gain_frames = gains.iter_mut().zip(frame_range);
+            gain_frames.for_each(|(gain, frame)| *gain = self.value(frame));
         }
     }
 }
@@ -225,23 +227,24 @@ mod tests {
 
     #[test]
     fn curve_spans_equal_gains_of_their_frames() {
-        let levels = vec![
+        let level_points = vec![
             point(100, 0.5, Segment::Line),
             point(200, 2.0, Segment::Smooth),
         ];
-        let places = vec![
+        let place_points = vec![
             point(150, -1.0, Segment::Line),
             point(260, 0.5, Segment::Smooth),
         ];
-        let plain = Curve::new(levels.clone());
-        let panned = Curve::new(levels).panned(Pan::new(places, Side::Second));
-        for curve in [plain, panned, Curve::new(Vec::new())] {
+        let plain_curve = Curve::new(level_points.clone());
+        let panned_curve = Curve::new(level_points).panned(Pan::new(place_points, Side::Second));
+        for curve in [plain_curve, panned_curve, Curve::new(Vec::new())] {
             for length in [1, 7, 50, 64] {
                 for first in (0..400).step_by(length) {
                     let mut gains = vec![0.0; length];
                     curve.fill(first, &mut gains);
-                    let each: Vec<f64> = (first..).take(length).map(|n| curve.value(n)).collect();
-                    assert_eq!(gains, each, "{length} frames from {first}");
+                    let frame_gains: Vec<f64> =
+                        (first..).take(length).map(|n| curve.value(n)).collect();
+                    assert_eq!(gains, frame_gains, "{length} frames from {first}");
                 }
             }
         }
@@ -254,21 +257,21 @@ mod tests {
 
     #[test]
     fn pan_between_two_places() {
-        let places = [
+        let place_points = [
             point(0, -1.0, Segment::Line),
             point(900, 1.0, Segment::Line),
         ];
-        let channel = |side| Curve::new(Vec::new()).panned(Pan::new(places.to_vec(), side));
-        let (first, second) = (channel(Side::First), channel(Side::Second));
+        let channel = |side| Curve::new(Vec::new()).panned(Pan::new(place_points.to_vec(), side));
+        let (first_channel, second_channel) = (channel(Side::First), channel(Side::Second));
         for frame in [0, 1, 300, 450, 899, 900, 5000] {
-            let angle = (frame.min(900) as f64 / 10.0).to_radians();
-            let gains = (first.value(frame), second.value(frame));
+            let pan_angle = (frame.min(900) as f64 / 10.0).to_radians();
+            let channel_gains = (first_channel.value(frame), second_channel.value(frame));
             assert!(
-                (gains.0 - crate::maths::cos(angle)).abs() < 1e-15,
+                (channel_gains.0 - crate::maths::cos(pan_angle)).abs() < 1e-15,
                 "{frame}"
             );
             assert!(
-                (gains.1 - crate::maths::sin(angle)).abs() < 1e-15,
+                (channel_gains.1 - crate::maths::sin(pan_angle)).abs() < 1e-15,
                 "{frame}"
             );
         }
@@ -276,9 +279,9 @@ mod tests {
 
     #[test]
     fn pan_with_levels() {
-        let levels = vec![point(0, 0.5, Segment::Line)];
-        let middle = Pan::new(vec![point(0, 0.0, Segment::Line)], Side::First);
-        let gain = Curve::new(levels).panned(middle).value(7);
-        assert!((gain - 0.5 * sqrt(0.5)).abs() < 1e-15);
+        let level_points = vec![point(0, 0.5, Segment::Line)];
+        let middle_pan = Pan::new(vec![point(0, 0.0, Segment::Line)], Side::First);
+        let panned_gain = Curve::new(level_points).panned(middle_pan).value(7);
+        assert!((panned_gain - 0.5 * sqrt(0.5)).abs() < 1e-15);
     }
 }

@@ -46,19 +46,19 @@ impl Delay {
     /// Put in the newest sample, and give the one that leaves the line.
     #[inline]
     pub(super) fn next(&mut self, x: f64) -> f64 {
-        let late = self.oldest();
-        let back = self.echo.map_or(0.0, |echo| {
-            let length = self.past.len();
-            let place = self.write_index + length - echo.frames;
-            let place = if place < length {
-                place
+        let oldest_sample = self.oldest();
+        let echo_sample = self.echo.map_or(0.0, |echo| {
+            let line_length = self.past.len();
+            let echo_index = self.write_index + line_length - echo.frames;
+            let echo_index = if echo_index < line_length {
+                echo_index
             } else {
-                place - length
+                echo_index - line_length
             };
-            echo.ratio * self.past[place]
+            echo.ratio * self.past[echo_index]
         });
-        self.push(x + back);
-        late
+        self.push(x + echo_sample);
+        oldest_sample
     }
 
     /// Frames by which it delays.
@@ -84,37 +84,40 @@ impl Delay {
 
     /// The samples that leave the line next, no more than its length.
     pub(super) fn copy_oldest(&self, out: &mut [f64]) {
-        let first = (self.past.len() - self.write_index).min(out.len());
-        let (early, late) = out.split_at_mut(first);
-        early.copy_from_slice(&self.past[self.write_index..self.write_index + first]);
-        late.copy_from_slice(&self.past[..late.len()]);
+        let until_wrap = (self.past.len() - self.write_index).min(out.len());
+        let (early_part, late_part) = out.split_at_mut(until_wrap);
+        early_part.copy_from_slice(&self.past[self.write_index..self.write_index + until_wrap]);
+        late_part.copy_from_slice(&self.past[..late_part.len()]);
     }
 
     /// Put in the newest samples, no more than its length.
     pub(super) fn push_all(&mut self, samples: &[f64]) {
-        let first = (self.past.len() - self.write_index).min(samples.len());
-        let (early, late) = samples.split_at(first);
-        self.past[self.write_index..self.write_index + first].copy_from_slice(early);
-        self.past[..late.len()].copy_from_slice(late);
+        let until_wrap = (self.past.len() - self.write_index).min(samples.len());
+        let (early_part, late_part) = samples.split_at(until_wrap);
+        self.past[self.write_index..self.write_index + until_wrap].copy_from_slice(early_part);
+        self.past[..late_part.len()].copy_from_slice(late_part);
         self.write_index = (self.write_index + samples.len()) % self.past.len();
     }
 
     /// Continue with the newest samples of another line, as many as fit. Allocates nothing.
     pub(super) fn take_over(&mut self, old: &Self) {
-        let (length, their) = (self.past.len(), old.past.len());
+        let (line_length, old_length) = (self.past.len(), old.past.len());
         self.write_index = 0;
-        for back in 1..=length {
-            self.past[length - back] = if back <= their {
-                old.past[(old.write_index + their - back) % their]
+        for back in 1..=line_length {
+            self.past[line_length - back] = if back <= old_length {
+                old.past[(old.write_index + old_length - back) % old_length]
             } else {
                 0.0
             };
         }
         // Where the older one ends, a line that hears itself would hear a step.
-        if self.echo.is_some() && their < length {
-            let count = their.min(SMOOTHED_MAX);
-            for (step, x) in self.past[length - their..][..count].iter_mut().enumerate() {
-                let u = step as f64 / count as f64;
+        if self.echo.is_some() && old_length < line_length {
+            let smoothed_count = old_length.min(SMOOTHED_MAX);
+            for (step, x) in self.past[line_length - old_length..][..smoothed_count]
+                .iter_mut()
+                .enumerate()
+            {
+                let u = step as f64 / smoothed_count as f64;
                 *x *= u * u * (3.0 - 2.0 * u);
             }
         }
@@ -133,9 +136,9 @@ mod tests {
 
     fn through(delay: &mut Delay, from: i32, to: i32) -> Vec<f64> {
         let mut next = |x: f64| {
-            let oldest = delay.oldest();
+            let oldest_sample = delay.oldest();
             delay.push(x);
-            oldest
+            oldest_sample
         };
         (from..to).map(|i| next(f64::from(i))).collect()
     }
@@ -148,32 +151,39 @@ mod tests {
 
     #[test]
     fn echoing_delay_falls_by_its_feedback() {
-        let echoes = |length| {
+        let echo_response = |length| {
             let echo = Echo {
                 frames: 3,
                 ratio: -0.5,
             };
             let mut echo = Delay::echoing(length, Some(echo));
-            let echoed = (0..10).map(|i| echo.next(if i == 0 { 1.0 } else { 0.0 }));
-            echoed.collect::<Vec<f64>>()
+            let echoed_samples = (0..10).map(|i| echo.next(if i == 0 { 1.0 } else { 0.0 }));
+            echoed_samples.collect::<Vec<f64>>()
         };
         let expected = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, -0.5, 0.0, 0.0, 0.25];
-        assert_eq!(echoes(3), expected);
-        assert_eq!(echoes(5)[2..], expected[..8], "heard two frames later");
+        assert_eq!(echo_response(3), expected);
+        assert_eq!(
+            echo_response(5)[2..],
+            expected[..8],
+            "heard two frames later"
+        );
     }
 
     #[test]
     fn delay_take_over_keeps_the_newest_samples() {
-        let mut old = Delay::new(5);
-        through(&mut old, 1, 13); // holds 8 … 12
-        let mut same = Delay::new(5);
-        same.take_over(&old);
-        assert_eq!(through(&mut same, 0, 5), [8.0, 9.0, 10.0, 11.0, 12.0]);
+        let mut old_delay = Delay::new(5);
+        through(&mut old_delay, 1, 13); // holds 8 … 12
+        let mut equal_delay = Delay::new(5);
+        equal_delay.take_over(&old_delay);
+        assert_eq!(
+            through(&mut equal_delay, 0, 5),
+            [8.0, 9.0, 10.0, 11.0, 12.0]
+        );
         let mut shorter = Delay::new(2);
-        shorter.take_over(&old);
+        shorter.take_over(&old_delay);
         assert_eq!(through(&mut shorter, 0, 2), [11.0, 12.0]);
         let mut longer = Delay::new(7);
-        longer.take_over(&old);
+        longer.take_over(&old_delay);
         assert_eq!(
             through(&mut longer, 0, 7),
             [0.0, 0.0, 8.0, 9.0, 10.0, 11.0, 12.0]

@@ -83,16 +83,20 @@ impl Filter {
             Tone::Highpass { .. } => (section(1.0), Weights::High),
             Tone::Lowpass { .. } => (section(1.0), Weights::Low),
             Tone::Lowshelf { level, .. } => {
-                let a = pow(10.0, level / 40.0);
-                let band = BUTTERWORTH_2 * (a - 1.0);
-                let weights = Weights::Shelf([1.0, band, a * a - 1.0]);
-                (section(1.0 / sqrt(a)), weights)
+                let root_gain = pow(10.0, level / 40.0);
+                let band_weight = BUTTERWORTH_2 * (root_gain - 1.0);
+                let weights = Weights::Shelf([1.0, band_weight, root_gain * root_gain - 1.0]);
+                (section(1.0 / sqrt(root_gain)), weights)
             }
             Tone::Highshelf { level, .. } => {
-                let a = pow(10.0, level / 40.0);
-                let band = BUTTERWORTH_2 * (1.0 - a) * a;
-                let weights = Weights::Shelf([a * a, band, 1.0 - a * a]);
-                (section(sqrt(a)), weights)
+                let root_gain = pow(10.0, level / 40.0);
+                let band_weight = BUTTERWORTH_2 * (1.0 - root_gain) * root_gain;
+                let weights = Weights::Shelf([
+                    root_gain * root_gain,
+                    band_weight,
+                    1.0 - root_gain * root_gain,
+                ]);
+                (section(sqrt(root_gain)), weights)
             }
         };
         Self {
@@ -129,8 +133,8 @@ impl Filter {
             Weights::High => signal.iter_mut().for_each(|x| *x = section.next(*x).high),
             Weights::Low => signal.iter_mut().for_each(|x| *x = section.next(*x).low),
             Weights::Shelf([input, band, low]) => signal.iter_mut().for_each(|x| {
-                let split = section.next(*x);
-                *x = input * *x + band * split.band + low * split.low;
+                let split_bands = section.next(*x);
+                *x = input * *x + band * split_bands.band + low * split_bands.low;
             }),
         }
         self.section = section;
@@ -154,38 +158,38 @@ mod tests {
     /// Level of a filter at a frequency [dB], by a Fourier sum of its impulse response.
     fn level(tone: Tone, f: f64) -> f64 {
         let mut filter = Filter::new(tone, RATE);
-        let (mut re, mut im) = (0.0, 0.0);
+        let (mut real_sum, mut imaginary_sum) = (0.0, 0.0);
         for i in 0..40_000 {
-            let h = next(&mut filter, if i == 0 { 1.0 } else { 0.0 });
+            let response = next(&mut filter, if i == 0 { 1.0 } else { 0.0 });
             let (sin, cos) = sincos(TAU * f * f64::from(i) / RATE);
-            re += h * cos;
-            im += h * sin;
+            real_sum += response * cos;
+            imaginary_sum += response * sin;
         }
-        10.0 * log10(re * re + im * im)
+        10.0 * log10(real_sum * real_sum + imaginary_sum * imaginary_sum)
     }
 
     #[test]
     fn filters_have_half_power_at_their_cutoff() {
         for f in [50.0, 1000.0, 15_000.0] {
-            let half = 10.0 * log10(0.5);
-            assert!((level(Tone::Lowpass { f }, f) - half).abs() < 1e-6);
-            assert!((level(Tone::Highpass { f }, f) - half).abs() < 1e-6);
+            let half_power = 10.0 * log10(0.5);
+            assert!((level(Tone::Lowpass { f }, f) - half_power).abs() < 1e-6);
+            assert!((level(Tone::Highpass { f }, f) - half_power).abs() < 1e-6);
         }
     }
 
     #[test]
     fn shelves_at_corner_and_ends() {
         for (f, db) in [(200.0, 6.0), (3000.0, -12.0)] {
-            let (low, high) = (
+            let (low_shelf, high_shelf) = (
                 Tone::Lowshelf { f, level: db },
                 Tone::Highshelf { f, level: db },
             );
-            assert!((level(low, 0.5) - db).abs() < 1e-3);
-            assert!((level(low, f) - db / 2.0).abs() < 1e-6);
-            assert!(level(low, 0.5 * RATE).abs() < 1e-6);
-            assert!(level(high, 0.5).abs() < 1e-3);
-            assert!((level(high, f) - db / 2.0).abs() < 1e-6);
-            assert!((level(high, 0.5 * RATE) - db).abs() < 1e-6);
+            assert!((level(low_shelf, 0.5) - db).abs() < 1e-3);
+            assert!((level(low_shelf, f) - db / 2.0).abs() < 1e-6);
+            assert!(level(low_shelf, 0.5 * RATE).abs() < 1e-6);
+            assert!(level(high_shelf, 0.5).abs() < 1e-3);
+            assert!((level(high_shelf, f) - db / 2.0).abs() < 1e-6);
+            assert!((level(high_shelf, 0.5 * RATE) - db).abs() < 1e-6);
         }
     }
 

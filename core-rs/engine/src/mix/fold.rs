@@ -70,8 +70,8 @@ impl Fold {
     /// # Errors
     /// [`FoldError`].
     pub fn new(n_in: usize, n_out: usize, filters: &[f64]) -> Result<Self, FoldError> {
-        let range = 1..=MAX_CHANNELS;
-        if !range.contains(&n_in) || !range.contains(&n_out) {
+        let channel_range = 1..=MAX_CHANNELS;
+        if !channel_range.contains(&n_in) || !channel_range.contains(&n_out) {
             return Err(FoldError::Channels(n_in, n_out));
         }
         let n_taps = filters.len() / (n_in * n_out);
@@ -89,15 +89,15 @@ impl Fold {
                 let Some(delay) = filter.iter().position(|h| *h != 0.0) else {
                     continue;
                 };
-                let end = filter.iter().rposition(|h| *h != 0.0).unwrap_or(delay) + 1;
+                let filter_end = filter.iter().rposition(|h| *h != 0.0).unwrap_or(delay) + 1;
                 ways.push(FoldPath {
                     from,
                     to,
                     delay,
                     first: taps.len(),
-                    n_taps: end - delay,
+                    n_taps: filter_end - delay,
                 });
-                taps.extend_from_slice(&filter[delay..end]);
+                taps.extend_from_slice(&filter[delay..filter_end]);
             }
         }
         let past = n_taps - 1;
@@ -137,46 +137,52 @@ impl Fold {
 
     fn block(&mut self, input: &[f64], output: &mut [f64]) {
         let n_frames = input.len() / self.n_in;
-        let width = self.past + BLOCK;
+        let line_width = self.past + BLOCK;
         for (frame, row) in input.chunks_exact(self.n_in).enumerate() {
             for (channel, x) in row.iter().enumerate() {
-                self.line[channel * width + self.past + frame] = *x;
+                self.line[channel * line_width + self.past + frame] = *x;
             }
         }
-        let mut ways = self.ways.iter().peekable();
+        let mut ways_left = self.ways.iter().peekable();
         for to in 0..self.n_out {
-            let sums = &mut self.sums[..n_frames.next_multiple_of(TILE)];
-            sums.fill(0.0);
-            while let Some(path) = ways.next_if(|path| path.to == to) {
-                let line = &self.line[path.from * width..(path.from + 1) * width];
-                let taps = &self.taps[path.first..path.first + path.n_taps];
-                let begin = self.past - path.delay;
-                for (tile, sums) in sums.chunks_exact_mut(TILE).enumerate() {
-                    add(sums, line, begin + tile * TILE, taps);
+            let output_sums = &mut self.sums[..n_frames.next_multiple_of(TILE)];
+            output_sums.fill(0.0);
+            while let Some(fold_path) = ways_left.next_if(|fold_path| fold_path.to == to) {
+                let channel_line =
+                    &self.line[fold_path.from * line_width..(fold_path.from + 1) * line_width];
+                let path_taps = &self.taps[fold_path.first..fold_path.first + fold_path.n_taps];
+                let line_start = self.past - fold_path.delay;
+                for (tile, output_sums) in output_sums.chunks_exact_mut(TILE).enumerate() {
+                    add(
+                        output_sums,
+                        channel_line,
+                        line_start + tile * TILE,
+                        path_taps,
+                    );
                 }
             }
-            for (frame, sum) in sums[..n_frames].iter().enumerate() {
+            for (frame, sum) in output_sums[..n_frames].iter().enumerate() {
                 output[frame * self.n_out + to] = *sum;
             }
         }
         for channel in 0..self.n_in {
-            let line = &mut self.line[channel * width..(channel + 1) * width];
-            line.copy_within(n_frames..n_frames + self.past, 0);
+            let channel_line = &mut self.line[channel * line_width..(channel + 1) * line_width];
+            channel_line.copy_within(n_frames..n_frames + self.past, 0);
         }
     }
 }
 
 /// Add the filtered signal of TILE frames, the first of which is at `start` in `line`.
 fn add(sums: &mut [f64], line: &[f64], start: usize, taps: &[f64]) {
-    let mut tile = [0.0; TILE];
-    tile.copy_from_slice(sums);
+    let mut tile_sums = [0.0; TILE];
+    tile_sums.copy_from_slice(sums);
     for (age, tap) in taps.iter().enumerate() {
         let delayed = &line[start - age..start - age + TILE];
-        for (sum, x) in tile.iter_mut().zip(delayed) {
+        for (sum, x) in tile_sums.iter_mut().zip(delayed) {
             *sum += tap * x;
         }
     }
-    sums.copy_from_slice(&tile);
+    sums.copy_from_slice(&tile_sums);
 }
 
 #[cfg(test)]

@@ -81,9 +81,9 @@ impl Placed {
 
     /// Its faded sample at a frame of the mixer.
     pub(super) fn faded_sample(&self, n: u64) -> f64 {
-        let frame = i64::try_from(n).unwrap_or(i64::MAX);
+        let signed_frame = i64::try_from(n).unwrap_or(i64::MAX);
         self.source
-            .sample(frame.saturating_sub(self.begins), self.column)
+            .sample(signed_frame.saturating_sub(self.begins), self.column)
             * self.fade.value(n)
     }
 }

@@ -66,48 +66,50 @@ impl Glide {
     /// The gain at frame `n`.
     #[must_use]
     pub fn value(&self, n: u64) -> f64 {
-        let into = n.saturating_sub(self.start);
-        if into >= self.length {
+        let frames_into = n.saturating_sub(self.start);
+        if frames_into >= self.length {
             return self.to;
         }
-        let u = into as f64 / self.length as f64;
+        let u = frames_into as f64 / self.length as f64;
         self.from + (self.to - self.from) * u * u * (3.0 - 2.0 * u)
     }
 
     /// The gain, if it is constant from frame `n` on.
     #[must_use]
     pub fn steady(&self, n: u64) -> Option<f64> {
-        let rests = self.requested.is_none() && n.saturating_sub(self.start) >= self.length;
-        (rests || self.requested.is_none() && self.from == self.to).then_some(self.to)
+        let is_resting = self.requested.is_none() && n.saturating_sub(self.start) >= self.length;
+        (is_resting || self.requested.is_none() && self.from == self.to).then_some(self.to)
     }
 
     /// At frame `n`: begin the glide that was asked for, if `n` is a multiple of the grid.
     pub fn begin_due(&mut self, n: u64) {
         if n.is_multiple_of(GRID)
-            && let Some(gain) = self.requested.take()
+            && let Some(requested_gain) = self.requested.take()
         {
-            (self.from, self.to, self.start) = (self.value(n), gain, n + self.lag);
+            (self.from, self.to, self.start) = (self.value(n), requested_gain, n + self.lag);
         }
     }
 
     /// Multiply frames (n_frames, n_channels), the first of which is frame `n`.
     pub fn apply(&mut self, n: u64, frames: &mut [f64], n_channels: usize) {
         let mut n = n;
-        let mut rest = frames;
-        while !rest.is_empty() {
+        let mut frames_left = frames;
+        while !frames_left.is_empty() {
             self.begin_due(n);
-            let count = until(n, self.steady(n).is_some());
-            let length = rest.len();
-            let span = count.saturating_mul(n_channels as u64).min(length as u64) as usize;
-            let (now, later) = rest.split_at_mut(span);
+            let frame_count = until(n, self.steady(n).is_some());
+            let sample_count = frames_left.len();
+            let span_length = frame_count
+                .saturating_mul(n_channels as u64)
+                .min(sample_count as u64) as usize;
+            let (span_frames, frames_after) = frames_left.split_at_mut(span_length);
             match self.steady(n) {
-                Some(gain) => now.iter_mut().for_each(|x| *x *= gain),
-                None => now
+                Some(gain) => span_frames.iter_mut().for_each(|x| *x *= gain),
+                None => span_frames
                     .chunks_mut(n_channels.max(1))
                     .zip(n..)
                     .for_each(|(frame, n)| frame.iter_mut().for_each(|x| *x *= self.value(n))),
             }
-            (n, rest) = (n.saturating_add(count), later);
+            (n, frames_left) = (n.saturating_add(frame_count), frames_after);
         }
     }
 }
@@ -141,17 +143,19 @@ mod tests {
     fn gains(n: usize, block: usize) -> Vec<f64> {
         let mut glide = Glide::new(44_100.0, 1.0);
         let mut frames = vec![1.0; n];
-        let mut frame = 0;
-        while frame < n {
-            if frame == 100 {
+        let mut frame_index = 0;
+        while frame_index < n {
+            if frame_index == 100 {
                 glide.set(0.25);
-            } else if frame == 400 {
+            } else if frame_index == 400 {
                 glide.set(2.0);
             }
-            let next = [100, 400, n].into_iter().find(|&stop| frame < stop);
-            let stop = (frame + block).min(next.unwrap_or(n));
-            glide.apply(frame as u64, &mut frames[frame..stop], 1);
-            frame = stop;
+            let next_change = [100, 400, n]
+                .into_iter()
+                .find(|&block_end| frame_index < block_end);
+            let block_end = (frame_index + block).min(next_change.unwrap_or(n));
+            glide.apply(frame_index as u64, &mut frames[frame_index..block_end], 1);
+            frame_index = block_end;
         }
         frames
     }
@@ -162,12 +166,12 @@ mod tests {
         assert!(gains[..=128].iter().all(|&x| x == 1.0) && gains[129] < 1.0);
         // The second glide begins at frame 448, where the first one has covered 5/14 of its duration from 1 to 1/4.
         let u = 320.0 / 896.0_f64;
-        let there = 1.0 - 0.75 * (3.0 * u * u - 2.0 * u * u * u);
-        assert!((gains[448] - there).abs() < 1e-12, "{}", gains[448]);
+        let expected_gain = 1.0 - 0.75 * (3.0 * u * u - 2.0 * u * u * u);
+        assert!((gains[448] - expected_gain).abs() < 1e-12, "{}", gains[448]);
         assert!(gains[448 + 896..].iter().all(|&x| x == 2.0));
         // The steepest step of a glide is 1.5/896 of its range a frame.
-        let steps = gains.windows(2).map(|pair| (pair[1] - pair[0]).abs());
-        assert!(steps.fold(0.0, f64::max) < 1.5 * 1.75 / 896.0);
+        let gain_steps = gains.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+        assert!(gain_steps.fold(0.0, f64::max) < 1.5 * 1.75 / 896.0);
     }
 
     #[test]

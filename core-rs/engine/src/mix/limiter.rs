@@ -129,21 +129,21 @@ impl Limiter {
         }
         assert_eq!(frames.len() % self.n_channels, 0);
         for frame in frames.chunks_exact_mut(self.n_channels) {
-            let mut peak = 0.0f64;
+            let mut frame_peak = 0.0f64;
             for x in &mut *frame {
                 *x = if x.is_nan() {
                     0.0
                 } else {
                     x.clamp(-f64::MAX, f64::MAX)
                 };
-                peak = peak.max(x.abs());
+                frame_peak = frame_peak.max(x.abs());
             }
-            let gain = self.gain(peak);
-            let late = &mut self.delay[self.write_index * self.n_channels..][..self.n_channels];
-            for (x, late) in frame.iter_mut().zip(late) {
+            let frame_gain = self.gain(frame_peak);
+            let delayed = &mut self.delay[self.write_index * self.n_channels..][..self.n_channels];
+            for (x, delayed) in frame.iter_mut().zip(delayed) {
                 // The rounding of the gain may leave a sample above the ceiling by the last bit.
-                let limited = (*late * gain).clamp(-self.ceiling, self.ceiling);
-                *late = std::mem::replace(x, limited);
+                let limited = (*delayed * frame_gain).clamp(-self.ceiling, self.ceiling);
+                *delayed = std::mem::replace(x, limited);
             }
             self.write_index = (self.write_index + 1) % self.latency;
         }
@@ -151,12 +151,12 @@ impl Limiter {
 
     /// The gain of the frame that leaves while a frame with this `peak` enters.
     fn gain(&mut self, peak: f64) -> f64 {
-        let wanted = if peak > self.ceiling {
+        let wanted_reduction = if peak > self.ceiling {
             1.0 - self.ceiling / peak
         } else {
             0.0
         };
-        let largest = self.largest(wanted);
+        let largest = self.largest(wanted_reduction);
         let released = self.reduction * self.release;
         // Below one step of the fixed point, the release ends.
         self.reduction = if released * FIXED_ONE < 1.0 {
@@ -164,8 +164,9 @@ impl Limiter {
         } else {
             largest.max(released)
         };
-        let newest = (self.reduction * FIXED_ONE).ceil() as u64;
-        self.sum = self.sum + newest - std::mem::replace(&mut self.held[self.next_held], newest);
+        let newest_reduction = (self.reduction * FIXED_ONE).ceil() as u64;
+        self.sum = self.sum + newest_reduction
+            - std::mem::replace(&mut self.held[self.next_held], newest_reduction);
         self.next_held = (self.next_held + 1) % self.held.len();
         1.0 - self.sum as f64 / (self.held.len() as f64 * FIXED_ONE)
     }

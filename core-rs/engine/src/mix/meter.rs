@@ -98,13 +98,13 @@ mod tests {
     use crate::maths;
 
     fn tone(n_channels: usize, level: f64) -> Vec<f64> {
-        let rate = 48_000;
-        let sample = |i: i32| {
-            let phase = std::f64::consts::TAU * 997.0 * f64::from(i) / f64::from(rate);
-            maths::decibels(level) * maths::sin(phase)
+        let frame_rate = 48_000;
+        let sine_sample = |i: i32| {
+            let sine_phase = std::f64::consts::TAU * 997.0 * f64::from(i) / f64::from(frame_rate);
+            maths::decibels(level) * maths::sin(sine_phase)
         };
-        (0..5 * rate)
-            .flat_map(|i| vec![sample(i); n_channels])
+        (0..5 * frame_rate)
+            .flat_map(|i| vec![sine_sample(i); n_channels])
             .collect()
     }
 

@@ -162,19 +162,22 @@ impl Mixer {
         }
         self.check_target(to)?;
         let curve = treatment.curve.clone();
-        let mut route = Route::new(rate, [out, group], to, gain, treatment)?;
-        route.shared_curve = curve.map(|curve| self.share(curve));
-        route.repeats = self.routes.last().is_some_and(|last| route.hears_as(last));
+        let mut new_route = Route::new(rate, [out, group], to, gain, treatment)?;
+        new_route.shared_curve = curve.map(|curve| self.share(curve));
+        new_route.repeats = self
+            .routes
+            .last()
+            .is_some_and(|last| new_route.hears_as(last));
         let n_groups = self.groups.len().max(group + 1);
         self.groups.resize(n_groups, Glide::new(rate, 1.0));
-        self.routes.push(route);
+        self.routes.push(new_route);
         Ok(())
     }
 
     /// The index of a curve among those of all routes.
     fn share(&mut self, curve: Curve) -> usize {
-        let known = self.curves.iter().position(|own| *own == curve);
-        known.unwrap_or_else(|| {
+        let known_index = self.curves.iter().position(|own| *own == curve);
+        known_index.unwrap_or_else(|| {
             self.curves.push(curve);
             self.curve_gains
                 .resize(self.curves.len() * SPAN_FRAMES, 0.0);
@@ -262,8 +265,8 @@ impl Mixer {
             });
         }
         for (column, &out) in outputs.iter().enumerate() {
-            let placed = Placed::new(source.clone(), column, out, begins, self.rate);
-            self.frozen.push(placed);
+            let placed_output = Placed::new(source.clone(), column, out, begins, self.rate);
+            self.frozen.push(placed_output);
         }
         Ok(())
     }
@@ -281,34 +284,34 @@ impl Mixer {
     /// Begin fades that are due at the next frame, and end those that are over; returns whether no fade is left.
     fn begin_fades(&mut self) -> bool {
         if self.is_fading {
-            let n = self.frame;
+            let next_frame = self.frame;
             self.is_fading = false;
             let fading_out = self.fading_out.iter_mut().flatten();
             for route in self.routes.iter_mut().chain(fading_out) {
-                self.is_fading |= update_residual(&mut route.residual_gain, n);
-                if let Some(entry) = &mut route.entry {
-                    entry.begin_due(n);
-                    let is_over = entry.steady(n).is_some();
-                    self.is_fading |= !is_over;
-                    route.entry.take_if(|_| is_over);
+                self.is_fading |= update_residual(&mut route.residual_gain, next_frame);
+                if let Some(entry_glide) = &mut route.entry {
+                    entry_glide.begin_due(next_frame);
+                    let entry_is_over = entry_glide.steady(next_frame).is_some();
+                    self.is_fading |= !entry_is_over;
+                    route.entry.take_if(|_| entry_is_over);
                 }
-                let Some(fade) = &mut route.fade else {
+                let Some(route_fade) = &mut route.fade else {
                     continue;
                 };
-                fade.begin_due(n);
-                self.is_fading |= fade.steady(n).is_none();
-                if fade.steady(n) == Some(1.0) {
+                route_fade.begin_due(next_frame);
+                self.is_fading |= route_fade.steady(next_frame).is_none();
+                if route_fade.steady(next_frame) == Some(1.0) {
                     route.fade = None;
                 }
             }
-            self.is_fading |= update_residual(&mut self.residual_gain, n);
+            self.is_fading |= update_residual(&mut self.residual_gain, next_frame);
             let fading_out = self.frozen_fading_out.iter_mut().flatten();
             for placed in self.frozen.iter_mut().chain(fading_out) {
-                placed.fade.begin_due(n);
-                self.is_fading |= placed.fade.steady(n).is_none();
+                placed.fade.begin_due(next_frame);
+                self.is_fading |= placed.fade.steady(next_frame).is_none();
             }
             for place in &mut self.frozen_fading_out {
-                place.take_if(|placed| placed.fade.steady(n).is_some());
+                place.take_if(|placed| placed.fade.steady(next_frame).is_some());
             }
         }
         !self.is_fading
@@ -322,8 +325,8 @@ impl Mixer {
     /// Let the gain of a group glide to `gain`, over 20 ms from the next multiple of 64 frames on; a group that does
     /// not exist is ignored. Does not allocate.
     pub fn set_gain(&mut self, group: usize, gain: f64) {
-        if let Some(glide) = self.groups.get_mut(group) {
-            glide.set(gain);
+        if let Some(group_glide) = self.groups.get_mut(group) {
+            group_glide.set(gain);
         }
     }
 
@@ -335,82 +338,99 @@ impl Mixer {
         let n_frames = mixed.len().checked_div(self.n_channels).unwrap_or(0);
         assert_eq!(mixed.len(), n_frames * self.n_channels);
         assert_eq!(frames.len(), n_frames * self.n_out);
-        let mut frame = 0;
-        while frame < n_frames {
-            let n = self.frame;
-            self.groups.iter_mut().for_each(|glide| glide.begin_due(n));
-            let rests = self.begin_fades();
-            let steady = rests && self.groups.iter().all(|glide| glide.steady(n).is_some());
-            let count = until(n, steady)
-                .min((n_frames - frame) as u64)
+        let mut frames_done = 0;
+        while frames_done < n_frames {
+            let next_frame = self.frame;
+            self.groups
+                .iter_mut()
+                .for_each(|glide| glide.begin_due(next_frame));
+            let no_fades = self.begin_fades();
+            let is_steady = no_fades
+                && self
+                    .groups
+                    .iter()
+                    .all(|glide| glide.steady(next_frame).is_some());
+            let span_length = until(next_frame, is_steady)
+                .min((n_frames - frames_done) as u64)
                 .min(SPAN_FRAMES as u64) as usize;
-            let span = frame..frame + count;
+            let frame_span = frames_done..frames_done + span_length;
             self.mix_span(
-                &frames[span.start * self.n_out..span.end * self.n_out],
-                &mut mixed[span.start * self.n_channels..span.end * self.n_channels],
+                &frames[frame_span.start * self.n_out..frame_span.end * self.n_out],
+                &mut mixed[frame_span.start * self.n_channels..frame_span.end * self.n_channels],
             );
-            frame += count;
-            self.frame += count as u64;
+            frames_done += span_length;
+            self.frame += span_length as u64;
         }
     }
 
     /// Mix all routes and rooms of a span in which no glide begins.
     fn mix_span(&mut self, frames: &[f64], mixed: &mut [f64]) {
-        let (first, n_out, n_channels) = (self.frame, self.n_out, self.n_channels);
+        let (first_frame, n_out, n_channels) = (self.frame, self.n_out, self.n_channels);
         let n_frames = mixed.len().checked_div(n_channels).unwrap_or(0);
         self.sent.fill(0.0);
         self.sums.fill(0.0);
-        let gains = self.curve_gains.chunks_exact_mut(SPAN_FRAMES);
-        for (curve, gains) in self.curves.iter().zip(gains) {
-            curve.fill(first, &mut gains[..n_frames]);
+        let curve_gains = self.curve_gains.chunks_exact_mut(SPAN_FRAMES);
+        for (curve, curve_gains) in self.curves.iter().zip(curve_gains) {
+            curve.fill(first_frame, &mut curve_gains[..n_frames]);
         }
         let signal = &mut self.signal[..n_frames];
-        let mut before: Option<&Route> = None;
+        let mut route_before: Option<&Route> = None;
         let fading_out = self.fading_out.iter_mut().flatten();
-        let fading_out = fading_out.filter(|route| !route.has_faded_out(first));
+        let fading_out = fading_out.filter(|route| !route.has_faded_out(first_frame));
         for route in self.routes.iter_mut().chain(fading_out) {
-            if let Some(before) = before.filter(|_| route.repeats) {
-                route.repeat(before);
+            if let Some(route_before) = route_before.filter(|_| route.repeats) {
+                route.repeat(route_before);
             } else {
-                let out = route.out;
-                let column = frames.iter().skip(out).step_by(n_out);
-                signal.iter_mut().zip(column).for_each(|(x, y)| *x = *y);
+                let output_index = route.out;
+                let column_samples = frames.iter().skip(output_index).step_by(n_out);
+                signal
+                    .iter_mut()
+                    .zip(column_samples)
+                    .for_each(|(x, y)| *x = *y);
                 let fading_out = self.frozen_fading_out.iter().flatten();
-                let frozen = self.frozen.iter().chain(fading_out);
-                let mut frozen = frozen.filter(|placed| placed.out == out).peekable();
-                if frozen.peek().is_some() {
+                let frozen_outputs = self.frozen.iter().chain(fading_out);
+                let mut frozen_outputs = frozen_outputs
+                    .filter(|placed| placed.out == output_index)
+                    .peekable();
+                if frozen_outputs.peek().is_some() {
                     let sums = &mut self.frozen_sum[..n_frames];
                     sums.fill(0.0);
-                    for placed in frozen {
-                        let sums = sums.iter_mut().zip(first..);
+                    for placed in frozen_outputs {
+                        let sums = sums.iter_mut().zip(first_frame..);
                         sums.for_each(|(sum, n)| *sum += placed.faded_sample(n));
                     }
                     signal.iter_mut().zip(sums).for_each(|(x, sum)| *x += *sum);
                 }
                 route.filter(signal);
             }
-            let shared = route.shared_curve;
-            let gains = shared.map(|index| &self.curve_gains[index * SPAN_FRAMES..][..n_frames]);
-            let to = match route.to {
+            let shared_curve = route.shared_curve;
+            let curve_gains =
+                shared_curve.map(|index| &self.curve_gains[index * SPAN_FRAMES..][..n_frames]);
+            let target_sums = match route.to {
                 To::Channel(channel) => &mut self.sums[channel * SPAN_FRAMES..],
                 To::Room(room) => &mut self.sent[room * SPAN_FRAMES..],
             };
-            let group = &self.groups[route.group];
-            route.add((group, gains), first, signal, &mut to[..n_frames]);
-            before = Some(route);
+            let group_glide = &self.groups[route.group];
+            route.add(
+                (group_glide, curve_gains),
+                first_frame,
+                signal,
+                &mut target_sums[..n_frames],
+            );
+            route_before = Some(route);
         }
         for (channel, sums) in self.sums.chunks_exact(SPAN_FRAMES).enumerate() {
-            let column = mixed.iter_mut().skip(channel).step_by(n_channels);
-            column.zip(sums).for_each(|(x, sum)| *x = *sum);
+            let column_samples = mixed.iter_mut().skip(channel).step_by(n_channels);
+            column_samples.zip(sums).for_each(|(x, sum)| *x = *sum);
         }
         for (room, sent) in self.rooms.iter_mut().zip(self.sent.chunks(SPAN_FRAMES)) {
             room.process(sent, mixed, n_channels);
         }
         if self.fade.is_some() || self.residual_gain.is_some() {
             let frames = mixed.chunks_exact_mut(n_channels.max(1));
-            for (frame, n) in frames.zip(first..) {
-                let gain = self.gain_of_all(n);
-                frame.iter_mut().for_each(|x| *x *= gain);
+            for (frame, n) in frames.zip(first_frame..) {
+                let total_gain = self.gain_of_all(n);
+                frame.iter_mut().for_each(|x| *x *= total_gain);
             }
         }
     }

@@ -43,12 +43,14 @@ impl Bits {
 /// assert_eq!(codes.map(|code| code >> 16), [16_384, 32_767]);
 /// ```
 pub fn pcm(samples: &[f64], gain: f64, bits: Bits, codes: &mut [i32]) {
-    let full = f64::from(1 << (bits.width() - 1));
-    let shift = 32 - bits.width();
+    let full_scale = f64::from(1 << (bits.width() - 1));
+    let code_shift = 32 - bits.width();
     for (x, code) in samples.iter().zip(codes) {
-        let step = (x * gain * full).round_ties_even().clamp(-full, full - 1.0);
+        let rounded_code = (x * gain * full_scale)
+            .round_ties_even()
+            .clamp(-full_scale, full_scale - 1.0);
         // `as` converts NaN to 0.
-        *code = (step as i32) << shift;
+        *code = (rounded_code as i32) << code_shift;
     }
 }
 
@@ -66,26 +68,29 @@ mod tests {
     fn codes(samples: &[f64], gain: f64, bits: Bits) -> Vec<i32> {
         let mut codes = vec![0; samples.len()];
         pcm(samples, gain, bits, &mut codes);
-        let shift = 32 - bits.width();
+        let code_shift = 32 - bits.width();
         assert!(
-            codes.iter().all(|c| c.trailing_zeros() >= shift),
+            codes.iter().all(|c| c.trailing_zeros() >= code_shift),
             "left-aligned"
         );
-        codes.iter().map(|c| c >> shift).collect()
+        codes.iter().map(|c| c >> code_shift).collect()
     }
 
     #[test]
     fn codes_round_half_to_even() {
-        let step = 1.0 / 32_768.0;
-        let ties = [0.5, 1.5, 2.5, -0.5, -1.5, -2.5, 2.500_000_1].map(|x| x * step);
-        assert_eq!(codes(&ties, 1.0, Bits::Sixteen), [0, 2, 2, 0, -2, -2, 3]);
-        let ties = [0.5, 1.5, -2.5].map(|x| x / 8_388_608.0);
-        assert_eq!(codes(&ties, 1.0, Bits::TwentyFour), [0, 2, -2]);
+        let code_step = 1.0 / 32_768.0;
+        let tie_samples = [0.5, 1.5, 2.5, -0.5, -1.5, -2.5, 2.500_000_1].map(|x| x * code_step);
+        assert_eq!(
+            codes(&tie_samples, 1.0, Bits::Sixteen),
+            [0, 2, 2, 0, -2, -2, 3]
+        );
+        let tie_samples = [0.5, 1.5, -2.5].map(|x| x / 8_388_608.0);
+        assert_eq!(codes(&tie_samples, 1.0, Bits::TwentyFour), [0, 2, -2]);
     }
 
     #[test]
     fn codes_clip_at_the_last_values() {
-        let loud = [
+        let loud_samples = [
             1.0,
             -1.0,
             0.999_99,
@@ -95,9 +100,11 @@ mod tests {
             f64::NEG_INFINITY,
             f64::NAN,
         ];
-        let top = 32_767;
-        let wanted = [top, -32_768, top, top, -32_768, top, -32_768, 0];
-        assert_eq!(codes(&loud, 1.0, Bits::Sixteen), wanted);
+        let top_code = 32_767;
+        let expected_codes = [
+            top_code, -32_768, top_code, top_code, -32_768, top_code, -32_768, 0,
+        ];
+        assert_eq!(codes(&loud_samples, 1.0, Bits::Sixteen), expected_codes);
         assert_eq!(
             codes(&[0.5, -0.25], 2.0, Bits::TwentyFour),
             [8_388_607, -4_194_304]
@@ -115,8 +122,8 @@ mod tests {
 
     #[test]
     fn single_rounds_once_after_scaling() {
-        let mut y = [0.0f32; 3];
-        single(&[0.1, 1.0 / 3.0, -2.0], 3.0, &mut y);
-        assert_eq!(y, [(0.1 * 3.0) as f32, 1.0, -6.0]);
+        let mut single_samples = [0.0f32; 3];
+        single(&[0.1, 1.0 / 3.0, -2.0], 3.0, &mut single_samples);
+        assert_eq!(single_samples, [(0.1 * 3.0) as f32, 1.0, -6.0]);
     }
 }

@@ -98,29 +98,32 @@ impl Room {
         if !spec.gain.is_finite() {
             return Err(RoomError::Gain(spec.gain));
         }
-        let [(low, long), (high, short)] = spec.t60;
+        let [(low_frequency, long_decay), (high_frequency, short_decay)] = spec.t60;
         // Every comparison with NaN is false, so NaN is refused.
-        let is_decay =
-            long >= 0.01 && short >= 0.01 && low > 0.0 && low < high && high < 0.5 * rate;
+        let is_decay = long_decay >= 0.01
+            && short_decay >= 0.01
+            && low_frequency > 0.0
+            && low_frequency < high_frequency
+            && high_frequency < 0.5 * rate;
         if !is_decay {
             return Err(RoomError::Decay);
         }
         let lengths = lengths(spec.size / SPEED_OF_SOUND * rate);
-        let slopes = slopes(spec.t60, rate).ok_or(RoomError::Apart(long, short))?;
-        let filters =
-            Filters::new(lengths, slopes, spec.t60, rate).ok_or(RoomError::Apart(long, short))?;
+        let slopes = slopes(spec.t60, rate).ok_or(RoomError::Apart(long_decay, short_decay))?;
+        let filters = Filters::new(lengths, slopes, spec.t60, rate)
+            .ok_or(RoomError::Apart(long_decay, short_decay))?;
         // Energy of all outputs of the lines after a click of energy 1: a geometric series.
-        let mean = lengths.iter().sum::<usize>() as f64 / LINES as f64;
-        let decay = exp(-6.0 * std::f64::consts::LN_10 * mean / (long * rate));
-        let scale = if decay < 1.0 {
-            spec.gain * sqrt((1.0 - decay) / decay)
+        let mean_length = lengths.iter().sum::<usize>() as f64 / LINES as f64;
+        let energy_decay = exp(-6.0 * std::f64::consts::LN_10 * mean_length / (long_decay * rate));
+        let output_scale = if energy_decay < 1.0 {
+            spec.gain * sqrt((1.0 - energy_decay) / energy_decay)
         } else {
             spec.gain
         };
-        let signs = |at: usize| (0..LINES).map(move |line| sign(at, line));
+        let line_signs = |at: usize| (0..LINES).map(move |line| sign(at, line));
         let channel_gains = (0..spec.channels.len())
-            .flat_map(signs)
-            .map(|sign| sign * scale)
+            .flat_map(line_signs)
+            .map(|sign| sign * output_scale)
             .collect();
         Ok(Self {
             spec,
@@ -153,15 +156,15 @@ impl Room {
         }
         // What leaves a line in a block has come in before it.
         let shortest = self.delays.iter().map(Delay::length).min();
-        let block = shortest.unwrap_or(1).clamp(1, BLOCK);
-        let mixed = mixed.chunks_mut(block * n_channels);
-        for (sent, mixed) in sent.chunks(block).zip(mixed) {
+        let block_length = shortest.unwrap_or(1).clamp(1, BLOCK);
+        let mixed = mixed.chunks_mut(block_length * n_channels);
+        for (sent, mixed) in sent.chunks(block_length).zip(mixed) {
             self.process_block(&sent[..mixed.len() / n_channels], mixed, n_channels);
         }
     }
 
     fn process_block(&mut self, sent: &[f64], mixed: &mut [f64], n_channels: usize) {
-        let count = sent.len();
+        let frame_count = sent.len();
         let mut block = Block {
             input: [0.0; BLOCK],
             lines: [[0.0; BLOCK]; LINES],
@@ -172,17 +175,17 @@ impl Room {
             *y = self.highpass.next(x).high / sqrt(LINES as f64);
         }
         for (delay, line) in self.delays.iter().zip(&mut block.lines) {
-            delay.copy_oldest(&mut line[..count]);
+            delay.copy_oldest(&mut line[..frame_count]);
         }
-        pass(&mut self.filters, &mut block, count);
+        pass(&mut self.filters, &mut block, frame_count);
         for (delay, line) in self.delays.iter_mut().zip(&block.lines) {
-            delay.push_all(&line[..count]);
+            delay.push_all(&line[..frame_count]);
         }
-        let rows = self.channel_gains.chunks_exact(LINES);
-        for (&channel, row) in self.spec.channels.iter().zip(rows) {
+        let gain_rows = self.channel_gains.chunks_exact(LINES);
+        for (&channel, row) in self.spec.channels.iter().zip(gain_rows) {
             let sums = sums(&block.filtered, row);
-            let column = mixed.iter_mut().skip(channel).step_by(n_channels);
-            column.zip(&sums).for_each(|(x, sum)| *x += *sum);
+            let channel_samples = mixed.iter_mut().skip(channel).step_by(n_channels);
+            channel_samples.zip(&sums).for_each(|(x, sum)| *x += *sum);
         }
     }
 }
@@ -254,9 +257,10 @@ impl Filters {
         t60: [(f64, f64); 2],
         rate: f64,
     ) -> Option<Self> {
-        let each = lengths.map(|frames| Self::coefficients(frames, slopes, t60, rate));
-        let all: Vec<Coefficients> = each.into_iter().collect::<Option<_>>()?;
-        let [b0, b1, a1] = std::array::from_fn(|i| std::array::from_fn(|line| all[line][i]));
+        let line_filters = lengths.map(|frames| Self::coefficients(frames, slopes, t60, rate));
+        let all_filters: Vec<Coefficients> = line_filters.into_iter().collect::<Option<_>>()?;
+        let [b0, b1, a1] =
+            std::array::from_fn(|i| std::array::from_fn(|line| all_filters[line][i]));
         let (x, y) = ([0.0; LINES], [0.0; LINES]);
         Some(Self { b0, b1, a1, x, y })
     }
@@ -270,33 +274,36 @@ impl Filters {
     ) -> Option<Coefficients> {
         // Natural logarithms of the gain of one pass at the two frequencies, and of the filter's gains at 0 and at
         // rate/2.
-        let costs =
+        let target_logs =
             t60.map(|(_, t60)| -3.0 * std::f64::consts::LN_10 * frames as f64 / (t60 * rate));
-        let mut ends = slopes.map(|slope| slope * frames as f64);
+        let mut end_logs = slopes.map(|slope| slope * frames as f64);
         let [low, high] = t60.map(|(f, _)| warped(f, rate));
-        let (middle, lower, upper) = (low * high, low * low, high * high);
+        let (corner_squared, lower_squared, upper_squared) = (low * high, low * low, high * high);
         let mut is_found = false;
         // The logarithm of the filter's gain is only nearly linear in f²/(f² + f₁·f₂): iterate towards the two gains
         // asked for.
         for _ in 0..ITERATIONS_MAX {
-            let gain = |square: f64| {
-                let ratio = exp(ends[0] - ends[1]);
-                let (zero, pole) = (middle * ratio, middle / ratio);
-                ends[1] + 0.5 * log((square + zero) / (square + pole))
+            let log_gain = |square: f64| {
+                let gain_ratio = exp(end_logs[0] - end_logs[1]);
+                let (zero, pole) = (corner_squared * gain_ratio, corner_squared / gain_ratio);
+                end_logs[1] + 0.5 * log((square + zero) / (square + pole))
             };
-            let missed = [costs[0] - gain(lower), costs[1] - gain(upper)];
-            ends = [ends[0] + missed[0], ends[1] + missed[1]];
-            is_found = missed[0].abs() + missed[1].abs() < 1e-9;
+            let log_errors = [
+                target_logs[0] - log_gain(lower_squared),
+                target_logs[1] - log_gain(upper_squared),
+            ];
+            end_logs = [end_logs[0] + log_errors[0], end_logs[1] + log_errors[1]];
+            is_found = log_errors[0].abs() + log_errors[1].abs() < 1e-9;
             if is_found {
                 break;
             }
         }
-        if !is_found || ends[0] > 0.0 || ends[1] > 0.0 {
+        if !is_found || end_logs[0] > 0.0 || end_logs[1] > 0.0 {
             return None;
         }
-        let ratio = exp(0.5 * (ends[0] - ends[1]));
-        let corner = sqrt(middle);
-        let (zero, pole, high) = (corner * ratio, corner / ratio, exp(ends[1]));
+        let gain_ratio = exp(0.5 * (end_logs[0] - end_logs[1]));
+        let corner = sqrt(corner_squared);
+        let (zero, pole, high) = (corner * gain_ratio, corner / gain_ratio, exp(end_logs[1]));
         // H(s) = high·(s + zero)/(s + pole), s = (1 − z⁻¹)/(1 + z⁻¹).
         let [b0, b1, a1] = [high * (1.0 + zero), high * (zero - 1.0), pole - 1.0];
         Some([b0, b1, a1].map(|numerator| numerator / (1.0 + pole)))
@@ -305,38 +312,42 @@ impl Filters {
 
 /// tan(π·f/rate): the frequency f after the bilinear transformation.
 fn warped(f: f64, rate: f64) -> f64 {
-    let angle = std::f64::consts::PI * f / rate;
-    sin(angle) / cos(angle)
+    let half_angle = std::f64::consts::PI * f / rate;
+    sin(half_angle) / cos(half_angle)
 }
 
 /// Natural logarithms of the gain a frame, at 0 Hz and at half of the rate, if 1/t60 is a linear function of f²/(f² +
 /// f₁·f₂) of warped frequencies; `None` if either would not decay.
 fn slopes(t60: [(f64, f64); 2], rate: f64) -> Option<[f64; 2]> {
-    let [low, high] = t60.map(|(f, _)| warped(f, rate));
-    let share = |f: f64| f * f / (f * f + low * high);
-    let (first, second) = (share(low), share(high));
+    let [low_warped, high_warped] = t60.map(|(f, _)| warped(f, rate));
+    let frequency_share = |f: f64| f * f / (f * f + low_warped * high_warped);
+    let (low_share, high_share) = (frequency_share(low_warped), frequency_share(high_warped));
     let [low_slope, high_slope] = t60.map(|(_, t60)| -3.0 * std::f64::consts::LN_10 / (t60 * rate));
-    let rise = (high_slope - low_slope) / (second - first);
-    let ends = [low_slope - rise * first, low_slope + rise * (1.0 - first)];
+    let slope_rise = (high_slope - low_slope) / (high_share - low_share);
+    let end_slopes = [
+        low_slope - slope_rise * low_share,
+        low_slope + slope_rise * (1.0 - low_share),
+    ];
     // Without any loss, gains of 1 are allowed.
     let is_lossless = low_slope == 0.0 && high_slope == 0.0;
-    (is_lossless || ends.iter().all(|&end| end < 0.0)).then_some(ends)
+    (is_lossless || end_slopes.iter().all(|&end| end < 0.0)).then_some(end_slopes)
 }
 
 /// Lengths of the lines [frames]: different primes near a geometric series with the mean `mean`.
 fn lengths(mean: f64) -> [usize; LINES] {
-    let (least, greatest) = LENGTH_SPREAD;
-    let row: [f64; LINES] =
-        std::array::from_fn(|i| least * pow(greatest / least, i as f64 / (LINES - 1) as f64));
-    let mean_row = row.iter().sum::<f64>() / LINES as f64;
-    let mut last = 1;
-    row.map(|length| {
-        let mut frames = ((length / mean_row * mean) as usize).max(last + 1);
-        while !is_prime(frames) {
-            frames += 1;
+    let (least_ratio, greatest) = LENGTH_SPREAD;
+    let series_lengths: [f64; LINES] = std::array::from_fn(|i| {
+        least_ratio * pow(greatest / least_ratio, i as f64 / (LINES - 1) as f64)
+    });
+    let mean_row = series_lengths.iter().sum::<f64>() / LINES as f64;
+    let mut previous_length = 1;
+    series_lengths.map(|length| {
+        let mut line_length = ((length / mean_row * mean) as usize).max(previous_length + 1);
+        while !is_prime(line_length) {
+            line_length += 1;
         }
-        last = frames;
-        frames
+        previous_length = line_length;
+        line_length
     })
 }
 
@@ -350,16 +361,19 @@ fn is_prime(n: usize) -> bool {
 /// Multiply by the Hadamard matrix, which is √LINES times an orthogonal one, in log₂(LINES) steps.
 #[inline(always)]
 fn mix_lines(x: &mut [f64; LINES]) {
-    let mut half = 1;
-    while half < LINES {
-        let mut first = 0;
-        while first < LINES {
-            for line in first..first + half {
-                (x[line], x[line + half]) = (x[line] + x[line + half], x[line] - x[line + half]);
+    let mut half_block = 1;
+    while half_block < LINES {
+        let mut block_start = 0;
+        while block_start < LINES {
+            for line in block_start..block_start + half_block {
+                (x[line], x[line + half_block]) = (
+                    x[line] + x[line + half_block],
+                    x[line] - x[line + half_block],
+                );
             }
-            first += 2 * half;
+            block_start += 2 * half_block;
         }
-        half *= 2;
+        half_block *= 2;
     }
 }
 
@@ -367,16 +381,16 @@ fn mix_lines(x: &mut [f64; LINES]) {
 /// uncorrelated; a hash (SplitMix64) for later ones.
 fn sign(channel: usize, line: usize) -> f64 {
     // Row 0 is left out: all lines would have the same sign, and their first echoes would add up.
-    let row = channel + 1;
-    let is_less = if row < LINES {
-        (row & line).count_ones() % 2 == 1
+    let matrix_row = channel + 1;
+    let is_negative = if matrix_row < LINES {
+        (matrix_row & line).count_ones() % 2 == 1
     } else {
-        let mut z = ((channel * LINES + line) as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        (z ^ (z >> 31)) & 1 == 1
+        let mut hash_state = ((channel * LINES + line) as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        hash_state = (hash_state ^ (hash_state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        hash_state = (hash_state ^ (hash_state >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        (hash_state ^ (hash_state >> 31)) & 1 == 1
     };
-    if is_less { -1.0 } else { 1.0 }
+    if is_negative { -1.0 } else { 1.0 }
 }
 
 #[cfg(test)]
@@ -410,15 +424,18 @@ mod tests {
         room.next(1.0, &mut frame);
         // Wait until the high-pass has settled.
         (0..44_100).for_each(|_| room.next(0.0, &mut frame));
-        let before = energy(&room);
+        let energy_before = energy(&room);
         for _ in 0..1_000_000 {
             room.next(0.0, &mut frame);
         }
-        assert!(before > 0.9 && before < 1.1, "{before}");
         assert!(
-            (energy(&room) / before - 1.0).abs() < 1e-11,
+            energy_before > 0.9 && energy_before < 1.1,
+            "{energy_before}"
+        );
+        assert!(
+            (energy(&room) / energy_before - 1.0).abs() < 1e-11,
             "{}",
-            energy(&room) / before
+            energy(&room) / energy_before
         );
     }
 

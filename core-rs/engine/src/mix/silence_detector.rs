@@ -51,15 +51,17 @@ impl SilenceDetector {
 
     /// Take (n_frames · n_channels); returns the frame at which the sound has decayed, as soon as that is known.
     pub fn take(&mut self, frames: &[f64]) -> Option<u64> {
-        let mut rest = frames;
-        while !rest.is_empty() {
-            let left = (self.window - self.frame % self.window) as usize;
-            let count = left.min(rest.len() / self.channels);
-            let part;
-            (part, rest) = rest.split_at(count * self.channels);
-            self.loudest = part.iter().fold(self.loudest, |most, x| most.max(x.abs()));
-            self.frame += count as u64;
-            if count < left {
+        let mut frames_left = frames;
+        while !frames_left.is_empty() {
+            let window_left = (self.window - self.frame % self.window) as usize;
+            let frame_count = window_left.min(frames_left.len() / self.channels);
+            let window_part;
+            (window_part, frames_left) = frames_left.split_at(frame_count * self.channels);
+            self.loudest = window_part
+                .iter()
+                .fold(self.loudest, |most, x| most.max(x.abs()));
+            self.frame += frame_count as u64;
+            if frame_count < window_left {
                 return None;
             }
             self.peak = self.peak.max(self.loudest);

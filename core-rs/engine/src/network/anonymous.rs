@@ -10,7 +10,7 @@ pub(crate) struct PartOrder(Vec<usize>);
 
 impl PartOrder {
     pub(crate) fn new<'a>(networks: impl IntoIterator<Item = &'a Network>) -> Self {
-        let mut parts: Vec<usize> = Vec::new();
+        let mut used_parts: Vec<usize> = Vec::new();
         for network in networks {
             let mut part_order: Vec<usize> = network
                 .mats
@@ -19,12 +19,12 @@ impl PartOrder {
                 .map(|&part| part as usize)
                 .collect();
             part_order.dedup(); // modules of a part are mostly adjacent
-            parts.extend(part_order);
-            parts.extend(network.runs.iter().map(|run| run.part));
+            used_parts.extend(part_order);
+            used_parts.extend(network.runs.iter().map(|run| run.part));
         }
-        parts.sort_unstable();
-        parts.dedup();
-        Self(parts)
+        used_parts.sort_unstable();
+        used_parts.dedup();
+        Self(used_parts)
     }
 
     /// How many of the parts are before a part.
@@ -39,8 +39,8 @@ impl Network {
         let mut renamed = self.clone();
         renamed.current = 0;
         renamed.names = super::names::Names::default();
-        let parts = order.0.iter().filter_map(|&part| self.parts.get(part));
-        renamed.parts = parts
+        let ordered_parts = order.0.iter().filter_map(|&part| self.parts.get(part));
+        renamed.parts = ordered_parts
             .map(|part| Part {
                 name: String::new(),
                 ..part.clone()
@@ -72,7 +72,7 @@ mod tests {
     /// A bell after `before` other parts, of which every second has a module.
     fn bell(before: &[&str], name: &str, f: f64) -> (Network, Vec<u32>) {
         let mut network = Network::new();
-        let tie = Tie::Tuned { f, t60: None };
+        let tuned_tie = Tie::Tuned { f, t60: None };
         for (index, other) in before.iter().enumerate() {
             network.part(other, None);
             if index % 2 == 0 {
@@ -80,39 +80,41 @@ mod tests {
             }
         }
         network.part(name, None);
-        let hum = network.cel("hum", 2e-3, tie, 0.0, 0.0, 0.0).unwrap();
-        let head = network.mas("head", 1e-3, 0.0, 0.0).unwrap();
-        network.spring("tie", hum, head, 1e3, 0.0, 0.0).unwrap();
-        let term = Term::Position {
-            first: hum,
+        let hum_mat = network.cel("hum", 2e-3, tuned_tie, 0.0, 0.0, 0.0).unwrap();
+        let head_mat = network.mas("head", 1e-3, 0.0, 0.0).unwrap();
+        network
+            .spring("tie", hum_mat, head_mat, 1e3, 0.0, 0.0)
+            .unwrap();
+        let hum_term = Term::Position {
+            first: hum_mat,
             len: 1,
             weight: 1.0,
         };
-        network.listen(name, vec![term]).unwrap();
-        (network, vec![hum as u32, head as u32])
+        network.listen(name, vec![hum_term]).unwrap();
+        (network, vec![hum_mat as u32, head_mat as u32])
     }
 
     fn text(before: &[&str], name: &str, f: f64) -> String {
-        let (network, mats) = bell(before, name, f);
-        let links: Vec<u32> = (0..network.n_lia() as u32).collect();
-        let island = network.subset(&mats, &[], &links).network;
+        let (network, bell_mats) = bell(before, name, f);
+        let all_links: Vec<u32> = (0..network.n_lia() as u32).collect();
+        let island = network.subset(&bell_mats, &[], &all_links).network;
         format!("{:?}", island.anonymous(&PartOrder::new([&island])))
     }
 
     #[test]
     fn content_without_names_and_other_parts() {
-        let alone = text(&[], "bell", 440.0);
-        assert_eq!(text(&[], "gong", 440.0), alone);
-        assert_eq!(text(&["a", "b", "c"], "bell", 440.0), alone);
-        assert_ne!(text(&[], "bell", 441.0), alone);
+        let bell_alone = text(&[], "bell", 440.0);
+        assert_eq!(text(&[], "gong", 440.0), bell_alone);
+        assert_eq!(text(&["a", "b", "c"], "bell", 440.0), bell_alone);
+        assert_ne!(text(&[], "bell", 441.0), bell_alone);
     }
 
     #[test]
     fn content_with_parts_in_order() {
         let (network, _) = bell(&["a", "b", "c"], "bell", 440.0);
-        let order = PartOrder::new([&network]);
-        assert_eq!([0, 2, 3].map(|part| order.rank(part)), [0, 1, 2]);
-        let anonymous = network.anonymous(&order);
+        let part_order = PartOrder::new([&network]);
+        assert_eq!([0, 2, 3].map(|part| part_order.rank(part)), [0, 1, 2]);
+        let anonymous = network.anonymous(&part_order);
         assert_eq!(anonymous.mats.part, [0, 1, 2, 2]);
         assert_eq!(anonymous.parts.len(), 3);
     }

@@ -28,21 +28,23 @@ impl Network {
         seed: i128,
     ) -> Result<usize, Error> {
         self.check(name, &[("M", m, Rule::Positive)])?;
-        let full = self.full_name(name);
-        let draw = |member: usize| {
-            let mut chance = Chance::new(seed, "bank", &full, member as u64, 0);
+        let module_name = self.full_name(name);
+        let member_draw = |member: usize| {
+            let mut chance = Chance::new(seed, "bank", &module_name, member as u64, 0);
             (chance.uniform(0.0, 1.0), chance.uniform(0.0, 1.0))
         };
-        let cells = generator::bank(form, draw, self.turns(name, seed))
+        let bank_cells = generator::bank(form, member_draw, self.turns(name, seed))
             .map_err(|error| self.refused(name, &error.to_string()))?;
-        let masses = vec![m; cells.len()];
-        self.cells(name, &masses, &cells)
+        let cell_masses = vec![m; bank_cells.len()];
+        self.cells(name, &cell_masses, &bank_cells)
     }
 
     /// Draws of the angles of a bank: of each member a part of a whole turn.
     pub fn turns(&self, name: &str, seed: i128) -> impl Fn(usize) -> f64 + use<> {
-        let full = self.full_name(name);
-        move |member| Chance::new(seed, "bank angle", &full, member as u64, 0).uniform(0.0, 1.0)
+        let module_name = self.full_name(name);
+        move |member| {
+            Chance::new(seed, "bank angle", &module_name, member as u64, 0).uniform(0.0, 1.0)
+        }
     }
 
     /// Add the CELs of a bank, each with its own mass [kg]; returns the index of the first.
@@ -59,9 +61,9 @@ impl Network {
             self.check(name, &[("M", *m, Rule::Positive)])?;
             self.check_tuning(name, cell.f, Some(cell.t60))?;
         }
-        let full = self.full_name(name);
+        let module_name = self.full_name(name);
         self.check_capacity(name, cells.len())?;
-        let first = self.n_mat();
+        let first_mat = self.n_mat();
         let part = self.current();
         for (mass_index, (&m, cell)) in masses.iter().zip(cells).enumerate() {
             if mass_index.is_multiple_of(1024) {
@@ -81,8 +83,8 @@ impl Network {
             });
         }
         self.names
-            .add_mats(first, cells.len(), true, full, cells.len() / 2);
-        Ok(first)
+            .add_mats(first_mat, cells.len(), true, module_name, cells.len() / 2);
+        Ok(first_mat)
     }
 
     /// Add a body given by its `modes` (f [Hz] and t60 [s]) and their `levels` (n_modes, n_places); `mass` [kg] is the
@@ -112,51 +114,68 @@ impl Network {
         for &(f, t60) in modes {
             self.check_tuning(name, f, Some(t60))?;
         }
-        let poles: Vec<(f64, f64)> = modes
+        let mode_ties: Vec<(f64, f64)> = modes
             .iter()
             .map(|&(f, t60)| self.tie(1.0, f, Some(t60)))
             .collect();
         let (f, t60) = ADDED;
         let beyond = self.ca_rate().map_or(f, |rate| f.min(0.27 * rate.hertz()));
         let beyond = self.tie(1.0, beyond, Some(t60));
-        let body = generator::modal_body(mass, &poles, levels, beyond)
+        let body = generator::modal_body(mass, &mode_ties, levels, beyond)
             .map_err(|error| self.refused(name, &error.to_string()))?;
-        let n = body.masses.len();
-        self.check_capacity(name, n * n)?;
-        let (first, part, places) = (self.n_mat(), self.current(), levels[0].len());
-        let line = generator::Place::Line;
+        let mass_count = body.masses.len();
+        self.check_capacity(name, mass_count * mass_count)?;
+        let (first_mat, part, place_count) = (self.n_mat(), self.current(), levels[0].len());
+        let place_line = generator::Place::Line;
         for (i, &m) in body.masses.iter().enumerate() {
-            let row = i * n..(i + 1) * n;
+            let row_range = i * mass_count..(i + 1) * mass_count;
             self.mats.push(Mat {
                 kind: MatKind::Cel,
                 m,
-                k: body.stiffness[row.clone()].iter().sum(),
-                z: body.damping[row].iter().sum(),
+                k: body.stiffness[row_range.clone()].iter().sum(),
+                z: body.damping[row_range].iter().sum(),
                 rest: 0.0,
                 x0: 0.0,
                 v0: 0.0,
-                place: line.position(i.min(places - 1), places, 0.0, |_| 0.0),
+                place: place_line.position(i.min(place_count - 1), place_count, 0.0, |_| 0.0),
                 part,
             });
         }
-        let full = self.full_name(name);
-        self.names
-            .add_mats(first, places, true, full.clone(), places / 2);
-        let inside = format!("{full}.inside");
-        self.names
-            .add_mats(first + places, n - places, true, inside, 0);
-        let links = self.n_lia;
-        for a in 0..n {
-            for b in a + 1..n {
-                let (k, z) = (-body.stiffness[a * n + b], -body.damping[a * n + b]);
+        let module_name = self.full_name(name);
+        self.names.add_mats(
+            first_mat,
+            place_count,
+            true,
+            module_name.clone(),
+            place_count / 2,
+        );
+        let inside_name = format!("{module_name}.inside");
+        self.names.add_mats(
+            first_mat + place_count,
+            mass_count - place_count,
+            true,
+            inside_name,
+            0,
+        );
+        let first_link = self.n_lia;
+        for a in 0..mass_count {
+            for b in a + 1..mass_count {
+                let (k, z) = (
+                    -body.stiffness[a * mass_count + b],
+                    -body.damping[a * mass_count + b],
+                );
                 if k != 0.0 || z != 0.0 {
-                    self.add_run(LinkKind::Ref, first + a, first + b, 1, [k, z, 0.0]);
+                    self.add_run(LinkKind::Ref, first_mat + a, first_mat + b, 1, [k, z, 0.0]);
                 }
             }
         }
-        self.names
-            .add_links(links, self.n_lia - links, true, format!("{full}.link"));
-        Ok(first)
+        self.names.add_links(
+            first_link,
+            self.n_lia - first_link,
+            true,
+            format!("{module_name}.link"),
+        );
+        Ok(first_mat)
     }
 
     /// Add a string or a plate of total mass `mass` [kg] whose lowest mode has the frequency `f` [Hz], and which has
@@ -212,15 +231,15 @@ impl Network {
             ],
         )?;
         let decay = decay.into();
-        let lowest = match decay {
+        let lowest_t60 = match decay {
             Decay::Lowest(t60) => t60,
             Decay::Points(_) => None,
         };
-        self.check_tuning(name, f, lowest)?;
-        let each = mass / topology.n_mat as f64;
-        let losses = match decay {
+        self.check_tuning(name, f, lowest_t60)?;
+        let mass_each = mass / topology.n_mat as f64;
+        let mesh_losses = match decay {
             Decay::Lowest(t60) => {
-                let tuned = generator::tune(topology, each, f, t60, self.ca_rate());
+                let tuned = generator::tune(topology, mass_each, f, t60, self.ca_rate());
                 tuned.map(|tuned| Losses {
                     tuned,
                     ground: 0.0,
@@ -228,11 +247,17 @@ impl Network {
                 })
             }
             Decay::Points(points) => {
-                generator::tune_points(topology, each, f, points, self.ca_rate())
+                generator::tune_points(topology, mass_each, f, points, self.ca_rate())
             }
         };
-        let losses = losses.map_err(|error| self.refused(name, &error.to_string()))?;
-        self.add_mesh(name, topology, each, &losses, [hardening, stretching])
+        let mesh_losses = mesh_losses.map_err(|error| self.refused(name, &error.to_string()))?;
+        self.add_mesh(
+            name,
+            topology,
+            mass_each,
+            &mesh_losses,
+            [hardening, stretching],
+        )
     }
 
     /// As [`Network::stretched_mesh`], but each link of factor 1 has the stiffness `k` [N/m] and the viscosity `z`
@@ -258,13 +283,19 @@ impl Network {
                 ("stretching", stretching, Rule::NotNegative),
             ],
         )?;
-        let losses = Losses {
+        let mesh_losses = Losses {
             tuned: Tuned { k, z },
             ground: 0.0,
             dampers: Vec::new(),
         };
-        let each = mass / topology.n_mat as f64;
-        self.add_mesh(name, topology, each, &losses, [hardening, stretching])
+        let mass_each = mass / topology.n_mat as f64;
+        self.add_mesh(
+            name,
+            topology,
+            mass_each,
+            &mesh_losses,
+            [hardening, stretching],
+        )
     }
 
     /// Add the masses of `each` [kg] and the links of a mesh; returns the index of the first mass.
@@ -277,23 +308,25 @@ impl Network {
         [hardening, stretching]: [f64; 2],
     ) -> Result<usize, Error> {
         self.check_capacity(name, topology.n_mat + topology.n_fixed)?;
-        let tuned = losses.tuned;
-        let (n, n_fixed) = (topology.n_mat, topology.n_fixed);
-        let before = usize::from(topology.in_line && n_fixed > 0);
-        let first = self.n_mat() + before;
+        let tuned_link = losses.tuned;
+        let (mat_count, fixed_count) = (topology.n_mat, topology.n_fixed);
+        let fixed_before = usize::from(topology.in_line && fixed_count > 0);
+        let first_mat = self.n_mat() + fixed_before;
         let part = self.current();
         // A topology numbers the MATs first, then the fixed points. In a row the first fixed point lies before the
         // MATs.
-        let order = (n..n + before).chain(0..n).chain(n + before..n + n_fixed);
-        for i in order {
-            let place = &topology.positions[i];
-            let share = topology.share(i);
+        let mat_order = (mat_count..mat_count + fixed_before)
+            .chain(0..mat_count)
+            .chain(mat_count + fixed_before..mat_count + fixed_count);
+        for i in mat_order {
+            let mat_position = &topology.positions[i];
+            let mass_share = topology.share(i);
             let (kind, m, z) = if i >= topology.n_mat {
                 (MatKind::Sol, 0.0, 0.0)
             } else if losses.ground > 0.0 {
-                (MatKind::Cel, each * share, losses.ground * share)
+                (MatKind::Cel, each * mass_share, losses.ground * mass_share)
             } else {
-                (MatKind::Mas, each * share, 0.0)
+                (MatKind::Mas, each * mass_share, 0.0)
             };
             self.mats.push(Mat {
                 kind,
@@ -303,60 +336,95 @@ impl Network {
                 rest: 0.0,
                 x0: 0.0,
                 v0: 0.0,
-                place: *place,
+                place: *mat_position,
                 part,
             });
         }
-        let full = self.full_name(name);
-        let end = format!("{full}.end");
-        if before > 0 {
+        let module_name = self.full_name(name);
+        let end_name = format!("{module_name}.end");
+        if fixed_before > 0 {
             self.names
-                .add_mats(first - 1, 1, false, format!("{end}.0"), 0);
-            self.names
-                .add_mats(first, n, true, full.clone(), topology.centre);
-            if n_fixed > 1 {
+                .add_mats(first_mat - 1, 1, false, format!("{end_name}.0"), 0);
+            self.names.add_mats(
+                first_mat,
+                mat_count,
+                true,
+                module_name.clone(),
+                topology.centre,
+            );
+            if fixed_count > 1 {
                 self.names
-                    .add_mats(first + n, 1, false, format!("{end}.1"), 0);
+                    .add_mats(first_mat + mat_count, 1, false, format!("{end_name}.1"), 0);
             }
         } else {
+            self.names.add_mats(
+                first_mat,
+                mat_count,
+                true,
+                module_name.clone(),
+                topology.centre,
+            );
             self.names
-                .add_mats(first, n, true, full.clone(), topology.centre);
-            self.names.add_mats(first + n, n_fixed, true, end, 0);
+                .add_mats(first_mat + mat_count, fixed_count, true, end_name, 0);
         }
         let links = self.n_lia;
         // Runs with the same factor share one law.
-        let mut laws: Vec<(f64, Arc<Law>)> = Vec::new();
-        let point = |i: usize| match i {
-            i if i < n || before == 0 => first + i,
-            i if i == n => first - 1,
-            i => first + i - 1,
+        let mut factor_laws: Vec<(f64, Arc<Law>)> = Vec::new();
+        let mat_of_point = |i: usize| match i {
+            i if i < mat_count || fixed_before == 0 => first_mat + i,
+            i if i == mat_count => first_mat - 1,
+            i => first_mat + i - 1,
         };
         for run in &topology.runs {
-            let (k, z) = (tuned.k * run.factor, tuned.z * run.factor);
+            let (k, z) = (tuned_link.k * run.factor, tuned_link.z * run.factor);
             let kind = if hardening == 0.0 || !run.hardens {
                 LinkKind::Ref
-            } else if let Some((_, law)) = laws.iter().find(|(factor, _)| *factor == run.factor) {
+            } else if let Some((_, law)) =
+                factor_laws.iter().find(|(factor, _)| *factor == run.factor)
+            {
                 LinkKind::Lnl(law.clone())
             } else {
                 let law = Law::hardening(k, hardening, z);
                 let law = Arc::new(law.map_err(|error| self.refused(name, &error.to_string()))?);
-                laws.push((run.factor, law.clone()));
+                factor_laws.push((run.factor, law.clone()));
                 LinkKind::Lnl(law)
             };
-            self.add_run(kind, point(run.a), point(run.b), run.len, [k, z, 0.0]);
+            self.add_run(
+                kind,
+                mat_of_point(run.a),
+                mat_of_point(run.b),
+                run.len,
+                [k, z, 0.0],
+            );
         }
         for run in &losses.dampers {
-            let (a, b) = (point(run.a), point(run.b));
-            self.add_run(LinkKind::Ref, a, b, run.len, [0.0, run.factor, 0.0]);
+            let (first_end, second_end) = (mat_of_point(run.a), mat_of_point(run.b));
+            self.add_run(
+                LinkKind::Ref,
+                first_end,
+                second_end,
+                run.len,
+                [0.0, run.factor, 0.0],
+            );
         }
         if stretching > 0.0 {
             let law = Arc::new(Law::shared(stretching));
-            let links = n_fixed + n - 1;
-            let path = first - before;
-            self.add_run(LinkKind::Lnl(law), path, path + 1, links, [0.0; 3]);
+            let links = fixed_count + mat_count - 1;
+            let path_start = first_mat - fixed_before;
+            self.add_run(
+                LinkKind::Lnl(law),
+                path_start,
+                path_start + 1,
+                links,
+                [0.0; 3],
+            );
         }
-        self.names
-            .add_links(links, self.n_lia - links, true, format!("{full}.link"));
-        Ok(first)
+        self.names.add_links(
+            links,
+            self.n_lia - links,
+            true,
+            format!("{module_name}.link"),
+        );
+        Ok(first_mat)
     }
 }

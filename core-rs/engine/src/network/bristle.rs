@@ -41,8 +41,8 @@ impl Bristle {
     /// Friction of steady sliding at `v`, without viscosity [N].
     fn steady(&self, v: f64) -> f64 {
         let u = v / self.speed;
-        let level = self.level + (self.static_level - self.level) * exp(-u * u);
-        level.max(LEVEL_MIN)
+        let steady_level = self.level + (self.static_level - self.level) * exp(-u * u);
+        steady_level.max(LEVEL_MIN)
     }
 
     /// Fraction of the bend that sliding at `v` removes per second [1/s].
@@ -52,11 +52,14 @@ impl Bristle {
 
     /// The wear at `v`, and its slope over the speed [1/m]; at rest, where the wear has a kink, the slope is 0.
     pub(crate) fn wear_and_slope(&self, v: f64) -> (f64, f64) {
-        let level = self.steady(v);
-        let wear = self.stiffness * v.abs() / level;
-        let fall = -2.0 * (v / self.speed) * (level - self.level) / self.speed;
-        let sign = if v == 0.0 { 0.0 } else { v.signum() };
-        (wear, (self.stiffness * sign - wear * fall) / level)
+        let steady_level = self.steady(v);
+        let wear = self.stiffness * v.abs() / steady_level;
+        let level_slope = -2.0 * (v / self.speed) * (steady_level - self.level) / self.speed;
+        let speed_sign = if v == 0.0 { 0.0 } else { v.signum() };
+        (
+            wear,
+            (self.stiffness * speed_sign - wear * level_slope) / steady_level,
+        )
     }
 
     /// Force [N] of bristles bent by `z` [m] whose ends separate at `v` [m/s].
@@ -66,16 +69,20 @@ impl Bristle {
 
     /// The same, with the wear at `v` given.
     pub(crate) fn worn_force(&self, z: f64, v: f64, wear: f64) -> f64 {
-        let bends = v - wear * z;
-        self.stiffness * z + self.damping * bends + self.viscosity * v
+        let bristle_rate = v - wear * z;
+        self.stiffness * z + self.damping * bristle_rate + self.viscosity * v
     }
 
     /// The exact bend after `h` seconds at constant `v`.
     pub(crate) fn slide(&self, z: f64, v: f64, h: f64) -> f64 {
-        let worn = self.wear(v) * h;
-        let lost = -expm1(-worn);
-        let share = if worn > 0.0 { lost / worn } else { 1.0 };
-        z - z * lost + v * h * share
+        let wear_exponent = self.wear(v) * h;
+        let lost_share = -expm1(-wear_exponent);
+        let mean_decay = if wear_exponent > 0.0 {
+            lost_share / wear_exponent
+        } else {
+            1.0
+        };
+        z - z * lost_share + v * h * mean_decay
     }
 
     /// The bend halfway through `h` seconds at `v` [m], by the implicit midpoint rule.
@@ -96,8 +103,9 @@ impl Bristle {
     /// Largest slope of the force over the speed [N·s/m]. It occurs when bristles that are bent one way are drawn the
     /// other way.
     pub(crate) fn steepest_damping(&self) -> f64 {
-        let ratio = self.static_level / self.level.max(LEVEL_MIN);
-        self.damping * (1.0 + ratio * (1.0 + FALL * (ratio - 1.0).max(0.0))) + self.viscosity
+        let level_ratio = self.static_level / self.level.max(LEVEL_MIN);
+        self.damping * (1.0 + level_ratio * (1.0 + FALL * (level_ratio - 1.0).max(0.0)))
+            + self.viscosity
     }
 
     /// Smallest σ2 at which the link is passive: σ1·(Fs − Fc)/Fc (Barabanov & Ortega 2000).
@@ -139,13 +147,13 @@ mod tests {
     fn steady_slide_has_its_friction_level() {
         for v in [-1.0, -0.01, 1e-4, 0.3] {
             let z = BOW.slide(0.0, v, 10.0);
-            let level = BOW.steady(v).copysign(v);
+            let steady_level = BOW.steady(v).copysign(v);
             assert!(
-                (BOW.stiffness * z - level).abs() < 1e-9 * level.abs(),
+                (BOW.stiffness * z - steady_level).abs() < 1e-9 * steady_level.abs(),
                 "{v}"
             );
             assert!(
-                (BOW.force(z, v) - level - BOW.viscosity * v).abs() < 1e-9,
+                (BOW.force(z, v) - steady_level - BOW.viscosity * v).abs() < 1e-9,
                 "{v}"
             );
         }
@@ -155,13 +163,20 @@ mod tests {
     #[test]
     fn steepest_damping_bounds_all_slopes() {
         let steepest = BOW.steepest_damping();
-        let bent = BOW.static_level / BOW.stiffness;
+        let static_bend = BOW.static_level / BOW.stiffness;
         for i in -4000..4000 {
-            let (v, z) = (f64::from(i) * 2e-5, if i % 2 == 0 { bent } else { -bent });
-            let slope = (BOW.force(z, v + 1e-9) - BOW.force(z, v - 1e-9)) / 2e-9;
+            let (v, z) = (
+                f64::from(i) * 2e-5,
+                if i % 2 == 0 {
+                    static_bend
+                } else {
+                    -static_bend
+                },
+            );
+            let force_slope = (BOW.force(z, v + 1e-9) - BOW.force(z, v - 1e-9)) / 2e-9;
             assert!(
-                slope <= steepest * (1.0 + 1e-6),
-                "{v}: {slope} above {steepest}"
+                force_slope <= steepest * (1.0 + 1e-6),
+                "{v}: {force_slope} above {steepest}"
             );
         }
     }
@@ -169,20 +184,21 @@ mod tests {
     #[test]
     fn wear_slope_equals_differences() {
         for v in [-0.5, -0.02, -1e-3, 1e-4, 0.01, 0.03] {
-            let by = 1e-7 * v;
-            let slope = (BOW.wear(v + by) - BOW.wear(v - by)) / (2.0 * by);
+            let speed_step = 1e-7 * v;
+            let checked_slope =
+                (BOW.wear(v + speed_step) - BOW.wear(v - speed_step)) / (2.0 * speed_step);
             let (wear, wear_slope) = BOW.wear_and_slope(v);
             assert_eq!(wear, BOW.wear(v));
             assert!(
-                (wear_slope - slope).abs() < 1e-6 * slope.abs(),
-                "{v}: {wear_slope} {slope}"
+                (wear_slope - checked_slope).abs() < 1e-6 * checked_slope.abs(),
+                "{v}: {wear_slope} {checked_slope}"
             );
         }
         assert_eq!(BOW.wear_and_slope(0.0), (0.0, 0.0));
         // Bristles whose stiffness is led to 0 do not wear; the slowest motion has a finite slope.
         assert_eq!(BOW.with(0.0, 1.0).wear_and_slope(0.3), (0.0, 0.0));
-        let (_, slope) = BOW.wear_and_slope(1e-310);
-        assert!((slope - BOW.stiffness / BOW.static_level).abs() < 1e-9 * slope);
+        let (_, checked_slope) = BOW.wear_and_slope(1e-310);
+        assert!((checked_slope - BOW.stiffness / BOW.static_level).abs() < 1e-9 * checked_slope);
     }
 
     /// Bristles that slow sliding bent to Fs spring back when sliding goes on at a speed at which only Fc holds.
@@ -190,25 +206,26 @@ mod tests {
     fn bristle_with_enough_viscosity_creates_no_energy() {
         let least_loss = |bristle: &Bristle| {
             let (v, h) = (0.2, 1e-8);
-            let begin = bristle.static_level / bristle.stiffness;
-            let (mut z, mut work, mut least) = (begin, 0.0, 0.0_f64);
+            let start_bend = bristle.static_level / bristle.stiffness;
+            let (mut z, mut work_done, mut least_margin) = (start_bend, 0.0, 0.0_f64);
             for _ in 0..20_000 {
-                work += bristle.force(bristle.halfway(z, v, h), v) * v * h;
+                work_done += bristle.force(bristle.halfway(z, v, h), v) * v * h;
                 z = bristle.slide(z, v, h);
-                least = least.min(work - (bristle.energy(z) - bristle.energy(begin)));
+                least_margin =
+                    least_margin.min(work_done - (bristle.energy(z) - bristle.energy(start_bend)));
             }
-            least
+            least_margin
         };
-        let damped = Bristle {
+        let damped_only = Bristle {
             damping: 50.0,
             viscosity: 0.0,
             ..BOW
         };
         let passive = Bristle {
-            viscosity: damped.passive_viscosity(),
-            ..damped
+            viscosity: damped_only.passive_viscosity(),
+            ..damped_only
         };
         assert!(least_loss(&passive) > -1e-12);
-        assert!(least_loss(&damped) < -1e-6);
+        assert!(least_loss(&damped_only) < -1e-6);
     }
 }

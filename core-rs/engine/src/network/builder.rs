@@ -10,8 +10,8 @@ use crate::units::Rate;
 impl Network {
     /// Begin or continue a part: modules added from now on belong to it.
     pub fn part(&mut self, name: &str, ca_rate: Option<Rate>) {
-        let known = self.parts.iter().position(|part| part.name == name);
-        self.current = known.unwrap_or_else(|| {
+        let known_part = self.parts.iter().position(|part| part.name == name);
+        self.current = known_part.unwrap_or_else(|| {
             self.parts.push(Part {
                 name: name.to_owned(),
                 ca_rate,
@@ -23,8 +23,8 @@ impl Network {
 
     /// Allow a plan to compute the springs inside the current part only once in `frames` frames.
     pub fn macrostep(&mut self, frames: u32) {
-        if let Some(part) = self.parts.get_mut(self.current) {
-            part.macrostep = Some(frames.max(1));
+        if let Some(current_part) = self.parts.get_mut(self.current) {
+            current_part.macrostep = Some(frames.max(1));
         }
     }
 
@@ -183,7 +183,7 @@ impl Network {
         [m, k, z, rest, x0, v0]: [f64; 6],
     ) -> Result<usize, Error> {
         self.check_capacity(name, 1)?;
-        let index = self.n_mat();
+        let mat_index = self.n_mat();
         let part = self.current();
         self.mats.push(Mat {
             kind,
@@ -197,8 +197,8 @@ impl Network {
             part,
         });
         let name = self.full_name(name);
-        self.names.add_mats(index, 1, false, name, 0);
-        Ok(index)
+        self.names.add_mats(mat_index, 1, false, name, 0);
+        Ok(mat_index)
     }
 
     /// Add one coordinate of a point in space that starts at [x, v]; it is fixed if its mass is 0.
@@ -250,10 +250,12 @@ impl Network {
         }
         self.mats.weight.resize(self.n_mat(), 0.0);
         for mat in mats.filter(|&mat| self.mats.kind[mat].moves()) {
-            let part = self.parts.get(self.mats.part[mat] as usize);
+            let mat_part = self.parts.get(self.mats.part[mat] as usize);
             // In a discrete network, M is m/T².
-            let step = part.and_then(|part| part.ca_rate).map_or(1.0, Rate::step);
-            self.mats.weight[mat] = self.mats.m[mat] * g * step * step;
+            let time_step = mat_part
+                .and_then(|mat_part| mat_part.ca_rate)
+                .map_or(1.0, Rate::step);
+            self.mats.weight[mat] = self.mats.m[mat] * g * time_step * time_step;
         }
         Ok(())
     }
@@ -284,12 +286,12 @@ impl Network {
     pub(super) fn tie(&self, m: f64, f: f64, t60: Option<f64>) -> (f64, f64) {
         match self.ca_rate() {
             None => {
-                let cell = Cell::tuned(m, f, t60);
-                (cell.stiffness(), cell.viscosity())
+                let tuned_cell = Cell::tuned(m, f, t60);
+                (tuned_cell.stiffness(), tuned_cell.viscosity())
             }
             Some(rate) => {
-                let ratios = cell::tune(f, t60, rate);
-                (ratios.kappa * m, ratios.zeta * m)
+                let tuned_ratios = cell::tune(f, t60, rate);
+                (tuned_ratios.kappa * m, tuned_ratios.zeta * m)
             }
         }
     }
@@ -308,14 +310,14 @@ impl Network {
 
     /// The name of a module, prefixed with the name of its part.
     pub(super) fn full_name(&self, name: &str) -> String {
-        let part = self
+        let part_name = self
             .parts
             .get(self.current)
-            .map_or("", |part| part.name.as_str());
-        match (part.is_empty(), name.is_empty()) {
+            .map_or("", |part_name| part_name.name.as_str());
+        match (part_name.is_empty(), name.is_empty()) {
             (true, _) => name.to_owned(),
-            (_, true) => part.to_owned(),
-            _ => format!("{part}.{name}"),
+            (_, true) => part_name.to_owned(),
+            _ => format!("{part_name}.{name}"),
         }
     }
 }

@@ -60,8 +60,8 @@ impl Network {
     /// Refuse the module if a value breaks its rule.
     pub(super) fn check(&self, name: &str, values: &[(&str, f64, Rule)]) -> Result<(), Error> {
         for &(what, value, rule) in values {
-            if let Some(broken) = rule.broken(value) {
-                return Err(self.refused(name, &format!("{what} is {value}: {broken}")));
+            if let Some(broken_rule) = rule.broken(value) {
+                return Err(self.refused(name, &format!("{what} is {value}: {broken_rule}")));
             }
         }
         Ok(())

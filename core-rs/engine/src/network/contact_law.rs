@@ -32,8 +32,8 @@ impl PowerLaw {
 
     /// The penetration at which it stores an energy [m].
     pub(crate) fn depth(self, energy: f64) -> f64 {
-        let order = self.exponent + 1.0;
-        pow(energy * order / self.k, 1.0 / order)
+        let energy_power = self.exponent + 1.0;
+        pow(energy * energy_power / self.k, 1.0 / energy_power)
     }
 }
 
@@ -57,8 +57,12 @@ impl But {
     /// Size of the push at a penetration p [m] with p − p⁻ = `step`: K·p^α + Z·step while p > 0.
     pub(crate) fn push(&self, k: f64, z: f64, p: f64, step: f64) -> f64 {
         if p > 0.0 {
-            let push = self.elastic(k).force(p) + z * step;
-            if self.clamp { push.max(0.0) } else { push }
+            let push_force = self.elastic(k).force(p) + z * step;
+            if self.clamp {
+                push_force.max(0.0)
+            } else {
+                push_force
+            }
         } else {
             0.0
         }
@@ -66,7 +70,7 @@ impl But {
 
     /// The force that pulls both ends together [N], at elongation `e` that grows by `step` [m].
     pub(crate) fn force(&self, k: f64, z: f64, e: f64, step: f64) -> f64 {
-        let s = self.sign();
-        s * self.push(k, z, s * e, s * step)
+        let side_sign = self.sign();
+        side_sign * self.push(k, z, side_sign * e, side_sign * step)
     }
 }

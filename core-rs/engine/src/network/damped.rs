@@ -46,21 +46,25 @@ pub(super) struct DampedMode {
 
 /// Whether damping couples any of the modes with others.
 pub(super) fn is_coupled(body: &Body, modes: &[Mode]) -> bool {
-    let n = body.springs.n();
-    let alternating: Vec<f64> = (0..n)
+    let mat_count = body.springs.n();
+    let alternating: Vec<f64> = (0..mat_count)
         .map(|i| if i % 2 == 0 { 1.0 } else { -1.0 })
         .collect();
-    let image = times(&body.dampers, &alternating);
+    let damping_image = times(&body.dampers, &alternating);
     // If damping does not act on a mode x, Z x is only rounding error; Z times a vector of alternating signs tells
     // its size.
-    let least = ROUNDING * sqrt(dot(&image, &image) / n as f64);
+    let rounding_size = ROUNDING * sqrt(dot(&damping_image, &damping_image) / mat_count as f64);
     modes.iter().any(|mode| {
-        interrupt::poll_for(n);
-        let image = times(&body.dampers, &mode.vector);
-        let share = dot(&mode.vector, &image);
-        let rest = image.iter().zip(&mode.vector).map(|(z, v)| z - share * v);
-        let rest: f64 = rest.map(|z| z * z).sum();
-        rest > UNCOUPLED * UNCOUPLED * dot(&image, &image) && rest > least * least
+        interrupt::poll_for(mat_count);
+        let damping_image = times(&body.dampers, &mode.vector);
+        let damping_share = dot(&mode.vector, &damping_image);
+        let residual = damping_image
+            .iter()
+            .zip(&mode.vector)
+            .map(|(z, v)| z - damping_share * v);
+        let residual: f64 = residual.map(|z| z * z).sum();
+        residual > UNCOUPLED * UNCOUPLED * dot(&damping_image, &damping_image)
+            && residual > rounding_size * rounding_size
     })
 }
 
@@ -72,41 +76,41 @@ pub(super) fn damped_modes(
     count: usize,
 ) -> Vec<DampedMode> {
     if !is_coupled {
-        let solve = |mode: &Mode| {
+        let solve_mode = |mode: &Mode| {
             interrupt::poll_for(mode.vector.len());
             uncoupled_mode(mode, &times(&body.dampers, &mode.vector))
         };
-        return modes.iter().take(count).map(solve).collect();
+        return modes.iter().take(count).map(solve_mode).collect();
     }
     let modes = with_responses(body, modes);
-    let images: Vec<Vec<f64>> = modes
+    let damping_images: Vec<Vec<f64>> = modes
         .iter()
         .map(|mode| {
             interrupt::poll_for(mode.vector.len());
             times(&body.dampers, &mode.vector)
         })
         .collect();
-    let Some(mut modes_coupled) = coupled(&modes, &images) else {
+    let Some(mut modes_coupled) = coupled(&modes, &damping_images) else {
         return Vec::new();
     };
     modes_coupled.truncate(count);
     let matrices = NetworkMatrices::new(body);
-    let poles: Vec<Complex<f64>> = modes_coupled.iter().map(|mode| mode.pole).collect();
+    let start_poles: Vec<Complex<f64>> = modes_coupled.iter().map(|mode| mode.pole).collect();
     for (i, mode) in modes_coupled.iter_mut().enumerate() {
-        let others = poles.iter().enumerate().filter(|(j, _)| *j != i);
-        let gap = others.fold(f64::INFINITY, |least, (_, other)| {
+        let other_poles = start_poles.iter().enumerate().filter(|(j, _)| *j != i);
+        let pole_gap = other_poles.fold(f64::INFINITY, |least, (_, other)| {
             least.min((other - mode.pole).norm())
         });
-        matrices.correct(mode, gap);
+        matrices.correct(mode, pole_gap);
     }
     for i in 0..modes_coupled.len() {
         interrupt::poll();
         for j in 0..i {
-            let (before, now) = (
-                poles[i] - poles[j],
+            let (gap_before, gap_now) = (
+                start_poles[i] - start_poles[j],
                 modes_coupled[i].pole - modes_coupled[j].pole,
             );
-            if now.norm() < MERGED * before.norm() {
+            if gap_now.norm() < MERGED * gap_before.norm() {
                 (modes_coupled[i].is_known, modes_coupled[j].is_known) = (false, false);
             }
         }
@@ -116,13 +120,13 @@ pub(super) fn damped_modes(
 
 /// The pole of a mode that damping couples with no other: s² + ζs + λ = 0.
 fn uncoupled_mode(mode: &Mode, image: &[f64]) -> DampedMode {
-    let half = 0.5 * dot(&mode.vector, image);
-    let squared = mode.lambda - half * half;
+    let half_damping = 0.5 * dot(&mode.vector, image);
+    let squared = mode.lambda - half_damping * half_damping;
     let pole = if squared >= 0.0 {
-        Complex::new(-half, sqrt(squared.abs())) // abs also for −0
+        Complex::new(-half_damping, sqrt(squared.abs())) // abs also for −0
     } else {
         // Avoids the difference of two nearly equal numbers.
-        Complex::new(-mode.lambda / (half + sqrt(-squared)), 0.0)
+        Complex::new(-mode.lambda / (half_damping + sqrt(-squared)), 0.0)
     };
     let shape = mode.vector.iter().map(|&x| Complex::from(x)).collect();
     DampedMode {
@@ -134,63 +138,68 @@ fn uncoupled_mode(mode: &Mode, image: &[f64]) -> DampedMode {
 
 /// The modes, extended by responses of the springs to damping: orthonormal vectors, each with its λ, as modes are.
 fn with_responses(body: &Body, modes: &[Mode]) -> Vec<Mode> {
-    let n = body.springs.n();
-    let room = modes.len().min(n - modes.len());
-    let mut rests: Vec<Vec<f64>> = Vec::new();
-    let basis = |modes: &[Mode]| -> Vec<Vec<f64>> {
+    let mat_count = body.springs.n();
+    let responses_max = modes.len().min(mat_count - modes.len());
+    let mut fresh_images: Vec<Vec<f64>> = Vec::new();
+    let mode_vectors = |modes: &[Mode]| -> Vec<Vec<f64>> {
         modes.iter().map(|mode| mode.vector.clone()).collect()
     };
-    let mut vectors = basis(modes);
+    let mut vectors = mode_vectors(modes);
     for mode in modes {
-        let image = times(&body.dampers, &mode.vector);
-        push_new(&mut vectors, &mut rests, image);
+        let damping_image = times(&body.dampers, &mode.vector);
+        push_new(&mut vectors, &mut fresh_images, damping_image);
     }
-    rests.truncate(room);
+    fresh_images.truncate(responses_max);
     // Static responses, then responses at half the highest λ: two for each damped point, if there are few.
-    let middle = modes.last().map_or(0.0, |mode| 0.5 * mode.lambda);
-    let mut vectors = basis(modes);
+    let middle_lambda = modes.last().map_or(0.0, |mode| 0.5 * mode.lambda);
+    let mut vectors = mode_vectors(modes);
     let mut responses: Vec<Vec<f64>> = Vec::new();
-    for mut shift in [-1e-9 * body.springs.scale(), middle] {
-        if rests.is_empty() {
+    for mut shift in [-1e-9 * body.springs.scale(), middle_lambda] {
+        if fresh_images.is_empty() {
             break;
         }
-        let factor = body.springs.factor(&mut shift);
-        for rest in &rests {
-            if responses.len() < room {
-                push_new(&mut vectors, &mut responses, factor.solve(rest));
+        let shifted_factor = body.springs.factor(&mut shift);
+        for rest in &fresh_images {
+            if responses.len() < responses_max {
+                push_new(&mut vectors, &mut responses, shifted_factor.solve(rest));
             }
         }
     }
     // Rotate the responses among themselves so that springs do not couple them.
-    let mut all = modes.to_vec();
-    let k = responses.len();
-    if k == 0 {
-        return all;
+    let mut extended_modes = modes.to_vec();
+    let response_count = responses.len();
+    if response_count == 0 {
+        return extended_modes;
     }
-    let images: Vec<Vec<f64>> = responses
+    let spring_images: Vec<Vec<f64>> = responses
         .iter()
         .map(|own| body.springs.times(own))
         .collect();
-    let small = (0..k * k)
-        .map(|entry| dot(&responses[entry / k], &images[entry % k]))
+    let reduced_matrix = (0..response_count * response_count)
+        .map(|entry| {
+            dot(
+                &responses[entry / response_count],
+                &spring_images[entry % response_count],
+            )
+        })
         .collect();
-    if let Some((lambdas, seen)) = all_eigenvalues(small, &units(k)) {
+    if let Some((lambdas, eigen_rows)) = all_eigenvalues(reduced_matrix, &units(response_count)) {
         for (entry, lambda) in lambdas.into_iter().enumerate() {
-            let mut vector = vec![0.0; n];
-            for (response, row) in responses.iter().zip(&seen) {
+            let mut vector = vec![0.0; mat_count];
+            for (response, row) in responses.iter().zip(&eigen_rows) {
                 add(row[entry], response, &mut vector);
             }
-            all.push(Mode { lambda, vector });
+            extended_modes.push(Mode { lambda, vector });
         }
     }
-    all
+    extended_modes
 }
 
 /// Add the part of a vector outside an orthonormal basis to the basis and to `fresh`, unless that part is too small.
 fn push_new(basis: &mut Vec<Vec<f64>>, fresh: &mut Vec<Vec<f64>>, mut vector: Vec<f64>) {
-    let length = norm(&vector);
+    let norm_before = norm(&vector);
     orthogonalise(&mut vector, basis);
-    if normalise(&mut vector) <= NEW * length {
+    if normalise(&mut vector) <= NEW * norm_before {
         return;
     }
     basis.push(vector.clone());
@@ -199,56 +208,64 @@ fn push_new(basis: &mut Vec<Vec<f64>>, fresh: &mut Vec<Vec<f64>>, mut vector: Ve
 
 /// Poles of modes that damping couples, by rising |s|: eigenvalues in (p, v) with p = ω·q, ṗ = ω·v, v̇ = −ω·p − Z·v.
 fn coupled(modes: &[Mode], images: &[Vec<f64>]) -> Option<Vec<DampedMode>> {
-    let n = modes.len();
-    let size = 2 * n;
-    let mut matrix = vec![0.0; size * size];
+    let mode_count = modes.len();
+    let matrix_size = 2 * mode_count;
+    let mut state_matrix = vec![0.0; matrix_size * matrix_size];
     for (i, mode) in modes.iter().enumerate() {
         interrupt::poll();
         let omega = sqrt(mode.lambda.abs());
-        matrix[i * size + n + i] = omega;
-        matrix[(n + i) * size + i] = if mode.lambda < 0.0 { omega } else { -omega };
+        state_matrix[i * matrix_size + mode_count + i] = omega;
+        state_matrix[(mode_count + i) * matrix_size + i] =
+            if mode.lambda < 0.0 { omega } else { -omega };
         for (j, image) in images.iter().enumerate() {
-            matrix[(n + i) * size + n + j] = -dot(&mode.vector, image);
+            state_matrix[(mode_count + i) * matrix_size + mode_count + j] =
+                -dot(&mode.vector, image);
         }
     }
-    let eigen = general(matrix)?;
-    let shape = |index: usize, is_pair: bool| -> Vec<Complex<f64>> {
-        let speeds = |row: usize| &eigen.vectors[row * size + n..(row + 1) * size];
-        let mut shape = vec![Complex::from(0.0); modes[0].vector.len()];
+    let eigensystem = general(state_matrix)?;
+    let mode_shape = |index: usize, is_pair: bool| -> Vec<Complex<f64>> {
+        let speed_part = |row: usize| {
+            &eigensystem.vectors[row * matrix_size + mode_count..(row + 1) * matrix_size]
+        };
+        let mut mode_shape = vec![Complex::from(0.0); modes[0].vector.len()];
         for (i, mode) in modes.iter().enumerate() {
-            let im = if is_pair { speeds(index + 1)[i] } else { 0.0 };
-            let weight = Complex::new(speeds(index)[i], im);
-            let each = shape.iter_mut().zip(&mode.vector);
-            each.for_each(|(sum, x)| *sum += weight * x);
+            let im = if is_pair {
+                speed_part(index + 1)[i]
+            } else {
+                0.0
+            };
+            let mode_weight = Complex::new(speed_part(index)[i], im);
+            let shape_terms = mode_shape.iter_mut().zip(&mode.vector);
+            shape_terms.for_each(|(sum, x)| *sum += mode_weight * x);
         }
-        shape
+        mode_shape
     };
     // An overdamped mode has two real poles, of which the slower is kept: as many real poles as there are modes left.
-    let (mut real, mut poles): (Vec<usize>, Vec<usize>) = (Vec::new(), Vec::new());
-    for (index, (_, im)) in eigen.values.iter().enumerate() {
+    let (mut real_poles, mut pole_indices): (Vec<usize>, Vec<usize>) = (Vec::new(), Vec::new());
+    for (index, (_, im)) in eigensystem.values.iter().enumerate() {
         if *im > 0.0 {
-            poles.push(index);
+            pole_indices.push(index);
         } else if *im == 0.0 {
-            real.push(index);
+            real_poles.push(index);
         }
     }
-    real.sort_by(|&a, &b| eigen.values[b].0.total_cmp(&eigen.values[a].0));
-    real.truncate(n.saturating_sub(poles.len()));
-    poles.extend(real);
-    let square = |index: usize| {
-        let (re, im) = eigen.values[index];
+    real_poles.sort_by(|&a, &b| eigensystem.values[b].0.total_cmp(&eigensystem.values[a].0));
+    real_poles.truncate(mode_count.saturating_sub(pole_indices.len()));
+    pole_indices.extend(real_poles);
+    let pole_square = |index: usize| {
+        let (re, im) = eigensystem.values[index];
         re * re + im * im
     };
-    poles.sort_by(|&a, &b| square(a).total_cmp(&square(b)));
+    pole_indices.sort_by(|&a, &b| pole_square(a).total_cmp(&pole_square(b)));
     let damped_mode = |index: usize| {
-        let (re, im) = eigen.values[index];
+        let (re, im) = eigensystem.values[index];
         DampedMode {
             pole: Complex::new(re, im),
-            shape: shape(index, im != 0.0),
+            shape: mode_shape(index, im != 0.0),
             is_known: true,
         }
     };
-    Some(poles.into_iter().map(damped_mode).collect())
+    Some(pole_indices.into_iter().map(damped_mode).collect())
 }
 
 /// Stiffness and damping of the whole network on one sparsity pattern.
@@ -260,10 +277,10 @@ pub(super) struct NetworkMatrices {
 
 impl NetworkMatrices {
     pub(super) fn new(body: &Body) -> Self {
-        let n = body.springs.n();
-        let all = body.springs.each().iter().chain(&body.dampers);
-        let all: Vec<Spring> = all.copied().collect();
-        let pattern = Pattern::new(n, springs::pairs(&all));
+        let mat_count = body.springs.n();
+        let all_springs = body.springs.each().iter().chain(&body.dampers);
+        let all_springs: Vec<Spring> = all_springs.copied().collect();
+        let pattern = Pattern::new(mat_count, springs::pairs(&all_springs));
         Self {
             stiffness: springs::values(&pattern, body.springs.each()),
             damping: springs::values(&pattern, &body.dampers),
@@ -279,57 +296,59 @@ impl NetworkMatrices {
     /// Refine a pole by Newton's method, s −= xᵀx / xᵀy with P(s) y = P′(s) x, unless its residual shows that it is
     /// exact; `gap` is the distance to the next pole. Source: Ruhe, SIAM J. Numer. Anal. 10 (1973).
     fn correct(&self, mode: &mut DampedMode, gap: f64) {
-        let n = self.pattern.n();
-        let mut image = vec![Complex::from(0.0); n];
+        let mat_count = self.pattern.n();
+        let mut applied_matrix = vec![Complex::from(0.0); mat_count];
         let (mut s, mut x) = (mode.pole, mode.shape.clone());
-        let size = |x: &[Complex<f64>]| sqrt(x.iter().map(|x| x.norm_sqr()).sum());
-        let slope = |s: Complex<f64>| {
+        let vector_norm = |x: &[Complex<f64>]| sqrt(x.iter().map(|x| x.norm_sqr()).sum());
+        let slope_matrix = |s: Complex<f64>| {
             Values::combine(&self.stiffness, &self.damping, s * 2.0, |_, z| {
                 Complex::from(z)
             })
         };
         for round in 0..CORRECTIONS {
-            let matrix = self.polynomial(s);
+            let pole_matrix = self.polynomial(s);
             if round == 0 {
-                matrix.times(&self.pattern, &x, &mut image);
-                let error = size(&image) / (2.0 * s.norm() * size(&x));
-                if error * error <= EXACT * s.norm() * gap {
+                pole_matrix.times(&self.pattern, &x, &mut applied_matrix);
+                let residual = vector_norm(&applied_matrix) / (2.0 * s.norm() * vector_norm(&x));
+                if residual * residual <= EXACT * s.norm() * gap {
                     break;
                 }
             }
-            slope(s).times(&self.pattern, &x, &mut image);
-            let Some(factor) = Factor::new(&self.pattern, &matrix, Complex::from(0.0)) else {
+            slope_matrix(s).times(&self.pattern, &x, &mut applied_matrix);
+            let Some(pole_factor) = Factor::new(&self.pattern, &pole_matrix, Complex::from(0.0))
+            else {
                 break; // s is a pole to the last bit
             };
-            let y = factor.solve(&image);
-            let step = bilinear(&x, &x) / bilinear(&x, &y);
-            let length = size(&y);
-            if !(step.norm() <= STEP_MAX * mode.pole.norm() && length.is_finite()) {
+            let y = pole_factor.solve(&applied_matrix);
+            let pole_step = bilinear(&x, &x) / bilinear(&x, &y);
+            let norm_of_y = vector_norm(&y);
+            if !(pole_step.norm() <= STEP_MAX * mode.pole.norm() && norm_of_y.is_finite()) {
                 (s, x) = (mode.pole, mode.shape.clone());
                 break;
             }
-            s -= step;
-            x = y.into_iter().map(|y| y / length).collect();
-            if step.norm() <= STEP_LAST * s.norm() {
+            s -= pole_step;
+            x = y.into_iter().map(|y| y / norm_of_y).collect();
+            if pole_step.norm() <= STEP_LAST * s.norm() {
                 break;
             }
         }
         if mode.pole.im == 0.0 {
             s.im = 0.0;
         }
-        self.polynomial(s).times(&self.pattern, &x, &mut image);
+        self.polynomial(s)
+            .times(&self.pattern, &x, &mut applied_matrix);
         let stiffest = self.stiffness.diagonal.iter();
         let stiffest = stiffest.fold(0.0_f64, |stiffness_max, k| stiffness_max.max(k.abs()));
         let stiffness_max = 2.0 * ERROR_KNOWN * s.norm_sqr() + RESIDUAL_ROUNDING * stiffest;
-        mode.is_known = size(&image) <= stiffness_max * size(&x);
-        slope(s).times(&self.pattern, &x, &mut image);
-        let by = if s.im == 0.0 {
-            Complex::from(1.0 / size(&x))
+        mode.is_known = vector_norm(&applied_matrix) <= stiffness_max * vector_norm(&x);
+        slope_matrix(s).times(&self.pattern, &x, &mut applied_matrix);
+        let shape_factor = if s.im == 0.0 {
+            Complex::from(1.0 / vector_norm(&x))
         } else {
-            root(Complex::new(0.0, 2.0 * s.im) / bilinear(&x, &image))
+            root(Complex::new(0.0, 2.0 * s.im) / bilinear(&x, &applied_matrix))
         };
         mode.pole = s;
-        mode.shape = x.into_iter().map(|x| x * by).collect();
+        mode.shape = x.into_iter().map(|x| x * shape_factor).collect();
     }
 }
 
@@ -339,9 +358,9 @@ fn bilinear(a: &[Complex<f64>], b: &[Complex<f64>]) -> Complex<f64> {
 
 /// √z with a non-negative real part.
 fn root(z: Complex<f64>) -> Complex<f64> {
-    let length = sqrt(z.norm_sqr());
-    let re = sqrt((0.5 * (length + z.re)).max(0.0));
-    let im = sqrt((0.5 * (length - z.re)).max(0.0));
+    let modulus = sqrt(z.norm_sqr());
+    let re = sqrt((0.5 * (modulus + z.re)).max(0.0));
+    let im = sqrt((0.5 * (modulus - z.re)).max(0.0));
     Complex::new(re, if z.im < 0.0 { -im } else { im })
 }
 
@@ -349,10 +368,11 @@ fn root(z: Complex<f64>) -> Complex<f64> {
 fn times(dampers: &[Spring], x: &[f64]) -> Vec<f64> {
     let mut y = vec![0.0; x.len()];
     for &((a, lever), other, z) in dampers {
-        let pull = z * (lever * x[a] - other.map_or(0.0, |(b, there)| there * x[b]));
-        y[a] += lever * pull;
-        if let Some((b, there)) = other {
-            y[b] -= there * pull;
+        let damper_force =
+            z * (lever * x[a] - other.map_or(0.0, |(b, other_lever)| other_lever * x[b]));
+        y[a] += lever * damper_force;
+        if let Some((b, other_lever)) = other {
+            y[b] -= other_lever * damper_force;
         }
     }
     y

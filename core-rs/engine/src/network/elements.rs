@@ -78,24 +78,24 @@ impl Network {
             .filter(|&i| parts.contains(&(self.mats.part[i] as usize)))
             .map(|i| i as u32)
             .collect();
-        let links: Vec<u32> = (0..self.n_lia() as u32).collect();
-        let subset = self.subset(&part_mats, &[], &links);
-        let alone = &subset.network;
-        let mats = alone.mats();
-        let moving: Vec<usize> = (0..alone.n_mat())
+        let all_links: Vec<u32> = (0..self.n_lia() as u32).collect();
+        let parts_subset = self.subset(&part_mats, &[], &all_links);
+        let parts_network = &parts_subset.network;
+        let mats = parts_network.mats();
+        let moving_mats: Vec<usize> = (0..parts_network.n_mat())
             .filter(|&i| mats.kind[i].moves())
             .collect();
-        let ties = moving.iter().enumerate();
+        let ties = moving_mats.iter().enumerate();
         let ties = ties.filter(|&(_, &i)| mats.kind[i] == MatKind::Cel);
         let mut each: Vec<Element> = ties
-            .map(|(slot, &i)| Element {
+            .map(|(moving_slot, &i)| Element {
                 kind: ElementKind::Tie,
-                ends: [Some(slot), None],
+                ends: [Some(moving_slot), None],
                 k: mats.k[i],
                 z: mats.z[i],
             })
             .collect();
-        for run in alone.runs() {
+        for run in parts_network.runs() {
             let (kind, k, z) = match &run.kind {
                 LinkKind::Ref => (ElementKind::Ref, run.k, run.z),
                 LinkKind::But(_) => (ElementKind::But, run.k, run.z),
@@ -111,23 +111,26 @@ impl Network {
                     (ElementKind::Lnl, law.slope(0.0), law.damping_slope(0.0))
                 }
             };
-            let slot = |mat: usize| moving.binary_search(&mat).ok();
+            let moving_slot = |mat: usize| moving_mats.binary_search(&mat).ok();
             // A link to a proxy acts on several masses at once, so it is left out.
             let ties = |i: &usize| {
-                let (a, b) = run.pair(*i, 0);
-                !alone.is_proxy(a) && !alone.is_proxy(b)
+                let (first_mat, second_mat) = run.pair(*i, 0);
+                !parts_network.is_proxy(first_mat) && !parts_network.is_proxy(second_mat)
             };
             each.extend(interrupt::steps(0..run.len).filter(ties).map(|i| Element {
                 kind,
-                ends: [slot(run.pair(i, 0).0), slot(run.pair(i, 0).1)],
+                ends: [moving_slot(run.pair(i, 0).0), moving_slot(run.pair(i, 0).1)],
                 k,
                 z,
             }));
         }
         Elements {
-            m: moving.iter().map(|&i| mats.m[i]).collect(),
+            m: moving_mats.iter().map(|&i| mats.m[i]).collect(),
             n_held: mats.kind.iter().filter(|kind| kind.is_held()).count(),
-            mats: moving.iter().map(|&i| subset.mats[i] as usize).collect(),
+            mats: moving_mats
+                .iter()
+                .map(|&i| parts_subset.mats[i] as usize)
+                .collect(),
             each,
             ca_rate: parts.first().and_then(|&part| self.parts[part].ca_rate),
         }

@@ -32,12 +32,12 @@ impl Error {
     /// Combines errors, keeping only the first of each module; numbered members of a module count as one module. `None`
     /// if there are no errors.
     pub(crate) fn combined(errors: impl IntoIterator<Item = Error>) -> Option<Self> {
-        let mut known = HashSet::new();
-        let mut each: Vec<Error> = errors.into_iter().flat_map(Error::into_list).collect();
-        each.retain(|error| known.insert(error.module_without_number()));
-        match each.len() {
-            0 | 1 => each.pop(),
-            _ => Some(Self::Several(each)),
+        let mut known_modules = HashSet::new();
+        let mut error_list: Vec<Error> = errors.into_iter().flat_map(Error::into_list).collect();
+        error_list.retain(|error| known_modules.insert(error.module_without_number()));
+        match error_list.len() {
+            0 | 1 => error_list.pop(),
+            _ => Some(Self::Several(error_list)),
         }
     }
 
@@ -59,15 +59,15 @@ impl Error {
 
     /// Name of the module at fault, without the number of a member.
     fn module_without_number(&self) -> String {
-        let name = match self {
+        let module_name = match self {
             Self::Refused { module, .. } | Self::Unstable { module, .. } => module,
             Self::Several(_) => return String::new(),
         };
-        match name.rsplit_once('.') {
+        match module_name.rsplit_once('.') {
             Some((whole, member)) if member.bytes().all(|byte| byte.is_ascii_digit()) => {
                 whole.to_owned()
             }
-            _ => name.clone(),
+            _ => module_name.clone(),
         }
     }
 

@@ -29,8 +29,8 @@ impl Following {
     /// The value when the MAT is at `x` [m]; `from` if `x` is NaN.
     #[inline]
     pub(crate) fn value(&self, x: f64) -> f64 {
-        let share = ((x + self.offset) / self.span).clamp(0.0, 1.0).max(0.0);
-        self.from + (self.to - self.from) * share
+        let span_share = ((x + self.offset) / self.span).clamp(0.0, 1.0).max(0.0);
+        self.from + (self.to - self.from) * span_share
     }
 
     fn moved_to(self, local: impl Fn(usize) -> Option<usize>) -> Option<Self> {
@@ -65,17 +65,17 @@ impl Followed {
 
     /// The law when MATs are at `x` [m].
     pub(crate) fn law_for(&self, x: impl Fn(usize) -> f64) -> Law {
-        let mut law = (*self.law).clone();
-        self.set(&mut law, x);
-        law
+        let mut followed_law = (*self.law).clone();
+        self.set(&mut followed_law, x);
+        followed_law
     }
 
     /// The law with every combination of the end values of its open constants.
     pub(crate) fn corners(&self) -> impl Iterator<Item = Law> + '_ {
         (0..1_usize << self.by.len()).map(|ends| {
-            let mut law = (*self.law).clone();
+            let mut corner_law = (*self.law).clone();
             for (slot, by) in self.by.iter().enumerate() {
-                law.set(
+                corner_law.set(
                     slot,
                     if ends >> slot & 1 == 1 {
                         by.to
@@ -84,7 +84,7 @@ impl Followed {
                     },
                 );
             }
-            law
+            corner_law
         })
     }
 
@@ -141,12 +141,12 @@ impl Network {
 
     /// Pairs of a MAT whose link or mass follows another MAT, and that other MAT.
     pub(crate) fn followed(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
-        let links = self.runs.iter().flat_map(|run| {
-            let guides = run.followed().into_iter().flat_map(Followed::guides);
-            guides.flat_map(|guide| [(run.a, guide), (run.b, guide)])
+        let link_guides = self.runs.iter().flat_map(|run| {
+            let law_guides = run.followed().into_iter().flat_map(Followed::guides);
+            law_guides.flat_map(|guide| [(run.a, guide), (run.b, guide)])
         });
-        let masses = self.following_masses.iter();
-        links.chain(masses.map(|mass| (mass.mat, mass.by.mat)))
+        let mass_followers = self.following_masses.iter();
+        link_guides.chain(mass_followers.map(|mass| (mass.mat, mass.by.mat)))
     }
 
     /// Add a link (LNL) between MATs `a` and `b`, `rest` [m] long at rest, in whose law the constants named in `by`
@@ -184,20 +184,20 @@ impl Network {
             let message = format!("at most {FOLLOWING_MAX} constants of a law follow MATs");
             return Err(self.refused(name, &message));
         }
-        let open: Vec<String> = by.iter().map(|(constant, _)| constant.clone()).collect();
+        let open_constants: Vec<String> = by.iter().map(|(constant, _)| constant.clone()).collect();
         let mut constants = text.constants.clone();
         for (constant, following) in by {
             self.check_following(name, following)?;
             constants.insert(constant.clone(), following.from);
         }
-        let law = Law::new(&LawText {
+        let open_law = Law::new(&LawText {
             constants,
-            open: &open,
+            open: &open_constants,
             ..text.clone()
         });
-        let law = law.map_err(|error| self.refused(name, &error.to_string()))?;
+        let open_law = open_law.map_err(|error| self.refused(name, &error.to_string()))?;
         let followed = Followed {
-            law: Arc::new(law),
+            law: Arc::new(open_law),
             by: by.iter().map(|(_, following)| *following).collect(),
         };
         self.link(name, LinkKind::Followed(followed), a, b, [0.0, 0.0, rest])
@@ -209,17 +209,17 @@ impl Network {
     /// [`Error::Refused`] with its name if it is not a MAS, follows a MAT already, a mass is not above 0, a number is
     /// not finite, or the MAT is missing.
     pub fn follow_mass(&mut self, name: &str, mat: usize, by: Following) -> Result<(), Error> {
-        let refuse = |message: &str| self.refused(name, message);
+        let refuse_mass = |message: &str| self.refused(name, message);
         if self.mats.kind.get(mat) != Some(&MatKind::Mas) {
-            return Err(refuse("only the mass of a MAS follows a MAT"));
+            return Err(refuse_mass("only the mass of a MAS follows a MAT"));
         }
         if self.following_masses.iter().any(|own| own.mat == mat) || by.mat == mat {
-            return Err(refuse("its mass follows one other MAT"));
+            return Err(refuse_mass("its mass follows one other MAT"));
         }
         self.check_following(name, &by)?;
         let least = by.from.min(by.to);
         if least <= 0.0 {
-            return Err(refuse("a mass is above 0 wherever it follows"));
+            return Err(refuse_mass("a mass is above 0 wherever it follows"));
         }
         self.mats.m[mat] = least;
         self.following_masses.push(FollowingMass { mat, by, least });

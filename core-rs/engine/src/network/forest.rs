@@ -22,17 +22,17 @@ impl Forest {
     }
 
     /// Join the sets of two MATs.
-    pub(crate) fn join(&mut self, i: usize, j: usize) {
-        let (i, j) = (self.root(i), self.root(j));
+    pub(crate) fn join(&mut self, first_mat: usize, second_mat: usize) {
+        let (first_mat, second_mat) = (self.root(first_mat), self.root(second_mat));
         // The lower index becomes the representative, so that sets come in the order of their first MATs.
-        self.0[i.max(j)] = i.min(j) as u32;
+        self.0[first_mat.max(second_mat)] = first_mat.min(second_mat) as u32;
     }
 }
 
 /// Each link with its two ends; a link in space appears once per axis.
 pub(crate) fn ends(network: &Network) -> impl Iterator<Item = (usize, usize, usize)> + '_ {
-    let runs = network.runs().iter();
-    runs.flat_map(|run| {
+    let link_runs = network.runs().iter();
+    link_runs.flat_map(|run| {
         interrupt::steps(0..run.len)
             .flat_map(move |i| run.pairs(i).map(move |(a, b)| (run.first + i, a, b)))
     })
@@ -41,27 +41,28 @@ pub(crate) fn ends(network: &Network) -> impl Iterator<Item = (usize, usize, usi
 /// Pairs of MATs that influence each other: both ends of a link, the coordinates of each end, a proxy and its masses
 /// and guides, and anything that follows a MAT and that MAT.
 pub(crate) fn joined(network: &Network) -> impl Iterator<Item = (usize, usize)> + '_ {
-    let runs = network.runs().iter().filter(|run| run.n_axes() > 1);
-    let coordinates = runs.flat_map(|run| {
+    let space_runs = network.runs().iter().filter(|run| run.n_axes() > 1);
+    let coordinates = space_runs.flat_map(|run| {
         interrupt::steps(0..run.len).flat_map(move |i| {
-            let (a, b) = run.pair(i, 0);
-            let others = run.pairs(i).skip(1);
-            others.flat_map(move |(other_a, other_b)| [(a, other_a), (b, other_b)])
+            let (first_mat, second_mat) = run.pair(i, 0);
+            let other_mats = run.pairs(i).skip(1);
+            other_mats
+                .flat_map(move |(other_a, other_b)| [(first_mat, other_a), (second_mat, other_b)])
         })
     });
     // Points of a group influence each other through the points that they meet.
     let crowds = network.runs().iter().filter_map(Run::pairwise);
     let crowds = crowds.flat_map(|run| {
-        let groups = [(run.a, run.pairs.n_first), (run.b, run.n)];
-        groups.into_iter().flat_map(|(first, n)| {
+        let group_spans = [(run.a, run.pairs.n_first), (run.b, run.n)];
+        group_spans.into_iter().flat_map(|(first, n)| {
             interrupt::steps(first + 1..first + n).map(move |mat| (first, mat))
         })
     });
     let proxies = network.proxies().iter().flat_map(|proxy| {
-        let others = proxy.masses().chain(proxy.guides());
-        others.map(|mat| (proxy.mat, mat))
+        let other_mats = proxy.masses().chain(proxy.guides());
+        other_mats.map(|mat| (proxy.mat, mat))
     });
-    let ends = ends(network).map(|(_, a, b)| (a, b));
+    let ends = ends(network).map(|(_, first_mat, second_mat)| (first_mat, second_mat));
     ends.chain(coordinates)
         .chain(crowds)
         .chain(proxies)
@@ -70,12 +71,12 @@ pub(crate) fn joined(network: &Network) -> impl Iterator<Item = (usize, usize)> 
 
 /// The MATs of each link, axis by axis: its first end, then its second.
 pub(crate) fn links(network: &Network) -> impl Iterator<Item = (usize, LinkMats)> + '_ {
-    let runs = network.runs().iter();
-    runs.flat_map(|run| {
+    let link_runs = network.runs().iter();
+    link_runs.flat_map(|run| {
         interrupt::steps(0..run.len).map(move |i| {
-            let mut mats = LinkMats::default();
-            run.pairs(i).for_each(|(a, b)| mats.extend([a, b]));
-            (run.first + i, mats)
+            let mut link_mats = LinkMats::default();
+            run.pairs(i).for_each(|(a, b)| link_mats.extend([a, b]));
+            (run.first + i, link_mats)
         })
     })
 }

@@ -7,17 +7,17 @@ impl Network {
     /// Frequency [Hz] of the highest mode of the STRING or PLATE that begins at index `first`, without losses, and
     /// without its links to other modules.
     pub fn highest_mode(&self, first: usize) -> f64 {
-        let (mats, n) = (self.mats(), self.count(first));
-        let mats_range = first..first + n;
-        let root: Vec<f64> = mats.m[mats_range.clone()]
+        let (mats, mass_count) = (self.mats(), self.count(first));
+        let mats_range = first..first + mass_count;
+        let mass_roots: Vec<f64> = mats.m[mats_range.clone()]
             .iter()
             .map(|m| m.sqrt())
             .collect();
         let outside = |point: usize| !mats_range.contains(&point) && mats.kind[point].moves();
-        let mut apply = |v: &[f64], y: &mut [f64]| {
+        let mut apply_stiffness = |v: &[f64], y: &mut [f64]| {
             y.fill(0.0);
-            let value = |point: usize| match mats_range.contains(&point) {
-                true => v[point - first] / root[point - first],
+            let displacement = |point: usize| match mats_range.contains(&point) {
+                true => v[point - first] / mass_roots[point - first],
                 false => 0.0,
             };
             for run in self.runs() {
@@ -38,15 +38,19 @@ impl Network {
                     {
                         continue;
                     }
-                    let pull = stiffness * (value(b) - value(a));
-                    for (end, pull) in [(a, -pull), (b, pull)] {
+                    let link_pull = stiffness * (displacement(b) - displacement(a));
+                    for (end, link_pull) in [(a, -link_pull), (b, link_pull)] {
                         if mats_range.contains(&end) {
-                            y[end - first] += pull / root[end - first];
+                            y[end - first] += link_pull / mass_roots[end - first];
                         }
                     }
                 }
             }
         };
-        spectrum::largest(n, &mut apply).theta.max(0.0).sqrt() / std::f64::consts::TAU
+        spectrum::largest(mass_count, &mut apply_stiffness)
+            .theta
+            .max(0.0)
+            .sqrt()
+            / std::f64::consts::TAU
     }
 }

@@ -95,11 +95,11 @@ impl Network {
             self.check_magic(name, &but)?;
         }
         // d = x_b - x_a - rest. From below the penetration is -d with rest = -gap, from above it is d with rest = gap.
-        let rest = match but.side {
+        let rest_length = match but.side {
             Side::Below => -gap,
             Side::Above => gap,
         };
-        self.link(name, LinkKind::But(but), a, b, [k, z, rest])
+        self.link(name, LinkKind::But(but), a, b, [k, z, rest_length])
     }
 
     fn check_magic(&self, name: &str, but: &But) -> Result<(), Error> {
@@ -195,8 +195,8 @@ impl Network {
         if static_level < level {
             return Err(self.refused(name, "Fs must be Fc or more"));
         }
-        let kind = LinkKind::Bristle(bristle);
-        self.link(name, kind, a, b, [stiffness, level, 0.0])
+        let bristle_kind = LinkKind::Bristle(bristle);
+        self.link(name, bristle_kind, a, b, [stiffness, level, 0.0])
     }
 
     /// Add dry friction (DRY) between MATs `a` and `b`; returns its index.
@@ -247,36 +247,36 @@ impl Network {
             return Err(self.refused(name, "a link joins two different points"));
         }
         self.check_capacity(name, 1)?;
-        let first = self.n_lia;
+        let first_link = self.n_lia;
         self.add_run(kind, a, b, 1, [k, z, rest]);
         let name = self.full_name(name);
-        self.names.add_links(first, 1, false, name);
-        Ok(first)
+        self.names.add_links(first_link, 1, false, name);
+        Ok(first_link)
     }
 
     /// Each distinct law that native code can compute, with the number of links that have it.
     pub fn laws(&self) -> Vec<LawUse> {
-        let mut laws: Vec<LawUse> = Vec::new();
-        let mut known: HashMap<Vec<Row>, usize> = HashMap::new();
+        let mut law_uses: Vec<LawUse> = Vec::new();
+        let mut known_rows: HashMap<Vec<Row>, usize> = HashMap::new();
         for run in &self.runs {
             let LinkKind::Lnl(law) = &run.kind else {
                 continue;
             };
-            let Some(rows) = law.rows() else { continue };
-            let law_index = *known.entry(rows).or_insert_with_key(|rows| {
-                laws.push(LawUse {
-                    rows: rows.clone(),
+            let Some(law_rows) = law.rows() else { continue };
+            let law_index = *known_rows.entry(law_rows).or_insert_with_key(|law_rows| {
+                law_uses.push(LawUse {
+                    rows: law_rows.clone(),
                     alone: 0,
                     in_runs: 0,
                 });
-                laws.len() - 1
+                law_uses.len() - 1
             });
             match run.len {
-                1 => laws[law_index].alone += 1,
-                len => laws[law_index].in_runs += len,
+                1 => law_uses[law_index].alone += 1,
+                len => law_uses[law_index].in_runs += len,
             }
         }
-        laws
+        law_uses
     }
 
     /// Let native code compute the laws that have these rows.
@@ -286,10 +286,10 @@ impl Network {
     pub unsafe fn set_native(&mut self, entries: &HashMap<Vec<Row>, Entry>) {
         for run in &mut self.runs {
             if let LinkKind::Lnl(law) = &mut run.kind
-                && let Some(entry) = law.rows().and_then(|rows| entries.get(&rows))
+                && let Some(native_entry) = law.rows().and_then(|rows| entries.get(&rows))
             {
                 // SAFETY: the caller guarantees what `set_native` requires.
-                unsafe { Arc::make_mut(law).set_native(*entry) };
+                unsafe { Arc::make_mut(law).set_native(*native_entry) };
             }
         }
     }

@@ -80,8 +80,8 @@ impl Network {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn tones(&self, part: usize, n_tones: usize) -> Result<Vec<Tone>, TooManyModes> {
-        let modes = self.part_modes(part, ModeRange::Lowest(n_tones))?;
-        Ok(modes.tones)
+        let part_modes = self.part_modes(part, ModeRange::Lowest(n_tones))?;
+        Ok(part_modes.tones)
     }
 
     /// Modes of a part and their shapes, without its links to other parts, with contacts open and laws at their slope
@@ -90,95 +90,99 @@ impl Network {
     /// They are complex modes, the eigenvectors of the state, for any damping. For a part under `units: ca` they are
     /// the modes of its discrete network.
     pub fn part_modes(&self, part: usize, range: ModeRange) -> Result<PartModes, TooManyModes> {
-        let body = self.part_body(part);
-        let n = body.mats.len();
+        let part_body = self.part_body(part);
+        let mat_count = part_body.mats.len();
         // Damping couples each mode with others, so more undamped modes are needed than are asked for.
-        let search = |count: usize, find: &dyn Fn(usize) -> LowestModes| {
+        let coupled_search = |count: usize, find: &dyn Fn(usize) -> LowestModes| {
             let part_modes = find(count);
-            let is_coupled = damped::is_coupled(&body, &part_modes.modes);
+            let is_coupled = damped::is_coupled(&part_body, &part_modes.modes);
             match is_coupled {
-                true => (find((2 * count + 20).min(n)), is_coupled),
+                true => (find((2 * count + 20).min(mat_count)), is_coupled),
                 false => (part_modes, is_coupled),
             }
         };
-        let lowest = |count| spectrum::lowest_modes(&body.springs, count);
-        let frequency = |mode: &DampedMode| Tone::from_pole(body.continuous(mode.pole)).f;
+        let lowest_part_modes = |count| spectrum::lowest_modes(&part_body.springs, count);
+        let frequency = |mode: &DampedMode| Tone::from_pole(part_body.continuous(mode.pole)).f;
         let checked_count = |count: usize| -> Result<usize, TooManyModes> {
-            let (count, count_max) = (count.min(n), ENTRIES_MAX / n);
+            let (count, count_max) = (count.min(mat_count), ENTRIES_MAX / mat_count);
             if count <= count_max {
                 return Ok(count);
             }
             Err(TooManyModes {
                 count,
-                n_masses: n,
+                n_masses: mat_count,
                 count_max,
             })
         };
-        let (mut poles, is_certified) = match range {
-            _ if n == 0 => (Vec::new(), true),
+        let (mut pole_modes, is_certified) = match range {
+            _ if mat_count == 0 => (Vec::new(), true),
             ModeRange::Lowest(count) => {
                 let count = checked_count(count)?;
-                let (part_modes, is_coupled) = search(count, &lowest);
-                let lowest = damped::damped_modes(&body, &part_modes.modes, is_coupled, count);
-                let is_all = lowest.len() == count;
-                (lowest, part_modes.is_certified && is_all)
+                let (part_modes, is_coupled) = coupled_search(count, &lowest_part_modes);
+                let lowest_part_modes =
+                    damped::damped_modes(&part_body, &part_modes.modes, is_coupled, count);
+                let is_complete = lowest_part_modes.len() == count;
+                (lowest_part_modes, part_modes.is_certified && is_complete)
             }
             ModeRange::Below(f) => {
-                let count = checked_count(spectrum::n_below(&body.springs, body.lambda(f)))?;
-                let (part_modes, is_coupled) = search(count, &lowest);
-                let mut all = damped::damped_modes(
-                    &body,
+                let count =
+                    checked_count(spectrum::n_below(&part_body.springs, part_body.lambda(f)))?;
+                let (part_modes, is_coupled) = coupled_search(count, &lowest_part_modes);
+                let mut all_modes = damped::damped_modes(
+                    &part_body,
                     &part_modes.modes,
                     is_coupled,
                     part_modes.modes.len(),
                 );
-                all.retain(|mode| frequency(mode) <= f);
-                (all, part_modes.is_certified)
+                all_modes.retain(|mode| frequency(mode) <= f);
+                (all_modes, part_modes.is_certified)
             }
             ModeRange::Around(f, count) => {
                 let count = checked_count(count)?;
-                let centre = body.lambda(f);
-                let around = |count| spectrum::modes_around(&body.springs, centre, count);
-                let (part_modes, is_coupled) = search(count, &around);
-                let mut all = damped::damped_modes(
-                    &body,
+                let centre_lambda = part_body.lambda(f);
+                let modes_near =
+                    |count| spectrum::modes_around(&part_body.springs, centre_lambda, count);
+                let (part_modes, is_coupled) = coupled_search(count, &modes_near);
+                let mut all_modes = damped::damped_modes(
+                    &part_body,
                     &part_modes.modes,
                     is_coupled,
                     part_modes.modes.len(),
                 );
                 let distance = |mode: &DampedMode| (frequency(mode) - f).abs();
-                all.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
-                all.truncate(count);
-                (all, part_modes.is_certified)
+                all_modes.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
+                all_modes.truncate(count);
+                (all_modes, part_modes.is_certified)
             }
         };
-        let is_certified = is_certified && poles.iter().all(|mode| mode.is_known);
-        poles.sort_by(|a, b| a.pole.norm_sqr().total_cmp(&b.pole.norm_sqr()));
+        let is_certified = is_certified && pole_modes.iter().all(|mode| mode.is_known);
+        pole_modes.sort_by(|a, b| a.pole.norm_sqr().total_cmp(&b.pole.norm_sqr()));
         // The sign of a shape is such that its largest motion is positive.
-        let shape = |mode: &DampedMode| -> Vec<Complex<f64>> {
-            interrupt::poll_for(n);
-            let large = |x: &Complex<f64>, y: &Complex<f64>| x.re.abs().total_cmp(&y.re.abs());
-            let count_max = mode.shape.iter().copied().max_by(large);
-            let sign = if count_max.is_some_and(|x| x.re < 0.0) {
+        let signed_shape = |mode: &DampedMode| -> Vec<Complex<f64>> {
+            interrupt::poll_for(mat_count);
+            let compare_real =
+                |x: &Complex<f64>, y: &Complex<f64>| x.re.abs().total_cmp(&y.re.abs());
+            let count_max = mode.shape.iter().copied().max_by(compare_real);
+            let shape_sign = if count_max.is_some_and(|x| x.re < 0.0) {
                 -1.0
             } else {
                 1.0
             };
-            let each = mode.shape.iter().zip(&body.root);
-            each.map(|(x, root)| x * (sign / root)).collect()
+            let each = mode.shape.iter().zip(&part_body.root);
+            each.map(|(x, root)| x * (shape_sign / root)).collect()
         };
-        let each: Vec<Complex<f64>> = poles
+        let each: Vec<Complex<f64>> = pole_modes
             .iter()
-            .map(|mode| body.continuous(mode.pole))
+            .map(|mode| part_body.continuous(mode.pole))
             .collect();
         Ok(PartModes {
             tones: each.iter().map(|&s| Tone::from_pole(s)).collect(),
             poles: each,
-            shapes: poles.iter().map(shape).collect(),
-            mats: body.mats,
+            shapes: pole_modes.iter().map(signed_shape).collect(),
+            mats: part_body.mats,
             is_certified,
-            n_laws: body.n_laws,
-            n_contacts: body.n_contacts,
+            n_laws: part_body.n_laws,
+            n_contacts: part_body.n_contacts,
         })
     }
 }

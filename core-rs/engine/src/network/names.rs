@@ -32,42 +32,43 @@ fn find(groups: &[Group], index: usize) -> Option<&Group> {
 }
 
 fn full_name(groups: &[Group], index: usize) -> String {
-    let Some(group) = find(groups, index) else {
+    let Some(name_group) = find(groups, index) else {
         return format!("#{index}");
     };
-    let mut name = group.name.clone();
-    if group.numbered {
-        name += &format!(".{}", group.from + index - group.first);
+    let mut module_name = name_group.name.clone();
+    if name_group.numbered {
+        module_name += &format!(".{}", name_group.from + index - name_group.first);
     }
-    if let Some(axis) = group.axis {
-        name.push('.');
-        name.push(axis);
+    if let Some(axis_letter) = name_group.axis {
+        module_name.push('.');
+        module_name.push(axis_letter);
     }
-    name
+    module_name
 }
 
 /// The groups of the modules `indices` (rising indices), renumbered.
 fn renumbered(groups: &[Group], indices: &[u32]) -> Vec<Group> {
-    let mut cut: Vec<Group> = Vec::new();
-    let mut before: Option<usize> = None;
-    for (local, &index) in indices.iter().enumerate() {
-        let index = index as usize;
-        let Some(group) = find(groups, index) else {
+    let mut cut_groups: Vec<Group> = Vec::new();
+    let mut index_before: Option<usize> = None;
+    for (local, &module_index) in indices.iter().enumerate() {
+        let module_index = module_index as usize;
+        let Some(name_group) = find(groups, module_index) else {
             continue;
         };
-        let follows = before == index.checked_sub(1) && index > group.first;
-        before = Some(index);
-        match cut.last_mut().filter(|_| follows) {
+        let follows =
+            index_before == module_index.checked_sub(1) && module_index > name_group.first;
+        index_before = Some(module_index);
+        match cut_groups.last_mut().filter(|_| follows) {
             Some(last) => last.len += 1,
-            None => cut.push(Group {
+            None => cut_groups.push(Group {
                 first: local,
                 len: 1,
-                from: group.from + index - group.first,
-                ..group.clone()
+                from: name_group.from + module_index - name_group.first,
+                ..name_group.clone()
             }),
         }
     }
-    cut
+    cut_groups
 }
 
 impl Names {

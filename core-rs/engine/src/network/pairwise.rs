@@ -103,9 +103,9 @@ impl Pairwise {
     /// Coordinates along `axis` of two points that may meet, of link i in a run that begins at `ends`: a point of the
     /// first group, and the i-th point of the second group.
     pub(crate) fn pair(&self, ends: (usize, usize), i: usize, axis: usize) -> (usize, usize) {
-        let other = if self.is_within { i + 1 } else { i };
+        let first_index = if self.is_within { i + 1 } else { i };
         self.link
-            .pair((ends.0 + other % self.n_first, ends.1 + i), axis)
+            .pair((ends.0 + first_index % self.n_first, ends.1 + i), axis)
     }
 
     /// Number of points of both groups together.
@@ -177,13 +177,13 @@ impl Network {
         let (measure, friction) = (law.measure.clone(), law.friction);
         self.check(name, &[("friction", friction, Rule::NotNegative)])?;
         // The gap to a plane may have either sign: the plane may lie beside the point that carries it.
-        let length = match &measure {
+        let checked_gap = match &measure {
             Measure::Plane(_) if gap.is_finite() => 0.0,
             _ => gap,
         };
-        self.check_space(name, n_axes, &law.law, [k, z, length])?;
-        let [a, b] = groups;
-        let is_within = a == b;
+        self.check_space(name, n_axes, &law.law, [k, z, checked_gap])?;
+        let [first_group, second_group] = groups;
+        let is_within = first_group == second_group;
         if let Some(message) = refusal(groups, n_axes, &law, gap) {
             return Err(self.refused(name, message));
         }
@@ -193,26 +193,41 @@ impl Network {
         {
             return Err(self.refused(name, "joins a module that does not exist"));
         }
-        self.check_capacity(name, b.n)?;
-        let first = self.n_lia;
-        let reach = law.law.reach();
-        let rest = reach
+        self.check_capacity(name, second_group.n)?;
+        let first_link = self.n_lia;
+        let law_reach = law.law.reach();
+        let rest_length = law_reach
             + match measure {
                 Measure::Within => -gap,
                 Measure::Distance | Measure::Plane(_) | Measure::Surface(_) => gap,
             };
-        let link = SpaceLink::new(law.law, measure, n_axes, [a.first, b.first]);
-        let pairs = Pairwise {
+        let link = SpaceLink::new(
+            law.law,
+            measure,
+            n_axes,
+            [first_group.first, second_group.first],
+        );
+        let point_pairs = Pairwise {
             link,
-            n_first: a.n,
+            n_first: first_group.n,
             is_within,
             friction,
         };
-        let (kind, ends) = (LinkKind::Pairwise(pairs), (a.first.first, b.first.first));
-        self.add_run(kind, ends.0, ends.1, b.n, [k, z, rest]);
+        let (link_kind, first_mats) = (
+            LinkKind::Pairwise(point_pairs),
+            (first_group.first.first, second_group.first.first),
+        );
+        self.add_run(
+            link_kind,
+            first_mats.0,
+            first_mats.1,
+            second_group.n,
+            [k, z, rest_length],
+        );
         let name = self.full_name(name);
-        self.names.add_links(first, b.n, b.n > 1, name);
-        Ok(first)
+        self.names
+            .add_links(first_link, second_group.n, second_group.n > 1, name);
+        Ok(first_link)
     }
 }
 
@@ -223,24 +238,24 @@ fn refusal(
     pair_law: &PairLaw,
     gap: f64,
 ) -> Option<&'static str> {
-    let (law, measure, friction) = (&pair_law.law, &pair_law.measure, pair_law.friction);
-    let is_contact = law.is_contact();
-    let attracts = matches!(law, SpaceLaw::Attraction { .. });
-    let length = |normal: &[f64; AXES_MAX]| super::distance(normal[0], normal[1], normal[2]);
+    let (space_law, measure, friction) = (&pair_law.law, &pair_law.measure, pair_law.friction);
+    let is_contact = space_law.is_contact();
+    let attracts = matches!(space_law, SpaceLaw::Attraction { .. });
+    let normal_length = |normal: &[f64; AXES_MAX]| super::distance(normal[0], normal[1], normal[2]);
     // No two axes share a MAT.
     let is_whole = |group: PointGroup| {
-        let mut starts: Vec<usize> = (0..n_axes.min(AXES_MAX))
+        let mut axis_starts: Vec<usize> = (0..n_axes.min(AXES_MAX))
             .filter_map(|axis| group.first.coordinate(axis))
             .collect();
-        starts.sort_unstable();
-        starts.windows(2).all(|two| two[1] - two[0] >= group.n)
+        axis_starts.sort_unstable();
+        axis_starts.windows(2).all(|two| two[1] - two[0] >= group.n)
     };
-    let touch = |one: PointGroup, other: PointGroup| {
+    let starts_inside = |one: PointGroup, other: PointGroup| {
         (one.first.first..one.first.first + one.n).contains(&other.first.first)
     };
     if a.n == 0 || b.n < a.n || (a == b && b.n < 2) {
         Some("needs two groups of points, the second not smaller than the first")
-    } else if a != b && (touch(a, b) || touch(b, a)) {
+    } else if a != b && (starts_inside(a, b) || starts_inside(b, a)) {
         Some("its two groups have points in common")
     } else if !is_whole(a) || !is_whole(b) {
         Some("the coordinates of a group lie axis by axis")
@@ -253,16 +268,17 @@ fn refusal(
     } else if is_contact && *measure == Measure::Distance && a.n > 1 && gap <= 0.0 {
         Some("points that meet need a gap above 0: the distance at which they touch")
     } else if matches!(measure, Measure::Distance | Measure::Surface(_))
-        && law.rests_beyond_gap(gap)
+        && space_law.rests_beyond_gap(gap)
     {
         Some(SINKS)
-    } else if matches!(measure, Measure::Plane(normal) if (length(normal) - 1.0).abs() > 1e-9
+    } else if matches!(measure, Measure::Plane(normal) if (normal_length(normal) - 1.0).abs() > 1e-9
         || (n_axes == 2 && normal[2] != 0.0))
     {
         Some("the normal of a plane has a length of 1")
     } else if matches!(measure, Measure::Surface(_) if n_axes != AXES_MAX) {
         Some("a surface of triangles is touched in three axes")
-    } else if matches!(measure, Measure::Surface(facets) if facets.reach() < gap + law.reach()) {
+    } else if matches!(measure, Measure::Surface(facets) if facets.reach() < gap + space_law.reach())
+    {
         Some("a surface is touched from no farther than it is seen")
     } else {
         None

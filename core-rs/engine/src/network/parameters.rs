@@ -84,17 +84,17 @@ impl But {
     /// κ and ζ of a contact that lasts N steps and has exactly the restitution e: x[k+N] = −r^N·x[k] for any phase of
     /// the contact, with r = e^(1/N), Nθ = π.
     pub(crate) fn exact_restitution(&self) -> (f64, f64) {
-        let n = f64::from(self.steps);
+        let step_count = f64::from(self.steps);
         let r = if self.restitution == 1.0 {
             1.0
         } else {
-            maths::pow(self.restitution, 1.0 / n)
+            maths::pow(self.restitution, 1.0 / step_count)
         };
         // Exact for the common cases of two and three steps; cos(π/2) is 6e-17 in floating point.
         let cos = match self.steps {
             2 => 0.0,
             3 => 0.5,
-            _ => maths::cos(std::f64::consts::PI / n),
+            _ => maths::cos(std::f64::consts::PI / step_count),
         };
         (1.0 + r * r - 2.0 * r * cos, 1.0 - r * r)
     }

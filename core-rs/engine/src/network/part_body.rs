@@ -36,7 +36,7 @@ impl Body {
     /// The body of the masses and links of some parts.
     pub(super) fn new(elements: Elements) -> Self {
         let root: Vec<f64> = elements.m.iter().map(|m| m.sqrt()).collect();
-        let end = |slot: usize| -> End { (slot, 1.0 / root[slot]) };
+        let scaled_end = |slot: usize| -> End { (slot, 1.0 / root[slot]) };
         let (mut springs, mut dampers): (Vec<Spring>, Vec<Spring>) = (Vec::new(), Vec::new());
         for element in interrupt::each(&elements.each) {
             if matches!(
@@ -45,19 +45,23 @@ impl Body {
             ) {
                 continue;
             }
-            let [a, b] = element.ends;
-            let (Some(a), other) = (if a.is_some() { (a, b) } else { (b, a) }) else {
+            let [first_slot, second_slot] = element.ends;
+            let (Some(first_slot), other_end) = (if first_slot.is_some() {
+                (first_slot, second_slot)
+            } else {
+                (second_slot, first_slot)
+            }) else {
                 continue;
             };
-            let other = other.map(end);
-            springs.push((end(a), other, element.k));
+            let other_end = other_end.map(scaled_end);
+            springs.push((scaled_end(first_slot), other_end, element.k));
             // x[n+1] − 2x[n] + x[n−1] = −K x[n] − Z (x[n] − x[n−1]) is w² + (Z + K) w + K = 0 at w = z − 1.
-            let more = if elements.ca_rate.is_some() {
+            let added_damping = if elements.ca_rate.is_some() {
                 element.k
             } else {
                 0.0
             };
-            dampers.push((end(a), other, element.z + more));
+            dampers.push((scaled_end(first_slot), other_end, element.z + added_damping));
         }
         dampers.retain(|damper| damper.2 != 0.0);
         Self {
@@ -79,8 +83,8 @@ impl Body {
         match self.ca_rate {
             None => (std::f64::consts::TAU * f) * (std::f64::consts::TAU * f),
             Some(rate) => {
-                let half = sin(std::f64::consts::PI * (f / rate.hertz()).min(0.5));
-                4.0 * half * half
+                let half_sine = sin(std::f64::consts::PI * (f / rate.hertz()).min(0.5));
+                4.0 * half_sine * half_sine
             }
         }
     }
@@ -90,7 +94,7 @@ impl Body {
         let Some(rate) = self.ca_rate else {
             return pole;
         };
-        let decay = 0.5 * log1p(2.0 * pole.re + pole.norm_sqr());
-        Complex::new(decay, atan2(pole.im, 1.0 + pole.re)) * rate.hertz()
+        let log_decay = 0.5 * log1p(2.0 * pole.re + pole.norm_sqr());
+        Complex::new(log_decay, atan2(pole.im, 1.0 + pole.re)) * rate.hertz()
     }
 }

@@ -49,17 +49,17 @@ pub enum Along {
 impl Along {
     /// The MAT before the proxy among `n`, and the share of the next MAT.
     fn place(self, n: usize, x: &impl Fn(usize) -> f64) -> (usize, f64) {
-        let last = (n - 1) as f64;
-        let place = match self {
-            Self::Fixed(place) => place,
+        let last_place = (n - 1) as f64;
+        let proxy_place = match self {
+            Self::Fixed(proxy_place) => proxy_place,
             Self::Following { mat, offset, span } => {
-                ((x(mat) + offset) / span).clamp(0.0, 1.0) * last
+                ((x(mat) + offset) / span).clamp(0.0, 1.0) * last_place
             }
         };
         // If the position of a MAT is NaN, the proxy is at the first MAT.
-        let place = place.clamp(0.0, last).max(0.0);
-        let low = place as usize;
-        (low, place - low as f64)
+        let proxy_place = proxy_place.clamp(0.0, last_place).max(0.0);
+        let mat_before = proxy_place as usize;
+        (mat_before, proxy_place - mat_before as f64)
     }
 
     fn moved_to(self, local: &impl Fn(usize) -> Option<usize>) -> Option<Self> {
@@ -83,19 +83,24 @@ impl Proxy {
         mut visit: impl FnMut(usize, f64),
     ) {
         match &self.shares {
-            Shares::Fixed(shares) => shares.iter().for_each(|&(mat, share)| visit(mat, share)),
+            Shares::Fixed(shares) => shares
+                .iter()
+                .for_each(|&(mat, mass_share)| visit(mat, mass_share)),
             Shares::Moving {
                 mats,
                 columns,
                 along: [rows, row],
             } => {
-                let (i, down) = rows.place(mats.len() / columns, &x);
-                let (j, right) = row.place(*columns, &x);
-                for (i, a) in [(i, 1.0 - down), (i + 1, down)] {
-                    for (j, b) in [(j, 1.0 - right), (j + 1, right)] {
-                        let share = a * b;
-                        if share != 0.0 {
-                            visit(mats[i * columns + j], share);
+                let (row_index, row_share) = rows.place(mats.len() / columns, &x);
+                let (column_index, column_share) = row.place(*columns, &x);
+                for (row_index, a) in [(row_index, 1.0 - row_share), (row_index + 1, row_share)] {
+                    for (column_index, b) in [
+                        (column_index, 1.0 - column_share),
+                        (column_index + 1, column_share),
+                    ] {
+                        let mass_share = a * b;
+                        if mass_share != 0.0 {
+                            visit(mats[row_index * columns + column_index], mass_share);
                         }
                     }
                 }
@@ -105,9 +110,9 @@ impl Proxy {
 
     /// Σ share·value over its masses, when MATs are at `x` [m].
     pub(crate) fn sum(&self, x: impl Fn(usize) -> f64, value: impl Fn(usize) -> f64) -> f64 {
-        let mut sum = 0.0;
-        self.for_each_share(x, |mat, share| sum += share * value(mat));
-        sum
+        let mut weighted_sum = 0.0;
+        self.for_each_share(x, |mat, share| weighted_sum += share * value(mat));
+        weighted_sum
     }
 
     /// Whether it may move along its masses.
@@ -117,12 +122,12 @@ impl Proxy {
 
     /// Every MAT in which it may ever have a share.
     pub(crate) fn masses(&self) -> impl Iterator<Item = usize> + '_ {
-        let (fixed, moving): (&[(usize, f64)], &[usize]) = match &self.shares {
+        let (fixed_masses, moving_masses): (&[(usize, f64)], &[usize]) = match &self.shares {
             Shares::Fixed(shares) => (shares, &[]),
             Shares::Moving { mats, .. } => (&[], mats),
         };
-        let fixed = fixed.iter().map(|&(mat, _)| mat);
-        fixed.chain(moving.iter().copied())
+        let fixed_masses = fixed_masses.iter().map(|&(mat, _)| mat);
+        fixed_masses.chain(moving_masses.iter().copied())
     }
 
     /// The MATs that determine its place.
@@ -140,9 +145,9 @@ impl Proxy {
     /// Turn shares that follow no MAT into fixed shares.
     fn fix_shares(&mut self) {
         if self.guides().next().is_none() {
-            let mut shares = Vec::new();
-            self.for_each_share(|_| 0.0, |mat, share| shares.push((mat, share)));
-            self.shares = Shares::Fixed(shares.into());
+            let mut fixed_shares = Vec::new();
+            self.for_each_share(|_| 0.0, |mat, share| fixed_shares.push((mat, share)));
+            self.shares = Shares::Fixed(fixed_shares.into());
         }
     }
 
@@ -188,14 +193,14 @@ impl Network {
 
     /// The masses of a proxy, each with its share at the initial positions; empty for any other MAT.
     pub fn shares(&self, mat: usize) -> Vec<(usize, f64)> {
-        let mut shares = Vec::new();
+        let mut initial_shares = Vec::new();
         if let Some(known_proxy) = self.proxies.iter().find(|proxy| proxy.mat == mat) {
             known_proxy.for_each_share(
                 |mat| self.mats.x0[mat],
-                |mat, share| shares.push((mat, share)),
+                |mat, share| initial_shares.push((mat, share)),
             );
         }
-        shares
+        initial_shares
     }
 
     /// Whether a MAT is a proxy.
@@ -221,30 +226,30 @@ impl Network {
     /// [`Error::Refused`] with the name of the module if it has no mass, a mass is missing or is itself a proxy, a row
     /// is not full, or a number is not finite.
     pub fn proxy(&mut self, name: &str, shares: Shares) -> Result<usize, Error> {
-        let mut proxy = Proxy {
+        let mut new_proxy = Proxy {
             mat: self.n_mat(),
             shares,
         };
         let is_known = |mat: usize| mat < self.n_mat() && !self.is_proxy(mat);
-        if proxy.masses().next().is_none() || !proxy.masses().all(is_known) {
+        if new_proxy.masses().next().is_none() || !new_proxy.masses().all(is_known) {
             return Err(self.refused(name, "a PROXY must lie between masses that exist"));
         }
-        if !proxy.guides().all(is_known) {
+        if !new_proxy.guides().all(is_known) {
             return Err(self.refused(name, "a PROXY must follow a MAT that exists"));
         }
-        self.check_shares(name, &proxy.shares)?;
-        proxy.fix_shares();
+        self.check_shares(name, &new_proxy.shares)?;
+        new_proxy.fix_shares();
         let mats = &self.mats;
         let start_of = |mat: usize| mats.x0[mat];
         let (x0, v0) = (
-            proxy.sum(start_of, start_of),
-            proxy.sum(start_of, |mat| mats.v0[mat]),
+            new_proxy.sum(start_of, start_of),
+            new_proxy.sum(start_of, |mat| mats.v0[mat]),
         );
-        let place = [0, 1].map(|axis| proxy.sum(start_of, |mat| mats.place[mat][axis]));
+        let proxy_place = [0, 1].map(|axis| new_proxy.sum(start_of, |mat| mats.place[mat][axis]));
         let numbers = [0.0, 0.0, 0.0, 0.0, x0, v0];
         let mat = self.add_mat(name, MatKind::Proxy, numbers)?;
-        self.mats.place[mat] = place;
-        self.proxies.push(proxy);
+        self.mats.place[mat] = proxy_place;
+        self.proxies.push(new_proxy);
         Ok(mat)
     }
 

@@ -45,67 +45,73 @@ impl Network {
         depth: f64,
         rate: f64,
     ) -> ReachableNetwork {
-        let is_off = |link: usize| moment.without.contains(&link);
-        let is_held = |other: usize| other != mat && moment.held.contains(&other);
+        let is_removed = |link: usize| moment.without.contains(&link);
+        let is_held_still = |other: usize| other != mat && moment.held.contains(&other);
         let can_move = |other: usize| other == mat || self.mats.kind[other].moves();
-        let (mut joined, mut components) = (Forest::new(self.n_mat()), Forest::new(self.n_mat()));
-        for (_, mats) in links(self).filter(|&(link, _)| !is_off(link)) {
+        let (mut joined_mats, mut components) =
+            (Forest::new(self.n_mat()), Forest::new(self.n_mat()));
+        for (_, mats) in links(self).filter(|&(link, _)| !is_removed(link)) {
             // A link in space joins all coordinates of its points.
             let mut movable = mats.all().iter().copied().filter(|&mat| can_move(mat));
-            let Some(first) = movable.next() else {
+            let Some(first_movable) = movable.next() else {
                 continue;
             };
-            let mut first_of = (!is_held(first)).then_some(first);
+            let mut first_of = (!is_held_still(first_movable)).then_some(first_movable);
             for other in movable {
-                joined.join(first, other);
-                if !is_held(other) {
+                joined_mats.join(first_movable, other);
+                if !is_held_still(other) {
                     components.join(*first_of.get_or_insert(other), other);
                 }
             }
         }
-        let root = joined.root(mat);
+        let hand_root = joined_mats.root(mat);
         let others = moment.held.iter();
-        let others = others.filter(|&&other| other != mat && joined.root(other) == root);
+        let others = others.filter(|&&other| other != mat && joined_mats.root(other) == hand_root);
         let others = others.count();
-        let root = components.root(mat);
-        let mut is_here: Vec<bool> = (0..self.n_mat())
-            .map(|i| components.root(i) == root)
+        let hand_root = components.root(mat);
+        let mut is_reached: Vec<bool> = (0..self.n_mat())
+            .map(|i| components.root(i) == hand_root)
             .collect();
-        let all: Vec<_> = links(self)
-            .filter(|(link, mats)| !is_off(*link) && mats.all().iter().any(|&mat| is_here[mat]))
+        let links_reached: Vec<_> = links(self)
+            .filter(|(link, mats)| {
+                !is_removed(*link) && mats.all().iter().any(|&mat| is_reached[mat])
+            })
             .collect();
-        for mat in all.iter().flat_map(|(_, mats)| mats.all()) {
-            is_here[*mat] = true;
+        for mat in links_reached.iter().flat_map(|(_, mats)| mats.all()) {
+            is_reached[*mat] = true;
         }
         let mats: Vec<u32> = (0..self.n_mat() as u32)
-            .filter(|&i| is_here[i as usize])
+            .filter(|&i| is_reached[i as usize])
             .collect();
-        let link_numbers: Vec<u32> = all.iter().map(|&(link, _)| link as u32).collect();
+        let link_numbers: Vec<u32> = links_reached.iter().map(|&(link, _)| link as u32).collect();
         let mut reached = self.subset(&mats, &[], &link_numbers);
-        let local = |global: usize| mats.binary_search(&(global as u32)).ok();
-        for &(global, tie) in &moment.ties {
-            if let Some(mat) = local(global) {
+        let local_mat = |global_index: usize| mats.binary_search(&(global_index as u32)).ok();
+        for &(global_index, tie) in &moment.ties {
+            if let Some(mat) = local_mat(global_index) {
                 reached.network.retie(mat, tie);
             }
         }
-        for mat in moment.held.iter().filter(|mat| is_held(**mat)) {
-            if let Some(mat) = local(*mat) {
+        for mat in moment.held.iter().filter(|mat| is_held_still(**mat)) {
+            if let Some(mat) = local_mat(*mat) {
                 reached.network.mats.kind[mat] = MatKind::Sol;
             }
         }
         // The MAT of the hand always belongs to them.
-        let hand = local(mat).unwrap_or_default();
-        reached.network.linearise(depth, rate, hand);
+        let hand_mat = local_mat(mat).unwrap_or_default();
+        reached.network.linearise(depth, rate, hand_mat);
         for run in &mut reached.network.runs {
-            let global = reached.links[run.first] as usize;
-            let factors = moment.factors.iter().filter(|(link, _)| *link == global);
+            let global_index = reached.links[run.first] as usize;
+            let factors = moment
+                .factors
+                .iter()
+                .filter(|(link, _)| *link == global_index);
             for (_, factor) in factors {
                 (run.k, run.z) = (run.k * factor, run.z * factor);
             }
         }
         ReachableNetwork {
             network: reached.network,
-            mat: hand,
+            mat: hand_mat,
             others,
         }
     }
@@ -115,14 +121,14 @@ impl Network {
             mats, runs, parts, ..
         } = self;
         let inverse_mass = |mat: usize| {
-            let is_free = mat != hand && mats.kind[mat].moves();
-            if is_free { 1.0 / mats.m[mat] } else { 0.0 }
+            let is_movable = mat != hand && mats.kind[mat].moves();
+            if is_movable { 1.0 / mats.m[mat] } else { 0.0 }
         };
         for run in runs {
-            let is_ca = parts
+            let is_ca_part = parts
                 .get(run.part)
                 .is_some_and(|part| part.ca_rate.is_some());
-            let per_mass = if is_ca { 1.0 } else { rate * rate };
+            let per_mass = if is_ca_part { 1.0 } else { rate * rate };
             let (k, z) = stiffest(
                 run,
                 depth,
@@ -143,30 +149,30 @@ impl Network {
 
     /// All numbers that determine the motion, as bytes: networks with equal bytes move equally.
     pub fn numbers(&self) -> Vec<u8> {
-        let mut bytes = Vec::with_capacity(32 * self.n_mat() + 48 * self.runs.len());
-        let mut push = |number: u64| bytes.extend(number.to_le_bytes());
-        let rate = |part: usize| {
-            let rate = self.parts.get(part).and_then(|part| part.ca_rate);
-            rate.map_or(0, |rate| rate.hertz().to_bits())
+        let mut number_bytes = Vec::with_capacity(32 * self.n_mat() + 48 * self.runs.len());
+        let mut push_number = |number: u64| number_bytes.extend(number.to_le_bytes());
+        let part_rate = |part: usize| {
+            let part_rate = self.parts.get(part).and_then(|part| part.ca_rate);
+            part_rate.map_or(0, |part_rate| part_rate.hertz().to_bits())
         };
-        push(self.n_mat() as u64);
+        push_number(self.n_mat() as u64);
         for i in 0..self.n_mat() {
             let mats = &self.mats;
-            push(mats.kind[i] as u64);
-            push(rate(mats.part[i] as usize));
+            push_number(mats.kind[i] as u64);
+            push_number(part_rate(mats.part[i] as usize));
             for number in [mats.m[i], mats.k[i], mats.z[i]] {
-                push(number.to_bits());
+                push_number(number.to_bits());
             }
         }
         for run in &self.runs {
             for number in [run.a, run.b, run.len] {
-                push(number as u64);
+                push_number(number as u64);
             }
-            for number in [rate(run.part), run.k.to_bits(), run.z.to_bits()] {
-                push(number);
+            for number in [part_rate(run.part), run.k.to_bits(), run.z.to_bits()] {
+                push_number(number);
             }
         }
-        bytes
+        number_bytes
     }
 }
 
@@ -180,13 +186,16 @@ fn stiffest(run: &Run, depth: f64, compliance: f64, per_mass: f64) -> (f64, f64)
         LinkKind::Dry(_) => (run.z / depth, 0.0),
         LinkKind::Bristle(bristle) => (run.k, bristle.with(run.k, run.z).steepest_damping()),
         LinkKind::But(but) if but.contact == Contact::Magic => {
-            let mass = if compliance > 0.0 {
+            let reduced_mass = if compliance > 0.0 {
                 1.0 / compliance
             } else {
                 0.0
             };
             let (k, z) = but.exact_restitution();
-            (k * mass * per_mass, z * mass * per_mass.sqrt())
+            (
+                k * reduced_mass * per_mass,
+                z * reduced_mass * per_mass.sqrt(),
+            )
         }
         LinkKind::But(but) => (but.elastic(run.k).slope(depth), run.z),
         LinkKind::Lnl(law) => stiffest_law(law, depth),
@@ -198,14 +207,17 @@ fn stiffest(run: &Run, depth: f64, compliance: f64, per_mass: f64) -> (f64, f64)
 }
 
 fn stiffest_law(law: &Law, depth: f64) -> (f64, f64) {
-    let places = (-PLACES..=PLACES).map(|i| depth * f64::from(i) / f64::from(PLACES));
-    let slopes = places
+    let elongations = (-PLACES..=PLACES).map(|i| depth * f64::from(i) / f64::from(PLACES));
+    let law_slopes = elongations
         .clone()
         .map(|d| law.slope(d))
         .filter(|k| k.is_finite());
-    let drags = places
+    let damping_slopes = elongations
         .map(|d| law.damping_slope(d))
         .filter(|z| z.is_finite());
     // A negative slope, which gives way or supplies energy, counts as 0.
-    (slopes.fold(0.0, f64::max), drags.fold(0.0, f64::max))
+    (
+        law_slopes.fold(0.0, f64::max),
+        damping_slopes.fold(0.0, f64::max),
+    )
 }

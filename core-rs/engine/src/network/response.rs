@@ -42,28 +42,31 @@ impl Network {
         frequencies: &[f64],
     ) -> Vec<Complex<f64>> {
         let body = Body::new(self.elements(parts));
-        let n = body.mats.len();
+        let mat_count = body.mats.len();
         let local_mats = |mats: &[usize]| -> Vec<usize> {
-            let slots = mats.iter().map(|mat| body.mats.binary_search(mat));
-            slots.filter_map(Result::ok).collect()
+            let mat_slots = mats.iter().map(|mat| body.mats.binary_search(mat));
+            mat_slots.filter_map(Result::ok).collect()
         };
         let listened: Vec<Vec<usize>> = listened.iter().map(|mats| local_mats(mats)).collect();
-        let mut force = vec![Complex::from(0.0); n];
+        let mut scaled_force = vec![Complex::from(0.0); mat_count];
         for slot in local_mats(forced) {
-            force[slot] += 1.0 / body.root[slot];
+            scaled_force[slot] += 1.0 / body.root[slot];
         }
         let matrices = NetworkMatrices::new(&body);
         let mut response = vec![Complex::from(0.0); listened.len() * frequencies.len()];
         for (column, &f) in frequencies.iter().enumerate() {
             interrupt::poll();
-            let (s, gain) = point(&body, f);
-            let answer = answer(&matrices, s, &force);
-            for (row, slots) in listened.iter().enumerate() {
+            let (s, point_gain) = point(&body, f);
+            let answer = answer(&matrices, s, &scaled_force);
+            for (row, mat_slots) in listened.iter().enumerate() {
                 let position = |x: &Vec<Complex<f64>>| -> Complex<f64> {
-                    slots.iter().map(|&slot| x[slot] / body.root[slot]).sum()
+                    mat_slots
+                        .iter()
+                        .map(|&slot| x[slot] / body.root[slot])
+                        .sum()
                 };
                 response[row * frequencies.len() + column] = match &answer {
-                    Some(x) => position(x) * Complex::new(0.0, TAU * f) * gain,
+                    Some(x) => position(x) * Complex::new(0.0, TAU * f) * point_gain,
                     None => Complex::from(f64::INFINITY),
                 };
             }
@@ -78,9 +81,10 @@ fn point(body: &Body, f: f64) -> (Complex<f64>, Complex<f64>) {
         return (Complex::new(0.0, TAU * f), Complex::from(1.0));
     };
     // z − 1, written so that its real part does not cancel; P(z − 1) is z times the scheme.
-    let half = PI * f / rate.hertz();
-    let lifted = Complex::new(0.0, 2.0 * sin(half)) * Complex::new(cos(half), sin(half));
-    (lifted, lifted + 1.0)
+    let half_angle = PI * f / rate.hertz();
+    let z_minus_one =
+        Complex::new(0.0, 2.0 * sin(half_angle)) * Complex::new(cos(half_angle), sin(half_angle));
+    (z_minus_one, z_minus_one + 1.0)
 }
 
 /// The solution x of P(s) x = force; `None` at a pole.
@@ -89,14 +93,18 @@ fn answer(
     s: Complex<f64>,
     force: &[Complex<f64>],
 ) -> Option<Vec<Complex<f64>>> {
-    let matrix = matrices.polynomial(s);
-    let factor = Factor::new(&matrices.pattern, &matrix, Complex::from(0.0))?;
-    let mut x = factor.solve(force);
-    let mut image = vec![Complex::from(0.0); x.len()];
+    let matrix_at_s = matrices.polynomial(s);
+    let matrix_factor = Factor::new(&matrices.pattern, &matrix_at_s, Complex::from(0.0))?;
+    let mut x = matrix_factor.solve(force);
+    let mut applied_matrix = vec![Complex::from(0.0); x.len()];
     for _ in 0..REFINEMENTS {
-        matrix.times(&matrices.pattern, &x, &mut image);
-        let left: Vec<Complex<f64>> = force.iter().zip(&image).map(|(f, y)| f - y).collect();
-        for (x, more) in x.iter_mut().zip(factor.solve(&left)) {
+        matrix_at_s.times(&matrices.pattern, &x, &mut applied_matrix);
+        let residual: Vec<Complex<f64>> = force
+            .iter()
+            .zip(&applied_matrix)
+            .map(|(f, y)| f - y)
+            .collect();
+        for (x, more) in x.iter_mut().zip(matrix_factor.solve(&residual)) {
             *x += more;
         }
     }

@@ -32,26 +32,27 @@ impl Sliding {
             self.across(difference(self.apart, anchor))
         });
         shorten(&mut stretch, self.limit / k);
-        let across = self.across(self.moved);
-        let mut force = std::array::from_fn(|axis| k * stretch[axis] + z * across[axis]);
-        shorten(&mut force, self.limit);
-        (force, difference(self.apart, stretch))
+        let motion_across = self.across(self.moved);
+        let mut friction_force =
+            std::array::from_fn(|axis| k * stretch[axis] + z * motion_across[axis]);
+        shorten(&mut friction_force, self.limit);
+        (friction_force, difference(self.apart, stretch))
     }
 
     /// The component of a vector perpendicular to the line of the contact.
     fn across(&self, vector: Vector) -> Vector {
-        let along = dot(vector, self.along);
-        std::array::from_fn(|axis| vector[axis] - along * self.along[axis])
+        let along_line = dot(vector, self.along);
+        std::array::from_fn(|axis| vector[axis] - along_line * self.along[axis])
     }
 }
 
 /// Shorten a vector to the length `length_max` if it is longer.
 fn shorten(vector: &mut Vector, length_max: f64) {
-    let length = distance(vector[0], vector[1], vector[2]);
-    if length > length_max {
+    let vector_length = distance(vector[0], vector[1], vector[2]);
+    if vector_length > length_max {
         vector
             .iter_mut()
-            .for_each(|part| *part *= length_max / length);
+            .for_each(|part| *part *= length_max / vector_length);
     }
 }
 

@@ -79,11 +79,11 @@ impl Run {
 
     /// The MATs that its i-th link joins along an axis.
     pub fn pair(&self, i: usize, axis: usize) -> (usize, usize) {
-        let ends = (self.a + i, self.b + i);
+        let link_ends = (self.a + i, self.b + i);
         match &self.kind {
-            LinkKind::Space(space) => space.pair(ends, axis),
+            LinkKind::Space(space) => space.pair(link_ends, axis),
             LinkKind::Pairwise(pairs) => pairs.pair((self.a, self.b), i, axis),
-            _ => ends,
+            _ => link_ends,
         }
     }
 

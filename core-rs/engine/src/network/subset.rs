@@ -43,14 +43,14 @@ impl Network {
 
     /// [`Network::subset`] with all outputs of the whole, including those that listen to none of its modules.
     pub(crate) fn subset_for_all(&self, mats: &[u32], guests: &[u32], links: &[u32]) -> Subset {
-        let mut all = [mats, guests].concat();
-        all.sort_unstable();
+        let mut subset_mats = [mats, guests].concat();
+        subset_mats.sort_unstable();
         let mut subset = Subset {
             network: Network {
                 parts: self.parts.clone(),
                 ..Network::default()
             },
-            mats: all,
+            mats: subset_mats,
             links: Vec::new(),
             outputs: Vec::new(),
         };
@@ -66,16 +66,16 @@ impl Network {
         let proxies = self.proxies.iter();
         let proxies = proxies.filter_map(|proxy| proxy.moved_to(|mat| subset.mat(mat)));
         subset.network.proxies = proxies.collect();
-        let masses = self.following_masses.iter();
-        let masses = masses.filter_map(|mass| mass.moved_to(|mat| subset.mat(mat)));
-        subset.network.following_masses = masses.collect();
+        let mass_followers = self.following_masses.iter();
+        let mass_followers = mass_followers.filter_map(|mass| mass.moved_to(|mat| subset.mat(mat)));
+        subset.network.following_masses = mass_followers.collect();
         for run in interrupt::each(&self.runs) {
             if let LinkKind::Pairwise(pairs) = &run.kind {
                 subset.push_pairwise(run, pairs, links);
                 continue;
             }
-            let mut guides = run.followed().into_iter().flat_map(Followed::guides);
-            if guides.any(|mat| subset.mat(mat).is_none()) {
+            let mut law_guides = run.followed().into_iter().flat_map(Followed::guides);
+            if law_guides.any(|mat| subset.mat(mat).is_none()) {
                 continue;
             }
             // Few runs reach a small subset: check before searching link by link.
@@ -98,8 +98,8 @@ impl Network {
 
     /// Remove gravity from a MAT, because its body accounts for it.
     pub(crate) fn set_weightless(&mut self, mat: usize) {
-        if let Some(weight) = self.mats.weight.get_mut(mat) {
-            *weight = 0.0;
+        if let Some(mat_weight) = self.mats.weight.get_mut(mat) {
+            *mat_weight = 0.0;
         }
     }
 
@@ -159,23 +159,23 @@ impl Network {
     }
 
     fn mat_at(&self, i: usize) -> Mat {
-        let m = &self.mats;
+        let all_mats = &self.mats;
         Mat {
-            kind: m.kind[i],
-            m: m.m[i],
-            k: m.k[i],
-            z: m.z[i],
-            rest: m.rest[i],
-            x0: m.x0[i],
-            v0: m.v0[i],
-            place: m.place[i],
-            part: m.part[i],
+            kind: all_mats.kind[i],
+            m: all_mats.m[i],
+            k: all_mats.k[i],
+            z: all_mats.z[i],
+            rest: all_mats.rest[i],
+            x0: all_mats.x0[i],
+            v0: all_mats.v0[i],
+            place: all_mats.place[i],
+            part: all_mats.part[i],
         }
     }
 
     /// Add the links of one run that lie inside the subset; links whose ends stay consecutive share a run.
     fn add_inside(&self, run: &Run, links: &[u32], subset: &mut Subset) {
-        let mut open: Option<LinkRange> = None;
+        let mut open_range: Option<LinkRange> = None;
         for i in interrupt::steps(0..run.len) {
             let Some((a, b, space)) = subset.local(run, i) else {
                 continue;
@@ -184,20 +184,20 @@ impl Network {
                 continue;
             }
             subset.links.push((run.first + i) as u32);
-            match &mut open {
+            match &mut open_range {
                 Some(before) if before.is_followed_by(a, b, space.as_ref()) => before.len += 1,
                 before => {
-                    let next = LinkRange {
+                    let next_range = LinkRange {
                         a,
                         b,
                         len: 1,
                         space,
                     };
-                    subset.push(run, before.replace(next));
+                    subset.push(run, before.replace(next_range));
                 }
             }
         }
-        subset.push(run, open);
+        subset.push(run, open_range);
     }
 }
 
@@ -218,19 +218,19 @@ impl LinkRange {
 impl Subset {
     /// Whether any MAT of a range of the whole belongs to the subset.
     fn has_any(&self, first: usize, len: usize) -> bool {
-        let index = self.mats.partition_point(|&mat| (mat as usize) < first);
+        let first_index = self.mats.partition_point(|&mat| (mat as usize) < first);
         self.mats
-            .get(index)
+            .get(first_index)
             .is_some_and(|&mat| (mat as usize) < first + len)
     }
 
     /// Local ends of the i-th link of a run of the whole, and its form in space; `None` if an end is not in the subset.
     fn local(&self, run: &Run, i: usize) -> Option<(usize, usize, Option<SpaceLink>)> {
-        let ends = (run.a + i, run.b + i);
-        if let LinkKind::Space(space) = &run.kind {
-            return self.local_in_space(space, ends);
+        let link_ends = (run.a + i, run.b + i);
+        if let LinkKind::Space(space_link) = &run.kind {
+            return self.local_in_space(space_link, link_ends);
         }
-        Some((self.mat(ends.0)?, self.mat(ends.1)?, None))
+        Some((self.mat(link_ends.0)?, self.mat(link_ends.1)?, None))
     }
 
     fn local_in_space(
@@ -238,33 +238,39 @@ impl Subset {
         space: &SpaceLink,
         ends: (usize, usize),
     ) -> Option<(usize, usize, Option<SpaceLink>)> {
-        let (a, b) = (self.mat(ends.0)?, self.mat(ends.1)?);
+        let (first_local, second_local) = (self.mat(ends.0)?, self.mat(ends.1)?);
         let mut local_space = space.clone();
         for axis in 1..space.n_axes {
-            let (other_a, other_b) = space.pair(ends, axis);
-            local_space.offsets[0][axis - 1] = self.mat(other_a)? as isize - a as isize;
-            local_space.offsets[1][axis - 1] = self.mat(other_b)? as isize - b as isize;
+            let (first_axis_mat, second_axis_mat) = space.pair(ends, axis);
+            local_space.offsets[0][axis - 1] =
+                self.mat(first_axis_mat)? as isize - first_local as isize;
+            local_space.offsets[1][axis - 1] =
+                self.mat(second_axis_mat)? as isize - second_local as isize;
         }
-        Some((a, b, Some(local_space)))
+        Some((first_local, second_local, Some(local_space)))
     }
 
     /// Add a run of pairwise links if all its points and links belong to the subset.
     fn push_pairwise(&mut self, run: &Run, pairs: &Pairwise, links: &[u32]) {
-        let span = run.first..run.first + run.len;
-        let is_ours = |link: usize| links.binary_search(&(link as u32)).is_ok();
-        let ends = (run.a, run.b);
-        let last = (run.a + pairs.n_first - 1, run.b + run.len - 1);
-        let is_here = (0..pairs.link.n_axes).all(|axis| {
-            let (first, last) = (pairs.link.pair(ends, axis), pairs.link.pair(last, axis));
-            self.has_all(first.0..=last.0) && self.has_all(first.1..=last.1)
+        let link_range = run.first..run.first + run.len;
+        let is_included = |link: usize| links.binary_search(&(link as u32)).is_ok();
+        let first_mats = (run.a, run.b);
+        let last_mats = (run.a + pairs.n_first - 1, run.b + run.len - 1);
+        let has_all_points = (0..pairs.link.n_axes).all(|axis| {
+            let (first_on_axis, last_mats) = (
+                pairs.link.pair(first_mats, axis),
+                pairs.link.pair(last_mats, axis),
+            );
+            self.has_all(first_on_axis.0..=last_mats.0)
+                && self.has_all(first_on_axis.1..=last_mats.1)
         });
-        if !is_here || !span.clone().all(is_ours) {
+        if !has_all_points || !link_range.clone().all(is_included) {
             return;
         }
-        let Some((a, b, Some(link))) = self.local_in_space(&pairs.link, ends) else {
+        let Some((a, b, Some(link))) = self.local_in_space(&pairs.link, first_mats) else {
             return;
         };
-        self.links.extend(span.map(|link| link as u32));
+        self.links.extend(link_range.map(|link| link as u32));
         self.network.push_run(Run {
             kind: LinkKind::Pairwise(Pairwise {
                 link,
@@ -278,9 +284,10 @@ impl Subset {
 
     /// Whether all MATs of a range of the whole belong to the subset.
     fn has_all(&self, range: std::ops::RangeInclusive<usize>) -> bool {
-        let index = |mat: usize| self.mats.partition_point(|&own| (own as usize) < mat);
-        let (first, last) = range.into_inner();
-        self.mat(last).is_some() && index(last) - index(first) == last - first
+        let subset_rank = |mat: usize| self.mats.partition_point(|&own| (own as usize) < mat);
+        let (first_mat, last_mat) = range.into_inner();
+        self.mat(last_mat).is_some()
+            && subset_rank(last_mat) - subset_rank(first_mat) == last_mat - first_mat
     }
 
     fn push(&mut self, run: &Run, range: Option<LinkRange>) {
@@ -321,7 +328,7 @@ impl Subset {
 
     /// The part of a term that lies in the subset, as terms over local ranges.
     fn term(&self, term: &Term, guests: &[u32]) -> Vec<Term> {
-        let (known, guests, first, len) = match *term {
+        let (subset_indices, guests, first, len) = match *term {
             Term::Position { first, len, .. } | Term::Ground { first, len, .. } => {
                 (&self.mats, guests, first, len)
             }
@@ -330,10 +337,11 @@ impl Subset {
             }
         };
         // Indices rise, so those in the range are adjacent.
-        let local = |whole: usize| known.partition_point(|&index| (index as usize) < whole);
-        let (first, stop) = (local(first), local(first + len));
-        let local_indices: Vec<usize> = (first..stop)
-            .filter(|&local| guests.binary_search(&known[local]).is_err())
+        let local =
+            |whole: usize| subset_indices.partition_point(|&index| (index as usize) < whole);
+        let (first, local_stop) = (local(first), local(first + len));
+        let local_indices: Vec<usize> = (first..local_stop)
+            .filter(|&local| guests.binary_search(&subset_indices[local]).is_err())
             .collect();
         local_indices
             .chunk_by(|before, after| before + 1 == *after)

@@ -81,12 +81,12 @@ impl Choice {
                 (self.modules, 1, 1, vec![tagged(kind::BANK, modes)], None)
             }
             IslandMethod::Stepped(stepped) => {
-                let bodies = stepped.bodies.iter().map(BodyChoice::numbers).collect();
+                let body_numbers = stepped.bodies.iter().map(BodyChoice::numbers).collect();
                 (
                     self.modules,
                     stepped.oversampling,
                     stepped.contact_substeps,
-                    bodies,
+                    body_numbers,
                     stepped.counted_cost,
                 )
             }
@@ -172,10 +172,10 @@ impl Pins {
 
     /// What was decided for the next island.
     pub(super) fn next(&mut self, modules: usize) -> Result<Option<Choice>, Error> {
-        let Some(pins) = &mut self.0 else {
+        let Some(pin_queue) = &mut self.0 else {
             return Ok(None);
         };
-        match pins.pop_front() {
+        match pin_queue.pop_front() {
             Some(choice) if choice.modules == modules => Ok(Some(choice)),
             _ => Err(wrong_plan_error()),
         }
@@ -204,7 +204,7 @@ mod tests {
 
     #[test]
     fn choice_numbers_of_each_kind() {
-        let mesh = |replaces_modes| {
+        let mesh_choice = |replaces_modes| {
             BodyChoice::Mesh(MeshChoice {
                 method: MeshMethod::Bm4,
                 substeps: 4,
@@ -220,13 +220,17 @@ mod tests {
             })
         };
         // These two were the same numbers before the first one said which they are.
-        let alike = [
+        let alike_bodies = [
             BodyChoice::Modes(vec![3]),
             BodyChoice::Slow { macrostep: 3 },
         ];
-        let bodies = [vec![mesh(true), mesh(false)], alike.to_vec(), Vec::new()];
-        let banks = [vec![0, 2, 9], Vec::new()].map(IslandMethod::Bank);
-        for method in bodies.map(stepped).into_iter().chain(banks) {
+        let bodies = [
+            vec![mesh_choice(true), mesh_choice(false)],
+            alike_bodies.to_vec(),
+            Vec::new(),
+        ];
+        let bank_methods = [vec![0, 2, 9], Vec::new()].map(IslandMethod::Bank);
+        for method in bodies.map(stepped).into_iter().chain(bank_methods) {
             let choice = Choice { modules: 7, method };
             assert_eq!(Choice::from_numbers(choice.numbers()).unwrap(), choice);
         }
@@ -234,7 +238,7 @@ mod tests {
 
     #[test]
     fn choice_numbers_of_no_kind_are_refused() {
-        let bodies: [&[u32]; 7] = [
+        let wrong_bodies: [&[u32]; 7] = [
             &[],
             &[4],
             &[1, 2, 2],
@@ -243,7 +247,7 @@ mod tests {
             &[2, 0],
             &[2, 1, 1],
         ];
-        for body in bodies {
+        for body in wrong_bodies {
             let numbers = (7, 1, 1, vec![body.to_vec()], None);
             assert!(Choice::from_numbers(numbers).is_err(), "{body:?}");
         }

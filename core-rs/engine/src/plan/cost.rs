@@ -42,30 +42,30 @@ static COSTS: LazyLock<Vec<(&str, f64)>> = LazyLock::new(|| {
 
 /// Cost of the modules that are stepped [ns a frame].
 pub(super) fn stepped_cost(network: &Network, timeline: &Timeline) -> f64 {
-    let ns = modules_cost(network);
+    let total_cost = modules_cost(network);
     if timeline.gestures.is_empty() {
-        return ns;
+        return total_cost;
     }
-    ns + Costs::nanoseconds("hand") * timeline.keys.len() as f64
+    total_cost + Costs::nanoseconds("hand") * timeline.keys.len() as f64
 }
 
 /// Cost of modules that are stepped, without hands [ns a frame].
 fn modules_cost(network: &Network) -> f64 {
-    let mut ns =
+    let mut total_cost =
         Costs::nanoseconds("frame") + network.n_moving() as f64 * Costs::nanoseconds("mat");
     for run in network.runs() {
-        let each = match &run.kind {
+        let link_cost = match &run.kind {
             LinkKind::Space(SpaceLink {
                 law: SpaceLaw::Lnl { .. },
                 ..
             }) => Costs::nanoseconds("space_single") + Costs::nanoseconds("expression"),
             LinkKind::Space(_) if run.len > 1 => {
-                ns += Costs::nanoseconds("space_run");
+                total_cost += Costs::nanoseconds("space_run");
                 Costs::nanoseconds("space_link")
             }
             LinkKind::Space(_) => Costs::nanoseconds("space_single"),
             LinkKind::Pairwise(pairs) if pairs.is_searched() => {
-                ns +=
+                total_cost +=
                     pairs.n_first as f64 * Costs::nanoseconds("pairwise") * friction_factor(pairs);
                 Costs::nanoseconds("pairwise") * friction_factor(pairs)
             }
@@ -83,9 +83,9 @@ fn modules_cost(network: &Network) -> f64 {
             LinkKind::But(but) if but.contact == Contact::Exact => Costs::nanoseconds("contact"),
             _ => Costs::nanoseconds("single"),
         };
-        ns += each * run.len as f64;
+        total_cost += link_cost * run.len as f64;
     }
-    ns
+    total_cost
 }
 
 /// Cost of a wall for each point [ns]; for a surface as if all points lay on it.
@@ -106,82 +106,85 @@ fn friction_factor(pairs: &Pairwise) -> f64 {
 
 /// Additional cost of laws that are computed finer than a frame [ns a frame].
 pub(super) fn laws_cost(island_plan: &IslandPlan) -> f64 {
-    let (network, bodies) = (&*island_plan.network, &island_plan.bodies);
+    let (network, body_plans) = (&*island_plan.network, &island_plan.bodies);
     let contact_substeps = island_plan.contact_substeps;
     if contact_substeps < SUBSTEPS_MIN {
         return 0.0;
     }
-    let single = |is_kind: fn(&LinkKind) -> bool| -> Vec<&Run> {
-        let runs = network.runs().iter();
-        runs.filter(|run| run.len == 1 && is_kind(&run.kind))
+    let single_links = |is_kind: fn(&LinkKind) -> bool| -> Vec<&Run> {
+        let network_runs = network.runs().iter();
+        network_runs
+            .filter(|run| run.len == 1 && is_kind(&run.kind))
             .collect()
     };
-    let mut laws = single(|kind| matches!(kind, LinkKind::Lnl(_) | LinkKind::Bristle(_)));
-    if laws.is_empty() && single(|kind| matches!(kind, LinkKind::But(_))).is_empty() {
-        laws = single(|kind| matches!(kind, LinkKind::Dry(_)));
+    let mut fine_laws =
+        single_links(|kind| matches!(kind, LinkKind::Lnl(_) | LinkKind::Bristle(_)));
+    if fine_laws.is_empty() && single_links(|kind| matches!(kind, LinkKind::But(_))).is_empty() {
+        fine_laws = single_links(|kind| matches!(kind, LinkKind::Dry(_)));
     }
-    if laws.len() > Scheme::FINE_LAWS {
+    if fine_laws.len() > Scheme::FINE_LAWS {
         return 0.0;
     }
-    let finest = contact_substeps / SUBSTEPS_MIN;
+    let finest_parts = contact_substeps / SUBSTEPS_MIN;
     // If a frame may be divided, laws are computed in this many parts on average.
-    let parts = if finest > 1 {
-        1.0 + LAW_PARTS * finest as f64
+    let mean_parts = if finest_parts > 1 {
+        1.0 + LAW_PARTS * finest_parts as f64
     } else {
         1.0
     };
-    let each = |run: &&Run| match &run.kind {
+    let law_cost = |run: &&Run| match &run.kind {
         LinkKind::Dry(dry) => {
-            let mats = network.mats();
-            let moving = [run.a, run.b]
+            let network_mats = network.mats();
+            let moving_mats = [run.a, run.b]
                 .into_iter()
-                .filter(|&mat| mats.kind[mat].moves());
-            let mobility: f64 = moving.map(|mat| 1.0 / mats.m[mat]).sum();
-            let steps = dry.steps(mobility * island_plan.timeline.rate.step());
-            (finest as f64 * steps).ceil() * Costs::nanoseconds("located_friction")
+                .filter(|&mat| network_mats.kind[mat].moves());
+            let mobility: f64 = moving_mats.map(|mat| 1.0 / network_mats.m[mat]).sum();
+            let friction_steps = dry.steps(mobility * island_plan.timeline.rate.step());
+            (finest_parts as f64 * friction_steps).ceil() * Costs::nanoseconds("located_friction")
         }
         LinkKind::Bristle(_) => {
-            parts * (Costs::nanoseconds("collocation") + Costs::nanoseconds("collocated_bristle"))
+            mean_parts
+                * (Costs::nanoseconds("collocation") + Costs::nanoseconds("collocated_bristle"))
         }
         LinkKind::Lnl(law) => {
             let functions = law.n_functions() as f64 * Costs::nanoseconds("collocated_function");
-            parts * (Costs::nanoseconds("collocation") + functions)
+            mean_parts * (Costs::nanoseconds("collocation") + functions)
         }
         _ => 0.0,
     };
     // Each law feels all others.
     let is_collocated = |run: &&&Run| !matches!(run.kind, LinkKind::Dry(_));
-    let n_collocated = laws.iter().filter(is_collocated).count() as f64;
-    let pairs = n_collocated * (n_collocated - 1.0).max(0.0);
-    let ns = laws.iter().map(each).sum::<f64>()
-        + parts * LAW_ROUNDS * pairs * Costs::nanoseconds("coupling");
+    let n_collocated = fine_laws.iter().filter(is_collocated).count() as f64;
+    let law_pairs = n_collocated * (n_collocated - 1.0).max(0.0);
+    let laws_total = fine_laws.iter().map(law_cost).sum::<f64>()
+        + mean_parts * LAW_ROUNDS * law_pairs * Costs::nanoseconds("coupling");
     // At each instant of a frame, a port gives its position and takes its force, mode by mode.
-    let has_law = |port: &&usize| {
-        let ends = |run: &&Run| [run.a, run.b].contains(port);
-        laws.iter().any(ends)
+    let carries_law = |port: &&usize| {
+        let touches_port = |run: &&Run| [run.a, run.b].contains(port);
+        fine_laws.iter().any(touches_port)
     };
-    let modes = |body: &BodyPlan| {
-        let ports = body.ports();
-        (ports.iter().filter(has_law).count() * body.n_modes()) as f64
+    let port_modes = |body: &BodyPlan| {
+        let body_ports = body.ports();
+        (body_ports.iter().filter(carries_law).count() * body.n_modes()) as f64
     };
-    let modes: f64 = bodies.iter().map(modes).sum();
-    ns + 2.0 * LAW_INSTANTS * modes * Costs::nanoseconds("port")
+    let port_modes: f64 = body_plans.iter().map(port_modes).sum();
+    laws_total + 2.0 * LAW_INSTANTS * port_modes * Costs::nanoseconds("port")
 }
 
 /// Work that depends on the motion, done so far [ns]: that of contacts and laws between frames, and that of exact
 /// contacts beyond one solution a step. First their own, then that of the bodies that they touch.
 pub(crate) fn counted_cost(island: &Island) -> [f64; 2] {
-    let (fine, exact) = (island.fine_work(), island.exact_work());
+    let (fine_work, exact_work) = (island.fine_work(), island.exact_work());
     let amounts = [
-        ("kick", fine.instants),
-        ("coupling", fine.couplings),
-        ("contact", exact.solved_again),
-        ("power_law", exact.evaluations),
+        ("kick", fine_work.instants),
+        ("coupling", fine_work.couplings),
+        ("contact", exact_work.solved_again),
+        ("power_law", exact_work.evaluations),
     ];
     let amounts = amounts.map(|(kind, amount)| Costs::nanoseconds(kind) * amount as f64);
     [
         amounts.into_iter().sum(),
-        Costs::nanoseconds("port") * fine.products as f64,
+        Costs::nanoseconds("port") * fine_work.products as f64,
     ]
 }
 
@@ -189,9 +192,9 @@ pub(crate) fn counted_cost(island: &Island) -> [f64; 2] {
 pub(super) fn body_cost(inside: &BodyPlan) -> f64 {
     match inside {
         BodyPlan::Modal(modal) => {
-            let rows = modal.ports.len() + modal.outputs.len();
+            let row_count = modal.ports.len() + modal.outputs.len();
             modal.modes.len() as f64
-                * (Costs::nanoseconds("mode") + rows as f64 * Costs::nanoseconds("port"))
+                * (Costs::nanoseconds("mode") + row_count as f64 * Costs::nanoseconds("port"))
         }
         BodyPlan::Mesh(mesh) => times(mesh) * modules_cost(&mesh.network),
         BodyPlan::Slow(slow) => slow_cost(slow),
@@ -200,9 +203,12 @@ pub(super) fn body_cost(inside: &BodyPlan) -> f64 {
 
 /// Cost of a mesh as a multiple of a step of CA a frame.
 fn times(mesh: &Mesh) -> f64 {
-    let rung =
+    let is_on_rung =
         |&&(way, steps, _): &&(MeshMethod, u32, f64)| (way, steps) == (mesh.method, mesh.substeps);
-    LADDER.iter().find(rung).map_or(1.0, |&(_, _, times)| times)
+    LADDER
+        .iter()
+        .find(is_on_rung)
+        .map_or(1.0, |&(_, _, times)| times)
 }
 
 /// Additional cost of a body in a trial, beyond [`body_cost`] [ns a frame]: the rows of a small plate are shorter than
@@ -213,11 +219,12 @@ pub(super) fn short_rows_cost(inside: &BodyPlan) -> f64 {
     const ROW_OF_STAGES: f64 = 6.0;
     match inside {
         BodyPlan::Mesh(mesh) => {
-            let row = match mesh.method {
+            let row_cost = match mesh.method {
                 MeshMethod::Ca => ROW,
                 _ => ROW_OF_STAGES,
             };
-            times(mesh) * (row * mesh.network.runs().len() as f64 + lone_laws_cost(&mesh.network))
+            times(mesh)
+                * (row_cost * mesh.network.runs().len() as f64 + lone_laws_cost(&mesh.network))
         }
         BodyPlan::Modal(_) | BodyPlan::Slow(_) => 0.0,
     }
@@ -227,15 +234,15 @@ pub(super) fn short_rows_cost(inside: &BodyPlan) -> f64 {
 /// long runs.
 pub(super) fn lone_laws_cost(network: &Network) -> f64 {
     const LAW: f64 = 20.0;
-    let is_lone = |run: &&Run| run.len == 1 && matches!(run.kind, LinkKind::Lnl(_));
-    LAW * network.runs().iter().filter(is_lone).count() as f64
+    let is_lone_law = |run: &&Run| run.len == 1 && matches!(run.kind, LinkKind::Lnl(_));
+    LAW * network.runs().iter().filter(is_lone_law).count() as f64
 }
 
 /// What a slow body saves compared with stepping it module by module [ns a frame].
 pub(super) fn saved(slow: &Slow) -> f64 {
     let stepped = modules_cost(&slow.network) - Costs::nanoseconds("frame");
-    let ports = slow.ports.len() as f64 * Costs::nanoseconds("mat");
-    stepped - ports - slow_cost(slow)
+    let port_cost = slow.ports.len() as f64 * Costs::nanoseconds("mat");
+    stepped - port_cost - slow_cost(slow)
 }
 
 /// Whether it costs more than stepping it module by module, by more than an island without anything in it.
@@ -244,20 +251,21 @@ pub(super) fn is_dearer(slow: &Slow) -> bool {
 }
 
 fn slow_cost(slow: &Slow) -> f64 {
-    let kick = match &slow.springs {
+    let kick_cost = match &slow.springs {
         Springs::Exact(flow) => flow.n_products() * Costs::nanoseconds("port"),
         Springs::Stepped(_) => modules_cost(&slow.network),
     };
-    let each = Costs::nanoseconds("slow") + slow.ports.len() as f64 * Costs::nanoseconds("mat");
-    kick / f64::from(slow.kick_every) + each
+    let frame_cost =
+        Costs::nanoseconds("slow") + slow.ports.len() as f64 * Costs::nanoseconds("mat");
+    kick_cost / f64::from(slow.kick_every) + frame_cost
 }
 
 /// Cost of a bank [ns a frame].
 pub(super) fn bank_cost(bank: &BankPlan) -> f64 {
-    let all = bank.oscillators.iter();
-    let taps: usize = all.map(|own| own.outputs.len().max(1) - 1).sum();
-    let each = bank.oscillators.len() as f64 * Costs::nanoseconds("oscillator");
-    each + taps as f64 * Costs::nanoseconds("oscillator_tap")
+    let oscillators = bank.oscillators.iter();
+    let tap_count: usize = oscillators.map(|own| own.outputs.len().max(1) - 1).sum();
+    let oscillator_cost = bank.oscillators.len() as f64 * Costs::nanoseconds("oscillator");
+    oscillator_cost + tap_count as f64 * Costs::nanoseconds("oscillator_tap")
 }
 
 pub(super) fn seconds(ns: f64, timeline: &Timeline) -> f64 {
@@ -276,8 +284,8 @@ mod tests {
     #[test]
     fn cost_table_lines_are_positive() {
         for line in TABLE.lines().filter(|line| !line.starts_with('#')) {
-            let kind = line.split_whitespace().next().unwrap();
-            assert!(Costs::nanoseconds(kind) > 0.0, "{line}");
+            let work_kind = line.split_whitespace().next().unwrap();
+            assert!(Costs::nanoseconds(work_kind) > 0.0, "{line}");
         }
         assert_eq!(Costs::nanoseconds("no such work"), 0.0);
     }
@@ -309,52 +317,57 @@ mod tests {
                 v0: &vec![0.0; 3 * n],
                 z: 0.0,
             };
-            let first = network.points(name, n > 1, points).unwrap();
+            let first_mat = network.points(name, n > 1, points).unwrap();
             PointGroup {
-                first: SpacePoint::strided(first, n),
+                first: SpacePoint::strided(first_mat, n),
                 n,
             }
         };
-        let groups = [points("wall", 1), points("m", 50)];
+        let wall_groups = [points("wall", 1), points("m", 50)];
         let (exponent, clamp) = (1.0, false);
-        let law = PairLaw::smooth(measure, SpaceLaw::Contact { exponent, clamp });
+        let wall_law = PairLaw::smooth(measure, SpaceLaw::Contact { exponent, clamp });
         let numbers = [500.0, 0.0, 0.01];
-        network.pairwise("walls", groups, 3, law, numbers).unwrap();
+        network
+            .pairwise("walls", wall_groups, 3, wall_law, numbers)
+            .unwrap();
         stepped_cost(&network, &Timeline::new(Rate::new(44_100.0).unwrap()))
     }
 
     #[test]
     fn cost_of_a_surface_rises_with_fineness() {
         // A square of 1 m², divided into `n` × `n` squares.
-        let square = |n: u32| {
-            let place = |i: u32| f64::from(i) / f64::from(n);
-            let corners = (0..=n).flat_map(|y| (0..=n).map(move |x| [place(x), place(y), 0.0]));
-            let corner = |x: u32, y: u32| y * (n + 1) + x;
-            let halves = (0..n)
-                .flat_map(|y| (0..n).map(move |x| (x, y)))
-                .flat_map(|(x, y)| {
-                    let [a, b, c, d] = [(0, 0), (1, 0), (0, 1), (1, 1)]
-                        .map(|(right, up)| corner(x + right, y + up));
-                    [[a, b, c], [b, c, d]]
-                });
-            let (corners, triangles): (Vec<_>, Vec<_>) = (corners.collect(), halves.collect());
-            let facets = Facets::new(&corners, &triangles, 0.01).unwrap();
+        let square_costs = |n: u32| {
+            let grid_place = |i: u32| f64::from(i) / f64::from(n);
+            let corners =
+                (0..=n).flat_map(|y| (0..=n).map(move |x| [grid_place(x), grid_place(y), 0.0]));
+            let corner_index = |x: u32, y: u32| y * (n + 1) + x;
+            let half_squares =
+                (0..n)
+                    .flat_map(|y| (0..n).map(move |x| (x, y)))
+                    .flat_map(|(x, y)| {
+                        let [a, b, c, d] = [(0, 0), (1, 0), (0, 1), (1, 1)]
+                            .map(|(right, up)| corner_index(x + right, y + up));
+                        [[a, b, c], [b, c, d]]
+                    });
+            let (corners, triangles): (Vec<_>, Vec<_>) =
+                (corners.collect(), half_squares.collect());
+            let square_facets = Facets::new(&corners, &triangles, 0.01).unwrap();
             (
-                facets.crowding(),
-                walled(Measure::Surface(Arc::new(facets))),
+                square_facets.crowding(),
+                walled(Measure::Surface(Arc::new(square_facets))),
             )
         };
-        let plane = walled(Measure::Plane([0.0, 0.0, 1.0]));
-        let (few, coarse) = square(1);
-        let (many, fine) = square(60);
+        let plane_cost = walled(Measure::Plane([0.0, 0.0, 1.0]));
+        let (coarse_crowding, coarse_cost) = square_costs(1);
+        let (fine_crowding, fine_cost) = square_costs(60);
         assert!(
-            (1.0..1.2).contains(&few) && (7.0..40.0).contains(&many),
-            "{few} {many}"
+            (1.0..1.2).contains(&coarse_crowding) && (7.0..40.0).contains(&fine_crowding),
+            "{coarse_crowding} {fine_crowding}"
         );
-        let each = Costs::nanoseconds("surface") - Costs::nanoseconds("pairwise_wall");
+        let point_cost = Costs::nanoseconds("surface") - Costs::nanoseconds("pairwise_wall");
         let surface_cost =
-            |crowding: f64| 50.0 * (each + crowding * Costs::nanoseconds("surface_triangle"));
-        assert!((coarse - plane - surface_cost(few)).abs() < 1e-6);
-        assert!((fine - plane - surface_cost(many)).abs() < 1e-6);
+            |crowding: f64| 50.0 * (point_cost + crowding * Costs::nanoseconds("surface_triangle"));
+        assert!((coarse_cost - plane_cost - surface_cost(coarse_crowding)).abs() < 1e-6);
+        assert!((fine_cost - plane_cost - surface_cost(fine_crowding)).abs() < 1e-6);
     }
 }

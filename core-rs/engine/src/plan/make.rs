@@ -87,12 +87,12 @@ pub(super) fn make(
     };
     let mut refused = Vec::new();
     let mut unheard = Vec::new();
-    let (mut loose, mut island_plans, mut gliding) = (Vec::new(), Vec::new(), Vec::new());
-    let glides = timeline.glides.iter().map(|glide| glide.mat as u32);
-    let glides: BTreeSet<u32> = glides.collect();
+    let (mut loose_mats, mut island_plans, mut gliding) = (Vec::new(), Vec::new(), Vec::new());
+    let glide_mats = timeline.glides.iter().map(|glide| glide.mat as u32);
+    let glide_mats: BTreeSet<u32> = glide_mats.collect();
     for island in all_islands {
         interrupt::poll();
-        let is_gliding = |mat: &u32| glides.contains(mat);
+        let is_gliding = |mat: &u32| glide_mats.contains(mat);
         let is_loose = || budget.takes_modes() && cells::is_loose(&network, &island, timeline.rate);
         if !island.is_moved {
             maker.plan.unmoved.extend(&island.mats);
@@ -108,7 +108,7 @@ pub(super) fn make(
                 refused.extend(maker.add_constant(&island).err());
                 maker.report_left_out(&island, Reason::Still);
             }
-            (true, true) if is_loose() => loose.extend(island.mats),
+            (true, true) if is_loose() => loose_mats.extend(island.mats),
             // Gliding cells are stepped as one island: one island for each would take far longer.
             (true, true) if island.links.is_empty() && island.mats.iter().all(is_gliding) => {
                 gliding.extend(island.mats);
@@ -122,17 +122,17 @@ pub(super) fn make(
         island_plans.push(network.subset(&gliding, &[], &[]));
     }
     let n_islands = island_plans.len();
-    if !loose.is_empty() {
-        island_plans.push(network.subset(&loose, &[], &[]));
+    if !loose_mats.is_empty() {
+        island_plans.push(network.subset(&loose_mats, &[], &[]));
     }
     for (index, (subset, island_timeline)) in split(island_plans, timeline).into_iter().enumerate()
     {
-        let unit = if index < n_islands {
+        let unit_result = if index < n_islands {
             maker.island(subset, island_timeline)
         } else {
             maker.cells(&subset, &island_timeline)
         };
-        if let Err(error) = unit {
+        if let Err(error) = unit_result {
             // From here no trials: there is no plan any more, but the remaining islands are checked for further errors.
             maker.allowance = Allowance::new(0, 0.0);
             refused.push(error);
@@ -144,16 +144,16 @@ pub(super) fn make(
     maker.pins.end()?;
     maker.plan.solved = maker.memo.into_solved();
     (maker.plan.trials_cost, maker.plan.trials_most) = maker.allowance.spent();
-    let (mut plan, seen_units) = (maker.plan, maker.seen_units);
-    plan.n_heard = plan.units.len();
-    plan.unmoved.sort_unstable();
+    let (mut final_plan, seen_units) = (maker.plan, maker.seen_units);
+    final_plan.n_heard = final_plan.units.len();
+    final_plan.unmoved.sort_unstable();
     if !unheard.is_empty() {
-        let seen = unheard::plan(&network, timeline, budget, known, unheard)?;
-        plan.units.extend(seen.units);
-        plan.seen = seen.rows;
+        let seen_plan = unheard::plan(&network, timeline, budget, known, unheard)?;
+        final_plan.units.extend(seen_plan.units);
+        final_plan.seen = seen_plan.rows;
     }
-    plan.units.extend(seen_units);
-    Ok(plan)
+    final_plan.units.extend(seen_units);
+    Ok(final_plan)
 }
 
 /// Modules that are computed because they are heard: those that nothing plays leave the trials as they are.
@@ -185,45 +185,50 @@ impl<'a> Maker<'a> {
 
     /// Reports an island that is not computed, in one row with others of its part.
     fn report_left_out(&mut self, island: &IslandMembers, reason: Reason) {
-        let row = Row::left_out(&self.plan.network, island, reason);
-        if row.mats + row.links == 0 {
+        let new_row = Row::left_out(&self.plan.network, island, reason);
+        if new_row.mats + new_row.links == 0 {
             return; // points that hold nothing
         }
-        let alike = |known: &&mut Row| known.what == row.what && known.parts == row.parts;
-        match self.plan.rows.iter_mut().find(alike) {
+        let is_same_row =
+            |known: &&mut Row| known.what == new_row.what && known.parts == new_row.parts;
+        match self.plan.rows.iter_mut().find(is_same_row) {
             Some(known) => {
-                known.mats += row.mats;
-                known.links += row.links;
+                known.mats += new_row.mats;
+                known.links += new_row.links;
             }
-            None => self.plan.rows.push(row),
+            None => self.plan.rows.push(new_row),
         }
     }
 
     /// Adds what outputs hear of modules that never move.
     fn add_constant(&mut self, island: &IslandMembers) -> Result<(), Error> {
-        let subset = self
+        let island_subset = self
             .plan
             .network
             .subset(&island.mats, &island.guests, &island.links);
-        let scheme = Scheme::new(&subset.network, self.plan.timeline_rate)?;
-        let mut levels = vec![0.0; subset.outputs.len()];
-        crate::island::outputs_at_rest(&subset.network, &scheme, &mut levels);
-        for (&output, levels) in subset.outputs.iter().zip(levels) {
-            self.plan.still[output as usize] += levels;
+        let scheme = Scheme::new(&island_subset.network, self.plan.timeline_rate)?;
+        let mut rest_level = vec![0.0; island_subset.outputs.len()];
+        crate::island::outputs_at_rest(&island_subset.network, &scheme, &mut rest_level);
+        for (&output, rest_level) in island_subset.outputs.iter().zip(rest_level) {
+            self.plan.still[output as usize] += rest_level;
         }
         Ok(())
     }
 
     /// Isolated CELs.
     fn cells(&mut self, subset: &Subset, island_timeline: &OwnTimeline) -> Result<(), Error> {
-        let banks = cells::oscillators(subset, &island_timeline.timeline, &mut self.plan.still)?;
-        let mut rows = row::cells(&self.plan.network, &banks, &island_timeline.timeline);
+        let cell_banks =
+            cells::oscillators(subset, &island_timeline.timeline, &mut self.plan.still)?;
+        let mut cell_rows = row::cells(&self.plan.network, &cell_banks, &island_timeline.timeline);
         let refused_slow = multirate::refuse_all(subset, "its poles need none");
-        rows.iter_mut()
+        cell_rows
+            .iter_mut()
             .for_each(|row| row.stays = stay_reasons(&refused_slow, row));
-        self.plan.rows.extend(rows);
+        self.plan.rows.extend(cell_rows);
         self.plan.stay.extend(refused_slow);
-        self.plan.units.extend(banks.into_iter().map(Unit::Bank));
+        self.plan
+            .units
+            .extend(cell_banks.into_iter().map(Unit::Bank));
         Ok(())
     }
 
@@ -231,15 +236,16 @@ impl<'a> Maker<'a> {
     fn island(&mut self, subset: Subset, island_timeline: OwnTimeline) -> Result<(), Error> {
         self.memo.begin();
         let modules = subset.network.n_mat() + subset.network.n_lia();
-        let pin = self.pins.next(modules)?;
-        let (pinned_modes, pinned_steps) = match pin.as_ref().map(|pin| &pin.method) {
-            None => (None, None),
-            Some(IslandMethod::Bank(modes)) => (Some(&modes[..]), None),
-            Some(IslandMethod::Stepped(stepped)) => (None, Some(stepped)),
-        };
-        let mut why = None;
+        let island_pin = self.pins.next(modules)?;
+        let (pinned_modes, pinned_steps) =
+            match island_pin.as_ref().map(|island_pin| &island_pin.method) {
+                None => (None, None),
+                Some(IslandMethod::Bank(modes)) => (Some(&modes[..]), None),
+                Some(IslandMethod::Stepped(stepped)) => (None, Some(stepped)),
+            };
+        let mut no_modes = None;
         if self.budget.takes_modes() && pinned_steps.is_none() {
-            let bank = body::bank(
+            let bank_result = body::bank(
                 &subset,
                 &island_timeline.timeline,
                 self.budget,
@@ -247,7 +253,7 @@ impl<'a> Maker<'a> {
                 &self.memo,
             );
             self.allowance.spend(self.memo.take_work());
-            match bank {
+            match bank_result {
                 Ok(mut solved_bank) => {
                     label_bank(&mut solved_bank, &subset, &island_timeline);
                     self.seen_units.extend(self.silent_modes(
@@ -262,24 +268,24 @@ impl<'a> Maker<'a> {
                         modules,
                         method: IslandMethod::Bank(solved_bank.computed.numbers()),
                     });
-                    let mut row = Row::modal(&subset, &solved_bank, &island_timeline.timeline);
+                    let mut bank_row = Row::modal(&subset, &solved_bank, &island_timeline.timeline);
                     let refused_slow = multirate::refuse_all(&subset, "its modes need none");
-                    row.stays = stay_reasons(&refused_slow, &row);
+                    bank_row.stays = stay_reasons(&refused_slow, &bank_row);
                     self.plan.stay.extend(refused_slow);
-                    self.plan.rows.push(row);
+                    self.plan.rows.push(bank_row);
                     self.plan.units.push(Unit::Bank(solved_bank.bank));
                     return Ok(());
                 }
-                Err(reason) => why = Some(reason),
+                Err(reason) => no_modes = Some(reason),
             }
         }
         if pinned_modes.is_some() {
             return Err(wrong_plan_error());
         }
         if self.every > 1 {
-            return self.plan_at_lower_rate(&subset, &island_timeline, modules, why);
+            return self.plan_at_lower_rate(&subset, &island_timeline, modules, no_modes);
         }
-        self.stepped(&subset, &island_timeline, modules, pinned_steps, why)
+        self.stepped(&subset, &island_timeline, modules, pinned_steps, no_modes)
     }
 
     /// If the body is displayed: a bank of its moving modes that no output hears.
@@ -292,16 +298,24 @@ impl<'a> Maker<'a> {
         if !seen::is_any(&subset.network.moving_parts(), self.seen) {
             return None;
         }
-        let probed = seen::with_probe_output(subset.clone(), &subset.mats).ok()?;
-        let memo = Memo::new(&[]);
-        let bank =
-            |kept| body::bank(&probed, &island_timeline.timeline, self.budget, kept, &memo).ok();
-        let mut silent = bank(None)?.computed.numbers();
-        silent.retain(|mode| listened.binary_search(mode).is_err());
-        if silent.is_empty() {
+        let probed_subset = seen::with_probe_output(subset.clone(), &subset.mats).ok()?;
+        let empty_memo = Memo::new(&[]);
+        let solve_bank = |kept| {
+            body::bank(
+                &probed_subset,
+                &island_timeline.timeline,
+                self.budget,
+                kept,
+                &empty_memo,
+            )
+            .ok()
+        };
+        let mut silent_numbers = solve_bank(None)?.computed.numbers();
+        silent_numbers.retain(|mode| listened.binary_search(mode).is_err());
+        if silent_numbers.is_empty() {
             return None;
         }
-        let mut solved_bank = bank(Some(&silent))?;
+        let mut solved_bank = solve_bank(Some(&silent_numbers))?;
         label_bank(&mut solved_bank, subset, island_timeline);
         Some(Unit::Bank(solved_bank.bank))
     }
@@ -364,43 +378,47 @@ impl<'a> Maker<'a> {
                 bodies: bodies.iter().map(Body::choice).collect(),
             }),
         });
-        let n_ports: usize = bodies.iter().map(|body| body.inside.ports().len()).sum();
-        if island_plan.network.n_mat() > n_ports {
-            let mut row = Row::stepped(&island_plan, certificate);
-            row.mats -= n_ports;
-            (row.oversampling, row.contact_substeps, row.error) = (
+        let port_count: usize = bodies.iter().map(|body| body.inside.ports().len()).sum();
+        if island_plan.network.n_mat() > port_count {
+            let mut report_row = Row::stepped(&island_plan, certificate);
+            report_row.mats -= port_count;
+            (
+                report_row.oversampling,
+                report_row.contact_substeps,
+                report_row.error,
+            ) = (
                 island_plan.oversampling,
                 island_plan.contact_substeps,
                 error,
             );
             let because = why.filter(|_| bodies.is_empty()).or(because);
-            row.because = because.map(|why| why.why().to_owned());
-            self.plan.rows.push(row);
+            report_row.because = because.map(|why| why.why().to_owned());
+            self.plan.rows.push(report_row);
         }
         // The cost of the rest beside bodies has a row of its own, or is added to the row of the first body.
-        let mut hub = if self.plan.rows.len() == first_row {
+        let mut hub_cost = if self.plan.rows.len() == first_row {
             cost::seconds(island_plan.hub_cost(), &island_plan.timeline)
         } else {
             0.0
         };
         for body in &bodies {
-            let mut row = Row::ported(body, &island_plan.timeline);
-            row.cost += std::mem::take(&mut hub);
-            (row.oversampling, row.error) = (island_plan.oversampling, error);
-            if let (Computed::Slow { .. }, Some(growth)) = (row.what, growth) {
-                row.error = slow_error;
-                row.word = Some(multirate::guarantee(growth, certificate.word));
-                row.radius = (growth.radius > 0.0).then_some(growth.radius);
-                row.is_offered = is_offered;
+            let mut report_row = Row::ported(body, &island_plan.timeline);
+            report_row.cost += std::mem::take(&mut hub_cost);
+            (report_row.oversampling, report_row.error) = (island_plan.oversampling, error);
+            if let (Computed::Slow { .. }, Some(growth)) = (report_row.what, growth) {
+                report_row.error = slow_error;
+                report_row.word = Some(multirate::guarantee(growth, certificate.word));
+                report_row.radius = (growth.radius > 0.0).then_some(growth.radius);
+                report_row.is_offered = is_offered;
             }
-            self.plan.rows.push(row);
+            self.plan.rows.push(report_row);
         }
         let is_cut_short = self.allowance.n_refused() > n_refused;
-        for row in &mut self.plan.rows[first_row..] {
-            row.is_cut_short = is_cut_short;
-            row.diverges = diverges;
-            row.harder_at = harder_at;
-            row.stays = stay_reasons(&refused_slow, row);
+        for report_row in &mut self.plan.rows[first_row..] {
+            report_row.is_cut_short = is_cut_short;
+            report_row.diverges = diverges;
+            report_row.harder_at = harder_at;
+            report_row.stays = stay_reasons(&refused_slow, report_row);
         }
         self.plan.stay.extend(refused_slow);
         self.plan
@@ -449,16 +467,22 @@ impl<'a> Maker<'a> {
                     break (solved, growth);
                 }
             }
-            if let Err(why) = judged {
-                let more = multirate::refuse_all(&subset, &why);
-                subset = multirate::without_slow(&subset, &more);
-                refused_slow.extend(more);
+            if let Err(slow_reason) = judged {
+                let refused_more = multirate::refuse_all(&subset, &slow_reason);
+                subset = multirate::without_slow(&subset, &refused_more);
+                refused_slow.extend(refused_more);
             }
         };
         let slow_error = match growth {
             Some(_) if pin.is_none() && !island_timeline.timeline.is_open => {
-                let known = (&self.memo, &self.allowance, self.store);
-                multirate::error(&subset, island_timeline, self.budget, &solved.island, known)?
+                let trial_context = (&self.memo, &self.allowance, self.store);
+                multirate::error(
+                    &subset,
+                    island_timeline,
+                    self.budget,
+                    &solved.island,
+                    trial_context,
+                )?
             }
             _ => None,
         };
@@ -486,8 +510,8 @@ fn check_method(budget: &Budget, subset: &Subset, island: &Assembled) -> Result<
     let Budget::Method(method) = budget else {
         return Ok(());
     };
-    let is_mesh = |body: &BodyPlan| matches!(body, BodyPlan::Mesh(_));
-    let law = |run: &&Run| {
+    let is_mesh_body = |body: &BodyPlan| matches!(body, BodyPlan::Mesh(_));
+    let is_law_link = |run: &&Run| {
         matches!(
             run.kind,
             LinkKind::Lnl(_)
@@ -498,9 +522,9 @@ fn check_method(budget: &Budget, subset: &Subset, island: &Assembled) -> Result<
                 | LinkKind::Pairwise(_)
         )
     };
-    let law_run = subset.network.runs().iter().find(law);
+    let law_run = subset.network.runs().iter().find(is_law_link);
     match (method.mesh_method(), law_run) {
-        (Some(mesh_method), Some(run)) if !island.island_plan.bodies.iter().any(is_mesh) => {
+        (Some(mesh_method), Some(run)) if !island.island_plan.bodies.iter().any(is_mesh_body) => {
             Err(Error::Refused {
                 module: subset.network.link_name(run.first),
                 message: format!(
@@ -516,9 +540,11 @@ fn check_method(budget: &Budget, subset: &Subset, island: &Assembled) -> Result<
 
 /// Why parts of a row that ask for a rate of their own are computed at every frame.
 fn stay_reasons(refused_slow: &[RefusedSlow], row: &Row) -> Option<String> {
-    let ours = refused_slow
+    let row_refusals = refused_slow
         .iter()
         .filter(|(part, _)| row.parts.contains(part));
-    let all: Vec<String> = ours.map(|(part, why)| format!("{part}: {why}")).collect();
-    (!all.is_empty()).then(|| all.join("; "))
+    let reason_texts: Vec<String> = row_refusals
+        .map(|(part, why)| format!("{part}: {why}"))
+        .collect();
+    (!reason_texts.is_empty()).then(|| reason_texts.join("; "))
 }

@@ -20,35 +20,39 @@ pub(crate) struct Alike {
 impl Scheme {
     /// All MATs as ranges with equal coefficients; empty if the ranges are too short to save time.
     pub(super) fn equal_ranges(&self) -> Vec<Alike> {
-        let n = self.n_mat();
-        let (mut ranges, mut start) = (Vec::new(), 0);
-        while start < n {
-            if (ranges.len() + 1) * LEAST > n {
+        let mat_count = self.n_mat();
+        let (mut alike_ranges, mut range_start) = (Vec::new(), 0);
+        while range_start < mat_count {
+            if (alike_ranges.len() + 1) * LEAST > mat_count {
                 return Vec::new();
             }
-            let is_same = |mat: &usize| self.ties().iter().all(|all| same(all[*mat], all[start]));
-            let end = start + (start..n).take_while(is_same).count();
-            ranges.push(Alike {
-                mats: start..end,
-                numbers: self.ties().map(|all| all[start]),
+            let is_alike_mat = |mat: &usize| {
+                self.ties()
+                    .iter()
+                    .all(|all| same(all[*mat], all[range_start]))
+            };
+            let range_end = range_start + (range_start..mat_count).take_while(is_alike_mat).count();
+            alike_ranges.push(Alike {
+                mats: range_start..range_end,
+                numbers: self.ties().map(|all| all[range_start]),
             });
-            start = end;
+            range_start = range_end;
         }
-        ranges
+        alike_ranges
     }
 
     /// A copy in which the coefficients of MATs may change: without ranges of equal ones.
     pub(crate) fn changing(&self) -> Box<Self> {
-        let mut copy = Box::new(self.clone());
-        copy.alike = Vec::new();
-        copy
+        let mut scheme_copy = Box::new(self.clone());
+        scheme_copy.alike = Vec::new();
+        scheme_copy
     }
 
     /// Whether the MATs of each range still have the same coefficients.
     pub(crate) fn are_alike(&self) -> bool {
-        let ties = self.ties();
+        let mat_ties = self.ties();
         self.alike.iter().all(|alike| {
-            let all = ties.iter().zip(alike.numbers);
+            let all = mat_ties.iter().zip(alike.numbers);
             alike.mats.end <= self.n_mat()
                 && all.into_iter().all(|(all, first_number)| {
                     let mut numbers = all[alike.mats.clone()].iter();
@@ -74,8 +78,8 @@ mod tests {
         let mut network = Network::new();
         for &(n, m) in masses {
             for _ in 0..n {
-                let name = format!("m{}", network.n_mat());
-                network.mas(&name, m, 0.0, 0.0).unwrap();
+                let mass_name = format!("m{}", network.n_mat());
+                network.mas(&mass_name, m, 0.0, 0.0).unwrap();
             }
         }
         Scheme::new(&network, Rate::new(44_100.0).unwrap()).unwrap()
@@ -84,18 +88,18 @@ mod tests {
     #[test]
     fn alike_stretches_cover_all_masses_in_order() {
         let scheme = scheme(&[(100, 1e-3), (1, 2e-3), (400, 1e-3)]);
-        let ranges: Vec<_> = scheme.alike.iter().map(|one| one.mats.clone()).collect();
-        assert_eq!(ranges, [0..100, 100..101, 101..501]);
+        let alike_ranges: Vec<_> = scheme.alike.iter().map(|one| one.mats.clone()).collect();
+        assert_eq!(alike_ranges, [0..100, 100..101, 101..501]);
         assert!(scheme.are_alike() && scheme.changing().alike.is_empty());
     }
 
     #[test]
     fn alike_stretches_below_the_least_length_are_dropped() {
         for n_kinds in 1..9 {
-            let kinds: Vec<_> = (1..=n_kinds)
+            let mass_kinds: Vec<_> = (1..=n_kinds)
                 .map(|kind| (LEAST, 1e-3 * kind as f64))
                 .collect();
-            assert_eq!(scheme(&kinds).alike.len(), n_kinds);
+            assert_eq!(scheme(&mass_kinds).alike.len(), n_kinds);
         }
         assert!(scheme(&[(LEAST, 1e-3), (LEAST - 1, 2e-3)]).alike.is_empty());
         assert!(scheme(&[]).alike.is_empty());
@@ -103,7 +107,7 @@ mod tests {
 
     #[test]
     fn alike_stretches_differ_by_any_number() {
-        let (ground, tuned) = (0.0, |f| Tie::Tuned { f, t60: None });
+        let (ground, tuned_tie) = (0.0, |f| Tie::Tuned { f, t60: None });
         for ties in [
             [(200.0, ground), (300.0, ground)],
             [(200.0, ground), (200.0, 0.1)],
@@ -111,9 +115,9 @@ mod tests {
             let mut network = Network::new();
             for (f, ground) in ties {
                 for _ in 0..LEAST {
-                    let name = format!("m{}", network.n_mat());
+                    let cell_name = format!("m{}", network.n_mat());
                     network
-                        .cel(&name, 1e-3, tuned(f), ground, 0.0, 0.0)
+                        .cel(&cell_name, 1e-3, tuned_tie(f), ground, 0.0, 0.0)
                         .unwrap();
                 }
             }

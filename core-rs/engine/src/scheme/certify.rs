@@ -112,19 +112,25 @@ fn space_weight(law: &SpaceLaw, run: &Run, c: f64) -> f64 {
 /// The MATs of points in contacts between all pairs, axis by axis, each with an upper bound of the sum of K + c·Z of
 /// the contacts on it.
 fn pairwise_weights(run: &Run, weight: f64) -> impl Iterator<Item = (usize, f64)> + '_ {
-    let pairs = match &run.kind {
+    let point_pairs = match &run.kind {
         Kind::Pairwise { by, .. } => Some(by),
         _ => None,
     };
-    let len = run.len;
-    let (a, b) = (run.a, run.b);
-    pairs.into_iter().flat_map(move |pairs| {
-        let [first, second] = pairs.neighbours(len).map(|n| n * weight);
-        let n_first = if pairs.is_within { 0 } else { pairs.n_first };
-        (0..pairs.link.n_axes).flat_map(move |axis| {
-            let (a, b) = pairs.link.pair((a, b), axis);
-            let first = (a..a + n_first).map(move |mat| (mat, first));
-            first.chain((b..b + len).map(move |mat| (mat, second)))
+    let point_count = run.len;
+    let (first_start, second_start) = (run.a, run.b);
+    point_pairs.into_iter().flat_map(move |point_pairs| {
+        let [first, second_sum] = point_pairs.neighbours(point_count).map(|n| n * weight);
+        let first_count = if point_pairs.is_within {
+            0
+        } else {
+            point_pairs.n_first
+        };
+        (0..point_pairs.link.n_axes).flat_map(move |axis| {
+            let (first_start, second_start) =
+                point_pairs.link.pair((first_start, second_start), axis);
+            let first = (first_start..first_start + first_count).map(move |mat| (mat, first));
+            first
+                .chain((second_start..second_start + point_count).map(move |mat| (mat, second_sum)))
         })
     })
 }
@@ -180,15 +186,15 @@ pub(crate) fn top_up_to(
 
 /// Gershgorin's bound, from the sums D = Σ(K + c·Z) at both ends of each link.
 fn by_sums(scheme: &Scheme, network: &Network, c: f64, weights: &[f64]) -> Result<f64, Error> {
-    let links = || {
+    let weighted_runs = || {
         scheme
             .runs
             .iter()
             .zip(weights)
             .filter(|(_, weight)| **weight != 0.0)
     };
-    let n = scheme.n_mat();
-    let mut sums: Vec<f64> = (0..n)
+    let mat_count = scheme.n_mat();
+    let mut mat_sums: Vec<f64> = (0..mat_count)
         .map(|i| {
             if scheme.w[i] > 0.0 {
                 (scheme.kappa[i] + c * scheme.zeta[i]) / scheme.w[i]
@@ -198,60 +204,60 @@ fn by_sums(scheme: &Scheme, network: &Network, c: f64, weights: &[f64]) -> Resul
         })
         .collect();
     // A body that resists bending has links with negative K; each counts by its absolute value.
-    let joined = || links().filter(|(run, _)| has_fixed_pairs(run));
-    let factor = proxy_factor(scheme);
-    for (run, weight) in joined() {
+    let joined_runs = || weighted_runs().filter(|(run, _)| has_fixed_pairs(run));
+    let end_factor = proxy_factor(scheme);
+    for (run, weight) in joined_runs() {
         for i in interrupt::steps(0..run.len) {
             for (a, b) in run.pairs(i) {
-                let weight = weight.abs() * factor(a) * factor(b);
-                sums[a] += weight;
-                sums[b] += weight;
+                let weight = weight.abs() * end_factor(a) * end_factor(b);
+                mat_sums[a] += weight;
+                mat_sums[b] += weight;
             }
         }
     }
     // (Σshare·x)² ≤ Σ|share|·Σ|share|·x², and no share of a moving proxy is above 1.
     let mut proxied_mats = Vec::new();
     for proxy in interrupt::each(&scheme.proxies) {
-        let mat_sum = sums[proxy.mat];
+        let proxy_sum = mat_sums[proxy.mat];
         if proxy.is_moving() {
             for mat in proxy.masses() {
-                sums[mat] += mat_sum;
+                mat_sums[mat] += proxy_sum;
                 proxied_mats.push(mat);
             }
         } else {
             proxy.for_each_share(
                 |_| 0.0,
                 |mat, share| {
-                    sums[mat] += mat_sum * share.abs();
+                    mat_sums[mat] += proxy_sum * share.abs();
                     proxied_mats.push(mat);
                 },
             );
         }
     }
-    for (run, weight) in links() {
-        pairwise_weights(run, *weight).for_each(|(mat, sum)| sums[mat] += sum);
+    for (run, weight) in weighted_runs() {
+        pairwise_weights(run, *weight).for_each(|(mat, sum)| mat_sums[mat] += sum);
     }
-    if let Some(mat) = sums.iter().position(|sum| !sum.is_finite()) {
+    if let Some(mat) = mat_sums.iter().position(|sum| !sum.is_finite()) {
         return Err(Error::Refused {
             module: network.mat_name(mat),
             message: "a force on it is not a finite number at rest".to_owned(),
         });
     }
-    let weighted = |i: usize| sums[i] * scheme.w[i];
-    let edges = joined().flat_map(|(run, _)| {
-        let pairs = interrupt::steps(0..run.len).flat_map(|i| run.pairs(i));
-        pairs.map(|(a, b)| weighted(a) + weighted(b))
+    let weighted = |i: usize| mat_sums[i] * scheme.w[i];
+    let edge_sums = joined_runs().flat_map(|(run, _)| {
+        let run_pairs = interrupt::steps(0..run.len).flat_map(|i| run.pairs(i));
+        run_pairs.map(|(a, b)| weighted(a) + weighted(b))
     });
     // Any two points of a pairwise run may touch.
-    let pairwise = links().flat_map(|(run, weight)| pairwise_weights(run, *weight));
+    let pairwise = weighted_runs().flat_map(|(run, weight)| pairwise_weights(run, *weight));
     let pairwise = pairwise.map(|(mat, _)| 2.0 * weighted(mat));
-    let ends = joined().flat_map(|(run, _)| (0..run.len).flat_map(|i| run.pairs(i)));
-    let ends = ends.filter(|&(a, b)| scheme.is_proxy(a) || scheme.is_proxy(b));
-    proxied_mats.extend(ends.flat_map(|(a, b)| [a, b]));
+    let end_pairs = joined_runs().flat_map(|(run, _)| (0..run.len).flat_map(|i| run.pairs(i)));
+    let end_pairs = end_pairs.filter(|&(a, b)| scheme.is_proxy(a) || scheme.is_proxy(b));
+    proxied_mats.extend(end_pairs.flat_map(|(a, b)| [a, b]));
     let proxied = proxied_mats.iter().map(|&mat| 2.0 * weighted(mat));
-    Ok((0..n)
+    Ok((0..mat_count)
         .map(weighted)
-        .chain(edges)
+        .chain(edge_sums)
         .chain(pairwise)
         .chain(proxied)
         .fold(0.0, f64::max))
@@ -274,20 +280,20 @@ fn by_eigenvalue(
     weights: &[f64],
     beyond: f64,
 ) -> LargestEigenvalue {
-    let n = scheme.n_mat();
-    let mut root: Vec<f64> = scheme.w.iter().map(|w| w.sqrt()).collect();
+    let mat_count = scheme.n_mat();
+    let mut inverse_roots: Vec<f64> = scheme.w.iter().map(|w| w.sqrt()).collect();
     for proxy in &scheme.proxies {
-        root[proxy.mat] = 1.0; // a proxy has no mass: its forces are passed on unscaled
+        inverse_roots[proxy.mat] = 1.0; // a proxy has no mass: its forces are passed on unscaled
     }
-    let begin = |mat: usize| network.mats().x0[mat];
-    let mut scaled = vec![0.0; n];
-    let mut apply = |v: &[f64], y: &mut [f64]| {
-        for i in 0..n {
-            scaled[i] = v[i] * root[i];
+    let start_position = |mat: usize| network.mats().x0[mat];
+    let mut scaled_vector = vec![0.0; mat_count];
+    let mut apply_matrix = |v: &[f64], y: &mut [f64]| {
+        for i in 0..mat_count {
+            scaled_vector[i] = v[i] * inverse_roots[i];
             y[i] = (scheme.kappa[i] + c * scheme.zeta[i]) * v[i];
         }
         for proxy in &scheme.proxies {
-            scaled[proxy.mat] = proxy.sum(begin, |mat| scaled[mat]);
+            scaled_vector[proxy.mat] = proxy.sum(start_position, |mat| scaled_vector[mat]);
         }
         for (run, weight) in scheme.runs.iter().zip(weights) {
             // The matrix of links between points that may touch is bounded by twice the sum at each point.
@@ -297,43 +303,45 @@ fn by_eigenvalue(
                 .filter(|_| has_fixed_pairs(run))
                 .flat_map(|i| run.pairs(i))
             {
-                let f = weight * (scaled[b] - scaled[a]);
-                y[a] -= f * root[a];
-                y[b] += f * root[b];
+                let link_force = weight * (scaled_vector[b] - scaled_vector[a]);
+                y[a] -= link_force * inverse_roots[a];
+                y[b] += link_force * inverse_roots[b];
             }
         }
         for proxy in &scheme.proxies {
-            let pull = std::mem::take(&mut y[proxy.mat]);
-            proxy.for_each_share(begin, |mat, share| y[mat] += share * pull * root[mat]);
+            let proxy_force = std::mem::take(&mut y[proxy.mat]);
+            proxy.for_each_share(start_position, |mat, share| {
+                y[mat] += share * proxy_force * inverse_roots[mat]
+            });
         }
     };
-    let worst = |vector: &dyn Fn(usize) -> f64| {
-        (0..n)
+    let largest_entry = |vector: &dyn Fn(usize) -> f64| {
+        (0..mat_count)
             .max_by(|&i, &j| vector(i).abs().total_cmp(&vector(j).abs()))
             .unwrap_or(0)
     };
-    if n > DENSE_MAX {
-        let largest = spectrum::largest_up_to(n, &mut apply, beyond);
+    if mat_count > DENSE_MAX {
+        let largest = spectrum::largest_up_to(mat_count, &mut apply_matrix, beyond);
         return LargestEigenvalue {
             lambda: largest.theta + largest.residual,
             means: Means::Lanczos,
-            worst: worst(&|i| largest.vector[i]),
+            worst: largest_entry(&|i| largest.vector[i]),
         };
     }
-    let mut matrix = DMatrix::zeros(n, n);
-    let (mut unit, mut column) = (vec![0.0; n], vec![0.0; n]);
-    for i in 0..n {
-        unit[i] = 1.0;
-        apply(&unit, &mut column);
-        unit[i] = 0.0;
-        matrix.column_mut(i).copy_from_slice(&column);
+    let mut dense_matrix = DMatrix::zeros(mat_count, mat_count);
+    let (mut unit_vector, mut matrix_column) = (vec![0.0; mat_count], vec![0.0; mat_count]);
+    for i in 0..mat_count {
+        unit_vector[i] = 1.0;
+        apply_matrix(&unit_vector, &mut matrix_column);
+        unit_vector[i] = 0.0;
+        dense_matrix.column_mut(i).copy_from_slice(&matrix_column);
     }
-    let eigen = matrix.symmetric_eigen();
-    let index = eigen.eigenvalues.imax();
+    let eigensystem = dense_matrix.symmetric_eigen();
+    let largest_index = eigensystem.eigenvalues.imax();
     LargestEigenvalue {
-        lambda: eigen.eigenvalues[index],
+        lambda: eigensystem.eigenvalues[largest_index],
         means: Means::Dense,
-        worst: worst(&|i| eigen.eigenvectors[(i, index)]),
+        worst: largest_entry(&|i| eigensystem.eigenvectors[(i, largest_index)]),
     }
 }
 
@@ -352,36 +360,36 @@ fn lowest_stable_multiple(scheme: &Scheme, network: &Network, lambda: f64) -> u3
     const MULTIPLE_MAX: u32 = 1 << 20;
     let first_links: HashSet<usize> = scheme.runs.iter().map(|run| run.first).collect();
     let is_stable = |times: u32| {
-        let Ok(rate) = Rate::new(scheme.rate * f64::from(times)) else {
+        let Ok(finer_rate) = Rate::new(scheme.rate * f64::from(times)) else {
             return false;
         };
-        Scheme::new(network, rate).is_ok_and(|mut finer| {
+        Scheme::new(network, finer_rate).is_ok_and(|mut finer| {
             finer.runs.retain(|run| first_links.contains(&run.first));
-            let top = top_up_to(&finer, network, 2.0, LIMIT, LIMIT);
-            top.is_ok_and(|top| top.lambda < LIMIT)
+            let largest_eigen = top_up_to(&finer, network, 2.0, LIMIT, LIMIT);
+            largest_eigen.is_ok_and(|largest_eigen| largest_eigen.lambda < LIMIT)
         })
     };
-    let mut high = oversampling(lambda);
-    if is_stable(high) {
-        return high;
+    let mut high_multiple = oversampling(lambda);
+    if is_stable(high_multiple) {
+        return high_multiple;
     }
-    let mut low = high;
-    while high < MULTIPLE_MAX {
-        high *= 2;
-        if is_stable(high) {
+    let mut low_multiple = high_multiple;
+    while high_multiple < MULTIPLE_MAX {
+        high_multiple *= 2;
+        if is_stable(high_multiple) {
             break;
         }
-        low = high;
+        low_multiple = high_multiple;
     }
-    while high - low > 1 {
-        let middle = low + (high - low) / 2;
-        if is_stable(middle) {
-            high = middle;
+    while high_multiple - low_multiple > 1 {
+        let middle_multiple = low_multiple + (high_multiple - low_multiple) / 2;
+        if is_stable(middle_multiple) {
+            high_multiple = middle_multiple;
         } else {
-            low = middle;
+            low_multiple = middle_multiple;
         }
     }
-    high
+    high_multiple
 }
 
 /// Whether the scheme is stable without its damping.
@@ -399,30 +407,30 @@ pub(super) fn certify(
     } else {
         StabilityGuarantee::Guarded
     };
-    let beyond = match refusal {
+    let search_limit = match refusal {
         Refusal::Explained => f64::INFINITY,
         Refusal::Bare => LIMIT,
     };
-    let top = top_up_to(scheme, network, 2.0, LIMIT, beyond)?;
+    let largest_eigen = top_up_to(scheme, network, 2.0, LIMIT, search_limit)?;
     // The eigenvalue holds for the initial position of a proxy only.
-    let moves = scheme.proxies.iter().any(Proxy::is_moving);
-    let word = match top.means {
-        Means::Dense | Means::Lanczos if moves => StabilityGuarantee::Tried,
+    let has_moving_proxy = scheme.proxies.iter().any(Proxy::is_moving);
+    let word = match largest_eigen.means {
+        Means::Dense | Means::Lanczos if has_moving_proxy => StabilityGuarantee::Tried,
         _ => word,
     };
-    if top.lambda < LIMIT {
+    if largest_eigen.lambda < LIMIT {
         return Ok(Certificate {
-            lambda_max: top.lambda,
-            means: top.means,
+            lambda_max: largest_eigen.lambda,
+            means: largest_eigen.means,
             word,
         });
     }
     Err(Error::Unstable {
-        module: network.mat_name(top.worst),
-        lambda: top.lambda,
+        module: network.mat_name(largest_eigen.worst),
+        lambda: largest_eigen.lambda,
         oversampling: match refusal {
-            Refusal::Explained => lowest_stable_multiple(scheme, network, top.lambda),
-            Refusal::Bare => oversampling(top.lambda),
+            Refusal::Explained => lowest_stable_multiple(scheme, network, largest_eigen.lambda),
+            Refusal::Bare => oversampling(largest_eigen.lambda),
         },
     })
 }

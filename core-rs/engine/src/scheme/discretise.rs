@@ -29,13 +29,13 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
 
 /// What does not depend on the rate: MATs that do not move, no links.
 fn without_numbers(network: &Network, rate: Rate) -> Scheme {
-    let n = network.n_mat();
+    let mat_count = network.n_mat();
     let mats = network.mats();
     Scheme {
         rate: rate.hertz(),
-        kappa: vec![0.0; n],
-        zeta: vec![0.0; n],
-        w: vec![0.0; n],
+        kappa: vec![0.0; mat_count],
+        zeta: vec![0.0; mat_count],
+        w: vec![0.0; mat_count],
         ground: mats.k.clone(),
         rest: mats.rest.clone(),
         alike: Vec::new(),
@@ -64,15 +64,15 @@ fn set_masses(scheme: &mut Scheme, network: &Network, rate: Rate, ties: Ties) ->
     let mut too_high = Vec::new();
     for i in (0..network.n_mat()).filter(|&i| mats.kind[i].moves()) {
         let (m, k, z) = (mats.m[i], mats.k[i], mats.z[i]);
-        let ratios;
-        (scheme.w[i], ratios) = match ca_rate(network, mats.part[i] as usize) {
+        let cell_ratios;
+        (scheme.w[i], cell_ratios) = match ca_rate(network, mats.part[i] as usize) {
             None if ties == Ties::Physical || cancels[i] => {
                 let w = rate.step() * rate.step() / m;
-                let ratios = Ratios {
+                let cell_ratios = Ratios {
                     kappa: k * w,
                     zeta: z * rate.step() / m,
                 };
-                (w, ratios)
+                (w, cell_ratios)
             }
             None => {
                 let cell = Cell::new(m, k, z);
@@ -81,18 +81,23 @@ fn set_masses(scheme: &mut Scheme, network: &Network, rate: Rate, ties: Ties) ->
             }
             Some(design_rate) => {
                 // The number is M at the part's own rate, so m = M·T²; if `rate` is that rate, the factor is exactly 1.
-                let step = design_rate.hertz() / rate.hertz();
+                let rate_ratio = design_rate.hertz() / rate.hertz();
                 let cell = Ratios {
                     kappa: k / m,
                     zeta: z / m,
                 };
-                let f = cell.pitch(design_rate).map_or(0.0, |(f, _)| f);
-                too_high.extend(above_nyquist(network, i, f, rate));
-                (step * step / m, resampled(cell, design_rate, rate))
+                let cell_frequency = cell
+                    .pitch(design_rate)
+                    .map_or(0.0, |(cell_frequency, _)| cell_frequency);
+                too_high.extend(above_nyquist(network, i, cell_frequency, rate));
+                (
+                    rate_ratio * rate_ratio / m,
+                    resampled(cell, design_rate, rate),
+                )
             }
         };
         if mats.kind[i] == MatKind::Cel {
-            (scheme.kappa[i], scheme.zeta[i]) = (ratios.kappa, ratios.zeta);
+            (scheme.kappa[i], scheme.zeta[i]) = (cell_ratios.kappa, cell_ratios.zeta);
         }
     }
     Error::combined(too_high).map_or(Ok(()), Err)
@@ -103,9 +108,9 @@ fn add_links(scheme: &mut Scheme, network: &Network, rate: Rate) -> Result<(), E
     let mut scratch = Scratch::default();
     let mut dry_runs = Vec::new();
     for run in network.runs() {
-        let ca = ca_rate(network, run.part);
+        let design_rate = ca_rate(network, run.part);
         // z = Z·T_ca under `ca`; then Z = z/T. Without `ca`, Z = z/T.
-        let per_step = rate.hertz() / ca.map_or(1.0, Rate::hertz);
+        let per_step = rate.hertz() / design_rate.map_or(1.0, Rate::hertz);
         let mut planned = Run {
             kind: scratch.kind(&run.kind, per_step),
             a: run.a,
@@ -121,7 +126,7 @@ fn add_links(scheme: &mut Scheme, network: &Network, rate: Rate) -> Result<(), E
             gate: None,
         };
         let on_proxy = || ends_on_proxy(network, run);
-        let runs = match &run.kind {
+        let target_runs = match &run.kind {
             LinkKind::Dry(_) if on_proxy() => return Err(refuse_proxy(network, run)),
             LinkKind::Dry(_) => &mut dry_runs,
             // With a proxy the force is explicit: it has no single mass for which it could be solved.
@@ -135,7 +140,7 @@ fn add_links(scheme: &mut Scheme, network: &Network, rate: Rate) -> Result<(), E
             }
             _ => &mut scheme.runs,
         };
-        runs.push(planned);
+        target_runs.push(planned);
     }
     scheme.exact.extend(dry_runs);
     Ok(())
@@ -183,8 +188,11 @@ impl Scratch {
 
     /// Runs that share a law share its scratch memory.
     fn room_of(&mut self, law: &Arc<Law>) -> usize {
-        let known = self.laws.iter().position(|known| Arc::ptr_eq(known, law));
-        known.unwrap_or_else(|| {
+        let known_law = self
+            .laws
+            .iter()
+            .position(|known_law| Arc::ptr_eq(known_law, law));
+        known_law.unwrap_or_else(|| {
             self.laws.push(law.clone());
             self.laws.len() - 1
         })
@@ -212,42 +220,42 @@ fn magic_numbers(
             message: "a magic contact needs an end that moves".to_owned(),
         });
     }
-    let mu = 1.0 / (scheme.w[run.a] + scheme.w[run.b]);
+    let reduced_mass = 1.0 / (scheme.w[run.a] + scheme.w[run.b]);
     let (k, z) = but.exact_restitution();
-    Ok((k * mu, z * mu))
+    Ok((k * reduced_mass, z * reduced_mass))
 }
 
 /// Whether a mass that moves is an end of several links that are solved for.
 fn shares_moving_mass(scheme: &Scheme) -> bool {
-    let mut ends: Vec<usize> = scheme.exact.iter().flat_map(|run| [run.a, run.b]).collect();
-    ends.sort_unstable();
-    let pairs = &mut ends.windows(2);
-    pairs.any(|pair| pair[0] == pair[1] && scheme.w[pair[0]] > 0.0)
+    let mut exact_ends: Vec<usize> = scheme.exact.iter().flat_map(|run| [run.a, run.b]).collect();
+    exact_ends.sort_unstable();
+    let end_pairs = &mut exact_ends.windows(2);
+    end_pairs.any(|pair| pair[0] == pair[1] && scheme.w[pair[0]] > 0.0)
 }
 
 /// MATs of bodies in which some tie or spring has a negative stiffness, as in those of MODES. Such stiffnesses cancel
 /// others, and would not if a tie were discretised by its own poles   (n_mat).
 fn cancelling(network: &Network) -> Vec<bool> {
-    let mut joined = Forest::new(network.n_mat());
+    let mut joined_mats = Forest::new(network.n_mat());
     let springs = network.runs().iter();
     let springs = springs.filter(|run| run.kind == LinkKind::Ref && run.len == 1);
-    let mut below: Vec<usize> = Vec::new();
+    let mut negative_mats: Vec<usize> = Vec::new();
     for run in springs {
         if network.mats().part[run.a] == network.mats().part[run.b] {
-            joined.join(run.a, run.b);
+            joined_mats.join(run.a, run.b);
         }
         if run.k < 0.0 {
-            below.push(run.a);
+            negative_mats.push(run.a);
         }
     }
-    let ties = network.mats().k.iter().enumerate();
-    below.extend(ties.filter(|&(_, &k)| k < 0.0).map(|(mat, _)| mat));
+    let tie_stiffness = network.mats().k.iter().enumerate();
+    negative_mats.extend(tie_stiffness.filter(|&(_, &k)| k < 0.0).map(|(mat, _)| mat));
     let mut cancels = vec![false; network.n_mat()];
-    for mat in below {
-        cancels[joined.root(mat)] = true;
+    for mat in negative_mats {
+        cancels[joined_mats.root(mat)] = true;
     }
     (0..cancels.len())
-        .map(|mat| cancels[joined.root(mat)])
+        .map(|mat| cancels[joined_mats.root(mat)])
         .collect()
 }
 
@@ -272,20 +280,21 @@ fn resampled(ratios: Ratios, design_rate: Rate, rate: Rate) -> Ratios {
     if design_rate.hertz() == rate.hertz() {
         return ratios;
     }
-    let step = design_rate.hertz() / rate.hertz();
+    let rate_ratio = design_rate.hertz() / rate.hertz();
     match ratios.pitch(design_rate) {
         Some((f, t60)) => cell::tune(f, t60.is_finite().then_some(t60), rate),
         None => Ratios {
-            kappa: ratios.kappa * step * step,
-            zeta: ratios.zeta * step,
+            kappa: ratios.kappa * rate_ratio * rate_ratio,
+            zeta: ratios.zeta * rate_ratio,
         },
     }
 }
 
 /// Whether an end of a run is a proxy.
 fn ends_on_proxy(network: &Network, run: &LinkRun) -> bool {
-    let mut ends = (0..run.len).flat_map(|i| run.pairs(i));
-    !network.proxies().is_empty() && ends.any(|(a, b)| network.is_proxy(a) || network.is_proxy(b))
+    let mut end_pairs = (0..run.len).flat_map(|i| run.pairs(i));
+    !network.proxies().is_empty()
+        && end_pairs.any(|(a, b)| network.is_proxy(a) || network.is_proxy(b))
 }
 
 /// A link that cannot end on a proxy.
@@ -301,9 +310,10 @@ fn refuse_proxy(network: &Network, run: &LinkRun) -> Error {
 
 /// A magic contact is exact only if nothing else acts on its two ends.
 fn check_no_other_link(network: &Network, mat: usize, link: usize) -> Result<(), Error> {
-    let tied = network.mats().kind[mat] == MatKind::Cel;
-    let held = tied || (network.degree(mat) > 1 && network.mats().kind[mat].moves());
-    if held {
+    let is_tied_cell = network.mats().kind[mat] == MatKind::Cel;
+    let has_other_links =
+        is_tied_cell || (network.degree(mat) > 1 && network.mats().kind[mat].moves());
+    if has_other_links {
         return Err(Error::Refused {
             module: network.link_name(link),
             message: format!(

@@ -29,9 +29,14 @@ impl Run {
             Kind::Ref => self.k * e,
             Kind::Hardening(q) => self.k * e + q * (e * e * e),
             Kind::But(but) => {
-                let (s, law) = (but.sign(), but.elastic(self.k));
-                let p = s * e;
-                s * if p > 0.0 { law.force(p) } else { 0.0 }
+                let (contact_sign, law) = (but.sign(), but.elastic(self.k));
+                let penetration = contact_sign * e;
+                contact_sign
+                    * if penetration > 0.0 {
+                        law.force(penetration)
+                    } else {
+                        0.0
+                    }
             }
             Kind::Lnl { law, .. } => law.spring(e),
             Kind::Space(space) => space.law.elastic(self.k, e),
@@ -66,9 +71,9 @@ impl Run {
             Kind::Ref => 0.5 * self.k * e * e,
             Kind::Hardening(q) => 0.5 * self.k * e * e + 0.25 * q * (e * e * e * e),
             Kind::But(but) => {
-                let p = but.sign() * e;
-                if p > 0.0 {
-                    but.elastic(self.k).energy(p)
+                let penetration = but.sign() * e;
+                if penetration > 0.0 {
+                    but.elastic(self.k).energy(penetration)
                 } else {
                     0.0
                 }
@@ -86,9 +91,9 @@ impl Run {
             Kind::Ref => self.k,
             Kind::Hardening(q) => self.k + 3.0 * q * e * e,
             Kind::But(but) => {
-                let p = but.sign() * e;
-                if p > 0.0 {
-                    but.elastic(self.k).slope(p)
+                let penetration = but.sign() * e;
+                if penetration > 0.0 {
+                    but.elastic(self.k).slope(penetration)
                 } else {
                     0.0
                 }
@@ -132,7 +137,7 @@ impl Run {
     /// Whether the run can be computed in substeps of a frame: a single link that is a law, or a plain or exact contact
     /// (both have the same equation).
     pub(crate) fn can_substep(&self) -> bool {
-        let is_one = match &self.kind {
+        let is_fine_kind = match &self.kind {
             Kind::Ref
             | Kind::Followed { .. }
             | Kind::Dry { .. }
@@ -141,7 +146,7 @@ impl Run {
             Kind::But(but) => but.contact != Contact::Magic,
             Kind::Lnl { .. } | Kind::Bristle { .. } | Kind::Hardening(_) => true,
         };
-        is_one && self.len == 1
+        is_fine_kind && self.len == 1
     }
 
     /// The run as hardening springs; `None` for contacts and other laws.

@@ -23,7 +23,7 @@ pub(crate) enum Tap {
 
 /// The taps of one output, in the order of its terms.
 pub(super) fn taps(network: &Network, output: &Output) -> Vec<Tap> {
-    let single = |term: &Term| match *term {
+    let single_tap = |term: &Term| match *term {
         Term::Position {
             first,
             len: 1,
@@ -31,34 +31,34 @@ pub(super) fn taps(network: &Network, output: &Output) -> Vec<Tap> {
         } => Some((first, weight)),
         _ => None,
     };
-    let alike = |a: &Term, b: &Term| match (single(a), single(b)) {
+    let same_weight = |a: &Term, b: &Term| match (single_tap(a), single_tap(b)) {
         (Some((_, a)), Some((_, b))) => a == b,
         _ => false,
     };
-    let mut taps = Vec::new();
-    for group in output.terms.chunk_by(alike) {
-        match single(&group[0]) {
+    let mut output_taps = Vec::new();
+    for group in output.terms.chunk_by(same_weight) {
+        match single_tap(&group[0]) {
             Some((_, weight)) if group.len() >= TOGETHER => {
                 let mats = group
                     .iter()
-                    .filter_map(single)
+                    .filter_map(single_tap)
                     .map(|(mat, _)| mat as u32)
                     .collect();
-                taps.push(Tap::Scattered { mats, weight });
+                output_taps.push(Tap::Scattered { mats, weight });
             }
-            _ => taps.extend(group.iter().map(|term| tap(network, term))),
+            _ => output_taps.extend(group.iter().map(|term| tap(network, term))),
         }
     }
-    taps
+    output_taps
 }
 
 fn tap(network: &Network, term: &Term) -> Tap {
     let Term::Length { first, len, weight } = *term else {
         return Tap::Term(*term);
     };
-    let all = first..first + len;
+    let term_links = first..first + len;
     let links = network.runs().iter().flat_map(|run| {
-        let links = run.first.max(all.start)..(run.first + run.len).min(all.end);
+        let links = run.first.max(term_links.start)..(run.first + run.len).min(term_links.end);
         links.filter_map(move |link| match &run.kind {
             LinkKind::Space(space) => Some((run.pair(link - run.first, 0), space.clone())),
             _ => None,

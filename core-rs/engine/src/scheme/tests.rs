@@ -33,9 +33,11 @@ fn unstable(network: &Network) -> (String, f64, u32) {
 /// One mass on one link to a fixed point: λ is (K + 2Z)/M.
 fn single_mass(k: f64, z: f64) -> Network {
     let mut network = discrete();
-    let m = network.mas("m", 1.0, 0.0, 0.0).unwrap();
-    let s = network.sol("s", 0.0).unwrap();
-    network.spring("l", s, m, k, z, 0.0).unwrap();
+    let moving_mass = network.mas("m", 1.0, 0.0, 0.0).unwrap();
+    let fixed_point = network.sol("s", 0.0).unwrap();
+    network
+        .spring("l", fixed_point, moving_mass, k, z, 0.0)
+        .unwrap();
     network
 }
 
@@ -56,12 +58,12 @@ fn row(n: usize, k: f64) -> Network {
 #[test]
 fn certify_of_a_single_mass_at_its_limit() {
     for (k, z) in [(4.0, 0.0), (2.0, 1.0), (0.0, 2.0)] {
-        let below = certify(&single_mass(k * (1.0 - 1e-12), z * (1.0 - 1e-12))).unwrap();
+        let certificate = certify(&single_mass(k * (1.0 - 1e-12), z * (1.0 - 1e-12))).unwrap();
         assert_eq!(
-            (below.word, below.oversampling()),
+            (certificate.word, certificate.oversampling()),
             (StabilityGuarantee::Proved, 1)
         );
-        assert!(below.lambda_max < 4.0 && below.lambda_max > 4.0 - 1e-10);
+        assert!(certificate.lambda_max < 4.0 && certificate.lambda_max > 4.0 - 1e-10);
         for factor in [1.0 + 1e-12, 1.1] {
             let (module, lambda, oversampling) = unstable(&single_mass(k * factor, z * factor));
             assert_eq!((module.as_str(), oversampling), ("p.m", 2));
@@ -73,15 +75,15 @@ fn certify_of_a_single_mass_at_its_limit() {
 /// The bound from sums is 4K and more; the eigenvalue is slightly less.
 #[test]
 fn certify_by_eigenvalue_beyond_coarse_sums() {
-    let n = 40;
-    let cos = crate::maths::cos(std::f64::consts::PI / (2 * n) as f64);
-    let border = 1.0 / (cos * cos);
-    let sums = certify(&row(n, 1.0 - 1e-12)).unwrap();
-    assert_eq!(sums.means, Means::Gershgorin);
-    let below = certify(&row(n, border * (1.0 - 1e-9))).unwrap();
-    assert_ne!(below.means, Means::Gershgorin);
-    assert!((below.lambda_max - 4.0).abs() < 1e-8 && below.lambda_max < 4.0);
-    let (module, lambda, _) = unstable(&row(n, border * (1.0 + 1e-9)));
+    let mass_count = 40;
+    let row_cosine = crate::maths::cos(std::f64::consts::PI / (2 * mass_count) as f64);
+    let limit_stiffness = 1.0 / (row_cosine * row_cosine);
+    let coarse_bound = certify(&row(mass_count, 1.0 - 1e-12)).unwrap();
+    assert_eq!(coarse_bound.means, Means::Gershgorin);
+    let certificate = certify(&row(mass_count, limit_stiffness * (1.0 - 1e-9))).unwrap();
+    assert_ne!(certificate.means, Means::Gershgorin);
+    assert!((certificate.lambda_max - 4.0).abs() < 1e-8 && certificate.lambda_max < 4.0);
+    let (module, lambda, _) = unstable(&row(mass_count, limit_stiffness * (1.0 + 1e-9)));
     assert!((4.0..4.0 + 1e-7).contains(&lambda));
     // The unstable mode alternates in sign, and is largest in the middle.
     assert!(["p.m19", "p.m20"].contains(&module.as_str()), "{module}");
@@ -91,15 +93,17 @@ fn certify_by_eigenvalue_beyond_coarse_sums() {
 fn certify_names_the_unstable_module() {
     let mut network = discrete();
     for i in 0..30 {
-        let tie = Tie::Physical { k: 1.0, z: 0.1 };
+        let cell_tie = Tie::Physical { k: 1.0, z: 0.1 };
         network
-            .cel(&format!("c{i}"), 1.0, tie, 0.0, 0.0, 0.0)
+            .cel(&format!("c{i}"), 1.0, cell_tie, 0.0, 0.0, 0.0)
             .unwrap();
     }
     network.part("q", Some(rate()));
-    let heavy = network.mas("heavy", 100.0, 0.0, 0.0).unwrap();
-    let light = network.mas("light", 0.1, 0.0, 0.0).unwrap();
-    network.spring("l", heavy, light, 0.5, 0.0, 0.0).unwrap();
+    let heavy_mass = network.mas("heavy", 100.0, 0.0, 0.0).unwrap();
+    let light_mass = network.mas("light", 0.1, 0.0, 0.0).unwrap();
+    network
+        .spring("l", heavy_mass, light_mass, 0.5, 0.0, 0.0)
+        .unwrap();
     let (module, lambda, oversampling) = unstable(&network);
     assert_eq!((module.as_str(), oversampling), ("q.light", 2));
     // K(1/M₁ + 1/M₂)
@@ -114,18 +118,18 @@ fn certify_names_the_smallest_oversampling() {
         network.part("p", None);
         let (m, t) = (1e-3, rate().step());
         let mass = network.mas("m", m, 0.0, 0.0).unwrap();
-        let fixed = network.sol("s", 0.0).unwrap();
+        let fixed_point = network.sol("s", 0.0).unwrap();
         network
-            .spring("l", mass, fixed, k * m / (t * t), 0.0, 0.0)
+            .spring("l", mass, fixed_point, k * m / (t * t), 0.0, 0.0)
             .unwrap();
-        let (_, _, factor) = unstable(&network);
-        let position = |factor: u32| {
-            let rate = Rate::new(HERTZ * f64::from(factor)).unwrap();
+        let (_, _, oversampling) = unstable(&network);
+        let position = |oversampling: u32| {
+            let rate = Rate::new(HERTZ * f64::from(oversampling)).unwrap();
             Scheme::new(&network, rate).unwrap().certify(&network)
         };
         assert!(
-            position(factor).is_ok() && position(factor - 1).is_err(),
-            "{k}: {factor}"
+            position(oversampling).is_ok() && position(oversampling - 1).is_err(),
+            "{k}: {oversampling}"
         );
     }
 }
@@ -140,44 +144,49 @@ fn but(contact: Contact) -> But {
 /// Contacts count as closed, laws by their slope at rest; an exact contact is always stable.
 #[test]
 fn certify_of_non_linear_links_is_guarded() {
-    let scene = |join: &dyn Fn(&mut Network)| {
+    let certify_scene = |join: &dyn Fn(&mut Network)| {
         let mut network = discrete();
         network.mas("m", 1.0, 0.0, 0.0).unwrap();
         network.sol("s", 0.0).unwrap();
         join(&mut network);
         certify(&network).map(|it| (it.word, it.lambda_max))
     };
-    let plain = |k: f64| But {
+    let plain_contact = |k: f64| But {
         k,
         ..but(Contact::Plain)
     };
-    let link = |but: But| move |network: &mut Network| _ = network.but("l", 0, 1, but).unwrap();
+    let contact_link =
+        |but: But| move |network: &mut Network| _ = network.but("l", 0, 1, but).unwrap();
     assert_eq!(
-        scene(&link(plain(3.0))),
+        certify_scene(&contact_link(plain_contact(3.0))),
         Ok((StabilityGuarantee::Guarded, 3.0))
     );
-    assert!(scene(&link(plain(4.001))).is_err());
-    let exact = But {
+    assert!(certify_scene(&contact_link(plain_contact(4.001))).is_err());
+    let exact_contact = But {
         k: 1e12,
         ..but(Contact::Exact)
     };
-    assert_eq!(scene(&link(exact)), Ok((StabilityGuarantee::Guarded, 0.0)));
+    assert_eq!(
+        certify_scene(&contact_link(exact_contact)),
+        Ok((StabilityGuarantee::Guarded, 0.0))
+    );
     let law = |k: f64| {
         let law = Law::hardening(k, 1e6, 0.0).unwrap();
         move |network: &mut Network| _ = network.lnl("l", 0, 1, Arc::new(law.clone()), 0.0).unwrap()
     };
     assert_eq!(
-        scene(&law(3.5)).map(|it| it.0),
+        certify_scene(&law(3.5)).map(|it| it.0),
         Ok(StabilityGuarantee::Guarded)
     );
-    assert!(scene(&law(4.5)).is_err());
+    assert!(certify_scene(&law(4.5)).is_err());
     let damping = LawText {
         damping: Some("1.9*v"),
         ..LawText::default()
     };
     let damping = Arc::new(Law::new(&damping).unwrap());
-    let damped = scene(&|network| _ = network.lnl("l", 0, 1, damping.clone(), 0.0).unwrap());
-    assert!((damped.unwrap().1 - 3.8).abs() < 1e-6);
+    let damped_result =
+        certify_scene(&|network| _ = network.lnl("l", 0, 1, damping.clone(), 0.0).unwrap());
+    assert!((damped_result.unwrap().1 - 3.8).abs() < 1e-6);
 }
 
 #[test]
@@ -198,8 +207,8 @@ fn magic_contact_between_wrong_ends_is_refused() {
         network.mas("n", 2.0, 0.0, 0.0).unwrap();
         network.sol("s", 0.0).unwrap();
         network.sol("t", 0.0).unwrap();
-        let tie = Tie::Physical { k: 1.0, z: 0.0 };
-        network.cel("c", 1.0, tie, 0.0, 0.0, 0.0).unwrap();
+        let cell_tie = Tie::Physical { k: 1.0, z: 0.0 };
+        network.cel("c", 1.0, cell_tie, 0.0, 0.0, 0.0).unwrap();
         network.but("magic", a, b, but(Contact::Magic)).unwrap();
         more(&mut network);
         match Scheme::new(&network, rate()) {
@@ -230,41 +239,44 @@ fn magic_contact_with_wrong_settings_is_refused() {
     let mut network = discrete();
     network.mas("m", 1.0, 0.0, 0.0).unwrap();
     network.sol("s", 0.0).unwrap();
-    let magic = but(Contact::Magic);
-    let bad = [
+    let magic_contact = but(Contact::Magic);
+    let bad_contacts = [
         But {
             restitution: 0.0,
-            ..magic
+            ..magic_contact
         },
         But {
             restitution: 1.1,
-            ..magic
+            ..magic_contact
         },
         But {
             restitution: f64::NAN,
-            ..magic
+            ..magic_contact
         },
-        But { steps: 1, ..magic },
+        But {
+            steps: 1,
+            ..magic_contact
+        },
         But {
             steps: 10_001,
-            ..magic
+            ..magic_contact
         },
         But {
             exponent: 1.5,
-            ..magic
+            ..magic_contact
         },
         But {
             clamp: true,
             restitution: 0.9,
-            ..magic
+            ..magic_contact
         },
     ];
-    for but in bad {
+    for but in bad_contacts {
         assert!(network.but("l", 0, 1, but).is_err(), "{but:?}");
     }
     let clamped = But {
         clamp: true,
-        ..magic
+        ..magic_contact
     };
     assert!(network.but("l", 0, 1, clamped).is_ok());
 }
@@ -272,28 +284,28 @@ fn magic_contact_with_wrong_settings_is_refused() {
 /// Its exact poles would be stable, but of another pitch.
 #[test]
 fn cell_above_half_the_rate_is_refused() {
-    let scheme = |ca: Option<Rate>, tie: Tie, hertz: f64| {
+    let try_cell = |ca: Option<Rate>, tie: Tie, hertz: f64| {
         let mut network = Network::new();
         network.part("p", ca);
         network.cel("m", 1e-2, tie, 0.0, 0.0, 0.0).unwrap();
         Scheme::new(&network, Rate::new(hertz).unwrap()).map(drop)
     };
-    let tuned = Tie::Tuned {
+    let tuned_tie = Tie::Tuned {
         f: 5_000.0,
         t60: Some(1.0),
     };
     let (m, omega) = (1e-2, std::f64::consts::TAU * 5_000.0);
-    let stiff = Tie::Physical {
+    let stiff_tie = Tie::Physical {
         k: m * omega * omega,
         z: 0.0,
     };
     let ca = Some(rate());
-    for (ca, tie) in [(None, tuned), (None, stiff), (ca, tuned)] {
-        assert!(scheme(ca, tie, 10_010.0).is_ok());
-        let error = scheme(ca, tie, 9_990.0).unwrap_err().to_string();
+    for (ca, tie) in [(None, tuned_tie), (None, stiff_tie), (ca, tuned_tie)] {
+        assert!(try_cell(ca, tie, 10_010.0).is_ok());
+        let rate_error = try_cell(ca, tie, 9_990.0).unwrap_err().to_string();
         assert!(
-            error.contains("p.m") && error.contains("5000 Hz"),
-            "{error}"
+            rate_error.contains("p.m") && rate_error.contains("5000 Hz"),
+            "{rate_error}"
         );
     }
     // Above critical damping there is no pitch that could be wrong.
@@ -301,7 +313,7 @@ fn cell_above_half_the_rate_is_refused() {
         k: m * omega * omega,
         z: 3.0 * m * omega,
     };
-    assert!(scheme(None, creeping, 1_000.0).is_ok());
+    assert!(try_cell(None, creeping, 1_000.0).is_ok());
 }
 
 #[test]
@@ -309,9 +321,11 @@ fn certify_names_the_lowest_stable_rate() {
     // λ of a damper falls with the rate, that of a spring with its square.
     for (k, z) in [(0.0, 1000.0), (1e7, 0.0), (1e6, 30.0)] {
         let mut network = Network::new();
-        let m = network.mas("m", 2.5e-4, 0.0, 0.0).unwrap();
-        let wall = network.sol("wall", 0.0).unwrap();
-        network.spring("r", wall, m, k, z, 0.0).unwrap();
+        let moving_mat = network.mas("m", 2.5e-4, 0.0, 0.0).unwrap();
+        let wall_mat = network.sol("wall", 0.0).unwrap();
+        network
+            .spring("r", wall_mat, moving_mat, k, z, 0.0)
+            .unwrap();
         let certify = |times: u32| {
             let rate = Rate::new(44_100.0 * f64::from(times)).unwrap();
             Scheme::new(&network, rate).unwrap().certify(&network)
@@ -331,22 +345,22 @@ fn certify_names_the_lowest_stable_rate() {
 fn refusal_names_modules_above_half_the_rate_once() {
     let mut network = Network::new();
     for (name, f) in [("a", 30_000.0), ("b", 440.0), ("c", 40_000.0)] {
-        let tie = Tie::Tuned { f, t60: Some(1.0) };
-        network.cel(name, 1e-3, tie, 0.0, 0.0, 0.0).unwrap();
+        let cell_tie = Tie::Tuned { f, t60: Some(1.0) };
+        network.cel(name, 1e-3, cell_tie, 0.0, 0.0, 0.0).unwrap();
     }
     for member in 0..3 {
-        let tie = Tie::Tuned {
+        let cell_tie = Tie::Tuned {
             f: 50_000.0,
             t60: Some(1.0),
         };
         network
-            .cel(&format!("sky.{member}"), 1e-3, tie, 0.0, 0.0, 0.0)
+            .cel(&format!("sky.{member}"), 1e-3, cell_tie, 0.0, 0.0, 0.0)
             .unwrap();
     }
     let refused = Scheme::new(&network, rate()).unwrap_err();
-    let lines: Vec<String> = refused.to_string().lines().map(str::to_owned).collect();
-    assert_eq!(lines.len(), 3, "{lines:?}");
-    for (line, module) in lines.iter().zip(["a: ", "c: ", "sky.0: "]) {
+    let error_lines: Vec<String> = refused.to_string().lines().map(str::to_owned).collect();
+    assert_eq!(error_lines.len(), 3, "{error_lines:?}");
+    for (line, module) in error_lines.iter().zip(["a: ", "c: ", "sky.0: "]) {
         assert!(line.starts_with(module), "{line}");
     }
     assert_eq!(refused.into_list().len(), 3);

@@ -65,12 +65,14 @@ impl<'a> BodyCandidate<'a> {
         [islands, banks]: [&[bool]; 2],
         without: &HashSet<(UnitIndex, usize)>,
     ) -> Vec<Self> {
-        let step = side.rate.step();
+        let time_step = side.rate.step();
         let mut candidates = Vec::new();
         for (&(unit, _, island_plan), _) in unmatched(&side.islands, islands) {
-            let bodies = island_plan.bodies.iter().enumerate();
-            for (index, body) in bodies.filter(|(index, _)| !without.contains(&(unit, *index))) {
-                let place = Place {
+            let indexed_bodies = island_plan.bodies.iter().enumerate();
+            for (index, body) in
+                indexed_bodies.filter(|(index, _)| !without.contains(&(unit, *index)))
+            {
+                let body_place = Place {
                     unit,
                     body: Some(index),
                 };
@@ -87,24 +89,36 @@ impl<'a> BodyCandidate<'a> {
                             (&slow.network, None, (0..slow.free.len()).collect())
                         }
                     };
-                let mats: Vec<usize> = match body {
+                let body_mats: Vec<usize> = match body {
                     BodyPlan::Slow(slow) => slow.free.clone(),
                     BodyPlan::Mesh(_) => local_mats.clone(),
                     BodyPlan::Modal(_) => moving(network),
                 };
-                let source = modes_kept
+                let mass_source = modes_kept
                     .map_or(MassSource::Masses(local_mats), |(modes_kept, rate)| {
                         MassSource::Modes(network, modes_kept, rate)
                     });
-                candidates.push(Self::new(place, network, &mats, source, step));
+                candidates.push(Self::new(
+                    body_place,
+                    network,
+                    &body_mats,
+                    mass_source,
+                    time_step,
+                ));
             }
         }
         for (&(unit, bank), _) in unmatched(&side.banks, banks) {
             let Some(network) = &bank.body else { continue };
-            let place = Place { unit, body: None };
+            let body_place = Place { unit, body: None };
             let modes_kept = (&bank.computed_modes[..], bank.turned.as_deref());
-            let source = MassSource::Modes(network, modes_kept, side.rate);
-            candidates.push(Self::new(place, network, &moving(network), source, step));
+            let mass_source = MassSource::Modes(network, modes_kept, side.rate);
+            candidates.push(Self::new(
+                body_place,
+                network,
+                &moving(network),
+                mass_source,
+                time_step,
+            ));
         }
         candidates
     }
@@ -133,11 +147,11 @@ impl<'a> BodyCandidate<'a> {
         let first = workspace.mats.len();
         let source = match self.source {
             MassSource::Modes(network, modes_kept, rate) => {
-                let seen = ModeShapes::new(network, modes_kept, rate, transform)?;
-                let n = workspace.now.len().max(seen.n_modes());
-                workspace.now.resize(n, 0.0);
-                workspace.before.resize(n, 0.0);
-                Source::Modes(Box::new(seen))
+                let mode_shapes = ModeShapes::new(network, modes_kept, rate, transform)?;
+                let mode_room = workspace.now.len().max(mode_shapes.n_modes());
+                workspace.now.resize(mode_room, 0.0);
+                workspace.before.resize(mode_room, 0.0);
+                Source::Modes(Box::new(mode_shapes))
             }
             MassSource::Masses(own) => {
                 Source::Masses(own.into_iter().map(|own| (own, (0.0, 0.0))).collect())
@@ -158,9 +172,9 @@ fn scaled((x, step): (f64, f64), times: f64) -> (f64, f64) {
 }
 
 fn moving(network: &Network) -> Vec<usize> {
-    let kinds = network.mats().kind.iter().enumerate();
-    let moving = kinds.filter(|(_, kind)| kind.moves());
-    moving.map(|(mat, _)| mat).collect()
+    let mat_kinds = network.mats().kind.iter().enumerate();
+    let moving_mats = mat_kinds.filter(|(_, kind)| kind.moves());
+    moving_mats.map(|(mat, _)| mat).collect()
 }
 
 /// The bodies of one side that hold at least one wanted mass: the names of all their masses with their places in the
@@ -173,20 +187,20 @@ pub(super) fn bodies(
     transform: ModalTransform,
     workspace: &mut Workspace,
 ) -> (Vec<(String, MatLocation)>, Vec<Body>) {
-    let (mut locations, mut bodies) = (Vec::new(), Vec::new());
+    let (mut locations, mut taken_bodies) = (Vec::new(), Vec::new());
     for known in BodyCandidate::all(side, same, without) {
         if !known.names.iter().any(|name| wanted(name)) {
             continue;
         }
-        let names = known.names.clone();
+        let mass_names = known.names.clone();
         let Some(body) = known.body(transform, workspace) else {
             continue;
         };
-        let slots = names.into_iter().zip(body.first..);
-        locations.extend(slots.map(|(name, slot)| (name, MatLocation::Workspace(slot))));
-        bodies.push(body);
+        let named_slots = mass_names.into_iter().zip(body.first..);
+        locations.extend(named_slots.map(|(name, slot)| (name, MatLocation::Workspace(slot))));
+        taken_bodies.push(body);
     }
-    (locations, bodies)
+    (locations, taken_bodies)
 }
 
 /// Names of the masses of all bodies that `bodies` considers on one side.
@@ -195,36 +209,39 @@ pub(super) fn names(
     same: [&[bool]; 2],
     without: &HashSet<(UnitIndex, usize)>,
 ) -> HashSet<String> {
-    let all = BodyCandidate::all(side, same, without).into_iter();
-    all.flat_map(|known| known.names).collect()
+    let candidates = BodyCandidate::all(side, same, without).into_iter();
+    candidates.flat_map(|known| known.names).collect()
 }
 
 impl Body {
     /// Copies the positions and steps of the masses from the simulation into the workspace.
     pub(super) fn read_masses(&self, simulation: &mut Simulation, workspace: &mut Workspace) {
         let playing = simulation.playing(self.place.unit);
-        let times = playing.steps_a_frame();
+        let frame_steps = playing.steps_a_frame();
         match &self.source {
             Source::Modes(seen) => {
-                let n = seen.n_modes();
-                let (now, before) = (&mut workspace.now[..n], &mut workspace.before[..n]);
+                let mode_count = seen.n_modes();
+                let (amplitudes_now, amplitudes_before) = (
+                    &mut workspace.now[..mode_count],
+                    &mut workspace.before[..mode_count],
+                );
                 match (playing, self.place.body) {
                     (RunningUnit::Bank(bank), _) => {
-                        for mode in 0..n {
-                            (now[mode], before[mode]) = bank.motion(mode);
+                        for mode in 0..mode_count {
+                            (amplitudes_now[mode], amplitudes_before[mode]) = bank.motion(mode);
                         }
                     }
                     (RunningUnit::Island(island), Some(body)) => {
-                        let Some(inside::RunningBody::Modal(modal)) = island.body(body) else {
+                        let Some(inside::RunningBody::Modal(modal_body)) = island.body(body) else {
                             return;
                         };
-                        modal.amplitudes(now, before);
+                        modal_body.amplitudes(amplitudes_now, amplitudes_before);
                     }
                     (RunningUnit::Island(_), None) => return,
                 }
                 let mats = &mut workspace.mats[self.first..self.first + seen.mats.len()];
-                seen.positions(now, before, mats);
-                mats.iter_mut().for_each(|mat| mat.1 *= times);
+                seen.positions(amplitudes_now, amplitudes_before, mats);
+                mats.iter_mut().for_each(|mat| mat.1 *= frame_steps);
             }
             Source::Masses(all) => {
                 let (RunningUnit::Island(island), Some(body)) = (playing, self.place.body) else {
@@ -233,12 +250,15 @@ impl Body {
                 let mats = workspace.mats[self.first..].iter_mut().zip(all);
                 match island.body(body) {
                     Some(inside::RunningBody::Mesh(mesh)) => {
-                        mats.for_each(|(mat, &(own, _))| *mat = scaled(mesh.motion(own), times));
+                        mats.for_each(|(mat, &(own, _))| {
+                            *mat = scaled(mesh.motion(own), frame_steps)
+                        });
                     }
                     Some(inside::RunningBody::Slow(slow)) => {
                         let present = slow.present();
-                        let motion = |own: usize| scaled(slow.motion(&present, own), times);
-                        mats.for_each(|(mat, &(own, _))| *mat = motion(own));
+                        let mass_motion =
+                            |own: usize| scaled(slow.motion(&present, own), frame_steps);
+                        mats.for_each(|(mat, &(own, _))| *mat = mass_motion(own));
                     }
                     _ => {}
                 }
@@ -249,23 +269,26 @@ impl Body {
     /// Sets the motion of the body from its masses in the workspace.
     pub(super) fn write_masses(&mut self, simulation: &mut Simulation, workspace: &mut Workspace) {
         let playing = simulation.playing(self.place.unit);
-        let frames = 1.0 / playing.steps_a_frame();
+        let frames_a_step = 1.0 / playing.steps_a_frame();
         match &mut self.source {
             Source::Modes(seen) => {
-                let n = seen.n_modes();
-                let (now, before) = (&mut workspace.now[..n], &mut workspace.before[..n]);
-                let mats = &mut workspace.mats[self.first..self.first + seen.mats.len()];
-                mats.iter_mut().for_each(|mat| mat.1 *= frames);
-                seen.amplitudes(mats, now, before);
+                let mode_count = seen.n_modes();
+                let (amplitudes_now, amplitudes_before) = (
+                    &mut workspace.now[..mode_count],
+                    &mut workspace.before[..mode_count],
+                );
+                let body_mats = &mut workspace.mats[self.first..self.first + seen.mats.len()];
+                body_mats.iter_mut().for_each(|mat| mat.1 *= frames_a_step);
+                seen.amplitudes(body_mats, amplitudes_now, amplitudes_before);
                 match (playing, self.place.body) {
                     (RunningUnit::Bank(bank), _) => {
-                        for mode in 0..n {
-                            bank.set_motion(mode, (now[mode], before[mode]));
+                        for mode in 0..mode_count {
+                            bank.set_motion(mode, (amplitudes_now[mode], amplitudes_before[mode]));
                         }
                     }
                     (RunningUnit::Island(island), Some(body)) => {
-                        if let Some(inside::RunningBody::Modal(modal)) = island.body(body) {
-                            modal.set_amplitudes(now, before);
+                        if let Some(inside::RunningBody::Modal(modal_body)) = island.body(body) {
+                            modal_body.set_amplitudes(amplitudes_now, amplitudes_before);
                         }
                     }
                     (RunningUnit::Island(_), None) => {}
@@ -276,7 +299,7 @@ impl Body {
                     return;
                 };
                 for ((_, motion), mat) in all.iter_mut().zip(&workspace.mats[self.first..]) {
-                    *motion = scaled(*mat, frames);
+                    *motion = scaled(*mat, frames_a_step);
                 }
                 match island.body(body) {
                     Some(inside::RunningBody::Mesh(mesh)) => mesh.put(all),

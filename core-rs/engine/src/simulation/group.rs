@@ -51,20 +51,20 @@ pub(super) enum SoundSource {
 impl SoundSource {
     /// Copies the next samples to `sound`; false if they are not known or too few are left.
     fn recall(&mut self, sound: &mut [f64]) -> bool {
-        let Self::Recalled(known, position) = self else {
+        let Self::Recalled(known_samples, position) = self else {
             return false;
         };
-        let Some(next) = known.get(*position..*position + sound.len()) else {
+        let Some(next_samples) = known_samples.get(*position..*position + sound.len()) else {
             return false;
         };
-        sound.copy_from_slice(next);
+        sound.copy_from_slice(next_samples);
         *position += sound.len();
         true
     }
 
     fn keep(&mut self, sound: &[f64]) {
-        if let Self::Recorded(record) = self {
-            record.extend_from_slice(sound);
+        if let Self::Recorded(recorded_sound) = self {
+            recorded_sound.extend_from_slice(sound);
         }
     }
 }
@@ -84,7 +84,7 @@ impl Group {
         length: usize,
         options: Options,
     ) -> Result<Self, Error> {
-        let mut group = Self {
+        let mut new_group = Self {
             first: range.start,
             team: 1,
             units: Vec::with_capacity(range.len()),
@@ -93,9 +93,9 @@ impl Group {
             sound: Vec::new(),
         };
         for unit in &plan.units[range] {
-            group.add(unit, plan.timeline_rate, options)?;
+            new_group.add(unit, plan.timeline_rate, options)?;
         }
-        Ok(group)
+        Ok(new_group)
     }
 
     fn add(&mut self, unit: &Unit, rate: Rate, options: Options) -> Result<(), Error> {
@@ -111,13 +111,14 @@ impl Group {
                     sleeps,
                     ..
                 } = &**island_plan;
-                let often = (*contact_substeps, *oversampling, *every);
-                let mut island = Island::new(network.clone(), timeline, bodies, often, options)?;
+                let step_numbers = (*contact_substeps, *oversampling, *every);
+                let mut island =
+                    Island::new(network.clone(), timeline, bodies, step_numbers, options)?;
                 if *sleeps {
                     island.sleep_when_quiet();
                 }
-                let length = island.n_out() * UNIT_BLOCK;
-                self.sound.resize(self.sound.len().max(length), 0.0);
+                let block_samples = island.n_out() * UNIT_BLOCK;
+                self.sound.resize(self.sound.len().max(block_samples), 0.0);
                 RunningUnit::Island(Box::new(island))
             }
             Unit::Bank(bank) => {
@@ -142,30 +143,31 @@ impl Group {
         n_out: usize,
         (done, n_frames): (u64, usize),
     ) -> Option<Fault> {
-        let sum = &mut self.sum[..n_out * n_frames];
-        sum.fill(0.0);
-        let mut fault: Option<Fault> = None;
-        let units = self.units.iter_mut().zip(&mut self.sources);
-        for ((running, source), unit) in units.zip(&plan.units[self.first..]) {
+        let group_sum = &mut self.sum[..n_out * n_frames];
+        group_sum.fill(0.0);
+        let mut first_fault: Option<Fault> = None;
+        let sourced_units = self.units.iter_mut().zip(&mut self.sources);
+        for ((running, source), unit) in sourced_units.zip(&plan.units[self.first..]) {
             let team = if running.is_shared() { self.team } else { 1 };
             let new_fault = ThreadTeam::with(team, |team| {
                 (0..n_frames).step_by(UNIT_BLOCK).find_map(|from| {
                     interrupt::poll();
                     let n_frames = UNIT_BLOCK.min(n_frames - from);
-                    let out = &mut sum[n_out * from..n_out * (from + n_frames)];
+                    let unit_output = &mut group_sum[n_out * from..n_out * (from + n_frames)];
                     running.process(
                         (unit, source),
                         &mut self.sound,
-                        out,
+                        unit_output,
                         (n_out, done + from as u64, n_frames),
                         team,
                     )
                 })
             });
-            let is_first = |new: &Fault| fault.as_ref().is_none_or(|old| new.frame < old.frame);
-            fault = new_fault.filter(is_first).or(fault);
+            let is_first =
+                |new: &Fault| first_fault.as_ref().is_none_or(|old| new.frame < old.frame);
+            first_fault = new_fault.filter(is_first).or(first_fault);
         }
-        fault
+        first_fault
     }
 }
 
@@ -219,31 +221,32 @@ impl RunningUnit {
 pub(super) fn assign_teams(groups: &mut [Group], plan: &Plan, threads: usize) {
     // A helper without a processor of its own would keep the others waiting: no more threads than processors.
     let processors = std::thread::available_parallelism().map_or(1, usize::from);
-    let team = threads.min(processors);
+    let team_size = threads.min(processors);
     let costs = |group: &Group| -> f64 {
-        let units = &plan.units[group.first..][..group.units.len()];
-        units.iter().map(Unit::cost).sum()
+        let group_units = &plan.units[group.first..][..group.units.len()];
+        group_units.iter().map(Unit::cost).sum()
     };
     // Time of groups in parallel: that of the most expensive one, or the sum divided by the threads, if that is longer.
     let time_in_parallel = |costs: &[f64]| {
         let longest = costs.iter().copied().fold(0.0, f64::max);
-        longest.max(costs.iter().sum::<f64>() / team as f64)
+        longest.max(costs.iter().sum::<f64>() / team_size as f64)
     };
-    let (mut all, mut large, mut small) = (Vec::new(), 0.0, Vec::new());
+    let (mut all_costs, mut shared_cost, mut single_costs) = (Vec::new(), 0.0, Vec::new());
     for group in &*groups {
-        let cost = costs(group);
-        all.push(cost);
+        let group_cost = costs(group);
+        all_costs.push(group_cost);
         if group.has_shared() {
-            large += cost;
+            shared_cost += group_cost;
         } else {
-            small.push(cost);
+            single_costs.push(group_cost);
         }
     }
-    let together = large / (1.0 + TEAM_EFFICIENCY * (team - 1) as f64) + time_in_parallel(&small);
-    if team > 1 && together < time_in_parallel(&all) {
+    let together = shared_cost / (1.0 + TEAM_EFFICIENCY * (team_size - 1) as f64)
+        + time_in_parallel(&single_costs);
+    if team_size > 1 && together < time_in_parallel(&all_costs) {
         for group in groups {
             if group.has_shared() {
-                group.team = team;
+                group.team = team_size;
             }
         }
     }
@@ -257,7 +260,7 @@ pub(super) fn run_on_threads(
 ) -> Vec<Fault> {
     let waiting = Mutex::new(groups.into_iter());
     let faults = Mutex::new(Vec::new());
-    let work = || {
+    let run_waiting = || {
         // The lock is poisoned only if a thread panicked; the scope passes the panic on.
         while let Some(group) = waiting.lock().ok().and_then(|mut groups| groups.next()) {
             if let Some(fault) = run(group)
@@ -267,7 +270,7 @@ pub(super) fn run_on_threads(
             }
         }
     };
-    interrupt::on_threads(threads, work);
+    interrupt::on_threads(threads, run_waiting);
     faults.into_inner().unwrap_or_default()
 }
 

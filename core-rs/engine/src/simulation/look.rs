@@ -143,9 +143,12 @@ impl Look {
 
     /// The oscillation of a mode, by its track.
     fn oscillation(&self, track: usize) -> Oscillation {
-        let mode = track - self.points.len();
-        let body = self.bodies.partition_point(|body| body.first <= mode) - 1;
-        self.bodies[body].modes[mode - self.bodies[body].first]
+        let mode_index = track - self.points.len();
+        let body_index = self
+            .bodies
+            .partition_point(|body_index| body_index.first <= mode_index)
+            - 1;
+        self.bodies[body_index].modes[mode_index - self.bodies[body_index].first]
     }
 }
 
@@ -155,37 +158,39 @@ impl Simulation {
     /// Nor are real hands, which give forces.
     pub fn written(&self, timeline: &Timeline) -> Vec<Record> {
         let network = &*self.plan.network;
-        let mass = |mat: u32| {
-            let mass_now = network.mats().m[mat as usize];
-            let part = network
+        let mass_of = |struck_mat: u32| {
+            let mass_now = network.mats().m[struck_mat as usize];
+            let mat_part = network
                 .parts()
-                .get(network.mats().part[mat as usize] as usize);
-            let rate = part.and_then(|part| part.ca_rate).map_or(1.0, Rate::hertz);
-            mass_now / (rate * rate)
+                .get(network.mats().part[struck_mat as usize] as usize);
+            let part_rate = mat_part
+                .and_then(|mat_part| mat_part.ca_rate)
+                .map_or(1.0, Rate::hertz);
+            mass_now / (part_rate * part_rate)
         };
         let strikes = timeline.strikes.iter().map(|strike| {
-            let (struck, mat) = (mass(strike.mat), strike.mat as usize);
+            let (struck_mass, struck_mat) = (mass_of(strike.mat), strike.mat as usize);
             Record::event(
                 strike.instant,
-                mat,
+                struck_mat,
                 strike.source,
-                struck,
+                struck_mass,
                 0.0,
                 strike.impulse,
             )
         });
-        let ergons = timeline.ergons.iter().map(|ergon| Record {
+        let ergon_records = timeline.ergons.iter().map(|ergon| Record {
             time: ergon.instant,
             mat: ergon.mat,
             source: ergon.source,
             mass: ergon.mass,
             speed: ergon.speed,
-            impulse: 2.0 * ergon.mass * mass(ergon.mat) / (ergon.mass + mass(ergon.mat))
+            impulse: 2.0 * ergon.mass * mass_of(ergon.mat) / (ergon.mass + mass_of(ergon.mat))
                 * ergon.speed,
         });
-        let mut all: Vec<Record> = strikes.chain(ergons).collect();
-        all.sort_by(|a, b| a.time.total_cmp(&b.time).then(a.mat.cmp(&b.mat)));
-        all
+        let mut all_records: Vec<Record> = strikes.chain(ergon_records).collect();
+        all_records.sort_by(|a, b| a.time.total_cmp(&b.time).then(a.mat.cmp(&b.mat)));
+        all_records
     }
 
     /// The network of the plan.
@@ -205,10 +210,10 @@ impl Simulation {
         for (unit, source) in &look.sources {
             match self.running(*unit) {
                 RunningUnit::Bank(bank) => {
-                    let Source::Bank(pairs) = source else {
+                    let Source::Bank(bank_tracks) = source else {
                         continue;
                     };
-                    for &(index, track) in pairs {
+                    for &(index, track) in bank_tracks {
                         let motion = bank.motion(index as usize);
                         (now[track as usize], before[track as usize]) = motion;
                     }
@@ -259,14 +264,14 @@ impl Simulation {
 
     /// Largest number of sparks between two looks.
     pub(super) fn sparks_max(&self, look: &Look) -> usize {
-        let sparks = look
+        let spark_counts = look
             .played
             .iter()
             .map(|(unit, _)| match self.running(*unit) {
                 RunningUnit::Island(island) => island.sparks_max(),
                 RunningUnit::Bank(_) => 0,
             });
-        sparks.sum()
+        spark_counts.sum()
     }
 
     /// Calls `tell` for the ergons of written gestures since the last call, as they are drawn. A throw or a grain is
@@ -306,21 +311,28 @@ impl Source {
         now: &mut [f64],
         before: &mut [f64],
     ) {
-        let ahead = island.ahead(frame);
-        let steps = f64::from(ahead) * island.steps_a_frame();
-        let then = |x: f64, step: f64| if ahead == 0 { x } else { x - steps * step };
+        let frames_ahead = island.ahead(frame);
+        let steps_ahead = f64::from(frames_ahead) * island.steps_a_frame();
+        let traced_back = |x: f64, step: f64| {
+            if frames_ahead == 0 {
+                x
+            } else {
+                x - steps_ahead * step
+            }
+        };
         match self {
             Self::Masses(all) => {
                 let (x, step) = (island.positions(), island.steps());
                 for &(index, track, rest) in all {
-                    now[track as usize] = then(x[index as usize], step[index as usize]) - rest;
+                    now[track as usize] =
+                        traced_back(x[index as usize], step[index as usize]) - rest;
                 }
             }
             Self::Mesh(body, all) => {
                 if let Some(RunningBody::Mesh(mesh)) = island.bodies().get(*body) {
                     for &(index, track, rest) in all {
                         let (x, step) = mesh.motion(index as usize);
-                        now[track as usize] = then(x, step) - rest;
+                        now[track as usize] = traced_back(x, step) - rest;
                     }
                 }
             }
@@ -329,14 +341,14 @@ impl Source {
                     let present = slow.present();
                     for &(index, track, rest) in all {
                         let (x, step) = slow.motion(&present, index as usize);
-                        now[track as usize] = then(x, step) - rest;
+                        now[track as usize] = traced_back(x, step) - rest;
                     }
                 }
             }
             Self::Modes(body, tracks) => {
                 if let Some(RunningBody::Modal(modal)) = island.bodies().get(*body) {
                     let step = 1.0 / (rate * island.steps_a_frame());
-                    let since = -f64::from(ahead) / rate;
+                    let time_offset = -f64::from(frames_ahead) / rate;
                     modal.look(|mode, x, was| {
                         let Some(Some(track)) = tracks.get(mode) else {
                             return;
@@ -346,7 +358,7 @@ impl Source {
                             let index = look.oscillation(track);
                             let phase = index.phase(x, was, step);
                             let position = |t: f64| index.later(phase, t).0;
-                            (position(since), position(since - 1.0 / rate))
+                            (position(time_offset), position(time_offset - 1.0 / rate))
                         } else {
                             (x, was)
                         };

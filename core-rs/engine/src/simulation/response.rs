@@ -48,10 +48,10 @@ impl ReachableNetwork {
 
     /// Whether the network is defined at its rate (algorithmic parts), so that finer steps would change it.
     fn is_discrete(&self) -> bool {
-        let parts = self.network.parts();
+        let network_parts = self.network.parts();
         let mat_parts = &self.network.mats().part;
         mat_parts.iter().any(|&part| {
-            parts
+            network_parts
                 .get(part as usize)
                 .is_some_and(|part| part.ca_rate.is_some())
         })
@@ -73,9 +73,9 @@ impl ReachableNetwork {
             .map_err(|error| refused(error.to_string()))?;
         let mut timeline = Timeline::new(rate);
         // The path begins at 0: the hand is at rest before its displacement.
-        let path = [0.0, DISPLACEMENT, 0.0];
+        let hand_path = [0.0, DISPLACEMENT, 0.0];
         timeline
-            .hand(&network, self.mat, every * steps, HandWay::Line, &path)
+            .hand(&network, self.mat, every * steps, HandWay::Line, &hand_path)
             .map_err(|error| refused(error.to_string()))?;
         let options = Options {
             ledger: false,
@@ -84,19 +84,19 @@ impl ReachableNetwork {
             threads: 1,
             unchecked: true,
         };
-        let plan = Plan::plain(network, &timeline, true)?;
-        let mut simulation = Simulation::planned(Arc::new(plan), options)?;
-        let frames = u64::from(every * steps);
-        let [least, ticks_max] = ticks;
+        let plain_plan = Plan::plain(network, &timeline, true)?;
+        let mut simulation = Simulation::planned(Arc::new(plain_plan), options)?;
+        let tick_frames = u64::from(every * steps);
+        let [ticks_min, ticks_max] = ticks;
         let ticks_max = ticks_max
             .min(WORK_MAX / self.network.n_mat().max(1))
-            .max(least);
+            .max(ticks_min);
         let mut response = Vec::with_capacity(ticks_max);
         // Faults are muted.
-        let _ = simulation.skip(frames);
-        while response.len() < least || (response.len() < ticks_max && rings(&response)) {
-            for _ in 0..least.min(ticks_max - response.len()) {
-                let _ = simulation.skip(frames);
+        let _ = simulation.skip(tick_frames);
+        while response.len() < ticks_min || (response.len() < ticks_max && rings(&response)) {
+            for _ in 0..ticks_min.min(ticks_max - response.len()) {
+                let _ = simulation.skip(tick_frames);
                 response.push(-simulation.hand_force(0) / DISPLACEMENT);
             }
         }
@@ -111,8 +111,8 @@ fn rings(response: &[f64]) -> bool {
         part.iter()
             .fold(0.0, |greatest, x| f64::max(greatest, x.abs()))
     };
-    let end = response.len() - response.len() / 4;
-    response.len() > 2 && greatest(&response[end..]) > DECAYED * greatest(&response[2..])
+    let tail_start = response.len() - response.len() / 4;
+    response.len() > 2 && greatest(&response[tail_start..]) > DECAYED * greatest(&response[2..])
 }
 
 #[cfg(test)]
@@ -127,27 +127,39 @@ mod tests {
     fn scene() -> (Network, [usize; 5]) {
         let mut network = Network::new();
         network.part("keys", None);
-        let a = network.cel("a", 0.4, KEY, 0.0, 0.0, 0.0).unwrap();
-        let far = network.cel("far", 0.01, KEY, 0.0, 0.0, 0.0).unwrap();
-        let b = network.cel("b", 0.4, KEY, 0.0, 0.0, 0.0).unwrap();
-        let m = network.cel("m", 0.01, KEY, 0.0, 0.0, 0.0).unwrap();
-        let n = network.cel("n", 0.01, KEY, 0.0, 0.0, 0.0).unwrap();
-        network.spring("am", a, m, 300.0, 0.1, 1e-3).unwrap();
-        network.spring("ab", a, b, 500.0, 0.0, 0.0).unwrap();
-        network.spring("bn", b, n, 700.0, 0.1, 0.0).unwrap();
-        (network, [a, far, b, m, n])
+        let first_key = network.cel("a", 0.4, KEY, 0.0, 0.0, 0.0).unwrap();
+        let far_cell = network.cel("far", 0.01, KEY, 0.0, 0.0, 0.0).unwrap();
+        let second_key = network.cel("b", 0.4, KEY, 0.0, 0.0, 0.0).unwrap();
+        let first_mass = network.cel("m", 0.01, KEY, 0.0, 0.0, 0.0).unwrap();
+        let second_mass = network.cel("n", 0.01, KEY, 0.0, 0.0, 0.0).unwrap();
+        network
+            .spring("am", first_key, first_mass, 300.0, 0.1, 1e-3)
+            .unwrap();
+        network
+            .spring("ab", first_key, second_key, 500.0, 0.0, 0.0)
+            .unwrap();
+        network
+            .spring("bn", second_key, second_mass, 700.0, 0.1, 0.0)
+            .unwrap();
+        (
+            network,
+            [first_key, far_cell, second_key, first_mass, second_mass],
+        )
     }
 
     fn response(network: &Network, mat: usize, moment: &NetworkMoment) -> Vec<f64> {
         let reached = network.reachable_network(mat, moment, 1e-3, RATE);
-        let rate = Rate::new(RATE).unwrap();
-        reached.response(rate, 44, [400, 4_096]).unwrap().unwrap()
+        let sample_rate = Rate::new(RATE).unwrap();
+        reached
+            .response(sample_rate, 44, [400, 4_096])
+            .unwrap()
+            .unwrap()
     }
 
     #[test]
     fn reachable_network_ends_at_held_keys() {
-        let (network, [a, far, b, ..]) = scene();
-        let reached = network.reachable_network(a, &NetworkMoment::default(), 1e-3, RATE);
+        let (network, [first_key, far_cell, second_key, ..]) = scene();
+        let reached = network.reachable_network(first_key, &NetworkMoment::default(), 1e-3, RATE);
         assert_eq!(
             (
                 reached.network.n_mat(),
@@ -156,12 +168,12 @@ mod tests {
             ),
             (4, 3, 0)
         );
-        let held = NetworkMoment {
-            held: vec![far, b],
+        let moment_held = NetworkMoment {
+            held: vec![far_cell, second_key],
             ..NetworkMoment::default()
         };
         // A held key is the end of what can be reached, and the hand on it is counted.
-        let reached = network.reachable_network(a, &held, 1e-3, RATE);
+        let reached = network.reachable_network(first_key, &moment_held, 1e-3, RATE);
         assert_eq!(
             (
                 reached.network.n_mat(),
@@ -170,11 +182,11 @@ mod tests {
             ),
             (3, 2, 1)
         );
-        let parted = NetworkMoment {
+        let moment_parted = NetworkMoment {
             without: vec![1],
-            ..held
+            ..moment_held
         };
-        let reached = network.reachable_network(a, &parted, 1e-3, RATE);
+        let reached = network.reachable_network(first_key, &moment_parted, 1e-3, RATE);
         assert_eq!(
             (
                 reached.network.n_mat(),
@@ -188,54 +200,65 @@ mod tests {
     /// At a moment of a glide, the network responds as one that has the numbers of that moment.
     #[test]
     fn response_at_a_moment_of_a_glide() {
-        let (network, [a, _, _, m, _]) = scene();
-        let moment = NetworkMoment {
-            ties: vec![(m, [10.0, 0.3, 0.02])],
+        let (network, [first_key, _, _, first_mass, _]) = scene();
+        let glide_moment = NetworkMoment {
+            ties: vec![(first_mass, [10.0, 0.3, 0.02])],
             factors: vec![(1, 3.0)],
             ..NetworkMoment::default()
         };
-        let mut other = Network::new();
-        other.part("keys", None);
-        let key = other.cel("a", 0.4, KEY, 0.0, 0.0, 0.0).unwrap();
-        let tie = Tie::Physical { k: 10.0, z: 0.3 };
-        let m = other.cel("m", 0.02, tie, 0.0, 0.0, 0.0).unwrap();
-        let b = other.cel("b", 0.4, KEY, 0.0, 0.0, 0.0).unwrap();
-        let n = other.cel("n", 0.01, KEY, 0.0, 0.0, 0.0).unwrap();
-        other.spring("am", key, m, 300.0, 0.1, 0.0).unwrap();
-        other.spring("ab", key, b, 1_500.0, 0.0, 0.0).unwrap();
-        other.spring("bn", b, n, 700.0, 0.1, 0.0).unwrap();
+        let mut other_network = Network::new();
+        other_network.part("keys", None);
+        let other_key = other_network.cel("a", 0.4, KEY, 0.0, 0.0, 0.0).unwrap();
+        let mass_tie = Tie::Physical { k: 10.0, z: 0.3 };
+        let first_mass = other_network
+            .cel("m", 0.02, mass_tie, 0.0, 0.0, 0.0)
+            .unwrap();
+        let second_key = other_network.cel("b", 0.4, KEY, 0.0, 0.0, 0.0).unwrap();
+        let second_mass = other_network.cel("n", 0.01, KEY, 0.0, 0.0, 0.0).unwrap();
+        other_network
+            .spring("am", other_key, first_mass, 300.0, 0.1, 0.0)
+            .unwrap();
+        other_network
+            .spring("ab", other_key, second_key, 1_500.0, 0.0, 0.0)
+            .unwrap();
+        other_network
+            .spring("bn", second_key, second_mass, 700.0, 0.1, 0.0)
+            .unwrap();
         let (answered, expected) = (
-            response(&network, a, &moment),
-            response(&other, key, &NetworkMoment::default()),
+            response(&network, first_key, &glide_moment),
+            response(&other_network, other_key, &NetworkMoment::default()),
         );
         for (answered, expected) in answered.iter().zip(&expected) {
             assert!((answered - expected).abs() < 1e-6 * expected.abs() + 1e-9);
         }
-        assert_ne!(answered, response(&network, a, &NetworkMoment::default()));
+        assert_ne!(
+            answered,
+            response(&network, first_key, &NetworkMoment::default())
+        );
     }
 
     /// The same numbers give the same bytes; a change of any number changes the bytes.
     #[test]
     fn numbers_of_networks_differ_with_any_value() {
-        let (network, [a, _, b, ..]) = scene();
-        let plain = NetworkMoment::default();
-        let key_of = |moment: &NetworkMoment| {
+        let (network, [first_key, _, second_key, ..]) = scene();
+        let plain_moment = NetworkMoment::default();
+        let numbers_of = |moment: &NetworkMoment| {
             network
-                .reachable_network(a, moment, 1e-3, RATE)
+                .reachable_network(first_key, moment, 1e-3, RATE)
                 .network
                 .numbers()
         };
-        assert_eq!(key_of(&plain), key_of(&plain));
-        let softer = NetworkMoment {
+        assert_eq!(numbers_of(&plain_moment), numbers_of(&plain_moment));
+        let softer_moment = NetworkMoment {
             factors: vec![(2, 0.5)],
             ..NetworkMoment::default()
         };
-        let held = NetworkMoment {
-            held: vec![b],
+        let held_moment = NetworkMoment {
+            held: vec![second_key],
             ..NetworkMoment::default()
         };
-        assert_ne!(key_of(&plain), key_of(&softer));
-        assert_ne!(key_of(&plain), key_of(&held));
+        assert_ne!(numbers_of(&plain_moment), numbers_of(&softer_moment));
+        assert_ne!(numbers_of(&plain_moment), numbers_of(&held_moment));
     }
 
     /// With its contacts closed, this network needs finer steps than a frame.
@@ -243,12 +266,14 @@ mod tests {
     fn response_of_a_stiff_network_uses_finer_steps() {
         let mut network = Network::new();
         network.part("keys", None);
-        let a = network.cel("a", 0.4, KEY, 0.0, 0.0, 0.0).unwrap();
-        let m = network.cel("m", 1e-4, KEY, 0.0, 0.0, 0.0).unwrap();
-        network.spring("am", a, m, 1e6, 0.0, 0.0).unwrap();
-        let forces = response(&network, a, &NetworkMoment::default());
+        let first_key = network.cel("a", 0.4, KEY, 0.0, 0.0, 0.0).unwrap();
+        let light_mass = network.cel("m", 1e-4, KEY, 0.0, 0.0, 0.0).unwrap();
+        network
+            .spring("am", first_key, light_mass, 1e6, 0.0, 0.0)
+            .unwrap();
+        let hand_forces = response(&network, first_key, &NetworkMoment::default());
         // In the end the mass moves with the key, and only the spring of its own tie pushes back.
-        let sum: f64 = forces.iter().sum();
-        assert!((sum - 60.0).abs() < 10.0, "{sum}");
+        let force_sum: f64 = hand_forces.iter().sum();
+        assert!((force_sum - 60.0).abs() < 10.0, "{force_sum}");
     }
 }

@@ -37,8 +37,8 @@ impl<'a> Side<'a> {
             banks: Vec::new(),
         };
         for (g, group) in simulation.groups.iter().enumerate() {
-            let units = group.units.iter().zip(&plan.units[group.first..]);
-            for (u, pair) in units.enumerate() {
+            let group_units = group.units.iter().zip(&plan.units[group.first..]);
+            for (u, pair) in group_units.enumerate() {
                 match pair {
                     (RunningUnit::Island(island), Unit::IslandPlan(island_plan)) => {
                         side.islands.push(((g, u), island, island_plan));
@@ -57,8 +57,8 @@ pub(super) fn unmatched<'a, T>(
     all: &'a [T],
     is_same: &'a [bool],
 ) -> impl Iterator<Item = (&'a T, usize)> {
-    let pairs = all.iter().zip(is_same).zip(0..);
-    pairs.filter_map(|((one, is_same), at)| (!is_same).then_some((one, at)))
+    let marked_entries = all.iter().zip(is_same).zip(0..);
+    marked_entries.filter_map(|((one, is_same), at)| (!is_same).then_some((one, at)))
 }
 
 /// The moving MATs of units that are not the same on both sides, by name. Ports are left out: their bodies move them.
@@ -68,15 +68,16 @@ pub(super) fn mat_locations(
 ) -> Vec<(String, MatLocation)> {
     let mut locations = Vec::new();
     for (&(unit, _, island_plan), _) in unmatched(&side.islands, islands) {
-        let mut ports: Vec<usize> = island_plan
+        let mut port_mats: Vec<usize> = island_plan
             .bodies
             .iter()
             .flat_map(|body| body.ports())
             .collect();
-        ports.sort_unstable();
-        let kinds = island_plan.network.mats().kind.iter().enumerate();
-        let free = kinds.filter(|(mat, kind)| kind.moves() && ports.binary_search(mat).is_err());
-        locations.extend(free.map(|(mat, _)| {
+        port_mats.sort_unstable();
+        let mat_kinds = island_plan.network.mats().kind.iter().enumerate();
+        let free_mats =
+            mat_kinds.filter(|(mat, kind)| kind.moves() && port_mats.binary_search(mat).is_err());
+        locations.extend(free_mats.map(|(mat, _)| {
             (
                 island_plan.network.mat_name(mat),
                 MatLocation::Island(unit, mat),
@@ -84,8 +85,8 @@ pub(super) fn mat_locations(
         }));
     }
     for (&(unit, bank), _) in unmatched(&side.banks, banks) {
-        let mats = bank.mats.iter().enumerate();
-        locations.extend(mats.map(|(index, &(mat, rest))| {
+        let bank_mats = bank.mats.iter().enumerate();
+        locations.extend(bank_mats.map(|(index, &(mat, rest))| {
             (
                 side.network.mat_name(mat as usize),
                 MatLocation::Bank(unit, index, rest),

@@ -15,17 +15,22 @@ pub(super) struct SoundsIn {
 
 impl SoundsIn {
     pub(super) fn new(plan: &Plan) -> Self {
-        let rate = plan.timeline_rate.hertz();
-        let new = |settings| Conditioner::new(settings, rate);
-        let conditioners: Vec<Conditioner> = plan.sounds_in.iter().copied().map(new).collect();
-        let n = if conditioners.is_empty() {
+        let frame_rate = plan.timeline_rate.hertz();
+        let new_conditioner = |settings| Conditioner::new(settings, frame_rate);
+        let conditioners: Vec<Conditioner> = plan
+            .sounds_in
+            .iter()
+            .copied()
+            .map(new_conditioner)
+            .collect();
+        let buffer_size = if conditioners.is_empty() {
             0
         } else {
             FRAMES_MAX
         };
         Self {
             conditioners,
-            values: vec![0.0; n].into(),
+            values: vec![0.0; buffer_size].into(),
         }
     }
 
@@ -55,12 +60,12 @@ impl Simulation {
         if !value.is_finite() {
             return false;
         }
-        let start = self.frame;
-        let mut is_here = false;
+        let start_frame = self.frame;
+        let mut has_input = false;
         for island in self.playing_islands() {
-            is_here |= island.tell(number, start, value);
+            has_input |= island.tell(number, start_frame, value);
         }
-        is_here
+        has_input
     }
 
     /// Inputs that were told a value continue towards it as they did in another simulation.
@@ -75,8 +80,8 @@ impl Simulation {
 
     /// All islands.
     fn playing_islands(&mut self) -> impl Iterator<Item = &mut Island> {
-        let units = self.groups.iter_mut().flat_map(|group| &mut group.units);
-        units.filter_map(|running| match running {
+        let running_units = self.groups.iter_mut().flat_map(|group| &mut group.units);
+        running_units.filter_map(|running| match running {
             RunningUnit::Island(island) => Some(&mut **island),
             RunningUnit::Bank(_) => None,
         })
@@ -87,8 +92,8 @@ impl Simulation {
     /// the timeline before the first call, and are silent after it.
     pub fn sound_in(&mut self, frames: &[f32], n_channels: usize) {
         let n_channels = n_channels.max(1);
-        let n = (frames.len() / n_channels).min(FRAMES_MAX);
-        let from = self.frame;
+        let frame_count = (frames.len() / n_channels).min(FRAMES_MAX);
+        let first_frame = self.frame;
         let SoundsIn {
             conditioners,
             values,
@@ -97,14 +102,14 @@ impl Simulation {
             let Some(channel) = conditioner.channel() else {
                 continue;
             };
-            let before = conditioner.last();
+            let last_input = conditioner.last();
             for (value, frame) in values.iter_mut().zip(frames.chunks_exact(n_channels)) {
-                let sample = frame.get(channel).copied().unwrap_or(0.0);
-                *value = conditioner.next(f64::from(sample));
+                let input_sample = frame.get(channel).copied().unwrap_or(0.0);
+                *value = conditioner.next(f64::from(input_sample));
             }
             for running in self.groups.iter_mut().flat_map(|group| &mut group.units) {
                 if let RunningUnit::Island(island) = running {
-                    island.hear(index, from, before, &values[..n]);
+                    island.hear(index, first_frame, last_input, &values[..frame_count]);
                 }
             }
         }

@@ -28,8 +28,8 @@ pub struct StorableIsland {
 impl Simulation {
     /// The islands that are heard and whose stretches can be stored; none if ledgers or streams of ergons are kept.
     pub fn storable(&self) -> Vec<StorableIsland> {
-        let units = self.units().enumerate();
-        let islands = units.filter_map(|(unit, pair)| match pair {
+        let indexed_units = self.units().enumerate();
+        let islands = indexed_units.filter_map(|(unit, pair)| match pair {
             (RunningUnit::Island(island), Unit::IslandPlan(_))
                 if unit < self.plan.n_heard && island.is_storable() =>
             {
@@ -63,15 +63,15 @@ impl Simulation {
 
     /// The sound of an island since [`Simulation::record`] (n_frames · its n_out), and its state now.
     pub fn recorded(&mut self, island: &StorableIsland) -> (Vec<f64>, Vec<u8>) {
-        let source = std::mem::replace(self.source(island), SoundSource::Computed);
-        let sound = match source {
-            SoundSource::Recorded(sound) => sound,
+        let sound_source = std::mem::replace(self.source(island), SoundSource::Computed);
+        let recorded_sound = match sound_source {
+            SoundSource::Recorded(recorded_sound) => recorded_sound,
             SoundSource::Computed | SoundSource::Recalled(..) => Vec::new(),
         };
-        let state = self
+        let island_state = self
             .island(island)
             .map_or_else(Vec::new, Island::write_state);
-        (sound, state)
+        (recorded_sound, island_state)
     }
 
     /// Put an island into the state that an equal one had at this frame, and compute it from here on.
@@ -93,38 +93,39 @@ impl Simulation {
         let Some(running) = self.island(island) else {
             return Ok(Vec::new());
         };
-        let n_out = running.n_out();
+        let n_outputs = running.n_out();
         let team = if running.is_shared() { team } else { 1 };
-        let mut sound = vec![0.0; n_out * n_frames];
+        let mut island_sound = vec![0.0; n_outputs * n_frames];
         flushed(|| {
             ThreadTeam::with(team, |team| {
                 (0..n_frames).step_by(UNIT_BLOCK).try_for_each(|from| {
                     interrupt::poll();
                     let n_frames = UNIT_BLOCK.min(n_frames - from);
-                    let out = &mut sound[n_out * from..n_out * (from + n_frames)];
-                    running.process(out, n_frames, team)
+                    let block_output =
+                        &mut island_sound[n_outputs * from..n_outputs * (from + n_frames)];
+                    running.process(block_output, n_frames, team)
                 })
             })
         })
         .map_err(|fault| fault.in_scene(running))?;
-        Ok(sound)
+        Ok(island_sound)
     }
 
     fn group(&mut self, unit: usize) -> (&mut Group, usize) {
         let group_index = self.groups.partition_point(|group| group.first <= unit) - 1;
         let group = &mut self.groups[group_index];
-        let place = unit - group.first;
-        (group, place)
+        let unit_place = unit - group.first;
+        (group, unit_place)
     }
 
     fn source(&mut self, island: &StorableIsland) -> &mut SoundSource {
-        let (group, place) = self.group(island.unit);
-        &mut group.sources[place]
+        let (group, unit_place) = self.group(island.unit);
+        &mut group.sources[unit_place]
     }
 
     fn island(&mut self, island: &StorableIsland) -> Option<&mut Island> {
-        let (group, place) = self.group(island.unit);
-        match &mut group.units[place] {
+        let (group, unit_place) = self.group(island.unit);
+        match &mut group.units[unit_place] {
             RunningUnit::Island(island) => Some(island),
             RunningUnit::Bank(_) => None,
         }

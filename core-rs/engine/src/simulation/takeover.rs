@@ -44,27 +44,27 @@ pub struct Takeover {
 impl Takeover {
     /// What `new` takes over from `old`, by the names of modules. The two may be at any frame.
     pub fn new(old: &Simulation, new: &Simulation) -> Self {
-        let (there, here) = (Side::new(old), Side::new(new));
+        let (old_side, new_side) = (Side::new(old), Side::new(new));
         let mut takeover = Self {
             plans: Some([old.plan.clone(), new.plan.clone()]),
             ..Self::default()
         };
-        let names = new.plan.network.outputs().iter().map(|output| &output.name);
-        let by_name: HashMap<&String, usize> = names.zip(0..).collect();
+        let output_names = new.plan.network.outputs().iter().map(|output| &output.name);
+        let output_by_name: HashMap<&String, usize> = output_names.zip(0..).collect();
         let outputs = old.plan.network.outputs().iter();
         takeover.outputs = outputs
-            .map(|output| by_name.get(&output.name).copied())
+            .map(|output| output_by_name.get(&output.name).copied())
             .collect();
-        let (islands, banks) = (
-            takeover.islands(&there, &here),
-            takeover.banks(&there, &here),
+        let (same_islands, same_banks) = (
+            takeover.islands(&old_side, &new_side),
+            takeover.banks(&old_side, &new_side),
         );
-        takeover.bodies(&there, &here, &islands);
-        takeover.mats(&there, &here, &islands, &banks);
-        takeover.memory(&there, &here, &islands);
-        takeover.histories(&there, &here, &islands);
-        takeover.voices(&there, &here, new.frame);
-        takeover.holds(&there, &here);
+        takeover.bodies(&old_side, &new_side, &same_islands);
+        takeover.mats(&old_side, &new_side, &same_islands, &same_banks);
+        takeover.memory(&old_side, &new_side, &same_islands);
+        takeover.histories(&old_side, &new_side, &same_islands);
+        takeover.voices(&old_side, &new_side, new.frame);
+        takeover.holds(&old_side, &new_side);
         takeover
     }
 
@@ -75,79 +75,87 @@ impl Takeover {
 
     /// Finds islands that are the same in both; returns which those are, there and here.
     fn islands(&mut self, there: &Side<'_>, here: &Side<'_>) -> [Vec<bool>; 2] {
-        let mut same = [
+        let mut same_islands = [
             vec![false; there.islands.len()],
             vec![false; here.islands.len()],
         ];
-        let first = |island_plan: &IslandPlan| island_plan.network.mat_name(0);
+        let first_mat_name = |island_plan: &IslandPlan| island_plan.network.mat_name(0);
         // The first MAT of several islands may be the same imposed point, such as a hand's key: one name, several
         // candidates.
-        let mut by_name: HashMap<String, Vec<usize>> = HashMap::new();
+        let mut old_by_name: HashMap<String, Vec<usize>> = HashMap::new();
         for (unit, (_, _, island_plan)) in there.islands.iter().enumerate() {
-            by_name.entry(first(island_plan)).or_default().push(unit);
+            old_by_name
+                .entry(first_mat_name(island_plan))
+                .or_default()
+                .push(unit);
         }
         for (unit, &(to, _, island_plan)) in here.islands.iter().enumerate() {
-            let mut candidates = by_name.get(&first(island_plan)).into_iter().flatten();
-            let is_same = |&&before: &&usize| {
-                !same[0][before] && are_same_islands(island_plan, there.islands[before].2)
+            let mut candidates = old_by_name
+                .get(&first_mat_name(island_plan))
+                .into_iter()
+                .flatten();
+            let is_same_island = |&&old_index: &&usize| {
+                !same_islands[0][old_index]
+                    && are_same_islands(island_plan, there.islands[old_index].2)
             };
-            let Some(&before) = candidates.find(is_same) else {
+            let Some(&old_index) = candidates.find(is_same_island) else {
                 continue;
             };
-            (same[0][before], same[1][unit]) = (true, true);
-            self.units.push((there.islands[before].0, to));
+            (same_islands[0][old_index], same_islands[1][unit]) = (true, true);
+            self.units.push((there.islands[old_index].0, to));
         }
-        same
+        same_islands
     }
 
     /// Finds banks that are the same in both; returns which those are, there and here.
     fn banks(&mut self, there: &Side<'_>, here: &Side<'_>) -> [Vec<bool>; 2] {
-        let mut same = [
+        let mut same_banks = [
             vec![false; there.banks.len()],
             vec![false; here.banks.len()],
         ];
-        let first =
+        let first_mat_name =
             |side: &Side<'_>, bank: &crate::plan::BankPlan| match (&bank.body, bank.mats.first()) {
                 (Some(network), _) => network.mat_name(0),
                 (None, Some(&(mat, _))) => side.network.mat_name(mat as usize),
                 (None, None) => String::new(),
             };
-        let all = there.banks.iter().enumerate();
-        let by_name: HashMap<String, usize> = all
-            .map(|(unit, (_, bank))| (first(there, bank), unit))
+        let indexed_banks = there.banks.iter().enumerate();
+        let old_by_name: HashMap<String, usize> = indexed_banks
+            .map(|(unit, (_, bank))| (first_mat_name(there, bank), unit))
             .collect();
         for (unit, &(to, bank)) in here.banks.iter().enumerate() {
-            let Some(&before) = by_name.get(&first(here, bank)) else {
+            let Some(&old_index) = old_by_name.get(&first_mat_name(here, bank)) else {
                 continue;
             };
-            let (from, other) = there.banks[before];
-            let is_same = match (&bank.body, &other.body) {
+            let (old_unit, old_bank) = there.banks[old_index];
+            let is_same_bank = match (&bank.body, &old_bank.body) {
                 (Some(own), Some(their)) => own.is_same(their),
                 (None, None) => {
-                    let name = |network: &Network, mat: &(u32, f64)| {
+                    let mat_identity = |network: &Network, mat: &(u32, f64)| {
                         (network.mat_name(mat.0 as usize), mat.1.to_bits())
                     };
-                    bank.mats.len() == other.mats.len()
-                        && bank.mats.iter().zip(&other.mats).all(|(own, their)| {
-                            name(here.network, own) == name(there.network, their)
+                    bank.mats.len() == old_bank.mats.len()
+                        && bank.mats.iter().zip(&old_bank.mats).all(|(own, their)| {
+                            mat_identity(here.network, own) == mat_identity(there.network, their)
                         })
                 }
                 _ => false,
             };
-            if !is_same {
+            if !is_same_bank {
                 continue;
             }
-            if are_same(&bank.oscillators, &other.oscillators) {
-                self.units.push((from, to));
-            } else if bank.body.is_some() && have_same_poles(&bank.oscillators, &other.oscillators)
+            if are_same(&bank.oscillators, &old_bank.oscillators) {
+                self.units.push((old_unit, to));
+            } else if bank.body.is_some()
+                && have_same_poles(&bank.oscillators, &old_bank.oscillators)
             {
-                self.modes.push((from, to, bank.oscillators.len()));
+                self.modes.push((old_unit, to, bank.oscillators.len()));
             } else {
                 continue;
             }
-            (same[0][before], same[1][unit]) = (true, true);
+            (same_banks[0][old_index], same_banks[1][unit]) = (true, true);
         }
-        same
+        same_banks
     }
 
     /// Finds bodies that are the same, in islands that are not.
@@ -155,17 +163,17 @@ impl Takeover {
         for (&(to, _, island_plan), _) in unmatched(&here.islands, &same[1]) {
             let mut is_matched = false;
             for (body_index, body) in island_plan.bodies.iter().enumerate() {
-                let before =
-                    unmatched(&there.islands, &same[0]).find_map(|(&(from, _, other), _)| {
+                let old_body =
+                    unmatched(&there.islands, &same[0]).find_map(|(&(old_unit, _, other), _)| {
                         let same = |their: &crate::island::inside::BodyPlan| {
-                            let name = |mat| island_plan.network.mat_name(mat);
-                            body.is_same(their, name, |mat| other.network.mat_name(mat))
+                            let new_mat_name = |mat| island_plan.network.mat_name(mat);
+                            body.is_same(their, new_mat_name, |mat| other.network.mat_name(mat))
                         };
-                        Some((from, other.bodies.iter().position(same)?))
+                        Some((old_unit, other.bodies.iter().position(same)?))
                     });
-                if let Some((from, their)) = before {
+                if let Some((old_unit, their)) = old_body {
                     self.items
-                        .push((from, to, ItemTakeover::Body(their, body_index)));
+                        .push((old_unit, to, ItemTakeover::Body(their, body_index)));
                     is_matched = true;
                 }
             }
@@ -180,27 +188,27 @@ impl Takeover {
     fn memory(&mut self, there: &Side<'_>, here: &Side<'_>, islands: &[Vec<bool>; 2]) {
         let links_by_name =
             |side: &Side<'_>, same: &[bool]| -> Vec<((String, usize), (UnitIndex, usize))> {
-                let others = side.islands.iter().zip(same).filter(|(_, same)| !**same);
-                let links = others.flat_map(|(&(unit, _, island_plan), _)| {
+                let other_islands = side.islands.iter().zip(same).filter(|(_, same)| !**same);
+                let links = other_islands.flat_map(|(&(unit, _, island_plan), _)| {
                     let network = &island_plan.network;
-                    let runs = network.runs().iter();
-                    let remembering = runs.filter(|run| run.kind.remembers());
+                    let link_runs = network.runs().iter();
+                    let remembering = link_runs.filter(|run| run.kind.remembers());
                     let links = remembering.flat_map(|run| run.first..run.first + run.len);
                     links.map(move |link| (network.link_name(link), (unit, link)))
                 });
-                let mut known: HashMap<String, usize> = HashMap::new();
+                let mut name_counts: HashMap<String, usize> = HashMap::new();
                 let numbered = links.map(|(name, place)| {
-                    let next = known.entry(name.clone()).or_default();
-                    *next += 1;
-                    ((name, *next), place)
+                    let name_number = name_counts.entry(name.clone()).or_default();
+                    *name_number += 1;
+                    ((name, *name_number), place)
                 });
                 numbered.collect()
             };
-        let by_name: HashMap<_, _> = links_by_name(there, &islands[0]).into_iter().collect();
+        let old_by_name: HashMap<_, _> = links_by_name(there, &islands[0]).into_iter().collect();
         for (name, (to, remembering)) in links_by_name(here, &islands[1]) {
-            if let Some(&(from, their)) = by_name.get(&name) {
+            if let Some(&(old_unit, old_link)) = old_by_name.get(&name) {
                 self.items
-                    .push((from, to, ItemTakeover::Memory(their, remembering)));
+                    .push((old_unit, to, ItemTakeover::Memory(old_link, remembering)));
             }
         }
     }
@@ -210,22 +218,25 @@ impl Takeover {
     fn histories(&mut self, there: &Side<'_>, here: &Side<'_>, islands: &[Vec<bool>; 2]) {
         let contact_runs =
             |side: &Side<'_>, same: &[bool]| -> HashMap<(String, [usize; 2]), (UnitIndex, usize)> {
-                let others = side.islands.iter().zip(same).filter(|(_, same)| !**same);
-                let runs = others.flat_map(|(&(unit, _, island_plan), _)| {
+                let other_islands = side.islands.iter().zip(same).filter(|(_, same)| !**same);
+                let named_runs = other_islands.flat_map(|(&(unit, _, island_plan), _)| {
                     let network = &island_plan.network;
                     network.runs().iter().filter_map(move |run| {
-                        let pairs = run.pairwise()?.pairs;
-                        let counts = [pairs.n_first, run.len];
-                        Some(((network.link_name(run.first), counts), (unit, run.first)))
+                        let point_pairs = run.pairwise()?.pairs;
+                        let point_counts = [point_pairs.n_first, run.len];
+                        Some((
+                            (network.link_name(run.first), point_counts),
+                            (unit, run.first),
+                        ))
                     })
                 });
-                runs.collect()
+                named_runs.collect()
             };
-        let before = contact_runs(there, &islands[0]);
+        let old_runs = contact_runs(there, &islands[0]);
         for (name, (to, run_index)) in contact_runs(here, &islands[1]) {
-            if let Some(&(from, their)) = before.get(&name) {
+            if let Some(&(old_unit, old_run)) = old_runs.get(&name) {
                 self.items
-                    .push((from, to, ItemTakeover::History(their, run_index)));
+                    .push((old_unit, to, ItemTakeover::History(old_run, run_index)));
             }
         }
     }
@@ -238,7 +249,7 @@ impl Takeover {
         islands: &[Vec<bool>; 2],
         banks: &[Vec<bool>; 2],
     ) {
-        let taken = |here: bool| -> HashSet<(UnitIndex, usize)> {
+        let taken_bodies = |here: bool| -> HashSet<(UnitIndex, usize)> {
             let bodies = self.items.iter().filter_map(|(from, to, item)| match item {
                 ItemTakeover::Body(_, own) if here => Some((*to, *own)),
                 ItemTakeover::Body(there, _) => Some((*from, *there)),
@@ -246,39 +257,40 @@ impl Takeover {
             });
             bodies.collect()
         };
-        let (gone, come) = (taken(false), taken(true));
-        let before: [&[bool]; 2] = [&islands[0], &banks[0]];
-        let after: [&[bool]; 2] = [&islands[1], &banks[1]];
-        let singles = mat_locations(there, before);
-        let known: HashSet<String> = {
-            let bodies = names(there, before, &gone).into_iter();
+        let (old_taken, new_taken) = (taken_bodies(false), taken_bodies(true));
+        let old_same: [&[bool]; 2] = [&islands[0], &banks[0]];
+        let new_same: [&[bool]; 2] = [&islands[1], &banks[1]];
+        let singles = mat_locations(there, old_same);
+        let old_names: HashSet<String> = {
+            let bodies = names(there, old_same, &old_taken).into_iter();
             bodies
                 .chain(singles.iter().map(|(name, _)| name.clone()))
                 .collect()
         };
-        let mut here_mats = mat_locations(here, after);
-        let (more, to) = bodies(
+        let mut here_mats = mat_locations(here, new_same);
+        let (body_locations, to) = bodies(
             here,
-            after,
-            &come,
-            |name| known.contains(name),
+            new_same,
+            &new_taken,
+            |name| old_names.contains(name),
             ModalTransform::ToAmplitudes,
             &mut self.workspace,
         );
-        here_mats.extend(more);
-        let wanted: HashSet<&str> = here_mats.iter().map(|(name, _)| name.as_str()).collect();
-        let is_wanted = |name: &str| wanted.contains(name);
-        let (more, from) = bodies(
+        here_mats.extend(body_locations);
+        let new_names: HashSet<&str> = here_mats.iter().map(|(name, _)| name.as_str()).collect();
+        let is_wanted = |name: &str| new_names.contains(name);
+        let (body_locations, from) = bodies(
             there,
-            before,
-            &gone,
+            old_same,
+            &old_taken,
             is_wanted,
             ModalTransform::ToPositions,
             &mut self.workspace,
         );
-        let by_name: HashMap<String, MatLocation> = singles.into_iter().chain(more).collect();
+        let old_by_name: HashMap<String, MatLocation> =
+            singles.into_iter().chain(body_locations).collect();
         for (name, to) in &here_mats {
-            if let Some(&from) = by_name.get(name) {
+            if let Some(&from) = old_by_name.get(name) {
                 self.mats.push((from, *to));
             }
         }
@@ -291,17 +303,17 @@ impl Takeover {
 fn are_same_islands(island_plan: &IslandPlan, other: &IslandPlan) -> bool {
     let imposed = |island_plan: &IslandPlan| -> Vec<usize> {
         let drives = island_plan.timeline.drives.iter();
-        let paths = drives.filter(|drive| drive.kind == DriveKind::Position);
-        paths.map(|drive| drive.mat).collect()
+        let path_drives = drives.filter(|drive| drive.kind == DriveKind::Position);
+        path_drives.map(|drive| drive.mat).collect()
     };
-    let name = |mat| island_plan.network.mat_name(mat);
+    let name_of_mat = |mat| island_plan.network.mat_name(mat);
     let bodies = || island_plan.bodies.iter().zip(&other.bodies);
-    let often = |own: &IslandPlan| (own.contact_substeps, own.oversampling, own.every);
-    often(island_plan) == often(other)
+    let step_numbers = |own: &IslandPlan| (own.contact_substeps, own.oversampling, own.every);
+    step_numbers(island_plan) == step_numbers(other)
         && island_plan.bodies.len() == other.bodies.len()
         && island_plan.network.is_same(&other.network)
         && imposed(island_plan) == imposed(other)
-        && bodies().all(|(own, their)| own.is_same(their, name, name))
+        && bodies().all(|(own, their)| own.is_same(their, name_of_mat, name_of_mat))
 }
 
 /// Whether two banks hold the same modes; their outputs may differ.

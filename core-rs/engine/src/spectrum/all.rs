@@ -18,19 +18,26 @@ pub(crate) fn all_eigenvalues(
     mut matrix: Vec<f64>,
     vectors: &[Vec<f64>],
 ) -> Option<(Vec<f64>, Vec<Vec<f64>>)> {
-    let n = matrix.len().isqrt();
-    let mut seen = vectors.to_vec();
-    let (mut diagonal, mut off_diagonal) = reduce(&mut matrix, n, &mut seen);
+    let dimension = matrix.len().isqrt();
+    let mut reduced_vectors = vectors.to_vec();
+    let (mut diagonal, mut off_diagonal) = reduce(&mut matrix, dimension, &mut reduced_vectors);
     drop(matrix);
     // One row for each coordinate, so that a rotation combines two adjacent rows.
-    let k = seen.len();
-    let mut rotated: Vec<f64> = (0..n * k).map(|at| seen[at % k][at / k]).collect();
-    iterate(&mut diagonal, &mut off_diagonal, &mut rotated, k)?;
-    let mut order: Vec<usize> = (0..n).collect();
-    order.sort_by(|&i, &j| diagonal[i].total_cmp(&diagonal[j]));
-    let values = order.iter().map(|&i| diagonal[i]).collect();
-    let along = |vector: usize| order.iter().map(|&i| rotated[i * k + vector]).collect();
-    Some((values, (0..k).map(along).collect()))
+    let vector_count = reduced_vectors.len();
+    let mut rotated: Vec<f64> = (0..dimension * vector_count)
+        .map(|at| reduced_vectors[at % vector_count][at / vector_count])
+        .collect();
+    iterate(&mut diagonal, &mut off_diagonal, &mut rotated, vector_count)?;
+    let mut rising_order: Vec<usize> = (0..dimension).collect();
+    rising_order.sort_by(|&i, &j| diagonal[i].total_cmp(&diagonal[j]));
+    let eigenvalues = rising_order.iter().map(|&i| diagonal[i]).collect();
+    let coordinates = |vector: usize| {
+        rising_order
+            .iter()
+            .map(|&i| rotated[i * vector_count + vector])
+            .collect()
+    };
+    Some((eigenvalues, (0..vector_count).map(coordinates).collect()))
 }
 
 wide! {
@@ -61,54 +68,74 @@ wide! {
 fn reduce(matrix: &mut [f64], n: usize, seen: &mut [Vec<f64>]) -> (Vec<f64>, Vec<f64>) {
     let (mut diagonal, mut off_diagonal) = (vec![0.0; n], vec![0.0; n]);
     // Vectors of the last reflection: its update is applied when the next step reads the rows anyway.
-    let (mut v, mut w, mut u, mut p) = (vec![0.0; n], vec![0.0; n], vec![0.0; n], vec![0.0; n]);
-    let zero = vec![0.0; n];
+    let (mut v, mut w, mut reflector, mut scaled_image) =
+        (vec![0.0; n], vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+    let zero_vector = vec![0.0; n];
     for k in 0..n {
         interrupt::spend((n - k) * (n - k));
-        let row = &mut matrix[k * n..(k + 1) * n];
-        update(&mut row[k..], v[k], &w[k..], w[k], &v[k..], &zero[k..]);
-        diagonal[k] = row[k];
+        let matrix_row = &mut matrix[k * n..(k + 1) * n];
+        update(
+            &mut matrix_row[k..],
+            v[k],
+            &w[k..],
+            w[k],
+            &v[k..],
+            &zero_vector[k..],
+        );
+        diagonal[k] = matrix_row[k];
         if k + 1 == n {
             break;
         }
-        let column = &row[k + 1..];
-        let rest = dot(&column[1..], &column[1..]);
-        u[..=k].fill(0.0);
-        u[k + 1..].copy_from_slice(column);
-        let scale = if rest == 0.0 {
+        let column_below = &matrix_row[k + 1..];
+        let tail_square = dot(&column_below[1..], &column_below[1..]);
+        reflector[..=k].fill(0.0);
+        reflector[k + 1..].copy_from_slice(column_below);
+        let reflection_scale = if tail_square == 0.0 {
             // The column is in tridiagonal form already: no reflection.
-            off_diagonal[k + 1] = column[0];
-            u.fill(0.0);
+            off_diagonal[k + 1] = column_below[0];
+            reflector.fill(0.0);
             0.0
         } else {
-            let length = copysign(sqrt(rest + column[0] * column[0]), column[0]);
-            off_diagonal[k + 1] = -length;
-            u[k + 1] += length;
-            2.0 / dot(&u[k + 1..], &u[k + 1..])
+            let signed_length = copysign(
+                sqrt(tail_square + column_below[0] * column_below[0]),
+                column_below[0],
+            );
+            off_diagonal[k + 1] = -signed_length;
+            reflector[k + 1] += signed_length;
+            2.0 / dot(&reflector[k + 1..], &reflector[k + 1..])
         };
-        let idle = scale == 0.0 && v[k + 1..].iter().all(|v| *v == 0.0);
-        if !idle {
+        let is_unchanged = reflection_scale == 0.0 && v[k + 1..].iter().all(|v| *v == 0.0);
+        if !is_unchanged {
             for i in k + 1..n {
-                let row = &mut matrix[i * n + k + 1..(i + 1) * n];
+                let matrix_row = &mut matrix[i * n + k + 1..(i + 1) * n];
                 let (v, w) = (&v[..], &w[..]);
-                p[i] = scale * update(row, v[i], &w[k + 1..], w[i], &v[k + 1..], &u[k + 1..]);
+                scaled_image[i] = reflection_scale
+                    * update(
+                        matrix_row,
+                        v[i],
+                        &w[k + 1..],
+                        w[i],
+                        &v[k + 1..],
+                        &reflector[k + 1..],
+                    );
             }
         }
-        let half = 0.5 * scale * dot(&u[k + 1..], &p[k + 1..]);
+        let half_product =
+            0.5 * reflection_scale * dot(&reflector[k + 1..], &scaled_image[k + 1..]);
         for i in k + 1..n {
             (v[i], w[i]) = (
-                u[i],
-                if scale == 0.0 {
+                reflector[i],
+                if reflection_scale == 0.0 {
                     0.0
                 } else {
-                    p[i] - half * u[i]
+                    scaled_image[i] - half_product * reflector[i]
                 },
             );
         }
-        if scale != 0.0 {
+        if reflection_scale != 0.0 {
             for seen in seen.iter_mut() {
-                let along = scale * dot(&u[k + 1..], &seen[k + 1..]);
-                super::vector::add(-along, &u[k + 1..], &mut seen[k + 1..]);
+                let projection = reflection_scale * dot(&reflector[k + 1..], &seen[k + 1..]);
+                super::vector::add(-projection, &reflector[k + 1..], &mut seen[k + 1..]);
             }
         }
     }
@@ -117,14 +144,19 @@ fn reduce(matrix: &mut [f64], n: usize, seen: &mut [Vec<f64>]) -> (Vec<f64>, Vec
 
 /// QL with implicit shifts: `d` becomes the eigenvalues; the rotations are applied to the rows of `rotated` (n · k).
 fn iterate(d: &mut [f64], e: &mut [f64], rotated: &mut [f64], k: usize) -> Option<()> {
-    let n = d.len();
+    let dimension = d.len();
     e.rotate_left(1); // e[i] now couples i and i + 1
-    for l in 0..n {
+    for l in 0..dimension {
         for round in 0.. {
-            interrupt::spend((n - l) * (k + 8));
-            let is_small = |m: usize| e[m].abs() <= f64::EPSILON * (d[m].abs() + d[m + 1].abs());
-            let m = (l..n - 1).find(|&m| is_small(m)).unwrap_or(n - 1);
-            if m == l {
+            interrupt::spend((dimension - l) * (k + 8));
+            let is_small = |split_index: usize| {
+                e[split_index].abs()
+                    <= f64::EPSILON * (d[split_index].abs() + d[split_index + 1].abs())
+            };
+            let split_index = (l..dimension - 1)
+                .find(|&split_index| is_small(split_index))
+                .unwrap_or(dimension - 1);
+            if split_index == l {
                 break;
             }
             if round == QL_ITERATIONS_MAX || !d[l].is_finite() {
@@ -133,36 +165,36 @@ fn iterate(d: &mut [f64], e: &mut [f64], rotated: &mut [f64], k: usize) -> Optio
             // Wilkinson's shift.
             let g = (d[l + 1] - d[l]) / (2.0 * e[l]);
             let r = sqrt(g * g + 1.0);
-            let mut g = d[m] - d[l] + e[l] / (g + copysign(r, g));
-            let (mut s, mut c, mut p) = (1.0, 1.0, 0.0);
-            let mut i = m;
-            while i > l {
-                i -= 1;
-                let (f, b) = (s * e[i], c * e[i]);
+            let mut g = d[split_index] - d[l] + e[l] / (g + copysign(r, g));
+            let (mut sine, mut cosine, mut correction) = (1.0, 1.0, 0.0);
+            let mut row_index = split_index;
+            while row_index > l {
+                row_index -= 1;
+                let (f, b) = (sine * e[row_index], cosine * e[row_index]);
                 let r = sqrt(f * f + g * g);
-                e[i + 1] = r;
+                e[row_index + 1] = r;
                 if r == 0.0 {
-                    d[i + 1] -= p;
-                    e[m] = 0.0;
+                    d[row_index + 1] -= correction;
+                    e[split_index] = 0.0;
                     break;
                 }
-                (s, c) = (f / r, g / r);
-                let shifted = d[i + 1] - p;
-                let r = (d[i] - shifted) * s + 2.0 * c * b;
-                p = s * r;
-                d[i + 1] = shifted + p;
-                g = c * r - b;
-                let (low, high) = rotated[i * k..(i + 2) * k].split_at_mut(k);
+                (sine, cosine) = (f / r, g / r);
+                let shifted = d[row_index + 1] - correction;
+                let r = (d[row_index] - shifted) * sine + 2.0 * cosine * b;
+                correction = sine * r;
+                d[row_index + 1] = shifted + correction;
+                g = cosine * r - b;
+                let (low, high) = rotated[row_index * k..(row_index + 2) * k].split_at_mut(k);
                 for (low, high) in low.iter_mut().zip(high) {
-                    (*low, *high) = (c * *low - s * *high, s * *low + c * *high);
+                    (*low, *high) = (cosine * *low - sine * *high, sine * *low + cosine * *high);
                 }
             }
-            if e[m] == 0.0 && i > l && m != l && g == 0.0 {
+            if e[split_index] == 0.0 && row_index > l && split_index != l && g == 0.0 {
                 continue;
             }
-            d[l] -= p;
+            d[l] -= correction;
             e[l] = g;
-            e[m] = 0.0;
+            e[split_index] = 0.0;
         }
     }
     Some(())

@@ -25,14 +25,14 @@ pub(crate) struct General {
 ///
 /// `None` if a number is not finite or QR does not converge.
 pub(crate) fn general(mut matrix: Vec<f64>) -> Option<General> {
-    let n = matrix.len().isqrt();
+    let dimension = matrix.len().isqrt();
     if !matrix.iter().all(|x| x.is_finite()) {
         return None;
     }
     // Row j of `rotated` is column j of the product of all reflections.
-    let mut rotated = hessenberg::reduce(&mut matrix, n);
-    let values = schur::iterate(&mut matrix, n, &mut rotated)?;
-    let vectors = triangular::vectors(&matrix, n, &values, &rotated);
+    let mut rotated = hessenberg::reduce(&mut matrix, dimension);
+    let values = schur::iterate(&mut matrix, dimension, &mut rotated)?;
+    let vectors = triangular::vectors(&matrix, dimension, &values, &rotated);
     let is_finite = vectors.iter().all(|x| x.is_finite());
     is_finite.then_some(General { values, vectors })
 }

@@ -9,8 +9,8 @@ use crate::maths::sqrt;
 pub(super) fn eigen(mut matrix: Vec<Vec<f64>>) -> Vec<(f64, Vec<f64>)> {
     /// Convergence is quadratic: about eight sweeps for n = 100.
     const SWEEPS: usize = 40;
-    let n = matrix.len();
-    let transposed: Vec<Vec<f64>> = (0..n)
+    let dimension = matrix.len();
+    let transposed: Vec<Vec<f64>> = (0..dimension)
         .map(|j| matrix.iter().map(|row| row[j]).collect())
         .collect();
     for (row, column) in matrix.iter_mut().zip(&transposed) {
@@ -19,28 +19,28 @@ pub(super) fn eigen(mut matrix: Vec<Vec<f64>>) -> Vec<(f64, Vec<f64>)> {
         }
     }
     // Row i of `vectors` becomes the i-th eigenvector.
-    let mut vectors: Vec<Vec<f64>> = (0..n)
-        .map(|i| (0..n).map(|j| f64::from(i == j)).collect())
+    let mut vectors: Vec<Vec<f64>> = (0..dimension)
+        .map(|i| (0..dimension).map(|j| f64::from(i == j)).collect())
         .collect();
     for _ in 0..SWEEPS {
-        let mut still = true;
-        for p in 0..n {
-            interrupt::spend(4 * n * (n - p));
-            for q in p + 1..n {
-                still &= !rotate(&mut matrix, &mut vectors, p, q);
+        let mut is_diagonal = true;
+        for p in 0..dimension {
+            interrupt::spend(4 * dimension * (dimension - p));
+            for q in p + 1..dimension {
+                is_diagonal &= !rotate(&mut matrix, &mut vectors, p, q);
             }
         }
-        if still {
+        if is_diagonal {
             break;
         }
     }
-    let mut pairs: Vec<(f64, Vec<f64>)> = vectors
+    let mut eigenpairs: Vec<(f64, Vec<f64>)> = vectors
         .into_iter()
         .enumerate()
         .map(|(i, vector)| (matrix[i][i], vector))
         .collect();
-    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
-    pairs
+    eigenpairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+    eigenpairs
 }
 
 /// The largest eigenvalue and its vector; 0 for an empty matrix.
@@ -50,14 +50,21 @@ pub(super) fn largest(matrix: Vec<Vec<f64>>) -> (f64, Vec<f64>) {
 
 /// Rotate the plane (p, q) so that element (p, q) vanishes; false if the element is negligible already.
 fn rotate(matrix: &mut [Vec<f64>], vectors: &mut [Vec<f64>], p: usize, q: usize) -> bool {
-    let off = matrix[p][q];
-    let (first, second) = (matrix[p][p], matrix[q][q]);
-    if off.abs() <= f64::EPSILON * 0.25 * sqrt(first.abs()) * sqrt(second.abs()) || off == 0.0 {
+    let off_diagonal = matrix[p][q];
+    let (first_diagonal, second_diagonal) = (matrix[p][p], matrix[q][q]);
+    if off_diagonal.abs()
+        <= f64::EPSILON * 0.25 * sqrt(first_diagonal.abs()) * sqrt(second_diagonal.abs())
+        || off_diagonal == 0.0
+    {
         return false;
     }
-    let tau = (second - first) / (2.0 * off);
-    let size = tau.abs() + sqrt(1.0 + tau * tau);
-    let tangent = if tau < 0.0 { -1.0 / size } else { 1.0 / size };
+    let tau = (second_diagonal - first_diagonal) / (2.0 * off_diagonal);
+    let cotangent = tau.abs() + sqrt(1.0 + tau * tau);
+    let tangent = if tau < 0.0 {
+        -1.0 / cotangent
+    } else {
+        1.0 / cotangent
+    };
     let cosine = 1.0 / sqrt(1.0 + tangent * tangent);
     let sine = tangent * cosine;
     turn(matrix, p, q, cosine, sine);
@@ -68,15 +75,15 @@ fn rotate(matrix: &mut [Vec<f64>], vectors: &mut [Vec<f64>], p: usize, q: usize)
             sine * row[p] + cosine * row[q],
         );
     }
-    matrix[p][p] = first - tangent * off;
-    matrix[q][q] = second + tangent * off;
+    matrix[p][p] = first_diagonal - tangent * off_diagonal;
+    matrix[q][q] = second_diagonal + tangent * off_diagonal;
     (matrix[p][q], matrix[q][p]) = (0.0, 0.0);
     true
 }
 
 fn turn(rows: &mut [Vec<f64>], p: usize, q: usize, cosine: f64, sine: f64) {
-    let (head, tail) = rows.split_at_mut(q);
-    for (a, b) in head[p].iter_mut().zip(&mut tail[0]) {
+    let (upper_rows, lower_rows) = rows.split_at_mut(q);
+    for (a, b) in upper_rows[p].iter_mut().zip(&mut lower_rows[0]) {
         (*a, *b) = (cosine * *a - sine * *b, sine * *a + cosine * *b);
     }
 }

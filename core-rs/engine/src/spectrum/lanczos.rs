@@ -36,30 +36,30 @@ pub(crate) fn largest(n: usize, apply: Apply<'_>) -> Largest {
 /// As [`largest`], but stops as soon as the largest eigenvalue is known to be at least `beyond`.
 pub(crate) fn largest_up_to(n: usize, apply: Apply<'_>, beyond: f64) -> Largest {
     let steps_max = STEPS_MAX.min(n).min((STORED_MAX / n.max(1)).max(8));
-    let mut next = start_vector(n, 0);
-    normalise(&mut next);
+    let mut next_vector = start_vector(n, 0);
+    normalise(&mut next_vector);
     let mut basis: Vec<Vec<f64>> = Vec::new();
     let (mut alphas, mut betas): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
     loop {
         interrupt::spend(n * (2 * basis.len() + 16));
         let mut image = vec![0.0; n];
-        apply(&next, &mut image);
-        let alpha = dot(&next, &image);
-        basis.push(next);
+        apply(&next_vector, &mut image);
+        let alpha = dot(&next_vector, &image);
+        basis.push(next_vector);
         alphas.push(alpha);
         orthogonalise(&mut image, &basis);
         let beta = normalise(&mut image);
         let steps = basis.len();
         // Only rounding is left: the Krylov space of the start vector is exhausted.
         let exhausted = steps == n || beta <= 1e-14 * (alpha.abs() + betas.last().unwrap_or(&0.0));
-        let last = exhausted || steps == steps_max;
-        if last || steps.is_multiple_of(CHECK_EVERY) {
+        let is_last = exhausted || steps == steps_max;
+        if is_last || steps.is_multiple_of(CHECK_EVERY) {
             let beta = if exhausted { 0.0 } else { beta };
-            let (theta, s) = jacobi::largest(tridiagonal(&alphas, &betas));
-            let residual = (beta * s[steps - 1]).abs();
-            if last || residual <= CONVERGED * theta.abs() || theta >= beyond {
+            let (theta, ritz_weights) = jacobi::largest(tridiagonal(&alphas, &betas));
+            let residual = (beta * ritz_weights[steps - 1]).abs();
+            if is_last || residual <= CONVERGED * theta.abs() || theta >= beyond {
                 let mut vector = vec![0.0; n];
-                for (weight, direction) in s.iter().zip(&basis) {
+                for (weight, direction) in ritz_weights.iter().zip(&basis) {
                     interrupt::poll_for(n);
                     add(*weight, direction, &mut vector);
                 }
@@ -73,13 +73,13 @@ pub(crate) fn largest_up_to(n: usize, apply: Apply<'_>, beyond: f64) -> Largest 
             }
         }
         betas.push(beta);
-        next = image;
+        next_vector = image;
     }
 }
 
 fn tridiagonal(alphas: &[f64], betas: &[f64]) -> Vec<Vec<f64>> {
-    let n = alphas.len();
-    let mut matrix = vec![vec![0.0; n]; n];
+    let dimension = alphas.len();
+    let mut matrix = vec![vec![0.0; dimension]; dimension];
     for (i, alpha) in alphas.iter().enumerate() {
         matrix[i][i] = *alpha;
     }

@@ -24,30 +24,30 @@ const CHECK_RATIO: f64 = 1.1;
 ///
 /// λ is exact to about 1e-13 of itself. `None` if the nullspace is the whole space.
 pub(crate) fn lowest(n: usize, apply: Apply<'_>, nullspace: &[Vec<f64>]) -> Option<Mode> {
-    let null = orthonormal(nullspace);
-    if null.len() >= n {
+    let null_basis = orthonormal(nullspace);
+    if null_basis.len() >= n {
         return None;
     }
     let mut vector = start_vector(n, 1);
     let mut image = vec![0.0; n];
-    let mut best: Option<(f64, Mode)> = None;
+    let mut best_mode: Option<(f64, Mode)> = None;
     for _ in 0..=RESTARTS {
-        orthogonalise(&mut vector, &null);
+        orthogonalise(&mut vector, &null_basis);
         normalise(&mut vector);
-        let tridiagonal = Tridiagonal::build(&vector, apply, &null);
-        vector = tridiagonal.vector(vector, apply, &null);
+        let tridiagonal = Tridiagonal::build(&vector, apply, &null_basis);
+        vector = tridiagonal.vector(vector, apply, &null_basis);
         apply(&vector, &mut image);
         let lambda = dot(&vector, &image);
         add(-lambda, &vector, &mut image);
         let residual = norm(&image);
         // Once rounding decides the residual, a restart does not improve it.
-        if best
+        if best_mode
             .as_ref()
             .is_some_and(|(before, _)| residual >= 0.5 * before)
         {
             break;
         }
-        best = Some((
+        best_mode = Some((
             residual,
             Mode {
                 lambda,
@@ -58,7 +58,7 @@ pub(crate) fn lowest(n: usize, apply: Apply<'_>, nullspace: &[Vec<f64>]) -> Opti
             break;
         }
     }
-    best.map(|(_, mode)| mode)
+    best_mode.map(|(_, mode)| mode)
 }
 
 /// The tridiagonal matrix of a first pass, and its eigenvector of the lowest eigenvalue.
@@ -83,27 +83,28 @@ fn step(
     null: &[Vec<f64>],
 ) -> (f64, f64) {
     interrupt::poll();
-    let mut next = std::mem::take(before);
+    let mut next_vector = std::mem::take(before);
     apply(q, image);
-    scale_and_subtract(image, beta, &mut next);
-    let alpha = dot(q, &next);
-    add(-alpha, q, &mut next);
+    scale_and_subtract(image, beta, &mut next_vector);
+    let alpha = dot(q, &next_vector);
+    add(-alpha, q, &mut next_vector);
     // The nullspace has the lowest eigenvalue of all: rounding would bring it back unless it is projected out.
     for direction in null {
-        let along = dot(direction, &next);
-        add(-along, direction, &mut next);
+        let projection = dot(direction, &next_vector);
+        add(-projection, direction, &mut next_vector);
     }
-    let beta = normalise(&mut next);
-    *before = std::mem::replace(q, next);
+    let beta = normalise(&mut next_vector);
+    *before = std::mem::replace(q, next_vector);
     (alpha, beta)
 }
 
 impl Tridiagonal {
     fn build(start: &[f64], apply: Apply<'_>, null: &[Vec<f64>]) -> Self {
-        let n = start.len();
+        let dimension = start.len();
         // In exact arithmetic n steps span the whole space; loss of orthogonality costs a few times as many.
-        let steps_max = 4 * n + 100;
-        let (mut q, mut before, mut image) = (start.to_vec(), vec![0.0; n], vec![0.0; n]);
+        let steps_max = 4 * dimension + 100;
+        let (mut krylov_vector, mut previous_vector, mut image) =
+            (start.to_vec(), vec![0.0; dimension], vec![0.0; dimension]);
         let mut tridiagonal = Self {
             alphas: Vec::new(),
             betas: Vec::new(),
@@ -114,16 +115,23 @@ impl Tridiagonal {
         let (mut beta, mut next_check) = (0.0, 4.0);
         loop {
             let alpha;
-            (alpha, beta) = step(&mut q, &mut before, &mut image, beta, apply, null);
+            (alpha, beta) = step(
+                &mut krylov_vector,
+                &mut previous_vector,
+                &mut image,
+                beta,
+                apply,
+                null,
+            );
             tridiagonal.alphas.push(alpha);
             tridiagonal.scale = f64::max(tridiagonal.scale, alpha.abs() + beta);
-            let steps = tridiagonal.alphas.len();
+            let step_count = tridiagonal.alphas.len();
             let exhausted = beta <= 1e-13 * tridiagonal.scale;
-            if exhausted || steps as f64 >= next_check || steps == steps_max {
+            if exhausted || step_count as f64 >= next_check || step_count == steps_max {
                 next_check *= CHECK_RATIO;
                 let theta = tridiagonal.lowest_pair();
-                let residual = (beta * tridiagonal.lowest[steps - 1]).abs();
-                if exhausted || residual <= 0.5 * CONVERGED * theta || steps == steps_max {
+                let residual = (beta * tridiagonal.lowest[step_count - 1]).abs();
+                if exhausted || residual <= 0.5 * CONVERGED * theta || step_count == steps_max {
                     return tridiagonal;
                 }
             }
@@ -139,53 +147,54 @@ impl Tridiagonal {
         /// Enough halvings to reach the smallest eigenvalue of interest from the largest number; 0 is never reached.
         const HALVINGS: usize = 100;
         const ITERATIONS: usize = 5;
-        let n = self.alphas.len();
+        let dimension = self.alphas.len();
         // The first component of the vector sought is never 0.
         if self.lowest.is_empty() {
             self.lowest.push(1.0);
         }
-        self.lowest.resize(n, 0.0);
-        let mut low = 0.0;
+        self.lowest.resize(dimension, 0.0);
+        let mut lower_bound = 0.0;
         // The lowest eigenvalue falls as the matrix grows, and is never above an element of its diagonal.
-        let mut high = f64::min(self.above, self.alphas[n - 1]);
+        let mut upper_bound = f64::min(self.above, self.alphas[dimension - 1]);
         for _ in 0..HALVINGS {
             interrupt::poll();
-            let middle = low + 0.5 * (high - low);
-            if high - low <= CLOSE * high {
+            let midpoint = lower_bound + 0.5 * (upper_bound - lower_bound);
+            if upper_bound - lower_bound <= CLOSE * upper_bound {
                 break;
             }
-            *(if self.lies_above(middle) {
-                &mut low
+            *(if self.lies_above(midpoint) {
+                &mut lower_bound
             } else {
-                &mut high
-            }) = middle;
+                &mut upper_bound
+            }) = midpoint;
         }
-        self.above = high;
-        let pivots = self.shifted_pivots(low);
-        let s = &mut self.lowest;
+        self.above = upper_bound;
+        let pivots = self.shifted_pivots(lower_bound);
+        let eigenvector = &mut self.lowest;
         let mut distance = 0.0;
         for _ in 0..ITERATIONS {
-            for i in 1..n {
-                s[i] -= self.betas[i - 1] / pivots[i - 1] * s[i - 1];
+            for i in 1..dimension {
+                eigenvector[i] -= self.betas[i - 1] / pivots[i - 1] * eigenvector[i - 1];
             }
-            s[n - 1] /= pivots[n - 1];
-            for i in (0..n - 1).rev() {
-                s[i] = s[i] / pivots[i] - self.betas[i] / pivots[i] * s[i + 1];
+            eigenvector[dimension - 1] /= pivots[dimension - 1];
+            for i in (0..dimension - 1).rev() {
+                eigenvector[i] =
+                    eigenvector[i] / pivots[i] - self.betas[i] / pivots[i] * eigenvector[i + 1];
             }
-            distance = 1.0 / normalise(s);
+            distance = 1.0 / normalise(eigenvector);
         }
-        low + distance
+        lower_bound + distance
     }
 
     /// D of LDLᵀ = T - shift.
     fn shifted_pivots(&self, shift: f64) -> Vec<f64> {
         let mut pivots: Vec<f64> = Vec::with_capacity(self.alphas.len());
         for (i, alpha) in self.alphas.iter().enumerate() {
-            let above = pivots
+            let pivot_update = pivots
                 .last()
                 .map_or(0.0, |p| self.betas[i - 1] * self.betas[i - 1] / p);
             // Rounding may make the last pivot 0 or negative if T itself is singular.
-            pivots.push(f64::max(alpha - shift - above, f64::MIN_POSITIVE));
+            pivots.push(f64::max(alpha - shift - pivot_update, f64::MIN_POSITIVE));
         }
         pivots
     }
@@ -204,17 +213,24 @@ impl Tridiagonal {
 
     /// The Ritz vector: repeats the Lanczos steps and sums their vectors.
     fn vector(&self, start: Vec<f64>, apply: Apply<'_>, null: &[Vec<f64>]) -> Vec<f64> {
-        let n = start.len();
-        let (mut q, mut before, mut beta) = (start, vec![0.0; n], 0.0);
-        let (mut sum, mut image) = (vec![0.0; n], vec![0.0; n]);
+        let dimension = start.len();
+        let (mut krylov_vector, mut previous_vector, mut beta) = (start, vec![0.0; dimension], 0.0);
+        let (mut ritz_vector, mut image) = (vec![0.0; dimension], vec![0.0; dimension]);
         for (i, weight) in self.lowest.iter().enumerate() {
-            add(*weight, &q, &mut sum);
+            add(*weight, &krylov_vector, &mut ritz_vector);
             if i + 1 < self.lowest.len() {
-                (_, beta) = step(&mut q, &mut before, &mut image, beta, apply, null);
+                (_, beta) = step(
+                    &mut krylov_vector,
+                    &mut previous_vector,
+                    &mut image,
+                    beta,
+                    apply,
+                    null,
+                );
             }
         }
-        orthogonalise(&mut sum, null);
-        normalise(&mut sum);
-        sum
+        orthogonalise(&mut ritz_vector, null);
+        normalise(&mut ritz_vector);
+        ritz_vector
     }
 }

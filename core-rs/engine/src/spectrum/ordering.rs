@@ -11,15 +11,15 @@ const NONE: u32 = u32::MAX;
 /// The order of elimination (n,) of a matrix whose row i has entries off its diagonal in the columns
 /// `columns[first[i]..first[i + 1]]`.
 pub(super) fn order(first: &[usize], columns: &[u32]) -> Vec<u32> {
-    let n = first.len() - 1;
+    let node_count = first.len() - 1;
     let mut graph = Graph::new(first, columns);
     let (mut pivots, mut eliminated) = (Vec::new(), 0);
-    while eliminated < n {
+    while eliminated < node_count {
         interrupt::poll();
         let pivot = graph.buckets.take_least();
         pivots.push(pivot);
         eliminated += graph.weight[pivot as usize] as usize;
-        graph.eliminate(pivot, n - eliminated);
+        graph.eliminate(pivot, node_count - eliminated);
     }
     graph.expand(&pivots)
 }
@@ -50,100 +50,110 @@ struct Graph {
 
 impl Graph {
     fn new(first: &[usize], columns: &[u32]) -> Self {
-        let n = first.len() - 1;
-        let nodes: Vec<Vec<u32>> = (0..n)
+        let node_count = first.len() - 1;
+        let nodes: Vec<Vec<u32>> = (0..node_count)
             .map(|i| columns[first[i]..first[i + 1]].to_vec())
             .collect();
-        let mut buckets = Buckets::new(n);
+        let mut buckets = Buckets::new(node_count);
         for (i, beside) in nodes.iter().enumerate() {
             buckets.insert(i as u32, beside.len() as u32);
         }
         Self {
             nodes,
-            elements: vec![Vec::new(); n],
-            members: vec![Vec::new(); n],
-            size: vec![0; n],
-            is_alive: vec![false; n],
-            weight: vec![1; n],
-            merged: vec![NONE; n],
+            elements: vec![Vec::new(); node_count],
+            members: vec![Vec::new(); node_count],
+            size: vec![0; node_count],
+            is_alive: vec![false; node_count],
+            weight: vec![1; node_count],
+            merged: vec![NONE; node_count],
             buckets,
-            seen: vec![0; n],
+            seen: vec![0; node_count],
             stamp: 0,
-            outside: vec![(0, 0); n],
+            outside: vec![(0, 0); node_count],
         }
     }
 
     /// Eliminate a node: it becomes an element; `left` unknowns remain.
     fn eliminate(&mut self, pivot: u32, left: usize) {
-        let p = pivot as usize;
+        let pivot_index = pivot as usize;
         let mut adjacent = self.neighbours(pivot);
-        self.weight[p] = 0;
-        let size: u32 = adjacent.iter().map(|&i| self.weight[i as usize]).sum();
+        self.weight[pivot_index] = 0;
+        let adjacent_weight: u32 = adjacent
+            .iter()
+            .map(|&node_index| self.weight[node_index as usize])
+            .sum();
         let stamp = self.stamp;
-        for &i in &adjacent {
-            for &e in &self.elements[i as usize] {
-                let (outside, when) = &mut self.outside[e as usize];
-                if *when != stamp {
-                    (*outside, *when) = (self.size[e as usize], stamp);
+        for &node_index in &adjacent {
+            for &e in &self.elements[node_index as usize] {
+                let (outside, last_stamp) = &mut self.outside[e as usize];
+                if *last_stamp != stamp {
+                    (*outside, *last_stamp) = (self.size[e as usize], stamp);
                 }
                 if self.is_alive[e as usize] {
-                    *outside -= self.weight[i as usize];
+                    *outside -= self.weight[node_index as usize];
                 }
             }
         }
-        let mut alike: Vec<(u64, u32)> = Vec::with_capacity(adjacent.len());
+        let mut hashed_nodes: Vec<(u64, u32)> = Vec::with_capacity(adjacent.len());
         for &node in &adjacent {
-            let i = node as usize;
+            let node_index = node as usize;
             let (outside, is_alive, members) =
                 (&self.outside, &mut self.is_alive, &mut self.members);
-            self.elements[i].retain(|&e| {
+            self.elements[node_index].retain(|&e| {
                 // An element without nodes outside the new one is absorbed by it.
-                let stays = is_alive[e as usize] && outside[e as usize].0 > 0;
-                if !stays {
+                let is_retained = is_alive[e as usize] && outside[e as usize].0 > 0;
+                if !is_retained {
                     is_alive[e as usize] = false;
                     members[e as usize] = Vec::new();
                 }
-                stays
+                is_retained
             });
-            let (weight, seen) = (&self.weight, &self.seen);
-            self.nodes[i].retain(|&j| weight[j as usize] > 0 && seen[j as usize] != stamp);
-            let others = size - weight[i];
-            let apart = self.elements[i]
+            let (weights, stamps) = (&self.weight, &self.seen);
+            self.nodes[node_index]
+                .retain(|&j| weights[j as usize] > 0 && stamps[j as usize] != stamp);
+            let other_weight = adjacent_weight - weights[node_index];
+            let apart_weight = self.elements[node_index]
                 .iter()
                 .map(|&e| outside[e as usize].0)
                 .sum::<u32>()
-                + self.nodes[i]
+                + self.nodes[node_index]
                     .iter()
-                    .map(|&j| weight[j as usize])
+                    .map(|&j| weights[j as usize])
                     .sum::<u32>();
-            let grown = self.buckets.degree[i].saturating_add(others);
-            let degree = (left as u32 - weight[i]).min(grown).min(apart + others);
+            let degree_bound = self.buckets.degree[node_index].saturating_add(other_weight);
+            let new_degree = (left as u32 - weights[node_index])
+                .min(degree_bound)
+                .min(apart_weight + other_weight);
             self.buckets.remove(node);
-            self.buckets.degree[i] = degree;
-            self.elements[i].push(pivot);
-            let sum = |all: &[u32]| all.iter().map(|&x| u64::from(x) + 1).sum::<u64>();
-            alike.push((sum(&self.elements[i]) * 31 + sum(&self.nodes[i]), node));
+            self.buckets.degree[node_index] = new_degree;
+            self.elements[node_index].push(pivot);
+            let list_hash = |all: &[u32]| all.iter().map(|&x| u64::from(x) + 1).sum::<u64>();
+            hashed_nodes.push((
+                list_hash(&self.elements[node_index]) * 31 + list_hash(&self.nodes[node_index]),
+                node,
+            ));
         }
-        self.merge(&mut alike);
-        adjacent.retain(|&i| self.weight[i as usize] > 0);
-        for &i in &adjacent {
-            self.buckets.insert(i, self.buckets.degree[i as usize]);
+        self.merge(&mut hashed_nodes);
+        adjacent.retain(|&node_index| self.weight[node_index as usize] > 0);
+        for &node_index in &adjacent {
+            self.buckets
+                .insert(node_index, self.buckets.degree[node_index as usize]);
         }
-        self.members[p] = adjacent;
-        self.size[p] = size;
-        self.is_alive[p] = size > 0;
+        self.members[pivot_index] = adjacent;
+        self.size[pivot_index] = adjacent_weight;
+        self.is_alive[pivot_index] = adjacent_weight > 0;
     }
 
     /// All nodes that are connected to a node, directly or by an element; its elements are absorbed.
     fn neighbours(&mut self, pivot: u32) -> Vec<u32> {
         self.stamp += 1;
-        let (stamp, weight, seen) = (self.stamp, &self.weight, &mut self.seen);
-        seen[pivot as usize] = stamp;
+        let (current_stamp, weights, stamps) = (self.stamp, &self.weight, &mut self.seen);
+        stamps[pivot as usize] = current_stamp;
         let mut adjacent = Vec::new();
         let mut add_unseen = |nodes: Vec<u32>| {
             for j in nodes {
-                if weight[j as usize] > 0 && seen[j as usize] != stamp {
-                    seen[j as usize] = stamp;
+                if weights[j as usize] > 0 && stamps[j as usize] != current_stamp {
+                    stamps[j as usize] = current_stamp;
                     adjacent.push(j);
                 }
             }
@@ -161,24 +171,24 @@ impl Graph {
         alike.sort_unstable();
         for group in alike.chunk_by(|a, b| a.0 == b.0) {
             for (index, &(_, node)) in group.iter().enumerate() {
-                let i = node as usize;
-                if self.weight[i] == 0 {
+                let node_index = node as usize;
+                if self.weight[node_index] == 0 {
                     continue;
                 }
                 for &(_, other) in &group[index + 1..] {
-                    let j = other as usize;
-                    let is_same = self.weight[j] > 0
-                        && same(&mut self.elements, i, j)
-                        && same(&mut self.nodes, i, j);
-                    if !is_same {
+                    let other_index = other as usize;
+                    let is_alike = self.weight[other_index] > 0
+                        && same(&mut self.elements, node_index, other_index)
+                        && same(&mut self.nodes, node_index, other_index);
+                    if !is_alike {
                         continue;
                     }
-                    self.buckets.degree[i] -= self.weight[j];
-                    self.weight[i] += self.weight[j];
-                    self.weight[j] = 0;
-                    self.merged[j] = node;
-                    self.nodes[j] = Vec::new();
-                    self.elements[j] = Vec::new();
+                    self.buckets.degree[node_index] -= self.weight[other_index];
+                    self.weight[node_index] += self.weight[other_index];
+                    self.weight[other_index] = 0;
+                    self.merged[other_index] = node;
+                    self.nodes[other_index] = Vec::new();
+                    self.elements[other_index] = Vec::new();
                 }
             }
         }
@@ -186,23 +196,23 @@ impl Graph {
 
     /// The final order: each pivot, followed by the nodes that were merged into it.
     fn expand(&self, pivots: &[u32]) -> Vec<u32> {
-        let n = self.merged.len();
-        let mut parts: Vec<Vec<u32>> = vec![Vec::new(); n];
+        let node_count = self.merged.len();
+        let mut merged_nodes: Vec<Vec<u32>> = vec![Vec::new(); node_count];
         for (i, &into) in self.merged.iter().enumerate() {
             if into != NONE {
-                parts[into as usize].push(i as u32);
+                merged_nodes[into as usize].push(i as u32);
             }
         }
-        let mut order = Vec::with_capacity(n);
+        let mut full_order = Vec::with_capacity(node_count);
         let mut waiting = Vec::new();
         for &pivot in pivots {
             waiting.push(pivot);
             while let Some(node) = waiting.pop() {
-                order.push(node);
-                waiting.extend(&parts[node as usize]);
+                full_order.push(node);
+                waiting.extend(&merged_nodes[node as usize]);
             }
         }
-        order
+        full_order
     }
 }
 
@@ -237,27 +247,27 @@ impl Buckets {
     }
 
     fn insert(&mut self, node: u32, degree: u32) {
-        let (i, bucket) = (node as usize, degree as usize);
-        self.degree[i] = degree;
-        let after = self.head[bucket];
-        (self.next[i], self.before[i]) = (after, NONE);
-        if after != NONE {
-            self.before[after as usize] = node;
+        let (node_index, bucket) = (node as usize, degree as usize);
+        self.degree[node_index] = degree;
+        let next_node = self.head[bucket];
+        (self.next[node_index], self.before[node_index]) = (next_node, NONE);
+        if next_node != NONE {
+            self.before[next_node as usize] = node;
         }
         self.head[bucket] = node;
         self.least = self.least.min(bucket);
     }
 
     fn remove(&mut self, node: u32) {
-        let i = node as usize;
-        let (before, after) = (self.before[i], self.next[i]);
-        if before == NONE {
-            self.head[self.degree[i] as usize] = after;
+        let node_index = node as usize;
+        let (previous_node, next_node) = (self.before[node_index], self.next[node_index]);
+        if previous_node == NONE {
+            self.head[self.degree[node_index] as usize] = next_node;
         } else {
-            self.next[before as usize] = after;
+            self.next[previous_node as usize] = next_node;
         }
-        if after != NONE {
-            self.before[after as usize] = before;
+        if next_node != NONE {
+            self.before[next_node as usize] = previous_node;
         }
     }
 
@@ -266,8 +276,8 @@ impl Buckets {
         while self.head[self.least] == NONE {
             self.least += 1;
         }
-        let node = self.head[self.least];
-        self.remove(node);
-        node
+        let least_node = self.head[self.least];
+        self.remove(least_node);
+        least_node
     }
 }

@@ -39,14 +39,14 @@ pub(crate) struct LowestModes {
 
 /// How many modes have λ below a bound.
 pub(crate) fn n_below(springs: &Springs, bound: f64) -> usize {
-    let mut shift = bound;
-    springs.factor(&mut shift).n_below()
+    let mut used_shift = bound;
+    springs.factor(&mut used_shift).n_below()
 }
 
 /// The `count` modes of the smallest λ; fewer if there are not so many.
 pub(crate) fn lowest_modes(springs: &Springs, count: usize) -> LowestModes {
-    let n = springs.n();
-    let count = count.min(n);
+    let dimension = springs.n();
+    let count = count.min(dimension);
     // A shift below all eigenvalues: slightly below 0, or below the Gershgorin bound if the matrix has negative
     // eigenvalues.
     let mut shift = -1e-9 * springs.scale();
@@ -56,30 +56,34 @@ pub(crate) fn lowest_modes(springs: &Springs, count: usize) -> LowestModes {
         factor = springs.factor(&mut shift);
     }
     let mut modes: Vec<Mode> = Vec::new();
-    let (mut known, mut fruitless, mut run) = (0, 0, 0);
-    while known < count && modes.len() < n && fruitless < FRUITLESS_RUNS_MAX {
-        run += 1;
-        let wanted = (count - known).min(SLICE) + 2;
-        let fresh = lanczos(springs, &factor, &modes, wanted, run);
-        fruitless = if fresh.is_empty() { fruitless + 1 } else { 0 };
-        modes.extend(fresh);
+    let (mut known_count, mut fruitless, mut run_number) = (0, 0, 0);
+    while known_count < count && modes.len() < dimension && fruitless < FRUITLESS_RUNS_MAX {
+        run_number += 1;
+        let modes_wanted = (count - known_count).min(SLICE) + 2;
+        let new_modes = lanczos(springs, &factor, &modes, modes_wanted, run_number);
+        fruitless = if new_modes.is_empty() {
+            fruitless + 1
+        } else {
+            0
+        };
+        modes.extend(new_modes);
         sort(&mut modes);
-        if modes.len() == n {
+        if modes.len() == dimension {
             break;
         }
         let Some(separator) = separator(&modes, count) else {
             continue;
         };
-        let mut next = separator;
-        let above = springs.factor(&mut next);
-        let below = modes.iter().filter(|mode| mode.lambda < next).count();
+        let mut next_shift = separator;
+        let next_factor = springs.factor(&mut next_shift);
+        let count_below = modes.iter().filter(|mode| mode.lambda < next_shift).count();
         // If the numbers differ, modes of a multiple eigenvalue are missing: the same shift finds them in another run.
-        if above.n_below() == below {
-            known = below;
-            factor = above;
+        if next_factor.n_below() == count_below {
+            known_count = count_below;
+            factor = next_factor;
         }
     }
-    let is_counted = known >= count || modes.len() == n;
+    let is_counted = known_count >= count || modes.len() == dimension;
     modes.truncate(count);
     LowestModes {
         is_certified: is_counted && are_modes(springs, &modes),
@@ -89,33 +93,37 @@ pub(crate) fn lowest_modes(springs: &Springs, count: usize) -> LowestModes {
 
 /// The `count` modes whose λ lies nearest to `centre`.
 pub(crate) fn modes_around(springs: &Springs, centre: f64, count: usize) -> LowestModes {
-    let n = springs.n();
-    let count = count.min(n);
+    let dimension = springs.n();
+    let count = count.min(dimension);
     let mut shift = centre;
     let factor = springs.factor(&mut shift);
     let mut modes: Vec<Mode> = Vec::new();
-    let (mut is_counted, mut fruitless, mut run) = (count == 0, 0, 0);
+    let (mut is_counted, mut fruitless, mut run_number) = (count == 0, 0, 0);
     let distance = |mode: &Mode| (mode.lambda - shift).abs();
     while !is_counted && fruitless < FRUITLESS_RUNS_MAX {
-        run += 1;
-        let wanted = (count + 2).saturating_sub(modes.len()).max(4);
-        let fresh = lanczos(springs, &factor, &modes, wanted, run);
-        fruitless = if fresh.is_empty() { fruitless + 1 } else { 0 };
-        modes.extend(fresh);
+        run_number += 1;
+        let modes_wanted = (count + 2).saturating_sub(modes.len()).max(4);
+        let new_modes = lanczos(springs, &factor, &modes, modes_wanted, run_number);
+        fruitless = if new_modes.is_empty() {
+            fruitless + 1
+        } else {
+            0
+        };
+        modes.extend(new_modes);
         modes.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
-        if modes.len() == n {
+        if modes.len() == dimension {
             is_counted = true;
             break;
         }
         if modes.len() <= count {
             continue;
         }
-        let index = (count..modes.len())
+        let gap_index = (count..modes.len())
             .find(|&i| distance(&modes[i]) - distance(&modes[i - 1]) > GAP * shift);
-        let Some(index) = index else { continue };
-        let radius = 0.5 * (distance(&modes[index]) + distance(&modes[index - 1]));
-        let inside = n_below(springs, shift + radius) - n_below(springs, shift - radius);
-        is_counted = inside == index;
+        let Some(gap_index) = gap_index else { continue };
+        let radius = 0.5 * (distance(&modes[gap_index]) + distance(&modes[gap_index - 1]));
+        let count_inside = n_below(springs, shift + radius) - n_below(springs, shift - radius);
+        is_counted = count_inside == gap_index;
     }
     modes.truncate(count);
     sort(&mut modes);
@@ -130,13 +138,13 @@ pub(crate) fn modes_around(springs: &Springs, centre: f64, count: usize) -> Lowe
 pub(crate) fn are_modes(springs: &Springs, modes: &[Mode]) -> bool {
     let stiffest = springs.values.diagonal.iter();
     let stiffest = stiffest.fold(0.0_f64, |most, x| most.max(x.abs()));
-    let is_mode = |mode: &Mode| {
-        let mut rest = springs.times(&mode.vector);
-        add(-mode.lambda, &mode.vector, &mut rest);
-        norm(&rest) <= MODE_TOLERANCE * stiffest
+    let is_eigenpair = |mode: &Mode| {
+        let mut residual = springs.times(&mode.vector);
+        add(-mode.lambda, &mode.vector, &mut residual);
+        norm(&residual) <= MODE_TOLERANCE * stiffest
     };
     let is_other = |pair: &[Mode]| dot(&pair[0].vector, &pair[1].vector).abs() <= MODE_TOLERANCE;
-    modes.iter().all(is_mode) && modes.windows(2).all(is_other)
+    modes.iter().all(is_eigenpair) && modes.windows(2).all(is_other)
 }
 
 fn sort(modes: &mut [Mode]) {
@@ -146,15 +154,15 @@ fn sort(modes: &mut [Mode]) {
 /// A number in a gap between two modes: above the first `count` modes if there is such a gap, otherwise above as many
 /// as possible.
 fn separator(modes: &[Mode], count: usize) -> Option<f64> {
-    let gap = |&i: &usize| {
-        let (low, high) = (modes[i - 1].lambda, modes[i].lambda);
-        high - low > GAP * high.abs()
+    let is_separated = |&i: &usize| {
+        let (lambda_below, lambda_above) = (modes[i - 1].lambda, modes[i].lambda);
+        lambda_above - lambda_below > GAP * lambda_above.abs()
     };
-    let middle = |i: usize| 0.5 * (modes[i - 1].lambda + modes[i].lambda);
-    let enough = (count.min(modes.len())..modes.len()).find(gap);
-    enough
-        .or_else(|| (1..modes.len()).rev().find(gap))
-        .map(middle)
+    let gap_middle = |i: usize| 0.5 * (modes[i - 1].lambda + modes[i].lambda);
+    let gap_index = (count.min(modes.len())..modes.len()).find(is_separated);
+    gap_index
+        .or_else(|| (1..modes.len()).rev().find(is_separated))
+        .map(gap_middle)
 }
 
 /// The modes that one Lanczos run finds outside the span of `modes_known`: from the nearest to the shift up to the first that
@@ -166,58 +174,64 @@ fn lanczos(
     wanted: usize,
     run: usize,
 ) -> Vec<Mode> {
-    let n = springs.n();
-    let free = n - modes_known.len();
-    let steps_max = (4 * wanted + 80).min(free);
+    let dimension = springs.n();
+    let free_dimension = dimension - modes_known.len();
+    let steps_max = (4 * wanted + 80).min(free_dimension);
     let mut basis: Vec<Vec<f64>> = Vec::new();
     let (mut alphas, mut betas): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
     let project_out = |x: &mut [f64]| {
         for mode in modes_known {
-            let along = dot(&mode.vector, x);
-            add(-along, &mode.vector, x);
+            let projection = dot(&mode.vector, x);
+            add(-projection, &mode.vector, x);
         }
     };
-    let mut next = start_vector(n, run);
-    project_out(&mut next);
-    project_out(&mut next);
-    normalise(&mut next);
-    let mut scale = 0.0_f64;
-    let pairs = loop {
+    let mut next_vector = start_vector(dimension, run);
+    project_out(&mut next_vector);
+    project_out(&mut next_vector);
+    normalise(&mut next_vector);
+    let mut operator_scale = 0.0_f64;
+    let ritz_weights = loop {
         interrupt::poll();
-        let mut image = factor.solve(&next);
-        if let (Some(before), Some(beta)) = (basis.last(), betas.last()) {
-            add(-beta, before, &mut image);
+        let mut image = factor.solve(&next_vector);
+        if let (Some(previous_vector), Some(beta)) = (basis.last(), betas.last()) {
+            add(-beta, previous_vector, &mut image);
         }
-        let alpha = dot(&next, &image);
-        add(-alpha, &next, &mut image);
+        let alpha = dot(&next_vector, &image);
+        add(-alpha, &next_vector, &mut image);
         // This must come last: the recurrence would amplify any part along the found modes with each step.
         project_out(&mut image);
-        let left = norm(&image);
-        basis.push(next);
+        let norm_before = norm(&image);
+        basis.push(next_vector);
         alphas.push(alpha);
         orthogonalise_once(&mut image, &basis);
-        if norm(&image) < 0.7 * left {
+        if norm(&image) < 0.7 * norm_before {
             project_out(&mut image);
             orthogonalise(&mut image, &basis);
         }
         let beta = normalise(&mut image);
-        scale = scale.max(alpha.abs() + beta);
-        let steps = basis.len();
-        let is_whole = steps == free || beta <= 1e-14 * scale;
-        if is_whole || steps == steps_max || (steps >= wanted && steps.is_multiple_of(CHECK_EVERY))
+        operator_scale = operator_scale.max(alpha.abs() + beta);
+        let step_count = basis.len();
+        let is_whole = step_count == free_dimension || beta <= 1e-14 * operator_scale;
+        if is_whole
+            || step_count == steps_max
+            || (step_count >= wanted && step_count.is_multiple_of(CHECK_EVERY))
         {
-            let beta = if steps == free { 0.0 } else { beta };
-            let (pairs, is_limited) = converged_pairs(&alphas, &betas, beta);
-            if is_whole || is_limited || steps == steps_max || pairs.len() >= wanted {
-                break pairs;
+            let beta = if step_count == free_dimension {
+                0.0
+            } else {
+                beta
+            };
+            let (ritz_weights, is_limited) = converged_pairs(&alphas, &betas, beta);
+            if is_whole || is_limited || step_count == steps_max || ritz_weights.len() >= wanted {
+                break ritz_weights;
             }
         }
         betas.push(beta);
-        next = image;
+        next_vector = image;
     };
-    let ritz = |weights: Vec<f64>| {
+    let ritz_mode = |weights: Vec<f64>| {
         interrupt::poll();
-        let mut vector = vec![0.0; n];
+        let mut vector = vec![0.0; dimension];
         for (weight, direction) in weights.iter().zip(&basis) {
             add(*weight, direction, &mut vector);
         }
@@ -227,36 +241,36 @@ fn lanczos(
         let lambda = springs.energy(&vector);
         Mode { lambda, vector }
     };
-    pairs.into_iter().map(ritz).collect()
+    ritz_weights.into_iter().map(ritz_mode).collect()
 }
 
 /// Eigenvectors of the tridiagonal matrix by falling |θ|, up to the first that has not converged; and whether rounding
 /// is what ends the list.
 fn converged_pairs(alphas: &[f64], betas: &[f64], beta: f64) -> (Vec<Vec<f64>>, bool) {
-    let k = alphas.len();
-    let mut small = vec![0.0; k * k];
-    for i in 0..k {
-        small[i * k + i] = alphas[i];
-        if i + 1 < k {
-            small[i * k + i + 1] = betas[i];
-            small[(i + 1) * k + i] = betas[i];
+    let dimension = alphas.len();
+    let mut tridiagonal = vec![0.0; dimension * dimension];
+    for i in 0..dimension {
+        tridiagonal[i * dimension + i] = alphas[i];
+        if i + 1 < dimension {
+            tridiagonal[i * dimension + i + 1] = betas[i];
+            tridiagonal[(i + 1) * dimension + i] = betas[i];
         }
     }
-    let Some((values, seen)) = all_eigenvalues(small, &units(k)) else {
+    let Some((eigenvalues, components)) = all_eigenvalues(tridiagonal, &units(dimension)) else {
         return (Vec::new(), false);
     };
-    let mut order: Vec<usize> = (0..k).collect();
-    order.sort_by(|&i, &j| values[j].abs().total_cmp(&values[i].abs()));
-    let least = RANGE * values[order[0]].abs();
-    let mut pairs = Vec::new();
-    for i in order {
-        if values[i].abs() <= least {
-            return (pairs, true);
+    let mut falling_order: Vec<usize> = (0..dimension).collect();
+    falling_order.sort_by(|&i, &j| eigenvalues[j].abs().total_cmp(&eigenvalues[i].abs()));
+    let range_limit = RANGE * eigenvalues[falling_order[0]].abs();
+    let mut converged = Vec::new();
+    for i in falling_order {
+        if eigenvalues[i].abs() <= range_limit {
+            return (converged, true);
         }
-        if (beta * seen[k - 1][i]).abs() > CONVERGED * values[i].abs() {
+        if (beta * components[dimension - 1][i]).abs() > CONVERGED * eigenvalues[i].abs() {
             break;
         }
-        pairs.push(seen.iter().map(|row| row[i]).collect());
+        converged.push(components.iter().map(|row| row[i]).collect());
     }
-    (pairs, false)
+    (converged, false)
 }

@@ -52,15 +52,15 @@ pub(crate) struct Pattern {
 impl Pattern {
     /// The pattern of a matrix (n, n) with entries at `pairs` and on its diagonal.
     pub(crate) fn new(n: usize, pairs: impl Iterator<Item = (usize, usize)>) -> Self {
-        let mut rows: Vec<Vec<u32>> = vec![Vec::new(); n];
+        let mut row_columns: Vec<Vec<u32>> = vec![Vec::new(); n];
         for (a, b) in pairs {
             if a != b {
-                rows[a].push(b as u32);
-                rows[b].push(a as u32);
+                row_columns[a].push(b as u32);
+                row_columns[b].push(a as u32);
             }
         }
         let (mut first, mut columns) = (vec![0], Vec::new());
-        for mut row in rows {
+        for mut row in row_columns {
             row.sort_unstable();
             row.dedup();
             columns.extend(row);
@@ -94,33 +94,33 @@ impl Pattern {
 
     /// Index of an off-diagonal entry in `columns` and in the values.
     fn slot(&self, a: usize, b: usize) -> usize {
-        let row = &self.columns[self.first[a]..self.first[a + 1]];
-        self.first[a] + row.partition_point(|&column| (column as usize) < b)
+        let row_columns = &self.columns[self.first[a]..self.first[a + 1]];
+        self.first[a] + row_columns.partition_point(|&column| (column as usize) < b)
     }
 
     fn build_elimination_tree(&mut self) {
-        let n = self.n();
-        let (mut count, mut seen) = (vec![0; n], vec![NONE; n]);
-        for k in 0..n {
-            seen[k] = k as u32;
-            let row = self.order[k] as usize;
-            for &j in &self.columns[self.first[row]..self.first[row + 1]] {
-                let mut i = self.position[j as usize] as usize;
-                while i < k && seen[i] != k as u32 {
-                    seen[i] = k as u32;
-                    count[i] += 1;
-                    if self.parent[i] == NONE {
-                        self.parent[i] = k as u32;
+        let dimension = self.n();
+        let (mut column_fill, mut last_visit) = (vec![0; dimension], vec![NONE; dimension]);
+        for k in 0..dimension {
+            last_visit[k] = k as u32;
+            let original_row = self.order[k] as usize;
+            for &j in &self.columns[self.first[original_row]..self.first[original_row + 1]] {
+                let mut ancestor = self.position[j as usize] as usize;
+                while ancestor < k && last_visit[ancestor] != k as u32 {
+                    last_visit[ancestor] = k as u32;
+                    column_fill[ancestor] += 1;
+                    if self.parent[ancestor] == NONE {
+                        self.parent[ancestor] = k as u32;
                     }
-                    i = self.parent[i] as usize;
+                    ancestor = self.parent[ancestor] as usize;
                 }
             }
         }
-        self.column_starts = Vec::with_capacity(n + 1);
+        self.column_starts = Vec::with_capacity(dimension + 1);
         self.column_starts.push(0);
-        for count in count {
+        for column_fill in column_fill {
             self.column_starts
-                .push(self.column_starts.last().unwrap_or(&0) + count);
+                .push(self.column_starts.last().unwrap_or(&0) + column_fill);
         }
     }
 }
@@ -156,24 +156,24 @@ impl<T: Scalar> Values<T> {
         more: T,
         make: impl Fn(U, U) -> T,
     ) -> Self {
-        let each =
+        let pairwise =
             |a: &[U], b: &[U]| -> Vec<T> { a.iter().zip(b).map(|(a, b)| make(*a, *b)).collect() };
-        let mut diagonal = each(&first.diagonal, &other.diagonal);
+        let mut diagonal = pairwise(&first.diagonal, &other.diagonal);
         diagonal.iter_mut().for_each(|x| *x = *x + more);
         Self {
             diagonal,
-            off_diagonal: each(&first.off_diagonal, &other.off_diagonal),
+            off_diagonal: pairwise(&first.off_diagonal, &other.off_diagonal),
         }
     }
 
     /// y = A x.
     pub(crate) fn times(&self, pattern: &Pattern, x: &[T], y: &mut [T]) {
         for (i, y) in y.iter_mut().enumerate() {
-            let mut sum = self.diagonal[i] * x[i];
+            let mut row_sum = self.diagonal[i] * x[i];
             for at in pattern.first[i]..pattern.first[i + 1] {
-                sum = sum + self.off_diagonal[at] * x[pattern.columns[at] as usize];
+                row_sum = row_sum + self.off_diagonal[at] * x[pattern.columns[at] as usize];
             }
-            *y = sum;
+            *y = row_sum;
         }
     }
 }
@@ -190,50 +190,50 @@ impl<'a, T: Scalar> Factor<'a, T> {
     /// Factors A − `shift`·1; `None` if a pivot is 0.
     pub(crate) fn new(pattern: &'a Pattern, matrix: &Values<T>, shift: T) -> Option<Self> {
         let zero = T::from(0.0);
-        let n = pattern.n();
+        let dimension = pattern.n();
         let (mut rows, mut values) = (vec![0; pattern.fill()], vec![zero; pattern.fill()]);
-        let mut pivots = vec![zero; n];
-        let mut ends = pattern.column_starts.clone();
-        let (mut row, mut seen) = (vec![zero; n], vec![NONE; n]);
-        let (mut path, mut reach) = (Vec::new(), Vec::new());
+        let mut pivots = vec![zero; dimension];
+        let mut column_ends = pattern.column_starts.clone();
+        let (mut dense_row, mut last_visit) = (vec![zero; dimension], vec![NONE; dimension]);
+        let (mut tree_path, mut row_reach) = (Vec::new(), Vec::new());
         let mut visited = 0;
-        for k in 0..n {
+        for k in 0..dimension {
             if k % 256 == 0 {
                 interrupt::spend(std::mem::take(&mut visited));
             }
-            seen[k] = k as u32;
-            reach.clear();
+            last_visit[k] = k as u32;
+            row_reach.clear();
             let original = pattern.order[k] as usize;
             for entry in pattern.first[original]..pattern.first[original + 1] {
-                let start = pattern.position[pattern.columns[entry] as usize] as usize;
-                if start >= k {
+                let start_column = pattern.position[pattern.columns[entry] as usize] as usize;
+                if start_column >= k {
                     continue;
                 }
-                row[start] = row[start] + matrix.off_diagonal[entry];
-                let mut i = start;
-                while seen[i] != k as u32 {
-                    seen[i] = k as u32;
-                    path.push(i as u32);
-                    i = pattern.parent[i] as usize;
+                dense_row[start_column] = dense_row[start_column] + matrix.off_diagonal[entry];
+                let mut column_index = start_column;
+                while last_visit[column_index] != k as u32 {
+                    last_visit[column_index] = k as u32;
+                    tree_path.push(column_index as u32);
+                    column_index = pattern.parent[column_index] as usize;
                 }
                 // Nearest to the root first. Read from the end, each column comes before those that it changes.
-                reach.extend(path.drain(..).rev());
+                row_reach.extend(tree_path.drain(..).rev());
             }
             let mut pivot = matrix.diagonal[original] - shift;
-            for &i in reach.iter().rev() {
-                let i = i as usize;
-                let value = row[i];
-                row[i] = zero;
-                let column = pattern.column_starts[i]..ends[i];
-                visited += column.len() + 8;
-                for (&j, &l) in rows[column.clone()].iter().zip(&values[column]) {
-                    row[j as usize] = row[j as usize] - l * value;
+            for &column_index in row_reach.iter().rev() {
+                let column_index = column_index as usize;
+                let row_entry = dense_row[column_index];
+                dense_row[column_index] = zero;
+                let column_range = pattern.column_starts[column_index]..column_ends[column_index];
+                visited += column_range.len() + 8;
+                for (&j, &l) in rows[column_range.clone()].iter().zip(&values[column_range]) {
+                    dense_row[j as usize] = dense_row[j as usize] - l * row_entry;
                 }
-                let share = value / pivots[i];
-                pivot = pivot - share * value;
-                rows[ends[i]] = k as u32;
-                values[ends[i]] = share;
-                ends[i] += 1;
+                let factor_entry = row_entry / pivots[column_index];
+                pivot = pivot - factor_entry * row_entry;
+                rows[column_ends[column_index]] = k as u32;
+                values[column_ends[column_index]] = factor_entry;
+                column_ends[column_index] += 1;
             }
             if pivot == zero {
                 return None;
@@ -252,23 +252,33 @@ impl<'a, T: Scalar> Factor<'a, T> {
     pub(crate) fn solve(&self, right: &[T]) -> Vec<T> {
         let pattern = self.pattern;
         interrupt::spend(2 * (self.values.len() + pattern.n()));
-        let mut x: Vec<T> = pattern.order.iter().map(|&i| right[i as usize]).collect();
-        for k in 0..x.len() {
-            let column = pattern.column_starts[k]..pattern.column_starts[k + 1];
-            let value = x[k];
-            for (&row, &l) in self.rows[column.clone()].iter().zip(&self.values[column]) {
-                x[row as usize] = x[row as usize] - l * value;
+        let mut solution: Vec<T> = pattern.order.iter().map(|&i| right[i as usize]).collect();
+        for k in 0..solution.len() {
+            let column_range = pattern.column_starts[k]..pattern.column_starts[k + 1];
+            let component = solution[k];
+            for (&row, &l) in self.rows[column_range.clone()]
+                .iter()
+                .zip(&self.values[column_range])
+            {
+                solution[row as usize] = solution[row as usize] - l * component;
             }
         }
-        for k in (0..x.len()).rev() {
-            let column = pattern.column_starts[k]..pattern.column_starts[k + 1];
-            let mut value = x[k] / self.pivots[k];
-            for (&row, &l) in self.rows[column.clone()].iter().zip(&self.values[column]) {
-                value = value - l * x[row as usize];
+        for k in (0..solution.len()).rev() {
+            let column_range = pattern.column_starts[k]..pattern.column_starts[k + 1];
+            let mut component = solution[k] / self.pivots[k];
+            for (&row, &l) in self.rows[column_range.clone()]
+                .iter()
+                .zip(&self.values[column_range])
+            {
+                component = component - l * solution[row as usize];
             }
-            x[k] = value;
+            solution[k] = component;
         }
-        pattern.position.iter().map(|&k| x[k as usize]).collect()
+        pattern
+            .position
+            .iter()
+            .map(|&k| solution[k as usize])
+            .collect()
     }
 }
 

@@ -38,37 +38,37 @@ impl Springs {
 
     /// The product A x.
     pub(crate) fn times(&self, x: &[f64]) -> Vec<f64> {
-        let mut y = vec![0.0; x.len()];
-        self.values.times(&self.pattern, x, &mut y);
-        y
+        let mut image_vector = vec![0.0; x.len()];
+        self.values.times(&self.pattern, x, &mut image_vector);
+        image_vector
     }
 
     /// xᵀ A x: twice the energy, summed over springs. The elongations of a slow mode are small, so no large numbers
     /// cancel.
     pub(crate) fn energy(&self, x: &[f64]) -> f64 {
-        let pull = |&((a, share), other, k): &Spring| {
-            let long = share * x[a] - other.map_or(0.0, |(b, share)| share * x[b]);
-            k * long * long
+        let spring_energy = |&((a, share), other, k): &Spring| {
+            let elongation = share * x[a] - other.map_or(0.0, |(b, share)| share * x[b]);
+            k * elongation * elongation
         };
-        self.each.iter().map(pull).sum()
+        self.each.iter().map(spring_energy).sum()
     }
 
     /// LDLᵀ of A − shift; the shift is raised a little if a pivot is 0 there.
     pub(crate) fn factor(&self, shift: &mut f64) -> Factor<'_, f64> {
-        let step = 1e-13 * f64::max(shift.abs(), 1e-3 * self.scale());
+        let shift_step = 1e-13 * f64::max(shift.abs(), 1e-3 * self.scale());
         loop {
             if let Some(factor) = Factor::new(&self.pattern, &self.values, *shift) {
                 return factor;
             }
-            *shift += step;
+            *shift += shift_step;
         }
     }
 
     /// The mean absolute value of the diagonal; 1 if that is 0.
     pub(crate) fn scale(&self) -> f64 {
-        let sum: f64 = self.values.diagonal.iter().map(|x| x.abs()).sum();
-        if sum > 0.0 {
-            sum / self.n() as f64
+        let diagonal_sum: f64 = self.values.diagonal.iter().map(|x| x.abs()).sum();
+        if diagonal_sum > 0.0 {
+            diagonal_sum / self.n() as f64
         } else {
             1.0
         }
@@ -76,17 +76,17 @@ impl Springs {
 
     /// A lower bound of all eigenvalues, at most 0 (Gershgorin).
     pub(crate) fn bottom(&self) -> f64 {
-        let mut least = vec![0.0; self.n()];
+        let mut row_bounds = vec![0.0; self.n()];
         for &((a, lever), other, k) in &self.each {
-            let Some((b, there)) = other else {
-                least[a] += k * lever * lever;
+            let Some((other_end, other_lever)) = other else {
+                row_bounds[a] += k * lever * lever;
                 continue;
             };
-            let across = (k * lever * there).abs();
-            least[a] += k * lever * lever - across;
-            least[b] += k * there * there - across;
+            let coupling = (k * lever * other_lever).abs();
+            row_bounds[a] += k * lever * lever - coupling;
+            row_bounds[other_end] += k * other_lever * other_lever - coupling;
         }
-        least.into_iter().fold(0.0, f64::min)
+        row_bounds.into_iter().fold(0.0, f64::min)
     }
 }
 
@@ -101,9 +101,9 @@ pub(crate) fn values(pattern: &Pattern, each: &[Spring]) -> Values<f64> {
     let mut values = Values::new(pattern);
     for &((a, lever), other, k) in each {
         values.diagonal[a] += k * lever * lever;
-        if let Some((b, there)) = other {
-            values.diagonal[b] += k * there * there;
-            values.add(pattern, a, b, -k * lever * there);
+        if let Some((other_end, other_lever)) = other {
+            values.diagonal[other_end] += k * other_lever * other_lever;
+            values.add(pattern, a, other_end, -k * lever * other_lever);
         }
     }
     values

@@ -54,11 +54,11 @@ pub(crate) fn norm(x: &[f64]) -> f64 {
 
 /// Bring to length 1; says the length it had. A zero vector stays.
 pub(crate) fn normalise(x: &mut [f64]) -> f64 {
-    let length = norm(x);
-    if length > 0.0 {
-        divide(x, length);
+    let vector_norm = norm(x);
+    if vector_norm > 0.0 {
+        divide(x, vector_norm);
     }
-    length
+    vector_norm
 }
 
 /// Take away the parts along the orthonormal `basis`; twice, which leaves rounding only (Kahan, Parlett).
@@ -70,15 +70,15 @@ pub(crate) fn orthogonalise(x: &mut [f64], basis: &[Vec<f64>]) {
 /// Take away the parts along the orthonormal `basis`, once.
 pub(super) fn orthogonalise_once(x: &mut [f64], basis: &[Vec<f64>]) {
     for direction in basis {
-        let along = dot(direction, x);
-        add(-along, direction, x);
+        let projection = dot(direction, x);
+        add(-projection, direction, x);
     }
 }
 
 /// The vectors (n) of length 1 along each axis.
 pub(crate) fn units(n: usize) -> Vec<Vec<f64>> {
-    let unit = |i: usize| (0..n).map(|j| f64::from(u8::from(i == j))).collect();
-    (0..n).map(unit).collect()
+    let unit_vector = |i: usize| (0..n).map(|j| f64::from(u8::from(i == j))).collect();
+    (0..n).map(unit_vector).collect()
 }
 
 /// Orthonormal vectors that span `vectors`; vectors that depend on earlier ones are left out.
@@ -86,9 +86,9 @@ pub(super) fn orthonormal(vectors: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let mut basis: Vec<Vec<f64>> = Vec::with_capacity(vectors.len());
     for vector in vectors {
         let mut vector = vector.clone();
-        let length = normalise(&mut vector);
+        let vector_norm = normalise(&mut vector);
         orthogonalise(&mut vector, &basis);
-        if length > 0.0 && normalise(&mut vector) > 1e-8 {
+        if vector_norm > 0.0 && normalise(&mut vector) > 1e-8 {
             basis.push(vector);
         }
     }
@@ -100,12 +100,12 @@ pub(super) fn start_vector(n: usize, which: usize) -> Vec<f64> {
     let seed = (which as u64 + 1).wrapping_mul(0xd1b5_4a32_d192_ed03);
     (0..n as u64)
         .map(|i| {
-            let mut z = seed.wrapping_add((i + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
-            z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-            z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-            z ^= z >> 31;
+            let mut mixed_bits = seed.wrapping_add((i + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
+            mixed_bits = (mixed_bits ^ (mixed_bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+            mixed_bits = (mixed_bits ^ (mixed_bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+            mixed_bits ^= mixed_bits >> 31;
             // The top 53 bits, mapped to −1 to 1.
-            (z >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+            (mixed_bits >> 11) as f64 / (1u64 << 52) as f64 - 1.0
         })
         .collect()
 }

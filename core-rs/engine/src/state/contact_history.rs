@@ -46,10 +46,10 @@ impl ContactHistory {
 
     /// The anchor of a pair [m], if it touches.
     pub(crate) fn find(&self, [first, second]: [u32; 2]) -> Option<[f64; 3]> {
-        let index = self
+        let pair_search = self
             .pairs
             .binary_search_by_key(&(first, second), |pair| (pair.first, pair.second));
-        index.ok().map(|at| self.pairs[at].anchor)
+        pair_search.ok().map(|at| self.pairs[at].anchor)
     }
 
     /// Begin a pass over all pairs that touch, in the order of their indices.
@@ -61,8 +61,8 @@ impl ContactHistory {
     /// The anchor of a pair, if the pair touched in the last pass.
     pub(crate) fn anchor(&mut self, [first, second]: [u32; 2]) -> Option<[f64; 3]> {
         let is_before = |pair: &&Anchored| (pair.first, pair.second) < (first, second);
-        let passed = self.pairs[self.cursor..].iter().take_while(is_before);
-        self.cursor += passed.count();
+        let passed_pairs = self.pairs[self.cursor..].iter().take_while(is_before);
+        self.cursor += passed_pairs.count();
         let anchored = self.pairs.get(self.cursor)?;
         (anchored.first == first && anchored.second == second).then_some(anchored.anchor)
     }

@@ -28,39 +28,39 @@ impl Timeline {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn cut(&self, frame: u64, gestures: &[usize], stops: bool) -> Self {
-        let rate = self.rate.hertz();
-        let instant = frame as f64 / rate;
+        let frame_rate = self.rate.hertz();
+        let instant = frame as f64 / frame_rate;
         let is_before = |t: f64| t < instant - SAME;
         // A strike acts as long as it lasts, and a frame or a step of a part that is stepped less often.
-        let since = |strike: &Strike| {
-            let lasts = f64::from(strike.frames) / PARTS_A_SECOND;
-            frame.saturating_sub(GRID) as f64 / rate - lasts
+        let acts_since = |strike: &Strike| {
+            let duration = f64::from(strike.frames) / PARTS_A_SECOND;
+            frame.saturating_sub(GRID) as f64 / frame_rate - duration
         };
         let gestures = gestures
             .iter()
             .filter_map(|&index| self.gestures.get(index));
-        let gates = self.gates.iter();
-        let glides = self.glides.iter().filter(|glide| !glide.is_over(frame));
-        let leads = self.leads.iter().filter(|lead| !lead.is_over(frame));
+        let former_gates = self.gates.iter();
+        let running_glides = self.glides.iter().filter(|glide| !glide.is_over(frame));
+        let running_leads = self.leads.iter().filter(|lead| !lead.is_over(frame));
         let strikes = self.strikes.iter();
         // All ergons before the frame stay: without any, a body would go by its modes, which must be solved first.
-        let ergons = self.ergons.iter().filter(|ergon| is_before(ergon.instant));
+        let past_ergons = self.ergons.iter().filter(|ergon| is_before(ergon.instant));
         Self {
             rate: self.rate,
             keys: self.keys.clone(),
             gestures: gestures.cloned().collect(),
             strikes: strikes
-                .filter(|strike| strike.instant >= since(strike) && is_before(strike.instant))
+                .filter(|strike| strike.instant >= acts_since(strike) && is_before(strike.instant))
                 .copied()
                 .collect(),
-            ergons: ergons.copied().collect(),
-            gates: gates
+            ergons: past_ergons.copied().collect(),
+            gates: former_gates
                 .filter_map(|gate| self.gate_after(gate, frame, stops))
                 .collect(),
             drives: self.drives.clone(),
             sounds_in: self.sounds_in.clone(),
-            glides: glides.cloned().collect(),
-            leads: leads.cloned().collect(),
+            glides: running_glides.cloned().collect(),
+            leads: running_leads.cloned().collect(),
             oversampling: self.oversampling,
             is_open: self.is_open,
             is_unguarded: self.is_unguarded,
@@ -69,12 +69,12 @@ impl Timeline {
 
     /// Let nothing move the parameters of these MATs and links any more; rows of (first, number).
     pub fn release(&mut self, mats: &[(usize, usize)], links: &[(usize, usize)]) {
-        let is_in = |rows: &[(usize, usize)], index: usize| {
-            let mut rows = rows.iter();
-            rows.any(|&(first, n)| (first..first.saturating_add(n)).contains(&index))
+        let is_released = |row_ranges: &[(usize, usize)], index: usize| {
+            let mut row_ranges = row_ranges.iter();
+            row_ranges.any(|&(first, n)| (first..first.saturating_add(n)).contains(&index))
         };
-        self.glides.retain(|glide| !is_in(mats, glide.mat));
-        self.leads.retain(|lead| !is_in(links, lead.link));
+        self.glides.retain(|glide| !is_released(mats, glide.mat));
+        self.leads.retain(|lead| !is_released(links, lead.link));
     }
 
     /// A gate from `frame` on; `None` if it was a glide that is over. The gate of a coupling stays, for the plan goes by
@@ -100,15 +100,15 @@ impl Timeline {
 impl Glide {
     /// Whether it has ended by `frame`, at the values of the network.
     fn is_over(&self, frame: u64) -> bool {
-        let last = self.points.last();
-        last.is_some_and(|(stop, ties)| ties.is_none() && *stop <= frame)
+        let last_point = self.points.last();
+        last_point.is_some_and(|(stop, ties)| ties.is_none() && *stop <= frame)
     }
 }
 
 impl Lead {
     /// Whether it has ended by `frame`, at the values of the network.
     fn is_over(&self, frame: u64) -> bool {
-        let last = self.points().last();
-        last.is_some_and(|(stop, factors)| *factors == [1.0; 2] && *stop <= frame)
+        let last_point = self.points().last();
+        last_point.is_some_and(|(stop, factors)| *factors == [1.0; 2] && *stop <= frame)
     }
 }

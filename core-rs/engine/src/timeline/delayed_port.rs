@@ -27,19 +27,19 @@ impl Timeline {
         if !(0.0..=DELAY_MAX).contains(&delay) {
             return Err(StrikeError::Value("a delay", " from 0 to 1 s", delay));
         }
-        let source = Source::Key(DelayedPort { key, delay });
-        self.drive(port, DriveKind::Position, source, false)
+        let key_source = Source::Key(DelayedPort { key, delay });
+        self.drive(port, DriveKind::Position, key_source, false)
     }
 
     /// The ports of keys whose forces are delayed: each port with its key.
     pub(crate) fn ports(&self) -> impl Iterator<Item = (usize, usize)> {
-        let pair = |drive: &Drive| Some((drive.mat, drive.port()?.key));
-        self.drives.iter().filter_map(pair)
+        let port_pair = |drive: &Drive| Some((drive.mat, drive.port()?.key));
+        self.drives.iter().filter_map(port_pair)
     }
 
     /// The MATs that drives move or push, with the keys that delayed ports push.
     pub(crate) fn driven(&self) -> impl Iterator<Item = usize> {
-        let drives = self.drives.iter().map(|drive| drive.mat);
-        drives.chain(self.ports().map(|(_, key)| key))
+        let driven_mats = self.drives.iter().map(|drive| drive.mat);
+        driven_mats.chain(self.ports().map(|(_, key)| key))
     }
 }

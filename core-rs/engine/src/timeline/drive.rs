@@ -76,9 +76,9 @@ impl Drive {
             } => {
                 // A position in a frame is the input value of the frame before. A force is asked for only at the start,
                 // when nobody knows yet what will be played.
-                let frame = (n / u64::from(*steps)).checked_sub(1);
-                let frame = frame.filter(|_| self.kind == DriveKind::Position);
-                frame.map_or(0.0, |frame| scale * sound.value(frame))
+                let sound_frame = (n / u64::from(*steps)).checked_sub(1);
+                let sound_frame = sound_frame.filter(|_| self.kind == DriveKind::Position);
+                sound_frame.map_or(0.0, |sound_frame| scale * sound.value(sound_frame))
             }
         }
     }

@@ -38,8 +38,8 @@ impl Ramp {
         if n >= self.stop {
             return self.to;
         }
-        let into = n.saturating_sub(self.start) as f64;
-        self.from + (self.to - self.from) * (into / (self.stop - self.start) as f64)
+        let frames_passed = n.saturating_sub(self.start) as f64;
+        self.from + (self.to - self.from) * (frames_passed / (self.stop - self.start) as f64)
     }
 
     /// The same event at `oversampling` times the rate.
@@ -112,26 +112,26 @@ impl Gate {
 
     /// Factor of the force at frame `n`: a fade by 3u² − 2u³, so that the force never jumps, times the glide.
     pub(crate) fn open(&self, n: u64) -> f64 {
-        let risen = self.start.map_or(1.0, |start| self.ramp(n, start));
-        let fallen = self.stop.map_or(0.0, |stop| self.ramp(n, stop));
-        let open = risen - fallen;
-        self.ramp.map_or(open, |ramp| open * ramp.factor(n))
+        let rise_factor = self.start.map_or(1.0, |start| self.ramp(n, start));
+        let fall_factor = self.stop.map_or(0.0, |stop| self.ramp(n, stop));
+        let openness = rise_factor - fall_factor;
+        self.ramp.map_or(openness, |ramp| openness * ramp.factor(n))
     }
 
     /// The first frame, `n` or later, at which the factor may change, including the continuation from a replaced
     /// version.
     pub(crate) fn due(&self, continuation: Option<&GateContinuation>, n: u64) -> u64 {
-        let since = continuation.map(|continuation| continuation.since);
-        let fades = [self.start, self.stop, since].into_iter().flatten();
-        let fades = fades.map(|start| (start, start + self.fade));
-        let ways = fades.chain(self.ramp.map(|ramp| (ramp.start, ramp.stop)));
-        let due = ways.filter(|way| way.1 > n).map(|way| way.0.max(n));
-        due.min().unwrap_or(u64::MAX)
+        let fade_since = continuation.map(|continuation| continuation.since);
+        let fade_spans = [self.start, self.stop, fade_since].into_iter().flatten();
+        let fade_spans = fade_spans.map(|start| (start, start + self.fade));
+        let change_spans = fade_spans.chain(self.ramp.map(|ramp| (ramp.start, ramp.stop)));
+        let due_frames = change_spans.filter(|way| way.1 > n).map(|way| way.0.max(n));
+        due_frames.min().unwrap_or(u64::MAX)
     }
 
     fn ramp(&self, n: u64, start: u64) -> f64 {
-        let u = (n.saturating_sub(start) as f64 / self.fade as f64).min(1.0);
-        u * u * (3.0 - 2.0 * u)
+        let fade_share = (n.saturating_sub(start) as f64 / self.fade as f64).min(1.0);
+        fade_share * fade_share * (3.0 - 2.0 * fade_share)
     }
 }
 
@@ -153,8 +153,8 @@ impl GateContinuation {
         let opening = gate.open(n);
         match continuation {
             Some(continuation) if n < continuation.since + gate.fade => {
-                let share = gate.ramp(n, continuation.since);
-                continuation.from + (opening - continuation.from) * share
+                let fade_share = gate.ramp(n, continuation.since);
+                continuation.from + (opening - continuation.from) * fade_share
             }
             _ => opening,
         }
@@ -199,31 +199,31 @@ impl Timeline {
         stop: Option<f64>,
         fade: f64,
     ) -> Result<(), Error> {
-        let refuse = |message: &str| {
+        let refusal = |message: &str| {
             Err(Error::Refused {
                 module: network.link_name(link),
                 message: message.to_owned(),
             })
         };
         match network.run_of(link) {
-            None => return refuse("there is no such link"),
+            None => return refusal("there is no such link"),
             Some(run) if run.len > 1 => {
-                return refuse("a link inside a generator cannot be switched on and off");
+                return refusal("a link inside a generator cannot be switched on and off");
             }
             Some(_) => {}
         }
-        let known = self.gates.iter().position(|gate| gate.link == link);
-        if known.is_some_and(|at| !self.gates[at].is_ramp()) {
-            return refuse("the link already has a schedule");
+        let gate_index = self.gates.iter().position(|gate| gate.link == link);
+        if gate_index.is_some_and(|at| !self.gates[at].is_ramp()) {
+            return refusal("the link already has a schedule");
         }
         if !(fade > 0.0 && fade.is_finite()) {
-            return refuse("the time of a fade must be above 0 s");
+            return refusal("the time of a fade must be above 0 s");
         }
         if !start.is_finite() || stop.is_some_and(|stop| !stop.is_finite()) {
-            return refuse("a coupling must begin and end at finite instants");
+            return refusal("a coupling must begin and end at finite instants");
         }
         if stop.is_some_and(|stop| stop <= start.max(0.0)) {
-            return refuse("a coupling must end after it begins, and after 0 s");
+            return refusal("a coupling must end after it begins, and after 0 s");
         }
         let on_grid = |t: f64| self.on_grid(t);
         // A coupling without a start does not fade in.
@@ -238,9 +238,9 @@ impl Timeline {
             start,
             stop: stop.map(on_grid),
             fade: ((fade * self.rate.hertz()) as u64).div_ceil(GRID).max(1) * GRID,
-            ramp: known.and_then(|at| self.gates[at].ramp),
+            ramp: gate_index.and_then(|at| self.gates[at].ramp),
         };
-        match known {
+        match gate_index {
             Some(at) => self.gates[at] = gate,
             None => self.gates.push(gate),
         }
@@ -260,17 +260,17 @@ impl Timeline {
         (from, to): (f64, f64),
         (start, stop): (f64, f64),
     ) -> Result<(), Error> {
-        let refuse = |message: &str| {
+        let refusal = |message: &str| {
             Err(Error::Refused {
                 module: network.link_name(link),
                 message: message.to_owned(),
             })
         };
-        let begins = |link: usize| network.run_of(link).is_some_and(|run| run.first == link);
-        let end = link.saturating_add(n);
-        let is_end = end == network.n_lia() || begins(end);
-        if n == 0 || !begins(link) || !is_end {
-            return refuse(
+        let begins_row = |link: usize| network.run_of(link).is_some_and(|run| run.first == link);
+        let links_end = link.saturating_add(n);
+        let ends_row = links_end == network.n_lia() || begins_row(links_end);
+        if n == 0 || !begins_row(link) || !ends_row {
+            return refusal(
                 "this link is one of a row of links, which can glide only together; name the row",
             );
         }
@@ -278,29 +278,29 @@ impl Timeline {
             .iter()
             .all(|factor| factor.is_finite() && *factor >= 0.0)
         {
-            return refuse("both factors of a glide must be 0 or more");
+            return refusal("both factors of a glide must be 0 or more");
         }
         if !(start.is_finite() && stop.is_finite() && start >= 0.0) {
-            return refuse("a glide must begin and end at finite instants, at 0 s or later");
+            return refusal("a glide must begin and end at finite instants, at 0 s or later");
         }
         let (start, stop) = (self.on_grid(start), self.on_grid(stop));
         if stop <= start {
-            return refuse("a glide must last 64 samples at least");
+            return refusal("a glide must last 64 samples at least");
         }
-        let ours = link..end;
-        let known = self
+        let faded_links = link..links_end;
+        let known_gate = self
             .gates
             .iter_mut()
-            .find(|gate| gate.links().any(|own| ours.contains(&own)));
+            .find(|gate| gate.links().any(|own| faded_links.contains(&own)));
         let ramp = Some(Ramp {
             from,
             to,
             start,
             stop,
         });
-        match known {
-            Some(gate) if gate.ramp.is_none() && gate.links() == ours => gate.ramp = ramp,
-            Some(_) => return refuse("the link already glides at that time"),
+        match known_gate {
+            Some(gate) if gate.ramp.is_none() && gate.links() == faded_links => gate.ramp = ramp,
+            Some(_) => return refusal("the link already glides at that time"),
             None => self.gates.push(Gate {
                 link,
                 len: n,

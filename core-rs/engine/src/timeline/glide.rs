@@ -21,9 +21,9 @@ pub(crate) struct Glide {
 impl Glide {
     /// The same event at `oversampling` times the rate.
     pub(super) fn faster(&self, oversampling: u64) -> Self {
-        let points = self.points.iter();
+        let slow_points = self.points.iter();
         Self {
-            points: points
+            points: slow_points
                 .map(|&(frame, ties)| (frame * oversampling, ties))
                 .collect(),
             ..*self
@@ -65,8 +65,8 @@ impl Timeline {
         ties: Ties,
         (start, stop): (f64, f64),
     ) -> Result<(), Error> {
-        let points = [(start, Some(ties)), (stop, None)];
-        self.glide_along(network, mat, &points)?;
+        let end_points = [(start, Some(ties)), (stop, None)];
+        self.glide_along(network, mat, &end_points)?;
         Ok(())
     }
 
@@ -82,8 +82,8 @@ impl Timeline {
         points: &[(f64, Ties)],
     ) -> Result<(), Error> {
         let points: Vec<_> = points.iter().map(|&(at, ties)| (at, Some(ties))).collect();
-        let frames = self.glide_along(network, mat, &points)?;
-        debug_assert!(frames > 0);
+        let glide_count = self.glide_along(network, mat, &points)?;
+        debug_assert!(glide_count > 0);
         Ok(())
     }
 
@@ -98,25 +98,29 @@ impl Timeline {
         (first, n): (usize, usize),
         points: &[(f64, [f64; 2])],
     ) -> Result<(), Error> {
-        let mats = network.mats();
+        let network_mats = network.mats();
         for mat in first..first + n {
-            let part = network.parts().get(mats.part[mat] as usize);
-            let is_ca = part.is_some_and(|part| part.ca_rate.is_some());
-            if mats.kind[mat] != MatKind::Cel || is_ca {
+            let mat_part = network.parts().get(network_mats.part[mat] as usize);
+            let is_ca_part = mat_part.is_some_and(|mat_part| mat_part.ca_rate.is_some());
+            if network_mats.kind[mat] != MatKind::Cel || is_ca_part {
                 return Err(Error::Refused {
                     module: network.mat_name(mat),
                     message: "only a CEL with K and Z in SI units has a pitch that can glide"
                         .to_owned(),
                 });
             }
-            let (m, k, z) = (mats.m[mat], mats.k[mat], mats.z[mat]);
+            let (m, k, z) = (
+                network_mats.m[mat],
+                network_mats.k[mat],
+                network_mats.z[mat],
+            );
             let sigma = 0.5 * z / m;
-            let square = (k / m - sigma * sigma).max(0.0);
+            let omega_square = (k / m - sigma * sigma).max(0.0);
             let numbers = points
                 .iter()
                 .map(|&(instant, [square_ratio, sigma_ratio])| {
                     let sigma = sigma_ratio * sigma;
-                    let k = m * (square_ratio * square + sigma * sigma);
+                    let k = m * (square_ratio * omega_square + sigma * sigma);
                     (instant, [k, 2.0 * m * sigma, m])
                 });
             self.path(network, mat, &numbers.collect::<Vec<_>>())?;
@@ -130,52 +134,55 @@ impl Timeline {
         mat: usize,
         points: &[(f64, Option<Ties>)],
     ) -> Result<usize, Error> {
-        let refuse = |message: &str| {
+        let refusal = |message: &str| {
             Err(Error::Refused {
                 module: network.mat_name(mat),
                 message: message.to_owned(),
             })
         };
         if !network.mats().kind[mat].moves() {
-            return refuse("a fixed point has no parameter that can glide");
+            return refusal("a fixed point has no parameter that can glide");
         }
         if self.glides.iter().any(|glide| glide.mat == mat) {
-            return refuse("it glides already");
+            return refusal("it glides already");
         }
-        let is_good = |x: f64| x.is_finite() && x >= 0.0;
-        let is_tie = |&[k, z, m]: &Ties| [k, z, m].into_iter().all(is_good) && m > 0.0;
+        let is_nonnegative = |x: f64| x.is_finite() && x >= 0.0;
+        let is_tie_valid = |&[k, z, m]: &Ties| [k, z, m].into_iter().all(is_nonnegative) && m > 0.0;
         if !points
             .iter()
             .filter_map(|(_, ties)| ties.as_ref())
-            .all(is_tie)
+            .all(is_tie_valid)
         {
-            return refuse("a glide needs K and Z of 0 or more, and M above 0");
+            return refusal("a glide needs K and Z of 0 or more, and M above 0");
         }
         if points.is_empty()
             || !points
                 .iter()
                 .all(|&(instant, _)| instant.is_finite() && instant >= 0.0)
         {
-            return refuse("a glide must begin and end at finite instants, at 0 s or later");
+            return refusal("a glide must begin and end at finite instants, at 0 s or later");
         }
         if points.windows(2).any(|pair| pair[1].0 < pair[0].0) {
-            return refuse("the points of a glide must rise in time");
+            return refusal("the points of a glide must rise in time");
         }
-        let is_pair = points.len() == 2 && points[1].1.is_none();
-        let mut placed: Vec<(u64, Option<Ties>)> = Vec::with_capacity(points.len());
+        let is_plain_glide = points.len() == 2 && points[1].1.is_none();
+        let mut grid_points: Vec<(u64, Option<Ties>)> = Vec::with_capacity(points.len());
         for &(instant, ties) in points {
-            let frame = self.on_grid(instant);
-            if placed.last().is_some_and(|&(last, _)| last == frame) {
-                if is_pair {
-                    return refuse("a glide must last 64 samples at least");
+            let grid_frame = self.on_grid(instant);
+            if grid_points
+                .last()
+                .is_some_and(|&(last, _)| last == grid_frame)
+            {
+                if is_plain_glide {
+                    return refusal("a glide must last 64 samples at least");
                 }
-                placed.pop();
+                grid_points.pop();
             }
-            placed.push((frame, ties));
+            grid_points.push((grid_frame, ties));
         }
         self.glides.push(Glide {
             mat,
-            points: placed.into(),
+            points: grid_points.into(),
         });
         Ok(self.glides.len())
     }

@@ -37,9 +37,12 @@ pub struct Hand {
 impl Hand {
     /// Position at frame `n` if no device sends another [m].
     pub(crate) fn position(&self, n: u64) -> f64 {
-        let tick = usize::try_from(n / u64::from(self.tick_frames)).unwrap_or(usize::MAX);
-        let last = self.positions.len().saturating_sub(1);
-        self.positions.get(tick.min(last)).copied().unwrap_or(0.0)
+        let tick_index = usize::try_from(n / u64::from(self.tick_frames)).unwrap_or(usize::MAX);
+        let last_index = self.positions.len().saturating_sub(1);
+        self.positions
+            .get(tick_index.min(last_index))
+            .copied()
+            .unwrap_or(0.0)
     }
 
     /// The hand at `oversampling` times the rate.
@@ -84,12 +87,13 @@ impl Timeline {
         if !(1..=TICK_MAX).contains(&tick_frames) {
             return Err(StrikeError::Tick(tick_frames));
         }
-        if let Some(&wrong) = positions.iter().find(|x| !x.is_finite()) {
-            return Err(StrikeError::Value("a hand's position", "", wrong));
+        if let Some(&wrong_position) = positions.iter().find(|x| !x.is_finite()) {
+            return Err(StrikeError::Value("a hand's position", "", wrong_position));
         }
-        let other = self.hands().next().map(|hand| hand.tick_frames);
-        if let Some(other) = other.filter(|&other| other != tick_frames) {
-            return Err(StrikeError::TickDiffers(other, tick_frames));
+        let other_frames = self.hands().next().map(|hand| hand.tick_frames);
+        if let Some(other_frames) = other_frames.filter(|&other_frames| other_frames != tick_frames)
+        {
+            return Err(StrikeError::TickDiffers(other_frames, tick_frames));
         }
         let index = self.hands().count();
         let positions = match positions {

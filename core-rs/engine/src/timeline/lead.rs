@@ -24,16 +24,20 @@ pub(crate) struct Lead {
 impl Lead {
     /// The factors at frame `n` plus the fraction `part` of a frame.
     pub(crate) fn factors(&self, n: u64, part: f64) -> Factors {
-        let next = self.points.partition_point(|&(frame, _)| frame <= n);
-        let Some(&(start, from)) = next.checked_sub(1).and_then(|last| self.points.get(last))
+        let next_index = self.points.partition_point(|&(frame, _)| frame <= n);
+        let Some(&(start_frame, start_factors)) = next_index
+            .checked_sub(1)
+            .and_then(|last| self.points.get(last))
         else {
             return self.points[0].1;
         };
-        let Some(&(stop, to)) = self.points.get(next) else {
-            return from;
+        let Some(&(stop_frame, stop_factors)) = self.points.get(next_index) else {
+            return start_factors;
         };
-        let share = ((n - start) as f64 + part) / (stop - start) as f64;
-        std::array::from_fn(|i| from[i] + (to[i] - from[i]) * share)
+        let passed_share = ((n - start_frame) as f64 + part) / (stop_frame - start_frame) as f64;
+        std::array::from_fn(|i| {
+            start_factors[i] + (stop_factors[i] - start_factors[i]) * passed_share
+        })
     }
 
     /// Whether its factors are those of another lead at all times.
@@ -53,17 +57,17 @@ impl Lead {
 
     /// The greatest factor of K and the greatest of Z.
     fn greatest(&self) -> Factors {
-        let all = self.points.iter().map(|&(_, factors)| factors);
-        all.fold([0.0; 2], |most, own| {
+        let point_factors = self.points.iter().map(|&(_, factors)| factors);
+        point_factors.fold([0.0; 2], |most, own| {
             std::array::from_fn(|i| f64::max(most[i], own[i]))
         })
     }
 
     /// The same event at `oversampling` times the rate.
     pub(super) fn faster(&self, oversampling: u64) -> Self {
-        let points = self.points.iter();
+        let slow_points = self.points.iter();
         Self {
-            points: points
+            points: slow_points
                 .map(|&(frame, factors)| (frame * oversampling, factors))
                 .collect(),
             ..*self
@@ -111,31 +115,34 @@ pub(crate) fn greatest(network: &Network, leads: &[Lead]) -> Result<Network, Err
 /// # Errors
 /// As [`greatest`].
 pub(crate) fn first(network: &Network, leads: &[Lead]) -> Result<Network, Error> {
-    let mut begun = network.clone();
+    let mut start_network = network.clone();
     for lead in leads {
-        begun.scale(lead.links(), lead.factors(0, 0.0))?;
+        start_network.scale(lead.links(), lead.factors(0, 0.0))?;
     }
-    Ok(begun)
+    Ok(start_network)
 }
 
 /// The first frame, `n` or later, at which a value that is linear between points (frames, rising) may change.
 pub(crate) fn next_change<T: PartialEq>(points: &[(u64, T)], n: u64) -> u64 {
-    let ways = points.windows(2);
-    let mut left = ways.filter(|way| way[1].0 > n && way[0].1 != way[1].1);
-    left.next().map_or(u64::MAX, |way| way[0].0.max(n))
+    let point_pairs = points.windows(2);
+    let mut later_changes = point_pairs.filter(|way| way[1].0 > n && way[0].1 != way[1].1);
+    later_changes.next().map_or(u64::MAX, |way| way[0].0.max(n))
 }
 
 /// Points (frames, rising) at the rate divided by `every`; of points that fall on one frame the last is kept.
 pub(super) fn slower_points<T: Copy>(points: &[(u64, T)], every: u64) -> Arc<[(u64, T)]> {
-    let mut placed: Vec<(u64, T)> = Vec::with_capacity(points.len());
-    for &(frame, value) in points {
-        let frame = nearest_frame(frame, every);
-        if placed.last().is_some_and(|&(last, _)| last == frame) {
-            placed.pop();
+    let mut grid_points: Vec<(u64, T)> = Vec::with_capacity(points.len());
+    for &(point_frame, value) in points {
+        let point_frame = nearest_frame(point_frame, every);
+        if grid_points
+            .last()
+            .is_some_and(|&(last, _)| last == point_frame)
+        {
+            grid_points.pop();
         }
-        placed.push((frame, value));
+        grid_points.push((point_frame, value));
     }
-    placed.into()
+    grid_points.into()
 }
 
 impl Timeline {
@@ -162,56 +169,59 @@ impl Timeline {
         (link, n): (usize, usize),
         points: &[(f64, Factors)],
     ) -> Result<(), Error> {
-        let refuse = |message: &str| {
+        let refusal = |message: &str| {
             Err(Error::Refused {
                 module: network.link_name(link),
                 message: message.to_owned(),
             })
         };
-        let begins = |link: usize| network.run_of(link).is_some_and(|run| run.first == link);
-        let end = link.saturating_add(n);
-        if n == 0 || !begins(link) || !(end == network.n_lia() || begins(end)) {
-            return refuse(
+        let begins_row = |link: usize| network.run_of(link).is_some_and(|run| run.first == link);
+        let links_end = link.saturating_add(n);
+        if n == 0 || !begins_row(link) || !(links_end == network.n_lia() || begins_row(links_end)) {
+            return refusal(
                 "this link is one of a row of links, which can glide only together; name the row",
             );
         }
-        let ours = link..end;
-        let runs = network.runs().iter();
-        let mut runs = runs.filter(|run| ours.contains(&run.first));
-        if !runs.all(|run| has_stiffness(network, run)) {
-            return refuse(
+        let led_links = link..links_end;
+        let led_runs = network.runs().iter();
+        let mut led_runs = led_runs.filter(|run| led_links.contains(&run.first));
+        if !led_runs.all(|run| has_stiffness(network, run)) {
+            return refusal(
                 "a link with a law of its own, a magic contact or a link with algorithmic values cannot glide",
             );
         }
         if self
             .leads
             .iter()
-            .any(|lead| lead.links().any(|own| ours.contains(&own)))
+            .any(|lead| lead.links().any(|own| led_links.contains(&own)))
         {
-            return refuse("the link already glides at that time");
+            return refusal("the link already glides at that time");
         }
-        let is_good = |x: &f64| x.is_finite() && *x >= 0.0;
+        let is_nonnegative = |x: &f64| x.is_finite() && *x >= 0.0;
         if !points
             .iter()
-            .all(|(instant, factors)| is_good(instant) && factors.iter().all(is_good))
+            .all(|(instant, factors)| is_nonnegative(instant) && factors.iter().all(is_nonnegative))
         {
-            return refuse("a glide needs finite instants, and factors of 0 or more");
+            return refusal("a glide needs finite instants, and factors of 0 or more");
         }
         if points.is_empty() || points.windows(2).any(|pair| pair[1].0 < pair[0].0) {
-            return refuse("the points of a glide must rise in time");
+            return refusal("the points of a glide must rise in time");
         }
-        let mut placed: Vec<(u64, Factors)> = Vec::with_capacity(points.len());
+        let mut grid_points: Vec<(u64, Factors)> = Vec::with_capacity(points.len());
         for &(instant, factors) in points {
-            let frame = self.on_grid(instant);
-            if placed.last().is_some_and(|&(last, _)| last == frame) {
-                placed.pop();
+            let grid_frame = self.on_grid(instant);
+            if grid_points
+                .last()
+                .is_some_and(|&(last, _)| last == grid_frame)
+            {
+                grid_points.pop();
             }
-            placed.push((frame, factors));
+            grid_points.push((grid_frame, factors));
         }
         self.leads.push(Lead {
             link,
             len: n,
-            points: placed.into(),
+            points: grid_points.into(),
         });
         Ok(())
     }
@@ -219,11 +229,11 @@ impl Timeline {
 
 /// Whether K and Z of a run can be multiplied by factors. A shared tension has neither, and does not change.
 fn has_stiffness(network: &Network, run: &Run) -> bool {
-    let is_ca = network
+    let is_ca_part = network
         .parts()
         .get(run.part)
         .is_some_and(|part| part.ca_rate.is_some());
-    !is_ca
+    !is_ca_part
         && match &run.kind {
             LinkKind::Ref
             | LinkKind::Bristle(_)

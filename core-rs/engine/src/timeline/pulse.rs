@@ -24,22 +24,26 @@ const PARTS_MIN: f64 = 3.0;
 
 /// How long a strike of `lasts` [s] is, in 1/44,100 s; 1: it acts at one instant.
 pub(super) fn n_parts(lasts: f64) -> u32 {
-    let parts = (lasts * PARTS_A_SECOND).round();
-    if parts < PARTS_MIN { 1 } else { parts as u32 }
+    let part_count = (lasts * PARTS_A_SECOND).round();
+    if part_count < PARTS_MIN {
+        1
+    } else {
+        part_count as u32
+    }
 }
 
 /// Parts after the first instant and shares of the impulse: Blackman's window (Harris, Proc. IEEE 66, 1978), whose
 /// `n_parts` samples add up to 0.42 · `n_parts`.
 fn shares(n_parts: u32) -> impl Iterator<Item = (u32, f64)> {
-    let sum = 0.42 * f64::from(n_parts);
-    let share = move |part: u32| {
-        let angle = TAU * f64::from(part) / f64::from(n_parts);
-        (0.42 - 0.5 * cos(angle) + 0.08 * cos(2.0 * angle)) / sum
+    let window_sum = 0.42 * f64::from(n_parts);
+    let part_share = move |part: u32| {
+        let window_angle = TAU * f64::from(part) / f64::from(n_parts);
+        (0.42 - 0.5 * cos(window_angle) + 0.08 * cos(2.0 * window_angle)) / window_sum
     };
     let instant = (n_parts == 1).then_some((0, 1.0));
     instant
         .into_iter()
-        .chain((1..n_parts).map(move |part| (part, share(part))))
+        .chain((1..n_parts).map(move |part| (part, part_share(part))))
 }
 
 /// A part of a strike: an impulse at one instant.
@@ -67,21 +71,25 @@ impl Timeline {
     /// The parts of a strike, by rising frame. They are 1/44,100 s apart whatever the rate of this timeline, so that
     /// the force is the same at any rate.
     pub(crate) fn parts(&self, strike: &Strike, instants: Instants) -> impl Iterator<Item = Part> {
-        let (begin, impulse, rate) = (strike.instant, strike.impulse, self.rate.hertz());
-        let spacing = rate / PARTS_A_SECOND;
-        let first = match instants {
+        let (strike_instant, impulse, frame_rate) =
+            (strike.instant, strike.impulse, self.rate.hertz());
+        let spacing = frame_rate / PARTS_A_SECOND;
+        let first_frame = match instants {
             Instants::Exact => 0,
-            Instants::OfScore => score_frame(begin, rate, self.oversampling),
-            Instants::Nearest => frame(begin, rate),
+            Instants::OfScore => score_frame(strike_instant, frame_rate, self.oversampling),
+            Instants::Nearest => frame(strike_instant, frame_rate),
         };
         shares(strike.frames).map(move |(after, share)| {
             let after = f64::from(after) * spacing;
             let (frame, alpha) = if matches!(instants, Instants::Exact) {
-                let frames = begin * rate + after;
-                let n = floor_frame(frames);
-                (n, (frames - n as f64).clamp(0.0, 1.0))
+                let exact_frame = strike_instant * frame_rate + after;
+                let frame_floor = floor_frame(exact_frame);
+                (
+                    frame_floor,
+                    (exact_frame - frame_floor as f64).clamp(0.0, 1.0),
+                )
             } else {
-                (first.saturating_add(after.round() as u64), 0.0)
+                (first_frame.saturating_add(after.round() as u64), 0.0)
             };
             Part {
                 frame,
@@ -93,16 +101,20 @@ impl Timeline {
 
     /// Instants [s] and impulses [N·s] of which a strike consists.
     pub(super) fn impulses_of(&self, strike: &Strike) -> impl Iterator<Item = (f64, f64)> {
-        let (begin, impulse) = (strike.instant, strike.impulse);
-        let step = 1.0 / PARTS_A_SECOND;
-        shares(strike.frames)
-            .map(move |(after, share)| (begin + f64::from(after) * step, share * impulse))
+        let (strike_instant, impulse) = (strike.instant, strike.impulse);
+        let part_spacing = 1.0 / PARTS_A_SECOND;
+        shares(strike.frames).map(move |(after, share)| {
+            (
+                strike_instant + f64::from(after) * part_spacing,
+                share * impulse,
+            )
+        })
     }
 
     /// Whether strikes on each part of a network act on whole frames: under `ca` and on keys   (n_parts)
     pub(super) fn on_frames(&self, network: &Network) -> Vec<bool> {
-        let parts = network.parts().iter();
-        let mut on_frames: Vec<bool> = parts.map(|part| part.ca_rate.is_some()).collect();
+        let network_parts = network.parts().iter();
+        let mut on_frames: Vec<bool> = network_parts.map(|part| part.ca_rate.is_some()).collect();
         for key in &self.keys {
             on_frames[network.mats().part[key.struck] as usize] = true;
         }
@@ -118,16 +130,16 @@ impl Timeline {
             frames,
             impulse: 1.0,
         };
-        let mut steps = Vec::new();
+        let mut step_shares = Vec::new();
         for part in self.parts(&strike, Instants::Exact) {
-            let step = part.frame as usize;
-            steps.resize(steps.len().max(step + 2), 0.0);
-            steps[step] += (1.0 - part.alpha) * part.impulse;
-            steps[step + 1] += part.alpha * part.impulse;
+            let step_index = part.frame as usize;
+            step_shares.resize(step_shares.len().max(step_index + 2), 0.0);
+            step_shares[step_index] += (1.0 - part.alpha) * part.impulse;
+            step_shares[step_index + 1] += part.alpha * part.impulse;
         }
-        while steps.last() == Some(&0.0) {
-            steps.pop();
+        while step_shares.last() == Some(&0.0) {
+            step_shares.pop();
         }
-        steps
+        step_shares
     }
 }

@@ -28,16 +28,22 @@ pub(crate) fn pushes(
     timeline: &Timeline,
     is_alone: impl Fn(usize) -> bool,
 ) -> Vec<Push> {
-    let (rate, mats) = (timeline.rate, network.mats());
+    let (frame_rate, network_mats) = (timeline.rate, network.mats());
     let on_frames = timeline.on_frames(network);
     let mut pushes: Vec<Push> = Vec::with_capacity(timeline.strikes.len());
     for strike in &timeline.strikes {
-        let mat = strike.mat as usize;
-        let is_whole = on_frames[mats.part[mat] as usize];
-        let cell = (mats.kind[mat] == MatKind::Cel && is_alone(mat))
-            .then(|| Cell::new(mats.m[mat], mats.k[mat], mats.z[mat]));
-        let first = pushes.len();
-        let mut push = |frame: u64, force: f64| match pushes[first..].last_mut() {
+        let struck_mat = strike.mat as usize;
+        let is_whole = on_frames[network_mats.part[struck_mat] as usize];
+        let lone_cell = (network_mats.kind[struck_mat] == MatKind::Cel && is_alone(struck_mat))
+            .then(|| {
+                Cell::new(
+                    network_mats.m[struck_mat],
+                    network_mats.k[struck_mat],
+                    network_mats.z[struck_mat],
+                )
+            });
+        let first_push = pushes.len();
+        let mut push = |frame: u64, force: f64| match pushes[first_push..].last_mut() {
             _ if force == 0.0 => {}
             Some(before) if before.frame == frame => before.force += force,
             before => {
@@ -62,14 +68,15 @@ pub(crate) fn pushes(
             Instants::Exact
         };
         for part in timeline.parts(strike, instants) {
-            let [now, next] = match cell {
-                Some(cell) if !is_whole => cell.split(part.impulse, part.alpha, rate),
-                _ => {
-                    [1.0 - part.alpha, part.alpha].map(|share| share * part.impulse * rate.hertz())
+            let [force_now, force_next] = match lone_cell {
+                Some(lone_cell) if !is_whole => {
+                    lone_cell.split(part.impulse, part.alpha, frame_rate)
                 }
+                _ => [1.0 - part.alpha, part.alpha]
+                    .map(|share| share * part.impulse * frame_rate.hertz()),
             };
-            push(part.frame, now);
-            push(part.frame + 1, next);
+            push(part.frame, force_now);
+            push(part.frame + 1, force_next);
         }
     }
     pushes.sort_by_key(|push| push.frame);

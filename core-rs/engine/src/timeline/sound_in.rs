@@ -76,12 +76,12 @@ impl Conditioner {
 
     /// The value of the next sample [m or N]; a sample that is not finite counts as silence.
     pub fn next(&mut self, sample: f64) -> f64 {
-        let finite = if sample.is_finite() { sample } else { 0.0 };
-        let passed = match &mut self.section {
-            Some(section) => section.next(finite).high,
-            None => finite,
+        let finite_sample = if sample.is_finite() { sample } else { 0.0 };
+        let filtered = match &mut self.section {
+            Some(section) => section.next(finite_sample).high,
+            None => finite_sample,
         };
-        self.last = self.settings.scaled(passed);
+        self.last = self.settings.scaled(filtered);
         self.last
     }
 
@@ -127,8 +127,8 @@ pub struct SoundIn {
 impl SoundIn {
     /// The value from the file at a frame of the score [m or N].
     pub(crate) fn value(&self, frame: u64) -> f64 {
-        let index = usize::try_from(frame).unwrap_or(usize::MAX);
-        self.values.get(index).copied().unwrap_or(0.0)
+        let frame_index = usize::try_from(frame).unwrap_or(usize::MAX);
+        self.values.get(frame_index).copied().unwrap_or(0.0)
     }
 }
 
@@ -156,46 +156,46 @@ impl Timeline {
         settings: SoundInSettings,
         samples: &[f64],
     ) -> Result<usize, StrikeError> {
-        let rate = self.rate.hertz();
+        let frame_rate = self.rate.hertz();
         let index = self.sounds_in.len();
-        let wrong = |what, why, value| Err(StrikeError::Value(what, why, value));
+        let refusal = |what, requirement, value| Err(StrikeError::Value(what, requirement, value));
         if index == INPUTS_MAX {
-            return wrong("the number of inputs", " of 64 at most", index as f64 + 1.0);
+            return refusal("the number of inputs", " of 64 at most", index as f64 + 1.0);
         }
         if !settings.gain.is_finite() {
-            return wrong("the gain of an input", "", settings.gain);
+            return refusal("the gain of an input", "", settings.gain);
         }
         if !(settings.clamp > 0.0 && settings.clamp.is_finite()) {
-            return wrong("the clamp of an input", " above 0", settings.clamp);
+            return refusal("the clamp of an input", " above 0", settings.clamp);
         }
-        let mut frames = 1;
+        let mut glide_frames = 1;
         if let InputSource::Value { glide, .. } = settings.source {
             if !(0.0..=GLIDE_MAX).contains(&glide) {
-                return wrong("the glide of an input", " of seconds from 0 to 60", glide);
+                return refusal("the glide of an input", " of seconds from 0 to 60", glide);
             }
             if !settings.clamp_start().is_finite() {
-                return wrong("the gain of an input", " that is not 0", settings.gain);
+                return refusal("the gain of an input", " that is not 0", settings.gain);
             }
-            frames = ((glide * rate + 0.5) as u64).max(1);
+            glide_frames = ((glide * frame_rate + 0.5) as u64).max(1);
         }
         if let Some(cutoff) = settings.highpass
-            && !(cutoff > 0.0 && cutoff < 0.5 * rate)
+            && !(cutoff > 0.0 && cutoff < 0.5 * frame_rate)
         {
-            let why = " of hertz between 0 and half the rate";
-            return wrong("the high-pass of an input", why, cutoff);
+            let requirement = " of hertz between 0 and half the rate";
+            return refusal("the high-pass of an input", requirement, cutoff);
         }
-        let mut conditioner = Conditioner::new(settings, rate);
+        let mut conditioner = Conditioner::new(settings, frame_rate);
         let values: Arc<[f64]> = samples.iter().map(|&x| conditioner.next(x)).collect();
-        let mut sha = Sha256::new();
+        let mut sound_hash = Sha256::new();
         for value in &*values {
-            sha.update(value.to_le_bytes());
+            sound_hash.update(value.to_le_bytes());
         }
         self.sounds_in.push(SoundIn {
             index,
             settings,
-            glide: frames,
+            glide: glide_frames,
             values,
-            digest: sha.finalize().into(),
+            digest: sound_hash.finalize().into(),
         });
         Ok(index)
     }
@@ -216,13 +216,13 @@ impl Timeline {
         let Some(sound) = self.sounds_in.get(index).cloned() else {
             return Err(StrikeError::NoInput(index, self.sounds_in.len()));
         };
-        let source = Source::SoundIn {
+        let sound_source = Source::SoundIn {
             sound,
             scale: super::finite("scale", scale).map(|()| scale)?,
             steps: 1,
         };
         // The drive does not belong to the MAT's own part, because no written gesture knows what will be played.
-        self.drive(mat, kind, source, false)
+        self.drive(mat, kind, sound_source, false)
     }
 
     /// How the samples of each input are conditioned, in order of declaration.

@@ -12,11 +12,11 @@ fn network() -> Network {
     network.part("p", None);
     network.mas("a", 1e-2, 0.0, 0.0).unwrap();
     network.mas("b", 1e-2, 0.0, 0.0).unwrap();
-    let tie = Tie::Tuned {
+    let tuned_tie = Tie::Tuned {
         f: 440.0,
         t60: Some(1.0),
     };
-    network.cel("c", 1e-2, tie, 0.0, 0.0, 0.0).unwrap();
+    network.cel("c", 1e-2, tuned_tie, 0.0, 0.0, 0.0).unwrap();
     network.sol("d", 0.0).unwrap();
     network.spring("l", 0, 1, 1.0, 0.0, 0.0).unwrap();
     network
@@ -42,25 +42,35 @@ fn fades_lie_on_the_grid_without_jumps() {
             timeline.couple(&network(), 0, start, stop).unwrap();
             let gate = timeline.gates[0];
             assert_eq!(gate.fade % GRID, 0);
-            let fade = gate.fade as f64;
-            assert!((FADE * hertz..FADE * hertz + GRID as f64).contains(&fade));
-            for (frame, t) in [(gate.start, Some(start)), (gate.stop, stop)] {
-                let (Some(frame), Some(t)) = (frame, t) else {
+            let fade_frames = gate.fade as f64;
+            assert!((FADE * hertz..FADE * hertz + GRID as f64).contains(&fade_frames));
+            for (edge_frame, edge_time) in [(gate.start, Some(start)), (gate.stop, stop)] {
+                let (Some(edge_frame), Some(edge_time)) = (edge_frame, edge_time) else {
                     continue;
                 };
-                assert_eq!(frame % GRID, 0);
-                let wait = frame as f64 - t.max(0.0) * hertz;
-                assert!((-0.5..GRID as f64).contains(&wait), "{hertz} {t}: {wait}");
+                assert_eq!(edge_frame % GRID, 0);
+                let frame_delay = edge_frame as f64 - edge_time.max(0.0) * hertz;
+                assert!(
+                    (-0.5..GRID as f64).contains(&frame_delay),
+                    "{hertz} {edge_time}: {frame_delay}"
+                );
             }
-            let open: Vec<f64> = (0..(0.4 * hertz) as u64).map(|n| gate.open(n)).collect();
-            assert!(open.iter().all(|open| (0.0..=1.0).contains(open)));
-            assert_eq!(open[0], if start <= 0.0 { 1.0 } else { 0.0 });
-            assert_eq!(open[open.len() - 1], if stop.is_none() { 1.0 } else { 0.0 });
+            let openness: Vec<f64> = (0..(0.4 * hertz) as u64).map(|n| gate.open(n)).collect();
+            assert!(
+                openness
+                    .iter()
+                    .all(|openness| (0.0..=1.0).contains(openness))
+            );
+            assert_eq!(openness[0], if start <= 0.0 { 1.0 } else { 0.0 });
+            assert_eq!(
+                openness[openness.len() - 1],
+                if stop.is_none() { 1.0 } else { 0.0 }
+            );
             // C1: the second difference of 3u² − 2u³ is at most 6/fade² per frame, and twice that where two fades meet.
-            for three in open.windows(3) {
+            for three in openness.windows(3) {
                 let curvature = three[2] - 2.0 * three[1] + three[0];
                 assert!(
-                    curvature.abs() <= 12.0 / (fade * fade) + 1e-15,
+                    curvature.abs() <= 12.0 / (fade_frames * fade_frames) + 1e-15,
                     "{hertz} {start}: {curvature}"
                 );
             }
@@ -73,43 +83,51 @@ fn fades_lie_on_the_grid_without_jumps() {
 fn fades_with_length_and_factor() {
     let hertz = 44_100.0;
     let (network, mut timeline) = (network(), timeline(hertz));
-    let span = (0.5, 0.9);
-    timeline.fade(&network, (0, 1), (0.25, 2.0), span).unwrap();
-    let [start, stop] = [span.0, span.1].map(|t| (t * hertz / 64.0).ceil() as u64 * 64);
-    let gate = timeline.gates[0];
-    let middle = (start + stop) / 2;
+    let fade_span = (0.5, 0.9);
+    timeline
+        .fade(&network, (0, 1), (0.25, 2.0), fade_span)
+        .unwrap();
+    let [start_frame, stop_frame] =
+        [fade_span.0, fade_span.1].map(|t| (t * hertz / 64.0).ceil() as u64 * 64);
+    let faded_gate = timeline.gates[0];
+    let middle_frame = (start_frame + stop_frame) / 2;
     for (n, factor) in [
         (0, 0.25),
-        (start, 0.25),
-        (middle, 1.125),
-        (stop, 2.0),
+        (start_frame, 0.25),
+        (middle_frame, 1.125),
+        (stop_frame, 2.0),
         (1 << 40, 2.0),
     ] {
-        assert!((gate.open(n) - factor).abs() < 1e-12, "{n}");
+        assert!((faded_gate.open(n) - factor).abs() < 1e-12, "{n}");
     }
-    let couple = |timeline: &mut Timeline| timeline.couple_over(&network, 0, 0.1, Some(3.0), 1.0);
-    couple(&mut timeline).unwrap();
+    let couple_link =
+        |timeline: &mut Timeline| timeline.couple_over(&network, 0, 0.1, Some(3.0), 1.0);
+    couple_link(&mut timeline).unwrap();
     assert_eq!(timeline.gates.len(), 1);
-    let both = timeline.gates[0];
+    let coupled_gate = timeline.gates[0];
     // 3u² − 2u³ is a half half-way.
-    let half = both.start.unwrap() + both.fade / 2;
-    assert!((hertz..hertz + 64.0).contains(&(both.fade as f64)));
-    assert!((both.open(half) - 0.5 * gate.open(half)).abs() < 1e-12);
-    assert!(couple(&mut timeline).is_err(), "twice");
+    let half_frame = coupled_gate.start.unwrap() + coupled_gate.fade / 2;
+    assert!((hertz..hertz + 64.0).contains(&(coupled_gate.fade as f64)));
+    assert!((coupled_gate.open(half_frame) - 0.5 * faded_gate.open(half_frame)).abs() < 1e-12);
+    assert!(couple_link(&mut timeline).is_err(), "twice");
     assert!(
-        timeline.fade(&network, (0, 1), (1.0, 0.0), span).is_err(),
+        timeline
+            .fade(&network, (0, 1), (1.0, 0.0), fade_span)
+            .is_err(),
         "twice"
     );
     // At four times the rate everything happens at the same time.
-    let faster = timeline.faster(4).unwrap();
-    assert!((faster.gates[0].open(4 * half) - both.open(half)).abs() < 1e-12);
+    let fast_timeline = timeline.faster(4).unwrap();
+    assert!(
+        (fast_timeline.gates[0].open(4 * half_frame) - coupled_gate.open(half_frame)).abs() < 1e-12
+    );
 }
 
 #[test]
 fn couple_of_wrong_links_is_refused() {
     let mut network = network();
     let topology = crate::generator::string(5, crate::generator::Ends::Fixed, 0.0).unwrap();
-    let inner = network.n_lia() + 1;
+    let inner_link = network.n_lia() + 1;
     network
         .mesh("s", &topology, 1e-2, 100.0, None, 0.0)
         .unwrap();
@@ -134,7 +152,7 @@ fn couple_of_wrong_links_is_refused() {
             .is_err()
     );
     assert!(
-        timeline.couple(&network, inner, 0.0, None).is_err(),
+        timeline.couple(&network, inner_link, 0.0, None).is_err(),
         "one of a generator's"
     );
     assert!(timeline.couple(&network, 0, 0.0, Some(1.0)).is_ok());
@@ -181,10 +199,10 @@ fn strike_keeps_its_impulse_and_instant() {
             .strike(&network, 0, position * 1e-3, 2e-3, Some(0.0), 9)
             .unwrap();
         let pushes = pushes(&network, &timeline, |_| true);
-        let sum = |of: &dyn Fn(&Push) -> f64| pushes.iter().map(of).sum::<f64>();
-        assert!((sum(&|push| push.force) * 1e-3 - 2e-3).abs() < 1e-15);
-        let moment = sum(&|push| push.force * push.frame as f64) * 1e-3;
-        assert!((moment - 2e-3 * position).abs() < 1e-14, "{position}");
+        let push_sum = |of: &dyn Fn(&Push) -> f64| pushes.iter().map(of).sum::<f64>();
+        assert!((push_sum(&|push| push.force) * 1e-3 - 2e-3).abs() < 1e-15);
+        let first_moment = push_sum(&|push| push.force * push.frame as f64) * 1e-3;
+        assert!((first_moment - 2e-3 * position).abs() < 1e-14, "{position}");
         // One recorded impulse per strike, however it is split.
         assert_eq!(pushes.iter().filter(|push| push.impulse != 0.0).count(), 1);
     }
@@ -200,9 +218,9 @@ fn parts_of_a_strike_at_other_rates() {
             .strike(&network(), 0, begin, 2e-3, None, 0)
             .unwrap();
         let instants = |timeline: &Timeline| -> Vec<(f64, f64)> {
-            let parts = timeline.parts(&timeline.strikes[0], Instants::Exact);
+            let strike_parts = timeline.parts(&timeline.strikes[0], Instants::Exact);
             let instant = |frame: u64, alpha: f64| (frame as f64 + alpha) / timeline.rate.hertz();
-            parts
+            strike_parts
                 .map(|part| (instant(part.frame, part.alpha), part.impulse))
                 .collect()
         };
@@ -234,11 +252,11 @@ fn strike_on_keys_and_ca_parts_is_undivided() {
     timeline
         .strike(&network, 2, 0.6e-3, 1.0, Some(0.0), 0)
         .unwrap();
-    let seen: Vec<_> = pushes(&network, &timeline, |_| true)
+    let frame_forces: Vec<_> = pushes(&network, &timeline, |_| true)
         .iter()
         .map(|push| (push.frame, push.force))
         .collect();
-    assert_eq!(seen, [(0, 1_000.0), (1, 1_000.0)]);
+    assert_eq!(frame_forces, [(0, 1_000.0), (1, 1_000.0)]);
 }
 
 #[test]
@@ -260,12 +278,15 @@ fn strike_with_wrong_values_is_refused() {
     for (mass, speed) in [(0.0, 1.0), (f64::NAN, 1.0), (1.0, f64::INFINITY)] {
         assert!(timeline.ergon(&network, 0, 0.0, mass, speed, 0).is_err());
     }
-    let fixed = StrikeError::Fixed("p.d".to_owned());
+    let fixed_error = StrikeError::Fixed("p.d".to_owned());
     assert_eq!(
         timeline.strike(&network, 3, 0.0, 1.0, Some(0.0), 0),
-        Err(fixed.clone())
+        Err(fixed_error.clone())
     );
-    assert_eq!(timeline.ergon(&network, 3, 0.0, 1.0, 1.0, 0), Err(fixed));
+    assert_eq!(
+        timeline.ergon(&network, 3, 0.0, 1.0, 1.0, 0),
+        Err(fixed_error)
+    );
     assert!(
         timeline
             .drive(3, DriveKind::Position, Source::Constant(f64::NAN), true)
@@ -281,7 +302,7 @@ fn strike_with_wrong_values_is_refused() {
 fn rain_without_end_is_refused_at_once() {
     let network = network();
     let mut timeline = timeline(44_100.0);
-    let rain = Rain {
+    let finite_rain = Rain {
         rate: 1.0,
         lasts: Some(0.0),
         start: 0.0,
@@ -290,33 +311,46 @@ fn rain_without_end_is_refused_at_once() {
         within: (0.0, f64::INFINITY),
         source: 0,
     };
-    let chance = |member| Chance::new(1, "strikes", "r", member, 0);
+    let member_chance = |member| Chance::new(1, "strikes", "r", member, 0);
     for bad in [
         Rain {
             rate: f64::INFINITY,
-            ..rain
+            ..finite_rain
         },
         Rain {
             rate: f64::NAN,
-            ..rain
+            ..finite_rain
         },
-        Rain { rate: 1e9, ..rain },
+        Rain {
+            rate: 1e9,
+            ..finite_rain
+        },
         Rain {
             stop: f64::INFINITY,
-            ..rain
+            ..finite_rain
         },
         Rain {
             start: f64::NEG_INFINITY,
-            ..rain
+            ..finite_rain
         },
     ] {
         assert!(
-            timeline.rain(&network, &[0, 1], &bad, chance).is_err(),
+            timeline
+                .rain(&network, &[0, 1], &bad, member_chance)
+                .is_err(),
             "{bad:?}"
         );
     }
     assert_eq!(
-        timeline.rain(&network, &[0], &Rain { stop: -1.0, ..rain }, chance),
+        timeline.rain(
+            &network,
+            &[0],
+            &Rain {
+                stop: -1.0,
+                ..finite_rain
+            },
+            member_chance
+        ),
         Ok(0)
     );
     assert!(
@@ -326,9 +360,9 @@ fn rain_without_end_is_refused_at_once() {
                 &[0],
                 &Rain {
                     rate: 500.0,
-                    ..rain
+                    ..finite_rain
                 },
-                chance
+                member_chance
             )
             .unwrap()
             > 300
@@ -340,31 +374,38 @@ fn rain_without_end_is_refused_at_once() {
 fn couple_of_contacts_of_any_kind() {
     for contact in [Contact::Plain, Contact::Exact] {
         let mut network = network();
-        let but = But {
+        let contact_but = But {
             contact,
             ..But::plain(1e3, 0.0, 0.0)
         };
-        let link = network.but("b", 0, 2, but).unwrap();
-        assert!(timeline(44_100.0).couple(&network, link, 0.1, None).is_ok());
+        let link_index = network.but("b", 0, 2, contact_but).unwrap();
+        assert!(
+            timeline(44_100.0)
+                .couple(&network, link_index, 0.1, None)
+                .is_ok()
+        );
     }
 }
 
 #[test]
 fn drive_by_position_twice_is_refused() {
     let mut timeline = timeline(44_100.0);
-    let mut drive = |kind, value| timeline.drive(0, kind, Source::Constant(value), true);
-    assert_eq!(drive(DriveKind::Position, 0.0), Ok(()));
-    assert_eq!(drive(DriveKind::Position, 0.0), Err(StrikeError::Driven(0)));
+    let mut add_drive = |kind, value| timeline.drive(0, kind, Source::Constant(value), true);
+    assert_eq!(add_drive(DriveKind::Position, 0.0), Ok(()));
+    assert_eq!(
+        add_drive(DriveKind::Position, 0.0),
+        Err(StrikeError::Driven(0))
+    );
     // Forces add.
-    assert_eq!(drive(DriveKind::Force, 1.0), Ok(()));
-    assert_eq!(drive(DriveKind::Force, 1.0), Ok(()));
+    assert_eq!(add_drive(DriveKind::Force, 1.0), Ok(()));
+    assert_eq!(add_drive(DriveKind::Force, 1.0), Ok(()));
 }
 
 /// Everything that glides or fades is constant until the frame at which it is due, and then changes.
 #[test]
 fn next_change_of_paths_and_gates() {
-    let points = [(10, 1.0), (20, 1.0), (30, 2.0), (40, 2.0), (50, 1.0)];
-    for (n, next) in [
+    let path_points = [(10, 1.0), (20, 1.0), (30, 2.0), (40, 2.0), (50, 1.0)];
+    for (n, change_frame) in [
         (0, 20),
         (20, 20),
         (29, 29),
@@ -372,9 +413,9 @@ fn next_change_of_paths_and_gates() {
         (49, 49),
         (50, u64::MAX),
     ] {
-        assert_eq!(next_change(&points, n), next, "{n}");
+        assert_eq!(next_change(&path_points, n), change_frame, "{n}");
     }
-    let last = 8_000;
+    let last_frame = 8_000;
     for (start, stop, ramp) in [
         (0.0, None, None),
         (0.1, Some(0.3), None),
@@ -384,27 +425,29 @@ fn next_change_of_paths_and_gates() {
     ] {
         let mut timeline = timeline(8_000.0);
         timeline.couple(&network(), 0, start, stop).unwrap();
-        if let Some(span) = ramp {
-            timeline.fade(&network(), (0, 1), (0.5, 2.0), span).unwrap();
+        if let Some(ramp_span) = ramp {
+            timeline
+                .fade(&network(), (0, 1), (0.5, 2.0), ramp_span)
+                .unwrap();
         }
-        let gate = timeline.gates[0];
-        let continuations = [None, GateContinuation::new(&gate, 0.3, 6_000)];
+        let coupled_gate = timeline.gates[0];
+        let continuations = [None, GateContinuation::new(&coupled_gate, 0.3, 6_000)];
         for continuation in continuations.iter().map(Option::as_ref) {
-            let open = |n| GateContinuation::open(continuation, &gate, n);
-            let from = if continuation.is_some() { 6_000 } else { 0 };
-            for n in (from..last).step_by(7) {
-                let due = gate.due(continuation, n);
-                let next = (n + 1..=last)
-                    .find(|&m| open(m) != open(n))
-                    .unwrap_or(last + 1);
+            let openness = |n| GateContinuation::open(continuation, &coupled_gate, n);
+            let start_frame = if continuation.is_some() { 6_000 } else { 0 };
+            for n in (start_frame..last_frame).step_by(7) {
+                let due_frame = coupled_gate.due(continuation, n);
+                let change_frame = (n + 1..=last_frame)
+                    .find(|&m| openness(m) != openness(n))
+                    .unwrap_or(last_frame + 1);
                 assert!(
-                    due >= n && (due < next || next > last),
-                    "{n}: due {due}, changes {next}"
+                    due_frame >= n && (due_frame < change_frame || change_frame > last_frame),
+                    "{n}: due {due_frame}, changes {change_frame}"
                 );
                 // And not earlier, except for the glide of a closed gate.
                 assert!(
-                    ramp.is_some() || due > last || next - due <= 2,
-                    "{n}: due {due}"
+                    ramp.is_some() || due_frame > last_frame || change_frame - due_frame <= 2,
+                    "{n}: due {due_frame}"
                 );
             }
         }
@@ -424,26 +467,30 @@ fn gesture(start: f64, stop: f64) -> Gesture {
 
 #[test]
 fn cut_drops_events_from_its_frame() {
-    let (network, rate) = (network(), 8_000.0);
-    let mut timeline = timeline(rate);
+    let (network, frame_rate) = (network(), 8_000.0);
+    let mut timeline = timeline(frame_rate);
     timeline.open();
     let instants = [0.2, 0.999, 1.0 - 1e-12, 1.0, 1.5];
     for t in instants {
         timeline.strike(&network, 0, t, 1.0, Some(0.0), 7).unwrap();
         timeline.ergon(&network, 1, t, 1.0, 1.0, 7).unwrap();
     }
-    let key = timeline.key("p", 2);
+    let key_index = timeline.key("p", 2);
     for start in [0.1, 0.8, 0.5] {
         timeline.gesture(gesture(start, 3.0)).unwrap();
     }
     for stops in [false, true] {
-        let cut = timeline.cut(8_000, &[1, 2, 3], stops);
-        assert_eq!(cut.strikes_on(0), [(0.999, 1.0)]);
-        assert_eq!(cut.strikes_on(1), [(0.2, 1.0), (0.999, 1.0)]); // ergons
-        let starts: Vec<f64> = cut.gestures.iter().map(|gesture| gesture.start).collect();
-        assert_eq!(starts, [0.8, 0.5]);
-        assert!(cut.is_open);
-        assert_eq!(cut.keys[key].struck, 2);
+        let cut_timeline = timeline.cut(8_000, &[1, 2, 3], stops);
+        assert_eq!(cut_timeline.strikes_on(0), [(0.999, 1.0)]);
+        assert_eq!(cut_timeline.strikes_on(1), [(0.2, 1.0), (0.999, 1.0)]); // ergons
+        let gesture_starts: Vec<f64> = cut_timeline
+            .gestures
+            .iter()
+            .map(|gesture| gesture.start)
+            .collect();
+        assert_eq!(gesture_starts, [0.8, 0.5]);
+        assert!(cut_timeline.is_open);
+        assert_eq!(cut_timeline.keys[key_index].struck, 2);
         assert!(timeline.cut(8_000, &[], stops).gestures.is_empty());
     }
 }
@@ -451,7 +498,7 @@ fn cut_drops_events_from_its_frame() {
 #[test]
 fn cut_with_stop_keeps_couplings() {
     let network = network();
-    for (start, stop, opens, closes) in [
+    for (start, stop, start_opening, closes) in [
         (0.0, None, Some(1.0), 1.0),
         (0.0, Some(2.0), Some(1.0), 1.0),
         (0.5, Some(2.0), Some(1.0), 1.0),
@@ -463,19 +510,19 @@ fn cut_with_stop_keeps_couplings() {
     ] {
         let mut timeline = timeline(8_000.0);
         timeline.couple(&network, 0, start, stop).unwrap();
-        let cut = timeline.cut(8_000, &[], true);
-        let open = |n| cut.gates.first().map_or(1.0, |gate| gate.open(n));
-        if let Some(opens) = opens {
-            assert_eq!(open(8_000), opens, "{start} {stop:?}");
+        let cut_timeline = timeline.cut(8_000, &[], true);
+        let openness = |n| cut_timeline.gates.first().map_or(1.0, |gate| gate.open(n));
+        if let Some(start_opening) = start_opening {
+            assert_eq!(openness(8_000), start_opening, "{start} {stop:?}");
         }
         assert_eq!(
-            open(8_000),
+            openness(8_000),
             timeline.gates[0].open(8_000),
             "{start} {stop:?}"
         );
-        assert_eq!(open(80_000), closes, "{start} {stop:?}");
-        let cut = timeline.cut(8_000, &[], false);
-        assert_eq!(cut.gates, timeline.gates);
+        assert_eq!(openness(80_000), closes, "{start} {stop:?}");
+        let cut_timeline = timeline.cut(8_000, &[], false);
+        assert_eq!(cut_timeline.gates, timeline.gates);
     }
 }
 
@@ -490,25 +537,36 @@ fn cut_keeps_running_glides() {
         timeline
             .glide(&network, 0, [1.0, 0.0, 1.0], (0.1, stop))
             .unwrap();
-        let tie = [1.0, 1.0, 1.0];
+        let path_tie = [1.0, 1.0, 1.0];
         timeline
-            .path(&network, 2, &[(0.1, tie), (stop, tie)])
+            .path(&network, 2, &[(0.1, path_tie), (stop, path_tie)])
             .unwrap();
         for stops in [false, true] {
-            let mut cut = timeline.cut(8_000, &[], stops);
-            assert_eq!(cut.gates == timeline.gates, is_kept);
-            assert_eq!(cut.gates.is_empty(), !is_kept);
+            let mut cut_timeline = timeline.cut(8_000, &[], stops);
+            assert_eq!(cut_timeline.gates == timeline.gates, is_kept);
+            assert_eq!(cut_timeline.gates.is_empty(), !is_kept);
             // Points that a MAT goes through are automation, whose last values hold.
-            let mats =
-                |cut: &Timeline| cut.glides.iter().map(|glide| glide.mat).collect::<Vec<_>>();
-            assert_eq!(mats(&cut), if is_kept { vec![0, 2] } else { vec![2] });
-            cut.release(&[(1, 2)], &[]);
-            assert_eq!(mats(&cut), if is_kept { vec![0] } else { vec![] });
+            let gliding_mats = |cut_timeline: &Timeline| {
+                cut_timeline
+                    .glides
+                    .iter()
+                    .map(|glide| glide.mat)
+                    .collect::<Vec<_>>()
+            };
+            assert_eq!(
+                gliding_mats(&cut_timeline),
+                if is_kept { vec![0, 2] } else { vec![2] }
+            );
+            cut_timeline.release(&[(1, 2)], &[]);
+            assert_eq!(
+                gliding_mats(&cut_timeline),
+                if is_kept { vec![0] } else { vec![] }
+            );
         }
     }
     let mut timeline = timeline(8_000.0);
-    let points = [(0.1, [2.0, 2.0]), (0.5, [1.0, 1.0])];
-    timeline.lead(&network, (0, 1), &points).unwrap();
+    let lead_points = [(0.1, [2.0, 2.0]), (0.5, [1.0, 1.0])];
+    timeline.lead(&network, (0, 1), &lead_points).unwrap();
     assert_eq!(timeline.cut(1_000, &[], true).leads, timeline.leads);
     assert!(timeline.cut(8_000, &[], true).leads.is_empty());
     timeline.release(&[], &[(0, 1)]);

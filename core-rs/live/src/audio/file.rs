@@ -37,11 +37,12 @@ pub(super) fn open(
         start: Box::new(move |drain| {
             drain.shared().set_timing(block, 0);
             let pump = RingThread::start("ergon file", drain, move |drain, stop| {
-                let run = match clock {
+                let run_result = match clock {
                     Some(_) => recording.run_by_the_clock(drain, stop, block),
                     None => recording.run(drain, stop),
                 };
-                run.and_then(|()| recording.end())
+                run_result
+                    .and_then(|()| recording.end())
                     .map_err(|error| recording.failure_sentence(&error))
             })?;
             Ok(Box::new(pump) as Box<dyn Sink>)
@@ -53,17 +54,17 @@ pub(super) fn open(
 fn new_unfinished(path: &Path) -> io::Result<(PathBuf, File)> {
     let file_name = path.file_name().ok_or(io::ErrorKind::InvalidFilename)?;
     let process = std::process::id();
-    let mut number = 0;
+    let mut attempt = 0;
     loop {
-        let mut name = std::ffi::OsString::from(".");
-        name.push(file_name);
-        name.push(match number {
+        let mut part_name = std::ffi::OsString::from(".");
+        part_name.push(file_name);
+        part_name.push(match attempt {
             0 => format!(".{process}.part"),
-            _ => format!(".{process}-{number}.part"),
+            _ => format!(".{process}-{attempt}.part"),
         });
-        let unfinished = path.with_file_name(name);
+        let unfinished = path.with_file_name(part_name);
         match File::create_new(&unfinished) {
-            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => number += 1,
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => attempt += 1,
             made => return made.map(|file| (unfinished, file)),
         }
     }
@@ -95,19 +96,19 @@ pub(super) struct Recording {
 impl Recording {
     /// A new file, with a temporary name until it is complete.
     pub(super) fn create(path: &Path, rate: u32, channels: usize) -> Result<Self, AudioError> {
-        let failed = |error| AudioError::File {
+        let file_error = |error| AudioError::File {
             path: path.to_owned(),
             error,
         };
         if path.exists() {
             let sentence =
                 "this file exists, and sound that is played overwrites no file; name another";
-            return Err(failed(io::Error::new(
+            return Err(file_error(io::Error::new(
                 io::ErrorKind::AlreadyExists,
                 sentence,
             )));
         }
-        Self::begin(path, rate, channels).map_err(failed)
+        Self::begin(path, rate, channels).map_err(file_error)
     }
 
     fn begin(path: &Path, rate: u32, channels: usize) -> io::Result<Self> {
@@ -126,14 +127,14 @@ impl Recording {
     }
 
     fn run(&mut self, drain: &mut Drain, stop: &AtomicBool) -> io::Result<()> {
-        let mut out = vec![0.0; BLOCK as usize * self.channels];
+        let mut block_samples = vec![0.0; BLOCK as usize * self.channels];
         loop {
             // `stop` is read first, so that everything pushed before it was set is written.
-            let last = stop.load(Ordering::Acquire);
-            match drain.take(&mut out) {
-                0 if last => return Ok(()),
+            let is_last = stop.load(Ordering::Acquire);
+            match drain.take(&mut block_samples) {
+                0 if is_last => return Ok(()),
                 0 => std::thread::sleep(POLL),
-                frames => self.write(&out[..frames * self.channels], frames)?,
+                frames => self.write(&block_samples[..frames * self.channels], frames)?,
             }
         }
     }
@@ -147,8 +148,8 @@ impl Recording {
         drain
             .shared()
             .set_priority(realtime::set_priority(PRIORITY));
-        let rate = self.rate;
-        null::by_the_clock(drain, stop, rate, block, |out| {
+        let sample_rate = self.rate;
+        null::by_the_clock(drain, stop, sample_rate, block, |out| {
             self.write(out, block as usize)
         })
     }
@@ -184,8 +185,8 @@ impl Recording {
 
     /// A sentence on why the file could not be written.
     pub(super) fn failure_sentence(&self, error: &io::Error) -> String {
-        let (path, unfinished) = (self.path.display(), self.unfinished.display());
-        format!("{path} could not be written ({error}); the unfinished file is {unfinished}")
+        let (final_path, unfinished) = (self.path.display(), self.unfinished.display());
+        format!("{final_path} could not be written ({error}); the unfinished file is {unfinished}")
     }
 }
 
@@ -202,14 +203,14 @@ mod tests {
     #[test]
     fn recording_keeps_a_file_with_its_unfinished_name() {
         let folder = folder("unfinished");
-        let path = folder.join("a.wav");
-        let taken = folder.join(format!(".a.wav.{}.part", std::process::id()));
-        fs::write(&taken, "mine").expect("written");
-        let mut recording = Recording::create(&path, 1000, 1).expect("a recording");
+        let wave_path = folder.join("a.wav");
+        let other_part = folder.join(format!(".a.wav.{}.part", std::process::id()));
+        fs::write(&other_part, "mine").expect("written");
+        let mut recording = Recording::create(&wave_path, 1000, 1).expect("a recording");
         recording.write(&[1.0, 2.0], 2).expect("written");
         recording.end().expect("ended");
-        assert_eq!(fs::read(&taken).expect("it is there"), b"mine");
-        assert!(path.exists());
+        assert_eq!(fs::read(&other_part).expect("it is there"), b"mine");
+        assert!(wave_path.exists());
         assert_eq!(fs::read_dir(&folder).expect("a folder").count(), 2);
         fs::remove_dir_all(&folder).expect("removed");
     }
@@ -217,17 +218,17 @@ mod tests {
     #[test]
     fn recording_keeps_a_file_created_meanwhile() {
         let folder = folder("meanwhile");
-        let path = folder.join("a.wav");
-        let mut recording = Recording::create(&path, 1000, 1).expect("a recording");
+        let wave_path = folder.join("a.wav");
+        let mut recording = Recording::create(&wave_path, 1000, 1).expect("a recording");
         recording.write(&[1.0, 2.0], 2).expect("written");
-        fs::write(&path, "mine").expect("written");
-        let error = recording.end().expect_err("the name is taken");
+        fs::write(&wave_path, "mine").expect("written");
+        let end_error = recording.end().expect_err("the name is taken");
         assert!(
             recording
-                .failure_sentence(&error)
+                .failure_sentence(&end_error)
                 .contains("the unfinished file is ")
         );
-        assert_eq!(fs::read(&path).expect("it is there"), b"mine");
+        assert_eq!(fs::read(&wave_path).expect("it is there"), b"mine");
         assert!(recording.unfinished.exists());
         fs::remove_dir_all(&folder).expect("removed");
     }

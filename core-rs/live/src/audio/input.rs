@@ -87,9 +87,9 @@ impl InputReader {
             self.drain.set_outermost(true);
         }
         let frames = out.len() / self.drain.channels();
-        let wanted = self.target + frames;
-        if self.drain.waiting() > EXCESS_FACTOR * wanted {
-            self.drain.catch_up(wanted);
+        let wanted_frames = self.target + frames;
+        if self.drain.waiting() > EXCESS_FACTOR * wanted_frames {
+            self.drain.catch_up(wanted_frames);
         }
         self.drain.fill(out);
     }
@@ -117,11 +117,12 @@ pub fn open_input(
     }
     let shared = Arc::new(Shared::default());
     let opened = connect(spec, channels, &shared)?;
-    let block = opened.block as usize;
-    let mut target = block + wanted;
-    let capacity = (2 * EXCESS_FACTOR * (target + block)).max(opened.rate as usize / 4);
-    let (feed, inner) = ring::joined(channels, capacity, shared.clone());
-    feed.set_prefill(target);
+    let block_frames = opened.block as usize;
+    let mut target_frames = block_frames + wanted;
+    let capacity =
+        (2 * EXCESS_FACTOR * (target_frames + block_frames)).max(opened.rate as usize / 4);
+    let (feed, inner_drain) = ring::joined(channels, capacity, shared.clone());
+    feed.set_prefill(target_frames);
     let mut info = InputInfo {
         backend: opened.backend.into(),
         device: opened.device.clone(),
@@ -132,16 +133,21 @@ pub fn open_input(
         sentence: String::new(),
     };
     let (converter, drain) = if opened.rate == rate {
-        (None, inner)
+        (None, inner_drain)
     } else {
-        let between = rate::between(inner, opened.rate, rate, opened.block.max(wanted as u32));
-        let (converter, outer) = between.map_err(|(_, error)| error)?;
-        target = converter.latency;
-        (Some(converter), outer)
+        let between = rate::between(
+            inner_drain,
+            opened.rate,
+            rate,
+            opened.block.max(wanted as u32),
+        );
+        let (converter, outer_drain) = between.map_err(|(_, error)| error)?;
+        target_frames = converter.latency;
+        (Some(converter), outer_drain)
     };
-    info.latency_s = target as f64 / f64::from(rate);
-    let source = (opened.start)(feed).map_err(|(_, error)| error)?;
-    info.latency_s += f64::from(source.latency()) / f64::from(info.rate);
+    info.latency_s = target_frames as f64 / f64::from(rate);
+    let input_source = (opened.start)(feed).map_err(|(_, error)| error)?;
+    info.latency_s += f64::from(input_source.latency()) / f64::from(info.rate);
     info.sentence = sentence(&info, rate);
     let state = Arc::new(InputState {
         spec: spec.clone(),
@@ -152,16 +158,16 @@ pub fn open_input(
         report: Mutex::new((info, Vec::new())),
     });
     state.shared.set_alive(true);
-    let here = state.clone();
+    let thread_state = state.clone();
     let supervisor = std::thread::Builder::new()
         .name("ergon input".into())
-        .spawn(move || here.supervise(source, converter))
+        .spawn(move || thread_state.supervise(input_source, converter))
         .map_err(AudioError::Thread)?;
     let input = Input {
         state,
         supervisor: Some(supervisor),
     };
-    Ok((input, InputReader::new(drain, target, rate)))
+    Ok((input, InputReader::new(drain, target_frames, rate)))
 }
 
 fn connect(spec: &Spec, channels: usize, shared: &Arc<Shared>) -> Result<OpenedInput, AudioError> {
@@ -180,7 +186,7 @@ fn sentence(info: &InputInfo, rate: u32) -> String {
         1 => "1 channel".into(),
         n => format!("{n} channels"),
     };
-    let mut text = format!(
+    let mut description = format!(
         "{} ({}): {channels} in at {} Hz, {} frames at a time, {:.1} ms to the instrument",
         info.backend,
         info.device,
@@ -189,9 +195,9 @@ fn sentence(info: &InputInfo, rate: u32) -> String {
         1000.0 * info.latency_s
     );
     if info.rate != rate {
-        text += &format!("; converted to {rate} Hz");
+        description += &format!("; converted to {rate} Hz");
     }
-    text
+    description
 }
 
 impl Input {
@@ -241,8 +247,8 @@ impl InputState {
     /// Keep the input open until it is stopped.
     fn supervise(&self, source: Box<dyn Source>, converter: Option<rate::Converter>) {
         let mut source = Some(source);
-        let mut feed = None;
-        let mut next = Instant::now();
+        let mut idle_feed = None;
+        let mut next_retry = Instant::now();
         while !self.stop.load(Ordering::Acquire) {
             std::thread::park_timeout(CHECK_INTERVAL);
             match &mut source {
@@ -255,20 +261,22 @@ impl InputState {
                         "the input {} is lost; it is silent until it is found again",
                         self.spec
                     ));
-                    feed = source.take().and_then(Source::stop);
-                    next = Instant::now() + RETRY;
+                    idle_feed = source.take().and_then(Source::stop);
+                    next_retry = Instant::now() + RETRY;
                 }
-                None if Instant::now() < next => {}
+                None if Instant::now() < next_retry => {}
                 None => {
-                    next = Instant::now() + RETRY;
-                    let Some(stream) = feed.take() else { break };
+                    next_retry = Instant::now() + RETRY;
+                    let Some(stream) = idle_feed.take() else {
+                        break;
+                    };
                     match self.reopen(stream) {
                         Ok(back) => {
                             source = Some(back);
                             self.shared.set_alive(true);
                             self.add_event(format!("the input {} is back", self.spec));
                         }
-                        Err(stream) => feed = stream.map(|stream| *stream),
+                        Err(stream) => idle_feed = stream.map(|stream| *stream),
                     }
                 }
             }
@@ -279,9 +287,11 @@ impl InputState {
 
     /// Open the input again, at the rate that it had; otherwise return the feed.
     fn reopen(&self, feed: Feed) -> Result<Box<dyn Source>, Option<Box<Feed>>> {
-        let rate = self.report().0.rate;
+        let source_rate = self.report().0.rate;
         match connect(&self.spec, self.channels, &self.shared) {
-            Ok(opened) if opened.rate == rate => (opened.start)(feed).map_err(|(feed, _)| feed),
+            Ok(opened) if opened.rate == source_rate => {
+                (opened.start)(feed).map_err(|(feed, _)| feed)
+            }
             _ => Err(Some(Box::new(feed))),
         }
     }
@@ -292,9 +302,9 @@ mod tests {
     use super::*;
 
     fn read_frames(reader: &mut InputReader, frames: usize) -> Vec<f32> {
-        let mut out = vec![f32::NAN; frames * reader.channels()];
-        reader.read(&mut out);
-        out
+        let mut samples = vec![f32::NAN; frames * reader.channels()];
+        reader.read(&mut samples);
+        samples
     }
 
     #[test]
@@ -307,15 +317,18 @@ mod tests {
             [0.0; 64],
             "silence before the first"
         );
-        let sound: Vec<f32> = (0..2560).map(|n| n as f32).collect();
-        let mut all = Vec::new();
-        for block in sound.chunks(256) {
+        let pushed_sound: Vec<f32> = (0..2560).map(|n| n as f32).collect();
+        let mut read_sound = Vec::new();
+        for block in pushed_sound.chunks(256) {
             assert_eq!(feed.push(block), 256);
-            (0..4).for_each(|_| all.extend(read_frames(&mut reader, 64)));
+            (0..4).for_each(|_| read_sound.extend(read_frames(&mut reader, 64)));
         }
-        let first = all.iter().position(|&x| x != 0.0).expect("sound") - 1;
+        let sound_start = read_sound.iter().position(|&x| x != 0.0).expect("sound") - 1;
         // It rises within 2 ms, then every sample is as it came.
-        assert_eq!(all[first + 96..], sound[96..all.len() - first]);
+        assert_eq!(
+            read_sound[sound_start + 96..],
+            pushed_sound[96..read_sound.len() - sound_start]
+        );
         assert_eq!(feed.shared().underruns(), 0);
     }
 
@@ -328,12 +341,13 @@ mod tests {
         feed.push(&[1.0; 400]);
         read_frames(&mut reader, 100);
         assert_eq!(read_frames(&mut reader, 100), [1.0; 200]);
-        let fall = read_frames(&mut reader, 200);
+        let faded_frames = read_frames(&mut reader, 200);
         assert!(
-            fall.windows(4)
+            faded_frames
+                .windows(4)
                 .all(|w| (w[0] - w[2]).abs() <= 1.0 / 96.0 + 1e-6)
         );
-        assert_eq!(fall[398..], [0.0, 0.0]);
+        assert_eq!(faded_frames[398..], [0.0, 0.0]);
         assert_eq!(feed.shared().underruns(), 1);
         assert_eq!(feed.shared().missing(), 200);
     }
@@ -343,12 +357,12 @@ mod tests {
         let (mut feed, drain) = ring::ring(1, 4096);
         feed.set_prefill(100);
         let mut reader = InputReader::new(drain, 100, 48_000);
-        let sound: Vec<f32> = (0..2000).map(|n| n as f32).collect();
-        feed.push(&sound);
+        let pushed_sound: Vec<f32> = (0..2000).map(|n| n as f32).collect();
+        feed.push(&pushed_sound);
         assert_eq!(read_frames(&mut reader, 50), [0.0; 50]);
         assert_eq!(feed.filled(), 0, "what came before it begins is old");
         assert_eq!(feed.shared().discarded(), 0);
-        feed.push(&sound);
+        feed.push(&pushed_sound);
         read_frames(&mut reader, 50);
         assert_eq!(feed.shared().discarded(), 2000 - 150);
         assert_eq!(feed.filled(), 100);

@@ -51,13 +51,18 @@ pub(super) fn open(
 ) -> Result<Opened, AudioError> {
     let (client, targets, device) = connect(c"ergon", spec, shared, PORT_IS_INPUT, "to")?;
     let mut remarks = Vec::new();
-    if let Some(wanted) = spec.block.filter(|wanted| *wanted != client.block()) {
-        remarks.push(format!("the server keeps its own block size, not {wanted}"));
+    if let Some(wanted_block) = spec
+        .block
+        .filter(|wanted_block| *wanted_block != client.block())
+    {
+        remarks.push(format!(
+            "the server keeps its own block size, not {wanted_block}"
+        ));
     }
     if !targets.is_empty() && targets.len() < channels {
-        let n_ports = targets.len();
+        let port_count = targets.len();
         remarks.push(format!(
-            "there are {n_ports} ports to play on: the first {n_ports} channels are heard"
+            "there are {port_count} ports to play on: the first {port_count} channels are heard"
         ));
     }
     let (rate, block) = (client.rate(), client.block());
@@ -113,13 +118,13 @@ impl Process for OutputCallback {
     fn cycle(&mut self, cycle: &Cycle<'_>) {
         let channels = self.drain.channels();
         for first in (0..cycle.frames()).step_by(SLICE) {
-            let n = (cycle.frames() - first).min(SLICE);
+            let slice_frames = (cycle.frames() - first).min(SLICE);
             if self.drain.shared().freewheeling() {
-                self.drain.wait_for(n, PATIENCE);
+                self.drain.wait_for(slice_frames, PATIENCE);
             }
-            let slice = &mut self.scratch[..n * channels];
-            self.drain.fill(slice);
-            cycle.write(first, slice);
+            let slice_samples = &mut self.scratch[..slice_frames * channels];
+            self.drain.fill(slice_samples);
+            cycle.write(first, slice_samples);
         }
     }
 }
@@ -130,13 +135,13 @@ impl Playback {
     fn connect_ports(&self, device: Option<&str>) {
         let client = self.0.client();
         let targets = targets(client, device, PORT_IS_INPUT);
-        let ports = self.0.port_names();
-        for (port, target) in ports.iter().zip(&targets) {
-            client.connect(port, target);
+        let port_names = self.0.port_names();
+        for (output_port, target) in port_names.iter().zip(&targets) {
+            client.connect(output_port, target);
         }
         // A single channel is connected to the first two loudspeakers.
-        if let ([port], [_, other]) = (ports.as_slice(), targets.as_slice()) {
-            client.connect(port, other);
+        if let ([output_port], [_, second_target]) = (port_names.as_slice(), targets.as_slice()) {
+            client.connect(output_port, second_target);
         }
     }
 }
@@ -153,19 +158,19 @@ impl Sink for Playback {
     }
 
     fn stop(self: Box<Self>) -> (Option<Drain>, Option<String>) {
-        let gone = !self.0.client().alive();
+        let is_gone = !self.0.client().alive();
         let drain = self.0.close().drain;
-        let why = "the server ended or changed its rate";
-        (Some(drain), gone.then(|| why.into()))
+        let stop_reason = "the server ended or changed its rate";
+        (Some(drain), is_gone.then(|| stop_reason.into()))
     }
 }
 
 /// What the running server would play on.
 pub(super) fn survey() -> Result<String, AudioError> {
     let client = Client::open(c"ergon_survey", Arc::<Shared>::default())?;
-    let (rate, block) = (client.rate(), client.block());
-    let ports = client.find("", PORT_IS_INPUT | PORT_IS_PHYSICAL).len();
+    let (server_rate, server_block) = (client.rate(), client.block());
+    let port_count = client.find("", PORT_IS_INPUT | PORT_IS_PHYSICAL).len();
     Ok(format!(
-        "a server at {rate} Hz, {block} frames at a time, {ports} ports to play on"
+        "a server at {server_rate} Hz, {server_block} frames at a time, {port_count} ports to play on"
     ))
 }

@@ -48,9 +48,9 @@ pub(super) fn fast(rate: u32, block: Option<u32>) -> Opened {
         start: Box::new(move |drain| {
             drain.shared().set_timing(block, 0);
             let pump = RingThread::start("ergon null", drain, move |drain, stop| {
-                let mut out = vec![0.0; block as usize * drain.channels()];
+                let mut block_samples = vec![0.0; block as usize * drain.channels()];
                 while !stop.load(Ordering::Acquire) {
-                    if drain.take(&mut out) == 0 {
+                    if drain.take(&mut block_samples) == 0 {
                         std::thread::sleep(POLL);
                     }
                 }
@@ -69,18 +69,18 @@ pub(super) fn by_the_clock<E>(
     block: u32,
     mut with: impl FnMut(&[f32]) -> Result<(), E>,
 ) -> Result<(), E> {
-    let mut out = vec![0.0; block as usize * drain.channels()];
-    let mut began = Instant::now();
-    let mut frames = 0;
+    let mut block_samples = vec![0.0; block as usize * drain.channels()];
+    let mut start_instant = Instant::now();
+    let mut frames_due = 0;
     while !stop.load(Ordering::Acquire) {
-        frames += u64::from(block);
-        let late = realtime::sleep_until(began + lasting(frames, rate));
-        if late > RESET_AFTER {
+        frames_due += u64::from(block);
+        let lateness = realtime::sleep_until(start_instant + lasting(frames_due, rate));
+        if lateness > RESET_AFTER {
             drain.shared().add_xruns(1);
-            (began, frames) = (Instant::now(), 0);
+            (start_instant, frames_due) = (Instant::now(), 0);
         }
-        drain.fill(&mut out);
-        with(&out)?;
+        drain.fill(&mut block_samples);
+        with(&block_samples)?;
     }
     Ok(())
 }

@@ -61,16 +61,16 @@ impl SoundClock {
     /// Timing of the frames; `None` before the first block, and for outputs without a clock.
     #[must_use]
     pub fn sounding(&self) -> Option<Sounding> {
-        let (rate, is_paced) = {
+        let (card_rate, is_paced) = {
             let info = &self.0.report().info;
             (info.rate, info.paced)
         };
         let shared = &self.0.shared;
         let (_, latency) = shared.timing();
-        let since = shared.sounding().filter(|_| is_paced)?;
+        let sounding_since = shared.sounding().filter(|_| is_paced)?;
         Some(Sounding {
-            since: since.as_secs_f64(),
-            latency: f64::from(latency) / f64::from(rate.max(1)),
+            since: sounding_since.as_secs_f64(),
+            latency: f64::from(latency) / f64::from(card_rate.max(1)),
             gaps: shared.underruns(),
             is_alive: shared.alive(),
         })
@@ -141,10 +141,10 @@ pub fn open(spec: &Spec, rate: u32, channels: usize, drain: Drain) -> Result<Out
     let playback = Playback::start(opened, rate, drain).map_err(|(_, error)| error)?;
     state.note_start(&playback);
     let state = Arc::new(state);
-    let here = state.clone();
+    let thread_state = state.clone();
     let supervisor = std::thread::Builder::new()
         .name("ergon supervisor".into())
-        .spawn(move || here.supervise(playback))
+        .spawn(move || thread_state.supervise(playback))
         .map_err(AudioError::Thread)?;
     Ok(Output {
         state,
@@ -184,18 +184,18 @@ impl Output {
     /// Wait until the feed is closed and all of it was heard; false if `limit` passes first.
     #[must_use]
     pub fn wait(&self, limit: Duration) -> bool {
-        let until = Instant::now() + limit;
+        let deadline = Instant::now() + limit;
         while !self.state.shared.finished() {
-            if Instant::now() >= until {
+            if Instant::now() >= deadline {
                 return false;
             }
             std::thread::sleep(Duration::from_millis(2));
         }
-        let info = self.info();
-        if info.paced {
+        let output_info = self.info();
+        if output_info.paced {
             // Frames that left the ring are still on their way through the card.
-            let block = f64::from(info.block) / f64::from(info.rate);
-            std::thread::sleep(Duration::from_secs_f64(info.latency_s + block));
+            let block_time = f64::from(output_info.block) / f64::from(output_info.rate);
+            std::thread::sleep(Duration::from_secs_f64(output_info.latency_s + block_time));
         }
         true
     }
@@ -250,21 +250,21 @@ fn sentence(info: &Info, remarks: &[String]) -> String {
         1 => "1 channel".into(),
         n => format!("{n} channels"),
     };
-    let mut text = format!(
+    let mut description = format!(
         "{} ({}): {channels} at {} Hz, {} frames at a time",
         info.backend, info.device, info.rate, info.block
     );
     if info.latency_s > 0.0 {
-        text += &format!(", {:.1} ms to the card", 1000.0 * info.latency_s);
+        description += &format!(", {:.1} ms to the card", 1000.0 * info.latency_s);
     }
     if info.rate != info.score_rate {
-        text += &format!("; converted from {} Hz", info.score_rate);
+        description += &format!("; converted from {} Hz", info.score_rate);
     }
     for remark in remarks {
-        text += "; ";
-        text += remark;
+        description += "; ";
+        description += remark;
     }
-    text
+    description
 }
 
 impl OutputState {
@@ -287,11 +287,11 @@ impl OutputState {
     }
 
     fn update_latency(&self, playback: &Playback) {
-        let (block, latency) = self.shared.timing();
+        let (block_frames, latency) = self.shared.timing();
         let mut report = self.report();
         let latency = f64::from(latency) + playback.converter_latency() as f64;
         report.info.latency_s = latency / f64::from(report.info.rate.max(1));
-        report.info.block = block;
+        report.info.block = block_frames;
     }
 
     /// Keep the output playing until it is stopped; returns the last error, if any.
@@ -309,21 +309,21 @@ impl OutputState {
                 self.spec.backend,
                 Backend::Jack | Backend::Pulse | Backend::System
             );
-            let why = trouble
+            let loss_reason = trouble
                 .clone()
                 .unwrap_or_else(|| "the device disappeared".into());
             self.add_event(if is_retried {
                 format!(
-                    "{} is lost ({why}); the piece plays on in silence until the output is found again",
+                    "{} is lost ({loss_reason}); the piece plays on in silence until the output is found again",
                     self.spec
                 )
             } else {
-                format!("{} is lost ({why}); the piece plays on in silence", self.spec)
+                format!("{} is lost ({loss_reason}); the piece plays on in silence", self.spec)
             });
-            let Some(next) = self.play_silently(drain?, is_retried) else {
+            let Some(new_playback) = self.play_silently(drain?, is_retried) else {
                 return trouble.filter(|_| !is_retried);
             };
-            playback = next;
+            playback = new_playback;
             self.note_start(&playback);
             self.add_event(format!("{} is back", self.spec));
         }
@@ -335,20 +335,21 @@ impl OutputState {
     fn play_silently(&self, drain: Drain, is_retried: bool) -> Option<Playback> {
         let mut playback =
             Playback::start(null::open(self.score_rate, None), self.score_rate, drain).ok()?;
-        let mut wait = RETRY.0;
-        let mut next = Instant::now() + wait;
+        let mut retry_wait = RETRY.0;
+        let mut next_retry = Instant::now() + retry_wait;
         while !self.stop.load(Ordering::Acquire) {
             std::thread::park_timeout(CHECK_INTERVAL);
-            if !is_retried || Instant::now() < next {
+            if !is_retried || Instant::now() < next_retry {
                 continue;
             }
-            wait = (wait * 3 / 2).min(RETRY.1);
-            next = Instant::now() + wait;
-            let (rate, channels) = (self.score_rate, self.channels);
-            let Ok((opened, _)) = connect::connect(&self.spec, rate, channels, &self.shared) else {
+            retry_wait = (retry_wait * 3 / 2).min(RETRY.1);
+            next_retry = Instant::now() + retry_wait;
+            let (score_rate, channels) = (self.score_rate, self.channels);
+            let Ok((opened, _)) = connect::connect(&self.spec, score_rate, channels, &self.shared)
+            else {
                 continue;
             };
-            let (info, remarks) = (
+            let (new_info, remarks) = (
                 Info::new(&opened, self.score_rate, self.channels),
                 opened.remarks.clone(),
             );
@@ -357,7 +358,7 @@ impl OutputState {
             match Playback::start(opened, self.score_rate, drain) {
                 Ok(back) => {
                     let mut report = self.report();
-                    (report.info, report.remarks) = (info, remarks);
+                    (report.info, report.remarks) = (new_info, remarks);
                     return Some(back);
                 }
                 Err((drain, _)) => {
@@ -387,8 +388,8 @@ impl Playback {
                 converter: None,
             });
         }
-        let (converter, outer) = rate::between(drain, score_rate, opened.rate, opened.block)?;
-        match (opened.start)(outer) {
+        let (converter, outer_drain) = rate::between(drain, score_rate, opened.rate, opened.block)?;
+        match (opened.start)(outer_drain) {
             Ok(sink) => Ok(Self {
                 sink,
                 converter: Some(converter),

@@ -21,7 +21,7 @@ pub(super) struct OutputFades {
 
 impl OutputFades {
     pub(super) fn new(channels: usize, rate: u32) -> Self {
-        let mut shape = Self {
+        let mut new_fades = Self {
             channels,
             fade: 0,
             hush: 0,
@@ -31,13 +31,13 @@ impl OutputFades {
             last: vec![0.0; channels].into(),
             hushing: None,
         };
-        shape.set_rate(rate);
-        shape
+        new_fades.set_rate(rate);
+        new_fades
     }
 
     pub(super) fn set_rate(&mut self, rate: u32) {
-        let frames = |seconds: f64| (f64::from(rate) * seconds).round().max(1.0) as u32;
-        (self.fade, self.hush) = (frames(FADE), frames(HUSH));
+        let fade_frames = |seconds: f64| (f64::from(rate) * seconds).round().max(1.0) as u32;
+        (self.fade, self.hush) = (fade_frames(FADE), fade_frames(HUSH));
         (self.rise, self.fall) = (self.fade, 0);
     }
 
@@ -61,9 +61,9 @@ impl OutputFades {
             }
             self.rise = (self.rise + 1).min(self.fade);
             self.fall = self.fall.saturating_sub(1);
-            let (up, down) = (self.part(self.rise), self.part(self.fall));
+            let (rise_gain, fall_gain) = (self.part(self.rise), self.part(self.fall));
             for (x, held) in frame.iter_mut().zip(&self.held) {
-                *x = *x * up + held * down;
+                *x = *x * rise_gain + held * fall_gain;
             }
         }
         if let Some(frame) = frames.rchunks_exact(self.channels).next() {
@@ -75,9 +75,13 @@ impl OutputFades {
     pub(super) fn fill_gap(&mut self, frames: &mut [f32]) {
         for frame in frames.chunks_exact_mut(self.channels) {
             self.fall = self.fall.saturating_sub(1);
-            let down = self.part(self.fall);
+            let fall_gain = self.part(self.fall);
             for (x, held) in frame.iter_mut().zip(&self.held) {
-                *x = if self.fall == 0 { 0.0 } else { held * down };
+                *x = if self.fall == 0 {
+                    0.0
+                } else {
+                    held * fall_gain
+                };
             }
         }
         if let Some(frame) = frames.rchunks_exact(self.channels).next() {
@@ -111,14 +115,18 @@ impl OutputFades {
 
     /// Apply the fall to silence to frames that the other ramps have shaped.
     pub(super) fn apply_hush(&mut self, frames: &mut [f32]) {
-        let Some(left) = &mut self.hushing else {
+        let Some(frames_left) = &mut self.hushing else {
             return;
         };
         for frame in frames.chunks_exact_mut(self.channels) {
-            *left = left.saturating_sub(1);
-            let gain = *left as f32 / self.hush as f32;
+            *frames_left = frames_left.saturating_sub(1);
+            let hush_gain = *frames_left as f32 / self.hush as f32;
             for x in frame {
-                *x = if *left == 0 { 0.0 } else { *x * gain };
+                *x = if *frames_left == 0 {
+                    0.0
+                } else {
+                    *x * hush_gain
+                };
             }
         }
     }

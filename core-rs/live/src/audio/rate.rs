@@ -37,18 +37,18 @@ pub(super) fn between(
         Err(error) => return Err((Some(Box::new(inner)), error)),
     };
     let shared = inner.shared().clone();
-    let ahead = 2 * block as usize + filter.output.len() / channels;
-    let (feed, mut outer) = ring::joined(channels, 2 * ahead, shared.clone());
-    feed.set_prefill(ahead);
-    outer.set_rate(to);
-    outer.count_from(shared.played(), from, to);
+    let frames_ahead = 2 * block as usize + filter.output.len() / channels;
+    let (feed, mut outer_drain) = ring::joined(channels, 2 * frames_ahead, shared.clone());
+    feed.set_prefill(frames_ahead);
+    outer_drain.set_rate(to);
+    outer_drain.count_from(shared.played(), from, to);
     inner.set_outermost(false);
-    let latency = ahead + filter.delay;
+    let latency = frames_ahead + filter.delay;
     let pump = RingThread::start("ergon rate", inner, move |inner, stop| {
         realtime::set_priority(PRIORITY);
         filter.run(inner, feed, stop)
     })?;
-    Ok((Converter { pump, latency }, outer))
+    Ok((Converter { pump, latency }, outer_drain))
 }
 
 impl Converter {
@@ -105,36 +105,39 @@ impl Filter {
         let channels = self.channels;
         let (mut frames_in, mut frames_out) = (0_u64, 0_u64);
         let mut skipped = 0; // frames of the filter's own delay, which come before the first frame of the input
-        let mut held = 0;
+        let mut frames_held = 0;
         while !stop.load(Ordering::Acquire) {
-            let wanted = self.fft.input_frames_next();
-            let taken = inner.take(&mut self.input[held * channels..wanted * channels]);
-            (held, frames_in) = (held + taken, frames_in + taken as u64);
-            let ended = taken == 0 && inner.ended();
-            if held < wanted && !ended {
+            let frames_wanted = self.fft.input_frames_next();
+            let frames_taken =
+                inner.take(&mut self.input[frames_held * channels..frames_wanted * channels]);
+            (frames_held, frames_in) =
+                (frames_held + frames_taken, frames_in + frames_taken as u64);
+            let has_ended = frames_taken == 0 && inner.ended();
+            if frames_held < frames_wanted && !has_ended {
                 std::thread::sleep(POLL);
                 continue;
             }
             let frames_due = (frames_in * self.ratio.0).div_ceil(self.ratio.1);
-            if ended && frames_out >= frames_due {
+            if has_ended && frames_out >= frames_due {
                 feed.close();
                 std::thread::sleep(POLL);
                 continue;
             }
-            let mut n_frames = self.convert(held)?;
-            held = 0;
-            let skip = n_frames.min(self.delay - skipped);
-            skipped += skip;
-            n_frames -= skip;
-            if ended {
+            let mut n_frames = self.convert(frames_held)?;
+            frames_held = 0;
+            let skip_count = n_frames.min(self.delay - skipped);
+            skipped += skip_count;
+            n_frames -= skip_count;
+            if has_ended {
                 n_frames =
                     n_frames.min(usize::try_from(frames_due - frames_out).unwrap_or(usize::MAX));
             }
-            let mut out = &self.output[skip * channels..(skip + n_frames) * channels];
-            while !out.is_empty() && !stop.load(Ordering::Acquire) {
-                match feed.push(out) {
+            let mut samples_left =
+                &self.output[skip_count * channels..(skip_count + n_frames) * channels];
+            while !samples_left.is_empty() && !stop.load(Ordering::Acquire) {
+                match feed.push(samples_left) {
                     0 => std::thread::sleep(POLL),
-                    frames => out = &out[frames * channels..],
+                    frames => samples_left = &samples_left[frames * channels..],
                 }
             }
             frames_out += n_frames as u64;
@@ -145,15 +148,15 @@ impl Filter {
     /// Convert the first `held` frames of the input; the rest of the input counts as silence.
     fn convert(&mut self, held: usize) -> Result<usize, String> {
         let channels = self.channels;
-        let input = InterleavedSlice::new(&self.input, channels, self.input.len() / channels);
-        let frames = self.output.len() / channels;
-        let output = InterleavedSlice::new_mut(&mut self.output, channels, frames);
-        let (Ok(input), Ok(mut output)) = (input, output) else {
+        let input_slice = InterleavedSlice::new(&self.input, channels, self.input.len() / channels);
+        let frame_capacity = self.output.len() / channels;
+        let output_slice = InterleavedSlice::new_mut(&mut self.output, channels, frame_capacity);
+        let (Ok(input_slice), Ok(mut output_slice)) = (input_slice, output_slice) else {
             return Err("the rate converter's buffers have no whole frames".into());
         };
         let indexing = Indexing::new().partial_len(held);
         self.fft
-            .process_into_buffer(&input, &mut output, Some(&indexing))
+            .process_into_buffer(&input_slice, &mut output_slice, Some(&indexing))
             .map(|(_, made)| made)
             .map_err(|error| format!("the rate converter failed: {error}"))
     }
@@ -168,46 +171,50 @@ mod tests {
     /// One second of a sine at `from` [Hz], converted to `to` [Hz], two channels.
     fn converted(from: u32, to: u32, pitch: f64) -> Vec<f32> {
         let (mut feed, drain) = ring::ring(2, 4096);
-        let (converter, mut outer) = between(drain, from, to, 256)
+        let (converter, mut outer_drain) = between(drain, from, to, 256)
             .map_err(|(_, error)| error)
             .expect("there is a way");
-        let sound: Vec<f32> = (0..from)
+        let source_sound: Vec<f32> = (0..from)
             .flat_map(|n| {
-                let x = sin(TAU * pitch * f64::from(n) / f64::from(from)) as f32;
-                [x, -x]
+                let sine_sample = sin(TAU * pitch * f64::from(n) / f64::from(from)) as f32;
+                [sine_sample, -sine_sample]
             })
             .collect();
-        let mut left = &sound[..];
-        let (mut all, mut out) = (Vec::new(), [0.0; 512]);
-        while !outer.ended() {
-            let taken = feed.push(left);
-            left = &left[2 * taken..];
-            if left.is_empty() {
+        let mut sound_left = &source_sound[..];
+        let (mut all_samples, mut block_samples) = (Vec::new(), [0.0; 512]);
+        while !outer_drain.ended() {
+            let frames_taken = feed.push(sound_left);
+            sound_left = &sound_left[2 * frames_taken..];
+            if sound_left.is_empty() {
                 feed.close();
             }
-            match outer.take(&mut out) {
+            match outer_drain.take(&mut block_samples) {
                 0 => std::thread::sleep(POLL),
-                frames => all.extend_from_slice(&out[..2 * frames]),
+                frames => all_samples.extend_from_slice(&block_samples[..2 * frames]),
             }
         }
-        let inner = converter.stop().expect("the drain comes back");
-        assert!(inner.ended());
-        assert_eq!(inner.shared().played(), u64::from(from));
-        all
+        let inner_drain = converter.stop().expect("the drain comes back");
+        assert!(inner_drain.ended());
+        assert_eq!(inner_drain.shared().played(), u64::from(from));
+        all_samples
     }
 
     #[test]
     fn converted_sine_keeps_duration_and_pitch() {
         for (from, to) in [(44_100, 48_000), (48_000, 44_100), (96_000, 48_000)] {
             for pitch in [440.0, 10_000.0] {
-                let got = converted(from, to, pitch);
-                assert_eq!(got.len(), 2 * to as usize, "{from} to {to}");
+                let output_sound = converted(from, to, pitch);
+                assert_eq!(output_sound.len(), 2 * to as usize, "{from} to {to}");
                 // Near the beginning and the end, the filter also covers the silence outside.
                 for n in 1000..to as usize - 1000 {
-                    let x = sin(TAU * pitch * n as f64 / f64::from(to)) as f32;
-                    let (left, right) = (got[2 * n], got[2 * n + 1]);
-                    assert!((left - x).abs() < 2e-4, "{from} to {to}, {pitch} Hz, {n}");
-                    assert_eq!(left, -right);
+                    let sine_sample = sin(TAU * pitch * n as f64 / f64::from(to)) as f32;
+                    let (left_sample, right_sample) =
+                        (output_sound[2 * n], output_sound[2 * n + 1]);
+                    assert!(
+                        (left_sample - sine_sample).abs() < 2e-4,
+                        "{from} to {to}, {pitch} Hz, {n}"
+                    );
+                    assert_eq!(left_sample, -right_sample);
                 }
             }
         }

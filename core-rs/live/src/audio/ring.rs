@@ -85,20 +85,20 @@ pub(super) fn joined(channels: usize, capacity: usize, shared: Arc<Shared>) -> (
         "1 to {CHANNELS_MAX} channels"
     );
     let capacity = capacity.max(1);
-    let (to, from) = RingBuffer::new(capacity * channels);
+    let (producer, consumer) = RingBuffer::new(capacity * channels);
     let gate = Arc::new(Gate {
         closed: AtomicBool::new(false),
         prefill: AtomicUsize::new(capacity / 2),
     });
     let feed = Feed {
-        samples: to,
+        samples: producer,
         channels,
         capacity,
         gate: gate.clone(),
         shared: shared.clone(),
     };
     let drain = Drain {
-        samples: from,
+        samples: consumer,
         channels,
         gate,
         shared,
@@ -152,18 +152,18 @@ impl Feed {
 
     /// Push interleaved frames; returns how many were taken, whole frames only.
     pub fn push(&mut self, frames: &[f32]) -> usize {
-        let taken = self.room().min(frames.len() / self.channels);
-        let samples = frames.get(..taken * self.channels).unwrap_or(&[]);
+        let frames_taken = self.room().min(frames.len() / self.channels);
+        let samples = frames.get(..frames_taken * self.channels).unwrap_or(&[]);
         self.samples
             .push_entire_slice(samples)
-            .map_or(0, |()| taken)
+            .map_or(0, |()| frames_taken)
     }
 
     /// Push frames; those without room are dropped, and counted if any frame was played before.
     pub(super) fn offer(&mut self, frames: &[f32]) {
-        let lost = frames.len() / self.channels - self.push(frames);
+        let frames_lost = frames.len() / self.channels - self.push(frames);
         if self.shared.played() > 0 {
-            self.shared.add_discarded(lost as u64);
+            self.shared.add_discarded(frames_lost as u64);
         }
     }
 
@@ -251,8 +251,8 @@ impl Drain {
     /// underrun the sound falls to silence within 2 ms, and the underrun is counted.
     pub fn fill(&mut self, out: &mut [f32]) {
         let n_complete = out.len() - out.len() % self.channels;
-        let (out, rest) = out.split_at_mut(n_complete);
-        rest.fill(0.0);
+        let (out, partial_frame) = out.split_at_mut(n_complete);
+        partial_frame.fill(0.0);
         let panicked = self.update_panic();
         if panicked && self.fades.request_hush() {
             // Frames are dropped at the pace at which they would be heard, so that the sound before and after keeps its
@@ -267,26 +267,30 @@ impl Drain {
         if out.is_empty() {
             return;
         }
-        let closed = self.gate.closed.load(Ordering::Acquire);
+        let is_closed = self.gate.closed.load(Ordering::Acquire);
         let waiting = self.waiting();
         if self.phase != Phase::Playing
             && (waiting >= self.gate.prefill.load(Ordering::Relaxed).max(1)
-                || closed && waiting > 0)
+                || is_closed && waiting > 0)
         {
             self.phase = Phase::Playing;
         }
-        let n_sound = match self.phase {
+        let sound_frames = match self.phase {
             Phase::Playing => waiting.min(out.len() / self.channels),
             _ => 0,
         };
-        let (sounding, silent) = out.split_at_mut(n_sound * self.channels);
+        let (sounding, silent_samples) = out.split_at_mut(sound_frames * self.channels);
         if self.samples.pop_entire_slice(sounding).is_err() {
             sounding.fill(0.0);
         }
         self.fades.shape_sound(sounding);
-        self.count_played(n_sound, closed && n_sound == waiting);
-        if !silent.is_empty() {
-            self.fill_gap(silent, closed && n_sound == waiting, panicked);
+        self.count_played(sound_frames, is_closed && sound_frames == waiting);
+        if !silent_samples.is_empty() {
+            self.fill_gap(
+                silent_samples,
+                is_closed && sound_frames == waiting,
+                panicked,
+            );
         }
         self.fades.apply_hush(out);
     }
@@ -301,30 +305,30 @@ impl Drain {
     /// Hand out the frames that wait, at most `out`, to a reader without a clock; returns their number.
     pub fn take(&mut self, out: &mut [f32]) -> usize {
         if self.update_panic() && self.fades.request_hush() {
-            let thrown = self.discard(out.len() / self.channels);
-            out[..thrown * self.channels].fill(0.0);
-            return thrown;
+            let frames_dropped = self.discard(out.len() / self.channels);
+            out[..frames_dropped * self.channels].fill(0.0);
+            return frames_dropped;
         }
-        let ended = self.ended();
-        let frames = self.waiting().min(out.len() / self.channels);
-        if frames == 0 {
-            self.count_played(0, ended);
+        let has_ended = self.ended();
+        let frames_taken = self.waiting().min(out.len() / self.channels);
+        if frames_taken == 0 {
+            self.count_played(0, has_ended);
             return 0;
         }
         self.phase = Phase::Playing;
-        self.fill(&mut out[..frames * self.channels]);
-        frames
+        self.fill(&mut out[..frames_taken * self.channels]);
+        frames_taken
     }
 
     /// Wait until `frames` wait or no more can come. Only for a callback of a freewheeling server.
     pub(super) fn wait_for(&self, frames: usize, limit: Duration) {
-        let until = Instant::now() + limit;
+        let deadline = Instant::now() + limit;
         let frames = frames.min(self.samples.buffer().capacity() / self.channels);
         while self.phase == Phase::Playing
             && self.waiting() < frames
             && !self.gate.closed.load(Ordering::Acquire)
             && !self.shared.panicked()
-            && Instant::now() < until
+            && Instant::now() < deadline
         {
             std::thread::sleep(POLL);
         }
@@ -355,10 +359,10 @@ impl Drain {
         if self.outdated_frames == 0 {
             return 0;
         }
-        let passed = self.discard(limit.min(self.outdated_frames));
-        self.outdated_frames -= passed;
+        let frames_dropped = self.discard(limit.min(self.outdated_frames));
+        self.outdated_frames -= frames_dropped;
         self.end_silence();
-        passed
+        frames_dropped
     }
 
     fn end_silence(&mut self) {
@@ -372,8 +376,8 @@ impl Drain {
 
     fn report_edge(&self, silent: bool) {
         if self.outermost {
-            let frame = self.written.score() + self.shared.skipped();
-            self.shared.add_edge(frame, silent);
+            let edge_frame = self.written.score() + self.shared.skipped();
+            self.shared.add_edge(edge_frame, silent);
         }
     }
 
@@ -387,8 +391,8 @@ impl Drain {
         }
         self.fades.fill_gap(silent);
         if self.phase == Phase::Starved && !ended && !panicked && self.outermost {
-            let frames = silent.len() / self.channels;
-            self.shared.add_missing(frames as u64);
+            let missing_frames = silent.len() / self.channels;
+            self.shared.add_missing(missing_frames as u64);
         }
     }
 
@@ -396,13 +400,15 @@ impl Drain {
         if !self.outermost {
             return;
         }
-        let handed = &mut self.written;
+        let frame_counts = &mut self.written;
         if frames > 0 {
-            let rate = f64::from(self.rate) * handed.score_rate as f64 / handed.card_rate as f64;
-            self.shared.set_block_start(handed.score(), rate);
+            let played_rate = f64::from(self.rate) * frame_counts.score_rate as f64
+                / frame_counts.card_rate as f64;
+            self.shared
+                .set_block_start(frame_counts.score(), played_rate);
         }
-        handed.frames += frames as u64;
-        self.shared.set_played(handed.score());
+        frame_counts.frames += frames as u64;
+        self.shared.set_played(frame_counts.score());
         if ended {
             self.shared.set_finished();
         }
@@ -410,21 +416,25 @@ impl Drain {
 
     /// Drop at most `limit` frames, or all if the ring is closed; returns how many, at most `limit`.
     fn discard(&mut self, limit: usize) -> usize {
-        let closed = self.gate.closed.load(Ordering::Acquire);
+        let is_closed = self.gate.closed.load(Ordering::Acquire);
         let waiting = self.waiting();
-        let frames = if closed { waiting } else { waiting.min(limit) };
-        if let Ok(chunk) = self.samples.read_chunk(frames * self.channels) {
-            chunk.commit_all();
+        let frames_dropped = if is_closed {
+            waiting
+        } else {
+            waiting.min(limit)
+        };
+        if let Ok(ring_chunk) = self.samples.read_chunk(frames_dropped * self.channels) {
+            ring_chunk.commit_all();
         }
-        let handed = self.written;
-        let skipped = frames as u64 * handed.score_rate / handed.card_rate;
+        let frame_counts = self.written;
+        let skipped = frames_dropped as u64 * frame_counts.score_rate / frame_counts.card_rate;
         self.shared.add_skipped(skipped);
         if self.outermost {
-            self.shared.add_discarded(frames as u64);
-            if closed && frames == waiting {
+            self.shared.add_discarded(frames_dropped as u64);
+            if is_closed && frames_dropped == waiting {
                 self.shared.set_finished();
             }
         }
-        frames.min(limit)
+        frames_dropped.min(limit)
     }
 }

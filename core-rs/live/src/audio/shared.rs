@@ -161,19 +161,20 @@ impl Shared {
     /// Silence of an underrun shifts it. `None` before the first block.
     #[must_use]
     pub fn sounding(&self) -> Option<Duration> {
-        let zero = self.zero.load(Ordering::Acquire);
-        let now = i64::try_from(self.began.elapsed().as_nanos()).unwrap_or(i64::MAX);
-        (zero != NEVER)
-            .then(|| Duration::from_nanos(now.saturating_sub(zero).max(0).unsigned_abs()))
+        let zero_nanos = self.zero.load(Ordering::Acquire);
+        let nanos_now = i64::try_from(self.began.elapsed().as_nanos()).unwrap_or(i64::MAX);
+        (zero_nanos != NEVER).then(|| {
+            Duration::from_nanos(nanos_now.saturating_sub(zero_nanos).max(0).unsigned_abs())
+        })
     }
 
     /// Report that a block that begins with frame `n`, at `rate` [Hz], goes to the card now.
     pub(super) fn set_block_start(&self, n: u64, rate: f64) {
         let n = n + self.skipped.load(Ordering::Relaxed);
-        let before = (n as f64 / rate * 1e9) as i64;
-        let now = i64::try_from(self.began.elapsed().as_nanos()).unwrap_or(i64::MAX);
+        let nanos_before = (n as f64 / rate * 1e9) as i64;
+        let nanos_now = i64::try_from(self.began.elapsed().as_nanos()).unwrap_or(i64::MAX);
         self.zero
-            .store(now.saturating_sub(before), Ordering::Release);
+            .store(nanos_now.saturating_sub(nanos_before), Ordering::Release);
     }
 
     pub(super) fn add_skipped(&self, frames: u64) {
@@ -187,25 +188,25 @@ impl Shared {
     /// Edges of silence from number `from` on, at most the latest 256.
     #[must_use]
     pub fn edges(&self, from: u64) -> Vec<Edge> {
-        let n = self.n_edges.load(Ordering::Acquire);
-        let edge_of = |number: u64| {
-            let edge = self.edges[number as usize % EDGES].load(Ordering::Relaxed);
+        let edge_count = self.n_edges.load(Ordering::Acquire);
+        let decode_edge = |number: u64| {
+            let packed_edge = self.edges[number as usize % EDGES].load(Ordering::Relaxed);
             Edge {
-                frame: edge >> 1,
-                silent: edge & 1 == 1,
+                frame: packed_edge >> 1,
+                silent: packed_edge & 1 == 1,
             }
         };
-        (from.max(n.saturating_sub(EDGES as u64))..n)
-            .map(edge_of)
+        (from.max(edge_count.saturating_sub(EDGES as u64))..edge_count)
+            .map(decode_edge)
             .collect()
     }
 
     /// Add an edge. Only the drain that feeds the loudspeakers calls this, so there is one writer.
     pub(super) fn add_edge(&self, frame: u64, silent: bool) {
-        let n = self.n_edges.load(Ordering::Relaxed);
-        let edge = frame << 1 | u64::from(silent);
-        self.edges[n as usize % EDGES].store(edge, Ordering::Relaxed);
-        self.n_edges.store(n + 1, Ordering::Release);
+        let edge_count = self.n_edges.load(Ordering::Relaxed);
+        let packed_edge = frame << 1 | u64::from(silent);
+        self.edges[edge_count as usize % EDGES].store(packed_edge, Ordering::Relaxed);
+        self.n_edges.store(edge_count + 1, Ordering::Release);
     }
 
     /// SCHED_FIFO priority that the card's thread actually has; `None`: no real-time priority.
@@ -223,8 +224,8 @@ impl Shared {
     /// frames of the card.
     #[must_use]
     pub fn timing(&self) -> (u32, u32) {
-        let block = self.block.load(Ordering::Relaxed);
-        (block, self.latency.load(Ordering::Relaxed))
+        let block_frames = self.block.load(Ordering::Relaxed);
+        (block_frames, self.latency.load(Ordering::Relaxed))
     }
 
     pub(super) fn set_timing(&self, block: u32, latency: u32) {

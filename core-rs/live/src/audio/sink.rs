@@ -54,20 +54,20 @@ impl<R: Send + 'static> RingThread<R> {
         body: impl FnOnce(&mut R, &AtomicBool) -> Result<(), String> + Send + 'static,
     ) -> Result<Self, (Option<Box<R>>, AudioError)> {
         let stop = Arc::new(AtomicBool::new(false));
-        let (to, from) = mpsc::sync_channel::<R>(1);
+        let (ring_sender, ring_receiver) = mpsc::sync_channel::<R>(1);
         let stopping = stop.clone();
-        let main = move || {
+        let thread_main = move || {
             // The sender is dropped only after it has sent the ring; if the spawn fails, this closure does not run.
-            let mut ring = from.recv().expect("the end of the ring was sent");
+            let mut ring = ring_receiver.recv().expect("the end of the ring was sent");
             let trouble = body(&mut ring, &stopping).err();
             (ring, trouble)
         };
         match std::thread::Builder::new()
             .name(name.to_owned())
-            .spawn(main)
+            .spawn(thread_main)
         {
             Ok(thread) => {
-                let _ = to.send(ring);
+                let _ = ring_sender.send(ring);
                 Ok(Self { stop, thread })
             }
             Err(error) => Err((Some(Box::new(ring)), AudioError::Thread(error))),

@@ -71,10 +71,10 @@ impl FromStr for Spec {
     type Err = AudioError;
 
     fn from_str(text: &str) -> Result<Self, AudioError> {
-        let mut spec = Self::plain(Backend::Auto);
-        let mut head = text.trim();
+        let mut new_spec = Self::plain(Backend::Auto);
+        let mut spec_head = text.trim();
         // A path may contain commas: only known options are split off at its end.
-        while let Some((before, option)) = head.rsplit_once(',') {
+        while let Some((text_before, option)) = spec_head.rsplit_once(',') {
             let Some((name, value)) = option.split_once('=') else {
                 break;
             };
@@ -86,18 +86,18 @@ impl FromStr for Spec {
                 )),
             };
             match name.trim() {
-                "block" => spec.block = Some(number()?),
-                "channels" => spec.channels = Some(number()? as usize),
+                "block" => new_spec.block = Some(number()?),
+                "channels" => new_spec.channels = Some(number()? as usize),
                 _ => break,
             }
-            head = before;
+            spec_head = text_before;
         }
-        let (name, device) = match head.split_once(':') {
+        let (name, device) = match spec_head.split_once(':') {
             Some((name, device)) => (name, Some(device)),
-            None => (head, None),
+            None => (spec_head, None),
         };
         let device = device.filter(|device| !device.is_empty());
-        spec.backend = match (name, device) {
+        new_spec.backend = match (name, device) {
             ("auto", None) => Backend::Auto,
             ("jack", _) => Backend::Jack,
             ("pulse", _) => Backend::Pulse,
@@ -112,12 +112,12 @@ impl FromStr for Spec {
             _ => return Err(spec_error(text, "no such output".into())),
         };
         if matches!(
-            spec.backend,
+            new_spec.backend,
             Backend::Jack | Backend::Pulse | Backend::System
         ) {
-            spec.device = device.map(str::to_owned);
+            new_spec.device = device.map(str::to_owned);
         }
-        Ok(spec)
+        Ok(new_spec)
     }
 }
 
@@ -130,7 +130,7 @@ fn spec_error(text: &str, why: String) -> AudioError {
 
 impl fmt::Display for Spec {
     fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let name = match &self.backend {
+        let backend_name = match &self.backend {
             Backend::Auto => "auto",
             Backend::Jack => "jack",
             Backend::Pulse => "pulse",
@@ -140,7 +140,7 @@ impl fmt::Display for Spec {
             Backend::Null => "null",
             Backend::Fast => "null:fast",
         };
-        to.write_str(name)?;
+        to.write_str(backend_name)?;
         match &self.device {
             Some(device) => write!(to, ":{device}"),
             None => Ok(()),

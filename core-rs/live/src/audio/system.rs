@@ -44,17 +44,17 @@ pub(super) fn open(spec: &Spec, rate: u32, channels: usize) -> Result<Opened, Au
     })
 }
 
-fn find(name: Option<&str>) -> Result<Device, AudioError> {
-    let host = cpal::default_host();
-    let Some(name) = name else {
-        return host
+fn find(device_name: Option<&str>) -> Result<Device, AudioError> {
+    let audio_host = cpal::default_host();
+    let Some(device_name) = device_name else {
+        return audio_host
             .default_output_device()
             .ok_or_else(|| missing("the system has no sound device"));
     };
-    let mut devices = host.output_devices().map_err(missing)?;
+    let mut devices = audio_host.output_devices().map_err(missing)?;
     devices
-        .find(|device| device.to_string() == name)
-        .ok_or_else(|| missing(format!("no sound device {name}")))
+        .find(|device| device.to_string() == device_name)
+        .ok_or_else(|| missing(format!("no sound device {device_name}")))
 }
 
 /// `rate` if the device can play it with float samples, else the device's own rate.
@@ -74,8 +74,8 @@ fn playable(device: &Device, rate: u32, channels: usize) -> Result<u32, AudioErr
     if configs.any(|one| (one.min_sample_rate()..=one.max_sample_rate()).contains(&rate)) {
         return Ok(rate);
     }
-    let config = device.default_output_config().map_err(missing)?;
-    Ok(config.sample_rate())
+    let default_config = device.default_output_config().map_err(missing)?;
+    Ok(default_config.sample_rate())
 }
 
 fn start(
@@ -84,21 +84,21 @@ fn start(
     drain: Drain,
 ) -> Result<Box<dyn Sink>, StartFailure> {
     let gone = Arc::new(AtomicBool::new(false));
-    let (lost, shared) = (gone.clone(), drain.shared().clone());
-    let (back, returned) = mpsc::sync_channel(1);
-    let mut held = LentDrain(Some((drain, back)));
+    let (lost_flag, shared) = (gone.clone(), drain.shared().clone());
+    let (drain_sender, returned) = mpsc::sync_channel(1);
+    let mut lent_drain = LentDrain(Some((drain, drain_sender)));
     let stream = device.build_output_stream::<f32, _, _>(
         config,
-        move |out, _| held.fill(out),
+        move |out, _| lent_drain.fill(out),
         move |error| match error.kind() {
             ErrorKind::Xrun => shared.add_xruns(1),
             ErrorKind::DeviceChanged | ErrorKind::RealtimeDenied => {}
-            _ => lost.store(true, Ordering::Release),
+            _ => lost_flag.store(true, Ordering::Release),
         },
         None,
     );
-    let played = stream.and_then(|stream| stream.play().map(|()| stream));
-    match played {
+    let start_result = stream.and_then(|stream| stream.play().map(|()| stream));
+    match start_result {
         Ok(stream) => Ok(Box::new(SystemStream {
             stream,
             returned,
@@ -122,8 +122,8 @@ impl LentDrain {
 
 impl Drop for LentDrain {
     fn drop(&mut self) {
-        if let Some((drain, back)) = self.0.take() {
-            let _ = back.try_send(drain);
+        if let Some((drain, drain_sender)) = self.0.take() {
+            let _ = drain_sender.try_send(drain);
         }
     }
 }
@@ -140,10 +140,10 @@ impl Sink for SystemStream {
     }
 
     fn stop(self: Box<Self>) -> (Option<Drain>, Option<String>) {
-        let gone = self.gone.load(Ordering::Acquire);
+        let is_gone = self.gone.load(Ordering::Acquire);
         drop(self.stream);
-        let why = gone.then(|| "the device disappeared".into());
-        (self.returned.recv().ok(), why)
+        let stop_reason = is_gone.then(|| "the device disappeared".into());
+        (self.returned.recv().ok(), stop_reason)
     }
 }
 

@@ -79,7 +79,7 @@ pub(crate) fn open(
     channels: usize,
 ) -> Result<(Tap, TapHandle), AudioError> {
     let mut recording = Recording::create(path, rate, channels)?;
-    let (to, mut from) = RingBuffer::new(ROOM * rate as usize * channels);
+    let (to, mut consumer) = RingBuffer::new(ROOM * rate as usize * channels);
     let shared = Arc::new(Shared {
         first: AtomicU64::new(NOT_BEGUN),
         missing: AtomicU64::new(0),
@@ -98,15 +98,15 @@ pub(crate) fn open(
     let thread = std::thread::Builder::new()
         .name("ergon recording of sound".into())
         .spawn(move || {
-            let run = pump(&mut recording, &mut from, channels, &shared_state);
-            if let Err(error) = run.and_then(|()| recording.end()) {
+            let pump_result = pump(&mut recording, &mut consumer, channels, &shared_state);
+            if let Err(error) = pump_result.and_then(|()| recording.end()) {
                 *shared_state
                     .error
                     .lock()
                     .unwrap_or_else(PoisonError::into_inner) =
                     Some(recording.failure_sentence(&error));
                 // Keep the ring alive until the tap is dropped: the physics thread must not free memory.
-                while !shared_state.is_over(&from) {
+                while !shared_state.is_over(&consumer) {
                     std::thread::sleep(POLL);
                 }
             }
@@ -128,25 +128,25 @@ fn pump(
 ) -> std::io::Result<()> {
     loop {
         // The end is read first, so that everything pushed before it is written.
-        let last = shared.is_over(from);
-        let n = from.slots() / channels * channels;
-        if n == 0 {
-            if last {
+        let is_last = shared.is_over(from);
+        let sample_count = from.slots() / channels * channels;
+        if sample_count == 0 {
+            if is_last {
                 return Ok(());
             }
             std::thread::sleep(POLL);
             continue;
         }
-        let Ok(chunk) = from.read_chunk(n) else {
+        let Ok(ring_chunk) = from.read_chunk(sample_count) else {
             continue;
         };
-        let (a, b) = chunk.as_slices();
-        recording.write(a, a.len() / channels)?;
-        recording.write(b, b.len() / channels)?;
-        chunk.commit_all();
+        let (first_slice, second_slice) = ring_chunk.as_slices();
+        recording.write(first_slice, first_slice.len() / channels)?;
+        recording.write(second_slice, second_slice.len() / channels)?;
+        ring_chunk.commit_all();
         shared
             .written
-            .fetch_add((n / channels) as u64, Ordering::Relaxed);
+            .fetch_add((sample_count / channels) as u64, Ordering::Relaxed);
     }
 }
 
@@ -159,16 +159,18 @@ impl Tap {
         if self.shared.first.load(Ordering::Relaxed) == NOT_BEGUN {
             self.shared.first.store(frame, Ordering::Release);
         }
-        let n = self.silence_samples + samples.len();
-        let Ok(chunk) = self.to.write_chunk_uninit(n) else {
-            self.silence_samples = n;
-            let frames = (samples.len() / self.channels) as u64;
-            self.shared.missing.fetch_add(frames, Ordering::Relaxed);
+        let sample_count = self.silence_samples + samples.len();
+        let Ok(ring_chunk) = self.to.write_chunk_uninit(sample_count) else {
+            self.silence_samples = sample_count;
+            let missing_frames = (samples.len() / self.channels) as u64;
+            self.shared
+                .missing
+                .fetch_add(missing_frames, Ordering::Relaxed);
             return;
         };
         let silence = std::iter::repeat_n(0.0, self.silence_samples);
-        let factor = if is_silent { 0.0 } else { 1.0 };
-        chunk.fill_from_iter(silence.chain(samples.iter().map(|x| x * factor)));
+        let sound_gain = if is_silent { 0.0 } else { 1.0 };
+        ring_chunk.fill_from_iter(silence.chain(samples.iter().map(|x| x * sound_gain)));
         self.silence_samples = 0;
     }
 }
@@ -177,9 +179,9 @@ impl TapHandle {
     /// The state now.
     pub fn status(&self) -> TapStatus {
         let shared = &self.shared;
-        let first = shared.first.load(Ordering::Acquire);
+        let first_frame = shared.first.load(Ordering::Acquire);
         TapStatus {
-            first: (first != NOT_BEGUN).then_some(first),
+            first: (first_frame != NOT_BEGUN).then_some(first_frame),
             ended: shared.ended.load(Ordering::Acquire),
             frames: shared.written.load(Ordering::Relaxed),
             missing: shared.missing.load(Ordering::Relaxed),
@@ -217,22 +219,22 @@ mod tests {
     fn tap_writes_pushed_frames_to_its_file() {
         let folder = std::env::temp_dir().join(format!("ergon-tap-{}", std::process::id()));
         std::fs::create_dir_all(&folder).expect("a folder");
-        let path = folder.join("a.wav");
-        let (mut tap, handle) = open(&path, 44_100, 2).expect("a tap");
+        let wave_path = folder.join("a.wav");
+        let (mut tap, handle) = open(&wave_path, 44_100, 2).expect("a tap");
         assert_eq!(handle.status().first, None);
         for block in 0..100_u64 {
             let samples: Vec<f32> = (0..128).map(|i| (block * 128 + i) as f32).collect();
             tap.push(640 + block * 64, &samples, block == 99);
         }
         drop(tap);
-        let status = ended(&handle);
+        let tap_status = ended(&handle);
         assert_eq!(
-            (status.first, status.frames, status.missing),
+            (tap_status.first, tap_status.frames, tap_status.missing),
             (Some(640), 6400, 0)
         );
-        let bytes = std::fs::read(&path).expect("a file");
-        let data = &bytes[bytes.len() - 6400 * 8..];
-        let samples: Vec<f32> = data
+        let file_bytes = std::fs::read(&wave_path).expect("a file");
+        let sample_bytes = &file_bytes[file_bytes.len() - 6400 * 8..];
+        let samples: Vec<f32> = sample_bytes
             .chunks_exact(4)
             .map(|x| f32::from_le_bytes(x.try_into().expect("four bytes")))
             .collect();
@@ -243,7 +245,7 @@ mod tests {
                 .all(|(i, &x)| x == i as f32)
         );
         assert!(samples[99 * 128..].iter().all(|&x| x == 0.0));
-        assert!(open(&path, 44_100, 2).is_err(), "it exists");
+        assert!(open(&wave_path, 44_100, 2).is_err(), "it exists");
         std::fs::remove_dir_all(&folder).expect("removed");
     }
 
@@ -251,19 +253,27 @@ mod tests {
     fn tap_without_room_writes_silence() {
         let folder = std::env::temp_dir().join(format!("ergon-tap-full-{}", std::process::id()));
         std::fs::create_dir_all(&folder).expect("a folder");
-        let path = folder.join("a.wav");
-        let (to, mut from) = RingBuffer::new(4);
-        let (mut tap, handle) = open(&path, 1000, 1).expect("a tap");
-        let real = std::mem::replace(&mut tap.to, to);
+        let wave_path = folder.join("a.wav");
+        let (small_producer, mut small_consumer) = RingBuffer::new(4);
+        let (mut tap, handle) = open(&wave_path, 1000, 1).expect("a tap");
+        let real_producer = std::mem::replace(&mut tap.to, small_producer);
         tap.push(0, &[1.0, 2.0, 3.0], false);
         tap.push(3, &[4.0, 5.0], false); // no room
         assert_eq!(handle.status().missing, 2);
-        let read: Vec<f32> = from.read_chunk(3).expect("three").into_iter().collect();
-        assert_eq!(read, [1.0, 2.0, 3.0]);
+        let read_samples: Vec<f32> = small_consumer
+            .read_chunk(3)
+            .expect("three")
+            .into_iter()
+            .collect();
+        assert_eq!(read_samples, [1.0, 2.0, 3.0]);
         tap.push(5, &[6.0, 7.0], false);
-        let read: Vec<f32> = from.read_chunk(4).expect("four").into_iter().collect();
-        assert_eq!(read, [0.0, 0.0, 6.0, 7.0]);
-        tap.to = real;
+        let read_samples: Vec<f32> = small_consumer
+            .read_chunk(4)
+            .expect("four")
+            .into_iter()
+            .collect();
+        assert_eq!(read_samples, [0.0, 0.0, 6.0, 7.0]);
+        tap.to = real_producer;
         drop(tap);
         ended(&handle);
         std::fs::remove_dir_all(&folder).expect("removed");

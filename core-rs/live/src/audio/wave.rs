@@ -16,35 +16,39 @@ pub(super) fn header(rate: u32, channels: usize, frames: u64) -> Vec<u8> {
 
 fn header_above(rate: u32, channels: usize, frames: u64, limit: u64) -> Vec<u8> {
     let frame_bytes = channels as u32 * 4;
-    let data = frames * u64::from(frame_bytes);
-    let mut body = Vec::new();
-    chunk(&mut body, b"fmt ", &format(rate, channels, frame_bytes));
-    let fact = u32::try_from(frames).unwrap_or(u32::MAX);
-    chunk(&mut body, b"fact", &fact.to_le_bytes());
-    chunk(&mut body, b"bext", &bext());
+    let data_bytes = frames * u64::from(frame_bytes);
+    let mut chunk_bytes = Vec::new();
+    chunk(
+        &mut chunk_bytes,
+        b"fmt ",
+        &format(rate, channels, frame_bytes),
+    );
+    let fact_frames = u32::try_from(frames).unwrap_or(u32::MAX);
+    chunk(&mut chunk_bytes, b"fact", &fact_frames.to_le_bytes());
+    chunk(&mut chunk_bytes, b"bext", &bext());
     // A frame of floats has an even number of bytes: no padding.
-    let riff = 4 + (8 + DS64 as u64) + body.len() as u64 + 8 + data;
-    let mut head = Vec::new();
-    if riff <= limit {
-        head.extend(b"RIFF");
-        head.extend((riff as u32).to_le_bytes());
-        head.extend(b"WAVE");
-        chunk(&mut head, b"JUNK", &[0; DS64]);
-        head.extend(body);
-        head.extend(b"data");
-        head.extend((data as u32).to_le_bytes());
+    let riff_bytes = 4 + (8 + DS64 as u64) + chunk_bytes.len() as u64 + 8 + data_bytes;
+    let mut header_bytes = Vec::new();
+    if riff_bytes <= limit {
+        header_bytes.extend(b"RIFF");
+        header_bytes.extend((riff_bytes as u32).to_le_bytes());
+        header_bytes.extend(b"WAVE");
+        chunk(&mut header_bytes, b"JUNK", &[0; DS64]);
+        header_bytes.extend(chunk_bytes);
+        header_bytes.extend(b"data");
+        header_bytes.extend((data_bytes as u32).to_le_bytes());
     } else {
-        head.extend(b"RF64\xff\xff\xff\xffWAVE");
-        let mut ds64 = Vec::new();
-        for size in [riff, data, frames] {
-            ds64.extend(size.to_le_bytes());
+        header_bytes.extend(b"RF64\xff\xff\xff\xffWAVE");
+        let mut ds64_bytes = Vec::new();
+        for size in [riff_bytes, data_bytes, frames] {
+            ds64_bytes.extend(size.to_le_bytes());
         }
-        ds64.extend([0; 4]);
-        chunk(&mut head, b"ds64", &ds64);
-        head.extend(body);
-        head.extend(b"data\xff\xff\xff\xff");
+        ds64_bytes.extend([0; 4]);
+        chunk(&mut header_bytes, b"ds64", &ds64_bytes);
+        header_bytes.extend(chunk_bytes);
+        header_bytes.extend(b"data\xff\xff\xff\xff");
     }
-    head
+    header_bytes
 }
 
 fn chunk(to: &mut Vec<u8>, name: &[u8; 4], content: &[u8]) {
@@ -59,29 +63,29 @@ fn format(rate: u32, channels: usize, frame_bytes: u32) -> Vec<u8> {
         2 => 0x3,
         _ => 0,
     };
-    let mut fmt = Vec::new();
-    fmt.extend(0xFFFE_u16.to_le_bytes());
-    fmt.extend((channels as u16).to_le_bytes());
-    fmt.extend(rate.to_le_bytes());
-    fmt.extend(rate.saturating_mul(frame_bytes).to_le_bytes());
-    fmt.extend((frame_bytes as u16).to_le_bytes());
-    fmt.extend(32_u16.to_le_bytes());
-    fmt.extend(22_u16.to_le_bytes()); // bytes that follow
-    fmt.extend(32_u16.to_le_bytes());
-    fmt.extend(speakers.to_le_bytes());
-    fmt.extend(3_u16.to_le_bytes()); // float
-    fmt.extend(GUID_TAIL);
-    fmt
+    let mut format_bytes = Vec::new();
+    format_bytes.extend(0xFFFE_u16.to_le_bytes());
+    format_bytes.extend((channels as u16).to_le_bytes());
+    format_bytes.extend(rate.to_le_bytes());
+    format_bytes.extend(rate.saturating_mul(frame_bytes).to_le_bytes());
+    format_bytes.extend((frame_bytes as u16).to_le_bytes());
+    format_bytes.extend(32_u16.to_le_bytes());
+    format_bytes.extend(22_u16.to_le_bytes()); // bytes that follow
+    format_bytes.extend(32_u16.to_le_bytes());
+    format_bytes.extend(speakers.to_le_bytes());
+    format_bytes.extend(3_u16.to_le_bytes()); // float
+    format_bytes.extend(GUID_TAIL);
+    format_bytes
 }
 
 /// Broadcast data: the originator, and a fixed date, so that equal sounds give equal files.
 fn bext() -> Vec<u8> {
-    let mut bext = vec![0; BEXT];
-    bext[256..261].copy_from_slice(b"ergon");
-    bext[320..330].copy_from_slice(b"1970-01-01");
-    bext[330..338].copy_from_slice(b"00:00:00");
-    bext[346] = 1; // version
-    bext
+    let mut bext_bytes = vec![0; BEXT];
+    bext_bytes[256..261].copy_from_slice(b"ergon");
+    bext_bytes[320..330].copy_from_slice(b"1970-01-01");
+    bext_bytes[330..338].copy_from_slice(b"00:00:00");
+    bext_bytes[346] = 1; // version
+    bext_bytes
 }
 
 #[cfg(test)]
@@ -90,13 +94,16 @@ mod tests {
 
     #[test]
     fn wave_headers_of_both_containers_have_equal_layout() {
-        let (riff, rf64) = (
+        let (riff_header, rf64_header) = (
             header_above(48_000, 24, 10, u64::MAX),
             header_above(48_000, 24, 10, 0),
         );
-        assert_eq!(riff.len(), rf64.len());
-        assert_eq!((&riff[..4], &rf64[..4]), (&b"RIFF"[..], &b"RF64"[..]));
-        assert_eq!(rf64[20..28], riff_size(&riff).to_le_bytes());
+        assert_eq!(riff_header.len(), rf64_header.len());
+        assert_eq!(
+            (&riff_header[..4], &rf64_header[..4]),
+            (&b"RIFF"[..], &b"RF64"[..])
+        );
+        assert_eq!(rf64_header[20..28], riff_size(&riff_header).to_le_bytes());
     }
 
     fn riff_size(header: &[u8]) -> u64 {
@@ -106,9 +113,9 @@ mod tests {
     #[test]
     fn wave_header_of_a_long_recording() {
         let frames = 16 * 60 * 48_000; // 16 minutes of 24 channels: more than 4 GiB
-        let head = header(48_000, 24, frames);
-        assert_eq!(&head[..4], b"RF64");
-        assert_eq!(head[28..36], (frames * 96).to_le_bytes());
-        assert_eq!(head[36..44], frames.to_le_bytes());
+        let long_header = header(48_000, 24, frames);
+        assert_eq!(&long_header[..4], b"RF64");
+        assert_eq!(long_header[28..36], (frames * 96).to_le_bytes());
+        assert_eq!(long_header[36..44], frames.to_le_bytes());
     }
 }

@@ -24,16 +24,16 @@ pub(super) fn with_arm(device: Box<dyn Device>, url: &Url) -> Result<Box<dyn Dev
     if url.text("arm").is_none() {
         return Ok(device);
     }
-    let length = url.number("arm", 0.0)?;
+    let arm_length = url.number("arm", 0.0)?;
     if device.spec().unit != Unit::Radian {
         return Err(url.cannot("its axes do not rotate, so they have no arm; leave ?arm out"));
     }
-    if length <= 0.0 || length > ARM_MAX {
+    if arm_length <= 0.0 || arm_length > ARM_MAX {
         return Err(url.closed(format!(
-            "arm must be above 0 and at most {ARM_MAX} m, not {length}"
+            "arm must be above 0 and at most {ARM_MAX} m, not {arm_length}"
         )));
     }
-    Ok(Box::new(Arm::new(device, length)))
+    Ok(Box::new(Arm::new(device, arm_length)))
 }
 
 impl Arm {
@@ -87,11 +87,11 @@ impl Device for Arm {
     }
 
     fn receive(&mut self, into: &mut Sample, deadline: Instant) -> Result<bool, Gone> {
-        let fresh = self.device.receive(into, deadline)?;
+        let is_fresh = self.device.receive(into, deadline)?;
         for position in &mut into.position {
             *position *= self.length;
         }
-        Ok(fresh)
+        Ok(is_fresh)
     }
 
     fn in_lockstep(&self) -> bool {

@@ -71,10 +71,15 @@ impl<D: Device> Calibrated<D> {
         for (sign, axis) in signs.iter_mut().zip(&axes) {
             *sign = axis.sign.signum() * axis.gain.signum();
         }
-        let least = |of: fn(&Axis) -> f64| axes.iter().map(of).fold(f64::INFINITY, f64::min);
-        spec.force_max_peak = spec.force_max_peak.min(least(|axis| axis.force_max.abs()));
+        let least_limit = |of: fn(&Axis) -> f64| axes.iter().map(of).fold(f64::INFINITY, f64::min);
+        spec.force_max_peak = spec
+            .force_max_peak
+            .min(least_limit(|axis| axis.force_max.abs()));
         spec.force_max_continuous = spec.force_max_continuous.min(spec.force_max_peak);
-        spec.pos_range = [least(|axis| axis.range[0]), -least(|axis| -axis.range[1])];
+        spec.pos_range = [
+            least_limit(|axis| axis.range[0]),
+            -least_limit(|axis| -axis.range[1]),
+        ];
         Self {
             device,
             axes,
@@ -89,13 +94,13 @@ pub fn with_calibration(device: Box<dyn Device>, known: &[(usize, Axis)]) -> Box
     if known.is_empty() {
         return device;
     }
-    let mut axes = vec![Axis::plain(device.spec()); device.spec().dof];
+    let mut all_axes = vec![Axis::plain(device.spec()); device.spec().dof];
     for &(number, axis) in known {
-        if let Some(slot) = axes.get_mut(number) {
-            *slot = axis;
+        if let Some(axis_slot) = all_axes.get_mut(number) {
+            *axis_slot = axis;
         }
     }
-    Box::new(Calibrated::new(device, axes))
+    Box::new(Calibrated::new(device, all_axes))
 }
 
 impl<D: Device> Device for Calibrated<D> {
@@ -126,11 +131,11 @@ impl<D: Device> Device for Calibrated<D> {
     }
 
     fn receive(&mut self, into: &mut Sample, deadline: Instant) -> Result<bool, Gone> {
-        let fresh = self.device.receive(into, deadline)?;
+        let is_fresh = self.device.receive(into, deadline)?;
         for (position, axis) in into.position.iter_mut().zip(&self.axes) {
             *position = axis.position(*position);
         }
-        Ok(fresh)
+        Ok(is_fresh)
     }
 
     fn in_lockstep(&self) -> bool {
@@ -165,11 +170,11 @@ impl Pulse {
     /// A fifth of the greatest force for at most an eighth of a second, until the axis has moved by ten steps of the
     /// sensor or a hundredth of its range, whichever is longer.
     pub fn from_spec(spec: &Spec) -> Self {
-        let range = spec.pos_range[1] - spec.pos_range[0];
+        let travel_range = spec.pos_range[1] - spec.pos_range[0];
         Self {
             force: 0.2 * spec.force_max_peak,
             length: 0.125,
-            stop_distance: (10.0 * spec.pos_lsb).max(0.01 * range),
+            stop_distance: (10.0 * spec.pos_lsb).max(0.01 * travel_range),
         }
     }
 }
@@ -205,23 +210,23 @@ pub fn directions<D: Device>(
         ramp: 0.0,
         ..Limits::from_spec(device.spec())
     };
-    let step = 3.0 * device.spec().pos_lsb;
+    let least_motion = 3.0 * device.spec().pos_lsb;
     let mut tick_loop = TickLoop::new(Guarded::new(device, limits, period), period, stop);
     tick_loop.wait_for_rest(axes, pulse.length)?;
-    let mut moved = [[0.0; MAX_AXES]; 2];
-    for (moved, side) in moved.iter_mut().zip([1.0, -1.0]) {
-        let start = tick_loop.sample.position;
-        let ticks = tick_loop.ticks(pulse.length);
+    let mut displacement = [[0.0; MAX_AXES]; 2];
+    for (displacement, side) in displacement.iter_mut().zip([1.0, -1.0]) {
+        let start_position = tick_loop.sample.position;
+        let tick_count = tick_loop.ticks(pulse.length);
         let mut pushes = [false; MAX_AXES];
         axes.iter().for_each(|&axis| pushes[axis] = true);
-        for tick in 1..=ticks {
-            let force = side * pulse.force * (tick as f64 / ticks as f64);
-            tick_loop.tick(&pushes.map(|pushes| if pushes { force } else { 0.0 }))?;
+        for tick in 1..=tick_count {
+            let ramp_force = side * pulse.force * (tick as f64 / tick_count as f64);
+            tick_loop.tick(&pushes.map(|pushes| if pushes { ramp_force } else { 0.0 }))?;
             for &axis in axes.iter().filter(|&&axis| pushes[axis]) {
-                moved[axis] = tick_loop.sample.position[axis] - start[axis];
+                displacement[axis] = tick_loop.sample.position[axis] - start_position[axis];
             }
-            for (pushes, moved) in pushes.iter_mut().zip(&*moved) {
-                *pushes &= moved.abs() < pulse.stop_distance;
+            for (pushes, displacement) in pushes.iter_mut().zip(&*displacement) {
+                *pushes &= displacement.abs() < pulse.stop_distance;
             }
             if pushes == [false; MAX_AXES] {
                 break;
@@ -229,17 +234,17 @@ pub fn directions<D: Device>(
         }
         tick_loop.wait_for_rest(axes, pulse.length)?;
     }
-    let sign = |&axis: &usize| {
-        let [there, back] = moved.map(|moved| moved[axis]);
-        if there.abs() <= step || back.abs() <= step {
+    let axis_sign = |&axis: &usize| {
+        let [forward, backward] = displacement.map(|displacement| displacement[axis]);
+        if forward.abs() <= least_motion || backward.abs() <= least_motion {
             return Err(DirectionError::Still);
         }
-        if there * back > 0.0 {
+        if forward * backward > 0.0 {
             return Err(DirectionError::OneWay);
         }
-        Ok(there.signum())
+        Ok(forward.signum())
     };
-    Ok(axes.iter().map(sign).collect())
+    Ok(axes.iter().map(axis_sign).collect())
 }
 
 /// Least and greatest position of every axis during `length` [s], while a player moves it and no force acts.
@@ -254,14 +259,14 @@ pub fn travel_ends<D: Device>(
 ) -> Result<[[f64; 2]; MAX_AXES], Gone> {
     let limits = Limits::from_spec(device.spec());
     let mut tick_loop = TickLoop::new(Guarded::new(device, limits, period), period, stop);
-    let mut ends = [[f64::INFINITY, f64::NEG_INFINITY]; MAX_AXES];
+    let mut axis_ends = [[f64::INFINITY, f64::NEG_INFINITY]; MAX_AXES];
     for _ in 0..tick_loop.ticks(length).max(1) {
         tick_loop.tick(&[0.0; MAX_AXES])?;
-        for (ends, x) in ends.iter_mut().zip(tick_loop.sample.position) {
-            *ends = [ends[0].min(x), ends[1].max(x)];
+        for (axis_ends, x) in axis_ends.iter_mut().zip(tick_loop.sample.position) {
+            *axis_ends = [axis_ends[0].min(x), axis_ends[1].max(x)];
         }
     }
-    Ok(ends)
+    Ok(axis_ends)
 }
 
 /// Exchanges with the device at regular times.
@@ -304,14 +309,16 @@ impl<'a, D: Device> TickLoop<'a, D> {
 
     /// Send no force until the axes stand still, for at least `length` [s] and at most eight times that.
     fn wait_for_rest(&mut self, axes: &[usize], length: f64) -> Result<(), Gone> {
-        let still = self.guarded.spec().pos_lsb.max(1e-6);
+        let still_limit = self.guarded.spec().pos_lsb.max(1e-6);
         for _ in 0..8 {
-            let start = self.sample.position;
+            let start_position = self.sample.position;
             for _ in 0..self.ticks(length) {
                 self.tick(&[0.0; MAX_AXES])?;
             }
             let position = self.sample.position;
-            if (axes.iter()).all(|&axis| (position[axis] - start[axis]).abs() <= still) {
+            if (axes.iter())
+                .all(|&axis| (position[axis] - start_position[axis]).abs() <= still_limit)
+            {
                 break;
             }
         }

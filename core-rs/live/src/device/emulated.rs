@@ -47,17 +47,18 @@ pub struct Emulated {
 
 impl Emulated {
     pub(super) fn open(url: &Url) -> Result<Self, DeviceError> {
-        let usual = Key::default();
-        let key = Key {
-            mass: url.number("mass", usual.mass)?,
-            stiffness: url.number("stiffness", usual.stiffness)?,
-            damping: url.number("damping", usual.damping)?,
-            ..usual
+        let default_key = Key::default();
+        let key_model = Key {
+            mass: url.number("mass", default_key.mass)?,
+            stiffness: url.number("stiffness", default_key.stiffness)?,
+            damping: url.number("damping", default_key.damping)?,
+            ..default_key
         };
-        let (n, rate) = (url.number("axes", 1.0)? as usize, url.number("rate", RATE)?);
-        let hands = vec![Hand::Resting; n.min(MAX_AXES)];
-        let keys = Keys::new(n, key, rate, hands).map_err(|error| url.closed(error))?;
-        Ok(Self::new(keys, key))
+        let (axis_count, key_rate) = (url.number("axes", 1.0)? as usize, url.number("rate", RATE)?);
+        let resting_hands = vec![Hand::Resting; axis_count.min(MAX_AXES)];
+        let emulated_keys = Keys::new(axis_count, key_model, key_rate, resting_hands)
+            .map_err(|error| url.closed(error))?;
+        Ok(Self::new(emulated_keys, key_model))
     }
 
     /// Keys with the hands that are on them.
@@ -86,17 +87,19 @@ impl Emulated {
 /// # Errors
 /// [`DeviceError`] if the options are impossible, or if this kind cannot be emulated inside the process.
 pub fn open_board(options: &Options) -> Result<Box<dyn Device>, DeviceError> {
-    let kind = Kind::from(options.board.protocol);
-    let url = Url::in_process(kind);
-    let firmware = options.firmware().map_err(|error| url.closed(error))?;
-    let board = BoardHere {
+    let device_kind = Kind::from(options.board.protocol);
+    let board_url = Url::in_process(device_kind);
+    let firmware = options
+        .firmware()
+        .map_err(|error| board_url.closed(error))?;
+    let local_board = BoardHere {
         periods: options
             .seconds
             .map(|seconds| (seconds * firmware.keys().rate().hertz()) as u64),
         firmware,
         replies: Vec::new(),
     };
-    super::open_in_process(kind, Box::new(board), true)
+    super::open_in_process(device_kind, Box::new(local_board), true)
 }
 
 /// An emulated board, and its replies that were not read yet.
@@ -123,10 +126,10 @@ impl InProcess for BoardHere {
     }
 
     fn read(&mut self, into: &mut [u8]) -> Result<usize, Gone> {
-        let n = self.replies.len().min(into.len());
-        into[..n].copy_from_slice(&self.replies[..n]);
-        self.replies.drain(..n);
-        Ok(n)
+        let byte_count = self.replies.len().min(into.len());
+        into[..byte_count].copy_from_slice(&self.replies[..byte_count]);
+        self.replies.drain(..byte_count);
+        Ok(byte_count)
     }
 }
 

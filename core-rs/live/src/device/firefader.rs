@@ -58,8 +58,8 @@ impl FireFader {
         if url.wide {
             return Err(url.cannot("the option wide is only for the open frame"));
         }
-        let baud = url.number("baud", f64::from(BAUD))? as u32;
-        Self::on_port(Port::serial(url, baud)?, url, canceller)
+        let baud_rate = url.number("baud", f64::from(BAUD))? as u32;
+        Self::on_port(Port::serial(url, baud_rate)?, url, canceller)
     }
 
     /// The driver on an open port.
@@ -68,7 +68,7 @@ impl FireFader {
         url: &Url,
         canceller: &WaitCanceller,
     ) -> Result<Self, DeviceError> {
-        let mut this = Self {
+        let mut new_fader = Self {
             port,
             spec: spec(),
             lockstep: url.lockstep,
@@ -81,11 +81,11 @@ impl FireFader {
             stats: Stats::default(),
             new: true,
         };
-        this.greet().map_err(|gone| url.closed(gone))?;
-        if this.last.is_none() {
+        new_fader.greet().map_err(|gone| url.closed(gone))?;
+        if new_fader.last.is_none() {
             return Err(url.no_answer("FireFader"));
         }
-        Ok(this)
+        Ok(new_fader)
     }
 
     /// Send requests until the board answers, because opening the port restarts some boards; then read all outstanding
@@ -103,9 +103,9 @@ impl FireFader {
             self.put([0.0; 2])?;
             self.take(Instant::now() + retry_after)?;
         }
-        let quiet = Instant::now() + ASK_AGAIN;
-        while self.waiting > 0 && Instant::now() < quiet {
-            self.take(quiet)?;
+        let quiet_until = Instant::now() + ASK_AGAIN;
+        while self.waiting > 0 && Instant::now() < quiet_until {
+            self.take(quiet_until)?;
         }
         self.waiting = 0;
         Ok(())
@@ -121,23 +121,24 @@ impl FireFader {
 
     /// Read all replies that are there, or wait for the first one until the deadline.
     fn take(&mut self, deadline: Instant) -> Result<bool, Gone> {
-        let (mut bytes, mut fresh) = ([0; 64], false);
+        let (mut read_bytes, mut is_fresh) = ([0; 64], false);
         loop {
-            let wait_until = if fresh { self.sent_at } else { deadline };
-            let n = self.port.read(&mut bytes, wait_until)?;
-            if n == 0 {
-                return Ok(fresh);
+            let wait_until = if is_fresh { self.sent_at } else { deadline };
+            let byte_count = self.port.read(&mut read_bytes, wait_until)?;
+            if byte_count == 0 {
+                return Ok(is_fresh);
             }
-            let (mut come, last) = (0_u32, &mut self.last);
-            self.inbox.feed(&bytes[..n], wire::parse_reply, |reply| {
-                (*last, come) = (Some(reply), come + 1);
-            });
-            self.seq = self.seq.wrapping_add(come);
+            let (mut reply_count, last_reply) = (0_u32, &mut self.last);
+            self.inbox
+                .feed(&read_bytes[..byte_count], wire::parse_reply, |reply| {
+                    (*last_reply, reply_count) = (Some(reply), reply_count + 1);
+                });
+            self.seq = self.seq.wrapping_add(reply_count);
             self.stats.garbage = self.inbox.garbage;
-            self.stats.received += u64::from(come);
-            self.waiting = self.waiting.saturating_sub(come);
-            fresh |= come > 0;
-            if come > 0 && self.waiting == 0 {
+            self.stats.received += u64::from(reply_count);
+            self.waiting = self.waiting.saturating_sub(reply_count);
+            is_fresh |= reply_count > 0;
+            if reply_count > 0 && self.waiting == 0 {
                 self.stats.add_round_trip(self.sent_at.elapsed());
                 return Ok(true);
             }
@@ -187,8 +188,8 @@ impl Device for FireFader {
                 into.position[axis] = reply.metres(axis);
                 into.touch[axis] = reply.cap[axis] > wire::CAP_TOUCHED;
                 // The firmware's own gate is not reported; a finger on the key, within the range, opens it.
-                let within = (5..251).contains(&reply.position[axis]);
-                into.force_enabled[axis] = into.touch[axis] && within;
+                let within_range = (5..251).contains(&reply.position[axis]);
+                into.force_enabled[axis] = into.touch[axis] && within_range;
             }
         }
         (into.hot, into.let_go) = (false, false); // the board does not report these

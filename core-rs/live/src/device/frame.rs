@@ -69,7 +69,7 @@ enum Allowed {
 fn spec(info: &wire::DeviceInfo) -> Result<Spec, String> {
     let numbers = info.numbers.map(f64::from);
     for (&number, (name, unit, allowed)) in numbers.iter().zip(NUMBERS) {
-        let rule = match allowed {
+        let broken_rule = match allowed {
             _ if !number.is_finite() => "it has to be a finite number",
             Allowed::AboveZero if number <= 0.0 => "it has to be above zero",
             Allowed::ZeroOrMore if number < 0.0 => {
@@ -78,17 +78,26 @@ fn spec(info: &wire::DeviceInfo) -> Result<Spec, String> {
             _ => continue,
         };
         return Err(format!(
-            "the device reports a {name} of {number} {unit}; {rule} (its firmware sends this number)"
+            "the device reports a {name} of {number} {unit}; {broken_rule} (its firmware sends this number)"
         ));
     }
-    let [continuous, peak, pos_lsb, low, high, rate, inertia, damping] = numbers;
-    if low >= high || high - low > TRAVEL_MAX {
+    let [
+        continuous,
+        peak_force,
+        pos_lsb,
+        lower_limit,
+        upper_limit,
+        nominal_rate,
+        inertia,
+        damping,
+    ] = numbers;
+    if lower_limit >= upper_limit || upper_limit - lower_limit > TRAVEL_MAX {
         return Err(format!(
-            "the device reports positions from {low} to {high} m; the least has to be below the greatest, by at most \
+            "the device reports positions from {lower_limit} to {upper_limit} m; the least has to be below the greatest, by at most \
              {TRAVEL_MAX} m (its firmware sends these numbers)"
         ));
     }
-    let known = |number: f64| (number > 0.0).then_some(number);
+    let reported = |number: f64| (number > 0.0).then_some(number);
     Ok(Spec {
         dof: info.n,
         unit: if info.traits & 1 == 0 {
@@ -96,15 +105,15 @@ fn spec(info: &wire::DeviceInfo) -> Result<Spec, String> {
         } else {
             Unit::Radian
         },
-        pos_lsb: known(pos_lsb).unwrap_or(wire::POS_LSB),
-        pos_range: [low, high],
-        force_max_continuous: known(continuous).unwrap_or(peak).min(peak),
-        force_max_peak: peak,
-        force_lsb: peak / wire::FORCE_STEPS,
-        rate_nominal: known(rate),
+        pos_lsb: reported(pos_lsb).unwrap_or(wire::POS_LSB),
+        pos_range: [lower_limit, upper_limit],
+        force_max_continuous: reported(continuous).unwrap_or(peak_force).min(peak_force),
+        force_max_peak: peak_force,
+        force_lsb: peak_force / wire::FORCE_STEPS,
+        rate_nominal: reported(nominal_rate),
         loop_delay_s: None,
-        inertia: known(inertia),
-        damping: known(damping),
+        inertia: reported(inertia),
+        damping: reported(damping),
         touch_gated: info.traits & 2 != 0,
         can_lockstep: info.traits & 4 != 0,
         can_wide: info.traits & 8 != 0,
@@ -113,11 +122,11 @@ fn spec(info: &wire::DeviceInfo) -> Result<Spec, String> {
 
 impl Frame {
     pub(super) fn open(url: &Url, canceller: &WaitCanceller) -> Result<Self, DeviceError> {
-        let port = match url.kind {
+        let device_port = match url.kind {
             Kind::FrameUdp => Port::udp(url)?,
             _ => Port::serial(url, url.number("baud", f64::from(BAUD))? as u32)?,
         };
-        Self::on_port(port, url, canceller)
+        Self::on_port(device_port, url, canceller)
     }
 
     /// The driver on an open port.
@@ -126,9 +135,10 @@ impl Frame {
         url: &Url,
         canceller: &WaitCanceller,
     ) -> Result<Self, DeviceError> {
-        let info = ask(&mut port, first_reply(url)?, canceller).map_err(|gone| url.closed(gone))?;
-        let info = info.ok_or_else(|| url.no_answer("device of the open frame"))?;
-        let spec = spec(&info).map_err(|reason| url.impossible(reason))?;
+        let device_info =
+            ask(&mut port, first_reply(url)?, canceller).map_err(|gone| url.closed(gone))?;
+        let device_info = device_info.ok_or_else(|| url.no_answer("device of the open frame"))?;
+        let spec = spec(&device_info).map_err(|reason| url.impossible(reason))?;
         if url.lockstep && !spec.can_lockstep {
             return Err(
                 url.cannot("a real device runs by its own clock; lockstep is only for emulators")
@@ -140,7 +150,7 @@ impl Frame {
             );
         }
         let patience = patience(url)?;
-        let mut this = Self {
+        let mut new_frame = Self {
             port,
             spec,
             lockstep: url.lockstep,
@@ -158,22 +168,23 @@ impl Frame {
         };
         // Read the position before the first force is sent: X(0).
         let patience = Instant::now() + first_reply(url)?;
-        while this.last.is_none() && canceller.may_wait(patience) {
-            this.put([0.0; MAX_AXES], flag::ASK)
-                .and_then(|()| this.take(Instant::now() + ASK_AGAIN))
+        while new_frame.last.is_none() && canceller.may_wait(patience) {
+            new_frame
+                .put([0.0; MAX_AXES], flag::ASK)
+                .and_then(|()| new_frame.take(Instant::now() + ASK_AGAIN))
                 .map_err(|gone| url.closed(gone))?;
         }
-        match this.last {
-            Some(_) => Ok(this),
+        match new_frame.last {
+            Some(_) => Ok(new_frame),
             None => Err(url.no_answer("device of the open frame")),
         }
     }
 
     fn put(&mut self, force: [f64; MAX_AXES], flags: u8) -> Result<(), Gone> {
-        let now = Instant::now();
-        self.latest = self.sent.number(now, &mut self.stats);
-        let (bytes, len) = self.packet(self.latest, force, flags);
-        self.port.write(&bytes[..len])
+        let send_instant = Instant::now();
+        self.latest = self.sent.number(send_instant, &mut self.stats);
+        let (packet_bytes, packet_length) = self.packet(self.latest, force, flags);
+        self.port.write(&packet_bytes[..packet_length])
     }
 
     fn packet(&self, seq: u16, force: [f64; MAX_AXES], flags: u8) -> ([u8; wire::LONGEST], usize) {
@@ -184,25 +195,25 @@ impl Frame {
             flags,
             force,
         };
-        let mut bytes = [0; wire::LONGEST];
-        let len = request.write(self.spec.force_max_peak, &mut bytes);
-        (bytes, len)
+        let mut packet_bytes = [0; wire::LONGEST];
+        let packet_length = request.write(self.spec.force_max_peak, &mut packet_bytes);
+        (packet_bytes, packet_length)
     }
 
     /// Read all replies that are there, or wait for the first one until the deadline. Replies out of order are skipped:
     /// a datagram may overtake another.
     fn take(&mut self, deadline: Instant) -> Result<bool, Gone> {
-        let (mut bytes, mut fresh) = ([0; 512], false);
+        let (mut read_bytes, mut is_fresh) = ([0; 512], false);
         loop {
             if self.port.was_refused() && self.lockstep {
                 return Err(Gone::Silent); // in lockstep a refused datagram means that the device is gone
             }
-            let until = if fresh { Instant::now() } else { deadline };
-            let n = self.port.read(&mut bytes, until)?;
-            let now = Instant::now();
-            if n == 0 {
-                if fresh || now >= deadline {
-                    return Ok(fresh);
+            let wait_until = if is_fresh { Instant::now() } else { deadline };
+            let byte_count = self.port.read(&mut read_bytes, wait_until)?;
+            let read_instant = Instant::now();
+            if byte_count == 0 {
+                if is_fresh || read_instant >= deadline {
+                    return Ok(is_fresh);
                 }
                 continue;
             }
@@ -216,22 +227,22 @@ impl Frame {
                 let_go,
                 ..
             } = self;
-            inbox.feed(&bytes[..n], wire::Reply::parse, |reply| {
-                let newer = |last: &wire::Reply| reply.seq.wrapping_sub(last.seq) < 0x8000;
+            inbox.feed(&read_bytes[..byte_count], wire::Reply::parse, |reply| {
+                let is_newer = |last: &wire::Reply| reply.seq.wrapping_sub(last.seq) < 0x8000;
                 if reply.n == spec.dof
-                    && sent.answered(reply.seq, now, stats)
-                    && last.as_ref().is_none_or(newer)
+                    && sent.answered(reply.seq, read_instant, stats)
+                    && last.as_ref().is_none_or(is_newer)
                 {
-                    stats.drift_ppm = drift.add(now, reply.t_us).or(stats.drift_ppm);
+                    stats.drift_ppm = drift.add(read_instant, reply.t_us).or(stats.drift_ppm);
                     *let_go |= reply.status & status::LET_GO != 0;
-                    (*last, fresh) = (Some(reply), true);
+                    (*last, is_fresh) = (Some(reply), true);
                 }
             });
             stats.garbage = inbox.garbage;
             if self.sent.is_shared() {
                 return Err(Gone::Shared);
             }
-            if fresh && last.as_ref().is_some_and(|last| last.seq == self.latest) {
+            if is_fresh && last.as_ref().is_some_and(|last| last.seq == self.latest) {
                 return Ok(true);
             }
         }
@@ -248,12 +259,12 @@ fn patience(url: &Url) -> Result<Duration, DeviceError> {
 
 /// Longest wait for the first reply.
 fn first_reply(url: &Url) -> Result<Duration, DeviceError> {
-    let limit = if url.lockstep {
+    let reply_limit = if url.lockstep {
         patience(url)?
     } else {
         Duration::ZERO
     };
-    Ok(limit.max(FIRST_REPLY))
+    Ok(reply_limit.max(FIRST_REPLY))
 }
 
 /// Ask for the device's information until it answers; `None` if it does not.
@@ -264,25 +275,27 @@ fn ask(
 ) -> Result<Option<wire::DeviceInfo>, Gone> {
     let patience = Instant::now() + patience;
     let mut inbox = Inbox::<512>::new();
-    let (mut bytes, mut packet, mut info) = ([0; 512], [0; wire::LONGEST], None);
+    let (mut read_bytes, mut packet_bytes, mut device_info) = ([0; 512], [0; wire::LONGEST], None);
     let mut seq = 0;
-    while info.is_none() && canceller.may_wait(patience) {
+    while device_info.is_none() && canceller.may_wait(patience) {
         let request = wire::Request {
             seq,
             ..wire::Request::default()
         };
-        let len = request.write(1.0, &mut packet);
-        port.write(&packet[..len])?;
+        let packet_length = request.write(1.0, &mut packet_bytes);
+        port.write(&packet_bytes[..packet_length])?;
         seq = seq.wrapping_add(1);
-        let until = Instant::now() + ASK_AGAIN;
-        while info.is_none() && Instant::now() < until {
-            let n = port.read(&mut bytes, until)?;
-            inbox.feed(&bytes[..n], wire::DeviceInfo::parse, |found| {
-                info = Some(found)
-            });
+        let retry_instant = Instant::now() + ASK_AGAIN;
+        while device_info.is_none() && Instant::now() < retry_instant {
+            let byte_count = port.read(&mut read_bytes, retry_instant)?;
+            inbox.feed(
+                &read_bytes[..byte_count],
+                wire::DeviceInfo::parse,
+                |found| device_info = Some(found),
+            );
         }
     }
-    Ok(info)
+    Ok(device_info)
 }
 
 impl Device for Frame {
@@ -313,12 +326,12 @@ impl Device for Frame {
     }
 
     fn receive(&mut self, into: &mut Sample, deadline: Instant) -> Result<bool, Gone> {
-        let latest =
+        let is_latest =
             |last: &Option<wire::Reply>, seq| last.as_ref().is_some_and(|last| last.seq == seq);
         if self.lockstep {
             let patience = Instant::now() + self.patience;
-            into.fresh = self.new || !latest(&self.last, self.latest);
-            while !latest(&self.last, self.latest) {
+            into.fresh = self.new || !is_latest(&self.last, self.latest);
+            while !is_latest(&self.last, self.latest) {
                 if !self.take(next_check(patience))? && !self.canceller.may_wait(patience) {
                     return Err(Gone::Silent);
                 }
@@ -358,9 +371,12 @@ impl Device for Frame {
             n: self.spec.dof,
             ..wire::Request::default()
         };
-        let mut bytes = [0; wire::LONGEST];
-        let len = request.write(1.0, &mut bytes);
-        Some(LastResort::new(self.port.raw(), &bytes[..len]))
+        let mut packet_bytes = [0; wire::LONGEST];
+        let packet_length = request.write(1.0, &mut packet_bytes);
+        Some(LastResort::new(
+            self.port.raw(),
+            &packet_bytes[..packet_length],
+        ))
     }
 }
 
@@ -385,8 +401,8 @@ mod tests {
     fn impossible_descriptions_are_refused_by_name() {
         for number in 0..8 {
             for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
-                let text = described(|numbers| numbers[number] = value).unwrap_err();
-                assert!(text.contains(NUMBERS[number].0), "{text}");
+                let refusal_text = described(|numbers| numbers[number] = value).unwrap_err();
+                assert!(refusal_text.contains(NUMBERS[number].0), "{refusal_text}");
             }
         }
         for (number, value, name) in [
@@ -399,23 +415,27 @@ mod tests {
             (3, 0.05, "positions from"),
             (4, 1e4, "positions from"),
         ] {
-            let text = described(|numbers| numbers[number] = value).unwrap_err();
-            assert!(text.contains(name), "{text}");
+            let refusal_text = described(|numbers| numbers[number] = value).unwrap_err();
+            assert!(refusal_text.contains(name), "{refusal_text}");
         }
     }
 
     #[test]
     fn description_with_zeros_is_unknown() {
-        let spec = described(|numbers| {
+        let frame_spec = described(|numbers| {
             for number in [0, 2, 5, 6, 7] {
                 numbers[number] = 0.0;
             }
         });
-        let spec = spec.unwrap();
+        let frame_spec = frame_spec.unwrap();
         assert_eq!(
-            (spec.inertia, spec.damping, spec.rate_nominal),
+            (
+                frame_spec.inertia,
+                frame_spec.damping,
+                frame_spec.rate_nominal
+            ),
             (None, None, None)
         );
-        assert_eq!(spec.force_max_continuous, 20.0);
+        assert_eq!(frame_spec.force_max_continuous, 20.0);
     }
 }

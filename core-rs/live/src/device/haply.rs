@@ -74,15 +74,15 @@ impl Haply {
         if !url.target.starts_with("ws://") {
             return Err(url.cannot("its address must have the form ws://127.0.0.1:10001"));
         }
-        let closed = |error: std::io::Error| url.closed(error);
-        let (mut stream, guardian) = start::start().map_err(closed)?;
+        let closed_error = |error: std::io::Error| url.closed(error);
+        let (mut guardian_stream, guardian) = start::start().map_err(closed_error)?;
         let request = HostRequest {
             target: &url.target,
             id: url.text("id"),
             lockstep: url.lockstep,
         };
-        let reply = put_text(&mut stream, &request.text())
-            .and_then(|()| take_text(&mut stream, START + 2 * FIRST_REPLY))
+        let reply = put_text(&mut guardian_stream, &request.text())
+            .and_then(|()| take_text(&mut guardian_stream, START + 2 * FIRST_REPLY))
             .map_err(|error| url.closed(format!("its guardian process did not start ({error})")))?;
         let position = match Reply::parse(&reply) {
             Some(Reply::Open(position)) => position,
@@ -98,7 +98,7 @@ impl Haply {
             spec: spec(),
             lockstep: url.lockstep,
             canceller: canceller.clone(),
-            line: Line::new(stream).map_err(closed)?,
+            line: Line::new(guardian_stream).map_err(closed_error)?,
             _guardian: guardian,
             sent: Sent::default(),
             latest: u16::MAX,
@@ -113,13 +113,13 @@ impl Haply {
 
     fn put(&mut self, force: [f64; 3]) -> Result<(), Gone> {
         self.latest = self.sent.number(Instant::now(), &mut self.stats);
-        let order = ForceCommand {
+        let force_order = ForceCommand {
             number: self.latest,
             force,
         };
         match self.gone {
             Some(gone) => Err(gone),
-            None => self.line.put(&order.bytes()),
+            None => self.line.put(&force_order.bytes()),
         }
     }
 
@@ -130,34 +130,35 @@ impl Haply {
                 line,
                 sent,
                 answered,
-                position: place,
-                let_go: freed,
+                position: last_position,
+                let_go: is_let_go,
                 gone,
                 stats,
                 ..
             } = self;
-            let (now, mut fresh) = (Instant::now(), false);
-            let taken = line.take(|bytes| match GuardianReply::parse(bytes) {
+            let (read_instant, mut is_fresh) = (Instant::now(), false);
+            let take_result = line.take(|bytes| match GuardianReply::parse(bytes) {
                 GuardianReply::State {
                     number,
                     position,
                     let_go,
                 } => {
-                    sent.answered(number, now, stats);
-                    (*answered, *place, *freed, fresh) = (number, position, let_go, true);
+                    sent.answered(number, read_instant, stats);
+                    (*answered, *last_position, *is_let_go, is_fresh) =
+                        (number, position, let_go, true);
                 }
                 GuardianReply::Gone(why) => *gone = Some(why),
             });
-            if let Err(closed) = taken {
-                *gone = gone.or(Some(closed));
+            if let Err(line_failure) = take_result {
+                *gone = gone.or(Some(line_failure));
             }
-            if fresh {
+            if is_fresh {
                 return Ok(true);
             }
             if let Some(gone) = self.gone {
                 return Err(gone);
             }
-            if now >= deadline {
+            if read_instant >= deadline {
                 return Ok(false);
             }
             self.line.wait(deadline);
@@ -213,11 +214,11 @@ impl Device for Haply {
     fn last_resort(&self) -> Option<LastResort> {
         use std::os::fd::AsRawFd;
         // A number that no order has soon, so that a late reply to it is not taken for the reply to an order.
-        let order = ForceCommand {
+        let last_order = ForceCommand {
             number: self.latest.wrapping_add(u16::MAX / 2),
             ..ForceCommand::default()
         };
-        let fd = self.line.stream().as_raw_fd();
-        Some(LastResort::new(fd, &order.bytes()))
+        let socket_fd = self.line.stream().as_raw_fd();
+        Some(LastResort::new(socket_fd, &last_order.bytes()))
     }
 }

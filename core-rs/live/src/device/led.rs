@@ -34,26 +34,30 @@ pub(super) struct Led {
 
 impl Led {
     pub(super) fn open(url: &Url, period: f64, again: bool) -> Result<Self, DeviceError> {
-        let lead = lead::find(url.led_name());
-        let lead = lead.ok_or_else(|| url.closed("nothing leads this key"))?;
-        if again && !lead.is_present() {
+        let key_lead = lead::find(url.led_name());
+        let key_lead = key_lead.ok_or_else(|| url.closed("nothing leads this key"))?;
+        if again && !key_lead.is_present() {
             return Err(url.closed("nobody plays this key"));
         }
-        let mut led = Self::new(lead, period);
+        let mut new_led = Self::new(key_lead, period);
         // What the pointer did meanwhile moved nothing, but it may still be down.
-        if again && let Some(placed) = led.lead.forget() {
-            led.path.begin_at(placed);
+        if again && let Some(last_place) = new_led.lead.forget() {
+            new_led.path.begin_at(last_place);
         }
-        Ok(led)
+        Ok(new_led)
     }
 
     fn new(lead: Arc<Lead>, period: f64) -> Self {
         let options = lead.options();
-        let key = options.key;
+        let key_model = options.key;
         Self {
             path: PathReader::new(options.delay),
-            motion: FingerMotion::new(options.finger, key, period),
-            spec: exact_spec((1, 1.0 / period), key.range, (key.mass, key.damping)),
+            motion: FingerMotion::new(options.finger, key_model, period),
+            spec: exact_spec(
+                (1, 1.0 / period),
+                key_model.range,
+                (key_model.mass, key_model.damping),
+            ),
             stats: Stats::default(),
             period,
             time: if options.lockstep { 0.0 } else { lead.now() },
@@ -69,12 +73,12 @@ impl Led {
         if self.lead.options().lockstep {
             return self.ticks as f64 * self.period;
         }
-        let time = self.time + self.period;
-        let off = self.lead.now() - time;
-        if off.abs() > CLOCK_OFF {
-            time + off
+        let tick_time = self.time + self.period;
+        let clock_offset = self.lead.now() - tick_time;
+        if clock_offset.abs() > CLOCK_OFF {
+            tick_time + clock_offset
         } else {
-            time + CORRECTION * off
+            tick_time + CORRECTION * clock_offset
         }
     }
 
@@ -85,9 +89,11 @@ impl Led {
     fn advance(&mut self, force: f64) {
         self.ticks += 1;
         self.time = self.next_time();
-        let lead = &self.lead;
-        let delay = lead.options().delay;
-        let to = self.path.read(self.time - delay, &mut || lead.next());
+        let key_lead = &self.lead;
+        let path_delay = key_lead.options().delay;
+        let to = self
+            .path
+            .read(self.time - path_delay, &mut || key_lead.next());
         let pull = to.map(|(to, firmness)| Pull {
             // A finger that has just landed has no earlier position.
             from: self.pointer.map_or(to, |pointer| pointer.0),
@@ -99,16 +105,16 @@ impl Led {
         let motion = &self.motion;
         let [from, to, firmness] =
             pull.map_or([f64::NAN; 3], |pull| [pull.from, pull.to, pull.firmness]);
-        let tick = [from, to, firmness, force, motion.finger(), motion.key()];
-        self.lead.trace_tick(tick);
-        let led = |x: f64| if motion.is_held() { x } else { f64::NAN };
-        let points = [
-            led(motion.pointer()),
-            led(motion.finger()),
+        let tick_row = [from, to, firmness, force, motion.finger(), motion.key()];
+        self.lead.trace_tick(tick_row);
+        let if_held = |x: f64| if motion.is_held() { x } else { f64::NAN };
+        let led_points = [
+            if_held(motion.pointer()),
+            if_held(motion.finger()),
             motion.key(),
             motion.force(),
         ];
-        self.lead.publish(points, self.path.late());
+        self.lead.publish(led_points, self.path.late());
     }
 }
 

@@ -30,39 +30,39 @@ impl DeviceLock {
     }
 
     fn within(folder: &Path, address: SocketAddr) -> Result<Self, String> {
-        let path = folder.join(format!(
+        let lock_path = folder.join(format!(
             "board-{}.lock",
             address.to_string().replace([':', '[', ']', '%'], "_")
         ));
-        let opened = OpenOptions::new()
+        let open_result = OpenOptions::new()
             .read(true)
             .write(true)
             .create(true)
             .truncate(false)
             .mode(0o600)
             .custom_flags(libc::O_NOFOLLOW)
-            .open(&path);
-        let Ok(mut file) = opened else {
+            .open(&lock_path);
+        let Ok(mut lock_file) = open_result else {
             return Ok(Self { _locked: None });
         };
-        match file.try_lock() {
+        match lock_file.try_lock() {
             Ok(()) => {}
-            Err(TryLockError::WouldBlock) => return Err(holder_sentence(&file)),
+            Err(TryLockError::WouldBlock) => return Err(holder_sentence(&lock_file)),
             Err(TryLockError::Error(_)) => return Ok(Self { _locked: None }),
         }
-        let _ = file.set_len(0);
-        let _ = write!(file, "{}", std::process::id());
+        let _ = lock_file.set_len(0);
+        let _ = write!(lock_file, "{}", std::process::id());
         Ok(Self {
-            _locked: Some(file),
+            _locked: Some(lock_file),
         })
     }
 }
 
 /// Why a board cannot be locked: the holder of the lock writes its process number into the file.
 fn holder_sentence(file: &File) -> String {
-    let mut holder = String::new();
-    let _ = file.take(64).read_to_string(&mut holder);
-    match holder.trim().parse::<u32>() {
+    let mut holder_text = String::new();
+    let _ = file.take(64).read_to_string(&mut holder_text);
+    match holder_text.trim().parse::<u32>() {
         Ok(process) if process == std::process::id() => {
             "this program has the device open already".into()
         }
@@ -76,18 +76,18 @@ fn holder_sentence(file: &File) -> String {
 /// The user's run-time folder, created if it is missing; `None` if no folder belongs to this user alone.
 fn folder() -> Option<PathBuf> {
     // SAFETY: geteuid has no arguments and cannot fail.
-    let user = unsafe { libc::geteuid() };
-    let folder = match std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from) {
+    let user_id = unsafe { libc::geteuid() };
+    let lock_folder = match std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from) {
         Some(own) if own.is_dir() => own.join("ergon"),
-        _ => std::env::temp_dir().join(format!("ergon-{user}")),
+        _ => std::env::temp_dir().join(format!("ergon-{user_id}")),
     };
-    match DirBuilder::new().mode(0o700).create(&folder) {
+    match DirBuilder::new().mode(0o700).create(&lock_folder) {
         // A umask can take the owner's rights too.
-        Ok(()) => std::fs::set_permissions(&folder, Permissions::from_mode(0o700)).ok()?,
+        Ok(()) => std::fs::set_permissions(&lock_folder, Permissions::from_mode(0o700)).ok()?,
         Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
         Err(_) => return None,
     }
-    is_own_folder(&folder, user).then_some(folder)
+    is_own_folder(&lock_folder, user_id).then_some(lock_folder)
 }
 
 /// Whether a path is a folder that this user alone may open, and not a link: any user can create a file of that name
@@ -103,38 +103,40 @@ mod tests {
 
     #[test]
     fn device_lock_is_exclusive_until_dropped() {
-        let folder = std::env::temp_dir().join(format!("ergon-lock-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).unwrap();
-        let [address, other] = [9801, 9802].map(|port| SocketAddr::from(([192, 168, 1, 20], port)));
-        let first = DeviceLock::within(&folder, address).unwrap();
+        let lock_folder = std::env::temp_dir().join(format!("ergon-lock-{}", std::process::id()));
+        std::fs::create_dir_all(&lock_folder).unwrap();
+        let [address, other_address] =
+            [9801, 9802].map(|port| SocketAddr::from(([192, 168, 1, 20], port)));
+        let first_lock = DeviceLock::within(&lock_folder, address).unwrap();
         assert_eq!(
-            DeviceLock::within(&folder, address).unwrap_err(),
+            DeviceLock::within(&lock_folder, address).unwrap_err(),
             "this program has the device open already"
         );
-        DeviceLock::within(&folder, other).unwrap();
-        drop(first);
-        DeviceLock::within(&folder, address).unwrap();
-        std::fs::remove_dir_all(&folder).unwrap();
-        DeviceLock::within(&folder, address).unwrap();
+        DeviceLock::within(&lock_folder, other_address).unwrap();
+        drop(first_lock);
+        DeviceLock::within(&lock_folder, address).unwrap();
+        std::fs::remove_dir_all(&lock_folder).unwrap();
+        DeviceLock::within(&lock_folder, address).unwrap();
     }
 
     #[test]
     fn lock_folder_by_owner_mode_and_link() {
-        let base = std::env::temp_dir().join(format!("ergon-own-{}", std::process::id()));
-        std::fs::create_dir_all(&base).unwrap();
-        let (file, link) = (base.join("file"), base.join("link"));
-        std::fs::write(&file, "").unwrap();
-        std::os::unix::fs::symlink(&base, &link).unwrap();
-        let user = std::fs::metadata(&base).unwrap().uid();
-        let close = |mode| std::fs::set_permissions(&base, Permissions::from_mode(mode)).unwrap();
-        close(0o700);
-        assert!(is_own_folder(&base, user));
-        close(0o720);
-        assert!(!is_own_folder(&base, user));
-        close(0o700);
-        assert!(!is_own_folder(&base, user + 1));
-        assert!(!is_own_folder(&file, user));
-        assert!(!is_own_folder(&link, user));
-        std::fs::remove_dir_all(&base).unwrap();
+        let base_folder = std::env::temp_dir().join(format!("ergon-own-{}", std::process::id()));
+        std::fs::create_dir_all(&base_folder).unwrap();
+        let (plain_file, folder_link) = (base_folder.join("file"), base_folder.join("link"));
+        std::fs::write(&plain_file, "").unwrap();
+        std::os::unix::fs::symlink(&base_folder, &folder_link).unwrap();
+        let user_id = std::fs::metadata(&base_folder).unwrap().uid();
+        let set_mode =
+            |mode| std::fs::set_permissions(&base_folder, Permissions::from_mode(mode)).unwrap();
+        set_mode(0o700);
+        assert!(is_own_folder(&base_folder, user_id));
+        set_mode(0o720);
+        assert!(!is_own_folder(&base_folder, user_id));
+        set_mode(0o700);
+        assert!(!is_own_folder(&base_folder, user_id + 1));
+        assert!(!is_own_folder(&plain_file, user_id));
+        assert!(!is_own_folder(&folder_link, user_id));
+        std::fs::remove_dir_all(&base_folder).unwrap();
     }
 }

@@ -61,46 +61,49 @@ impl Port {
         #[cfg(unix)]
         {
             use std::os::fd::{FromRawFd, IntoRawFd, OwnedFd};
-            let port = serialport::TTYPort::open(&builder).map_err(|error| url.closed(error))?;
+            let tty_port =
+                serialport::TTYPort::open(&builder).map_err(|error| url.closed(error))?;
             // SAFETY: into_raw_fd gives up the descriptor, which is open.
-            let fd = unsafe { OwnedFd::from_raw_fd(port.into_raw_fd()) };
-            unix::prepare(&fd);
-            Ok(Self::Serial(fd))
+            let descriptor = unsafe { OwnedFd::from_raw_fd(tty_port.into_raw_fd()) };
+            unix::prepare(&descriptor);
+            Ok(Self::Serial(descriptor))
         }
         #[cfg(not(unix))]
         {
-            let port = builder.timeout(Duration::from_millis(1)).open();
-            Ok(Self::Serial(port.map_err(|error| url.closed(error))?))
+            let tty_port = builder.timeout(Duration::from_millis(1)).open();
+            Ok(Self::Serial(tty_port.map_err(|error| url.closed(error))?))
         }
     }
 
     /// A socket connected to one address; datagrams from other addresses are ignored.
     pub(super) fn udp(url: &Url) -> Result<Self, DeviceError> {
-        let closed = |error: std::io::Error| url.closed(error);
-        let mut addresses = url.target.to_socket_addrs().map_err(closed)?;
-        let peer = addresses
+        let closed_error = |error: std::io::Error| url.closed(error);
+        let mut addresses = url.target.to_socket_addrs().map_err(closed_error)?;
+        let peer_address = addresses
             .next()
             .ok_or_else(|| url.closed("the address cannot be resolved"))?;
-        if peer.ip().is_multicast() || matches!(peer, SocketAddr::V4(at) if at.ip().is_broadcast())
+        if peer_address.ip().is_multicast()
+            || matches!(peer_address, SocketAddr::V4(at) if at.ip().is_broadcast())
         {
             return Err(
                 url.cannot("the address of a device must not be a multicast or broadcast address")
             );
         }
-        let here = match (peer.ip().is_loopback(), peer.is_ipv4()) {
+        let local_address = match (peer_address.ip().is_loopback(), peer_address.is_ipv4()) {
             (true, true) => "127.0.0.1:0",
             (true, false) => "[::1]:0",
             (false, true) => "0.0.0.0:0",
             (false, false) => "[::]:0",
         };
-        let socket = UdpSocket::bind(here).map_err(closed)?;
-        socket.connect(peer).map_err(closed)?;
-        socket.set_nonblocking(true).map_err(closed)?;
+        let udp_socket = UdpSocket::bind(local_address).map_err(closed_error)?;
+        udp_socket.connect(peer_address).map_err(closed_error)?;
+        udp_socket.set_nonblocking(true).map_err(closed_error)?;
         #[cfg(unix)]
-        let owned = super::lock::DeviceLock::take(peer).map_err(|holder| url.closed(holder))?;
+        let device_lock =
+            super::lock::DeviceLock::take(peer_address).map_err(|holder| url.closed(holder))?;
         #[cfg(not(unix))]
-        let owned = ();
-        Ok(Self::Udp(socket, owned, Refused::default()))
+        let device_lock = ();
+        Ok(Self::Udp(udp_socket, device_lock, Refused::default()))
     }
 
     /// Send a packet; it is dropped if there is no room.
@@ -111,8 +114,10 @@ impl Port {
             #[cfg(not(unix))]
             Self::Serial(port) => std::io::Write::write_all(port, packet).or_else(forgiven),
             Self::Udp(socket, _, refused) => {
-                let sent = socket.send(packet).map(drop);
-                sent.or_else(|error| refused.note(error)).or_else(forgiven)
+                let send_result = socket.send(packet).map(drop);
+                send_result
+                    .or_else(|error| refused.note(error))
+                    .or_else(forgiven)
             }
             Self::InProcess(board) => board.write(packet),
         }
@@ -121,7 +126,7 @@ impl Port {
     /// Read what is there, waiting for something until `deadline`; returns the number of bytes.
     pub(super) fn read(&mut self, into: &mut [u8], deadline: Instant) -> Result<usize, Gone> {
         loop {
-            let got = match self {
+            let bytes_read = match self {
                 // The board only answers packets, so waiting would not help.
                 Self::InProcess(board) => return board.read(into),
                 #[cfg(unix)]
@@ -129,21 +134,21 @@ impl Port {
                 #[cfg(not(unix))]
                 Self::Serial(port) => std::io::Read::read(port, into).or_else(nothing)?,
                 Self::Udp(socket, _, refused) => {
-                    let known = refused.0;
-                    let got = socket.recv(into);
-                    refused.0 |= matches!(got, Ok(0)); // an empty datagram: the device leaves
-                    let got = got.or_else(|error| refused.note(error).map(|()| 0));
-                    if refused.0 && !known {
+                    let was_refused = refused.0;
+                    let bytes_read = socket.recv(into);
+                    refused.0 |= matches!(bytes_read, Ok(0)); // an empty datagram: the device leaves
+                    let bytes_read = bytes_read.or_else(|error| refused.note(error).map(|()| 0));
+                    if refused.0 && !was_refused {
                         return Ok(0);
                     }
-                    got.or_else(nothing)?
+                    bytes_read.or_else(nothing)?
                 }
             };
-            let left = deadline.saturating_duration_since(Instant::now());
-            if got > 0 || left.is_zero() {
-                return Ok(got);
+            let time_left = deadline.saturating_duration_since(Instant::now());
+            if bytes_read > 0 || time_left.is_zero() {
+                return Ok(bytes_read);
             }
-            self.wait(left)?;
+            self.wait(time_left)?;
         }
     }
 
@@ -213,8 +218,12 @@ pub(super) mod unix {
     pub(super) fn prepare(fd: &OwnedFd) {
         // SAFETY: the descriptor is open; no pointers are passed.
         unsafe {
-            let flags = libc::fcntl(fd.as_raw_fd(), libc::F_GETFL);
-            libc::fcntl(fd.as_raw_fd(), libc::F_SETFL, flags | libc::O_NONBLOCK);
+            let status_flags = libc::fcntl(fd.as_raw_fd(), libc::F_GETFL);
+            libc::fcntl(
+                fd.as_raw_fd(),
+                libc::F_SETFL,
+                status_flags | libc::O_NONBLOCK,
+            );
             // The file lock keeps other programs out and ends with this process; exclusive mode would outlive it on a
             // pty.
             libc::ioctl(fd.as_raw_fd(), libc::TIOCNXCL);
@@ -246,15 +255,17 @@ pub(super) mod unix {
 
     pub(super) fn write(fd: &OwnedFd, packet: &[u8]) -> Result<(), Gone> {
         // SAFETY: the descriptor is open and the slice valid. A packet is far shorter than a port's buffer.
-        let put = unsafe { libc::write(fd.as_raw_fd(), packet.as_ptr().cast(), packet.len()) };
-        if put < 0 { failed() } else { Ok(()) }
+        let bytes_written =
+            unsafe { libc::write(fd.as_raw_fd(), packet.as_ptr().cast(), packet.len()) };
+        if bytes_written < 0 { failed() } else { Ok(()) }
     }
 
     pub(super) fn read(fd: &OwnedFd, into: &mut [u8]) -> Result<usize, Gone> {
         // SAFETY: the descriptor is open and the slice valid.
-        let got = unsafe { libc::read(fd.as_raw_fd(), into.as_mut_ptr().cast(), into.len()) };
-        match usize::try_from(got) {
-            Ok(got) => Ok(got),
+        let bytes_read =
+            unsafe { libc::read(fd.as_raw_fd(), into.as_mut_ptr().cast(), into.len()) };
+        match usize::try_from(bytes_read) {
+            Ok(bytes_read) => Ok(bytes_read),
             Err(_) => failed().map(|()| 0),
         }
     }
@@ -270,16 +281,17 @@ pub(super) mod unix {
 
     /// Wait for something to read.
     pub(super) fn wait(fd: i32, left: Duration) -> Result<(), Gone> {
-        let [ready] = poll([fd], left);
-        if ready & libc::POLLIN == 0 && ready & (libc::POLLHUP | libc::POLLNVAL) != 0 {
+        let [ready_events] = poll([fd], left);
+        if ready_events & libc::POLLIN == 0 && ready_events & (libc::POLLHUP | libc::POLLNVAL) != 0
+        {
             return Err(Gone::Closed);
         }
         Ok(())
     }
 
     /// Wait until one of these can be read; returns the events of each.
-    pub(in crate::device) fn poll<const N: usize>(fds: [i32; N], left: Duration) -> [i16; N] {
-        let mut polls = fds.map(|fd| libc::pollfd {
+    pub(in crate::device) fn poll<const N: usize>(fds: [i32; N], timeout: Duration) -> [i16; N] {
+        let mut poll_entries = fds.map(|fd| libc::pollfd {
             fd,
             events: libc::POLLIN,
             revents: 0,
@@ -287,23 +299,23 @@ pub(super) mod unix {
         #[cfg(target_os = "linux")]
         // SAFETY: so many pollfds and a timespec, all locals.
         unsafe {
-            let left = libc::timespec {
-                tv_sec: left.as_secs().min(3600) as libc::time_t,
-                tv_nsec: libc::c_long::from(left.subsec_nanos() as i32),
+            let timeout = libc::timespec {
+                tv_sec: timeout.as_secs().min(3600) as libc::time_t,
+                tv_nsec: libc::c_long::from(timeout.subsec_nanos() as i32),
             };
             libc::ppoll(
-                polls.as_mut_ptr(),
+                poll_entries.as_mut_ptr(),
                 N as libc::nfds_t,
-                &raw const left,
+                &raw const timeout,
                 std::ptr::null(),
             );
         }
         #[cfg(not(target_os = "linux"))]
         // SAFETY: so many pollfds, locals.
         unsafe {
-            let left = (left.as_millis().min(1000) as i32).max(1);
-            libc::poll(polls.as_mut_ptr(), N as libc::nfds_t, left);
+            let timeout = (timeout.as_millis().min(1000) as i32).max(1);
+            libc::poll(poll_entries.as_mut_ptr(), N as libc::nfds_t, timeout);
         }
-        polls.map(|poll| poll.revents)
+        poll_entries.map(|poll| poll.revents)
     }
 }

@@ -48,37 +48,41 @@ pub fn serial_ports() -> Vec<SerialPort> {
 #[must_use]
 pub fn identity(path: &str) -> Option<String> {
     // A name in /dev/serial/by-id is a link to the port.
-    let real = std::fs::canonicalize(path).ok()?;
+    let real_path = std::fs::canonicalize(path).ok()?;
     identity_among(&serial_ports(), |own| {
-        std::fs::canonicalize(own).is_ok_and(|own| own == real)
+        std::fs::canonicalize(own).is_ok_and(|own| own == real_path)
     })
 }
 
 fn identity_among(ports: &[SerialPort], is_it: impl Fn(&str) -> bool) -> Option<String> {
-    let name = |port: &SerialPort| {
-        let usb = port.usb.as_ref()?;
-        let serial = usb.serial.trim();
+    let usb_identity = |port: &SerialPort| {
+        let usb_info = port.usb.as_ref()?;
+        let serial_number = usb_info.serial.trim();
         let Usb {
             vendor, product, ..
-        } = usb;
-        (!serial.is_empty()).then(|| format!("usb:{vendor:04x}:{product:04x}:{serial}"))
+        } = usb_info;
+        (!serial_number.is_empty())
+            .then(|| format!("usb:{vendor:04x}:{product:04x}:{serial_number}"))
     };
-    let identity = name(ports.iter().find(|port| is_it(&port.path))?)?;
-    let alike = ports
+    let identity = usb_identity(ports.iter().find(|port| is_it(&port.path))?)?;
+    let same_ports = ports
         .iter()
-        .filter(|port| name(port).as_ref() == Some(&identity));
-    (alike.count() == 1).then_some(identity)
+        .filter(|port| usb_identity(port).as_ref() == Some(&identity));
+    (same_ports.count() == 1).then_some(identity)
 }
 
 fn usb(kind: SerialPortType) -> Option<Usb> {
-    let SerialPortType::UsbPort(usb) = kind else {
+    let SerialPortType::UsbPort(usb_port) = kind else {
         return None;
     };
     Some(Usb {
-        vendor: usb.vid,
-        product: usb.pid,
-        name: usb.product.or(usb.manufacturer).unwrap_or_default(),
-        serial: usb.serial_number.unwrap_or_default(),
+        vendor: usb_port.vid,
+        product: usb_port.pid,
+        name: usb_port
+            .product
+            .or(usb_port.manufacturer)
+            .unwrap_or_default(),
+        serial: usb_port.serial_number.unwrap_or_default(),
     })
 }
 
@@ -101,7 +105,7 @@ mod tests {
 
     #[test]
     fn identity_by_serial_number_only() {
-        let ports = [
+        let test_ports = [
             port("/dev/ttyACM0", 0x2341, Some("85439303 ")),
             port("/dev/ttyACM1", 0x16c0, Some("85439303")),
             port("/dev/ttyUSB0", 0x1a86, Some("")),
@@ -109,7 +113,7 @@ mod tests {
             port("/dev/ttyUSB2", 0x0403, Some("0001")),
             port("/dev/ttyS0", 0, None),
         ];
-        let identity = |path: &str| identity_among(&ports, |own| own == path);
+        let identity = |path: &str| identity_among(&test_ports, |own| own == path);
         assert_eq!(identity("/dev/ttyACM0").unwrap(), "usb:2341:0042:85439303");
         assert_eq!(identity("/dev/ttyACM1").unwrap(), "usb:16c0:0042:85439303");
         for unsure in [

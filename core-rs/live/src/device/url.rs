@@ -39,15 +39,15 @@ impl Kind {
 
     /// The name with which a URL of this kind begins.
     pub(crate) fn name(self) -> &'static str {
-        let known = Self::NAMED.iter().find(|(_, kind)| *kind == self);
-        known.expect("every kind has a name").0
+        let named_kind = Self::NAMED.iter().find(|(_, kind)| *kind == self);
+        named_kind.expect("every kind has a name").0
     }
 
     /// All names in a sentence.
     fn names() -> String {
-        let names: Vec<_> = Self::NAMED.iter().map(|(name, _)| *name).collect();
-        let (last, others) = names.split_last().expect("there are kinds");
-        format!("{} and {last}", others.join(", "))
+        let kind_names: Vec<_> = Self::NAMED.iter().map(|(name, _)| *name).collect();
+        let (last_name, other_names) = kind_names.split_last().expect("there are kinds");
+        format!("{} and {last_name}", other_names.join(", "))
     }
 
     /// Whether the target is a serial port, whose board may have a serial number.
@@ -137,51 +137,54 @@ impl Url {
     /// # Errors
     /// [`UrlError`] names what is not understood.
     pub fn parse(text: &str) -> Result<Self, UrlError> {
-        let bad = |what: String| UrlError::Bad {
+        let url_error = |what: String| UrlError::Bad {
             text: text.to_owned(),
             what,
         };
-        let (name, rest) = text
-            .split_once(':')
-            .ok_or_else(|| bad("an address begins with a kind of device and a colon".to_owned()))?;
-        if name == "hapi" {
-            return Err(UrlError::Unsupported(name.to_owned()));
+        let (kind_name, remainder) = text.split_once(':').ok_or_else(|| {
+            url_error("an address begins with a kind of device and a colon".to_owned())
+        })?;
+        if kind_name == "hapi" {
+            return Err(UrlError::Unsupported(kind_name.to_owned()));
         }
-        let kind = Kind::NAMED.iter().find(|known| known.0 == name);
-        let kind = kind.ok_or_else(|| UrlError::Kind(name.to_owned()))?.1;
+        let kind = Kind::NAMED.iter().find(|known| known.0 == kind_name);
+        let kind = kind.ok_or_else(|| UrlError::Kind(kind_name.to_owned()))?.1;
         if kind == Kind::Led {
             // Its options are those of the stream, which is found by its whole name.
             return Ok(Self {
-                target: rest.to_owned(),
+                target: remainder.to_owned(),
                 text: text.to_owned(),
                 ..Self::in_process(kind)
             });
         }
-        let (rest, axis) = match rest.rsplit_once('#') {
-            None => (rest, None),
-            Some((rest, axis)) => {
+        let (remainder, axis) = match remainder.rsplit_once('#') {
+            None => (remainder, None),
+            Some((remainder, axis)) => {
                 let axis = axis.parse();
-                let axis = axis.map_err(|_| bad("the number of an axis must follow #".into()))?;
-                (rest, Some(axis))
+                let axis =
+                    axis.map_err(|_| url_error("the number of an axis must follow #".into()))?;
+                (remainder, Some(axis))
             }
         };
-        let (target, options) = rest.split_once('?').unwrap_or((rest, ""));
+        let (target, options) = remainder.split_once('?').unwrap_or((remainder, ""));
         let target = target.strip_prefix("//").unwrap_or(target);
         if target.is_empty() != (kind == Kind::Emul) {
-            return Err(bad(match kind {
+            return Err(url_error(match kind {
                 Kind::Emul => "`emul:` takes no address".to_owned(),
                 _ => "a path or an address must follow the colon".to_owned(),
             }));
         }
         if kind.is_serial() && is_network_address(target) {
-            return Err(bad(match kind {
+            return Err(url_error(match kind {
                 Kind::Frame => format!(
                     "'{target}' is a network address; over a network a frame is frame+udp:{target}"
                 ),
-                _ => format!("'{target}' is a network address, and {name} takes a serial port"),
+                _ => {
+                    format!("'{target}' is a network address, and {kind_name} takes a serial port")
+                }
             }));
         }
-        let mut url = Self {
+        let mut new_url = Self {
             kind,
             target: target.to_owned(),
             lockstep: false,
@@ -192,15 +195,15 @@ impl Url {
         };
         for option in options.split('&').filter(|option| !option.is_empty()) {
             match option.split_once('=') {
-                None if option == FLAGS[0] => url.lockstep = true,
-                None if option == FLAGS[1] => url.wide = true,
+                None if option == FLAGS[0] => new_url.lockstep = true,
+                None if option == FLAGS[1] => new_url.wide = true,
                 Some((key, value)) if VALUES.contains(&key) => {
-                    url.values.push((key.to_owned(), value.to_owned()));
+                    new_url.values.push((key.to_owned(), value.to_owned()));
                 }
-                _ => return Err(bad(format!("unknown option '{option}'"))),
+                _ => return Err(url_error(format!("unknown option '{option}'"))),
             }
         }
-        Ok(url)
+        Ok(new_url)
     }
 
     /// The URL of a device of a kind that is emulated inside this process.
@@ -223,17 +226,21 @@ impl Url {
 
     /// The text of an option.
     pub(crate) fn text(&self, key: &str) -> Option<&str> {
-        let entry = self.values.iter().find(|(known, _)| known == key);
-        entry.map(|(_, value)| value.as_str())
+        let option_entry = self.values.iter().find(|(known, _)| known == key);
+        option_entry.map(|(_, value)| value.as_str())
     }
 
     /// The number of an option.
     pub(crate) fn number(&self, key: &str, default: f64) -> Result<f64, DeviceError> {
-        let Some(text) = self.text(key) else {
+        let Some(option_text) = self.text(key) else {
             return Ok(default);
         };
-        let number = text.parse().ok().filter(|number: &f64| number.is_finite());
-        number.ok_or_else(|| self.closed(format!("{key} must be a number, not '{text}'")))
+        let option_number = option_text
+            .parse()
+            .ok()
+            .filter(|option_number: &f64| option_number.is_finite());
+        option_number
+            .ok_or_else(|| self.closed(format!("{key} must be a number, not '{option_text}'")))
     }
 
     pub(super) fn closed(&self, reason: impl fmt::Display) -> DeviceError {
@@ -267,10 +274,10 @@ impl Url {
 
 /// Whether a target is `HOST:PORT`, which no serial port is called.
 fn is_network_address(target: &str) -> bool {
-    let is_port = |text: &str| text.parse::<u16>().is_ok();
+    let is_port_number = |text: &str| text.parse::<u16>().is_ok();
     target
         .rsplit_once(':')
-        .is_some_and(|(host, port)| !host.contains('/') && is_port(port))
+        .is_some_and(|(host, port)| !host.contains('/') && is_port_number(port))
 }
 
 impl fmt::Display for Url {

@@ -133,18 +133,20 @@ impl Firmware {
         if self.board.lockstep {
             return false;
         }
-        let rate = self.keys.rate().hertz();
-        let due = (now.as_secs_f64() * rate) as u64;
+        let period_rate = self.keys.rate().hertz();
+        let due_periods = (now.as_secs_f64() * period_rate) as u64;
         // At most one second is caught up, so that a machine that slept does not.
-        let missed = due.saturating_sub(self.wall_periods).min(rate as u64);
-        for _ in 0..missed {
+        let missed_periods = due_periods
+            .saturating_sub(self.wall_periods)
+            .min(period_rate as u64);
+        for _ in 0..missed_periods {
             self.step();
         }
-        self.wall_periods = due;
-        let silent = self
+        self.wall_periods = due_periods;
+        let is_silent = self
             .last_packet
             .is_some_and(|last| now.saturating_sub(last) > self.board.watchdog);
-        let lets_go = silent && !self.let_go;
+        let lets_go = is_silent && !self.let_go;
         if lets_go {
             self.force = [0.0; MAX_AXES];
             (self.let_go, self.held) = (true, false);
@@ -173,9 +175,9 @@ impl Firmware {
             Protocol::FireFader => self.receive_firefader(bytes, now, reply),
             Protocol::Frame => self.receive_frame(bytes, now, reply),
             Protocol::Haply => {
-                let text = std::str::from_utf8(bytes).unwrap_or_default();
-                if let Some(force) = haply::parse_command(text, HAPLY_ID) {
-                    self.push(force.iter().copied(), true, now);
+                let command_text = std::str::from_utf8(bytes).unwrap_or_default();
+                if let Some(axis_forces) = haply::parse_command(command_text, HAPLY_ID) {
+                    self.push(axis_forces.iter().copied(), true, now);
                     reply(self.haply_state().as_bytes());
                 }
             }
@@ -188,8 +190,8 @@ impl Firmware {
     }
 
     fn haply_state(&self) -> String {
-        let axes = |of: &[f64; MAX_AXES]| [of[0], of[1], of[2]];
-        let (position, force) = (axes(&self.positions()), axes(&self.force));
+        let three_axes = |of: &[f64; MAX_AXES]| [of[0], of[1], of[2]];
+        let (position, force) = (three_axes(&self.positions()), three_axes(&self.force));
         haply::state(HAPLY_ID, position, force, self.board.lockstep)
     }
 
@@ -200,15 +202,15 @@ impl Firmware {
         self.last_packet = Some(now);
         (self.let_go, self.held) = (false, enabled);
         for (axis, force) in force.take(self.keys.n()).enumerate() {
-            let open = !self.board.touch_gate || self.gate_is_open(axis);
-            let step = self.board.force_step;
-            let force = if step > 0.0 {
-                (force / step).round() * step
+            let is_open = !self.board.touch_gate || self.gate_is_open(axis);
+            let force_step = self.board.force_step;
+            let force = if force_step > 0.0 {
+                (force / force_step).round() * force_step
             } else {
                 force
             };
             let limited = force.clamp(-self.board.force_max, self.board.force_max);
-            self.force[axis] = if enabled && open { limited } else { 0.0 };
+            self.force[axis] = if enabled && is_open { limited } else { 0.0 };
         }
         if self.board.lockstep {
             self.step();
@@ -222,22 +224,22 @@ impl Firmware {
             return touched;
         }
         let position = firefader::position_byte(self.keys.positions()[axis]);
-        let open = touched && (5..251).contains(&position);
-        self.gate[axis] = self.gate[axis] * (31.0 / 32.0) + if open { 5.0 } else { 0.0 };
+        let is_opening = touched && (5..251).contains(&position);
+        self.gate[axis] = self.gate[axis] * (31.0 / 32.0) + if is_opening { 5.0 } else { 0.0 };
         self.gate[axis] >= 20.0
     }
 
     /// Positions as the sensors read them [m].
     fn positions(&self) -> [f64; MAX_AXES] {
-        let step = self.board.resolution;
-        let mut read = *self.keys.positions();
-        for (x, noise) in read.iter_mut().zip(&self.noise) {
+        let resolution = self.board.resolution;
+        let mut readings = *self.keys.positions();
+        for (x, noise) in readings.iter_mut().zip(&self.noise) {
             *x += noise;
-            if step > 0.0 {
-                *x = (*x / step).round() * step;
+            if resolution > 0.0 {
+                *x = (*x / resolution).round() * resolution;
             }
         }
-        read
+        readings
     }
 
     fn receive_firefader(&mut self, bytes: &[u8], now: Duration, reply: &mut dyn FnMut(&[u8])) {
@@ -245,45 +247,46 @@ impl Firmware {
         self.inbox
             .feed(bytes, firefader::parse_request, |force| packets.push(force));
         // In wall time the firmware handles only the newest of the packets that it finds, and answers once.
-        let old = if self.board.lockstep {
+        let old_packets = if self.board.lockstep {
             0
         } else {
             packets.len().saturating_sub(1)
         };
-        for force in packets.drain(..).skip(old) {
+        for force in packets.drain(..).skip(old_packets) {
             self.push(force.into_iter(), true, now);
-            let mut answer = firefader::Reply::default();
+            let mut fader_reply = firefader::Reply::default();
             for axis in 0..self.keys.n().min(2) {
-                answer.position[axis] = firefader::position_byte(self.positions()[axis]);
-                answer.cap[axis] = if self.keys.touched(axis) { FINGER } else { 0 };
+                fader_reply.position[axis] = firefader::position_byte(self.positions()[axis]);
+                fader_reply.cap[axis] = if self.keys.touched(axis) { FINGER } else { 0 };
             }
-            reply(&answer.bytes());
+            reply(&fader_reply.bytes());
         }
     }
 
-    fn receive_frame(&mut self, bytes: &[u8], now: Duration, reply: &mut dyn FnMut(&[u8])) {
+    fn receive_frame(&mut self, frame_bytes: &[u8], now: Duration, reply: &mut dyn FnMut(&[u8])) {
         let mut packets = Vec::new();
-        let full = self.board.force_max;
+        let force_max = self.board.force_max;
         self.inbox.feed(
-            bytes,
-            |bytes| frame::Request::parse(bytes, full),
+            frame_bytes,
+            |frame_bytes| frame::Request::parse(frame_bytes, force_max),
             |packet| packets.push(packet),
         );
         for packet in packets {
-            let mut bytes = [0; frame::LONGEST];
-            let len = if packet.n == 0 {
-                self.device_info(packet.seq).write(&mut bytes)
+            let mut frame_bytes = [0; frame::LONGEST];
+            let reply_length = if packet.n == 0 {
+                self.device_info(packet.seq).write(&mut frame_bytes)
             } else if packet.n == self.keys.n() {
                 let had_let_go = self.let_go;
                 if packet.flags & flag::ASK == 0 {
                     let enabled = packet.flags & flag::ENABLE != 0;
                     self.push(packet.force.iter().copied(), enabled, now);
                 }
-                self.frame_reply(&packet, had_let_go).write(&mut bytes)
+                self.frame_reply(&packet, had_let_go)
+                    .write(&mut frame_bytes)
             } else {
                 continue;
             };
-            reply(&bytes[..len]);
+            reply(&frame_bytes[..reply_length]);
         }
     }
 
@@ -291,7 +294,7 @@ impl Firmware {
         let n = self.keys.n();
         let touched = (0..n).any(|axis| self.keys.touched(axis));
         let enabled = packet.flags & flag::ENABLE != 0 && (touched || !self.board.touch_gate);
-        let bits = [
+        let status_bits = [
             (touched, status::TOUCHED),
             (enabled, status::ENABLED),
             (had_let_go, status::LET_GO),
@@ -307,25 +310,38 @@ impl Firmware {
             t_us,
             n,
             wide: packet.wide,
-            status: bits.iter().filter(|bit| bit.0).map(|bit| bit.1).sum(),
+            status: status_bits
+                .iter()
+                .filter(|bit| bit.0)
+                .map(|bit| bit.1)
+                .sum(),
             position: self.positions(),
         }
     }
 
     fn device_info(&self, seq: u16) -> frame::DeviceInfo {
         let [inertia, damping] = self.board.reported;
-        let [low, high] = self.board.range;
-        let full = self.board.force_max;
-        let step = self.board.resolution.max(frame::POS_LSB);
-        let rate = self.keys.rate().hertz();
-        let gate = u8::from(self.board.touch_gate) << 1;
+        let [lower_limit, upper_limit] = self.board.range;
+        let force_max = self.board.force_max;
+        let position_step = self.board.resolution.max(frame::POS_LSB);
+        let period_rate = self.keys.rate().hertz();
+        let gate_bits = u8::from(self.board.touch_gate) << 1;
         let lockstep = u8::from(self.board.lockstep) << 2;
         frame::DeviceInfo {
             seq,
             n: self.keys.n(),
-            traits: gate | lockstep | 8,
-            numbers: [full, full, step, low, high, rate, inertia, damping]
-                .map(|number| number as f32),
+            traits: gate_bits | lockstep | 8,
+            numbers: [
+                force_max,
+                force_max,
+                position_step,
+                lower_limit,
+                upper_limit,
+                period_rate,
+                inertia,
+                damping,
+            ]
+            .map(|number| number as f32),
         }
     }
 }

@@ -42,9 +42,13 @@ impl Hand {
         else {
             return None;
         };
-        let index = usize::try_from(period).ok()?;
-        let &to = path.get(index)?;
-        let before = index.checked_sub(1).map_or(to, |before| path[before]);
-        Some(stiffness * (to - x) + damping * rate.hertz() * ((to - before) - d))
+        let path_index = usize::try_from(period).ok()?;
+        let &hand_target = path.get(path_index)?;
+        let previous = path_index
+            .checked_sub(1)
+            .map_or(hand_target, |previous| path[previous]);
+        Some(
+            stiffness * (hand_target - x) + damping * rate.hertz() * ((hand_target - previous) - d),
+        )
     }
 }

@@ -78,7 +78,7 @@ enum KeyMotion {
 impl KeyMotion {
     /// Advance by one period under the motor's force and a hand's pull; returns the new position [m].
     fn step(&mut self, force: f64, pull: f64, range: RangeInclusive<f64>) -> f64 {
-        let to = match self {
+        let new_position = match self {
             Self::Model(motion) => {
                 motion.tick(force, pull);
                 motion.position()
@@ -88,15 +88,15 @@ impl KeyMotion {
                 key.position()
             }
         };
-        if range.contains(&to) {
-            return to;
+        if range.contains(&new_position) {
+            return new_position;
         }
-        let end = to.clamp(*range.start(), *range.end());
+        let travel_end = new_position.clamp(*range.start(), *range.end());
         match self {
-            Self::Model(motion) => motion.stop_at(end),
-            Self::Network(key) => key.stop_at(end),
+            Self::Model(motion) => motion.stop_at(travel_end),
+            Self::Network(key) => key.stop_at(travel_end),
         }
-        end
+        travel_end
     }
 }
 
@@ -113,25 +113,25 @@ impl Keys {
         let Ok(rate) = Rate::new(rate) else {
             return refused("the rate must be a positive number of periods a second");
         };
-        let known = |x: f64, least: f64| x.is_finite() && x >= least;
-        let tied = known(key.stiffness, 0.0) && known(key.damping, 0.0);
-        if !known(key.mass, f64::MIN_POSITIVE) || !tied {
+        let is_at_least = |x: f64, least: f64| x.is_finite() && x >= least;
+        let is_tie_valid = is_at_least(key.stiffness, 0.0) && is_at_least(key.damping, 0.0);
+        if !is_at_least(key.mass, f64::MIN_POSITIVE) || !is_tie_valid {
             return refused(
                 "the mass of a key must be above zero, its stiffness and damping at least zero",
             );
         }
-        let cell = Cell::new(key.mass, key.stiffness, key.damping);
-        if cell.frequency() > 0.5 * rate.hertz() {
+        let key_cell = Cell::new(key.mass, key.stiffness, key.damping);
+        if key_cell.frequency() > 0.5 * rate.hertz() {
             return refused("the resonance of this key is faster than half its rate");
         }
-        let ratios = cell.ratios(rate);
+        let cell_ratios = key_cell.ratios(rate);
         hands.resize(n, Hand::Free);
         Ok(Self {
             rate,
             range: key.range,
             w: rate.step() * rate.step() / key.mass,
-            kappa: ratios.kappa,
-            zeta: ratios.zeta,
+            kappa: cell_ratios.kappa,
+            zeta: cell_ratios.zeta,
             n,
             x: [0.0; MAX_AXES],
             d: [0.0; MAX_AXES],
@@ -147,9 +147,9 @@ impl Keys {
     /// # Errors
     /// If the key cannot be computed at this rate.
     pub fn with_model(mut self, model: &KeyModel) -> Result<Self, EmulateError> {
-        let motion = Motion::new(model, self.rate.hertz(), None)?;
-        self.x[..self.n].fill(motion.position());
-        self.motions = vec![KeyMotion::Model(Box::new(motion)); self.n];
+        let model_motion = Motion::new(model, self.rate.hertz(), None)?;
+        self.x[..self.n].fill(model_motion.position());
+        self.motions = vec![KeyMotion::Model(Box::new(model_motion)); self.n];
         Ok(self)
     }
 
@@ -179,26 +179,30 @@ impl Keys {
     }
 
     fn step_motions(&mut self, force: &[f64; MAX_AXES]) {
-        let [low, high] = self.range;
+        let [lower_limit, upper_limit] = self.range;
         for (axis, motion) in self.motions.iter_mut().enumerate() {
             let (x, d) = (self.x[axis], self.d[axis]);
-            let pull = self.hands[axis].pull(self.periods, x, d, self.rate);
-            let to = motion.step(force[axis], pull.unwrap_or(0.0), low..=high);
-            (self.x[axis], self.d[axis]) = (to, to - x);
+            let hand_pull = self.hands[axis].pull(self.periods, x, d, self.rate);
+            let new_position = motion.step(
+                force[axis],
+                hand_pull.unwrap_or(0.0),
+                lower_limit..=upper_limit,
+            );
+            (self.x[axis], self.d[axis]) = (new_position, new_position - x);
         }
     }
 
     fn step_cells(&mut self, force: &[f64; MAX_AXES]) {
         for (axis, hand) in self.hands.iter().enumerate() {
             let (x, d) = (self.x[axis], self.d[axis]);
-            let pull = hand.pull(self.periods, x, d, self.rate);
-            let force = pull.map_or(force[axis], |pull| force[axis] + pull);
-            let step = force * self.w - self.kappa * x - self.zeta * d;
-            self.d[axis] += step;
+            let hand_pull = hand.pull(self.periods, x, d, self.rate);
+            let force = hand_pull.map_or(force[axis], |hand_pull| force[axis] + hand_pull);
+            let second_difference = force * self.w - self.kappa * x - self.zeta * d;
+            self.d[axis] += second_difference;
             self.x[axis] += self.d[axis];
-            let [low, high] = self.range;
-            if self.x[axis] < low || self.x[axis] > high {
-                self.x[axis] = self.x[axis].clamp(low, high);
+            let [lower_limit, upper_limit] = self.range;
+            if self.x[axis] < lower_limit || self.x[axis] > upper_limit {
+                self.x[axis] = self.x[axis].clamp(lower_limit, upper_limit);
                 self.d[axis] = 0.0;
             }
         }

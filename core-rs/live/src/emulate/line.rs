@@ -44,18 +44,18 @@ pub(super) enum Line {
 
 impl Line {
     pub(super) fn open(transport: Transport) -> io::Result<Self> {
-        let here = |port| SocketAddr::from((Ipv4Addr::LOCALHOST, port));
+        let local_address = |port| SocketAddr::from((Ipv4Addr::LOCALHOST, port));
         Ok(match transport {
             #[cfg(unix)]
             Transport::Terminal => Self::Terminal(terminal::Terminal::open()?),
             #[cfg(not(unix))]
             Transport::Terminal => return Err(io::ErrorKind::Unsupported.into()),
             Transport::Udp(port) => Self::Udp(Datagrams {
-                socket: UdpSocket::bind(here(port))?,
+                socket: UdpSocket::bind(local_address(port))?,
                 host: None,
             }),
             Transport::WebSocket(port) => {
-                let listener = TcpListener::bind(here(port))?;
+                let listener = TcpListener::bind(local_address(port))?;
                 listener.set_nonblocking(true)?;
                 Self::WebSocket(Box::new(Sockets {
                     listener,
@@ -87,8 +87,8 @@ impl Line {
 
     /// The host has let go: the next sender becomes the host.
     pub(super) fn release_host(&mut self) {
-        if let Self::Udp(line) = self {
-            line.host = None;
+        if let Self::Udp(datagrams) = self {
+            datagrams.host = None;
         }
     }
 
@@ -104,8 +104,8 @@ impl Line {
             }
             Self::WebSocket(line) => {
                 if let Some(host) = &mut line.host {
-                    let text = String::from_utf8_lossy(bytes).into_owned();
-                    let _ = host.send(Message::text(text));
+                    let message_text = String::from_utf8_lossy(bytes).into_owned();
+                    let _ = host.send(Message::text(message_text));
                 }
             }
         }
@@ -126,18 +126,18 @@ impl Datagrams {
         // A timeout of zero is not allowed.
         self.socket
             .set_read_timeout(Some(wait.max(Duration::from_micros(1))))?;
-        let (n, from) = match self.socket.recv_from(into) {
+        let (byte_count, sender) = match self.socket.recv_from(into) {
             Ok(got) => got,
             Err(error) => return quiet(error),
         };
-        let now = Instant::now();
+        let read_instant = Instant::now();
         match self.host {
-            Some((host, at)) if host != from && now.duration_since(at) < PATIENCE => {
+            Some((host, at)) if host != sender && read_instant.duration_since(at) < PATIENCE => {
                 return Ok(LineEvent::Nothing);
             }
-            _ => self.host = Some((from, now)),
+            _ => self.host = Some((sender, read_instant)),
         }
-        Ok(LineEvent::Bytes(n))
+        Ok(LineEvent::Bytes(byte_count))
     }
 }
 
@@ -148,12 +148,13 @@ pub(super) struct Sockets {
 
 impl Sockets {
     fn read(&mut self, into: &mut [u8], wait: Duration) -> io::Result<LineEvent> {
-        let Some(host) = &mut self.host else {
+        let Some(host_socket) = &mut self.host else {
             return self.accept(wait);
         };
-        host.get_ref()
+        host_socket
+            .get_ref()
             .set_read_timeout(Some(wait.max(Duration::from_micros(1))))?;
-        match host.read() {
+        match host_socket.read() {
             Ok(Message::Text(text)) if text.len() <= into.len() => {
                 into[..text.len()].copy_from_slice(text.as_bytes());
                 Ok(LineEvent::Bytes(text.len()))
@@ -172,24 +173,24 @@ impl Sockets {
     }
 
     fn accept(&mut self, wait: Duration) -> io::Result<LineEvent> {
-        let stream = match self.listener.accept() {
-            Ok((stream, _)) => stream,
+        let tcp_stream = match self.listener.accept() {
+            Ok((tcp_stream, _)) => tcp_stream,
             Err(error) => {
                 std::thread::sleep(wait.min(Duration::from_millis(1)));
                 return quiet(error);
             }
         };
-        stream.set_nonblocking(false)?;
-        stream.set_nodelay(true)?;
-        stream.set_read_timeout(Some(PATIENCE))?;
+        tcp_stream.set_nonblocking(false)?;
+        tcp_stream.set_nodelay(true)?;
+        tcp_stream.set_read_timeout(Some(PATIENCE))?;
         let config = WebSocketConfig::default()
             .max_message_size(Some(haply::LONGEST))
             .max_frame_size(Some(haply::LONGEST));
         // A peer that does not complete the handshake is disconnected.
-        let Ok(socket) = tungstenite::accept_with_config(stream, Some(config)) else {
+        let Ok(web_socket) = tungstenite::accept_with_config(tcp_stream, Some(config)) else {
             return Ok(LineEvent::Nothing);
         };
-        self.host = Some(socket);
+        self.host = Some(web_socket);
         Ok(LineEvent::Connected)
     }
 }

@@ -47,15 +47,20 @@ impl Options {
     /// # Errors
     /// [`EmulateError`] if the keys are impossible.
     pub fn firmware(&self) -> Result<Firmware, EmulateError> {
-        let mut keys = Keys::new(self.axes, self.key, self.rate, self.hands.clone())?;
+        let mut emulated_keys = Keys::new(self.axes, self.key, self.rate, self.hands.clone())?;
         if let Some(model) = &self.model {
-            keys = keys.with_model(model)?;
+            emulated_keys = emulated_keys.with_model(model)?;
         }
         if let Some((network, struck, motor)) = &self.network {
-            let rate = Rate::new(self.rate)?;
-            keys = keys.with_network(EmulatedKey::new(network, *struck, rate, *motor)?);
+            let period_rate = Rate::new(self.rate)?;
+            emulated_keys = emulated_keys.with_network(EmulatedKey::new(
+                network,
+                *struck,
+                period_rate,
+                *motor,
+            )?);
         }
-        Ok(Firmware::new(self.board, keys))
+        Ok(Firmware::new(self.board, emulated_keys))
     }
 }
 
@@ -92,50 +97,50 @@ pub fn serve(
 ) -> Result<Outcome, EmulateError> {
     let lockstep = options.board.lockstep;
     let mut firmware = options.firmware()?;
-    let rate = firmware.keys().rate().hertz();
-    let mut line = Line::open(options.transport)?;
-    tell(Event::Ready(line.address()?));
-    let mut bytes = vec![0; LONGEST];
-    let start = Instant::now();
-    let mut asked = start;
+    let period_rate = firmware.keys().rate().hertz();
+    let mut host_line = Line::open(options.transport)?;
+    tell(Event::Ready(host_line.address()?));
+    let mut line_bytes = vec![0; LONGEST];
+    let start_instant = Instant::now();
+    let mut last_asked = start_instant;
     loop {
-        let now = start.elapsed();
-        if firmware.run_to(now) {
+        let elapsed = start_instant.elapsed();
+        if firmware.run_to(elapsed) {
             tell(Event::LetGo);
-            line.release_host();
+            host_line.release_host();
         }
-        let past = if lockstep {
-            firmware.keys().periods() as f64 / rate
+        let time_past = if lockstep {
+            firmware.keys().periods() as f64 / period_rate
         } else {
-            now.as_secs_f64()
+            elapsed.as_secs_f64()
         };
-        if options.seconds.is_some_and(|seconds| past >= seconds) {
+        if options.seconds.is_some_and(|seconds| time_past >= seconds) {
             break;
         }
-        if asked.elapsed() >= ASK {
-            asked = Instant::now();
+        if last_asked.elapsed() >= ASK {
+            last_asked = Instant::now();
             if !keep() {
                 break;
             }
         }
-        let wait = if lockstep {
+        let read_wait = if lockstep {
             ASK
         } else {
-            Duration::from_secs_f64((firmware.next() - now.as_secs_f64()).clamp(0.0, 0.02))
+            Duration::from_secs_f64((firmware.next() - elapsed.as_secs_f64()).clamp(0.0, 0.02))
         };
-        match line.read(&mut bytes, wait)? {
+        match host_line.read(&mut line_bytes, read_wait)? {
             LineEvent::Nothing => {}
             LineEvent::Connected => {
-                if let Some(text) = firmware.greeting() {
-                    line.write(text.as_bytes());
+                if let Some(greeting) = firmware.greeting() {
+                    host_line.write(greeting.as_bytes());
                 }
             }
             LineEvent::Bytes(n) => {
-                firmware.run_to(start.elapsed());
-                let answer = &mut |bytes: &[u8]| line.write(bytes);
-                firmware.receive(&bytes[..n], start.elapsed(), answer);
+                firmware.run_to(start_instant.elapsed());
+                let write_reply = &mut |line_bytes: &[u8]| host_line.write(line_bytes);
+                firmware.receive(&line_bytes[..n], start_instant.elapsed(), write_reply);
                 if !firmware.is_held() {
-                    line.release_host();
+                    host_line.release_host();
                 }
             }
             LineEvent::Disconnected => {

@@ -75,12 +75,12 @@ impl Host {
         } else {
             guarded.by_clock(shared.world().clock())
         };
-        let weak = guarded.spec().force_max_peak < WEAK_FORCE;
+        let is_weak = guarded.spec().force_max_peak < WEAK_FORCE;
         Self {
             guarded,
             shared,
             sample: Sample::default(),
-            stiffness: if weak { 150.0 } else { 500.0 },
+            stiffness: if is_weak { 150.0 } else { 500.0 },
             ask: Ask::Guide,
         }
     }
@@ -88,7 +88,7 @@ impl Host {
     fn tick(&mut self) -> Result<(), Gone> {
         self.shared.world().advance(PERIOD);
         self.guarded.receive(&mut self.sample, Instant::now())?;
-        let force = match self.ask {
+        let asked_force = match self.ask {
             Ask::Guide => {
                 let seconds = self.shared.world().now().as_secs_f64();
                 self.stiffness * (SWING * wave(seconds) - self.sample.position[0])
@@ -98,16 +98,16 @@ impl Host {
                 let seconds = self.shared.world().now().as_secs_f64();
                 written_force(seconds, self.sample.position[0])
             }
-            Ask::Force(force) => force,
+            Ask::Force(asked_force) => asked_force,
             #[cfg(test)]
             Ask::Wall(stiffness) => -stiffness * self.sample.position[0],
         };
-        self.guarded.send(&[force]).map(drop)
+        self.guarded.send(&[asked_force]).map(drop)
     }
 
     pub(super) fn run(&mut self, time: Duration) -> Result<(), Gone> {
-        let end = self.shared.world().now() + time;
-        while self.shared.world().now() < end {
+        let end_time = self.shared.world().now() + time;
+        while self.shared.world().now() < end_time {
             self.tick()?;
         }
         Ok(())
@@ -124,13 +124,14 @@ fn wave(seconds: f64) -> f64 {
 #[cfg(test)]
 pub(super) fn written_force(seconds: f64, x: f64) -> f64 {
     const STEP: f64 = 1e-3;
-    let key = Key::default();
-    let [before, now, after] =
+    let driven_key = Key::default();
+    let [place_before, place_now, place_after] =
         [-STEP, 0.0, STEP].map(|by| DRIVEN_SWING * wave(DRIVEN_RATE * (seconds + by)));
-    let acceleration = (after - 2.0 * now + before) / (STEP * STEP);
-    let speed = (after - before) / (2.0 * STEP);
+    let acceleration = (place_after - 2.0 * place_now + place_before) / (STEP * STEP);
+    let swing_speed = (place_after - place_before) / (2.0 * STEP);
     let return_rate = std::f64::consts::TAU;
-    key.mass * (acceleration + return_rate * return_rate * (now - x)) + key.damping * speed
+    driven_key.mass * (acceleration + return_rate * return_rate * (place_now - x))
+        + driven_key.damping * swing_speed
 }
 
 /// Make a fault on a device while a piece asks for forces on a key that a hand holds or nobody, and measure its effect.
@@ -149,60 +150,69 @@ pub(super) fn measure(
         rise,
         work: 0.0,
     };
-    if let Some(why) = fault.excluded(emulator) {
-        return Ok(measurement(Outcome::Excluded(why), [0.0; 2], [0.0; 2]));
+    if let Some(exclusion) = fault.excluded(emulator) {
+        return Ok(measurement(
+            Outcome::Excluded(exclusion),
+            [0.0; 2],
+            [0.0; 2],
+        ));
     }
     let (mut device, shared) = if is_held {
         held_device(emulator, hands)?
     } else {
         held_device(emulator, |axes| vec![Hand::Resting; axes])?
     };
-    let spec = device.spec().clone();
-    let peak_max = spec.force_max_peak;
-    let allowed = |spec: &Spec| Limits::from_spec(spec).slew + 2.0 * spec.force_lsb;
+    let device_spec = device.spec().clone();
+    let peak_max = device_spec.force_max_peak;
+    let allowed =
+        |device_spec: &Spec| Limits::from_spec(device_spec).slew + 2.0 * device_spec.force_lsb;
     if fault == Fault::OpenedTwice {
         let outcome = if device::second_opening_is_refused() {
             Outcome::Zero(0.0)
         } else {
             Outcome::Persists
         };
-        return Ok(measurement(outcome, [0.0, peak_max], [0.0, allowed(&spec)]));
+        return Ok(measurement(
+            outcome,
+            [0.0, peak_max],
+            [0.0, allowed(&device_spec)],
+        ));
     }
     if fault == Fault::WrongTravel {
-        let is_weak = peak_max < WEAK_FORCE;
-        device.report_travel(if is_weak {
+        let is_weak_motor = peak_max < WEAK_FORCE;
+        device.report_travel(if is_weak_motor {
             REPORTED_TRAVEL_WEAK
         } else {
             REPORTED_TRAVEL
         });
     }
-    let since = if fault == Fault::Uncalibrated {
+    let fault_time = if fault == Fault::Uncalibrated {
         test_direction(device, &shared)
     } else {
         run_fault(ask, fault, device, &shared)
     };
     let motor = shared.world().motor;
-    let ended = if fault.persists() {
-        motor.last_push.or(Some(since))
+    let push_end = if fault.persists() {
+        motor.last_push.or(Some(fault_time))
     } else {
         motor.first_zero
     };
     let end_time = shared.world().now();
-    let outcome = match ended {
+    let outcome = match push_end {
         Some(end) if end < end_time || fault == Fault::HostResumed => {
-            Outcome::Zero(end.saturating_sub(since).as_secs_f64())
+            Outcome::Zero(end.saturating_sub(fault_time).as_secs_f64())
         }
         _ => Outcome::Persists,
     };
-    let part = match fault {
+    let force_share = match fault {
         // The direction is tested with at most a fifth of the greatest force.
         Fault::Uncalibrated => 0.2,
         // The first packet after the stall is zero.
         Fault::HostResumed => 0.0,
         _ => 1.0,
     };
-    let peak_max = part * (peak_max + spec.force_lsb);
-    let rise = [motor.rise, allowed(&spec)];
+    let peak_max = force_share * (peak_max + device_spec.force_lsb);
+    let rise = [motor.rise, allowed(&device_spec)];
     let [_, work] = shared.world().work;
     Ok(Measurement {
         work,
@@ -215,7 +225,7 @@ fn run_fault(ask: Ask, fault: Fault, device: Defective, shared: &Shared) -> Dura
     let mut host = Host::new(device, shared.clone());
     host.ask = ask;
     let _ = host.run(ONSET);
-    let since = {
+    let fault_time = {
         let mut world = shared.world();
         world.begin_record();
         world.now()
@@ -232,16 +242,16 @@ fn run_fault(ask: Ask, fault: Fault, device: Defective, shared: &Shared) -> Dura
         Fault::NoReplies => line(&host, |trouble| trouble.replies_lost = true),
         Fault::HostStalled => {
             shared.world().advance(HOST_STALL);
-            return since;
+            return fault_time;
         }
         Fault::HostResumed => {
             shared.world().advance(HOST_STALL);
-            let since = shared.world().now();
+            let fault_time = shared.world().now();
             shared.world().begin_record();
             let _ = host.tick();
             // Until just before the next packet.
             shared.world().advance(PERIOD);
-            return since;
+            return fault_time;
         }
         Fault::BoardStalled => {
             line(&host, |trouble| trouble.board_stalled = true);
@@ -266,7 +276,7 @@ fn run_fault(ask: Ask, fault: Fault, device: Defective, shared: &Shared) -> Dura
         drop(host);
         shared.world().advance(WATCH_TIME);
     }
-    since
+    fault_time
 }
 
 /// The piece asks for more than any motor gives, then for nothing; returns the time of the latter.
@@ -274,9 +284,9 @@ fn let_go_of_a_huge_force(mut host: Host) -> Duration {
     host.ask = Ask::Force(1e300);
     let _ = host.run(HUGE_LASTS);
     host.ask = Ask::Force(0.0);
-    let since = host.shared.world().now();
+    let release_time = host.shared.world().now();
     let _ = host.run(WATCH_TIME);
-    since
+    release_time
 }
 
 /// Test the direction of the motor before the first note, under a hand on the key; returns the beginning of the test.
@@ -284,13 +294,13 @@ fn test_direction(mut device: Defective, shared: &Shared) -> Duration {
     device.defect.wrong_way = true;
     device.ticks = Some(shared.clone());
     let pulse = Pulse::from_spec(device.spec());
-    let since = shared.world().now();
+    let fault_time = shared.world().now();
     shared.world().begin_record();
-    let go = AtomicBool::new(false);
-    let _ = directions(&mut device, &[0], pulse, PERIOD.as_secs_f64(), &go);
+    let stop_flag = AtomicBool::new(false);
+    let _ = directions(&mut device, &[0], pulse, PERIOD.as_secs_f64(), &stop_flag);
     device.ticks = None;
     shared.world().advance(PERIOD);
-    since
+    fault_time
 }
 
 /// A device with these hands on its axes, opened by its own driver.
@@ -302,10 +312,10 @@ pub(super) fn held_device(
         url: emulator.name().to_owned(),
         reason: format!("its emulator cannot be made: {error}"),
     };
-    let (protocol, axes, force_max) = match emulator {
+    let (protocol, axis_count, force_max) = match emulator {
         Emulator::InProcess => {
-            let keys = Keys::new(1, Key::default(), 1.0 / PERIOD.as_secs_f64(), hands(1));
-            let device = Emulated::new(keys.map_err(refused)?, Key::default());
+            let emulated_keys = Keys::new(1, Key::default(), 1.0 / PERIOD.as_secs_f64(), hands(1));
+            let device = Emulated::new(emulated_keys.map_err(refused)?, Key::default());
             let shared = Shared::new(World::new(None, false));
             return Ok((
                 Defective::new(Box::new(device), Some(shared.clone())),
@@ -316,8 +326,9 @@ pub(super) fn held_device(
         Emulator::Board(Protocol::FireFader) => (Protocol::FireFader, 2, firefader::FORCE_MAX),
         Emulator::Board(Protocol::Haply) => (Protocol::Haply, 3, 10.0),
     };
-    let key = Key::default();
-    let keys = Keys::new(axes, key, RATE, hands(axes)).map_err(refused)?;
+    let plain_key = Key::default();
+    let emulated_keys =
+        Keys::new(axis_count, plain_key, RATE, hands(axis_count)).map_err(refused)?;
     let is_haply = protocol == Protocol::Haply;
     let board = Board {
         protocol,
@@ -329,10 +340,13 @@ pub(super) fn held_device(
         seed: 0,
         force_step: 0.0,
         watchdog: if is_haply { NEVER } else { WATCHDOG },
-        reported: [key.mass, key.damping],
-        range: key.range,
+        reported: [plain_key.mass, plain_key.damping],
+        range: plain_key.range,
     };
-    let shared = Shared::new(World::new(Some(Firmware::new(board, keys)), is_haply));
+    let shared = Shared::new(World::new(
+        Some(Firmware::new(board, emulated_keys)),
+        is_haply,
+    ));
     let device: Box<dyn Device> = if is_haply {
         Box::new(HaplyHost::new(shared.clone()))
     } else {
@@ -344,11 +358,11 @@ pub(super) fn held_device(
 /// Hands of which the first holds its key at 0 with a spring and damper; the others rest.
 fn hands(axes: usize) -> Vec<Hand> {
     let [stiffness, damping] = HAND;
-    let mut hands = vec![Hand::Resting; axes];
-    hands[0] = Hand::OnPath {
+    let mut axis_hands = vec![Hand::Resting; axes];
+    axis_hands[0] = Hand::OnPath {
         path: vec![0.0; 10 * RATE as usize],
         stiffness,
         damping,
     };
-    hands
+    axis_hands
 }

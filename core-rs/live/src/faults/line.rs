@@ -107,8 +107,8 @@ impl Device for Defective {
     }
 
     fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
-        let gain = if self.defect.wrong_way { -1.0 } else { 1.0 };
-        let mut force = force.with_gains(&[gain; MAX_AXES]);
+        let motor_gain = if self.defect.wrong_way { -1.0 } else { 1.0 };
+        let mut force = force.with_gains(&[motor_gain; MAX_AXES]);
         if self.defect.motor_stuck {
             force = self.last_force;
         }
@@ -129,7 +129,7 @@ impl Device for Defective {
             into.fresh = false;
             return Ok(false);
         }
-        let fresh = self.device.receive(into, deadline)?;
+        let is_fresh = self.device.receive(into, deadline)?;
         if self.defect.frozen {
             into.position = *self.frozen_at.get_or_insert(into.position);
         }
@@ -143,7 +143,7 @@ impl Device for Defective {
         for position in &mut into.position {
             *position = *scale * *position + *offset;
         }
-        Ok(fresh)
+        Ok(is_fresh)
     }
 
     fn in_lockstep(&self) -> bool {
@@ -199,11 +199,11 @@ impl Device for HaplyHost {
     }
 
     fn receive(&mut self, into: &mut Sample, _: Instant) -> Result<bool, Gone> {
-        let state = self.shared.world().state()?;
-        let fresh = state.is_some() || std::mem::take(&mut self.new);
-        if let Some((number, position, let_go)) = state {
+        let newest_state = self.shared.world().state()?;
+        let fresh = newest_state.is_some() || std::mem::take(&mut self.new);
+        if let Some((state_number, position, let_go)) = newest_state {
             self.sample.position[..3].copy_from_slice(&position);
-            (self.sample.seq, self.sample.let_go) = (u32::from(number), let_go);
+            (self.sample.seq, self.sample.let_go) = (u32::from(state_number), let_go);
         }
         *into = Sample {
             fresh,

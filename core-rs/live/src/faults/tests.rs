@@ -5,10 +5,10 @@ use crate::emulate::Hand;
 
 #[test]
 fn faults_stay_within_their_bounds() {
-    let result = measure().unwrap();
-    assert_eq!(result.len(), Fault::ALL.len() * Emulator::ALL.len());
-    let broken: Vec<_> = result.iter().filter(|one| one.exceeds()).collect();
-    assert!(broken.is_empty(), "{broken:#?}");
+    let measurements = measure().unwrap();
+    assert_eq!(measurements.len(), Fault::ALL.len() * Emulator::ALL.len());
+    let exceeding: Vec<_> = measurements.iter().filter(|one| one.exceeds()).collect();
+    assert!(exceeding.is_empty(), "{exceeding:#?}");
 }
 
 #[test]
@@ -20,30 +20,30 @@ fn measure_repeats_the_same_figures() {
 /// Packets are late by up to 5 ms and a fifth of them is lost, each way.
 fn work(stiffness: f64, hand: [f64; 2], seconds: u64) -> f64 {
     const RATE: f64 = 8000.0;
-    let swing = |period: u64| {
+    let swing_at = |period: u64| {
         let phase = (2.0 * period as f64 / RATE).fract() * 2.0 - 1.0;
         -4.0 * 5e-3 * phase * (1.0 - phase.abs())
     };
-    let path: Vec<f64> = (0..(seconds + 1) * RATE as u64).map(swing).collect();
-    let [stiff, damping] = hand;
-    let hands = move |_: usize| {
+    let hand_path: Vec<f64> = (0..(seconds + 1) * RATE as u64).map(swing_at).collect();
+    let [hand_stiffness, damping] = hand;
+    let path_hands = move |_: usize| {
         vec![Hand::OnPath {
-            path: path.clone(),
-            stiffness: stiff,
+            path: hand_path.clone(),
+            stiffness: hand_stiffness,
             damping,
         }]
     };
-    let (device, shared) = held_device(Emulator::Board(Protocol::Frame), hands).unwrap();
-    let mut host = Host::new(device, shared.clone());
+    let (device, shared) = held_device(Emulator::Board(Protocol::Frame), path_hands).unwrap();
+    let mut wall_host = Host::new(device, shared.clone());
     shared.world().trouble = Trouble {
         jitter: 40,
         lost: 20,
         ..Trouble::default()
     };
-    host.ask = Ask::Wall(stiffness);
-    host.run(Duration::from_secs(seconds)).unwrap();
-    let [_, limit] = shared.world().work;
-    limit
+    wall_host.ask = Ask::Wall(stiffness);
+    wall_host.run(Duration::from_secs(seconds)).unwrap();
+    let [_, peak_work] = shared.world().work;
+    peak_work
 }
 
 /// Hands that move 5 mm to and fro twice a second: firm, soft, and very weak [N/m, N·s/m].
@@ -55,8 +55,11 @@ const SPRINGS: [f64; 6] = [50.0, 100.0, 200.0, 500.0, 1000.0, 2000.0];
 #[test]
 fn work_through_jitter_and_loss_stays_near_the_allowance() {
     for hand in HANDS {
-        let limit = work(2000.0, hand, 4);
-        assert!(limit <= 1.25 * (1.0 + 0.5 * 4.0), "{hand:?}: {limit} J");
+        let peak_work = work(2000.0, hand, 4);
+        assert!(
+            peak_work <= 1.25 * (1.0 + 0.5 * 4.0),
+            "{hand:?}: {peak_work} J"
+        );
     }
 }
 
@@ -65,15 +68,15 @@ fn work_through_jitter_and_loss_stays_near_the_allowance() {
 #[allow(clippy::print_stdout)]
 fn work_of_a_spring_through_jitter_and_loss() {
     for hand in HANDS {
-        let limit = SPRINGS.map(|stiffness| 1e3 * work(stiffness, hand, 10));
-        println!("{hand:?}: {limit:.1?} mJ for {SPRINGS:?} N/m");
+        let peak_work = SPRINGS.map(|stiffness| 1e3 * work(stiffness, hand, 10));
+        println!("{hand:?}: {peak_work:.1?} mJ for {SPRINGS:?} N/m");
     }
 }
 
 /// The greatest force of the written part while the key is on its path or at rest [N].
 fn written_peak() -> f64 {
-    let part = (0..1000).map(|n| written_force(f64::from(n) * 1e-3, 0.0).abs());
-    part.fold(0.0, f64::max)
+    let force_sizes = (0..1000).map(|n| written_force(f64::from(n) * 1e-3, 0.0).abs());
+    force_sizes.fold(0.0, f64::max)
 }
 
 /// Every fault once more while a written part drives the key, held by a hand and by nobody: no force above the device's
@@ -82,29 +85,38 @@ fn written_peak() -> f64 {
 /// 50 mJ: so little tells no rule which fault it is.
 #[test]
 fn faults_under_a_driven_key() {
-    let part = 1.1 * written_peak();
-    assert!(part < 0.3, "{part} N");
+    let peak_limit = 1.1 * written_peak();
+    assert!(peak_limit < 0.3, "{peak_limit} N");
     for (is_held, &fault) in [true, false]
         .iter()
         .flat_map(|held| Fault::ALL.iter().map(move |fault| (*held, fault)))
     {
         for &emulator in Emulator::ALL {
-            let result = experiment::measure(Ask::Drive, is_held, fault, emulator).unwrap();
-            let [force, greatest] = result.greatest;
-            assert!(force <= greatest * (1.0 + 1e-12), "{is_held} {result:?}");
+            let measurement = experiment::measure(Ask::Drive, is_held, fault, emulator).unwrap();
+            let [peak_force, greatest] = measurement.greatest;
+            assert!(
+                peak_force <= greatest * (1.0 + 1e-12),
+                "{is_held} {measurement:?}"
+            );
             // 1 J at once, and 0.5 W in less than 6 s.
-            assert!(result.work <= 1.0 + 0.5 * 6.0, "{is_held} {result:?}");
-            if result.bound.is_err() {
+            assert!(
+                measurement.work <= 1.0 + 0.5 * 6.0,
+                "{is_held} {measurement:?}"
+            );
+            if measurement.bound.is_err() {
                 continue;
             }
-            let [rise, slew] = result.rise;
-            assert!(rise <= slew * (1.0 + 1e-12), "{is_held} {result:?}");
-            let is_soon = matches!(result.outcome, Outcome::Zero(after) if after < 0.65);
-            let is_board = emulator != Emulator::InProcess;
-            let is_weak = force <= part || (is_board && result.work < 0.05);
+            let [force_rise, rise_limit] = measurement.rise;
             assert!(
-                !result.exceeds() || is_soon || is_weak,
-                "{is_held} {result:?}"
+                force_rise <= rise_limit * (1.0 + 1e-12),
+                "{is_held} {measurement:?}"
+            );
+            let is_soon = matches!(measurement.outcome, Outcome::Zero(after) if after < 0.65);
+            let is_board = emulator != Emulator::InProcess;
+            let is_weak = peak_force <= peak_limit || (is_board && measurement.work < 0.05);
+            assert!(
+                !measurement.exceeds() || is_soon || is_weak,
+                "{is_held} {measurement:?}"
             );
         }
     }

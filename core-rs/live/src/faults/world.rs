@@ -114,8 +114,8 @@ impl World {
         if self.trouble.another_program {
             self.send_foreign_request();
         }
-        let end = self.now() + time;
-        while self.now() < end {
+        let end_time = self.now() + time;
+        while self.now() < end_time {
             self.record();
             self.clock
                 .fetch_add(STEP.as_nanos() as u64, Ordering::Relaxed);
@@ -123,24 +123,25 @@ impl World {
                 for packet in std::mem::take(&mut self.unread) {
                     self.deliver(&packet);
                 }
-                let now = self.now();
-                for (_, packet) in arrived(&mut self.requests, now) {
+                let step_time = self.now();
+                for (_, packet) in arrived(&mut self.requests, step_time) {
                     self.deliver(&packet);
                 }
                 if let Some(firmware) = &mut self.firmware {
-                    let (before, force) = (firmware.keys().positions()[0], firmware.forces()[0]);
-                    firmware.run_to(now);
-                    self.work[0] += force * (firmware.keys().positions()[0] - before);
+                    let (place_before, motor_force) =
+                        (firmware.keys().positions()[0], firmware.forces()[0]);
+                    firmware.run_to(step_time);
+                    self.work[0] += motor_force * (firmware.keys().positions()[0] - place_before);
                     self.work[1] = self.work[1].max(self.work[0]);
                 }
-                for (_, reply) in arrived(&mut self.replies, now) {
+                for (_, reply) in arrived(&mut self.replies, step_time) {
                     self.to_host.extend(reply);
                 }
             }
             self.guard();
         }
-        let grown = self.motor.force.abs() - self.before.abs();
-        self.motor.rise = self.motor.rise.max(grown);
+        let force_growth = self.motor.force.abs() - self.before.abs();
+        self.motor.rise = self.motor.rise.max(force_growth);
         self.before = self.motor.force;
     }
 
@@ -157,13 +158,13 @@ impl World {
         if let Some(firmware) = &self.firmware {
             self.motor.force = firmware.forces()[0];
         }
-        let now = self.now();
+        let record_time = self.now();
         let motor = &mut self.motor;
         motor.greatest = motor.greatest.max(motor.force.abs());
         if motor.force == 0.0 {
-            motor.first_zero = motor.first_zero.or(Some(now));
+            motor.first_zero = motor.first_zero.or(Some(record_time));
         } else {
-            motor.last_push = Some(now + STEP);
+            motor.last_push = Some(record_time + STEP);
         }
     }
 
@@ -190,12 +191,14 @@ impl World {
     }
 
     fn deliver(&mut self, packet: &[u8]) {
-        let now = self.now();
+        let delivery_time = self.now();
         let Some(firmware) = &mut self.firmware else {
             return;
         };
         let mut replies: Vec<Vec<u8>> = Vec::new();
-        firmware.receive(packet, now, &mut |bytes| replies.push(bytes.to_vec()));
+        firmware.receive(packet, delivery_time, &mut |bytes| {
+            replies.push(bytes.to_vec())
+        });
         for reply in replies {
             if self.trouble.replies_lost {
                 continue;
@@ -213,10 +216,11 @@ impl World {
                 }
                 None => self.to_host.extend(reply),
                 Some(guardian) => {
-                    let text = String::from_utf8_lossy(&reply);
-                    if let Some(state) = haply::parse_state(&text, None) {
-                        let (number, let_go) = guardian.rules.state(self.epoch + now);
-                        guardian.newest = Some((number, state.position, let_go));
+                    let reply_text = String::from_utf8_lossy(&reply);
+                    if let Some(haply_state) = haply::parse_state(&reply_text, None) {
+                        let (state_number, let_go) =
+                            guardian.rules.state(self.epoch + delivery_time);
+                        guardian.newest = Some((state_number, haply_state.position, let_go));
                     }
                 }
             }
@@ -228,10 +232,10 @@ impl World {
         if self.trouble.unplugged {
             return Err(Gone::Closed);
         }
-        let n = into.len().min(self.to_host.len());
-        into[..n].copy_from_slice(&self.to_host[..n]);
-        self.to_host.drain(..n);
-        Ok(n)
+        let byte_count = into.len().min(self.to_host.len());
+        into[..byte_count].copy_from_slice(&self.to_host[..byte_count]);
+        self.to_host.drain(..byte_count);
+        Ok(byte_count)
     }
 
     /// Pass a force command of the host to its guardian.
@@ -261,8 +265,8 @@ impl World {
             match guardian.rules.due(instant) {
                 Action::Nothing => return,
                 Action::Send(force) => {
-                    let text = haply::command(crate::emulate::HAPLY_ID, force);
-                    let _ = self.write(text.as_bytes());
+                    let command_text = haply::command(crate::emulate::HAPLY_ID, force);
+                    let _ = self.write(command_text.as_bytes());
                 }
                 Action::Gone => {
                     guardian.gone = Some(Gone::Silent);
@@ -281,16 +285,16 @@ impl World {
             flags: frame::flag::ASK,
             ..frame::Request::default()
         };
-        let mut bytes = [0; frame::LONGEST];
-        let len = request.write(1.0, &mut bytes);
-        self.deliver(&bytes[..len]);
+        let mut request_bytes = [0; frame::LONGEST];
+        let request_length = request.write(1.0, &mut request_bytes);
+        self.deliver(&request_bytes[..request_length]);
     }
 
     /// The time at which a packet that is sent now arrives; `None` if it is lost.
     fn arrival(&mut self) -> Option<Duration> {
         let is_lost = self.random() % 100 < self.trouble.lost;
-        let late = self.random() % (self.trouble.jitter + 1);
-        (!is_lost).then(|| self.now() + STEP * late as u32)
+        let delay_steps = self.random() % (self.trouble.jitter + 1);
+        (!is_lost).then(|| self.now() + STEP * delay_steps as u32)
     }
 
     fn random_bytes(&mut self, n: usize) -> Vec<u8> {

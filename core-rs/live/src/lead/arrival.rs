@@ -16,20 +16,20 @@ impl Default for Times {
 
 impl Times {
     fn count(&mut self, seconds: f64) {
-        let bin = (seconds.max(0.0) / BIN) as usize;
-        self.0[bin.min(BINS - 1)] += 1;
+        let bin_index = (seconds.max(0.0) / BIN) as usize;
+        self.0[bin_index.min(BINS - 1)] += 1;
     }
 
     /// The upper edge of the bin that holds the quantile `part` [s]; 0 if nothing was counted.
     fn quantile(&self, part: f64) -> f64 {
-        let total: u64 = self.0.iter().map(|&n| u64::from(n)).sum();
-        let wanted = ((part * total as f64).ceil() as u64).max(1);
-        let mut sum = 0;
-        let bin = self.0.iter().position(|&n| {
-            sum += u64::from(n);
-            sum >= wanted
+        let total_count: u64 = self.0.iter().map(|&n| u64::from(n)).sum();
+        let wanted_rank = ((part * total_count as f64).ceil() as u64).max(1);
+        let mut count_sum = 0;
+        let bin_index = self.0.iter().position(|&n| {
+            count_sum += u64::from(n);
+            count_sum >= wanted_rank
         });
-        bin.map_or(0.0, |bin| BIN * (bin + 1) as f64)
+        bin_index.map_or(0.0, |bin_index| BIN * (bin_index + 1) as f64)
     }
 }
 
@@ -79,14 +79,14 @@ mod tests {
         let mut arrivals = Arrivals::default();
         assert_eq!(arrivals.quantile(0.5), ArrivalTimes::default());
         for n in 1..=100 {
-            let time = 8e-3 * f64::from(n);
+            let event_time = 8e-3 * f64::from(n);
             // The last ten are under way for 5 ms, the others for 1.1 ms.
-            let wait = if n > 90 { 5e-3 } else { 1.1e-3 };
-            arrivals.count(time - 8.1e-3, time, time + wait);
+            let travel_time = if n > 90 { 5e-3 } else { 1.1e-3 };
+            arrivals.count(event_time - 8.1e-3, event_time, event_time + travel_time);
         }
-        let [usual, longest] = [0.5, 1.0].map(|part| arrivals.quantile(part));
-        assert!((usual.wait - 1.25e-3).abs() < 1e-12, "{usual:?}");
-        assert!((usual.gap - 8.25e-3).abs() < 1e-12, "{usual:?}");
+        let [median, longest] = [0.5, 1.0].map(|part| arrivals.quantile(part));
+        assert!((median.wait - 1.25e-3).abs() < 1e-12, "{median:?}");
+        assert!((median.gap - 8.25e-3).abs() < 1e-12, "{median:?}");
         assert!((longest.need - 13.25e-3).abs() < 1e-12, "{longest:?}");
         arrivals.count(0.0, 0.05, 9.0);
         assert!((arrivals.quantile(1.0).wait - 0.256).abs() < 1e-12);

@@ -92,10 +92,16 @@ impl Default for HeldKey {
 impl HeldKey {
     /// Whether it can be computed in the steps here.
     pub fn is_possible(&self) -> bool {
-        let [low, high] = self.range;
-        let numbers = [self.damping, self.stiffness, self.rest, low, high];
+        let [lower_limit, upper_limit] = self.range;
+        let numbers = [
+            self.damping,
+            self.stiffness,
+            self.rest,
+            lower_limit,
+            upper_limit,
+        ];
         numbers.iter().all(|x| x.is_finite())
-            && low < high
+            && lower_limit < upper_limit
             && self.damping >= 0.0
             && self.stiffness >= 0.0
             && bears(self.mass, self.stiffness + PULP.0)
@@ -138,49 +144,50 @@ pub struct FingerMotion {
 impl FingerMotion {
     /// A key at rest, without a finger, in ticks of `period` [s].
     pub fn new(finger: Finger, key: HeldKey, period: f64) -> Self {
-        let [low, high] = key.range;
-        let start = key.rest.clamp(low, high);
+        let [lower_limit, upper_limit] = key.range;
+        let start_position = key.rest.clamp(lower_limit, upper_limit);
         Self {
             finger,
             key,
             period,
             steps: (period / STEP_MAX).ceil().max(1.0) as u32,
-            x: [start; 2],
+            x: [start_position; 2],
             v: [0.0; 2],
             landed: None,
-            pointer: start,
+            pointer: start_position,
             force: 0.0,
         }
     }
 
     /// Advance by one tick under a force on the key [N]; `pull`: the pointer, if it leads the finger.
     pub fn advance(&mut self, force: f64, pull: Option<Pull>) {
-        let h = self.period / f64::from(self.steps);
+        let substep = self.period / f64::from(self.steps);
         self.force = 0.0;
         let Some(pull) = pull else {
             self.landed = None;
             for _ in 0..self.steps {
-                self.move_free_key(force, h);
+                self.move_free_key(force, substep);
             }
             // A finger that is not on the key waits over it.
             (self.x[0], self.v[0]) = (self.x[1], self.v[1]);
             self.pointer = self.x[1];
             return;
         };
-        let (offset, since) = *self.landed.get_or_insert((self.x[1] - pull.from, 0.0));
-        let (now, then) = (
-            pull.from + offset * left(since),
-            pull.to + offset * left(since + self.period),
+        let (landing_offset, landed_for) = *self.landed.get_or_insert((self.x[1] - pull.from, 0.0));
+        let (pointer_now, pointer_next) = (
+            pull.from + landing_offset * left(landed_for),
+            pull.to + landing_offset * left(landed_for + self.period),
         );
-        self.landed = Some((offset, since + self.period));
-        let speed = (then - now) / self.period;
-        let k = self.finger.stiffness * pull.firmness;
+        self.landed = Some((landing_offset, landed_for + self.period));
+        let pointer_speed = (pointer_next - pointer_now) / self.period;
+        let grip_stiffness = self.finger.stiffness * pull.firmness;
         for step in 0..self.steps {
-            let pointer = now + speed * h * (f64::from(step) + 0.5);
-            self.move_held_key(force, k, pointer, speed, h);
+            let pointer = pointer_now + pointer_speed * substep * (f64::from(step) + 0.5);
+            self.move_held_key(force, grip_stiffness, pointer, pointer_speed, substep);
         }
-        self.pointer = then;
-        self.force = k * (then - self.x[0]) + self.finger.damping * (speed - self.v[0]);
+        self.pointer = pointer_next;
+        self.force = grip_stiffness * (pointer_next - self.x[0])
+            + self.finger.damping * (pointer_speed - self.v[0]);
     }
 
     /// One step of the key alone: half of the way, the change of speed in the middle of the step, and the other half. A
@@ -201,24 +208,24 @@ impl FingerMotion {
             Finger {
                 damping: z, mass, ..
             },
-            key,
+            held_key,
             (pulp_k, pulp_z),
         ) = (self.finger, self.key, PULP);
-        let half = 0.5 * h;
-        self.drift(half);
+        let half_step = 0.5 * h;
+        self.drift(half_step);
         let ([x, x_key], [v, v_key]) = (self.x, self.v);
-        let pulp = pulp_k * (x - x_key) + pulp_z * (v - v_key);
+        let pulp_force = pulp_k * (x - x_key) + pulp_z * (v - v_key);
         let pushed = [
-            h * (k * (pointer - x) + z * (speed - v) - pulp),
-            h * (force + pulp + key.spring(x_key) - key.damping * v_key),
+            h * (k * (pointer - x) + z * (speed - v) - pulp_force),
+            h * (force + pulp_force + held_key.spring(x_key) - held_key.damping * v_key),
         ];
         // (mass + h/2 · damping) · change = pushed, a system of two equations.
-        let (a, b) = (mass + half * (z + pulp_z), -half * pulp_z);
-        let d = key.mass + half * (pulp_z + key.damping);
-        let det = a * d - b * b;
-        self.v[0] += (d * pushed[0] - b * pushed[1]) / det;
-        self.v[1] += (a * pushed[1] - b * pushed[0]) / det;
-        self.drift(half);
+        let (a, b) = (mass + half_step * (z + pulp_z), -half_step * pulp_z);
+        let d = held_key.mass + half_step * (pulp_z + held_key.damping);
+        let determinant = a * d - b * b;
+        self.v[0] += (d * pushed[0] - b * pushed[1]) / determinant;
+        self.v[1] += (a * pushed[1] - b * pushed[0]) / determinant;
+        self.drift(half_step);
         self.stop_at_ends();
     }
 
@@ -229,9 +236,9 @@ impl FingerMotion {
     }
 
     fn stop_at_ends(&mut self) {
-        let [low, high] = self.key.range;
-        if !(low..=high).contains(&self.x[1]) {
-            self.x[1] = self.x[1].clamp(low, high);
+        let [lower_limit, upper_limit] = self.key.range;
+        if !(lower_limit..=upper_limit).contains(&self.x[1]) {
+            self.x[1] = self.x[1].clamp(lower_limit, upper_limit);
             self.v[1] = 0.0;
         }
     }
@@ -264,8 +271,8 @@ impl FingerMotion {
 
 /// The share of the distance from key to pointer that is left `since` [s] after the finger landed: 1 to 0, smoothly.
 fn left(since: f64) -> f64 {
-    let done = (since / LANDING).min(1.0);
-    1.0 - done * done * (3.0 - 2.0 * done)
+    let landed_share = (since / LANDING).min(1.0);
+    1.0 - landed_share * landed_share * (3.0 - 2.0 * landed_share)
 }
 
 #[cfg(test)]
@@ -307,13 +314,16 @@ mod tests {
     #[test]
     fn finger_lands_without_a_jerk() {
         let mut motion = FingerMotion::new(Finger::default(), KEY, 1e-3);
-        let mut last = motion.key();
+        let mut last_position = motion.key();
         for _ in 0..2_000 {
             motion.advance(0.0, pull(0.04));
-            assert!((motion.key() - last).abs() < 1e-3, "{last}");
-            last = motion.key();
+            assert!(
+                (motion.key() - last_position).abs() < 1e-3,
+                "{last_position}"
+            );
+            last_position = motion.key();
         }
-        assert!((last - 0.04).abs() < 1e-6, "{last}");
+        assert!((last_position - 0.04).abs() < 1e-6, "{last_position}");
         motion.advance(0.0, None);
         assert!(!motion.is_held());
     }
@@ -330,50 +340,56 @@ mod tests {
     /// A thrown key swings about its rest as a free CEL does, and never passes its travel.
     #[test]
     fn key_after_the_finger_lifts() {
-        let key = HeldKey {
+        let held_key = HeldKey {
             stiffness: 60.0,
             rest: 1e-3,
             range: [-0.015, 0.01],
             ..KEY
         };
-        let mut motion = FingerMotion::new(Finger::default(), key, 1e-3);
-        let mut throw = |speed: f64| {
+        let mut motion = FingerMotion::new(Finger::default(), held_key, 1e-3);
+        let mut throw_key = |speed: f64| {
             for tick in 0..40_u32 {
-                let to = speed * 1e-3 * f64::from(tick);
+                let pointer_place = speed * 1e-3 * f64::from(tick);
                 let pull = Pull {
-                    from: to,
-                    to: to + speed * 1e-3,
+                    from: pointer_place,
+                    to: pointer_place + speed * 1e-3,
                     firmness: 1.0,
                 };
                 motion.advance(0.0, Some(pull));
             }
-            let mut path = vec![(motion.x[1], motion.v[1])];
+            let mut key_path = vec![(motion.x[1], motion.v[1])];
             for _ in 0..2_000 {
                 motion.advance(0.0, None);
-                path.push((motion.x[1], motion.v[1]));
+                key_path.push((motion.x[1], motion.v[1]));
             }
-            path
+            key_path
         };
-        let slow = throw(-0.05);
+        let slow_path = throw_key(-0.05);
         let sigma = 0.5 * KEY.damping / KEY.mass;
         let omega = (60.0 / KEY.mass - sigma * sigma).sqrt();
-        let (x, v) = (slow[0].0 - key.rest, slow[0].1);
-        for (tick, (place, _)) in slow.iter().enumerate() {
+        let (x, v) = (slow_path[0].0 - held_key.rest, slow_path[0].1);
+        for (tick, (place, _)) in slow_path.iter().enumerate() {
             let t = 1e-3 * tick as f64;
-            let swing = x * cos(omega * t) + (v + sigma * x) / omega * sin(omega * t);
-            let exact = key.rest + exp(-sigma * t) * swing;
-            assert!((place - exact).abs() < 1e-7, "{tick}: {place} {exact}");
+            let free_swing = x * cos(omega * t) + (v + sigma * x) / omega * sin(omega * t);
+            let exact_place = held_key.rest + exp(-sigma * t) * free_swing;
+            assert!(
+                (place - exact_place).abs() < 1e-7,
+                "{tick}: {place} {exact_place}"
+            );
         }
-        let fast = throw(-2.0);
-        assert!(fast.iter().any(|(x, _)| *x == -0.015), "it meets its end");
-        assert!(fast.iter().all(|(x, _)| (-0.015..=0.01).contains(x)));
-        assert!((fast[2_000].0 - key.rest).abs() < 1e-6);
+        let fast_path = throw_key(-2.0);
+        assert!(
+            fast_path.iter().any(|(x, _)| *x == -0.015),
+            "it meets its end"
+        );
+        assert!(fast_path.iter().all(|(x, _)| (-0.015..=0.01).contains(x)));
+        assert!((fast_path[2_000].0 - held_key.rest).abs() < 1e-6);
     }
 
     /// A step twice as long has four times the error: the computation is of second order.
     #[test]
     fn finger_error_by_step() {
-        let path = |steps: u32| {
+        let end_position = |steps: u32| {
             let mut motion = FingerMotion::new(Finger::default(), KEY, 1e-3);
             motion.steps = steps;
             for tick in 0..60_u32 {
@@ -387,8 +403,14 @@ mod tests {
             }
             motion.key()
         };
-        let fine = path(4_096);
-        let (coarse, half) = ((path(16) - fine).abs(), (path(32) - fine).abs());
-        assert!((3.5..4.5).contains(&(coarse / half)), "{coarse} {half}");
+        let fine_end = end_position(4_096);
+        let (coarse_error, half_error) = (
+            (end_position(16) - fine_end).abs(),
+            (end_position(32) - fine_end).abs(),
+        );
+        assert!(
+            (3.5..4.5).contains(&(coarse_error / half_error)),
+            "{coarse_error} {half_error}"
+        );
     }
 }

@@ -56,40 +56,40 @@ impl PathReader {
                 self.after = next().map(|placed| self.line_to(placed));
             }
             match self.after {
-                Some((_, after)) if after.time <= time => {
-                    (self.before, self.after) = (Some(after), None);
+                Some((_, place_after)) if place_after.time <= time => {
+                    (self.before, self.after) = (Some(place_after), None);
                 }
                 _ => break,
             }
         }
         self.last = time;
-        let before = self.before?;
-        let firmness = before.firmness?;
-        let Some((from, after)) = self.after else {
-            return Some((before.x, firmness));
+        let place_before = self.before?;
+        let firmness = place_before.firmness?;
+        let Some((line_start, place_after)) = self.after else {
+            return Some((place_before.x, firmness));
         };
-        let share = ((time - from) / (after.time - from)).max(0.0);
-        let next_firmness = after.firmness.unwrap_or(firmness);
+        let line_share = ((time - line_start) / (place_after.time - line_start)).max(0.0);
+        let next_firmness = place_after.firmness.unwrap_or(firmness);
         Some((
-            before.x + share * (after.x - before.x),
-            firmness + share * (next_firmness - firmness),
+            place_before.x + line_share * (place_after.x - place_before.x),
+            firmness + line_share * (next_firmness - firmness),
         ))
     }
 
     /// The line to a position: when it begins, and where it ends. It begins where the path stands now, so that a
     /// position that comes late makes no jump unless its own instant has passed.
     fn line_to(&mut self, mut after: Placed) -> (f64, Placed) {
-        let Some(before) = self.before else {
+        let Some(place_before) = self.before else {
             return (after.time, after);
         };
         if after.firmness.is_none() {
-            after.x = before.x; // a finger is lifted where it was
+            after.x = place_before.x; // a finger is lifted where it was
         }
-        let was_pause = after.time - before.time > self.delay;
-        let start = before.time.max(after.time - self.delay);
-        let was_awaited = self.last > start && !was_pause && before.firmness.is_some();
+        let was_pause = after.time - place_before.time > self.delay;
+        let line_start = place_before.time.max(after.time - self.delay);
+        let was_awaited = self.last > line_start && !was_pause && place_before.firmness.is_some();
         self.late += u64::from(was_awaited || self.last >= after.time);
-        (start.max(self.last), after)
+        (line_start.max(self.last), after)
     }
 
     /// Number of positions that came later than the path needed them.
@@ -103,13 +103,13 @@ mod tests {
     use super::*;
 
     fn read(path: &[(f64, f64)], delay: f64, times: &[f64]) -> Vec<f64> {
-        let mut rows = path.iter().map(|&(time, x)| Placed {
+        let mut placed_rows = path.iter().map(|&(time, x)| Placed {
             time,
             x,
             firmness: Some(1.0),
         });
         let mut reader = PathReader::new(delay);
-        let position = |&time: &f64| reader.read(time, &mut || rows.next());
+        let position = |&time: &f64| reader.read(time, &mut || placed_rows.next());
         times
             .iter()
             .map(position)
@@ -120,78 +120,84 @@ mod tests {
     #[test]
     fn path_of_a_straight_line_sampled_unevenly() {
         let stamps = [0.0, 1e-3, 9e-3, 9.5e-3, 20e-3, 24e-3, 39e-3];
-        let path: Vec<_> = stamps.iter().map(|&t| (t, 0.5 * t)).collect();
-        let times: Vec<_> = (0..38).map(|ms| 1e-3 * f64::from(ms)).collect();
-        for (time, x) in times.iter().zip(read(&path, 0.02, &times)) {
+        let straight_path: Vec<_> = stamps.iter().map(|&t| (t, 0.5 * t)).collect();
+        let read_times: Vec<_> = (0..38).map(|ms| 1e-3 * f64::from(ms)).collect();
+        for (time, x) in read_times
+            .iter()
+            .zip(read(&straight_path, 0.02, &read_times))
+        {
             assert!((x - 0.5 * time).abs() < 1e-15, "{time}: {x}");
         }
     }
 
     #[test]
     fn path_of_a_pointer_after_rest() {
-        let path = [(0.0, 0.0), (2.0, 0.01)];
-        let x = read(&path, 0.02, &[1.0, 1.97, 1.98, 1.99, 2.0, 3.0]);
-        for (read, wanted) in x.iter().zip([0.0, 0.0, 0.0, 0.005, 0.01, 0.01]) {
-            assert!((read - wanted).abs() < 1e-12, "{x:?}");
+        let pointer_path = [(0.0, 0.0), (2.0, 0.01)];
+        let positions = read(&pointer_path, 0.02, &[1.0, 1.97, 1.98, 1.99, 2.0, 3.0]);
+        for (read, wanted) in positions.iter().zip([0.0, 0.0, 0.0, 0.005, 0.01, 0.01]) {
+            assert!((read - wanted).abs() < 1e-12, "{positions:?}");
         }
     }
 
     #[test]
     fn finger_lifts_and_lands() {
-        let rows = [(0.0, Some(1.0)), (0.1, None), (0.2, Some(2.0))];
-        let mut rows = rows.into_iter().map(|(time, firmness)| Placed {
+        let pointer_rows = [(0.0, Some(1.0)), (0.1, None), (0.2, Some(2.0))];
+        let mut pointer_rows = pointer_rows.into_iter().map(|(time, firmness)| Placed {
             time,
             x: time,
             firmness,
         });
         let mut reader = PathReader::new(0.02);
-        let mut read = |time| reader.read(time, &mut || rows.next());
-        assert_eq!(read(-0.1), None);
-        assert!(read(0.09).is_some());
-        assert_eq!((read(0.1), read(0.19)), (None, None));
-        assert_eq!(read(0.2), Some((0.2, 2.0)));
+        let mut read_at = |time| reader.read(time, &mut || pointer_rows.next());
+        assert_eq!(read_at(-0.1), None);
+        assert!(read_at(0.09).is_some());
+        assert_eq!((read_at(0.1), read_at(0.19)), (None, None));
+        assert_eq!(read_at(0.2), Some((0.2, 2.0)));
     }
 
     #[test]
     fn path_continues_after_a_wait() {
-        let path = [(0.0, 0.0), (0.015, 0.0), (0.03, 0.01), (0.045, 0.01)];
-        let mut came = 2;
+        let pointer_path = [(0.0, 0.0), (0.015, 0.0), (0.03, 0.01), (0.045, 0.01)];
+        let mut came_count = 2;
         let mut reader = PathReader::new(0.02);
-        let mut next = 0;
-        let mut last = 0.0;
+        let mut next_index = 0;
+        let mut last_position = 0.0;
         for tick in 0..60 {
             let time = 1e-3 * f64::from(tick);
-            came = if time > 0.025 { 4 } else { came }; // the third comes 10 ms after the path needs it
-            let mut placed = || {
-                let &(time, x) = path[..came].get(next)?;
-                next += 1;
+            came_count = if time > 0.025 { 4 } else { came_count }; // the third comes 10 ms after the path needs it
+            let mut next_place = || {
+                let &(time, x) = pointer_path[..came_count].get(next_index)?;
+                next_index += 1;
                 let firmness = Some(1.0);
                 Some(Placed { time, x, firmness })
             };
-            let (x, _) = reader.read(time, &mut placed).expect("a finger");
-            assert!((x - last).abs() < 0.003, "{tick}: {last} to {x}");
-            last = x;
+            let (x, _) = reader.read(time, &mut next_place).expect("a finger");
+            assert!(
+                (x - last_position).abs() < 0.003,
+                "{tick}: {last_position} to {x}"
+            );
+            last_position = x;
         }
-        assert_eq!((last, reader.late()), (0.01, 1));
+        assert_eq!((last_position, reader.late()), (0.01, 1));
     }
 
     #[test]
     fn path_counts_late_positions() {
         let mut waiting = vec![(0.0, 0.0)];
         let mut reader = PathReader::new(0.02);
-        let next = |waiting: &mut Vec<(f64, f64)>| {
+        let next_place = |waiting: &mut Vec<(f64, f64)>| {
             waiting.pop().map(|(time, x)| Placed {
                 time,
                 x,
                 firmness: Some(1.0),
             })
         };
-        reader.read(0.0, &mut || next(&mut waiting));
-        reader.read(0.5, &mut || next(&mut waiting));
+        reader.read(0.0, &mut || next_place(&mut waiting));
+        reader.read(0.5, &mut || next_place(&mut waiting));
         assert_eq!(reader.late(), 0);
         waiting.push((0.4, 1.0));
         assert_eq!(
-            reader.read(0.5, &mut || next(&mut waiting)),
+            reader.read(0.5, &mut || next_place(&mut waiting)),
             Some((1.0, 1.0))
         );
         assert_eq!(reader.late(), 1);

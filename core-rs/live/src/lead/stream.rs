@@ -118,12 +118,12 @@ pub fn find(name: &str) -> Option<Arc<Lead>> {
 impl Lead {
     /// A new stream; `None` if there is one of this name. A page's key waits for its page, others are there at once.
     pub fn new(options: LeadOptions, is_present: bool) -> Option<Arc<Self>> {
-        let mut known = leads();
-        known.retain(|_, lead| lead.strong_count() > 0);
-        if known.contains_key(&options.name) {
+        let mut known_leads = leads();
+        known_leads.retain(|_, lead| lead.strong_count() > 0);
+        if known_leads.contains_key(&options.name) {
             return None;
         }
-        let name = options.name.clone();
+        let lead_name = options.name.clone();
         let lead = Arc::new(Self {
             trace: Trace::new(options.traced_ticks),
             options,
@@ -140,16 +140,19 @@ impl Lead {
             late: AtomicU64::new(0),
             points: [f64::NAN, f64::NAN, 0.0, 0.0].map(|x| AtomicU64::new(x.to_bits())),
         });
-        known.insert(name, Arc::downgrade(&lead));
+        known_leads.insert(lead_name, Arc::downgrade(&lead));
         Some(lead)
     }
 
     /// Give the name back: another stream may have it.
     pub fn close(&self) {
-        let mut known = leads();
-        let is_this = |lead: &Weak<Self>| std::ptr::eq(lead.as_ptr(), self);
-        if known.get(&self.options.name).is_some_and(is_this) {
-            known.remove(&self.options.name);
+        let mut known_leads = leads();
+        let is_this_lead = |lead: &Weak<Self>| std::ptr::eq(lead.as_ptr(), self);
+        if known_leads
+            .get(&self.options.name)
+            .is_some_and(is_this_lead)
+        {
+            known_leads.remove(&self.options.name);
         }
     }
 
@@ -181,14 +184,15 @@ impl Lead {
             feeder.tally.refused += 1;
             return Err(Refusal::NotFinite);
         }
-        let (mut time, mut now) = (placed.time, placed.time);
+        let (mut stamp_time, mut arrival_time) = (placed.time, placed.time);
         if !self.options.lockstep {
-            now = self.now();
-            feeder.tokens = (feeder.tokens + RATE_MAX * (now - feeder.filled)).min(BURST_MAX);
-            feeder.filled = now;
-            if !(now - OLDEST..=now + NEWEST).contains(&time) {
+            arrival_time = self.now();
+            feeder.tokens =
+                (feeder.tokens + RATE_MAX * (arrival_time - feeder.filled)).min(BURST_MAX);
+            feeder.filled = arrival_time;
+            if !(arrival_time - OLDEST..=arrival_time + NEWEST).contains(&stamp_time) {
                 feeder.tally.misdated += 1;
-                time = now;
+                stamp_time = arrival_time;
             }
         }
         let written = self.written.load(Ordering::Relaxed);
@@ -199,27 +203,32 @@ impl Lead {
             return Err(Refusal::TooMany);
         }
         feeder.tokens -= 1.0;
-        let gap = time - feeder.last;
-        if (APART..PAUSE).contains(&gap) {
-            for (sum, power) in feeder.gaps.iter_mut().zip([1.0, gap, gap * gap]) {
+        let stamp_gap = stamp_time - feeder.last;
+        if (APART..PAUSE).contains(&stamp_gap) {
+            for (sum, power) in feeder
+                .gaps
+                .iter_mut()
+                .zip([1.0, stamp_gap, stamp_gap * stamp_gap])
+            {
                 *sum += power;
             }
-            let last = feeder.last;
-            feeder.arrivals.count(last, time, now);
+            let last_stamp = feeder.last;
+            feeder.arrivals.count(last_stamp, stamp_time, arrival_time);
         }
-        time = time.max(feeder.last + APART);
-        feeder.last = time;
+        stamp_time = stamp_time.max(feeder.last + APART);
+        feeder.last = stamp_time;
         feeder.tally.taken += 1;
-        let [low, high] = self.options.key.range;
+        let [lower_limit, upper_limit] = self.options.key.range;
         let place = &self.places[(written % WAITING_MAX as u64) as usize];
         let firmness = match placed.firmness {
             Some(firmness) => firmness.clamp(FIRMNESS.0, FIRMNESS.1),
             None => LIFTED,
         };
-        for (place, number) in place
-            .iter()
-            .zip([time, placed.x.clamp(low, high), firmness])
-        {
+        for (place, number) in place.iter().zip([
+            stamp_time,
+            placed.x.clamp(lower_limit, upper_limit),
+            firmness,
+        ]) {
             place.store(number.to_bits(), Ordering::Relaxed);
         }
         self.written.store(written + 1, Ordering::Release);
@@ -228,14 +237,14 @@ impl Lead {
 
     /// The next position, for the one reader.
     pub(crate) fn next(&self) -> Option<Placed> {
-        let read = self.read.load(Ordering::Relaxed);
-        if read == self.written.load(Ordering::Acquire) {
+        let read_count = self.read.load(Ordering::Relaxed);
+        if read_count == self.written.load(Ordering::Acquire) {
             return None;
         }
-        let place = &self.places[(read % WAITING_MAX as u64) as usize];
+        let next_place = &self.places[(read_count % WAITING_MAX as u64) as usize];
         let [time, x, firmness] =
-            [0, 1, 2].map(|n| f64::from_bits(place[n].load(Ordering::Relaxed)));
-        self.read.store(read + 1, Ordering::Release);
+            [0, 1, 2].map(|n| f64::from_bits(next_place[n].load(Ordering::Relaxed)));
+        self.read.store(read_count + 1, Ordering::Release);
         let firmness = (firmness != LIFTED).then_some(firmness);
         Some(Placed { time, x, firmness })
     }
@@ -243,11 +252,11 @@ impl Lead {
     /// Forget the positions that wait; the key's driver is the one reader, so only where it does not run.
     /// Returns the last of them: the pointer is still there.
     pub fn forget(&self) -> Option<Placed> {
-        let mut last = None;
+        let mut last_placed = None;
         while let Some(placed) = self.next() {
-            last = Some(placed);
+            last_placed = Some(placed);
         }
-        last
+        last_placed
     }
 
     /// Whether a player is there.
@@ -285,10 +294,14 @@ impl Lead {
     /// Counts so far.
     pub fn tally(&self) -> LeadTally {
         let feeder = self.feeder();
-        let [n, sum, squares] = feeder.gaps;
-        let gap = if n > 0.0 { sum / n } else { 0.0 };
-        let variance = if n > 0.0 {
-            squares / n - gap * gap
+        let [gap_count, gap_sum, squares] = feeder.gaps;
+        let gap = if gap_count > 0.0 {
+            gap_sum / gap_count
+        } else {
+            0.0
+        };
+        let variance = if gap_count > 0.0 {
+            squares / gap_count - gap * gap
         } else {
             0.0
         };
@@ -303,14 +316,20 @@ impl Lead {
 
 impl PageKey for Lead {
     fn name(&self) -> &str {
-        let name = self.options.name.as_str();
-        let name = name.split_once(':').map_or(name, |(_, name)| name);
-        name.split_once('?').map_or(name, |(name, _)| name)
+        let lead_name = self.options.name.as_str();
+        let lead_name = lead_name
+            .split_once(':')
+            .map_or(lead_name, |(_, lead_name)| lead_name);
+        lead_name
+            .split_once('?')
+            .map_or(lead_name, |(lead_name, _)| lead_name)
     }
 
     fn input(&self) -> &str {
-        let name = self.options.name.as_str();
-        name.split_once(':').map_or(name, |(kind, _)| kind)
+        let lead_name = self.options.name.as_str();
+        lead_name
+            .split_once(':')
+            .map_or(lead_name, |(kind, _)| kind)
     }
 
     fn range(&self) -> [f64; 2] {
@@ -330,13 +349,13 @@ impl PageKey for Lead {
     }
 
     fn place(&self, age: f64, x: f64, pressure: Option<f64>) -> bool {
-        let placed = Placed {
+        let pointer_place = Placed {
             time: self.now() - age,
             x,
             // A mouse reports 0.5, the pressure of an ordinary finger.
             firmness: pressure.map(|pressure| 2.0 * pressure),
         };
-        self.feed(placed).is_ok()
+        self.feed(pointer_place).is_ok()
     }
 
     fn refuse(&self) {
@@ -412,37 +431,41 @@ mod tests {
             .filter(|_| lead.feed(placed(lead.now(), 0.0)).is_err())
             .count();
         assert!(refused > 0);
-        let tally = lead.tally();
-        assert_eq!(tally.refused, refused as u64 + 2);
-        assert_eq!(tally.taken, 20_000 - refused as u64);
+        let lead_tally = lead.tally();
+        assert_eq!(lead_tally.refused, refused as u64 + 2);
+        assert_eq!(lead_tally.taken, 20_000 - refused as u64);
     }
 
     #[test]
     fn stream_replaces_wrong_stamps() {
         let lead = lead("osc:/stamps", false);
-        for time in [-1e9, 1e9] {
-            lead.feed(placed(time, 0.0)).unwrap();
-            let time = lead.next().unwrap().time;
-            assert!((0.0..=lead.now() + 1e-3).contains(&time), "{time}");
+        for stamp_time in [-1e9, 1e9] {
+            lead.feed(placed(stamp_time, 0.0)).unwrap();
+            let stamp_time = lead.next().unwrap().time;
+            assert!(
+                (0.0..=lead.now() + 1e-3).contains(&stamp_time),
+                "{stamp_time}"
+            );
         }
         assert_eq!(lead.tally().misdated, 2);
     }
 
     #[test]
     fn leads_with_equal_names() {
-        let first = lead("osc:/name", true);
-        let again = LeadOptions {
-            ..first.options().clone()
+        let first_lead = lead("osc:/name", true);
+        let same_options = LeadOptions {
+            ..first_lead.options().clone()
         };
-        assert!(Lead::new(again.clone(), true).is_none());
+        assert!(Lead::new(same_options.clone(), true).is_none());
         assert!(find("osc:/name").is_some());
-        drop(first);
+        drop(first_lead);
         assert!(find("osc:/name").is_none());
-        let second = Lead::new(again.clone(), true).expect("the name of one that is gone");
-        second.close();
-        let third = Lead::new(again, true).expect("the name of one that is closed");
-        second.close();
-        assert!(find("osc:/name").is_some_and(|lead| Arc::ptr_eq(&lead, &third)));
+        let second_lead =
+            Lead::new(same_options.clone(), true).expect("the name of one that is gone");
+        second_lead.close();
+        let third_lead = Lead::new(same_options, true).expect("the name of one that is closed");
+        second_lead.close();
+        assert!(find("osc:/name").is_some_and(|lead| Arc::ptr_eq(&lead, &third_lead)));
     }
 
     #[test]

@@ -24,10 +24,10 @@ impl Trace {
     /// Keep a tick, if there is room.
     pub(super) fn push(&self, numbers: [f64; TRACE_COLUMNS]) {
         let written = self.written.load(Ordering::Relaxed);
-        let Some(row) = self.rows.get(written as usize) else {
+        let Some(trace_row) = self.rows.get(written as usize) else {
             return;
         };
-        for (place, number) in row.iter().zip(numbers) {
+        for (place, number) in trace_row.iter().zip(numbers) {
             place.store(number.to_bits(), Ordering::Relaxed);
         }
         self.written.store(written + 1, Ordering::Release);
@@ -36,9 +36,11 @@ impl Trace {
     /// The ticks so far.
     pub(super) fn rows(&self) -> Vec<[f64; TRACE_COLUMNS]> {
         let written = self.written.load(Ordering::Acquire) as usize;
-        let number = |place: &AtomicU64| f64::from_bits(place.load(Ordering::Relaxed));
-        let rows = self.rows[..written].iter();
-        rows.map(|row| row.each_ref().map(number)).collect()
+        let load_number = |place: &AtomicU64| f64::from_bits(place.load(Ordering::Relaxed));
+        let written_rows = self.rows[..written].iter();
+        written_rows
+            .map(|row| row.each_ref().map(load_number))
+            .collect()
     }
 }
 

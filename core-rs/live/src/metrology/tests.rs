@@ -53,13 +53,13 @@ impl Device for Faulty {
     }
 
     fn receive(&mut self, into: &mut Sample, deadline: Instant) -> Result<bool, Gone> {
-        let fresh = self.keys.receive(into, deadline)?;
+        let is_fresh = self.keys.receive(into, deadline)?;
         into.touch[0] = self.is_on(Fault::Touch);
         into.force_enabled[0] = !self.is_on(Fault::Gate);
         if self.is_on(Fault::NotANumber) {
             into.position[0] = f64::NAN;
         }
-        Ok(fresh && !self.is_on(Fault::Silent))
+        Ok(is_fresh && !self.is_on(Fault::Silent))
     }
 
     fn in_lockstep(&self) -> bool {
@@ -72,22 +72,22 @@ impl Device for Faulty {
 }
 
 fn key(fault: Fault, tick: u64) -> (Faulty, Arc<AtomicU64>) {
-    let key = Key {
+    let plain_key = Key {
         mass: 0.4,
         stiffness: 0.0,
         damping: 1.2,
         range: [-HALF, HALF],
     };
-    let keys = Keys::new(1, key, RATE / 44.0, Vec::new()).unwrap();
-    let last = Arc::new(AtomicU64::new(1.0_f64.to_bits()));
-    let faulty = Faulty {
-        keys: Emulated::new(keys, key),
+    let keys = Keys::new(1, plain_key, RATE / 44.0, Vec::new()).unwrap();
+    let last_force = Arc::new(AtomicU64::new(1.0_f64.to_bits()));
+    let faulty_key = Faulty {
+        keys: Emulated::new(keys, plain_key),
         fault,
         tick,
         ticks: 0,
-        last: Arc::clone(&last),
+        last: Arc::clone(&last_force),
     };
-    (faulty, last)
+    (faulty_key, last_force)
 }
 
 fn pushed(forces: &[f64]) -> Excitation<'_> {
@@ -134,9 +134,9 @@ fn excite_with_faults_ends_force_and_keeps_rows() {
         (Fault::Unplugged, End::Gone(Gone::Closed), 699),
         (Fault::Silent, End::Gone(Gone::Silent), 950),
     ] {
-        let forces = jumps();
-        let (device, last) = key(fault, 700);
-        let path =
+        let jump_forces = jumps();
+        let (faulty_key, last_force) = key(fault, 700);
+        let take_path =
             std::env::temp_dir().join(format!("ergon-{fault:?}-{}.take", std::process::id()));
         let header = Header {
             rate: RATE,
@@ -144,47 +144,57 @@ fn excite_with_faults_ends_force_and_keeps_rows() {
             axes: vec![Axis::default()],
             about: String::new(),
         };
-        let (mut sink, handle) = Recorder::start(&path, &header).unwrap();
-        let stop = AtomicBool::new(false);
-        let result = excite(device, &pushed(&forces), Some(&mut sink), &stop);
-        drop(sink);
-        handle.stop().unwrap();
-        let take = read(&path, None).unwrap();
-        std::fs::remove_file(&path).unwrap();
-        assert_eq!(result.end, end, "{fault:?}");
-        assert!(
-            result.rows.len().abs_diff(n) <= 2,
-            "{fault:?} {}",
-            result.rows.len()
+        let (mut row_sink, sink_handle) = Recorder::start(&take_path, &header).unwrap();
+        let stop_flag = AtomicBool::new(false);
+        let outcome = excite(
+            faulty_key,
+            &pushed(&jump_forces),
+            Some(&mut row_sink),
+            &stop_flag,
         );
-        assert_eq!(take.ticks.len(), result.rows.len());
-        for (row, sample) in result.rows.iter().zip(&take.samples) {
+        drop(row_sink);
+        sink_handle.stop().unwrap();
+        let read_take = read(&take_path, None).unwrap();
+        std::fs::remove_file(&take_path).unwrap();
+        assert_eq!(outcome.end, end, "{fault:?}");
+        assert!(
+            outcome.rows.len().abs_diff(n) <= 2,
+            "{fault:?} {}",
+            outcome.rows.len()
+        );
+        assert_eq!(read_take.ticks.len(), outcome.rows.len());
+        for (row, sample) in outcome.rows.iter().zip(&read_take.samples) {
             assert_eq!(row.position.to_bits(), sample.position.to_bits());
             assert_eq!(row.sent as f32, sample.sent);
             assert_eq!(row.fresh, sample.flags & flag::FRESH != 0);
         }
-        assert_eq!(last.load(Ordering::Relaxed), 0, "{fault:?}");
+        assert_eq!(last_force.load(Ordering::Relaxed), 0, "{fault:?}");
     }
 }
 
 #[test]
 fn excite_with_a_set_stop_ends_at_once() {
-    let (device, last) = key(Fault::None, 0);
-    let result = excite(device, &pushed(&jumps()), None, &AtomicBool::new(true));
-    assert_eq!((result.end, result.rows.len()), (End::Stopped, 0));
-    assert_eq!(last.load(Ordering::Relaxed), 0);
+    let (faulty_key, last_force) = key(Fault::None, 0);
+    let outcome = excite(faulty_key, &pushed(&jumps()), None, &AtomicBool::new(true));
+    assert_eq!((outcome.end, outcome.rows.len()), (End::Stopped, 0));
+    assert_eq!(last_force.load(Ordering::Relaxed), 0);
 }
 
 /// A steady push does not take a key without a spring to an end: the brake takes over, then the guide returns the key.
 #[test]
 fn excite_brakes_the_key_before_its_ends() {
-    let mut forces = vec![1.5; 4000];
-    forces[..100].fill(0.0);
-    let (device, _) = key(Fault::None, 0);
-    let result = excite(device, &pushed(&forces), None, &AtomicBool::new(false));
-    assert_eq!(result.end, End::Done);
-    let farthest = result.rows.iter().map(|row| row.position.abs());
+    let mut push_forces = vec![1.5; 4000];
+    push_forces[..100].fill(0.0);
+    let (faulty_key, _) = key(Fault::None, 0);
+    let outcome = excite(
+        faulty_key,
+        &pushed(&push_forces),
+        None,
+        &AtomicBool::new(false),
+    );
+    assert_eq!(outcome.end, End::Done);
+    let farthest = outcome.rows.iter().map(|row| row.position.abs());
     let farthest = farthest.fold(0.0, f64::max);
     assert!((0.5 * HALF..0.8 * HALF).contains(&farthest), "{farthest}");
-    assert!(result.rows.iter().any(|row| row.braked));
+    assert!(outcome.rows.iter().any(|row| row.braked));
 }

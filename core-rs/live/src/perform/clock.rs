@@ -65,13 +65,17 @@ impl Clock {
             return TickStart::default();
         }
         let stretched = self.period * (1.0 + self.steer(filled, playing));
-        let due = match self.due {
-            Some(due) => due + Duration::from_secs_f64(stretched),
+        let due_instant = match self.due {
+            Some(due_instant) => due_instant + Duration::from_secs_f64(stretched),
             None => Instant::now(),
         };
-        let late = sleep_until(due);
+        let late = sleep_until(due_instant);
         let was_reset = late.as_secs_f64() > f64::from(RESET_AFTER) * self.period;
-        self.due = Some(if was_reset { Instant::now() } else { due });
+        self.due = Some(if was_reset {
+            Instant::now()
+        } else {
+            due_instant
+        });
         TickStart { late, was_reset }
     }
 
@@ -84,10 +88,11 @@ impl Clock {
             // Until the card takes frames the ring only fills: ticks are as short as allowed.
             return -MAX_STRETCH;
         }
-        let error = ((filled as f64 - self.target) / self.target).clamp(-1.0, 1.0);
+        let fill_error = ((filled as f64 - self.target) / self.target).clamp(-1.0, 1.0);
         let integral_max = MAX_STRETCH / GAINS.1;
-        self.integral = (self.integral + error * self.period).clamp(-integral_max, integral_max);
-        (GAINS.0 * error + GAINS.1 * self.integral).clamp(-MAX_STRETCH, MAX_STRETCH)
+        self.integral =
+            (self.integral + fill_error * self.period).clamp(-integral_max, integral_max);
+        (GAINS.0 * fill_error + GAINS.1 * self.integral).clamp(-MAX_STRETCH, MAX_STRETCH)
     }
 
     /// Sleep a little while the ring is full.
@@ -104,18 +109,21 @@ mod tests {
     #[test]
     fn clock_steers_the_ring_to_its_target() {
         for drift in [-2e-3, 0.0, 1e-3, 3e-3] {
-            let (frames, period, target) = (44.0, 1e-3, 1_024);
-            let mut clock = Clock::new(period, target, true, true);
-            let mut filled = 1_024.0;
-            let mut widest: f64 = 0.0;
+            let (tick_frames, tick_period, fill_target) = (44.0, 1e-3, 1_024);
+            let mut clock = Clock::new(tick_period, fill_target, true, true);
+            let mut ring_fill = 1_024.0;
+            let mut widest_error: f64 = 0.0;
             for tick in 0..120_000 {
-                let stretched = period * (1.0 + clock.steer(filled as usize, true));
-                filled += frames - frames / period * (1.0 + drift) * stretched;
+                let stretched = tick_period * (1.0 + clock.steer(ring_fill as usize, true));
+                ring_fill += tick_frames - tick_frames / tick_period * (1.0 + drift) * stretched;
                 if tick > 60_000 {
-                    widest = widest.max((filled - 1_024.0).abs());
+                    widest_error = widest_error.max((ring_fill - 1_024.0).abs());
                 }
             }
-            assert!(widest < 60.0, "drift {drift}: {widest} frames off");
+            assert!(
+                widest_error < 60.0,
+                "drift {drift}: {widest_error} frames off"
+            );
         }
     }
 
@@ -124,17 +132,20 @@ mod tests {
         // Ticks this long hide any stall of a busy machine.
         const PERIOD: f64 = 0.5;
         let mut clock = Clock::new(PERIOD, 64, true, true);
-        let passed = |clock: &mut Clock, ticks: f64| {
-            let ago = Duration::from_secs_f64(ticks * PERIOD);
-            clock.due = clock.due.and_then(|due| due.checked_sub(ago));
+        let pass_ticks = |clock: &mut Clock, ticks: f64| {
+            let time_passed = Duration::from_secs_f64(ticks * PERIOD);
+            clock.due = clock.due.and_then(|due| due.checked_sub(time_passed));
             assert!(clock.due.is_some());
         };
         assert!(!clock.tick(0, false).was_reset);
-        passed(&mut clock, 2.0);
-        let start = clock.tick(64, true);
-        assert!(start.late.as_secs_f64() > 0.9 * PERIOD, "{start:?}");
-        assert!(!start.was_reset, "{start:?}");
-        passed(&mut clock, 2.0 + 2.0 * f64::from(RESET_AFTER));
+        pass_ticks(&mut clock, 2.0);
+        let tick_start = clock.tick(64, true);
+        assert!(
+            tick_start.late.as_secs_f64() > 0.9 * PERIOD,
+            "{tick_start:?}"
+        );
+        assert!(!tick_start.was_reset, "{tick_start:?}");
+        pass_ticks(&mut clock, 2.0 + 2.0 * f64::from(RESET_AFTER));
         assert!(clock.tick(64, true).was_reset);
         assert!(clock.tick(64, true).late.as_secs_f64() < 0.9 * PERIOD);
     }

@@ -54,10 +54,10 @@ pub(super) struct Reader {
 pub(super) fn open(stems: Vec<Stem>, start: u64) -> Result<(Frozen, Reader), (PathBuf, io::Error)> {
     let outputs: Vec<usize> = stems.iter().flat_map(|stem| stem.outputs.clone()).collect();
     let width = outputs.len().max(1);
-    let room = (RING_MAX / width).clamp(2 * BLOCK as usize, AHEAD);
-    let (to_ring, ring) = RingBuffer::new(room * width);
+    let ring_frames = (RING_MAX / width).clamp(2 * BLOCK as usize, AHEAD);
+    let (to_ring, ring) = RingBuffer::new(ring_frames * width);
     let n_frames = stems.iter().map(|stem| stem.n_frames).min().unwrap_or(0);
-    let mut files = Files {
+    let mut stem_files = Files {
         files: Vec::new(),
         left: n_frames.saturating_sub(start),
         bytes: Vec::new(),
@@ -67,22 +67,24 @@ pub(super) fn open(stems: Vec<Stem>, start: u64) -> Result<(Frozen, Reader), (Pa
     };
     for stem in stems {
         let width = stem.outputs.len();
-        let offset = stem.offset + start * (width * size_of::<f64>()) as u64;
-        let file = regular::open(&stem.path).and_then(|mut file| {
-            file.seek(SeekFrom::Start(offset))?;
-            Ok(file)
+        let byte_offset = stem.offset + start * (width * size_of::<f64>()) as u64;
+        let stem_file = regular::open(&stem.path).and_then(|mut stem_file| {
+            stem_file.seek(SeekFrom::Start(byte_offset))?;
+            Ok(stem_file)
         });
-        let file = file.map_err(|error| (stem.path.clone(), error))?;
-        files.files.push((stem.path, BufReader::new(file), width));
+        let stem_file = stem_file.map_err(|error| (stem.path.clone(), error))?;
+        stem_files
+            .files
+            .push((stem.path, BufReader::new(stem_file), width));
     }
-    files.fill()?;
+    stem_files.fill()?;
     let stop = Arc::new(AtomicBool::new(false));
-    let asked = stop.clone();
+    let stop_flag = stop.clone();
     let thread = std::thread::Builder::new()
         .name("ergon frozen".into())
         .spawn(move || {
             // Frames that cannot be read are silent when they are due, and counted as missed.
-            while !asked.load(Ordering::Acquire) && matches!(files.fill(), Ok(true)) {
+            while !stop_flag.load(Ordering::Acquire) && matches!(stem_files.fill(), Ok(true)) {
                 std::thread::sleep(POLL);
             }
         })
@@ -116,31 +118,32 @@ impl Files {
     /// Read while there is room; false at the end.
     fn fill(&mut self) -> Result<bool, (PathBuf, io::Error)> {
         while self.left > 0 {
-            let n = self.left.min(BLOCK) as usize;
-            if self.to_ring.slots() < n * self.width {
+            let block_frames = self.left.min(BLOCK) as usize;
+            if self.to_ring.slots() < block_frames * self.width {
                 return Ok(true);
             }
-            self.frames.resize(n * self.width, 0.0);
-            let mut first = 0;
+            self.frames.resize(block_frames * self.width, 0.0);
+            let mut first_output = 0;
             for (path, file, width) in &mut self.files {
-                self.bytes.resize(n * *width * size_of::<f64>(), 0);
+                self.bytes
+                    .resize(block_frames * *width * size_of::<f64>(), 0);
                 if let Err(error) = file.read_exact(&mut self.bytes) {
                     return Err((path.clone(), error));
                 }
                 let (samples, _) = self.bytes.as_chunks();
-                let rows = samples.chunks_exact((*width).max(1));
-                for (frame, row) in self.frames.chunks_exact_mut(self.width).zip(rows) {
-                    for (to, &sample) in frame[first..].iter_mut().zip(row) {
+                let sample_rows = samples.chunks_exact((*width).max(1));
+                for (frame, row) in self.frames.chunks_exact_mut(self.width).zip(sample_rows) {
+                    for (to, &sample) in frame[first_output..].iter_mut().zip(row) {
                         *to = f64::from_le_bytes(sample);
                     }
                 }
-                first += *width;
+                first_output += *width;
             }
             match self.to_ring.write_chunk_uninit(self.frames.len()) {
                 Ok(chunk) => chunk.fill_from_iter(self.frames.iter().copied()),
                 Err(ChunkError::TooFewSlots(_)) => return Ok(true), // never: room was checked
             };
-            self.left -= n as u64;
+            self.left -= block_frames as u64;
         }
         Ok(false)
     }
@@ -158,36 +161,37 @@ impl Drop for Reader {
 impl Frozen {
     /// Whether `n` frames from frame `frame` on are in the ring, or the reader has ended.
     pub(super) fn is_ready(&self, frame: u64, n: usize) -> bool {
-        let behind = frame.saturating_sub(self.next) as usize;
-        self.ring.slots() >= (behind + n) * self.outputs.len() || self.ring.is_abandoned()
+        let frames_behind = frame.saturating_sub(self.next) as usize;
+        self.ring.slots() >= (frames_behind + n) * self.outputs.len() || self.ring.is_abandoned()
     }
 
     /// Write the frozen outputs from frame `first_frame` on into `frames` (n_frames, n_out). Frames that were not read in time
     /// are left unchanged; return their number.
     pub(super) fn join(&mut self, frames: &mut [f64], n_out: usize, first_frame: u64) -> u64 {
-        let width = self.outputs.len();
-        let wanted = frames.len() / n_out.max(1);
-        let ready = self.ring.slots() / width.max(1);
-        let stale = (first_frame.saturating_sub(self.next)).min(ready as u64) as usize;
-        if let Ok(chunk) = self.ring.read_chunk(stale * width) {
-            chunk.commit_all();
-            self.next += stale as u64;
+        let frame_width = self.outputs.len();
+        let frames_wanted = frames.len() / n_out.max(1);
+        let frames_ready = self.ring.slots() / frame_width.max(1);
+        let stale_frames =
+            (first_frame.saturating_sub(self.next)).min(frames_ready as u64) as usize;
+        if let Ok(ring_chunk) = self.ring.read_chunk(stale_frames * frame_width) {
+            ring_chunk.commit_all();
+            self.next += stale_frames as u64;
         }
-        let n = if self.next == first_frame {
-            wanted.min(ready - stale)
+        let frames_read = if self.next == first_frame {
+            frames_wanted.min(frames_ready - stale_frames)
         } else {
             0
         };
-        if let Ok(chunk) = self.ring.read_chunk(n * width) {
-            let mut samples = chunk.into_iter();
-            for frame in frames.chunks_exact_mut(n_out).take(n) {
+        if let Ok(ring_chunk) = self.ring.read_chunk(frames_read * frame_width) {
+            let mut samples = ring_chunk.into_iter();
+            for frame in frames.chunks_exact_mut(n_out).take(frames_read) {
                 for (&output, sample) in self.outputs.iter().zip(&mut samples) {
                     frame[output] = sample;
                 }
             }
-            self.next += n as u64;
+            self.next += frames_read as u64;
         }
-        (wanted - n) as u64
+        (frames_wanted - frames_read) as u64
     }
 }
 

@@ -69,13 +69,15 @@ impl Guidance {
         period: f64,
         share: GuidanceShare,
     ) -> Vec<f64> {
-        let mut total = response.to_vec();
-        if let (Some(guidance), [now, next, ..]) = (this, &mut total[..]) {
-            let z = share.z * guidance.z / period;
-            *now += share.k * guidance.k + z;
-            *next -= z;
+        let mut summed_response = response.to_vec();
+        if let (Some(guidance), [response_now, response_next, ..]) =
+            (this, &mut summed_response[..])
+        {
+            let scaled_damping = share.z * guidance.z / period;
+            *response_now += share.k * guidance.k + scaled_damping;
+            *response_next -= scaled_damping;
         }
-        total
+        summed_response
     }
 }
 
@@ -152,13 +154,13 @@ impl GuidanceState {
 
     /// Crossfade from a path that was at `before` to a path that is at `now` [m].
     pub(super) fn change(&mut self, before: f64, now: f64) {
-        let is_free = self.share == GuidanceShare::default();
-        let left = if is_free {
+        let is_unguided = self.share == GuidanceShare::default();
+        let offset_left = if is_unguided {
             0.0
         } else {
             self.left + before - now
         };
-        self.glide(self.to, left);
+        self.glide(self.to, offset_left);
     }
 
     fn glide(&mut self, to: GuidanceShare, left: f64) {
@@ -169,19 +171,23 @@ impl GuidanceState {
 
     /// Advance by a tick.
     pub(super) fn tick(&mut self, tick: u64) {
-        while let Some(step) = self.steps.get(self.next).filter(|step| step.frame <= tick) {
-            let to = step.share.clamped();
+        while let Some(guidance_step) = self
+            .steps
+            .get(self.next)
+            .filter(|guidance_step| guidance_step.frame <= tick)
+        {
+            let goal_share = guidance_step.share.clamped();
             self.next += 1;
-            if to != self.to {
-                self.glide(to, self.left);
+            if goal_share != self.to {
+                self.glide(goal_share, self.left);
             }
         }
         if self.done < 1.0 {
             self.done = (self.done + self.by).min(1.0);
-            let part = smooth(self.done);
-            self.left = self.offset * (1.0 - part);
+            let fade_progress = smooth(self.done);
+            self.left = self.offset * (1.0 - fade_progress);
             self.share = if self.done < 1.0 {
-                self.from.interpolated(self.to, part)
+                self.from.interpolated(self.to, fade_progress)
             } else {
                 self.to
             };
@@ -194,12 +200,12 @@ impl GuidanceState {
         let Some(guidance) = self.guidance else {
             return 0.0;
         };
-        let pull = self.share.k * guidance.k * (part.x + self.left - x)
+        let guidance_force = self.share.k * guidance.k * (part.x + self.left - x)
             - self.share.z * guidance.z * (v - part.v);
         if part.force == 0.0 || scale <= 0.0 {
-            return pull;
+            return guidance_force;
         }
-        pull + self.share.k * part.force / scale
+        guidance_force + self.share.k * part.force / scale
     }
 }
 
@@ -237,14 +243,14 @@ mod tests {
     /// What drives a key is in full where the forces of the piece are scaled, and fades with the spring.
     #[test]
     fn written_force_under_scaled_forces() {
-        let driven = Hand {
+        let driven_hand = Hand {
             forces: vec![0.4],
             ..hand(true)
         };
-        let mut guidance = GuidanceState::new(driven.guidance, PERIOD);
+        let mut guidance = GuidanceState::new(driven_hand.guidance, PERIOD);
         let part_force = |guidance: &GuidanceState| {
-            let motion = part(&driven, 50);
-            0.25 * guidance.force(motion, motion.x, motion.v, 0.25)
+            let part_motion = part(&driven_hand, 50);
+            0.25 * guidance.force(part_motion, part_motion.x, part_motion.v, 0.25)
         };
         assert_eq!(part_force(&guidance), 0.0);
         guidance.steps = vec![GuidanceStep {
@@ -255,7 +261,7 @@ mod tests {
         (0..500).for_each(|tick| guidance.tick(tick));
         assert!((part_force(&guidance) - 0.4).abs() < 1e-12);
         assert_eq!(
-            guidance.force(part(&driven, 50), 0.0, 0.0, 0.0),
+            guidance.force(part(&driven_hand, 50), 0.0, 0.0, 0.0),
             100.0 * 5e-3
         );
     }
@@ -275,30 +281,36 @@ mod tests {
     fn loose_guidance_fades_by_its_steps() {
         let hand = hand(true);
         let mut guidance = GuidanceState::new(hand.guidance, PERIOD);
-        let step = |at, share| GuidanceStep { frame: at, share };
-        guidance.steps = vec![step(100, HALF), step(1_000, GuidanceShare::default())];
+        let guidance_step = |at, share| GuidanceStep { frame: at, share };
+        guidance.steps = vec![
+            guidance_step(100, HALF),
+            guidance_step(1_000, GuidanceShare::default()),
+        ];
         guidance.begin(50);
-        let (mut last, mut full) = (0.0, 0);
+        let (mut last_force, mut full_ticks) = (0.0, 0);
         for tick in 50..2_000 {
             guidance.tick(tick);
-            let force = guidance.force(part(&hand, tick), 0.0, 0.0, 1.0);
+            let guidance_force = guidance.force(part(&hand, tick), 0.0, 0.0, 1.0);
             // The steepest slope of a smooth fade over 200 ticks.
-            assert!(f64::abs(force - last) < 0.25 * 1.9 / 200.0, "tick {tick}");
+            assert!(
+                f64::abs(guidance_force - last_force) < 0.25 * 1.9 / 200.0,
+                "tick {tick}"
+            );
             if !(150..1_250).contains(&tick) {
-                assert_eq!(force, 0.0, "tick {tick}");
+                assert_eq!(guidance_force, 0.0, "tick {tick}");
                 assert_eq!(guidance.force(part(&hand, tick), 0.0, 1.0, 1.0), 0.0);
             }
             if (350..1_050).contains(&tick) {
-                assert_eq!(force, 0.5 * 100.0 * 5e-3);
+                assert_eq!(guidance_force, 0.5 * 100.0 * 5e-3);
                 assert_eq!(
                     guidance.force(part(&hand, tick), 5e-3, 1.0, 1.0),
                     -0.25 * 2.0
                 );
-                full += 1;
+                full_ticks += 1;
             }
-            last = force;
+            last_force = guidance_force;
         }
-        assert_eq!(full, 700);
+        assert_eq!(full_ticks, 700);
     }
 
     #[test]
@@ -310,19 +322,22 @@ mod tests {
             share: HALF,
         }];
         guidance.begin(0);
-        let mut last = 0.0;
+        let mut last_force = 0.0;
         for tick in 0..1_000 {
             if tick == 500 {
-                let before = hand.standin_position(tick);
+                let position_before = hand.standin_position(tick);
                 hand.standin = vec![-10e-3];
-                guidance.change(before, hand.standin_position(tick));
+                guidance.change(position_before, hand.standin_position(tick));
             }
             guidance.tick(tick);
-            let force = guidance.force(part(&hand, tick), 0.0, 0.0, 1.0);
-            assert!(f64::abs(force - last) < 0.75 * 1.9 / 200.0, "tick {tick}");
-            last = force;
+            let guidance_force = guidance.force(part(&hand, tick), 0.0, 0.0, 1.0);
+            assert!(
+                f64::abs(guidance_force - last_force) < 0.75 * 1.9 / 200.0,
+                "tick {tick}"
+            );
+            last_force = guidance_force;
         }
-        assert_eq!(last, -0.5 * 100.0 * 10e-3);
+        assert_eq!(last_force, -0.5 * 100.0 * 10e-3);
     }
 
     #[test]

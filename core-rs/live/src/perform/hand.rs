@@ -61,20 +61,23 @@ impl Hand {
                 ..WrittenMotion::default()
             };
         }
-        let newest = tick.saturating_sub(1);
-        let x = self.standin_position(newest);
+        let newest_tick = tick.saturating_sub(1);
+        let x = self.standin_position(newest_tick);
         WrittenMotion {
             x,
-            v: (x - self.standin_position(newest.saturating_sub(1))) / period,
-            force: self.latest(&self.forces, if lockstep { newest } else { tick }),
+            v: (x - self.standin_position(newest_tick.saturating_sub(1))) / period,
+            force: self.latest(&self.forces, if lockstep { newest_tick } else { tick }),
         }
     }
 
     /// The value of a tick; the last one holds.
     fn latest(&self, values: &[f64], tick: u64) -> f64 {
-        let index = usize::try_from(tick.saturating_sub(self.since)).unwrap_or(usize::MAX);
-        let last = values.len().saturating_sub(1);
-        values.get(index.min(last)).copied().unwrap_or(0.0)
+        let value_index = usize::try_from(tick.saturating_sub(self.since)).unwrap_or(usize::MAX);
+        let last_index = values.len().saturating_sub(1);
+        values
+            .get(value_index.min(last_index))
+            .copied()
+            .unwrap_or(0.0)
     }
 }
 
@@ -116,43 +119,50 @@ mod tests {
     /// after it, or a tick later where the device does not wait for it.
     #[test]
     fn written_motion_by_tick_and_lockstep() {
-        let hand = Hand {
+        let driven_hand = Hand {
             standin: vec![0.0, 1e-3, 3e-3],
             forces: vec![0.1, 0.2, 0.3],
             since: 10,
             ..Hand::default()
         };
-        let motion = |tick, lockstep| hand.written_motion(tick, 1e-3, lockstep);
-        let third = motion(12, true);
-        assert_eq!((third.x, third.force), (1e-3, 0.2));
-        assert!((third.v - 1.0).abs() < 1e-12);
+        let motion = |tick, lockstep| driven_hand.written_motion(tick, 1e-3, lockstep);
+        let third_motion = motion(12, true);
+        assert_eq!((third_motion.x, third_motion.force), (1e-3, 0.2));
+        assert!((third_motion.v - 1.0).abs() < 1e-12);
         assert_eq!(motion(12, false).force, 0.3);
-        let over = motion(20, true);
-        assert_eq!((over.x, over.v, over.force), (3e-3, 0.0, 0.3));
-        let guided = Hand {
+        let final_motion = motion(20, true);
+        assert_eq!(
+            (final_motion.x, final_motion.v, final_motion.force),
+            (3e-3, 0.0, 0.3)
+        );
+        let guided_hand = Hand {
             forces: Vec::new(),
-            ..hand
+            ..driven_hand
         };
-        let motion = guided.written_motion(11, 1e-3, true);
+        let motion = guided_hand.written_motion(11, 1e-3, true);
         assert_eq!((motion.x, motion.v, motion.force), (1e-3, 0.0, 0.0));
     }
 
     #[test]
     fn hand_source_changes_without_a_jump() {
         for apart in [1e-5, 3e-3, -12e-3, 60e-3] {
-            let mut source = HandSource::default();
-            source.follow(0.0);
-            source.change(true, apart);
-            let mut last = 0.0;
-            let mut n = 0;
-            while source.progress() < 1.0 {
-                let x = source.follow(apart);
-                assert!((x - last).abs() < 1e-4, "{} mm", 1e3 * (x - last));
-                last = x;
-                n += 1;
+            let mut hand_source = HandSource::default();
+            hand_source.follow(0.0);
+            hand_source.change(true, apart);
+            let mut last_position = 0.0;
+            let mut tick_count = 0;
+            while hand_source.progress() < 1.0 {
+                let followed_position = hand_source.follow(apart);
+                assert!(
+                    (followed_position - last_position).abs() < 1e-4,
+                    "{} mm",
+                    1e3 * (followed_position - last_position)
+                );
+                last_position = followed_position;
+                tick_count += 1;
             }
-            assert_eq!(last, apart);
-            assert!((20..=4_000).contains(&n), "{n} ticks");
+            assert_eq!(last_position, apart);
+            assert!((20..=4_000).contains(&tick_count), "{tick_count} ticks");
         }
     }
 }

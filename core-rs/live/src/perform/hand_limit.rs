@@ -64,8 +64,9 @@ impl HandKey {
             scale = scale.min(stiffness::safe_scale(
                 frequency_response.gain_margin(self.key, k, z),
             ));
-            let total = Guidance::total_response(self.guidance, response, self.key.period, share);
-            stiffest = stiffest.max(stiffness::stiffest(&total));
+            let summed_response =
+                Guidance::total_response(self.guidance, response, self.key.period, share);
+            stiffest = stiffest.max(stiffness::stiffest(&summed_response));
         }
         HandLimit {
             hand: self.hand,
@@ -89,25 +90,25 @@ pub(super) fn key(
     lockstep: bool,
     period: f64,
 ) -> stiffness::Key {
-    let least = |reported: Option<f64>, measured: Option<f64>, usual: f64| {
-        let known = [reported, measured]
+    let smallest_known = |reported: Option<f64>, measured: Option<f64>, usual: f64| {
+        let known_values = [reported, measured]
             .into_iter()
             .flatten()
             .filter(|x| *x > 0.0);
-        known.reduce(f64::min).unwrap_or(usual)
+        known_values.reduce(f64::min).unwrap_or(usual)
     };
     let reported = spec.loop_delay_s.map(|s| (s / period).ceil());
     let measured_delay = measured.and_then(|key| key.delay);
     let measured_delay = measured_delay.map(|s| (s / period - DELAY_DEVIATION).ceil());
-    let delay = [reported, measured_delay]
+    let delay_ticks = [reported, measured_delay]
         .into_iter()
         .flatten()
         .fold(0.0, f64::max) as usize;
     stiffness::Key {
-        mass: least(spec.inertia, measured.map(|key| key.mass), DEFAULT_KEY.0),
-        damping: least(spec.damping, measured.map(|key| key.damping), DEFAULT_KEY.1),
+        mass: smallest_known(spec.inertia, measured.map(|key| key.mass), DEFAULT_KEY.0),
+        damping: smallest_known(spec.damping, measured.map(|key| key.damping), DEFAULT_KEY.1),
         period,
         // Outside lockstep the force of a tick is sent in the next one.
-        delay: delay + usize::from(!lockstep),
+        delay: delay_ticks + usize::from(!lockstep),
     }
 }

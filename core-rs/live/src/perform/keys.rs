@@ -50,8 +50,9 @@ pub struct DeviceConfig {
 impl DeviceConfig {
     /// An identifier of the board that does not depend on its port, if there is one.
     fn identity(&self) -> Option<String> {
-        let kind = self.url.kind;
-        kind.is_serial()
+        let device_kind = self.url.kind;
+        device_kind
+            .is_serial()
             .then(|| ports::identity(&self.url.target))
             .flatten()
     }
@@ -93,8 +94,8 @@ impl Keyboard {
         axes: Vec<(usize, usize)>,
     ) -> Result<Self, device::DeviceError> {
         let device = config.open(false)?;
-        let n = device.spec().dof;
-        if axes.iter().any(|(axis, _)| *axis >= n) {
+        let axis_count = device.spec().dof;
+        if axes.iter().any(|(axis, _)| *axis >= axis_count) {
             return Err(config.url.cannot(device::NO_AXIS));
         }
         Ok(Self::from_device(device, config, axes))
@@ -141,11 +142,14 @@ impl Keyboard {
         let (gone, canceller) = (Arc::default(), self.config.canceller.clone());
         // Room for devices that are lost while an earlier one is still to be freed.
         let (to_drop, dropped) = RingBuffer::new(4);
-        let [low, high] = self.guarded.spec().pos_range;
-        let tolerance = RANGE_TOLERANCE * (high - low).abs();
+        let [range_start, range_end] = self.guarded.spec().pos_range;
+        let tolerance = RANGE_TOLERANCE * (range_end - range_start).abs();
         let key = self.key(None);
         let slot = Slot {
-            range: [low.min(high) - tolerance, low.max(high) + tolerance],
+            range: [
+                range_start.min(range_end) - tolerance,
+                range_start.max(range_end) + tolerance,
+            ],
             lockstep: self.guarded.in_lockstep(),
             guarded: Some(self.guarded),
             axes: self.axes.clone(),
@@ -179,17 +183,17 @@ impl Keyboard {
 
 impl DeviceConfig {
     fn open(&self, again: bool) -> Result<Box<dyn Device>, device::DeviceError> {
-        let device = match self.url.kind {
+        let opened_device = match self.url.kind {
             Kind::Led => device::open_led(&self.url, self.period, again)?,
             _ => device::open_until(&self.url, &self.canceller)?,
         };
-        let device = calibrate::with_calibration(device, &self.calibration);
-        if device.spec().unit == Unit::Radian {
+        let opened_device = calibrate::with_calibration(opened_device, &self.calibration);
+        if opened_device.spec().unit == Unit::Radian {
             return Err(self
                 .url
                 .cannot("the axis rotates (its unit is rad), and a key of a score needs metres; ?arm=0.05 says at which distance [m] from its axis a hand holds it"));
         }
-        Ok(device)
+        Ok(opened_device)
     }
 
     fn key(&self, guarded: &Guarded, measured: Option<MeasuredKey>) -> stiffness::Key {
@@ -202,11 +206,11 @@ impl DeviceConfig {
         let force = self
             .force_limit
             .map_or(device_limits.force, |limit| limit.min(device_limits.force));
-        let limits = Limits {
+        let capped_limits = Limits {
             force,
             ..device_limits
         };
-        Box::new(Guarded::new(device, limits, self.period).watched())
+        Box::new(Guarded::new(device, capped_limits, self.period).watched())
     }
 }
 
@@ -230,8 +234,11 @@ impl Slot {
     pub(super) fn interruptions(&self) -> [u64; 2] {
         let [let_go, stalls] = self.earlier;
         self.guarded.as_ref().map_or(self.earlier, |guarded| {
-            let counts = guarded.counts();
-            [let_go + counts.let_go, stalls + counts.stalls]
+            let guarded_counts = guarded.counts();
+            [
+                let_go + guarded_counts.let_go,
+                stalls + guarded_counts.stalls,
+            ]
         })
     }
 
@@ -286,19 +293,19 @@ impl Slot {
         let Some(guarded) = &mut self.guarded else {
             return true;
         };
-        let done = guarded.receive(&mut self.sample, deadline);
-        self.sample.fresh = matches!(done, Ok(true));
-        let [low, high] = self.range;
+        let receive_result = guarded.receive(&mut self.sample, deadline);
+        self.sample.fresh = matches!(receive_result, Ok(true));
+        let [lowest_position, highest_position] = self.range;
         for position in &mut self.sample.position {
             // Positions that the key cannot have are clamped.
-            *position = position.clamp(low, high);
+            *position = position.clamp(lowest_position, highest_position);
         }
         self.silent = if self.sample.fresh {
             0
         } else {
             self.silent + 1
         };
-        if done.is_ok() && self.silent <= self.patience {
+        if receive_result.is_ok() && self.silent <= self.patience {
             return true;
         }
         self.detach()
@@ -307,10 +314,10 @@ impl Slot {
     fn detach(&mut self) -> bool {
         (self.sample.fresh, self.sample.t_dev_us) = (false, None);
         self.earlier = self.interruptions();
-        if let Some(lost) = self.guarded.take() {
+        if let Some(lost_device) = self.guarded.take() {
             // The reconnector frees it, because closing a port may take long.
-            if let Err(rtrb::PushError::Full(lost)) = self.to_drop.push(lost) {
-                std::mem::forget(lost);
+            if let Err(rtrb::PushError::Full(lost_device)) = self.to_drop.push(lost_device) {
+                std::mem::forget(lost_device);
             }
         }
         self.sent = [0.0; MAX_AXES];
@@ -340,38 +347,38 @@ struct ReconnectLoop {
 
 impl ReconnectLoop {
     fn run(mut self) {
-        let mut next = Instant::now();
-        let mut memory = None;
+        let mut next_attempt = Instant::now();
+        let mut device_memory = None;
         while !self.config.canceller.is_cancelled() {
             std::thread::park_timeout(POLL);
-            let is_gone = self.gone.load(Ordering::Acquire);
+            let is_detached = self.gone.load(Ordering::Acquire);
             // The lost device is dropped here, before its port is opened again: it sends its last zeros and closes the
             // port.
-            while let Ok(lost) = self.dropped.pop() {
-                memory = Some(lost.memory());
+            while let Ok(lost_device) = self.dropped.pop() {
+                device_memory = Some(lost_device.memory());
             }
-            if !is_gone || Instant::now() < next {
+            if !is_detached || Instant::now() < next_attempt {
                 continue;
             }
-            next = Instant::now() + RETRY;
+            next_attempt = Instant::now() + RETRY;
             // Another board at the same port may have another motor, whose direction is unknown.
             if self.identity.is_some() && self.config.identity() != self.identity {
                 continue;
             }
-            let Ok(device) = self.config.open(true) else {
+            let Ok(opened_device) = self.config.open(true) else {
                 continue;
             };
             // The name may belong to another device, but the force scales were computed for the first one.
-            let n = device.spec().dof;
-            if self.axes.iter().any(|(axis, _)| *axis >= n) {
+            let axis_count = opened_device.spec().dof;
+            if self.axes.iter().any(|(axis, _)| *axis >= axis_count) {
                 continue;
             }
-            let mut guarded = self.config.guard(device);
+            let mut guarded = self.config.guard(opened_device);
             if self.config.key(&guarded, None) != self.key {
                 continue;
             }
-            if let Some(memory) = &memory {
-                guarded.recall(memory);
+            if let Some(device_memory) = &device_memory {
+                guarded.recall(device_memory);
             }
             self.gone.store(false, Ordering::Release);
             let mut commands = self.commands.lock().unwrap_or_else(PoisonError::into_inner);
@@ -384,10 +391,10 @@ impl ReconnectLoop {
 impl Drop for Reconnector {
     fn drop(&mut self) {
         self.canceller.cancel();
-        if let Some(thread) = self.thread.take() {
-            thread.thread().unpark();
+        if let Some(reconnect_thread) = self.thread.take() {
+            reconnect_thread.thread().unpark();
             // If the thread panicked, its device has been freed.
-            let _ = thread.join();
+            let _ = reconnect_thread.join();
         }
     }
 }

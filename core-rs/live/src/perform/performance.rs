@@ -70,23 +70,23 @@ impl Performance {
         boards: Vec<Keyboard>,
         config: PlaybackConfig,
     ) -> Result<Self, PlayError> {
-        let (mut this, mut player) = Self::prepare(stage, boards, config)?;
+        let (mut performance, mut player) = Self::prepare(stage, boards, config)?;
         // Also without a hand: a signal must end the sound at once.
         safety::watch_termination();
-        let flags = this.flags.clone();
-        let thread = std::thread::Builder::new()
+        let shared_flags = performance.flags.clone();
+        let physics_thread = std::thread::Builder::new()
             .name("ergon physics".into())
             .spawn(move || {
-                let _mark = MarkDone(flags.clone());
+                let _mark = MarkDone(shared_flags.clone());
                 safety::block_signals();
-                flags.set_granted(realtime::request(realtime::PHYSICS_PRIORITY));
+                shared_flags.set_granted(realtime::request(realtime::PHYSICS_PRIORITY));
                 player.run();
                 // The player is returned, so that it is freed outside the physics thread.
                 player
             })
             .map_err(PlayError::Thread)?;
-        this.thread = Some(thread);
-        Ok(this)
+        performance.thread = Some(physics_thread);
+        Ok(performance)
     }
 
     /// The latest status.
@@ -126,15 +126,18 @@ impl Performance {
 
     /// All events of the output and the input so far.
     pub fn sound_events(&mut self) -> &[audio::Event] {
-        let input = self.input.input.as_ref().map(audio::Input::events);
-        let SoundEvents { all, n_taken } = &mut self.sound_events;
-        let both = [self.output.events(), input.unwrap_or_default()];
-        for (n_taken, events) in n_taken.iter_mut().zip(both) {
-            let n = events.len();
-            all.extend(events.into_iter().skip(*n_taken));
-            *n_taken = n.max(*n_taken);
+        let input_events = self.input.input.as_ref().map(audio::Input::events);
+        let SoundEvents {
+            all: all_events,
+            n_taken,
+        } = &mut self.sound_events;
+        let event_lists = [self.output.events(), input_events.unwrap_or_default()];
+        for (n_taken, events) in n_taken.iter_mut().zip(event_lists) {
+            let event_count = events.len();
+            all_events.extend(events.into_iter().skip(*n_taken));
+            *n_taken = event_count.max(*n_taken);
         }
-        all
+        all_events
     }
 
     /// The input of the performance, if it has one.
@@ -177,19 +180,23 @@ impl Performance {
     /// # Errors
     /// [`AudioError`] if a file is being written already, or cannot be created.
     pub fn record_audio(&mut self, path: &Path) -> Result<(), AudioError> {
-        if self.tap.as_ref().is_some_and(|tap| !tap.status().ended) {
+        if self
+            .tap
+            .as_ref()
+            .is_some_and(|audio_tap| !audio_tap.status().ended)
+        {
             return Err(AudioError::Broken(
                 "a file is being recorded already".into(),
             ));
         }
-        let rate = self.output.info().rate;
-        let (tap, handle) = audio::tap(path, rate, self.channels)?;
-        if !self.command(Command::Tap(Some(tap))) {
+        let sample_rate = self.output.info().rate;
+        let (audio_tap, tap_handle) = audio::tap(path, sample_rate, self.channels)?;
+        if !self.command(Command::Tap(Some(audio_tap))) {
             return Err(AudioError::Broken(
                 "too many commands wait for the physics thread; try again".into(),
             ));
         }
-        self.tap = Some(handle);
+        self.tap = Some(tap_handle);
         Ok(())
     }
 
@@ -235,9 +242,9 @@ impl Performance {
             .simulation
             .as_ref()
             .map(|(own, _)| (own.n_out(), own.frame()));
-        if let Some((n_out, frame)) = n_out {
-            if frame != due_frame {
-                return Err(ChangeError::Begins(frame, due_frame));
+        if let Some((n_out, begin_frame)) = n_out {
+            if begin_frame != due_frame {
+                return Err(ChangeError::Begins(begin_frame, due_frame));
             }
             if self.frozen_outputs.is_some_and(|own| own != n_out) {
                 return Err(ChangeError::Frozen);
@@ -256,13 +263,13 @@ impl Performance {
         let outputs = vec![0.0; n_out.map_or(0, |(n_out, _)| n_out * self.tick_frames)];
         self.tickets += 1;
         let ticket = self.tickets;
-        let due = ScheduledChange {
+        let scheduled_change = ScheduledChange {
             frame: due_frame,
             ticket,
             change,
             outputs,
         };
-        if self.command(Command::Change(Box::new(due))) {
+        if self.command(Command::Change(Box::new(scheduled_change))) {
             Ok(ticket)
         } else {
             Err(ChangeError::Busy)
@@ -313,9 +320,11 @@ impl Performance {
     /// Why the recording cannot be written at present, such as a full disk (rows wait in memory for some seconds), or
     /// how many rows were lost because the disk did not answer for longer.
     pub fn recording_trouble(&self) -> Option<String> {
-        let status = self.recorder.as_ref()?.status();
-        let lost = || (status.dropped > 0).then(|| format!("{} rows lost", status.dropped));
-        status.trouble.clone().or_else(lost)
+        let recorder_status = self.recorder.as_ref()?.status();
+        let lost_message = || {
+            (recorder_status.dropped > 0).then(|| format!("{} rows lost", recorder_status.dropped))
+        };
+        recorder_status.trouble.clone().or_else(lost_message)
     }
 
     /// Wait until everything was heard, close all files and devices, and return the remaining events.
@@ -329,18 +338,18 @@ impl Performance {
 
     fn end(&mut self, patience: Duration) -> Result<(), PlayError> {
         // Devices first: they send their last zeros when the physics thread returns them.
-        let played = self.thread.take().map_or(Ok(()), |thread| {
+        let play_result = self.thread.take().map_or(Ok(()), |thread| {
             thread.join().map(drop).map_err(|_| PlayError::Failed)
         });
         self.reconnectors.clear();
         self.reader = None;
         let _ = self.output.wait(patience);
-        let closed = self.output.close();
+        let close_result = self.output.close();
         self.tap = None;
         self.input = InputStatus::default();
         let recorded = self.recorder.take().map(RecorderHandle::stop);
-        played?;
-        closed?;
+        play_result?;
+        close_result?;
         recorded.transpose()?;
         Ok(())
     }

@@ -113,15 +113,15 @@ impl Player {
         paced: bool,
         hand_limits: &[HandLimit],
     ) -> Self {
-        let n = stage.hands.len();
-        let period = stage.tick_frames as f64 / stage.simulation.rate();
-        let guidance = |hand: &Hand| GuidanceState::new(hand.guidance, period);
+        let hand_count = stage.hands.len();
+        let tick_period = stage.tick_frames as f64 / stage.simulation.rate();
+        let guidance = |hand: &Hand| GuidanceState::new(hand.guidance, tick_period);
         let guidance = stage.hands.iter().map(guidance).collect();
-        let mut scales = vec![Scale::new(1.0, period); n];
+        let mut scales = vec![Scale::new(1.0, tick_period); hand_count];
         for one in hand_limits {
-            scales[one.hand] = Scale::new(one.scale, period);
+            scales[one.hand] = Scale::new(one.scale, tick_period);
         }
-        let mut axis_of = vec![None; n];
+        let mut axis_of = vec![None; hand_count];
         for (slot, slot_config) in slots.iter().enumerate() {
             for &(axis, hand) in &slot_config.axes {
                 axis_of[hand] = Some((slot, axis));
@@ -129,26 +129,32 @@ impl Player {
         }
         stage.mixer.seek(stage.simulation.frame());
         let latency = stage.limiter.latency();
-        let (tick_frames, n_out) = (stage.tick_frames, stage.simulation.n_out());
-        let (channels, n_heard) = (stage.mixer.n_channels(), stage.n_heard());
+        let (tick_frames, n_outputs) = (stage.tick_frames, stage.simulation.n_out());
+        let (channels, channels_heard) = (stage.mixer.n_channels(), stage.n_heard());
         let status = Status {
             frame: stage.simulation.frame(),
             ..Status::default()
         };
         Self {
             gain: Glide::new(stage.simulation.rate(), stage.gain),
-            sources: vec![HandSource::default(); n],
+            sources: vec![HandSource::default(); hand_count],
             guidance,
             scales,
-            previous: vec![0.0; n],
-            piece_forces: vec![0.0; n],
+            previous: vec![0.0; hand_count],
+            piece_forces: vec![0.0; hand_count],
             axis_of,
             returns_at: vec![None; slots.len()],
-            rows: vec![recording::Sample::default(); n],
-            outputs: vec![0.0; tick_frames * n_out],
+            rows: vec![recording::Sample::default(); hand_count],
+            outputs: vec![0.0; tick_frames * n_outputs],
             mixed: vec![0.0; tick_frames * channels],
-            folded: vec![0.0; stage.fold.as_ref().map_or(0, |_| tick_frames * n_heard)],
-            single: vec![0.0; tick_frames * n_heard],
+            folded: vec![
+                0.0;
+                stage
+                    .fold
+                    .as_ref()
+                    .map_or(0, |_| tick_frames * channels_heard)
+            ],
+            single: vec![0.0; tick_frames * channels_heard],
             to_skip: latency,
             tail_frames: stage.n_tail(),
             tick: stage.simulation.frame() / tick_frames as u64,
@@ -174,8 +180,8 @@ impl Player {
     pub(super) fn run(&mut self) {
         self.begin();
         loop {
-            let is_over = self.connections.flags.stop.load(Ordering::Acquire);
-            if is_over || !self.tick() {
+            let stop_requested = self.connections.flags.stop.load(Ordering::Acquire);
+            if stop_requested || !self.tick() {
                 break;
             }
         }
@@ -189,18 +195,18 @@ impl Player {
 
     /// One tick; false once the piece is over.
     pub(super) fn tick(&mut self) -> bool {
-        let left = match self.stage.n_frames {
+        let frames_left = match self.stage.n_frames {
             Some(n_frames) => n_frames.saturating_sub(self.frame),
             None => u64::MAX,
         };
-        if left == 0 && self.tail_frames == 0 {
+        if frames_left == 0 && self.tail_frames == 0 {
             return false;
         }
         let playing = self.connections.shared.played() > 0;
         self.wait_for_input();
-        let start = self.clock.tick(self.connections.feed.filled(), playing);
-        let began = Instant::now();
-        self.count_lateness(start.late, start.was_reset);
+        let clock_tick = self.clock.tick(self.connections.feed.filled(), playing);
+        let tick_began = Instant::now();
+        self.count_lateness(clock_tick.late, clock_tick.was_reset);
         safety::check_signals();
         self.run_commands();
         self.make_changes();
@@ -209,11 +215,11 @@ impl Player {
         self.guidance
             .iter_mut()
             .for_each(|guidance| guidance.tick(self.tick));
-        let n = (self.stage.tick_frames as u64).min(left) as usize;
-        if n > 0 {
+        let frame_count = (self.stage.tick_frames as u64).min(frames_left) as usize;
+        if frame_count > 0 {
             self.exchange_forces();
             self.move_hands();
-            self.step(n);
+            self.step(frame_count);
             self.update_hands();
             self.record();
             self.publish_picture();
@@ -222,15 +228,15 @@ impl Player {
             self.slots.iter_mut().for_each(|slot| slot.stop(true));
             self.step(0);
         }
-        self.note_load(began.elapsed());
+        self.note_load(tick_began.elapsed());
         self.connections.status.write(self.status);
         self.feed(
-            if n == 0 {
+            if frame_count == 0 {
                 self.stage.tick_frames.min(self.tail_frames)
             } else {
-                n
+                frame_count
             },
-            n == 0,
+            frame_count == 0,
         );
         true
     }
@@ -241,10 +247,10 @@ impl Player {
         let Some(sound_input) = &self.connections.sound_input else {
             return;
         };
-        let asked = Instant::now();
+        let wait_start = Instant::now();
         while !self.clock.is_by_keys()
             && sound_input.is_enough(self.connections.feed.filled())
-            && asked.elapsed() < PATIENCE
+            && wait_start.elapsed() < PATIENCE
             && !self.connections.flags.stop.load(Ordering::Acquire)
         {
             self.clock.nap();
@@ -276,8 +282,8 @@ impl Player {
                 Command::Revoke(frame) => self.revoke(frame),
                 Command::Tap(tap) => self.tap = tap,
                 Command::Window(window) => {
-                    if let Some(old) = self.next_window.replace(window) {
-                        self.throw_away(Garbage::Window(old));
+                    if let Some(replaced_window) = self.next_window.replace(window) {
+                        self.throw_away(Garbage::Window(replaced_window));
                     }
                 }
                 Command::Act(ticket, _) if self.acts.len() == ACTS_MAX => {
@@ -308,8 +314,8 @@ impl Player {
         let simulation = &mut self.stage.simulation;
         if (self.next_window.as_ref()).is_some_and(|next| next.is_of(simulation)) {
             std::mem::swap(&mut self.window, &mut self.next_window);
-            if let Some(old) = self.next_window.take() {
-                self.throw_away(Garbage::Window(old));
+            if let Some(replaced_window) = self.next_window.take() {
+                self.throw_away(Garbage::Window(replaced_window));
             }
         }
         if let Some(window) = &mut self.window {

@@ -46,52 +46,55 @@ impl Performance {
             .iter()
             .flat_map(|board| HandKey::all(board, &stage.hands))
             .collect();
-        let limit = |key: &HandKey| key.limit(&stage.hands[key.hand].response);
-        let hand_limits: Vec<HandLimit> = hand_keys.iter().map(limit).collect();
-        if let Some(stiff) = hand_limits.iter().find(|limit| limit.scale < SCALE_MIN) {
+        let hand_limit = |key: &HandKey| key.limit(&stage.hands[key.hand].response);
+        let hand_limits: Vec<HandLimit> = hand_keys.iter().map(hand_limit).collect();
+        if let Some(stiff_limit) = hand_limits
+            .iter()
+            .find(|hand_limit| hand_limit.scale < SCALE_MIN)
+        {
             return Err(PlayError::Stiff {
-                hand: stiff.hand,
-                stiffness: stiff.stiffness,
-                limit: stiff.limit,
+                hand: stiff_limit.hand,
+                stiffness: stiff_limit.stiffness,
+                limit: stiff_limit.limit,
             });
         }
-        let block = config.audio.block.unwrap_or(0) as usize;
-        let ahead = config
+        let block_frames = config.audio.block.unwrap_or(0) as usize;
+        let frames_ahead = config
             .ahead
             .unwrap_or(DEFAULT_AHEAD)
-            .max(2 * stage.tick_frames.max(block));
-        let (feed, drain) = audio::ring(channels, 4 * ahead);
-        feed.set_prefill(ahead);
-        let stems = std::mem::take(&mut stage.frozen);
-        let (frozen, reader) = if stems.is_empty() {
+            .max(2 * stage.tick_frames.max(block_frames));
+        let (feed, drain) = audio::ring(channels, 4 * frames_ahead);
+        feed.set_prefill(frames_ahead);
+        let frozen_stems = std::mem::take(&mut stage.frozen);
+        let (frozen, reader) = if frozen_stems.is_empty() {
             (None, None)
         } else {
-            let (frozen, reader) = frozen::open(stems, stage.simulation.frame())
+            let (frozen, reader) = frozen::open(frozen_stems, stage.simulation.frame())
                 .map_err(|(path, error)| PlayError::Frozen { path, error })?;
             (Some(frozen), Some(reader))
         };
         let output = audio::open(&config.audio, rate as u32, channels, drain)?;
-        let info = output.info();
-        if info.paced && info.block as usize > 2 * ahead {
+        let output_info = output.info();
+        if output_info.paced && output_info.block as usize > 2 * frames_ahead {
             let why = format!(
                 "the output takes {} frames at a time: --ahead must be at least {}",
-                info.block,
-                2 * info.block
+                output_info.block,
+                2 * output_info.block
             );
             return Err(AudioError::Broken(why).into());
         }
         let (sound_input, input) = sound_input::open(
             &config.input,
             &stage.simulation,
-            &info,
+            &output_info,
             stage.tick_frames,
-            ahead,
+            frames_ahead,
         )?;
         // The recording is opened last: a performance that cannot begin leaves no file.
-        let (sink, recorder) = match &config.record {
+        let (row_sink, recorder) = match &config.record {
             Some((path, header)) => {
-                let (sink, handle) = Recorder::start(path, header)?;
-                (Some(sink), Some(handle))
+                let (row_sink, recorder_handle) = Recorder::start(path, header)?;
+                (Some(row_sink), Some(recorder_handle))
             }
             None => (None, None),
         };
@@ -107,9 +110,9 @@ impl Performance {
             .into_iter()
             .enumerate()
             .map(|(index, board)| {
-                let (slot, reconnector) = board.split(index, commands.clone());
+                let (board_slot, reconnector) = board.split(index, commands.clone());
                 reconnectors.push(reconnector);
-                slot
+                board_slot
             })
             .collect();
         let connections = player::Connections {
@@ -118,18 +121,18 @@ impl Performance {
             events: to_events,
             status: to_status,
             feed,
-            record: sink,
+            record: row_sink,
             frozen,
             sound_input,
             shared: output.shared().clone(),
             garbage: to_garbage,
         };
-        let by_keys = slots.iter().any(Slot::is_on_the_clock);
-        let clock = clock::Clock::new(
+        let clocked_by_keys = slots.iter().any(Slot::is_on_the_clock);
+        let tick_clock = clock::Clock::new(
             stage.tick_frames as f64 / rate,
-            ahead.max(2 * info.block as usize),
-            by_keys,
-            info.paced,
+            frames_ahead.max(2 * output_info.block as usize),
+            clocked_by_keys,
+            output_info.paced,
         );
         let (tick_frames, mixed_channels) = (stage.tick_frames, stage.mixer.n_channels());
         let is_seen = stage.is_seen;
@@ -138,11 +141,11 @@ impl Performance {
             stage,
             slots,
             connections,
-            clock,
-            info.paced || by_keys,
+            tick_clock,
+            output_info.paced || clocked_by_keys,
             &hand_limits,
         );
-        let this = Self {
+        let performance = Self {
             flags,
             thread: None,
             reconnectors,
@@ -167,6 +170,6 @@ impl Performance {
             start,
             is_seen,
         };
-        Ok((this, player))
+        Ok((performance, player))
     }
 }

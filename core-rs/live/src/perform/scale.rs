@@ -57,26 +57,30 @@ impl Scale {
     /// The scale in this tick; `waiting`: bounds of changes that wait, by ticks of the performance.
     pub(super) fn tick(&mut self, tick: u64, waiting: impl Iterator<Item = Bound>) -> f64 {
         // The scale rises to the goal of the previous tick, because the force of that tick is sent now.
-        let goal = self.goal;
-        while let Some(bound) = self
+        let previous_goal = self.goal;
+        while let Some(scale_bound) = self
             .bounds
             .get(self.next)
-            .filter(|bound| bound.frame <= tick)
+            .filter(|scale_bound| scale_bound.frame <= tick)
         {
-            self.goal = unit(bound.scale);
+            self.goal = unit(scale_bound.scale);
             self.next += 1;
         }
-        let risen = (self.now + self.by).min(goal).max(self.now);
-        let mut now = risen.min(self.goal);
-        let coming = self.bounds[self.next..].iter().copied().chain(waiting);
-        for bound in coming.filter(|bound| bound.frame <= tick + self.fall) {
-            let (to, left) = (unit(bound.scale), bound.frame.saturating_sub(tick) + 1);
-            if to < self.now {
-                now = now.min(self.now + (to - self.now) / left as f64);
+        let risen_scale = (self.now + self.by).min(previous_goal).max(self.now);
+        let mut scale_now = risen_scale.min(self.goal);
+        let coming_bounds = self.bounds[self.next..].iter().copied().chain(waiting);
+        for scale_bound in coming_bounds.filter(|scale_bound| scale_bound.frame <= tick + self.fall)
+        {
+            let (target_scale, ticks_left) = (
+                unit(scale_bound.scale),
+                scale_bound.frame.saturating_sub(tick) + 1,
+            );
+            if target_scale < self.now {
+                scale_now = scale_now.min(self.now + (target_scale - self.now) / ticks_left as f64);
             }
         }
-        self.now = now;
-        now
+        self.now = scale_now;
+        scale_now
     }
 
     /// The scale now.
@@ -98,58 +102,61 @@ mod tests {
     /// The scale falls ahead of a change that waits: without a jump, and completely by the tick of the change.
     #[test]
     fn scale_falls_before_a_stiffer_scene_acts() {
-        let mut scale = Scale::new(1.0, PERIOD);
-        let coming = [bound(100, 0.2)];
-        let mut last = 1.0;
+        let mut force_scale = Scale::new(1.0, PERIOD);
+        let coming_bounds = [bound(100, 0.2)];
+        let mut last_scale = 1.0;
         for tick in 0..=100 {
-            let now = scale.tick(tick, coming.into_iter());
-            assert!(last - now < 0.8 / 20.0, "tick {tick}: {last} {now}");
-            assert!(tick >= 80 || now == 1.0, "tick {tick}");
-            last = now;
+            let scale_now = force_scale.tick(tick, coming_bounds.into_iter());
+            assert!(
+                last_scale - scale_now < 0.8 / 20.0,
+                "tick {tick}: {last_scale} {scale_now}"
+            );
+            assert!(tick >= 80 || scale_now == 1.0, "tick {tick}");
+            last_scale = scale_now;
         }
-        assert!((last - 0.2).abs() < 1e-12, "{last}");
+        assert!((last_scale - 0.2).abs() < 1e-12, "{last_scale}");
     }
 
     /// A bound that arrives late takes effect over the remaining ticks; one that arrives at its tick acts at once.
     #[test]
     fn scale_with_a_late_bound() {
         for left in [0, 1, 5] {
-            let mut scale = Scale::new(1.0, PERIOD);
+            let mut force_scale = Scale::new(1.0, PERIOD);
             for tick in 0..=left {
-                scale.tick(tick, [bound(left, 0.1)].into_iter());
+                force_scale.tick(tick, [bound(left, 0.1)].into_iter());
             }
-            assert!((scale.now() - 0.1).abs() < 1e-12, "{left}");
+            assert!((force_scale.now() - 0.1).abs() < 1e-12, "{left}");
         }
-        let mut scale = Scale::new(1.0, PERIOD);
-        scale.bounds = vec![bound(0, 0.1)];
-        scale.begin(7);
-        assert_eq!(scale.tick(7, std::iter::empty()), 0.1);
+        let mut force_scale = Scale::new(1.0, PERIOD);
+        force_scale.bounds = vec![bound(0, 0.1)];
+        force_scale.begin(7);
+        assert_eq!(force_scale.tick(7, std::iter::empty()), 0.1);
     }
 
     /// The scale rises only after the glide to a softer piece is over; a change that waits meanwhile holds it down.
     #[test]
     fn scale_rises_after_the_stiff_scene_has_ended() {
-        let mut scale = Scale::new(0.2, PERIOD);
-        scale.bounds = vec![bound(0, 0.2), bound(300, 1.0)];
-        scale.begin(100);
-        let mut last = 0.2;
+        let mut force_scale = Scale::new(0.2, PERIOD);
+        force_scale.bounds = vec![bound(0, 0.2), bound(300, 1.0)];
+        force_scale.begin(100);
+        let mut last_scale = 0.2;
         for tick in 100..1_000 {
-            let now = scale.tick(tick, [bound(1_000, 0.5)].into_iter());
-            assert!(tick > 400 || now == 0.2, "tick {tick}: {now}");
-            assert!((now - last).abs() < 0.5 / 19.0, "tick {tick}");
-            assert!(tick != 900 || now == 1.0);
-            last = now;
+            let scale_now = force_scale.tick(tick, [bound(1_000, 0.5)].into_iter());
+            assert!(tick > 400 || scale_now == 0.2, "tick {tick}: {scale_now}");
+            assert!((scale_now - last_scale).abs() < 0.5 / 19.0, "tick {tick}");
+            assert!(tick != 900 || scale_now == 1.0);
+            last_scale = scale_now;
         }
-        assert!((scale.tick(1_000, [bound(1_000, 0.5)].into_iter()) - 0.5).abs() < 1e-12);
+        assert!((force_scale.tick(1_000, [bound(1_000, 0.5)].into_iter()) - 0.5).abs() < 1e-12);
     }
 
     #[test]
     fn scale_with_a_wrong_bound_is_zero() {
         for wrong in [f64::NAN, -1.0, f64::NEG_INFINITY] {
-            let mut scale = Scale::new(1.0, PERIOD);
-            scale.bounds = vec![bound(0, wrong)];
-            scale.begin(0);
-            assert_eq!(scale.tick(0, std::iter::empty()), 0.0);
+            let mut force_scale = Scale::new(1.0, PERIOD);
+            force_scale.bounds = vec![bound(0, wrong)];
+            force_scale.begin(0);
+            assert_eq!(force_scale.tick(0, std::iter::empty()), 0.0);
         }
         assert_eq!(Scale::new(7.0, PERIOD).now(), 1.0);
     }

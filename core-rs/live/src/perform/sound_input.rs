@@ -49,55 +49,56 @@ pub(super) fn open(
     ahead: usize,
 ) -> Result<(Option<SoundInput>, InputStatus), PlayError> {
     let channels = simulation.n_channels_in();
-    let mut status = InputStatus::default();
+    let mut input_status = InputStatus::default();
     if channels == 0 {
-        return Ok((None, status));
+        return Ok((None, input_status));
     }
-    let silent = "each input of the score plays its file, or silence where it has none";
-    let Some(spec) = &config.from else {
-        status.sentence = format!("no input: {silent}");
-        return Ok((None, status));
+    let silence_sentence = "each input of the score plays its file, or silence where it has none";
+    let Some(input_spec) = &config.from else {
+        input_status.sentence = format!("no input: {silence_sentence}");
+        return Ok((None, input_status));
     };
-    let is_asked = spec.backend != Backend::Auto;
+    let is_asked = input_spec.backend != Backend::Auto;
     if is_asked && !output.paced {
-        let why = format!(
-            "the input {spec} delivers sound in real time, and the output does not take it so ({}: {}); \
+        let error_text = format!(
+            "the input {input_spec} delivers sound in real time, and the output does not take it so ({}: {}); \
              use --audio jack, pulse, null or clock:PATH",
             output.backend, output.device
         );
-        return Err(AudioError::Broken(why).into());
+        return Err(AudioError::Broken(error_text).into());
     }
-    let rate = simulation.rate() as u32;
-    let wanted = (output.block as usize).max(tick_frames);
-    let spec = match (is_asked, output.backend.as_str()) {
-        (true, _) => Ok(spec.clone()),
+    let sample_rate = simulation.rate() as u32;
+    let block_frames = (output.block as usize).max(tick_frames);
+    let input_spec = match (is_asked, output.backend.as_str()) {
+        (true, _) => Ok(input_spec.clone()),
         (false, "jack") => Ok(Spec::plain(Backend::Jack)),
         (false, "pulse") => Ok(Spec::plain(Backend::Pulse)),
         (false, other) => Err(format!("{other} has no inputs")),
     };
-    let opened = spec.and_then(|spec| {
-        audio::open_input(&spec, rate, channels, wanted).map_err(|error| error.to_string())
+    let opened_input = input_spec.and_then(|input_spec| {
+        audio::open_input(&input_spec, sample_rate, channels, block_frames)
+            .map_err(|error| error.to_string())
     });
-    let (input, reader) = match opened {
-        Ok(opened) => opened,
-        Err(why) if is_asked => return Err(AudioError::Broken(why).into()),
-        Err(why) => {
-            status.sentence = format!("no input ({why}): {silent}");
-            return Ok((None, status));
+    let (input, reader) = match opened_input {
+        Ok(opened_input) => opened_input,
+        Err(error_text) if is_asked => return Err(AudioError::Broken(error_text).into()),
+        Err(error_text) => {
+            input_status.sentence = format!("no input ({error_text}): {silence_sentence}");
+            return Ok((None, input_status));
         }
     };
-    let info = input.info();
-    let through = info.latency_s + ahead as f64 / simulation.rate() + output.latency_s;
-    status.sentence = format!(
+    let input_info = input.info();
+    let through = input_info.latency_s + ahead as f64 / simulation.rate() + output.latency_s;
+    input_status.sentence = format!(
         "{}, {:.1} ms to the loudspeaker",
-        info.sentence,
+        input_info.sentence,
         1000.0 * through
     );
-    status.input = Some(input);
+    input_status.input = Some(input);
     let mut tap = None;
-    if let Some(path) = &config.record {
-        let (sound_tap, handle) = audio::tap(path, rate, channels)?;
-        (tap, status.recorded) = (Some(sound_tap), Some(handle));
+    if let Some(record_path) = &config.record {
+        let (sound_tap, tap_handle) = audio::tap(record_path, sample_rate, channels)?;
+        (tap, input_status.recorded) = (Some(sound_tap), Some(tap_handle));
     }
     let samples = vec![0.0; tick_frames * channels];
     let sound_input = SoundInput {
@@ -106,7 +107,7 @@ pub(super) fn open(
         tap,
         enough: ahead,
     };
-    Ok((Some(sound_input), status))
+    Ok((Some(sound_input), input_status))
 }
 
 impl SoundInput {
@@ -132,8 +133,8 @@ impl SoundInput {
             samples.fill(0.0);
         }
         simulation.sound_in(samples, channels);
-        if let Some(tap) = &mut self.tap {
-            tap.push(frame, samples, false);
+        if let Some(sound_tap) = &mut self.tap {
+            sound_tap.push(frame, samples, false);
         }
     }
 

@@ -41,9 +41,9 @@ fn config(audio: &str) -> PlaybackConfig {
 
 /// The last n samples of a file of floats, as bits; the file is deleted.
 fn taken(path: &Path, n: usize) -> Vec<u32> {
-    let bytes = std::fs::read(path).unwrap();
+    let file_bytes = std::fs::read(path).unwrap();
     std::fs::remove_file(path).unwrap();
-    let samples = bytes[bytes.len() - 4 * n..].chunks_exact(4);
+    let samples = file_bytes[file_bytes.len() - 4 * n..].chunks_exact(4);
     samples
         .map(|x| u32::from_le_bytes(x.try_into().unwrap()))
         .collect()
@@ -60,30 +60,34 @@ const OPTIONS: Options = Options {
 fn keyboard(hand: usize, left: u32) -> Keyboard {
     let url = Url::parse(KEY).unwrap();
     let key = crate::device::open(&url).unwrap();
-    let brief = Box::new(Unplugged { key, left });
-    let config = DeviceConfig {
+    let unplugged_device = Box::new(Unplugged { key, left });
+    let device_config = DeviceConfig {
         url,
         calibration: Vec::new(),
         force_limit: None,
         period: EVERY as f64 / RATE,
         canceller: WaitCanceller::default(),
     };
-    Keyboard::from_device(brief, config, vec![(0, hand)])
+    Keyboard::from_device(unplugged_device, device_config, vec![(0, hand)])
 }
 
 /// Two keys, and between them a mass that swings and is heard.
 fn network() -> Network {
     let mut network = Network::new();
     network.part("keys", None);
-    let tie = Tie::Physical { k: 60.0, z: 1.2 };
-    let a = network.cel("a", 0.4, tie, 0.0, 0.0, 0.0).unwrap();
-    let b = network.cel("b", 0.4, tie, 0.0, 0.0, 0.0).unwrap();
+    let key_support = Tie::Physical { k: 60.0, z: 1.2 };
+    let first_key = network.cel("a", 0.4, key_support, 0.0, 0.0, 0.0).unwrap();
+    let second_key = network.cel("b", 0.4, key_support, 0.0, 0.0, 0.0).unwrap();
     let swinging = Tie::Physical { k: 50.0, z: 0.0 };
-    let m = network.cel("m", 0.01, swinging, 4e-3, 0.0, 0.0).unwrap();
-    network.spring("am", a, m, 40.0, 0.01, 0.0).unwrap();
-    network.spring("bm", b, m, 40.0, 0.01, 0.0).unwrap();
+    let swinging_mass = network.cel("m", 0.01, swinging, 4e-3, 0.0, 0.0).unwrap();
+    network
+        .spring("am", first_key, swinging_mass, 40.0, 0.01, 0.0)
+        .unwrap();
+    network
+        .spring("bm", second_key, swinging_mass, 40.0, 0.01, 0.0)
+        .unwrap();
     let listened = Term::Position {
-        first: m,
+        first: swinging_mass,
         len: 1,
         weight: 1.0,
     };
@@ -97,9 +101,9 @@ fn simulation(struck: &[f64], from: u64) -> Simulation {
     let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
     timeline.open();
     for mat in [0, 1] {
-        let method = HandWay::Line;
+        let hand_way = HandWay::Line;
         timeline
-            .hand(&network, mat, EVERY as u32, method, &[])
+            .hand(&network, mat, EVERY as u32, hand_way, &[])
             .unwrap();
     }
     for &instant in struck {
@@ -120,7 +124,7 @@ fn stage_mixer() -> Mixer {
 
 fn stage() -> Stage {
     let mixer = stage_mixer();
-    let hand = Hand {
+    let stage_hand = Hand {
         standin: (0..TICKS).map(|n| 1e-6 * (n % 1_000) as f64).collect(),
         reach: 1.0,
         guidance: Some(Guidance {
@@ -139,7 +143,7 @@ fn stage() -> Stage {
         n_frames: None,
         fades: None,
         tick_frames: EVERY,
-        hands: vec![hand; 2],
+        hands: vec![stage_hand; 2],
         bars: (0..).map(|bar| bar * 4_410).take(1_000).collect(),
         frozen: Vec::new(),
         is_seen: false,

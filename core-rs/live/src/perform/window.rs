@@ -150,11 +150,11 @@ impl Window {
         strikes: &mut Strikes,
         dropped: u64,
     ) {
-        let now = (simulation.frame() as f64 * self.pictures_per_frame) as u64;
-        if self.last == Some(now) || !self.is_of(simulation) {
+        let picture_number = (simulation.frame() as f64 * self.pictures_per_frame) as u64;
+        if self.last == Some(picture_number) || !self.is_of(simulation) {
             return;
         }
-        self.last = Some(now);
+        self.last = Some(picture_number);
         if !self.pictures.consumed() {
             self.skipped.fetch_add(1, Ordering::Relaxed);
             return;

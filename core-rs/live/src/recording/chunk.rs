@@ -15,20 +15,20 @@ pub(super) const END: u8 = 4;
 
 /// CRC-32 (that of zlib) over length, kind and payload. It rejects a run of zeros, which a power cut may leave.
 fn checksum(length: u32, kind: u8, payload: &[u8]) -> u32 {
-    let mut hasher = crc32fast::Hasher::new();
-    hasher.update(&length.to_le_bytes());
-    hasher.update(&[kind]);
-    hasher.update(payload);
-    hasher.finalize()
+    let mut crc_hasher = crc32fast::Hasher::new();
+    crc_hasher.update(&length.to_le_bytes());
+    crc_hasher.update(&[kind]);
+    crc_hasher.update(payload);
+    crc_hasher.finalize()
 }
 
 /// Append a chunk whose payload is at most [`MAX_PAYLOAD`].
 pub(super) fn append(to: &mut Vec<u8>, kind: u8, payload: &[u8]) {
     debug_assert!(payload.len() <= MAX_PAYLOAD);
-    let length = payload.len() as u32;
-    to.extend_from_slice(&length.to_le_bytes());
+    let payload_length = payload.len() as u32;
+    to.extend_from_slice(&payload_length.to_le_bytes());
     to.push(kind);
-    to.extend_from_slice(&checksum(length, kind, payload).to_le_bytes());
+    to.extend_from_slice(&checksum(payload_length, kind, payload).to_le_bytes());
     to.extend_from_slice(payload);
 }
 
@@ -52,17 +52,27 @@ pub(super) fn next(
     if left < FRAME as u64 {
         return Ok(ChunkState::Cut);
     }
-    let mut frame = [0; FRAME];
-    from.read_exact(&mut frame)?;
-    let length = u32::from_le_bytes([frame[0], frame[1], frame[2], frame[3]]);
-    let crc = u32::from_le_bytes([frame[5], frame[6], frame[7], frame[8]]);
-    if length as usize > MAX_PAYLOAD || FRAME as u64 + u64::from(length) > left {
+    let mut frame_bytes = [0; FRAME];
+    from.read_exact(&mut frame_bytes)?;
+    let payload_length = u32::from_le_bytes([
+        frame_bytes[0],
+        frame_bytes[1],
+        frame_bytes[2],
+        frame_bytes[3],
+    ]);
+    let stored_crc = u32::from_le_bytes([
+        frame_bytes[5],
+        frame_bytes[6],
+        frame_bytes[7],
+        frame_bytes[8],
+    ]);
+    if payload_length as usize > MAX_PAYLOAD || FRAME as u64 + u64::from(payload_length) > left {
         return Ok(ChunkState::Cut);
     }
-    payload.resize(length as usize, 0);
+    payload.resize(payload_length as usize, 0);
     from.read_exact(payload)?;
-    if checksum(length, frame[4], payload) == crc {
-        Ok(ChunkState::Complete(frame[4]))
+    if checksum(payload_length, frame_bytes[4], payload) == stored_crc {
+        Ok(ChunkState::Complete(frame_bytes[4]))
     } else {
         Ok(ChunkState::Damaged)
     }

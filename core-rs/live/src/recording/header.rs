@@ -45,21 +45,21 @@ pub struct Header {
 impl Header {
     /// Check that all values are possible.
     pub fn check(&self) -> Result<(), RecordingError> {
-        let long = |axis: &Axis| axis.player.len().max(axis.key.len()) > MAX_NAME;
-        let wrong = if !(self.rate > 0.0 && self.rate <= MAX_RATE) {
+        let has_long_name = |axis: &Axis| axis.player.len().max(axis.key.len()) > MAX_NAME;
+        let error_text = if !(self.rate > 0.0 && self.rate <= MAX_RATE) {
             "the audio rate must be above 0 and at most 2 MHz"
         } else if self.frames == 0 || f64::from(self.frames) > MAX_RATE {
             "a tick must have 1 to 2,000,000 frames"
         } else if self.axes.is_empty() || self.axes.len() > MAX_AXES {
             "there must be 1 to 64 axes"
-        } else if self.axes.iter().any(long) {
+        } else if self.axes.iter().any(has_long_name) {
             "a name must have at most 200 bytes"
         } else if self.about.len() > MAX_ABOUT {
             "the description must have at most 512 KiB"
         } else {
             return Ok(());
         };
-        Err(RecordingError::Header(wrong))
+        Err(RecordingError::Header(error_text))
     }
 
     /// Rows per second [Hz].
@@ -71,7 +71,7 @@ impl Header {
     /// numbers from 1.
     pub fn names(&self) -> Vec<String> {
         let several = |player: &str| self.axes.iter().filter(|a| a.player == player).count() > 1;
-        let names: Vec<String> = self
+        let axis_names: Vec<String> = self
             .axes
             .iter()
             .map(|axis| match (&*axis.player, &*axis.key) {
@@ -80,54 +80,55 @@ impl Header {
                 (player, _) => player.to_owned(),
             })
             .collect();
-        let distinct: HashSet<&String> = names.iter().collect();
-        if distinct.len() < names.len() || names.iter().any(String::is_empty) {
-            return (1..=names.len()).map(|i| i.to_string()).collect();
+        let distinct: HashSet<&String> = axis_names.iter().collect();
+        if distinct.len() < axis_names.len() || axis_names.iter().any(String::is_empty) {
+            return (1..=axis_names.len()).map(|i| i.to_string()).collect();
         }
-        names
+        axis_names
     }
 
     pub(super) fn encode(&self) -> Vec<u8> {
-        let mut to = Vec::new();
-        to.extend_from_slice(&self.rate.to_le_bytes());
-        to.extend_from_slice(&self.frames.to_le_bytes());
-        to.extend_from_slice(&(self.axes.len() as u32).to_le_bytes());
+        let mut header_bytes = Vec::new();
+        header_bytes.extend_from_slice(&self.rate.to_le_bytes());
+        header_bytes.extend_from_slice(&self.frames.to_le_bytes());
+        header_bytes.extend_from_slice(&(self.axes.len() as u32).to_le_bytes());
         for name in self.axes.iter().flat_map(|axis| [&axis.player, &axis.key]) {
-            to.extend_from_slice(&(name.len() as u16).to_le_bytes());
-            to.extend_from_slice(name.as_bytes());
+            header_bytes.extend_from_slice(&(name.len() as u16).to_le_bytes());
+            header_bytes.extend_from_slice(name.as_bytes());
         }
-        to.extend_from_slice(self.about.as_bytes());
-        to
+        header_bytes.extend_from_slice(self.about.as_bytes());
+        header_bytes
     }
 
     /// The header of a payload; `None` if it is not a valid header.
     pub(super) fn decode(payload: &[u8]) -> Option<Self> {
-        let (rate, rest) = payload.split_first_chunk::<8>()?;
-        let (frames, rest) = rest.split_first_chunk::<4>()?;
-        let (n_axes, mut rest) = rest.split_first_chunk::<4>()?;
+        let (rate_bytes, bytes_left) = payload.split_first_chunk::<8>()?;
+        let (frame_bytes, bytes_left) = bytes_left.split_first_chunk::<4>()?;
+        let (n_axes, mut bytes_left) = bytes_left.split_first_chunk::<4>()?;
         let n_axes = u32::from_le_bytes(*n_axes) as usize;
         if n_axes > MAX_AXES {
             return None;
         }
-        let mut name = || {
-            let (length, after) = rest.split_first_chunk::<2>()?;
-            let (text, after) = after.split_at_checked(u16::from_le_bytes(*length).into())?;
-            rest = after;
-            String::from_utf8(text.to_vec()).ok()
+        let mut next_name = || {
+            let (length_bytes, bytes_after) = bytes_left.split_first_chunk::<2>()?;
+            let (name_bytes, bytes_after) =
+                bytes_after.split_at_checked(u16::from_le_bytes(*length_bytes).into())?;
+            bytes_left = bytes_after;
+            String::from_utf8(name_bytes.to_vec()).ok()
         };
         let axes = (0..n_axes)
             .map(|_| {
                 Some(Axis {
-                    player: name()?,
-                    key: name()?,
+                    player: next_name()?,
+                    key: next_name()?,
                 })
             })
             .collect::<Option<_>>()?;
         let header = Self {
-            rate: f64::from_le_bytes(*rate),
-            frames: u32::from_le_bytes(*frames),
+            rate: f64::from_le_bytes(*rate_bytes),
+            frames: u32::from_le_bytes(*frame_bytes),
             axes,
-            about: String::from_utf8(rest.to_vec()).ok()?,
+            about: String::from_utf8(bytes_left.to_vec()).ok()?,
         };
         header.check().ok()?;
         Some(header)

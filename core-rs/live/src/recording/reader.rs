@@ -41,8 +41,8 @@ impl Recording {
     ) -> Result<Self, RecordingError> {
         header.check()?;
         if samples.len() != ticks.len() * header.axes.len() {
-            let wrong = "there must be one position for each tick and axis";
-            return Err(RecordingError::Rows(wrong));
+            let error_text = "there must be one position for each tick and axis";
+            return Err(RecordingError::Rows(error_text));
         }
         if !ticks.is_sorted_by(|a, b| a < b) {
             return Err(RecordingError::Rows("ticks must rise"));
@@ -84,24 +84,24 @@ impl Recording {
 
     /// Time from the first tick to the end of the last one [s].
     pub fn duration(&self) -> f64 {
-        let ends = self.ticks.first().zip(self.ticks.last());
-        ends.map_or(0.0, |(first, last)| {
+        let end_ticks = self.ticks.first().zip(self.ticks.last());
+        end_ticks.map_or(0.0, |(first, last)| {
             ((last - first) as f64 + 1.0) / self.header.tick_rate()
         })
     }
 
     /// A sentence about the damage and what is left; `None` if the file is intact and finished.
     pub fn damage(&self) -> Option<String> {
-        let left = self.duration();
+        let seconds_left = self.duration();
         if self.lost_bytes > 0 {
-            let lost = self.lost_bytes;
+            let lost_bytes = self.lost_bytes;
             Some(format!(
-                "{lost} bytes of this recording are damaged; what is left lasts {left:.2} s"
+                "{lost_bytes} bytes of this recording are damaged; what is left lasts {seconds_left:.2} s"
             ))
         } else if !self.finished {
             Some(format!(
                 "this recording was never finished, so its last half second may be missing; what is there lasts \
-                 {left:.2} s"
+                 {seconds_left:.2} s"
             ))
         } else {
             None
@@ -111,17 +111,17 @@ impl Recording {
     /// Positions [m] at every tick from the first to the last, (n × n_axes), as the physics consumes them when the
     /// recording is played back. A missing tick holds the previous position, as for a late device.
     pub fn positions_filled(&self) -> Result<Vec<f64>, RecordingError> {
-        let (Some(&first), Some(&last)) = (self.ticks.first(), self.ticks.last()) else {
+        let (Some(&first_tick), Some(&last_tick)) = (self.ticks.first(), self.ticks.last()) else {
             return Ok(Vec::new());
         };
         let n_axes = self.header.axes.len();
-        if last - first >= (MAX_SAMPLES / n_axes) as u64 {
+        if last_tick - first_tick >= (MAX_SAMPLES / n_axes) as u64 {
             return Err(RecordingError::TooLong);
         }
-        let mut positions = Vec::with_capacity((last - first + 1) as usize * n_axes);
+        let mut positions = Vec::with_capacity((last_tick - first_tick + 1) as usize * n_axes);
         for (tick, row) in self.ticks.iter().zip(self.samples.chunks_exact(n_axes)) {
-            let gap = (tick - first) as usize - positions.len() / n_axes;
-            for _ in 0..gap {
+            let missing_ticks = (tick - first_tick) as usize - positions.len() / n_axes;
+            for _ in 0..missing_ticks {
                 positions.extend_from_within(positions.len() - n_axes..);
             }
             positions.extend(row.iter().map(|sample| sample.position));
@@ -131,26 +131,26 @@ impl Recording {
 
     /// Write the recording as a whole, finished file.
     pub fn write(&self, to: &mut impl Write) -> Result<(), RecordingError> {
-        let mut bytes = start(&self.header);
+        let mut chunk_bytes = start(&self.header);
         let n_axes = self.header.axes.len();
-        let size = row::size(n_axes);
-        let per_chunk = (ROWS_PAYLOAD / size).max(1);
+        let row_size = row::size(n_axes);
+        let per_chunk = (ROWS_PAYLOAD / row_size).max(1);
         let mut payload = Vec::new();
-        let rows = self.samples.chunks(n_axes * per_chunk);
-        for (ticks, samples) in self.ticks.chunks(per_chunk).zip(rows) {
-            payload.resize(size * ticks.len(), 0);
-            let each = ticks.iter().zip(samples.chunks_exact(n_axes));
-            for (to, (&tick, samples)) in payload.chunks_exact_mut(size).zip(each) {
+        let sample_chunks = self.samples.chunks(n_axes * per_chunk);
+        for (ticks, samples) in self.ticks.chunks(per_chunk).zip(sample_chunks) {
+            payload.resize(row_size * ticks.len(), 0);
+            let tick_rows = ticks.iter().zip(samples.chunks_exact(n_axes));
+            for (to, (&tick, samples)) in payload.chunks_exact_mut(row_size).zip(tick_rows) {
                 row::encode(to, tick, samples);
             }
-            chunk::append(&mut bytes, chunk::ROWS, &payload);
-            to.write_all(&bytes)?;
-            bytes.clear();
+            chunk::append(&mut chunk_bytes, chunk::ROWS, &payload);
+            to.write_all(&chunk_bytes)?;
+            chunk_bytes.clear();
         }
         payload.clear();
         for (tick, line) in &self.events {
             if payload.len() + EVENT + line.len() > chunk::MAX_PAYLOAD {
-                chunk::append(&mut bytes, chunk::EVENTS, &payload);
+                chunk::append(&mut chunk_bytes, chunk::EVENTS, &payload);
                 payload.clear();
             }
             payload.extend_from_slice(&tick.to_le_bytes());
@@ -158,28 +158,28 @@ impl Recording {
             payload.extend_from_slice(line.as_bytes());
         }
         if !payload.is_empty() {
-            chunk::append(&mut bytes, chunk::EVENTS, &payload);
+            chunk::append(&mut chunk_bytes, chunk::EVENTS, &payload);
         }
-        chunk::append(&mut bytes, chunk::END, &self.dropped.to_le_bytes());
-        to.write_all(&bytes)?;
+        chunk::append(&mut chunk_bytes, chunk::END, &self.dropped.to_le_bytes());
+        to.write_all(&chunk_bytes)?;
         Ok(())
     }
 }
 
 /// The bytes before the first row.
 pub(super) fn start(header: &Header) -> Vec<u8> {
-    let mut bytes = MAGIC.to_vec();
-    bytes.extend_from_slice(&VERSION.to_le_bytes());
-    chunk::append(&mut bytes, chunk::HEADER, &header.encode());
-    bytes
+    let mut start_bytes = MAGIC.to_vec();
+    start_bytes.extend_from_slice(&VERSION.to_le_bytes());
+    chunk::append(&mut start_bytes, chunk::HEADER, &header.encode());
+    start_bytes
 }
 
 /// Read the rows and events of `ticks`, counted from the first row, or all of them. Memory is bounded, whatever the
 /// file contains.
 pub fn read(path: &Path, ticks: Option<Range<u64>>) -> Result<Recording, RecordingError> {
-    let file = regular::open(path)?;
-    let length = file.metadata()?.len();
-    decode(&mut BufReader::new(file), length, ticks)
+    let recording_file = regular::open(path)?;
+    let file_length = recording_file.metadata()?.len();
+    decode(&mut BufReader::new(recording_file), file_length, ticks)
 }
 
 /// Decode the recording in `length` bytes.
@@ -188,43 +188,43 @@ pub(crate) fn decode(
     length: u64,
     ticks: Option<Range<u64>>,
 ) -> Result<Recording, RecordingError> {
-    let mut prefix = [0; MAGIC.len() + 4];
-    if length < prefix.len() as u64 {
+    let mut file_prefix = [0; MAGIC.len() + 4];
+    if length < file_prefix.len() as u64 {
         return Err(RecordingError::NotARecording);
     }
-    from.read_exact(&mut prefix)?;
-    let (magic, version) = prefix.split_at(MAGIC.len());
-    if magic != MAGIC {
+    from.read_exact(&mut file_prefix)?;
+    let (magic_bytes, version) = file_prefix.split_at(MAGIC.len());
+    if magic_bytes != MAGIC {
         return Err(RecordingError::NotARecording);
     }
     let version = u32::from_le_bytes([version[0], version[1], version[2], version[3]]);
     if version != VERSION {
         return Err(RecordingError::Version(version));
     }
-    let mut offset = prefix.len() as u64;
+    let mut chunk_offset = file_prefix.len() as u64;
     let mut payload = Vec::new();
-    let header = match chunk::next(from, length - offset, &mut payload)? {
+    let header = match chunk::next(from, length - chunk_offset, &mut payload)? {
         ChunkState::Complete(chunk::HEADER) => Header::decode(&payload),
         _ => None,
     };
     let header = header.ok_or(RecordingError::NoHeader)?;
     let mut collected = Collected::new(header, ticks);
-    offset += (chunk::FRAME + payload.len()) as u64;
-    while offset < length {
-        let chunk = chunk::next(from, length - offset, &mut payload)?;
-        let size = match chunk {
-            ChunkState::Cut => length - offset,
+    chunk_offset += (chunk::FRAME + payload.len()) as u64;
+    while chunk_offset < length {
+        let chunk_state = chunk::next(from, length - chunk_offset, &mut payload)?;
+        let chunk_size = match chunk_state {
+            ChunkState::Cut => length - chunk_offset,
             _ => (chunk::FRAME + payload.len()) as u64,
         };
-        let is_known = match chunk {
+        let is_known = match chunk_state {
             ChunkState::Complete(kind) => collected.take(kind, &payload)?,
             _ => false,
         };
         if !is_known {
-            collected.recording.lost_bytes += size;
+            collected.recording.lost_bytes += chunk_size;
         }
-        offset += size;
-        if chunk == ChunkState::Cut {
+        chunk_offset += chunk_size;
+        if chunk_state == ChunkState::Cut {
             break;
         }
     }
@@ -277,26 +277,26 @@ impl Collected {
 
     fn rows(&mut self, payload: &[u8]) -> Result<bool, RecordingError> {
         let n_axes = self.recording.header.axes.len();
-        let rows = payload.chunks_exact(row::size(n_axes));
-        if !rows.remainder().is_empty() {
+        let payload_rows = payload.chunks_exact(row::size(n_axes));
+        if !payload_rows.remainder().is_empty() {
             return Ok(false);
         }
-        let (mut first, mut after) = (self.first, self.after);
-        for tick in rows.clone().map(row::tick) {
-            if after.is_some_and(|after| tick <= after) {
+        let (mut first_tick, mut previous_tick) = (self.first, self.after);
+        for row_tick in payload_rows.clone().map(row::tick) {
+            if previous_tick.is_some_and(|previous_tick| row_tick <= previous_tick) {
                 return Ok(false);
             }
-            first = first.or(Some(tick));
-            after = Some(tick);
+            first_tick = first_tick.or(Some(row_tick));
+            previous_tick = Some(row_tick);
         }
-        (self.first, self.after) = (first, after);
-        for row in rows {
-            let tick = row::tick(row);
-            if self.wanted(tick) {
+        (self.first, self.after) = (first_tick, previous_tick);
+        for row in payload_rows {
+            let row_tick = row::tick(row);
+            if self.wanted(row_tick) {
                 if self.recording.samples.len() + n_axes > MAX_SAMPLES {
                     return Err(RecordingError::TooLong);
                 }
-                self.recording.ticks.push(tick);
+                self.recording.ticks.push(row_tick);
                 self.recording.samples.extend(row::samples(row));
             }
         }
@@ -322,13 +322,17 @@ impl Collected {
 
 /// The events of a payload; `None` if it holds anything else.
 fn events(mut rest: &[u8]) -> Option<Vec<(u64, &str)>> {
-    let mut events = Vec::new();
+    let mut read_events = Vec::new();
     while !rest.is_empty() {
-        let (tick, after) = rest.split_first_chunk::<8>()?;
-        let (length, after) = after.split_first_chunk::<4>()?;
-        let (line, after) = after.split_at_checked(u32::from_le_bytes(*length) as usize)?;
-        events.push((u64::from_le_bytes(*tick), std::str::from_utf8(line).ok()?));
-        rest = after;
+        let (tick_bytes, bytes_after) = rest.split_first_chunk::<8>()?;
+        let (length_bytes, bytes_after) = bytes_after.split_first_chunk::<4>()?;
+        let (line_bytes, bytes_after) =
+            bytes_after.split_at_checked(u32::from_le_bytes(*length_bytes) as usize)?;
+        read_events.push((
+            u64::from_le_bytes(*tick_bytes),
+            std::str::from_utf8(line_bytes).ok()?,
+        ));
+        rest = bytes_after;
     }
-    Some(events)
+    Some(read_events)
 }

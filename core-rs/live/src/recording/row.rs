@@ -39,9 +39,9 @@ pub(super) const fn size(n_axes: usize) -> usize {
 
 /// Fill `to`, of [`size`] bytes.
 pub(super) fn encode(to: &mut [u8], tick: u64, samples: &[Sample]) {
-    let (index, axes) = to.split_at_mut(INDEX);
-    index.copy_from_slice(&tick.to_le_bytes());
-    for (to, sample) in axes.chunks_exact_mut(SAMPLE).zip(samples) {
+    let (tick_bytes, sample_bytes) = to.split_at_mut(INDEX);
+    tick_bytes.copy_from_slice(&tick.to_le_bytes());
+    for (to, sample) in sample_bytes.chunks_exact_mut(SAMPLE).zip(samples) {
         to[0..8].copy_from_slice(&sample.position.to_le_bytes());
         to[8..16].copy_from_slice(&sample.force.to_le_bytes());
         to[16..20].copy_from_slice(&sample.sent.to_le_bytes());
@@ -67,7 +67,7 @@ pub(super) fn samples(row: &[u8]) -> impl Iterator<Item = Sample> {
 }
 
 fn eight(bytes: &[u8]) -> [u8; 8] {
-    let mut array = [0; 8];
-    array.copy_from_slice(bytes);
-    array
+    let mut eight_bytes = [0; 8];
+    eight_bytes.copy_from_slice(bytes);
+    eight_bytes
 }

@@ -14,9 +14,9 @@ struct Folder(PathBuf);
 impl Folder {
     fn new() -> Self {
         static SERIAL: AtomicU64 = AtomicU64::new(0);
-        let serial = SERIAL.fetch_add(1, Ordering::Relaxed);
-        let name = format!("ergon-recording-{}-{serial}", std::process::id());
-        let folder = std::env::temp_dir().join(name);
+        let folder_serial = SERIAL.fetch_add(1, Ordering::Relaxed);
+        let folder_name = format!("ergon-recording-{}-{folder_serial}", std::process::id());
+        let folder = std::env::temp_dir().join(folder_name);
         fs::create_dir_all(&folder).unwrap();
         Self(folder)
     }
@@ -33,14 +33,14 @@ impl Drop for Folder {
 }
 
 fn header(n_axes: usize) -> Header {
-    let axis = |i| Axis {
+    let numbered_axis = |i| Axis {
         player: format!("rémi{i}"),
         key: format!("k{i}"),
     };
     Header {
         rate: 44_100.0,
         frames: 44,
-        axes: (0..n_axes).map(axis).collect(),
+        axes: (0..n_axes).map(numbered_axis).collect(),
         about: r#"{"day":"2026-11-20"}"#.to_owned(),
     }
 }
@@ -62,14 +62,14 @@ fn samples(tick: u64, n_axes: usize) -> Vec<Sample> {
 }
 
 fn recording_of(ticks: &[u64], n_axes: usize) -> Recording {
-    let all = ticks.iter().flat_map(|&tick| samples(tick, n_axes));
-    Recording::new(header(n_axes), ticks.to_vec(), all.collect()).unwrap()
+    let all_samples = ticks.iter().flat_map(|&tick| samples(tick, n_axes));
+    Recording::new(header(n_axes), ticks.to_vec(), all_samples.collect()).unwrap()
 }
 
 fn written(recording: &Recording) -> Vec<u8> {
-    let mut bytes = Vec::new();
-    recording.write(&mut bytes).unwrap();
-    bytes
+    let mut file_bytes = Vec::new();
+    recording.write(&mut file_bytes).unwrap();
+    file_bytes
 }
 
 fn reread(bytes: &[u8]) -> Result<Recording, RecordingError> {
@@ -78,106 +78,113 @@ fn reread(bytes: &[u8]) -> Result<Recording, RecordingError> {
 
 #[test]
 fn recording_is_read_back_to_the_bit() {
-    let folder = Folder::new();
-    let path = folder.file("a.take");
-    let (mut sink, handle) = Recorder::start(&path, &header(3)).unwrap();
-    let ticks: Vec<u64> = (7..20_007).filter(|tick| tick % 1_000 != 3).collect();
-    for &tick in &ticks {
-        while !sink.row(tick, &samples(tick, 3)) {
+    let temp_folder = Folder::new();
+    let take_path = temp_folder.file("a.take");
+    let (mut row_sink, recorder_handle) = Recorder::start(&take_path, &header(3)).unwrap();
+    let row_ticks: Vec<u64> = (7..20_007).filter(|tick| tick % 1_000 != 3).collect();
+    for &tick in &row_ticks {
+        while !row_sink.row(tick, &samples(tick, 3)) {
             std::thread::yield_now(); // faster than any hand
         }
         if tick % 5_000 == 0 {
-            assert!(sink.event(tick, format_args!(r#"{{"gain":{}}}"#, tick as f64 / 7.0)));
+            assert!(row_sink.event(tick, format_args!(r#"{{"gain":{}}}"#, tick as f64 / 7.0)));
         }
     }
-    let status = handle.stop().unwrap();
-    assert_eq!(status.rows, ticks.len() as u64);
-    assert_eq!(status.trouble, None);
-    let result = read(&path, None).unwrap();
-    let mut wanted = recording_of(&ticks, 3);
-    let gain = |tick: u64| (tick, format!(r#"{{"gain":{}}}"#, tick as f64 / 7.0));
-    wanted.events = [5_000, 10_000, 15_000, 20_000].map(gain).to_vec();
-    wanted.dropped = status.dropped;
-    assert!(result == wanted);
-    assert!(result.is_complete());
+    let recorder_status = recorder_handle.stop().unwrap();
+    assert_eq!(recorder_status.rows, row_ticks.len() as u64);
+    assert_eq!(recorder_status.trouble, None);
+    let recording_read = read(&take_path, None).unwrap();
+    let mut expected = recording_of(&row_ticks, 3);
+    let gain_event = |tick: u64| (tick, format!(r#"{{"gain":{}}}"#, tick as f64 / 7.0));
+    expected.events = [5_000, 10_000, 15_000, 20_000].map(gain_event).to_vec();
+    expected.dropped = recorder_status.dropped;
+    assert!(recording_read == expected);
+    assert!(recording_read.is_complete());
 }
 
 #[test]
 fn recording_overwrites_no_file() {
-    let folder = Folder::new();
-    let path = folder.file("a.take");
-    fs::write(&path, "mine").unwrap();
-    let refused = Recorder::start(&path, &header(1)).map(|_| ());
+    let temp_folder = Folder::new();
+    let take_path = temp_folder.file("a.take");
+    fs::write(&take_path, "mine").unwrap();
+    let refused = Recorder::start(&take_path, &header(1)).map(|_| ());
     assert!(
         matches!(refused, Err(RecordingError::Io(error)) if error.kind() == std::io::ErrorKind::AlreadyExists)
     );
-    assert_eq!(fs::read(&path).unwrap(), b"mine");
+    assert_eq!(fs::read(&take_path).unwrap(), b"mine");
 }
 
 #[test]
 fn recording_ends_with_a_dropped_sink() {
-    let folder = Folder::new();
-    let path = folder.file("a.take");
-    let (mut sink, handle) = Recorder::start(&path, &header(1)).unwrap();
-    assert!(sink.row(5, &samples(5, 1)));
-    drop(sink);
-    drop(handle);
-    let result = read(&path, None).unwrap();
-    assert!(result.finished);
-    assert_eq!(result.ticks, [5]);
+    let temp_folder = Folder::new();
+    let take_path = temp_folder.file("a.take");
+    let (mut row_sink, recorder_handle) = Recorder::start(&take_path, &header(1)).unwrap();
+    assert!(row_sink.row(5, &samples(5, 1)));
+    drop(row_sink);
+    drop(recorder_handle);
+    let recording_read = read(&take_path, None).unwrap();
+    assert!(recording_read.finished);
+    assert_eq!(recording_read.ticks, [5]);
 }
 
 #[test]
 fn decode_of_a_part_by_ticks() {
     let mut recording = recording_of(&[3, 4, 6, 9, 10], 2);
     recording.events = vec![(3, "1".into()), (6, "2".into()), (10, "3".into())];
-    let bytes = written(&recording);
-    let part = |ticks| decode(&mut &bytes[..], bytes.len() as u64, Some(ticks)).unwrap();
-    let mut wanted = recording_of(&[4, 6, 9], 2);
-    wanted.events = vec![(6, "2".into())];
-    assert_eq!(part(1..7), wanted, "counted from the first row");
-    assert_eq!(part(0..8), recording);
-    assert_eq!(part(3..3), recording_of(&[], 2));
+    let file_bytes = written(&recording);
+    let decoded_part =
+        |ticks| decode(&mut &file_bytes[..], file_bytes.len() as u64, Some(ticks)).unwrap();
+    let mut expected = recording_of(&[4, 6, 9], 2);
+    expected.events = vec![(6, "2".into())];
+    assert_eq!(decoded_part(1..7), expected, "counted from the first row");
+    assert_eq!(decoded_part(0..8), recording);
+    assert_eq!(decoded_part(3..3), recording_of(&[], 2));
 }
 
 #[test]
 fn positions_filled_repeats_before_missing_ticks() {
-    let held = recording_of(&[3, 4, 7], 2).positions_filled().unwrap();
+    let filled_positions = recording_of(&[3, 4, 7], 2).positions_filled().unwrap();
     let position = |tick, axis| sample(tick, axis).position;
-    let wanted = [3, 4, 4, 4, 7].map(|tick| [position(tick, 0), position(tick, 1)]);
-    assert_eq!(held, wanted.concat());
+    let expected = [3, 4, 4, 4, 7].map(|tick| [position(tick, 0), position(tick, 1)]);
+    assert_eq!(filled_positions, expected.concat());
     assert!(recording_of(&[], 2).positions_filled().unwrap().is_empty());
-    let apart = recording_of(&[3, u64::MAX - 1], 1).positions_filled();
-    assert!(matches!(apart, Err(RecordingError::TooLong)));
+    let distant_rows = recording_of(&[3, u64::MAX - 1], 1).positions_filled();
+    assert!(matches!(distant_rows, Err(RecordingError::TooLong)));
 }
 
 #[test]
 fn reader_skips_unknown_chunks_and_refuses_other_versions() {
-    let mut bytes = written(&recording_of(&[1], 1));
-    let end = bytes.len() - chunk::FRAME - 8;
-    let after = bytes.split_off(end);
-    chunk::append(&mut bytes, 77, b"something new");
-    bytes.extend(after);
-    assert_eq!(reread(&bytes).unwrap(), recording_of(&[1], 1));
-    bytes[8] = 2;
-    assert!(matches!(reread(&bytes), Err(RecordingError::Version(2))));
+    let mut file_bytes = written(&recording_of(&[1], 1));
+    let end_offset = file_bytes.len() - chunk::FRAME - 8;
+    let end_chunk = file_bytes.split_off(end_offset);
+    chunk::append(&mut file_bytes, 77, b"something new");
+    file_bytes.extend(end_chunk);
+    assert_eq!(reread(&file_bytes).unwrap(), recording_of(&[1], 1));
+    file_bytes[8] = 2;
+    assert!(matches!(
+        reread(&file_bytes),
+        Err(RecordingError::Version(2))
+    ));
 }
 
 #[test]
 fn reader_drops_rows_going_back() {
-    let mut bytes = written(&recording_of(&[5, 6], 1));
-    bytes.truncate(bytes.len() - chunk::FRAME - 8);
-    let mut row = vec![0; row::size(1)];
+    let mut file_bytes = written(&recording_of(&[5, 6], 1));
+    file_bytes.truncate(file_bytes.len() - chunk::FRAME - 8);
+    let mut row_bytes = vec![0; row::size(1)];
     for (tick, saved) in [(5, false), (7, true), (4, false)] {
-        row::encode(&mut row, tick, &samples(tick, 1));
-        chunk::append(&mut bytes, chunk::ROWS, &row);
-        let result = reread(&bytes).unwrap();
-        assert_eq!(result.ticks.last() == Some(&tick), saved);
+        row::encode(&mut row_bytes, tick, &samples(tick, 1));
+        chunk::append(&mut file_bytes, chunk::ROWS, &row_bytes);
+        let recording_read = reread(&file_bytes).unwrap();
+        assert_eq!(recording_read.ticks.last() == Some(&tick), saved);
     }
-    let result = reread(&bytes).unwrap();
-    assert_eq!(result.ticks, [5, 6, 7]);
-    assert_eq!(result.lost_bytes, 2 * (chunk::FRAME + row.len()) as u64);
-    assert!(!result.finished);
+    let recording_read = reread(&file_bytes).unwrap();
+    assert_eq!(recording_read.ticks, [5, 6, 7]);
+    assert_eq!(
+        recording_read.lost_bytes,
+        2 * (chunk::FRAME + row_bytes.len()) as u64
+    );
+    assert!(!recording_read.finished);
 }
 
 #[test]
@@ -198,65 +205,68 @@ fn header_check_refuses_impossible_values() {
 
 #[test]
 fn header_names_are_unique_per_axis() {
-    let names = |axes: &[(&str, &str)]| {
-        let axis = |(player, key): &(&str, &str)| Axis {
+    let axis_names = |axes: &[(&str, &str)]| {
+        let named_axis = |(player, key): &(&str, &str)| Axis {
             player: (*player).to_owned(),
             key: (*key).to_owned(),
         };
-        let axes = axes.iter().map(axis).collect();
+        let axes = axes.iter().map(named_axis).collect();
         Header { axes, ..header(1) }.names()
     };
-    assert_eq!(names(&[("remi", "k2"), ("ada", "k1")]), ["remi", "ada"]);
     assert_eq!(
-        names(&[("remi", "k1"), ("remi", "k2")]),
+        axis_names(&[("remi", "k2"), ("ada", "k1")]),
+        ["remi", "ada"]
+    );
+    assert_eq!(
+        axis_names(&[("remi", "k1"), ("remi", "k2")]),
         ["remi.k1", "remi.k2"]
     );
-    assert_eq!(names(&[("", "k1"), ("ada", "")]), ["k1", "ada"]);
-    assert_eq!(names(&[("", ""), ("ada", "k1")]), ["1", "2"]);
-    assert_eq!(names(&[("a", "b"), ("a", "b")]), ["1", "2"]);
-    assert_eq!(names(&[("k1", ""), ("", "k1")]), ["1", "2"]);
+    assert_eq!(axis_names(&[("", "k1"), ("ada", "")]), ["k1", "ada"]);
+    assert_eq!(axis_names(&[("", ""), ("ada", "k1")]), ["1", "2"]);
+    assert_eq!(axis_names(&[("a", "b"), ("a", "b")]), ["1", "2"]);
+    assert_eq!(axis_names(&[("k1", ""), ("", "k1")]), ["1", "2"]);
 }
 
 #[test]
 fn read_refuses_folders_and_other_files() {
-    let folder = Folder::new();
-    let refused = read(&folder.0, None);
+    let temp_folder = Folder::new();
+    let refused = read(&temp_folder.0, None);
     assert!(matches!(refused, Err(RecordingError::Io(_))));
-    let mut file = fs::File::create(folder.file("no.take")).unwrap();
-    file.write_all(b"t [s],x [mm]\n0,0\n1,0\n").unwrap();
-    let refused = read(&folder.file("no.take"), None);
+    let mut other_file = fs::File::create(temp_folder.file("no.take")).unwrap();
+    other_file.write_all(b"t [s],x [mm]\n0,0\n1,0\n").unwrap();
+    let refused = read(&temp_folder.file("no.take"), None);
     assert!(matches!(refused, Err(RecordingError::NotARecording)));
 }
 
 /// Recordings of some axes, with gaps, divided into chunks.
 fn recordings() -> impl Strategy<Value = (Vec<Vec<u64>>, usize)> {
-    let steps = prop::collection::vec(prop::collection::vec(1_u64..4, 1..20), 1..6);
-    (steps, 1_usize..4).prop_map(|(steps, n_axes)| {
-        let mut tick = 0;
-        let mut next = |step: u64| {
-            tick += step;
-            tick
+    let chunk_steps = prop::collection::vec(prop::collection::vec(1_u64..4, 1..20), 1..6);
+    (chunk_steps, 1_usize..4).prop_map(|(chunk_steps, n_axes)| {
+        let mut current_tick = 0;
+        let mut next_tick = |step: u64| {
+            current_tick += step;
+            current_tick
         };
-        let chunks = steps
+        let tick_chunks = chunk_steps
             .into_iter()
-            .map(|chunk| chunk.into_iter().map(&mut next).collect());
-        (chunks.collect(), n_axes)
+            .map(|chunk| chunk.into_iter().map(&mut next_tick).collect());
+        (tick_chunks.collect(), n_axes)
     })
 }
 
 /// The bytes of the file, and the offsets at which chunks of rows end.
 fn laid_out(chunks: &[Vec<u64>], n_axes: usize) -> (Vec<u8>, Vec<usize>) {
-    let mut bytes = reader::start(&header(n_axes));
-    let mut ends = Vec::new();
+    let mut file_bytes = reader::start(&header(n_axes));
+    let mut chunk_ends = Vec::new();
     for ticks in chunks {
         let mut payload = vec![0; ticks.len() * row::size(n_axes)];
         for (row, &tick) in payload.chunks_exact_mut(row::size(n_axes)).zip(ticks) {
             row::encode(row, tick, &samples(tick, n_axes));
         }
-        chunk::append(&mut bytes, chunk::ROWS, &payload);
-        ends.push(bytes.len());
+        chunk::append(&mut file_bytes, chunk::ROWS, &payload);
+        chunk_ends.push(file_bytes.len());
     }
-    (bytes, ends)
+    (file_bytes, chunk_ends)
 }
 
 proptest! {

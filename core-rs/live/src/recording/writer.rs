@@ -43,21 +43,24 @@ impl Recorder {
     ) -> Result<(RowSink, RecorderHandle), RecordingError> {
         header.check()?;
         let mut options = OpenOptions::new();
-        let mut file = options.append(true).create_new(true).open(path)?;
-        let bytes = start(header);
-        if let Err(error) = file.write_all(&bytes).and_then(|()| file.sync_all()) {
+        let mut recording_file = options.append(true).create_new(true).open(path)?;
+        let start_bytes = start(header);
+        if let Err(error) = recording_file
+            .write_all(&start_bytes)
+            .and_then(|()| recording_file.sync_all())
+        {
             fs::remove_file(path).ok(); // so that no empty file is taken for a recording
             return Err(error.into());
         }
         sync_folder(path);
 
-        let (sink, writer) = channel(header, file, bytes.len() as u64);
+        let (row_sink, writer) = channel(header, recording_file, start_bytes.len() as u64);
         let shared = Arc::clone(&writer.shared);
         let thread = thread::Builder::new()
             .name("recorder".to_owned())
             .spawn(move || writer.run())?;
         let thread = Some(thread);
-        Ok((sink, RecorderHandle { shared, thread }))
+        Ok((row_sink, RecorderHandle { shared, thread }))
     }
 }
 
@@ -65,8 +68,8 @@ impl Recorder {
 fn channel(header: &Header, file: File, valid_len: u64) -> (RowSink, Writer) {
     let n_axes = header.axes.len();
     let row = row::size(n_axes);
-    let rows = (header.tick_rate() * PATIENCE).ceil().max(MIN_ROWS) as usize;
-    let (to_rows, from_rows) = RingBuffer::new(row * rows.min(MAX_RING / row));
+    let ring_rows = (header.tick_rate() * PATIENCE).ceil().max(MIN_ROWS) as usize;
+    let (to_rows, from_rows) = RingBuffer::new(row * ring_rows.min(MAX_RING / row));
     let (to_events, from_events) = RingBuffer::new(EVENT_RING);
     let shared = Arc::new(Shared::default());
     let writer = Writer {
@@ -80,7 +83,7 @@ fn channel(header: &Header, file: File, valid_len: u64) -> (RowSink, Writer) {
         pending_rows: 0,
         shared: Arc::clone(&shared),
     };
-    let sink = RowSink {
+    let row_sink = RowSink {
         rows: to_rows,
         events: to_events,
         row: vec![0; row],
@@ -88,17 +91,17 @@ fn channel(header: &Header, file: File, valid_len: u64) -> (RowSink, Writer) {
         last: None,
         shared,
     };
-    (sink, writer)
+    (row_sink, writer)
 }
 
 /// Write the folder's entry for the new file to the disk. If that fails, only a power cut within seconds loses the
 /// file.
 fn sync_folder(path: &Path) {
-    let folder = path
+    let parent_folder = path
         .parent()
-        .filter(|folder| !folder.as_os_str().is_empty());
-    if let Ok(folder) = File::open(folder.unwrap_or_else(|| Path::new("."))) {
-        folder.sync_all().ok();
+        .filter(|parent_folder| !parent_folder.as_os_str().is_empty());
+    if let Ok(parent_folder) = File::open(parent_folder.unwrap_or_else(|| Path::new("."))) {
+        parent_folder.sync_all().ok();
     }
 }
 
@@ -138,24 +141,24 @@ impl RowSink {
             return self.count_dropped(false);
         }
         row::encode(&mut self.row, tick, samples);
-        let room = self.rows.push_entire_slice(&self.row).is_ok();
-        if room {
+        let has_room = self.rows.push_entire_slice(&self.row).is_ok();
+        if has_room {
             self.last = Some(tick);
         }
-        self.count_dropped(room)
+        self.count_dropped(has_room)
     }
 
     /// Record another event of a tick as a JSON line of at most 1 KiB, such as `format_args!(r#"{{"late":{n}}}"#)`.
     pub fn event(&mut self, tick: u64, line: fmt::Arguments<'_>) -> bool {
-        let mut buffer = [0; EVENT_HEAD + MAX_LINE];
-        let (head, body) = buffer.split_at_mut(EVENT_HEAD);
-        let mut left = &mut body[..];
-        let fits = left.write_fmt(line).is_ok();
-        let length = MAX_LINE - left.len();
-        head[..8].copy_from_slice(&tick.to_le_bytes());
-        head[8..].copy_from_slice(&(length as u32).to_le_bytes());
-        let event = &buffer[..EVENT_HEAD + length];
-        let is_stored = fits && self.events.push_entire_slice(event).is_ok();
+        let mut event_buffer = [0; EVENT_HEAD + MAX_LINE];
+        let (event_head, line_buffer) = event_buffer.split_at_mut(EVENT_HEAD);
+        let mut space_left = &mut line_buffer[..];
+        let line_fits = space_left.write_fmt(line).is_ok();
+        let line_length = MAX_LINE - space_left.len();
+        event_head[..8].copy_from_slice(&tick.to_le_bytes());
+        event_head[8..].copy_from_slice(&(line_length as u32).to_le_bytes());
+        let event_bytes = &event_buffer[..EVENT_HEAD + line_length];
+        let is_stored = line_fits && self.events.push_entire_slice(event_bytes).is_ok();
         self.count_dropped(is_stored)
     }
 
@@ -213,13 +216,13 @@ impl RecorderHandle {
     }
 
     fn join(&mut self) -> io::Result<()> {
-        let Some(thread) = self.thread.take() else {
+        let Some(writer_thread) = self.thread.take() else {
             return Ok(());
         };
         self.shared.stop.store(true, Ordering::Release);
-        thread.thread().unpark();
+        writer_thread.thread().unpark();
         let panicked = |_| Err(io::Error::other("the thread that writes has panicked"));
-        thread.join().unwrap_or_else(panicked)
+        writer_thread.join().unwrap_or_else(panicked)
     }
 }
 
@@ -245,19 +248,19 @@ struct Writer {
 
 impl Writer {
     fn run(mut self) -> io::Result<()> {
-        let mut synced = Instant::now();
+        let mut last_sync = Instant::now();
         loop {
             // Read before the rings are emptied, so that nothing follows the last append.
-            let last = self.shared.stop.load(Ordering::Acquire) || self.rows.is_abandoned();
-            let mut done = self.append_all(last);
-            if synced.elapsed() >= SYNC || last {
-                done = done.and_then(|()| self.file.sync_data());
-                synced = Instant::now();
+            let is_last = self.shared.stop.load(Ordering::Acquire) || self.rows.is_abandoned();
+            let mut write_result = self.append_all(is_last);
+            if last_sync.elapsed() >= SYNC || is_last {
+                write_result = write_result.and_then(|()| self.file.sync_data());
+                last_sync = Instant::now();
             }
             self.shared
-                .trouble(done.as_ref().err().map(ToString::to_string));
-            if last {
-                return done;
+                .trouble(write_result.as_ref().err().map(ToString::to_string));
+            if is_last {
+                return write_result;
             }
             thread::park_timeout(APPEND);
         }
@@ -280,15 +283,19 @@ impl Writer {
 
     /// Move the rows and the events of the rings into one chunk each.
     fn gather(&mut self) {
-        let limit = chunk::MAX_PAYLOAD / self.row * self.row;
-        let rows = self.rows.slots() / self.row * self.row;
-        if drain(&mut self.rows, rows.min(limit), &mut self.payload) {
+        let payload_limit = chunk::MAX_PAYLOAD / self.row * self.row;
+        let row_bytes = self.rows.slots() / self.row * self.row;
+        if drain(
+            &mut self.rows,
+            row_bytes.min(payload_limit),
+            &mut self.payload,
+        ) {
             chunk::append(&mut self.pending, chunk::ROWS, &self.payload);
             self.pending_rows = (self.payload.len() / self.row) as u64;
         }
         // An event enters its ring at once, so the ring always holds whole events; all of them fit in a payload.
-        let events = self.events.slots();
-        if drain(&mut self.events, events, &mut self.payload) {
+        let event_bytes = self.events.slots();
+        if drain(&mut self.events, event_bytes, &mut self.payload) {
             chunk::append(&mut self.pending, chunk::EVENTS, &self.payload);
         }
     }
@@ -316,13 +323,13 @@ impl Writer {
 /// Move `n` bytes into `to`; false if `n` is 0 or there are fewer.
 fn drain(from: &mut Consumer<u8>, n: usize, to: &mut Vec<u8>) -> bool {
     to.clear();
-    let Ok(chunk) = from.read_chunk(n) else {
+    let Ok(ring_chunk) = from.read_chunk(n) else {
         return false;
     };
-    let (first, two) = chunk.as_slices();
-    to.extend_from_slice(first);
-    to.extend_from_slice(two);
-    chunk.commit_all();
+    let (first_part, second_part) = ring_chunk.as_slices();
+    to.extend_from_slice(first_part);
+    to.extend_from_slice(second_part);
+    ring_chunk.commit_all();
     n > 0
 }
 
@@ -342,10 +349,11 @@ mod tests {
             axes: vec![Axis::default()],
             about: String::new(),
         };
-        let path = std::env::temp_dir().join(format!("ergon-{name}-{}.take", std::process::id()));
+        let take_path =
+            std::env::temp_dir().join(format!("ergon-{name}-{}.take", std::process::id()));
         let beginning = start(&header);
-        std::fs::write(&path, &beginning).unwrap();
-        (header, beginning, path)
+        std::fs::write(&take_path, &beginning).unwrap();
+        (header, beginning, take_path)
     }
 
     fn read_back(path: &Path) -> super::super::Recording {
@@ -356,40 +364,50 @@ mod tests {
 
     #[test]
     fn writer_keeps_rows_on_a_full_disk() {
-        let (header, beginning, path) = file("full");
-        let full = OpenOptions::new().write(true).open("/dev/full").unwrap();
-        let (mut sink, mut writer) = channel(&header, full, beginning.len() as u64);
+        let (header, beginning, take_path) = file("full");
+        let full_file = OpenOptions::new().write(true).open("/dev/full").unwrap();
+        let (mut row_sink, mut writer) = channel(&header, full_file, beginning.len() as u64);
         for tick in 0..3 {
-            assert!(sink.row(tick, &[Sample::default()]));
+            assert!(row_sink.row(tick, &[Sample::default()]));
             assert!(writer.append_all(false).is_err());
         }
         assert_eq!(writer.shared.rows.load(Ordering::Relaxed), 0);
-        writer.file = OpenOptions::new().append(true).open(&path).unwrap();
+        writer.file = OpenOptions::new().append(true).open(&take_path).unwrap();
         writer.append_all(true).unwrap();
         assert_eq!(writer.shared.rows.load(Ordering::Relaxed), 3);
-        let recording = read_back(&path);
+        let recording = read_back(&take_path);
         assert_eq!(recording.ticks, [0, 1, 2]);
         assert!(recording.is_complete() && recording.finished);
     }
 
     #[test]
     fn sink_without_room_counts_dropped_rows() {
-        let (header, beginning, path) = file("room");
-        let plain = OpenOptions::new().append(true).open(&path).unwrap();
-        let (mut sink, mut writer) = channel(&header, plain, beginning.len() as u64);
-        let sample = [Sample::default()];
-        assert!(sink.row(5, &sample));
-        assert!(!sink.row(5, &sample), "a tick comes once");
-        assert!(!sink.row(6, &sample.repeat(2)), "every axis has its place");
-        assert!(!sink.event(6, format_args!("{:2000}", 1)), "a long line");
+        let (header, beginning, take_path) = file("room");
+        let plain_file = OpenOptions::new().append(true).open(&take_path).unwrap();
+        let (mut row_sink, mut writer) = channel(&header, plain_file, beginning.len() as u64);
+        let row_samples = [Sample::default()];
+        assert!(row_sink.row(5, &row_samples));
+        assert!(!row_sink.row(5, &row_samples), "a tick comes once");
+        assert!(
+            !row_sink.row(6, &row_samples.repeat(2)),
+            "every axis has its place"
+        );
+        assert!(
+            !row_sink.event(6, format_args!("{:2000}", 1)),
+            "a long line"
+        );
         // Nothing empties the ring in this test.
-        let room = (header.rate * PATIENCE) as u64;
-        for tick in 0..room + 2 {
-            assert_eq!(sink.row(10 + tick, &sample), tick < room - 1, "{tick}");
+        let ring_rows = (header.rate * PATIENCE) as u64;
+        for tick in 0..ring_rows + 2 {
+            assert_eq!(
+                row_sink.row(10 + tick, &row_samples),
+                tick < ring_rows - 1,
+                "{tick}"
+            );
         }
-        assert_eq!(sink.dropped(), 3 + 3);
+        assert_eq!(row_sink.dropped(), 3 + 3);
         writer.append_all(true).unwrap();
-        assert_eq!(writer.shared.rows.load(Ordering::Relaxed), room);
-        assert_eq!(read_back(&path).dropped, 6);
+        assert_eq!(writer.shared.rows.load(Ordering::Relaxed), ring_rows);
+        assert_eq!(read_back(&take_path).dropped, 6);
     }
 }

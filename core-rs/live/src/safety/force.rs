@@ -35,8 +35,8 @@ impl SafeForce {
     /// clamped to -1 to 1.
     #[must_use]
     pub fn with_gains(&self, gains: &[f64; MAX_AXES]) -> Self {
-        let mut turned = *self;
-        for (force, gain) in turned.newtons.iter_mut().zip(gains) {
+        let mut scaled_force = *self;
+        for (force, gain) in scaled_force.newtons.iter_mut().zip(gains) {
             // A gain of 1 changes no bit; a gain of NaN gives no force.
             *force *= if gain.is_nan() {
                 0.0
@@ -44,6 +44,6 @@ impl SafeForce {
                 gain.clamp(-1.0, 1.0)
             };
         }
-        turned
+        scaled_force
     }
 }

@@ -124,30 +124,30 @@ mod unix {
     pub(in crate::safety) fn arm(resort: LastResort) -> Option<Armed> {
         static HOOKS: Once = Once::new();
         HOOKS.call_once(|| {
-            let before = std::panic::take_hook();
+            let former_handler = std::panic::take_hook();
             std::panic::set_hook(Box::new(move |info| {
                 zero_all();
-                before(info);
+                former_handler(info);
             }));
-            for (signal, before) in FAULTS.into_iter().zip(&FORMER_HANDLERS) {
-                watch_fault(signal, before);
+            for (signal, former_handler) in FAULTS.into_iter().zip(&FORMER_HANDLERS) {
+                watch_fault(signal, former_handler);
             }
         });
         watch_termination();
-        let claim = |slot: &Slot| {
-            let taken = slot
-                .fd
-                .compare_exchange(FREE, TAKEN, Ordering::AcqRel, Ordering::Relaxed);
-            taken.is_ok()
+        let claim_slot = |slot: &Slot| {
+            let claim_result =
+                slot.fd
+                    .compare_exchange(FREE, TAKEN, Ordering::AcqRel, Ordering::Relaxed);
+            claim_result.is_ok()
         };
-        let index = ARMED.iter().position(claim)?;
-        let slot = &ARMED[index];
+        let slot_index = ARMED.iter().position(claim_slot)?;
+        let slot = &ARMED[slot_index];
         for (to, from) in slot.bytes.iter().zip(resort.bytes) {
             to.store(from, Ordering::Relaxed);
         }
         slot.len.store(resort.len, Ordering::Relaxed);
         slot.fd.store(resort.fd, Ordering::Release);
-        Some(Armed(index))
+        Some(Armed(slot_index))
     }
 
     /// Send all packets of zero forces. It does only what a signal handler may do: loads, write(2) and nanosleep(2).
@@ -163,8 +163,8 @@ mod unix {
                 unsafe { libc::nanosleep(&raw const while_it_passes, std::ptr::null_mut()) };
             }
             for slot in &ARMED {
-                let fd = slot.fd.load(Ordering::Acquire);
-                if fd < 0 {
+                let device_fd = slot.fd.load(Ordering::Acquire);
+                if device_fd < 0 {
                     continue;
                 }
                 let mut bytes = [0_u8; 64];
@@ -173,7 +173,7 @@ mod unix {
                 }
                 let len = slot.len.load(Ordering::Relaxed).min(bytes.len());
                 // SAFETY: `bytes` holds `len` bytes; a descriptor closed meanwhile makes the call fail.
-                unsafe { libc::write(fd, bytes.as_ptr().cast(), len) };
+                unsafe { libc::write(device_fd, bytes.as_ptr().cast(), len) };
             }
         }
     }
@@ -215,23 +215,23 @@ mod unix {
         info: *mut libc::siginfo_t,
         context: *mut libc::c_void,
     ) {
-        let Some(index) = TERMINATION_SIGNALS
+        let Some(signal_index) = TERMINATION_SIGNALS
             .iter()
             .position(|&known| known == signal)
         else {
             return;
         };
-        let watched = &WATCHED[index];
-        let stops = Stop::from_bits(watched.stops.load(Ordering::SeqCst));
-        if stops != Stop::Nothing {
+        let watched = &WATCHED[signal_index];
+        let stop_scope = Stop::from_bits(watched.stops.load(Ordering::SeqCst));
+        if stop_scope != Stop::Nothing {
             let errno = errno();
             // SAFETY: not null, and owned by this thread. The interrupted code must find errno unchanged.
-            let before = (!errno.is_null()).then(|| unsafe { *errno });
-            stop::stop(stops);
+            let errno_before = (!errno.is_null()).then(|| unsafe { *errno });
+            stop::stop(stop_scope);
             zero_all();
-            if let Some(number) = before {
+            if let Some(saved_errno) = errno_before {
                 // SAFETY: as above.
-                unsafe { *errno = number };
+                unsafe { *errno = saved_errno };
             }
         }
         let handler = watched.handler.load(Ordering::SeqCst);
@@ -263,11 +263,13 @@ mod unix {
     ///
     /// Signals that do not end programs, and ignored signals, are left alone.
     pub fn watch(signal: i32, stops: Stop) {
-        if let Some(index) = TERMINATION_SIGNALS
+        if let Some(signal_index) = TERMINATION_SIGNALS
             .iter()
             .position(|&known| known == signal)
         {
-            WATCHED[index].stops.store(stops as u8, Ordering::SeqCst);
+            WATCHED[signal_index]
+                .stops
+                .store(stops as u8, Ordering::SeqCst);
             watch_termination_signal(signal);
         }
     }
@@ -275,21 +277,23 @@ mod unix {
     fn termination_set() -> libc::sigset_t {
         // SAFETY: the calls fill the local set.
         unsafe {
-            let mut set: libc::sigset_t = std::mem::zeroed();
-            libc::sigemptyset(&raw mut set);
+            let mut signal_set: libc::sigset_t = std::mem::zeroed();
+            libc::sigemptyset(&raw mut signal_set);
             for signal in TERMINATION_SIGNALS {
-                libc::sigaddset(&raw mut set, signal);
+                libc::sigaddset(&raw mut signal_set, signal);
             }
-            set
+            signal_set
         }
     }
 
     /// Block signals that end programs in this thread: other threads handle them, and this one can check for pending
     /// ones.
     pub fn block_signals() {
-        let set = termination_set();
+        let signal_set = termination_set();
         // SAFETY: the set is valid; the former mask is not requested.
-        unsafe { libc::pthread_sigmask(libc::SIG_BLOCK, &raw const set, std::ptr::null_mut()) };
+        unsafe {
+            libc::pthread_sigmask(libc::SIG_BLOCK, &raw const signal_set, std::ptr::null_mut())
+        };
     }
 
     /// Stop what a pending signal stops: the thread that is to handle it may be waiting for a processor, or handle no
@@ -297,13 +301,14 @@ mod unix {
     pub fn check_signals() {
         // SAFETY: the calls fill a local set and read it.
         unsafe {
-            let mut set: libc::sigset_t = std::mem::zeroed();
-            if libc::sigpending(&raw mut set) != 0 {
+            let mut signal_set: libc::sigset_t = std::mem::zeroed();
+            if libc::sigpending(&raw mut signal_set) != 0 {
                 return;
             }
             for (signal, watched) in TERMINATION_SIGNALS.into_iter().zip(&WATCHED) {
-                let ends = !OTHERS.contains(&signal) || watched.is_watched.load(Ordering::SeqCst);
-                if ends && libc::sigismember(&raw const set, signal) == 1 {
+                let ends_program =
+                    !OTHERS.contains(&signal) || watched.is_watched.load(Ordering::SeqCst);
+                if ends_program && libc::sigismember(&raw const signal_set, signal) == 1 {
                     stop::stop(Stop::from_bits(watched.stops.load(Ordering::SeqCst)));
                 }
             }
@@ -321,7 +326,7 @@ mod unix {
     fn watch_termination_signal(signal: i32) {
         static EXCLUSIVE: Mutex<()> = Mutex::new(());
         let _guard = EXCLUSIVE.lock().unwrap_or_else(PoisonError::into_inner);
-        let Some(index) = TERMINATION_SIGNALS
+        let Some(signal_index) = TERMINATION_SIGNALS
             .iter()
             .position(|&known| known == signal)
         else {
@@ -329,43 +334,47 @@ mod unix {
         };
         // SAFETY: zero is a valid sigaction, the calls write into locals, the handler does only what handlers may.
         unsafe {
-            let mut old: libc::sigaction = std::mem::zeroed();
-            libc::sigaction(signal, std::ptr::null(), &raw mut old);
-            let ours = on_termination as *const () as usize;
-            if [ours, libc::SIG_IGN].contains(&old.sa_sigaction) {
+            let mut former_action: libc::sigaction = std::mem::zeroed();
+            libc::sigaction(signal, std::ptr::null(), &raw mut former_action);
+            let handler_address = on_termination as *const () as usize;
+            if [handler_address, libc::SIG_IGN].contains(&former_action.sa_sigaction) {
                 return;
             }
-            if OTHERS.contains(&signal) && old.sa_sigaction != libc::SIG_DFL {
+            if OTHERS.contains(&signal) && former_action.sa_sigaction != libc::SIG_DFL {
                 return;
             }
-            let watched = &WATCHED[index];
+            let watched = &WATCHED[signal_index];
             watched.is_watched.store(true, Ordering::SeqCst);
+            watched.has_info.store(
+                former_action.sa_flags & libc::SA_SIGINFO != 0,
+                Ordering::SeqCst,
+            );
             watched
-                .has_info
-                .store(old.sa_flags & libc::SA_SIGINFO != 0, Ordering::SeqCst);
-            watched.handler.store(old.sa_sigaction, Ordering::SeqCst);
-            let mut new = old;
-            new.sa_sigaction = ours;
+                .handler
+                .store(former_action.sa_sigaction, Ordering::SeqCst);
+            let mut new_action = former_action;
+            new_action.sa_sigaction = handler_address;
             // Whether interrupted system calls restart is decided by the flags of the former handler.
-            new.sa_flags = old.sa_flags & libc::SA_RESTART | libc::SA_ONSTACK | libc::SA_SIGINFO;
-            libc::sigaction(signal, &raw const new, std::ptr::null_mut());
+            new_action.sa_flags =
+                former_action.sa_flags & libc::SA_RESTART | libc::SA_ONSTACK | libc::SA_SIGINFO;
+            libc::sigaction(signal, &raw const new_action, std::ptr::null_mut());
         }
     }
 
     fn watch_fault(signal: i32, before: &OnceLock<libc::sigaction>) {
         // SAFETY: zero is a valid sigaction, the calls write into locals, the handler does only what handlers may.
         unsafe {
-            let mut old: libc::sigaction = std::mem::zeroed();
-            libc::sigaction(signal, std::ptr::null(), &raw mut old);
-            if old.sa_sigaction == libc::SIG_IGN {
+            let mut former_action: libc::sigaction = std::mem::zeroed();
+            libc::sigaction(signal, std::ptr::null(), &raw mut former_action);
+            if former_action.sa_sigaction == libc::SIG_IGN {
                 return;
             }
-            let _ = before.set(old);
-            let mut new: libc::sigaction = std::mem::zeroed();
-            new.sa_sigaction = on_fault as *const () as usize;
-            libc::sigemptyset(&raw mut new.sa_mask);
-            new.sa_flags = libc::SA_ONSTACK;
-            libc::sigaction(signal, &raw const new, std::ptr::null_mut());
+            let _ = before.set(former_action);
+            let mut new_action: libc::sigaction = std::mem::zeroed();
+            new_action.sa_sigaction = on_fault as *const () as usize;
+            libc::sigemptyset(&raw mut new_action.sa_mask);
+            new_action.sa_flags = libc::SA_ONSTACK;
+            libc::sigaction(signal, &raw const new_action, std::ptr::null_mut());
         }
     }
 }

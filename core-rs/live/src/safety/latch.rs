@@ -58,9 +58,9 @@ pub(super) struct Latch {
 impl Latch {
     /// Note a trip: a fault of motor, sensor or travel stays at once, any other with the third trip within a minute.
     pub(super) fn note(&mut self, why: Trip, now: Duration) {
-        let third = self.earlier[TRIPS - 2];
-        let often = third.is_some_and(|then| now.saturating_sub(then) <= WITHIN);
-        if why.latches() || often {
+        let oldest_trip = self.earlier[TRIPS - 2];
+        let is_frequent = oldest_trip.is_some_and(|then| now.saturating_sub(then) <= WITHIN);
+        if why.latches() || is_frequent {
             self.why = self.why.or(Some(why));
         }
         self.earlier.rotate_right(1);

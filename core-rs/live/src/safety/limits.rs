@@ -40,19 +40,19 @@ impl Limits {
     /// range, refilled once per second, but no more than 1 J and 0.5 W. A partner who moves a hand stays below; a loop
     /// that swings ever further does not.
     pub fn from_spec(spec: &Spec) -> Self {
-        let full = spec.force_max_peak;
-        let range = spec.pos_range[1] - spec.pos_range[0];
+        let full_force = spec.force_max_peak;
+        let position_range = spec.pos_range[1] - spec.pos_range[0];
         Self {
-            force: full,
-            slew: full / 5.0,
+            force: full_force,
+            slew: full_force / 5.0,
             ramp: 2.0,
-            velocity: 40.0 * range,
+            velocity: 40.0 * position_range,
             velocity_over: 5e-3,
             stale: 0.02,
             hold: 0.5,
             fade: 0.25,
-            energy: ENERGY.min(2.0 * full * range),
-            power: POWER.min(2.0 * full * range),
+            energy: ENERGY.min(2.0 * full_force * position_range),
+            power: POWER.min(2.0 * full_force * position_range),
             heat: 10.0,
         }
     }

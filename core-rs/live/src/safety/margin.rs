@@ -31,24 +31,24 @@ impl FrequencyResponse {
     /// displaced by 1 m for one tick, in that tick and after it.
     pub fn new(response: &[f64]) -> Self {
         let is_nonzero = response.iter().any(|force| *force != 0.0);
-        let padded = response.len().next_power_of_two().max(MIN_LENGTH);
-        let circle = unit_circle(2 * POINTS_PER_TICK * padded);
-        let mut frequency_response = vec![(0.0, 0.0); circle.len()];
+        let padded_length = response.len().next_power_of_two().max(MIN_LENGTH);
+        let circle_points = unit_circle(2 * POINTS_PER_TICK * padded_length);
+        let mut frequency_response = vec![(0.0, 0.0); circle_points.len()];
         for (value, force) in frequency_response.iter_mut().zip(response) {
             value.0 = *force;
         }
         if is_nonzero {
-            transform(&mut frequency_response, &circle);
+            transform(&mut frequency_response, &circle_points);
         }
-        let half = circle.len() / 2;
+        let half_length = circle_points.len() / 2;
         // 0 is left out because a free key drifts.
-        let points = circle
+        let response_points = circle_points
             .into_iter()
             .zip(frequency_response)
-            .take(half)
+            .take(half_length)
             .skip(1);
         Self {
-            points: points.collect(),
+            points: response_points.collect(),
             is_nonzero,
         }
     }
@@ -59,37 +59,40 @@ impl FrequencyResponse {
         if !self.is_nonzero && (k, z) == (0.0, 0.0) {
             return f64::INFINITY;
         }
-        let parts = HANDS.map(|hand| self.margin_held_by(hand, key, k, z / key.period));
-        parts.into_iter().fold(f64::INFINITY, f64::min)
+        let hand_margins = HANDS.map(|hand| self.margin_held_by(hand, key, k, z / key.period));
+        hand_margins.into_iter().fold(f64::INFINITY, f64::min)
     }
 
     fn margin_held_by(&self, hand: (f64, f64), key: Key, k: f64, z: f64) -> f64 {
-        let motion = Motion::new(key, hand);
-        let mut least = f64::INFINITY;
-        let mut before: Option<Complex> = None;
+        let key_motion = Motion::new(key, hand);
+        let mut least_margin = f64::INFINITY;
+        let mut previous_gain: Option<Complex> = None;
         for &(z_at, scene) in &self.points {
             // The damper acts on the displacement since the previous tick.
-            let back = (z_at.0, -z_at.1);
-            let stiffness = (scene.0 + k + z * (1.0 - back.0), scene.1 - z * back.1);
-            let mut loop_gain = times(stiffness, motion.transfer(z_at));
+            let unit_delay = (z_at.0, -z_at.1);
+            let stiffness = (
+                scene.0 + k + z * (1.0 - unit_delay.0),
+                scene.1 - z * unit_delay.1,
+            );
+            let mut loop_gain = times(stiffness, key_motion.transfer(z_at));
             for _ in 0..key.delay {
-                loop_gain = times(loop_gain, back);
+                loop_gain = times(loop_gain, unit_delay);
             }
-            if let Some(before) = before
-                && (before.1 < 0.0) != (loop_gain.1 < 0.0)
+            if let Some(previous_gain) = previous_gain
+                && (previous_gain.1 < 0.0) != (loop_gain.1 < 0.0)
             {
-                let share = before.1 / (before.1 - loop_gain.1);
-                let real = before.0 + (loop_gain.0 - before.0) * share;
-                if real < 0.0 {
-                    least = least.min(-1.0 / real);
+                let crossing_share = previous_gain.1 / (previous_gain.1 - loop_gain.1);
+                let real_gain = previous_gain.0 + (loop_gain.0 - previous_gain.0) * crossing_share;
+                if real_gain < 0.0 {
+                    least_margin = least_margin.min(-1.0 / real_gain);
                 }
             }
-            before = Some(loop_gain);
+            previous_gain = Some(loop_gain);
         }
         // At half the tick rate the loop gain is real.
-        match before {
-            Some((real, _)) if real < 0.0 => least.min(-1.0 / real),
-            _ => least,
+        match previous_gain {
+            Some((real_gain, _)) if real_gain < 0.0 => least_margin.min(-1.0 / real_gain),
+            _ => least_margin,
         }
     }
 }
@@ -104,29 +107,38 @@ impl Motion {
     fn new(key: Key, (k, z): (f64, f64)) -> Self {
         let (m, t, z) = (key.mass, key.period, key.damping + z);
         if k == 0.0 {
-            let decay = exp(-z * t / m);
-            let slide = (1.0 - decay) * m / z;
-            let b = [(t - slide) / z, (1.0 - decay) / z];
+            let velocity_decay = exp(-z * t / m);
+            let slide_time = (1.0 - velocity_decay) * m / z;
+            let b = [(t - slide_time) / z, (1.0 - velocity_decay) / z];
             return Self {
-                a: [[1.0, slide], [0.0, decay]],
+                a: [[1.0, slide_time], [0.0, velocity_decay]],
                 b,
             };
         }
-        let fall = 0.5 * z / m;
-        let square = k / m - fall * fall;
-        let w = sqrt(square.abs());
-        let (c, s) = match w * t {
+        let decay_rate = 0.5 * z / m;
+        let squared_omega = k / m - decay_rate * decay_rate;
+        let damped_rate = sqrt(squared_omega.abs());
+        let (cosine_term, sine_term) = match damped_rate * t {
             small if small < 1e-9 => (1.0, t),
-            turn if square > 0.0 => (cos(turn), sin(turn) / w),
+            turn if squared_omega > 0.0 => (cos(turn), sin(turn) / damped_rate),
             turn => {
-                let (up, down) = (exp(turn), exp(-turn));
-                (0.5 * (up + down), 0.5 * (up - down) / w)
+                let (growing_exp, fading_exp) = (exp(turn), exp(-turn));
+                (
+                    0.5 * (growing_exp + fading_exp),
+                    0.5 * (growing_exp - fading_exp) / damped_rate,
+                )
             }
         };
-        let e = exp(-fall * t);
+        let envelope = exp(-decay_rate * t);
         let a = [
-            [e * (c + fall * s), e * s],
-            [-e * s * k / m, e * (c - fall * s)],
+            [
+                envelope * (cosine_term + decay_rate * sine_term),
+                envelope * sine_term,
+            ],
+            [
+                -envelope * sine_term * k / m,
+                envelope * (cosine_term - decay_rate * sine_term),
+            ],
         ];
         Self {
             a,
@@ -140,9 +152,9 @@ impl Motion {
         let numerator = (b[0] * (re - a[1][1]) + a[0][1] * b[1], b[0] * im);
         let denominator = times((re - a[0][0], im), (re - a[1][1], im));
         let denominator = (denominator.0 - a[0][1] * a[1][0], denominator.1);
-        let size = denominator.0 * denominator.0 + denominator.1 * denominator.1;
+        let squared_norm = denominator.0 * denominator.0 + denominator.1 * denominator.1;
         let product = times(numerator, (denominator.0, -denominator.1));
-        (product.0 / size, product.1 / size)
+        (product.0 / squared_norm, product.1 / squared_norm)
     }
 }
 
@@ -152,35 +164,35 @@ fn times(a: Complex, b: Complex) -> Complex {
 
 /// n points evenly on the unit circle, beginning with 1.
 fn unit_circle(n: usize) -> Vec<Complex> {
-    let angle = |place: usize| 2.0 * std::f64::consts::PI * place as f64 / n as f64;
+    let angle_of = |place: usize| 2.0 * std::f64::consts::PI * place as f64 / n as f64;
     (0..n)
-        .map(|place| (cos(angle(place)), sin(angle(place))))
+        .map(|place| (cos(angle_of(place)), sin(angle_of(place))))
         .collect()
 }
 
 /// Σ x[j]·z⁻ʲ at all points, in their order: a radix-2 transform (Cooley & Tukey 1965).
 fn transform(x: &mut [Complex], circle: &[Complex]) {
-    let n = x.len();
-    let bits = n.trailing_zeros();
-    for i in 0..n {
-        let j = i.reverse_bits() >> (usize::BITS - bits);
-        if i < j {
-            x.swap(i, j);
+    let point_count = x.len();
+    let index_bits = point_count.trailing_zeros();
+    for i in 0..point_count {
+        let reversed_index = i.reverse_bits() >> (usize::BITS - index_bits);
+        if i < reversed_index {
+            x.swap(i, reversed_index);
         }
     }
-    let mut len = 2;
-    while len <= n {
-        let step = n / len;
-        for block in x.chunks_exact_mut(len) {
-            let (low, high) = block.split_at_mut(len / 2);
+    let mut block_length = 2;
+    while block_length <= point_count {
+        let circle_step = point_count / block_length;
+        for block in x.chunks_exact_mut(block_length) {
+            let (low, high) = block.split_at_mut(block_length / 2);
             for (k, (low, high)) in low.iter_mut().zip(high).enumerate() {
-                let (c, s) = circle[k * step];
-                let far = times(*high, (c, -s));
-                *high = (low.0 - far.0, low.1 - far.1);
-                *low = (low.0 + far.0, low.1 + far.1);
+                let (c, s) = circle[k * circle_step];
+                let twiddled = times(*high, (c, -s));
+                *high = (low.0 - twiddled.0, low.1 - twiddled.1);
+                *low = (low.0 + twiddled.0, low.1 + twiddled.1);
             }
         }
-        len *= 2;
+        block_length *= 2;
     }
 }
 
@@ -190,13 +202,13 @@ mod tests {
 
     #[test]
     fn transform_equals_the_defining_sum() {
-        let circle = unit_circle(16);
+        let circle_points = unit_circle(16);
         let x: Vec<f64> = (0..16).map(|i| f64::from(i * i % 7)).collect();
         let mut transformed: Vec<Complex> = x.iter().map(|&x| (x, 0.0)).collect();
-        transform(&mut transformed, &circle);
+        transform(&mut transformed, &circle_points);
         for (place, transformed) in transformed.iter().enumerate() {
             let term = |(j, x): (usize, &f64)| {
-                let (c, s) = circle[place * j % 16];
+                let (c, s) = circle_points[place * j % 16];
                 (x * c, -x * s)
             };
             let sum = x.iter().enumerate().map(term);
@@ -208,7 +220,7 @@ mod tests {
     /// Compares with the differential equation of key and hand, integrated in very small steps.
     #[test]
     fn motion_of_a_held_key_matches_its_equation() {
-        let key = Key {
+        let held_key = Key {
             mass: 0.05,
             damping: 1.0,
             period: 1e-3,
@@ -222,21 +234,24 @@ mod tests {
             (80.0, 3.0),
             (5_000.0, 1.0),
         ] {
-            let Motion { a, b } = Motion::new(key, hand);
+            let Motion { a, b } = Motion::new(held_key, hand);
             for (x, v, force) in [(1e-3, 0.0, 0.0), (0.0, 0.1, 0.0), (0.0, 0.0, 1.0)] {
-                let (mut p, mut q, steps) = (x, v, 200_000);
-                let dt = key.period / f64::from(steps);
-                for _ in 0..steps {
-                    let pull = force - hand.0 * p - (key.damping + hand.1) * q;
-                    q += dt * pull / key.mass;
-                    p += dt * q;
+                let (mut fine_position, mut fine_velocity, step_count) = (x, v, 200_000);
+                let dt = held_key.period / f64::from(step_count);
+                for _ in 0..step_count {
+                    let net_force = force
+                        - hand.0 * fine_position
+                        - (held_key.damping + hand.1) * fine_velocity;
+                    fine_velocity += dt * net_force / held_key.mass;
+                    fine_position += dt * fine_velocity;
                 }
-                let state = [
+                let exact_state = [
                     a[0][0] * x + a[0][1] * v + b[0] * force,
                     a[1][0] * x + a[1][1] * v + b[1] * force,
                 ];
                 assert!(
-                    (state[0] - p).abs() < 1e-8 && (state[1] - q).abs() < 1e-5,
+                    (exact_state[0] - fine_position).abs() < 1e-8
+                        && (exact_state[1] - fine_velocity).abs() < 1e-5,
                     "{hand:?}"
                 );
             }
@@ -246,41 +261,42 @@ mod tests {
     /// A piece that rings: at the border the loop, simulated for long, neither grows nor decays.
     #[test]
     fn gain_margin_equals_border_of_a_played_loop() {
-        let (mass, k, z, period) = (0.02, 800.0, 0.2, 1e-3);
+        let (ringing_mass, k, z, period) = (0.02, 800.0, 0.2, 1e-3);
         // A mass on a spring, coupled to the key by 4 kN/m; the response is the coupling's force, tick by tick.
-        let (coupling, n) = (4e3, 2_048);
+        let (coupling, tick_count) = (4e3, 2_048);
         let (mut x, mut v) = (0.0, 0.0);
-        let fine = 400;
-        let response: Vec<f64> = (0..n)
+        let fine_steps = 400;
+        let response: Vec<f64> = (0..tick_count)
             .map(|tick| {
-                let pulse = if tick == 0 { 1.0 } else { 0.0 };
-                let mut sum = 0.0;
-                for _ in 0..fine {
-                    let dt = period / f64::from(fine);
-                    let force = coupling * (pulse - x);
-                    v += dt * (force - k * x - z * v) / mass;
+                let pulse_height = if tick == 0 { 1.0 } else { 0.0 };
+                let mut force_sum = 0.0;
+                for _ in 0..fine_steps {
+                    let dt = period / f64::from(fine_steps);
+                    let coupling_force = coupling * (pulse_height - x);
+                    v += dt * (coupling_force - k * x - z * v) / ringing_mass;
                     x += dt * v;
-                    sum += force;
+                    force_sum += coupling_force;
                 }
-                sum / f64::from(fine)
+                force_sum / f64::from(fine_steps)
             })
             .collect();
         for hand in HANDS {
             for delay in [0, 1] {
-                let key = Key {
+                let held_key = Key {
                     mass: 0.05,
                     damping: 1.0,
                     period,
                     delay,
                 };
-                let border = FrequencyResponse::new(&response).margin_held_by(hand, key, 0.0, 0.0);
+                let stable_border =
+                    FrequencyResponse::new(&response).margin_held_by(hand, held_key, 0.0, 0.0);
                 assert!(
-                    grows(&response, key, hand, 1.1 * border),
-                    "{hand:?} {delay} {border}"
+                    grows(&response, held_key, hand, 1.1 * stable_border),
+                    "{hand:?} {delay} {stable_border}"
                 );
                 assert!(
-                    !grows(&response, key, hand, 0.9 * border),
-                    "{hand:?} {delay} {border}"
+                    !grows(&response, held_key, hand, 0.9 * stable_border),
+                    "{hand:?} {delay} {stable_border}"
                 );
             }
         }
@@ -289,18 +305,18 @@ mod tests {
     /// Whether the loop grows if a held key gets this part of the piece's force.
     fn grows(response: &[f64], key: Key, hand: (f64, f64), part: f64) -> bool {
         let Motion { a, b } = Motion::new(key, hand);
-        let (mut x, mut force, mut v) = (vec![0.0], Vec::new(), 1.0);
-        let mut swing = [0.0_f64; 4];
+        let (mut positions, mut sent_forces, mut v) = (vec![0.0], Vec::new(), 1.0);
+        let mut swing_peaks = [0.0_f64; 4];
         for k in 0..4_096 {
             let responses = response.iter().take(k + 1).enumerate();
-            let scene: f64 = responses.map(|(j, h)| h * x[k - j]).sum();
-            force.push(-part * scene);
-            let late = k.checked_sub(key.delay).map_or(0.0, |k| force[k]);
-            let next = a[0][0] * x[k] + a[0][1] * v + b[0] * late;
-            v = a[1][0] * x[k] + a[1][1] * v + b[1] * late;
-            x.push(next);
-            swing[k / 1_024] = swing[k / 1_024].max(v.abs());
+            let scene_force: f64 = responses.map(|(j, h)| h * positions[k - j]).sum();
+            sent_forces.push(-part * scene_force);
+            let delayed_force = k.checked_sub(key.delay).map_or(0.0, |k| sent_forces[k]);
+            let next_position = a[0][0] * positions[k] + a[0][1] * v + b[0] * delayed_force;
+            v = a[1][0] * positions[k] + a[1][1] * v + b[1] * delayed_force;
+            positions.push(next_position);
+            swing_peaks[k / 1_024] = swing_peaks[k / 1_024].max(v.abs());
         }
-        !swing[3].is_finite() || swing[3] > swing[1]
+        !swing_peaks[3].is_finite() || swing_peaks[3] > swing_peaks[1]
     }
 }

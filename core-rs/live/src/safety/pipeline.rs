@@ -100,15 +100,15 @@ impl Pipeline {
     pub(super) fn pass(&mut self, asked: &[f64], now: Duration) -> SafeForce {
         self.counts.ticks += 1;
         self.unanswered = self.unanswered.saturating_add(1);
-        let times = [self.period, self.limits.fade];
-        let is_stale = self.ages.sending(now, times, &mut self.counts);
-        let mut out = [0.0; MAX_AXES];
-        for (axis, out) in out[..self.n].iter_mut().enumerate() {
+        let period_and_fade = [self.period, self.limits.fade];
+        let is_stale = self.ages.sending(now, period_and_fade, &mut self.counts);
+        let mut force_output = [0.0; MAX_AXES];
+        for (axis, force_output) in force_output[..self.n].iter_mut().enumerate() {
             let asked = asked.get(axis).copied().unwrap_or(0.0);
-            *out = self.stages(axis, asked, is_stale);
+            *force_output = self.stages(axis, asked, is_stale);
         }
-        self.passivity.send(&out[..self.n]);
-        SafeForce::new(out, self.n)
+        self.passivity.send(&force_output[..self.n]);
+        SafeForce::new(force_output, self.n)
     }
 
     fn stages(&mut self, number: usize, asked: f64, is_stale: bool) -> f64 {
@@ -119,30 +119,34 @@ impl Pipeline {
             continuous,
             ..
         } = self;
-        let (axis, period, continuous) = (&mut self.axes[number], *period, *continuous);
+        let (axis_state, period, continuous) = (&mut self.axes[number], *period, *continuous);
         let mut force = asked;
         if !force.is_finite() {
             counts.not_finite += 1;
-            let count = &mut counts.trips_not_finite;
-            axis.trip.start(Reason::NotFinite, limits.hold, count);
+            let trip_count = &mut counts.trips_not_finite;
+            axis_state
+                .trip
+                .start(Reason::NotFinite, limits.hold, trip_count);
             force = 0.0;
         }
         if force.abs() > self.max_force {
             counts.clamped += 1;
             force = self.max_force.copysign(force);
         }
-        force = axis.heat.pass(force, continuous, self.is_hot, counts);
-        axis.ramp.rise(period, limits.ramp);
-        force = axis.ramp.pass(force, &mut counts.ramped);
-        if axis.velocity.abs() > limits.velocity {
-            let count = &mut counts.trips_speed;
-            axis.trip.start(Reason::Speed, limits.hold, count);
+        force = axis_state.heat.pass(force, continuous, self.is_hot, counts);
+        axis_state.ramp.rise(period, limits.ramp);
+        force = axis_state.ramp.pass(force, &mut counts.ramped);
+        if axis_state.velocity.abs() > limits.velocity {
+            let trip_count = &mut counts.trips_speed;
+            axis_state
+                .trip
+                .start(Reason::Speed, limits.hold, trip_count);
         }
-        let is_held = axis.trip.tick(period, limits.fade);
-        force = axis.trip.pass(force, &mut counts.tripped);
+        let trip_holds = axis_state.trip.tick(period, limits.fade);
+        force = axis_state.trip.pass(force, &mut counts.tripped);
         force = self.ages.pass(force, &mut counts.stale);
-        force = scaled(force, axis.gain, &mut counts.stiff);
-        let allowed = if is_held || is_stale || self.stopped {
+        force = scaled(force, axis_state.gain, &mut counts.stiff);
+        let allowed = if trip_holds || is_stale || self.stopped {
             counts.stopped += u64::from(self.stopped);
             NONE
         } else {
@@ -151,9 +155,13 @@ impl Pipeline {
         if allowed != NONE && (force < allowed[0] || force > allowed[1]) {
             counts.energy += 1;
         }
-        let step = limits.slew * 1e3 * period;
-        force = axis.slew.pass(force, allowed, step, &mut counts.slewed);
-        axis.heat.add_load(force, continuous, period, limits.heat);
+        let force_step = limits.slew * 1e3 * period;
+        force = axis_state
+            .slew
+            .pass(force, allowed, force_step, &mut counts.slewed);
+        axis_state
+            .heat
+            .add_load(force, continuous, period, limits.heat);
         force
     }
 
@@ -161,28 +169,38 @@ impl Pipeline {
     pub(super) fn observe(&mut self, sample: &Sample, now: Duration) {
         let elapsed = self.ages.received(now, sample.let_go, &mut self.counts);
         // Replies may come late and then together; a stopped host sends nothing for a while.
-        let since = (self.period * f64::from(self.unanswered.max(1))).max(elapsed.unwrap_or(0.0));
+        let reply_interval =
+            (self.period * f64::from(self.unanswered.max(1))).max(elapsed.unwrap_or(0.0));
         (self.unanswered, self.is_hot) = (0, sample.hot);
-        let weight = (since / self.limits.velocity_over).min(1.0);
+        let mean_weight = (reply_interval / self.limits.velocity_over).min(1.0);
         let mut positions = sample.position;
         for (axis, x) in self.axes[..self.n].iter_mut().zip(&mut positions) {
-            let before = axis.position.unwrap_or(*x);
+            let position_before = axis.position.unwrap_or(*x);
             if !x.is_finite() {
-                let count = &mut self.counts.trips_not_finite;
-                axis.trip.start(Reason::NotFinite, self.limits.hold, count);
-                *x = if before.is_finite() { before } else { 0.0 };
+                let trip_count = &mut self.counts.trips_not_finite;
+                axis.trip
+                    .start(Reason::NotFinite, self.limits.hold, trip_count);
+                *x = if position_before.is_finite() {
+                    position_before
+                } else {
+                    0.0
+                };
                 continue;
             }
             let velocities = [axis.velocity, axis.last_velocity];
-            if let Some(why) = axis.travel.fault(*x, before, velocities, since) {
-                let count = &mut self.counts.trips_position;
-                axis.trip.start(why, self.limits.hold, count);
+            if let Some(trip_cause) =
+                axis.travel
+                    .fault(*x, position_before, velocities, reply_interval)
+            {
+                let trip_count = &mut self.counts.trips_position;
+                axis.trip.start(trip_cause, self.limits.hold, trip_count);
             }
             axis.position = Some(*x);
-            axis.last_velocity = (*x - before) / since;
-            axis.velocity += ((*x - before) / since - axis.velocity) * weight;
+            axis.last_velocity = (*x - position_before) / reply_interval;
+            axis.velocity +=
+                ((*x - position_before) / reply_interval - axis.velocity) * mean_weight;
         }
-        self.passivity.receive(&positions[..self.n], since);
+        self.passivity.receive(&positions[..self.n], reply_interval);
     }
 
     /// Whether the host was stopped since its last call.
@@ -276,14 +294,14 @@ impl Pipeline {
 
     /// Continue with the heat and work of `memory`, after `elapsed` [s] without force.
     pub(super) fn recall(&mut self, memory: &Memory, elapsed: f64) {
-        let filled = self.limits.power * elapsed;
+        let refilled_work = self.limits.power * elapsed;
         for (number, axis) in self.axes[..self.n].iter_mut().enumerate() {
-            let heat = Heat {
+            let saved_heat = Heat {
                 level: memory.heat[number],
             };
-            axis.heat = heat.cooled(elapsed, self.limits.heat);
-            let work = (memory.work[number] - filled).max(0.0);
-            self.passivity.resume(number, work);
+            axis.heat = saved_heat.cooled(elapsed, self.limits.heat);
+            let work_left = (memory.work[number] - refilled_work).max(0.0);
+            self.passivity.resume(number, work_left);
         }
     }
 }

@@ -104,11 +104,11 @@ pub(super) struct Plausibility {
 impl Plausibility {
     /// An axis that is sent a force every `period` [s].
     pub(super) fn new(built: AxisSpec, period: f64) -> Self {
-        let every = (STEP / period).round().max(1.0);
-        let traits = AxisParameters::new(built, every * period);
+        let step_ticks = (STEP / period).round().max(1.0);
+        let parameters = AxisParameters::new(built, step_ticks * period);
         Self {
-            built: traits,
-            every: every as u32,
+            built: parameters,
+            every: step_ticks as u32,
             ticks: 0,
             force: built.force.max(0.0),
             may_probe: true,
@@ -119,7 +119,7 @@ impl Plausibility {
             wrong: 0,
             pauses: [(0, 0); 2],
             probes: 0,
-            confirmation: Confirmation::new(built, &traits),
+            confirmation: Confirmation::new(built, &parameters),
         }
     }
 
@@ -127,12 +127,12 @@ impl Plausibility {
     /// key's position if there is a new one. Returns the force to ask for instead.
     pub(super) fn tick(&mut self, asked: f64, sent: f64, position: Option<f64>) -> f64 {
         self.ticks = (self.ticks + 1).min(self.every);
-        let passes = self.confirmation.passes(sent);
-        if let Some(x) = position
+        let pass_share = self.confirmation.passes(sent);
+        if let Some(new_position) = position
             && self.ticks == self.every
         {
             self.ticks = 0;
-            self.step(x, sent, asked);
+            self.step(new_position, sent, asked);
         }
         let force = match self.mode {
             // A later stage trips.
@@ -146,7 +146,7 @@ impl Plausibility {
             }) => offset * self.fade,
             // The force that was sent is changed, because one that is asked for may be clamped and hide the probe.
             Mode::Probing(probe) if probe.kind == Suspicion::Stop => {
-                (probe.force + probe.offset) / passes
+                (probe.force + probe.offset) / pass_share
             }
             Mode::Probing(Probe { offset, .. }) => {
                 (asked.clamp(-self.force, self.force) + offset) * self.fade
@@ -203,14 +203,14 @@ impl Plausibility {
     }
 
     fn step(&mut self, x: f64, sent: f64, asked: f64) {
-        let step = self.built.step;
-        let seconds = move |seconds: f64| (seconds / step) as u32;
+        let step_time = self.built.step;
+        let seconds = move |seconds: f64| (seconds / step_time) as u32;
         let (calm_for, alive_for) = (seconds(RETRY_AFTER), seconds(ALIVE));
         self.fade = (self.fade + self.built.step / FADE).min(1.0);
-        let quiet = -(seconds(PAUSE_RESET) as i32);
+        let quiet_limit = -(seconds(PAUSE_RESET) as i32);
         for (left, passed) in &mut self.pauses {
-            *left = (*left - 1).max(quiet);
-            if *left == quiet {
+            *left = (*left - 1).max(quiet_limit);
+            if *left == quiet_limit {
                 *passed = 0;
             }
         }
@@ -247,9 +247,9 @@ impl Plausibility {
                 }
             }
             Mode::Probing(probe) => {
-                let answer = probe.step(&self.signs, sent, &self.built);
+                let probe_answer = probe.step(&self.signs, sent, &self.built);
                 let probe = *probe;
-                self.apply_answer(probe, answer);
+                self.apply_answer(probe, probe_answer);
             }
             Mode::Off {
                 why,
@@ -261,12 +261,12 @@ impl Plausibility {
                 } else {
                     0
                 };
-                let agrees = match why {
+                let fault_is_gone = match why {
                     Trip::Frozen => *since_moved < alive_for,
                     Trip::AtStop => self.signs.pushed_into_stop(asked, &self.built).is_none(),
                     _ => false,
                 };
-                *calm = if agrees { *calm + 1 } else { 0 };
+                *calm = if fault_is_gone { *calm + 1 } else { 0 };
                 if *calm >= calm_for {
                     self.push_again();
                 }
@@ -281,19 +281,25 @@ impl Plausibility {
     }
 
     fn watch(&mut self, sent: f64) {
-        let asks = self.confirmation.asks;
-        if let Some(trip) = self.signs.evident_fault(sent, asks, &self.built) {
-            self.trip_with(trip);
+        let asks_questions = self.confirmation.asks;
+        if let Some(evident_trip) = self.signs.evident_fault(sent, asks_questions, &self.built) {
+            self.trip_with(evident_trip);
         } else if self.may_probe
             && !self.confirmation.comes_first(self.signs.is_at_stop())
-            && let Some((kind, direction)) =
+            && let Some((suspicion_kind, direction)) =
                 self.signs
-                    .suspicion(sent, self.confirmed, asks, &self.built)
-            && self.pauses[kind as usize].0 <= 0
+                    .suspicion(sent, self.confirmed, asks_questions, &self.built)
+            && self.pauses[suspicion_kind as usize].0 <= 0
         {
             self.probes += 1;
             self.confirmation.interrupt();
-            self.mode = Mode::Probing(Probe::new(kind, direction, &self.signs, sent, &self.built));
+            self.mode = Mode::Probing(Probe::new(
+                suspicion_kind,
+                direction,
+                &self.signs,
+                sent,
+                &self.built,
+            ));
         }
     }
 
@@ -320,12 +326,13 @@ impl Plausibility {
                 self.confirmed = true;
                 self.wrong = 0;
             }
-            let (left, passed) = &mut self.pauses[probe.kind as usize];
-            let [first, longest] = PAUSES[probe.kind as usize];
-            let pause = (first * f64::from(1 << (*passed).min(8))).min(longest);
+            let (pause_left, times_passed) = &mut self.pauses[probe.kind as usize];
+            let [first_pause, longest] = PAUSES[probe.kind as usize];
+            let pause_time = (first_pause * f64::from(1 << (*times_passed).min(8))).min(longest);
             // After a wrong answer there is no pause: the next suspicion is probed at once.
             if self.wrong == 0 {
-                (*left, *passed) = ((pause / self.built.step) as i32, *passed + 1);
+                (*pause_left, *times_passed) =
+                    ((pause_time / self.built.step) as i32, *times_passed + 1);
             }
             self.signs.forget();
         }
@@ -387,13 +394,13 @@ impl PlausibilityChecks {
     /// The forces to ask for instead of `asked` [N].
     pub(super) fn pass(&mut self, asked: &[f64]) -> [f64; MAX_AXES] {
         let positions = self.positions.take();
-        let mut out = [0.0; MAX_AXES];
+        let mut checked_forces = [0.0; MAX_AXES];
         for (axis, checks) in self.axes[..self.n].iter_mut().enumerate() {
             let asked = asked.get(axis).copied().unwrap_or(0.0);
             let position = positions.map(|positions| positions[axis]);
-            out[axis] = checks.tick(asked, self.sent[axis], position);
+            checked_forces[axis] = checks.tick(asked, self.sent[axis], position);
         }
-        out
+        checked_forces
     }
 
     /// Forget earlier observations, because motion and forces were missed.

@@ -38,11 +38,11 @@ pub fn safe_scale(gain_margin: f64) -> f64 {
 /// The greatest stiffness that a hand meets if it moves once and stays there: the greatest partial sum of a response
 /// [N/m].
 pub fn stiffest(response: &[f64]) -> f64 {
-    let sums = response.iter().scan(0.0, |sum, force| {
+    let partial_sums = response.iter().scan(0.0, |sum, force| {
         *sum += force;
         Some(*sum)
     });
-    sums.fold(0.0, f64::max)
+    partial_sums.fold(0.0, f64::max)
 }
 
 #[cfg(test)]
@@ -56,35 +56,38 @@ mod tests {
     fn radius(b: f64, k: f64, period: f64, delay: usize) -> f64 {
         let m = 0.05;
         // Exact for a force that is constant over a tick: v decays by e^{-bT/m}.
-        let decay = libm::exp(-b * period / m);
-        let slide = (1.0 - decay) * m / b;
-        let n = 2 + delay;
-        let mut a = DMatrix::<f64>::zeros(n, n);
-        (a[(0, 0)], a[(0, 1)]) = (1.0, slide);
-        a[(1, 1)] = decay;
+        let velocity_decay = libm::exp(-b * period / m);
+        let slide_time = (1.0 - velocity_decay) * m / b;
+        let state_size = 2 + delay;
+        let mut state_matrix = DMatrix::<f64>::zeros(state_size, state_size);
+        (state_matrix[(0, 0)], state_matrix[(0, 1)]) = (1.0, slide_time);
+        state_matrix[(1, 1)] = velocity_decay;
         // State: x, v, then x of 1, 2, … ticks ago. The force is -k times the oldest.
-        let late = if delay == 0 { 0 } else { 1 + delay };
-        a[(0, late)] -= k * (period - slide) / b;
-        a[(1, late)] -= k * (1.0 - decay) / b;
+        let delayed_index = if delay == 0 { 0 } else { 1 + delay };
+        state_matrix[(0, delayed_index)] -= k * (period - slide_time) / b;
+        state_matrix[(1, delayed_index)] -= k * (1.0 - velocity_decay) / b;
         for i in 0..delay {
-            a[(2 + i, if i == 0 { 0 } else { 1 + i })] = 1.0;
+            state_matrix[(2 + i, if i == 0 { 0 } else { 1 + i })] = 1.0;
         }
-        let roots = a.complex_eigenvalues();
-        roots.iter().map(|root| root.norm()).fold(0.0, f64::max)
+        let eigenvalues = state_matrix.complex_eigenvalues();
+        eigenvalues
+            .iter()
+            .map(|root| root.norm())
+            .fold(0.0, f64::max)
     }
 
     /// Greatest k whose loop is stable, by bisection.
     fn numerically(b: f64, period: f64, delay: usize) -> f64 {
-        let (mut low, mut high) = (0.1, 1e7);
+        let (mut stable_bound, mut unstable_bound) = (0.1, 1e7);
         for _ in 0..60 {
-            let middle = libm::sqrt(low * high);
-            if radius(b, middle, period, delay) < 1.0 {
-                low = middle;
+            let mean_stiffness = libm::sqrt(stable_bound * unstable_bound);
+            if radius(b, mean_stiffness, period, delay) < 1.0 {
+                stable_bound = mean_stiffness;
             } else {
-                high = middle;
+                unstable_bound = mean_stiffness;
             }
         }
-        low
+        stable_bound
     }
 
     #[test]
@@ -103,16 +106,19 @@ mod tests {
                 limit(b, 1.0 / rate, delay),
                 numerically(b, 1.0 / rate, delay as usize),
             );
-            let text =
+            let case_text =
                 format!("b {b}, {rate} Hz, delay {delay}: said {formula}, found {simulated}");
-            assert!(formula <= simulated && formula > 0.88 * simulated, "{text}");
+            assert!(
+                formula <= simulated && formula > 0.88 * simulated,
+                "{case_text}"
+            );
             assert!(
                 (simulated / known - 1.0).abs() < 0.1,
-                "{text}, known {known}"
+                "{case_text}, known {known}"
             );
             // At the limit the spring takes as much energy from the key as the delay gives: b = kT(½ + d).
-            let gives = formula / rate * (0.5 + f64::from(delay));
-            assert!((gives / b - 1.0).abs() < 1e-3, "{text}");
+            let delay_damping = formula / rate * (0.5 + f64::from(delay));
+            assert!((delay_damping / b - 1.0).abs() < 1e-3, "{case_text}");
         }
     }
 
@@ -127,21 +133,29 @@ mod tests {
     fn gain_margin_of_a_spring_equals_its_limit() {
         for (damping, delay) in [(0.3, 0), (1.0, 0), (1.0, 1), (3.0, 2)] {
             let period = 1e-3;
-            let border = numerically(damping, period, delay);
+            let stable_border = numerically(damping, period, delay);
             let key = Key {
                 mass: 0.05,
                 damping,
                 period,
                 delay,
             };
-            for k in [0.05 * border, 0.5 * border, 2.0 * border, 8.0 * border] {
-                let borne = k * FrequencyResponse::new(&[k]).gain_margin(key, 0.0, 0.0);
-                let text = format!("{damping} {delay} {k}: {borne} {border}");
-                assert!((borne / border - 1.0).abs() < 0.05, "{text}");
+            for k in [
+                0.05 * stable_border,
+                0.5 * stable_border,
+                2.0 * stable_border,
+                8.0 * stable_border,
+            ] {
+                let scaled_border = k * FrequencyResponse::new(&[k]).gain_margin(key, 0.0, 0.0);
+                let case_text = format!("{damping} {delay} {k}: {scaled_border} {stable_border}");
+                assert!(
+                    (scaled_border / stable_border - 1.0).abs() < 0.05,
+                    "{case_text}"
+                );
                 assert_eq!(
-                    safe_scale(borne / k),
-                    (RESERVE * (borne / k)).min(1.0),
-                    "{text}"
+                    safe_scale(scaled_border / k),
+                    (RESERVE * (scaled_border / k)).min(1.0),
+                    "{case_text}"
                 );
             }
         }
@@ -151,13 +165,13 @@ mod tests {
     #[test]
     fn safe_scale_of_slow_swings_is_one() {
         let period = 44.0 / 44_100.0;
-        let keys = [
+        let key_cases = [
             (0.05, 0.3, 5.0, 0),
             (0.4, 0.3, 40.0, 0),
             (0.4, 1.2, 40.0, 1),
             (0.2, 0.5, 20.0, 1),
         ];
-        for (mass, damping, k, delay) in keys {
+        for (mass, damping, k, delay) in key_cases {
             let key = Key {
                 mass,
                 damping,

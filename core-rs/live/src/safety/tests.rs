@@ -92,14 +92,14 @@ fn play(
     guarded: &mut Guarded<&mut Bench>,
     ticks: impl IntoIterator<Item = (f64, Option<f64>)>,
 ) -> Vec<f64> {
-    let mut sample = Sample::default();
-    let mut sent = Vec::new();
+    let mut device_sample = Sample::default();
+    let mut sent_forces = Vec::new();
     for (asked, place) in ticks {
         guarded.device.position = place;
-        guarded.receive(&mut sample, Instant::now()).unwrap();
-        sent.push(guarded.send(&[asked]).unwrap().newtons()[0]);
+        guarded.receive(&mut device_sample, Instant::now()).unwrap();
+        sent_forces.push(guarded.send(&[asked]).unwrap().newtons()[0]);
     }
-    sent
+    sent_forces
 }
 
 fn still(asked: f64, n: usize) -> impl Iterator<Item = (f64, Option<f64>)> {
@@ -114,21 +114,21 @@ fn safe_forces_are_sent_bitwise() {
         ..Limits::from_spec(&bench.spec)
     };
     let mut guarded = Guarded::new(&mut bench, limits, PERIOD);
-    let wishes: Vec<f64> = (0..3000)
+    let asked_forces: Vec<f64> = (0..3000)
         .map(|i| 0.7 * libm::sin(0.01 * f64::from(i)))
         .collect();
-    let ticks = wishes.iter().map(|&asked| (asked, Some(0.0)));
-    assert_eq!(play(&mut guarded, ticks), wishes);
-    let counts = *guarded.counts();
+    let asked_ticks = asked_forces.iter().map(|&asked| (asked, Some(0.0)));
+    assert_eq!(play(&mut guarded, asked_ticks), asked_forces);
+    let guarded_counts = *guarded.counts();
     assert_eq!(
-        counts,
+        guarded_counts,
         Counts {
             ticks: 3000,
             ..Counts::default()
         }
     );
     drop(guarded);
-    assert_eq!(bench.sent, wishes);
+    assert_eq!(bench.sent, asked_forces);
     assert_eq!(bench.zeroed, 3, "sent on parting");
 }
 
@@ -136,31 +136,38 @@ fn safe_forces_are_sent_bitwise() {
 fn non_finite_force_trips() {
     let mut bench = Bench::new();
     let mut guarded = Guarded::new(&mut bench, open(), PERIOD);
-    let mut ticks: Vec<_> = still(0.5, 300).collect();
-    ticks[100].0 = f64::NAN;
-    ticks[101].0 = f64::NEG_INFINITY;
-    let sent = play(&mut guarded, ticks);
-    assert_eq!(sent[99], 0.5);
-    assert!(sent[100..200].iter().all(|&force| force == 0.0));
-    assert_eq!(sent[205..], [0.5; 95]);
-    let counts = guarded.counts();
-    assert_eq!((counts.not_finite, counts.trips_not_finite), (2, 1));
-    assert!((100..=102).contains(&counts.tripped), "{}", counts.tripped);
+    let mut asked_ticks: Vec<_> = still(0.5, 300).collect();
+    asked_ticks[100].0 = f64::NAN;
+    asked_ticks[101].0 = f64::NEG_INFINITY;
+    let sent_forces = play(&mut guarded, asked_ticks);
+    assert_eq!(sent_forces[99], 0.5);
+    assert!(sent_forces[100..200].iter().all(|&force| force == 0.0));
+    assert_eq!(sent_forces[205..], [0.5; 95]);
+    let guarded_counts = guarded.counts();
+    assert_eq!(
+        (guarded_counts.not_finite, guarded_counts.trips_not_finite),
+        (2, 1)
+    );
+    assert!(
+        (100..=102).contains(&guarded_counts.tripped),
+        "{}",
+        guarded_counts.tripped
+    );
 }
 
 #[test]
 fn force_is_limited_by_player_and_device() {
     let mut bench = Bench::new();
-    let sent = play(
+    let sent_forces = play(
         &mut Guarded::new(&mut bench, open(), PERIOD),
         still(-9.0, 1),
     );
-    assert_eq!(sent, [-2.0]);
-    let gentle = Limits {
+    assert_eq!(sent_forces, [-2.0]);
+    let gentle_limits = Limits {
         force: 0.25,
         ..open()
     };
-    let mut guarded = Guarded::new(&mut bench, gentle, PERIOD);
+    let mut guarded = Guarded::new(&mut bench, gentle_limits, PERIOD);
     assert_eq!(play(&mut guarded, still(9.0, 2)), [0.25, 0.25]);
     assert_eq!(guarded.counts().clamped, 2);
 }
@@ -173,13 +180,13 @@ fn hot_motor_force_falls_to_the_continuous_limit() {
         ..open()
     };
     let mut guarded = Guarded::new(&mut bench, limits, PERIOD);
-    let sent = play(&mut guarded, still(2.0, 2000));
-    assert_eq!(sent[0], 2.0);
+    let sent_forces = play(&mut guarded, still(2.0, 2000));
+    assert_eq!(sent_forces[0], 2.0);
     // At twice the continuous force the heat tends to 4 and reaches 1 after -ln(3/4) of its time constant.
-    let first = sent.iter().position(|&force| force == 1.0).unwrap();
-    assert!((27..=31).contains(&first), "{first}");
-    let mean = sent[1000..].iter().map(|f| f * f).sum::<f64>() / 1000.0;
-    assert!((mean - 1.0).abs() < 0.05, "{mean}");
+    let first_limited = sent_forces.iter().position(|&force| force == 1.0).unwrap();
+    assert!((27..=31).contains(&first_limited), "{first_limited}");
+    let mean_square = sent_forces[1000..].iter().map(|f| f * f).sum::<f64>() / 1000.0;
+    assert!((mean_square - 1.0).abs() < 0.05, "{mean_square}");
     assert!(guarded.counts().hot > 500);
 }
 
@@ -191,11 +198,14 @@ fn force_rises_within_the_slew_limit() {
         ..open()
     };
     let mut guarded = Guarded::new(&mut bench, limits, PERIOD);
-    let sent = play(&mut guarded, still(1.0, 12));
-    for (i, force) in sent[..10].iter().enumerate() {
-        assert!((force - 0.1 * (i + 1) as f64).abs() < 1e-12, "{sent:?}");
+    let sent_forces = play(&mut guarded, still(1.0, 12));
+    for (i, force) in sent_forces[..10].iter().enumerate() {
+        assert!(
+            (force - 0.1 * (i + 1) as f64).abs() < 1e-12,
+            "{sent_forces:?}"
+        );
     }
-    assert_eq!(sent[10..], [1.0, 1.0]);
+    assert_eq!(sent_forces[10..], [1.0, 1.0]);
     assert!((9..=10).contains(&guarded.counts().slewed));
 }
 
@@ -207,15 +217,15 @@ fn force_ramps_up_over_two_seconds() {
         ..open()
     };
     let mut guarded = Guarded::new(&mut bench, limits, PERIOD);
-    let sent = play(&mut guarded, still(1.0, 2500));
+    let sent_forces = play(&mut guarded, still(1.0, 2500));
     for position in [0, 499, 999, 1500] {
         assert!(
-            (sent[position] - (position + 1) as f64 / 2000.0).abs() < 1e-9,
+            (sent_forces[position] - (position + 1) as f64 / 2000.0).abs() < 1e-9,
             "{position}: {}",
-            sent[position]
+            sent_forces[position]
         );
     }
-    assert_eq!(sent[2001..], [1.0; 499]);
+    assert_eq!(sent_forces[2001..], [1.0; 499]);
 }
 
 #[test]
@@ -228,37 +238,41 @@ fn fast_key_trips_by_velocity() {
     };
     let mut guarded = Guarded::new(&mut bench, limits, PERIOD);
     // 0.5 m/s, then 4 m/s, then at rest.
-    let ticks = (0..400).map(|i| {
-        let x = match i {
+    let asked_ticks = (0..400).map(|i| {
+        let key_position = match i {
             0..100 => 0.5e-3 * f64::from(i),
             100..110 => 0.05 + 4e-3 * f64::from(i - 100),
             _ => 0.09,
         };
-        (0.5, Some(x))
+        (0.5, Some(key_position))
     });
-    let sent = play(&mut guarded, ticks);
-    assert_eq!(sent[..101], [0.5; 101]);
-    assert!(sent[105..200].iter().all(|&force| force == 0.0));
-    assert_eq!(sent[250..], [0.5; 150]);
+    let sent_forces = play(&mut guarded, asked_ticks);
+    assert_eq!(sent_forces[..101], [0.5; 101]);
+    assert!(sent_forces[105..200].iter().all(|&force| force == 0.0));
+    assert_eq!(sent_forces[250..], [0.5; 150]);
     assert_eq!(guarded.counts().trips_speed, 1);
 }
 
 /// Positions that a key cannot have end the force at once, and only `release` lets it return.
 #[test]
 fn positions_outside_the_travel_and_jumps_stay_off() {
-    let rising = |i: i32| 1e-3 * f64::from(i);
-    let jump = |i: i32| if i < 20 { 0.0 } else { -0.02 };
+    let rising_path = |i: i32| 1e-3 * f64::from(i);
+    let jumping_path = |i: i32| if i < 20 { 0.0 } else { -0.02 };
     for (positions, why) in [
-        (rising as fn(i32) -> f64, Trip::OutsideTravel),
-        (jump, Trip::Jump),
+        (rising_path as fn(i32) -> f64, Trip::OutsideTravel),
+        (jumping_path, Trip::Jump),
     ] {
         let mut bench = Bench::new();
         bench.spec.pos_range = [-0.05, 0.05];
         let mut guarded = Guarded::new(&mut bench, open(), PERIOD);
-        let sent = play(&mut guarded, (0..100).map(|i| (0.5, Some(positions(i)))));
+        let sent_forces = play(&mut guarded, (0..100).map(|i| (0.5, Some(positions(i)))));
         // 10 % of the travel beyond its end; the next force is zero.
-        let last = sent.iter().rposition(|&force| force != 0.0).unwrap();
-        assert_eq!(last, if why == Trip::Jump { 19 } else { 60 }, "{why:?}");
+        let last_forced = sent_forces.iter().rposition(|&force| force != 0.0).unwrap();
+        assert_eq!(
+            last_forced,
+            if why == Trip::Jump { 19 } else { 60 },
+            "{why:?}"
+        );
         assert_eq!(guarded.tripped(0), Some(why));
         // It stays off for longer than any trip that ends by itself.
         assert!(
@@ -288,18 +302,19 @@ fn third_trip_within_a_minute_persists() {
                     Some(force) => drop(play(&mut guarded, still(force, 1))),
                     // To and fro by 1.5 m/s.
                     None => {
-                        let path = (0..20).map(|i| 1.5e-3 * f64::from(10 - (10_i32 - i).abs()));
-                        play(&mut guarded, path.map(|x| (0.5, Some(x))));
+                        let fast_path =
+                            (0..20).map(|i| 1.5e-3 * f64::from(10 - (10_i32 - i).abs()));
+                        play(&mut guarded, fast_path.map(|x| (0.5, Some(x))));
                     }
                 }
-                let why = if asked.is_some() {
+                let trip_cause = if asked.is_some() {
                     Trip::NotFinite
                 } else {
                     Trip::Speed
                 };
-                assert_eq!(guarded.tripped(0), Some(why), "trip {trip}");
-                let sent = play(&mut guarded, still(0.5, pause));
-                let is_off = sent.last() == Some(&0.0);
+                assert_eq!(guarded.tripped(0), Some(trip_cause), "trip {trip}");
+                let sent_forces = play(&mut guarded, still(0.5, pause));
+                let is_off = sent_forces.last() == Some(&0.0);
                 assert_eq!(is_off, stays && trip == 3, "trip {trip}, pause {pause}");
             }
             guarded.release();
@@ -311,22 +326,22 @@ fn third_trip_within_a_minute_persists() {
 /// A device that was lost and returns keeps the trips that stay.
 #[test]
 fn persistent_trip_survives_a_reconnection() {
-    let mut first = Bench::new();
-    let mut lost = Guarded::new(&mut first, open(), PERIOD);
+    let mut first_bench = Bench::new();
+    let mut lost_guarded = Guarded::new(&mut first_bench, open(), PERIOD);
     play(
-        &mut lost,
+        &mut lost_guarded,
         (0..100).map(|i| (0.5, Some(1e-2 * f64::from(i)))),
     );
-    assert!(lost.tripped(0).is_some());
-    let mut second = Bench::new();
-    let mut guarded = Guarded::new(&mut second, open(), PERIOD);
-    guarded.recall(&lost.memory());
+    assert!(lost_guarded.tripped(0).is_some());
+    let mut second_bench = Bench::new();
+    let mut guarded = Guarded::new(&mut second_bench, open(), PERIOD);
+    guarded.recall(&lost_guarded.memory());
     assert!(
         play(&mut guarded, still(0.5, 1_000))
             .iter()
             .all(|&force| force == 0.0)
     );
-    assert_eq!(guarded.tripped(0), lost.tripped(0));
+    assert_eq!(guarded.tripped(0), lost_guarded.tripped(0));
 }
 
 #[test]
@@ -338,21 +353,24 @@ fn force_is_zero_without_positions_and_fades_in() {
     };
     let mut guarded = Guarded::new(&mut bench, limits, PERIOD);
     // No position in the first 5 ticks, and for 50 ticks in the middle.
-    let ticks = (0..500).map(|i| {
-        let place = !(0..5).contains(&i) && !(200..250).contains(&i);
-        (1.0, place.then_some(0.0))
+    let asked_ticks = (0..500).map(|i| {
+        let has_position = !(0..5).contains(&i) && !(200..250).contains(&i);
+        (1.0, has_position.then_some(0.0))
     });
-    let sent = play(&mut guarded, ticks);
-    assert_eq!(sent[..5], [0.0; 5], "no position yet");
-    assert!(sent[6] > 0.0 && sent[6] < sent[50], "fades in");
-    assert_eq!(sent[215], 1.0, "20 ms are no matter");
-    assert!(sent[221..250].iter().all(|&force| force == 0.0));
+    let sent_forces = play(&mut guarded, asked_ticks);
+    assert_eq!(sent_forces[..5], [0.0; 5], "no position yet");
     assert!(
-        sent[300] > 0.4 && sent[300] < 0.6,
-        "fades in again: {}",
-        sent[300]
+        sent_forces[6] > 0.0 && sent_forces[6] < sent_forces[50],
+        "fades in"
     );
-    assert_eq!(sent[360], 1.0);
+    assert_eq!(sent_forces[215], 1.0, "20 ms are no matter");
+    assert!(sent_forces[221..250].iter().all(|&force| force == 0.0));
+    assert!(
+        sent_forces[300] > 0.4 && sent_forces[300] < 0.6,
+        "fades in again: {}",
+        sent_forces[300]
+    );
+    assert_eq!(sent_forces[360], 1.0);
     assert!(guarded.counts().stale > 30);
 }
 
@@ -368,28 +386,28 @@ fn runaway(energy: f64) -> (f64, Counts) {
     };
     let mut guarded = Guarded::new(&mut bench, limits, PERIOD);
     let (m, b, k) = (0.05, 0.1, 2000.0);
-    let (mut x, mut v, mut worst) = (1e-3, 0.0, 0.0_f64);
-    let mut sample = Sample::default();
+    let (mut x, mut v, mut worst_swing) = (1e-3, 0.0, 0.0_f64);
+    let mut device_sample = Sample::default();
     for _ in 0..1500 {
         guarded.device.position = Some(x);
-        guarded.receive(&mut sample, Instant::now()).unwrap();
-        let force = guarded.send(&[-k * x]).unwrap().newtons()[0];
+        guarded.receive(&mut device_sample, Instant::now()).unwrap();
+        let sent_force = guarded.send(&[-k * x]).unwrap().newtons()[0];
         for _ in 0..20 {
-            v += (force - b * v) / m * (PERIOD / 20.0);
+            v += (sent_force - b * v) / m * (PERIOD / 20.0);
             x += v * (PERIOD / 20.0);
         }
-        worst = worst.max(x.abs());
+        worst_swing = worst_swing.max(x.abs());
     }
-    (worst, *guarded.counts())
+    (worst_swing, *guarded.counts())
 }
 
 #[test]
 fn created_energy_of_a_loop_is_limited() {
-    let (free, _) = runaway(f64::INFINITY);
-    let (watched, counts) = runaway(2e-3);
-    assert!(free > 0.5, "it does run away: {free}");
+    let (free_swing, _) = runaway(f64::INFINITY);
+    let (watched, guarded_counts) = runaway(2e-3);
+    assert!(free_swing > 0.5, "it does run away: {free_swing}");
     assert!(watched < 5e-3, "{watched}");
-    assert!(counts.energy > 0);
+    assert!(guarded_counts.energy > 0);
 }
 
 #[test]
@@ -413,11 +431,11 @@ fn stop_by_the_player_ends_force() {
     guarded.stop(true);
     assert_eq!(play(&mut guarded, still(1.0, 50)), [0.0; 50]);
     guarded.stop(false);
-    let sent = play(&mut guarded, still(1.0, 120));
+    let sent_forces = play(&mut guarded, still(1.0, 120));
     assert!(
-        sent[0] < 0.02 && sent[119] == 1.0,
+        sent_forces[0] < 0.02 && sent_forces[119] == 1.0,
         "as at the start: {}",
-        sent[0]
+        sent_forces[0]
     );
     assert_eq!(guarded.counts().stopped, 50);
 }
@@ -436,10 +454,13 @@ fn panic_sends_zero_forces() {
 
 #[test]
 fn with_gains_never_increases_a_force() {
-    let force = SafeForce::new([1.0; MAX_AXES], 3);
-    let mut gains = [1.0; MAX_AXES];
-    (gains[0], gains[1], gains[2]) = (-1.0, 5.0, f64::NAN);
-    assert_eq!(force.with_gains(&gains).newtons(), [-1.0, 1.0, 0.0]);
+    let unit_force = SafeForce::new([1.0; MAX_AXES], 3);
+    let mut axis_gains = [1.0; MAX_AXES];
+    (axis_gains[0], axis_gains[1], axis_gains[2]) = (-1.0, 5.0, f64::NAN);
+    assert_eq!(
+        unit_force.with_gains(&axis_gains).newtons(),
+        [-1.0, 1.0, 0.0]
+    );
 }
 
 proptest! {

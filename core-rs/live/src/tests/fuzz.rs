@@ -24,67 +24,69 @@ const LONG: u64 = 1_000_000;
 
 /// An intact recording of two axes and forty rows.
 fn recorded() -> Vec<u8> {
-    let axis = |i| Axis {
+    let numbered_axis = |i| Axis {
         player: format!("remi{i}"),
         key: format!("k{i}"),
     };
     let header = Header {
         rate: 44_100.0,
         frames: 44,
-        axes: (0..2).map(axis).collect(),
+        axes: (0..2).map(numbered_axis).collect(),
         about: "{}".to_owned(),
     };
-    let sample = |i: u64| Sample {
+    let numbered_sample = |i: u64| Sample {
         position: i as f64 * 1e-3,
         force: -(i as f64),
         sent: 0.5,
         flags: i as u8,
         clock: i as u32,
     };
-    let rows = (0..80).map(sample).collect();
-    let mut recording = Recording::new(header, (3..43).collect(), rows).unwrap();
+    let all_samples = (0..80).map(numbered_sample).collect();
+    let mut recording = Recording::new(header, (3..43).collect(), all_samples).unwrap();
     recording.events = vec![(5, "{\"gain\":1}".to_owned())];
-    let mut bytes = Vec::new();
-    recording.write(&mut bytes).unwrap();
-    bytes
+    let mut file_bytes = Vec::new();
+    recording.write(&mut file_bytes).unwrap();
+    file_bytes
 }
 
 fn read_recording(bytes: &[u8]) {
-    if let Ok(result) = decode(&mut &bytes[..], bytes.len() as u64, None) {
+    if let Ok(recording) = decode(&mut &bytes[..], bytes.len() as u64, None) {
         assert_eq!(
-            result.samples.len(),
-            result.ticks.len() * result.header.axes.len()
+            recording.samples.len(),
+            recording.ticks.len() * recording.header.axes.len()
         );
-        assert!(result.ticks.is_sorted_by(|a, b| a < b));
-        drop(result.positions_filled());
-        drop(result.damage());
-        result.duration();
+        assert!(recording.ticks.is_sorted_by(|a, b| a < b));
+        drop(recording.positions_filled());
+        drop(recording.damage());
+        recording.duration();
     }
 }
 
 fn recording_bytes(dice: &mut Dice) {
     thread_local!(static WHOLE: Vec<u8> = recorded());
-    let mut bytes = WHOLE.with(|whole| damaged(dice, whole));
+    let mut file_bytes = WHOLE.with(|whole| damaged(dice, whole));
     if dice.below(2) == 0 {
         // Correct the checksums, so that the bytes after them are read too.
         let mut position = 12;
-        while let Some(head) = bytes.get(position..position + 9) {
-            let length = u32::from_le_bytes([head[0], head[1], head[2], head[3]]) as usize;
-            let Some(end) = (position + 9)
-                .checked_add(length)
-                .filter(|&end| end <= bytes.len())
+        while let Some(chunk_head) = file_bytes.get(position..position + 9) {
+            let payload_length =
+                u32::from_le_bytes([chunk_head[0], chunk_head[1], chunk_head[2], chunk_head[3]])
+                    as usize;
+            let Some(chunk_end) = (position + 9)
+                .checked_add(payload_length)
+                .filter(|&chunk_end| chunk_end <= file_bytes.len())
             else {
                 break;
             };
-            let mut sum = crc32fast::Hasher::new();
-            sum.update(&bytes[position..position + 5]);
-            sum.update(&bytes[position + 9..end]);
-            let sum = sum.finalize().to_le_bytes();
-            bytes[position + 5..position + 9].copy_from_slice(&sum);
-            position = end;
+            let mut checksum = crc32fast::Hasher::new();
+            checksum.update(&file_bytes[position..position + 5]);
+            checksum.update(&file_bytes[position + 9..chunk_end]);
+            let checksum = checksum.finalize().to_le_bytes();
+            file_bytes[position + 5..position + 9].copy_from_slice(&checksum);
+            position = chunk_end;
         }
     }
-    read_recording(&bytes);
+    read_recording(&file_bytes);
 }
 
 fn device_url(dice: &mut Dice) {
@@ -167,14 +169,17 @@ fn law_text(dice: &mut Dice) {
         "sign", "exp", "tanh", "where", "clip", "<", ">=", "==", "1e308", "0", "-1", "1e-308",
         "2.5", " ", ".", "e", "\u{e9}", "[", "\"", "if", "^", "3N/m",
     ];
-    let lines = [
+    let law_lines = [
         "k*d + q*d**3",
         "max(0, d)*k - 3*tanh(d/k)",
         "f*v*exp(-(v/w)**2)",
         "-f/(1 + (d/w)**2)",
     ];
-    let (elastic, damping) = (text(dice, &lines, &WORDS), text(dice, &lines, &WORDS));
-    let edges = [
+    let (elastic, damping) = (
+        text(dice, &law_lines, &WORDS),
+        text(dice, &law_lines, &WORDS),
+    );
+    let edge_numbers = [
         0.0,
         -0.0,
         1.0,
@@ -188,33 +193,38 @@ fn law_text(dice: &mut Dice) {
     ];
     let constants: Constants = ["k", "q", "f", "w"]
         .into_iter()
-        .map(|name| (name.to_owned(), edges[dice.below(edges.len())]))
-        .collect();
-    let points: Vec<(f64, f64)> = (0..dice.below(5))
-        .map(|_| {
+        .map(|name| {
             (
-                edges[dice.below(edges.len())],
-                edges[dice.below(edges.len())],
+                name.to_owned(),
+                edge_numbers[dice.below(edge_numbers.len())],
             )
         })
         .collect();
-    let open: Vec<String> = (0..dice.below(3))
+    let force_points: Vec<(f64, f64)> = (0..dice.below(5))
+        .map(|_| {
+            (
+                edge_numbers[dice.below(edge_numbers.len())],
+                edge_numbers[dice.below(edge_numbers.len())],
+            )
+        })
+        .collect();
+    let open_constants: Vec<String> = (0..dice.below(3))
         .map(|_| ["k", "q", "f", "w"][dice.below(4)].to_owned())
         .collect();
     let law = LawText {
         law: (dice.below(8) > 0).then_some(elastic.as_str()),
         damping: (dice.below(3) == 0).then_some(damping.as_str()),
         constants,
-        points: (dice.below(8) == 0).then_some(points.as_slice()),
-        open: &open,
+        points: (dice.below(8) == 0).then_some(force_points.as_slice()),
+        open: &open_constants,
     };
     let longest = elastic
         .chars()
         .count()
         .max(damping.chars().count())
-        .max(points.len());
-    let reach = edges[dice.below(edges.len())];
-    match Law::new(&law).and_then(|law| law.through(reach)) {
+        .max(force_points.len());
+    let law_reach = edge_numbers[dice.below(edge_numbers.len())];
+    match Law::new(&law).and_then(|law| law.through(law_reach)) {
         Err(error) => {
             assert!(!error.message.is_empty());
             assert!(
@@ -223,7 +233,7 @@ fn law_text(dice: &mut Dice) {
             );
         }
         Ok(law) => {
-            for x in edges {
+            for x in edge_numbers {
                 law.force(x, -x);
                 law.potential(x);
                 law.slope(x);
@@ -236,7 +246,7 @@ fn law_text(dice: &mut Dice) {
 }
 
 fn take_numbers(dice: &mut Dice) {
-    let edges = [
+    let edge_numbers = [
         0.0,
         1.0,
         -1.0,
@@ -247,20 +257,22 @@ fn take_numbers(dice: &mut Dice) {
         f64::INFINITY,
         f64::NAN,
     ];
-    let number = |dice: &mut Dice, usual: f64| match dice.below(12) {
-        0 => edges[dice.below(edges.len())],
+    let draw_number = |dice: &mut Dice, usual: f64| match dice.below(12) {
+        0 => edge_numbers[dice.below(edge_numbers.len())],
         _ => usual,
     };
-    let n = dice.below(12);
-    let t: Vec<f64> = (0..n).map(|i| number(dice, i as f64 * 1e-3)).collect();
-    let x: Vec<f64> = (0..n.saturating_sub(dice.below(8) / 7))
-        .map(|i| number(dice, i as f64 * 1e-4))
+    let sample_count = dice.below(12);
+    let sample_times: Vec<f64> = (0..sample_count)
+        .map(|i| draw_number(dice, i as f64 * 1e-3))
+        .collect();
+    let sample_positions: Vec<f64> = (0..sample_count.saturating_sub(dice.below(8) / 7))
+        .map(|i| draw_number(dice, i as f64 * 1e-4))
         .collect();
     let preparation = Preparation {
-        trim: (dice.below(2) == 0).then(|| (number(dice, 1e-3), number(dice, 5e-3))),
-        smooth: (dice.below(2) == 0).then(|| number(dice, 40.0)),
+        trim: (dice.below(2) == 0).then(|| (draw_number(dice, 1e-3), draw_number(dice, 5e-3))),
+        smooth: (dice.below(2) == 0).then(|| draw_number(dice, 40.0)),
     };
-    match Take::new(&t, &x, preparation) {
+    match Take::new(&sample_times, &sample_positions, preparation) {
         Ok(take) => assert!(take.duration() >= 0.0),
         Err(error) => assert!(!error.to_string().is_empty()),
     }
@@ -284,33 +296,36 @@ const TARGETS: &[(&str, Case)] = &[
 /// Run `count` cases of each target, from a first number on; report every failure with the number of its case.
 #[allow(clippy::print_stdout)] // cases per second, for docs/fuzzing.md
 fn fuzzed(count: u64) {
-    let number = |name: &str| std::env::var(name).ok().and_then(|text| text.parse().ok());
-    let (first, count) = (
-        number("FUZZ_FROM").unwrap_or(0),
-        number("FUZZ_COUNT").unwrap_or(count),
+    let env_number = |name: &str| std::env::var(name).ok().and_then(|text| text.parse().ok());
+    let (first_case, count) = (
+        env_number("FUZZ_FROM").unwrap_or(0),
+        env_number("FUZZ_COUNT").unwrap_or(count),
     );
-    let asked = std::env::var("FUZZ_TARGET").ok();
-    let mut faults = Vec::new();
+    let asked_target = std::env::var("FUZZ_TARGET").ok();
+    let mut failed_cases = Vec::new();
     for &(name, target) in TARGETS {
-        if asked.as_deref().is_some_and(|asked| asked != name) {
+        if asked_target
+            .as_deref()
+            .is_some_and(|asked_target| asked_target != name)
+        {
             continue;
         }
-        let began = Instant::now();
-        for case in first..first + count {
+        let target_began = Instant::now();
+        for case in first_case..first_case + count {
             if catch_unwind(AssertUnwindSafe(|| target(&mut Dice::seeded(case)))).is_err() {
-                faults.push(format!("{name}, case {case}"));
-                if faults.len() > 20 {
+                failed_cases.push(format!("{name}, case {case}"));
+                if failed_cases.len() > 20 {
                     break;
                 }
             }
         }
-        let seconds = began.elapsed().as_secs_f64();
+        let seconds = target_began.elapsed().as_secs_f64();
         eprintln!(
             "{name}: {count} cases, {:.0} a second",
             count as f64 / seconds
         );
     }
-    assert!(faults.is_empty(), "{faults:#?}");
+    assert!(failed_cases.is_empty(), "{failed_cases:#?}");
 }
 
 #[test]
@@ -331,8 +346,8 @@ fn recordings_with_cuts_and_flipped_bits_are_read() {
         read_recording(&complete[..end]);
     }
     for bit in 0..complete.len() * 8 {
-        let mut bytes = complete.clone();
-        bytes[bit / 8] ^= 1 << (bit % 8);
-        read_recording(&bytes);
+        let mut damaged_bytes = complete.clone();
+        damaged_bytes[bit / 8] ^= 1 << (bit % 8);
+        read_recording(&damaged_bytes);
     }
 }

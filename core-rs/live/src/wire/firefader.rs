@@ -23,8 +23,8 @@ pub const REPLY: usize = 7;
 
 /// The packet of two forces [N].
 pub fn request(force: [f64; 2]) -> [u8; 3] {
-    let [a, b] = force.map(|force| steps(force).cast_unsigned());
-    [TO_DEVICE, a, b]
+    let [first_force, second_force] = force.map(|force| steps(force).cast_unsigned());
+    [TO_DEVICE, first_force, second_force]
 }
 
 /// The forces [N] as rounded by their packet.
@@ -39,14 +39,14 @@ fn steps(force: f64) -> i8 {
 
 /// The forces [N] of a packet.
 pub fn parse_request(bytes: &[u8]) -> Parsed<[f64; 2]> {
-    let force = |byte: u8| f64::from(byte.cast_signed()) * FORCE_LSB;
+    let force_of = |byte: u8| f64::from(byte.cast_signed()) * FORCE_LSB;
     match *bytes {
         [] | [TO_DEVICE] => Parsed::Incomplete,
         // A first byte in the place of data: that packet was cut.
         [TO_DEVICE, TO_DEVICE, ..] => Parsed::Garbage(1),
         [TO_DEVICE, _] => Parsed::Incomplete,
         [TO_DEVICE, _, TO_DEVICE, ..] => Parsed::Garbage(2),
-        [TO_DEVICE, a, b, ..] => Parsed::Packet([force(a), force(b)], 3),
+        [TO_DEVICE, a, b, ..] => Parsed::Packet([force_of(a), force_of(b)], 3),
         _ => Parsed::Garbage(1),
     }
 }
@@ -70,9 +70,16 @@ impl Reply {
 
     /// The bytes of the packet; data bytes are limited so that none equals the first byte.
     pub fn bytes(&self) -> [u8; REPLY] {
-        let (p, a, c) = (self.position, self.analog, self.cap);
-        let [p0, p1, a0, a1, c0, c1] =
-            [p[0], p[1], a[0], a[1], c[0], c[1]].map(|byte| byte.min(TO_HOST - 1));
+        let (positions, analog_bytes, cap_bytes) = (self.position, self.analog, self.cap);
+        let [p0, p1, a0, a1, c0, c1] = [
+            positions[0],
+            positions[1],
+            analog_bytes[0],
+            analog_bytes[1],
+            cap_bytes[0],
+            cap_bytes[1],
+        ]
+        .map(|byte| byte.min(TO_HOST - 1));
         [TO_HOST, p0, p1, a0, a1, c0, c1]
     }
 }
@@ -85,17 +92,17 @@ pub fn position_byte(x: f64) -> u8 {
 /// Parse a reply at the beginning of some bytes.
 pub fn parse_reply(bytes: &[u8]) -> Parsed<Reply> {
     if bytes.first() != Some(&TO_HOST) {
-        let next = bytes.iter().position(|&byte| byte == TO_HOST);
-        return match (bytes.is_empty(), next) {
+        let next_start = bytes.iter().position(|&byte| byte == TO_HOST);
+        return match (bytes.is_empty(), next_start) {
             (true, _) => Parsed::Incomplete,
-            (false, next) => Parsed::Garbage(next.unwrap_or(bytes.len())),
+            (false, next_start) => Parsed::Garbage(next_start.unwrap_or(bytes.len())),
         };
     }
-    let data = &bytes[1..bytes.len().min(REPLY)];
-    if let Some(cut) = data.iter().position(|&byte| byte == TO_HOST) {
-        return Parsed::Garbage(1 + cut);
+    let data_bytes = &bytes[1..bytes.len().min(REPLY)];
+    if let Some(cut_offset) = data_bytes.iter().position(|&byte| byte == TO_HOST) {
+        return Parsed::Garbage(1 + cut_offset);
     }
-    match *data {
+    match *data_bytes {
         [a, b, c, d, e, f] => Parsed::Packet(
             Reply {
                 position: [a, b],

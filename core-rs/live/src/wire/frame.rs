@@ -129,19 +129,19 @@ pub fn carried(force: f64, full: f64) -> f64 {
 impl Request {
     /// Write the bytes, for a greatest force of `full` [N]; returns their number.
     pub fn write(&self, full: f64, bytes: &mut [u8; LONGEST]) -> usize {
-        let mut frame = Frame { bytes, len: 0 };
-        frame.put(&SYNC);
-        frame.put(&self.seq.to_le_bytes());
-        frame.put(&[count(self.n, self.wide)]);
+        let mut request_frame = Frame { bytes, len: 0 };
+        request_frame.put(&SYNC);
+        request_frame.put(&self.seq.to_le_bytes());
+        request_frame.put(&[count(self.n, self.wide)]);
         for force in &self.force[..self.n] {
             if self.wide {
-                frame.put(&force.to_le_bytes());
+                request_frame.put(&force.to_le_bytes());
             } else {
-                frame.put(&steps(*force, full).to_le_bytes());
+                request_frame.put(&steps(*force, full).to_le_bytes());
             }
         }
-        frame.put(&[self.flags]);
-        frame.close()
+        request_frame.put(&[self.flags]);
+        request_frame.close()
     }
 
     /// Parse a request at the beginning of some bytes.
@@ -155,8 +155,8 @@ impl Request {
                     f64::from(i16::from_le_bytes(array(body, 3 + 2 * axis))) * (full / FORCE_STEPS)
                 };
             }
-            let finite = force.iter().all(|force| force.is_finite());
-            finite.then(|| Self {
+            let all_finite = force.iter().all(|force| force.is_finite());
+            all_finite.then(|| Self {
                 seq: u16::from_le_bytes(array(body, 0)),
                 n,
                 wide,
@@ -170,20 +170,20 @@ impl Request {
 impl Reply {
     /// Write the bytes; returns their number.
     pub fn write(&self, bytes: &mut [u8; LONGEST]) -> usize {
-        let mut frame = Frame { bytes, len: 0 };
-        frame.put(&SYNC);
-        frame.put(&self.seq.to_le_bytes());
-        frame.put(&self.t_us.to_le_bytes());
-        frame.put(&[count(self.n, self.wide)]);
+        let mut reply_frame = Frame { bytes, len: 0 };
+        reply_frame.put(&SYNC);
+        reply_frame.put(&self.seq.to_le_bytes());
+        reply_frame.put(&self.t_us.to_le_bytes());
+        reply_frame.put(&[count(self.n, self.wide)]);
         for position in &self.position[..self.n] {
             if self.wide {
-                frame.put(&position.to_le_bytes());
+                reply_frame.put(&position.to_le_bytes());
             } else {
-                frame.put(&((position / POS_LSB).round() as i32).to_le_bytes());
+                reply_frame.put(&((position / POS_LSB).round() as i32).to_le_bytes());
             }
         }
-        frame.put(&[self.status]);
-        frame.close()
+        reply_frame.put(&[self.status]);
+        reply_frame.close()
     }
 
     /// Parse a reply at the beginning of some bytes.
@@ -197,8 +197,8 @@ impl Reply {
                     f64::from(i32::from_le_bytes(array(body, 7 + 4 * axis))) * POS_LSB
                 };
             }
-            let finite = position.iter().all(|position| position.is_finite());
-            finite.then(|| Self {
+            let all_finite = position.iter().all(|position| position.is_finite());
+            all_finite.then(|| Self {
                 seq: u16::from_le_bytes(array(body, 0)),
                 t_us: u32::from_le_bytes(array(body, 2)),
                 n,
@@ -213,14 +213,14 @@ impl Reply {
 impl DeviceInfo {
     /// Write the bytes; returns their number.
     pub fn write(&self, bytes: &mut [u8; LONGEST]) -> usize {
-        let mut frame = Frame { bytes, len: 0 };
-        frame.put(&SYNC_INFO);
-        frame.put(&self.seq.to_le_bytes());
-        frame.put(&[self.n as u8, self.traits]);
+        let mut info_frame = Frame { bytes, len: 0 };
+        info_frame.put(&SYNC_INFO);
+        info_frame.put(&self.seq.to_le_bytes());
+        info_frame.put(&[self.n as u8, self.traits]);
         for number in self.numbers {
-            frame.put(&number.to_le_bytes());
+            info_frame.put(&number.to_le_bytes());
         }
-        frame.close()
+        info_frame.close()
     }
 
     /// Parse an answer with the properties at the beginning of some bytes.
@@ -256,33 +256,33 @@ fn parse_frame<T>(
         [first] if *first == sync[0] => return Parsed::Incomplete,
         [] => return Parsed::Incomplete,
         _ => {
-            let next = bytes[1..].iter().position(|&byte| byte == sync[0]);
-            return Parsed::Garbage(next.map_or(bytes.len(), |next| next + 1));
+            let next_sync = bytes[1..].iter().position(|&byte| byte == sync[0]);
+            return Parsed::Garbage(next_sync.map_or(bytes.len(), |next_sync| next_sync + 1));
         }
     }
-    let Some(&count) = bytes.get(2 + before) else {
+    let Some(&count_byte) = bytes.get(2 + before) else {
         return Parsed::Incomplete;
     };
-    let (n, wide) = (usize::from(count & !WIDE), count & WIDE != 0);
-    if n > MAX_AXES {
+    let (axis_count, is_wide) = (usize::from(count_byte & !WIDE), count_byte & WIDE != 0);
+    if axis_count > MAX_AXES {
         return Parsed::Garbage(2);
     }
-    let end = 2 + before + 1 + n * size[usize::from(wide)] + after;
-    let Some(sum) = bytes.get(end..end + 2) else {
+    let crc_offset = 2 + before + 1 + axis_count * size[usize::from(is_wide)] + after;
+    let Some(crc_bytes) = bytes.get(crc_offset..crc_offset + 2) else {
         return Parsed::Incomplete;
     };
-    let inside = &bytes[2..end];
-    if crc(inside).to_le_bytes() != sum {
+    let body_bytes = &bytes[2..crc_offset];
+    if crc(body_bytes).to_le_bytes() != crc_bytes {
         // Only the sync bytes are skipped: a valid frame may begin inside the bytes after them.
         return Parsed::Garbage(2);
     }
-    read(inside, n, wide).map_or(Parsed::Garbage(end + 2), |frame| {
-        Parsed::Packet(frame, end + 2)
+    read(body_bytes, axis_count, is_wide).map_or(Parsed::Garbage(crc_offset + 2), |frame| {
+        Parsed::Packet(frame, crc_offset + 2)
     })
 }
 
 fn array<const N: usize>(bytes: &[u8], offset: usize) -> [u8; N] {
-    let mut array = [0; N];
-    array.copy_from_slice(&bytes[offset..offset + N]);
-    array
+    let mut fixed_bytes = [0; N];
+    fixed_bytes.copy_from_slice(&bytes[offset..offset + N]);
+    fixed_bytes
 }

@@ -29,8 +29,8 @@ pub fn parse_state(text: &str, id: Option<&str>) -> Option<State> {
     let message = parse_json(text)?;
     let devices = message.get("inverse3")?.as_array()?;
     let device = devices.iter().find(|device| {
-        let name = device.get("device_id").and_then(Value::as_str);
-        name.is_some() && id.is_none_or(|id| name == Some(id))
+        let device_name = device.get("device_id").and_then(Value::as_str);
+        device_name.is_some() && id.is_none_or(|id| device_name == Some(id))
     })?;
     Some(State {
         id: device.get("device_id")?.as_str()?.to_owned(),
@@ -42,12 +42,12 @@ pub fn parse_state(text: &str, id: Option<&str>) -> Option<State> {
 /// A message with the state of a device, as the service writes it; `lockstep` is a field of emulated services only.
 pub fn state(id: &str, position: [f64; 3], force: [f64; 3], lockstep: bool) -> String {
     let vector = |[x, y, z]: [f64; 3]| json!({"x": x, "y": y, "z": z});
-    let mut device = json!({"device_id": id, "state": {
+    let mut device_json = json!({"device_id": id, "state": {
         "cursor_position": vector(position), "current_cursor_force": vector(force)}});
     if lockstep {
-        device["lockstep"] = true.into();
+        device_json["lockstep"] = true.into();
     }
-    json!({"session_id": 1, "inverse3": [device]}).to_string()
+    json!({"session_id": 1, "inverse3": [device_json]}).to_string()
 }
 
 /// Parse the force [N] that a command sets for device `id`; `None` if it sets none.
@@ -72,9 +72,9 @@ fn parse_json(text: &str) -> Option<Value> {
 }
 
 fn vector(value: &Value) -> Option<[f64; 3]> {
-    let mut vector = [0.0; 3];
-    for (number, axis) in vector.iter_mut().zip(["x", "y", "z"]) {
+    let mut components = [0.0; 3];
+    for (number, axis) in components.iter_mut().zip(["x", "y", "z"]) {
         *number = value.get(axis)?.as_f64().filter(|x: &f64| x.is_finite())?;
     }
-    Some(vector)
+    Some(components)
 }

@@ -21,14 +21,14 @@ fn firefader_request_bytes_of_forces() {
 
 #[test]
 fn firefader_reply_bytes_of_positions() {
-    let bytes = [0xFF, 128, 0, 1, 2, 31, 30];
-    let Parsed::Packet(reply, 7) = firefader::parse_reply(&bytes) else {
-        panic!("{bytes:?}");
+    let packet_bytes = [0xFF, 128, 0, 1, 2, 31, 30];
+    let Parsed::Packet(parsed_reply, 7) = firefader::parse_reply(&packet_bytes) else {
+        panic!("{packet_bytes:?}");
     };
-    assert_eq!(reply.metres(0), 0.0);
-    assert!((reply.metres(1) + 0.04992).abs() < 1e-15);
-    assert_eq!((reply.analog, reply.cap), ([1, 2], [31, 30]));
-    assert_eq!(reply.bytes(), bytes);
+    assert_eq!(parsed_reply.metres(0), 0.0);
+    assert!((parsed_reply.metres(1) + 0.04992).abs() < 1e-15);
+    assert_eq!((parsed_reply.analog, parsed_reply.cap), ([1, 2], [31, 30]));
+    assert_eq!(parsed_reply.bytes(), packet_bytes);
     assert_eq!(firefader::position_byte(0.0039), 138);
     assert_eq!(firefader::position_byte(1.0), 254);
     assert_eq!(firefader::position_byte(-1.0), 0);
@@ -37,17 +37,19 @@ fn firefader_reply_bytes_of_positions() {
 #[test]
 fn firefader_inbox_finds_the_next_packet() {
     let mut inbox = Inbox::<64>::new();
-    let mut seen = Vec::new();
+    let mut seen_replies = Vec::new();
     // The end of a packet, a packet that is cut by the next one, and a packet in two pieces.
     for bytes in [
         &[3, 4, 0xFF, 9, 9, 0xFF, 130, 1][..],
         &[2, 3, 4, 5],
         &[0xFF, 7],
     ] {
-        inbox.feed(bytes, firefader::parse_reply, |reply| seen.push(reply));
+        inbox.feed(bytes, firefader::parse_reply, |reply| {
+            seen_replies.push(reply)
+        });
     }
-    assert_eq!(seen.len(), 1);
-    assert_eq!(seen[0].position, [130, 1]);
+    assert_eq!(seen_replies.len(), 1);
+    assert_eq!(seen_replies[0].position, [130, 1]);
     assert_eq!(inbox.garbage, 5);
 }
 
@@ -73,53 +75,54 @@ fn forces(n: usize) -> frame::Request {
 
 #[test]
 fn frame_bytes_of_a_request() {
-    let mut bytes = [0; frame::LONGEST];
-    let len = forces(2).write(2.0, &mut bytes);
+    let mut frame_buffer = [0; frame::LONGEST];
+    let frame_length = forces(2).write(2.0, &mut frame_buffer);
     // -1 N of 2 N is -16384 steps (-16383.5 rounds away from zero), 0xC000.
-    let body = [0x02, 0x01, 2, 0x00, 0xC0, 0, 0, 1];
-    let crc = frame::crc(&body).to_le_bytes();
-    let mut wanted = vec![0xA5, 0x5A];
-    wanted.extend(body);
-    wanted.extend(crc);
-    assert_eq!(&bytes[..len], &wanted[..]);
+    let body_bytes = [0x02, 0x01, 2, 0x00, 0xC0, 0, 0, 1];
+    let body_crc = frame::crc(&body_bytes).to_le_bytes();
+    let mut expected = vec![0xA5, 0x5A];
+    expected.extend(body_bytes);
+    expected.extend(body_crc);
+    assert_eq!(&frame_buffer[..frame_length], &expected[..]);
     // A request for twelve keys has 32 bytes, its reply 60.
-    assert_eq!(forces(12).write(2.0, &mut bytes), 32);
-    let reply = frame::Reply {
+    assert_eq!(forces(12).write(2.0, &mut frame_buffer), 32);
+    let long_reply = frame::Reply {
         seq: 7,
         t_us: 1_000_000,
         n: 12,
         ..frame::Reply::default()
     };
-    assert_eq!(reply.write(&mut bytes), 60);
+    assert_eq!(long_reply.write(&mut frame_buffer), 60);
 }
 
 #[test]
 fn frame_reply_positions_in_tens_of_nanometres() {
-    let mut bytes = [0; frame::LONGEST];
-    let mut reply = frame::Reply {
+    let mut frame_buffer = [0; frame::LONGEST];
+    let mut sent_reply = frame::Reply {
         n: 1,
         ..frame::Reply::default()
     };
-    reply.position[0] = -0.001;
-    let len = reply.write(&mut bytes);
-    assert_eq!(bytes[9..13], (-100_000_i32).to_le_bytes());
-    let Parsed::Packet(back, complete) = frame::Reply::parse(&bytes[..len]) else {
-        panic!("{bytes:?}");
+    sent_reply.position[0] = -0.001;
+    let frame_length = sent_reply.write(&mut frame_buffer);
+    assert_eq!(frame_buffer[9..13], (-100_000_i32).to_le_bytes());
+    let Parsed::Packet(parsed_reply, complete) = frame::Reply::parse(&frame_buffer[..frame_length])
+    else {
+        panic!("{frame_buffer:?}");
     };
-    assert_eq!(complete, len);
-    assert!((back.position[0] + 0.001).abs() < 1e-18);
+    assert_eq!(complete, frame_length);
+    assert!((parsed_reply.position[0] + 0.001).abs() < 1e-18);
 }
 
 #[test]
 fn haply_messages_of_the_service() {
-    let text = r#"{"session_id":1,"inverse3":[{"device_id":"A14","state":{"cursor_position":
+    let message_text = r#"{"session_id":1,"inverse3":[{"device_id":"A14","state":{"cursor_position":
         {"x":0.01,"y":-0.02,"z":0.15},"cursor_velocity":{"x":0,"y":0,"z":0}},"status":{"power":true}}]}"#;
-    let state = haply::parse_state(text, None).unwrap();
+    let device_state = haply::parse_state(message_text, None).unwrap();
     assert_eq!(
-        (state.id.as_str(), state.position),
+        (device_state.id.as_str(), device_state.position),
         ("A14", [0.01, -0.02, 0.15])
     );
-    assert_eq!(haply::parse_state(text, Some("B2")), None);
+    assert_eq!(haply::parse_state(message_text, Some("B2")), None);
     let command = haply::command("A14", [0.5, f64::NAN, -1.0]);
     assert_eq!(
         command,
@@ -129,10 +132,13 @@ fn haply_messages_of_the_service() {
         haply::parse_command(&command, "A14"),
         Some([0.5, 0.0, -1.0])
     );
-    assert!(!state.lockstep, "no real service has the host's time");
+    assert!(
+        !device_state.lockstep,
+        "no real service has the host's time"
+    );
     for lockstep in [false, true] {
-        let output = haply::state("A14", [0.1, 0.2, 0.3], [0.0; 3], lockstep);
-        let listened = haply::parse_state(&output, Some("A14")).unwrap();
+        let state_message = haply::state("A14", [0.1, 0.2, 0.3], [0.0; 3], lockstep);
+        let listened = haply::parse_state(&state_message, Some("A14")).unwrap();
         assert_eq!(listened.position, [0.1, 0.2, 0.3]);
         assert_eq!(listened.lockstep, lockstep);
     }
@@ -145,17 +151,17 @@ fn feeds<T: PartialEq + std::fmt::Debug>(
     piece: usize,
     parse: impl Fn(&[u8]) -> Parsed<T> + Copy,
 ) {
-    let mut bytes = Vec::new();
+    let mut stream_bytes = Vec::new();
     for (i, (packet, _)) in packets.iter().enumerate() {
-        bytes.extend(noise.get(i).into_iter().flatten());
-        bytes.extend(packet);
+        stream_bytes.extend(noise.get(i).into_iter().flatten());
+        stream_bytes.extend(packet);
     }
-    let (mut inbox, mut seen) = (Inbox::<512>::new(), Vec::new());
-    for piece in bytes.chunks(piece) {
-        inbox.feed(piece, parse, |packet| seen.push(packet));
+    let (mut inbox, mut seen_packets) = (Inbox::<512>::new(), Vec::new());
+    for piece in stream_bytes.chunks(piece) {
+        inbox.feed(piece, parse, |packet| seen_packets.push(packet));
     }
-    let wanted: Vec<&T> = packets.iter().map(|(_, packet)| packet).collect();
-    assert_eq!(seen.iter().collect::<Vec<_>>(), wanted);
+    let expected: Vec<&T> = packets.iter().map(|(_, packet)| packet).collect();
+    assert_eq!(seen_packets.iter().collect::<Vec<_>>(), expected);
 }
 
 proptest! {

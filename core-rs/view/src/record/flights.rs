@@ -22,29 +22,33 @@ pub(super) struct Flight {
 impl Recorder {
     /// Writes new flights for points and modes that differ from those that a reader has.
     pub(super) fn write_flights(&mut self, seen: &[f64], now: f64, is_first: bool) {
-        let (n, step) = (self.look.n_tracks(), 1.0 / self.rate);
+        let (track_count, frame_period) = (self.look.n_tracks(), 1.0 / self.rate);
         let mut flights: Vec<(f64, usize, Flight)> = Vec::new();
         for track in &self.tracks {
-            let actual =
-                (track.oscillation).phase(seen[track.number], seen[n + track.number], step);
+            let actual_phase = (track.oscillation).phase(
+                seen[track.number],
+                seen[track_count + track.number],
+                frame_period,
+            );
             let flight = &self.flights[track.number];
             let predicted = track
                 .oscillation
                 .later((flight.a, flight.b), now - flight.since);
-            let scale = if track.oscillation.omega == 0.0 {
+            let velocity_scale = if track.oscillation.omega == 0.0 {
                 1.0 / self.setup.fps
             } else {
                 1.0
             };
-            let size = |(a, b): (f64, f64)| amplitude(a, b * scale);
-            let difference = size((actual.0 - predicted.0, actual.1 - predicted.1));
-            let largest = size(actual).max(size(predicted));
-            let peak = &mut self.peaks[track.run];
+            let amplitude_of = |(a, b): (f64, f64)| amplitude(a, b * velocity_scale);
+            let difference =
+                amplitude_of((actual_phase.0 - predicted.0, actual_phase.1 - predicted.1));
+            let largest = amplitude_of(actual_phase).max(amplitude_of(predicted));
+            let run_peak = &mut self.peaks[track.run];
             if track.number < self.look.points.len() {
-                *peak = peak.max(if track.oscillation.omega == 0.0 {
-                    actual.0.abs()
+                *run_peak = run_peak.max(if track.oscillation.omega == 0.0 {
+                    actual_phase.0.abs()
                 } else {
-                    size(actual)
+                    amplitude_of(actual_phase)
                 });
             }
             if difference.is_nan() || difference <= BOUND.flight * largest + FAINT {
@@ -52,17 +56,18 @@ impl Recorder {
             }
             // A strike at the instant of a look acts after it.
             let strike_times = &self.strike_times[track.struck];
-            let strike = strike_times[..strike_times.partition_point(|time| *time < now)].last();
-            let since = match strike {
-                Some(&strike)
-                    if strike >= self.last
-                        && track.oscillation.sigma * (now - strike) < MAX_DECAY =>
+            let last_strike =
+                strike_times[..strike_times.partition_point(|time| *time < now)].last();
+            let since = match last_strike {
+                Some(&last_strike)
+                    if last_strike >= self.last
+                        && track.oscillation.sigma * (now - last_strike) < MAX_DECAY =>
                 {
-                    strike
+                    last_strike
                 }
                 _ => now,
             };
-            let (a, b) = track.oscillation.later(actual, since - now);
+            let (a, b) = track.oscillation.later(actual_phase, since - now);
             let (a, b) = (f64::from(a as f32), f64::from(b as f32));
             flights.push((since, track.number, Flight { a, b, since }));
         }
@@ -81,14 +86,22 @@ impl Recorder {
 
     /// Updates the peaks of modal parts.
     fn shape(&mut self, seen: &[f64]) {
-        let n = self.look.points.len();
+        let point_count = self.look.points.len();
         for (run, peak) in self.runs.iter().zip(&mut self.peaks) {
             let Some(body) = run.body.map(|body| &self.look.bodies[body]) else {
                 continue;
             };
-            let modes = &seen[n + body.first..][..body.modes.len()];
-            for (row, &point) in body.shapes.chunks(modes.len().max(1)).zip(&body.points) {
-                self.shaped[point] = row.iter().zip(modes).map(|(share, q)| share * q).sum();
+            let mode_positions = &seen[point_count + body.first..][..body.modes.len()];
+            for (row, &point) in body
+                .shapes
+                .chunks(mode_positions.len().max(1))
+                .zip(&body.points)
+            {
+                self.shaped[point] = row
+                    .iter()
+                    .zip(mode_positions)
+                    .map(|(share, q)| share * q)
+                    .sum();
                 *peak = peak.max(self.shaped[point].abs());
             }
         }
@@ -98,19 +111,19 @@ impl Recorder {
     pub(super) fn begin_segment(&mut self, now: f64) {
         self.segment.start = now;
         for track in &self.tracks {
-            let flight = &mut self.flights[track.number];
+            let track_flight = &mut self.flights[track.number];
             let (a, b) = track
                 .oscillation
-                .later((flight.a, flight.b), now - flight.since);
+                .later((track_flight.a, track_flight.b), now - track_flight.since);
             let is_faint = amplitude(a, b) <= FAINT;
             let value_or_zero = |x: f64| if is_faint { 0.0 } else { f64::from(x as f32) };
-            *flight = Flight {
+            *track_flight = Flight {
                 a: value_or_zero(a),
                 b: value_or_zero(b),
                 since: now,
             };
             if !is_faint {
-                write(&mut self.segment.state, track.number, flight);
+                write(&mut self.segment.state, track.number, track_flight);
             }
         }
     }

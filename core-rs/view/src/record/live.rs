@@ -19,38 +19,38 @@ impl Recorder {
     /// The chunks of the last look, for live pages; used instead of those of a file.
     pub fn take_live(&mut self) -> LiveChunks {
         let mut segment = std::mem::take(&mut self.segment);
-        let now = self.last;
+        let look_time = self.last;
         let is_key = (self.frame.wrapping_sub(1)).is_multiple_of(self.per_segment());
         let (mut events, mut latest) = (Vec::new(), Vec::new());
         (segment.events).sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        let first = segment.events.partition_point(|event| event.0 < now);
-        let (before, now_on) = segment.events.split_at(first);
-        let mut write = |some: &[(f64, u16, Bytes)], state: Option<&Bytes>| {
-            if let Some(state) = state {
-                put(&mut events, kind::STATE, now, &state.0);
+        let now_index = segment.events.partition_point(|event| event.0 < look_time);
+        let (past_events, now_events) = segment.events.split_at(now_index);
+        let mut put_chunks = |some: &[(f64, u16, Bytes)], state_bytes: Option<&Bytes>| {
+            if let Some(state_bytes) = state_bytes {
+                put(&mut events, kind::STATE, look_time, &state_bytes.0);
             }
             for (seconds, which, payload) in some {
-                let to = match *which {
+                let target_chunks = match *which {
                     kind::LEVELS | kind::HANDS => &mut latest,
                     _ => &mut events,
                 };
-                put(to, *which, *seconds, &payload.0);
+                put(target_chunks, *which, *seconds, &payload.0);
             }
         };
-        write(before, None);
-        write(now_on, is_key.then_some(&segment.state));
-        let mut peaks = Bytes::default();
-        self.peaks.iter().for_each(|peak| peaks.f32(*peak));
-        put(&mut latest, kind::PEAKS, now, &peaks.0);
+        put_chunks(past_events, None);
+        put_chunks(now_events, is_key.then_some(&segment.state));
+        let mut peak_bytes = Bytes::default();
+        self.peaks.iter().for_each(|peak| peak_bytes.f32(*peak));
+        put(&mut latest, kind::PEAKS, look_time, &peak_bytes.0);
         for (part, rows) in segment.rows.into_iter().enumerate() {
             if self.runs[part].kind == "sampled" {
-                let frames = Frames {
+                let live_frames = Frames {
                     part: part as u16,
                     hop: 1.0 / self.setup.fps,
                     rows,
                     count: 1,
                 };
-                put(&mut latest, kind::FRAMES, now, &frames.plain());
+                put(&mut latest, kind::FRAMES, look_time, &live_frames.plain());
             }
         }
         LiveChunks {

@@ -25,7 +25,7 @@ pub struct Run {
 
 /// The runs of all points, in order.
 pub fn runs(look: &Look) -> Vec<Run> {
-    let mut all: Vec<Run> = Vec::new();
+    let mut all_runs: Vec<Run> = Vec::new();
     for (index, point) in look.points.iter().enumerate() {
         let (kind, why, body) = match point.how {
             How::Free(_) => ("free", None, None),
@@ -34,13 +34,13 @@ pub fn runs(look: &Look) -> Vec<Run> {
             How::NotComputed { is_moved: true } => ("none", Some("unheard"), None),
             How::NotComputed { is_moved: false } => ("none", Some("unmoved"), None),
         };
-        match all.last_mut() {
+        match all_runs.last_mut() {
             Some(run)
                 if (run.part, run.kind, run.why, run.body) == (point.part, kind, why, body) =>
             {
                 run.points.end = index + 1;
             }
-            _ => all.push(Run {
+            _ => all_runs.push(Run {
                 part: point.part,
                 points: index..index + 1,
                 kind,
@@ -49,7 +49,7 @@ pub fn runs(look: &Look) -> Vec<Run> {
             }),
         }
     }
-    all
+    all_runs
 }
 
 /// A point or mode that oscillates freely.
@@ -63,11 +63,11 @@ pub(super) struct Track {
 
 /// All free points and modes, run by run.
 pub(super) fn tracks(look: &Look, runs: &[Run]) -> Vec<Track> {
-    let mut all = Vec::new();
+    let mut all_tracks = Vec::new();
     for (run, run_tracks) in runs.iter().enumerate() {
         for number in run_tracks.points.clone() {
             if let How::Free(run_tracks) = look.points[number].how {
-                all.push(Track {
+                all_tracks.push(Track {
                     number,
                     oscillation: run_tracks,
                     struck: number,
@@ -75,11 +75,13 @@ pub(super) fn tracks(look: &Look, runs: &[Run]) -> Vec<Track> {
                 });
             }
         }
-        if let Some(body) = run_tracks.body {
-            let modes = look.bodies[body].modes.iter();
-            for (number, run_tracks) in (look.points.len() + look.bodies[body].first..).zip(modes) {
-                let struck = look.points.len() + body;
-                all.push(Track {
+        if let Some(body_index) = run_tracks.body {
+            let body_modes = look.bodies[body_index].modes.iter();
+            for (number, run_tracks) in
+                (look.points.len() + look.bodies[body_index].first..).zip(body_modes)
+            {
+                let struck = look.points.len() + body_index;
+                all_tracks.push(Track {
                     number,
                     oscillation: *run_tracks,
                     struck,
@@ -88,7 +90,7 @@ pub(super) fn tracks(look: &Look, runs: &[Run]) -> Vec<Track> {
             }
         }
     }
-    all
+    all_tracks
 }
 
 /// Instants at which points and bodies are struck. In a discrete part, a strike acts at a frame.
@@ -99,26 +101,26 @@ pub(super) fn strike_times(
     ergons: &[Record],
     rate: f64,
 ) -> Vec<Vec<f64>> {
-    let n = look.points.len();
-    let mut all = vec![Vec::new(); n + look.bodies.len()];
+    let point_count = look.points.len();
+    let mut all_times = vec![Vec::new(); point_count + look.bodies.len()];
     for ergon in ergons {
-        let Some(&index) = points.get(&(ergon.mat as usize)) else {
+        let Some(&point_index) = points.get(&(ergon.mat as usize)) else {
             continue;
         };
-        let point = &look.points[index];
-        let is_discrete = network.parts()[point.part].ca_rate.is_some();
-        let frame = ergon_engine::maths::floor(ergon.time * rate + 0.5);
+        let struck_point = &look.points[point_index];
+        let is_discrete = network.parts()[struck_point.part].ca_rate.is_some();
+        let strike_frame = ergon_engine::maths::floor(ergon.time * rate + 0.5);
         let instant = if is_discrete {
-            frame / rate
+            strike_frame / rate
         } else {
             ergon.time
         };
-        match point.how {
-            How::Free(_) => all[index].push(instant),
-            How::Modal(body) => all[n + body].push(instant),
+        match struck_point.how {
+            How::Free(_) => all_times[point_index].push(instant),
+            How::Modal(body) => all_times[point_count + body].push(instant),
             How::Sampled | How::NotComputed { .. } => {}
         }
     }
-    debug_assert!(NONE as usize > n);
-    all
+    debug_assert!(NONE as usize > point_count);
+    all_times
 }

@@ -18,11 +18,11 @@ pub(super) fn put_all(
 ) {
     put(out, kind::MANIFEST, 0.0, setup.manifest.as_bytes());
     put(out, kind::POINTS, 0.0, &points(look, setup).0);
-    let names = look.points.iter();
-    let names: String = names
+    let name_lines = look.points.iter();
+    let name_lines: String = name_lines
         .map(|point| network.mat_name(point.mat) + "\n")
         .collect();
-    put(out, kind::NAMES, 0.0, names.as_bytes());
+    put(out, kind::NAMES, 0.0, name_lines.as_bytes());
     put(out, kind::LINKS, 0.0, &links(look, network).0);
     for (part, run) in runs.iter().enumerate() {
         shapes(out, look, part, run);
@@ -30,50 +30,59 @@ pub(super) fn put_all(
 }
 
 fn points(look: &Look, setup: &Setup) -> Bytes {
-    let free = |point: &Point| match point.how {
+    let oscillation_of = |point: &Point| match point.how {
         How::Free(own) => own,
         _ => Oscillation {
             omega: 0.0,
             sigma: 0.0,
         },
     };
-    let (mut table, points) = (Bytes::default(), &look.points);
-    table.u32(points.len() as u32);
+    let (mut table_bytes, look_points) = (Bytes::default(), &look.points);
+    table_bytes.u32(look_points.len() as u32);
     for axis in 0..3 {
-        setup.places.iter().for_each(|place| table.f32(place[axis]));
+        setup
+            .places
+            .iter()
+            .for_each(|place| table_bytes.f32(place[axis]));
     }
-    points.iter().for_each(|point| table.f32(point.rest));
-    points.iter().for_each(|point| table.f64(free(point).omega));
-    points.iter().for_each(|point| table.f64(free(point).sigma));
-    table
+    look_points
+        .iter()
+        .for_each(|point| table_bytes.f32(point.rest));
+    look_points
+        .iter()
+        .for_each(|point| table_bytes.f64(oscillation_of(point).omega));
+    look_points
+        .iter()
+        .for_each(|point| table_bytes.f64(oscillation_of(point).sigma));
+    table_bytes
 }
 
 fn links(look: &Look, network: &Network) -> Bytes {
-    let pairs = drawn(look, network);
-    let mut table = Bytes::default();
-    table.u32(pairs.len() as u32);
-    for (_, a, b) in pairs {
-        table.u32(a);
-        table.u32(b);
+    let link_pairs = drawn(look, network);
+    let mut table_bytes = Bytes::default();
+    table_bytes.u32(link_pairs.len() as u32);
+    for (_, a, b) in link_pairs {
+        table_bytes.u32(a);
+        table_bytes.u32(b);
     }
-    table
+    table_bytes
 }
 
 /// Springs, as pairs of points with the LIA of each; a spring in space has a pair for each axis. Contacts are in the
 /// manifest, and attraction between masses is not drawn.
 fn drawn(look: &Look, network: &Network) -> Vec<(usize, u32, u32)> {
-    let mut by_mat = vec![None; network.n_mat()];
+    let mut point_by_mat = vec![None; network.n_mat()];
     for (at, point) in look.points.iter().enumerate() {
-        by_mat[point.mat] = Some(at as u32);
+        point_by_mat[point.mat] = Some(at as u32);
     }
     let springs = network.runs().iter();
     let springs = springs.filter(|run| run.kind.is_drawn());
     springs
         .flat_map(|run| {
-            let pairs = move |i| run.pairs(i).map(move |ends| (run.first + i, ends));
-            (0..run.len).flat_map(pairs)
+            let pairs_of = move |i| run.pairs(i).map(move |ends| (run.first + i, ends));
+            (0..run.len).flat_map(pairs_of)
         })
-        .filter_map(|(link, (a, b))| Some((link, by_mat[a]?, by_mat[b]?)))
+        .filter_map(|(link, (a, b))| Some((link, point_by_mat[a]?, point_by_mat[b]?)))
         .collect()
 }
 
@@ -82,12 +91,14 @@ pub(super) fn breakable(look: &Look, network: &Network) -> Vec<Option<u32>> {
     if look.breakable.is_empty() {
         return Vec::new();
     }
-    let mut first: HashMap<usize, u32> = HashMap::new();
+    let mut first_pairs: HashMap<usize, u32> = HashMap::new();
     for ((link, ..), number) in drawn(look, network).into_iter().zip(0..) {
-        first.entry(link).or_insert(number);
+        first_pairs.entry(link).or_insert(number);
     }
-    let links = look.breakable.iter();
-    links.map(|link| first.get(link).copied()).collect()
+    let link_numbers = look.breakable.iter();
+    link_numbers
+        .map(|link| first_pairs.get(link).copied())
+        .collect()
 }
 
 /// The shapes of a body's modes, as many in one chunk as it can hold.
@@ -95,20 +106,27 @@ fn shapes(out: &mut Vec<u8>, look: &Look, part: usize, run: &Run) {
     let Some(body) = run.body.map(|body| &look.bodies[body]) else {
         return;
     };
-    let (n, m) = (body.points.len(), body.modes.len());
-    for some in chunks(m, (PAYLOAD_MAX / 4) / (2 * n.max(1)).max(1)) {
-        let (mut table, modes) = (Bytes::default(), &body.modes[some.clone()]);
-        table.u16(part as u16);
-        table.u16(0);
-        table.u32((body.first + some.start) as u32);
-        table.u32(some.len() as u32);
-        table.u32(n as u32);
-        modes.iter().for_each(|own| table.f64(own.omega));
-        modes.iter().for_each(|own| table.f64(own.sigma));
-        for row in body.shapes.chunks(m.max(1)) {
-            let row = row[some.clone()].iter();
-            row.for_each(|share| table.u16(to_half(*share)));
+    let (point_count, mode_count) = (body.points.len(), body.modes.len());
+    for some in chunks(
+        mode_count,
+        (PAYLOAD_MAX / 4) / (2 * point_count.max(1)).max(1),
+    ) {
+        let (mut table_bytes, chunk_modes) = (Bytes::default(), &body.modes[some.clone()]);
+        table_bytes.u16(part as u16);
+        table_bytes.u16(0);
+        table_bytes.u32((body.first + some.start) as u32);
+        table_bytes.u32(some.len() as u32);
+        table_bytes.u32(point_count as u32);
+        chunk_modes
+            .iter()
+            .for_each(|own| table_bytes.f64(own.omega));
+        chunk_modes
+            .iter()
+            .for_each(|own| table_bytes.f64(own.sigma));
+        for shape_row in body.shapes.chunks(mode_count.max(1)) {
+            let shape_row = shape_row[some.clone()].iter();
+            shape_row.for_each(|share| table_bytes.u16(to_half(*share)));
         }
-        put(out, kind::SHAPES, 0.0, &table.0);
+        put(out, kind::SHAPES, 0.0, &table_bytes.0);
     }
 }

@@ -13,8 +13,8 @@ pub struct Key(String);
 impl Key {
     /// The key of 32 hexadecimal digits; `None` for other text.
     pub fn new(digits: &str) -> Option<Self> {
-        let is_key = digits.len() == 32 && digits.bytes().all(|b| b.is_ascii_hexdigit());
-        is_key.then(|| Self(digits.to_ascii_lowercase()))
+        let is_valid_key = digits.len() == 32 && digits.bytes().all(|b| b.is_ascii_hexdigit());
+        is_valid_key.then(|| Self(digits.to_ascii_lowercase()))
     }
 
     /// Whether `text` is this key; the time of the comparison does not depend on where they differ.
@@ -49,11 +49,11 @@ pub(super) fn check<'a>(
     key: &Key,
     address: SocketAddr,
 ) -> Result<&'a str, Status> {
-    let host = request.host.as_deref().ok_or(Status::Malformed)?;
-    if !is_ours(host, address) {
+    let request_host = request.host.as_deref().ok_or(Status::Malformed)?;
+    if !is_ours(request_host, address) {
         return Err(Status::WrongHost);
     }
-    let from_here = |origin: &str| origin.strip_prefix("http://") == Some(host);
+    let from_here = |origin: &str| origin.strip_prefix("http://") == Some(request_host);
     match request.origin.as_deref() {
         Some(origin) if !from_here(origin) => return Err(Status::WrongOrigin),
         // A browser always sends the origin of a WebSocket.
@@ -69,17 +69,21 @@ pub(super) fn check<'a>(
 
 /// Whether a `Host` is this machine: on loopback, a loopback address or `localhost`; otherwise, any address.
 fn is_ours(host: &str, address: SocketAddr) -> bool {
-    let (name, port) = match host.rsplit_once(':') {
-        Some((name, port)) if !port.ends_with(']') => (name, port.parse().ok()),
+    let (host_name, host_port) = match host.rsplit_once(':') {
+        Some((host_name, host_port)) if !host_port.ends_with(']') => {
+            (host_name, host_port.parse().ok())
+        }
         _ => (host, Some(80)),
     };
-    if port != Some(address.port()) {
+    if host_port != Some(address.port()) {
         return false;
     }
-    if name.eq_ignore_ascii_case("localhost") {
+    if host_name.eq_ignore_ascii_case("localhost") {
         return true;
     }
-    let bare = name.strip_prefix('[').and_then(|n| n.strip_suffix(']'));
-    let ip: Option<IpAddr> = bare.unwrap_or(name).parse().ok();
-    ip.is_some_and(|ip| !address.ip().is_loopback() || ip.is_loopback())
+    let bare_address = host_name
+        .strip_prefix('[')
+        .and_then(|n| n.strip_suffix(']'));
+    let host_ip: Option<IpAddr> = bare_address.unwrap_or(host_name).parse().ok();
+    host_ip.is_some_and(|host_ip| !address.ip().is_loopback() || host_ip.is_loopback())
 }

@@ -46,17 +46,17 @@ const HEADERS: &str = "Content-Security-Policy: default-src 'self'; media-src 's
     Connection: close\r\n";
 
 pub(super) fn refuse(out: &mut impl Write, status: Status) -> io::Result<()> {
-    let line = status.line();
-    let allow = if status == Status::NotGet {
+    let status_line = status.line();
+    let allow_header = if status == Status::NotGet {
         "Allow: GET\r\n"
     } else {
         ""
     };
-    let head = format!(
-        "HTTP/1.1 {line}\r\n{HEADERS}{allow}Content-Type: text/plain\r\nContent-Length: {}\r\n\r\n{line}\n",
-        line.len() + 1
+    let response_head = format!(
+        "HTTP/1.1 {status_line}\r\n{HEADERS}{allow_header}Content-Type: text/plain\r\nContent-Length: {}\r\n\r\n{status_line}\n",
+        status_line.len() + 1
     );
-    out.write_all(head.as_bytes())
+    out.write_all(response_head.as_bytes())
 }
 
 /// Answers that there is nothing under this name, which is not an error.
@@ -65,10 +65,11 @@ pub(super) fn no_content(out: &mut impl Write) -> io::Result<()> {
 }
 
 pub(super) fn send_bytes(out: &mut impl Write, kind: &str, body: &[u8]) -> io::Result<()> {
-    let n = body.len();
-    let head =
-        format!("HTTP/1.1 200 OK\r\n{HEADERS}Content-Type: {kind}\r\nContent-Length: {n}\r\n\r\n");
-    out.write_all(head.as_bytes())?;
+    let body_length = body.len();
+    let response_head = format!(
+        "HTTP/1.1 200 OK\r\n{HEADERS}Content-Type: {kind}\r\nContent-Length: {body_length}\r\n\r\n"
+    );
+    out.write_all(response_head.as_bytes())?;
     out.write_all(body)
 }
 
@@ -77,14 +78,14 @@ pub(super) fn byte_range(
     range: Option<(u64, Option<u64>)>,
     length: u64,
 ) -> Result<(u64, u64), Status> {
-    let Some((first, last)) = range else {
+    let Some((first_byte, last_byte)) = range else {
         return Ok((0, length));
     };
-    let end = last.map_or(length, |last| last.saturating_add(1).min(length));
-    if first >= end {
+    let end_byte = last_byte.map_or(length, |last_byte| last_byte.saturating_add(1).min(length));
+    if first_byte >= end_byte {
         return Err(Status::NoSuchRange);
     }
-    Ok((first, end - first))
+    Ok((first_byte, end_byte - first_byte))
 }
 
 /// Sends a part of a file, in pieces.
@@ -96,7 +97,7 @@ pub(super) fn send_file(
     (first, n): (u64, u64),
     is_part: bool,
 ) -> io::Result<()> {
-    let status = if is_part {
+    let status_line = if is_part {
         format!(
             "206 Partial Content\r\nContent-Range: bytes {first}-{}/{length}",
             first + n - 1
@@ -104,31 +105,33 @@ pub(super) fn send_file(
     } else {
         "200 OK".into()
     };
-    let head = format!(
-        "HTTP/1.1 {status}\r\n{HEADERS}Accept-Ranges: bytes\r\nContent-Type: {kind}\r\nContent-Length: {n}\r\n\r\n"
+    let response_head = format!(
+        "HTTP/1.1 {status_line}\r\n{HEADERS}Accept-Ranges: bytes\r\nContent-Type: {kind}\r\nContent-Length: {n}\r\n\r\n"
     );
-    out.write_all(head.as_bytes())?;
+    out.write_all(response_head.as_bytes())?;
     file.seek(SeekFrom::Start(first))?;
-    let mut piece = vec![0; 64 << 10];
-    let mut left = n;
-    while left > 0 {
-        let piece_len = piece.len().min(usize::try_from(left).unwrap_or(usize::MAX));
-        let read = file.read(&mut piece[..piece_len])?;
-        if read == 0 {
+    let mut piece_buffer = vec![0; 64 << 10];
+    let mut bytes_left = n;
+    while bytes_left > 0 {
+        let piece_len = piece_buffer
+            .len()
+            .min(usize::try_from(bytes_left).unwrap_or(usize::MAX));
+        let bytes_read = file.read(&mut piece_buffer[..piece_len])?;
+        if bytes_read == 0 {
             // The file became shorter meanwhile: the reader notices that bytes are missing.
             return Err(io::ErrorKind::UnexpectedEof.into());
         }
-        out.write_all(&piece[..read])?;
-        left -= read as u64;
+        out.write_all(&piece_buffer[..bytes_read])?;
+        bytes_left -= bytes_read as u64;
     }
     Ok(())
 }
 
 /// The answer to the upgrade of a WebSocket.
 pub(super) fn switch_protocols(out: &mut impl Write, key: &str) -> io::Result<()> {
-    let accept = tungstenite::handshake::derive_accept_key(key.as_bytes());
-    let head = format!(
-        "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Accept: {accept}\r\n\r\n"
+    let accept_key = tungstenite::handshake::derive_accept_key(key.as_bytes());
+    let response_head = format!(
+        "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Accept: {accept_key}\r\n\r\n"
     );
-    out.write_all(head.as_bytes())
+    out.write_all(response_head.as_bytes())
 }

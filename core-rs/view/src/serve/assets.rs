@@ -13,16 +13,20 @@ const FILES: &[(&str, &str)] = page!(
 );
 
 /// A file of the page: its media type and its text. The empty name is `index.html`.
-pub(super) fn find(name: &str) -> Option<(&'static str, &'static str)> {
-    let name = if name.is_empty() { "index.html" } else { name };
-    let &(name, text) = FILES.iter().find(|(known, _)| *known == name)?;
-    let kind = match name.rsplit_once('.')?.1 {
+pub(super) fn find(file_name: &str) -> Option<(&'static str, &'static str)> {
+    let file_name = if file_name.is_empty() {
+        "index.html"
+    } else {
+        file_name
+    };
+    let &(file_name, file_text) = FILES.iter().find(|(known, _)| *known == file_name)?;
+    let media_type = match file_name.rsplit_once('.')?.1 {
         "html" => "text/html; charset=utf-8",
         "css" => "text/css; charset=utf-8",
         "svg" => "image/svg+xml",
         _ => "text/javascript; charset=utf-8",
     };
-    Some((kind, text))
+    Some((media_type, file_text))
 }
 
 #[cfg(test)]
@@ -34,9 +38,9 @@ mod tests {
 
     #[test]
     fn served_files_are_those_of_the_folder() {
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("page");
-        let lie = std::fs::read_dir(folder).expect("the folder");
-        let lie: BTreeSet<_> = lie
+        let page_folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("page");
+        let folder_files = std::fs::read_dir(page_folder).expect("the folder");
+        let folder_files: BTreeSet<_> = folder_files
             .map(|entry| {
                 entry
                     .expect("an entry")
@@ -45,7 +49,7 @@ mod tests {
                     .expect("a name")
             })
             .collect();
-        let served = FILES.iter().map(|(name, _)| (*name).to_owned()).collect();
-        assert_eq!(lie, served);
+        let served_files = FILES.iter().map(|(name, _)| (*name).to_owned()).collect();
+        assert_eq!(folder_files, served_files);
     }
 }

@@ -18,13 +18,13 @@ const DRAIN: usize = 64 << 10;
 
 /// Serves a connection. It keeps the `place` of a stranger until it is admitted, also while a refusal is sent.
 pub(super) fn serve(stream: &TcpStream, place: StrangerPlace, shared: &Shared) {
-    let asked = match request::read(stream, shared.options.limits.head) {
+    let admission = match request::read(stream, shared.options.limits.head) {
         Ok(request) => admit(request, shared),
         Err(RequestError::Refused(status)) => Err(status.into()),
         Err(RequestError::Gone) if place.is_sent_away() => Err(Status::Full.into()),
         Err(RequestError::Gone) => Err(ReplyError::Gone),
     };
-    match asked {
+    match admission {
         Ok(admitted) => {
             drop(place);
             end(reply(stream, &admitted, shared), stream, shared);
@@ -44,28 +44,28 @@ struct Admitted<'a> {
 fn admit(request: Request, shared: &Shared) -> Result<Admitted<'_>, ReplyError> {
     let options = &shared.options;
     let name = access::check(&request, &options.key, shared.address)?.to_owned();
-    let slot = Slot::take(&shared.tally.connections, options.limits.connections);
+    let connection_slot = Slot::take(&shared.tally.connections, options.limits.connections);
     Ok(Admitted {
         request,
         name,
-        _slot: slot.ok_or(Status::Full)?,
+        _slot: connection_slot.ok_or(Status::Full)?,
     })
 }
 
 /// Counts how a connection ended, and sends the refusal if it was refused.
 fn end(outcome: Result<(), ReplyError>, stream: &TcpStream, shared: &Shared) {
-    let (tally, limits) = (&shared.tally, shared.options.limits);
+    let (server_tally, server_limits) = (&shared.tally, shared.options.limits);
     let counted = match &outcome {
-        Ok(()) => &tally.served,
-        Err(ReplyError::Slow) => &tally.dropped,
-        Err(ReplyError::Gone | ReplyError::Refused(_)) => &tally.refused,
+        Ok(()) => &server_tally.served,
+        Err(ReplyError::Slow) => &server_tally.dropped,
+        Err(ReplyError::Gone | ReplyError::Refused(_)) => &server_tally.refused,
     };
     counted.fetch_add(1, Ordering::Relaxed);
-    if let Err(ReplyError::Refused(status)) = outcome
-        && let Ok(mut out) = Paced::new(stream, limits)
-        && answer::refuse(&mut out, status).is_ok()
+    if let Err(ReplyError::Refused(refusal_status)) = outcome
+        && let Ok(mut paced_stream) = Paced::new(stream, server_limits)
+        && answer::refuse(&mut paced_stream, refusal_status).is_ok()
     {
-        drain(stream, limits.head);
+        drain(stream, server_limits.head);
     }
 }
 
@@ -92,53 +92,53 @@ impl From<io::Error> for ReplyError {
 fn reply(stream: &TcpStream, admitted: &Admitted, shared: &Shared) -> Result<(), ReplyError> {
     let options = &shared.options;
     let Admitted { request, name, .. } = admitted;
-    if let Some(key) = &request.upgrade {
+    if let Some(upgrade_key) = &request.upgrade {
         let serve = match name.as_str() {
             "live" => viewer::send_to_page,
             "hands" if !options.keys.is_empty() => player::take_from_page,
             _ => return Err(Status::NotFound.into()),
         };
-        let slot = Slot::take(&shared.tally.viewers, options.limits.viewers);
-        let slot = slot.ok_or(Status::Full)?;
-        answer::switch_protocols(&mut Paced::new(stream, options.limits)?, key)?;
-        let rest = request.rest.clone();
-        serve(stream.try_clone()?, rest, shared, slot);
+        let viewer_slot = Slot::take(&shared.tally.viewers, options.limits.viewers);
+        let viewer_slot = viewer_slot.ok_or(Status::Full)?;
+        answer::switch_protocols(&mut Paced::new(stream, options.limits)?, upgrade_key)?;
+        let remaining = request.rest.clone();
+        serve(stream.try_clone()?, remaining, shared, viewer_slot);
         return Ok(());
     }
-    let mut out = Paced::new(stream, options.limits)?;
+    let mut paced_stream = Paced::new(stream, options.limits)?;
     // A page requests the file to learn whether there is one; if not, it shows the live piece.
     if name == "motion" && options.file.is_none() {
-        return Ok(answer::no_content(&mut out)?);
+        return Ok(answer::no_content(&mut paced_stream)?);
     }
     if name == "hands" {
-        let keys = keys::listed(&options.keys);
+        let key_list = keys::listed(&options.keys);
         return Ok(answer::send_bytes(
-            &mut out,
+            &mut paced_stream,
             "application/json",
-            keys.as_bytes(),
+            key_list.as_bytes(),
         )?);
     }
-    let page = match name.as_str() {
+    let page_file = match name.as_str() {
         "motion" => Some((&options.file, "application/octet-stream")),
         "sound.wav" => Some((&options.sound, "audio/wav")),
         _ => None,
     };
-    if let Some((path, kind)) = page {
-        let path = path.as_ref().ok_or(Status::NotFound)?;
-        let mut file = File::open(path).map_err(|_| Status::NotFound)?;
-        let length = file.metadata()?.len();
-        let bytes = answer::byte_range(request.range, length)?;
+    if let Some((file_path, media_type)) = page_file {
+        let file_path = file_path.as_ref().ok_or(Status::NotFound)?;
+        let mut opened_file = File::open(file_path).map_err(|_| Status::NotFound)?;
+        let file_length = opened_file.metadata()?.len();
+        let file_range = answer::byte_range(request.range, file_length)?;
         answer::send_file(
-            &mut out,
-            kind,
-            &mut file,
-            length,
-            bytes,
+            &mut paced_stream,
+            media_type,
+            &mut opened_file,
+            file_length,
+            file_range,
             request.range.is_some(),
         )?;
     } else {
-        let (kind, text) = assets::find(name).ok_or(Status::NotFound)?;
-        answer::send_bytes(&mut out, kind, text.as_bytes())?;
+        let (media_type, file_text) = assets::find(name).ok_or(Status::NotFound)?;
+        answer::send_bytes(&mut paced_stream, media_type, file_text.as_bytes())?;
     }
     Ok(())
 }
@@ -147,11 +147,11 @@ fn reply(stream: &TcpStream, admitted: &Admitted, shared: &Shared) -> Result<(),
 fn drain(mut stream: &TcpStream, within: Duration) {
     let _ = stream.shutdown(Shutdown::Write);
     let _ = stream.set_read_timeout(Some(within.min(Duration::from_millis(500))));
-    let mut bytes = [0; 4 << 10];
-    let mut left = DRAIN;
-    while let Ok(n @ 1..) = stream.read(&mut bytes)
-        && n <= left
+    let mut read_buffer = [0; 4 << 10];
+    let mut bytes_left = DRAIN;
+    while let Ok(bytes_read @ 1..) = stream.read(&mut read_buffer)
+        && bytes_read <= bytes_left
     {
-        left -= n;
+        bytes_left -= bytes_read;
     }
 }

@@ -93,22 +93,22 @@ impl Hub {
     /// Sends a message to all viewers.
     pub fn publish(&self, bytes: &[u8], keep: Keep) {
         let mut inner = self.inner();
-        let number = inner.first + inner.held.len() as u64;
+        let message_number = inner.first + inner.held.len() as u64;
         if keep == Keep::Latest
-            && let Some(before) = inner.latest.replace(number)
-            && let Some(offset) = before.checked_sub(inner.first)
-            && let Some(frame) = inner.held[offset as usize].take()
+            && let Some(latest_before) = inner.latest.replace(message_number)
+            && let Some(latest_offset) = latest_before.checked_sub(inner.first)
+            && let Some(stale_frame) = inner.held[latest_offset as usize].take()
         {
-            inner.bytes -= frame.len();
+            inner.bytes -= stale_frame.len();
         }
         if keep == Keep::Key {
-            inner.key = Some(number);
+            inner.key = Some(message_number);
         }
         inner.bytes += bytes.len();
         inner.held.push_back(Some(bytes.into()));
         while inner.bytes > BYTES_MAX || inner.held.len() > BYTES_MAX / 64 {
-            let oldest = inner.held.pop_front().flatten();
-            inner.bytes -= oldest.map_or(0, |bytes| bytes.len());
+            let oldest_message = inner.held.pop_front().flatten();
+            inner.bytes -= oldest_message.map_or(0, |bytes| bytes.len());
             inner.first += 1;
         }
         drop(inner);
@@ -118,23 +118,23 @@ impl Hub {
     /// The cursor of a new viewer.
     pub fn join(&self) -> Cursor {
         let inner = self.inner();
-        let end = inner.first + inner.held.len() as u64;
+        let end_number = inner.first + inner.held.len() as u64;
         Cursor {
-            next: inner.restart_point().unwrap_or(end),
+            next: inner.restart_point().unwrap_or(end_number),
             greeted: 0,
         }
     }
 
     /// Waits for the next item of a viewer.
     pub fn take(&self, cursor: &mut Cursor, within: Duration) -> Next {
-        let waits = |inner: &mut Inner| {
+        let must_wait = |inner: &mut Inner| {
             !inner.closed
                 && inner.first + inner.held.len() as u64 == cursor.next
                 && cursor.greeted == inner.greetings
         };
         let (inner, _) = self
             .changed
-            .wait_timeout_while(self.inner(), within, waits)
+            .wait_timeout_while(self.inner(), within, must_wait)
             .unwrap_or_else(PoisonError::into_inner);
         if inner.closed {
             return Next::Closed;
@@ -148,16 +148,16 @@ impl Hub {
         }
         if cursor.next < inner.first {
             // From the newest key state on, the viewer has a complete state again.
-            let next = inner.restart_point().unwrap_or(inner.first);
-            let lost = next - cursor.next;
-            cursor.next = next;
-            return Next::Lost(lost);
+            let next_number = inner.restart_point().unwrap_or(inner.first);
+            let lost_messages = next_number - cursor.next;
+            cursor.next = next_number;
+            return Next::Lost(lost_messages);
         }
-        let from = (cursor.next - inner.first) as usize;
-        for message in inner.held.iter().skip(from) {
+        let held_offset = (cursor.next - inner.first) as usize;
+        for message in inner.held.iter().skip(held_offset) {
             cursor.next += 1;
-            if let Some(bytes) = message {
-                return Next::Message(bytes.clone());
+            if let Some(message_bytes) = message {
+                return Next::Message(message_bytes.clone());
             }
         }
         Next::Nothing
@@ -180,11 +180,11 @@ mod tests {
     use super::*;
 
     fn all(hub: &Hub, cursor: &mut Cursor) -> Vec<Next> {
-        let mut frames = Vec::new();
+        let mut items_taken = Vec::new();
         loop {
             match hub.take(cursor, Duration::ZERO) {
-                Next::Nothing => return frames,
-                next => frames.push(next),
+                Next::Nothing => return items_taken,
+                next => items_taken.push(next),
             }
         }
     }
@@ -197,33 +197,33 @@ mod tests {
     fn late_viewer_receives_events_and_the_latest_frame() {
         let hub = Hub::default();
         hub.greet(b"manifest");
-        let mut late = hub.join();
-        let mut prompt = hub.join();
-        let mut seen = Vec::new();
+        let mut late_cursor = hub.join();
+        let mut prompt_cursor = hub.join();
+        let mut seen_items = Vec::new();
         for i in 0..5 {
             hub.publish(format!("event {i}").as_bytes(), Keep::All);
             hub.publish(format!("frame {i}").as_bytes(), Keep::Latest);
-            seen.extend(all(&hub, &mut prompt));
+            seen_items.extend(all(&hub, &mut prompt_cursor));
         }
-        assert_eq!(seen.len(), 11);
-        let events = ["manifest", "event 0", "event 1", "event 2", "event 3"];
-        let mut wanted: Vec<_> = events.map(message).into();
-        wanted.extend(["event 4", "frame 4"].map(message));
-        assert_eq!(all(&hub, &mut late), wanted);
+        assert_eq!(seen_items.len(), 11);
+        let event_texts = ["manifest", "event 0", "event 1", "event 2", "event 3"];
+        let mut expected: Vec<_> = event_texts.map(message).into();
+        expected.extend(["event 4", "frame 4"].map(message));
+        assert_eq!(all(&hub, &mut late_cursor), expected);
     }
 
     #[test]
     fn hub_is_bounded_and_reports_lost_events() {
         let hub = Hub::default();
         let mut stalled = hub.join();
-        let event = vec![7; 1 << 20];
+        let large_event = vec![7; 1 << 20];
         for _ in 0..100 {
-            hub.publish(&event, Keep::All);
+            hub.publish(&large_event, Keep::All);
             assert!(hub.bytes() <= BYTES_MAX);
         }
-        let frames = all(&hub, &mut stalled);
-        assert_eq!(frames[0], Next::Lost(84));
-        assert_eq!(frames.len(), 17);
+        let items_taken = all(&hub, &mut stalled);
+        assert_eq!(items_taken[0], Next::Lost(84));
+        assert_eq!(items_taken.len(), 17);
     }
 
     #[test]
@@ -235,12 +235,12 @@ mod tests {
         hub.publish(b"event 0", Keep::All);
         hub.publish(b"second key", Keep::Key);
         hub.publish(b"event 1", Keep::All);
-        let wanted = ["manifest", "second key", "event 1"].map(message);
-        assert_eq!(all(&hub, &mut hub.join()), wanted);
+        let expected = ["manifest", "second key", "event 1"].map(message);
+        assert_eq!(all(&hub, &mut hub.join()), expected);
         // A viewer that missed messages also begins at the key state.
-        let event = vec![7; 1 << 20];
+        let large_event = vec![7; 1 << 20];
         for _ in 0..18 {
-            hub.publish(&event, Keep::All);
+            hub.publish(&large_event, Keep::All);
         }
         hub.publish(b"third key", Keep::Key);
         assert_eq!(
@@ -254,13 +254,16 @@ mod tests {
         let hub = Hub::default();
         hub.greet(b"one");
         hub.publish(b"key of one", Keep::Key);
-        let (mut prompt, mut slow) = (hub.join(), hub.join());
-        assert_eq!(all(&hub, &mut prompt), ["one", "key of one"].map(message));
+        let (mut prompt_cursor, mut slow_cursor) = (hub.join(), hub.join());
+        assert_eq!(
+            all(&hub, &mut prompt_cursor),
+            ["one", "key of one"].map(message)
+        );
         hub.publish(b"event of one", Keep::All);
         hub.greet(b"two");
         assert_eq!(hub.bytes(), 0);
         hub.publish(b"key of two", Keep::Key);
-        for cursor in [&mut prompt, &mut slow, &mut hub.join()] {
+        for cursor in [&mut prompt_cursor, &mut slow_cursor, &mut hub.join()] {
             assert_eq!(all(&hub, cursor), ["two", "key of two"].map(message));
         }
     }
@@ -277,8 +280,8 @@ mod tests {
     #[test]
     fn closed_hub_ends_waiting_viewers() {
         let hub = Hub::default();
-        let mut cursor = hub.join();
+        let mut viewer_cursor = hub.join();
         hub.close();
-        assert_eq!(hub.take(&mut cursor, Duration::MAX), Next::Closed);
+        assert_eq!(hub.take(&mut viewer_cursor, Duration::MAX), Next::Closed);
     }
 }

@@ -59,42 +59,49 @@ pub(super) struct Played {
 
 /// Parses the positions in a message; `None` if it is not such a message.
 pub(super) fn parse(bytes: &[u8]) -> Option<Played> {
-    let (head, rest) = bytes.split_at_checked(HEAD_BYTES)?;
-    let is_lift = match head[1] {
+    let (head_bytes, row_bytes) = bytes.split_at_checked(HEAD_BYTES)?;
+    let is_lift = match head_bytes[1] {
         0 => false,
         1 => true,
         _ => return None,
     };
-    let n = usize::from(u16::from_le_bytes([head[2], head[3]]));
-    if n == 0 || n > POSITIONS_MAX || rest.len() != n * POSITION_BYTES {
+    let position_count = usize::from(u16::from_le_bytes([head_bytes[2], head_bytes[3]]));
+    if position_count == 0
+        || position_count > POSITIONS_MAX
+        || row_bytes.len() != position_count * POSITION_BYTES
+    {
         return None;
     }
-    let positions = rest.chunks_exact(POSITION_BYTES).map(|row| {
-        let single = |from: usize| {
-            let word = row[from..from + 4].try_into().expect("four bytes");
-            f64::from(f32::from_le_bytes(word))
+    let positions = row_bytes.chunks_exact(POSITION_BYTES).map(|row| {
+        let number_at = |from: usize| {
+            let word_bytes = row[from..from + 4].try_into().expect("four bytes");
+            f64::from(f32::from_le_bytes(word_bytes))
         };
-        let time = f64::from_le_bytes(row[..8].try_into().expect("eight bytes"));
-        (time, single(8), (!is_lift).then(|| single(12)))
+        let position_time = f64::from_le_bytes(row[..8].try_into().expect("eight bytes"));
+        (
+            position_time,
+            number_at(8),
+            (!is_lift).then(|| number_at(12)),
+        )
     });
     Some(Played {
-        key: usize::from(head[0]),
+        key: usize::from(head_bytes[0]),
         positions: positions.collect(),
     })
 }
 
 /// The keys as JSON, which a page asks for.
 pub(super) fn listed(keys: &[Arc<dyn PageKey>]) -> String {
-    let rows: Vec<_> = keys
+    let key_rows: Vec<_> = keys
         .iter()
         .map(|key| {
-            let (name, input, [low, high]) = (escaped(key.name()), key.input(), key.range());
+            let (key_name, input_kind, [range_low, range_high]) = (escaped(key.name()), key.input(), key.range());
             format!(
-                "{{\"name\": \"{name}\", \"input\": \"{input}\", \"low\": {low}, \"high\": {high}}}"
+                "{{\"name\": \"{key_name}\", \"input\": \"{input_kind}\", \"low\": {range_low}, \"high\": {range_high}}}"
             )
         })
         .collect();
-    format!("[{}]", rows.join(", "))
+    format!("[{}]", key_rows.join(", "))
 }
 
 /// Text as it stands inside a string of JSON.
@@ -115,33 +122,33 @@ mod tests {
     use super::*;
 
     fn message(key: u8, kind: u8, rows: &[(f64, f32, f32)]) -> Vec<u8> {
-        let mut bytes = vec![key, kind];
-        bytes.extend((rows.len() as u16).to_le_bytes());
+        let mut message_bytes = vec![key, kind];
+        message_bytes.extend((rows.len() as u16).to_le_bytes());
         for &(time, x, pressure) in rows {
-            bytes.extend(time.to_le_bytes());
-            bytes.extend(x.to_le_bytes());
-            bytes.extend(pressure.to_le_bytes());
+            message_bytes.extend(time.to_le_bytes());
+            message_bytes.extend(x.to_le_bytes());
+            message_bytes.extend(pressure.to_le_bytes());
         }
-        bytes
+        message_bytes
     }
 
     #[test]
     fn message_of_positions_and_lifts() {
-        let rows = [(1.5, 0.25, 0.5), (1.75, -0.5, 1.0)];
-        let moved = parse(&message(3, 0, &rows)).unwrap();
-        assert_eq!(moved.key, 3);
-        assert_eq!(moved.positions[1], (1.75, -0.5, Some(1.0)));
-        let lifted = parse(&message(0, 1, &rows[..1])).unwrap();
-        assert_eq!(lifted.positions, [(1.5, 0.25, None)]);
+        let pointer_rows = [(1.5, 0.25, 0.5), (1.75, -0.5, 1.0)];
+        let parsed_moves = parse(&message(3, 0, &pointer_rows)).unwrap();
+        assert_eq!(parsed_moves.key, 3);
+        assert_eq!(parsed_moves.positions[1], (1.75, -0.5, Some(1.0)));
+        let parsed_lifts = parse(&message(0, 1, &pointer_rows[..1])).unwrap();
+        assert_eq!(parsed_lifts.positions, [(1.5, 0.25, None)]);
     }
 
     #[test]
     fn message_of_random_bytes() {
-        let sound = message(0, 0, &[(0.0, 0.0, 0.0)]);
+        let valid_message = message(0, 0, &[(0.0, 0.0, 0.0)]);
         for bytes in [
             &[][..],
-            &sound[..3],
-            &sound[..19],
+            &valid_message[..3],
+            &valid_message[..19],
             &message(0, 2, &[(0.0, 0.0, 0.0)]),
             &message(0, 0, &[]),
             &message(0, 0, &[(0.0, 0.0, 0.0); POSITIONS_MAX + 1]),

@@ -28,13 +28,13 @@ impl<'a> Paced<'a> {
 
 impl Write for Paced<'_> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let n = self.stream.write(bytes)?;
-        self.taken += n as u64;
-        let beyond = self.begin.elapsed().saturating_sub(self.limits.stall);
-        if self.taken < beyond.as_secs() * self.limits.floor {
+        let bytes_written = self.stream.write(bytes)?;
+        self.taken += bytes_written as u64;
+        let time_beyond = self.begin.elapsed().saturating_sub(self.limits.stall);
+        if self.taken < time_beyond.as_secs() * self.limits.floor {
             return Err(ErrorKind::TimedOut.into());
         }
-        Ok(n)
+        Ok(bytes_written)
     }
 
     fn flush(&mut self) -> io::Result<()> {

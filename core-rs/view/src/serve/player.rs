@@ -23,22 +23,22 @@ const REFUSED_MAX: usize = 10_000;
 
 /// Takes positions from a page until the connection ends.
 pub(super) fn take_from_page(stream: TcpStream, rest: Vec<u8>, shared: &Shared, _slot: Slot<'_>) {
-    let limits = shared.options.limits;
-    let fit = stream.set_write_timeout(Some(limits.stall)).is_ok()
+    let page_limits = shared.options.limits;
+    let stream_ready = stream.set_write_timeout(Some(page_limits.stall)).is_ok()
         && stream.set_read_timeout(Some(READ_TIMEOUT)).is_ok()
         && stream.set_nodelay(true).is_ok();
-    let config = WebSocketConfig::default()
+    let socket_config = WebSocketConfig::default()
         .read_buffer_size(1 << 12)
         .write_buffer_size(0)
         .max_message_size(Some(MESSAGE_MAX))
         .max_frame_size(Some(MESSAGE_MAX));
     let mut page = Page {
-        socket: WebSocket::from_partially_read(stream, rest, Role::Server, Some(config)),
+        socket: WebSocket::from_partially_read(stream, rest, Role::Server, Some(socket_config)),
         shared,
         holds: vec![false; shared.options.keys.len()],
         refused: 0,
     };
-    if fit && let End::Dropped = page.run() {
+    if stream_ready && let End::Dropped = page.run() {
         shared.tally.dropped.fetch_add(1, Ordering::Relaxed);
     }
 }
@@ -86,8 +86,8 @@ impl Page<'_> {
         match message {
             Message::Text(text) => self.receive_text(text),
             Message::Binary(bytes) => {
-                let played = keys::parse(bytes).ok_or(End::Dropped)?;
-                self.play(&played)
+                let played_key = keys::parse(bytes).ok_or(End::Dropped)?;
+                self.play(&played_key)
             }
             Message::Ping(_) | Message::Pong(_) => Ok(()),
             Message::Close(_) => Err(End::Left),
@@ -96,23 +96,28 @@ impl Page<'_> {
     }
 
     fn receive_text(&mut self, text: &str) -> Result<(), End> {
-        let (verb, argument) = text.split_once(' ').ok_or(End::Dropped)?;
-        if verb == "ping" {
-            let sent: f64 = argument.parse().map_err(|_| End::Dropped)?;
-            return self.say(format!("pong {sent} {}", self.shared.now()));
+        let (message_verb, argument) = text.split_once(' ').ok_or(End::Dropped)?;
+        if message_verb == "ping" {
+            let sent_time: f64 = argument.parse().map_err(|_| End::Dropped)?;
+            return self.say(format!("pong {sent_time} {}", self.shared.now()));
         }
-        let number: usize = argument.parse().map_err(|_| End::Dropped)?;
-        let key = self.shared.options.keys.get(number).ok_or(End::Dropped)?;
-        match verb {
-            "hold" if self.holds[number] => Ok(()),
-            "hold" if key.hold() => {
-                self.holds[number] = true;
+        let key_number: usize = argument.parse().map_err(|_| End::Dropped)?;
+        let page_key = self
+            .shared
+            .options
+            .keys
+            .get(key_number)
+            .ok_or(End::Dropped)?;
+        match message_verb {
+            "hold" if self.holds[key_number] => Ok(()),
+            "hold" if page_key.hold() => {
+                self.holds[key_number] = true;
                 Ok(())
             }
-            "hold" => self.say(format!("taken {number}")),
+            "hold" => self.say(format!("taken {key_number}")),
             "leave" => {
-                if std::mem::take(&mut self.holds[number]) {
-                    key.leave();
+                if std::mem::take(&mut self.holds[key_number]) {
+                    page_key.leave();
                 }
                 Ok(())
             }
@@ -122,18 +127,18 @@ impl Page<'_> {
 
     /// Moves a key by the positions of a pointer, if this page holds it.
     fn play(&mut self, played: &Played) -> Result<(), End> {
-        let key = self
+        let page_key = self
             .shared
             .options
             .keys
             .get(played.key)
             .ok_or(End::Dropped)?;
-        let now = self.shared.now();
+        let time_now = self.shared.now();
         for &(time, x, pressure) in &played.positions {
             let is_taken = if self.holds[played.key] {
-                key.place(now - time, x, pressure)
+                page_key.place(time_now - time, x, pressure)
             } else {
-                key.refuse();
+                page_key.refuse();
                 false
             };
             self.refused += usize::from(!is_taken);
@@ -145,25 +150,30 @@ impl Page<'_> {
     }
 
     fn say(&mut self, text: String) -> Result<(), End> {
-        let sent = self.socket.send(Message::text(text));
-        sent.map_err(|error| ended(&error))
+        let send_result = self.socket.send(Message::text(text));
+        send_result.map_err(|error| ended(&error))
     }
 
     /// For each key: whether this page (1), another (2) or none (0) holds it; pointer, finger, key [m] and force [N].
     fn picture(&self) -> Bytes {
-        let mut bytes = Vec::with_capacity(17 * self.holds.len());
+        let mut picture_bytes = Vec::with_capacity(17 * self.holds.len());
         for (key, &holds) in self.shared.options.keys.iter().zip(&self.holds) {
-            bytes.push(match (holds, key.is_held()) {
+            picture_bytes.push(match (holds, key.is_held()) {
                 (true, _) => 1,
                 (false, true) => 2,
                 (false, false) => 0,
             });
-            let points = key.points();
-            for point in [points.pointer, points.finger, points.key, points.force] {
-                bytes.extend((point as f32).to_le_bytes());
+            let key_points = key.points();
+            for point in [
+                key_points.pointer,
+                key_points.finger,
+                key_points.key,
+                key_points.force,
+            ] {
+                picture_bytes.extend((point as f32).to_le_bytes());
             }
         }
-        bytes.into()
+        picture_bytes.into()
     }
 
     fn leave_all(&mut self) {

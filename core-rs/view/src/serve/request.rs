@@ -34,27 +34,27 @@ pub(super) enum RequestError {
 
 /// Reads the head of a request within a time.
 pub(super) fn read(mut stream: &TcpStream, within: Duration) -> Result<Request, RequestError> {
-    let until = Instant::now() + within;
-    let mut bytes = [0; HEAD];
-    let mut n = 0;
+    let deadline = Instant::now() + within;
+    let mut head_bytes = [0; HEAD];
+    let mut bytes_read = 0;
     loop {
-        let left = until.saturating_duration_since(Instant::now());
-        if left.is_zero() || stream.set_read_timeout(Some(left)).is_err() {
+        let time_left = deadline.saturating_duration_since(Instant::now());
+        if time_left.is_zero() || stream.set_read_timeout(Some(time_left)).is_err() {
             return Err(RequestError::Refused(Status::TimedOut));
         }
-        match stream.read(&mut bytes[n..]) {
+        match stream.read(&mut head_bytes[bytes_read..]) {
             Ok(0) => return Err(RequestError::Gone),
-            Ok(more) => n += more,
+            Ok(more) => bytes_read += more,
             Err(error) if error.kind() == ErrorKind::Interrupted => continue,
             Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
                 return Err(RequestError::Refused(Status::TimedOut));
             }
             Err(_) => return Err(RequestError::Gone),
         }
-        if let Some(request) = parse(&bytes[..n]).map_err(RequestError::Refused)? {
+        if let Some(request) = parse(&head_bytes[..bytes_read]).map_err(RequestError::Refused)? {
             return Ok(request);
         }
-        if n == HEAD {
+        if bytes_read == HEAD {
             return Err(RequestError::Refused(Status::TooLarge));
         }
     }
@@ -63,40 +63,46 @@ pub(super) fn read(mut stream: &TcpStream, within: Duration) -> Result<Request, 
 /// Parses a request; `None` if its head is incomplete.
 pub(super) fn parse(bytes: &[u8]) -> Result<Option<Request>, Status> {
     let mut headers = [httparse::EMPTY_HEADER; HEADERS];
-    let mut head = httparse::Request::new(&mut headers);
-    let length = match head.parse(bytes) {
-        Ok(httparse::Status::Complete(length)) => length,
+    let mut request_head = httparse::Request::new(&mut headers);
+    let head_length = match request_head.parse(bytes) {
+        Ok(httparse::Status::Complete(head_length)) => head_length,
         Ok(httparse::Status::Partial) => return Ok(None),
         Err(httparse::Error::TooManyHeaders) => return Err(Status::TooLarge),
         Err(_) => return Err(Status::Malformed),
     };
-    if head.method != Some("GET") {
+    if request_head.method != Some("GET") {
         return Err(Status::NotGet);
     }
-    let target = head.path.unwrap_or_default();
-    let once = |name: &str| -> Result<Option<&str>, Status> {
-        let mut header_lines = head
+    let request_target = request_head.path.unwrap_or_default();
+    let single_header = |name: &str| -> Result<Option<&str>, Status> {
+        let mut header_lines = request_head
             .headers
             .iter()
             .filter(|h| h.name.eq_ignore_ascii_case(name));
-        let value = header_lines.next().map(|h| str::from_utf8(h.value));
-        match (value, header_lines.next()) {
+        let header_text = header_lines.next().map(|h| str::from_utf8(h.value));
+        match (header_text, header_lines.next()) {
             (None, _) => Ok(None),
-            (Some(Ok(value)), None) => Ok(Some(value.trim())),
+            (Some(Ok(header_text)), None) => Ok(Some(header_text.trim())),
             _ => Err(Status::Malformed),
         }
     };
     // A GET has no body: it could be taken for a second request.
-    if once("content-length")?.is_some_and(|n| n != "0") || once("transfer-encoding")?.is_some() {
+    if single_header("content-length")?.is_some_and(|n| n != "0")
+        || single_header("transfer-encoding")?.is_some()
+    {
         return Err(Status::Malformed);
     }
     Ok(Some(Request {
-        path: target.split('?').next().unwrap_or_default().to_owned(),
-        host: once("host")?.map(str::to_owned),
-        origin: once("origin")?.map(str::to_owned),
-        range: once("range")?.map(range).transpose()?,
-        upgrade: upgrade(&once, head.version)?,
-        rest: bytes[length..].to_vec(),
+        path: request_target
+            .split('?')
+            .next()
+            .unwrap_or_default()
+            .to_owned(),
+        host: single_header("host")?.map(str::to_owned),
+        origin: single_header("origin")?.map(str::to_owned),
+        range: single_header("range")?.map(range).transpose()?,
+        upgrade: upgrade(&single_header, request_head.version)?,
+        rest: bytes[head_length..].to_vec(),
     }))
 }
 
@@ -105,34 +111,40 @@ fn upgrade<'a>(
     once: &impl Fn(&str) -> Result<Option<&'a str>, Status>,
     version: Option<u8>,
 ) -> Result<Option<String>, Status> {
-    let Some(to) = once("upgrade")? else {
+    let Some(upgrade_to) = once("upgrade")? else {
         return Ok(None);
     };
     let connection = once("connection")?.unwrap_or_default();
-    let named = connection
+    let names_upgrade = connection
         .split(',')
         .any(|word| word.trim().eq_ignore_ascii_case("upgrade"));
-    let key = once("sec-websocket-key")?.unwrap_or_default();
+    let socket_key = once("sec-websocket-key")?.unwrap_or_default();
     // The form of 16 bytes in base64.
-    let is_key = key.len() == 24 && key.ends_with("==") && key.is_ascii();
+    let is_valid_key =
+        socket_key.len() == 24 && socket_key.ends_with("==") && socket_key.is_ascii();
     let is_known = once("sec-websocket-version")? == Some("13");
-    if to.eq_ignore_ascii_case("websocket") && named && is_key && is_known && version == Some(1) {
-        Ok(Some(key.to_owned()))
+    if upgrade_to.eq_ignore_ascii_case("websocket")
+        && names_upgrade
+        && is_valid_key
+        && is_known
+        && version == Some(1)
+    {
+        Ok(Some(socket_key.to_owned()))
     } else {
         Err(Status::Malformed)
     }
 }
 
 fn range(text: &str) -> Result<(u64, Option<u64>), Status> {
-    let (first, last) = text
+    let (first_byte, last_byte) = text
         .strip_prefix("bytes=")
         .and_then(|text| text.split_once('-'))
         .ok_or(Status::NoSuchRange)?;
-    let number = |text: &str| text.parse().map_err(|_| Status::NoSuchRange);
-    let last = if last.is_empty() {
+    let parse_number = |text: &str| text.parse().map_err(|_| Status::NoSuchRange);
+    let last_byte = if last_byte.is_empty() {
         None
     } else {
-        Some(number(last)?)
+        Some(parse_number(last_byte)?)
     };
-    Ok((number(first)?, last))
+    Ok((parse_number(first_byte)?, last_byte))
 }

@@ -44,16 +44,19 @@ impl Strangers {
         let sent_away = Arc::new(AtomicBool::new(false));
         let mut waiting = self.waiting();
         if waiting.places.len() >= limit.max(1) {
-            let places = &waiting.places;
-            let count = |ip| places.iter().filter(|other| other.ip == ip).count();
-            let largest = places.iter().map(|stranger| count(stranger.ip)).max();
-            let oldest = places
+            let taken_places = &waiting.places;
+            let count_from = |ip| taken_places.iter().filter(|other| other.ip == ip).count();
+            let largest = taken_places
                 .iter()
-                .position(|stranger| Some(count(stranger.ip)) == largest);
-            let gone = waiting.places.remove(oldest.unwrap_or(0));
-            gone.sent_away.store(true, Ordering::Release);
+                .map(|stranger| count_from(stranger.ip))
+                .max();
+            let oldest_index = taken_places
+                .iter()
+                .position(|stranger| Some(count_from(stranger.ip)) == largest);
+            let dismissed = waiting.places.remove(oldest_index.unwrap_or(0));
+            dismissed.sent_away.store(true, Ordering::Release);
             // Ends the wait for the rest of its request.
-            let _ = gone.stream.shutdown(Shutdown::Read);
+            let _ = dismissed.stream.shutdown(Shutdown::Read);
         }
         let number = waiting.accepted;
         waiting.accepted += 1;
@@ -97,16 +100,19 @@ mod tests {
     fn admit_drops_the_oldest_of_a_crowded_address() {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).expect("a port");
         let address = listener.local_addr().expect("an address");
-        let stream = Arc::new(TcpStream::connect(address).expect("a connection"));
-        let [crowded, calm] = [1, 2].map(|last| IpAddr::from([10, 0, 0, last]));
+        let test_stream = Arc::new(TcpStream::connect(address).expect("a connection"));
+        let [crowded, calm_address] = [1, 2].map(|last| IpAddr::from([10, 0, 0, last]));
         let strangers = Arc::new(Strangers::default());
-        let admit = |ip| strangers.admit(&stream, ip, 4);
-        let guest = admit(calm);
-        let flood: Vec<_> = (0..10).map(|_| admit(crowded)).collect();
-        assert!(!guest.is_sent_away());
-        let away: Vec<_> = flood.iter().map(StrangerPlace::is_sent_away).collect();
-        assert_eq!(away, [[true; 7].as_slice(), &[false; 3]].concat());
-        drop(flood);
+        let admit = |ip| strangers.admit(&test_stream, ip, 4);
+        let calm_place = admit(calm_address);
+        let flood_places: Vec<_> = (0..10).map(|_| admit(crowded)).collect();
+        assert!(!calm_place.is_sent_away());
+        let sent_away: Vec<_> = flood_places
+            .iter()
+            .map(StrangerPlace::is_sent_away)
+            .collect();
+        assert_eq!(sent_away, [[true; 7].as_slice(), &[false; 3]].concat());
+        drop(flood_places);
         assert_eq!(strangers.waiting().places.len(), 1);
     }
 }

@@ -28,25 +28,26 @@ pub(super) enum End {
 
 /// Sends messages to a page until the connection ends.
 pub(super) fn send_to_page(stream: TcpStream, rest: Vec<u8>, shared: &Shared, _slot: Slot<'_>) {
-    let limits = shared.options.limits;
-    let fit = stream.set_write_timeout(Some(limits.stall)).is_ok()
+    let page_limits = shared.options.limits;
+    let stream_ready = stream.set_write_timeout(Some(page_limits.stall)).is_ok()
         && stream.set_read_timeout(Some(READ_TIMEOUT)).is_ok()
         && stream.set_nodelay(true).is_ok();
-    let config = WebSocketConfig::default()
+    let socket_config = WebSocketConfig::default()
         .read_buffer_size(1 << 10)
         .write_buffer_size(0)
         .max_message_size(Some(MAX_MESSAGE))
         .max_frame_size(Some(MAX_MESSAGE));
-    let mut socket = WebSocket::from_partially_read(stream, rest, Role::Server, Some(config));
-    if fit && let End::Dropped = run(&mut socket, shared) {
+    let mut page_socket =
+        WebSocket::from_partially_read(stream, rest, Role::Server, Some(socket_config));
+    if stream_ready && let End::Dropped = run(&mut page_socket, shared) {
         shared.tally.dropped.fetch_add(1, Ordering::Relaxed);
     }
 }
 
 fn run(socket: &mut WebSocket<TcpStream>, shared: &Shared) -> End {
-    let mut cursor = shared.hub.join();
+    let mut viewer_cursor = shared.hub.join();
     loop {
-        let message = match shared.hub.take(&mut cursor, WAIT) {
+        let message = match shared.hub.take(&mut viewer_cursor, WAIT) {
             Next::Message(bytes) => Some(Message::binary(tungstenite::Bytes::from_owner(bytes))),
             Next::Lost(n) => Some(Message::text(format!("lost {n}"))),
             Next::Nothing => None,
@@ -78,11 +79,11 @@ fn answer_messages(socket: &mut WebSocket<TcpStream>, shared: &Shared) -> Result
         };
         match message {
             Message::Text(text) => {
-                let asked = text.strip_prefix("ping ").and_then(|t| t.parse().ok());
-                let asked: f64 = asked.ok_or(End::Dropped)?;
-                let reply = format!("pong {asked} {}", shared.now());
+                let ping_time = text.strip_prefix("ping ").and_then(|t| t.parse().ok());
+                let ping_time: f64 = ping_time.ok_or(End::Dropped)?;
+                let pong_text = format!("pong {ping_time} {}", shared.now());
                 socket
-                    .send(Message::text(reply))
+                    .send(Message::text(pong_text))
                     .map_err(|error| ended(&error))?;
             }
             Message::Ping(_) | Message::Pong(_) => {}

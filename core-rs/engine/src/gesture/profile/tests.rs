@@ -24,7 +24,7 @@ fn mixed() -> Profile {
 
 #[test]
 fn profile_meets_points_and_rests_at_run_ends() {
-    let path = mixed();
+    let mixed_path = mixed();
     for (t, x) in [
         (1.0, 0.0),
         (2.0, 6.0),
@@ -34,46 +34,47 @@ fn profile_meets_points_and_rests_at_run_ends() {
         (5.0, 4.0),
         (6.0, 0.0),
     ] {
-        assert!((path.evaluate(t).0 - x).abs() < 1e-14, "at {t}");
+        assert!((mixed_path.evaluate(t).0 - x).abs() < 1e-14, "at {t}");
     }
     for t in [1.0, 5.0, 6.0] {
-        let (_, v, a) = path.evaluate(t);
+        let (_, v, a) = mixed_path.evaluate(t);
         assert!(v.abs() < 1e-12 && a.abs() < 1e-11, "at {t}: {v} {a}");
     }
     // One run: its inner points are passed in motion.
-    assert!(path.evaluate(2.0).1 < -1.0);
+    assert!(mixed_path.evaluate(2.0).1 < -1.0);
     // Straight lines keep their speed up to the corner; in the corner the later line counts.
-    assert_eq!(path.evaluate(3.0).1, 2.0);
+    assert_eq!(mixed_path.evaluate(3.0).1, 2.0);
     assert!(
-        (path.evaluate(3.5).0 - 3.0).abs() < 1e-15 && (path.evaluate(3.9).1 - 2.0).abs() < 1e-14
+        (mixed_path.evaluate(3.5).0 - 3.0).abs() < 1e-15
+            && (mixed_path.evaluate(3.9).1 - 2.0).abs() < 1e-14
     );
-    assert_eq!(path.evaluate(4.5), (4.0, 0.0, 0.0));
-    assert_eq!(path.evaluate(0.0), (0.0, 0.0, 0.0));
-    assert_eq!(path.evaluate(7.0), (0.0, 0.0, 0.0));
+    assert_eq!(mixed_path.evaluate(4.5), (4.0, 0.0, 0.0));
+    assert_eq!(mixed_path.evaluate(0.0), (0.0, 0.0, 0.0));
+    assert_eq!(mixed_path.evaluate(7.0), (0.0, 0.0, 0.0));
 }
 
 #[test]
 fn profile_of_a_single_point_is_constant() {
-    let path = Profile::through(&points(&[(1.0, 5.0, Smooth)])).unwrap();
+    let constant_path = Profile::through(&points(&[(1.0, 5.0, Smooth)])).unwrap();
     for t in [0.0, 1.0, 2.0] {
-        assert_eq!(path.evaluate(t), (5.0, 0.0, 0.0));
+        assert_eq!(constant_path.evaluate(t), (5.0, 0.0, 0.0));
     }
-    assert_eq!(path.range(0.0, 9.0), (5.0, 5.0));
+    assert_eq!(constant_path.range(0.0, 9.0), (5.0, 5.0));
 }
 
 #[test]
 fn evaluate_from_a_cursor_equals_evaluate() {
-    let path = mixed();
-    let mut cursor = 0;
-    let walk = (0..=800).map(|i| 0.5 + f64::from(i) / 100.0);
-    for t in walk
+    let mixed_path = mixed();
+    let mut path_cursor = 0;
+    let walk_instants = (0..=800).map(|i| 0.5 + f64::from(i) / 100.0);
+    for t in walk_instants
         .clone()
-        .chain(walk.rev())
+        .chain(walk_instants.rev())
         .chain([1.1, 5.9, 0.2, 3.0, 9.0, 4.0])
     {
         assert_eq!(
-            path.evaluate_from(&mut cursor, t),
-            path.evaluate(t),
+            mixed_path.evaluate_from(&mut path_cursor, t),
+            mixed_path.evaluate(t),
             "at {t}"
         );
     }
@@ -81,7 +82,7 @@ fn evaluate_from_a_cursor_equals_evaluate() {
 
 #[test]
 fn range_of_profile_is_its_true_excursion() {
-    let path = mixed();
+    let mixed_path = mixed();
     for (from, to) in [
         (0.0, 9.0),
         (1.3, 1.9),
@@ -91,36 +92,40 @@ fn range_of_profile_is_its_true_excursion() {
         (4.2, 4.8),
         (2.0, 2.0),
     ] {
-        let (low, high) = path.range(from, to);
-        let seen: Vec<f64> = (0..=20_000)
+        let (range_low, range_high) = mixed_path.range(from, to);
+        let sampled_path: Vec<f64> = (0..=20_000)
             .map(|i| {
-                path.evaluate(from + (to - from) * f64::from(i) / 20_000.0)
+                mixed_path
+                    .evaluate(from + (to - from) * f64::from(i) / 20_000.0)
                     .0
             })
             .collect();
-        let (l, h) = extremes(&seen);
+        let (sampled_low, sampled_high) = extremes(&sampled_path);
         assert!(
-            low <= l + 1e-14 && l - low < 1e-5,
-            "{from}..{to}: {low} {l}"
+            range_low <= sampled_low + 1e-14 && sampled_low - range_low < 1e-5,
+            "{from}..{to}: {range_low} {sampled_low}"
         );
         assert!(
-            high >= h - 1e-14 && high - h < 1e-5,
-            "{from}..{to}: {high} {h}"
+            range_high >= sampled_high - 1e-14 && range_high - sampled_high < 1e-5,
+            "{from}..{to}: {range_high} {sampled_high}"
         );
     }
     // Between its points the run overshoots all of them.
-    let (low, high) = path.range(1.0, 3.0);
-    assert!(low < -1.001 && high > 7.2, "{low} {high}");
+    let (range_low, range_high) = mixed_path.range(1.0, 3.0);
+    assert!(
+        range_low < -1.001 && range_high > 7.2,
+        "{range_low} {range_high}"
+    );
 }
 
 #[test]
 fn trimmed_profile_follows_the_same_path() {
-    let path = mixed();
-    let part = path.trimmed(1.25, 4.5).earlier(1.25);
-    assert_eq!((part.start(), part.stop()), (0.0, 3.25));
+    let mixed_path = mixed();
+    let trimmed_path = mixed_path.trimmed(1.25, 4.5).earlier(1.25);
+    assert_eq!((trimmed_path.start(), trimmed_path.stop()), (0.0, 3.25));
     for i in 0..=100 {
         let t = 3.25 * f64::from(i) / 100.0;
-        let ((x, v, a), (x0, v0, a0)) = (part.evaluate(t), path.evaluate(t + 1.25));
+        let ((x, v, a), (x0, v0, a0)) = (trimmed_path.evaluate(t), mixed_path.evaluate(t + 1.25));
         assert!(
             (x - x0).abs() < 1e-13 && (v - v0).abs() < 1e-11 && (a - a0).abs() < 1e-9,
             "{t}"
@@ -131,24 +136,24 @@ fn trimmed_profile_follows_the_same_path() {
 #[test]
 fn profile_error_names_the_point() {
     assert_eq!(Profile::through(&[]), Err(PathError::Empty));
-    let late = Profile::through(&points(&[(1.0, 0.0, Line), (1.0, 1.0, Line)]));
+    let late_error = Profile::through(&points(&[(1.0, 0.0, Line), (1.0, 1.0, Line)]));
     assert_eq!(
-        late,
+        late_error,
         Err(PathError::NotRising {
             index: 1,
             t: 1.0,
             before: 1.0
         })
     );
-    let moved = Profile::through(&points(&[(1.0, 0.0, Line), (2.0, 1.0, Hold)]));
+    let hold_error = Profile::through(&points(&[(1.0, 0.0, Line), (2.0, 1.0, Hold)]));
     assert_eq!(
-        moved,
+        hold_error,
         Err(PathError::HoldMoves {
             index: 1,
             x: 1.0,
             before: 0.0
         })
     );
-    let lost = Profile::through(&points(&[(1.0, 0.0, Line), (2.0, f64::NAN, Line)]));
-    assert!(lost.unwrap_err().to_string().contains("point 1"));
+    let nan_error = Profile::through(&points(&[(1.0, 0.0, Line), (2.0, f64::NAN, Line)]));
+    assert!(nan_error.unwrap_err().to_string().contains("point 1"));
 }

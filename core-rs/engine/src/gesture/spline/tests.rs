@@ -8,10 +8,10 @@ const X: [f64; 6] = [0.0, 6e-3, -4e-3, 1e-3, 1.5e-3, 0.0];
 
 fn close(result: &[f64], wanted: &[f64], tolerance: f64) {
     assert_eq!(result.len(), wanted.len());
-    let size = wanted.iter().fold(0.0f64, |m, w| m.max(w.abs()));
+    let largest_wanted = wanted.iter().fold(0.0f64, |m, w| m.max(w.abs()));
     for (f, w) in result.iter().zip(wanted) {
         assert!(
-            (f - w).abs() <= tolerance * size,
+            (f - w).abs() <= tolerance * largest_wanted,
             "{result:?} is not {wanted:?}"
         );
     }
@@ -153,11 +153,11 @@ fn slopes_of_few_knots() {
         slopes(&[3.0], &[1.0], Ends::Natural),
         (vec![0.0], vec![0.0])
     );
-    let moving = Ends::Clamped {
+    let moving_ends = Ends::Clamped {
         first: (2.0, 3.0),
         last: (2.0, 3.0),
     };
-    assert_eq!(slopes(&[3.0], &[1.0], moving), (vec![2.0], vec![3.0]));
+    assert_eq!(slopes(&[3.0], &[1.0], moving_ends), (vec![2.0], vec![3.0]));
     // A line through two points, a parabola through three.
     assert_eq!(
         slopes(&[1.0, 3.0], &[1.0, 5.0], Ends::Natural),
@@ -168,7 +168,7 @@ fn slopes_of_few_knots() {
     close(&a, &[2.0; 3], 1e-15);
     // Two points at rest: 10s³ - 15s⁴ + 6s⁵.
     let (v, a) = slopes(&[0.0, 2.0], &[0.0, 1.0], Ends::CLAMPED_AT_REST);
-    let piece = Quintic::joining(
+    let rest_piece = Quintic::joining(
         Knot {
             t: 0.0,
             x: 0.0,
@@ -183,8 +183,8 @@ fn slopes_of_few_knots() {
         },
     );
     for s in [0.1f64, 0.25, 0.5, 0.9] {
-        let wanted = s * s * s * (10.0 - 15.0 * s + 6.0 * s * s);
-        assert!((piece.evaluate(2.0 * s).0 - wanted).abs() < 1e-15);
+        let exact_position = s * s * s * (10.0 - 15.0 * s + 6.0 * s * s);
+        assert!((rest_piece.evaluate(2.0 * s).0 - exact_position).abs() < 1e-15);
     }
 }
 
@@ -192,11 +192,11 @@ fn slopes_of_few_knots() {
 #[test]
 fn slopes_of_a_clamped_quintic_are_its_derivatives() {
     for unit in [1e-6, 1.0, 1e4] {
-        let knots: Vec<f64> = [0.0, 0.1, 0.7, 0.701, 1.0, 2.5, 2.6, 3.0]
+        let knot_times: Vec<f64> = [0.0, 0.1, 0.7, 0.701, 1.0, 2.5, 2.6, 3.0]
             .iter()
             .map(|t| t * unit)
             .collect();
-        let piece = Quintic::joining(
+        let exact_piece = Quintic::joining(
             Knot {
                 t: 0.0,
                 x: 1.0,
@@ -210,11 +210,14 @@ fn slopes_of_a_clamped_quintic_are_its_derivatives() {
                 a: -1.0 / unit / unit,
             },
         );
-        let position: Vec<_> = knots.iter().map(|&t| piece.evaluate(t)).collect();
+        let position: Vec<_> = knot_times
+            .iter()
+            .map(|&t| exact_piece.evaluate(t))
+            .collect();
         let x: Vec<f64> = position.iter().map(|k| k.0).collect();
         let first = (position[0].1, position[0].2);
         let last = (position[7].1, position[7].2);
-        let (v, a) = slopes(&knots, &x, Ends::Clamped { first, last });
+        let (v, a) = slopes(&knot_times, &x, Ends::Clamped { first, last });
         close(&v, &position.iter().map(|k| k.1).collect::<Vec<_>>(), 1e-12);
         close(&a, &position.iter().map(|k| k.2).collect::<Vec<_>>(), 1e-9);
     }
@@ -223,8 +226,8 @@ fn slopes_of_a_clamped_quintic_are_its_derivatives() {
 /// An hour of a hand at 720 Hz: the spline moves as the sampled sine does.
 #[test]
 fn slopes_of_two_million_knots() {
-    let n = 2_600_000;
-    let t: Vec<f64> = (0..n).map(|i| f64::from(i) / 720.0).collect();
+    let n_knots = 2_600_000;
+    let t: Vec<f64> = (0..n_knots).map(|i| f64::from(i) / 720.0).collect();
     let x: Vec<f64> = t.iter().map(|&t| crate::maths::sin(20.0 * t)).collect();
     let (v, a) = slopes(&t, &x, Ends::Natural);
     for i in (100..t.len() - 100).step_by(9973) {

@@ -20,7 +20,7 @@ fn trim_of_take_cuts_the_path_between_samples() {
     let (t, x) = hand();
     let complete = plain(&t, &x);
     let trim = Some((0.0101, 0.0777));
-    let part = Take::new(
+    let trimmed_part = Take::new(
         &t,
         &x,
         Preparation {
@@ -29,30 +29,35 @@ fn trim_of_take_cuts_the_path_between_samples() {
         },
     )
     .unwrap();
-    assert!((part.duration() - 0.0676).abs() < 1e-16);
+    assert!((trimmed_part.duration() - 0.0676).abs() < 1e-16);
     for i in 0..=50 {
         let t = 0.0676 * f64::from(i) / 50.0;
-        let (part, complete) = (
-            part.profile().evaluate(t),
+        let (trimmed_part, complete) = (
+            trimmed_part.profile().evaluate(t),
             complete.profile().evaluate(t + 0.0101),
         );
         assert!(
-            (part.0 - complete.0).abs() < 1e-12,
-            "{t}: {part:?} {complete:?}"
+            (trimmed_part.0 - complete.0).abs() < 1e-12,
+            "{t}: {trimmed_part:?} {complete:?}"
         );
-        assert!((part.1 - complete.1).abs() < 1e-9 && (part.2 - complete.2).abs() < 1e-5);
+        assert!(
+            (trimmed_part.1 - complete.1).abs() < 1e-9
+                && (trimmed_part.2 - complete.2).abs() < 1e-5
+        );
     }
 }
 
 #[test]
 fn placed_take_starts_with_its_first_instant() {
     let (t, x) = hand();
-    let late: Vec<f64> = t.iter().map(|t| t + 40.0).collect();
-    let placed = plain(&late, &x).placed(3.0, 2.0, 0.5, false).unwrap();
-    assert!((placed.start() - 3.0).abs() < 1e-12);
-    assert!((placed.stop() - 3.0 - 0.5 * t[23]).abs() < 1e-12);
+    let late_instants: Vec<f64> = t.iter().map(|t| t + 40.0).collect();
+    let placed_take = plain(&late_instants, &x)
+        .placed(3.0, 2.0, 0.5, false)
+        .unwrap();
+    assert!((placed_take.start() - 3.0).abs() < 1e-12);
+    assert!((placed_take.stop() - 3.0 - 0.5 * t[23]).abs() < 1e-12);
     for (t, x) in t.iter().zip(&x) {
-        assert!((placed.evaluate(3.0 + 0.5 * t).0 - 2.0 * x).abs() < 1e-10);
+        assert!((placed_take.evaluate(3.0 + 0.5 * t).0 - 2.0 * x).abs() < 1e-10);
     }
     assert!(plain(&t, &x).placed(3.0, 2.0, 0.0, false).is_err());
 }
@@ -61,7 +66,7 @@ fn placed_take_starts_with_its_first_instant() {
 #[test]
 fn smooth_take_equals_scipy() {
     let (t, x) = hand();
-    let take = Take::new(
+    let smooth_take = Take::new(
         &t,
         &x,
         Preparation {
@@ -71,8 +76,11 @@ fn smooth_take_equals_scipy() {
     )
     .unwrap();
     for (i, wanted) in [(0, SCIPY[0]), (7, SCIPY[1]), (23, SCIPY[2])] {
-        let result = take.profile().knot(i).x;
-        assert!((result - wanted).abs() < 1e-13, "{i}: {result} {wanted}");
+        let smoothed_position = smooth_take.profile().knot(i).x;
+        assert!(
+            (smoothed_position - wanted).abs() < 1e-13,
+            "{i}: {smoothed_position} {wanted}"
+        );
     }
 }
 
@@ -81,13 +89,13 @@ const SCIPY: [f64; 3] = [0.09902771411784429, 1.0009927583782594, -0.89368666049
 /// The filter needs a constant step; the spline through the jittered instants gives the movement between them.
 #[test]
 fn smooth_take_with_uneven_samples() {
-    let rate = 500.0;
+    let sample_rate = 500.0;
     let movement = |t: f64| maths::sin(12.0 * t);
-    let even: Vec<f64> = (0..1000).map(|i| f64::from(i) / rate).collect();
+    let even_instants: Vec<f64> = (0..1000).map(|i| f64::from(i) / sample_rate).collect();
     let jittered: Vec<f64> = (0..1000)
-        .map(|i| f64::from(i) / rate + 4e-4 * maths::sin(f64::from(i * i)))
+        .map(|i| f64::from(i) / sample_rate + 4e-4 * maths::sin(f64::from(i * i)))
         .collect();
-    let smooth = |t: &[f64]| {
+    let smooth_take = |t: &[f64]| {
         let x: Vec<f64> = t.iter().map(|&t| movement(t)).collect();
         Take::new(
             t,
@@ -99,10 +107,13 @@ fn smooth_take_with_uneven_samples() {
         )
         .unwrap()
     };
-    let (a, b) = (smooth(&even), smooth(&jittered));
+    let (even_take, jittered_take) = (smooth_take(&even_instants), smooth_take(&jittered));
     for i in 100..900 {
-        let t = f64::from(i) / rate;
-        assert!((a.profile().evaluate(t).0 - b.profile().evaluate(t).0).abs() < 1e-6);
+        let t = f64::from(i) / sample_rate;
+        assert!(
+            (even_take.profile().evaluate(t).0 - jittered_take.profile().evaluate(t).0).abs()
+                < 1e-6
+        );
     }
 }
 
@@ -110,44 +121,44 @@ fn smooth_take_with_uneven_samples() {
 #[test]
 fn smooth_take_has_straight_ends() {
     let t: Vec<f64> = (0..200).map(|i| f64::from(i) / 200.0).collect();
-    let ramp: Vec<f64> = t.iter().map(|t| 3.0 + 0.5 * t).collect();
-    let take = Take::new(
+    let ramp_positions: Vec<f64> = t.iter().map(|t| 3.0 + 0.5 * t).collect();
+    let smooth_take = Take::new(
         &t,
-        &ramp,
+        &ramp_positions,
         Preparation {
             smooth: Some(25.0),
             ..Preparation::default()
         },
     )
     .unwrap();
-    for (i, x) in ramp.iter().enumerate() {
-        assert!((take.profile().knot(i).x - x).abs() < 2e-3, "{i}");
+    for (i, x) in ramp_positions.iter().enumerate() {
+        assert!((smooth_take.profile().knot(i).x - x).abs() < 2e-3, "{i}");
     }
-    let still = vec![0.25; 200];
-    let take = Take::new(
+    let still_positions = vec![0.25; 200];
+    let smooth_take = Take::new(
         &t,
-        &still,
+        &still_positions,
         Preparation {
             smooth: Some(1.0),
             ..Preparation::default()
         },
     )
     .unwrap();
-    assert!((0..200).all(|i| (take.profile().knot(i).x - 0.25).abs() < 1e-14));
+    assert!((0..200).all(|i| (smooth_take.profile().knot(i).x - 0.25).abs() < 1e-14));
 }
 
 #[test]
 fn take_error_names_the_sample() {
     let refused = |t: &[f64], x: &[f64], preparation| Take::new(t, x, preparation).unwrap_err();
-    let none = Preparation::default();
-    assert_eq!(refused(&[0.0], &[0.0], none), TakeError::TooFew(1));
+    let unprepared = Preparation::default();
+    assert_eq!(refused(&[0.0], &[0.0], unprepared), TakeError::TooFew(1));
     assert_eq!(
-        refused(&[0.0, 1.0], &[0.0], none),
+        refused(&[0.0, 1.0], &[0.0], unprepared),
         TakeError::Lengths { n_t: 2, n_x: 1 }
     );
-    let back = refused(&[0.0, 1.0, 1.0], &[0.0; 3], none);
+    let order_error = refused(&[0.0, 1.0, 1.0], &[0.0; 3], unprepared);
     assert_eq!(
-        back,
+        order_error,
         TakeError::NotRising {
             index: 2,
             t: 1.0,
@@ -155,29 +166,29 @@ fn take_error_names_the_sample() {
         }
     );
     assert!(matches!(
-        refused(&[0.0, 1.0], &[0.0, f64::NAN], none),
+        refused(&[0.0, 1.0], &[0.0, f64::NAN], unprepared),
         TakeError::NotFinite { index: 1, .. }
     ));
     for trim in [(-0.1, 0.5), (0.5, 0.5), (0.2, 1.1), (f64::NAN, 1.0)] {
         let preparation = Preparation {
             trim: Some(trim),
-            ..none
+            ..unprepared
         };
         assert!(matches!(
             refused(&[0.0, 1.0], &[0.0; 2], preparation),
             TakeError::Trim { .. }
         ));
     }
-    let fast = refused(
+    let cutoff_error = refused(
         &[0.0, 0.01],
         &[0.0; 2],
         Preparation {
             smooth: Some(50.0),
-            ..none
+            ..unprepared
         },
     );
     assert_eq!(
-        fast.to_string(),
+        cutoff_error.to_string(),
         "smooth 50 Hz must lie above 0 and below half of the 100 samples a second of this take"
     );
 }

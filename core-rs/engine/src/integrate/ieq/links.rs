@@ -32,22 +32,29 @@ crate::archive::state!(State { psi, g, c });
 
 /// Refuses a link whose energy has no closed form, or falls below its value at rest.
 pub(in super::super) fn check_supported(mesh: &Mesh, network: &Network) -> Result<(), Error> {
-    let refuse = |a: usize, b: usize, message: &str| {
-        let run = network.runs().iter().find(|run| (run.a, run.b) == (a, b));
+    let refuse_link = |a: usize, b: usize, message: &str| {
+        let link_run = network
+            .runs()
+            .iter()
+            .find(|link_run| (link_run.a, link_run.b) == (a, b));
         Err(Error::Refused {
-            module: network.link_name(run.map_or(0, |run| run.first)),
+            module: network.link_name(link_run.map_or(0, |link_run| link_run.first)),
             message: message.to_owned(),
         })
     };
-    if let Some(run) = mesh.springs.iter().find(|run| run.q < 0.0 || run.k < 0.0) {
-        return refuse(
-            run.a,
-            run.b,
+    if let Some(link_run) = mesh
+        .springs
+        .iter()
+        .find(|link_run| link_run.q < 0.0 || link_run.k < 0.0)
+    {
+        return refuse_link(
+            link_run.a,
+            link_run.b,
             "the energy of its law has no lower bound, so method ieq cannot compute it; choose another method",
         );
     }
-    for run in &mesh.others {
-        let why = match &run.kind {
+    for link_run in &mesh.others {
+        let refusal_reason = match &link_run.kind {
             Kind::Lnl { law, .. } if law.is_shared() => Some(
                 "method ieq cannot compute the tension of a string, which all its links share; choose another method",
             ),
@@ -56,24 +63,24 @@ pub(in super::super) fn check_supported(mesh: &Mesh, network: &Network) -> Resul
             ),
             Kind::Lnl { law, .. } => {
                 // A law that pushes away from rest has a negative potential near rest.
-                let mut reach = [1.0, 0.1, 0.01, 1e-3, 1e-4, 1e-5, 1e-6]
+                let mut probe_lengths = [1.0, 0.1, 0.01, 1e-3, 1e-4, 1e-5, 1e-6]
                     .into_iter()
                     .flat_map(|e| [e, -e]);
-                reach
+                probe_lengths
                     .any(|e| law.potential(e) < 0.0)
                     .then_some(
                         "the energy of its law falls below its energy at rest, so method ieq cannot compute it; \
                          choose another method",
                     )
             }
-            Kind::But(but) if but.clamp && run.z != 0.0 => Some(
+            Kind::But(but) if but.clamp && link_run.z != 0.0 => Some(
                 "method ieq computes a contact with Z only if the contact may pull; remove `clamp`, or choose \
                      another method",
             ),
             _ => None,
         };
-        if let Some(why) = why {
-            return refuse(run.a, run.b, why);
+        if let Some(refusal_reason) = refusal_reason {
+            return refuse_link(link_run.a, link_run.b, refusal_reason);
         }
     }
     Ok(())
@@ -81,8 +88,8 @@ pub(in super::super) fn check_supported(mesh: &Mesh, network: &Network) -> Resul
 
 /// λmax(M⁻¹K) of springs and ties, or an upper bound.
 pub(super) fn linear_part(mesh: &Mesh, network: &Network) -> Result<f64, Error> {
-    let mut linear = mesh.scheme.clone();
-    linear.runs.retain(|run| match &run.kind {
+    let mut linear_scheme = mesh.scheme.clone();
+    linear_scheme.runs.retain(|run| match &run.kind {
         Kind::Ref | Kind::Hardening(_) => true,
         Kind::But(_)
         | Kind::Followed { .. }
@@ -92,12 +99,12 @@ pub(super) fn linear_part(mesh: &Mesh, network: &Network) -> Result<f64, Error> 
         | Kind::Pairwise { .. } => false,
         Kind::Lnl { law, .. } => law.hardening_spring().is_some(),
     });
-    Ok(top(&linear, network, 0.0, super::EXPLICIT)?.lambda)
+    Ok(top(&linear_scheme, network, 0.0, super::EXPLICIT)?.lambda)
 }
 
 impl Links {
     pub(super) fn new(mesh: &Mesh, beta: f64) -> Self {
-        let others = mesh.others.iter().map(|run| Spring {
+        let other_springs = mesh.others.iter().map(|run| Spring {
             a: run.a,
             b: run.b,
             len: run.len,
@@ -108,7 +115,7 @@ impl Links {
             pull: Pull::Both(run.a, run.b),
         });
         Self {
-            runs: mesh.springs.iter().copied().chain(others).collect(),
+            runs: mesh.springs.iter().copied().chain(other_springs).collect(),
             beta,
         }
     }
@@ -119,30 +126,30 @@ impl Links {
 
     /// State before frame 0: ψ half a step earlier, at the mean elongation of that step.
     pub(super) fn start(&self, mesh: &Mesh, x: &[f64], d: &[f64]) -> State {
-        let n = self.runs.iter().map(|run| run.len).sum();
-        let mut state = State {
-            psi: vec![0.0; n],
-            g: vec![0.0; n],
-            c: vec![0.0; n],
+        let n_links = self.runs.iter().map(|run| run.len).sum();
+        let mut ieq_state = State {
+            psi: vec![0.0; n_links],
+            g: vec![0.0; n_links],
+            c: vec![0.0; n_links],
         };
-        self.begin(mesh, x, d, &mut state);
-        state
+        self.begin(mesh, x, d, &mut ieq_state);
+        ieq_state
     }
 
     /// Set ψ and the constant part of c from the positions and last steps of the MATs.
     pub(super) fn begin(&self, mesh: &Mesh, x: &[f64], d: &[f64], state: &mut State) {
-        let mut first = 0;
+        let mut run_start = 0;
         for (run_index, run) in self.runs.iter().enumerate() {
             for i in 0..run.len {
                 let (e, de) = elongation(run, x, d, i);
                 let e = e - 0.5 * de;
-                state.psi[first + i] = match run_index.checked_sub(mesh.springs.len()) {
+                state.psi[run_start + i] = match run_index.checked_sub(mesh.springs.len()) {
                     None => sqrt(0.5 * run.q) * (e * e),
                     Some(other) => psi(&mesh.others[other], e),
                 };
-                state.c[first + i] = 0.5 * run.z + self.beta * run.k;
+                state.c[run_start + i] = 0.5 * run.z + self.beta * run.k;
             }
-            first += run.len;
+            run_start += run.len;
         }
     }
 
@@ -154,21 +161,22 @@ impl Links {
         motion: [&[f64]; 2],
         diagonal: &mut [f64],
     ) -> Vec<f64> {
-        let mut state = self.start(mesh, motion[0], motion[1]);
-        let (mut forces, mut right) = (vec![0.0; self.longest()], vec![0.0; diagonal.len()]);
-        let mut unused = right.clone();
-        let sums = [&mut right[..], &mut unused[..]];
-        self.gather(mesh, motion, &mut state, &mut forces, sums);
-        let mut first = 0;
+        let mut start_state = self.start(mesh, motion[0], motion[1]);
+        let (mut link_forces, mut right_side) =
+            (vec![0.0; self.longest()], vec![0.0; diagonal.len()]);
+        let mut unused_side = right_side.clone();
+        let both_sides = [&mut right_side[..], &mut unused_side[..]];
+        self.gather(mesh, motion, &mut start_state, &mut link_forces, both_sides);
+        let mut run_start = 0;
         for run in &self.runs {
-            let c = &mut state.c[first..first + run.len];
-            for (c, g) in c.iter_mut().zip(&state.g[first..]) {
+            let c = &mut start_state.c[run_start..run_start + run.len];
+            for (c, g) in c.iter_mut().zip(&start_state.g[run_start..]) {
                 *c = self.beta * run.k + 0.25 * g * g;
             }
             add_at_ends(c, run.a, run.b, diagonal);
-            first += run.len;
+            run_start += run.len;
         }
-        state.c
+        start_state.c
     }
 
     /// Sets g and c of every link for the current frame; adds its explicit force to `right`, and c to the diagonal at
@@ -181,51 +189,56 @@ impl Links {
         forces: &mut [f64],
         [right, diagonal]: [&mut [f64]; 2],
     ) {
-        let mut first = 0;
+        let mut run_start = 0;
         for (run_index, run) in self.runs.iter().enumerate() {
-            let span = first..first + run.len;
-            let f = &mut forces[..run.len];
-            let (psi, g) = (&state.psi[span.clone()], &mut state.g[span.clone()]);
-            let c = &mut state.c[span];
+            let run_span = run_start..run_start + run.len;
+            let run_forces = &mut forces[..run.len];
+            let (psi, g) = (&state.psi[run_span.clone()], &mut state.g[run_span.clone()]);
+            let c = &mut state.c[run_span];
             match run_index.checked_sub(mesh.springs.len()) {
-                None => springs(run, self.beta, [x, d], psi, [g, c, f]),
+                None => springs(run, self.beta, [x, d], psi, [g, c, run_forces]),
                 Some(other) => {
                     let other = &mesh.others[other];
                     for i in 0..run.len {
                         let (e, de) = elongation(run, x, d, i);
-                        let (slope, drag, push) = slope_and_damping(other, e, de, psi[i]);
-                        g[i] = slope;
-                        c[i] = 0.25 * slope * slope + 0.5 * drag;
-                        f[i] = slope * psi[i] + push;
+                        let (psi_slope, drag_factor, push_force) =
+                            slope_and_damping(other, e, de, psi[i]);
+                        g[i] = psi_slope;
+                        c[i] = 0.25 * psi_slope * psi_slope + 0.5 * drag_factor;
+                        run_forces[i] = psi_slope * psi[i] + push_force;
                     }
                 }
             }
-            passes::pull(f, run.a, run.b, right);
+            passes::pull(run_forces, run.a, run.b, right);
             add_at_ends(c, run.a, run.b, diagonal);
-            first += run.len;
+            run_start += run.len;
         }
     }
 
     /// Advances ψ by one step, given the solution `s`.
     pub(super) fn advance_psi(&self, s: &[f64], state: &mut State) {
-        let mut first = 0;
+        let mut run_start = 0;
         for run in &self.runs {
-            let span = first..first + run.len;
-            let ends = [&s[run.a..][..run.len], &s[run.b..][..run.len]];
-            advance_psi_run(&state.g[span.clone()], ends, &mut state.psi[span]);
-            first += run.len;
+            let run_span = run_start..run_start + run.len;
+            let end_slices = [&s[run.a..][..run.len], &s[run.b..][..run.len]];
+            advance_psi_run(
+                &state.g[run_span.clone()],
+                end_slices,
+                &mut state.psi[run_span],
+            );
+            run_start += run.len;
         }
     }
 
     /// Energy of all links half a step ago [J].
     pub(super) fn energy(&self, mesh: &Mesh, x: &[f64], d: &[f64], state: &State) -> f64 {
-        let linear = mesh.springs.iter().flat_map(|run| {
+        let linear_energies = mesh.springs.iter().flat_map(|run| {
             (0..run.len).map(move |i| {
                 let (e, de) = elongation(run, x, d, i);
                 0.5 * run.k * (e * (e - de) + self.beta * (de * de))
             })
         });
-        linear.sum::<f64>() + state.psi.iter().map(|psi| 0.5 * (psi * psi)).sum::<f64>()
+        linear_energies.sum::<f64>() + state.psi.iter().map(|psi| 0.5 * (psi * psi)).sum::<f64>()
     }
 
     /// Energy of the non-linear parts of all links [J]: once from ψ, once from their laws as the mean of this frame and
@@ -238,8 +251,8 @@ impl Links {
         state: &State,
     ) -> (f64, f64) {
         let quadratic = state.psi.iter().map(|psi| 0.5 * (psi * psi)).sum();
-        let runs = self.runs.iter().enumerate();
-        let each = runs.flat_map(|(run_index, run)| {
+        let numbered_runs = self.runs.iter().enumerate();
+        let law_energies = numbered_runs.flat_map(|(run_index, run)| {
             (0..run.len).map(move |i| {
                 let (e, de) = elongation(run, x, d, i);
                 let potential = |e: f64| match run_index.checked_sub(mesh.springs.len()) {
@@ -249,14 +262,14 @@ impl Links {
                 0.5 * (potential(e) + potential(e - de))
             })
         });
-        (quadratic, each.sum())
+        (quadratic, law_energies.sum())
     }
 }
 
 /// Elongation of link i of a run, and its last step [m].
 fn elongation(run: &Spring, x: &[f64], d: &[f64], i: usize) -> (f64, f64) {
-    let (a, b) = (run.a + i, run.b + i);
-    (x[b] - x[a] - run.rest, d[b] - d[a])
+    let (end_a, end_b) = (run.a + i, run.b + i);
+    (x[end_b] - x[end_a] - run.rest, d[end_b] - d[end_a])
 }
 
 /// ψ of a contact or a law: √(2V), with the sign of e for a law that acts on both sides.
@@ -264,8 +277,8 @@ fn psi(run: &Run, e: f64) -> f64 {
     match &run.kind {
         Kind::Lnl { law, .. } => copysign(sqrt(2.0 * law.potential(e)), e),
         Kind::But(but) => {
-            let p = but.sign() * e;
-            sqrt(2.0 * but.elastic(run.k).energy(p.max(0.0)))
+            let penetration = but.sign() * e;
+            sqrt(2.0 * but.elastic(run.k).energy(penetration.max(0.0)))
         }
         Kind::Ref
         | Kind::Hardening(_)
@@ -281,39 +294,46 @@ fn psi(run: &Run, e: f64) -> f64 {
 fn slope_and_damping(run: &Run, e: f64, de: f64, psi_now: f64) -> (f64, f64, f64) {
     match &run.kind {
         Kind::Lnl { law, rate, .. } => {
-            let stored = psi(run, e);
-            let slope = if stored == 0.0 {
+            let potential_root = psi(run, e);
+            let psi_slope = if potential_root == 0.0 {
                 sqrt(law.slope(e).max(0.0))
             } else {
-                law.spring(e) / stored
+                law.spring(e) / potential_root
             };
-            let drag = if law.is_damped() {
+            let drag_force = if law.is_damped() {
                 law.force(e, de * rate) - law.spring(e)
             } else {
                 0.0
             };
             // Damping that takes energy acts implicitly, as force over velocity; damping that gives energy acts as an
             // explicit force.
-            if drag * de > 0.0 {
-                (slope, drag / de, 0.0)
+            if drag_force * de > 0.0 {
+                (psi_slope, drag_force / de, 0.0)
             } else {
-                (slope, 0.0, drag)
+                (psi_slope, 0.0, drag_force)
             }
         }
         Kind::But(but) => {
-            let s = but.sign();
-            let p = s * e;
-            let slope = if p > 0.0 {
-                let steep = sqrt(0.5 * run.k * (but.exponent + 1.0));
-                copysign(steep * power_law(p, 0.5 * (but.exponent - 1.0)), psi_now)
-            } else if psi_now != 0.0 && s * de < 0.0 {
+            let contact_sign = but.sign();
+            let penetration = contact_sign * e;
+            let psi_slope = if penetration > 0.0 {
+                let stiffness_root = sqrt(0.5 * run.k * (but.exponent + 1.0));
+                copysign(
+                    stiffness_root * power_law(penetration, 0.5 * (but.exponent - 1.0)),
+                    psi_now,
+                )
+            } else if psi_now != 0.0 && contact_sign * de < 0.0 {
                 // Open contact: choose the slope that brings the remaining ψ to zero as the ends part, as if no other
                 // force acted.
-                -psi_now / (s * de)
+                -psi_now / (contact_sign * de)
             } else {
                 0.0
             };
-            (s * slope, if p > 0.0 { run.z } else { 0.0 }, 0.0)
+            (
+                contact_sign * psi_slope,
+                if penetration > 0.0 { run.z } else { 0.0 },
+                0.0,
+            )
         }
         Kind::Ref
         | Kind::Hardening(_)

@@ -8,27 +8,31 @@ use crate::timeline::Timeline;
 /// A mesh with all kinds of links, and a contact of each kind.
 fn everything() -> Network {
     let mut network = hex(2e12, Some(0.5));
-    let tie = Tie::Tuned {
+    let tuned_tie = Tie::Tuned {
         f: 300.0,
         t60: Some(0.3),
     };
-    let but = But {
+    let soft_contact = But {
         side: Side::Above,
         exponent: 1.5,
         clamp: true,
         ..But::plain(3e5, 0.3, 1e-4)
     };
-    let hammer = network
-        .cel("hammer", 5e-3, tie, 0.0, 2e-4, -3.0)
+    let hammer_mat = network
+        .cel("hammer", 5e-3, tuned_tie, 0.0, 2e-4, -3.0)
         .expect("a cell");
-    network.but("felt", hammer, 40, but).expect("a contact");
-    let exact = But {
+    network
+        .but("felt", hammer_mat, 40, soft_contact)
+        .expect("a contact");
+    let exact_contact = But {
         contact: Contact::Exact,
         side: Side::Below,
         exponent: 1.0,
-        ..but
+        ..soft_contact
     };
-    network.but("stop", hammer, 200, exact).expect("a contact");
+    network
+        .but("stop", hammer_mat, 200, exact_contact)
+        .expect("a contact");
     network.start(100, 1e-4, 0.7).expect("a start");
     network
 }
@@ -51,33 +55,33 @@ fn integrator_by_ca_equals_the_scheme_of_islands() {
         unchecked: false,
     };
     let mut simulation = Simulation::new(network.clone(), &timeline, options).expect("it plays");
-    let path = play(by(&network, MeshMethod::Ca, 1), 600, &strikes);
-    for (frame, x) in path.iter().enumerate() {
+    let mesh_path = play(by(&network, MeshMethod::Ca, 1), 600, &strikes);
+    for (frame, x) in mesh_path.iter().enumerate() {
         simulation.skip(1).expect("it is stable");
-        let island = simulation.positions();
-        for (x, island) in x.iter().zip(island) {
-            assert_eq!(x.to_bits(), island.to_bits(), "frame {frame}");
+        let island_state = simulation.positions();
+        for (x, island_state) in x.iter().zip(island_state) {
+            assert_eq!(x.to_bits(), island_state.to_bits(), "frame {frame}");
         }
     }
-    assert_eq!(path.len(), 600);
+    assert_eq!(mesh_path.len(), 600);
 }
 
 #[test]
 fn clone_of_integrator_continues_with_the_same_bits() {
     for method in MeshMethod::ALL {
         let network = hex(2e12, Some(0.5));
-        let mut it = by(&network, method, 2);
-        it.step(&[(165, 0.02)], &mut ThreadTeam::alone());
+        let mut integrator = by(&network, method, 2);
+        integrator.step(&[(165, 0.02)], &mut ThreadTeam::alone());
         for _ in 0..20 {
-            it.step(&[], &mut ThreadTeam::alone());
+            integrator.step(&[], &mut ThreadTeam::alone());
         }
-        let mut copy = it.clone();
+        let mut integrator_copy = integrator.clone();
         for _ in 0..20 {
-            it.step(&[(3, 1e-3)], &mut ThreadTeam::alone());
-            copy.step(&[(3, 1e-3)], &mut ThreadTeam::alone());
+            integrator.step(&[(3, 1e-3)], &mut ThreadTeam::alone());
+            integrator_copy.step(&[(3, 1e-3)], &mut ThreadTeam::alone());
         }
-        assert_eq!(it.positions(), copy.positions());
-        assert!(it.sound() && it.energy() > 0.0);
+        assert_eq!(integrator.positions(), integrator_copy.positions());
+        assert!(integrator.sound() && integrator.energy() > 0.0);
     }
 }
 
@@ -86,37 +90,40 @@ fn clone_of_integrator_continues_with_the_same_bits() {
 fn thread_team_steps_the_same_bits() {
     // Enough masses for three ranges, and every kind of pass: with losses of links, with losses of ties, and without
     // losses.
-    let hung = |t60: Option<f64>| {
+    let hung_mesh = |t60: Option<f64>| {
         let mut network = hex_of(32, 60.0, 1e12, t60);
-        let tie = Tie::Physical { k: 1e3, z: 0.2 };
+        let physical_tie = Tie::Physical { k: 1e3, z: 0.2 };
         network
-            .cel("hung", 1e-3, tie, 0.0, 1e-4, 0.0)
+            .cel("hung", 1e-3, physical_tie, 0.0, 1e-4, 0.0)
             .expect("a cell");
         network
     };
     for (network, method) in [
-        (hung(Some(0.5)), MeshMethod::Ca),
-        (hung(Some(0.5)), MeshMethod::Ca2p),
-        (hung(Some(0.5)), MeshMethod::Bm4),
-        (hung(None), MeshMethod::Ca2p),
-        (hung(None), MeshMethod::Bm4),
+        (hung_mesh(Some(0.5)), MeshMethod::Ca),
+        (hung_mesh(Some(0.5)), MeshMethod::Ca2p),
+        (hung_mesh(Some(0.5)), MeshMethod::Bm4),
+        (hung_mesh(None), MeshMethod::Ca2p),
+        (hung_mesh(None), MeshMethod::Bm4),
         (hex_of(32, 60.0, 1e12, None), MeshMethod::Bm4),
     ] {
-        let last = |threads: usize| {
-            let mut it = by(&network, method, 1);
-            it.share(threads);
-            assert_eq!(it.is_shared(), threads > 1);
+        let last_state = |threads: usize| {
+            let mut integrator = by(&network, method, 1);
+            integrator.share(threads);
+            assert_eq!(integrator.is_shared(), threads > 1);
             crate::kernel::thread_team::flushed(|| {
                 ThreadTeam::with(threads, |team| {
-                    it.step(&[(700, 0.02), (1584, 0.03), (1585, -0.01)], team);
-                    (0..15).for_each(|_| it.step(&[], team));
+                    integrator.step(&[(700, 0.02), (1584, 0.03), (1585, -0.01)], team);
+                    (0..15).for_each(|_| integrator.step(&[], team));
                 });
             });
-            let bits = it.positions().iter().map(|x| x.to_bits());
-            (bits.collect::<Vec<_>>(), it.energy().to_bits())
+            let position_bits = integrator.positions().iter().map(|x| x.to_bits());
+            (
+                position_bits.collect::<Vec<_>>(),
+                integrator.energy().to_bits(),
+            )
         };
-        let alone = last(1);
-        assert_eq!(alone, last(2), "{method:?}");
-        assert_eq!(alone, last(3), "{method:?}");
+        let lone_state = last_state(1);
+        assert_eq!(lone_state, last_state(2), "{method:?}");
+        assert_eq!(lone_state, last_state(3), "{method:?}");
     }
 }

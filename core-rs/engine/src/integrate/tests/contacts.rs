@@ -12,12 +12,14 @@ fn struck(k: f64, exponent: f64, z: f64) -> Network {
     for i in 0..20 {
         network.start(i, 0.0, 0.0).expect("a start");
     }
-    let hammer = network.mas("hammer", HAMMER, -3e-4, 3.0).expect("a mass");
-    let but = But {
+    let hammer_mat = network.mas("hammer", HAMMER, -3e-4, 3.0).expect("a mass");
+    let hammer_contact = But {
         exponent,
         ..But::plain(k, z, 0.0)
     };
-    network.but("felt", hammer, 8, but).expect("a contact");
+    network
+        .but("felt", hammer_mat, 8, hammer_contact)
+        .expect("a contact");
     network
 }
 
@@ -29,8 +31,8 @@ const WAYS: [MeshMethod; 4] = [
 ];
 
 fn errors(network: &Network) -> [f64; 4] {
-    let truth = play(by(network, MeshMethod::Bm4, 128), FRAMES, &[]);
-    WAYS.map(|way| decibels(&play(by(network, way, 1), FRAMES, &[]), &truth))
+    let fine_path = play(by(network, MeshMethod::Bm4, 128), FRAMES, &[]);
+    WAYS.map(|way| decibels(&play(by(network, way, 1), FRAMES, &[]), &fine_path))
 }
 
 /// κ = K(1/m + 1/m)T², from soft to too stiff for any explicit step. CA, CA2P, BM4 and IEQ reach
@@ -38,8 +40,8 @@ fn errors(network: &Network) -> [f64; 4] {
 #[test]
 fn contact_errors_by_stiffness_and_method() {
     let position = |kappa: f64| {
-        let k = kappa * HERTZ * HERTZ / (1.0 / HAMMER + 1e3);
-        errors(&struck(k, 1.0, 0.0))
+        let contact_stiffness = kappa * HERTZ * HERTZ / (1.0 / HAMMER + 1e3);
+        errors(&struck(contact_stiffness, 1.0, 0.0))
     };
     let [ca, ca2p, bm4, ieq] = position(0.06);
     assert!(ca < -44.0 && ca2p < -73.0 && bm4 < -89.0 && ieq < -45.0);
@@ -58,28 +60,28 @@ fn power_law_contacts_by_method() {
     for (z, limit) in [(0.0, [-63.0, -80.0, -160.0, -63.0]), (5.0, [-50.0; 4])] {
         let network = struck(3e8, 2.5, z);
         let errors = errors(&network);
-        let good = errors
+        let are_small = errors
             .iter()
             .zip(limit)
             .all(|(error, limit)| *error < limit);
-        assert!(good, "{errors:?}");
-        let mut it = by(&network, MeshMethod::Ieq, 1);
-        it.step(&[], &mut ThreadTeam::alone());
-        let start = it.energy();
-        let mut last = start;
+        assert!(are_small, "{errors:?}");
+        let mut integrator = by(&network, MeshMethod::Ieq, 1);
+        integrator.step(&[], &mut ThreadTeam::alone());
+        let start_energy = integrator.energy();
+        let mut last_energy = start_energy;
         for _ in 0..3000 {
-            it.step(&[], &mut ThreadTeam::alone());
-            assert!(it.energy() <= last * (1.0 + 1e-14));
-            last = it.energy();
+            integrator.step(&[], &mut ThreadTeam::alone());
+            assert!(integrator.energy() <= last_energy * (1.0 + 1e-14));
+            last_energy = integrator.energy();
         }
-        let left = last / start;
+        let energy_left = last_energy / start_energy;
         assert!(
             if z == 0.0 {
-                (left - 1.0).abs() < 1e-13
+                (energy_left - 1.0).abs() < 1e-13
             } else {
-                left < 0.7
+                energy_left < 0.7
             },
-            "{left}"
+            "{energy_left}"
         );
     }
 }

@@ -5,16 +5,16 @@ use super::*;
 /// Largest relative change of a method's energy after its first frame; +∞ if positions leave the valid range.
 fn drift(mut it: Integrator, frames: usize) -> f64 {
     it.step(&[], &mut ThreadTeam::alone());
-    let start = it.energy();
-    let mut limit = 0.0_f64;
+    let start_energy = it.energy();
+    let mut largest_drift = 0.0_f64;
     for _ in 0..frames {
         it.step(&[], &mut ThreadTeam::alone());
         if !it.sound() {
             return f64::INFINITY;
         }
-        limit = limit.max((it.energy() / start - 1.0).abs());
+        largest_drift = largest_drift.max((it.energy() / start_energy - 1.0).abs());
     }
-    limit
+    largest_drift
 }
 
 #[test]
@@ -22,26 +22,26 @@ fn linear_row_keeps_its_energy_to_rounding() {
     let network = row(20, 2e5, 0.0, 0.0);
     for method in MeshMethod::ALL {
         // BM4 conserves an energy close to this one, which therefore oscillates but does not drift.
-        let limit = if method == MeshMethod::Bm4 {
+        let drift_limit = if method == MeshMethod::Bm4 {
             1e-6
         } else {
             2e-12
         };
         let drift = drift(by(&network, method, 1), 4000);
-        assert!(drift < limit, "{method:?} {drift:e}");
+        assert!(drift < drift_limit, "{method:?} {drift:e}");
     }
 }
 
 /// Links that harden until CA and CA2P compute only finer frames, and BM4 diverges: IEQ still conserves its energy.
 #[test]
 fn hard_cubic_chain_keeps_its_energy_by_ieq() {
-    let ways = [
+    let mesh_methods = [
         MeshMethod::Ca,
         MeshMethod::Ca2p,
         MeshMethod::Bm4,
         MeshMethod::Ieq,
     ];
-    let position = |q: f64| ways.map(|way| drift(by(&row(20, 2e5, q, 0.0), way, 1), 4000));
+    let position = |q: f64| mesh_methods.map(|way| drift(by(&row(20, 2e5, q, 0.0), way, 1), 4000));
     let [ca, ca2p, bm4, ieq] = position(1e12);
     assert!(ca < 0.02 && ca2p < 0.02 && bm4 < 1e-5 && ieq < 1e-13);
     let [ca, ca2p, bm4, ieq] = position(1e14);
@@ -54,13 +54,13 @@ fn hard_cubic_chain_keeps_its_energy_by_ieq() {
 #[test]
 fn stiff_springs_keep_their_energy_by_ieq() {
     for k in [1e6, 1e7, 1e9] {
-        let drifts = [
+        let energy_drifts = [
             drift(by(&row(20, k, 0.0, 0.0), MeshMethod::Ieq, 1), 4000),
             drift(by(&row(20, k, 1e14, 0.0), MeshMethod::Ieq, 1), 4000),
         ];
         assert!(
-            drifts.iter().all(|drift| *drift < 5e-12),
-            "{k:e} {drifts:?}"
+            energy_drifts.iter().all(|drift| *drift < 5e-12),
+            "{k:e} {energy_drifts:?}"
         );
     }
 }
@@ -68,36 +68,38 @@ fn stiff_springs_keep_their_energy_by_ieq() {
 /// A struck, damped row: at every frame the energy put in is stored or lost, to rounding.
 #[test]
 fn energy_ledger_of_a_damped_row_closes() {
-    let z = 0.3;
+    let link_damping = 0.3;
     for q in [0.0, 1e14] {
-        let network = row(20, 2e5, q, z);
-        let links: Vec<(usize, usize)> = network.runs().iter().map(|run| (run.a, run.b)).collect();
-        let mut it = by(&network, MeshMethod::Ieq, 1);
-        it.step(&[], &mut ThreadTeam::alone());
-        let mut before = it.positions().to_vec();
-        it.step(&[], &mut ThreadTeam::alone());
-        let mut now = it.positions().to_vec();
-        let (mut injected, mut lost) = (0.0, 0.0);
-        let start = it.energy();
+        let network = row(20, 2e5, q, link_damping);
+        let link_ends: Vec<(usize, usize)> =
+            network.runs().iter().map(|run| (run.a, run.b)).collect();
+        let mut integrator = by(&network, MeshMethod::Ieq, 1);
+        integrator.step(&[], &mut ThreadTeam::alone());
+        let mut positions_before = integrator.positions().to_vec();
+        integrator.step(&[], &mut ThreadTeam::alone());
+        let mut positions_now = integrator.positions().to_vec();
+        let (mut injected, mut energy_lost) = (0.0, 0.0);
+        let start_energy = integrator.energy();
         for n in 0..2000 {
             let impulse = if n % 50 == 0 { 1e-3 } else { 0.0 };
-            it.step(&[(7, impulse)], &mut ThreadTeam::alone());
-            let next = it.positions().to_vec();
+            integrator.step(&[(7, impulse)], &mut ThreadTeam::alone());
+            let positions_next = integrator.positions().to_vec();
             // A force and the damping act on the mean velocity over two frames.
-            let speed = |mat: usize| (next[mat] - before[mat]) * HERTZ / 2.0;
-            injected += impulse * speed(7);
-            for &(a, b) in &links {
-                let slide = speed(b) - speed(a);
-                lost += z * (slide * slide) / HERTZ;
+            let mean_speed =
+                |mat: usize| (positions_next[mat] - positions_before[mat]) * HERTZ / 2.0;
+            injected += impulse * mean_speed(7);
+            for &(a, b) in &link_ends {
+                let slide_speed = mean_speed(b) - mean_speed(a);
+                energy_lost += link_damping * (slide_speed * slide_speed) / HERTZ;
             }
-            let open = start + injected - lost - it.energy();
+            let open_balance = start_energy + injected - energy_lost - integrator.energy();
             assert!(
-                open.abs() < 1e-12 * (start + injected),
-                "{q:e} {n} {open:e}"
+                open_balance.abs() < 1e-12 * (start_energy + injected),
+                "{q:e} {n} {open_balance:e}"
             );
-            (before, now) = (now, next);
+            (positions_before, positions_now) = (positions_now, positions_next);
         }
-        assert!(lost > 0.1 * injected && injected > 0.0);
+        assert!(energy_lost > 0.1 * injected && injected > 0.0);
     }
 }
 
@@ -105,16 +107,16 @@ fn energy_ledger_of_a_damped_row_closes() {
 #[test]
 fn step_and_readings_do_not_allocate() {
     for method in MeshMethod::ALL {
-        let mut it = by(&hex(1e13, Some(1.0)), method, 2);
-        let mut v = [0.0; 2];
+        let mut integrator = by(&hex(1e13, Some(1.0)), method, 2);
+        let mut velocities_read = [0.0; 2];
         reset_violation_count();
         assert_no_alloc(|| {
             for _ in 0..3 {
-                it.velocities(&[3, 165], &mut v);
-                it.step(&[(165, 1e-3)], &mut ThreadTeam::alone());
-                assert!(it.energy() > 0.0);
+                integrator.velocities(&[3, 165], &mut velocities_read);
+                integrator.step(&[(165, 1e-3)], &mut ThreadTeam::alone());
+                assert!(integrator.energy() > 0.0);
             }
         });
-        assert!(it.sound() && violation_count() == 0, "{method:?}");
+        assert!(integrator.sound() && violation_count() == 0, "{method:?}");
     }
 }

@@ -9,10 +9,12 @@ use crate::scheme::StabilityGuarantee;
 fn single_mass(kappa: f64, zeta: f64) -> Network {
     let mut network = Network::new();
     network.part("p", None);
-    let m = network.mas("m", 1.0, 1e-3, 0.0).expect("a mass");
-    let s = network.sol("s", 0.0).expect("a point");
-    let (k, z) = (kappa * HERTZ * HERTZ, zeta * HERTZ);
-    network.spring("l", s, m, k, z, 0.0).expect("a spring");
+    let mass_index = network.mas("m", 1.0, 1e-3, 0.0).expect("a mass");
+    let fixed_point = network.sol("s", 0.0).expect("a point");
+    let (stiffness, viscosity) = (kappa * HERTZ * HERTZ, zeta * HERTZ);
+    network
+        .spring("l", fixed_point, mass_index, stiffness, viscosity, 0.0)
+        .expect("a spring");
     network
 }
 
@@ -23,13 +25,13 @@ fn word(network: &Network, way: MeshMethod) -> Option<StabilityGuarantee> {
 /// Whether the motion stays below a hundred times its initial displacement: near its stability limit CA2P swings slowly
 /// and far.
 fn stays(network: &Network, method: MeshMethod) -> bool {
-    let path = play(by(network, method, 1), 20_000, &[]);
-    path.len() == 20_000 && path.iter().all(|x| x[0].abs() < 0.1)
+    let mass_path = play(by(network, method, 1), 20_000, &[]);
+    mass_path.len() == 20_000 && mass_path.iter().all(|x| x[0].abs() < 0.1)
 }
 
 #[test]
 fn certificate_limits_by_method() {
-    let (low, high) = (1.0 - 1e-3, 1.0 + 1e-3);
+    let (just_below, just_above) = (1.0 - 1e-3, 1.0 + 1e-3);
     let maximum = super::super::method::BM4_LIMIT * super::super::method::BM4_LIMIT;
     for (method, border, sure) in [
         (MeshMethod::Ca, 4.0, StabilityGuarantee::Proved),
@@ -43,16 +45,16 @@ fn certificate_limits_by_method() {
                 .map(|limit| (limit * limit * 1e9).round()),
             Some((border * 1e9_f64).round())
         );
-        let (below, above) = (
-            single_mass(border * low, 0.0),
-            single_mass(border * high, 0.0),
+        let (stable_mass, unstable_mass) = (
+            single_mass(border * just_below, 0.0),
+            single_mass(border * just_above, 0.0),
         );
-        assert_eq!(word(&below, method), Some(sure), "{method:?}");
-        assert!(stays(&below, method), "{method:?}");
-        assert_eq!(word(&above, method), None, "{method:?}");
-        assert!(!stays(&above, method), "{method:?}");
+        assert_eq!(word(&stable_mass, method), Some(sure), "{method:?}");
+        assert!(stays(&stable_mass, method), "{method:?}");
+        assert_eq!(word(&unstable_mass, method), None, "{method:?}");
+        assert!(!stays(&unstable_mass, method), "{method:?}");
         // Twice the rate allows four times the stiffness.
-        assert!(certify(&above, rate(), method, 2).is_ok());
+        assert!(certify(&unstable_mass, rate(), method, 2).is_ok());
     }
     let method = MeshMethod::Ieq;
     assert_eq!(
@@ -89,18 +91,18 @@ fn certificate_of_ca2p_with_damping() {
 #[test]
 fn certificate_of_hardening_links_is_guarded() {
     let network = hex(1e13, Some(2.0));
-    let words = MeshMethod::ALL.map(|way| word(&network, way));
+    let guarantees = MeshMethod::ALL.map(|way| word(&network, way));
     use StabilityGuarantee::{Guarded, Tried};
     // IEQ conserves an energy of its own here, not that of the laws.
     let expected = [Some(Guarded), Some(Guarded), Some(Tried), Some(Guarded)];
-    assert_eq!(words, expected);
+    assert_eq!(guarantees, expected);
 }
 
 /// A row of two masses with a link between them that follows a law.
 fn lawful(text: &LawText<'_>) -> Network {
     let mut network = row(2, 1e4, 0.0, 0.0);
-    let law = Arc::new(Law::new(text).expect("a law"));
-    network.lnl("law", 0, 1, law, 1e-5).expect("a link");
+    let link_law = Arc::new(Law::new(text).expect("a law"));
+    network.lnl("law", 0, 1, link_law, 1e-5).expect("a link");
     network
 }
 
@@ -115,11 +117,11 @@ fn law(text: &str) -> Network {
 fn integrator_refuses_links_by_method() {
     let refused = |network: &Network, ways: &[MeshMethod]| {
         for method in MeshMethod::ALL {
-            let it = Integrator::new(network, rate(), method, 1);
-            assert_eq!(it.is_err(), ways.contains(&method), "{method:?}");
+            let integrator = Integrator::new(network, rate(), method, 1);
+            assert_eq!(integrator.is_err(), ways.contains(&method), "{method:?}");
             assert_eq!(
                 certify(network, rate(), method, 1).is_err(),
-                it.is_err(),
+                integrator.is_err(),
                 "{method:?}"
             );
         }
@@ -132,11 +134,11 @@ fn integrator_refuses_links_by_method() {
     refused(&law("1e4*d + 1e8*d**3"), &[]);
     refused(&law("1e4*d - 1e9*d**3"), &[Ieq]);
     let mut network = row(2, 1e4, 0.0, 0.0);
-    let but = But {
+    let exact_contact = But {
         contact: Contact::Exact,
         ..But::plain(1e4, 0.0, 0.0)
     };
-    network.but("stop", 0, 1, but).expect("a contact");
+    network.but("stop", 0, 1, exact_contact).expect("a contact");
     refused(&network, &[Ca2p, Bm4, Ieq]);
     let mut discrete = Network::new();
     discrete.part("discrete", Some(rate()));
@@ -148,22 +150,27 @@ fn integrator_refuses_links_by_method() {
 /// The same spring given by three numbers, by an expression, and by points.
 #[test]
 fn general_law_steps_equal_springs() {
-    let spring = lawful(&LawText {
+    let law_network = lawful(&LawText {
         law: Some("2e4*d + 1e11*d**3"),
         damping: Some("0.05*v"),
         ..LawText::default()
     });
-    let mut known = row(2, 1e4, 0.0, 0.0);
+    let mut hardening_row = row(2, 1e4, 0.0, 0.0);
     let hardening = Arc::new(Law::hardening(2e4, 1e11, 0.05).expect("a law"));
-    known.lnl("law", 0, 1, hardening, 1e-5).expect("a link");
-    let points: Vec<(f64, f64)> = (-4000..=4000)
+    hardening_row
+        .lnl("law", 0, 1, hardening, 1e-5)
+        .expect("a link");
+    let law_points: Vec<(f64, f64)> = (-4000..=4000)
         .map(|i| {
-            let d = f64::from(i) * 1e-6;
-            (d, 2e4 * d + 1e11 * (d * d * d))
+            let elongation = f64::from(i) * 1e-6;
+            (
+                elongation,
+                2e4 * elongation + 1e11 * (elongation * elongation * elongation),
+            )
         })
         .collect();
     let pointed = lawful(&LawText {
-        points: Some(&points),
+        points: Some(&law_points),
         damping: Some("0.05*v"),
         ..LawText::default()
     });
@@ -175,19 +182,25 @@ fn general_law_steps_equal_springs() {
         // order.
         (MeshMethod::Ieq, -25.0),
     ] {
-        let exact = play(by(&known, method, 1), 400, &[(0, 0, 1e-3)]);
-        let error = decibels(&play(by(&spring, method, 1), 400, &[(0, 0, 1e-3)]), &exact);
-        let by_points = decibels(&play(by(&pointed, method, 1), 400, &[(0, 0, 1e-3)]), &exact);
-        assert!(error < limit, "{method:?} {error}");
+        let spring_path = play(by(&hardening_row, method, 1), 400, &[(0, 0, 1e-3)]);
+        let law_error = decibels(
+            &play(by(&law_network, method, 1), 400, &[(0, 0, 1e-3)]),
+            &spring_path,
+        );
+        let by_points = decibels(
+            &play(by(&pointed, method, 1), 400, &[(0, 0, 1e-3)]),
+            &spring_path,
+        );
+        assert!(law_error < limit, "{method:?} {law_error}");
         // The line segments between the points are 1 µm long.
         assert!(by_points < f64::max(limit, -95.0), "{method:?} {by_points}");
     }
     let mut undamped = by(&law("2e4*d + 1e11*d**3"), MeshMethod::Ieq, 1);
     undamped.step(&[], &mut ThreadTeam::alone());
-    let start = undamped.energy();
+    let start_energy = undamped.energy();
     for _ in 0..4000 {
         undamped.step(&[], &mut ThreadTeam::alone());
     }
-    let drift = undamped.energy() / start - 1.0;
-    assert!(drift.abs() < 1e-12, "{drift:e}");
+    let energy_drift = undamped.energy() / start_energy - 1.0;
+    assert!(energy_drift.abs() < 1e-12, "{energy_drift:e}");
 }

@@ -56,15 +56,15 @@ impl SpaceWork {
 
     /// The work that the link took since the step before [J], if it pulls with `force` [N] now.
     fn step(&mut self, ends: (usize, usize), force: f64, body: &Body) -> f64 {
-        let (_, along) = self.link.line(ends, |mat| body.x[mat]);
-        let mut work = 0.0;
-        for (axis, along) in along.into_iter().enumerate().take(self.link.n_axes) {
-            let (a, b) = self.link.pair(ends, axis);
-            let stretch = body.d[b] - body.d[a];
-            work += 0.5 * (self.stretch[axis] + stretch) * self.force[axis];
-            (self.stretch[axis], self.force[axis]) = (stretch, force * along);
+        let (_, direction) = self.link.line(ends, |mat| body.x[mat]);
+        let mut step_work = 0.0;
+        for (axis, direction) in direction.into_iter().enumerate().take(self.link.n_axes) {
+            let (first_mat, second_mat) = self.link.pair(ends, axis);
+            let stretch = body.d[second_mat] - body.d[first_mat];
+            step_work += 0.5 * (self.stretch[axis] + stretch) * self.force[axis];
+            (self.stretch[axis], self.force[axis]) = (stretch, force * direction);
         }
-        work
+        step_work
     }
 }
 
@@ -106,8 +106,8 @@ impl Watched {
         n: u64,
     ) -> Option<Gain> {
         if link_work.account.is_overdrawn() && !self.is_whole {
-            let start = link_work.start(self);
-            link_work.account.add_start(start);
+            let start_energy = link_work.start(self);
+            link_work.account.add_start(start_energy);
             self.is_whole = true;
         }
         if !link_work.account.is_overdrawn() {
@@ -163,39 +163,45 @@ impl LinkWork {
         if self.strength.is_some() {
             self.strength = Some(strength(&link.run, scheme, gates));
         }
-        if let Some(space) = &mut self.space {
-            space.step((self.a, self.b), self.force, body);
+        if let Some(space_work) = &mut self.space {
+            space_work.step((self.a, self.b), self.force, body);
         }
         (link.from, link.is_whole) = (elongations(&link.run, body), false);
     }
 
     /// Account for a step in which all forces are known and MATs have not moved yet.
     pub(super) fn step(&mut self, link: &Watched, scheme: &Scheme, gates: &[f64], body: &Body) {
-        let force = self.force_now(body);
-        if let Some(before) = self.strength {
-            let now = strength(&link.run, scheme, gates);
-            if now != before {
+        let link_force = self.force_now(body);
+        if let Some(strength_before) = self.strength {
+            let strength_now = strength(&link.run, scheme, gates);
+            if strength_now != strength_before {
                 let stored = stored(&link.run, elongations(&link.run, body));
-                self.account.take((now - before) * stored);
-                self.strength = Some(now);
+                self.account.take((strength_now - strength_before) * stored);
+                self.strength = Some(strength_now);
             }
         }
-        if force == 0.0 && self.force == 0.0 {
+        if link_force == 0.0 && self.force == 0.0 {
             return;
         }
-        let ends = (self.a, self.b);
-        let (work, kinetic) = if let Some(space) = &mut self.space {
-            let work = space.step(ends, force, body);
-            let axes = (0..space.link.n_axes).map(|axis| space.link.pair(ends, axis));
-            (work, axes.map(|ends| kinetic(ends, scheme, body)).sum())
+        let link_ends = (self.a, self.b);
+        let (step_work, kinetic) = if let Some(space_work) = &mut self.space {
+            let step_work = space_work.step(link_ends, link_force, body);
+            let axis_pairs =
+                (0..space_work.link.n_axes).map(|axis| space_work.link.pair(link_ends, axis));
+            (
+                step_work,
+                axis_pairs
+                    .map(|link_ends| kinetic(link_ends, scheme, body))
+                    .sum(),
+            )
         } else {
             let stretch = body.d[self.b] - body.d[self.a];
-            let work = 0.5 * (self.stretch + stretch) * self.force;
+            let step_work = 0.5 * (self.stretch + stretch) * self.force;
             self.stretch = stretch;
-            (work, kinetic(ends, scheme, body))
+            (step_work, kinetic(link_ends, scheme, body))
         };
-        self.account.take_from_masses(work, kinetic);
-        self.force = force;
+        self.account.take_from_masses(step_work, kinetic);
+        self.force = link_force;
     }
 
     /// The energy created so far, by frame `n`; `around` is the energy of all masses, `put_in` what hands put in.
@@ -210,8 +216,10 @@ impl LinkWork {
         if !link.is_whole {
             account.add_start(self.start(link));
         }
-        let stored = self.stored(&link.run, body);
-        account.gain(stored, around, n).with_reference_min(put_in)
+        let stored_energy = self.stored(&link.run, body);
+        account
+            .gain(stored_energy, around, n)
+            .with_reference_min(put_in)
     }
 
     /// The energy that its link stored when the account began [J].
@@ -222,11 +230,11 @@ impl LinkWork {
     /// The energy that its link stored between the two frames up to which the account goes: MATs have moved on since
     /// [J].
     fn stored(&self, run: &Run, body: &Body) -> f64 {
-        let [next, now] = elongations(run, body);
+        let [elongation_next, elongation_now] = elongations(run, body);
         let between = if run.n_axes() > 1 || run.bristle().is_some() {
-            [next, now]
+            [elongation_next, elongation_now]
         } else {
-            [now, now - self.stretch]
+            [elongation_now, elongation_now - self.stretch]
         };
         self.strength.unwrap_or(1.0) * stored(run, between)
     }
@@ -246,14 +254,14 @@ impl LinkWork {
 
 /// The strength of a link in this step, as a factor of what it is as written.
 fn strength(run: &Run, scheme: &Scheme, gates: &[f64]) -> f64 {
-    let open = run.gate.map_or(1.0, |gate| gates[gate]);
-    let mut runs = scheme.runs.iter().chain(&scheme.exact);
-    let now = runs.find(|own| own.links().contains(&run.first));
-    let k_ratio = now.map_or(1.0, |now| now.k / run.k);
-    if k_ratio.is_finite() {
-        open * k_ratio
+    let gate_opening = run.gate.map_or(1.0, |gate| gates[gate]);
+    let mut scheme_runs = scheme.runs.iter().chain(&scheme.exact);
+    let run_now = scheme_runs.find(|own| own.links().contains(&run.first));
+    let stiffness_ratio = run_now.map_or(1.0, |run_now| run_now.k / run.k);
+    if stiffness_ratio.is_finite() {
+        gate_opening * stiffness_ratio
     } else {
-        open
+        gate_opening
     }
 }
 
@@ -262,17 +270,20 @@ fn elongations(run: &Run, body: &Body) -> [f64; 2] {
     if run.bristle().is_some() {
         return [body.memory[run.first]; 2];
     }
-    let now = run.elongation(0, |mat| body.x[mat]);
+    let elongation_now = run.elongation(0, |mat| body.x[mat]);
     if run.n_axes() > 1 {
         let yielded = if run.yields() {
             body.memory[run.first]
         } else {
             0.0
         };
-        let before = run.elongation(0, |mat| body.x[mat] - body.d[mat]);
-        return [now - yielded, before - yielded];
+        let elongation_before = run.elongation(0, |mat| body.x[mat] - body.d[mat]);
+        return [elongation_now - yielded, elongation_before - yielded];
     }
-    [now, now - (body.d[run.b] - body.d[run.a])]
+    [
+        elongation_now,
+        elongation_now - (body.d[run.b] - body.d[run.a]),
+    ]
 }
 
 /// Energy of a link in space that rounding alone explains [J]: its elongation is a difference of coordinates.
@@ -282,9 +293,9 @@ fn rounding(run: &Run, body: &Body) -> f64 {
     if run.n_axes() == 1 {
         return 0.0; // a contact that is open has no force at all
     }
-    let ends = run.pairs(0).flat_map(|(a, b)| [body.x[a], body.x[b]]);
-    let least = DIGITS * f64::EPSILON * ends.map(f64::abs).fold(0.0, f64::max);
-    run.k * least * least
+    let end_positions = run.pairs(0).flat_map(|(a, b)| [body.x[a], body.x[b]]);
+    let elongation_error = DIGITS * f64::EPSILON * end_positions.map(f64::abs).fold(0.0, f64::max);
+    run.k * elongation_error * elongation_error
 }
 
 /// Energy of a link between two steps [J].

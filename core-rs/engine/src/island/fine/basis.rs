@@ -33,14 +33,20 @@ pub(super) struct Instant {
 impl Basis {
     /// A basis for motions e^(λs) with |λ| up to `reach` [1/frame], to an error relative to them.
     pub(super) fn new(reach: f64, error_max: f64) -> Self {
-        let n = (LEAST..POLYNOMIALS_MAX).find(|&n| error(reach, n) <= error_max);
-        let n = n.unwrap_or(POLYNOMIALS_MAX);
-        let angle = |m: usize| PI * ((n - 1 - m) as f64 + 0.5) / n as f64;
-        let part = |k: usize| if k == 0 { 1.0 } else { 2.0 } / n as f64;
-        let fit = |at: usize| part(at / n) * cos((at / n) as f64 * angle(at % n));
+        let n_instants =
+            (LEAST..POLYNOMIALS_MAX).find(|&n_instants| error(reach, n_instants) <= error_max);
+        let n_instants = n_instants.unwrap_or(POLYNOMIALS_MAX);
+        let node_angle = |m: usize| PI * ((n_instants - 1 - m) as f64 + 0.5) / n_instants as f64;
+        let fit_factor = |k: usize| if k == 0 { 1.0 } else { 2.0 } / n_instants as f64;
+        let fit_weight = |at: usize| {
+            fit_factor(at / n_instants)
+                * cos((at / n_instants) as f64 * node_angle(at % n_instants))
+        };
         Self {
-            instants: (0..n).map(|m| 0.5 + 0.5 * cos(angle(m))).collect(),
-            fit: (0..n * n).map(fit).collect(),
+            instants: (0..n_instants)
+                .map(|m| 0.5 + 0.5 * cos(node_angle(m)))
+                .collect(),
+            fit: (0..n_instants * n_instants).map(fit_weight).collect(),
         }
     }
 
@@ -57,26 +63,34 @@ impl Basis {
 
     /// Weights of the values at the instants in a sum of the polynomials with given factors   (n)
     pub(super) fn weights(&self, polynomials: &[f64]) -> Vec<f64> {
-        let n = self.n();
-        let weight = |m: usize| (0..n).map(|k| polynomials[k] * self.fit[k * n + m]).sum();
-        (0..n).map(weight).collect()
+        let n_instants = self.n();
+        let instant_weight = |m: usize| {
+            (0..n_instants)
+                .map(|k| polynomials[k] * self.fit[k * n_instants + m])
+                .sum()
+        };
+        (0..n_instants).map(instant_weight).collect()
     }
 
     /// Replace the values of a function of two instants by its coefficients   (n·n)
     pub(super) fn fit_both(&self, both: &mut [f64]) {
-        let n = self.n();
-        let (mut values, mut fitted) = ([0.0; POLYNOMIALS_MAX], [0.0; POLYNOMIALS_MAX]);
-        for row in both.chunks_mut(n) {
-            self.fit(row, &mut fitted[..n]);
-            row.copy_from_slice(&fitted[..n]);
+        let n_instants = self.n();
+        let (mut column_values, mut coefficients) =
+            ([0.0; POLYNOMIALS_MAX], [0.0; POLYNOMIALS_MAX]);
+        for row in both.chunks_mut(n_instants) {
+            self.fit(row, &mut coefficients[..n_instants]);
+            row.copy_from_slice(&coefficients[..n_instants]);
         }
-        for l in 0..n {
-            for (m, value) in values[..n].iter_mut().enumerate() {
-                *value = both[m * n + l];
+        for l in 0..n_instants {
+            for (m, value) in column_values[..n_instants].iter_mut().enumerate() {
+                *value = both[m * n_instants + l];
             }
-            self.fit(&values[..n], &mut fitted[..n]);
-            for (k, value) in fitted[..n].iter().enumerate() {
-                both[k * n + l] = *value;
+            self.fit(
+                &column_values[..n_instants],
+                &mut coefficients[..n_instants],
+            );
+            for (k, value) in coefficients[..n_instants].iter().enumerate() {
+                both[k * n_instants + l] = *value;
             }
         }
     }
@@ -108,15 +122,15 @@ pub(super) fn add_rows(rows: &[f64], factors: &[f64], sum: &mut [f64]) {
     }
 }
 
-fn add_known<const N: usize>(rows: &[f64], factors: &[f64], sum: &mut [f64]) {
+fn add_known<const N: usize>(rows: &[f64], factors: &[f64], polynomial_sum: &mut [f64]) {
     let (rows, []) = rows.as_chunks::<N>() else {
         return;
     };
-    let ([sum], []) = sum.as_chunks_mut::<N>() else {
+    let ([polynomial_sum], []) = polynomial_sum.as_chunks_mut::<N>() else {
         return;
     };
     for (row, factor) in rows.iter().zip(factors) {
-        for (own, by) in sum.iter_mut().zip(row) {
+        for (own, by) in polynomial_sum.iter_mut().zip(row) {
             *own += factor * by;
         }
     }
@@ -128,7 +142,7 @@ pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
 
 impl Instant {
     pub(super) fn new(n: usize, s: f64) -> Self {
-        let (u, mut values) = (
+        let (u, mut instant) = (
             2.0 * s - 1.0,
             Self {
                 s,
@@ -136,13 +150,13 @@ impl Instant {
                 slope: [0.0; POLYNOMIALS_MAX],
             },
         );
-        (values.value[0], values.value[1], values.slope[1]) = (1.0, u, 2.0);
+        (instant.value[0], instant.value[1], instant.slope[1]) = (1.0, u, 2.0);
         for k in 2..n {
-            values.value[k] = 2.0 * u * values.value[k - 1] - values.value[k - 2];
-            values.slope[k] =
-                4.0 * values.value[k - 1] + 2.0 * u * values.slope[k - 1] - values.slope[k - 2];
+            instant.value[k] = 2.0 * u * instant.value[k - 1] - instant.value[k - 2];
+            instant.slope[k] =
+                4.0 * instant.value[k - 1] + 2.0 * u * instant.slope[k - 1] - instant.slope[k - 2];
         }
-        values
+        instant
     }
 }
 
@@ -154,18 +168,18 @@ mod tests {
     #[test]
     fn basis_rows_are_added_in_order() {
         for n in LEAST..POLYNOMIALS_MAX {
-            let number = |at: usize| sin(at as f64 + 0.3);
-            let rows: Vec<f64> = (0..n * n).map(number).collect();
-            let factors: Vec<f64> = (0..n).map(|k| number(k + 777)).collect();
-            let mut sum: Vec<f64> = (0..n).map(|k| number(k + 999)).collect();
-            let mut plain = sum.clone();
+            let test_number = |at: usize| sin(at as f64 + 0.3);
+            let rows: Vec<f64> = (0..n * n).map(test_number).collect();
+            let factors: Vec<f64> = (0..n).map(|k| test_number(k + 777)).collect();
+            let mut polynomial_sum: Vec<f64> = (0..n).map(|k| test_number(k + 999)).collect();
+            let mut plain_sum = polynomial_sum.clone();
             for k in 0..n {
-                for (own, by) in plain.iter_mut().zip(&rows[k * n..]) {
+                for (own, by) in plain_sum.iter_mut().zip(&rows[k * n..]) {
                     *own += factors[k] * by;
                 }
             }
-            add_rows(&rows, &factors, &mut sum);
-            assert_eq!(sum, plain, "{n} polynomials");
+            add_rows(&rows, &factors, &mut polynomial_sum);
+            assert_eq!(polynomial_sum, plain_sum, "{n} polynomials");
         }
     }
 
@@ -173,15 +187,21 @@ mod tests {
     fn basis_fit_of_a_swing_between_instants() {
         for reach in [0.3, 2.0, 6.0, 12.0] {
             let basis = Basis::new(reach, ERROR);
-            let n = basis.n();
-            let values: Vec<f64> = basis.instants.iter().map(|s| sin(reach * s)).collect();
-            let mut fitted = vec![0.0; n];
-            basis.fit(&values, &mut fitted);
+            let n_instants = basis.n();
+            let sine_values: Vec<f64> = basis.instants.iter().map(|s| sin(reach * s)).collect();
+            let mut coefficients = vec![0.0; n_instants];
+            basis.fit(&sine_values, &mut coefficients);
             for s in [0.0, 0.123, 0.5, 0.97, 1.0] {
-                let instant = Instant::new(n, s);
-                assert!((dot(&fitted, &instant.value[..n]) - sin(reach * s)).abs() < 1e-8);
-                let slope = reach * cos(reach * s);
-                assert!((dot(&fitted, &instant.slope[..n]) - slope).abs() < 1e-6 * reach.max(1.0));
+                let instant = Instant::new(n_instants, s);
+                assert!(
+                    (dot(&coefficients, &instant.value[..n_instants]) - sin(reach * s)).abs()
+                        < 1e-8
+                );
+                let sine_slope = reach * cos(reach * s);
+                assert!(
+                    (dot(&coefficients, &instant.slope[..n_instants]) - sine_slope).abs()
+                        < 1e-6 * reach.max(1.0)
+                );
             }
         }
     }

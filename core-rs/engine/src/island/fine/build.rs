@@ -27,60 +27,68 @@ impl Fine {
         timeline: &Timeline,
     ) -> Self {
         let rate = timeline.rate;
-        let mut mats: Vec<usize> = links.iter().flat_map(|run| [run.a, run.b]).collect();
-        mats.sort_unstable();
-        mats.dedup();
-        let error = match links.iter().any(Run::is_dry) {
+        let mut joint_mats: Vec<usize> = links.iter().flat_map(|run| [run.a, run.b]).collect();
+        joint_mats.sort_unstable();
+        joint_mats.dedup();
+        let fit_error = match links.iter().any(Run::is_dry) {
             true => ERROR_OF_FRICTION,
             false => ERROR,
         };
-        let basis = Basis::new(reach(&mats, network, scheme, bodies, timeline), error);
-        let n = basis.n();
+        let basis = Basis::new(
+            reach(&joint_mats, network, scheme, bodies, timeline),
+            fit_error,
+        );
+        let n_instants = basis.n();
         let is_held = |mat: usize| {
-            let mut drives = timeline.drives.iter();
-            drives.any(|drive| drive.mat == mat && drive.kind == DriveKind::Position)
+            let mut timeline_drives = timeline.drives.iter();
+            timeline_drives.any(|drive| drive.mat == mat && drive.kind == DriveKind::Position)
         };
         let new_joint = |&mat: &usize| {
-            let known = (&basis, rate);
-            joint(mat, is_held(mat), network, scheme, bodies, known)
+            let basis_and_rate = (&basis, rate);
+            joint(mat, is_held(mat), network, scheme, bodies, basis_and_rate)
         };
-        let joints: Vec<Joint> = mats.iter().map(new_joint).collect();
-        let slot = |mat: usize| mats.binary_search(&mat).unwrap_or(0);
-        let ends = links.iter().map(|run| (slot(run.a), slot(run.b))).collect();
+        let joints: Vec<Joint> = joint_mats.iter().map(new_joint).collect();
+        let joint_slot = |mat: usize| joint_mats.binary_search(&mat).unwrap_or(0);
+        let ends = links
+            .iter()
+            .map(|run| (joint_slot(run.a), joint_slot(run.b)))
+            .collect();
         let n_joints = joints.len();
         let crowded = crowded_bodies(&links, &joints, bodies, (&basis, rate));
         let is_crowded = |owner: usize| crowded.iter().any(|body| body.owner() == owner);
         // Number of modes that give the position of a joint; 1 for a mass.
-        let modes = |joint: &Joint| {
+        let mode_count = |joint: &Joint| {
             let body = joint.port.and_then(|(owner, _)| bodies[owner].modal());
             body.map_or(1, RunningModal::n_modes) as u64
         };
-        let pairs = |joint: &Joint| {
-            let same = |other: &&Joint| match (joint.port, other.port) {
+        let pair_count = |joint: &Joint| {
+            let is_same_body = |other: &&Joint| match (joint.port, other.port) {
                 (Some((owner, _)), Some((new_joint, _))) => owner == new_joint,
                 _ => false,
             };
-            joints.iter().filter(same).count().max(1) as u64
+            joints.iter().filter(is_same_body).count().max(1) as u64
         };
-        let instants = n as u64;
+        let instants = n_instants as u64;
         let has_rows =
             |new_joint: &&Joint| new_joint.port.is_none_or(|(owner, _)| !is_crowded(owner));
-        let tables = |body: &CrowdedBody| {
+        let table_products = |body: &CrowdedBody| {
             let motions = 2 * instants * body.n_modes() as u64;
             motions * (RESPONSE + instants)
         };
         let responses = joints
             .iter()
             .filter(has_rows)
-            .map(|new_joint| (RESPONSE + pairs(new_joint)) * modes(new_joint) * instants * instants)
+            .map(|new_joint| {
+                (RESPONSE + pair_count(new_joint)) * mode_count(new_joint) * instants * instants
+            })
             .sum::<u64>();
-        let crowded_products: u64 = crowded.iter().map(tables).sum();
+        let crowded_products: u64 = crowded.iter().map(table_products).sum();
         let ways = joints
             .iter()
-            .map(|new_joint| (2 * modes(new_joint) + instants) * instants)
+            .map(|new_joint| (2 * mode_count(new_joint) + instants) * instants)
             .sum();
-        let from = |joint: &Joint| moves(joint, &joints, bodies, (&basis, rate), is_crowded);
-        let (moves, jumps): (Vec<_>, _) = joints.iter().flat_map(from).unzip();
+        let moves_from = |joint: &Joint| moves(joint, &joints, bodies, (&basis, rate), is_crowded);
+        let (moves, jumps): (Vec<_>, _) = joints.iter().flat_map(moves_from).unzip();
         let products = |moves: &[Vec<f64>]| moves.iter().map(Vec::len).sum::<usize>() as u64;
         let reached = moves.chunks(n_joints.max(1)).map(products).collect();
         let begun = begun(&moves, &joints, &basis);
@@ -105,11 +113,14 @@ impl Fine {
         let sprung = Sprung::new(&script, network);
         let n_links = script.links.len();
         Self {
-            paths: vec![0.0; n_joints * n],
-            impulse_sums: vec![0.0; n_joints * n],
-            saved: [vec![0.0; n_joints * n], vec![0.0; n_joints * n]],
-            values: vec![0.0; n_joints * n],
-            pushed: vec![0.0; n_joints * n],
+            paths: vec![0.0; n_joints * n_instants],
+            impulse_sums: vec![0.0; n_joints * n_instants],
+            saved: [
+                vec![0.0; n_joints * n_instants],
+                vec![0.0; n_joints * n_instants],
+            ],
+            values: vec![0.0; n_joints * n_instants],
+            pushed: vec![0.0; n_joints * n_instants],
             crowded: script.crowded.iter().map(CrowdedBody::motion).collect(),
             later: vec![0.0; n_joints],
             steady: vec![0.0; n_joints],
@@ -140,15 +151,17 @@ impl Fine {
 /// Displacement of one joint at the instants of a frame by an impulse at another at its start, from `moves`
 /// (n_joints²)
 fn begun(moves: &[Vec<f64>], joints: &[Joint], basis: &Basis) -> Vec<Vec<f64>> {
-    let (n, start) = (basis.n(), Instant::new(basis.n(), 0.0));
+    let (n_instants, start_instant) = (basis.n(), Instant::new(basis.n(), 0.0));
     let response = |(pair, moves): (usize, &Vec<f64>)| {
         if joints[pair / joints.len()].port.is_none() || moves.is_empty() {
             return Vec::new();
         }
         let basis_at = |&s: &f64| {
-            let end = Instant::new(n, s);
-            let rows = moves.chunks(n).zip(&start.value);
-            rows.map(|(row, share)| share * dot(row, &end.value)).sum()
+            let end_instant = Instant::new(n_instants, s);
+            let move_rows = moves.chunks(n_instants).zip(&start_instant.value);
+            move_rows
+                .map(|(row, share)| share * dot(row, &end_instant.value))
+                .sum()
         };
         basis.instants.iter().map(basis_at).collect()
     };

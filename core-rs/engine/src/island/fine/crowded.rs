@@ -54,9 +54,9 @@ pub(super) fn crowded_bodies(
     if !links.iter().all(|run| matches!(run.kind, Kind::But(_))) {
         return Vec::new();
     }
-    let owners = 0..bodies.len();
+    let body_indices = 0..bodies.len();
     let bodies_found =
-        owners.filter_map(|owner| CrowdedBody::new(owner, joints, bodies, (basis, rate)));
+        body_indices.filter_map(|owner| CrowdedBody::new(owner, joints, bodies, (basis, rate)));
     bodies_found.collect()
 }
 
@@ -68,37 +68,40 @@ impl CrowdedBody {
         bodies: &[RunningBody],
         (basis, rate): (&Basis, Rate),
     ) -> Option<Self> {
-        let ports: Vec<(usize, usize)> = (joints.iter().enumerate())
+        let joint_ports: Vec<(usize, usize)> = (joints.iter().enumerate())
             .filter_map(|(joint_index, joint)| match joint.port {
                 Some((own, port)) if own == owner => Some((joint_index, port)),
                 _ => None,
             })
             .collect();
-        let body = bodies[owner].modal()?;
-        let (n, n_modes) = (basis.n(), body.n_modes());
-        if !is_crowded(ports.len(), n_modes, n) {
+        let modal_body = bodies[owner].modal()?;
+        let (n_instants, n_modes) = (basis.n(), modal_body.n_modes());
+        if !is_crowded(joint_ports.len(), n_modes, n_instants) {
             return None;
         }
-        let cells = body.cells()?;
-        let step = rate.step();
-        if cells.iter().any(|cell| cell.viscosity() * step > LOSS_MAX) {
+        let mode_cells = modal_body.cells()?;
+        let time_step = rate.step();
+        if mode_cells
+            .iter()
+            .any(|cell| cell.viscosity() * time_step > LOSS_MAX)
+        {
             return None;
         }
         let n_groups = n_modes.div_ceil(SUMS);
-        let row = |port: usize| {
-            let mut row = vec![[0.0; SUMS]; n_groups];
-            for (mode, share) in body.shape(port).iter().enumerate() {
-                row[mode / SUMS][mode % SUMS] = *share;
+        let share_row = |port: usize| {
+            let mut share_row = vec![[0.0; SUMS]; n_groups];
+            for (mode, share) in modal_body.shape(port).iter().enumerate() {
+                share_row[mode / SUMS][mode % SUMS] = *share;
             }
-            row
+            share_row
         };
         Some(Self {
             owner,
             n_modes,
-            tables: tables(&cells, basis, rate),
-            rows: ports
+            tables: tables(&mode_cells, basis, rate),
+            rows: joint_ports
                 .iter()
-                .map(|&(joint, port)| (joint, row(port)))
+                .map(|&(joint, port)| (joint, share_row(port)))
                 .collect(),
         })
     }
@@ -114,13 +117,13 @@ impl CrowdedBody {
 
     /// Body and row of each joint that is on such a body   (n_joints)
     pub(super) fn places(bodies: &[Self], n_joints: usize) -> Vec<Option<(usize, usize)>> {
-        let mut places = vec![None; n_joints];
+        let mut joint_places = vec![None; n_joints];
         for (body, crowded) in bodies.iter().enumerate() {
             for (row, &(joint, _)) in crowded.rows.iter().enumerate() {
-                places[joint] = Some((body, row));
+                joint_places[joint] = Some((body, row));
             }
         }
-        places
+        joint_places
     }
 
     pub(super) fn owner(&self) -> usize {
@@ -133,40 +136,42 @@ impl CrowdedBody {
 }
 
 /// Whether sums over modes take far fewer products than paths of pairs, if a share of the joints push at once.
-fn is_crowded(n_joints: usize, n_modes: usize, n: usize) -> bool {
-    let (joints, modes, n) = (n_joints as f64, n_modes as f64, n as f64);
-    let pushing = (PUSHING * joints).max(1.0);
-    let by_pairs = KICKS * pushing * joints * n * n;
+fn is_crowded(n_joints: usize, n_modes: usize, n_instants: usize) -> bool {
+    let (joint_count, mode_count, n_instants) =
+        (n_joints as f64, n_modes as f64, n_instants as f64);
+    let pushing = (PUSHING * joint_count).max(1.0);
+    let by_pairs = KICKS * pushing * joint_count * n_instants * n_instants;
     // For each kick the instant, and what each contact sees and pushes; for each step what all joints see.
-    let by_modes = modes * (KICKS * (2.0 * n + 8.0 + 3.0 * pushing) + 2.0 * joints);
+    let by_modes =
+        mode_count * (KICKS * (2.0 * n_instants + 8.0 + 3.0 * pushing) + 2.0 * joint_count);
     by_pairs > GAIN * by_modes
 }
 
 /// The tables of modes with these motions. A group that is not full is filled with copies of a mode, which have no share
 /// in any position.
 fn tables(cells: &[Cell], basis: &Basis, rate: Rate) -> ModeTables {
-    let (n, step) = (basis.n(), rate.step());
+    let (n, time_step) = (basis.n(), rate.step());
     let n_groups = cells.len().div_ceil(SUMS);
     let mut motions = vec![[[0.0; SUMS]; 2]; n_groups * n];
     let mut rates = vec![[[0.0; SUMS]; 2]; n_groups];
     let mut coefficients = vec![0.0; n];
     for index in 0..n_groups * SUMS {
-        let (cell, group, lane) = (
+        let (mode_cell, group_index, lane_index) = (
             &cells[index.min(cells.len() - 1)],
             index / SUMS,
             index % SUMS,
         );
         for which in 0..2 {
-            let value = |s: &f64| unit_motion(cell, s * step, which, step);
-            let values: Vec<f64> = basis.instants.iter().map(value).collect();
-            basis.fit(&values, &mut coefficients);
-            let group_motions = motions[group * n..(group + 1) * n].iter_mut();
+            let motion_value = |s: &f64| unit_motion(mode_cell, s * time_step, which, time_step);
+            let motion_samples: Vec<f64> = basis.instants.iter().map(motion_value).collect();
+            basis.fit(&motion_samples, &mut coefficients);
+            let group_motions = motions[group_index * n..(group_index + 1) * n].iter_mut();
             for (motion, coefficient) in group_motions.zip(&coefficients) {
-                motion[which][lane] = *coefficient;
+                motion[which][lane_index] = *coefficient;
             }
         }
-        rates[group][0][lane] = cell.stiffness() * step * step;
-        rates[group][1][lane] = cell.viscosity() * step;
+        rates[group_index][0][lane_index] = mode_cell.stiffness() * time_step * time_step;
+        rates[group_index][1][lane_index] = mode_cell.viscosity() * time_step;
     }
     ModeTables { n, motions, rates }
 }
@@ -235,31 +240,32 @@ impl Fine {
 
     /// Position [m] and velocity [m/frame] of a joint at this instant.
     pub(super) fn see(&self, script: &Script, joint: usize, instant: &Instant) -> [f64; 2] {
-        let n = script.basis.n();
-        let path = &self.paths[joint * n..(joint + 1) * n];
-        let [x, v] = [&instant.value, &instant.slope].map(|polynomials| dot(path, polynomials));
+        let n_instants = script.basis.n();
+        let joint_path = &self.paths[joint * n_instants..(joint + 1) * n_instants];
+        let [x, v] =
+            [&instant.value, &instant.slope].map(|polynomials| dot(joint_path, polynomials));
         match script.places[joint] {
             None => [x, v],
             Some((body, row)) => {
-                let [y, u] = see(
+                let [crowded_x, crowded_v] = see(
                     &script.crowded[body].rows[row].1,
                     &self.crowded[body].groups,
                 );
-                [x + y, v + u]
+                [x + crowded_x, v + crowded_v]
             }
         }
     }
 
     /// Push a joint that is on such a body at this instant [N·s]; false if it is on none.
     pub(super) fn push_crowded(&mut self, script: &Script, joint: usize, impulse: f64) -> bool {
-        let Some((body, row)) = script.places[joint] else {
+        let Some((body_index, row_index)) = script.places[joint] else {
             return false;
         };
-        let (crowded, motion) = (&script.crowded[body], &mut self.crowded[body]);
+        let (crowded, body_motion) = (&script.crowded[body_index], &mut self.crowded[body_index]);
         push(
-            &crowded.rows[row].1,
+            &crowded.rows[row_index].1,
             impulse * script.rate.step(),
-            &mut motion.groups,
+            &mut body_motion.groups,
         );
         // What it changes, and what is seen of it.
         self.work.products += 3 * crowded.n_modes as u64;
@@ -288,50 +294,60 @@ mod tests {
         let reach = cells.iter().map(Cell::reach).fold(0.0, f64::max) * rate.step();
         let basis = Basis::new(reach, ERROR);
         let tables = tables(&cells, &basis, rate);
-        let share = |row: usize, mode: usize| sin((7 * row + 3 * mode + 1) as f64);
-        let rows: Vec<Vec<Group>> = (0..3)
+        let mode_share = |row: usize, mode: usize| sin((7 * row + 3 * mode + 1) as f64);
+        let share_rows: Vec<Vec<Group>> = (0..3)
             .map(|row| {
                 let mut groups = vec![[0.0; SUMS]; 2];
-                (0..13).for_each(|mode| groups[mode / SUMS][mode % SUMS] = share(row, mode));
+                (0..13).for_each(|mode| groups[mode / SUMS][mode % SUMS] = mode_share(row, mode));
                 groups
             })
             .collect();
         let mut groups = vec![PushedGroup::START; 2];
         // Instant, row and impulse; two of them at one instant.
-        let pushes = [
+        let push_list = [
             (0.0, 0, 1e-3),
             (0.3, 1, -2e-3),
             (0.3, 2, 3e-3),
             (0.85, 0, 5e-4),
         ];
-        let mut now = 0.0;
-        for &(s, row, impulse) in &pushes {
-            if s != now {
+        let mut instant_now = 0.0;
+        for &(s, row, impulse) in &push_list {
+            if s != instant_now {
                 bring(&tables, &Instant::new(basis.n(), s).value, &mut groups);
-                now = s;
+                instant_now = s;
             }
-            push(&rows[row], impulse * rate.step(), &mut groups);
+            push(&share_rows[row], impulse * rate.step(), &mut groups);
         }
         for end in [0.85, 0.9, 1.0] {
             // At the instant of the last impulse the velocity has changed already.
-            if end != now {
+            if end != instant_now {
                 bring(&tables, &Instant::new(basis.n(), end).value, &mut groups);
             }
-            for (seen, row_seen) in rows.iter().enumerate() {
+            for (seen, row_seen) in share_rows.iter().enumerate() {
                 let [x, v] = see(row_seen, &groups);
-                let mut exact = [0.0; 2];
-                for &(s, row, impulse) in &pushes {
-                    let t = (end - s) * rate.step();
+                let mut exact_motion = [0.0; 2];
+                for &(s, row, impulse) in &push_list {
+                    let time_since = (end - s) * rate.step();
                     for (mode, cell) in cells.iter().enumerate() {
-                        let part = impulse * share(row, mode) * share(seen, mode);
-                        exact[0] += part * cell.response(t);
-                        let slope = cell.released(t) - cell.viscosity() * cell.response(t);
-                        exact[1] += part * slope * rate.step();
+                        let modal_impulse =
+                            impulse * mode_share(row, mode) * mode_share(seen, mode);
+                        exact_motion[0] += modal_impulse * cell.response(time_since);
+                        let response_slope = cell.released(time_since)
+                            - cell.viscosity() * cell.response(time_since);
+                        exact_motion[1] += modal_impulse * response_slope * rate.step();
                     }
                 }
-                let size = 1e-8 * rate.step() * 3e-3;
-                assert!((x - exact[0]).abs() < size, "{x} {}", exact[0]);
-                assert!((v - exact[1]).abs() < 10.0 * size, "{v} {}", exact[1]);
+                let error_max = 1e-8 * rate.step() * 3e-3;
+                assert!(
+                    (x - exact_motion[0]).abs() < error_max,
+                    "{x} {}",
+                    exact_motion[0]
+                );
+                assert!(
+                    (v - exact_motion[1]).abs() < 10.0 * error_max,
+                    "{v} {}",
+                    exact_motion[1]
+                );
             }
         }
     }

@@ -19,66 +19,76 @@ impl Fine {
         bodies: &mut [RunningBody],
         body: &mut Body,
     ) {
-        let next = |mat: usize, body: &Body| match targets.iter().find(|target| target.mat == mat) {
-            Some(target) => target.x,
-            None => kernel::predict(scheme, body, mat),
-        };
-        let mut any = false;
+        let next_position =
+            |mat: usize, body: &Body| match targets.iter().find(|target| target.mat == mat) {
+                Some(target) => target.x,
+                None => kernel::predict(scheme, body, mat),
+            };
+        let mut any_near = false;
         for (contact, run) in self.script.links.iter().enumerate() {
-            let now = body.x[run.b] - body.x[run.a];
-            let then = next(run.b, body) - next(run.a, body);
-            let near = nearest(run, now - run.rest, then - run.rest) > 0.0;
-            self.near[contact] = near;
-            any |= near;
+            let distance_now = body.x[run.b] - body.x[run.a];
+            let distance_next = next_position(run.b, body) - next_position(run.a, body);
+            let contact_near =
+                nearest(run, distance_now - run.rest, distance_next - run.rest) > 0.0;
+            self.near[contact] = contact_near;
+            any_near |= contact_near;
             body.link[run.first] = 0.0;
         }
-        if !any && self.frictions.is_empty() {
+        if !any_near && self.frictions.is_empty() {
             self.rests.fill(false);
         }
-        if !any && self.laws.is_empty() && self.frictions.is_empty() {
+        if !any_near && self.laws.is_empty() && self.frictions.is_empty() {
             return;
         }
         self.retune();
-        if any {
+        if any_near {
             self.spread();
         }
-        let (script, laws) = (self.script.clone(), self.law_script.clone());
+        let (script, law_script) = (self.script.clone(), self.law_script.clone());
         self.work.products += script.ways;
         self.pushed.fill(0.0);
         self.begin_crowded();
-        self.ways(&script, scheme, bodies, body, &next);
-        let is_located = any || !self.frictions.is_empty() || self.has_glided.contains(&true);
-        self.start_laws(&script, &laws, gates, !is_located);
+        self.ways(&script, scheme, bodies, body, &next_position);
+        let is_located = any_near || !self.frictions.is_empty() || self.has_glided.contains(&true);
+        self.start_laws(&script, &law_script, gates, !is_located);
         if is_located {
             self.impulse_sums.fill(0.0);
-            let n = script.basis.n();
-            for (values, way) in self.values.chunks(n).zip(self.paths.chunks_mut(n)) {
+            let n_instants = script.basis.n();
+            for (values, way) in self
+                .values
+                .chunks(n_instants)
+                .zip(self.paths.chunks_mut(n_instants))
+            {
                 script.basis.fit(values, way);
             }
             if self.frictions.is_empty() {
-                self.march(&script, &laws, gates, body);
+                self.march(&script, &law_script, gates, body);
             } else {
-                let slides = self.frictions.script.clone();
-                let frame = Frame {
+                let slide_script = self.frictions.script.clone();
+                let slide_frame = Frame {
                     script: &script,
-                    slides: &slides,
+                    slides: &slide_script,
                     gates,
                 };
-                self.slide(frame, body);
+                self.slide(slide_frame, body);
             }
             // Impulses at the instants of the frame that have the same effect on any smooth function as those between
             // them.
-            for (impulses, pushed) in self.impulse_sums.chunks(n).zip(self.pushed.chunks_mut(n)) {
-                for (value, row) in impulses.iter().zip(script.basis.fit.chunks(n)) {
+            for (impulses, pushed) in self
+                .impulse_sums
+                .chunks(n_instants)
+                .zip(self.pushed.chunks_mut(n_instants))
+            {
+                for (value, row) in impulses.iter().zip(script.basis.fit.chunks(n_instants)) {
                     for (impulse, weight) in pushed.iter_mut().zip(row) {
                         *impulse += value * weight;
                     }
                 }
             }
         } else {
-            self.collocate(&script, &laws, gates);
+            self.collocate(&script, &law_script, gates);
         }
-        self.tell_laws(&script, &laws, body);
+        self.tell_laws(&script, &law_script, body);
         self.sprung.note(&script, &self.pushed, scheme);
         self.give(&script, bodies, body);
     }
@@ -87,14 +97,15 @@ impl Fine {
     fn spread(&mut self) {
         let script = &*self.script;
         let is_moved_by = |mover: usize, moved: usize| {
-            let n = script.joints.len();
-            let pairs = |(a, b): (usize, usize)| [a, b];
+            let n_joints = script.joints.len();
+            let both_ends = |(a, b): (usize, usize)| [a, b];
             let is_coupled = |from: usize, to: usize| {
-                let place = |joint: usize| script.places[joint].map(|(body, _)| body);
-                let is_same = place(from).is_some() && place(from) == place(to);
-                is_same || !script.moves[from * n + to].is_empty()
+                let crowded_body = |joint: usize| script.places[joint].map(|(body, _)| body);
+                let on_same_body =
+                    crowded_body(from).is_some() && crowded_body(from) == crowded_body(to);
+                on_same_body || !script.moves[from * n_joints + to].is_empty()
             };
-            let (mover, moved) = (pairs(script.ends[mover]), pairs(script.ends[moved]));
+            let (mover, moved) = (both_ends(script.ends[mover]), both_ends(script.ends[moved]));
             mover
                 .iter()
                 .any(|&from| moved.iter().any(|&to| is_coupled(from, to)))
@@ -120,52 +131,56 @@ impl Fine {
         body: &Body,
         next: &dyn Fn(usize, &Body) -> f64,
     ) {
-        let (n, n_joints) = (script.basis.n(), script.joints.len());
+        let (n_instants, n_joints) = (script.basis.n(), script.joints.len());
         for (joint_index, joint) in script.joints.iter().enumerate() {
-            let values = &mut self.values[joint_index * n..(joint_index + 1) * n];
+            let joint_values =
+                &mut self.values[joint_index * n_instants..(joint_index + 1) * n_instants];
             // Lasting forces act throughout the frame, but are applied as impulses at its start. Both lead to the same
             // end; the path between is corrected here.
-            let mut pull = 0.5 * self.steady[joint_index] * scheme.w[joint.mat];
+            let mut frame_pull = 0.5 * self.steady[joint_index] * scheme.w[joint.mat];
             match joint.port {
                 Some((owner, port)) => {
-                    if let Some(modal) = bodies[owner].modal_mut() {
-                        modal.port_positions(port, values);
+                    if let Some(modal_body) = bodies[owner].modal_mut() {
+                        modal_body.port_positions(port, joint_values);
                     }
                 }
                 None => {
-                    let rest = joint.rest;
-                    let step = next(joint.mat, body) - body.x[joint.mat];
-                    let (x, then) = (body.x[joint.mat] - rest, next(joint.mat, body) - rest);
-                    for (x_at, (from, to)) in values.iter_mut().zip(&joint.frame_weights) {
-                        *x_at = rest + (x * from + then * to);
+                    let rest_position = joint.rest;
+                    let free_step = next(joint.mat, body) - body.x[joint.mat];
+                    let (x, next_x) = (
+                        body.x[joint.mat] - rest_position,
+                        next(joint.mat, body) - rest_position,
+                    );
+                    for (x_at, (from, to)) in joint_values.iter_mut().zip(&joint.frame_weights) {
+                        *x_at = rest_position + (x * from + next_x * to);
                     }
                     if joint.cell.is_some() {
                         // The forces inside a mesh also bend the path of its port throughout the frame.
-                        pull += 0.5 * body.inner.get(joint.mat).copied().unwrap_or(0.0);
-                        self.sprung.note_free(joint_index, step, pull);
+                        frame_pull += 0.5 * body.inner.get(joint.mat).copied().unwrap_or(0.0);
+                        self.sprung.note_free(joint_index, free_step, frame_pull);
                     } else {
-                        pull = 0.0;
+                        frame_pull = 0.0;
                     }
                 }
             }
-            if pull != 0.0 {
-                for (x_at, s) in values.iter_mut().zip(&script.basis.instants) {
-                    *x_at -= pull * s * (1.0 - s);
+            if frame_pull != 0.0 {
+                for (x_at, s) in joint_values.iter_mut().zip(&script.basis.instants) {
+                    *x_at -= frame_pull * s * (1.0 - s);
                 }
             }
         }
         // Other forces on a port act from the start of the frame.
         for (joint_index, joint) in script.joints.iter().enumerate() {
-            let force = body.force[joint.mat];
-            if joint.port.is_none() || force == 0.0 {
+            let joint_force = body.force[joint.mat];
+            if joint.port.is_none() || joint_force == 0.0 {
                 continue;
             }
-            let impulse = force * script.rate.step();
+            let impulse = joint_force * script.rate.step();
             if self.push_crowded(script, joint_index, impulse) {
                 continue;
             }
-            for (other, values) in self.values.chunks_mut(n).enumerate() {
-                for (x, by) in values
+            for (other, joint_values) in self.values.chunks_mut(n_instants).enumerate() {
+                for (x, by) in joint_values
                     .iter_mut()
                     .zip(&script.begun[joint_index * n_joints + other])
                 {
@@ -177,8 +192,8 @@ impl Fine {
 
     /// Push a joint [N·s].
     pub(super) fn shove(&mut self, script: &Script, joint: usize, impulse: f64, instant: &Instant) {
-        let n = script.basis.n();
-        let impulses = &mut self.impulse_sums[joint * n..(joint + 1) * n];
+        let n_instants = script.basis.n();
+        let impulses = &mut self.impulse_sums[joint * n_instants..(joint + 1) * n_instants];
         for (impulses, value) in impulses.iter_mut().zip(&instant.value) {
             *impulses += impulse * value;
         }
@@ -190,27 +205,31 @@ impl Fine {
 
     /// Apply the impulses of a frame to bodies and MATs.
     fn give(&mut self, script: &Script, bodies: &mut [RunningBody], body: &mut Body) {
-        let n = script.basis.n();
+        let n_instants = script.basis.n();
         for (joint_index, joint) in script.joints.iter().enumerate() {
-            let pushed = &self.pushed[joint_index * n..(joint_index + 1) * n];
-            if pushed.iter().all(|impulse| *impulse == 0.0) {
+            let joint_impulses =
+                &self.pushed[joint_index * n_instants..(joint_index + 1) * n_instants];
+            if joint_impulses.iter().all(|impulse| *impulse == 0.0) {
                 continue;
             }
             match (joint.port, &joint.cell) {
                 (Some((owner, port)), _) => {
-                    if let Some(modal) = bodies[owner].modal_mut() {
-                        modal.take_impulses(port, pushed, body);
+                    if let Some(modal_body) = bodies[owner].modal_mut() {
+                        modal_body.take_impulses(port, joint_impulses, body);
                     }
                 }
                 (None, Some(_)) => {
-                    for (impulse, [now, later]) in pushed.iter().zip(&joint.split) {
+                    for (impulse, [now, later]) in joint_impulses.iter().zip(&joint.split) {
                         body.push(joint.mat, impulse * now);
                         self.later[joint_index] += impulse * later;
                     }
                 }
                 // The motion of such a MAT is imposed; a hand that holds it feels the force.
                 (None, None) => {
-                    body.push(joint.mat, pushed.iter().sum::<f64>() * script.rate.hertz());
+                    body.push(
+                        joint.mat,
+                        joint_impulses.iter().sum::<f64>() * script.rate.hertz(),
+                    );
                 }
             }
         }

@@ -37,7 +37,7 @@ pub(super) fn reach(
     bodies: &[RunningBody],
     timeline: &Timeline,
 ) -> f64 {
-    let rate = timeline.rate;
+    let frame_rate = timeline.rate;
     let reach_of = |mat: usize| {
         let body = bodies.iter().filter_map(RunningBody::modal);
         match body
@@ -48,13 +48,13 @@ pub(super) fn reach(
             None => cell(mat, network, scheme).map_or(0.0, |cell| cell.reach()),
         }
     };
-    let glides = timeline.glides.iter();
-    let gliding = glides
+    let timeline_glides = timeline.glides.iter();
+    let gliding = timeline_glides
         .filter(|glide| mats.contains(&glide.mat))
         .flat_map(|glide| glide.points.iter().filter_map(|&(_, ties)| ties))
         .map(|[k, z, m]| Cell::new(m, k, z).reach());
-    let all = mats.iter().map(|&mat| reach_of(mat)).chain(gliding);
-    all.fold(0.0, f64::max) * rate.step()
+    let all_reaches = mats.iter().map(|&mat| reach_of(mat)).chain(gliding);
+    all_reaches.fold(0.0, f64::max) * frame_rate.step()
 }
 
 impl Script {
@@ -64,33 +64,38 @@ impl Script {
         let n_joints = self.joints.len();
         let joint_script = &mut self.joints[joint];
         joint_script.numbers = numbers;
-        let [now, next] = numbers;
-        let [w, kappa, zeta] = std::array::from_fn(|i| 0.5 * (now[i] + next[i]));
-        let (rate, step) = (self.rate, self.rate.step());
-        let cell = Cell::from_ratios(step * step / w, Ratios { kappa, zeta }, rate)?;
-        joint_script.cell = Some(cell);
+        let [numbers_now, numbers_next] = numbers;
+        let [w, kappa, zeta] = std::array::from_fn(|i| 0.5 * (numbers_now[i] + numbers_next[i]));
+        let (rate, time_step) = (self.rate, self.rate.step());
+        let mean_cell = Cell::from_ratios(time_step * time_step / w, Ratios { kappa, zeta }, rate)?;
+        joint_script.cell = Some(mean_cell);
         // Each of the two forces that replace an impulse acts on the mass of its own frame.
-        let masses = [w / now[0], w / next[0]];
-        let step_response = cell.response(step);
+        let mass_ratios = [w / numbers_now[0], w / numbers_next[0]];
+        let step_response = mean_cell.response(time_step);
         for ((path, split), &instant) in (joint_script
             .frame_weights
             .iter_mut()
             .zip(&mut joint_script.split))
         .zip(&self.basis.instants)
         {
-            let (weights, forces) = cell.within_step(instant, rate, step_response);
+            let (weights, split_forces) = mean_cell.within_step(instant, rate, step_response);
             *path = weights;
-            *split = [forces[0] * masses[0], forces[1] * masses[1]];
+            *split = [
+                split_forces[0] * mass_ratios[0],
+                split_forces[1] * mass_ratios[1],
+            ];
         }
-        let pair = joint * n_joints + joint;
-        self.jumps[pair] = step * cell.jump();
-        let (n, moves) = (self.basis.n() as u64, &mut self.moves[pair]);
-        if cell.has_answer_factors(step) {
-            answers_by_factors(&self.basis, moves, &cell, step);
-            return Some(8 * RESPONSE * n + 6 * n * n);
+        let pair_index = joint * n_joints + joint;
+        self.jumps[pair_index] = time_step * mean_cell.jump();
+        let (n_instants, pair_moves) = (self.basis.n() as u64, &mut self.moves[pair_index]);
+        if mean_cell.has_answer_factors(time_step) {
+            answers_by_factors(&self.basis, pair_moves, &mean_cell, time_step);
+            return Some(8 * RESPONSE * n_instants + 6 * n_instants * n_instants);
         }
-        answers(&self.basis, moves, &|part| cell.answer_around(part * step));
-        Some(RESPONSE * n * n + 2 * n * n * n)
+        answers(&self.basis, pair_moves, &|part| {
+            mean_cell.answer_around(part * time_step)
+        });
+        Some(RESPONSE * n_instants * n_instants + 2 * n_instants * n_instants * n_instants)
     }
 }
 
@@ -108,26 +113,33 @@ fn answers(basis: &Basis, both: &mut [f64], answer: &dyn Fn(f64) -> f64) {
 /// The same for a cell whose answer is a sum of two products of a function of each instant: fitted apart, they take n
 /// sines instead of n², and products in proportion to n² instead of n³.
 fn answers_by_factors(basis: &Basis, both: &mut [f64], cell: &Cell, step: f64) {
-    let n = basis.n();
-    let (mut values, mut fitted) = (
+    let n_instants = basis.n();
+    let (mut factor_values, mut fitted_factors) = (
         [[[0.0; POLYNOMIALS_MAX]; 2]; 2],
         [[[0.0; POLYNOMIALS_MAX]; 2]; 2],
     );
     for (m, instant) in basis.instants.iter().enumerate() {
         let factors = cell.answer_factors((instant - 0.5) * step);
-        for (values, factors) in values.iter_mut().zip(factors) {
-            for (values, factor) in values.iter_mut().zip(factors) {
-                values[m] = factor;
+        for (factor_values, factors) in factor_values.iter_mut().zip(factors) {
+            for (factor_values, factor) in factor_values.iter_mut().zip(factors) {
+                factor_values[m] = factor;
             }
         }
     }
-    for (values, fitted) in values.iter().flatten().zip(fitted.iter_mut().flatten()) {
-        basis.fit(&values[..n], &mut fitted[..n]);
+    for (factor_values, fitted_factors) in factor_values
+        .iter()
+        .flatten()
+        .zip(fitted_factors.iter_mut().flatten())
+    {
+        basis.fit(
+            &factor_values[..n_instants],
+            &mut fitted_factors[..n_instants],
+        );
     }
-    let [later, earlier] = &fitted;
-    for (l, row) in both.chunks_mut(n).enumerate() {
+    let [later_factors, earlier] = &fitted_factors;
+    for (l, row) in both.chunks_mut(n_instants).enumerate() {
         for (k, value) in row.iter_mut().enumerate() {
-            *value = later[0][k] * earlier[0][l] + later[1][k] * earlier[1][l];
+            *value = later_factors[0][k] * earlier[0][l] + later_factors[1][k] * earlier[1][l];
         }
     }
 }
@@ -155,7 +167,7 @@ pub(super) fn joint(
     });
     let cell = cell(mat, network, scheme).filter(|_| port.is_none() && !is_held);
     let instants = basis.instants.iter();
-    let (path, rest) = match &cell {
+    let (path_weights, rest) = match &cell {
         Some(cell) => (
             instants
                 .clone()
@@ -165,14 +177,14 @@ pub(super) fn joint(
         ),
         None => (instants.clone().map(|&at| (1.0 - at, at)).collect(), 0.0),
     };
-    let split = |cell: &Cell| instants.map(|&at| cell.split(1.0, at, rate)).collect();
+    let split_impulse = |cell: &Cell| instants.map(|&at| cell.split(1.0, at, rate)).collect();
     Joint {
         mat,
         port,
         rest,
         numbers: [[scheme.w[mat], scheme.kappa[mat], scheme.zeta[mat]]; 2],
-        frame_weights: path,
-        split: cell.as_ref().map(split).unwrap_or_default(),
+        frame_weights: path_weights,
+        split: cell.as_ref().map(split_impulse).unwrap_or_default(),
         cell,
     }
 }
@@ -187,42 +199,47 @@ pub(super) fn moves(
     (basis, rate): (&Basis, Rate),
     is_crowded: impl Fn(usize) -> bool,
 ) -> Vec<(Vec<f64>, f64)> {
-    let (n, step) = (basis.n(), rate.step());
-    let body = |owner: usize| bodies[owner].modal();
+    let (n_instants, time_step) = (basis.n(), rate.step());
+    let modal_body = |owner: usize| bodies[owner].modal();
     let modal_responses = from.port.and_then(|(owner, port)| {
         if is_crowded(owner) {
             return None;
         }
         // All ports of a body move by the same modes: the response of each to this port is computed once.
         let instants = basis.instants.iter();
-        let times: Vec<f64> = instants
-            .flat_map(|from| basis.instants.iter().map(move |to| (to - from) * step))
+        let time_spans: Vec<f64> = instants
+            .flat_map(|from| basis.instants.iter().map(move |to| (to - from) * time_step))
             .collect();
-        Some(body(owner)?.responses(port, &times))
+        Some(modal_body(owner)?.responses(port, &time_spans))
     });
     let to = |to: &Joint| match (from.port, to.port) {
         (Some((owner, from)), Some((same, to))) if owner == same => {
-            let Some(modal) = body(owner) else {
+            let Some(modal) = modal_body(owner) else {
                 return (Vec::new(), 0.0);
             };
-            let jump = step * modal.jump(from, to);
+            let velocity_jump = time_step * modal.jump(from, to);
             let Some(modal_responses) = &modal_responses else {
-                return (Vec::new(), jump);
+                return (Vec::new(), velocity_jump);
             };
-            let mut both = vec![0.0; n * n];
-            for (row, weight) in modal_responses.chunks(n * n).zip(modal.weights(from, to)) {
-                for (value, answer) in both.iter_mut().zip(row) {
+            let mut pair_response = vec![0.0; n_instants * n_instants];
+            for (row, weight) in modal_responses
+                .chunks(n_instants * n_instants)
+                .zip(modal.weights(from, to))
+            {
+                for (value, answer) in pair_response.iter_mut().zip(row) {
                     *value += weight * answer;
                 }
             }
-            basis.fit_both(&mut both);
-            (both, jump)
+            basis.fit_both(&mut pair_response);
+            (pair_response, velocity_jump)
         }
         (None, None) if from.mat == to.mat => match &from.cell {
             Some(cell) => {
-                let mut both = vec![0.0; n * n];
-                answers(basis, &mut both, &|part| cell.answer_around(part * step));
-                (both, step * cell.jump())
+                let mut pair_response = vec![0.0; n_instants * n_instants];
+                answers(basis, &mut pair_response, &|part| {
+                    cell.answer_around(part * time_step)
+                });
+                (pair_response, time_step * cell.jump())
             }
             None => (Vec::new(), 0.0),
         },

@@ -51,36 +51,40 @@ impl Fine {
         self.laws
             .iter_mut()
             .for_each(|state| state.look_ahead(laws));
-        let finest = laws.divisions.len() - 1;
-        let rounds = if finest == 0 { ROUNDS } else { FEW_ROUNDS };
-        let left = self.solve(script, laws, (gates, 0), (0, rounds));
-        if finest == 0 {
-            if left > LOST {
+        let finest_index = laws.divisions.len() - 1;
+        let round_limit = if finest_index == 0 {
+            ROUNDS
+        } else {
+            FEW_ROUNDS
+        };
+        let change_left = self.solve(script, laws, (gates, 0), (0, round_limit));
+        if finest_index == 0 {
+            if change_left > LOST {
                 self.bracket(script, laws, (gates, 0, 0));
             }
             return self.give_laws(script, laws, (0, 0));
         }
-        let is_met = left == 0.0;
-        let missed = if is_met {
+        let laws_agree = change_left == 0.0;
+        let deviation = if laws_agree {
             self.missed(script, laws, gates)
         } else {
             1.0
         };
-        if missed <= laws.smooth {
+        if deviation <= laws.smooth {
             return self.give_laws(script, laws, (0, 0));
         }
         // The deviation falls with the cube of the number of parts.
-        let wanted = pow(missed / laws.smooth, 1.0 / 3.0);
-        let finer = laws
+        let parts_wanted = pow(deviation / laws.smooth, 1.0 / 3.0);
+        let finer_index = laws
             .divisions
-            .partition_point(|division_index| (division_index.parts as f64) < wanted);
-        let division_index = finer.clamp(1, finest);
+            .partition_point(|division_index| (division_index.parts as f64) < parts_wanted);
+        let division_index = finer_index.clamp(1, finest_index);
         let division = &laws.divisions[division_index];
         for state in &mut self.laws {
-            let first = [0, 1, 2].map(|stage: usize| shares(division.s[stage]));
+            let stage_shares = [0, 1, 2].map(|stage: usize| shares(division.s[stage]));
             state.before = None;
-            state.force = if is_met {
-                first.map(|row| dot(&row, &state.force))
+            state.force = if laws_agree {
+                stage_shares.map(|row| dot(&row, &state.force))
             } else {
                 [state.begin; STAGES]
             };
@@ -113,26 +117,29 @@ impl Fine {
         (gates, law_index): (&[f64], usize),
         (part, rounds): (usize, usize),
     ) -> f64 {
-        let mut last = 0.0;
+        let mut last_change = 0.0;
         for _ in 0..rounds {
-            let mut change = 0.0_f64;
+            let mut round_change = 0.0_f64;
             for law in 0..laws.links.len() {
-                change = change.max(self.meet(script, laws, (gates, law_index, part), law));
+                round_change =
+                    round_change.max(self.meet(script, laws, (gates, law_index, part), law));
             }
             // Estimate of the change still to come, from the ratio of the last two rounds: Newton's method squares the
             // change of one law, several laws approach each other step by step.
-            let pace = change / last;
-            let to_come = if laws.links.len() == 1 {
-                pace * pace
+            let change_ratio = round_change / last_change;
+            let ratio_to_come = if laws.links.len() == 1 {
+                change_ratio * change_ratio
             } else {
-                pace
+                change_ratio
             };
-            if change <= AGREE || (pace < 0.5 && change * to_come <= AGREE) {
+            if round_change <= AGREE
+                || (change_ratio < 0.5 && round_change * ratio_to_come <= AGREE)
+            {
                 return 0.0;
             }
-            last = change;
+            last_change = round_change;
         }
-        last
+        last_change
     }
 
     /// Find one force for each law over a part of a frame, equal to the law halfway, for laws so steep that Newton's
@@ -145,47 +152,53 @@ impl Fine {
     ) {
         const MIDDLE: usize = 1;
         let (n_laws, division) = (laws.links.len(), &laws.divisions[division_index]);
-        let s = division.s[STAGES * part + MIDDLE];
+        let middle_instant = division.s[STAGES * part + MIDDLE];
         for state in &mut self.laws {
             // The last forces of Newton's method may be arbitrary.
             (state.force, state.before) = ([state.begin; STAGES], None);
         }
         for _ in 0..BRACKET_ROUNDS {
             self.work.couplings += (n_laws * (n_laws - 1)) as u64;
-            let mut change = 0.0_f64;
+            let mut round_change = 0.0_f64;
             for law in 0..n_laws {
                 let state = &self.laws[law];
                 let (mut e, mut v) = (state.elongation[MIDDLE], state.rate[MIDDLE]);
-                let mut give = [0.0; 2];
-                let pairs = self.laws.iter().zip(&division.moves[law * n_laws..]);
-                for (other, (state, [by_x, by_v])) in pairs.enumerate() {
-                    let [x, v_by] = [by_x, by_v].map(|by| by[MIDDLE].iter().sum::<f64>());
+                let mut self_response = [0.0; 2];
+                let state_moves = self.laws.iter().zip(&division.moves[law * n_laws..]);
+                for (other, (state, [by_x, by_v])) in state_moves.enumerate() {
+                    let [e_response, v_response] =
+                        [by_x, by_v].map(|by| by[MIDDLE].iter().sum::<f64>());
                     if other == law {
-                        give = [x, v_by];
+                        self_response = [e_response, v_response];
                     } else {
-                        e += x * state.force[MIDDLE];
-                        v += v_by * state.force[MIDDLE];
+                        e += e_response * state.force[MIDDLE];
+                        v += v_response * state.force[MIDDLE];
                     }
                 }
-                let now = self.law(script, laws, gates, (law, s));
-                let taken = 1.0 / division.parts as f64;
-                let halfway = |f: f64| (e + give[0] * f, (v + give[1] * f) * now.rate());
-                let unmet = |f: f64| {
-                    let (e, v) = halfway(f);
-                    f - now.halfway(e, v, taken)
+                let law_now = self.law(script, laws, gates, (law, middle_instant));
+                let part_length = 1.0 / division.parts as f64;
+                let halfway = |f: f64| {
+                    (
+                        e + self_response[0] * f,
+                        (v + self_response[1] * f) * law_now.rate(),
+                    )
                 };
-                let old = state.force[MIDDLE];
-                let (force, evaluations) = root(&unmet, old);
+                let unmet_force = |f: f64| {
+                    let (e, v) = halfway(f);
+                    f - law_now.halfway(e, v, part_length)
+                };
+                let old_force = state.force[MIDDLE];
+                let (force, evaluations) = root(&unmet_force, old_force);
                 self.work.instants += evaluations / STAGES as u64;
-                change = change.max((force - old).abs() - AGREE * force.abs());
-                if let Some(by) = now.bristle() {
+                round_change = round_change.max((force - old_force).abs() - AGREE * force.abs());
+                if let Some(by) = law_now.bristle() {
                     let (_, v) = halfway(force);
-                    let bristle = by.halfway(now.bristle, v, taken / now.rate());
-                    self.laws[law].bristle_at_end = 2.0 * bristle - now.bristle;
+                    let bristle = by.halfway(law_now.bristle, v, part_length / law_now.rate());
+                    self.laws[law].bristle_at_end = 2.0 * bristle - law_now.bristle;
                 }
                 self.laws[law].force = [force; STAGES];
             }
-            if change <= 0.0 {
+            if round_change <= 0.0 {
                 break;
             }
         }
@@ -198,18 +211,19 @@ impl Fine {
         laws: &LawScript,
         (division_index, part): (usize, usize),
     ) {
-        let (n, division) = (script.basis.n(), &laws.divisions[division_index]);
-        let h = script.rate.step() / division.parts as f64;
+        let (n_instants, division) = (script.basis.n(), &laws.divisions[division_index]);
+        let part_seconds = script.rate.step() / division.parts as f64;
         for (state, &link) in self.laws.iter_mut().zip(&laws.links) {
-            let (a, b) = script.ends[link];
-            let first = 3 * part;
-            let forces = WEIGHTS.iter().zip(&state.force);
-            for (stage, (weight, force)) in forces.enumerate() {
-                let impulse = weight * h * force;
-                let row = &division.value[(first + stage) * n..(first + stage + 1) * n];
-                for (instant, share) in row.iter().enumerate() {
-                    self.pushed[a * n + instant] += impulse * share;
-                    self.pushed[b * n + instant] -= impulse * share;
+            let (first_joint, second_joint) = script.ends[link];
+            let first_stage = 3 * part;
+            let stage_forces = WEIGHTS.iter().zip(&state.force);
+            for (stage, (weight, force)) in stage_forces.enumerate() {
+                let impulse = weight * part_seconds * force;
+                let value_row = &division.value
+                    [(first_stage + stage) * n_instants..(first_stage + stage + 1) * n_instants];
+                for (instant, share) in value_row.iter().enumerate() {
+                    self.pushed[first_joint * n_instants + instant] += impulse * share;
+                    self.pushed[second_joint * n_instants + instant] -= impulse * share;
                 }
             }
             let greatest = state
@@ -223,29 +237,30 @@ impl Fine {
 
     /// Add the effect of a part's forces to the paths of the laws in later parts.
     fn push_paths(&mut self, script: &Script, division: &Division, part: usize) {
-        let (n, n_laws) = (script.basis.n(), self.laws.len());
-        let h = script.rate.step() / division.parts as f64;
-        self.work.products += (n_laws * n_laws * STAGES * n) as u64;
+        let (n_instants, n_laws) = (script.basis.n(), self.laws.len());
+        let part_seconds = script.rate.step() / division.parts as f64;
+        self.work.products += (n_laws * n_laws * STAGES * n_instants) as u64;
         for to in 0..n_laws {
-            let mut path = std::mem::take(&mut self.laws[to].path);
+            let mut law_path = std::mem::take(&mut self.laws[to].path);
             for (from, other) in self.laws.iter().enumerate() {
-                let first = (to * n_laws + from) * division.parts + part;
-                let rows = &division.later[3 * first * n..3 * (first + 1) * n];
-                for (stage, row) in rows.chunks(n).enumerate() {
-                    let impulse = WEIGHTS[stage] * h * other.force[stage];
-                    for (x, by) in path.iter_mut().zip(row) {
+                let later_index = (to * n_laws + from) * division.parts + part;
+                let later_rows = &division.later
+                    [3 * later_index * n_instants..3 * (later_index + 1) * n_instants];
+                for (stage, row) in later_rows.chunks(n_instants).enumerate() {
+                    let impulse = WEIGHTS[stage] * part_seconds * other.force[stage];
+                    for (x, by) in law_path.iter_mut().zip(row) {
                         *x += impulse * by;
                     }
                 }
             }
-            self.laws[to].path = path;
+            self.laws[to].path = law_path;
         }
     }
 
     /// Deviation of the forces of a whole frame from their laws at its two ends, relative to the largest.
     fn missed(&mut self, script: &Script, laws: &LawScript, gates: &[f64]) -> f64 {
         let n_laws = laws.links.len();
-        let mut missed = 0.0_f64;
+        let mut deviation_max = 0.0_f64;
         for law_index in 0..n_laws {
             let state = &self.laws[law_index];
             let [mut e, mut v] = [0, 1].map(|which| dot(&laws.end[which], &state.path));
@@ -254,21 +269,21 @@ impl Fine {
                 e += dot(by_x, &other.force);
                 v += dot(by_v, &other.force);
             }
-            let law = LawNow {
+            let law_at_end = LawNow {
                 bristle: state.bristle_at_end,
                 ..self.law(script, laws, gates, (law_index, 1.0))
             };
-            let end_forces = [state.begin, law.force(e, v * law.rate())];
+            let end_forces = [state.begin, law_at_end.force(e, v * law_at_end.rate())];
             let largest = (state.force.iter().chain(&end_forces))
                 .fold(state.largest, |most, force| most.max(force.abs()));
             for (row, force) in laws.end_weights.iter().zip(end_forces) {
-                let apart = (dot(row, &state.force) - force).abs();
-                missed = missed.max(apart / largest.max(f64::MIN_POSITIVE));
+                let end_deviation = (dot(row, &state.force) - force).abs();
+                deviation_max = deviation_max.max(end_deviation / largest.max(f64::MIN_POSITIVE));
             }
         }
         self.work.instants += n_laws as u64;
         self.work.couplings += (n_laws * (n_laws - 1)) as u64;
-        missed
+        deviation_max
     }
 
     /// Newton's step for the forces of one law, with those of all others given; returns the change, relative to the
@@ -289,25 +304,27 @@ impl Fine {
                 v[stage] += dot(&by_v[stage], &other.force);
             }
         }
-        let now = [0, 1, 2]
+        let laws_now = [0, 1, 2]
             .map(|stage| self.law(script, laws, gates, (law, division.s[3 * part + stage])));
-        let h = 1.0 / division.parts as f64;
+        let part_length = 1.0 / division.parts as f64;
         self.work.instants += 1;
         self.work.couplings += n_laws as u64 - 1;
-        let rate = now[0].rate();
+        let rate = laws_now[0].rate();
         let v = v.map(|v| v * rate);
         let state = &mut self.laws[law];
-        let moves = &division.moves[law * n_laws + law];
-        let (force, left) = state.answer(&now, (&e, &v), (h, moves));
-        let unmet: Stages = std::array::from_fn(|stage| force[stage] - state.force[stage]);
-        let by = inverse(&left).map(|row| dot(&row, &unmet));
-        let (mut change, mut largest) = (0.0_f64, f64::MIN_POSITIVE);
+        let law_moves = &division.moves[law * n_laws + law];
+        let (law_forces, unmet_slopes) =
+            state.answer(&laws_now, (&e, &v), (part_length, law_moves));
+        let unmet_forces: Stages =
+            std::array::from_fn(|stage| law_forces[stage] - state.force[stage]);
+        let newton_step = inverse(&unmet_slopes).map(|row| dot(&row, &unmet_forces));
+        let (mut force_change, mut largest) = (0.0_f64, f64::MIN_POSITIVE);
         for stage in 0..STAGES {
-            state.force[stage] += by[stage];
-            change = change.max(by[stage].abs());
-            largest = largest.max(force[stage].abs());
+            state.force[stage] += newton_step[stage];
+            force_change = force_change.max(newton_step[stage].abs());
+            largest = largest.max(law_forces[stage].abs());
         }
-        change / largest
+        force_change / largest
     }
 
     /// Compute elongation, rate and force of each law at the start of the frame, but not the force of an expression if
@@ -319,19 +336,19 @@ impl Fine {
         gates: &[f64],
         is_collocated: bool,
     ) {
-        let n = script.basis.n();
+        let n_instants = script.basis.n();
         for (law_index, &link) in laws.links.iter().enumerate() {
-            let ((a, b), rest) = (script.ends[link], script.links[link].rest);
-            let [a, b] = [a, b].map(|end| &self.values[end * n..(end + 1) * n]);
-            let law = self.law(script, laws, gates, (law_index, 0.0));
+            let ((a, b), rest_length) = (script.ends[link], script.links[link].rest);
+            let [a, b] = [a, b].map(|end| &self.values[end * n_instants..(end + 1) * n_instants]);
+            let law_now = self.law(script, laws, gates, (law_index, 0.0));
             let state = &mut self.laws[law_index];
             for ((x, a), b) in state.path.iter_mut().zip(a).zip(b) {
-                *x = b - a - rest;
+                *x = b - a - rest_length;
             }
             let [e, v] = state.see(&laws.divisions[0], 0);
-            state.start = [e, v * law.rate()];
-            if !(is_collocated && law.is_expression()) {
-                state.begin = law.force(state.start[0], state.start[1]);
+            state.start = [e, v * law_now.rate()];
+            if !(is_collocated && law_now.is_expression()) {
+                state.begin = law_now.force(state.start[0], state.start[1]);
             }
         }
     }
@@ -351,12 +368,12 @@ impl Fine {
         gates: &[f64],
         (law_index, s): (usize, f64),
     ) -> LawNow<'a> {
-        let link = laws.links[law_index];
-        let run = &script.links[link];
-        let [k, z] = self.numbers(link, s);
+        let law_link = laws.links[law_index];
+        let link_run = &script.links[law_link];
+        let [k, z] = self.numbers(law_link, s);
         LawNow {
-            kind: &run.kind,
-            open: run.gate.map_or(1.0, |gate| gates[gate]),
+            kind: &link_run.kind,
+            open: link_run.gate.map_or(1.0, |gate| gates[gate]),
             k,
             z,
             bristle: self.laws[law_index].bristle,
@@ -371,20 +388,23 @@ impl Fine {
         (instant, h): (&Instant, f64),
     ) {
         for law_index in 0..laws.links.len() {
-            let now = self.law(script, laws, gates, (law_index, instant.s));
-            if let Some(by) = now.bristle() {
-                let [_, v] = self.elongation(script, laws.links[law_index], instant);
-                self.laws[law_index].bristle =
-                    by.slide(now.bristle, v * now.rate(), h / now.rate());
+            let law_now = self.law(script, laws, gates, (law_index, instant.s));
+            if let Some(bristle_law) = law_now.bristle() {
+                let [_, bristle_rate] = self.elongation(script, laws.links[law_index], instant);
+                self.laws[law_index].bristle = bristle_law.slide(
+                    law_now.bristle,
+                    bristle_rate * law_now.rate(),
+                    h / law_now.rate(),
+                );
             }
         }
     }
 
     /// Elongation of a link [m] and its rate [m/frame].
     pub(super) fn elongation(&self, script: &Script, link: usize, instant: &Instant) -> [f64; 2] {
-        let n = script.basis.n();
+        let n_instants = script.basis.n();
         let (a, b) = script.ends[link];
-        let [a, b] = [a, b].map(|end| &self.paths[end * n..(end + 1) * n]);
+        let [a, b] = [a, b].map(|end| &self.paths[end * n_instants..(end + 1) * n_instants]);
         let e = dot(b, &instant.value) - dot(a, &instant.value) - script.links[link].rest;
         [e, dot(b, &instant.slope) - dot(a, &instant.slope)]
     }
@@ -397,23 +417,23 @@ impl Fine {
         law: usize,
         (instant, b): (&Instant, f64),
     ) {
-        let link = laws.links[law];
+        let law_link = laws.links[law];
         const AGAIN: usize = 4;
-        let [e, v] = self.elongation(script, link, instant);
-        let (a, b_end) = script.ends[link];
-        let jump = script.jump(a, b_end);
-        let (link_now, step) = (
+        let [e, v] = self.elongation(script, law_link, instant);
+        let (first_joint, second_joint) = script.ends[law_link];
+        let pair_jump = script.jump(first_joint, second_joint);
+        let (link_now, time_step) = (
             self.law(script, laws, gates, (law, instant.s)),
             script.rate.step(),
         );
         let mut impulse = 0.0;
         for _ in 0..AGAIN {
             // The rate halfway through the kick.
-            let v = v - 0.5 * jump * impulse;
-            impulse = b * step * link_now.force(e, v * link_now.rate());
+            let v = v - 0.5 * pair_jump * impulse;
+            impulse = b * time_step * link_now.force(e, v * link_now.rate());
         }
         self.work.instants += 1;
-        self.shove(script, a, impulse, instant);
-        self.shove(script, b_end, -impulse, instant);
+        self.shove(script, first_joint, impulse, instant);
+        self.shove(script, second_joint, -impulse, instant);
     }
 }

@@ -49,11 +49,11 @@ struct LinkContact<'a> {
 
 impl LinkContact<'_> {
     fn elastic(&self, g: f64) -> f64 {
-        let law = self.but.elastic(self.k);
+        let elastic_law = self.but.elastic(self.k);
         if g >= 0.0 {
-            law.force(g)
+            elastic_law.force(g)
         } else {
-            -law.force(-g)
+            -elastic_law.force(-g)
         }
     }
 
@@ -84,8 +84,8 @@ impl LinkContact<'_> {
     /// Whether an open contact begins to push.
     fn closes(&self, [g, v]: [f64; 2]) -> bool {
         if self.is_pulled_off() {
-            let (elastic, drag) = (self.elastic(g), self.z * v);
-            g > 0.0 && elastic + drag > PULL * (elastic + drag.abs())
+            let (elastic, drag_force) = (self.elastic(g), self.z * v);
+            g > 0.0 && elastic + drag_force > PULL * (elastic + drag_force.abs())
         } else {
             g > 0.0 && v > 0.0
         }
@@ -93,29 +93,31 @@ impl LinkContact<'_> {
 
     /// Bound on the rate at which it may swing or decay from now on [rad/frame].
     fn quickness(&self, [g, v]: [f64; 2], step: f64) -> f64 {
-        let give = self.jump * step;
-        if give == 0.0 {
+        let inverse_mass = self.jump * step;
+        if inverse_mass == 0.0 {
             return 0.0;
         }
         let tangent = if self.but.exponent == 1.0 || self.k == 0.0 {
             self.k
         } else {
             // At the greatest depth that its energy allows.
-            let law = self.but.elastic(self.k);
-            law.slope(law.depth(law.energy(g.max(0.0)) + 0.5 * v * v / give))
+            let elastic_law = self.but.elastic(self.k);
+            elastic_law.slope(
+                elastic_law.depth(elastic_law.energy(g.max(0.0)) + 0.5 * v * v / inverse_mass),
+            )
         };
-        sqrt(tangent * give).max(self.z * give)
+        sqrt(tangent * inverse_mass).max(self.z * inverse_mass)
     }
 
     /// The impulse of a kick that lasts `b` frames at constant penetration `g`, while `v` changes by the kick itself
     /// [N·s].
     fn kick(&self, [g, v]: [f64; 2], b: f64, step: f64) -> f64 {
         let elastic = self.elastic(g);
-        let fades = self.jump * step * self.z;
-        if fades == 0.0 {
+        let decay_rate = self.jump * step * self.z;
+        if decay_rate == 0.0 {
             return (elastic + self.z * v) * b * step;
         }
-        (elastic + self.z * v) * step * -expm1(-fades * b) / fades
+        (elastic + self.z * v) * step * -expm1(-decay_rate * b) / decay_rate
     }
 }
 
@@ -128,21 +130,22 @@ impl Fine {
         gates: &[f64],
         body: &mut Body,
     ) {
-        let start = self.instant(script, 0.0);
+        let start_instant = self.instant(script, 0.0);
         let mut rests_fast = false;
         for index in 0..script.links.len() {
-            let rested = std::mem::take(&mut self.rests[index]);
+            let has_rested = std::mem::take(&mut self.rests[index]);
             self.pushes[index] = false;
             let Some(contact) = self.contact_now(script, gates, (index, 0.0)) else {
                 continue;
             };
-            let now = self.look(script, &contact, &start);
-            let pushes = contact.holds(now) > 0.0;
-            (self.pushes[index], self.rests[index]) = (pushes, pushes);
-            if pushes {
-                body.link[script.links[index].first] =
-                    contact.side * (contact.elastic(now[0]) + contact.z * now[1]);
-                rests_fast |= rested && contact.quickness(now, script.rate.step()) > STEP_PHASE_MAX;
+            let contact_state = self.look(script, &contact, &start_instant);
+            let is_pushing = contact.holds(contact_state) > 0.0;
+            (self.pushes[index], self.rests[index]) = (is_pushing, is_pushing);
+            if is_pushing {
+                body.link[script.links[index].first] = contact.side
+                    * (contact.elastic(contact_state[0]) + contact.z * contact_state[1]);
+                rests_fast |= has_rested
+                    && contact.quickness(contact_state, script.rate.step()) > STEP_PHASE_MAX;
             }
         }
         if rests_fast {
@@ -150,23 +153,23 @@ impl Fine {
             self.finish(script, laws, gates, 0.0);
             return;
         }
-        let (mut s, mut left) = (0.0, STEPS_MAX);
-        while s < 1.0 {
+        let (mut instant_now, mut steps_left) = (0.0, STEPS_MAX);
+        while instant_now < 1.0 {
             if laws.links.is_empty() && !self.pushes.contains(&true) {
-                match self.next_closing(script, gates, s) {
+                match self.next_closing(script, gates, instant_now) {
                     Some((close_at, index)) => {
-                        s = close_at;
+                        instant_now = close_at;
                         self.pushes[index] = true;
                     }
                     None => return,
                 }
             }
             self.has_touched |= self.pushes.contains(&true);
-            if left == 0 {
-                self.finish(script, laws, gates, s);
+            if steps_left == 0 {
+                self.finish(script, laws, gates, instant_now);
                 return;
             }
-            s = self.advance(script, (laws, gates), s, &mut left);
+            instant_now = self.advance(script, (laws, gates), instant_now, &mut steps_left);
         }
     }
 
@@ -177,31 +180,32 @@ impl Fine {
         gates: &[f64],
         (index, s): (usize, f64),
     ) -> Option<LinkContact<'a>> {
-        let run = &script.links[index];
-        let Kind::But(but) = &run.kind else {
+        let link_run = &script.links[index];
+        let Kind::But(but) = &link_run.kind else {
             return None;
         };
-        let open = run.gate.map_or(1.0, |gate| gates[gate]);
-        if !self.near[index] || open == 0.0 {
+        let gate_opening = link_run.gate.map_or(1.0, |gate| gates[gate]);
+        if !self.near[index] || gate_opening == 0.0 {
             return None;
         }
-        let (a, b) = script.ends[index];
+        let (first_joint, second_joint) = script.ends[index];
         let [k, z] = self.numbers(index, s);
         Some(LinkContact {
             but,
-            ends: (a, b),
+            ends: (first_joint, second_joint),
             side: but.sign(),
-            k: open * k,
-            z: open * z,
-            rest: run.rest,
-            jump: script.jump(a, b),
+            k: gate_opening * k,
+            z: gate_opening * z,
+            rest: link_run.rest,
+            jump: script.jump(first_joint, second_joint),
         })
     }
 
     /// Penetration [m] and how fast it grows [m/frame].
     fn look(&self, script: &Script, contact: &LinkContact<'_>, instant: &Instant) -> [f64; 2] {
-        let (a, b) = contact.ends;
-        let [[x_a, v_a], [x_b, v_b]] = [a, b].map(|end| self.see(script, end, instant));
+        let (first_joint, second_joint) = contact.ends;
+        let [[x_a, v_a], [x_b, v_b]] =
+            [first_joint, second_joint].map(|end| self.see(script, end, instant));
         [
             contact.side * (x_b - x_a - contact.rest),
             contact.side * (v_b - v_a),
@@ -216,9 +220,9 @@ impl Fine {
         impulse: f64,
         instant: &Instant,
     ) {
-        let (a, b) = contact.ends;
-        self.shove(script, a, contact.side * impulse, instant);
-        self.shove(script, b, -contact.side * impulse, instant);
+        let (first_joint, second_joint) = contact.ends;
+        self.shove(script, first_joint, contact.side * impulse, instant);
+        self.shove(script, second_joint, -contact.side * impulse, instant);
     }
 
     /// Advance from `s` by a step, or up to where a contact closes or opens in it; returns the instant reached.
@@ -229,33 +233,33 @@ impl Fine {
         s: f64,
         left: &mut usize,
     ) -> f64 {
-        let h = self.length(script, forces.1, s);
-        let [paths, impulses] = &mut self.saved;
-        paths.copy_from_slice(&self.paths);
+        let step_length = self.length(script, forces.1, s);
+        let [saved_paths, impulses] = &mut self.saved;
+        saved_paths.copy_from_slice(&self.paths);
         impulses.copy_from_slice(&self.impulse_sums);
         self.save_crowded(script);
         for law in &mut self.laws {
             law.save();
         }
         *left -= 1;
-        self.leap(script, forces, s, h);
-        let (mut taken, mut last) = (h, None);
+        self.leap(script, forces, s, step_length);
+        let (mut length_taken, mut last_located) = (step_length, None);
         // Each contact is located only once in a step: two that turn at the same instant, to rounding, would alternate
         // for ever.
         self.located.fill(false);
-        while let Some(index) = self.turned(script, forces.1, s + taken) {
-            taken = self.locate(script, forces, (s, taken, index), left);
-            self.located[index] = true;
-            last = Some(index);
+        while let Some(link_index) = self.turned(script, forces.1, s + length_taken) {
+            length_taken = self.locate(script, forces, (s, length_taken, link_index), left);
+            self.located[link_index] = true;
+            last_located = Some(link_index);
         }
-        if let Some(index) = last {
-            self.pushes[index] = !self.pushes[index];
-            self.rests[index] &= self.pushes[index];
+        if let Some(link_index) = last_located {
+            self.pushes[link_index] = !self.pushes[link_index];
+            self.rests[link_index] &= self.pushes[link_index];
         }
-        if s + taken > 1.0 - CLOSING_TOLERANCE * h {
+        if s + length_taken > 1.0 - CLOSING_TOLERANCE * step_length {
             1.0
         } else {
-            s + taken
+            s + length_taken
         }
     }
 
@@ -283,44 +287,52 @@ impl Fine {
         let start_state = look(self, s);
         let mut is_gap =
             !contact.is_pulled_off() || (!self.pushes[index] && start_state.1[0] <= 0.0);
-        let differ = |is_gap: bool| {
-            let [start, end] =
-                [start_state, end_state].map(|(contact, state)| contact.side_of(state, is_gap));
-            (start > 0.0) != (end > 0.0)
+        let sides_differ = |is_gap: bool| {
+            let [start_side, end_side] = [start_state, end_state]
+                .map(|(contact, contact_state)| contact.side_of(contact_state, is_gap));
+            (start_side > 0.0) != (end_side > 0.0)
         };
         // It may open and approach again within the step: its force is then positive at both ends.
-        is_gap |= !differ(is_gap);
-        if !differ(is_gap) {
+        is_gap |= !sides_differ(is_gap);
+        if !sides_differ(is_gap) {
             return 0.0; // it had turned before `s`
         }
-        let value = |(contact, state): (LinkContact<'_>, [f64; 2])| contact.side_of(state, is_gap);
-        let (mut taken, mut state) = (h, end_state.1);
-        let (mut low, mut high) = ((0.0, value(start_state)), (h, value(end_state)));
+        let criterion = |(contact, contact_state): (LinkContact<'_>, [f64; 2])| {
+            contact.side_of(contact_state, is_gap)
+        };
+        let (mut length_taken, mut contact_state) = (h, end_state.1);
+        let (mut low_end, mut high_end) =
+            ((0.0, criterion(start_state)), (h, criterion(end_state)));
         for _ in 0..TRIES {
             // Newton's step if the criterion is the gap, whose slope is known.
-            let newton = taken - state[0] / state[1];
-            let secant = low.0 - low.1 * (high.0 - low.0) / (high.1 - low.1);
-            let is_inside = newton > low.0 && newton < high.0;
-            let next = if is_gap && is_inside { newton } else { secant };
-            let moved = (next - taken).abs();
-            taken = next;
+            let newton_length = length_taken - contact_state[0] / contact_state[1];
+            let secant_length =
+                low_end.0 - low_end.1 * (high_end.0 - low_end.0) / (high_end.1 - low_end.1);
+            let is_inside = newton_length > low_end.0 && newton_length < high_end.0;
+            let next_length = if is_gap && is_inside {
+                newton_length
+            } else {
+                secant_length
+            };
+            let length_change = (next_length - length_taken).abs();
+            length_taken = next_length;
             self.restore();
             *left = left.saturating_sub(1);
-            self.leap(script, forces, s, taken);
-            if moved <= CLOSING_TOLERANCE * h || *left == 0 {
+            self.leap(script, forces, s, length_taken);
+            if length_change <= CLOSING_TOLERANCE * h || *left == 0 {
                 break;
             }
-            let state_then = look(self, s + taken);
-            state = state_then.1;
-            let state_then = value(state_then);
+            let state_then = look(self, s + length_taken);
+            contact_state = state_then.1;
+            let state_then = criterion(state_then);
             // Halving the value at the end that stays keeps the secant from approaching from one side only.
-            if (state_then > 0.0) == (low.1 > 0.0) {
-                (low, high.1) = ((taken, state_then), 0.5 * high.1);
+            if (state_then > 0.0) == (low_end.1 > 0.0) {
+                (low_end, high_end.1) = ((length_taken, state_then), 0.5 * high_end.1);
             } else {
-                (high, low.1) = ((taken, state_then), 0.5 * low.1);
+                (high_end, low_end.1) = ((length_taken, state_then), 0.5 * low_end.1);
             }
         }
-        taken
+        length_taken
     }
 
     /// Undo the last step.
@@ -333,17 +345,17 @@ impl Fine {
 
     /// Length of the step from `s`.
     fn length(&mut self, script: &Script, gates: &[f64], s: f64) -> f64 {
-        let (steps, step) = (script.steps as f64, script.rate.step());
+        let (step_count, time_step) = (script.steps as f64, script.rate.step());
         let instant = self.instant(script, s);
         let mut quickest = 1.0_f64;
         for index in (0..script.links.len()).filter(|&index| self.pushes[index]) {
             if let Some(contact) = self.contact_now(script, gates, (index, s)) {
-                quickest =
-                    quickest.max(contact.quickness(self.look(script, &contact, &instant), step));
+                quickest = quickest
+                    .max(contact.quickness(self.look(script, &contact, &instant), time_step));
             }
         }
-        let rest = 1.0 - s;
-        rest / (rest * steps * quickest).ceil().max(1.0)
+        let frame_left = 1.0 - s;
+        frame_left / (frame_left * step_count * quickest).ceil().max(1.0)
     }
 
     /// One step of the contacts that push, and of all laws.
@@ -407,18 +419,18 @@ impl Fine {
         (instant, b): (&Instant, f64),
         is_back: bool,
     ) {
-        let n = script.links.len();
+        let n_links = script.links.len();
         if is_back {
             for law in (0..laws.links.len()).rev() {
                 self.kick_law(script, (laws, gates), law, (instant, b));
             }
         }
-        for turn in 0..n {
-            let index = if is_back { n - 1 - turn } else { turn };
-            if !self.pushes[index] {
+        for turn in 0..n_links {
+            let link_index = if is_back { n_links - 1 - turn } else { turn };
+            if !self.pushes[link_index] {
                 continue;
             }
-            let Some(contact) = self.contact_now(script, gates, (index, instant.s)) else {
+            let Some(contact) = self.contact_now(script, gates, (link_index, instant.s)) else {
                 continue;
             };
             self.work.instants += 1;
@@ -435,15 +447,15 @@ impl Fine {
     /// A contact that stops or begins to push at `s`, and was not located in this step.
     fn turned(&mut self, script: &Script, gates: &[f64], s: f64) -> Option<usize> {
         let instant = self.instant(script, s);
-        let others = (0..script.links.len()).filter(|&index| !self.located[index]);
-        others.into_iter().find(|&index| {
+        let unlocated_links = (0..script.links.len()).filter(|&index| !self.located[index]);
+        unlocated_links.into_iter().find(|&index| {
             self.contact_now(script, gates, (index, s))
                 .is_some_and(|contact| {
-                    let state = self.look(script, &contact, &instant);
+                    let contact_state = self.look(script, &contact, &instant);
                     if self.pushes[index] {
-                        contact.holds(state) < 0.0
+                        contact.holds(contact_state) < 0.0
                     } else {
-                        contact.closes(state)
+                        contact.closes(contact_state)
                     }
                 })
         })
@@ -451,10 +463,10 @@ impl Fine {
 
     /// The first instant from `s` on at which a contact closes while none pushes, and which.
     fn next_closing(&mut self, script: &Script, gates: &[f64], s: f64) -> Option<(f64, usize)> {
-        let mut from = s;
+        let mut search_from = s;
         for look in 1..=LOOKS {
-            let to = s + (1.0 - s) * look as f64 / LOOKS as f64;
-            let mut first: Option<(f64, usize)> = None;
+            let search_to = s + (1.0 - s) * look as f64 / LOOKS as f64;
+            let mut first_closing: Option<(f64, usize)> = None;
             for index in 0..script.links.len() {
                 let mut closes = |s: f64| {
                     let instant = self.instant(script, s);
@@ -463,92 +475,105 @@ impl Fine {
                         contact.closes(self.look(script, &contact, &instant))
                     })
                 };
-                if !closes(to) {
+                if !closes(search_to) {
                     continue;
                 }
-                let (mut open, mut closed) = (from, to);
+                let (mut open_at, mut closed_at) = (search_from, search_to);
                 // Bisection finds it to the last few bits.
-                while closed - open > 1e-13 && !closes(open) {
-                    let half = 0.5 * (open + closed);
-                    if closes(half) {
-                        closed = half;
+                while closed_at - open_at > 1e-13 && !closes(open_at) {
+                    let midpoint = 0.5 * (open_at + closed_at);
+                    if closes(midpoint) {
+                        closed_at = midpoint;
                     } else {
-                        open = half;
+                        open_at = midpoint;
                     }
                 }
-                let instant = if closes(open) { open } else { closed };
-                if first.is_none_or(|(other, _)| instant < other) {
-                    first = Some((instant, index));
+                let instant = if closes(open_at) { open_at } else { closed_at };
+                if first_closing.is_none_or(|(other, _)| instant < other) {
+                    first_closing = Some((instant, index));
                 }
             }
-            if first.is_some() {
-                return first;
+            if first_closing.is_some() {
+                return first_closing;
             }
-            from = to;
+            search_from = search_to;
         }
         None
     }
 
     /// The rest of a frame that would take too many steps: by the discrete gradient, stable at any step length.
     fn finish(&mut self, script: &Script, laws: &LawScript, gates: &[f64], from: f64) {
-        let h = (1.0 - from) / script.steps as f64;
-        let step = script.rate.step();
+        let step_length = (1.0 - from) / script.steps as f64;
+        let time_step = script.rate.step();
         for part in 0..script.steps {
-            let s = from + part as f64 * h;
-            let instants = [s, s + 0.5 * h, s + h];
-            let start = self.instant(script, instants[0]);
+            let part_start = from + part as f64 * step_length;
+            let instants = [
+                part_start,
+                part_start + 0.5 * step_length,
+                part_start + step_length,
+            ];
+            let start_instant = self.instant(script, instants[0]);
             for index in 0..script.links.len() {
                 let link_contact = self.contact_now(script, gates, (index, instants[1]));
                 self.depths[index] = link_contact.map_or(0.0, |link_contact| {
-                    self.look(script, &link_contact, &start)[0]
+                    self.look(script, &link_contact, &start_instant)[0]
                 });
             }
-            self.slide_bristles(script, (laws, gates), (&start, 0.5 * h));
-            let middle = self.instant(script, instants[1]);
+            self.slide_bristles(script, (laws, gates), (&start_instant, 0.5 * step_length));
+            let middle_instant = self.instant(script, instants[1]);
             for law in 0..laws.links.len() {
-                self.kick_law(script, (laws, gates), law, (&middle, h));
+                self.kick_law(script, (laws, gates), law, (&middle_instant, step_length));
             }
             self.forces.fill(0.0);
             for _ in 0..ROUNDS {
-                let mut change = 0.0_f64;
+                let mut force_change = 0.0_f64;
                 for index in 0..script.links.len() {
-                    let Some(link_contact) = self.contact_now(script, gates, (index, middle.s))
+                    let Some(link_contact) =
+                        self.contact_now(script, gates, (index, middle_instant.s))
                     else {
                         continue;
                     };
                     self.work.instants += 1;
-                    let now = self.depths[index];
+                    let depth_before = self.depths[index];
                     // Remove the force of the last round.
-                    let middle = self.instant(script, instants[1]);
+                    let middle_instant = self.instant(script, instants[1]);
                     self.push(
                         script,
                         &link_contact,
-                        -self.forces[index] * h * step,
-                        &middle,
+                        -self.forces[index] * step_length * time_step,
+                        &middle_instant,
                     );
-                    let end = self.instant(script, instants[2]);
-                    let [free, _] = self.look(script, &link_contact, &end);
+                    let end_instant = self.instant(script, instants[2]);
+                    let [free_depth, _] = self.look(script, &link_contact, &end_instant);
                     let contact = Contact {
                         k: link_contact.k,
-                        z: 2.0 * link_contact.z / h,
+                        z: 2.0 * link_contact.z / step_length,
                         exponent: link_contact.but.exponent,
-                        beta: 0.5 * h * h * link_contact.jump * step,
+                        beta: 0.5 * step_length * step_length * link_contact.jump * time_step,
                         clamp: link_contact.but.clamp,
                     };
-                    let force = contact.push(free, now, now.max(free));
-                    let middle = self.instant(script, instants[1]);
-                    self.push(script, &link_contact, force * h * step, &middle);
-                    change = change.max((force - self.forces[index]).abs() - AGREE * force.abs());
-                    self.forces[index] = force;
+                    let contact_force =
+                        contact.push(free_depth, depth_before, depth_before.max(free_depth));
+                    let middle_instant = self.instant(script, instants[1]);
+                    self.push(
+                        script,
+                        &link_contact,
+                        contact_force * step_length * time_step,
+                        &middle_instant,
+                    );
+                    force_change = force_change.max(
+                        (contact_force - self.forces[index]).abs() - AGREE * contact_force.abs(),
+                    );
+                    self.forces[index] = contact_force;
                 }
-                if change <= 0.0 {
+                if force_change <= 0.0 {
                     break;
                 }
             }
-            let end = self.instant(script, instants[2]);
-            self.slide_bristles(script, (laws, gates), (&end, 0.5 * h));
-            for (rests, force) in self.rests.iter_mut().zip(&self.forces) {
-                *rests &= *force != 0.0;
+            let end_instant = self.instant(script, instants[2]);
+            self.slide_bristles(script, (laws, gates), (&end_instant, 0.5 * step_length));
+            for (rests, contact_force) in self.rests.iter_mut().zip(&self.forces) {
+                *rests &= *contact_force != 0.0;
             }
         }
     }

@@ -54,10 +54,10 @@ impl Script {
     /// Whether a push of one link changes the velocity of another at once, by more than `UNCOUPLED` of what it changes its
     /// own.
     pub(super) fn has_coupled_links(&self) -> bool {
-        let ends = self.ends.iter().enumerate();
-        let mut pairs =
-            ends.flat_map(|(at, first)| self.ends[..at].iter().map(move |other| (first, other)));
-        pairs.any(|(first, other)| {
+        let link_ends = self.ends.iter().enumerate();
+        let mut link_pairs = link_ends
+            .flat_map(|(at, first)| self.ends[..at].iter().map(move |other| (first, other)));
+        link_pairs.any(|(first, other)| {
             let self_jumps = [*first, *other].map(|link| self.jump_between(link, link));
             self.jump_between(*first, *other).abs() > UNCOUPLED * self_jumps[0].min(self_jumps[1])
         })
@@ -71,12 +71,12 @@ impl Script {
         instant: &Instant,
         path: &mut [f64],
     ) {
-        let (n, n_joints) = (self.basis.n(), self.joints.len());
-        let shares = instant.value.map(|value| impulse * value);
-        let moves = &self.moves[joint * n_joints..(joint + 1) * n_joints];
-        for (moves, path) in moves.iter().zip(path.chunks_mut(n)) {
-            if !moves.is_empty() {
-                add_rows(moves, &shares[..n], path);
+        let (n_instants, n_joints) = (self.basis.n(), self.joints.len());
+        let impulse_shares = instant.value.map(|value| impulse * value);
+        let joint_moves = &self.moves[joint * n_joints..(joint + 1) * n_joints];
+        for (joint_moves, path) in joint_moves.iter().zip(path.chunks_mut(n_instants)) {
+            if !joint_moves.is_empty() {
+                add_rows(joint_moves, &impulse_shares[..n_instants], path);
             }
         }
     }

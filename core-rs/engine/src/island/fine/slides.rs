@@ -94,14 +94,14 @@ impl Friction {
 
 impl Frictions {
     pub(super) fn new(script: &Script) -> Self {
-        let slides = SlideScript::new(script);
-        let n_dry = slides.links.len();
+        let slide_script = SlideScript::new(script);
+        let n_dry = slide_script.links.len();
         let n_forces = STAGES * n_dry;
         Self {
             slides: vec![Slide::default(); n_dry],
             moves: vec![Square::default(); n_dry * n_dry],
             system: vec![0.0; n_forces * (n_forces + 1)],
-            script: Arc::new(slides),
+            script: Arc::new(slide_script),
         }
     }
 
@@ -123,50 +123,57 @@ impl Fine {
 
     /// Compute a frame event by event.
     fn slide_to_end(&mut self, frame: Frame<'_>) {
-        let (mut s, mut left) = (0.0, STEPS_MAX);
-        while s < 1.0 {
-            if left == 0 {
-                self.finish_frame(frame, s);
+        let (mut instant_now, mut steps_left) = (0.0, STEPS_MAX);
+        while instant_now < 1.0 {
+            if steps_left == 0 {
+                self.finish_frame(frame, instant_now);
                 return;
             }
-            let [paths, impulses] = &mut self.saved;
-            paths.copy_from_slice(&self.paths);
+            let [saved_paths, impulses] = &mut self.saved;
+            saved_paths.copy_from_slice(&self.paths);
             impulses.copy_from_slice(&self.impulse_sums);
-            let mut taken = self.pace(frame).length(s);
-            self.step_frictions(frame, (s, taken), &mut left);
+            let mut length_taken = self.pace(frame).length(instant_now);
+            self.step_frictions(frame, (instant_now, length_taken), &mut steps_left);
             let slides = &mut self.frictions.slides;
             slides.iter_mut().for_each(|slide| slide.is_located = false);
-            let mut first = None;
-            while let Some(ended_slide) = self.ended(frame, s + taken) {
-                taken = self.locate_end(frame, (s, taken, ended_slide), &mut left);
+            let mut first_ended = None;
+            while let Some(ended_slide) = self.ended(frame, instant_now + length_taken) {
+                length_taken = self.locate_end(
+                    frame,
+                    (instant_now, length_taken, ended_slide),
+                    &mut steps_left,
+                );
                 self.frictions.slides[ended_slide].is_located = true;
-                first = Some(ended_slide);
+                first_ended = Some(ended_slide);
             }
-            s += taken;
-            if 1.0 - s < SKIPPED {
+            instant_now += length_taken;
+            if 1.0 - instant_now < SKIPPED {
                 return;
             }
-            if let Some(ended_slide) = first {
+            if let Some(ended_slide) = first_ended {
                 let slide = &mut self.frictions.slides[ended_slide];
                 slide.holds = false;
                 slide.direction = match slide.direction {
                     0.0 => dot(&shares(1.0), &slide.force).signum(),
                     _ => 0.0,
                 };
-                self.settle(frame, s);
+                self.settle(frame, instant_now);
             }
         }
     }
 
     /// Let masses rest exactly that a fixed point has held throughout the frame: rounding alone would leave a step.
     pub(in crate::island) fn rest_held(&self, scheme: &Scheme, body: &mut Body) {
-        let links = self.frictions.script.links.iter();
-        let slides = self.frictions.slides.iter().zip(links);
+        let dry_links = self.frictions.script.links.iter();
+        let slides = self.frictions.slides.iter().zip(dry_links);
         for (slide, &link) in slides.filter(|(slide, _)| slide.holds) {
-            let run = &self.script.links[link];
-            let (a, b) = self.script.ends[link];
+            let link_run = &self.script.links[link];
+            let (first_joint, second_joint) = self.script.ends[link];
             let [x_a, x_b] = slide.places;
-            for (mass, joint, other, x) in [(run.a, a, run.b, x_a), (run.b, b, run.a, x_b)] {
+            for (mass, joint, other, x) in [
+                (link_run.a, first_joint, link_run.b, x_a),
+                (link_run.b, second_joint, link_run.a, x_b),
+            ] {
                 let is_fixed = scheme.w[other] == 0.0 && body.d[other] == 0.0;
                 if is_fixed && scheme.w[mass] > 0.0 && self.script.joints[joint].port.is_none() {
                     (body.x[mass], body.d[mass]) = (x, 0.0);
@@ -177,14 +184,15 @@ impl Fine {
 
     /// Find the direction of every link at the start of a frame, and note the forces for outputs.
     fn start_frame(&mut self, frame: Frame<'_>, body: &mut Body) {
-        let (script, start) = (frame.script, Instant::new(frame.script.basis.n(), 0.0));
+        let (script, start_instant) = (frame.script, Instant::new(frame.script.basis.n(), 0.0));
         for (slide_index, &link) in frame.slides.links.iter().enumerate() {
-            let [_, v] = self.elongation(script, link, &start);
+            let [_, v] = self.elongation(script, link, &start_instant);
             let friction = self.friction(frame, (slide_index, 0.0));
-            let (a, b) = script.ends[link];
-            let taken = friction.level(0.0) * script.jump(a, b) * script.rate.step();
-            let share = if self.rests[link] { STILL_HELD } else { STILL };
-            let is_still = v.abs() <= share * taken;
+            let (first_joint, second_joint) = script.ends[link];
+            let velocity_taken =
+                friction.level(0.0) * script.jump(first_joint, second_joint) * script.rate.step();
+            let still_share = if self.rests[link] { STILL_HELD } else { STILL };
+            let is_still = v.abs() <= still_share * velocity_taken;
             let direction = if is_still { 0.0 } else { v.signum() };
             let slide = &mut self.frictions.slides[slide_index];
             (slide.direction, slide.force) = (direction, [direction * friction.level(v); STAGES]);
@@ -192,28 +200,36 @@ impl Fine {
         self.settle(frame, 0.0);
         let slides = self.frictions.slides.iter_mut();
         for (slide, &link) in slides.zip(&frame.slides.links) {
-            let run = &script.links[link];
-            (slide.holds, slide.places) = (slide.direction == 0.0, [body.x[run.a], body.x[run.b]]);
-            body.link[run.first] = dot(&shares(0.0), &slide.force);
+            let link_run = &script.links[link];
+            (slide.holds, slide.places) = (
+                slide.direction == 0.0,
+                [body.x[link_run.a], body.x[link_run.b]],
+            );
+            body.link[link_run.first] = dot(&shares(0.0), &slide.force);
         }
     }
 
     /// Of the links that stand still at an instant, let those hold whose level suffices, and the others slide.
     fn settle(&mut self, frame: Frame<'_>, s: f64) {
-        let stands = |slide: &Slide| slide.direction == 0.0;
-        while self.frictions.slides.iter().any(stands) {
-            let h = self.pace(frame).length(s);
-            self.solve_forces(frame, (s, h));
-            let excess = |slide_index: usize| {
+        let stands_still = |slide: &Slide| slide.direction == 0.0;
+        while self.frictions.slides.iter().any(stands_still) {
+            let step_length = self.pace(frame).length(s);
+            self.solve_forces(frame, (s, step_length));
+            let force_excess = |slide_index: usize| {
                 let slide = &self.frictions.slides[slide_index];
-                let level = self.friction(frame, (slide_index, s)).level(0.0);
-                let needed = dot(&shares(0.0), &slide.force);
-                let is_too_weak = stands(slide) && needed.abs() > level * (1.0 + EXCESS);
-                is_too_weak.then_some((slide_index, needed.abs() - level, needed.signum()))
+                let friction_level = self.friction(frame, (slide_index, s)).level(0.0);
+                let needed_force = dot(&shares(0.0), &slide.force);
+                let is_too_weak =
+                    stands_still(slide) && needed_force.abs() > friction_level * (1.0 + EXCESS);
+                is_too_weak.then_some((
+                    slide_index,
+                    needed_force.abs() - friction_level,
+                    needed_force.signum(),
+                ))
             };
-            let weak = (0..frame.slides.links.len()).filter_map(excess);
+            let weak_holds = (0..frame.slides.links.len()).filter_map(force_excess);
             let Some((slide_index, _, direction)) =
-                weak.max_by(|one, other| one.1.total_cmp(&other.1))
+                weak_holds.max_by(|one, other| one.1.total_cmp(&other.1))
             else {
                 return;
             };
@@ -223,22 +239,22 @@ impl Fine {
 
     /// The even steps of a frame in the present state: only a slide whose level falls needs short ones.
     fn pace<'a>(&self, frame: Frame<'a>) -> &'a Pace {
-        let mut slides = self.frictions.slides.iter().zip(&frame.slides.dry);
+        let mut dry_slides = self.frictions.slides.iter().zip(&frame.slides.dry);
         frame
             .slides
-            .pace(slides.any(|(slide, (dry, _))| slide.direction != 0.0 && dry.falls()))
+            .pace(dry_slides.any(|(slide, (dry, _))| slide.direction != 0.0 && dry.falls()))
     }
 
     /// The friction of a link at an instant of this frame.
     fn friction(&self, frame: Frame<'_>, (slide, s): (usize, f64)) -> Friction {
-        let link = frame.slides.links[slide];
-        let (by, rate) = frame.slides.dry[slide];
-        let [_, level] = self.numbers(link, s);
-        let gate = frame.script.links[link].gate;
+        let dry_link = frame.slides.links[slide];
+        let (dry_law, rate) = frame.slides.dry[slide];
+        let [_, friction_level] = self.numbers(dry_link, s);
+        let link_gate = frame.script.links[dry_link].gate;
         Friction {
-            by: by.with(level),
+            by: dry_law.with(friction_level),
             rate,
-            open: gate.map_or(1.0, |gate| frame.gates[gate]),
+            open: link_gate.map_or(1.0, |link_gate| frame.gates[link_gate]),
         }
     }
 
@@ -260,22 +276,23 @@ impl Fine {
             return self.hold_margin(frame, (slide, s), 0.0);
         }
         std::mem::swap(&mut self.paths, &mut self.saved[0]);
-        let margin = self.margin(frame, (slide, s));
+        let start_margin = self.margin(frame, (slide, s));
         std::mem::swap(&mut self.paths, &mut self.saved[0]);
-        margin
+        start_margin
     }
 
     /// The force that the level of a holding link leaves, at the start (0) or at the end (1) of a step [N].
     fn hold_margin(&self, frame: Frame<'_>, (slide, s): (usize, f64), instant: f64) -> f64 {
-        let level = self.friction(frame, (slide, s)).level(0.0);
-        level * (1.0 + EXCESS) - dot(&shares(instant), &self.frictions.slides[slide].force).abs()
+        let friction_level = self.friction(frame, (slide, s)).level(0.0);
+        friction_level * (1.0 + EXCESS)
+            - dot(&shares(instant), &self.frictions.slides[slide].force).abs()
     }
 
     /// A link whose slide or hold has ended by the end `s` of a step, at an instant that is not located yet.
     fn ended(&self, frame: Frame<'_>, s: f64) -> Option<usize> {
         let slides = &self.frictions.slides;
-        let mut links = (0..slides.len()).filter(|&own| !slides[own].is_located);
-        links.find(|&own| self.margin(frame, (own, s)) < 0.0)
+        let mut unlocated_links = (0..slides.len()).filter(|&own| !slides[own].is_located);
+        unlocated_links.find(|&own| self.margin(frame, (own, s)) < 0.0)
     }
 
     /// Repeat a step of `h` from `s` up to the instant at which a link's slide or hold ends; returns its length.
@@ -285,33 +302,33 @@ impl Fine {
         (s, h, slide): (f64, f64, usize),
         left: &mut usize,
     ) -> f64 {
-        let mut high = (h, self.margin(frame, (slide, s + h)));
-        let mut low = (0.0, self.margin_at_start(frame, (slide, s)));
-        let mut taken = h;
+        let mut high_end = (h, self.margin(frame, (slide, s + h)));
+        let mut low_end = (0.0, self.margin_at_start(frame, (slide, s)));
+        let mut length_taken = h;
         for _ in 0..TRIES_MAX {
             // A step that starts at an event has no margin there: then bisection, else a secant.
-            let next = if low.1 > 0.0 {
-                low.0 + (high.0 - low.0) * (low.1 / (low.1 - high.1))
+            let next_length = if low_end.1 > 0.0 {
+                low_end.0 + (high_end.0 - low_end.0) * (low_end.1 / (low_end.1 - high_end.1))
             } else {
-                0.5 * (low.0 + high.0)
+                0.5 * (low_end.0 + high_end.0)
             };
-            let moved = (next - taken).abs();
-            taken = next;
+            let length_change = (next_length - length_taken).abs();
+            length_taken = next_length;
             self.paths.copy_from_slice(&self.saved[0]);
             self.impulse_sums.copy_from_slice(&self.saved[1]);
-            self.step_frictions(frame, (s, taken), left);
-            let margin_then = self.margin(frame, (slide, s + taken));
-            if moved <= LOCATED * h || margin_then == 0.0 || *left == 0 {
+            self.step_frictions(frame, (s, length_taken), left);
+            let margin_then = self.margin(frame, (slide, s + length_taken));
+            if length_change <= LOCATED * h || margin_then == 0.0 || *left == 0 {
                 break;
             }
             // Illinois rule: halve the value at the end that stays, so that the secant does not creep from one side.
             if margin_then > 0.0 {
-                (low, high.1) = ((taken, margin_then), 0.5 * high.1);
+                (low_end, high_end.1) = ((length_taken, margin_then), 0.5 * high_end.1);
             } else {
-                (high, low.1) = ((taken, margin_then), 0.5 * low.1);
+                (high_end, low_end.1) = ((length_taken, margin_then), 0.5 * low_end.1);
             }
         }
-        taken
+        length_taken
     }
 }
 

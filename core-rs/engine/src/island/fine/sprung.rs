@@ -62,21 +62,21 @@ impl Sprung {
         let springs = network.runs().iter().filter(|run| hardens(&run.kind));
         let is_mesh = springs.map(|run| run.len).sum::<usize>() > LONGEST;
         let is_stepped = |mat: usize| {
-            let ends = script.links.iter().flat_map(|run| [run.a, run.b]);
-            let n_fine = ends.filter(|&end| end == mat).count();
-            !is_mesh && network.degree(mat) as usize > n_fine
+            let link_ends = script.links.iter().flat_map(|run| [run.a, run.b]);
+            let fine_link_count = link_ends.filter(|&end| end == mat).count();
+            !is_mesh && network.degree(mat) as usize > fine_link_count
         };
-        let joints = script.joints.iter().enumerate();
-        let held = joints.filter(|(_, joint)| {
+        let indexed_joints = script.joints.iter().enumerate();
+        let stepped_joints = indexed_joints.filter(|(_, joint)| {
             joint.port.is_none() && joint.cell.is_some() && is_stepped(joint.mat)
         });
-        let point = |(index, joint): (usize, &super::Joint)| {
-            let mut ends = script.ends.iter();
-            let link = ends.position(|&(a, b)| a == index || b == index)?;
+        let new_point = |(index, joint): (usize, &super::Joint)| {
+            let mut link_ends = script.ends.iter();
+            let link_index = link_ends.position(|&(a, b)| a == index || b == index)?;
             Some(Point {
                 joint: index,
                 mat: joint.mat,
-                link: script.links[link].first,
+                link: script.links[link_index].first,
                 free: [0.0; 2],
                 force: 0.0,
                 step: 0.0,
@@ -84,7 +84,7 @@ impl Sprung {
             })
         };
         Self {
-            points: held.filter_map(point).collect(),
+            points: stepped_joints.filter_map(new_point).collect(),
             account: Account::default(),
             worst: None,
             link: 0,
@@ -101,18 +101,18 @@ impl Sprung {
 
     /// Count the work that the impulses of the step before did in the steps: ½(d[n] + d[n+1])·f.
     pub(super) fn settle(&mut self, scheme: &Scheme, body: &Body) {
-        let (mut work, mut around) = (0.0, 0.0);
+        let (mut impulse_work, mut kinetic_energy) = (0.0, 0.0);
         for point in &mut self.points {
-            let (step, w) = (body.d[point.mat], scheme.w[point.mat]);
+            let (last_step, w) = (body.d[point.mat], scheme.w[point.mat]);
             if w > 0.0 {
-                around += 0.5 * step * step / w;
+                kinetic_energy += 0.5 * last_step * last_step / w;
             }
-            let energy = 0.5 * (point.step + step) * point.force;
-            point.created += energy;
-            work += energy;
+            let point_work = 0.5 * (point.step + last_step) * point.force;
+            point.created += point_work;
+            impulse_work += point_work;
         }
-        if work != 0.0 {
-            self.account.take_from_masses(-work, around);
+        if impulse_work != 0.0 {
+            self.account.take_from_masses(-impulse_work, kinetic_energy);
         }
     }
 
@@ -125,23 +125,26 @@ impl Sprung {
 
     /// Count the work of this frame's impulses, those on all joints, along the motion within the frame; and note the
     /// forces that replace them.
-    pub(super) fn note(&mut self, script: &Script, pushed: &[f64], scheme: &Scheme) {
-        let (n, rate) = (script.basis.n(), script.rate.hertz());
+    pub(super) fn note(&mut self, script: &Script, joint_impulses: &[f64], scheme: &Scheme) {
+        let (n_instants, frame_rate) = (script.basis.n(), script.rate.hertz());
         for point in &mut self.points {
-            let pushed = &pushed[point.joint * n..(point.joint + 1) * n];
-            let split = script.joints[point.joint].split.iter();
+            let joint_impulses =
+                &joint_impulses[point.joint * n_instants..(point.joint + 1) * n_instants];
+            let split_shares = script.joints[point.joint].split.iter();
             let instants = script.basis.instants.iter();
-            let (mut sum, mut moment) = (0.0, 0.0);
-            for ((impulse, s), [share_now, _]) in pushed.iter().zip(instants).zip(split) {
-                sum += impulse * rate;
-                moment += impulse * rate * s;
+            let (mut force_sum, mut force_moment) = (0.0, 0.0);
+            for ((impulse, s), [share_now, _]) in
+                joint_impulses.iter().zip(instants).zip(split_shares)
+            {
+                force_sum += impulse * frame_rate;
+                force_moment += impulse * frame_rate * s;
                 point.force += impulse * share_now;
             }
             let [velocity, acceleration] = point.free;
-            let halfway = velocity + 0.5 * scheme.w[point.mat] * sum;
-            let work = sum * halfway + moment * acceleration;
-            point.created -= work;
-            self.account.take(work);
+            let halfway = velocity + 0.5 * scheme.w[point.mat] * force_sum;
+            let frame_work = force_sum * halfway + force_moment * acceleration;
+            point.created -= frame_work;
+            self.account.take(frame_work);
         }
     }
 
@@ -172,9 +175,9 @@ impl Sprung {
         if !gain.is_reportable() {
             return None;
         }
-        let worst = gain.worse_of(self.worst);
-        if self.worst != Some(worst) {
-            (self.worst, self.link) = (Some(worst), worst_point.link);
+        let worst_gain = gain.worse_of(self.worst);
+        if self.worst != Some(worst_gain) {
+            (self.worst, self.link) = (Some(worst_gain), worst_point.link);
         }
         Some((worst_point.link, worst_point.mat, gain))
     }

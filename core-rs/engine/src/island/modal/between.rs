@@ -25,45 +25,51 @@ impl RunningModal {
     pub(crate) fn make_tables(&mut self, instants: &[f64]) {
         let plan = &self.script.plan;
         let (modes, rate) = (&plan.modes, plan.rate);
-        let square = rate.step() * rate.step();
-        let n = instants.len();
+        let step_square = rate.step() * rate.step();
+        let n_instants = instants.len();
         let interpolation = |mode: usize| {
-            let n_padded = n.next_multiple_of(PADDING);
+            let n_padded = n_instants.next_multiple_of(PADDING);
             let mut weights = vec![0.0; 2 * n_padded];
-            let (now, next) = weights.split_at_mut(n_padded);
+            let (weight_now, weight_next) = weights.split_at_mut(n_padded);
             if let Some(mode_response) = plan.response(mode) {
-                for ((now, next), &instant) in now.iter_mut().zip(next).zip(instants) {
-                    (*now, *next) = mode_response.interpolation(instant, rate);
+                for ((weight_now, weight_next), &instant) in
+                    weight_now.iter_mut().zip(weight_next).zip(instants)
+                {
+                    (*weight_now, *weight_next) = mode_response.interpolation(instant, rate);
                 }
             }
             weights
         };
-        let kick = |port: usize, mode: usize, j: usize| {
+        let split_kick = |port: usize, mode: usize, j: usize| {
             let mode_response = plan.port_response(port, mode);
             mode_response.map_or([0.0; 2], |mode_response| {
-                mode_response.split(square, instants[j], rate)
+                mode_response.split(step_square, instants[j], rate)
             })
         };
         let n_tables = match &plan.answers {
             Some(answers) => answers.ports.len(),
             None => 1,
         };
-        let table = |group: usize, j: usize, of: &dyn Fn(usize, usize) -> [f64; 2]| {
+        let kick_table = |group: usize, j: usize, of: &dyn Fn(usize, usize) -> [f64; 2]| {
             [0, 1].map(|which| lanes(modes, group, |mode| of(mode, j)[which]))
         };
-        let groups = 0..modes.len().div_ceil(LANES);
+        let group_range = 0..modes.len().div_ceil(LANES);
         let members = |group: usize| group * LANES..modes.len().min((group + 1) * LANES);
         self.between = Some(Between {
-            interpolation: groups
+            interpolation: group_range
                 .clone()
                 .map(|group| members(group).flat_map(interpolation).collect())
                 .collect(),
             kick: (0..n_tables)
                 .map(|port| {
-                    let kick = |mode: usize, j: usize| kick(port, mode, j);
-                    let groups = groups.clone();
-                    groups
-                        .map(|group| (0..n).map(|j| table(group, j, &kick)).collect())
+                    let split_kick = |mode: usize, j: usize| split_kick(port, mode, j);
+                    let group_range = group_range.clone();
+                    group_range
+                        .map(|group| {
+                            (0..n_instants)
+                                .map(|j| kick_table(group, j, &split_kick))
+                                .collect()
+                        })
                         .collect()
                 })
                 .collect(),
@@ -74,13 +80,13 @@ impl RunningModal {
     /// (n_modes, n_times)
     pub(crate) fn responses(&self, from: usize, times: &[f64]) -> Vec<f64> {
         let plan = &self.script.plan;
-        let each = |mode: usize| {
+        let mode_responses = |mode: usize| {
             let mode_response = plan.port_response(from, mode);
             times
                 .iter()
                 .map(move |&t| mode_response.map_or(0.0, |mode_response| mode_response.around(t)))
         };
-        (0..plan.modes.len()).flat_map(each).collect()
+        (0..plan.modes.len()).flat_map(mode_responses).collect()
     }
 
     /// Weights of these displacements in that of another port   (n_modes)
@@ -88,15 +94,15 @@ impl RunningModal {
         let plan = &self.script.plan;
         // The responses of complex modes already contain the shares of the port `from`.
         let is_complex = plan.answers.is_some();
-        let shapes = plan.ports[from].shape.iter().zip(&plan.ports[to].shape);
-        shapes.map(move |(a, b)| if is_complex { *b } else { a * b })
+        let shape_pairs = plan.ports[from].shape.iter().zip(&plan.ports[to].shape);
+        shape_pairs.map(move |(a, b)| if is_complex { *b } else { a * b })
     }
 
     /// The continuous motion of each mode, and of nothing but it; `None` for modes that are complex or discrete   (n_modes)
     pub(crate) fn cells(&self) -> Option<Vec<Cell>> {
         let plan = &self.script.plan;
-        let cells = plan.modes.iter().map(|mode| mode.cell);
-        cells
+        let mode_cells = plan.modes.iter().map(|mode| mode.cell);
+        mode_cells
             .collect::<Option<Vec<Cell>>>()
             .filter(|_| plan.answers.is_none())
     }
@@ -111,24 +117,29 @@ impl RunningModal {
         let plan = &self.script.plan;
         let ports = &plan.ports;
         if let Some(answers) = &plan.answers {
-            let terms = answers.ports[from].iter().zip(&ports[to].shape);
-            return terms.map(|(answer, share)| share * answer.jump()).sum();
+            let jump_terms = answers.ports[from].iter().zip(&ports[to].shape);
+            return jump_terms
+                .map(|(answer, share)| share * answer.jump())
+                .sum();
         }
-        let shapes = ports[from].shape.iter().zip(&ports[to].shape);
-        shapes.map(|(a, b)| a * b).sum()
+        let shape_pairs = ports[from].shape.iter().zip(&ports[to].shape);
+        shape_pairs.map(|(a, b)| a * b).sum()
     }
 
     /// The fastest motion of its modes: |λ| of e^(λt) [1/s].
     pub(crate) fn reach(&self) -> f64 {
         let plan = &self.script.plan;
-        let all: Vec<Response> = match &plan.answers {
+        let all_responses: Vec<Response> = match &plan.answers {
             Some(answers) => answers.ports.iter().flatten().copied().collect(),
             None => {
-                let modes = 0..plan.modes.len();
-                modes.filter_map(|mode| plan.response(mode)).collect()
+                let mode_range = 0..plan.modes.len();
+                mode_range.filter_map(|mode| plan.response(mode)).collect()
             }
         };
-        all.iter().map(Response::reach).fold(0.0, f64::max)
+        all_responses
+            .iter()
+            .map(Response::reach)
+            .fold(0.0, f64::max)
     }
 
     /// Write the positions of a port in this frame, at each instant (n), if nothing more pushes it [m].
@@ -158,12 +169,14 @@ impl RunningModal {
             .iter()
             .enumerate()
         {
-            let rows = &self.script.rows[group];
+            let group_rows = &self.script.rows[group];
             // The responses of complex modes already contain these shares.
-            let share = if is_complex { &ONES } else { &rows[port] };
-            let modes = [&mut self.motions[group].now, &mut self.pending[group]];
-            let seen = (&mut self.seen[self.present + 1..], ROOM);
-            ports::kick(impulses, table, share, modes, rows, seen);
+            let port_share = if is_complex { &ONES } else { &group_rows[port] };
+            let mode_lanes = [&mut self.motions[group].now, &mut self.pending[group]];
+            let seen_ahead = (&mut self.seen[self.present + 1..], ROOM);
+            ports::kick(
+                impulses, table, port_share, mode_lanes, group_rows, seen_ahead,
+            );
         }
         self.has_pending = true;
         self.place(body);

@@ -95,10 +95,10 @@ impl Modal {
     pub(crate) fn gain(&self, port: usize, mode: usize) -> [f64; 2] {
         match &self.answers {
             Some(answers) => {
-                let (response, step) = (&answers.ports[port][mode], self.rate.step());
+                let (response, time_step) = (&answers.ports[port][mode], self.rate.step());
                 [
-                    response.displacement(step) * step,
-                    response.displacement(0.0) * step,
+                    response.displacement(time_step) * time_step,
+                    response.displacement(0.0) * time_step,
                 ]
             }
             None => [self.modes[mode].gain * self.ports[port].shape[mode], 0.0],
@@ -127,9 +127,9 @@ impl Modal {
     pub(crate) fn pushed(&self, force: &[f64]) -> Self {
         let mut pushed_plan = self.clone();
         if let Some(answers) = &self.answers {
-            let step = self.rate.step();
+            let time_step = self.rate.step();
             for (answers, port) in answers.ports.iter().zip(&self.ports) {
-                let impulse = 0.5 * step * force[port.mat];
+                let impulse = 0.5 * time_step * force[port.mat];
                 for (mode, answer) in pushed_plan.modes.iter_mut().zip(answers) {
                     // The response to half the impulse of a frame is subtracted from both positions.
                     mode.now -= impulse * answer.displacement(0.0);
@@ -137,7 +137,7 @@ impl Modal {
                         * if mode.b == 0.0 {
                             0.0
                         } else {
-                            answer.displacement(-step)
+                            answer.displacement(-time_step)
                         };
                 }
             }
@@ -163,18 +163,18 @@ impl Modal {
             return 0.0;
         }
         let cosine = (a / (2.0 * b.sqrt())).clamp(-1.0, 1.0);
-        let angle = std::f64::consts::FRAC_PI_2 - crate::maths::asin(cosine);
+        let step_angle = std::f64::consts::FRAC_PI_2 - crate::maths::asin(cosine);
         match self.modes[mode].cell {
             Some(cell) => cell.frequency(),
-            None => angle * self.rate.hertz() / std::f64::consts::TAU,
+            None => step_angle * self.rate.hertz() / std::f64::consts::TAU,
         }
     }
 
     /// Static displacement of a mode under 1 N [m]; `None` if it has no restoring force.
     pub(crate) fn compliance(&self, mode: usize) -> Option<f64> {
         let Mode { a, b, gain, .. } = self.modes[mode];
-        let drawn = 1.0 - a + b;
-        (drawn > LOOSE).then(|| gain / drawn)
+        let restoring_factor = 1.0 - a + b;
+        (restoring_factor > LOOSE).then(|| gain / restoring_factor)
     }
 
     /// Whether another body has the same modes and shapes; its strikes may differ.
@@ -186,7 +186,7 @@ impl Modal {
                 .map(|port| (port.rest, port.shape.clone()))
                 .collect()
         };
-        let shapes = |modal: &Self| -> Vec<Vec<f64>> {
+        let output_shapes = |modal: &Self| -> Vec<Vec<f64>> {
             modal
                 .outputs
                 .iter()
@@ -201,14 +201,14 @@ impl Modal {
                 .eq(other.modes.iter().map(numbers))
             && ports(&self.ports) == ports(&other.ports)
             && self.still == other.still
-            && shapes(self) == shapes(other)
+            && output_shapes(self) == output_shapes(other)
             && self.answers.as_ref().map(|own| &own.ports)
                 == other.answers.as_ref().map(|own| &own.ports)
     }
 
     /// The body with some of its modes only.
     pub(crate) fn only(&self, modes_kept: &[usize]) -> Self {
-        let some = |shape: &[f64]| modes_kept.iter().map(|&mode| shape[mode]).collect();
+        let select_modes = |shape: &[f64]| modes_kept.iter().map(|&mode| shape[mode]).collect();
         Self {
             network: self.network.clone(),
             computed: modes_kept.iter().map(|&mode| self.computed[mode]).collect(),
@@ -218,29 +218,29 @@ impl Modal {
                 .ports
                 .iter()
                 .map(|port| Port {
-                    shape: some(&port.shape),
+                    shape: select_modes(&port.shape),
                     ..*port
                 })
                 .collect(),
             outputs: self
                 .outputs
                 .iter()
-                .map(|(output, shape)| (*output, some(shape)))
+                .map(|(output, shape)| (*output, select_modes(shape)))
                 .collect(),
             still: self.still.clone(),
             struck: self
                 .struck
                 .iter()
                 .map(|struck| Struck {
-                    shape: some(&struck.shape),
+                    shape: select_modes(&struck.shape),
                     blows: struck.blows.clone(),
                 })
                 .collect(),
             rate: self.rate,
             answers: self.answers.as_ref().map(|answers| {
-                let some = |all: &Vec<Vec<Response>>| -> Vec<Vec<Response>> {
-                    let points = all.iter();
-                    points
+                let select_modes = |all: &Vec<Vec<Response>>| -> Vec<Vec<Response>> {
+                    let point_responses = all.iter();
+                    point_responses
                         .map(|point| modes_kept.iter().map(|&mode| point[mode]).collect())
                         .collect()
                 };
@@ -250,8 +250,8 @@ impl Modal {
                         .iter()
                         .map(|&mode| answers.places[mode])
                         .collect(),
-                    ports: some(&answers.ports),
-                    struck: some(&answers.struck),
+                    ports: select_modes(&answers.ports),
+                    struck: select_modes(&answers.struck),
                 }
             }),
         }
@@ -260,12 +260,14 @@ impl Modal {
     /// Displacement of a port at the next frame by 1 N on it during one frame [m].
     pub(crate) fn port_compliance(&self, port: usize) -> f64 {
         if self.answers.is_some() {
-            let terms = self.ports[port].shape.iter().enumerate();
-            return terms
+            let shape_terms = self.ports[port].shape.iter().enumerate();
+            return shape_terms
                 .map(|(mode, share)| share * self.gain(port, mode)[0])
                 .sum();
         }
-        let terms = self.modes.iter().zip(&self.ports[port].shape);
-        terms.map(|(mode, share)| mode.gain * share * share).sum()
+        let shape_terms = self.modes.iter().zip(&self.ports[port].shape);
+        shape_terms
+            .map(|(mode, share)| mode.gain * share * share)
+            .sum()
     }
 }

@@ -21,13 +21,13 @@ pub(super) fn responses(script: &Script) -> Vec<f64> {
     for (port, responses) in responses.chunks_mut((n_rows * AHEAD).max(1)).enumerate() {
         sums.fill(Sum::ZERO);
         for (group, rates) in script.rates.iter().enumerate() {
-            let mut motion = Motion {
+            let mut group_motion = Motion {
                 now: Lanes::ZERO,
                 before: Lanes::ZERO,
             };
-            script.push(group, &mut motion, port, 1.0);
+            script.push(group, &mut group_motion, port, 1.0);
             let rows = &script.rows[group];
-            follow(rates, &mut motion, rows, AHEAD - 1, &mut sums, AHEAD);
+            follow(rates, &mut group_motion, rows, AHEAD - 1, &mut sums, AHEAD);
         }
         let rows = responses.chunks_mut(AHEAD).zip(sums.chunks(AHEAD));
         for ((response, sums), moves) in rows.zip(&script.moves) {
@@ -44,8 +44,8 @@ impl Script {
     /// Move a group that is one frame ahead by a force at a port [N].
     fn push(&self, group: usize, motion: &mut Motion, port: usize, force: f64) {
         ports::add(&mut motion.now, &self.gains[group][port], force);
-        if let Some(gains) = self.back_gains.get(group) {
-            ports::add(&mut motion.before, &gains[port], force);
+        if let Some(group_gains) = self.back_gains.get(group) {
+            ports::add(&mut motion.before, &group_gains[port], force);
         }
     }
 }
@@ -78,13 +78,13 @@ impl RunningModal {
         let n_ports = self.forces.len();
         self.pushes[self.present * n_ports..][..n_ports].copy_from_slice(&self.forces);
         self.has_pushes = true;
-        let by_port = script.responses.chunks(script.moves.len() * AHEAD);
-        for (responses, &force) in by_port.zip(&self.forces) {
+        let port_responses = script.responses.chunks(script.moves.len() * AHEAD);
+        for (responses, &force) in port_responses.zip(&self.forces) {
             if force == 0.0 {
                 continue;
             }
-            let rows = self.seen.chunks_mut(ROOM).zip(responses.chunks(AHEAD));
-            for (seen, response) in rows {
+            let seen_rows = self.seen.chunks_mut(ROOM).zip(responses.chunks(AHEAD));
+            for (seen, response) in seen_rows {
                 ports::add_response(&mut seen[self.present + 1..=self.until], response, force);
             }
         }
@@ -92,30 +92,37 @@ impl RunningModal {
 
     /// Advance a group from frame `from` of the window, one frame ahead of it, to frame `to`, with the pushes in between.
     pub(super) fn replay(&self, group: usize, motion: &mut Motion, from: usize, to: usize) {
-        let rates = if self.is_damped {
+        let group_rates = if self.is_damped {
             &self.damped
         } else {
             &self.script.rates
         };
-        let rates = &rates[group];
-        let mut done = from;
+        let group_rates = &group_rates[group];
+        let mut frames_done = from;
         if self.has_pushes {
             let n_ports = self.forces.len();
             for frame in from..to {
-                let forces = &self.pushes[frame * n_ports..][..n_ports];
-                if forces.iter().all(|force| *force == 0.0) {
+                let port_forces = &self.pushes[frame * n_ports..][..n_ports];
+                if port_forces.iter().all(|force| *force == 0.0) {
                     continue;
                 }
-                follow(rates, motion, &[], frame + 1 - done, &mut [], 0);
-                done = frame + 1;
-                for (port, &force) in forces.iter().enumerate() {
+                follow(
+                    group_rates,
+                    motion,
+                    &[],
+                    frame + 1 - frames_done,
+                    &mut [],
+                    0,
+                );
+                frames_done = frame + 1;
+                for (port, &force) in port_forces.iter().enumerate() {
                     if force != 0.0 {
                         self.script.push(group, motion, port, force);
                     }
                 }
             }
         }
-        follow(rates, motion, &[], to - done, &mut [], 0);
+        follow(group_rates, motion, &[], to - frames_done, &mut [], 0);
     }
 
     /// The motion of a group at the end of the window, with all pushes so far.
@@ -123,9 +130,9 @@ impl RunningModal {
         if !self.has_pushes {
             return self.motions[group].clone();
         }
-        let mut motion = self.saved[group].clone();
-        self.replay(group, &mut motion, 0, self.until);
-        motion
+        let mut group_motion = self.saved[group].clone();
+        self.replay(group, &mut group_motion, 0, self.until);
+        group_motion
     }
 
     /// Let the modes at the end of the window contain all pushes.
@@ -159,10 +166,10 @@ mod tests {
 
     /// A body with two ports, MATs 0 and 1, and one output that hears all modes.
     fn body() -> Modal {
-        let mode = |i: usize| {
-            let (r, angle) = (1.0 - 1e-3 * (1 + i % 7) as f64, 0.01 + 0.06 * i as f64);
+        let new_mode = |i: usize| {
+            let (r, pole_angle) = (1.0 - 1e-3 * (1 + i % 7) as f64, 0.01 + 0.06 * i as f64);
             Mode {
-                a: 2.0 * r * cos(angle),
+                a: 2.0 * r * cos(pole_angle),
                 b: r * r,
                 gain: 1.0 / (1 + i) as f64,
                 now: 0.0,
@@ -170,7 +177,7 @@ mod tests {
                 cell: None,
             }
         };
-        let port = |mat: usize| Port {
+        let new_port = |mat: usize| Port {
             mat,
             rest: 0.0,
             shape: (0..N_MODES)
@@ -181,8 +188,8 @@ mod tests {
             network: Arc::new(Network::new()),
             computed: (0..N_MODES as u32).collect(),
             turned: None,
-            modes: (0..N_MODES).map(mode).collect(),
-            ports: vec![port(0), port(1)],
+            modes: (0..N_MODES).map(new_mode).collect(),
+            ports: vec![new_port(0), new_port(1)],
             outputs: vec![(0, vec![1.0; N_MODES])],
             still: vec![0.0],
             struck: Vec::new(),
@@ -193,11 +200,11 @@ mod tests {
 
     /// Forces on both ports: rattling, single pushes, both at once, and silence for longer than a window.
     fn forces(n: usize) -> [f64; 2] {
-        let noise = sin((n * n) as f64 * 0.37);
+        let force_noise = sin((n * n) as f64 * 0.37);
         match n {
-            0..40 | 300..700 => [noise, 0.0],
+            0..40 | 300..700 => [force_noise, 0.0],
             100 | 163 | 164 | 291 => [0.0, 1.0],
-            800..900 if n.is_multiple_of(5) => [noise, -noise],
+            800..900 if n.is_multiple_of(5) => [force_noise, -force_noise],
             _ => [0.0, 0.0],
         }
     }
@@ -206,40 +213,48 @@ mod tests {
     fn modal_pushes_equal_the_recurrence() {
         let plan = body();
         let mut running = RunningModal::new(&plan);
-        let (mut now, mut before) = ([0.0; N_MODES], [0.0; N_MODES]);
+        let (mut modes_now, mut modes_before) = ([0.0; N_MODES], [0.0; N_MODES]);
         let largest = |values: &[f64]| values.iter().fold(0.0_f64, |peak, x| peak.max(x.abs()));
         let mut loudest = 0.0_f64;
         for n in 0..1_200 {
-            let mut out = [0.0];
-            running.tap(&mut out);
-            let sum: f64 = now.iter().sum();
-            loudest = loudest.max(sum.abs());
+            let mut output_now = [0.0];
+            running.tap(&mut output_now);
+            let mode_sum: f64 = modes_now.iter().sum();
+            loudest = loudest.max(mode_sum.abs());
             assert!(
-                (out[0] - sum).abs() <= 1e-11 * loudest,
-                "{n}: {} {sum}",
-                out[0]
+                (output_now[0] - mode_sum).abs() <= 1e-11 * loudest,
+                "{n}: {} {mode_sum}",
+                output_now[0]
             );
             if n % 37 == 0 {
-                let mut worst = 0.0_f64;
-                running.look(|mode, x, _| worst = worst.max((x - now[mode]).abs()));
-                assert!(worst <= 1e-11 * largest(&now), "{n}: {worst}");
+                let mut worst_error = 0.0_f64;
+                running
+                    .look(|mode, x, _| worst_error = worst_error.max((x - modes_now[mode]).abs()));
+                assert!(
+                    worst_error <= 1e-11 * largest(&modes_now),
+                    "{n}: {worst_error}"
+                );
             }
             if n % 211 == 0 {
                 let (mut x, mut y) = ([0.0; N_MODES], [0.0; N_MODES]);
                 running.amplitudes(&mut x, &mut y);
-                let worst = (0..N_MODES)
-                    .map(|i| (x[i] - now[i]).abs())
+                let worst_error = (0..N_MODES)
+                    .map(|i| (x[i] - modes_now[i]).abs())
                     .fold(0.0, f64::max);
-                assert!(worst <= 1e-11 * largest(&now), "{n}: {worst}");
+                assert!(
+                    worst_error <= 1e-11 * largest(&modes_now),
+                    "{n}: {worst_error}"
+                );
             }
             let forces = forces(n);
             running.step(n as u64, &forces);
             for (i, mode) in plan.modes.iter().enumerate() {
-                let push: f64 = (plan.ports.iter().zip(forces))
+                let mode_push: f64 = (plan.ports.iter().zip(forces))
                     .map(|(port, force)| port.shape[i] * force)
                     .sum();
-                let next = mode.a * now[i] - mode.b * before[i] + mode.gain * push;
-                (before[i], now[i]) = (now[i], next);
+                let mode_next =
+                    mode.a * modes_now[i] - mode.b * modes_before[i] + mode.gain * mode_push;
+                (modes_before[i], modes_now[i]) = (modes_now[i], mode_next);
             }
         }
     }

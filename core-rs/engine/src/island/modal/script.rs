@@ -29,32 +29,33 @@ pub(super) type Blow = (u64, usize, usize, bool);
 
 /// One number of each mode of a group.
 pub(super) fn lanes(modes: &[Mode], group: usize, value_of: impl Fn(usize) -> f64) -> Lanes {
-    let mut lanes = Lanes::ZERO;
+    let mut group_lanes = Lanes::ZERO;
     let members = group * LANES..modes.len().min((group + 1) * LANES);
-    for (lane, mode) in lanes.0.iter_mut().zip(members) {
+    for (lane, mode) in group_lanes.0.iter_mut().zip(members) {
         *lane = value_of(mode);
     }
-    lanes
+    group_lanes
 }
 
 impl Script {
     pub(super) fn new(plan: &Modal) -> Self {
         let modes = &plan.modes;
-        let groups = 0..modes.len().div_ceil(LANES);
+        let group_range = 0..modes.len().div_ceil(LANES);
         let ports = plan.ports.iter().map(|port| &port.shape);
-        let rows: Vec<&Vec<f64>> = ports
+        let row_shapes: Vec<&Vec<f64>> = ports
             .chain(plan.outputs.iter().map(|(_, shape)| shape))
             .collect();
-        let moves = |row: &[f64]| {
-            let by = |port| {
+        let row_moves = |row: &[f64]| {
+            let port_move = |port| {
                 (0..modes.len())
                     .map(|mode| row[mode] * plan.gain(port, mode)[0])
                     .sum()
             };
-            (0..plan.ports.len()).map(by).collect()
+            (0..plan.ports.len()).map(port_move).collect()
         };
         let group_rows = |group| {
-            rows.iter()
+            row_shapes
+                .iter()
                 .map(|row| lanes(modes, group, |mode| row[mode]))
                 .collect()
         };
@@ -64,23 +65,25 @@ impl Script {
                 .map(|port| lanes(modes, group, |mode| plan.gain(port, mode)[which]))
                 .collect()
         };
-        let n_back = if plan.answers.is_some() {
-            groups.len()
+        let n_back_groups = if plan.answers.is_some() {
+            group_range.len()
         } else {
             0
         };
         Self {
-            rates: groups
+            rates: group_range
                 .clone()
                 .map(|group| Rates {
                     a: lanes(modes, group, |mode| modes[mode].a),
                     b: lanes(modes, group, |mode| modes[mode].b),
                 })
                 .collect(),
-            rows: groups.clone().map(group_rows).collect(),
-            gains: groups.map(|group| group_gains(group, 0)).collect(),
-            back_gains: (0..n_back).map(|group| group_gains(group, 1)).collect(),
-            moves: rows.iter().map(|row| moves(row)).collect(),
+            rows: group_range.clone().map(group_rows).collect(),
+            gains: group_range.map(|group| group_gains(group, 0)).collect(),
+            back_gains: (0..n_back_groups)
+                .map(|group| group_gains(group, 1))
+                .collect(),
+            moves: row_shapes.iter().map(|row| row_moves(row)).collect(),
             responses: Vec::new(),
             blows: blows(plan),
             plan: plan.clone(),
@@ -89,38 +92,41 @@ impl Script {
 
     /// Write the effect of one blow on every mode into `kicks`.
     pub(super) fn strike(&self, (_, strikes, blow, second): Blow, kicks: &mut [Lanes]) {
-        let struck = &self.plan.struck[strikes];
-        let (_, alpha, impulse) = struck.blows[blow];
-        let (rate, step) = (self.plan.rate, self.plan.rate.step());
+        let struck_point = &self.plan.struck[strikes];
+        let (_, alpha, impulse) = struck_point.blows[blow];
+        let (rate, time_step) = (self.plan.rate, self.plan.rate.step());
         if let Some(answers) = &self.plan.answers {
             for (mode, answer) in answers.struck[strikes].iter().enumerate() {
-                let by = answer.split(impulse, alpha, rate)[usize::from(second)] * step * step;
-                kicks[mode / LANES].0[mode % LANES] = by;
+                let mode_kick =
+                    answer.split(impulse, alpha, rate)[usize::from(second)] * time_step * time_step;
+                kicks[mode / LANES].0[mode % LANES] = mode_kick;
             }
             return;
         }
         for (mode, mode_plan) in self.plan.modes.iter().enumerate() {
-            let impulse = impulse * struck.shape[mode];
-            let by = match mode_plan.cell {
-                Some(cell) => cell.split(impulse, alpha, rate)[usize::from(second)] * step * step,
+            let impulse = impulse * struck_point.shape[mode];
+            let mode_kick = match mode_plan.cell {
+                Some(cell) => {
+                    cell.split(impulse, alpha, rate)[usize::from(second)] * time_step * time_step
+                }
                 None => impulse * rate.hertz(),
             };
-            kicks[mode / LANES].0[mode % LANES] = by;
+            kicks[mode / LANES].0[mode % LANES] = mode_kick;
         }
     }
 }
 
 fn blows(plan: &Modal) -> Vec<Blow> {
-    let in_two = !plan.is_discrete();
-    let mut blows = Vec::new();
+    let in_two_steps = !plan.is_discrete();
+    let mut blow_list = Vec::new();
     for (strikes, struck) in plan.struck.iter().enumerate() {
         for (blow, &(frame, _, _)) in struck.blows.iter().enumerate() {
-            blows.push((frame, strikes, blow, false));
-            if in_two {
-                blows.push((frame + 1, strikes, blow, true));
+            blow_list.push((frame, strikes, blow, false));
+            if in_two_steps {
+                blow_list.push((frame + 1, strikes, blow, true));
             }
         }
     }
-    blows.sort_by_key(|blow| blow.0);
-    blows
+    blow_list.sort_by_key(|blow| blow.0);
+    blow_list
 }

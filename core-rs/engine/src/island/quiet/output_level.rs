@@ -49,31 +49,31 @@ impl OutputLevel {
     /// Takes note of the next value [m]. Differences from before the first one are NaN, which `max` passes over.
     #[inline]
     pub(super) fn note(&mut self, value: f64) {
-        let step = value - self.value;
-        let loud = match self.order {
+        let value_step = value - self.value;
+        let loudness = match self.order {
             0 => 0.0,
-            1 => step.abs(),
-            _ => (step - self.step).abs(),
+            1 => value_step.abs(),
+            _ => (value_step - self.step).abs(),
         };
-        self.loudest = self.loudest.max(loud);
-        self.largest_step = self.largest_step.max(step.abs());
+        self.loudest = self.loudest.max(loudness);
+        self.largest_step = self.largest_step.max(value_step.abs());
         (self.lowest, self.highest) = (self.lowest.min(value), self.highest.max(value));
-        (self.value, self.step) = (value, step);
+        (self.value, self.step) = (value, value_step);
     }
 
     /// Whether stopping it here and now would be quieter than the part `share` of the loudest so far; begins to note
     /// anew. To stop what is heard as an acceleration is a blow as strong as its step from frame to frame.
     pub(super) fn is_quiet(&mut self, share: f64) -> bool {
-        let level = match self.order {
+        let level_now = match self.order {
             0 => (self.highest - self.lowest).max(0.0),
             _ => self.largest_step,
         };
         if self.order == 0 {
-            self.loudest = self.loudest.max(level);
+            self.loudest = self.loudest.max(level_now);
         }
         (self.lowest, self.highest) = (f64::INFINITY, f64::NEG_INFINITY);
         self.largest_step = 0.0;
-        level <= share * self.loudest
+        level_now <= share * self.loudest
     }
 }
 
@@ -84,19 +84,20 @@ mod tests {
 
     /// Whether a sine of 0.01 radians a frame is quiet after it was as loud as 1.
     fn is_quiet(order: u8, amplitude: f64) -> bool {
-        let (mut level, mut n) = (OutputLevel::new(order), 0.0);
-        let mut play = |from: f64, to: f64| {
+        let (mut output_level, mut frames_played) = (OutputLevel::new(order), 0.0);
+        let mut play_fade = |from: f64, to: f64| {
             for part in 1..=1_000 {
-                let share = f64::from(part) / 1_000.0;
-                let amplitude = from + (to - from) * share * share * (3.0 - 2.0 * share);
-                level.note(amplitude * sin(0.01 * n));
-                n += 1.0;
+                let ramp_share = f64::from(part) / 1_000.0;
+                let amplitude =
+                    from + (to - from) * ramp_share * ramp_share * (3.0 - 2.0 * ramp_share);
+                output_level.note(amplitude * sin(0.01 * frames_played));
+                frames_played += 1.0;
             }
-            level.is_quiet(1e-3)
+            output_level.is_quiet(1e-3)
         };
-        assert!(!play(1.0, 1.0));
-        assert!(!play(1.0, amplitude));
-        play(amplitude, amplitude)
+        assert!(!play_fade(1.0, 1.0));
+        assert!(!play_fade(1.0, amplitude));
+        play_fade(amplitude, amplitude)
     }
 
     #[test]
@@ -108,9 +109,9 @@ mod tests {
 
     #[test]
     fn is_quiet_of_rest() {
-        let mut level = OutputLevel::new(2);
-        (0..100).for_each(|_| level.note(0.25));
-        assert!(level.is_quiet(1e-3));
-        assert_eq!(level.value(), 0.25);
+        let mut output_level = OutputLevel::new(2);
+        (0..100).for_each(|_| output_level.note(0.25));
+        assert!(output_level.is_quiet(1e-3));
+        assert_eq!(output_level.value(), 0.25);
     }
 }

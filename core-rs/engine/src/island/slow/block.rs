@@ -97,12 +97,12 @@ impl Block {
 
     /// Add an input of this frame.
     fn push(&mut self, input: usize, value: f64) {
-        let (n_frames, since) = (self.flow.n_frames, self.since as usize);
+        let (n_frames, frame_index) = (self.flow.n_frames, self.since as usize);
         self.is_pushed[input] = true;
-        self.inputs[input * n_frames + since] += value;
+        self.inputs[input * n_frames + frame_index] += value;
         let responses = self.flow.inputs[input].seen.chunks_exact(n_frames);
         for (seen, response) in self.seen.chunks_exact_mut(n_frames + 1).zip(responses) {
-            for (seen, response) in seen[since + 1..].iter_mut().zip(response) {
+            for (seen, response) in seen[frame_index + 1..].iter_mut().zip(response) {
                 *seen += value * response;
             }
         }
@@ -117,8 +117,8 @@ impl Block {
 
     /// Note that a force on a port in this frame is that of a strike [N].
     pub(super) fn strike(&mut self, port: usize, force: f64) {
-        if let Some(input) = self.flow.strikes[port] {
-            self.push(input, force);
+        if let Some(input_index) = self.flow.strikes[port] {
+            self.push(input_index, force);
         }
     }
 
@@ -135,8 +135,10 @@ impl Block {
         }
         self.end_block();
         if damped < 1.0 {
-            let n = self.state.len() / 2;
-            self.state[n..].iter_mut().for_each(|v| *v *= damped);
+            let mat_count = self.state.len() / 2;
+            self.state[mat_count..]
+                .iter_mut()
+                .for_each(|v| *v *= damped);
         }
         if !is_pushed && self.state.iter().all(|x| x.abs() < REST) {
             self.state.fill(0.0);
@@ -156,12 +158,12 @@ impl Block {
         } = self;
         buffer.fill(0.0);
         dense::apply(&flow.block.entries, state, buffer);
-        let pushes = inputs.chunks_exact(flow.n_frames).zip(&*is_pushed);
-        for ((pushes, _), input) in pushes
+        let pushed_inputs = inputs.chunks_exact(flow.n_frames).zip(&*is_pushed);
+        for ((pushed_inputs, _), input) in pushed_inputs
             .zip(&flow.inputs)
             .filter(|((_, is_pushed), _)| **is_pushed)
         {
-            dense::apply(&input.end, pushes, buffer);
+            dense::apply(&input.end, pushed_inputs, buffer);
         }
         std::mem::swap(state, buffer);
     }
@@ -173,8 +175,8 @@ impl Block {
 
     /// By how much it would move to the next frame without further forces [m].
     pub(super) fn velocity(&self, seen: usize) -> f64 {
-        let index = seen * (self.flow.n_frames + 1) + self.since as usize;
-        self.seen[index + 1] - self.seen[index]
+        let seen_index = seen * (self.flow.n_frames + 1) + self.since as usize;
+        self.seen[seen_index + 1] - self.seen[seen_index]
     }
 
     /// What an output sees at this frame [m].
@@ -185,18 +187,18 @@ impl Block {
     /// Displacements and velocities at this frame.
     pub(super) fn present(&self) -> Present {
         let n_state = self.state.len();
-        let (mut present, mut next) = (Present::default(), Present::default());
+        let (mut present, mut next_state) = (Present::default(), Present::default());
         present.0[..n_state].copy_from_slice(&self.state);
         for k in 0..self.since as usize {
-            let next = &mut next.0[..n_state];
-            next.fill(0.0);
-            dense::apply(&self.flow.frame.entries, &present.0[..n_state], next);
-            let inputs = self.inputs.iter().skip(k).step_by(self.flow.n_frames);
-            for (input, value) in self.flow.inputs.iter().zip(inputs) {
-                let pairs = next.iter_mut().zip(&input.state);
-                pairs.for_each(|(next, state)| *next += value * state);
+            let next_state = &mut next_state.0[..n_state];
+            next_state.fill(0.0);
+            dense::apply(&self.flow.frame.entries, &present.0[..n_state], next_state);
+            let frame_inputs = self.inputs.iter().skip(k).step_by(self.flow.n_frames);
+            for (input, value) in self.flow.inputs.iter().zip(frame_inputs) {
+                let state_pairs = next_state.iter_mut().zip(&input.state);
+                state_pairs.for_each(|(next_state, state)| *next_state += value * state);
             }
-            present.0[..n_state].copy_from_slice(next);
+            present.0[..n_state].copy_from_slice(next_state);
         }
         present
     }
@@ -204,17 +206,30 @@ impl Block {
     /// Displacement of a mass at that frame, and its step to there [m].
     pub(super) fn motion(&self, present: &Present, index: usize) -> (f64, f64) {
         let n_state = self.state.len();
-        let row = self.flow.steps.iter().skip(index).step_by(n_state / 2);
-        let step = row.zip(&present.0[..n_state]).map(|(a, x)| a * x).sum();
-        (present.0[index], step)
+        let step_row = self.flow.steps.iter().skip(index).step_by(n_state / 2);
+        let mat_step = step_row
+            .zip(&present.0[..n_state])
+            .map(|(a, x)| a * x)
+            .sum();
+        (present.0[index], mat_step)
     }
 
     /// Set the velocity of one mass at the first frame, to which it came in a step of that length [m].
     pub(super) fn set_velocity(&mut self, index: usize, step: f64) {
-        let n = self.state.len() / 2;
-        let row = self.flow.flow.pull.entries.iter().skip(index).step_by(n);
-        let pull: f64 = row.zip(&self.state[..n]).map(|(a, u)| a * u).sum();
-        self.state[n + index] = step - pull;
+        let mat_count = self.state.len() / 2;
+        let pull_row = self
+            .flow
+            .flow
+            .pull
+            .entries
+            .iter()
+            .skip(index)
+            .step_by(mat_count);
+        let spring_pull: f64 = pull_row
+            .zip(&self.state[..mat_count])
+            .map(|(a, u)| a * u)
+            .sum();
+        self.state[mat_count + index] = step - spring_pull;
     }
 
     /// Set the velocities of all masses at the first frame, to which they came in such steps [m]   (n).
@@ -251,8 +266,8 @@ impl Block {
 
     /// For a body at rest: advance by `frames`, which may be negative.
     pub(super) fn shift_frames(&mut self, frames: i64) {
-        let since = i64::from(self.since) + frames;
-        self.since = since.rem_euclid(i64::from(self.n_frames())) as u32;
+        let frames_since = i64::from(self.since) + frames;
+        self.since = frames_since.rem_euclid(i64::from(self.n_frames())) as u32;
     }
 
     /// Its energy at the first frame of the block [in units of a frame].
@@ -260,8 +275,8 @@ impl Block {
         let (u, v) = self.state.split_at(w.len());
         let columns = self.flow.flow.pull.entries.chunks_exact(w.len());
         let potential = columns.zip(u).map(|(column, x)| {
-            let pulls = column.iter().zip(u).zip(w);
-            x * pulls.map(|((pull, u), w)| u * pull / w).sum::<f64>()
+            let pull_terms = column.iter().zip(u).zip(w);
+            x * pull_terms.map(|((pull, u), w)| u * pull / w).sum::<f64>()
         });
         let kinetic = v.iter().zip(w).map(|(v, w)| v * v / w);
         0.5 * (potential.sum::<f64>() + kinetic.sum::<f64>())
@@ -277,11 +292,11 @@ mod tests {
     /// A row of three masses; the last one may be struck.
     fn row_of_masses(n_frames: usize) -> Block {
         let (k, z) = row_of_three();
-        let map = frame(&k, &z, false);
-        let flow = Flow::new(&map).unwrap();
-        let mut moved = vec![0.0; 6];
-        moved[5] = 1.0;
-        let missing = flow.missing(2, &map.apply(&moved));
+        let frame_map = frame(&k, &z, false);
+        let flow = Flow::new(&frame_map).unwrap();
+        let mut moved_state = vec![0.0; 6];
+        moved_state[5] = 1.0;
+        let missing = flow.missing(2, &frame_map.apply(&moved_state));
         let interface = Interface {
             w: &[0.5, 0.25, 2.0],
             ports: vec![(0, None), (2, Some(missing))],
@@ -299,11 +314,11 @@ mod tests {
     #[test]
     fn block_of_any_length_gives_the_motion_of_every_frame() {
         for n_frames in [2, 7, 30] {
-            let (mut blocks, mut frames) = (row_of_masses(n_frames), row_of_masses(1));
+            let (mut long_blocks, mut single_frames) = (row_of_masses(n_frames), row_of_masses(1));
             for n in 0..200_usize {
-                for block in [&mut blocks, &mut frames] {
-                    let force = if n % 3 == 0 { 0.0 } else { 1e-3 * n as f64 };
-                    block.push_port(0, force);
+                for block in [&mut long_blocks, &mut single_frames] {
+                    let port_force = if n % 3 == 0 { 0.0 } else { 1e-3 * n as f64 };
+                    block.push_port(0, port_force);
                     block.push_port(1, if n == 41 { 0.7 } else { 0.0 });
                     if n == 41 {
                         block.strike(1, 0.7);
@@ -314,15 +329,16 @@ mod tests {
                         block.begin();
                     }
                 }
-                let seen = [0, 1, 2].map(|seen| (blocks.position(seen), frames.position(seen)));
+                let seen = [0, 1, 2]
+                    .map(|seen| (long_blocks.position(seen), single_frames.position(seen)));
                 assert!(
                     seen.iter()
                         .all(|(a, b)| (a - b).abs() < 1e-9 * b.abs().max(1.0))
                 );
-                let present = (blocks.present(), frames.present());
+                let present = (long_blocks.present(), single_frames.present());
                 for mass in 0..3 {
-                    let (x, step) = blocks.motion(&present.0, mass);
-                    let (x_by_frame, step_by_frame) = frames.motion(&present.1, mass);
+                    let (x, step) = long_blocks.motion(&present.0, mass);
+                    let (x_by_frame, step_by_frame) = single_frames.motion(&present.1, mass);
                     assert!((x - x_by_frame).abs() < 1e-9 * x.abs().max(1.0));
                     assert!((step - step_by_frame).abs() < 1e-9 * x.abs().max(1.0));
                 }

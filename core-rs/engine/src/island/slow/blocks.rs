@@ -63,14 +63,14 @@ pub(crate) struct Interface<'a> {
 /// The number of frames in a block that costs least: a block's product of the state, against responses of half a block
 /// to forces on one or two ports.
 pub(crate) fn best_block(n: usize, n_ports: usize) -> usize {
-    let (n, ports) = (n as f64, n_ports.max(1) as f64);
-    let frames = (8.0 * n * n / (ports * ports.min(2.0))).sqrt();
-    (frames as usize).clamp(1, FRAMES_MAX)
+    let (n, port_count) = (n as f64, n_ports.max(1) as f64);
+    let block_frames = (8.0 * n * n / (port_count * port_count.min(2.0))).sqrt();
+    (block_frames as usize).clamp(1, FRAMES_MAX)
 }
 
 impl BlockFlow {
     pub(crate) fn new(flow: Flow, interface: Interface<'_>, n_frames: usize) -> Self {
-        let n = flow.keep.n;
+        let mat_count = flow.keep.n;
         let frame = flow.joined();
         let Interface { w, ports, outputs } = interface;
         let mut seen: Vec<Weights> = ports.iter().map(|port| vec![(port.0, 1.0)]).collect();
@@ -88,17 +88,19 @@ impl BlockFlow {
         };
         block_flow.free = block_flow.free_motion();
         for &(port, _) in &ports {
-            let mut pushed = vec![0.0; 2 * n];
-            pushed[n + port] = w[port];
-            let input = block_flow.input(block_flow.frame.apply(&pushed));
-            block_flow.inputs.push(input);
+            let mut pushed_state = vec![0.0; 2 * mat_count];
+            pushed_state[mat_count + port] = w[port];
+            let block_input = block_flow.input(block_flow.frame.apply(&pushed_state));
+            block_flow.inputs.push(block_input);
         }
         for (index, (port, missing)) in ports.into_iter().enumerate() {
-            let Some(mut state) = missing else { continue };
-            state.iter_mut().for_each(|x| *x *= w[port]);
+            let Some(mut struck_state) = missing else {
+                continue;
+            };
+            struck_state.iter_mut().for_each(|x| *x *= w[port]);
             block_flow.strikes[index] = Some(block_flow.inputs.len());
-            let input = block_flow.input(state);
-            block_flow.inputs.push(input);
+            let block_input = block_flow.input(struck_state);
+            block_flow.inputs.push(block_input);
         }
         block_flow
     }
@@ -110,59 +112,60 @@ impl BlockFlow {
 
     fn free_motion(&self) -> Vec<f64> {
         let (n_state, n_rows) = (self.frame.n, self.n_frames + 1);
-        let mut free = vec![0.0; self.seen.len() * n_rows * n_state];
+        let mut free_rows = vec![0.0; self.seen.len() * n_rows * n_state];
         for (index, weights) in self.seen.iter().enumerate() {
-            let mut row = vec![0.0; n_state];
+            let mut seen_row = vec![0.0; n_state];
             weights
                 .iter()
-                .for_each(|&(mass, weight)| row[mass] += weight);
+                .for_each(|&(mass, weight)| seen_row[mass] += weight);
             for k in 0..n_rows {
                 interrupt::spend(n_state * n_state);
-                for (column, x) in row.iter().enumerate() {
-                    free[column * self.seen.len() * n_rows + index * n_rows + k] = *x;
+                for (column, x) in seen_row.iter().enumerate() {
+                    free_rows[column * self.seen.len() * n_rows + index * n_rows + k] = *x;
                 }
                 // Row times matrix: its columns lie one after the other.
                 let columns = self.frame.entries.chunks_exact(n_state);
-                let product = |column: &[f64]| row.iter().zip(column).map(|(r, p)| r * p).sum();
-                row = columns.map(product).collect();
+                let product =
+                    |column: &[f64]| seen_row.iter().zip(column).map(|(r, p)| r * p).sum();
+                seen_row = columns.map(product).collect();
             }
         }
-        free
+        free_rows
     }
 
     fn input(&self, state: Vec<f64>) -> Input {
         let (n_state, n_frames) = (self.frame.n, self.n_frames);
         let mut seen = vec![0.0; self.seen.len() * n_frames];
         let mut end = vec![0.0; n_state * n_frames];
-        let mut moved = state.clone();
+        let mut moved_state = state.clone();
         for k in 0..n_frames {
             interrupt::spend(n_state * n_state);
             for (index, weights) in self.seen.iter().enumerate() {
-                seen[index * n_frames + k] = weighted(weights, &moved);
+                seen[index * n_frames + k] = weighted(weights, &moved_state);
             }
-            let column = n_frames - 1 - k;
-            end[column * n_state..][..n_state].copy_from_slice(&moved);
-            moved = self.frame.apply(&moved);
+            let block_column = n_frames - 1 - k;
+            end[block_column * n_state..][..n_state].copy_from_slice(&moved_state);
+            moved_state = self.frame.apply(&moved_state);
         }
         Input { state, seen, end }
     }
 
     /// Whether another flow has the same numbers: its map, block, ports, outputs and responses.
     pub(super) fn is_alike(&self, other: &Self) -> bool {
-        let mut inputs = self.inputs.iter().zip(&other.inputs);
+        let mut input_pairs = self.inputs.iter().zip(&other.inputs);
         self.n_frames == other.n_frames
             && self.frame.entries == other.frame.entries
             && self.steps == other.steps
             && self.seen == other.seen
             && self.strikes == other.strikes
-            && inputs.all(|(input, other)| input.state == other.state)
+            && input_pairs.all(|(input, other)| input.state == other.state)
     }
 
     /// Number of products of a frame, on average, while one port is pushed.
     pub(crate) fn n_products(&self) -> f64 {
         let (n_state, n_frames) = (self.frame.n as f64, self.n_frames as f64);
-        let seen = self.seen.len() as f64;
-        n_state * (seen + 1.0) + n_state * n_state / n_frames + 0.5 * seen * n_frames
+        let seen_count = self.seen.len() as f64;
+        n_state * (seen_count + 1.0) + n_state * n_state / n_frames + 0.5 * seen_count * n_frames
     }
 }
 
@@ -173,11 +176,11 @@ fn weighted(weights: &[(usize, f64)], x: &[f64]) -> f64 {
 /// The map from displacements and velocities to the steps that led there: B⁻¹·(v + A·u); the velocities themselves if B
 /// has no inverse, as when a damper stops a mass within a frame.
 fn steps(flow: &Flow) -> Vec<f64> {
-    let n = flow.keep.n;
-    let identity = Square::identity(n);
+    let mat_count = flow.keep.n;
+    let identity = Square::identity(mat_count);
     match identity.over(&flow.keep) {
         Some(inverse) => [inverse.times(&flow.pull).entries, inverse.entries].concat(),
-        None => [vec![0.0; n * n], identity.entries].concat(),
+        None => [vec![0.0; mat_count * mat_count], identity.entries].concat(),
     }
 }
 

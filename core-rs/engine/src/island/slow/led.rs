@@ -10,8 +10,8 @@ use super::RunningSlow;
 impl RunningSlow {
     /// The last pull of a port, per frame between pulls [m a frame].
     fn pull(&self, mat: usize) -> f64 {
-        let port = self.plan.ports.iter().find(|port| port.1 == mat);
-        port.map_or(0.0, |&(own, _)| {
+        let led_port = self.plan.ports.iter().find(|led_port| led_port.1 == mat);
+        led_port.map_or(0.0, |&(own, _)| {
             self.kick[own] / f64::from(self.plan.kick_every)
         })
     }
@@ -31,17 +31,17 @@ impl RunningSlow {
 
     /// The same, if the springs pull in the next frame; else 0.
     pub(crate) fn release_at_pull(&self, mat: usize) -> f64 {
-        let every = self.plan.kick_every;
-        if self.since + 1 < every {
+        let kick_frames = self.plan.kick_every;
+        if self.since + 1 < kick_frames {
             return 0.0;
         }
-        self.pull(mat) * self.ahead(every)
+        self.pull(mat) * self.ahead(kick_frames)
     }
 
     /// Add a velocity to a port of the island at the end of this frame.
     pub(crate) fn give(&mut self, mat: usize, velocity: f64) {
-        let ports = self.plan.ports.iter().zip(&mut self.hand_velocities);
-        for (_, hand_velocities) in ports.filter(|(port, _)| port.1 == mat) {
+        let port_velocities = self.plan.ports.iter().zip(&mut self.hand_velocities);
+        for (_, hand_velocities) in port_velocities.filter(|(port, _)| port.1 == mat) {
             *hand_velocities += velocity;
         }
     }
@@ -49,12 +49,18 @@ impl RunningSlow {
     /// Corrections of a port's velocity [m a frame] and of its change a frame, if both are estimated from successive
     /// frames.
     pub(crate) fn estimate_corrections(&self, mat: usize, is_led: bool) -> [f64; 2] {
-        let every = f64::from(self.plan.kick_every);
-        let pull = self.pull(mat);
+        let kick_frames = f64::from(self.plan.kick_every);
+        let last_pull = self.pull(mat);
         match (self.since, is_led) {
-            (0, false) => [0.0, pull * (1.0 - every)],
-            (0, true) => [0.25 * pull * (1.0 - every), 0.5 * pull * (1.0 - every)],
-            (since, false) => [pull * (f64::from(since) - 0.5 * every), pull],
+            (0, false) => [0.0, last_pull * (1.0 - kick_frames)],
+            (0, true) => [
+                0.25 * last_pull * (1.0 - kick_frames),
+                0.5 * last_pull * (1.0 - kick_frames),
+            ],
+            (since, false) => [
+                last_pull * (f64::from(since) - 0.5 * kick_frames),
+                last_pull,
+            ],
             (_, true) => [0.0, 0.0],
         }
     }

@@ -91,11 +91,11 @@ pub(super) struct SteppedSprings {
 
 impl SteppedSprings {
     fn new(scheme: &Arc<Scheme>, network: &Network) -> Self {
-        let x = network.mats().x0.clone();
-        let d = vec![0.0; x.len()];
+        let start_positions = network.mats().x0.clone();
+        let zero_steps = vec![0.0; start_positions.len()];
         Self {
             scheme: scheme.clone(),
-            body: Body::new(scheme, x, d),
+            body: Body::new(scheme, start_positions, zero_steps),
             laws: Laws::new(scheme),
         }
     }
@@ -109,16 +109,16 @@ impl SteppedSprings {
         after: &mut [f64],
     ) {
         let Self { scheme, body, laws } = self;
-        let frames = f64::from(slow.macrostep);
+        let step_frames = f64::from(slow.macrostep);
         for (index, &mat) in slow.free.iter().enumerate() {
             body.x[mat] = x[index];
-            body.d[mat] = before.map_or(0.0, |before| frames * before[index]);
+            body.d[mat] = before.map_or(0.0, |before| step_frames * before[index]);
         }
         let team = &mut ThreadTeam::alone();
         kernel::links(scheme, &[], body, laws, team);
         kernel::advance(scheme, &mut [], body, None, team);
         for (index, &mat) in slow.free.iter().enumerate() {
-            after[index] = body.d[mat] / frames;
+            after[index] = body.d[mat] / step_frames;
         }
     }
 }

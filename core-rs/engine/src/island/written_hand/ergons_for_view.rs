@@ -45,19 +45,19 @@ impl Spark {
     }
 
     fn add(&mut self, ergon: &Record) {
-        let first = &self.first;
-        self.moments[0] += ergon.impulse * (ergon.time - first.time);
-        self.moments[1] += ergon.impulse * (ergon.speed - first.speed);
+        let first_ergon = &self.first;
+        self.moments[0] += ergon.impulse * (ergon.time - first_ergon.time);
+        self.moments[1] += ergon.impulse * (ergon.speed - first_ergon.speed);
         self.impulse += ergon.impulse;
         self.last = ergon.time;
     }
 
     /// One ergon with the sum of the impulses; its instant and speed are means weighted by impulse.
     fn seen(&self) -> Record {
-        let [time, speed] = self.moments.map(|moment| moment / self.impulse);
+        let [time_since, speed_offset] = self.moments.map(|moment| moment / self.impulse);
         Record {
-            time: self.first.time + time,
-            speed: self.first.speed + speed,
+            time: self.first.time + time_since,
+            speed: self.first.speed + speed_offset,
             impulse: self.impulse,
             ..self.first
         }
@@ -86,18 +86,20 @@ impl Sparks {
 
     /// Note an ergon: one of a stream, or a single strike.
     pub(crate) fn add(&mut self, ergon: &Record, is_stream: bool) {
-        let Some(room) = &mut self.room else { return };
+        let Some(spark_room) = &mut self.room else {
+            return;
+        };
         if ergon.impulse == 0.0 || !ergon.impulse.is_finite() {
             return;
         }
-        let mut all = room[..self.n].iter_mut().enumerate().rev();
-        let joined = all.find(|(at, spark)| {
+        let mut newest_first = spark_room[..self.n].iter_mut().enumerate().rev();
+        let joined_spark = newest_first.find(|(at, spark)| {
             (is_stream && spark.goes_on(ergon)) || (*at >= SINGLE && spark.is_like(ergon))
         });
-        match joined {
+        match joined_spark {
             Some((_, spark)) => spark.add(ergon),
             None => {
-                room[self.n] = Spark::new(ergon, is_stream);
+                spark_room[self.n] = Spark::new(ergon, is_stream);
                 self.n += 1;
             }
         }
@@ -105,8 +107,11 @@ impl Sparks {
 
     /// Tell each spark, and begin anew.
     pub(crate) fn take(&mut self, tell: impl FnMut(Record)) {
-        let n = std::mem::take(&mut self.n);
-        let room = self.room.iter().flat_map(|room| &room[..n]);
-        room.map(Spark::seen).for_each(tell);
+        let spark_count = std::mem::take(&mut self.n);
+        let spark_room = self
+            .room
+            .iter()
+            .flat_map(|spark_room| &spark_room[..spark_count]);
+        spark_room.map(Spark::seen).for_each(tell);
     }
 }

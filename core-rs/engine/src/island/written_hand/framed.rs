@@ -55,16 +55,16 @@ impl FramedGesture {
     ///
     /// Throws and grains strike and land where frames of the score begin: at the same instants at every oversampling.
     pub(crate) fn new(gesture: &Arc<Gesture>, rate: f64, oversampling: u32) -> Self {
-        let (start, join) = (gesture.start, gesture.manner.join);
-        let frame = |t: f64| score_frame(t, rate, oversampling);
+        let (start_time, join_time) = (gesture.start, gesture.manner.join);
+        let frame_at = |t: f64| score_frame(t, rate, oversampling);
         let last = |t: f64| match gesture.manner.grain {
             None => last_frame(t, rate),
             Some(_) => last_score_frame(t, rate, oversampling),
         };
-        let mut first = last(start);
+        let mut first = last(start_time);
         let mut legs: Vec<Leg> = Vec::with_capacity(gesture.stretches.len());
         for stretch in &gesture.stretches {
-            let leg = match *stretch {
+            let framed_leg = match *stretch {
                 Stretch::Path { ref path, stop } => Leg::Path {
                     path: path.clone(),
                     entered: match legs.last() {
@@ -76,7 +76,7 @@ impl FramedGesture {
                     last: last(stop),
                 },
                 Stretch::Throw { from, to, x, .. } => {
-                    let (from, to) = (frame(from), frame(to));
+                    let (from, to) = (frame_at(from), frame_at(to));
                     // Rounded to a frame of the score, the strike may come before the end of the path: the path then
                     // ends at the strike.
                     match legs.last_mut() {
@@ -87,13 +87,17 @@ impl FramedGesture {
                     Leg::Throw { from, to, x }
                 }
             };
-            legs.push(leg);
+            legs.push(framed_leg);
         }
         Self {
             legs,
             first,
-            join_from: floor_frame(((start - join) * rate - SLACK).ceil()),
-            points: gesture.points.iter().map(|point| frame(point.0)).collect(),
+            join_from: floor_frame(((start_time - join_time) * rate - SLACK).ceil()),
+            points: gesture
+                .points
+                .iter()
+                .map(|point| frame_at(point.0))
+                .collect(),
             oversampling,
             gesture: gesture.clone(),
         }
@@ -113,24 +117,26 @@ impl FramedGesture {
     /// or a written point before it.
     pub(crate) fn knot_after(&self, n: u64, grain: f64, rate: f64) -> u64 {
         // Grains shorter than a frame of the score are due at every such frame; there may be too many to count.
-        let times = u64::from(self.oversampling);
+        let score_step = u64::from(self.oversampling);
         let score_rate = rate / f64::from(self.oversampling);
         if grain * score_rate <= 1.0 {
-            return (n / times + 1) * times;
+            return (n / score_step + 1) * score_step;
         }
-        let knot = |k: f64| {
-            let t = self.gesture.start + k * grain + KNOT_SLACK / score_rate;
-            score_frame(t, rate, self.oversampling)
+        let knot_frame = |knot_index: f64| {
+            let knot_time = self.gesture.start + knot_index * grain + KNOT_SLACK / score_rate;
+            score_frame(knot_time, rate, self.oversampling)
         };
-        let mut k = ((n as f64 / rate - self.gesture.start) / grain)
+        let mut knot_index = ((n as f64 / rate - self.gesture.start) / grain)
             .floor()
             .max(0.0);
-        while knot(k) <= n {
-            k += 1.0;
+        while knot_frame(knot_index) <= n {
+            knot_index += 1.0;
         }
-        let knot = knot(k);
-        let next = self.points.partition_point(|&point| point <= n);
-        self.points.get(next).map_or(knot, |&point| knot.min(point))
+        let knot_frame = knot_frame(knot_index);
+        let next_point = self.points.partition_point(|&point| point <= n);
+        self.points
+            .get(next_point)
+            .map_or(knot_frame, |&point| knot_frame.min(point))
     }
 
     /// Source of an ergon whose target is frame `target`; `cursor` only moves forward.
@@ -138,8 +144,8 @@ impl FramedGesture {
         while *cursor + 1 < self.points.len() && self.points[*cursor] < target {
             *cursor += 1;
         }
-        let point = self.gesture.points.get(*cursor);
-        point.map_or(0, |&(_, source)| source)
+        let score_point = self.gesture.points.get(*cursor);
+        score_point.map_or(0, |&(_, source)| source)
     }
 }
 

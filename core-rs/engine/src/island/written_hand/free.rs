@@ -59,10 +59,10 @@ impl FreeKey {
         name_of: impl Fn(usize) -> String,
         their: impl Fn(usize) -> String,
     ) -> bool {
-        let same = |(a, b): (&Slow, &Slow)| a.is_same(b);
+        let same_slow_body = |(a, b): (&Slow, &Slow)| a.is_same(b);
         self.scheme.n_lia == other.scheme.n_lia
             && self.slow.len() == other.slow.len()
-            && self.slow.iter().zip(&other.slow).all(same)
+            && self.slow.iter().zip(&other.slow).all(same_slow_body)
             && self.members.len() == other.members.len()
             && self
                 .members
@@ -74,35 +74,40 @@ impl FreeKey {
 
 /// The force near `guess` [N] at which `off` is 0 [m]; `off` rises with the force by at most `w` [m/N].
 fn find_force(guess: f64, w: f64, off: &mut dyn FnMut(f64) -> f64) -> f64 {
-    let (mut a, mut off_a) = (guess, off(guess));
-    if off_a.abs() <= kernel::STILL {
-        return a;
+    let (mut other_force, mut other_offset) = (guess, off(guess));
+    if other_offset.abs() <= kernel::STILL {
+        return other_force;
     }
-    let mut reach = 2.0 * off_a / w;
-    let (mut b, mut off_b) = (a, off_a);
+    let mut force_reach = 2.0 * other_offset / w;
+    let (mut last_force, mut last_offset) = (other_force, other_offset);
     for _ in 0..ROUNDS_MAX {
-        b = guess - reach;
-        off_b = off(b);
-        if off_b * off_a <= 0.0 {
+        last_force = guess - force_reach;
+        last_offset = off(last_force);
+        if last_offset * other_offset <= 0.0 {
             break;
         }
-        (a, off_a) = (b, off_b);
-        reach *= 2.0;
+        (other_force, other_offset) = (last_force, last_offset);
+        force_reach *= 2.0;
     }
     for round in 0..2 * ROUNDS_MAX {
-        if off_b.abs() <= kernel::STILL || off_b * off_a > 0.0 {
+        if last_offset.abs() <= kernel::STILL || last_offset * other_offset > 0.0 {
             break;
         }
-        let halved = 0.5 * (a + b);
-        let secant = b - off_b * ((b - a) / (off_b - off_a));
-        let c = if round % 3 == 2 { halved } else { secant };
-        let off_c = off(c);
-        if off_c * off_b < 0.0 {
-            (a, off_a) = (b, off_b);
+        let middle_force = 0.5 * (other_force + last_force);
+        let secant_force =
+            last_force - last_offset * ((last_force - other_force) / (last_offset - other_offset));
+        let next_force = if round % 3 == 2 {
+            middle_force
+        } else {
+            secant_force
+        };
+        let next_offset = off(next_force);
+        if next_offset * last_offset < 0.0 {
+            (other_force, other_offset) = (last_force, last_offset);
         }
-        (b, off_b) = (c, off_c);
+        (last_force, last_offset) = (next_force, next_offset);
     }
-    b
+    last_force
 }
 
 impl FreeMotion {
@@ -128,8 +133,8 @@ impl FreeMotion {
 
     /// Most frames between two kicks of a slow part.
     pub(crate) fn every(&self) -> u32 {
-        let each = self.slow.iter().map(slow::RunningSlow::every);
-        each.max().unwrap_or(1)
+        let kick_intervals = self.slow.iter().map(slow::RunningSlow::every);
+        kick_intervals.max().unwrap_or(1)
     }
 
     /// Set slow bodies from the MATs, after these were set.
@@ -160,11 +165,11 @@ impl FreeMotion {
     /// Corrections of a MAT's velocity [m a frame] and of its change a frame, if both are estimated from successive
     /// frames.
     pub(crate) fn estimate_corrections(&self, mat: usize, is_led: bool) -> [f64; 2] {
-        let each = self
+        let corrections = self
             .slow
             .iter()
             .map(|slow| slow.estimate_corrections(mat, is_led));
-        each.fold([0.0; 2], |[v, a], [dv, da]| [v + dv, a + da])
+        corrections.fold([0.0; 2], |[v, a], [dv, da]| [v + dv, a + da])
     }
 }
 
@@ -181,8 +186,8 @@ pub(crate) struct Buffers {
 impl FreeKey {
     /// Its motion at frame 0, from that of its MATs.
     pub(crate) fn start(&self, mut body: Body) -> FreeMotion {
-        let new = |slow: &Slow| slow::RunningSlow::new(slow, &body);
-        let slow: Vec<slow::RunningSlow> = self.slow.iter().map(new).collect();
+        let running_slow = |slow: &Slow| slow::RunningSlow::new(slow, &body);
+        let slow: Vec<slow::RunningSlow> = self.slow.iter().map(running_slow).collect();
         if !slow.is_empty() {
             body.inner = vec![0.0; body.x.len()];
             slow.iter().for_each(|slow| slow.place(&mut body));
@@ -192,8 +197,8 @@ impl FreeKey {
 
     /// The motion of a key at 0, at rest.
     pub(crate) fn motion_at_rest(&self) -> FreeMotion {
-        let still = vec![0.0; self.scheme.n_mat()];
-        self.start(Body::new(&self.scheme, still.clone(), still))
+        let zero_vector = vec![0.0; self.scheme.n_mat()];
+        self.start(Body::new(&self.scheme, zero_vector.clone(), zero_vector))
     }
 
     /// The free key of a layer: its positions are displacements from the motion of the voice below, with contacts open.
@@ -214,19 +219,19 @@ impl FreeKey {
     /// Whether `steps` are more than a quarter of the key's own period. Beyond it, knots are met, but the motion
     /// between them swings far outside. A struck key at rest is back after half a period.
     pub(crate) fn is_past_quarter(&self, steps: u64) -> bool {
-        let free = self.deviation();
-        let mut motion = free.motion_at_rest();
-        let (mut laws, mut targets) = (Laws::new(&free.scheme), Vec::new());
+        let deviation_key = self.deviation();
+        let mut free_motion = deviation_key.motion_at_rest();
+        let (mut laws, mut targets) = (Laws::new(&deviation_key.scheme), Vec::new());
         // A push that moves the key by a micrometre in one step: small, so that laws keep their slope.
-        let push = 1e-6 / self.scheme.w[self.struck];
+        let test_push = 1e-6 / self.scheme.w[self.struck];
         (0..2 * steps).any(|n| {
             if n.is_multiple_of(LOOK) {
                 interrupt::spend(STEP_STEPS * LOOK as usize);
             }
-            free.forces(&mut motion, n, &mut laws, &mut targets);
-            let push = if n == 0 { push } else { 0.0 };
-            free.strike_and_move(&mut motion, n, push, &mut targets);
-            motion.body.x[free.struck] < 0.0
+            deviation_key.forces(&mut free_motion, n, &mut laws, &mut targets);
+            let test_push = if n == 0 { test_push } else { 0.0 };
+            deviation_key.strike_and_move(&mut free_motion, n, test_push, &mut targets);
+            free_motion.body.x[deviation_key.struck] < 0.0
         })
     }
 
@@ -238,11 +243,11 @@ impl FreeKey {
         laws: &mut Laws,
         targets: &mut Vec<Target>,
     ) {
-        let body = &mut motion.body;
-        kernel::links(&self.scheme, &[], body, laws, &mut ThreadTeam::alone());
+        let free_body = &mut motion.body;
+        kernel::links(&self.scheme, &[], free_body, laws, &mut ThreadTeam::alone());
         targets.clear();
         for drive in &self.drives {
-            drive.apply(n, self.scheme.rate, body, targets);
+            drive.apply(n, self.scheme.rate, free_body, targets);
         }
     }
 
@@ -255,36 +260,36 @@ impl FreeKey {
         targets: &[Target],
         buffers: &mut Buffers,
     ) -> f64 {
-        let (scheme, struck, body) = (&*self.scheme, self.struck, &motion.body);
+        let (scheme, struck_mat, body) = (&*self.scheme, self.struck, &motion.body);
         if scheme.exact.is_empty() {
-            return kernel::needed(scheme, body, struck, x);
+            return kernel::needed(scheme, body, struck_mat, x);
         }
         // The force of exact contacts depends on where the ergon takes the MAT, so they are solved for that position.
-        let coast = &mut buffers.coast.body;
-        coast.copy_motion(body);
-        coast.force.copy_from_slice(&body.force);
+        let coast_body = &mut buffers.coast.body;
+        coast_body.copy_motion(body);
+        coast_body.force.copy_from_slice(&body.force);
         buffers.targets.clear();
         buffers.targets.extend_from_slice(targets);
         buffers.targets.push(Target {
-            mat: struck,
+            mat: struck_mat,
             x,
             previous: 0.0,
         });
-        kernel::contacts(scheme, &[], &buffers.targets, coast);
-        let force = kernel::needed(scheme, coast, struck, x);
+        kernel::contacts(scheme, &[], &buffers.targets, coast_body);
+        let force = kernel::needed(scheme, coast_body, struck_mat, x);
         if !scheme.has_dry() {
             return force;
         }
         // If friction changes direction within the frame, how much of it acts each way depends on the ergon.
-        let mut off = |force: f64| {
-            let coast = &mut buffers.coast.body;
-            coast.copy_motion(body);
-            coast.force.copy_from_slice(&body.force);
-            coast.force[struck] += force;
-            kernel::contacts(scheme, &[], targets, coast);
-            kernel::predict(scheme, coast, struck) - x
+        let mut force_offset = |force: f64| {
+            let coast_body = &mut buffers.coast.body;
+            coast_body.copy_motion(body);
+            coast_body.force.copy_from_slice(&body.force);
+            coast_body.force[struck_mat] += force;
+            kernel::contacts(scheme, &[], targets, coast_body);
+            kernel::predict(scheme, coast_body, struck_mat) - x
         };
-        find_force(force, scheme.w[struck], &mut off)
+        find_force(force, scheme.w[struck_mat], &mut force_offset)
     }
 
     /// The force on the struck MAT that lets it continue freely where a path ends [N].
@@ -326,19 +331,19 @@ impl FreeKey {
             frame_powers,
         } = buffers;
         coast.copy_motion(motion);
-        let stop = match frame_powers {
+        let stop_frame = match frame_powers {
             Some(_) if to - n >= frame_powers::FRAMES_MIN => n + 1,
             _ => to,
         };
-        for k in n..stop {
+        for k in n..stop_frame {
             if (k - n).is_multiple_of(LOOK) {
                 interrupt::spend(STEP_STEPS * LOOK as usize);
             }
             self.forces(coast, k, laws, targets);
             self.strike_and_move(coast, k, if k == n { force } else { 0.0 }, targets);
         }
-        if let Some(frame_powers) = frame_powers.as_mut().filter(|_| stop < to) {
-            frame_powers.advance(self, coast, to - stop, laws, targets);
+        if let Some(frame_powers) = frame_powers.as_mut().filter(|_| stop_frame < to) {
+            frame_powers.advance(self, coast, to - stop_frame, laws, targets);
         }
         coast.body.x[self.struck]
     }
@@ -355,12 +360,12 @@ impl FreeKey {
     ) -> f64 {
         let (mut f0, mut y0) = (0.0, self.coast(motion, n, to, 0.0, buffers));
         // A first guess as for a free mass: F·T²/m·steps = distance.
-        let steps = (to - n) as f64;
-        let guess = (x - y0) / (steps * self.scheme.w[self.struck]);
-        if guess == 0.0 {
+        let frame_count = (to - n) as f64;
+        let first_guess = (x - y0) / (frame_count * self.scheme.w[self.struck]);
+        if first_guess == 0.0 {
             return 0.0;
         }
-        let (mut f1, mut y1) = (guess, self.coast(motion, n, to, guess, buffers));
+        let (mut f1, mut y1) = (first_guess, self.coast(motion, n, to, first_guess, buffers));
         if (y1 - y0).abs() <= REACH_MIN * (x - y0).abs() {
             return 0.0;
         }

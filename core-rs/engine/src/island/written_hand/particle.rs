@@ -38,13 +38,13 @@ impl Flight {
         for particle in &mut self.0 {
             if particle.k > 0.0 {
                 let penetration = particle.sign * (particle.x - body.x[mat]);
-                let push = if penetration > 0.0 {
+                let push_force = if penetration > 0.0 {
                     particle.k * penetration
                 } else {
                     0.0
                 };
-                body.push(mat, particle.sign * push);
-                particle.d -= particle.sign * push * particle.w;
+                body.push(mat, particle.sign * push_force);
+                particle.d -= particle.sign * push_force * particle.w;
                 particle.x += particle.d;
                 if penetration < -GONE {
                     particle.k = 0.0;
@@ -68,29 +68,29 @@ impl Flight {
         mat: usize,
         force: f64,
     ) -> Option<(f64, f64)> {
-        let t = 1.0 / scheme.rate;
+        let time_step = 1.0 / scheme.rate;
         let sign = force.signum();
-        let speed = sign * SPEED;
+        let approach_speed = sign * SPEED;
         // Penetration after one step of approach, the key moving as it did.
-        let approach = (speed * t - body.d[mat]) * sign;
+        let approach = (approach_speed * time_step - body.d[mat]) * sign;
         // force = K·penetration with K = 2μ, and 1/μ = w + w_key.
         let mu = 0.5 * force.abs() / approach;
         let w = 1.0 / mu - scheme.w[mat];
-        let slot = self.0.iter_mut().find(|particle| particle.k == 0.0)?;
+        let free_slot = self.0.iter_mut().find(|particle| particle.k == 0.0)?;
         if w <= 0.0 || approach <= 0.0 {
             return None;
         }
-        *slot = Particle {
+        *free_slot = Particle {
             x: body.x[mat] + sign * approach,
-            d: speed * t,
+            d: approach_speed * time_step,
             w,
             k: 2.0 * mu,
             sign,
         };
-        let push = slot.k * approach;
-        body.push(mat, sign * push);
-        slot.d -= sign * push * slot.w;
-        slot.x += slot.d;
-        Some((t * t / w, speed))
+        let push_force = free_slot.k * approach;
+        body.push(mat, sign * push_force);
+        free_slot.d -= sign * push_force * free_slot.w;
+        free_slot.x += free_slot.d;
+        Some((time_step * time_step / w, approach_speed))
     }
 }

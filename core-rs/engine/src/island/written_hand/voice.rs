@@ -131,12 +131,12 @@ pub(crate) struct Scene<'a> {
 impl VoiceScript {
     /// The MAT of another part that pushes the key most, if any does.
     fn pushed_by(&self, body: &Body) -> Option<usize> {
-        let push = |link: usize| body.link[link].abs();
+        let link_push = |link: usize| body.link[link].abs();
         let strongest = self
             .outer_links
             .iter()
-            .max_by(|a, b| push(a.0).total_cmp(&push(b.0)))?;
-        (push(strongest.0) > 0.0).then_some(strongest.1)
+            .max_by(|a, b| link_push(a.0).total_cmp(&link_push(b.0)))?;
+        (link_push(strongest.0) > 0.0).then_some(strongest.1)
     }
 }
 
@@ -151,9 +151,9 @@ impl Voice {
     ) -> bool {
         let is_due = |&i: &usize| (gestures[i].join_from..=gestures[i].last()).contains(&n);
         let i = script.free.struck;
-        let moves =
+        let key_moves =
             self.free.body.x[i].abs() + self.free.body.d[i].abs() * script.free.scheme.rate > STILL;
-        !script.layer || moves || script.gestures.iter().any(is_due)
+        !script.layer || key_moves || script.gestures.iter().any(is_due)
     }
 
     /// The first frame, `n` or later, at which a gesture plays.
@@ -162,9 +162,9 @@ impl Voice {
             return n;
         }
         let voice_gestures = script.gestures.iter().map(|&index| &gestures[index]);
-        let left = voice_gestures.filter(|gesture| gesture.last() >= n);
-        let due = left.map(|gesture| gesture.join_from.min(gesture.first).max(n));
-        due.min().unwrap_or(u64::MAX)
+        let gestures_left = voice_gestures.filter(|gesture| gesture.last() >= n);
+        let due_frames = gestures_left.map(|gesture| gesture.join_from.min(gesture.first).max(n));
+        due_frames.min().unwrap_or(u64::MAX)
     }
 
     /// If the voice does nothing to the key: the frame at which it has to look at its next gesture; `None` if it may
@@ -187,9 +187,9 @@ impl Voice {
     /// Compute a frame in which it does nothing to the key, with the same result as [`Self::step`].
     pub(crate) fn step_idle(&mut self, script: &VoiceScript, reports: &mut [Report], n: u64) {
         self.report_range(script, reports);
-        let free = &script.free;
-        free.forces(&mut self.free, n, &mut self.buffers.laws, &mut self.targets);
-        free.strike_and_move(&mut self.free, n, 0.0, &mut self.targets);
+        let free_key = &script.free;
+        free_key.forces(&mut self.free, n, &mut self.buffers.laws, &mut self.targets);
+        free_key.strike_and_move(&mut self.free, n, 0.0, &mut self.targets);
     }
 
     /// For a free key at rest: advance by `frames`, which may be negative.
@@ -244,10 +244,10 @@ impl Voice {
             .forces(&mut self.free, n, &mut self.buffers.laws, &mut self.targets);
         self.flight.step(scene.body, script.struck);
         self.begin(script, scene, n);
-        let ask = self.ask(scene.gestures, scene.scheme.rate, n);
-        let here = std::mem::replace(&mut self.asked, f64::NAN);
-        let force = match ask {
-            Some(ask) => self.answer(script, scene, n, &ask, here),
+        let frame_ask = self.ask(scene.gestures, scene.scheme.rate, n);
+        let asked_here = std::mem::replace(&mut self.asked, f64::NAN);
+        let force = match frame_ask {
+            Some(frame_ask) => self.answer(script, scene, n, &frame_ask, asked_here),
             None if self.is_led => {
                 let force = script.free.release(&self.free);
                 scene.body.push(script.struck, force);
@@ -255,7 +255,7 @@ impl Voice {
             }
             None => 0.0,
         };
-        self.is_led = matches!(ask, Some(Ask::Pass(_)));
+        self.is_led = matches!(frame_ask, Some(Ask::Pass(_)));
         if self.is_led {
             let impulse = self.free.release_at_pull(script.free.struck);
             if impulse != 0.0 {
@@ -281,13 +281,13 @@ impl Voice {
             return;
         };
         if !self.asked.is_nan() && !script.layer {
-            let wanted = self.asked + scene.layers[script.key];
-            let off = (scene.body.x[script.struck] - wanted).abs();
-            report.square += off * off;
+            let wanted_position = self.asked + scene.layers[script.key];
+            let deviation = (scene.body.x[script.struck] - wanted_position).abs();
+            report.square += deviation * deviation;
             report.compared += 1;
             report.stop = n as f64 / scene.scheme.rate;
-            if off > report.worst {
-                (report.worst, report.worst_at) = (off, report.stop);
+            if deviation > report.worst {
+                (report.worst, report.worst_at) = (deviation, report.stop);
                 report.pushed_by = script.pushed_by(scene.body);
             }
         }
@@ -301,34 +301,38 @@ impl Voice {
         reports: &'a mut [Report],
     ) -> Option<&'a mut Report> {
         let running = self.running.as_ref().map(|running| running.gesture);
-        let last = || self.begun.checked_sub(1).map(|last| script.gestures[last]);
-        let report = &mut reports[running.or_else(last)?];
-        let free = self.free.body.x[script.free.struck];
-        report.low = report.low.min(free);
-        report.high = report.high.max(free);
+        let last_gesture = || {
+            self.begun
+                .checked_sub(1)
+                .map(|last_gesture| script.gestures[last_gesture])
+        };
+        let report = &mut reports[running.or_else(last_gesture)?];
+        let free_position = self.free.body.x[script.free.struck];
+        report.low = report.low.min(free_position);
+        report.high = report.high.max(free_position);
         Some(report)
     }
 
     /// Position, velocity and acceleration of the key that the gesture acts on: the free copy, or the scene's key if it
     /// is tracked.
     fn motion(&self, script: &VoiceScript, scene: &Scene<'_>, touch: Touch, n: u64) -> Knot {
-        let (scheme, body, i) = match touch {
+        let (scheme, body, mat_index) = match touch {
             Touch::Open => (&*script.free.scheme, &self.free.body, script.free.struck),
             Touch::Tracked => (scene.scheme, &*scene.body, script.struck),
         };
-        let (x, before) = (body.x[i], body.x[i] - body.d[i]);
-        let next = kernel::predict(scheme, body, i);
-        let rate = scheme.rate;
+        let (x, position_before) = (body.x[mat_index], body.x[mat_index] - body.d[mat_index]);
+        let position_next = kernel::predict(scheme, body, mat_index);
+        let frame_rate = scheme.rate;
         let [v_correction, a_correction] = match touch {
-            Touch::Open => self.free.estimate_corrections(i, self.is_led),
+            Touch::Open => self.free.estimate_corrections(mat_index, self.is_led),
             Touch::Tracked => [0.0; 2],
         };
         let (v, a) = (
-            (next - before) * (0.5 * rate) + v_correction * rate,
-            (next - 2.0 * x + before + a_correction) * (rate * rate),
+            (position_next - position_before) * (0.5 * frame_rate) + v_correction * frame_rate,
+            (position_next - 2.0 * x + position_before + a_correction) * (frame_rate * frame_rate),
         );
         Knot {
-            t: n as f64 / rate,
+            t: n as f64 / frame_rate,
             x,
             v,
             a,
@@ -339,19 +343,19 @@ impl Voice {
     fn ask(&mut self, gestures: &[FramedGesture], rate: f64, n: u64) -> Option<Ask> {
         let running = self.running.as_mut()?;
         let gesture = &gestures[running.gesture];
-        let target = n + 1;
-        let t = target as f64 / rate;
+        let target_frame = n + 1;
+        let ask_time = target_frame as f64 / rate;
         if let Some(joining) = &running.joining {
-            if t < joining.end {
-                return Some(Ask::Pass(joining.curve.evaluate(t).0));
+            if ask_time < joining.end {
+                return Some(Ask::Pass(joining.curve.evaluate(ask_time).0));
             }
             running.joining = None;
         }
         // The first frame of a gesture that was joined in time still belongs to its entry.
-        if target <= gesture.first {
-            return Some(Ask::Pass(gesture.gesture.entry_at(t)));
+        if target_frame <= gesture.first {
+            return Some(Ask::Pass(gesture.gesture.entry_at(ask_time)));
         }
-        while target > gesture.legs.get(running.leg)?.last() {
+        while target_frame > gesture.legs.get(running.leg)?.last() {
             running.leg += 1;
             running.cursor = 0;
             if running.leg == gesture.legs.len() {
@@ -365,8 +369,8 @@ impl Voice {
                 entered,
                 last,
             } => match gesture.gesture.manner.grain {
-                None if target > *entered => Some(Ask::Pass(
-                    path.evaluate_from(&mut running.cursor, t.min(path.stop()))
+                None if target_frame > *entered => Some(Ask::Pass(
+                    path.evaluate_from(&mut running.cursor, ask_time.min(path.stop()))
                         .0,
                 )),
                 _ if n < running.struck_until => None,
@@ -377,8 +381,8 @@ impl Voice {
                     };
                     let to = to.min(*last);
                     running.struck_until = to;
-                    let t = (to as f64 / rate).min(path.stop());
-                    running.aim = path.evaluate_from(&mut running.cursor, t).0;
+                    let ask_time = (to as f64 / rate).min(path.stop());
+                    running.aim = path.evaluate_from(&mut running.cursor, ask_time).0;
                     Some(Ask::Aim { to, x: running.aim })
                 }
             },

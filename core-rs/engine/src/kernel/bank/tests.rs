@@ -6,16 +6,16 @@ use super::*;
 
 fn lanes() -> impl Strategy<Value = Lanes> {
     prop::collection::vec(-1.9f64..1.9, LANES).prop_map(|values| {
-        let mut lanes = Lanes::ZERO;
-        lanes.0.copy_from_slice(&values);
-        lanes
+        let mut test_lanes = Lanes::ZERO;
+        test_lanes.0.copy_from_slice(&values);
+        test_lanes
     })
 }
 
 fn bits(motion: &Motion, sums: &[Sum]) -> Vec<u64> {
-    let all = motion.now.0.iter().chain(&motion.before.0);
-    let all = all.chain(sums.iter().flat_map(|sum| &sum.0));
-    all.map(|value| value.to_bits()).collect()
+    let all_lanes = motion.now.0.iter().chain(&motion.before.0);
+    let all_lanes = all_lanes.chain(sums.iter().flat_map(|sum| &sum.0));
+    all_lanes.map(|value| value.to_bits()).collect()
 }
 
 proptest! {

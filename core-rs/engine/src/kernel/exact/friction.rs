@@ -19,45 +19,47 @@ pub(super) fn force(
     body: &Body,
     run: &Run,
 ) -> f64 {
-    let Kind::Dry { by, rate } = &run.kind else {
+    let Kind::Dry { by: dry_law, rate } = &run.kind else {
         return 0.0;
     };
-    let (a, b) = (run.a, run.b);
-    let open = run.gate.map_or(1.0, |gate| gates[gate]);
-    let v = body.d[b] - body.d[a];
-    let by = by.with(run.z);
-    let level = |v: f64| open * by.level_at(v * rate);
+    let (first_mat, second_mat) = (run.a, run.b);
+    let gate_opening = run.gate.map_or(1.0, |gate| gates[gate]);
+    let v = body.d[second_mat] - body.d[first_mat];
+    let dry_law = dry_law.with(run.z);
+    let friction_level = |v: f64| gate_opening * dry_law.level_at(v * rate);
     let imposed = |i: usize| targets.iter().find(|target| target.mat == i);
-    let moved = |i: usize| match imposed(i) {
+    let free_move = |i: usize| match imposed(i) {
         Some(target) => (target.x - body.x[i], 0.0),
         None => (predict(scheme, body, i) - body.x[i], scheme.w[i]),
     };
-    let ((da, wa), (db, wb)) = (moved(a), moved(b));
-    let next = db - da;
+    let ((da, wa), (db, wb)) = (free_move(first_mat), free_move(second_mat));
+    let free_step = db - da;
     let per_force = wa + wb;
     if per_force > 0.0 {
-        let after = |level: f64| Turned::after_step(v, next - v, per_force * level).v;
-        let mut v_next = after(level(v));
-        if by.falls() {
-            v_next = after(level(0.5 * (v + v_next)));
+        let step_after = |friction_level: f64| {
+            Turned::after_step(v, free_step - v, per_force * friction_level).v
+        };
+        let mut v_next = step_after(friction_level(v));
+        if dry_law.falls() {
+            v_next = step_after(friction_level(0.5 * (v + v_next)));
             // Where it passes rest, the level is that near rest, in however short a time it passes.
-            if v * v_next < 0.0 && (next - v).abs() <= per_force * level(0.0) {
+            if v * v_next < 0.0 && (free_step - v).abs() <= per_force * friction_level(0.0) {
                 v_next = 0.0;
             }
         }
-        return (next - v_next) / per_force;
+        return (free_step - v_next) / per_force;
     }
     // Both ends are imposed or fixed.
-    let level = level(0.5 * (v + next));
-    if next.abs() > STILL {
-        let sign = next.signum();
+    let friction_level = friction_level(0.5 * (v + free_step));
+    if free_step.abs() > STILL {
+        let slide_sign = free_step.signum();
         // If the sliding reverses within the frame, friction acts one way before and the other way after.
-        let turns = if sign * v < -STILL {
-            (v + next) / (next - v)
+        let turn_share = if slide_sign * v < -STILL {
+            (v + free_step) / (free_step - v)
         } else {
             1.0
         };
-        return sign * level * turns;
+        return slide_sign * friction_level * turn_share;
     }
     // The ends do not slide: friction gives the force that holds them, limited by its level.
     let holding = |i: usize| {
@@ -65,9 +67,9 @@ pub(super) fn force(
             .filter(|_| scheme.w[i] > 0.0)
             .map(|target| needed(scheme, body, i, target.x))
     };
-    match (holding(a), holding(b)) {
-        (Some(push), _) => push.clamp(-level, level),
-        (None, Some(push)) => (-push).clamp(-level, level),
+    match (holding(first_mat), holding(second_mat)) {
+        (Some(push), _) => push.clamp(-friction_level, friction_level),
+        (None, Some(push)) => (-push).clamp(-friction_level, friction_level),
         (None, None) => 0.0,
     }
 }
@@ -77,9 +79,9 @@ pub(crate) fn rest(scheme: &Scheme, body: &mut Body) {
     for run in scheme.exact.iter().filter(|run| run.is_dry()) {
         for (mass, other) in [(run.a, run.b), (run.b, run.a)] {
             let is_fixed = scheme.w[other] == 0.0 && body.d[other] == 0.0;
-            let step = body.d[mass];
-            if is_fixed && step != 0.0 && step.abs() <= REST * scheme.w[mass] * run.z {
-                body.x[mass] -= step;
+            let mass_step = body.d[mass];
+            if is_fixed && mass_step != 0.0 && mass_step.abs() <= REST * scheme.w[mass] * run.z {
+                body.x[mass] -= mass_step;
                 body.d[mass] = 0.0;
             }
         }

@@ -38,15 +38,15 @@ pub(super) struct Batch {
 
 impl Batch {
     pub(super) fn new() -> Self {
-        let room = || vec![0.0; BATCH];
+        let zeroed_batch = || vec![0.0; BATCH];
         Self {
             ends: vec![Pair::default(); BATCH],
-            along: std::array::from_fn(|_| room()),
-            moved: std::array::from_fn(|_| room()),
-            e: room(),
-            step: room(),
-            f: room(),
-            elastic: room(),
+            along: std::array::from_fn(|_| zeroed_batch()),
+            moved: std::array::from_fn(|_| zeroed_batch()),
+            e: zeroed_batch(),
+            step: zeroed_batch(),
+            f: zeroed_batch(),
+            elastic: zeroed_batch(),
             part: vec![Quad::default(); BATCH],
         }
     }
@@ -62,64 +62,88 @@ impl Batch {
         history: &mut ContactHistory,
         forces: &mut Forces,
     ) {
-        let n = self.find(run.rest, pairs, x);
-        let ends = &self.ends[..n];
-        let along = self.along.each_ref().map(|one| &one[..n]);
-        let [moved_x, moved_y, moved_z] = self.moved.each_mut().map(|one| &mut one[..n]);
-        let (e, step) = (&mut self.e[..n], &mut self.step[..n]);
-        let (f, elastic) = (&mut self.f[..n], &mut self.elastic[..n]);
-        apart(d, ends, [&mut *moved_x, &mut *moved_y, &mut *moved_z]);
-        product(along, [&*moved_x, &*moved_y, &*moved_z], step);
+        let touch_count = self.find(run.rest, pairs, x);
+        let pair_ends = &self.ends[..touch_count];
+        let directions = self.along.each_ref().map(|one| &one[..touch_count]);
+        let [moved_x, moved_y, moved_z] = self.moved.each_mut().map(|one| &mut one[..touch_count]);
+        let (elongations, stretch_steps) =
+            (&mut self.e[..touch_count], &mut self.step[..touch_count]);
+        let (pair_forces, elastic) = (&mut self.f[..touch_count], &mut self.elastic[..touch_count]);
+        apart(d, pair_ends, [&mut *moved_x, &mut *moved_y, &mut *moved_z]);
+        product(directions, [&*moved_x, &*moved_y, &*moved_z], stretch_steps);
         match &run.pairs.link.law {
             SpaceLaw::Contact {
                 exponent: 1.0,
                 clamp,
-            } => linear(by, *clamp, [&*e, &*step], [&mut *elastic, &mut *f]),
+            } => linear(
+                by,
+                *clamp,
+                [&*elongations, &*stretch_steps],
+                [&mut *elastic, &mut *pair_forces],
+            ),
             law => {
-                for i in 0..n {
-                    elastic[i] = law.elastic(by[0], e[i]);
-                    f[i] = law.damped([by[0], e[i]], elastic[i], by[1] * step[i]);
+                for i in 0..touch_count {
+                    elastic[i] = law.elastic(by[0], elongations[i]);
+                    pair_forces[i] = law.damped(
+                        [by[0], elongations[i]],
+                        elastic[i],
+                        by[1] * stretch_steps[i],
+                    );
                 }
             }
         }
         // The last number sums the pair forces on a point. Within one group each point of a pair gets half the force;
         // of two groups only the sum at the second is read, and gets all of it.
-        let share = if run.pairs.is_within { 0.5 } else { 1.0 };
-        let part = &mut self.part[..n];
-        parts(f, along, -share, part);
+        let point_share = if run.pairs.is_within { 0.5 } else { 1.0 };
+        let point_force = &mut self.part[..touch_count];
+        parts(pair_forces, directions, -point_share, point_force);
         if run.pairs.friction > 0.0 {
-            for (k, (&[i, j], part)) in ends.iter().zip(&mut *part).enumerate() {
-                let (here, there) = (x[i as usize], x[j as usize]);
-                let vector = |of: Quad| [of[0], of[1], of[2]];
+            for (k, (&[i, j], point_force)) in pair_ends.iter().zip(&mut *point_force).enumerate() {
+                let (first_point, second_point) = (x[i as usize], x[j as usize]);
+                let quad_vector = |of: Quad| [of[0], of[1], of[2]];
                 let contact = Contact {
-                    e: e[k],
-                    f: f[k],
+                    e: elongations[k],
+                    f: pair_forces[k],
                     elastic: elastic[k],
-                    along: along.map(|one| one[k]),
-                    apart: difference(vector(there), vector(here)),
+                    along: directions.map(|one| one[k]),
+                    apart: difference(quad_vector(second_point), quad_vector(first_point)),
                     moved: [moved_x[k], moved_y[k], moved_z[k]],
                 };
-                let pull = contact.pull_across(&run.pairs, by, [i, j], history);
-                for (part, pull) in part.iter_mut().zip(pull) {
-                    *part += pull;
+                let friction_force = contact.pull_across(&run.pairs, by, [i, j], history);
+                for (point_force, friction_force) in point_force.iter_mut().zip(friction_force) {
+                    *point_force += friction_force;
                 }
             }
         }
-        add(ends, part, &mut forces.first, &mut forces.second);
+        add(
+            pair_ends,
+            point_force,
+            &mut forces.first,
+            &mut forces.second,
+        );
     }
 
     /// Store the ends of the pairs that touch, their directions and e; returns their number. NaN counts as a touch, so
     /// that it reaches the positions, where it is detected.
     fn find(&mut self, rest: f64, pairs: &[Pair], x: &[Quad]) -> usize {
-        let n = select_near(x, pairs, rest * rest, &mut self.ends);
-        let ends = &self.ends[..n];
-        let [along_x, along_y, along_z] = self.along.each_mut().map(|one| &mut one[..n]);
-        apart(x, ends, [&mut *along_x, &mut *along_y, &mut *along_z]);
-        lines(rest, [along_x, along_y, along_z], &mut self.e[..n]);
-        if is_rounded(&self.e[..n]) {
-            self.drop_rounded(n)
+        let touch_count = select_near(x, pairs, rest * rest, &mut self.ends);
+        let pair_ends = &self.ends[..touch_count];
+        let [direction_x, direction_y, direction_z] =
+            self.along.each_mut().map(|one| &mut one[..touch_count]);
+        apart(
+            x,
+            pair_ends,
+            [&mut *direction_x, &mut *direction_y, &mut *direction_z],
+        );
+        lines(
+            rest,
+            [direction_x, direction_y, direction_z],
+            &mut self.e[..touch_count],
+        );
+        if is_rounded(&self.e[..touch_count]) {
+            self.drop_rounded(touch_count)
         } else {
-            n
+            touch_count
         }
     }
 
@@ -270,16 +294,20 @@ mod tests {
         let mut batch = Batch::new();
         let mut n_rounded = 0;
         for i in 1..20_000 {
-            let rest = 1e-6 * f64::from(i);
-            let (x, y) = (0.6 * rest, 0.8 * rest);
-            let is_near = x * x + y * y < rest * rest;
-            n_rounded += u32::from(is_near && distance(x, y, 0.0) >= rest);
+            let rest_distance = 1e-6 * f64::from(i);
+            let (x, y) = (0.6 * rest_distance, 0.8 * rest_distance);
+            let is_near = x * x + y * y < rest_distance * rest_distance;
+            n_rounded += u32::from(is_near && distance(x, y, 0.0) >= rest_distance);
             // A second pair that certainly touches comes after it.
-            let points = [[0.0; 4], [x, y, 0.0, 0.0], [0.5 * rest, 0.0, 0.0, 0.0]];
-            let n = batch.find(rest, &[[0, 1], [0, 2]], &points);
-            assert!(batch.e[..n].iter().all(|e| *e < 0.0), "{x} {y}");
-            assert_eq!(batch.ends[n - 1], [0, 2]);
-            assert!((batch.along[0][n - 1] - 1.0).abs() < 1e-15);
+            let point_quads = [
+                [0.0; 4],
+                [x, y, 0.0, 0.0],
+                [0.5 * rest_distance, 0.0, 0.0, 0.0],
+            ];
+            let touch_count = batch.find(rest_distance, &[[0, 1], [0, 2]], &point_quads);
+            assert!(batch.e[..touch_count].iter().all(|e| *e < 0.0), "{x} {y}");
+            assert_eq!(batch.ends[touch_count - 1], [0, 2]);
+            assert!((batch.along[0][touch_count - 1] - 1.0).abs() < 1e-15);
         }
         assert!(n_rounded > 0, "the loop has no such length");
     }

@@ -54,23 +54,26 @@ impl Cells {
     ) -> bool {
         self.sort(x, reach);
         pairs.clear();
-        let depth = if self.grid.bits[2] > 0 { 1 } else { 0 };
+        let layer_reach = if self.grid.bits[2] > 0 { 1 } else { 0 };
         for i in 0..n_first {
-            let begin = pairs.len();
-            if begin > NEIGHBOURS_MAX * x.len() {
+            let first_pair = pairs.len();
+            if first_pair > NEIGHBOURS_MAX * x.len() {
                 return false;
             }
-            let least = if n_first < x.len() { n_first } else { i + 1 };
-            let [cx, cy, cz] = self.cells[i];
-            for dz in -depth..=depth {
+            let least_member = if n_first < x.len() { n_first } else { i + 1 };
+            let [cell_x, cell_y, cell_z] = self.cells[i];
+            for dz in -layer_reach..=layer_reach {
                 for dy in -1..=1 {
-                    let row = [cy.wrapping_add_signed(dy), cz.wrapping_add_signed(dz)];
-                    for cells in self.grid.three_cells(cx, row) {
-                        self.append_near((i, x[i]), cells, least, reach, pairs);
+                    let neighbour_row = [
+                        cell_y.wrapping_add_signed(dy),
+                        cell_z.wrapping_add_signed(dz),
+                    ];
+                    for cells in self.grid.three_cells(cell_x, neighbour_row) {
+                        self.append_near((i, x[i]), cells, least_member, reach, pairs);
                     }
                 }
             }
-            pairs[begin..].sort_unstable_by_key(|pair| pair[1]);
+            pairs[first_pair..].sort_unstable_by_key(|pair| pair[1]);
         }
         true
     }
@@ -86,9 +89,12 @@ impl Cells {
         reach: f64,
         pairs: &mut Vec<Pair>,
     ) {
-        let range = self.first_member[cells.start] as usize..self.first_member[cells.end] as usize;
-        let points = self.members[range.clone()].iter().zip(&self.places[range]);
-        for (&member, there) in points {
+        let member_range =
+            self.first_member[cells.start] as usize..self.first_member[cells.end] as usize;
+        let cell_points = self.members[member_range.clone()]
+            .iter()
+            .zip(&self.places[member_range]);
+        for (&member, there) in cell_points {
             let [x, y, z] = [there[0] - here[0], there[1] - here[1], there[2] - here[2]];
             if member as usize >= least && distance(x, y, z) <= reach {
                 pairs.push([i as u32, member]);
@@ -98,11 +104,11 @@ impl Cells {
 
     /// Sort the points into cells as wide as `reach` [m].
     fn sort(&mut self, x: &[Quad], reach: f64) {
-        let wide = 1.0 / reach;
+        let cells_per_metre = 1.0 / reach;
         self.first_member.fill(0);
         for (cell, x) in self.cells.iter_mut().zip(x) {
             // `as` saturates: all positions that are far away share a cell, and so do those that are NaN.
-            *cell = std::array::from_fn(|axis| (x[axis] * wide).floor() as i32 as u32);
+            *cell = std::array::from_fn(|axis| (x[axis] * cells_per_metre).floor() as i32 as u32);
             self.first_member[self.grid.index(*cell) + 1] += 1;
         }
         for i in 1..self.first_member.len() {
@@ -110,14 +116,14 @@ impl Cells {
         }
         // In reverse order, so that the end of each cell turns into its beginning.
         for (i, &cell) in self.cells.iter().enumerate().rev() {
-            let end = &mut self.first_member[self.grid.index(cell) + 1];
-            *end -= 1;
-            self.members[*end as usize] = i as u32;
-            self.places[*end as usize] = x[i];
+            let cell_end = &mut self.first_member[self.grid.index(cell) + 1];
+            *cell_end -= 1;
+            self.members[*cell_end as usize] = i as u32;
+            self.places[*cell_end as usize] = x[i];
         }
         self.first_member.copy_within(1.., 0);
-        if let Some(last) = self.first_member.last_mut() {
-            *last = self.cells.len() as u32;
+        if let Some(members_end) = self.first_member.last_mut() {
+            *members_end = self.cells.len() as u32;
         }
     }
 }
@@ -135,9 +141,13 @@ impl Grid {
 
     /// A grid with at least twice as many cells as points.
     fn new(n: usize, n_axes: usize) -> Self {
-        let all = (2 * n.max(1)).next_power_of_two().ilog2();
-        let each = all.div_ceil(n_axes as u32).max(Self::BITS_MIN);
-        let bits = [each, each, if n_axes == AXES_MAX { each } else { 0 }];
+        let total_bits = (2 * n.max(1)).next_power_of_two().ilog2();
+        let axis_bits = total_bits.div_ceil(n_axes as u32).max(Self::BITS_MIN);
+        let bits = [
+            axis_bits,
+            axis_bits,
+            if n_axes == AXES_MAX { axis_bits } else { 0 },
+        ];
         Self { bits }
     }
 
@@ -148,26 +158,31 @@ impl Grid {
     #[inline(always)]
     fn index(self, [x, y, z]: [u32; AXES_MAX]) -> usize {
         let [x_bits, y_bits, z_bits] = self.bits;
-        let within = |cell: u32, bits: u32| (cell & ((1 << bits) - 1)) as usize;
-        (((within(z, z_bits) << y_bits) | within(y, y_bits)) << x_bits) | within(x, x_bits)
+        let wrapped_cell = |cell: u32, bits: u32| (cell & ((1 << bits) - 1)) as usize;
+        (((wrapped_cell(z, z_bits) << y_bits) | wrapped_cell(y, y_bits)) << x_bits)
+            | wrapped_cell(x, x_bits)
     }
 
     /// The cell at `x` and its two neighbours in a row (y, z): one range of cells, or two if the row wraps around
     /// between them.
     #[inline(always)]
     fn three_cells(self, x: u32, [y, z]: [u32; 2]) -> impl Iterator<Item = Range<usize>> {
-        let row = self.index([0, y, z]);
-        let n = 1 << self.bits[0];
-        let x = x as usize & (n - 1);
-        let (before, after) = (x.wrapping_sub(1) & (n - 1), (x + 1) & (n - 1));
-        let (main, other) = if before > x {
-            (x..x + 2, Some(before))
-        } else if after < x {
-            (before..x + 1, Some(after))
+        let row_start = self.index([0, y, z]);
+        let row_length = 1 << self.bits[0];
+        let x = x as usize & (row_length - 1);
+        let (cell_before, cell_after) = (
+            x.wrapping_sub(1) & (row_length - 1),
+            (x + 1) & (row_length - 1),
+        );
+        let (main_range, wrapped_cell) = if cell_before > x {
+            (x..x + 2, Some(cell_before))
+        } else if cell_after < x {
+            (cell_before..x + 1, Some(cell_after))
         } else {
-            (before..after + 1, None)
+            (cell_before..cell_after + 1, None)
         };
-        let other = other.map(|cell| row + cell..row + cell + 1);
-        std::iter::once(row + main.start..row + main.end).chain(other)
+        let wrapped_cell = wrapped_cell.map(|cell| row_start + cell..row_start + cell + 1);
+        std::iter::once(row_start + main_range.start..row_start + main_range.end)
+            .chain(wrapped_cell)
     }
 }

@@ -24,9 +24,10 @@ impl Contact {
     #[inline(always)]
     pub(crate) fn sliding(&self, pairs: &Pairwise, [k, z]: [f64; 2]) -> Sliding {
         let pressed = pairs.link.law.pressed(k, self.e, self.elastic);
-        let (limit, k) = pressed.map_or((0.0, 1.0), |[k, pull]| ((pull - self.f).max(0.0), k));
+        let (normal_force, k) =
+            pressed.map_or((0.0, 1.0), |[k, pull]| ((pull - self.f).max(0.0), k));
         Sliding {
-            limit: pairs.friction * limit,
+            limit: pairs.friction * normal_force,
             by: [k, z],
             apart: self.apart,
             along: self.along,
@@ -42,8 +43,8 @@ impl Contact {
         points: [u32; 2],
         history: &mut ContactHistory,
     ) -> Vector {
-        let (force, anchor) = self.sliding(pairs, by).force(history.anchor(points));
+        let (friction_force, anchor) = self.sliding(pairs, by).force(history.anchor(points));
         history.keep(points, anchor);
-        force
+        friction_force
     }
 }

@@ -51,20 +51,20 @@ impl Neighbours {
                 ..Self::default()
             };
         }
-        let n = pairs.n_points(run.n);
-        let quads = || vec![Quad::default(); n];
+        let point_count = pairs.n_points(run.n);
+        let zeroed_quads = || vec![Quad::default(); point_count];
         Self {
-            x: quads(),
-            d: quads(),
-            searched_at: quads(),
-            narrowed_at: quads(),
-            cells: Cells::new(n, pairs.link.n_axes),
-            pairs: Vec::with_capacity(n_reserved_pairs(n)),
-            close: Vec::with_capacity(n_reserved_pairs(n)),
+            x: zeroed_quads(),
+            d: zeroed_quads(),
+            searched_at: zeroed_quads(),
+            narrowed_at: zeroed_quads(),
+            cells: Cells::new(point_count, pairs.link.n_axes),
+            pairs: Vec::with_capacity(n_reserved_pairs(point_count)),
+            close: Vec::with_capacity(n_reserved_pairs(point_count)),
             batch: Batch::new(),
             forces: Forces {
-                first: quads(),
-                second: quads(),
+                first: zeroed_quads(),
+                second: zeroed_quads(),
             },
             ..Self::default()
         }
@@ -86,11 +86,11 @@ impl Neighbours {
         if !pairs.is_searched() {
             for first in 0..pairs.n_first {
                 for second in pairs.others(first, run.n) {
-                    let ends = (run.a + first, run.b + second);
-                    let (length, along) = pairs.link.line(ends, &x);
-                    let e = length - run.rest;
-                    if pairs.link.law.acts(e) {
-                        each(ends, e, along);
+                    let pair_ends = (run.a + first, run.b + second);
+                    let (pair_distance, direction) = pairs.link.line(pair_ends, &x);
+                    let elongation = pair_distance - run.rest;
+                    if pairs.link.law.acts(elongation) {
+                        each(pair_ends, elongation, direction);
                     }
                 }
             }
@@ -98,9 +98,9 @@ impl Neighbours {
         }
         self.update(run, x);
         for &[i, j] in &self.close[..self.n_close] {
-            let [here, there] = [self.x[i as usize], self.x[j as usize]];
-            if let Some((e, along)) = meeting(run.rest, here, there) {
-                each(run.ends([i, j]), e, along);
+            let [first_point, second_point] = [self.x[i as usize], self.x[j as usize]];
+            if let Some((elongation, direction)) = meeting(run.rest, first_point, second_point) {
+                each(run.ends([i, j]), elongation, direction);
             }
         }
         !self.is_full
@@ -109,14 +109,19 @@ impl Neighbours {
     /// Update the lists for positions `x`.
     fn update(&mut self, run: &PairRun, x: impl Fn(usize) -> f64) {
         gather(run, &mut self.x, x);
-        let (skin, margin) = (SKIN * run.rest, MARGIN * run.rest);
-        if self.is_made && are_within(&self.x, &self.narrowed_at, square(HALF * margin)) {
+        let (skin_width, margin_width) = (SKIN * run.rest, MARGIN * run.rest);
+        if self.is_made && are_within(&self.x, &self.narrowed_at, square(HALF * margin_width)) {
             return;
         }
-        if !self.is_made || !are_within(&self.x, &self.searched_at, square(HALF * (skin - margin)))
+        if !self.is_made
+            || !are_within(
+                &self.x,
+                &self.searched_at,
+                square(HALF * (skin_width - margin_width)),
+            )
         {
             let n_first = run.pairs.n_first;
-            let reach = run.rest + skin;
+            let reach = run.rest + skin_width;
             self.searched_at.copy_from_slice(&self.x);
             self.is_full = !self.cells.search(&self.x, n_first, reach, &mut self.pairs);
             if self.close.len() < self.pairs.len() {
@@ -125,7 +130,7 @@ impl Neighbours {
             self.is_made = true;
         }
         self.narrowed_at.copy_from_slice(&self.x);
-        let reach = square(run.rest + margin);
+        let reach = square(run.rest + margin_width);
         self.n_close = select_near(&self.x, &self.pairs, reach, &mut self.close);
     }
 
@@ -153,16 +158,16 @@ impl Neighbours {
     pub(super) fn add_forces(&self, run: &PairRun, force: &mut [f64], pushes: &mut [f64]) {
         let Forces { first, second } = &self.forces;
         for (range, starts) in groups(run) {
-            let slices = || first[range.clone()].iter().zip(&second[range.clone()]);
+            let zipped_forces = || first[range.clone()].iter().zip(&second[range.clone()]);
             for (axis, start) in starts.into_iter().enumerate().take(run.pairs.link.n_axes) {
-                for (force, (first, second)) in force[start..].iter_mut().zip(slices()) {
+                for (force, (first, second)) in force[start..].iter_mut().zip(zipped_forces()) {
                     *force += second[axis] + first[axis];
                 }
             }
         }
         let first_told = first.len() - pushes.len();
-        let slices = first[first_told..].iter().zip(&second[first_told..]);
-        for (push, (first, second)) in pushes.iter_mut().zip(slices) {
+        let zipped_forces = first[first_told..].iter().zip(&second[first_told..]);
+        for (push, (first, second)) in pushes.iter_mut().zip(zipped_forces) {
             *push = second[AXES_MAX] - first[AXES_MAX];
         }
         if self.is_full {
@@ -179,13 +184,13 @@ fn square(x: f64) -> f64 {
 /// The point indices of each group, and the MATs of its first point, axis by axis.
 fn groups(run: &PairRun) -> [(std::ops::Range<usize>, [usize; AXES_MAX]); 2] {
     let Pairwise { link, n_first, .. } = &run.pairs;
-    let (a, b): ([usize; AXES_MAX], [usize; AXES_MAX]) = {
+    let (a_point_mats, b_point_mats): ([usize; AXES_MAX], [usize; AXES_MAX]) = {
         let coordinates = |axis: usize| link.pair((run.a, run.b), axis.min(link.n_axes - 1));
-        let all: [(usize, usize); AXES_MAX] = std::array::from_fn(coordinates);
-        (all.map(|ends| ends.0), all.map(|ends| ends.1))
+        let axis_pairs: [(usize, usize); AXES_MAX] = std::array::from_fn(coordinates);
+        (axis_pairs.map(|ends| ends.0), axis_pairs.map(|ends| ends.1))
     };
-    let second = *n_first..run.pairs.n_points(run.n);
-    [(0..*n_first, a), (second, b)]
+    let second_group = *n_first..run.pairs.n_points(run.n);
+    [(0..*n_first, a_point_mats), (second_group, b_point_mats)]
 }
 
 /// Copy values of MATs to arrays in which the coordinates of a point lie together.
@@ -214,13 +219,19 @@ wide! {
 /// Distance − rest and direction of a pair that touches. NaN counts as a touch, so that it is detected later.
 #[inline(always)]
 fn meeting(rest: f64, here: Quad, there: Quad) -> Option<(f64, [f64; AXES_MAX])> {
-    let apart = [there[0] - here[0], there[1] - here[1], there[2] - here[2]];
-    let square = apart[0] * apart[0] + apart[1] * apart[1] + apart[2] * apart[2];
-    if square >= rest * rest {
+    let point_offset = [there[0] - here[0], there[1] - here[1], there[2] - here[2]];
+    let squared_distance = point_offset[0] * point_offset[0]
+        + point_offset[1] * point_offset[1]
+        + point_offset[2] * point_offset[2];
+    if squared_distance >= rest * rest {
         return None;
     }
-    let (length, along) = Measure::Distance.length_and_direction(apart);
-    let e = length - rest;
+    let (pair_distance, direction) = Measure::Distance.length_and_direction(point_offset);
+    let elongation = pair_distance - rest;
     // The squared distance is below that of `rest`, but the distance may round to `rest`: nothing is pressed then.
-    if e >= 0.0 { None } else { Some((e, along)) }
+    if elongation >= 0.0 {
+        None
+    } else {
+        Some((elongation, direction))
+    }
 }

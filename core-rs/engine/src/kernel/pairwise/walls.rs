@@ -24,33 +24,33 @@ pub(super) fn push(
 ) {
     let (pairs, link) = (&run.pairs, &run.pairs.link);
     pushes.fill(0.0);
-    let mut pull = |first: usize, second: usize| {
-        let ends = (run.a + first, run.b + second);
-        let (length, along) = link.line(ends, |mat| x[mat]);
-        let e = length - run.rest;
+    let mut pair_pull = |first: usize, second: usize| {
+        let pair_ends = (run.a + first, run.b + second);
+        let (pair_distance, along) = link.line(pair_ends, |mat| x[mat]);
+        let e = pair_distance - run.rest;
         if !link.law.acts(e) {
             return;
         }
-        let step = link.stretch(ends, along, |mat| d[mat]);
+        let stretch_step = link.stretch(pair_ends, along, |mat| d[mat]);
         let elastic = link.law.elastic(by[0], e);
-        let f = link.law.damped([by[0], e], elastic, by[1] * step);
-        let mut pull = along.map(|along| f * along);
+        let f = link.law.damped([by[0], e], elastic, by[1] * stretch_step);
+        let mut pair_pull = along.map(|along| f * along);
         if pairs.friction > 0.0 {
             let contact = Contact {
                 e,
                 f,
                 elastic,
                 along,
-                apart: link.between(ends, |mat| x[mat]),
-                moved: link.between(ends, |mat| d[mat]),
+                apart: link.between(pair_ends, |mat| x[mat]),
+                moved: link.between(pair_ends, |mat| d[mat]),
             };
-            let across = contact.pull_across(pairs, by, run.points(ends), history);
-            pull = std::array::from_fn(|axis| pull[axis] + across[axis]);
+            let friction_force = contact.pull_across(pairs, by, run.points(pair_ends), history);
+            pair_pull = std::array::from_fn(|axis| pair_pull[axis] + friction_force[axis]);
         }
-        for (axis, pull) in pull.into_iter().enumerate().take(link.n_axes) {
-            let (a, b) = link.pair(ends, axis);
-            pair_force[a] += pull;
-            pair_force[b] -= pull;
+        for (axis, pair_pull) in pair_pull.into_iter().enumerate().take(link.n_axes) {
+            let (first_mat, second_mat) = link.pair(pair_ends, axis);
+            pair_force[first_mat] += pair_pull;
+            pair_force[second_mat] -= pair_pull;
         }
         // Within one group, half the force of each pair counts for each of its points.
         if pairs.is_within {
@@ -64,7 +64,7 @@ pub(super) fn push(
         if !link.law.is_contact() {
             pairs
                 .others(first, run.n)
-                .for_each(|second| pull(first, second));
+                .for_each(|second| pair_pull(first, second));
             continue;
         }
         select(run, first, x, may_touch);
@@ -77,7 +77,7 @@ pub(super) fn push(
                 .enumerate()
                 .filter(|(_, may_touch)| **may_touch)
             {
-                pull(first, SKIP_LENGTH * chunk + i);
+                pair_pull(first, SKIP_LENGTH * chunk + i);
             }
         }
     }
@@ -87,22 +87,28 @@ pub(super) fn push(
 fn select(run: &PairRun, first: usize, x: &[f64], may_touch: &mut [bool]) {
     let link = &run.pairs.link;
     let coordinates = |axis: usize| link.pair((run.a + first, run.b), axis.min(link.n_axes - 1));
-    let ends: [(usize, usize); AXES_MAX] = std::array::from_fn(coordinates);
-    let wall = ends.map(|(a, _)| x[a]);
-    let points = ends.map(|(_, b)| &x[b..b + run.n]);
-    let is_deep = if link.n_axes == AXES_MAX { 1.0 } else { 0.0 };
-    let square = run.rest * run.rest;
+    let axis_ends: [(usize, usize); AXES_MAX] = std::array::from_fn(coordinates);
+    let wall_position = axis_ends.map(|(a, _)| x[a]);
+    let point_positions = axis_ends.map(|(_, b)| &x[b..b + run.n]);
+    let depth_factor = if link.n_axes == AXES_MAX { 1.0 } else { 0.0 };
+    let squared_rest = run.rest * run.rest;
     match &link.measure {
         Measure::Plane([nx, ny, nz]) => {
-            select_below([*nx, *ny, nz * is_deep], run.rest, wall, points, may_touch);
+            select_below(
+                [*nx, *ny, nz * depth_factor],
+                run.rest,
+                wall_position,
+                point_positions,
+                may_touch,
+            );
         }
         Measure::Distance => {
             select_near(
                 1.0,
-                square * (1.0 + ROUNDING),
-                is_deep,
-                wall,
-                points,
+                squared_rest * (1.0 + ROUNDING),
+                depth_factor,
+                wall_position,
+                point_positions,
                 may_touch,
             );
         }
@@ -110,15 +116,17 @@ fn select(run: &PairRun, first: usize, x: &[f64], may_touch: &mut [bool]) {
         Measure::Within if run.rest < 0.0 => {
             select_near(
                 -1.0,
-                square * (1.0 - ROUNDING),
-                is_deep,
-                wall,
-                points,
+                squared_rest * (1.0 - ROUNDING),
+                depth_factor,
+                wall_position,
+                point_positions,
                 may_touch,
             );
         }
         Measure::Within => may_touch.fill(true),
-        Measure::Surface(facets) => select_inside(facets.bounds(), wall, points, may_touch),
+        Measure::Surface(facets) => {
+            select_inside(facets.bounds(), wall_position, point_positions, may_touch)
+        }
     }
 }
 

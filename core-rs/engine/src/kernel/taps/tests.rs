@@ -10,11 +10,11 @@ fn scene(n: usize) -> (Network, Body) {
     }
     let scheme = Scheme::new(&network, Rate::new(44_100.0).unwrap()).unwrap();
     // Of very different sizes, so that any other order of summation shows in the last bits.
-    let x: Vec<f64> = (0..n)
+    let positions: Vec<f64> = (0..n)
         .map(|i| (1.0 + i as f64) / 3.0 * [1.0, -1e-9, 1e7, -1e-3][i % 4])
         .collect();
-    let still = vec![0.0; n];
-    (network, Body::new(&scheme, x, still))
+    let zero_steps = vec![0.0; n];
+    (network, Body::new(&scheme, positions, zero_steps))
 }
 
 /// The tree is part of the definition of a sample: eight lanes, then ((0+4)+(2+6))+((1+5)+(3+7)).
@@ -22,10 +22,10 @@ fn scene(n: usize) -> (Network, Body) {
 fn sum_is_a_fixed_tree() {
     for n in [2, 7, 8, 9, 19, 64] {
         let (_, body) = scene(n);
-        let lane = |k: usize| body.x.iter().skip(k).step_by(8).fold(0.0, |sum, x| sum + x);
-        let wanted = ((lane(0) + lane(4)) + (lane(2) + lane(6)))
-            + ((lane(1) + lane(5)) + (lane(3) + lane(7)));
-        assert_eq!(sum(&body.x).to_bits(), wanted.to_bits(), "{n}");
+        let lane_sum = |k: usize| body.x.iter().skip(k).step_by(8).fold(0.0, |sum, x| sum + x);
+        let expected_sum = ((lane_sum(0) + lane_sum(4)) + (lane_sum(2) + lane_sum(6)))
+            + ((lane_sum(1) + lane_sum(5)) + (lane_sum(3) + lane_sum(7)));
+        assert_eq!(sum(&body.x).to_bits(), expected_sum.to_bits(), "{n}");
     }
     assert_eq!(sum(&[]), 0.0);
     assert_eq!(
@@ -39,11 +39,13 @@ fn sum_is_a_fixed_tree() {
 fn taps_have_signs_and_weights_of_terms() {
     let mut network = Network::new();
     network.part("p", None);
-    let tie = crate::network::Tie::Physical { k: 7.0, z: 0.1 };
-    let a = network.cel("a", 1.0, tie, 0.25, 0.5, 0.0).unwrap();
-    let b = network.mas("b", 1.0, 2.0, 0.0).unwrap();
-    let link = network.spring("l", a, b, 3.0, 0.0, 0.0).unwrap();
-    let (len, first) = (1, a);
+    let ground_tie = crate::network::Tie::Physical { k: 7.0, z: 0.1 };
+    let cel_index = network.cel("a", 1.0, ground_tie, 0.25, 0.5, 0.0).unwrap();
+    let mas_index = network.mas("b", 1.0, 2.0, 0.0).unwrap();
+    let link_index = network
+        .spring("l", cel_index, mas_index, 3.0, 0.0, 0.0)
+        .unwrap();
+    let (len, first) = (1, cel_index);
     network
         .listen(
             "all",
@@ -54,7 +56,7 @@ fn taps_have_signs_and_weights_of_terms() {
                     weight: 10.0,
                 },
                 Term::Force {
-                    first: link,
+                    first: link_index,
                     len,
                     weight: 100.0,
                 },
@@ -68,25 +70,25 @@ fn taps_have_signs_and_weights_of_terms() {
         .unwrap();
     let scheme = Scheme::new(&network, Rate::new(44_100.0).unwrap()).unwrap();
     let mut body = Body::new(&scheme, vec![0.5, 2.0], vec![0.0; 2]);
-    body.link[link] = 4.5;
-    let mut frame = [f64::NAN];
-    tap(&scheme, &body, &mut frame);
+    body.link[link_index] = 4.5;
+    let mut tap_frame = [f64::NAN];
+    tap(&scheme, &body, &mut tap_frame);
     // Positions 2.5; the link pulls b by −4.5; the force on the ground is 7·(0.5 − 0.25).
-    assert_eq!(frame, [25.0 - 450.0 + 1750.0]);
+    assert_eq!(tap_frame, [25.0 - 450.0 + 1750.0]);
 }
 
 /// Members that are not adjacent are summed by the same tree as adjacent ones.
 #[test]
 fn taps_of_scattered_members_equal_a_row() {
     let (mut network, body) = scene(40);
-    let row: Vec<Term> = (0..40)
+    let member_terms: Vec<Term> = (0..40)
         .map(|first| Term::Position {
             first,
             len: 1,
             weight: 0.5,
         })
         .collect();
-    network.listen("apart", row).unwrap();
+    network.listen("apart", member_terms).unwrap();
     let first = Term::Position {
         first: 0,
         len: 40,
@@ -94,7 +96,7 @@ fn taps_of_scattered_members_equal_a_row() {
     };
     network.listen("row", vec![first]).unwrap();
     let scheme = Scheme::new(&network, Rate::new(44_100.0).unwrap()).unwrap();
-    let mut frame = [0.0; 2];
-    tap(&scheme, &body, &mut frame);
-    assert_eq!(frame[0].to_bits(), frame[1].to_bits());
+    let mut tap_frame = [0.0; 2];
+    tap(&scheme, &body, &mut tap_frame);
+    assert_eq!(tap_frame[0].to_bits(), tap_frame[1].to_bits());
 }

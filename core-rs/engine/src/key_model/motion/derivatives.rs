@@ -30,34 +30,35 @@ impl<const N: usize> Motion<N> {
         );
         let per_force = self.h_over_m / self.denominator;
         let by_force = turned.by_gain * per_force;
-        let by_v = turned.by_v - turned.by_gain * 2.0 * self.half_damping / self.denominator
+        let by_velocity = turned.by_v - turned.by_gain * 2.0 * self.half_damping / self.denominator
             + turned.by_bound * step.per_level * step.friction.slope;
-        let mut force = [0.0; N];
-        for (column, force) in force.iter_mut().enumerate() {
+        let mut column_force = [0.0; N];
+        for (column, column_force) in column_force.iter_mut().enumerate() {
             let (dx, dv) = (self.dx[column], self.dv[column]);
             let ds = contact.by_s * self.ds[column] + contact.by_v * dv;
             self.ds[column] = ds;
-            *force = -stiffness * dx - presliding * ds;
+            *column_force = -stiffness * dx - presliding * ds;
         }
         for mode in &mut self.modes {
-            for (column, force) in force.iter_mut().enumerate() {
+            for (column, column_force) in column_force.iter_mut().enumerate() {
                 let (dx, dv) = (
                     mode.dx[column] - self.dx[column],
                     mode.dv[column] - self.dv[column],
                 );
-                let gain = (mode.omega_squared * dx + mode.damping_rate * dv) / mode.denominator;
-                *force += mode.mass * gain;
-                mode.dv[column] -= h * gain;
+                let column_gain =
+                    (mode.omega_squared * dx + mode.damping_rate * dv) / mode.denominator;
+                *column_force += mode.mass * column_gain;
+                mode.dv[column] -= h * column_gain;
             }
         }
-        for (dv, force) in self.dv.iter_mut().zip(&force) {
-            *dv = by_v * *dv + by_force * force;
+        for (dv, column_force) in self.dv.iter_mut().zip(&column_force) {
+            *dv = by_velocity * *dv + by_force * column_force;
         }
         for column in 0..self.columns.len() {
-            let direct = self.direct(self.columns[column], column, step);
-            self.dv[column] += by_force * direct.force
-                + turned.by_gain * direct.gain
-                + turned.by_bound * direct.bound;
+            let direct_terms = self.direct(self.columns[column], column, step);
+            self.dv[column] += by_force * direct_terms.force
+                + turned.by_gain * direct_terms.gain
+                + turned.by_bound * direct_terms.bound;
         }
         for column in 0..N {
             self.dx[column] += h * self.dv[column];
@@ -72,84 +73,85 @@ impl<const N: usize> Motion<N> {
     /// The direct contribution of a parameter to the derivatives in its own column.
     fn direct(&mut self, parameter: Parameter, column: usize, step: &Step<'_>) -> Direct {
         let key = &self.key;
-        let half = 0.5 * self.h_over_m / self.denominator; // relative derivative of 1 + Z h/2m by Z
-        let none = Direct::default();
-        let level = |by: f64| Direct {
+        let damping_slope = 0.5 * self.h_over_m / self.denominator; // relative derivative of 1 + Z h/2m by Z
+        let no_effect = Direct::default();
+        let level_terms = |by: f64| Direct {
             bound: step.per_level * by,
             level: by,
-            ..none
+            ..no_effect
         };
-        let by_mode = |mode: &ModeMotion<N>, gain: f64| Direct {
-            force: mode.mass * gain,
-            mode_gain: gain,
-            ..none
+        let mode_terms = |mode: &ModeMotion<N>, gain_slope: f64| Direct {
+            force: mode.mass * gain_slope,
+            mode_gain: gain_slope,
+            ..no_effect
         };
-        let direct = match parameter {
-            Parameter::Start => none,
+        let direct_terms = match parameter {
+            Parameter::Start => no_effect,
             Parameter::Mass => {
-                let share = -1.0 / (key.mass * self.denominator);
+                let mass_factor = -1.0 / (key.mass * self.denominator);
                 Direct {
-                    gain: share * step.gain,
-                    bound: share * step.bound,
-                    ..none
+                    gain: mass_factor * step.gain,
+                    bound: mass_factor * step.bound,
+                    ..no_effect
                 }
             }
             Parameter::Stiffness => Direct {
                 force: -self.spring_fraction * self.x,
-                ..none
+                ..no_effect
             },
             Parameter::Damping => Direct {
-                gain: -half * (2.0 * self.v + step.gain),
-                bound: -half * step.bound,
-                ..none
+                gain: -damping_slope * (2.0 * self.v + step.gain),
+                bound: -damping_slope * step.bound,
+                ..no_effect
             },
             Parameter::Weight => Direct {
                 force: -self.spring_fraction,
-                ..none
+                ..no_effect
             },
             Parameter::Delay => Direct {
                 force: step.slope,
-                ..none
+                ..no_effect
             },
             Parameter::Force(tick) => Direct {
                 force: self.share_of(tick, step.before),
-                ..none
+                ..no_effect
             },
-            Parameter::Dry => level(1.0 - step.friction.share),
-            Parameter::StaticDry => level(step.friction.share),
-            Parameter::StaticSpeed if key.static_speed == 0.0 => none,
-            Parameter::StaticSpeed => level(-step.friction.slope * self.v / key.static_speed),
+            Parameter::Dry => level_terms(1.0 - step.friction.share),
+            Parameter::StaticDry => level_terms(step.friction.share),
+            Parameter::StaticSpeed if key.static_speed == 0.0 => no_effect,
+            Parameter::StaticSpeed => level_terms(-step.friction.slope * self.v / key.static_speed),
             Parameter::Presliding => Direct {
                 force: -step.contact.s,
                 contact: step.contact.by_presliding,
-                ..none
+                ..no_effect
             },
-            Parameter::ModeMass(index) => Direct {
-                force: self.modes[index].gain,
-                ..none
+            Parameter::ModeMass(mode_index) => Direct {
+                force: self.modes[mode_index].gain,
+                ..no_effect
             },
-            Parameter::ModeFrequency(index) => {
-                let mode = &self.modes[index];
+            Parameter::ModeFrequency(mode_index) => {
+                let mode = &self.modes[mode_index];
                 let (twice_squared, damping_rate) = (2.0 * mode.omega_squared, mode.damping_rate);
-                let gain = (twice_squared * (mode.x - self.x) + damping_rate * (mode.v - self.v)
+                let gain_slope = (twice_squared * (mode.x - self.x)
+                    + damping_rate * (mode.v - self.v)
                     - 0.5 * self.step * damping_rate * mode.gain)
                     / (mode.denominator * mode.omega / TAU);
-                by_mode(mode, gain)
+                mode_terms(mode, gain_slope)
             }
-            Parameter::ModeRatio(index) => {
-                let mode = &self.modes[index];
-                let over = 2.0 * (mode.v - self.v) - self.step * mode.gain;
-                by_mode(mode, mode.omega * over / mode.denominator)
+            Parameter::ModeRatio(mode_index) => {
+                let mode = &self.modes[mode_index];
+                let velocity_sum = 2.0 * (mode.v - self.v) - self.step * mode.gain;
+                mode_terms(mode, mode.omega * velocity_sum / mode.denominator)
             }
         };
-        if let Parameter::ModeFrequency(index) | Parameter::ModeRatio(index) = parameter {
-            self.modes[index].dv[column] -= self.step * direct.mode_gain;
+        if let Parameter::ModeFrequency(mode_index) | Parameter::ModeRatio(mode_index) = parameter {
+            self.modes[mode_index].dv[column] -= self.step * direct_terms.mode_gain;
         }
-        let ds = direct.contact + step.contact.by_level * direct.level;
+        let ds = direct_terms.contact + step.contact.by_level * direct_terms.level;
         self.ds[column] += ds;
         Direct {
-            force: direct.force - self.key.presliding * ds,
-            ..direct
+            force: direct_terms.force - self.key.presliding * ds,
+            ..direct_terms
         }
     }
 }

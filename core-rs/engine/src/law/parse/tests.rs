@@ -17,18 +17,18 @@ fn refusal(expression: &str) -> LawError {
     let constants = [("stiffness", 2.0), ("k", 1.0)]
         .map(|(name, value)| (name.to_owned(), value))
         .into();
-    let text = LawText {
+    let law_text = LawText {
         law: Some(expression),
         constants,
         ..Default::default()
     };
-    Law::new(&text).expect_err(expression)
+    Law::new(&law_text).expect_err(expression)
 }
 
 // Values as Python gives them for the same text.
 #[test]
 fn parse_binds_operators_as_in_python() {
-    let values = [
+    let expected_values = [
         ("-2**2", -4.0),
         ("2**3**2", 512.0),
         ("2**-1", 0.5),
@@ -49,7 +49,7 @@ fn parse_binds_operators_as_in_python() {
         ("tanh(0) + exp(0)", 1.0),
         ("+3 - +2", 1.0),
     ];
-    for (text, expected) in values {
+    for (text, expected) in expected_values {
         assert_eq!(value(text, 0.3), expected, "{text}");
     }
 }
@@ -57,7 +57,7 @@ fn parse_binds_operators_as_in_python() {
 #[test]
 fn parse_refusals_have_places_and_suggestions() {
     // text, first character, characters, suggestion
-    let cases: [(&str, usize, usize, Option<&str>); 24] = [
+    let refused_texts: [(&str, usize, usize, Option<&str>); 24] = [
         ("stifness*d", 0, 8, Some("stiffness")),
         ("2*K*d", 2, 1, Some("k")),
         ("q*d", 0, 1, None),
@@ -84,24 +84,28 @@ fn parse_refusals_have_places_and_suggestions() {
         // Places count characters, and letters of any script are letters.
         ("µ_é*d", 0, 3, None),
     ];
-    for (text, offset, length, suggestion) in cases {
-        let error = refusal(text);
+    for (text, offset, length, suggestion) in refused_texts {
+        let law_error = refusal(text);
         assert_eq!(
-            (error.offset, error.length),
+            (law_error.offset, law_error.length),
             (offset, length),
-            "{text}: {error}"
+            "{text}: {law_error}"
         );
-        assert_eq!(error.suggestion.as_deref(), suggestion, "{text}: {error}");
-        assert_eq!(error.which, Which::Law);
+        assert_eq!(
+            law_error.suggestion.as_deref(),
+            suggestion,
+            "{text}: {law_error}"
+        );
+        assert_eq!(law_error.which, Which::Law);
     }
-    let error = refusal("d + é·2");
-    assert_eq!((error.offset, error.length), (5, 1), "{error}");
+    let law_error = refusal("d + é·2");
+    assert_eq!((law_error.offset, law_error.length), (5, 1), "{law_error}");
 }
 
 #[test]
 fn parse_bounds_sizes_of_texts() {
-    let deep = format!("{}d{}", "(".repeat(65), ")".repeat(65));
-    assert!(refusal(&deep).message.contains("64 deep"));
+    let deep_text = format!("{}d{}", "(".repeat(65), ")".repeat(65));
+    assert!(refusal(&deep_text).message.contains("64 deep"));
     assert_eq!(refusal(&"-".repeat(1_999)).offset, 64);
     assert_eq!(
         refusal(&format!("d{}", "**d".repeat(65))).offset,
@@ -121,16 +125,16 @@ fn parse_bounds_sizes_of_texts() {
 // The names of all operations, so that the loops over runs omit none.
 #[test]
 fn parse_reaches_all_operations() {
-    let read = |text: &str| {
+    let parsed_nodes = |text: &str| {
         parse(Which::Law, text, &Constants::new(), &[])
             .expect(text)
             .nodes
     };
     for (text, operation) in [("sign(d)", Unary::Sign), ("-d", Unary::Negate)] {
-        assert!(read(text).contains(&Node::Unary(operation, 0)));
+        assert!(parsed_nodes(text).contains(&Node::Unary(operation, 0)));
     }
     for (text, operation) in [("d>=2", Binary::GreaterEqual), ("max(d, 1)", Binary::Max)] {
-        assert!(read(text).contains(&Node::Binary(operation, 0, 1)));
+        assert!(parsed_nodes(text).contains(&Node::Binary(operation, 0, 1)));
     }
 }
 

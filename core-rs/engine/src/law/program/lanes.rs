@@ -13,11 +13,13 @@ const VECTOR: usize = 8;
 #[inline(always)]
 pub(super) fn run(steps: &[Step], registers: &mut [Register], n: usize) {
     // Lanes beyond `n` hold old numbers, and their results are never read.
-    let (needed, n) = (n, n.next_multiple_of(VECTOR));
+    let (lanes_needed, n) = (n, n.next_multiple_of(VECTOR));
     for (i, step) in steps.iter().enumerate() {
-        let (before, after) = registers.split_at_mut(FIRST + i);
-        let n = if is_slow(step) { needed } else { n };
-        compute(step, &mut after[0][..n], |register| &before[register][..n]);
+        let (registers_before, registers_after) = registers.split_at_mut(FIRST + i);
+        let n = if is_slow(step) { lanes_needed } else { n };
+        compute(step, &mut registers_after[0][..n], |register| {
+            &registers_before[register][..n]
+        });
     }
 }
 
@@ -43,9 +45,9 @@ fn compute<'r>(step: &Step, out: &mut [f64], value_of: impl Fn(usize) -> &'r [f6
 /// Whether the step is computed link by link, so that every lane costs time.
 #[inline(always)]
 fn is_slow(step: &Step) -> bool {
-    let (tanh, power) = (Unary::Tanh, Binary::Power);
-    matches!(step, Step::Unary(of, _) if *of == tanh)
-        || matches!(step, Step::Binary(of, ..) if *of == power)
+    let (tanh_operation, power_operation) = (Unary::Tanh, Binary::Power);
+    matches!(step, Step::Unary(of, _) if *of == tanh_operation)
+        || matches!(step, Step::Binary(of, ..) if *of == power_operation)
 }
 
 /// One loop for each operation, so that no loop contains a decision.
@@ -97,14 +99,14 @@ fn integer_powers(exponent: i32, out: &mut [f64], a: &[f64]) {
         2 => in_one_pass!(2),
         3 => in_one_pass!(3),
         _ => {
-            let size = exponent.unsigned_abs();
-            if size == 0 {
+            let magnitude = exponent.unsigned_abs();
+            if magnitude == 0 {
                 return out.fill(1.0);
             }
             out.copy_from_slice(a);
-            for bit in (0..size.ilog2()).rev() {
+            for bit in (0..magnitude.ilog2()).rev() {
                 out.iter_mut().for_each(|out| *out *= *out);
-                if size >> bit & 1 == 1 {
+                if magnitude >> bit & 1 == 1 {
                     out.iter_mut().zip(a).for_each(|(out, a)| *out *= a);
                 }
             }

@@ -5,21 +5,21 @@ use super::*;
 const RATE: f64 = 8000.0;
 
 fn limited(x: &[f64], n_channels: usize, ceiling: f64) -> Vec<f64> {
-    let mut y = x.to_vec();
+    let mut processed = x.to_vec();
     Limiter::new(RATE, n_channels, ceiling)
         .unwrap()
-        .process(&mut y);
-    y
+        .process(&mut processed);
+    processed
 }
 
 /// Samples of any size, as a broken instrument may send them.
 fn samples() -> impl Strategy<Value = Vec<f64>> {
-    let sample = prop_oneof![
+    let any_sample = prop_oneof![
         4 => -1.0..1.0f64,
         2 => -30.0..30.0f64,
         1 => prop::num::f64::ANY,
     ];
-    prop::collection::vec(sample, 0..400)
+    prop::collection::vec(any_sample, 0..400)
 }
 
 proptest! {
@@ -63,44 +63,48 @@ fn bits(x: &[f64]) -> Vec<u64> {
 #[test]
 fn limiter_gain_falls_straight_and_returns_exactly() {
     let latency = 40;
-    let mut x = vec![0.25; 16_000];
-    x[1000] = 2.0;
-    let gain: Vec<f64> = limited(&x, 1, 1.0)[latency..]
+    let mut signal = vec![0.25; 16_000];
+    signal[1000] = 2.0;
+    let gain_path: Vec<f64> = limited(&signal, 1, 1.0)[latency..]
         .iter()
         .map(|y| y / 0.25)
         .collect();
-    let near = |i: usize, wanted: f64| {
+    let check_gain = |i: usize, wanted: f64| {
         assert!(
-            (gain[i] - wanted).abs() < 1e-9,
+            (gain_path[i] - wanted).abs() < 1e-9,
             "{i}: {} is not {wanted}",
-            gain[i]
+            gain_path[i]
         );
     };
     assert!(
-        gain[..960].iter().all(|&g| g == 1.0),
+        gain_path[..960].iter().all(|&g| g == 1.0),
         "nothing before its time"
     );
-    near(960, 1.0 - 0.5 / 41.0);
-    near(980, 1.0 - 21.0 * 0.5 / 41.0);
+    check_gain(960, 1.0 - 0.5 / 41.0);
+    check_gain(980, 1.0 - 21.0 * 0.5 / 41.0);
     // x[1000] = 2 leaves at the ceiling.
-    near(1000, 4.0);
-    assert!(gain[1000] * 0.25 <= 1.0);
+    check_gain(1000, 4.0);
+    assert!(gain_path[1000] * 0.25 <= 1.0);
     // After the hold, 1 − g falls by a factor of e in 50 ms (400 frames), once the peak has left the mean.
-    let ratio = (1.0 - gain[1500]) / (1.0 - gain[1100]);
-    assert!((ratio - maths::exp(-1.0)).abs() < 1e-9, "{ratio}");
+    let fall_ratio = (1.0 - gain_path[1500]) / (1.0 - gain_path[1100]);
+    assert!((fall_ratio - maths::exp(-1.0)).abs() < 1e-9, "{fall_ratio}");
     assert!(
-        gain[14_000..].iter().all(|&g| g == 1.0),
+        gain_path[14_000..].iter().all(|&g| g == 1.0),
         "and then it is gone"
     );
 }
 
 #[test]
 fn limiter_applies_the_same_gain_to_all_channels() {
-    let x: Vec<f64> = (0..500)
+    let input_frames: Vec<f64> = (0..500)
         .flat_map(|i| [if i == 200 { 3.0 } else { 0.1 }, 0.2])
         .collect();
-    let y = limited(&x, 2, 0.9);
-    for frame in y.chunks(2).skip(40).filter(|frame| frame[0] < 0.5) {
+    let output_frames = limited(&input_frames, 2, 0.9);
+    for frame in output_frames
+        .chunks(2)
+        .skip(40)
+        .filter(|frame| frame[0] < 0.5)
+    {
         assert!((frame[1] / frame[0] - 2.0).abs() < 1e-15);
     }
 }

@@ -155,10 +155,10 @@ impl Route {
         if delay > DELAY_MAX {
             return Err(RouteError::Delay(delay));
         }
-        let falls = |echo: &Echo| {
+        let echo_falls = |echo: &Echo| {
             (1..=delay).contains(&echo.frames) && -1.0 < echo.ratio && echo.ratio < 1.0
         };
-        if let Some(echo) = echo.filter(|echo| !falls(echo)) {
+        if let Some(echo) = echo.filter(|echo| !echo_falls(echo)) {
             return Err(RouteError::Echo(echo));
         }
         Ok(Self {
@@ -191,19 +191,19 @@ impl Route {
 
     /// Whether it continues the route `before` without a step: only gains differ.
     pub(super) fn continues(&self, before: &Self, out: Option<usize>) -> bool {
-        let echo = |route: &Self| {
+        let delay_and_echo = |route: &Self| {
             let delay = route.delay.as_ref();
             delay.map(|delay| (delay.length(), delay.echo()))
         };
         self.is_like(before, out)
-            && echo(self) == echo(before)
+            && delay_and_echo(self) == delay_and_echo(before)
             && self.pairs(before, Filter::continues)
     }
 
     /// Whether the filters of both are as many, and `agree` one by one.
     fn pairs(&self, before: &Self, agree: impl Fn(&Filter, &Filter) -> bool) -> bool {
-        let mut pairs = self.filters.iter().zip(&before.filters);
-        self.filters.len() == before.filters.len() && pairs.all(|(own, old)| agree(own, old))
+        let mut filter_pairs = self.filters.iter().zip(&before.filters);
+        self.filters.len() == before.filters.len() && filter_pairs.all(|(own, old)| agree(own, old))
     }
 
     /// Frames by which it delays.
@@ -213,8 +213,8 @@ impl Route {
 
     /// Continue with the state of filters and delay of a route that is like it. Allocates nothing.
     pub(super) fn take_over(&mut self, before: &Self) {
-        let pairs = self.filters.iter_mut().zip(&before.filters);
-        pairs.for_each(|(own, old)| own.take_over(old));
+        let filter_pairs = self.filters.iter_mut().zip(&before.filters);
+        filter_pairs.for_each(|(own, old)| own.take_over(old));
         if let (Some(delay), Some(before)) = (&mut self.delay, &before.delay) {
             delay.take_over(before);
         }
@@ -268,8 +268,8 @@ impl Route {
 
     /// Put its filters into the state of those of a route that has heard the same.
     pub(super) fn repeat(&mut self, before: &Self) {
-        let pairs = self.filters.iter_mut().zip(&before.filters);
-        pairs.for_each(|(filter, before)| filter.take_over(before));
+        let filter_pairs = self.filters.iter_mut().zip(&before.filters);
+        filter_pairs.for_each(|(filter, before)| filter.take_over(before));
     }
 
     /// Add a filtered signal to the route's target; `first` is the first frame in the piece, `gains` are those of its
@@ -281,18 +281,18 @@ impl Route {
         signal: &[f64],
         to: &mut [f64],
     ) {
-        let glides = self.fade.is_some() || self.residual_gain.is_some();
-        let is_plain = self.delay.is_none() && self.entry.is_none() && !glides;
-        let steady = group.steady(first).filter(|_| is_plain);
-        let gain = steady.map(|group| self.gain * group);
-        match (gain, &self.curve, gains) {
-            (Some(gain), None, _) => {
-                let pairs = to.iter_mut().zip(signal);
-                pairs.for_each(|(y, x)| *y += gain * x);
+        let is_gliding = self.fade.is_some() || self.residual_gain.is_some();
+        let is_plain = self.delay.is_none() && self.entry.is_none() && !is_gliding;
+        let steady_gain = group.steady(first).filter(|_| is_plain);
+        let route_gain = steady_gain.map(|group| self.gain * group);
+        match (route_gain, &self.curve, gains) {
+            (Some(route_gain), None, _) => {
+                let sample_pairs = to.iter_mut().zip(signal);
+                sample_pairs.for_each(|(y, x)| *y += route_gain * x);
             }
-            (Some(gain), Some(_), Some(curve)) => {
-                let rows = to.iter_mut().zip(signal).zip(curve);
-                rows.for_each(|((y, x), curve)| *y += gain * curve * x);
+            (Some(route_gain), Some(_), Some(curve)) => {
+                let curved_samples = to.iter_mut().zip(signal).zip(curve);
+                curved_samples.for_each(|((y, x), curve)| *y += route_gain * curve * x);
             }
             _ => self.add_gliding((group, gains), first, signal, to),
         }

@@ -13,30 +13,41 @@ impl Mixer {
     /// `outputs`: for each output of `old`, the output here; `None` if they are the same.
     pub fn take_over(&mut self, old: &mut Self, outputs: Option<&[Option<usize>]>) {
         self.frame = old.frame;
-        let groups = self.groups.iter_mut().zip(&old.groups);
-        groups.for_each(|(group, old)| *group = *old);
-        let out = |before: usize| match outputs {
+        let group_pairs = self.groups.iter_mut().zip(&old.groups);
+        group_pairs.for_each(|(group, old)| *group = *old);
+        let new_output = |before: usize| match outputs {
             Some(outputs) => outputs.get(before).copied().flatten(),
             None => Some(before),
         };
         // The routes of both mixers are in about the same order: start the search after the previous match.
-        let in_turn = |next: usize, n: usize| (next..n).chain(0..next.min(n));
-        let (mut next, n) = (0, old.routes.len());
+        let search_order = |search_start: usize, old_count: usize| {
+            (search_start..old_count).chain(0..search_start.min(old_count))
+        };
+        let (mut search_start, old_count) = (0, old.routes.len());
         for group in &mut self.routes {
-            let is_same =
-                |&index: &usize| group.continues(&old.routes[index], out(old.routes[index].out));
-            let Some(index) = in_turn(next, n).find(is_same) else {
+            let continues_route = |&route_index: &usize| {
+                group.continues(
+                    &old.routes[route_index],
+                    new_output(old.routes[route_index].out),
+                )
+            };
+            let Some(route_index) = search_order(search_start, old_count).find(continues_route)
+            else {
                 // One that is like it, by other values, leads into it; both are heard while they change places.
-                let is_like =
-                    |&index: &usize| group.is_like(&old.routes[index], out(old.routes[index].out));
-                let like = in_turn(next, n)
-                    .find(is_like)
-                    .map(|index| &old.routes[index]);
+                let resembles_route = |&route_index: &usize| {
+                    group.is_like(
+                        &old.routes[route_index],
+                        new_output(old.routes[route_index].out),
+                    )
+                };
+                let similar_route = search_order(search_start, old_count)
+                    .find(resembles_route)
+                    .map(|route_index| &old.routes[route_index]);
                 let fade = Glide::between(self.rate, 0.0, 1.0);
-                let Some(before) = like else {
-                    let is_late = group.delay.is_some();
+                let Some(before) = similar_route else {
+                    let is_delayed = group.delay.is_some();
                     (group.entry, group.fade) =
-                        (is_late.then_some(fade), (!is_late).then_some(fade));
+                        (is_delayed.then_some(fade), (!is_delayed).then_some(fade));
                     continue;
                 };
                 group.take_over(before);
@@ -46,8 +57,8 @@ impl Mixer {
                 (group.entry, group.fade) = (before.entry, Some(fade));
                 continue;
             };
-            next = index + 1;
-            let before = &old.routes[index];
+            search_start = route_index + 1;
+            let before = &old.routes[route_index];
             group.take_over(before);
             (group.entry, group.fade) = (before.entry, before.fade);
             group.residual_gain = before.residual_gain;
@@ -63,10 +74,10 @@ impl Mixer {
                 group.fade(self.rate, gain_before / new_gain, 1.0);
             }
         }
-        for index in 1..self.routes.len() {
-            let (earlier, later) = self.routes.split_at_mut(index);
-            if let (Some(before), Some(route)) = (earlier.last(), later.first_mut()) {
-                route.repeats = route.hears_as(before);
+        for route_index in 1..self.routes.len() {
+            let (earlier, later_routes) = self.routes.split_at_mut(route_index);
+            if let (Some(before), Some(next_route)) = (earlier.last(), later_routes.first_mut()) {
+                next_route.repeats = next_route.hears_as(before);
             }
         }
         let new_gain = self.fade.as_ref().map_or(1.0, |fade| fade.value(old.frame));
@@ -78,29 +89,30 @@ impl Mixer {
         for room in &mut self.rooms {
             room.take_over(&old.rooms);
         }
-        self.fade_out_missing(old, out);
-        self.take_over_frozen(old, out);
+        self.fade_out_missing(old, new_output);
+        self.take_over_frozen(old, new_output);
         self.is_fading = true;
     }
 
     /// Frozen outputs at the same place continue, new ones fade in, and those that are gone fade out.
     fn take_over_frozen(&mut self, old: &Self, out: impl Fn(usize) -> Option<usize>) {
         for placed in &mut self.frozen {
-            let is_same =
-                |other: &&Placed| out(other.out).is_some_and(|here| placed.continues(other, here));
-            placed.fade = match old.frozen.iter().find(is_same) {
+            let is_same_place = |other: &&Placed| {
+                out(other.out).is_some_and(|new_output| placed.continues(other, new_output))
+            };
+            placed.fade = match old.frozen.iter().find(is_same_place) {
                 Some(before) => before.fade,
                 None => Glide::between(self.rate, 0.0, 1.0),
             };
         }
-        let gone = old.frozen.iter().filter_map(|before| {
-            let here = out(before.out)?;
-            let goes_on = self
+        let gone_outputs = old.frozen.iter().filter_map(|before| {
+            let new_output = out(before.out)?;
+            let is_continuing = self
                 .frozen
                 .iter()
-                .any(|placed| placed.continues(before, here));
-            let fade = Glide::between(self.rate, before.fade.value(old.frame), 0.0);
-            (!goes_on).then(|| before.fading(here, fade))
+                .any(|placed| placed.continues(before, new_output));
+            let fade_out = Glide::between(self.rate, before.fade.value(old.frame), 0.0);
+            (!is_continuing).then(|| before.fading(new_output, fade_out))
         });
         let fading_out = old.frozen_fading_out.iter().flatten();
         let fading_out =
@@ -108,7 +120,7 @@ impl Mixer {
         for (place, other) in self
             .frozen_fading_out
             .iter_mut()
-            .zip(fading_out.chain(gone))
+            .zip(fading_out.chain(gone_outputs))
         {
             *place = Some(other);
         }
@@ -116,21 +128,21 @@ impl Mixer {
 
     /// Routes of `old` without a successor here fade out; `out` maps their outputs to those here.
     fn fade_out_missing(&mut self, old: &mut Self, out: impl Fn(usize) -> Option<usize>) {
-        let (mut next, n) = (0, self.routes.len());
+        let (mut search_start, route_count) = (0, self.routes.len());
         let (n_channels, n_rooms) = (self.n_channels, self.rooms.len());
-        let mut places = self.fading_out.iter_mut();
-        let sounds = |route: &&mut Route| !route.has_faded_out(old.frame);
-        let fading_out = old.fading_out.iter_mut().flatten().filter(sounds);
+        let mut free_places = self.fading_out.iter_mut();
+        let is_sounding = |fading_route: &&mut Route| !fading_route.has_faded_out(old.frame);
+        let fading_out = old.fading_out.iter_mut().flatten().filter(is_sounding);
         for before in fading_out.chain(&mut old.routes) {
-            let here = out(before.out);
-            let (Some(out_now), true) = (here, before.group < self.groups.len()) else {
+            let output_here = out(before.out);
+            let (Some(out_now), true) = (output_here, before.group < self.groups.len()) else {
                 continue;
             };
-            let successor = (next..n)
-                .chain(0..next)
-                .find(|&route_index| self.routes[route_index].continues(before, here));
+            let successor = (search_start..route_count)
+                .chain(0..search_start)
+                .find(|&route_index| self.routes[route_index].continues(before, output_here));
             if let Some(route_index) = successor {
-                next = route_index + 1;
+                search_start = route_index + 1;
                 continue;
             }
             let is_there = match before.to {
@@ -140,10 +152,12 @@ impl Mixer {
             if !is_there {
                 continue;
             }
-            let Some(place) = places.next() else { return };
+            let Some(free_place) = free_places.next() else {
+                return;
+            };
             let (delay, curve) = (before.delay.take(), before.curve.take());
             let filters = std::mem::take(&mut before.filters);
-            let mut route = Route {
+            let mut fading_route = Route {
                 out: out_now,
                 filters,
                 delay,
@@ -152,9 +166,9 @@ impl Mixer {
                 repeats: false,
                 ..before.clone()
             };
-            let there = before.fade.map_or(1.0, |fade| fade.value(old.frame));
-            route.fade(self.rate, there, 0.0);
-            *place = Some(route);
+            let gain_before = before.fade.map_or(1.0, |fade| fade.value(old.frame));
+            fading_route.fade(self.rate, gain_before, 0.0);
+            *free_place = Some(fading_route);
         }
     }
 }

@@ -8,7 +8,7 @@ use crate::mix::delay::Echo;
 
 /// Three outputs: noise, a small offset with noise (a hand that leans), and a constant with one broken sample.
 fn frames(n: usize) -> Vec<f64> {
-    let frame = |i: usize| {
+    let noise_frame = |i: usize| {
         let noise = maths::sin((i * i % 7919) as f64);
         [
             noise,
@@ -16,7 +16,7 @@ fn frames(n: usize) -> Vec<f64> {
             if i == 17 { f64::NAN } else { 0.1 },
         ]
     };
-    (0..n).flat_map(frame).collect()
+    (0..n).flat_map(noise_frame).collect()
 }
 
 fn mixer() -> Mixer {
@@ -43,24 +43,24 @@ fn mixer_sums_its_routes() {
 
 #[test]
 fn mixer_in_blocks_of_any_size() {
-    let n = 5000;
-    let frames = frames(n);
-    let mut complete = vec![0.0; 2 * n];
+    let frame_count = 5000;
+    let frames = frames(frame_count);
+    let mut complete = vec![0.0; 2 * frame_count];
     mixer().process(&frames, &mut complete);
-    let mut pieces = vec![0.0; 2 * n];
+    let mut block_output = vec![0.0; 2 * frame_count];
     let (mut mixer, mut position) = (mixer(), 0);
     for size in [1, 64, 7, 0, 4096, 333].into_iter().cycle() {
-        let stop = (position + size).min(n);
+        let block_end = (position + size).min(frame_count);
         mixer.process(
-            &frames[3 * position..3 * stop],
-            &mut pieces[2 * position..2 * stop],
+            &frames[3 * position..3 * block_end],
+            &mut block_output[2 * position..2 * block_end],
         );
-        position = stop;
-        if position == n {
+        position = block_end;
+        if position == frame_count {
             break;
         }
     }
-    assert_eq!(complete, pieces);
+    assert_eq!(complete, block_output);
     assert!(
         complete.iter().all(|x| x.is_finite()),
         "one bad sample does not stay"
@@ -70,8 +70,8 @@ fn mixer_in_blocks_of_any_size() {
 /// Of two groups, one changes its gain at frame 1000 of the piece: the other keeps its bits.
 #[test]
 fn group_gain_glides_alike_in_blocks() {
-    let n = 4000;
-    let frames = frames(n);
+    let frame_count = 4000;
+    let frames = frames(frame_count);
     let mixed = |block: usize| {
         let mut mixer = Mixer::new(44_100.0, 3, 2);
         mixer.route_of(0, 0, 0, 0.5, None).unwrap();
@@ -79,50 +79,50 @@ fn group_gain_glides_alike_in_blocks() {
         mixer.route_of(2, 1, 1, 1.0, Some(8.0)).unwrap();
         assert_eq!(mixer.n_groups(), 3);
         mixer.seek(500);
-        let mut mixed = vec![0.0; 2 * n];
+        let mut mixed = vec![0.0; 2 * frame_count];
         let mut position = 0;
-        while position < n {
+        while position < frame_count {
             if position == 500 {
                 mixer.set_gain(2, 0.5);
                 mixer.set_gain(7, 9.0);
             }
-            let stop = (position + block).min(if position < 500 { 500 } else { n });
+            let block_end = (position + block).min(if position < 500 { 500 } else { frame_count });
             mixer.process(
-                &frames[3 * position..3 * stop],
-                &mut mixed[2 * position..2 * stop],
+                &frames[3 * position..3 * block_end],
+                &mut mixed[2 * position..2 * block_end],
             );
-            position = stop;
+            position = block_end;
         }
         mixed
     };
-    let complete = mixed(n);
+    let complete = mixed(frame_count);
     for block in [1, 44, 64, 333] {
         assert_eq!(mixed(block), complete);
     }
-    let mut plain = vec![0.0; 2 * n];
+    let mut plain_output = vec![0.0; 2 * frame_count];
     let mut mixer = Mixer::new(44_100.0, 3, 2);
     mixer.route(0, 0, 0.5, None).unwrap();
     mixer.route(0, 1, 0.5, None).unwrap();
     mixer.route(1, 1, 1.0, Some(8.0)).unwrap();
-    mixer.process(&frames, &mut plain);
-    for (i, (now, was)) in complete.chunks(2).zip(plain.chunks(2)).enumerate() {
+    mixer.process(&frames, &mut plain_output);
+    for (i, (now, was)) in complete.chunks(2).zip(plain_output.chunks(2)).enumerate() {
         assert_eq!(now[0], was[0]);
         // Frame 1024 of the piece is the first multiple of 64 after 1000; 896 frames are 20 ms, rounded up.
         let u = (i as f64 + 500.0 - 1024.0) / 896.0;
         let u = u.clamp(0.0, 1.0);
-        let gain = 1.0 - 0.5 * (3.0 - 2.0 * u) * u * u;
-        assert!((now[1] - gain * was[1]).abs() < 1e-15, "frame {i}");
+        let expected_gain = 1.0 - 0.5 * (3.0 - 2.0 * u) * u * u;
+        assert!((now[1] - expected_gain * was[1]).abs() < 1e-15, "frame {i}");
     }
 }
 
 #[test]
 fn highpass_removes_a_constant_offset() {
-    let n = 88_200;
+    let frame_count = 88_200;
     let mut mixer = Mixer::new(44_100.0, 1, 1);
     mixer.route(0, 0, 1.0, Some(8.0)).unwrap();
-    let mut mixed = vec![0.0; n];
-    mixer.process(&vec![0.02; n], &mut mixed);
-    assert!(mixed[0] > 0.019 && mixed[n - 1].abs() < 1e-15);
+    let mut mixed = vec![0.0; frame_count];
+    mixer.process(&vec![0.02; frame_count], &mut mixed);
+    assert!(mixed[0] > 0.019 && mixed[frame_count - 1].abs() < 1e-15);
 }
 
 #[test]
@@ -147,21 +147,21 @@ fn route_with_wrong_values_is_refused() {
 fn hall() -> Mixer {
     let mut mixer = Mixer::new(44_100.0, 3, 2);
     for (name, t60) in [("hall", 1.0), ("cellar", 0.4)] {
-        let spec = RoomSpec {
+        let room_spec = RoomSpec {
             name: name.to_owned(),
             size: 5.0,
             t60: [(200.0, t60), (6_000.0, 0.5 * t60)],
             channels: vec![1, 0],
             gain: 0.5,
         };
-        mixer.room(spec).unwrap();
+        mixer.room(room_spec).unwrap();
     }
-    let point = |frame: i64, value: f64| Point {
+    let smooth_point = |frame: i64, value: f64| Point {
         frame,
         value,
         segment: Segment::Smooth,
     };
-    let curve = Curve::new(vec![point(100, 0.1), point(3000, 1.0)]);
+    let level_curve = Curve::new(vec![smooth_point(100, 0.1), smooth_point(3000, 1.0)]);
     let treatment = Treatment {
         tones: vec![
             Tone::Highpass { f: 8.0 },
@@ -176,8 +176,8 @@ fn hall() -> Mixer {
             frames: 30,
             ratio: 0.5,
         }),
-        curve: Some(curve.panned(Pan::new(
-            vec![point(0, -0.5), point(4000, 0.9)],
+        curve: Some(level_curve.panned(Pan::new(
+            vec![smooth_point(0, -0.5), smooth_point(4000, 0.9)],
             Side::Second,
         ))),
         ..Treatment::default()
@@ -186,57 +186,69 @@ fn hall() -> Mixer {
         .treated(0, 1, To::Channel(0), 0.5, treatment.clone())
         .unwrap();
     mixer.treated(1, 1, To::Room(0), 0.3, treatment).unwrap();
-    let plain = Treatment::default();
+    let plain_treatment = Treatment::default();
     mixer
-        .treated(0, 0, To::Room(1), 0.7, plain.clone())
+        .treated(0, 0, To::Room(1), 0.7, plain_treatment.clone())
         .unwrap();
-    mixer.treated(0, 0, To::Channel(1), 1.0, plain).unwrap();
-    mixer.fade(Curve::new(vec![point(4000, 1.0), point(4900, 0.0)]));
+    mixer
+        .treated(0, 0, To::Channel(1), 1.0, plain_treatment)
+        .unwrap();
+    mixer.fade(Curve::new(vec![
+        smooth_point(4000, 1.0),
+        smooth_point(4900, 0.0),
+    ]));
     mixer
 }
 
 #[test]
 fn treatments_in_blocks_and_after_take_over() {
-    let n = 5000;
-    let frames = frames(n);
-    let mut complete = vec![0.0; 2 * n];
+    let frame_count = 5000;
+    let frames = frames(frame_count);
+    let mut complete = vec![0.0; 2 * frame_count];
     hall().process(&frames, &mut complete);
     assert!(complete[2 * 4900..].iter().all(|x| *x == 0.0));
     assert!(complete[2 * 2000] != 0.0);
     for block in [1, 44, 333] {
         let mut mixer = hall();
-        let mut pieces = vec![0.0; 2 * n];
+        let mut block_output = vec![0.0; 2 * frame_count];
         for (i, (x, y)) in frames
             .chunks(3 * block)
-            .zip(pieces.chunks_mut(2 * block))
+            .zip(block_output.chunks_mut(2 * block))
             .enumerate()
         {
             // Another version of the mix takes over.
             if i == 7 {
-                let mut next = hall();
-                next.take_over(&mut mixer, None);
-                mixer = next;
+                let mut next_mixer = hall();
+                next_mixer.take_over(&mut mixer, None);
+                mixer = next_mixer;
             }
             mixer.process(x, y);
         }
-        assert_eq!(pieces, complete);
+        assert_eq!(block_output, complete);
     }
 }
 
 #[test]
 fn treated_with_wrong_room_or_delay_is_refused() {
     let mut mixer = hall();
-    let late = Treatment {
+    let late_treatment = Treatment {
         delay: DELAY_MAX + 1,
         ..Treatment::default()
     };
-    assert!(mixer.treated(0, 0, To::Channel(0), 1.0, late).is_err());
-    let plain = Treatment::default();
-    let room = RouteError::Room {
+    assert!(
+        mixer
+            .treated(0, 0, To::Channel(0), 1.0, late_treatment)
+            .is_err()
+    );
+    let plain_treatment = Treatment::default();
+    let room_error = RouteError::Room {
         room: 2,
         n_rooms: 2,
     };
-    assert_eq!(mixer.treated(0, 0, To::Room(2), 1.0, plain), Err(room));
+    assert_eq!(
+        mixer.treated(0, 0, To::Room(2), 1.0, plain_treatment),
+        Err(room_error)
+    );
 }
 
 /// Output for a constant input of 1 from frame 1000 on, where a mixer has taken over from another.
@@ -248,38 +260,38 @@ fn taken_over(before: &[(usize, f64)], after: &[(usize, f64)], block: usize) -> 
         }
         mixer
     };
-    let (mut old, mut new) = (mixer(before), mixer(after));
-    old.process(&[1.0; 1000], &mut [0.0; 2000]);
-    new.take_over(&mut old, None);
+    let (mut old_mixer, mut new_mixer) = (mixer(before), mixer(after));
+    old_mixer.process(&[1.0; 1000], &mut [0.0; 2000]);
+    new_mixer.take_over(&mut old_mixer, None);
     let mut mixed = vec![0.0; 4000];
     for part in mixed.chunks_mut(2 * block) {
-        new.process(&vec![1.0; part.len() / 2], part);
+        new_mixer.process(&vec![1.0; part.len() / 2], part);
     }
     mixed
 }
 
 #[test]
 fn take_over_fades_routes_and_glides_gains() {
-    let mixed = taken_over(&[(0, 0.5)], &[(1, 0.25)], 2000);
-    let gained = taken_over(&[(0, 0.5)], &[(0, 1.0)], 2000);
+    let faded_mix = taken_over(&[(0, 0.5)], &[(1, 0.25)], 2000);
+    let glided_mix = taken_over(&[(0, 0.5)], &[(0, 1.0)], 2000);
     for block in [1, 64, 333] {
-        assert_eq!(taken_over(&[(0, 0.5)], &[(1, 0.25)], block), mixed);
+        assert_eq!(taken_over(&[(0, 0.5)], &[(1, 0.25)], block), faded_mix);
     }
-    let pairs = mixed.chunks(2).zip(gained.chunks(2)).enumerate();
-    for (i, (mixed, gained)) in pairs {
+    let frame_pairs = faded_mix.chunks(2).zip(glided_mix.chunks(2)).enumerate();
+    for (i, (faded_mix, glided_mix)) in frame_pairs {
         // Frame 1024 is the first multiple of 64 after 1000; 896 frames are 20 ms, rounded up.
         let u = ((i as f64 - 24.0) / 896.0).clamp(0.0, 1.0);
-        let share = (3.0 - 2.0 * u) * u * u;
+        let fade_share = (3.0 - 2.0 * u) * u * u;
         for (is, wanted) in [
-            (mixed[0], 0.5 * (1.0 - share)),
-            (mixed[1], 0.25 * share),
-            (gained[0], 0.5 + 0.5 * share),
+            (faded_mix[0], 0.5 * (1.0 - fade_share)),
+            (faded_mix[1], 0.25 * fade_share),
+            (glided_mix[0], 0.5 + 0.5 * fade_share),
         ] {
             assert!((is - wanted).abs() < 1e-15, "frame {i}: {is}, {wanted}");
         }
     }
-    let same = taken_over(&[(0, 0.5), (1, 2.0)], &[(1, 2.0), (0, 0.5)], 2000);
-    assert!(same.chunks(2).all(|frame| frame == [0.5, 2.0]));
+    let unchanged_mix = taken_over(&[(0, 0.5), (1, 2.0)], &[(1, 2.0), (0, 0.5)], 2000);
+    assert!(unchanged_mix.chunks(2).all(|frame| frame == [0.5, 2.0]));
 }
 
 fn level(frame: i64, value: f64) -> Point {
@@ -308,41 +320,44 @@ fn turned(before: &[Point], after: &[Point], is_route: bool, block: usize) -> Ve
             .for_each(|curve| mixer.fade(curve));
         mixer
     };
-    let (mut old, mut new) = (mixer(before), mixer(after));
+    let (mut old_mixer, mut new_mixer) = (mixer(before), mixer(after));
     let mut gains = vec![0.0; 3000];
-    old.process(&[1.0; 1000], &mut gains[..1000]);
-    new.take_over(&mut old, None);
+    old_mixer.process(&[1.0; 1000], &mut gains[..1000]);
+    new_mixer.take_over(&mut old_mixer, None);
     for part in gains[1000..].chunks_mut(block) {
-        new.process(&vec![1.0; part.len()], part);
+        new_mixer.process(&vec![1.0; part.len()], part);
     }
     gains
 }
 
 #[test]
 fn take_over_of_a_reversed_fade_without_jump() {
-    let out = [level(0, 1.0), level(500, 0.0)];
-    let rise = [level(0, 0.0), level(990, 0.0), level(200_000, 1.0)];
+    let fade_out = [level(0, 1.0), level(500, 0.0)];
+    let late_rise = [level(0, 0.0), level(990, 0.0), level(200_000, 1.0)];
     for is_route in [false, true] {
         for (before, after) in [
-            (&out[..], &[][..]),  // faded out, and back
-            (&[][..], &out[..]),  // and forth
-            (&[][..], &rise[..]), // to a fade that has hardly begun
+            (&fade_out[..], &[][..]),  // faded out, and back
+            (&[][..], &fade_out[..]),  // and forth
+            (&[][..], &late_rise[..]), // to a fade that has hardly begun
         ] {
-            let gains = turned(before, after, is_route, 2000);
+            let turned_gains = turned(before, after, is_route, 2000);
             for block in [1, 64, 333] {
-                assert_eq!(turned(before, after, is_route, block), gains);
+                assert_eq!(turned(before, after, is_route, block), turned_gains);
             }
-            let end = *gains.last().unwrap();
-            let curve = Curve::new(after.to_vec());
-            assert!((end - curve.value(2999)).abs() < 1e-12, "{end}");
+            let last_gain = *turned_gains.last().unwrap();
+            let new_curve = Curve::new(after.to_vec());
             assert!(
-                gains[999..].iter().all(|x| (0.0..1.001).contains(x)),
+                (last_gain - new_curve.value(2999)).abs() < 1e-12,
+                "{last_gain}"
+            );
+            assert!(
+                turned_gains[999..].iter().all(|x| (0.0..1.001).contains(x)),
                 "no overshoot"
             );
-            let steps = gains[999..]
+            let gain_steps = turned_gains[999..]
                 .windows(2)
                 .map(|pair| (pair[1] - pair[0]).abs());
-            assert!(steps.fold(0.0, f64::max) < 1.5 * 1.01 / 896.0);
+            assert!(gain_steps.fold(0.0, f64::max) < 1.5 * 1.01 / 896.0);
         }
     }
 }
@@ -367,7 +382,7 @@ fn ramp(source: &Arc<FrozenOutputs>, begins: Option<i64>) -> Mixer {
 fn frozen_outputs_begin_and_move_without_a_jump() {
     let samples: Vec<f64> = (0..6_000).map(|n| 1.0 + f64::from(n) * 1e-4).collect();
     let source = Arc::new(FrozenOutputs::new(samples, 1));
-    let played = |block: usize| {
+    let played_samples = |block: usize| {
         let mut mixer = ramp(&source, Some(0));
         let mut listened = Vec::new();
         // Unchanged at 1000, moved at 2000, taken over during the fade at 2100, removed at 4000.
@@ -395,27 +410,27 @@ fn frozen_outputs_begin_and_move_without_a_jump() {
         }
         listened
     };
-    let listened = played(4096);
-    let sample = |n: usize| 1.0 + n as f64 * 1e-4;
-    assert!((0..2000).all(|n| listened[n] == sample(n)));
-    assert!((2048 + 896..4000).all(|n| listened[n] == sample(n - 500)));
+    let listened = played_samples(4096);
+    let ramp_sample = |n: usize| 1.0 + n as f64 * 1e-4;
+    assert!((0..2000).all(|n| listened[n] == ramp_sample(n)));
+    assert!((2048 + 896..4000).all(|n| listened[n] == ramp_sample(n - 500)));
     assert!(listened[4032 + 896..].iter().all(|&x| x == 0.0));
-    let steps = listened.windows(2).map(|pair| (pair[1] - pair[0]).abs());
-    assert!(steps.fold(0.0, f64::max) < 1.5 * 1.4 / 896.0 + 1e-4);
-    assert_eq!(listened, played(7));
+    let sample_steps = listened.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    assert!(sample_steps.fold(0.0, f64::max) < 1.5 * 1.4 / 896.0 + 1e-4);
+    assert_eq!(listened, played_samples(7));
 }
 
 #[test]
 fn frozen_outputs_follow_a_renumbered_output() {
     let source = Arc::new(FrozenOutputs::new(vec![1.0; 4_000], 1));
-    let mut before = ramp(&source, Some(0));
-    let mut after = Mixer::new(44_100.0, 2, 1);
-    after.route(1, 0, 1.0, None).unwrap();
-    after.freeze(&source, &[1], 0).unwrap();
+    let mut old_mixer = ramp(&source, Some(0));
+    let mut new_mixer = Mixer::new(44_100.0, 2, 1);
+    new_mixer.route(1, 0, 1.0, None).unwrap();
+    new_mixer.freeze(&source, &[1], 0).unwrap();
     let mut mixed = vec![0.0; 64];
-    before.process(&[0.0; 64], &mut mixed);
-    after.take_over(&mut before, Some(&[Some(1)]));
-    after.process(&[0.0; 128], &mut mixed);
+    old_mixer.process(&[0.0; 64], &mut mixed);
+    new_mixer.take_over(&mut old_mixer, Some(&[Some(1)]));
+    new_mixer.process(&[0.0; 128], &mut mixed);
     assert_eq!(mixed, [1.0; 64]);
 }
 
@@ -423,28 +438,28 @@ fn frozen_outputs_follow_a_renumbered_output() {
 fn frozen_outputs_without_matching_outputs_are_refused() {
     let source = Arc::new(FrozenOutputs::new(vec![0.0; 4], 2));
     let mut mixer = Mixer::new(44_100.0, 2, 1);
-    let error = mixer.freeze(&source, &[0, 2], 0).unwrap_err();
-    assert_eq!(error, RouteError::Out { out: 2, n_out: 2 });
-    let error = mixer.freeze(&source, &[0], 0).unwrap_err();
+    let freeze_error = mixer.freeze(&source, &[0, 2], 0).unwrap_err();
+    assert_eq!(freeze_error, RouteError::Out { out: 2, n_out: 2 });
+    let freeze_error = mixer.freeze(&source, &[0], 0).unwrap_err();
     assert_eq!(
-        error.to_string(),
+        freeze_error.to_string(),
         "2 frozen outputs cannot replace 1 outputs; the numbers must be equal"
     );
 }
 
 #[test]
 fn take_over_fades_routes_with_delay_or_curve() {
-    let rise = Curve::new(vec![level(0, 0.5), level(4000, 1.0)]);
-    let late = Treatment {
+    let rising_curve = Curve::new(vec![level(0, 0.5), level(4000, 1.0)]);
+    let late_treatment = Treatment {
         delay: 300,
         ..Treatment::default()
     };
-    let curved = Treatment {
-        curve: Some(rise),
+    let curve_treatment = Treatment {
+        curve: Some(rising_curve),
         ..Treatment::default()
     };
-    for treatment in [late, curved] {
-        let played = |block: usize| {
+    for treatment in [late_treatment, curve_treatment] {
+        let played_channels = |block: usize| {
             let mut old = Mixer::new(44_100.0, 1, 2);
             old.treated(0, 0, To::Channel(0), 1.0, treatment.clone())
                 .unwrap();
@@ -457,20 +472,33 @@ fn take_over_fades_routes_with_delay_or_curve() {
             for part in channels.chunks_mut(2 * block) {
                 new.process(&vec![1.0; part.len() / 2], part);
             }
-            let mut last = Mixer::new(44_100.0, 1, 2);
-            last.take_over(&mut new, None);
-            assert_eq!(last.fading_out.iter().flatten().count(), 1, "that of `new`");
+            let mut last_mixer = Mixer::new(44_100.0, 1, 2);
+            last_mixer.take_over(&mut new, None);
+            assert_eq!(
+                last_mixer.fading_out.iter().flatten().count(),
+                1,
+                "that of `new`"
+            );
             channels
         };
-        let listened = played(4000);
+        let listened = played_channels(4000);
         assert!(listened[0] > 0.5, "it is heard on: {}", listened[0]);
         for channel in 0..2 {
-            let single: Vec<f64> = listened.iter().skip(channel).step_by(2).copied().collect();
-            let steps = single.windows(2).map(|pair| (pair[1] - pair[0]).abs());
-            assert!(steps.fold(0.0, f64::max) < 1.5 / 896.0 + 1e-3, "{channel}");
-            assert_eq!(single[24 + 896..].iter().all(|&x| x == 0.0), channel == 0);
+            let channel_samples: Vec<f64> =
+                listened.iter().skip(channel).step_by(2).copied().collect();
+            let sample_steps = channel_samples
+                .windows(2)
+                .map(|pair| (pair[1] - pair[0]).abs());
+            assert!(
+                sample_steps.fold(0.0, f64::max) < 1.5 / 896.0 + 1e-3,
+                "{channel}"
+            );
+            assert_eq!(
+                channel_samples[24 + 896..].iter().all(|&x| x == 0.0),
+                channel == 0
+            );
         }
-        assert_eq!(listened, played(7));
+        assert_eq!(listened, played_channels(7));
     }
 }
 
@@ -486,22 +514,22 @@ fn retreated(before: &Treatment, after: &Treatment, block: usize) -> Vec<f64> {
     let listened: Vec<f64> = (0..6000)
         .map(|n| crate::maths::sin(f64::from(n) * 0.0142))
         .collect();
-    let (mut old, mut new) = (mixer(before), mixer(after));
+    let (mut old_mixer, mut new_mixer) = (mixer(before), mixer(after));
     let mut mixed = vec![0.0; 6000];
-    old.process(&listened[..3000], &mut mixed[..3000]);
-    new.take_over(&mut old, None);
+    old_mixer.process(&listened[..3000], &mut mixed[..3000]);
+    new_mixer.take_over(&mut old_mixer, None);
     for (x, y) in listened[3000..]
         .chunks(block)
         .zip(mixed[3000..].chunks_mut(block))
     {
-        new.process(x, y);
+        new_mixer.process(x, y);
     }
     mixed
 }
 
 #[test]
 fn take_over_of_filter_or_delay_without_jump() {
-    let shelf = |level: f64| Treatment {
+    let shelf_treatment = |level: f64| Treatment {
         tones: vec![Tone::Lowshelf { f: 900.0, level }],
         ..Treatment::default()
     };
@@ -518,7 +546,7 @@ fn take_over_of_filter_or_delay_without_jump() {
         ..Treatment::default()
     };
     for (before, after) in [
-        (shelf(-20.0), shelf(0.0)),
+        (shelf_treatment(-20.0), shelf_treatment(0.0)),
         (delay(200, 0.0), delay(500, 0.0)),
         (delay(500, 0.0), delay(200, 0.0)),
         (delay(300, 0.0), delay(300, 0.1)),
@@ -527,10 +555,10 @@ fn take_over_of_filter_or_delay_without_jump() {
     ] {
         let listened = retreated(&before, &after, 3000);
         assert_eq!(retreated(&before, &after, 7), listened);
-        let steps = listened[2990..]
+        let sample_steps = listened[2990..]
             .windows(2)
             .map(|pair| (pair[1] - pair[0]).abs());
-        let steepest = steps.fold(0.0, f64::max);
+        let steepest = sample_steps.fold(0.0, f64::max);
         assert!(steepest < 0.03, "{before:?} {after:?}: {steepest}");
     }
 }
@@ -539,20 +567,20 @@ fn take_over_of_filter_or_delay_without_jump() {
 fn treated_with_impossible_filters_or_echoes_is_refused() {
     let mut mixer = Mixer::new(44_100.0, 1, 1);
     let f = 30_000.0;
-    let tones = [
+    let bad_tones = [
         Tone::Lowpass { f },
         Tone::Highshelf {
             f: 900.0,
             level: f64::NAN,
         },
     ];
-    for tone in tones {
+    for tone in bad_tones {
         let treatment = Treatment {
             tones: vec![tone],
             ..Treatment::default()
         };
-        let error = mixer.treated(0, 0, To::Channel(0), 1.0, treatment);
-        assert!(error.unwrap_err().to_string().contains(tone.word()));
+        let route_error = mixer.treated(0, 0, To::Channel(0), 1.0, treatment);
+        assert!(route_error.unwrap_err().to_string().contains(tone.word()));
     }
     for (frames, ratio) in [(3, 1.0), (4, 0.5), (0, 0.5), (3, f64::NAN)] {
         let endless = Treatment {
@@ -560,7 +588,7 @@ fn treated_with_impossible_filters_or_echoes_is_refused() {
             echo: Some(Echo { frames, ratio }),
             ..Treatment::default()
         };
-        let error = mixer.treated(0, 0, To::Channel(0), 1.0, endless);
-        assert!(matches!(error, Err(RouteError::Echo(_))));
+        let route_error = mixer.treated(0, 0, To::Channel(0), 1.0, endless);
+        assert!(matches!(route_error, Err(RouteError::Echo(_))));
     }
 }

@@ -54,22 +54,22 @@ impl Facets {
         if triangles.len() > Self::TRIANGLES_MAX {
             return Err("its surface has more than 200,000 triangles");
         }
-        let mut valid = Vec::with_capacity(triangles.len());
+        let mut valid_triangles = Vec::with_capacity(triangles.len());
         for triangle in triangles {
-            let corner = |number: u32| corners.get(number as usize).copied();
-            let [Some(a), Some(b), Some(c)] = triangle.map(corner) else {
+            let corner_at = |number: u32| corners.get(number as usize).copied();
+            let [Some(a), Some(b), Some(c)] = triangle.map(corner_at) else {
                 return Err("its surface names a corner that it does not have");
             };
-            let normal = cross(difference(b, a), difference(c, a));
-            if dot(normal, normal) > 0.0 {
-                valid.push([a, b, c]);
+            let triangle_normal = cross(difference(b, a), difference(c, a));
+            if dot(triangle_normal, triangle_normal) > 0.0 {
+                valid_triangles.push([a, b, c]);
             }
         }
-        if valid.is_empty() {
+        if valid_triangles.is_empty() {
             return Err("its surface has no triangle with an area");
         }
-        let mut facets = Self {
-            triangles: valid,
+        let mut surface = Self {
+            triangles: valid_triangles,
             reach,
             bounds: [[0.0; AXES_MAX]; 2],
             wide: 0.0,
@@ -77,8 +77,8 @@ impl Facets {
             begins: Vec::new(),
             members: Vec::new(),
         };
-        facets.divide();
-        Ok(facets)
+        surface.divide();
+        Ok(surface)
     }
 
     /// Largest distance from the surface at which a point is detected [m].
@@ -93,109 +93,113 @@ impl Facets {
 
     /// Average number of triangles near a place that may touch the surface.
     pub(crate) fn crowding(&self) -> f64 {
-        let n_cells = self
+        let filled_cells = self
             .begins
             .windows(2)
             .filter(|pair| pair[0] < pair[1])
             .count();
-        self.members.len() as f64 / n_cells.max(1) as f64
+        self.members.len() as f64 / filled_cells.max(1) as f64
     }
 
     /// Distance of a place from the surface, and the direction away from it. The distance is infinite if no triangle is
     /// near.
     pub(crate) fn nearest(&self, place: Vector) -> (f64, Vector) {
-        let mut least = f64::INFINITY;
-        let mut apart = [0.0; AXES_MAX];
+        let mut least_square = f64::INFINITY;
+        let mut least_offset = [0.0; AXES_MAX];
         for &member in self.around(place) {
             let offset = difference(place, nearest(&self.triangles[member as usize], place));
-            let square = dot(offset, offset);
-            if square < least {
-                (least, apart) = (square, offset);
+            let offset_square = dot(offset, offset);
+            if offset_square < least_square {
+                (least_square, least_offset) = (offset_square, offset);
             }
         }
-        if least == f64::INFINITY {
+        if least_square == f64::INFINITY {
             // NaN is passed on, and detected later.
             let is_number = place.iter().all(|x| !x.is_nan());
-            let length = if is_number { least } else { f64::NAN };
-            return (length, [0.0; AXES_MAX]);
+            let far_distance = if is_number { least_square } else { f64::NAN };
+            return (far_distance, [0.0; AXES_MAX]);
         }
-        line(apart)
+        line(least_offset)
     }
 
     /// The triangles that a place may touch, by rising number.
     fn around(&self, place: Vector) -> &[u32] {
-        let mut index = 0;
+        let mut cell_index = 0;
         for axis in (0..AXES_MAX).rev() {
-            let cell = ((place[axis] - self.bounds[0][axis]) / self.wide).floor();
-            if !(cell >= 0.0 && cell < self.counts[axis] as f64) {
+            let axis_cell = ((place[axis] - self.bounds[0][axis]) / self.wide).floor();
+            if !(axis_cell >= 0.0 && axis_cell < self.counts[axis] as f64) {
                 return &[];
             }
-            index = index * self.counts[axis] + cell as usize;
+            cell_index = cell_index * self.counts[axis] + axis_cell as usize;
         }
-        let range = self.begins[index] as usize..self.begins[index + 1] as usize;
-        &self.members[range]
+        let member_range = self.begins[cell_index] as usize..self.begins[cell_index + 1] as usize;
+        &self.members[member_range]
     }
 
     /// Sort the triangles into cells, as narrow as the limits on their numbers allow.
     fn divide(&mut self) {
-        let [mut low, mut high] = [[f64::INFINITY; AXES_MAX], [f64::NEG_INFINITY; AXES_MAX]];
+        let [mut lower_bound, mut upper_bound] =
+            [[f64::INFINITY; AXES_MAX], [f64::NEG_INFINITY; AXES_MAX]];
         for corner in self.triangles.iter().flatten() {
             for axis in 0..AXES_MAX {
-                low[axis] = low[axis].min(corner[axis] - self.reach);
-                high[axis] = high[axis].max(corner[axis] + self.reach);
+                lower_bound[axis] = lower_bound[axis].min(corner[axis] - self.reach);
+                upper_bound[axis] = upper_bound[axis].max(corner[axis] + self.reach);
             }
         }
-        self.bounds = [low, high];
+        self.bounds = [lower_bound, upper_bound];
         self.wide = self.reach;
         loop {
-            let cells = |axis: usize| ((high[axis] - low[axis]) / self.wide).floor() + 1.0;
-            let counts: Vector = std::array::from_fn(cells);
-            if counts.iter().product::<f64>() <= CELLS_MAX as f64 {
-                self.counts = counts.map(|count| count as usize);
-                let spans = self.triangles.iter().map(|own| self.span(own));
-                let n_members = spans.map(|span| volume(&span)).sum::<usize>();
+            let cells_along =
+                |axis: usize| ((upper_bound[axis] - lower_bound[axis]) / self.wide).floor() + 1.0;
+            let axis_counts: Vector = std::array::from_fn(cells_along);
+            if axis_counts.iter().product::<f64>() <= CELLS_MAX as f64 {
+                self.counts = axis_counts.map(|count| count as usize);
+                let cell_spans = self.triangles.iter().map(|own| self.span(own));
+                let n_members = cell_spans.map(|span| volume(&span)).sum::<usize>();
                 if n_members <= MEMBERS_MAX.max(self.triangles.len()) {
                     break;
                 }
             }
             self.wide *= WIDENING;
         }
-        let n_cells = self.counts.iter().product::<usize>();
-        let mut begins = vec![0_u32; n_cells + 1];
-        self.each_member(|cell, _| begins[cell + 1] += 1);
-        for cell in 0..n_cells {
-            begins[cell + 1] += begins[cell];
+        let cell_total = self.counts.iter().product::<usize>();
+        let mut cell_begins = vec![0_u32; cell_total + 1];
+        self.each_member(|cell, _| cell_begins[cell + 1] += 1);
+        for cell in 0..cell_total {
+            cell_begins[cell + 1] += cell_begins[cell];
         }
-        let mut members = vec![0; begins[n_cells] as usize];
-        let mut next = begins.clone();
+        let mut members = vec![0; cell_begins[cell_total] as usize];
+        let mut next_member = cell_begins.clone();
         self.each_member(|cell, triangle| {
-            members[next[cell] as usize] = triangle;
-            next[cell] += 1;
+            members[next_member[cell] as usize] = triangle;
+            next_member[cell] += 1;
         });
-        (self.begins, self.members) = (begins, members);
+        (self.begins, self.members) = (cell_begins, members);
     }
 
     /// Call `each` with the number of each cell and of each triangle that may be touched from it.
     fn each_member(&self, mut each: impl FnMut(usize, u32)) {
-        let half = 0.5 * self.wide;
+        let half_width = 0.5 * self.wide;
         // From the middle of a cell to its corner, plus the reach, with a small margin.
-        let far = (self.reach + half * 3.0_f64.sqrt()) * (1.0 + 1e-9);
+        let reach_distance = (self.reach + half_width * 3.0_f64.sqrt()) * (1.0 + 1e-9);
         for (number, triangle) in self.triangles.iter().enumerate() {
-            let [across, along, up] = self.span(triangle);
-            for z in up {
-                for y in along.clone() {
-                    for x in across.clone() {
-                        let cell_at = [x, y, z];
-                        let middle: Vector = std::array::from_fn(|axis| {
-                            self.bounds[0][axis] + self.wide * cell_at[axis] as f64 + half
+            let [cells_across, cells_along, cells_up] = self.span(triangle);
+            for z in cells_up {
+                for y in cells_along.clone() {
+                    for x in cells_across.clone() {
+                        let cell_indices = [x, y, z];
+                        let cell_middle: Vector = std::array::from_fn(|axis| {
+                            self.bounds[0][axis]
+                                + self.wide * cell_indices[axis] as f64
+                                + half_width
                         });
-                        let apart = difference(middle, nearest(triangle, middle));
+                        let middle_offset = difference(cell_middle, nearest(triangle, cell_middle));
                         // A triangle so thin that the distance is NaN is kept.
-                        if dot(apart, apart) > far * far {
+                        if dot(middle_offset, middle_offset) > reach_distance * reach_distance {
                             continue;
                         }
-                        let cell = (z * self.counts[1] + y) * self.counts[0] + x;
-                        each(cell, number as u32);
+                        let cell_index = (z * self.counts[1] + y) * self.counts[0] + x;
+                        each(cell_index, number as u32);
                     }
                 }
             }
@@ -205,13 +209,16 @@ impl Facets {
     /// The range of cells around a triangle, along each axis.
     fn span(&self, triangle: &[Vector; 3]) -> [std::ops::Range<usize>; AXES_MAX] {
         std::array::from_fn(|axis| {
-            let all = triangle.map(|corner| corner[axis]);
-            let [least, greatest] = [all.into_iter().fold(f64::INFINITY, f64::min), {
-                all.into_iter().fold(f64::NEG_INFINITY, f64::max)
-            }];
-            let cell = |x: f64| ((x - self.bounds[0][axis]) / self.wide).floor().max(0.0) as usize;
-            let last = self.counts[axis] - 1;
-            cell(least - self.reach).min(last)..cell(greatest + self.reach).min(last) + 1
+            let corner_places = triangle.map(|corner| corner[axis]);
+            let [least_place, greatest] =
+                [corner_places.into_iter().fold(f64::INFINITY, f64::min), {
+                    corner_places.into_iter().fold(f64::NEG_INFINITY, f64::max)
+                }];
+            let clamped_cell =
+                |x: f64| ((x - self.bounds[0][axis]) / self.wide).floor().max(0.0) as usize;
+            let last_cell = self.counts[axis] - 1;
+            clamped_cell(least_place - self.reach).min(last_cell)
+                ..clamped_cell(greatest + self.reach).min(last_cell) + 1
         })
     }
 }
@@ -248,8 +255,8 @@ fn nearest([a, b, c]: &[Vector; 3], place: Vector) -> Vector {
     }
     let towards_a = d3 * d6 - d5 * d4;
     if towards_a <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0 {
-        let share = (d4 - d3) / ((d4 - d3) + (d5 - d6));
-        return beside(*b, share, difference(*c, *b));
+        let edge_share = (d4 - d3) / ((d4 - d3) + (d5 - d6));
+        return beside(*b, edge_share, difference(*c, *b));
     }
     let normaliser = 1.0 / (towards_a + towards_b + towards_c);
     let (v, w) = (towards_b * normaliser, towards_c * normaliser);
@@ -283,34 +290,40 @@ mod tests {
 
     /// The distance from a triangle, by trying many of its points.
     fn by_trying([a, b, c]: &[Vector; 3], place: Vector) -> f64 {
-        let n = 200;
-        let mut least = f64::INFINITY;
-        for i in 0..=n {
-            for j in 0..=n - i {
-                let (v, w) = (f64::from(i) / f64::from(n), f64::from(j) / f64::from(n));
+        let step_count = 200;
+        let mut least_square = f64::INFINITY;
+        for i in 0..=step_count {
+            for j in 0..=step_count - i {
+                let (v, w) = (
+                    f64::from(i) / f64::from(step_count),
+                    f64::from(j) / f64::from(step_count),
+                );
                 let nearest_point: Vector = std::array::from_fn(|axis| {
                     a[axis] + v * (b[axis] - a[axis]) + w * (c[axis] - a[axis])
                 });
-                let apart = difference(place, nearest_point);
-                least = least.min(dot(apart, apart));
+                let point_offset = difference(place, nearest_point);
+                least_square = least_square.min(dot(point_offset, point_offset));
             }
         }
-        least.sqrt()
+        least_square.sqrt()
     }
 
     #[test]
     fn nearest_point_of_a_triangle() {
         let mut chance = Chance::new(7, "facets", "nearest", 0, 0);
-        let mut vector =
+        let mut random_vector =
             |size: f64| -> Vector { std::array::from_fn(|_| chance.uniform(-size, size)) };
         for _ in 0..200 {
-            let triangle = [vector(1.0), vector(1.0), vector(1.0)];
-            let place = vector(2.0);
-            let apart = difference(place, nearest(&triangle, place));
-            let (length, tried) = (dot(apart, apart).sqrt(), by_trying(&triangle, place));
+            let triangle = [random_vector(1.0), random_vector(1.0), random_vector(1.0)];
+            let test_place = random_vector(2.0);
+            let point_offset = difference(test_place, nearest(&triangle, test_place));
+            let (exact_length, tried_length) = (
+                dot(point_offset, point_offset).sqrt(),
+                by_trying(&triangle, test_place),
+            );
             assert!(
-                length <= tried + 1e-12 && tried - length < 0.02,
-                "{length} {tried}"
+                exact_length <= tried_length + 1e-12 && tried_length - exact_length < 0.02,
+                "{exact_length} {tried_length}"
             );
         }
     }
@@ -323,25 +336,25 @@ mod tests {
             .map(|_| std::array::from_fn(|_| chance.uniform(-1.0, 1.0)))
             .collect();
         let triangles: Vec<[u32; 3]> = (0..30).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
-        let facets = Facets::new(&corners, &triangles, 0.15).unwrap();
-        let mut n_seen = 0;
+        let surface = Facets::new(&corners, &triangles, 0.15).unwrap();
+        let mut near_count = 0;
         for _ in 0..3_000 {
-            let place: Vector = std::array::from_fn(|_| chance.uniform(-1.3, 1.3));
-            let all = facets.triangles.iter().map(|triangle| {
-                let apart = difference(place, nearest(triangle, place));
-                distance(apart[0], apart[1], apart[2])
+            let test_place: Vector = std::array::from_fn(|_| chance.uniform(-1.3, 1.3));
+            let distances = surface.triangles.iter().map(|triangle| {
+                let point_offset = difference(test_place, nearest(triangle, test_place));
+                distance(point_offset[0], point_offset[1], point_offset[2])
             });
-            let least = all.fold(f64::INFINITY, f64::min);
-            let (length, along) = facets.nearest(place);
-            if least < 0.15 {
-                n_seen += 1;
-                assert_eq!(length.to_bits(), least.to_bits());
-                assert!((dot(along, along) - 1.0).abs() < 1e-12);
+            let least_distance = distances.fold(f64::INFINITY, f64::min);
+            let (nearest_length, direction) = surface.nearest(test_place);
+            if least_distance < 0.15 {
+                near_count += 1;
+                assert_eq!(nearest_length.to_bits(), least_distance.to_bits());
+                assert!((dot(direction, direction) - 1.0).abs() < 1e-12);
             } else {
-                assert!(length >= 0.15);
+                assert!(nearest_length >= 0.15);
             }
         }
-        assert!(n_seen > 100, "{n_seen}");
+        assert!(near_count > 100, "{near_count}");
     }
 
     #[test]
@@ -353,12 +366,12 @@ mod tests {
             (vec![[0, 1, 2]], 0.0, "a gap above 0"),
             (vec![[0, 1, 2]; 200_001], 0.1, "more than 200,000"),
         ] {
-            let error = Facets::new(&corners, &triangles, reach).unwrap_err();
-            assert!(error.contains(message), "{error}");
+            let facet_error = Facets::new(&corners, &triangles, reach).unwrap_err();
+            assert!(facet_error.contains(message), "{facet_error}");
         }
         // A very large surface with a very small gap.
-        let wide = [[-1e6, -1e6, -1e6], [1e6, 1e6, 1e6], [1e6, -1e6, 1e6]];
-        let facets = Facets::new(&wide, &[[0, 1, 2]], 1e-9).unwrap();
-        assert!(facets.begins.len() <= CELLS_MAX + 1);
+        let wide_corners = [[-1e6, -1e6, -1e6], [1e6, 1e6, 1e6], [1e6, -1e6, 1e6]];
+        let wide_facets = Facets::new(&wide_corners, &[[0, 1, 2]], 1e-9).unwrap();
+        assert!(wide_facets.begins.len() <= CELLS_MAX + 1);
     }
 }

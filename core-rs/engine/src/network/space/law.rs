@@ -119,8 +119,9 @@ impl SpaceLaw {
     pub(crate) fn pressed(&self, k: f64, e: f64, elastic: f64) -> Option<[f64; 2]> {
         match self {
             Self::Cohesive { sink, reach, .. } => {
-                let (deep, pull) = (e + reach, k * sink);
-                (deep < 0.0).then(|| [(elastic - pull) / deep, pull])
+                let (signed_depth, constant_pull) = (e + reach, k * sink);
+                (signed_depth < 0.0)
+                    .then(|| [(elastic - constant_pull) / signed_depth, constant_pull])
             }
             _ => Some([elastic / e, 0.0]),
         }
@@ -133,8 +134,8 @@ impl SpaceLaw {
             Self::Yielding { .. } if e == BROKEN => 0.0,
             Self::Spring | Self::Yielding { .. } => k * e,
             Self::Attraction { core } => {
-                let far = 1.0 + (e / core) * (e / core);
-                k * e / (far * far.sqrt())
+                let scaled_square = 1.0 + (e / core) * (e / core);
+                k * e / (scaled_square * scaled_square.sqrt())
             }
             Self::Contact { .. } if e >= 0.0 => 0.0,
             Self::Contact { exponent, .. } => -contact(k, *exponent).force(-e),
@@ -170,15 +171,15 @@ impl SpaceLaw {
     /// elastic and its damping part.
     #[inline(always)]
     pub(crate) fn damped(&self, [k, e]: [f64; 2], elastic: f64, damping: f64) -> f64 {
-        let pull = elastic + damping;
+        let total_pull = elastic + damping;
         match self {
-            Self::Contact { clamp: true, .. } => pull.min(0.0),
+            Self::Contact { clamp: true, .. } => total_pull.min(0.0),
             // Beyond touching, it pulls without damping.
             Self::Cohesive { reach, .. } if e + reach >= 0.0 => elastic,
             Self::Cohesive {
                 clamp: true, sink, ..
-            } => pull.min(k * sink),
-            _ => pull,
+            } => total_pull.min(k * sink),
+            _ => total_pull,
         }
     }
 
@@ -189,8 +190,8 @@ impl SpaceLaw {
             Self::Spring | Self::Yielding { .. } => 0.5 * k * e * e,
             // k·core²·(1 − 1/√far), without a difference of nearly equal numbers.
             Self::Attraction { core } => {
-                let far = 1.0 + (e / core) * (e / core);
-                k * e * e / (far + far.sqrt())
+                let scaled_square = 1.0 + (e / core) * (e / core);
+                k * e * e / (scaled_square + scaled_square.sqrt())
             }
             Self::Contact { .. } if e >= 0.0 => 0.0,
             Self::Contact { exponent, .. } => contact(k, *exponent).energy(-e),
@@ -205,8 +206,9 @@ impl SpaceLaw {
                 reach,
                 ..
             } => {
-                let deep = -(e + reach);
-                k * (contact(1.0, *exponent).energy(deep) - sink * (0.5 * reach + deep))
+                let penetration = -(e + reach);
+                k * (contact(1.0, *exponent).energy(penetration)
+                    - sink * (0.5 * reach + penetration))
             }
             Self::Gauge => 0.0,
             Self::Lnl { law, from, .. } => law.work(*from, e),

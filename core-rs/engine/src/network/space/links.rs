@@ -76,8 +76,8 @@ impl SpaceLink {
     ) -> [f64; AXES_MAX] {
         let mut between = [0.0; AXES_MAX];
         for (axis, between) in between.iter_mut().enumerate().take(self.n_axes) {
-            let (a, b) = self.pair(ends, axis);
-            *between = x(b) - x(a);
+            let (first_mat, second_mat) = self.pair(ends, axis);
+            *between = x(second_mat) - x(first_mat);
         }
         between
     }
@@ -89,12 +89,12 @@ impl SpaceLink {
         direction: [f64; AXES_MAX],
         moved: impl Fn(usize) -> f64,
     ) -> f64 {
-        let along = direction.into_iter().enumerate().take(self.n_axes);
-        let along = along.map(|(axis, direction)| {
-            let (a, b) = self.pair(ends, axis);
-            direction * (moved(b) - moved(a))
+        let axis_terms = direction.into_iter().enumerate().take(self.n_axes);
+        let axis_terms = axis_terms.map(|(axis, direction)| {
+            let (first_mat, second_mat) = self.pair(ends, axis);
+            direction * (moved(second_mat) - moved(first_mat))
         });
-        along.sum()
+        axis_terms.sum()
     }
 }
 
@@ -123,12 +123,18 @@ impl Network {
             return Err(self.refused(name, "a link joins two different points"));
         }
         self.check_capacity(name, n)?;
-        let first = self.n_lia;
-        let space = SpaceLink::new(law, Measure::Distance, n_axes, [a, b]);
-        self.add_run(LinkKind::Space(space), a.first, b.first, n, [k, z, rest]);
+        let first_link = self.n_lia;
+        let space_link = SpaceLink::new(law, Measure::Distance, n_axes, [a, b]);
+        self.add_run(
+            LinkKind::Space(space_link),
+            a.first,
+            b.first,
+            n,
+            [k, z, rest],
+        );
         let name = self.full_name(name);
-        self.names.add_links(first, n, n > 1, name);
-        Ok(first)
+        self.names.add_links(first_link, n, n > 1, name);
+        Ok(first_link)
     }
 
     /// Add a law (LNL) of distance − `rest` and its rate between two points in space; returns its index.
@@ -146,18 +152,18 @@ impl Network {
         let distance = self.distance(ends, n_axes);
         let from = distance - rest;
         // Largest stiffness at the initial length and at rest: along its line the slope of the law, across it f/ℓ.
-        let slope = |e: f64| {
-            let across = inverse(rest + e) * law.spring(e);
-            law.slope(e).max(across).max(0.0)
+        let stiffest_slope = |e: f64| {
+            let slope_across = inverse(rest + e) * law.spring(e);
+            law.slope(e).max(slope_across).max(0.0)
         };
         let [k, z] = if rest > 0.0 {
             let viscosity = |e| law.damping_slope(e);
             [
-                slope(from).max(slope(0.0)),
+                stiffest_slope(from).max(stiffest_slope(0.0)),
                 viscosity(from).max(viscosity(0.0)),
             ]
         } else {
-            [slope(from), law.damping_slope(from)]
+            [stiffest_slope(from), law.damping_slope(from)]
         };
         if !law.spring(from).is_finite() {
             return Err(self.refused(

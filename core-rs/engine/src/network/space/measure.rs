@@ -31,11 +31,11 @@ impl Measure {
             Self::Surface(facets) => return facets.nearest([x, y, z]),
             Self::Distance | Self::Within => {}
         }
-        let (length, along) = line([x, y, z]);
+        let (line_length, direction) = line([x, y, z]);
         if *self == Self::Distance {
-            (length, along)
+            (line_length, direction)
         } else {
-            (-length, along.map(|part| -part))
+            (-line_length, direction.map(|part| -part))
         }
     }
 }
@@ -49,9 +49,9 @@ pub(crate) fn distance(x: f64, y: f64, z: f64) -> f64 {
 /// Length and unit vector of a vector; both are 0 if its ends are at one place.
 #[inline(always)]
 pub(crate) fn line([x, y, z]: [f64; AXES_MAX]) -> (f64, [f64; AXES_MAX]) {
-    let length = distance(x, y, z);
-    let inverse = inverse(length);
-    (length, [x * inverse, y * inverse, z * inverse])
+    let vector_length = distance(x, y, z);
+    let inverse = inverse(vector_length);
+    (vector_length, [x * inverse, y * inverse, z * inverse])
 }
 
 /// 1/length; 0 for a length of 0.

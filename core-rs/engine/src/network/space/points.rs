@@ -69,8 +69,11 @@ impl Network {
             v0,
             z,
         } = points;
-        let n = masses.len();
-        if !(1..=AXES_MAX).contains(&n_axes) || [x0.len(), v0.len()] != [n_axes * n; 2] || n == 0 {
+        let point_count = masses.len();
+        if !(1..=AXES_MAX).contains(&n_axes)
+            || [x0.len(), v0.len()] != [n_axes * point_count; 2]
+            || point_count == 0
+        {
             let message = "points have one to three coordinates each";
             return Err(self.refused(name, message));
         }
@@ -81,20 +84,26 @@ impl Network {
         for (x, v) in x0.iter().zip(v0) {
             self.check(name, &[("X0", *x, Rule::Finite), ("V0", *v, Rule::Finite)])?;
         }
-        self.check_capacity(name, n_axes * n)?;
-        let first = self.n_mat();
+        self.check_capacity(name, n_axes * point_count)?;
+        let first_mat = self.n_mat();
         for (i, (&x, &v)) in x0.iter().zip(v0).enumerate() {
-            self.push_coordinate(masses[i % n], z, [x, v]);
+            self.push_coordinate(masses[i % point_count], z, [x, v]);
         }
         for axis in 0..n_axes {
-            self.name_coordinates(first + axis * n, n, is_numbered, name, axis);
+            self.name_coordinates(
+                first_mat + axis * point_count,
+                point_count,
+                is_numbered,
+                name,
+                axis,
+            );
         }
-        Ok(first)
+        Ok(first_mat)
     }
 
     /// The initial distance of two points [m].
     pub fn distance(&self, (a, b): (SpacePoint, SpacePoint), n_axes: usize) -> f64 {
-        let apart = |axis: usize| {
+        let offset_along = |axis: usize| {
             let coordinate =
                 |end: SpacePoint| end.coordinate(axis).map_or(0.0, |mat| self.mats.x0[mat]);
             if axis < n_axes {
@@ -103,15 +112,15 @@ impl Network {
                 0.0
             }
         };
-        distance(apart(0), apart(1), apart(2))
+        distance(offset_along(0), offset_along(1), offset_along(2))
     }
 
     /// Whether `n` consecutive points from `end` on are MATs of the network.
     pub(in crate::network) fn has_points(&self, end: SpacePoint, n: usize, n_axes: usize) -> bool {
-        let is_here = |axis| {
-            let last = end.coordinate(axis)?.checked_add(n)?;
-            Some(last <= self.n_mat())
+        let is_present = |axis| {
+            let range_end = end.coordinate(axis)?.checked_add(n)?;
+            Some(range_end <= self.n_mat())
         };
-        (0..n_axes.min(AXES_MAX)).all(|axis| is_here(axis) == Some(true))
+        (0..n_axes.min(AXES_MAX)).all(|axis| is_present(axis) == Some(true))
     }
 }

@@ -35,14 +35,15 @@ impl Maker<'_> {
             return slow;
         }
         let refused_slow = multirate::refuse_all(subset, NO_GAIN);
-        let plain = multirate::without_slow(subset, &refused_slow);
-        match self.solve(&plain, island_timeline, None) {
-            Ok(plain)
-                if plain.is_within(self.budget) && !(is_within && slow.cost() <= plain.cost()) =>
+        let plain_island = multirate::without_slow(subset, &refused_slow);
+        match self.solve(&plain_island, island_timeline, None) {
+            Ok(plain_island)
+                if plain_island.is_within(self.budget)
+                    && !(is_within && slow.cost() <= plain_island.cost()) =>
             {
                 Solved {
                     refused_slow,
-                    ..plain
+                    ..plain_island
                 }
             }
             _ => slow,
@@ -56,27 +57,29 @@ impl Maker<'_> {
         island_timeline: &OwnTimeline,
         plain: Solved,
     ) -> Solved {
-        let (seldom, mut best) = self.offer_only_seen(subset, island_timeline, plain);
-        let subset = seldom.as_ref().unwrap_or(subset);
+        let (seldom_subset, mut best_solved) = self.offer_only_seen(subset, island_timeline, plain);
+        let subset = seldom_subset.as_ref().unwrap_or(subset);
         for &(every, preserved) in &PRESERVED {
             // Without allowance an offer cannot be measured.
             if self.allowance.n_refused() > 0 {
                 break;
             }
             let error_max = preserved.min(self.budget.contact());
-            let keys = multirate::offer(subset, island_timeline, self.budget, Offered::Keys, every);
-            let is_right = |solved: &Solved, best: &Solved| {
+            let slow_keys =
+                multirate::offer(subset, island_timeline, self.budget, Offered::Keys, every);
+            let is_right = |solved: &Solved, best_solved: &Solved| {
                 solved.slow_error.is_some_and(|error| error.db <= error_max)
-                    && solved.cost() < SLOW_WORTH * best.cost()
-                    && solved.is_as_exact(best, self.budget)
+                    && solved.cost() < SLOW_WORTH * best_solved.cost()
+                    && solved.is_as_exact(best_solved, self.budget)
             };
-            if let Some(slow) = keys
-                && let Some(solved) = self.try_offer(&slow, island_timeline, &best, is_right)
+            if let Some(slow_subset) = slow_keys
+                && let Some(solved) =
+                    self.try_offer(&slow_subset, island_timeline, &best_solved, is_right)
             {
-                best = solved;
+                best_solved = solved;
             }
         }
-        best
+        best_solved
     }
 
     /// The island with what is only seen computed as seldom as `seen_every` says, or more often if that would be heard.
@@ -86,26 +89,27 @@ impl Maker<'_> {
         island_timeline: &OwnTimeline,
         plain: Solved,
     ) -> (Option<Subset>, Solved) {
-        let mut every = self.seen_every;
-        while every > 1 && self.allowance.n_refused() == 0 {
-            let seldom = multirate::offer(
+        let mut seen_every = self.seen_every;
+        while seen_every > 1 && self.allowance.n_refused() == 0 {
+            let seldom_subset = multirate::offer(
                 subset,
                 island_timeline,
                 self.budget,
                 Offered::OnlySeen,
-                every,
+                seen_every,
             );
             let is_right = |solved: &Solved, plain: &Solved| {
                 solved.is_unheard(self.budget)
                     && solved.cost() < plain.cost()
                     && solved.sounds_as_exact(plain, self.budget)
             };
-            if let Some(seldom) = seldom
-                && let Some(solved) = self.try_offer(&seldom, island_timeline, &plain, is_right)
+            if let Some(seldom_subset) = seldom_subset
+                && let Some(solved) =
+                    self.try_offer(&seldom_subset, island_timeline, &plain, is_right)
             {
-                return (Some(seldom), solved);
+                return (Some(seldom_subset), solved);
             }
-            every /= 2;
+            seen_every /= 2;
         }
         (None, plain)
     }
@@ -133,35 +137,35 @@ impl Maker<'_> {
         island_timeline: &OwnTimeline,
         pin: &SteppedChoice,
     ) -> Option<Solved> {
-        let plain = multirate::without_slow(subset, &multirate::refuse_all(subset, NO_GAIN));
+        let plain_subset = multirate::without_slow(subset, &multirate::refuse_all(subset, NO_GAIN));
         if subset.network.has_slow_parts()
-            && let Ok(solved) = self.solve(&plain, island_timeline, Some(pin))
+            && let Ok(solved) = self.solve(&plain_subset, island_timeline, Some(pin))
         {
             return Some(solved);
         }
-        let times = pin.oversampling;
-        let mut each = vec![1];
+        let oversampling = pin.oversampling;
+        let mut tried_intervals = vec![1];
         for body in &pin.bodies {
             if let BodyChoice::Slow { macrostep } = *body
-                && macrostep > times
-                && !each.contains(&(macrostep / times))
+                && macrostep > oversampling
+                && !tried_intervals.contains(&(macrostep / oversampling))
             {
-                each.push(macrostep / times);
+                tried_intervals.push(macrostep / oversampling);
             }
         }
-        let offer = |subset: &Subset, offered, every| match every {
+        let offer_slow = |subset: &Subset, offered, every| match every {
             1 => Some(subset.clone()),
             _ => multirate::offer(subset, island_timeline, self.budget, offered, every),
         };
-        let both = each
+        let interval_pair = tried_intervals
             .iter()
-            .flat_map(|seen| each.iter().map(move |key| (*seen, *key)));
-        let mut first_offer = both
-            .filter(|&both| both != (1, 1))
+            .flat_map(|seen| tried_intervals.iter().map(move |key| (*seen, *key)));
+        let mut first_offer = interval_pair
+            .filter(|&interval_pair| interval_pair != (1, 1))
             .filter_map(|(seen, key)| {
-                let slow = offer(subset, Offered::OnlySeen, seen)?;
-                let slow = offer(&slow, Offered::Keys, key)?;
-                self.solve(&slow, island_timeline, Some(pin)).ok()
+                let slow_subset = offer_slow(subset, Offered::OnlySeen, seen)?;
+                let slow_subset = offer_slow(&slow_subset, Offered::Keys, key)?;
+                self.solve(&slow_subset, island_timeline, Some(pin)).ok()
             });
         Some(Solved {
             is_offered: true,
@@ -188,14 +192,14 @@ impl Solved {
     /// Whether the error that slow parts add stays within their share of what is allowed.
     fn is_unheard(&self, budget: &Budget) -> bool {
         self.slow_error.is_some_and(|error| {
-            let excess = error.excess(budget);
+            let error_excess = error.excess(budget);
             // If the waveforms part later, third octaves have to agree: their difference limen is 1 dB.
             let by_spectrum = match (error.spectral, budget) {
                 (None, _) => 0.0,
                 (Some(db), Budget::Cents { .. }) => db,
                 (Some(_), _) => f64::INFINITY,
             };
-            error.db <= budget.contact() && excess.max(by_spectrum) <= SEEN_SHARE
+            error.db <= budget.contact() && error_excess.max(by_spectrum) <= SEEN_SHARE
         })
     }
 
@@ -212,8 +216,8 @@ impl Solved {
 
     /// Whether the error is within the budget, or not larger than that of `other`.
     fn is_as_exact(&self, other: &Self, budget: &Budget) -> bool {
-        let db = |solved: &Self| solved.chosen.error.map(|error| error.db);
-        match (db(self), db(other)) {
+        let error_db = |solved: &Self| solved.chosen.error.map(|error| error.db);
+        match (error_db(self), error_db(other)) {
             (Some(island_timeline), Some(other)) => island_timeline <= other.max(budget.asked()),
             (island_timeline, other) => island_timeline.is_none() == other.is_none(),
         }

@@ -21,23 +21,23 @@ impl Maker<'_> {
         island_timeline: &OwnTimeline,
         assemble: &impl Fn(How<'_>) -> Result<Assembled, Error>,
     ) -> Result<ChosenIsland, Error> {
-        let known = (&self.allowance, self.store);
-        let result = self.pilot((subset, island_timeline), self.budget, assemble)?;
-        let first_error = result.chosen.error;
-        let chosen = result.extend_error(self.budget, known)?;
+        let trial_context = (&self.allowance, self.store);
+        let pilot_result = self.pilot((subset, island_timeline), self.budget, assemble)?;
+        let first_error = pilot_result.chosen.error;
+        let chosen = pilot_result.extend_error(self.budget, trial_context)?;
         let Some(stricter) = chosen.stricter(first_error, self.budget) else {
             return Ok(chosen);
         };
-        let result = self.pilot((subset, island_timeline), &stricter, assemble)?;
-        let other = result.extend_error(&stricter, known)?;
+        let pilot_result = self.pilot((subset, island_timeline), &stricter, assemble)?;
+        let stricter_island = pilot_result.extend_error(&stricter, trial_context)?;
         let is_within = |error: Measured| match self.budget {
             Budget::Cents { .. } => error.excess(self.budget) <= 1.0,
             Budget::Error(_) | Budget::Method(_) => {
                 error.spectral.is_none() && error.db <= self.budget.asked()
             }
         };
-        Ok(match other.error.is_some_and(is_within) {
-            true => other,
+        Ok(match stricter_island.error.is_some_and(is_within) {
+            true => stricter_island,
             false => chosen,
         })
     }
@@ -50,32 +50,32 @@ impl Maker<'_> {
         assemble: &impl Fn(How<'_>) -> Result<Assembled, Error>,
     ) -> Result<PilotResult, Error> {
         let is_tried = !matches!(budget, Budget::Method(_)) && !island_timeline.timeline.is_open;
-        let series = self.store.filter(|_| is_tried).map(|store| {
-            let also = format_args!("pilot {budget:?}");
+        let record_series = self.store.filter(|_| is_tried).map(|store| {
+            let content_label = format_args!("pilot {budget:?}");
             Series::new(
                 store,
-                IslandContent::new(&subset.network, &island_timeline.timeline, also),
+                IslandContent::new(&subset.network, &island_timeline.timeline, content_label),
             )
         });
-        let recalled = series.as_ref().and_then(|series| {
-            let (taken, record) = series.find(&self.allowance)?;
+        let recalled = record_series.as_ref().and_then(|record_series| {
+            let (taken_work, pilot_record) = record_series.find(&self.allowance)?;
             let assemble = |how: How<'_>, pin: Option<&SteppedChoice>| {
                 Assembled::new(subset, island_timeline, self.budget, how, pin, &self.memo)
             };
-            let result = PilotResult::recalled(&record, &assemble)?;
+            let pilot_result = PilotResult::recalled(&pilot_record, &assemble)?;
             // The record includes the work of solving bodies.
             self.memo.take_work();
-            self.allowance.replay(&taken);
-            Some(result)
+            self.allowance.replay(&taken_work);
+            Some(pilot_result)
         });
-        if let Some(result) = recalled {
-            return Ok(result);
+        if let Some(pilot_result) = recalled {
+            return Ok(pilot_result);
         }
-        let left = self.allowance.begin();
-        let result = pilot::pilot(assemble, budget, &self.allowance)?;
-        if let Some(series) = &series {
-            series.keep(&self.allowance, left, result.record());
+        let allowance_left = self.allowance.begin();
+        let pilot_result = pilot::pilot(assemble, budget, &self.allowance)?;
+        if let Some(record_series) = &record_series {
+            record_series.keep(&self.allowance, allowance_left, pilot_result.record());
         }
-        Ok(result)
+        Ok(pilot_result)
     }
 }

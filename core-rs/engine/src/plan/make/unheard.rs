@@ -43,13 +43,17 @@ pub(super) fn plan(
         }
         let first_row = maker.plan.rows.len();
         maker.island(subset.clone(), members.clone())?;
-        if let Some(Unit::IslandPlan(slow)) = maker.plan.units.last()
-            && slow.every > 1
+        if let Some(Unit::IslandPlan(slow_plan)) = maker.plan.units.last()
+            && slow_plan.every > 1
         {
-            let each = (&subset, &members, budget);
-            let error = seen_rate::error(slow, each, (&maker.memo, &allowance, known.store))?;
-            let rows = maker.plan.rows[first_row..].iter_mut();
-            rows.for_each(|row| row.error = error);
+            let island_context = (&subset, &members, budget);
+            let rate_error = seen_rate::error(
+                slow_plan,
+                island_context,
+                (&maker.memo, &allowance, known.store),
+            )?;
+            let island_rows = maker.plan.rows[first_row..].iter_mut();
+            island_rows.for_each(|row| row.error = rate_error);
         }
     }
     Ok(maker.plan)
@@ -64,32 +68,38 @@ impl Maker<'_> {
         modules: usize,
         why: Option<NoModes>,
     ) -> Result<(), Error> {
-        let parts = subset.network.parts();
+        let network_parts = subset.network.parts();
         let mut mat_parts = subset.network.mats().part.iter();
         // A discrete network that is the reference has only one rate.
-        let is_discrete = mat_parts.any(|&part| parts[part as usize].ca_rate.is_some());
+        let is_discrete = mat_parts.any(|&part| network_parts[part as usize].ca_rate.is_some());
         // If the whole island has a lower rate, its parts have none of their own.
-        let alike = Subset {
+        let uniform_subset = Subset {
             network: subset.network.with_macrosteps(|_, _| None),
             ..subset.clone()
         };
-        let mut every = if is_discrete { 1 } else { self.every };
-        while every > 1 {
-            let before = self.counts();
-            let slower = island_timeline.slower(every);
-            let is_made = slower.is_some_and(|slower| {
-                self.stepped(&alike, &slower, modules, None, why.clone())
-                    .is_ok()
+        let mut every_frames = if is_discrete { 1 } else { self.every };
+        while every_frames > 1 {
+            let counts_before = self.counts();
+            let slower_timeline = island_timeline.slower(every_frames);
+            let is_planned = slower_timeline.is_some_and(|slower_timeline| {
+                self.stepped(
+                    &uniform_subset,
+                    &slower_timeline,
+                    modules,
+                    None,
+                    why.clone(),
+                )
+                .is_ok()
             });
-            if is_made && self.set_every(before, every) {
+            if is_planned && self.set_every(counts_before, every_frames) {
                 return Ok(());
             }
-            let [units, rows, choices, refused_slow] = before;
-            self.plan.units.truncate(units);
+            let [unit_count, rows, choices, refused_slow] = counts_before;
+            self.plan.units.truncate(unit_count);
             self.plan.rows.truncate(rows);
             self.plan.choices.truncate(choices);
             self.plan.stay.truncate(refused_slow);
-            every /= 2;
+            every_frames /= 2;
         }
         let [_, first_row, ..] = self.counts();
         self.stepped(subset, island_timeline, modules, None, why)?;
@@ -107,12 +117,12 @@ impl Maker<'_> {
 
     /// The numbers of units, rows, choices and staying parts planned so far.
     fn counts(&self) -> [usize; 4] {
-        let plan = &self.plan;
+        let current_plan = &self.plan;
         [
-            plan.units.len(),
-            plan.rows.len(),
-            plan.choices.len(),
-            plan.stay.len(),
+            current_plan.units.len(),
+            current_plan.rows.len(),
+            current_plan.choices.len(),
+            current_plan.stay.len(),
         ]
     }
 

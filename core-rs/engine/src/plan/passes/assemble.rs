@@ -94,7 +94,7 @@ impl Assembled {
     ) -> Result<Self, Error> {
         let How {
             oversampling,
-            bodies: choice,
+            bodies: method_choice,
             is_plain,
         } = how;
         let timeline = if oversampling == 1 {
@@ -103,37 +103,46 @@ impl Assembled {
             faster(&island_timeline.timeline, oversampling, &subset.network)?
         };
         // The macrostep of a slow part keeps its duration at a higher rate.
-        let sped = (oversampling > 1 && subset.network.has_slow_parts()).then(|| Subset {
+        let faster_subset = (oversampling > 1 && subset.network.has_slow_parts()).then(|| Subset {
             network: subset
                 .network
                 .with_macrosteps(|_, every| every?.checked_mul(oversampling)),
             ..subset.clone()
         });
-        let subset = sped.as_ref().unwrap_or(subset);
+        let subset = faster_subset.as_ref().unwrap_or(subset);
         // What was decided to be computed once a step stays so.
-        let is_once = is_plain || pin.is_some_and(|pin| pin.contact_substeps == 1);
-        let steps_max = if is_once { 1 } else { SUBSTEPS_MAX };
-        let (cut, mut because) = ported::cut(subset, &timeline, budget, pin, choice, memo);
+        let is_single_step = is_plain || pin.is_some_and(|pin| pin.contact_substeps == 1);
+        let steps_max = if is_single_step { 1 } else { SUBSTEPS_MAX };
+        let (island_cut, mut because) =
+            ported::cut(subset, &timeline, budget, pin, method_choice, memo);
         let mut body_steps = None;
-        if let Some(cut) = cut {
+        if let Some(island_cut) = island_cut {
             // A contact that is computed between frames treats a port as a free mass. With a mesh that holds the port
             // faster than a frame, that coupling would oscillate and grow.
             let steps_over = |body_steps: &PortedBody| match &body_steps.inside {
                 BodyPlan::Mesh(mesh) => mesh.steps_over_fast_motion(),
                 BodyPlan::Modal(_) | BodyPlan::Slow(_) => false,
             };
-            let once = cut.bodies.iter().any(steps_over).then_some(1);
-            let timeline = &cut.timeline.timeline;
-            let by = |steps_max| hub(&cut.hub.network, timeline, budget, steps_max, Refusal::Bare);
-            match once
-                .map_or_else(|| by(steps_max), by)
-                .or_else(|_| by(steps_max))
+            let steps_limit = island_cut.bodies.iter().any(steps_over).then_some(1);
+            let timeline = &island_cut.timeline.timeline;
+            let hub_within = |steps_max| {
+                hub(
+                    &island_cut.hub.network,
+                    timeline,
+                    budget,
+                    steps_max,
+                    Refusal::Bare,
+                )
+            };
+            match steps_limit
+                .map_or_else(|| hub_within(steps_max), hub_within)
+                .or_else(|_| hub_within(steps_max))
             {
-                Ok(stable) => body_steps = Some((cut, stable)),
+                Ok(stable_hub) => body_steps = Some((island_cut, stable_hub)),
                 Err(_) => because = Some(NoModes::Stiff),
             }
         }
-        let (cut, (contact_substeps, may_collocate, certificate)) = match body_steps {
+        let (island_cut, (contact_substeps, may_collocate, certificate)) = match body_steps {
             Some(body_steps) => body_steps,
             None => {
                 // Only at the score's own rate does the composer get an explanation.
@@ -141,27 +150,27 @@ impl Assembled {
                     1 => Refusal::Explained,
                     _ => Refusal::Bare,
                 };
-                let stable = hub(&subset.network, &timeline, budget, steps_max, refusal)?;
+                let stable_hub = hub(&subset.network, &timeline, budget, steps_max, refusal)?;
                 (
                     ported::uncut_island(subset, island_timeline, timeline),
-                    stable,
+                    stable_hub,
                 )
             }
         };
         let Cut {
             hub,
-            timeline: inner,
+            timeline: hub_timeline,
             bodies,
-        } = cut;
+        } = island_cut;
         let island_plan = IslandPlan {
             to_whole: NetworkIndices {
                 mats: Some(through(&subset.mats, &hub.mats)),
                 outputs: Some(subset.outputs.clone()),
-                keys: Some(through(&island_timeline.keys, &inner.keys)),
-                gestures: Some(through(&island_timeline.gestures, &inner.gestures)),
+                keys: Some(through(&island_timeline.keys, &hub_timeline.keys)),
+                gestures: Some(through(&island_timeline.gestures, &hub_timeline.gestures)),
             },
             network: Arc::new(hub.network),
-            timeline: inner.timeline,
+            timeline: hub_timeline.timeline,
             bodies: bodies
                 .iter()
                 .map(|body_steps| body_steps.inside.clone())
@@ -178,7 +187,7 @@ impl Assembled {
             certificate,
             because,
             may_collocate,
-            shape: Shape::from_choice(choice),
+            shape: Shape::from_choice(method_choice),
             is_plain,
         })
     }
@@ -203,27 +212,27 @@ impl Assembled {
 
     /// Whether something in it sticks and slips: two runs may then agree by chance, both slipping too late.
     pub(in crate::plan) fn sticks(&self) -> bool {
-        let mut runs = self.island_plan.network.runs().iter();
-        runs.any(|run| matches!(run.kind, LinkKind::Bristle(_) | LinkKind::Dry(_)))
+        let mut link_runs = self.island_plan.network.runs().iter();
+        link_runs.any(|run| matches!(run.kind, LinkKind::Bristle(_) | LinkKind::Dry(_)))
     }
 
     /// Whether it has dry friction, whose stops and turns are located between frames.
     pub(in crate::plan) fn has_dry_friction(&self) -> bool {
-        let mut runs = self.island_plan.network.runs().iter();
-        runs.any(|run| matches!(run.kind, LinkKind::Dry(_)))
+        let mut link_runs = self.island_plan.network.runs().iter();
+        link_runs.any(|run| matches!(run.kind, LinkKind::Dry(_)))
     }
 
     /// Whether it computes a contact without losses once a step.
     pub(in crate::plan) fn has_lossless_steps(&self) -> bool {
-        let mut runs = self.island_plan.network.runs().iter();
-        let is_lossless = runs.any(|run| matches!(run.kind, LinkKind::But(_)) && run.z == 0.0);
+        let mut link_runs = self.island_plan.network.runs().iter();
+        let is_lossless = link_runs.any(|run| matches!(run.kind, LinkKind::But(_)) && run.z == 0.0);
         is_lossless && (self.is_plain || self.island_plan.contact_substeps == 1)
     }
 
     /// The methods of its bodies that are meshes, in order.
     pub(in crate::plan) fn mesh_methods(&self) -> Vec<Option<(MeshMethod, u32)>> {
-        let bodies = self.island_plan.bodies.iter();
-        bodies.map(BodyPlan::mesh_method).collect()
+        let body_plans = self.island_plan.bodies.iter();
+        body_plans.map(BodyPlan::mesh_method).collect()
     }
 
     /// The same island with only the modes `modes_kept`, and these contact substeps.
@@ -232,16 +241,16 @@ impl Assembled {
         contact_substeps: usize,
         modes_kept: Vec<KeptModes>,
     ) -> Self {
-        let mut hub = (*self.island_plan.network).clone();
+        let mut hub_network = (*self.island_plan.network).clone();
         for (body, modes_kept) in self.bodies.iter_mut().zip(modes_kept) {
-            if let BodyPlan::Modal(modal) = &body.inside {
-                body.inside = BodyPlan::Modal(modal.only(&modes_kept.modes));
+            if let BodyPlan::Modal(modal_body) = &body.inside {
+                body.inside = BodyPlan::Modal(modal_body.only(&modes_kept.modes));
                 body.left_out = modes_kept.left_out;
                 body.computed_modes = modes_kept.numbers();
-                ported::set_free(&mut hub, &body.inside);
+                ported::set_free(&mut hub_network, &body.inside);
             }
         }
-        self.island_plan.network = Arc::new(hub);
+        self.island_plan.network = Arc::new(hub_network);
         self.island_plan.bodies = self
             .bodies
             .iter()
@@ -253,13 +262,13 @@ impl Assembled {
 }
 
 fn faster(timeline: &Timeline, oversampling: u32, network: &Network) -> Result<Timeline, Error> {
-    let mut parts = network.mats().part.iter().map(|&part| part as usize);
+    let mut mat_parts = network.mats().part.iter().map(|&part| part as usize);
     // A discrete network that is the reference has only one rate.
-    let is_discrete = parts.any(|part| network.parts()[part].ca_rate.is_some());
-    let faster = (!is_discrete)
+    let is_discrete = mat_parts.any(|part| network.parts()[part].ca_rate.is_some());
+    let faster_timeline = (!is_discrete)
         .then(|| timeline.faster(oversampling))
         .flatten();
-    faster.ok_or_else(|| Error::Refused {
+    faster_timeline.ok_or_else(|| Error::Refused {
         module: network.mat_name(0),
         message: format!("its events cannot be computed {oversampling} times a frame"),
     })
@@ -275,33 +284,33 @@ pub(in crate::plan) fn hub(
     refusal: Refusal,
 ) -> Result<(usize, bool, Certificate), Error> {
     let network = &greatest(network, &timeline.leads)?;
-    let mut scheme = Scheme::new(network, timeline.rate)?;
-    let parts = network.mats().part.iter().map(|&part| part as usize);
-    let mut truths = parts.map(|part| network.parts()[part].ca_rate);
+    let mut hub_scheme = Scheme::new(network, timeline.rate)?;
+    let mat_parts = network.mats().part.iter().map(|&part| part as usize);
+    let mut reference_rates = mat_parts.map(|part| network.parts()[part].ca_rate);
     // If the discrete network is the reference, so are its contacts.
-    let is_discrete = truths.any(|truth| truth.is_some());
+    let is_discrete = reference_rates.any(|truth| truth.is_some());
     let steered = timeline.steered();
-    let (has_contacts, has_laws) = scheme.has_fine(&steered);
+    let (has_contacts, has_laws) = hub_scheme.has_fine(&steered);
     let mut contact_substeps = if has_contacts && !is_discrete {
         budget.contact_substeps().min(steps_max)
     } else {
         1
     };
     if contact_substeps > 1 {
-        scheme.take_fine(&steered);
+        hub_scheme.take_fine(&steered);
     }
     let may_collocate = has_laws && !is_discrete && steps_max > 1;
     let may_collocate_alone =
         may_collocate && contact_substeps == 1 && !matches!(budget, Budget::Method(_));
     if timeline.is_unguarded {
-        scheme.let_laws_give_way();
+        hub_scheme.let_laws_give_way();
     }
-    let certificate = match scheme.certify_or(network, refusal) {
+    let certificate = match hub_scheme.certify_or(network, refusal) {
         // Between frames a law is solved implicitly, so no slope of its friction is too steep.
-        Err(Error::Unstable { .. }) if may_collocate_alone && scheme.bears_springs(network) => {
+        Err(Error::Unstable { .. }) if may_collocate_alone && hub_scheme.bears_springs(network) => {
             contact_substeps = SUBSTEPS_MIN.min(steps_max);
-            scheme.take_fine(&steered);
-            scheme.certify_or(network, refusal)?
+            hub_scheme.take_fine(&steered);
+            hub_scheme.certify_or(network, refusal)?
         }
         certificate => certificate?,
     };

@@ -67,34 +67,35 @@ pub(in crate::plan) fn keep(
     let Some(loudness_max) = allowed else {
         return loudest;
     };
-    let frames = strikes
+    let blow_frames = strikes
         .values()
         .flat_map(|own| &own.parts)
         .map(|part| part.0);
-    let first = frames.min().filter(|_| !body.is_moving());
+    let first_blow = blow_frames.min().filter(|_| !body.is_moving());
     let outputs: Vec<u32> = (0..network.outputs().len() as u32).collect();
     let loudness = |some: &[usize]| {
-        let bank = body.bank(some, &outputs);
-        Loudness::new(bank, network, rate, first.unwrap_or(0))
+        let mode_bank = body.bank(some, &outputs);
+        Loudness::new(mode_bank, network, rate, first_blow.unwrap_or(0))
     };
-    let mut all = None;
+    let mut total_loudness = None;
     loop {
-        let stays = |mode: &usize| loudest.modes.binary_search(mode).is_ok();
+        let is_kept_mode = |mode: &usize| loudest.modes.binary_search(mode).is_ok();
         let is_heard = |mode: &usize| body.frequency(*mode) <= budget.highest();
-        let fallen: Vec<usize> = (0..body.n_modes())
-            .filter(|mode| !stays(mode) && is_heard(mode))
+        let dropped_modes: Vec<usize> = (0..body.n_modes())
+            .filter(|mode| !is_kept_mode(mode) && is_heard(mode))
             .collect();
-        if fallen.is_empty() {
+        if dropped_modes.is_empty() {
             loudest.left_out = None;
             return loudest;
         }
-        let all = all.get_or_insert_with(|| loudness(&(0..body.n_modes()).collect::<Vec<_>>()));
-        let loud = loudness(&fallen).relative_to(all);
-        loudest.left_out = Some(loud);
-        if loud <= loudness_max {
+        let total_loudness = total_loudness
+            .get_or_insert_with(|| loudness(&(0..body.n_modes()).collect::<Vec<_>>()));
+        let dropped_loudness = loudness(&dropped_modes).relative_to(total_loudness);
+        loudest.left_out = Some(dropped_loudness);
+        if dropped_loudness <= loudness_max {
             return loudest;
         }
-        allowed = allowed.map(|db| db - (loud - loudness_max).max(QUIETER));
+        allowed = allowed.map(|db| db - (dropped_loudness - loudness_max).max(QUIETER));
         loudest = body.loudest(allowed);
     }
 }

@@ -62,56 +62,58 @@ fn normal(
 ) -> Result<Body, NoModes> {
     let (network, rate) = (&subset.network, timeline.rate);
     let OutputSums { mut rows, held } = output_sums(network)?;
-    let n_out = rows.len();
+    let n_outputs = rows.len();
     rows.extend(strikes.keys().map(|&mat| vec![(mat as usize, 1.0)]));
-    let mut modes = memo.modes(network, &rows, rate)?;
+    let mut body_modes = memo.modes(network, &rows, rate)?;
     // What a session will strike is not known: any mode may move.
     let turned = (!timeline.is_open).then(|| strikes.keys().map(|&mat| mat as usize).collect());
     if turned.is_some() {
-        modes.rotate(&(n_out..rows.len()).collect::<Vec<_>>(), rate);
+        body_modes.rotate(&(n_outputs..rows.len()).collect::<Vec<_>>(), rate);
     }
-    if let Some(why) = modes.unfit(rate) {
-        return Err(why);
+    if let Some(unfit_reason) = body_modes.unfit(rate) {
+        return Err(unfit_reason);
     }
     // A free body goes by complex modes, which also give the forces in it; a session uses normal modes only.
-    if modes.is_free() && !timeline.is_open {
+    if body_modes.is_free() && !timeline.is_open {
         return Err(NoModes::Slow);
     }
-    let (seen, excited) = modes.shapes.split_at(n_out);
-    let normal = Normal {
-        modes: &modes,
+    let (seen, excited) = body_modes.shapes.split_at(n_outputs);
+    let normal_modes = Normal {
+        modes: &body_modes,
         seen,
         struck_modes: excited,
         strikes,
         budget,
         rate,
     };
-    let chosen = match pinned {
-        Some(chosen) => KeptModes::pinned(chosen, modes.len()).ok_or(NoModes::Pinned)?,
+    let chosen_modes = match pinned {
+        Some(chosen_modes) => {
+            KeptModes::pinned(chosen_modes, body_modes.len()).ok_or(NoModes::Pinned)?
+        }
         None => {
             // What a session will strike is not known: no audible mode is left out.
             let allowed = budget.left_out().filter(|_| !timeline.is_open);
-            audible::keep(&normal, strikes, network, allowed, budget, rate)
+            audible::keep(&normal_modes, strikes, network, allowed, budget, rate)
         }
     };
-    let rest = (0..n_out)
+    let rest = (0..n_outputs)
         .map(|output| {
-            let still: f64 = seen[output]
+            let static_sum: f64 = seen[output]
                 .iter()
-                .zip(&modes.rest)
+                .zip(&body_modes.rest)
                 .map(|(a, b)| a * b)
                 .sum();
-            still + held[output]
+            static_sum + held[output]
         })
         .collect();
     Ok(Body {
         bank: BankPlan {
             turned,
-            ..normal.bank(&chosen.modes, &subset.outputs)
+            ..normal_modes.bank(&chosen_modes.modes, &subset.outputs)
         },
         rest,
-        modes: modes.len(),
-        computed: chosen,
+        modes: body_modes.len(),
+        computed: chosen_modes,
         kind: ModeKind::Normal,
     })
 }
@@ -143,10 +145,11 @@ impl ModalBody for Normal<'_> {
     }
 
     fn loudest(&self, allowed: Option<f64>) -> KeptModes {
-        let (seen, excited, impulse_rows) = (self.seen, self.struck_modes, impulses(self.strikes));
+        let (seen_shapes, excited, impulse_rows) =
+            (self.seen, self.struck_modes, impulses(self.strikes));
         truncate::keep(
             self.modes,
-            seen,
+            seen_shapes,
             excited,
             &impulse_rows,
             allowed,
@@ -177,16 +180,16 @@ fn bank_of(
     strikes: &Blows,
     rate: Rate,
 ) -> BankPlan {
-    let mut bank = BankPlan::default();
+    let mut bank_plan = BankPlan::default();
     for &mode in some {
-        let ratios = modes.ratios(mode, rate);
+        let mode_ratios = modes.ratios(mode, rate);
         let mut weights = Vec::new();
         for (row, &output) in seen.iter().zip(outputs) {
             add_weight(&mut weights, output, row[mode]);
         }
-        bank.oscillators.push(Oscillator {
-            a: 2.0 - ratios.kappa - ratios.zeta,
-            b: 1.0 - ratios.zeta,
+        bank_plan.oscillators.push(Oscillator {
+            a: 2.0 - mode_ratios.kappa - mode_ratios.zeta,
+            b: 1.0 - mode_ratios.zeta,
             now: modes.x0[mode] - modes.rest[mode],
             before: modes.before(mode, rate),
             outputs: weights,
@@ -194,13 +197,13 @@ fn bank_of(
         });
     }
     for (shape, blows) in excited.iter().zip(strikes.values()) {
-        bank.strikes.push(Strikes {
+        bank_plan.strikes.push(Strikes {
             among: 0..some.len(),
             responses: if modes.is_discrete {
                 Vec::new()
             } else {
-                let cells = some.iter().map(|&mode| modes.cell(mode));
-                cells.map(Response::Cell).collect()
+                let mode_cells = some.iter().map(|&mode| modes.cell(mode));
+                mode_cells.map(Response::Cell).collect()
             },
             share: some.iter().map(|&mode| shape[mode]).collect(),
             w: if modes.is_discrete {
@@ -211,7 +214,7 @@ fn bank_of(
             blows: blows.parts.clone(),
         });
     }
-    bank
+    bank_plan
 }
 
 /// Strikes on each MAT that `is_ours`. In a discrete network they act on frames.
@@ -225,19 +228,19 @@ pub(in crate::plan) fn blows(
     } else {
         Instants::Exact
     };
-    let mut by_mat = Blows::new();
+    let mut blows_by_mat = Blows::new();
     for strike in timeline.strikes.iter().filter(|strike| is_ours(strike.mat)) {
-        let blows = by_mat.entry(strike.mat).or_default();
-        blows.impulses.push(strike.impulse);
-        let parts = timeline.parts(strike, instants);
-        blows
+        let mat_blows = blows_by_mat.entry(strike.mat).or_default();
+        mat_blows.impulses.push(strike.impulse);
+        let strike_parts = timeline.parts(strike, instants);
+        mat_blows
             .parts
-            .extend(parts.map(|part| (part.frame, part.alpha, part.impulse)));
+            .extend(strike_parts.map(|part| (part.frame, part.alpha, part.impulse)));
     }
-    for blows in by_mat.values_mut() {
-        blows.parts.sort_by_key(|part| part.0);
+    for mat_blows in blows_by_mat.values_mut() {
+        mat_blows.parts.sort_by_key(|part| part.0);
     }
-    by_mat
+    blows_by_mat
 }
 
 /// What outputs sum.
@@ -250,8 +253,8 @@ pub(in crate::plan) struct OutputSums {
 
 /// What each output of a body sums; refused if one hears a force.
 pub(in crate::plan) fn output_sums(network: &Network) -> Result<OutputSums, NoModes> {
-    let mut terms = network.outputs().iter().flat_map(|output| &output.terms);
-    let hears_force = terms.any(|term| !matches!(term, Term::Position { .. }));
+    let mut output_terms = network.outputs().iter().flat_map(|output| &output.terms);
+    let hears_force = output_terms.any(|term| !matches!(term, Term::Position { .. }));
     if hears_force {
         return Err(NoModes::ForceHeard);
     }
@@ -263,34 +266,36 @@ pub(in crate::plan) fn position_sums(network: &Network) -> Result<OutputSums, No
     let mats = network.mats();
     let (mut rows, mut held) = (Vec::new(), Vec::new());
     for output in network.outputs() {
-        let (mut row, mut still) = (Row::new(), 0.0);
-        let mut add = |mat: usize, weight: f64| {
-            row.push((mat, weight));
+        let (mut output_row, mut static_sum) = (Row::new(), 0.0);
+        let mut add_mat = |mat: usize, weight: f64| {
+            output_row.push((mat, weight));
             if !mats.kind[mat].moves() {
-                still += weight * mats.x0[mat];
+                static_sum += weight * mats.x0[mat];
             }
         };
-        let mut rests = 0.0;
+        let mut rest_forces = 0.0;
         for term in &output.terms {
             match *term {
                 Term::Position { first, len, weight } => {
-                    (first..first + len).for_each(|mat| add(mat, weight));
+                    (first..first + len).for_each(|mat| add_mat(mat, weight));
                 }
                 Term::Force { first, len, weight } => {
                     for link in first..first + len {
-                        let run = network.run_of(link).filter(|run| run.is_undamped_spring());
-                        let (run, weight) = (run.ok_or(NoModes::ForceHeard)?, -weight);
-                        let offset = link - run.first;
-                        add(run.b + offset, weight * run.k);
-                        add(run.a + offset, -weight * run.k);
-                        rests -= weight * run.k * run.rest;
+                        let link_run = network
+                            .run_of(link)
+                            .filter(|link_run| link_run.is_undamped_spring());
+                        let (link_run, weight) = (link_run.ok_or(NoModes::ForceHeard)?, -weight);
+                        let run_offset = link - link_run.first;
+                        add_mat(link_run.b + run_offset, weight * link_run.k);
+                        add_mat(link_run.a + run_offset, -weight * link_run.k);
+                        rest_forces -= weight * link_run.k * link_run.rest;
                     }
                 }
                 Term::Ground { .. } | Term::Length { .. } => return Err(NoModes::ForceHeard),
             }
         }
-        rows.push(row);
-        held.push(still + rests);
+        rows.push(output_row);
+        held.push(static_sum + rest_forces);
     }
     Ok(OutputSums { rows, held })
 }

@@ -37,11 +37,11 @@ pub(in crate::plan) fn is_loose(network: &Network, island: &IslandMembers, rate:
         return true; // x[n+1] = 2x[n] − x[n−1] has no rounded coefficients
     }
     let part = network.parts().get(mats.part[mat] as usize);
-    let step = part
+    let time_step = part
         .and_then(|part| part.ca_rate)
         .map_or(rate.step(), |own| rate.step() / own.step());
-    let kappa = mats.k[mat] / mats.m[mat] * step * step;
-    let zeta = mats.z[mat] / mats.m[mat] * step;
+    let kappa = mats.k[mat] / mats.m[mat] * time_step * time_step;
+    let zeta = mats.z[mat] / mats.m[mat] * time_step;
     // A discrete cell may diverge (Jury); it is refused where it is stepped.
     let is_stable = part.is_none_or(|part| part.ca_rate.is_none()) || kappa + 2.0 * zeta < 4.0;
     is_stable && kappa >= ANGLE_MIN * ANGLE_MIN
@@ -56,15 +56,15 @@ pub(in crate::plan) fn oscillators(
     let network = &subset.network;
     let (mats, rate) = (network.mats(), timeline.rate);
     let scheme = Scheme::new(network, rate)?;
-    let steps = backward_steps(network, timeline, &scheme, &mats.x0, &[], &|_| true);
-    let mut all: Vec<Oscillator> = (0..network.n_mat())
+    let steps_before = backward_steps(network, timeline, &scheme, &mats.x0, &[], &|_| true);
+    let mut cell_oscillators: Vec<Oscillator> = (0..network.n_mat())
         .map(|i| {
             let now = mats.x0[i] - mats.rest[i];
             Oscillator {
                 a: 2.0 - scheme.kappa[i] - scheme.zeta[i],
                 b: 1.0 - scheme.zeta[i],
                 now,
-                before: now - steps[i],
+                before: now - steps_before[i],
                 outputs: Vec::new(),
                 blows: Vec::new(),
             }
@@ -78,7 +78,7 @@ pub(in crate::plan) fn oscillators(
                 Term::Force { .. } | Term::Length { .. } => continue,
             };
             for i in interrupt::steps(first..first + len) {
-                let cell = &mut all[i];
+                let cell = &mut cell_oscillators[i];
                 let weight = weight * if is_force { mats.k[i] } else { 1.0 };
                 if !is_force {
                     still[index as usize] += weight * mats.rest[i];
@@ -88,56 +88,57 @@ pub(in crate::plan) fn oscillators(
         }
     }
     for push in pushes(network, timeline, |_| true) {
-        let mat = push.mat as usize;
-        all[mat].blows.push(Blow {
+        let struck_mat = push.mat as usize;
+        cell_oscillators[struck_mat].blows.push(Blow {
             frame: push.frame,
-            kick: Kick::By(scheme.w[mat] * push.force),
+            kick: Kick::By(scheme.w[struck_mat] * push.force),
         });
     }
     for ergon in &timeline.ergons {
-        let mat = ergon.mat as usize;
-        all[mat].blows.push(Blow {
+        let struck_mat = ergon.mat as usize;
+        cell_oscillators[struck_mat].blows.push(Blow {
             frame: frame(ergon.instant, rate.hertz()),
             kick: Kick::Ergon {
                 mass: ergon.mass,
                 speed: ergon.speed,
-                w: scheme.w[mat],
+                w: scheme.w[struck_mat],
             },
         });
     }
-    let mut sizes = HashMap::new();
-    for (part, cell) in mats.part.iter().zip(&all) {
-        *sizes.entry(*part).or_insert(0) += usize::from(!cell.outputs.is_empty());
+    let mut part_sizes = HashMap::new();
+    for (part, cell) in mats.part.iter().zip(&cell_oscillators) {
+        *part_sizes.entry(*part).or_insert(0) += usize::from(!cell.outputs.is_empty());
     }
-    let mut banks: Vec<BankPlan> = Vec::new();
+    let mut cell_banks: Vec<BankPlan> = Vec::new();
     // In reverse, so that memory of moved oscillators can be given back: millions of them are not held twice.
-    all.reverse();
-    for i in interrupt::steps(0..all.len()) {
+    cell_oscillators.reverse();
+    for i in interrupt::steps(0..cell_oscillators.len()) {
         if i % SHRINK_EVERY == 0 {
-            all.shrink_to_fit();
+            cell_oscillators.shrink_to_fit();
         }
-        let Some(mut oscillator) = all.pop() else {
+        let Some(mut oscillator) = cell_oscillators.pop() else {
             break;
         };
         if oscillator.outputs.is_empty() {
             continue;
         }
         oscillator.blows.sort_by_key(|blow| blow.frame);
-        let part = Some(mats.part[i]).filter(|part| sizes[part] >= PART_MIN);
-        let has_room = |bank: &BankPlan| bank.part == part && bank.mats.len() < BANK_MAX;
-        if !banks.last().is_some_and(has_room) {
-            banks.push(BankPlan {
+        let part = Some(mats.part[i]).filter(|part| part_sizes[part] >= PART_MIN);
+        let has_room =
+            |last_bank: &BankPlan| last_bank.part == part && last_bank.mats.len() < BANK_MAX;
+        if !cell_banks.last().is_some_and(has_room) {
+            cell_banks.push(BankPlan {
                 part,
                 is_open: timeline.is_open,
                 ..BankPlan::default()
             });
         }
-        if let Some(bank) = banks.last_mut() {
-            bank.mats.push((subset.mats[i], mats.rest[i]));
-            bank.oscillators.push(oscillator);
+        if let Some(last_bank) = cell_banks.last_mut() {
+            last_bank.mats.push((subset.mats[i], mats.rest[i]));
+            last_bank.oscillators.push(oscillator);
         }
     }
-    Ok(banks)
+    Ok(cell_banks)
 }
 
 /// Add a weight to what an output hears.

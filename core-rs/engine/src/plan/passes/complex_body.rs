@@ -29,31 +29,38 @@ pub(in crate::plan) fn bank(
     memo: &Memo<'_>,
 ) -> Result<Body, NoModes> {
     let network = &subset.network;
-    let (sums, held) = output_sums(network);
-    let struck: Vec<usize> = strikes.keys().map(|&mat| mat as usize).collect();
-    let modes = memo.complex(network, &sums, &struck, rate)?;
+    let (sum_rows, static_sums) = output_sums(network);
+    let struck_mats: Vec<usize> = strikes.keys().map(|&mat| mat as usize).collect();
+    let body_modes = memo.complex(network, &sum_rows, &struck_mats, rate)?;
     let complex = Complex {
-        modes: &modes,
+        modes: &body_modes,
         strikes,
         budget,
         rate,
     };
-    let chosen = match pinned {
-        Some(chosen) => KeptModes::pinned(chosen, modes.len()).ok_or(NoModes::Pinned)?,
+    let chosen_modes = match pinned {
+        Some(chosen_modes) => {
+            KeptModes::pinned(chosen_modes, body_modes.len()).ok_or(NoModes::Pinned)?
+        }
         None => {
             let allowed = budget.left_out();
-            let chosen = audible::keep(&complex, strikes, network, allowed, budget, rate);
-            complex.or_all(chosen)
+            let chosen_modes = audible::keep(&complex, strikes, network, allowed, budget, rate);
+            complex.or_all(chosen_modes)
         }
     };
-    let mut bank = complex.bank(&chosen.modes, &subset.outputs);
-    let places = places(&parts(&modes, &chosen.modes, rate));
+    let mut bank = complex.bank(&chosen_modes.modes, &subset.outputs);
+    let places = places(&parts(&body_modes, &chosen_modes.modes, rate));
     bank.complex = Some((Arc::new(network.clone()), places));
     Ok(Body {
         bank,
-        rest: modes.rest.iter().zip(held).map(|(a, b)| a + b).collect(),
-        modes: modes.len(),
-        computed: chosen,
+        rest: body_modes
+            .rest
+            .iter()
+            .zip(static_sums)
+            .map(|(a, b)| a + b)
+            .collect(),
+        modes: body_modes.len(),
+        computed: chosen_modes,
         kind: ModeKind::Complex,
     })
 }
@@ -62,46 +69,48 @@ pub(in crate::plan) fn bank(
 /// links.
 fn output_sums(network: &Network) -> (Vec<Sum>, Vec<f64>) {
     let mats = network.mats();
-    let (mut sums, mut held) = (Vec::new(), Vec::new());
+    let (mut output_terms, mut static_sums) = (Vec::new(), Vec::new());
     for output in network.outputs() {
-        let (mut sum, mut still) = (Sum::default(), 0.0);
+        let (mut output_sum, mut static_sum) = (Sum::default(), 0.0);
         for term in &output.terms {
             match *term {
                 Term::Position { first, len, weight } => {
-                    sum.positions
+                    output_sum
+                        .positions
                         .extend((first..first + len).map(|i| (i, weight)));
                 }
                 Term::Ground { first, len, weight } => {
                     for i in first..first + len {
-                        sum.positions.push((i, weight * mats.k[i]));
-                        still -= weight * mats.k[i] * mats.rest[i];
+                        output_sum.positions.push((i, weight * mats.k[i]));
+                        static_sum -= weight * mats.k[i] * mats.rest[i];
                     }
                 }
                 Term::Length { .. } => {} // a body has no links in space
                 Term::Force { first, len, weight } => {
                     for run in network.runs() {
-                        let links = run.first.max(first)..(run.first + run.len).min(first + len);
-                        for link in links {
-                            let (a, b) = run.pair(link - run.first, 0);
-                            for (end, sign) in [(a, weight), (b, -weight)] {
-                                sum.positions.push((end, sign * run.k));
-                                sum.velocities.push((end, sign * run.z));
+                        let run_links =
+                            run.first.max(first)..(run.first + run.len).min(first + len);
+                        for link in run_links {
+                            let (first_end, second_end) = run.pair(link - run.first, 0);
+                            for (end, sign) in [(first_end, weight), (second_end, -weight)] {
+                                output_sum.positions.push((end, sign * run.k));
+                                output_sum.velocities.push((end, sign * run.z));
                             }
-                            still += weight * run.k * run.rest;
+                            static_sum += weight * run.k * run.rest;
                         }
                     }
                 }
             }
         }
-        for &(mat, weight) in &sum.positions {
+        for &(mat, weight) in &output_sum.positions {
             if !mats.kind[mat].moves() {
-                still += weight * mats.x0[mat];
+                static_sum += weight * mats.x0[mat];
             }
         }
-        sums.push(sum);
-        held.push(still);
+        output_terms.push(output_sum);
+        static_sums.push(static_sum);
     }
-    (sums, held)
+    (output_terms, static_sums)
 }
 
 /// A body by its complex modes, where they are heard and struck.
@@ -129,7 +138,7 @@ pub(in crate::plan) struct Part {
 /// The parts of a mode.
 fn parts_of(modes: &ComplexModes, mode: usize, rate: Rate) -> Vec<Part> {
     let [x, y] = modes.start[mode];
-    let step = rate.step();
+    let time_step = rate.step();
     let new_part = |recurrence, [now, before]: [f64; 2], part, sign| Part {
         mode,
         part,
@@ -141,22 +150,29 @@ fn parts_of(modes: &ComplexModes, mode: usize, rate: Rate) -> Vec<Part> {
     match modes.poles[mode] {
         Pole::Pair { decay, omega } => {
             let (a, b) = recurrence(decay, omega, rate);
-            let theta = omega * step;
-            let (c, s) = (cos(theta), sin(theta));
+            let step_angle = omega * time_step;
+            let (c, s) = (cos(step_angle), sin(step_angle));
             // If b is 0, the recurrence does not use the frame before.
-            let grown = if b == 0.0 { 0.0 } else { exp(decay * step) };
-            let re = [x, grown * (c * x + s * y)];
-            let im = [y, grown * (c * y - s * x)];
-            vec![new_part((a, b), re, 0, 1.0), new_part((a, b), im, 1, -1.0)]
+            let growth_factor = if b == 0.0 {
+                0.0
+            } else {
+                exp(decay * time_step)
+            };
+            let real_pair = [x, growth_factor * (c * x + s * y)];
+            let imag_pair = [y, growth_factor * (c * y - s * x)];
+            vec![
+                new_part((a, b), real_pair, 0, 1.0),
+                new_part((a, b), imag_pair, 1, -1.0),
+            ]
         }
         Pole::Real { decay } => {
             // The recurrence does not use the frame before, but a port needs it for its velocity.
-            let s = decay * step;
-            let grown = if s < 1.0 { exp(s) } else { 1.0 + s };
-            vec![new_part((exp(-s), 0.0), [x, grown * x], 0, 1.0)]
+            let s = decay * time_step;
+            let growth_factor = if s < 1.0 { exp(s) } else { 1.0 + s };
+            vec![new_part((exp(-s), 0.0), [x, growth_factor * x], 0, 1.0)]
         }
         Pole::Free => vec![
-            new_part((2.0, 1.0), [x, x - y * step], 0, 1.0),
+            new_part((2.0, 1.0), [x, x - y * time_step], 0, 1.0),
             new_part((1.0, 0.0), [y, 0.0], 1, 1.0),
         ],
     }
@@ -164,58 +180,60 @@ fn parts_of(modes: &ComplexModes, mode: usize, rate: Rate) -> Vec<Part> {
 
 /// The parts of some modes that outputs see.
 pub(in crate::plan) fn parts(modes: &ComplexModes, some: &[usize], rate: Rate) -> Vec<Part> {
-    let all = some.iter().flat_map(|&mode| parts_of(modes, mode, rate));
-    let is_seen = |own: &Part| modes.seen.iter().any(|row| row[own.mode][own.part] != 0.0);
-    all.filter(is_seen).collect()
+    let all_parts = some.iter().flat_map(|&mode| parts_of(modes, mode, rate));
+    let is_part_seen = |own: &Part| modes.seen.iter().any(|row| row[own.mode][own.part] != 0.0);
+    all_parts.filter(is_part_seen).collect()
 }
 
 /// The response of a part to an impulse at a point.
 pub(in crate::plan) fn response(modes: &ComplexModes, part: &Part, point: usize) -> Response {
-    let gain = modes.struck_modes[point][part.mode];
+    let mode_gain = modes.struck_modes[point][part.mode];
     match modes.poles[part.mode] {
         // Im z = Re(−i·z).
         Pole::Pair { decay, omega } => Response::Pair {
             decay,
             omega,
             gain: if part.part == 0 {
-                gain
+                mode_gain
             } else {
-                [gain[1], -gain[0]]
+                [mode_gain[1], -mode_gain[0]]
             },
         },
         Pole::Real { decay } => Response::Real {
             decay,
-            gain: gain[0],
+            gain: mode_gain[0],
         },
-        Pole::Free if part.part == 0 => Response::Free { gain: gain[1] },
+        Pole::Free if part.part == 0 => Response::Free { gain: mode_gain[1] },
         Pole::Free => Response::Real {
             decay: 0.0,
-            gain: gain[1],
+            gain: mode_gain[1],
         },
     }
 }
 
 /// Which parts of which modes the oscillators are.
 pub(in crate::plan) fn places(all: &[Part]) -> Vec<ComplexPart> {
-    let place = |part: &Part| ComplexPart {
+    let place_of_part = |part: &Part| ComplexPart {
         mode: part.mode,
         part: part.part,
         sign: part.sign,
     };
-    all.iter().map(place).collect()
+    all.iter().map(place_of_part).collect()
 }
 
 impl Complex<'_> {
     /// All modes, unless those that were kept are cheaper by enough.
     fn or_all(&self, modes_kept: KeptModes) -> KeptModes {
-        let all: Vec<usize> = (0..self.modes.len()).collect();
-        let cost = |some: &[usize]| parts(self.modes, some, self.rate).len() as f64;
+        let all_modes: Vec<usize> = (0..self.modes.len()).collect();
+        let bank_cost = |some: &[usize]| parts(self.modes, some, self.rate).len() as f64;
         // A group of lanes costs the same whether it is full or not.
-        if cost(&all) > LANES as f64 && cost(&modes_kept.modes) <= TRUNCATED_WORTH * cost(&all) {
+        if bank_cost(&all_modes) > LANES as f64
+            && bank_cost(&modes_kept.modes) <= TRUNCATED_WORTH * bank_cost(&all_modes)
+        {
             return modes_kept;
         }
         KeptModes {
-            modes: all,
+            modes: all_modes,
             left_out: None,
         }
     }
@@ -235,48 +253,54 @@ impl ModalBody for Complex<'_> {
     }
 
     fn loudest(&self, allowed: Option<f64>) -> KeptModes {
-        let modes = self.modes;
+        let body_modes = self.modes;
         let impulse_rows = impulses(self.strikes);
-        let square = |[re, im]: [f64; 2]| re * re + im * im;
-        let energy =
-            |mode: usize| {
-                let blows = modes.struck_modes.iter().zip(&impulse_rows).flat_map(
-                    |(felt, impulse_rows)| impulse_rows.iter().map(|p| p * p * square(felt[mode])),
-                );
-                let (_, decay) = modes.pitch(mode);
-                // ∫ e^(−2σt) over the first moments.
-                let time = if decay * ENERGY_SPAN > 1e-9 {
-                    -expm1(-2.0 * decay * ENERGY_SPAN) / (2.0 * decay)
-                } else {
-                    ENERGY_SPAN
-                };
-                (square(modes.start[mode]) + blows.sum::<f64>()) * time
+        let squared_norm = |[re, im]: [f64; 2]| re * re + im * im;
+        let mode_energy = |mode: usize| {
+            let blow_energies = body_modes.struck_modes.iter().zip(&impulse_rows).flat_map(
+                |(felt, impulse_rows)| {
+                    impulse_rows
+                        .iter()
+                        .map(|p| p * p * squared_norm(felt[mode]))
+                },
+            );
+            let (_, decay) = body_modes.pitch(mode);
+            // ∫ e^(−2σt) over the first moments.
+            let decay_integral = if decay * ENERGY_SPAN > 1e-9 {
+                -expm1(-2.0 * decay * ENERGY_SPAN) / (2.0 * decay)
+            } else {
+                ENERGY_SPAN
             };
-        let energies: Vec<f64> = (0..modes.len()).map(energy).collect();
-        let size = |row: &Vec<[f64; 2]>| row.iter().map(|&c| square(c).sqrt()).collect();
-        let rows: Vec<Vec<f64>> = modes.seen.iter().map(size).collect();
-        let rows: Vec<&[f64]> = rows.iter().map(Vec::as_slice).collect();
-        let frequency = |mode: usize| modes.pitch(mode).0;
-        let mut loudest = truncate::choose(&[energies], &rows, allowed, self.budget, frequency);
+            (squared_norm(body_modes.start[mode]) + blow_energies.sum::<f64>()) * decay_integral
+        };
+        let energies: Vec<f64> = (0..body_modes.len()).map(mode_energy).collect();
+        let row_norms = |row: &Vec<[f64; 2]>| row.iter().map(|&c| squared_norm(c).sqrt()).collect();
+        let seen_rows: Vec<Vec<f64>> = body_modes.seen.iter().map(row_norms).collect();
+        let seen_rows: Vec<&[f64]> = seen_rows.iter().map(Vec::as_slice).collect();
+        let frequency = |mode: usize| body_modes.pitch(mode).0;
+        let mut loudest =
+            truncate::choose(&[energies], &seen_rows, allowed, self.budget, frequency);
         // Rigid motion stays, however quiet it is.
-        let is_free = |mode: &usize| modes.poles[*mode] == Pole::Free;
-        loudest.modes.extend((0..modes.len()).filter(is_free));
+        let is_free_mode = |mode: &usize| body_modes.poles[*mode] == Pole::Free;
+        loudest
+            .modes
+            .extend((0..body_modes.len()).filter(is_free_mode));
         loudest.modes.sort_unstable();
         loudest.modes.dedup();
         loudest
     }
 
     fn bank(&self, some: &[usize], outputs: &[u32]) -> BankPlan {
-        let modes = self.modes;
-        let mut bank = BankPlan::default();
-        let all = parts(modes, some, self.rate);
-        for part in &all {
+        let body_modes = self.modes;
+        let mut bank_plan = BankPlan::default();
+        let all_parts = parts(body_modes, some, self.rate);
+        for part in &all_parts {
             let mut weights = Vec::new();
-            for (row, &output) in modes.seen.iter().zip(outputs) {
+            for (row, &output) in body_modes.seen.iter().zip(outputs) {
                 add_weight(&mut weights, output, part.sign * row[part.mode][part.part]);
             }
             let (a, b) = part.recurrence;
-            bank.oscillators.push(Oscillator {
+            bank_plan.oscillators.push(Oscillator {
                 a,
                 b,
                 now: part.now,
@@ -286,17 +310,17 @@ impl ModalBody for Complex<'_> {
             });
         }
         for (point, blows) in self.strikes.values().enumerate() {
-            bank.strikes.push(Strikes {
-                among: 0..all.len(),
-                responses: all
+            bank_plan.strikes.push(Strikes {
+                among: 0..all_parts.len(),
+                responses: all_parts
                     .iter()
-                    .map(|part| response(modes, part, point))
+                    .map(|part| response(body_modes, part, point))
                     .collect(),
-                share: vec![1.0; all.len()],
+                share: vec![1.0; all_parts.len()],
                 w: self.rate.step() * self.rate.step(),
                 blows: blows.parts.clone(),
             });
         }
-        bank
+        bank_plan
     }
 }

@@ -96,7 +96,7 @@ impl ComplexModes {
         rate: Rate,
     ) -> Result<Self, NoModes> {
         let coordinates = Coordinates::new(network, outputs, struck, rate)?;
-        let mut modes = Self {
+        let mut complex_modes = Self {
             seen: vec![Vec::new(); outputs.len()],
             struck_modes: vec![Vec::new(); struck.len()],
             rest: coordinates.rests(),
@@ -105,24 +105,24 @@ impl ComplexModes {
         match &coordinates.damping {
             Damping::Decoupled(damping) => {
                 for (mode, &c) in damping.iter().enumerate() {
-                    decoupled::add(&mut modes, &coordinates, mode, c)?;
+                    decoupled::add(&mut complex_modes, &coordinates, mode, c)?;
                 }
             }
             Damping::Coupled(damping) => {
-                let n = coordinates.lambda.len();
-                for block in blocks::all(damping, n) {
+                let mode_count = coordinates.lambda.len();
+                for block in blocks::all(damping, mode_count) {
                     match block[..] {
                         [mode] => {
-                            let diagonal = damping[mode * n + mode];
-                            decoupled::add(&mut modes, &coordinates, mode, diagonal)?;
+                            let diagonal = damping[mode * mode_count + mode];
+                            decoupled::add(&mut complex_modes, &coordinates, mode, diagonal)?;
                         }
-                        _ => blocks::add(&mut modes, &coordinates, damping, &block)?,
+                        _ => blocks::add(&mut complex_modes, &coordinates, damping, &block)?,
                     }
                 }
             }
         }
-        modes.sort();
-        Ok(modes)
+        complex_modes.sort();
+        Ok(complex_modes)
     }
 
     pub(in crate::plan) fn len(&self) -> usize {
@@ -140,30 +140,33 @@ impl ComplexModes {
 
     /// By frequency, then by decay.
     fn sort(&mut self) {
-        let mut order: Vec<usize> = (0..self.len()).collect();
-        order.sort_by(|&i, &j| {
-            let ((f, decay), (other_f, other_decay)) = (self.pitch(i), self.pitch(j));
-            f.total_cmp(&other_f).then(decay.total_cmp(&other_decay))
+        let mut mode_order: Vec<usize> = (0..self.len()).collect();
+        mode_order.sort_by(|&i, &j| {
+            let ((frequency, decay), (other_frequency, other_decay)) =
+                (self.pitch(i), self.pitch(j));
+            frequency
+                .total_cmp(&other_frequency)
+                .then(decay.total_cmp(&other_decay))
         });
-        fn sorted<T: Copy>(all: &[T], order: &[usize]) -> Vec<T> {
-            order.iter().map(|&mode| all[mode]).collect()
+        fn sorted<T: Copy>(all: &[T], mode_order: &[usize]) -> Vec<T> {
+            mode_order.iter().map(|&mode| all[mode]).collect()
         }
-        self.poles = sorted(&self.poles, &order);
-        self.start = sorted(&self.start, &order);
+        self.poles = sorted(&self.poles, &mode_order);
+        self.start = sorted(&self.start, &mode_order);
         for row in self.seen.iter_mut().chain(&mut self.struck_modes) {
-            *row = sorted(row, &order);
+            *row = sorted(row, &mode_order);
         }
     }
 
     /// Whether a mode is too slow for its recurrence.
     pub(in crate::plan) fn unfit(&self, rate: Rate) -> Option<NoModes> {
-        let is_slow = |pole: &Pole| match *pole {
+        let is_too_slow = |pole: &Pole| match *pole {
             Pole::Pair { decay, omega } => {
                 (decay * decay + omega * omega).sqrt() * rate.step() < ANGLE_MIN
             }
             Pole::Real { .. } | Pole::Free => false,
         };
-        self.poles.iter().any(is_slow).then_some(NoModes::Slow)
+        self.poles.iter().any(is_too_slow).then_some(NoModes::Slow)
     }
 
     /// Adds a mode: `seen` by each output, and `excitation` from 1 N·s at each struck point.
@@ -191,27 +194,27 @@ impl Coordinates {
         struck: &[usize],
         rate: Rate,
     ) -> Result<Self, NoModes> {
-        let linear = Linear::new(network, rate)?;
-        let n = linear.free.len();
+        let linear_body = Linear::new(network, rate)?;
+        let free_count = linear_body.free.len();
         // A discrete network that is the reference is stepped as it is.
-        let is_damped = linear.proportion.is_none();
-        if linear.is_discrete {
+        let is_damped = linear_body.proportion.is_none();
+        if linear_body.is_discrete {
             return Err(if is_damped {
                 NoModes::Damping
             } else {
                 NoModes::ForceHeard
             });
         }
-        if is_damped && n > DAMPED_MAX {
+        if is_damped && free_count > DAMPED_MAX {
             return Err(NoModes::Large);
         }
         let mats = network.mats();
-        let slot = |mat: usize| linear.free.binary_search(&mat).ok();
+        let slot_of_mat = |mat: usize| linear_body.free.binary_search(&mat).ok();
         let row = |row: &Row| {
-            let mut sum = vec![0.0; n];
+            let mut sum = vec![0.0; free_count];
             for &(mat, weight) in row {
-                if let Some(local) = slot(mat) {
-                    sum[local] += weight / linear.root[local];
+                if let Some(local) = slot_of_mat(mat) {
+                    sum[local] += weight / linear_body.root[local];
                 }
             }
             sum
@@ -220,56 +223,73 @@ impl Coordinates {
         rows.extend(outputs.iter().map(|sum| row(&sum.velocities)));
         rows.extend(struck.iter().map(|&mat| row(&vec![(mat, 1.0)])));
         let weighted = |value_of: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
-            let all = linear.free.iter().enumerate();
-            all.map(|(local, &mat)| value_of(local, mat)).collect()
+            let free_mats = linear_body.free.iter().enumerate();
+            free_mats
+                .map(|(local, &mat)| value_of(local, mat))
+                .collect()
         };
-        rows.push(weighted(&|local, mat| linear.root[local] * mats.x0[mat]));
-        rows.push(weighted(&|local, mat| linear.root[local] * mats.v0[mat]));
-        rows.push(weighted(&|local, _| {
-            linear.force[local] / linear.root[local]
+        rows.push(weighted(&|local, mat| {
+            linear_body.root[local] * mats.x0[mat]
         }));
-        let n_first = rows.len();
+        rows.push(weighted(&|local, mat| {
+            linear_body.root[local] * mats.v0[mat]
+        }));
+        rows.push(weighted(&|local, _| {
+            linear_body.force[local] / linear_body.root[local]
+        }));
+        let first_damper = rows.len();
         if is_damped {
             rows.extend(
-                linear
+                linear_body
                     .dampers
                     .iter()
-                    .map(|damper| damper_row(damper, &linear.root)),
+                    .map(|damper| damper_row(damper, &linear_body.root)),
             );
         }
         let (mut lambda, mut rows) =
-            all_eigenvalues(linear.stiffness, &rows).ok_or(NoModes::NotFinite)?;
-        let top = lambda.last().copied().unwrap_or(0.0);
-        let least = 1e-13 * top * n as f64;
-        if lambda.first().is_some_and(|lowest| *lowest < -least) {
+            all_eigenvalues(linear_body.stiffness, &rows).ok_or(NoModes::NotFinite)?;
+        let lambda_max = lambda.last().copied().unwrap_or(0.0);
+        let lambda_floor = 1e-13 * lambda_max * free_count as f64;
+        if lambda.first().is_some_and(|lowest| *lowest < -lambda_floor) {
             return Err(NoModes::Diverges);
         }
-        let loose = lambda.iter_mut().filter(|lambda| **lambda <= least);
-        loose.for_each(|lambda| *lambda = 0.0);
-        let damping = match linear.proportion {
+        let free_lambdas = lambda.iter_mut().filter(|lambda| **lambda <= lambda_floor);
+        free_lambdas.for_each(|lambda| *lambda = 0.0);
+        let damping = match linear_body.proportion {
             Some([alpha, beta]) => {
                 Damping::Decoupled(lambda.iter().map(|lambda| alpha + beta * lambda).collect())
             }
             None => {
-                let signs: Vec<f64> = linear
+                let damper_signs: Vec<f64> = linear_body
                     .dampers
                     .iter()
                     .map(|local| local.z.signum())
                     .collect();
                 for group in equal_frequencies(&lambda) {
-                    rotate_group(&mut rows, n_first, group, &signs).ok_or(NoModes::NotFinite)?;
+                    rotate_group(&mut rows, first_damper, group, &damper_signs)
+                        .ok_or(NoModes::NotFinite)?;
                 }
-                Damping::Coupled(coupling(&rows[n_first..], &signs, n))
+                Damping::Coupled(coupling(&rows[first_damper..], &damper_signs, free_count))
             }
         };
-        rows.truncate(n_first);
-        let force = rows.pop().unwrap_or_default();
+        rows.truncate(first_damper);
+        let modal_force = rows.pop().unwrap_or_default();
         let v0 = rows.pop().unwrap_or_default();
         let x0 = rows.pop().unwrap_or_default();
         let struck = rows.split_off(2 * outputs.len());
         let velocities = rows.split_off(outputs.len());
-        let rests = |(force, lambda): (f64, &f64)| if *lambda > 0.0 { force / lambda } else { 0.0 };
-        let rest = force.into_iter().zip(&lambda).map(rests).collect();
+        let rest_of_mode = |(modal_force, lambda): (f64, &f64)| {
+            if *lambda > 0.0 {
+                modal_force / lambda
+            } else {
+                0.0
+            }
+        };
+        let rest = modal_force
+            .into_iter()
+            .zip(&lambda)
+            .map(rest_of_mode)
+            .collect();
         Ok(Self {
             lambda,
             positions: rows,
@@ -283,37 +303,42 @@ impl Coordinates {
     }
 
     fn rests(&self) -> Vec<f64> {
-        let rest = |row: &Vec<f64>| row.iter().zip(&self.rest).map(|(a, b)| a * b).sum();
-        self.positions.iter().map(rest).collect()
+        let row_rest = |row: &Vec<f64>| row.iter().zip(&self.rest).map(|(a, b)| a * b).sum();
+        self.positions.iter().map(row_rest).collect()
     }
 }
 
 /// The row of a damper, times the root of its |Z|: C is the sum of sign·row·rowᵀ.
 fn damper_row(damper: &Damper, root: &[f64]) -> Vec<f64> {
-    let mut row = vec![0.0; root.len()];
+    let mut weighted_row = vec![0.0; root.len()];
     for (end, sign) in damper.ends.iter().zip([1.0, -1.0]) {
-        if let Some(local) = *end {
-            row[local] += sign * damper.z.abs().sqrt() / root[local];
+        if let Some(free_slot) = *end {
+            weighted_row[free_slot] += sign * damper.z.abs().sqrt() / root[free_slot];
         }
     }
-    row
+    weighted_row
 }
 
 /// Ranges of undamped modes of the same frequency, first those that no spring holds: any rotation among them gives
 /// equally valid modes.
 fn equal_frequencies(lambda: &[f64]) -> Vec<Range<usize>> {
-    let mut ranges = Vec::new();
-    let mut first = 0;
-    while first < lambda.len() {
-        let low = lambda[first];
-        let is_same = |high: &&f64| **high - low <= 2.0 * COUPLING_NONE * high.sqrt();
-        let n = lambda[first..].iter().take_while(is_same).count().max(1);
-        if n > 1 || low == 0.0 {
-            ranges.push(first..first + n);
+    let mut group_ranges = Vec::new();
+    let mut group_start = 0;
+    while group_start < lambda.len() {
+        let lower_lambda = lambda[group_start];
+        let is_same_frequency =
+            |high: &&f64| **high - lower_lambda <= 2.0 * COUPLING_NONE * high.sqrt();
+        let group_size = lambda[group_start..]
+            .iter()
+            .take_while(is_same_frequency)
+            .count()
+            .max(1);
+        if group_size > 1 || lower_lambda == 0.0 {
+            group_ranges.push(group_start..group_start + group_size);
         }
-        first += n;
+        group_start += group_size;
     }
-    ranges
+    group_ranges
 }
 
 /// Rotates modes of the same frequency so that dampers do not couple them with each other: equal poles are then
@@ -324,18 +349,21 @@ fn rotate_group(
     modes: Range<usize>,
     signs: &[f64],
 ) -> Option<()> {
-    let part = |row: &Vec<f64>| row[modes.clone()].to_vec();
-    let all: Vec<Vec<f64>> = rows.iter().map(part).collect();
+    let group_part = |row: &Vec<f64>| row[modes.clone()].to_vec();
+    let group_rows: Vec<Vec<f64>> = rows.iter().map(group_part).collect();
     let dampers = rows[n_first..].iter().flatten();
     let largest = dampers.fold(0.0_f64, |most, x| most.max(x.abs()));
-    let (values, turned) = all_eigenvalues(coupling(&all[n_first..], signs, modes.len()), &all)?;
+    let (eigenvalues, turned) = all_eigenvalues(
+        coupling(&group_rows[n_first..], signs, modes.len()),
+        &group_rows,
+    )?;
     for (row, turned) in rows.iter_mut().zip(turned) {
         row[modes.clone()].copy_from_slice(&turned);
     }
-    let n = rows.first().map_or(0, Vec::len) as f64;
-    for (mode, value) in modes.zip(values) {
+    let row_length = rows.first().map_or(0, Vec::len) as f64;
+    for (mode, value) in modes.zip(eigenvalues) {
         // If all dampers are positive, they cannot cancel each other.
-        let is_nothing = value.abs() <= 1e-15 * n * largest * largest;
+        let is_nothing = value.abs() <= 1e-15 * row_length * largest * largest;
         if is_nothing && signs.iter().all(|sign| *sign > 0.0) {
             rows[n_first..].iter_mut().for_each(|row| row[mode] = 0.0);
         }
@@ -345,14 +373,21 @@ fn rotate_group(
 
 /// Σ sign·row·rowᵀ   (n, n)
 fn coupling(rows: &[Vec<f64>], signs: &[f64], n: usize) -> Vec<f64> {
-    let mut sum = vec![0.0; n * n];
+    let mut coupling_sum = vec![0.0; n * n];
     for (row, sign) in rows.iter().zip(signs) {
-        crate::interrupt::spend(row.iter().filter(|by| **by != 0.0).count() * n);
-        for (i, by) in row.iter().enumerate().filter(|(_, by)| **by != 0.0) {
-            let into = &mut sum[i * n..(i + 1) * n];
-            let by = sign * by;
-            into.iter_mut().zip(row).for_each(|(sum, x)| *sum += by * x);
+        crate::interrupt::spend(row.iter().filter(|row_weight| **row_weight != 0.0).count() * n);
+        for (i, row_weight) in row
+            .iter()
+            .enumerate()
+            .filter(|(_, row_weight)| **row_weight != 0.0)
+        {
+            let target_row = &mut coupling_sum[i * n..(i + 1) * n];
+            let row_weight = sign * row_weight;
+            target_row
+                .iter_mut()
+                .zip(row)
+                .for_each(|(coupling_sum, x)| *coupling_sum += row_weight * x);
         }
     }
-    sum
+    coupling_sum
 }

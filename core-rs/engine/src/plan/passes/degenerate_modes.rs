@@ -16,52 +16,64 @@ impl Modes {
     pub(in crate::plan) fn rotate(&mut self, moved: &[usize], rate: Rate) {
         let step = if self.is_discrete { rate.step() } else { 1.0 };
         // Δλ = 2ω Δω
-        let is_same = |low: f64, high: f64| high - low <= 2.0 * SAME_FREQUENCY * step * high.sqrt();
-        let mut first = 0;
-        while first < self.len() {
-            let low = self.lambda[first];
-            let beyond = self.lambda[first..].iter();
-            let n = beyond.take_while(|&&high| is_same(low, high)).count();
-            if n > 1 {
-                self.rotate_group(first..first + n, moved);
+        let is_same_frequency = |lower_lambda: f64, high: f64| {
+            high - lower_lambda <= 2.0 * SAME_FREQUENCY * step * high.sqrt()
+        };
+        let mut group_start = 0;
+        while group_start < self.len() {
+            let lower_lambda = self.lambda[group_start];
+            let higher_lambdas = self.lambda[group_start..].iter();
+            let group_size = higher_lambdas
+                .take_while(|&&high| is_same_frequency(lower_lambda, high))
+                .count();
+            if group_size > 1 {
+                self.rotate_group(group_start..group_start + group_size, moved);
             }
-            first += n.max(1);
+            group_start += group_size.max(1);
         }
     }
 
     /// Householder reflections, one row after the other (Golub & Van Loan, Matrix Computations, 5.1).
     fn rotate_group(&mut self, modes: Range<usize>, moved: &[usize]) {
-        let n_rows = self.shapes.len();
-        let mut rows: Vec<&mut Vec<f64>> = self.shapes.iter_mut().collect();
-        rows.extend([&mut self.x0, &mut self.v0, &mut self.rest]);
-        let moving: Vec<usize> = moved.iter().copied().chain(n_rows..n_rows + 3).collect();
-        let mut left = modes;
-        for &row in &moving {
-            if left.is_empty() {
+        let shape_count = self.shapes.len();
+        let mut mode_rows: Vec<&mut Vec<f64>> = self.shapes.iter_mut().collect();
+        mode_rows.extend([&mut self.x0, &mut self.v0, &mut self.rest]);
+        let moving_rows: Vec<usize> = moved
+            .iter()
+            .copied()
+            .chain(shape_count..shape_count + 3)
+            .collect();
+        let mut modes_left = modes;
+        for &row in &moving_rows {
+            if modes_left.is_empty() {
                 return;
             }
-            let remainder = &rows[row][left.clone()];
-            let size = norm(remainder);
-            if size <= ROW_ROUNDING * norm(rows[row]) {
+            let remainder = &mode_rows[row][modes_left.clone()];
+            let remainder_norm = norm(remainder);
+            if remainder_norm <= ROW_ROUNDING * norm(mode_rows[row]) {
                 continue;
             }
-            let mut mirror = remainder.to_vec();
-            mirror[0] += size.copysign(remainder[0]);
-            let square: f64 = mirror.iter().map(|v| v * v).sum();
-            for row in &mut rows {
-                let remainder = &mut row[left.clone()];
-                let along: f64 = remainder.iter().zip(&mirror).map(|(x, v)| x * v).sum();
-                let twice = 2.0 * along / square;
+            let mut mirror_vector = remainder.to_vec();
+            mirror_vector[0] += remainder_norm.copysign(remainder[0]);
+            let mirror_square: f64 = mirror_vector.iter().map(|v| v * v).sum();
+            for row in &mut mode_rows {
+                let remainder = &mut row[modes_left.clone()];
+                let mirror_product: f64 = remainder
+                    .iter()
+                    .zip(&mirror_vector)
+                    .map(|(x, v)| x * v)
+                    .sum();
+                let mirror_factor = 2.0 * mirror_product / mirror_square;
                 remainder
                     .iter_mut()
-                    .zip(&mirror)
-                    .for_each(|(x, v)| *x -= twice * v);
+                    .zip(&mirror_vector)
+                    .for_each(|(x, v)| *x -= mirror_factor * v);
             }
-            left.start += 1;
-            rows[row][left.clone()].fill(0.0);
+            modes_left.start += 1;
+            mode_rows[row][modes_left.clone()].fill(0.0);
         }
-        for &row in &moving {
-            rows[row][left.clone()].fill(0.0);
+        for &row in &moving_rows {
+            mode_rows[row][modes_left.clone()].fill(0.0);
         }
     }
 }

@@ -26,9 +26,9 @@ pub(in crate::plan) struct IslandMembers {
 
 /// All islands, in the order of their first MATs.
 pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<IslandMembers> {
-    let n = network.n_mat();
+    let mat_count = network.n_mat();
     let is_free = free(network, timeline);
-    let mut forest = Forest::new(n);
+    let mut forest = Forest::new(mat_count);
     for (a, b) in joined(network) {
         // Two held points that a link joins stay together: the link belongs to their island.
         if is_free[a] == is_free[b] {
@@ -41,9 +41,9 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
         .for_each(|(port, key)| forest.join(port, key));
     // A written hand keeps a free copy of its key with all modules of the key's part, so these belong to one island.
     for key in &timeline.keys {
-        let part = network.mats().part[key.struck];
-        let is_ours = |mat: &usize| network.mats().part[*mat] == part && is_free[*mat];
-        for mat in interrupt::steps(0..n).filter(is_ours) {
+        let key_part = network.mats().part[key.struck];
+        let is_free_in_part = |mat: &usize| network.mats().part[*mat] == key_part && is_free[*mat];
+        for mat in interrupt::steps(0..mat_count).filter(is_free_in_part) {
             forest.join(key.struck, mat);
         }
     }
@@ -51,24 +51,24 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
         moved(network, timeline),
         ListenedMats::new(network, timeline),
     );
-    let mut index = vec![u32::MAX; n];
+    let mut island_index = vec![u32::MAX; mat_count];
     let mut members: Vec<IslandMembers> = Vec::new();
-    for mat in interrupt::steps(0..n) {
-        let root = forest.root(mat);
-        if index[root] == u32::MAX {
-            index[root] = members.len() as u32;
+    for mat in interrupt::steps(0..mat_count) {
+        let forest_root = forest.root(mat);
+        if island_index[forest_root] == u32::MAX {
+            island_index[forest_root] = members.len() as u32;
             members.push(IslandMembers::default());
         }
-        let island = &mut members[index[root] as usize];
+        let island = &mut members[island_index[forest_root] as usize];
         island.mats.push(mat as u32);
         island.is_heard |= listened.mats[mat];
         island.is_moved |= moved[mat];
     }
     for (link, mats) in links(network) {
-        let [.., last] = mats.all() else { continue };
+        let [.., last_mat] = mats.all() else { continue };
         let first_free = mats.all().iter().copied().find(|&mat| is_free[mat]);
-        let first_free = first_free.unwrap_or(*last);
-        let island = &mut members[index[forest.root(first_free)] as usize];
+        let first_free = first_free.unwrap_or(*last_mat);
+        let island = &mut members[island_index[forest.root(first_free)] as usize];
         island.links.push(link as u32);
         island.is_heard |= listened.links[link];
         // A gated force changes even between two points that never move.
@@ -77,8 +77,8 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
                 .gates
                 .iter()
                 .any(|gate| gate.links().contains(&link));
-        let held = mats.all().iter().filter(|&&mat| !is_free[mat]);
-        for &other in held.filter(|_| is_free[first_free]) {
+        let held_mats = mats.all().iter().filter(|&&mat| !is_free[mat]);
+        for &other in held_mats.filter(|_| is_free[first_free]) {
             island.guests.push(other as u32);
             island.is_moved |= moved[other];
             island.is_handled |= moved[other];
@@ -86,9 +86,9 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
     }
     // Masses that a proxy follows, and fixed points that guide it.
     for proxy in network.proxies() {
-        let island = &mut members[index[forest.root(proxy.mat)] as usize];
-        let others = proxy.masses().chain(proxy.guides());
-        for other in others.filter(|&mat| !is_free[mat]) {
+        let island = &mut members[island_index[forest.root(proxy.mat)] as usize];
+        let guest_mats = proxy.masses().chain(proxy.guides());
+        for other in guest_mats.filter(|&mat| !is_free[mat]) {
             island.guests.push(other as u32);
             island.is_moved |= moved[other];
             island.is_handled |= moved[other];
@@ -96,17 +96,17 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
     }
     // MATs that laws and masses follow.
     for (mat, guide) in network.followed() {
-        let island = &mut members[index[forest.root(mat)] as usize];
+        let island = &mut members[island_index[forest.root(mat)] as usize];
         island.is_handled = true;
         if !is_free[guide] {
             island.guests.push(guide as u32);
             island.is_moved |= moved[guide];
         }
     }
-    let keys = timeline.keys.iter().map(|key| key.struck);
-    let glides = timeline.glides.iter().map(|glide| glide.mat);
-    for mat in keys.chain(timeline.driven()).chain(glides) {
-        members[index[forest.root(mat)] as usize].is_handled = true;
+    let struck_mats = timeline.keys.iter().map(|key| key.struck);
+    let glided_mats = timeline.glides.iter().map(|glide| glide.mat);
+    for mat in struck_mats.chain(timeline.driven()).chain(glided_mats) {
+        members[island_index[forest.root(mat)] as usize].is_handled = true;
     }
     for (link, a, b) in ends(network) {
         if timeline
@@ -115,7 +115,7 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
             .any(|lead| lead.links().contains(&link))
         {
             let first_free = if is_free[a] { a } else { b };
-            members[index[forest.root(first_free)] as usize].is_handled = true;
+            members[island_index[forest.root(first_free)] as usize].is_handled = true;
         }
     }
     for island in &mut members {
@@ -127,8 +127,8 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
 
 /// MATs that a force can move.
 fn free(network: &Network, timeline: &Timeline) -> Vec<bool> {
-    let kinds = network.mats().kind.iter();
-    let mut is_free: Vec<bool> = kinds.map(|&kind| !kind.is_held()).collect();
+    let mat_kinds = network.mats().kind.iter();
+    let mut is_free: Vec<bool> = mat_kinds.map(|&kind| !kind.is_held()).collect();
     for drive in &timeline.drives {
         if drive.kind == DriveKind::Position {
             is_free[drive.mat] = drive.port().is_some();
@@ -160,14 +160,14 @@ impl ListenedMats {
             }
         }
         // What a hand feels counts as heard.
-        let mut is_held = vec![false; network.n_mat()];
-        let hands = timeline
+        let mut is_in_hand = vec![false; network.n_mat()];
+        let hand_drives = timeline
             .drives
             .iter()
             .filter(|drive| drive.hand().is_some());
-        hands.for_each(|hand| is_held[hand.mat] = true);
+        hand_drives.for_each(|hand| is_in_hand[hand.mat] = true);
         for (link, a, b) in ends(network) {
-            listened.links[link] |= is_held[a] || is_held[b];
+            listened.links[link] |= is_in_hand[a] || is_in_hand[b];
         }
         listened
     }
@@ -176,21 +176,21 @@ impl ListenedMats {
 /// MATs that something sets in motion: an event, a hand, or a motion or force at the beginning.
 fn moved(network: &Network, timeline: &Timeline) -> Vec<bool> {
     let mats = network.mats();
-    let mut moved: Vec<bool> = (0..network.n_mat())
+    let mut is_moved: Vec<bool> = (0..network.n_mat())
         .map(|i| {
-            let is_bent = mats.kind[i] == MatKind::Cel && mats.x0[i] != mats.rest[i];
+            let is_displaced = mats.kind[i] == MatKind::Cel && mats.x0[i] != mats.rest[i];
             // A session may move whatever can move.
-            mats.kind[i].moves() && (timeline.is_open || mats.v0[i] != 0.0 || is_bent)
+            mats.kind[i].moves() && (timeline.is_open || mats.v0[i] != 0.0 || is_displaced)
         })
         .collect();
     for strike in &timeline.strikes {
-        moved[strike.mat as usize] = true;
+        is_moved[strike.mat as usize] = true;
     }
     for ergon in &timeline.ergons {
-        moved[ergon.mat as usize] = true;
+        is_moved[ergon.mat as usize] = true;
     }
     for gesture in &timeline.gestures {
-        moved[timeline.keys[gesture.key].struck] = true;
+        is_moved[timeline.keys[gesture.key].struck] = true;
     }
     for drive in &timeline.drives {
         // A driven point that stays where it starts moves nothing, except by the forces of its links.
@@ -198,13 +198,13 @@ fn moved(network: &Network, timeline: &Timeline) -> Vec<bool> {
             (drive.kind, &drive.source),
             (DriveKind::Position, Source::Constant(x)) if *x == mats.x0[drive.mat]
         );
-        moved[drive.mat] |= !is_still;
+        is_moved[drive.mat] |= !is_still;
     }
     // Forces at t = 0, as if all couplings were open.
-    let open = Timeline::new(timeline.rate);
-    let forces = forces(network, &open, &mats.x0, &[], &|_| true);
-    for ((moved, force), kind) in moved.iter_mut().zip(forces).zip(&mats.kind) {
-        *moved |= force != 0.0 && kind.moves();
+    let open_timeline = Timeline::new(timeline.rate);
+    let forces = forces(network, &open_timeline, &mats.x0, &[], &|_| true);
+    for ((is_moved, force), kind) in is_moved.iter_mut().zip(forces).zip(&mats.kind) {
+        *is_moved |= force != 0.0 && kind.moves();
     }
-    moved
+    is_moved
 }

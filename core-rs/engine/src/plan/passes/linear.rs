@@ -140,49 +140,56 @@ impl Linear {
         if !network.proxies().is_empty() || network.follows() {
             return Err(NoModes::NotLinear);
         }
-        let n = free.len();
+        let free_count = free.len();
         let root: Vec<f64> = free.iter().map(|&i| mats.m[i].sqrt()).collect();
         let (mut damping, mut dampers) = (Damping::default(), Vec::new());
         let mut proportion = Ok(());
-        let (mut stiffness, mut force) = (vec![0.0; n * n], vec![0.0; n]);
-        let slot = |mat: usize| free.binary_search(&mat).ok();
+        let (mut stiffness, mut force) =
+            (vec![0.0; free_count * free_count], vec![0.0; free_count]);
+        let slot_of_mat = |mat: usize| free.binary_search(&mat).ok();
         for run in network.runs() {
             if !matches!(run.kind, LinkKind::Ref) {
                 return Err(NoModes::NotLinear);
             }
             proportion = proportion.and_then(|()| damping.link(run.k, run.z));
             for i in 0..run.len {
-                let (a, b) = (run.a + i, run.b + i);
-                let (sa, sb) = (slot(a), slot(b));
+                let (first_end, second_end) = (run.a + i, run.b + i);
+                let (first_slot, second_slot) = (slot_of_mat(first_end), slot_of_mat(second_end));
                 if run.z != 0.0 {
                     dampers.push(Damper {
-                        ends: [sa, sb],
+                        ends: [first_slot, second_slot],
                         z: run.z,
                     });
                 }
-                for (local, sign) in [(sa, 1.0), (sb, -1.0)] {
+                for (local, sign) in [(first_slot, 1.0), (second_slot, -1.0)] {
                     let Some(local) = local else { continue };
-                    stiffness[local * n + local] += run.k / (root[local] * root[local]);
-                    let held = |end: usize, other: Option<usize>| match other {
+                    stiffness[local * free_count + local] += run.k / (root[local] * root[local]);
+                    let held_position = |end: usize, other: Option<usize>| match other {
                         Some(_) => 0.0,
                         None => mats.x0[end],
                     };
-                    force[local] += sign * run.k * (held(b, sb) - held(a, sa) - run.rest);
+                    force[local] += sign
+                        * run.k
+                        * (held_position(second_end, second_slot)
+                            - held_position(first_end, first_slot)
+                            - run.rest);
                 }
-                if let (Some(a), Some(b)) = (sa, sb) {
-                    stiffness[a * n + b] -= run.k / (root[a] * root[b]);
-                    stiffness[b * n + a] -= run.k / (root[a] * root[b]);
+                if let (Some(first_end), Some(second_end)) = (first_slot, second_slot) {
+                    stiffness[first_end * free_count + second_end] -=
+                        run.k / (root[first_end] * root[second_end]);
+                    stiffness[second_end * free_count + first_end] -=
+                        run.k / (root[first_end] * root[second_end]);
                 }
             }
         }
         for (local, &i) in free.iter().enumerate() {
-            let tied = mats.kind[i] == MatKind::Cel;
-            let (k, z) = if tied {
+            let is_tied_cell = mats.kind[i] == MatKind::Cel;
+            let (k, z) = if is_tied_cell {
                 (mats.k[i], mats.z[i])
             } else {
                 (0.0, 0.0)
             };
-            stiffness[local * n + local] += k / mats.m[i];
+            stiffness[local * free_count + local] += k / mats.m[i];
             force[local] += k * mats.rest[i];
             proportion = proportion.and_then(|()| damping.mass(mats.m[i], k, z));
             if z != 0.0 {
@@ -192,15 +199,16 @@ impl Linear {
                 });
             }
         }
-        let known = proportion.ok();
-        let viscosity = match known {
+        let proportional = proportion.ok();
+        let viscosity = match proportional {
             Some(()) => None,
             None => {
                 Viscosity::new(network, &free, &root).filter(|local| local.shares_modes(&stiffness))
             }
         };
         Ok(Self {
-            proportion: known.map(|()| [damping.alpha.unwrap_or(0.0), damping.beta.unwrap_or(0.0)]),
+            proportion: proportional
+                .map(|()| [damping.alpha.unwrap_or(0.0), damping.beta.unwrap_or(0.0)]),
             dampers,
             viscosity,
             free,
@@ -215,16 +223,19 @@ impl Linear {
 /// Whether the discrete network is the reference: for the whole body at the scene's rate, or for none of it.
 fn is_discrete_reference(network: &Network, free: &[usize], rate: Rate) -> Result<bool, NoModes> {
     let ca_rate_of = |part: usize| network.parts().get(part).and_then(|part| part.ca_rate);
-    let masses = free
+    let mass_rates = free
         .iter()
         .map(|&i| ca_rate_of(network.mats().part[i] as usize));
-    let mut reference_rates = masses.chain(network.runs().iter().map(|run| ca_rate_of(run.part)));
-    let Some(first) = reference_rates.next() else {
+    let mut reference_rates =
+        mass_rates.chain(network.runs().iter().map(|run| ca_rate_of(run.part)));
+    let Some(first_rate) = reference_rates.next() else {
         return Ok(false);
     };
-    let is_ours = first.is_none_or(|own| own.hertz() == rate.hertz());
-    if is_ours && reference_rates.all(|other| other.map(Rate::hertz) == first.map(Rate::hertz)) {
-        Ok(first.is_some())
+    let is_scene_rate = first_rate.is_none_or(|own| own.hertz() == rate.hertz());
+    if is_scene_rate
+        && reference_rates.all(|other| other.map(Rate::hertz) == first_rate.map(Rate::hertz))
+    {
+        Ok(first_rate.is_some())
     } else {
         Err(NoModes::OtherRate)
     }
@@ -243,23 +254,23 @@ impl Damping {
             return Ok(());
         }
         let beta = z / k;
-        let known = *self.beta.get_or_insert(beta);
-        same(known, beta)
+        let known_beta = *self.beta.get_or_insert(beta);
+        same(known_beta, beta)
     }
 
     /// Checks a mass and its tie to the ground; to be called after all links.
     fn mass(&mut self, m: f64, k: f64, z: f64) -> Result<(), NotProportional> {
         let beta = self.beta.unwrap_or(0.0);
-        let left = z - beta * k;
+        let mass_damping = z - beta * k;
         // A difference of two nearly equal numbers is rounding, not damping.
-        let left = if left.abs() <= SAME * z.abs() {
+        let mass_damping = if mass_damping.abs() <= SAME * z.abs() {
             0.0
         } else {
-            left
+            mass_damping
         };
-        let alpha = left / m;
-        let known = *self.alpha.get_or_insert(alpha);
-        same(known, alpha)
+        let alpha = mass_damping / m;
+        let known_alpha = *self.alpha.get_or_insert(alpha);
+        same(known_alpha, alpha)
     }
 }
 

@@ -44,7 +44,7 @@ impl Loudness {
         rate: Rate,
         from: u64,
     ) -> Self {
-        let n_out = network.outputs().len();
+        let n_outputs = network.outputs().len();
         let mut derivatives = Derivatives::new(network, rate.hertz());
         for strikes in &mut bank.strikes {
             for blow in &mut strikes.blows {
@@ -52,37 +52,37 @@ impl Loudness {
             }
         }
         let mut playing = Bank::new(&bank.oscillators, bank.strikes, rate, BLOCK, false);
-        let span = (SHORTEST * rate.hertz()) as usize;
-        let mut sound = vec![0.0; BLOCK * n_out];
-        let mut sums = vec![OutputSums::default(); n_out];
-        let spans = (0..LOUDNESS_SPANS).map(|_| {
-            for start in (0..span).step_by(BLOCK) {
-                let n_frames = BLOCK.min(span - start);
-                let sound = &mut sound[..n_frames * n_out];
-                sound.fill(0.0);
-                playing.process(sound, n_out, n_frames);
-                derivatives.process(sound, n_out);
-                for frame in sound.chunks_exact(n_out.max(1)) {
-                    for (level, x) in sums.iter_mut().zip(frame) {
+        let span_frames = (SHORTEST * rate.hertz()) as usize;
+        let mut sound_block = vec![0.0; BLOCK * n_outputs];
+        let mut output_sums = vec![OutputSums::default(); n_outputs];
+        let span_sums = (0..LOUDNESS_SPANS).map(|_| {
+            for start in (0..span_frames).step_by(BLOCK) {
+                let n_frames = BLOCK.min(span_frames - start);
+                let sound_block = &mut sound_block[..n_frames * n_outputs];
+                sound_block.fill(0.0);
+                playing.process(sound_block, n_outputs, n_frames);
+                derivatives.process(sound_block, n_outputs);
+                for frame in sound_block.chunks_exact(n_outputs.max(1)) {
+                    for (level, x) in output_sums.iter_mut().zip(frame) {
                         level.n_frames += 1;
                         level.sum += x;
                         level.energy += x * x;
                     }
                 }
             }
-            sums.clone()
+            output_sums.clone()
         });
-        Self(spans.collect())
+        Self(span_sums.collect())
     }
 
     /// The loudness of these modes relative to all, the largest over outputs and spans [dB]: ‖x‖/‖all − mean‖, as errors
     /// are measured.
     pub(in crate::plan) fn relative_to(&self, all: &Self) -> f64 {
-        let pairs = self.0.iter().flatten().zip(all.0.iter().flatten());
-        let ratios = pairs.filter_map(|(some, all)| {
+        let output_pairs = self.0.iter().flatten().zip(all.0.iter().flatten());
+        let energy_ratios = output_pairs.filter_map(|(some, all)| {
             let all = all.energy_about_mean();
             (all > 0.0).then(|| some.energy / all)
         });
-        10.0 * log10(ratios.fold(1e-40, f64::max))
+        10.0 * log10(energy_ratios.fold(1e-40, f64::max))
     }
 }

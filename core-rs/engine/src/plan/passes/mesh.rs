@@ -68,8 +68,8 @@ pub(in crate::plan) fn mesh(
     pin: Option<MeshChoice>,
     (choice, index): (MethodChoice<'_>, usize),
 ) -> Option<Mesh> {
-    let subset = network.subset(&body.mats, &body.guests, &body.links);
-    if is_discrete(network, &subset.network) {
+    let mesh_subset = network.subset(&body.mats, &body.guests, &body.links);
+    if is_discrete(network, &mesh_subset.network) {
         return None; // the discrete network is the reference
     }
     let rate = timeline.rate;
@@ -77,54 +77,59 @@ pub(in crate::plan) fn mesh(
         .leads
         .iter()
         .filter_map(|lead| {
-            local_links(&subset, lead.links()).map(|(first, len)| lead.on(first, len))
+            local_links(&mesh_subset, lead.links()).map(|(first, len)| lead.on(first, len))
         })
         .collect();
-    let stiffest = greatest(&subset.network, &leads).ok()?;
-    let is_led = !leads.is_empty();
+    let stiffest = greatest(&mesh_subset.network, &leads).ok()?;
+    let has_leads = !leads.is_empty();
     let (method, substeps) = match pin {
         Some(pin) => (pin.method, pin.substeps),
         None => match choice {
             MethodChoice::AsBefore(bodies) => (*bodies.get(index)?)?,
             MethodChoice::All((method, substeps)) | MethodChoice::Meshes((method, substeps)) => {
-                let method = if is_led { MeshMethod::Bm4 } else { method };
+                let method = if has_leads { MeshMethod::Bm4 } else { method };
                 certify(&stiffest, rate, method, substeps).ok()?;
                 (method, substeps)
             }
             MethodChoice::Stepped => return None,
-            MethodChoice::Unconditional if !is_led => choose(&stiffest, rate, budget, true)?,
-            _ if is_led => choose_for_led(&stiffest, rate, budget)?,
+            MethodChoice::Unconditional if !has_leads => choose(&stiffest, rate, budget, true)?,
+            _ if has_leads => choose_for_led(&stiffest, rate, budget)?,
             MethodChoice::Simplest => {
                 choose(&stiffest, rate, &Budget::Error(f64::INFINITY), false)?
             }
             _ => choose(&stiffest, rate, budget, false)?,
         },
     };
-    let outputs = position_sums(&subset.network).ok()?;
-    let local = |mat: u32| subset.mat(mat as usize);
-    let ports = body
+    let outputs = position_sums(&mesh_subset.network).ok()?;
+    let local_mat = |mat: u32| mesh_subset.mat(mat as usize);
+    let port_pairs = body
         .ports
         .iter()
-        .map(|&mat| Some((local(mat)?, mat as usize)));
-    let ours = timeline
+        .map(|&mat| Some((local_mat(mat)?, mat as usize)));
+    let mesh_strikes = timeline
         .strikes
         .iter()
-        .filter(|strike| local(strike.mat).is_some());
-    let struck = Timeline {
-        strikes: ours.copied().collect(),
+        .filter(|strike| local_mat(strike.mat).is_some());
+    let struck_timeline = Timeline {
+        strikes: mesh_strikes.copied().collect(),
         ..Timeline::new(rate)
     };
-    let strikes = pushes(network, &struck, |mat| network.degree(mat) == 0)
+    let strikes = pushes(network, &struck_timeline, |mat| network.degree(mat) == 0)
         .into_iter()
-        .map(|push| Some((push.frame, local(push.mat)?, push.force * rate.step())));
+        .map(|push| Some((push.frame, local_mat(push.mat)?, push.force * rate.step())));
     Some(Mesh {
         rate,
         method,
         substeps,
-        ports: ports.collect::<Option<_>>()?,
-        outputs: subset.outputs.iter().copied().zip(outputs.rows).collect(),
+        ports: port_pairs.collect::<Option<_>>()?,
+        outputs: mesh_subset
+            .outputs
+            .iter()
+            .copied()
+            .zip(outputs.rows)
+            .collect(),
         strikes: strikes.collect::<Option<_>>()?,
-        network: Arc::new(subset.network),
+        network: Arc::new(mesh_subset.network),
         leads,
     })
 }
@@ -140,11 +145,11 @@ pub(in crate::plan) fn check_supported(
     body: &Body,
     method: MeshMethod,
 ) -> Result<(), Error> {
-    let subset = network.subset(&body.mats, &body.guests, &body.links);
-    if method != MeshMethod::Ieq || is_discrete(network, &subset.network) {
+    let mesh_subset = network.subset(&body.mats, &body.guests, &body.links);
+    if method != MeshMethod::Ieq || is_discrete(network, &mesh_subset.network) {
         return Ok(()); // CA steps a discrete network, whatever method is asked for
     }
-    certify(&subset.network, rate, method, 1).map(|_| ())
+    certify(&mesh_subset.network, rate, method, 1).map(|_| ())
 }
 
 /// Whether the discrete network is the reference for any of its parts.
@@ -159,20 +164,25 @@ fn is_discrete(network: &Network, island: &Network) -> bool {
 /// BM4 with as many steps as the budget asks for: among the methods only BM4 preserves, to its own order, the action of
 /// an oscillation of changing frequency, and so its amplitude.
 fn choose_for_led(network: &Network, rate: Rate, budget: &Budget) -> Option<(MeshMethod, u32)> {
-    let method = MeshMethod::Bm4;
-    let mut stable = [1, 2, 4]
+    let mesh_method = MeshMethod::Bm4;
+    let mut stable_substeps = [1, 2, 4]
         .into_iter()
-        .filter(|&substeps| certify(network, rate, method, substeps).is_ok());
+        .filter(|&substeps| certify(network, rate, mesh_method, substeps).is_ok());
     let Budget::Cents {
         cents: cents_max,
         upto,
     } = *budget
     else {
-        return stable.next().map(|substeps| (method, substeps));
+        return stable_substeps
+            .next()
+            .map(|substeps| (mesh_method, substeps));
     };
-    let x = TAU * upto * rate.step();
-    let is_enough = |substeps: &u32| cents(method, x / f64::from(*substeps)) <= cents_max;
-    stable.find(is_enough).map(|substeps| (method, substeps))
+    let frame_angle = TAU * upto * rate.step();
+    let is_enough =
+        |substeps: &u32| cents(mesh_method, frame_angle / f64::from(*substeps)) <= cents_max;
+    stable_substeps
+        .find(is_enough)
+        .map(|substeps| (mesh_method, substeps))
 }
 
 /// The first method of `LADDER` that is stable and exact enough by its formula; `is_safe`: only methods that cannot
@@ -188,17 +198,18 @@ fn choose(
         return certify(network, rate, method, 1).ok().map(|_| (method, 1));
     }
     // The highest frequency of the mesh at rest; CA shifts it to 2·asin(√λ/2).
-    let lambda = certify(network, rate, MeshMethod::Ca2p, 1).map_or(4.0, |found| found.lambda_max);
-    let highest = sqrt(lambda.max(0.0)).min(PI);
+    let lambda_max =
+        certify(network, rate, MeshMethod::Ca2p, 1).map_or(4.0, |found| found.lambda_max);
+    let highest = sqrt(lambda_max.max(0.0)).min(PI);
     for (method, substeps, _) in LADDER {
-        let steps = f64::from(substeps);
+        let step_count = f64::from(substeps);
         let is_enough = match *budget {
             Budget::Cents {
                 cents: cents_max,
                 upto,
             } => {
-                let x = (TAU * upto * rate.step()).min(highest) / steps;
-                cents(method, x) <= cents_max
+                let substep_angle = (TAU * upto * rate.step()).min(highest) / step_count;
+                cents(method, substep_angle) <= cents_max
             }
             // The pilot finds better methods if necessary.
             Budget::Error(_) | Budget::Method(_) => true,

@@ -36,42 +36,48 @@ impl ModeShapes {
         rate: Rate,
         transform: ModalTransform,
     ) -> Option<Self> {
-        let kinds = network.mats().kind.iter().enumerate();
-        let moving = kinds.filter(|(_, kind)| kind.moves());
-        let mats: Vec<usize> = moving.map(|(mat, _)| mat).collect();
-        let rows: Vec<Row> = mats.iter().map(|&mat| vec![(mat, 1.0)]).collect();
-        let mut modes = Modes::new(network, &rows, rate).ok()?;
+        let mat_kinds = network.mats().kind.iter().enumerate();
+        let moving_mats = mat_kinds.filter(|(_, kind)| kind.moves());
+        let mats: Vec<usize> = moving_mats.map(|(mat, _)| mat).collect();
+        let mat_rows: Vec<Row> = mats.iter().map(|&mat| vec![(mat, 1.0)]).collect();
+        let mut body_modes = Modes::new(network, &mat_rows, rate).ok()?;
         if let Some(towards) = turned {
-            let row = |mat: &usize| mats.binary_search(mat).ok();
-            let moved: Vec<usize> = towards.iter().filter_map(row).collect();
-            modes.rotate(&moved, rate);
+            let row_of_mat = |mat: &usize| mats.binary_search(mat).ok();
+            let moved_rows: Vec<usize> = towards.iter().filter_map(row_of_mat).collect();
+            body_modes.rotate(&moved_rows, rate);
         }
         if mode_numbers
             .iter()
-            .any(|&mode| mode as usize >= modes.len())
+            .any(|&mode| mode as usize >= body_modes.len())
         {
             return None;
         }
-        let rest = |shape: &Vec<f64>| shape.iter().zip(&modes.rest).map(|(a, b)| a * b).sum();
-        let share = |mat: usize, mode: u32| modes.shapes[mat][mode as usize];
-        let all = 0..mats.len();
+        let rest_position =
+            |shape: &Vec<f64>| shape.iter().zip(&body_modes.rest).map(|(a, b)| a * b).sum();
+        let mode_share = |mat: usize, mode: u32| body_modes.shapes[mat][mode as usize];
+        let mat_indices = 0..mats.len();
         let shapes = match transform {
             ModalTransform::ToPositions => mode_numbers
                 .iter()
-                .flat_map(|&mode| all.clone().map(|mat| share(mat, mode)).collect::<Vec<_>>())
+                .flat_map(|&mode| {
+                    mat_indices
+                        .clone()
+                        .map(|mat| mode_share(mat, mode))
+                        .collect::<Vec<_>>()
+                })
                 .collect(),
-            ModalTransform::ToAmplitudes => all
+            ModalTransform::ToAmplitudes => mat_indices
                 .flat_map(|mat| {
                     mode_numbers
                         .iter()
-                        .map(|&mode| share(mat, mode))
+                        .map(|&mode| mode_share(mat, mode))
                         .collect::<Vec<_>>()
                 })
                 .collect(),
         };
         Some(Self {
             shapes,
-            rest: modes.shapes.iter().map(rest).collect(),
+            rest: body_modes.shapes.iter().map(rest_position).collect(),
             mass: mats.iter().map(|&mat| network.mats().m[mat]).collect(),
             n_modes: mode_numbers.len(),
             mats,
@@ -80,25 +86,29 @@ impl ModeShapes {
 
     /// For a body, parts of its complex modes, for positions. Takes as long as computing them. `None` if it has none.
     pub(crate) fn complex(network: &Network, parts: &[ComplexPart], rate: Rate) -> Option<Self> {
-        let kinds = network.mats().kind.iter().enumerate();
-        let moving = kinds.filter(|(_, kind)| kind.moves());
-        let mats: Vec<usize> = moving.map(|(mat, _)| mat).collect();
-        let sums: Vec<Sum> = mats
+        let mat_kinds = network.mats().kind.iter().enumerate();
+        let moving_mats = mat_kinds.filter(|(_, kind)| kind.moves());
+        let mats: Vec<usize> = moving_mats.map(|(mat, _)| mat).collect();
+        let mat_sums: Vec<Sum> = mats
             .iter()
             .map(|&mat| Sum::from_positions(vec![(mat, 1.0)]))
             .collect();
-        let modes = ComplexModes::new(network, &sums, &[], rate).ok()?;
-        if parts.iter().any(|own| own.mode >= modes.len()) {
+        let body_modes = ComplexModes::new(network, &mat_sums, &[], rate).ok()?;
+        if parts.iter().any(|own| own.mode >= body_modes.len()) {
             return None;
         }
-        let share = |own: &ComplexPart, mat: usize| own.sign * modes.seen[mat][own.mode][own.part];
-        let all = 0..mats.len();
-        let shapes = parts
-            .iter()
-            .flat_map(|own| all.clone().map(|mat| share(own, mat)).collect::<Vec<_>>());
+        let part_share =
+            |own: &ComplexPart, mat: usize| own.sign * body_modes.seen[mat][own.mode][own.part];
+        let mat_indices = 0..mats.len();
+        let shapes = parts.iter().flat_map(|own| {
+            mat_indices
+                .clone()
+                .map(|mat| part_share(own, mat))
+                .collect::<Vec<_>>()
+        });
         Some(Self {
             shapes: shapes.collect(),
-            rest: modes.rest.clone(),
+            rest: body_modes.rest.clone(),
             mass: mats.iter().map(|&mat| network.mats().m[mat]).collect(),
             n_modes: parts.len(),
             mats,
@@ -107,8 +117,8 @@ impl ModeShapes {
 
     /// The shape of a mode at each of its MATs   (n); only if the table is for positions.
     pub(crate) fn shape(&self, mode: usize) -> &[f64] {
-        let n = self.mats.len();
-        &self.shapes[mode * n..(mode + 1) * n]
+        let mat_count = self.mats.len();
+        &self.shapes[mode * mat_count..(mode + 1) * mat_count]
     }
 
     /// Where its MATs are when it rests [m]   (n)
@@ -121,12 +131,16 @@ impl ModeShapes {
         for (mat, &rest) in mats.iter_mut().zip(&self.rest) {
             *mat = (rest, 0.0);
         }
-        let modes = now.iter().zip(before);
-        for (shape, (now, before)) in self.shapes.chunks(self.mats.len().max(1)).zip(modes) {
-            let step = now - before;
+        let amplitude_pairs = now.iter().zip(before);
+        for (shape, (now, before)) in self
+            .shapes
+            .chunks(self.mats.len().max(1))
+            .zip(amplitude_pairs)
+        {
+            let amplitude_step = now - before;
             for ((x, d), share) in mats.iter_mut().zip(shape) {
                 *x += share * now;
-                *d += share * step;
+                *d += share * amplitude_step;
             }
         }
     }
@@ -135,13 +149,13 @@ impl ModeShapes {
     pub(crate) fn amplitudes(&self, mats: &[(f64, f64)], now: &mut [f64], before: &mut [f64]) {
         now.fill(0.0);
         before.fill(0.0);
-        let rows = self.shapes.chunks(self.n_modes.max(1));
+        let shape_rows = self.shapes.chunks(self.n_modes.max(1));
         let mats_of_rest = self.rest.iter().zip(&self.mass);
-        for (&(x, step), (row, (rest, mass))) in mats.iter().zip(rows.zip(mats_of_rest)) {
-            let (x, was) = (mass * (x - rest), mass * (x - step - rest));
+        for (&(x, step), (row, (rest, mass))) in mats.iter().zip(shape_rows.zip(mats_of_rest)) {
+            let (x, weighted_before) = (mass * (x - rest), mass * (x - step - rest));
             for ((share, now), before) in row.iter().zip(&mut *now).zip(&mut *before) {
                 *now += share * x;
-                *before += share * was;
+                *before += share * weighted_before;
             }
         }
     }

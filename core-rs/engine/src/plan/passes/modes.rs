@@ -30,58 +30,62 @@ pub(crate) struct Modes {
 impl Modes {
     /// The modes of a network that is one linear body; each row is a weighted sum of positions.
     pub(crate) fn new(network: &Network, rows: &[Row], rate: Rate) -> Result<Self, NoModes> {
-        let linear = Linear::new(network, rate)?;
-        if linear.proportion.is_none() && linear.viscosity.is_none() {
+        let linear_body = Linear::new(network, rate)?;
+        if linear_body.proportion.is_none() && linear_body.viscosity.is_none() {
             return Err(NoModes::Damping);
         }
-        let n = linear.free.len();
+        let free_count = linear_body.free.len();
         let mats = network.mats();
-        let slot = |mat: usize| linear.free.binary_search(&mat).ok();
+        let slot_of_mat = |mat: usize| linear_body.free.binary_search(&mat).ok();
         // A row becomes M^-½ e in modal coordinates, a motion M^½ x.
-        let mut seen: Vec<Vec<f64>> = Vec::with_capacity(rows.len() + 3);
+        let mut row_table: Vec<Vec<f64>> = Vec::with_capacity(rows.len() + 3);
         for row in rows {
-            let mut sum = vec![0.0; n];
+            let mut weighted_row = vec![0.0; free_count];
             for &(mat, weight) in row {
-                if let Some(local) = slot(mat) {
-                    sum[local] += weight / linear.root[local];
+                if let Some(free_slot) = slot_of_mat(mat) {
+                    weighted_row[free_slot] += weight / linear_body.root[free_slot];
                 }
             }
-            seen.push(sum);
+            row_table.push(weighted_row);
         }
         let weighted = |value_of: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
-            linear
+            linear_body
                 .free
                 .iter()
                 .enumerate()
-                .map(|(local, &i)| value_of(local, i))
+                .map(|(free_slot, &i)| value_of(free_slot, i))
                 .collect()
         };
-        seen.push(weighted(&|local, i| linear.root[local] * mats.x0[i]));
-        seen.push(weighted(&|local, i| linear.root[local] * mats.v0[i]));
-        seen.push(weighted(&|local, _| {
-            linear.force[local] / linear.root[local]
+        row_table.push(weighted(&|free_slot, i| {
+            linear_body.root[free_slot] * mats.x0[i]
         }));
-        if let Some(viscosity) = &linear.viscosity {
-            let probes: Vec<Vec<f64>> = (0..PROBES).map(|which| probe(n, which)).collect();
+        row_table.push(weighted(&|free_slot, i| {
+            linear_body.root[free_slot] * mats.v0[i]
+        }));
+        row_table.push(weighted(&|free_slot, _| {
+            linear_body.force[free_slot] / linear_body.root[free_slot]
+        }));
+        if let Some(viscosity) = &linear_body.viscosity {
+            let probes: Vec<Vec<f64>> = (0..PROBES).map(|which| probe(free_count, which)).collect();
             let images: Vec<Vec<f64>> = probes.iter().map(|probe| viscosity.times(probe)).collect();
-            seen.extend(probes);
-            seen.extend(images);
+            row_table.extend(probes);
+            row_table.extend(images);
         }
-        let (lambda, mut seen) =
-            all_eigenvalues(linear.stiffness, &seen).ok_or(NoModes::NotFinite)?;
-        let top = lambda.last().copied().unwrap_or(0.0);
+        let (lambda, mut row_table) =
+            all_eigenvalues(linear_body.stiffness, &row_table).ok_or(NoModes::NotFinite)?;
+        let lambda_max = lambda.last().copied().unwrap_or(0.0);
         // A body that nothing holds has a mode at 0, up to rounding; a mode clearly below 0 grows.
-        let least = 1e-13 * top * n as f64;
-        if lambda.iter().any(|lambda| *lambda < -least) {
+        let lambda_floor = 1e-13 * lambda_max * free_count as f64;
+        if lambda.iter().any(|lambda| *lambda < -lambda_floor) {
             return Err(NoModes::Diverges);
         }
-        let loose = |lambda: f64| if lambda <= least { 0.0 } else { lambda };
-        let lambda: Vec<f64> = lambda.into_iter().map(loose).collect();
-        let zeta = match linear.proportion {
+        let floor_lambda = |lambda: f64| if lambda <= lambda_floor { 0.0 } else { lambda };
+        let lambda: Vec<f64> = lambda.into_iter().map(floor_lambda).collect();
+        let zeta = match linear_body.proportion {
             Some([alpha, beta]) => lambda.iter().map(|lambda| alpha + beta * lambda).collect(),
             None => {
-                let images = seen.split_off(seen.len() - PROBES);
-                let probes = seen.split_off(seen.len() - PROBES);
+                let images = row_table.split_off(row_table.len() - PROBES);
+                let probes = row_table.split_off(row_table.len() - PROBES);
                 let mut zeta = Viscosity::mode_damping(&probes, &images).ok_or(NoModes::Damping)?;
                 let zeta_max = zeta
                     .iter()
@@ -95,19 +99,29 @@ impl Modes {
                 zeta
             }
         };
-        let force = seen.pop().unwrap_or_default();
-        let v0 = seen.pop().unwrap_or_default();
-        let x0 = seen.pop().unwrap_or_default();
-        let rests = |(force, lambda): (f64, &f64)| if *lambda > 0.0 { force / lambda } else { 0.0 };
-        let rest: Vec<f64> = force.into_iter().zip(&lambda).map(rests).collect();
+        let modal_force = row_table.pop().unwrap_or_default();
+        let v0 = row_table.pop().unwrap_or_default();
+        let x0 = row_table.pop().unwrap_or_default();
+        let rest_of_mode = |(modal_force, lambda): (f64, &f64)| {
+            if *lambda > 0.0 {
+                modal_force / lambda
+            } else {
+                0.0
+            }
+        };
+        let rest: Vec<f64> = modal_force
+            .into_iter()
+            .zip(&lambda)
+            .map(rest_of_mode)
+            .collect();
         Ok(Self {
             lambda,
             zeta,
-            shapes: seen,
+            shapes: row_table,
             x0,
             v0,
             rest,
-            is_discrete: linear.is_discrete,
+            is_discrete: linear_body.is_discrete,
         })
     }
 
@@ -126,8 +140,8 @@ impl Modes {
 
     /// Whether a mode is too slow for its recurrence, or diverges, as a mode of a discrete body may (Jury).
     pub(crate) fn unfit(&self, rate: Rate) -> Option<NoModes> {
-        let ratios = (0..self.len()).map(|mode| self.ratios(mode, rate));
-        for (Ratios { kappa, zeta }, lambda) in ratios.zip(&self.lambda) {
+        let mode_ratios = (0..self.len()).map(|mode| self.ratios(mode, rate));
+        for (Ratios { kappa, zeta }, lambda) in mode_ratios.zip(&self.lambda) {
             // A rigid mode has no frequency that rounding could change.
             if kappa < ANGLE_MIN * ANGLE_MIN && *lambda != 0.0 {
                 return Some(NoModes::Slow);
@@ -178,9 +192,9 @@ impl Modes {
     /// Damped frequency [Hz] and decay rate [1/s] of a mode.
     pub(crate) fn pitch(&self, mode: usize, rate: Rate) -> (f64, f64) {
         if self.is_discrete {
-            let ratios = self.ratios(mode, rate);
-            let sigma = -0.5 * crate::maths::log(1.0 - ratios.zeta) * rate.hertz();
-            (ratios.pitch(rate).map_or(0.0, |(f, _)| f), sigma)
+            let mode_ratios = self.ratios(mode, rate);
+            let decay_rate = -0.5 * crate::maths::log(1.0 - mode_ratios.zeta) * rate.hertz();
+            (mode_ratios.pitch(rate).map_or(0.0, |(f, _)| f), decay_rate)
         } else {
             (self.cell(mode).frequency(), 0.5 * self.zeta[mode])
         }

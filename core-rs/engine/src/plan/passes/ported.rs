@@ -61,7 +61,7 @@ pub(in crate::plan) fn cut(
 ) -> (Option<Cut>, Option<NoModes>) {
     let network = &island.network;
     let mut wiring = Wiring::new(network, timeline);
-    let (mut inside, mut why) = (Vec::new(), None);
+    let (mut bodies_inside, mut modes_refusal) = (Vec::new(), None);
     let slow_bodies = slow_bodies(network, timeline).bodies;
     // An island that was decided to have no bodies but its slow ones gets no others.
     let are_apart = !matches!(choice, MethodChoice::Stepped);
@@ -72,66 +72,66 @@ pub(in crate::plan) fn cut(
     };
     for (body, slow) in slow_bodies {
         wiring.take(&body.mats);
-        inside.push((body, BodyPlan::Slow(slow)));
+        bodies_inside.push((body, BodyPlan::Slow(slow)));
     }
     // The certificate for slow parts covers normal modes only, and a takeover transfers the motion of a body mass by
     // mass through normal modes.
-    let takes_complex = inside.is_empty() && !timeline.is_open;
+    let takes_complex = bodies_inside.is_empty() && !timeline.is_open;
     if budget.takes_modes() && has_bodies && !are_meshes {
-        let wanted = match budget.contact_substeps() {
+        let wanted_bodies = match budget.contact_substeps() {
             1 => Wanted::Linear,
             _ => Wanted::Touched,
         };
-        for body in wiring.bodies(network, wanted) {
+        for body in wiring.bodies(network, wanted_bodies) {
             let modal_plan = match modal(network, timeline, &body, memo) {
                 Err(NoModes::Damping) if takes_complex => complex(network, timeline, &body, memo),
                 known => known.map(BodyPlan::Modal),
             };
             match modal_plan {
-                Ok(modal) => inside.push((body, modal)),
+                Ok(modal) => bodies_inside.push((body, modal)),
                 Err(reason) => match untied(network, timeline, &body, memo) {
-                    Some((body, modal)) => inside.push((body, BodyPlan::Modal(modal))),
-                    None => why = Some(reason),
+                    Some((body, modal)) => bodies_inside.push((body, BodyPlan::Modal(modal))),
+                    None => modes_refusal = Some(reason),
                 },
             }
         }
     }
     if budget.takes_meshes() && has_bodies {
-        for (body, _) in &inside {
+        for (body, _) in &bodies_inside {
             wiring.take(&body.mats);
         }
         // If one method is asked for, it steps the smallest body too.
         let is_asked = are_meshes || matches!(budget, Budget::Method(_));
-        let wanted = if is_asked {
+        let wanted_bodies = if is_asked {
             Wanted::All
         } else {
             Wanted::Meshes
         };
-        for body in wiring.bodies(network, wanted) {
-            let pin = match pin.map(|pin| pin.bodies.get(inside.len())) {
+        for body in wiring.bodies(network, wanted_bodies) {
+            let pin = match pin.map(|pin| pin.bodies.get(bodies_inside.len())) {
                 None => None,
                 Some(Some(BodyChoice::Mesh(pin))) => Some(*pin),
                 Some(_) => continue,
             };
-            if let Some(mesh) = mesh::mesh(
+            if let Some(body_mesh) = mesh::mesh(
                 network,
                 timeline,
                 &body,
                 budget,
                 pin,
-                (choice, inside.len()),
+                (choice, bodies_inside.len()),
             ) {
-                inside.push((body, BodyPlan::Mesh(mesh)));
+                bodies_inside.push((body, BodyPlan::Mesh(body_mesh)));
             }
         }
     }
-    if inside.is_empty() {
-        return (None, why);
+    if bodies_inside.is_empty() {
+        return (None, modes_refusal);
     }
-    let mut cut = hub(island, timeline, inside);
-    let bodies = cut.bodies.iter_mut();
-    bodies.for_each(|body| body.replaces_modes = are_meshes);
-    (Some(cut), why)
+    let mut island_cut = hub(island, timeline, bodies_inside);
+    let ported_bodies = island_cut.bodies.iter_mut();
+    ported_bodies.for_each(|body| body.replaces_modes = are_meshes);
+    (Some(island_cut), modes_refusal)
 }
 
 /// Whether it was decided that a body is stepped although it could be computed by modes.
@@ -158,9 +158,9 @@ pub(in crate::plan) fn check_supported(
     for (body, _) in slow_bodies(network, timeline).bodies {
         wiring.take(&body.mats);
     }
-    let bodies = wiring.bodies(network, Wanted::All);
-    let check = |body: &Body| mesh::check_supported(network, timeline.rate, body, mesh_method);
-    bodies.iter().try_for_each(check)
+    let mesh_bodies = wiring.bodies(network, Wanted::All);
+    let check_body = |body: &Body| mesh::check_supported(network, timeline.rate, body, mesh_method);
+    mesh_bodies.iter().try_for_each(check_body)
 }
 
 impl PortedBody {
@@ -186,17 +186,17 @@ pub(in crate::plan) fn uncut_island(
     island_timeline: &OwnTimeline,
     timeline: Timeline,
 ) -> Cut {
-    let all = |n: usize| (0..n as u32).collect::<Vec<u32>>();
+    let all_indices = |n: usize| (0..n as u32).collect::<Vec<u32>>();
     let hub = Subset {
-        mats: all(island.mats.len()),
-        links: all(island.links.len()),
-        outputs: all(island.outputs.len()),
+        mats: all_indices(island.mats.len()),
+        links: all_indices(island.links.len()),
+        outputs: all_indices(island.outputs.len()),
         network: island.network.clone(),
     };
     let island_timeline = OwnTimeline {
         timeline,
-        keys: all(island_timeline.keys.len()),
-        gestures: all(island_timeline.gestures.len()),
+        keys: all_indices(island_timeline.keys.len()),
+        gestures: all_indices(island_timeline.gestures.len()),
     };
     Cut {
         hub,
@@ -213,73 +213,77 @@ fn modal(
     memo: &Memo<'_>,
 ) -> Result<Modal, NoModes> {
     let rate = timeline.rate;
-    let subset = network.subset(&body.mats, &body.guests, &body.links);
-    let outputs = position_sums(&subset.network)?;
-    let local = |mat: &u32| subset.mat(*mat as usize).unwrap_or(0);
+    let body_subset = network.subset(&body.mats, &body.guests, &body.links);
+    let outputs = position_sums(&body_subset.network)?;
+    let local_mat = |mat: &u32| body_subset.mat(*mat as usize).unwrap_or(0);
     let row = |mat: usize| vec![(mat, 1.0)];
-    let ports: Vec<usize> = body.ports.iter().map(local).collect();
+    let port_mats: Vec<usize> = body.ports.iter().map(local_mat).collect();
     let strikes = blows(
         timeline,
         |mat| body.mats.binary_search(&mat).is_ok(),
         is_discrete(network, body),
     );
-    let struck: Vec<usize> = strikes.keys().map(local).collect();
-    let (n_ports, n_out) = (ports.len(), subset.outputs.len());
-    let mut rows: Vec<Row> = ports.iter().copied().map(row).collect();
-    rows.extend(outputs.rows);
-    rows.extend(struck.iter().copied().map(row));
-    let mut modes = memo.modes(&subset.network, &rows, rate)?;
-    let n = modes.len();
+    let struck_mats: Vec<usize> = strikes.keys().map(local_mat).collect();
+    let (port_count, n_outputs) = (port_mats.len(), body_subset.outputs.len());
+    let mut body_rows: Vec<Row> = port_mats.iter().copied().map(row).collect();
+    body_rows.extend(outputs.rows);
+    body_rows.extend(struck_mats.iter().copied().map(row));
+    let mut body_modes = memo.modes(&body_subset.network, &body_rows, rate)?;
+    let mode_count = body_modes.len();
     // What a session will strike is not known: any mode may move.
-    let turned = (!timeline.is_open).then(|| [ports, struck].concat());
+    let turned = (!timeline.is_open).then(|| [port_mats, struck_mats].concat());
     if turned.is_some() {
-        let moved: Vec<usize> = (0..n_ports).chain(n_ports + n_out..rows.len()).collect();
-        modes.rotate(&moved, rate);
+        let moved_rows: Vec<usize> = (0..port_count)
+            .chain(port_count + n_outputs..body_rows.len())
+            .collect();
+        body_modes.rotate(&moved_rows, rate);
     }
-    if let Some(why) = modes.unfit(rate) {
-        return Err(why);
+    if let Some(unfit_reason) = body_modes.unfit(rate) {
+        return Err(unfit_reason);
     }
-    let rest = |row: usize| -> f64 {
-        modes.shapes[row]
+    let rest_of_row = |row: usize| -> f64 {
+        body_modes.shapes[row]
             .iter()
-            .zip(&modes.rest)
+            .zip(&body_modes.rest)
             .map(|(a, b)| a * b)
             .sum()
     };
-    let still = (0..n_out)
-        .map(|row| rest(n_ports + row) + outputs.held[row])
+    let still = (0..n_outputs)
+        .map(|row| rest_of_row(port_count + row) + outputs.held[row])
         .collect();
     Ok(Modal {
-        computed: (0..n as u32).collect(),
+        computed: (0..mode_count as u32).collect(),
         turned,
-        modes: (0..n).map(|mode| mode_plan(&modes, mode, rate)).collect(),
+        modes: (0..mode_count)
+            .map(|mode| mode_plan(&body_modes, mode, rate))
+            .collect(),
         ports: body
             .ports
             .iter()
             .enumerate()
             .map(|(row, &mat)| Port {
                 mat: mat as usize,
-                rest: rest(row),
-                shape: modes.shapes[row].clone(),
+                rest: rest_of_row(row),
+                shape: body_modes.shapes[row].clone(),
             })
             .collect(),
-        outputs: subset
+        outputs: body_subset
             .outputs
             .iter()
             .enumerate()
-            .map(|(row, &output)| (output, modes.shapes[n_ports + row].clone()))
+            .map(|(row, &output)| (output, body_modes.shapes[port_count + row].clone()))
             .collect(),
         still,
         struck: strikes
             .into_values()
             .enumerate()
             .map(|(row, blows)| Struck {
-                shape: modes.shapes[n_ports + n_out + row].clone(),
+                shape: body_modes.shapes[port_count + n_outputs + row].clone(),
                 blows: blows.parts,
             })
             .collect(),
         rate,
-        network: Arc::new(subset.network),
+        network: Arc::new(body_subset.network),
         answers: None,
     })
 }
@@ -305,73 +309,79 @@ fn complex(
     memo: &Memo<'_>,
 ) -> Result<BodyPlan, NoModes> {
     let rate = timeline.rate;
-    let subset = network.subset(&body.mats, &body.guests, &body.links);
-    let outputs = output_sums(&subset.network)?;
-    let local = |mat: &u32| subset.mat(*mat as usize).unwrap_or(0);
-    let ports: Vec<usize> = body.ports.iter().map(local).collect();
-    let is_ours = |mat| body.mats.binary_search(&mat).is_ok();
-    let strikes = blows(timeline, is_ours, false);
-    let points: Vec<usize> = ports
+    let body_subset = network.subset(&body.mats, &body.guests, &body.links);
+    let outputs = output_sums(&body_subset.network)?;
+    let local_mat = |mat: &u32| body_subset.mat(*mat as usize).unwrap_or(0);
+    let port_mats: Vec<usize> = body.ports.iter().map(local_mat).collect();
+    let is_body_mat = |mat| body.mats.binary_search(&mat).is_ok();
+    let strikes = blows(timeline, is_body_mat, false);
+    let force_points: Vec<usize> = port_mats
         .iter()
         .copied()
-        .chain(strikes.keys().map(local))
+        .chain(strikes.keys().map(local_mat))
         .collect();
-    let rows = ports.iter().map(|&mat| vec![(mat, 1.0)]);
-    let sums: Vec<Sum> = rows.chain(outputs.rows).map(Sum::from_positions).collect();
-    let modes = memo.complex(&subset.network, &sums, &points, rate)?;
-    let every: Vec<usize> = (0..modes.len()).collect();
-    let (n_ports, all) = (ports.len(), complex_body::parts(&modes, &every, rate));
-    let shape = |row: usize| -> Vec<f64> {
-        let parts = all.iter();
+    let port_rows = port_mats.iter().map(|&mat| vec![(mat, 1.0)]);
+    let seen_sums: Vec<Sum> = port_rows
+        .chain(outputs.rows)
+        .map(Sum::from_positions)
+        .collect();
+    let body_modes = memo.complex(&body_subset.network, &seen_sums, &force_points, rate)?;
+    let all_modes: Vec<usize> = (0..body_modes.len()).collect();
+    let (port_count, all_parts) = (
+        port_mats.len(),
+        complex_body::parts(&body_modes, &all_modes, rate),
+    );
+    let shape_of_row = |row: usize| -> Vec<f64> {
+        let parts = all_parts.iter();
         parts
-            .map(|own| own.sign * modes.seen[row][own.mode][own.part])
+            .map(|own| own.sign * body_modes.seen[row][own.mode][own.part])
             .collect()
     };
     let answers = |point: usize| -> Vec<Response> {
-        let parts = all.iter();
+        let parts = all_parts.iter();
         parts
-            .map(|own| complex_body::response(&modes, own, point))
+            .map(|own| complex_body::response(&body_modes, own, point))
             .collect()
     };
-    let still = modes.rest[n_ports..].iter().zip(&outputs.held);
-    let modal = Modal {
-        computed: (0..all.len() as u32).collect(),
+    let static_sums = body_modes.rest[port_count..].iter().zip(&outputs.held);
+    let modal_plan = Modal {
+        computed: (0..all_parts.len() as u32).collect(),
         turned: None,
-        modes: all.iter().map(part_plan).collect(),
-        ports: (0..n_ports)
+        modes: all_parts.iter().map(part_plan).collect(),
+        ports: (0..port_count)
             .map(|row| Port {
                 mat: body.ports[row] as usize,
-                rest: modes.rest[row],
-                shape: shape(row),
+                rest: body_modes.rest[row],
+                shape: shape_of_row(row),
             })
             .collect(),
         outputs: (0..)
-            .zip(&subset.outputs)
-            .map(|(row, &output): (usize, _)| (output, shape(n_ports + row)))
+            .zip(&body_subset.outputs)
+            .map(|(row, &output): (usize, _)| (output, shape_of_row(port_count + row)))
             .collect(),
-        still: still.map(|(rest, held)| rest + held).collect(),
+        still: static_sums.map(|(rest, held)| rest + held).collect(),
         struck: strikes
             .into_values()
             .map(|blows| Struck {
-                shape: vec![1.0; all.len()],
+                shape: vec![1.0; all_parts.len()],
                 blows: blows.parts,
             })
             .collect(),
         rate,
-        network: Arc::new(subset.network),
+        network: Arc::new(body_subset.network),
         answers: Some(Answers {
-            n_modes: modes.len(),
-            places: complex_body::places(&all),
-            ports: (0..n_ports).map(answers).collect(),
-            struck: (n_ports..points.len()).map(answers).collect(),
+            n_modes: body_modes.len(),
+            places: complex_body::places(&all_parts),
+            ports: (0..port_count).map(answers).collect(),
+            struck: (port_count..force_points.len()).map(answers).collect(),
         }),
     };
     // The largest cost allowed: the same masses stepped module by module, times `COST_RATIO_MAX`. A few masses that contacts touch
     // would create energy if they were stepped.
-    let stepped = COST_RATIO_MAX * cost::stepped_cost(&modal.network, &Timeline::new(rate));
-    let modal = BodyPlan::Modal(modal);
-    let is_cheap = body.is_small() || cost::body_cost(&modal) <= stepped;
-    is_cheap.then_some(modal).ok_or(NoModes::Ports)
+    let stepped = COST_RATIO_MAX * cost::stepped_cost(&modal_plan.network, &Timeline::new(rate));
+    let modal_plan = BodyPlan::Modal(modal_plan);
+    let is_cheap = body.is_small() || cost::body_cost(&modal_plan) <= stepped;
+    is_cheap.then_some(modal_plan).ok_or(NoModes::Ports)
 }
 
 /// A part of a complex mode as a mode with a response of its own.
@@ -388,23 +398,23 @@ fn part_plan(part: &Part) -> Mode {
 }
 
 fn is_discrete(network: &Network, body: &Body) -> bool {
-    let part = network.mats().part[body.mats[0] as usize] as usize;
-    network.parts()[part].ca_rate.is_some()
+    let body_part = network.mats().part[body.mats[0] as usize] as usize;
+    network.parts()[body_part].ca_rate.is_some()
 }
 
 fn mode_plan(modes: &Modes, mode: usize, rate: Rate) -> Mode {
-    let (ratios, cell) = (modes.ratios(mode, rate), modes.cell(mode));
+    let (mode_ratios, mode_cell) = (modes.ratios(mode, rate), modes.cell(mode));
     Mode {
-        a: 2.0 - ratios.kappa - ratios.zeta,
-        b: 1.0 - ratios.zeta,
+        a: 2.0 - mode_ratios.kappa - mode_ratios.zeta,
+        b: 1.0 - mode_ratios.zeta,
         gain: if modes.is_discrete {
             1.0
         } else {
-            rate.step() * cell.response(rate.step())
+            rate.step() * mode_cell.response(rate.step())
         },
         now: modes.x0[mode] - modes.rest[mode],
         before: modes.before(mode, rate),
-        cell: (!modes.is_discrete).then_some(cell),
+        cell: (!modes.is_discrete).then_some(mode_cell),
     }
 }
 
@@ -412,52 +422,55 @@ fn mode_plan(modes: &Modes, mode: usize, rate: Rate) -> Mode {
 /// in the body.
 fn hub(island: &Subset, timeline: &Timeline, bodies_inside: Vec<(Body, BodyPlan)>) -> Cut {
     let network = &island.network;
-    let (mut is_gone, mut is_cut) = (vec![false; network.n_mat()], vec![false; network.n_lia()]);
-    let mut ports: Vec<u32> = Vec::new();
+    let (mut is_in_body, mut is_cut_link) =
+        (vec![false; network.n_mat()], vec![false; network.n_lia()]);
+    let mut port_mats: Vec<u32> = Vec::new();
     let mut is_struck_there = vec![false; network.n_mat()];
     for (body, inside) in &bodies_inside {
         for &mat in &body.mats {
-            is_gone[mat as usize] = true;
+            is_in_body[mat as usize] = true;
             // A slow body is struck at its ports, in the rest of the island.
             is_struck_there[mat as usize] = !matches!(inside, BodyPlan::Slow(_));
         }
         body.links
             .iter()
-            .for_each(|&link| is_cut[link as usize] = true);
-        ports.extend(&body.ports);
+            .for_each(|&link| is_cut_link[link as usize] = true);
+        port_mats.extend(&body.ports);
     }
-    ports.sort_unstable();
-    let all = 0..network.n_lia() as u32;
-    let links: Vec<u32> = all.filter(|&link| !is_cut[link as usize]).collect();
-    let is_used = used(network, timeline, &is_cut);
-    let all = 0..network.n_mat() as u32;
-    let mats: Vec<u32> = all
-        .filter(|&mat| !is_gone[mat as usize] && is_used[mat as usize])
+    port_mats.sort_unstable();
+    let all_indices = 0..network.n_lia() as u32;
+    let hub_links: Vec<u32> = all_indices
+        .filter(|&link| !is_cut_link[link as usize])
         .collect();
-    let mut hub = network.subset_for_all(&mats, &ports, &links);
+    let stays_in_hub = used(network, timeline, &is_cut_link);
+    let all_indices = 0..network.n_mat() as u32;
+    let hub_mats: Vec<u32> = all_indices
+        .filter(|&mat| !is_in_body[mat as usize] && stays_in_hub[mat as usize])
+        .collect();
+    let mut hub = network.subset_for_all(&hub_mats, &port_mats, &hub_links);
     let mut timeline = timeline.clone();
     timeline
         .strikes
         .retain(|strike| !is_struck_there[strike.mat as usize]);
     let mut bodies = Vec::new();
     for (body, mut inside) in bodies_inside {
-        let local = |mat: usize| hub.mat(mat).unwrap_or(0);
-        let inner_network = match &mut inside {
+        let local_mat = |mat: usize| hub.mat(mat).unwrap_or(0);
+        let mode_count = match &mut inside {
             BodyPlan::Modal(modal) => {
                 for port in &mut modal.ports {
-                    port.mat = local(port.mat);
+                    port.mat = local_mat(port.mat);
                 }
                 modal.modes.len()
             }
             BodyPlan::Mesh(mesh) => {
                 for (_, mat) in &mut mesh.ports {
-                    *mat = local(*mat);
+                    *mat = local_mat(*mat);
                 }
                 0
             }
             BodyPlan::Slow(slow) => {
                 for (_, mat) in &mut slow.ports {
-                    *mat = local(*mat);
+                    *mat = local_mat(*mat);
                 }
                 0
             }
@@ -468,8 +481,8 @@ fn hub(island: &Subset, timeline: &Timeline, bodies_inside: Vec<(Body, BodyPlan)
             links: body.links.len(),
             parts: network.parts_of(&body.mats),
             left_out: None,
-            n_modes: inner_network,
-            computed_modes: (0..inner_network as u32).collect(),
+            n_modes: mode_count,
+            computed_modes: (0..mode_count as u32).collect(),
             replaces_modes: false,
             inside,
         });
@@ -486,39 +499,39 @@ fn hub(island: &Subset, timeline: &Timeline, bodies_inside: Vec<(Body, BodyPlan)
 /// MATs that stay in the rest: those that move, that are driven or heard, or that a remaining link ends on; not points
 /// that only held bodies.
 fn used(network: &Network, timeline: &Timeline, is_cut: &[bool]) -> Vec<bool> {
-    let kinds = network.mats().kind.iter();
-    let mut used: Vec<bool> = kinds.map(|&kind| !kind.is_held()).collect();
+    let mat_kinds = network.mats().kind.iter();
+    let mut is_used_mat: Vec<bool> = mat_kinds.map(|&kind| !kind.is_held()).collect();
     for proxy in network.proxies() {
-        let others = proxy.masses().chain(proxy.guides());
-        others.for_each(|mat| used[mat] = true);
+        let proxy_mats = proxy.masses().chain(proxy.guides());
+        proxy_mats.for_each(|mat| is_used_mat[mat] = true);
     }
     for (_, guide) in network.followed() {
-        used[guide] = true;
+        is_used_mat[guide] = true;
     }
     for (_, a, b) in ends(network).filter(|&(link, _, _)| !is_cut[link]) {
-        (used[a], used[b]) = (true, true);
+        (is_used_mat[a], is_used_mat[b]) = (true, true);
     }
-    timeline.driven().for_each(|mat| used[mat] = true);
+    timeline.driven().for_each(|mat| is_used_mat[mat] = true);
     for term in network.outputs().iter().flat_map(|output| &output.terms) {
         if let Term::Position { first, len, .. } | Term::Ground { first, len, .. } = *term {
-            used[first..first + len].fill(true);
+            is_used_mat[first..first + len].fill(true);
         }
     }
-    used
+    is_used_mat
 }
 
 /// Sets the mass of each port to what responds to a force within a step as the body does.
 pub(in crate::plan) fn set_free(hub: &mut Network, inside: &BodyPlan) {
     match inside {
         BodyPlan::Modal(modal) => {
-            let step = modal.rate.step();
-            let unit = if modal.is_discrete() {
+            let time_step = modal.rate.step();
+            let mass_scale = if modal.is_discrete() {
                 1.0
             } else {
-                step * step
+                time_step * time_step
             };
             for (at, port) in modal.ports.iter().enumerate() {
-                hub.set_free(port.mat, unit / modal.port_compliance(at));
+                hub.set_free(port.mat, mass_scale / modal.port_compliance(at));
             }
         }
         BodyPlan::Mesh(mesh) => {

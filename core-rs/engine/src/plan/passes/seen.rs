@@ -19,20 +19,23 @@ pub(in crate::plan) fn subsets(
     islands: Vec<IslandMembers>,
     is_loose: impl Fn(&IslandMembers) -> bool,
 ) -> Result<(Vec<Subset>, usize), Error> {
-    let (mut all, mut loose) = (Vec::new(), Vec::new());
+    let (mut all_subsets, mut loose_mats) = (Vec::new(), Vec::new());
     for island in islands {
         if is_loose(&island) {
-            loose.extend(island.mats);
+            loose_mats.extend(island.mats);
         } else {
-            let subset = network.subset(&island.mats, &island.guests, &island.links);
-            all.push(with_probe_output(subset, &island.mats)?);
+            let island_subset = network.subset(&island.mats, &island.guests, &island.links);
+            all_subsets.push(with_probe_output(island_subset, &island.mats)?);
         }
     }
-    let n_islands = all.len();
-    if !loose.is_empty() {
-        all.push(with_probe_output(network.subset(&loose, &[], &[]), &loose)?);
+    let n_islands = all_subsets.len();
+    if !loose_mats.is_empty() {
+        all_subsets.push(with_probe_output(
+            network.subset(&loose_mats, &[], &[]),
+            &loose_mats,
+        )?);
     }
-    Ok((all, n_islands))
+    Ok((all_subsets, n_islands))
 }
 
 /// The subset with one output that hears every mass with a weight of its own: no mode is silent at it.
@@ -40,20 +43,24 @@ pub(in crate::plan) fn with_probe_output(
     mut subset: Subset,
     probed_mats: &[u32],
 ) -> Result<Subset, Error> {
-    let terms = probed_mats.iter().filter_map(|&mat| {
+    let probe_terms = probed_mats.iter().filter_map(|&mat| {
         let first = subset.mat(mat as usize)?;
         subset.network.mats().kind[first].moves().then(|| {
-            let drawn = mat.wrapping_mul(0x9e37_79b9).rotate_left(15) >> 8;
-            let size = 0.5 + f64::from(drawn) / f64::from(1 << 24);
+            let random_bits = mat.wrapping_mul(0x9e37_79b9).rotate_left(15) >> 8;
+            let magnitude = 0.5 + f64::from(random_bits) / f64::from(1 << 24);
             Term::Position {
                 first,
                 len: 1,
-                weight: if drawn & 1 == 0 { size } else { -size },
+                weight: if random_bits & 1 == 0 {
+                    magnitude
+                } else {
+                    -magnitude
+                },
             }
         })
     });
-    let terms: Vec<Term> = terms.collect();
-    subset.network.listen("what is looked at", terms)?;
+    let probe_terms: Vec<Term> = probe_terms.collect();
+    subset.network.listen("what is looked at", probe_terms)?;
     // No output of the whole network: units that are only seen are added to none.
     subset.outputs.push(0);
     Ok(subset)

@@ -34,15 +34,15 @@ pub(in crate::plan) struct SlowBodies {
 pub(in crate::plan) fn slow_bodies(network: &Network, timeline: &Timeline) -> SlowBodies {
     let mut slow_found = SlowBodies::default();
     for (part, slow_part) in network.parts().iter().enumerate() {
-        let is_here = || network.mats().part.contains(&(part as u32));
-        let Some(every) = slow_part.macrostep.filter(|_| is_here()) else {
+        let is_in_network = || network.mats().part.contains(&(part as u32));
+        let Some(macrostep) = slow_part.macrostep.filter(|_| is_in_network()) else {
             continue;
         };
         match needs_every_frame(network, timeline, part) {
             Some(why) => slow_found
                 .refused_slow
                 .push((slow_part.name.clone(), why.to_owned())),
-            None => match bodies(network, timeline, part, every) {
+            None => match bodies(network, timeline, part, macrostep) {
                 Ok(bodies) => slow_found.bodies.extend(bodies),
                 Err(why) => slow_found.refused_slow.push((slow_part.name.clone(), why)),
             },
@@ -53,11 +53,11 @@ pub(in crate::plan) fn slow_bodies(network: &Network, timeline: &Timeline) -> Sl
 
 /// Why a gesture needs its key at every frame, if it does.
 fn needs_every_frame(network: &Network, timeline: &Timeline, part: usize) -> Option<&'static str> {
-    let part_of = |key: usize| network.mats().part[timeline.keys[key].struck] as usize;
+    let part_of_key = |key: usize| network.mats().part[timeline.keys[key].struck] as usize;
     let mut gestures = timeline
         .gestures
         .iter()
-        .filter(|gesture| part_of(gesture.key) == part);
+        .filter(|gesture| part_of_key(gesture.key) == part);
     gestures.find_map(|gesture| match gesture.manner.touch {
         Touch::Tracked => Some("a gesture with `touch: tracked` moves it at every frame"),
         Touch::Open if gesture.manner.limit.is_some() => {
@@ -74,47 +74,49 @@ fn bodies(
     part: usize,
     every: u32,
 ) -> Result<Vec<(Body, Slow)>, String> {
-    let bodies = find_bodies(network, timeline, part);
-    if bodies.is_empty() {
+    let part_bodies = find_bodies(network, timeline, part);
+    if part_bodies.is_empty() {
         return Err("no mass in it is held by linear springs or by links in space".to_owned());
     }
     let strikes = timeline.strikes.iter().map(|strike| strike.mat);
-    let ergons = timeline.ergons.iter().map(|ergon| ergon.mat);
-    let struck: BTreeSet<u32> = strikes.chain(ergons).collect();
+    let ergon_mats = timeline.ergons.iter().map(|ergon| ergon.mat);
+    let struck_mats: BTreeSet<u32> = strikes.chain(ergon_mats).collect();
     // A session may strike any of it.
-    let is_struck = |mat: usize| timeline.is_open || struck.contains(&(mat as u32));
-    let slow = |body: Body| {
-        let subset = network.subset(&body.mats, &body.guests, &body.links);
+    let is_struck = |mat: usize| timeline.is_open || struck_mats.contains(&(mat as u32));
+    let slow_body = |body: Body| {
+        let body_subset = network.subset(&body.mats, &body.guests, &body.links);
         let (rate, part_and_macrostep) = (timeline.rate, (part, every));
         // The exact flow of linear springs does not include gravity.
-        let has_weight = subset
+        let has_weight = body_subset
             .network
             .mats()
             .weight
             .iter()
             .any(|weight| *weight != 0.0);
-        let slow = if has_weight || links_in_space(&subset.network).next().is_some() {
-            in_space::slow(rate, part_and_macrostep, &body, subset)?
+        let slow_body = if has_weight || links_in_space(&body_subset.network).next().is_some() {
+            in_space::slow(rate, part_and_macrostep, &body, body_subset)?
         } else {
-            exact::slow(rate, part_and_macrostep, &body, subset, is_struck)?
+            exact::slow(rate, part_and_macrostep, &body, body_subset, is_struck)?
         };
         // Where a session plays, no trial decides.
-        if timeline.is_open && cost::is_dearer(&slow) {
+        if timeline.is_open && cost::is_dearer(&slow_body) {
             return Err(DEARER.to_owned());
         }
-        Ok((body, slow))
+        Ok((body, slow_body))
     };
-    bodies.into_iter().map(slow).collect()
+    part_bodies.into_iter().map(slow_body).collect()
 }
 
 /// The bodies of a part: sets of masses that its own links join or tie to the ground. Their ports are the masses that
 /// anything else touches.
 fn find_bodies(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body> {
     let mats = network.mats();
-    let n = network.n_mat();
-    let is_own = |mat: usize| mats.part[mat] as usize == part;
-    let mut is_eligible: Vec<bool> = (0..n).map(|i| is_own(i) && mats.kind[i].moves()).collect();
-    let mut is_port = vec![false; n];
+    let mat_count = network.n_mat();
+    let is_in_part = |mat: usize| mats.part[mat] as usize == part;
+    let mut is_eligible: Vec<bool> = (0..mat_count)
+        .map(|i| is_in_part(i) && mats.kind[i].moves())
+        .collect();
+    let mut is_port = vec![false; mat_count];
     let mut is_inner = vec![false; network.n_lia()];
     for run in network.runs().iter().filter(|run| run.part == part) {
         is_inner[run.first..run.first + run.len].fill(may_be_slow(&run.kind));
@@ -134,7 +136,7 @@ fn find_bodies(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body>
             Term::Position { .. } | Term::Length { .. } => {}
         }
     }
-    let mut is_driven = vec![false; n];
+    let mut is_driven = vec![false; mat_count];
     for drive in &timeline.drives {
         is_driven[drive.mat] = true;
         match drive.kind {
@@ -147,64 +149,71 @@ fn find_bodies(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body>
         .glides
         .iter()
         .for_each(|glide| is_eligible[glide.mat] = false);
-    let masses = network.following_masses().iter();
-    masses.for_each(|mass| is_eligible[mass.mat] = false);
+    let following_masses = network.following_masses().iter();
+    following_masses.for_each(|mass| is_eligible[mass.mat] = false);
     let strikes = timeline.strikes.iter().map(|strike| strike.mat as usize);
-    let ergons = timeline.ergons.iter().map(|ergon| ergon.mat as usize);
-    let keys = timeline.keys.iter().map(|key| key.struck);
+    let ergon_mats = timeline.ergons.iter().map(|ergon| ergon.mat as usize);
+    let struck_mats = timeline.keys.iter().map(|key| key.struck);
     strikes
-        .chain(ergons)
-        .chain(keys)
+        .chain(ergon_mats)
+        .chain(struck_mats)
         .for_each(|mat| is_port[mat] = true);
 
     if timeline.is_open {
         is_port.fill(true);
     }
     let proxied = network.proxies().iter().flat_map(Proxy::masses);
-    let guides = network.followed().map(|(_, guide)| guide);
-    proxied.chain(guides).for_each(|mat| is_port[mat] = true);
-    let is_held = |mat: usize| is_own(mat) && mats.kind[mat].is_held() && !is_driven[mat];
-    let mut forest = Forest::new(n);
+    let guide_mats = network.followed().map(|(_, guide)| guide);
+    proxied
+        .chain(guide_mats)
+        .for_each(|mat| is_port[mat] = true);
+    let is_held_mat = |mat: usize| is_in_part(mat) && mats.kind[mat].is_held() && !is_driven[mat];
+    let mut mat_forest = Forest::new(mat_count);
     for (run, i) in links_in_space(network) {
-        let is_free =
-            |&(a, b): &(usize, usize)| [a, b].iter().all(|&mat| is_eligible[mat] || is_held(mat));
-        is_inner[run.first + i] &= run.pairs(i).all(|pair| is_free(&pair));
+        let is_inner_pair = |&(first_end, second_end): &(usize, usize)| {
+            [first_end, second_end]
+                .iter()
+                .all(|&mat| is_eligible[mat] || is_held_mat(mat))
+        };
+        is_inner[run.first + i] &= run.pairs(i).all(|pair| is_inner_pair(&pair));
         if is_inner[run.first + i] {
             // A link in space measures a distance: all coordinates of an end stay in one body.
-            let (a, b) = run.pair(i, 0);
+            let (first_end, second_end) = run.pair(i, 0);
             for (other_a, other_b) in run.pairs(i).skip(1) {
-                for (near, other) in [(a, other_a), (b, other_b)] {
+                for (near, other) in [(first_end, other_a), (second_end, other_b)] {
                     if is_eligible[near] && is_eligible[other] {
-                        forest.join(near, other);
+                        mat_forest.join(near, other);
                     }
                 }
             }
         }
     }
-    for (link, a, b) in ends(network) {
-        if is_inner[link] && is_eligible[a] && is_eligible[b] {
-            forest.join(a, b);
+    for (link, first_end, second_end) in ends(network) {
+        if is_inner[link] && is_eligible[first_end] && is_eligible[second_end] {
+            mat_forest.join(first_end, second_end);
         }
     }
-    let mut bodies: BTreeMap<usize, Body> = BTreeMap::new();
-    for mat in (0..n).filter(|&mat| is_eligible[mat]) {
-        let body = bodies.entry(forest.root(mat)).or_insert_with(Body::empty);
+    let mut part_bodies: BTreeMap<usize, Body> = BTreeMap::new();
+    for mat in (0..mat_count).filter(|&mat| is_eligible[mat]) {
+        let body = part_bodies
+            .entry(mat_forest.root(mat))
+            .or_insert_with(Body::empty);
         body.mats.push(mat as u32);
         if is_port[mat] {
             body.ports.push(mat as u32);
         }
     }
-    for (link, a, b) in ends(network) {
-        for (near, other) in [(a, b), (b, a)]
+    for (link, first_end, second_end) in ends(network) {
+        for (near, other) in [(first_end, second_end), (second_end, first_end)]
             .into_iter()
             .filter(|&(near, _)| is_eligible[near])
         {
-            let Some(body) = bodies.get_mut(&forest.root(near)) else {
+            let Some(body) = part_bodies.get_mut(&mat_forest.root(near)) else {
                 continue;
             };
-            if is_inner[link] && (is_eligible[other] || is_held(other)) {
+            if is_inner[link] && (is_eligible[other] || is_held_mat(other)) {
                 body.links.push(link as u32);
-                if is_held(other) {
+                if is_held_mat(other) {
                     body.guests.push(other as u32);
                 }
             } else {
@@ -212,12 +221,12 @@ fn find_bodies(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body>
             }
         }
     }
-    let is_tied = |&mat: &u32| mats.kind[mat as usize] == MatKind::Cel;
-    let is_slow = |body: &Body| !body.links.is_empty() || body.mats.iter().any(is_tied);
-    bodies
+    let is_tied_cell = |&mat: &u32| mats.kind[mat as usize] == MatKind::Cel;
+    let has_springs = |body: &Body| !body.links.is_empty() || body.mats.iter().any(is_tied_cell);
+    part_bodies
         .into_values()
         .map(Body::tidy)
-        .filter(is_slow)
+        .filter(has_springs)
         .collect()
 }
 
@@ -234,8 +243,8 @@ fn may_be_slow(kind: &LinkKind) -> bool {
 /// Every single link in space: its run, and its index there.
 fn links_in_space(network: &Network) -> impl Iterator<Item = (&Run, usize)> {
     let in_space = |run: &&Run| matches!(run.kind, LinkKind::Space(_));
-    let runs = network.runs().iter().filter(in_space);
-    runs.flat_map(|run| (0..run.len).map(move |i| (run, i)))
+    let space_runs = network.runs().iter().filter(in_space);
+    space_runs.flat_map(|run| (0..run.len).map(move |i| (run, i)))
 }
 
 /// Whether kicks resolve a mode that turns by `turn` between two of them [rad]; false for NaN.
@@ -245,8 +254,10 @@ fn is_within(turn: f64) -> bool {
 
 /// MATs of a body that move, by their index in the subset.
 fn free(body: &Body, subset: &Subset) -> Vec<usize> {
-    let mats = body.mats.iter();
-    mats.filter_map(|&mat| subset.mat(mat as usize)).collect()
+    let body_mats = body.mats.iter();
+    body_mats
+        .filter_map(|&mat| subset.mat(mat as usize))
+        .collect()
 }
 
 /// What follows from the springs of a body.
@@ -271,22 +282,22 @@ impl Solution {
         springs: impl FnOnce(&[(usize, usize)], &[Weights]) -> Springs,
     ) -> Result<Slow, String> {
         let Self { free, .. } = self;
-        let n = free.len();
+        let free_count = free.len();
         let outputs = output_sums(&subset.network).map_err(|why| why.why().to_owned())?;
-        let slot = |mat: usize| free.binary_search(&mat).ok();
-        let rows = outputs.rows.into_iter().map(|row| {
+        let slot_of_mat = |mat: usize| free.binary_search(&mat).ok();
+        let output_rows = outputs.rows.into_iter().map(|row| {
             let weights = row
                 .into_iter()
-                .filter_map(|(mat, weight)| Some((slot(mat)?, weight)));
+                .filter_map(|(mat, weight)| Some((slot_of_mat(mat)?, weight)));
             weights.collect()
         });
-        let rows: Vec<Weights> = rows.collect();
+        let output_rows: Vec<Weights> = output_rows.collect();
         let ports: Vec<(usize, usize)> = body
             .ports
             .iter()
-            .filter_map(|&mat| Some((slot(subset.mat(mat as usize)?)?, mat as usize)))
+            .filter_map(|&mat| Some((slot_of_mat(subset.mat(mat as usize)?)?, mat as usize)))
             .collect();
-        let is_port = |weights: usize| ports.iter().any(|port| port.0 == weights);
+        let is_port_slot = |weights: usize| ports.iter().any(|port| port.0 == weights);
         let mats = subset.network.mats();
         Ok(Slow {
             part,
@@ -296,12 +307,14 @@ impl Solution {
             rest: self.rest,
             x0: free.iter().map(|&i| mats.x0[i]).collect(),
             v0: free.iter().map(|&i| mats.v0[i] * rate.step()).collect(),
-            inner: (0..n).filter(|&weights| !is_port(weights)).collect(),
-            is_inner: (0..n)
-                .map(|weights| f64::from(u8::from(!is_port(weights))))
+            inner: (0..free_count)
+                .filter(|&weights| !is_port_slot(weights))
                 .collect(),
-            springs: springs(&ports, &rows),
-            outputs: subset.outputs.iter().copied().zip(rows).collect(),
+            is_inner: (0..free_count)
+                .map(|weights| f64::from(u8::from(!is_port_slot(weights))))
+                .collect(),
+            springs: springs(&ports, &output_rows),
+            outputs: subset.outputs.iter().copied().zip(output_rows).collect(),
             w: self.w,
             is_discrete: self.is_discrete,
             ports,

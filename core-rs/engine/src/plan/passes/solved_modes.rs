@@ -66,8 +66,9 @@ impl<'a> Memo<'a> {
         let mut counted = self.counted.borrow_mut();
         if !counted.iter().any(|own| own.is_same_from_start(network)) {
             counted.push(network.clone());
-            let n = n_modes as f64;
-            self.work.set(self.work.get() + SOLVE * n * n * n);
+            let mode_count = n_modes as f64;
+            self.work
+                .set(self.work.get() + SOLVE * mode_count * mode_count * mode_count);
         }
     }
 
@@ -84,40 +85,42 @@ impl<'a> Memo<'a> {
         rate: Rate,
     ) -> Result<Modes, NoModes> {
         // Modes depend on the rate only if the discrete network is the reference.
-        let is_ours = |solved: &&Arc<Solved>| {
+        let is_same_problem = |solved: &&Arc<Solved>| {
             (!solved.modes.is_discrete || solved.rate.hertz() == rate.hertz())
                 && solved.network.is_same_from_start(network)
         };
-        let solved_here = self.solved.borrow().iter().find(is_ours).cloned();
-        let known = solved_here.or_else(|| self.known.iter().find(is_ours).cloned());
-        let place = |solved: &Solved, row: &Row| {
+        let solved_here = self.solved.borrow().iter().find(is_same_problem).cloned();
+        let already_solved =
+            solved_here.or_else(|| self.known.iter().find(is_same_problem).cloned());
+        let row_place = |solved: &Solved, row: &Row| {
             solved
                 .rows
                 .iter()
                 .position(|place_of_row| place_of_row == row)
         };
-        if let Some(solved) = &known {
-            let places: Option<Vec<usize>> = rows.iter().map(|row| place(solved, row)).collect();
-            if let Some(places) = places {
+        if let Some(solved) = &already_solved {
+            let row_places: Option<Vec<usize>> =
+                rows.iter().map(|row| row_place(solved, row)).collect();
+            if let Some(row_places) = row_places {
                 self.count(network, solved.modes.len());
                 self.keep(solved.clone());
-                return Ok(solved.modes.seen_by(&places));
+                return Ok(solved.modes.seen_by(&row_places));
             }
         }
         // Rows that were asked for once will be asked for again.
-        let mut all = rows.to_vec();
-        if let Some(solved) = &known {
-            let others = solved.rows.iter().filter(|row| !rows.contains(row));
-            all.extend(others.cloned());
+        let mut all_rows = rows.to_vec();
+        if let Some(solved) = &already_solved {
+            let other_rows = solved.rows.iter().filter(|row| !rows.contains(row));
+            all_rows.extend(other_rows.cloned());
         }
-        let modes = Modes::new(network, &all, rate)?;
+        let modes = Modes::new(network, &all_rows, rate)?;
         self.count(network, modes.len());
-        let places: Vec<usize> = (0..rows.len()).collect();
-        let place_of_row = modes.seen_by(&places);
+        let row_places: Vec<usize> = (0..rows.len()).collect();
+        let place_of_row = modes.seen_by(&row_places);
         self.keep(Arc::new(Solved {
             network: network.clone(),
             rate,
-            rows: all,
+            rows: all_rows,
             modes,
         }));
         Ok(place_of_row)
@@ -131,35 +134,35 @@ impl<'a> Memo<'a> {
         struck: &[usize],
         rate: Rate,
     ) -> Result<Arc<ComplexModes>, NoModes> {
-        let mut all = self.complex.borrow_mut();
-        let is_ours = |solved: &&SolvedComplex| {
+        let mut solved_cache = self.complex.borrow_mut();
+        let is_same_problem = |solved: &&SolvedComplex| {
             solved.outputs == outputs
                 && solved.struck == struck
                 && solved.network.is_same_from_start(network)
         };
-        let modes = match all.iter().find(is_ours) {
+        let complex_modes = match solved_cache.iter().find(is_same_problem) {
             Some(solved) => solved.modes.clone()?,
             None => {
-                let modes = ComplexModes::new(network, outputs, struck, rate).map(Arc::new);
-                all.push(SolvedComplex {
+                let complex_modes = ComplexModes::new(network, outputs, struck, rate).map(Arc::new);
+                solved_cache.push(SolvedComplex {
                     network: network.clone(),
                     outputs: outputs.to_vec(),
                     struck: struck.to_vec(),
-                    modes: modes.clone(),
+                    modes: complex_modes.clone(),
                 });
-                modes?
+                complex_modes?
             }
         };
-        match modes.unfit(rate) {
+        match complex_modes.unfit(rate) {
             Some(why) => Err(why),
-            None => Ok(modes),
+            None => Ok(complex_modes),
         }
     }
 
     fn keep(&self, solved: Arc<Solved>) {
-        let mut memory = self.solved.borrow_mut();
-        memory.retain(|other| !solved.network.is_same_from_start(&other.network));
-        memory.push(solved);
+        let mut solved_cache = self.solved.borrow_mut();
+        solved_cache.retain(|other| !solved.network.is_same_from_start(&other.network));
+        solved_cache.push(solved);
     }
 }
 
@@ -170,26 +173,28 @@ mod tests {
     #[test]
     fn memo_modes_are_solved_once_for_all_rates() {
         let mut network = Network::default();
-        let mut last = network.mas("m0", 1e-3, 0.0, 0.0).unwrap();
+        let mut last_mat = network.mas("m0", 1e-3, 0.0, 0.0).unwrap();
         for i in 1..8 {
-            let next = network.mas(&format!("m{i}"), 1e-3, 0.0, 0.0).unwrap();
-            let name = format!("r{i}");
-            network.spring(&name, last, next, 1e3, 0.0, 0.0).unwrap();
-            last = next;
+            let next_mat = network.mas(&format!("m{i}"), 1e-3, 0.0, 0.0).unwrap();
+            let spring_name = format!("r{i}");
+            network
+                .spring(&spring_name, last_mat, next_mat, 1e3, 0.0, 0.0)
+                .unwrap();
+            last_mat = next_mat;
         }
         let memo = Memo::new(&[]);
         let solve = |hertz: f64| {
             let rate = Rate::new(hertz).unwrap();
-            let modes = memo.modes(&network, &[vec![(last, 1.0)]], rate);
-            (modes.unwrap().lambda, memo.take_work())
+            let memo_modes = memo.modes(&network, &[vec![(last_mat, 1.0)]], rate);
+            (memo_modes.unwrap().lambda, memo.take_work())
         };
-        let (first, work) = solve(44_100.0);
-        assert!(work > 0.0);
-        assert_eq!(solve(88_200.0), (first.clone(), 0.0));
+        let (first_lambda, first_work) = solve(44_100.0);
+        assert!(first_work > 0.0);
+        assert_eq!(solve(88_200.0), (first_lambda.clone(), 0.0));
         memo.begin();
         assert_eq!(
             solve(44_100.0),
-            (first, work),
+            (first_lambda, first_work),
             "another island's work is its own"
         );
     }

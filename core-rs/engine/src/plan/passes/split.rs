@@ -34,7 +34,7 @@ pub(in crate::plan) fn split(
     timeline: &Timeline,
 ) -> Vec<(Subset, OwnTimeline)> {
     let homes = homes(&subsets, timeline);
-    let home = |mat: u32| homes.get(&mat).map_or(&[][..], Vec::as_slice);
+    let homes_of_mat = |mat: u32| homes.get(&mat).map_or(&[][..], Vec::as_slice);
     let mut timelines: Vec<OwnTimeline> = subsets
         .iter()
         .map(|_| OwnTimeline {
@@ -48,7 +48,7 @@ pub(in crate::plan) fn split(
         })
         .collect();
     for strike in &timeline.strikes {
-        for &(subset_index, mat) in home(strike.mat) {
+        for &(subset_index, mat) in homes_of_mat(strike.mat) {
             let mat = mat as u32;
             timelines[subset_index]
                 .timeline
@@ -57,7 +57,7 @@ pub(in crate::plan) fn split(
         }
     }
     for ergon in &timeline.ergons {
-        for &(subset_index, mat) in home(ergon.mat) {
+        for &(subset_index, mat) in homes_of_mat(ergon.mat) {
             let mat = mat as u32;
             timelines[subset_index]
                 .timeline
@@ -66,15 +66,15 @@ pub(in crate::plan) fn split(
         }
     }
     for drive in &timeline.drives {
-        for &(subset_index, mat) in home(drive.mat as u32) {
+        for &(subset_index, mat) in homes_of_mat(drive.mat as u32) {
             let drive = drive.clone();
             // The input is not known in advance: nothing is tried, and nothing left out.
             timelines[subset_index].timeline.is_open |= drive.is_heard();
             let source = match drive.source {
                 Source::Key(port) => {
-                    let here = home(port.key as u32).iter();
-                    let mut keys = here.filter(|(subset, _)| *subset == subset_index);
-                    let Some(&(_, key)) = keys.next() else {
+                    let here = homes_of_mat(port.key as u32).iter();
+                    let mut local_keys = here.filter(|(subset, _)| *subset == subset_index);
+                    let Some(&(_, key)) = local_keys.next() else {
                         continue;
                     };
                     Source::Key(DelayedPort { key, ..port })
@@ -89,7 +89,7 @@ pub(in crate::plan) fn split(
         }
     }
     for glide in &timeline.glides {
-        for &(subset_index, mat) in home(glide.mat as u32) {
+        for &(subset_index, mat) in homes_of_mat(glide.mat as u32) {
             let points = glide.points.clone();
             timelines[subset_index]
                 .timeline
@@ -98,7 +98,7 @@ pub(in crate::plan) fn split(
         }
     }
     for (index, key) in timeline.keys.iter().enumerate() {
-        for &(subset_index, struck) in home(key.struck as u32) {
+        for &(subset_index, struck) in homes_of_mat(key.struck as u32) {
             timelines[subset_index].keys.push(index as u32);
             timelines[subset_index].timeline.key(&key.name, struck);
         }
@@ -110,8 +110,8 @@ pub(in crate::plan) fn split(
                 .iter()
                 .position(|&key| key as usize == gesture.key);
             if let Some(key) = here {
-                let same = gesture.key == key;
-                let gesture = if same {
+                let is_same_key = gesture.key == key;
+                let gesture = if is_same_key {
                     gesture.clone()
                 } else {
                     Arc::new((**gesture).clone().on_key(key))
@@ -123,13 +123,19 @@ pub(in crate::plan) fn split(
     }
     for (subset, timelines) in subsets.iter().zip(&mut timelines) {
         for gate in &timeline.gates {
-            if let Some((first, len)) = local_links(subset, gate.links()) {
-                timelines.timeline.gates.push(gate.on(first, len));
+            if let Some((first_link, link_count)) = local_links(subset, gate.links()) {
+                timelines
+                    .timeline
+                    .gates
+                    .push(gate.on(first_link, link_count));
             }
         }
         for lead in &timeline.leads {
-            if let Some((first, len)) = local_links(subset, lead.links()) {
-                timelines.timeline.leads.push(lead.on(first, len));
+            if let Some((first_link, link_count)) = local_links(subset, lead.links()) {
+                timelines
+                    .timeline
+                    .leads
+                    .push(lead.on(first_link, link_count));
             }
         }
     }
@@ -138,33 +144,33 @@ pub(in crate::plan) fn split(
 
 /// The links of a range that are in a subset: the first, and how many. Links rise, so these lie together.
 pub(in crate::plan) fn local_links(subset: &Subset, links: Range<usize>) -> Option<(usize, usize)> {
-    let local = |global: usize| {
+    let local_index = |global: usize| {
         let links = &subset.links;
         links.partition_point(|&link| (link as usize) < global)
     };
-    let (first, stop) = (local(links.start), local(links.end));
-    (stop > first).then(|| (first, stop - first))
+    let (first_link, stop_link) = (local_index(links.start), local_index(links.end));
+    (stop_link > first_link).then(|| (first_link, stop_link - first_link))
 }
 
 /// The homes of every MAT that an event acts on: one if it moves, any number if it is held.
 fn homes(subsets: &[Subset], timeline: &Timeline) -> HashMap<u32, Vec<Home>> {
     let strikes = timeline.strikes.iter().map(|strike| strike.mat);
-    let ergons = timeline.ergons.iter().map(|ergon| ergon.mat);
-    let drives = timeline.driven().map(|mat| mat as u32);
-    let keys = timeline.keys.iter().map(|key| key.struck as u32);
-    let glides = timeline.glides.iter().map(|glide| glide.mat as u32);
-    let all = strikes
-        .chain(ergons)
-        .chain(drives)
-        .chain(keys)
-        .chain(glides);
-    let mut homes: HashMap<u32, Vec<Home>> = all.map(|mat| (mat, Vec::new())).collect();
+    let ergon_mats = timeline.ergons.iter().map(|ergon| ergon.mat);
+    let driven_mats = timeline.driven().map(|mat| mat as u32);
+    let struck_mats = timeline.keys.iter().map(|key| key.struck as u32);
+    let glided_mats = timeline.glides.iter().map(|glide| glide.mat as u32);
+    let event_mats = strikes
+        .chain(ergon_mats)
+        .chain(driven_mats)
+        .chain(struck_mats)
+        .chain(glided_mats);
+    let mut mat_homes: HashMap<u32, Vec<Home>> = event_mats.map(|mat| (mat, Vec::new())).collect();
     for (index, subset) in subsets.iter().enumerate() {
         for (local, mat) in subset.mats.iter().enumerate() {
-            if let Some(homes) = homes.get_mut(mat) {
-                homes.push((index, local));
+            if let Some(mat_homes) = mat_homes.get_mut(mat) {
+                mat_homes.push((index, local));
             }
         }
     }
-    homes
+    mat_homes
 }

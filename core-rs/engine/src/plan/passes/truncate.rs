@@ -33,9 +33,9 @@ impl KeptModes {
     /// The modes that a plan decided for; `None` if the body does not have these.
     pub(in crate::plan) fn pinned(numbers: &[u32], n_total: usize) -> Option<Self> {
         let modes: Vec<usize> = numbers.iter().map(|&mode| mode as usize).collect();
-        let rises = modes.windows(2).all(|pair| pair[0] < pair[1]);
-        let fits = rises && modes.last().is_none_or(|&last| last < n_total);
-        fits.then_some(Self {
+        let is_rising = modes.windows(2).all(|pair| pair[0] < pair[1]);
+        let fits_body = is_rising && modes.last().is_none_or(|&last| last < n_total);
+        fits_body.then_some(Self {
             modes,
             left_out: None,
         })
@@ -56,8 +56,8 @@ pub(in crate::plan) fn keep(
     let energies: Vec<f64> = (0..modes.len())
         .map(|mode| energy(modes, excited, blows, mode, rate))
         .collect();
-    let rows: Vec<&[f64]> = listened.iter().map(Vec::as_slice).collect();
-    choose(&[energies], &rows, allowed, budget, |mode| {
+    let output_rows: Vec<&[f64]> = listened.iter().map(Vec::as_slice).collect();
+    choose(&[energies], &output_rows, allowed, budget, |mode| {
         modes.pitch(mode, rate).0
     })
 }
@@ -71,64 +71,68 @@ pub(in crate::plan) fn choose(
     budget: &Budget,
     frequency: impl Fn(usize) -> f64,
 ) -> KeptModes {
-    let n = excitations.first().map_or(0, Vec::len);
+    let mode_count = excitations.first().map_or(0, Vec::len);
     // The largest relative loudness of each mode over all rows and excitations.
-    let mut loudest = vec![0.0_f64; n];
+    let mut loudest = vec![0.0_f64; mode_count];
     for (excitation, row) in excitations
         .iter()
         .flat_map(|excitation| rows.iter().map(move |row| (excitation, row)))
     {
         let energy = |mode: usize| excitation[mode] * row[mode] * row[mode];
-        let total: f64 = (0..n).map(energy).sum();
-        if total > 0.0 {
+        let total_energy: f64 = (0..mode_count).map(energy).sum();
+        if total_energy > 0.0 {
             let loudness = loudest.iter_mut().enumerate();
-            loudness.for_each(|(mode, loudest)| *loudest = loudest.max(energy(mode) / total));
+            loudness
+                .for_each(|(mode, loudest)| *loudest = loudest.max(energy(mode) / total_energy));
         }
     }
     let mut by_loudness: Vec<(f64, usize)> = loudest.into_iter().zip(0..).collect();
     by_loudness.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     let allowed = allowed.map(|db| pow(10.0, db / 10.0));
-    let (mut stays, mut fallen) = (Vec::new(), 0.0);
+    let (mut modes_kept, mut dropped_share) = (Vec::new(), 0.0);
     for (loudness, mode) in by_loudness {
         let is_unheard = frequency(mode) > budget.highest();
-        let may_fall = allowed.is_some_and(|allowed| fallen + loudness <= allowed);
+        let may_fall = allowed.is_some_and(|allowed| dropped_share + loudness <= allowed);
         if is_unheard || may_fall {
             // A mode above hearing may be loud: it does not count as an error.
-            fallen += if is_unheard { 0.0 } else { loudness };
+            dropped_share += if is_unheard { 0.0 } else { loudness };
         } else {
-            stays.push(mode);
+            modes_kept.push(mode);
         }
     }
-    stays.sort_unstable();
+    modes_kept.sort_unstable();
     KeptModes {
-        modes: stays,
-        left_out: (fallen > 0.0).then(|| 10.0 * log10(fallen)),
+        modes: modes_kept,
+        left_out: (dropped_share > 0.0).then(|| 10.0 * log10(dropped_share)),
     }
 }
 
 /// Energy of a mode's own motion, before an output weights it.
 fn energy(modes: &Modes, excited: &[Vec<f64>], blows: &[Vec<f64>], mode: usize, rate: Rate) -> f64 {
-    let (f, sigma) = modes.pitch(mode, rate);
-    let omega = (std::f64::consts::TAU * f)
-        .max(sigma)
+    let (frequency, decay_rate) = modes.pitch(mode, rate);
+    let omega = (std::f64::consts::TAU * frequency)
+        .max(decay_rate)
         .max(f64::MIN_POSITIVE);
     let (x, v) = (modes.x0[mode] - modes.rest[mode], modes.v0[mode]);
-    let mut square = x * x + v * v / (omega * omega);
+    let mut amplitude_square = x * x + v * v / (omega * omega);
     for (shape, blows) in excited.iter().zip(blows) {
         // A unit impulse gives a mass of 1 the velocity 1; an algorithmic mass of 1 gets T^-2 times as much.
-        let unit = if modes.is_discrete {
+        let mass_unit = if modes.is_discrete {
             rate.step() * rate.step()
         } else {
             1.0
         };
-        let size = shape[mode] / (omega * unit);
-        square += blows.iter().map(|p| p * p * size * size).sum::<f64>();
+        let impulse_gain = shape[mode] / (omega * mass_unit);
+        amplitude_square += blows
+            .iter()
+            .map(|p| p * p * impulse_gain * impulse_gain)
+            .sum::<f64>();
     }
     // ∫ e^(-2σt) over that time.
-    let time = if sigma * ENERGY_SPAN > 1e-9 {
-        -expm1(-2.0 * sigma * ENERGY_SPAN) / (2.0 * sigma)
+    let decay_integral = if decay_rate * ENERGY_SPAN > 1e-9 {
+        -expm1(-2.0 * decay_rate * ENERGY_SPAN) / (2.0 * decay_rate)
     } else {
         ENERGY_SPAN
     };
-    square * time
+    amplitude_square * decay_integral
 }

@@ -21,26 +21,26 @@ impl Viscosity {
     /// `None` if a link is not linear, or a damper is not finite.
     pub(crate) fn new(network: &Network, free: &[usize], root: &[f64]) -> Option<Self> {
         let mats = network.mats();
-        let slot = |mat: usize| free.binary_search(&mat).ok();
-        let tie = |(damping_ratio, &i): (usize, &usize)| match mats.kind[i] {
-            MatKind::Cel => mats.z[i] / (root[damping_ratio] * root[damping_ratio]),
+        let slot_of_mat = |mat: usize| free.binary_search(&mat).ok();
+        let tie_damping = |(free_end, &i): (usize, &usize)| match mats.kind[i] {
+            MatKind::Cel => mats.z[i] / (root[free_end] * root[free_end]),
             _ => 0.0,
         };
-        let ties: Vec<f64> = free.iter().enumerate().map(tie).collect();
+        let ties: Vec<f64> = free.iter().enumerate().map(tie_damping).collect();
         let mut links = Vec::new();
         for run in network.runs() {
             if !matches!(run.kind, LinkKind::Ref) || !run.z.is_finite() {
                 return None;
             }
             for i in (0..run.len).filter(|_| run.z != 0.0) {
-                let ends = [slot(run.a + i), slot(run.b + i)];
-                let share = |end: usize| (end, 1.0 / root[end]);
-                let (damping_ratio, other) = match ends {
-                    [Some(a), b] => (share(a), b.map(share)),
-                    [None, Some(b)] => (share(b), None),
+                let end_slots = [slot_of_mat(run.a + i), slot_of_mat(run.b + i)];
+                let end_share = |end: usize| (end, 1.0 / root[end]);
+                let (free_end, far_end) = match end_slots {
+                    [Some(a), b] => (end_share(a), b.map(end_share)),
+                    [None, Some(b)] => (end_share(b), None),
                     [None, None] => continue,
                 };
-                links.push((damping_ratio.0, damping_ratio.1, other, run.z));
+                links.push((free_end.0, free_end.1, far_end, run.z));
             }
         }
         Some(Self { ties, links })
@@ -50,11 +50,11 @@ impl Viscosity {
     pub(crate) fn times(&self, v: &[f64]) -> Vec<f64> {
         let mut y: Vec<f64> = self.ties.iter().zip(v).map(|(tie, v)| tie * v).collect();
         for &(a, share, other, z) in &self.links {
-            let there = other.map_or(0.0, |(b, share)| share * v[b]);
-            let pull = z * (share * v[a] - there);
-            y[a] += share * pull;
+            let far_velocity = other.map_or(0.0, |(b, share)| share * v[b]);
+            let damper_force = z * (share * v[a] - far_velocity);
+            y[a] += share * damper_force;
             if let Some((b, share)) = other {
-                y[b] -= share * pull;
+                y[b] -= share * damper_force;
             }
         }
         y
@@ -62,36 +62,42 @@ impl Viscosity {
 
     /// Whether it has the modes of a stiffness (n, n), as far as one test vector shows.
     pub(crate) fn shares_modes(&self, stiffness: &[f64]) -> bool {
-        let n = self.ties.len();
+        let mass_count = self.ties.len();
         let product = |v: &[f64]| -> Vec<f64> {
             let row = |row: &[f64]| row.iter().zip(v).map(|(a, v)| a * v).sum();
-            stiffness.chunks_exact(n).map(row).collect()
+            stiffness.chunks_exact(mass_count).map(row).collect()
         };
-        let v = probe(n, 0);
-        let (first, two) = (product(&self.times(&v)), self.times(&product(&v)));
-        let size: f64 = first.iter().map(|value| value * value).sum();
-        let apart = first
-            .iter()
-            .zip(&two)
-            .map(|(first, two)| (first - two) * (first - two));
-        apart.sum::<f64>() <= SAME * SAME * size
+        let v = probe(mass_count, 0);
+        let (damping_first, stiffness_first) = (product(&self.times(&v)), self.times(&product(&v)));
+        let norm_square: f64 = damping_first.iter().map(|value| value * value).sum();
+        let square_errors =
+            damping_first
+                .iter()
+                .zip(&stiffness_first)
+                .map(|(damping_first, stiffness_first)| {
+                    (damping_first - stiffness_first) * (damping_first - stiffness_first)
+                });
+        square_errors.sum::<f64>() <= SAME * SAME * norm_square
     }
 
     /// ζ of each mode, from the mode's part in each [`probe`] and in Z times the probe; `None` if the probes disagree.
     pub(crate) fn mode_damping(probes: &[Vec<f64>], images: &[Vec<f64>]) -> Option<Vec<f64>> {
-        let n = probes.first()?.len();
-        let mut zeta = vec![0.0; n];
+        let mode_count = probes.first()?.len();
+        let mut zeta = vec![0.0; mode_count];
         let largest = images
             .iter()
             .flatten()
             .fold(0.0, |most: f64, value| most.max(value.abs()));
         for (mode, zeta) in zeta.iter_mut().enumerate() {
-            let pairs = || probes.iter().zip(images).map(|(p, i)| (p[mode], i[mode]));
-            let square: f64 = pairs().map(|(probe, _)| probe * probe).sum();
-            *zeta = pairs().map(|(probe, image)| probe * image).sum::<f64>() / square;
-            let agree =
-                pairs().all(|(probe, image)| (image - *zeta * probe).abs() <= MIXED * largest);
-            if !(agree && *zeta >= 0.0) {
+            let probe_pairs = || probes.iter().zip(images).map(|(p, i)| (p[mode], i[mode]));
+            let probe_square: f64 = probe_pairs().map(|(probe, _)| probe * probe).sum();
+            *zeta = probe_pairs()
+                .map(|(probe, image)| probe * image)
+                .sum::<f64>()
+                / probe_square;
+            let probes_agree = probe_pairs()
+                .all(|(probe, image)| (image - *zeta * probe).abs() <= MIXED * largest);
+            if !(probes_agree && *zeta >= 0.0) {
                 return None;
             }
         }
@@ -101,12 +107,12 @@ impl Viscosity {
 
 /// Pseudo-random numbers between -1 and 1 (n,).
 pub(crate) fn probe(n: usize, which: usize) -> Vec<f64> {
-    let mut state = 0x9E37_79B9_7F4A_7C15_u64.wrapping_mul(which as u64 + 1);
-    let mut next = || {
-        state = state
+    let mut random_state = 0x9E37_79B9_7F4A_7C15_u64.wrapping_mul(which as u64 + 1);
+    let mut next_random = || {
+        random_state = random_state
             .wrapping_mul(6_364_136_223_846_793_005)
             .wrapping_add(1_442_695_040_888_963_407);
-        (state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+        (random_state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
     };
-    (0..n).map(|_| next()).collect()
+    (0..n).map(|_| next_random()).collect()
 }

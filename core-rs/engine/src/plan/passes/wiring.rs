@@ -55,17 +55,17 @@ impl Wiring {
 
     pub(in crate::plan) fn new(network: &Network, timeline: &Timeline) -> Self {
         let mats = network.mats();
-        let n = network.n_mat();
-        let mut is_driven = vec![false; n];
+        let mat_count = network.n_mat();
+        let mut is_driven = vec![false; mat_count];
         timeline.driven().for_each(|mat| is_driven[mat] = true);
-        let mut has_key = vec![false; network.parts().len()];
+        let mut part_has_key = vec![false; network.parts().len()];
         for key in &timeline.keys {
-            has_key[mats.part[key.struck] as usize] = true;
+            part_has_key[mats.part[key.struck] as usize] = true;
         }
-        let mut is_eligible: Vec<bool> = (0..n)
+        let mut is_eligible: Vec<bool> = (0..mat_count)
             .map(|i| {
-                let is_free = mats.kind[i].moves() && mats.weight_of(i) == 0.0;
-                is_free && !is_driven[i] && !has_key[mats.part[i] as usize]
+                let is_free_mat = mats.kind[i].moves() && mats.weight_of(i) == 0.0;
+                is_free_mat && !is_driven[i] && !part_has_key[mats.part[i] as usize]
             })
             .collect();
         timeline
@@ -76,16 +76,16 @@ impl Wiring {
             .glides
             .iter()
             .for_each(|glide| is_eligible[glide.mat] = false);
-        let masses = network.following_masses().iter();
-        masses.for_each(|mass| is_eligible[mass.mat] = false);
+        let following_masses = network.following_masses().iter();
+        following_masses.for_each(|mass| is_eligible[mass.mat] = false);
         let (mut is_spring, mut is_law) =
             (vec![false; network.n_lia()], vec![false; network.n_lia()]);
         let mut is_followed = vec![false; network.n_lia()];
         for run in network.runs() {
-            let links = run.first..run.first + run.len;
-            is_spring[links.clone()].fill(matches!(run.kind, LinkKind::Ref));
-            is_law[links.clone()].fill(matches!(run.kind, LinkKind::Lnl(_)));
-            is_followed[links].fill(match run.kind {
+            let run_links = run.first..run.first + run.len;
+            is_spring[run_links.clone()].fill(matches!(run.kind, LinkKind::Ref));
+            is_law[run_links.clone()].fill(matches!(run.kind, LinkKind::Lnl(_)));
+            is_followed[run_links].fill(match run.kind {
                 LinkKind::But(but) => but.contact != Contact::Magic,
                 LinkKind::Lnl(_) | LinkKind::Bristle(_) | LinkKind::Dry(_) => true,
                 _ => false,
@@ -97,20 +97,20 @@ impl Wiring {
                 (is_spring[link], is_law[link]) = (false, is_spring[link] || is_law[link]);
             }
         }
-        let mut outer = |link: usize| (is_spring[link], is_law[link]) = (false, false);
-        let gated = timeline.gates.iter().flat_map(|gate| gate.links());
-        gated.for_each(&mut outer);
+        let mut mark_outer = |link: usize| (is_spring[link], is_law[link]) = (false, false);
+        let gated_links = timeline.gates.iter().flat_map(|gate| gate.links());
+        gated_links.for_each(&mut mark_outer);
         // The force of an undamped spring is a sum of positions.
-        let is_sum = |link: usize| {
+        let is_position_sum = |link: usize| {
             let mut leads = timeline.leads.iter();
-            let is_led = leads.any(|lead| lead.links().contains(&link));
-            !is_led && network.run_of(link).is_some_and(Run::is_undamped_spring)
+            let is_led_link = leads.any(|lead| lead.links().contains(&link));
+            !is_led_link && network.run_of(link).is_some_and(Run::is_undamped_spring)
         };
         for term in network.outputs().iter().flat_map(|output| &output.terms) {
             match *term {
                 Term::Force { first, len, .. } => {
-                    let others = (first..first + len).filter(|&link| !is_sum(link));
-                    others.for_each(&mut outer);
+                    let force_links = (first..first + len).filter(|&link| !is_position_sum(link));
+                    force_links.for_each(&mut mark_outer);
                 }
                 Term::Ground { first, len, .. } => is_eligible[first..first + len].fill(false),
                 Term::Position { .. } | Term::Length { .. } => {}
@@ -129,15 +129,17 @@ impl Wiring {
     pub(in crate::plan) fn bodies(&self, network: &Network, wanted: Wanted) -> Vec<Body> {
         let with_laws = matches!(wanted, Wanted::All | Wanted::Meshes);
         let is_inner = |link: usize| self.is_spring[link] || (with_laws && self.is_law[link]);
-        let mut forest = Forest::new(network.n_mat());
+        let mut mat_forest = Forest::new(network.n_mat());
         for (link, a, b) in ends(network) {
             if is_inner(link) && self.is_eligible[a] && self.is_eligible[b] {
-                forest.join(a, b);
+                mat_forest.join(a, b);
             }
         }
-        let mut bodies: BTreeMap<usize, Body> = BTreeMap::new();
+        let mut joined_bodies: BTreeMap<usize, Body> = BTreeMap::new();
         for mat in (0..network.n_mat()).filter(|&mat| self.is_eligible[mat]) {
-            let body = bodies.entry(forest.root(mat)).or_insert_with(Body::empty);
+            let body = joined_bodies
+                .entry(mat_forest.root(mat))
+                .or_insert_with(Body::empty);
             body.mats.push(mat as u32);
         }
         for (link, a, b) in ends(network) {
@@ -145,16 +147,16 @@ impl Wiring {
                 if !self.is_eligible[near] {
                     continue;
                 }
-                let Some(body) = bodies.get_mut(&forest.root(near)) else {
+                let Some(body) = joined_bodies.get_mut(&mat_forest.root(near)) else {
                     continue;
                 };
-                let is_held = network.mats().kind[other].is_held() && !self.is_driven[other];
-                if is_inner(link) && (self.is_eligible[other] || is_held) {
+                let is_held_end = network.mats().kind[other].is_held() && !self.is_driven[other];
+                if is_inner(link) && (self.is_eligible[other] || is_held_end) {
                     // A link between two MATs of the body is met from both ends, but noted once.
                     if near == a || !self.is_eligible[other] {
                         body.links.push(link as u32);
                     }
-                    if is_held {
+                    if is_held_end {
                         body.guests.push(other as u32);
                     }
                 } else {
@@ -166,12 +168,12 @@ impl Wiring {
         let proxied = network.proxies().iter().flat_map(Proxy::masses);
         for mat in proxied.chain(network.followed().map(|(_, guide)| guide)) {
             if self.is_eligible[mat]
-                && let Some(body) = bodies.get_mut(&forest.root(mat))
+                && let Some(body) = joined_bodies.get_mut(&mat_forest.root(mat))
             {
                 body.ports.push(mat as u32);
             }
         }
-        let worth = |body: &Body| {
+        let is_worth_cut = |body: &Body| {
             let is_large = !body.is_small()
                 && body.ports.len() <= PORTS_ANY.max(body.mats.len() / MASSES_A_PORT);
             let takes_small = match wanted {
@@ -181,7 +183,11 @@ impl Wiring {
             };
             is_large || (takes_small && !body.links.is_empty())
         };
-        bodies.into_values().map(Body::tidy).filter(worth).collect()
+        joined_bodies
+            .into_values()
+            .map(Body::tidy)
+            .filter(is_worth_cut)
+            .collect()
     }
 }
 
@@ -194,25 +200,27 @@ impl Body {
             runs.any(|run| run.first == link && run.len == 1)
         };
         let is_guest = |mat: usize| self.guests.binary_search(&(mat as u32)).is_ok();
-        let is_ours = |link: usize| self.links.binary_search(&(link as u32)).is_ok();
-        let (mut freed, mut ties) = (self.clone(), Vec::new());
-        freed.guests.clear();
-        for (link, a, b) in ends(network).filter(|&(link, ..)| is_ours(link)) {
-            let held = [(a, b), (b, a)].into_iter().find(|&(end, _)| is_guest(end));
-            match held {
+        let is_body_link = |link: usize| self.links.binary_search(&(link as u32)).is_ok();
+        let (mut freed_body, mut tie_links) = (self.clone(), Vec::new());
+        freed_body.guests.clear();
+        for (link, a, b) in ends(network).filter(|&(link, ..)| is_body_link(link)) {
+            let guest_pair = [(a, b), (b, a)].into_iter().find(|&(end, _)| is_guest(end));
+            match guest_pair {
                 Some((_, port)) if is_single(link) => {
-                    ties.push(link as u32);
-                    freed.ports.push(port as u32);
+                    tie_links.push(link as u32);
+                    freed_body.ports.push(port as u32);
                 }
-                Some((guest, _)) => freed.guests.push(guest as u32),
+                Some((guest, _)) => freed_body.guests.push(guest as u32),
                 None => {}
             }
         }
-        freed.links.retain(|link| {
+        freed_body.links.retain(|link| {
             interrupt::poll();
-            !ties.contains(link)
+            !tie_links.contains(link)
         });
-        (1..=ties_max).contains(&ties.len()).then(|| freed.tidy())
+        (1..=ties_max)
+            .contains(&tie_links.len())
+            .then(|| freed_body.tidy())
     }
 
     /// Whether it has so few masses that it is a body only for what touches it.

@@ -23,9 +23,9 @@ impl BankContent {
             .flat_map(|oscillator| &oscillator.outputs);
         let outputs: BTreeSet<u32> = weights.map(|&(output, _)| output).collect();
         let outputs = Vec::from_iter(outputs);
-        let mut sink = Sink::new();
-        sink.add(rate.hertz().to_le_bytes());
-        sink.add([u8::from(bank.is_open)]);
+        let mut hash_sink = Sink::new();
+        hash_sink.add(rate.hertz().to_le_bytes());
+        hash_sink.add([u8::from(bank.is_open)]);
         for oscillator in &bank.oscillators {
             for number in [
                 oscillator.a,
@@ -33,24 +33,24 @@ impl BankContent {
                 oscillator.now,
                 oscillator.before,
             ] {
-                sink.add(number.to_le_bytes());
+                hash_sink.add(number.to_le_bytes());
             }
-            sink.add((oscillator.outputs.len() as u64).to_le_bytes());
+            hash_sink.add((oscillator.outputs.len() as u64).to_le_bytes());
             for (output, weight) in &oscillator.outputs {
-                let rank = outputs.partition_point(|other| other < output);
-                sink.add((rank as u64).to_le_bytes());
-                sink.add(weight.to_le_bytes());
+                let output_rank = outputs.partition_point(|other| other < output);
+                hash_sink.add((output_rank as u64).to_le_bytes());
+                hash_sink.add(weight.to_le_bytes());
             }
         }
         for oscillator in &bank.strikes {
             let (among, responses) = (&oscillator.among, &oscillator.responses);
             let (share, w) = (&oscillator.share, oscillator.w);
-            sink.add(digest(format_args!(
+            hash_sink.add(digest(format_args!(
                 "{among:?} {responses:?} {share:?} {w:?}"
             )));
         }
         Self {
-            fixed: sink.end(),
+            fixed: hash_sink.end(),
             outputs,
         }
     }
@@ -58,30 +58,35 @@ impl BankContent {
     /// A hash of all that the bank depends on up to frame `until` (64 hex digits); `before` is that hash up to frame
     /// `from`, empty at 0.
     pub(crate) fn key(&self, bank: &BankPlan, (from, until): (u64, u64), before: &str) -> String {
-        let falls = |frame: u64| frame <= until && (from == 0 || frame > from);
-        let mut sink = Sink::new();
-        sink.add(before);
-        sink.add(self.fixed);
-        sink.add(until.to_le_bytes());
+        let is_in_span = |frame: u64| frame <= until && (from == 0 || frame > from);
+        let mut hash_sink = Sink::new();
+        hash_sink.add(before);
+        hash_sink.add(self.fixed);
+        hash_sink.add(until.to_le_bytes());
         for (index, oscillator) in bank.oscillators.iter().enumerate() {
-            for blow in oscillator.blows.iter().filter(|blow| falls(blow.frame)) {
-                sink.add((index as u64).to_le_bytes());
-                sink.add(blow.frame.to_le_bytes());
+            for blow in oscillator
+                .blows
+                .iter()
+                .filter(|blow| is_in_span(blow.frame))
+            {
+                hash_sink.add((index as u64).to_le_bytes());
+                hash_sink.add(blow.frame.to_le_bytes());
                 let numbers = match blow.kick {
                     Kick::By(step) => [step, f64::NAN, f64::NAN],
                     Kick::Ergon { mass, speed, w } => [mass, speed, w],
                 };
-                numbers.iter().for_each(|x| sink.add(x.to_le_bytes()));
+                numbers.iter().for_each(|x| hash_sink.add(x.to_le_bytes()));
             }
         }
         for (index, oscillator) in bank.strikes.iter().enumerate() {
-            for (frame, part, impulse) in oscillator.blows.iter().filter(|blow| falls(blow.0)) {
-                sink.add((index as u64).to_le_bytes());
-                sink.add(frame.to_le_bytes());
-                sink.add(part.to_le_bytes());
-                sink.add(impulse.to_le_bytes());
+            for (frame, part, impulse) in oscillator.blows.iter().filter(|blow| is_in_span(blow.0))
+            {
+                hash_sink.add((index as u64).to_le_bytes());
+                hash_sink.add(frame.to_le_bytes());
+                hash_sink.add(part.to_le_bytes());
+                hash_sink.add(impulse.to_le_bytes());
             }
         }
-        hex(&sink.end())
+        hex(&hash_sink.end())
     }
 }

@@ -59,9 +59,9 @@ impl Events {
     /// `also`: what else the hash has to include; `order`: the parts of the island.
     fn new(network: &Network, order: &PartOrder, timeline: &Timeline, also: Arguments<'_>) -> Self {
         let network = network.anonymous(order);
-        let keys = timeline.keys.iter();
-        let rest = Timeline {
-            keys: keys
+        let timeline_keys = timeline.keys.iter();
+        let fixed_timeline = Timeline {
+            keys: timeline_keys
                 .map(|key| Key {
                     name: String::new(),
                     ..*key
@@ -73,7 +73,7 @@ impl Events {
             ..timeline.clone()
         };
         Self {
-            fixed: digest(format_args!("{network:?}\n{rest:?}\n{also}")),
+            fixed: digest(format_args!("{network:?}\n{fixed_timeline:?}\n{also}")),
             gestures: timeline
                 .gestures
                 .iter()
@@ -84,11 +84,12 @@ impl Events {
 
     /// Hashes the fixed part, and the events that act after the instant `start` [s], if one is given, up to `stop` [s].
     fn hash(&self, timeline: &Timeline, (start, stop): (Option<f64>, f64), sink: &mut Sink) {
-        let falls = |instant: f64| instant <= stop && start.is_none_or(|start| instant > start);
+        let is_in_span =
+            |instant: f64| instant <= stop && start.is_none_or(|start| instant > start);
         sink.0.update(self.fixed);
         // Gestures are identified by their index, so all gestures before the last one that counts are included.
-        let begun = self.gestures.iter().rposition(|own| own.0 <= stop);
-        for (_, digest) in &self.gestures[..begun.map_or(0, |last| last + 1)] {
+        let last_begun = self.gestures.iter().rposition(|own| own.0 <= stop);
+        for (_, digest) in &self.gestures[..last_begun.map_or(0, |last| last + 1)] {
             sink.0.update(digest);
         }
         // Where a strike stands in the score does not affect the sound.
@@ -100,7 +101,7 @@ impl Events {
             ..
         } in &timeline.strikes
         {
-            if falls(instant) {
+            if is_in_span(instant) {
                 sink.0.update(mat.to_le_bytes());
                 sink.0.update(instant.to_le_bytes());
                 sink.0.update(frames.to_le_bytes());
@@ -116,7 +117,7 @@ impl Events {
             ..
         } in &timeline.ergons
         {
-            if falls(instant) {
+            if is_in_span(instant) {
                 sink.0.update(mat.to_le_bytes());
                 for number in [instant, mass, speed] {
                     sink.0.update(number.to_le_bytes());
@@ -144,12 +145,15 @@ impl Content {
             to_whole: _,
         } = island;
         let networks = bodies.iter().map(BodyPlan::network);
-        let order = PartOrder::new(networks.chain([&**network]));
-        let bodies: Vec<BodyPlan> = bodies.iter().map(|body| body.anonymous(&order)).collect();
+        let part_order = PartOrder::new(networks.chain([&**network]));
+        let bodies: Vec<BodyPlan> = bodies
+            .iter()
+            .map(|body| body.anonymous(&part_order))
+            .collect();
         let numbers = (contact_substeps, oversampling, sleeps);
         Self(Events::new(
             network,
-            &order,
+            &part_order,
             timeline,
             format_args!("{bodies:?}\n{numbers:?}"),
         ))
@@ -164,29 +168,34 @@ impl Content {
         before: &str,
     ) -> String {
         let oversampling = u64::from(island.oversampling);
-        let rate = island.timeline.rate.hertz();
-        let [first, last] = [from, until].map(|frame| match frame {
+        let frame_rate = island.timeline.rate.hertz();
+        let [first_frame, last_frame] = [from, until].map(|frame| match frame {
             0 => 0,
             frame => (frame + ROUNDED_FRAMES) * oversampling,
         });
-        let [start, stop] = [first, last].map(|frame| frame as f64 / rate);
-        let mut sink = Sink::new();
-        sink.0.update(before);
-        sink.0.update(until.to_le_bytes());
-        let start = (from > 0).then_some(start);
-        self.0.hash(&island.timeline, (start, stop), &mut sink);
+        let [start_instant, stop_instant] =
+            [first_frame, last_frame].map(|frame| frame as f64 / frame_rate);
+        let mut hash_sink = Sink::new();
+        hash_sink.0.update(before);
+        hash_sink.0.update(until.to_le_bytes());
+        let start_instant = (from > 0).then_some(start_instant);
+        self.0.hash(
+            &island.timeline,
+            (start_instant, stop_instant),
+            &mut hash_sink,
+        );
         for body in &island.bodies {
-            sink.0.update(b"body");
-            let falls = |frame: u64| frame <= last && (from == 0 || frame > first);
-            for (frame, point, values) in body.strikes().filter(|own| falls(own.0)) {
-                sink.0.update(frame.to_le_bytes());
-                sink.0.update((point as u64).to_le_bytes());
+            hash_sink.0.update(b"body");
+            let is_in_span = |frame: u64| frame <= last_frame && (from == 0 || frame > first_frame);
+            for (frame, point, values) in body.strikes().filter(|own| is_in_span(own.0)) {
+                hash_sink.0.update(frame.to_le_bytes());
+                hash_sink.0.update((point as u64).to_le_bytes());
                 for value in values {
-                    sink.0.update(value.to_le_bytes());
+                    hash_sink.0.update(value.to_le_bytes());
                 }
             }
         }
-        hex(&sink.0.finalize())
+        hex(&hash_sink.0.finalize())
     }
 }
 
@@ -204,7 +213,7 @@ impl<'a> IslandContent<'a> {
         also: Arguments<'_>,
     ) -> Self {
         // How an island is assembled depends on which MATs events act on, no matter when.
-        let places = (
+        let event_mats = (
             Vec::from_iter(
                 timeline
                     .strikes
@@ -228,25 +237,26 @@ impl<'a> IslandContent<'a> {
             network,
             &PartOrder::new([network]),
             timeline,
-            format_args!("{places:?} {manners:?}\n{also}"),
+            format_args!("{event_mats:?} {manners:?}\n{also}"),
         );
         Self { timeline, events }
     }
 
     /// A hash of what does not depend on time (64 hex digits).
     pub(in crate::plan) fn fixed(&self) -> String {
-        let mut sink = Sink::new();
-        sink.0.update(self.events.fixed);
-        hex(&sink.0.finalize())
+        let mut hash_sink = Sink::new();
+        hash_sink.0.update(self.events.fixed);
+        hex(&hash_sink.0.finalize())
     }
 
     /// A hash of all that the island depends on up to a frame (64 hex digits).
     pub(in crate::plan) fn until(&self, frame: u64) -> String {
-        let mut sink = Sink::new();
-        sink.0.update(frame.to_le_bytes());
-        let stop = (frame + ROUNDED_FRAMES) as f64 / self.timeline.rate.hertz();
-        self.events.hash(self.timeline, (None, stop), &mut sink);
-        hex(&sink.0.finalize())
+        let mut hash_sink = Sink::new();
+        hash_sink.0.update(frame.to_le_bytes());
+        let stop_instant = (frame + ROUNDED_FRAMES) as f64 / self.timeline.rate.hertz();
+        self.events
+            .hash(self.timeline, (None, stop_instant), &mut hash_sink);
+        hex(&hash_sink.0.finalize())
     }
 }
 
@@ -272,8 +282,8 @@ fn gesture_content(gesture: &Gesture) -> (f64, [u8; 32]) {
 }
 
 pub(super) fn digest(text: Arguments<'_>) -> [u8; 32] {
-    let mut sink = Sink::new();
+    let mut hash_sink = Sink::new();
     // Writing into a hash cannot fail.
-    let _ = sink.write_fmt(text);
-    sink.0.finalize().into()
+    let _ = hash_sink.write_fmt(text);
+    hash_sink.0.finalize().into()
 }

@@ -9,13 +9,13 @@ use crate::plan::report::row::{Computed, Reason, Row};
 
 /// A hash of decisions, and of the rows that they concern.
 pub(in crate::plan) fn hash(choices: &[Choice], rows: &[Row]) -> String {
-    let mut sha = Sha256::new();
+    let mut sha_hasher = Sha256::new();
     for row in rows {
         for part in &row.parts {
-            sha.update((part.len() as u64).to_le_bytes());
-            sha.update(part);
+            sha_hasher.update((part.len() as u64).to_le_bytes());
+            sha_hasher.update(part);
         }
-        let what: u64 = match row.what {
+        let computed_code: u64 = match row.what {
             Computed::Stepped => 0,
             Computed::Oscillators => 1,
             Computed::Modes {
@@ -36,29 +36,30 @@ pub(in crate::plan) fn hash(choices: &[Choice], rows: &[Row]) -> String {
             row.parts.len() as u64,
             row.mats as u64,
             row.links as u64,
-            what,
+            computed_code,
         ];
         numbers
             .iter()
-            .for_each(|number| sha.update(number.to_le_bytes()));
+            .for_each(|number| sha_hasher.update(number.to_le_bytes()));
     }
     for choice in choices {
-        let (modules, oversampling, contact_substeps, bodies, counted_cost) = choice.numbers();
+        let (modules, oversampling, contact_substeps, body_numbers, counted_cost) =
+            choice.numbers();
         let numbers = [
             modules,
             oversampling as usize,
             contact_substeps,
             counted_cost.map_or(0, |ns| ns as usize + 1),
-            bodies.len(),
+            body_numbers.len(),
         ];
         numbers
             .iter()
-            .for_each(|&number| sha.update((number as u64).to_le_bytes()));
-        for body in &bodies {
-            sha.update((body.len() as u64).to_le_bytes());
+            .for_each(|&number| sha_hasher.update((number as u64).to_le_bytes()));
+        for body in &body_numbers {
+            sha_hasher.update((body.len() as u64).to_le_bytes());
             body.iter()
-                .for_each(|number| sha.update(number.to_le_bytes()));
+                .for_each(|number| sha_hasher.update(number.to_le_bytes()));
         }
     }
-    hex(&sha.finalize())
+    hex(&sha_hasher.finalize())
 }

@@ -125,13 +125,13 @@ pub struct Row {
 impl Row {
     /// Whether a slow part sounds as it would at every frame, as far as a pilot measured.
     pub fn is_preserved(&self) -> bool {
-        let (Computed::Slow { every, .. }, Some(error)) = (self.what, self.error) else {
+        let (Computed::Slow { every, .. }, Some(pilot_error)) = (self.what, self.error) else {
             return false;
         };
         let every = every / self.oversampling.max(1);
         PRESERVED
             .iter()
-            .any(|&(most, db)| every <= most && error.db <= db)
+            .any(|&(most, db)| every <= most && pilot_error.db <= db)
     }
 
     /// A row of parts, with their moving MATs and their LIAs; nothing else is filled in.
@@ -172,21 +172,21 @@ impl Row {
         reason: Reason,
     ) -> Self {
         let mats = network.mats();
-        let part = mats.part[island.mats[0] as usize] as usize;
-        let is_free = |mat: &&u32| mats.kind[**mat as usize].moves();
-        let counts = [
-            island.mats.iter().filter(is_free).count(),
+        let first_part = mats.part[island.mats[0] as usize] as usize;
+        let mat_moves = |mat: &&u32| mats.kind[**mat as usize].moves();
+        let module_counts = [
+            island.mats.iter().filter(mat_moves).count(),
             island.links.len(),
         ];
-        let parts = vec![network.parts()[part].name.clone()];
-        Self::new(parts, counts, Computed::LeftOut(reason))
+        let part_names = vec![network.parts()[first_part].name.clone()];
+        Self::new(part_names, module_counts, Computed::LeftOut(reason))
     }
 
     pub(in crate::plan) fn stepped(island_plan: &IslandPlan, certificate: Certificate) -> Self {
-        let ns = island_plan.hub_cost();
+        let frame_cost = island_plan.hub_cost();
         let timeline = &island_plan.timeline;
         Self::for_network(&island_plan.network, Computed::Stepped).costing(
-            ns,
+            frame_cost,
             timeline,
             certificate.word,
         )
@@ -194,7 +194,7 @@ impl Row {
 
     /// The row of a body inside an island.
     pub(in crate::plan) fn ported(ported: &PortedBody, timeline: &Timeline) -> Self {
-        let what = match &ported.inside {
+        let computed_as = match &ported.inside {
             BodyPlan::Modal(modal) => match &modal.answers {
                 Some(answers) => Computed::Modes {
                     kind: ModeKind::Complex,
@@ -215,29 +215,34 @@ impl Row {
                 is_exact: slow.is_linear(),
             },
         };
-        let ns = cost::body_cost(&ported.inside);
-        Self::new(ported.parts.clone(), [ported.mats, ported.links], what).costing(
-            ns,
-            timeline,
-            guarantee(&ported.inside),
+        let frame_cost = cost::body_cost(&ported.inside);
+        Self::new(
+            ported.parts.clone(),
+            [ported.mats, ported.links],
+            computed_as,
         )
+        .costing(frame_cost, timeline, guarantee(&ported.inside))
     }
 
     pub(in crate::plan) fn modal(subset: &Subset, body: &Body, timeline: &Timeline) -> Self {
-        let what = Computed::Modes {
+        let computed_as = Computed::Modes {
             kind: body.kind,
             total: body.modes,
             computed: body.computed.modes.len(),
             left_out: body.computed.left_out,
         };
-        let ns = cost::bank_cost(&body.bank);
-        Self::for_network(&subset.network, what).costing(ns, timeline, StabilityGuarantee::Proved)
+        let frame_cost = cost::bank_cost(&body.bank);
+        Self::for_network(&subset.network, computed_as).costing(
+            frame_cost,
+            timeline,
+            StabilityGuarantee::Proved,
+        )
     }
 
     /// The row of a whole network.
     fn for_network(network: &Network, what: Computed) -> Self {
-        let counts = [network.n_moving(), network.n_lia()];
-        Self::new(network.moving_parts(), counts, what)
+        let module_counts = [network.n_moving(), network.n_lia()];
+        Self::new(network.moving_parts(), module_counts, what)
     }
 }
 
@@ -247,17 +252,17 @@ pub(in crate::plan) fn cells(
     banks: &[BankPlan],
     timeline: &Timeline,
 ) -> Vec<Row> {
-    let mut counts = vec![0_usize; network.parts().len()];
+    let mut cell_counts = vec![0_usize; network.parts().len()];
     for (mat, _) in banks.iter().flat_map(|bank| &bank.mats) {
-        counts[network.mats().part[*mat as usize] as usize] += 1;
+        cell_counts[network.mats().part[*mat as usize] as usize] += 1;
     }
-    let parts = network.parts().iter().zip(counts);
-    parts
+    let counted_parts = network.parts().iter().zip(cell_counts);
+    counted_parts
         .filter(|(_, count)| *count > 0)
         .map(|(part, count)| {
-            let ns = Costs::nanoseconds("oscillator") * count as f64;
+            let frame_cost = Costs::nanoseconds("oscillator") * count as f64;
             Row::new(vec![part.name.clone()], [count, 0], Computed::Oscillators).costing(
-                ns,
+                frame_cost,
                 timeline,
                 StabilityGuarantee::Proved,
             )
@@ -283,7 +288,7 @@ mod tests {
 
     #[test]
     fn doubted_error_stays_within_the_limit() {
-        let stated = |db: f64| {
+        let stated_error = |db: f64| {
             let measured = Measured {
                 db,
                 over: 0.3,
@@ -292,8 +297,8 @@ mod tests {
             };
             measured.doubted(-60.0).db
         };
-        assert_eq!(stated(-80.0), -76.5);
-        assert_eq!(stated(-62.0), -60.0);
-        assert_eq!(stated(-50.0), -50.0);
+        assert_eq!(stated_error(-80.0), -76.5);
+        assert_eq!(stated_error(-62.0), -60.0);
+        assert_eq!(stated_error(-50.0), -50.0);
     }
 }

@@ -71,12 +71,13 @@ pub(in crate::plan) struct Allowance {
 impl Allowance {
     /// The allowance of a plan of `n_modules`, of which its trials may take the part `share`.
     pub(in crate::plan) fn new(n_modules: usize, share: f64) -> Self {
-        let ((few, least), (many, greatest)) = (SMALL, LARGE);
-        let seconds = if n_modules <= many {
-            let part = n_modules.saturating_sub(few) as f64 / (many - few) as f64;
-            least + (greatest - least) * part
+        let ((small_modules, small_seconds), (large_modules, greatest)) = (SMALL, LARGE);
+        let seconds = if n_modules <= large_modules {
+            let size_share = n_modules.saturating_sub(small_modules) as f64
+                / (large_modules - small_modules) as f64;
+            small_seconds + (greatest - small_seconds) * size_share
         } else {
-            (greatest * n_modules as f64 / many as f64).min(ALLOWANCE_MAX)
+            (greatest * n_modules as f64 / large_modules as f64).min(ALLOWANCE_MAX)
         };
         Self {
             total: share * seconds,
@@ -129,10 +130,10 @@ impl Allowance {
 
     /// Whether a series of trials that was played before would go the same way if it began now.
     pub(in crate::plan) fn is_enough_for(&self, taken: &Taken) -> bool {
-        let left = self.begin();
+        let work_left = self.begin();
         match taken.left {
-            Some(then) => then.to_bits() == left.to_bits(),
-            None => taken.needed <= left,
+            Some(then) => then.to_bits() == work_left.to_bits(),
+            None => taken.needed <= work_left,
         }
     }
 
@@ -156,23 +157,23 @@ impl Allowance {
     /// [`TrialError::AllowanceSpent`] if less is left. The allowance then counts as spent, even if smaller trials would
     /// still fit.
     pub(in crate::plan) fn draw(&self, seconds: f64) -> Result<(), TrialError> {
-        let drawn = self.drawn.get() + seconds;
-        if drawn > self.left() {
+        let work_drawn = self.drawn.get() + seconds;
+        if work_drawn > self.left() {
             self.n_refused.set(self.n_refused.get() + 1);
             return Err(TrialError::AllowanceSpent);
         }
-        self.needed.set(self.needed.get().max(drawn));
-        self.drawn.set(drawn);
+        self.needed.set(self.needed.get().max(work_drawn));
+        self.drawn.set(work_drawn);
         interrupt::spend((seconds * 1e9) as usize); // a step is a nanosecond
         Ok(())
     }
 
     /// Takes work [s] that is done even if less is left; trials have that much less.
     pub(in crate::plan) fn spend(&self, seconds: f64) {
-        let drawn = self.drawn.get() + seconds;
-        self.needed.set(self.needed.get().max(drawn));
-        let left = self.total - self.drawn_before.get();
-        self.drawn.set(drawn.min(left).max(0.0));
+        let work_drawn = self.drawn.get() + seconds;
+        self.needed.set(self.needed.get().max(work_drawn));
+        let work_left = self.total - self.drawn_before.get();
+        self.drawn.set(work_drawn.min(work_left).max(0.0));
     }
 
     /// Checks that `seconds` of work are left, and takes nothing.
@@ -181,19 +182,19 @@ impl Allowance {
     ///
     /// [`TrialError::AllowanceSpent`] if less is left. The allowance then counts as spent.
     pub(in crate::plan) fn affords(&self, seconds: f64) -> Result<(), TrialError> {
-        let drawn = self.drawn.get() + seconds;
-        if drawn > self.left() {
+        let work_drawn = self.drawn.get() + seconds;
+        if work_drawn > self.left() {
             return self.draw(f64::INFINITY);
         }
-        self.needed.set(self.needed.get().max(drawn));
+        self.needed.set(self.needed.get().max(work_drawn));
         self.draw(0.0)
     }
 
     /// The part of `seconds` of work that is left (0 to 1); nothing is taken.
     pub(in crate::plan) fn share_left(&self, seconds: f64) -> f64 {
-        let drawn = self.drawn.get();
-        self.needed.set(self.needed.get().max(drawn + seconds));
-        ((self.left() - drawn) / seconds).clamp(0.0, 1.0)
+        let work_drawn = self.drawn.get();
+        self.needed.set(self.needed.get().max(work_drawn + seconds));
+        ((self.left() - work_drawn) / seconds).clamp(0.0, 1.0)
     }
 
     /// A separate allowance of the part `share` (0 to 1) of what is left.
@@ -241,8 +242,8 @@ mod tests {
     #[test]
     fn allowance_grows_with_score_length_to_a_bound() {
         let seconds = |n| Allowance::new(n, 1.0).spent().1;
-        let all = [1, 100, 550, 1_000, 2_000, 1_000_000].map(seconds);
-        for (seconds, most) in all.into_iter().zip([1.0, 1.0, 1.75, 2.5, 5.0, 10.0]) {
+        let allowances = [1, 100, 550, 1_000, 2_000, 1_000_000].map(seconds);
+        for (seconds, most) in allowances.into_iter().zip([1.0, 1.0, 1.75, 2.5, 5.0, 10.0]) {
             assert!((seconds - most).abs() < 1e-12, "{seconds} of {most}");
         }
         assert_eq!(Allowance::new(1, 0.5).spent(), (0.0, 0.5));
@@ -277,43 +278,43 @@ mod tests {
 
     #[test]
     fn replay_of_trials_with_enough_allowance() {
-        let first = Allowance::new(1, 1.0);
-        let left = first.begin();
-        first.draw(0.25).unwrap();
-        first.affords(0.5).unwrap();
-        let taken = first.taken(left);
+        let first_allowance = Allowance::new(1, 1.0);
+        let work_left = first_allowance.begin();
+        first_allowance.draw(0.25).unwrap();
+        first_allowance.affords(0.5).unwrap();
+        let taken = first_allowance.taken(work_left);
         assert_eq!((taken.drawn, taken.needed, taken.left), (0.25, 0.75, None));
         // First after trials that leave enough, then after trials that do not.
         for (others, is_same) in [(0.25, true), (0.375, false)] {
-            let again = Allowance::new(1, 1.0);
-            again.draw(others).unwrap();
-            assert_eq!(again.is_enough_for(&taken), is_same);
-            again.replay(&taken);
-            assert_eq!(again.spent().0, others + 0.25);
+            let replay_allowance = Allowance::new(1, 1.0);
+            replay_allowance.draw(others).unwrap();
+            assert_eq!(replay_allowance.is_enough_for(&taken), is_same);
+            replay_allowance.replay(&taken);
+            assert_eq!(replay_allowance.spent().0, others + 0.25);
         }
     }
 
     #[test]
     fn replay_of_refused_trials_with_equal_allowance() {
-        let first = Allowance::new(1, 1.0);
-        let left = first.begin();
-        first.draw(0.75).unwrap();
-        assert!(first.draw(0.5).is_err());
-        let taken = first.taken(left);
+        let first_allowance = Allowance::new(1, 1.0);
+        let work_left = first_allowance.begin();
+        first_allowance.draw(0.75).unwrap();
+        assert!(first_allowance.draw(0.5).is_err());
+        let taken = first_allowance.taken(work_left);
         assert!(taken.is_refused && taken.left == Some(1.0));
-        let again = Allowance::new(1, 1.0);
-        assert!(again.is_enough_for(&taken));
-        again.replay(&taken);
-        assert!(again.n_refused() > 0 && again.draw(0.01).is_err());
-        let later = Allowance::new(1, 1.0);
-        later.draw(0.01).unwrap();
-        assert!(!later.is_enough_for(&taken));
+        let replay_allowance = Allowance::new(1, 1.0);
+        assert!(replay_allowance.is_enough_for(&taken));
+        replay_allowance.replay(&taken);
+        assert!(replay_allowance.n_refused() > 0 && replay_allowance.draw(0.01).is_err());
+        let later_allowance = Allowance::new(1, 1.0);
+        later_allowance.draw(0.01).unwrap();
+        assert!(!later_allowance.is_enough_for(&taken));
         // If nothing is left, nothing is played: how much was left before does not matter.
-        let left = again.begin();
-        assert!(again.draw(0.01).is_err());
-        let none = again.taken(left);
-        let other = Allowance::new(1, 0.5);
-        assert!(other.draw(2.0).is_err());
-        assert!(other.is_enough_for(&none));
+        let work_left = replay_allowance.begin();
+        assert!(replay_allowance.draw(0.01).is_err());
+        let nothing_taken = replay_allowance.taken(work_left);
+        let half_allowance = Allowance::new(1, 0.5);
+        assert!(half_allowance.draw(2.0).is_err());
+        assert!(half_allowance.is_enough_for(&nothing_taken));
     }
 }

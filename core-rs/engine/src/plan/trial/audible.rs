@@ -30,19 +30,25 @@ impl Audible {
     /// The error of a run against a finer one, with partials up to `upto` [Hz]. Both are compared from where the finer
     /// one begins to sound.
     fn new(run: &[f64], finer: &[f64], spans: &Spans, upto: f64) -> Self {
-        let n_out = spans.n_out.max(1);
-        (0..n_out).fold(Self::default(), |worst, output| {
-            let [ours, theirs] = [run, finer].map(|sound| -> Vec<f64> {
-                sound.iter().skip(output).step_by(n_out).copied().collect()
+        let n_outputs = spans.n_out.max(1);
+        (0..n_outputs).fold(Self::default(), |worst, output| {
+            let [run_sound, finer_sound] = [run, finer].map(|sound| -> Vec<f64> {
+                sound
+                    .iter()
+                    .skip(output)
+                    .step_by(n_outputs)
+                    .copied()
+                    .collect()
             });
-            let begin = begin_of_sound(&theirs);
-            let [ours, theirs] = [ours, theirs].map(|sound| without_mean(&sound[begin..]));
-            let (cents, t60) = partials::pitch_errors(&ours, &theirs, spans.rate, upto);
-            let strokes = strokes::stroke_errors(&ours, &theirs, spans.rate);
+            let sound_begin = begin_of_sound(&finer_sound);
+            let [run_sound, finer_sound] =
+                [run_sound, finer_sound].map(|sound| without_mean(&sound[sound_begin..]));
+            let (cents, t60) = partials::pitch_errors(&run_sound, &finer_sound, spans.rate, upto);
+            let strokes = strokes::stroke_errors(&run_sound, &finer_sound, spans.rate);
             worst.with(Self {
                 cents,
                 t60,
-                level: levels::level_error(&ours, &theirs, spans.rate),
+                level: levels::level_error(&run_sound, &finer_sound, spans.rate),
                 first_stroke: strokes.first,
                 later_stroke: strokes.later,
                 stroke_level: strokes.level,
@@ -64,14 +70,16 @@ impl Audible {
 
     /// The larger error of each.
     pub(in crate::plan) fn with(self, other: Self) -> Self {
-        let [ours, theirs] = [self, other].map(|error| error.values());
-        Self::from(std::array::from_fn(|i| ours[i].max(theirs[i])))
+        let [first_errors, other_errors] = [self, other].map(|error| error.values());
+        Self::from(std::array::from_fn(|i| {
+            first_errors[i].max(other_errors[i])
+        }))
     }
 
     /// Both errors in the worst case: the sum of each.
     pub(in crate::plan) fn plus(self, other: Self) -> Self {
-        let [ours, theirs] = [self, other].map(|error| error.values());
-        Self::from(std::array::from_fn(|i| ours[i] + theirs[i]))
+        let [first_errors, other_errors] = [self, other].map(|error| error.values());
+        Self::from(std::array::from_fn(|i| first_errors[i] + other_errors[i]))
     }
 
     /// All errors, in the order of `LEAST_HEARD`.
@@ -90,11 +98,11 @@ impl Audible {
     pub(in crate::plan) fn excess(&self, budget: &Budget) -> f64 {
         match *budget {
             Budget::Cents { cents, .. } => {
-                let errors = self.values().into_iter().zip(LEAST_HEARD);
-                let worst = errors
+                let error_limits = self.values().into_iter().zip(LEAST_HEARD);
+                let worst_excess = error_limits
                     .map(|(error, least)| error / least)
                     .fold(0.0, f64::max);
-                worst * LEAST_HEARD[0] / cents
+                worst_excess * LEAST_HEARD[0] / cents
             }
             Budget::Error(_) | Budget::Method(_) => 0.0,
         }
@@ -117,25 +125,29 @@ impl From<[f64; LEAST_HEARD.len()]> for Audible {
 
 /// The frame before the first in which a sound has moved.
 fn begin_of_sound(sound: &[f64]) -> usize {
-    let first = sound.first().copied().unwrap_or(0.0);
-    let motion = |x: &f64| (x - first).abs();
+    let first_sample = sound.first().copied().unwrap_or(0.0);
+    let motion = |x: &f64| (x - first_sample).abs();
     let largest = sound.iter().map(motion).fold(0.0, f64::max);
-    let moves = |x: &f64| motion(x) > MOVED * largest;
-    sound.iter().position(moves).unwrap_or(0).saturating_sub(1)
+    let is_moving = |x: &f64| motion(x) > MOVED * largest;
+    sound
+        .iter()
+        .position(is_moving)
+        .unwrap_or(0)
+        .saturating_sub(1)
 }
 
 /// The sound without its mean, which is not audible, nor what is rounding.
 fn without_mean(sound: &[f64]) -> Vec<f64> {
     let mean = sound.iter().sum::<f64>() / sound.len().max(1) as f64;
     let largest = sound.iter().fold(0.0_f64, |max, x| max.max(x.abs()));
-    let sounds = |x: f64| {
+    let cut_rounding = |x: f64| {
         if x.abs() > MEAN_ROUNDING * largest {
             x
         } else {
             0.0
         }
     };
-    sound.iter().map(|x| sounds(x - mean)).collect()
+    sound.iter().map(|x| cut_rounding(x - mean)).collect()
 }
 
 #[cfg(test)]
@@ -144,10 +156,10 @@ mod tests {
 
     #[test]
     fn begin_of_sound_after_rest() {
-        let moved = |x: &[f64]| begin_of_sound(x);
-        assert_eq!(moved(&[3.0, 3.0, 3.0, 4.0, 3.0]), 2);
-        assert_eq!(moved(&[3.0, 4.0, 3.0]), 0);
-        assert_eq!((moved(&[1.0; 4]), moved(&[])), (0, 0));
+        let begin_of = |x: &[f64]| begin_of_sound(x);
+        assert_eq!(begin_of(&[3.0, 3.0, 3.0, 4.0, 3.0]), 2);
+        assert_eq!(begin_of(&[3.0, 4.0, 3.0]), 0);
+        assert_eq!((begin_of(&[1.0; 4]), begin_of(&[])), (0, 0));
     }
 
     #[test]
@@ -157,11 +169,18 @@ mod tests {
             rate: 32_000.0,
             frames: [3_200, 6_400, 9_600],
         };
-        let rests = |ulp: f64| -> Vec<f64> {
-            let value = |i: u32| -9.8e-5 + ulp * f64::from(i.count_ones() % 2);
-            (0..9_600).map(value).collect()
+        let resting_sound = |ulp: f64| -> Vec<f64> {
+            let noise_sample = |i: u32| -9.8e-5 + ulp * f64::from(i.count_ones() % 2);
+            (0..9_600).map(noise_sample).collect()
         };
-        let audible = |ulp: f64| Audible::new(&rests(ulp), &rests(2.0 * ulp), &spans, 5_000.0);
+        let audible = |ulp: f64| {
+            Audible::new(
+                &resting_sound(ulp),
+                &resting_sound(2.0 * ulp),
+                &spans,
+                5_000.0,
+            )
+        };
         assert_eq!(audible(1e-20), Audible::default());
         assert!(audible(1e-9).level > 5.0);
     }

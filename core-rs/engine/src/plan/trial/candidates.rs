@@ -78,7 +78,7 @@ pub(in crate::plan) fn candidates<F: Fn(How<'_>) -> Result<Assembled, Error>>(
     assemble: &F,
     reference: (&Candidate, &PilotRun),
 ) -> Vec<Candidate> {
-    let meshes = MESH_METHODS
+    let mesh_choices = MESH_METHODS
         .into_iter()
         .flat_map(|method| [MethodChoice::All(method), MethodChoice::Meshes(method)]);
     let bodies = [
@@ -87,12 +87,12 @@ pub(in crate::plan) fn candidates<F: Fn(How<'_>) -> Result<Assembled, Error>>(
         MethodChoice::Stepped,
     ];
     let steps = (0..=TIMES_MAX.ilog2()).map(|doublings| 1 << doublings);
-    let groups = bodies
+    let choice_groups = bodies
         .into_iter()
-        .chain(meshes)
+        .chain(mesh_choices)
         .flat_map(|bodies| steps.clone().map(move |steps| (bodies, steps)));
     let mut candidates: Vec<Candidate> = Vec::new();
-    for (group, (bodies, steps)) in groups.enumerate() {
+    for (group, (bodies, steps)) in choice_groups.enumerate() {
         for is_plain in [true, false] {
             let family = Family { bodies, is_plain };
             let Ok(island) = assemble(family.with_steps(steps)) else {
@@ -107,8 +107,8 @@ pub(in crate::plan) fn candidates<F: Fn(How<'_>) -> Result<Assembled, Error>>(
         }
     }
     candidates.sort_by(|left, right| {
-        let by_cost = left.cost.total_cmp(&right.cost);
-        by_cost.then(left.substeps.cmp(&right.substeps))
+        let cost_order = left.cost.total_cmp(&right.cost);
+        cost_order.then(left.substeps.cmp(&right.substeps))
     });
     candidates
 }
@@ -129,16 +129,17 @@ impl Candidate {
         substeps: usize,
         played: Option<(&Self, &PilotRun)>,
     ) -> Self {
-        let plan = &mut island.island_plan;
-        plan.contact_substeps = substeps;
-        if let Some((other, run)) = played.filter(|_| substeps > 1) {
-            let counted = if plan.bodies.is_empty() {
-                run.counted_cost.contacts
+        let island_plan = &mut island.island_plan;
+        island_plan.contact_substeps = substeps;
+        if let Some((played_candidate, played_run)) = played.filter(|_| substeps > 1) {
+            let counted = if island_plan.bodies.is_empty() {
+                played_run.counted_cost.contacts
             } else {
-                run.counted_cost.all()
+                played_run.counted_cost.all()
             };
-            let steps = f64::from(plan.oversampling) * substeps as f64;
-            plan.counted_cost = Some((f64::from(counted) * steps / other.steps_a_frame()) as u32);
+            let frame_steps = f64::from(island_plan.oversampling) * substeps as f64;
+            island_plan.counted_cost =
+                Some((f64::from(counted) * frame_steps / played_candidate.steps_a_frame()) as u32);
         }
         Self {
             cost: island.island_plan.cost(),
@@ -165,18 +166,18 @@ impl Candidate {
 
     /// The same with the cost that its run had.
     pub(in crate::plan) fn counted(mut self, run: &PilotRun) -> Self {
-        let plan = &mut self.island.island_plan;
-        plan.counted_cost = Some(run.counted_cost.all());
-        self.cost = plan.cost();
+        let island_plan = &mut self.island.island_plan;
+        island_plan.counted_cost = Some(run.counted_cost.all());
+        self.cost = island_plan.cost();
         self
     }
 
     /// Whether both compute the same under two names.
     fn is_same(&self, other: &Self) -> bool {
-        let [plan, other_plan] = [self, other].map(|candidate| &candidate.island.island_plan);
+        let [first_plan, other_plan] = [self, other].map(|candidate| &candidate.island.island_plan);
         self.cost.to_bits() == other.cost.to_bits()
             && self.substeps == other.substeps
-            && plan.oversampling == other_plan.oversampling
+            && first_plan.oversampling == other_plan.oversampling
             && self.island.mesh_methods() == other.island.mesh_methods()
     }
 }

@@ -57,25 +57,32 @@ pub(in crate::plan) struct Pair<'a> {
 impl Stretches {
     /// Stretches from the first sound after the event.
     pub(in crate::plan) fn new(sound: &[f64], spans: &Spans) -> Self {
-        let (n_out, from) = (spans.n_out.max(1), spans.event());
-        let start = &sound[(from * n_out).min(sound.len())..];
-        let size = |frame: &[f64], output: usize| (frame[output] - start[output]).abs();
-        let mut peak = vec![0.0_f64; n_out];
-        for frame in start.chunks_exact(n_out) {
-            (0..n_out).for_each(|output| peak[output] = peak[output].max(size(frame, output)));
+        let (n_outputs, event_frame) = (spans.n_out.max(1), spans.event());
+        let event_sound = &sound[(event_frame * n_outputs).min(sound.len())..];
+        let displacement =
+            |frame: &[f64], output: usize| (frame[output] - event_sound[output]).abs();
+        let mut peak_motion = vec![0.0_f64; n_outputs];
+        for frame in event_sound.chunks_exact(n_outputs) {
+            (0..n_outputs).for_each(|output| {
+                peak_motion[output] = peak_motion[output].max(displacement(frame, output))
+            });
         }
-        let is_heard =
-            |frame: &[f64]| (0..n_out).any(|output| size(frame, output) > 1e-3 * peak[output]);
-        let silent = start.chunks_exact(n_out).position(is_heard).unwrap_or(0);
-        Self::from(from + silent, sound.len() / n_out, spans)
+        let is_heard = |frame: &[f64]| {
+            (0..n_outputs).any(|output| displacement(frame, output) > 1e-3 * peak_motion[output])
+        };
+        let silent_frames = event_sound
+            .chunks_exact(n_outputs)
+            .position(is_heard)
+            .unwrap_or(0);
+        Self::from(event_frame + silent_frames, sound.len() / n_outputs, spans)
     }
 
     fn from(start: usize, n_frames: usize, spans: &Spans) -> Self {
         let mut edges = vec![start];
-        let mut length = STRETCH * spans.rate;
-        while ((start as f64 + 1.5 * length) as usize) < n_frames {
-            edges.push(start + length as usize);
-            length *= 2.0;
+        let mut stretch_length = STRETCH * spans.rate;
+        while ((start as f64 + 1.5 * stretch_length) as usize) < n_frames {
+            edges.push(start + stretch_length as usize);
+            stretch_length *= 2.0;
         }
         edges.push(n_frames.max(start));
         Self {
@@ -90,11 +97,11 @@ impl Stretches {
     }
 
     fn profile(&self, a: &[f64], b: &[f64]) -> Profile {
-        let n = self.edges.len() - 1;
+        let stretch_count = self.edges.len() - 1;
         // For each stretch: squared difference, and squared sound.
-        let mut sums = vec![(0.0, 0.0); n];
+        let mut stretch_sums = vec![(0.0, 0.0); stretch_count];
         for output in 0..self.n_out {
-            let levels = |x: &[f64], edges: &[usize]| -> Vec<f64> {
+            let stretch_samples = |x: &[f64], edges: &[usize]| -> Vec<f64> {
                 let samples = x.iter().skip(output).step_by(self.n_out);
                 samples
                     .skip(edges[0])
@@ -102,35 +109,51 @@ impl Stretches {
                     .copied()
                     .collect()
             };
-            let all = levels(b, &[self.edges[0], self.edges[n]]);
-            let mean = all.iter().sum::<f64>() / all.len().max(1) as f64;
-            let loud: f64 = all.iter().map(|x| (x - mean) * (x - mean)).sum();
-            if loud <= 0.0 {
+            let all_samples = stretch_samples(b, &[self.edges[0], self.edges[stretch_count]]);
+            let sample_mean = all_samples.iter().sum::<f64>() / all_samples.len().max(1) as f64;
+            let total_energy: f64 = all_samples
+                .iter()
+                .map(|x| (x - sample_mean) * (x - sample_mean))
+                .sum();
+            if total_energy <= 0.0 {
                 continue;
             }
-            for (sum, edges) in sums.iter_mut().zip(self.edges.windows(2)) {
-                let (a, b) = (levels(a, edges), levels(b, edges));
-                let apart: f64 = a.iter().zip(&b).map(|(a, b)| (a - b) * (a - b)).sum();
-                let energy: f64 = b.iter().map(|x| (x - mean) * (x - mean)).sum();
-                *sum = (sum.0 + apart / loud, sum.1 + energy / loud);
+            for (sum, edges) in stretch_sums.iter_mut().zip(self.edges.windows(2)) {
+                let (a, b) = (stretch_samples(a, edges), stretch_samples(b, edges));
+                let difference_energy: f64 = a.iter().zip(&b).map(|(a, b)| (a - b) * (a - b)).sum();
+                let sound_energy: f64 = b
+                    .iter()
+                    .map(|x| (x - sample_mean) * (x - sample_mean))
+                    .sum();
+                *sum = (
+                    sum.0 + difference_energy / total_energy,
+                    sum.1 + sound_energy / total_energy,
+                );
             }
         }
-        let db = |(apart, energy): (f64, f64)| {
-            let ratio = if apart > 0.0 { apart / energy } else { 0.0 };
-            20.0 * log10(sqrt(ratio).clamp(1e-15, 1e15))
+        let ratio_level = |(difference_energy, sound_energy): (f64, f64)| {
+            let energy_ratio = if difference_energy > 0.0 {
+                difference_energy / sound_energy
+            } else {
+                0.0
+            };
+            20.0 * log10(sqrt(energy_ratio).clamp(1e-15, 1e15))
         };
-        let power = |at: usize| sums[at].1 / (self.edges[at + 1] - self.edges[at]).max(1) as f64;
-        let loudest = (0..n).map(power).fold(0.0, f64::max);
-        let mut so_far = (0.0, 0.0);
+        let stretch_power =
+            |at: usize| stretch_sums[at].1 / (self.edges[at + 1] - self.edges[at]).max(1) as f64;
+        let loudest = (0..stretch_count).map(stretch_power).fold(0.0, f64::max);
+        let mut running_sums = (0.0, 0.0);
         Profile {
-            alone: (0..n)
-                .map(|at| (power(at) > QUIET * loudest).then(|| db(sums[at])))
+            alone: (0..stretch_count)
+                .map(|at| {
+                    (stretch_power(at) > QUIET * loudest).then(|| ratio_level(stretch_sums[at]))
+                })
                 .collect(),
-            upto: sums
+            upto: stretch_sums
                 .iter()
                 .map(|sum| {
-                    so_far = (so_far.0 + sum.0, so_far.1 + sum.1);
-                    db(so_far)
+                    running_sums = (running_sums.0 + sum.0, running_sums.1 + sum.1);
+                    ratio_level(running_sums)
                 })
                 .collect(),
         }
@@ -138,9 +161,12 @@ impl Stretches {
 
     /// How many stretches end within `seconds`; at least one.
     fn count_within(&self, seconds: f64, spans: &Spans) -> usize {
-        let last = self.start() + (seconds * spans.rate) as usize;
-        let ends = self.edges.iter().skip(1);
-        ends.take_while(|end| **end <= last).count().max(1)
+        let last_frame = self.start() + (seconds * spans.rate) as usize;
+        let stretch_ends = self.edges.iter().skip(1);
+        stretch_ends
+            .take_while(|end| **end <= last_frame)
+            .count()
+            .max(1)
     }
 }
 
@@ -155,32 +181,37 @@ impl Pair<'_> {
         if self.run.is_lost || is_linear(island_plan) {
             return Ok(None);
         }
-        let grown = self.nudge(island_plan, contact_substeps, allowance)?;
-        if !is_chaotic(&grown) {
+        let growth_levels = self.nudge(island_plan, contact_substeps, allowance)?;
+        if !is_chaotic(&growth_levels) {
             return Ok(None);
         }
-        let last = self.stretches.count_within(ATTACK, self.spans) - 1;
-        let growth_of = |stretch: usize| grown.get(stretch).copied().flatten();
+        let last_stretch = self.stretches.count_within(ATTACK, self.spans) - 1;
+        let growth_of = |stretch: usize| growth_levels.get(stretch).copied().flatten();
         Ok(Some(
             growth_of(0)
-                .zip(growth_of(last))
-                .map_or(0.0, |(first, last)| last - first),
+                .zip(growth_of(last_stretch))
+                .map_or(0.0, |(first, last_stretch)| last_stretch - first),
         ))
     }
 
     /// Compares the runs, given that a nudge grows by `growth` over the attack [dB]. The finer one parts from the true
     /// motion too, so errors of the waveform count twice.
     pub(in crate::plan) fn compare(&self, growth: f64) -> Parting {
-        let (run, finer) = (&self.run.sound, &self.finer.sound);
-        let mut upto = self.stretches.profile(run, finer).upto;
+        let (run_sound, finer_sound) = (&self.run.sound, &self.finer.sound);
+        let mut upto = self.stretches.profile(run_sound, finer_sound).upto;
         upto.iter_mut().for_each(|db| *db += DOUBLING);
-        let from = self.stretches.start() * self.spans.n_out;
-        let (n_out, rate) = (self.spans.n_out, self.spans.rate);
+        let first_sample = self.stretches.start() * self.spans.n_out;
+        let (n_outputs, frame_rate) = (self.spans.n_out, self.spans.rate);
         Parting {
             attack: upto[self.stretches.count_within(ATTACK, self.spans) - 1],
             upto,
             growth,
-            spectral: level_difference(&run[from..], &finer[from..], n_out, rate),
+            spectral: level_difference(
+                &run_sound[first_sample..],
+                &finer_sound[first_sample..],
+                n_outputs,
+                frame_rate,
+            ),
         }
     }
 
@@ -192,35 +223,35 @@ impl Pair<'_> {
         allowance: &Allowance,
     ) -> Result<Vec<Option<f64>>, TrialError> {
         let n_frames = self.run.sound.len() / self.spans.n_out.max(1);
-        let from = self.stretches.start().next_multiple_of(BLOCK);
+        let nudge_start = self.stretches.start().next_multiple_of(BLOCK);
         let nudged = nudged(
             (island_plan, contact_substeps),
             Excerpt {
                 from: self.run.from,
                 n_frames,
             },
-            (from, 1.0 - NUDGE),
+            (nudge_start, 1.0 - NUDGE),
             allowance,
         )?;
         // After the nudged block the run goes on freely.
-        let after = Stretches::from(from + BLOCK, n_frames, self.spans);
-        Ok(after.profile(&nudged.sound, &self.run.sound).alone)
+        let free_stretches = Stretches::from(nudge_start + BLOCK, n_frames, self.spans);
+        Ok(free_stretches.profile(&nudged.sound, &self.run.sound).alone)
     }
 }
 
 /// Whether a nudge grows faster than in any regular motion.
 fn is_chaotic(grown: &[Option<f64>]) -> bool {
-    let (a_stretch, chance) = REGULAR;
-    let grows = |(i, early): (usize, &Option<f64>)| {
-        let later = grown.iter().enumerate().skip(i + 1);
-        let apart_max = |j: usize, early: f64| early + a_stretch * (j - i) as f64 + chance;
-        later.into_iter().any(|(j, late)| {
+    let (a_stretch, chance_margin) = REGULAR;
+    let grows_fast = |(i, early): (usize, &Option<f64>)| {
+        let later_growths = grown.iter().enumerate().skip(i + 1);
+        let apart_max = |j: usize, early: f64| early + a_stretch * (j - i) as f64 + chance_margin;
+        later_growths.into_iter().any(|(j, late)| {
             early
                 .zip(*late)
                 .is_some_and(|(early, late)| late > apart_max(j, early))
         })
     };
-    grown.iter().enumerate().any(grows)
+    grown.iter().enumerate().any(grows_fast)
 }
 
 impl Parting {
@@ -234,11 +265,11 @@ impl Parting {
     /// is, as long as the runs agree at all.
     pub(in crate::plan) fn valid_span(&self, asked: f64, stretches: &Stretches) -> (f64, usize) {
         let count_below = |most: f64| self.upto.iter().take_while(|db| **db <= most).count();
-        let n = [count_below(asked), count_below(PARTED), 1]
+        let stretch_count = [count_below(asked), count_below(PARTED), 1]
             .into_iter()
-            .find(|n| *n > 0)
+            .find(|stretch_count| *stretch_count > 0)
             .unwrap_or(1);
-        (self.upto[n - 1], stretches.edges[n])
+        (self.upto[stretch_count - 1], stretches.edges[stretch_count])
     }
 }
 
@@ -251,7 +282,7 @@ pub(in crate::plan) fn is_linear(island_plan: &IslandPlan) -> bool {
             .iter()
             .all(|run| matches!(run.kind, LinkKind::Ref))
     };
-    let meshes = island_plan.bodies.iter().filter_map(|body| match body {
+    let body_networks = island_plan.bodies.iter().filter_map(|body| match body {
         BodyPlan::Mesh(mesh) => Some(&*mesh.network),
         BodyPlan::Slow(slow) => (!slow.is_linear()).then_some(&*slow.network),
         BodyPlan::Modal(_) => None,
@@ -260,5 +291,5 @@ pub(in crate::plan) fn is_linear(island_plan: &IslandPlan) -> bool {
     gestures
         .iter()
         .all(|gesture| gesture.manner.limit.is_none())
-        && meshes.chain([&*island_plan.network]).all(is_linear)
+        && body_networks.chain([&*island_plan.network]).all(is_linear)
 }

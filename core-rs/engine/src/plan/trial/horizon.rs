@@ -26,11 +26,13 @@ type Played<'a> = (&'a IslandPlan, usize);
 /// Whether errors may grow after a pilot: if keys are led to contacts, so that each contact begins where the one before
 /// it ended, or if parts are slow.
 pub(in crate::plan) fn error_may_grow(island_plan: &IslandPlan) -> bool {
-    let runs = island_plan.network.runs().iter();
-    let has_contacts = runs.clone().any(|run| !matches!(run.kind, LinkKind::Ref));
-    let mut bodies = island_plan.bodies.iter();
-    let is_slow = bodies.any(|body| matches!(body, BodyPlan::Slow(_)));
-    is_slow || (has_contacts && !island_plan.timeline.gestures.is_empty())
+    let link_runs = island_plan.network.runs().iter();
+    let has_contacts = link_runs
+        .clone()
+        .any(|run| !matches!(run.kind, LinkKind::Ref));
+    let mut body_plans = island_plan.bodies.iter();
+    let has_slow_body = body_plans.any(|body| matches!(body, BodyPlan::Slow(_)));
+    has_slow_body || (has_contacts && !island_plan.timeline.gestures.is_empty())
 }
 
 /// The first strike or written gesture after `over` [s] that is harder than all until then, so that its error is not known
@@ -45,7 +47,7 @@ pub(in crate::plan) fn harder_event(
     }
     let strikes = timeline.strikes.iter();
     let gestures = timeline.gestures.iter();
-    let harder = [
+    let harder_events = [
         first_harder(
             strikes.map(|strike| (strike.instant, strike.impulse.abs())),
             over,
@@ -55,23 +57,23 @@ pub(in crate::plan) fn harder_event(
             over,
         ),
     ];
-    harder.into_iter().flatten().reduce(f64::min)
+    harder_events.into_iter().flatten().reduce(f64::min)
 }
 
 /// The first instant after `over` whose strength exceeds all until then by more than `HARDER`, of pairs (instant [s],
 /// strength); `None` if there is none, or nothing until then.
 fn first_harder(events: impl Iterator<Item = (f64, f64)> + Clone, over: f64) -> Option<f64> {
-    let tried = events.clone().filter(|event| event.0 <= over);
-    let hardest = tried.map(|event| event.1).reduce(f64::max)?;
-    let harder = events.filter(|event| event.0 > over && event.1 > HARDER * hardest);
-    harder.map(|event| event.0).reduce(f64::min)
+    let tried_events = events.clone().filter(|event| event.0 <= over);
+    let hardest = tried_events.map(|event| event.1).reduce(f64::max)?;
+    let harder_events = events.filter(|event| event.0 > over && event.1 > HARDER * hardest);
+    harder_events.map(|event| event.0).reduce(f64::min)
 }
 
 /// A bound on the speed of a gesture: its range in the shortest time between two written points [m/s]; 0 for a take.
 fn greatest_speed(gesture: &Gesture) -> f64 {
-    let times = gesture.points.windows(2).map(|pair| pair[1].0 - pair[0].0);
-    let (low, high) = gesture.range();
-    (high - low) / times.fold(f64::INFINITY, f64::min)
+    let point_intervals = gesture.points.windows(2).map(|pair| pair[1].0 - pair[0].0);
+    let (range_low, range_high) = gesture.range();
+    (range_high - range_low) / point_intervals.fold(f64::INFINITY, f64::min)
 }
 
 /// Measures how long the error of a pilot holds: plays both runs on, to the end of the score or as far as the reserve
@@ -83,39 +85,45 @@ pub(in crate::plan) fn extend_error(
     [run, other]: [Played<'_>; 2],
     (allowance, store): (&Allowance, Option<&dyn TrialStore>),
 ) -> Result<Measured, TrialError> {
-    let rate = frames_a_second(run.0);
+    let frame_rate = frames_a_second(run.0);
     if measured.db > PARTED {
         return Ok(measured); // the runs have no waveform in common
     }
     // The reserve is separate: if it runs out, the pilot's result stands as it is.
     let reserve = allowance.reserve();
-    let each = work(run.0) + work(other.0);
+    let frame_work = work(run.0) + work(other.0);
     // The pilot has already drawn the work of finding this rest.
     let Some(from) = unless_spent(frames_at_rest(run.0, &allowance.reserve()))? else {
         return Ok(measured);
     };
-    let n_frames =
-        (end(run.0) * rate - from as f64).min(RESERVE_PLANNED * reserve.spent().1 / each) as usize;
-    let pilot = ((measured.over * rate) as usize).saturating_sub(from);
-    let look = ((LOOK * rate) as usize).max(1);
-    if n_frames < pilot + look {
+    let n_frames = (end(run.0) * frame_rate - from as f64)
+        .min(RESERVE_PLANNED * reserve.spent().1 / frame_work) as usize;
+    let pilot_frames = ((measured.over * frame_rate) as usize).saturating_sub(from);
+    let look_frames = ((LOOK * frame_rate) as usize).max(1);
+    if n_frames < pilot_frames + look_frames {
         return Ok(measured);
     }
     let longest = Excerpt { from, n_frames };
     let key = store.map(|_| key(measured, budget, [run, other], longest.end()));
-    let stored = store.zip(key.as_deref());
-    let recalled = stored.and_then(|(store, key)| record::find(store, key, &reserve));
-    if let Some((taken, record)) = recalled
-        && let Some(Some(known)) = record.error_alone()
+    let store_and_key = store.zip(key.as_deref());
+    let recalled = store_and_key.and_then(|(store, key)| record::find(store, key, &reserve));
+    if let Some((taken_work, trial_record)) = recalled
+        && let Some(Some(recalled_error)) = trial_record.error_alone()
     {
-        allowance.spend_reserve(taken.drawn);
-        return Ok(known);
+        allowance.spend_reserve(taken_work.drawn);
+        return Ok(recalled_error);
     }
-    let left = reserve.begin();
-    let extended = extend_over(measured, budget, [run, other], (longest, look), &reserve)?;
-    if let Some((store, key)) = stored {
-        let record = TrialRecord::from_error(Some(extended));
-        record::keep(store, key, (&reserve, left), record);
+    let reserve_left = reserve.begin();
+    let extended = extend_over(
+        measured,
+        budget,
+        [run, other],
+        (longest, look_frames),
+        &reserve,
+    )?;
+    if let Some((store, key)) = store_and_key {
+        let trial_record = TrialRecord::from_error(Some(extended));
+        record::keep(store, key, (&reserve, reserve_left), trial_record);
     }
     allowance.spend_reserve(reserve.spent().0);
     Ok(extended)
@@ -123,12 +131,12 @@ pub(in crate::plan) fn extend_error(
 
 /// A hash of all that the result of [`extend_over`] depends on.
 fn key(measured: Measured, budget: &Budget, played: [Played<'_>; 2], n_frames: usize) -> String {
-    let [run, other] = played.map(|(island_plan, contact_substeps)| {
+    let [run_key, other_key] = played.map(|(island_plan, contact_substeps)| {
         let content = Content::new(island_plan).key(island_plan, (0, n_frames as u64), "");
         (content, contact_substeps)
     });
     hex_of(format_args!(
-        "horizon {measured:?} {budget:?} {run:?} {other:?} {n_frames}"
+        "horizon {measured:?} {budget:?} {run_key:?} {other_key:?} {n_frames}"
     ))
 }
 
@@ -140,15 +148,15 @@ fn extend_over(
     (longest, look): (Excerpt, usize),
     reserve: &Allowance,
 ) -> Result<Measured, TrialError> {
-    let rate = frames_a_second(coarse.0);
-    let seconds = |n_frames: usize| (longest.from + n_frames) as f64 / rate;
-    let pilot = ((measured.over * rate) as usize).saturating_sub(longest.from);
-    let runs = play(coarse.0, coarse.1, longest, reserve).and_then(|run| {
+    let frame_rate = frames_a_second(coarse.0);
+    let seconds = |n_frames: usize| (longest.from + n_frames) as f64 / frame_rate;
+    let pilot_frames = ((measured.over * frame_rate) as usize).saturating_sub(longest.from);
+    let played_runs = play(coarse.0, coarse.1, longest, reserve).and_then(|run| {
         // What contacts added to the first run is assumed to add to each step of the other too.
-        let steps = f64::from(other.0.oversampling) / f64::from(coarse.0.oversampling);
-        let share = reserve.share_left(steps * reserve.spent().0 / RESERVE_FITS);
-        let n_frames = (share * longest.n_frames as f64) as usize;
-        if n_frames < pilot + look {
+        let step_ratio = f64::from(other.0.oversampling) / f64::from(coarse.0.oversampling);
+        let reserve_share = reserve.share_left(step_ratio * reserve.spent().0 / RESERVE_FITS);
+        let n_frames = (reserve_share * longest.n_frames as f64) as usize;
+        if n_frames < pilot_frames + look {
             return Err(TrialError::AllowanceSpent);
         }
         let shorter = Excerpt {
@@ -157,59 +165,60 @@ fn extend_over(
         };
         Ok((run, play(other.0, other.1, shorter, reserve)?, n_frames))
     });
-    let (run, other, n_frames) = match runs {
-        Ok(runs) => runs,
+    let (run, other, n_frames) = match played_runs {
+        Ok(played_runs) => played_runs,
         Err(TrialError::AllowanceSpent) => return Ok(measured),
         Err(error) => return Err(error),
     };
     let spans = Spans::new(coarse.0, n_frames);
     let changes = changes(&run.sound, &other.sound, spans.n_out, look);
-    let change = |n: usize| changes[n.div_ceil(look).min(changes.len()) - 1];
+    let change_at =
+        |looked_frames: usize| changes[looked_frames.div_ceil(look).min(changes.len()) - 1];
     // By how much the measured error exceeds the change between the two runs [dB].
-    let beyond = measured.db - change(pilot);
+    let error_excess = measured.db - change_at(pilot_frames);
     // The first run may have been played further.
-    let sounds = (&run.sound[..other.sound.len()], &*other.sound);
-    let audible = Audible::for_budget(budget, sounds, &spans);
-    let by_ear = measured.audible.zip(audible).map(|(pilots, audible)| {
+    let sound_pair = (&run.sound[..other.sound.len()], &*other.sound);
+    let audible = Audible::for_budget(budget, sound_pair, &spans);
+    let audible_error = measured.audible.zip(audible).map(|(pilots, audible)| {
         // The finer run has up to as large an error as the change.
         Measured {
-            db: measured.db.max(change(n_frames) + beyond),
+            db: measured.db.max(change_at(n_frames) + error_excess),
             over: seconds(n_frames),
             audible: Some(audible.plus(audible).with(pilots)),
             ..measured
         }
     });
     let is_allowed = |error: &Measured| error.excess(budget) <= 1.0;
-    if let Some(error) = by_ear.filter(is_allowed) {
+    if let Some(error) = audible_error.filter(is_allowed) {
         return Ok(error);
     }
-    let least = budget.asked().max(measured.db + GAIN);
-    let (mut until, mut db) = (pilot, measured.db);
-    let mut n = pilot;
-    while n < n_frames {
-        n = (n + look).min(n_frames);
-        let now = change(n) + beyond;
+    let parting_level = budget.asked().max(measured.db + GAIN);
+    let (mut valid_frames, mut db) = (pilot_frames, measured.db);
+    let mut looked_frames = pilot_frames;
+    while looked_frames < n_frames {
+        looked_frames = (looked_frames + look).min(n_frames);
+        let error_now = change_at(looked_frames) + error_excess;
         // In a linear motion errors of pitch add up, and the waveform is as wrong as measured: nothing parts by chance.
-        if now > least && !is_linear(coarse.0) {
-            let from = until * spans.n_out.max(1);
+        if error_now > parting_level && !is_linear(coarse.0) {
+            let first_sample = valid_frames * spans.n_out.max(1);
             let spectral = level_difference(
-                &run.sound[from..other.sound.len()],
-                &other.sound[from..],
+                &run.sound[first_sample..other.sound.len()],
+                &other.sound[first_sample..],
                 spans.n_out,
                 spans.rate,
             );
             // Runs that differ by rounding alone have parted for good.
             let is_noise = spectral <= SPECTRUM_NOISE;
-            return Ok(by_ear.filter(|_| !is_noise).unwrap_or(Measured {
+            return Ok(audible_error.filter(|_| !is_noise).unwrap_or(Measured {
                 db,
-                over: seconds(until),
+                over: seconds(valid_frames),
                 spectral: Some(spectral),
                 ..measured
             }));
         }
-        (until, db) = (n, db.max(now));
+        (valid_frames, db) = (looked_frames, db.max(error_now));
     }
-    Ok(by_ear.unwrap_or(Measured {
+    Ok(audible_error.unwrap_or(Measured {
         db,
         over: seconds(n_frames),
         ..measured
@@ -217,27 +226,33 @@ fn extend_over(
 }
 
 /// ‖a − b‖ / ‖b‖ [dB] of the worst output, from the start to each look; the mean of `b` does not count as sound.
-fn changes(a: &[f64], b: &[f64], n_out: usize, look: usize) -> Vec<f64> {
-    let n_out = n_out.max(1);
+fn changes(a: &[f64], b: &[f64], n_outputs: usize, look: usize) -> Vec<f64> {
+    let n_outputs = n_outputs.max(1);
     // Sums so far for each output: the squared difference, and b and its square, both relative to the first frame.
-    let mut sums = vec![[0.0; 3]; n_out];
-    let mut n = 0.0;
+    let mut output_sums = vec![[0.0; 3]; n_outputs];
+    let mut frame_count = 0.0;
     let mut changes = Vec::new();
-    let looks = a.chunks(look * n_out).zip(b.chunks(look * n_out));
-    for (a, b_own) in looks {
-        for (a, b_frame) in a.chunks(n_out).zip(b_own.chunks(n_out)) {
-            n += 1.0;
-            for (output, sums) in sums.iter_mut().enumerate() {
-                let x = b_frame[output] - b[output];
+    let look_chunks = a.chunks(look * n_outputs).zip(b.chunks(look * n_outputs));
+    for (a, b_own) in look_chunks {
+        for (a, b_frame) in a.chunks(n_outputs).zip(b_own.chunks(n_outputs)) {
+            frame_count += 1.0;
+            for (output, output_sums) in output_sums.iter_mut().enumerate() {
+                let sound_offset = b_frame[output] - b[output];
                 let apart = a[output] - b_frame[output];
-                *sums = [sums[0] + apart * apart, sums[1] + x, sums[2] + x * x];
+                *output_sums = [
+                    output_sums[0] + apart * apart,
+                    output_sums[1] + sound_offset,
+                    output_sums[2] + sound_offset * sound_offset,
+                ];
             }
         }
-        let worst = sums.iter().fold(0.0_f64, |worst, [apart, sum, square]| {
-            let variance = square - sum * sum / n;
-            worst.max(if *apart > 0.0 { apart / variance } else { 0.0 })
-        });
-        changes.push(10.0 * log10(worst.max(1e-30)));
+        let worst_ratio = output_sums
+            .iter()
+            .fold(0.0_f64, |worst_ratio, [apart, sum, square]| {
+                let variance = square - sum * sum / frame_count;
+                worst_ratio.max(if *apart > 0.0 { apart / variance } else { 0.0 })
+            });
+        changes.push(10.0 * log10(worst_ratio.max(1e-30)));
     }
     changes
 }
@@ -248,8 +263,12 @@ pub(in crate::plan) fn end(island_plan: &IslandPlan) -> f64 {
     let gestures = timeline.gestures.iter();
     let gestures = gestures.filter_map(|gesture| gesture.points.last().map(|point| point.0));
     let strikes = timeline.strikes.iter().map(|strike| strike.instant);
-    let ergons = timeline.ergons.iter().map(|ergon| ergon.instant);
-    gestures.chain(strikes).chain(ergons).fold(0.0, f64::max) + RINGS
+    let ergon_times = timeline.ergons.iter().map(|ergon| ergon.instant);
+    gestures
+        .chain(strikes)
+        .chain(ergon_times)
+        .fold(0.0, f64::max)
+        + RINGS
 }
 
 #[cfg(test)]
@@ -258,11 +277,11 @@ mod tests {
 
     #[test]
     fn changes_from_the_start_to_each_look() {
-        let b: Vec<f64> = (0..400).map(|n| 3.0 + f64::from(n % 7)).collect();
-        let a: Vec<f64> = (0..400)
-            .map(|n| b[n] + if n < 200 { 1e-3 } else { 1.0 })
+        let reference: Vec<f64> = (0..400).map(|n| 3.0 + f64::from(n % 7)).collect();
+        let changed_sound: Vec<f64> = (0..400)
+            .map(|n| reference[n] + if n < 200 { 1e-3 } else { 1.0 })
             .collect();
-        let change_levels = changes(&a, &b, 1, 100);
+        let change_levels = changes(&changed_sound, &reference, 1, 100);
         assert_eq!(change_levels.len(), 4);
         // The values 0 … 6 have a variance of 4.
         assert!(
@@ -276,6 +295,10 @@ mod tests {
             change_levels[1]
         );
         assert!((change_levels[3] + 9.0).abs() < 0.1, "{}", change_levels[3]);
-        assert!(changes(&b, &b, 1, 100).iter().all(|db| *db <= -290.0));
+        assert!(
+            changes(&reference, &reference, 1, 100)
+                .iter()
+                .all(|db| *db <= -290.0)
+        );
     }
 }

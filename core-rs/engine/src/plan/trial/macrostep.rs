@@ -55,29 +55,29 @@ pub(in crate::plan) fn growth(island_plan: &IslandPlan) -> Option<Growth> {
         work: 0.0,
     };
     for closed in [false, true] {
-        let Some(mut map) = Map::new(island_plan, closed) else {
+        let Some(mut linear_map) = Map::new(island_plan, closed) else {
             growth.is_tried = true;
             continue;
         };
-        let is_dense = map.len() <= DENSE_MAX && map.dense_work() <= TRIAL_WORK_MAX;
-        let work = if is_dense {
-            map.dense_work()
+        let is_dense = linear_map.len() <= DENSE_MAX && linear_map.dense_work() <= TRIAL_WORK_MAX;
+        let trial_work = if is_dense {
+            linear_map.dense_work()
         } else {
-            map.simulation_work()
+            linear_map.simulation_work()
         };
-        if work > TRIAL_WORK_MAX {
+        if trial_work > TRIAL_WORK_MAX {
             return None;
         }
         let radius = if is_dense {
-            map.spectral_radius()
+            linear_map.spectral_radius()
         } else {
-            map.simulated_growth()
+            linear_map.simulated_growth()
         };
         let was_stable = growth.is_stable();
         growth.radius = growth.radius.max(radius);
-        growth.is_tried |= !is_dense || map.is_partial;
+        growth.is_tried |= !is_dense || linear_map.is_partial;
         growth.is_by_contacts = closed && was_stable && !growth.is_stable();
-        growth.work += work;
+        growth.work += trial_work;
     }
     Some(growth)
 }
@@ -123,37 +123,37 @@ impl<'a> Map<'a> {
             .filter_map(|run| linear(run, closed, island_plan.contact_substeps > 1))
             .flatten()
             .collect();
-        let n = scheme.n_mat();
-        let mut body = Body::new(&scheme, vec![0.0; n], vec![0.0; n]);
-        body.inner = vec![0.0; n];
-        let mut is_port = vec![false; n];
-        let bodies = || island_plan.bodies.iter();
-        for mat in bodies().flat_map(BodyPlan::ports) {
-            is_port[mat] = true;
+        let mat_count = scheme.n_mat();
+        let mut body = Body::new(&scheme, vec![0.0; mat_count], vec![0.0; mat_count]);
+        body.inner = vec![0.0; mat_count];
+        let mut is_port_mat = vec![false; mat_count];
+        let body_plans = || island_plan.bodies.iter();
+        for mat in body_plans().flat_map(BodyPlan::ports) {
+            is_port_mat[mat] = true;
         }
         let linear_slow = |inside: &'a BodyPlan| match inside {
             BodyPlan::Slow(slow) if slow.is_linear() => Some(slow),
             _ => None,
         };
-        let slow: Vec<&Slow> = bodies().filter_map(linear_slow).collect();
-        let every: Vec<u64> = slow.iter().map(|slow| slow.kick_every.into()).collect();
-        let frames = every.iter().copied().fold(1, lcm);
-        let quickest = every.iter().copied().min()?;
+        let slow: Vec<&Slow> = body_plans().filter_map(linear_slow).collect();
+        let kick_periods: Vec<u64> = slow.iter().map(|slow| slow.kick_every.into()).collect();
+        let frames = kick_periods.iter().copied().fold(1, lcm);
+        let quickest = kick_periods.iter().copied().min()?;
         // A body without a linear map is replaced by the masses of its ports.
         let has_no_map = |inside: &&BodyPlan| match inside {
             BodyPlan::Mesh(_) => true,
             BodyPlan::Slow(slow) => !slow.is_linear(),
             BodyPlan::Modal(_) => false,
         };
-        let is_partial = bodies().any(|inside| has_no_map(&inside));
-        for mat in bodies().filter(has_no_map).flat_map(BodyPlan::ports) {
-            is_port[mat] = false;
+        let is_partial = body_plans().any(|inside| has_no_map(&inside));
+        for mat in body_plans().filter(has_no_map).flat_map(BodyPlan::ports) {
+            is_port_mat[mat] = false;
         }
         let playing = |slow: &&Slow| RunningSlow::new(&slow.frame_by_frame().deviation(), &body);
         let playing: Vec<RunningSlow> = slow.iter().map(playing).collect();
         (frames <= COMMON_FRAMES_MAX).then(|| Self {
             slow: playing,
-            modes: bodies()
+            modes: body_plans()
                 .filter_map(|inside| match inside {
                     BodyPlan::Modal(modal) => Some(Modes {
                         now: vec![0.0; modal.modes.len()],
@@ -163,8 +163,8 @@ impl<'a> Map<'a> {
                     _ => None,
                 })
                 .collect(),
-            stepped: (0..n)
-                .filter(|&i| scheme.w[i] > 0.0 && !is_port[i])
+            stepped: (0..mat_count)
+                .filter(|&i| scheme.w[i] > 0.0 && !is_port_mat[i])
                 .collect(),
             kicks: frames as f64 / quickest as f64,
             is_partial,
@@ -177,9 +177,9 @@ impl<'a> Map<'a> {
 
     /// Size of the state.
     fn len(&self) -> usize {
-        let slow: usize = self.slow.iter().map(RunningSlow::n_state).sum();
+        let slow_size: usize = self.slow.iter().map(RunningSlow::n_state).sum();
         let modes: usize = self.modes.iter().map(|modes| 2 * modes.now.len()).sum();
-        2 * self.stepped.len() + slow + modes
+        2 * self.stepped.len() + slow_size + modes
     }
 
     /// Visits each number of the state, always in the same order.
@@ -197,16 +197,16 @@ impl<'a> Map<'a> {
 
     /// Takes a state from one common kick to the next.
     fn apply(&mut self, state: &mut [f64]) {
-        let mut from = state.iter();
-        self.each(|value| *value = *from.next().unwrap_or(&0.0));
+        let mut state_in = state.iter();
+        self.each(|value| *value = *state_in.next().unwrap_or(&0.0));
         self.place();
         for n in 0..self.frames {
             self.frame(n);
         }
-        let mut to = state.iter_mut();
+        let mut state_out = state.iter_mut();
         self.each(|value| {
-            if let Some(to) = to.next() {
-                *to = *value;
+            if let Some(state_out) = state_out.next() {
+                *state_out = *value;
             }
         });
     }
@@ -217,10 +217,11 @@ impl<'a> Map<'a> {
         }
         for modes in &self.modes {
             for port in &modes.modal.ports {
-                let see = |q: &[f64]| q.iter().zip(&port.shape).map(|(q, s)| q * s).sum::<f64>();
-                let x = see(&modes.now);
+                let port_position =
+                    |q: &[f64]| q.iter().zip(&port.shape).map(|(q, s)| q * s).sum::<f64>();
+                let x = port_position(&modes.now);
                 self.body.x[port.mat] = x;
-                self.body.d[port.mat] = x - see(&modes.before);
+                self.body.d[port.mat] = x - port_position(&modes.before);
             }
         }
     }
@@ -229,10 +230,11 @@ impl<'a> Map<'a> {
         let Body { x, d, force, .. } = &mut self.body;
         force.fill(0.0);
         for link in &self.links {
-            let (a, b) = (link.a, link.b);
-            let pull = link.k * (x[b] - x[a]) + link.z * (d[b] - d[a]);
-            force[a] += pull;
-            force[b] -= pull;
+            let (first_end, second_end) = (link.a, link.b);
+            let link_force =
+                link.k * (x[second_end] - x[first_end]) + link.z * (d[second_end] - d[first_end]);
+            force[first_end] += link_force;
+            force[second_end] -= link_force;
         }
         for slow in &mut self.slow {
             slow.step(n, force);
@@ -240,13 +242,13 @@ impl<'a> Map<'a> {
         for modes in &mut self.modes {
             let Modes { modal, now, before } = modes;
             for (mode, mode_plan) in modal.modes.iter().enumerate() {
-                let push_of = |push: f64, port: &crate::island::modal::Port| {
-                    push + port.shape[mode] * force[port.mat]
+                let add_push = |port_push: f64, port: &crate::island::modal::Port| {
+                    port_push + port.shape[mode] * force[port.mat]
                 };
-                let push = modal.ports.iter().fold(0.0, push_of);
-                let next =
-                    mode_plan.a * now[mode] - mode_plan.b * before[mode] + mode_plan.gain * push;
-                before[mode] = std::mem::replace(&mut now[mode], next);
+                let port_push = modal.ports.iter().fold(0.0, add_push);
+                let next_amplitude = mode_plan.a * now[mode] - mode_plan.b * before[mode]
+                    + mode_plan.gain * port_push;
+                before[mode] = std::mem::replace(&mut now[mode], next_amplitude);
             }
         }
         let Scheme { w, kappa, zeta, .. } = &self.scheme;
@@ -259,21 +261,21 @@ impl<'a> Map<'a> {
 
     /// Work of one application of the map [s].
     fn work(&self) -> f64 {
-        let modes = self
+        let modal_products = self
             .modes
             .iter()
             .map(|own| own.now.len() * own.modal.ports.len());
         // A slow body's springs are a dense product at each kick.
-        let kicks = self.slow.iter().map(RunningSlow::n_state);
-        let dense: usize = kicks.map(|n| n * n / 2).sum();
-        let each = self.len() + 2 * self.links.len() + modes.sum::<usize>();
-        NUMBER * (self.frames as f64 * each as f64 + self.kicks * dense as f64)
+        let kick_sizes = self.slow.iter().map(RunningSlow::n_state);
+        let dense_products: usize = kick_sizes.map(|n| n * n / 2).sum();
+        let frame_products = self.len() + 2 * self.links.len() + modal_products.sum::<usize>();
+        NUMBER * (self.frames as f64 * frame_products as f64 + self.kicks * dense_products as f64)
     }
 
     /// Work of the eigenvalues [s].
     fn dense_work(&self) -> f64 {
-        let n = self.len() as f64;
-        n * self.work() + EIGENVALUES * n * n * n
+        let state_size = self.len() as f64;
+        state_size * self.work() + EIGENVALUES * state_size * state_size * state_size
     }
 
     /// Work of simulating the island for a while [s].
@@ -288,27 +290,27 @@ impl<'a> Map<'a> {
 
     /// The largest magnitude of an eigenvalue, for one kick.
     fn spectral_radius(&mut self) -> f64 {
-        let n = self.len();
-        let mut matrix = DMatrix::zeros(n, n);
-        let mut column = vec![0.0; n];
+        let state_size = self.len();
+        let mut map_matrix = DMatrix::zeros(state_size, state_size);
+        let mut state_column = vec![0.0; state_size];
         let mut is_finite = true;
-        for j in 0..n {
-            interrupt::spend(n * (n + FRAME_STEPS * self.frames as usize));
-            column.fill(0.0);
-            column[j] = 1.0;
-            self.apply(&mut column);
-            is_finite &= column.iter().all(|x| x.is_finite());
-            matrix.column_mut(j).copy_from_slice(&column);
+        for j in 0..state_size {
+            interrupt::spend(state_size * (state_size + FRAME_STEPS * self.frames as usize));
+            state_column.fill(0.0);
+            state_column[j] = 1.0;
+            self.apply(&mut state_column);
+            is_finite &= state_column.iter().all(|x| x.is_finite());
+            map_matrix.column_mut(j).copy_from_slice(&state_column);
         }
         if !is_finite {
             return f64::INFINITY;
         }
-        let values = matrix.complex_eigenvalues();
-        let radius = values.iter().map(|value| {
+        let eigenvalues = map_matrix.complex_eigenvalues();
+        let magnitudes = eigenvalues.iter().map(|value| {
             let (re, im) = (value.re, value.im);
             (re * re + im * im).sqrt()
         });
-        let largest = radius.fold(0.0, f64::max);
+        let largest = magnitudes.fold(0.0, f64::max);
         crate::maths::pow(largest, 1.0 / self.kicks)
     }
 
@@ -324,39 +326,39 @@ impl<'a> Map<'a> {
             for n in 0..self.frames {
                 self.frame(n);
             }
-            let energy = self.energy();
-            if !energy.is_finite() {
+            let state_energy = self.energy();
+            if !state_energy.is_finite() {
                 return f64::INFINITY;
             }
             let quarter = &mut quarters[4 * step / n_applications];
-            *quarter = quarter.max(energy);
+            *quarter = quarter.max(state_energy);
         }
         if quarters[1] <= 0.0 {
             return 0.0; // all of it has come to rest
         }
         // Amplitude grows as the root of the energy; the two quarters are half the time apart.
-        let apart = n_applications as f64 * self.kicks;
-        crate::maths::pow(quarters[3] / quarters[1], 1.0 / apart)
+        let kicks_apart = n_applications as f64 * self.kicks;
+        crate::maths::pow(quarters[3] / quarters[1], 1.0 / kicks_apart)
     }
 
     /// Sets all positions to 0 and random speeds of about equal energy.
     fn excite(&mut self) {
-        let mut count = 0_u64;
-        let mut random = || {
-            count += 1;
-            let bits = count.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 40;
-            bits as f64 / 8_388_608.0 - 1.0
+        let mut draw_count = 0_u64;
+        let mut next_random = || {
+            draw_count += 1;
+            let random_bits = draw_count.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 40;
+            random_bits as f64 / 8_388_608.0 - 1.0
         };
         for &i in &self.stepped {
-            (self.body.x[i], self.body.d[i]) = (0.0, random() * self.scheme.w[i].sqrt());
+            (self.body.x[i], self.body.d[i]) = (0.0, next_random() * self.scheme.w[i].sqrt());
         }
         for slow in &mut self.slow {
-            slow.randomise(&mut random);
+            slow.randomise(&mut next_random);
         }
         for modes in &mut self.modes {
             modes.before.fill(0.0);
             for (now, own) in modes.now.iter_mut().zip(&modes.modal.modes) {
-                *now = random() * own.gain.sqrt();
+                *now = next_random() * own.gain.sqrt();
             }
         }
     }
@@ -370,23 +372,24 @@ impl<'a> Map<'a> {
             .map(|&i| (d[i] * d[i] + kappa[i] * x[i] * x[i]) / w[i])
             .sum();
         let elongation_squared = |link: &Link| (x[link.b] - x[link.a]) * (x[link.b] - x[link.a]);
-        let links: f64 = self
+        let link_energy: f64 = self
             .links
             .iter()
             .map(|link| link.k * elongation_squared(link))
             .sum();
-        let slow: f64 = self.slow.iter().map(RunningSlow::energy).sum();
+        let slow_energy: f64 = self.slow.iter().map(RunningSlow::energy).sum();
         let energy_of = |modes: &Modes<'_>| -> f64 {
-            let pairs = modes.now.iter().zip(&modes.before);
-            let each = pairs.zip(&modes.modal.modes);
+            let amplitude_pairs = modes.now.iter().zip(&modes.before);
+            let each = amplitude_pairs.zip(&modes.modal.modes);
             each.map(|((now, before), mode_plan)| {
-                let step = now - before;
-                (step * step + (1.0 - mode_plan.a + mode_plan.b) * now * now) / mode_plan.gain
+                let amplitude_step = now - before;
+                (amplitude_step * amplitude_step + (1.0 - mode_plan.a + mode_plan.b) * now * now)
+                    / mode_plan.gain
             })
             .sum()
         };
         let modes: f64 = self.modes.iter().map(energy_of).sum();
-        slow + 0.5 * (stepped + links + modes)
+        slow_energy + 0.5 * (stepped + link_energy + modes)
     }
 }
 
@@ -397,10 +400,10 @@ fn linear(run: &Run, closed: bool, is_fine: bool) -> Option<impl Iterator<Item =
         return None;
     }
     let [k, z] = run.linear_form()?; // links without one are left out of the map
-    let (a, b) = (run.a, run.b);
+    let (first_end, second_end) = (run.a, run.b);
     Some((0..run.len).map(move |i| Link {
-        a: a + i,
-        b: b + i,
+        a: first_end + i,
+        b: second_end + i,
         k,
         z,
     }))

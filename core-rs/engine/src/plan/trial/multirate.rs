@@ -45,10 +45,10 @@ pub(in crate::plan) fn settle(
 /// All parts of the island that ask to be slow, each with the reason `why` not to be.
 pub(in crate::plan) fn refuse_all(subset: &Subset, why: &str) -> Vec<RefusedSlow> {
     let mats = subset.network.mats();
-    let parts = subset.network.parts().iter().enumerate();
-    let is_ours = |at: usize| mats.part.contains(&(at as u32));
-    parts
-        .filter(|(at, part)| part.macrostep.is_some() && is_ours(*at))
+    let indexed_parts = subset.network.parts().iter().enumerate();
+    let has_part_mats = |at: usize| mats.part.contains(&(at as u32));
+    indexed_parts
+        .filter(|(at, part)| part.macrostep.is_some() && has_part_mats(*at))
         .map(|(_, part)| (part.name.clone(), why.to_owned()))
         .collect()
 }
@@ -80,29 +80,29 @@ pub(in crate::plan) fn offer(
         return None;
     }
     let network = &subset.network;
-    let mats = &network.mats().part;
-    if mats
+    let part_of_mats = &network.mats().part;
+    if part_of_mats
         .iter()
         .any(|&part| network.parts()[part as usize].ca_rate.is_some())
     {
         return None;
     }
-    let names: BTreeSet<&str> = offered
+    let offered_names: BTreeSet<&str> = offered
         .parts(network, timeline)
         .into_iter()
         .map(|part| &network.parts()[part])
         .filter(|part| part.macrostep.is_none())
         .map(|part| part.name.as_str())
         .collect();
-    if names.is_empty() {
+    if offered_names.is_empty() {
         return None;
     }
-    let is_offered = |name: &str| names.contains(name);
-    let set = |name: &str, island_timeline: Option<u32>| {
+    let is_offered = |name: &str| offered_names.contains(name);
+    let macrostep_of = |name: &str, island_timeline: Option<u32>| {
         island_timeline.or(is_offered(name).then_some(every))
     };
-    let slowed = network.with_macrosteps(set);
-    let slowed_bodies = slow_bodies(&slowed, timeline);
+    let slowed_network = network.with_macrosteps(macrostep_of);
+    let slowed_bodies = slow_bodies(&slowed_network, timeline);
     let fits: BTreeSet<usize> = slowed_bodies
         .bodies
         .iter()
@@ -140,17 +140,26 @@ impl Offered {
     }
 
     fn parts(self, network: &Network, timeline: &Timeline) -> BTreeSet<usize> {
-        let part = |mat: usize| network.mats().part[mat] as usize;
-        let keys: BTreeSet<usize> = timeline.keys.iter().map(|key| part(key.struck)).collect();
+        let part_of_mat = |mat: usize| network.mats().part[mat] as usize;
+        let key_parts: BTreeSet<usize> = timeline
+            .keys
+            .iter()
+            .map(|key| part_of_mat(key.struck))
+            .collect();
         match self {
-            Self::Keys => keys,
+            Self::Keys => key_parts,
             Self::OnlySeen => {
-                let mut parts: BTreeSet<usize> = (0..network.n_mat()).map(part).collect();
-                let driven = timeline.drives.iter().map(|drive| part(drive.mat));
-                for played in keys.into_iter().chain(driven).chain(audible_parts(network)) {
-                    parts.remove(&played);
+                let mut unheard_parts: BTreeSet<usize> =
+                    (0..network.n_mat()).map(part_of_mat).collect();
+                let driven_parts = timeline.drives.iter().map(|drive| part_of_mat(drive.mat));
+                for played in key_parts
+                    .into_iter()
+                    .chain(driven_parts)
+                    .chain(audible_parts(network))
+                {
+                    unheard_parts.remove(&played);
                 }
-                parts
+                unheard_parts
             }
         }
     }
@@ -158,32 +167,33 @@ impl Offered {
 
 /// Parts that outputs hear.
 fn audible_parts(network: &Network) -> BTreeSet<usize> {
-    let mut parts = BTreeSet::new();
+    let mut parts_heard = BTreeSet::new();
     for term in network.outputs().iter().flat_map(|output| &output.terms) {
         match *term {
             Term::Position { first, len, .. } | Term::Ground { first, len, .. } => {
-                let mats = &network.mats().part[first..first + len];
-                parts.extend(mats.iter().map(|&part| part as usize));
+                let mat_parts = &network.mats().part[first..first + len];
+                parts_heard.extend(mat_parts.iter().map(|&part| part as usize));
             }
             Term::Force { first, len, .. } | Term::Length { first, len, .. } => {
-                let links = first..first + len;
-                let runs = network.runs().iter();
-                let is_heard =
-                    |run: &&Run| run.first < links.end && links.start < run.first + run.len;
-                parts.extend(runs.filter(is_heard).map(|run| run.part));
+                let term_links = first..first + len;
+                let link_runs = network.runs().iter();
+                let is_heard = |run: &&Run| {
+                    run.first < term_links.end && term_links.start < run.first + run.len
+                };
+                parts_heard.extend(link_runs.filter(is_heard).map(|run| run.part));
             }
         }
     }
-    parts
+    parts_heard
 }
 
 /// Whether more parts of `network` than of `than` are slow.
 fn is_more(network: &Network, than: &Network) -> bool {
-    let count = |network: &Network| {
+    let slow_count = |network: &Network| {
         let parts = network.parts().iter();
         parts.filter(|part| part.macrostep.is_some()).count()
     };
-    count(network) > count(than)
+    slow_count(network) > slow_count(than)
 }
 
 /// How much an island with slow parts grows from kick to kick; `None` if it has none. The error says why its parts
@@ -192,8 +202,11 @@ pub(in crate::plan) fn certify(
     island: &Assembled,
     allowance: &Allowance,
 ) -> Result<Option<Growth>, String> {
-    let bodies = &island.island_plan.bodies;
-    if !bodies.iter().any(|body| matches!(body, BodyPlan::Slow(_))) {
+    let body_plans = &island.island_plan.bodies;
+    if !body_plans
+        .iter()
+        .any(|body| matches!(body, BodyPlan::Slow(_)))
+    {
         return Ok(None);
     }
     let Some(growth) = macrostep::growth(&island.island_plan) else {
@@ -209,26 +222,30 @@ pub(in crate::plan) fn certify(
 /// Why an island grows: the stiffest link at its slow parts, and by how much.
 fn too_stiff(island_plan: &IslandPlan, growth: Growth) -> String {
     let network = &*island_plan.network;
-    let bodies = island_plan.bodies.iter();
-    let slow = bodies.filter(|body| matches!(body, BodyPlan::Slow(_)));
-    let ports: BTreeSet<usize> = slow.flat_map(BodyPlan::ports).collect();
+    let body_plans = island_plan.bodies.iter();
+    let slow_bodies = body_plans.filter(|body| matches!(body, BodyPlan::Slow(_)));
+    let port_mats: BTreeSet<usize> = slow_bodies.flat_map(BodyPlan::ports).collect();
     let is_cause = |run: &&Run| matches!(run.kind, LinkKind::But(_)) == growth.is_by_contacts;
-    let links = network.runs().iter().filter(is_cause).flat_map(|run| {
-        let touches = |i: &usize| [run.a + i, run.b + i].iter().any(|mat| ports.contains(mat));
-        let links = (0..run.len).filter(touches);
-        links.map(|i| (run.k, run.first + i))
+    let touching_links = network.runs().iter().filter(is_cause).flat_map(|run| {
+        let touches = |i: &usize| {
+            [run.a + i, run.b + i]
+                .iter()
+                .any(|mat| port_mats.contains(mat))
+        };
+        let touching_links = (0..run.len).filter(touches);
+        touching_links.map(|i| (run.k, run.first + i))
     });
-    let stiffest = links.max_by(|(k, _), (other, _)| k.total_cmp(other));
-    let (kind, others) = match growth.is_by_contacts {
+    let stiffest = touching_links.max_by(|(k, _), (other, _)| k.total_cmp(other));
+    let (link_kind, plural_cause) = match growth.is_by_contacts {
         true => ("contact", "its contacts are"),
         false => ("link", "its links to other parts are"),
     };
-    let cause = stiffest.map_or(others.to_owned(), |(k, link)| {
-        format!("the {kind} {} (K {k} N/m) is", network.link_name(link))
+    let growth_cause = stiffest.map_or(plural_cause.to_owned(), |(k, link)| {
+        format!("the {link_kind} {} (K {k} N/m) is", network.link_name(link))
     });
     let percent = 100.0 * (growth.radius - 1.0);
     format!(
-        "{cause} too stiff for that rate: motion would grow by {percent:.2}% in each of its steps"
+        "{growth_cause} too stiff for that rate: motion would grow by {percent:.2}% in each of its steps"
     )
 }
 
@@ -246,31 +263,50 @@ pub(in crate::plan) fn error(
         island.island_plan.oversampling,
         island.island_plan.contact_substeps,
     );
-    let how = How::fine(oversampling, MethodChoice::AsBefore(&methods));
-    let slow = Assembled::new(subset, island_timeline, budget, how, None, memo)?;
-    let single = Subset {
+    let assembly_how = How::fine(oversampling, MethodChoice::AsBefore(&methods));
+    let slow_island = Assembled::new(subset, island_timeline, budget, assembly_how, None, memo)?;
+    let every_frame = Subset {
         network: subset.network.with_macrosteps(|_, every| every.map(|_| 1)),
         ..subset.clone()
     };
-    let Ok(single) = Assembled::new(&single, island_timeline, budget, how, None, memo) else {
+    let Ok(every_frame) = Assembled::new(
+        &every_frame,
+        island_timeline,
+        budget,
+        assembly_how,
+        None,
+        memo,
+    ) else {
         return Ok(None);
     };
-    let series = store.map(|store| {
-        let also = format_args!("slow {budget:?} {oversampling} {contact_substeps} {methods:?}");
+    let trial_series = store.map(|store| {
+        let also_hashed =
+            format_args!("slow {budget:?} {oversampling} {contact_substeps} {methods:?}");
         Series::new(
             store,
-            IslandContent::new(&subset.network, &island_timeline.timeline, also),
+            IslandContent::new(&subset.network, &island_timeline.timeline, also_hashed),
         )
     });
-    let assembled = measured(series, allowance, || {
-        compare_with_every_frame(&slow, &single, contact_substeps, (budget, allowance))
+    let slow_error = measured(trial_series, allowance, || {
+        compare_with_every_frame(
+            &slow_island,
+            &every_frame,
+            contact_substeps,
+            (budget, allowance),
+        )
     })?;
-    let Some(assembled) = assembled else {
+    let Some(slow_error) = slow_error else {
         return Ok(None);
     };
-    let played = [&slow, &single].map(|island| (&island.island_plan, contact_substeps));
-    let known = (allowance, store);
-    unless_spent(horizon::extend_error(assembled, budget, played, known))
+    let played_pair =
+        [&slow_island, &every_frame].map(|island| (&island.island_plan, contact_substeps));
+    let work_and_store = (allowance, store);
+    unless_spent(horizon::extend_error(
+        slow_error,
+        budget,
+        played_pair,
+        work_and_store,
+    ))
 }
 
 /// The difference between an island and the same with kicks at every frame, over its beginning.
@@ -288,20 +324,20 @@ fn compare_with_every_frame(
         return Ok(None);
     };
     let spans = Spans::new(&slow.island_plan, excerpt.n_frames);
-    let played = |island: &Assembled| {
-        let run = play(&island.island_plan, contact_substeps, excerpt, allowance);
-        unless_spent(run)
+    let play_island = |island: &Assembled| {
+        let played_run = play(&island.island_plan, contact_substeps, excerpt, allowance);
+        unless_spent(played_run)
     };
-    let (Some(slowly), Some(plainly)) = (played(slow)?, played(single)?) else {
+    let (Some(slow_run), Some(plain_run)) = (play_island(slow)?, play_island(single)?) else {
         return Ok(None);
     };
-    let db = difference(&slowly.sound, &plainly.sound, &spans);
+    let db = difference(&slow_run.sound, &plain_run.sound, &spans);
     Ok(db.is_finite().then_some(Measured {
         db,
         over: excerpt.end() as f64 / spans.rate,
         spectral: None,
-        audible: Audible::for_budget(budget, (&slowly.sound, &plainly.sound), &spans)
-            .filter(|_| !slowly.is_lost),
+        audible: Audible::for_budget(budget, (&slow_run.sound, &plain_run.sound), &spans)
+            .filter(|_| !slow_run.is_lost),
     }))
 }
 

@@ -45,28 +45,28 @@ pub(in crate::plan) fn pilot(
         return Ok(ChosenIsland::unmeasured(island).into());
     }
     let excerpt = unless_spent(find_excerpt(&island.island_plan, allowance))?;
-    let mut next = excerpt.filter(|excerpt| excerpt.n_frames > 0);
+    let mut next_excerpt = excerpt.filter(|excerpt| excerpt.n_frames > 0);
     // Two plain runs of what sticks may agree by chance, both slipping too late.
     if let Some(excerpt) =
-        next.filter(|_| matches!(budget, Budget::Cents { .. }) && !island.sticks())
+        next_excerpt.filter(|_| matches!(budget, Budget::Cents { .. }) && !island.sticks())
         && let Some(pilot) = Pilot::new((assemble, budget, allowance), (&island, 1), excerpt)?
         && let Some((result, _)) = pilot.find_plain()?
     {
         return Ok(result);
     }
     let substeps = first_substeps(&island, budget);
-    while let Some(excerpt) = next {
-        let trial = (assemble, budget, allowance);
-        let Some(pilot) = Pilot::new(trial, (&island, substeps), excerpt)? else {
+    while let Some(excerpt) = next_excerpt {
+        let trial_setup = (assemble, budget, allowance);
+        let Some(pilot) = Pilot::new(trial_setup, (&island, substeps), excerpt)? else {
             break;
         };
-        let Some((result, run)) = pilot.find(&island)? else {
+        let Some((result, pilot_run)) = pilot.find(&island)? else {
             break;
         };
         // Friction may hold what the first events strike: nothing is known then of those that are heard.
-        let is_silent = island.sticks() && is_still(&run.sound, pilot.spans.n_out);
-        next = longer(&island.island_plan, pilot.runs.excerpt()).filter(|_| is_silent);
-        if next.is_none() {
+        let is_silent = island.sticks() && is_still(&pilot_run.sound, pilot.spans.n_out);
+        next_excerpt = longer(&island.island_plan, pilot.runs.excerpt()).filter(|_| is_silent);
+        if next_excerpt.is_none() {
             return Ok(result);
         }
     }
@@ -93,8 +93,8 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
         first: (&Assembled, usize),
         excerpt: Excerpt,
     ) -> Result<Option<Self>, Error> {
-        let chosen = unless_spent(choose_heard(first, excerpt, allowance))?;
-        Ok(chosen.map(|(runs, spans)| Self {
+        let chosen_runs = unless_spent(choose_heard(first, excerpt, allowance))?;
+        Ok(chosen_runs.map(|(runs, spans)| Self {
             assemble,
             budget,
             allowance,
@@ -110,9 +110,9 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
             return Ok(None);
         };
         let stretches = Stretches::new(&reference.run.sound, &self.spans);
-        let tried = self.search(&reference, None).find_plain()?;
-        tried
-            .map(|tried| self.finished(tried, &stretches))
+        let plain_tried = self.search(&reference, None).find_plain()?;
+        plain_tried
+            .map(|plain_tried| self.finished(plain_tried, &stretches))
             .transpose()
     }
 
@@ -144,27 +144,27 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
     /// Finds the island; `None` if the allowance ended before anything was known.
     fn find(&self, island: &Assembled) -> Result<Option<PilotOutcome>, Error> {
         let substeps = first_substeps(island, self.budget);
-        let run = self
+        let first_run = self
             .runs
             .play((&island.island_plan, substeps), self.allowance);
-        let Some(run) = unless_spent(run)? else {
+        let Some(first_run) = unless_spent(first_run)? else {
             return Ok(None);
         };
-        let first = Candidate::new(island.clone(), substeps, None).counted(&run);
-        let outcome = reference(&self.climb(), &first, self.allowance);
+        let first_candidate = Candidate::new(island.clone(), substeps, None).counted(&first_run);
+        let outcome = reference(&self.climb(), &first_candidate, self.allowance);
         let Some(reference) = unless_spent(outcome)?.flatten() else {
-            return Ok(Some(self.unmeasured(first, run)?));
+            return Ok(Some(self.unmeasured(first_candidate, first_run)?));
         };
         let stretches = Stretches::new(&reference.run.sound, &self.spans);
         let growth = unless_spent(self.growth(&reference, &stretches))?.flatten();
         let is_unknown = !reference.is_sure(self.budget) && reference.error > PARTED;
         if growth.is_none() && is_unknown {
-            return Ok(Some(self.unmeasured(first, run)?)); // no two runs agree
+            return Ok(Some(self.unmeasured(first_candidate, first_run)?)); // no two runs agree
         }
-        let chaos = growth.map(|growth| (&stretches, growth));
-        match self.search(&reference, chaos).find()? {
+        let chaos_growth = growth.map(|growth| (&stretches, growth));
+        match self.search(&reference, chaos_growth).find()? {
             Some(tried) => Ok(Some(self.finished(tried, &stretches)?)),
-            None => Ok(Some(self.unmeasured(first, run)?)),
+            None => Ok(Some(self.unmeasured(first_candidate, first_run)?)),
         }
     }
 
@@ -177,15 +177,15 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
         if reference.is_sure(self.budget) {
             return Ok(None);
         }
-        let pair = Pair {
+        let run_pair = Pair {
             run: &reference.run,
             finer: &reference.run,
             spans: &self.spans,
             stretches,
         };
         let candidate = &reference.candidate;
-        let played = &candidate.island.island_plan;
-        pair.chaos(played, candidate.substeps, self.allowance)
+        let played_plan = &candidate.island.island_plan;
+        run_pair.chaos(played_plan, candidate.substeps, self.allowance)
     }
 
     /// The result of a search: the candidate without modes that are not heard, and its error.
@@ -197,12 +197,12 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
                 tried.error,
             ),
         };
-        let error = match &tried.parting {
+        let measured_error = match &tried.parting {
             Some(parting) => {
-                let (db, until) = parting.valid_span(self.budget.asked(), stretches);
+                let (db, valid_until) = parting.valid_span(self.budget.asked(), stretches);
                 Measured {
                     db,
-                    over: self.seconds(until),
+                    over: self.seconds(valid_until),
                     spectral: Some(parting.spectral),
                     audible: None,
                 }
@@ -214,25 +214,28 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
                 audible: tried.audible,
             },
         };
-        let coarse = tried.candidate.island;
-        let is_open_ended =
-            error.spectral.is_none() && horizon::error_may_grow(&coarse.island_plan);
-        let methods = coarse.mesh_methods();
-        let twice = coarse.again(2 * coarse.island_plan.oversampling, &methods);
-        let finer = is_open_ended.then(|| (self.assemble)(twice).ok()).flatten();
-        let result = PilotResult {
+        let coarse_island = tried.candidate.island;
+        let is_open_ended = measured_error.spectral.is_none()
+            && horizon::error_may_grow(&coarse_island.island_plan);
+        let methods = coarse_island.mesh_methods();
+        let twice_as_fine =
+            coarse_island.again(2 * coarse_island.island_plan.oversampling, &methods);
+        let finer = is_open_ended
+            .then(|| (self.assemble)(twice_as_fine).ok())
+            .flatten();
+        let pilot_result = PilotResult {
             chosen: ChosenIsland {
                 island,
-                error: Some(error),
+                error: Some(measured_error),
                 diverges: tried.run.has_diverged,
             },
             long_run: finer.map(|finer| LongRunPair {
                 contact_substeps: [tried.candidate.substeps; 2],
-                full: coarse,
+                full: coarse_island,
                 finer,
             }),
         };
-        Ok((result, tried.run))
+        Ok((pilot_result, tried.run))
     }
 
     /// The time at which a number of frames of the excerpt has been played [s].
@@ -245,11 +248,11 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
         (candidate, run): (&Candidate, &PilotRun),
         limit: Option<f64>,
     ) -> Result<Assembled, Error> {
-        let played = (self.runs.excerpt(), self.budget, limit);
+        let prune_context = (self.runs.excerpt(), self.budget, limit);
         prune(
             &candidate.island,
             (candidate.substeps, run),
-            played,
+            prune_context,
             self.allowance,
         )
     }
@@ -257,15 +260,15 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
     /// The same, with no more left out than an error leaves of the budget; also returns the error to state. A reader adds
     /// it to what is left out by power, but near the budget both may point the same way.
     fn pruned_within(&self, tried: &Tried) -> Result<(Assembled, f64), Error> {
-        let left = amplitude_difference(self.budget.asked(), tried.error);
-        let limit = self.budget.left_out().map(|limit| limit.min(left));
+        let level_left = amplitude_difference(self.budget.asked(), tried.error);
+        let limit = self.budget.left_out().map(|limit| limit.min(level_left));
         let island = self.pruned((&tried.candidate, &tried.run), limit)?;
         let left_out = island.bodies.iter().filter_map(|body| body.left_out);
-        let db = match left_out.reduce(power_sum) {
+        let stated_error = match left_out.reduce(power_sum) {
             Some(left_out) => error_beside(tried.error, left_out),
             None => tried.error,
         };
-        Ok((island, db))
+        Ok((island, stated_error))
     }
 
     /// The island as it was played first, whose error is not known. If that run is lost, the island with meshes that cannot
@@ -275,19 +278,20 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
         if run.is_lost
             && let Ok(island) = (self.assemble)(How::fine(1, MethodChoice::Unconditional))
         {
-            let safe = Candidate::new(island.clone(), island.island_plan.contact_substeps, None);
-            let played = (&safe.island.island_plan, safe.substeps);
-            let other = unless_spent(self.runs.play(played, self.allowance))?;
-            if let Some(other) = other.filter(|other| !other.is_lost) {
-                (candidate, run) = (safe, other);
+            let safe_candidate =
+                Candidate::new(island.clone(), island.island_plan.contact_substeps, None);
+            let played_plan = (&safe_candidate.island.island_plan, safe_candidate.substeps);
+            let safe_run = unless_spent(self.runs.play(played_plan, self.allowance))?;
+            if let Some(safe_run) = safe_run.filter(|safe_run| !safe_run.is_lost) {
+                (candidate, run) = (safe_candidate, safe_run);
             }
         }
-        let chosen = ChosenIsland {
+        let chosen_island = ChosenIsland {
             island: self.pruned((&candidate, &run), self.budget.left_out())?,
             error: None,
             diverges: run.has_diverged,
         };
-        Ok((chosen.into(), run))
+        Ok((chosen_island.into(), run))
     }
 }
 
@@ -298,15 +302,15 @@ fn choose_heard(
     mut excerpt: Excerpt,
     allowance: &Allowance,
 ) -> Result<(Runs, Spans), TrialError> {
-    let plan = &island.island_plan;
+    let island_plan = &island.island_plan;
     loop {
-        let (runs, spans) = choose_runs((plan, substeps), excerpt, allowance)?;
+        let (runs, spans) = choose_runs((island_plan, substeps), excerpt, allowance)?;
         if !island.sticks() {
             return Ok((runs, spans));
         }
-        let run = runs.play((plan, substeps), allowance)?;
-        match longer(plan, excerpt) {
-            Some(longer) if run.loudest_share < FAINT => excerpt = longer,
+        let first_run = runs.play((island_plan, substeps), allowance)?;
+        match longer(island_plan, excerpt) {
+            Some(longer) if first_run.loudest_share < FAINT => excerpt = longer,
             _ => return Ok((runs, spans)),
         }
     }
@@ -320,21 +324,21 @@ fn choose_runs(
     allowance: &Allowance,
 ) -> Result<(Runs, Spans), TrialError> {
     let (runs, spans) = (Runs::new(excerpt), Spans::new(played.0, excerpt.n_frames));
-    let (before, _) = allowance.spent();
-    let share = Cell::new(1.0);
+    let (spent_before, _) = allowance.spent();
+    let audible_share = Cell::new(1.0);
     // A run that was stopped early is not kept: the shorter excerpt is played again as a whole.
     let audible_frames = |frames: usize| frames.saturating_sub(spans.event()) as f64;
     runs.play_while(played, allowance, |frames, _| {
-        let spent = allowance.spent().0 - before;
-        let affordable = allowance.share_left(SEARCH_COST * spent);
-        share.set(affordable * audible_frames(frames) / audible_frames(excerpt.n_frames));
+        let run_work = allowance.spent().0 - spent_before;
+        let affordable = allowance.share_left(SEARCH_COST * run_work);
+        audible_share.set(affordable * audible_frames(frames) / audible_frames(excerpt.n_frames));
         affordable == 1.0 || frames <= spans.shortened(1).end()
     })?;
-    let parts = (PARTS as f64 * share.get()) as usize;
-    if parts >= PARTS {
+    let span_parts = (PARTS as f64 * audible_share.get()) as usize;
+    if span_parts >= PARTS {
         return Ok((runs, spans));
     }
-    let spans = spans.shortened(parts);
+    let spans = spans.shortened(span_parts);
     let excerpt = Excerpt {
         n_frames: spans.end(),
         ..excerpt
@@ -345,8 +349,8 @@ fn choose_runs(
 /// The contact substeps of the first run: once a step where computing laws between frames is far dearer.
 fn first_substeps(island: &Assembled, budget: &Budget) -> usize {
     let substeps = island.island_plan.contact_substeps;
-    let is_fine = island.may_collocate && !matches!(budget, Budget::Method(_));
-    match is_fine && !is_plain_first(island) {
+    let may_be_fine = island.may_collocate && !matches!(budget, Budget::Method(_));
+    match may_be_fine && !is_plain_first(island) {
         true => substeps.max(SUBSTEPS_MIN),
         false => substeps,
     }
@@ -359,11 +363,11 @@ fn lowest_stable(
     match assemble(How::fine(1, MethodChoice::ByBudget)) {
         // An island that diverges at this rate may be stable at a higher one.
         Err(error @ Error::Unstable { .. }) => {
-            let higher = [2, 4, 8, 2 * TIMES_MAX].into_iter();
-            let mut stable = higher.filter_map(|oversampling| {
+            let higher_rates = [2, 4, 8, 2 * TIMES_MAX].into_iter();
+            let mut stable_islands = higher_rates.filter_map(|oversampling| {
                 assemble(How::fine(oversampling, MethodChoice::ByBudget)).ok()
             });
-            stable.next().ok_or(error)
+            stable_islands.next().ok_or(error)
         }
         other => other,
     }

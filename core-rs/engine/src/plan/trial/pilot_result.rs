@@ -42,18 +42,19 @@ impl ChosenIsland {
         first_error: Option<Measured>,
         budget: &Budget,
     ) -> Option<Budget> {
-        let (now, first_error) = self.error.zip(first_error)?;
+        let (error_now, first_error) = self.error.zip(first_error)?;
         match *budget {
             Budget::Error(asked) => {
-                let growth = now.db - first_error.db;
-                let has_left = now.spectral.is_none() && now.db > asked && first_error.db <= asked;
-                has_left.then_some(Budget::Error(asked - growth))
+                let error_growth = error_now.db - first_error.db;
+                let has_left =
+                    error_now.spectral.is_none() && error_now.db > asked && first_error.db <= asked;
+                has_left.then_some(Budget::Error(asked - error_growth))
             }
             Budget::Cents { cents, upto } => {
-                let growth = now.excess(budget) / first_error.excess(budget);
-                let has_left = now.excess(budget) > 1.0 && first_error.excess(budget) <= 1.0;
+                let error_growth = error_now.excess(budget) / first_error.excess(budget);
+                let has_left = error_now.excess(budget) > 1.0 && first_error.excess(budget) <= 1.0;
                 has_left.then_some(Budget::Cents {
-                    cents: cents / growth,
+                    cents: cents / error_growth,
                     upto,
                 })
             }
@@ -67,8 +68,8 @@ pub(in crate::plan) fn pinned(island: Assembled, pin: &SteppedChoice) -> Option<
     if pin.bodies.len() != island.bodies.len() {
         return None;
     }
-    let pairs = pin.bodies.iter().zip(&island.island_plan.bodies);
-    let modes_kept = pairs.map(|pair| match pair {
+    let body_pairs = pin.bodies.iter().zip(&island.island_plan.bodies);
+    let modes_kept = body_pairs.map(|pair| match pair {
         (BodyChoice::Modes(modes), BodyPlan::Modal(modal)) => {
             KeptModes::pinned(modes, modal.modes.len())
         }
@@ -112,12 +113,13 @@ impl PilotResult {
             long_run,
         } = self;
         if let (Some(measured), Some(long_run)) = (chosen.error, long_run) {
-            let [coarse, finer] = long_run.contact_substeps;
-            let played = [
-                (&long_run.full.island_plan, coarse),
-                (&long_run.finer.island_plan, finer),
+            let [coarse_substeps, finer_substeps] = long_run.contact_substeps;
+            let played_pair = [
+                (&long_run.full.island_plan, coarse_substeps),
+                (&long_run.finer.island_plan, finer_substeps),
             ];
-            chosen.error = unless_spent(horizon::extend_error(measured, budget, played, known))?;
+            chosen.error =
+                unless_spent(horizon::extend_error(measured, budget, played_pair, known))?;
         }
         chosen.error = chosen.error.map(|error| error.doubted(budget.asked()));
         Ok(chosen)
@@ -134,23 +136,24 @@ impl PilotResult {
             ..
         } = &self.chosen.island;
         let long_run = self.long_run.as_ref();
-        let [coarse, finer] = long_run.map_or([0, 0], |long_run| long_run.contact_substeps);
-        let mut how = vec![
+        let [coarse_substeps, finer_substeps] =
+            long_run.map_or([0, 0], |long_run| long_run.contact_substeps);
+        let mut head_counts = vec![
             island_plan.oversampling,
             island_plan.contact_substeps as u32,
             *shape as u32,
             u32::from(*is_plain),
-            coarse as u32,
-            finer as u32,
+            coarse_substeps as u32,
+            finer_substeps as u32,
             u32::from(self.chosen.diverges),
         ];
-        how.extend(island_plan.counted_cost);
+        head_counts.extend(island_plan.counted_cost);
         let mut numbers = TrialRecord::numbers_of(self.chosen.error);
         numbers.extend(bodies.iter().map(|body| body.left_out));
         let body_numbers = bodies.iter().map(|body| body.choice().numbers());
         TrialRecord {
             numbers,
-            counts: std::iter::once(how).chain(body_numbers).collect(),
+            counts: std::iter::once(head_counts).chain(body_numbers).collect(),
             reason: because.as_ref().map(|why| why.why().to_owned()),
         }
     }
@@ -167,8 +170,8 @@ impl PilotResult {
             contact_substeps,
             shape,
             is_plain,
-            coarse,
-            finer,
+            coarse_substeps,
+            finer_substeps,
             diverges,
             ref counted_cost @ ..,
         ] = &how[..]
@@ -180,18 +183,18 @@ impl PilotResult {
             [ns] => Some(ns),
             _ => return None,
         };
-        let flag = |number| match number {
+        let flag_of = |number| match number {
             0 => Some(false),
             1 => Some(true),
             _ => None,
         };
-        let (is_plain, diverges) = (flag(is_plain)?, flag(diverges)?);
-        let is_much = coarse.max(finer) as usize > RECORDED_SUBSTEPS_MAX;
-        if !(1..=2 * TIMES_MAX).contains(&oversampling) || is_much {
+        let (is_plain, diverges) = (flag_of(is_plain)?, flag_of(diverges)?);
+        let is_too_much = coarse_substeps.max(finer_substeps) as usize > RECORDED_SUBSTEPS_MAX;
+        if !(1..=2 * TIMES_MAX).contains(&oversampling) || is_too_much {
             return None;
         }
         let shape = *Shape::ALL.get(shape as usize)?;
-        let choice = SteppedChoice {
+        let stepped_choice = SteppedChoice {
             oversampling,
             contact_substeps: contact_substeps as usize,
             counted_cost,
@@ -202,8 +205,8 @@ impl PilotResult {
             bodies: MethodChoice::ByBudget,
             is_plain,
         };
-        let island = assemble(how, Some(&choice)).ok()?;
-        let ChosenIsland { mut island, .. } = pinned(island, &choice)?;
+        let island = assemble(how, Some(&stepped_choice)).ok()?;
+        let ChosenIsland { mut island, .. } = pinned(island, &stepped_choice)?;
         island.shape = shape;
         if left_out.len() != island.bodies.len() {
             return None;
@@ -215,13 +218,14 @@ impl PilotResult {
             Some(why) => Some(NoModes::from_text(why)?),
             None => None,
         };
-        let long_run = if coarse > 0 {
+        let long_run = if coarse_substeps > 0 {
             let methods = island.mesh_methods();
             let assembled = |times| assemble(island.again(times, &methods), None).ok();
             Some(LongRunPair {
                 full: assembled(oversampling)?,
                 finer: assembled(2 * oversampling)?,
-                contact_substeps: [coarse, finer].map(|substeps| substeps as usize),
+                contact_substeps: [coarse_substeps, finer_substeps]
+                    .map(|substeps| substeps as usize),
             })
         } else {
             None

@@ -65,12 +65,12 @@ pub(in crate::plan) struct Created {
 
 impl Created {
     fn look(&mut self, island: &Island, is_first_half: bool) {
-        let [contacts, laws] = island.created_shares();
+        let [contacts, law_share] = island.created_shares();
         self.contacts = self.contacts.max(contacts);
-        let [first, all] = &mut self.laws;
-        *all = all.max(laws);
+        let [first_half, full_run] = &mut self.laws;
+        *full_run = full_run.max(law_share);
         if is_first_half {
-            *first = first.max(laws);
+            *first_half = first_half.max(law_share);
         }
     }
 }
@@ -86,8 +86,8 @@ pub(in crate::plan) struct CountedCost {
 impl CountedCost {
     /// The mean over `n_frames`.
     fn new(island: &Island, n_frames: usize) -> Self {
-        let mean = |ns: f64| (ns / n_frames.max(1) as f64).round() as u32;
-        let [island_cost, bodies] = cost::counted_cost(island).map(mean);
+        let mean_cost = |ns: f64| (ns / n_frames.max(1) as f64).round() as u32;
+        let [island_cost, bodies] = cost::counted_cost(island).map(mean_cost);
         Self {
             contacts: island_cost,
             bodies,
@@ -101,9 +101,9 @@ impl CountedCost {
 
 /// Seconds of work for a frame, by the table of costs.
 pub(in crate::plan) fn work(island_plan: &IslandPlan) -> f64 {
-    let bodies: f64 = island_plan.bodies.iter().map(cost::body_cost).sum();
+    let body_costs: f64 = island_plan.bodies.iter().map(cost::body_cost).sum();
     1e-9 * f64::from(island_plan.oversampling)
-        * (cost::stepped_cost(&island_plan.network, &island_plan.timeline) + bodies)
+        * (cost::stepped_cost(&island_plan.network, &island_plan.timeline) + body_costs)
 }
 
 pub(in crate::plan) fn is_affordable(island_plan: &IslandPlan, n_frames: usize) -> bool {
@@ -124,16 +124,16 @@ pub(in crate::plan) fn frames_at_rest(
     }
     let mut meter = Meter::new(island_plan, allowance);
     let mut island = island(island_plan, island_plan.contact_substeps)?;
-    let mut sound = vec![0.0; REST_BLOCK_FRAMES * island.n_out()];
+    let mut rest_sound = vec![0.0; REST_BLOCK_FRAMES * island.n_out()];
     // Faults are muted: a pilot does not report them.
-    let _ = island.process(&mut sound, REST_BLOCK_FRAMES, &mut ThreadTeam::alone());
+    let _ = island.process(&mut rest_sound, REST_BLOCK_FRAMES, &mut ThreadTeam::alone());
     meter.draw(&island, island.computed() as usize)?;
     // What comes to rest is heard until then.
-    if !is_still(&sound, island.n_out()) {
+    if !is_still(&rest_sound, island.n_out()) {
         return Ok(0);
     }
-    let last = island.rests_until().unwrap_or(0) / u64::from(island_plan.oversampling);
-    Ok(usize::try_from(last).unwrap_or(0))
+    let rest_frames = island.rests_until().unwrap_or(0) / u64::from(island_plan.oversampling);
+    Ok(usize::try_from(rest_frames).unwrap_or(0))
 }
 
 /// The excerpt that a pilot plays; it has no frames if that would take too long.
@@ -149,16 +149,16 @@ pub(in crate::plan) fn find_excerpt(
         from: frames_at_rest(island_plan, allowance)?,
         n_frames: longest(island_plan),
     };
-    let rate = frames_a_second(island_plan);
-    let length = find_length(island_plan, (widest, rate), allowance);
+    let frame_rate = frames_a_second(island_plan);
+    let pilot_length = find_length(island_plan, (widest, frame_rate), allowance);
     // If no length was found, the decision depends on all of `widest`.
-    let looked = match length {
+    let looked_frames = match pilot_length {
         Ok(n_frames) if n_frames > 0 => n_frames,
         _ => widest.n_frames,
     };
-    allowance.note_frames(widest.from + looked);
+    allowance.note_frames(widest.from + looked_frames);
     Ok(Excerpt {
-        n_frames: length?,
+        n_frames: pilot_length?,
         ..widest
     })
 }
@@ -173,30 +173,30 @@ fn find_length(
         from,
         n_frames: longest,
     } = excerpt;
-    let after = (AFTER * rate) as usize;
+    let frames_after = (AFTER * rate) as usize;
     if island_plan.contact_substeps > 1 {
         let mut island = island(island_plan, island_plan.contact_substeps)?;
         let mut meter = Meter::new(island_plan, allowance);
-        let mut sound = vec![0.0; BLOCK * island.n_out()];
+        let mut block_sound = vec![0.0; BLOCK * island.n_out()];
         meter.play_rest(&mut island, from)?;
         for first_frame in (0..longest).step_by(BLOCK) {
             meter.draw(&island, BLOCK)?;
             // Faults are muted: a pilot does not report them.
-            let _ = island.process(&mut sound, BLOCK, &mut ThreadTeam::alone());
+            let _ = island.process(&mut block_sound, BLOCK, &mut ThreadTeam::alone());
             if island.has_touched() {
-                return Ok((first_frame + after).min(longest));
+                return Ok((first_frame + frames_after).min(longest));
             }
         }
         // Nothing touches: the first event decides instead.
     }
-    let first = next_event(island_plan, f64::NEG_INFINITY, rate);
-    let first = if first.is_finite() {
-        first.max(0.0)
+    let first_event = next_event(island_plan, f64::NEG_INFINITY, rate);
+    let first_event = if first_event.is_finite() {
+        first_event.max(0.0)
     } else {
         0.0
     };
-    let first = ((first * rate).min(1e12) as usize).saturating_sub(from);
-    let n_frames = first.saturating_add(after);
+    let first_event = ((first_event * rate).min(1e12) as usize).saturating_sub(from);
+    let n_frames = first_event.saturating_add(frames_after);
     Ok(if n_frames <= longest { n_frames } else { 0 })
 }
 
@@ -205,11 +205,14 @@ fn next_event(island_plan: &IslandPlan, from: f64, rate: f64) -> f64 {
     let timeline = &island_plan.timeline;
     let gestures = timeline.gestures.iter().map(|gesture| gesture.start);
     let strikes = timeline.strikes.iter().map(|strike| strike.instant);
-    let ergons = timeline.ergons.iter().map(|ergon| ergon.instant);
-    let bodies = island_plan.bodies.iter();
-    let inside = bodies.map(|body| body.next_strike(from * rate) / rate);
-    let events = gestures.chain(strikes).chain(ergons).chain(inside);
-    events
+    let ergon_times = timeline.ergons.iter().map(|ergon| ergon.instant);
+    let body_plans = island_plan.bodies.iter();
+    let body_strikes = body_plans.map(|body| body.next_strike(from * rate) / rate);
+    let event_times = gestures
+        .chain(strikes)
+        .chain(ergon_times)
+        .chain(body_strikes);
+    event_times
         .filter(|event| *event >= from)
         .fold(f64::INFINITY, f64::min)
 }
@@ -217,11 +220,11 @@ fn next_event(island_plan: &IslandPlan, from: f64, rate: f64) -> f64 {
 /// The excerpt up to a while after the next event, for an island that is silent until then; `None` if there is none, or
 /// it would take too long.
 pub(in crate::plan) fn longer(island_plan: &IslandPlan, excerpt: Excerpt) -> Option<Excerpt> {
-    let rate = frames_a_second(island_plan);
-    let event = next_event(island_plan, excerpt.end() as f64 / rate, rate);
-    let end = ((event + AFTER) * rate).min(1e12) as usize;
-    let n_frames = end.saturating_sub(excerpt.from);
-    (event.is_finite() && n_frames <= longest(island_plan)).then_some(Excerpt {
+    let frame_rate = frames_a_second(island_plan);
+    let event_time = next_event(island_plan, excerpt.end() as f64 / frame_rate, frame_rate);
+    let end_frame = ((event_time + AFTER) * frame_rate).min(1e12) as usize;
+    let n_frames = end_frame.saturating_sub(excerpt.from);
+    (event_time.is_finite() && n_frames <= longest(island_plan)).then_some(Excerpt {
         n_frames,
         ..excerpt
     })
@@ -234,8 +237,8 @@ pub(in crate::plan) fn frames_a_second(island_plan: &IslandPlan) -> f64 {
 
 /// Most frames of an excerpt.
 fn longest(island_plan: &IslandPlan) -> usize {
-    let by_work = (TRIAL_WORK_MAX / work(island_plan)) as usize;
-    by_work.min((LONGEST * frames_a_second(island_plan)) as usize)
+    let work_frames = (TRIAL_WORK_MAX / work(island_plan)) as usize;
+    work_frames.min((LONGEST * frames_a_second(island_plan)) as usize)
 }
 
 /// Draws the work of a trial from an allowance, block by block: frames before they are played, and what contacts and
@@ -252,40 +255,42 @@ struct Meter<'a> {
 
 impl<'a> Meter<'a> {
     fn new(island_plan: &IslandPlan, allowance: &'a Allowance) -> Self {
-        let rows: f64 = island_plan.bodies.iter().map(cost::short_rows_cost).sum();
-        let short = rows + cost::lone_laws_cost(&island_plan.network);
-        let frame = work(island_plan) + 1e-9 * f64::from(island_plan.oversampling) * short;
+        let rows_cost: f64 = island_plan.bodies.iter().map(cost::short_rows_cost).sum();
+        let short_cost = rows_cost + cost::lone_laws_cost(&island_plan.network);
+        let frame_work =
+            work(island_plan) + 1e-9 * f64::from(island_plan.oversampling) * short_cost;
         let comparison = COMPARISON * island_plan.network.outputs().len() as f64;
         Self {
             allowance,
-            frame: frame + comparison,
-            step: frame / f64::from(island_plan.oversampling),
+            frame: frame_work + comparison,
+            step: frame_work / f64::from(island_plan.oversampling),
             added: 0.0,
         }
     }
 
     /// Plays the rest before an excerpt. Steps that the island skips cost nothing.
     fn play_rest(&mut self, island: &mut Island, n_frames: usize) -> Result<(), TrialError> {
-        let mut sound = vec![0.0; REST_BLOCK.min(n_frames) * island.n_out()];
+        let mut rest_sound = vec![0.0; REST_BLOCK.min(n_frames) * island.n_out()];
         for first_frame in (0..n_frames).step_by(REST_BLOCK) {
-            let n = REST_BLOCK.min(n_frames - first_frame);
-            let before = island.computed();
+            let block_frames = REST_BLOCK.min(n_frames - first_frame);
+            let computed_before = island.computed();
             let _ = island.process(
-                &mut sound[..n * island.n_out()],
-                n,
+                &mut rest_sound[..block_frames * island.n_out()],
+                block_frames,
                 &mut ThreadTeam::alone(),
             );
-            self.draw(island, (island.computed() - before) as usize)?;
+            self.draw(island, (island.computed() - computed_before) as usize)?;
         }
         Ok(())
     }
 
     fn draw(&mut self, island: &Island, n_frames: usize) -> Result<(), TrialError> {
         let counted: f64 = cost::counted_cost(island).into_iter().sum();
-        let added = 1e-9 * counted + self.step * island.guard_steps() as f64;
-        let more = added - self.added;
-        self.added = added;
-        self.allowance.draw(self.frame * n_frames as f64 + more)
+        let added_work = 1e-9 * counted + self.step * island.guard_steps() as f64;
+        let more_work = added_work - self.added;
+        self.added = added_work;
+        self.allowance
+            .draw(self.frame * n_frames as f64 + more_work)
     }
 }
 
@@ -317,8 +322,8 @@ pub(in crate::plan) fn play(
     excerpt: Excerpt,
     allowance: &Allowance,
 ) -> Result<PilotRun, TrialError> {
-    let played = (island_plan, contact_substeps);
-    nudged(played, excerpt, (excerpt.n_frames, 1.0), allowance)
+    let played_plan = (island_plan, contact_substeps);
+    nudged(played_plan, excerpt, (excerpt.n_frames, 1.0), allowance)
 }
 
 /// The same, but stops as soon as `goes_on`, given the frames played and their sound, is false; `None` if it was
@@ -369,8 +374,8 @@ fn run(
         .affords(work(island_plan) * n_frames as f64)?;
     let mut island = island(island_plan, contact_substeps)?;
     meter.play_rest(&mut island, excerpt.from)?;
-    let n_out = island.n_out();
-    let mut sound = vec![0.0; n_frames * n_out];
+    let n_outputs = island.n_out();
+    let mut sound = vec![0.0; n_frames * n_outputs];
     let mut derivatives = Derivatives::new(&island_plan.network, frames_a_second(island_plan));
     let mut squares: Vec<Vec<f64>> = island_plan
         .bodies
@@ -379,28 +384,32 @@ fn run(
         .collect();
     let (mut touched_from, mut silence) = (None, Silence::new(island_plan, &island));
     let mut created = Created::default();
-    let look = (n_frames / LOOKS).max(1);
+    let look_frames = (n_frames / LOOKS).max(1);
     for first_frame in (0..n_frames).step_by(BLOCK) {
         if first_frame == block {
             island.damp(by);
         } else if first_frame == block + BLOCK {
             island.damp(1.0);
         }
-        let end = (first_frame + BLOCK).min(n_frames);
-        let frames = &mut sound[first_frame * n_out..end * n_out];
-        meter.draw(&island, end - first_frame)?;
-        let _ = island.process(frames, end - first_frame, &mut ThreadTeam::alone());
-        silence.note(&island, frames);
-        if first_frame / look < end / look || end == n_frames {
-            created.look(&island, 2 * end <= n_frames);
+        let block_end = (first_frame + BLOCK).min(n_frames);
+        let block_sound = &mut sound[first_frame * n_outputs..block_end * n_outputs];
+        meter.draw(&island, block_end - first_frame)?;
+        let _ = island.process(
+            block_sound,
+            block_end - first_frame,
+            &mut ThreadTeam::alone(),
+        );
+        silence.note(&island, block_sound);
+        if first_frame / look_frames < block_end / look_frames || block_end == n_frames {
+            created.look(&island, 2 * block_end <= n_frames);
         }
-        derivatives.process(frames, n_out);
+        derivatives.process(block_sound, n_outputs);
         island.squares(&mut squares);
-        silence.keep(frames, &squares);
+        silence.keep(block_sound, &squares);
         if touched_from.is_none() && cost::counted_cost(&island)[0] > 0.0 {
             touched_from = Some(first_frame);
         }
-        if !goes_on(end, &sound[..end * n_out]) {
+        if !goes_on(block_end, &sound[..block_end * n_outputs]) {
             return Ok(None);
         }
     }
@@ -438,7 +447,7 @@ mod tests {
     fn plan(budget: &Budget, rests: bool) -> Plan {
         let mut network = Network::new();
         let mut timeline = Timeline::new(Rate::new(44_100.0).unwrap());
-        let term = |first| Term::Position {
+        let position_term = |first| Term::Position {
             first,
             len: 1,
             weight: 1.0,
@@ -448,16 +457,16 @@ mod tests {
         network
             .mesh("p", &topology, 0.1, 90.0, Some(0.3), 0.0)
             .unwrap();
-        network.listen("plate", vec![term(16)]).unwrap();
+        network.listen("plate", vec![position_term(16)]).unwrap();
         network.part("key", None);
-        let tie = Tie::Tuned {
+        let key_tie = Tie::Tuned {
             f: 2.0,
             t60: Some(0.6),
         };
-        let from = if rests { 0.0 } else { -1e-3 };
-        let key = network.cel("m", 0.3, tie, from, 0.0, 0.0).unwrap();
-        let but = But::plain(2e4, 0.2, 2e-3);
-        network.but("to", key, 24, but).unwrap();
+        let key_start = if rests { 0.0 } else { -1e-3 };
+        let key = network.cel("m", 0.3, key_tie, key_start, 0.0, 0.0).unwrap();
+        let key_contact = But::plain(2e4, 0.2, 2e-3);
+        network.but("to", key, 24, key_contact).unwrap();
         timeline.key("key", key);
         let manner = Manner::OPEN;
         let written = Written {
@@ -477,22 +486,31 @@ mod tests {
     /// Sound, state and work of an island, and how many of its frames were skipped.
     fn played(island_plan: &IslandPlan, may_rest: bool) -> (Vec<u64>, Vec<u8>, [u64; 3], u64) {
         let mut island = island(island_plan, island_plan.contact_substeps).unwrap();
-        let mut frames = Vec::new();
-        let mut sound = vec![0.0; BLOCK * island.n_out()];
+        let mut sample_bits = Vec::new();
+        let mut block_sound = vec![0.0; BLOCK * island.n_out()];
         for _ in 0..(0.6 * 44_100.0) as usize / BLOCK {
-            sound.fill(0.0);
-            let team = &mut ThreadTeam::alone();
+            block_sound.fill(0.0);
+            let lone_team = &mut ThreadTeam::alone();
             if may_rest {
-                island.process(&mut sound, BLOCK, team).unwrap();
+                island.process(&mut block_sound, BLOCK, lone_team).unwrap();
             } else {
-                island.compute(&mut sound, BLOCK, team).unwrap();
+                island.compute(&mut block_sound, BLOCK, lone_team).unwrap();
             }
-            frames.extend(sound.iter().map(|x| x.to_bits()));
+            sample_bits.extend(block_sound.iter().map(|x| x.to_bits()));
         }
-        let work = island.fine_work();
-        let work = [work.instants, work.products, island.guard_steps()];
-        let passed = island.passed() / u64::from(island_plan.oversampling);
-        (frames, island.write_state(), work, passed)
+        let work_counts = island.fine_work();
+        let work_counts = [
+            work_counts.instants,
+            work_counts.products,
+            island.guard_steps(),
+        ];
+        let frames_passed = island.passed() / u64::from(island_plan.oversampling);
+        (
+            sample_bits,
+            island.write_state(),
+            work_counts,
+            frames_passed,
+        )
     }
 
     #[test]
@@ -506,14 +524,26 @@ mod tests {
                         continue;
                     };
                     n_islands += 1;
-                    let (sound, state, work, _) = played(island_plan, false);
-                    let (rested, left, counted, passed) = played(island_plan, true);
-                    assert!(sound == rested && state == left && work == counted);
+                    let (full_sound, full_state, full_work, _) = played(island_plan, false);
+                    let (rested_sound, rested_state, counted, frames_passed) =
+                        played(island_plan, true);
+                    assert!(
+                        full_sound == rested_sound
+                            && full_state == rested_state
+                            && full_work == counted
+                    );
                     // All frames before the gesture are skipped but the first and a few before it; none if a spring
                     // moves the key.
-                    let frames = (BEGINS * 44_100.0) as u64;
-                    let expected = if rests { frames - 2_560..frames } else { 0..1 };
-                    assert!(expected.contains(&passed), "{budget:?} {passed}");
+                    let rest_frames = (BEGINS * 44_100.0) as u64;
+                    let expected = if rests {
+                        rest_frames - 2_560..rest_frames
+                    } else {
+                        0..1
+                    };
+                    assert!(
+                        expected.contains(&frames_passed),
+                        "{budget:?} {frames_passed}"
+                    );
                 }
                 assert_eq!(n_islands, 1);
             }
@@ -525,7 +555,7 @@ mod tests {
     fn friction_in_a_ring_takes_few_rounds() {
         let mut network = Network::new();
         network.part("ring", None);
-        let cells = [
+        let ring_cells = [
             (4.4e-3, 771.0),
             (1.57e-2, 274.0),
             (1.09e-2, 437.0),
@@ -533,49 +563,59 @@ mod tests {
             (3.7e-3, 84.0),
             (1.7e-2, 423.0),
         ];
-        let mut mats = Vec::new();
-        for (index, (mass, f)) in cells.into_iter().enumerate() {
-            let tie = Tie::Tuned { f, t60: Some(1.0) };
-            let speed = if index == 0 { 0.05 } else { 0.0 };
-            let name = format!("m{index}");
-            mats.push(network.cel(&name, mass, tie, 0.0, speed, 0.0).unwrap());
+        let mut ring_mats = Vec::new();
+        for (index, (mass, f)) in ring_cells.into_iter().enumerate() {
+            let cell_tie = Tie::Tuned { f, t60: Some(1.0) };
+            let start_speed = if index == 0 { 0.05 } else { 0.0 };
+            let cell_name = format!("m{index}");
+            ring_mats.push(
+                network
+                    .cel(&cell_name, mass, cell_tie, 0.0, start_speed, 0.0)
+                    .unwrap(),
+            );
         }
-        let levels = [0.272, 0.029, 0.027, 0.172, 0.283, 0.127, 0.223];
-        let pairs = [(0, 1), (1, 2), (2, 3), (3, 4), (4, 5), (5, 0), (1, 3)];
-        for (index, ((a, b), level)) in pairs.into_iter().zip(levels).enumerate() {
-            let dry = Dry {
+        let friction_levels = [0.272, 0.029, 0.027, 0.172, 0.283, 0.127, 0.223];
+        let mat_pairs = [(0, 1), (1, 2), (2, 3), (3, 4), (4, 5), (5, 0), (1, 3)];
+        for (index, ((a, b), level)) in mat_pairs.into_iter().zip(friction_levels).enumerate() {
+            let dry_friction = Dry {
                 level,
                 static_level: level,
                 speed: 0.02,
             };
             network
-                .dry(&format!("d{index}"), mats[a], mats[b], dry)
+                .dry(
+                    &format!("d{index}"),
+                    ring_mats[a],
+                    ring_mats[b],
+                    dry_friction,
+                )
                 .unwrap();
         }
-        let term = Term::Position {
-            first: mats[0],
+        let output_term = Term::Position {
+            first: ring_mats[0],
             len: 1,
             weight: 1.0,
         };
-        network.listen("o", vec![term]).unwrap();
+        network.listen("o", vec![output_term]).unwrap();
         let timeline = Timeline::new(Rate::new(44_100.0).unwrap());
-        let plan = Plan::new(
+        let ring_plan = Plan::new(
             Arc::new(network),
             &timeline,
             &Budget::Method(Method::Ca),
             None,
         )
         .unwrap();
-        let Some(Unit::IslandPlan(island_plan)) = plan.units.first() else {
+        let Some(Unit::IslandPlan(island_plan)) = ring_plan.units.first() else {
             panic!("no island");
         };
         let mut island = island(island_plan, island_plan.contact_substeps).unwrap();
         let n_frames = 13_230;
-        let mut sound = vec![0.0; n_frames];
+        let mut ring_sound = vec![0.0; n_frames];
         island
-            .compute(&mut sound, n_frames, &mut ThreadTeam::alone())
+            .compute(&mut ring_sound, n_frames, &mut ThreadTeam::alone())
             .unwrap();
-        let rounds = island.exact_work().solved_again as f64 / (n_frames * levels.len()) as f64;
-        assert!(rounds < 20.0, "{rounds}");
+        let solver_rounds =
+            island.exact_work().solved_again as f64 / (n_frames * friction_levels.len()) as f64;
+        assert!(solver_rounds < 20.0, "{solver_rounds}");
     }
 }

@@ -35,8 +35,8 @@ pub trait TrialStore {
 impl TrialRecord {
     /// The record with `taken` at its head.
     fn with_header(mut self, taken: &Taken) -> Self {
-        let head = [Some(taken.drawn), Some(taken.needed), taken.left];
-        self.numbers.splice(0..0, head);
+        let header_numbers = [Some(taken.drawn), Some(taken.needed), taken.left];
+        self.numbers.splice(0..0, header_numbers);
         self.counts.insert(0, vec![u32::from(taken.is_refused)]);
         self
     }
@@ -48,11 +48,11 @@ impl TrialRecord {
         if !are_good || self.numbers.len() < 3 || self.counts.is_empty() {
             return None;
         }
-        let head: Vec<Option<f64>> = self.numbers.drain(..3).collect();
+        let header_numbers: Vec<Option<f64>> = self.numbers.drain(..3).collect();
         let taken = Taken {
-            drawn: head[0].filter(|drawn| *drawn >= 0.0)?,
-            needed: head[1]?,
-            left: head[2],
+            drawn: header_numbers[0].filter(|drawn| *drawn >= 0.0)?,
+            needed: header_numbers[1]?,
+            left: header_numbers[2],
             is_refused: match self.counts.remove(0)[..] {
                 [0] => false,
                 [1] => true,
@@ -88,26 +88,26 @@ impl TrialRecord {
 
     /// The error, if the record holds nothing else.
     pub(in crate::plan) fn error_alone(&self) -> Option<Option<Measured>> {
-        let (error, rest) = self.error()?;
-        let is_alone = rest.is_empty() && self.counts.is_empty() && self.reason.is_none();
+        let (error, numbers_left) = self.error()?;
+        let is_alone = numbers_left.is_empty() && self.counts.is_empty() && self.reason.is_none();
         is_alone.then_some(error)
     }
 
     /// The error at the head of the record, and the numbers after it.
     pub(in crate::plan) fn error(&self) -> Option<(Option<Measured>, &[Option<f64>])> {
-        let ([db, over, spectral], rest) = self.numbers.split_first_chunk()?;
-        let (audible, rest) = rest.split_first_chunk::<{ LEAST_HEARD.len() }>()?;
-        let known: Vec<f64> = audible.iter().filter_map(|value| *value).collect();
-        let audible = <[f64; LEAST_HEARD.len()]>::try_from(known)
+        let ([db, over, spectral], numbers_left) = self.numbers.split_first_chunk()?;
+        let (audible, numbers_left) = numbers_left.split_first_chunk::<{ LEAST_HEARD.len() }>()?;
+        let audible_numbers: Vec<f64> = audible.iter().filter_map(|value| *value).collect();
+        let audible = <[f64; LEAST_HEARD.len()]>::try_from(audible_numbers)
             .ok()
             .map(Audible::from);
-        let error = db.zip(*over).map(|(db, over)| Measured {
+        let measured_error = db.zip(*over).map(|(db, over)| Measured {
             db,
             over,
             spectral: *spectral,
             audible,
         });
-        Some((error, rest))
+        Some((measured_error, numbers_left))
     }
 }
 
@@ -137,11 +137,14 @@ impl<'a> Series<'a> {
     }
 
     fn lengths(&self) -> Vec<u64> {
-        let index = self.store.get(&self.fixed).unwrap_or_default();
-        if index.reason.is_some() || !index.numbers.is_empty() || index.counts.len() != 1 {
+        let length_index = self.store.get(&self.fixed).unwrap_or_default();
+        if length_index.reason.is_some()
+            || !length_index.numbers.is_empty()
+            || length_index.counts.len() != 1
+        {
             return Vec::new();
         }
-        let lengths = index.counts.first().cloned().unwrap_or_default();
+        let lengths = length_index.counts.first().cloned().unwrap_or_default();
         lengths.into_iter().map(u64::from).collect()
     }
 
@@ -153,18 +156,26 @@ impl<'a> Series<'a> {
 
     /// Keeps the record of the current series, which began with `left` of the allowance [s].
     pub(in crate::plan) fn keep(&self, allowance: &Allowance, left: f64, record: TrialRecord) {
-        let frames = allowance.taken(left).frames;
-        keep(self.store, &self.key(frames), (allowance, left), record);
+        let series_frames = allowance.taken(left).frames;
+        keep(
+            self.store,
+            &self.key(series_frames),
+            (allowance, left),
+            record,
+        );
         let mut lengths = self.lengths();
-        if !lengths.contains(&frames) {
-            lengths.insert(0, frames);
+        if !lengths.contains(&series_frames) {
+            lengths.insert(0, series_frames);
             lengths.truncate(LENGTHS_MAX);
-            let lengths = lengths.into_iter().map(|frames| frames as u32).collect();
-            let index = TrialRecord {
+            let lengths = lengths
+                .into_iter()
+                .map(|series_frames| series_frames as u32)
+                .collect();
+            let length_index = TrialRecord {
                 counts: vec![lengths],
                 ..TrialRecord::default()
             };
-            self.store.put(&self.fixed, index);
+            self.store.put(&self.fixed, length_index);
         }
     }
 }
@@ -176,15 +187,15 @@ pub(in crate::plan) fn measured(
     measure: impl FnOnce() -> Result<Option<Measured>, Error>,
 ) -> Result<Option<Measured>, Error> {
     let recalled = series.as_ref().and_then(|series| series.find(allowance));
-    let known = recalled.and_then(|(taken, record)| Some((taken, record.error_alone()?)));
-    if let Some((taken, error)) = known {
+    let known_error = recalled.and_then(|(taken, record)| Some((taken, record.error_alone()?)));
+    if let Some((taken, recorded_error)) = known_error {
         allowance.replay(&taken);
-        return Ok(error);
+        return Ok(recorded_error);
     }
-    let left = allowance.begin();
+    let work_left = allowance.begin();
     let measurement = measure()?;
     if let Some(series) = &series {
-        series.keep(allowance, left, TrialRecord::from_error(measurement));
+        series.keep(allowance, work_left, TrialRecord::from_error(measurement));
     }
     Ok(measurement)
 }
@@ -195,12 +206,14 @@ pub(in crate::plan) fn find(
     key: &str,
     allowance: &Allowance,
 ) -> Option<(Taken, TrialRecord)> {
-    let left = allowance.begin();
-    [key.to_owned(), key_with_left(key, left)]
+    let work_left = allowance.begin();
+    [key.to_owned(), key_with_left(key, work_left)]
         .iter()
         .find_map(|key| {
-            let record = store.get(key)?.split_header()?;
-            allowance.is_enough_for(&record.0).then_some(record)
+            let taken_record = store.get(key)?.split_header()?;
+            allowance
+                .is_enough_for(&taken_record.0)
+                .then_some(taken_record)
         })
 }
 
@@ -211,11 +224,11 @@ pub(in crate::plan) fn keep(
     (allowance, left): (&Allowance, f64),
     record: TrialRecord,
 ) {
-    let taken = allowance.taken(left);
-    let bound_key = taken.left.map(|left| key_with_left(key, left));
+    let work_taken = allowance.taken(left);
+    let bound_key = work_taken.left.map(|left| key_with_left(key, left));
     store.put(
         bound_key.as_deref().unwrap_or(key),
-        record.with_header(&taken),
+        record.with_header(&work_taken),
     );
 }
 

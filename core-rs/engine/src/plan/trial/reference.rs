@@ -74,31 +74,38 @@ pub(in crate::plan) fn reference<F: Fn(How<'_>) -> Result<Assembled, Error>>(
     let (spans, budget) = (climb.spans, climb.budget);
     let highest = 8 * TIMES_MAX;
     let substeps = first_substeps(first);
-    let mut best: Option<Reference> = None;
+    let mut best_reference: Option<Reference> = None;
     for family in climb.families(first) {
-        let part = allowance.fraction(FAMILY_SHARE);
-        let lowest = if family.is_plain { TIMES_MAX } else { 1 };
-        let reached = climb.family((family, substeps), lowest..=highest, &part);
-        allowance.spend_fraction(&part, FAMILY_SHARE);
+        let family_allowance = allowance.fraction(FAMILY_SHARE);
+        let lowest_steps = if family.is_plain { TIMES_MAX } else { 1 };
+        let reached = climb.family(
+            (family, substeps),
+            lowest_steps..=highest,
+            &family_allowance,
+        );
+        allowance.spend_fraction(&family_allowance, FAMILY_SHARE);
         match reached {
             // By CA a strike that friction can stop within a step moves nothing, at any rate.
             Ok(Some(reached)) if is_held(&reached, family, spans) => {}
             Ok(Some(reached)) => {
-                if best
+                if best_reference
                     .as_ref()
-                    .is_none_or(|best| reached.is_better(best, budget))
+                    .is_none_or(|best_reference| reached.is_better(best_reference, budget))
                 {
-                    best = Some(reached);
+                    best_reference = Some(reached);
                 }
             }
             Ok(None) | Err(TrialError::AllowanceSpent) => {}
             Err(error) => return Err(error),
         }
-        if best.as_ref().is_some_and(|best| best.is_exact(budget)) {
+        if best_reference
+            .as_ref()
+            .is_some_and(|best_reference| best_reference.is_exact(budget))
+        {
             break;
         }
     }
-    Ok(best)
+    Ok(best_reference)
 }
 
 /// The reference by ear of the plain ways, from one step a frame on; `None` if it is not exact enough.
@@ -106,10 +113,10 @@ pub(in crate::plan) fn plain_reference<F: Fn(How<'_>) -> Result<Assembled, Error
     climb: &Climb<'_, F>,
     allowance: &Allowance,
 ) -> Result<Option<Reference>, TrialError> {
-    let part = allowance.fraction(FAMILY_SHARE);
-    let [.., plain] = Family::REFERENCE_FAMILIES;
-    let reached = climb.family((plain, 1), 1..=2 * TIMES_MAX, &part);
-    allowance.spend_fraction(&part, FAMILY_SHARE);
+    let family_allowance = allowance.fraction(FAMILY_SHARE);
+    let [.., plain_family] = Family::REFERENCE_FAMILIES;
+    let reached = climb.family((plain_family, 1), 1..=2 * TIMES_MAX, &family_allowance);
+    allowance.spend_fraction(&family_allowance, FAMILY_SHARE);
     match reached {
         Ok(reached) => Ok(reached.filter(|reached| reached.is_exact(climb.budget))),
         Err(TrialError::AllowanceSpent) => Ok(None),
@@ -136,11 +143,11 @@ fn is_held(reached: &Reference, family: Family, spans: &Spans) -> bool {
 
 /// Whether contacts and laws between frames cost more than all of the island by the plain way at the highest rate.
 pub(in crate::plan) fn is_plain_first(island: &Assembled) -> bool {
-    let mut plan = island.island_plan.clone();
-    (plan.contact_substeps, plan.counted_cost) = (1, None);
-    let plain = plan.cost();
-    plan.contact_substeps = SUBSTEPS_MIN;
-    island.may_collocate && plan.cost() > f64::from(TIMES_MAX) * plain
+    let mut island_plan = island.island_plan.clone();
+    (island_plan.contact_substeps, island_plan.counted_cost) = (1, None);
+    let plain_cost = island_plan.cost();
+    island_plan.contact_substeps = SUBSTEPS_MIN;
+    island.may_collocate && island_plan.cost() > f64::from(TIMES_MAX) * plain_cost
 }
 
 impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Climb<'_, F> {
@@ -157,8 +164,8 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Climb<'_, F> {
 
     /// Whether bodies are meshes that a method of order 4 computes.
     fn has_meshes(&self) -> bool {
-        let [_, by_bm4, ..] = Family::REFERENCE_FAMILIES;
-        let methods = (self.assemble)(by_bm4.with_steps(1)).map(|island| island.mesh_methods());
+        let [_, bm4_family, ..] = Family::REFERENCE_FAMILIES;
+        let methods = (self.assemble)(bm4_family.with_steps(1)).map(|island| island.mesh_methods());
         methods.is_ok_and(|methods| methods.iter().any(Option::is_some))
     }
 
@@ -170,75 +177,76 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Climb<'_, F> {
         doublings: RangeInclusive<u32>,
         allowance: &Allowance,
     ) -> Result<Option<Reference>, TrialError> {
-        let mut best: Option<Reference> = None;
-        let mut last: Option<Rc<PilotRun>> = None;
-        let mut before: Option<f64> = None;
-        let mut spent = 0.0;
+        let mut best_reference: Option<Reference> = None;
+        let mut last_run: Option<Rc<PilotRun>> = None;
+        let mut change_before: Option<f64> = None;
+        let mut work_spent = 0.0;
         let is_coarse = family.is_plain && doublings.contains(&1);
-        let mut steps = *doublings.start();
-        while doublings.contains(&steps) {
-            let member = (self.assemble)(family.with_steps(steps));
-            steps *= 2;
-            let Ok(island) = member else {
+        let mut step_count = *doublings.start();
+        while doublings.contains(&step_count) {
+            let family_member = (self.assemble)(family.with_steps(step_count));
+            step_count *= 2;
+            let Ok(island) = family_member else {
                 continue;
             };
             let substeps = if has_fine(&island) { substeps } else { 1 };
             let candidate = Candidate::new(island, substeps, None);
             let n_frames = self.runs.excerpt().n_frames;
-            let is_paid = allowance.share_left(DOUBLING_RESERVE * spent) >= 1.0;
-            if !is_affordable(&candidate.island.island_plan, n_frames) || !is_paid {
+            let is_paid_for = allowance.share_left(DOUBLING_RESERVE * work_spent) >= 1.0;
+            if !is_affordable(&candidate.island.island_plan, n_frames) || !is_paid_for {
                 break;
             }
             let (already, _) = allowance.spent();
-            let played = (&candidate.island.island_plan, substeps);
-            let run = match self.runs.play(played, allowance) {
-                Err(TrialError::AllowanceSpent) if best.is_some() => break,
+            let played_plan = (&candidate.island.island_plan, substeps);
+            let run = match self.runs.play(played_plan, allowance) {
+                Err(TrialError::AllowanceSpent) if best_reference.is_some() => break,
                 run => run?,
             };
-            spent = allowance.spent().0 - already;
+            work_spent = allowance.spent().0 - already;
             if run.is_lost {
-                last = None;
+                last_run = None;
                 continue;
             }
-            let Some(coarser) = last.replace(run.clone()) else {
+            let Some(coarser) = last_run.replace(run.clone()) else {
                 continue;
             };
-            let change = difference(&coarser.sound, &run.sound, self.spans);
+            let run_change = difference(&coarser.sound, &run.sound, self.spans);
             let reached = Reference {
                 candidate: candidate.counted(&run),
-                error: error_of_finer(change, before),
+                error: error_of_finer(run_change, change_before),
                 audible: Audible::for_budget(self.budget, (&coarser.sound, &run.sound), self.spans),
                 run,
             };
-            let is_idle = before.is_some_and(|before| change > before - GAIN);
-            let is_alone = is_coarse && before.is_none();
-            let ends = is_idle || (reached.is_exact(self.budget) && !is_alone);
-            before = Some(change);
+            let gains_nothing =
+                change_before.is_some_and(|change_before| run_change > change_before - GAIN);
+            let is_alone = is_coarse && change_before.is_none();
+            let is_last_run = gains_nothing || (reached.is_exact(self.budget) && !is_alone);
+            change_before = Some(run_change);
             if is_alone {
                 continue;
             }
-            if best
+            if best_reference
                 .as_ref()
-                .is_none_or(|best| reached.is_better(best, self.budget))
+                .is_none_or(|best_reference| reached.is_better(best_reference, self.budget))
             {
-                best = Some(reached);
+                best_reference = Some(reached);
             }
-            if ends {
+            if is_last_run {
                 break;
             }
         }
-        Ok(best)
+        Ok(best_reference)
     }
 }
 
 /// The error of the finer of two runs [dB], from the change between them and the one `before` at twice the steps: at
 /// order 1, which the first two are assumed to have, it is the change.
 fn error_of_finer(change: f64, before: Option<f64>) -> f64 {
-    let [lowest, highest] = ORDERS;
-    let order = before
+    let [lowest_order, highest] = ORDERS;
+    let error_order = before
         .map_or(1.0, |before| (before - change) / DOUBLING)
-        .clamp(lowest, highest);
-    change - 20.0 * crate::maths::log10(pow(2.0, order) - 1.0)
+        .clamp(lowest_order, highest);
+    change - 20.0 * crate::maths::log10(pow(2.0, error_order) - 1.0)
 }
 
 #[cfg(test)]

@@ -50,10 +50,10 @@ impl Runs {
     }
 
     fn keep(&self, (island_plan, contact_substeps): (&IslandPlan, usize), run: &Rc<PilotRun>) {
-        let mut runs = self.played.borrow_mut();
-        let samples: usize = runs.iter().map(|(_, run)| run.sound.len()).sum();
+        let mut played_runs = self.played.borrow_mut();
+        let samples: usize = played_runs.iter().map(|(_, run)| run.sound.len()).sum();
         if samples + run.sound.len() <= SAMPLES_MAX {
-            runs.push((run_key(island_plan, contact_substeps), run.clone()));
+            played_runs.push((run_key(island_plan, contact_substeps), run.clone()));
         }
     }
 
@@ -67,8 +67,8 @@ impl Runs {
         played: (&IslandPlan, usize),
         allowance: &Allowance,
     ) -> Result<Rc<PilotRun>, TrialError> {
-        let run = self.play_while(played, allowance, |_, _| true)?;
-        Ok(run.unwrap_or_else(|| unreachable!("nothing ends it")))
+        let full_run = self.play_while(played, allowance, |_, _| true)?;
+        Ok(full_run.unwrap_or_else(|| unreachable!("nothing ends it")))
     }
 
     /// The same, but stops as soon as `goes_on`, given the frames played and their sound, is false; `None` if it was
@@ -83,29 +83,30 @@ impl Runs {
         allowance: &Allowance,
         goes_on: impl FnMut(usize, &[f64]) -> bool,
     ) -> Result<Option<Rc<PilotRun>>, TrialError> {
-        let key = run_key(island_plan, contact_substeps);
-        let known = |kept: &(RunKey, Rc<PilotRun>)| (kept.0 == key).then(|| kept.1.clone());
-        if let Some(run) = self.played.borrow().iter().find_map(known) {
+        let sought_key = run_key(island_plan, contact_substeps);
+        let known_run =
+            |kept: &(RunKey, Rc<PilotRun>)| (kept.0 == sought_key).then(|| kept.1.clone());
+        if let Some(run) = self.played.borrow().iter().find_map(known_run) {
             return Ok(Some(run));
         }
-        let played = (island_plan, contact_substeps);
-        let run = play_while(played, self.excerpt, allowance, goes_on)?.map(Rc::new);
+        let played_plan = (island_plan, contact_substeps);
+        let run = play_while(played_plan, self.excerpt, allowance, goes_on)?.map(Rc::new);
         if let Some(run) = &run {
-            self.keep(played, run);
+            self.keep(played_plan, run);
         }
         Ok(run)
     }
 }
 
 fn run_key(island_plan: &IslandPlan, contact_substeps: usize) -> RunKey {
-    let body = |body: &BodyPlan| BodyKey {
-        method: body.mesh_method(),
-        ports: body.ports(),
+    let body_key = |body_key: &BodyPlan| BodyKey {
+        method: body_key.mesh_method(),
+        ports: body_key.ports(),
     };
     RunKey {
         cost: work(island_plan).to_bits(),
         oversampling: island_plan.oversampling,
         contact_substeps,
-        bodies: island_plan.bodies.iter().map(body).collect(),
+        bodies: island_plan.bodies.iter().map(body_key).collect(),
     }
 }

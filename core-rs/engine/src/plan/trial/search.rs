@@ -56,22 +56,22 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
     /// The cheapest candidate within the budget, or the best of those tried; without any, the reference if a plan may
     /// choose it.
     pub(in crate::plan) fn find(&self) -> Result<Option<Tried>, Error> {
-        let (within, nearest) = self.try_candidates(|_| true)?;
-        Ok(within.or(nearest).or_else(|| self.reference_itself()))
+        let (cheapest, nearest) = self.try_candidates(|_| true)?;
+        Ok(cheapest.or(nearest).or_else(|| self.reference_itself()))
     }
 
     /// The cheapest candidate within the budget whose contacts and laws are computed once a step, or one step a frame
     /// with contacts between frames, if that is within the budget too and costs less than several steps.
     pub(in crate::plan) fn find_plain(&self) -> Result<Option<Tried>, Error> {
-        let (within, _) = self.try_candidates(|candidate| candidate.substeps == 1)?;
-        let Some(plain) = within else {
+        let (cheapest, _) = self.try_candidates(|candidate| candidate.substeps == 1)?;
+        let Some(plain_tried) = cheapest else {
             return Ok(None);
         };
-        let between_frames = match plain.candidate.island.island_plan.oversampling {
+        let between_frames = match plain_tried.candidate.island.island_plan.oversampling {
             1 => None,
-            _ => unless_spent(self.between_frames(&plain))?.flatten(),
+            _ => unless_spent(self.between_frames(&plain_tried))?.flatten(),
         };
-        Ok(Some(between_frames.unwrap_or(plain)))
+        Ok(Some(between_frames.unwrap_or(plain_tried)))
     }
 
     /// The island at one step a frame with contacts between frames, if it is within the budget and costs less than
@@ -84,10 +84,10 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
             return Ok(None);
         }
         let candidate = Candidate::new(island, SUBSTEPS_MIN, None);
-        let (before, _) = self.allowance.spent();
-        let goes_on = |_, _: &[f64]| self.allowance.spent().0 - before <= plain.run.work;
-        let played = (&candidate.island.island_plan, candidate.substeps);
-        let run = self.runs.play_while(played, self.allowance, goes_on)?;
+        let (spent_before, _) = self.allowance.spent();
+        let goes_on = |_, _: &[f64]| self.allowance.spent().0 - spent_before <= plain.run.work;
+        let played_plan = (&candidate.island.island_plan, candidate.substeps);
+        let run = self.runs.play_while(played_plan, self.allowance, goes_on)?;
         let run = run.filter(|run| !run.is_lost && !self.creates_energy(&candidate.island, run));
         let tried = run.map(|run| self.compare(candidate, run));
         let is_better = |tried: &Tried| tried.candidate.cost < plain.candidate.cost;
@@ -100,23 +100,23 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
         is_offered: impl Fn(&Candidate) -> bool,
     ) -> Result<(Option<Tried>, Option<Tried>), Error> {
         let reference = (&self.reference.candidate, &*self.reference.run);
-        let (mut within, mut nearest): (Option<Tried>, Option<Tried>) = (None, None);
+        let (mut cheapest, mut nearest): (Option<Tried>, Option<Tried>) = (None, None);
         let mut gains = Gains::default();
-        let all = candidates(self.assemble, reference);
-        for candidate in all.into_iter().filter(is_offered) {
+        let all_candidates = candidates(self.assemble, reference);
+        for candidate in all_candidates.into_iter().filter(is_offered) {
             // Candidates that were played may have cost more than was estimated; with more substeps they cost still more.
-            if let Some(within) = &within {
-                if candidate.cost >= within.candidate.cost {
+            if let Some(cheapest) = &cheapest {
+                if candidate.cost >= cheapest.candidate.cost {
                     break;
                 }
-                if candidate.is_finer_than(&within.candidate) {
+                if candidate.is_finer_than(&cheapest.candidate) {
                     continue;
                 }
             }
             let n_frames = self.runs.excerpt().n_frames;
             let is_short = is_affordable(&candidate.island.island_plan, n_frames);
-            let is_paid = candidate.is_within(self.allowance, n_frames);
-            if !is_short || !is_paid || gains.is_idle(&candidate) {
+            let is_paid_for = candidate.is_within(self.allowance, n_frames);
+            if !is_short || !is_paid_for || gains.is_idle(&candidate) {
                 continue;
             }
             // Once the allowance is spent, what was tried is all there is.
@@ -126,9 +126,9 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
             let Some(tried) = outcome else { continue };
             gains.add(&tried);
             if !self.misses(&tried) {
-                let is_cheaper = |within: &Tried| tried.candidate.cost < within.candidate.cost;
-                if within.as_ref().is_none_or(is_cheaper) {
-                    within = Some(tried);
+                let is_cheaper = |cheapest: &Tried| tried.candidate.cost < cheapest.candidate.cost;
+                if cheapest.as_ref().is_none_or(is_cheaper) {
+                    cheapest = Some(tried);
                 }
             } else if nearest
                 .as_ref()
@@ -137,7 +137,7 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
                 nearest = Some(tried);
             }
         }
-        Ok((within, nearest))
+        Ok((cheapest, nearest))
     }
 
     /// The reference as a candidate, if its steps are no more than a plan may choose.
@@ -149,11 +149,12 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
 
     /// The error that a candidate has to stay below [dB].
     fn aim(&self) -> f64 {
-        let margin = match horizon::error_may_grow(&self.reference.candidate.island.island_plan) {
-            true => DOUBT,
-            false => MARGIN,
-        };
-        self.budget.asked() - margin
+        let error_margin =
+            match horizon::error_may_grow(&self.reference.candidate.island.island_plan) {
+                true => DOUBT,
+                false => MARGIN,
+            };
+        self.budget.asked() - error_margin
     }
 
     /// Plays a candidate, as long as its error may be within the budget or below that of `nearest`; `None` if it is not, or if
@@ -164,17 +165,19 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
         nearest: Option<&Tried>,
     ) -> Result<Option<Tried>, TrialError> {
         let is_by_waveform = matches!(self.budget, Budget::Error(_)) && self.chaos.is_none();
-        let limit = match nearest {
+        let error_limit = match nearest {
             Some(nearest) if is_by_waveform => self.aim().max(nearest.error - GAIN),
             _ => f64::INFINITY,
         };
         let mut comparison = EarlyComparison::against(&self.reference.run.sound, self.spans);
         let goes_on = |frames: usize, sound: &[f64]| {
-            let apart = comparison.update(frames, sound);
-            apart.is_none_or(|apart| amplitude_difference(apart, self.reference.error) <= limit)
+            let run_difference = comparison.update(frames, sound);
+            run_difference.is_none_or(|run_difference| {
+                amplitude_difference(run_difference, self.reference.error) <= error_limit
+            })
         };
-        let played = (&candidate.island.island_plan, candidate.substeps);
-        let run = self.runs.play_while(played, self.allowance, goes_on)?;
+        let played_plan = (&candidate.island.island_plan, candidate.substeps);
+        let run = self.runs.play_while(played_plan, self.allowance, goes_on)?;
         let run = run.filter(|run| !run.is_lost && !self.creates_energy(&candidate.island, run));
         Ok(run.map(|run| self.compare(candidate, run)))
     }
@@ -188,33 +191,35 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
             return true;
         }
         let excerpt = self.runs.excerpt();
-        let [from, played] = [excerpt.from, excerpt.n_frames].map(|n| n as f64 / self.spans.rate);
-        let last = horizon::end(&self.reference.candidate.island.island_plan) - from;
-        let longer = (last / played).max(1.0);
+        let [start_time, played_time] =
+            [excerpt.from, excerpt.n_frames].map(|n| n as f64 / self.spans.rate);
+        let time_to_end = horizon::end(&self.reference.candidate.island.island_plan) - start_time;
+        let length_ratio = (time_to_end / played_time).max(1.0);
         let Created { contacts, laws } = run.created;
-        let grown = (laws[1] - laws[0]).max(0.0);
-        sqrt(longer) * contacts > CREATED || laws[1] + 2.0 * (longer - 1.0) * grown > CREATED
+        let late_growth = (laws[1] - laws[0]).max(0.0);
+        sqrt(length_ratio) * contacts > CREATED
+            || laws[1] + 2.0 * (length_ratio - 1.0) * late_growth > CREATED
     }
 
     /// Compares a run with the reference.
     fn compare(&self, candidate: Candidate, run: Rc<PilotRun>) -> Tried {
         let reference = self.reference;
-        let apart = difference(&run.sound, &reference.run.sound, self.spans);
+        let run_difference = difference(&run.sound, &reference.run.sound, self.spans);
         let parting = self.chaos.map(|(stretches, growth)| {
-            let pair = Pair {
+            let run_pair = Pair {
                 run: &run,
                 finer: &reference.run,
                 spans: self.spans,
                 stretches,
             };
-            pair.compare(growth)
+            run_pair.compare(growth)
         });
         let audible =
             Audible::for_budget(self.budget, (&run.sound, &reference.run.sound), self.spans);
         let audible = audible.zip(reference.audible).filter(|_| parting.is_none());
         Tried {
-            error: amplitude_sum([apart, reference.error]),
-            audible: audible.map(|(apart, unsure)| apart.plus(unsure)),
+            error: amplitude_sum([run_difference, reference.error]),
+            audible: audible.map(|(run_difference, unsure)| run_difference.plus(unsure)),
             parting,
             candidate: candidate.counted(&run),
             run,
@@ -227,8 +232,8 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
             (Budget::Error(_), None) => tried.error > self.aim(),
             // No waveform can be kept: the attack is judged by its waveform, the rest by its spectrum.
             (Budget::Error(_), Some(parting)) => {
-                let aim = self.aim();
-                (parting.attack > aim && parting.is_attainable(aim))
+                let error_aim = self.aim();
+                (parting.attack > error_aim && parting.is_attainable(error_aim))
                     || parting.spectral > SPECTRUM_NOISE
             }
             (_, Some(parting)) => parting.spectral > SPECTRUM_NOISE,
@@ -247,9 +252,9 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
     fn beats(&self, tried: &Tried, other: &Tried) -> bool {
         match (&tried.parting, &other.parting) {
             (Some(parting), Some(others)) => {
-                let limit = others.spectral.max(SPECTRUM_NOISE);
-                parting.spectral < limit - GAIN
-                    || (parting.attack < others.attack - GAIN && parting.spectral <= limit)
+                let spectral_limit = others.spectral.max(SPECTRUM_NOISE);
+                parting.spectral < spectral_limit - GAIN
+                    || (parting.attack < others.attack - GAIN && parting.spectral <= spectral_limit)
             }
             _ => match self.budget {
                 Budget::Error(_) => tried.error < other.error - GAIN,
@@ -267,16 +272,18 @@ struct Gains(BTreeMap<usize, (f64, bool)>);
 impl Gains {
     /// Whether more substeps are known to gain nothing.
     fn is_idle(&self, candidate: &Candidate) -> bool {
-        let known = self.0.get(&candidate.group);
-        candidate.substeps > 1 && known.is_some_and(|(_, is_idle)| *is_idle)
+        let group_gain = self.0.get(&candidate.group);
+        candidate.substeps > 1 && group_gain.is_some_and(|(_, is_idle)| *is_idle)
     }
 
     fn add(&mut self, tried: &Tried) {
         if tried.candidate.substeps > 1 {
-            let known = self.0.get(&tried.candidate.group);
-            let is_idle = known.is_some_and(|(least, _)| tried.error > least - MARGIN);
-            let least = known.map_or(tried.error, |(least, _)| least.min(tried.error));
-            self.0.insert(tried.candidate.group, (least, is_idle));
+            let group_gain = self.0.get(&tried.candidate.group);
+            let is_idle =
+                group_gain.is_some_and(|(least_error, _)| tried.error > least_error - MARGIN);
+            let least_error =
+                group_gain.map_or(tried.error, |(least_error, _)| least_error.min(tried.error));
+            self.0.insert(tried.candidate.group, (least_error, is_idle));
         }
     }
 }

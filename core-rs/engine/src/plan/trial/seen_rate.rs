@@ -22,22 +22,22 @@ pub(in crate::plan) fn error(
     (subset, island_timeline, budget): (&Subset, &OwnTimeline, &Budget),
     (memo, allowance, store): (&Memo<'_>, &Allowance, Option<&dyn TrialStore>),
 ) -> Result<Option<Measured>, Error> {
-    let Some(slower) = island_timeline
+    let Some(slower_timeline) = island_timeline
         .slower(slow.every)
         .filter(|_| !island_timeline.timeline.is_open)
     else {
         return Ok(None);
     };
     // Trials count frames of the slower timeline.
-    let series = store.map(|store| {
-        let often = (slow.every, slow.oversampling, slow.contact_substeps);
-        let also = format_args!("seen {budget:?} {often:?}");
-        let content = IslandContent::new(&subset.network, &slower.timeline, also);
+    let trial_series = store.map(|store| {
+        let rate_numbers = (slow.every, slow.oversampling, slow.contact_substeps);
+        let also_hashed = format_args!("seen {budget:?} {rate_numbers:?}");
+        let content = IslandContent::new(&subset.network, &slower_timeline.timeline, also_hashed);
         Series::new(store, content)
     });
-    measured(series, allowance, || {
-        let how = How::fine(1, MethodChoice::ByBudget);
-        match Assembled::new(subset, island_timeline, budget, how, None, memo) {
+    measured(trial_series, allowance, || {
+        let assembly_how = How::fine(1, MethodChoice::ByBudget);
+        match Assembled::new(subset, island_timeline, budget, assembly_how, None, memo) {
             Ok(each) => compare_rates(slow, &each.island_plan, allowance),
             Err(_) => Ok(None),
         }
@@ -54,8 +54,8 @@ fn compare_rates(
     let Some(excerpt) = excerpt.filter(|excerpt| excerpt.n_frames > 0) else {
         return Ok(None);
     };
-    let every = slow.every as usize;
-    let played = |island_plan: &IslandPlan, times: usize| {
+    let frame_stride = slow.every as usize;
+    let play_island = |island_plan: &IslandPlan, times: usize| {
         let excerpt = Excerpt {
             from: excerpt.from * times,
             n_frames: excerpt.n_frames * times,
@@ -67,13 +67,14 @@ fn compare_rates(
             allowance,
         ))
     };
-    let (Some(slowly), Some(plainly)) = (played(slow, 1)?, played(each, every)?) else {
+    let (Some(slow_run), Some(plainly)) = (play_island(slow, 1)?, play_island(each, frame_stride)?)
+    else {
         return Ok(None);
     };
     let spans = Spans::new(slow, excerpt.n_frames);
-    let frames = plainly.sound.chunks(spans.n_out).step_by(every);
-    let plainly: Vec<f64> = frames.flatten().copied().collect();
-    let db = difference(&slowly.sound, &plainly, &spans);
+    let strided_frames = plainly.sound.chunks(spans.n_out).step_by(frame_stride);
+    let plainly: Vec<f64> = strided_frames.flatten().copied().collect();
+    let db = difference(&slow_run.sound, &plainly, &spans);
     Ok(db.is_finite().then_some(Measured {
         db,
         over: excerpt.end() as f64 / spans.rate,

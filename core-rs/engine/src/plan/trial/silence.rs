@@ -32,14 +32,14 @@ struct OutputRange {
 impl<'a> Silence<'a> {
     /// Begins with an island as it is now.
     pub(in crate::plan) fn new(island_plan: &'a IslandPlan, island: &Island) -> Self {
-        let output = OutputRange {
+        let output_range = OutputRange {
             range: [f64::INFINITY, f64::NEG_INFINITY],
             first: None,
             is_silent: true,
         };
         Self {
             island_plan,
-            outputs: vec![output; island.n_out()],
+            outputs: vec![output_range; island.n_out()],
             start: island.positions().to_vec(),
             masses: 0.0,
         }
@@ -49,78 +49,79 @@ impl<'a> Silence<'a> {
     pub(in crate::plan) fn note(&mut self, island: &Island, sound: &[f64]) {
         for frame in sound.chunks_exact(self.outputs.len().max(1)) {
             for (output_state, x) in self.outputs.iter_mut().zip(frame) {
-                let [low, high] = output_state.range;
-                output_state.range = [low.min(*x), high.max(*x)];
+                let [range_low, range_high] = output_state.range;
+                output_state.range = [range_low.min(*x), range_high.max(*x)];
             }
         }
-        let moved = island.positions().iter().zip(&self.start);
-        self.masses = moved.fold(self.masses, |most, (x, start)| most.max((x - start).abs()));
+        let position_pairs = island.positions().iter().zip(&self.start);
+        self.masses =
+            position_pairs.fold(self.masses, |most, (x, start)| most.max((x - start).abs()));
     }
 
     /// Lets outputs that are still silent keep their first value in that block; `squares` are those of the amplitudes of
     /// the modes so far.
     pub(in crate::plan) fn keep(&mut self, sound: &mut [f64], squares: &[Vec<f64>]) {
-        let n_out = self.outputs.len();
-        for output in 0..n_out {
+        let n_outputs = self.outputs.len();
+        for output in 0..n_outputs {
             if !self.outputs[output].is_silent {
                 continue;
             }
-            let share = self.share(output, squares);
-            let state = &mut self.outputs[output];
-            state.is_silent = share <= SILENT;
-            let first = *state.first.get_or_insert(sound[output]);
-            if state.is_silent {
-                let samples = sound.iter_mut().skip(output).step_by(n_out);
-                samples.for_each(|x| *x = first);
+            let output_share = self.share(output, squares);
+            let output_state = &mut self.outputs[output];
+            output_state.is_silent = output_share <= SILENT;
+            let first_sample = *output_state.first.get_or_insert(sound[output]);
+            if output_state.is_silent {
+                let samples = sound.iter_mut().skip(output).step_by(n_outputs);
+                samples.for_each(|x| *x = first_sample);
             }
         }
     }
 
     /// The largest share that an output has heard of what it would hear if no motion were cancelled.
     pub(in crate::plan) fn loudest_share(&self, squares: &[Vec<f64>]) -> f64 {
-        let shares = (0..self.outputs.len()).map(|output| self.share(output, squares));
-        shares.fold(0.0, f64::max)
+        let output_shares = (0..self.outputs.len()).map(|output| self.share(output, squares));
+        output_shares.fold(0.0, f64::max)
     }
 
     /// The share that an output has heard of what it would hear if no motion were cancelled.
     fn share(&self, output: usize, squares: &[Vec<f64>]) -> f64 {
-        let [low, high] = self.outputs[output].range;
-        if low >= high {
+        let [range_low, range_high] = self.outputs[output].range;
+        if range_low >= range_high {
             return 0.0;
         }
         let output_plan = &self.island_plan.network.outputs()[output];
-        let reach =
+        let uncancelled =
             self.masses * weight(output_plan) + uncancelled_sum(output, self.island_plan, squares);
-        (high - low) / reach
+        (range_high - range_low) / uncancelled
     }
 }
 
 /// The sum of the weights that an output gives to positions.
 fn weight(output: &Output) -> f64 {
-    let each = output.terms.iter().map(|term| match term {
+    let term_weights = output.terms.iter().map(|term| match term {
         Term::Position { len, weight, .. } => *len as f64 * weight.abs(),
         Term::Force { .. } | Term::Length { .. } | Term::Ground { .. } => 0.0,
     });
-    each.sum()
+    term_weights.sum()
 }
 
 /// What an output would hear of modal bodies if no modes cancelled each other.
 fn uncancelled_sum(output: usize, island_plan: &IslandPlan, squares: &[Vec<f64>]) -> f64 {
-    let mut reach = 0.0;
+    let mut uncancelled = 0.0;
     for (body, squares) in island_plan.bodies.iter().zip(squares) {
-        let BodyPlan::Modal(modal) = body else {
+        let BodyPlan::Modal(modal_body) = body else {
             continue;
         };
-        let listened = modal
+        let listened = modal_body
             .outputs
             .iter()
             .filter(|(own, _)| *own as usize == output);
         for (_, shape) in listened {
-            let each = shape.iter().zip(squares);
-            reach += each
+            let shape_squares = shape.iter().zip(squares);
+            uncancelled += shape_squares
                 .map(|(by, square)| by.abs() * sqrt(*square))
                 .sum::<f64>();
         }
     }
-    reach
+    uncancelled
 }

@@ -17,36 +17,42 @@ const CENTRE: f64 = 1_000.0;
 pub(in crate::plan) fn level_difference(a: &[f64], b: &[f64], n_out: usize, rate: f64) -> f64 {
     let n_frames = b.len() / n_out.max(1);
     let bands = bands(n_frames, rate, BAND_VALUES_PARTED);
-    let (mut ours, mut theirs) = (vec![0.0; bands.len()], vec![0.0; bands.len()]);
+    let (mut sound_levels, mut reference_levels) = (vec![0.0; bands.len()], vec![0.0; bands.len()]);
     for output in 0..n_out {
         let band_sound =
             |x: &[f64]| -> Vec<f64> { x.iter().skip(output).step_by(n_out).copied().collect() };
         let (a, b) = (remove_mean(band_sound(a)), remove_mean(band_sound(b)));
-        let energy: f64 = b.iter().map(|x| x * x).sum();
-        if energy <= 0.0 {
+        let reference_energy: f64 = b.iter().map(|x| x * x).sum();
+        if reference_energy <= 0.0 {
             continue;
         }
-        for (sound, levels) in [(a, &mut ours), (b, &mut theirs)] {
+        for (sound, levels) in [(a, &mut sound_levels), (b, &mut reference_levels)] {
             let powers = powers(sound);
             for (level, band) in levels.iter_mut().zip(&bands) {
-                *level += powers[band.bins.clone()].iter().sum::<f64>() / energy;
+                *level += powers[band.bins.clone()].iter().sum::<f64>() / reference_energy;
             }
         }
     }
-    let strongest = theirs.iter().fold(0.0_f64, |most, level| most.max(*level));
-    let pairs = ours.iter().zip(&theirs);
-    let audible = pairs.filter(|(_, theirs)| **theirs > COMPARED_POWER_MIN * strongest);
-    let (sum, n) = audible.fold((0.0, 0), |(sum, n), (ours, theirs)| {
-        let apart = 10.0 * log10((ours / theirs).max(MISSING));
-        (sum + apart.abs(), n + 1)
-    });
-    sum / f64::from(n.max(1))
+    let strongest = reference_levels
+        .iter()
+        .fold(0.0_f64, |most, level| most.max(*level));
+    let level_pairs = sound_levels.iter().zip(&reference_levels);
+    let audible = level_pairs
+        .filter(|(_, reference_levels)| **reference_levels > COMPARED_POWER_MIN * strongest);
+    let (level_sum, band_count) = audible.fold(
+        (0.0, 0),
+        |(level_sum, band_count), (sound_levels, reference_levels)| {
+            let level_gap = 10.0 * log10((sound_levels / reference_levels).max(MISSING));
+            (level_sum + level_gap.abs(), band_count + 1)
+        },
+    );
+    level_sum / f64::from(band_count.max(1))
 }
 
 /// Removes the mean, which is not audible.
 fn remove_mean(mut sound: Vec<f64>) -> Vec<f64> {
-    let mean = sound.iter().sum::<f64>() / sound.len().max(1) as f64;
-    sound.iter_mut().for_each(|x| *x -= mean);
+    let sound_mean = sound.iter().sum::<f64>() / sound.len().max(1) as f64;
+    sound.iter_mut().for_each(|x| *x -= sound_mean);
     sound
 }
 
@@ -59,16 +65,16 @@ pub(super) struct Band {
 /// The bands whose width times duration is at least `fewest`.
 pub(super) fn bands(n_frames: usize, rate: f64, fewest: f64) -> Vec<Band> {
     let seconds = n_frames as f64 / rate;
-    let bin = rate / length(n_frames) as f64;
-    let bin_of = |frequency: f64| (frequency / bin).ceil() as usize;
+    let bin_width = rate / length(n_frames) as f64;
+    let bin_above = |frequency: f64| (frequency / bin_width).ceil() as usize;
     let centres = (LOWEST_THIRD..).map(|i| CENTRE * pow(2.0, f64::from(i) / 3.0));
-    let (down, up) = (pow(2.0, -1.0 / 6.0), pow(2.0, 1.0 / 6.0));
+    let (lower_ratio, upper_ratio) = (pow(2.0, -1.0 / 6.0), pow(2.0, 1.0 / 6.0));
     centres
         .take_while(|centre| *centre <= HIGHEST_AUDIBLE.min(RATE_SHARE * rate))
-        .filter(|centre| centre * (up - down) * seconds >= fewest)
+        .filter(|centre| centre * (upper_ratio - lower_ratio) * seconds >= fewest)
         .map(|centre| Band {
             centre,
-            bins: bin_of(centre * down)..bin_of(centre * up),
+            bins: bin_above(centre * lower_ratio)..bin_above(centre * upper_ratio),
         })
         .collect()
 }
@@ -80,44 +86,44 @@ pub(super) fn length(n_frames: usize) -> usize {
 
 /// |X|² of a sound, from 0 to half its rate.
 pub(super) fn powers(mut re: Vec<f64>) -> Vec<f64> {
-    let n = length(re.len());
-    re.resize(n, 0.0);
-    let mut im = vec![0.0; n];
+    let fft_size = length(re.len());
+    re.resize(fft_size, 0.0);
+    let mut im = vec![0.0; fft_size];
     transform(&mut re, &mut im);
-    let half = re.iter().zip(&im).take(n / 2 + 1);
-    half.map(|(re, im)| re * re + im * im).collect()
+    let half_spectrum = re.iter().zip(&im).take(fft_size / 2 + 1);
+    half_spectrum.map(|(re, im)| re * re + im * im).collect()
 }
 
 /// In-place Fourier transform of 2^k numbers (Cooley and Tukey). It uses the engine's own sines, so that a plan is the
 /// same on every machine.
 fn transform(re: &mut [f64], im: &mut [f64]) {
-    let n = re.len();
-    let unused = usize::BITS - n.ilog2();
-    for i in 0..n {
-        let j = i.reverse_bits().checked_shr(unused).unwrap_or(0);
-        if i < j {
-            re.swap(i, j);
-            im.swap(i, j);
+    let fft_size = re.len();
+    let unused_bits = usize::BITS - fft_size.ilog2();
+    for i in 0..fft_size {
+        let reversed = i.reverse_bits().checked_shr(unused_bits).unwrap_or(0);
+        if i < reversed {
+            re.swap(i, reversed);
+            im.swap(i, reversed);
         }
     }
-    let turns: Vec<(f64, f64)> = (0..n / 2)
-        .map(|i| sincos(-TAU * i as f64 / n as f64))
+    let twiddles: Vec<(f64, f64)> = (0..fft_size / 2)
+        .map(|i| sincos(-TAU * i as f64 / fft_size as f64))
         .collect();
-    let mut half = 1;
-    while half < n {
-        let stride = n / (2 * half);
-        for first in (0..n).step_by(2 * half) {
-            for k in 0..half {
-                let (sin, cos) = turns[k * stride];
-                let (low, high) = (first + k, first + k + half);
-                let (x, y) = (re[high], im[high]);
+    let mut half_size = 1;
+    while half_size < fft_size {
+        let stride = fft_size / (2 * half_size);
+        for first in (0..fft_size).step_by(2 * half_size) {
+            for k in 0..half_size {
+                let (sin, cos) = twiddles[k * stride];
+                let (low_index, high_index) = (first + k, first + k + half_size);
+                let (x, y) = (re[high_index], im[high_index]);
                 let (x, y) = (x * cos - y * sin, x * sin + y * cos);
-                (re[high], im[high]) = (re[low] - x, im[low] - y);
-                re[low] += x;
-                im[low] += y;
+                (re[high_index], im[high_index]) = (re[low_index] - x, im[low_index] - y);
+                re[low_index] += x;
+                im[low_index] += y;
             }
         }
-        half *= 2;
+        half_size *= 2;
     }
 }
 
@@ -128,15 +134,16 @@ mod tests {
     /// Partials at multiples of 60 Hz up to 20 kHz, 0.4 s, two outputs; `size` gives a partial's amplitude, `phase` its
     /// phase.
     fn sound(size: impl Fn(f64) -> f64, phase: f64) -> Vec<f64> {
-        let sample = |n: usize| {
-            let each = (1..=333).map(|k| {
-                let (hertz, k) = (60.0 * f64::from(k), f64::from(k));
-                size(hertz) / k * sincos(TAU * hertz * n as f64 / 44_100.0 + phase * k * k).0
+        let sound_sample = |n: usize| {
+            let partials = (1..=333).map(|k| {
+                let (partial_hertz, k) = (60.0 * f64::from(k), f64::from(k));
+                size(partial_hertz) / k
+                    * sincos(TAU * partial_hertz * n as f64 / 44_100.0 + phase * k * k).0
             });
-            each.sum::<f64>()
+            partials.sum::<f64>()
         };
-        let mono = (0..17_640).map(sample);
-        mono.flat_map(|x| [x, 3.0 + 1e-3 * x]).collect()
+        let mono_sound = (0..17_640).map(sound_sample);
+        mono_sound.flat_map(|x| [x, 3.0 + 1e-3 * x]).collect()
     }
 
     #[test]
@@ -146,10 +153,10 @@ mod tests {
             .collect();
         let powers = powers(x.clone());
         for (bin, power) in powers.iter().enumerate() {
-            let turn = |i: usize| sincos(TAU * (bin * i) as f64 / 16.0);
+            let turn_at = |i: usize| sincos(TAU * (bin * i) as f64 / 16.0);
             let each = x.iter().enumerate();
             let (re, im) = each.fold((0.0, 0.0), |(re, im), (i, x)| {
-                (re + x * turn(i).1, im + x * turn(i).0)
+                (re + x * turn_at(i).1, im + x * turn_at(i).0)
             });
             assert!((power - (re * re + im * im)).abs() < 1e-9, "{bin}");
         }
@@ -158,27 +165,28 @@ mod tests {
 
     #[test]
     fn level_difference_ignores_phases() {
-        let apart = |a: &[f64], b: &[f64]| level_difference(a, b, 2, 44_100.0);
-        let b = sound(|_| 1.0, 1.0);
-        let other = apart(&sound(|_| 1.0, 2.0), &b);
-        assert!((0.001..1.0).contains(&other), "{other}");
-        let louder: Vec<f64> = b.iter().map(|x| 2.0 * x).collect();
-        assert!((apart(&louder, &b) - 6.02).abs() < 0.01);
+        let levels_apart =
+            |a: &[f64], reference: &[f64]| level_difference(a, reference, 2, 44_100.0);
+        let reference = sound(|_| 1.0, 1.0);
+        let phase_change = levels_apart(&sound(|_| 1.0, 2.0), &reference);
+        assert!((0.001..1.0).contains(&phase_change), "{phase_change}");
+        let louder_sound: Vec<f64> = reference.iter().map(|x| 2.0 * x).collect();
+        assert!((levels_apart(&louder_sound, &reference) - 6.02).abs() < 0.01);
         // 6 dB less in the upper half: ten of the 20 bands that are wide enough and not empty.
-        let darker = apart(
+        let darker_change = levels_apart(
             &sound(|hertz| if hertz > 890.0 { 0.5 } else { 1.0 }, 1.0),
-            &b,
+            &reference,
         );
-        assert!((2.5..3.6).contains(&darker), "{darker}");
+        assert!((2.5..3.6).contains(&darker_change), "{darker_change}");
     }
 
     #[test]
     fn level_difference_of_silence_is_finite() {
-        let b = sound(|_| 1.0, 1.0);
-        let silence = vec![0.0; b.len()];
-        assert_eq!(level_difference(&b, &b, 2, 44_100.0), 0.0);
-        assert_eq!(level_difference(&b, &silence, 2, 44_100.0), 0.0);
-        assert!((level_difference(&silence, &b, 2, 44_100.0) - 100.0).abs() < 1e-9);
+        let reference = sound(|_| 1.0, 1.0);
+        let silence = vec![0.0; reference.len()];
+        assert_eq!(level_difference(&reference, &reference, 2, 44_100.0), 0.0);
+        assert_eq!(level_difference(&reference, &silence, 2, 44_100.0), 0.0);
+        assert!((level_difference(&silence, &reference, 2, 44_100.0) - 100.0).abs() < 1e-9);
         assert_eq!(level_difference(&[], &[], 0, 44_100.0), 0.0);
     }
 }

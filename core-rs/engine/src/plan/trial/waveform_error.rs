@@ -8,8 +8,8 @@ use crate::waveform::worst_ratio;
 
 /// The sum of two independent errors, by power [dB].
 pub(in crate::plan) fn power_sum(error: f64, other: f64) -> f64 {
-    let power = |db: f64| pow(10.0, db / 10.0);
-    10.0 * log10(power(error) + power(other))
+    let power_ratio = |db: f64| pow(10.0, db / 10.0);
+    10.0 * log10(power_ratio(error) + power_ratio(other))
 }
 
 /// The sum of several errors in the worst case, by amplitude [dB].
@@ -42,27 +42,27 @@ impl Spans {
     pub(in crate::plan) fn new(island_plan: &IslandPlan, n_frames: usize) -> Self {
         let rate = frames_a_second(island_plan);
         // Rounded up: the frame of the event belongs to the spans.
-        let third = (AFTER / 3.0 * rate).ceil() as usize;
+        let third_frames = (AFTER / 3.0 * rate).ceil() as usize;
         Self {
             n_out: island_plan.network.outputs().len(),
-            frames: [2, 1, 0].map(|thirds| n_frames.saturating_sub(thirds * third)),
+            frames: [2, 1, 0].map(|thirds| n_frames.saturating_sub(thirds * third_frames)),
             rate,
         }
     }
 
     /// The first event [frames].
     pub(in crate::plan) fn event(&self) -> usize {
-        let [first, second, all] = self.frames;
-        first.saturating_sub(all - second)
+        let [first_end, second_end, last_end] = self.frames;
+        first_end.saturating_sub(last_end - second_end)
     }
 
     /// The same spans over a shorter time after the first event: `parts` of `PARTS`, at least one.
     pub(in crate::plan) fn shortened(&self, parts: usize) -> Self {
-        let event = self.event();
-        let third = (self.end() - event) * parts.clamp(1, PARTS) / PARTS / 3;
-        let end = event + 3 * third;
+        let event_frame = self.event();
+        let third_frames = (self.end() - event_frame) * parts.clamp(1, PARTS) / PARTS / 3;
+        let end_frame = event_frame + 3 * third_frames;
         Self {
-            frames: [2, 1, 0].map(|thirds| end - thirds * third),
+            frames: [2, 1, 0].map(|thirds| end_frame - thirds * third_frames),
             ..*self
         }
     }
@@ -75,11 +75,11 @@ impl Spans {
     /// Frames after which an unfinished run is compared, so that it may be stopped early: one in the first span, and
     /// the ends of all spans but the last.
     pub(in crate::plan) fn checkpoints(&self) -> [usize; 3] {
-        let [first, second, _] = self.frames;
+        let [first_end, second_end, _] = self.frames;
         [
-            first - (first - self.event()) * (EARLY.0 - 1) / EARLY.0,
-            first,
-            second,
+            first_end - (first_end - self.event()) * (EARLY.0 - 1) / EARLY.0,
+            first_end,
+            second_end,
         ]
     }
 
@@ -116,26 +116,26 @@ impl<'a> EarlyComparison<'a> {
     /// `n_frames` of its sound.
     pub(in crate::plan) fn update(&mut self, n_frames: usize, sound: &[f64]) -> Option<f64> {
         let checkpoints = self.spans.checkpoints();
-        let n = checkpoints
+        let checks_passed = checkpoints
             .iter()
             .filter(|checkpoint| **checkpoint <= n_frames)
             .count();
-        if n <= self.n_checked {
+        if checks_passed <= self.n_checked {
             return None;
         }
-        self.n_checked = n;
-        let early = if n == 1 { EARLY.1 } else { 0.0 };
-        let spans = self.spans.within(checkpoints[n - 1]);
-        let apart = difference(sound, self.against, &spans) - early;
-        self.lower_bound = self.lower_bound.max(apart);
+        self.n_checked = checks_passed;
+        let early_margin = if checks_passed == 1 { EARLY.1 } else { 0.0 };
+        let early_spans = self.spans.within(checkpoints[checks_passed - 1]);
+        let bound_level = difference(sound, self.against, &early_spans) - early_margin;
+        self.lower_bound = self.lower_bound.max(bound_level);
         Some(self.lower_bound)
     }
 }
 
 /// ‖a − b‖ / ‖b‖ [dB], the worst over outputs and spans; the mean of `b` does not count as sound.
 pub(in crate::plan) fn difference(a: &[f64], b: &[f64], spans: &Spans) -> f64 {
-    let ratios = spans.frames.map(|n| worst_ratio(a, b, spans.n_out, n));
-    20.0 * log10(sqrt(ratios.into_iter().fold(0.0, f64::max)).max(1e-15))
+    let span_ratios = spans.frames.map(|n| worst_ratio(a, b, spans.n_out, n));
+    20.0 * log10(sqrt(span_ratios.into_iter().fold(0.0, f64::max)).max(1e-15))
 }
 
 #[cfg(test)]
@@ -155,10 +155,10 @@ mod tests {
     #[test]
     fn error_beside_another_adds_amplitudes() {
         for (error, other) in [(-70.0, -66.0), (-60.0, -120.0), (-90.0, -90.0)] {
-            let both = power_sum(error_beside(error, other), other);
+            let summed_error = power_sum(error_beside(error, other), other);
             assert!(
-                (both - amplitude_sum([error, other])).abs() < 1e-9,
-                "{both}"
+                (summed_error - amplitude_sum([error, other])).abs() < 1e-9,
+                "{summed_error}"
             );
         }
     }
@@ -174,43 +174,46 @@ mod tests {
 
     #[test]
     fn shortened_spans_keep_the_event() {
-        let all = spans();
-        assert_eq!((all.event(), all.end()), (60, 360));
+        let full_spans = spans();
+        assert_eq!((full_spans.event(), full_spans.end()), (60, 360));
         for (parts, end) in [(0, 108), (1, 108), (3, 210), (4, 258), (6, 360), (99, 360)] {
-            let only = all.shortened(parts);
-            assert_eq!((only.event(), only.end()), (60, end));
+            let short_spans = full_spans.shortened(parts);
+            assert_eq!((short_spans.event(), short_spans.end()), (60, end));
         }
     }
 
     /// Two notes that begin at the event, of which the first also has the error `apart`.
     fn notes(apart: impl Fn(usize) -> f64) -> (Vec<f64>, Vec<f64>) {
-        let note = |n: usize| crate::maths::sin(0.7 * n.saturating_sub(60) as f64);
-        let all = 0..360_usize;
+        let note_sample = |n: usize| crate::maths::sin(0.7 * n.saturating_sub(60) as f64);
+        let all_frames = 0..360_usize;
         (
-            all.clone().map(|n| note(n) + apart(n)).collect(),
-            all.map(note).collect(),
+            all_frames
+                .clone()
+                .map(|n| note_sample(n) + apart(n))
+                .collect(),
+            all_frames.map(note_sample).collect(),
         )
     }
 
     #[test]
     fn early_comparison_never_exceeds_the_full_difference() {
         let spans = spans();
-        let grows = |n: usize| 1e-6 * (n as f64 - 60.0).max(0.0);
-        let falls = |n: usize| if (60..85).contains(&n) { 1e-3 } else { 1e-9 };
-        for (a, b) in [notes(grows), notes(falls)] {
+        let growing_error = |n: usize| 1e-6 * (n as f64 - 60.0).max(0.0);
+        let early_error = |n: usize| if (60..85).contains(&n) { 1e-3 } else { 1e-9 };
+        for (a, b) in [notes(growing_error), notes(early_error)] {
             let mut comparison = EarlyComparison::against(&b, &spans);
             let full_difference = difference(&a, &b, &spans);
-            let mut n_told = 0;
+            let mut bound_count = 0;
             for end in (0..=360).step_by(24) {
-                if let Some(least) = comparison.update(end, &a[..end]) {
-                    n_told += 1;
+                if let Some(error_bound) = comparison.update(end, &a[..end]) {
+                    bound_count += 1;
                     assert!(
-                        least <= full_difference + 1e-9,
-                        "{least} of {full_difference} after {end}"
+                        error_bound <= full_difference + 1e-9,
+                        "{error_bound} of {full_difference} after {end}"
                     );
                 }
             }
-            assert_eq!(n_told, 3);
+            assert_eq!(bound_count, 3);
             assert!(comparison.lower_bound > full_difference - EARLY.1);
         }
     }

@@ -62,12 +62,12 @@ impl Simulation {
         self.take_contacts(look, |contact, frame, force| {
             pushes[contact] = Push { frame, force };
         });
-        let broken = &mut into.broken;
-        self.look_at_breaks(look, |link, is| broken[link] = is);
+        let broken_links = &mut into.broken;
+        self.look_at_breaks(look, |link, is| broken_links[link] = is);
         into.n_sparks = 0;
         self.take_sparks(look, |spark| {
-            if let Some(room) = into.sparks.get_mut(into.n_sparks) {
-                *room = spark;
+            if let Some(spark_room) = into.sparks.get_mut(into.n_sparks) {
+                *spark_room = spark;
                 into.n_sparks += 1;
             }
         });

@@ -68,30 +68,37 @@ type Ends = (usize, usize, u32);
 
 impl<'a> Maker<'a> {
     pub(super) fn new(network: &'a Network, rate: f64) -> Self {
-        let n = network.n_mat();
+        let mat_count = network.n_mat();
         let contacts = network.runs().iter().filter(|run| run.kind.is_contact());
         let contacts = contacts.flat_map(|run| {
             (0..run.len).map(|i| {
-                let (a, b) = run.pair(i, 0);
+                let (first_end, second_end) = run.pair(i, 0);
                 // Where all pairs of two sets may touch, each contact belongs to a point of the second set, whichever
                 // point touches it.
-                let a = if run.pairwise().is_some() { b } else { a };
+                let first_end = if run.pairwise().is_some() {
+                    second_end
+                } else {
+                    first_end
+                };
                 Contact {
                     name: network.link_name(run.first + i),
                     link: run.first + i,
-                    ends: (a, b),
+                    ends: (first_end, second_end),
                 }
             })
         });
-        let (breakable, ends): (Vec<usize>, Vec<Ends>) = may_break(network, |mat| mat).unzip();
+        let (breakable, break_ends): (Vec<usize>, Vec<Ends>) =
+            may_break(network, |mat| mat).unzip();
         Self {
-            by_ends: ends.into_iter().zip(0..).collect(),
+            by_ends: break_ends.into_iter().zip(0..).collect(),
             breakable,
             breaking: Vec::new(),
             network,
             rate,
-            by_name: (0..n).map(|mat| (network.mat_name(mat), mat)).collect(),
-            sources: (0..n).map(|_| None).collect(),
+            by_name: (0..mat_count)
+                .map(|mat| (network.mat_name(mat), mat))
+                .collect(),
+            sources: (0..mat_count).map(|_| None).collect(),
             bodies: Vec::new(),
             contacts: contacts.collect(),
             touched: Vec::new(),
@@ -135,9 +142,9 @@ impl<'a> Maker<'a> {
         let network = &*island.network;
         for (mat, kind) in network.mats().kind.iter().enumerate() {
             // A held point may be a guest of several islands; the first of them gives its position.
-            let global = to_network_index(&island.to_whole.mats, mat);
-            if !kind.is_held() || self.sources[global].is_none() {
-                self.record_sampled(Some(global), unit, Origin::Mass(mat));
+            let network_mat = to_network_index(&island.to_whole.mats, mat);
+            if !kind.is_held() || self.sources[network_mat].is_none() {
+                self.record_sampled(Some(network_mat), unit, Origin::Mass(mat));
             }
         }
         for (body, inside) in island.bodies.iter().enumerate() {
@@ -155,7 +162,7 @@ impl<'a> Maker<'a> {
                     }
                 }
                 BodyPlan::Modal(modal) => {
-                    let seen = match &modal.answers {
+                    let mode_shapes = match &modal.answers {
                         Some(answers) => {
                             ModeShapes::complex(&modal.network, &answers.places, modal.rate)
                         }
@@ -170,28 +177,34 @@ impl<'a> Maker<'a> {
                     let modes = modes.map(|mode| {
                         Oscillation::from_recurrence(mode.a, mode.b, modal.rate.hertz())
                     });
-                    if let Some(seen) = seen {
-                        self.body((unit, Some(body)), &modal.network, &seen, modes.collect());
+                    if let Some(mode_shapes) = mode_shapes {
+                        self.body(
+                            (unit, Some(body)),
+                            &modal.network,
+                            &mode_shapes,
+                            modes.collect(),
+                        );
                     }
                 }
             }
         }
-        let by_name: HashMap<&str, usize> = (self.contacts.iter().enumerate())
+        let contact_by_name: HashMap<&str, usize> = (self.contacts.iter().enumerate())
             .map(|(unit, contact)| (contact.name.as_str(), unit))
             .collect();
         let mut contacts = vec![None; network.n_lia()];
         for run in network.runs().iter().filter(|run| run.kind.is_contact()) {
-            let links = run.first..run.first + run.len;
-            for (contact, link) in contacts[links.clone()].iter_mut().zip(links) {
-                if let Some(&known) = by_name.get(network.link_name(link).as_str()) {
-                    *contact = Some(known as u32);
+            let run_links = run.first..run.first + run.len;
+            for (contact, link) in contacts[run_links.clone()].iter_mut().zip(run_links) {
+                if let Some(&known_contact) = contact_by_name.get(network.link_name(link).as_str())
+                {
+                    *contact = Some(known_contact as u32);
                 }
             }
         }
         self.touched.push((unit, contacts));
         if !island.timeline.gestures.is_empty() {
-            let mats = island.to_whole.mats.clone();
-            self.played.push((unit, mats));
+            let island_mats = island.to_whole.mats.clone();
+            self.played.push((unit, island_mats));
         }
         let breaking: Vec<(u32, u32)> =
             may_break(network, |mat| to_network_index(&island.to_whole.mats, mat))
@@ -204,9 +217,11 @@ impl<'a> Maker<'a> {
         let oscillation = |oscillator: &Oscillator| {
             Oscillation::from_recurrence(oscillator.a, oscillator.b, self.rate)
         };
-        let all: Vec<Oscillation> = bank.oscillators.iter().map(oscillation).collect();
-        if bank.mats.len() == all.len() && !all.is_empty() {
-            for (oscillator, (&(mat, rest), &free)) in bank.mats.iter().zip(&all).enumerate() {
+        let oscillations: Vec<Oscillation> = bank.oscillators.iter().map(oscillation).collect();
+        if bank.mats.len() == oscillations.len() && !oscillations.is_empty() {
+            for (oscillator, (&(mat, rest), &free)) in
+                bank.mats.iter().zip(&oscillations).enumerate()
+            {
                 let from = Origin::Bank(oscillator);
                 let how = How::Free(free);
                 self.record(
@@ -222,12 +237,12 @@ impl<'a> Maker<'a> {
             return;
         }
         let rate = Rate::new(self.rate).ok();
-        let (network, seen) = match (&bank.body, &bank.complex, rate) {
+        let (network, mode_shapes) = match (&bank.body, &bank.complex, rate) {
             (Some(bank_network), _, Some(rate)) => {
                 let modes_kept = (&bank.computed_modes[..], bank.turned.as_deref());
-                let seen =
+                let mode_shapes =
                     ModeShapes::new(bank_network, modes_kept, rate, ModalTransform::ToPositions);
-                (bank_network.clone(), seen)
+                (bank_network.clone(), mode_shapes)
             }
             (_, Some((bank_network, parts)), Some(rate)) => (
                 bank_network.clone(),
@@ -235,8 +250,8 @@ impl<'a> Maker<'a> {
             ),
             _ => return,
         };
-        if let Some(seen) = seen {
-            self.body((unit, None), &network, &seen, all);
+        if let Some(mode_shapes) = mode_shapes {
+            self.body((unit, None), &network, &mode_shapes, oscillations);
         }
     }
 
@@ -253,15 +268,15 @@ impl<'a> Maker<'a> {
             .iter()
             .map(|&mat| self.network_index(network, mat))
             .collect();
-        let known = mats
-            .iter()
-            .flatten()
-            .find_map(|&mat| match self.sources[mat].as_ref()?.how {
-                How::Modal(body) => Some(body),
-                _ => None,
-            });
-        let body_index = known.unwrap_or(self.bodies.len());
-        if known.is_none() {
+        let known_body =
+            mats.iter()
+                .flatten()
+                .find_map(|&mat| match self.sources[mat].as_ref()?.how {
+                    How::Modal(body) => Some(body),
+                    _ => None,
+                });
+        let body_index = known_body.unwrap_or(self.bodies.len());
+        if known_body.is_none() {
             for (&mat, &rest) in mats.iter().zip(seen.rest()) {
                 let (how, from) = (How::Modal(body_index), Origin::Body);
                 self.record(
@@ -318,7 +333,7 @@ impl<'a> Maker<'a> {
             });
         }
         points.sort_by_key(|point| (point.part, kind(point.how), point.mat));
-        let number: HashMap<usize, usize> = (points.iter().enumerate())
+        let point_numbers: HashMap<usize, usize> = (points.iter().enumerate())
             .map(|(at, point)| (point.mat, at))
             .collect();
         let (mut bodies, mut n_modes) = (Vec::new(), 0);
@@ -330,18 +345,22 @@ impl<'a> Maker<'a> {
             };
             body.modes.sort_by(by_pitch);
             body.modes.truncate(MODES_MAX);
-            let modes = &body.modes;
-            let rows = body.mats.iter();
+            let body_modes = &body.modes;
+            let shape_rows = body.mats.iter();
             bodies.push(SeenBody {
                 n_modes: mode_count,
-                modes: modes.iter().map(|mode| mode.oscillation).collect(),
+                modes: body_modes.iter().map(|mode| mode.oscillation).collect(),
                 first: n_modes,
-                points: body.mats.iter().map(|(mat, _)| number[mat]).collect(),
-                shapes: rows
-                    .flat_map(|&(_, row)| modes.iter().map(move |mode| mode.shape[row]))
+                points: body
+                    .mats
+                    .iter()
+                    .map(|(mat, _)| point_numbers[mat])
+                    .collect(),
+                shapes: shape_rows
+                    .flat_map(|&(_, row)| body_modes.iter().map(move |mode| mode.shape[row]))
                     .collect(),
             });
-            n_modes += modes.len();
+            n_modes += body_modes.len();
         }
         Look {
             sources: self.sources(&points, &bodies),
@@ -360,24 +379,26 @@ impl<'a> Maker<'a> {
     /// Where the numbers of points and modes come from, grouped by source.
     fn sources(&self, points: &[Point], bodies: &[SeenBody]) -> Vec<(usize, Source)> {
         type Key = (usize, u8, usize);
-        let mut by_key: BTreeMap<Key, Source> = BTreeMap::new();
+        let mut source_by_key: BTreeMap<Key, Source> = BTreeMap::new();
         for (point_index, point) in points.iter().enumerate() {
             let (Some(recorded), track) = (&self.sources[point.mat], point_index as u32) else {
                 continue;
             };
-            let (key, index) = match recorded.from {
+            let (source_key, index) = match recorded.from {
                 Origin::Mass(index) => ((recorded.index, 0, 0), index),
                 Origin::Mesh(body, index) => ((recorded.index, 1, body), index),
                 Origin::Slow(body, index) => ((recorded.index, 2, body), index),
                 Origin::Bank(index) => ((recorded.index, 3, 0), index),
                 Origin::Body => continue,
             };
-            let source = by_key.entry(key).or_insert_with(|| match recorded.from {
-                Origin::Mass(_) => Source::Masses(Vec::new()),
-                Origin::Mesh(body, _) => Source::Mesh(body, Vec::new()),
-                Origin::Slow(body, _) => Source::Slow(body, Vec::new()),
-                Origin::Bank(_) | Origin::Body => Source::Bank(Vec::new()),
-            });
+            let source = source_by_key
+                .entry(source_key)
+                .or_insert_with(|| match recorded.from {
+                    Origin::Mass(_) => Source::Masses(Vec::new()),
+                    Origin::Mesh(body, _) => Source::Mesh(body, Vec::new()),
+                    Origin::Slow(body, _) => Source::Slow(body, Vec::new()),
+                    Origin::Bank(_) | Origin::Body => Source::Bank(Vec::new()),
+                });
             match source {
                 Source::Masses(all) | Source::Mesh(_, all) | Source::Slow(_, all) => {
                     all.push((index as u32, track, point.rest));
@@ -386,7 +407,7 @@ impl<'a> Maker<'a> {
                 Source::Modes(..) => {}
             }
         }
-        let mut sources: Vec<(usize, Source)> = by_key
+        let mut sources: Vec<(usize, Source)> = source_by_key
             .into_iter()
             .map(|((point_index, _, _), source)| (point_index, source))
             .collect();
@@ -400,12 +421,13 @@ impl<'a> Maker<'a> {
                 let source = match place {
                     None => Source::Bank(pairs),
                     Some(place) => {
-                        let last = pairs.iter().map(|(mode, _)| *mode as usize).max();
-                        let mut modes = vec![None; last.map_or(0, |last| last + 1)];
+                        let last_mode = pairs.iter().map(|(mode, _)| *mode as usize).max();
+                        let mut mode_tracks =
+                            vec![None; last_mode.map_or(0, |last_mode| last_mode + 1)];
                         pairs
                             .iter()
-                            .for_each(|(mode, track)| modes[*mode as usize] = Some(*track));
-                        Source::Modes(place, modes)
+                            .for_each(|(mode, track)| mode_tracks[*mode as usize] = Some(*track));
+                        Source::Modes(place, mode_tracks)
                     }
                 };
                 sources.push((point_index, source));
@@ -430,31 +452,32 @@ fn may_break(
     network: &Network,
     to_whole: impl Fn(usize) -> usize,
 ) -> impl Iterator<Item = (usize, Ends)> {
-    let mut known: HashMap<(usize, usize), u32> = HashMap::new();
-    let runs = network.runs().iter().filter(|run| run.kind.may_break());
-    let links = runs.flat_map(|run| (0..run.len).map(move |i| (run.first + i, run.pair(i, 0))));
-    links.map(move |(link, (a, b))| {
-        let (a, b) = (to_whole(a), to_whole(b));
-        let next = known.entry((a, b)).or_default();
-        *next += 1;
-        (link, (a, b, *next - 1))
+    let mut pair_counts: HashMap<(usize, usize), u32> = HashMap::new();
+    let breaking_runs = network.runs().iter().filter(|run| run.kind.may_break());
+    let breaking_links =
+        breaking_runs.flat_map(|run| (0..run.len).map(move |i| (run.first + i, run.pair(i, 0))));
+    breaking_links.map(move |(link, (first_end, second_end))| {
+        let (first_end, second_end) = (to_whole(first_end), to_whole(second_end));
+        let next_number = pair_counts.entry((first_end, second_end)).or_default();
+        *next_number += 1;
+        (link, (first_end, second_end, *next_number - 1))
     })
 }
 
 /// Whether a MAT belongs to a link in space: a fixed point is seen only if a link in space holds on to it   (n_mat)
 fn held_in_space(network: &Network) -> Vec<bool> {
-    let mut holds = vec![false; network.n_mat()];
+    let mut is_space_end = vec![false; network.n_mat()];
     for run in network.runs().iter().filter(|run| run.n_axes() > 1) {
         for (a, b) in (0..run.len).flat_map(|i| run.pairs(i)) {
-            (holds[a], holds[b]) = (true, true);
+            (is_space_end[a], is_space_end[b]) = (true, true);
         }
     }
-    holds
+    is_space_end
 }
 
 fn moving(network: &Network) -> Vec<usize> {
-    let kinds = network.mats().kind.iter().enumerate();
-    kinds
+    let mat_kinds = network.mats().kind.iter().enumerate();
+    mat_kinds
         .filter(|(_, kind)| kind.moves())
         .map(|(mat, _)| mat)
         .collect()

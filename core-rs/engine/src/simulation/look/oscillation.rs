@@ -16,14 +16,14 @@ impl Oscillation {
     /// The oscillation of x[n+1] = a·x[n] − b·x[n−1].
     pub(super) fn from_recurrence(a: f64, b: f64, rate: f64) -> Self {
         if b <= 0.0 {
-            let fall = if a > 0.0 && a < 1.0 {
+            let log_ratio = if a > 0.0 && a < 1.0 {
                 maths::log(a)
             } else {
                 0.0
             };
             return Self {
                 omega: 0.0,
-                sigma: -fall * rate,
+                sigma: -log_ratio * rate,
             };
         }
         let sigma = -0.5 * maths::log(b) * rate;
@@ -40,24 +40,27 @@ impl Oscillation {
     /// The coefficients a and b of its motion from now on; `now` is its displacement [m], `before` that of `step` [s]
     /// earlier.
     pub fn phase(&self, now: f64, before: f64, step: f64) -> (f64, f64) {
-        let turn = self.omega * step;
-        let was = before * maths::exp(-self.sigma * step);
+        let step_angle = self.omega * step;
+        let undamped_before = before * maths::exp(-self.sigma * step);
         if self.omega == 0.0 {
-            return (now, (now - was) / step);
+            return (now, (now - undamped_before) / step);
         }
-        (now, (now * maths::cos(turn) - was) / maths::sin(turn))
+        (
+            now,
+            (now * maths::cos(step_angle) - undamped_before) / maths::sin(step_angle),
+        )
     }
 
     /// The coefficients a and b `t` [s] later; `t` may be negative.
     pub fn later(&self, (a, b): (f64, f64), t: f64) -> (f64, f64) {
-        let fade = maths::exp(-self.sigma * t);
+        let decay_factor = maths::exp(-self.sigma * t);
         if self.omega == 0.0 {
-            return (fade * (a + b * t), fade * b);
+            return (decay_factor * (a + b * t), decay_factor * b);
         }
         let (sine, cosine) = maths::sincos(self.omega * t);
         (
-            fade * (a * cosine + b * sine),
-            fade * (b * cosine - a * sine),
+            decay_factor * (a * cosine + b * sine),
+            decay_factor * (b * cosine - a * sine),
         )
     }
 }

@@ -52,7 +52,7 @@ impl Simulation {
     pub fn output_keys(&self, stops: &[u64]) -> Vec<Vec<String>> {
         let plan = &*self.plan;
         let still = plan.network.outputs().iter().zip(&plan.still);
-        let first: Vec<String> = still
+        let start_keys: Vec<String> = still
             .map(|(output, still)| {
                 format!(
                     "{:?} {} {:x}",
@@ -62,7 +62,7 @@ impl Simulation {
                 )
             })
             .collect();
-        let mut keys = vec![first; stops.len()];
+        let mut keys_by_stop = vec![start_keys; stops.len()];
         let is_silent = plan.still.iter().map(|still| *still == 0.0).collect();
         let mut is_silent: Vec<Vec<bool>> = vec![is_silent; stops.len()];
         // Sums are rounded group by group.
@@ -76,40 +76,44 @@ impl Simulation {
                     (_, Unit::Bank(bank)) => bank.silent_until(),
                     _ => 0,
                 };
-                let (mut from, mut before) = (0, String::new());
+                let (mut last_stop, mut key_before) = (0, String::new());
                 for (place, &stop) in stops.iter().enumerate() {
-                    before = self.unit_key(unit, (from, stop), &before);
-                    from = stop;
+                    key_before = self.unit_key(unit, (last_stop, stop), &key_before);
+                    last_stop = stop;
                     if stop <= silent_until {
                         continue;
                     }
                     for (local, &output) in outputs.iter().enumerate() {
                         let last_group = &mut last_group[place][output];
-                        let next = if *last_group == Some(group) { '+' } else { ',' };
+                        let separator = if *last_group == Some(group) { '+' } else { ',' };
                         *last_group = Some(group);
                         is_silent[place][output] = false;
-                        keys[place][output] += &format!("{next}{before}.{local}");
+                        keys_by_stop[place][output] += &format!("{separator}{key_before}.{local}");
                     }
                 }
             }
         }
-        for (key, is_silent) in keys.iter_mut().flatten().zip(is_silent.iter().flatten()) {
+        for (key, is_silent) in keys_by_stop
+            .iter_mut()
+            .flatten()
+            .zip(is_silent.iter().flatten())
+        {
             *key = if *is_silent {
                 String::new()
             } else {
                 crate::plan::hex_of(format_args!("{key}"))
             };
         }
-        keys
+        keys_by_stop
     }
 
     /// Outputs of the scene that hear a unit, in its order.
     fn outputs_of(&self, unit: usize) -> Vec<usize> {
         match (&self.plan.units[unit], self.content(unit)) {
             (Unit::IslandPlan(island_plan), _) => {
-                let n_out = island_plan.network.outputs().len();
+                let n_outputs = island_plan.network.outputs().len();
                 let outputs = &island_plan.to_whole.outputs;
-                (0..n_out)
+                (0..n_outputs)
                     .map(|local| to_network_index(outputs, local))
                     .collect()
             }

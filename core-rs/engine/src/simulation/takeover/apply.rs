@@ -76,8 +76,8 @@ impl Simulation {
             let RunningUnit::Island(old) = old else {
                 continue;
             };
-            let units = self.groups.iter_mut().flat_map(|group| &mut group.units);
-            for unit in units {
+            let running_units = self.groups.iter_mut().flat_map(|group| &mut group.units);
+            for unit in running_units {
                 if let RunningUnit::Island(island) = unit {
                     island.continue_strikes(old);
                 }
@@ -97,38 +97,38 @@ impl Simulation {
         from: MatLocation,
         to: MatLocation,
     ) {
-        let motion = match from {
+        let mat_motion = match from {
             MatLocation::Workspace(slot) => workspace.mats[slot],
-            MatLocation::Island(unit, mat) => match old.playing(unit) {
+            MatLocation::Island(unit_index, mat) => match old.playing(unit_index) {
                 RunningUnit::Island(island) => island.motion(mat),
                 RunningUnit::Bank(_) => return,
             },
-            MatLocation::Bank(unit, there, rest) => match old.playing(unit) {
+            MatLocation::Bank(unit_index, there, rest) => match old.playing(unit_index) {
                 RunningUnit::Bank(bank) => {
-                    if let MatLocation::Bank(unit, here, rest_here) = to
+                    if let MatLocation::Bank(unit_index, new_oscillator, rest_here) = to
                         && rest_here == rest
-                        && let RunningUnit::Bank(new) = self.playing(unit)
+                        && let RunningUnit::Bank(new_bank) = self.playing(unit_index)
                     {
-                        new.copy_motion(here, bank, there);
+                        new_bank.copy_motion(new_oscillator, bank, there);
                         return;
                     }
-                    let (now, before) = bank.motion(there);
-                    (now + rest, now - before)
+                    let (displacement, displacement_before) = bank.motion(there);
+                    (displacement + rest, displacement - displacement_before)
                 }
                 RunningUnit::Island(_) => return,
             },
         };
         match to {
-            MatLocation::Workspace(slot) => workspace.mats[slot] = motion,
-            MatLocation::Island(unit, mat) => {
-                if let RunningUnit::Island(island) = self.playing(unit) {
-                    island.set_motion(mat, motion);
+            MatLocation::Workspace(slot) => workspace.mats[slot] = mat_motion,
+            MatLocation::Island(unit_index, mat) => {
+                if let RunningUnit::Island(island) = self.playing(unit_index) {
+                    island.set_motion(mat, mat_motion);
                 }
             }
-            MatLocation::Bank(unit, oscillator, rest) => {
-                if let RunningUnit::Bank(bank) = self.playing(unit) {
-                    let now = motion.0 - rest;
-                    bank.set_motion(oscillator, (now, now - motion.1));
+            MatLocation::Bank(unit_index, oscillator, rest) => {
+                if let RunningUnit::Bank(bank) = self.playing(unit_index) {
+                    let displacement = mat_motion.0 - rest;
+                    bank.set_motion(oscillator, (displacement, displacement - mat_motion.1));
                 }
             }
         }

@@ -15,60 +15,65 @@ type Known<'a> = (UnitIndex, &'a Island, &'a IslandPlan, usize);
 impl Takeover {
     /// Matches voices by the MATs that they strike, and the reports of the gestures that both have.
     pub(super) fn voices(&mut self, there: &Side<'_>, here: &Side<'_>, n: u64) {
-        let mut by_name: HashMap<(String, bool), Vec<Known<'_>>> = HashMap::new();
-        for &(from, island, island_plan) in &there.islands {
+        let mut voices_by_name: HashMap<(String, bool), Vec<Known<'_>>> = HashMap::new();
+        for &(old_unit, island, island_plan) in &there.islands {
             for (voice, voice_script) in island.script().voices.iter().enumerate() {
                 let name = (
                     island_plan.network.mat_name(voice_script.struck),
                     voice_script.layer,
                 );
-                by_name
-                    .entry(name)
-                    .or_default()
-                    .push((from, island, island_plan, voice));
+                voices_by_name.entry(name).or_default().push((
+                    old_unit,
+                    island,
+                    island_plan,
+                    voice,
+                ));
             }
         }
         for &(to, island, island_plan) in &here.islands {
-            let script = island.script();
-            let limit = island.step_at(n);
-            for (voice, voice_script) in script.voices.iter().enumerate() {
+            let island_script = island.script();
+            let takeover_step = island.step_at(n);
+            for (voice, voice_script) in island_script.voices.iter().enumerate() {
                 let name = (
                     island_plan.network.mat_name(voice_script.struck),
                     voice_script.layer,
                 );
-                let Some(candidates) = by_name.get_mut(&name) else {
+                let Some(candidates) = voices_by_name.get_mut(&name) else {
                     continue;
                 };
                 // A layer holds one gesture, so it is matched by that; all other gestures of a key share one voice.
-                let mut same = None;
-                for (index, &(from, old, other, there)) in candidates.iter().enumerate() {
-                    let their = &old.script().voices[there];
+                let mut matching_voice = None;
+                for (candidate_index, &(old_unit, old, old_plan, there)) in
+                    candidates.iter().enumerate()
+                {
+                    let old_voice = &old.script().voices[there];
                     let gestures = shared(
-                        (voice_script, &script.gestures),
-                        (their, &old.script().gestures),
+                        (voice_script, &island_script.gestures),
+                        (old_voice, &old.script().gestures),
                     );
                     if voice_script.layer && gestures.is_empty() {
                         continue;
                     }
-                    same = Some((index, from, other, there, gestures));
+                    matching_voice = Some((candidate_index, old_unit, old_plan, there, gestures));
                     break;
                 }
-                let Some((index, from, other, there, gestures)) = same else {
+                let Some((candidate_index, old_unit, old_plan, there, gestures)) = matching_voice
+                else {
                     continue;
                 };
-                let old = candidates.remove(index).1.script();
-                let their = &old.voices[there];
+                let old = candidates.remove(candidate_index).1.script();
+                let old_voice = &old.voices[there];
                 let (name, other_name) = (
                     |mat| island_plan.network.mat_name(mat),
-                    |mat| other.network.mat_name(mat),
+                    |mat| old_plan.network.mat_name(mat),
                 );
-                let mats = if voice_script.free.is_like(&their.free, name, other_name)
+                let mats = if voice_script.free.is_like(&old_voice.free, name, other_name)
                     && (island_plan.oversampling, island_plan.every)
-                        == (other.oversampling, other.every)
+                        == (old_plan.oversampling, old_plan.every)
                 {
                     None
                 } else {
-                    let known: HashMap<String, usize> = their
+                    let old_members: HashMap<String, usize> = old_voice
                         .free
                         .members
                         .iter()
@@ -76,16 +81,20 @@ impl Takeover {
                         .zip(0..)
                         .collect();
                     let members = voice_script.free.members.iter().enumerate();
-                    let pair = |(to, &mat): (usize, &usize)| Some((to, *known.get(&name(mat))?));
-                    Some(members.filter_map(pair).collect())
+                    let index_pair =
+                        |(to, &mat): (usize, &usize)| Some((to, *old_members.get(&name(mat))?));
+                    Some(members.filter_map(index_pair).collect())
                 };
-                let begun = gestures
+                let begun_gestures = gestures
                     .iter()
-                    .filter(|pair| old.gestures[pair.0].join_from <= limit);
-                for &(there, here) in begun {
-                    let is_same = self.units.contains(&(from, to));
-                    self.items
-                        .push((from, to, ItemTakeover::Report(there, here, is_same)));
+                    .filter(|index_pair| old.gestures[index_pair.0].join_from <= takeover_step);
+                for &(there, here) in begun_gestures {
+                    let is_same_unit = self.units.contains(&(old_unit, to));
+                    self.items.push((
+                        old_unit,
+                        to,
+                        ItemTakeover::Report(there, here, is_same_unit),
+                    ));
                 }
                 let voice = VoiceTakeover {
                     from: there,
@@ -93,25 +102,28 @@ impl Takeover {
                     mats,
                     gestures,
                 };
-                self.items.push((from, to, ItemTakeover::Voice(voice)));
+                self.items.push((old_unit, to, ItemTakeover::Voice(voice)));
             }
         }
     }
 
     /// Matches delayed ports by their names.
     fn ports(&mut self, there: &Side<'_>, here: &Side<'_>) {
-        let mut known: HashMap<String, (UnitIndex, usize)> = HashMap::new();
-        for &(from, island, island_plan) in &there.islands {
+        let mut old_ports: HashMap<String, (UnitIndex, usize)> = HashMap::new();
+        for &(old_unit, island, island_plan) in &there.islands {
             for (index, binding) in island.script().port_bindings.iter().enumerate() {
-                known.insert(island_plan.network.mat_name(binding.port), (from, index));
+                old_ports.insert(
+                    island_plan.network.mat_name(binding.port),
+                    (old_unit, index),
+                );
             }
         }
         for &(to, island, island_plan) in &here.islands {
             for (index, binding) in island.script().port_bindings.iter().enumerate() {
-                let name = island_plan.network.mat_name(binding.port);
-                if let Some(&(from, before)) = known.get(&name) {
+                let port_name = island_plan.network.mat_name(binding.port);
+                if let Some(&(old_unit, old_index)) = old_ports.get(&port_name) {
                     self.items
-                        .push((from, to, ItemTakeover::Port(before, index)));
+                        .push((old_unit, to, ItemTakeover::Port(old_index, index)));
                 }
             }
         }
@@ -120,69 +132,84 @@ impl Takeover {
     /// Matches gates by their links, hands by their MATs, and, in islands that are the same, the parts that may be
     /// muted.
     pub(super) fn holds(&mut self, there: &Side<'_>, here: &Side<'_>) {
-        let mut gates = HashMap::new();
-        let mut hands: HashMap<String, Vec<(UnitIndex, usize)>> = HashMap::new();
-        for &(from, island, island_plan) in &there.islands {
+        let mut old_gates = HashMap::new();
+        let mut old_hands: HashMap<String, Vec<(UnitIndex, usize)>> = HashMap::new();
+        for &(old_unit, island, island_plan) in &there.islands {
             for (gate, gate_script) in island.script().gates.iter().enumerate() {
-                gates.insert(
+                old_gates.insert(
                     island_plan.network.link_name(gate_script.link),
-                    (from, gate),
+                    (old_unit, gate),
                 );
             }
             // A hand that several islands touch has a binding in each of them.
             for (hand, gate_script) in island.script().hand_bindings.iter().enumerate() {
-                let name = island_plan.network.mat_name(gate_script.mat());
-                hands.entry(name).or_default().push((from, hand));
+                let match_name = island_plan.network.mat_name(gate_script.mat());
+                old_hands
+                    .entry(match_name)
+                    .or_default()
+                    .push((old_unit, hand));
             }
         }
-        let has_link = |name: &str| {
-            let gate_of = |(unit, island_plan): (UnitIndex, &IslandPlan)| {
-                let runs = island_plan.network.runs().iter();
-                let mut names = runs.map(|run| island_plan.network.link_name(run.first));
-                names.any(|gate_script| gate_script == name).then_some(unit)
+        let has_link = |match_name: &str| {
+            let unit_with_link = |(unit, island_plan): (UnitIndex, &IslandPlan)| {
+                let network_runs = island_plan.network.runs().iter();
+                let mut link_names =
+                    network_runs.map(|run| island_plan.network.link_name(run.first));
+                link_names
+                    .any(|gate_script| gate_script == match_name)
+                    .then_some(unit)
             };
-            let mut all = there
+            let mut side_islands = there
                 .islands
                 .iter()
                 .map(|&(unit, _, island_plan)| (unit, island_plan));
-            all.find_map(gate_of)
+            side_islands.find_map(unit_with_link)
         };
-        let same: HashMap<UnitIndex, UnitIndex> =
-            self.units.iter().map(|&(from, to)| (to, from)).collect();
+        let unit_origins: HashMap<UnitIndex, UnitIndex> = self
+            .units
+            .iter()
+            .map(|&(old_unit, to)| (to, old_unit))
+            .collect();
         for &(to, island, island_plan) in &here.islands {
-            let script = island.script();
-            for (gate, gate_script) in script.gates.iter().enumerate() {
-                let name = island_plan.network.link_name(gate_script.link);
-                if let Some(&(from, before)) = gates.get(&name) {
-                    let item = ItemTakeover::Gate(Some(before), gate);
-                    self.items.push((from, to, item));
-                } else if let Some(from) = has_link(&name) {
-                    self.items.push((from, to, ItemTakeover::Gate(None, gate)));
+            let island_script = island.script();
+            for (gate, gate_script) in island_script.gates.iter().enumerate() {
+                let match_name = island_plan.network.link_name(gate_script.link);
+                if let Some(&(old_unit, old_index)) = old_gates.get(&match_name) {
+                    let passed_item = ItemTakeover::Gate(Some(old_index), gate);
+                    self.items.push((old_unit, to, passed_item));
+                } else if let Some(old_unit) = has_link(&match_name) {
+                    self.items
+                        .push((old_unit, to, ItemTakeover::Gate(None, gate)));
                 }
             }
-            for (hand, gate_script) in script.hand_bindings.iter().enumerate() {
-                let Some(known) = hands.get(&island_plan.network.mat_name(gate_script.mat()))
+            for (hand, gate_script) in island_script.hand_bindings.iter().enumerate() {
+                let Some(old_bindings) =
+                    old_hands.get(&island_plan.network.mat_name(gate_script.mat()))
                 else {
                     continue;
                 };
-                let ours = known.iter().find(|(from, _)| same.get(&to) == Some(from));
-                if let Some(&(from, before)) = ours.or(known.first()) {
+                let same_binding = old_bindings
+                    .iter()
+                    .find(|(old_unit, _)| unit_origins.get(&to) == Some(old_unit));
+                if let Some(&(old_unit, old_index)) = same_binding.or(old_bindings.first()) {
                     self.items
-                        .push((from, to, ItemTakeover::Hand(before, hand)));
+                        .push((old_unit, to, ItemTakeover::Hand(old_index, hand)));
                 }
             }
         }
         self.ports(there, here);
-        for &(from, to) in &self.units.clone() {
+        for &(old_unit, to) in &self.units.clone() {
             let island = |side: &Side<'_>, unit: UnitIndex| {
-                let mut all = side.islands.iter();
-                all.find(|island| island.0 == unit)
+                let mut side_islands = side.islands.iter();
+                side_islands
+                    .find(|island| island.0 == unit)
                     .map(|island| island.2.network.clone())
             };
-            let (Some(gate_script), Some(their)) = (island(here, to), island(there, from)) else {
+            let (Some(gate_script), Some(their)) = (island(here, to), island(there, old_unit))
+            else {
                 continue;
             };
-            let mut parts: Vec<(u32, u32)> = {
+            let mut part_pairs: Vec<(u32, u32)> = {
                 let (gate_script, their) = (&gate_script.mats().part, &their.mats().part);
                 their
                     .iter()
@@ -190,11 +217,11 @@ impl Takeover {
                     .zip(gate_script.iter().copied())
                     .collect()
             };
-            parts.sort_unstable();
-            parts.dedup();
-            for (there, gate_script) in parts {
-                let item = ItemTakeover::Part(there as usize, gate_script as usize);
-                self.items.push((from, to, item));
+            part_pairs.sort_unstable();
+            part_pairs.dedup();
+            for (there, gate_script) in part_pairs {
+                let passed_item = ItemTakeover::Part(there as usize, gate_script as usize);
+                self.items.push((old_unit, to, passed_item));
             }
         }
     }

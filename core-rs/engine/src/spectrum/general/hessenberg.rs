@@ -10,44 +10,55 @@ pub(super) fn reduce(matrix: &mut [f64], n: usize) -> Vec<f64> {
     for i in 0..n {
         turned[i * n + i] = 1.0;
     }
-    let (mut mirror, mut along) = (vec![0.0; n], vec![0.0; n]);
+    let (mut mirror, mut weighted_rows) = (vec![0.0; n], vec![0.0; n]);
     for k in 0..n.saturating_sub(2) {
         interrupt::spend(4 * n * n);
-        let below = k + 1..n;
-        for i in below.clone() {
+        let rows_below = k + 1..n;
+        for i in rows_below.clone() {
             mirror[i] = matrix[i * n + k];
         }
-        let reflector = &mirror[below.clone()];
-        let rest = dot(&reflector[1..], &reflector[1..]);
-        if rest == 0.0 {
+        let reflector = &mirror[rows_below.clone()];
+        let tail_square = dot(&reflector[1..], &reflector[1..]);
+        if tail_square == 0.0 {
             continue;
         }
-        let first = reflector[0];
-        let length = copysign(sqrt(rest + first * first), first);
-        mirror[k + 1] += length;
-        let scale = 2.0 / dot(&mirror[below.clone()], &mirror[below.clone()]);
+        let leading_entry = reflector[0];
+        let signed_length = copysign(
+            sqrt(tail_square + leading_entry * leading_entry),
+            leading_entry,
+        );
+        mirror[k + 1] += signed_length;
+        let reflection_scale = 2.0 / dot(&mirror[rows_below.clone()], &mirror[rows_below.clone()]);
         // From the left: changes the rows below k.
-        along.fill(0.0);
-        for i in below.clone() {
-            add(mirror[i], &matrix[i * n..(i + 1) * n], &mut along);
+        weighted_rows.fill(0.0);
+        for i in rows_below.clone() {
+            add(mirror[i], &matrix[i * n..(i + 1) * n], &mut weighted_rows);
         }
-        for i in below.clone() {
-            add(-scale * mirror[i], &along, &mut matrix[i * n..(i + 1) * n]);
+        for i in rows_below.clone() {
+            add(
+                -reflection_scale * mirror[i],
+                &weighted_rows,
+                &mut matrix[i * n..(i + 1) * n],
+            );
         }
         // From the right: changes the columns beyond k.
         for i in 0..n {
-            let row = &mut matrix[i * n + k + 1..(i + 1) * n];
-            let by = -scale * dot(row, &mirror[below.clone()]);
-            add(by, &mirror[below.clone()], row);
+            let trailing_row = &mut matrix[i * n + k + 1..(i + 1) * n];
+            let row_factor = -reflection_scale * dot(trailing_row, &mirror[rows_below.clone()]);
+            add(row_factor, &mirror[rows_below.clone()], trailing_row);
         }
-        along.fill(0.0);
-        for i in below.clone() {
-            add(mirror[i], &turned[i * n..(i + 1) * n], &mut along);
+        weighted_rows.fill(0.0);
+        for i in rows_below.clone() {
+            add(mirror[i], &turned[i * n..(i + 1) * n], &mut weighted_rows);
         }
-        for i in below {
-            add(-scale * mirror[i], &along, &mut turned[i * n..(i + 1) * n]);
+        for i in rows_below {
+            add(
+                -reflection_scale * mirror[i],
+                &weighted_rows,
+                &mut turned[i * n..(i + 1) * n],
+            );
         }
-        matrix[(k + 1) * n + k] = -length;
+        matrix[(k + 1) * n + k] = -signed_length;
         for i in k + 2..n {
             matrix[i * n + k] = 0.0;
         }

@@ -118,8 +118,8 @@ unsafe extern "C" fn ignore_message(_: *const c_char) {}
 /// The library, if it is installed.
 pub(super) fn api() -> Result<&'static Api, AudioError> {
     static API: OnceLock<Result<Api, String>> = OnceLock::new();
-    let loaded = API.get_or_init(|| {
-        let mut why = String::new();
+    let load_result = API.get_or_init(|| {
+        let mut load_error = String::new();
         for name in NAMES {
             // SAFETY: libjack's initialisers do nothing that this program would not bear.
             match unsafe { Library::new(name) }.and_then(Api::load) {
@@ -132,13 +132,17 @@ pub(super) fn api() -> Result<&'static Api, AudioError> {
                     }
                     return Ok(api);
                 }
-                Err(error) => why = error.to_string(),
+                Err(error) => load_error = error.to_string(),
             }
         }
-        Err(why)
+        Err(load_error)
     });
-    loaded.as_ref().map_err(|why| AudioError::Unavailable {
-        backend: "jack",
-        why: format!("there is no JACK library ({why}): install jackd2 or pipewire-jack"),
-    })
+    load_result
+        .as_ref()
+        .map_err(|load_error| AudioError::Unavailable {
+            backend: "jack",
+            why: format!(
+                "there is no JACK library ({load_error}): install jackd2 or pipewire-jack"
+            ),
+        })
 }

@@ -30,9 +30,9 @@ impl Capture {
     /// # Errors
     ///
     /// No library, no server.
-    pub fn open(name: &str, channels: usize, frames: usize) -> Result<Self, AudioError> {
-        let name = CString::new(name).unwrap_or_default();
-        let client = Client::open(&name, Arc::default())?;
+    pub fn open(client_name: &str, channels: usize, frames: usize) -> Result<Self, AudioError> {
+        let client_name = CString::new(client_name).unwrap_or_default();
+        let client = Client::open(&client_name, Arc::default())?;
         let recorded = Arc::new(AtomicUsize::new(0));
         let recorder = Recorder {
             channels,
@@ -55,16 +55,16 @@ impl Capture {
     #[must_use]
     pub fn connect(&self, source: &str, limit: Duration) -> bool {
         let client = self.active.client();
-        let until = Instant::now() + limit;
+        let deadline = Instant::now() + limit;
         let pattern = format!("^{source}:");
         loop {
             let outputs = client.find(&pattern, PORT_IS_OUTPUT);
             if outputs.len() >= self.channels {
-                let ports = self.active.port_names();
-                let mut pairs = outputs.iter().zip(&ports);
-                return pairs.all(|(from, to)| client.connect(from, to));
+                let port_names = self.active.port_names();
+                let mut port_pairs = outputs.iter().zip(&port_names);
+                return port_pairs.all(|(from, to)| client.connect(from, to));
             }
-            if Instant::now() >= until {
+            if Instant::now() >= deadline {
                 return false;
             }
             std::thread::sleep(Duration::from_millis(2));
@@ -95,12 +95,14 @@ impl Capture {
 
 impl Process for Recorder {
     fn cycle(&mut self, cycle: &Cycle<'_>) {
-        let done = self.recorded.load(Ordering::Relaxed);
-        let n = cycle.frames().min(self.capacity - done);
-        let to = &mut self.samples[done * self.channels..(done + n) * self.channels];
-        cycle.read(0, to);
-        if done > 0 || to.iter().any(|x| *x != 0.0) {
-            self.recorded.store(done + n, Ordering::Release);
+        let frames_done = self.recorded.load(Ordering::Relaxed);
+        let new_frames = cycle.frames().min(self.capacity - frames_done);
+        let new_samples = &mut self.samples
+            [frames_done * self.channels..(frames_done + new_frames) * self.channels];
+        cycle.read(0, new_samples);
+        if frames_done > 0 || new_samples.iter().any(|x| *x != 0.0) {
+            self.recorded
+                .store(frames_done + new_frames, Ordering::Release);
         }
     }
 }

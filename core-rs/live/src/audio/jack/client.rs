@@ -91,11 +91,12 @@ impl Cycle<'_> {
     /// Writes interleaved frames to our ports, from frame `first` of the cycle on.
     pub(super) fn write(&self, first: usize, frames: &[f32]) {
         let channels = self.ports.len();
-        let n = (frames.len() / channels).min(self.frames() - first);
+        let frame_count = (frames.len() / channels).min(self.frames() - first);
         for (channel, buffer) in self.buffers() {
             // SAFETY: an output port's buffer of as many floats as the cycle has frames, ours alone in this cycle.
-            let out = unsafe { std::slice::from_raw_parts_mut(buffer.add(first), n) };
-            for (x, frame) in out.iter_mut().zip(frames.chunks_exact(channels)) {
+            let port_buffer =
+                unsafe { std::slice::from_raw_parts_mut(buffer.add(first), frame_count) };
+            for (x, frame) in port_buffer.iter_mut().zip(frames.chunks_exact(channels)) {
                 *x = frame[channel];
             }
         }
@@ -104,11 +105,11 @@ impl Cycle<'_> {
     /// Fills interleaved frames from our ports, from frame `first` of the cycle on.
     pub(super) fn read(&self, first: usize, frames: &mut [f32]) {
         let channels = self.ports.len();
-        let n = (frames.len() / channels).min(self.frames() - first);
+        let frame_count = (frames.len() / channels).min(self.frames() - first);
         for (channel, buffer) in self.buffers() {
             // SAFETY: an input port's buffer of as many floats as the cycle has frames, which nobody writes now.
-            let from = unsafe { std::slice::from_raw_parts(buffer.add(first), n) };
-            for (frame, x) in frames.chunks_exact_mut(channels).zip(from) {
+            let port_buffer = unsafe { std::slice::from_raw_parts(buffer.add(first), frame_count) };
+            for (frame, x) in frames.chunks_exact_mut(channels).zip(port_buffer) {
                 frame[channel] = *x;
             }
         }
@@ -116,12 +117,12 @@ impl Cycle<'_> {
 
     /// The channels whose port has a buffer in this cycle.
     fn buffers(&self) -> impl Iterator<Item = (usize, *mut f32)> {
-        let buffer = |port: &Port| {
+        let port_buffer = |port: &Port| {
             // SAFETY: a port of this client, in its process callback.
             unsafe { (self.api.port_get_buffer)(port.0, self.frames) }.cast::<f32>()
         };
-        let buffers = self.ports.iter().map(buffer).enumerate();
-        buffers.filter(|(_, buffer)| !buffer.is_null())
+        let buffers = self.ports.iter().map(port_buffer).enumerate();
+        buffers.filter(|(_, port_buffer)| !port_buffer.is_null())
     }
 }
 
@@ -130,22 +131,22 @@ const ATTEMPTS: usize = 4;
 
 /// Calls `open` until it succeeds; tries again if its status says that the server is there but too busy.
 fn open_with_retries<T>(mut open: impl FnMut(&mut c_uint) -> Option<T>) -> Result<T, AudioError> {
-    let mut status = 0;
+    let mut jack_status = 0;
     for _ in 0..ATTEMPTS {
-        status = 0;
-        if let Some(client) = open(&mut status) {
+        jack_status = 0;
+        if let Some(client) = open(&mut jack_status) {
             return Ok(client);
         }
-        if status & api::SERVER_FAILED != 0 || status & api::SERVER_ERROR == 0 {
+        if jack_status & api::SERVER_FAILED != 0 || jack_status & api::SERVER_ERROR == 0 {
             break;
         }
     }
-    let why = if status & api::SERVER_FAILED != 0 {
+    let why = if jack_status & api::SERVER_FAILED != 0 {
         "no JACK server runs".into()
-    } else if status & api::SERVER_ERROR != 0 {
+    } else if jack_status & api::SERVER_ERROR != 0 {
         "the JACK server is too busy to accept a client".into()
     } else {
-        format!("the JACK server refuses (status {status:#x})")
+        format!("the JACK server refuses (status {jack_status:#x})")
     };
     Err(AudioError::Unavailable {
         backend: "jack",
@@ -164,15 +165,16 @@ impl Client {
                 (!raw.is_null()).then_some(raw)
             })?;
             // SAFETY: the client is open, and nobody else has it yet.
-            let (rate, block) = unsafe { ((api.get_sample_rate)(raw), (api.get_buffer_size)(raw)) };
+            let (server_rate, server_block) =
+                unsafe { ((api.get_sample_rate)(raw), (api.get_buffer_size)(raw)) };
             Ok(OpenClient {
                 api,
                 raw,
                 events: ServerEvents {
                     shared,
                     gone: AtomicBool::new(false),
-                    rate: AtomicU32::new(rate),
-                    block: AtomicU32::new(block),
+                    rate: AtomicU32::new(server_rate),
+                    block: AtomicU32::new(server_block),
                 },
             })
         })?;
@@ -184,20 +186,20 @@ impl Client {
 
     /// Calls a function of libjack on the client, which stays open through the call; nothing if it is closed.
     fn call<T>(&self, call: impl FnOnce(&Api, *mut RawClient) -> T) -> Option<T> {
-        let opened = &self.opened;
-        CLIENTS.call(opened, || call(opened.api, opened.raw))
+        let open_client = &self.opened;
+        CLIENTS.call(open_client, || call(open_client.api, open_client.raw))
     }
 
     fn register_callbacks(&self) {
-        let arg = (&raw const self.opened.events).cast_mut().cast();
+        let events_pointer = (&raw const self.opened.events).cast_mut().cast();
         // SAFETY: `events` lives in `opened`, which is closed before it is dropped.
         self.call(|api, raw| unsafe {
-            (api.on_thread)(raw, thread, arg);
-            (api.on_xrun)(raw, xrun, arg);
-            (api.on_buffer_size)(raw, buffer_size, arg);
-            (api.on_sample_rate)(raw, sample_rate, arg);
-            (api.on_freewheel)(raw, freewheel, arg);
-            (api.on_shutdown)(raw, shutdown, arg);
+            (api.on_thread)(raw, thread, events_pointer);
+            (api.on_xrun)(raw, xrun, events_pointer);
+            (api.on_buffer_size)(raw, buffer_size, events_pointer);
+            (api.on_sample_rate)(raw, sample_rate, events_pointer);
+            (api.on_freewheel)(raw, freewheel, events_pointer);
+            (api.on_shutdown)(raw, shutdown, events_pointer);
         });
     }
 
@@ -228,10 +230,10 @@ impl Client {
     /// Ports named `prefix_1` to `prefix_n`.
     fn ports(&self, prefix: &str, n: usize, direction: c_ulong) -> Result<Box<[Port]>, AudioError> {
         let port = |i| {
-            let name = CString::new(format!("{prefix}_{i}")).unwrap_or_default();
+            let port_name = CString::new(format!("{prefix}_{i}")).unwrap_or_default();
             // SAFETY: the client is open, the strings live through the call.
             let port = self.call(|api, raw| unsafe {
-                (api.port_register)(raw, name.as_ptr(), api::AUDIO.as_ptr(), direction, 0)
+                (api.port_register)(raw, port_name.as_ptr(), api::AUDIO.as_ptr(), direction, 0)
             });
             let port = port.unwrap_or(ptr::null_mut());
             if port.is_null() {
@@ -250,31 +252,35 @@ impl Client {
     pub(super) fn find(&self, pattern: &str, flags: c_ulong) -> Vec<String> {
         let pattern = CString::new(pattern).unwrap_or_default();
         // SAFETY: the client is open; what comes back is null or a list of strings that a null ends, ours to free.
-        let names = self.call(|api, raw| unsafe {
-            let mut names = Vec::new();
-            let list = (api.get_ports)(raw, pattern.as_ptr(), api::AUDIO.as_ptr(), flags);
-            let mut entry = list;
-            while !entry.is_null() && !(*entry).is_null() {
-                names.push(text(*entry));
-                entry = entry.add(1);
+        let port_names = self.call(|api, raw| unsafe {
+            let mut port_names = Vec::new();
+            let name_list = (api.get_ports)(raw, pattern.as_ptr(), api::AUDIO.as_ptr(), flags);
+            let mut list_entry = name_list;
+            while !list_entry.is_null() && !(*list_entry).is_null() {
+                port_names.push(text(*list_entry));
+                list_entry = list_entry.add(1);
             }
-            if !list.is_null() {
-                (api.free)(list.cast());
+            if !name_list.is_null() {
+                (api.free)(name_list.cast());
             }
-            names
+            port_names
         });
-        names.unwrap_or_default()
+        port_names.unwrap_or_default()
     }
 
     /// Connect two ports by name; whether they are connected now.
-    pub(super) fn connect(&self, from: &str, to: &str) -> bool {
+    pub(super) fn connect(&self, source_name: &str, target_name: &str) -> bool {
         const EXISTS: c_int = 17;
-        let (Ok(from), Ok(to)) = (CString::new(from), CString::new(to)) else {
+        let (Ok(source_name), Ok(target_name)) =
+            (CString::new(source_name), CString::new(target_name))
+        else {
             return false;
         };
         // SAFETY: the client is open, the strings live through the call.
-        let done = self.call(|api, raw| unsafe { (api.connect)(raw, from.as_ptr(), to.as_ptr()) });
-        done.is_some_and(|done| done == 0 || done == EXISTS)
+        let connect_status = self.call(|api, raw| unsafe {
+            (api.connect)(raw, source_name.as_ptr(), target_name.as_ptr())
+        });
+        connect_status.is_some_and(|connect_status| connect_status == 0 || connect_status == EXISTS)
     }
 
     /// Let the server run as fast as its clients, or by its clock again; whether it agreed.
@@ -302,7 +308,7 @@ impl Client {
         });
         let callback = Box::into_raw(callback);
         // SAFETY: the callback is freed only after the client is closed (`Active::close`).
-        let done = self.call(|api, raw| unsafe {
+        let activate_status = self.call(|api, raw| unsafe {
             (api.on_process)(raw, cycle::<P>, callback.cast());
             (api.activate)(raw)
         });
@@ -311,7 +317,7 @@ impl Client {
             ports,
             callback,
         };
-        if done == Some(0) {
+        if activate_status == Some(0) {
             return Ok(active);
         }
         let why = "the JACK server refused to activate the client".into();
@@ -350,22 +356,22 @@ impl<P: Process> Active<P> {
     pub(super) fn port_names(&self) -> Vec<String> {
         let names = self.client().call(|api, _| {
             // SAFETY: the ports are of this open client.
-            let name = |port: &Port| unsafe { text((api.port_name)(port.0)) };
-            self.ports.iter().map(name).collect()
+            let port_name = |port: &Port| unsafe { text((api.port_name)(port.0)) };
+            self.ports.iter().map(port_name).collect()
         });
         names.unwrap_or_default()
     }
 
     /// Frames from our first port to the loudspeaker, or from the microphone to it, as the server reports.
     pub(super) fn latency(&self, direction: c_uint) -> u32 {
-        let mut range = LatencyRange::default();
-        if let Some(port) = self.ports.first() {
+        let mut latency_range = LatencyRange::default();
+        if let Some(first_port) = self.ports.first() {
             // SAFETY: the port is one of this open client; the range lives through the call.
             self.client().call(|api, _| unsafe {
-                (api.port_get_latency_range)(port.0, direction, &raw mut range);
+                (api.port_get_latency_range)(first_port.0, direction, &raw mut latency_range);
             });
         }
-        range.max
+        latency_range.max
     }
 
     /// Close the client and return its `process`.
@@ -461,24 +467,36 @@ mod tests {
 
     #[test]
     fn open_with_retries_of_a_busy_server() {
-        let mut asked = 0;
+        let mut attempts = 0;
         let client = open_with_retries(|status| {
-            asked += 1;
+            attempts += 1;
             *status = 0x21;
-            (asked == 3).then_some(asked)
+            (attempts == 3).then_some(attempts)
         });
         assert_eq!(client.unwrap(), 3);
     }
 
     #[test]
     fn open_with_retries_explains_a_refusal() {
-        let why = |status| {
+        let refusal_text = |status| {
             open_with_retries(|own| (None::<()>, *own = status).0)
                 .unwrap_err()
                 .to_string()
         };
-        assert!(why(0x21).contains("too busy"), "{}", why(0x21));
-        assert!(why(0x11).contains("no JACK server runs"), "{}", why(0x11));
-        assert!(why(0x3).contains("refuses (status 0x3)"), "{}", why(0x3));
+        assert!(
+            refusal_text(0x21).contains("too busy"),
+            "{}",
+            refusal_text(0x21)
+        );
+        assert!(
+            refusal_text(0x11).contains("no JACK server runs"),
+            "{}",
+            refusal_text(0x11)
+        );
+        assert!(
+            refusal_text(0x3).contains("refuses (status 0x3)"),
+            "{}",
+            refusal_text(0x3)
+        );
     }
 }

@@ -59,10 +59,10 @@ impl Process for InputCallback {
     fn cycle(&mut self, cycle: &Cycle<'_>) {
         let channels = self.feed.channels();
         for first in (0..cycle.frames()).step_by(SLICE) {
-            let n = (cycle.frames() - first).min(SLICE);
-            let slice = &mut self.scratch[..n * channels];
-            cycle.read(first, slice);
-            self.feed.offer(slice);
+            let slice_frames = (cycle.frames() - first).min(SLICE);
+            let slice_samples = &mut self.scratch[..slice_frames * channels];
+            cycle.read(first, slice_samples);
+            self.feed.offer(slice_samples);
         }
     }
 }

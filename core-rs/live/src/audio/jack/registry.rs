@@ -45,8 +45,8 @@ impl<C: Connection> Registry<C> {
     /// Closes a client unless it is closed already.
     pub(super) fn close(&self, client: &Arc<C>) {
         let mut clients = self.lock();
-        if let Some(index) = clients.iter().position(|other| Arc::ptr_eq(other, client)) {
-            clients.swap_remove(index).close();
+        if let Some(client_index) = clients.iter().position(|other| Arc::ptr_eq(other, client)) {
+            clients.swap_remove(client_index).close();
         }
     }
 
@@ -85,26 +85,26 @@ mod tests {
     #[test]
     fn open_after_a_server_has_ended_closes_every_client_once() {
         let registry = Registry::new();
-        let (lost, other) = (open(&registry), open(&registry));
-        lost.gone.store(true, Ordering::Relaxed);
-        let fresh = open(&registry);
-        for client in [&lost, &other] {
+        let (lost_client, other_client) = (open(&registry), open(&registry));
+        lost_client.gone.store(true, Ordering::Relaxed);
+        let new_client = open(&registry);
+        for client in [&lost_client, &other_client] {
             assert!(client.is_gone());
             assert_eq!(registry.call(client, || 1), None);
             registry.close(client);
             assert_eq!(client.n_closed.load(Ordering::Relaxed), 1);
         }
-        assert_eq!(registry.call(&fresh, || 1), Some(1));
+        assert_eq!(registry.call(&new_client, || 1), Some(1));
     }
 
     #[test]
     fn open_beside_a_running_server_closes_nothing() {
         let registry = Registry::new();
-        let (first, second) = (open(&registry), open(&registry));
-        assert_eq!(registry.call(&first, || 1), Some(1));
-        registry.close(&first);
-        assert_eq!(registry.call(&first, || 1), None);
-        assert_eq!(registry.call(&second, || 1), Some(1));
+        let (first_client, second_client) = (open(&registry), open(&registry));
+        assert_eq!(registry.call(&first_client, || 1), Some(1));
+        registry.close(&first_client);
+        assert_eq!(registry.call(&first_client, || 1), None);
+        assert_eq!(registry.call(&second_client, || 1), Some(1));
     }
 
     #[test]

@@ -36,13 +36,13 @@ pub(in crate::audio) fn open(spec: &Spec, channels: usize) -> Result<OpenedInput
 }
 
 fn find(wire: &mut Wire, device: Option<&str>) -> Result<SourceInfo, AudioError> {
-    let name = device_name(wire, device, "source", |server| server.default_source_name)?;
-    let asked = protocol::GetSourceInfo {
+    let source_name = device_name(wire, device, "source", |server| server.default_source_name)?;
+    let source_query = protocol::GetSourceInfo {
         index: None,
-        name: Some(name.clone()),
+        name: Some(source_name.clone()),
     };
-    wire.ask(&Command::GetSourceInfo(asked))
-        .map_err(|error| missing(format!("no source {} ({error})", words(&name))))
+    wire.ask(&Command::GetSourceInfo(source_query))
+        .map_err(|error| missing(format!("no source {} ({error})", words(&source_name))))
 }
 
 fn start(
@@ -55,7 +55,7 @@ fn start(
         Ok(begun) => begun,
         Err(why) => return Err((Some(Box::new(feed)), missing(why))),
     };
-    let mut stream = RecordingStream {
+    let mut recording_stream = RecordingStream {
         wire,
         channel,
         source_channels: usize::from(source.sample_spec.channels).max(1),
@@ -63,7 +63,7 @@ fn start(
     };
     let thread = RingThread::start("ergon pulse in", feed, move |feed, stop| {
         realtime::set_priority(PRIORITY);
-        stream.run(feed, stop)
+        recording_stream.run(feed, stop)
     })?;
     Ok(Box::new(Recording { thread, latency }))
 }
@@ -77,9 +77,9 @@ fn begin(
 ) -> Result<(u32, u32), String> {
     let mut props = protocol::Props::new();
     props.set(Prop::MediaName, name);
-    let (rate, channels) = (source.sample_spec.sample_rate, source.sample_spec.channels);
+    let (sample_rate, channels) = (source.sample_spec.sample_rate, source.sample_spec.channels);
     let params = protocol::RecordStreamParams {
-        sample_spec: floats(channels, rate),
+        sample_spec: floats(channels, sample_rate),
         channel_map: source.channel_map,
         source_index: Some(source.index),
         buffer_attr: protocol::stream::BufferAttr {
@@ -93,10 +93,13 @@ fn begin(
         },
         ..Default::default()
     };
-    let stream: protocol::CreateRecordStreamReply =
+    let stream_reply: protocol::CreateRecordStreamReply =
         wire.ask(&Command::CreateRecordStream(params))?;
-    let latency = u128::from(stream.stream_latency) * u128::from(rate) / 1_000_000;
-    Ok((stream.channel, u32::try_from(latency).unwrap_or(u32::MAX)))
+    let latency = u128::from(stream_reply.stream_latency) * u128::from(sample_rate) / 1_000_000;
+    Ok((
+        stream_reply.channel,
+        u32::try_from(latency).unwrap_or(u32::MAX),
+    ))
 }
 
 struct RecordingStream {
@@ -136,8 +139,8 @@ impl RecordingStream {
         for frame in bytes.chunks_exact(4 * self.source_channels) {
             let (samples, _) = frame.as_chunks();
             let samples = samples.iter().map(|&bytes| f32::from_le_bytes(bytes));
-            let padded = samples.chain(std::iter::repeat(0.0));
-            self.samples.extend(padded.take(channels));
+            let padded_samples = samples.chain(std::iter::repeat(0.0));
+            self.samples.extend(padded_samples.take(channels));
         }
         feed.offer(&self.samples);
     }

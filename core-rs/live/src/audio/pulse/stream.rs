@@ -32,10 +32,11 @@ pub(super) fn missing(why: String) -> AudioError {
 /// Opens a stream to the named sink, or to the default one; starts no server.
 pub(in crate::audio) fn open(spec: &Spec, channels: usize) -> Result<Opened, AudioError> {
     if channels > CHANNELS_MAX {
-        let why = "PulseAudio's protocol carries 32 at most: use jack (any number) or file:PATH";
+        let limit_text =
+            "PulseAudio's protocol carries 32 at most: use jack (any number) or file:PATH";
         return Err(AudioError::Channels {
             channels,
-            why: why.into(),
+            why: limit_text.into(),
         });
     }
     let mut wire = Wire::connect(c"ergon").map_err(missing)?;
@@ -73,13 +74,13 @@ pub(super) fn words(text: &CStr) -> String {
 }
 
 fn find(wire: &mut Wire, device: Option<&str>) -> Result<SinkInfo, AudioError> {
-    let name = device_name(wire, device, "sink", |server| server.default_sink_name)?;
-    let asked = protocol::GetSinkInfo {
+    let sink_name = device_name(wire, device, "sink", |server| server.default_sink_name)?;
+    let sink_query = protocol::GetSinkInfo {
         index: None,
-        name: Some(name.clone()),
+        name: Some(sink_name.clone()),
     };
-    wire.ask(&Command::GetSinkInfo(asked))
-        .map_err(|error| missing(format!("no sink {} ({error})", words(&name))))
+    wire.ask(&Command::GetSinkInfo(sink_query))
+        .map_err(|error| missing(format!("no sink {} ({error})", words(&sink_name))))
 }
 
 /// The name of a device: as the user wrote it, or the server's default one.
@@ -121,7 +122,7 @@ struct PlayingStream {
 impl PlayingStream {
     fn begin(mut wire: Wire, sink: &SinkInfo, channels: usize, block: u32) -> Result<Self, String> {
         let rate = sink.sample_spec.sample_rate;
-        let frame = 4 * channels as u32;
+        let frame_bytes = 4 * channels as u32;
         let mut props = protocol::Props::new();
         props.set(Prop::MediaName, c"ergon");
         let params = protocol::PlaybackStreamParams {
@@ -129,8 +130,8 @@ impl PlayingStream {
             channel_map: map(sink, channels),
             sink_index: Some(sink.index),
             buffer_attr: protocol::stream::BufferAttr {
-                target_length: 2 * block * frame,
-                minimum_request_length: block * frame,
+                target_length: 2 * block * frame_bytes,
+                minimum_request_length: block * frame_bytes,
                 ..Default::default()
             },
             props,
@@ -143,16 +144,16 @@ impl PlayingStream {
             },
             ..Default::default()
         };
-        let stream: protocol::CreatePlaybackStreamReply =
+        let stream_reply: protocol::CreatePlaybackStreamReply =
             wire.ask(&Command::CreatePlaybackStream(params))?;
         let frames_max = 4 * block as usize;
         Ok(Self {
             wire,
-            channel: stream.channel,
+            channel: stream_reply.channel,
             rate,
             channels,
             block,
-            wanted: stream.requested_bytes as usize,
+            wanted: stream_reply.requested_bytes as usize,
             samples: vec![0.0; frames_max * channels],
             bytes: Vec::with_capacity(frames_max * channels * 4),
         })
@@ -160,16 +161,16 @@ impl PlayingStream {
 
     fn run(mut self, drain: &mut Drain, stop: &AtomicBool) -> Result<(), String> {
         drain.shared().set_timing(self.block, 2 * self.block);
-        let mut asked = (0, Instant::now());
+        let mut latency_query = (0, Instant::now());
         while !stop.load(Ordering::Acquire) {
             if self.answer(drain)? {
                 continue;
             }
-            if asked.1.elapsed() > LATENCY_EVERY {
+            if latency_query.1.elapsed() > LATENCY_EVERY {
                 let now = SystemTime::now();
                 let channel = self.channel;
                 let params = protocol::LatencyParams { channel, now };
-                asked = (
+                latency_query = (
                     self.wire.send(&Command::GetPlaybackLatency(params))?,
                     Instant::now(),
                 );
@@ -185,7 +186,7 @@ impl PlayingStream {
                 Some((_, Command::PlaybackStreamKilled(_))) => {
                     return Err("the server ended the stream".into());
                 }
-                Some((to, Command::Reply)) if to == asked.0 => {
+                Some((to, Command::Reply)) if to == latency_query.0 => {
                     let latency = self.latency(&self.wire.reply(&message)?);
                     drain.shared().set_timing(self.block, latency);
                 }
@@ -214,10 +215,10 @@ impl PlayingStream {
 
     /// Frames that wait in the server and in the sink.
     fn latency(&self, reply: &protocol::PlaybackLatency) -> u32 {
-        let frame = 4 * self.channels as i64;
-        let buffered = (reply.write_offset - reply.read_offset).max(0) / frame;
-        let sink = u128::from(reply.sink_usec) * u128::from(self.rate) / 1_000_000;
-        u32::try_from(buffered as u128 + sink).unwrap_or(u32::MAX)
+        let frame_bytes = 4 * self.channels as i64;
+        let buffered = (reply.write_offset - reply.read_offset).max(0) / frame_bytes;
+        let sink_frames = u128::from(reply.sink_usec) * u128::from(self.rate) / 1_000_000;
+        u32::try_from(buffered as u128 + sink_frames).unwrap_or(u32::MAX)
     }
 }
 
@@ -246,26 +247,26 @@ const AUX: [ChannelPosition; CHANNELS_MAX] = aux! {
 pub(in crate::audio) fn survey() -> Result<String, AudioError> {
     let mut wire = Wire::connect(c"ergon").map_err(missing)?;
     let server: ServerInfo = wire.ask(&Command::GetServerInfo).map_err(missing)?;
-    let sinks: protocol::SinkInfoList = wire.ask(&Command::GetSinkInfoList).map_err(missing)?;
+    let sink_list: protocol::SinkInfoList = wire.ask(&Command::GetSinkInfoList).map_err(missing)?;
     let default = server.default_sink_name.unwrap_or_default();
-    let texts: Vec<String> = sinks
+    let sink_texts: Vec<String> = sink_list
         .iter()
         .map(|sink| {
-            let (rate, channels) = (sink.sample_spec.sample_rate, sink.sample_spec.channels);
-            let mark = if sink.name == default {
+            let (sample_rate, channels) = (sink.sample_spec.sample_rate, sink.sample_spec.channels);
+            let default_mark = if sink.name == default {
                 ", default"
             } else {
                 ""
             };
             format!(
-                "{} ({channels} channels, {rate} Hz{mark})",
+                "{} ({channels} channels, {sample_rate} Hz{default_mark})",
                 words(&sink.name)
             )
         })
         .collect();
-    let name = words(&server.server_name.unwrap_or_default());
-    Ok(match texts.is_empty() {
-        true => format!("{name}, no sinks"),
-        false => format!("{name}: {}", texts.join("; ")),
+    let server_name = words(&server.server_name.unwrap_or_default());
+    Ok(match sink_texts.is_empty() {
+        true => format!("{server_name}, no sinks"),
+        false => format!("{server_name}: {}", sink_texts.join("; ")),
     })
 }

@@ -51,14 +51,14 @@ impl Wire {
             .set_write_timeout(Some(PATIENCE))
             .map_err(|error| error.to_string())?;
         let cookie = pulseaudio::cookie_path_from_env().and_then(|path| std::fs::read(path).ok());
-        let auth: protocol::AuthReply = wire.ask(&Command::Auth(protocol::AuthParams {
+        let auth_reply: protocol::AuthReply = wire.ask(&Command::Auth(protocol::AuthParams {
             version: protocol::MAX_VERSION,
             supports_shm: false,
             supports_memfd: false,
             // The server hangs up unless the cookie has this length, even if there is none.
             cookie: cookie.unwrap_or_else(|| vec![0; 256]),
         }))?;
-        wire.version = wire.version.min(auth.version);
+        wire.version = wire.version.min(auth_reply.version);
         let mut props = protocol::Props::new();
         props.set(Prop::ApplicationName, name);
         let _: protocol::SetClientNameReply = wire.ask(&Command::SetClientName(props))?;
@@ -75,15 +75,17 @@ impl Wire {
 
     /// Send a command and wait for its reply; other messages in between are skipped.
     pub(super) fn ask<R: CommandReply>(&mut self, command: &Command) -> Result<R, String> {
-        let serial = self.send(command)?;
-        let until = Instant::now() + PATIENCE;
-        while Instant::now() < until {
+        let command_serial = self.send(command)?;
+        let deadline = Instant::now() + PATIENCE;
+        while Instant::now() < deadline {
             let Some(message) = self.message(PATIENCE)? else {
                 continue;
             };
             match message.command(self.version) {
-                Some((to, Command::Reply)) if to == serial => return message.reply(self.version),
-                Some((to, Command::Error(error))) if to == serial => {
+                Some((to, Command::Reply)) if to == command_serial => {
+                    return message.reply(self.version);
+                }
+                Some((to, Command::Error(error))) if to == command_serial => {
                     return Err(format!("the PulseAudio server refuses ({error:?})"));
                 }
                 _ => {}
@@ -109,13 +111,15 @@ impl Wire {
     }
 
     /// The next whole message, if one comes in time.
-    pub(super) fn message(&mut self, wait: Duration) -> Result<Option<Message>, String> {
+    pub(super) fn message(&mut self, read_wait: Duration) -> Result<Option<Message>, String> {
         if let Some(message) = self.complete_message()? {
             return Ok(Some(message));
         }
-        let wait = wait.max(Duration::from_millis(1));
-        let text = |error: io::Error| error.to_string();
-        self.socket.set_read_timeout(Some(wait)).map_err(text)?;
+        let read_wait = read_wait.max(Duration::from_millis(1));
+        let error_text = |error: io::Error| error.to_string();
+        self.socket
+            .set_read_timeout(Some(read_wait))
+            .map_err(error_text)?;
         match self.socket.read(&mut self.buffer) {
             Ok(0) => Err("the server closed the connection".into()),
             Ok(n) => {
@@ -140,15 +144,15 @@ impl Wire {
         };
         let header = protocol::read_descriptor(&mut Cursor::new(header))
             .map_err(|error| error.to_string())?;
-        let end = protocol::DESCRIPTOR_SIZE + header.length as usize;
-        if self.received.len() < end {
+        let message_end = protocol::DESCRIPTOR_SIZE + header.length as usize;
+        if self.received.len() < message_end {
             return Ok(None);
         }
         let message = Message {
             channel: header.channel,
-            bytes: self.received[protocol::DESCRIPTOR_SIZE..end].to_vec(),
+            bytes: self.received[protocol::DESCRIPTOR_SIZE..message_end].to_vec(),
         };
-        self.received.drain(..end);
+        self.received.drain(..message_end);
         Ok(Some(message))
     }
 }
@@ -191,24 +195,25 @@ impl Message {
 /// The path of the server's socket: PULSE_SERVER, else the places where PulseAudio itself looks.
 fn socket_path() -> Result<PathBuf, String> {
     let variable = |name| std::env::var(name).ok().filter(|text| !text.is_empty());
-    if let Some(server) = variable("PULSE_SERVER") {
+    if let Some(server_list) = variable("PULSE_SERVER") {
         // It may list several servers; each may begin with a {machine id}.
-        let local = server.split_whitespace().find_map(|address| {
+        let local_path = server_list.split_whitespace().find_map(|address| {
             let address = address
                 .rsplit_once('}')
                 .map_or(address, |(_, address)| address);
             let path = address.strip_prefix("unix:").unwrap_or(address);
             path.starts_with('/').then(|| path.into())
         });
-        return local.ok_or_else(|| {
-            format!("PULSE_SERVER={server} names no server on this machine (unix:/path)")
+        return local_path.ok_or_else(|| {
+            format!("PULSE_SERVER={server_list} names no server on this machine (unix:/path)")
         });
     }
     let runtime = variable("PULSE_RUNTIME_PATH").map(|path| PathBuf::from(path).join("native"));
-    let user = variable("XDG_RUNTIME_DIR").map(|path| PathBuf::from(path).join("pulse/native"));
-    let system = Some(PathBuf::from("/var/run/pulse/native"));
-    let places = [runtime, user, system].into_iter().flatten();
-    places
+    let user_socket =
+        variable("XDG_RUNTIME_DIR").map(|path| PathBuf::from(path).join("pulse/native"));
+    let system_socket = Some(PathBuf::from("/var/run/pulse/native"));
+    let socket_places = [runtime, user_socket, system_socket].into_iter().flatten();
+    socket_places
         .into_iter()
         .find(|path| path.exists())
         .ok_or_else(|| "no PulseAudio server runs".into())

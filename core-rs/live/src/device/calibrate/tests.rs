@@ -6,20 +6,20 @@ const PERIOD: f64 = 1e-3;
 static GO: AtomicBool = AtomicBool::new(false);
 
 fn device(hand: Hand) -> Emulated {
-    let key = Key::default();
-    let keys = Keys::new(1, key, 1.0 / PERIOD, vec![hand]).unwrap();
-    Emulated::new(keys, key)
+    let plain_key = Key::default();
+    let emulated_keys = Keys::new(1, plain_key, 1.0 / PERIOD, vec![hand]).unwrap();
+    Emulated::new(emulated_keys, plain_key)
 }
 
 /// A device with a motor of reversed polarity, and a sensor with another scale and another zero.
 fn odd(device: Emulated) -> Calibrated<Emulated> {
-    let axis = Axis {
+    let odd_axis = Axis {
         sign: -1.0,
         offset: 0.01,
         gain: 2.0,
         ..Axis::plain(device.spec())
     };
-    Calibrated::new(device, vec![axis])
+    Calibrated::new(device, vec![odd_axis])
 }
 
 fn direction<D: Device>(device: &mut D) -> Result<f64, DirectionError> {
@@ -31,15 +31,15 @@ fn direction<D: Device>(device: &mut D) -> Result<f64, DirectionError> {
 fn direction_of_straight_and_reversed_motors() {
     let mut straight = device(Hand::Resting);
     assert_eq!(direction(&mut straight), Ok(1.0));
-    let mut wired = odd(device(Hand::Resting));
-    assert_eq!(direction(&mut wired), Ok(-1.0));
+    let mut reversed = odd(device(Hand::Resting));
+    assert_eq!(direction(&mut reversed), Ok(-1.0));
     // The calibration that was found corrects the device.
-    let result = Axis {
+    let measured_axis = Axis {
         sign: -1.0,
-        ..Axis::plain(wired.spec())
+        ..Axis::plain(reversed.spec())
     };
-    let mut right = Calibrated::new(wired, vec![result]);
-    assert_eq!(direction(&mut right), Ok(1.0));
+    let mut corrected = Calibrated::new(reversed, vec![measured_axis]);
+    assert_eq!(direction(&mut corrected), Ok(1.0));
 }
 
 #[test]
@@ -47,10 +47,13 @@ fn pulse_moves_a_key_slightly() {
     let mut straight = device(Hand::Resting);
     let pulse = Pulse::from_spec(straight.spec());
     directions(&mut straight, &[0], pulse, PERIOD, &GO).unwrap();
-    let range = travel_ends(&mut straight, 0.1, PERIOD, &GO).unwrap()[0];
-    let travel = straight.spec().pos_range[1] - straight.spec().pos_range[0];
-    assert!(range[1] - range[0] < 1e-6, "at rest: {range:?}");
-    assert!(range[0].abs() < 0.1 * travel, "{range:?}");
+    let rest_range = travel_ends(&mut straight, 0.1, PERIOD, &GO).unwrap()[0];
+    let key_travel = straight.spec().pos_range[1] - straight.spec().pos_range[0];
+    assert!(
+        rest_range[1] - rest_range[0] < 1e-6,
+        "at rest: {rest_range:?}"
+    );
+    assert!(rest_range[0].abs() < 0.1 * key_travel, "{rest_range:?}");
 }
 
 #[test]
@@ -61,44 +64,44 @@ fn directions_of_a_held_axis_are_unknown() {
         damping: 20.0,
     };
     let mut held = device(held);
-    let sensor = Spec {
+    let coarse_spec = Spec {
         pos_lsb: 1e-3,
         ..held.spec().clone()
     };
-    let pulse = Pulse::from_spec(&sensor);
-    let mut coarse = Calibrated::new(&mut held, vec![]);
-    coarse.spec.pos_lsb = 1e-3;
+    let pulse = Pulse::from_spec(&coarse_spec);
+    let mut coarse_device = Calibrated::new(&mut held, vec![]);
+    coarse_device.spec.pos_lsb = 1e-3;
     assert_eq!(
-        directions(&mut coarse, &[0], pulse, PERIOD, &GO),
+        directions(&mut coarse_device, &[0], pulse, PERIOD, &GO),
         Ok(vec![Err(DirectionError::Still)])
     );
 }
 
 #[test]
 fn travel_ends_give_offset_and_gain() {
-    let path = (0..200).map(|i| if i < 100 { 0.01 } else { -0.03 });
-    let hand = Hand::OnPath {
-        path: path.collect(),
+    let hand_path = (0..200).map(|i| if i < 100 { 0.01 } else { -0.03 });
+    let path_hand = Hand::OnPath {
+        path: hand_path.collect(),
         stiffness: 2000.0,
         damping: 40.0,
     };
-    let mut device = device(hand);
-    let ends = travel_ends(&mut device, 0.2, PERIOD, &GO).unwrap()[0];
+    let mut device = device(path_hand);
+    let axis_ends = travel_ends(&mut device, 0.2, PERIOD, &GO).unwrap()[0];
     assert!(
-        (ends[0] + 0.03).abs() < 2e-3 && (ends[1] - 0.01).abs() < 2e-3,
-        "{ends:?}"
+        (axis_ends[0] + 0.03).abs() < 2e-3 && (axis_ends[1] - 0.01).abs() < 2e-3,
+        "{axis_ends:?}"
     );
     // By the ruler, the ends are 80 mm apart: the device reports half the true distance.
-    let axis = Axis::plain(device.spec()).between(ends, 0.08);
-    let mut right = Calibrated::new(device, vec![axis]);
+    let scaled_axis = Axis::plain(device.spec()).between(axis_ends, 0.08);
+    let mut corrected = Calibrated::new(device, vec![scaled_axis]);
     let mut sample = Sample::default();
-    right.receive(&mut sample, Instant::now()).unwrap();
+    corrected.receive(&mut sample, Instant::now()).unwrap();
     assert!(
         (sample.position[0] + 0.04).abs() < 4e-3,
         "{}",
         sample.position[0]
     );
-    assert!((right.spec().pos_range[1] - 0.04).abs() < 1e-12);
+    assert!((corrected.spec().pos_range[1] - 0.04).abs() < 1e-12);
 }
 
 /// A device that counts the ticks in which it is asked.
@@ -135,23 +138,23 @@ impl<D: Device> Device for Counted<D> {
 #[test]
 fn directions_of_twelve_axes_together() {
     const AXES: usize = 12;
-    let key = Key::default();
+    let plain_key = Key::default();
     let mut hands = vec![Hand::Resting; AXES];
     hands[2] = Hand::OnPath {
         path: vec![0.0; 100_000],
         stiffness: 5e4,
         damping: 20.0,
     };
-    let keys = Keys::new(AXES, key, 1.0 / PERIOD, hands).unwrap();
-    let emulated = Emulated::new(keys, key);
+    let twelve_keys = Keys::new(AXES, plain_key, 1.0 / PERIOD, hands).unwrap();
+    let emulated = Emulated::new(twelve_keys, plain_key);
     let mut axes = vec![Axis::plain(emulated.spec()); AXES];
     axes[4].sign = -1.0;
     let mut counted = Counted(Calibrated::new(emulated, axes), 0);
     counted.0.spec.pos_lsb = 1e-4;
     let pulse = Pulse::from_spec(counted.spec());
-    let every: Vec<usize> = (0..AXES).collect();
-    let signs = directions(&mut counted, &every, pulse, PERIOD, &GO).unwrap();
-    for (axis, sign) in signs.into_iter().enumerate() {
+    let axis_numbers: Vec<usize> = (0..AXES).collect();
+    let axis_signs = directions(&mut counted, &axis_numbers, pulse, PERIOD, &GO).unwrap();
+    for (axis, sign) in axis_signs.into_iter().enumerate() {
         let expected = match axis {
             2 => Err(DirectionError::Still),
             4 => Ok(-1.0),

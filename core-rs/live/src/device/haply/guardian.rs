@@ -53,18 +53,18 @@ impl Reply {
     }
 
     pub(super) fn parse(text: &str) -> Option<Self> {
-        let reply: Value = serde_json::from_str(text).ok()?;
-        if let Some(position) = reply.get("open").and_then(Value::as_array) {
+        let reply_object: Value = serde_json::from_str(text).ok()?;
+        if let Some(position) = reply_object.get("open").and_then(Value::as_array) {
             let numbers: Option<Vec<f64>> = position.iter().map(Value::as_f64).collect();
             return numbers?.try_into().ok().map(Self::Open);
         }
-        if let Some(why) = reply.get("refused").and_then(Value::as_str) {
-            return Some(Self::OpenError(why.to_owned()));
+        if let Some(refusal) = reply_object.get("refused").and_then(Value::as_str) {
+            return Some(Self::OpenError(refusal.to_owned()));
         }
-        if reply.get("own_time").is_some() {
+        if reply_object.get("own_time").is_some() {
             return Some(Self::OwnClock);
         }
-        reply.get("no_answer").map(|_| Self::NoAnswer)
+        reply_object.get("no_answer").map(|_| Self::NoAnswer)
     }
 }
 
@@ -75,24 +75,24 @@ impl Reply {
 /// If the standard input is not a host.
 pub fn serve() -> io::Result<()> {
     isolate_process();
-    let mut stream = start::inherited()?;
-    let request = take_text(&mut stream, FIRST_REPLY)?;
+    let mut host_stream = start::inherited()?;
+    let request = take_text(&mut host_stream, FIRST_REPLY)?;
     let request: Value = serde_json::from_str(&request)?;
-    let target = request["target"].as_str().unwrap_or_default();
+    let service_url = request["target"].as_str().unwrap_or_default();
     let lockstep = request["lockstep"] == true;
-    let opened = Service::open(target, request["id"].as_str());
-    let (reply, mut service) = match opened {
+    let open_result = Service::open(service_url, request["id"].as_str());
+    let (first_reply, mut service) = match open_result {
         Ok((service, first)) if lockstep && !first.lockstep => (Reply::OwnClock, Some(service)),
         Ok((service, first)) => (Reply::Open(first.position), Some(service)),
         Err(OpenError::Because(why)) => (Reply::OpenError(why), None),
         Err(OpenError::NoAnswer) => (Reply::NoAnswer, None),
     };
-    put_text(&mut stream, &reply.text())?;
-    if let (Reply::Open(_), Some(service)) = (&reply, &mut service) {
+    put_text(&mut host_stream, &first_reply.text())?;
+    if let (Reply::Open(_), Some(service)) = (&first_reply, &mut service) {
         // Above the physics thread, so that a hanging physics thread cannot block its guardian.
         realtime::request(realtime::PHYSICS_PRIORITY + 1);
-        let mut line = Line::new(stream)?;
-        run(&mut line, service, lockstep);
+        let mut host_line = Line::new(host_stream)?;
+        run(&mut host_line, service, lockstep);
     }
     if let Some(service) = service {
         service.close();
@@ -107,63 +107,63 @@ fn run(line: &mut Line, service: &mut Service, lockstep: bool) {
         // A force that a former host left may still act. If this fails, the service is gone, which `pass` detects.
         let _ = service.command([0.0; 3]);
     }
-    let Err(gone) = pass(line, service, &mut rules) else {
+    let Err(gone_cause) = pass(line, service, &mut rules) else {
         return send_final_zero(service, lockstep);
     };
-    if gone == Gone::Silent {
+    if gone_cause == Gone::Silent {
         send_final_zero(service, lockstep);
     } else if rules.may_push() {
         service.zero_on_new_connection();
     }
-    let _ = line.put(&GuardianReply::Gone(gone).bytes());
+    let _ = line.put(&GuardianReply::Gone(gone_cause).bytes());
 }
 
 /// Pass orders and states; fails when the service is gone, and returns when the host is gone.
 fn pass(line: &mut Line, service: &mut Service, rules: &mut Rules) -> Result<(), Gone> {
     loop {
         // Messages that have arrived are read before a silence is judged, and all with the time from before the reads.
-        let now = Instant::now();
-        let host = line.take(|bytes| rules.order(ForceCommand::parse(bytes), now));
-        let more = service.read(|state| {
-            let (number, let_go) = rules.state(now);
-            let answer = GuardianReply::State {
+        let pass_instant = Instant::now();
+        let host_result = line.take(|bytes| rules.order(ForceCommand::parse(bytes), pass_instant));
+        let has_more = service.read(|state| {
+            let (number, let_go) = rules.state(pass_instant);
+            let state_reply = GuardianReply::State {
                 number,
                 position: state.position,
                 let_go,
             };
             // Errors are ignored here; a host that is gone is detected when orders are read.
-            let _ = line.put(&answer.bytes());
+            let _ = line.put(&state_reply.bytes());
         })?;
         loop {
-            match rules.due(now) {
+            match rules.due(pass_instant) {
                 Action::Nothing => break,
                 Action::Send(force) => service.command(force)?,
                 Action::Gone => return Err(Gone::Silent),
             }
         }
-        if host.is_err() {
+        if host_result.is_err() {
             return Ok(());
         }
-        if !more {
-            wait([line.stream(), service.stream()], rules.next(now));
+        if !has_more {
+            wait([line.stream(), service.stream()], rules.next(pass_instant));
         }
     }
 }
 
 /// Send zero until a state answers; in lockstep a command is a period, so one is enough.
 fn send_final_zero(service: &mut Service, lockstep: bool) {
-    let (times, patience) = if lockstep {
+    let (attempts, patience) = if lockstep {
         (1, LOCKSTEP_PATIENCE)
     } else {
         (ZERO_REPEATS, ZERO_PATIENCE)
     };
-    for _ in 0..times {
+    for _ in 0..attempts {
         if service.command([0.0; 3]).is_err() {
             return service.zero_on_new_connection();
         }
-        let (until, mut answered) = (Instant::now() + patience, false);
-        while !answered && Instant::now() < until {
-            service.wait(until);
+        let (deadline, mut answered) = (Instant::now() + patience, false);
+        while !answered && Instant::now() < deadline {
+            service.wait(deadline);
             if service.read(|_| answered = true).is_err() {
                 return service.zero_on_new_connection();
             }

@@ -71,17 +71,17 @@ impl ForceCommand {
 
 impl GuardianReply {
     pub(super) fn bytes(&self) -> Bytes {
-        let gone = |kind, error| pack(0, kind, false, error, [0.0; 3]);
+        let gone_bytes = |kind, error| pack(0, kind, false, error, [0.0; 3]);
         match *self {
             Self::State {
                 number,
                 position,
                 let_go,
             } => pack(number, STATE, let_go, 0, position),
-            Self::Gone(Gone::Closed) => gone(CLOSED, 0),
-            Self::Gone(Gone::Silent) => gone(SILENT, 0),
-            Self::Gone(Gone::Shared) => gone(SHARED, 0),
-            Self::Gone(Gone::System(error)) => gone(SYSTEM, error),
+            Self::Gone(Gone::Closed) => gone_bytes(CLOSED, 0),
+            Self::Gone(Gone::Silent) => gone_bytes(SILENT, 0),
+            Self::Gone(Gone::Shared) => gone_bytes(SHARED, 0),
+            Self::Gone(Gone::System(error)) => gone_bytes(SYSTEM, error),
         }
     }
 
@@ -102,14 +102,14 @@ impl GuardianReply {
 
 /// Number (2 bytes), kind, flag, error (4 bytes), three f64; all little-endian.
 fn pack(number: u16, kind: u8, flag: bool, error: i32, vector: [f64; 3]) -> Bytes {
-    let mut bytes = [0; LEN];
-    bytes[..2].copy_from_slice(&number.to_le_bytes());
-    (bytes[2], bytes[3]) = (kind, u8::from(flag));
-    bytes[4..8].copy_from_slice(&error.to_le_bytes());
-    for (place, number) in bytes[8..].chunks_exact_mut(8).zip(vector) {
+    let mut packed_bytes = [0; LEN];
+    packed_bytes[..2].copy_from_slice(&number.to_le_bytes());
+    (packed_bytes[2], packed_bytes[3]) = (kind, u8::from(flag));
+    packed_bytes[4..8].copy_from_slice(&error.to_le_bytes());
+    for (place, number) in packed_bytes[8..].chunks_exact_mut(8).zip(vector) {
         place.copy_from_slice(&number.to_le_bytes());
     }
-    bytes
+    packed_bytes
 }
 
 fn part<const N: usize>(bytes: &Bytes, at: usize) -> [u8; N] {
@@ -154,19 +154,20 @@ impl Line {
     /// Hand all messages that are there to `each`; fails once the other end is gone and all its messages are read.
     pub(super) fn take(&mut self, mut each: impl FnMut(&Bytes)) -> Result<(), Gone> {
         loop {
-            let got = match self.stream.read(&mut self.bytes[self.len..]) {
+            let bytes_read = match self.stream.read(&mut self.bytes[self.len..]) {
                 Ok(0) => return Err(Gone::Closed),
-                Ok(got) => got,
+                Ok(bytes_read) => bytes_read,
                 Err(error) if is_quiet(&error) => return Ok(()),
                 Err(_) => return Err(Gone::Closed),
             };
-            self.len += got;
-            let (messages, rest) = self.bytes[..self.len].as_chunks::<LEN>();
+            self.len += bytes_read;
+            let (messages, partial_bytes) = self.bytes[..self.len].as_chunks::<LEN>();
             messages.iter().for_each(&mut each);
-            let (from, left) = (self.len - rest.len(), rest.len());
-            self.bytes.copy_within(from..self.len, 0);
-            self.len = left;
-            if from + left < self.bytes.len() {
+            let (partial_start, partial_length) =
+                (self.len - partial_bytes.len(), partial_bytes.len());
+            self.bytes.copy_within(partial_start..self.len, 0);
+            self.len = partial_length;
+            if partial_start + partial_length < self.bytes.len() {
                 return Ok(());
             }
         }
@@ -199,48 +200,48 @@ impl<T> Waitable for T {}
 
 /// Wait until one of the streams can be read, or until `until`.
 pub(super) fn wait<const N: usize>(streams: [&dyn Waitable; N], until: Instant) {
-    let left = until.saturating_duration_since(Instant::now());
-    if left.is_zero() {
+    let time_left = until.saturating_duration_since(Instant::now());
+    if time_left.is_zero() {
         return;
     }
     #[cfg(unix)]
-    crate::device::port::unix::poll(streams.map(|stream| stream.as_raw_fd()), left);
+    crate::device::port::unix::poll(streams.map(|stream| stream.as_raw_fd()), time_left);
     #[cfg(not(unix))]
     {
         let _ = streams;
-        std::thread::sleep(left.min(POLL));
+        std::thread::sleep(time_left.min(POLL));
     }
 }
 
 /// Send a text over a blocking stream.
 pub(super) fn put_text(stream: &mut Stream, text: &str) -> io::Result<()> {
-    let len = text.len().min(TEXT);
-    let mut bytes = (len as u32).to_le_bytes().to_vec();
-    bytes.extend(&text.as_bytes()[..len]);
-    stream.write_all(&bytes)
+    let text_length = text.len().min(TEXT);
+    let mut framed_text = (text_length as u32).to_le_bytes().to_vec();
+    framed_text.extend(&text.as_bytes()[..text_length]);
+    stream.write_all(&framed_text)
 }
 
 /// Read a text from a blocking stream, for at most `patience`.
 pub(super) fn take_text(stream: &mut Stream, patience: Duration) -> io::Result<String> {
-    let until = Instant::now() + patience;
-    let mut len = [0; 4];
-    fill(stream, &mut len, until)?;
-    let len = u32::from_le_bytes(len) as usize;
-    if len > TEXT {
+    let deadline = Instant::now() + patience;
+    let mut text_length = [0; 4];
+    fill(stream, &mut text_length, deadline)?;
+    let text_length = u32::from_le_bytes(text_length) as usize;
+    if text_length > TEXT {
         return Err(ErrorKind::InvalidData.into());
     }
-    let mut bytes = vec![0; len];
-    fill(stream, &mut bytes, until)?;
-    String::from_utf8(bytes).map_err(|_| ErrorKind::InvalidData.into())
+    let mut text_bytes = vec![0; text_length];
+    fill(stream, &mut text_bytes, deadline)?;
+    String::from_utf8(text_bytes).map_err(|_| ErrorKind::InvalidData.into())
 }
 
 fn fill(stream: &mut Stream, mut bytes: &mut [u8], until: Instant) -> io::Result<()> {
     while !bytes.is_empty() {
-        let left = until.saturating_duration_since(Instant::now());
-        if left.is_zero() {
+        let time_left = until.saturating_duration_since(Instant::now());
+        if time_left.is_zero() {
             return Err(ErrorKind::TimedOut.into());
         }
-        stream.set_read_timeout(Some(left))?;
+        stream.set_read_timeout(Some(time_left))?;
         match stream.read(bytes) {
             Ok(0) => return Err(ErrorKind::UnexpectedEof.into()),
             Ok(got) => bytes = &mut bytes[got..],
@@ -257,13 +258,16 @@ mod tests {
 
     #[test]
     fn messages_parse_to_the_same_bits() {
-        let order = ForceCommand {
+        let sent_order = ForceCommand {
             number: 0xABCD,
             force: [0.1, -0.0, f64::MIN_POSITIVE],
         };
-        let back = ForceCommand::parse(&order.bytes());
-        assert_eq!(back.number, order.number);
-        assert_eq!(back.force.map(f64::to_bits), order.force.map(f64::to_bits));
+        let parsed_order = ForceCommand::parse(&sent_order.bytes());
+        assert_eq!(parsed_order.number, sent_order.number);
+        assert_eq!(
+            parsed_order.force.map(f64::to_bits),
+            sent_order.force.map(f64::to_bits)
+        );
         for answer in [
             GuardianReply::State {
                 number: 7,
@@ -282,38 +286,47 @@ mod tests {
     #[cfg(unix)]
     #[test]
     fn line_finds_messages_in_any_pieces() {
-        let (mut from, to) = Stream::pair().unwrap();
-        let mut line = Line::new(to).unwrap();
-        let order = |number| ForceCommand {
+        let (mut writer_end, reader_end) = Stream::pair().unwrap();
+        let mut host_line = Line::new(reader_end).unwrap();
+        let numbered_order = |number| ForceCommand {
             number,
             force: [f64::from(number); 3],
         };
-        let sent: Vec<u8> = (0..300).flat_map(|number| order(number).bytes()).collect();
+        let sent_bytes: Vec<u8> = (0..300)
+            .flat_map(|number| numbered_order(number).bytes())
+            .collect();
         let mut commands = Vec::new();
-        for piece in sent.chunks(37) {
-            from.write_all(piece).unwrap();
-            line.take(|bytes| commands.push(ForceCommand::parse(bytes)))
+        for piece in sent_bytes.chunks(37) {
+            writer_end.write_all(piece).unwrap();
+            host_line
+                .take(|bytes| commands.push(ForceCommand::parse(bytes)))
                 .unwrap();
         }
-        assert_eq!(commands, (0..300).map(order).collect::<Vec<_>>());
+        assert_eq!(commands, (0..300).map(numbered_order).collect::<Vec<_>>());
         // Everything at once, more than one batch, followed by the end of the stream.
-        from.write_all(&sent).unwrap();
-        drop(from);
-        let mut n = 0;
-        while line.take(|_| n += 1).is_ok() {}
-        assert_eq!(n, 300);
+        writer_end.write_all(&sent_bytes).unwrap();
+        drop(writer_end);
+        let mut message_count = 0;
+        while host_line.take(|_| message_count += 1).is_ok() {}
+        assert_eq!(message_count, 300);
     }
 
     #[cfg(unix)]
     #[test]
     fn take_text_with_wrong_length_is_refused() {
-        let (mut from, mut to) = Stream::pair().unwrap();
-        put_text(&mut from, "ws://127.0.0.1").unwrap();
+        let (mut writer_end, mut reader_end) = Stream::pair().unwrap();
+        put_text(&mut writer_end, "ws://127.0.0.1").unwrap();
         let patience = Duration::from_secs(10);
-        assert_eq!(take_text(&mut to, patience).unwrap(), "ws://127.0.0.1");
-        from.write_all(&[0xFF; 8]).unwrap();
-        assert!(take_text(&mut to, patience).is_err(), "four gigabytes");
-        drop(from);
-        assert!(take_text(&mut to, patience).is_err());
+        assert_eq!(
+            take_text(&mut reader_end, patience).unwrap(),
+            "ws://127.0.0.1"
+        );
+        writer_end.write_all(&[0xFF; 8]).unwrap();
+        assert!(
+            take_text(&mut reader_end, patience).is_err(),
+            "four gigabytes"
+        );
+        drop(writer_end);
+        assert!(take_text(&mut reader_end, patience).is_err());
     }
 }

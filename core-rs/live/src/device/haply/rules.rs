@@ -75,9 +75,9 @@ impl Rules {
     pub(crate) fn state(&mut self, now: Instant) -> (u16, bool) {
         if self.lockstep {
             // Every command has its own state.
-            let number = self.unanswered.pop_front();
+            let answered_number = self.unanswered.pop_front();
             self.asked = (!self.unanswered.is_empty()).then_some(now);
-            return (number.unwrap_or(self.number), self.let_go);
+            return (answered_number.unwrap_or(self.number), self.let_go);
         }
         self.unanswered.clear();
         self.asked = None;
@@ -93,16 +93,16 @@ impl Rules {
                 None => Action::Nothing,
             };
         }
-        let since = |at: Instant| now.saturating_duration_since(at);
-        let unanswered = self.asked.map_or(Duration::ZERO, since);
+        let time_since = |at: Instant| now.saturating_duration_since(at);
+        let unanswered = self.asked.map_or(Duration::ZERO, time_since);
         if unanswered >= SERVICE_GONE {
             return Action::Gone;
         }
         let service_silent = unanswered >= SERVICE_SILENT;
-        if service_silent || since(self.last_order) >= HOST_SILENT {
+        if service_silent || time_since(self.last_order) >= HOST_SILENT {
             self.orders.clear();
-            let again = service_silent && since(self.sent) >= ZERO_INTERVAL;
-            if self.pushes || again {
+            let repeats_zero = service_silent && time_since(self.sent) >= ZERO_INTERVAL;
+            if self.pushes || repeats_zero {
                 self.let_go |= self.pushes;
                 return self.send([0.0; 3], now);
             }
@@ -110,8 +110,9 @@ impl Rules {
         }
         // Only one unanswered force at a time, otherwise a slow service would fall further and further behind. A zero
         // that ends a force is sent at once.
-        let free = |order: &ForceCommand| self.asked.is_none() || (order.is_zero() && self.pushes);
-        match self.orders.front().copied().filter(free) {
+        let may_send =
+            |order: &ForceCommand| self.asked.is_none() || (order.is_zero() && self.pushes);
+        match self.orders.front().copied().filter(may_send) {
             Some(order) => {
                 self.orders.clear();
                 self.pass(order, now)
@@ -122,17 +123,17 @@ impl Rules {
 
     /// When `due` must be called again if no message comes.
     pub(super) fn next(&self, now: Instant) -> Instant {
-        let host = self.pushes.then_some(self.last_order + HOST_SILENT);
+        let host_deadline = self.pushes.then_some(self.last_order + HOST_SILENT);
         let service = self.asked.map(|asked| {
-            let silent = asked + SERVICE_SILENT;
+            let silence_instant = asked + SERVICE_SILENT;
             if self.pushes {
-                silent
+                silence_instant
             } else {
-                silent.max(self.sent + ZERO_INTERVAL)
+                silence_instant.max(self.sent + ZERO_INTERVAL)
             }
         });
-        let nexts = [host, service].into_iter().flatten();
-        nexts.fold(now + ZERO_INTERVAL, Instant::min)
+        let deadlines = [host_deadline, service].into_iter().flatten();
+        deadlines.fold(now + ZERO_INTERVAL, Instant::min)
     }
 
     /// Whether a force may still act: the latest command was a force, or no state has answered the zero yet.

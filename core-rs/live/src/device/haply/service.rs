@@ -31,24 +31,24 @@ impl Service {
     /// Connects and waits for the first state of the device `id`, or of any device.
     pub(super) fn open(target: &str, id: Option<&str>) -> Result<(Self, wire::State), OpenError> {
         let socket = connect(target, FIRST_REPLY).map_err(OpenError::Because)?;
-        let mut this = Self {
+        let mut new_service = Self {
             socket,
             target: target.to_owned(),
             id: id.unwrap_or_default().to_owned(),
         };
-        let until = Instant::now() + FIRST_REPLY;
-        while Instant::now() < until {
-            this.wait(Instant::now() + ASK_AGAIN);
-            let mut first = None;
-            let read = this.read(|state| {
-                first.get_or_insert(state);
+        let deadline = Instant::now() + FIRST_REPLY;
+        while Instant::now() < deadline {
+            new_service.wait(Instant::now() + ASK_AGAIN);
+            let mut first_state = None;
+            let read_result = new_service.read(|state| {
+                first_state.get_or_insert(state);
             });
-            if let Some(state) = first {
-                this.id.clone_from(&state.id);
-                return Ok((this, state));
+            if let Some(state) = first_state {
+                new_service.id.clone_from(&state.id);
+                return Ok((new_service, state));
             }
-            if let Err(gone) = read {
-                return Err(OpenError::Because(gone.to_string()));
+            if let Err(read_error) = read_result {
+                return Err(OpenError::Because(read_error.to_string()));
             }
         }
         Err(OpenError::NoAnswer)
@@ -64,12 +64,12 @@ impl Service {
     /// Hand the states that are there to `each`; returns whether there may be more.
     pub(super) fn read(&mut self, mut each: impl FnMut(wire::State)) -> Result<bool, Gone> {
         sent(self.socket.flush())?;
-        let id = (!self.id.is_empty()).then_some(self.id.as_str());
+        let device_id = (!self.id.is_empty()).then_some(self.id.as_str());
         for _ in 0..READS_MAX {
             match self.socket.read() {
-                Ok(Message::Text(text)) => {
-                    wire::parse_state(&text, id).into_iter().for_each(&mut each)
-                }
+                Ok(Message::Text(text)) => wire::parse_state(&text, device_id)
+                    .into_iter()
+                    .for_each(&mut each),
                 Ok(Message::Close(_)) => return Err(Gone::Closed),
                 Ok(_) => {}
                 Err(Error::Io(error)) if is_quiet(&error) => return Ok(false),
@@ -99,10 +99,10 @@ impl Service {
     /// Close the WebSocket and wait briefly for the answer, which shows that all commands have arrived.
     pub(super) fn close(mut self) {
         const PATIENCE: Duration = Duration::from_millis(200);
-        let until = Instant::now() + PATIENCE;
+        let deadline = Instant::now() + PATIENCE;
         let _ = self.socket.close(None);
-        while Instant::now() < until && self.read(|_| ()).is_ok() {
-            self.wait(until);
+        while Instant::now() < deadline && self.read(|_| ()).is_ok() {
+            self.wait(deadline);
         }
     }
 }
@@ -126,36 +126,36 @@ fn gone(error: &Error) -> Gone {
 /// A WebSocket connection in non-blocking mode; or a sentence on why there is none.
 fn connect(target: &str, patience: Duration) -> Result<WebSocket<TcpStream>, String> {
     let address = target.strip_prefix("ws://").unwrap_or(target);
-    let host = address.split('/').next().unwrap_or(address);
-    let stream = reach(host, patience).map_err(|error| error.to_string())?;
-    let set = stream
+    let host_address = address.split('/').next().unwrap_or(address);
+    let tcp_stream = reach(host_address, patience).map_err(|error| error.to_string())?;
+    let set_result = tcp_stream
         .set_nodelay(true)
-        .and_then(|()| stream.set_write_timeout(Some(patience)))
-        .and_then(|()| stream.set_read_timeout(Some(patience)));
-    set.map_err(|error| error.to_string())?;
+        .and_then(|()| tcp_stream.set_write_timeout(Some(patience)))
+        .and_then(|()| tcp_stream.set_read_timeout(Some(patience)));
+    set_result.map_err(|error| error.to_string())?;
     let config = WebSocketConfig::default()
         .max_write_buffer_size(wire::LONGEST * 4)
         .write_buffer_size(0)
         .max_message_size(Some(wire::LONGEST))
         .max_frame_size(Some(wire::LONGEST));
-    let (socket, _) =
-        client_with_config(target, stream, Some(config)).map_err(|error| match error {
+    let (web_socket, _) =
+        client_with_config(target, tcp_stream, Some(config)).map_err(|error| match error {
             HandshakeError::Failure(error) => error.to_string(),
             HandshakeError::Interrupted(_) => "it does not answer as a WebSocket".to_owned(),
         })?;
-    let set = socket.get_ref().set_nonblocking(true);
-    set.map_err(|error| error.to_string())?;
-    Ok(socket)
+    let set_result = web_socket.get_ref().set_nonblocking(true);
+    set_result.map_err(|error| error.to_string())?;
+    Ok(web_socket)
 }
 
 /// Connects to the first address of `host` that can be reached.
 fn reach(host: &str, patience: Duration) -> io::Result<TcpStream> {
-    let mut last = io::Error::from(io::ErrorKind::AddrNotAvailable);
+    let mut last_error = io::Error::from(io::ErrorKind::AddrNotAvailable);
     for address in host.to_socket_addrs()? {
         match TcpStream::connect_timeout(&address, patience) {
             Ok(stream) => return Ok(stream),
-            Err(error) => last = error,
+            Err(error) => last_error = error,
         }
     }
-    Err(last)
+    Err(last_error)
 }

@@ -34,9 +34,9 @@ pub(super) struct Started(Child);
 
 impl Drop for Started {
     fn drop(&mut self) {
-        let until = Instant::now() + PATIENCE;
+        let deadline = Instant::now() + PATIENCE;
         while matches!(self.0.try_wait(), Ok(None)) {
-            if Instant::now() >= until {
+            if Instant::now() >= deadline {
                 let _ = self.0.kill();
                 let _ = self.0.wait();
                 return;
@@ -62,10 +62,10 @@ pub(super) fn start() -> io::Result<(Stream, Started)> {
         .stderr(Stdio::null());
     let started = launch(command);
     started.map_err(|error| {
-        let path = program.path.display();
+        let program_path = program.path.display();
         io::Error::new(
             error.kind(),
-            format!("its guardian process ({path}): {error}"),
+            format!("its guardian process ({program_path}): {error}"),
         )
     })
 }
@@ -76,12 +76,12 @@ fn launch(mut command: Command) -> io::Result<(Stream, Started)> {
     use std::os::fd::OwnedFd;
     use std::os::unix::process::CommandExt;
 
-    let (ours, theirs) = Stream::pair()?;
-    let child = command
-        .stdin(Stdio::from(OwnedFd::from(theirs)))
+    let (parent_stream, child_stream) = Stream::pair()?;
+    let child_process = command
+        .stdin(Stdio::from(OwnedFd::from(child_stream)))
         .process_group(0)
         .spawn()?;
-    Ok((ours, Started(child)))
+    Ok((parent_stream, Started(child_process)))
 }
 
 /// The guardian's end of the line.
@@ -89,9 +89,9 @@ fn launch(mut command: Command) -> io::Result<(Stream, Started)> {
 pub(super) fn inherited() -> io::Result<Stream> {
     use std::os::fd::AsFd;
 
-    let stream = Stream::from(io::stdin().as_fd().try_clone_to_owned()?);
+    let host_stream = Stream::from(io::stdin().as_fd().try_clone_to_owned()?);
     // Fails if the standard input is not a socket.
-    stream.peer_addr().map(|_| stream)
+    host_stream.peer_addr().map(|_| host_stream)
 }
 
 #[cfg(not(unix))]
@@ -104,14 +104,14 @@ fn launch(mut command: Command) -> io::Result<(Stream, Started)> {
         command.creation_flags(CREATE_NEW_PROCESS_GROUP | CREATE_NO_WINDOW);
     }
     let (meeting, address) = loopback::Rendezvous::new()?;
-    let mut child = command.stdin(Stdio::piped()).spawn()?;
-    let stdin = child.stdin.take();
-    let mut started = Started(child);
-    if let Some(mut stdin) = stdin {
-        io::Write::write_all(&mut stdin, &address)?;
+    let mut child_process = command.stdin(Stdio::piped()).spawn()?;
+    let child_input = child_process.stdin.take();
+    let mut started = Started(child_process);
+    if let Some(mut child_input) = child_input {
+        io::Write::write_all(&mut child_input, &address)?;
     }
-    let stream = meeting.wait(|| matches!(started.0.try_wait(), Ok(None)))?;
-    Ok((stream, started))
+    let guardian_stream = meeting.wait(|| matches!(started.0.try_wait(), Ok(None)))?;
+    Ok((guardian_stream, started))
 }
 
 #[cfg(not(unix))]
@@ -145,11 +145,11 @@ mod loopback {
             let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
             listener.set_nonblocking(true)?;
             // The keys of a new hasher come from the system's random numbers.
-            let random = || RandomState::new().hash_one(0).to_le_bytes();
+            let random_bytes = || RandomState::new().hash_one(0).to_le_bytes();
             let mut address = [0; LEN];
             address[..2].copy_from_slice(&listener.local_addr()?.port().to_le_bytes());
-            address[2..10].copy_from_slice(&random());
-            address[10..].copy_from_slice(&random());
+            address[2..10].copy_from_slice(&random_bytes());
+            address[10..].copy_from_slice(&random_bytes());
             let mut token = [0; LEN - 2];
             token.copy_from_slice(&address[2..]);
             Ok((Self { listener, token }, address))
@@ -157,18 +157,18 @@ mod loopback {
 
         /// Wait for the peer that knows the token, as long as `lives` is true.
         pub(super) fn wait(self, mut lives: impl FnMut() -> bool) -> io::Result<TcpStream> {
-            let until = Instant::now() + PATIENCE;
-            while lives() && Instant::now() < until {
-                let Ok((mut stream, _)) = self.listener.accept() else {
+            let deadline = Instant::now() + PATIENCE;
+            while lives() && Instant::now() < deadline {
+                let Ok((mut peer_stream, _)) = self.listener.accept() else {
                     std::thread::sleep(POLL);
                     continue;
                 };
-                stream.set_nonblocking(false)?;
-                stream.set_read_timeout(Some(TOKEN_TIMEOUT))?;
-                let mut token = [0; LEN - 2];
-                if stream.read_exact(&mut token).is_ok() && token == self.token {
-                    stream.set_nodelay(true)?;
-                    return Ok(stream);
+                peer_stream.set_nonblocking(false)?;
+                peer_stream.set_read_timeout(Some(TOKEN_TIMEOUT))?;
+                let mut peer_token = [0; LEN - 2];
+                if peer_stream.read_exact(&mut peer_token).is_ok() && peer_token == self.token {
+                    peer_stream.set_nodelay(true)?;
+                    return Ok(peer_stream);
                 }
             }
             Err(io::ErrorKind::TimedOut.into())
@@ -177,13 +177,13 @@ mod loopback {
 
     /// Connect to the meeting point that `address` describes.
     pub(super) fn join(address: &mut impl Read) -> io::Result<TcpStream> {
-        let mut bytes = [0; LEN];
-        address.read_exact(&mut bytes)?;
-        let port = u16::from_le_bytes([bytes[0], bytes[1]]);
-        let mut stream = TcpStream::connect((Ipv4Addr::LOCALHOST, port))?;
-        stream.set_nodelay(true)?;
-        stream.write_all(&bytes[2..])?;
-        Ok(stream)
+        let mut address_bytes = [0; LEN];
+        address.read_exact(&mut address_bytes)?;
+        let host_port = u16::from_le_bytes([address_bytes[0], address_bytes[1]]);
+        let mut host_stream = TcpStream::connect((Ipv4Addr::LOCALHOST, host_port))?;
+        host_stream.set_nodelay(true)?;
+        host_stream.write_all(&address_bytes[2..])?;
+        Ok(host_stream)
     }
 
     #[cfg(test)]
@@ -193,15 +193,15 @@ mod loopback {
         #[test]
         fn rendezvous_meets_holders_of_the_token_only() {
             let (meeting, address) = Rendezvous::new().unwrap();
-            let mut wrong = address;
-            wrong[17] ^= 1;
-            let _stranger = join(&mut &wrong[..]).unwrap();
-            let mut friend = join(&mut &address[..]).unwrap();
-            let mut met = meeting.wait(|| true).unwrap();
-            friend.write_all(b"here").unwrap();
-            let mut bytes = [0; 4];
-            met.read_exact(&mut bytes).unwrap();
-            assert_eq!(&bytes, b"here");
+            let mut wrong_address = address;
+            wrong_address[17] ^= 1;
+            let _stranger = join(&mut &wrong_address[..]).unwrap();
+            let mut friend_stream = join(&mut &address[..]).unwrap();
+            let mut met_stream = meeting.wait(|| true).unwrap();
+            friend_stream.write_all(b"here").unwrap();
+            let mut met_bytes = [0; 4];
+            met_stream.read_exact(&mut met_bytes).unwrap();
+            assert_eq!(&met_bytes, b"here");
         }
 
         #[test]

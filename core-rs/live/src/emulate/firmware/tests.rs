@@ -34,25 +34,25 @@ fn firefader_reply(firmware: &mut Firmware, force: [f64; 2], now: Duration) -> f
     firmware.receive(&firefader::request(force), now, &mut |bytes| {
         replies.push(firefader::parse_reply(bytes));
     });
-    let [Parsed::Packet(reply, 7)] = replies[..] else {
+    let [Parsed::Packet(only_reply, 7)] = replies[..] else {
         panic!("{replies:?}");
     };
-    reply
+    only_reply
 }
 
 #[test]
 fn untouched_key_gets_no_force() {
-    let mut free = firmware(board(Protocol::FireFader, true), 2, Hand::Free);
+    let mut free_firmware = firmware(board(Protocol::FireFader, true), 2, Hand::Free);
     for _ in 0..100 {
-        let reply = firefader_reply(&mut free, [1.0, -1.0], ms(0));
+        let reply = firefader_reply(&mut free_firmware, [1.0, -1.0], ms(0));
         assert_eq!((reply.position, reply.cap), ([128; 2], [0; 2]));
     }
     let mut touched = firmware(board(Protocol::FireFader, true), 2, Hand::Resting);
     // The gate is a filter over packets with threshold 20: 5, 9.8, 14.5, 19.1, 23.5.
     for n in 1..=20 {
         firefader_reply(&mut touched, [1.0, -1.0], ms(0));
-        let pushed = touched.forces()[0] > 0.0;
-        assert_eq!(pushed, n >= 5, "{n}");
+        let is_pushed = touched.forces()[0] > 0.0;
+        assert_eq!(is_pushed, n >= 5, "{n}");
     }
     let reply = firefader_reply(&mut touched, [1.0, -1.0], ms(0));
     assert!(
@@ -83,22 +83,22 @@ fn firmware_without_lockstep_uses_the_newest_packet() {
     let mut board = board(Protocol::FireFader, false);
     board.touch_gate = false;
     let mut firmware = firmware(board, 2, Hand::Resting);
-    let mut bytes = firefader::request([-1.0, 0.0]).to_vec();
-    bytes.extend(firefader::request([0.5, 0.0]));
+    let mut two_packets = firefader::request([-1.0, 0.0]).to_vec();
+    two_packets.extend(firefader::request([0.5, 0.0]));
     let mut replies = 0;
-    firmware.receive(&bytes, ms(0), &mut |_| replies += 1);
+    firmware.receive(&two_packets, ms(0), &mut |_| replies += 1);
     assert_eq!(replies, 1);
     assert!(firmware.forces()[0] > 0.4);
 }
 
 fn frame_reply(firmware: &mut Firmware, request: frame::Request) -> Parsed<frame::Reply> {
-    let mut bytes = [0; frame::LONGEST];
-    let len = request.write(10.0, &mut bytes);
-    let mut reply = Parsed::Incomplete;
-    firmware.receive(&bytes[..len], ms(7), &mut |bytes| {
-        reply = frame::Reply::parse(bytes)
+    let mut frame_bytes = [0; frame::LONGEST];
+    let request_length = request.write(10.0, &mut frame_bytes);
+    let mut parsed_reply = Parsed::Incomplete;
+    firmware.receive(&frame_bytes[..request_length], ms(7), &mut |frame_bytes| {
+        parsed_reply = frame::Reply::parse(frame_bytes)
     });
-    reply
+    parsed_reply
 }
 
 #[test]
@@ -144,18 +144,21 @@ fn device_info_of_a_frame_board() {
         seq: 3,
         ..frame::Request::default()
     };
-    let mut bytes = [0; frame::LONGEST];
-    let len = request.write(10.0, &mut bytes);
-    let mut who = Parsed::Incomplete;
-    firmware.receive(&bytes[..len], ms(0), &mut |bytes| {
-        who = frame::DeviceInfo::parse(bytes)
+    let mut frame_bytes = [0; frame::LONGEST];
+    let request_length = request.write(10.0, &mut frame_bytes);
+    let mut board_info = Parsed::Incomplete;
+    firmware.receive(&frame_bytes[..request_length], ms(0), &mut |frame_bytes| {
+        board_info = frame::DeviceInfo::parse(frame_bytes)
     });
-    let Parsed::Packet(who, _) = who else {
-        panic!("{who:?}");
+    let Parsed::Packet(board_info, _) = board_info else {
+        panic!("{board_info:?}");
     };
-    assert_eq!((who.seq, who.n, who.traits), (3, 12, 4 | 8));
-    assert_eq!(who.numbers[..2], [10.0, 10.0]);
-    assert_eq!(who.numbers[6..], [0.05, 1.0]);
+    assert_eq!(
+        (board_info.seq, board_info.n, board_info.traits),
+        (3, 12, 4 | 8)
+    );
+    assert_eq!(board_info.numbers[..2], [10.0, 10.0]);
+    assert_eq!(board_info.numbers[6..], [0.05, 1.0]);
 }
 
 proptest! {

@@ -15,29 +15,33 @@ pub(in crate::emulate) struct Terminal {
 
 impl Terminal {
     pub(super) fn open() -> io::Result<Self> {
-        let mut name = [0_u8; 128];
+        let mut name_bytes = [0_u8; 128];
         // SAFETY: the calls get valid pointers to locals; both descriptors are owned as soon as they are open.
         let (fd, path) = unsafe {
-            let (mut master, mut slave) = (-1, -1);
+            let (mut master_fd, mut slave_fd) = (-1, -1);
             let mut raw: libc::termios = std::mem::zeroed();
             libc::cfmakeraw(&raw mut raw);
-            let opened = libc::openpty(
-                &raw mut master,
-                &raw mut slave,
-                name.as_mut_ptr().cast(),
+            let open_status = libc::openpty(
+                &raw mut master_fd,
+                &raw mut slave_fd,
+                name_bytes.as_mut_ptr().cast(),
                 (&raw mut raw).cast(),
                 std::ptr::null_mut(),
             );
-            if opened != 0 {
+            if open_status != 0 {
                 return Err(io::Error::last_os_error());
             }
             // Closed at once, so that a hang-up of the host can be detected.
-            drop(OwnedFd::from_raw_fd(slave));
-            let fd = OwnedFd::from_raw_fd(master);
-            let flags = libc::fcntl(fd.as_raw_fd(), libc::F_GETFL);
-            libc::fcntl(fd.as_raw_fd(), libc::F_SETFL, flags | libc::O_NONBLOCK);
+            drop(OwnedFd::from_raw_fd(slave_fd));
+            let fd = OwnedFd::from_raw_fd(master_fd);
+            let status_flags = libc::fcntl(fd.as_raw_fd(), libc::F_GETFL);
+            libc::fcntl(
+                fd.as_raw_fd(),
+                libc::F_SETFL,
+                status_flags | libc::O_NONBLOCK,
+            );
             libc::fcntl(fd.as_raw_fd(), libc::F_SETFD, libc::FD_CLOEXEC);
-            (fd, CStr::from_bytes_until_nul(&name))
+            (fd, CStr::from_bytes_until_nul(&name_bytes))
         };
         let path = path
             .map_err(io::Error::other)?
@@ -55,14 +59,14 @@ impl Terminal {
     }
 
     pub(super) fn read(&mut self, into: &mut [u8], wait: Duration) -> io::Result<LineEvent> {
-        let mut poll = libc::pollfd {
+        let mut poll_entry = libc::pollfd {
             fd: self.fd.as_raw_fd(),
             events: libc::POLLIN,
             revents: 0,
         };
-        wait_for(&mut poll, wait);
-        if poll.revents & libc::POLLIN == 0 {
-            if poll.revents & libc::POLLHUP == 0 {
+        wait_for(&mut poll_entry, wait);
+        if poll_entry.revents & libc::POLLIN == 0 {
+            if poll_entry.revents & libc::POLLHUP == 0 {
                 return Ok(LineEvent::Nothing);
             }
             if std::mem::take(&mut self.connected) {
@@ -73,8 +77,9 @@ impl Terminal {
             return Ok(LineEvent::Nothing);
         }
         // SAFETY: the descriptor is open and the slice valid.
-        let got = unsafe { libc::read(self.fd.as_raw_fd(), into.as_mut_ptr().cast(), into.len()) };
-        match usize::try_from(got) {
+        let bytes_read =
+            unsafe { libc::read(self.fd.as_raw_fd(), into.as_mut_ptr().cast(), into.len()) };
+        match usize::try_from(bytes_read) {
             Ok(0) => Ok(LineEvent::Nothing),
             Ok(n) => {
                 self.connected = true;
@@ -97,17 +102,17 @@ impl Terminal {
 }
 
 #[cfg(target_os = "linux")]
-fn wait_for(poll: &mut libc::pollfd, wait: Duration) {
-    let wait = libc::timespec {
-        tv_sec: wait.as_secs() as libc::time_t,
-        tv_nsec: libc::c_long::from(wait.subsec_nanos() as i32),
+fn wait_for(poll: &mut libc::pollfd, timeout: Duration) {
+    let timeout = libc::timespec {
+        tv_sec: timeout.as_secs() as libc::time_t,
+        tv_nsec: libc::c_long::from(timeout.subsec_nanos() as i32),
     };
     // SAFETY: one pollfd and a timespec, both valid.
-    unsafe { libc::ppoll(poll, 1, &raw const wait, std::ptr::null()) };
+    unsafe { libc::ppoll(poll, 1, &raw const timeout, std::ptr::null()) };
 }
 
 #[cfg(not(target_os = "linux"))]
-fn wait_for(poll: &mut libc::pollfd, wait: Duration) {
+fn wait_for(poll: &mut libc::pollfd, timeout: Duration) {
     // SAFETY: one valid pollfd.
-    unsafe { libc::poll(poll, 1, (wait.as_millis() as i32).max(1)) };
+    unsafe { libc::poll(poll, 1, (timeout.as_millis() as i32).max(1)) };
 }

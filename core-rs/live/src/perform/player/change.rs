@@ -57,25 +57,27 @@ impl Player {
             self.give_back(due);
             return;
         }
-        let index = self
+        let queue_index = self
             .waiting
             .partition_point(|other| other.frame <= due.frame);
-        self.waiting.insert(index, due);
+        self.waiting.insert(queue_index, due);
     }
 
     /// Withdraw the changes of the simulation that are due at `frame` or later, by rising tickets.
     pub(super) fn revoke(&mut self, frame: u64) {
-        let is_revoked =
-            |due: &ScheduledChange| due.frame >= frame && due.change.simulation.is_some();
+        let is_revoked = |due_change: &ScheduledChange| {
+            due_change.frame >= frame && due_change.change.simulation.is_some()
+        };
         loop {
             let waiting = self.waiting.iter().enumerate();
-            let revoked = waiting.filter(|(_, due)| is_revoked(due));
-            let Some((first, _)) = revoked.min_by_key(|(_, due)| due.ticket) else {
+            let revoked = waiting.filter(|(_, due_change)| is_revoked(due_change));
+            let Some((revoked_index, _)) = revoked.min_by_key(|(_, due_change)| due_change.ticket)
+            else {
                 break;
             };
-            let due = self.waiting.remove(first);
-            self.report(due.ticket, false);
-            self.give_back(due);
+            let due_change = self.waiting.remove(revoked_index);
+            self.report(due_change.ticket, false);
+            self.give_back(due_change);
         }
     }
 
@@ -84,12 +86,12 @@ impl Player {
         while self
             .waiting
             .first()
-            .is_some_and(|due| due.frame <= self.frame)
+            .is_some_and(|due_change| due_change.frame <= self.frame)
         {
-            let mut due = self.waiting.remove(0);
-            let done = due.frame == self.frame && self.change(&mut due);
-            self.report(due.ticket, done);
-            self.give_back(due);
+            let mut due_change = self.waiting.remove(0);
+            let change_made = due_change.frame == self.frame && self.change(&mut due_change);
+            self.report(due_change.ticket, change_made);
+            self.give_back(due_change);
         }
     }
 
@@ -139,8 +141,8 @@ impl Player {
         if let Some(gain) = change.gain {
             self.gain.set(gain);
         }
-        if let Some(t60) = change.damp {
-            stage.simulation.damp(t60);
+        if let Some(decay_time) = change.damp {
+            stage.simulation.damp(decay_time);
         }
         if let Some(bars) = &mut change.bars {
             std::mem::swap(bars, &mut stage.bars);
@@ -157,21 +159,21 @@ impl Player {
                 if standin.is_empty() {
                     continue;
                 }
-                let before = hand.standin_position(self.tick);
+                let position_before = hand.standin_position(self.tick);
                 std::mem::swap(&mut hand.standin, standin);
-                if let Some(forces) = change.forces.get_mut(index) {
-                    std::mem::swap(&mut hand.forces, forces);
+                if let Some(written_forces) = change.forces.get_mut(index) {
+                    std::mem::swap(&mut hand.forces, written_forces);
                 }
                 hand.since = self.tick;
-                let now = hand.standin_position(self.tick);
-                guidance.change(before, now);
+                let position_now = hand.standin_position(self.tick);
+                guidance.change(position_before, position_now);
                 if !source.real {
-                    source.change(false, now);
+                    source.change(false, position_now);
                 }
             }
         }
-        if let Some(all) = &mut change.guidance_steps {
-            for (guidance, steps) in self.guidance.iter_mut().zip(all) {
+        if let Some(step_lists) = &mut change.guidance_steps {
+            for (guidance, steps) in self.guidance.iter_mut().zip(step_lists) {
                 if guidance.is_loose() {
                     std::mem::swap(&mut guidance.steps, steps);
                     guidance.begin(self.tick);
@@ -193,18 +195,18 @@ impl Player {
     pub(super) fn update_scales(&mut self) {
         let tick_frames = self.stage.tick_frames as u64;
         for (hand, scale) in self.scales.iter_mut().enumerate() {
-            let Some((slot, axis)) = self.axis_of[hand] else {
+            let Some((slot_index, axis_index)) = self.axis_of[hand] else {
                 continue;
             };
             let waiting = self.waiting.iter().flat_map(|due| {
-                let bounds = due.change.bounds.iter().filter_map(|all| all.get(hand));
-                bounds.flatten().map(|bound| Bound {
+                let hand_bounds = due.change.bounds.iter().filter_map(|all| all.get(hand));
+                hand_bounds.flatten().map(|bound| Bound {
                     frame: bound.frame.saturating_add(due.frame / tick_frames),
                     ..*bound
                 })
             });
-            let now = scale.tick(self.tick, waiting);
-            self.slots[slot].set_scale(axis, now);
+            let scale_now = scale.tick(self.tick, waiting);
+            self.slots[slot_index].set_scale(axis_index, scale_now);
         }
     }
 

@@ -13,16 +13,16 @@ impl Player {
         self.receive_positions();
         for slot in self.slots.iter().filter(|slot| slot.is_there()) {
             for &(axis, hand) in &slot.axes {
-                let x = slot.sample.position[axis];
-                let source = &mut self.sources[hand];
+                let key_position = slot.sample.position[axis];
+                let hand_source = &mut self.sources[hand];
                 if self.tick == 0 {
-                    (source.real, source.x) = (true, x);
+                    (hand_source.real, hand_source.x) = (true, key_position);
                 } else {
                     // In the middle of a piece the key starts at the position of its stand-in.
-                    source.x = self.stage.hands[hand].standin_position(self.tick);
-                    source.change(true, x);
+                    hand_source.x = self.stage.hands[hand].standin_position(self.tick);
+                    hand_source.change(true, key_position);
                 }
-                self.previous[hand] = source.x;
+                self.previous[hand] = hand_source.x;
             }
         }
     }
@@ -32,28 +32,33 @@ impl Player {
         if std::mem::take(&mut self.has_positions) {
             return;
         }
-        let period = self.clock.period();
-        let rate = 1.0 / period;
+        let tick_period = self.clock.period();
+        let tick_rate = 1.0 / tick_period;
         for hand in 0..self.sources.len() {
-            let Some((slot, axis)) = self.axis_of[hand] else {
+            let Some((slot_index, axis_index)) = self.axis_of[hand] else {
                 continue;
             };
-            let (stage_hand, source) = (&self.stage.hands[hand], &self.sources[hand]);
-            let force = if source.real {
-                let v = (source.x - self.previous[hand]) * rate;
-                let lockstep = !self.slots[slot].is_on_the_clock();
-                let part = stage_hand.written_motion(self.tick, period, lockstep);
-                let scale = self.scales[hand].now();
-                let guidance = self.guidance[hand].force(part, source.x, v, scale);
-                (self.piece_forces[hand] + guidance) * source.progress()
+            let (stage_hand, hand_source) = (&self.stage.hands[hand], &self.sources[hand]);
+            let key_force = if hand_source.real {
+                let hand_velocity = (hand_source.x - self.previous[hand]) * tick_rate;
+                let lockstep = !self.slots[slot_index].is_on_the_clock();
+                let part_motion = stage_hand.written_motion(self.tick, tick_period, lockstep);
+                let force_scale = self.scales[hand].now();
+                let guidance = self.guidance[hand].force(
+                    part_motion,
+                    hand_source.x,
+                    hand_velocity,
+                    force_scale,
+                );
+                (self.piece_forces[hand] + guidance) * hand_source.progress()
             } else {
                 0.0
             };
-            self.slots[slot].set_force(axis, force);
+            self.slots[slot_index].set_force(axis_index, key_force);
         }
-        for slot in 0..self.slots.len() {
-            let there = self.slots[slot].send();
-            self.note_presence(slot, there);
+        for slot_index in 0..self.slots.len() {
+            let is_present = self.slots[slot_index].send();
+            self.note_presence(slot_index, is_present);
         }
         self.receive_positions();
     }
@@ -64,8 +69,8 @@ impl Player {
             return;
         };
         for slot in 0..self.slots.len() {
-            let there = self.slots[slot].receive(deadline);
-            self.note_presence(slot, there);
+            let is_present = self.slots[slot].receive(deadline);
+            self.note_presence(slot, is_present);
         }
     }
 
@@ -81,9 +86,9 @@ impl Player {
         }
         self.returns_at[slot] = None;
         for index in 0..self.slots[slot].axes.len() {
-            let (_, hand) = self.slots[slot].axes[index];
-            let x = self.stage.hands[hand].standin_position(self.tick);
-            self.sources[hand].change(false, x);
+            let (_, hand_index) = self.slots[slot].axes[index];
+            let standin_position = self.stage.hands[hand_index].standin_position(self.tick);
+            self.sources[hand_index].change(false, standin_position);
         }
     }
 
@@ -97,29 +102,33 @@ impl Player {
             }
             self.returns_at[slot] = None;
             for index in 0..self.slots[slot].axes.len() {
-                let (axis, hand) = self.slots[slot].axes[index];
-                let x = self.slots[slot].sample.position[axis];
-                self.sources[hand].change(true, x);
-                self.send_event(EventKind::TookOver(hand));
+                let (axis_index, hand_index) = self.slots[slot].axes[index];
+                let hand_position = self.slots[slot].sample.position[axis_index];
+                self.sources[hand_index].change(true, hand_position);
+                self.send_event(EventKind::TookOver(hand_index));
             }
         }
-        for (hand, stage_hand) in self.stage.hands.iter().enumerate() {
-            let source = &mut self.sources[hand];
-            self.previous[hand] = source.x;
-            let x = match self.axis_of[hand] {
-                Some((slot, axis)) if source.real => self.slots[slot].sample.position[axis],
+        for (hand_index, stage_hand) in self.stage.hands.iter().enumerate() {
+            let hand_source = &mut self.sources[hand_index];
+            self.previous[hand_index] = hand_source.x;
+            let hand_position = match self.axis_of[hand_index] {
+                Some((slot, axis_index)) if hand_source.real => {
+                    self.slots[slot].sample.position[axis_index]
+                }
                 _ => stage_hand.standin_position(self.tick),
             };
-            let x = source.follow(x);
-            self.stage.simulation.hold(hand, x * stage_hand.reach, None);
+            let hand_position = hand_source.follow(hand_position);
+            self.stage
+                .simulation
+                .hold(hand_index, hand_position * stage_hand.reach, None);
         }
     }
 
     /// The first tick of the next bar, or of a bar that begins now; the present tick if no bar follows.
     pub(super) fn next_bar(&self) -> u64 {
         let bars = &self.stage.bars;
-        let next = bars.partition_point(|&bar| bar < self.frame);
-        let frame = bars.get(next).copied().unwrap_or(self.frame);
-        frame.div_ceil(self.stage.tick_frames as u64)
+        let bar_index = bars.partition_point(|&bar| bar < self.frame);
+        let start_frame = bars.get(bar_index).copied().unwrap_or(self.frame);
+        start_frame.div_ceil(self.stage.tick_frames as u64)
     }
 }

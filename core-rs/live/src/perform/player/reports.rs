@@ -13,24 +13,24 @@ const LOAD_AVERAGING: f64 = 1.0;
 impl Player {
     /// Record a row of all hands, if there is a recording.
     pub(super) fn record(&mut self) {
-        let Some(sink) = &mut self.connections.record else {
+        let Some(row_sink) = &mut self.connections.record else {
             return;
         };
         for (hand, row) in self.rows.iter_mut().enumerate() {
-            let status = self.status.hands.get(hand).copied().unwrap_or_default();
+            let hand_status = self.status.hands.get(hand).copied().unwrap_or_default();
             let sample = self.axis_of[hand].map(|(slot, axis)| (&self.slots[slot].sample, axis));
-            let flags = [
+            let row_flags = [
                 (flag::FRESH, sample.is_some_and(|(sample, _)| sample.fresh)),
-                (flag::TOUCH, status.touch),
-                (flag::FORCE_ENABLED, status.enabled),
-                (flag::STAND_IN, !status.real),
-                (flag::TRIPPED, status.tripped),
+                (flag::TOUCH, hand_status.touch),
+                (flag::FORCE_ENABLED, hand_status.enabled),
+                (flag::STAND_IN, !hand_status.real),
+                (flag::TRIPPED, hand_status.tripped),
             ];
             *row = recording::Sample {
                 position: self.sources[hand].x,
                 force: self.piece_forces[hand],
-                sent: status.sent as f32,
-                flags: flags
+                sent: hand_status.sent as f32,
+                flags: row_flags
                     .iter()
                     .filter(|(_, is)| *is)
                     .map(|(flag, _)| flag)
@@ -39,42 +39,46 @@ impl Player {
             };
         }
         // If no clock sets the pace, wait for the disk.
-        let asked = Instant::now();
-        let is_over = || self.connections.flags.stop.load(Ordering::Acquire);
-        while !self.paced && !sink.has_room() && asked.elapsed() < PATIENCE && !is_over() {
+        let wait_start = Instant::now();
+        let stop_requested = || self.connections.flags.stop.load(Ordering::Acquire);
+        while !self.paced
+            && !row_sink.has_room()
+            && wait_start.elapsed() < PATIENCE
+            && !stop_requested()
+        {
             self.clock.nap();
         }
         if !self.rows.is_empty() {
-            sink.row(self.tick - 1, &self.rows);
+            row_sink.row(self.tick - 1, &self.rows);
         }
     }
 
     /// Note the load of the tick, which `took` this long, and report parts that were newly muted or computed finer, or
     /// created energy.
     pub(super) fn note_load(&mut self, took: Duration) {
-        let period = self.clock.period();
-        let load = took.as_secs_f64() / period;
+        let tick_period = self.clock.period();
+        let tick_load = took.as_secs_f64() / tick_period;
         let status = &mut self.status;
-        status.load += (load - status.load) * (period / LOAD_AVERAGING).min(1.0);
-        status.busiest = status.busiest.max(load);
+        status.load += (tick_load - status.load) * (tick_period / LOAD_AVERAGING).min(1.0);
+        status.busiest = status.busiest.max(tick_load);
         (status.frame, status.ticks) = (self.frame, status.ticks + 1);
-        let muted = self.stage.simulation.n_muted() as u32;
-        let is_new = muted > status.muted;
-        status.muted = muted;
+        let muted_count = self.stage.simulation.n_muted() as u32;
+        let is_increased = muted_count > status.muted;
+        status.muted = muted_count;
         status.filled = self.connections.feed.filled();
-        if is_new {
+        if is_increased {
             self.send_event(EventKind::Muted);
         }
-        let finer = self.stage.simulation.n_finer() as u32;
-        let is_new = finer > self.status.finer;
-        self.status.finer = finer;
-        if is_new {
+        let finer_count = self.stage.simulation.n_finer() as u32;
+        let is_increased = finer_count > self.status.finer;
+        self.status.finer = finer_count;
+        if is_increased {
             self.send_event(EventKind::Finer);
         }
-        let gained = self.stage.simulation.n_gains() as u32;
-        let is_new = gained > self.status.gained;
-        self.status.gained = gained;
-        if is_new {
+        let gained_count = self.stage.simulation.n_gains() as u32;
+        let is_increased = gained_count > self.status.gained;
+        self.status.gained = gained_count;
+        if is_increased {
             self.send_event(EventKind::Gained);
         }
     }
@@ -85,25 +89,25 @@ impl Player {
             let hand_status = &mut self.status.hands[hand];
             (hand_status.position, hand_status.force, hand_status.real) =
                 (source.x, self.piece_forces[hand], source.real);
-            let Some((slot, axis)) = self.axis_of[hand] else {
+            let Some((slot, axis_index)) = self.axis_of[hand] else {
                 continue;
             };
             let slot = &self.slots[slot];
-            hand_status.sent = slot.sent[axis];
+            hand_status.sent = slot.sent[axis_index];
             hand_status.scale = self.scales[hand].now();
-            hand_status.touch = source.real && slot.sample.touch[axis];
-            hand_status.enabled = source.real && slot.sample.force_enabled[axis];
+            hand_status.touch = source.real && slot.sample.touch[axis_index];
+            hand_status.enabled = source.real && slot.sample.force_enabled[axis_index];
             hand_status.hot = source.real && slot.sample.hot;
             [hand_status.let_go, hand_status.stalls] = slot.interruptions();
-            let trip = slot.tripped(axis);
-            if let Some(why) = trip.filter(|_| !hand_status.tripped) {
-                let event = Event {
+            let axis_trip = slot.tripped(axis_index);
+            if let Some(trip_cause) = axis_trip.filter(|_| !hand_status.tripped) {
+                let trip_event = Event {
                     frame: self.frame,
-                    kind: EventKind::Tripped(hand, why),
+                    kind: EventKind::Tripped(hand, trip_cause),
                 };
-                let _ = self.connections.events.push(event);
+                let _ = self.connections.events.push(trip_event);
             }
-            hand_status.tripped = trip.is_some();
+            hand_status.tripped = axis_trip.is_some();
         }
     }
 
@@ -115,8 +119,8 @@ impl Player {
 
     /// Record an event, such as a command, as a line of JSON.
     pub(in crate::perform) fn note(&mut self, line: std::fmt::Arguments<'_>) {
-        if let Some(sink) = &mut self.connections.record {
-            sink.event(self.tick, line);
+        if let Some(row_sink) = &mut self.connections.record {
+            row_sink.event(self.tick, line);
         }
     }
 }

@@ -12,56 +12,61 @@ const PEAK_DECAY: f64 = 0.3;
 
 impl Player {
     /// Compute the frames of the tick, mixed and limited.
-    pub(super) fn step(&mut self, n: usize) {
+    pub(super) fn step(&mut self, frame_count: usize) {
         let stage = &mut self.stage;
         let channels = stage.mixer.n_channels();
-        let n_out = stage.simulation.n_out();
-        if n > 0 {
-            let outputs = &mut self.outputs[..n * n_out];
-            let mixed = &mut self.mixed[..n * channels];
+        let n_outputs = stage.simulation.n_out();
+        if frame_count > 0 {
+            let outputs = &mut self.outputs[..frame_count * n_outputs];
+            let mixed_sound = &mut self.mixed[..frame_count * channels];
             if let Some(sound_input) = &mut self.connections.sound_input {
                 let is_playing = self.connections.shared.played() > 0;
-                sound_input.tick(&mut stage.simulation, self.frame, n, is_playing);
+                sound_input.tick(&mut stage.simulation, self.frame, frame_count, is_playing);
             }
             // A part that diverges is muted by itself: the result is not needed.
-            let _ = if n_out == 0 {
-                stage.simulation.skip(n as u64)
+            let _ = if n_outputs == 0 {
+                stage.simulation.skip(frame_count as u64)
             } else {
                 stage.simulation.process(outputs)
             };
-            if let Some(frozen) = &mut self.connections.frozen {
+            if let Some(frozen_stems) = &mut self.connections.frozen {
                 // If no clock sets the pace, wait for the disk.
-                let asked = Instant::now();
-                let is_there = |frozen: &Frozen| frozen.is_ready(self.frame, n);
-                let is_over = || self.connections.flags.stop.load(Ordering::Acquire);
-                while !self.paced && !is_there(frozen) && asked.elapsed() < PATIENCE && !is_over() {
+                let wait_start = Instant::now();
+                let is_there =
+                    |frozen_stems: &Frozen| frozen_stems.is_ready(self.frame, frame_count);
+                let stop_requested = || self.connections.flags.stop.load(Ordering::Acquire);
+                while !self.paced
+                    && !is_there(frozen_stems)
+                    && wait_start.elapsed() < PATIENCE
+                    && !stop_requested()
+                {
                     self.clock.nap();
                 }
-                self.status.missed += frozen.join(outputs, n_out, self.frame);
+                self.status.missed += frozen_stems.join(outputs, n_outputs, self.frame);
             }
-            stage.mixer.process(outputs, mixed);
+            stage.mixer.process(outputs, mixed_sound);
             if let Some(fades) = &mut stage.fades
-                && fades.take(mixed).is_some()
+                && fades.take(mixed_sound).is_some()
             {
-                stage.n_frames = Some(self.frame + n as u64);
+                stage.n_frames = Some(self.frame + frame_count as u64);
                 stage.fades = None;
             }
-            self.gain.apply(self.frame, mixed, channels);
+            self.gain.apply(self.frame, mixed_sound, channels);
             if let Some(window) = &mut self.window {
-                window.add_levels(mixed, !self.panicked);
+                window.add_levels(mixed_sound, !self.panicked);
             }
-            limit(stage, mixed, &mut self.folded);
+            limit(stage, mixed_sound, &mut self.folded);
         } else {
-            let n = stage.tick_frames.min(self.tail_frames);
-            let mixed = &mut self.mixed[..n * channels];
-            mixed.fill(0.0);
-            limit(stage, mixed, &mut self.folded);
+            let frame_count = stage.tick_frames.min(self.tail_frames);
+            let mixed_sound = &mut self.mixed[..frame_count * channels];
+            mixed_sound.fill(0.0);
+            limit(stage, mixed_sound, &mut self.folded);
         }
         for (hand, own) in stage.hands.iter().enumerate() {
             self.piece_forces[hand] = stage.simulation.hand_force(hand) * own.reach;
         }
         self.tick += 1;
-        self.frame += n as u64;
+        self.frame += frame_count as u64;
     }
 
     /// Send frames to the card, without those of the limiter's initial delay.
@@ -71,17 +76,20 @@ impl Player {
             Some(_) => &self.folded,
             None => &self.mixed,
         };
-        let skip = self.to_skip.min(n);
-        let behind = (self.stage.limiter.latency() - self.to_skip) as u64;
-        self.to_skip -= skip;
+        let skipped_frames = self.to_skip.min(n);
+        let delay_frames = (self.stage.limiter.latency() - self.to_skip) as u64;
+        self.to_skip -= skipped_frames;
         if is_tail {
             self.tail_frames -= n;
         }
         for (single, x) in self.single.iter_mut().zip(&folded[..n * channels]) {
             *single = *x as f32;
         }
-        let falls = (1.0 - self.clock.period() / PEAK_DECAY).max(0.0) as f32;
-        self.status.peaks.iter_mut().for_each(|peak| *peak *= falls);
+        let peak_decay = (1.0 - self.clock.period() / PEAK_DECAY).max(0.0) as f32;
+        self.status
+            .peaks
+            .iter_mut()
+            .for_each(|peak| *peak *= peak_decay);
         if self.panicked {
             // After a panic nothing is heard.
             self.status.peaks.fill(0.0);
@@ -92,22 +100,22 @@ impl Player {
                 *peak = peak.max(x.abs());
             }
         }
-        let mut rest = &self.single[skip * channels..n * channels];
-        if let Some(tap) = &mut self.tap {
-            let tap_frame = self.frame.saturating_sub(n as u64 + behind);
-            tap.push(tap_frame, rest, self.panicked);
+        let mut samples_left = &self.single[skipped_frames * channels..n * channels];
+        if let Some(sound_tap) = &mut self.tap {
+            let tap_frame = self.frame.saturating_sub(n as u64 + delay_frames);
+            sound_tap.push(tap_frame, samples_left, self.panicked);
         }
-        let asked = Instant::now();
+        let wait_start = Instant::now();
         loop {
-            let taken = self.connections.feed.push(rest);
-            rest = &rest[taken * channels..];
-            let is_over = self.connections.flags.stop.load(Ordering::Acquire);
-            if rest.is_empty() || is_over {
+            let taken_frames = self.connections.feed.push(samples_left);
+            samples_left = &samples_left[taken_frames * channels..];
+            let stop_requested = self.connections.flags.stop.load(Ordering::Acquire);
+            if samples_left.is_empty() || stop_requested {
                 break;
             }
             // Keys are not kept waiting by a card: the frames are dropped.
-            if self.clock.is_by_keys() || asked.elapsed() > PATIENCE {
-                self.status.dropped += (rest.len() / channels) as u64;
+            if self.clock.is_by_keys() || wait_start.elapsed() > PATIENCE {
+                self.status.dropped += (samples_left.len() / channels) as u64;
                 break;
             }
             self.clock.nap();
@@ -117,11 +125,11 @@ impl Player {
 
 /// Fold the mixed channels into `folded` if there is a fold, and limit those that are heard.
 fn limit(stage: &mut Stage, mixed: &mut [f64], folded: &mut [f64]) {
-    let Some(fold) = &mut stage.fold else {
+    let Some(channel_fold) = &mut stage.fold else {
         stage.limiter.process(mixed);
         return;
     };
-    let folded = &mut folded[..mixed.len() / fold.n_in() * fold.n_out()];
-    fold.process(mixed, folded);
+    let folded = &mut folded[..mixed.len() / channel_fold.n_in() * channel_fold.n_out()];
+    channel_fold.process(mixed, folded);
     stage.limiter.process(folded);
 }

@@ -8,54 +8,55 @@ use crate::recording::{Axis, flag, read};
 /// Guidance counts even before it acts: a key that could not bear it gets less force.
 #[test]
 fn limit_with_loose_guidance_scales_the_key() {
-    let scale = |guidance: Option<(f64, bool)>| {
-        let hand = Hand {
+    let key_scale = |guidance: Option<(f64, bool)>| {
+        let guided_hand = Hand {
             guidance: guidance.map(|(k, loose)| Guidance { k, z: 0.0, loose }),
             response: vec![0.0; 400],
             ..Hand::default()
         };
-        let response = hand.response.clone();
-        HandKey::all(&keyboard(0, 0), &[hand])[0]
+        let response = guided_hand.response.clone();
+        HandKey::all(&keyboard(0, 0), &[guided_hand])[0]
             .limit(&response)
             .scale
     };
-    assert_eq!(scale(None), 1.0);
-    assert_eq!(scale(Some((100.0, true))), 1.0);
+    assert_eq!(key_scale(None), 1.0);
+    assert_eq!(key_scale(Some((100.0, true))), 1.0);
     // The greatest stable stiffness of the key is 2b/T = 2 kN/m.
-    let least = scale(Some((5e3, true)));
-    assert!((0.3..0.5).contains(&least), "{least}");
-    assert_eq!(least, scale(Some((5e3, false))));
+    let guided_scale = key_scale(Some((5e3, true)));
+    assert!((0.3..0.5).contains(&guided_scale), "{guided_scale}");
+    assert_eq!(guided_scale, key_scale(Some((5e3, false))));
 }
 
 /// A value of a calibration counts if the device reports none, or if it makes the loop less stable.
 #[test]
 fn limit_with_measured_key_takes_the_worse_value() {
-    let limit = |measured: Option<MeasuredKey>| {
-        let hand = Hand {
+    let hand_limit = |measured: Option<MeasuredKey>| {
+        let measured_hand = Hand {
             response: vec![4e3; 1],
             measured,
             ..Hand::default()
         };
-        HandKey::all(&keyboard(0, 0), std::slice::from_ref(&hand))[0].limit(&hand.response)
+        HandKey::all(&keyboard(0, 0), std::slice::from_ref(&measured_hand))[0]
+            .limit(&measured_hand.response)
     };
     let measured = |mass, damping, delay| {
-        limit(Some(MeasuredKey {
+        hand_limit(Some(MeasuredKey {
             mass,
             damping,
             delay,
         }))
         .limit
     };
-    let output = limit(None).limit;
+    let reported_limit = hand_limit(None).limit;
     // The device reports 1 N·s/m and no delay; a calibration does not make it safer.
-    assert_eq!(measured(0.05, 2.0, None), output);
-    assert_eq!(measured(10.0, 1.0, Some(0.0)), output);
-    assert!(measured(0.05, 0.5, None) < 0.6 * output);
-    assert!(measured(0.05, 1.0, Some(1e-3)) < 0.5 * output);
+    assert_eq!(measured(0.05, 2.0, None), reported_limit);
+    assert_eq!(measured(10.0, 1.0, Some(0.0)), reported_limit);
+    assert!(measured(0.05, 0.5, None) < 0.6 * reported_limit);
+    assert!(measured(0.05, 1.0, Some(1e-3)) < 0.5 * reported_limit);
     // A measured delay slightly above a tick counts as one tick.
-    let ticks = |delay| measured(0.05, 1.0, Some(delay));
-    assert_eq!(ticks(1.01e-3), ticks(0.99e-3));
-    assert!(ticks(2e-3) < ticks(1e-3));
+    let delayed_limit = |delay| measured(0.05, 1.0, Some(delay));
+    assert_eq!(delayed_limit(1.01e-3), delayed_limit(0.99e-3));
+    assert!(delayed_limit(2e-3) < delayed_limit(1e-3));
 }
 
 /// Guidance that comes and goes: the key follows its path, and is then left alone.
@@ -72,32 +73,40 @@ fn loose_guidance_leads_a_key_and_releases_it() {
             loose: true,
         });
     }
-    let (mut this, mut player) =
+    let (mut performance, mut player) =
         Performance::prepare(stage, vec![keyboard(0, u32::MAX)], config).unwrap();
     player.begin();
-    let step = |position, share| GuidanceStep {
+    let guidance_step = |position, share| GuidanceStep {
         frame: position,
         share,
     };
-    let all = GuidanceShare { k: 1.0, z: 1.0 };
-    let change = |x: f64, steps: Vec<GuidanceStep>| Change {
+    let full_share = GuidanceShare { k: 1.0, z: 1.0 };
+    let path_change = |x: f64, steps: Vec<GuidanceStep>| Change {
         standins: Some(vec![vec![x], vec![0.0]]),
         guidance_steps: Some(vec![steps, Vec::new()]),
         ..Change::default()
     };
     let position = |tick: u64| tick * EVERY as u64;
-    let led = change(
+    let guided_change = path_change(
         4e-3,
-        vec![step(0, all), step(3_000, GuidanceShare::default())],
+        vec![
+            guidance_step(0, full_share),
+            guidance_step(3_000, GuidanceShare::default()),
+        ],
     );
-    this.change(position(500), led).unwrap();
-    this.change(position(2_000), change(-3e-3, vec![step(0, all)]))
+    performance.change(position(500), guided_change).unwrap();
+    performance
+        .change(
+            position(2_000),
+            path_change(-3e-3, vec![guidance_step(0, full_share)]),
+        )
         .unwrap();
-    this.change(
-        position(4_000),
-        change(-3e-3, vec![step(0, GuidanceShare::default())]),
-    )
-    .unwrap();
+    performance
+        .change(
+            position(4_000),
+            path_change(-3e-3, vec![guidance_step(0, GuidanceShare::default())]),
+        )
+        .unwrap();
     let mut x = Vec::new();
     reset_violation_count();
     for _ in 0..TICKS {
@@ -105,50 +114,52 @@ fn loose_guidance_leads_a_key_and_releases_it() {
         x.push(player.sources[0].x);
     }
     assert_eq!(violation_count(), 0);
-    let status = this.status();
+    let last_status = performance.status();
     drop(player);
-    this.close(PATIENCE).unwrap();
+    performance.close(PATIENCE).unwrap();
     assert!(x[..500].iter().all(|x| *x == 0.0));
     assert!((x[1_990] - 4e-3).abs() < 1e-5, "{}", x[1_990]);
     // The second change replaced the steps of the first one.
     assert!((x[3_990] + 3e-3).abs() < 1e-5, "{}", x[3_990]);
     // Only guidance moves the key: without it the key stays and gets no force.
     assert!((x[5_990] - x[4_300]).abs() < 1e-5, "{}", x[5_990]);
-    assert_eq!(status.hands[0].sent, 0.0);
-    assert!(status.hands[0].real);
+    assert_eq!(last_status.hands[0].sent, 0.0);
+    assert!(last_status.hands[0].real);
 }
 
 /// A key is unplugged and comes back, a panic begins and ends, the gain changes, and everything is recorded.
 #[test]
 fn tick_does_not_allocate() {
-    let path = std::env::temp_dir().join(format!("ergon-ticks-{}.take", std::process::id()));
+    let take_path = std::env::temp_dir().join(format!("ergon-ticks-{}.take", std::process::id()));
     let axis = |player: &str| Axis {
         player: player.into(),
         key: "k".into(),
     };
-    let header = Header {
+    let take_header = Header {
         rate: RATE,
         frames: EVERY as u32,
         axes: vec![axis("ada"), axis("remi")],
         about: "{}".into(),
     };
     let config = PlaybackConfig {
-        record: Some((path.clone(), header)),
+        record: Some((take_path.clone(), take_header)),
         ..config("null:fast")
     };
-    let boards = vec![keyboard(0, u32::MAX), keyboard(1, 1_000)];
-    let (mut this, mut player) = Performance::prepare(stage(), boards, config).unwrap();
+    let keyboards = vec![keyboard(0, u32::MAX), keyboard(1, 1_000)];
+    let (mut performance, mut player) = Performance::prepare(stage(), keyboards, config).unwrap();
     player.begin();
     // From here on the second key gets no force, and nor does the device that comes back in its place.
-    let none = vec![Bound {
+    let zero_bounds = vec![Bound {
         frame: 0,
         scale: 0.0,
     }];
-    let change = Change {
-        bounds: Some(vec![Vec::new(), none]),
+    let bounds_change = Change {
+        bounds: Some(vec![Vec::new(), zero_bounds]),
         ..Change::default()
     };
-    this.change(500 * EVERY as u64, change).unwrap();
+    performance
+        .change(500 * EVERY as u64, bounds_change)
+        .unwrap();
     reset_violation_count();
     assert_no_alloc(|| {
         for tick in 0..TICKS {
@@ -160,21 +171,21 @@ fn tick_does_not_allocate() {
                         std::thread::yield_now();
                     }
                 }
-                3_000 => assert!(this.gain(0.5)),
-                4_000 => this.panic(),
-                4_500 => this.release(),
+                3_000 => assert!(performance.gain(0.5)),
+                4_000 => performance.panic(),
+                4_500 => performance.release(),
                 _ => {}
             }
         }
     });
     assert_eq!(violation_count(), 0);
-    assert_eq!(this.status().ticks, TICKS);
-    let events: Vec<_> = std::iter::from_fn(|| this.event())
+    assert_eq!(performance.status().ticks, TICKS);
+    let event_kinds: Vec<_> = std::iter::from_fn(|| performance.event())
         .map(|event| event.kind)
         .collect();
     let changed = EventKind::Changed(1);
     assert_eq!(
-        events,
+        event_kinds,
         [
             changed,
             EventKind::Gone(1),
@@ -183,9 +194,9 @@ fn tick_does_not_allocate() {
         ]
     );
     drop(player);
-    this.close(PATIENCE).unwrap();
-    let recording = read(&path, None).unwrap();
-    std::fs::remove_file(path).unwrap();
+    performance.close(PATIENCE).unwrap();
+    let recording = read(&take_path, None).unwrap();
+    std::fs::remove_file(take_path).unwrap();
     assert_eq!(recording.dropped, 0);
     assert_eq!(recording.ticks.len() as u64, TICKS);
     let stood_in: Vec<_> = recording
@@ -197,14 +208,23 @@ fn tick_does_not_allocate() {
                 .sum::<u8>()
         })
         .collect();
-    let from = stood_in.iter().position(|stood| *stood != 0).unwrap();
-    let to = stood_in.iter().rposition(|stood| *stood != 0).unwrap();
+    let standin_begin = stood_in.iter().position(|stood| *stood != 0).unwrap();
+    let standin_end = stood_in.iter().rposition(|stood| *stood != 0).unwrap();
     // The first position comes without a force; a bar has 4,410 frames.
-    assert_eq!(from, 1_001);
-    assert!((to + 1) * EVERY % 4_410 < EVERY, "{to}");
-    assert!(stood_in[from..=to].iter().all(|stood| *stood != 0));
+    assert_eq!(standin_begin, 1_001);
+    assert!((standin_end + 1) * EVERY % 4_410 < EVERY, "{standin_end}");
+    assert!(
+        stood_in[standin_begin..=standin_end]
+            .iter()
+            .all(|stood| *stood != 0)
+    );
     assert!(recording.samples.iter().any(|axis| axis.sent.abs() > 1e-3));
-    let second = recording.samples.iter().skip(1).step_by(2);
-    assert!(second.clone().take(480).any(|axis| axis.sent != 0.0));
-    assert!(second.skip(501).all(|axis| axis.sent == 0.0));
+    let second_samples = recording.samples.iter().skip(1).step_by(2);
+    assert!(
+        second_samples
+            .clone()
+            .take(480)
+            .any(|axis| axis.sent != 0.0)
+    );
+    assert!(second_samples.skip(501).all(|axis| axis.sent == 0.0));
 }

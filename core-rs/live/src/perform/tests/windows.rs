@@ -38,15 +38,15 @@ fn pages_receive_live_strikes() {
     let simulation = planned(&scene, 0);
     let look = simulation.looked_at();
     let mut shown = Shown::fast(&simulation, &scene.1);
-    let mut cursor = shown.server.hub().join();
-    let mut bytes = Vec::new();
-    let mut wanted = Vec::new();
+    let mut hub_cursor = shown.server.hub().join();
+    let mut message_bytes = Vec::new();
+    let mut expected_ergons = Vec::new();
     for (point, mat, impulse, ticks) in [(7, 3, 2e-5, 301), (9, 5, -3e-5, 77), (7, 3, -1e-5, 400)] {
         for _ in 0..ticks {
             shown.tick(1);
             shown.relay.poll();
         }
-        wanted.push((shown.frame() as f64 / RATE, mat, impulse));
+        expected_ergons.push((shown.frame() as f64 / RATE, mat, impulse));
         shown.this.strike(point, impulse).unwrap();
         shown.this.strike(8, impulse).unwrap(); // not a point of this piece
     }
@@ -54,8 +54,8 @@ fn pages_receive_live_strikes() {
         shown.tick(1);
         shown.relay.poll();
     }
-    bytes.extend(messages(&shown.server, &mut cursor).concat());
-    assert_ergons(&ergons(&bytes, &look), &wanted);
+    message_bytes.extend(messages(&shown.server, &mut hub_cursor).concat());
+    assert_ergons(&ergons(&message_bytes, &look), &expected_ergons);
     shown.end();
 }
 
@@ -64,41 +64,61 @@ fn pages_receive_live_strikes() {
 #[test]
 fn strikes_before_the_first_picture_are_shown() {
     let with_points = |struck: &[f64]| {
-        let mut single = scene(struck);
-        single.1.open();
-        single.1.strike_point(&single.0, 3, 7, Some(0.0)).unwrap();
-        single.1.strike_point(&single.0, 5, 9, Some(0.0)).unwrap();
-        single
+        let mut playable_scene = scene(struck);
+        playable_scene.1.open();
+        playable_scene
+            .1
+            .strike_point(&playable_scene.0, 3, 7, Some(0.0))
+            .unwrap();
+        playable_scene
+            .1
+            .strike_point(&playable_scene.0, 5, 9, Some(0.0))
+            .unwrap();
+        playable_scene
     };
-    let every = EVERY as u64;
-    let (taken, opened) = (600_u64, 640_u64);
-    let second = |tick: u64| (tick * every) as f64 / RATE;
+    let tick_frames = EVERY as u64;
+    let (takeover_tick, opening_tick) = (600_u64, 640_u64);
+    let seconds_of = |tick: u64| (tick * tick_frames) as f64 / RATE;
     // Cells 0 to 3 are struck before the takeover, at it, between it and the first picture, and after that picture.
-    let written = [second(590), second(taken), second(613), second(700)];
-    let (first, after) = (with_points(&[]), with_points(&written));
-    let (old, new) = (planned(&first, 0), planned(&after, taken * every));
-    let mut shown = Shown::fast(&old, &first.1);
-    let mut cursor = shown.server.hub().join();
-    let change = Change {
-        simulation: Some((new.fork(), Takeover::new(&old, &new))),
+    let written = [
+        seconds_of(590),
+        seconds_of(takeover_tick),
+        seconds_of(613),
+        seconds_of(700),
+    ];
+    let (first_scene, second_scene) = (with_points(&[]), with_points(&written));
+    let (first_simulation, second_simulation) = (
+        planned(&first_scene, 0),
+        planned(&second_scene, takeover_tick * tick_frames),
+    );
+    let mut shown = Shown::fast(&first_simulation, &first_scene.1);
+    let mut hub_cursor = shown.server.hub().join();
+    let takeover_change = Change {
+        simulation: Some((
+            second_simulation.fork(),
+            Takeover::new(&first_simulation, &second_simulation),
+        )),
         ..Change::default()
     };
-    shown.this.change(taken * every, change).unwrap();
-    let mut wanted: Vec<_> = (1..4).map(|i| (written[i], i, 2e-5)).collect();
-    let mut bytes = Vec::new();
+    shown
+        .this
+        .change(takeover_tick * tick_frames, takeover_change)
+        .unwrap();
+    let mut expected_ergons: Vec<_> = (1..4).map(|i| (written[i], i, 2e-5)).collect();
+    let mut message_bytes = Vec::new();
     for tick in 0..720_u64 {
-        let by_hand = match tick {
+        let live_strike = match tick {
             599 => Some((7, 3, 1e-5)), // the previous picture was made at tick 584
             600 => Some((9, 5, -2e-5)),
             620 => Some((7, 3, -3e-5)),
             _ => None,
         };
-        if let Some((point, mat, impulse)) = by_hand {
-            shown.this.strike(point, impulse).unwrap();
-            wanted.push((second(tick), mat, impulse));
+        if let Some((struck_point, struck_mat, impulse)) = live_strike {
+            shown.this.strike(struck_point, impulse).unwrap();
+            expected_ergons.push((seconds_of(tick), struck_mat, impulse));
         }
-        if tick == opened {
-            let (window, scene) = window_on(&new, &after.1, "second");
+        if tick == opening_tick {
+            let (window, scene) = window_on(&second_simulation, &second_scene.1, "second");
             assert!(shown.this.open(window));
             shown
                 .coming
@@ -107,15 +127,18 @@ fn strikes_before_the_first_picture_are_shown() {
         }
         shown.tick(1);
         shown.relay.poll();
-        let some = messages(&shown.server, &mut cursor).concat();
-        if tick < opened {
-            assert!(ergons(&some, &old.looked_at()).is_empty());
+        let new_bytes = messages(&shown.server, &mut hub_cursor).concat();
+        if tick < opening_tick {
+            assert!(ergons(&new_bytes, &first_simulation.looked_at()).is_empty());
         } else {
-            bytes.extend(some);
+            message_bytes.extend(new_bytes);
         }
     }
-    wanted.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    assert_ergons(&ergons(&bytes, &new.looked_at()), &wanted);
+    expected_ergons.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    assert_ergons(
+        &ergons(&message_bytes, &second_simulation.looked_at()),
+        &expected_ergons,
+    );
     shown.end();
 }
 
@@ -125,7 +148,7 @@ fn pages_receive_strikes_of_gestures() {
     let scene = gesture();
     let simulation = planned(&scene, 0);
     let look = simulation.looked_at();
-    let mut truth = {
+    let mut reference = {
         let plan = Plan::new(scene.0.clone(), &scene.1, &Budget::default(), None).unwrap();
         let options = Options {
             record: true,
@@ -134,21 +157,21 @@ fn pages_receive_strikes_of_gestures() {
         Simulation::planned(Arc::new(plan), options).unwrap()
     };
     let mut shown = Shown::fast(&simulation, &scene.1);
-    let mut cursor = shown.server.hub().join();
-    let mut bytes = Vec::new();
-    let ticks = 900;
-    for tick in 0..ticks {
+    let mut hub_cursor = shown.server.hub().join();
+    let mut message_bytes = Vec::new();
+    let tick_count = 900;
+    for tick in 0..tick_count {
         shown.tick(1);
         // For a while no picture is fetched.
         if !(200..350).contains(&tick) {
             shown.relay.poll();
-            bytes.extend(messages(&shown.server, &mut cursor).concat());
+            message_bytes.extend(messages(&shown.server, &mut hub_cursor).concat());
         }
     }
     assert!(shown.relay.skipped() > 3);
-    truth.skip(ticks * EVERY as u64).unwrap();
-    let struck = truth.take_ergons();
-    let output = ergons(&bytes, &look);
+    reference.skip(tick_count * EVERY as u64).unwrap();
+    let struck = reference.take_ergons();
+    let output = ergons(&message_bytes, &look);
     assert!(output.len() > 8 && struck.len() > 100 * output.len());
     assert!(output.iter().all(|ergon| ergon.1 == 1));
     for up in [true, false] {
@@ -167,46 +190,50 @@ fn late_pages_receive_broken_links() {
     let scene = torn();
     let simulation = planned(&scene, 0);
     let mut shown = Shown::fast(&simulation, &scene.1);
-    let mut first = shown.server.hub().join();
-    let second = (RATE as u64).div_ceil(EVERY as u64);
-    let ticks = |shown: &mut Shown, n: u64| {
+    let mut first_cursor = shown.server.hub().join();
+    let second_ticks = (RATE as u64).div_ceil(EVERY as u64);
+    let advance_ticks = |shown: &mut Shown, n: u64| {
         for _ in 0..n {
             shown.tick(1);
             shown.relay.poll();
         }
     };
-    ticks(&mut shown, second / 2);
-    let broken = |bytes: &[u8]| -> Vec<(f64, f64, u32)> {
-        let all = chunks(bytes)
+    advance_ticks(&mut shown, second_ticks / 2);
+    let broken_links = |bytes: &[u8]| -> Vec<(f64, f64, u32)> {
+        let broken_chunks = chunks(bytes)
             .into_iter()
             .filter(|one| one.0 == kind::BROKEN);
-        all.flat_map(|(_, t, payload)| {
-            let each = payload.chunks(8).map(move |single| {
-                let (dt, link) = single.split_at(4);
-                let dt = f32::from_le_bytes(dt.try_into().unwrap());
-                (
-                    t,
-                    t + f64::from(dt),
-                    u32::from_le_bytes(link.try_into().unwrap()),
-                )
-            });
-            each.collect::<Vec<_>>()
-        })
-        .collect()
+        broken_chunks
+            .flat_map(|(_, t, payload)| {
+                let chunk_breaks = payload.chunks(8).map(move |single| {
+                    let (time_offset, link_bytes) = single.split_at(4);
+                    let time_offset = f32::from_le_bytes(time_offset.try_into().unwrap());
+                    (
+                        t,
+                        t + f64::from(time_offset),
+                        u32::from_le_bytes(link_bytes.try_into().unwrap()),
+                    )
+                });
+                chunk_breaks.collect::<Vec<_>>()
+            })
+            .collect()
     };
     // It tears at 8 mm and 0.4 m/s, that is before 30 ms.
-    let early = broken(&messages(&shown.server, &mut first).concat());
-    assert_eq!(early.len(), 1, "{early:?}");
-    assert!((0.02..0.05).contains(&early[0].1), "{early:?}");
-    ticks(&mut shown, 2 * second);
-    let mut late = shown.server.hub().join();
-    let output = broken(&messages(&shown.server, &mut late).concat());
-    assert_eq!(output.len(), 1, "{output:?}");
+    let early_breaks = broken_links(&messages(&shown.server, &mut first_cursor).concat());
+    assert_eq!(early_breaks.len(), 1, "{early_breaks:?}");
     assert!(
-        output[0].0 > 2.0 && (output[0].1 - early[0].1).abs() < 1e-6,
-        "{output:?}"
+        (0.02..0.05).contains(&early_breaks[0].1),
+        "{early_breaks:?}"
     );
-    assert_eq!(output[0].2, early[0].2);
+    advance_ticks(&mut shown, 2 * second_ticks);
+    let mut late_cursor = shown.server.hub().join();
+    let page_breaks = broken_links(&messages(&shown.server, &mut late_cursor).concat());
+    assert_eq!(page_breaks.len(), 1, "{page_breaks:?}");
+    assert!(
+        page_breaks[0].0 > 2.0 && (page_breaks[0].1 - early_breaks[0].1).abs() < 1e-6,
+        "{page_breaks:?}"
+    );
+    assert_eq!(page_breaks[0].2, early_breaks[0].2);
     // Another window on the playing simulation, as a session opens one.
     let (window, scene) = window_on(&simulation, &scene.1, "late");
     assert!(shown.this.open(window));
@@ -214,11 +241,14 @@ fn late_pages_receive_broken_links() {
         .coming
         .send((scene, shown.this.output_times()))
         .unwrap();
-    ticks(&mut shown, second / 2);
-    let mut last = shown.server.hub().join();
-    let output = broken(&messages(&shown.server, &mut last).concat());
-    assert_eq!(output.len(), 1, "{output:?}");
-    assert_eq!((output[0].0, output[0].2), (output[0].1, early[0].2));
+    advance_ticks(&mut shown, second_ticks / 2);
+    let mut last_cursor = shown.server.hub().join();
+    let page_breaks = broken_links(&messages(&shown.server, &mut last_cursor).concat());
+    assert_eq!(page_breaks.len(), 1, "{page_breaks:?}");
+    assert_eq!(
+        (page_breaks[0].0, page_breaks[0].2),
+        (page_breaks[0].1, early_breaks[0].2)
+    );
     shown.end();
 }
 
@@ -227,117 +257,124 @@ fn late_pages_receive_broken_links() {
 fn pages_receive_positions_of_the_engine() {
     let scene = scene(&strikes());
     let simulation = planned(&scene, 0);
-    let mut truth = simulation.fork();
+    let mut reference = simulation.fork();
     let mut shown = Shown::fast(&simulation, &scene.1);
-    let mut cursor = shown.server.hub().join();
-    let (mut bytes, mut frames) = (Vec::new(), Vec::new());
+    let mut hub_cursor = shown.server.hub().join();
+    let (mut message_bytes, mut picture_frames) = (Vec::new(), Vec::new());
     let mut squares = Vec::new();
     for _ in 0..2_000 {
         shown.tick(1);
         shown.relay.poll();
-        let some = messages(&shown.server, &mut cursor);
+        let new_messages = messages(&shown.server, &mut hub_cursor);
         let mut listened = vec![0.0; EVERY];
-        truth.process(&mut listened).unwrap();
+        reference.process(&mut listened).unwrap();
         squares.extend(listened.iter().map(|x| x * x));
-        if some.is_empty() {
+        if new_messages.is_empty() {
             continue;
         }
-        frames.push(shown.frame());
-        bytes.extend(some.concat());
+        picture_frames.push(shown.frame());
+        message_bytes.extend(new_messages.concat());
     }
     assert_eq!(shown.relay.skipped(), 0);
-    let seconds: Vec<f64> = frames.iter().map(|frame| *frame as f64 / RATE).collect();
+    let seconds: Vec<f64> = picture_frames
+        .iter()
+        .map(|frame| *frame as f64 / RATE)
+        .collect();
     // Each video frame has one picture, made at the first tick of the frame.
     let numbers: Vec<u64> = seconds.iter().map(|t| (t * FPS) as u64).collect();
     let n = (2_000 * EVERY) as f64 / RATE * FPS;
     assert_eq!(numbers, (0..=n as u64).collect::<Vec<_>>());
 
-    let result = chunks(&bytes);
-    let source = |which: u16| {
-        result
+    let all_chunks = chunks(&message_bytes);
+    let chunks_of_kind = |which: u16| {
+        all_chunks
             .iter()
             .filter(move |chunk| chunk.0 == which)
             .collect::<Vec<_>>()
     };
-    assert_eq!(source(kind::MANIFEST).len(), 1);
-    assert_eq!(source(kind::STATE).len(), 2, "one in a second");
+    assert_eq!(chunks_of_kind(kind::MANIFEST).len(), 1);
+    assert_eq!(chunks_of_kind(kind::STATE).len(), 2, "one in a second");
     assert!(
-        source(kind::CLOCK).is_empty(),
+        chunks_of_kind(kind::CLOCK).is_empty(),
         "no clock takes these frames"
     );
-    assert!(!source(kind::CONTACTS).is_empty());
+    assert!(!chunks_of_kind(kind::CONTACTS).is_empty());
     // Every strike is reported once.
-    let mut output: Vec<f64> = source(kind::ERGONS)
+    let mut shown_strikes: Vec<f64> = chunks_of_kind(kind::ERGONS)
         .iter()
         .flat_map(|(_, t, payload)| {
             let records = payload.chunks(20);
-            records.map(move |single| {
-                t + f64::from(f32::from_le_bytes(single[..4].try_into().unwrap()))
+            records.map(move |frame_squares| {
+                t + f64::from(f32::from_le_bytes(frame_squares[..4].try_into().unwrap()))
             })
         })
         .collect();
-    let mut wanted = strikes();
-    output.sort_by(f64::total_cmp);
-    wanted.sort_by(f64::total_cmp);
-    assert_eq!(output.len(), wanted.len());
+    let mut expected = strikes();
+    shown_strikes.sort_by(f64::total_cmp);
+    expected.sort_by(f64::total_cmp);
+    assert_eq!(shown_strikes.len(), expected.len());
     assert!(
-        output
+        shown_strikes
             .iter()
-            .zip(&wanted)
+            .zip(&expected)
             .all(|(a, b)| (a - b).abs() < 1e-6)
     );
     // Levels: the first channel is the output itself. The window was opened in the first tick and has no level of it.
-    let levels = source(kind::LEVELS);
-    assert_eq!(levels.len(), frames.len() - 1);
-    for (index, (_, t, payload)) in levels.iter().enumerate() {
-        let level = f64::from(f32::from_le_bytes(payload[..4].try_into().unwrap()));
-        let single = &squares[frames[index] as usize..frames[index + 1] as usize];
-        let wanted = (single.iter().sum::<f64>() / single.len() as f64).sqrt();
+    let level_chunks = chunks_of_kind(kind::LEVELS);
+    assert_eq!(level_chunks.len(), picture_frames.len() - 1);
+    for (index, (_, t, payload)) in level_chunks.iter().enumerate() {
+        let page_level = f64::from(f32::from_le_bytes(payload[..4].try_into().unwrap()));
+        let frame_squares =
+            &squares[picture_frames[index] as usize..picture_frames[index + 1] as usize];
+        let expected = (frame_squares.iter().sum::<f64>() / frame_squares.len() as f64).sqrt();
         assert_eq!(*t, seconds[index + 1]);
         assert!(
-            (level - wanted).abs() <= 1e-6 * wanted + 1e-12,
-            "{t}: {level}, {wanted}"
+            (page_level - expected).abs() <= 1e-6 * expected + 1e-12,
+            "{t}: {page_level}, {expected}"
         );
     }
 
     // Positions of points, as read by the reader of files.
     let look = simulation.looked_at();
-    let file = MotionFile::new(bytes).expect("a motion file");
-    let displacements = file.displacements(&seconds).expect("frames");
-    let mut again = simulation.fork();
+    let motion_file = MotionFile::new(message_bytes).expect("a motion file");
+    let displacements = motion_file.displacements(&seconds).expect("frames");
+    let mut second_fork = simulation.fork();
     let (mut glance, n) = (
-        ergon_engine::simulation::Glance::new(&again, &look),
+        ergon_engine::simulation::Glance::new(&second_fork, &look),
         look.points.len(),
     );
-    let mut off: BTreeMap<&str, (f64, f64)> = BTreeMap::new();
-    for (row, &frame) in displacements.chunks(n).zip(&frames) {
-        let left = (frame - again.frame()) as usize;
-        again.process(&mut vec![0.0; left]).unwrap();
-        again.glance(&look, &mut glance);
+    let mut error_by_kind: BTreeMap<&str, (f64, f64)> = BTreeMap::new();
+    for (row, &frame) in displacements.chunks(n).zip(&picture_frames) {
+        let frames_left = (frame - second_fork.frame()) as usize;
+        second_fork.process(&mut vec![0.0; frames_left]).unwrap();
+        second_fork.glance(&look, &mut glance);
         for run in runs(&look) {
-            let (worst, swing) = off.entry(run.kind).or_default();
+            let (worst_error, peak_swing) = error_by_kind.entry(run.kind).or_default();
             for index in run.points.clone() {
-                let wanted = match run.body.map(|body| &look.bodies[body]) {
+                let expected = match run.body.map(|body| &look.bodies[body]) {
                     None => glance.tracks[index],
                     Some(body) => {
                         let row = &body.shapes[(index - run.points.start) * body.modes.len()..];
-                        let modes = &glance.tracks[n + body.first..];
+                        let mode_tracks = &glance.tracks[n + body.first..];
                         row.iter()
-                            .zip(&modes[..body.modes.len()])
+                            .zip(&mode_tracks[..body.modes.len()])
                             .map(|(a, b)| a * b)
                             .sum()
                     }
                 };
-                *worst = worst.max((row[index] - wanted).abs());
-                *swing = swing.max(wanted.abs());
+                *worst_error = worst_error.max((row[index] - expected).abs());
+                *peak_swing = peak_swing.max(expected.abs());
             }
         }
     }
-    assert!(off.contains_key("free") && off.len() > 1, "{off:?}");
-    for (kind, (worst, swing)) in off {
+    assert!(
+        error_by_kind.contains_key("free") && error_by_kind.len() > 1,
+        "{error_by_kind:?}"
+    );
+    for (kind, (worst_error, peak_swing)) in error_by_kind {
         assert!(
-            worst <= 5e-3 * swing && swing > 0.0,
-            "{kind}: {worst} of {swing}"
+            worst_error <= 5e-3 * peak_swing && peak_swing > 0.0,
+            "{kind}: {worst_error} of {peak_swing}"
         );
     }
     shown.end();
@@ -348,22 +385,28 @@ fn pages_receive_positions_of_the_engine() {
 fn window_changes_no_sample() {
     let scene = scene(&strikes());
     let simulation = planned(&scene, 0);
-    let path = |name: &str| {
+    let wav_path = |name: &str| {
         std::env::temp_dir().join(format!("ergon-window-{name}-{}.wav", std::process::id()))
     };
-    let to = |path: &PathBuf| config(&format!("file:{}", path.display()));
-    let paths = ["none", "shown", "stalled"].map(path);
+    let file_config = |wav_path: &PathBuf| config(&format!("file:{}", wav_path.display()));
+    let wav_paths = ["none", "shown", "stalled"].map(wav_path);
 
     let stage = a_stage(&simulation, false);
-    let (this, mut player) = Performance::prepare(stage, Vec::new(), to(&paths[0])).unwrap();
+    let (performance, mut player) =
+        Performance::prepare(stage, Vec::new(), file_config(&wav_paths[0])).unwrap();
     player.begin();
     (0..1_000).for_each(|_| assert!(player.tick()));
     player.connections.feed.close();
     drop(player);
-    this.close(PATIENCE).unwrap();
+    performance.close(PATIENCE).unwrap();
     let mut skipped = Vec::new();
-    for (path, is_looked_at) in [(&paths[1], true), (&paths[2], false)] {
-        let mut shown = Shown::new(&simulation, &scene.1, to(path), Limits::default());
+    for (wav_path, is_looked_at) in [(&wav_paths[1], true), (&wav_paths[2], false)] {
+        let mut shown = Shown::new(
+            &simulation,
+            &scene.1,
+            file_config(wav_path),
+            Limits::default(),
+        );
         for _ in 0..1_000 {
             shown.tick(1);
             if is_looked_at {
@@ -377,12 +420,12 @@ fn window_changes_no_sample() {
         shown.this.close(PATIENCE).unwrap();
     }
     // One picture waits to be fetched, and all others are counted as skipped.
-    let looks = (1_000 * EVERY) as f64 / RATE * FPS;
-    assert_eq!(skipped, [0, looks as u64]);
-    let listened = paths.map(|path| {
-        let bytes = std::fs::read(&path).unwrap();
-        std::fs::remove_file(path).unwrap();
-        bytes
+    let picture_count = (1_000 * EVERY) as f64 / RATE * FPS;
+    assert_eq!(skipped, [0, picture_count as u64]);
+    let listened = wav_paths.map(|wav_path| {
+        let file_bytes = std::fs::read(&wav_path).unwrap();
+        std::fs::remove_file(wav_path).unwrap();
+        file_bytes
     });
     assert!(listened[0].iter().filter(|byte| **byte != 0).count() > 100_000);
     assert!(listened[0] == listened[1], "with a window");
@@ -398,12 +441,12 @@ fn skipped_pictures_are_gathered_in_the_next() {
     let scene = scene(&[]);
     let simulation = planned(&scene, 0);
     let mut shown = Shown::fast(&simulation, &scene.1);
-    let mut cursor = shown.server.hub().join();
+    let mut hub_cursor = shown.server.hub().join();
     shown.tick(1);
     shown.relay.poll();
-    let before = messages(&shown.server, &mut cursor).concat();
+    let bytes_before = messages(&shown.server, &mut hub_cursor).concat();
     assert!(
-        !chunks(&before)
+        !chunks(&bytes_before)
             .iter()
             .any(|chunk| chunk.0 == kind::CONTACTS)
     );
@@ -413,16 +456,19 @@ fn skipped_pictures_are_gathered_in_the_next() {
     shown.relay.poll();
     shown.tick(20);
     shown.relay.poll();
-    let after = messages(&shown.server, &mut cursor).concat();
-    let pushes: Vec<_> = chunks(&after)
+    let bytes_after = messages(&shown.server, &mut hub_cursor).concat();
+    let contact_chunks: Vec<_> = chunks(&bytes_after)
         .into_iter()
         .filter(|chunk| chunk.0 == kind::CONTACTS)
         .collect();
-    let &[(_, t, ref payload)] = pushes.as_slice() else {
-        panic!("{pushes:?}");
+    let &[(_, picture_time, ref payload)] = contact_chunks.as_slice() else {
+        panic!("{contact_chunks:?}");
     };
-    let dt = f64::from(f32::from_le_bytes(payload[..4].try_into().unwrap()));
-    assert!((0.025..0.05).contains(&(t + dt)), "{t} + {dt}");
+    let contact_offset = f64::from(f32::from_le_bytes(payload[..4].try_into().unwrap()));
+    assert!(
+        (0.025..0.05).contains(&(picture_time + contact_offset)),
+        "{picture_time} + {contact_offset}"
+    );
     assert!(shown.relay.skipped() > 20);
     shown.end();
 }
@@ -430,21 +476,24 @@ fn skipped_pictures_are_gathered_in_the_next() {
 /// A new version has its own manifest from its first picture on; a version that came too late is never shown.
 #[test]
 fn version_is_shown_from_its_takeover_on() {
-    let first = scene(&strikes());
-    let (old, second) = (planned(&first, 0), scene(&[0.6, 0.7]));
-    let mut shown = Shown::fast(&old, &first.1);
-    let mut cursor = shown.server.hub().join();
-    let every = EVERY as u64;
-    let second_at = |tick: u64| planned(&second, tick * every);
-    let change = |shown: &mut Shown, tick: u64, new: &Simulation| {
+    let first_scene = scene(&strikes());
+    let (first_simulation, second_scene) = (planned(&first_scene, 0), scene(&[0.6, 0.7]));
+    let mut shown = Shown::fast(&first_simulation, &first_scene.1);
+    let mut hub_cursor = shown.server.hub().join();
+    let tick_frames = EVERY as u64;
+    let second_at = |tick: u64| planned(&second_scene, tick * tick_frames);
+    let change = |shown: &mut Shown, tick: u64, new_simulation: &Simulation| {
         let change = Change {
-            simulation: Some((new.fork(), Takeover::new(&old, new))),
+            simulation: Some((
+                new_simulation.fork(),
+                Takeover::new(&first_simulation, new_simulation),
+            )),
             ..Change::default()
         };
-        shown.this.change(tick * every, change).unwrap();
+        shown.this.change(tick * tick_frames, change).unwrap();
     };
-    let open = |shown: &mut Shown, new: &Simulation, title: &str| {
-        let (window, scene) = window_on(new, &second.1, title);
+    let open_window = |shown: &mut Shown, new_simulation: &Simulation, title: &str| {
+        let (window, scene) = window_on(new_simulation, &second_scene.1, title);
         assert!(shown.this.open(window));
         shown
             .coming
@@ -452,69 +501,72 @@ fn version_is_shown_from_its_takeover_on() {
             .unwrap();
     };
     shown.tick(300);
-    let (late, new) = (second_at(200), second_at(600));
+    let (late, new_simulation) = (second_at(200), second_at(600));
     change(&mut shown, 200, &late);
-    open(&mut shown, &late, "late");
-    change(&mut shown, 600, &new);
-    open(&mut shown, &new, "second");
-    let mut titles = Vec::new();
+    open_window(&mut shown, &late, "late");
+    change(&mut shown, 600, &new_simulation);
+    open_window(&mut shown, &new_simulation, "second");
+    let mut window_titles = Vec::new();
     for tick in 300..900_u64 {
         shown.tick(1);
         shown.relay.poll();
         if tick == 800 {
-            open(&mut shown, &new, "again");
+            open_window(&mut shown, &new_simulation, "again");
         }
-        for message in messages(&shown.server, &mut cursor) {
-            if let Some((kind::MANIFEST, _, json)) = chunks(&message).first() {
-                let manifest: serde_json::Value = serde_json::from_slice(json).unwrap();
-                titles.push((tick, manifest["title"].as_str().unwrap().to_owned()));
+        for message in messages(&shown.server, &mut hub_cursor) {
+            if let Some((kind::MANIFEST, _, manifest_json)) = chunks(&message).first() {
+                let manifest: serde_json::Value = serde_json::from_slice(manifest_json).unwrap();
+                window_titles.push((tick, manifest["title"].as_str().unwrap().to_owned()));
             }
         }
     }
-    assert_eq!(titles.len(), 3, "{titles:?}");
-    assert_eq!(titles[0], (300, "first".into()));
+    assert_eq!(window_titles.len(), 3, "{window_titles:?}");
+    assert_eq!(window_titles[0], (300, "first".into()));
     assert!(
-        (600..620).contains(&titles[1].0) && titles[1].1 == "second",
-        "{titles:?}"
+        (600..620).contains(&window_titles[1].0) && window_titles[1].1 == "second",
+        "{window_titles:?}"
     );
     // A window may be opened at any time, also after its version has begun.
-    assert!((800..820).contains(&titles[2].0) && titles[2].1 == "again");
+    assert!((800..820).contains(&window_titles[2].0) && window_titles[2].1 == "again");
     // A page that joins now gets nothing of the first version.
     let late = messages(&shown.server, &mut shown.server.hub().join());
-    let kinds: Vec<u16> = late
+    let chunk_kinds: Vec<u16> = late
         .iter()
         .flat_map(|own| chunks(own))
         .map(|own| own.0)
         .collect();
-    assert_eq!(kinds[0], kind::MANIFEST);
+    assert_eq!(chunk_kinds[0], kind::MANIFEST);
     assert_eq!(
-        kinds.iter().filter(|own| **own == kind::MANIFEST).count(),
+        chunk_kinds
+            .iter()
+            .filter(|own| **own == kind::MANIFEST)
+            .count(),
         1
     );
-    assert!(kinds.contains(&kind::STATE));
+    assert!(chunk_kinds.contains(&kind::STATE));
     shown.end();
 }
 
 /// A page's WebSocket.
 fn page(server: &Server) -> WebSocket<TcpStream> {
-    let port = server.address().port();
-    let mut stream = TcpStream::connect(("127.0.0.1", port)).unwrap();
-    stream.set_read_timeout(Some(PATIENCE)).unwrap();
+    let server_port = server.address().port();
+    let mut page_stream = TcpStream::connect(("127.0.0.1", server_port)).unwrap();
+    page_stream.set_read_timeout(Some(PATIENCE)).unwrap();
     let path = server.url();
     let path = path.splitn(4, '/').nth(3).unwrap();
-    let head = format!(
-        "GET /{path}live HTTP/1.1\r\nHost: localhost:{port}\r\nOrigin: http://localhost:{port}\r\nUpgrade: websocket\r\n\
+    let request_head = format!(
+        "GET /{path}live HTTP/1.1\r\nHost: localhost:{server_port}\r\nOrigin: http://localhost:{server_port}\r\nUpgrade: websocket\r\n\
          Connection: Upgrade\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n"
     );
-    stream.write_all(head.as_bytes()).unwrap();
-    let mut answer = Vec::new();
-    while !answer.ends_with(b"\r\n\r\n") {
-        let mut byte = [0];
-        stream.read_exact(&mut byte).unwrap();
-        answer.extend(byte);
+    page_stream.write_all(request_head.as_bytes()).unwrap();
+    let mut answer_head = Vec::new();
+    while !answer_head.ends_with(b"\r\n\r\n") {
+        let mut next_byte = [0];
+        page_stream.read_exact(&mut next_byte).unwrap();
+        answer_head.extend(next_byte);
     }
-    assert!(answer.starts_with(b"HTTP/1.1 101"));
-    let mut page = WebSocket::from_raw_socket(stream, Role::Client, None);
+    assert!(answer_head.starts_with(b"HTTP/1.1 101"));
+    let mut page = WebSocket::from_raw_socket(page_stream, Role::Client, None);
     // The reply shows that the page has joined.
     page.send(Message::text("ping 0")).unwrap();
     page
@@ -522,15 +574,15 @@ fn page(server: &Server) -> WebSocket<TcpStream> {
 
 /// Read up to the picture of an instant.
 fn read_until(page: &mut WebSocket<TcpStream>, seconds: f64) -> Vec<u8> {
-    let mut bytes = Vec::new();
+    let mut message_bytes = Vec::new();
     loop {
         if let Message::Binary(message) = page.read().expect("a message") {
             let is_there = chunks(&message)
                 .iter()
                 .any(|own| own.0 == kind::PEAKS && own.1 == seconds);
-            bytes.extend_from_slice(&message);
+            message_bytes.extend_from_slice(&message);
             if is_there {
-                return bytes;
+                return message_bytes;
             }
         }
     }
@@ -542,57 +594,60 @@ fn read_until(page: &mut WebSocket<TcpStream>, seconds: f64) -> Vec<u8> {
 fn stalled_page_delays_no_performance() {
     let scene = scene(&strikes());
     let simulation = planned(&scene, 0);
-    let limits = Limits {
+    let stall_limits = Limits {
         stall: Duration::from_millis(100),
         ..Limits::default()
     };
-    let mut shown = Shown::new(&simulation, &scene.1, config("null:fast"), limits);
+    let mut shown = Shown::new(&simulation, &scene.1, config("null:fast"), stall_limits);
     let stalled = page(&shown.server);
-    let mut pages: Vec<_> = (0..3).map(|_| page(&shown.server)).collect();
-    let mut all = vec![Vec::new(); 4];
-    let mut seen = None;
+    let mut live_pages: Vec<_> = (0..3).map(|_| page(&shown.server)).collect();
+    let mut page_bytes = vec![Vec::new(); 4];
+    let mut last_picture = None;
     for tick in 0..1_500 {
         if tick == 800 {
-            pages.push(page(&shown.server));
+            live_pages.push(page(&shown.server));
         }
         shown.tick(1);
         shown.relay.poll();
         let seconds = shown.frame() as f64 / RATE;
-        let number = (seconds * FPS) as u64;
-        if seen.replace(number) != Some(number) {
-            for (page, bytes) in pages.iter_mut().zip(&mut all) {
+        let picture_number = (seconds * FPS) as u64;
+        if last_picture.replace(picture_number) != Some(picture_number) {
+            for (page, bytes) in live_pages.iter_mut().zip(&mut page_bytes) {
                 bytes.extend(read_until(page, seconds));
             }
         }
     }
     assert_eq!(shown.relay.skipped(), 0);
     assert!(shown.server.hub().bytes() <= 16 << 20);
-    let (late, prompt) = all.split_last().unwrap();
-    assert!(prompt[0].starts_with(&MAGIC) && late.starts_with(&MAGIC));
+    let (late_bytes, prompt_bytes) = page_bytes.split_last().unwrap();
+    assert!(prompt_bytes[0].starts_with(&MAGIC) && late_bytes.starts_with(&MAGIC));
     // Three pages get the same, and the late page gets the same from a key state on.
-    let file = |bytes: &[u8]| MotionFile::new(bytes.to_vec()).expect("a motion file");
-    let (first, last) = (file(&prompt[0]), file(late));
+    let motion_of = |bytes: &[u8]| MotionFile::new(bytes.to_vec()).expect("a motion file");
+    let (first_motion, late_motion) = (motion_of(&prompt_bytes[0]), motion_of(late_bytes));
     let instants = [1.3, 1.4, 1.45];
-    let wanted = first.displacements(&instants).unwrap();
-    for bytes in &prompt[1..] {
-        assert_eq!(file(bytes).displacements(&instants).unwrap(), wanted);
+    let expected = first_motion.displacements(&instants).unwrap();
+    for bytes in &prompt_bytes[1..] {
+        assert_eq!(motion_of(bytes).displacements(&instants).unwrap(), expected);
     }
-    let peak = wanted.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-    let result = last.displacements(&instants).unwrap();
-    let off = result.iter().zip(&wanted).map(|(a, b)| (a - b).abs());
-    assert!(off.fold(0.0, f64::max) <= 1e-3 * peak && peak > 0.0);
+    let peak_motion = expected.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+    let late_displacements = late_motion.displacements(&instants).unwrap();
+    let late_errors = late_displacements
+        .iter()
+        .zip(&expected)
+        .map(|(a, b)| (a - b).abs());
+    assert!(late_errors.fold(0.0, f64::max) <= 1e-3 * peak_motion && peak_motion > 0.0);
     // Messages fill the socket of the stalled page, which is then dropped.
-    let blob = vec![0; 1 << 20];
-    let tally = shown.server.tally();
-    while tally.dropped.load(Ordering::Relaxed) == 0 {
+    let filler_bytes = vec![0; 1 << 20];
+    let server_tally = shown.server.tally();
+    while server_tally.dropped.load(Ordering::Relaxed) == 0 {
         shown
             .server
             .hub()
-            .publish(&blob, ergon_view::serve::Keep::All);
-        for page in &mut pages {
-            while page.read().expect("a message").len() != blob.len() {}
+            .publish(&filler_bytes, ergon_view::serve::Keep::All);
+        for page in &mut live_pages {
+            while page.read().expect("a message").len() != filler_bytes.len() {}
         }
     }
-    drop((stalled, pages));
+    drop((stalled, live_pages));
     shown.end();
 }

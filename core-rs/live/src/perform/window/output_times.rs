@@ -55,14 +55,14 @@ impl FrameTimeLine {
         let Some(sounding) = sounding else {
             return;
         };
-        let zero = now - sounding.since + sounding.latency;
-        let state = Some((sounding.gaps, dropped, sounding.is_alive));
-        let is_far = |last: &(f64, f64)| (zero - last.1).abs() > JUMP;
-        if state != self.state || self.seen.back().is_some_and(is_far) {
+        let zero_time = now - sounding.since + sounding.latency;
+        let sound_state = Some((sounding.gaps, dropped, sounding.is_alive));
+        let has_jumped = |last: &(f64, f64)| (zero_time - last.1).abs() > JUMP;
+        if sound_state != self.state || self.seen.back().is_some_and(has_jumped) {
             self.seen.clear();
         }
-        self.state = state;
-        self.seen.push_back((now, zero));
+        self.state = sound_state;
+        self.seen.push_back((now, zero_time));
         while self
             .seen
             .front()
@@ -73,9 +73,9 @@ impl FrameTimeLine {
     }
 
     fn when(&self, frame: u64, dropped: u64) -> Option<f64> {
-        let zeros = self.seen.iter().map(|seen| seen.1);
-        let zero = zeros.min_by(f64::total_cmp)?;
-        Some(zero + (frame as f64 - self.start as f64 - dropped as f64) / self.rate)
+        let zero_times = self.seen.iter().map(|seen| seen.1);
+        let zero_time = zero_times.min_by(f64::total_cmp)?;
+        Some(zero_time + (frame as f64 - self.start as f64 - dropped as f64) / self.rate)
     }
 }
 
@@ -98,32 +98,32 @@ mod tests {
 
     #[test]
     fn frame_time_by_the_earliest_report() {
-        let mut line = FrameTimeLine::new(RATE, 4_410);
-        assert_eq!(line.when(0, 0), None);
+        let mut time_line = FrameTimeLine::new(RATE, 4_410);
+        assert_eq!(time_line.when(0, 0), None);
         // Most reports of a block come up to a block late; some come at once.
         for look in 0..240_u64 {
-            let now = 4.0 + look as f64 / 60.0;
-            let late = (look % 7) as f64 / 7.0 * BLOCK as f64 / RATE;
-            line.add_report(Some(sounding(now, late, 0)), 0, now);
+            let report_time = 4.0 + look as f64 / 60.0;
+            let report_delay = (look % 7) as f64 / 7.0 * BLOCK as f64 / RATE;
+            time_line.add_report(Some(sounding(report_time, report_delay, 0)), 0, report_time);
         }
-        let when = line.when(4_410 + 44_100, 0).expect("a clock");
-        assert!((when - 4.01).abs() < 1e-9, "{when}");
+        let sound_time = time_line.when(4_410 + 44_100, 0).expect("a clock");
+        assert!((sound_time - 4.01).abs() < 1e-9, "{sound_time}");
         // Dropped frames are not heard: the frames after them come sooner.
-        line.add_report(Some(sounding(9.0, 0.0, 0)), 441, 9.0);
-        let when = line.when(4_410 + 44_100, 441).expect("a clock");
-        assert!((when - 4.0).abs() < 1e-9, "{when}");
+        time_line.add_report(Some(sounding(9.0, 0.0, 0)), 441, 9.0);
+        let sound_time = time_line.when(4_410 + 44_100, 441).expect("a clock");
+        assert!((sound_time - 4.0).abs() < 1e-9, "{sound_time}");
     }
 
     #[test]
     fn frame_time_after_a_gap() {
-        let mut line = FrameTimeLine::new(RATE, 0);
-        line.add_report(Some(sounding(4.0, 0.0, 0)), 0, 4.0);
+        let mut time_line = FrameTimeLine::new(RATE, 0);
+        time_line.add_report(Some(sounding(4.0, 0.0, 0)), 0, 4.0);
         // 5 ms of silence were inserted: everything after them is heard later.
-        line.add_report(Some(sounding(4.1, 0.005, 1)), 0, 4.1);
-        let when = line.when(0, 0).expect("a clock");
-        assert!((when - 3.015).abs() < 1e-9, "{when}");
+        time_line.add_report(Some(sounding(4.1, 0.005, 1)), 0, 4.1);
+        let sound_time = time_line.when(0, 0).expect("a clock");
+        assert!((sound_time - 3.015).abs() < 1e-9, "{sound_time}");
         // Without a report the line stays.
-        line.add_report(None, 0, 4.2);
-        assert_eq!(line.when(0, 0), Some(when));
+        time_line.add_report(None, 0, 4.2);
+        assert_eq!(time_line.when(0, 0), Some(sound_time));
     }
 }

@@ -31,16 +31,16 @@ impl Showing {
     /// # Errors
     /// The system could not start a thread.
     pub fn start(server: Arc<Server>) -> io::Result<Self> {
-        let (to_scenes, coming) = channel();
-        let mut relay = Relay::new(server, coming);
+        let (to_scenes, coming_scenes) = channel();
+        let mut scene_relay = Relay::new(server, coming_scenes);
         let over = Arc::new(AtomicBool::new(false));
-        let (skipped, asked) = (relay.skipped.clone(), over.clone());
-        let thread = thread::Builder::new()
+        let (skipped, end_requested) = (scene_relay.skipped.clone(), over.clone());
+        let relay_thread = thread::Builder::new()
             .name("ergon window".into())
             .spawn(move || {
                 safety::block_signals();
-                while !asked.load(Ordering::Acquire) {
-                    relay.poll();
+                while !end_requested.load(Ordering::Acquire) {
+                    scene_relay.poll();
                     thread::sleep(POLL);
                 }
             })?;
@@ -48,15 +48,15 @@ impl Showing {
             scenes: Mutex::new(to_scenes),
             skipped,
             over,
-            thread: Some(thread),
+            thread: Some(relay_thread),
         })
     }
 
     /// Show a version from its first picture on; until then the previous version is shown.
     pub fn show(&self, scene: Scene, times_heard: HeardTimes) {
-        let scenes = self.scenes.lock().unwrap_or_else(PoisonError::into_inner);
+        let scene_sender = self.scenes.lock().unwrap_or_else(PoisonError::into_inner);
         // If the thread has ended, there is nobody to show it to.
-        let _ = scenes.send((scene, times_heard));
+        let _ = scene_sender.send((scene, times_heard));
     }
 
     /// Number of pictures that were skipped because the one before had not been fetched.
@@ -68,8 +68,8 @@ impl Showing {
 impl Drop for Showing {
     fn drop(&mut self) {
         self.over.store(true, Ordering::Release);
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
+        if let Some(relay_thread) = self.thread.take() {
+            let _ = relay_thread.join();
         }
     }
 }
@@ -104,8 +104,8 @@ impl Relay {
     /// Send new pictures.
     pub(in super::super) fn poll(&mut self) {
         self.scenes.extend(self.coming.try_iter());
-        let is_new = |own: &(Scene, HeardTimes)| own.0.pictures.updated();
-        if let Some(index) = self.scenes.iter().rposition(is_new) {
+        let has_picture = |own: &(Scene, HeardTimes)| own.0.pictures.updated();
+        if let Some(index) = self.scenes.iter().rposition(has_picture) {
             self.is_greeted &= index == 0;
             self.skipped_before += (self.scenes.drain(..index))
                 .map(|(scene, _)| scene.skipped())
@@ -118,8 +118,8 @@ impl Relay {
             index += 1;
             index == 1 || !scene.is_over()
         });
-        let now = self.scenes.first().map_or(0, |(scene, _)| scene.skipped());
-        (self.skipped).store(self.skipped_before + now, Ordering::Relaxed);
+        let skipped_now = self.scenes.first().map_or(0, |(scene, _)| scene.skipped());
+        (self.skipped).store(self.skipped_before + skipped_now, Ordering::Relaxed);
     }
 
     #[cfg(test)]
@@ -144,17 +144,26 @@ impl Relay {
             hub.greet(&recorder.take());
             self.is_greeted = true;
         }
-        let mut chunks = recorder.take_live();
+        let mut live_chunks = recorder.take_live();
         if let Some(instant) = instant {
-            let mut clock = Bytes::default();
-            clock.f64(instant);
-            clock.f64(1.0);
-            put(&mut chunks.latest, kind::CLOCK, seconds, &clock.0);
+            let mut clock_bytes = Bytes::default();
+            clock_bytes.f64(instant);
+            clock_bytes.f64(1.0);
+            put(
+                &mut live_chunks.latest,
+                kind::CLOCK,
+                seconds,
+                &clock_bytes.0,
+            );
         }
-        if !chunks.events.is_empty() {
-            let keep = if chunks.is_key { Keep::Key } else { Keep::All };
-            hub.publish(&chunks.events, keep);
+        if !live_chunks.events.is_empty() {
+            let keep_rule = if live_chunks.is_key {
+                Keep::Key
+            } else {
+                Keep::All
+            };
+            hub.publish(&live_chunks.events, keep_rule);
         }
-        hub.publish(&chunks.latest, Keep::Latest);
+        hub.publish(&live_chunks.latest, Keep::Latest);
     }
 }

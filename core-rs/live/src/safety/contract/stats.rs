@@ -13,9 +13,9 @@ pub struct Histogram {
 
 impl Histogram {
     fn add(&mut self, took: Duration) {
-        let us = u64::try_from(took.as_micros()).unwrap_or(u64::MAX).max(1);
-        let bin = (us.ilog2() as usize).min(self.counts.len() - 1);
-        self.counts[bin] += 1;
+        let microseconds = u64::try_from(took.as_micros()).unwrap_or(u64::MAX).max(1);
+        let bin_index = (microseconds.ilog2() as usize).min(self.counts.len() - 1);
+        self.counts[bin_index] += 1;
         self.longest = self.longest.max(took);
     }
 
@@ -26,11 +26,11 @@ impl Histogram {
 
     /// A duration that the share `share` (0 to 1) of them does not exceed, accurate to a factor of two.
     pub fn quantile(&self, share: f64) -> Duration {
-        let wanted = (self.total() as f64 * share).ceil() as u64;
-        let mut seen = 0;
+        let wanted_count = (self.total() as f64 * share).ceil() as u64;
+        let mut cumulative = 0;
         for (bin, count) in self.counts.iter().enumerate() {
-            seen += count;
-            if seen >= wanted {
+            cumulative += count;
+            if cumulative >= wanted_count {
                 return Duration::from_micros(2 << bin).min(self.longest);
             }
         }
@@ -72,15 +72,15 @@ pub(crate) struct Drift {
 impl Drift {
     /// Add a reading of the device's clock; returns the drift so far.
     pub(crate) fn add(&mut self, now: Instant, t_us: u32) -> Option<f64> {
-        let Some((start, before)) = self.first else {
+        let Some((first_instant, previous_us)) = self.first else {
             self.first = Some((now, t_us));
             return None;
         };
         // The clock wraps every 71 minutes: only differences count.
-        self.elapsed_us += u64::from(t_us.wrapping_sub(before));
-        self.first = Some((start, t_us));
-        let ours = now.duration_since(start).as_secs_f64() * 1e6;
-        (ours >= 1e6).then(|| (self.elapsed_us as f64 / ours - 1.0) * 1e6)
+        self.elapsed_us += u64::from(t_us.wrapping_sub(previous_us));
+        self.first = Some((first_instant, t_us));
+        let host_elapsed = now.duration_since(first_instant).as_secs_f64() * 1e6;
+        (host_elapsed >= 1e6).then(|| (self.elapsed_us as f64 / host_elapsed - 1.0) * 1e6)
     }
 }
 
@@ -112,33 +112,33 @@ impl Default for Sent {
 impl Sent {
     /// Number a request that is sent now.
     pub(crate) fn number(&mut self, now: Instant, stats: &mut Stats) -> u16 {
-        let number = self.next;
-        let slot = &mut self.instants[usize::from(number % 256)];
-        stats.lost += u64::from(slot.is_some());
-        *slot = Some(now);
+        let request_number = self.next;
+        let instant_slot = &mut self.instants[usize::from(request_number % 256)];
+        stats.lost += u64::from(instant_slot.is_some());
+        *instant_slot = Some(now);
         stats.sent += 1;
-        self.next = number.wrapping_add(1);
-        number
+        self.next = request_number.wrapping_add(1);
+        request_number
     }
 
     /// Note a reply; returns whether it answers one of the latest requests, for the first time.
     pub(crate) fn answered(&mut self, number: u16, now: Instant, stats: &mut Stats) -> bool {
-        let age = self.next.wrapping_sub(number);
-        if age > 256 && age <= LATE && u64::from(age) <= stats.sent {
+        let request_age = self.next.wrapping_sub(number);
+        if request_age > 256 && request_age <= LATE && u64::from(request_age) <= stats.sent {
             // A board that was held up answers old requests, for which nobody waits any more.
             return false;
         }
-        if age == 0 || age > 256 {
+        if request_age == 0 || request_age > 256 {
             self.foreign_balance = self
                 .foreign_balance
                 .map(|foreign_balance| foreign_balance.saturating_add(2));
             return false;
         }
-        let Some(sent_at) = self.instants[usize::from(number % 256)].take() else {
+        let Some(send_instant) = self.instants[usize::from(number % 256)].take() else {
             return false;
         };
         stats.received += 1;
-        stats.add_round_trip(now.duration_since(sent_at));
+        stats.add_round_trip(now.duration_since(send_instant));
         self.foreign_balance = Some(self.foreign_balance.unwrap_or(0).saturating_sub(1));
         true
     }
@@ -156,15 +156,18 @@ mod tests {
 
     #[test]
     fn stats_count_replies_and_losses() {
-        let (mut sent, mut stats) = (Sent::default(), Stats::default());
-        let start = Instant::now();
+        let (mut sent_requests, mut stats) = (Sent::default(), Stats::default());
+        let first_instant = Instant::now();
         for i in 0..1000_u64 {
-            let now = start + Duration::from_millis(i);
-            let number = sent.number(now, &mut stats);
-            let reply = now + Duration::from_micros(100);
+            let send_instant = first_instant + Duration::from_millis(i);
+            let request_number = sent_requests.number(send_instant, &mut stats);
+            let reply_instant = send_instant + Duration::from_micros(100);
             if i % 10 != 0 {
-                assert!(sent.answered(number, reply, &mut stats));
-                assert!(!sent.answered(number, reply, &mut stats), "one again");
+                assert!(sent_requests.answered(request_number, reply_instant, &mut stats));
+                assert!(
+                    !sent_requests.answered(request_number, reply_instant, &mut stats),
+                    "one again"
+                );
             }
         }
         assert_eq!((stats.sent, stats.received), (1000, 900));
@@ -176,49 +179,52 @@ mod tests {
 
     #[test]
     fn stats_detect_replies_to_another_host() {
-        let (mut sent, mut stats) = (Sent::default(), Stats::default());
-        let now = Instant::now();
+        let (mut sent_requests, mut stats) = (Sent::default(), Stats::default());
+        let test_instant = Instant::now();
         // Leftover replies of another session come first.
-        for number in 30_000..30_100 {
-            assert!(!sent.answered(number, now, &mut stats));
+        for request_number in 30_000..30_100 {
+            assert!(!sent_requests.answered(request_number, test_instant, &mut stats));
         }
         for _ in 0..1000 {
-            let number = sent.number(now, &mut stats);
-            assert!(sent.answered(number, now, &mut stats));
+            let request_number = sent_requests.number(test_instant, &mut stats);
+            assert!(sent_requests.answered(request_number, test_instant, &mut stats));
         }
-        assert!(!sent.is_shared());
+        assert!(!sent_requests.is_shared());
         for other in 0..40 {
-            let number = sent.number(now, &mut stats);
-            assert!(!sent.answered(40_000 + other, now, &mut stats));
-            assert!(sent.answered(number, now, &mut stats));
+            let request_number = sent_requests.number(test_instant, &mut stats);
+            assert!(!sent_requests.answered(40_000 + other, test_instant, &mut stats));
+            assert!(sent_requests.answered(request_number, test_instant, &mut stats));
         }
-        assert!(sent.is_shared());
+        assert!(sent_requests.is_shared());
     }
 
     #[test]
     fn stats_accept_replies_of_a_stalled_board() {
-        let (mut sent, mut stats) = (Sent::default(), Stats::default());
-        let now = Instant::now();
-        assert_eq!(sent.number(now, &mut stats), 0);
-        assert!(sent.answered(0, now, &mut stats));
+        let (mut sent_requests, mut stats) = (Sent::default(), Stats::default());
+        let test_instant = Instant::now();
+        assert_eq!(sent_requests.number(test_instant, &mut stats), 0);
+        assert!(sent_requests.answered(0, test_instant, &mut stats));
         for _ in 0..1000 {
-            sent.number(now, &mut stats);
+            sent_requests.number(test_instant, &mut stats);
         }
         for number in 1..=1000 {
-            assert_eq!(sent.answered(number, now, &mut stats), number > 744);
+            assert_eq!(
+                sent_requests.answered(number, test_instant, &mut stats),
+                number > 744
+            );
         }
-        assert!(!sent.is_shared());
+        assert!(!sent_requests.is_shared());
     }
 
     #[test]
     fn drift_across_the_wrap_of_the_clock() {
-        let (mut drift, start) = (Drift::default(), Instant::now());
-        let mut last = None;
+        let (mut clock_drift, first_instant) = (Drift::default(), Instant::now());
+        let mut last_drift = None;
         for ms in 0..5000_u64 {
-            let ours = start + Duration::from_millis(ms);
-            let theirs = (u64::from(u32::MAX) - 1_000_000 + ms * 1000 + ms / 10) as u32;
-            last = drift.add(ours, theirs);
+            let host_instant = first_instant + Duration::from_millis(ms);
+            let device_clock = (u64::from(u32::MAX) - 1_000_000 + ms * 1000 + ms / 10) as u32;
+            last_drift = clock_drift.add(host_instant, device_clock);
         }
-        assert!((last.unwrap() - 100.0).abs() < 1.0, "{last:?}");
+        assert!((last_drift.unwrap() - 100.0).abs() < 1.0, "{last_drift:?}");
     }
 }

@@ -108,8 +108,8 @@ impl Confirmation {
     pub(super) fn new(axis: AxisSpec, parameters: &AxisParameters) -> Self {
         let force_max = axis.force.max(0.0);
         let asks = parameters.resolution <= COARSEST;
-        let (part, greatest) = ROOM;
-        let room = (part * force_max).min(greatest);
+        let (room_share, greatest) = ROOM;
+        let pulse_room = (room_share * force_max).min(greatest);
         let AxisParameters {
             step,
             mass,
@@ -119,7 +119,7 @@ impl Confirmation {
         Self {
             questions: Questions::new(step, mass, resolution, axis.delay),
             asks,
-            room: if asks { room } else { 0.0 },
+            room: if asks { pulse_room } else { 0.0 },
             force_max,
             step,
             last_force: 0.0,
@@ -192,14 +192,18 @@ impl Confirmation {
 
     /// The force with the pulses of a question [N]. A force near the greatest is lowered, so that pulses are not clamped.
     pub(super) fn with_pulses(&self, asked: f64) -> f64 {
-        let limit = self.force_max - self.room;
-        let force = if self.asks && asked.abs() > limit {
-            limit.copysign(asked)
+        let force_limit = self.force_max - self.room;
+        let lowered_force = if self.asks && asked.abs() > force_limit {
+            force_limit.copysign(asked)
         } else {
             asked
         };
-        let offset = self.questions.offset();
-        if offset == 0.0 { force } else { force + offset }
+        let pulse_offset = self.questions.offset();
+        if pulse_offset == 0.0 {
+            lowered_force
+        } else {
+            lowered_force + pulse_offset
+        }
     }
 
     /// Whether an answer is overdue that probes have prevented: they have to wait.
@@ -209,18 +213,22 @@ impl Confirmation {
 
     /// Advance by a step.
     pub(super) fn advance(&mut self, now: Step) -> Verdict {
-        let reply = self
+        let question_reply = self
             .questions
             .take(now.x, now.sent, self.lateness.is_asked());
         self.since_right += self.step;
         self.taken_out = (self.taken_out - now.sent * now.moved).max(0.0);
         self.lateness.take(now.sent, now.moved);
-        if let Some(reply) = reply {
+        if let Some(question_reply) = question_reply {
             self.since_pulse = 0.0;
             // Pulses do not move a key that is held at its stop.
-            let is_stopped = reply == Reply::Unmoved && now.is_at_stop;
-            let reply = if is_stopped { Reply::Hidden } else { reply };
-            let verdict = self.note_reply(reply, now.phase);
+            let is_stopped = question_reply == Reply::Unmoved && now.is_at_stop;
+            let question_reply = if is_stopped {
+                Reply::Hidden
+            } else {
+                question_reply
+            };
+            let verdict = self.note_reply(question_reply, now.phase);
             if verdict != Verdict::Continue {
                 return verdict;
             }
@@ -256,7 +264,7 @@ impl Confirmation {
                 return Verdict::Fault(Trip::Unanswered);
             }
         }
-        let is_due = is_overdue
+        let question_due = is_overdue
             || self.taken_out > TAKEN_OUT
             || self.lateness.is_asked()
             || now.may_be_frozen;
@@ -265,7 +273,7 @@ impl Confirmation {
         } else {
             self.questions.may_begin()
         };
-        if is_due && now.phase == Phase::Playing && may_begin {
+        if question_due && now.phase == Phase::Playing && may_begin {
             self.questions
                 .begin(self.room, self.passes, self.lateness.is_asked());
         }

@@ -44,11 +44,11 @@ impl Lateness {
     /// For steps of `step` [s] of a device that reports a `delay` [s], and the `energy` [J] and `power` [W] that its motor
     /// may give to a hand at once and for long.
     pub(super) fn new(step: f64, delay: f64, energy: f64, power: f64) -> Self {
-        let steps = |lag: f64| (((lag + delay) / step).round() as usize).min(PAST - 1);
+        let lag_steps = |lag: f64| (((lag + delay) / step).round() as usize).min(PAST - 1);
         Self {
             sent: [0.0; PAST],
             newest: 0,
-            lags: LAGS.map(steps),
+            lags: LAGS.map(lag_steps),
             work: [0.0; LAGS.len()],
             energy,
             refill: power * step,
@@ -63,8 +63,8 @@ impl Lateness {
         self.sent[self.newest] = sent as f32;
         self.since_ended += self.step;
         for (work, lag) in self.work.iter_mut().zip(self.lags) {
-            let force = f64::from(self.sent[(self.newest + PAST - lag) % PAST]);
-            *work = (*work + force * moved - self.refill).max(0.0);
+            let lagged_force = f64::from(self.sent[(self.newest + PAST - lag) % PAST]);
+            *work = (*work + lagged_force * moved - self.refill).max(0.0);
         }
     }
 
@@ -115,19 +115,22 @@ mod tests {
     fn late_work_of_swings_by_period() {
         for hertz in [0.85, 1.5, 3.0, 5.0, 8.0, 13.0, 20.0, 27.0] {
             let mut lateness = Lateness::new(1e-3, 0.0, 1.0, 0.0);
-            let place = |t: f64| 0.01 * libm::sin(std::f64::consts::TAU * hertz * t);
+            let position_at = |t: f64| 0.01 * libm::sin(std::f64::consts::TAU * hertz * t);
             let periods = 12.0;
-            let n = (periods / hertz * 1e3) as usize;
-            for i in 0..n {
+            let step_count = (periods / hertz * 1e3) as usize;
+            for i in 0..step_count {
                 let t = i as f64 * 1e-3;
                 // The force of a spring in time: no work by the positions.
-                lateness.take(-100.0 * place(t), place(t + 1e-3) - place(t));
+                lateness.take(
+                    -100.0 * position_at(t),
+                    position_at(t + 1e-3) - position_at(t),
+                );
             }
             let fraction_max = lateness.work.iter().copied().fold(0.0, f64::max);
-            let full = std::f64::consts::PI * 0.01 * periods;
+            let full_work = std::f64::consts::PI * 0.01 * periods;
             assert!(
-                fraction_max > 0.75 * full,
-                "{hertz} Hz: {fraction_max} of {full}"
+                fraction_max > 0.75 * full_work,
+                "{hertz} Hz: {fraction_max} of {full_work}"
             );
         }
     }
@@ -136,8 +139,8 @@ mod tests {
     fn forget_late_work_after_an_answer() {
         let mut lateness = Lateness::new(1e-3, 0.0, 1.0, 0.5);
         for i in 0..3_000 {
-            let x = |i: i32| 0.02 * libm::sin(0.03 * f64::from(i));
-            lateness.take(-500.0 * x(i), x(i + 1) - x(i));
+            let position_at = |i: i32| 0.02 * libm::sin(0.03 * f64::from(i));
+            lateness.take(-500.0 * position_at(i), position_at(i + 1) - position_at(i));
         }
         assert!(lateness.is_asked() && lateness.is_marked() && lateness.is_too_great());
         assert!(!lateness.note_end() && lateness.note_end());

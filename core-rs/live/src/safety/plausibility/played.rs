@@ -76,30 +76,34 @@ impl Key {
     }
 
     fn advance(&mut self, force: f64) {
-        let (m, b, h) = (self.mass, 1.0, PERIOD / SUBSTEPS as f64);
+        let (m, b, substep) = (self.mass, 1.0, PERIOD / SUBSTEPS as f64);
         for _ in 0..SUBSTEPS {
-            let pull = self.grip.map_or(0.0, |grip| {
-                let (now, before) = ((grip.position)(self.time), (grip.position)(self.time - h));
-                grip.k * (now - self.x) + grip.z * ((now - before) / h - self.v)
+            let grip_force = self.grip.map_or(0.0, |grip| {
+                let (grip_now, grip_before) = (
+                    (grip.position)(self.time),
+                    (grip.position)(self.time - substep),
+                );
+                grip.k * (grip_now - self.x)
+                    + grip.z * ((grip_now - grip_before) / substep - self.v)
             });
-            let push = force * self.motor + pull - b * self.v;
+            let net_force = force * self.motor + grip_force - b * self.v;
             // Dry friction holds the key up to its level.
-            let v = self.v + push / m * h;
-            let held = self.friction / m * h;
-            self.v = if v.abs() <= held {
+            let new_velocity = self.v + net_force / m * substep;
+            let friction_limit = self.friction / m * substep;
+            self.v = if new_velocity.abs() <= friction_limit {
                 0.0
             } else {
-                v - held.copysign(v)
+                new_velocity - friction_limit.copysign(new_velocity)
             };
-            self.x += self.v * h;
+            self.x += self.v * substep;
             if self.x.abs() > 0.05 {
                 (self.x, self.v) = (0.05_f64.copysign(self.x), 0.0);
             }
-            self.time += h;
+            self.time += substep;
         }
         if !self.frozen {
-            let step = self.spec.pos_lsb;
-            self.shown = (self.x / step).round() * step;
+            let sensor_step = self.spec.pos_lsb;
+            self.shown = (self.x / sensor_step).round() * sensor_step;
         }
     }
 }
@@ -139,9 +143,9 @@ pub(super) struct Play {
 
 impl Play {
     pub(super) fn new(key: Key, scene: Scene) -> Self {
-        let limits = Limits::from_spec(key.spec());
+        let key_limits = Limits::from_spec(key.spec());
         Self {
-            guarded: Guarded::new(key, limits, PERIOD).watched(),
+            guarded: Guarded::new(key, key_limits, PERIOD).watched(),
             scene,
             before: 0.0,
             sample: Sample::default(),
@@ -166,14 +170,14 @@ impl Play {
         self.guarded
             .receive(&mut self.sample, Instant::now())
             .unwrap();
-        let x = self.sample.position[0];
-        let v = (x - self.before) / PERIOD;
-        self.before = x;
-        let asked = (self.scene)(self.time(), x, v);
-        let was = self.guarded.tripped(0);
-        self.sent = self.guarded.send(&[asked]).unwrap().newtons()[0];
-        if let Some(why) = self.guarded.tripped(0).filter(|_| was.is_none()) {
-            self.trips.push((self.time(), why));
+        let key_position = self.sample.position[0];
+        let key_velocity = (key_position - self.before) / PERIOD;
+        self.before = key_position;
+        let asked_force = (self.scene)(self.time(), key_position, key_velocity);
+        let trip_before = self.guarded.tripped(0);
+        self.sent = self.guarded.send(&[asked_force]).unwrap().newtons()[0];
+        if let Some(trip_cause) = self.guarded.tripped(0).filter(|_| trip_before.is_none()) {
+            self.trips.push((self.time(), trip_cause));
         }
     }
 

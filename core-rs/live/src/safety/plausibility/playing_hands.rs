@@ -23,13 +23,19 @@ fn tremor(t: f64) -> f64 {
 
 /// Strokes of 60 to 200 ms to a depth between -5 mm and `deepest` [m], one every `every` [s], each held for a while.
 fn strokes(t: f64, every: f64, deepest: f64) -> f64 {
-    let n = libm::floor(t / every);
-    let (in_it, length) = (t - n * every, 0.06 + 0.14 * chance(n, 1.0));
-    let depth = -5e-3 + (deepest + 5e-3) * chance(n, 2.0);
+    let stroke_index = libm::floor(t / every);
+    let (time_in_stroke, stroke_time) = (
+        t - stroke_index * every,
+        0.06 + 0.14 * chance(stroke_index, 1.0),
+    );
+    let stroke_depth = -5e-3 + (deepest + 5e-3) * chance(stroke_index, 2.0);
     // The hand is back before the next stroke begins.
-    let rest = (every - 2.0 * length).max(0.0);
-    let held = length + rest.min(0.5 * every * chance(n, 3.0));
-    depth * (smooth(in_it / length) - smooth((in_it - held) / length)) + tremor(t)
+    let spare_time = (every - 2.0 * stroke_time).max(0.0);
+    let release_time = stroke_time + spare_time.min(0.5 * every * chance(stroke_index, 3.0));
+    stroke_depth
+        * (smooth(time_in_stroke / stroke_time)
+            - smooth((time_in_stroke - release_time) / stroke_time))
+        + tremor(t)
 }
 
 fn grip(k: f64, z: f64, at: fn(f64) -> f64) -> Option<Grip> {
@@ -47,8 +53,8 @@ fn wall(x: f64, v: f64) -> f64 {
 
 /// A ringing bell at a distance of 2 mm.
 fn bell(t: f64, x: f64) -> f64 {
-    let gap = x - 2e-3 - 5e-4 * libm::sin(1_382.0 * t);
-    -900.0 * gap.max(0.0)
+    let bell_gap = x - 2e-3 - 5e-4 * libm::sin(1_382.0 * t);
+    -900.0 * bell_gap.max(0.0)
 }
 
 struct PlayCase {
@@ -62,7 +68,7 @@ struct PlayCase {
 }
 
 fn play_cases() -> Vec<PlayCase> {
-    let usual = |name, grip, scene| PlayCase {
+    let usual_case = |name, grip, scene| PlayCase {
         name,
         grip,
         scene,
@@ -71,114 +77,114 @@ fn play_cases() -> Vec<PlayCase> {
         friction: 0.0,
         mass: 0.05,
     };
-    let coarse = |case: PlayCase| PlayCase {
+    let coarse_case = |case: PlayCase| PlayCase {
         resolution: 3.9e-4,
         force_max: 1.56,
         ..case
     };
-    let dry = |case: PlayCase| PlayCase {
+    let dry_case = |case: PlayCase| PlayCase {
         friction: 0.5,
         ..case
     };
     vec![
-        usual("rests firmly", grip(3e3, 20.0, tremor), |t, x, _| {
+        usual_case("rests firmly", grip(3e3, 20.0, tremor), |t, x, _| {
             200.0 * (0.02 * libm::sin(0.3 * t) - x)
         }),
-        usual(
+        usual_case(
             "rests like a stone",
             grip(3e3, 20.0, |_| 1e-3),
             |t, x, _| 200.0 * (0.02 * libm::sin(0.3 * t) - x),
         ),
-        usual(
+        usual_case(
             "holds against a guide",
             grip(400.0, 4.0, |_| 2e-3),
             |_, x, _| 200.0 * (0.02 - x),
         ),
-        usual(
+        usual_case(
             "presses against a wall",
             grip(800.0, 8.0, |t| strokes(t, 1.3, 0.02)),
             |_, x, v| wall(x, v),
         ),
-        usual(
+        usual_case(
             "tremolo",
             grip(600.0, 6.0, |t| 0.01 * libm::sin(50.0 * t)),
             |_, x, v| -600.0 * x - 0.5 * v,
         ),
-        usual(
+        usual_case(
             "strokes",
             grip(1e3, 10.0, |t| strokes(t, 0.4, 0.04)),
             |_, x, _| -800.0 * x,
         ),
-        usual(
+        usual_case(
             "soft strokes",
             grip(400.0, 4.0, |t| strokes(t, 0.7, 0.03)),
             |_, x, _| -300.0 * x,
         ),
-        usual(
+        usual_case(
             "blows",
             grip(800.0, 8.0, |t| if t % 0.6 < 0.3 { 0.015 } else { 0.0 }),
             |_, x, _| -500.0 * x,
         ),
-        usual("a guide that steps", grip(400.0, 4.0, tremor), |t, x, v| {
+        usual_case("a guide that steps", grip(400.0, 4.0, tremor), |t, x, v| {
             120.0 * (0.02 * libm::floor(t % 3.0) - 0.02 - x) - v
         }),
-        usual(
+        usual_case(
             "bells",
             grip(400.0, 4.0, |t| strokes(t, 0.5, 0.012)),
             |t, x, _| bell(t, x),
         ),
-        usual(
+        usual_case(
             "two ways to lie",
             grip(600.0, 6.0, |t| strokes(t, 0.9, 0.02)),
             |_, x, _| 300.0 * x - 3e6 * x * x * x,
         ),
-        usual(
+        usual_case(
             "down to the stop",
             grip(2e3, 15.0, |t| strokes(t, 1.1, 0.08)),
             |_, x, _| -100.0 * x,
         ),
-        usual("softly at the stop", None, |t, _, _| {
+        usual_case("softly at the stop", None, |t, _, _| {
             1.5 * libm::sin(0.7 * t)
         }),
-        usual("nobody, and it bounces", None, |t, x, v| {
+        usual_case("nobody, and it bounces", None, |t, x, v| {
             wall(x, v) - wall(-x, -v) + 0.5 * libm::sin(9.0 * t)
         }),
-        usual(
+        usual_case(
             "another's key",
             grip(400.0, 4.0, |t| strokes(t, 0.8, 0.02)),
             |t, x, _| 400.0 * (0.015 * libm::sin(4.0 * t) - x),
         ),
-        coarse(usual(
+        coarse_case(usual_case(
             "coarse strokes",
             grip(400.0, 4.0, |t| strokes(t, 0.5, 0.03)),
             |_, x, _| -60.0 * x,
         )),
-        coarse(usual(
+        coarse_case(usual_case(
             "coarse and firm",
             grip(3e3, 20.0, tremor),
             |t, x, _| 60.0 * (0.03 * libm::sin(t) - x),
         )),
-        coarse(usual(
+        coarse_case(usual_case(
             "coarse, down to the stop",
             grip(1e3, 10.0, |t| strokes(t, 1.1, 0.08)),
             |_, x, _| -30.0 * x,
         )),
-        dry(usual(
+        dry_case(usual_case(
             "dry strokes",
             grip(600.0, 6.0, |t| strokes(t, 0.6, 0.03)),
             |_, x, _| -400.0 * x,
         )),
-        dry(usual("dry, and nobody", None, |t, x, _| {
+        dry_case(usual_case("dry, and nobody", None, |t, x, _| {
             200.0 * (0.01 * libm::sin(2.0 * t) - x)
         })),
-        dry(usual(
+        dry_case(usual_case(
             "dry, against a guide",
             grip(500.0, 5.0, |_| 0.0),
             |_, x, _| 200.0 * (0.015 - x),
         )),
         PlayCase {
             mass: 0.4,
-            ..usual(
+            ..usual_case(
                 "a heavy key",
                 grip(2e3, 20.0, |t| strokes(t, 0.6, 0.03)),
                 |_, x, _| -500.0 * x,
@@ -190,21 +196,22 @@ fn play_cases() -> Vec<PlayCase> {
 /// Trips and number of probes of each case, played for `seconds`.
 #[allow(clippy::type_complexity)]
 fn played(seconds: f64) -> Vec<(&'static str, Vec<(f64, Trip)>, u64)> {
-    let all = std::sync::Mutex::new(play_cases());
+    let cases_left = std::sync::Mutex::new(play_cases());
     let played_cases = std::sync::Mutex::new(Vec::new());
-    let work = || loop {
-        let next = all.lock().unwrap().pop();
-        let Some(case) = next else { return };
-        let mut key = Key::new(case.resolution, case.force_max, None);
-        (key.grip, key.friction, key.mass) = (case.grip, case.friction, case.mass);
-        let mut play = Play::new(key, case.scene);
-        play.until(seconds);
-        let played = (case.name, play.trips.clone(), play.probes());
-        played_cases.lock().unwrap().push(played);
+    let play_worker = || loop {
+        let next_case = cases_left.lock().unwrap().pop();
+        let Some(play_case) = next_case else { return };
+        let mut case_key = Key::new(play_case.resolution, play_case.force_max, None);
+        (case_key.grip, case_key.friction, case_key.mass) =
+            (play_case.grip, play_case.friction, play_case.mass);
+        let mut case_play = Play::new(case_key, play_case.scene);
+        case_play.until(seconds);
+        let case_result = (play_case.name, case_play.trips.clone(), case_play.probes());
+        played_cases.lock().unwrap().push(case_result);
     };
     std::thread::scope(|scope| {
-        scope.spawn(work);
-        scope.spawn(work);
+        scope.spawn(play_worker);
+        scope.spawn(play_worker);
     });
     played_cases.into_inner().unwrap()
 }

@@ -119,42 +119,47 @@ impl Probe {
             }
             return Answer::Waiting;
         }
-        let (slope, _, longest) = SHAPES[self.kind as usize];
+        let (force_slope, _, longest) = SHAPES[self.kind as usize];
         self.steps += 1;
         let t = f64::from(self.steps) * axis.step;
-        let push = if self.kind == Suspicion::Stop {
+        let pushing_force = if self.kind == Suspicion::Stop {
             // As long as the force does not push into the stop, the old force may hold the key there.
             self.direction * (self.direction * sent).max(0.0)
         } else {
             sent - self.force
         };
-        self.free_motion[0] += push / axis.mass * axis.step;
+        self.free_motion[0] += pushing_force / axis.mass * axis.step;
         self.free_motion[1] += self.free_motion[0] * axis.step;
         let [x, v, a] = self.course;
         let deviation = signs.past[0] - (x + (v + 0.5 * a * t) * t);
-        let enough = ANSWER.max(3.0 * axis.resolution);
+        let least_deviation = ANSWER.max(3.0 * axis.resolution);
         // Nothing can be told if the force hardly changed, if the sensor does not change, or if the deviation is a
         // small part of the way of a free key: a hand moves that much meanwhile.
         let free_path = self.free_motion[1];
-        let part = if self.kind == Suspicion::Stop {
+        let path_share = if self.kind == Suspicion::Stop {
             STOP_PART
         } else {
             ANSWER_RANGE.0
         };
-        let is_clear = deviation.abs() >= enough.max(part * free_path.abs()) && !signs.is_still();
-        if is_clear && deviation * free_path > 0.0 && free_path.abs() >= 0.3 * enough {
+        let is_clear = deviation.abs() >= least_deviation.max(path_share * free_path.abs())
+            && !signs.is_still();
+        if is_clear && deviation * free_path > 0.0 && free_path.abs() >= 0.3 * least_deviation {
             return Answer::Right;
         }
-        let by_hand =
+        let is_by_hand =
             self.kind == Suspicion::Run && deviation.abs() > ANSWER_RANGE.1 * free_path.abs();
-        if is_clear && deviation * free_path < 0.0 && free_path.abs() >= enough && !by_hand {
+        if is_clear
+            && deviation * free_path < 0.0
+            && free_path.abs() >= least_deviation
+            && !is_by_hand
+        {
             return Answer::Wrong;
         }
         if t >= longest {
             return Answer::Unclear;
         }
-        let offset = self.direction * slope * (t + axis.step);
-        self.offset = offset.clamp(-self.max_force, self.max_force);
+        let force_offset = self.direction * force_slope * (t + axis.step);
+        self.offset = force_offset.clamp(-self.max_force, self.max_force);
         Answer::Waiting
     }
 }

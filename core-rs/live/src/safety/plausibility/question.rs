@@ -176,12 +176,13 @@ impl Questions {
     /// Begin a question with at most `force` [N], if the part `passes` of a force reaches the key. Where `is_doubtful`, its
     /// sign is drawn.
     pub(super) fn begin(&mut self, force: f64, passes: f64, is_doubtful: bool) {
-        let [low, high] = PULSE_FORCES;
-        let clear = (CLEAR * self.least_answer() / self.response).clamp(low, high);
+        let [least_pulse, greatest_pulse] = PULSE_FORCES;
+        let clear_force =
+            (CLEAR * self.least_answer() / self.response).clamp(least_pulse, greatest_pulse);
         let sign = if is_doubtful { self.drawn_sign() } else { 1.0 };
         self.asked = Some(Asked {
             sign,
-            force: clear.min(force),
+            force: clear_force.min(force),
             passes,
             steps: 0,
             sent: [f64::INFINITY, f64::NEG_INFINITY],
@@ -198,10 +199,16 @@ impl Questions {
 
     /// The force of the pulses now [N].
     pub(super) fn offset(&self) -> f64 {
-        let Some(asked) = self.asked else { return 0.0 };
-        let pulse = |step: usize| PULSE.get(step).copied().unwrap_or(0.0);
-        let second = asked.steps.checked_sub(SECOND).map_or(0.0, pulse);
-        asked.sign * asked.force / asked.passes * (pulse(asked.steps) - second)
+        let Some(open_question) = self.asked else {
+            return 0.0;
+        };
+        let pulse_at = |step: usize| PULSE.get(step).copied().unwrap_or(0.0);
+        let second_pulse = open_question
+            .steps
+            .checked_sub(SECOND)
+            .map_or(0.0, pulse_at);
+        open_question.sign * open_question.force / open_question.passes
+            * (pulse_at(open_question.steps) - second_pulse)
     }
 
     fn least_answer(&self) -> f64 {
@@ -220,41 +227,44 @@ impl Questions {
         self.past[SPAN - 1] = x;
         self.quiet = self.quiet.saturating_add(1);
         self.noise *= 1.0 - self.step / FORGOTTEN;
-        let Some(asked) = &mut self.asked else {
+        let Some(open_question) = &mut self.asked else {
             if self.quiet > SPAN {
                 self.noise = self.noise.max(self.sum().abs());
             }
             return self.wait();
         };
-        asked.steps += 1;
-        asked.sent = [asked.sent[0].min(sent), asked.sent[1].max(sent)];
-        if asked.steps < STEPS + self.delay {
+        open_question.steps += 1;
+        open_question.sent = [
+            open_question.sent[0].min(sent),
+            open_question.sent[1].max(sent),
+        ];
+        if open_question.steps < STEPS + self.delay {
             return None;
         }
-        let asked = *asked;
+        let open_question = *open_question;
         (self.asked, self.quiet) = (None, 0);
-        let reply = self.judge(asked);
-        if reply == Reply::Right && is_doubtful {
+        let judged_reply = self.judge(open_question);
+        if judged_reply == Reply::Right && is_doubtful {
             self.waiting = Some(Waiting {
                 sum: self.sum().abs(),
-                sign: asked.sign,
+                sign: open_question.sign,
                 later: 0.0,
                 steps: 0,
             });
             return None;
         }
-        Some(reply)
+        Some(judged_reply)
     }
 
     /// Wait until a right answer is known to be in time.
     fn wait(&mut self) -> Option<Reply> {
         let mut waiting = self.waiting?;
-        let [first, last] = LATER;
+        let [first_step, last_step] = LATER;
         waiting.steps += 1;
-        if waiting.steps >= first {
+        if waiting.steps >= first_step {
             waiting.later = waiting.later.max(waiting.sign * self.sum());
         }
-        self.waiting = (waiting.steps < last).then_some(waiting);
+        self.waiting = (waiting.steps < last_step).then_some(waiting);
         if self.waiting.is_some() {
             return None;
         }
@@ -268,21 +278,23 @@ impl Questions {
             sign, force, sent, ..
         }: Asked,
     ) -> Reply {
-        let still = |x: &f64| x.to_bits() == self.past[SPAN - 1].to_bits();
+        let is_unmoved = |x: &f64| x.to_bits() == self.past[SPAN - 1].to_bits();
         let changed = 0.5 * (sent[1] - sent[0]);
         if changed.min(force) * FIRMEST_PATH >= 2.0 * self.resolution
-            && self.past[BEFORE..].iter().all(still)
+            && self.past[BEFORE..].iter().all(is_unmoved)
         {
             self.response = FIRMEST_RESPONSE;
             return Reply::Unmoved;
         }
-        let sum = sign * self.sum();
-        if sum.abs() < self.least_answer() || sum.abs() > self.greatest_response * force {
+        let signed_sum = sign * self.sum();
+        if signed_sum.abs() < self.least_answer()
+            || signed_sum.abs() > self.greatest_response * force
+        {
             self.response = (0.5 * self.response).max(FIRMEST_RESPONSE);
             return Reply::Hidden;
         }
-        self.response = (sum.abs() / force).max(FIRMEST_RESPONSE);
-        if sum > 0.0 {
+        self.response = (signed_sum.abs() / force).max(FIRMEST_RESPONSE);
+        if signed_sum > 0.0 {
             Reply::Right
         } else {
             Reply::Wrong
@@ -291,9 +303,11 @@ impl Questions {
 
     /// The weighted sum of the newest positions [m].
     fn sum(&self) -> f64 {
-        let first = self.past[0];
+        let first_position = self.past[0];
         let weighted = self.past.iter().zip(WEIGHTS);
-        weighted.map(|(x, weight)| (x - first) * weight).sum()
+        weighted
+            .map(|(x, weight)| (x - first_position) * weight)
+            .sum()
     }
 }
 

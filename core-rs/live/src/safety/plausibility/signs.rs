@@ -69,18 +69,18 @@ pub(super) struct AxisParameters {
 
 impl AxisParameters {
     pub(super) fn new(built: AxisSpec, step: f64) -> Self {
-        let [low, high] = built.range;
+        let [lower_stop, upper_stop] = built.range;
         let mass = built.inertia.filter(|m| *m > 0.0).unwrap_or(DEFAULT_MASS);
-        let over = VELOCITY_STEPS as f64 * step;
+        let velocity_span = VELOCITY_STEPS as f64 * step;
         Self {
             step,
             mass,
-            noise: 3.0 * mass * built.resolution / (over * over),
+            noise: 3.0 * mass * built.resolution / (velocity_span * velocity_span),
             resolution: built.resolution,
             range: built.range,
-            margin: MARGIN * (high - low),
+            margin: MARGIN * (upper_stop - lower_stop),
             run: RUN.max(8.0 * built.resolution),
-            slow: SLOW.max(2.0 * built.resolution / over),
+            slow: SLOW.max(2.0 * built.resolution / velocity_span),
         }
     }
 
@@ -95,11 +95,11 @@ impl AxisParameters {
 
     /// 1 at the upper stop, -1 at the lower one, `None` elsewhere.
     fn side(&self, x: f64) -> Option<f64> {
-        let [low, high] = self.range;
-        if x >= high - self.margin {
+        let [lower_stop, upper_stop] = self.range;
+        if x >= upper_stop - self.margin {
             Some(1.0)
         } else {
-            (x <= low + self.margin).then_some(-1.0)
+            (x <= lower_stop + self.margin).then_some(-1.0)
         }
     }
 }
@@ -140,22 +140,22 @@ impl Signs {
         if self.n == 0 {
             (self.past, self.smooth) = ([x; PAST], sent);
         }
-        let same = self.n > 0 && x.to_bits() == self.past[0].to_bits();
+        let is_unchanged = self.n > 0 && x.to_bits() == self.past[0].to_bits();
         self.n = (self.n + 1).min(PAST);
         self.past.copy_within(0..PAST - 1, 1);
         self.past[0] = x;
-        let weight = if same {
+        let smooth_weight = if is_unchanged {
             (axis.step / SMOOTH).min(1.0)
         } else {
             1.0
         };
-        self.smooth += (sent - self.smooth) * weight;
-        self.still = if same {
+        self.smooth += (sent - self.smooth) * smooth_weight;
+        self.still = if is_unchanged {
             self.still.saturating_add(1)
         } else {
             0
         };
-        self.forces = if same {
+        self.forces = if is_unchanged {
             [
                 self.forces[0].min(self.smooth),
                 self.forces[1].max(self.smooth),
@@ -163,14 +163,14 @@ impl Signs {
         } else {
             [self.smooth; 2]
         };
-        let side = axis.side(x);
-        let rests = (x - self.time).abs() <= REST_TOLERANCE.max(2.0 * axis.resolution);
-        if side.is_some() && rests && self.dwell > 0 {
+        let stop_side = axis.side(x);
+        let is_resting = (x - self.time).abs() <= REST_TOLERANCE.max(2.0 * axis.resolution);
+        if stop_side.is_some() && is_resting && self.dwell > 0 {
             self.dwell = self.dwell.saturating_add(1);
         } else {
-            (self.dwell, self.time) = (u32::from(side.is_some()), x);
+            (self.dwell, self.time) = (u32::from(stop_side.is_some()), x);
         }
-        self.side = side.unwrap_or(0.0);
+        self.side = stop_side.unwrap_or(0.0);
         self.follow_run(x, sent, axis);
     }
 
@@ -186,9 +186,9 @@ impl Signs {
 
     /// The acceleration over the last steps [m/s²].
     pub(super) fn acceleration(&self, axis: &AxisParameters) -> f64 {
-        let step = VELOCITY_STEPS as f64 * axis.step;
+        let span_time = VELOCITY_STEPS as f64 * axis.step;
         (self.past[0] - 2.0 * self.past[VELOCITY_STEPS] + self.past[2 * VELOCITY_STEPS])
-            / (step * step)
+            / (span_time * span_time)
     }
 
     /// Whether the newest position equals the one before.
@@ -214,12 +214,13 @@ impl Signs {
 
     /// Follow a movement in one direction, and judge whether it accelerates against the force.
     fn follow_run(&mut self, x: f64, sent: f64, axis: &AxisParameters) {
-        let (v, push) = (self.velocity(axis), axis.mass * self.acceleration(axis));
+        let (key_velocity, inertial_force) =
+            (self.velocity(axis), axis.mass * self.acceleration(axis));
         let run = match &mut self.run {
-            Some(run) if run.direction * v > axis.slow => run,
+            Some(run) if run.direction * key_velocity > axis.slow => run,
             _ => {
-                self.run = (v.abs() > axis.slow && self.n == PAST).then(|| Run {
-                    direction: v.signum(),
+                self.run = (key_velocity.abs() > axis.slow && self.n == PAST).then(|| Run {
+                    direction: key_velocity.signum(),
                     from: x,
                     next_length: axis.run,
                     last_velocity: None,
@@ -235,22 +236,25 @@ impl Signs {
         }
         run.against = false;
         run.suspicious = -run.direction * sent >= COUNTER_ACCELERATION.1
-            && run.direction * push >= -COUNTER_ACCELERATION.0 * run.direction * sent + axis.noise;
+            && run.direction * inertial_force
+                >= -COUNTER_ACCELERATION.0 * run.direction * sent + axis.noise;
         while run.direction * (x - run.from) >= run.next_length {
             let against = -run.direction * sent;
             run.against = run.last_velocity.is_some() && against >= COUNTER_ACCELERATION.1;
-            let grown = run.last_velocity.map_or(0.0, |before| v / before);
+            let velocity_growth = run
+                .last_velocity
+                .map_or(0.0, |before| key_velocity / before);
             run.suspicious |= RUN_GROWTH
                 .iter()
-                .any(|&(growth, force)| grown >= growth && against >= force);
-            (run.next_length, run.last_velocity) = (2.0 * run.next_length, Some(v));
+                .any(|&(growth, force)| velocity_growth >= growth && against >= force);
+            (run.next_length, run.last_velocity) = (2.0 * run.next_length, Some(key_velocity));
         }
     }
 
     /// The side of the stop at which the key rests while `force` pushes it further in, if it does.
     pub(super) fn pushed_into_stop(&self, force: f64, axis: &AxisParameters) -> Option<f64> {
-        let long = self.dwell >= axis.steps(DWELL[1]);
-        (long && force * self.side >= PUSHED_IN).then_some(self.side)
+        let dwells_long = self.dwell >= axis.steps(DWELL[1]);
+        (dwells_long && force * self.side >= PUSHED_IN).then_some(self.side)
     }
 
     /// A fault that is seen without an answer. A hand may hold a position to the last bit by chance while the force

@@ -25,24 +25,29 @@ fn harm(fault: fn(&mut Key), start: f64, grip: Option<Grip>, scene: Scene) -> Fa
         assert!(play.trips.is_empty(), "{:?}", play.trips);
         play
     };
-    let (mut complete, mut free, mut faulty) = (play(), play(), play());
-    fault(faulty.key());
-    free.key().motor = 0.0;
-    let (mut lasted, mut travel) = (0.0, 0.0_f64);
-    while faulty.time() < start + 1.5 && (lasted == 0.0 || faulty.time() < start + lasted + 0.3) {
-        for play in [&mut complete, &mut free, &mut faulty] {
+    let (mut complete, mut free_play, mut faulty_play) = (play(), play(), play());
+    fault(faulty_play.key());
+    free_play.key().motor = 0.0;
+    let (mut force_time, mut extra_travel) = (0.0, 0.0_f64);
+    while faulty_play.time() < start + 1.5
+        && (force_time == 0.0 || faulty_play.time() < start + force_time + 0.3)
+    {
+        for play in [&mut complete, &mut free_play, &mut faulty_play] {
             play.tick();
         }
-        if faulty.sent != 0.0 {
-            lasted = faulty.time() - start;
+        if faulty_play.sent != 0.0 {
+            force_time = faulty_play.time() - start;
         }
-        let (a, b, x) = (complete.key().x, free.key().x, faulty.key().x);
-        travel = travel.max(x - a.max(b)).max(a.min(b) - x);
+        let (intact_position, free_position, faulty_position) =
+            (complete.key().x, free_play.key().x, faulty_play.key().x);
+        extra_travel = extra_travel
+            .max(faulty_position - intact_position.max(free_position))
+            .max(intact_position.min(free_position) - faulty_position);
     }
-    let why = faulty.trips.first().map(|trip| trip.1);
+    let why = faulty_play.trips.first().map(|trip| trip.1);
     FaultOutcome {
-        lasted: 1e3 * lasted,
-        travel: 1e3 * travel,
+        lasted: 1e3 * force_time,
+        travel: 1e3 * extra_travel,
         why,
     }
 }
@@ -67,8 +72,9 @@ const INSTANTS: [f64; 3] = [3.0, 3.1, 3.25];
 
 /// The effect of a fault in every scene at every instant.
 fn harms(fault: fn(&mut Key), grip: Option<Grip>) -> Vec<(&'static str, f64, FaultOutcome)> {
-    let all = SPRINGS.iter().flat_map(|of| INSTANTS.map(|at| (of, at)));
-    all.map(|(&(name, scene), at)| (name, at, harm(fault, at, grip, scene)))
+    let fault_cases = SPRINGS.iter().flat_map(|of| INSTANTS.map(|at| (of, at)));
+    fault_cases
+        .map(|(&(name, scene), at)| (name, at, harm(fault, at, grip, scene)))
         .collect()
 }
 
@@ -100,9 +106,9 @@ fn reversed_motor_trips_under_moving_and_absent_hands() {
     }
     for (name, position, harm) in harms(REVERSED, None) {
         // If the scene is at rest there is no force that could have the wrong sign.
-        let moves = name.ends_with("8 mm");
+        let scene_moves = name.ends_with("8 mm");
         assert!(
-            !moves || harm.why == Some(Trip::WrongWay),
+            !scene_moves || harm.why == Some(Trip::WrongWay),
             "{name} {position} {harm:?}"
         );
         assert!(
@@ -144,8 +150,8 @@ fn wrong_wiring_stops_at_first_movement() {
         let mut play = Play::new(Key::new(FINE, 20.0, Some(0.05)), scene);
         (play.key().grip, play.key().motor) = (Some(grip), -1.0);
         play.until(4.0);
-        let result: Vec<_> = play.trips.iter().map(|trip| trip.1).collect();
-        assert_eq!(result, [Trip::WrongWay], "{:?}", play.trips);
+        let trip_kinds: Vec<_> = play.trips.iter().map(|trip| trip.1).collect();
+        assert_eq!(trip_kinds, [Trip::WrongWay], "{:?}", play.trips);
         assert_eq!(play.sent, 0.0, "it stays off");
         play.guarded.release();
         play.until(8.0);
@@ -156,8 +162,8 @@ fn wrong_wiring_stops_at_first_movement() {
 #[test]
 fn key_pushed_into_its_stop_trips_and_recovers() {
     // For a while the scene pulls the key to a position beyond its range.
-    let scene: Scene = |t, x, _| 100.0 * (if t < 4.0 { 0.09 } else { 0.0 } - x);
-    let mut play = Play::new(Key::new(FINE, 20.0, None), scene);
+    let pulling_scene: Scene = |t, x, _| 100.0 * (if t < 4.0 { 0.09 } else { 0.0 } - x);
+    let mut play = Play::new(Key::new(FINE, 20.0, None), pulling_scene);
     play.key().grip = None;
     let mut arrived = f64::INFINITY;
     while play.trips.is_empty() && play.time() < 4.0 {
@@ -193,17 +199,17 @@ fn third_trip_lasts_until_the_player_releases_it() {
         z: 30.0,
         position: |t| 0.055 * (t % 8.0 / 0.1).min((4.0 - t % 8.0) / 0.1).clamp(0.0, 1.0),
     });
-    let on_stop = |play: &Play| {
+    let stop_trips = |play: &Play| {
         play.trips
             .iter()
             .filter(|trip| trip.1 == Trip::AtStop)
             .count()
     };
     play.until(47.9);
-    assert_eq!(on_stop(&play), 3, "{:?}", play.trips);
+    assert_eq!(stop_trips(&play), 3, "{:?}", play.trips);
     play.guarded.release();
     play.until(55.0);
-    assert_eq!(on_stop(&play), 4, "{:?}", play.trips);
+    assert_eq!(stop_trips(&play), 4, "{:?}", play.trips);
 }
 
 #[test]
@@ -237,7 +243,7 @@ fn figures() {
 /// A key keeps its position until a question is asked; then the host is stopped. Afterwards the force equals the scene's.
 #[test]
 fn restart_ends_questions_and_suspicions() {
-    let built = AxisSpec {
+    let axis_spec = AxisSpec {
         range: [-0.05, 0.05],
         resolution: 1e-5,
         inertia: Some(0.05),
@@ -246,22 +252,25 @@ fn restart_ends_questions_and_suspicions() {
         energy: 1.0,
         power: 0.5,
     };
-    let mut axis = Plausibility::new(built, 1e-3);
-    let asked = |x: f64| 500.0 * x;
-    let (x, mut sent) = (2e-3, 0.0);
+    let mut axis_checks = Plausibility::new(axis_spec, 1e-3);
+    let asked_force = |x: f64| 500.0 * x;
+    let (x, mut sent_force) = (2e-3, 0.0);
     let mut is_asked = false;
     for _ in 0..400 {
-        sent = axis.tick(asked(x), sent, Some(x));
-        is_asked |= sent != asked(x);
+        sent_force = axis_checks.tick(asked_force(x), sent_force, Some(x));
+        is_asked |= sent_force != asked_force(x);
         if is_asked {
             break;
         }
     }
     assert!(is_asked);
-    axis.restart();
+    axis_checks.restart();
     // After the stop the position is another, and the earlier force is gone.
     for i in 0..12 {
         let x = -2e-3 + 1e-6 * f64::from(i);
-        assert_eq!(axis.tick(asked(x), 0.0, Some(x)), asked(x));
+        assert_eq!(
+            axis_checks.tick(asked_force(x), 0.0, Some(x)),
+            asked_force(x)
+        );
     }
 }

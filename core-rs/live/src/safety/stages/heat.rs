@@ -34,8 +34,8 @@ impl Heat {
         period: f64,
         constant: f64,
     ) {
-        let load = (force / continuous) * (force / continuous);
-        self.level += (load - self.level) * (period / constant);
+        let heat_load = (force / continuous) * (force / continuous);
+        self.level += (heat_load - self.level) * (period / constant);
     }
 
     /// The heat that is left after `elapsed` [s] without force.

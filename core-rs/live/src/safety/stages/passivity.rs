@@ -82,9 +82,9 @@ impl Passivity {
         let delay_ticks = (spec.loop_delay_s.unwrap_or(0.0) / period).ceil() as usize;
         // Outside lockstep a reply has the position at which the force arrived; in lockstep the position to which the
         // force moved the key.
-        let delay = delay_ticks + usize::from(!in_lockstep) + EXTRA_DELAYS;
+        let total_delay = delay_ticks + usize::from(!in_lockstep) + EXTRA_DELAYS;
         let longest = (limits.velocity_over / period).clamp(1.0, GAP_MAX as f64);
-        let span = (spec.pos_lsb / (STEP_VELOCITY * period))
+        let velocity_span = (spec.pos_lsb / (STEP_VELOCITY * period))
             .ceil()
             .clamp(1.0, longest);
         Self {
@@ -95,8 +95,8 @@ impl Passivity {
                 .inertia
                 .map_or(DEFAULT_MASS, |reported| TRUSTED_MASS * reported),
             step: spec.pos_lsb,
-            span: span as u64,
-            delay: delay.min(MAX_DELAY),
+            span: velocity_span as u64,
+            delay: total_delay.min(MAX_DELAY),
             sent: 0,
             seen: 0,
             n: 0,
@@ -128,27 +128,32 @@ impl Passivity {
 
     /// Take positions (n_axes,) [m], received `since` [s] after the previous ones.
     pub(in crate::safety) fn receive(&mut self, positions: &[f64], since: f64) {
-        let ticks = (self.sent - self.seen).clamp(1, GAP_MAX);
-        let (last, now) = (slot(self.n.wrapping_sub(1)), slot(self.n));
-        self.times[now] = self.times[last] + since;
-        let first = slot(self.n - self.span.min(self.n));
-        let time = self.times[now] - self.times[first];
+        let ticks_passed = (self.sent - self.seen).clamp(1, GAP_MAX);
+        let (last_slot, now_slot) = (slot(self.n.wrapping_sub(1)), slot(self.n));
+        self.times[now_slot] = self.times[last_slot] + since;
+        let first_slot = slot(self.n - self.span.min(self.n));
+        let span_time = self.times[now_slot] - self.times[first_slot];
         for (axis, &x) in self.axes.iter_mut().zip(positions) {
-            let before = if self.n == 0 { x } else { axis.positions[last] };
-            axis.positions[now] = x;
+            let position_before = if self.n == 0 {
+                x
+            } else {
+                axis.positions[last_slot]
+            };
+            axis.positions[now_slot] = x;
             for (delay, work) in axis.work[..=self.delay].iter_mut().enumerate() {
-                let newest = self.sent.wrapping_sub(delay as u64);
-                let force = |ago: u64| axis.forces[slot(newest.wrapping_sub(ago))];
-                let mean = (1..=ticks).map(force).sum::<f64>() / ticks as f64;
-                let changed: f64 = (1..=ticks)
-                    .map(|ago| (force(ago) - force(ago + 1)).abs())
+                let newest_tick = self.sent.wrapping_sub(delay as u64);
+                let force_ago = |ago: u64| axis.forces[slot(newest_tick.wrapping_sub(ago))];
+                let mean_force =
+                    (1..=ticks_passed).map(force_ago).sum::<f64>() / ticks_passed as f64;
+                let changed: f64 = (1..=ticks_passed)
+                    .map(|ago| (force_ago(ago) - force_ago(ago + 1)).abs())
                     .sum();
-                let done = mean * (x - before) + 0.5 * self.step * changed;
-                *work = refilled(*work + done, self.power * since, self.energy);
+                let work_done = mean_force * (x - position_before) + 0.5 * self.step * changed;
+                *work = refilled(*work + work_done, self.power * since, self.energy);
             }
-            if time > 0.0 {
-                axis.velocity = (x - axis.positions[first]) / time;
-                axis.velocity_error = self.step / time;
+            if span_time > 0.0 {
+                axis.velocity = (x - axis.positions[first_slot]) / span_time;
+                axis.velocity_error = self.step / span_time;
             }
         }
         (self.n, self.seen) = (self.n + 1, self.sent);
@@ -156,8 +161,11 @@ impl Passivity {
 
     /// The work on an axis [J], for the delay with the greatest work.
     pub(in crate::safety) fn work(&self, axis: usize) -> f64 {
-        let works = &self.axes[axis].work[..=self.delay];
-        works.iter().copied().fold(f64::NEG_INFINITY, f64::max)
+        let work_by_delay = &self.axes[axis].work[..=self.delay];
+        work_by_delay
+            .iter()
+            .copied()
+            .fold(f64::NEG_INFINITY, f64::max)
     }
 
     /// Continue with work [J] that was done on an axis before.
@@ -171,21 +179,24 @@ impl Passivity {
     pub(in crate::safety) fn allowed_forces(&self, axis: usize) -> [f64; 2] {
         let axis_state = &self.axes[axis];
         let force = |ago: u64| axis_state.forces[slot(self.sent.wrapping_sub(ago))];
-        let unseen = (self.delay as u64 + self.sent - self.seen).min(HISTORY as u64);
-        let n_unseen = (unseen + self.span).min(HISTORY as u64);
+        let unseen_ticks = (self.delay as u64 + self.sent - self.seen).min(HISTORY as u64);
+        let n_unseen = (unseen_ticks + self.span).min(HISTORY as u64);
         // Greatest change of the velocity by forces under way and by forces since it was taken.
-        let push: f64 = (1..=n_unseen).map(|ago| force(ago).abs()).sum();
-        let change = push * self.period / self.mass + axis_state.velocity_error;
-        let towards = |side: f64| side * axis_state.velocity + change;
-        let may_do = |force: f64| force.abs() * towards(force.signum()).max(0.0) * self.period;
-        let reserved: f64 = (1..=unseen).map(|ago| may_do(force(ago))).sum();
-        let left = (self.energy - self.work(axis) - reserved).max(0.0);
-        let limit = |side: f64| {
+        let force_sum: f64 = (1..=n_unseen).map(|ago| force(ago).abs()).sum();
+        let velocity_change = force_sum * self.period / self.mass + axis_state.velocity_error;
+        let towards = |side: f64| side * axis_state.velocity + velocity_change;
+        let possible_work =
+            |force: f64| force.abs() * towards(force.signum()).max(0.0) * self.period;
+        let reserved: f64 = (1..=unseen_ticks)
+            .map(|ago| possible_work(force(ago)))
+            .sum();
+        let energy_left = (self.energy - self.work(axis) - reserved).max(0.0);
+        let force_limit = |side: f64| {
             let w = towards(side);
-            let reach = (w * w + 2.0 * left / self.mass).sqrt();
-            (reach - w).max(0.0) * self.mass / self.period
+            let reached_speed = (w * w + 2.0 * energy_left / self.mass).sqrt();
+            (reached_speed - w).max(0.0) * self.mass / self.period
         };
-        [-limit(-1.0), limit(1.0)]
+        [-force_limit(-1.0), force_limit(1.0)]
     }
 }
 

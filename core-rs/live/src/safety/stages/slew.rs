@@ -19,11 +19,12 @@ impl Slew {
         step: f64,
         count: &mut u64,
     ) -> f64 {
-        let [low, high] = allowed;
-        let mut force = asked.clamp(low, high);
+        let [lowest_force, highest_force] = allowed;
+        let mut force = asked.clamp(lowest_force, highest_force);
         if (force - self.last).abs() > step {
             *count += 1;
-            force = (self.last + step.copysign(force - self.last)).clamp(low, high);
+            force =
+                (self.last + step.copysign(force - self.last)).clamp(lowest_force, highest_force);
         }
         self.last = force;
         force

@@ -96,8 +96,8 @@ impl Ages {
             self.restart();
             self.must_send_zero = true;
         }
-        let before = self.last_position.replace(now);
-        before.map(|before| now.saturating_sub(before).as_secs_f64())
+        let previous_time = self.last_position.replace(now);
+        previous_time.map(|previous_time| now.saturating_sub(previous_time).as_secs_f64())
     }
 
     pub(in crate::safety) fn pass(&self, force: f64, count: &mut u64) -> f64 {

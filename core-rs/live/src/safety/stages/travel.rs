@@ -28,11 +28,11 @@ pub(in crate::safety) struct Travel {
 impl Travel {
     /// The travel `range` [m] of an axis of a device that gives at most `force` [N].
     pub(in crate::safety) fn new(range: [f64; 2], spec: &Spec, force: f64) -> Self {
-        let (low, high) = (range[0].min(range[1]), range[0].max(range[1]));
-        let margin = MARGIN * (high - low);
+        let (lower_end, upper_end) = (range[0].min(range[1]), range[0].max(range[1]));
+        let range_margin = MARGIN * (upper_end - lower_end);
         let mass = spec.inertia.map_or(MASS_MAX, |mass| mass.min(MASS_MAX));
         Self {
-            range: [low - margin, high + margin],
+            range: [lower_end - range_margin, upper_end + range_margin],
             acceleration: (STRIKE + force) / mass,
             error: SENSOR_STEPS * spec.pos_lsb,
         }
@@ -47,8 +47,8 @@ impl Travel {
         velocities: [f64; 2],
         since: f64,
     ) -> Option<Trip> {
-        let [low, high] = self.range;
-        if x < low || x > high {
+        let [lower_end, upper_end] = self.range;
+        if x < lower_end || x > upper_end {
             return Some(Trip::OutsideTravel);
         }
         // A reply that was late, or early, seems to be a jump by the velocity times that time.

@@ -47,9 +47,9 @@ impl Board {
     }
 
     fn take_force(&mut self, force: f64) {
-        let now = self.time.load(Ordering::Relaxed);
-        self.sample.let_go = self.reports_let_go && now - self.last_force > WATCHDOG;
-        self.last_force = now;
+        let board_time = self.time.load(Ordering::Relaxed);
+        self.sample.let_go = self.reports_let_go && board_time - self.last_force > WATCHDOG;
+        self.last_force = board_time;
         self.forces.push(force);
     }
 }
@@ -95,20 +95,20 @@ impl Host {
         let time = Arc::clone(&board.time);
         let limits = limits(&board);
         let guarded = Guarded::new(board, limits, PERIOD).by_clock(Arc::clone(&time));
-        let mut this = Self {
+        let mut new_host = Self {
             guarded,
             time,
             sample: Sample::default(),
         };
-        this.look();
-        (0..1000).for_each(|_| this.tick(force));
-        assert_eq!(this.last(), force);
-        this
+        new_host.look();
+        (0..1000).for_each(|_| new_host.tick(force));
+        assert_eq!(new_host.last(), force);
+        new_host
     }
 
     fn wait(&self, seconds: f64) {
-        let ns = Duration::from_secs_f64(seconds).as_nanos() as u64;
-        self.time.fetch_add(ns, Ordering::Relaxed);
+        let nanoseconds = Duration::from_secs_f64(seconds).as_nanos() as u64;
+        self.time.fetch_add(nanoseconds, Ordering::Relaxed);
     }
 
     fn put(&mut self, force: f64) {
@@ -138,10 +138,10 @@ impl Host {
     /// From packet `from` on the force begins at zero and returns in small steps.
     fn fades_in(&mut self, from: usize, force: f64) {
         (0..400).for_each(|_| self.tick(force));
-        let forces = &self.forces()[from..];
-        assert!(forces[0].abs() <= 0.05, "{:?}", &forces[..5]);
-        let steps = forces.windows(2).map(|pair| (pair[1] - pair[0]).abs());
-        let greatest = steps.fold(0.0, f64::max);
+        let forces_sent = &self.forces()[from..];
+        assert!(forces_sent[0].abs() <= 0.05, "{:?}", &forces_sent[..5]);
+        let force_steps = forces_sent.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+        let greatest = force_steps.fold(0.0, f64::max);
         assert!(greatest <= 0.1, "{greatest}");
         assert_eq!(self.last(), force, "it comes back");
     }
@@ -157,9 +157,9 @@ fn stall_between_ticks_fades_in() {
         for force in FORCES {
             let mut host = Host::new(Board::new(), force);
             host.wait(stop);
-            let from = host.forces().len();
-            host.fades_in(from, force);
-            assert_eq!(host.forces()[from], 0.0);
+            let packet_start = host.forces().len();
+            host.fades_in(packet_start, force);
+            assert_eq!(host.forces()[packet_start], 0.0);
             assert_eq!(host.guarded.counts().stalls, 1);
         }
     }
@@ -175,9 +175,9 @@ fn stall_before_the_reply_fades_in() {
             host.put(force);
             host.wait(stop);
             host.look();
-            let from = host.forces().len();
-            host.fades_in(from, force);
-            assert_eq!(host.forces()[from], 0.0);
+            let packet_start = host.forces().len();
+            host.fades_in(packet_start, force);
+            assert_eq!(host.forces()[packet_start], 0.0);
             assert_eq!(host.guarded.counts().stalls, 1);
         }
     }
@@ -190,11 +190,11 @@ fn stall_at_the_write_sends_zero_at_once() {
         let mut host = Host::new(Board::new(), 4.0);
         host.guarded.device.stop = Duration::from_secs_f64(stop).as_nanos() as u64;
         host.wait(PERIOD);
-        let from = host.forces().len() + 1;
+        let packet_start = host.forces().len() + 1;
         host.put(4.0);
-        assert_eq!(host.forces()[from..], [0.0], "in the same call");
+        assert_eq!(host.forces()[packet_start..], [0.0], "in the same call");
         host.look();
-        host.fades_in(from, 4.0);
+        host.fades_in(packet_start, 4.0);
     }
 }
 
@@ -211,18 +211,18 @@ fn old_positions_by_the_clock_end_the_force() {
     let mut host = Host::new(Board::new(), 4.0);
     host.guarded.device.answers = false;
     // With ticks of 10 ms, an age of two ticks is allowed, one of three is not.
-    let forces: Vec<f64> = (0..4)
+    let forces_sent: Vec<f64> = (0..4)
         .map(|_| {
             host.wait(0.009);
             host.tick(4.0);
             host.last()
         })
         .collect();
-    assert_eq!(forces, [4.0, 4.0, 0.0, 0.0]);
+    assert_eq!(forces_sent, [4.0, 4.0, 0.0, 0.0]);
     host.guarded.device.answers = true;
     host.tick(4.0);
-    let from = host.forces().len() - 1;
-    host.fades_in(from, 4.0);
+    let packet_start = host.forces().len() - 1;
+    host.fades_in(packet_start, 4.0);
 }
 
 /// A board may let go for reasons of its own, although its host was never late.
@@ -234,11 +234,11 @@ fn board_with_released_force_fades_in() {
         host.put(force);
         host.guarded.device.sample.let_go = true;
         host.look();
-        let from = host.forces().len();
-        host.fades_in(from, force);
-        assert_eq!(host.forces()[from], 0.0);
-        let counts = host.guarded.counts();
-        assert_eq!((counts.let_go, counts.stalls), (1, 0));
+        let packet_start = host.forces().len();
+        host.fades_in(packet_start, force);
+        assert_eq!(host.forces()[packet_start], 0.0);
+        let guarded_counts = host.guarded.counts();
+        assert_eq!((guarded_counts.let_go, guarded_counts.stalls), (1, 0));
     }
 }
 
@@ -262,9 +262,9 @@ fn lockstep_ignores_the_wall_clock() {
     let mut bench = Bench::new();
     let mut guarded = Guarded::new(&mut bench, open(), PERIOD);
     assert!(matches!(guarded.clock, Clock::Ticks { .. }));
-    let mut sample = Sample::default();
+    let mut device_sample = Sample::default();
     for tick in 0..40 {
-        guarded.receive(&mut sample, Instant::now()).unwrap();
+        guarded.receive(&mut device_sample, Instant::now()).unwrap();
         if tick == 20 {
             std::thread::sleep(Duration::from_millis(30));
         }
@@ -283,21 +283,23 @@ fn heat_is_recalled_and_cools() {
         ..open()
     };
     let mut guarded = Guarded::new(&mut bench, limits, PERIOD);
-    let mut sample = Sample::default();
+    let mut device_sample = Sample::default();
     let mut tick = |guarded: &mut Guarded<&mut Bench>| {
-        guarded.receive(&mut sample, Instant::now()).unwrap();
+        guarded.receive(&mut device_sample, Instant::now()).unwrap();
         guarded.send(&[2.0]).unwrap().newtons()[0]
     };
-    let sent: Vec<f64> = (0..400).map(|_| tick(&mut guarded)).collect();
-    assert_eq!((sent[0], sent[399]), (2.0, 1.0), "hot");
-    let memory = guarded.memory();
+    let sent_forces: Vec<f64> = (0..400).map(|_| tick(&mut guarded)).collect();
+    assert_eq!((sent_forces[0], sent_forces[399]), (2.0, 1.0), "hot");
+    let heat_memory = guarded.memory();
     drop(guarded);
     for (elapsed, force) in [(0.0, 1.0), (0.2, 2.0)] {
-        let mut again = Guarded::new(&mut bench, limits, PERIOD);
-        again.pipeline.recall(&memory, elapsed);
-        again.receive(&mut sample, Instant::now()).unwrap();
+        let mut reopened = Guarded::new(&mut bench, limits, PERIOD);
+        reopened.pipeline.recall(&heat_memory, elapsed);
+        reopened
+            .receive(&mut device_sample, Instant::now())
+            .unwrap();
         assert_eq!(
-            again.send(&[2.0]).unwrap().newtons(),
+            reopened.send(&[2.0]).unwrap().newtons(),
             [force],
             "{elapsed} s"
         );
@@ -314,8 +316,8 @@ fn non_finite_position_trips_and_recovers() {
     host.tick(4.0);
     assert_eq!(host.last(), 0.0);
     (0..500).for_each(|_| host.tick(4.0));
-    let from = host.forces().len() - 1;
-    host.fades_in(from, 4.0);
+    let packet_start = host.forces().len() - 1;
+    host.fades_in(packet_start, 4.0);
     assert_eq!(host.guarded.counts().trips_not_finite, 1);
     // The velocity is finite again: a key that jumps trips.
     host.guarded.device.sample.position[0] = 0.05;

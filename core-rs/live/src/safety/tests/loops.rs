@@ -45,25 +45,27 @@ pub(super) struct Outcome {
 /// Run a loop for a number of ticks.
 pub(super) fn play(setup: Setup, scene: Scene, ticks: u32) -> Outcome {
     let mut key = Sampled::new(setup);
-    let limits = Limits {
+    let loop_limits = Limits {
         ramp: 0.0,
         velocity: f64::INFINITY,
         ..Limits::from_spec(key.spec())
     };
-    let time = Arc::new(AtomicU64::new(0));
-    let mut guarded = Guarded::new(&mut key, limits, setup.period);
-    guarded.clock = Clock::Set(Arc::clone(&time));
-    let mut sample = Sample::default();
-    let (mut before, mut beyond, mut widest) = (0.0, 0.0_f64, 0.0_f64);
-    let period = Duration::from_secs_f64(setup.period).as_nanos() as u64;
+    let loop_time = Arc::new(AtomicU64::new(0));
+    let mut guarded = Guarded::new(&mut key, loop_limits, setup.period);
+    guarded.clock = Clock::Set(Arc::clone(&loop_time));
+    let mut device_sample = Sample::default();
+    let (mut position_before, mut beyond, mut widest) = (0.0, 0.0_f64, 0.0_f64);
+    let period_nanos = Duration::from_secs_f64(setup.period).as_nanos() as u64;
     for tick in 0..ticks {
-        time.fetch_add(period, Ordering::Relaxed);
-        let x = sample.position[0];
-        guarded.send(&[scene(x, before, tick)]).unwrap();
-        before = x;
-        guarded.receive(&mut sample, Instant::now()).unwrap();
+        loop_time.fetch_add(period_nanos, Ordering::Relaxed);
+        let key_position = device_sample.position[0];
+        guarded
+            .send(&[scene(key_position, position_before, tick)])
+            .unwrap();
+        position_before = key_position;
+        guarded.receive(&mut device_sample, Instant::now()).unwrap();
         let key = guarded.device();
-        let allowed = limits.energy + limits.power * f64::from(tick + 1) * setup.period;
+        let allowed = loop_limits.energy + loop_limits.power * f64::from(tick + 1) * setup.period;
         beyond = beyond.max(key.work - allowed);
         widest = widest.max(key.x.abs());
     }
@@ -79,7 +81,7 @@ pub(super) fn play(setup: Setup, scene: Scene, ticks: u32) -> Outcome {
 
 /// The greatest work beyond the allowance [J], and the number of loops in which the stage acted.
 fn sweep(mass: f64, steps: &[f64], delays: &[usize], seconds: u32) -> (f64, usize) {
-    let (mut worst, mut acted) = (0.0_f64, 0);
+    let (mut worst_work, mut acting_loops) = (0.0_f64, 0);
     for (name, scene) in SCENES {
         for &step in steps {
             for hand in [None, Some([400.0, 4.0])] {
@@ -88,7 +90,7 @@ fn sweep(mass: f64, steps: &[f64], delays: &[usize], seconds: u32) -> (f64, usiz
                 {
                     for friction in [0.02, 0.1, 0.3, 1.0, 3.0] {
                         for &delay in delays {
-                            let setup = Setup {
+                            let loop_setup = Setup {
                                 period: 1e-3,
                                 mass,
                                 friction,
@@ -99,23 +101,30 @@ fn sweep(mass: f64, steps: &[f64], delays: &[usize], seconds: u32) -> (f64, usiz
                                 sine: [0.0; 2],
                                 step,
                             };
-                            let came = play(setup, scene, 1000 * seconds);
-                            assert!(came.beyond <= 0.1, "{name}, {setup:?}: {} J", came.beyond);
-                            worst = worst.max(came.beyond);
-                            acted += usize::from(came.counts.energy > 0);
+                            let loop_outcome = play(loop_setup, scene, 1000 * seconds);
+                            assert!(
+                                loop_outcome.beyond <= 0.1,
+                                "{name}, {loop_setup:?}: {} J",
+                                loop_outcome.beyond
+                            );
+                            worst_work = worst_work.max(loop_outcome.beyond);
+                            acting_loops += usize::from(loop_outcome.counts.energy > 0);
                         }
                     }
                 }
             }
         }
     }
-    (worst, acted)
+    (worst_work, acting_loops)
 }
 
 #[test]
 fn work_of_loops_stays_within_the_allowance() {
-    let (_, acted) = sweep(MASS, &[1e-5], &[0, 1, 4], 4);
-    assert!(acted > 200, "{acted}: loops that swing up were tried");
+    let (_, acting_loops) = sweep(MASS, &[1e-5], &[0, 1, 4], 4);
+    assert!(
+        acting_loops > 200,
+        "{acting_loops}: loops that swing up were tried"
+    );
 }
 
 #[test]
@@ -123,9 +132,9 @@ fn work_of_loops_stays_within_the_allowance() {
 fn work_of_many_loops_stays_within_the_allowance() {
     // The mass that the device reports, a smaller one, and one with the mass of a hand added.
     for mass in [MASS, 0.03, 0.2] {
-        let (worst, acted) = sweep(mass, &[0.0, 1e-5, 0.39e-3], &[0, 1, 2, 3, 4], 10);
-        eprintln!("{mass} kg: at most {worst} J beyond, {acted} loops held back");
-        assert!(acted > 1000, "{acted}");
+        let (worst_work, acting_loops) = sweep(mass, &[0.0, 1e-5, 0.39e-3], &[0, 1, 2, 3, 4], 10);
+        eprintln!("{mass} kg: at most {worst_work} J beyond, {acting_loops} loops held back");
+        assert!(acting_loops > 1000, "{acting_loops}");
     }
 }
 
@@ -133,7 +142,7 @@ fn work_of_many_loops_stays_within_the_allowance() {
 /// that move to and fro.
 #[test]
 fn usual_playing_loops_are_not_limited() {
-    let scenes: [(&str, Scene); 4] = [
+    let playing_scenes: [(&str, Scene); 4] = [
         ("a spring", |x, _, _| -300.0 * x),
         (
             "a wall",
@@ -143,15 +152,16 @@ fn usual_playing_loops_are_not_limited() {
             -200.0 * x - 400.0 * (x - before)
         }),
         ("a partner", |x, _, tick| {
-            let there = 15e-3 * libm::sin(1.9e-3 * std::f64::consts::TAU * f64::from(tick));
-            200.0 * (there - x)
+            let partner_position =
+                15e-3 * libm::sin(1.9e-3 * std::f64::consts::TAU * f64::from(tick));
+            200.0 * (partner_position - x)
         }),
     ];
-    for (name, scene) in scenes {
+    for (name, scene) in playing_scenes {
         for step in [0.0, 1e-5, 0.39e-3] {
             for lockstep in [true, false] {
                 for sine in [[0.0, 0.0], [5e-3, 5.0], [15e-3, 2.0], [10e-3, 4.0]] {
-                    let setup = Setup {
+                    let loop_setup = Setup {
                         period: 1e-3,
                         mass: MASS,
                         friction: 1.0,
@@ -162,9 +172,13 @@ fn usual_playing_loops_are_not_limited() {
                         sine,
                         step,
                     };
-                    let came = play(setup, scene, 20_000);
-                    assert_eq!(came.counts.energy, 0, "{name}, {setup:?}: {} J", came.work);
-                    assert!(came.widest > 1e-3 || sine == [0.0; 2]);
+                    let loop_outcome = play(loop_setup, scene, 20_000);
+                    assert_eq!(
+                        loop_outcome.counts.energy, 0,
+                        "{name}, {loop_setup:?}: {} J",
+                        loop_outcome.work
+                    );
+                    assert!(loop_outcome.widest > 1e-3 || sine == [0.0; 2]);
                 }
             }
         }

@@ -79,7 +79,7 @@ enum Path {
 
 impl Path {
     fn place(&self, t: f64) -> f64 {
-        let smooth = |t: f64| {
+        let smooth_step = |t: f64| {
             let t = t.clamp(0.0, 1.0);
             t * t * t * (10.0 + t * (6.0 * t - 15.0))
         };
@@ -87,15 +87,19 @@ impl Path {
             Self::Still(x) => x,
             Self::Sine(far, hertz) => far * libm::sin(TAU * hertz * t),
             Self::Strokes(every, deep, salt) => {
-                let n = libm::floor(t / every);
-                let varied = |k: f64| {
-                    let x = libm::sin(n * 12.9898 + (k + salt) * 78.233) * 43_758.547;
+                let stroke_index = libm::floor(t / every);
+                let random_share = |k: f64| {
+                    let x = libm::sin(stroke_index * 12.9898 + (k + salt) * 78.233) * 43_758.547;
                     x - libm::floor(x)
                 };
-                let (t_in, long) = (t - n * every, 0.06 + 0.14 * varied(1.0));
-                let until = long + 0.5 * every * varied(3.0);
-                let tremor = 5e-5 * libm::sin(57.0 * t) + 3e-5 * libm::sin(71.3 * t);
-                deep * varied(2.0) * (smooth(t_in / long) - smooth((t_in - until) / long)) + tremor
+                let (time_in_stroke, stroke_time) =
+                    (t - stroke_index * every, 0.06 + 0.14 * random_share(1.0));
+                let release_time = stroke_time + 0.5 * every * random_share(3.0);
+                let hand_tremor = 5e-5 * libm::sin(57.0 * t) + 3e-5 * libm::sin(71.3 * t);
+                deep * random_share(2.0)
+                    * (smooth_step(time_in_stroke / stroke_time)
+                        - smooth_step((time_in_stroke - release_time) / stroke_time))
+                    + hand_tremor
             }
         }
     }
@@ -177,23 +181,26 @@ impl Case {
             draw.between(0.0, 100.0),
         );
         // Nobody makes wide strokes with so firm a grip.
-        let [far, fast] = if is_firmest {
+        let [greatest_swing, greatest_rate] = if is_firmest {
             [3e-3, 1.0]
         } else {
             [12e-3, 3.0]
         };
-        let sine = Path::Sine(draw.between(1e-3, far), draw.between(0.3, fast));
-        let still = Path::Still(draw.between(-0.01, 0.01));
-        let widest = if is_firmest { still } else { strokes };
-        let hand_path = draw.choice(&[still, sine, widest]);
-        let target = Path::Sine(draw.between(4e-3, 20e-3), draw.between(0.3, 2.0));
-        let place = Path::Still(draw.between(-0.02, 0.02));
+        let sine_path = Path::Sine(
+            draw.between(1e-3, greatest_swing),
+            draw.between(0.3, greatest_rate),
+        );
+        let still_path = Path::Still(draw.between(-0.01, 0.01));
+        let widest_path = if is_firmest { still_path } else { strokes };
+        let hand_path = draw.choice(&[still_path, sine_path, widest_path]);
+        let target_path = Path::Sine(draw.between(4e-3, 20e-3), draw.between(0.3, 2.0));
+        let fixed_path = Path::Still(draw.between(-0.02, 0.02));
         Self {
             hand,
             hand_mass: draw.choice(&[0.0, 0.05, 0.15]),
             hand_path,
             piece: draw.choice(&PIECES),
-            piece_path: draw.choice(&[target, place]),
+            piece_path: draw.choice(&[target_path, fixed_path]),
             delay: draw.choice(&[0, 1]),
             resolution: draw.choice(&[1e-8, 1e-8, 1e-5]),
             position: Fault::Nothing,
@@ -273,51 +280,53 @@ impl Device for Key {
     fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
         self.commands.push_back(force.newtons()[0]);
         let command = self.commands.pop_front().unwrap_or(0.0);
-        let since = self.since();
-        let passed = self.force.pass(command, since, &mut self.draw);
-        let motor = if self.is_off {
+        let fault_age = self.since();
+        let received_force = self.force.pass(command, fault_age, &mut self.draw);
+        let motor_force = if self.is_off {
             0.0
         } else {
-            passed.clamp(-FORCE_MAX, FORCE_MAX)
+            received_force.clamp(-FORCE_MAX, FORCE_MAX)
         };
-        let h = TICK / SUBSTEPS as f64;
-        let mass = MASS + self.case.hand_mass;
+        let substep = TICK / SUBSTEPS as f64;
+        let moving_mass = MASS + self.case.hand_mass;
         let [k, z] = self.case.hand;
         for _ in 0..SUBSTEPS {
-            let path = self.case.hand_path;
-            let (there, before) = (path.place(self.t), path.place(self.t - h));
-            let pull = k * (there - self.x) + z * ((there - before) / h - self.v);
-            self.v += (motor + pull - FRICTION * self.v) / mass * h;
-            let was = self.x;
-            self.x += self.v * h;
+            let hand_path = self.case.hand_path;
+            let (hand_now, hand_before) =
+                (hand_path.place(self.t), hand_path.place(self.t - substep));
+            let grip_force =
+                k * (hand_now - self.x) + z * ((hand_now - hand_before) / substep - self.v);
+            self.v += (motor_force + grip_force - FRICTION * self.v) / moving_mass * substep;
+            let position_before = self.x;
+            self.x += self.v * substep;
             if self.x.abs() > END {
                 (self.x, self.v) = (END.copysign(self.x), 0.0);
             }
-            if since.is_some() {
-                self.work += motor * (self.x - was);
+            if fault_age.is_some() {
+                self.work += motor_force * (self.x - position_before);
                 self.work_max = self.work_max.max(self.work);
             }
-            self.t += h;
+            self.t += substep;
         }
-        if since.is_some() {
-            self.force_time += if motor.abs() >= NOTICEABLE_FORCE {
+        if fault_age.is_some() {
+            self.force_time += if motor_force.abs() >= NOTICEABLE_FORCE {
                 TICK
             } else {
                 0.0
             };
-            self.greatest = self.greatest.max(motor.abs());
+            self.greatest = self.greatest.max(motor_force.abs());
         }
-        let since = self.since();
-        let shown = self.position.pass(self.x, since, &mut self.draw);
-        self.reported = (shown / self.case.resolution).round() * self.case.resolution;
+        let fault_age = self.since();
+        let sensed_position = self.position.pass(self.x, fault_age, &mut self.draw);
+        self.reported = (sensed_position / self.case.resolution).round() * self.case.resolution;
         Ok(())
     }
 
     fn switch_off(&mut self) -> Result<(), Gone> {
         self.is_off = true;
-        let sent = self.send(&SafeForce::zero(1));
+        let send_result = self.send(&SafeForce::zero(1));
         self.is_off = false;
-        sent
+        send_result
     }
 
     fn receive(&mut self, into: &mut Sample, _: Instant) -> Result<bool, Gone> {
@@ -344,22 +353,23 @@ struct Outcome {
 
 fn play(case: Case, until: f64) -> Outcome {
     let key = Key::new(case);
-    let limits = Limits::from_spec(key.spec());
-    let mut guarded = Guarded::new(key, limits, TICK).watched();
+    let key_limits = Limits::from_spec(key.spec());
+    let mut guarded = Guarded::new(key, key_limits, TICK).watched();
     // A performance scales a piece that is too stiff for the device.
-    let border = 2.0 * FRICTION / (TICK * (1.0 + 2.0 * case.delay as f64));
-    guarded.scale(0, 0.8 * border / case.piece[0]);
-    let (mut sample, mut before, mut trips) = (Sample::default(), 0.0, Vec::new());
+    let stable_stiffness = 2.0 * FRICTION / (TICK * (1.0 + 2.0 * case.delay as f64));
+    guarded.scale(0, 0.8 * stable_stiffness / case.piece[0]);
+    let (mut device_sample, mut position_before, mut trips) = (Sample::default(), 0.0, Vec::new());
     while guarded.device().t < until {
-        guarded.receive(&mut sample, Instant::now()).unwrap();
-        let (t, x) = (guarded.device().t, sample.position[0]);
+        guarded.receive(&mut device_sample, Instant::now()).unwrap();
+        let (time_now, key_position) = (guarded.device().t, device_sample.position[0]);
         let [k, z] = case.piece;
-        let asked = k * (case.piece_path.place(t) - x) - z * (x - before) / TICK;
-        before = x;
-        let was = guarded.tripped(0);
-        guarded.send(&[asked]).unwrap();
-        if let Some(why) = guarded.tripped(0).filter(|_| was.is_none()) {
-            trips.push((t - case.onset, why));
+        let asked_force = k * (case.piece_path.place(time_now) - key_position)
+            - z * (key_position - position_before) / TICK;
+        position_before = key_position;
+        let trip_before = guarded.tripped(0);
+        guarded.send(&[asked_force]).unwrap();
+        if let Some(trip_cause) = guarded.tripped(0).filter(|_| trip_before.is_none()) {
+            trips.push((time_now - case.onset, trip_cause));
         }
     }
     let key = guarded.device();
@@ -391,7 +401,7 @@ const NOTICEABLE_TIME_IF_LATE: f64 = 2.0;
 
 /// A kind of fault, drawn at random, and what is promised of it.
 fn faulty(kind: usize, mut case: Case, draw: &mut Draw) -> (Case, Promise) {
-    let sign = draw.choice(&[1.0, -1.0]);
+    let fault_sign = draw.choice(&[1.0, -1.0]);
     let promise = |name, force_time| Promise {
         name,
         force_time,
@@ -400,17 +410,17 @@ fn faulty(kind: usize, mut case: Case, draw: &mut Draw) -> (Case, Promise) {
     };
     let promise = match kind {
         0 => {
-            let rate = draw.between(0.05, 1.0);
-            case.position = Fault::Drift(sign * rate);
+            let drift_rate = draw.between(0.05, 1.0);
+            case.position = Fault::Drift(fault_sign * drift_rate);
             // The drift crosses the travel and its margin, and the hand and the piece may halve its speed.
-            promise("position drifts", 0.05 + 2.0 * 1.1 * 2.0 * END / rate)
+            promise("position drifts", 0.05 + 2.0 * 1.1 * 2.0 * END / drift_rate)
         }
         1 => {
             case.position = Fault::Scale(-draw.between(1.0, 10.0));
             promise("position reversed and scaled", 1.45)
         }
         2 => {
-            case.position = Fault::Offset(sign * draw.between(0.01, 0.1));
+            case.position = Fault::Offset(fault_sign * draw.between(0.01, 0.1));
             promise("position off", 2e-3)
         }
         3 => {
@@ -438,11 +448,11 @@ fn faulty(kind: usize, mut case: Case, draw: &mut Draw) -> (Case, Promise) {
             promise("motor stuck", f64::INFINITY)
         }
         9 => {
-            case.force = Fault::Offset(sign * draw.between(2.0, 10.0));
+            case.force = Fault::Offset(fault_sign * draw.between(2.0, 10.0));
             promise("motor off", f64::INFINITY)
         }
         10 => {
-            case.force = Fault::Drift(sign * draw.between(5.0, 100.0));
+            case.force = Fault::Drift(fault_sign * draw.between(5.0, 100.0));
             promise("motor drifts", f64::INFINITY)
         }
         11 => {
@@ -491,40 +501,46 @@ struct Figures {
 /// Make `n` faults, print the figures of each kind, and hold the promises.
 #[allow(clippy::print_stdout)] // prints a table on request
 fn sweep(n: usize, seed: u64, kinds: &[usize]) {
-    let mut draw = Draw(seed);
-    let mut all: BTreeMap<&str, Figures> = BTreeMap::new();
-    let mut broken = Vec::new();
+    let mut random_draw = Draw(seed);
+    let mut all_figures: BTreeMap<&str, Figures> = BTreeMap::new();
+    let mut broken_promises = Vec::new();
     for i in 0..n {
-        let case = Case::random(HANDS[i % HANDS.len()], &mut draw);
-        let (case, promise) = faulty(kinds[i / HANDS.len() % kinds.len()], case, &mut draw);
-        let came = play(case, case.onset + WATCHED);
-        let early = came.trips.iter().any(|trip| trip.0 < 0.0);
-        if early
-            || (came.force_time > promise.force_time + 1e-9 && came.work > promise.harmless)
-            || came.work > promise.work
-            || came.greatest > FORCE_MAX
+        let case = Case::random(HANDS[i % HANDS.len()], &mut random_draw);
+        let (case, promise) = faulty(kinds[i / HANDS.len() % kinds.len()], case, &mut random_draw);
+        let case_outcome = play(case, case.onset + WATCHED);
+        let tripped_early = case_outcome.trips.iter().any(|trip| trip.0 < 0.0);
+        if tripped_early
+            || (case_outcome.force_time > promise.force_time + 1e-9
+                && case_outcome.work > promise.harmless)
+            || case_outcome.work > promise.work
+            || case_outcome.greatest > FORCE_MAX
         {
-            broken.push(format!("{}: {case:?} {came:?}", promise.name));
+            broken_promises.push(format!("{}: {case:?} {case_outcome:?}", promise.name));
         }
-        let figures = all.entry(promise.name).or_default();
-        figures.force_time.push(came.force_time);
-        figures.work.push(came.work);
-        figures.tripped += usize::from(!came.trips.is_empty());
+        let figures = all_figures.entry(promise.name).or_default();
+        figures.force_time.push(case_outcome.force_time);
+        figures.work.push(case_outcome.work);
+        figures.tripped += usize::from(!case_outcome.trips.is_empty());
     }
-    for (name, mut figures) in all {
+    for (name, mut figures) in all_figures {
         figures.force_time.sort_by(f64::total_cmp);
         figures.work.sort_by(f64::total_cmp);
-        let (middle, last) = (figures.force_time.len() / 2, figures.force_time.len() - 1);
+        let (middle_index, last_index) =
+            (figures.force_time.len() / 2, figures.force_time.len() - 1);
         println!(
             "{name:30} {:4} cases, {:4} tripped; force felt {:6.3} s (median), {:6.3} s at most; work {:6.3} J at most",
-            last + 1,
+            last_index + 1,
             figures.tripped,
-            figures.force_time[middle],
-            figures.force_time[last],
-            figures.work[last],
+            figures.force_time[middle_index],
+            figures.force_time[last_index],
+            figures.work[last_index],
         );
     }
-    assert!(broken.is_empty(), "{} of {n}: {broken:#?}", broken.len());
+    assert!(
+        broken_promises.is_empty(),
+        "{} of {n}: {broken_promises:#?}",
+        broken_promises.len()
+    );
 }
 
 #[test]
@@ -552,14 +568,14 @@ fn work_of_randomly_late_channels() {
 
 /// Trips of hands that play `seconds` each without a fault.
 fn healthy(n: usize, seconds: f64, seed: u64) {
-    let mut draw = Draw(seed);
+    let mut random_draw = Draw(seed);
     for i in 0..n {
         let case = Case {
             onset: f64::INFINITY,
-            ..Case::random(HANDS[i % HANDS.len()], &mut draw)
+            ..Case::random(HANDS[i % HANDS.len()], &mut random_draw)
         };
-        let came = play(case, seconds);
-        assert!(came.trips.is_empty(), "{case:?} {came:?}");
+        let case_outcome = play(case, seconds);
+        assert!(case_outcome.trips.is_empty(), "{case:?} {case_outcome:?}");
     }
 }
 

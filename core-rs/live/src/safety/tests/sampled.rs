@@ -90,9 +90,9 @@ impl Sampled {
     }
 
     fn show(&mut self) {
-        let step = self.setup.step;
-        self.shown = if step > 0.0 {
-            (self.x / step).round() * step
+        let sensor_step = self.setup.step;
+        self.shown = if sensor_step > 0.0 {
+            (self.x / sensor_step).round() * sensor_step
         } else {
             self.x
         };
@@ -109,19 +109,22 @@ impl Device for Sampled {
             self.show();
         }
         self.late.push_back(force.newtons()[0]);
-        let motor = self.late.pop_front().unwrap_or(0.0);
-        let [far, hertz] = self.setup.sine;
-        let position = f64::from(self.ticks) * self.setup.period;
-        let there = far * libm::sin(std::f64::consts::TAU * hertz * position);
-        let pull = self.setup.hand.map_or(0.0, |[k, _]| k * there);
+        let motor_force = self.late.pop_front().unwrap_or(0.0);
+        let [amplitude, hertz] = self.setup.sine;
+        let time_now = f64::from(self.ticks) * self.setup.period;
+        let hand_position = amplitude * libm::sin(std::f64::consts::TAU * hertz * time_now);
+        let grip_force = self.setup.hand.map_or(0.0, |[k, _]| k * hand_position);
         self.ticks += 1;
-        let state = [self.x, self.v, motor + pull];
-        let [x, v, _] = self
-            .flow
-            .map(|row| row.iter().zip(state).map(|(a, s)| a * s).sum::<f64>());
+        let state_before = [self.x, self.v, motor_force + grip_force];
+        let [x, v, _] = self.flow.map(|row| {
+            row.iter()
+                .zip(state_before)
+                .map(|(a, s)| a * s)
+                .sum::<f64>()
+        });
         let is_within = x.abs() <= END;
         (self.x, self.v) = (x.clamp(-END, END), if is_within { v } else { 0.0 });
-        self.work += motor * (self.x - state[0]);
+        self.work += motor_force * (self.x - state_before[0]);
         if self.setup.lockstep {
             self.show();
         }
@@ -143,23 +146,24 @@ impl Device for Sampled {
 /// Exponential of a matrix, by its series and repeated squaring.
 fn exp(a: [[f64; 3]; 3]) -> [[f64; 3]; 3] {
     const SQUARED: u32 = 12;
-    let times = |a: &[[f64; 3]; 3], b: &[[f64; 3]; 3]| -> [[f64; 3]; 3] {
+    let matrix_product = |a: &[[f64; 3]; 3], b: &[[f64; 3]; 3]| -> [[f64; 3]; 3] {
         std::array::from_fn(|i| std::array::from_fn(|j| (0..3).map(|k| a[i][k] * b[k][j]).sum()))
     };
-    let small = a.map(|row| row.map(|x| x / f64::from(1 << SQUARED)));
-    let mut sum: [[f64; 3]; 3] =
+    let scaled_matrix = a.map(|row| row.map(|x| x / f64::from(1 << SQUARED)));
+    let mut exponential: [[f64; 3]; 3] =
         std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));
-    let mut term = sum;
+    let mut series_term = exponential;
     for n in 1..8 {
-        term = times(&term, &small).map(|row| row.map(|x| x / f64::from(n)));
+        series_term =
+            matrix_product(&series_term, &scaled_matrix).map(|row| row.map(|x| x / f64::from(n)));
         for i in 0..3 {
             for j in 0..3 {
-                sum[i][j] += term[i][j];
+                exponential[i][j] += series_term[i][j];
             }
         }
     }
     for _ in 0..SQUARED {
-        sum = times(&sum, &sum);
+        exponential = matrix_product(&exponential, &exponential);
     }
-    sum
+    exponential
 }

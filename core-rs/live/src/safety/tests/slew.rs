@@ -54,7 +54,7 @@ impl Device for FaultyBoard {
 
 /// Number of ticks in which a force rose, or changed its sign, by more than the limit.
 fn too_fast(ticks: u64, seed: u64) -> u64 {
-    let mut draw = Draw(seed);
+    let mut random_draw = Draw(seed);
     let mut board = FaultyBoard {
         spec: Spec {
             force_max_peak: 20.0,
@@ -64,59 +64,65 @@ fn too_fast(ticks: u64, seed: u64) -> u64 {
         sample: Sample::default(),
         answers: true,
     };
-    let limits = Limits {
+    let board_limits = Limits {
         hold: 0.02,
         fade: 0.02,
         ramp: 0.02,
         heat: 0.5,
         ..Limits::from_spec(&board.spec)
     };
-    let step = limits.slew * 1e3 * PERIOD * (1.0 + 1e-12);
-    let mut guarded = Guarded::new(&mut board, limits, PERIOD);
-    let mut sample = Sample::default();
-    let (mut asked, mut speed, mut last, mut stopped) = (0.0, 0.0, 0.0_f64, false);
-    let mut result = 0;
+    let force_step = board_limits.slew * 1e3 * PERIOD * (1.0 + 1e-12);
+    let mut guarded = Guarded::new(&mut board, board_limits, PERIOD);
+    let mut device_sample = Sample::default();
+    let (mut asked_force, mut travel_per_tick, mut last_force, mut stopped) =
+        (0.0, 0.0, 0.0_f64, false);
+    let mut fast_changes = 0;
     for _ in 0..ticks {
-        if draw.once_in(50) {
-            asked = match draw.next() % 8 {
+        if random_draw.once_in(50) {
+            asked_force = match random_draw.next() % 8 {
                 0 => 0.0,
                 1 => f64::NAN,
-                2 => 1e300 * draw.even(),
-                _ => 25.0 * draw.even(),
+                2 => 1e300 * random_draw.even(),
+                _ => 25.0 * random_draw.even(),
             };
-            speed = if draw.once_in(20) { 20.0 } else { 2.0 } * PERIOD * draw.even();
+            travel_per_tick =
+                if random_draw.once_in(20) { 20.0 } else { 2.0 } * PERIOD * random_draw.even();
         }
         let board = &mut guarded.device;
-        let x = board.sample.position[0] + speed;
-        board.sample.position[0] = if x.abs() < 0.05 { x } else { 0.0 };
-        board.answers = !draw.once_in(10) && (board.answers || draw.once_in(10));
-        board.sample.let_go = draw.once_in(500);
-        board.sample.hot = draw.once_in(30);
-        match draw.next() % 1_000 {
+        let next_position = board.sample.position[0] + travel_per_tick;
+        board.sample.position[0] = if next_position.abs() < 0.05 {
+            next_position
+        } else {
+            0.0
+        };
+        board.answers = !random_draw.once_in(10) && (board.answers || random_draw.once_in(10));
+        board.sample.let_go = random_draw.once_in(500);
+        board.sample.hot = random_draw.once_in(30);
+        match random_draw.next() % 1_000 {
             0 => {
                 stopped = !stopped;
                 guarded.stop(stopped);
-                last = 0.0;
+                last_force = 0.0;
             }
             1 => {
                 guarded.zero();
-                last = 0.0;
+                last_force = 0.0;
             }
-            2 => guarded.scale(0, draw.even()),
+            2 => guarded.scale(0, random_draw.even()),
             _ => {}
         }
-        guarded.receive(&mut sample, Instant::now()).unwrap();
-        let force = guarded.send(&[asked]).unwrap().newtons()[0];
-        let is_fall = force * last >= 0.0 && force.abs() <= last.abs();
-        result += u64::from(!is_fall && (force - last).abs() > step);
-        last = force;
+        guarded.receive(&mut device_sample, Instant::now()).unwrap();
+        let sent_force = guarded.send(&[asked_force]).unwrap().newtons()[0];
+        let is_falling = sent_force * last_force >= 0.0 && sent_force.abs() <= last_force.abs();
+        fast_changes += u64::from(!is_falling && (sent_force - last_force).abs() > force_step);
+        last_force = sent_force;
     }
-    let counts = guarded.counts();
-    for (name, count) in counts.named() {
+    let guarded_counts = guarded.counts();
+    for (name, count) in guarded_counts.named() {
         let by_the_wall = name == "stalls of the host";
         assert!(count > 0 || by_the_wall, "{name}: never in {ticks} ticks");
     }
-    result
+    fast_changes
 }
 
 #[test]

@@ -10,9 +10,9 @@ impl Dice {
 
     pub(super) fn next(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let x = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        let x = (x ^ (x >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        x ^ (x >> 31)
+        let mixed_bits = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        let mixed_bits = (mixed_bits ^ (mixed_bits >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        mixed_bits ^ (mixed_bits >> 31)
     }
 
     pub(super) fn below(&mut self, n: usize) -> usize {
@@ -38,41 +38,41 @@ pub(super) fn damaged(dice: &mut Dice, complete: &[u8]) -> Vec<u8> {
         &[0, 0, 0, 0, 0, 0, 0xF0, 0x7F],
         &[1, 0, 0, 0],
     ];
-    let mut bytes = complete.to_vec();
+    let mut damaged_bytes = complete.to_vec();
     for _ in 0..1 + dice.below(4) {
-        if bytes.is_empty() {
-            bytes.push(dice.byte());
+        if damaged_bytes.is_empty() {
+            damaged_bytes.push(dice.byte());
         }
-        let position = dice.below(bytes.len());
-        let end = bytes.len().min(position + 1 + dice.below(24));
+        let position = dice.below(damaged_bytes.len());
+        let range_end = damaged_bytes.len().min(position + 1 + dice.below(24));
         match dice.below(8) {
-            0 | 1 => bytes[position] ^= 1 << dice.below(8),
-            2 => bytes[position] = dice.byte(),
-            3 => bytes.truncate(position),
-            4 => drop(bytes.drain(position..end)),
+            0 | 1 => damaged_bytes[position] ^= 1 << dice.below(8),
+            2 => damaged_bytes[position] = dice.byte(),
+            3 => damaged_bytes.truncate(position),
+            4 => drop(damaged_bytes.drain(position..range_end)),
             5 => {
-                let part = bytes[position..end].to_vec();
-                drop(bytes.splice(position..position, part));
+                let inserted = damaged_bytes[position..range_end].to_vec();
+                drop(damaged_bytes.splice(position..position, inserted));
             }
             6 => {
-                for (to, from) in bytes[position..].iter_mut().zip(dice.pick(&EDGES)) {
+                for (to, from) in damaged_bytes[position..].iter_mut().zip(dice.pick(&EDGES)) {
                     *to = *from;
                 }
             }
             _ => {
-                let part: Vec<u8> = (0..dice.below(9)).map(|_| dice.byte()).collect();
-                drop(bytes.splice(position..position, part));
+                let inserted: Vec<u8> = (0..dice.below(9)).map(|_| dice.byte()).collect();
+                drop(damaged_bytes.splice(position..position, inserted));
             }
         }
     }
-    bytes
+    damaged_bytes
 }
 
 /// Words in random order, or a line with damaged bytes.
 pub(super) fn text(dice: &mut Dice, lines: &[&str], words: &[&str]) -> String {
     if dice.below(2) == 0 {
-        let line = dice.pick(lines);
-        return String::from_utf8_lossy(&damaged(dice, line.as_bytes())).into_owned();
+        let chosen_line = dice.pick(lines);
+        return String::from_utf8_lossy(&damaged(dice, chosen_line.as_bytes())).into_owned();
     }
     (0..dice.below(24)).map(|_| dice.pick(words)).collect()
 }

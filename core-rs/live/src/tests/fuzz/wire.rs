@@ -10,25 +10,29 @@ use super::dice::{Dice, damaged, text};
 
 /// Feed bytes in pieces. The calls of the parser are counted, as a measure of its work.
 fn fed<T>(bytes: &[u8], piece: usize, parse: impl Fn(&[u8]) -> Parsed<T>, mut each: impl FnMut(T)) {
-    let calls = std::cell::Cell::new(0_usize);
-    let mut inbox = Inbox::<512>::new();
+    let parse_calls = std::cell::Cell::new(0_usize);
+    let mut test_inbox = Inbox::<512>::new();
     let counted = |bytes: &[u8]| {
-        calls.set(calls.get() + 1);
-        let result = parse(bytes);
-        match result {
+        parse_calls.set(parse_calls.get() + 1);
+        let parse_result = parse(bytes);
+        match parse_result {
             Parsed::Packet(_, len) | Parsed::Garbage(len) => {
                 assert!((1..=bytes.len()).contains(&len), "a length of {len}");
             }
             Parsed::Incomplete => {}
         }
-        result
+        parse_result
     };
     for piece in bytes.chunks(piece) {
-        inbox.feed(piece, counted, &mut each);
+        test_inbox.feed(piece, counted, &mut each);
     }
     // At most one call for each byte that is skipped, and one more for each piece.
-    let limit = bytes.len() + bytes.len().div_ceil(piece) + 512;
-    assert!(calls.get() <= limit, "{} calls of {limit}", calls.get());
+    let call_limit = bytes.len() + bytes.len().div_ceil(piece) + 512;
+    assert!(
+        parse_calls.get() <= call_limit,
+        "{} calls of {call_limit}",
+        parse_calls.get()
+    );
 }
 
 /// A stream of valid packets with damage.
@@ -39,7 +43,7 @@ fn stream(dice: &mut Dice, packet: impl Fn(&mut Dice) -> Vec<u8>) -> (Vec<u8>, u
 }
 
 pub(super) fn firefader_bytes(dice: &mut Dice) {
-    let (bytes, piece) = stream(dice, |dice| {
+    let (stream_bytes, piece_size) = stream(dice, |dice| {
         if dice.below(2) == 0 {
             let mut reply = [0xFF; 7];
             reply[1..].fill_with(|| dice.byte().min(254));
@@ -48,18 +52,23 @@ pub(super) fn firefader_bytes(dice: &mut Dice) {
             vec![0x7F, dice.byte(), dice.byte()]
         }
     });
-    fed(&bytes, piece, firefader::parse_reply, |reply| {
+    fed(&stream_bytes, piece_size, firefader::parse_reply, |reply| {
         assert!((0..2).all(|axis| reply.metres(axis).abs() < 0.05));
     });
-    fed(&bytes, piece, firefader::parse_request, |force| {
-        assert!(force.iter().all(|force| force.abs() <= 1.58));
-    });
+    fed(
+        &stream_bytes,
+        piece_size,
+        firefader::parse_request,
+        |force| {
+            assert!(force.iter().all(|force| force.abs() <= 1.58));
+        },
+    );
 }
 
 fn frame_packet(dice: &mut Dice) -> Vec<u8> {
-    let mut bytes = [0; frame::LONGEST];
+    let mut frame_buffer = [0; frame::LONGEST];
     let (n, wide, seq) = (dice.below(MAX_AXES + 1), dice.below(2) == 0, 77);
-    let len = match dice.below(3) {
+    let frame_length = match dice.below(3) {
         0 => {
             let force = std::array::from_fn(|axis| axis as f64 - 1.0);
             let flags = dice.byte();
@@ -70,7 +79,7 @@ fn frame_packet(dice: &mut Dice) -> Vec<u8> {
                 flags,
                 force,
             }
-            .write(2.0, &mut bytes)
+            .write(2.0, &mut frame_buffer)
         }
         1 => {
             let position = std::array::from_fn(|axis| axis as f64 * 1e-3);
@@ -83,7 +92,7 @@ fn frame_packet(dice: &mut Dice) -> Vec<u8> {
                 status,
                 position,
             }
-            .write(&mut bytes)
+            .write(&mut frame_buffer)
         }
         _ => {
             let (numbers, traits) = ([1.0; 8], dice.byte());
@@ -93,31 +102,31 @@ fn frame_packet(dice: &mut Dice) -> Vec<u8> {
                 traits,
                 numbers,
             }
-            .write(&mut bytes)
+            .write(&mut frame_buffer)
         }
     };
-    let mut packet = bytes[..len].to_vec();
+    let mut packet_bytes = frame_buffer[..frame_length].to_vec();
     if dice.below(3) == 0 {
         // Damage that passes the checksum, so that the bytes after it are read too.
-        let instant = 2 + dice.below(len - 4);
-        packet[instant] = dice.byte();
-        let crc = frame::crc(&packet[2..len - 2]).to_le_bytes();
-        packet[len - 2..].copy_from_slice(&crc);
+        let byte_offset = 2 + dice.below(frame_length - 4);
+        packet_bytes[byte_offset] = dice.byte();
+        let packet_crc = frame::crc(&packet_bytes[2..frame_length - 2]).to_le_bytes();
+        packet_bytes[frame_length - 2..].copy_from_slice(&packet_crc);
     }
-    packet
+    packet_bytes
 }
 
 pub(super) fn frame_bytes(dice: &mut Dice) {
-    let (bytes, piece) = stream(dice, frame_packet);
-    fed(&bytes, piece, frame::Reply::parse, |reply| {
+    let (stream_bytes, piece_size) = stream(dice, frame_packet);
+    fed(&stream_bytes, piece_size, frame::Reply::parse, |reply| {
         assert!(reply.position.iter().all(|x| x.is_finite()));
         assert!(reply.n <= MAX_AXES);
     });
-    let request = |bytes: &[u8]| frame::Request::parse(bytes, 2.0);
-    fed(&bytes, piece, request, |request| {
+    let request = |stream_bytes: &[u8]| frame::Request::parse(stream_bytes, 2.0);
+    fed(&stream_bytes, piece_size, request, |request| {
         assert!(request.force.iter().all(|x| x.is_finite()));
     });
-    fed(&bytes, piece, frame::DeviceInfo::parse, |who| {
+    fed(&stream_bytes, piece_size, frame::DeviceInfo::parse, |who| {
         assert!((1..=MAX_AXES).contains(&who.n));
     });
 }
@@ -158,14 +167,14 @@ pub(super) fn haply_text(dice: &mut Dice) {
             assert!(state.position.iter().all(|x| x.is_finite()));
         }
     }
-    if let Some(force) = haply::parse_command(&message, "A14") {
-        assert!(force.iter().all(|x| x.is_finite()));
+    if let Some(parsed_force) = haply::parse_command(&message, "A14") {
+        assert!(parsed_force.iter().all(|x| x.is_finite()));
     }
 }
 
 pub(super) fn board_bytes(dice: &mut Dice) {
     let protocol = Protocol::ALL[dice.below(Protocol::ALL.len())];
-    let board = Board {
+    let test_board = Board {
         protocol,
         lockstep: dice.below(2) == 0,
         touch_gate: protocol == Protocol::FireFader,
@@ -178,19 +187,19 @@ pub(super) fn board_bytes(dice: &mut Dice) {
         reported: [0.05, 1.0],
         range: Key::default().range,
     };
-    let keys = Keys::new(3, Key::default(), 1000.0, vec![Hand::Resting; 3]).unwrap();
-    let mut firmware = Firmware::new(board, keys);
-    let bytes = match protocol {
+    let board_keys = Keys::new(3, Key::default(), 1000.0, vec![Hand::Resting; 3]).unwrap();
+    let mut firmware = Firmware::new(test_board, board_keys);
+    let host_bytes = match protocol {
         Protocol::FireFader => damaged(dice, &[0x7F, 9, 200, 0x7F, 1, 2]),
         Protocol::Frame => stream(dice, frame_packet).0,
         Protocol::Haply => damaged(dice, haply::command("EMUL", [1.0, 2.0, 3.0]).as_bytes()),
     };
     let piece = if protocol == Protocol::Haply {
-        bytes.len().max(1)
+        host_bytes.len().max(1)
     } else {
         1 + dice.below(40)
     };
-    for (i, piece) in bytes.chunks(piece).enumerate() {
+    for (i, piece) in host_bytes.chunks(piece).enumerate() {
         firmware.receive(piece, Duration::from_millis(i as u64), &mut |_| ());
     }
     assert!(firmware.forces().iter().all(|force| force.abs() <= 10.0));

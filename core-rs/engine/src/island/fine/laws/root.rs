@@ -11,54 +11,55 @@ const FIRST_LOOK: f64 = 0.01;
 /// if no zero is found.
 pub(super) fn root(f: &dyn Fn(f64) -> f64, guess: f64) -> (f64, u64) {
     let guess_value = f(guess);
-    let mut asked = 1;
+    let mut evaluations = 1;
     if guess_value == 0.0 || !guess_value.is_finite() {
-        return (guess, asked);
+        return (guess, evaluations);
     }
     // The zero lies in the direction of the other sign: widen the interval until the sign changes.
-    let mut far = guess;
-    let mut near;
-    let mut by = -FIRST_LOOK * guess_value;
+    let mut far_end = guess;
+    let mut near_end;
+    let mut look_step = -FIRST_LOOK * guess_value;
     loop {
-        (near, far) = (far, far + by);
-        let far_value = f(far);
-        asked += 1;
-        if !far_value.is_finite() || asked > HALVINGS {
-            return (guess, asked);
+        (near_end, far_end) = (far_end, far_end + look_step);
+        let far_value = f(far_end);
+        evaluations += 1;
+        if !far_value.is_finite() || evaluations > HALVINGS {
+            return (guess, evaluations);
         }
         if (far_value > 0.0) != (guess_value > 0.0) {
             break;
         }
-        by *= 2.0;
+        look_step *= 2.0;
     }
     for _ in 0..HALVINGS {
-        let half = 0.5 * (near + far);
-        if half == near || half == far {
+        let midpoint = 0.5 * (near_end + far_end);
+        if midpoint == near_end || midpoint == far_end {
             break;
         }
-        asked += 1;
-        if (f(half) > 0.0) == (guess_value > 0.0) {
-            near = half;
+        evaluations += 1;
+        if (f(midpoint) > 0.0) == (guess_value > 0.0) {
+            near_end = midpoint;
         } else {
-            far = half;
+            far_end = midpoint;
         }
     }
-    (far, asked)
+    (far_end, evaluations)
 }
 
 pub(super) fn inverse(m: &Square) -> Square {
     let cofactor = |row: usize, column: usize| {
-        let [r, s] = [(row + 1) % 3, (row + 2) % 3];
-        let [c, d] = [(column + 1) % 3, (column + 2) % 3];
-        m[r][c] * m[s][d] - m[r][d] * m[s][c]
+        let [next_row, last_row] = [(row + 1) % 3, (row + 2) % 3];
+        let [next_column, last_column] = [(column + 1) % 3, (column + 2) % 3];
+        m[next_row][next_column] * m[last_row][last_column]
+            - m[next_row][last_column] * m[last_row][next_column]
     };
     let determinant: f64 = (0..STAGES)
         .map(|column| m[0][column] * cofactor(0, column))
         .sum();
-    let (mut inverse, scale) = ([[0.0; STAGES]; STAGES], 1.0 / determinant);
+    let (mut inverse, entry_scale) = ([[0.0; STAGES]; STAGES], 1.0 / determinant);
     for (row, entry) in inverse.iter_mut().enumerate() {
         for (column, entry) in entry.iter_mut().enumerate() {
-            *entry = cofactor(column, row) * scale;
+            *entry = cofactor(column, row) * entry_scale;
         }
     }
     inverse
@@ -71,11 +72,11 @@ mod tests {
     #[test]
     fn root_of_steep_laws() {
         // A smooth bow whose slope at rest is 10⁴ times what Newton's method can solve.
-        let bow = |v: f64| v * 1e4 / (1.0 + 1e8 * v * v);
+        let bow_force = |v: f64| v * 1e4 / (1.0 + 1e8 * v * v);
         for v in [-0.3, -1e-5, 0.0, 1e-6, 0.02] {
-            let unmet = |f: f64| f - bow(v - 0.5 * f);
-            let (force, _) = root(&unmet, 0.0);
-            assert!(unmet(force).abs() < 1e-6, "{v}: {force}");
+            let unmet_force = |f: f64| f - bow_force(v - 0.5 * f);
+            let (force, _) = root(&unmet_force, 0.0);
+            assert!(unmet_force(force).abs() < 1e-6, "{v}: {force}");
         }
         // Without a zero, the guess is returned.
         assert_eq!(root(&|_| 1.0, 7.0).0, 7.0);

@@ -94,13 +94,13 @@ impl LawNow<'_> {
 
     /// Its force at an elongation and a rate [N].
     pub(super) fn force(&self, e: f64, v: f64) -> f64 {
-        let force = match self.kind {
+        let full_force = match self.kind {
             Kind::Lnl { law, .. } => law.force(e, v),
             Kind::Bristle { by, .. } => by.with(self.k, self.z).force(self.bristle, v),
             Kind::Hardening(q) => self.k * e + q * e * e * e + self.z * v,
             _ => 0.0,
         };
-        self.open * force
+        self.open * full_force
     }
 
     /// Its bristles as they are at this instant; `None` for other laws.
@@ -174,31 +174,33 @@ impl LawState {
     /// Compute elongations and rates at the Gauss points of a part from the path; returns those at the start of the
     /// frame.
     pub(super) fn see(&mut self, division: &Division, part: usize) -> [f64; 2] {
-        let n = self.path.len();
-        let mut seen: Motion = [0.0; 2 * STAGES + 2];
-        for (x, weights) in self.path.iter().zip(&division.motion[part * n..]) {
-            for (seen, weight) in seen.iter_mut().zip(weights) {
-                *seen += x * weight;
+        let n_instants = self.path.len();
+        let mut motion_seen: Motion = [0.0; 2 * STAGES + 2];
+        for (x, weights) in self.path.iter().zip(&division.motion[part * n_instants..]) {
+            for (motion_seen, weight) in motion_seen.iter_mut().zip(weights) {
+                *motion_seen += x * weight;
             }
         }
-        let [x1, x2, x3, v1, v2, v3, start_values @ ..] = seen;
+        let [x1, x2, x3, v1, v2, v3, start_values @ ..] = motion_seen;
         (self.elongation, self.rate) = ([x1, x2, x3], [v1, v2, v3]);
         start_values
     }
 
     /// Extrapolate the forces of the last parts to the next.
     pub(super) fn look_ahead(&mut self, laws: &LawScript) {
-        let near = laws.ahead.map(|row| dot(&row, &self.force));
-        let far = self.before.map_or(near, |before| {
+        let near_guess = laws.ahead.map(|row| dot(&row, &self.force));
+        let far_guess = self.before.map_or(near_guess, |before| {
             let by_before = laws.ahead_by_before.map(|row| dot(&row, &before));
             let by_last = laws.ahead_by_last.map(|row| dot(&row, &self.force));
             std::array::from_fn(|stage| by_before[stage] + by_last[stage])
         });
-        let apart =
-            (far.iter().zip(&near)).fold(0.0_f64, |most, (far, near)| most.max((far - near).abs()));
-        let is_better = TWO_PARTS.contains(&(apart / self.largest));
+        let guess_spread = (far_guess.iter().zip(&near_guess))
+            .fold(0.0_f64, |most, (far_guess, near_guess)| {
+                most.max((far_guess - near_guess).abs())
+            });
+        let is_better = TWO_PARTS.contains(&(guess_spread / self.largest));
         self.before = Some(self.force);
-        self.force = if is_better { far } else { near };
+        self.force = if is_better { far_guess } else { near_guess };
     }
 
     /// Forces of the law at three instants of a part of `h` frames [N], and the derivative of what they leave unmet by
@@ -210,21 +212,22 @@ impl LawState {
         (h, [by_x, by_v]): (f64, &[Square; 2]),
     ) -> (Stages, Square) {
         let rate = now[0].rate();
-        if let Some(bent) = Bent::new(now, v, h) {
-            self.bristle_at_end = bent.bristle_at_end;
+        if let Some(bent_bristles) = Bent::new(now, v, h) {
+            self.bristle_at_end = bent_bristles.bristle_at_end;
             // A rate at one instant bends the bristles at all later instants.
-            let unmet = |stage: usize, column: usize| {
-                let by = |from: usize| bent.slopes[stage][from] * by_v[from][column];
-                identity_entry(stage, column) - rate * (0..STAGES).map(by).sum::<f64>()
+            let unmet_slope = |stage: usize, column: usize| {
+                let slope_product =
+                    |from: usize| bent_bristles.slopes[stage][from] * by_v[from][column];
+                identity_entry(stage, column) - rate * (0..STAGES).map(slope_product).sum::<f64>()
             };
-            return (bent.force, square(unmet));
+            return (bent_bristles.force, square(unmet_slope));
         }
         let (force, k, z) = self.tangents(now, e, v);
-        let unmet = |stage: usize, column: usize| {
+        let unmet_slope = |stage: usize, column: usize| {
             let (by_x, by_v) = (by_x[stage][column], by_v[stage][column]);
             identity_entry(stage, column) - k[stage] * by_x - z[stage] * rate * by_v
         };
-        (force, square(unmet))
+        (force, square(unmet_slope))
     }
 
     /// Forces of a law without bristles, and its slopes in the elongation and in its rate [N/m, N·s/m].
@@ -242,10 +245,10 @@ impl LawState {
                 };
                 let (d, v) = (place(e, self.start[0]), place(v, self.start[1]));
                 let tangents = law.tangents(&d, &v, &mut self.scratch);
-                let open = now[0].open;
-                self.begin = open * tangents.force[PLACES - 1];
+                let gate_opening = now[0].open;
+                self.begin = gate_opening * tangents.force[PLACES - 1];
                 let [force, k, z] = [tangents.force, tangents.by_d, tangents.by_v]
-                    .map(|values| [0, 1, 2].map(|stage: usize| open * values[stage]));
+                    .map(|values| [0, 1, 2].map(|stage: usize| gate_opening * values[stage]));
                 (force, k, z)
             }
             Kind::Hardening(q) => {
@@ -275,34 +278,37 @@ impl Bent {
     /// Bristles at three instants of a part of `h` frames, from the rates of their ends there [m/s]; `None` for other
     /// laws.
     fn new(now: &[LawNow<'_>; STAGES], v: &Stages, h: f64) -> Option<Self> {
-        let by = [now[0].bristle()?, now[1].bristle()?, now[2].bristle()?];
-        let (start, h) = (now[0].bristle, h / now[0].rate());
-        let worn = [0, 1, 2].map(|stage: usize| by[stage].wear_and_slope(v[stage]));
-        let wear = worn.map(|(wear, _)| wear);
-        let left = square(|stage, column| {
-            identity_entry(stage, column) + h * MEANS[stage][column] * wear[column]
+        let bristles = [now[0].bristle()?, now[1].bristle()?, now[2].bristle()?];
+        let (start_bend, h) = (now[0].bristle, h / now[0].rate());
+        let wear_pairs = [0, 1, 2].map(|stage: usize| bristles[stage].wear_and_slope(v[stage]));
+        let wear_rates = wear_pairs.map(|(wear_rates, _)| wear_rates);
+        let decay_matrix = square(|stage, column| {
+            identity_entry(stage, column) + h * MEANS[stage][column] * wear_rates[column]
         });
-        let left = inverse(&left);
-        let moved = MEANS.map(|row| start + h * dot(&row, v));
-        let bends = left.map(|row| dot(&row, &moved));
-        let rates: Stages = std::array::from_fn(|stage| v[stage] - wear[stage] * bends[stage]);
+        let decay_matrix = inverse(&decay_matrix);
+        let free_bends = MEANS.map(|row| start_bend + h * dot(&row, v));
+        let stage_bends = decay_matrix.map(|row| dot(&row, &free_bends));
+        let bending_rates: Stages =
+            std::array::from_fn(|stage| v[stage] - wear_rates[stage] * stage_bends[stage]);
         // Slope of the rate of each bend over the rate of its ends.
-        let gives: Stages = std::array::from_fn(|stage| 1.0 - worn[stage].1 * bends[stage]);
-        let force = |stage: usize| {
-            now[stage].open * by[stage].worn_force(bends[stage], v[stage], wear[stage])
+        let rate_slopes: Stages =
+            std::array::from_fn(|stage| 1.0 - wear_pairs[stage].1 * stage_bends[stage]);
+        let stage_force = |stage: usize| {
+            now[stage].open
+                * bristles[stage].worn_force(stage_bends[stage], v[stage], wear_rates[stage])
         };
-        let slope = |stage: usize, from: usize| {
-            let deflection = (0..STAGES).map(|at| left[stage][at] * h * MEANS[at][from]);
-            let deflection = deflection.sum::<f64>() * gives[from];
-            let by = &by[stage];
-            let by_deflection = by.stiffness - by.damping * wear[stage];
-            let by_rate = by.damping * gives[from] + by.viscosity;
+        let stage_slope = |stage: usize, from: usize| {
+            let deflection = (0..STAGES).map(|at| decay_matrix[stage][at] * h * MEANS[at][from]);
+            let deflection = deflection.sum::<f64>() * rate_slopes[from];
+            let bristles = &bristles[stage];
+            let by_deflection = bristles.stiffness - bristles.damping * wear_rates[stage];
+            let by_rate = bristles.damping * rate_slopes[from] + bristles.viscosity;
             now[stage].open * (by_deflection * deflection + identity_entry(stage, from) * by_rate)
         };
         Some(Self {
-            force: std::array::from_fn(force),
-            bristle_at_end: start + h * dot(&WEIGHTS, &rates),
-            slopes: square(slope),
+            force: std::array::from_fn(stage_force),
+            bristle_at_end: start_bend + h * dot(&WEIGHTS, &bending_rates),
+            slopes: square(stage_slope),
         })
     }
 }

@@ -61,30 +61,32 @@ impl LawScript {
             (script.steps / 2).max(1)
         };
         let parts = std::iter::successors(Some(1), |parts| Some(2 * parts));
-        let pairs: Vec<_> = (0..links.len() * links.len())
+        let end_pairs: Vec<_> = (0..links.len() * links.len())
             .map(|pair| [pair / links.len(), pair % links.len()].map(|law| script.ends[links[law]]))
             .collect();
-        let divide = |parts: usize| Division::new(script, &pairs, parts);
-        let end = Instant::new(script.basis.n(), 1.0);
+        let divide = |parts: usize| Division::new(script, &end_pairs, parts);
+        let end_instant = Instant::new(script.basis.n(), 1.0);
         let end_basis = |ends: &[(usize, usize); 2]| {
             let mut stage_shares = [[0.0; STAGES]; 2];
             for stage in 0..STAGES {
-                let start = Instant::new(script.basis.n(), POINTS[stage]);
-                let weight = WEIGHTS[stage] * script.rate.step();
-                let [x, v] = script.between(*ends, [&start, &end]);
-                (stage_shares[0][stage], stage_shares[1][stage]) = (weight * x, weight * v);
+                let start_instant = Instant::new(script.basis.n(), POINTS[stage]);
+                let stage_weight = WEIGHTS[stage] * script.rate.step();
+                let [x, v] = script.between(*ends, [&start_instant, &end_instant]);
+                (stage_shares[0][stage], stage_shares[1][stage]) =
+                    (stage_weight * x, stage_weight * v);
             }
             stage_shares
         };
-        let excess = (divisions_max as f64 / PARTS as f64).max(1.0);
+        let part_excess = (divisions_max as f64 / PARTS as f64).max(1.0);
         Self {
             divisions: parts
                 .take_while(|&parts| parts <= divisions_max)
                 .map(divide)
                 .collect(),
-            smooth: SMOOTH / (excess * excess * excess),
-            end: [&end.value, &end.slope].map(|values| script.basis.weights(values)),
-            moves_end: pairs.iter().map(end_basis).collect(),
+            smooth: SMOOTH / (part_excess * part_excess * part_excess),
+            end: [&end_instant.value, &end_instant.slope]
+                .map(|values| script.basis.weights(values)),
+            moves_end: end_pairs.iter().map(end_basis).collect(),
             ahead: POINTS.map(|c| shares(1.0 + c)),
             ahead_by_before: POINTS.map(|c| two_part_weights(1.0 + c, 0)),
             ahead_by_last: POINTS.map(|c| two_part_weights(1.0 + c, 1)),
@@ -96,22 +98,22 @@ impl LawScript {
 
 impl Division {
     fn new(script: &Script, pairs: &[[(usize, usize); 2]], parts: usize) -> Self {
-        let (n, h) = (script.basis.n(), 1.0 / parts as f64);
+        let (n_instants, part_length) = (script.basis.n(), 1.0 / parts as f64);
         let s: Vec<f64> = (0..parts)
-            .flat_map(|part| POINTS.map(|c| (part as f64 + c) * h))
+            .flat_map(|part| POINTS.map(|c| (part as f64 + c) * part_length))
             .collect();
-        let bases: Vec<Instant> = s.iter().map(|&s| Instant::new(n, s)).collect();
+        let bases: Vec<Instant> = s.iter().map(|&s| Instant::new(n_instants, s)).collect();
         let mut later = Vec::new();
         if parts > 1 {
             let instants: Vec<Instant> = (script.basis.instants.iter())
-                .map(|&s| Instant::new(n, s))
+                .map(|&s| Instant::new(n_instants, s))
                 .collect();
             for &ends in pairs {
-                for start in &bases {
+                for frame_start in &bases {
                     later.extend(
                         instants
                             .iter()
-                            .map(|end| script.between(ends, [start, end])[0]),
+                            .map(|end| script.between(ends, [frame_start, end])[0]),
                     );
                 }
             }
@@ -122,25 +124,30 @@ impl Division {
                 .map(|bases| script.basis.weights(values(bases)))
                 .collect()
         };
-        let (values, slopes) = (weights(|bases| &bases.value), weights(|bases| &bases.slope));
-        let start = Instant::new(n, 0.0);
-        let start = [&start.value, &start.slope].map(|values| script.basis.weights(values));
-        let motion = |part: usize, instant: usize| {
-            let mut motion = [0.0; 2 * STAGES + 2];
+        let (values, stage_slopes) = (weights(|bases| &bases.value), weights(|bases| &bases.slope));
+        let frame_start = Instant::new(n_instants, 0.0);
+        let frame_start =
+            [&frame_start.value, &frame_start.slope].map(|values| script.basis.weights(values));
+        let part_motion = |part: usize, instant: usize| {
+            let mut part_motion = [0.0; 2 * STAGES + 2];
             for stage in 0..STAGES {
-                motion[stage] = values[STAGES * part + stage][instant];
-                motion[STAGES + stage] = slopes[STAGES * part + stage][instant];
+                part_motion[stage] = values[STAGES * part + stage][instant];
+                part_motion[STAGES + stage] = stage_slopes[STAGES * part + stage][instant];
             }
-            (motion[2 * STAGES], motion[2 * STAGES + 1]) = (start[0][instant], start[1][instant]);
-            motion
+            (part_motion[2 * STAGES], part_motion[2 * STAGES + 1]) =
+                (frame_start[0][instant], frame_start[1][instant]);
+            part_motion
         };
         Self {
             parts,
-            motion: (0..parts * n)
-                .map(|index| motion(index / n, index % n))
+            motion: (0..parts * n_instants)
+                .map(|index| part_motion(index / n_instants, index % n_instants))
                 .collect(),
             value: values.concat(),
-            moves: pairs.iter().map(|&ends| script.coupled(ends, h)).collect(),
+            moves: pairs
+                .iter()
+                .map(|&ends| script.coupled(ends, part_length))
+                .collect(),
             later,
             s,
         }
@@ -154,43 +161,43 @@ pub(in crate::island::fine) fn shares(s: f64) -> [f64; STAGES] {
 
 /// The same for the Gauss points of two parts, -1 to 0 and 0 to 1: the weights of the first or of the second.
 fn two_part_weights(s: f64, part: usize) -> Stages {
-    let points = [-1.0, 0.0].map(|start| POINTS.map(|c| start + c));
-    let shares = lagrange::<6>(
+    let gauss_points = [-1.0, 0.0].map(|start| POINTS.map(|c| start + c));
+    let point_shares = lagrange::<6>(
         s,
-        std::array::from_fn(|at| points[at / STAGES][at % STAGES]),
+        std::array::from_fn(|at| gauss_points[at / STAGES][at % STAGES]),
     );
-    std::array::from_fn(|stage| shares[part * STAGES + stage])
+    std::array::from_fn(|stage| point_shares[part * STAGES + stage])
 }
 
 /// Weights of the values at some points in the value at `s` of the polynomial through them.
 fn lagrange<const N: usize>(s: f64, points: [f64; N]) -> [f64; N] {
-    let mut shares = [1.0; N];
-    for (stage, share) in shares.iter_mut().enumerate() {
+    let mut point_shares = [1.0; N];
+    for (stage, share) in point_shares.iter_mut().enumerate() {
         for other in (0..N).filter(|&other| other != stage) {
             *share *= (s - points[other]) / (points[stage] - points[other]);
         }
     }
-    shares
+    point_shares
 }
 
 impl Script {
     /// Response of the elongation between `to`, and of its rate, to the force of a law between `from`, at the Gauss
     /// points of a part of `h` frames.
     fn coupled(&self, [to, from]: [(usize, usize); 2], h: f64) -> [Square; 2] {
-        let n = self.basis.n();
+        let n_instants = self.basis.n();
         let mut coefficients = [[[0.0; STAGES]; STAGES]; 2];
         for (row, c) in POINTS.into_iter().enumerate() {
-            let end = Instant::new(n, c * h);
+            let end_instant = Instant::new(n_instants, c * h);
             // Gauss quadrature over each half of the time up to this point: of order 6.
             for half in 0..2 {
-                for (point, weight) in POINTS.into_iter().zip(WEIGHTS) {
-                    let part = 0.5 * (half as f64 + point) * c;
-                    let start = Instant::new(n, part * h);
-                    let weight = 0.5 * weight * c * h * self.rate.step();
-                    let [x, v] = self.between([to, from], [&start, &end]);
-                    for (column, share) in shares(part).into_iter().enumerate() {
-                        coefficients[0][row][column] += weight * share * x;
-                        coefficients[1][row][column] += weight * share * v;
+                for (point, quadrature_weight) in POINTS.into_iter().zip(WEIGHTS) {
+                    let quadrature_part = 0.5 * (half as f64 + point) * c;
+                    let start_instant = Instant::new(n_instants, quadrature_part * h);
+                    let quadrature_weight = 0.5 * quadrature_weight * c * h * self.rate.step();
+                    let [x, v] = self.between([to, from], [&start_instant, &end_instant]);
+                    for (column, share) in shares(quadrature_part).into_iter().enumerate() {
+                        coefficients[0][row][column] += quadrature_weight * share * x;
+                        coefficients[1][row][column] += quadrature_weight * share * v;
                     }
                 }
             }
@@ -218,10 +225,10 @@ impl Script {
 
     /// Response of one joint's position [m/N·s] and velocity [m/frame per N·s] to an impulse on another.
     fn answer(&self, [from, to]: [usize; 2], [start, end]: [&Instant; 2]) -> [f64; 2] {
-        let n = self.basis.n();
+        let n_instants = self.basis.n();
         let mut response = [0.0; 2];
-        let moves = &self.moves[from * self.joints.len() + to];
-        for (row, share) in moves.chunks(n).zip(&start.value) {
+        let joint_moves = &self.moves[from * self.joints.len() + to];
+        for (row, share) in joint_moves.chunks(n_instants).zip(&start.value) {
             response[0] += share * dot(row, &end.value);
             response[1] += share * dot(row, &end.slope);
         }
@@ -238,14 +245,15 @@ mod tests {
         for power in 0..6 {
             let polynomial = |s: f64| (0..power).map(|_| s).product::<f64>();
             for s in POINTS.map(|c| 1.0 + c) {
-                let parts = [(0, -1.0), (1, 0.0)].map(|(part, start)| {
+                let part_sums = [(0, -1.0), (1, 0.0)].map(|(part, start)| {
                     dot(
                         &two_part_weights(s, part),
                         &POINTS.map(|c| polynomial(start + c)),
                     )
                 });
                 assert!(
-                    (parts[0] + parts[1] - polynomial(s)).abs() < 1e-11 * polynomial(s).max(1.0)
+                    (part_sums[0] + part_sums[1] - polynomial(s)).abs()
+                        < 1e-11 * polynomial(s).max(1.0)
                 );
             }
         }

@@ -45,16 +45,16 @@ impl Fine {
             }
             self.work.products += (n_dry * n_dry * STAGES * STAGES * script.basis.n()) as u64;
         }
-        let points = POINTS.map(|c| Instant::new(script.basis.n(), s + c * h));
+        let gauss_instants = POINTS.map(|c| Instant::new(script.basis.n(), s + c * h));
         for slide_index in 0..n_dry {
-            let link = frame.slides.links[slide_index];
+            let dry_link = frame.slides.links[slide_index];
             self.frictions.slides[slide_index].free =
-                (points.each_ref()).map(|at| self.elongation(script, link, at)[1]);
+                (gauss_instants.each_ref()).map(|at| self.elongation(script, dry_link, at)[1]);
         }
         for _ in 0..NEWTON_STEPS {
             let is_linear = self.set_up_equations(frame, s);
-            let change = self.correct_forces(frame, s);
-            if is_linear || change.is_none_or(|change| change <= AGREE) {
+            let correction = self.correct_forces(frame, s);
+            if is_linear || correction.is_none_or(|correction| correction <= AGREE) {
                 break;
             }
         }
@@ -88,113 +88,118 @@ impl Fine {
     /// has no velocity, a sliding link gives its level. Returns whether the equations are linear.
     fn set_up_equations(&mut self, frame: Frame<'_>, s: f64) -> bool {
         let n_dry = frame.slides.links.len();
-        let width = STAGES * n_dry + 1;
-        let mut system = std::mem::take(&mut self.frictions.system);
+        let row_width = STAGES * n_dry + 1;
+        let mut equations = std::mem::take(&mut self.frictions.system);
         let mut is_linear = true;
         for slide_index in 0..n_dry {
             let friction = self.friction(frame, (slide_index, s));
             let slide = &self.frictions.slides[slide_index];
-            let moves = &self.frictions.moves[slide_index * n_dry..(slide_index + 1) * n_dry];
-            let (direction, is_held) = (slide.direction, slide.direction == 0.0);
-            is_linear &= is_held || !friction.by.falls();
+            let link_moves = &self.frictions.moves[slide_index * n_dry..(slide_index + 1) * n_dry];
+            let (direction, is_holding) = (slide.direction, slide.direction == 0.0);
+            is_linear &= is_holding || !friction.by.falls();
             for stage in 0..STAGES {
-                let pairs = moves.iter().zip(&self.frictions.slides);
-                let by = pairs.map(|(by, other)| dot(&by[stage], &other.force));
+                let move_pairs = link_moves.iter().zip(&self.frictions.slides);
+                let by = move_pairs.map(|(by, other)| dot(&by[stage], &other.force));
                 let v = slide.free[stage] + by.sum::<f64>();
                 let row_index = STAGES * slide_index + stage;
-                let row = &mut system[row_index * width..(row_index + 1) * width];
-                let velocity_factor = if is_held {
+                let equation_row =
+                    &mut equations[row_index * row_width..(row_index + 1) * row_width];
+                let velocity_factor = if is_holding {
                     1.0
                 } else {
                     -direction * friction.slope(v)
                 };
-                let responses = moves.iter().flat_map(|by| by[stage]);
-                for (entry, response) in row.iter_mut().zip(responses) {
+                let responses = link_moves.iter().flat_map(|by| by[stage]);
+                for (entry, response) in equation_row.iter_mut().zip(responses) {
                     *entry = velocity_factor * response;
                 }
-                if is_held {
-                    row[width - 1] = -v;
+                if is_holding {
+                    equation_row[row_width - 1] = -v;
                 } else {
-                    row[row_index] += 1.0;
-                    row[width - 1] = direction * friction.level(v) - slide.force[stage];
+                    equation_row[row_index] += 1.0;
+                    equation_row[row_width - 1] =
+                        direction * friction.level(v) - slide.force[stage];
                 }
             }
         }
-        self.frictions.system = system;
+        self.frictions.system = equations;
         is_linear
     }
 
     /// Correct all forces by the solution of the equations; returns the largest correction as a share of its level, `None`
     /// if there is no solution.
     fn correct_forces(&mut self, frame: Frame<'_>, s: f64) -> Option<f64> {
-        let n = STAGES * frame.slides.links.len();
+        let n_forces = STAGES * frame.slides.links.len();
         self.work.instants += NEWTON_WORK * frame.slides.links.len() as u64;
-        self.work.products += (n * n * n / 3) as u64;
-        eliminate(&mut self.frictions.system, n)?;
-        let mut change = 0.0_f64;
+        self.work.products += (n_forces * n_forces * n_forces / 3) as u64;
+        eliminate(&mut self.frictions.system, n_forces)?;
+        let mut change_max = 0.0_f64;
         for slide in 0..frame.slides.links.len() {
-            let level = self.friction(frame, (slide, s)).level(0.0);
+            let friction_level = self.friction(frame, (slide, s)).level(0.0);
             for stage in 0..STAGES {
-                let by = self.frictions.system[(STAGES * slide + stage) * (n + 1) + n];
-                self.frictions.slides[slide].force[stage] += by;
-                change = change.max(by.abs() / level.max(f64::MIN_POSITIVE));
+                let correction =
+                    self.frictions.system[(STAGES * slide + stage) * (n_forces + 1) + n_forces];
+                self.frictions.slides[slide].force[stage] += correction;
+                change_max =
+                    change_max.max(correction.abs() / friction_level.max(f64::MIN_POSITIVE));
             }
         }
-        Some(change)
+        Some(change_max)
     }
 
     /// Take the rest of a frame in one step, whatever ends in it. Each link gives one force, at most its level, that stops
     /// it by the end of the frame if it can, so friction takes energy at any step (J. J. Moreau, 1988).
     pub(super) fn finish_frame(&mut self, frame: Frame<'_>, s: f64) {
-        let (script, n_dry, h) = (frame.script, frame.slides.links.len(), 1.0 - s);
-        let n = script.basis.n();
-        let since = POINTS.map(|c| Instant::new(n, (1.0 - c) * h));
+        let (script, n_dry, frame_left) = (frame.script, frame.slides.links.len(), 1.0 - s);
+        let n_instants = script.basis.n();
+        let since_points = POINTS.map(|c| Instant::new(n_instants, (1.0 - c) * frame_left));
         // The equations of a step are not needed any more: their room holds what the force of one link makes of the
         // velocity of each at the end of the frame.
         let mut compliances = std::mem::take(&mut self.frictions.system);
         for (compliance, response) in compliances.iter_mut().zip(&frame.slides.responses) {
-            let parts = WEIGHTS.iter().zip(&since);
-            let parts = parts.map(|(weight, since)| weight * dot(response, &since.value));
-            *compliance = h * script.rate.step() * parts.sum::<f64>();
+            let stage_parts = WEIGHTS.iter().zip(&since_points);
+            let stage_parts = stage_parts
+                .map(|(weight, since_points)| weight * dot(response, &since_points.value));
+            *compliance = frame_left * script.rate.step() * stage_parts.sum::<f64>();
         }
-        let end = Instant::new(n, 1.0);
+        let end_instant = Instant::new(n_instants, 1.0);
         for slide_index in 0..n_dry {
-            let [_, v] = self.elongation(script, frame.slides.links[slide_index], &end);
+            let [_, v] = self.elongation(script, frame.slides.links[slide_index], &end_instant);
             let slide = &mut self.frictions.slides[slide_index];
             (slide.free, slide.force, slide.holds) = ([v; STAGES], [0.0; STAGES], false);
         }
         for _ in 0..ROUNDS {
             for slide_index in 0..n_dry {
                 let slides = &self.frictions.slides;
-                let row = &compliances[slide_index * n_dry..(slide_index + 1) * n_dry];
-                let pushes = row
+                let compliance_row = &compliances[slide_index * n_dry..(slide_index + 1) * n_dry];
+                let push_velocities = compliance_row
                     .iter()
                     .zip(slides)
                     .map(|(by, other)| by * other.force[0]);
-                let v = slides[slide_index].free[0] + pushes.sum::<f64>();
-                let level = self.friction(frame, (slide_index, s)).level(v);
-                let stopping = slides[slide_index].force[0] - v / row[slide_index];
+                let v = slides[slide_index].free[0] + push_velocities.sum::<f64>();
+                let friction_level = self.friction(frame, (slide_index, s)).level(v);
+                let stopping = slides[slide_index].force[0] - v / compliance_row[slide_index];
                 if stopping.is_finite() {
                     self.frictions.slides[slide_index].force =
-                        [stopping.clamp(-level, level); STAGES];
+                        [stopping.clamp(-friction_level, friction_level); STAGES];
                 }
             }
             self.work.instants += n_dry as u64;
         }
         self.frictions.system = compliances;
-        self.push_ends(frame, (s, h));
+        self.push_ends(frame, (s, frame_left));
     }
 
     /// Push the ends of all links by their forces in a step of `h` from `s`.
     fn push_ends(&mut self, frame: Frame<'_>, (s, h): (f64, f64)) {
         for stage in 0..STAGES {
             let instant = Instant::new(frame.script.basis.n(), s + POINTS[stage] * h);
-            let weight = WEIGHTS[stage] * h * frame.script.rate.step();
+            let stage_weight = WEIGHTS[stage] * h * frame.script.rate.step();
             for (slide, &link) in frame.slides.links.iter().enumerate() {
-                let (a, b) = frame.script.ends[link];
-                let impulse = weight * self.frictions.slides[slide].force[stage];
-                self.shove(frame.script, a, impulse, &instant);
-                self.shove(frame.script, b, -impulse, &instant);
+                let (first_joint, second_joint) = frame.script.ends[link];
+                let impulse = stage_weight * self.frictions.slides[slide].force[stage];
+                self.shove(frame.script, first_joint, impulse, &instant);
+                self.shove(frame.script, second_joint, -impulse, &instant);
             }
         }
     }
@@ -203,35 +208,37 @@ impl Fine {
 /// Solve n linear equations in place (n, n + 1): the last column holds the right side, and then the solution. `None` if
 /// there is no single solution.
 fn eliminate(system: &mut [f64], n: usize) -> Option<()> {
-    let width = n + 1;
+    let row_width = n + 1;
     for column in 0..n {
-        let size = |row: &usize| system[row * width + column].abs();
-        let pivot = (column..n).max_by(|one, other| size(one).total_cmp(&size(other)))?;
-        if !(size(&pivot) > 0.0 && size(&pivot).is_finite()) {
+        let entry_size = |diagonal_row: &usize| system[diagonal_row * row_width + column].abs();
+        let pivot_row =
+            (column..n).max_by(|one, other| entry_size(one).total_cmp(&entry_size(other)))?;
+        if !(entry_size(&pivot_row) > 0.0 && entry_size(&pivot_row).is_finite()) {
             return None;
         }
-        if pivot != column {
-            let (above, below) = system.split_at_mut(pivot * width);
-            above[column * width..(column + 1) * width].swap_with_slice(&mut below[..width]);
+        if pivot_row != column {
+            let (rows_above, rows_below) = system.split_at_mut(pivot_row * row_width);
+            rows_above[column * row_width..(column + 1) * row_width]
+                .swap_with_slice(&mut rows_below[..row_width]);
         }
-        let (above, below) = system.split_at_mut((column + 1) * width);
-        let row = &above[column * width..];
-        for other in below.chunks_exact_mut(width) {
-            let by = other[column] / row[column];
-            if by != 0.0 {
-                for (entry, own) in other[column..].iter_mut().zip(&row[column..]) {
-                    *entry -= by * own;
+        let (rows_above, rows_below) = system.split_at_mut((column + 1) * row_width);
+        let diagonal_row = &rows_above[column * row_width..];
+        for other in rows_below.chunks_exact_mut(row_width) {
+            let row_factor = other[column] / diagonal_row[column];
+            if row_factor != 0.0 {
+                for (entry, own) in other[column..].iter_mut().zip(&diagonal_row[column..]) {
+                    *entry -= row_factor * own;
                 }
             }
         }
     }
     for column in (0..n).rev() {
-        let others =
-            (column + 1..n).map(|other| system[column * width + other] * system[other * width + n]);
-        let known = others.sum::<f64>();
-        let row = &mut system[column * width..(column + 1) * width];
-        row[n] = (row[n] - known) / row[column];
+        let later_terms = (column + 1..n)
+            .map(|other| system[column * row_width + other] * system[other * row_width + n]);
+        let known_sum = later_terms.sum::<f64>();
+        let diagonal_row = &mut system[column * row_width..(column + 1) * row_width];
+        diagonal_row[n] = (diagonal_row[n] - known_sum) / diagonal_row[column];
     }
-    let mut solution = system.iter().skip(n).step_by(width);
+    let mut solution = system.iter().skip(n).step_by(row_width);
     solution.all(|x| x.is_finite()).then_some(())
 }

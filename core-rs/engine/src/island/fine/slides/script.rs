@@ -31,29 +31,31 @@ pub(super) struct Pace {
 
 impl SlideScript {
     pub(super) fn new(script: &Script) -> Self {
-        let is_dry = |(link, run): (usize, &Run)| match &run.kind {
+        let dry_friction = |(link, run): (usize, &Run)| match &run.kind {
             Kind::Dry { by, rate } => Some((link, (*by, *rate))),
             _ => None,
         };
-        let dry_links = script.links.iter().enumerate().filter_map(is_dry);
+        let dry_links = script.links.iter().enumerate().filter_map(dry_friction);
         let (links, dry): (Vec<usize>, Vec<(Dry, f64)>) = dry_links.unzip();
-        let steps = |(&link, &(by, rate)): (&usize, &(Dry, f64))| {
-            let (a, b) = script.ends[link];
+        let step_count = |(&link, &(by, rate)): (&usize, &(Dry, f64))| {
+            let (first_joint, second_joint) = script.ends[link];
             by.with(script.links[link].z)
-                .steps(rate * script.jump(a, b) * script.rate.step())
+                .steps(rate * script.jump(first_joint, second_joint) * script.rate.step())
         };
-        let steps_max = links.iter().zip(&dry).map(steps).fold(1.0, f64::max);
-        let least = (script.steps / 2).max(1);
-        let fast = (least as f64 * steps_max)
+        let steps_max = links.iter().zip(&dry).map(step_count).fold(1.0, f64::max);
+        let least_steps = (script.steps / 2).max(1);
+        let fast_steps = (least_steps as f64 * steps_max)
             .ceil()
             .min(STEPS_MAX as f64 / 4.0) as usize;
-        let pairs = links.iter().flat_map(|&to| {
-            let from = links.iter();
-            from.map(move |&from| [script.ends[to], script.ends[from]])
+        let end_pairs = links.iter().flat_map(|&to| {
+            let from_link = links.iter();
+            from_link.map(move |&from_link| [script.ends[to], script.ends[from_link]])
         });
-        let responses: Vec<Vec<f64>> = pairs.map(|ends| velocity_response(script, ends)).collect();
+        let responses: Vec<Vec<f64>> = end_pairs
+            .map(|ends| velocity_response(script, ends))
+            .collect();
         Self {
-            paces: [least, fast].map(|parts| Pace::new(script, parts, &responses)),
+            paces: [least_steps, fast_steps].map(|parts| Pace::new(script, parts, &responses)),
             responses,
             links,
             dry,
@@ -78,8 +80,8 @@ impl Pace {
 
     /// Length of a step that starts at an instant: the rest of the frame in even steps.
     pub(super) fn length(&self, s: f64) -> f64 {
-        let rest = 1.0 - s;
-        rest / (rest * self.parts as f64 - SKIPPED).ceil().max(1.0)
+        let frame_left = 1.0 - s;
+        frame_left / (frame_left * self.parts as f64 - SKIPPED).ceil().max(1.0)
     }
 
     /// Whether a step has the length of the even steps.
@@ -90,16 +92,16 @@ impl Pace {
 
 /// Response of the velocity of a link to an impulse of another one, as [`SlideScript::responses`] holds it.
 fn velocity_response(script: &Script, ends: [(usize, usize); 2]) -> Vec<f64> {
-    let n = script.basis.n();
-    let start = Instant::new(n, 0.0);
-    let values: Vec<f64> = (script.basis.instants.iter())
-        .map(|&s| script.between(ends, [&start, &Instant::new(n, s)])[1])
+    let n_instants = script.basis.n();
+    let start_instant = Instant::new(n_instants, 0.0);
+    let velocities: Vec<f64> = (script.basis.instants.iter())
+        .map(|&s| script.between(ends, [&start_instant, &Instant::new(n_instants, s)])[1])
         .collect();
-    if values.iter().all(|value| *value == 0.0) {
+    if velocities.iter().all(|value| *value == 0.0) {
         return Vec::new();
     }
-    let mut response = vec![0.0; n];
-    script.basis.fit(&values, &mut response);
+    let mut response = vec![0.0; n_instants];
+    script.basis.fit(&velocities, &mut response);
     response
 }
 
@@ -114,13 +116,14 @@ pub(super) struct Integrals {
 impl Integrals {
     /// Of a step of `h` frames.
     pub(super) fn new(script: &Script, h: f64) -> Self {
-        let (n, step) = (script.basis.n(), h * script.rate.step());
+        let (n_instants, step_seconds) = (script.basis.n(), h * script.rate.step());
         Self {
-            since: POINTS.map(|c| POINTS.map(|point| Instant::new(n, c * (1.0 - point) * h))),
+            since: POINTS
+                .map(|c| POINTS.map(|point| Instant::new(n_instants, c * (1.0 - point) * h))),
             weights: POINTS.map(|c| {
                 std::array::from_fn(|inner| {
-                    let weight = WEIGHTS[inner] * c * step;
-                    shares(POINTS[inner] * c).map(|share| weight * share)
+                    let inner_weight = WEIGHTS[inner] * c * step_seconds;
+                    shares(POINTS[inner] * c).map(|share| inner_weight * share)
                 })
             }),
         }
@@ -134,9 +137,9 @@ impl Integrals {
         }
         for (outer, integrals) in integrals.iter_mut().enumerate() {
             for (since, weights) in self.since[outer].iter().zip(&self.weights[outer]) {
-                let by = dot(response, &since.value);
+                let response_since = dot(response, &since.value);
                 for (integrals, weight) in integrals.iter_mut().zip(weights) {
-                    *integrals += by * weight;
+                    *integrals += response_since * weight;
                 }
             }
         }

@@ -57,40 +57,52 @@ fn sliding_block_swings_about_shifted_centres() {
     let (m, f, x0) = (0.05, 1331.9, 1.26e-3);
     let omega = 2.0 * PI * f;
     for ratio in [0.507, 0.12, 0.031] {
-        let level = ratio * m * omega * omega * x0;
+        let friction_level = ratio * m * omega * omega * x0;
         let mut network = Network::new();
         network.part("s", None);
-        let tie = Tie::Tuned { f, t60: None };
-        let block = network.cel("m", m, tie, 0.0, x0, 0.0).unwrap();
+        let ground_tie = Tie::Tuned { f, t60: None };
+        let block = network.cel("m", m, ground_tie, 0.0, x0, 0.0).unwrap();
         let ground = network.sol("w", 0.0).unwrap();
-        network.dry("l", ground, block, plain(level)).unwrap();
+        network
+            .dry("l", ground, block, plain(friction_level))
+            .unwrap();
         network.listen("o", vec![LISTEN]).unwrap();
         let listened = played(&network, (RATE, 2), 400);
-        let shift = level / (m * omega * omega);
-        let exact = |frame: usize| {
-            let phase = omega * frame as f64 / RATE;
-            let mut swing = (phase / PI) as usize;
+        let centre_shift = friction_level / (m * omega * omega);
+        let exact_position = |frame: usize| {
+            let swing_phase = omega * frame as f64 / RATE;
+            let mut half_swing = (swing_phase / PI) as usize;
             // The amplitude falls by 2·shift with each half swing, until the block is held where it turns.
-            let turns_at = |swing: usize| {
-                let sign = if swing.is_multiple_of(2) { 1.0 } else { -1.0 };
-                sign * (x0 - 2.0 * shift * swing as f64)
+            let turns_at = |half_swing: usize| {
+                let swing_sign = if half_swing.is_multiple_of(2) {
+                    1.0
+                } else {
+                    -1.0
+                };
+                swing_sign * (x0 - 2.0 * centre_shift * half_swing as f64)
             };
-            let last = (0..).find(|&swing| turns_at(swing).abs() <= shift).unwrap();
-            if swing >= last {
-                return turns_at(last);
+            let last_swing = (0..)
+                .find(|&half_swing| turns_at(half_swing).abs() <= centre_shift)
+                .unwrap();
+            if half_swing >= last_swing {
+                return turns_at(last_swing);
             }
-            let middle = if swing.is_multiple_of(2) {
-                shift
+            let swing_centre = if half_swing.is_multiple_of(2) {
+                centre_shift
             } else {
-                -shift
+                -centre_shift
             };
-            let from = turns_at(swing) - middle;
-            swing = swing.min(last);
-            middle + from * cos(phase - swing as f64 * PI)
+            let start_offset = turns_at(half_swing) - swing_centre;
+            half_swing = half_swing.min(last_swing);
+            swing_centre + start_offset * cos(swing_phase - half_swing as f64 * PI)
         };
         for (frame, x) in listened.iter().enumerate() {
-            let error = (x - exact(frame)).abs();
-            assert!(error < 1e-9 * x0, "{ratio} {frame}: {x} {}", exact(frame));
+            let position_error = (x - exact_position(frame)).abs();
+            assert!(
+                position_error < 1e-9 * x0,
+                "{ratio} {frame}: {x} {}",
+                exact_position(frame)
+            );
         }
     }
 }
@@ -99,12 +111,12 @@ fn sliding_block_swings_about_shifted_centres() {
 fn sticking_block_rests_to_the_last_bit() {
     let mut network = Network::new();
     network.part("s", None);
-    let tie = Tie::Tuned {
+    let ground_tie = Tie::Tuned {
         f: 90.47,
         t60: Some(2.507),
     };
     let x0 = -1.038e-4;
-    let block = network.cel("m", 0.01532, tie, 0.0, x0, 0.0).unwrap();
+    let block = network.cel("m", 0.01532, ground_tie, 0.0, x0, 0.0).unwrap();
     let ground = network.sol("g", 0.0).unwrap();
     network.dry("l", ground, block, plain(0.80275)).unwrap();
     network.listen("o", vec![LISTEN]).unwrap();

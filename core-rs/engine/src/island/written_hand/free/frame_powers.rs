@@ -34,13 +34,13 @@ impl FramePowers {
             .iter()
             .all(|drive| matches!(drive.source, Source::Constant(_)));
         let is_affine = scheme.linear && scheme.exact.is_empty() && free.slow.is_empty();
-        let size = 2 * n_mat + 1;
+        let state_size = 2 * n_mat + 1;
         (is_affine && are_constant && n_mat <= MATS_MAX).then(|| Self {
             n_mat,
-            change: vec![0.0; size * size],
-            square: vec![0.0; size * size],
-            state: vec![0.0; size],
-            moved: vec![0.0; size],
+            change: vec![0.0; state_size * state_size],
+            square: vec![0.0; state_size * state_size],
+            state: vec![0.0; state_size],
+            moved: vec![0.0; state_size],
         })
     }
 
@@ -57,10 +57,10 @@ impl FramePowers {
         laws: &mut Laws,
         targets: &mut Vec<Target>,
     ) {
-        let (n, last) = (self.n_mat, self.size() - 1);
-        self.state[..n].copy_from_slice(&motion.body.x);
-        self.state[n..last].copy_from_slice(&motion.body.d);
-        self.state[last] = 1.0;
+        let (mat_count, last_index) = (self.n_mat, self.size() - 1);
+        self.state[..mat_count].copy_from_slice(&motion.body.x);
+        self.state[mat_count..last_index].copy_from_slice(&motion.body.d);
+        self.state[last_index] = 1.0;
         self.single_frame(free, motion, laws, targets);
         while frames > 0 {
             if frames % 2 == 1 {
@@ -71,8 +71,11 @@ impl FramePowers {
                 self.double();
             }
         }
-        motion.body.x.copy_from_slice(&self.state[..n]);
-        motion.body.d.copy_from_slice(&self.state[n..last]);
+        motion.body.x.copy_from_slice(&self.state[..mat_count]);
+        motion
+            .body
+            .d
+            .copy_from_slice(&self.state[mat_count..last_index]);
     }
 
     /// Set `change` to that of one frame: for each state variable the effect of 1 alone, less that of the zero state.
@@ -83,25 +86,29 @@ impl FramePowers {
         laws: &mut Laws,
         targets: &mut Vec<Target>,
     ) {
-        let (n, size) = (self.n_mat, self.size());
+        let (mat_count, state_size) = (self.n_mat, self.size());
         self.change.fill(0.0);
-        for column in (0..size).rev() {
+        for column in (0..state_size).rev() {
             motion.body.x.fill(0.0);
             motion.body.d.fill(0.0);
-            if column < n {
+            if column < mat_count {
                 motion.body.x[column] = 1.0;
-            } else if column < 2 * n {
-                motion.body.d[column - n] = 1.0;
+            } else if column < 2 * mat_count {
+                motion.body.d[column - mat_count] = 1.0;
             }
             free.forces(motion, 0, laws, targets);
             free.strike_and_move(motion, 0, 0.0, targets);
             for (mat, &step) in motion.body.d.iter().enumerate() {
-                let before = f64::from(u8::from(column == n + mat));
+                let step_before = f64::from(u8::from(column == mat_count + mat));
                 // The change of a position is exactly its last step.
-                for (row, change) in [(mat, step), (n + mat, step - before)] {
-                    let constant = self.change[row * size + size - 1];
-                    self.change[row * size + column] =
-                        change - if column < 2 * n { constant } else { 0.0 };
+                for (row, change) in [(mat, step), (mat_count + mat, step - step_before)] {
+                    let constant = self.change[row * state_size + state_size - 1];
+                    self.change[row * state_size + column] = change
+                        - if column < 2 * mat_count {
+                            constant
+                        } else {
+                            0.0
+                        };
                 }
             }
         }
@@ -109,8 +116,12 @@ impl FramePowers {
 
     /// Apply the map to the state.
     fn apply(&mut self) {
-        let size = self.size();
-        for (moved, row) in self.moved.iter_mut().zip(self.change.chunks_exact(size)) {
+        let state_size = self.size();
+        for (moved, row) in self
+            .moved
+            .iter_mut()
+            .zip(self.change.chunks_exact(state_size))
+        {
             *moved = row.iter().zip(&self.state).map(|(a, b)| a * b).sum();
         }
         for (state, moved) in self.state.iter_mut().zip(&self.moved) {
@@ -120,11 +131,11 @@ impl FramePowers {
 
     /// The map of twice as many frames: (1 + B)² = 1 + 2B + B².
     fn double(&mut self) {
-        let size = self.size();
-        for (row, out) in self.square.chunks_exact_mut(size).enumerate() {
+        let state_size = self.size();
+        for (row, out) in self.square.chunks_exact_mut(state_size).enumerate() {
             out.fill(0.0);
-            let factors = &self.change[row * size..(row + 1) * size];
-            for (&factor, other) in factors.iter().zip(self.change.chunks_exact(size)) {
+            let factors = &self.change[row * state_size..(row + 1) * state_size];
+            for (&factor, other) in factors.iter().zip(self.change.chunks_exact(state_size)) {
                 for (out, other) in out.iter_mut().zip(other) {
                     *out += factor * other;
                 }
@@ -151,18 +162,20 @@ mod tests {
     /// A mass on a spring that a second one and a weight pull.
     fn key() -> FreeKey {
         let mut network = Network::default();
-        let tie = |k, z| Tie::Physical { k, z };
-        let a = network.cel("a", 0.4, tie(60.0, 1e-5), 1e-3, 0.0, 0.0);
-        let b = network.cel("b", 0.1, tie(2.0, 0.0), 0.0, 0.0, 0.0);
-        let (a, b) = (a.unwrap(), b.unwrap());
-        network.spring("r", a, b, 30.0, 0.0, 0.0).unwrap();
+        let ground_tie = |k, z| Tie::Physical { k, z };
+        let first_mat = network.cel("a", 0.4, ground_tie(60.0, 1e-5), 1e-3, 0.0, 0.0);
+        let second_mat = network.cel("b", 0.1, ground_tie(2.0, 0.0), 0.0, 0.0, 0.0);
+        let (first_mat, second_mat) = (first_mat.unwrap(), second_mat.unwrap());
+        network
+            .spring("r", first_mat, second_mat, 30.0, 0.0, 0.0)
+            .unwrap();
         let scheme = Scheme::new(&network, Rate::new(44_100.0).unwrap()).unwrap();
         FreeKey {
             scheme: Arc::new(scheme),
-            struck: a,
-            members: vec![a, b],
+            struck: first_mat,
+            members: vec![first_mat, second_mat],
             drives: vec![Drive {
-                mat: b,
+                mat: second_mat,
                 kind: DriveKind::Force,
                 source: Source::Constant(-0.02),
                 acts_on_free_key: true,
@@ -186,18 +199,18 @@ mod tests {
 
     #[test]
     fn frame_powers_advance_equals_frames_in_sequence() {
-        let free = key();
-        let mut buffers = buffers(&free);
+        let free_key = key();
+        let mut buffers = buffers(&free_key);
         let mut frame_powers = buffers.frame_powers.take().unwrap();
         for frames in [0, 1, 2, 77, 12_345, 300_001] {
-            let mut stepped = moving(&free);
+            let mut stepped = moving(&free_key);
             for n in 0..frames {
-                free.forces(&mut stepped, n, &mut buffers.laws, &mut buffers.targets);
-                free.strike_and_move(&mut stepped, n, 0.0, &mut buffers.targets);
+                free_key.forces(&mut stepped, n, &mut buffers.laws, &mut buffers.targets);
+                free_key.strike_and_move(&mut stepped, n, 0.0, &mut buffers.targets);
             }
-            let mut advanced = moving(&free);
+            let mut advanced = moving(&free_key);
             let Buffers { laws, targets, .. } = &mut buffers;
-            frame_powers.advance(&free, &mut advanced, frames, laws, targets);
+            frame_powers.advance(&free_key, &mut advanced, frames, laws, targets);
             for (stepped, advanced, error_max) in [
                 (&stepped.body.x, &advanced.body.x, 1e-11),
                 (&stepped.body.d, &advanced.body.d, 1e-14),
@@ -212,30 +225,33 @@ mod tests {
     /// Frame by frame this would take minutes.
     #[test]
     fn aim_of_a_throw_lasting_a_day() {
-        let free = key();
-        let mut buffers = buffers(&free);
+        let free_key = key();
+        let mut buffers = buffers(&free_key);
         let (n, to, x) = (1_000, 86_399 * 44_100, 0.5e-3);
-        let force = free.aim(&moving(&free), n, to, x, &mut buffers);
-        let mut motion = moving(&free);
+        let force = free_key.aim(&moving(&free_key), n, to, x, &mut buffers);
+        let mut key_motion = moving(&free_key);
         let Buffers {
             laws,
             targets,
             frame_powers,
             ..
         } = &mut buffers;
-        free.forces(&mut motion, n, laws, targets);
-        free.strike_and_move(&mut motion, n, force, targets);
+        free_key.forces(&mut key_motion, n, laws, targets);
+        free_key.strike_and_move(&mut key_motion, n, force, targets);
         let frame_powers = frame_powers.as_mut().unwrap();
-        frame_powers.advance(&free, &mut motion, to - n - 1, laws, targets);
-        let there = motion.body.x[free.struck];
-        assert!((there - x).abs() < 1e-9, "{there} m, by {force} N");
+        frame_powers.advance(&free_key, &mut key_motion, to - n - 1, laws, targets);
+        let end_position = key_motion.body.x[free_key.struck];
+        assert!(
+            (end_position - x).abs() < 1e-9,
+            "{end_position} m, by {force} N"
+        );
     }
 
     #[test]
     fn frame_powers_with_laws_are_absent() {
-        let mut free = key();
-        assert!(FramePowers::new(&free).is_some());
-        Arc::make_mut(&mut free.scheme).linear = false;
-        assert!(FramePowers::new(&free).is_none());
+        let mut free_key = key();
+        assert!(FramePowers::new(&free_key).is_some());
+        Arc::make_mut(&mut free_key.scheme).linear = false;
+        assert!(FramePowers::new(&free_key).is_none());
     }
 }

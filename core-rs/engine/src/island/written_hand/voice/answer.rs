@@ -32,27 +32,27 @@ impl Voice {
         ask: &Ask,
         here: f64,
     ) -> f64 {
-        let wanted = self.wanted(script, scene, n, ask);
+        let wanted_force = self.wanted(script, scene, n, ask);
         let Some(running) = self.running.as_mut() else {
             return 0.0;
         };
-        let index = running.gesture;
-        let gesture = &scene.gestures[index];
+        let gesture_index = running.gesture;
+        let gesture = &scene.gestures[gesture_index];
         let manner = gesture.gesture.manner;
-        let limit = manner.force_limit();
-        let (asked, target) = match *ask {
+        let force_limit = manner.force_limit();
+        let (asked_position, target_frame) = match *ask {
             Ask::Pass(x) => (x, n + 1),
             Ask::Aim { to, x } => (x, to),
         };
-        let source = gesture.source(&mut running.source, target);
-        if target == n + 1 {
-            self.asked = asked;
+        let source = gesture.source(&mut running.source, target_frame);
+        if target_frame == n + 1 {
+            self.asked = asked_position;
         }
-        let over = wanted.abs() > limit;
-        scene.reports[index].missed += u64::from(over);
+        let over_limit = wanted_force.abs() > force_limit;
+        scene.reports[gesture_index].missed += u64::from(over_limit);
         if let (Ask::Pass(x), Touch::Tracked) = (ask, manner.touch) {
             // A tracked step that would need more than the limit leaves the key free.
-            if over {
+            if over_limit {
                 return 0.0;
             }
             scene.targets.push(Target {
@@ -61,7 +61,7 @@ impl Voice {
                 previous: 0.0,
             });
             self.tracked = Some(TrackedFrame {
-                gesture: index,
+                gesture: gesture_index,
                 source,
                 x: *x,
             });
@@ -71,9 +71,9 @@ impl Voice {
                 .needed(&self.free, *x, &self.targets, &mut self.buffers);
         }
         let force = match *ask {
-            _ if !over => wanted,
-            Ask::Pass(x) => self.catch_up(script, [here, x], limit),
-            Ask::Aim { .. } => maths::copysign(limit, wanted),
+            _ if !over_limit => wanted_force,
+            Ask::Pass(x) => self.catch_up(script, [here, x], force_limit),
+            Ask::Aim { .. } => maths::copysign(force_limit, wanted_force),
         };
         if !force.is_finite() || force == 0.0 {
             return 0.0;
@@ -94,7 +94,7 @@ impl Voice {
         blow.note(
             scene.scheme,
             scene.body,
-            &mut scene.reports[index],
+            &mut scene.reports[gesture_index],
             scene.stream,
             &mut self.sparks,
         );
@@ -108,14 +108,22 @@ impl Voice {
     ///
     /// The distance e is closed no faster than half the limit can brake, √(2·½a·|e|): pushing with all force until the
     /// path is crossed would make the key swing far beyond it, again and again.
-    fn catch_up(&self, script: &VoiceScript, [here, next]: [f64; 2], limit: f64) -> f64 {
-        let (scheme, i) = (&script.free.scheme, script.free.struck);
-        let here = if here.is_nan() { next } else { here };
-        let away = here - self.free.body.x[i];
+    fn catch_up(&self, script: &VoiceScript, [asked_here, next]: [f64; 2], limit: f64) -> f64 {
+        let (scheme, mat_index) = (&script.free.scheme, script.free.struck);
+        let asked_here = if asked_here.is_nan() {
+            next
+        } else {
+            asked_here
+        };
+        let path_distance = asked_here - self.free.body.x[mat_index];
         // a·T² = limit/M, in metres a step, squared.
-        let closing = (limit * scheme.w[i] * away.abs()).sqrt().min(away.abs());
-        let aim = self.free.body.x[i] + (next - here) + maths::copysign(closing, away);
-        kernel::needed(scheme, &self.free.body, i, aim).clamp(-limit, limit)
+        let closing = (limit * scheme.w[mat_index] * path_distance.abs())
+            .sqrt()
+            .min(path_distance.abs());
+        let aim_position = self.free.body.x[mat_index]
+            + (next - asked_here)
+            + maths::copysign(closing, path_distance);
+        kernel::needed(scheme, &self.free.body, mat_index, aim_position).clamp(-limit, limit)
     }
 
     /// Read back the ergon that holds a tracked key, once all other forces of the frame are known.
@@ -141,10 +149,10 @@ impl Voice {
         let Some(running) = &self.running else {
             return 0.0;
         };
-        let free = &script.free;
+        let free_key = &script.free;
         match (*ask, scene.gestures[running.gesture].gesture.manner.touch) {
             (Ask::Pass(x), Touch::Open) => {
-                free.needed(&self.free, x, &self.targets, &mut self.buffers)
+                free_key.needed(&self.free, x, &self.targets, &mut self.buffers)
             }
             (Ask::Pass(x), Touch::Tracked) => {
                 kernel::needed(scene.scheme, scene.body, script.struck, x)
@@ -152,13 +160,13 @@ impl Voice {
             (Ask::Aim { to, x }, touch) => {
                 if touch == Touch::Tracked {
                     // Aim from the position of the scene's key, with its loads.
-                    for (local, &member) in free.members.iter().enumerate() {
+                    for (local, &member) in free_key.members.iter().enumerate() {
                         self.free.body.x[local] = scene.body.x[member];
                         self.free.body.d[local] = scene.body.d[member];
                     }
-                    free.forces(&mut self.free, n, &mut self.buffers.laws, &mut self.targets);
+                    free_key.forces(&mut self.free, n, &mut self.buffers.laws, &mut self.targets);
                 }
-                free.aim(&self.free, n, to, x, &mut self.buffers)
+                free_key.aim(&self.free, n, to, x, &mut self.buffers)
             }
         }
     }
@@ -174,16 +182,20 @@ impl Blow {
         stream: &mut Stream,
         sparks: &mut Sparks,
     ) {
-        let t = 1.0 / scheme.rate;
-        let (mass, impulse) = (t * t / scheme.w[self.mat], self.force * t);
+        let time_step = 1.0 / scheme.rate;
+        let (mass, impulse) = (
+            time_step * time_step / scheme.w[self.mat],
+            self.force * time_step,
+        );
         report.n_ergons += 1;
         report.strongest = report.strongest.max(impulse.abs() / mass);
         report.force_max = report.force_max.max(self.force.abs());
         let record = |velocity| {
-            let time = self.frame as f64 * t;
-            let mut record = Record::event(time, self.mat, self.source, mass, velocity, impulse);
-            if let Some((mass, speed)) = self.particle {
-                (record.mass, record.speed) = (mass, speed);
+            let strike_time = self.frame as f64 * time_step;
+            let mut record =
+                Record::event(strike_time, self.mat, self.source, mass, velocity, impulse);
+            if let Some((mass, particle_speed)) = self.particle {
+                (record.mass, record.speed) = (mass, particle_speed);
             }
             record
         };

@@ -31,36 +31,36 @@ impl Joining {
 impl Voice {
     /// Begin the next gesture, or the curve that joins it, when its time has come.
     pub(super) fn begin(&mut self, script: &VoiceScript, scene: &mut Scene<'_>, n: u64) {
-        let rate = scene.scheme.rate;
-        while let Some(&index) = script.gestures.get(self.begun) {
-            let gesture = &scene.gestures[index];
-            let now = n as f64 / rate;
-            let joined = self
+        let frame_rate = scene.scheme.rate;
+        while let Some(&gesture_index) = script.gestures.get(self.begun) {
+            let gesture = &scene.gestures[gesture_index];
+            let time_now = n as f64 / frame_rate;
+            let has_joined = self
                 .running
                 .as_ref()
-                .is_some_and(|running| running.gesture == index);
+                .is_some_and(|running| running.gesture == gesture_index);
             if n >= gesture.first {
                 self.begun += 1;
-                scene.reports[index].start = now;
-                if joined {
+                scene.reports[gesture_index].start = time_now;
+                if has_joined {
                     continue;
                 }
-                let late = self.late_joining(script, scene, gesture, n);
-                scene.reports[index].first_point_missed = late.is_some();
-                self.running = Some(Running::new(index, late));
+                let late_curve = self.late_joining(script, scene, gesture, n);
+                scene.reports[gesture_index].first_point_missed = late_curve.is_some();
+                self.running = Some(Running::new(gesture_index, late_curve));
                 continue;
             }
-            let left = gesture.gesture.start - now;
-            let in_time =
-                n >= gesture.join_from && left >= JOIN_MIN.min(gesture.gesture.manner.join);
-            if self.running.is_none() && in_time {
-                let from = self.motion(script, scene, gesture.gesture.manner.touch, n);
-                let still = (from.x - gesture.gesture.entry.x).abs() <= AGREES
-                    && (from.v / rate).abs() <= AGREES;
-                if !still && gesture.gesture.manner.join > 0.0 {
+            let time_left = gesture.gesture.start - time_now;
+            let is_in_time =
+                n >= gesture.join_from && time_left >= JOIN_MIN.min(gesture.gesture.manner.join);
+            if self.running.is_none() && is_in_time {
+                let knot_now = self.motion(script, scene, gesture.gesture.manner.touch, n);
+                let is_at_entry = (knot_now.x - gesture.gesture.entry.x).abs() <= AGREES
+                    && (knot_now.v / frame_rate).abs() <= AGREES;
+                if !is_at_entry && gesture.gesture.manner.join > 0.0 {
                     self.running = Some(Running::new(
-                        index,
-                        Some(Joining::new(from, gesture.gesture.entry)),
+                        gesture_index,
+                        Some(Joining::new(knot_now, gesture.gesture.entry)),
                     ));
                 }
             }
@@ -79,29 +79,29 @@ impl Voice {
         let Leg::Path { path, .. } = gesture.legs.first()? else {
             return None;
         };
-        let from = self.motion(script, scene, gesture.gesture.manner.touch, n);
+        let knot_now = self.motion(script, scene, gesture.gesture.manner.touch, n);
         // If one gesture ends as the next begins, off the grid of frames, the key has not quite reached the point that
         // they share.
-        let before = self
+        let gesture_before = self
             .begun
             .checked_sub(2)
-            .map(|before| &scene.gestures[script.gestures[before]]);
-        let shared = before.is_some_and(|it| {
+            .map(|gesture_before| &scene.gestures[script.gestures[gesture_before]]);
+        let shares_point = gesture_before.is_some_and(|it| {
             n.abs_diff(it.last()) < gesture.score_frame()
                 && (it.gesture.exit - gesture.gesture.entry.x).abs() <= AGREES
         });
-        let agrees = shared
-            || [path.evaluate(from.t).0, gesture.gesture.entry.x]
+        let agrees = shares_point
+            || [path.evaluate(knot_now.t).0, gesture.gesture.entry.x]
                 .iter()
-                .any(|x| (from.x - x).abs() <= AGREES);
+                .any(|x| (knot_now.x - x).abs() <= AGREES);
         if agrees || gesture.gesture.manner.join == 0.0 {
             return None;
         }
-        let last = gesture.last() as f64 / scene.scheme.rate;
-        let t = (from.t + gesture.gesture.manner.join)
+        let last_time = gesture.last() as f64 / scene.scheme.rate;
+        let t = (knot_now.t + gesture.gesture.manner.join)
             .min(path.stop())
-            .min(last);
+            .min(last_time);
         let (x, v, a) = path.evaluate(t);
-        (t > from.t).then(|| Joining::new(from, Knot { t, x, v, a }))
+        (t > knot_now.t).then(|| Joining::new(knot_now, Knot { t, x, v, a }))
     }
 }

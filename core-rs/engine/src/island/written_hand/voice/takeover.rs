@@ -20,8 +20,10 @@ pub(crate) struct VoiceTakeover {
 impl VoiceTakeover {
     /// Index here of a gesture there.
     fn gesture(&self, there: usize) -> Option<usize> {
-        let index = self.gestures.binary_search_by_key(&there, |pair| pair.0);
-        index.ok().map(|index| self.gestures[index].1)
+        let pair_index = self.gestures.binary_search_by_key(&there, |pair| pair.0);
+        pair_index
+            .ok()
+            .map(|pair_index| self.gestures[pair_index].1)
     }
 }
 
@@ -32,30 +34,30 @@ pub(crate) fn shared(
 ) -> Vec<(usize, usize)> {
     let mut by_start: HashMap<u64, Vec<usize>> = HashMap::new();
     for &gesture in &script.gestures {
-        let start = gestures[gesture].gesture.start.to_bits();
-        by_start.entry(start).or_default().push(gesture);
+        let start_bits = gestures[gesture].gesture.start.to_bits();
+        by_start.entry(start_bits).or_default().push(gesture);
     }
-    let mut pairs = Vec::new();
+    let mut gesture_pairs = Vec::new();
     for &other in &other_script.gestures {
-        let Some(same) = by_start.get_mut(&others[other].gesture.start.to_bits()) else {
+        let Some(same_start) = by_start.get_mut(&others[other].gesture.start.to_bits()) else {
             continue;
         };
-        if let Some(index) = same
+        if let Some(match_index) = same_start
             .iter()
             .position(|&gesture| gestures[gesture].gesture.is_same(&others[other].gesture))
         {
-            pairs.push((other, same.remove(index)));
+            gesture_pairs.push((other, same_start.remove(match_index)));
         }
     }
-    pairs.sort_unstable();
-    pairs
+    gesture_pairs.sort_unstable();
+    gesture_pairs
 }
 
 impl Voice {
     /// Begin at frame `n`: gestures that began before it are skipped.
     pub(crate) fn seek(&mut self, script: &VoiceScript, gestures: &[FramedGesture], n: u64) {
-        let past = |&own: &usize| gestures[own].first < n;
-        self.begun = script.gestures.partition_point(past);
+        let is_past = |&own: &usize| gestures[own].first < n;
+        self.begun = script.gestures.partition_point(is_past);
         self.free.seek(n);
     }
 
@@ -71,18 +73,18 @@ impl Voice {
         match &takeover.mats {
             None => std::mem::swap(&mut self.free, &mut old.free),
             Some(pairs) => {
-                let (body, their) = (&mut self.free.body, &old.free.body);
+                let (body, their_body) = (&mut self.free.body, &old.free.body);
                 for &(to, from) in pairs {
-                    (body.x[to], body.d[to]) = (their.x[from], their.d[from]);
+                    (body.x[to], body.d[to]) = (their_body.x[from], their_body.d[from]);
                 }
                 self.free.settle();
             }
         }
-        let latest = |voice: &Self, script: &VoiceScript| {
+        let latest_gesture = |voice: &Self, script: &VoiceScript| {
             let playing = voice.running.as_ref().map(|running| running.gesture);
             playing.or_else(|| voice.begun.checked_sub(1).map(|last| script.gestures[last]))
         };
-        let before = latest(old, then).map(|there| takeover.gesture(there));
+        let gesture_before = latest_gesture(old, then).map(|there| takeover.gesture(there));
         self.flight = std::mem::take(&mut old.flight);
         self.is_led = old.is_led;
         self.running = old.running.take().and_then(|running| {
@@ -91,7 +93,7 @@ impl Voice {
         });
         // The position asked for at this very frame is kept only if the comparison goes into the report of the same
         // gesture.
-        let is_same = before == Some(latest(self, script));
-        self.asked = if is_same { old.asked } else { f64::NAN };
+        let same_gesture = gesture_before == Some(latest_gesture(self, script));
+        self.asked = if same_gesture { old.asked } else { f64::NAN };
     }
 }

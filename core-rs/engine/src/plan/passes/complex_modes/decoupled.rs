@@ -18,7 +18,7 @@ pub(super) fn add(
     let lambda = coordinates.lambda[mode];
     let position = |output: usize| coordinates.positions[output][mode];
     let velocity = |output: usize| coordinates.velocities[output][mode];
-    let struck = |point: usize| coordinates.struck[point][mode];
+    let impulse_at = |point: usize| coordinates.struck[point][mode];
     let (x, v) = (
         coordinates.x0[mode] - coordinates.rest[mode],
         coordinates.v0[mode],
@@ -27,38 +27,41 @@ pub(super) fn add(
         modes.add(
             (Pole::Free, [x, v]),
             |output| [position(output), velocity(output)],
-            |point| [0.0, struck(point)],
+            |point| [0.0, impulse_at(point)],
         );
         return Ok(());
     }
     let decay = 0.5 * c;
-    let square = lambda - decay * decay;
-    let least = CRITICAL * decay;
-    if square > -least * least {
+    let omega_squared = lambda - decay * decay;
+    let omega_min = CRITICAL * decay;
+    if omega_squared > -omega_min * omega_min {
         // x = Re z with ż = s·z, so v = Re s·z.
-        let omega = square.max(least * least).sqrt();
+        let omega = omega_squared.max(omega_min * omega_min).sqrt();
         modes.add(
             (Pole::Pair { decay, omega }, [x, -(v + decay * x) / omega]),
             |output| {
                 let (x, v) = (position(output), velocity(output));
                 [x - decay * v, omega * v]
             },
-            |point| [0.0, -struck(point) / omega],
+            |point| [0.0, -impulse_at(point) / omega],
         );
         return Ok(());
     }
-    let fast = decay + (-square).sqrt();
+    let fast_decay = decay + (-omega_squared).sqrt();
     // Avoids the difference of two nearly equal numbers.
-    let slow = lambda / fast;
-    let gap = fast - slow;
-    for (pole, other, sign) in [(slow, fast, 1.0), (fast, slow, -1.0)] {
+    let slow_decay = lambda / fast_decay;
+    let decay_gap = fast_decay - slow_decay;
+    for (pole, other, sign) in [
+        (slow_decay, fast_decay, 1.0),
+        (fast_decay, slow_decay, -1.0),
+    ] {
         modes.add(
             (
                 Pole::Real { decay: pole },
-                [sign * (v + other * x) / gap, 0.0],
+                [sign * (v + other * x) / decay_gap, 0.0],
             ),
             |output| [position(output) - pole * velocity(output), 0.0],
-            |point| [sign * struck(point) / gap, 0.0],
+            |point| [sign * impulse_at(point) / decay_gap, 0.0],
         );
     }
     Ok(())

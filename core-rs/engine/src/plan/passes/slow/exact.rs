@@ -24,10 +24,10 @@ pub(super) fn slow(
     subset: Subset,
     is_struck: impl Fn(usize) -> bool,
 ) -> Result<Slow, String> {
-    let n = body.mats.len();
-    if n > FLOW_MASSES_MAX {
+    let mass_count = body.mats.len();
+    if mass_count > FLOW_MASSES_MAX {
         return Err(format!(
-            "{n} of its masses are connected; above {FLOW_MASSES_MAX}, a slow rate costs more than the audio rate"
+            "{mass_count} of its masses are connected; above {FLOW_MASSES_MAX}, a slow rate costs more than the audio rate"
         ));
     }
     let is_discrete = subset.network.parts()[part].ca_rate.is_some();
@@ -38,33 +38,36 @@ pub(super) fn slow(
     };
     let scheme = scheme.map_err(|error| error.to_string())?;
     let matrices = Matrices::new(&subset, &scheme, body);
-    let modes = matrices.modes();
-    let top = modes.eigenvalues.iter().fold(0.0_f64, |top, x| top.max(*x));
+    let eigenmodes = matrices.modes();
+    let lambda_max = eigenmodes
+        .eigenvalues
+        .iter()
+        .fold(0.0_f64, |lambda_max, x| lambda_max.max(*x));
     let turn = if is_discrete {
-        2.0 * maths::asin((0.5 * top.sqrt()).min(1.0))
+        2.0 * maths::asin((0.5 * lambda_max.sqrt()).min(1.0))
     } else {
-        top.sqrt()
+        lambda_max.sqrt()
     };
     let too_fast = || {
-        let hertz = turn * rate.hertz() / (2.0 * PI);
-        format!("its highest mode is at {hertz:.0} Hz, too high for the audio rate")
+        let mode_hertz = turn * rate.hertz() / (2.0 * PI);
+        format!("its highest mode is at {mode_hertz:.0} Hz, too high for the audio rate")
     };
     if !is_within(turn) {
         return Err(too_fast());
     }
     let frame = frame(&matrices.k, &matrices.z, is_discrete);
-    let flow = Flow::new(&frame).ok_or_else(too_fast)?;
+    let frame_flow = Flow::new(&frame).ok_or_else(too_fast)?;
     let solution = Solution {
         turn,
         kick_every: 1,
-        rest: matrices.rest(&modes.eigenvalues, &modes.eigenvectors),
+        rest: matrices.rest(&eigenmodes.eigenvalues, &eigenmodes.eigenvectors),
         free: matrices.free,
         w: matrices.w.clone(),
         is_discrete,
     };
     let springs = |ports: &[(usize, usize)], outputs: &[Weights]| {
         let missing =
-            |local: usize| flow.missing(local, &moved_by_strike(&frame, local, is_discrete));
+            |local: usize| frame_flow.missing(local, &moved_by_strike(&frame, local, is_discrete));
         let ports = ports.iter();
         let ports = ports.map(|&(local, mat)| (local, is_struck(mat).then(|| missing(local))));
         let interface = Interface {
@@ -72,24 +75,28 @@ pub(super) fn slow(
             ports: ports.collect(),
             outputs: outputs.to_vec(),
         };
-        let n_frames = best_block(n, interface.ports.len());
-        Springs::Exact(Arc::new(BlockFlow::new(flow.clone(), interface, n_frames)))
+        let n_frames = best_block(mass_count, interface.ports.len());
+        Springs::Exact(Arc::new(BlockFlow::new(
+            frame_flow.clone(),
+            interface,
+            n_frames,
+        )))
     };
-    let slow = solution.slow(rate, (part, every), body, subset, springs)?;
-    Ok(slow)
+    let slow_body = solution.slow(rate, (part, every), body, subset, springs)?;
+    Ok(slow_body)
 }
 
 /// Positions and velocities one frame after a push by a metre a frame: in a CA network only the pushed mass has moved;
 /// continuous motion follows the flow of a frame.
 fn moved_by_strike(frame: &Square, port: usize, is_discrete: bool) -> Vec<f64> {
-    let n = frame.n / 2;
-    let mut moved = vec![0.0; 2 * n];
-    moved[n + port] = 1.0;
+    let mass_count = frame.n / 2;
+    let mut moved_state = vec![0.0; 2 * mass_count];
+    moved_state[mass_count + port] = 1.0;
     if is_discrete {
-        moved[port] = 1.0;
-        return moved;
+        moved_state[port] = 1.0;
+        return moved_state;
     }
-    frame.apply(&moved)
+    frame.apply(&moved_state)
 }
 
 /// Springs and dampers of the body as matrices, in units of a frame.
@@ -108,10 +115,14 @@ impl Matrices {
     fn new(subset: &Subset, scheme: &Scheme, body: &Body) -> Self {
         let mats = subset.network.mats();
         let free = free(body, subset);
-        let n = free.len();
-        let slot = |mat: usize| free.binary_search(&mat).ok();
+        let free_count = free.len();
+        let slot_of_mat = |mat: usize| free.binary_search(&mat).ok();
         let w: Vec<f64> = free.iter().map(|&i| scheme.w[i]).collect();
-        let (mut k, mut z, mut force) = (Square::zero(n), Square::zero(n), vec![0.0; n]);
+        let (mut k, mut z, mut force) = (
+            Square::zero(free_count),
+            Square::zero(free_count),
+            vec![0.0; free_count],
+        );
         for (local, &i) in free.iter().enumerate() {
             *k.entry(local, local) += scheme.kappa[i];
             *z.entry(local, local) += scheme.zeta[i];
@@ -119,13 +130,15 @@ impl Matrices {
         }
         for run in &scheme.runs {
             for i in 0..run.len {
-                let pair = [(run.a + i, run.b + i, 1.0), (run.b + i, run.a + i, -1.0)];
-                for (local, other, sign) in pair {
-                    let Some(row) = slot(local) else { continue };
+                let end_pairs = [(run.a + i, run.b + i, 1.0), (run.b + i, run.a + i, -1.0)];
+                for (local, other, sign) in end_pairs {
+                    let Some(row) = slot_of_mat(local) else {
+                        continue;
+                    };
                     *k.entry(row, row) += w[row] * run.k;
                     *z.entry(row, row) += w[row] * run.z;
                     force[row] -= sign * run.k * run.rest;
-                    match slot(other) {
+                    match slot_of_mat(other) {
                         Some(column) => {
                             *k.entry(row, column) -= w[row] * run.k;
                             *z.entry(row, column) -= w[row] * run.z;
@@ -146,35 +159,40 @@ impl Matrices {
 
     /// Modes of M^-½ K M^-½.
     fn modes(&self) -> nalgebra::SymmetricEigen<f64, nalgebra::Dyn> {
-        let n = self.w.len();
-        let root: Vec<f64> = self.w.iter().map(|w| w.sqrt()).collect();
-        let entry = |row: usize, column: usize| self.k.get(row, column) * root[column] / root[row];
+        let mass_count = self.w.len();
+        let inverse_roots: Vec<f64> = self.w.iter().map(|w| w.sqrt()).collect();
+        let scaled_entry = |row: usize, column: usize| {
+            self.k.get(row, column) * inverse_roots[column] / inverse_roots[row]
+        };
         // Rounding makes the matrix slightly unsymmetric.
-        let even = |row, column| 0.5 * (entry(row, column) + entry(column, row));
-        DMatrix::from_fn(n, n, even).symmetric_eigen()
+        let mean_entry =
+            |row, column| 0.5 * (scaled_entry(row, column) + scaled_entry(column, row));
+        DMatrix::from_fn(mass_count, mass_count, mean_entry).symmetric_eigen()
     }
 
     /// The equilibrium of the springs: K·x = force, and x = 0 along modes that nothing holds.
     fn rest(&self, values: &nalgebra::DVector<f64>, vectors: &DMatrix<f64>) -> Vec<f64> {
-        let n = self.w.len();
-        let mut rest = vec![0.0; n];
+        let mass_count = self.w.len();
+        let mut rest_position = vec![0.0; mass_count];
         if self.force.iter().all(|force| *force == 0.0) {
-            return rest;
+            return rest_position;
         }
-        let root: Vec<f64> = self.w.iter().map(|w| w.sqrt()).collect();
-        let top = values.iter().fold(0.0_f64, |top, x| top.max(*x));
+        let inverse_roots: Vec<f64> = self.w.iter().map(|w| w.sqrt()).collect();
+        let lambda_max = values
+            .iter()
+            .fold(0.0_f64, |lambda_max, x| lambda_max.max(*x));
         for (mode, &value) in values
             .iter()
             .enumerate()
-            .filter(|(_, value)| **value > LOOSE * top)
+            .filter(|(_, value)| **value > LOOSE * lambda_max)
         {
-            let share: f64 = (0..n)
-                .map(|i| vectors[(i, mode)] * root[i] * self.force[i])
+            let mode_force: f64 = (0..mass_count)
+                .map(|i| vectors[(i, mode)] * inverse_roots[i] * self.force[i])
                 .sum();
-            for (i, rest) in rest.iter_mut().enumerate() {
-                *rest += vectors[(i, mode)] * root[i] * (share / value);
+            for (i, rest_position) in rest_position.iter_mut().enumerate() {
+                *rest_position += vectors[(i, mode)] * inverse_roots[i] * (mode_force / value);
             }
         }
-        rest
+        rest_position
     }
 }

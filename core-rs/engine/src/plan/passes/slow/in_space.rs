@@ -17,14 +17,17 @@ pub(super) fn slow(
     body: &Body,
     subset: Subset,
 ) -> Result<Slow, String> {
-    let frames = f64::from(every);
-    let macro_rate = Rate::new(rate.hertz() / frames).map_err(|error| error.to_string())?;
-    let stiff = || "its springs are too stiff for that rate".to_owned();
-    let scheme = Scheme::new(&subset.network, macro_rate).map_err(|error| error.to_string())?;
-    let certificate = scheme.certify(&subset.network).map_err(|_| stiff())?;
+    let macro_frames = f64::from(every);
+    let macro_rate = Rate::new(rate.hertz() / macro_frames).map_err(|error| error.to_string())?;
+    let stiff_message = || "its springs are too stiff for that rate".to_owned();
+    let macro_scheme =
+        Scheme::new(&subset.network, macro_rate).map_err(|error| error.to_string())?;
+    let certificate = macro_scheme
+        .certify(&subset.network)
+        .map_err(|_| stiff_message())?;
     let turn = 2.0 * maths::asin((0.5 * certificate.lambda_max.sqrt()).min(1.0));
     if !is_within(turn) {
-        return Err(stiff());
+        return Err(stiff_message());
     }
     let free = free(body, &subset);
     let solution = Solution {
@@ -33,11 +36,11 @@ pub(super) fn slow(
         rest: vec![0.0; free.len()],
         w: free
             .iter()
-            .map(|&mat| scheme.w[mat] / (frames * frames))
+            .map(|&mat| macro_scheme.w[mat] / (macro_frames * macro_frames))
             .collect(),
         free,
         is_discrete: false,
     };
-    let springs = Springs::Stepped(Arc::new(scheme));
+    let springs = Springs::Stepped(Arc::new(macro_scheme));
     solution.slow(rate, (part, every), body, subset, |_, _| springs)
 }

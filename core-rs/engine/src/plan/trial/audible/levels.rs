@@ -16,27 +16,27 @@ pub(super) fn level_error(a: &[f64], b: &[f64], rate: f64) -> f64 {
     let bands = bands(b.len(), rate, BAND_VALUES);
     let spectrum = |x: &[f64]| -> Vec<f64> {
         let powers = powers(faded(x));
-        let sum = |band: &Band| powers[band.bins.clone()].iter().sum();
-        bands.iter().map(sum).collect()
+        let band_power = |band: &Band| powers[band.bins.clone()].iter().sum();
+        bands.iter().map(band_power).collect()
     };
-    let (ours, theirs) = (spectrum(a), spectrum(b));
+    let (sound_powers, reference_powers) = (spectrum(a), spectrum(b));
     let centres: Vec<f64> = bands.iter().map(|band| band.centre).collect();
-    let audible = unmasked_bands(&centres, &theirs);
-    let each = ours.iter().zip(&theirs).zip(audible);
-    let audible = each.filter(|(_, is_heard)| *is_heard);
-    audible.fold(0.0, |worst, ((ours, theirs), _)| {
-        worst.max(10.0 * log10((ours / theirs).max(MISSING)).abs())
+    let audible = unmasked_bands(&centres, &reference_powers);
+    let band_pairs = sound_powers.iter().zip(&reference_powers).zip(audible);
+    let audible = band_pairs.filter(|(_, is_heard)| *is_heard);
+    audible.fold(0.0, |worst, ((sound_powers, reference_powers), _)| {
+        worst.max(10.0 * log10((sound_powers / reference_powers).max(MISSING)).abs())
     })
 }
 
 /// The sound with its end faded out: an abrupt end would be heard in every band.
 fn faded(x: &[f64]) -> Vec<f64> {
-    let n = x.len() / FADED;
-    let from = x.len() - n;
+    let fade_length = x.len() / FADED;
+    let fade_start = x.len() - fade_length;
     let mut x = x.to_vec();
-    for (index, x) in x[from..].iter_mut().enumerate() {
-        let s = sincos(0.5 * PI * (index as f64 + 0.5) / n as f64).1;
-        *x *= s * s;
+    for (index, x) in x[fade_start..].iter_mut().enumerate() {
+        let fade_cosine = sincos(0.5 * PI * (index as f64 + 0.5) / fade_length as f64).1;
+        *x *= fade_cosine * fade_cosine;
     }
     x
 }
@@ -44,18 +44,18 @@ fn faded(x: &[f64]) -> Vec<f64> {
 /// Which bands are not masked, given their centres [Hz] and powers.
 fn unmasked_bands(centres: &[f64], powers: &[f64]) -> Vec<bool> {
     let strongest = powers.iter().fold(0.0_f64, |most, power| most.max(*power));
-    let barks: Vec<f64> = centres.iter().map(|f| bark(*f)).collect();
-    let masked = |masked_power: usize| -> f64 {
-        let others = powers.iter().zip(&barks).enumerate();
-        let others = others.filter(|(other, _)| *other != masked_power);
-        let spread = others
-            .map(|(_, (power, bark))| power * decibels(spreading(barks[masked_power] - bark)));
-        spread.sum::<f64>() * decibels(-14.5 - barks[masked_power])
+    let band_barks: Vec<f64> = centres.iter().map(|f| bark(*f)).collect();
+    let masking_power = |masked_power: usize| -> f64 {
+        let other_powers = powers.iter().zip(&band_barks).enumerate();
+        let other_powers = other_powers.filter(|(other, _)| *other != masked_power);
+        let spread_powers = other_powers
+            .map(|(_, (power, bark))| power * decibels(spreading(band_barks[masked_power] - bark)));
+        spread_powers.sum::<f64>() * decibels(-14.5 - band_barks[masked_power])
     };
     let indexed = powers.iter().enumerate();
     indexed
         .map(|(masked_power, power)| {
-            *power > (COMPARED_POWER_MIN * strongest).max(masked(masked_power))
+            *power > (COMPARED_POWER_MIN * strongest).max(masking_power(masked_power))
         })
         .collect()
 }
@@ -66,8 +66,8 @@ fn bark(f: f64) -> f64 {
 
 /// Level of a masker at a distance of `bark` above it, relative to its own [dB].
 fn spreading(bark: f64) -> f64 {
-    let d = bark + 0.474;
-    15.81 + 7.5 * d - 17.5 * sqrt(1.0 + d * d)
+    let bark_offset = bark + 0.474;
+    15.81 + 7.5 * bark_offset - 17.5 * sqrt(1.0 + bark_offset * bark_offset)
 }
 
 /// The ratio of powers for a level [dB].
@@ -87,15 +87,15 @@ mod tests {
     /// Sines, each of a frequency [Hz] and an amplitude, 0.3 s that fade in: an abrupt beginning would be heard in
     /// every band.
     fn tones(partials: &[(f64, f64)]) -> Vec<f64> {
-        let sample = |n: usize| {
-            let rise = sincos(0.5 * PI * (n as f64 / 3_300.0).min(1.0)).0;
+        let tone_sample = |n: usize| {
+            let fade_in = sincos(0.5 * PI * (n as f64 / 3_300.0).min(1.0)).0;
             let each = partials.iter();
-            let sum: f64 = each
+            let partial_sum: f64 = each
                 .map(|(f, size)| size * sincos(TAU * f * n as f64 / RATE).0)
                 .sum();
-            rise * rise * sum
+            fade_in * fade_in * partial_sum
         };
-        (0..13_230).map(sample).collect()
+        (0..13_230).map(tone_sample).collect()
     }
 
     #[test]
@@ -108,31 +108,35 @@ mod tests {
     #[test]
     fn level_error_ignores_masked_tones() {
         // 50 dB below a strong tone: masked if next to it, heard two octaves above.
-        let (near, far) = ((1_260.0, 3e-3), (4_000.0, 3e-3));
-        let loud = (1_000.0, 1.0);
-        let b = tones(&[loud, near, far]);
+        let (near_partial, far_partial) = ((1_260.0, 3e-3), (4_000.0, 3e-3));
+        let loud_partial = (1_000.0, 1.0);
+        let reference = tones(&[loud_partial, near_partial, far_partial]);
         let without = |gone: (f64, f64)| {
-            let rest = [loud, near, far].map(|partial| {
+            let weakened = [loud_partial, near_partial, far_partial].map(|partial| {
                 if partial == gone {
                     (partial.0, 0.3 * partial.1)
                 } else {
                     partial
                 }
             });
-            level_error(&tones(&rest), &b, RATE)
+            level_error(&tones(&weakened), &reference, RATE)
         };
-        assert!(without(near) < 1e-6, "{}", without(near));
-        let change = -20.0 * log10(0.3);
-        assert!((without(far) - change).abs() < 0.5, "{}", without(far));
+        assert!(without(near_partial) < 1e-6, "{}", without(near_partial));
+        let level_change = -20.0 * log10(0.3);
+        assert!(
+            (without(far_partial) - level_change).abs() < 0.5,
+            "{}",
+            without(far_partial)
+        );
     }
 
     #[test]
     fn level_error_of_silence_is_finite() {
-        let b = tones(&[(500.0, 1.0)]);
-        let silence = vec![0.0; b.len()];
-        assert_eq!(level_error(&b, &b, RATE), 0.0);
-        assert_eq!(level_error(&b, &silence, RATE), 0.0);
-        assert!((level_error(&silence, &b, RATE) - 100.0).abs() < 1e-9);
+        let tone_sound = tones(&[(500.0, 1.0)]);
+        let silence = vec![0.0; tone_sound.len()];
+        assert_eq!(level_error(&tone_sound, &tone_sound, RATE), 0.0);
+        assert_eq!(level_error(&tone_sound, &silence, RATE), 0.0);
+        assert!((level_error(&silence, &tone_sound, RATE) - 100.0).abs() < 1e-9);
         assert_eq!(level_error(&[], &[], RATE), 0.0);
     }
 }

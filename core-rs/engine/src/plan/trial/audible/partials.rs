@@ -22,19 +22,23 @@ pub(super) fn pitch_errors(a: &[f64], b: &[f64], rate: f64, upto: f64) -> (f64, 
 fn strongest(x: &[f64], rate: f64, upto: f64) -> Vec<f64> {
     let window = window_from_beginning(x.len(), (0.5 * SHORTEST * rate) as usize);
     let powers = powers(x.iter().zip(window).map(|(x, w)| x * w).collect());
-    let bin = rate / length(x.len()) as f64;
-    let reach = ((2.0 / SHORTEST / bin) as usize).max(2);
-    let last = ((upto / bin) as usize).min(powers.len().saturating_sub(1));
-    let is_top = |index: &usize| {
-        let around = &powers[index - reach.min(*index)..(index + reach + 1).min(powers.len())];
-        powers[*index] > 0.0 && around.iter().all(|power| *power <= powers[*index])
+    let bin_width = rate / length(x.len()) as f64;
+    let peak_reach = ((2.0 / SHORTEST / bin_width) as usize).max(2);
+    let last_bin = ((upto / bin_width) as usize).min(powers.len().saturating_sub(1));
+    let is_peak_bin = |index: &usize| {
+        let neighbours =
+            &powers[index - peak_reach.min(*index)..(index + peak_reach + 1).min(powers.len())];
+        powers[*index] > 0.0 && neighbours.iter().all(|power| *power <= powers[*index])
     };
-    let mut tops: Vec<usize> = (reach..last).filter(is_top).collect();
-    tops.sort_by(|a, b| powers[*b].total_cmp(&powers[*a]));
-    tops.truncate(PARTIALS_MAX);
-    let loudest = tops.first().map_or(0.0, |top| powers[*top]);
-    tops.retain(|top| powers[*top] >= QUIET * loudest);
-    tops.into_iter().map(|top| top as f64 * bin).collect()
+    let mut peak_bins: Vec<usize> = (peak_reach..last_bin).filter(is_peak_bin).collect();
+    peak_bins.sort_by(|a, b| powers[*b].total_cmp(&powers[*a]));
+    peak_bins.truncate(PARTIALS_MAX);
+    let loudest = peak_bins.first().map_or(0.0, |top| powers[*top]);
+    peak_bins.retain(|top| powers[*top] >= QUIET * loudest);
+    peak_bins
+        .into_iter()
+        .map(|top| top as f64 * bin_width)
+        .collect()
 }
 
 /// Error of the pitch [cents] and of the T60, relative to itself, of the partial near `f` [Hz]; `None` if the sound is
@@ -46,28 +50,30 @@ fn compare(a: &[f64], b: &[f64], f: f64, rate: f64) -> Option<(f64, f64)> {
     }
     let weights: Vec<f64> = theirs.iter().map(|[re, im]| re * re + im * im).collect();
     // ours/theirs: its argument turns little from one window to the next.
-    let ratios = ours.iter().zip(&theirs);
-    let ratios: Vec<[f64; 2]> = ratios.map(|(a, b)| times(*a, [b[0], -b[1]])).collect();
-    let drift = slope(&unwrapped(&ratios), &weights).0 / (TAU * PARTIALS_HOP);
-    let level = |[re, im]: &[f64; 2]| 0.5 * log((re * re + im * im).max(f64::MIN_POSITIVE));
-    let levels = |of: &[[f64; 2]]| -> Vec<f64> { of.iter().map(level).collect() };
-    let (falls, rest) = slope(&levels(&theirs), &weights);
-    let (ours, _) = slope(&levels(&ours), &weights);
-    let cents = 1200.0 * log2((1.0 + drift / f).max(f64::MIN_POSITIVE)).abs();
-    let is_decay = rest < STRAIGHT && -falls * theirs.len() as f64 > STRAIGHT;
+    let phase_ratios = ours.iter().zip(&theirs);
+    let phase_ratios: Vec<[f64; 2]> = phase_ratios
+        .map(|(a, b)| times(*a, [b[0], -b[1]]))
+        .collect();
+    let pitch_drift = slope(&unwrapped(&phase_ratios), &weights).0 / (TAU * PARTIALS_HOP);
+    let log_level = |[re, im]: &[f64; 2]| 0.5 * log((re * re + im * im).max(f64::MIN_POSITIVE));
+    let log_levels = |of: &[[f64; 2]]| -> Vec<f64> { of.iter().map(log_level).collect() };
+    let (level_slope, slope_residual) = slope(&log_levels(&theirs), &weights);
+    let (ours, _) = slope(&log_levels(&ours), &weights);
+    let pitch_error = 1200.0 * log2((1.0 + pitch_drift / f).max(f64::MIN_POSITIVE)).abs();
+    let is_decay = slope_residual < STRAIGHT && -level_slope * theirs.len() as f64 > STRAIGHT;
     // The ratio of the T60s, less 1.
-    let t60 = if is_decay && ours < 0.0 {
-        (falls / ours - 1.0).abs()
+    let decay_error = if is_decay && ours < 0.0 {
+        (level_slope / ours - 1.0).abs()
     } else {
         0.0
     };
-    Some((cents, t60))
+    Some((pitch_error, decay_error))
 }
 
 /// A sound shifted by −f and smoothed, once every `PARTIALS_HOP`.
 fn baseband(x: &[f64], f: f64, rate: f64) -> Vec<[f64; 2]> {
-    let size = ((SHORTEST * rate) as usize).max(4);
-    let hop = ((PARTIALS_HOP * rate) as usize).max(1);
+    let window_size = ((SHORTEST * rate) as usize).max(4);
+    let hop_frames = ((PARTIALS_HOP * rate) as usize).max(1);
     let shifted: Vec<[f64; 2]> = x
         .iter()
         .enumerate()
@@ -76,16 +82,19 @@ fn baseband(x: &[f64], f: f64, rate: f64) -> Vec<[f64; 2]> {
             [x * cos, x * sin]
         })
         .collect();
-    let window = hann(size);
-    let smooth = |index: usize| {
-        let products = shifted[index..index + size].iter().zip(&window);
+    let hann_window = hann(window_size);
+    let smoothed_at = |index: usize| {
+        let products = shifted[index..index + window_size].iter().zip(&hann_window);
         products.fold([0.0; 2], |sum, (x, w)| {
             [sum[0] + w * x[0], sum[1] + w * x[1]]
         })
     };
-    let last = x.len().checked_sub(size);
-    last.map_or_else(Vec::new, |last| {
-        (0..=last).step_by(hop).map(smooth).collect()
+    let last_start = x.len().checked_sub(window_size);
+    last_start.map_or_else(Vec::new, |last_start| {
+        (0..=last_start)
+            .step_by(hop_frames)
+            .map(smoothed_at)
+            .collect()
     })
 }
 
@@ -93,16 +102,16 @@ fn baseband(x: &[f64], f: f64, rate: f64) -> Vec<[f64; 2]> {
 /// the beginning, where a symmetric window hardly weights them.
 fn window_from_beginning(size: usize, rise: usize) -> Vec<f64> {
     let rise = rise.min(size / 2);
-    let [rising, falling] = [rise, size - rise].map(|half| hann(2 * half));
-    [&rising[..rise], &falling[size - rise..]].concat()
+    let [rising_half, falling] = [rise, size - rise].map(|half| hann(2 * half));
+    [&rising_half[..rise], &falling[size - rise..]].concat()
 }
 
 fn hann(size: usize) -> Vec<f64> {
-    let weight = |n: usize| {
-        let s = sincos(PI * (n as f64 + 0.5) / size as f64).0;
-        s * s
+    let window_weight = |n: usize| {
+        let half_sine = sincos(PI * (n as f64 + 0.5) / size as f64).0;
+        half_sine * half_sine
     };
-    (0..size).map(weight).collect()
+    (0..size).map(window_weight).collect()
 }
 
 fn times(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
@@ -111,43 +120,44 @@ fn times(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
 
 /// The arguments, unwrapped.
 fn unwrapped(values: &[[f64; 2]]) -> Vec<f64> {
-    let mut last = [1.0, 0.0];
-    let mut sum = 0.0;
-    let turn = |turned: &[f64; 2]| {
-        let by = times(*turned, [last[0], -last[1]]);
-        sum += if by == [0.0; 2] {
+    let mut last_value = [1.0, 0.0];
+    let mut angle_sum = 0.0;
+    let unwrap_next = |turned: &[f64; 2]| {
+        let turn_ratio = times(*turned, [last_value[0], -last_value[1]]);
+        angle_sum += if turn_ratio == [0.0; 2] {
             0.0
         } else {
-            atan2(by[1], by[0])
+            atan2(turn_ratio[1], turn_ratio[0])
         };
-        last = *turned;
-        sum
+        last_value = *turned;
+        angle_sum
     };
-    values.iter().map(turn).collect()
+    values.iter().map(unwrap_next).collect()
 }
 
 /// The straight line that fits best by weighted least squares: its slope from one value to the next, and its residual
 /// (rms).
 fn slope(values: &[f64], weights: &[f64]) -> (f64, f64) {
-    let total: f64 = weights.iter().sum();
-    if total <= 0.0 {
+    let weight_sum: f64 = weights.iter().sum();
+    if weight_sum <= 0.0 {
         return (0.0, 0.0);
     }
-    let mean = |value_of: &dyn Fn(usize) -> f64| -> f64 {
+    let weighted_mean = |value_of: &dyn Fn(usize) -> f64| -> f64 {
         let each = weights.iter().enumerate();
-        each.map(|(i, weight)| weight * value_of(i)).sum::<f64>() / total
+        each.map(|(i, weight)| weight * value_of(i)).sum::<f64>() / weight_sum
     };
-    let (t, y) = (mean(&|i| i as f64), mean(&|i| values[i]));
-    let spread = mean(&|i| (i as f64 - t) * (i as f64 - t));
-    if spread <= 0.0 {
+    let (index_mean, value_mean) = (weighted_mean(&|i| i as f64), weighted_mean(&|i| values[i]));
+    let index_variance = weighted_mean(&|i| (i as f64 - index_mean) * (i as f64 - index_mean));
+    if index_variance <= 0.0 {
         return (0.0, 0.0);
     }
-    let by = mean(&|i| (i as f64 - t) * (values[i] - y)) / spread;
-    let rest = mean(&|i| {
-        let off = values[i] - y - by * (i as f64 - t);
-        off * off
+    let line_slope =
+        weighted_mean(&|i| (i as f64 - index_mean) * (values[i] - value_mean)) / index_variance;
+    let mean_square = weighted_mean(&|i| {
+        let residual = values[i] - value_mean - line_slope * (i as f64 - index_mean);
+        residual * residual
     });
-    (by, rest.sqrt())
+    (line_slope, mean_square.sqrt())
 }
 
 #[cfg(test)]
@@ -168,25 +178,25 @@ mod tests {
 
     #[test]
     fn pitch_errors_of_weaker_partials() {
-        let b = sound((220.0, 8.0), (1_310.0, 20.0));
-        let (cents, t60) = pitch_errors(&b, &b, RATE, 5_000.0);
-        assert_eq!((cents, t60), (0.0, 0.0));
+        let reference = sound((220.0, 8.0), (1_310.0, 20.0));
+        let (pitch_error, decay_error) = pitch_errors(&reference, &reference, RATE, 5_000.0);
+        assert_eq!((pitch_error, decay_error), (0.0, 0.0));
         // 5 cents, and a T60 that is a tenth longer.
-        let a = sound((220.0, 8.0), (1_310.0 * 1.002_892, 20.0 / 1.1));
-        let (cents, t60) = pitch_errors(&a, &b, RATE, 5_000.0);
-        assert!((cents - 5.0).abs() < 0.2, "{cents}");
-        assert!((t60 - 0.1).abs() < 0.01, "{t60}");
+        let detuned = sound((220.0, 8.0), (1_310.0 * 1.002_892, 20.0 / 1.1));
+        let (pitch_error, decay_error) = pitch_errors(&detuned, &reference, RATE, 5_000.0);
+        assert!((pitch_error - 5.0).abs() < 0.2, "{pitch_error}");
+        assert!((decay_error - 0.1).abs() < 0.01, "{decay_error}");
         // Partials above `upto` are not compared.
-        assert!(pitch_errors(&a, &b, RATE, 1_000.0).0 < 0.3);
+        assert!(pitch_errors(&detuned, &reference, RATE, 1_000.0).0 < 0.3);
     }
 
     #[test]
     fn pitch_errors_of_a_fast_fading_partial() {
         // 20 dB below the other at the beginning, and 60 dB lower after 115 ms of 300.
-        let b = sound((110.0, 20.0), (450.0, 60.0));
-        let a = sound((110.0, 20.0), (450.0 * 1.002_892, 60.0));
-        let (cents, _) = pitch_errors(&a, &b, RATE, 5_000.0);
-        assert!((cents - 5.0).abs() < 0.2, "{cents}");
+        let reference = sound((110.0, 20.0), (450.0, 60.0));
+        let detuned = sound((110.0, 20.0), (450.0 * 1.002_892, 60.0));
+        let (pitch_error, _) = pitch_errors(&detuned, &reference, RATE, 5_000.0);
+        assert!((pitch_error - 5.0).abs() < 0.2, "{pitch_error}");
     }
 
     #[test]
@@ -196,9 +206,9 @@ mod tests {
             pitch_errors(&[0.0; 500], &[0.0; 500], RATE, 5_000.0),
             (0.0, 0.0)
         );
-        let b = sound((220.0, 8.0), (1_310.0, 20.0));
-        let silence = vec![0.0; b.len()];
-        let (cents, t60) = pitch_errors(&silence, &b, RATE, 5_000.0);
-        assert!(cents.is_finite() && t60.is_finite());
+        let reference = sound((220.0, 8.0), (1_310.0, 20.0));
+        let silence = vec![0.0; reference.len()];
+        let (pitch_error, decay_error) = pitch_errors(&silence, &reference, RATE, 5_000.0);
+        assert!(pitch_error.is_finite() && decay_error.is_finite());
     }
 }

@@ -16,71 +16,82 @@ pub(super) struct StrokeErrors {
 
 /// The errors of `sound` against `reference`, both without their means.
 pub(super) fn stroke_errors(sound: &[f64], reference: &[f64], rate: f64) -> StrokeErrors {
-    let (ours, theirs) = (speeds(sound), speeds(reference));
-    let frames = |seconds: f64| ((seconds * rate) as usize).max(1);
-    let begins = beginnings(&theirs, frames(STROKES_HOP));
-    let is_dense = begins.len() * frames(SHORTEST) > theirs.len();
-    let compared = if is_dense { 1 } else { begins.len() };
-    let mut worst = StrokeErrors::default();
-    for (index, begin) in begins.into_iter().take(compared).enumerate() {
-        let all = begin..(begin + frames(SHORTEST)).min(theirs.len());
-        let ratio = energy(&ours[all.clone()]) / energy(&theirs[all]);
-        let around = begin.saturating_sub(frames(REACH))..(begin + frames(REACH)).min(theirs.len());
-        let enough = BEGUN * energy(&theirs[around.clone()]);
-        let [here, there] = [(&ours, enough * ratio), (&theirs, enough)]
-            .map(|(speeds, enough)| first_above(&speeds[around.clone()], enough));
-        let late = (here as f64 - there as f64).abs() / rate;
-        let time = if index == 0 {
-            &mut worst.first
+    let (sound_speeds, reference_speeds) = (speeds(sound), speeds(reference));
+    let frames_in = |seconds: f64| ((seconds * rate) as usize).max(1);
+    let stroke_begins = beginnings(&reference_speeds, frames_in(STROKES_HOP));
+    let is_dense = stroke_begins.len() * frames_in(SHORTEST) > reference_speeds.len();
+    let compared = if is_dense { 1 } else { stroke_begins.len() };
+    let mut worst_errors = StrokeErrors::default();
+    for (index, begin) in stroke_begins.into_iter().take(compared).enumerate() {
+        let stroke_span = begin..(begin + frames_in(SHORTEST)).min(reference_speeds.len());
+        let energy_ratio =
+            energy(&sound_speeds[stroke_span.clone()]) / energy(&reference_speeds[stroke_span]);
+        let search_span = begin.saturating_sub(frames_in(REACH))
+            ..(begin + frames_in(REACH)).min(reference_speeds.len());
+        let begin_energy = BEGUN * energy(&reference_speeds[search_span.clone()]);
+        let [sound_begin, reference_begin] = [
+            (&sound_speeds, begin_energy * energy_ratio),
+            (&reference_speeds, begin_energy),
+        ]
+        .map(|(speeds, begin_energy)| first_above(&speeds[search_span.clone()], begin_energy));
+        let stroke_delay = (sound_begin as f64 - reference_begin as f64).abs() / rate;
+        let worst_delay = if index == 0 {
+            &mut worst_errors.first
         } else {
-            &mut worst.later
+            &mut worst_errors.later
         };
-        *time = time.max(late);
+        *worst_delay = worst_delay.max(stroke_delay);
         if !is_dense {
-            worst.level = worst.level.max(decibels(ratio));
+            worst_errors.level = worst_errors.level.max(decibels(energy_ratio));
         }
     }
     if is_dense {
-        worst.level = level_of_dense(&ours, &theirs, frames(SHORTEST));
+        worst_errors.level = level_of_dense(&sound_speeds, &reference_speeds, frames_in(SHORTEST));
     }
-    worst
+    worst_errors
 }
 
 /// Mean difference of the levels of successive spans that are not quiet [dB].
 fn level_of_dense(ours: &[f64], theirs: &[f64], length: usize) -> f64 {
-    let spans = |speeds: &[f64]| -> Vec<f64> { speeds.chunks_exact(length).map(energy).collect() };
-    let (ours, theirs) = (spans(ours), spans(theirs));
+    let span_energies =
+        |speeds: &[f64]| -> Vec<f64> { speeds.chunks_exact(length).map(energy).collect() };
+    let (ours, theirs) = (span_energies(ours), span_energies(theirs));
     let loudest = theirs
         .iter()
         .fold(0.0_f64, |most, energy| most.max(*energy));
-    let loud = ours
+    let loud_spans = ours
         .iter()
         .zip(&theirs)
         .filter(|(_, energy)| **energy > QUIET * loudest);
-    let (sum, n_spans) = loud.fold((0.0, 0), |(sum, n_spans), (ours, theirs)| {
-        (sum + decibels(ours / theirs), n_spans + 1)
+    let (level_sum, n_spans) = loud_spans.fold((0.0, 0), |(level_sum, n_spans), (ours, theirs)| {
+        (level_sum + decibels(ours / theirs), n_spans + 1)
     });
-    sum / f64::from(n_spans.max(1))
+    level_sum / f64::from(n_spans.max(1))
 }
 
 /// The frames in which strokes begin, to within a hop.
 fn beginnings(speeds: &[f64], hop: usize) -> Vec<usize> {
-    let powers: Vec<f64> = speeds.chunks(hop).map(energy).collect();
-    let loudest = powers.iter().fold(0.0_f64, |most, power| most.max(*power));
+    let hop_powers: Vec<f64> = speeds.chunks(hop).map(energy).collect();
+    let loudest = hop_powers
+        .iter()
+        .fold(0.0_f64, |most, power| most.max(*power));
     let n_before = (SHORTEST / STROKES_HOP) as usize;
     let is_stroke = |index: &usize| {
-        let before = powers[index.saturating_sub(n_before)..*index].iter();
-        let before = before.fold(0.0_f64, |most, power| most.max(*power));
-        powers[*index] > (QUIET * loudest).max(RISE * before)
+        let power_before = hop_powers[index.saturating_sub(n_before)..*index].iter();
+        let power_before = power_before.fold(0.0_f64, |most, power| most.max(*power));
+        hop_powers[*index] > (QUIET * loudest).max(RISE * power_before)
     };
-    let mut begins: Vec<usize> = Vec::new();
-    for index in (0..powers.len()).filter(is_stroke) {
+    let mut stroke_hops: Vec<usize> = Vec::new();
+    for index in (0..hop_powers.len()).filter(is_stroke) {
         // Power that still rises belongs to the stroke before.
-        if begins.last().is_none_or(|last| index > last + n_before / 5) {
-            begins.push(index);
+        if stroke_hops
+            .last()
+            .is_none_or(|last| index > last + n_before / 5)
+        {
+            stroke_hops.push(index);
         }
     }
-    begins.into_iter().map(|index| index * hop).collect()
+    stroke_hops.into_iter().map(|index| index * hop).collect()
 }
 
 /// Differences from frame to frame, in which a stroke begins more suddenly than in positions.
@@ -94,10 +105,10 @@ fn energy(speeds: &[f64]) -> f64 {
 
 /// The first frame at which the energy exceeds `enough`; the last if none does.
 fn first_above(speeds: &[f64], enough: f64) -> usize {
-    let mut sum = 0.0;
+    let mut energy_sum = 0.0;
     let is_above = |speed: &f64| {
-        sum += speed * speed;
-        sum > enough
+        energy_sum += speed * speed;
+        energy_sum > enough
     };
     speeds.iter().position(is_above).unwrap_or(speeds.len())
 }
@@ -118,30 +129,33 @@ mod tests {
 
     /// Strokes on a partial of 300 Hz that decays in 20 ms, each with its time [s] and size; 0.4 s.
     fn strokes(each: &[(f64, f64)]) -> Vec<f64> {
-        let sample = |n: usize| {
-            let since = |time: f64| n as f64 / RATE - time;
-            let begun = each.iter().filter(|(time, _)| since(*time) >= 0.0);
-            begun
+        let stroke_sample = |n: usize| {
+            let time_since = |time: f64| n as f64 / RATE - time;
+            let begun_strokes = each.iter().filter(|(time, _)| time_since(*time) >= 0.0);
+            begun_strokes
                 .map(|(time, size)| {
-                    let since = since(*time);
-                    size * exp(-since / 0.02) * sincos(TAU * 300.0 * since).0
+                    let time_since = time_since(*time);
+                    size * exp(-time_since / 0.02) * sincos(TAU * 300.0 * time_since).0
                 })
                 .sum()
         };
-        (0..17_640).map(sample).collect()
+        (0..17_640).map(stroke_sample).collect()
     }
 
     #[test]
     fn stroke_errors_of_late_and_loud_strokes() {
         let reference = strokes(&[(0.05, 1.0), (0.2, 0.5)]);
-        let errors = |each: &[(f64, f64)]| stroke_errors(&strokes(each), &reference, RATE);
-        assert_eq!(errors(&[(0.05, 1.0), (0.2, 0.5)]), StrokeErrors::default());
-        let late = errors(&[(0.051, 1.0), (0.197, 0.5)]);
-        assert!((late.first - 1e-3).abs() < 2e-4, "{late:?}");
-        assert!((late.later - 3e-3).abs() < 5e-4, "{late:?}");
-        let loud = errors(&[(0.05, 1.0), (0.2, 0.6)]);
-        assert!((loud.level - 1.58).abs() < 0.1, "{loud:?}");
-        assert!(loud.later < 1e-4, "{loud:?}");
+        let errors_of = |each: &[(f64, f64)]| stroke_errors(&strokes(each), &reference, RATE);
+        assert_eq!(
+            errors_of(&[(0.05, 1.0), (0.2, 0.5)]),
+            StrokeErrors::default()
+        );
+        let late_errors = errors_of(&[(0.051, 1.0), (0.197, 0.5)]);
+        assert!((late_errors.first - 1e-3).abs() < 2e-4, "{late_errors:?}");
+        assert!((late_errors.later - 3e-3).abs() < 5e-4, "{late_errors:?}");
+        let loud_errors = errors_of(&[(0.05, 1.0), (0.2, 0.6)]);
+        assert!((loud_errors.level - 1.58).abs() < 0.1, "{loud_errors:?}");
+        assert!(loud_errors.later < 1e-4, "{loud_errors:?}");
     }
 
     #[test]
@@ -160,11 +174,12 @@ mod tests {
 
     #[test]
     fn stroke_errors_of_a_roll_are_those_of_its_level() {
-        let roll = |size: f64| -> Vec<f64> {
-            let each: Vec<(f64, f64)> = (0..13).map(|n| (0.03 * f64::from(n), size)).collect();
-            strokes(&each)
+        let roll_sound = |size: f64| -> Vec<f64> {
+            let roll_strokes: Vec<(f64, f64)> =
+                (0..13).map(|n| (0.03 * f64::from(n), size)).collect();
+            strokes(&roll_strokes)
         };
-        let errors = stroke_errors(&roll(1.1), &roll(1.0), RATE);
+        let errors = stroke_errors(&roll_sound(1.1), &roll_sound(1.0), RATE);
         assert!((errors.level - 0.83).abs() < 0.05, "{errors:?}");
     }
 }

@@ -16,107 +16,126 @@ fn order(number: u16, force: f64) -> ForceCommand {
 
 /// Rules without lockstep, and the time at which the service has just answered a push of 1 N.
 fn pushing() -> (Rules, Instant) {
-    let start = Instant::now();
-    let mut rules = Rules::new(false, start);
-    assert_eq!(rules.due(start), Action::Nothing);
-    rules.order(order(1, 1.0), start);
-    assert_eq!(rules.due(start), PUSH);
-    assert_eq!(rules.due(start), Action::Nothing);
-    assert_eq!(rules.state(start), (1, false));
-    (rules, start)
+    let start_instant = Instant::now();
+    let mut rules = Rules::new(false, start_instant);
+    assert_eq!(rules.due(start_instant), Action::Nothing);
+    rules.order(order(1, 1.0), start_instant);
+    assert_eq!(rules.due(start_instant), PUSH);
+    assert_eq!(rules.due(start_instant), Action::Nothing);
+    assert_eq!(rules.state(start_instant), (1, false));
+    (rules, start_instant)
 }
 
 #[test]
 fn rules_send_zero_once_to_a_silent_host() {
-    let (mut rules, start) = pushing();
-    assert!(rules.next(start) <= start + HOST_SILENT);
-    assert_eq!(rules.due(start + ms(49)), Action::Nothing);
-    assert_eq!(rules.due(start + ms(50)), ZERO);
-    assert_eq!(rules.due(start + ms(50)), Action::Nothing);
-    assert_eq!(rules.state(start + ms(51)), (1, true), "the host is told");
+    let (mut rules, start_instant) = pushing();
+    assert!(rules.next(start_instant) <= start_instant + HOST_SILENT);
+    assert_eq!(rules.due(start_instant + ms(49)), Action::Nothing);
+    assert_eq!(rules.due(start_instant + ms(50)), ZERO);
+    assert_eq!(rules.due(start_instant + ms(50)), Action::Nothing);
+    assert_eq!(
+        rules.state(start_instant + ms(51)),
+        (1, true),
+        "the host is told"
+    );
     for later in 51..5000 {
-        assert_eq!(rules.due(start + ms(later)), Action::Nothing, "{later}");
+        assert_eq!(
+            rules.due(start_instant + ms(later)),
+            Action::Nothing,
+            "{later}"
+        );
     }
     // The service is back, and forces are passed on again.
-    rules.order(order(2, 1.0), start + ms(5000));
-    assert_eq!(rules.due(start + ms(5000)), PUSH);
-    assert_eq!(rules.state(start + ms(5001)), (2, false));
+    rules.order(order(2, 1.0), start_instant + ms(5000));
+    assert_eq!(rules.due(start_instant + ms(5000)), PUSH);
+    assert_eq!(rules.state(start_instant + ms(5001)), (2, false));
 }
 
 #[test]
 fn silent_service_receives_zeros_and_is_gone_after_two_seconds() {
-    let (mut rules, start) = pushing();
-    let (mut zeros, mut gone, mut first) = (0, None, None);
+    let (mut rules, start_instant) = pushing();
+    let (mut zero_count, mut gone_after, mut first_zero) = (0, None, None);
     for now in 0..4000 {
-        let position = start + ms(now);
+        let position = start_instant + ms(now);
         rules.order(order(now as u16, 1.0), position);
         match rules.due(position) {
             ZERO => {
-                zeros += 1;
-                first = first.or(Some(now));
+                zero_count += 1;
+                first_zero = first_zero.or(Some(now));
             }
             Action::Send(_) => assert_eq!(now, 0, "no force into silence"),
             Action::Gone => {
-                gone = Some(now);
+                gone_after = Some(now);
                 break;
             }
             Action::Nothing => assert!(rules.next(position) > position),
         }
     }
-    assert_eq!((first, gone), (Some(30), Some(2000)));
-    assert!((90..=100).contains(&zeros), "20 ms apart: {zeros}");
+    assert_eq!((first_zero, gone_after), (Some(30), Some(2000)));
+    assert!(
+        (90..=100).contains(&zero_count),
+        "20 ms apart: {zero_count}"
+    );
 }
 
 #[test]
 fn rules_push_again_after_the_service_answers() {
-    let (mut rules, start) = pushing();
-    rules.order(order(2, 1.0), start);
-    assert_eq!(rules.due(start), PUSH);
-    rules.order(order(3, 1.0), start + ms(30));
-    assert_eq!(rules.due(start + ms(30)), ZERO);
-    assert_eq!(rules.state(start + ms(31)), (2, true));
+    let (mut rules, start_instant) = pushing();
+    rules.order(order(2, 1.0), start_instant);
+    assert_eq!(rules.due(start_instant), PUSH);
+    rules.order(order(3, 1.0), start_instant + ms(30));
+    assert_eq!(rules.due(start_instant + ms(30)), ZERO);
+    assert_eq!(rules.state(start_instant + ms(31)), (2, true));
     assert_eq!(
-        rules.due(start + ms(31)),
+        rules.due(start_instant + ms(31)),
         Action::Nothing,
         "that order is old"
     );
-    rules.order(order(4, 1.0), start + ms(32));
-    assert_eq!(rules.due(start + ms(32)), PUSH);
+    rules.order(order(4, 1.0), start_instant + ms(32));
+    assert_eq!(rules.due(start_instant + ms(32)), PUSH);
 }
 
 #[test]
 fn rules_send_a_slow_service_single_forces() {
-    let (mut rules, start) = pushing();
-    rules.order(order(2, 1.0), start);
-    assert_eq!(rules.due(start), PUSH);
+    let (mut rules, start_instant) = pushing();
+    rules.order(order(2, 1.0), start_instant);
+    assert_eq!(rules.due(start_instant), PUSH);
     for number in 3..10 {
-        rules.order(order(number, 2.0), start + ms(5));
-        assert_eq!(rules.due(start + ms(5)), Action::Nothing);
+        rules.order(order(number, 2.0), start_instant + ms(5));
+        assert_eq!(rules.due(start_instant + ms(5)), Action::Nothing);
     }
-    rules.order(order(10, 0.0), start + ms(6));
-    assert_eq!(rules.due(start + ms(6)), ZERO, "it waits for no reply");
-    rules.order(order(11, 0.0), start + ms(7));
-    assert_eq!(rules.due(start + ms(7)), Action::Nothing, "one is enough");
-    rules.order(order(12, 1.0), start + ms(8));
-    assert_eq!(rules.due(start + ms(8)), Action::Nothing);
-    assert_eq!(rules.state(start + ms(9)), (10, false));
-    assert_eq!(rules.due(start + ms(9)), PUSH, "the newest");
-    assert_eq!(rules.state(start + ms(10)), (12, false));
+    rules.order(order(10, 0.0), start_instant + ms(6));
+    assert_eq!(
+        rules.due(start_instant + ms(6)),
+        ZERO,
+        "it waits for no reply"
+    );
+    rules.order(order(11, 0.0), start_instant + ms(7));
+    assert_eq!(
+        rules.due(start_instant + ms(7)),
+        Action::Nothing,
+        "one is enough"
+    );
+    rules.order(order(12, 1.0), start_instant + ms(8));
+    assert_eq!(rules.due(start_instant + ms(8)), Action::Nothing);
+    assert_eq!(rules.state(start_instant + ms(9)), (10, false));
+    assert_eq!(rules.due(start_instant + ms(9)), PUSH, "the newest");
+    assert_eq!(rules.state(start_instant + ms(10)), (12, false));
 }
 
 #[test]
 fn rules_in_lockstep_send_each_order_once() {
-    let start = Instant::now();
-    let mut rules = Rules::new(true, start);
+    let start_instant = Instant::now();
+    let mut rules = Rules::new(true, start_instant);
     for number in 0..3 {
-        rules.order(order(number, 1.0), start);
+        rules.order(order(number, 1.0), start_instant);
     }
     for _ in 0..3 {
-        assert_eq!(rules.due(start), PUSH);
+        assert_eq!(rules.due(start_instant), PUSH);
     }
-    let hours = start + Duration::from_secs(7200);
-    assert_eq!(rules.due(hours), Action::Nothing);
+    let hours_later = start_instant + Duration::from_secs(7200);
+    assert_eq!(rules.due(hours_later), Action::Nothing);
     for number in 0..3 {
-        assert_eq!(rules.state(hours), (number, false));
+        assert_eq!(rules.state(hours_later), (number, false));
     }
 }

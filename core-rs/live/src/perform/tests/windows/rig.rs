@@ -17,25 +17,29 @@ pub(super) fn scene(struck: &[f64]) -> (Arc<Network>, Timeline) {
     network.part("sky", None);
     for i in 0..CELLS {
         let f = 40.0 * libm::pow(1.4, i as f64);
-        let tie = Tie::Tuned { f, t60: Some(0.8) };
-        let name = format!("c{i}");
-        network.cel(&name, 1e-3, tie, 0.0, 0.0, 0.0).unwrap();
+        let tuned_tie = Tie::Tuned { f, t60: Some(0.8) };
+        let cell_name = format!("c{i}");
+        network
+            .cel(&cell_name, 1e-3, tuned_tie, 0.0, 0.0, 0.0)
+            .unwrap();
     }
     network.part("skin", None);
     let topology = plate(Shape::Hex, 2, Rim::Fixed).unwrap();
-    let skin = network
+    let skin_start = network
         .mesh("p", &topology, 1e-3, 200.0, Some(0.5), 0.0)
         .unwrap();
-    let hammer = network.mas("h", 5e-3, -5e-3, 0.2).unwrap();
-    let but = But::plain(4e4, 0.0, 0.0);
-    network.but("hits", hammer, skin + 5, but).unwrap();
+    let hammer_mass = network.mas("h", 5e-3, -5e-3, 0.2).unwrap();
+    let hammer_but = But::plain(4e4, 0.0, 0.0);
+    network
+        .but("hits", hammer_mass, skin_start + 5, hammer_but)
+        .unwrap();
     let listened = |first, len| Term::Position {
         first,
         len,
         weight: 10.0,
     };
-    let all = vec![listened(0, CELLS), listened(skin + 8, 1)];
-    network.listen("out", all).unwrap();
+    let listened_terms = vec![listened(0, CELLS), listened(skin_start + 8, 1)];
+    network.listen("out", listened_terms).unwrap();
     let network = Arc::new(network);
     let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
     for (i, &index) in struck.iter().enumerate() {
@@ -49,33 +53,33 @@ pub(super) fn scene(struck: &[f64]) -> (Arc<Network>, Timeline) {
 /// A key that moves up by 4 mm and back within 0.74 s, and a bell that it pulls.
 pub(super) fn gesture() -> (Arc<Network>, Timeline) {
     let mut network = Network::new();
-    let tie = |k, z| Tie::Physical { k, z };
+    let physical_tie = |k, z| Tie::Physical { k, z };
     network.part("bell", None);
     network
-        .cel("b", 2e-3, tie(4e3, 0.01), 0.0, 0.0, 0.0)
+        .cel("b", 2e-3, physical_tie(4e3, 0.01), 0.0, 0.0, 0.0)
         .unwrap();
     network.part("key", None);
-    let struck = network
-        .cel("m", 0.08, tie(20.0, 0.4), 0.0, 0.0, 0.0)
+    let key_mass = network
+        .cel("m", 0.08, physical_tie(20.0, 0.4), 0.0, 0.0, 0.0)
         .unwrap();
-    network.spring("s", struck, 0, 5.0, 0.0, 0.0).unwrap();
-    let term = Term::Position {
+    network.spring("s", key_mass, 0, 5.0, 0.0, 0.0).unwrap();
+    let position_term = Term::Position {
         first: 0,
         len: 2,
         weight: 1.0,
     };
-    network.listen("out", vec![term]).unwrap();
+    network.listen("out", vec![position_term]).unwrap();
     let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
-    let key = timeline.key("key", struck);
-    let t: Vec<f64> = (0..13).map(|i| 0.02 + 0.06 * f64::from(i)).collect();
-    let x: Vec<f64> = (0..13).map(|i| 4e-3 * f64::from(i % 2)).collect();
+    let gesture_key = timeline.key("key", key_mass);
+    let path_times: Vec<f64> = (0..13).map(|i| 0.02 + 0.06 * f64::from(i)).collect();
+    let path_positions: Vec<f64> = (0..13).map(|i| 4e-3 * f64::from(i % 2)).collect();
     let written = Written {
-        t: &t,
-        x: &x,
+        t: &path_times,
+        x: &path_positions,
         approaches: &[Approach::Path(Curve::Smooth); 13],
         sources: &[],
     };
-    let gesture = Gesture::written(key, &written, Manner::OPEN).unwrap();
+    let gesture = Gesture::written(gesture_key, &written, Manner::OPEN).unwrap();
     timeline.gesture(gesture).unwrap();
     (Arc::new(network), timeline)
 }
@@ -84,30 +88,33 @@ pub(super) fn gesture() -> (Arc<Network>, Timeline) {
 pub(super) fn torn() -> (Arc<Network>, Timeline) {
     let mut network = Network::new();
     network.part("w", None);
-    let mut point = |name, m: f64, x: f64, v: f64| {
-        let points = SpacePoints {
+    let mut space_point = |name, m: f64, x: f64, v: f64| {
+        let space_points = SpacePoints {
             n_axes: 2,
             masses: &[m],
             x0: &[x, 0.0],
             v0: &[v, 0.0],
             z: 0.0,
         };
-        SpacePoint::strided(network.points(name, false, points).unwrap(), 1)
+        SpacePoint::strided(network.points(name, false, space_points).unwrap(), 1)
     };
-    let ends = (point("nail", 0.0, 0.0, 0.0), point("ball", 1.0, 0.1, 0.4));
-    let law = SpaceLaw::Yielding {
+    let thread_ends = (
+        space_point("nail", 0.0, 0.0, 0.0),
+        space_point("ball", 1.0, 0.1, 0.4),
+    );
+    let tearing_law = SpaceLaw::Yielding {
         yields: f64::INFINITY,
         breaks: 8e-3,
     };
     network
-        .space_links("thread", ends, 1, 2, law, [1e3, 0.0, 0.1])
+        .space_links("thread", thread_ends, 1, 2, tearing_law, [1e3, 0.0, 0.1])
         .unwrap();
-    let term = Term::Position {
-        first: ends.1.first,
+    let position_term = Term::Position {
+        first: thread_ends.1.first,
         len: 1,
         weight: 1.0,
     };
-    network.listen("out", vec![term]).unwrap();
+    network.listen("out", vec![position_term]).unwrap();
     (Arc::new(network), Timeline::new(Rate::new(RATE).unwrap()))
 }
 
@@ -128,22 +135,22 @@ pub(super) fn window_on(
     title: &str,
 ) -> (Window, Scene) {
     let look = simulation.looked_at();
-    let parts: Vec<_> = runs(&look)
+    let part_list: Vec<_> = runs(&look)
         .into_iter()
         .map(|run| {
-            let modes = run.body.map(|body| {
+            let mode_range = run.body.map(|body| {
                 let body = &look.bodies[body];
                 serde_json::json!({"first": body.first, "count": body.modes.len(), "of": body.n_modes})
             });
             serde_json::json!({"name": run.part.to_string(), "first": run.points.start,
-                "count": run.points.len(), "kind": run.kind, "modes": modes})
+                "count": run.points.len(), "kind": run.kind, "modes": mode_range})
         })
         .collect();
     let manifest = serde_json::json!({"title": title, "points": look.points.len(), "modes": look.n_modes(),
-        "parts": parts, "fps": FPS});
+        "parts": part_list, "fps": FPS});
     let mut ergons = simulation.written(timeline);
     ergons.sort_by(|a, b| a.time.total_cmp(&b.time));
-    let setup = Setup {
+    let window_setup = Setup {
         manifest: manifest.to_string(),
         places: vec![[0.0; 3]; look.points.len()],
         ergons,
@@ -152,7 +159,7 @@ pub(super) fn window_on(
         n_speakers: 2,
         fps: FPS,
     };
-    window(simulation, look, setup).unwrap()
+    window(simulation, look, window_setup).unwrap()
 }
 
 pub(super) fn a_stage(simulation: &Simulation, is_seen: bool) -> Stage {
@@ -204,9 +211,9 @@ impl Shown {
         player.begin();
         assert!(this.open(window));
         let server = served(limits);
-        let (coming, scenes) = channel();
+        let (coming, coming_scenes) = channel();
         coming.send((scene, this.output_times())).unwrap();
-        let relay = Relay::new(server.clone(), scenes);
+        let relay = Relay::new(server.clone(), coming_scenes);
         Self {
             this,
             player,
@@ -235,11 +242,11 @@ impl Shown {
 
 /// All messages for a viewer so far.
 pub(super) fn messages(server: &Server, cursor: &mut Cursor) -> Vec<Vec<u8>> {
-    let mut all = Vec::new();
+    let mut all_messages = Vec::new();
     loop {
         match server.hub().take(cursor, Duration::ZERO) {
-            Next::Message(bytes) => all.push(bytes.to_vec()),
-            Next::Nothing => return all,
+            Next::Message(bytes) => all_messages.push(bytes.to_vec()),
+            Next::Nothing => return all_messages,
             other => panic!("{other:?}"),
         }
     }
@@ -247,29 +254,29 @@ pub(super) fn messages(server: &Server, cursor: &mut Cursor) -> Vec<Vec<u8>> {
 
 /// Kind, instant and payload of consecutive chunks.
 pub(super) fn chunks(mut bytes: &[u8]) -> Vec<(u16, f64, Vec<u8>)> {
-    let mut all = Vec::new();
+    let mut all_chunks = Vec::new();
     bytes = bytes.strip_prefix(&MAGIC[..]).unwrap_or(bytes);
     while !bytes.is_empty() {
-        let (chunk, n) = motion::read(bytes).expect("a whole chunk");
-        all.push((chunk.kind, chunk.seconds, chunk.payload.to_vec()));
-        bytes = &bytes[n..];
+        let (chunk, chunk_length) = motion::read(bytes).expect("a whole chunk");
+        all_chunks.push((chunk.kind, chunk.seconds, chunk.payload.to_vec()));
+        bytes = &bytes[chunk_length..];
     }
-    all
+    all_chunks
 }
 
 /// The ergons in chunks, by rising instant: [s], MAT, impulse [N·s].
 pub(super) fn ergons(bytes: &[u8], look: &Look) -> Vec<(f64, usize, f64)> {
-    let word = |single: &[u8], at: usize| <[u8; 4]>::try_from(&single[at..at + 4]).unwrap();
-    let mut output = Vec::new();
+    let word_bytes = |single: &[u8], at: usize| <[u8; 4]>::try_from(&single[at..at + 4]).unwrap();
+    let mut read_ergons = Vec::new();
     for (_, t, payload) in (chunks(bytes).iter()).filter(|one| one.0 == kind::ERGONS) {
         for single in payload.chunks(20) {
-            let number = |at| f64::from(f32::from_le_bytes(word(single, at)));
-            let point = u32::from_le_bytes(word(single, 4)) as usize;
-            output.push((t + number(0), look.points[point].mat, number(8)));
+            let number_at = |at| f64::from(f32::from_le_bytes(word_bytes(single, at)));
+            let point_index = u32::from_le_bytes(word_bytes(single, 4)) as usize;
+            read_ergons.push((t + number_at(0), look.points[point_index].mat, number_at(8)));
         }
     }
-    output.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    output
+    read_ergons.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    read_ergons
 }
 
 /// Instants must agree with those of the strikes to a hundredth of a frame.

@@ -26,10 +26,11 @@ impl Body {
     /// Its position after a step under `force` [N].
     fn step(&mut self, force: f64) -> f64 {
         const SUBSTEPS: usize = 16;
-        let h = 1e-3 / SUBSTEPS as f64;
+        let substep_time = 1e-3 / SUBSTEPS as f64;
         for _ in 0..SUBSTEPS {
-            self.v += (force - self.damping * self.v - self.stiffness * self.x) / self.mass * h;
-            self.x += self.v * h;
+            self.v += (force - self.damping * self.v - self.stiffness * self.x) / self.mass
+                * substep_time;
+            self.x += self.v * substep_time;
         }
         self.x
     }
@@ -46,11 +47,11 @@ fn answer(mass: f64, damping: f64, stiffness: f64, delay: usize) -> f64 {
         sent: [0.0; 2],
     });
     let mut body = Body::new(mass, damping, stiffness);
-    let mut forces = vec![0.0; delay];
+    let mut delayed_forces = vec![0.0; delay];
     for step in 0..STEPS {
-        forces.push(questions.offset());
+        delayed_forces.push(questions.offset());
         questions.past.copy_within(1.., 0);
-        questions.past[SPAN - 1] = body.step(forces[step]);
+        questions.past[SPAN - 1] = body.step(delayed_forces[step]);
         questions.asked.as_mut().unwrap().steps += 1;
     }
     questions.sum()
@@ -73,7 +74,7 @@ fn answer_sum_of_polynomial_paths() {
 
 #[test]
 fn answer_of_all_hands_is_positive() {
-    let hands = [
+    let hand_loads = [
         [0.1, 0.0],
         [1.0, 0.0],
         [2.0, 100.0],
@@ -87,12 +88,16 @@ fn answer_of_all_hands_is_positive() {
         [41.0, 10_000.0],
     ];
     for mass in [0.03, 0.05, 0.1, 0.2, 0.4] {
-        for [damping, stiffness] in hands {
+        for [damping, stiffness] in hand_loads {
             for delay in 0..=5 {
-                let sum = answer(mass, damping, stiffness, delay);
-                let text = format!("{mass} kg, {damping} N·s/m, {stiffness} N/m, {delay} steps");
-                assert!(sum > 4e-6, "{text}: {sum}");
-                assert!(sum < TOO_GREAT * FREE_RESPONSE / mass, "{text}: {sum}");
+                let answer_sum = answer(mass, damping, stiffness, delay);
+                let case_text =
+                    format!("{mass} kg, {damping} N·s/m, {stiffness} N/m, {delay} steps");
+                assert!(answer_sum > 4e-6, "{case_text}: {answer_sum}");
+                assert!(
+                    answer_sum < TOO_GREAT * FREE_RESPONSE / mass,
+                    "{case_text}: {answer_sum}"
+                );
             }
         }
     }
@@ -106,11 +111,11 @@ fn doubtful_reply([damping, stiffness]: [f64; 2], mass: f64, delay: usize) -> Re
     }
     questions.begin(3.0, 1.0, true);
     let mut body = Body::new(mass, damping, stiffness);
-    let mut forces = std::collections::VecDeque::from(vec![0.0; delay]);
+    let mut delayed_forces = std::collections::VecDeque::from(vec![0.0; delay]);
     loop {
-        forces.push_back(questions.offset());
-        let force = forces.pop_front().unwrap();
-        if let Some(reply) = questions.take(body.step(force), force, true) {
+        delayed_forces.push_back(questions.offset());
+        let delayed_force = delayed_forces.pop_front().unwrap();
+        if let Some(reply) = questions.take(body.step(delayed_force), delayed_force, true) {
             return reply;
         }
     }
@@ -118,7 +123,7 @@ fn doubtful_reply([damping, stiffness]: [f64; 2], mass: f64, delay: usize) -> Re
 
 #[test]
 fn doubtful_reply_of_late_bodies() {
-    let hands = [
+    let hand_loads = [
         [0.1, 0.0],
         [1.0, 0.0],
         [2.0, 100.0],
@@ -127,16 +132,23 @@ fn doubtful_reply_of_late_bodies() {
         [11.0, 1500.0],
         [21.0, 3000.0],
     ];
-    for hand in hands {
+    for hand in hand_loads {
         for mass in [0.05, 0.1, 0.2] {
             for delay in 0..=2 {
-                let reply = doubtful_reply(hand, mass, delay);
-                assert_eq!(reply, Reply::Right, "{hand:?} {mass} kg, {delay} steps");
+                let body_reply = doubtful_reply(hand, mass, delay);
+                assert_eq!(
+                    body_reply,
+                    Reply::Right,
+                    "{hand:?} {mass} kg, {delay} steps"
+                );
             }
         }
     }
     // Without the comparison all of these are right.
-    let late = hands.map(|hand| doubtful_reply(hand, 0.1, 26));
-    let right = late.iter().filter(|reply| **reply == Reply::Right).count();
-    assert!(right <= 2, "{late:?}");
+    let late_replies = hand_loads.map(|hand| doubtful_reply(hand, 0.1, 26));
+    let right_count = late_replies
+        .iter()
+        .filter(|body_reply| **body_reply == Reply::Right)
+        .count();
+    assert!(right_count <= 2, "{late_replies:?}");
 }
