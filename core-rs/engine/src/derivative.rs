@@ -91,7 +91,7 @@ impl Differentiator {
         x[PAST..]
             .iter_mut()
             .zip(samples)
-            .for_each(|(x, samples)| *x = *samples);
+            .for_each(|(x, sample)| *x = *sample);
         if !self.is_begun {
             self.past = [x[PAST]; PAST];
             self.is_begun = true;

@@ -388,9 +388,7 @@ impl Island {
             .filter_map(inside::RunningBody::finer_frames);
         guard_frames.chain(bodies).map(|(part_name, finer_frames)| {
             let FinerFrames {
-                frames,
-                steps_max,
-                ..
+                frames, steps_max, ..
             } = finer_frames.per_frame(self.oversampling);
             (part_name, frames, steps_max)
         })

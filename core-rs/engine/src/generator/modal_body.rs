@@ -65,10 +65,7 @@ pub fn modal_body(
     let mut place_basis: Vec<Vec<f64>> = (0..n_places)
         .map(|place| mode_shapes.iter().map(|row| row[place]).collect())
         .collect();
-    let basis_norm: Vec<f64> = place_basis
-        .iter()
-        .map(|level_sum| sqrt(dot(level_sum, level_sum)))
-        .collect();
+    let basis_norm: Vec<f64> = place_basis.iter().map(|row| sqrt(dot(row, row))).collect();
     let mut stiffness = diagonal(poles.iter().map(|pole| pole.0), n_modes);
     let mut damping = diagonal(poles.iter().map(|pole| pole.1), n_modes);
     for step in 0..n_places {
@@ -76,8 +73,8 @@ pub fn modal_body(
         let Some(mirror) = mirror(&place_basis[step], step) else {
             continue;
         };
-        for level_sum in &mut place_basis[step..] {
-            reflect(level_sum, &mirror);
+        for row in &mut place_basis[step..] {
+            reflect(row, &mirror);
         }
         reflect_both(&mut stiffness, &mirror);
         reflect_both(&mut damping, &mirror);
@@ -174,7 +171,7 @@ fn mirror(vector: &[f64], first: usize) -> Option<Vec<f64>> {
         return None;
     }
     let tail_norm = sqrt(reflector[first] * reflector[first] + tail_square);
-    // own - |own|·axis, without a difference of nearly equal numbers.
+    // vector - |vector|·axis, without a difference of nearly equal numbers.
     reflector[first] = if reflector[first] > 0.0 {
         -tail_square / (reflector[first] + tail_norm)
     } else {

@@ -52,10 +52,10 @@ impl Mesh {
                         }
                         None => {
                             let run = &self.others[run_index - self.springs.len()];
-                            let run_index = |link_index: usize| {
+                            let elongation = |link_index: usize| {
                                 x(run.b + link_index) - x(run.a + link_index) - run.rest
                             };
-                            match run.tension(run_index) {
+                            match run.tension(elongation) {
                                 0.0 => run.force(e - run.rest, de),
                                 tension => tension * (e - run.rest),
                             }

@@ -220,9 +220,9 @@ pub(super) fn bind_leads(scheme: &mut Scheme, network: &Network, timeline: &Time
         {
             let find_run =
                 |runs: &[crate::scheme::Run]| runs.iter().position(|own| own.first == run.first);
-            let place = if let Some(find_run) = find_run(&scheme.runs) {
-                scheme.runs[find_run].set_loose();
-                Place::Run(find_run)
+            let place = if let Some(index) = find_run(&scheme.runs) {
+                scheme.runs[index].set_loose();
+                Place::Run(index)
             } else {
                 find_run(&scheme.exact).map_or(Place::Fine, Place::Exact)
             };

@@ -144,9 +144,9 @@ impl BodyPlan {
             inside.ports().into_iter().map(name).collect()
         };
         let bodies_match = match (self, other) {
-            (Self::Modal(name_of), Self::Modal(other)) => name_of.is_same(other),
-            (Self::Mesh(name_of), Self::Mesh(other)) => name_of.is_same(other),
-            (Self::Slow(name_of), Self::Slow(other)) => name_of.is_same(other),
+            (Self::Modal(body), Self::Modal(other)) => body.is_same(other),
+            (Self::Mesh(body), Self::Mesh(other)) => body.is_same(other),
+            (Self::Slow(body), Self::Slow(other)) => body.is_same(other),
             _ => false,
         };
         bodies_match && port_names(self, &name_of) == port_names(other, &their)

@@ -55,16 +55,16 @@ struct PairContacts {
 impl PairGains {
     /// `None` if there are no such contacts, or one of them has a gate.
     pub(super) fn new(scheme: &Scheme) -> Option<Self> {
-        let pair_runs = scheme.runs.iter().filter_map(|pairwise_runs| {
-            let run = pairwise_runs.pairwise()?;
-            Some((pairwise_runs, run))
+        let pair_runs = scheme.runs.iter().filter_map(|scheme_run| {
+            let run = scheme_run.pairwise()?;
+            Some((scheme_run, run))
         });
         let pair_contacts: Vec<PairContacts> = pair_runs
             .clone()
-            .map(|(pairwise_runs, run)| PairContacts {
-                first: pairwise_runs.first,
-                room: pairwise_runs.room(),
-                k: pairwise_runs.k,
+            .map(|(scheme_run, run)| PairContacts {
+                first: scheme_run.first,
+                room: scheme_run.room(),
+                k: scheme_run.k,
                 neighbours: Neighbours::new(&run),
                 run,
             })
@@ -72,7 +72,7 @@ impl PairGains {
         let mat_buffer = || vec![0.0; scheme.n_mat()];
         let is_gated = pair_runs
             .clone()
-            .any(|(pairwise_runs, _)| pairwise_runs.gate.is_some());
+            .any(|(scheme_run, _)| scheme_run.gate.is_some());
         (!pair_contacts.is_empty() && !is_gated).then(|| Self {
             pair_contacts,
             d: mat_buffer(),

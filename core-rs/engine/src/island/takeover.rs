@@ -203,13 +203,18 @@ impl Island {
                     self.script.scheme.room_of(to),
                 );
                 if let (Some(from), Some(to)) = history_rooms {
-                    let mat = &mut self.state.matter.body.histories[to];
-                    mat.copy_from(&old.state.matter.body.histories[from]);
+                    let history = &mut self.state.matter.body.histories[to];
+                    history.copy_from(&old.state.matter.body.histories[from]);
                 }
             }
             ItemTakeover::Part(from, to) => {
                 let part_is_mute = |island: &Self, part| {
-                    island.state.watch.mutes.list().any(|(mat, _)| mat == part)
+                    island
+                        .state
+                        .watch
+                        .mutes
+                        .list()
+                        .any(|(muted, _)| muted == part)
                 };
                 if part_is_mute(old, from) && !part_is_mute(self, to) {
                     // A muted part stays muted in the next version.

@@ -63,14 +63,13 @@ impl Fine {
         };
         let pair_count = |joint: &Joint| {
             let is_same_body = |other: &&Joint| match (joint.port, other.port) {
-                (Some((owner, _)), Some((new_joint, _))) => owner == new_joint,
+                (Some((owner, _)), Some((other_owner, _))) => owner == other_owner,
                 _ => false,
             };
             joints.iter().filter(is_same_body).count().max(1) as u64
         };
         let instants = n_instants as u64;
-        let has_rows =
-            |new_joint: &&Joint| new_joint.port.is_none_or(|(owner, _)| !is_crowded(owner));
+        let has_rows = |joint: &&Joint| joint.port.is_none_or(|(owner, _)| !is_crowded(owner));
         let table_products = |body: &CrowdedBody| {
             let motions = 2 * instants * body.n_modes() as u64;
             motions * (RESPONSE + instants)
@@ -78,14 +77,12 @@ impl Fine {
         let responses = joints
             .iter()
             .filter(has_rows)
-            .map(|new_joint| {
-                (RESPONSE + pair_count(new_joint)) * mode_count(new_joint) * instants * instants
-            })
+            .map(|joint| (RESPONSE + pair_count(joint)) * mode_count(joint) * instants * instants)
             .sum::<u64>();
         let crowded_products: u64 = crowded.iter().map(table_products).sum();
         let ways = joints
             .iter()
-            .map(|new_joint| (2 * mode_count(new_joint) + instants) * instants)
+            .map(|joint| (2 * mode_count(joint) + instants) * instants)
             .sum();
         let moves_from = |joint: &Joint| moves(joint, &joints, bodies, (&basis, rate), is_crowded);
         let (moves, jumps): (Vec<_>, _) = joints.iter().flat_map(moves_from).unzip();

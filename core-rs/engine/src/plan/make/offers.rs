@@ -13,7 +13,7 @@ use crate::plan::passes::split::OwnTimeline;
 use crate::plan::report::row::Measured;
 use crate::plan::trial::multirate::{self, Offered};
 
-/// Why a part that asks for a rate of its island_timeline does not get it, if its island is better without.
+/// Why a part that asks for a rate of its own does not get it, if its island is better without.
 const NO_GAIN: &str = "at every frame its island keeps the budget, or keeps it at less cost";
 
 impl Maker<'_> {
@@ -207,9 +207,7 @@ impl Solved {
     fn sounds_as_exact(&self, other: &Self, budget: &Budget) -> bool {
         let audible = |solved: &Self| solved.chosen.error.and_then(|error| error.audible);
         match (audible(self), audible(other)) {
-            (Some(island_timeline), Some(other)) => {
-                island_timeline.excess(budget) <= other.excess(budget).max(1.0)
-            }
+            (Some(ours), Some(other)) => ours.excess(budget) <= other.excess(budget).max(1.0),
             _ => self.is_as_exact(other, budget),
         }
     }
@@ -218,8 +216,8 @@ impl Solved {
     fn is_as_exact(&self, other: &Self, budget: &Budget) -> bool {
         let error_db = |solved: &Self| solved.chosen.error.map(|error| error.db);
         match (error_db(self), error_db(other)) {
-            (Some(island_timeline), Some(other)) => island_timeline <= other.max(budget.asked()),
-            (island_timeline, other) => island_timeline.is_none() == other.is_none(),
+            (Some(ours), Some(other)) => ours <= other.max(budget.asked()),
+            (ours, other) => ours.is_none() == other.is_none(),
         }
     }
 }

@@ -36,17 +36,17 @@ pub(super) fn plan(
         budget.takes_modes() && cells::is_loose(network, members, timeline.rate)
     };
     let (subsets, n_islands) = seen::subsets(network, unheard, is_loose)?;
-    for (island_timeline, (subset, members)) in split(subsets, timeline).into_iter().enumerate() {
-        if island_timeline >= n_islands {
-            maker.cells(&subset, &members)?;
+    for (index, (subset, island_timeline)) in split(subsets, timeline).into_iter().enumerate() {
+        if index >= n_islands {
+            maker.cells(&subset, &island_timeline)?;
             continue;
         }
         let first_row = maker.plan.rows.len();
-        maker.island(subset.clone(), members.clone())?;
+        maker.island(subset.clone(), island_timeline.clone())?;
         if let Some(Unit::IslandPlan(slow_plan)) = maker.plan.units.last()
             && slow_plan.every > 1
         {
-            let island_context = (&subset, &members, budget);
+            let island_context = (&subset, &island_timeline, budget);
             let rate_error = seen_rate::error(
                 slow_plan,
                 island_context,

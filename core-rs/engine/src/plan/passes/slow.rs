@@ -297,7 +297,7 @@ impl Solution {
             .iter()
             .filter_map(|&mat| Some((slot_of_mat(subset.mat(mat as usize)?)?, mat as usize)))
             .collect();
-        let is_port_slot = |weights: usize| ports.iter().any(|port| port.0 == weights);
+        let is_port_slot = |slot: usize| ports.iter().any(|port| port.0 == slot);
         let mats = subset.network.mats();
         Ok(Slow {
             part,

@@ -93,10 +93,7 @@ impl<'a> Memo<'a> {
         let already_solved =
             solved_here.or_else(|| self.known.iter().find(is_same_problem).cloned());
         let row_place = |solved: &Solved, row: &Row| {
-            solved
-                .rows
-                .iter()
-                .position(|place_of_row| place_of_row == row)
+            solved.rows.iter().position(|solved_row| solved_row == row)
         };
         if let Some(solved) = &already_solved {
             let row_places: Option<Vec<usize>> =
@@ -116,14 +113,14 @@ impl<'a> Memo<'a> {
         let modes = Modes::new(network, &all_rows, rate)?;
         self.count(network, modes.len());
         let row_places: Vec<usize> = (0..rows.len()).collect();
-        let place_of_row = modes.seen_by(&row_places);
+        let seen_modes = modes.seen_by(&row_places);
         self.keep(Arc::new(Solved {
             network: network.clone(),
             rate,
             rows: all_rows,
             modes,
         }));
-        Ok(place_of_row)
+        Ok(seen_modes)
     }
 
     /// The same as [`ComplexModes::new`], computed once for all rates at which an island is tried.

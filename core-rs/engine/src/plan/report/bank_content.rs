@@ -42,9 +42,9 @@ impl BankContent {
                 hash_sink.add(weight.to_le_bytes());
             }
         }
-        for oscillator in &bank.strikes {
-            let (among, responses) = (&oscillator.among, &oscillator.responses);
-            let (share, w) = (&oscillator.share, oscillator.w);
+        for strike in &bank.strikes {
+            let (among, responses) = (&strike.among, &strike.responses);
+            let (share, w) = (&strike.share, strike.w);
             hash_sink.add(digest(format_args!(
                 "{among:?} {responses:?} {share:?} {w:?}"
             )));

@@ -98,9 +98,8 @@ pub(in crate::plan) fn offer(
         return None;
     }
     let is_offered = |name: &str| offered_names.contains(name);
-    let macrostep_of = |name: &str, island_timeline: Option<u32>| {
-        island_timeline.or(is_offered(name).then_some(every))
-    };
+    let macrostep_of =
+        |name: &str, asked_every: Option<u32>| asked_every.or(is_offered(name).then_some(every));
     let slowed_network = network.with_macrosteps(macrostep_of);
     let slowed_bodies = slow_bodies(&slowed_network, timeline);
     let fits: BTreeSet<usize> = slowed_bodies
@@ -112,8 +111,8 @@ pub(in crate::plan) fn offer(
     let fits = |name: &str| {
         is_offered(name) && fits.iter().any(|&part| network.parts()[part].name == name)
     };
-    let network = network
-        .with_macrosteps(|name, island_timeline| island_timeline.or(fits(name).then_some(every)));
+    let network =
+        network.with_macrosteps(|name, asked_every| asked_every.or(fits(name).then_some(every)));
     is_more(&network, &subset.network).then(|| Subset {
         network,
         ..subset.clone()

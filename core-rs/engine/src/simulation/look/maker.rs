@@ -156,9 +156,9 @@ impl<'a> Maker<'a> {
                     }
                 }
                 BodyPlan::Slow(slow) => {
-                    for (mesh_mat, &mat) in slow.free.iter().enumerate() {
+                    for (slot, &mat) in slow.free.iter().enumerate() {
                         let mat = self.network_index(&slow.network, mat);
-                        self.record_sampled(mat, unit, Origin::Slow(body, mesh_mat));
+                        self.record_sampled(mat, unit, Origin::Slow(body, slot));
                     }
                 }
                 BodyPlan::Modal(modal) => {
@@ -208,7 +208,7 @@ impl<'a> Maker<'a> {
         }
         let breaking: Vec<(u32, u32)> =
             may_break(network, |mat| to_network_index(&island.to_whole.mats, mat))
-                .filter_map(|(mesh_mat, ends)| Some((mesh_mat as u32, *self.by_ends.get(&ends)?)))
+                .filter_map(|(link, ends)| Some((link as u32, *self.by_ends.get(&ends)?)))
                 .collect();
         self.breaking.push((unit, breaking));
     }
@@ -219,10 +219,8 @@ impl<'a> Maker<'a> {
         };
         let oscillations: Vec<Oscillation> = bank.oscillators.iter().map(oscillation).collect();
         if bank.mats.len() == oscillations.len() && !oscillations.is_empty() {
-            for (oscillator, (&(mat, rest), &free)) in
-                bank.mats.iter().zip(&oscillations).enumerate()
-            {
-                let from = Origin::Bank(oscillator);
+            for (cell, (&(mat, rest), &free)) in bank.mats.iter().zip(&oscillations).enumerate() {
+                let from = Origin::Bank(cell);
                 let how = How::Free(free);
                 self.record(
                     Some(mat as usize),
@@ -290,9 +288,8 @@ impl<'a> Maker<'a> {
                 );
             }
             let mats = mats.iter().enumerate();
-            let mut mats: Vec<(usize, usize)> = mats
-                .filter_map(|(mode_pairs, mat)| Some(((*mat)?, mode_pairs)))
-                .collect();
+            let mut mats: Vec<(usize, usize)> =
+                mats.filter_map(|(row, mat)| Some(((*mat)?, row))).collect();
             mats.sort_unstable();
             self.bodies.push(FoundBody {
                 mats,

@@ -142,8 +142,8 @@ impl Takeover {
                 );
             }
             // A hand that several islands touch has a binding in each of them.
-            for (hand, gate_script) in island.script().hand_bindings.iter().enumerate() {
-                let match_name = island_plan.network.mat_name(gate_script.mat());
+            for (hand, binding) in island.script().hand_bindings.iter().enumerate() {
+                let match_name = island_plan.network.mat_name(binding.mat());
                 old_hands
                     .entry(match_name)
                     .or_default()
@@ -156,7 +156,7 @@ impl Takeover {
                 let mut link_names =
                     network_runs.map(|run| island_plan.network.link_name(run.first));
                 link_names
-                    .any(|gate_script| gate_script == match_name)
+                    .any(|link_name| link_name == match_name)
                     .then_some(unit)
             };
             let mut side_islands = there
@@ -182,9 +182,9 @@ impl Takeover {
                         .push((old_unit, to, ItemTakeover::Gate(None, gate)));
                 }
             }
-            for (hand, gate_script) in island_script.hand_bindings.iter().enumerate() {
+            for (hand, binding) in island_script.hand_bindings.iter().enumerate() {
                 let Some(old_bindings) =
-                    old_hands.get(&island_plan.network.mat_name(gate_script.mat()))
+                    old_hands.get(&island_plan.network.mat_name(binding.mat()))
                 else {
                     continue;
                 };
@@ -205,22 +205,23 @@ impl Takeover {
                     .find(|island| island.0 == unit)
                     .map(|island| island.2.network.clone())
             };
-            let (Some(gate_script), Some(their)) = (island(here, to), island(there, old_unit))
+            let (Some(new_network), Some(old_network)) =
+                (island(here, to), island(there, old_unit))
             else {
                 continue;
             };
             let mut part_pairs: Vec<(u32, u32)> = {
-                let (gate_script, their) = (&gate_script.mats().part, &their.mats().part);
-                their
+                let (new_parts, old_parts) = (&new_network.mats().part, &old_network.mats().part);
+                old_parts
                     .iter()
                     .copied()
-                    .zip(gate_script.iter().copied())
+                    .zip(new_parts.iter().copied())
                     .collect()
             };
             part_pairs.sort_unstable();
             part_pairs.dedup();
-            for (there, gate_script) in part_pairs {
-                let passed_item = ItemTakeover::Part(there as usize, gate_script as usize);
+            for (old_part, new_part) in part_pairs {
+                let passed_item = ItemTakeover::Part(old_part as usize, new_part as usize);
                 self.items.push((old_unit, to, passed_item));
             }
         }

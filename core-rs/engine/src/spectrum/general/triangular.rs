@@ -100,8 +100,8 @@ fn solve(
         };
         if values[row_index].1 == 0.0 {
             let right_side = negated_sum(row_index, row_index + 1, re, im);
-            let row_entries = safe_pivot((h[row_index * n + row_index] - s.0, -s.1));
-            (re[row_index], im[row_index]) = divide(right_side, row_entries);
+            let pivot = safe_pivot((h[row_index * n + row_index] - s.0, -s.1));
+            (re[row_index], im[row_index]) = divide(right_side, pivot);
         } else {
             // A 2 × 2 block: [a b; c d] − s.
             let (upper_row, lower_row) = (row_index - 1, row_index);

@@ -45,18 +45,16 @@ fn faded(x: &[f64]) -> Vec<f64> {
 fn unmasked_bands(centres: &[f64], powers: &[f64]) -> Vec<bool> {
     let strongest = powers.iter().fold(0.0_f64, |most, power| most.max(*power));
     let band_barks: Vec<f64> = centres.iter().map(|f| bark(*f)).collect();
-    let masking_power = |masked_power: usize| -> f64 {
+    let masking_power = |band: usize| -> f64 {
         let other_powers = powers.iter().zip(&band_barks).enumerate();
-        let other_powers = other_powers.filter(|(other, _)| *other != masked_power);
+        let other_powers = other_powers.filter(|(other, _)| *other != band);
         let spread_powers = other_powers
-            .map(|(_, (power, bark))| power * decibels(spreading(band_barks[masked_power] - bark)));
-        spread_powers.sum::<f64>() * decibels(-14.5 - band_barks[masked_power])
+            .map(|(_, (power, bark))| power * decibels(spreading(band_barks[band] - bark)));
+        spread_powers.sum::<f64>() * decibels(-14.5 - band_barks[band])
     };
     let indexed = powers.iter().enumerate();
     indexed
-        .map(|(masked_power, power)| {
-            *power > (COMPARED_POWER_MIN * strongest).max(masking_power(masked_power))
-        })
+        .map(|(band, power)| *power > (COMPARED_POWER_MIN * strongest).max(masking_power(band)))
         .collect()
 }
 
