@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ergon.live.calibration import Axis
 
 _PERIOD = 1e-3  # [s]
-_LEAST = 0.05  # of the device's range; less may be a trembling finger
+_TRAVEL_MIN = 0.05  # of the device's range; less may be a trembling finger
 
 
 def _travel(ctx: click.Context, parameter: click.Parameter, text: str | None) -> float | None:
@@ -75,10 +75,10 @@ def calibrate(
     from ergon.live.calibration import axis_key, store_axis, uncalibrated_axis
 
     try:
-        url, first = resolve(device, {} if ":" in device else device_urls())
+        url, url_axis = resolve(device, {} if ":" in device else device_urls())
     except BoardError as error:
         raise Refused(str(error)) from None
-    number = first if axis is None else axis
+    number = url_axis if axis is None else axis
     try:
         open_device = _core.Device(url)
     except _core.EngineError as error:
@@ -87,14 +87,14 @@ def calibrate(
         console.say("let go of the key: it gets a small pulse to one side, then to the other")
         calibrated = uncalibrated_axis(open_device, int(open_device.direction(number, _PERIOD)))
         if seconds > 0:
-            calibrated = _ended(console, open_device, calibrated, number, seconds, travel)
+            calibrated = _axis_with_ends(console, open_device, calibrated, number, seconds, travel)
         elif travel is not None:
             raise Refused("--travel needs the ends of the axis, which --seconds 0 does not measure")
     except _core.EngineError as error:
         raise Refused(f"{axis_key(url, number)}: {error}") from None
     finally:
         open_device.close()
-    calibrated = _as_asked(calibrated, turned, force_max)
+    calibrated = _with_options(calibrated, turned, force_max)
     try:
         path = store_axis(url, number, calibrated)
     except BoardError as error:
@@ -102,7 +102,7 @@ def calibrate(
     _say(console, axis_key(url, number), calibrated, open_device.unit, str(path))
 
 
-def _ended(
+def _axis_with_ends(
     console: Console, device: Device, axis: Axis, number: int, seconds: float, travel: float | None
 ) -> Axis:
     from ergon.live.calibration import axis_between_ends
@@ -110,7 +110,7 @@ def _ended(
     console.say(f"move the key from end to end, for {seconds:g} s")
     low, high = device.ends(seconds, _PERIOD)[number].tolist()
     least, greatest = device.range
-    if high - low < _LEAST * (greatest - least):
+    if high - low < _TRAVEL_MIN * (greatest - least):
         raise Refused(
             f"the key moved {high - low:.2g} {device.unit} in {seconds:g} s, too little to find "
             "its ends; --seconds 0 takes the ends that the device states"
@@ -118,7 +118,7 @@ def _ended(
     return axis_between_ends(axis, low, high, high - low if travel is None else travel)
 
 
-def _as_asked(axis: Axis, turned: bool, force_max: float | None) -> Axis:
+def _with_options(axis: Axis, turned: bool, force_max: float | None) -> Axis:
     from dataclasses import replace
 
     if turned:
@@ -143,8 +143,8 @@ def _say(console: Console, name: str, axis: Axis, unit: str, path: str) -> None:
         )
         return
     low, high = axis.range
-    which = "as it should" if axis.sign > 0 else "the other way round, which is corrected"
+    direction = "as it should" if axis.sign > 0 else "the other way round, which is corrected"
     console.say(
-        f"{name}: a force moves it {which}; {low:.4g} to {high:.4g} {unit}, "
+        f"{name}: a force moves it {direction}; {low:.4g} to {high:.4g} {unit}, "
         f"{axis.force_max:g} N at most; kept in {path}"
     )

@@ -44,13 +44,16 @@ def pages() -> dict[str, Page]:
 def matches(topic: str, known: dict[str, Page]) -> list[tuple[Page, str]]:
     """The pages about a topic, the page that is meant first, each with the heading that says so.
 
-    A page is meant by its name before a title, by a title before a heading within, by a heading
-    that begins with the topic before one that has it; of equals, the one that has the topic
-    oftenest. A topic that no heading has is counted in the texts. No pages of mistakes.
+    A match of the name ranks before one of the title, and the title before other headings. A
+    heading that begins with the topic ranks before one that contains it. Of equal pages the one
+    that mentions the topic most often comes first. If no heading matches, the mentions in the texts
+    count. Pages of mistakes are left out.
     """
-    asked = _stems(topic)
-    other = next((meant for word, meant in _MEANT.items() if _stems(word) == asked), None)
-    stems = _stems(other) if other else asked
+    asked_stems = _stems(topic)
+    synonym = next(
+        (meant for word, meant in _SYNONYMS.items() if _stems(word) == asked_stems), None
+    )
+    stems = _stems(synonym) if synonym else asked_stems
     if not stems:
         return []
     wanted = [re.compile(rf"\b{re.escape(part)}", re.IGNORECASE) for part in stems]
@@ -59,22 +62,31 @@ def matches(topic: str, known: dict[str, Page]) -> list[tuple[Page, str]]:
         if page.path.parent.name == "errors":
             continue
         n_mentions = min(len(pattern.findall(page.text)) for pattern in wanted)
-        is_later = page.name.startswith("design/") or page.name in _LATER
+        is_later = page.name.startswith("design/") or page.name in _DEVELOPER_PAGES
         ranked = _rank(page, stems, wanted)
         if ranked is not None:
             rank, heading = ranked
             by_heading.append((is_later, rank, -n_mentions, page.name, page, heading))
-        elif n_mentions >= _OFTEN:
+        elif n_mentions >= _MENTIONS_MIN:
             by_text.append((is_later, 0, -n_mentions, page.name, page, page.headings[0]))
     rows = sorted(by_heading or by_text, key=lambda row: row[:4])
     return [(page, heading) for *_, page, heading in rows]
 
 
-_OFTEN = 2  # mentions by which a page is about a topic that no heading has
+_MENTIONS_MIN = 2  # mentions by which a page is about a topic that no heading has
 # Pages for those who change ergon: they come after those for players.
-_LATER = ("accuracy", "benchmarks", "charts", "ear", "faults", "fuzzing", "security", "start")
+_DEVELOPER_PAGES = (
+    "accuracy",
+    "benchmarks",
+    "charts",
+    "ear",
+    "faults",
+    "fuzzing",
+    "security",
+    "start",
+)
 # Topics that the pages call by other words.
-_MEANT = {
+_SYNONYMS = {
     "audio": "sound",
     "beginner": "tutorial",
     "drums": "skins",
@@ -98,7 +110,7 @@ _MEANT = {
     "volume": "soft",
     "vscode": "editors",
 }
-_SMALL = frozenset(
+_STOP_WORDS = frozenset(
     ("a", "an", "do", "how", "i", "in", "is", "it", "of", "the", "to", "what", "why")
 )
 _ENDINGS = ("ings", "ing", "ers", "er", "ed", "es", "s", "e")
@@ -124,7 +136,7 @@ def _rank(page: Page, stems: list[str], wanted: list[re.Pattern[str]]) -> tuple[
 
 def _stems(topic: str) -> list[str]:
     """The words of a topic without their endings, so that `tune`, `tunings` and `tuned` are one."""
-    words = [word for word in _WORD.findall(topic.lower()) if word not in _SMALL]
+    words = [word for word in _WORD.findall(topic.lower()) if word not in _STOP_WORDS]
     return [_stem(word) for word in words]
 
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ergon.workshop.metrology.comparison import Replay
     from ergon.workshop.metrology.gesture import Floats, Gesture
 
-_WARNS = 5.0  # times the noise of the sensor
+_WARNING_RATIO = 5.0  # times the noise of the sensor
 _WIDTH_MAX = 160  # columns: wider is harder to read, not finer
 _HEIGHTS = (6, 10, 7)  # lines: asked, real and model, residual
 
@@ -72,7 +72,7 @@ def replay(
     from ergon.workshop.metrology import comparison
     from ergon.workshop.metrology.gesture import sensor_noise, sensor_step
 
-    known = calibration(file)
+    measured_key = calibration(file)
     if output is not None:
         check_target(Path(output), force=force, inputs=[Path(file)])
     is_take = Path(real).is_file()
@@ -81,15 +81,15 @@ def replay(
             "--score is for a key of a device; a take has its own gesture: leave --score out"
         )
     path = metrology_score.path(console, score, key)
-    took = (
+    measured = (
         gesture(console, Path(real), hand, force_step)
         if is_take
         else _pushed(console, real, path, force_step=force_step, gated=not no_gate)
     )
-    result = comparison.replay(known.row, took)
+    result = comparison.replay(measured_key.row, measured)
     if not console.json:
         console.data(_drawn(result, width))
-    _tell(console, result, sensor_noise([took]), sensor_step([took]))
+    _print_residuals(console, result, sensor_noise([measured]), sensor_step([measured]))
     if output is not None:
         from ergon.workshop.metrology.picture import picture
 
@@ -119,7 +119,7 @@ def _pushed(
         raise Refused(f"{device}: {error}") from None
     finally:
         axis.device.close()
-    return max((take.gesture for take in takes), key=lambda took: len(took.force))
+    return max((take.gesture for take in takes), key=lambda measured: len(measured.force))
 
 
 def _drawn(result: Replay, width: int | None) -> str:
@@ -146,7 +146,9 @@ def _show(console: Console, result: Replay, address: str | None) -> None:
         serve_shown(console, shown, address or ANYWHERE, [])
 
 
-def _tell(console: Console, result: Replay, noise: float | None, step: float | None) -> None:
+def _print_residuals(
+    console: Console, result: Replay, noise: float | None, step: float | None
+) -> None:
     import numpy as np
 
     step_head = "" if step is None else f"{'of step':>9}"
@@ -158,20 +160,23 @@ def _tell(console: Console, result: Replay, noise: float | None, step: float | N
     real = result.gesture.position[result.gesture.counts]
     for second in np.unique(seconds):
         inside = seconds == second
-        left = result.residual[inside]
+        residual = result.residual[inside]
         moved = float(np.ptp(real[inside]))
-        rms, largest = float(np.sqrt(np.mean(left**2))), float(np.abs(left).max())
+        rms, largest = float(np.sqrt(np.mean(residual**2))), float(np.abs(residual).max())
         if console.json:
             console.record("second", s=int(second), real_m=moved, rms_m=rms, most_m=largest)
         else:
-            columns = f"{moved * 1e3:9.3g} mm{_off(rms, 11, step)}{_off(largest, 9, step)}"
+            errors = f"{_residual_text(rms, 11, step)}{_residual_text(largest, 9, step)}"
+            columns = f"{moved * 1e3:9.3g} mm{errors}"
             console.data(f"{second:5d}{columns}\n")
     if console.json:
         console.record(
             "replay", rms_m=result.rms, most_m=result.residual_max, noise_m=noise, step_m=step
         )
         return
-    columns = f"{_off(result.rms, 11, step)}{_off(result.residual_max, 9, step)}"
+    columns = (
+        f"{_residual_text(result.rms, 11, step)}{_residual_text(result.residual_max, 9, step)}"
+    )
     console.data(f"{'all':>5}{'':12}{columns}\n")
     if noise is not None:
         # Real and model are compared as the sensor reads them: an exact model leaves the sensor's
@@ -181,10 +186,10 @@ def _tell(console: Console, result: Replay, noise: float | None, step: float | N
         console.say(
             f"the sensor's noise is {noise * 1e6:.3g} um; beyond it the model is off by "
             f"{beyond * 1e6:.3g} um{step_share}"
-            + (": measure the key again" if beyond > _WARNS * noise else "")
+            + (": measure the key again" if beyond > _WARNING_RATIO * noise else "")
         )
 
 
-def _off(x: float, width: int, step: float | None) -> str:
+def _residual_text(x: float, width: int, step: float | None) -> str:
     """A residual in um and, if the sensor's step is known, in such steps."""
     return f"{x * 1e6:{width}.4g} um" + ("" if step is None else f"{x / step:9.3g}")

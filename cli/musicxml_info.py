@@ -31,7 +31,7 @@ def musicxml(path: Path) -> tuple[dict[str, object], list[str]]:
         levels = f", strengths {min(strengths):.2g} to {max(strengths):.2g}" if strengths else ""
         return f"{plural(len(part.notes), 'note')}, {reach}{levels}"
 
-    parts = {f"part {part.called}": notes_of(part) for part in score.parts[:_PARTS_MAX]}
+    parts = {f"part {part.label}": notes_of(part) for part in score.parts[:_PARTS_MAX]}
     if extra := len(score.parts) - len(parts):
         parts["and"] = plural(extra, "more part")
     tempos = [(quarter, f"{bpm:.6g} bpm") for quarter, bpm in score.tempos]

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
 FPS = 60.0  # samples of the motion a second
 SUFFIX = ".motion"
-_APART = 1.3  # [m] between instruments that the score does not place
-_KEYS_AT = -1.3  # [m] in front of the instruments
+_INSTRUMENT_SPACING = 1.3  # [m] between instruments that the score does not place
+_KEYS_Y = -1.3  # [m] in front of the instruments
 _KEY_WIDTH = 0.1  # [m]
 _ROW = 0.6  # length of a row of modules without a place, as part of the bench
 _LAYOUTS = {"BANK": "bank", "MODES": "bank", "STRING": "string", "PLATE": "plate"}
@@ -54,17 +54,19 @@ def recorder(stage: Stage, simulation: Simulation, duration: float | None) -> Mo
     """A recorder of the motion of a simulation at frame 0. Raises EngineError."""
     from ergon import _core
 
-    return _core.MotionRecorder(**_seeing(stage, simulation, duration))
+    return _core.MotionRecorder(**_recorder_arguments(stage, simulation, duration))
 
 
 def window(stage: Stage, simulation: Simulation) -> Window:
     """The view that pages get of a simulation that is about to play. Raises EngineError."""
     from ergon import _core
 
-    return _core.Window(**_seeing(stage, simulation, None))
+    return _core.Window(**_recorder_arguments(stage, simulation, None))
 
 
-def _seeing(stage: Stage, simulation: Simulation, duration: float | None) -> dict[str, Any]:
+def _recorder_arguments(
+    stage: Stage, simulation: Simulation, duration: float | None
+) -> dict[str, Any]:
     """The arguments of a recorder and of a window."""
     from ergon import _core
 
@@ -107,10 +109,12 @@ def manifest(stage: Stage, look: MotionLook, duration: float | None) -> dict[str
     from ergon import _core
 
     piece = stage.piece
-    point = {mat: at for at, mat in enumerate(look.mats())}
+    point = {mat: index for index, mat in enumerate(look.mats())}
     players = {player.key: player.name for player in piece.players.values()}
     in_space = ([point.get(mat) for mat in axes] for axes in stage.built.points_in_space())
-    contacts = [(one.name, point.get(one.a), point.get(one.b)) for one in look.contacts()]
+    contacts = [
+        (contact.name, point.get(contact.a), point.get(contact.b)) for contact in look.contacts()
+    ]
     return {
         "made_by": f"{MARK.decode()} {_core.__version__}",
         "format": 2,
@@ -214,14 +218,14 @@ def _places(stage: Stage, look: MotionLook) -> NDArray[np.float64]:
         members.setdefault(run.part, []).extend(range(run.first, run.first + run.count))
     instruments = [name for name in members if name not in piece.keys]
     for name, points in members.items():
-        points.sort(key=lambda at: mats[at])
+        points.sort(key=lambda point: mats[point])
         if name in piece.keys:
             places[points] = _key_places(list(piece.keys).index(name), len(piece.keys), len(points))
         else:
-            across, middle = _placing(stage, name, instruments)
+            size, middle = _placing(stage, name, instruments)
             if _axes(stage, name) == 1:  # points in space are where their coordinates say
-                bench = np.array([network.position_of(mats[at]) for at in points])
-                places[points, :2] = across * _spread(bench)
+                bench = np.array([network.position_of(mats[point]) for point in points])
+                places[points, :2] = size * _spread(bench)
             places[points] += middle
     return places
 
@@ -233,7 +237,7 @@ def _key_places(number: int, n_keys: int, n_points: int) -> NDArray[np.float64]:
     import numpy as np
 
     x = (number - 0.5 * (n_keys - 1)) * _KEY_WIDTH
-    return np.array([(x, _KEYS_AT - 0.5 * _KEY_WIDTH * row, 0.0) for row in range(n_points)])
+    return np.array([(x, _KEYS_Y - 0.5 * _KEY_WIDTH * row, 0.0) for row in range(n_points)])
 
 
 def _placing(
@@ -248,8 +252,8 @@ def _placing(
         return 1.0, (0.0, 0.0, 0.0)
     number = instruments.index(name)
     columns = max(1, math.isqrt(max(0, len(instruments) - 1)) + 1)
-    x = (number % columns - 0.5 * (columns - 1)) * _APART
-    return 1.0, (x, number // columns * _APART, 0.0)
+    x = (number % columns - 0.5 * (columns - 1)) * _INSTRUMENT_SPACING
+    return 1.0, (x, number // columns * _INSTRUMENT_SPACING, 0.0)
 
 
 def _spread(bench: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.stage import Stage
 
-_NOT_HERE = ("N401",)  # a note that a live hand is absent: `play` shows that itself
+_ABSENT_HAND_NOTES = ("N401",)  # a note that a live hand is absent: `play` shows that itself
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,9 +64,9 @@ def prepare(path: str | Path, options: PlayOptions, report: Report) -> PreparedP
     Raises ScoreError, OptionError and DeviceError.
     """
     is_seen = sees_all(options)
-    loaded = scores.read(path, options, report, leave_out=_NOT_HERE)
+    loaded = scores.read(path, options, report, leave_out=_ABSENT_HAND_NOTES)
     written = scores.piece_of(loaded)
-    piece = _standing_in(written, options.standin)
+    piece = _with_standins(written, options.standin)
     loaded = replace(loaded, piece=piece)
     boards = boards_of(piece, options)
     driven = driven_players(piece, options, boards)
@@ -123,7 +123,7 @@ def begin(stage: Stage, config: PlaybackConfig, report: Report) -> _core.Perform
         with report.progress("going there", config.start, stage.rate) as progress:
             return perform(stage, config, progress.advance)
     except _core.EngineError as error:
-        raise not_begun(error, _named(error, stage)) from None
+        raise not_begun(error, _fault_sentence(error, stage)) from None
 
 
 def warn_of_scaled_forces(performance: _core.Performance, stage: Stage, report: Report) -> None:
@@ -139,7 +139,7 @@ def warn_of_scaled_forces(performance: _core.Performance, stage: Stage, report: 
             )
 
 
-def _named(error: _core.EngineError, stage: Stage) -> str:
+def _fault_sentence(error: _core.EngineError, stage: Stage) -> str:
     """The sentence of an error of the core, with the player whose hand is at fault."""
     if error.index is None:
         return str(error)
@@ -147,7 +147,7 @@ def _named(error: _core.EngineError, stage: Stage) -> str:
     return f"{hand.player} on {hand.key}: {error.sentence}"
 
 
-def _standing_in(piece: Piece, pairs: Sequence[str]) -> Piece:
+def _with_standins(piece: Piece, pairs: Sequence[str]) -> Piece:
     """The piece with the takes or gestures that stand in for absent hands."""
     players = dict(piece.players)
     for pair in pairs:

@@ -43,13 +43,13 @@ def bundled(path: str, loaded: Loaded) -> ScoreBundle:
     scores.piece_of(loaded)
     texts = {_place(name): document.text for name, document in loaded.files.items()}
     bundle = {place: text.encode() for place, text in texts.items()}
-    left = _BYTES_MAX - sum(map(len, bundle.values()))
-    for input in loaded.inputs:
-        place = _place(str(input))
-        if place not in bundle and left >= 0:
-            bundle[place] = read_bounded(Path(place), left)
-            left -= len(bundle[place])
-    if left < 0:
+    bytes_left = _BYTES_MAX - sum(map(len, bundle.values()))
+    for input_path in loaded.inputs:
+        place = _place(str(input_path))
+        if place not in bundle and bytes_left >= 0:
+            bundle[place] = read_bounded(Path(place), bytes_left)
+            bytes_left -= len(bundle[place])
+    if bytes_left < 0:
         raise NotBundledError(
             f"{path} and its files have more than {_BYTES_MAX // 1_000_000} MB, which is the most "
             "that goes to another process"
@@ -60,11 +60,11 @@ def bundled(path: str, loaded: Loaded) -> ScoreBundle:
     return ScoreBundle(score=names[_place(path)], root=root, files=files)
 
 
-def digest(content: ScoreBundle, *more: object) -> str:
+def digest(content: ScoreBundle, *details: object) -> str:
     """A hash of a score, its files and `more`, which says what is done with them (64 hex
     digits).
     """
-    combined_hash = hashlib.sha256(repr((content["score"], *more)).encode())
+    combined_hash = hashlib.sha256(repr((content["score"], *details)).encode())
     for name, data in sorted(content["files"].items()):
         combined_hash.update(f"\0{len(data)} {name}\0".encode())
         combined_hash.update(data)
@@ -94,8 +94,8 @@ def unpack(content: ScoreBundle) -> Iterator[Path]:
 
 def with_local_paths(sentence: str, path: Path, content: ScoreBundle) -> str:
     """A sentence of the other process, with the names that files have on this machine."""
-    there = str(path)[: -len(content["score"])].rstrip("/")
-    return sentence.replace(there, content["root"].rstrip("/"))
+    unpacked_root = str(path)[: -len(content["score"])].rstrip("/")
+    return sentence.replace(unpacked_root, content["root"].rstrip("/"))
 
 
 def _place(name: str) -> str:

@@ -47,28 +47,28 @@ class ChannelLayout:
         return len(self.speakers) + len(self.effects)
 
 
-def chunks(sounded: ChannelLayout, title: str) -> bytes:
+def chunks(layout: ChannelLayout, title: str) -> bytes:
     """The chunks `chna` and `axml`, which precede the samples of a file."""
-    return _chunk(b"chna", _chna(sounded)) + _chunk(b"axml", _axml(sounded, title).encode())
+    return _chunk(b"chna", _chna(layout)) + _chunk(b"axml", _axml(layout, title).encode())
 
 
 def _chunk(name: bytes, content: bytes) -> bytes:
     return name + struct.pack("<I", len(content)) + content + bytes(len(content) & 1)
 
 
-def _kind(sounded: ChannelLayout) -> str:
-    return "DirectSpeakers" if sounded.order is None else "HOA"
+def _kind(layout: ChannelLayout) -> str:
+    return "DirectSpeakers" if layout.order is None else "HOA"
 
 
-def _ids(sounded: ChannelLayout) -> list[str]:
+def _ids(layout: ChannelLayout) -> list[str]:
     """`00011001` …, one for each channel."""
-    prefix = _TYPES[_kind(sounded)]
-    return [f"{prefix}{_FIRST + i:04x}" for i in range(sounded.n_channels)]
+    prefix = _TYPES[_kind(layout)]
+    return [f"{prefix}{_FIRST + i:04x}" for i in range(layout.n_channels)]
 
 
-def _chna(sounded: ChannelLayout) -> bytes:
-    pack = f"AP_{_TYPES[_kind(sounded)]}{_FIRST:04x}".encode()
-    ids = _ids(sounded)
+def _chna(layout: ChannelLayout) -> bytes:
+    pack = f"AP_{_TYPES[_kind(layout)]}{_FIRST:04x}".encode()
+    ids = _ids(layout)
     rows = [
         _UID.pack(i, f"ATU_{i:08x}".encode(), f"AT_{number}_01".encode(), pack)
         for i, number in enumerate(ids, 1)
@@ -76,15 +76,15 @@ def _chna(sounded: ChannelLayout) -> bytes:
     return struct.pack("<HH", len(ids), len(ids)) + b"".join(rows)
 
 
-def _axml(sounded: ChannelLayout, title: str) -> str:
-    kind, ids = _kind(sounded), _ids(sounded)
+def _axml(layout: ChannelLayout, title: str) -> str:
+    kind, ids = _kind(layout), _ids(layout)
     label = _TYPES[kind]
     pack = f"AP_{label}{_FIRST:04x}"
     name = quoteattr("".join(c for c in title if c.isprintable()) or "ergon")
     typed = f'typeLabel="{label}" typeDefinition="{kind}"'
-    farthest = max((r for *_, r in sounded.speakers), default=1.0) or 1.0
-    absolute = f' absoluteDistance="{farthest:.6g}"' if sounded.order is None else ""
-    order = [
+    farthest = max((r for *_, r in layout.speakers), default=1.0) or 1.0
+    absolute = f' absoluteDistance="{farthest:.6g}"' if layout.order is None else ""
+    elements = [
         f'<audioProgramme audioProgrammeID="APR_1001" audioProgrammeName={name}>',
         "<audioContentIDRef>ACO_1001</audioContentIDRef></audioProgramme>",
         f'<audioContent audioContentID="ACO_1001" audioContentName={name}>',
@@ -99,27 +99,27 @@ def _axml(sounded: ChannelLayout, title: str) -> str:
         "</audioPackFormat>",
     ]
     for i, number in enumerate(ids):
-        called = f"{i + 1}"
-        order += [
+        channel_name = f"{i + 1}"
+        elements += [
             f'<audioChannelFormat audioChannelFormatID="AC_{number}" '
-            f'audioChannelFormatName="{called}" {typed}>'
+            f'audioChannelFormatName="{channel_name}" {typed}>'
             f'<audioBlockFormat audioBlockFormatID="AB_{number}_00000001">',
-            *_block(sounded, i, farthest),
+            *_block(layout, i, farthest),
             "</audioBlockFormat></audioChannelFormat>",
             f'<audioStreamFormat audioStreamFormatID="AS_{number}" '
-            f'audioStreamFormatName="{called}" '
+            f'audioStreamFormatName="{channel_name}" '
             'formatLabel="0001" formatDefinition="PCM">'
             f"<audioChannelFormatIDRef>AC_{number}</audioChannelFormatIDRef>"
             f"<audioTrackFormatIDRef>AT_{number}_01</audioTrackFormatIDRef></audioStreamFormat>",
             f'<audioTrackFormat audioTrackFormatID="AT_{number}_01" '
-            f'audioTrackFormatName="{called}" '
+            f'audioTrackFormatName="{channel_name}" '
             'formatLabel="0001" formatDefinition="PCM">'
             f"<audioStreamFormatIDRef>AS_{number}</audioStreamFormatIDRef></audioTrackFormat>",
             f'<audioTrackUID UID="ATU_{i + 1:08x}">'
             f"<audioTrackFormatIDRef>AT_{number}_01</audioTrackFormatIDRef>"
             f"<audioPackFormatIDRef>{pack}</audioPackFormatIDRef></audioTrackUID>",
         ]
-    body = "\n".join(order)
+    body = "\n".join(elements)
     return (
         '<?xml version="1.0" encoding="UTF-8"?>\n'
         '<ebuCoreMain xmlns="urn:ebu:metadata-schema:ebuCore_2014"><coreMetadata><format>'
@@ -128,15 +128,15 @@ def _axml(sounded: ChannelLayout, title: str) -> str:
     )
 
 
-def _block(sounded: ChannelLayout, index: int, farthest: float) -> list[str]:
-    if sounded.order is not None:
+def _block(layout: ChannelLayout, index: int, farthest: float) -> list[str]:
+    if layout.order is not None:
         n = next(n for n in range(index + 1) if index < (n + 1) ** 2)
         degree = index - n * n - n
         return [
             f"<order>{n}</order><degree>{degree}</degree>",
             "<normalization>SN3D</normalization>",
         ]
-    azimuth, elevation, distance = sounded.speakers[index]
+    azimuth, elevation, distance = layout.speakers[index]
     return [
         f"<speakerLabel>{index + 1}</speakerLabel>",
         f'<position coordinate="azimuth">{azimuth:.6f}</position>',
@@ -154,7 +154,10 @@ def read(info: WaveInfo) -> ChannelLayout | None:
         return _masked(info)
     tracks = _tracks(info.chna, info.format.n_channels)
     root = parse_xml(info.axml) if info.axml else ElementTree.Element("none")
-    formats = {one.get("audioChannelFormatID"): one for one in root.iter("audioChannelFormat")}
+    formats = {
+        channel_format.get("audioChannelFormatID"): channel_format
+        for channel_format in root.iter("audioChannelFormat")
+    }
     # AT_yyyyxxxx_zz is the track of AC_yyyyxxxx (BS.2076, 6); a file may also name the AC directly.
     names = [f"AC_{track[3:11]}" for track in tracks]
     channels = [formats[name] for name in names if name in formats]
@@ -164,7 +167,10 @@ def read(info: WaveInfo) -> ChannelLayout | None:
     if labels:
         described = iter(channels)
         return _speakers([labels.get(i) or next(described) for i in range(len(names))], root)
-    kinds = {one.get("typeDefinition") or one.get("typeLabel") for one in channels}
+    kinds = {
+        channel_format.get("typeDefinition") or channel_format.get("typeLabel")
+        for channel_format in channels
+    }
     if kinds <= {"HOA", "0004"}:
         return _ambisonics(channels)
     if kinds <= {"DirectSpeakers", "0001"}:

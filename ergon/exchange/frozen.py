@@ -86,8 +86,9 @@ class VerifiedStem:
     taps: tuple[int, ...]
 
     def samples(self, first_frame: int = 0, n_frames: int | None = None) -> NDArray[np.float64]:
-        """Its samples (n_frames, n_taps) from frame `first_frame` on; all of them if `n_frames` "
-        "is None."""
+        """Its samples (n_frames, n_taps) from frame `first_frame` on; up to the last if `n_frames`
+        is None.
+        """
         import numpy as np
 
         width = len(self.taps)

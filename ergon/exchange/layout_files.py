@@ -165,8 +165,8 @@ def _read_ear(data: bytes) -> ReadLayout:
         place = row.get("position")
         if not isinstance(place, dict):
             raise LayoutFileError(f"loudspeaker {i + 1} has no position")
-        seen = _angles(place.get("az"), place.get("el", 0.0), place.get("r", 1.0))
-        numbered.append((channel, seen))
+        speaker_angles = _angles(place.get("az"), place.get("el", 0.0), place.get("r", 1.0))
+        numbered.append((channel, speaker_angles))
     return _in_order(numbered, left_out, 0)
 
 
@@ -259,7 +259,7 @@ def _in_order(
         raise LayoutFileError("the number of an output is not whole")
     in_order = sorted(numbered, key=lambda pair: pair[0])
     outputs = [int(number) + 1 - first for number, _ in in_order]
-    return ReadLayout([seen for _, seen in in_order], outputs, list(left_out))
+    return ReadLayout([speaker_angles for _, speaker_angles in in_order], outputs, list(left_out))
 
 
 def _angles(azimuth: Any, elevation: Any, distance: Any) -> Angles:

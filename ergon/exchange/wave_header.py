@@ -29,8 +29,8 @@ RIFF_LIMIT = 2**32 - 1
 BYTES: dict[Bits, int] = {8: 1, 16: 2, 24: 3, 32: 4, "float": 4, "double": 8}
 _Container = Literal["RIFF", "RF64", "BW64", "FLAC", "AIFF", "AIFC"]
 _CONTAINERS: dict[bytes, _Container] = {b"RIFF": "RIFF", b"RF64": "RF64", b"BW64": "BW64"}
-_UNKNOWN = (0, 0xFFFFFFFF)  # sizes that programs leave which cannot go back to write them
-_SOX_UNKNOWN = 0x7FFFF000  # and what SoX leaves, rounded down to whole frames (its wav.c)
+_UNKNOWN = (0, 0xFFFFFFFF)  # sizes left by programs that cannot seek back to write them
+_SOX_UNKNOWN = 0x7FFFF000  # what SoX writes then, rounded down to whole frames (its wav.c)
 
 _TAG_PCM, _TAG_FLOAT, _TAG_EXTENSIBLE = 1, 3, 0xFFFE
 _GUID_TAIL = bytes.fromhex("000000001000800000aa00389b71")  # KSDATAFORMAT_SUBTYPE_*
@@ -44,8 +44,8 @@ _CUE = struct.Struct("<II4sIII")
 _DATE, _TIME = b"1970-01-01", b"00:00:00"  # never the clock: same score, same bytes
 _DESCRIPTION_MAX = 4 << 20  # bytes of a description of channels; longer ones are ignored
 _CUES_MAX = 1 << 20  # bytes of cue points, and of their names; more are ignored
-_OTHERS_MAX = 100  # chunks that are named
-_FILLING = (b"JUNK", b"junk", b"PAD ", b"FLLR", b"fact")  # that say nothing
+_OTHERS_MAX = 100  # most chunks that are listed as not read
+_IGNORED_CHUNKS = (b"JUNK", b"junk", b"PAD ", b"FLLR", b"fact")  # chunks without information
 _CUT_HEADER = "this WAVE file ends within its header"
 _SCORE = re.compile(r"\bscore ([0-9a-f]{64})\b")
 _PLAN = re.compile(r"\bplan ([0-9a-f]{64})\b")
@@ -216,11 +216,11 @@ def parse(file: BinaryIO) -> WaveInfo:
     riff_size = int.from_bytes(head[4:8], "little")
     originator: str | None = None
     description = ""
-    more = {b"axml": b"", b"chna": b""}
+    descriptions = {b"axml": b"", b"chna": b""}
     others: list[tuple[str, int]] = []
     cues: dict[int, int] = {}
     labels: dict[int, str] = {}
-    samples: tuple[int, int, int] | None = None  # offset, bytes there, bytes missing
+    samples: tuple[int, int, int] | None = None  # offset, bytes present, bytes missing
     end = file.seek(0, 2)
     file.seek(12)
     while len(chunk := file.read(8)) == 8:
@@ -233,8 +233,10 @@ def parse(file: BinaryIO) -> WaveInfo:
                 raise NotWaveError("the samples come before their format")
             if size == 0xFFFFFFFF and container != "RIFF":
                 size, riff_size = long_size, long_riff_size
-            there, missing = _sizes(size, end - start, format, is_whole=riff_size + 8 == end)
-            samples, size = (start, there, missing), there
+            bytes_present, missing = _sizes(
+                size, end - start, format, is_whole=riff_size + 8 == end
+            )
+            samples, size = (start, bytes_present, missing), bytes_present
         elif name == b"ds64":
             long_riff_size, long_size, *_ = _DS64.unpack(read_exactly(file, _DS64.size))
         elif name == b"fmt ":
@@ -245,13 +247,13 @@ def parse(file: BinaryIO) -> WaveInfo:
         elif name == b"bext" and size >= _BEXT.size:
             text, origin, *_ = _BEXT.unpack(read_exactly(file, _BEXT.size))
             description, originator = _text(text), _text(origin)
-        elif name in more and size <= _DESCRIPTION_MAX:
-            more[name] = read_exactly(file, size)
+        elif name in descriptions and size <= _DESCRIPTION_MAX:
+            descriptions[name] = read_exactly(file, size)
         elif name == b"cue " and size <= _CUES_MAX:
             cues = _cues(read_exactly(file, size))
         elif name == b"LIST" and 4 <= size <= _CUES_MAX and file.read(4) == b"adtl":
             labels = _labels(read_exactly(file, size - 4))
-        elif name not in _FILLING and len(others) < _OTHERS_MAX:
+        elif name not in _IGNORED_CHUNKS and len(others) < _OTHERS_MAX:
             others.append((name.decode("latin-1"), size))
         file.seek(start + size + (size & 1))
     if samples is None or format is None:
@@ -265,8 +267,8 @@ def parse(file: BinaryIO) -> WaveInfo:
         size,
         originator,
         description,
-        more[b"axml"],
-        more[b"chna"],
+        descriptions[b"axml"],
+        descriptions[b"chna"],
         mask,
         missing,
         tuple(others),
@@ -293,17 +295,21 @@ def _labels(content: bytes) -> dict[int, str]:
     return names
 
 
-def _sizes(stated: int, there: int, format: WaveFormat, *, is_whole: bool) -> tuple[int, int]:
+def _sizes(
+    stated: int, bytes_present: int, format: WaveFormat, *, is_whole: bool
+) -> tuple[int, int]:
     """Bytes of the samples, and how many the header states that are not there.
 
     `is_whole`: the size of the whole file is true, so that a size of 0 is one, too.
     """
     is_sox = _SOX_UNKNOWN - format.frame_bytes < stated <= _SOX_UNKNOWN
-    if (stated in _UNKNOWN and not (is_whole and not stated)) or (is_sox and stated > there):
-        return there, 0
+    if (stated in _UNKNOWN and not (is_whole and not stated)) or (
+        is_sox and stated > bytes_present
+    ):
+        return bytes_present, 0
     if stated == 0xFFFFFFFFFFFFFFFF:
-        return there, 0
-    return min(stated, there), max(0, stated - there)
+        return bytes_present, 0
+    return min(stated, bytes_present), max(0, stated - bytes_present)
 
 
 def read_exactly(file: BinaryIO, n_bytes: int, refusal: str = _CUT_HEADER) -> bytes:

@@ -37,14 +37,14 @@ class ComputedRender:
     balances: list[Balance]
     recorder: MixRecorder | None
     _memory: RenderMemory
-    _all: Sequence[Balance]
+    _all_balances: Sequence[Balance]
     _numbers: list[int]
 
     def finish(self, job: RenderJob, n_simulated: int) -> None:
         """Store what is known once so many frames of the job are computed."""
         if self.recorder is not None:
             self.recorder.end(Outcome.from_simulation(self._memory.simulation), job.ending)
-        self._memory.levels.put(self._all, self._numbers, n_simulated)
+        self._memory.levels.put(self._all_balances, self._numbers, n_simulated)
         self._memory.store.forget()
 
 
@@ -82,7 +82,7 @@ class RenderMemory:
             # What limiter, level and search do depends on all that came before.
             start, stop = 0, min(self._n_frames, stop + ceil(_LOOK_AHEAD * self._rate))
         last = max(stop, job.simulated_frames(self._n_frames))
-        # A part may go on after the piece has faded.
+        # A part may sound on after the piece has faded out.
         known = self._mixed.known(start, last, job.ending, 0 if job.is_open else stop)
         if known is None or self.levels.recall(balances, min(job.stop, known.stop)):
             return None
@@ -108,7 +108,7 @@ def memory_of(stage: Staged, job: RenderJob) -> RenderMemory | None:
         return None
     if not isinstance(simulation, _core.Simulation) or not isinstance(stage, KeyedStage):
         return None
-    each = sum(island.cost for island in simulation.storable()) + 2.0 * stage.mix_cost
-    if 1e-9 * stage.n_frames * each < _WORK_MIN:
+    frame_cost = sum(island.cost for island in simulation.storable()) + 2.0 * stage.mix_cost
+    if 1e-9 * stage.n_frames * frame_cost < _WORK_MIN:
         return None
     return RenderMemory(stage, job, job.stretches, simulation)

@@ -42,15 +42,15 @@ def admittance(curves: Sequence[Curve], *, title: str, height: int = 400) -> str
     """
     if not 1 <= len(curves) <= CURVES_MAX:
         raise ValueError(f"a picture has 1 to {CURVES_MAX} curves, not {len(curves)}")
-    spread = [Curve(one.name, [log10(f) for f in one.t], one.x) for one in curves]
-    t_axis = _frequencies(min(one.t[0] for one in curves), max(one.t[-1] for one in curves))
-    x_axis = axis([x for one in curves for x in one.x], 8)
-    names, rows = _key([one.name for one in curves])
+    log_curves = [Curve(curve.name, [log10(f) for f in curve.t], curve.x) for curve in curves]
+    t_axis = _frequencies(min(curve.t[0] for curve in curves), max(curve.t[-1] for curve in curves))
+    x_axis = axis([x for curve in curves for x in curve.x], 8)
+    names, rows = _legend([curve.name for curve in curves])
     top = 36 + _LINE * rows
     frame = Frame(64, top, _WIDTH - 24, height - 48, t_axis, x_axis)
     parts = [text(64, 20, short(title), weight="bold"), *names]
     parts.append(axes(frame, "frequency [Hz]", "velocity over force [dB re 1 (m/s)/N]"))
-    parts += [curve_path(one, frame, number) for number, one in enumerate(spread)]
+    parts += [curve_path(curve, frame, number) for number, curve in enumerate(log_curves)]
     return document(_WIDTH, height, title, parts)
 
 
@@ -123,12 +123,12 @@ def _frequencies(low: float, high: float) -> Axis:
     return Axis(log10(low), log10(high), tuple(log10(f) for f in ticks), 0, names)
 
 
-def _key(names: Sequence[str]) -> tuple[list[str], int]:
+def _legend(names: Sequence[str]) -> tuple[list[str], int]:
     """The legend below the title, and the number of rows that it takes."""
     parts, left, row = [], 64.0, 0
-    room = _WIDTH - 24 - 64
+    row_width = _WIDTH - 24 - 64
     for number, name in enumerate(names):
-        words = name[: int((room - 44) / _LETTER)]
+        words = name[: int((row_width - 44) / _LETTER)]
         width = 44 + _LETTER * len(words)
         if left > 64 and left + width > _WIDTH - 24:
             left, row = 64.0, row + 1
@@ -152,7 +152,7 @@ def _stave_of(modes: Sequence[PitchedMode], top: float, bottom: float) -> str:
     frame = Frame(64, top, right, bottom, cents, Axis(float(low), float(high), ticks, 0, names))
     parts = [axes(frame, "cents from the nearest note", "pitch")]
     heights = [frame.down(pitch) for pitch in pitches]
-    for mode, y, label in zip(modes, heights, _apart(heights, top + 10, bottom), strict=True):
+    for mode, y, label in zip(modes, heights, _spaced(heights, top + 10, bottom), strict=True):
         x = frame.across(mode.cents)
         parts.append(
             f"<path d='M{x:.1f} {y:.1f}L{right:.1f} {y:.1f}L{right + 30:.1f} {label - 4:.1f}' "
@@ -163,15 +163,15 @@ def _stave_of(modes: Sequence[PitchedMode], top: float, bottom: float) -> str:
     return "\n".join(parts)
 
 
-def _apart(wanted: Sequence[float], top: float, bottom: float) -> list[float]:
+def _spaced(wanted: Sequence[float], top: float, bottom: float) -> list[float]:
     """Heights for lines of text near the wanted ones, in rising order and at least a line apart."""
     places: list[float] = []
     for y in wanted:
         places.append(max(y + 4, places[-1] + _LINE if places else top))
-    over = bottom
+    limit = bottom
     for i in range(len(places) - 1, -1, -1):
-        places[i] = min(places[i], over)
-        over = places[i] - _LINE
+        places[i] = min(places[i], limit)
+        limit = places[i] - _LINE
     return places
 
 
@@ -186,20 +186,20 @@ def _shape(shape: Shape, left: float, top: float, width: float, height: float) -
         f"<rect x='{left:.1f}' y='{top:.1f}' width='{width:.1f}' height='{height:.1f}' "
         "fill='none' stroke='#dddddd'/>"
     )
-    every = max(1, ceil(len(shape.x) / _DOTS_MAX))
-    each = sorted(zip(shape.x, shape.y, shape.moves, strict=True))[::every]
+    stride = max(1, ceil(len(shape.x) / _DOTS_MAX))
+    masses = sorted(zip(shape.x, shape.y, shape.moves, strict=True))[::stride]
     low_x, low_y = min(shape.x), min(shape.y)
     wide, tall = max(shape.x) - low_x, max(shape.y) - low_y
     room_x, room_y = width - 16, height - 16
     if _is_row(shape):
-        across = [left + 8 + room_x * ((x - low_x) / wide if wide else 0.5) for x, _, _ in each]
+        across = [left + 8 + room_x * ((x - low_x) / wide if wide else 0.5) for x, _, _ in masses]
         middle = top + height / 2
-        down = [middle - 0.5 * room_y * move / largest_move for _, _, move in each]
+        down = [middle - 0.5 * room_y * move / largest_move for _, _, move in masses]
         line = "L".join(f"{x:.1f} {y:.1f}" for x, y in zip(across, down, strict=True))
         dots = "".join(
             f"<circle cx='{x:.1f}' cy='{y:.1f}' r='1.6' fill='{_UP}'/>"
             for x, y in zip(across, down, strict=True)
-            if len(each) <= 120
+            if len(masses) <= 120
         )
         rest = f"M{left:.1f} {middle:.1f}h{width:.1f}"
         return (
@@ -207,7 +207,7 @@ def _shape(shape: Shape, left: float, top: float, width: float, height: float) -
             f"<path d='M{line}' fill='none' stroke='{_UP}' stroke-width='1.2'/>{dots}"
         )
     scale = min(room_x / wide if wide else room_y / tall, room_y / tall if tall else room_x / wide)
-    largest = min(7.0, max(1.2, 0.5 * scale * hypot(wide, tall) / len(each) ** 0.5))
+    largest = min(7.0, max(1.2, 0.5 * scale * hypot(wide, tall) / len(masses) ** 0.5))
     centre_x, centre_y = left + width / 2, top + height / 2
     dots = "".join(
         _dot(
@@ -216,7 +216,7 @@ def _shape(shape: Shape, left: float, top: float, width: float, height: float) -
             largest * (abs(move) / largest_move) ** 0.5,
             move > 0,
         )
-        for x, y, move in each
+        for x, y, move in masses
         if abs(move) > 1e-3 * largest_move
     )
     return f"{box}\n{dots}"

@@ -41,11 +41,13 @@ def check(kind: str, fields: _Fields, values: Values, axes: int) -> None:
         wanted = axes - 1 if field.shape == MIDDLE else axes
         is_vector = field.shape in (PLACE, VELOCITY, DIRECTION, MIDDLE, COUNTS, WIDTHS)
         if is_vector and value is not None and len(value) != wanted:
-            called = " and ".join(filter(None, (", ".join(AXES[: wanted - 1]), AXES[wanted - 1])))
+            axis_names = " and ".join(
+                filter(None, (", ".join(AXES[: wanted - 1]), AXES[wanted - 1]))
+            )
             message = (
                 f"{values.context.label(field.name)}: the number of items is {len(value)}, but "
             )
-            values.error("E106", f"{message}must be {wanted}: {called}", field.name)
+            values.error("E106", f"{message}must be {wanted}: {axis_names}", field.name)
             fields[field.name] = (_FILLED.get(field.shape, 0.0),) * wanted
     if kind in _CHECKS:
         _CHECKS[kind](fields, values)
@@ -58,8 +60,11 @@ def check(kind: str, fields: _Fields, values: Values, axes: int) -> None:
 def _size(kind: str, fields: _Fields, values: Values) -> None:
     """Report a net with too many points or springs."""
     n, axes = count(kind, fields), fields["axes"]
-    each = ((2 * fields.get("span", 1) + 1) ** axes - 1) // 2
-    for number, limit, what in ((n, MAX_POINTS, "points"), (n * each, MAX_SPRINGS, "springs")):
+    springs_per_point = ((2 * fields.get("span", 1) + 1) ** axes - 1) // 2
+    for number, limit, what in (
+        (n, MAX_POINTS, "points"),
+        (n * springs_per_point, MAX_SPRINGS, "springs"),
+    ):
         if number > limit:
             message = f"{values.context.label('')}: a {kind} has at most {limit:,} {what}, not "
             values.error("E105", f"{message}{number:,}")
@@ -80,11 +85,11 @@ def _wall(fields: _Fields, values: Values) -> None:
         values.error("E111", message, "side")
     if fields["box"] is not None:
         _box(fields, values)
-    alone = [name for name in ("cohesion", "reach") if fields[name] is None]
-    if len(alone) == 1:
-        written = "reach" if alone == ["cohesion"] else "cohesion"
+    missing = [name for name in ("cohesion", "reach") if fields[name] is None]
+    if len(missing) == 1:
+        written = "reach" if missing == ["cohesion"] else "cohesion"
         message = (
-            f"{values.context.label(written)}: `{alone[0]}` is missing; a contact that sticks "
+            f"{values.context.label(written)}: `{missing[0]}` is missing; a contact that sticks "
         )
         values.error("E103", f"{message}has both", written)
         fields.update(cohesion=None, reach=None)

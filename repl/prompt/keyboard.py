@@ -85,8 +85,8 @@ def bindings(actions: KeyActions) -> KeyBindings:
     return keys
 
 
-def _marked(found: re.Match[str]) -> str:
-    return found[0] if found["key"] else f"{_BEGIN}{found[0]}{_END}"
+def _marked(match: re.Match[str]) -> str:
+    return match[0] if match["key"] else f"{_BEGIN}{match[0]}{_END}"
 
 
 def keyboard(on_characters: Callable[[str], None]) -> Input:
@@ -103,10 +103,10 @@ if sys.platform != "win32":
     class _Keys(Vt100Input):
         """Input of a terminal that stays in raw mode all the time."""
 
-        def __init__(self, stdin: TextIO, comes: Callable[[str], None]) -> None:
+        def __init__(self, stdin: TextIO, on_characters: Callable[[str], None]) -> None:
             super().__init__(stdin)
             self.stdin_reader = _Reader(stdin.fileno())
-            self.stdin_reader.comes = comes
+            self.stdin_reader.on_characters = on_characters
 
         def cooked_mode(self) -> AbstractContextManager[None]:
             """Stay in raw mode, also while text is printed above the prompt.
@@ -124,7 +124,7 @@ if sys.platform != "win32":
         a paste: a million characters, key by key, would take two minutes.
         """
 
-        comes: Callable[[str], None]
+        on_characters: Callable[[str], None]
         _open = False
         _answers = ""
         _tail = ""  # of the last read: marks may come in two pieces
@@ -133,16 +133,16 @@ if sys.platform != "win32":
             """The characters that have come since the last call."""
             data = super().read(count)
             if not self._open and _BEGIN not in data:
-                self.comes(data)
+                self.on_characters(data)
             data = self._with_end(data)
-            seen, in_two = self._tail + data, "\x1b" in self._tail
-            self._tail = seen[1 - len(_BEGIN) :]
-            begun, ended = seen.rfind(_BEGIN), seen.rfind(_END)
-            if begun != ended:  # a mark is in the text
-                self._open = begun > ended
-            if self._open or begun != ended:
+            recent, may_be_cut = self._tail + data, "\x1b" in self._tail
+            self._tail = recent[1 - len(_BEGIN) :]
+            last_begin, last_end = recent.rfind(_BEGIN), recent.rfind(_END)
+            if last_begin != last_end:  # a mark is in the text
+                self._open = last_begin > last_end
+            if self._open or last_begin != last_end:
                 return self._without_answers(data)
-            return data if in_two else _KEY_OR_RUN.sub(_marked, data)
+            return data if may_be_cut else _KEY_OR_RUN.sub(_marked, data)
 
         def _with_end(self, data: str) -> str:
             """Close an open paste before a Ctrl-C that comes alone, and before F12 anywhere.

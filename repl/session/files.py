@@ -143,10 +143,10 @@ def _check_written(
     texts: Texts, changed: Mapping[str, str], score: Path, files: Mapping[str, str]
 ) -> None:
     """Check that the written files give the piece that plays. Raises NotTakenError."""
-    left = {file: text for file, text in texts.overlay.items() if file not in changed}
+    unchanged = {file: text for file, text in texts.overlay.items() if file not in changed}
     text = files.get(str(score), texts.text)
-    there = Texts(str(score), text, {**left, **files}, sealed=True).load().piece
-    if there is None or digest_of(there) != digest_of(piece_of(texts)):
+    written_piece = Texts(str(score), text, {**unchanged, **files}, sealed=True).load().piece
+    if written_piece is None or digest_of(written_piece) != digest_of(piece_of(texts)):
         names = ", ".join(sorted(Path(file).name for file in changed))
         raise NotTakenError(
             f"the changes to {names} would be lost in {score.name}; `save` without a name writes "

@@ -74,14 +74,14 @@ def draw_name(version: Version, name: str, sounding: Piece, now: float) -> list[
         return definition_lines(version, name, sounding, now)
     if not piece.keys:
         raise NotTakenError("a gesture is drawn on a key, and this score has none")
-    alone = rehearsal_stage(piece, name)
-    assert alone is not None  # there is a key
-    first = alone.gestures[0]
+    rehearsal = rehearsal_stage(piece, name)
+    assert rehearsal is not None  # there is a key
+    first = rehearsal.gestures[0]
     start, stop = max(0.0, first.start - _LEAD_IN), first.stop
     reach = piece.keys[first.key].reach
     width = min(shutil.get_terminal_size().columns, _WIDTH_MAX)
     curves = asked_and_done(
-        alone.simulation, first.key_index, first.struck, start, stop, reach, _POINTS * width
+        rehearsal.simulation, first.key_index, first.struck, start, stop, reach, _POINTS * width
     )
     text = plot(curves, width=width, height=_HEIGHT, x_label="position [mm]")
     return [f"{name} on {first.key}", *text.splitlines()]
@@ -212,18 +212,20 @@ def playing_lines(version: Version, playing: Sequence[tuple[str, str]], now: flo
         begun = [line for line in lines if line.begin <= now]
         goes_on = [line for line in begun if line.is_open(now, piece)]
         # An entry that begins nothing more may still have its last occurrence in flight.
-        on = {name for line in goes_on for name in line.play.names}
+        shown_names = {name for line in goes_on for name in line.play.names}
         for what in dict.fromkeys(sounding):
-            goes_on += [line for line in begun if what in line.play.names and what not in on][-1:]
+            goes_on += [
+                line for line in begun if what in line.play.names and what not in shown_names
+            ][-1:]
         coming = sorted((line for line in lines if line.begin > now), key=lambda line: line.begin)
         words = [_entry(line.play) for line in goes_on] or ["nothing"]
         words += [f"then {_entry(line.play)}" for line in coming[:1]]
         rows.append(f"{player.name} ({player.hand}, {player.key}): {', '.join(words)}")
     levels = version.strike_levels
-    for each in piece.strikes:
-        if _goes_on(each, piece, now):
-            state = _state(levels, levels.key(each.name))
-            rows.append(", ".join([_striking(each), *state]))
+    for strikes in piece.strikes:
+        if _goes_on(strikes, piece, now):
+            state = _state(levels, levels.key(strikes.name))
+            rows.append(", ".join([_striking(strikes), *state]))
     for name in (*piece.instruments, *piece.families):
         if state := _state(version.faders, name):
             rows.append(f"{name} (instrument): {', '.join(state)}")
@@ -267,7 +269,7 @@ def _until(position: Position | None) -> str:
 
 
 def _lines_of_score(texts: Texts, name: str) -> list[str]:
-    known: list[str] = []
+    defined_names: list[str] = []
     for file in (texts.path, *texts.overlay):
         document = texts.document(file)
         if not isinstance(document.root, Mapping):
@@ -276,7 +278,7 @@ def _lines_of_score(texts: Texts, name: str) -> list[str]:
             node = document.root.get(section)
             if not isinstance(node, Mapping):
                 continue
-            known += node.entries
+            defined_names += node.entries
             if name in node.entries:
                 first, last = node.entries[name]
                 # A block of YAML reaches to the next entry: blank lines at its end are not part of
@@ -285,7 +287,7 @@ def _lines_of_score(texts: Texts, name: str) -> list[str]:
                 row, stop = document.row(first.start), document.row(max(end - 1, last.start))
                 numbers: Sequence[int] = range(row + 1, min(stop + 2, row + 1 + _LINES_MAX))
                 return [f"{number:5} {document.line(number)}" for number in numbers]
-    close = nearest(name, known)
+    near = nearest(name, defined_names)
     raise NotTakenError(
-        f"'{name}' is not defined in this score", None if close is None else f"show {close}"
+        f"'{name}' is not defined in this score", None if near is None else f"show {near}"
     )

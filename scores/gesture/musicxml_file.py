@@ -42,7 +42,7 @@ class XmlPart:
     notes: tuple[XmlNote, ...]
 
     @property
-    def called(self) -> str:
+    def label(self) -> str:
         """Its id, with its name."""
         return f"{self.id} ({self.name})" if self.name else self.id
 
@@ -258,11 +258,11 @@ def notes_of(path: Path, part: str | None) -> tuple[tuple[XmlNote, ...], float]:
     )
     if notes:
         return tuple(notes), score.length
-    there = ", ".join(each.called for each in score.parts if each.notes)
-    if not there:
+    parts_with_notes = ", ".join(each.label for each in score.parts if each.notes)
+    if not parts_with_notes:
         raise TakeError("it has no notes", path)
     what = "has no notes" if chosen else "is not there"
-    message = f"part {part} {what}; those with notes are {there}"
+    message = f"part {part} {what}; those with notes are {parts_with_notes}"
     names = [name for each in score.parts if each.notes for name in (each.id, each.name)]
     raise TakeError(message, path, suggestion=nearest(part or "", names), field="channel")
 

@@ -59,7 +59,7 @@ def key(values: Values, files: Files) -> Key:
     """A key; `calib:` supplies what is not written here."""
     measured = calibration.measured_values(values, files)
     if measured is not None:
-        values = calibration.over(values, measured)
+        values = calibration.with_measured_fields(values, measured)
     cel = ("M", "K", "Z", "f", "t60")
     modules: tuple[Module, ...] = ()
     if values.written("modules"):
@@ -82,7 +82,7 @@ def key(values: Values, files: Files) -> Key:
         places = {name: node.place for name, node in values.nodes.items()}
         modules = (Module("", "CEL", fields, values.place, places),)
         if measured is not None and not values["simple"]:
-            end = calibration.end_it_lies_on(values, measured)
+            end = calibration.resting_end(values, measured)
             modules = calibration.key_modules(modules[0], measured, end)
     travel = values["travel"]
     if travel is not None and not travel[0] <= values["X0"] <= travel[1]:

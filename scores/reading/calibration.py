@@ -15,8 +15,8 @@ from ergon.notation.text.values import Place
 from ergon.scores.reading.measured_tables import CALIBRATION
 
 _DECAY = 3.0 * log(10.0)  # σ·T60
-# The end of travel on which a key lies that no spring carries: its least stiffness [N/m], and how
-# far the weight presses it in at most [m].
+# The end of travel under a key that no spring carries: its least stiffness [N/m], and the largest
+# distance by which the weight may press it in [m].
 _END_STIFFNESS, _END_YIELDS = 20e3, 20e-6
 
 
@@ -34,7 +34,7 @@ def measured_values(values: Values, files: Files) -> Values | None:
     return None if measured is MISSING else measured
 
 
-def over(values: Values, measured: Values) -> Values:
+def with_measured_fields(values: Values, measured: Values) -> Values:
     """The fields of a key, with measured ones where the key itself writes none.
 
     A key begins at its measured rest position, unless it says otherwise. Without it the spring
@@ -55,7 +55,7 @@ def over(values: Values, measured: Values) -> Values:
             fields[name], nodes[name] = measured.by_name[source], measured.nodes[source]
     complete = Values(values.record, values.node, values.context, fields, nodes, values.free)
     if _has_weight(complete, measured):
-        end, stiffness = end_it_lies_on(complete, measured), complete["K"]
+        end, stiffness = resting_end(complete, measured), complete["K"]
         balance = -measured["weight"] / stiffness if end is None and stiffness else end
         if balance is None:
             message = (
@@ -68,7 +68,7 @@ def over(values: Values, measured: Values) -> Values:
     return complete
 
 
-def end_it_lies_on(values: Values, measured: Values) -> float | None:
+def resting_end(values: Values, measured: Values) -> float | None:
     """The end of travel [m] on which the weight of a key lies; None if its spring carries it."""
     weight, stiffness, travel = measured["weight"], values["K"], values["travel"]
     if travel is None or not _has_weight(values, measured):
@@ -155,9 +155,9 @@ def _weight(measured: Values, end: float, cel: Module) -> tuple[Module, ...]:
     contact.
     """
     weight, place = measured["weight"], measured.place_of("weight")
-    pressed = abs(weight + (cel.fields["K"] or 0.0) * end)
-    stiffness = max(_END_STIFFNESS, pressed / _END_YIELDS)
-    touches = end + math.copysign(pressed / stiffness, weight)
+    contact_force = abs(weight + (cel.fields["K"] or 0.0) * end)
+    stiffness = max(_END_STIFFNESS, contact_force / _END_YIELDS)
+    contact_position = end + math.copysign(contact_force / stiffness, weight)
     key, stop = Name("", place), Name("end of travel", place)
     contact = {
         "between": (key, stop),
@@ -173,7 +173,7 @@ def _weight(measured: Values, end: float, cel: Module) -> tuple[Module, ...]:
     }
     push = {"to": key, "from": -weight, "at": None, "scale": 1.0}
     return (
-        Module(stop, "SOL", {"X0": touches}, place),
+        Module(stop, "SOL", {"X0": contact_position}, place),
         Module("end of travel contact", "BUT", contact, place),
         Module("weight", "ENF", push, place),
     )

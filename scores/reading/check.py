@@ -275,7 +275,7 @@ class Checker:
         return not isinstance(word, Name) or self.gestures_and_takes.reach(word, who)
 
     def _strikes(self, values: Any) -> Strikes | None:
-        if not isinstance(values, Values) or not melodies.is_whole(values):
+        if not isinstance(values, Values) or not melodies.has_required_fields(values):
             return None
         phrase = self._phrases().get(values["play"]) if values.written("play") else None
         reading = in_tuning(values, phrase, self.part_names)

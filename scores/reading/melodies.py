@@ -52,7 +52,7 @@ def kind_of(values: Values) -> str:
     return next(iter(values.written(*_FIELDS_BY_KIND)), "")
 
 
-def is_whole(values: Values) -> bool:
+def has_required_fields(values: Values) -> bool:
     """Whether strikes have the fields that their kind needs, and no others; reports an error if
     not.
     """
@@ -124,12 +124,12 @@ def in_quarters(
     def quarters(of_file: Length) -> Length:
         return replace(of_file, beats=0.0, quarters=of_file.beats)
 
-    moved = (
+    hits_in_quarters = (
         replace(hit, at=quarters(hit.at), lasting=hit.lasting and quarters(hit.lasting))
         for hit in hits
         if isinstance(hit.at, Length)
     )
-    return tuple(moved), length and quarters(length)
+    return tuple(hits_in_quarters), length and quarters(length)
 
 
 def played(

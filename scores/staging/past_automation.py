@@ -68,9 +68,9 @@ def needed(piece: Piece, order: Sequence[Entry], value: float, extent: Extent) -
         entry = order[place]
         following = order[place + 1] if place + 1 < len(order) else None
         try:
-            back = _back(piece, entry, following, extent.until)
-            if back <= begins:  # the parameter has its own value again
-                return Needed(place + 1, Curve(value, [back], [value]))
+            release = _release_instant(piece, entry, following, extent.until)
+            if release <= begins:  # the parameter has its own value again
+                return Needed(place + 1, Curve(value, [release], [value]))
             if _stands_alone(piece, entry, value, extent.since, begins):
                 break
         except TextError:
@@ -85,20 +85,22 @@ def _begun(tempo: TempoMap, order: Sequence[Entry], instant: float) -> int:
     return bisect_right(order, instant, key=lambda entry: tempo.seconds(entry.begin))
 
 
-def _back(piece: Piece, entry: Entry, following: Entry | None, until: float) -> float:
+def _release_instant(piece: Piece, entry: Entry, following: Entry | None, until: float) -> float:
     """The instant from which a parameter has its own value after an entry [s]; infinite if the next
     entry begins before. Raises TextError.
     """
-    tempo, line, ended = piece.tempo_map, entry.automation, entry.stop
+    tempo, line, end_beat = piece.tempo_map, entry.automation, entry.stop
     if line.pattern is not None:
         places = line.steps(tempo, piece.seed)
-        ended = min(ended, places.beat(len(places)))
+        end_beat = min(end_beat, places.beat(len(places)))
         if line.struck and following is None:
             return math.inf  # the pitch of the last note stays
-    if ended > until or (following is not None and following.begin <= ended + SAME):
+    if end_beat > until or (following is not None and following.begin <= end_beat + SAME):
         return math.inf
-    back = tempo.seconds(ended) + GLIDE
-    return math.inf if following is not None and tempo.seconds(following.begin) < back else back
+    release = tempo.seconds(end_beat) + GLIDE
+    return (
+        math.inf if following is not None and tempo.seconds(following.begin) < release else release
+    )
 
 
 def _stands_alone(piece: Piece, entry: Entry, value: float, since: float, begins: float) -> bool:
@@ -108,14 +110,14 @@ def _stands_alone(piece: Piece, entry: Entry, value: float, since: float, begins
     What entries before it have left lasts until GLIDE after its beginning at most.
     """
     tempo, line = piece.tempo_map, entry.automation
-    clear = tempo.seconds(entry.begin) + GLIDE
+    glide_end = tempo.seconds(entry.begin) + GLIDE
     if line.points:
         path = glide_path(piece, entry, value)
-        is_over = clear < path.last <= begins
+        is_over = glide_end < path.last <= begins
         return is_over and (path.is_complete or line.over is None)
     if line.swing is not None:
         beat_of = swing_beats(tempo, entry, line.swing)
-        number = swing_points_before(beat_of, tempo.beats(clear)) + 1
+        number = swing_points_before(beat_of, tempo.beats(glide_end)) + 1
         if line.swing.shape == "square":  # it has points where it changes
             number += PIECES // 2
         beat = beat_of(number)
@@ -126,9 +128,9 @@ def _stands_alone(piece: Piece, entry: Entry, value: float, since: float, begins
 def _has_values_of_its_own(piece: Piece, entry: Entry, since: float, begins: float) -> bool:
     """Whether a pattern has set a value before an instant [s], so that no earlier one holds."""
     tempo, line = piece.tempo_map, entry.automation
-    clear = tempo.seconds(entry.begin) + GLIDE
+    glide_end = tempo.seconds(entry.begin) + GLIDE
     places = line.steps(tempo, piece.seed)
-    early = GRID / piece.rate
+    grid_step = GRID / piece.rate
     for place in range(*held_places(places, since, entry.stop)):
         if places.course.played(place) is None:
             continue
@@ -136,11 +138,11 @@ def _has_values_of_its_own(piece: Piece, entry: Entry, since: float, begins: flo
         if instant > begins:
             break
         if line.struck:
-            if instant - 2 * early > clear:
+            if instant - 2 * grid_step > glide_end:
                 return True
         else:
             following = tempo.seconds(places.beat(place + 1))
             is_first_over = instant + GLIDE <= min(begins, following)
-            if is_first_over or (instant > clear and following <= begins):
+            if is_first_over or (instant > glide_end and following <= begins):
                 return True
     return False

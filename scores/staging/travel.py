@@ -59,25 +59,25 @@ def check_travel(
             continue
         points = zip(gesture.t, gesture.x, strict=True)
         relative = tuple((round(t - gesture.start, 9), x) for t, x in points)
-        case = gesture.key, gesture.name, relative, gesture.throws, gesture.curves
-        if case in seen:
+        gesture_key = gesture.key, gesture.name, relative, gesture.throws, gesture.curves
+        if gesture_key in seen:
             continue
-        seen.add(case)
+        seen.add(gesture_key)
         rehearsed[gesture.place] += 1
         if gesture.place not in singular and (message := _singular(key, gesture)):
             singular.add(gesture.place)
             collector.error("W312", message, gesture.place)
         if key.travel is None:
             continue
-        span = ""
+        swing = ""
         if gesture.throws:
             thrown_low, thrown_high, thrown_at = _rehearse(piece, key, gesture)
             if thrown_low < low or thrown_high > high:
-                span = f"between {_leg(gesture, thrown_at)} the free key swings"
+                swing = f"between {_throw_bounds(gesture, thrown_at)} the free key swings"
             low, high = min(low, thrown_low), max(high, thrown_high)
-        beyond = max(least - low, high - greatest)
-        if beyond > max(_SLACK, farthest.get(gesture.place, (0.0,))[0]):
-            farthest[gesture.place] = beyond, *_sentence(key, gesture, low, high, span)
+        excess = max(least - low, high - greatest)
+        if excess > max(_SLACK, farthest.get(gesture.place, (0.0,))[0]):
+            farthest[gesture.place] = excess, *_sentence(key, gesture, low, high, swing)
     for place, (_, message, help) in farthest.items():
         collector.error("E307", message, place, help=help)
 
@@ -89,17 +89,17 @@ def _limits(key: Key) -> tuple[float, float]:
 
 
 def _sentence(
-    key: Key, gesture: StagedGesture, low: float, high: float, span: str
+    key: Key, gesture: StagedGesture, low: float, high: float, swing: str
 ) -> tuple[str, str]:
     assert key.travel is not None
     is_low = key.travel[0] * key.reach - low > high - key.travel[1] * key.reach
-    worst = (low if is_low else high) / key.reach
+    farthest = (low if is_low else high) / key.reach
     travel = f"{key.travel[0] * 1e3:g}mm..{key.travel[1] * 1e3:g}mm"
     message = (
-        f"{quote(gesture.name)}: {span or 'its path goes'} to {worst * 1e3:.1f} mm, outside the "
-        f"travel of key {quote(key.name)} ({travel})"
+        f"{quote(gesture.name)}: {swing or 'its path goes'} to {farthest * 1e3:.1f} mm, outside "
+        f"the travel of key {quote(key.name)} ({travel})"
     )
-    return message, _remedy(gesture, _limits(key), (low, high), is_throw=bool(span))
+    return message, _remedy(gesture, _limits(key), (low, high), is_throw=bool(swing))
 
 
 def _remedy(
@@ -170,15 +170,15 @@ def _rehearsed(
     for first_frame in range(first, last, _BLOCK):
         block = np.zeros((min(_BLOCK, last - first_frame), 1))
         simulation.process(block)
-        least, highest_index = int(block.argmin()), int(block.argmax())
-        low = min(low, (float(block[least, 0]), first_frame + least - first))
+        lowest_index, highest_index = int(block.argmin()), int(block.argmax())
+        low = min(low, (float(block[lowest_index, 0]), first_frame + lowest_index - first))
         if block[highest_index, 0] > high[0]:
             high = float(block[highest_index, 0]), first_frame + highest_index - first
-    far = high if high[0] > -low[0] else low
-    return low[0], high[0], far[1] / rate
+    farthest = high if high[0] > -low[0] else low
+    return low[0], high[0], farthest[1] / rate
 
 
-def _leg(gesture: StagedGesture, instant: float) -> str:
+def _throw_bounds(gesture: StagedGesture, instant: float) -> str:
     """The two points of the throw during which an instant falls: `0.125 s and 0.375 s`."""
     for i in gesture.throws:
         begin, end = (gesture.t[j] - gesture.start for j in (i - 1, i))

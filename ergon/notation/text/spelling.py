@@ -7,7 +7,7 @@ LONGEST_WORD = 64  # difflib is quadratic, and nobody mistypes a word longer tha
 
 
 def is_misspelt(word: str, name: str) -> bool:
-    """Whether a word is a name but for a letter or two, and no other word."""
+    """Whether a word differs from a name by a letter or two."""
     return bool(get_close_matches(word.lower(), [name.lower()], n=1, cutoff=0.8))
 
 
@@ -17,10 +17,12 @@ def is_one_slip(word: str, name: str) -> bool:
     """
     if abs(len(word) - len(name)) > 1:
         return False
-    same = next((i for i, (a, b) in enumerate(zip(word, name, strict=False)) if a != b), None)
-    if same is None:  # one begins the other
+    first_difference = next(
+        (i for i, (a, b) in enumerate(zip(word, name, strict=False)) if a != b), None
+    )
+    if first_difference is None:  # one word begins with the other
         return True
-    a, b = word[same:], name[same:]
+    a, b = word[first_difference:], name[first_difference:]
     is_swapped = a[:2] == b[1::-1] and a[2:] == b[2:]
     return a[1:] == b[1:] or a[1:] == b or a == b[1:] or is_swapped
 
@@ -31,8 +33,8 @@ def nearest(word: str, names: Iterable[str]) -> str | None:
         return None
     lowered = word.lower()
     candidates = {name.lower(): name for name in names}
-    begun = [name for name in candidates if name.startswith(lowered)]
-    if len(begun) == 1:
-        return candidates[begun[0]]
+    with_prefix = [name for name in candidates if name.startswith(lowered)]
+    if len(with_prefix) == 1:
+        return candidates[with_prefix[0]]
     close = get_close_matches(lowered, candidates, n=1, cutoff=0.6)
     return candidates[close[0]] if close else None

@@ -284,9 +284,12 @@ def _alike(sounds: Mapping[Setting, Floats]) -> tuple[tuple[str, ...], ...]:
     groups: list[list[str]] = []
     for method, settings in by_method.items():
         for group in groups:
-            theirs = by_method[group[0]]
-            both = settings.keys() & theirs.keys()
-            if both and all(np.array_equal(settings[one], theirs[one]) for one in both):
+            group_settings = by_method[group[0]]
+            common_settings = settings.keys() & group_settings.keys()
+            if common_settings and all(
+                np.array_equal(settings[setting], group_settings[setting])
+                for setting in common_settings
+            ):
                 group.append(method)
                 break
         else:
@@ -415,8 +418,11 @@ def _front(
             if candidate[0] <= cost * _SCATTER and candidate[1:3] != (error, point_index)
         )
         if not any(
-            other < error or (other == error and (its < cost / _SCATTER or place < point_index))
-            for its, other, place, _ in rivals
+            rival_error < error
+            or (
+                rival_error == error and (rival_cost < cost / _SCATTER or rival_index < point_index)
+            )
+            for rival_cost, rival_error, rival_index, _ in rivals
         ):
             yield setting
 
@@ -427,11 +433,11 @@ def likely_cost(chart: Chart, point: Point) -> float | None:
     """
     if point.cost is not None:
         return point.cost
-    same = [p for p in chart.points if p.setting.method == point.setting.method and p.cost]
-    every = same or [p for p in chart.points if p.cost]
-    if not every:
+    same_method = [p for p in chart.points if p.setting.method == point.setting.method and p.cost]
+    with_cost = same_method or [p for p in chart.points if p.cost]
+    if not with_cost:
         return None
-    shares = [p.cost / p.setting.oversampling for p in every if p.cost]
+    shares = [p.cost / p.setting.oversampling for p in with_cost if p.cost]
     return max(shares) * point.setting.oversampling
 
 

@@ -37,4 +37,4 @@ def parts_beside(cursor: Cursor, file: Document) -> tuple[XmlPart, ...]:
 def about(part: XmlPart) -> str:
     """A part in a few words."""
     notes = f"{len(part.notes)} notes" if len(part.notes) != 1 else "1 note"
-    return f"part {part.called}: {notes}"
+    return f"part {part.label}: {notes}"

@@ -62,7 +62,7 @@ def find_browser(program: str | None = None) -> str:
     Raises BrowserError.
     """
     if not hasattr(os, "posix_spawn"):
-        raise BrowserError("a browser without a window is led on Linux and macOS alone")
+        raise BrowserError("a browser without a window can be controlled only on Linux and macOS")
     for name in (program,) if program else _NAMES:
         browser = shutil.which(name)
         if browser is not None:
@@ -105,14 +105,14 @@ class Page:
 
     def run(self, script: str) -> Any:
         """The value of an expression; a promise is waited for. Raises BrowserError."""
-        got = self.call(
+        reply = self.call(
             "Runtime.evaluate", expression=script, awaitPromise=True, returnByValue=True
         )
-        if "exceptionDetails" in got:
-            details = got["exceptionDetails"]
+        if "exceptionDetails" in reply:
+            details = reply["exceptionDetails"]
             reason = details.get("exception", {}).get("description", details.get("text", ""))
             raise BrowserError(f"the page fails: {reason}")
-        return got["result"].get("value")
+        return reply["result"].get("value")
 
     def size(self, width: int, height: int) -> None:
         """Set the size of the picture [px]."""
@@ -188,12 +188,12 @@ class Browser:
         Raises BrowserError.
         """
         self._last += 1
-        asked: dict[str, object] = {"id": self._last, "method": method, "params": parameters}
+        request: dict[str, object] = {"id": self._last, "method": method, "params": parameters}
         if session is not None:
-            asked["sessionId"] = session
+            request["sessionId"] = session
         number = self._last
         try:
-            _write_all(self._out, json.dumps(asked).encode() + b"\0")
+            _write_all(self._out, json.dumps(request).encode() + b"\0")
         except OSError:
             raise BrowserError("the browser has ended") from None
         while number not in self._answers:

@@ -23,36 +23,36 @@ def drag(friction: float, mass: float) -> float:
 
 def speeds(network: Network, rate: float) -> dict[str, Vector]:
     """V0 of each Mass3D, in units per sample; a file has them per second."""
-    places = {one.name: place(one) for one in network.masses}
-    masses = {one.name: one.values["mass"] for one in network.masses if one.kind == "Mass3D"}
-    steps = {one.name: step(one, rate) for one in network.masses if one.kind == "Mass3D"}
+    places = {mass.name: place(mass) for mass in network.masses}
+    masses = {mass.name: mass.values["mass"] for mass in network.masses if mass.kind == "Mass3D"}
+    steps = {mass.name: step(mass, rate) for mass in network.masses if mass.kind == "Mass3D"}
     still = (0.0, 0.0, 0.0)
     speed_by_mass = dict(steps)
     for _ in range(_ROUNDS):
         forces = {name: [0.0, 0.0, -network.gravity * mass] for name, mass in masses.items()}
         for link in network.links:
             _push(forces, link, places, speed_by_mass)
-        better = {}
+        next_speeds = {}
         for name, mass in masses.items():
             wanted = [s + 0.5 * f / mass for s, f in zip(steps[name], forces[name], strict=True)]
             if network.friction:
                 a = drag(network.friction, mass) / mass
-                wanted = [one * a / math.expm1(a) for one in wanted]
-            better[name] = (wanted[0], wanted[1], wanted[2])
+                wanted = [component * a / math.expm1(a) for component in wanted]
+            next_speeds[name] = (wanted[0], wanted[1], wanted[2])
         change = max(
-            (math.dist(better[name], speed_by_mass.get(name, still)) for name in masses),
+            (math.dist(next_speeds[name], speed_by_mass.get(name, still)) for name in masses),
             default=0.0,
         )
-        size = max((math.hypot(*one) for one in better.values()), default=0.0)
-        speed_by_mass = better
+        size = max((math.hypot(*speed) for speed in next_speeds.values()), default=0.0)
+        speed_by_mass = next_speeds
         if change <= 1e-16 * size:
             break
     return speed_by_mass
 
 
-def place(one: Part) -> Vector:
+def place(mass: Part) -> Vector:
     """Where a mass begins [m]."""
-    return one.values["initPos.x"], one.values["initPos.y"], one.values["initPos.z"]
+    return mass.values["initPos.x"], mass.values["initPos.y"], mass.values["initPos.z"]
 
 
 def step(part: Part, rate: float) -> Vector:
@@ -73,22 +73,22 @@ def _push(
     still = (0.0, 0.0, 0.0)
     if link.kind == "PlaneContact3D":
         axis, name = int(values["orientation"]), link.ends[0]
-        above = places[name][axis] - values["position"] - values["drest"]
-        if above < 0.0 and name in forces:
-            forces[name][axis] -= k * above + z * steps[name][axis]
+        clearance = places[name][axis] - values["position"] - values["drest"]
+        if clearance < 0.0 and name in forces:
+            forces[name][axis] -= k * clearance + z * steps[name][axis]
         return
     a, b = link.ends
-    apart = [q - p for p, q in zip(places[a], places[b], strict=True)]
-    length = math.hypot(*apart)
-    beyond = length - values.get("drest", 0.0)
-    if link.kind in ("Rope3D", "Bubble3D") and beyond <= 0.0:
+    difference = [q - p for p, q in zip(places[a], places[b], strict=True)]
+    length = math.hypot(*difference)
+    elongation = length - values.get("drest", 0.0)
+    if link.kind in ("Rope3D", "Bubble3D") and elongation <= 0.0:
         return
-    if (link.kind == "Contact3D" and beyond >= 0.0) or length == 0.0:
+    if (link.kind == "Contact3D" and elongation >= 0.0) or length == 0.0:
         return
-    along = [one / length for one in apart]
-    pairs = zip(steps.get(a, still), steps.get(b, still), along, strict=True)
-    force = k * beyond + z * sum((q - p) * to for p, q, to in pairs)
+    direction = [component / length for component in difference]
+    pairs = zip(steps.get(a, still), steps.get(b, still), direction, strict=True)
+    force = k * elongation + z * sum((q - p) * cosine for p, q, cosine in pairs)
     for name, sign in ((a, 1.0), (b, -1.0)):
         if name in forces:
             for axis in range(3):
-                forces[name][axis] += sign * force * along[axis]
+                forces[name][axis] += sign * force * direction[axis]

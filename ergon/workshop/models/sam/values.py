@@ -196,7 +196,7 @@ class Values:
             value = self._value(self.tree(name), inner, definition.line)
             self._open.pop()
             return value
-        numbers = [definition for definition in arguments if isinstance(definition, float)]
+        numbers = [argument for argument in arguments if isinstance(argument, float)]
         if len(numbers) == len(arguments) == 1 and name in _NUMBERS:
             return _computed(_NUMBERS[name], numbers, line)
         if len(numbers) == len(arguments) == 2 and name in _PAIRS:
@@ -259,27 +259,27 @@ class Values:
             for part in node.parts:
                 value = self._through(part, value, arguments, line)
             return value
-        taking = [self._takes(part, arguments) for part in node.parts]
-        if sum(taking) != 1 or node.kind != "chain" or "," in node.operators:
+        takes_input = [self._takes(part, arguments) for part in node.parts]
+        if sum(takes_input) != 1 or node.kind != "chain" or "," in node.operators:
             raise ModelError("more than one part behind ':' takes a sound in", line)
         terms = [
             self._through(part, value, arguments, line)
-            if takes
+            if has_input
             else self._value(part, arguments, line)
-            for part, takes in zip(node.parts, taking, strict=True)
+            for part, has_input in zip(node.parts, takes_input, strict=True)
         ]
         total = terms[0]
-        for sign, part_of in zip(node.operators, terms[1:], strict=True):
-            total = _pair(sign, total, part_of, line)
+        for sign, term in zip(node.operators, terms[1:], strict=True):
+            total = _pair(sign, total, term, line)
         return total
 
     def _filtered(
         self, node: Node, value: Value, arguments: Mapping[str, Value], line: int
     ) -> Value:
         numbers = [self._value(part, arguments, line) for part in node.parts]
-        if len(numbers) != 2 or not all(isinstance(one, float) for one in numbers):
+        if len(numbers) != 2 or not all(isinstance(number, float) for number in numbers):
             raise ModelError("highpass is written highpass(order, frequency)", line)
-        order, cutoff = (one for one in numbers if isinstance(one, float))
+        order, cutoff = (number for number in numbers if isinstance(number, float))
         if not (1.0 <= order <= 64.0 and order == int(order) and 0.0 < cutoff < RATE / 2):
             message = "highpass has an order from 1 to 64 and a frequency between 0 and 22,050 Hz"
             raise ModelError(message, line)
