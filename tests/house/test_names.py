@@ -50,6 +50,10 @@ FOLDERS = (
 )
 
 
+# Letters of a name that `let` binds in product code, on the average: enough for two words.
+LET_LETTERS_MIN = 7.0
+
+
 def files() -> list[Path]:
     every = [path for name in (*FOLDERS, "tests") for path in (ROOT / name).rglob("*.[pr][ys]")]
     return [path for path in every if "target" not in path.parts and not path.is_symlink()]
@@ -58,14 +62,18 @@ def files() -> list[Path]:
 def test_identifiers_without_empty_words():
     empty: list[str] = []
     unused = {(path, name) for path, names in EXCEPTED.items() for name in names}
+    let_lengths: list[int] = []
     for path in files():
         relative = path.relative_to(ROOT).as_posix()
         for name in identifiers(path):
             if name.is_empty and name.name not in EXCEPTED.get(relative, ()):
                 empty.append(f"{relative}:{name.line}: {name.name}")
             unused.discard((relative, name.name))
+            if name.is_let and "/src/" in relative:
+                let_lengths.append(len(name.name.replace("_", "")))
     assert not empty, f"say what is stored, not {', '.join(sorted(EMPTY_WORDS))}"
     assert not unused, "these exceptions are not needed"
+    assert sum(let_lengths) >= LET_LETTERS_MIN * len(let_lengths), "names of let are too short"
 
 
 @pytest.mark.parametrize(

@@ -40,6 +40,7 @@ class Identifier:
     name: str
     line: int
     scope: int
+    is_let: bool = False  # of a `let` in Rust
 
     @property
     def is_empty(self) -> bool:
@@ -105,7 +106,8 @@ def _rust_node_identifiers(node: tree_sitter.Node, scope: int) -> Iterator[Ident
             yield from _bound_by_pattern(first, scope)
     elif kind in ("let_declaration", "let_condition", "for_expression", "parameter"):
         if pattern is not None:
-            yield from _bound_by_pattern(pattern, scope)
+            is_let = kind.startswith("let")
+            yield from _bound_by_pattern(pattern, scope, is_let)
     elif kind == "closure_parameters":
         for child in node.named_children:
             if child.type != "parameter":
@@ -114,14 +116,16 @@ def _rust_node_identifiers(node: tree_sitter.Node, scope: int) -> Iterator[Ident
         yield from _rust_node_identifiers(child, scope)
 
 
-def _bound_by_pattern(node: tree_sitter.Node, scope: int) -> Iterator[Identifier]:
+def _bound_by_pattern(
+    node: tree_sitter.Node, scope: int, is_let: bool = False
+) -> Iterator[Identifier]:
     if node.type in ("identifier", "shorthand_field_identifier"):
-        yield _rust_identifier(node, scope)
+        yield _rust_identifier(node, scope, is_let)
     elif node.type not in _NOT_BINDING:
         first = node.type in ("tuple_struct_pattern", "struct_pattern")  # the name of its type
         for child in node.named_children[first:]:
-            yield from _bound_by_pattern(child, scope)
+            yield from _bound_by_pattern(child, scope, is_let)
 
 
-def _rust_identifier(node: tree_sitter.Node, scope: int) -> Identifier:
-    return Identifier((node.text or b"").decode(), node.start_point[0] + 1, scope)
+def _rust_identifier(node: tree_sitter.Node, scope: int, is_let: bool = False) -> Identifier:
+    return Identifier((node.text or b"").decode(), node.start_point[0] + 1, scope, is_let)

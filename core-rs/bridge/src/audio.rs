@@ -34,13 +34,7 @@ pub(crate) struct AudioOut {
 impl AudioOut {
     #[new]
     #[pyo3(signature = (spec, rate, n_channels, capacity = 4096))]
-    fn new(
-        py: Python<'_>,
-        spec: &str,
-        rate: u32,
-        n_channels: usize,
-        capacity: usize,
-    ) -> PyResult<Self> {
+    fn new(py: Python<'_>, spec: &str, rate: u32, n_channels: usize, capacity: usize) -> PyResult<Self> {
         let spec: Spec = spec.parse().map_err(failed)?;
         if !(1..=audio::CHANNELS_MAX).contains(&n_channels) || rate == 0 {
             let channel_limit = audio::CHANNELS_MAX;
@@ -236,9 +230,7 @@ pub(crate) fn play_frames(
     if is_complete {
         Ok(sentence)
     } else {
-        Err(plain_error(format!(
-            "{sentence}: the output did not accept all frames"
-        )))
+        Err(plain_error(format!("{sentence}: the output did not accept all frames")))
     }
 }
 
@@ -338,9 +330,7 @@ impl JackCapture {
         let capture = capture.ok_or_else(|| plain_error("the recording has ended"))?;
         let samples = py.detach(|| capture.finish());
         let n_frames = samples.len() / self.n_channels;
-        samples
-            .into_pyarray(py)
-            .reshape([n_frames, self.n_channels])
+        samples.into_pyarray(py).reshape([n_frames, self.n_channels])
     }
 }
 

@@ -19,10 +19,7 @@ impl Chance {
 
     /// A number from low to high, uniformly.
     fn uniform(&mut self, low: f64, high: f64) -> PyResult<f64> {
-        check(
-            low.is_finite() && high.is_finite(),
-            "low and high must be finite",
-        )?;
+        check(low.is_finite() && high.is_finite(), "low and high must be finite")?;
         Ok(self.0.uniform(low, high))
     }
 
@@ -44,9 +41,5 @@ impl Chance {
 }
 
 fn check(fit: bool, sentence: &'static str) -> PyResult<()> {
-    if fit {
-        Ok(())
-    } else {
-        Err(plain_error(sentence))
-    }
+    if fit { Ok(()) } else { Err(plain_error(sentence)) }
 }

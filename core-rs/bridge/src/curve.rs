@@ -9,10 +9,7 @@ use crate::words;
 
 /// Values of the path through points (t, x, curve) at instants.
 #[pyfunction]
-pub(crate) fn path_values(
-    points: Vec<(f64, f64, String)>,
-    instants: Vec<f64>,
-) -> PyResult<Vec<f64>> {
+pub(crate) fn path_values(points: Vec<(f64, f64, String)>, instants: Vec<f64>) -> PyResult<Vec<f64>> {
     let read_point = |(t, x, curve): &(f64, f64, String)| {
         let Approach::Path(curve) = word("curve", curve, words::WAYS)? else {
             return Err(module_error(
@@ -20,20 +17,9 @@ pub(crate) fn path_values(
                 "a throw has no path of its own; choose smooth, line or hold",
             ));
         };
-        Ok(Point {
-            t: *t,
-            x: *x,
-            curve,
-        })
+        Ok(Point { t: *t, x: *x, curve })
     };
-    let points = points
-        .iter()
-        .map(read_point)
-        .collect::<PyResult<Vec<_>>>()?;
-    let path_profile =
-        Profile::through(&points).map_err(|error| module_error("path_values", error))?;
-    Ok(instants
-        .into_iter()
-        .map(|t| path_profile.evaluate(t).0)
-        .collect())
+    let points = points.iter().map(read_point).collect::<PyResult<Vec<_>>>()?;
+    let path_profile = Profile::through(&points).map_err(|error| module_error("path_values", error))?;
+    Ok(instants.into_iter().map(|t| path_profile.evaluate(t).0).collect())
 }

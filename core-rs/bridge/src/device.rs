@@ -38,10 +38,7 @@ pub(crate) fn axis(calibration: AxisTuple) -> PyResult<(usize, Axis)> {
         && range_low < range_high
         && force_max >= 0.0;
     if !is_possible {
-        return Err(module_error(
-            "calibration",
-            "the calibration of an axis is impossible",
-        ));
+        return Err(module_error("calibration", "the calibration of an axis is impossible"));
     }
     let range = [range_low, range_high];
     let calibrated_axis = Axis {
@@ -55,10 +52,7 @@ pub(crate) fn axis(calibration: AxisTuple) -> PyResult<(usize, Axis)> {
 }
 
 /// Run `work` in a separate thread, which Ctrl-C tells to stop.
-fn run_in_thread<T: Send>(
-    py: Python<'_>,
-    work: impl FnOnce(&AtomicBool) -> T + Send,
-) -> PyResult<T> {
+fn run_in_thread<T: Send>(py: Python<'_>, work: impl FnOnce(&AtomicBool) -> T + Send) -> PyResult<T> {
     let stop_flag = AtomicBool::new(false);
     py.detach(|| {
         thread::scope(|scope| {
@@ -72,9 +66,7 @@ fn run_in_thread<T: Send>(
                     stop_flag.store(signal_error.is_some(), Ordering::Relaxed);
                 }
             }
-            let work_outcome = worker_thread
-                .join()
-                .map_err(|_| plain_error("the measurement failed"));
+            let work_outcome = worker_thread.join().map_err(|_| plain_error("the measurement failed"));
             signal_error.map_or(work_outcome, Err)
         })
     })
@@ -137,13 +129,8 @@ pub(crate) fn serial_identity(py: Python<'_>, path: &str) -> Option<String> {
 #[pyfunction]
 pub(crate) fn checkup(py: Python<'_>, seconds: f64, period: f64) -> PyResult<Checkup> {
     let ticks = ticks(seconds, period)?;
-    let checkup = run_in_thread(py, |stop| {
-        doctor::checkup::<BoxedDevice>(None, period, ticks, stop)
-    })?;
-    Ok(Checkup::new(
-        checkup.map_err(plain_error)?,
-        Stats::default(),
-    ))
+    let checkup = run_in_thread(py, |stop| doctor::checkup::<BoxedDevice>(None, period, ticks, stop))?;
+    Ok(Checkup::new(checkup.map_err(plain_error)?, Stats::default()))
 }
 
 /// An open device, for tests and calibration.
@@ -160,15 +147,10 @@ impl Device {
     fn new(py: Python<'_>, url: &str, calibration: Vec<AxisTuple>) -> PyResult<Self> {
         let url = Url::parse(url).map_err(plain_error)?;
         guardian::register_guardian(py);
-        let calibrated_axes = calibration
-            .into_iter()
-            .map(axis)
-            .collect::<PyResult<Vec<_>>>()?;
+        let calibrated_axes = calibration.into_iter().map(axis).collect::<PyResult<Vec<_>>>()?;
         let opened_device = py
             .detach(|| {
-                live::open(&url).map(|opened_device| {
-                    calibrate::with_calibration(opened_device, &calibrated_axes)
-                })
+                live::open(&url).map(|opened_device| calibrate::with_calibration(opened_device, &calibrated_axes))
             })
             .map_err(plain_error)?;
         Ok(Self::from_device(opened_device))
@@ -228,52 +210,34 @@ impl Device {
     /// The sign of an axis, found by a small force, in ticks of `period` [s]: 1 or -1.
     fn direction(&self, py: Python<'_>, axis: usize, period: f64) -> PyResult<f64> {
         let axis_signs = self.signs(py, &[axis], period)?;
-        axis_signs[0].map_err(|unsure| {
-            with_attributes(UnsureError::new_err(unsure.to_string()), None, |_| Ok(()))
-        })
+        axis_signs[0].map_err(|unsure| with_attributes(UnsureError::new_err(unsure.to_string()), None, |_| Ok(())))
     }
 
     /// The signs of axes, found by small forces at the same time; none of an axis that did not move both ways.
-    fn directions(
-        &self,
-        py: Python<'_>,
-        axes: Vec<usize>,
-        period: f64,
-    ) -> PyResult<Vec<Option<f64>>> {
+    fn directions(&self, py: Python<'_>, axes: Vec<usize>, period: f64) -> PyResult<Vec<Option<f64>>> {
         let axis_signs = self.signs(py, &axes, period)?;
         Ok(axis_signs.into_iter().map(Result::ok).collect())
     }
 
     /// Least and greatest position of each axis during `seconds` [s] of motion by hand, (n_axes, 2) [m or rad].
-    fn ends<'py>(
-        &self,
-        py: Python<'py>,
-        seconds: f64,
-        period: f64,
-    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    fn ends<'py>(&self, py: Python<'py>, seconds: f64, period: f64) -> PyResult<Bound<'py, PyArray2<f64>>> {
         ticks(seconds, period)?;
         let axis_ends = self
-            .with(py, |own, stop| {
-                calibrate::travel_ends(own, seconds, period, stop)
-            })?
+            .with(py, |own, stop| calibrate::travel_ends(own, seconds, period, stop))?
             .map_err(plain_error)?;
-        let end_rows: Vec<_> = axis_ends[..self.spec.dof]
-            .iter()
-            .map(|row| row.to_vec())
-            .collect();
+        let end_rows: Vec<_> = axis_ends[..self.spec.dof].iter().map(|row| row.to_vec()).collect();
         PyArray2::from_vec2(py, &end_rows).map_err(plain_error)
     }
 
     /// Send zero forces every `period` [s] for `seconds` [s], and time the replies.
     fn checkup(&self, py: Python<'_>, seconds: f64, period: f64) -> PyResult<Checkup> {
         let ticks = ticks(seconds, period)?;
-        let (checkup, device_stats) =
-            self.with(py, |device, stop| -> (Result<_, Gone>, Stats) {
-                let device_limits = Limits::from_spec(device.spec());
-                let mut guarded = Guarded::new(device, device_limits, period);
-                let checkup = doctor::checkup(Some(&mut guarded), period, ticks, stop);
-                (checkup, guarded.device().stats())
-            })?;
+        let (checkup, device_stats) = self.with(py, |device, stop| -> (Result<_, Gone>, Stats) {
+            let device_limits = Limits::from_spec(device.spec());
+            let mut guarded = Guarded::new(device, device_limits, period);
+            let checkup = doctor::checkup(Some(&mut guarded), period, ticks, stop);
+            (checkup, guarded.device().stats())
+        })?;
         Ok(Checkup::new(checkup.map_err(plain_error)?, device_stats))
     }
 
@@ -307,12 +271,7 @@ impl Device {
         }
     }
 
-    fn signs(
-        &self,
-        py: Python<'_>,
-        axes: &[usize],
-        period: f64,
-    ) -> PyResult<Vec<Result<f64, DirectionError>>> {
+    fn signs(&self, py: Python<'_>, axes: &[usize], period: f64) -> PyResult<Vec<Result<f64, DirectionError>>> {
         for &axis in axes {
             self.check_axis(axis)?;
         }

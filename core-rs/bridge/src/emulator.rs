@@ -59,9 +59,7 @@ pub(crate) fn emulate(
     once: bool,
 ) -> PyResult<()> {
     let model = model.map(|row| KeyModel::from_row(&row.as_array().to_vec()));
-    let model = model
-        .transpose()
-        .map_err(|error| module_error("emulate", error))?;
+    let model = model.transpose().map_err(|error| module_error("emulate", error))?;
     let watchdog = Duration::try_from_secs_f64(watchdog);
     let key = Key {
         mass,
@@ -79,8 +77,7 @@ pub(crate) fn emulate(
             noise,
             seed,
             force_step,
-            watchdog: watchdog
-                .map_err(|_| module_error("watchdog", "must be a time of at least zero"))?,
+            watchdog: watchdog.map_err(|_| module_error("watchdog", "must be a time of at least zero"))?,
             reported: [mass, damping],
             range: key.range,
         },
@@ -88,9 +85,7 @@ pub(crate) fn emulate(
         axes,
         key,
         model,
-        network: network.map(|(network, struck, push, delay)| {
-            (network.0.clone(), struck, Motor { delay, push })
-        }),
+        network: network.map(|(network, struck, push, delay)| (network.0.clone(), struck, Motor { delay, push })),
         rate,
         hands: paths.iter().map(|path| hand_on_path(path, hand)).collect(),
         seconds,
@@ -131,16 +126,10 @@ fn run(py: Python<'_>, options: Options, tell: &Py<PyAny>) -> PyResult<()> {
             };
             run_python(&|py| tell.call1(py, event_words.clone()).map(drop));
         };
-        let outcome = serve(options, &mut report_event, &mut || {
-            run_python(&|py| py.check_signals())
-        });
+        let outcome = serve(options, &mut report_event, &mut || run_python(&|py| py.check_signals()));
         (outcome, error.into_inner())
     });
-    let Outcome {
-        periods,
-        packets,
-        hash,
-    } = outcome.map_err(|error| module_error("emulate", error))?;
+    let Outcome { periods, packets, hash } = outcome.map_err(|error| module_error("emulate", error))?;
     // The summary is also sent after Ctrl-C.
     let summary_line = format!("{periods} {packets} {hash:016x}");
     tell.call1(py, ("over", summary_line))?;

@@ -90,9 +90,7 @@ fn indexed_error(module: &str, message: impl Display, index: Option<usize>) -> P
 /// EngineError with a sentence about one hand, which whoever shows it calls by its player.
 pub(crate) fn hand_error(sentence: impl Display, hand: usize) -> PyErr {
     let python_error = EngineError::new_err(sentence.to_string());
-    with_attributes(python_error, None, |python_error| {
-        python_error.setattr("index", hand)
-    })
+    with_attributes(python_error, None, |python_error| python_error.setattr("index", hand))
 }
 
 /// EngineError about a gesture; `index` is that of the point at fault, if one is.
@@ -116,8 +114,7 @@ pub(crate) fn from_engine(error: network::Error) -> PyErr {
         return python_error;
     };
     let refusals: Vec<PyErr> = inner_errors.into_iter().map(from_engine).collect();
-    Python::attach(|py| python_error.value(py).setattr("refusals", refusals).err())
-        .unwrap_or(python_error)
+    Python::attach(|py| python_error.value(py).setattr("refusals", refusals).err()).unwrap_or(python_error)
 }
 
 /// DivergedError that names the module and the frame.
@@ -142,10 +139,7 @@ pub(crate) fn word<T: Copy>(what: &str, word_text: &str, words: &[(&str, T)]) ->
         .map(|(_, value)| *value);
     matched.ok_or_else(|| {
         let known_words: Vec<&str> = words.iter().map(|(word, _)| *word).collect();
-        module_error(
-            what,
-            format!("'{word_text}' is none of {}", known_words.join(", ")),
-        )
+        module_error(what, format!("'{word_text}' is none of {}", known_words.join(", ")))
     })
 }
 

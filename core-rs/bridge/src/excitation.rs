@@ -86,19 +86,12 @@ pub(crate) fn excite(
         };
         let mut axes = vec![Axis::plain(port.spec()); port.spec().dof];
         axes[axis] = turned_axis;
-        metrology::excite(
-            Calibrated::new(port, axes),
-            &excitation,
-            record_sink.as_mut(),
-            stop,
-        )
+        metrology::excite(Calibrated::new(port, axes), &excitation, record_sink.as_mut(), stop)
     });
     drop(record_sink);
     let stopped = record_handle.map(|record_handle| py.detach(|| record_handle.stop()));
     let excited_rows = excited_rows?;
-    stopped
-        .transpose()
-        .map_err(crate::recording::from_recording)?;
+    stopped.transpose().map_err(crate::recording::from_recording)?;
     Ok(Excited(excited_rows))
 }
 
@@ -156,11 +149,7 @@ impl Excited {
 }
 
 impl Excited {
-    fn column<'py, T: Element>(
-        &self,
-        py: Python<'py>,
-        value: fn(&Row) -> T,
-    ) -> Bound<'py, PyArray1<T>> {
+    fn column<'py, T: Element>(&self, py: Python<'py>, value: fn(&Row) -> T) -> Bound<'py, PyArray1<T>> {
         PyArray1::from_iter(py, self.0.rows.iter().map(value))
     }
 }
@@ -220,11 +209,7 @@ pub(crate) fn emulated_device(
             range: key.range,
         },
         transport: ergon_live::emulate::Transport::Udp(0),
-        axes: if protocol == Protocol::FireFader {
-            2
-        } else {
-            1
-        },
+        axes: if protocol == Protocol::FireFader { 2 } else { 1 },
         key,
         network: None,
         model: Some(model),
@@ -233,15 +218,7 @@ pub(crate) fn emulated_device(
         seconds,
         once: false,
     };
-    let calibrated_axes = calibration
-        .into_iter()
-        .map(axis)
-        .collect::<PyResult<Vec<_>>>()?;
-    let open_device = || {
-        live::open_board(&options)
-            .map(|device| calibrate::with_calibration(device, &calibrated_axes))
-    };
-    Ok(Device::from_device(
-        py.detach(open_device).map_err(plain_error)?,
-    ))
+    let calibrated_axes = calibration.into_iter().map(axis).collect::<PyResult<Vec<_>>>()?;
+    let open_device = || live::open_board(&options).map(|device| calibrate::with_calibration(device, &calibrated_axes));
+    Ok(Device::from_device(py.detach(open_device).map_err(plain_error)?))
 }

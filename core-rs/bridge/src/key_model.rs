@@ -31,8 +31,8 @@ pub(crate) fn key_path<'py>(
         real_key.path_and_jacobian(force, rate, steps, &columns)
     })?
     .map_err(|error: ergon_engine::key_model::KeyError| module_error("key_path", error))?;
-    let jacobian = Array2::from_shape_vec((force.len(), columns.len()), jacobian)
-        .expect("a derivative for each tick and column");
+    let jacobian =
+        Array2::from_shape_vec((force.len(), columns.len()), jacobian).expect("a derivative for each tick and column");
     Ok((path.into_pyarray(py), jacobian.into_pyarray(py)))
 }
 
@@ -52,7 +52,7 @@ pub(crate) fn key_force_derivatives<'py>(
         KeyModel::from_row(parameter_row)?.force_derivatives(force, rate, steps, &ticks)
     })?
     .map_err(|error| module_error("key_force_derivatives", error))?;
-    let derivatives = Array2::from_shape_vec((force.len(), ticks.len()), derivatives)
-        .expect("a derivative for each tick and force");
+    let derivatives =
+        Array2::from_shape_vec((force.len(), ticks.len()), derivatives).expect("a derivative for each tick and force");
     Ok(derivatives.into_pyarray(py))
 }

@@ -87,15 +87,12 @@ impl Law {
     ) -> PyResult<()> {
         let (d, v, out) = (d.as_slice()?, v.as_slice()?, out.as_slice_mut()?);
         if d.len() != out.len() || v.len() != out.len() {
-            return Err(PyValueError::new_err(
-                "d, v and out must have the same length",
-            ));
+            return Err(PyValueError::new_err("d, v and out must have the same length"));
         }
         py.detach(|| {
             let mut scratch = self.0.scratch();
             for _ in 0..times {
-                self.0
-                    .eval_run(d, v, std::hint::black_box(&mut *out), &mut scratch);
+                self.0.eval_run(d, v, std::hint::black_box(&mut *out), &mut scratch);
             }
         });
         Ok(())

@@ -171,9 +171,7 @@ pub(crate) fn even_path<'py>(
     let (mut path_reader, mut read_count) = (PathReader::new(delay), 0);
     let path_positions = times.iter().map(|&time| {
         let mut next_position = || {
-            let is_there = arrivals
-                .get(read_count)
-                .is_some_and(|&arrival| arrival <= time);
+            let is_there = arrivals.get(read_count).is_some_and(|&arrival| arrival <= time);
             is_there.then(|| {
                 read_count += 1;
                 Placed {

@@ -15,9 +15,7 @@ pub(crate) struct Meter(meter::Meter);
 impl Meter {
     #[new]
     fn new(rate: f64, n_channels: usize) -> PyResult<Self> {
-        meter::Meter::new(rate, n_channels)
-            .map(Self)
-            .map_err(plain_error)
+        meter::Meter::new(rate, n_channels).map(Self).map_err(plain_error)
     }
 
     /// Measure frames (n_frames, n_channels).

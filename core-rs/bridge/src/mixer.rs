@@ -25,10 +25,7 @@ impl FrozenOutputs {
     fn new(samples: PyReadonlyArray2<'_, f64>) -> PyResult<Self> {
         let n_outputs = samples.shape()[1];
         let rows = rows(&samples, "samples", n_outputs)?;
-        Ok(Self(Arc::new(frozen::FrozenOutputs::new(
-            rows.to_vec(),
-            n_outputs,
-        ))))
+        Ok(Self(Arc::new(frozen::FrozenOutputs::new(rows.to_vec(), n_outputs))))
     }
 }
 
@@ -72,9 +69,7 @@ impl Mixer {
             mixer::To::Channel(channel)
         };
         let highpass = highpass.map(|f| Ok(Tone::Highpass { f }));
-        let tones = tones
-            .iter()
-            .map(|(word, f, level)| tone_of(word, *f, *level));
+        let tones = tones.iter().map(|(word, f, level)| tone_of(word, *f, *level));
         let pan = pan.map(|(places, is_second)| {
             let pan_side = if is_second { Side::Second } else { Side::First };
             Pan::new(points_of(places), pan_side)
@@ -117,9 +112,7 @@ impl Mixer {
 
     /// Add frozen outputs to `outputs`, one each; their first frame is heard at frame `begins`.
     fn freeze(&mut self, frozen: &FrozenOutputs, outputs: Vec<usize>, begins: i64) -> PyResult<()> {
-        self.0
-            .freeze(&frozen.0, &outputs, begins)
-            .map_err(plain_error)
+        self.0.freeze(&frozen.0, &outputs, begins).map_err(plain_error)
     }
 
     /// Set a gain of all channels over the frames of the piece, as the `curve` of a route.
@@ -147,8 +140,7 @@ impl Mixer {
     ) -> PyResult<()> {
         let (input_frames, mixed_frames) = (frames.shape()[0], mixed.shape()[0]);
         if input_frames != mixed_frames {
-            let message =
-                format!("`frames` has {input_frames} frames and `mixed` has {mixed_frames}");
+            let message = format!("`frames` has {input_frames} frames and `mixed` has {mixed_frames}");
             return Err(plain_error(message));
         }
         let frames = rows(&frames, "frames", self.0.n_out())?;
@@ -165,11 +157,7 @@ fn points_of(points: Points) -> Vec<Point> {
     let curve_point = |(frame, value, is_smooth): (i64, f64, bool)| Point {
         frame,
         value,
-        segment: if is_smooth {
-            Segment::Smooth
-        } else {
-            Segment::Line
-        },
+        segment: if is_smooth { Segment::Smooth } else { Segment::Line },
     };
     points.into_iter().map(curve_point).collect()
 }

@@ -97,22 +97,10 @@ impl MotionRecorder {
         fps: f64,
     ) -> PyResult<Self> {
         let engine_simulation = &mut simulation.0;
-        let setup = setup(
-            engine_simulation,
-            timeline,
-            manifest,
-            &places,
-            keys,
-            n_speakers,
-            fps,
-        )?;
+        let setup = setup(engine_simulation, timeline, manifest, &places, keys, n_speakers, fps)?;
         engine_simulation.watch();
-        let recorder =
-            Recorder::new(engine_simulation, look.0.clone(), setup).map_err(plain_error)?;
-        Ok(Self {
-            recorder,
-            n_speakers,
-        })
+        let recorder = Recorder::new(engine_simulation, look.0.clone(), setup).map_err(plain_error)?;
+        Ok(Self { recorder, n_speakers })
     }
 
     /// The next frame of the simulation at which `look` must be called.
@@ -129,8 +117,7 @@ impl MotionRecorder {
 
     /// Measure the sound of the loudspeakers since the last look, (n_frames, n_speakers).
     fn hear(&mut self, mixed: PyReadonlyArray2<'_, f64>) -> PyResult<()> {
-        self.recorder
-            .add_levels(rows(&mixed, "mixed", self.n_speakers)?);
+        self.recorder.add_levels(rows(&mixed, "mixed", self.n_speakers)?);
         Ok(())
     }
 
@@ -155,9 +142,7 @@ fn setup(
     fps: f64,
 ) -> PyResult<Setup> {
     if !(fps >= 1.0 && fps <= simulation.rate()) {
-        return Err(plain_error(format!(
-            "fps is {fps}: it must be from 1 to the rate"
-        )));
+        return Err(plain_error(format!("fps is {fps}: it must be from 1 to the rate")));
     }
     let places = rows(places, "places", 3)?;
     Ok(Setup {
@@ -193,15 +178,7 @@ impl Window {
         fps: f64,
     ) -> PyResult<Self> {
         let engine_simulation = &simulation.0;
-        let setup = setup(
-            engine_simulation,
-            timeline,
-            manifest,
-            &places,
-            keys,
-            n_speakers,
-            fps,
-        )?;
+        let setup = setup(engine_simulation, timeline, manifest, &places, keys, n_speakers, fps)?;
         let window_ends = py.detach(|| perform::window(engine_simulation, look.0.clone(), setup));
         Ok(Self(Mutex::new(Some(window_ends.map_err(plain_error)?))))
     }
@@ -236,9 +213,7 @@ pub(crate) fn motion_bound() -> BTreeMap<&'static str, f64> {
 #[pyfunction]
 pub(crate) fn read_motion(py: Python<'_>, path: PathBuf) -> PyResult<Motion> {
     let file_bytes = py.detach(|| read_bytes(&path))?;
-    py.detach(|| MotionFile::new(file_bytes))
-        .map(Motion)
-        .map_err(from_read)
+    py.detach(|| MotionFile::new(file_bytes)).map(Motion).map_err(from_read)
 }
 
 fn read_bytes(path: &Path) -> io::Result<Vec<u8>> {
@@ -283,8 +258,7 @@ impl Motion {
     /// x, y, z and rest position of each point [m], (n_points, 4).
     fn places<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let point_places = self.0.places.concat();
-        let place_array =
-            Array2::from_shape_vec((self.0.n_points, 4), point_places).map_err(plain_error)?;
+        let place_array = Array2::from_shape_vec((self.0.n_points, 4), point_places).map_err(plain_error)?;
         Ok(place_array.into_pyarray(py))
     }
 
@@ -303,23 +277,16 @@ impl Motion {
     /// The payload of a chunk.
     fn payload<'py>(&self, py: Python<'py>, chunk: usize) -> PyResult<Bound<'py, PyBytes>> {
         let chunk_place = self.0.chunks.get(chunk);
-        let chunk_place =
-            chunk_place.ok_or_else(|| plain_error(format!("there is no chunk {chunk}")))?;
+        let chunk_place = chunk_place.ok_or_else(|| plain_error(format!("there is no chunk {chunk}")))?;
         Ok(PyBytes::new(py, self.0.payload(chunk_place)))
     }
 
     /// Displacements of all points [m] at rising instants [s], (n_instants, n_points).
-    fn displacements<'py>(
-        &self,
-        py: Python<'py>,
-        instants: Vec<f64>,
-    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    fn displacements<'py>(&self, py: Python<'py>, instants: Vec<f64>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         if !instants.is_sorted() {
             return Err(plain_error("instants must rise"));
         }
-        let flat_displacements = py
-            .detach(|| self.0.displacements(&instants))
-            .map_err(from_read)?;
+        let flat_displacements = py.detach(|| self.0.displacements(&instants)).map_err(from_read)?;
         let array_shape = (instants.len(), self.0.n_points);
         Ok(Array2::from_shape_vec(array_shape, flat_displacements)
             .map_err(plain_error)?

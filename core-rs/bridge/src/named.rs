@@ -28,8 +28,7 @@ impl Class {
         let new_class = self.class.get_or_try_init(py, || {
             let module_keywords = [("module", "ergon._core")].into_py_dict(py)?;
             let make_class = py.import("collections")?.getattr("namedtuple")?;
-            let named_class =
-                make_class.call((self.name, self.fields.to_vec()), Some(&module_keywords))?;
+            let named_class = make_class.call((self.name, self.fields.to_vec()), Some(&module_keywords))?;
             named_class.setattr("__doc__", self.doc.trim())?;
             Ok::<_, PyErr>(named_class.unbind())
         })?;
@@ -188,9 +187,7 @@ static ARGUMENTS: [Class; 8] = [
     Class::new(
         "LiveHand",
         "A hand of a performance.",
-        &[
-            "standin", "reach", "guidance", "response", "measured", "forces",
-        ],
+        &["standin", "reach", "guidance", "response", "measured", "forces"],
     ),
     Class::new(
         "GuidanceSpring",

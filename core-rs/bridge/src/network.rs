@@ -69,17 +69,13 @@ impl Network {
         let network_moment = network::NetworkMoment {
             held,
             without,
-            ties: ties
-                .into_iter()
-                .map(|(mat, k, z, m)| (mat, [k, z, m]))
-                .collect(),
+            ties: ties.into_iter().map(|(mat, k, z, m)| (mat, [k, z, m])).collect(),
             factors,
         };
         let rate = hertz(rate)?;
         Ok(ReachableNetwork {
             reached: computing(py, || {
-                self.0
-                    .reachable_network(mat, &network_moment, depth, rate.hertz())
+                self.0.reachable_network(mat, &network_moment, depth, rate.hertz())
             })?,
             rate,
         })
@@ -114,26 +110,23 @@ impl Network {
         lengths: Ranges,
         order: u8,
     ) -> PyResult<usize> {
-        let range_terms =
-            |ranges: Ranges, term: fn((usize, usize, f64)) -> Term| ranges.into_iter().map(term);
-        let output_terms = range_terms(positions, |(first, len, weight)| Term::Position {
-            first,
-            len,
-            weight,
-        })
-        .chain(range_terms(forces, |(first, len, weight)| Term::Force {
-            first,
-            len,
-            weight,
-        }))
-        .chain(range_terms(ground_forces, |(first, len, weight)| {
-            Term::Ground { first, len, weight }
-        }))
-        .chain(range_terms(lengths, |(first, len, weight)| Term::Length {
-            first,
-            len,
-            weight,
-        }));
+        let range_terms = |ranges: Ranges, term: fn((usize, usize, f64)) -> Term| ranges.into_iter().map(term);
+        let output_terms = range_terms(positions, |(first, len, weight)| Term::Position { first, len, weight })
+            .chain(range_terms(forces, |(first, len, weight)| Term::Force {
+                first,
+                len,
+                weight,
+            }))
+            .chain(range_terms(ground_forces, |(first, len, weight)| Term::Ground {
+                first,
+                len,
+                weight,
+            }))
+            .chain(range_terms(lengths, |(first, len, weight)| Term::Length {
+                first,
+                len,
+                weight,
+            }));
         self.0
             .listen_to(name, output_terms.collect(), order)
             .map_err(from_engine)
@@ -178,16 +171,14 @@ impl Network {
             (None, Some(to), None) => ModeRange::Below(frequency(to)?),
             (Some(count), None, Some(f)) => ModeRange::Around(frequency(f)?, count),
             _ => {
-                let refusal_reason =
-                    "modes are asked for by `count`, by `to`, or by `count` and `around`";
+                let refusal_reason = "modes are asked for by `count`, by `to`, or by `count` and `around`";
                 return Err(module_error(part, refusal_reason));
             }
         };
         let computed_modes = computing(py, || {
             let mut computed_modes = self.0.part_modes(part_index, mode_range)?;
             // Shapes of a large body are hundreds of megabytes: each is copied, and given back, between two polls.
-            let mut mode_shapes =
-                Vec::with_capacity(computed_modes.poles.len() * computed_modes.mats.len());
+            let mut mode_shapes = Vec::with_capacity(computed_modes.poles.len() * computed_modes.mats.len());
             for shape in std::mem::take(&mut computed_modes.shapes) {
                 interrupt::poll();
                 mode_shapes.extend(shape);
@@ -219,9 +210,8 @@ impl Network {
         let indices = self.part_indices(&parts)?;
         let elements = computing(py, || self.0.elements(&indices))?;
         let end_slots = |end_index: usize| -> Numbers<i64> {
-            let slot_index = |element: &network::Element| {
-                element.ends[end_index].map_or(-1, |slot_index| slot_index as i64)
-            };
+            let slot_index =
+                |element: &network::Element| element.ends[end_index].map_or(-1, |slot_index| slot_index as i64);
             Numbers(elements.each.iter().map(slot_index).collect())
         };
         let kind_word = |element: &network::Element| match element.kind {
@@ -265,10 +255,7 @@ impl Network {
             return Err(module_error(&parts.join(" + "), refusal_reason));
         }
         let shape = vec![observed.len(), frequencies.len()];
-        let values = computing(py, || {
-            self.0
-                .admittance(&indices, &forced, &observed, &frequencies)
-        })?;
+        let values = computing(py, || self.0.admittance(&indices, &forced, &observed, &frequencies))?;
         Ok(Complexes { values, shape })
     }
 

@@ -1,9 +1,7 @@
 //! Conversion of samples to the formats of sound files.
 
 use ergon_engine::mix::pcm::{self as engine, Bits};
-use numpy::{
-    Element, IxDyn, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods,
-};
+use numpy::{Element, IxDyn, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
 use crate::error::plain_error;
@@ -16,11 +14,8 @@ pub(crate) fn pcm<'py>(
     gain: f64,
     bits: u32,
 ) -> PyResult<Bound<'py, PyArrayDyn<i32>>> {
-    let bits = Bits::try_from(bits)
-        .map_err(|bits| plain_error(format!("bits must be 16 or 24, not {bits}")))?;
-    converted(py, &frames, |samples, codes| {
-        engine::pcm(samples, gain, bits, codes)
-    })
+    let bits = Bits::try_from(bits).map_err(|bits| plain_error(format!("bits must be 16 or 24, not {bits}")))?;
+    converted(py, &frames, |samples, codes| engine::pcm(samples, gain, bits, codes))
 }
 
 /// frames · gain in single precision.
@@ -30,9 +25,7 @@ pub(crate) fn single<'py>(
     frames: PyReadonlyArrayDyn<'py, f64>,
     gain: f64,
 ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
-    converted(py, &frames, |samples, singles| {
-        engine::single(samples, gain, singles)
-    })
+    converted(py, &frames, |samples, singles| engine::single(samples, gain, singles))
 }
 
 /// A new array of the same shape, filled from the samples in C order.

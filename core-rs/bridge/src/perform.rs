@@ -10,8 +10,8 @@ use ergon_engine::simulation::Takeover;
 use ergon_live::audio::{self, AudioError};
 use ergon_live::device::{Url, WaitCanceller};
 use ergon_live::perform::{
-    self, Bound, DeviceConfig, Guidance, GuidanceShare, GuidanceStep, Hand, InputConfig, Keyboard,
-    MeasuredKey, PlaybackConfig, Stage, Stem,
+    self, Bound, DeviceConfig, Guidance, GuidanceShare, GuidanceStep, Hand, InputConfig, Keyboard, MeasuredKey,
+    PlaybackConfig, Stage, Stem,
 };
 use ergon_live::recording::{Axis, Header};
 use numpy::PyReadonlyArray1;
@@ -94,11 +94,7 @@ impl Performance {
                 reach: *reach,
                 guidance: guidance.map(|(k, z, loose)| Guidance { k, z, loose }),
                 response: response.as_slice()?.to_vec(),
-                measured: measured.map(|(mass, damping, delay)| MeasuredKey {
-                    mass,
-                    damping,
-                    delay,
-                }),
+                measured: measured.map(|(mass, damping, delay)| MeasuredKey { mass, damping, delay }),
                 ..Hand::default()
             })
         };
@@ -154,10 +150,10 @@ impl Performance {
                 .into_iter()
                 .map(|board| open(board, tick_period))
                 .collect::<PyResult<_>>()?;
-            perform::Performance::start(stage, boards, playback_config).map_err(|error| match error
-            {
-                perform::PlayError::Recording(_)
-                | perform::PlayError::Audio(AudioError::File { .. }) => unwritten(error),
+            perform::Performance::start(stage, boards, playback_config).map_err(|error| match error {
+                perform::PlayError::Recording(_) | perform::PlayError::Audio(AudioError::File { .. }) => {
+                    unwritten(error)
+                }
                 perform::PlayError::Stiff { hand, .. } => hand_error(error, hand),
                 error => plain_error(error),
             })
@@ -175,11 +171,7 @@ impl Performance {
 
     /// Events since the last call.
     fn events(&self) -> PyResult<Vec<PerformanceEvent>> {
-        self.with(|performance| {
-            std::iter::from_fn(|| performance.event())
-                .map(named_event)
-                .collect()
-        })
+        self.with(|performance| std::iter::from_fn(|| performance.event()).map(named_event).collect())
     }
 
     /// Events of the sound output and input so far.
@@ -205,13 +197,7 @@ impl Performance {
 
     /// The force limit of each real hand in the piece that the performance began with.
     fn hand_limits(&self) -> PyResult<Vec<HandLimit>> {
-        self.with(|performance| {
-            performance
-                .hand_limits()
-                .iter()
-                .map(HandLimit::new)
-                .collect()
-        })
+        self.with(|performance| performance.hand_limits().iter().map(HandLimit::new).collect())
     }
 
     /// The force limit of a real hand in another piece with this response [N/m], (n_ticks,); None if the hand is not
@@ -237,9 +223,7 @@ impl Performance {
         self.with(|performance| {
             let input_state = performance.input();
             let shared_state = input_state.input.as_ref().map(audio::Input::shared);
-            let shared_count = |of: fn(&audio::Shared) -> u64| {
-                shared_state.map_or(0, |shared_state| of(shared_state))
-            };
+            let shared_count = |of: fn(&audio::Shared) -> u64| shared_state.map_or(0, |shared_state| of(shared_state));
             let tap_status = input_state.recorded.as_ref().map(audio::TapHandle::status);
             SoundInput {
                 sentence: input_state.sentence.clone(),
@@ -248,9 +232,7 @@ impl Performance {
                 missing: shared_count(audio::Shared::missing),
                 discarded: shared_count(audio::Shared::discarded),
                 recorded: tap_status.as_ref().map(|tap_status| tap_status.frames),
-                lost: tap_status
-                    .as_ref()
-                    .map_or(0, |tap_status| tap_status.missing),
+                lost: tap_status.as_ref().map_or(0, |tap_status| tap_status.missing),
                 error: tap_status.and_then(|tap_status| tap_status.error),
             }
         })
@@ -346,8 +328,7 @@ impl Performance {
         let new_simulation = simulation.map(|new_simulation| &new_simulation.0);
         let old = old.map(|old| &old.0);
         let copied_values = |values: &PyReadonlyArray1<'_, f64>| Ok(values.as_slice()?.to_vec());
-        let copied_lists =
-            |all: &Vec<_>| all.iter().map(copied_values).collect::<PyResult<Vec<_>>>();
+        let copied_lists = |all: &Vec<_>| all.iter().map(copied_values).collect::<PyResult<Vec<_>>>();
         let mut planned_change = perform::Change {
             simulation: None,
             mixer: mixer.map(|mixer| mixer.0.clone()),
@@ -366,22 +347,16 @@ impl Performance {
         py.detach(|| {
             planned_change.simulation = new_simulation.map(|new_simulation| {
                 // Without `old`, the new simulation begins in its own state.
-                let takeover =
-                    old.map_or_else(Takeover::default, |old| Takeover::new(old, new_simulation));
+                let takeover = old.map_or_else(Takeover::default, |old| Takeover::new(old, new_simulation));
                 (new_simulation.fork(), takeover)
             });
-            self.with(|performance| {
-                performance
-                    .change(frame, planned_change)
-                    .map_err(plain_error)
-            })?
+            self.with(|performance| performance.change(frame, planned_change).map_err(plain_error))?
         })
     }
 
     /// Withdraw the changes of the simulation that are due at `frame` or later; an event "late" reports each of them.
     fn revoke(&self, frame: u64) -> PyResult<()> {
-        self.with(|performance| performance.revoke(frame))?
-            .map_err(plain_error)
+        self.with(|performance| performance.revoke(frame))?.map_err(plain_error)
     }
 
     /// Stop: zero force at once, silence within 5 ms.
@@ -414,18 +389,14 @@ impl Performance {
             return Ok(Vec::new());
         };
         let patience = Duration::from_secs_f64(patience.clamp(0.0, SECONDS_MAX));
-        let remaining_events = py
-            .detach(|| performance.close(patience))
-            .map_err(plain_error)?;
+        let remaining_events = py.detach(|| performance.close(patience)).map_err(plain_error)?;
         Ok(remaining_events.into_iter().map(named_event).collect())
     }
 }
 
 impl Performance {
     fn lock(&self) -> MutexGuard<'_, Option<perform::Performance>> {
-        self.performance
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
+        self.performance.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     pub(crate) fn with<T>(&self, ask: impl FnOnce(&mut perform::Performance) -> T) -> PyResult<T> {
@@ -453,10 +424,7 @@ fn limits(all: Vec<BoundTuple>) -> Vec<Bound> {
 fn open((url, axes, force_limit, calibrated): BoardTuple, period: f64) -> PyResult<Keyboard> {
     let device_config = DeviceConfig {
         url: Url::parse(&url).map_err(plain_error)?,
-        calibration: calibrated
-            .into_iter()
-            .map(device::axis)
-            .collect::<PyResult<_>>()?,
+        calibration: calibrated.into_iter().map(device::axis).collect::<PyResult<_>>()?,
         force_limit,
         period,
         canceller: WaitCanceller::default(),

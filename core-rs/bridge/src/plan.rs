@@ -3,9 +3,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use ergon_engine::interrupt;
-use ergon_engine::plan::{
-    self, Budget, Choice, ChoiceNumbers, Computed, Known, ModeKind, Reason, TrialStore,
-};
+use ergon_engine::plan::{self, Budget, Choice, ChoiceNumbers, Computed, Known, ModeKind, Reason, TrialStore};
 use ergon_engine::scheme::StabilityGuarantee;
 use pyo3::prelude::*;
 
@@ -38,8 +36,7 @@ impl Store {
 
 impl TrialStore for Store {
     fn get(&self, key: &str) -> Option<plan::TrialRecord> {
-        let stored_record: Option<Record> =
-            self.call(|store| store.call_method1("get", (key,))?.extract());
+        let stored_record: Option<Record> = self.call(|store| store.call_method1("get", (key,))?.extract());
         stored_record.map(|(numbers, counts, reason)| plan::TrialRecord {
             numbers,
             counts,
@@ -103,32 +100,21 @@ impl Plan {
             plan::Plan::with(network, &timeline.inner, &budget, pins, prior_knowledge)
         });
         if let Some(store) = store
-            && let Some(store_error) = store
-                .raised
-                .into_inner()
-                .unwrap_or_else(PoisonError::into_inner)
+            && let Some(store_error) = store.raised.into_inner().unwrap_or_else(PoisonError::into_inner)
         {
             return Err(store_error);
         }
-        planned?
-            .map(|plan| Self(Arc::new(plan)))
-            .map_err(from_engine)
+        planned?.map(|plan| Self(Arc::new(plan))).map_err(from_engine)
     }
 
     /// Every module stepped as written, with contacts computed several times a frame.
     #[staticmethod]
-    fn with_fine_contacts(
-        py: Python<'_>,
-        network: &Network,
-        timeline: &Timeline,
-    ) -> PyResult<Self> {
+    fn with_fine_contacts(py: Python<'_>, network: &Network, timeline: &Timeline) -> PyResult<Self> {
         timeline.check_network(network)?;
         let network = Arc::new(network.0.clone());
-        computing(py, || {
-            plan::Plan::with_fine_contacts(network, &timeline.inner)
-        })?
-        .map(|plan| Self(Arc::new(plan)))
-        .map_err(from_engine)
+        computing(py, || plan::Plan::with_fine_contacts(network, &timeline.inner))?
+            .map(|plan| Self(Arc::new(plan)))
+            .map_err(from_engine)
     }
 
     /// The parts of the plan.
@@ -159,9 +145,7 @@ impl Plan {
     /// The parts with their own rate that are nevertheless computed at every frame, and why.
     fn stay(&self) -> Vec<FullRatePart> {
         let full_rate_parts = self.0.stay().iter().cloned();
-        full_rate_parts
-            .map(|(name, why)| FullRatePart { name, why })
-            .collect()
+        full_rate_parts.map(|(name, why)| FullRatePart { name, why }).collect()
     }
 
     /// Work of its trials, and the most allowed, by the table of costs [s].
@@ -178,27 +162,17 @@ impl Plan {
     }
 }
 
-fn budget(
-    method: Option<&str>,
-    error: Option<f64>,
-    cents: Option<f64>,
-    upto: Option<f64>,
-) -> PyResult<Budget> {
+fn budget(method: Option<&str>, error: Option<f64>, cents: Option<f64>, upto: Option<f64>) -> PyResult<Budget> {
     let check_number = |name: &str, value: f64, good: bool| {
         if value.is_finite() && good {
             Ok(value)
         } else {
-            Err(module_error(
-                "accuracy",
-                format!("{name} cannot be {value}"),
-            ))
+            Err(module_error("accuracy", format!("{name} cannot be {value}")))
         }
     };
     match (method, error, cents, upto) {
         (None, None, None, None) => Ok(Budget::default()),
-        (Some(method), None, None, None) => {
-            Ok(Budget::Method(word("method", method, words::METHODS)?))
-        }
+        (Some(method), None, None, None) => Ok(Budget::Method(word("method", method, words::METHODS)?)),
         (None, Some(db), None, None) => Ok(Budget::Error(check_number("error_db", db, db < 0.0)?)),
         (None, None, Some(cents), upto) => {
             let cents = check_number("cents", cents, cents > 0.0)?;
@@ -253,9 +227,7 @@ impl PlanRow {
         if self.parts.len() > PARTS_NAMED {
             part_names += &format!(" + {} more", self.parts.len() - PARTS_NAMED);
         }
-        let error_text = self
-            .error_db
-            .map_or(String::new(), |db| format!(", {db:.1} dB"));
+        let error_text = self.error_db.map_or(String::new(), |db| format!(", {db:.1} dB"));
         format!(
             "<PlanRow {part_names}: {}, {} MATs, {} LIAs{error_text}, cost {:.2e}>",
             self.what, self.n_mat, self.n_lia, self.cost
@@ -306,17 +278,14 @@ impl PlanRow {
             error_db: row.error.map(|error| error.db),
             error_s: row.error.map(|error| error.over),
             spectral_db: row.error.and_then(|error| error.spectral),
-            audible: row
-                .error
-                .and_then(|error| error.audible)
-                .map(|audible| AudibleError {
-                    cents: audible.cents,
-                    t60: audible.t60,
-                    third_octave_db: audible.level,
-                    first_stroke_s: audible.first_stroke,
-                    later_stroke_s: audible.later_stroke,
-                    stroke_db: audible.stroke_level,
-                }),
+            audible: row.error.and_then(|error| error.audible).map(|audible| AudibleError {
+                cents: audible.cents,
+                t60: audible.t60,
+                third_octave_db: audible.level,
+                first_stroke_s: audible.first_stroke,
+                later_stroke_s: audible.later_stroke,
+                stroke_db: audible.stroke_level,
+            }),
             cost: row.cost,
             guarantee: row.word.map(|word| match word {
                 StabilityGuarantee::Proved => "proved",

@@ -26,11 +26,7 @@ pub(crate) struct Recording(recording::Recording);
 /// Read the undamaged rows of a `.take` file; `span` (from, to) keeps these ticks, counted from the first row.
 #[pyfunction]
 #[pyo3(signature = (path, span = None))]
-pub(crate) fn read_recording(
-    py: Python<'_>,
-    path: PathBuf,
-    span: Option<(u64, u64)>,
-) -> PyResult<Recording> {
+pub(crate) fn read_recording(py: Python<'_>, path: PathBuf, span: Option<(u64, u64)>) -> PyResult<Recording> {
     let span = span.map(|(from, to)| from..to);
     py.detach(|| recording::read(&path, span))
         .map(Recording)
@@ -48,10 +44,7 @@ impl Recording {
         ticks: PyReadonlyArray1<'_, u64>,
         positions: PyReadonlyArray2<'_, f64>,
     ) -> PyResult<Self> {
-        let axes: Vec<_> = axes
-            .into_iter()
-            .map(|(player, key)| Axis { player, key })
-            .collect();
+        let axes: Vec<_> = axes.into_iter().map(|(player, key)| Axis { player, key }).collect();
         let positions = rows(&positions, "positions", axes.len())?;
         let position_sample = |&position| Sample {
             position,
@@ -170,35 +163,27 @@ impl Recording {
 
     /// Positions [m] at every tick from the first to the last, (n, n_axes); a gap holds its last value.
     fn held<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let filled_positions = py
-            .detach(|| self.0.positions_filled())
-            .map_err(from_recording)?;
+        let filled_positions = py.detach(|| self.0.positions_filled()).map_err(from_recording)?;
         Ok(self.shaped(py, filled_positions))
     }
 
     /// The bytes of a complete `.take` file.
     fn to_bytes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         let mut file_bytes = Vec::new();
-        py.detach(|| self.0.write(&mut file_bytes))
-            .map_err(from_recording)?;
+        py.detach(|| self.0.write(&mut file_bytes)).map_err(from_recording)?;
         Ok(PyBytes::new(py, &file_bytes))
     }
 }
 
 impl Recording {
-    fn column<'py, T: Element>(
-        &self,
-        py: Python<'py>,
-        value: fn(&Sample) -> T,
-    ) -> Bound<'py, PyArray2<T>> {
+    fn column<'py, T: Element>(&self, py: Python<'py>, value: fn(&Sample) -> T) -> Bound<'py, PyArray2<T>> {
         self.shaped(py, self.0.samples.iter().map(value).collect())
     }
 
     fn shaped<'py, T: Element>(&self, py: Python<'py>, values: Vec<T>) -> Bound<'py, PyArray2<T>> {
         let n_axes = self.0.header.axes.len();
         let array_shape = (values.len() / n_axes, n_axes);
-        let tick_array =
-            Array2::from_shape_vec(array_shape, values).expect("a value for each tick and axis");
+        let tick_array = Array2::from_shape_vec(array_shape, values).expect("a value for each tick and axis");
         tick_array.into_pyarray(py)
     }
 }

@@ -14,9 +14,7 @@ pub(crate) struct SilenceDetector(silence_detector::SilenceDetector);
 impl SilenceDetector {
     #[new]
     fn new(rate: f64, n_channels: usize, start: u64) -> Self {
-        Self(silence_detector::SilenceDetector::new(
-            rate, n_channels, start,
-        ))
+        Self(silence_detector::SilenceDetector::new(rate, n_channels, start))
     }
 
     /// Take (n_frames, n_channels); the frame at which the sound has faded, once that is known.

@@ -1,10 +1,7 @@
 //! Simulations: computation of frames from a network, a timeline and a plan.
 
 use ergon_engine::simulation;
-use numpy::{
-    IntoPyArray, PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray2,
-    PyUntypedArrayMethods,
-};
+use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
@@ -57,28 +54,21 @@ impl Simulation {
         };
         if let Some(plan) = plan {
             if ledger {
-                return Err(module_error(
-                    "plan",
-                    "`ledger` is not available with a plan",
-                ));
+                return Err(module_error("plan", "`ledger` is not available with a plan"));
             }
             if record && !plan.0.records(&timeline.inner) {
-                let message =
-                    "`record` is not available with this plan: ergons strike inside bodies";
+                let message = "`record` is not available with this plan: ergons strike inside bodies";
                 return Err(module_error("plan", message));
             }
             let plan = plan.0.clone();
-            return computing(py, || {
-                simulation::Simulation::planned_from(plan, options, start)
-            })?
-            .map(|own| Self(own, false))
-            .map_err(from_engine);
+            return computing(py, || simulation::Simulation::planned_from(plan, options, start))?
+                .map(|own| Self(own, false))
+                .map_err(from_engine);
         }
         // The network that was passed, not the timeline's copy: it may have new outputs.
         let network = std::sync::Arc::new(network.0.clone());
         computing(py, || {
-            let plan =
-                ergon_engine::plan::Plan::plain(network, &timeline.inner, options.unchecked)?;
+            let plan = ergon_engine::plan::Plan::plain(network, &timeline.inner, options.unchecked)?;
             simulation::Simulation::planned_from(std::sync::Arc::new(plan), options, start)
         })?
         .map(|own| Self(own, false))
@@ -130,12 +120,7 @@ impl Simulation {
     /// Velocities now [m/s], (n_mat,): backward differences.
     fn velocities<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         let sample_rate = self.0.rate();
-        let velocities: Vec<f64> = self
-            .0
-            .steps()
-            .iter()
-            .map(|step| step * sample_rate)
-            .collect();
+        let velocities: Vec<f64> = self.0.steps().iter().map(|step| step * sample_rate).collect();
         velocities.into_pyarray(py)
     }
 
@@ -204,9 +189,8 @@ impl Simulation {
             return Ok(outputs);
         }
         let (current_frame, old) = (self.0.frame(), old.0.frame());
-        let message = format!(
-            "both simulations must be at one frame: this one is at {current_frame}, the other at {old}"
-        );
+        let message =
+            format!("both simulations must be at one frame: this one is at {current_frame}, the other at {old}");
         Err(module_error("take_over", message))
     }
 
@@ -289,20 +273,14 @@ impl Simulation {
     /// The parts that were muted.
     fn muted(&self) -> Vec<MutedPart> {
         let muted_parts = self.0.muted().into_iter();
-        muted_parts
-            .map(|(name, frame)| MutedPart { name, frame })
-            .collect()
+        muted_parts.map(|(name, frame)| MutedPart { name, frame }).collect()
     }
 
     /// Links and meshes that made energy.
     fn gains(&self) -> Vec<EnergyGain> {
         let energy_gains = self.0.gains().into_iter();
         energy_gains
-            .map(|(name, frame, sentence)| EnergyGain {
-                name,
-                frame,
-                sentence,
-            })
+            .map(|(name, frame, sentence)| EnergyGain { name, frame, sentence })
             .collect()
     }
 
@@ -319,14 +297,7 @@ impl Simulation {
 
     /// A hash of everything that determines an island from frame 0 to `stop` (64 hex digits); `before` is the hash up
     /// to `start`.
-    fn island_key(
-        &self,
-        py: Python<'_>,
-        island: &StorableIsland,
-        start: u64,
-        stop: u64,
-        before: &str,
-    ) -> String {
+    fn island_key(&self, py: Python<'_>, island: &StorableIsland, start: u64, stop: u64, before: &str) -> String {
         py.detach(|| self.0.island_key(&island.0, (start, stop), before))
     }
 
@@ -337,11 +308,7 @@ impl Simulation {
     }
 
     /// Use `sound` (n_frames · its n_out,) for an island from here on instead of computing it.
-    fn recall(
-        &mut self,
-        island: &StorableIsland,
-        sound: PyReadonlyArray1<'_, f64>,
-    ) -> PyResult<()> {
+    fn recall(&mut self, island: &StorableIsland, sound: PyReadonlyArray1<'_, f64>) -> PyResult<()> {
         let sound = sound
             .as_slice()
             .map_err(|error| module_error("recall", error.to_string()))?;
@@ -385,11 +352,7 @@ impl Simulation {
     fn finer(&self) -> Vec<FinerPart> {
         let finer_parts = self.0.finer().into_iter();
         finer_parts
-            .map(|(name, frames, steps)| FinerPart {
-                name,
-                frames,
-                steps,
-            })
+            .map(|(name, frames, steps)| FinerPart { name, frames, steps })
             .collect()
     }
 }
@@ -439,10 +402,9 @@ pub(crate) fn finite_input(value: f64) -> PyResult<f64> {
 /// A decay time [s] or None; EngineError if it is not above zero.
 pub(crate) fn damping(t60: Option<f64>) -> PyResult<Option<f64>> {
     match t60 {
-        Some(t60) if !(t60.is_finite() && t60 > 0.0) => Err(module_error(
-            "damp",
-            format!("t60 must be above 0 s, not {t60}"),
-        )),
+        Some(t60) if !(t60.is_finite() && t60 > 0.0) => {
+            Err(module_error("damp", format!("t60 must be above 0 s, not {t60}")))
+        }
         t60 => Ok(t60),
     }
 }

@@ -76,11 +76,7 @@ impl Status {
         let output_state = performance.output().shared();
         let output_info = performance.output().info();
         let (_, latency) = output_state.timing();
-        let input_state = performance
-            .input()
-            .input
-            .as_ref()
-            .map(ergon_live::audio::Input::shared);
+        let input_state = performance.input().input.as_ref().map(ergon_live::audio::Input::shared);
         Self {
             frame: play_status.frame,
             ticks: play_status.ticks,

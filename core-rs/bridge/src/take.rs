@@ -47,11 +47,7 @@ impl Take {
     }
 
     /// Positions [m] at instants t [s], both (n,); fastest where t rises.
-    fn positions<'py>(
-        &self,
-        py: Python<'py>,
-        t: PyReadonlyArray1<'py, f64>,
-    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    fn positions<'py>(&self, py: Python<'py>, t: PyReadonlyArray1<'py, f64>) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let (profile, t) = (self.0.profile(), t.as_slice()?);
         let mut search_cursor = 0;
         let mut position = |&t: &f64| profile.evaluate_from(&mut search_cursor, t).0;

@@ -88,25 +88,19 @@ impl Timeline {
     /// Lowest and highest position [m] of each gesture's written points and paths, by index.
     fn ranges(&self) -> Vec<Range> {
         let gesture_ranges = self.inner.ranges().into_iter();
-        gesture_ranges
-            .map(|(low, high)| Range { low, high })
-            .collect()
+        gesture_ranges.map(|(low, high)| Range { low, high }).collect()
     }
 
     /// The strikes on a MAT in order of their instants; an ergon brings mass times speed.
     fn strikes_on(&self, mat: usize) -> Vec<Impulse> {
         let strikes = self.inner.strikes_on(mat).into_iter();
-        strikes
-            .map(|(at, impulse)| Impulse { at, impulse })
-            .collect()
+        strikes.map(|(at, impulse)| Impulse { at, impulse }).collect()
     }
 
     /// The impulses, each at one instant, of which the strikes on a MAT consist; an ergon brings mass times speed.
     fn impulses_on(&self, mat: usize) -> Vec<Impulse> {
         let impulses = self.inner.impulses_on(mat).into_iter();
-        impulses
-            .map(|(at, impulse)| Impulse { at, impulse })
-            .collect()
+        impulses.map(|(at, impulse)| Impulse { at, impulse }).collect()
     }
 
     /// A gesture that plays a take from `at` to `until` [s]: x·scale at t·stretch; its index.
@@ -157,14 +151,8 @@ impl Timeline {
         work::poll(0)?;
         self.check_mat("strike", mat)?;
         match (impulse, mass, speed) {
-            (Some(impulse), None, None) => {
-                self.inner
-                    .strike(&self.network, mat, start, impulse, lasts, source)
-            }
-            (None, Some(mass), Some(speed)) => {
-                self.inner
-                    .ergon(&self.network, mat, start, mass, speed, source)
-            }
+            (Some(impulse), None, None) => self.inner.strike(&self.network, mat, start, impulse, lasts, source),
+            (None, Some(mass), Some(speed)) => self.inner.ergon(&self.network, mat, start, mass, speed, source),
             _ => {
                 return Err(module_error(
                     "strike",
@@ -204,8 +192,7 @@ impl Timeline {
                 within,
                 source,
             };
-            self.inner
-                .rain(&self.network, &mats, &rain_strikes, member_chance)
+            self.inner.rain(&self.network, &mats, &rain_strikes, member_chance)
         })?
         .map_err(|error| module_error(name, error))
     }
@@ -221,15 +208,7 @@ impl Timeline {
     /// Scale the force of `n` LIAs from `link` on, whole runs: by `before` until `start` [s], by `after` from `stop`
     /// [s] on, linearly between.
     #[pyo3(signature = (link, before, after, start, stop, *, n=1))]
-    fn fade(
-        &mut self,
-        link: usize,
-        before: f64,
-        after: f64,
-        start: f64,
-        stop: f64,
-        n: usize,
-    ) -> PyResult<()> {
+    fn fade(&mut self, link: usize, before: f64, after: f64, start: f64, stop: f64, n: usize) -> PyResult<()> {
         self.inner
             .fade(&self.network, (link, n), (before, after), (start, stop))
             .map_err(from_engine)
@@ -247,13 +226,8 @@ impl Timeline {
     /// Let K, Z and M of a MAT go through points (t [s], K, Z, M).
     fn path(&mut self, mat: usize, points: Vec<(f64, f64, f64, f64)>) -> PyResult<()> {
         self.check_mat("path", mat)?;
-        let points: Vec<_> = points
-            .into_iter()
-            .map(|(at, k, z, m)| (at, [k, z, m]))
-            .collect();
-        self.inner
-            .path(&self.network, mat, &points)
-            .map_err(from_engine)
+        let points: Vec<_> = points.into_iter().map(|(at, k, z, m)| (at, [k, z, m])).collect();
+        self.inner.path(&self.network, mat, &points).map_err(from_engine)
     }
 
     /// Let `n` CELs from `mat` on go through points (t [s], square of the factor of their frequencies, factor of their
@@ -262,18 +236,14 @@ impl Timeline {
     fn retune(&mut self, mat: usize, points: Vec<(f64, f64, f64)>, n: usize) -> PyResult<()> {
         self.check_mat("retune", mat.saturating_add(n).saturating_sub(1))?;
         let points: Vec<_> = points.into_iter().map(|(at, f, s)| (at, [f, s])).collect();
-        self.inner
-            .retune(&self.network, (mat, n), &points)
-            .map_err(from_engine)
+        self.inner.retune(&self.network, (mat, n), &points).map_err(from_engine)
     }
 
     /// Let K and Z of `n` LIAs from `link` on, whole runs, go through points (t [s], factor of K, factor of Z).
     #[pyo3(signature = (link, points, *, n=1))]
     fn lead(&mut self, link: usize, points: Vec<(f64, f64, f64)>, n: usize) -> PyResult<()> {
         let points: Vec<_> = points.into_iter().map(|(at, k, z)| (at, [k, z])).collect();
-        self.inner
-            .lead(&self.network, (link, n), &points)
-            .map_err(from_engine)
+        self.inner.lead(&self.network, (link, n), &points).map_err(from_engine)
     }
 
     /// Declare an input of a sound card; `samples` (n_frames,) are heard from frame 0 on if no live sound is given.
@@ -416,8 +386,7 @@ impl Timeline {
 impl Timeline {
     /// EngineError if MATs or LIAs were added to the network after the timeline was made.
     pub(crate) fn check_network(&self, network: &Network) -> PyResult<()> {
-        let is_unchanged =
-            network.0.n_mat() == self.network.n_mat() && network.0.n_lia() == self.network.n_lia();
+        let is_unchanged = network.0.n_mat() == self.network.n_mat() && network.0.n_lia() == self.network.n_lia();
         if is_unchanged {
             return Ok(());
         }
@@ -433,10 +402,7 @@ impl Timeline {
         }
         Err(module_error(
             name,
-            format!(
-                "MAT #{mat} does not exist: the network has {}",
-                self.network.n_mat()
-            ),
+            format!("MAT #{mat} does not exist: the network has {}", self.network.n_mat()),
         ))
     }
 
@@ -447,8 +413,7 @@ impl Timeline {
         samples: PyReadonlyArray1<'_, f64>,
     ) -> PyResult<usize> {
         let samples = samples.as_slice()?;
-        computing(py, || self.inner.sound_in(settings, samples))?
-            .map_err(|error| module_error("sound_in", error))
+        computing(py, || self.inner.sound_in(settings, samples))?.map_err(|error| module_error("sound_in", error))
     }
 }
 

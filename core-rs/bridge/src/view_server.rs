@@ -52,11 +52,7 @@ impl ViewServer {
         key: &str,
         leads: Vec<PyRef<'_, Lead>>,
     ) -> PyResult<Self> {
-        let no_place = || {
-            plain_error(format!(
-                "{address} is not an address of this machine; write HOST:PORT"
-            ))
-        };
+        let no_place = || plain_error(format!("{address} is not an address of this machine; write HOST:PORT"));
         let address_lookup = py.detach(|| address.to_socket_addrs());
         let socket_address = address_lookup.ok().and_then(|mut all| all.next());
         let key = Key::new(key).ok_or_else(|| plain_error("a key has 32 hexadecimal digits"))?;
@@ -65,10 +61,7 @@ impl ViewServer {
             key,
             file: path,
             sound,
-            keys: leads
-                .iter()
-                .map(|lead| lead.0.clone() as Arc<dyn PageKey>)
-                .collect(),
+            keys: leads.iter().map(|lead| lead.0.clone() as Arc<dyn PageKey>).collect(),
             limits: Limits::default(),
         };
         let server = Server::start(options).map_err(plain_error)?;
@@ -112,10 +105,7 @@ impl ViewServer {
                 ("served", server_tally.served.load(Ordering::Relaxed)),
                 ("refused", server_tally.refused.load(Ordering::Relaxed)),
                 ("dropped", server_tally.dropped.load(Ordering::Relaxed)),
-                (
-                    "viewers",
-                    server_tally.viewers.load(Ordering::Relaxed) as u64,
-                ),
+                ("viewers", server_tally.viewers.load(Ordering::Relaxed) as u64),
             ])
         })
     }

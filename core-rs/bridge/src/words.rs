@@ -12,16 +12,8 @@ use ergon_engine::timeline::{DriveKind, HandWay};
 /// A table of words.
 pub(crate) type Words<T> = &'static [(&'static str, T)];
 
-pub(crate) const ENDS: Words<Ends> = &[
-    ("fixed", Ends::Fixed),
-    ("free", Ends::Free),
-    ("left", Ends::Left),
-];
-pub(crate) const SHAPES: Words<Shape> = &[
-    ("hex", Shape::Hex),
-    ("square", Shape::Square),
-    ("disc", Shape::Disc),
-];
+pub(crate) const ENDS: Words<Ends> = &[("fixed", Ends::Fixed), ("free", Ends::Free), ("left", Ends::Left)];
+pub(crate) const SHAPES: Words<Shape> = &[("hex", Shape::Hex), ("square", Shape::Square), ("disc", Shape::Disc)];
 pub(crate) const RIMS: Words<Rim> = &[("free", Rim::Free), ("fixed", Rim::Fixed)];
 pub(crate) const SPREADS: Words<Spread> = &[("even", Spread::Even), ("random", Spread::Random)];
 pub(crate) const PLACES: Words<Place> = &[
@@ -49,13 +41,9 @@ pub(crate) const WAYS: Words<Approach> = &[
     ("throw", Approach::Throw),
 ];
 pub(crate) const TOUCHES: Words<Touch> = &[("open", Touch::Open), ("tracked", Touch::Tracked)];
-pub(crate) const ERGONS: Words<Ergons> =
-    &[("event", Ergons::Event), ("particle", Ergons::Particle)];
+pub(crate) const ERGONS: Words<Ergons> = &[("event", Ergons::Event), ("particle", Ergons::Particle)];
 pub(crate) const HAND_WAYS: Words<HandWay> = &[("hold", HandWay::Hold), ("line", HandWay::Line)];
-pub(crate) const DRIVES: Words<DriveKind> = &[
-    ("position", DriveKind::Position),
-    ("force", DriveKind::Force),
-];
+pub(crate) const DRIVES: Words<DriveKind> = &[("position", DriveKind::Position), ("force", DriveKind::Force)];
 pub(crate) const ON_FAULT: Words<OnFault> = &[("stop", OnFault::Stop), ("mute", OnFault::Mute)];
 pub(crate) const METHODS: Words<Method> = &[
     ("ca", Method::Ca),

@@ -108,8 +108,7 @@ impl Work {
     #[pyo3(signature = (*_how))]
     fn __exit__(&self, _how: &Bound<'_, pyo3::types::PyTuple>) {
         LIMITS.with_borrow_mut(|limits| {
-            let is_same_limit =
-                |limit: &Arc<Limit>| Arc::ptr_eq(&limit.is_cancelled, &self.is_cancelled);
+            let is_same_limit = |limit: &Arc<Limit>| Arc::ptr_eq(&limit.is_cancelled, &self.is_cancelled);
             if let Some(innermost) = limits.iter().rposition(is_same_limit) {
                 limits.remove(innermost);
             }
@@ -137,18 +136,11 @@ pub(crate) fn poll(steps: u64) -> PyResult<()> {
 ///
 /// Fails with StoppedError, or with the exception of the handler. An object that `compute` was changing is then in an
 /// undefined state.
-pub(crate) fn computing<T: Send>(
-    py: Python<'_>,
-    compute: impl FnOnce() -> T + Send,
-) -> PyResult<T> {
+pub(crate) fn computing<T: Send>(py: Python<'_>, compute: impl FnOnce() -> T + Send) -> PyResult<T> {
     poll(0)?; // a computation shorter than CHECK_INTERVAL never checks by itself
     let (raised_error, steps_spent) = (Arc::new(Mutex::new(None)), Arc::<AtomicU64>::default());
     let work_limits = LIMITS.with_borrow(Clone::clone);
-    let (to_raise, spent_here, asked_limits) = (
-        raised_error.clone(),
-        steps_spent.clone(),
-        work_limits.clone(),
-    );
+    let (to_raise, spent_here, asked_limits) = (raised_error.clone(), steps_spent.clone(), work_limits.clone());
     let work_outcome = py.detach(move || {
         let should_stop = stop_check(asked_limits, spent_here.clone(), to_raise);
         interrupt::until_counted(should_stop, spent_here, compute)
@@ -162,11 +154,7 @@ pub(crate) fn computing<T: Send>(
     Ok(work_outcome)
 }
 
-fn stop_check(
-    limits: Vec<Arc<Limit>>,
-    spent: Arc<AtomicU64>,
-    raised: Arc<Mutex<Option<PyErr>>>,
-) -> Ask {
+fn stop_check(limits: Vec<Arc<Limit>>, spent: Arc<AtomicU64>, raised: Arc<Mutex<Option<PyErr>>>) -> Ask {
     let mut next_check = Instant::now() + CHECK_INTERVAL;
     Box::new(move || {
         let check_time = Instant::now();

@@ -81,10 +81,7 @@ impl Archive<'_> {
     }
 
     /// An option that comes and goes during a simulation.
-    pub(crate) fn maybe<T: State + Default>(
-        &mut self,
-        state: &mut Option<T>,
-    ) -> Result<(), Damaged> {
+    pub(crate) fn maybe<T: State + Default>(&mut self, state: &mut Option<T>) -> Result<(), Damaged> {
         let mut is_there = state.is_some();
         is_there.archive(self)?;
         if is_there {
@@ -116,10 +113,7 @@ impl Archive<'_> {
 macro_rules! option {
     ($kind:ty, $which:ident) => {
         impl $crate::archive::State for Option<$kind> {
-            fn archive(
-                &mut self,
-                archive: &mut $crate::archive::Archive<'_>,
-            ) -> Result<(), $crate::archive::Damaged> {
+            fn archive(&mut self, archive: &mut $crate::archive::Archive<'_>) -> Result<(), $crate::archive::Damaged> {
                 archive.$which(self)
             }
         }
@@ -233,9 +227,7 @@ mod tests {
 
     fn written(state: &mut impl State) -> Vec<u8> {
         let mut state_bytes = Vec::new();
-        state
-            .archive(&mut Archive::Write(&mut state_bytes))
-            .unwrap();
+        state.archive(&mut Archive::Write(&mut state_bytes)).unwrap();
         state_bytes
     }
 
@@ -273,10 +265,7 @@ mod tests {
         }
         let mut wrong_bytes = state_bytes;
         *wrong_bytes.last_mut().unwrap() = 2;
-        assert_eq!(
-            sample_state.archive(&mut Archive::Read(&wrong_bytes)),
-            Err(Damaged)
-        );
+        assert_eq!(sample_state.archive(&mut Archive::Read(&wrong_bytes)), Err(Damaged));
     }
 
     #[test]
@@ -288,9 +277,7 @@ mod tests {
         };
         let state_bytes = written(&mut sample_state);
         let mut byte_count = 0;
-        sample_state
-            .archive(&mut Archive::Count(&mut byte_count))
-            .unwrap();
+        sample_state.archive(&mut Archive::Count(&mut byte_count)).unwrap();
         assert_eq!(byte_count, state_bytes.len());
         let compares_equal = |sample_state: &mut Sample, state_bytes: &[u8]| {
             let mut archive = Archive::Same(state_bytes);
@@ -314,10 +301,7 @@ mod tests {
             let buffer_before = (note_buffer.as_ptr(), note_buffer.capacity());
             let note_outcome = sample_list.archive(&mut Archive::Note(&mut note_buffer));
             assert_eq!(note_outcome.is_ok(), is_noted || buffer_before.1 >= 64);
-            assert_eq!(
-                (note_buffer.as_ptr(), note_buffer.capacity()),
-                buffer_before
-            );
+            assert_eq!((note_buffer.as_ptr(), note_buffer.capacity()), buffer_before);
         }
     }
 
@@ -325,16 +309,11 @@ mod tests {
     fn archive_list_with_wrong_length_is_damaged() {
         let mut sample_list = vec![1.0_f64, 2.0];
         let mut list_bytes = Vec::new();
-        Archive::Write(&mut list_bytes)
-            .list(&mut sample_list)
-            .unwrap();
+        Archive::Write(&mut list_bytes).list(&mut sample_list).unwrap();
         let mut restored_list: Vec<f64> = Vec::new();
         Archive::Read(&list_bytes).list(&mut restored_list).unwrap();
         assert_eq!(restored_list, sample_list);
         list_bytes[..8].copy_from_slice(&u64::MAX.to_le_bytes());
-        assert_eq!(
-            Archive::Read(&list_bytes).list(&mut restored_list),
-            Err(Damaged)
-        );
+        assert_eq!(Archive::Read(&list_bytes).list(&mut restored_list), Err(Damaged));
     }
 }

@@ -122,14 +122,10 @@ impl Bank {
         bank_script.rest_threshold = if is_open {
             UNHEARABLE
         } else {
-            rest_threshold(oscillators, &bank_script.strikes, rate)
-                / bank_script.rates.len().max(1) as f64
+            rest_threshold(oscillators, &bank_script.strikes, rate) / bank_script.rates.len().max(1) as f64
         };
         let is_still = |motion: &Motion| motion.now == Lanes::ZERO && motion.before == Lanes::ZERO;
-        let n_outputs = bank_script
-            .sections
-            .iter()
-            .map(|section| section.outputs.len());
+        let n_outputs = bank_script.sections.iter().map(|section| section.outputs.len());
         Self {
             frame: 0,
             next: vec![0; motions.len()],
@@ -175,9 +171,8 @@ impl Bank {
                 (next_event.frame.saturating_sub(self.frame) as usize).min(n_frames)
             });
             if segment_end > segment_start {
-                let segment_end = segment_end.min(
-                    segment_start + (REST_TEST_EVERY - current_frame % REST_TEST_EVERY) as usize,
-                );
+                let segment_end =
+                    segment_end.min(segment_start + (REST_TEST_EVERY - current_frame % REST_TEST_EVERY) as usize);
                 self.run(script, group, n_outputs, segment_start..segment_end);
                 segment_start = segment_end;
                 if (self.frame + segment_start as u64).is_multiple_of(REST_TEST_EVERY) {
@@ -208,9 +203,7 @@ impl Bank {
             return;
         }
         let (group_rates, group_motion) = (self.damped.get(group), &mut self.motions[group]);
-        let group_rates = group_rates
-            .filter(|_| self.is_damped)
-            .unwrap_or(&script.rates[group]);
+        let group_rates = group_rates.filter(|_| self.is_damped).unwrap_or(&script.rates[group]);
         if n_outputs == 1 {
             run(group_rates, group_motion, &mut self.sums[frames]);
         } else {

@@ -120,11 +120,7 @@ impl Cell {
                 fast,
             }
         };
-        Self {
-            mass: m,
-            sigma,
-            poles,
-        }
+        Self { mass: m, sigma, poles }
     }
 
     /// From mass `m` [kg], damped frequency `f` [Hz] and decay `t60` [s; none: no decay].
@@ -164,9 +160,7 @@ impl Cell {
     pub fn ratios(&self, rate: Rate) -> Ratios {
         let time_step = rate.step();
         match self.poles {
-            Poles::Oscillating { omega } => {
-                Ratios::from_poles(self.sigma * time_step, omega * time_step)
-            }
+            Poles::Oscillating { omega } => Ratios::from_poles(self.sigma * time_step, omega * time_step),
             // κ is (1-λ₁)(1-λ₂), ζ is 1-λ₁λ₂.
             Poles::Creeping { slow, fast } => Ratios {
                 kappa: expm1(-slow * time_step) * expm1(-fast * time_step),
@@ -187,11 +181,8 @@ impl Cell {
         } else {
             // λ = r·e^±d; 1 − λ of both poles, without cancellation.
             let pole_spread = sqrt(-half_sine_squared * (1.0 - half_sine_squared));
-            let slow = radius_loss + 2.0 * pole_radius * half_sine_squared
-                - 2.0 * pole_radius * pole_spread;
-            let fast = radius_loss
-                + 2.0 * pole_radius * half_sine_squared
-                + 2.0 * pole_radius * pole_spread;
+            let slow = radius_loss + 2.0 * pole_radius * half_sine_squared - 2.0 * pole_radius * pole_spread;
+            let fast = radius_loss + 2.0 * pole_radius * half_sine_squared + 2.0 * pole_radius * pole_spread;
             let [slow, fast] = [slow, fast].map(|gone| -log1p(-gone) * sample_rate);
             Poles::Creeping { slow, fast }
         };
@@ -199,11 +190,7 @@ impl Cell {
             Poles::Oscillating { omega } => sigma.is_finite() && omega.is_finite(),
             Poles::Creeping { slow, fast } => slow.is_finite() && fast.is_finite() && slow < fast,
         };
-        is_sound.then_some(Self {
-            mass: m,
-            sigma,
-            poles,
-        })
+        is_sound.then_some(Self { mass: m, sigma, poles })
     }
 
     /// x(0) - x(-T) [m] of the free motion with position `x` [m] and velocity `v` [m/s] at t = 0, and the rest position
@@ -229,10 +216,7 @@ impl Cell {
                 } else {
                     time_step
                 };
-                (
-                    2.0 * exp(s) * (half_sine * half_sine) - expm1(s),
-                    exp(s) * sine_term,
-                )
+                (2.0 * exp(s) * (half_sine * half_sine) - expm1(s), exp(s) * sine_term)
             }
             Poles::Creeping { slow, fast } => {
                 let pole_gap = fast - slow;
@@ -249,9 +233,7 @@ impl Cell {
     /// Displacement per unit of initial velocity, `t` [s] >= 0 after it: m times the impulse response.
     pub(crate) fn response(&self, t: f64) -> f64 {
         match self.poles {
-            Poles::Oscillating { omega } if omega > 0.0 => {
-                exp(-self.sigma * t) * sin(omega * t) / omega
-            }
+            Poles::Oscillating { omega } if omega > 0.0 => exp(-self.sigma * t) * sin(omega * t) / omega,
             Poles::Oscillating { .. } => exp(-self.sigma * t) * t,
             Poles::Creeping { slow, fast } => {
                 let pole_gap = fast - slow;
@@ -263,9 +245,7 @@ impl Cell {
     /// Displacement per unit of initial displacement, `t` [s] >= 0 after it is released without velocity.
     pub(crate) fn released(&self, t: f64) -> f64 {
         match self.poles {
-            Poles::Oscillating { omega } => {
-                exp(-self.sigma * t) * cos(omega * t) + self.sigma * self.response(t)
-            }
+            Poles::Oscillating { omega } => exp(-self.sigma * t) * cos(omega * t) + self.sigma * self.response(t),
             Poles::Creeping { slow, fast } => {
                 let pole_gap = fast - slow;
                 exp(-slow * t) * (1.0 - slow * expm1(-pole_gap * t) / pole_gap)
@@ -302,8 +282,7 @@ impl Cell {
     pub(crate) fn answer_factors(&self, t: f64) -> [[f64; 2]; 2] {
         match self.poles {
             Poles::Oscillating { omega } => {
-                let (decay_factor, sine, cosine) =
-                    (exp(-self.sigma * t), sin(omega * t), cos(omega * t));
+                let (decay_factor, sine, cosine) = (exp(-self.sigma * t), sin(omega * t), cos(omega * t));
                 let amplitude_factor = decay_factor / (self.mass * omega);
                 [
                     [amplitude_factor * sine, -amplitude_factor * cosine],
@@ -374,12 +353,7 @@ impl Cell {
 
     /// [`Self::interpolation`] at a fraction of a step, and [`Self::split`] of an impulse of 1 N·s there; `step_response` is
     /// the response after a step.
-    pub(crate) fn within_step(
-        &self,
-        part: f64,
-        rate: Rate,
-        step_response: f64,
-    ) -> ((f64, f64), [f64; 2]) {
+    pub(crate) fn within_step(&self, part: f64, rate: Rate, step_response: f64) -> ((f64, f64), [f64; 2]) {
         let impulse_split = self.split_at(part, rate);
         let decay_factor = exp(-2.0 * self.sigma * part * rate.step());
         let weights = (
@@ -416,9 +390,6 @@ impl Split {
     /// The forces [N] for an impulse [N·s].
     pub(crate) fn forces(&self, impulse: f64) -> [f64; 2] {
         let scaled_impulse = impulse / self.square;
-        [
-            scaled_impulse * self.now,
-            scaled_impulse * self.decay * self.past,
-        ]
+        [scaled_impulse * self.now, scaled_impulse * self.decay * self.past]
     }
 }

@@ -70,12 +70,10 @@ impl Derivatives {
     pub fn take_over(&mut self, old: &Self, outputs: &[Option<usize>]) {
         for differentiator in &mut self.0 {
             let is_same_output = |old_differentiator: &&Differentiator| {
-                outputs.get(old_differentiator.output).copied().flatten()
-                    == Some(differentiator.output)
+                outputs.get(old_differentiator.output).copied().flatten() == Some(differentiator.output)
             };
             if let Some(old_differentiator) = old.0.iter().find(is_same_output) {
-                (differentiator.past, differentiator.is_begun) =
-                    (old_differentiator.past, old_differentiator.is_begun);
+                (differentiator.past, differentiator.is_begun) = (old_differentiator.past, old_differentiator.is_begun);
             }
         }
     }
@@ -88,10 +86,7 @@ impl Differentiator {
         let n_frames = frames.len() / n_out;
         let mut x = [0.0; PAST + BLOCK];
         let samples = frames.iter().skip(self.output).step_by(n_out);
-        x[PAST..]
-            .iter_mut()
-            .zip(samples)
-            .for_each(|(x, sample)| *x = *sample);
+        x[PAST..].iter_mut().zip(samples).for_each(|(x, sample)| *x = *sample);
         if !self.is_begun {
             self.past = [x[PAST]; PAST];
             self.is_begun = true;
@@ -103,9 +98,7 @@ impl Differentiator {
         let derivative_block = &mut derivative_block[..n_frames];
         add_pairs(&self.weights, self.is_second, &x, derivative_block);
         let samples = frames.iter_mut().skip(self.output).step_by(n_out);
-        samples
-            .zip(derivative_block)
-            .for_each(|(x, rate)| *x = *rate);
+        samples.zip(derivative_block).for_each(|(x, rate)| *x = *rate);
     }
 }
 
@@ -187,15 +180,10 @@ mod tests {
             let mut frame_samples = [sine_at_frame(f64::from(n)).0];
             derivative.process(&mut frame_samples, 1);
             let (sin, cos) = sine_at_frame(f64::from(n) - delay);
-            let exact_derivative = if order == 1 {
-                omega * cos
-            } else {
-                -omega * omega * sin
-            };
+            let exact_derivative = if order == 1 { omega * cos } else { -omega * omega * sin };
             if n >= SPAN as i32 {
                 let peak_derivative = if order == 1 { omega } else { omega * omega };
-                worst_error = worst_error
-                    .max(((frame_samples[0] - exact_derivative) / peak_derivative).abs());
+                worst_error = worst_error.max(((frame_samples[0] - exact_derivative) / peak_derivative).abs());
             }
         }
         20.0 * log10(worst_error)
@@ -213,10 +201,7 @@ mod tests {
         ] {
             let (speed_error, acceleration) = (error(1, f, 7.5), error(2, f, 8.0));
             assert!(speed_error < first, "{f} Hz: speed {speed_error} dB");
-            assert!(
-                acceleration < second,
-                "{f} Hz: acceleration {acceleration} dB"
-            );
+            assert!(acceleration < second, "{f} Hz: acceleration {acceleration} dB");
         }
     }
 
@@ -231,17 +216,13 @@ mod tests {
 
     #[test]
     fn derivatives_in_blocks_of_any_size() {
-        let noise_frames: Vec<f64> = (0..1000)
-            .map(|i| sincos(f64::from(i * i % 7919)).0)
-            .collect();
+        let noise_frames: Vec<f64> = (0..1000).map(|i| sincos(f64::from(i * i % 7919)).0).collect();
         let mut single_block = noise_frames.clone();
         derivatives(2).process(&mut single_block, 1);
         for block in [1, 7, 64, 333] {
             let mut derivative = derivatives(2);
             let mut block_frames = noise_frames.clone();
-            block_frames
-                .chunks_mut(block)
-                .for_each(|x| derivative.process(x, 1));
+            block_frames.chunks_mut(block).for_each(|x| derivative.process(x, 1));
             assert_eq!(block_frames, single_block);
         }
     }

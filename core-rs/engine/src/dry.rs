@@ -40,9 +40,7 @@ impl Dry {
             return 0.0;
         }
         let speed_ratio = v / self.speed;
-        -2.0 * speed_ratio / self.speed
-            * (self.static_level - self.level)
-            * exp(-speed_ratio * speed_ratio)
+        -2.0 * speed_ratio / self.speed * (self.static_level - self.level) * exp(-speed_ratio * speed_ratio)
     }
 
     /// Number of steps of a frame in which a level that falls with the velocity changes little, if a force of 1 N over the

@@ -136,9 +136,7 @@ pub enum GeneratorError {
     #[error("A body of one free mass has no mode to tune; give it more masses, or fix its edge.")]
     NoMode,
     /// A pitch above half the rate of a discrete network.
-    #[error(
-        "A discrete network at {rate} Hz cannot sound at {f} Hz: its frequencies end at half its rate."
-    )]
+    #[error("A discrete network at {rate} Hz cannot sound at {f} Hz: its frequencies end at half its rate.")]
     Pitch {
         /// Asked frequency [Hz].
         f: f64,
@@ -147,12 +145,7 @@ pub enum GeneratorError {
     },
 }
 
-fn count(
-    what: &'static str,
-    got: usize,
-    least: usize,
-    greatest: usize,
-) -> Result<(), GeneratorError> {
+fn count(what: &'static str, got: usize, least: usize, greatest: usize) -> Result<(), GeneratorError> {
     if (least..=greatest).contains(&got) {
         return Ok(());
     }
@@ -264,8 +257,7 @@ impl Links {
     /// Adds a link of either sign of a body that resists bending; `hardens` is true only for links that stretch.
     fn join_bent(&mut self, a: usize, b: usize, factor: f64, hardens: bool) {
         let continues_run = |run: &LinkRun| {
-            (run.a + run.len, run.b + run.len) == (a, b)
-                && (run.factor, run.hardens) == (factor, hardens)
+            (run.a + run.len, run.b + run.len) == (a, b) && (run.factor, run.hardens) == (factor, hardens)
         };
         match self.runs.last_mut() {
             Some(run) if continues_run(run) => run.len += 1,

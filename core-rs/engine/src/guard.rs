@@ -70,11 +70,7 @@ pub(crate) struct FinerFrames {
     pub(crate) mat: usize,
 }
 
-crate::archive::state!(FinerFrames {
-    frames,
-    steps_max,
-    mat
-});
+crate::archive::state!(FinerFrames { frames, steps_max, mat });
 
 impl FinerFrames {
     /// The count in whole frames, where one frame has `steps` guarded steps.
@@ -173,11 +169,7 @@ impl Guard {
         ports: &[usize],
     ) -> Result<Option<Self>, Error> {
         let compliance = scheme.compliance();
-        let w = if compliance.is_empty() {
-            &scheme.w
-        } else {
-            &compliance
-        };
+        let w = if compliance.is_empty() { &scheme.w } else { &compliance };
         let is_moving = |mat: usize| w[mat] > 0.0 && !ports.contains(&mat);
         let mut watches = watches(&scheme.runs, is_moving);
         if watches.is_empty() {
@@ -190,10 +182,7 @@ impl Guard {
         }
         // If λ at rest is near or above `trusted`, links may still use a quarter of the distance from it to `accepted`.
         let has_poles = limit.has_poles;
-        let limit = f64::max(
-            limit.trusted,
-            lambda_at_rest + 0.25 * (limit.accepted - lambda_at_rest),
-        );
+        let limit = f64::max(limit.trusted, lambda_at_rest + 0.25 * (limit.accepted - lambda_at_rest));
         set_reaches(&mut watches, limit - lambda_at_rest, w);
         if watches.is_empty() {
             return Ok(None);
@@ -234,8 +223,7 @@ impl Guard {
     /// Reserve room for `n_imposed` MATs with an imposed path, beside the ports.
     pub(crate) fn reserve(&mut self, n_imposed: usize) {
         let count_max = n_imposed + self.ports.len();
-        self.imposed
-            .reserve(count_max.saturating_sub(self.imposed.len()));
+        self.imposed.reserve(count_max.saturating_sub(self.imposed.len()));
     }
 
     /// The frames computed finer so far; `None`: no frame was.
@@ -249,12 +237,7 @@ impl Guard {
     }
 
     /// Restore unrelated MATs to where the ordinary frame took them.
-    pub(crate) fn keep_unrelated(
-        &mut self,
-        previous: &PreviousState,
-        x: &mut [f64],
-        d: &mut [f64],
-    ) {
+    pub(crate) fn keep_unrelated(&mut self, previous: &PreviousState, x: &mut [f64], d: &mut [f64]) {
         for &mat in &self.unrelated {
             (x[mat], d[mat]) = (previous.x[mat], previous.d[mat]);
             self.travel[mat] = 0.5 * (self.d[mat] + previous.d[mat]);
@@ -322,14 +305,7 @@ impl Guard {
         } else {
             &self.compliance
         };
-        watch::stiffening(
-            &self.watches,
-            &self.mats,
-            x,
-            w,
-            &mut self.sums,
-            &mut self.rises,
-        )
+        watch::stiffening(&self.watches, &self.mats, x, w, &mut self.sums, &mut self.rises)
     }
 
     /// Number of steps that a frame needs if links raise λ by `risen`; above [`MAX_STEPS`] if no number is enough.
@@ -341,10 +317,7 @@ impl Guard {
             let step_count = f64::from(*step_count);
             self.rest_lambda / step_count + risen / (step_count * step_count) <= TRUSTED
         };
-        [2, 4, MAX_STEPS]
-            .into_iter()
-            .find(is_enough)
-            .unwrap_or(2 * MAX_STEPS)
+        [2, 4, MAX_STEPS].into_iter().find(is_enough).unwrap_or(2 * MAX_STEPS)
     }
 }
 

@@ -140,12 +140,7 @@ impl Integrator {
     /// With the name of a module that the method cannot step: methods other than CA take continuous parameters and
     /// plain
     /// contacts only.
-    pub(crate) fn new(
-        network: &Network,
-        rate: Rate,
-        method: MeshMethod,
-        substeps: u32,
-    ) -> Result<Self, Error> {
+    pub(crate) fn new(network: &Network, rate: Rate, method: MeshMethod, substeps: u32) -> Result<Self, Error> {
         let rate = faster(rate, substeps)?;
         let network_mesh = Arc::new(Mesh::new(network, rate, method)?);
         let motion = match method {
@@ -167,22 +162,14 @@ impl Integrator {
     }
 
     /// Does the same as [`Integrator::step`] if the K and Z of some links are led; `n` counts frames.
-    pub(crate) fn step_led(
-        &mut self,
-        n: u64,
-        leads: &[Lead],
-        impulses: &[(usize, f64)],
-        team: &mut ThreadTeam<'_>,
-    ) {
+    pub(crate) fn step_led(&mut self, n: u64, leads: &[Lead], impulses: &[(usize, f64)], team: &mut ThreadTeam<'_>) {
         if leads.is_empty() {
             return self.step(impulses, team);
         }
         let stepper = self.motion.stepper_mut();
         for substep in 0..self.substeps {
             let frame_part = (f64::from(substep) + 0.5) / f64::from(self.substeps);
-            leads
-                .iter()
-                .for_each(|lead| stepper.lead(lead, (n, frame_part)));
+            leads.iter().for_each(|lead| stepper.lead(lead, (n, frame_part)));
             stepper.settle_led(team);
             stepper.step(if substep == 0 { impulses } else { &[] }, team);
         }
@@ -214,10 +201,7 @@ impl Integrator {
     /// Position of a MAT, and its step over a frame [m].
     pub(crate) fn motion(&self, mat: usize) -> (f64, f64) {
         let stepper = self.motion.stepper();
-        (
-            stepper.x()[mat],
-            stepper.last_step(mat) * f64::from(self.substeps),
-        )
+        (stepper.x()[mat], stepper.last_step(mat) * f64::from(self.substeps))
     }
 
     /// Set position of a MAT and its step over a frame [m]; call [`Integrator::settle`] once all are set.
@@ -273,16 +257,14 @@ impl Integrator {
         let stepped_mesh = self.motion.stepper().mesh();
         // The balance of an active law cannot be judged.
         let is_known = |run: &Run| !matches!(&run.kind, Kind::Lnl { law, .. } if law.is_active(ACTIVE.0, ACTIVE.1));
-        !stepped_mesh.scheme.linear
-            && stepped_mesh.others.iter().all(is_known)
-            && self.n_integrated() <= INTEGRATED_MAX
+        !stepped_mesh.scheme.linear && stepped_mesh.others.iter().all(is_known) && self.n_integrated() <= INTEGRATED_MAX
     }
 
     /// Links whose energy has no closed form: it is integrated each time that it is asked for.
     pub(crate) fn n_integrated(&self) -> usize {
         let other_runs = self.motion.stepper().mesh().others.iter();
-        let integrated = other_runs
-            .filter(|run| matches!(&run.kind, Kind::Lnl { law, .. } if !law.has_closed_energy()));
+        let integrated =
+            other_runs.filter(|run| matches!(&run.kind, Kind::Lnl { law, .. } if !law.has_closed_energy()));
         integrated.map(|run| run.len).sum()
     }
 

@@ -82,11 +82,7 @@ pub fn until<T>(ask: Ask, work: impl FnOnce() -> T) -> Result<T, Stopped> {
 ///
 /// # Errors
 /// [`Stopped`] if `ask` returns true at a poll of `work`.
-pub fn until_counted<T>(
-    ask: Ask,
-    spent: Arc<AtomicU64>,
-    work: impl FnOnce() -> T,
-) -> Result<T, Stopped> {
+pub fn until_counted<T>(ask: Ask, spent: Arc<AtomicU64>, work: impl FnOnce() -> T) -> Result<T, Stopped> {
     let _count = OuterCount(SPENT.replace(spent));
     let outer_ask = Outer(set(Some(ask)));
     let work_result = catch_unwind(AssertUnwindSafe(work));

@@ -164,12 +164,7 @@ impl Values {
 }
 
 /// How far each gate is open at frame `n`   (n_gates)
-fn open_gates(
-    open: &mut [f64],
-    gates: &[Gate],
-    continuations: &[Option<GateContinuation>],
-    n: u64,
-) {
+fn open_gates(open: &mut [f64], gates: &[Gate], continuations: &[Option<GateContinuation>], n: u64) {
     let gate_pairs = gates.iter().zip(continuations);
     for (open, (gate, continuation)) in open.iter_mut().zip(gate_pairs) {
         *open = GateContinuation::open(continuation.as_ref(), gate, n);
@@ -213,12 +208,7 @@ impl Island {
     /// Whether a team of threads can share its work.
     pub(crate) fn is_shared(&self) -> bool {
         let state = &self.state;
-        state.matter.laws.mesh_partition.is_some()
-            || state
-                .matter
-                .bodies
-                .iter()
-                .any(inside::RunningBody::is_shared)
+        state.matter.laws.mesh_partition.is_some() || state.matter.bodies.iter().any(inside::RunningBody::is_shared)
     }
 
     /// Steps x[n] − x[n−1] now [m], (n_mat).
@@ -247,11 +237,7 @@ impl Island {
 
     /// Whether a contact that is computed finely has been closed.
     pub(crate) fn has_touched(&self) -> bool {
-        self.state
-            .matter
-            .fine
-            .as_ref()
-            .is_some_and(|fine| fine.has_touched)
+        self.state.matter.fine.as_ref().is_some_and(|fine| fine.has_touched)
     }
 
     /// Work of contacts that are computed finely, so far.
@@ -268,9 +254,7 @@ impl Island {
     /// Sum over parts of their finer frames so far times the most steps that one such frame took.
     pub(crate) fn guard_steps(&self) -> u64 {
         let finer_parts = self.finer();
-        finer_parts
-            .map(|(_, frames, most)| frames * u64::from(most))
-            .sum()
+        finer_parts.map(|(_, frames, most)| frames * u64::from(most)).sum()
     }
 
     /// Makes all motion decay by an additional factor `by` in each step.
@@ -344,11 +328,7 @@ impl Island {
         let state = &self.state;
         state.watch.ledger.as_ref().map(|ledger| {
             ledger.energy(
-                state
-                    .values
-                    .scheme
-                    .as_deref()
-                    .unwrap_or(&self.script.scheme),
+                state.values.scheme.as_deref().unwrap_or(&self.script.scheme),
                 &state.matter.body,
             )
         })
@@ -387,9 +367,7 @@ impl Island {
             .iter()
             .filter_map(inside::RunningBody::finer_frames);
         guard_frames.chain(bodies).map(|(part_name, finer_frames)| {
-            let FinerFrames {
-                frames, steps_max, ..
-            } = finer_frames.per_frame(self.oversampling);
+            let FinerFrames { frames, steps_max, .. } = finer_frames.per_frame(self.oversampling);
             (part_name, frames, steps_max)
         })
     }

@@ -115,9 +115,7 @@ impl KeyModel {
     /// # Errors
     /// [`KeyError`] if the numbers do not describe a key.
     pub fn from_row(row: &[f64]) -> Result<Self, KeyError> {
-        if row.len() < KEY_PARAMETERS
-            || !(row.len() - KEY_PARAMETERS).is_multiple_of(MODE_PARAMETERS)
-        {
+        if row.len() < KEY_PARAMETERS || !(row.len() - KEY_PARAMETERS).is_multiple_of(MODE_PARAMETERS) {
             return Err(KeyError::Count);
         }
         let mode_from_row = |row: &[f64]| Mode {
@@ -160,11 +158,7 @@ impl KeyModel {
             self.static_speed,
         ];
         let mode_ratios = self.modes.iter().map(|mode| mode.ratio);
-        if non_negatives
-            .into_iter()
-            .chain(mode_ratios)
-            .any(|number| number < 0.0)
-        {
+        if non_negatives.into_iter().chain(mode_ratios).any(|number| number < 0.0) {
             return Err(KeyError::Negative);
         }
         if !(0.0..=DELAY_MAX).contains(&self.delay) {
@@ -188,12 +182,7 @@ impl KeyModel {
     ///
     /// # Errors
     /// [`KeyError`] for a rate or steps by which the key cannot be computed.
-    pub fn path(
-        &self,
-        forces: &[f64],
-        rate: f64,
-        steps: Option<usize>,
-    ) -> Result<Vec<f64>, KeyError> {
+    pub fn path(&self, forces: &[f64], rate: f64, steps: Option<usize>) -> Result<Vec<f64>, KeyError> {
         let mut key_motion = Motion::<0>::with_columns(self, rate, steps, &[])?;
         let mut positions = Vec::with_capacity(forces.len());
         for (n, &force) in forces.iter().enumerate() {
@@ -260,9 +249,7 @@ impl KeyModel {
                     interrupt::spend(TICK_STEPS * POLL_EVERY);
                 }
                 let derivative_row = &wide_motion.dx[..group.len()];
-                let row_max = derivative_row
-                    .iter()
-                    .fold(0.0_f64, |row_max, dx| row_max.max(dx.abs()));
+                let row_max = derivative_row.iter().fold(0.0_f64, |row_max, dx| row_max.max(dx.abs()));
                 greatest = greatest.max(row_max);
                 if n > last_tick && greatest > 0.0 && row_max < DIED_AWAY * greatest {
                     break;

@@ -145,8 +145,7 @@ impl Law {
     /// [`LawError`] with the place, in characters of the text at fault.
     pub fn new(text: &LawText<'_>) -> Result<Self, LawError> {
         check_constants(&text.constants)?;
-        let parse_text =
-            |which, expression| parse::parse(which, expression, &text.constants, text.open);
+        let parse_text = |which, expression| parse::parse(which, expression, &text.constants, text.open);
         let elastic = match (text.law, text.points) {
             (Some(_), Some(_)) => {
                 let message = "A law is given by an expression or by points, not by both.";
@@ -247,9 +246,7 @@ impl Law {
         let parsed_law = Self::new(&LawText {
             law: Some("k*d + q*d**3"),
             damping: z.map(|_| "z*v"),
-            constants: named_constants
-                .map(|(name, value)| (name.to_owned(), value))
-                .into(),
+            constants: named_constants.map(|(name, value)| (name.to_owned(), value)).into(),
             ..LawText::default()
         })?;
         Ok(Self {
@@ -328,9 +325,7 @@ impl Law {
                 integral: Some(integral),
                 ..
             } => polynomial::value(integral, d) * d,
-            Elastic::Expression { program, .. } => {
-                potential::integrate(|d| program.value(d, 0.0), d)
-            }
+            Elastic::Expression { program, .. } => potential::integrate(|d| program.value(d, 0.0), d),
             Elastic::Points(points) => points.potential(d),
         }
     }
@@ -359,8 +354,7 @@ impl Law {
             Elastic::None => 0.0,
             Elastic::Expression { program, .. } => {
                 let difference_step = SLOPE_STEP * d.abs() + SLOPE_STEP_AT_REST;
-                let (elongation_below, elongation_above) =
-                    (d - difference_step, d + difference_step);
+                let (elongation_below, elongation_above) = (d - difference_step, d + difference_step);
                 (program.value(elongation_above, 0.0) - program.value(elongation_below, 0.0))
                     / (elongation_above - elongation_below)
             }
@@ -400,8 +394,7 @@ impl Law {
             return 0.0;
         };
         let (d, rate_step) = (d / self.reach, SLOPE_STEP_AT_REST);
-        let rate_slope =
-            (damping.value(d, rate_step) - damping.value(d, -rate_step)) / (2.0 * rate_step);
+        let rate_slope = (damping.value(d, rate_step) - damping.value(d, -rate_step)) / (2.0 * rate_step);
         rate_slope / self.reach / self.reach
     }
 
@@ -412,8 +405,7 @@ impl Law {
         const SMALL: f64 = 0.01;
         let is_small = |far: f64, slope: f64| (far / FAR).abs() <= SMALL * slope.abs();
         [FAR, -FAR].iter().all(|&far| {
-            is_small(self.spring(far), self.slope(0.0))
-                && is_small(self.drag(0.0, far), self.damping_slope(0.0))
+            is_small(self.spring(far), self.slope(0.0)) && is_small(self.drag(0.0, far), self.damping_slope(0.0))
         })
     }
 

@@ -63,8 +63,7 @@ impl IslandPlan {
     /// Nanoseconds a frame, by the table of costs.
     fn cost(&self) -> f64 {
         let body_costs = self.bodies.iter().map(cost::body_cost);
-        f64::from(self.oversampling) * (self.hub_cost() + body_costs.sum::<f64>())
-            / f64::from(self.every)
+        f64::from(self.oversampling) * (self.hub_cost() + body_costs.sum::<f64>()) / f64::from(self.every)
     }
 
     /// Cost of all but its bodies [ns a step].
@@ -121,9 +120,7 @@ impl BankPlan {
         }
         let bank_blows = self.oscillators.iter().flat_map(|each| &each.blows);
         let strikes = self.strikes.iter().flat_map(|each| &each.blows);
-        let blow_frames = bank_blows
-            .map(|blow| blow.frame)
-            .chain(strikes.map(|blow| blow.0));
+        let blow_frames = bank_blows.map(|blow| blow.frame).chain(strikes.map(|blow| blow.0));
         blow_frames.min().unwrap_or(u64::MAX)
     }
 }
@@ -224,11 +221,7 @@ impl Plan {
     /// Everything stepped as written, by the CA scheme.
     ///
     /// `unchecked`: no check for stability is made.
-    pub fn plain(
-        network: Arc<Network>,
-        timeline: &Timeline,
-        unchecked: bool,
-    ) -> Result<Self, Error> {
+    pub fn plain(network: Arc<Network>, timeline: &Timeline, unchecked: bool) -> Result<Self, Error> {
         let mut plain_plan = Self::empty(network.clone(), timeline);
         let island_plan = plain_plan.stepped(timeline, 1);
         if !unchecked {
@@ -237,13 +230,9 @@ impl Plan {
                 scheme.let_laws_give_way();
             }
             let certificate = scheme.certify(&network)?;
-            plain_plan
-                .rows
-                .push(Row::stepped(&island_plan, certificate));
+            plain_plan.rows.push(Row::stepped(&island_plan, certificate));
         }
-        plain_plan
-            .units
-            .push(Unit::IslandPlan(Box::new(island_plan)));
+        plain_plan.units.push(Unit::IslandPlan(Box::new(island_plan)));
         plain_plan.n_heard = plain_plan.units.len();
         Ok(plain_plan)
     }
@@ -261,9 +250,7 @@ impl Plan {
         let mut fine_plan = Self::empty(network, timeline);
         let island_plan = fine_plan.stepped(timeline, contact_substeps);
         fine_plan.rows.push(Row::stepped(&island_plan, certificate));
-        fine_plan
-            .units
-            .push(Unit::IslandPlan(Box::new(island_plan)));
+        fine_plan.units.push(Unit::IslandPlan(Box::new(island_plan)));
         fine_plan.n_heard = fine_plan.units.len();
         Ok(fine_plan)
     }
@@ -286,13 +273,8 @@ impl Plan {
     /// Whether a simulation of this plan records every ergon of a timeline: none strikes inside a body or a bank, or
     /// something that the plan leaves out.
     pub fn records(&self, timeline: &Timeline) -> bool {
-        let counted_events = |timeline: &Timeline| {
-            [
-                timeline.gestures.len(),
-                timeline.strikes.len(),
-                timeline.ergons.len(),
-            ]
-        };
+        let counted_events =
+            |timeline: &Timeline| [timeline.gestures.len(), timeline.strikes.len(), timeline.ergons.len()];
         let mut recorded = [0; 3];
         for unit in &self.units {
             if let Unit::IslandPlan(island_plan) = unit {
@@ -376,9 +358,7 @@ impl Plan {
         let is_same_part = |other: &usize| bank_part(*other) == Some(part_here);
         let banks_before = (units.start..unit).rev().take_while(is_same_part).count();
         let banks_after = (unit + 1..units.end).take_while(is_same_part).count();
-        let piece_length = (banks_before + 1 + banks_after)
-            .div_ceil(PIECES_MAX)
-            .max(PIECE);
+        let piece_length = (banks_before + 1 + banks_after).div_ceil(PIECES_MAX).max(PIECE);
         (banks_after > 0).then(|| (banks_before + 1).is_multiple_of(piece_length))
     }
 

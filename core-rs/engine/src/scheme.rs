@@ -24,8 +24,7 @@ use discretise::Ties;
 use crate::law::{Hardening, Law};
 use crate::network::forest::Forest;
 use crate::network::{
-    Bristle, But, Dry, Error, Followed, FollowingMass, Network, Output, PairRun, Pairwise, Proxy,
-    SpaceLink,
+    Bristle, But, Dry, Error, Followed, FollowingMass, Network, Output, PairRun, Pairwise, Proxy, SpaceLink,
 };
 use crate::units::Rate;
 
@@ -155,12 +154,7 @@ impl Run {
     }
 
     /// Change of the length of its i-th link [m], at positions `x`, if each MAT moves by `moved` [m].
-    pub(crate) fn stretch(
-        &self,
-        i: usize,
-        x: impl Fn(usize) -> f64,
-        moved: impl Fn(usize) -> f64,
-    ) -> f64 {
+    pub(crate) fn stretch(&self, i: usize, x: impl Fn(usize) -> f64, moved: impl Fn(usize) -> f64) -> f64 {
         let link_ends = (self.a + i, self.b + i);
         match &self.kind {
             Kind::Space(space) => space.stretch(link_ends, space.line(link_ends, x).1, moved),
@@ -297,11 +291,7 @@ impl Scheme {
     }
 
     /// The stability certificate; `refusal` says how much is computed if the scheme is unstable.
-    pub(crate) fn certify_or(
-        &self,
-        network: &Network,
-        refusal: Refusal,
-    ) -> Result<Certificate, Error> {
+    pub(crate) fn certify_or(&self, network: &Network, refusal: Refusal) -> Result<Certificate, Error> {
         certify::certify(self, network, refusal)
     }
 
@@ -412,8 +402,8 @@ impl Scheme {
     /// The index of the memory of a pairwise run, by its first link.
     pub(crate) fn room_of(&self, link: usize) -> Option<usize> {
         let mut link_runs = self.runs.iter();
-        let pairwise_run = link_runs
-            .find(|pairwise_run| pairwise_run.first == link && pairwise_run.pairwise().is_some())?;
+        let pairwise_run =
+            link_runs.find(|pairwise_run| pairwise_run.first == link && pairwise_run.pairwise().is_some())?;
         Some(pairwise_run.room())
     }
 
@@ -445,18 +435,11 @@ impl Scheme {
             self.exact = other_exact;
             return dry_runs;
         }
-        let (explicit_runs, exact) = (
-            std::mem::take(&mut self.runs),
-            std::mem::take(&mut self.exact),
-        );
+        let (explicit_runs, exact) = (std::mem::take(&mut self.runs), std::mem::take(&mut self.exact));
         let is_law = |run: &Run| run.is_law() && self.may_substep(run, takes_springs);
-        let are_laws_few =
-            explicit_runs.iter().filter(|run| is_law(run)).count() <= Self::FINE_LAWS;
-        let is_substepped =
-            |run: &Run| self.may_substep(run, takes_springs) && (are_laws_few || !is_law(run));
-        let (mut fine_runs, explicit_runs) = explicit_runs
-            .into_iter()
-            .partition::<Vec<_>, _>(is_substepped);
+        let are_laws_few = explicit_runs.iter().filter(|run| is_law(run)).count() <= Self::FINE_LAWS;
+        let is_substepped = |run: &Run| self.may_substep(run, takes_springs) && (are_laws_few || !is_law(run));
+        let (mut fine_runs, explicit_runs) = explicit_runs.into_iter().partition::<Vec<_>, _>(is_substepped);
         let (exact, exact_left) = exact.into_iter().partition::<Vec<_>, _>(is_substepped);
         fine_runs.extend(exact);
         fine_runs.sort_by_key(|run| run.first);

@@ -84,8 +84,7 @@ mod tests {
 
     /// Gain of an analogue Butterworth high-pass of order 2 at the prewarped frequency.
     fn wanted(f: f64, cutoff: f64, rate: f64) -> f64 {
-        let prewarped =
-            |f: f64| maths::sin(0.5 * TAU * f / rate) / maths::cos(0.5 * TAU * f / rate);
+        let prewarped = |f: f64| maths::sin(0.5 * TAU * f / rate) / maths::cos(0.5 * TAU * f / rate);
         let warp_ratio = prewarped(f) / prewarped(cutoff);
         1.0 / maths::sqrt(1.0 + 1.0 / (warp_ratio * warp_ratio * warp_ratio * warp_ratio))
     }
@@ -114,10 +113,7 @@ mod tests {
             (20_000.0, 44_100.0, 21_000.0),
         ] {
             let (measured, wanted) = (gain(cutoff, rate, f), wanted(f, cutoff, rate));
-            assert!(
-                (measured - wanted).abs() < 1e-9,
-                "{cutoff} {f}: {measured} {wanted}"
-            );
+            assert!((measured - wanted).abs() < 1e-9, "{cutoff} {f}: {measured} {wanted}");
         }
     }
 

@@ -82,11 +82,7 @@ impl Simulation {
     ///
     /// # Errors
     /// [`Error`] if a part of the network is unstable or a method cannot step it.
-    pub fn new(
-        network: Arc<Network>,
-        timeline: &Timeline,
-        options: Options,
-    ) -> Result<Self, Error> {
+    pub fn new(network: Arc<Network>, timeline: &Timeline, options: Options) -> Result<Self, Error> {
         let plain_plan = Plan::plain(network, timeline, options.unchecked)?;
         Self::planned(Arc::new(plain_plan), options)
     }
@@ -110,20 +106,13 @@ impl Simulation {
             } else {
                 OnFault::Mute
             };
-            let options = Options {
-                on_fault,
-                ..options
-            };
+            let options = Options { on_fault, ..options };
             groups.push(Group::new(&plan, range, n_outputs * block_frames, options)?);
         }
         let threads = options.threads.max(1);
         group::assign_teams(&mut groups, &plan, threads);
         let derivatives = Derivatives::new(&plan.network, plan.timeline_rate.hertz());
-        let looked_at = if derivatives.is_empty() {
-            0
-        } else {
-            derivative::SPAN
-        };
+        let looked_at = if derivatives.is_empty() { 0 } else { derivative::SPAN };
         let sounds_in = sounds_in::SoundsIn::new(&plan);
         Ok(Self {
             contents: stored::Contents::new(&plan),
@@ -146,11 +135,7 @@ impl Simulation {
         let mut simulation = Self::planned(plan, options)?;
         if from > 0 {
             simulation.frame = from;
-            for running in simulation
-                .groups
-                .iter_mut()
-                .flat_map(|group| &mut group.units)
-            {
+            for running in simulation.groups.iter_mut().flat_map(|group| &mut group.units) {
                 match running {
                     RunningUnit::Island(island) => island.seek(from),
                     RunningUnit::Bank(bank) => bank.seek(from),
@@ -169,9 +154,7 @@ impl Simulation {
     /// All islands with their plans.
     fn islands(&self) -> impl Iterator<Item = (&Island, &IslandPlan)> {
         self.units().filter_map(|pair| match pair {
-            (RunningUnit::Island(island), Unit::IslandPlan(island_plan)) => {
-                Some((&**island, &**island_plan))
-            }
+            (RunningUnit::Island(island), Unit::IslandPlan(island_plan)) => Some((&**island, &**island_plan)),
             _ => None,
         })
     }
@@ -223,18 +206,13 @@ impl Simulation {
             frames_left -= block_frames;
         }
         let mut skipped_outputs = std::mem::take(&mut self.skipped_outputs);
-        let process_result =
-            self.process(&mut skipped_outputs[..final_frames as usize * n_outputs]);
+        let process_result = self.process(&mut skipped_outputs[..final_frames as usize * n_outputs]);
         self.skipped_outputs = skipped_outputs;
         process_result
     }
 
     fn block_limit(&self) -> usize {
-        if self.threads > 1 {
-            THREADED_BLOCK
-        } else {
-            UNIT_BLOCK
-        }
+        if self.threads > 1 { THREADED_BLOCK } else { UNIT_BLOCK }
     }
 
     /// Advance every group by `n_frames` frames. Of several faults the one with the first frame is returned.
@@ -250,11 +228,7 @@ impl Simulation {
             let (team_groups, single_groups): (Vec<_>, Vec<_>) =
                 self.groups.iter_mut().partition(|group| group.team > 1);
             let mut faults: Vec<Fault> = team_groups.into_iter().filter_map(run_group).collect();
-            faults.extend(group::run_on_threads(
-                single_groups,
-                self.threads,
-                &run_group,
-            ));
+            faults.extend(group::run_on_threads(single_groups, self.threads, &run_group));
             faults
         };
         let fault = faults.into_iter().min_by_key(|fault| fault.frame);
@@ -335,11 +309,7 @@ impl Simulation {
         for (island, island_plan) in self.islands() {
             island.asked(|local, asked, is_layer| {
                 let key_position = &mut all[to_network_index(&island_plan.to_whole.keys, local)];
-                *key_position = if is_layer {
-                    *key_position + asked
-                } else {
-                    asked
-                };
+                *key_position = if is_layer { *key_position + asked } else { asked };
             });
         }
     }
@@ -370,9 +340,7 @@ impl Simulation {
 
     /// Mean force of the scene on a real hand over the last complete tick [N]; positive towards +x.
     pub fn hand_force(&self, hand: usize) -> f64 {
-        self.islands()
-            .map(|(island, _)| island.hand_force(hand))
-            .sum()
+        self.islands().map(|(island, _)| island.hand_force(hand)).sum()
     }
 
     /// From this frame on, damp everything with a decay time of `t60` [s] in addition to its own damping (the
@@ -440,15 +408,13 @@ impl Simulation {
         let mut framed_ergons = Vec::new();
         let running_units = self.groups.iter_mut().flat_map(|group| &mut group.units);
         for (running, unit) in running_units.zip(&self.plan.units) {
-            let (RunningUnit::Island(island), Unit::IslandPlan(island_plan)) = (running, unit)
-            else {
+            let (RunningUnit::Island(island), Unit::IslandPlan(island_plan)) = (running, unit) else {
                 continue;
             };
             let island_ergons = island.take_ergons().into_iter();
             framed_ergons.extend(island_ergons.map(|record| FramedErgon {
                 record: Record {
-                    mat: to_network_index(&island_plan.to_whole.mats, record.record.mat as usize)
-                        as u32,
+                    mat: to_network_index(&island_plan.to_whole.mats, record.record.mat as usize) as u32,
                     ..record.record
                 },
                 frame: island.frame_at(record.frame),
@@ -456,10 +422,7 @@ impl Simulation {
         }
         // Sorted by the frame of the strike; ergons of one frame stay in the order of the islands.
         framed_ergons.sort_by_key(|ergon| ergon.frame);
-        framed_ergons
-            .into_iter()
-            .map(|ergon| ergon.record)
-            .collect()
+        framed_ergons.into_iter().map(|ergon| ergon.record).collect()
     }
 
     /// The energy ledger; `None` if it is not kept, or if the plan computes anything in a bank of oscillators.
@@ -541,17 +504,13 @@ impl Simulation {
             });
             named_gains.collect::<Vec<_>>()
         };
-        self.islands()
-            .flat_map(|(island, _)| gains_of(island))
-            .collect()
+        self.islands().flat_map(|(island, _)| gains_of(island)).collect()
     }
 
     /// The most energy that one link or mesh has created, as a share of the energy that was there.
     pub fn created_share(&self) -> f64 {
         let islands = self.islands();
-        islands
-            .map(|(island, _)| island.created_share())
-            .fold(0.0, f64::max)
+        islands.map(|(island, _)| island.created_share()).fold(0.0, f64::max)
     }
 
     /// Number of links and meshes that created energy; does not allocate.
@@ -599,11 +558,7 @@ impl Simulation {
     /// ```
     pub fn fork(&self) -> Self {
         let mut fork_copy = self.clone();
-        for running in fork_copy
-            .groups
-            .iter_mut()
-            .flat_map(|group| &mut group.units)
-        {
+        for running in fork_copy.groups.iter_mut().flat_map(|group| &mut group.units) {
             if let RunningUnit::Island(island) = running {
                 island.reserve();
             }

@@ -38,9 +38,7 @@ pub(crate) fn backward_steps(
             match network_mats.kind[i] {
                 MatKind::Sol | MatKind::Imposed | MatKind::Proxy => 0.0,
                 _ if ca_rate.is_some() => start_velocity * time_step,
-                MatKind::Mas | MatKind::Cel => {
-                    free_step(network, frame_rate, i, start_position) - force_step
-                }
+                MatKind::Mas | MatKind::Cel => free_step(network, frame_rate, i, start_position) - force_step,
             }
         })
         .collect();
@@ -58,11 +56,7 @@ fn free_step(network: &Network, rate: Rate, mat: usize, x: f64) -> f64 {
         MatKind::Sol | MatKind::Imposed | MatKind::Proxy => 0.0,
         MatKind::Mas => velocity * rate.step(),
         MatKind::Cel => {
-            let cell = Cell::new(
-                network_mats.m[mat],
-                network_mats.k[mat],
-                network_mats.z[mat],
-            );
+            let cell = Cell::new(network_mats.m[mat], network_mats.k[mat], network_mats.z[mat]);
             cell.last_step(x, velocity, network_mats.rest[mat], rate)
         }
     }
@@ -103,11 +97,8 @@ pub(crate) fn forces(
             for i in interrupt::steps(0..run.len) {
                 let end_mats = (run.a + i, run.b + i);
                 let (link_length, direction) = space_link.line(end_mats, |mat| x[mat]);
-                let v =
-                    space_link.stretch(end_mats, direction, |mat| network_mats.v0[mat]) * ca_step;
-                let e = space_link
-                    .law
-                    .after_yielding(run.k, link_length - run.rest, 0.0);
+                let v = space_link.stretch(end_mats, direction, |mat| network_mats.v0[mat]) * ca_step;
+                let e = space_link.law.after_yielding(run.k, link_length - run.rest, 0.0);
                 let f = space_link.law.force([run.k, run.z], e, v);
                 for ((a, b), along) in run.pairs(i).zip(direction) {
                     mat_forces[a] += f * along;
@@ -150,8 +141,7 @@ pub(crate) fn forces(
             mat_forces[b] -= f;
         }
     }
-    let is_exact =
-        |run: &&Run| matches!(&run.kind, LinkKind::But(but) if but.contact == Contact::Exact);
+    let is_exact = |run: &&Run| matches!(&run.kind, LinkKind::But(but) if but.contact == Contact::Exact);
     let network_runs = network
         .runs()
         .iter()
@@ -165,10 +155,7 @@ pub(crate) fn forces(
     );
     for proxy in network.proxies() {
         let proxy_force = mat_forces[proxy.mat];
-        proxy.for_each_share(
-            |mat| x[mat],
-            |mat, share| mat_forces[mat] += share * proxy_force,
-        );
+        proxy.for_each_share(|mat| x[mat], |mat, share| mat_forces[mat] += share * proxy_force);
     }
     let network_runs = interrupt::each(network.runs());
     for run in network_runs.filter(|run| !is_closed(run.first) && acts(run.first)) {
@@ -231,11 +218,7 @@ fn add_exact_contacts(network: &Network, rate: Rate, runs: &[&Run], x: &[f64], f
                 contact_depth,
                 contact_depth,
             );
-            let damping_force = if contact_depth > 0.0 {
-                run.z * depth_rate
-            } else {
-                0.0
-            };
+            let damping_force = if contact_depth > 0.0 { run.z * depth_rate } else { 0.0 };
             let total_force = elastic + damping_force;
             let contact_force = side_sign
                 * if but_link.clamp {
@@ -270,8 +253,7 @@ fn add_dry_friction(network: &Network, (run, dry): (&Run, &Dry), x: &[f64], forc
         }
     };
     let acceleration_without = |i: usize| {
-        let cell_force = network_mats.k[i] * (x[i] - network_mats.rest[i])
-            + network_mats.z[i] * network_mats.v0[i];
+        let cell_force = network_mats.k[i] * (x[i] - network_mats.rest[i]) + network_mats.z[i] * network_mats.v0[i];
         per_force(i)
             * (force[i]
                 - if network_mats.kind[i] == MatKind::Cel {
@@ -284,8 +266,7 @@ fn add_dry_friction(network: &Network, (run, dry): (&Run, &Dry), x: &[f64], forc
     let friction_force = if slip_speed != 0.0 {
         friction_level * slip_speed.signum()
     } else if inverse_masses > 0.0 {
-        let holding_force =
-            (acceleration_without(second_mat) - acceleration_without(first_mat)) / inverse_masses;
+        let holding_force = (acceleration_without(second_mat) - acceleration_without(first_mat)) / inverse_masses;
         if holding_force.abs() > friction_level {
             -friction_level * holding_force.signum()
         } else {

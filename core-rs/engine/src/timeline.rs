@@ -71,9 +71,7 @@ pub enum StrikeError {
     #[error("{0} is fixed, so no strike can move it; strike a mass that moves")]
     Fixed(String),
     /// A second path for one MAT.
-    #[error(
-        "the position of MAT #{0} is imposed already; impose it once, and add further motion as forces"
-    )]
+    #[error("the position of MAT #{0} is imposed already; impose it once, and add further motion as forces")]
     Driven(usize),
     /// A tick that is too long or has no frame.
     #[error("a tick has 1 to {max} frames, not {0}", max = hand::TICK_MAX)]
@@ -82,9 +80,7 @@ pub enum StrikeError {
     #[error("all hands must have the same tick: those before have {0} frames, this one has {1}")]
     TickDiffers(u32, u32),
     /// An input that was never declared: (its index, the number of inputs).
-    #[error(
-        "there is no input {0}: {1} inputs are declared; declare it by `Timeline::sound_in` first"
-    )]
+    #[error("there is no input {0}: {1} inputs are declared; declare it by `Timeline::sound_in` first")]
     NoInput(usize, usize),
     /// A number that is not finite or out of range.
     #[error("{0} must be a finite number{1}, not {2}")]
@@ -151,11 +147,7 @@ impl Timeline {
     /// glide.
     pub(crate) fn steered(&self) -> Vec<usize> {
         let is_position = |drive: &&Drive| drive.kind == DriveKind::Position;
-        let driven_mats = self
-            .drives
-            .iter()
-            .filter(is_position)
-            .map(|drive| drive.mat);
+        let driven_mats = self.drives.iter().filter(is_position).map(|drive| drive.mat);
         let key_mats = self.keys.iter().map(|key| key.struck);
         let gliding = self.glides.iter().map(|glide| glide.mat);
         driven_mats.chain(key_mats).chain(gliding).collect()
@@ -204,20 +196,10 @@ impl Timeline {
         Some(Self {
             rate,
             oversampling: self.oversampling * oversampling,
-            gates: slow_gates
-                .map(|gate| gate.faster(u64::from(oversampling)))
-                .collect(),
-            glides: slow_glides
-                .map(|glide| glide.faster(u64::from(oversampling)))
-                .collect(),
-            leads: slow_leads
-                .map(|lead| lead.faster(u64::from(oversampling)))
-                .collect(),
-            drives: self
-                .drives
-                .iter()
-                .map(|drive| drive.faster(oversampling))
-                .collect(),
+            gates: slow_gates.map(|gate| gate.faster(u64::from(oversampling))).collect(),
+            glides: slow_glides.map(|glide| glide.faster(u64::from(oversampling))).collect(),
+            leads: slow_leads.map(|lead| lead.faster(u64::from(oversampling))).collect(),
+            drives: self.drives.iter().map(|drive| drive.faster(oversampling)).collect(),
             ..self.clone()
         })
     }
@@ -226,8 +208,7 @@ impl Timeline {
     /// a gesture is too fast for it, or something is played live, because live values come by frames of the score.
     pub(crate) fn slower(&self, every: u32) -> Option<Self> {
         let rate = Rate::new(self.rate.hertz() / f64::from(every)).ok()?;
-        let is_live_drive =
-            |drive: &Drive| drive.hand().is_some() || drive.port().is_some() || drive.is_heard();
+        let is_live_drive = |drive: &Drive| drive.hand().is_some() || drive.port().is_some() || drive.is_heard();
         let fits_rate = |gesture: &Arc<Gesture>| gesture.check_rate(rate.hertz()).is_ok();
         if self.drives.iter().any(is_live_drive) || !self.gestures.iter().all(fits_rate) {
             return None;
@@ -236,9 +217,7 @@ impl Timeline {
         Some(Self {
             rate,
             gates: self.gates.iter().map(|gate| gate.slower(every)).collect(),
-            glides: (self.glides.iter())
-                .map(|glide| glide.slower(every))
-                .collect(),
+            glides: (self.glides.iter()).map(|glide| glide.slower(every)).collect(),
             leads: self.leads.iter().map(|lead| lead.slower(every)).collect(),
             ..self.clone()
         })
@@ -268,10 +247,7 @@ impl Timeline {
 
     /// Lowest and highest position of each gesture's written points and paths [m], (n_gestures).
     pub fn ranges(&self) -> Vec<(f64, f64)> {
-        self.gestures
-            .iter()
-            .map(|gesture| gesture.range())
-            .collect()
+        self.gestures.iter().map(|gesture| gesture.range()).collect()
     }
 
     /// Instants [s] and impulses [N·s] of the strikes on a MAT, in order; the impulse of an ergon is its mass times its
@@ -280,19 +256,9 @@ impl Timeline {
         self.on_mat(mat, |strike| vec![(strike.instant, strike.impulse)])
     }
 
-    fn on_mat(
-        &self,
-        mat: usize,
-        impulses_of: impl Fn(&Strike) -> Vec<(f64, f64)>,
-    ) -> Vec<(f64, f64)> {
-        let strikes = self
-            .strikes
-            .iter()
-            .filter(|strike| strike.mat as usize == mat);
-        let ergons = self
-            .ergons
-            .iter()
-            .filter(|strike| strike.mat as usize == mat);
+    fn on_mat(&self, mat: usize, impulses_of: impl Fn(&Strike) -> Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+        let strikes = self.strikes.iter().filter(|strike| strike.mat as usize == mat);
+        let ergons = self.ergons.iter().filter(|strike| strike.mat as usize == mat);
         let ergons = ergons.map(|ergon| (ergon.instant, ergon.mass * ergon.speed));
         let mut impulses: Vec<_> = strikes.flat_map(impulses_of).chain(ergons).collect();
         impulses.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -354,12 +320,7 @@ impl Timeline {
     }
 
     /// How long a strike of `lasts` [s] on a MAT lasts, in 1/44,100 s.
-    fn frames_of(
-        &self,
-        network: &Network,
-        mat: usize,
-        lasts: Option<f64>,
-    ) -> Result<u32, StrikeError> {
+    fn frames_of(&self, network: &Network, mat: usize, lasts: Option<f64>) -> Result<u32, StrikeError> {
         let part_index = network.mats().part[mat] as usize;
         let is_discrete = network.parts()[part_index].ca_rate.is_some();
         let lasts = lasts.unwrap_or(if is_discrete { 0.0 } else { pulse::CONTACT });
@@ -415,9 +376,7 @@ impl Timeline {
             let mut chance = chance(member as u64);
             let mut strike_times = chance.poisson_times(rain.rate, rain.start, stop_time);
             while let Some(instant) = strike_times.next() {
-                let impulse = strike_times
-                    .chance()
-                    .uniform(rain.impulse.0, rain.impulse.1);
+                let impulse = strike_times.chance().uniform(rain.impulse.0, rain.impulse.1);
                 if (rain.within.0..rain.within.1).contains(&instant) {
                     self.strike(network, mat, instant, impulse, rain.lasts, rain.source)?;
                     n_strikes += 1;

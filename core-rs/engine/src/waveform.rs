@@ -85,9 +85,7 @@ mod tests {
             let reference = &reference[..end];
             let reference_mean = reference.iter().sum::<f64>() / end as f64;
             let square = |x: f64| x * x;
-            let difference: f64 = (0..end)
-                .map(|n| square(faulty_sound[n] - reference[n]))
-                .sum();
+            let difference: f64 = (0..end).map(|n| square(faulty_sound[n] - reference[n])).sum();
             let reference_power: f64 = reference.iter().map(|x| square(x - reference_mean)).sum();
             assert!(
                 (error - 10.0 * log10(difference / reference_power)).abs() < 1e-9,
@@ -104,21 +102,12 @@ mod tests {
             frame_pairs.flatten().collect()
         };
         let mean = loud_output.iter().sum::<f64>() / 200.0;
-        let [square, centred] = [0.0, mean]
-            .map(|mean| -> f64 { loud_output.iter().map(|x| (x - mean) * (x - mean)).sum() });
+        let [square, centred] =
+            [0.0, mean].map(|mean| -> f64 { loud_output.iter().map(|x| (x - mean) * (x - mean)).sum() });
         let expected = 10.0 * log10(1e-2 * square / centred);
         for place in [0.0, 5.0] {
-            let error_levels = errors_until(
-                &two_outputs(1.1e-3, place),
-                &two_outputs(1e-3, place),
-                2,
-                &[200],
-            );
-            assert!(
-                (error_levels[0] - expected).abs() < 1e-6,
-                "{}",
-                error_levels[0]
-            );
+            let error_levels = errors_until(&two_outputs(1.1e-3, place), &two_outputs(1e-3, place), 2, &[200]);
+            assert!((error_levels[0] - expected).abs() < 1e-6, "{}", error_levels[0]);
         }
     }
 

@@ -18,8 +18,7 @@ fn struck_string_example_sounds_at_its_pitch() {
     let x = struck_string::sound().unwrap();
     assert!(x[..441].iter().all(|x| *x == 0.0)); // before the strike
     // 61 springs of 50 kN/m between 60 masses of 1 g and two fixed ends: sqrt(K/M)/π·sin(π/122) = 57.95 Hz.
-    let pitch =
-        (5e4f64 / 1e-3).sqrt() / std::f64::consts::PI * (std::f64::consts::PI / 122.0).sin();
+    let pitch = (5e4f64 / 1e-3).sqrt() / std::f64::consts::PI * (std::f64::consts::PI / 122.0).sin();
     let peak = |hertz: f64| {
         let turn = std::f64::consts::TAU * hertz / 44_100.0;
         let (c, s) = x.iter().enumerate().fold((0.0, 0.0), |(c, s), (i, x)| {

@@ -55,9 +55,7 @@ fn strings() -> (Network, Timeline) {
     });
     network.listen("out", terms.collect()).unwrap();
     for &mat in &listened {
-        timeline
-            .strike(&network, mat, 0.0, 1e-3, Some(0.0), 0)
-            .unwrap();
+        timeline.strike(&network, mat, 0.0, 1e-3, Some(0.0), 0).unwrap();
     }
     (network, timeline)
 }

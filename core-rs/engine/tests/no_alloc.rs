@@ -13,9 +13,7 @@ use ergon_engine::generator::{Rim, Shape, plate};
 use ergon_engine::gesture::profile::Curve;
 use ergon_engine::gesture::script::{Gesture, Manner};
 use ergon_engine::gesture::written::{Approach, Written};
-use ergon_engine::network::{
-    Measure, Network, PairLaw, PointGroup, SpaceLaw, SpacePoint, SpacePoints, Term, Tie,
-};
+use ergon_engine::network::{Measure, Network, PairLaw, PointGroup, SpaceLaw, SpacePoint, SpacePoints, Term, Tie};
 use ergon_engine::plan::{Budget, Computed, Method, Plan};
 use ergon_engine::simulation::{Glance, OnFault, Options, Simulation, Takeover};
 use ergon_engine::timeline::Timeline;
@@ -49,11 +47,7 @@ fn process_of_random_scenes_does_not_allocate() {
         let snapshot = simulation.snapshot();
         assert_eq!(allocations(&mut simulation, &mut out[half..]), 0, "{seed}");
         simulation.restore(&snapshot);
-        assert_eq!(
-            allocations(&mut simulation, &mut out[half..]),
-            0,
-            "{seed} again"
-        );
+        assert_eq!(allocations(&mut simulation, &mut out[half..]), 0, "{seed} again");
     }
 }
 
@@ -107,15 +101,11 @@ fn slow_key_does_not_allocate() {
     network.part("key", None);
     network.macrostep(10);
     let tie = |k, z| Tie::Physical { k, z };
-    let struck = network
-        .cel("m", 0.08, tie(200.0, 0.4), 0.0, 0.0, 0.0)
-        .unwrap();
+    let struck = network.cel("m", 0.08, tie(200.0, 0.4), 0.0, 0.0, 0.0).unwrap();
     let inner = network.mas("n", 0.03, 0.0, 0.0).unwrap();
     network.spring("r", struck, inner, 150.0, 0.2, 0.0).unwrap();
     network.part("bell", None);
-    let bell = network
-        .cel("b", 2e-3, tie(4e3, 0.01), 0.0, 0.0, 0.0)
-        .unwrap();
+    let bell = network.cel("b", 2e-3, tie(4e3, 0.01), 0.0, 0.0, 0.0).unwrap();
     network.spring("c", struck, bell, 300.0, 0.0, 0.0).unwrap();
     let term = Term::Position {
         first: inner,
@@ -135,16 +125,11 @@ fn slow_key_does_not_allocate() {
             approaches: &method,
             sources: &[],
         };
-        let manner = Manner {
-            grain,
-            ..Manner::OPEN
-        };
+        let manner = Manner { grain, ..Manner::OPEN };
         let gesture = Gesture::written(key, &written, manner).unwrap();
         timeline.gesture(gesture).unwrap();
     }
-    timeline
-        .strike(&network, struck, 0.23, 0.01, Some(0.0), 0)
-        .unwrap();
+    timeline.strike(&network, struck, 0.23, 0.01, Some(0.0), 0).unwrap();
     let plan = Plan::new(Arc::new(network), &timeline, &Budget::default(), None).unwrap();
     assert!(plan.rows().iter().any(|row| row.what
         == Computed::Slow {
@@ -207,9 +192,7 @@ fn rest_and_wake_do_not_allocate() {
     let mut network = Network::new();
     network.part("gong", None);
     let topology = plate(Shape::Hex, 6, Rim::Fixed).unwrap();
-    let gong = network
-        .mesh("p", &topology, 0.3, 120.0, Some(1.0), 1e11)
-        .unwrap();
+    let gong = network.mesh("p", &topology, 0.3, 120.0, Some(1.0), 1e11).unwrap();
     network.part("key", None);
     let tie = Tie::Physical { k: 60.0, z: 1.2 };
     let key = network.cel("m", 0.4, tie, 0.0, 0.0, 0.0).unwrap();
@@ -261,17 +244,13 @@ fn finer_frames_do_not_allocate() {
     let mut network = Network::new();
     network.part("gong", None);
     let topology = plate(Shape::Hex, 6, Rim::Fixed).unwrap();
-    network
-        .mesh("p", &topology, 0.3, 120.0, Some(1.0), 1e11)
-        .unwrap();
+    network.mesh("p", &topology, 0.3, 120.0, Some(1.0), 1e11).unwrap();
     let (first, len, weight) = (3, 1, 1.0);
     let term = Term::Position { first, len, weight };
     network.listen("gong", vec![term]).unwrap();
     let mut timeline = Timeline::new(Rate::new(44_100.0).unwrap());
     timeline.open();
-    timeline
-        .strike(&network, 5, 0.0, 1.0, Some(0.0), 0)
-        .unwrap();
+    timeline.strike(&network, 5, 0.0, 1.0, Some(0.0), 0).unwrap();
     let network = Arc::new(network);
     for method in [Method::Ca, Method::Ca2p] {
         let budget = Budget::Method(method);

@@ -123,13 +123,9 @@ pub(crate) fn open_in_process(
     let (board_port, canceller) = (port::Port::InProcess(board), WaitCanceller::default());
     Ok(match kind {
         Kind::Frame => Box::new(frame::Frame::on_port(board_port, &board_url, &canceller)?),
-        Kind::FireFader => Box::new(firefader::FireFader::on_port(
-            board_port, &board_url, &canceller,
-        )?),
+        Kind::FireFader => Box::new(firefader::FireFader::on_port(board_port, &board_url, &canceller)?),
         _ => {
-            return Err(
-                board_url.cannot("this kind of device cannot be emulated inside the process")
-            );
+            return Err(board_url.cannot("this kind of device cannot be emulated inside the process"));
         }
     })
 }

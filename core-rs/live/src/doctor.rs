@@ -79,9 +79,7 @@ pub fn checkup<D: Device>(
         let send_instant = Instant::now();
         device.send(&[])?;
         if device.receive(&mut sample, send_instant + PATIENCE)? {
-            checkup
-                .round_trips
-                .push(nanoseconds(send_instant.elapsed()));
+            checkup.round_trips.push(nanoseconds(send_instant.elapsed()));
         } else {
             checkup.unanswered += 1;
         }

@@ -205,32 +205,20 @@ impl Fault {
         use Emulator::{Board, InProcess};
         const NO_WIRE: &str = "there is no wire";
         match (self, emulator) {
-            (Self::HostStalled | Self::HostResumed | Self::BoardStalled, InProcess) => {
-                Some("its time is the host's")
-            }
+            (Self::HostStalled | Self::HostResumed | Self::BoardStalled, InProcess) => Some("its time is the host's"),
             (
-                Self::OpenedTwice
-                | Self::SharedLine
-                | Self::Unplugged
-                | Self::GarbageReplies
-                | Self::GarbageRequests,
+                Self::OpenedTwice | Self::SharedLine | Self::Unplugged | Self::GarbageReplies | Self::GarbageRequests,
                 InProcess,
             ) => Some(NO_WIRE),
-            (Self::MotorStuck, Board(Protocol::Haply)) => {
-                Some("its service cannot switch motors off")
-            }
-            (Self::OpenedTwice, Board(Protocol::FireFader)) => {
-                Some("the system locks a serial port")
-            }
+            (Self::MotorStuck, Board(Protocol::Haply)) => Some("its service cannot switch motors off"),
+            (Self::OpenedTwice, Board(Protocol::FireFader)) => Some("the system locks a serial port"),
             (Self::OpenedTwice | Self::SharedLine, Board(Protocol::Haply)) => {
                 Some("its service serves several programs")
             }
             (Self::Unplugged | Self::GarbageRequests, Board(Protocol::Haply)) => {
                 Some("its service and a WebSocket stand between: python -m benches haply")
             }
-            (Self::SharedLine, Board(Protocol::FireFader)) => {
-                Some("the protocol has no numbers that would tell")
-            }
+            (Self::SharedLine, Board(Protocol::FireFader)) => Some("the protocol has no numbers that would tell"),
             _ => None,
         }
     }
@@ -277,9 +265,7 @@ impl Measurement {
 /// [`DeviceError`] if an emulator does not answer its own driver.
 pub fn measure() -> Result<Vec<Measurement>, DeviceError> {
     let measure_fault = |&fault| {
-        (Emulator::ALL.iter()).map(move |&emulator| {
-            experiment::measure(experiment::Ask::Guide, true, fault, emulator)
-        })
+        (Emulator::ALL.iter()).map(move |&emulator| experiment::measure(experiment::Ask::Guide, true, fault, emulator))
     };
     Fault::ALL.iter().flat_map(measure_fault).collect()
 }

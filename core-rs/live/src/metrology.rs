@@ -282,8 +282,7 @@ impl<D: Device> Take<'_, '_, D> {
         }
         let motion_age = self.motion.age;
         let blend_weight = (motion_age / VELOCITY_OVER).min(1.0);
-        self.motion.v +=
-            ((key_position - self.motion.x) / motion_age - self.motion.v) * blend_weight;
+        self.motion.v += ((key_position - self.motion.x) / motion_age - self.motion.v) * blend_weight;
         (self.motion.x, self.motion.age) = (key_position, 0.0);
         let row = (self.rows.len() - 1).checked_sub(usize::from(sample.behind));
         if let Some(row) = row.filter(|&row| row >= self.written)
@@ -295,11 +294,7 @@ impl<D: Device> Take<'_, '_, D> {
         if self.excitation.tells_touch && sample.touch[pushed_axis] {
             return Err(End::Touched);
         }
-        if self.excitation.is_gated
-            && pushes
-            && sample.behind == 0
-            && !sample.force_enabled[pushed_axis]
-        {
+        if self.excitation.is_gated && pushes && sample.behind == 0 && !sample.force_enabled[pushed_axis] {
             return Err(End::GateClosed);
         }
         Ok(())
@@ -317,11 +312,7 @@ impl<D: Device> Take<'_, '_, D> {
                 std::thread::sleep(ROOM);
             }
             let next_row = &self.rows[self.written];
-            let fresh_flag = if next_row.fresh {
-                recording::flag::FRESH
-            } else {
-                0
-            };
+            let fresh_flag = if next_row.fresh { recording::flag::FRESH } else { 0 };
             let sample = recording::Sample {
                 position: next_row.position,
                 force: next_row.asked,

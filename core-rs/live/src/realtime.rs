@@ -51,11 +51,7 @@ fn fifo(priority: i32) -> Option<i32> {
     unsafe {
         let mut schedule_param: libc::sched_param = std::mem::zeroed();
         schedule_param.sched_priority = priority;
-        libc::pthread_setschedparam(
-            libc::pthread_self(),
-            libc::SCHED_FIFO,
-            &raw const schedule_param,
-        );
+        libc::pthread_setschedparam(libc::pthread_self(), libc::SCHED_FIFO, &raw const schedule_param);
     }
     self::priority()
 }
@@ -67,11 +63,7 @@ pub fn priority() -> Option<i32> {
     unsafe {
         let mut schedule_param: libc::sched_param = std::mem::zeroed();
         let mut sched_policy = 0;
-        libc::pthread_getschedparam(
-            libc::pthread_self(),
-            &raw mut sched_policy,
-            &raw mut schedule_param,
-        );
+        libc::pthread_getschedparam(libc::pthread_self(), &raw mut sched_policy, &raw mut schedule_param);
         (sched_policy == libc::SCHED_FIFO).then_some(schedule_param.sched_priority)
     }
 }

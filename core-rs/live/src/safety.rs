@@ -96,13 +96,7 @@ impl<D: Device> Guarded<D> {
         let device_spec = device.spec();
         Self {
             _armed: device.last_resort().and_then(last_resort::arm),
-            pipeline: Pipeline::new(
-                device_spec,
-                |axis| device.range(axis),
-                limits,
-                period,
-                in_lockstep,
-            ),
+            pipeline: Pipeline::new(device_spec, |axis| device.range(axis), limits, period, in_lockstep),
             watched: None,
             trips: [None; MAX_AXES],
             latches: [Latch::default(); MAX_AXES],

@@ -37,12 +37,7 @@ impl<const N: usize> Inbox<N> {
     }
 
     /// Take bytes, and pass every whole packet to `each`; other bytes are skipped.
-    pub(crate) fn feed<T>(
-        &mut self,
-        mut new: &[u8],
-        parse: impl Fn(&[u8]) -> Parsed<T>,
-        mut each: impl FnMut(T),
-    ) {
+    pub(crate) fn feed<T>(&mut self, mut new: &[u8], parse: impl Fn(&[u8]) -> Parsed<T>, mut each: impl FnMut(T)) {
         while !new.is_empty() {
             let taken_bytes = new.len().min(N - self.len);
             self.bytes[self.len..self.len + taken_bytes].copy_from_slice(&new[..taken_bytes]);

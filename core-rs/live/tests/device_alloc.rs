@@ -20,30 +20,15 @@ static ALLOCATOR: AllocDisabler = AllocDisabler;
 fn exchange_with_each_device_does_not_allocate() {
     // The emulators run in threads of their own, and violations are counted per thread.
     for (kind, protocol, transport, how) in [
-        (
-            "firefader",
-            Protocol::FireFader,
-            Transport::Terminal,
-            "lockstep",
-        ),
+        ("firefader", Protocol::FireFader, Transport::Terminal, "lockstep"),
         ("firefader", Protocol::FireFader, Transport::Terminal, ""),
         ("frame", Protocol::Frame, Transport::Terminal, ""),
-        (
-            "frame+udp",
-            Protocol::Frame,
-            Transport::Udp(0),
-            "lockstep&wide",
-        ),
+        ("frame+udp", Protocol::Frame, Transport::Udp(0), "lockstep&wide"),
         ("frame+udp", Protocol::Frame, Transport::Udp(0), ""),
         ("haply", Protocol::Haply, Transport::WebSocket(0), ""),
     ] {
         let axes = if protocol == Protocol::Haply { 3 } else { 2 };
-        let emulator = Emulator::start(options(
-            protocol,
-            transport,
-            axes,
-            vec![Hand::Resting; axes],
-        ));
+        let emulator = Emulator::start(options(protocol, transport, axes, vec![Hand::Resting; axes]));
         let device = emulator.open(kind, how);
         let limits = Limits {
             ramp: 0.0,

@@ -46,48 +46,12 @@ fn guard(device: Box<dyn Device>) -> Guarded {
 
 /// All wires in lockstep: kind, protocol, transport, options, and whether numbers are sent in full precision.
 const WIRES: [(&str, Protocol, Transport, &str, bool); 6] = [
-    (
-        "firefader",
-        Protocol::FireFader,
-        Transport::Terminal,
-        "lockstep",
-        false,
-    ),
-    (
-        "frame",
-        Protocol::Frame,
-        Transport::Terminal,
-        "lockstep",
-        false,
-    ),
-    (
-        "frame",
-        Protocol::Frame,
-        Transport::Terminal,
-        "lockstep&wide",
-        true,
-    ),
-    (
-        "frame+udp",
-        Protocol::Frame,
-        Transport::Udp(0),
-        "lockstep",
-        false,
-    ),
-    (
-        "frame+udp",
-        Protocol::Frame,
-        Transport::Udp(0),
-        "lockstep&wide",
-        true,
-    ),
-    (
-        "haply",
-        Protocol::Haply,
-        Transport::WebSocket(0),
-        "lockstep",
-        true,
-    ),
+    ("firefader", Protocol::FireFader, Transport::Terminal, "lockstep", false),
+    ("frame", Protocol::Frame, Transport::Terminal, "lockstep", false),
+    ("frame", Protocol::Frame, Transport::Terminal, "lockstep&wide", true),
+    ("frame+udp", Protocol::Frame, Transport::Udp(0), "lockstep", false),
+    ("frame+udp", Protocol::Frame, Transport::Udp(0), "lockstep&wide", true),
+    ("haply", Protocol::Haply, Transport::WebSocket(0), "lockstep", true),
 ];
 
 /// A spring of the host on an emulated key that a hand moves; returns every position and the emulator's hash.
@@ -100,10 +64,7 @@ fn session(wire: usize, yields: usize) -> (Vec<f64>, u64) {
     let mut device = guard(emulator.open(kind, how));
     let (mut sample, mut path) = (Sample::default(), Vec::new());
     let past = Instant::now();
-    assert!(
-        device.receive(&mut sample, past).unwrap(),
-        "X(0) comes first"
-    );
+    assert!(device.receive(&mut sample, past).unwrap(), "X(0) comes first");
     for _ in 0..400 {
         (0..yields).for_each(|_| std::thread::yield_now());
         let force = -60.0 * sample.position[0];
@@ -170,8 +131,7 @@ fn position_hash_is_independent_of_pace() {
 /// The greatest deflections of A and B: a hand moves A by 10 mm, and a REF couples A and B through their devices.
 fn duet(kind: &str, protocol: Protocol, transport: Transport, how: &str, k: f64) -> [f64; 2] {
     let hands = [going(800, 10e-3), Hand::Resting];
-    let emulators =
-        hands.map(|hand| Emulator::start(options(protocol, transport, 2, vec![hand; 2])));
+    let emulators = hands.map(|hand| Emulator::start(options(protocol, transport, 2, vec![hand; 2])));
     let mut devices = [0, 1].map(|i| guard(emulators[i].open(kind, how)));
     let mut samples = [Sample::default(); 2];
     let past = Instant::now();
@@ -184,12 +144,7 @@ fn duet(kind: &str, protocol: Protocol, transport: Transport, how: &str, k: f64)
         let [a, b] = samples.map(|sample| sample.position[0]);
         (peaks[0], peaks[1]) = (peaks[0].max(a.abs()), peaks[1].max(b.abs()));
         let e = b - a;
-        let force = k * e
-            + if k > 0.0 {
-                0.1 * RATE * (e - before)
-            } else {
-                0.0
-            };
+        let force = k * e + if k > 0.0 { 0.1 * RATE * (e - before) } else { 0.0 };
         before = e;
         devices[0].send(&[force]).unwrap();
         devices[1].send(&[-force]).unwrap();
@@ -212,13 +167,7 @@ fn hands_feel_each_other_through_a_coupling() {
     assert_eq!(tied, again, "to the last bit");
     // One byte per quantity, on a serial line.
     let terminal = Transport::Terminal;
-    let bytes = duet(
-        "firefader",
-        Protocol::FireFader,
-        terminal,
-        "lockstep",
-        120.0,
-    );
+    let bytes = duet("firefader", Protocol::FireFader, terminal, "lockstep", 120.0);
     assert!(bytes[1] >= 0.75 * bytes[0] && bytes[0] > 4e-3, "{bytes:?}");
 }
 
@@ -240,11 +189,7 @@ fn dead_device_receives_zero_force() {
     assert!(alive.any(|(fresh, force)| fresh && force == 1.0));
     emulator.end();
     let dead: Vec<_> = (0..100).map(|_| tick(&mut device)).collect();
-    assert!(
-        dead[40..]
-            .iter()
-            .all(|(fresh, force)| !fresh && *force == 0.0)
-    );
+    assert!(dead[40..].iter().all(|(fresh, force)| !fresh && *force == 0.0));
     assert!(device.counts().stale >= 60, "{:?}", device.counts());
 }
 
@@ -258,16 +203,10 @@ fn let_go_is_reported_once() {
     let mut sample = Sample::default();
     let mut exchange = |device: &mut Guarded| {
         device.send(&[1.0]).unwrap();
-        assert!(
-            device
-                .receive(&mut sample, Instant::now() + PATIENCE)
-                .unwrap()
-        );
+        assert!(device.receive(&mut sample, Instant::now() + PATIENCE).unwrap());
         sample.let_go
     };
-    device
-        .receive(&mut Sample::default(), Instant::now())
-        .unwrap();
+    device.receive(&mut Sample::default(), Instant::now()).unwrap();
     exchange(&mut device);
     while emulator.events.recv_timeout(PATIENCE).unwrap() != Event::LetGo {}
     assert!(exchange(&mut device));
@@ -297,12 +236,7 @@ const EXCHANGES_MAX: usize = 600_000;
 
 #[test]
 fn frame_without_lockstep_reports_time_and_velocity() {
-    let mut options = options(
-        Protocol::Frame,
-        Transport::Udp(0),
-        1,
-        vec![going(2000, 6e-3)],
-    );
+    let mut options = options(Protocol::Frame, Transport::Udp(0), 1, vec![going(2000, 6e-3)]);
     options.board.lockstep = false;
     let emulator = Emulator::start(options);
     let mut device = guard(emulator.open("frame+udp", ""));
@@ -328,12 +262,7 @@ fn frame_without_lockstep_reports_time_and_velocity() {
 
 #[test]
 fn service_with_a_silent_host_receives_zero() {
-    let mut options = options(
-        Protocol::Haply,
-        Transport::WebSocket(0),
-        3,
-        vec![Hand::Resting; 3],
-    );
+    let mut options = options(Protocol::Haply, Transport::WebSocket(0), 3, vec![Hand::Resting; 3]);
     options.board.lockstep = false;
     options.board.watchdog = Duration::from_secs(60);
     options.key.stiffness = 100.0;
@@ -352,9 +281,7 @@ fn service_with_a_silent_host_receives_zero() {
         assert!((0..EXCHANGES_MAX).any(|_| holds(push(force))), "{force:?}");
     };
     // 1 N on 100 N/m is 10 mm.
-    until(Some(1.0), &|sample| {
-        (sample.position[0] - 0.01).abs() < 1e-3
-    });
+    until(Some(1.0), &|sample| (sample.position[0] - 0.01).abs() < 1e-3);
     // The host falls silent, and its guardian sends zero to the service.
     until(None, &|sample| sample.let_go);
     until(Some(0.0), &|sample| sample.position[0].abs() < 1e-4);
@@ -459,19 +386,11 @@ fn ended(kind: &str, mut options: Options, end: End) -> Emulator {
 #[test]
 fn killed_host_leaves_no_force() {
     let frame = options(Protocol::Frame, Transport::Udp(0), 1, vec![Hand::Resting]);
-    let fader = options(
-        Protocol::FireFader,
-        Transport::Terminal,
-        2,
-        vec![Hand::Resting; 2],
-    );
+    let fader = options(Protocol::FireFader, Transport::Terminal, 2, vec![Hand::Resting; 2]);
     for (kind, options) in [("frame+udp", frame), ("firefader", fader)] {
         let emulator = ended(kind, options, End::Signal(libc::SIGKILL));
         let output = std::iter::from_fn(|| emulator.events.recv_timeout(PATIENCE).ok());
-        assert!(
-            output.into_iter().any(|event| event == Event::LetGo),
-            "{kind}"
-        );
+        assert!(output.into_iter().any(|event| event == Event::LetGo), "{kind}");
         emulator.end();
     }
 }
@@ -492,11 +411,7 @@ fn left_at(end: End) -> f64 {
 
 /// As `left_at`. SIGKILL may come while a busy host has withdrawn its force: then again, until it leaves one.
 fn left_by(end: End) -> f64 {
-    let tries = if end == End::Signal(libc::SIGKILL) {
-        TRIES
-    } else {
-        1
-    };
+    let tries = if end == End::Signal(libc::SIGKILL) { TRIES } else { 1 };
     let mut positions = (0..tries).map(|_| left_at(end)).peekable();
     let first = *positions.peek().unwrap();
     positions.find(|x| !is_back(*x)).unwrap_or(first)
@@ -544,10 +459,6 @@ fn ended_host_releases_the_hand() {
         })
     });
     for (end, x) in positions {
-        assert_eq!(
-            is_back(x),
-            end != End::Signal(libc::SIGKILL),
-            "{end:?}: {x}"
-        );
+        assert_eq!(is_back(x), end != End::Signal(libc::SIGKILL), "{end:?}: {x}");
     }
 }

@@ -55,12 +55,7 @@ fn checkup_counts_answered_and_lost_forces() {
     let result = checkup(Some(&mut device), PERIOD, 200, &GO).unwrap();
     assert_eq!(result.round_trips.len() as u64 + result.unanswered, 200);
     assert_eq!(result.lateness.len(), 200);
-    assert!(
-        result
-            .round_trips
-            .iter()
-            .all(|&ns| (1_000..25_000_000).contains(&ns))
-    );
+    assert!(result.round_trips.iter().all(|&ns| (1_000..25_000_000).contains(&ns)));
     // Whatever its length, only its beginning allocates.
     let mut allocated = [0; 2];
     for (allocated, ticks) in allocated.iter_mut().zip([2, 50]) {
@@ -90,9 +85,7 @@ fn with_calibration_applies_known_axes() {
     let mut device = with_calibration(device, &[(0, known), (7, plain)]);
     assert_eq!(device.spec().force_max_peak, 3.0);
     let mut sample = Sample::default();
-    device
-        .receive(&mut sample, std::time::Instant::now())
-        .unwrap();
+    device.receive(&mut sample, std::time::Instant::now()).unwrap();
     assert_eq!(sample.position[0], -0.02);
     emulator.end();
 }

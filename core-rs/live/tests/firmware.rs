@@ -74,10 +74,7 @@ fn firmware_sketch_acts_as_a_device() {
     let url = Url::parse(&format!("frame:{path}")).unwrap();
     let mut device = device::open(&url).unwrap();
     let spec = device.spec().clone();
-    assert_eq!(
-        (spec.dof, spec.can_wide, spec.can_lockstep),
-        (1, false, false)
-    );
+    assert_eq!((spec.dof, spec.can_wide, spec.can_lockstep), (1, false, false));
     assert!((spec.force_max_peak - 1.5).abs() < 1e-6 && (spec.pos_range[1] - 0.05).abs() < 1e-6);
     let go = AtomicBool::new(false);
     let mut tries = (0..TRIES).map(|_| {
@@ -85,8 +82,7 @@ fn firmware_sketch_acts_as_a_device() {
         signs.expect("the board answers")[0]
     });
     // A pulse that was held up moves the key too little, or to one side only.
-    let result =
-        tries.find(|result| !matches!(result, Err(DirectionError::Still | DirectionError::OneWay)));
+    let result = tries.find(|result| !matches!(result, Err(DirectionError::Still | DirectionError::OneWay)));
     assert_eq!(result, Some(Ok(1.0)));
     let limits = Limits {
         ramp: 0.0,
@@ -110,10 +106,7 @@ fn firmware_sketch_acts_as_a_device() {
     };
     let start = exchange(0.0).1.position[0];
     let mut there = (0..TRIES).map(|_| exchange(0.3).1.position[0]);
-    assert!(
-        there.any(|x| x > start + 5e-3),
-        "it goes where it is pushed"
-    );
+    assert!(there.any(|x| x > start + 5e-3), "it goes where it is pushed");
     let mut enabled = (0..TRIES).map(|_| exchange(0.0).1.force_enabled[0]);
     assert!(enabled.any(|enabled| enabled));
     // After a push and 50 ms of silence it pushes no more.
@@ -126,10 +119,7 @@ fn firmware_sketch_acts_as_a_device() {
     let (_, later) = exchange(0.0);
     let [there, left, later] = [there, left, later].map(|sample| sample.position[0]);
     let method = there - left;
-    assert!(
-        (0.005..0.0053).contains(&method),
-        "{method}: 0.1 m/s for 51 ms"
-    );
+    assert!((0.005..0.0053).contains(&method), "{method}: 0.1 m/s for 51 ms");
     assert_eq!(later, left);
     let stats = device.device().stats();
     assert!(stats.garbage == 0 && stats.received > 200, "{stats:?}");

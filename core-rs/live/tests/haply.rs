@@ -244,8 +244,5 @@ fn open_of_a_missing_service_names_it() {
     emulator::can_guard();
     let url = Url::parse("haply:ws://127.0.0.1:1").unwrap();
     let error = device::open(&url).err().unwrap().to_string();
-    assert!(
-        error.contains("127.0.0.1:1") && error.contains("refused"),
-        "{error}"
-    );
+    assert!(error.contains("127.0.0.1:1") && error.contains("refused"), "{error}");
 }

@@ -74,12 +74,7 @@ fn records_until_it_is_killed() {
 fn killed_recording_keeps_its_rows() {
     let path = file("killed");
     let mut child = Command::new(env::current_exe().unwrap())
-        .args([
-            "--exact",
-            "records_until_it_is_killed",
-            "--ignored",
-            "--nocapture",
-        ])
+        .args(["--exact", "records_until_it_is_killed", "--ignored", "--nocapture"])
         .env(PATH, &path)
         .stdin(Stdio::piped())
         .stderr(Stdio::piped())

@@ -34,11 +34,7 @@ fn silence_before_the_first_frame_is_no_underrun() {
     let (mut feed, mut drain) = ring(2, 64);
     assert_eq!(filled(&mut drain, 10), [0.0; 20]);
     assert_eq!(feed.push(&[0.5; 31 * 2]), 31);
-    assert_eq!(
-        filled(&mut drain, 10),
-        [0.0; 20],
-        "it waits until half full"
-    );
+    assert_eq!(filled(&mut drain, 10), [0.0; 20], "it waits until half full");
     feed.push(&[0.5; 2]);
     assert_eq!(filled(&mut drain, 10), [0.5; 20], "and begins at once");
     assert_eq!(feed.filled(), 22);
@@ -65,21 +61,13 @@ fn underrun_falls_to_silence_and_rises_again() {
     let (mut feed, mut drain) = playing(10);
     let out = filled(&mut drain, 10 + FADE + 20);
     assert_eq!(out[..10], [1.0; 10]);
-    let fall: Vec<f32> = (1..=FADE)
-        .map(|i| (FADE - i) as f32 / FADE as f32)
-        .collect();
+    let fall: Vec<f32> = (1..=FADE).map(|i| (FADE - i) as f32 / FADE as f32).collect();
     assert_eq!(out[10..10 + FADE], fall);
     assert_eq!(out[10 + FADE..], [0.0; 20]);
     let shared = feed.shared().clone();
-    assert_eq!(
-        (shared.underruns(), shared.missing()),
-        (1, FADE as u64 + 20)
-    );
+    assert_eq!((shared.underruns(), shared.missing()), (1, FADE as u64 + 20));
     filled(&mut drain, 50);
-    assert_eq!(
-        (shared.underruns(), shared.missing()),
-        (1, FADE as u64 + 70)
-    );
+    assert_eq!((shared.underruns(), shared.missing()), (1, FADE as u64 + 70));
     feed.push(&[1.0; 200]);
     let out = filled(&mut drain, 200);
     let rise: Vec<f32> = (1..=FADE).map(|i| i as f32 / FADE as f32).collect();
@@ -94,9 +82,7 @@ fn panic_is_silent_after_five_milliseconds_and_holds() {
     let shared = feed.shared().clone();
     shared.panic();
     let out = filled(&mut drain, HUSH + 10);
-    let ramp: Vec<f32> = (1..=HUSH)
-        .map(|i| (HUSH - i) as f32 / HUSH as f32)
-        .collect();
+    let ramp: Vec<f32> = (1..=HUSH).map(|i| (HUSH - i) as f32 / HUSH as f32).collect();
     assert_eq!((&out[..HUSH], &out[HUSH..]), (&ramp[..], &[0.0; 10][..]));
     let left = 1000 - HUSH - 10;
     assert_eq!(filled(&mut drain, 32), [0.0; 32]);
@@ -110,11 +96,7 @@ fn panic_is_silent_after_five_milliseconds_and_holds() {
     );
     assert_eq!(feed.filled(), 468);
     shared.release();
-    assert_eq!(
-        filled(&mut drain, 32),
-        [0.0; 32],
-        "what was computed meanwhile is old"
-    );
+    assert_eq!(filled(&mut drain, 32), [0.0; 32], "what was computed meanwhile is old");
     feed.push(&[1.0; 500]);
     let out = filled(&mut drain, 436 + FADE + 1);
     assert_eq!(out[..436], [0.0; 436]);

@@ -77,8 +77,7 @@ fn stop_holds_all_hands_until_release() {
         ..Limits::from_spec(&device.0)
     };
     let mut guarded = Guarded::new(device, limits, 1e-3);
-    let ticks =
-        |guarded: &mut Guarded<Still>, n: usize| (0..n).map(|_| sent(guarded)).last().unwrap();
+    let ticks = |guarded: &mut Guarded<Still>, n: usize| (0..n).map(|_| sent(guarded)).last().unwrap();
     let complete = ticks(&mut guarded, 300);
     assert_eq!(complete, 1.0);
     // Forces stop, and return as at the start.

@@ -80,9 +80,7 @@ impl Frames {
         };
         let (count, hop) = (reading.u32()? as usize, reading.f64()?);
         let point_count = points_of(part)?;
-        let numbers = count
-            .checked_mul(point_count)
-            .filter(|all| *all <= NUMBERS_MAX)?;
+        let numbers = count.checked_mul(point_count).filter(|all| *all <= NUMBERS_MAX)?;
         if !(hop > 0.0 && hop.is_finite()) || count > NUMBERS_MAX {
             return None;
         }
@@ -94,12 +92,7 @@ impl Frames {
             PACKED => packed::unpack(reading.0, count, point_count)?,
             _ => return None,
         };
-        Some(Self {
-            part,
-            hop,
-            rows,
-            count,
-        })
+        Some(Self { part, hop, rows, count })
     }
 }
 
@@ -124,10 +117,8 @@ mod tests {
 
     fn amplitudes(rows: &[f64]) -> Vec<f64> {
         let point_rows = (0..POINTS).map(|point| rows[point..].iter().step_by(POINTS));
-        let extents = point_rows.map(|x| {
-            x.clone().copied().fold(f64::NEG_INFINITY, f64::max)
-                - x.copied().fold(f64::INFINITY, f64::min)
-        });
+        let extents = point_rows
+            .map(|x| x.clone().copied().fold(f64::NEG_INFINITY, f64::max) - x.copied().fold(f64::INFINITY, f64::min));
         extents.map(|extent| 0.5 * extent).collect()
     }
 
@@ -183,25 +174,15 @@ mod tests {
         let frame_rows: Vec<f64> = (0..120)
             .flat_map(|t| {
                 let displacement = 0.123_456_789 * f64::from(t.min(40));
-                [
-                    displacement,
-                    0.0,
-                    -displacement,
-                    0.5,
-                    1e-3 * f64::from(t % 7),
-                ]
+                [displacement, 0.0, -displacement, 0.5, 1e-3 * f64::from(t % 7)]
             })
             .collect();
         let all_frames = frames(frame_rows);
         let decoded = read(&all_frames.packed(&amplitudes(&all_frames.rows))).expect("frames");
         for t in (0..120).filter(|t| *t >= 60) {
             for point in [0, 1, 2, 3] {
-                let row_error =
-                    all_frames.rows[t * POINTS + point] - decoded.rows[t * POINTS + point];
-                assert!(
-                    row_error.abs() <= 1.001 * BOUND.rest,
-                    "{t} {point} {row_error}"
-                );
+                let row_error = all_frames.rows[t * POINTS + point] - decoded.rows[t * POINTS + point];
+                assert!(row_error.abs() <= 1.001 * BOUND.rest, "{t} {point} {row_error}");
             }
         }
     }

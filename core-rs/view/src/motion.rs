@@ -71,15 +71,12 @@ pub fn write(out: &mut Vec<u8>, chunk: &Chunk) {
 pub fn read(bytes: &[u8]) -> Result<(Chunk<'_>, usize), ChunkError> {
     let head_bytes = bytes.get(..HEAD).ok_or(ChunkError::Cut)?;
     let number_at = |at: usize| u16::from_le_bytes([head_bytes[at], head_bytes[at + 1]]);
-    let payload_length =
-        u32::from_le_bytes([head_bytes[4], head_bytes[5], head_bytes[6], head_bytes[7]]) as usize;
+    let payload_length = u32::from_le_bytes([head_bytes[4], head_bytes[5], head_bytes[6], head_bytes[7]]) as usize;
     if payload_length > PAYLOAD_MAX {
         return Err(ChunkError::Long(payload_length));
     }
     let payload_end = HEAD + payload_length;
-    let crc_bytes = bytes
-        .get(payload_end..payload_end + CRC)
-        .ok_or(ChunkError::Cut)?;
+    let crc_bytes = bytes.get(payload_end..payload_end + CRC).ok_or(ChunkError::Cut)?;
     if crc32fast::hash(&bytes[..payload_end]).to_le_bytes() != crc_bytes {
         return Err(ChunkError::Crc);
     }

@@ -44,13 +44,7 @@ enum Mode {
     Ahead,
 }
 
-const MODES: [Mode; 5] = [
-    Mode::Rest,
-    Mode::Hold,
-    Mode::Line,
-    Mode::Beside,
-    Mode::Ahead,
-];
+const MODES: [Mode; 5] = [Mode::Rest, Mode::Hold, Mode::Line, Mode::Beside, Mode::Ahead];
 /// Bits of the number of a mode.
 const MODE_BITS: u32 = 3;
 
@@ -76,9 +70,7 @@ fn foreseen(mode: Mode, frames: &[i64], before: [&[i64]; 2]) -> i64 {
         Mode::Rest | Mode::Hold => 0,
         Mode::Line => last_position.wrapping_sub(frames[frame_index.saturating_sub(2)]),
         Mode::Beside => movement_of(before[0]),
-        Mode::Ahead => {
-            (movement_of(before[0]).wrapping_mul(2)).wrapping_sub(movement_of(before[1]))
-        }
+        Mode::Ahead => (movement_of(before[0]).wrapping_mul(2)).wrapping_sub(movement_of(before[1])),
     };
     last_position.wrapping_add(predicted_move)
 }
@@ -132,24 +124,14 @@ impl Learnt {
     }
 
     /// A difference from what is foreseen, in steps.
-    fn difference(
-        &mut self,
-        coder: &mut impl Coder,
-        difference: i64,
-        is_first: bool,
-    ) -> Option<i64> {
+    fn difference(&mut self, coder: &mut impl Coder, difference: i64, is_first: bool) -> Option<i64> {
         let magnitude = difference.unsigned_abs();
         let magnitude = if is_first {
             self.firsts.code(coder, 0, magnitude)?
         } else {
             let [last_size, size_before] = self.sizes;
-            let context_bits =
-                u64::BITS - (2 * last_size + size_before).div_ceil(2).leading_zeros();
-            let magnitude = (self.differences).code(
-                coder,
-                (context_bits as usize).min(CONTEXTS - 1),
-                magnitude,
-            )?;
+            let context_bits = u64::BITS - (2 * last_size + size_before).div_ceil(2).leading_zeros();
+            let magnitude = (self.differences).code(coder, (context_bits as usize).min(CONTEXTS - 1), magnitude)?;
             self.sizes = [magnitude, last_size];
             magnitude
         };
@@ -198,11 +180,7 @@ pub(crate) fn pack(out: &mut Bytes, rows: &[f64], amplitudes: &[f64]) {
 /// Frames whose points are each right within a bound [m].
 fn pack_within(rows: &[f64], amplitudes: &[f64], bound: impl Fn(usize) -> f64) -> Vec<u8> {
     let (n, mut packed_bytes) = (amplitudes.len(), Bytes::default());
-    let largest = |values: &[f64]| {
-        values
-            .iter()
-            .fold(0.0_f64, |largest, x| largest.max(x.abs()))
-    };
+    let largest = |values: &[f64]| values.iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));
     let floor_bound = (largest(amplitudes) * UNSEEN)
         .clamp(FAINT, BOUND.least)
         .max(largest(rows) / STEPS_MAX);
@@ -228,9 +206,8 @@ fn pack_within(rows: &[f64], amplitudes: &[f64], bound: impl Fn(usize) -> f64) -
                 let differences: Vec<i64> = (block.iter())
                     .map(|x| {
                         let predicted = foreseen(mode, &trial_frames, [&before, &before_that]);
-                        let step_difference = ((x / unit_length - predicted as f64)
-                            / step_size as f64)
-                            .round_ties_even();
+                        let step_difference =
+                            ((x / unit_length - predicted as f64) / step_size as f64).round_ties_even();
                         trial_frames.push(predicted + step_difference as i64 * step_size);
                         step_difference as i64
                     })
@@ -238,14 +215,10 @@ fn pack_within(rows: &[f64], amplitudes: &[f64], bound: impl Fn(usize) -> f64) -
                 (mode, trial_frames, differences)
             });
             let bit_count = |differences: &[i64]| -> u32 {
-                let bit_count = differences
-                    .iter()
-                    .map(|x| u64::BITS - x.unsigned_abs().leading_zeros());
+                let bit_count = differences.iter().map(|x| u64::BITS - x.unsigned_abs().leading_zeros());
                 bit_count.sum()
             };
-            let Some((mode, trial_frames, differences)) =
-                mode_trials.min_by_key(|trial| bit_count(&trial.2))
-            else {
+            let Some((mode, trial_frames, differences)) = mode_trials.min_by_key(|trial| bit_count(&trial.2)) else {
                 continue;
             };
             learnt.mode(&mut writer, mode);
@@ -282,10 +255,8 @@ pub(crate) fn unpack(payload: &[u8], count: usize, n: usize) -> Option<Vec<f64>>
             };
             for _ in decoded_frames.len()..count.min(decoded_frames.len() + BLOCK) {
                 let predicted = foreseen(block_mode, &decoded_frames, [&before, &before_that]);
-                let step_difference =
-                    learnt.difference(&mut reader, 0, decoded_frames.is_empty())?;
-                decoded_frames
-                    .push(predicted.wrapping_add(step_difference.wrapping_mul(step_size)));
+                let step_difference = learnt.difference(&mut reader, 0, decoded_frames.is_empty())?;
+                decoded_frames.push(predicted.wrapping_add(step_difference.wrapping_mul(step_size)));
             }
         }
         for (row, x) in all_rows.chunks_mut(n).zip(&decoded_frames) {
@@ -298,9 +269,7 @@ pub(crate) fn unpack(payload: &[u8], count: usize, n: usize) -> Option<Vec<f64>>
 
 fn extent<'a>(values: impl Iterator<Item = &'a f64>) -> f64 {
     let empty_range = (f64::INFINITY, f64::NEG_INFINITY);
-    let (minimum, maximum) = values.fold(empty_range, |(minimum, maximum), x| {
-        (minimum.min(*x), maximum.max(*x))
-    });
+    let (minimum, maximum) = values.fold(empty_range, |(minimum, maximum), x| (minimum.min(*x), maximum.max(*x)));
     maximum - minimum
 }
 

@@ -162,11 +162,7 @@ pub fn from_half(bits: u16) -> f64 {
         31 => f64::NAN,
         normal => (1024.0 + fraction) * power_of_two(normal - 25),
     };
-    if bits & 0x8000 == 0 {
-        magnitude
-    } else {
-        -magnitude
-    }
+    if bits & 0x8000 == 0 { magnitude } else { -magnitude }
 }
 
 #[cfg(test)]
@@ -192,11 +188,7 @@ mod tests {
             assert_eq!(to_half(from_half(bits)), bits);
             assert_eq!(to_half(-from_half(bits)), bits | 0x8000);
             let between = 0.5 * (from_half(bits) + from_half((bits + 1).min(0x7bff)));
-            assert_eq!(
-                to_half(between) & 1,
-                if bits == 0x7bff { 1 } else { 0 },
-                "{bits}"
-            );
+            assert_eq!(to_half(between) & 1, if bits == 0x7bff { 1 } else { 0 }, "{bits}");
         }
     }
 }

@@ -173,10 +173,7 @@ impl Numbers {
         for place in (0..code_length).rev() {
             let bit = binary >> place & 1 == 1;
             let bit = if place + 1 == code_length {
-                to.bit(
-                    &mut first_chances[(code_length as usize).min(LENGTHS - 1)],
-                    bit,
-                )
+                to.bit(&mut first_chances[(code_length as usize).min(LENGTHS - 1)], bit)
             } else {
                 to.code(EVEN, bit)
             };

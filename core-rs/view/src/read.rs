@@ -126,15 +126,9 @@ impl MotionFile {
             oscillations: Vec::new(),
         };
         motion_file.manifest().ok_or(ReadError::Table("manifest"))?;
-        motion_file
-            .points()
-            .ok_or(ReadError::Table("table of points"))?;
-        motion_file
-            .names()
-            .ok_or(ReadError::Table("list of names"))?;
-        motion_file
-            .shapes()
-            .ok_or(ReadError::Table("table of shapes"))?;
+        motion_file.points().ok_or(ReadError::Table("table of points"))?;
+        motion_file.names().ok_or(ReadError::Table("list of names"))?;
+        motion_file.shapes().ok_or(ReadError::Table("table of shapes"))?;
         motion_file.check()?;
         Ok(motion_file)
     }
@@ -145,8 +139,7 @@ impl MotionFile {
             .chunks
             .last()
             .map_or(MAGIC.len(), |last| last.position + last.len + 4);
-        chunks_end < self.bytes.len()
-            && motion::read(&self.bytes[chunks_end..]) == Err(ChunkError::Cut)
+        chunks_end < self.bytes.len() && motion::read(&self.bytes[chunks_end..]) == Err(ChunkError::Cut)
     }
 
     /// The payload of a chunk.
@@ -173,19 +166,14 @@ impl MotionFile {
     }
 
     fn manifest(&mut self) -> Option<()> {
-        let manifest_text = std::str::from_utf8(self.first(kind::MANIFEST)?)
-            .ok()?
-            .to_owned();
+        let manifest_text = std::str::from_utf8(self.first(kind::MANIFEST)?).ok()?.to_owned();
         let manifest: Value = serde_json::from_str(&manifest_text).ok()?;
         let count_named = |value: &Value, name: &str| -> Option<usize> {
             usize::try_from(value.get(name)?.as_u64()?)
                 .ok()
                 .filter(|n| *n <= NUMBERS_MAX)
         };
-        (self.n_points, self.n_modes) = (
-            count_named(&manifest, "points")?,
-            count_named(&manifest, "modes")?,
-        );
+        (self.n_points, self.n_modes) = (count_named(&manifest, "points")?, count_named(&manifest, "modes")?);
         let mut points_end = 0;
         for part in manifest.get("parts")?.as_array()? {
             let (first, count_here) = (count_named(part, "first")?, count_named(part, "count")?);
@@ -198,13 +186,8 @@ impl MotionFile {
                 "sampled" => Kind::Sampled,
                 "modal" => {
                     let mode_range = part.get("modes")?;
-                    let (first, mode_count) = (
-                        count_named(mode_range, "first")?,
-                        count_named(mode_range, "count")?,
-                    );
-                    if first + mode_count > self.n_modes
-                        || mode_count * count_here > 8 * NUMBERS_MAX
-                    {
+                    let (first, mode_count) = (count_named(mode_range, "first")?, count_named(mode_range, "count")?);
+                    if first + mode_count > self.n_modes || mode_count * count_here > 8 * NUMBERS_MAX {
                         return None;
                     }
                     Kind::Modal(first, mode_count, vec![0.0; mode_count * count_here])
@@ -238,10 +221,7 @@ impl MotionFile {
                 place[axis] = reading.f32()?;
             }
         }
-        let no_oscillation = Oscillation {
-            omega: 0.0,
-            sigma: 0.0,
-        };
+        let no_oscillation = Oscillation { omega: 0.0, sigma: 0.0 };
         let mut oscillations = vec![no_oscillation; point_count + self.n_modes];
         for own in &mut oscillations[..point_count] {
             own.omega = reading.f64()?;
@@ -278,10 +258,7 @@ impl MotionFile {
                 .checked_mul(point_count)?
                 .checked_mul(2)?
                 .checked_add(16 * mode_count)?;
-            if point_count != part.count
-                || mode_offset + mode_count > *part_modes
-                || reading.0.len() != payload_size
-            {
+            if point_count != part.count || mode_offset + mode_count > *part_modes || reading.0.len() != payload_size {
                 return None;
             }
             for first_point in &mut self.oscillations[self.n_points + first_mode..][..mode_count] {
@@ -357,9 +334,7 @@ impl MotionFile {
             .filter(|flight_chunk| matches!(flight_chunk.kind, kind::FLIGHTS | kind::STATE))
             .peekable();
         for (&instant, row) in instants.iter().zip(out.chunks_mut(point_count.max(1))) {
-            while let Some(flight_chunk) =
-                flight_chunks.next_if(|flight_chunk| flight_chunk.seconds <= instant)
-            {
+            while let Some(flight_chunk) = flight_chunks.next_if(|flight_chunk| flight_chunk.seconds <= instant) {
                 if flight_chunk.kind == kind::STATE {
                     flights_now.fill((0.0, 0.0, 0.0));
                 }
@@ -369,9 +344,7 @@ impl MotionFile {
             }
             let position_of = |number: usize| {
                 let (a, b, flight_start) = flights_now[number];
-                self.oscillations[number]
-                    .later((a, b), instant - flight_start)
-                    .0
+                self.oscillations[number].later((a, b), instant - flight_start).0
             };
             for part in &self.parts {
                 let part_positions = &mut row[part.first..part.first + part.count];
@@ -383,16 +356,10 @@ impl MotionFile {
                             .for_each(|(x, number)| *x = position_of(number));
                     }
                     Kind::Modal(first, m, shapes) => {
-                        let mode_positions: Vec<f64> = (0..*m)
-                            .map(|mode| position_of(point_count + first + mode))
-                            .collect();
-                        for (x, shape) in part_positions.iter_mut().zip(shapes.chunks((*m).max(1)))
-                        {
-                            *x = shape
-                                .iter()
-                                .zip(&mode_positions)
-                                .map(|(share, q)| share * q)
-                                .sum();
+                        let mode_positions: Vec<f64> =
+                            (0..*m).map(|mode| position_of(point_count + first + mode)).collect();
+                        for (x, shape) in part_positions.iter_mut().zip(shapes.chunks((*m).max(1))) {
+                            *x = shape.iter().zip(&mode_positions).map(|(share, q)| share * q).sum();
                         }
                     }
                     Kind::Sampled | Kind::None => {}
@@ -412,15 +379,10 @@ impl MotionFile {
                 let number_read = Reading(self.payload(chunk)).u16();
                 chunk.kind == kind::FRAMES && number_read == Some(number as u16)
             };
-            let (mut known_frames, mut frame_index): (Vec<(f64, Vec<f64>)>, usize) =
-                (Vec::new(), 0);
+            let (mut known_frames, mut frame_index): (Vec<(f64, Vec<f64>)>, usize) = (Vec::new(), 0);
             let mut frame_chunks = self.chunks.iter().filter(is_of_part);
             for (&instant, row) in instants.iter().zip(out.chunks_mut(point_count.max(1))) {
-                while known_frames
-                    .iter()
-                    .nth_back(1)
-                    .is_none_or(|last| last.0 <= instant)
-                {
+                while known_frames.iter().nth_back(1).is_none_or(|last| last.0 <= instant) {
                     let Some(chunk) = frame_chunks.next() else {
                         break;
                     };
@@ -431,20 +393,14 @@ impl MotionFile {
                     known_frames.drain(..past_frames.saturating_sub(2));
                     frame_index = 0;
                     for (i, x) in chunk_frames.rows.chunks(part.count.max(1)).enumerate() {
-                        known_frames
-                            .push((chunk.seconds + i as f64 * chunk_frames.hop, x.to_vec()));
+                        known_frames.push((chunk.seconds + i as f64 * chunk_frames.hop, x.to_vec()));
                     }
                 }
-                while frame_index + 1 < known_frames.len()
-                    && known_frames[frame_index + 1].0 <= instant
-                {
+                while frame_index + 1 < known_frames.len() && known_frames[frame_index + 1].0 <= instant {
                     frame_index += 1;
                 }
                 let number_read = &mut row[part.first..part.first + part.count];
-                let Some((frame_time, x)) = known_frames
-                    .get(frame_index)
-                    .filter(|frame| frame.0 <= instant)
-                else {
+                let Some((frame_time, x)) = known_frames.get(frame_index).filter(|frame| frame.0 <= instant) else {
                     continue;
                 };
                 let neighbour = |number: Option<usize>, point: usize| {
@@ -456,9 +412,7 @@ impl MotionFile {
                     continue;
                 };
                 let time_share = (instant - frame_time) / (next_time - frame_time);
-                for (point, (number_read, ends)) in
-                    number_read.iter_mut().zip(x.iter().zip(y)).enumerate()
-                {
+                for (point, (number_read, ends)) in number_read.iter_mut().zip(x.iter().zip(y)).enumerate() {
                     let before = neighbour(frame_index.checked_sub(1), point);
                     let after = neighbour(Some(frame_index + 2), point);
                     *number_read = between(time_share, (*ends.0, *ends.1), before, after);

@@ -189,8 +189,7 @@ impl Recorder {
             self.last = (look_time - 1.0 / self.setup.fps).max(0.0);
             // The instant of a strike may be up to half a frame before the frame in which it acts.
             let report_start = (self.since - 0.5 / self.rate).max(look_time - REPORT_BACK);
-            self.n_reported =
-                (self.setup.ergons).partition_point(|ergon| ergon.time < report_start);
+            self.n_reported = (self.setup.ergons).partition_point(|ergon| ergon.time < report_start);
         }
         self.write_flights(&glance.tracks, look_time, is_first);
         self.write_contacts(&glance.pushes);
@@ -252,8 +251,7 @@ impl Recorder {
 
     fn event(&mut self, seconds: f64, kind: u16) -> &mut Bytes {
         let segment_events = &mut self.segment.events;
-        let has_same_key =
-            |last_index: &(f64, u16, Bytes)| (last_index.0, last_index.1) == (seconds, kind);
+        let has_same_key = |last_index: &(f64, u16, Bytes)| (last_index.0, last_index.1) == (seconds, kind);
         if !segment_events.last().is_some_and(has_same_key) {
             segment_events.push((seconds, kind, Bytes::default()));
         }
@@ -306,11 +304,7 @@ impl Recorder {
 
     fn sample(&mut self, seen: &[f64]) {
         self.segment.rows.resize(self.runs.len(), Vec::new());
-        let runs_and_rows = self
-            .runs
-            .iter()
-            .zip(&mut self.segment.rows)
-            .zip(&mut self.peaks);
+        let runs_and_rows = self.runs.iter().zip(&mut self.segment.rows).zip(&mut self.peaks);
         for ((run, rows), peak) in runs_and_rows.filter(|((run, _), _)| run.kind == "sampled") {
             let point_row = &seen[run.points.clone()];
             *peak = point_row.iter().fold(*peak, |peak, x| peak.max(x.abs()));
@@ -333,12 +327,7 @@ impl Recorder {
             let Some(&point_index) = self.points.get(&(ergon.mat as usize)) else {
                 continue;
             };
-            put_ergon(
-                self.event(now, kind::ERGONS),
-                ergon.time - now,
-                point_index,
-                &ergon,
-            );
+            put_ergon(self.event(now, kind::ERGONS), ergon.time - now, point_index, &ergon);
         }
     }
 
@@ -346,8 +335,7 @@ impl Recorder {
     pub fn add_strike(&mut self, seconds: f64, point: u32, impulse: f64) {
         let struck_mat = self.setup.strike_points.get(&point);
         if let Some(&point_index) = struck_mat.and_then(|struck_mat| self.points.get(struck_mat)) {
-            self.live_strikes
-                .push((seconds, point_index as u32, impulse));
+            self.live_strikes.push((seconds, point_index as u32, impulse));
         }
     }
 
@@ -371,19 +359,13 @@ impl Recorder {
         }
         let key_states: Vec<(f64, f64)> = (self.setup.keys.iter().enumerate())
             .map(|(key, mat)| {
-                let key_point = self
-                    .points
-                    .get(mat)
-                    .map(|&point| (point, &self.look.points[point]));
+                let key_point = self.points.get(mat).map(|&point| (point, &self.look.points[point]));
                 let key_position = match key_point {
                     Some((_, point)) if matches!(point.how, How::NotComputed { .. }) => f64::NAN,
                     Some((number, point)) => glance.tracks[number] + point.rest,
                     None => f64::NAN,
                 };
-                (
-                    key_position,
-                    glance.asked.get(key).copied().unwrap_or(f64::NAN),
-                )
+                (key_position, glance.asked.get(key).copied().unwrap_or(f64::NAN))
             })
             .collect();
         let hand_bytes = self.event(now, kind::HANDS);
@@ -415,8 +397,7 @@ impl Recorder {
             self.segment.events = segment.events;
             return;
         }
-        self.index
-            .push((segment.start, self.taken + self.out.len() as u64));
+        self.index.push((segment.start, self.taken + self.out.len() as u64));
         put(&mut self.out, kind::STATE, segment.start, &segment.state.0);
         let mut peak_bytes = Bytes::default();
         self.peaks.iter().for_each(|peak| peak_bytes.f32(*peak));
@@ -429,10 +410,7 @@ impl Recorder {
                 }
                 let point_count = run.points.len();
                 let extremes = &self.extremes[run.points.clone()];
-                let amplitudes: Vec<f64> = extremes
-                    .iter()
-                    .map(|(low, high)| 0.5 * (high - low))
-                    .collect();
+                let amplitudes: Vec<f64> = extremes.iter().map(|(low, high)| 0.5 * (high - low)).collect();
                 let run_frames = Frames {
                     part: part as u16,
                     hop: 1.0 / self.setup.fps,
@@ -448,9 +426,7 @@ impl Recorder {
                 );
             }
         }
-        segment
-            .events
-            .sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        segment.events.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         for (seconds, kind, payload) in segment.events {
             put(&mut self.out, kind, seconds, &payload.0);
         }
@@ -480,7 +456,5 @@ pub fn add_squares(squares: &mut [f64], mixed: &[f64]) -> u64 {
 /// The range 0 to `n` in pieces of at most `limit`.
 fn chunks(n: usize, limit: usize) -> impl Iterator<Item = Range<usize>> {
     let limit = limit.max(1);
-    (0..n)
-        .step_by(limit)
-        .map(move |from| from..n.min(from + limit))
+    (0..n).step_by(limit).map(move |from| from..n.min(from + limit))
 }

@@ -169,11 +169,7 @@ impl Server {
 
     /// The URL to open in a browser, with the key.
     pub fn url(&self) -> String {
-        format!(
-            "http://{}/{}/",
-            self.shared.local_address(),
-            self.shared.options.key
-        )
+        format!("http://{}/{}/", self.shared.local_address(), self.shared.options.key)
     }
 
     /// The messages for all viewers.
@@ -233,9 +229,7 @@ struct Slot<'a>(&'a AtomicUsize);
 impl<'a> Slot<'a> {
     fn take(slots: &'a AtomicUsize, limit: usize) -> Option<Self> {
         slots
-            .fetch_update(Ordering::AcqRel, Ordering::Acquire, |n| {
-                (n < limit).then_some(n + 1)
-            })
+            .fetch_update(Ordering::AcqRel, Ordering::Acquire, |n| (n < limit).then_some(n + 1))
             .ok()
             .map(|_| Self(slots))
     }
@@ -263,10 +257,9 @@ fn listen(listener: &TcpListener, shared: &Arc<Shared>) {
         };
         let client_stream = Arc::new(client_stream);
         let stranger_limit = shared.options.limits.strangers;
-        let stranger_place =
-            shared
-                .strangers
-                .admit(&client_stream, peer_address.ip(), stranger_limit);
+        let stranger_place = shared
+            .strangers
+            .admit(&client_stream, peer_address.ip(), stranger_limit);
         let shared = shared.clone();
         let refusal_shared = shared.clone();
         let spawn_result = thread::Builder::new()

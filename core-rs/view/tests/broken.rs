@@ -37,9 +37,7 @@ fn thread(network: &mut Network, ends: (SpacePoint, SpacePoint), k: f64, breaks:
         yields: f64::INFINITY,
         breaks,
     };
-    network
-        .space_links("t", ends, 1, 2, law, [k, 0.0, LENGTH])
-        .unwrap();
+    network.space_links("t", ends, 1, 2, law, [k, 0.0, LENGTH]).unwrap();
 }
 
 /// The instant at which a ball of 1 kg that leaves a spring at rest with `v` [m/s] has moved by `x` [m].
@@ -69,12 +67,7 @@ fn torn() -> (Network, Vec<Option<f64>>) {
         let term = Term::Position { first, len, weight };
         network.listen(name, vec![term]).unwrap();
     }
-    let when = [
-        Some(first + 4e-3 / speed),
-        Some(instant(0.8, 8e-3)),
-        None,
-        Some(first),
-    ];
+    let when = [Some(first + 4e-3 / speed), Some(instant(0.8, 8e-3)), None, Some(first)];
     (network, when.to_vec())
 }
 
@@ -99,9 +92,7 @@ fn recorded(mut simulation: Simulation, seconds: f64) -> (Look, MotionFile) {
     };
     let mut recorder = Recorder::new(&simulation, look.clone(), setup).unwrap();
     while recorder.next() <= (seconds * RATE) as u64 {
-        simulation
-            .skip(recorder.next() - simulation.frame())
-            .unwrap();
+        simulation.skip(recorder.next() - simulation.frame()).unwrap();
         recorder.look(&mut simulation);
     }
     (look, MotionFile::new(recorder.finish()).unwrap())
@@ -120,11 +111,7 @@ fn check(simulation: Simulation, network: &Network, when: &[Option<f64>]) {
     let (look, file) = recorded(simulation, 2.5);
     let table = links(&look, &file);
     let mut output = vec![Vec::new(); when.len()];
-    for place in file
-        .chunks
-        .iter()
-        .filter(|place| place.kind == kind::BROKEN)
-    {
+    for place in file.chunks.iter().filter(|place| place.kind == kind::BROKEN) {
         let mut from = Reading(file.payload(place));
         while !from.0.is_empty() {
             let instant = place.seconds + from.f32().unwrap();

@@ -165,10 +165,7 @@ fn page_moves_a_key_until_it_closes() {
     page.send(positions(0, 1, &[(now, -0.5, 0.0)])).unwrap();
     until("three places", || key.n_places() == 3);
     let places = key.places.lock().unwrap().clone();
-    let rows: Vec<_> = places
-        .iter()
-        .map(|&(_, x, pressure)| (x, pressure))
-        .collect();
+    let rows: Vec<_> = places.iter().map(|&(_, x, pressure)| (x, pressure)).collect();
     assert_eq!(rows, [(0.25, Some(0.5)), (-0.5, Some(1.0)), (-0.5, None)]);
     assert!(places.iter().all(|place| place.0 >= 0.0), "{places:?}");
     let picture = loop {
@@ -196,9 +193,7 @@ fn page_is_refused_a_key_of_another_page() {
     assert_eq!(key.n_places(), 0);
     second.send(Message::text("leave 0")).unwrap();
     drop(second);
-    first
-        .send(positions(0, 0, &[(server.now(), 0.1, 0.5)]))
-        .unwrap();
+    first.send(positions(0, 0, &[(server.now(), 0.1, 0.5)])).unwrap();
     until("the first page plays on", || key.n_places() == 1);
 }
 
@@ -208,12 +203,8 @@ fn page_with_non_finite_positions_is_ignored() {
     let server = served(std::slice::from_ref(&key));
     let mut page = join(&server);
     page.send(Message::text("hold 0")).unwrap();
-    page.send(positions(
-        0,
-        0,
-        &[(0.0, f32::NAN, 0.5), (f64::NAN, 0.0, 0.5)],
-    ))
-    .unwrap();
+    page.send(positions(0, 0, &[(0.0, f32::NAN, 0.5), (f64::NAN, 0.0, 0.5)]))
+        .unwrap();
     until("refusals", || key.refusals() == 2);
     assert_eq!(key.n_places(), 0);
 }
@@ -239,9 +230,7 @@ fn page_with_floods_or_nonsense_is_disconnected() {
             // The server may have closed the connection already.
             let _ = page.send(message);
         }
-        until(&format!("the end of stranger {n}"), || {
-            dropped(&server) == n as u64 + 1
-        });
+        until(&format!("the end of stranger {n}"), || dropped(&server) == n as u64 + 1);
     }
     assert_eq!(key.n_places(), 0);
 }

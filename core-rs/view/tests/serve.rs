@@ -47,9 +47,7 @@ static ALONE: Mutex<()> = Mutex::new(());
 const PATIENCE: Duration = Duration::from_secs(120);
 
 fn alone() -> std::sync::MutexGuard<'static, ()> {
-    ALONE
-        .lock()
-        .unwrap_or_else(std::sync::PoisonError::into_inner)
+    ALONE.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
 }
 
 /// A file of a given length, which is removed when dropped.
@@ -137,8 +135,7 @@ fn watch(server: &Server, path: &str) -> Option<WebSocket<TcpStream>> {
     let answer = String::from_utf8(answer).expect("text");
     // The answer of RFC 6455 to this key.
     let accepted = answer.contains("s3pPLMBiTxaQ9kYGzzhZRbK+xOo=");
-    (status(&answer) == "101" && accepted)
-        .then(|| WebSocket::from_raw_socket(stream, Role::Client, None))
+    (status(&answer) == "101" && accepted).then(|| WebSocket::from_raw_socket(stream, Role::Client, None))
 }
 
 fn until(holds: impl Fn() -> bool, what: &str) {
@@ -285,10 +282,7 @@ fn key_is_required_in_the_address() {
         // In a network any address of the machine is accepted, but no name in another's domain.
         let named = |host: &str| format!("GET /{KEY}/ HTTP/1.1\r\nHost: {host}:{port}\r\n\r\n");
         let result = say(&server, named("192.168.1.7").as_bytes());
-        assert_eq!(
-            status(&result),
-            if ip.is_loopback() { "421" } else { "200" }
-        );
+        assert_eq!(status(&result), if ip.is_loopback() { "421" } else { "200" });
         assert_eq!(status(&say(&server, named("a.example").as_bytes())), "421");
     }
 }
@@ -306,11 +300,7 @@ fn repeated_connections_do_not_exclude_a_page() {
         crowd = (0..96)
             .map(|i| {
                 let mut stream = connect(&server);
-                let head = [
-                    "",
-                    "GET / HTTP/1.1\r\nHost: ",
-                    "GET / HTTP/1.1\r\nHost: x\r\n\r\n",
-                ];
+                let head = ["", "GET / HTTP/1.1\r\nHost: ", "GET / HTTP/1.1\r\nHost: x\r\n\r\n"];
                 let _ = stream.write_all(head[i % 3].as_bytes());
                 stream
             })
@@ -361,17 +351,12 @@ fn seventeenth_page_is_refused() {
     let lent = Lent::new("many.motion", b"", 0);
     let server = Server::start(local(&lent)).expect("a server");
     server.hub().greet(b"manifest");
-    let mut pages: Vec<_> = (0..16)
-        .map(|_| watch(&server, "/live").expect("a page"))
-        .collect();
+    let mut pages: Vec<_> = (0..16).map(|_| watch(&server, "/live").expect("a page")).collect();
     let tally = server.tally();
     until(|| tally.viewers.load(Ordering::Relaxed) == 16, "sixteen");
     assert!(watch(&server, "/live").is_none());
     for page in &mut pages {
-        assert_eq!(
-            page.read().expect("a greeting"),
-            Message::binary(&b"manifest"[..])
-        );
+        assert_eq!(page.read().expect("a greeting"), Message::binary(&b"manifest"[..]));
         page.send(Message::text("ping 12.5")).expect("a ping");
         let pong = page.read().expect("a pong").into_text().expect("text");
         let words: Vec<_> = pong.split(' ').collect();
@@ -476,11 +461,7 @@ fn hostile(server: &Server, i: u64) {
     } else {
         let mut all = Vec::new();
         if let Err(error) = stream.read_to_end(&mut all) {
-            assert_ne!(
-                error.kind(),
-                ErrorKind::WouldBlock,
-                "request {i} was never ended"
-            );
+            assert_ne!(error.kind(), ErrorKind::WouldBlock, "request {i} was never ended");
         }
         let text = String::from_utf8_lossy(&all);
         assert_ne!(status(&text), "200", "request {i}");
@@ -528,15 +509,11 @@ fn hostile_requests_are_refused_beside_a_page() {
         assert!(seen.iter().all(|n| *n == 1));
     });
     let tally = server.tally();
-    let ended =
-        || tally.refused.load(Ordering::Relaxed) + tally.dropped.load(Ordering::Relaxed) >= N;
+    let ended = || tally.refused.load(Ordering::Relaxed) + tally.dropped.load(Ordering::Relaxed) >= N;
     until(ended, "all refused");
     let peak = PEAK.load(Ordering::Relaxed) - before;
     assert!(peak < 8 << 20, "{peak} bytes");
-    until(
-        || tally.viewers.load(Ordering::Relaxed) == 1,
-        "strangers gone",
-    );
+    until(|| tally.viewers.load(Ordering::Relaxed) == 1, "strangers gone");
     assert_eq!(status(&get(&server, "/", "")), "200");
 }
 

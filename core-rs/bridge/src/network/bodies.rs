@@ -1,8 +1,6 @@
 //! Strings, plates, banks, and bodies that are given by their modes.
 
-use ergon_engine::generator::{
-    self, Angles, BankForm, Decay, GeneratorError, Place as MemberPlace, Shape, Topology,
-};
+use ergon_engine::generator::{self, Angles, BankForm, Decay, GeneratorError, Place as MemberPlace, Shape, Topology};
 use pyo3::prelude::*;
 
 use super::Network;
@@ -24,13 +22,7 @@ enum Links {
 }
 
 impl Links {
-    fn new(
-        name: &str,
-        f: Option<f64>,
-        t60: Option<Decays>,
-        k: Option<f64>,
-        z: Option<f64>,
-    ) -> PyResult<Self> {
+    fn new(name: &str, f: Option<f64>, t60: Option<Decays>, k: Option<f64>, z: Option<f64>) -> PyResult<Self> {
         match (f, t60, k, z) {
             (Some(f), t60, None, None) => Ok(Self::Tuned(f, t60)),
             (None, None, Some(k), z) => Ok(Self::Direct([k, z.unwrap_or(0.0)])),
@@ -218,8 +210,7 @@ impl Network {
         links: &Links,
         laws: [f64; 2],
     ) -> PyResult<usize> {
-        let topology =
-            topology.map_err(|error| from_engine(self.0.refused(name, &error.to_string())))?;
+        let topology = topology.map_err(|error| from_engine(self.0.refused(name, &error.to_string())))?;
         computing(py, || match links {
             Links::Direct(kz) => self.0.linked_mesh(name, &topology, mass, *kz, laws),
             Links::Tuned(f, decays) => {
@@ -228,8 +219,7 @@ impl Network {
                     Some(Decays::Lowest(t60)) => Decay::Lowest(Some(*t60)),
                     Some(Decays::Points(points)) => Decay::Points(points),
                 };
-                self.0
-                    .stretched_mesh(name, &topology, mass, *f, tuned_decay, laws)
+                self.0.stretched_mesh(name, &topology, mass, *f, tuned_decay, laws)
             }
         })?
         .map_err(from_engine)

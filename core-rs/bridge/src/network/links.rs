@@ -20,15 +20,7 @@ impl Network {
     /// Spring and damper between two MATs; the LIA's index.
     #[pyo3(signature = (name, a, b, *, K=0.0, Z=0.0, rest=0.0))]
     #[allow(non_snake_case, clippy::too_many_arguments)]
-    fn r#ref(
-        &mut self,
-        name: &str,
-        a: usize,
-        b: usize,
-        K: f64,
-        Z: f64,
-        rest: f64,
-    ) -> PyResult<usize> {
+    fn r#ref(&mut self, name: &str, a: usize, b: usize, K: f64, Z: f64, rest: f64) -> PyResult<usize> {
         self.0.spring(name, a, b, K, Z, rest).map_err(from_engine)
     }
 
@@ -141,9 +133,7 @@ impl Network {
             ..LawText::default()
         };
         let follows = follows.into_iter();
-        let following_values: Vec<_> = follows
-            .map(|(name, value)| (name, following(value)))
-            .collect();
+        let following_values: Vec<_> = follows.map(|(name, value)| (name, following(value))).collect();
         self.0
             .following_lnl(name, (a, b), &law_text, rest, &following_values)
             .map_err(from_engine)
@@ -167,8 +157,7 @@ impl Network {
         let mut entry_by_rows = HashMap::new();
         for (index, address) in entries {
             let used_law = network_laws.get(index).filter(|_| address != 0);
-            let used_law =
-                used_law.ok_or_else(|| PyIndexError::new_err("no law has this index"))?;
+            let used_law = used_law.ok_or_else(|| PyIndexError::new_err("no law has this index"))?;
             // SAFETY: `ergon.instruments.native`, the only caller, passes what it compiled of these rows.
             entry_by_rows.insert(used_law.rows.clone(), unsafe { entry(address) });
         }

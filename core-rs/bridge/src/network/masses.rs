@@ -55,15 +55,10 @@ impl Network {
             },
             (None, None, Some(f), t60) => Tie::Tuned { f, t60 },
             _ => {
-                return Err(module_error(
-                    name,
-                    "a CEL takes either K and Z or f and t60",
-                ));
+                return Err(module_error(name, "a CEL takes either K and Z or f and t60"));
             }
         };
-        self.0
-            .cel(name, M, ground_tie, rest, X0, V0)
-            .map_err(from_engine)
+        self.0.cel(name, M, ground_tie, rest, X0, V0).map_err(from_engine)
     }
 
     /// Points in space, each with a mass; X0 and V0 have one value for each axis and point, axis by axis.
@@ -86,9 +81,7 @@ impl Network {
             v0: &V0,
             z: Z,
         };
-        self.0
-            .points(name, numbered, space_points)
-            .map_err(from_engine)
+        self.0.points(name, numbered, space_points).map_err(from_engine)
     }
 
     /// Let gravity g [m/s²] act along the axis of `count` MATs from `first` on.
@@ -103,9 +96,7 @@ impl Network {
 
     /// Let the mass of a MAS follow another MAT.
     fn follow_mass(&mut self, name: &str, index: usize, by: FollowingValue) -> PyResult<()> {
-        self.0
-            .follow_mass(name, index, following(by))
-            .map_err(from_engine)
+        self.0.follow_mass(name, index, following(by)).map_err(from_engine)
     }
 
     /// A massless point between masses, each (index, share): its position is their sum by shares.

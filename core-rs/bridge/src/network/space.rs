@@ -78,10 +78,7 @@ impl Network {
         let space_law = match (core, yields, breaks) {
             (Some(core), None, None) => SpaceLaw::Attraction { core },
             (Some(_), ..) => {
-                return Err(module_error(
-                    name,
-                    "an attraction neither yields nor breaks",
-                ));
+                return Err(module_error(name, "an attraction neither yields nor breaks"));
             }
             (None, None, None) => SpaceLaw::Spring,
             _ => SpaceLaw::Yielding {
@@ -122,14 +119,7 @@ impl Network {
     }
 
     /// A link between two points in space with a law of distance − `rest` [m]; the LIA's index.
-    fn space_lnl(
-        &mut self,
-        name: &str,
-        a: Vec<usize>,
-        b: Vec<usize>,
-        law: &Law,
-        rest: f64,
-    ) -> PyResult<usize> {
+    fn space_lnl(&mut self, name: &str, a: Vec<usize>, b: Vec<usize>, law: &Law, rest: f64) -> PyResult<usize> {
         let (end_points, n_axes) = points(name, [&a, &b])?;
         let law = Arc::new(law.0.clone());
         self.0
@@ -179,14 +169,9 @@ impl Network {
             (None, None) if inside => Measure::Within,
             (None, None) => Measure::Distance,
         };
-        let pair_law = PairLaw {
-            measure,
-            law,
-            friction,
-        };
+        let pair_law = PairLaw { measure, law, friction };
         let (end_points, n_axes) = points(name, [&a.0, &b.0])?;
-        let point_groups =
-            [(end_points[0], a.1), (end_points[1], b.1)].map(|(first, n)| PointGroup { first, n });
+        let point_groups = [(end_points[0], a.1), (end_points[1], b.1)].map(|(first, n)| PointGroup { first, n });
         self.0
             .pairwise(name, point_groups, n_axes, pair_law, [K, Z, gap])
             .map_err(from_engine)

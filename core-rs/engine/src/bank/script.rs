@@ -138,13 +138,11 @@ impl Script {
             Target::Lane(lane_index, Kick::Ergon { mass, speed, w }) => {
                 let lane_index = lane_index as usize;
                 let group_rates = &self.rates[group];
-                let (position_now, position_before) =
-                    (motion.now.0[lane_index], motion.before.0[lane_index]);
+                let (position_now, position_before) = (motion.now.0[lane_index], motion.before.0[lane_index]);
                 let position_next = group_rates.a.0[lane_index] * position_now
                     - group_rates.b.0[lane_index] * position_before
                     + added.0[lane_index];
-                let velocity = (position_next - position_before) / lane_scales[lane_index]
-                    * (0.5 * self.rate.hertz());
+                let velocity = (position_next - position_before) / lane_scales[lane_index] * (0.5 * self.rate.hertz());
                 let struck_mass = self.rate.step() * self.rate.step() / w;
                 let impulse = 2.0 * mass * struck_mass / (mass + struck_mass) * (speed - velocity);
                 added.0[lane_index] += lane_scales[lane_index] * w * impulse * self.rate.hertz();
@@ -155,15 +153,11 @@ impl Script {
                 let members = &self.members[group * LANES..(group + 1) * LANES];
                 let oscillators = (members.iter().enumerate())
                     .filter_map(|(lane_index, member)| Some((lane_index, (*member)? as usize)));
-                for (lane_index, member) in
-                    oscillators.filter(|pair| strikes.among.contains(&pair.1))
-                {
+                for (lane_index, member) in oscillators.filter(|pair| strikes.among.contains(&pair.1)) {
                     let mode_index = member - strikes.among.start;
                     let impulse = impulse * strikes.share[mode_index];
                     let split_force = match strikes.responses.get(mode_index) {
-                        Some(own) => {
-                            own.split(impulse, step_fraction, self.rate)[usize::from(second)]
-                        }
+                        Some(own) => own.split(impulse, step_fraction, self.rate)[usize::from(second)],
                         None => impulse * self.rate.hertz(),
                     };
                     added.0[lane_index] += lane_scales[lane_index] * split_force * strikes.w;

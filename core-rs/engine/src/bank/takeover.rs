@@ -22,19 +22,13 @@ impl Bank {
     pub(crate) fn set_motion(&mut self, oscillator: usize, (now, before): (f64, f64)) {
         let (group_index, lane_index) = self.place(oscillator);
         let lane_scale = self.script.scales[group_index].0[lane_index];
-        self.store(
-            group_index,
-            lane_index,
-            (lane_scale * now, lane_scale * before),
-        );
+        self.store(group_index, lane_index, (lane_scale * now, lane_scale * before));
     }
 
     /// Copy the motion of an oscillator of another bank; exact to the last bit if both have the same scale.
     pub(crate) fn copy_motion(&mut self, oscillator: usize, old: &Self, there: usize) {
-        let ((group_index, lane_index), (old_group, old_lane)) =
-            (self.place(oscillator), old.place(there));
-        if self.script.scales[group_index].0[lane_index] == old.script.scales[old_group].0[old_lane]
-        {
+        let ((group_index, lane_index), (old_group, old_lane)) = (self.place(oscillator), old.place(there));
+        if self.script.scales[group_index].0[lane_index] == old.script.scales[old_group].0[old_lane] {
             let old_motion = &old.motions[old_group];
             self.store(
                 group_index,
@@ -60,7 +54,6 @@ impl Bank {
 
 /// Whether two banks hold the same oscillators in the same order; the strikes may differ.
 pub(crate) fn are_same(oscillators: &[Oscillator], other: &[Oscillator]) -> bool {
-    let is_same_pair =
-        |(a, b): (&Oscillator, &Oscillator)| (a.a, a.b, &a.outputs) == (b.a, b.b, &b.outputs);
+    let is_same_pair = |(a, b): (&Oscillator, &Oscillator)| (a.a, a.b, &a.outputs) == (b.a, b.b, &b.outputs);
     oscillators.len() == other.len() && oscillators.iter().zip(other).all(is_same_pair)
 }

@@ -14,11 +14,7 @@ pub(crate) enum Response {
     /// That of a mass of 1 kg on a spring and a damper.
     Cell(Cell),
     /// The real part of gain·e^st, s = −decay + iω.
-    Pair {
-        decay: f64,
-        omega: f64,
-        gain: [f64; 2],
-    },
+    Pair { decay: f64, omega: f64, gain: [f64; 2] },
     /// gain·e^(−decay·t).
     Real { decay: f64, gain: f64 },
     /// gain·t: a motion without a restoring force.
@@ -47,10 +43,7 @@ impl Response {
                 ]
             }
             Self::Real { decay, gain } => [scaled_impulse * gain * exp(-decay * time_left), 0.0],
-            Self::Free { gain } => [
-                scaled_impulse * gain * time_left,
-                scaled_impulse * gain * time_past,
-            ],
+            Self::Free { gain } => [scaled_impulse * gain * time_left, scaled_impulse * gain * time_past],
         }
     }
 }
@@ -148,10 +141,7 @@ impl Response {
 pub(crate) fn recurrence(decay: f64, omega: f64, rate: Rate) -> (f64, f64) {
     let (step_decay, pole_angle) = (decay * rate.step(), omega * rate.step());
     if step_decay > STRONG {
-        return (
-            2.0 * exp(-step_decay) * cos(pole_angle),
-            exp(-2.0 * step_decay),
-        );
+        return (2.0 * exp(-step_decay) * cos(pole_angle), exp(-2.0 * step_decay));
     }
     let Ratios { kappa, zeta } = Ratios::from_poles(step_decay, pole_angle);
     (2.0 - kappa - zeta, 1.0 - zeta)

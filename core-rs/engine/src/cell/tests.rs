@@ -17,19 +17,14 @@ fn product(a: &Matrix, b: &Matrix) -> Matrix {
 
 /// e^{At} by scaling and squaring a Taylor series, without any use of poles.
 fn expm(a: &Matrix, t: f64) -> Matrix {
-    let largest_entry = a
-        .iter()
-        .flatten()
-        .map(|x| (x * t).abs())
-        .fold(0.0, f64::max);
+    let largest_entry = a.iter().flatten().map(|x| (x * t).abs()).fold(0.0, f64::max);
     let mut halvings = 0;
     let mut scaled_time = t;
     while largest_entry * (scaled_time / t) > 1e-2 {
         halvings += 1;
         scaled_time *= 0.5;
     }
-    let scaled_matrix: Matrix =
-        std::array::from_fn(|i| std::array::from_fn(|j| a[i][j] * scaled_time));
+    let scaled_matrix: Matrix = std::array::from_fn(|i| std::array::from_fn(|j| a[i][j] * scaled_time));
     let mut exponential = [[1.0, 0.0], [0.0, 1.0]];
     let mut taylor_term = exponential;
     for n in 1..=12 {
@@ -51,10 +46,7 @@ fn flow(m: f64, k: f64, z: f64, t: f64, x: f64, v: f64) -> (f64, f64) {
     // Time is in units of |t|, so that one scale of the Taylor series serves all entries.
     let time_unit = t.abs();
     let exponential = expm(
-        &[
-            [0.0, 1.0],
-            [-k / m * time_unit * time_unit, -z / m * time_unit],
-        ],
+        &[[0.0, 1.0], [-k / m * time_unit * time_unit, -z / m * time_unit]],
         t / time_unit,
     );
     (
@@ -76,11 +68,7 @@ fn released_cell_matches_matrix_exponential() {
     ] {
         let released_cell = Cell::new(2.0, 2.0 * k, 2.0 * z);
         for t in [0.0, 1e-5, 3e-4, 2e-3] {
-            let exact_position = if t == 0.0 {
-                1.0
-            } else {
-                flow(1.0, k, z, t, 1.0, 0.0).0
-            };
+            let exact_position = if t == 0.0 { 1.0 } else { flow(1.0, k, z, t, 1.0, 0.0).0 };
             let cell_position = released_cell.released(t);
             assert!(
                 (cell_position - exact_position).abs() < 1e-12,
@@ -125,21 +113,14 @@ fn ratios_match_reference_values() {
     ];
     for (f, t60, hertz, kappa, zeta) in vectors {
         let tuned_ratios = tune(f, Some(t60), rate(hertz));
-        assert!(
-            close(tuned_ratios.kappa, kappa, 1e-15),
-            "{f}: {tuned_ratios:?}"
-        );
-        assert!(
-            close(tuned_ratios.zeta, zeta, 1e-15),
-            "{f}: {tuned_ratios:?}"
-        );
+        assert!(close(tuned_ratios.kappa, kappa, 1e-15), "{f}: {tuned_ratios:?}");
+        assert!(close(tuned_ratios.zeta, zeta, 1e-15), "{f}: {tuned_ratios:?}");
     }
 }
 
 #[test]
 fn split_matches_reference_values() {
-    let [force_now, force_next] =
-        Cell::tuned(1.0, 440.0, Some(1.0)).split(1.0, 0.3, rate(44_100.0));
+    let [force_now, force_next] = Cell::tuned(1.0, 440.0, Some(1.0)).split(1.0, 0.3, rate(44_100.0));
     assert!(close(force_now, 30_856.709_804_9, 1e-12), "{force_now}");
     assert!(close(force_next, 13_225.697_835_1, 1e-12), "{force_next}");
 }
@@ -148,24 +129,13 @@ fn split_matches_reference_values() {
 fn ratios_of_free_and_slowing_cells() {
     let rate = rate(1_000.0);
     let free_ratios = Cell::new(2.0, 0.0, 0.0).ratios(rate);
-    assert_eq!(
-        free_ratios,
-        Ratios {
-            kappa: 0.0,
-            zeta: 0.0
-        }
-    );
+    assert_eq!(free_ratios, Ratios { kappa: 0.0, zeta: 0.0 });
     let slowing = Cell::new(2.0, 0.0, 30.0).ratios(rate);
     assert_eq!(slowing.kappa, 0.0);
     assert!(close(slowing.zeta, -expm1(-0.015), 1e-15));
     assert_eq!(Cell::new(2.0, 8e5, 0.0).ratios(rate).zeta, 0.0);
     assert_eq!(
-        Ratios {
-            kappa: 0.1,
-            zeta: 0.0
-        }
-        .pitch(rate)
-        .map(|p| p.1),
+        Ratios { kappa: 0.1, zeta: 0.0 }.pitch(rate).map(|p| p.1),
         Some(f64::INFINITY)
     );
     // No oscillation: critical damping, damping above it, or a K too large for the scheme.
@@ -173,10 +143,7 @@ fn ratios_of_free_and_slowing_cells() {
         assert_eq!(Ratios { kappa, zeta }.pitch(rate), None);
     }
     // A cell that loses all velocity in one step still starts from finite numbers.
-    assert_eq!(
-        Cell::new(1e-6, 1.0, 1e4).last_step(1.0, 2.0, 0.0, rate),
-        0.002
-    );
+    assert_eq!(Cell::new(1e-6, 1.0, 1e4).last_step(1.0, 2.0, 0.0, rate), 0.002);
     let tuned_cell = Cell::tuned(2.0, 3.0, Some(4.0));
     let rebuilt_cell = Cell::new(2.0, tuned_cell.stiffness(), tuned_cell.viscosity());
     assert!(close(
@@ -188,26 +155,15 @@ fn ratios_of_free_and_slowing_cells() {
 
 /// Mass, stiffness and viscosity of cells with any damping at 1 kHz, from ω₀T and the damping ratio.
 fn cells() -> impl Strategy<Value = (f64, f64, f64)> {
-    let damping_ratio = prop_oneof![
-        Just(0.0),
-        Just(1.0),
-        0.0..0.99f64,
-        0.99..1.01f64,
-        1.0..20.0f64
-    ];
-    (
-        0.01..10.0f64,
-        prop_oneof![Just(0.0), 1e-3..0.5f64],
-        damping_ratio,
-    )
-        .prop_map(|(m, angle, damping_ratio)| {
-            let undamped_omega = angle * 1_000.0;
-            (
-                m,
-                m * undamped_omega * undamped_omega,
-                2.0 * m * damping_ratio * undamped_omega.max(1.0),
-            )
-        })
+    let damping_ratio = prop_oneof![Just(0.0), Just(1.0), 0.0..0.99f64, 0.99..1.01f64, 1.0..20.0f64];
+    (0.01..10.0f64, prop_oneof![Just(0.0), 1e-3..0.5f64], damping_ratio).prop_map(|(m, angle, damping_ratio)| {
+        let undamped_omega = angle * 1_000.0;
+        (
+            m,
+            m * undamped_omega * undamped_omega,
+            2.0 * m * damping_ratio * undamped_omega.max(1.0),
+        )
+    })
 }
 
 proptest! {

@@ -44,13 +44,7 @@ pub enum Place {
 impl Place {
     /// (x, y) [m] of member `i` of `count`; `rise` is its pitch on a logarithmic scale from the lowest (0) to the
     /// highest (1). `turn` draws a part of a whole turn from [0, 1), where angles are random.
-    pub fn position(
-        self,
-        i: usize,
-        count: usize,
-        rise: f64,
-        turn: impl FnOnce(usize) -> f64,
-    ) -> [f64; 2] {
+    pub fn position(self, i: usize, count: usize, rise: f64, turn: impl FnOnce(usize) -> f64) -> [f64; 2] {
         let rank_share = (i as f64 + 0.5) / count as f64;
         let place_radius = match self {
             Self::Line => return [rank_share - 0.5, 0.0],
@@ -59,8 +53,7 @@ impl Place {
         };
         let angle = match self {
             Self::Galaxy {
-                angles: Angles::Random,
-                ..
+                angles: Angles::Random, ..
             } => TAU * turn(i),
             _ => GOLDEN_ANGLE * i as f64,
         };
@@ -69,13 +62,11 @@ impl Place {
 
     fn check(self) -> Result<(), GeneratorError> {
         match self {
-            Self::Galaxy { hole, .. } if !(hole > 0.0 && hole <= 1.0) => {
-                Err(GeneratorError::Range {
-                    what: "`hole`",
-                    range: "above 0 and at most 1",
-                    got: hole,
-                })
-            }
+            Self::Galaxy { hole, .. } if !(hole > 0.0 && hole <= 1.0) => Err(GeneratorError::Range {
+                what: "`hole`",
+                range: "above 0 and at most 1",
+                got: hole,
+            }),
             _ => Ok(()),
         }
     }
@@ -144,10 +135,7 @@ pub fn bank(
         let (pitch_share, decay_share) = match form.spread {
             Spread::Random => draw(i),
             Spread::Even if form.count == 1 => (0.0, 1.0),
-            Spread::Even => (
-                i as f64 / (member_count - 1.0),
-                1.0 - i as f64 / (member_count - 1.0),
-            ),
+            Spread::Even => (i as f64 / (member_count - 1.0), 1.0 - i as f64 / (member_count - 1.0)),
         };
         BankCell {
             f: between(form.f, pitch_share),
@@ -179,9 +167,7 @@ pub fn cells_at(
     place.check()?;
     let (lowest_frequency, highest_frequency) = tunings.iter().fold(
         (f64::INFINITY, 0.0f64),
-        |(lowest_frequency, highest_frequency), (f, _)| {
-            (lowest_frequency.min(*f), highest_frequency.max(*f))
-        },
+        |(lowest_frequency, highest_frequency), (f, _)| (lowest_frequency.min(*f), highest_frequency.max(*f)),
     );
     let pitch_rise = |f: f64| {
         if highest_frequency > lowest_frequency {

@@ -30,12 +30,7 @@ const UNKNOWNS: usize = 6;
 ///
 /// # Errors
 /// Numbers out of range.
-pub fn bent_plate(
-    shape: Shape,
-    radius: usize,
-    rim: Rim,
-    poisson: f64,
-) -> Result<Topology, GeneratorError> {
+pub fn bent_plate(shape: Shape, radius: usize, rim: Rim, poisson: f64) -> Result<Topology, GeneratorError> {
     match shape {
         Shape::Rectangle { across, up } => {
             let sides_label = "`sides` of a plate that bends";
@@ -43,12 +38,7 @@ pub fn bent_plate(
                 count(sides_label, side, 2 * MIN_RADIUS + 1, 2 * MAX_RADIUS + 1)?;
             }
         }
-        _ => count(
-            "`radius` of a plate that bends",
-            radius,
-            MIN_RADIUS,
-            MAX_RADIUS,
-        )?,
+        _ => count("`radius` of a plate that bends", radius, MIN_RADIUS, MAX_RADIUS)?,
     }
     if !(0.0..=0.5).contains(&poisson) {
         return Err(GeneratorError::Range {
@@ -138,14 +128,9 @@ pub(super) fn disc(radius: usize, rim: Rim) -> Sites {
     let mut areas = vec![PI / 4.0];
     for ring in 1..=radius {
         let (members, ring_radius) = (6 * ring, ring as f64);
-        let outer_radius = if ring == radius {
-            ring_radius
-        } else {
-            ring_radius + 0.5
-        };
-        let member_area = PI
-            * (outer_radius * outer_radius - (ring_radius - 0.5) * (ring_radius - 0.5))
-            / members as f64;
+        let outer_radius = if ring == radius { ring_radius } else { ring_radius + 0.5 };
+        let member_area =
+            PI * (outer_radius * outer_radius - (ring_radius - 0.5) * (ring_radius - 0.5)) / members as f64;
         for i in 0..members {
             let angle = TAU * i as f64 / members as f64;
             places.push([ring_radius * cos(angle), ring_radius * sin(angle)]);
@@ -159,10 +144,7 @@ pub(super) fn disc(radius: usize, rim: Rim) -> Sites {
     let disc_width = 2.0 * radius as f64;
     Sites {
         n_mat: places.len() - held_count,
-        positions: places
-            .iter()
-            .map(|place| place.map(|at| at / disc_width))
-            .collect(),
+        positions: places.iter().map(|place| place.map(|at| at / disc_width)).collect(),
         places,
         areas,
         centre: 0,
@@ -186,11 +168,7 @@ fn curved(sites: Sites, poisson: f64) -> Topology {
                     let spherical = xx[i] * xx[j] + yy[i] * yy[j];
                     let saddle_term = xx[i] * yy[j] + yy[i] * xx[j];
                     let twist_term = 2.0 * (1.0 - poisson) * xy[i] * xy[j];
-                    bending_matrix.add(
-                        a,
-                        b,
-                        site_area * (spherical + poisson * saddle_term + twist_term),
-                    );
+                    bending_matrix.add(a, b, site_area * (spherical + poisson * saddle_term + twist_term));
                 }
             }
         }
@@ -200,10 +178,7 @@ fn curved(sites: Sites, poisson: f64) -> Topology {
     let mean_area = mat_areas.iter().sum::<f64>() / sites.n_mat as f64;
     Topology {
         centre: sites.centre,
-        shares: mat_areas
-            .iter()
-            .map(|site_area| site_area / mean_area)
-            .collect(),
+        shares: mat_areas.iter().map(|site_area| site_area / mean_area).collect(),
         tilts: n_places == sites.n_mat,
         ..Topology::new(sites.n_mat, link_runs, sites.positions)
     }
@@ -213,8 +188,7 @@ fn curved(sites: Sites, poisson: f64) -> Topology {
 fn patch(sites: &Sites, middle: usize) -> Vec<usize> {
     let mut patch_reach = PATCH;
     loop {
-        let is_near =
-            |other: &usize| distance(sites.places[*other], sites.places[middle]) < patch_reach;
+        let is_near = |other: &usize| distance(sites.places[*other], sites.places[middle]) < patch_reach;
         let neighbours: Vec<usize> = (0..sites.places.len()).filter(is_near).collect();
         if neighbours.len() > UNKNOWNS {
             return neighbours;
@@ -226,12 +200,7 @@ fn patch(sites: &Sites, middle: usize) -> Vec<usize> {
 /// w_xx, w_yy and w_xy at a mass as sums over its patch, by weighted least squares.
 fn curvatures(sites: &Sites, middle: usize, patch: &[usize]) -> [Vec<f64>; 3] {
     let [middle_x, middle_y] = sites.places[middle];
-    let middle_offset = |mass: &usize| {
-        [
-            sites.places[*mass][0] - middle_x,
-            sites.places[*mass][1] - middle_y,
-        ]
-    };
+    let middle_offset = |mass: &usize| [sites.places[*mass][0] - middle_x, sites.places[*mass][1] - middle_y];
     let fit_weight = |[x, y]: [f64; 2]| 1.0 / (0.3 + x * x + y * y);
     let parabola_terms: [fn([f64; 2]) -> f64; UNKNOWNS] = [
         |_| 1.0,

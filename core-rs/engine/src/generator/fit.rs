@@ -25,14 +25,8 @@ pub(super) fn least_squares(columns: &[Vec<f64>], target: &[f64]) -> Vec<f64> {
         }
         let remainder_norm = sqrt(dot(&remainder, &remainder));
         let is_spanned = remainder_norm <= SPANNED * sqrt(dot(column, column));
-        let inverse_norm = if is_spanned {
-            0.0
-        } else {
-            1.0 / remainder_norm
-        };
-        remainder
-            .iter_mut()
-            .for_each(|value| *value *= inverse_norm);
+        let inverse_norm = if is_spanned { 0.0 } else { 1.0 / remainder_norm };
+        remainder.iter_mut().for_each(|value| *value *= inverse_norm);
         upper_triangle[j][j] = remainder_norm;
         basis_shares[j] = dot(&remainder, &target_left);
         subtract(&mut target_left, basis_shares[j], &remainder);
@@ -40,9 +34,7 @@ pub(super) fn least_squares(columns: &[Vec<f64>], target: &[f64]) -> Vec<f64> {
     }
     let mut weights = vec![0.0; n_columns];
     for i in (0..n_columns).rev() {
-        let later_sum: f64 = (i + 1..n_columns)
-            .map(|j| upper_triangle[i][j] * weights[j])
-            .sum();
+        let later_sum: f64 = (i + 1..n_columns).map(|j| upper_triangle[i][j] * weights[j]).sum();
         if basis_columns[i].iter().any(|value| *value != 0.0) {
             weights[i] = (basis_shares[i] - later_sum) / upper_triangle[i][i];
         }

@@ -103,8 +103,7 @@ enum Curve {
 impl Curve {
     fn new(poles: Vec<Pole>) -> Self {
         if let [first_pole, second_pole] = poles[..] {
-            let beta =
-                (second_pole.loss - first_pole.loss) / (second_pole.lambda - first_pole.lambda);
+            let beta = (second_pole.loss - first_pole.loss) / (second_pole.lambda - first_pole.lambda);
             let alpha = first_pole.loss - beta * first_pole.lambda;
             if alpha >= 0.0 && beta >= 0.0 {
                 return Self::Straight { alpha, beta };
@@ -120,8 +119,7 @@ impl Curve {
                 let upper_index = poles.partition_point(|pole| pole.lambda < lambda);
                 let upper_index = upper_index.clamp(1, poles.len() - 1);
                 let (lower_pole, upper_pole) = (poles[upper_index - 1], poles[upper_index]);
-                let log_slope = log(upper_pole.loss / lower_pole.loss)
-                    / log(upper_pole.lambda / lower_pole.lambda);
+                let log_slope = log(upper_pole.loss / lower_pole.loss) / log(upper_pole.lambda / lower_pole.lambda);
                 lower_pole.loss * exp(log_slope * log(lambda / lower_pole.lambda))
             }
         }
@@ -170,12 +168,9 @@ pub fn tune_points(
         let rate = rate.hertz();
         return Err(GeneratorError::Pitch { f, rate });
     }
-    let poles: Vec<Pole> = points
-        .iter()
-        .map(|frequency| Pole::new(*frequency, discrete))
-        .collect();
-    if let Some(pole_index) = (1..poles.len())
-        .find(|&pole_index| poles[pole_index].lambda <= poles[pole_index - 1].lambda)
+    let poles: Vec<Pole> = points.iter().map(|frequency| Pole::new(*frequency, discrete)).collect();
+    if let Some(pole_index) =
+        (1..poles.len()).find(|&pole_index| poles[pole_index].lambda <= poles[pole_index - 1].lambda)
     {
         return Err(GeneratorError::Range {
             what: "Each frequency in `t60`",
@@ -195,20 +190,9 @@ pub fn tune_points(
             dampers: Vec::new(),
         });
     }
-    count(
-        "`masses` of a body with such decays",
-        topology.n_mat,
-        1,
-        MAX_FITTED,
-    )?;
+    count("`masses` of a body with such decays", topology.n_mat, 1, MAX_FITTED)?;
     let named_poles: Vec<(f64, Pole)> = points.iter().map(|(f, _)| *f).zip(poles).collect();
-    let loss_fit = Fit::new(
-        topology,
-        lowest_lambda,
-        lowest_pole,
-        &loss_curve,
-        &named_poles,
-    )?;
+    let loss_fit = Fit::new(topology, lowest_lambda, lowest_pole, &loss_curve, &named_poles)?;
     let loss_coefficients = loss_fit.best(discrete)?;
     let dampers = loss_fit.dampers(&loss_coefficients, mass);
     Ok(Losses {
@@ -257,17 +241,12 @@ impl<'a> Fit<'a> {
         let top = 2.0 * row_sums.iter().copied().fold(0.0, f64::max);
         let is_single_row = mat_links.iter().all(|mat_links| *mat_links <= 2);
         let base_lowest = base.lowest()?;
-        let scaled_lambda =
-            |eigenvalue: f64| first.lambda * polynomial(polynomial_terms, eigenvalue) / lowest;
+        let scaled_lambda = |eigenvalue: f64| first.lambda * polynomial(polynomial_terms, eigenvalue) / lowest;
         let mut places = Vec::with_capacity(PLACES + points.len());
         for i in 0..PLACES {
             let chebyshev_share = 0.5 - 0.5 * cos(PI * i as f64 / (PLACES - 1) as f64);
             let eigenvalue = base_lowest + (top - base_lowest) * chebyshev_share;
-            places.push([
-                eigenvalue / top,
-                curve.value(scaled_lambda(eigenvalue)),
-                1.0,
-            ]);
+            places.push([eigenvalue / top, curve.value(scaled_lambda(eigenvalue)), 1.0]);
         }
         let mut named = Vec::new();
         for (f, pole) in points {
@@ -291,11 +270,7 @@ impl<'a> Fit<'a> {
             topology,
             base,
             top,
-            powers: if is_single_row {
-                POWERS_ROW
-            } else {
-                POWERS_MESH
-            },
+            powers: if is_single_row { POWERS_ROW } else { POWERS_MESH },
             places,
             named,
         })
@@ -310,15 +285,12 @@ impl<'a> Fit<'a> {
                 // The loss of a mass to the ground must not be negative.
                 coefficients = self.fitted(1, powers);
             }
-            let loses_everywhere = self.places.iter().all(|[eigenvalue_ratio, loss, _]| {
-                value(&coefficients, *eigenvalue_ratio) > 0.01 * loss
-            });
+            let loses_everywhere = self
+                .places
+                .iter()
+                .all(|[eigenvalue_ratio, loss, _]| value(&coefficients, *eigenvalue_ratio) > 0.01 * loss);
             let worst_error = self.worst(&coefficients).1;
-            if loses_everywhere
-                && best_fit
-                    .as_ref()
-                    .is_none_or(|(least, _)| worst_error < *least)
-            {
+            if loses_everywhere && best_fit.as_ref().is_none_or(|(least, _)| worst_error < *least) {
                 best_fit = Some((worst_error, coefficients));
             }
             if best_fit
@@ -328,8 +300,7 @@ impl<'a> Fit<'a> {
                 break;
             }
         }
-        let (worst_error, coefficients) =
-            best_fit.unwrap_or_else(|| (f64::INFINITY, self.fitted(0, 0)));
+        let (worst_error, coefficients) = best_fit.unwrap_or_else(|| (f64::INFINITY, self.fitted(0, 0)));
         if worst_error <= ERROR_MAX {
             return Ok(coefficients);
         }
@@ -350,8 +321,7 @@ impl<'a> Fit<'a> {
 
     fn fitted(&self, from: usize, powers: usize) -> Vec<f64> {
         let power_column = |power: usize| -> Vec<f64> {
-            let weighted_power =
-                |[u, loss, weight]: &[f64; 3]| weight * integer_power(*u, power) / loss;
+            let weighted_power = |[u, loss, weight]: &[f64; 3]| weight * integer_power(*u, power) / loss;
             self.places.iter().map(weighted_power).collect()
         };
         let columns: Vec<Vec<f64>> = (from..=powers).map(power_column).collect();
@@ -366,10 +336,7 @@ impl<'a> Fit<'a> {
         let named_places = &self.places[self.places.len() - self.named.len()..];
         let relative_error = |[u, loss, _]: &[f64; 3]| (value(fitted, *u) / loss - 1.0).abs();
         let place_errors = named_places.iter().map(relative_error).enumerate();
-        place_errors.fold(
-            (0, 0.0),
-            |worst, own| if own.1 > worst.1 { own } else { worst },
-        )
+        place_errors.fold((0, 0.0), |worst, own| if own.1 > worst.1 { own } else { worst })
     }
 
     fn dampers(&self, fitted: &[f64], mass: f64) -> Vec<LinkRun> {

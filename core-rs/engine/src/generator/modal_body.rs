@@ -106,8 +106,7 @@ pub fn modal_body(
 /// as much on the diagonal as it has in common with the others.
 fn added(levels: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let n_places = levels.first().map_or(0, Vec::len);
-    let level_product =
-        |p: usize, q: usize| -> f64 { levels.iter().map(|row| row[p] * row[q]).sum() };
+    let level_product = |p: usize, q: usize| -> f64 { levels.iter().map(|row| row[p] * row[q]).sum() };
     let place_norm: Vec<f64> = (0..n_places).map(|p| sqrt(level_product(p, p))).collect();
     // In units of the mobility of each place.
     let mut remainder = vec![0.0; n_places * n_places];
@@ -178,9 +177,7 @@ fn mirror(vector: &[f64], first: usize) -> Option<Vec<f64>> {
         reflector[first] - tail_norm
     };
     let reflector_scale = sqrt(2.0 / dot(&reflector, &reflector));
-    reflector
-        .iter_mut()
-        .for_each(|value| *value *= reflector_scale);
+    reflector.iter_mut().for_each(|value| *value *= reflector_scale);
     Some(reflector)
 }
 
@@ -194,10 +191,7 @@ fn reflect(vector: &mut [f64], mirror: &[f64]) {
 /// H·A·H of a symmetric A, exactly symmetric.
 fn reflect_both(matrix: &mut [f64], mirror: &[f64]) {
     let matrix_size = mirror.len();
-    let mirror_image: Vec<f64> = matrix
-        .chunks_exact(matrix_size)
-        .map(|row| dot(row, mirror))
-        .collect();
+    let mirror_image: Vec<f64> = matrix.chunks_exact(matrix_size).map(|row| dot(row, mirror)).collect();
     let half_projection = 0.5 * dot(&mirror_image, mirror);
     let correction: Vec<f64> = mirror_image
         .iter()
@@ -206,8 +200,7 @@ fn reflect_both(matrix: &mut [f64], mirror: &[f64]) {
         .collect();
     for i in 0..matrix_size {
         for j in i..matrix_size {
-            let mirrored_entry =
-                matrix[i * matrix_size + j] - mirror[i] * correction[j] - correction[i] * mirror[j];
+            let mirrored_entry = matrix[i * matrix_size + j] - mirror[i] * correction[j] - correction[i] * mirror[j];
             matrix[i * matrix_size + j] = mirrored_entry;
             matrix[j * matrix_size + i] = mirrored_entry;
         }

@@ -118,9 +118,7 @@ pub fn plate(shape: Shape, radius: usize, rim: Rim) -> Result<Topology, Generato
     let is_mat = |cell: &usize| ring(cell).is_some_and(|ring| ring <= radius);
     let is_sol = |cell: &usize| is_fixed && ring(cell) == Some(outer_ring);
     let mat_cells = (0..side_sites * side_sites).filter(is_mat);
-    let point_cells: Vec<usize> = mat_cells
-        .chain((0..side_sites * side_sites).filter(is_sol))
-        .collect();
+    let point_cells: Vec<usize> = mat_cells.chain((0..side_sites * side_sites).filter(is_sol)).collect();
     // Nothing at a site without a point.
     let mut point_index = vec![None; side_sites * side_sites];
     for (i, cell) in point_cells.iter().enumerate() {
@@ -137,8 +135,7 @@ pub fn plate(shape: Shape, radius: usize, rim: Rim) -> Result<Topology, Generato
                 continue;
             }
             let other_cell = cell as isize + right + up * side_sites as isize;
-            if let (Some(this_point), Some(other_point)) =
-                (point_index[cell], point_index[other_cell as usize])
+            if let (Some(this_point), Some(other_point)) = (point_index[cell], point_index[other_cell as usize])
                 && this_point.min(other_point) < n_mat
             {
                 mesh_links.join(this_point, other_point, 1.0);
@@ -149,10 +146,6 @@ pub fn plate(shape: Shape, radius: usize, rim: Rim) -> Result<Topology, Generato
     let bench_place = |cell: &usize| shape.place(site_of_cell(*cell)).map(|at| at / mesh_width);
     Ok(Topology {
         lowest_lambda: shape.lowest_lambda(radius, rim),
-        ..Topology::new(
-            n_mat,
-            mesh_links.runs,
-            point_cells.iter().map(bench_place).collect(),
-        )
+        ..Topology::new(n_mat, mesh_links.runs, point_cells.iter().map(bench_place).collect())
     })
 }

@@ -10,12 +10,7 @@ pub(super) fn rectangle(across: usize, up: usize, fixed: bool) -> Result<Topolog
     for side in [across, up] {
         count("`sides`", side, 1, MAX_MASSES)?;
     }
-    count(
-        "The masses of a rectangle",
-        across.saturating_mul(up),
-        1,
-        MAX_MASSES,
-    )?;
+    count("The masses of a rectangle", across.saturating_mul(up), 1, MAX_MASSES)?;
     let mass_count = across * up;
     let mut mesh_links = Links::new();
     for row in 0..up {
@@ -38,18 +33,8 @@ pub(super) fn rectangle(across: usize, up: usize, fixed: bool) -> Result<Topolog
     let edge_offset = if fixed { 1.0 } else { 0.0 };
     let half = |side: usize| 0.5 * (side - 1) as f64 + edge_offset;
     let bench_width = (2.0 * half(across).max(half(up))).max(1.0);
-    let bench_point = |x: f64, y: f64| {
-        [
-            (x - half(across)) / bench_width,
-            (y - half(up)) / bench_width,
-        ]
-    };
-    let mass_point = |i: usize| {
-        bench_point(
-            (i % across) as f64 + edge_offset,
-            (i / across) as f64 + edge_offset,
-        )
-    };
+    let bench_point = |x: f64, y: f64| [(x - half(across)) / bench_width, (y - half(up)) / bench_width];
+    let mass_point = |i: usize| bench_point((i % across) as f64 + edge_offset, (i / across) as f64 + edge_offset);
     let mut positions: Vec<[f64; 2]> = (0..mass_count).map(mass_point).collect();
     if fixed {
         let (right_edge, upper_edge) = ((across + 1) as f64, (up + 1) as f64);

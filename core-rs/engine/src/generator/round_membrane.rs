@@ -35,10 +35,7 @@ pub fn round_membrane(radius: usize, rim: Rim) -> Result<Topology, GeneratorErro
     };
     for corners in triangles(radius) {
         let [corner_a, corner_b, corner_c] = corners;
-        let (edge_to_b, edge_to_c) = (
-            edge_vector(corner_a, corner_b),
-            edge_vector(corner_a, corner_c),
-        );
+        let (edge_to_b, edge_to_c) = (edge_vector(corner_a, corner_b), edge_vector(corner_a, corner_c));
         let double_area = (edge_to_b[0] * edge_to_c[1] - edge_to_b[1] * edge_to_c[0]).abs();
         for (apex, first, two) in [
             (corner_a, corner_b, corner_c),
@@ -46,9 +43,7 @@ pub fn round_membrane(radius: usize, rim: Rim) -> Result<Topology, GeneratorErro
             (corner_c, corner_a, corner_b),
         ] {
             let (first_edge, second_edge) = (edge_vector(apex, first), edge_vector(apex, two));
-            let half_cotangent = 0.5
-                * (first_edge[0] * second_edge[0] + first_edge[1] * second_edge[1])
-                / double_area;
+            let half_cotangent = 0.5 * (first_edge[0] * second_edge[0] + first_edge[1] * second_edge[1]) / double_area;
             for (near, other) in [(first, two), (two, first)] {
                 if near < n_mat {
                     cotangent_matrix.add(near, near, half_cotangent);
@@ -82,12 +77,8 @@ fn triangles(radius: usize) -> Vec<[usize; 3]> {
         for sector in 0..6 {
             let outer_member = |place: usize| ring_member(ring, sector * ring + place);
             let inner_member = |place: usize| ring_member(inner_ring, sector * inner_ring + place);
-            face_corners
-                .extend((0..ring).map(|i| [outer_member(i), outer_member(i + 1), inner_member(i)]));
-            face_corners.extend(
-                (0..inner_ring)
-                    .map(|i| [inner_member(i), inner_member(i + 1), outer_member(i + 1)]),
-            );
+            face_corners.extend((0..ring).map(|i| [outer_member(i), outer_member(i + 1), inner_member(i)]));
+            face_corners.extend((0..inner_ring).map(|i| [inner_member(i), inner_member(i + 1), outer_member(i + 1)]));
         }
     }
     face_corners

@@ -67,14 +67,9 @@ impl Sparse {
 
     /// The links whose matrix this is: between masses by its entries, and from each mass to the fixed point `ground` by
     /// the sum of its row. `hardens` tells whether the link between two masses hardens.
-    pub(super) fn links(
-        &self,
-        ground: usize,
-        hardens: impl Fn(usize, usize) -> bool,
-    ) -> Vec<LinkRun> {
+    pub(super) fn links(&self, ground: usize, hardens: impl Fn(usize, usize) -> bool) -> Vec<LinkRun> {
         let largest = self.0.iter().flat_map(BTreeMap::values);
-        let entry_threshold =
-            ROUNDING * largest.fold(0.0, |most: f64, value| most.max(value.abs()));
+        let entry_threshold = ROUNDING * largest.fold(0.0, |most: f64, value| most.max(value.abs()));
         let mut matrix_links = Vec::new();
         for (i, row) in self.0.iter().enumerate() {
             for (j, value) in row.range(i + 1..) {
@@ -89,8 +84,7 @@ impl Sparse {
             }
         }
         // Links to the ground come last.
-        matrix_links
-            .sort_by_key(|(is_grounded, spacing, a, b, _)| (*is_grounded, *spacing, *a, *b));
+        matrix_links.sort_by_key(|(is_grounded, spacing, a, b, _)| (*is_grounded, *spacing, *a, *b));
         let mut link_runs: Vec<LinkRun> = Vec::new();
         for (is_grounded, _, a, b, factor) in matrix_links {
             let hardens = !is_grounded && hardens(a, b);

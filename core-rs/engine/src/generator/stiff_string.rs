@@ -30,11 +30,7 @@ const MAX_BENT: usize = 5_000;
 ///
 /// # Errors
 /// Numbers out of range, or too few masses for the first 20 partials within 1 cent.
-pub fn stiff_string(
-    masses: usize,
-    ends: Ends,
-    inharmonicity: f64,
-) -> Result<Topology, GeneratorError> {
+pub fn stiff_string(masses: usize, ends: Ends, inharmonicity: f64) -> Result<Topology, GeneratorError> {
     let masses_label = "`masses` of a string with inharmonicity";
     count(masses_label, masses, 1, MAX_BENT)?;
     if !(0.0..=0.1).contains(&inharmonicity) {
@@ -115,10 +111,7 @@ impl Partials {
             .map(|i| squared_sine(partial_number(i) * angle_step))
             .collect();
         let wanted = |n: f64| n * n * (1.0 + b * n * n) / (1.0 + b);
-        let wanted = (0..PARTIALS.min(n_modes))
-            .map(partial_number)
-            .map(wanted)
-            .collect();
+        let wanted = (0..PARTIALS.min(n_modes)).map(partial_number).map(wanted).collect();
         Self { u, wanted }
     }
 
@@ -127,25 +120,13 @@ impl Partials {
         let mut best_fit: Option<(f64, Vec<f64>)> = None;
         for reach in 2..=REACH_MAX.min(self.u.len()) {
             let coefficients = self.with_reach(reach);
-            let mode_lambdas: Vec<f64> = self
-                .u
-                .iter()
-                .map(|u| polynomial(&coefficients, *u))
-                .collect();
-            let is_rising =
-                mode_lambdas[0] > 0.0 && mode_lambdas.windows(2).all(|pair| pair[0] < pair[1]);
+            let mode_lambdas: Vec<f64> = self.u.iter().map(|u| polynomial(&coefficients, *u)).collect();
+            let is_rising = mode_lambdas[0] > 0.0 && mode_lambdas.windows(2).all(|pair| pair[0] < pair[1]);
             let worst_cents = self.error(&mode_lambdas);
-            if is_rising
-                && best_fit
-                    .as_ref()
-                    .is_none_or(|(least, _)| worst_cents < *least)
-            {
+            if is_rising && best_fit.as_ref().is_none_or(|(least, _)| worst_cents < *least) {
                 best_fit = Some((worst_cents, coefficients));
             }
-            if best_fit
-                .as_ref()
-                .is_some_and(|(worst_cents, _)| *worst_cents <= NEAR)
-            {
+            if best_fit.as_ref().is_some_and(|(worst_cents, _)| *worst_cents <= NEAR) {
                 break;
             }
         }
@@ -162,15 +143,8 @@ impl Partials {
         let mut lambda_powers = vec![1.0; n_partials];
         let columns: Vec<Vec<f64>> = (0..reach)
             .map(|_| {
-                lambda_powers
-                    .iter_mut()
-                    .zip(&scaled_lambdas)
-                    .for_each(|(p, u)| *p *= u);
-                lambda_powers
-                    .iter()
-                    .zip(&self.wanted)
-                    .map(|(p, w)| p / w)
-                    .collect()
+                lambda_powers.iter_mut().zip(&scaled_lambdas).for_each(|(p, u)| *p *= u);
+                lambda_powers.iter().zip(&self.wanted).map(|(p, w)| p / w).collect()
             })
             .collect();
         let mut power_scale = 1.0;
@@ -200,11 +174,7 @@ fn stencil(coefficients: &[f64]) -> Vec<f64> {
         // C(2j, j + d), from the middle outwards.
         let mut binomial = (1..=j).fold(1.0, |b, i| b * (j + i) as f64 / i as f64);
         for (d, a) in row_symbol.iter_mut().enumerate().take(j + 1) {
-            *a += if d % 2 == 0 {
-                c * binomial
-            } else {
-                -c * binomial
-            };
+            *a += if d % 2 == 0 { c * binomial } else { -c * binomial };
             binomial *= (j - d) as f64 / (j + d + 1) as f64;
         }
     }

@@ -102,26 +102,11 @@ impl Row {
             f64::from(left),
             (masses - 1) as f64 + f64::from(left) + f64::from(right),
         );
-        let position = |place: f64| {
-            [
-                if n_gaps > 0.0 {
-                    place / n_gaps - 0.5
-                } else {
-                    0.0
-                },
-                0.0,
-            ]
-        };
-        let mut positions: Vec<[f64; 2]> = (0..masses)
-            .map(|i| position(first_place + i as f64))
-            .collect();
+        let position = |place: f64| [if n_gaps > 0.0 { place / n_gaps - 0.5 } else { 0.0 }, 0.0];
+        let mut positions: Vec<[f64; 2]> = (0..masses).map(|i| position(first_place + i as f64)).collect();
         positions.extend(left.then(|| position(0.0)));
         positions.extend(right.then(|| position(n_gaps)));
-        Self {
-            left,
-            right,
-            positions,
-        }
+        Self { left, right, positions }
     }
 
     pub(super) fn n_fixed(&self) -> usize {

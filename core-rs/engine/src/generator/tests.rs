@@ -85,20 +85,11 @@ fn plate_links_all_neighbours_once() {
             Shape::Hex => 6 * outer_ring,
             _ => 4 * (2 * radius + 1),
         };
-        assert_eq!(
-            plate.n_fixed,
-            if rim == Rim::Fixed { rim_points } else { 0 }
-        );
+        assert_eq!(plate.n_fixed, if rim == Rim::Fixed { rim_points } else { 0 });
     }
     let large_gong = plate(Shape::Hex, 58, Rim::Free).expect("gong");
-    assert_eq!(
-        (large_gong.n_mat, links(&large_gong).len()),
-        (10_267, 30_450)
-    );
-    assert!(
-        large_gong.runs.len() <= 3 * 117 - 2,
-        "one run a row and direction"
-    );
+    assert_eq!((large_gong.n_mat, links(&large_gong).len()), (10_267, 30_450));
+    assert!(large_gong.runs.len() <= 3 * 117 - 2, "one run a row and direction");
     let square_plate = plate(Shape::Square, 20, Rim::Free).expect("square");
     assert_eq!(square_plate.runs.len(), 41 + 1);
 }
@@ -108,11 +99,7 @@ fn string_springs_by_ends() {
     for (ends, springs, fixed) in [(Ends::Fixed, 8, 2), (Ends::Left, 7, 1), (Ends::Free, 6, 0)] {
         let plain_string = string(7, ends, 0.0).expect("string");
         assert_eq!(
-            (
-                links(&plain_string).len(),
-                plain_string.n_fixed,
-                plain_string.centre
-            ),
+            (links(&plain_string).len(), plain_string.n_fixed, plain_string.centre),
             (springs, fixed, 3)
         );
         let link_length = distance(&plain_string, (0, 1));
@@ -151,17 +138,12 @@ fn lowest_modes_match_dense_eigenvalues() {
     ];
     for tested_body in test_bodies {
         let tested_body = tested_body.expect("body");
-        let mut eigenvalues: Vec<f64> = dense(&tested_body)
-            .symmetric_eigenvalues()
-            .iter()
-            .copied()
-            .collect();
+        let mut eigenvalues: Vec<f64> = dense(&tested_body).symmetric_eigenvalues().iter().copied().collect();
         eigenvalues.sort_by(f64::total_cmp);
         let dense_lambda = eigenvalues[usize::from(tested_body.is_rigid())];
         let lowest_lambda = tested_body.lowest().expect("mode");
         assert!(
-            (lowest_lambda - dense_lambda).abs()
-                <= 1e-12 * dense_lambda + 1e-14 * eigenvalues[eigenvalues.len() - 1]
+            (lowest_lambda - dense_lambda).abs() <= 1e-12 * dense_lambda + 1e-14 * eigenvalues[eigenvalues.len() - 1]
         );
     }
 }
@@ -177,19 +159,17 @@ fn large_gong_modes_match_arpack() {
     );
     let mut apply_gong = |x: &[f64], y: &mut [f64]| large_gong.apply(x, y);
     let crate::spectrum::Largest {
-        theta,
-        residual,
-        safe,
-        ..
+        theta, residual, safe, ..
     } = crate::spectrum::largest(large_gong.n_mat, &mut apply_gong);
     let exact_lambda = 8.998_423_184_734_357;
     assert!(
         theta <= exact_lambda && theta + residual >= exact_lambda && safe >= exact_lambda,
         "{theta} {residual}"
     );
-    let spring_links = large_gong.runs.iter().flat_map(|run| {
-        (0..run.len).map(|i| ((run.a + i, 1.0), Some((run.b + i, 1.0)), run.factor))
-    });
+    let spring_links = large_gong
+        .runs
+        .iter()
+        .flat_map(|run| (0..run.len).map(|i| ((run.a + i, 1.0), Some((run.b + i, 1.0)), run.factor)));
     let springs = crate::spectrum::springs::Springs::new(large_gong.n_mat, spring_links.collect());
     let mode_search = crate::spectrum::lowest_modes(&springs, 7);
     assert!(mode_search.is_certified && mode_search.modes[0].lambda.abs() < 1e-13);
@@ -203,11 +183,7 @@ fn large_gong_modes_match_arpack() {
         0.007_685_707_940_994,
     ];
     for (mode, expected) in moving_modes.iter().zip(expected) {
-        assert!(
-            close(mode.lambda, expected, 1e-12),
-            "{} {expected}",
-            mode.lambda
-        );
+        assert!(close(mode.lambda, expected, 1e-12), "{} {expected}", mode.lambda);
     }
 }
 
@@ -226,10 +202,7 @@ fn strings_and_plates_of_impossible_sizes_are_refused() {
     assert!(plate(Shape::Square, usize::MAX / 8, Rim::Free).is_err());
     for lonely_body in [string(1, Ends::Free, 0.0), plate(Shape::Hex, 0, Rim::Free)] {
         let lonely_body = lonely_body.expect("made");
-        assert_eq!(
-            tune(&lonely_body, 1.0, 440.0, None, None),
-            Err(GeneratorError::NoMode)
-        );
+        assert_eq!(tune(&lonely_body, 1.0, 440.0, None, None), Err(GeneratorError::NoMode));
     }
     let string = string(9, Ends::Fixed, 0.0).expect("string");
     for (mass, f, t60) in [(0.0, 1.0, 1.0), (1.0, f64::NAN, 1.0), (1.0, 1.0, 0.0)] {
@@ -248,22 +221,14 @@ fn continuous_tuning_of_pitch_and_decay() {
     let plate = plate(Shape::Hex, 4, Rim::Free).expect("plate");
     let (mass, f, t60) = (0.005, 65.4, 3.0);
     let Tuned { k, z } = tune(&plate, mass, f, Some(t60), None).expect("tuned");
-    let mut eigenvalues: Vec<f64> = dense(&plate)
-        .symmetric_eigenvalues()
-        .iter()
-        .copied()
-        .collect();
+    let mut eigenvalues: Vec<f64> = dense(&plate).symmetric_eigenvalues().iter().copied().collect();
     eigenvalues.sort_by(f64::total_cmp);
     let (squared, sigma) = (k * eigenvalues[1] / mass, 0.5 * z * eigenvalues[1] / mass);
     assert!(close((squared - sigma * sigma).sqrt(), TAU * f, 1e-12));
     assert!(close(3.0 * LN_10 / sigma, t60, 1e-12));
     let lossless = tune(&plate, mass, f, None, None).expect("tuned");
     assert_eq!(lossless.z, 0.0);
-    assert!(close(
-        (lossless.k * eigenvalues[1] / mass).sqrt(),
-        TAU * f,
-        1e-12
-    ));
+    assert!(close((lossless.k * eigenvalues[1] / mass).sqrt(), TAU * f, 1e-12));
 }
 
 // The discrete network is run: its lowest mode is excited alone, and its pole read from three samples.
@@ -296,10 +261,7 @@ fn discrete_tuning_of_pole() {
     }
     // x[n+1] = (2-κ-ζ) x[n] - (1-ζ) x[n-1], solved for κ and ζ from four samples.
     let (a, b, c, d) = (listened[0], listened[1], listened[2], listened[3]);
-    let (p, q) = (
-        (b * c - a * d) / (b * b - a * c),
-        (c * c - b * d) / (b * b - a * c),
-    );
+    let (p, q) = ((b * c - a * d) / (b * b - a * c), (c * c - b * d) / (b * b - a * c));
     let zeta = 1.0 - q;
     let pole_ratios = cell::Ratios {
         kappa: 2.0 - p - zeta,

@@ -38,9 +38,7 @@ impl Topology {
                 .zip(x.iter().zip(&mass_root))
                 .for_each(|(displacement, (x, mass_root))| *displacement = x / mass_root);
             self.apply(&displacement, y);
-            y.iter_mut()
-                .zip(&mass_root)
-                .for_each(|(y, mass_root)| *y /= mass_root);
+            y.iter_mut().zip(&mass_root).for_each(|(y, mass_root)| *y /= mass_root);
         };
         let mut rigid_modes: Vec<Vec<f64>> = Vec::new();
         if self.is_rigid() {
@@ -91,10 +89,7 @@ pub fn tune(
     t60.map_or(Ok(()), |t60| positive("`t60`", t60))?;
     let mass_per_lambda = mass / topology.lowest()?;
     match discrete {
-        Some(rate) if 2.0 * f >= rate.hertz() => Err(GeneratorError::Pitch {
-            f,
-            rate: rate.hertz(),
-        }),
+        Some(rate) if 2.0 * f >= rate.hertz() => Err(GeneratorError::Pitch { f, rate: rate.hertz() }),
         Some(rate) => {
             let tuned_ratios = cell::tune(f, t60, rate);
             Ok(Tuned {

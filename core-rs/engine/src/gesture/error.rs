@@ -15,9 +15,7 @@ pub enum GestureError {
     #[error("a gesture has as many positions and curves as instants")]
     Shape,
     /// A throw with no frame between its ends.
-    #[error(
-        "point {index}: a throw needs time: from {from} s to {to} s there is not one audio sample"
-    )]
+    #[error("point {index}: a throw needs time: from {from} s to {to} s there is not one audio sample")]
     Short {
         /// Index of the point thrown to, from 0.
         index: usize,
@@ -27,9 +25,7 @@ pub enum GestureError {
         to: f64,
     },
     /// Tracked ergons as particles: a particle would be launched before the force that it has to give is known.
-    #[error(
-        "tracked ergons cannot be particles: a particle is launched before the force that it must give is known"
-    )]
+    #[error("tracked ergons cannot be particles: a particle is launched before the force that it must give is known")]
     TrackedParticle,
     /// A joining time, force limit or grain that is not a positive number.
     #[error("{what} must be a positive number, not {value}")]

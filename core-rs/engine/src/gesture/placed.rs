@@ -105,11 +105,7 @@ impl Placed {
 
     /// Position, velocity and acceleration of the profile, scaled and stretched.
     fn scaled(&self, (x, v, a): (f64, f64, f64)) -> (f64, f64, f64) {
-        let signed_stretch = if self.reverse {
-            -self.stretch
-        } else {
-            self.stretch
-        };
+        let signed_stretch = if self.reverse { -self.stretch } else { self.stretch };
         (
             x * self.scale,
             v * self.scale / signed_stretch,
@@ -160,10 +156,7 @@ mod tests {
     fn range_of_placed_path_by_sign_of_scale() {
         let (knock_low, knock_high) = knock().range(1.0, 3.0);
         let placed_path = Placed::transformed(knock(), 0.0, -2.0, 3.0, true).unwrap();
-        assert_eq!(
-            placed_path.range(0.0, 100.0),
-            (-2.0 * knock_high, -2.0 * knock_low)
-        );
+        assert_eq!(placed_path.range(0.0, 100.0), (-2.0 * knock_high, -2.0 * knock_low));
         assert!(knock_low < -2.0 && knock_high > 6.0 - 1e-12);
     }
 

@@ -44,9 +44,7 @@ pub enum PathError {
         x: f64,
     },
     /// Two points in the wrong order, or at one instant.
-    #[error(
-        "time must rise along a path: point {index} is at {t} s, the one before it at {before} s"
-    )]
+    #[error("time must rise along a path: point {index} is at {t} s, the one before it at {before} s")]
     NotRising {
         /// Which point, from 0.
         index: usize,
@@ -186,8 +184,7 @@ impl Profile {
             let (x, v, a) = self.evaluate(t);
             Knot { t, x, v, a }
         };
-        let inner_range =
-            self.t.partition_point(|&t| t <= from)..self.t.partition_point(|&t| t < to);
+        let inner_range = self.t.partition_point(|&t| t <= from)..self.t.partition_point(|&t| t < to);
         let cut_column = |values: &[f64], first_end: f64, last_end: f64| {
             let mut column_knots = Vec::with_capacity(inner_range.len() + 2);
             column_knots.push(first_end);
@@ -258,16 +255,11 @@ impl Profile {
         let (first_piece, last_piece) = (self.search(from), self.search(to));
         // Start with the knots: most pieces cannot exceed them, and then need no roots.
         let end_positions = [self.evaluate(from).0, self.evaluate(to).0];
-        let mut known_range = extremes(
-            end_positions
-                .iter()
-                .chain(&self.x[first_piece + 1..=last_piece]),
-        );
+        let mut known_range = extremes(end_positions.iter().chain(&self.x[first_piece + 1..=last_piece]));
         for i in first_piece..(last_piece + 1).min(self.t.len() - 1) {
             let (piece_low, piece_high) = self.hull(i);
             let (piece_start, piece_stop) = (from.max(self.t[i]), to.min(self.t[i + 1]));
-            if piece_start < piece_stop && (piece_low < known_range.0 || piece_high > known_range.1)
-            {
+            if piece_start < piece_stop && (piece_low < known_range.0 || piece_high > known_range.1) {
                 let (piece_low, piece_high) = self.piece(i).range(piece_start, piece_stop);
                 known_range = (known_range.0.min(piece_low), known_range.1.max(piece_high));
             }
@@ -325,10 +317,7 @@ fn check(points: &[Point]) -> Result<(), PathError> {
     if points.is_empty() {
         return Err(PathError::Empty);
     }
-    if let Some(index) = points
-        .iter()
-        .position(|p| !(p.t.is_finite() && p.x.is_finite()))
-    {
+    if let Some(index) = points.iter().position(|p| !(p.t.is_finite() && p.x.is_finite())) {
         return Err(PathError::NotFinite {
             index,
             t: points[index].t,

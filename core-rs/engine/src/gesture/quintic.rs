@@ -109,10 +109,7 @@ fn roots(c: &[f64], low: f64, high: f64) -> Vec<f64> {
     let mut root_bounds = vec![low];
     root_bounds.extend(roots(&slope_terms, low, high));
     root_bounds.push(high);
-    root_bounds
-        .windows(2)
-        .filter_map(|w| bisect(c, w[0], w[1]))
-        .collect()
+    root_bounds.windows(2).filter_map(|w| bisect(c, w[0], w[1])).collect()
 }
 
 fn bisect(c: &[f64], mut low: f64, mut high: f64) -> Option<f64> {
@@ -138,8 +135,7 @@ mod tests {
 
     /// (t-1)(t-2)(t-3)(t-4)(t-5)/10 and its derivatives, written out.
     fn wave(t: f64) -> Knot {
-        let coefficients =
-            [-120.0, 274.0, -225.0, 85.0, -15.0, 1.0].map(|coefficients: f64| coefficients / 10.0);
+        let coefficients = [-120.0, 274.0, -225.0, 85.0, -15.0, 1.0].map(|coefficients: f64| coefficients / 10.0);
         let slope_terms: Vec<f64> = (1..6).map(|k| coefficients[k] * k as f64).collect();
         let second_derivative: Vec<f64> = (1..5).map(|k| slope_terms[k] * k as f64).collect();
         Knot {
@@ -157,10 +153,7 @@ mod tests {
             let t = 0.7 + 4.5 * f64::from(i) / 50.0;
             let (x, v, a) = joined_piece.evaluate(t);
             let Knot {
-                x: x0,
-                v: v0,
-                a: a0,
-                ..
+                x: x0, v: v0, a: a0, ..
             } = wave(t);
             assert!((x - x0).abs() < 1e-11 && (v - v0).abs() < 1e-11 && (a - a0).abs() < 1e-10);
         }
@@ -175,8 +168,7 @@ mod tests {
         let u = ((15.0 + 145.0f64.sqrt()) / 10.0).sqrt();
         let outer_extremum = u * (4.0 + u * u * (u * u - 5.0)) / 10.0;
         assert!(
-            (range_low - outer_extremum).abs() < 1e-13
-                && (range_high + outer_extremum).abs() < 1e-13,
+            (range_low - outer_extremum).abs() < 1e-13 && (range_high + outer_extremum).abs() < 1e-13,
             "{range_low} {range_high}"
         );
         let (range_low, range_high) = wave_piece.range(2.9, 3.1);

@@ -58,12 +58,7 @@ pub(crate) enum Stretch {
     /// Follow a path up to `stop` [s].
     Path { path: Placed, stop: f64 },
     /// One strike at `from` [s]; the key then flies freely and passes `x` [m] at `to` [s], the written point `point`.
-    Throw {
-        from: f64,
-        to: f64,
-        x: f64,
-        point: usize,
-    },
+    Throw { from: f64, to: f64, x: f64, point: usize },
 }
 
 /// A written gesture or a take, placed in time. It does not depend on the rate.
@@ -90,14 +85,8 @@ impl Gesture {
     pub(crate) fn check_rate(&self, rate: f64) -> Result<(), GestureError> {
         for stretch in &self.stretches {
             match *stretch {
-                Stretch::Throw {
-                    from, to, point, ..
-                } if frame(to, rate) <= frame(from, rate) => {
-                    return Err(GestureError::Short {
-                        index: point,
-                        from,
-                        to,
-                    });
+                Stretch::Throw { from, to, point, .. } if frame(to, rate) <= frame(from, rate) => {
+                    return Err(GestureError::Short { index: point, from, to });
                 }
                 _ => {}
             }
@@ -111,9 +100,7 @@ impl Gesture {
             let gesture_points = gesture.points.iter();
             gesture_points.map(|(t, _)| t.to_bits()).collect()
         };
-        self.manner == other.manner
-            && self.stretches == other.stretches
-            && instants(self) == instants(other)
+        self.manner == other.manner && self.stretches == other.stretches && instants(self) == instants(other)
     }
 
     /// The gesture on another key.
@@ -132,14 +119,12 @@ impl Gesture {
     /// Lowest and highest position of the written points and of the paths between them [m].
     pub(crate) fn range(&self) -> (f64, f64) {
         let written_range = (self.entry.x.min(self.exit), self.entry.x.max(self.exit));
-        self.stretches
-            .iter()
-            .fold(written_range, |(low, high), stretch| {
-                let (stretch_low, stretch_high) = match stretch {
-                    Stretch::Path { path, .. } => path.range(path.start(), path.stop()),
-                    Stretch::Throw { x, .. } => (*x, *x),
-                };
-                (low.min(stretch_low), high.max(stretch_high))
-            })
+        self.stretches.iter().fold(written_range, |(low, high), stretch| {
+            let (stretch_low, stretch_high) = match stretch {
+                Stretch::Path { path, .. } => path.range(path.start(), path.stop()),
+                Stretch::Throw { x, .. } => (*x, *x),
+            };
+            (low.min(stretch_low), high.max(stretch_high))
+        })
     }
 }

@@ -44,10 +44,8 @@ pub fn slopes(t: &[f64], x: &[f64], ends: Ends) -> (Vec<f64>, Vec<f64>) {
         for i in 1..n_knots - 1 {
             // Without the contribution of the jerk, two straight lines meet at this knot.
             let (left_step, right_step) = (knot_points.step(i - 1), knot_points.step(i));
-            let slope_before =
-                knot_points.slope(i - 1) - solved_jerk.piece(knot_points, i - 1).slope_from_right();
-            let slope_after =
-                knot_points.slope(i) - solved_jerk.piece(knot_points, i).slope_from_left();
+            let slope_before = knot_points.slope(i - 1) - solved_jerk.piece(knot_points, i - 1).slope_from_right();
+            let slope_after = knot_points.slope(i) - solved_jerk.piece(knot_points, i).slope_from_left();
             a[i] = 2.0 * (slope_after - slope_before) / (left_step + right_step);
             v[i] = (right_step * slope_before + left_step * slope_after) / (left_step + right_step);
         }
@@ -62,8 +60,7 @@ pub fn slopes(t: &[f64], x: &[f64], ends: Ends) -> (Vec<f64>, Vec<f64>) {
             a[0] = a[1] - first.acceleration_change();
             v[0] = knot_points.slope(0) - first.slope_from_left() - 0.5 * first.h * a[0];
             a[n_knots - 1] = a[n_knots - 2] + last.acceleration_change();
-            v[n_knots - 1] = knot_points.slope(n_knots - 2) - last.slope_from_right()
-                + 0.5 * last.h * a[n_knots - 1];
+            v[n_knots - 1] = knot_points.slope(n_knots - 2) - last.slope_from_right() + 0.5 * last.h * a[n_knots - 1];
         }
     } else if let (1, Ends::Clamped { first, .. }) = (n_knots, ends) {
         (v[0], a[0]) = first;
@@ -92,11 +89,7 @@ impl Points<'_> {
     fn shares(self, i: usize) -> (f64, f64) {
         let interval_width = self.step(i);
         let left_width = if i > 0 { self.step(i - 1) } else { 0.0 };
-        let right_width = if i + 2 < self.t.len() {
-            self.step(i + 1)
-        } else {
-            0.0
-        };
+        let right_width = if i + 2 < self.t.len() { self.step(i + 1) } else { 0.0 };
         (
             interval_width / (left_width + interval_width),
             interval_width / (interval_width + right_width),
@@ -106,8 +99,8 @@ impl Points<'_> {
     /// Twice the second divided differences, including the ends if these are clamped.
     fn second_differences(self, ends: Ends) -> Vec<f64> {
         let last = self.t.len() - 2;
-        let inner_differences = (0..last)
-            .map(|i| 2.0 * (self.slope(i + 1) - self.slope(i)) / (self.step(i) + self.step(i + 1)));
+        let inner_differences =
+            (0..last).map(|i| 2.0 * (self.slope(i + 1) - self.slope(i)) / (self.step(i) + self.step(i + 1)));
         match ends {
             Ends::Natural => inner_differences.collect(),
             Ends::Clamped {
@@ -169,11 +162,7 @@ impl Jerk {
         let mut lambda: Vec<f64> = second_differences.windows(2).map(|w| w[1] - w[0]).collect();
         let first = if ends == Ends::Natural { -2 } else { 0 };
         let n_splines = lambda.len();
-        let mut gram_bands = [
-            vec![0.0; n_splines],
-            vec![0.0; n_splines],
-            vec![0.0; n_splines],
-        ];
+        let mut gram_bands = [vec![0.0; n_splines], vec![0.0; n_splines], vec![0.0; n_splines]];
         for i in 0..points.t.len() - 1 {
             let (interval_width, (p, r)) = (points.step(i), points.shares(i));
             // The three B-splines of the interval, in Bernstein's quadratics.
@@ -184,8 +173,7 @@ impl Jerk {
                 };
                 for (l, right) in splines.iter().enumerate().skip(k) {
                     if index(first, i, l, n_splines).is_some() {
-                        let integral: f64 =
-                            (0..3).map(|m| left[m] * dot(BERNSTEIN[m], *right)).sum();
+                        let integral: f64 = (0..3).map(|m| left[m] * dot(BERNSTEIN[m], *right)).sum();
                         gram_bands[l - k][band_row] += interval_width * integral;
                     }
                 }
@@ -196,23 +184,16 @@ impl Jerk {
     }
 
     fn piece(&self, points: Points, i: usize) -> JerkPiece {
-        let lambda_of_spline =
-            |k| index(self.first, i, k, self.lambda.len()).map_or(0.0, |j| self.lambda[j]);
+        let lambda_of_spline = |k| index(self.first, i, k, self.lambda.len()).map_or(0.0, |j| self.lambda[j]);
         let (p, r) = points.shares(i);
-        let (lambda_before, lambda_here, lambda_after) = (
-            lambda_of_spline(0),
-            lambda_of_spline(1),
-            lambda_of_spline(2),
-        );
+        let (lambda_before, lambda_here, lambda_after) =
+            (lambda_of_spline(0), lambda_of_spline(1), lambda_of_spline(2));
         let j = [
             p * lambda_before + (1.0 - p) * lambda_here,
             lambda_here,
             (1.0 - r) * lambda_here + r * lambda_after,
         ];
-        JerkPiece {
-            h: points.step(i),
-            j,
-        }
+        JerkPiece { h: points.step(i), j }
     }
 }
 

@@ -32,9 +32,7 @@ pub struct Take {
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum TakeError {
     /// Different numbers of instants and positions.
-    #[error(
-        "a take has one position for each instant; here are {n_t} instants and {n_x} positions"
-    )]
+    #[error("a take has one position for each instant; here are {n_t} instants and {n_x} positions")]
     Lengths {
         /// Instants given.
         n_t: usize,
@@ -61,9 +59,7 @@ pub enum TakeError {
         x: f64,
     },
     /// An instant is not later than the one before.
-    #[error(
-        "time must rise along a take: sample {index} is at {t} s, the one before it at {before} s"
-    )]
+    #[error("time must rise along a take: sample {index} is at {t} s, the one before it at {before} s")]
     NotRising {
         /// Which sample, from 0.
         index: usize,
@@ -73,9 +69,7 @@ pub enum TakeError {
         before: f64,
     },
     /// `trim` reaches beyond the samples, or keeps nothing.
-    #[error(
-        "trim {from} s to {to} s does not lie inside the take, which runs from {start} s to {stop} s"
-    )]
+    #[error("trim {from} s to {to} s does not lie inside the take, which runs from {start} s to {stop} s")]
     Trim {
         /// Wanted start [s].
         from: f64,
@@ -145,12 +139,7 @@ impl Take {
         };
         let (start, stop) = (profile.start(), profile.stop());
         if !(start <= from && from < to && to <= stop) {
-            return Err(TakeError::Trim {
-                from,
-                to,
-                start,
-                stop,
-            });
+            return Err(TakeError::Trim { from, to, start, stop });
         }
         Ok(Self {
             profile: Arc::new(profile.trimmed(from, to).earlier(from)),
@@ -183,22 +172,10 @@ impl Take {
     ///
     /// # Errors
     /// [`PathError::Placement`] if a number is not finite or `stretch` is not above 0.
-    pub fn placed(
-        &self,
-        start: f64,
-        scale: f64,
-        stretch: f64,
-        reverse: bool,
-    ) -> Result<Placed, PathError> {
+    pub fn placed(&self, start: f64, scale: f64, stretch: f64, reverse: bool) -> Result<Placed, PathError> {
         // The clock of a capture may begin at any value, so its origin is not part of the movement.
         let clock_origin = start - self.profile.start() * stretch;
-        Placed::transformed(
-            Arc::clone(&self.profile),
-            clock_origin,
-            scale,
-            stretch,
-            reverse,
-        )
+        Placed::transformed(Arc::clone(&self.profile), clock_origin, scale, stretch, reverse)
     }
 
     /// Time from its first instant to its last [s].
@@ -220,8 +197,8 @@ fn check(t: &[f64], x: &[f64]) -> Result<(), TakeError> {
         2..=MAX_SAMPLES => {}
         _ => return Err(TakeError::TooMany(n_samples)),
     }
-    if let Some(index) = (0..n_samples)
-        .find(|&sample_index| !(t[sample_index].is_finite() && x[sample_index].is_finite()))
+    if let Some(index) =
+        (0..n_samples).find(|&sample_index| !(t[sample_index].is_finite() && x[sample_index].is_finite()))
     {
         return Err(TakeError::NotFinite {
             index,
@@ -229,9 +206,7 @@ fn check(t: &[f64], x: &[f64]) -> Result<(), TakeError> {
             x: x[index],
         });
     }
-    if let Some(sample_index) =
-        (1..n_samples).find(|&sample_index| t[sample_index] <= t[sample_index - 1])
-    {
+    if let Some(sample_index) = (1..n_samples).find(|&sample_index| t[sample_index] <= t[sample_index - 1]) {
         return Err(TakeError::NotRising {
             index: sample_index,
             t: t[sample_index],
@@ -248,11 +223,7 @@ fn rate(t: &[f64]) -> f64 {
 
 /// The samples at even steps, as a digital filter needs them. If instants jitter (0.0333, 0.0667, 0.1), the spline is
 /// sampled instead.
-fn evenly(
-    t: &[f64],
-    x: &[f64],
-    natural: impl Fn(&[f64], &[f64]) -> Profile,
-) -> (Vec<f64>, Vec<f64>) {
+fn evenly(t: &[f64], x: &[f64], natural: impl Fn(&[f64], &[f64]) -> Profile) -> (Vec<f64>, Vec<f64>) {
     let last_index = t.len() - 1;
     let (first_instant, last_instant) = (t[0], t[last_index]);
     let even_instants: Vec<f64> = (0..=last_index)
@@ -260,10 +231,7 @@ fn evenly(
         .collect();
     // 1e-9 of a step allows for the rounding of i·T, which is not jitter.
     let tolerance = 1e-9 * (last_instant - first_instant) / last_index as f64;
-    if t.iter()
-        .zip(&even_instants)
-        .all(|(t, e)| (t - e).abs() <= tolerance)
-    {
+    if t.iter().zip(&even_instants).all(|(t, e)| (t - e).abs() <= tolerance) {
         return (even_instants, x.to_vec());
     }
     let natural_path = natural(t, x);
@@ -291,17 +259,12 @@ fn low_pass(x: &mut [f64], cutoff: f64, rate: f64) -> Result<(), TakeError> {
     let padding = PADDING.min(last_index);
     let padding_before = (1..=padding).rev().map(|i| 2.0 * x[0] - x[i]);
     let padding_after = (1..=padding).map(|i| 2.0 * x[last_index] - x[last_index - i]);
-    let mut padded_samples: Vec<f64> = padding_before
-        .chain(x.iter().copied())
-        .chain(padding_after)
-        .collect();
+    let mut padded_samples: Vec<f64> = padding_before.chain(x.iter().copied()).chain(padding_after).collect();
     for _ in 0..2 {
         for damping in DAMPINGS {
             let mut section = Section::new(cutoff, rate, damping);
             section.settle(padded_samples[0]);
-            padded_samples
-                .iter_mut()
-                .for_each(|x| *x = section.next(*x).low);
+            padded_samples.iter_mut().for_each(|x| *x = section.next(*x).low);
         }
         padded_samples.reverse();
     }

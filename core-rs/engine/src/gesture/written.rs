@@ -77,9 +77,7 @@ impl Gesture {
             stretches(points)?,
             points.t[0],
             [points.x[0], points.x[n_points - 1]],
-            (0..n_points)
-                .map(|i| (points.t[i], point_source(i)))
-                .collect(),
+            (0..n_points).map(|i| (points.t[i], point_source(i))).collect(),
             manner,
         )
     }
@@ -100,14 +98,7 @@ impl Gesture {
         let end_positions = [path.evaluate(take_start).0, path.evaluate(stop).0];
         let stretches = vec![Stretch::Path { path, stop }];
         // A take has no written points that ergons have to meet: its single point is at frame 0, before the take.
-        Self::new(
-            key,
-            stretches,
-            take_start,
-            end_positions,
-            vec![(0.0, source)],
-            manner,
-        )
+        Self::new(key, stretches, take_start, end_positions, vec![(0.0, source)], manner)
     }
 
     fn new(
@@ -169,9 +160,7 @@ impl Manner {
 }
 
 fn stretches(points: &Written<'_>) -> Result<Vec<Stretch>, GestureError> {
-    let Written {
-        t, x, approaches, ..
-    } = *points;
+    let Written { t, x, approaches, .. } = *points;
     let mut stretches = Vec::new();
     let mut point_index = 0;
     while point_index + 1 < t.len() {

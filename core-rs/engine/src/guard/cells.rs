@@ -12,11 +12,7 @@ pub(super) struct Cells([[Vec<f64>; 2]; 3]);
 
 impl Cells {
     /// Compute the factors; `None` if the network has no CEL, or the method does not use poles.
-    pub(super) fn new(
-        scheme: &Scheme,
-        network: &Network,
-        has_poles: bool,
-    ) -> Result<Option<Self>, Error> {
+    pub(super) fn new(scheme: &Scheme, network: &Network, has_poles: bool) -> Result<Option<Self>, Error> {
         let has_ties = [&scheme.kappa, &scheme.zeta]
             .iter()
             .any(|numbers| numbers.iter().any(|number| *number != 0.0));
@@ -32,13 +28,7 @@ impl Cells {
             let factors = |fine: &[f64], coarse: &[f64], by: f64| {
                 let term_pairs = fine.iter().zip(coarse);
                 term_pairs
-                    .map(|(fine, coarse)| {
-                        if *coarse == 0.0 {
-                            1.0
-                        } else {
-                            by * fine / coarse
-                        }
-                    })
+                    .map(|(fine, coarse)| if *coarse == 0.0 { 1.0 } else { by * fine / coarse })
                     .collect()
             };
             Ok([
@@ -46,11 +36,7 @@ impl Cells {
                 factors(&finer_scheme.zeta, &scheme.zeta, step_count),
             ])
         };
-        Ok(Some(Self([
-            multiples(2)?,
-            multiples(4)?,
-            multiples(MAX_STEPS)?,
-        ])))
+        Ok(Some(Self([multiples(2)?, multiples(4)?, multiples(MAX_STEPS)?])))
     }
 
     /// Write κ and ζ for `steps` steps a frame into `out`, from those of the frame.

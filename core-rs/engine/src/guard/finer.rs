@@ -28,11 +28,7 @@ pub(crate) struct Motion<'a> {
 impl Guard {
     /// Set the MATs whose path is imposed in the next finer frame: the ports and `targets`; `path` gives positions at
     /// the beginning and the end of the frame [m].
-    pub(crate) fn impose(
-        &mut self,
-        targets: impl Iterator<Item = usize>,
-        path: impl Fn(usize) -> (f64, f64),
-    ) {
+    pub(crate) fn impose(&mut self, targets: impl Iterator<Item = usize>, path: impl Fn(usize) -> (f64, f64)) {
         let imposed_mats = self.ports.iter().copied().chain(targets);
         self.imposed.clear();
         self.imposed.extend(imposed_mats.map(|mat| {
@@ -82,11 +78,7 @@ impl Guard {
             finer_cells.ties(steps, [ties[1], ties[2]], [kappa, zeta]);
         }
         for (i, d) in d.iter_mut().enumerate() {
-            let frame_lead = if self.previous_steps > 1 {
-                self.lead[i]
-            } else {
-                0.0
-            };
+            let frame_lead = if self.previous_steps > 1 { self.lead[i] } else { 0.0 };
             *d += frame_lead + time_shift * self.link_steps[i];
         }
         for &(mat, from, to) in &self.imposed {

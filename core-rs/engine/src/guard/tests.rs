@@ -58,9 +58,7 @@ fn guard_bounds_lambda_of_stiffened_links() {
         let link_laws = [&hardening, &quintic];
         let stiff_network = net(seed, |network, link, a, b| {
             let link_name = format!("l{link}");
-            network
-                .lnl(&link_name, a, b, link_laws[link % 2].clone(), 0.0)
-                .unwrap();
+            network.lnl(&link_name, a, b, link_laws[link % 2].clone(), 0.0).unwrap();
         });
         let stiff_scheme = Scheme::new(&stiff_network, rate()).unwrap();
         let mut guard = Guard::new(&stiff_scheme, &stiff_network, Limit::CA, &[])
@@ -68,22 +66,15 @@ fn guard_bounds_lambda_of_stiffened_links() {
             .unwrap();
         let mut position_chance = Chance::new(seed, "guard", "x", 0, 0);
         let reach_max = position_chance.uniform(0.0, 1e-2);
-        let mut x: Vec<f64> = (0..N)
-            .map(|_| position_chance.uniform(-reach_max, reach_max))
-            .collect();
+        let mut x: Vec<f64> = (0..N).map(|_| position_chance.uniform(-reach_max, reach_max)).collect();
         x.push(0.0);
         let tangent = net(seed, |network, link, a, b| {
             let elongation = x[b] - x[a];
             let (k, z) = match link % 2 {
                 0 => (k + 3.0 * q * elongation * elongation, z),
-                _ => (
-                    k + 5e16 * elongation * elongation * elongation * elongation,
-                    0.0,
-                ),
+                _ => (k + 5e16 * elongation * elongation * elongation * elongation, 0.0),
             };
-            network
-                .spring(&format!("l{link}"), a, b, k, z, 0.0)
-                .unwrap();
+            network.spring(&format!("l{link}"), a, b, k, z, 0.0).unwrap();
         });
         let tangent_scheme = Scheme::new(&tangent, rate()).unwrap();
         let tangent_lambda = top(&tangent_scheme, &tangent, 2.0, 0.0).unwrap().lambda;
@@ -105,19 +96,12 @@ fn guard_bounds_lambda_of_stiffened_links() {
 #[test]
 fn stiffens_beyond_gives_the_allowed_stretch() {
     let assert_near = |result: f64, expected: f64| {
-        assert!(
-            result <= expected && result > expected / 1.05,
-            "{result} {expected}"
-        );
+        assert!(result <= expected && result > expected / 1.05, "{result} {expected}");
     };
     assert_near(law("2e4*d + 1e10*d**3").stiffens_beyond(5e4), 1e-3);
     assert_near(law("2e4*d - 1e7*d**2").stiffens_beyond(4e4), 1e-3);
     for law_text in ["2e4*d", "1e3*tanh(20*d)", "2e4*d - 1e10*d**3"] {
-        assert_eq!(
-            law(law_text).stiffens_beyond(3e4),
-            f64::INFINITY,
-            "{law_text}"
-        );
+        assert_eq!(law(law_text).stiffens_beyond(3e4), f64::INFINITY, "{law_text}");
     }
     let points = [(-2e-3, -60.0), (-1e-3, -10.0), (3e-3, 30.0), (4e-3, 100.0)];
     let points = Some(&points[..]);
@@ -136,20 +120,14 @@ fn stiffens_beyond_gives_the_allowed_stretch() {
 fn guard_is_absent_for_laws_without_stiffening() {
     let has_guard = |law: Arc<Law>| {
         let network = net(1, |network, link, a, b| {
-            network
-                .lnl(&format!("l{link}"), a, b, law.clone(), 0.0)
-                .unwrap();
+            network.lnl(&format!("l{link}"), a, b, law.clone(), 0.0).unwrap();
         });
         let network_scheme = Scheme::new(&network, rate()).unwrap();
-        Guard::new(&network_scheme, &network, Limit::CA, &[])
-            .unwrap()
-            .is_some()
+        Guard::new(&network_scheme, &network, Limit::CA, &[]).unwrap().is_some()
     };
     assert!(has_guard(law("2e4*d + 1e10*d**3")));
     assert!(!has_guard(law("2e4*d")) && !has_guard(law("1e2*tanh(50*d)")));
-    assert!(!has_guard(Arc::new(
-        Law::hardening(2e4, -1e6, 0.0).unwrap()
-    )));
+    assert!(!has_guard(Arc::new(Law::hardening(2e4, -1e6, 0.0).unwrap())));
 }
 
 /// A position that is NaN or infinite is beyond every reach.
@@ -159,14 +137,10 @@ fn guard_with_non_finite_positions_needs_finer_steps() {
         assert!(!watch::peak(&[0.0, bad, 1.0]).is_finite());
         let network = net(2, |network, link, a, b| {
             let hardening_law = Arc::new(Law::hardening(2e4, 1e10, 0.0).unwrap());
-            network
-                .lnl(&format!("l{link}"), a, b, hardening_law, 0.0)
-                .unwrap();
+            network.lnl(&format!("l{link}"), a, b, hardening_law, 0.0).unwrap();
         });
         let network_scheme = Scheme::new(&network, rate()).unwrap();
-        let mut guard = Guard::new(&network_scheme, &network, Limit::CA, &[])
-            .unwrap()
-            .unwrap();
+        let mut guard = Guard::new(&network_scheme, &network, Limit::CA, &[]).unwrap().unwrap();
         let (mut x, mut d) = (vec![0.0; N + 1], vec![0.0; N + 1]);
         assert!(!guard.needs_finer(&x, &d, &network_scheme.w));
         (x[3], d[3]) = (bad, bad);

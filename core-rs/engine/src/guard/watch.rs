@@ -66,9 +66,7 @@ impl Stiffening {
             Self::Square(by) => (rise / by).sqrt(),
             Self::Law(law, rest_slope) => law.stiffens_beyond(rest_slope + rise),
             Self::Any(laws, rest_slope) => {
-                let reaches = laws
-                    .iter()
-                    .map(|law| law.stiffens_beyond(rest_slope + rise));
+                let reaches = laws.iter().map(|law| law.stiffens_beyond(rest_slope + rise));
                 reaches.fold(f64::INFINITY, f64::min)
             }
         }
@@ -100,20 +98,15 @@ pub(super) fn set_reaches(watches: &mut Vec<Watch>, rise: f64, w: &[f64]) {
     let mut link_degree = vec![0.0; w.len()];
     for watch in &*watches {
         for first in [watch.a, watch.b] {
-            link_degree[first..][..watch.len]
-                .iter_mut()
-                .for_each(|n| *n += 1.0);
+            link_degree[first..][..watch.len].iter_mut().for_each(|n| *n += 1.0);
         }
     }
     // If the stiffening of each link is at most half of `rise`, divided by degree times 1/M at either end, no edge sum
     // exceeds `rise`.
     let edge_weight = |mat: usize| link_degree[mat] * w[mat];
     for watch in &mut *watches {
-        let end_weights =
-            (0..watch.len).map(|i| edge_weight(watch.a + i).max(edge_weight(watch.b + i)));
-        watch.reach = watch
-            .stiffening
-            .reach(0.5 * rise / end_weights.fold(0.0, f64::max));
+        let end_weights = (0..watch.len).map(|i| edge_weight(watch.a + i).max(edge_weight(watch.b + i)));
+        watch.reach = watch.stiffening.reach(0.5 * rise / end_weights.fold(0.0, f64::max));
     }
     watches.retain(|watch| watch.reach < f64::INFINITY);
 }
@@ -165,15 +158,11 @@ pub(super) fn stiffening(
         let rises = &mut rises[..watch.len];
         let (positions_a, positions_b) = (&x[end_a..][..watch.len], &x[end_b..][..watch.len]);
         for (i, rise) in rises.iter_mut().enumerate() {
-            *rise = watch
-                .stiffening
-                .rise(positions_b[i] - positions_a[i] - watch.rest);
+            *rise = watch.stiffening.rise(positions_b[i] - positions_a[i] - watch.rest);
         }
         for first in [end_a, end_b] {
             let sums = &mut sums[first..][..watch.len];
-            sums.iter_mut()
-                .zip(&*rises)
-                .for_each(|(sum, rise)| *sum += rise);
+            sums.iter_mut().zip(&*rises).for_each(|(sum, rise)| *sum += rise);
         }
     }
     let (mut greatest, mut worst_mat) = (0.0, mats.start);

@@ -24,8 +24,7 @@ const B2: f64 = 0.396_309_801_498_368;
 const B3: f64 = -0.039_056_304_922_348_6;
 const B4: f64 = 1.0 - 2.0 * (B1 + B2 + B3);
 /// A kick and the drift that follows it; a last kick of `B1` ends the step.
-pub(crate) const STAGES: [[f64; 2]; 6] =
-    [[B1, A1], [B2, A2], [B3, A3], [B4, A3], [B3, A2], [B2, A1]];
+pub(crate) const STAGES: [[f64; 2]; 6] = [[B1, A1], [B2, A2], [B3, A3], [B4, A3], [B3, A2], [B2, A1]];
 
 #[derive(Clone, Debug)]
 pub(super) struct Bm4 {
@@ -68,11 +67,7 @@ impl Bm4 {
         let loss_stages = STAGES.iter().filter(|_| has_exact_losses);
         let losses = loss_stages.map(|[b, _]| losses(zeta, *b)).collect();
         Self {
-            written: mesh
-                .springs
-                .iter()
-                .map(|spring| [spring.k, spring.z])
-                .collect(),
+            written: mesh.springs.iter().map(|spring| [spring.k, spring.z]).collect(),
             losses: Arc::new(losses),
             x,
             v,
@@ -166,8 +161,7 @@ impl Stepper for Bm4 {
         }
         for (stage_index, stage) in STAGES.into_iter().enumerate() {
             self.kick_drift(stage_index, stage, team);
-            self.mesh
-                .elastic(&self.x, &mut self.scratch, &mut self.force, team);
+            self.mesh.elastic(&self.x, &mut self.scratch, &mut self.force, team);
         }
         self.kick_drift(0, [B1, 0.0], team);
     }
@@ -194,14 +188,11 @@ impl Stepper for Bm4 {
     }
 
     fn settle(&mut self) {
-        self.mesh
-            .velocities_from_steps(&self.x, &mut self.v, &mut self.midway);
+        self.mesh.velocities_from_steps(&self.x, &mut self.v, &mut self.midway);
         let (scratch, lone_team) = (&mut self.scratch, &mut ThreadTeam::alone());
-        self.mesh
-            .elastic(&self.x, scratch, &mut self.force, lone_team);
+        self.mesh.elastic(&self.x, scratch, &mut self.force, lone_team);
         let mat_motion = [&self.x[..], &self.v];
-        self.mesh
-            .viscous(mat_motion, scratch, &mut self.viscous, lone_team);
+        self.mesh.viscous(mat_motion, scratch, &mut self.viscous, lone_team);
     }
 
     fn velocities_mut(&mut self) -> &mut [f64] {

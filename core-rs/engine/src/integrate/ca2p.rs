@@ -57,8 +57,7 @@ const STEPS_BACK: usize = 8;
 
 impl Ca2p {
     pub(super) fn new(mesh: Arc<Mesh>, network: &Network) -> Result<Self, Error> {
-        let guard =
-            Guard::new(&mesh.scheme, network, certify::ca2p_guard_limit(&mesh), &[])?.map(Box::new);
+        let guard = Guard::new(&mesh.scheme, network, certify::ca2p_guard_limit(&mesh), &[])?.map(Box::new);
         let (x, v) = (network.mats().x0.clone(), mesh.start(network));
         let mut scratch = mesh.scratch();
         let d = last_step(&mesh, &x, &v, &mut scratch);
@@ -136,10 +135,7 @@ fn last_step(mesh: &Mesh, x0: &[f64], v0: &[f64], scratch: &mut Scratch) -> Vec<
             v[i] += back_step / 6.0 * slope_sums[i][1];
         }
     }
-    x0.iter()
-        .zip(&x)
-        .map(|(now, before)| now - before)
-        .collect()
+    x0.iter().zip(&x).map(|(now, before)| now - before).collect()
 }
 
 impl Stepper for Ca2p {
@@ -214,8 +210,7 @@ impl Stepper for Ca2p {
         let acceleration = self
             .mesh
             .acceleration(mat, &x, &|i| if i == mat { speed_estimate } else { d(i) });
-        (self.d[mat] + 0.5 * acceleration - (accel_ahead - accel_behind) / 6.0)
-            * self.mesh.scheme.rate
+        (self.d[mat] + 0.5 * acceleration - (accel_ahead - accel_behind) / 6.0) * self.mesh.scheme.rate
     }
 
     fn last_step(&self, mat: usize) -> f64 {
@@ -231,8 +226,7 @@ impl Stepper for Ca2p {
             *there = x - d;
         }
         let (scratch, lone_team) = (&mut self.scratch, &mut ThreadTeam::alone());
-        self.mesh
-            .elastic(&self.there, scratch, &mut self.elastic, lone_team);
+        self.mesh.elastic(&self.there, scratch, &mut self.elastic, lone_team);
         self.first_pass(lone_team);
     }
 
@@ -251,16 +245,12 @@ impl Stepper for Ca2p {
     /// The energy of CA with K − KM⁻¹K/12 in place of K: undamped linear bodies conserve it exactly.
     fn energy(&self) -> f64 {
         let (mesh, scheme) = (&*self.mesh, &self.mesh.scheme);
-        let acceleration = |force: &[f64], x: f64, i: usize| {
-            force[i] * scheme.w[i] - scheme.kappa[i] * (x - scheme.rest[i])
-        };
+        let acceleration =
+            |force: &[f64], x: f64, i: usize| force[i] * scheme.w[i] - scheme.kappa[i] * (x - scheme.rest[i]);
         let frame_product = |i: usize| {
-            acceleration(&self.elastic, self.x[i], i)
-                * acceleration(&self.elastic_before, self.x[i] - self.d[i], i)
+            acceleration(&self.elastic, self.x[i], i) * acceleration(&self.elastic_before, self.x[i] - self.d[i], i)
         };
-        let pull_product: f64 = (0..mesh.n_mat())
-            .map(|i| mesh.m[i] * frame_product(i))
-            .sum();
+        let pull_product: f64 = (0..mesh.n_mat()).map(|i| mesh.m[i] * frame_product(i)).sum();
         mesh.staggered(&self.x, &self.d, true) - pull_product / 24.0
     }
 }

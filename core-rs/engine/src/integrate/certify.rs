@@ -17,9 +17,7 @@ use super::method::{BM4_LIMIT, MeshMethod};
 use super::{faster, ieq};
 use crate::guard::Limit;
 use crate::network::{Error, Network};
-use crate::scheme::{
-    Certificate, LargestEigenvalue, Refusal, Scheme, StabilityGuarantee, top_up_to,
-};
+use crate::scheme::{Certificate, LargestEigenvalue, Refusal, Scheme, StabilityGuarantee, top_up_to};
 use crate::units::Rate;
 
 /// Factor on a limit that allows for the rounding error of an eigenvalue.
@@ -34,12 +32,7 @@ const LOSSES: f64 = 2.0;
 ///
 /// # Errors
 /// If the network is unstable: names the module that would move most.
-pub(crate) fn certify(
-    network: &Network,
-    rate: Rate,
-    method: MeshMethod,
-    substeps: u32,
-) -> Result<Certificate, Error> {
+pub(crate) fn certify(network: &Network, rate: Rate, method: MeshMethod, substeps: u32) -> Result<Certificate, Error> {
     let rate = faster(rate, substeps)?;
     if method == MeshMethod::Ca {
         return Scheme::new(network, rate)?.certify_or(network, Refusal::Bare);
@@ -47,13 +40,7 @@ pub(crate) fn certify(
     let network_mesh = Mesh::new(network, rate, method)?;
     let mesh_scheme = &network_mesh.scheme;
     let largest = |loss_weight: f64, enough_lambda: f64, lambda_limit: f64| {
-        top_up_to(
-            mesh_scheme,
-            network,
-            loss_weight,
-            enough_lambda,
-            lambda_limit,
-        )
+        top_up_to(mesh_scheme, network, loss_weight, enough_lambda, lambda_limit)
     };
     let certificate = |top: &LargestEigenvalue, word: StabilityGuarantee| Certificate {
         lambda_max: top.lambda,
@@ -90,10 +77,7 @@ pub(crate) fn certify(
             ieq::check_supported(&network_mesh, network)?;
             // IEQ has no stability limit, but for non-linear links it conserves an energy that is not that of their
             // laws.
-            Ok(certificate(
-                &largest(0.0, f64::INFINITY, f64::INFINITY)?,
-                guarantee,
-            ))
+            Ok(certificate(&largest(0.0, f64::INFINITY, f64::INFINITY)?, guarantee))
         }
     }
 }
@@ -119,12 +103,7 @@ fn ca2p(mesh: &Mesh) -> (f64, f64) {
     }
 }
 
-fn unstable(
-    network: &Network,
-    method: MeshMethod,
-    largest: &LargestEigenvalue,
-    limit: f64,
-) -> Error {
+fn unstable(network: &Network, method: MeshMethod, largest: &LargestEigenvalue, limit: f64) -> Error {
     let (method_name, lambda_max) = (method.facts().name, largest.lambda);
     let rate_factor = (lambda_max / limit).sqrt().ceil();
     Error::Refused {

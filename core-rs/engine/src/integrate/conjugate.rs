@@ -63,8 +63,7 @@ impl Conjugate {
                 if curvature <= 0.0 || curvature.is_nan() {
                     break;
                 }
-                let next_square =
-                    update_solution(residual_square / curvature, [inverse, p, y], x, r);
+                let next_square = update_solution(residual_square / curvature, [inverse, p, y], x, r);
                 update_direction(inverse, r, next_square / residual_square, p);
                 residual_square = next_square;
                 iterations += 1;

@@ -23,10 +23,7 @@ impl Flow {
     /// two kicks per period.
     pub(crate) fn new(frame: &Square) -> Option<Self> {
         let n_masses = frame.n / 2;
-        let [a, b] = [
-            frame.block(0, 0, n_masses),
-            frame.block(0, n_masses, n_masses),
-        ];
+        let [a, b] = [frame.block(0, 0, n_masses), frame.block(0, n_masses, n_masses)];
         let [c, d] = [
             frame.block(n_masses, 0, n_masses),
             frame.block(n_masses, n_masses, n_masses),
@@ -37,10 +34,7 @@ impl Flow {
         // b·d·b⁻¹·a = b·d·b⁻¹ + b·d·b⁻¹·(a − 1): a − 1 is small, and this form keeps its digits.
         let conjugated_deviation = conjugated.times(&deviation);
         let keep = conjugated.plus(&conjugated_deviation, 1.0).plus(&bc, -1.0);
-        let pull = deviation
-            .clone()
-            .plus(&bc, 1.0)
-            .plus(&conjugated_deviation, -1.0);
+        let pull = deviation.clone().plus(&bc, 1.0).plus(&conjugated_deviation, -1.0);
         Some(Self {
             keep,
             pull: pull.scaled(-1.0),
@@ -52,9 +46,7 @@ impl Flow {
     pub(crate) fn start(&self, x: &[f64], v: &[f64]) -> Vec<f64> {
         let [by_x, by_v] = &self.start;
         let velocity_pairs = by_x.apply(x).into_iter().zip(by_v.apply(v));
-        velocity_pairs
-            .map(|(from_x, from_v)| from_x + from_v)
-            .collect()
+        velocity_pairs.map(|(from_x, from_v)| from_x + from_v).collect()
     }
 
     /// A frame as a map of positions and velocities: straight motion, then the kick   (2n, 2n).
@@ -64,8 +56,7 @@ impl Flow {
         for column in 0..n_masses {
             *frame_map.entry(column, n_masses + column) = 1.0;
             for row in 0..n_masses {
-                let (keep_entry, pull_entry) =
-                    (self.keep.get(row, column), self.pull.get(row, column));
+                let (keep_entry, pull_entry) = (self.keep.get(row, column), self.pull.get(row, column));
                 *frame_map.entry(n_masses + row, column) = -pull_entry;
                 *frame_map.entry(n_masses + row, n_masses + column) = keep_entry - pull_entry;
             }
@@ -83,9 +74,7 @@ impl Flow {
         unit_push[pushed] = 1.0;
         let (retained, pulled) = (self.keep.apply(&unit_push), self.pull.apply(&unit_push));
         let mut velocity_lack = self.start(x, v);
-        for ((velocity_lack, retained), pulled) in
-            velocity_lack.iter_mut().zip(retained).zip(pulled)
-        {
+        for ((velocity_lack, retained), pulled) in velocity_lack.iter_mut().zip(retained).zip(pulled) {
             *velocity_lack += pulled - retained;
         }
         let mut missing = x.to_vec();

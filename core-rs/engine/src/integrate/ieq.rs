@@ -91,15 +91,9 @@ fn last_step(mesh: &Mesh, links: &Links, network: &Network) -> Vec<f64> {
     let (x, v) = (&network.mats().x0, mesh.start(network));
     let (mesh_scheme, n_mats) = (&mesh.scheme, x.len());
     let mut force = vec![0.0; n_mats];
-    mesh.total(
-        [x, &v],
-        &mut mesh.scratch(),
-        &mut force,
-        &mut ThreadTeam::alone(),
-    );
+    mesh.total([x, &v], &mut mesh.scratch(), &mut force, &mut ThreadTeam::alone());
     for (i, force) in force.iter_mut().enumerate() {
-        let tie_pull =
-            mesh_scheme.kappa[i] * (x[i] - mesh_scheme.rest[i]) + mesh_scheme.zeta[i] * v[i];
+        let tie_pull = mesh_scheme.kappa[i] * (x[i] - mesh_scheme.rest[i]) + mesh_scheme.zeta[i] * v[i];
         *force -= mesh.m[i] * tie_pull;
     }
     let mat_diagonal: Vec<f64> = (0..n_mats)
@@ -108,11 +102,7 @@ fn last_step(mesh: &Mesh, links: &Links, network: &Network) -> Vec<f64> {
     let mut inverse = mat_diagonal.clone();
     let elastic_terms = links.elastic_matrix(mesh, [x, &v], &mut inverse);
     for (inverse, mat_diagonal) in inverse.iter_mut().zip(&mat_diagonal) {
-        *inverse = if *mat_diagonal > 0.0 {
-            1.0 / *inverse
-        } else {
-            0.0
-        };
+        *inverse = if *mat_diagonal > 0.0 { 1.0 / *inverse } else { 0.0 };
     }
     let (mut acceleration, mut scratch) = (vec![0.0; n_mats], vec![0.0; links.longest()]);
     let mut apply_system = |p: &[f64], y: &mut [f64]| {
@@ -142,21 +132,15 @@ impl Stepper for Ieq {
         );
         let mesh_ties = mesh.ties();
         for i in 0..self.x.len() {
-            let tie_pull = mesh_ties.kappa[i]
-                * ((self.x[i] - mesh_ties.rest[i]) - 2.0 * links.beta * self.d[i]);
+            let tie_pull = mesh_ties.kappa[i] * ((self.x[i] - mesh_ties.rest[i]) - 2.0 * links.beta * self.d[i]);
             self.right[i] += mesh.m[i] * (2.0 * self.d[i] - tie_pull);
             let is_moving = self.mat_diagonal[i] > 0.0;
-            self.inverse[i] = if is_moving {
-                1.0 / self.inverse[i]
-            } else {
-                0.0
-            };
+            self.inverse[i] = if is_moving { 1.0 / self.inverse[i] } else { 0.0 };
         }
         for &(mat, impulse) in impulses {
             self.right[mat] += impulse * mesh.scheme.rate;
         }
-        let (link_terms, mat_diagonal, link_forces) =
-            (&self.state.c, &*self.mat_diagonal, &mut self.forces);
+        let (link_terms, mat_diagonal, link_forces) = (&self.state.c, &*self.mat_diagonal, &mut self.forces);
         self.solver.solve(
             &mut |p, y| {
                 y.fill(0.0);
@@ -196,8 +180,7 @@ impl Stepper for Ieq {
     }
 
     fn settle(&mut self) {
-        self.links
-            .begin(&self.mesh, &self.x, &self.d, &mut self.state);
+        self.links.begin(&self.mesh, &self.x, &self.d, &mut self.state);
         for (s, d) in self.s.iter_mut().zip(&self.d) {
             *s = 2.0 * d;
         }
@@ -220,9 +203,7 @@ impl Stepper for Ieq {
     }
 
     fn stored(&self) -> f64 {
-        let (quadratic, law_energy) =
-            self.links
-                .nonlinear_energies(&self.mesh, &self.x, &self.d, &self.state);
+        let (quadratic, law_energy) = self.links.nonlinear_energies(&self.mesh, &self.x, &self.d, &self.state);
         self.energy() - quadratic + law_energy
     }
 }

@@ -24,20 +24,14 @@ impl Mesh {
     }
 
     /// Acceleration per step squared of one MAT [m], for positions and velocities given as functions of a MAT's index.
-    pub(super) fn acceleration(
-        &self,
-        mat: usize,
-        x: &dyn Fn(usize) -> f64,
-        v: &dyn Fn(usize) -> f64,
-    ) -> f64 {
+    pub(super) fn acceleration(&self, mat: usize, x: &dyn Fn(usize) -> f64, v: &dyn Fn(usize) -> f64) -> f64 {
         let mesh_scheme = &self.scheme;
         let mut net_force = 0.0;
         let springs = self.springs.iter().map(|run| (run.a, run.b, run.len));
         let other_ends = self.others.iter().map(|run| (run.a, run.b, run.len));
         for (run_index, (a, b, len)) in springs.chain(other_ends).enumerate() {
             for (end, sign) in [(a, 1.0), (b, -1.0)] {
-                let Some(link_index) = mat.checked_sub(end).filter(|link_index| *link_index < len)
-                else {
+                let Some(link_index) = mat.checked_sub(end).filter(|link_index| *link_index < len) else {
                     continue;
                 };
                 let (e, de) = (
@@ -52,9 +46,8 @@ impl Mesh {
                         }
                         None => {
                             let run = &self.others[run_index - self.springs.len()];
-                            let elongation = |link_index: usize| {
-                                x(run.b + link_index) - x(run.a + link_index) - run.rest
-                            };
+                            let elongation =
+                                |link_index: usize| x(run.b + link_index) - x(run.a + link_index) - run.rest;
                             match run.tension(elongation) {
                                 0.0 => run.force(e - run.rest, de),
                                 tension => tension * (e - run.rest),
@@ -77,9 +70,7 @@ impl Mesh {
     pub(super) fn stored(&self, x: &[f64]) -> f64 {
         let mut energy_sum = self.grounds(&|i| x[i], &|i| x[i]);
         for run in &self.springs {
-            energy_sum += total(run.len, |i| {
-                run.potential(x[run.b + i] - x[run.a + i] - run.rest)
-            });
+            energy_sum += total(run.len, |i| run.potential(x[run.b + i] - x[run.a + i] - run.rest));
         }
         for run in &self.others {
             let elongation = |i: usize| x[run.b + i] - x[run.a + i] - run.rest;
@@ -105,16 +96,13 @@ impl Mesh {
             energy_sum += total(run.len, |i| {
                 let e = x[run.b + i] - x[run.a + i] - run.rest;
                 let last = position_before(run.b + i) - position_before(run.a + i) - run.rest;
-                let (square_term, fourth_term) =
-                    (e * last, 0.5 * (e * e * e * e + last * last * last * last));
-                0.5 * run.k * square_term + 0.25 * run.q * fourth_term
-                    - loss_factor * run.z * ((e - last) * (e - last))
+                let (square_term, fourth_term) = (e * last, 0.5 * (e * e * e * e + last * last * last * last));
+                0.5 * run.k * square_term + 0.25 * run.q * fourth_term - loss_factor * run.z * ((e - last) * (e - last))
             });
         }
         for run in &self.others {
             let now = |i: usize| x[run.b + i] - x[run.a + i] - run.rest;
-            let last =
-                |i: usize| position_before(run.b + i) - position_before(run.a + i) - run.rest;
+            let last = |i: usize| position_before(run.b + i) - position_before(run.a + i) - run.rest;
             let tensions = [run.tension(now), run.tension(last)];
             energy_sum += total(run.len, |i| {
                 let [now, last] = [(now(i), tensions[0]), (last(i), tensions[1])]

@@ -78,9 +78,7 @@ impl Mesh {
                 Kind::Lnl { law, rate, .. } if law.hardening_spring().is_some() => {
                     let hardening = law
                         .hardening_spring()
-                        .map_or((0.0, 0.0, None), |hardening| {
-                            (hardening.k, hardening.q, hardening.z)
-                        });
+                        .map_or((0.0, 0.0, None), |hardening| (hardening.k, hardening.q, hardening.z));
                     (hardening.0, hardening.1, hardening.2.unwrap_or(0.0) * rate)
                 }
                 other => {
@@ -147,13 +145,7 @@ impl Mesh {
     }
 
     /// Elastic forces of all links at positions `x` [N], including contacts.
-    pub(super) fn elastic(
-        &self,
-        x: &[f64],
-        scratch: &mut Scratch,
-        force: &mut [f64],
-        team: &mut ThreadTeam<'_>,
-    ) {
+    pub(super) fn elastic(&self, x: &[f64], scratch: &mut Scratch, force: &mut [f64], team: &mut ThreadTeam<'_>) {
         self.springs(scratch, force, team, |springs, scratch, force| {
             passes::elastic(springs, x, scratch, force);
         });
@@ -232,8 +224,7 @@ impl Mesh {
 
     /// Partition the mesh for a number of threads if this saves time.
     pub(super) fn partition_for(&self, scratch: &mut Scratch, threads: usize) {
-        scratch.laws.mesh_partition =
-            MeshPartition::for_threads(&self.springs, self.n_mat(), threads);
+        scratch.laws.mesh_partition = MeshPartition::for_threads(&self.springs, self.n_mat(), threads);
     }
 
     fn others(&self, part: Part, [x, v]: [&[f64]; 2], scratch: &mut Scratch, force: &mut [f64]) {
@@ -255,9 +246,7 @@ impl Mesh {
                     match part {
                         Part::Elastic => law.spring_run(e, link_force, law_scratch),
                         Part::Viscous => law.drag_run(e, de, link_force, law_scratch),
-                        Part::Total => {
-                            law.eval_in(e, de, link_force, law_scratch, &mut law_buffers.native)
-                        }
+                        Part::Total => law.eval_in(e, de, link_force, law_scratch, &mut law_buffers.native),
                     }
                 }
                 _ => {

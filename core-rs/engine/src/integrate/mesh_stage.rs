@@ -17,8 +17,7 @@ pub(super) struct MeshStage<'a, 'b> {
 impl Stage for MeshStage<'_, '_> {
     fn links(&mut self) {
         let mat_motion = [&*self.x, &*self.d];
-        self.mesh
-            .total(mat_motion, self.scratch, self.force, self.team);
+        self.mesh.total(mat_motion, self.scratch, self.force, self.team);
     }
 
     fn motion(&mut self) -> Motion<'_> {

@@ -92,12 +92,7 @@ impl<'a> Ties<'a> {
     /// The same arrays, with a length that the compiler can see.
     #[inline(always)]
     fn cut(&self, n: usize) -> [&[f64]; 4] {
-        [
-            &self.w[..n],
-            &self.kappa[..n],
-            &self.zeta[..n],
-            &self.rest[..n],
-        ]
+        [&self.w[..n], &self.kappa[..n], &self.zeta[..n], &self.rest[..n]]
     }
 }
 

@@ -97,13 +97,10 @@ impl Square {
         while column_norm > 0.5 && squarings < 64 {
             (column_norm, squarings) = (0.5 * column_norm, squarings + 1);
         }
-        let scaled_matrix = self
-            .clone()
-            .scaled(1.0 / (1_u64 << squarings.min(63)) as f64);
+        let scaled_matrix = self.clone().scaled(1.0 / (1_u64 << squarings.min(63)) as f64);
         let mut series_sum = Self::identity(self.n);
         for term in (1..=TERMS).rev() {
-            series_sum = Self::identity(self.n)
-                .plus(&scaled_matrix.times(&series_sum), 1.0 / f64::from(term));
+            series_sum = Self::identity(self.n).plus(&scaled_matrix.times(&series_sum), 1.0 / f64::from(term));
         }
         for _ in 0..squarings {
             series_sum = series_sum.times(&series_sum);
@@ -145,10 +142,7 @@ mod tests {
             (2, 0, 0.0),
         ];
         for (row, column, right) in entry_cases {
-            assert!(
-                (exponential.get(row, column) - right).abs() < 1e-12,
-                "{row} {column}"
-            );
+            assert!((exponential.get(row, column) - right).abs() < 1e-12, "{row} {column}");
         }
     }
 
@@ -159,20 +153,10 @@ mod tests {
         for i in 0..matrix_size * matrix_size {
             test_matrix.entries[i] += 0.1 * (((i * 37) % 11) as f64 - 5.0) / 5.0;
         }
-        let repeated_power = (0..13).fold(Square::identity(matrix_size), |power, _| {
-            power.times(&test_matrix)
-        });
+        let repeated_power = (0..13).fold(Square::identity(matrix_size), |power, _| power.times(&test_matrix));
         let power_error = test_matrix.power(13).plus(&repeated_power, -1.0);
-        let largest = repeated_power
-            .entries
-            .iter()
-            .fold(0.0_f64, |m, x| m.max(x.abs()));
-        assert!(
-            power_error
-                .entries
-                .iter()
-                .all(|x| x.abs() < 1e-13 * largest)
-        );
+        let largest = repeated_power.entries.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+        assert!(power_error.entries.iter().all(|x| x.abs() < 1e-13 * largest));
         let back = test_matrix
             .times(&repeated_power)
             .over(&repeated_power)

@@ -35,10 +35,7 @@ fn row(n: usize, k: f64, q: f64, z: f64) -> Network {
     let mut network = Network::new();
     network.part("row", None);
     for i in 0..n {
-        let (x0, v0) = (
-            1e-4 * ((i * i) as f64 % 3.0 - 1.0),
-            0.3 * ((i % 4) as f64 - 1.0),
-        );
+        let (x0, v0) = (1e-4 * ((i * i) as f64 % 3.0 - 1.0), 0.3 * ((i % 4) as f64 - 1.0));
         network.mas(&format!("m{i}"), 1e-3, x0, v0).expect("a mass");
     }
     let left_end = network.sol("left", 0.0).expect("a point");
@@ -48,9 +45,7 @@ fn row(n: usize, k: f64, q: f64, z: f64) -> Network {
         if q == 0.0 {
             network.spring(&name, a, b, k, z, 0.0).expect("a spring");
         } else {
-            network
-                .lnl(&name, a, b, hardening_law.clone(), 0.0)
-                .expect("a link");
+            network.lnl(&name, a, b, hardening_law.clone(), 0.0).expect("a link");
         }
     };
     join_links("first".to_owned(), left_end, 0);
@@ -71,9 +66,7 @@ fn hex_of(radius: usize, f: f64, hardening: f64, t60: Option<f64>) -> Network {
     let mut network = Network::new();
     network.part("gong", None);
     let topology = plate(Shape::Hex, radius, Rim::Fixed).expect("a plate");
-    network
-        .mesh("", &topology, 1.0, f, t60, hardening)
-        .expect("a mesh");
+    network.mesh("", &topology, 1.0, f, t60, hardening).expect("a mesh");
     network
 }
 

@@ -91,9 +91,7 @@ impl Island {
         let (sound_drives, played) = sound_drives(&timeline.drives);
         // A contact that is computed finely is added to the CEL's own motion, so the CEL still counts as alone.
         let touches = |mat| matter.fine.as_ref().map_or(0, |fine| fine.touches(mat));
-        let pushes = pushes(&network, timeline, |mat| {
-            network.degree(mat) == touches(mat)
-        });
+        let pushes = pushes(&network, timeline, |mat| network.degree(mat) == touches(mat));
         let state = State {
             frame: 0,
             values: Values {
@@ -169,11 +167,7 @@ fn refuse_ledger_of_hands(timeline: &Timeline, options: Options) -> Result<(), E
 }
 
 /// The numbers of the island, and the links that are computed finer than a frame.
-fn numbers(
-    network: &Network,
-    timeline: &Timeline,
-    steps: usize,
-) -> Result<(Scheme, Vec<Run>), Error> {
+fn numbers(network: &Network, timeline: &Timeline, steps: usize) -> Result<(Scheme, Vec<Run>), Error> {
     let mut scheme = Scheme::new(network, timeline.rate)?;
     gate(&mut scheme, timeline);
     let fine_links = if steps < FINE {
@@ -198,8 +192,7 @@ fn begin(
         [] if network.following_masses().is_empty() => None,
         leads => {
             let start_values = first(network, leads)?;
-            let start_values =
-                start_values.with_masses_at(&positions(network, timeline, &timeline.drives));
+            let start_values = start_values.with_masses_at(&positions(network, timeline, &timeline.drives));
             let mut scheme = Scheme::new(&start_values, timeline.rate)?;
             gate(&mut scheme, timeline);
             Some((start_values, scheme))
@@ -209,13 +202,7 @@ fn begin(
         Some((start_values, scheme)) => (start_values, scheme),
         None => (network, scheme),
     };
-    let mut body = start(
-        start_state,
-        island_state,
-        timeline,
-        &timeline.drives,
-        &link_acts,
-    );
+    let mut body = start(start_state, island_state, timeline, &timeline.drives, &link_acts);
     let mut bodies = join(plans, start_state, timeline, &mut body, &link_acts)?;
     for run in &mut links {
         interrupt::poll();
@@ -266,12 +253,7 @@ fn guard(
 }
 
 /// Accounts of links that may create energy; `springs` are those that were there before some were fused.
-fn gains(
-    timeline: &Timeline,
-    scheme: &Scheme,
-    mut springs: Vec<Run>,
-    options: Options,
-) -> Option<Box<Gains>> {
+fn gains(timeline: &Timeline, scheme: &Scheme, mut springs: Vec<Run>, options: Options) -> Option<Box<Gains>> {
     if options.unchecked {
         return None; // the run has to show what really happens
     }
@@ -299,8 +281,7 @@ fn rise(
 /// Scratch memory of laws, and the partition of a mesh for several threads.
 fn laws(scheme: &Scheme, options: Options) -> Laws {
     let mut laws = Laws::new(scheme);
-    laws.mesh_partition =
-        MeshPartition::for_threads(&scheme.fused, scheme.n_mat(), options.threads);
+    laws.mesh_partition = MeshPartition::for_threads(&scheme.fused, scheme.n_mat(), options.threads);
     laws
 }
 
@@ -389,11 +370,7 @@ fn join(
 /// Writes the outputs of a network at rest at its initial positions into `outputs` (n_out).
 pub(crate) fn outputs_at_rest(network: &Network, scheme: &Scheme, outputs: &mut [f64]) {
     let start_positions = network.mats().x0.clone();
-    let mut resting_body = Body::new(
-        scheme,
-        start_positions.clone(),
-        vec![0.0; start_positions.len()],
-    );
+    let mut resting_body = Body::new(scheme, start_positions.clone(), vec![0.0; start_positions.len()]);
     // An output may hear the force of a contact that presses at rest.
     kernel::links(
         scheme,

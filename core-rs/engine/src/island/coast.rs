@@ -40,11 +40,9 @@ impl Island {
         let is_left_alone = script.hand_bindings.is_empty()
             && script.drives.iter().all(is_struck)
             && !script.voices.iter().any(|own| own.layer);
-        let is_plain =
-            script.gates.is_empty() && state.values.scheme.is_none() && state.values.damped >= 1.0;
+        let is_plain = script.gates.is_empty() && state.values.scheme.is_none() && state.values.damped >= 1.0;
         let watch = &state.watch;
-        let is_whole =
-            watch.ledger.is_none() && watch.guard.is_none() && watch.mutes.list().next().is_none();
+        let is_whole = watch.ledger.is_none() && watch.guard.is_none() && watch.mutes.list().next().is_none();
         let by_modes = |body: &inside::RunningBody| body.modal().is_some();
         let has_contacts = !scheme.runs.is_empty() || state.matter.fine.is_some();
         (only_contacts && is_left_alone && is_plain && is_whole)
@@ -53,19 +51,11 @@ impl Island {
     }
 
     /// Coast while no contact closes, from one step of a block to another at most; returns the number of steps.
-    pub(super) fn coast(
-        &mut self,
-        outputs: &mut StepOutputs<'_>,
-        from: usize,
-        to: usize,
-    ) -> Result<usize, Fault> {
+    pub(super) fn coast(&mut self, outputs: &mut StepOutputs<'_>, from: usize, to: usize) -> Result<usize, Fault> {
         let (script, state) = (&*self.script, &mut self.state);
         let (scheme, first_step) = (&script.scheme, state.frame);
         let mut fine_state = state.matter.fine.as_mut();
-        if fine_state
-            .as_ref()
-            .is_some_and(|fine_state| !fine_state.is_done())
-            || !are_open(scheme, &state.matter.body)
+        if fine_state.as_ref().is_some_and(|fine_state| !fine_state.is_done()) || !are_open(scheme, &state.matter.body)
         {
             return Ok(0);
         }
@@ -73,37 +63,22 @@ impl Island {
         if gains.is_some_and(|gains| !gains.is_idle()) {
             return Ok(0);
         }
-        let push_frame = script
-            .pushes
-            .get(state.hands.pushed)
-            .map(|push_frame| push_frame.frame);
+        let push_frame = script.pushes.get(state.hands.pushed).map(|push_frame| push_frame.frame);
         let next_ergon = script.ergons.get(state.hands.ergons);
         let next_ergon = next_ergon.map(|(frame, _)| *frame);
         let voices = state.hands.voices.iter().zip(&script.voices);
-        let voices = voices.map(|(voice, own)| {
-            voice
-                .idle_until(own, &script.gestures)
-                .unwrap_or(first_step)
-        });
+        let voices = voices.map(|(voice, own)| voice.idle_until(own, &script.gestures).unwrap_or(first_step));
         let event_frames = push_frame.into_iter().chain(next_ergon).chain(voices);
         let event_frames = event_frames.chain(state.hands.is_struck().then_some(first_step));
-        let quiet_steps =
-            event_frames.map(|frame_now| frame_now.saturating_sub(first_step) as usize);
-        let modal_bodies = state
-            .matter
-            .bodies
-            .iter()
-            .filter_map(inside::RunningBody::modal);
+        let quiet_steps = event_frames.map(|frame_now| frame_now.saturating_sub(first_step) as usize);
+        let modal_bodies = state.matter.bodies.iter().filter_map(inside::RunningBody::modal);
         let steps_ahead = modal_bodies.map(super::modal::RunningModal::ahead);
         let rise = state.watch.rise.as_ref();
         let look_steps = [
             rise.map(|_| energy_rise::Rise::steps_left(first_step)),
             gains.map(|_| first_step.next_multiple_of(energy_account::BLOCK) - first_step),
         ];
-        let look_steps = look_steps
-            .into_iter()
-            .flatten()
-            .map(|coast_steps| coast_steps as usize);
+        let look_steps = look_steps.into_iter().flatten().map(|coast_steps| coast_steps as usize);
         let coast_steps = quiet_steps.chain(steps_ahead).chain(look_steps);
         let coast_steps = coast_steps.fold(to - from, usize::min);
         if coast_steps < STEPS_MIN {
@@ -126,8 +101,7 @@ impl Island {
                     let swing = |mat| swing(scheme, body, mat);
                     let fine_state = fine_state.as_ref();
                     if cannot_close(scheme, swing)
-                        && fine_state
-                            .is_none_or(|fine_state| fine_state.cannot_close(scheme, swing, SLACK))
+                        && fine_state.is_none_or(|fine_state| fine_state.cannot_close(scheme, swing, SLACK))
                     {
                         open_until = steps_done + BOUND_STEPS;
                     }
@@ -135,9 +109,7 @@ impl Island {
                 }
             }
             if steps_done == 0 {
-                fine_state
-                    .iter_mut()
-                    .for_each(|fine_state| fine_state.rest(body));
+                fine_state.iter_mut().for_each(|fine_state| fine_state.rest(body));
                 for run in &scheme.runs {
                     // With the sign of zero that an open contact's force has.
                     body.link[run.links()].fill(0.0 * contact(run).map_or(0.0, But::sign));
@@ -186,8 +158,7 @@ fn contact(run: &Run) -> Option<&But> {
 fn are_open(scheme: &Scheme, body: &Body) -> bool {
     scheme.runs.iter().all(|run| {
         let contact_side = contact(run).map_or(0.0, But::sign);
-        let is_closed =
-            |i: usize| contact_side * (body.x[run.b + i] - body.x[run.a + i] - run.rest) > 0.0;
+        let is_closed = |i: usize| contact_side * (body.x[run.b + i] - body.x[run.a + i] - run.rest) > 0.0;
         !(0..run.len).any(is_closed)
     })
 }
@@ -200,9 +171,7 @@ fn cannot_close(scheme: &Scheme, swing: impl Fn(usize) -> [f64; 2]) -> bool {
         (0..run.len).all(|i| {
             let (first_mat, second_mat) = (run.a + i, run.b + i);
             let rest_elongation = scheme.rest[second_mat] - scheme.rest[first_mat] - run.rest;
-            contact_side * rest_elongation
-                + (swing(first_mat)[0] + swing(second_mat)[0]) * (1.0 + SLACK)
-                < -HAIR
+            contact_side * rest_elongation + (swing(first_mat)[0] + swing(second_mat)[0]) * (1.0 + SLACK) < -HAIR
         })
     })
 }
@@ -227,8 +196,7 @@ fn swing(scheme: &Scheme, body: &Body, mat: usize) -> [f64; 2] {
         // Poles of magnitude √b: `past` is the position a step before, less the decay of one step. Each pole is √κ away
         // from 1.
         let past = position_before * b.sqrt();
-        let amplitude_square =
-            (x * x + past * past - 2.0 * x * position_before * h) * b / imaginary_square;
+        let amplitude_square = (x * x + past * past - 2.0 * x * position_before * h) * b / imaginary_square;
         let amplitude = amplitude_square.max(0.0).sqrt();
         return [amplitude, amplitude * kappa.sqrt()];
     }
@@ -240,8 +208,5 @@ fn swing(scheme: &Scheme, body: &Body, mat: usize) -> [f64; 2] {
     // x[n] = u·slowⁿ + v·fastⁿ.
     let u = slow * (x - position_before * fast) / (2.0 * pole_offset);
     let v = x - u;
-    [
-        u.abs() + v.abs(),
-        u.abs() * (1.0 - slow) + v.abs() * (1.0 - fast),
-    ]
+    [u.abs() + v.abs(), u.abs() * (1.0 - slow) + v.abs() * (1.0 - fast)]
 }

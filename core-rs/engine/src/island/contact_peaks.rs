@@ -11,10 +11,7 @@ pub(crate) struct ContactPeak {
     pub(crate) force: f64,
 }
 
-const NONE: ContactPeak = ContactPeak {
-    frame: 0,
-    force: 0.0,
-};
+const NONE: ContactPeak = ContactPeak { frame: 0, force: 0.0 };
 
 /// The contacts of an island, while they are watched.
 #[derive(Clone, Debug, Default)]

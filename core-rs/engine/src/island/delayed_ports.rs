@@ -77,8 +77,7 @@ pub(super) fn pass_on(bindings: &[PortBinding], states: &[PortState], body: &mut
         let oldest_share = binding.steps - floor(binding.steps);
         let second_oldest = (state.oldest + 1) % state.forces.len();
         let delayed_force = if oldest_share > 0.0 {
-            oldest_share * state.forces[state.oldest]
-                + (1.0 - oldest_share) * state.forces[second_oldest]
+            oldest_share * state.forces[state.oldest] + (1.0 - oldest_share) * state.forces[second_oldest]
         } else {
             state.forces[second_oldest]
         };
@@ -90,14 +89,9 @@ pub(super) fn pass_on(bindings: &[PortBinding], states: &[PortState], body: &mut
 pub(super) fn lead(bindings: &[PortBinding], scheme: &Scheme, targets: &mut [Target], body: &Body) {
     for binding in bindings {
         let imposed = targets.iter().find(|target| target.mat == binding.key);
-        let key_position = imposed.map_or_else(
-            || kernel::predict(scheme, body, binding.key),
-            |target| target.x,
-        );
+        let key_position = imposed.map_or_else(|| kernel::predict(scheme, body, binding.key), |target| target.x);
         let port_target = targets.iter_mut().find(|target| target.mat == binding.port);
-        port_target
-            .into_iter()
-            .for_each(|target| target.x = key_position);
+        port_target.into_iter().for_each(|target| target.x = key_position);
     }
 }
 

@@ -149,8 +149,7 @@ mod tests {
             })
         };
         assert_eq!(delayed_path(3.0)[3..], undelayed[..57]);
-        let (two_frames_late, three_frames_late, between) =
-            (delayed_path(2.0), delayed_path(3.0), delayed_path(2.25));
+        let (two_frames_late, three_frames_late, between) = (delayed_path(2.0), delayed_path(3.0), delayed_path(2.25));
         for ((a, b), x) in two_frames_late.iter().zip(&three_frames_late).zip(&between) {
             assert!((0.75 * a + 0.25 * b - x).abs() < 1e-15);
         }
@@ -159,10 +158,7 @@ mod tests {
     /// A hand acts at once, whatever the motor does.
     #[test]
     fn hand_force_beside_a_delayed_motor() {
-        let mut delayed = key(Motor {
-            delay: 0.01,
-            push: 0.0,
-        });
+        let mut delayed = key(Motor { delay: 0.01, push: 0.0 });
         let mut undelayed = key(Motor::default());
         for _ in 0..20 {
             delayed.step(0.0, 0.3);
@@ -180,10 +176,6 @@ mod tests {
         });
         (0..200).for_each(|_| key.step(0.0, 0.0));
         let expected_fall = -0.2 * 200.0 * 200.0 / (2.0 * 0.4 * RATE * RATE);
-        assert!(
-            (key.position() - expected_fall).abs() < 1e-12,
-            "{}",
-            key.position()
-        );
+        assert!((key.position() - expected_fall).abs() < 1e-12, "{}", key.position());
     }
 }

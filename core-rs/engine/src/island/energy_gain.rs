@@ -54,11 +54,7 @@ crate::archive::state!(Gains {
 impl Gains {
     /// `None` if nothing can create energy. `fused`: hardening springs that are computed in one pass; `is_led`: whether
     /// K and Z of a link change in time.
-    pub(super) fn new(
-        scheme: &Scheme,
-        fused: &[Run],
-        is_led: impl Fn(usize) -> bool,
-    ) -> Option<Box<Self>> {
+    pub(super) fn new(scheme: &Scheme, fused: &[Run], is_led: impl Fn(usize) -> bool) -> Option<Box<Self>> {
         let may_gain = |run: &&Run| {
             let kind_may_gain = match &run.kind {
                 Kind::Ref | Kind::Followed { .. } | Kind::Dry { .. } => false,
@@ -131,8 +127,7 @@ impl Gains {
     /// Remove links that end on the marked MATs (n_mat).
     pub(super) fn release(&mut self, mats: &[bool]) {
         let link_stays = |a: usize, b: usize| !mats[a] && !mats[b];
-        self.link_work
-            .retain(|link_work| link_stays(link_work.a, link_work.b));
+        self.link_work.retain(|link_work| link_stays(link_work.a, link_work.b));
         self.links.retain(|link| link_stays(link.run.a, link.run.b));
         self.pairs.take_if(|pairs| pairs.touches(mats));
         self.restart();
@@ -196,11 +191,7 @@ impl Island {
             let pair_gains = gains.pairs.as_ref()?;
             Some((pair_gains.first_link(), pair_gains.worst()?))
         });
-        let fine = state
-            .matter
-            .fine
-            .iter()
-            .filter_map(|fine| fine.sprung().worst());
+        let fine = state.matter.fine.iter().filter_map(|fine| fine.sprung().worst());
         let mut account_gains = watched_links.chain(pair_gains).chain(fine).peekable();
         let rise = match account_gains.peek() {
             Some(_) => None,
@@ -241,11 +232,7 @@ impl Island {
     /// The most energy that one contact has created, and that one law or body has, as shares of the energy that was there.
     pub(crate) fn created_shares(&self) -> [f64; 2] {
         let state = &self.state;
-        let scheme_now = state
-            .values
-            .scheme
-            .as_deref()
-            .unwrap_or(&self.script.scheme);
+        let scheme_now = state.values.scheme.as_deref().unwrap_or(&self.script.scheme);
         let around = around(scheme_now, &state.matter.bodies, &state.matter.body);
         let watched_links = state.watch.gains.iter().flat_map(|gains| {
             let put_in = gains.put_in.work_max();
@@ -275,11 +262,7 @@ impl Island {
         let island_step = self.state.frame;
         let mut gain_faults: Vec<(String, usize, Gain)> = Vec::new();
         let state = &mut self.state;
-        let scheme_now = state
-            .values
-            .scheme
-            .as_deref()
-            .unwrap_or(&self.script.scheme);
+        let scheme_now = state.values.scheme.as_deref().unwrap_or(&self.script.scheme);
         let (body, bodies) = (&state.matter.body, &state.matter.bodies);
         let around = || around(scheme_now, bodies, body);
         let hand_bindings = &self.script.hand_bindings;
@@ -289,13 +272,8 @@ impl Island {
                 let mut hand_bindings = hand_bindings.iter();
                 hand_bindings.any(|hand| scheme_now.part[hand.mat()] == scheme_now.part[moved_mat])
             };
-            let silencing_rank =
-                |&moved_mat: &usize| (scheme_now.w[moved_mat] == 0.0, is_played(moved_mat));
-            let silenced_end = if silencing_rank(&b) < silencing_rank(&a) {
-                b
-            } else {
-                a
-            };
+            let silencing_rank = |&moved_mat: &usize| (scheme_now.w[moved_mat] == 0.0, is_played(moved_mat));
+            let silenced_end = if silencing_rank(&b) < silencing_rank(&a) { b } else { a };
             scheme_now.part[silenced_end] as usize
         };
         let mut put_in = 0.0;
@@ -318,8 +296,7 @@ impl Island {
             }
         }
         if let Some(fine_state) = &mut state.matter.fine
-            && let Some((gained_link, moved_mat, gain)) =
-                fine_state.sprung_mut().check((around, put_in), island_step)
+            && let Some((gained_link, moved_mat, gain)) = fine_state.sprung_mut().check((around, put_in), island_step)
             && gain.is_fault()
         {
             gain_faults.push((

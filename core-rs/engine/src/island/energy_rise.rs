@@ -92,14 +92,10 @@ impl Rise {
     ) -> Option<Box<Self>> {
         let mat_parts = network.mats().part.iter();
         let is_discrete = |part: &u32| network.parts()[*part as usize].ca_rate.is_some();
-        let has_energy =
-            |body: &RunningBody| body.modal().is_some_and(|modal| modal.cells().is_some());
+        let has_energy = |body: &RunningBody| body.modal().is_some_and(|modal| modal.cells().is_some());
         let fine_runs = || fine.into_iter().flat_map(Fine::links);
         let all_runs = || scheme.runs.iter().chain(&scheme.exact).chain(fine_runs());
-        let n_springs: usize = all_runs()
-            .filter(|run| run.is_hardening())
-            .map(|run| run.len)
-            .sum();
+        let n_springs: usize = all_runs().filter(|run| run.is_hardening()).map(|run| run.len).sum();
         let is_known = scheme.proxies.is_empty()
             && scheme.following_masses.is_empty()
             && scheme.weight.iter().all(|&weight| weight == 0.0)
@@ -199,15 +195,10 @@ fn fused(spring: &Spring, body: &Body, total: &mut Total) {
     for i in 0..spring.len {
         let (first_mat, second_mat) = (spring.a + i, spring.b + i);
         let stretch = body.d[second_mat] - body.d[first_mat];
-        let middle_elongation =
-            body.x[second_mat] - body.x[first_mat] - spring.rest - 0.5 * stretch;
+        let middle_elongation = body.x[second_mat] - body.x[first_mat] - spring.rest - 0.5 * stretch;
         let elongation_square = middle_elongation * middle_elongation;
-        total.add(
-            0.5 * spring.k * elongation_square
-                + 0.25 * spring.q * elongation_square * elongation_square,
-        );
-        let stretch_coefficient =
-            0.125 * (spring.k + 3.0 * spring.q * elongation_square) + 0.25 * spring.z;
+        total.add(0.5 * spring.k * elongation_square + 0.25 * spring.q * elongation_square * elongation_square);
+        let stretch_coefficient = 0.125 * (spring.k + 3.0 * spring.q * elongation_square) + 0.25 * spring.z;
         total.add(-stretch_coefficient * stretch * stretch);
     }
 }
@@ -217,10 +208,7 @@ impl Island {
     /// what was created, if that is worth reporting.
     pub(super) fn check_rise(&mut self) -> Option<(usize, usize, Gain)> {
         let last_step = self.state.frame - 1;
-        if self.state.watch.rise.is_none()
-            || !last_step.is_multiple_of(STEPS)
-            || self.state.values.damped < 1.0
-        {
+        if self.state.watch.rise.is_none() || !last_step.is_multiple_of(STEPS) || self.state.values.damped < 1.0 {
             return None;
         }
         let next_due = self.due(last_step + 1);
@@ -249,18 +237,10 @@ impl Island {
     fn total(&self, rise: &Rise) -> Total {
         let state = &self.state;
         let body = &state.matter.body;
-        let scheme_now = state
-            .values
-            .scheme
-            .as_deref()
-            .unwrap_or(&self.script.scheme);
+        let scheme_now = state.values.scheme.as_deref().unwrap_or(&self.script.scheme);
         let mut energy_total = Total::default();
         for (mat, motion) in rise.motions.iter().enumerate() {
-            let (w, kappa, zeta) = (
-                scheme_now.w[mat],
-                scheme_now.kappa[mat],
-                scheme_now.zeta[mat],
-            );
+            let (w, kappa, zeta) = (scheme_now.w[mat], scheme_now.kappa[mat], scheme_now.zeta[mat]);
             let (x, d) = (body.x[mat] - scheme_now.rest[mat], body.d[mat]);
             // What impulses between frames have still to add.
             let later_step = || {
@@ -281,8 +261,7 @@ impl Island {
                     energy_total.add(cell.energy([x, next_position], rise.rate));
                 }
                 Motion::Stepped => {
-                    energy_total
-                        .add((0.5 * (d * d + kappa * x * (x - d)) - 0.25 * zeta * d * d) / w);
+                    energy_total.add((0.5 * (d * d + kappa * x * (x - d)) - 0.25 * zeta * d * d) / w);
                 }
             }
         }
@@ -291,9 +270,7 @@ impl Island {
         }
         let gate_opening = |run: &Run| run.gate.map_or(1.0, |gate| state.values.gates[gate]);
         if let Some(fine_state) = &state.matter.fine {
-            fine_state.energies(body, gate_opening, |link_energy| {
-                energy_total.add(link_energy)
-            });
+            fine_state.energies(body, gate_opening, |link_energy| energy_total.add(link_energy));
         }
         for run in scheme_now.runs.iter().chain(&scheme_now.exact) {
             let is_exact = matches!(&run.kind, Kind::But(but) if but.contact == Contact::Exact);
@@ -306,12 +283,7 @@ impl Island {
                 }
                 let link_energy = match run.bristle() {
                     Some((by, _)) => by.energy(body.memory[run.first + i]),
-                    None if is_exact => {
-                        0.5 * elongation_pair
-                            .map(|e| run.potential(e))
-                            .iter()
-                            .sum::<f64>()
-                    }
+                    None if is_exact => 0.5 * elongation_pair.map(|e| run.potential(e)).iter().sum::<f64>(),
                     None => between(run, elongation_pair),
                 };
                 energy_total.add(gate_opening(run) * link_energy);
@@ -335,11 +307,7 @@ impl Island {
         let scheme = &self.script.scheme;
         let scheme_runs = scheme.runs.iter().chain(&scheme.exact);
         let stiffness = scheme_runs.map(|run| run.k * run.len as f64).sum::<f64>()
-            + scheme
-                .fused
-                .iter()
-                .map(|run| run.k * run.len as f64)
-                .sum::<f64>();
+            + scheme.fused.iter().map(|run| run.k * run.len as f64).sum::<f64>();
         let masses = scheme.w.iter().filter(|w| **w > 0.0).map(|w| 1.0 / w);
         (stiffness + masses.sum::<f64>()) * elongation_error * elongation_error
     }

@@ -39,13 +39,9 @@ pub struct Fault {
 
 impl Fault {
     fn sentence(&self) -> String {
-        let Self {
-            module, seconds, ..
-        } = self;
+        let Self { module, seconds, .. } = self;
         self.gain.clone().unwrap_or_else(|| {
-            format!(
-                "the motion of {module} diverged at {seconds:.3} s; reduce K, weaken the strikes or raise the rate"
-            )
+            format!("the motion of {module} diverged at {seconds:.3} s; reduce K, weaken the strikes or raise the rate")
         })
     }
 
@@ -128,13 +124,7 @@ impl Island {
     #[cold]
     pub(super) fn fault(&mut self) -> Result<(), Fault> {
         let fault_step = self.state.frame;
-        while let Some((module_name, part)) = self
-            .state
-            .matter
-            .bodies
-            .iter()
-            .find_map(inside::RunningBody::culprit)
-        {
+        while let Some((module_name, part)) = self.state.matter.bodies.iter().find_map(inside::RunningBody::culprit) {
             if self.script.on_fault == OnFault::Stop {
                 return Err(self.fault_of(module_name, part, None));
             }
@@ -176,16 +166,8 @@ impl Island {
         let script = std::sync::Arc::make_mut(&mut self.script);
         let scheme = &mut script.scheme;
         scheme.alike = Vec::new();
-        let is_muted: Vec<bool> = scheme
-            .part
-            .iter()
-            .map(|&own| own as usize == part)
-            .collect();
-        for (mat, _) in is_muted
-            .iter()
-            .enumerate()
-            .filter(|(_, is_muted)| **is_muted)
-        {
+        let is_muted: Vec<bool> = scheme.part.iter().map(|&own| own as usize == part).collect();
+        for (mat, _) in is_muted.iter().enumerate().filter(|(_, is_muted)| **is_muted) {
             // A rest position beyond all bounds would cause the next fault at once.
             let rest_position = Some(scheme.rest[mat]).filter(|&x| kernel::sound(x));
             state.matter.body.x[mat] = rest_position.unwrap_or(0.0);
@@ -201,9 +183,7 @@ impl Island {
         let mut is_link_cut = vec![false; scheme.n_lia];
         let run_touches_part = |run: &crate::scheme::Run| {
             if let Some(pairs) = run.pairwise() {
-                return pairs
-                    .spans()
-                    .any(|index_span| is_muted[index_span].contains(&true));
+                return pairs.spans().any(|index_span| is_muted[index_span].contains(&true));
             }
             (0..run.n_axes()).any(|axis| {
                 let (first_a, first_b) = run.pair(0, axis);
@@ -247,33 +227,18 @@ impl Island {
                 is_link_cut[link] = true;
             }
         }
-        for body in state
-            .matter
-            .bodies
-            .iter()
-            .filter(|body| body.is_of(&is_muted, part))
-        {
+        for body in state.matter.bodies.iter().filter(|body| body.is_of(&is_muted, part)) {
             for output in body.outputs() {
                 state.watch.mutes.outputs[output as usize].get_or_insert(n);
             }
         }
-        state
-            .matter
-            .bodies
-            .retain(|body| !body.is_of(&is_muted, part));
+        state.matter.bodies.retain(|body| !body.is_of(&is_muted, part));
         let ends_on_part = |port: &PortBinding| is_muted[port.port] || is_muted[port.key];
-        for port in script
-            .port_bindings
-            .iter()
-            .filter(|port| ends_on_part(port))
-        {
+        for port in script.port_bindings.iter().filter(|port| ends_on_part(port)) {
             state.matter.body.d[port.port] = 0.0;
         }
         let mut stays = script.port_bindings.iter().map(|port| !ends_on_part(port));
-        state
-            .hands
-            .port_states
-            .retain(|_| stays.next().unwrap_or(true));
+        state.hands.port_states.retain(|_| stays.next().unwrap_or(true));
         drop(stays);
         script.port_bindings.retain(|port| !ends_on_part(port));
         let ends_on_part = |drive: &Drive| {

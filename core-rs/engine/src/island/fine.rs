@@ -94,17 +94,7 @@ impl State for Fine {
         let mut step_count = self.script.steps;
         step_count.archive(archive)?;
         self.set_steps(step_count.min(STEPS_MAX));
-        state_of!(
-            self,
-            archive,
-            laws,
-            later,
-            rests,
-            has_glided,
-            has_touched,
-            sprung,
-            work
-        )?;
+        state_of!(self, archive, laws, later, rests, has_glided, has_touched, sprung, work)?;
         if matches!(archive, Archive::Read(_)) && self.has_glided.contains(&true) {
             // With NaN, the next frame that needs these joints retunes them.
             let joints = &mut Arc::make_mut(&mut self.script).joints;
@@ -208,19 +198,13 @@ impl Fine {
                 *later = 0.0;
             }
         }
-        let link_stays: Vec<bool> = (script.links.iter())
-            .map(|run| !mats[run.a] && !mats[run.b])
-            .collect();
+        let link_stays: Vec<bool> = (script.links.iter()).map(|run| !mats[run.a] && !mats[run.b]).collect();
         let removed_links = (script.links.iter().zip(&link_stays))
             .filter(|(_, link_stays)| !**link_stays)
             .map(|(run, _)| run.first)
             .collect();
         let law_script = Arc::make_mut(&mut self.law_script);
-        let laws_stay: Vec<bool> = law_script
-            .links
-            .iter()
-            .map(|&link| link_stays[link])
-            .collect();
+        let laws_stay: Vec<bool> = law_script.links.iter().map(|&link| link_stays[link]).collect();
         keep(&mut self.laws, &laws_stay);
         keep(&mut script.links, &link_stays);
         keep(&mut script.ends, &link_stays);
@@ -301,12 +285,7 @@ impl Fine {
     }
 
     /// Tell the energy that each link stores at the end of the frame [J]; `open` says how far its gate is open.
-    pub(super) fn energies(
-        &self,
-        body: &Body,
-        open: impl Fn(&Run) -> f64,
-        mut tell: impl FnMut(f64),
-    ) {
+    pub(super) fn energies(&self, body: &Body, open: impl Fn(&Run) -> f64, mut tell: impl FnMut(f64)) {
         for (run, [_, [k, z]]) in self.script.links.iter().zip(&self.numbers) {
             let link_energy = match (&run.kind, self.bristle_bend(run.first)) {
                 (Kind::Bristle { by, .. }, Some(bend)) => by.with(*k, *z).energy(bend),
@@ -345,12 +324,7 @@ impl Fine {
 
     /// Whether no contact closes for as long as its points move freely; `swing` bounds the distance of each from its
     /// rest position, and its step [m].
-    pub(super) fn cannot_close(
-        &self,
-        scheme: &Scheme,
-        swing: impl Fn(usize) -> [f64; 2],
-        slack: f64,
-    ) -> bool {
+    pub(super) fn cannot_close(&self, scheme: &Scheme, swing: impl Fn(usize) -> [f64; 2], slack: f64) -> bool {
         let is_open = |run: &Run| {
             let Kind::But(contact) = &run.kind else {
                 return false;
@@ -409,9 +383,6 @@ fn nearest(run: &Run, elongation_now: f64, elongation_next: f64) -> f64 {
         return f64::NEG_INFINITY;
     };
     let contact_side = contact.sign();
-    let (elongation_now, elongation_next) = (
-        contact_side * elongation_now,
-        contact_side * elongation_next,
-    );
+    let (elongation_now, elongation_next) = (contact_side * elongation_now, contact_side * elongation_next);
     elongation_now.max(elongation_next) + (elongation_next - elongation_now).abs()
 }

@@ -42,13 +42,11 @@ impl Glide {
         }
         let frame_share = (n - start_frame) as f64 / (stop_frame - start_frame) as f64;
         let (numbers_from, numbers_to) = (numbers_at(next_point - 1), numbers_at(next_point));
-        let [w, kappa, zeta, ground] = std::array::from_fn(|i| {
-            numbers_from[i] + (numbers_to[i] - numbers_from[i]) * frame_share
-        });
+        let [w, kappa, zeta, ground] =
+            std::array::from_fn(|i| numbers_from[i] + (numbers_to[i] - numbers_from[i]) * frame_share);
         // A continuous oscillation whose frequency ω changes slowly keeps ω times its squared amplitude; the samples of
         // this recurrence keep sin θ times it. The poles are moved outwards by the difference.
-        let correction = (self.amplitude_corrections[index_after]
-            - self.amplitude_corrections[index_before])
+        let correction = (self.amplitude_corrections[index_after] - self.amplitude_corrections[index_before])
             / (stop_frame - start_frame) as f64;
         [
             w,
@@ -72,11 +70,7 @@ impl Led {
 }
 
 /// The glides of an island.
-pub(super) fn glides(
-    network: &Network,
-    timeline: &Timeline,
-    scheme: &Scheme,
-) -> Result<Vec<Glide>, Error> {
+pub(super) fn glides(network: &Network, timeline: &Timeline, scheme: &Scheme) -> Result<Vec<Glide>, Error> {
     let (mut glides, mut ties): (Vec<Glide>, Vec<Vec<Option<Ties>>>) = (Vec::new(), Vec::new());
     for glide in &timeline.glides {
         let mut known_ties: Vec<Option<Ties>> = Vec::new();
@@ -120,19 +114,14 @@ pub(super) fn glides(
             let mat = glide.mat;
             let (kappa, zeta) = (scheme.kappa[mat], scheme.zeta[mat]);
             let part = network.mats().part[mat] as usize;
-            let is_discrete = network
-                .parts()
-                .get(part)
-                .is_some_and(|part| part.ca_rate.is_some());
+            let is_discrete = network.parts().get(part).is_some_and(|part| part.ca_rate.is_some());
             let correction = if is_discrete {
                 0.0
             } else {
                 amplitude_correction(Ratios { kappa, zeta })
             };
             glide.amplitude_corrections.push(correction);
-            glide
-                .numbers
-                .push([scheme.w[mat], kappa, zeta, scheme.ground[mat]]);
+            glide.numbers.push([scheme.w[mat], kappa, zeta, scheme.ground[mat]]);
         }
     }
     if let Some(refused) = Error::combined(refused) {
@@ -154,10 +143,7 @@ fn amplitude_correction(ratios: Ratios) -> f64 {
 }
 
 /// The glides that have parameters in a round: index of the glide, and its parameters.
-fn round_ties(
-    ties: &[Vec<Option<Ties>>],
-    round: usize,
-) -> impl Iterator<Item = (usize, Option<Ties>)> + '_ {
+fn round_ties(ties: &[Vec<Option<Ties>>], round: usize) -> impl Iterator<Item = (usize, Option<Ties>)> + '_ {
     let indexed_ties = ties.iter().enumerate();
     indexed_ties.filter_map(move |(at, own)| own.get(round).map(|own| (at, *own)))
 }
@@ -184,10 +170,7 @@ pub(super) fn apply_following_masses(base: &Scheme, now: &mut Scheme, x: &[f64])
 pub(super) fn pass_to_fine(glides: &[Glide], base: &Scheme, fine: &mut Fine, n: u64) {
     for glide in glides.iter().filter(|glide| base.w[glide.mat] != 0.0) {
         let numbers = [n, n + 1].map(|n| glide.numbers_for(n));
-        fine.glide(
-            glide.mat,
-            numbers.map(|[w, kappa, zeta, _]| [w, kappa, zeta]),
-        );
+        fine.glide(glide.mat, numbers.map(|[w, kappa, zeta, _]| [w, kappa, zeta]));
     }
 }
 
@@ -213,13 +196,8 @@ enum Place {
 pub(super) fn bind_leads(scheme: &mut Scheme, network: &Network, timeline: &Timeline) -> Vec<Led> {
     let mut led_runs: Vec<Led> = Vec::new();
     for lead in &timeline.leads {
-        for run in network
-            .runs()
-            .iter()
-            .filter(|run| lead.links().contains(&run.first))
-        {
-            let find_run =
-                |runs: &[crate::scheme::Run]| runs.iter().position(|own| own.first == run.first);
+        for run in network.runs().iter().filter(|run| lead.links().contains(&run.first)) {
+            let find_run = |runs: &[crate::scheme::Run]| runs.iter().position(|own| own.first == run.first);
             let place = if let Some(index) = find_run(&scheme.runs) {
                 scheme.runs[index].set_loose();
                 Place::Run(index)
@@ -228,8 +206,7 @@ pub(super) fn bind_leads(scheme: &mut Scheme, network: &Network, timeline: &Time
             };
             let lead = lead.on(run.first, run.len);
             let led_before = led_runs.last();
-            let has_same_factors =
-                led_before.is_some_and(|led_before| led_before.lead.has_factors_of(&lead));
+            let has_same_factors = led_before.is_some_and(|led_before| led_before.lead.has_factors_of(&lead));
             led_runs.push(Led {
                 lead,
                 place,
@@ -241,13 +218,7 @@ pub(super) fn bind_leads(scheme: &mut Scheme, network: &Network, timeline: &Time
 }
 
 /// Write K and Z of frame `n` into `now`.
-pub(super) fn apply_leads(
-    all: &[Led],
-    base: &Scheme,
-    now: &mut Scheme,
-    fine_state: &mut Option<Fine>,
-    n: u64,
-) {
+pub(super) fn apply_leads(all: &[Led], base: &Scheme, now: &mut Scheme, fine_state: &mut Option<Fine>, n: u64) {
     let mut factors = [1.0; 2];
     for Led {
         lead,

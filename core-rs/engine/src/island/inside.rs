@@ -44,9 +44,7 @@ impl BodyPlan {
     /// ports are plain masses.
     pub(super) fn start(&self, force: &[f64], body: &Body) -> Result<RunningBody, Error> {
         Ok(match self {
-            Self::Modal(modal) => {
-                RunningBody::Modal(Box::new(modal::RunningModal::new(&modal.pushed(force))))
-            }
+            Self::Modal(modal) => RunningBody::Modal(Box::new(modal::RunningModal::new(&modal.pushed(force)))),
             Self::Mesh(mesh) => RunningBody::Mesh(Box::new(mesh::RunningMesh::new(mesh, force)?)),
             Self::Slow(slow) => RunningBody::Slow(Box::new(slow::RunningSlow::new(slow, body))),
         })
@@ -58,10 +56,7 @@ impl BodyPlan {
         let network = Arc::new(self.network().anonymous(order));
         match &mut renamed {
             Self::Modal(modal) => {
-                modal
-                    .struck
-                    .iter_mut()
-                    .for_each(|renamed| renamed.blows.clear());
+                modal.struck.iter_mut().for_each(|renamed| renamed.blows.clear());
                 modal.network = network;
             }
             Self::Mesh(mesh) => {
@@ -88,13 +83,10 @@ impl BodyPlan {
     /// Its strikes: frame, struck point or MAT, and [part of a frame, impulse [N·s]].
     pub(crate) fn strikes(&self) -> Box<dyn Iterator<Item = (u64, usize, [f64; 2])> + '_> {
         match self {
-            Self::Modal(modal) => Box::new(modal.struck.iter().enumerate().flat_map(
-                |(blow_row, struck)| {
-                    let struck_blows = struck.blows.iter();
-                    struck_blows
-                        .map(move |&(frame, part, impulse)| (frame, blow_row, [part, impulse]))
-                },
-            )),
+            Self::Modal(modal) => Box::new(modal.struck.iter().enumerate().flat_map(|(blow_row, struck)| {
+                let struck_blows = struck.blows.iter();
+                struck_blows.map(move |&(frame, part, impulse)| (frame, blow_row, [part, impulse]))
+            })),
             Self::Mesh(mesh) => {
                 let strikes = mesh.strikes.iter();
                 Box::new(strikes.map(|&(frame, mat, impulse)| (frame, mat, [0.0, impulse])))

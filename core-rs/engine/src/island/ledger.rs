@@ -114,19 +114,12 @@ fn elongation(run: &Run, body: &Body, i: usize) -> (f64, f64) {
         let elongation_before = run.elongation(i, |mat| body.x[mat] - body.d[mat]);
         return (elongation_now - yielded, elongation_before - yielded);
     }
-    (
-        elongation_now,
-        elongation_now - (body.d[run.b + i] - body.d[run.a + i]),
-    )
+    (elongation_now, elongation_now - (body.d[run.b + i] - body.d[run.a + i]))
 }
 
 /// How much the rest length of the i-th link of a run has grown.
 fn yielded(run: &Run, body: &Body, i: usize) -> f64 {
-    if run.yields() {
-        body.memory[run.first + i]
-    } else {
-        0.0
-    }
+    if run.yields() { body.memory[run.first + i] } else { 0.0 }
 }
 
 /// The stiffness that the links of a run share: now, and one step ago.
@@ -194,9 +187,8 @@ impl Ledger {
             let tensions = tensions(run, body);
             for i in 0..run.len {
                 let (now, before) = elongation(run, body, i);
-                ledger.potential[run.first + i] = 0.5
-                    * gate_opening(run)
-                    * (potential(run, tensions[0], now) + potential(run, tensions[1], before));
+                ledger.potential[run.first + i] =
+                    0.5 * gate_opening(run) * (potential(run, tensions[0], now) + potential(run, tensions[1], before));
             }
         }
         ledger.start = ledger.stored(scheme, body);
@@ -244,8 +236,7 @@ impl Ledger {
         let s = |i: usize| body.d[i] + d[i];
         for i in 0..scheme.n_mat() {
             if scheme.zeta[i] != 0.0 {
-                self.lost
-                    .add(0.25 * scheme.zeta[i] / scheme.w[i] * s(i) * s(i));
+                self.lost.add(0.25 * scheme.zeta[i] / scheme.w[i] * s(i) * s(i));
             }
             if body.outside[i] != 0.0 {
                 let travel = finer.map_or_else(|| 0.5 * s(i), |travel| travel[i]);
@@ -260,8 +251,7 @@ impl Ledger {
         for proxy in moving_proxies.filter(|_| finer.is_none()) {
             let with_masses = proxy.sum(|mat| body.x[mat] - body.d[mat], s);
             let proxy_travel = s(proxy.mat) - with_masses;
-            self.injected
-                .add(-0.5 * proxy_travel * body.force[proxy.mat]);
+            self.injected.add(-0.5 * proxy_travel * body.force[proxy.mat]);
         }
         let mut neighbour_rooms = self.neighbours.iter_mut();
         let mut law_buffers = self.laws.iter_mut();
@@ -276,8 +266,7 @@ impl Ledger {
                     let energy_rise = stored_energy - self.potential[run.first + i];
                     self.potential[run.first + i] = stored_energy;
                     let stretch = s(run.b + i) - s(run.a + i);
-                    self.lost
-                        .add(0.5 * stretch * body.link[run.first + i] - energy_rise);
+                    self.lost.add(0.5 * stretch * body.link[run.first + i] - energy_rise);
                 }
                 continue;
             }
@@ -285,8 +274,7 @@ impl Ledger {
                 let Some(pair_room) = neighbour_rooms.next() else {
                     continue;
                 };
-                let [potential_next, potential_now] =
-                    pair_energy::potentials(&pair_run, run.k, pair_room, body);
+                let [potential_next, potential_now] = pair_energy::potentials(&pair_run, run.k, pair_room, body);
                 let stored_energy = 0.5 * (open_next * potential_next + open_now * potential_now);
                 let energy_rise = stored_energy - self.potential[run.first];
                 self.potential[run.first] = stored_energy;
@@ -294,8 +282,7 @@ impl Ledger {
                 let before = if finer.is_some() { &body.d } else { &d };
                 let frame_steps: [&[f64]; 2] = [before, &body.d];
                 let history = &body.histories[run.room()];
-                let pair_work =
-                    pair_energy::work(&pair_run, law, pair_room, body, frame_steps, history);
+                let pair_work = pair_energy::work(&pair_run, law, pair_room, body, frame_steps, history);
                 self.lost.add(pair_work.total - pair_work.elastic);
                 if finer.is_none() {
                     self.produced.add(energy_rise - pair_work.elastic);
@@ -314,8 +301,7 @@ impl Ledger {
                     let e_before = run.elongation(i, |mat| then(mat) - d[mat]);
                     let frame_stretch = run.stretch(i, then, |mat| body.d[mat]);
                     let energies = Frame::new(law, rate, [e_before, e, e_next], frame_stretch);
-                    let stored_before =
-                        std::mem::replace(&mut self.potential[run.first + i], energies.stored);
+                    let stored_before = std::mem::replace(&mut self.potential[run.first + i], energies.stored);
                     self.injected.add(energies.held - stored_before); // the law has changed
                     if finer.is_some() {
                         self.lost.add(energies.drag * frame_stretch);
@@ -337,9 +323,8 @@ impl Ledger {
                     continue;
                 }
                 let (e_next, e) = elongation(run, body, i);
-                let stored_energy = 0.5
-                    * (open_next * potential(run, tension_next, e_next)
-                        + open_now * potential(run, tension, e));
+                let stored_energy =
+                    0.5 * (open_next * potential(run, tension_next, e_next) + open_now * potential(run, tension, e));
                 if yielded(run, body, i).is_infinite() {
                     self.lost.add(self.potential[run.first + i]);
                     self.potential[run.first + i] = 0.0;
@@ -358,8 +343,7 @@ impl Ledger {
                 self.potential[run.first + i] = stored_energy;
                 if finer.is_some() {
                     let frame_stretch = run.stretch(i, then, |mat| body.d[mat]);
-                    self.lost
-                        .add(open_now * run.drag(e, frame_stretch) * frame_stretch);
+                    self.lost.add(open_now * run.drag(e, frame_stretch) * frame_stretch);
                     continue;
                 }
                 let share_given = 0.5 * stretch * body.link[run.first + i];
@@ -391,8 +375,7 @@ impl Ledger {
                 // With the same work a step as other forces: 0.5·(x[n+1] − x[n−1])·F.
                 energy_sum.add(-mat_weight * (x - 0.5 * d));
             }
-            let mat_energy = 0.5 * d * d
-                + 0.5 * scheme.kappa[i] * (x - rest_position) * (x - d - rest_position)
+            let mat_energy = 0.5 * d * d + 0.5 * scheme.kappa[i] * (x - rest_position) * (x - d - rest_position)
                 - 0.25 * scheme.zeta[i] * d * d;
             energy_sum.add(mat_energy / scheme.w[i]);
         }
@@ -401,10 +384,7 @@ impl Ledger {
                 energy_sum.add(if is_spring(run) {
                     let (elongation_now, elongation_before) = elongation(run, body, i);
                     0.5 * run.k * elongation_now * elongation_before
-                        - 0.25
-                            * run.z
-                            * (elongation_now - elongation_before)
-                            * (elongation_now - elongation_before)
+                        - 0.25 * run.z * (elongation_now - elongation_before) * (elongation_now - elongation_before)
                 } else {
                     self.potential[run.first + i]
                 });
@@ -415,11 +395,7 @@ impl Ledger {
 
     pub(super) fn energy(&self, scheme: &Scheme, body: &Body) -> Energy {
         let (start, stored) = (self.start, self.stored(scheme, body));
-        let (injected, lost, produced) = (
-            self.injected.value(),
-            self.lost.value(),
-            self.produced.value(),
-        );
+        let (injected, lost, produced) = (self.injected.value(), self.lost.value(), self.produced.value());
         Energy {
             start,
             stored,

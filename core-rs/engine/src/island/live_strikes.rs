@@ -75,12 +75,7 @@ impl Pending {
 }
 
 /// Adds the forces of the impulses to this step. A muted MAT takes none.
-pub(super) fn apply(
-    strike_points: &[StrikePoint],
-    pending: &mut [Pending],
-    scheme: &Scheme,
-    body: &mut Body,
-) {
+pub(super) fn apply(strike_points: &[StrikePoint], pending: &mut [Pending], scheme: &Scheme, body: &mut Body) {
     let pending = strike_points.iter().zip(pending);
     for (strike_point, pending) in pending.filter(|(_, pending)| pending.is_some()) {
         let impulse = pending.next();
@@ -116,11 +111,7 @@ impl super::Island {
 
     /// Take over what the points of another island have still to receive, where it has the same points.
     pub(crate) fn continue_strikes(&mut self, old: &Self) {
-        let strikes = old
-            .script
-            .strike_points
-            .iter()
-            .zip(&old.state.hands.pending);
+        let strikes = old.script.strike_points.iter().zip(&old.state.hands.pending);
         for (theirs, rest) in strikes.filter(|(_, rest)| rest.is_some()) {
             let strike_points = self.script.strike_points.iter();
             for (ours, pending) in strike_points.zip(&mut self.state.hands.pending) {

@@ -130,8 +130,7 @@ impl RunningMesh {
             next: 0,
             damped: 1.0,
             // K that changes in time gives and takes energy, as a hand does.
-            account: (plan.leads.is_empty() && integrator.may_gain())
-                .then(|| Account::new(integrator.stored())),
+            account: (plan.leads.is_empty() && integrator.may_gain()).then(|| Account::new(integrator.stored())),
             worst: None,
             integrator,
             plan: Arc::new(plan.clone()),
@@ -182,11 +181,7 @@ impl RunningMesh {
 
     /// The first frame, `n` or later, in which anything strikes it or leads its links.
     pub(crate) fn due(&self, n: u64) -> u64 {
-        let next_strike = self
-            .plan
-            .strikes
-            .get(self.next)
-            .map(|next_strike| next_strike.0);
+        let next_strike = self.plan.strikes.get(self.next).map(|next_strike| next_strike.0);
         let lead_dues = self.plan.leads.iter().map(|lead| lead.due(n));
         lead_dues.chain(next_strike).min().unwrap_or(u64::MAX)
     }
@@ -219,14 +214,9 @@ impl RunningMesh {
 
     /// Reserve room for all impulses of a frame, because a cloned vector has no spare capacity.
     pub(crate) fn reserve(&mut self) {
-        let strikes_at_once = self
-            .plan
-            .strikes
-            .chunk_by(|a, b| a.0 == b.0)
-            .map(<[_]>::len);
+        let strikes_at_once = self.plan.strikes.chunk_by(|a, b| a.0 == b.0).map(<[_]>::len);
         let impulses_max = self.plan.ports.len() + strikes_at_once.max().unwrap_or(0);
-        self.impulses
-            .reserve(impulses_max.saturating_sub(self.impulses.len()));
+        self.impulses.reserve(impulses_max.saturating_sub(self.impulses.len()));
         if !self.plan.leads.is_empty() {
             self.integrator.unshare_parameters();
         }
@@ -236,10 +226,7 @@ impl RunningMesh {
     pub(crate) fn tap(&self, out: &mut [f64]) {
         let positions = self.integrator.positions();
         for (output, row) in &self.plan.outputs {
-            out[*output as usize] += row
-                .iter()
-                .map(|&(mat, weight)| weight * positions[mat])
-                .sum::<f64>();
+            out[*output as usize] += row.iter().map(|&(mat, weight)| weight * positions[mat]).sum::<f64>();
         }
     }
 
@@ -265,19 +252,14 @@ impl RunningMesh {
             let port_position = self.integrator.positions()[port];
             let port_mass = self.plan.network.mats().m[port];
             // The next step without the mesh's own forces: inertia, and the force at the port.
-            self.inertial_steps[row] = (port_position - self.previous[row])
-                + force[mat] * time_step * time_step / port_mass;
+            self.inertial_steps[row] =
+                (port_position - self.previous[row]) + force[mat] * time_step * time_step / port_mass;
             self.previous[row] = port_position;
             if force[mat] != 0.0 {
                 self.impulses.push((port, force[mat] * time_step));
             }
         }
-        while let Some(&(_, mat, impulse)) = self
-            .plan
-            .strikes
-            .get(self.next)
-            .filter(|strike| strike.0 <= n)
-        {
+        while let Some(&(_, mat, impulse)) = self.plan.strikes.get(self.next).filter(|strike| strike.0 <= n) {
             self.next += 1;
             self.impulses.push((mat, impulse));
         }
@@ -291,8 +273,7 @@ impl RunningMesh {
             account.take(self.integrator.work(&self.impulses));
         }
         let mesh_leads = &self.plan.leads;
-        self.integrator
-            .step_led(n, mesh_leads, &self.impulses, team);
+        self.integrator.step_led(n, mesh_leads, &self.impulses, team);
     }
 
     /// Begin the account anew.
@@ -307,10 +288,7 @@ impl RunningMesh {
         if !(n - 1).is_multiple_of(energy_account::RARELY) && self.integrator.n_integrated() > 0 {
             return None;
         }
-        let gain = self
-            .account
-            .as_mut()?
-            .gain(self.integrator.stored(), 0.0, n);
+        let gain = self.account.as_mut()?.gain(self.integrator.stored(), 0.0, n);
         if !gain.is_reportable() {
             return None;
         }
@@ -327,10 +305,7 @@ impl RunningMesh {
     pub(super) fn first_module(&self) -> Option<(String, usize)> {
         let network = &self.plan.network;
         let moving_mat = network.mats().kind.iter().position(|kind| kind.moves())?;
-        Some((
-            network.mat_name(moving_mat),
-            network.mats().part[moving_mat] as usize,
-        ))
+        Some((network.mat_name(moving_mat), network.mats().part[moving_mat] as usize))
     }
 
     /// Whether a MAT of the island is one of its ports.
@@ -341,17 +316,12 @@ impl RunningMesh {
     /// Whether a port is among some MATs (n_mat), or any of its own in a part.
     pub(crate) fn is_of(&self, mats: &[bool], part: usize) -> bool {
         let mat_part = &self.plan.network.mats().part;
-        self.plan.ports.iter().any(|&(_, mat)| mats[mat])
-            || mat_part.iter().any(|&mat_part| mat_part as usize == part)
+        self.plan.ports.iter().any(|&(_, mat)| mats[mat]) || mat_part.iter().any(|&mat_part| mat_part as usize == part)
     }
 
     /// Outputs that hear it.
     pub(crate) fn outputs(&self) -> Vec<u32> {
-        self.plan
-            .outputs
-            .iter()
-            .map(|&(output, _)| output)
-            .collect()
+        self.plan.outputs.iter().map(|&(output, _)| output).collect()
     }
 
     /// The name and part of a MAT whose position is beyond all bounds.
@@ -359,10 +329,7 @@ impl RunningMesh {
         let x = self.integrator.positions();
         let unsound_mat = x.iter().position(|&x| !crate::kernel::sound(x))?;
         let network = &self.plan.network;
-        Some((
-            network.mat_name(unsound_mat),
-            network.mats().part[unsound_mat] as usize,
-        ))
+        Some((network.mat_name(unsound_mat), network.mats().part[unsound_mat] as usize))
     }
 
     /// The name of a part whose links stiffened, and which frames were computed finer for it.

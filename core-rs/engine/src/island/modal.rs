@@ -261,10 +261,7 @@ impl RunningModal {
             let Some(group_motion): &Option<Motion> = &group_motion else {
                 return 0.0;
             };
-            let (x, position_before) = (
-                group_motion.now.0[mode % LANES],
-                group_motion.before.0[mode % LANES],
-            );
+            let (x, position_before) = (group_motion.now.0[mode % LANES], group_motion.before.0[mode % LANES]);
             if oscillator.b == 0.0 {
                 return x * x;
             }
@@ -346,10 +343,7 @@ impl RunningModal {
             let group_motion = &self.motions[group_index];
             // The motions are those of the next frame, without what impulses between frames have still to add.
             let next_amplitude = group_motion.now.0[lane] + self.pending[group_index].0[lane];
-            let (a, b) = (
-                group_rates[group_index].a.0[lane],
-                group_rates[group_index].b.0[lane],
-            );
+            let (a, b) = (group_rates[group_index].a.0[lane], group_rates[group_index].b.0[lane]);
             now[mode] = group_motion.before.0[lane];
             before[mode] = (a * now[mode] - next_amplitude) / b;
         }
@@ -390,10 +384,7 @@ impl RunningModal {
         };
         for mode in 0..self.n_modes() {
             let (group_index, lane) = (mode / LANES, mode % LANES);
-            let (a, b) = (
-                group_rates[group_index].a.0[lane],
-                group_rates[group_index].b.0[lane],
-            );
+            let (a, b) = (group_rates[group_index].a.0[lane], group_rates[group_index].b.0[lane]);
             let next_amplitude = a * now[mode] - b * before[mode];
             let (motion, saved) = (&mut self.motions[group_index], &mut self.saved[group_index]);
             (motion.now.0[lane], motion.before.0[lane]) = (next_amplitude, now[mode]);
@@ -489,14 +480,7 @@ impl RunningModal {
                 &self.script.rates
             };
             let (group_rates, group_rows) = (&group_rates[group], &self.script.rows[group]);
-            follow(
-                group_rates,
-                motion,
-                group_rows,
-                frames_ahead,
-                &mut self.sums,
-                AHEAD,
-            );
+            follow(group_rates, motion, group_rows, frames_ahead, &mut self.sums, AHEAD);
         }
         for (seen, sums) in self.seen.chunks_mut(ROOM).zip(self.sums.chunks(AHEAD)) {
             seen[0] = seen[self.present];

@@ -20,14 +20,7 @@ pub(super) fn start(
         .map(|drive| (drive.mat, drive.value(0, scheme.rate)))
         .collect();
     let start_positions = positions(network, timeline, drives);
-    let mut start_steps = backward_steps(
-        network,
-        timeline,
-        scheme,
-        &start_positions,
-        &drive_forces,
-        acts,
-    );
+    let mut start_steps = backward_steps(network, timeline, scheme, &start_positions, &drive_forces, acts);
     for (port, key) in timeline.ports() {
         start_steps[port] = start_steps[key];
     }
@@ -48,8 +41,7 @@ pub(super) fn positions(network: &Network, timeline: &Timeline, drives: &[Drive]
         start_positions[port] = start_positions[key];
     }
     for proxy in network.proxies() {
-        start_positions[proxy.mat] =
-            proxy.sum(|mat| start_positions[mat], |mat| start_positions[mat]);
+        start_positions[proxy.mat] = proxy.sum(|mat| start_positions[mat], |mat| start_positions[mat]);
     }
     start_positions
 }

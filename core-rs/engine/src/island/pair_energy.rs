@@ -20,12 +20,7 @@ pub(super) fn potentials(run: &PairRun, k: f64, room: &mut Neighbours, body: &Bo
 }
 
 /// Energy of all pairs of stiffness `k` at positions `x` [J].
-pub(super) fn potential(
-    run: &PairRun,
-    k: f64,
-    room: &mut Neighbours,
-    x: impl Fn(usize) -> f64,
-) -> f64 {
+pub(super) fn potential(run: &PairRun, k: f64, room: &mut Neighbours, x: impl Fn(usize) -> f64) -> f64 {
     let mut energy_sum = 0.0;
     let pair_law = &run.pairs.link.law;
     room.touching(run, x, |_, e, _| energy_sum += pair_law.potential(k, e));

@@ -70,9 +70,7 @@ impl PairGains {
             })
             .collect();
         let mat_buffer = || vec![0.0; scheme.n_mat()];
-        let is_gated = pair_runs
-            .clone()
-            .any(|(scheme_run, _)| scheme_run.gate.is_some());
+        let is_gated = pair_runs.clone().any(|(scheme_run, _)| scheme_run.gate.is_some());
         (!pair_contacts.is_empty() && !is_gated).then(|| Self {
             pair_contacts,
             d: mat_buffer(),
@@ -103,10 +101,7 @@ impl PairGains {
 
     /// Whether any of the marked MATs (n_mat) is an end of these contacts.
     pub(super) fn touches(&self, mats: &[bool]) -> bool {
-        let mut mat_spans = self
-            .pair_contacts
-            .iter()
-            .flat_map(|contacts| contacts.run.spans());
+        let mut mat_spans = self.pair_contacts.iter().flat_map(|contacts| contacts.run.spans());
         mat_spans.any(|span| mats[span].iter().any(|&is_one| is_one))
     }
 
@@ -122,17 +117,11 @@ impl PairGains {
 
     pub(super) fn step(&mut self, body: &Body) {
         let motion_now = [&*body.d, &*body.pair_force];
-        self.account
-            .take(-work(&mut self.d, &mut self.force, motion_now));
+        self.account.take(-work(&mut self.d, &mut self.force, motion_now));
     }
 
     /// The energy created by frame `n`, if that is worth reporting; `around` is the energy of all masses.
-    pub(super) fn check(
-        &mut self,
-        body: &Body,
-        (around, put_in): (impl Fn() -> f64, f64),
-        n: u64,
-    ) -> Option<Gain> {
+    pub(super) fn check(&mut self, body: &Body, (around, put_in): (impl Fn() -> f64, f64), n: u64) -> Option<Gain> {
         if self.account.is_overdrawn() && !self.is_whole {
             let start_energy = stored(&mut self.pair_contacts, [&self.from[0], &self.from[1]]);
             self.account.add_start(start_energy + self.held);
@@ -142,10 +131,7 @@ impl PairGains {
             return None;
         }
         let stored = stored(&mut self.pair_contacts, [&body.x, &body.d]) + self.held(body);
-        let gain = self
-            .account
-            .gain(stored, around(), n)
-            .with_reference_min(put_in);
+        let gain = self.account.gain(stored, around(), n).with_reference_min(put_in);
         if !gain.is_reportable() || gain.created <= self.rounding(body) {
             return None;
         }
@@ -156,23 +142,15 @@ impl PairGains {
     /// Elastic energy of friction [J].
     fn held(&self, body: &Body) -> f64 {
         let pair_contacts = self.pair_contacts.iter();
-        let pair_energy = |contacts: &PairContacts| {
-            held(
-                &contacts.run,
-                contacts.k,
-                &body.histories[contacts.room],
-                body,
-            )
-        };
+        let pair_energy =
+            |contacts: &PairContacts| held(&contacts.run, contacts.k, &body.histories[contacts.room], body);
         pair_contacts.map(pair_energy).sum()
     }
 
     fn rounding(&self, body: &Body) -> f64 {
         let pair_energy = |contacts: &PairContacts| {
             let contact_mats = contacts.run.spans().flatten();
-            let largest_position = contact_mats
-                .map(|mat| body.x[mat].abs())
-                .fold(0.0, f64::max);
+            let largest_position = contact_mats.map(|mat| body.x[mat].abs()).fold(0.0, f64::max);
             let elongation_error = DIGITS * f64::EPSILON * largest_position;
             contacts.run.n as f64 * contacts.k * elongation_error * elongation_error
         };
@@ -206,11 +184,8 @@ wide! {
 /// Energy of all pairs between two steps [J], at positions and last steps [m] (n_mat each).
 fn stored(pair_contacts: &mut [PairContacts], [x, d]: [&[f64]; 2]) -> f64 {
     let pair_energy = |contacts: &mut PairContacts| {
-        let PairContacts {
-            run, k, neighbours, ..
-        } = contacts;
-        0.5 * (potential(run, *k, neighbours, |mat| x[mat])
-            + potential(run, *k, neighbours, |mat| x[mat] - d[mat]))
+        let PairContacts { run, k, neighbours, .. } = contacts;
+        0.5 * (potential(run, *k, neighbours, |mat| x[mat]) + potential(run, *k, neighbours, |mat| x[mat] - d[mat]))
     };
     pair_contacts.iter_mut().map(pair_energy).sum()
 }

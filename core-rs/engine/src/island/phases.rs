@@ -150,10 +150,7 @@ impl Frame<'_, '_> {
             ..
         } = &mut *self.state;
         let Matter {
-            body,
-            bodies,
-            targets,
-            ..
+            body, bodies, targets, ..
         } = matter;
         real_hands::feel(&script.hand_bindings, &mut hands.hand_states, n, body);
         delayed_ports::note(&script.port_bindings, &mut hands.port_states, body);
@@ -197,10 +194,7 @@ impl Frame<'_, '_> {
         kernel::proxies::gather(scheme, body);
         let finer_sound = recompute_finer(scheme, self.state, self.team);
         let State {
-            values,
-            matter,
-            watch,
-            ..
+            values, matter, watch, ..
         } = &mut *self.state;
         if finer_sound.is_some() || values.damped < 1.0 {
             watch.gains.iter_mut().for_each(|gains| gains.restart());
@@ -221,10 +215,7 @@ impl Frame<'_, '_> {
     /// The ledger of the energy, if it is kept.
     pub(super) fn account(&mut self, moved: &Moved) {
         let State {
-            values,
-            matter,
-            watch,
-            ..
+            values, matter, watch, ..
         } = &mut *self.state;
         let Some(ledger) = &mut watch.ledger else {
             return;
@@ -276,10 +267,7 @@ impl Frame<'_, '_> {
 /// plausible; `None` if the frame stands as it is.
 fn recompute_finer(scheme: &Scheme, state: &mut State, team: &mut ThreadTeam<'_>) -> Option<bool> {
     let State {
-        values,
-        matter,
-        watch,
-        ..
+        values, matter, watch, ..
     } = state;
     let (guard, body) = (watch.guard.as_mut()?, &mut matter.body);
     if !guard.needs_finer(&body.x, &body.d, &scheme.w) {

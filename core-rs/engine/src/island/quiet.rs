@@ -63,9 +63,7 @@ impl Quiet {
     fn new(network: &Network, n_bodies: usize) -> Self {
         let outputs = network.outputs().iter();
         Self {
-            outputs: outputs
-                .map(|output| OutputLevel::new(output.order))
-                .collect(),
+            outputs: outputs.map(|output| OutputLevel::new(output.order)).collect(),
             steps: vec![0.0; network.n_mat()],
             bodies: vec![0.0; n_bodies],
             energy: 0.0,
@@ -140,12 +138,9 @@ impl Island {
     /// From here on, sleep when it is quiet.
     pub(crate) fn sleep_when_quiet(&mut self) {
         // Springs in space of slow bodies pull in a rhythm of their own.
-        let is_slow =
-            |body: &RunningBody| matches!(body, RunningBody::Slow(slow) if slow.every() > 1);
+        let is_slow = |body: &RunningBody| matches!(body, RunningBody::Slow(slow) if slow.every() > 1);
         let state = &self.state;
-        if !state.matter.bodies.iter().any(is_slow)
-            && state.hands.voices.iter().all(|voice| voice.every() == 1)
-        {
+        if !state.matter.bodies.iter().any(is_slow) && state.hands.voices.iter().all(|voice| voice.every() == 1) {
             self.quiet = Some(Quiet::new(&self.network, state.matter.bodies.len()));
         }
     }
@@ -172,11 +167,7 @@ impl Island {
         if !island_step.is_multiple_of(look_steps) {
             return None;
         }
-        let scheme_now = state
-            .values
-            .scheme
-            .as_deref()
-            .unwrap_or(&self.script.scheme);
+        let scheme_now = state.values.scheme.as_deref().unwrap_or(&self.script.scheme);
         let may_sleep = quiet.look(
             scheme_now,
             &state.matter.body,

@@ -60,20 +60,13 @@ pub(super) fn hand_bindings(drives: &[Drive]) -> Vec<HandBinding> {
 }
 
 /// Set positions and last steps of the hands' MATs at frame `n`.
-pub(super) fn arrive(
-    hand_bindings: &[HandBinding],
-    hand_states: &mut [HandState],
-    n: u64,
-    body: &mut Body,
-) {
+pub(super) fn arrive(hand_bindings: &[HandBinding], hand_states: &mut [HandState], n: u64, body: &mut Body) {
     for (binding, state) in hand_bindings.iter().zip(hand_states) {
         let (mat_position, mat_step) = (&mut body.x[binding.mat], &mut body.d[binding.mat]);
         let tick_frames = u64::from(binding.hand.tick_frames);
         let frame_in_tick = n % tick_frames;
         if frame_in_tick == 0 {
-            let (end_position, sent_step) = state
-                .sent
-                .unwrap_or_else(|| (binding.hand.position(n), None));
+            let (end_position, sent_step) = state.sent.unwrap_or_else(|| (binding.hand.position(n), None));
             let start_position = if n == 0 { end_position } else { state.to };
             (state.from, state.to) = (start_position, end_position);
             if tick_frames == 1 || binding.hand.interpolation == HandWay::Hold {
@@ -85,19 +78,13 @@ pub(super) fn arrive(
         if binding.hand.interpolation == HandWay::Line {
             let distance = state.to - state.from;
             *mat_step = distance / tick_frames as f64;
-            *mat_position =
-                state.from + distance * ((frame_in_tick + 1) as f64 / tick_frames as f64);
+            *mat_position = state.from + distance * ((frame_in_tick + 1) as f64 / tick_frames as f64);
         }
     }
 }
 
 /// Add the summed forces of frame `n` to the mean of the tick.
-pub(super) fn feel(
-    hand_bindings: &[HandBinding],
-    hand_states: &mut [HandState],
-    n: u64,
-    body: &Body,
-) {
+pub(super) fn feel(hand_bindings: &[HandBinding], hand_states: &mut [HandState], n: u64, body: &Body) {
     for (binding, state) in hand_bindings.iter().zip(hand_states) {
         state.sum += body.force[binding.mat];
         let tick_frames = u64::from(binding.hand.tick_frames);
@@ -111,12 +98,7 @@ pub(super) fn feel(
 impl super::Island {
     /// Set the position of a hand of the scene from the next tick on, and its last step [m].
     pub(crate) fn hold(&mut self, hand: usize, x: f64, step: Option<f64>) {
-        for (binding, state) in self
-            .script
-            .hand_bindings
-            .iter()
-            .zip(&mut self.state.hands.hand_states)
-        {
+        for (binding, state) in self.script.hand_bindings.iter().zip(&mut self.state.hands.hand_states) {
             if binding.hand.index == hand {
                 state.sent = Some((x, step));
             }
@@ -125,11 +107,7 @@ impl super::Island {
 
     /// Mean force on a hand of the scene over the last complete tick [N].
     pub(crate) fn hand_force(&self, hand: usize) -> f64 {
-        let hand_pairs = self
-            .script
-            .hand_bindings
-            .iter()
-            .zip(&self.state.hands.hand_states);
+        let hand_pairs = self.script.hand_bindings.iter().zip(&self.state.hands.hand_states);
         let hand_states = hand_pairs.filter(|(binding, _)| binding.hand.index == hand);
         hand_states.map(|(_, state)| state.mean_force).sum()
     }

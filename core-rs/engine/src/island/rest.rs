@@ -75,19 +75,12 @@ impl Island {
     /// Play `n_frames` frames and write their outputs into `out`, frame by frame, (n_frames · n_out).
     ///
     /// Fails with the first part that goes non-finite, unless faults are muted.
-    pub(crate) fn process(
-        &mut self,
-        out: &mut [f64],
-        n_frames: usize,
-        team: &mut ThreadTeam<'_>,
-    ) -> Result<(), Fault> {
+    pub(crate) fn process(&mut self, out: &mut [f64], n_frames: usize, team: &mut ThreadTeam<'_>) -> Result<(), Fault> {
         let (n_out, steps_per_frame) = (self.n_out(), u64::from(self.oversampling));
         let mut frames_done = 0;
         while frames_done < n_frames {
             let frames_left = (n_frames - frames_done) as u64;
-            let until = |step: u64| {
-                frames_left.min(step.saturating_sub(self.state.frame) / steps_per_frame)
-            };
+            let until = |step: u64| frames_left.min(step.saturating_sub(self.state.frame) / steps_per_frame);
             let frames_to_look = until(self.next_quiet_look());
             let frame_count = match self.rest.stage {
                 Stage::Computed => frames_to_look.min(until(self.rest.next)),
@@ -201,16 +194,12 @@ impl Island {
         let is_silent = |output_row: &[f64]| output_row.iter().all(|x| *x == 0.0);
         let team = |team: &mut ThreadTeam<'_>| {
             for _ in 0..SILENCE_FRAMES {
-                if island_copy.process(&mut output_row, 1, team).is_err() || !is_silent(&output_row)
-                {
+                if island_copy.process(&mut output_row, 1, team).is_err() || !is_silent(&output_row) {
                     return frame_now;
                 }
                 if let Stage::Resting(last_step) = island_copy.rest.stage {
                     // What it would give if it slept later.
-                    island_copy
-                        .quiet
-                        .iter()
-                        .for_each(|quiet| quiet.hold(&mut output_row));
+                    island_copy.quiet.iter().for_each(|quiet| quiet.hold(&mut output_row));
                     return if is_silent(&output_row) {
                         last_step / steps_per_frame
                     } else {
@@ -253,14 +242,8 @@ impl Island {
         let mut noted_state = std::mem::take(&mut self.rest.left);
         noted_state.clear();
         let is_known = self.due(island_step) > soon_step
-            && !self
-                .state
-                .watch
-                .touches
-                .are_pushed(&self.state.matter.body.link)
-            && self
-                .archive_all(&mut Archive::Note(&mut noted_state))
-                .is_ok();
+            && !self.state.watch.touches.are_pushed(&self.state.matter.body.link)
+            && self.archive_all(&mut Archive::Note(&mut noted_state)).is_ok();
         self.rest.left = noted_state;
         if is_known {
             self.rest.stage = Stage::Alike(0);
@@ -333,12 +316,8 @@ impl Island {
     pub(super) fn due(&self, n: u64) -> u64 {
         let (script, state) = (&*self.script, &self.state);
         // The future of hands and takes is not looked at.
-        let is_known =
-            |drive: &Drive| matches!(drive.source, Source::Constant(_) | Source::Strikes { .. });
-        if !script.drives.iter().all(is_known)
-            || !script.hand_bindings.is_empty()
-            || state.hands.is_struck()
-        {
+        let is_known = |drive: &Drive| matches!(drive.source, Source::Constant(_) | Source::Strikes { .. });
+        if !script.drives.iter().all(is_known) || !script.hand_bindings.is_empty() || state.hands.is_struck() {
             return n;
         }
         let bodies = state.matter.bodies.iter().map(inside::RunningBody::every);
@@ -346,21 +325,14 @@ impl Island {
         if every.any(|every| u64::from(every) > ALIKE_FRAMES) {
             return n;
         }
-        let push_frame = script
-            .pushes
-            .get(state.hands.pushed)
-            .map(|push_frame| push_frame.frame);
-        let ergon_frame = script
-            .ergons
-            .get(state.hands.ergons)
-            .map(|ergon_frame| ergon_frame.0);
+        let push_frame = script.pushes.get(state.hands.pushed).map(|push_frame| push_frame.frame);
+        let ergon_frame = script.ergons.get(state.hands.ergons).map(|ergon_frame| ergon_frame.0);
         let voice_events = state.hands.voices.iter().zip(&script.voices);
         let voice_events = voice_events.map(|(voice, own)| voice.due(own, &script.gestures, n));
         let bodies = state.matter.bodies.iter().map(|body| body.due(n));
         let continuations = state.values.gate_continuations.iter();
         let gate_events = script.gates.iter().zip(continuations);
-        let gate_events =
-            gate_events.map(|(gate, continuation)| gate.due(continuation.as_ref(), n));
+        let gate_events = gate_events.map(|(gate, continuation)| gate.due(continuation.as_ref(), n));
         let glide_events = script.glides.iter().map(|glide| glide.due(n));
         let led = script.led.iter().map(|led| led.due(n));
         let event_frames = push_frame
@@ -368,10 +340,7 @@ impl Island {
             .chain(ergon_frame)
             .chain(voice_events)
             .chain(bodies);
-        let event_frames = event_frames
-            .chain(gate_events)
-            .chain(glide_events)
-            .chain(led);
+        let event_frames = event_frames.chain(gate_events).chain(glide_events).chain(led);
         event_frames.min().unwrap_or(u64::MAX)
     }
 

@@ -95,9 +95,7 @@ impl Slow {
     /// The same body in the free copy of its key; `mat` gives the MATs of its ports there.
     pub(crate) fn alone(&self, mat: impl Fn(usize) -> Option<usize>) -> Self {
         let ports = self.ports.iter();
-        let ports: Vec<(usize, usize)> = ports
-            .filter_map(|&(own, there)| Some((own, mat(there)?)))
-            .collect();
+        let ports: Vec<(usize, usize)> = ports.filter_map(|&(own, there)| Some((own, mat(there)?))).collect();
         let springs = match &self.springs {
             Springs::Exact(flow) => {
                 let interface = self.interface(&ports);
@@ -177,11 +175,7 @@ impl RunningSlow {
         for &(port, mat) in &plan.ports {
             x[port] = body.x[mat];
             v[port] += body.d[mat] - plan.v0[port];
-            let curve_step = if plan.is_discrete {
-                0.0
-            } else {
-                half_share * kick[port]
-            };
+            let curve_step = if plan.is_discrete { 0.0 } else { half_share * kick[port] };
             previous.push(x[port] - (body.d[mat] - curve_step));
         }
         if let RunningSprings::Exact(spring_block) = &mut springs {
@@ -215,8 +209,7 @@ impl RunningSlow {
         self.kick.copy_from_slice(&other.kick);
         self.previous.copy_from_slice(&other.previous);
         self.since = other.since;
-        if let (RunningSprings::Exact(spring_block), RunningSprings::Exact(other)) =
-            (&mut self.springs, &other.springs)
+        if let (RunningSprings::Exact(spring_block), RunningSprings::Exact(other)) = (&mut self.springs, &other.springs)
         {
             spring_block.copy_motion(other);
         }
@@ -258,11 +251,7 @@ impl RunningSlow {
             return self.settle();
         };
         let mat_count = self.x.len();
-        let state_pairs = spring_block
-            .state_mut()
-            .iter_mut()
-            .zip(&self.x)
-            .zip(&plan.rest);
+        let state_pairs = spring_block.state_mut().iter_mut().zip(&self.x).zip(&plan.rest);
         state_pairs.for_each(|((u, x), rest)| *u = x - rest);
         spring_block.set_velocities(&self.v[..mat_count]);
         spring_block.begin();
@@ -345,8 +334,7 @@ impl RunningSlow {
     /// Make its motion decay by an additional factor in each frame.
     pub(crate) fn damp(&mut self, by: f64) {
         let spring_block = self.springs.block();
-        let block_frames =
-            spring_block.map_or(self.plan.kick_every, |spring_block| spring_block.n_frames());
+        let block_frames = spring_block.map_or(self.plan.kick_every, |spring_block| spring_block.n_frames());
         self.damped = (0..2 * block_frames).fold(1.0, |all, _| all * by);
     }
 
@@ -369,11 +357,7 @@ impl RunningSlow {
         before.end_here();
         let block_state = spring_block.state_mut();
         block_state.copy_from_slice(before.state());
-        for ((u, before), rest) in block_state
-            .iter_mut()
-            .zip(&old.plan.rest)
-            .zip(&self.plan.rest)
-        {
+        for ((u, before), rest) in block_state.iter_mut().zip(&old.plan.rest).zip(&self.plan.rest) {
             *u += before - rest;
         }
         spring_block.begin();
@@ -385,9 +369,7 @@ impl RunningSlow {
         let frames_since = f64::from(self.since);
         for (index, (output, row)) in self.plan.outputs.iter().enumerate() {
             if let Some(spring_block) = self.springs.block() {
-                let rest_terms = row
-                    .iter()
-                    .map(|&(own, weight)| weight * self.plan.rest[own]);
+                let rest_terms = row.iter().map(|&(own, weight)| weight * self.plan.rest[own]);
                 out[*output as usize] += rest_terms.sum::<f64>() + spring_block.output(index);
                 continue;
             }
@@ -420,9 +402,7 @@ impl RunningSlow {
     pub(crate) fn step(&mut self, n: u64, force: &[f64]) {
         let plan = &*self.plan;
         if let RunningSprings::Exact(spring_block) = &mut self.springs {
-            for (index, (&(port, mat), previous)) in
-                plan.ports.iter().zip(&mut self.previous).enumerate()
-            {
+            for (index, (&(port, mat), previous)) in plan.ports.iter().zip(&mut self.previous).enumerate() {
                 *previous = self.x[port];
                 spring_block.push_port(index, force[mat]);
             }
@@ -498,9 +478,7 @@ impl RunningSlow {
     /// springs are not linear.
     pub(crate) fn energy(&self) -> f64 {
         let spring_block = self.springs.block();
-        spring_block.map_or(f64::INFINITY, |spring_block| {
-            spring_block.energy(&self.plan.w)
-        })
+        spring_block.map_or(f64::INFINITY, |spring_block| spring_block.energy(&self.plan.w))
     }
 
     /// Whether a MAT of the island is one of its ports.
@@ -515,11 +493,7 @@ impl RunningSlow {
 
     /// Outputs that hear it.
     pub(crate) fn outputs(&self) -> Vec<u32> {
-        self.plan
-            .outputs
-            .iter()
-            .map(|&(output, _)| output)
-            .collect()
+        self.plan.outputs.iter().map(|&(output, _)| output).collect()
     }
 
     /// The name and part of a MAT whose position is beyond all bounds.

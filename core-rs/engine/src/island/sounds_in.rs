@@ -32,9 +32,7 @@ impl Played {
     fn value(&self, frame: u64, sound: &SoundIn) -> f64 {
         match self {
             Self::Samples(samples) => samples.value(frame, sound),
-            Self::Ramp(Some(ramp)) if frame + 1 >= ramp.start => {
-                sound.settings.scaled(ramp.value(frame))
-            }
+            Self::Ramp(Some(ramp)) if frame + 1 >= ramp.start => sound.settings.scaled(ramp.value(frame)),
             Self::Ramp(_) => sound.value(frame),
         }
     }
@@ -78,10 +76,7 @@ impl Samples {
         match self.from {
             Some(from) if frame >= from => {
                 let sample_index = usize::try_from(frame - from).unwrap_or(usize::MAX);
-                self.values[..self.n]
-                    .get(sample_index)
-                    .copied()
-                    .unwrap_or(0.0)
+                self.values[..self.n].get(sample_index).copied().unwrap_or(0.0)
             }
             Some(from) if frame + 1 == from => self.before,
             _ => sound.value(frame),
@@ -92,11 +87,7 @@ impl Samples {
 /// The MATs that inputs drive, each with an input that has received nothing.
 pub(super) fn sound_drives(drives: &[Drive]) -> (Vec<SoundDrive>, Vec<Played>) {
     let sound_drive = |drive: &Drive| match &drive.source {
-        Source::SoundIn {
-            sound,
-            scale,
-            steps,
-        } => Some(SoundDrive {
+        Source::SoundIn { sound, scale, steps } => Some(SoundDrive {
             mat: drive.mat,
             kind: drive.kind,
             sound: sound.clone(),
@@ -122,13 +113,7 @@ pub(super) fn sound_drives(drives: &[Drive]) -> (Vec<SoundDrive>, Vec<Played>) {
 /// Add the forces of step `n`, and impose the positions at its end.
 ///
 /// Between frames of the score a force is held, and a position moves linearly.
-pub(super) fn apply(
-    drives: &[SoundDrive],
-    played: &[Played],
-    n: u64,
-    body: &mut Body,
-    targets: &mut Vec<Target>,
-) {
+pub(super) fn apply(drives: &[SoundDrive], played: &[Played], n: u64, body: &mut Body, targets: &mut Vec<Target>) {
     for (drive, played) in drives.iter().zip(played) {
         let score_frame = n / drive.steps;
         let value_now = played.value(score_frame, &drive.sound);
@@ -157,11 +142,7 @@ impl super::Island {
     /// Take the values of an input for the frames of the score from `from` on [m or N]; `before` is the value in the
     /// frame before.
     pub(crate) fn hear(&mut self, index: usize, from: u64, before: f64, values: &[f64]) {
-        let input_pairs = self
-            .script
-            .sound_drives
-            .iter()
-            .zip(&mut self.state.hands.played);
+        let input_pairs = self.script.sound_drives.iter().zip(&mut self.state.hands.played);
         for (_, played) in input_pairs.filter(|(drive, _)| drive.sound.index == index) {
             let Played::Samples(samples) = played else {
                 continue;
@@ -195,41 +176,24 @@ impl super::Island {
 
     /// The inputs with this number, and their ramps.
     fn value_inputs(&mut self, number: u64) -> impl Iterator<Item = (&SoundIn, &mut Option<Ramp>)> {
-        let input_pairs = self
-            .script
-            .sound_drives
-            .iter()
-            .zip(&mut self.state.hands.played);
-        input_pairs.filter_map(
-            move |(drive, played)| match (drive.sound.settings.source, played) {
-                (InputSource::Value { number: own, .. }, Played::Ramp(ramp)) if own == number => {
-                    Some((&drive.sound, ramp))
-                }
-                _ => None,
-            },
-        )
+        let input_pairs = self.script.sound_drives.iter().zip(&mut self.state.hands.played);
+        input_pairs.filter_map(move |(drive, played)| match (drive.sound.settings.source, played) {
+            (InputSource::Value { number: own, .. }, Played::Ramp(ramp)) if own == number => Some((&drive.sound, ramp)),
+            _ => None,
+        })
     }
 
     /// The ramps of inputs that were told a value, with their numbers.
     pub(crate) fn ways(&self) -> impl Iterator<Item = (u64, Ramp)> {
-        let input_pairs = self
-            .script
-            .sound_drives
-            .iter()
-            .zip(&self.state.hands.played);
-        input_pairs.filter_map(
-            |(drive, played)| match (drive.sound.settings.source, played) {
-                (InputSource::Value { number, .. }, Played::Ramp(Some(ramp))) => {
-                    Some((number, *ramp))
-                }
-                _ => None,
-            },
-        )
+        let input_pairs = self.script.sound_drives.iter().zip(&self.state.hands.played);
+        input_pairs.filter_map(|(drive, played)| match (drive.sound.settings.source, played) {
+            (InputSource::Value { number, .. }, Played::Ramp(Some(ramp))) => Some((number, *ramp)),
+            _ => None,
+        })
     }
 
     /// Let the input `number` continue a ramp that it had in another island.
     pub(crate) fn go_on_as_told(&mut self, number: u64, ramp: Ramp) {
-        self.value_inputs(number)
-            .for_each(|(_, own)| *own = Some(ramp));
+        self.value_inputs(number).for_each(|(_, own)| *own = Some(ramp));
     }
 }

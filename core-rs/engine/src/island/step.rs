@@ -40,12 +40,7 @@ impl StepOutputs<'_> {
 
 impl Island {
     /// Compute `n_frames` frames, as [`Island::process`] plays them.
-    pub(crate) fn compute(
-        &mut self,
-        out: &mut [f64],
-        n_frames: usize,
-        team: &mut ThreadTeam<'_>,
-    ) -> Result<(), Fault> {
+    pub(crate) fn compute(&mut self, out: &mut [f64], n_frames: usize, team: &mut ThreadTeam<'_>) -> Result<(), Fault> {
         let mut outputs = StepOutputs {
             out,
             n_out: self.n_out(),

@@ -28,11 +28,7 @@ impl Island {
         self.state.archive(&mut archive)?;
         self.quiet.archive(&mut archive)?;
         self.begin_again();
-        if archive.is_empty() {
-            Ok(())
-        } else {
-            Err(Damaged)
-        }
+        if archive.is_empty() { Ok(()) } else { Err(Damaged) }
     }
 }
 

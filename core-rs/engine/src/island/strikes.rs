@@ -9,11 +9,7 @@ pub(super) fn strike(script: &Script, scheme: &Scheme, state: &mut State, n: u64
     let time_step = 1.0 / scheme.rate;
     let State { matter, hands, .. } = state;
     let Matter { body, bodies, .. } = matter;
-    while let Some(due_push) = script
-        .pushes
-        .get(hands.pushed)
-        .filter(|due_push| due_push.frame <= n)
-    {
+    while let Some(due_push) = script.pushes.get(hands.pushed).filter(|due_push| due_push.frame <= n) {
         hands.pushed += 1;
         let mat = due_push.mat as usize;
         if scheme.w[mat] == 0.0 {
@@ -24,26 +20,13 @@ pub(super) fn strike(script: &Script, scheme: &Scheme, state: &mut State, n: u64
             let mass = time_step * time_step / scheme.w[mat];
             hands.stream.push(
                 n,
-                Record::event(
-                    due_push.instant,
-                    mat,
-                    due_push.source,
-                    mass,
-                    velocity,
-                    due_push.impulse,
-                ),
+                Record::event(due_push.instant, mat, due_push.source, mass, velocity, due_push.impulse),
             );
         }
         body.push(mat, due_push.force);
-        bodies
-            .iter_mut()
-            .for_each(|body| body.struck(mat, due_push.force));
+        bodies.iter_mut().for_each(|body| body.struck(mat, due_push.force));
     }
-    while let Some((_, due_ergon)) = script
-        .ergons
-        .get(hands.ergons)
-        .filter(|(frame, _)| *frame <= n)
-    {
+    while let Some((_, due_ergon)) = script.ergons.get(hands.ergons).filter(|(frame, _)| *frame <= n) {
         hands.ergons += 1;
         let mat = due_ergon.mat as usize;
         if scheme.w[mat] == 0.0 {
@@ -53,13 +36,10 @@ pub(super) fn strike(script: &Script, scheme: &Scheme, state: &mut State, n: u64
         // on the struck MAT is exactly the energy that the ergon loses.
         let mass = time_step * time_step / scheme.w[mat];
         let velocity = kernel::centred(scheme, body, mat);
-        let impulse =
-            2.0 * due_ergon.mass * mass / (due_ergon.mass + mass) * (due_ergon.speed - velocity);
+        let impulse = 2.0 * due_ergon.mass * mass / (due_ergon.mass + mass) * (due_ergon.speed - velocity);
         let ergon_force = impulse * scheme.rate;
         body.push(mat, ergon_force);
-        bodies
-            .iter_mut()
-            .for_each(|body| body.struck(mat, ergon_force));
+        bodies.iter_mut().for_each(|body| body.struck(mat, ergon_force));
         let (mass, speed, source) = (due_ergon.mass, due_ergon.speed, due_ergon.source);
         hands.stream.push(
             n,

@@ -31,11 +31,7 @@ pub(crate) enum ItemTakeover {
 impl State {
     /// The memory of a link [m]; infinite if the link is broken.
     pub(super) fn memory_of(&self, link: usize) -> f64 {
-        let fine = self
-            .matter
-            .fine
-            .as_ref()
-            .and_then(|fine| fine.bristle_bend(link));
+        let fine = self.matter.fine.as_ref().and_then(|fine| fine.bristle_bend(link));
         let stepped = self.matter.body.memory.get(link).copied();
         fine.or(stepped).unwrap_or(0.0)
     }
@@ -57,12 +53,8 @@ impl Island {
         let (script, state) = (&*self.script, &mut self.state);
         let step_rate = script.scheme.rate;
         state.frame = start_step;
-        state.hands.pushed = script
-            .pushes
-            .partition_point(|push| push.frame < start_step);
-        state.hands.ergons = script
-            .ergons
-            .partition_point(|(frame, _)| *frame < start_step);
+        state.hands.pushed = script.pushes.partition_point(|push| push.frame < start_step);
+        state.hands.ergons = script.ergons.partition_point(|(frame, _)| *frame < start_step);
         for (voice, own) in state.hands.voices.iter_mut().zip(&script.voices) {
             voice.seek(own, &script.gestures, start_step);
         }
@@ -73,15 +65,10 @@ impl Island {
             if drive.is_path() && start_step > 0 {
                 let path_position = drive.value(start_step, step_rate);
                 state.matter.body.x[drive.mat] = path_position;
-                state.matter.body.d[drive.mat] =
-                    path_position - drive.value(start_step - 1, step_rate);
+                state.matter.body.d[drive.mat] = path_position - drive.value(start_step - 1, step_rate);
             }
         }
-        super::real_hands::seek(
-            &script.hand_bindings,
-            &mut state.hands.hand_states,
-            start_step,
-        );
+        super::real_hands::seek(&script.hand_bindings, &mut state.hands.hand_states, start_step);
         self.begin_again();
     }
 
@@ -91,16 +78,8 @@ impl Island {
         self.begin_again();
         if old.n_muted() > 0 {
             // Muted parts were removed from the old island's lists, so only positions and steps are sure to match.
-            self.state
-                .matter
-                .body
-                .x
-                .copy_from_slice(&old.state.matter.body.x);
-            self.state
-                .matter
-                .body
-                .d
-                .copy_from_slice(&old.state.matter.body.d);
+            self.state.matter.body.x.copy_from_slice(&old.state.matter.body.x);
+            self.state.matter.body.d.copy_from_slice(&old.state.matter.body.d);
             if let Some(guard) = &mut self.state.watch.guard {
                 guard.reset();
             }
@@ -157,10 +136,8 @@ impl Island {
                     _ if new_gate.glides() => None,
                     None => GateContinuation::new(new_gate, 1.0, island_step),
                     Some(from) => {
-                        let (old_gate, continuation) = (
-                            &old.script.gates[from],
-                            &old.state.values.gate_continuations[from],
-                        );
+                        let (old_gate, continuation) =
+                            (&old.script.gates[from], &old.state.values.gate_continuations[from]);
                         if old_gate.on(new_gate.link, new_gate.len) == *new_gate {
                             *continuation
                         } else {
@@ -198,24 +175,15 @@ impl Island {
                 self.state.set_memory(to, link_memory);
             }
             ItemTakeover::History(from, to) => {
-                let history_rooms = (
-                    old.script.scheme.room_of(from),
-                    self.script.scheme.room_of(to),
-                );
+                let history_rooms = (old.script.scheme.room_of(from), self.script.scheme.room_of(to));
                 if let (Some(from), Some(to)) = history_rooms {
                     let history = &mut self.state.matter.body.histories[to];
                     history.copy_from(&old.state.matter.body.histories[from]);
                 }
             }
             ItemTakeover::Part(from, to) => {
-                let part_is_mute = |island: &Self, part| {
-                    island
-                        .state
-                        .watch
-                        .mutes
-                        .list()
-                        .any(|(muted, _)| muted == part)
-                };
+                let part_is_mute =
+                    |island: &Self, part| island.state.watch.mutes.list().any(|(muted, _)| muted == part);
                 if part_is_mute(old, from) && !part_is_mute(self, to) {
                     // A muted part stays muted in the next version.
                     self.mute(to, self.state.frame);

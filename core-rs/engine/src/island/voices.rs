@@ -19,19 +19,14 @@ fn outer_links(network: &Network, mat: usize) -> Vec<(usize, usize)> {
     let mut link_ends = Vec::new();
     for run in network.runs() {
         if run.pairwise().is_some() {
-            let pair_links = (0..run.len).flat_map(|link_offset| {
-                run.pairs(link_offset).map(move |pair| (link_offset, pair))
-            });
-            for (link_offset, (first_mat, second_mat)) in pair_links
-                .filter(|&(_, (first_mat, second_mat))| first_mat == mat || second_mat == mat)
+            let pair_links =
+                (0..run.len).flat_map(|link_offset| run.pairs(link_offset).map(move |pair| (link_offset, pair)));
+            for (link_offset, (first_mat, second_mat)) in
+                pair_links.filter(|&(_, (first_mat, second_mat))| first_mat == mat || second_mat == mat)
             {
                 link_ends.push((
                     run.first + link_offset,
-                    if first_mat == mat {
-                        second_mat
-                    } else {
-                        first_mat
-                    },
+                    if first_mat == mat { second_mat } else { first_mat },
                 ));
             }
             continue;
@@ -39,10 +34,7 @@ fn outer_links(network: &Network, mat: usize) -> Vec<(usize, usize)> {
         for axis in 0..run.n_axes() {
             let (first_mat, second_mat) = run.pair(0, axis);
             for (end, other) in [(first_mat, second_mat), (second_mat, first_mat)] {
-                if let Some(link_offset) = mat
-                    .checked_sub(end)
-                    .filter(|link_offset| *link_offset < run.len)
-                {
+                if let Some(link_offset) = mat.checked_sub(end).filter(|link_offset| *link_offset < run.len) {
                     link_ends.push((run.first + link_offset, other + link_offset));
                 }
             }
@@ -80,9 +72,8 @@ pub(super) fn build_voices(
         for &i in &ordered {
             check_playable(&gestures[i], &free, known, timeline.rate)?;
         }
-        let (layer_gestures, key_gestures): (Vec<usize>, Vec<usize>) = ordered
-            .into_iter()
-            .partition(|&i| gestures[i].gesture.manner.layer);
+        let (layer_gestures, key_gestures): (Vec<usize>, Vec<usize>) =
+            ordered.into_iter().partition(|&i| gestures[i].gesture.manner.layer);
         let voice_script = VoiceScript {
             key,
             struck: known.struck,
@@ -100,10 +91,7 @@ pub(super) fn build_voices(
                 layer: true,
                 ..voice_script.clone()
             };
-            voices.push(Voice::new(
-                &layer_script,
-                layer_script.free.motion_at_rest(),
-            ));
+            voices.push(Voice::new(&layer_script, layer_script.free.motion_at_rest()));
             scripts.push(layer_script);
         }
     }
@@ -127,17 +115,12 @@ pub(super) fn free_key(
     let key_part = mats.part[key.struck] as usize;
     // Links that close by the end are left out: a gesture is written for the key as it is in the end.
     let closing = timeline.gates.iter().filter(|gate| gate.closes());
-    let key_network = network.part_alone(
-        key_part,
-        &closing.map(|gate| gate.links()).collect::<Vec<_>>(),
-    );
+    let key_network = network.part_alone(key_part, &closing.map(|gate| gate.links()).collect::<Vec<_>>());
     let inside = |mat: usize| key_network.mat(mat);
     let couplings = timeline.gates.iter().filter(|gate| !gate.is_ramp());
     for link in couplings.map(|gate| gate.link) {
         let link_run = network.run_of(link);
-        if link_run
-            .is_some_and(|link_run| inside(link_run.a).is_some() && inside(link_run.b).is_some())
-        {
+        if link_run.is_some_and(|link_run| inside(link_run.a).is_some() && inside(link_run.b).is_some()) {
             return Err(Error::Refused {
                 module: network.link_name(link),
                 message: "a coupling cannot join two modules of one key, because gestures are computed for the key \
@@ -150,12 +133,7 @@ pub(super) fn free_key(
         .drives
         .iter()
         .filter(|drive| drive.acts_on_free_key)
-        .filter_map(|drive| {
-            inside(drive.mat).map(|mat| Drive {
-                mat,
-                ..drive.clone()
-            })
-        })
+        .filter_map(|drive| inside(drive.mat).map(|mat| Drive { mat, ..drive.clone() }))
         .collect();
     let scheme = Arc::new(Scheme::new(&key_network.network, timeline.rate)?);
     let body = start(
@@ -183,12 +161,7 @@ pub(super) fn free_key(
 }
 
 /// Refuses a gesture that its key cannot play.
-fn check_playable(
-    gesture: &FramedGesture,
-    free: &FreeKey,
-    key: &Key,
-    rate: Rate,
-) -> Result<(), Error> {
+fn check_playable(gesture: &FramedGesture, free: &FreeKey, key: &Key, rate: Rate) -> Result<(), Error> {
     let manner = gesture.gesture.manner;
     let refuse = |message| {
         Err(Error::Refused {

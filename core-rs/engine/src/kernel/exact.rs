@@ -42,13 +42,7 @@ pub(crate) fn friction(scheme: &Scheme, gates: &[f64], targets: &[Target], body:
 }
 
 /// Solve those exact runs for which `is_solved` holds, in turn until they converge.
-fn solve(
-    scheme: &Scheme,
-    gates: &[f64],
-    targets: &[Target],
-    body: &mut Body,
-    is_solved: impl Fn(&Run) -> bool,
-) {
+fn solve(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &mut Body, is_solved: impl Fn(&Run) -> bool) {
     let is_solved = |run: &&Run| is_solved(run);
     let round_limit = if scheme.exact_coupled { ROUNDS_MAX } else { 1 };
     let mut force_mixing = std::mem::take(&mut body.mixing);
@@ -145,11 +139,7 @@ impl Contact {
             return (self.limit(push_force), 1);
         }
         // Damping acts while the contact is closed: p ← (p + γw)/(1 + γ), β ← β/(1 + γ).
-        let gamma = if now > 0.0 {
-            self.beta * self.z / 2.0
-        } else {
-            0.0
-        };
+        let gamma = if now > 0.0 { self.beta * self.z / 2.0 } else { 0.0 };
         let p = (free + gamma * w) / (1.0 + gamma);
         let beta = self.beta / (1.0 + gamma);
         let (u, evaluations) = if self.exponent == 1.0 {
@@ -172,19 +162,11 @@ impl Contact {
     }
 
     fn drag(&self, u: f64, w: f64, now: f64) -> f64 {
-        if now > 0.0 {
-            self.z * (u - w) / 2.0
-        } else {
-            0.0
-        }
+        if now > 0.0 { self.z * (u - w) / 2.0 } else { 0.0 }
     }
 
     fn potential(&self, p: f64) -> f64 {
-        if p > 0.0 {
-            self.elastic().energy(p)
-        } else {
-            0.0
-        }
+        if p > 0.0 { self.elastic().energy(p) } else { 0.0 }
     }
 
     /// (V(u) − V(w))/(u − w); the force V′ where u = w.
@@ -226,8 +208,7 @@ impl Contact {
             if bracket_width <= 4.0 * f64::EPSILON * high_end.abs().max(low_end.abs()) {
                 break;
             }
-            let secant_root =
-                low_end - low_residue * (bracket_width / (high_residue - low_residue));
+            let secant_root = low_end - low_residue * (bracket_width / (high_residue - low_residue));
             let u = if must_halve || !(secant_root > low_end && secant_root < high_end) {
                 0.5 * (low_end + high_end)
             } else {
@@ -238,17 +219,11 @@ impl Contact {
                 return (u, evaluations); // only rounding is left
             }
             // Illinois rule: halve the residue at the end that stays, so that the next secant falls on its side.
-            let stay_factor = if residue_at_u * last_residue > 0.0 {
-                0.5
-            } else {
-                1.0
-            };
+            let stay_factor = if residue_at_u * last_residue > 0.0 { 0.5 } else { 1.0 };
             if residue_at_u > 0.0 {
-                (high_end, high_residue, low_residue) =
-                    (u, residue_at_u, stay_factor * low_residue);
+                (high_end, high_residue, low_residue) = (u, residue_at_u, stay_factor * low_residue);
             } else {
-                (low_end, low_residue, high_residue) =
-                    (u, residue_at_u, stay_factor * high_residue);
+                (low_end, low_residue, high_residue) = (u, residue_at_u, stay_factor * high_residue);
             }
             last_residue = residue_at_u;
             must_halve = high_end - low_end > 0.5 * bracket_width;

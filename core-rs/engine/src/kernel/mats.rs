@@ -14,9 +14,8 @@ const POSITION_MAX: f64 = 1e4;
 
 /// Position of a MAT at the next frame [m], given the forces summed so far.
 pub(crate) fn predict(scheme: &Scheme, body: &Body, i: usize) -> f64 {
-    let step_change = body.force[i] * scheme.w[i]
-        - scheme.kappa[i] * (body.x[i] - scheme.rest[i])
-        - scheme.zeta[i] * body.d[i];
+    let step_change =
+        body.force[i] * scheme.w[i] - scheme.kappa[i] * (body.x[i] - scheme.rest[i]) - scheme.zeta[i] * body.d[i];
     body.x[i] + (body.d[i] + step_change + body.inner.get(i).copied().unwrap_or(0.0))
 }
 
@@ -93,15 +92,10 @@ fn move_range(
     from: Option<&PreviousState>,
     moved: [&mut [f64]; 2],
 ) -> bool {
-    let from = |part_range: &Range<usize>| {
-        from.map(|from| [&from.x, &from.d].map(|all| &all[part_range.clone()]))
-    };
+    let from = |part_range: &Range<usize>| from.map(|from| [&from.x, &from.d].map(|all| &all[part_range.clone()]));
     let [positions, last_steps] = moved;
     if scheme.alike.is_empty() {
-        let (numbers, force) = (
-            scheme.ties().map(|all| &all[mats.clone()]),
-            &force[mats.clone()],
-        );
+        let (numbers, force) = (scheme.ties().map(|all| &all[mats.clone()]), &force[mats.clone()]);
         return match from(&mats) {
             Some(from) => move_from(numbers, force, from, positions, last_steps),
             None => move_all(numbers, force, positions, last_steps),
@@ -115,18 +109,9 @@ fn move_range(
             continue;
         }
         let local_range = part_range.start - mats.start..part_range.end - mats.start;
-        let (positions, last_steps) = (
-            &mut positions[local_range.clone()],
-            &mut last_steps[local_range],
-        );
+        let (positions, last_steps) = (&mut positions[local_range.clone()], &mut last_steps[local_range]);
         all_sound &= match from(&part_range) {
-            Some(from) => move_alike_from(
-                alike.numbers,
-                &force[part_range],
-                from,
-                positions,
-                last_steps,
-            ),
+            Some(from) => move_alike_from(alike.numbers, &force[part_range], from, positions, last_steps),
             None => move_alike(alike.numbers, &force[part_range], positions, last_steps),
         };
     }
@@ -136,12 +121,7 @@ fn move_range(
 /// Move MATs in place: d += F·w − κ(x − rest) − ζd, x += d; `numbers` gives w, κ, ζ and rest of each. Returns whether
 /// all positions are sound.
 #[inline(always)]
-fn update(
-    numbers: impl Fn(usize) -> [f64; 4],
-    force: &[f64],
-    x: &mut [f64],
-    d: &mut [f64],
-) -> bool {
+fn update(numbers: impl Fn(usize) -> [f64; 4], force: &[f64], x: &mut [f64], d: &mut [f64]) -> bool {
     let mat_count = force.len();
     let (x, d) = (&mut x[..mat_count], &mut d[..mat_count]);
     let mut unsound_flag = 0_u64;
@@ -170,8 +150,7 @@ fn update_from(
     let mut unsound_flag = 0_u64;
     for i in 0..mat_count {
         let [w, kappa, zeta, rest_position] = numbers(i);
-        let step_change =
-            force[i] * w - kappa * (previous[i] - rest_position) - zeta * previous_steps[i];
+        let step_change = force[i] * w - kappa * (previous[i] - rest_position) - zeta * previous_steps[i];
         d[i] = previous_steps[i] + step_change;
         x[i] = previous[i] + d[i];
         unsound_flag |= u64::from(!sound(x[i]));

@@ -45,9 +45,7 @@ impl MeshPartition {
         let mut mat_work = vec![1_usize; n_mat];
         for run in springs {
             for first_mat in [run.a, run.b] {
-                mat_work[first_mat..][..run.len]
-                    .iter_mut()
-                    .for_each(|n| *n += 1);
+                mat_work[first_mat..][..run.len].iter_mut().for_each(|n| *n += 1);
             }
         }
         let total_work: usize = mat_work.iter().sum();
@@ -77,21 +75,14 @@ impl MeshPartition {
         force: &mut [f64],
         work: impl Fn(&[Spring], &mut [f64], &mut [f64]) + Sync,
     ) {
-        let mut range_parts: [Option<(&mut MeshRange, &mut [f64])>; RANGES_MAX] =
-            [const { None }; RANGES_MAX];
+        let mut range_parts: [Option<(&mut MeshRange, &mut [f64])>; RANGES_MAX] = [const { None }; RANGES_MAX];
         let (range_count, mut forces_left) = (self.0.len(), force);
         for (part, range) in range_parts.iter_mut().zip(&mut self.0) {
             let (range_forces, later_forces) = forces_left.split_at_mut(range.mats.len());
             (*part, forces_left) = (Some((range, range_forces)), later_forces);
         }
         team.each(&mut range_parts[..range_count], |part| {
-            if let Some((
-                MeshRange {
-                    springs, scratch, ..
-                },
-                force,
-            )) = part
-            {
+            if let Some((MeshRange { springs, scratch, .. }, force)) = part {
                 force.fill(0.0);
                 work(springs, scratch, force);
             }
@@ -119,9 +110,7 @@ impl MeshPartition {
             if let Some((mats, range_slices)) = part {
                 work(
                     mats.clone(),
-                    range_slices
-                        .each_mut()
-                        .map(|range_slices| &mut **range_slices),
+                    range_slices.each_mut().map(|range_slices| &mut **range_slices),
                 );
             }
         });
@@ -138,17 +127,14 @@ impl MeshRange {
                 link_index(mats.start)..link_index(mats.end)
             };
             let (links_at_a, links_at_b) = (links_ending(run.a), links_ending(run.b));
-            let links_at_both =
-                links_at_a.start.max(links_at_b.start)..links_at_a.end.min(links_at_b.end);
-            let [links_only_at_a, links_only_at_b] = [&links_at_a, &links_at_b]
-                .map(|run_ranges| range_without(run_ranges, &links_at_both));
+            let links_at_both = links_at_a.start.max(links_at_b.start)..links_at_a.end.min(links_at_b.end);
+            let [links_only_at_a, links_only_at_b] =
+                [&links_at_a, &links_at_b].map(|run_ranges| range_without(run_ranges, &links_at_both));
             let local_mat = |end: usize, i: usize| end + i - mats.start;
             // A MAT that is an end a of one link and an end b of another adds its force as end a first, as in the
             // undivided run.
             run_ranges.extend(run.piece(links_only_at_a, |i| Pull::A(local_mat(run.a, i))));
-            run_ranges.extend(run.piece(links_at_both, |i| {
-                Pull::Both(local_mat(run.a, i), local_mat(run.b, i))
-            }));
+            run_ranges.extend(run.piece(links_at_both, |i| Pull::Both(local_mat(run.a, i), local_mat(run.b, i))));
             run_ranges.extend(run.piece(links_only_at_b, |i| Pull::B(local_mat(run.b, i))));
         }
         let longest = run_ranges.iter().map(|run| run.len).max();
@@ -223,13 +209,8 @@ mod tests {
                         total(springs, &x, &v, run_scratch, force);
                     });
                 });
-                let force_bits =
-                    |force: &[f64]| force.iter().map(|f| f.to_bits()).collect::<Vec<_>>();
-                assert_eq!(
-                    force_bits(&range_force),
-                    force_bits(&full_force),
-                    "{seed} {parts}"
-                );
+                let force_bits = |force: &[f64]| force.iter().map(|f| f.to_bits()).collect::<Vec<_>>();
+                assert_eq!(force_bits(&range_force), force_bits(&full_force), "{seed} {parts}");
             }
         }
     }
@@ -244,9 +225,7 @@ mod tests {
                 &mut ThreadTeam::alone(),
                 [&mut mat_number, &mut visit_count],
                 |mats, [mat_number, visit_count]| {
-                    visit_count
-                        .iter_mut()
-                        .for_each(|visit_count| *visit_count += 1.0);
+                    visit_count.iter_mut().for_each(|visit_count| *visit_count += 1.0);
                     mat_number
                         .iter_mut()
                         .zip(mats)

@@ -42,12 +42,7 @@ wide! {
 }
 
 #[inline(always)]
-fn add_padded<const N: usize>(
-    row: &Lanes,
-    table: &[f64],
-    [mode_now, mode_next]: [&Lanes; 2],
-    path: &mut [f64],
-) {
+fn add_padded<const N: usize>(row: &Lanes, table: &[f64], [mode_now, mode_next]: [&Lanes; 2], path: &mut [f64]) {
     let (weights, _) = table.as_chunks::<N>();
     let (weights, _) = weights.as_chunks::<2>();
     let mut path_sums = [0.0; N];

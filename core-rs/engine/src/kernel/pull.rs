@@ -11,10 +11,7 @@ pub(super) fn add(f: &[f64], force: &mut [f64], a: usize, b: usize) {
     let unshared_count = upper_end - lower_end;
     if unshared_count >= f.len() {
         let (part_before, part_behind) = force.split_at_mut(upper_end);
-        let (lower_end, upper_end) = (
-            &mut part_before[lower_end..][..f.len()],
-            &mut part_behind[..f.len()],
-        );
+        let (lower_end, upper_end) = (&mut part_before[lower_end..][..f.len()], &mut part_behind[..f.len()]);
         let (forces_at_a, forces_at_b) = if a < b {
             (lower_end, upper_end)
         } else {
@@ -27,10 +24,7 @@ pub(super) fn add(f: &[f64], force: &mut [f64], a: usize, b: usize) {
         return;
     }
     let shared_count = f.len() - unshared_count;
-    let (forces_at_a, forces_at_b) = (
-        &f[upper_end - a..][..shared_count],
-        &f[upper_end - b..][..shared_count],
-    );
+    let (forces_at_a, forces_at_b) = (&f[upper_end - a..][..shared_count], &f[upper_end - b..][..shared_count]);
     for ((force, forces_at_a), forces_at_b) in force[upper_end..][..shared_count]
         .iter_mut()
         .zip(forces_at_a)
@@ -47,16 +41,10 @@ pub(super) fn add(f: &[f64], force: &mut [f64], a: usize, b: usize) {
     } else {
         (part_behind, part_before)
     };
-    for (force, f) in force[unshared_a.0..][..unshared_count]
-        .iter_mut()
-        .zip(unshared_a.1)
-    {
+    for (force, f) in force[unshared_a.0..][..unshared_count].iter_mut().zip(unshared_a.1) {
         *force += f;
     }
-    for (force, f) in force[unshared_b.0..][..unshared_count]
-        .iter_mut()
-        .zip(unshared_b.1)
-    {
+    for (force, f) in force[unshared_b.0..][..unshared_count].iter_mut().zip(unshared_b.1) {
         *force -= f;
     }
 }

@@ -11,13 +11,7 @@ use crate::scheme::{Kind, Run, Scheme};
 use crate::state::Body;
 
 /// Set `body.force` to the sum of all link forces on each MAT [N], and `body.link` to the force of each link [N].
-pub(crate) fn links(
-    scheme: &Scheme,
-    gates: &[f64],
-    body: &mut Body,
-    laws: &mut Laws,
-    team: &mut ThreadTeam<'_>,
-) {
+pub(crate) fn links(scheme: &Scheme, gates: &[f64], body: &mut Body, laws: &mut Laws, team: &mut ThreadTeam<'_>) {
     body.outside.fill(0.0);
     body.pair_force.fill(0.0);
     let Body { x, d, force, .. } = body;
@@ -104,9 +98,7 @@ pub(crate) fn links(
         }
         if let Some(gate) = run.gate {
             let gate_opening = gates[gate];
-            link_force
-                .iter_mut()
-                .for_each(|link_force| *link_force *= gate_opening);
+            link_force.iter_mut().for_each(|link_force| *link_force *= gate_opening);
         }
         scatter(run, body);
     }

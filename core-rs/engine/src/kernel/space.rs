@@ -24,11 +24,7 @@ impl SpaceScratch {
         let space_runs = space_runs.filter(|run| matches!(run.kind, Kind::Space(_)));
         let scratch_row = vec![0.0; space_runs.map(|run| run.len).max().unwrap_or(0)];
         Self {
-            along: [
-                scratch_row.clone(),
-                scratch_row.clone(),
-                scratch_row.clone(),
-            ],
+            along: [scratch_row.clone(), scratch_row.clone(), scratch_row.clone()],
             e: scratch_row.clone(),
             step: scratch_row,
         }
@@ -36,13 +32,7 @@ impl SpaceScratch {
 }
 
 /// Add the forces of a run to the coordinates of its ends, and store the force along each link [N].
-pub(super) fn forces(
-    run: &Run,
-    link: &SpaceLink,
-    gates: &[f64],
-    body: &mut Body,
-    scratch: &mut SpaceScratch,
-) {
+pub(super) fn forces(run: &Run, link: &SpaceLink, gates: &[f64], body: &mut Body, scratch: &mut SpaceScratch) {
     let link_count = run.len;
     if link_count == 1 {
         return single(run, link, gates, body);
@@ -63,8 +53,7 @@ pub(super) fn forces(
         ..
     } = body;
     let link_force = &mut link_force[run.first..run.first + link_count];
-    let axis_ends: [(usize, usize); AXES_MAX] =
-        std::array::from_fn(|axis| run.pair(0, axis.min(link.n_axes - 1)));
+    let axis_ends: [(usize, usize); AXES_MAX] = std::array::from_fn(|axis| run.pair(0, axis.min(link.n_axes - 1)));
     let end_motion = Ends::new(link.n_axes, &axis_ends, [x, d], link_count);
     let gate_opening = run.gate.map_or(1.0, |gate| gates[gate]);
     if link.law == SpaceLaw::Spring {
@@ -79,15 +68,7 @@ pub(super) fn forces(
         );
     } else {
         let (e, step) = (&mut e[..link_count], &mut step[..link_count]);
-        lines(
-            run.rest,
-            &end_motion,
-            e,
-            step,
-            direction_x,
-            direction_y,
-            direction_z,
-        );
+        lines(run.rest, &end_motion, e, step, direction_x, direction_y, direction_z);
         if link.law.yields() {
             let memory = &mut memory[run.first..run.first + link_count];
             for (e, memory) in e.iter_mut().zip(memory) {
@@ -101,9 +82,7 @@ pub(super) fn forces(
             scale(link_force, along);
         }
     }
-    let axis_forces = axis_ends
-        .into_iter()
-        .zip([direction_x, direction_y, direction_z]);
+    let axis_forces = axis_ends.into_iter().zip([direction_x, direction_y, direction_z]);
     for ((a, b), part) in axis_forces.take(link.n_axes) {
         pull(part, force, a, b);
     }
@@ -118,12 +97,7 @@ struct Ends<'a> {
 impl<'a> Ends<'a> {
     /// Of `n` links, the first of which joins `ends`. Along an axis that the network does not have, both ends get the
     /// same positions.
-    fn new(
-        n_axes: usize,
-        ends: &[(usize, usize); AXES_MAX],
-        [x, d]: [&'a [f64]; 2],
-        n: usize,
-    ) -> Self {
+    fn new(n_axes: usize, ends: &[(usize, usize); AXES_MAX], [x, d]: [&'a [f64]; 2], n: usize) -> Self {
         let end_slices = |all: &'a [f64], axis: usize, is_one: bool| {
             let (first_mat, second_mat) = ends[axis];
             [first_mat, if is_one { first_mat } else { second_mat }].map(|first| &all[first..][..n])
@@ -143,17 +117,11 @@ impl<'a> Ends<'a> {
 
 /// Unit vector of the i-th link, its distance − rest, and the change of the distance in the last step.
 #[inline(always)]
-fn link_line(
-    [x, d]: &[[[&[f64]; 2]; AXES_MAX]; 2],
-    rest: f64,
-    i: usize,
-) -> ([f64; AXES_MAX], f64, f64) {
+fn link_line([x, d]: &[[[&[f64]; 2]; AXES_MAX]; 2], rest: f64, i: usize) -> ([f64; AXES_MAX], f64, f64) {
     let end_offset = |[a, b]: [&[f64]; 2]| b[i] - a[i];
     let (link_length, direction) = line(x.map(end_offset));
-    let length_step = 0.0
-        + direction[0] * end_offset(d[0])
-        + direction[1] * end_offset(d[1])
-        + direction[2] * end_offset(d[2]);
+    let length_step =
+        0.0 + direction[0] * end_offset(d[0]) + direction[1] * end_offset(d[1]) + direction[2] * end_offset(d[2]);
     (direction, link_length - rest, length_step)
 }
 

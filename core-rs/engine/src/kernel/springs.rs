@@ -14,12 +14,7 @@ pub(crate) fn ends<'a>(run: &Spring, x: &'a [f64]) -> (&'a [f64], &'a [f64]) {
 
 /// Add f(i) of every link to its end a and subtract it from its end b, but only at the ends that `pull` names.
 #[inline(always)]
-pub(crate) fn spread(
-    run: &Spring,
-    run_scratch: &mut [f64],
-    force: &mut [f64],
-    f: impl Fn(usize) -> f64,
-) {
+pub(crate) fn spread(run: &Spring, run_scratch: &mut [f64], force: &mut [f64], f: impl Fn(usize) -> f64) {
     let link_count = run.len;
     let (first_at_a, first_at_b) = match run.pull {
         Pull::Both(first_at_a, first_at_b) => (first_at_a, first_at_b),

@@ -29,10 +29,7 @@ fn value(scheme: &Scheme, body: &Body, term: &Term) -> f64 {
         Term::Force { first, len, weight } => -weight * sum(&body.link[first..first + len]),
         Term::Ground { first, len, weight } => {
             let mat_range = first..first + len;
-            let (stiffnesses, positions) = (
-                &scheme.ground[mat_range.clone()],
-                &body.x[mat_range.clone()],
-            );
+            let (stiffnesses, positions) = (&scheme.ground[mat_range.clone()], &body.x[mat_range.clone()]);
             weight * grounds(stiffnesses, positions, &scheme.rest[mat_range])
         }
     }
@@ -94,8 +91,7 @@ fn grounds(k: &[f64], x: &[f64], rest: &[f64]) -> f64 {
 
 #[inline(always)]
 fn joined(lanes: [f64; 8]) -> f64 {
-    ((lanes[0] + lanes[4]) + (lanes[2] + lanes[6]))
-        + ((lanes[1] + lanes[5]) + (lanes[3] + lanes[7]))
+    ((lanes[0] + lanes[4]) + (lanes[2] + lanes[6])) + ((lanes[1] + lanes[5]) + (lanes[3] + lanes[7]))
 }
 
 #[cfg(test)]

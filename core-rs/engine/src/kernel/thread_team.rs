@@ -133,9 +133,7 @@ impl SharedPass {
             // This is the task of the pass in `state`: a pass cannot end before all its parts are taken, and then the
             // exchange fails.
             let pass_task = self.task.load(Relaxed);
-            let state_exchange = self
-                .state
-                .compare_exchange(state, state + 1, AcqRel, Acquire);
+            let state_exchange = self.state.compare_exchange(state, state + 1, AcqRel, Acquire);
             match state_exchange {
                 Ok(_) => return Some((next_part as usize, pass_task)),
                 Err(other) => state = other,
@@ -175,9 +173,7 @@ impl Drop for PassEnd<'_> {
         let Self(shared_pass, leader_parts) = self;
         // If the leader unwinds, close the pass: parts that no thread has taken are skipped.
         let closed_state = |state: u64| Some(state & !MASK | parts(state).0);
-        let state_before = shared_pass
-            .state
-            .fetch_update(AcqRel, Acquire, closed_state);
+        let state_before = shared_pass.state.fetch_update(AcqRel, Acquire, closed_state);
         let (_, parts_taken) = parts(state_before.unwrap_or_else(|state| state));
         let mut spin_count = 0;
         while shared_pass.done.load(Acquire) + leader_parts.get() < parts_taken {

@@ -56,8 +56,7 @@ impl Contact {
         let h_v_over_level = h * v.abs() / friction.level;
         let denominator = 1.0 + key.presliding * h_v_over_level;
         let state_after = (s + h * v) / denominator;
-        let by_level =
-            state_after * key.presliding * h_v_over_level / (friction.level * denominator);
+        let by_level = state_after * key.presliding * h_v_over_level / (friction.level * denominator);
         let by_speed = if v == 0.0 {
             0.0
         } else {

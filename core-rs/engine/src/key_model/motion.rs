@@ -237,16 +237,14 @@ impl<const N: usize> Motion<N> {
         let (h, x, v) = (self.step, self.x, self.v);
         let mut mode_pull = 0.0;
         for mode in &mut self.modes {
-            mode.gain = (mode.omega_squared * (mode.x - x) + mode.damping_rate * (mode.v - v))
-                / mode.denominator;
+            mode.gain = (mode.omega_squared * (mode.x - x) + mode.damping_rate * (mode.v - v)) / mode.denominator;
             mode_pull += mode.mass * mode.gain;
         }
         let friction = Friction::new(&self.key, v);
         let contact = Contact::new(&self.key, &friction, self.s, v, h);
         let key = &self.key;
         let spring_and_weight = key.stiffness * x + key.weight;
-        let total_force = force - self.spring_fraction * spring_and_weight + mode_pull
-            - key.presliding * contact.s;
+        let total_force = force - self.spring_fraction * spring_and_weight + mode_pull - key.presliding * contact.s;
         let gain = (self.h_over_m * total_force - 2.0 * self.half_damping * v) / self.denominator;
         let per_level = if key.presliding > 0.0 {
             0.0

@@ -41,7 +41,6 @@ impl Parameter {
         }
         let mode_index = (index - KEY_PARAMETERS) / MODE_PARAMETERS;
         let mode_parameters = [Self::ModeMass, Self::ModeFrequency, Self::ModeRatio];
-        (mode_index < n_modes)
-            .then(|| mode_parameters[(index - KEY_PARAMETERS) % MODE_PARAMETERS](mode_index))
+        (mode_index < n_modes).then(|| mode_parameters[(index - KEY_PARAMETERS) % MODE_PARAMETERS](mode_index))
     }
 }

@@ -19,12 +19,7 @@ fn forces(n: usize, seed: i128) -> Vec<f64> {
             if tick % 150 == 0 {
                 stroke_force = chance.uniform(-0.3, 0.3);
             }
-            stroke_force
-                + if chance.uniform(0.0, 1.0) < 0.5 {
-                    1.0
-                } else {
-                    -1.0
-                }
+            stroke_force + if chance.uniform(0.0, 1.0) < 0.5 { 1.0 } else { -1.0 }
         })
         .collect()
 }
@@ -50,9 +45,7 @@ fn differs(a: &[f64], b: &[f64]) -> f64 {
 fn tangent_error(row: &[f64], forces: &[f64]) -> f64 {
     let columns: Vec<usize> = (0..row.len()).filter(|&i| row[i] != 0.0).collect();
     let key_model = KeyModel::from_row(row).unwrap();
-    let (_, jacobian) = key_model
-        .path_and_jacobian(forces, RATE, Some(44), &columns)
-        .unwrap();
+    let (_, jacobian) = key_model.path_and_jacobian(forces, RATE, Some(44), &columns).unwrap();
     let relative_error = |column: usize, index: usize, by: f64| {
         let moved_path = |by: f64| {
             let mut row = row.to_vec();
@@ -60,23 +53,15 @@ fn tangent_error(row: &[f64], forces: &[f64]) -> f64 {
             path(&row, forces, 44)
         };
         let (path_above, path_below) = (moved_path(by), moved_path(-by));
-        let differences = path_above
-            .iter()
-            .zip(&path_below)
-            .map(|(a, b)| (a - b) / (2.0 * by));
+        let differences = path_above.iter().zip(&path_below).map(|(a, b)| (a - b) / (2.0 * by));
         let differences: Vec<f64> = differences.collect();
-        let jacobian_column: Vec<f64> = jacobian[column..]
-            .iter()
-            .step_by(columns.len())
-            .copied()
-            .collect();
+        let jacobian_column: Vec<f64> = jacobian[column..].iter().step_by(columns.len()).copied().collect();
         differs(&jacobian_column, &differences) / rms(differences.into_iter())
     };
     // Wide differences include turns that appear or vanish, narrow ones suffer from rounding; one of the three is
     // accurate.
     let column_errors = columns.iter().enumerate().map(|(column, &index)| {
-        let trial_errors =
-            [1e-5, 1e-6, 1e-7].map(|by| relative_error(column, index, by * row[index].abs()));
+        let trial_errors = [1e-5, 1e-6, 1e-7].map(|by| relative_error(column, index, by * row[index].abs()));
         trial_errors.into_iter().fold(f64::INFINITY, f64::min)
     });
     column_errors.fold(0.0, f64::max)
@@ -102,9 +87,7 @@ fn path_and_jacobian_returns_the_same_path() {
     let key_model = KeyModel::from_row(&ROW).unwrap();
     let path_alone = key_model.path(&forces, RATE, None).unwrap();
     for columns in [vec![], vec![4], (0..13).collect()] {
-        let (path, jacobian) = key_model
-            .path_and_jacobian(&forces, RATE, None, &columns)
-            .unwrap();
+        let (path, jacobian) = key_model.path_and_jacobian(&forces, RATE, None, &columns).unwrap();
         assert_eq!(path, path_alone);
         assert_eq!(jacobian.len(), forces.len() * columns.len());
     }
@@ -119,8 +102,7 @@ fn friction_turns_at_zero_velocity() {
     let key_row = |steps| [mass, 0.0, 0.0, 0.0, dry, 0.0, delay(steps), 0.0, 0.0, 0.0];
     // 0.4 N for 50 ticks, then -0.3 N: the key goes on, stops and turns.
     let forces: Vec<f64> = (0..200).map(|n| if n < 50 { 0.4 } else { -0.3 }).collect();
-    let (speeding_up, slowing_down, moving_back) =
-        ((0.4 - dry) / mass, (0.3 + dry) / mass, (0.3 - dry) / mass);
+    let (speeding_up, slowing_down, moving_back) = ((0.4 - dry) / mass, (0.3 + dry) / mass, (0.3 - dry) / mass);
     let push_duration = 50.0 / RATE;
     let turn_time = push_duration + speeding_up * push_duration / slowing_down;
     let top_position = 0.5 * speeding_up * push_duration * push_duration
@@ -154,16 +136,11 @@ fn key_path_is_of_second_order() {
     let forces = forces(1500, 4);
     let key_row = &[0.38, 60.0, 1.2, 0.15, 0.0, -2.5e-3, 1.1e-3, 0.0, 0.0, 0.0];
     let fine_path = path(key_row, &forces, 1760);
-    let [coarse_error, finer_error] =
-        [22, 88].map(|steps| differs(&path(key_row, &forces, steps), &fine_path));
-    assert!(
-        finer_error < coarse_error / 14.0,
-        "{coarse_error:e} {finer_error:e}"
-    );
+    let [coarse_error, finer_error] = [22, 88].map(|steps| differs(&path(key_row, &forces, steps), &fine_path));
+    assert!(finer_error < coarse_error / 14.0, "{coarse_error:e} {finer_error:e}");
     // With modes and friction, the first-order error is small compared with a sensor's step of some micrometres.
     let fine_path = path(&ROW, &forces, 1760);
-    let [coarse_error, finer_error] =
-        [22, 88].map(|steps| differs(&path(&ROW, &forces, steps), &fine_path));
+    let [coarse_error, finer_error] = [22, 88].map(|steps| differs(&path(&ROW, &forces, steps), &fine_path));
     assert!(
         coarse_error < 1e-7 && finer_error < coarse_error / 2.0,
         "{coarse_error:e} {finer_error:e}"
@@ -261,10 +238,7 @@ fn force_derivatives_equal_differences() {
             error_square += (central_slope - derivative) * (central_slope - derivative);
             square_sum += central_slope * central_slope;
         }
-        assert!(
-            error_square < 1e-8 * square_sum,
-            "{tick}: {error_square} {square_sum}"
-        );
+        assert!(error_square < 1e-8 * square_sum, "{tick}: {error_square} {square_sum}");
     }
     assert!(
         key_model

@@ -90,8 +90,7 @@ pub(super) fn nearest<'a>(word: &str, candidates: impl Iterator<Item = &'a str>)
     let allowed = if letters.len() <= 4 { 1 } else { 2 };
     candidates
         .map(|candidate| {
-            let candidate_letters: Vec<char> =
-                candidate.chars().flat_map(char::to_lowercase).collect();
+            let candidate_letters: Vec<char> = candidate.chars().flat_map(char::to_lowercase).collect();
             (slips(&letters, &candidate_letters), candidate)
         })
         // A single letter is one slip away from any other, so only its case is corrected.
@@ -108,9 +107,7 @@ fn slips(a: &[char], b: &[char]) -> usize {
         let mut current_row = vec![i; b.len() + 1];
         for j in 1..=b.len() {
             let change_cost = previous_row[j - 1] + usize::from(a[i - 1] != b[j - 1]);
-            current_row[j] = change_cost
-                .min(previous_row[j] + 1)
-                .min(current_row[j - 1] + 1);
+            current_row[j] = change_cost.min(previous_row[j] + 1).min(current_row[j - 1] + 1);
             if i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1] {
                 current_row[j] = current_row[j].min(earlier_row[j - 2] + 1);
             }

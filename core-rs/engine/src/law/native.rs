@@ -13,14 +13,8 @@ pub const NATIVE_LANES: usize = 64;
 ///
 /// `numbers` are the law's constants. If the code calls a function, `room` holds [`NATIVE_LANES`] numbers for d, for v
 /// and for each row.
-pub type Entry = unsafe extern "C" fn(
-    d: *const f64,
-    v: *const f64,
-    out: *mut f64,
-    numbers: *const f64,
-    room: *mut f64,
-    n: i64,
-);
+pub type Entry =
+    unsafe extern "C" fn(d: *const f64, v: *const f64, out: *mut f64, numbers: *const f64, room: *mut f64, n: i64);
 
 /// A function of the core over lanes: reads `room` from `a` (and `b`) on, writes `n` values from `to` on.
 pub type Function = unsafe extern "C" fn(room: *mut f64, a: i64, b: i64, to: i64, n: i64);
@@ -47,25 +41,20 @@ impl Law {
     /// The law's constants in the order in which its native code reads them; empty without native code.
     pub(super) fn numbers(&self) -> Vec<f64> {
         let law_table = self.native.and_then(|_| self.table());
-        law_table
-            .map(|law_table| law_table.constants)
-            .unwrap_or_default()
+        law_table.map(|law_table| law_table.constants).unwrap_or_default()
     }
 
     /// Number of its operations that are [`FUNCTIONS`].
     pub(crate) fn n_functions(&self) -> usize {
         let calls_function = |row: &&Row| FUNCTIONS.iter().any(|(name, _)| *name == row.operation);
-        self.rows()
-            .map_or(0, |rows| rows.iter().filter(calls_function).count())
+        self.rows().map_or(0, |rows| rows.iter().filter(calls_function).count())
     }
 
     /// Length of the buffer that the native code needs; laws computed one after another can share one.
     pub(crate) fn room(&self) -> usize {
         let calls_function = |row: &Row| FUNCTIONS.iter().any(|(name, _)| *name == row.operation);
         match self.native.and_then(|_| self.rows()) {
-            Some(rows) if rows.iter().any(calls_function) => {
-                (FIRST_ROW as usize + rows.len()) * NATIVE_LANES
-            }
+            Some(rows) if rows.iter().any(calls_function) => (FIRST_ROW as usize + rows.len()) * NATIVE_LANES,
             _ => 0,
         }
     }
@@ -73,14 +62,7 @@ impl Law {
 
 impl Native {
     /// Compute forces; `numbers` and `room` are those of the same law, `room` at least as long as [`Law::room`] says.
-    pub(super) fn run(
-        self,
-        d: &[f64],
-        v: &[f64],
-        out: &mut [f64],
-        numbers: &[f64],
-        room: &mut [f64],
-    ) {
+    pub(super) fn run(self, d: &[f64], v: &[f64], out: &mut [f64], numbers: &[f64], room: &mut [f64]) {
         let link_count = out.len();
         debug_assert!(d.len() == link_count && (v.len() == link_count || v.is_empty()));
         // SAFETY: `set_native` was given an entry.
@@ -88,16 +70,7 @@ impl Native {
         let (d, v, numbers) = (d.as_ptr(), v.as_ptr(), numbers.as_ptr());
         // SAFETY: made from this law's rows, it reads n numbers of `d`, of `v` where the law has a damping, and
         // what `Law::numbers` made; it writes n numbers of `out`, and as much of the room as `Law::room` says.
-        unsafe {
-            entry_point(
-                d,
-                v,
-                out.as_mut_ptr(),
-                numbers,
-                room.as_mut_ptr(),
-                link_count as i64,
-            )
-        };
+        unsafe { entry_point(d, v, out.as_mut_ptr(), numbers, room.as_mut_ptr(), link_count as i64) };
     }
 }
 
@@ -128,13 +101,8 @@ unsafe extern "C" fn tanh(room: *mut f64, operand: i64, _: i64, to: i64, n: i64)
 
 unsafe extern "C" fn power(room: *mut f64, power_base: i64, exponent: i64, to: i64, n: i64) {
     // SAFETY: native code passes places of three rows of the room.
-    let (power_base, exponent, result) = unsafe {
-        (
-            row(room, power_base, n),
-            row(room, exponent, n),
-            row_mut(room, to, n),
-        )
-    };
+    let (power_base, exponent, result) =
+        unsafe { (row(room, power_base, n), row(room, exponent, n), row_mut(room, to, n)) };
     for (result, (power_base, exponent)) in result.iter_mut().zip(power_base.iter().zip(exponent)) {
         *result = Binary::Power.apply(*power_base, *exponent);
     }

@@ -64,17 +64,10 @@ pub(super) fn is_reserved(name: &str) -> bool {
 /// Parse one expression.
 ///
 /// `open` names the constants that may change later, in the order of their numbers.
-pub(super) fn parse(
-    which: Which,
-    text: &str,
-    constants: &Constants,
-    open: &[String],
-) -> Result<Tree, LawError> {
+pub(super) fn parse(which: Which, text: &str, constants: &Constants, open: &[String]) -> Result<Tree, LawError> {
     let text_length = text.chars().count();
     if text_length > MAX_CHARACTERS {
-        let message = format!(
-            "An expression has at most {MAX_CHARACTERS} characters; this has {text_length}."
-        );
+        let message = format!("An expression has at most {MAX_CHARACTERS} characters; this has {text_length}.");
         return Err(LawError::new(
             which,
             MAX_CHARACTERS,
@@ -127,8 +120,7 @@ impl Parser<'_> {
 
     fn push(&mut self, node: Node, token: &Token) -> Result<usize, LawError> {
         if self.nodes.len() == MAX_NODES {
-            let message =
-                format!("An expression has at most {MAX_NODES} numbers, names and operations.");
+            let message = format!("An expression has at most {MAX_NODES} numbers, names and operations.");
             return Err(self.error(token, message));
         }
         self.nodes.push(node);
@@ -152,10 +144,7 @@ impl Parser<'_> {
             } else {
                 self.expression(binding + 1)?
             };
-            left_node = self.push(
-                Node::Binary(*operation, left_node, right_node),
-                &operator_token,
-            )?;
+            left_node = self.push(Node::Binary(*operation, left_node, right_node), &operator_token)?;
             if *binding == COMPARE {
                 self.refuse_chain()?;
             }
@@ -212,22 +201,17 @@ impl Parser<'_> {
             ("d", _) => self.push(Node::Elongation, token),
             ("v", _) if self.which == Which::Damping => self.push(Node::Rate, token),
             ("v", _) => {
-                let message =
-                    "`v` is allowed only in `damping`, because a law stores energy by `d` alone.";
+                let message = "`v` is allowed only in `damping`, because a law stores energy by `d` alone.";
                 Err(self.error(token, message.into()))
             }
             (_, Some(value)) => {
                 let open_slot = self.open.iter().position(|open| open == name);
-                let constant_node = open_slot.map_or(Node::Number(*value), |open_slot| {
-                    Node::Open(open_slot, *value)
-                });
+                let constant_node = open_slot.map_or(Node::Number(*value), |open_slot| Node::Open(open_slot, *value));
                 self.push(constant_node, token)
             }
             (_, None) => {
                 let message = format!("There is no constant `{}`.", shortened(name));
-                let known = self
-                    .variables()
-                    .chain(FUNCTIONS.iter().map(|(known, _)| *known));
+                let known = self.variables().chain(FUNCTIONS.iter().map(|(known, _)| *known));
                 Err(self.error(token, message).suggesting(nearest(name, known)))
             }
         }
@@ -244,8 +228,7 @@ impl Parser<'_> {
 
     fn unknown_function(&self, name: &str, token: &Token) -> LawError {
         if is_reserved(name) || self.constants.contains_key(name) {
-            let message =
-                format!("`{name}` is a number, not a function; write {name}*( … ) to multiply.");
+            let message = format!("`{name}` is a number, not a function; write {name}*( … ) to multiply.");
             return self.error(token, message);
         }
         let message = format!(
@@ -279,10 +262,7 @@ impl Parser<'_> {
                     Function::Two(_) => "two arguments",
                     Function::Where => "three arguments (condition, value if true, value if not)",
                 };
-                let message = format!(
-                    "`{name}` takes {argument_form}; here are {}.",
-                    arguments.len()
-                );
+                let message = format!("`{name}` takes {argument_form}; here are {}.", arguments.len());
                 return Err(self.error(token, message));
             }
         };

@@ -23,22 +23,13 @@ impl Points {
             return error(0, "A law by points needs at least two of them.".into());
         }
         if points.len() > MAX_POINTS {
-            let message = format!(
-                "A law has at most {MAX_POINTS} points; here are {}.",
-                points.len()
-            );
+            let message = format!("A law has at most {MAX_POINTS} points; here are {}.", points.len());
             return error(MAX_POINTS, message);
         }
-        if let Some(index_at_fault) = points
-            .iter()
-            .position(|(d, f)| !(d.is_finite() && f.is_finite()))
-        {
+        if let Some(index_at_fault) = points.iter().position(|(d, f)| !(d.is_finite() && f.is_finite())) {
             return error(
                 index_at_fault,
-                format!(
-                    "Point {} is not a pair of finite numbers.",
-                    index_at_fault + 1
-                ),
+                format!("Point {} is not a pair of finite numbers.", index_at_fault + 1),
             );
         }
         if let Some(index_at_fault) = points.windows(2).position(|pair| pair[1].0 <= pair[0].0) {
@@ -59,12 +50,7 @@ impl Points {
         for pair in points.windows(2) {
             energy.push(energy[energy.len() - 1] + line(pair[0], pair[1]));
         }
-        Ok(Self {
-            d,
-            f,
-            slope,
-            energy,
-        })
+        Ok(Self { d, f, slope, energy })
     }
 
     /// Index of the line that holds `d`.
@@ -83,11 +69,7 @@ impl Points {
         let last_line = self.slope.len() - 1;
         let nearest = |i: usize| {
             let line_start = if i == 0 { f64::NEG_INFINITY } else { self.d[i] };
-            let line_end = if i == last_line {
-                f64::INFINITY
-            } else {
-                self.d[i + 1]
-            };
+            let line_end = if i == last_line { f64::INFINITY } else { self.d[i + 1] };
             if line_start > 0.0 {
                 line_start
             } else {

@@ -51,8 +51,7 @@ const fn edge() -> [f64; 15] {
         let mut node_index = 0;
         while node_index < 15 {
             if weight_index != node_index {
-                weights[weight_index] *=
-                    (1.0 - point(node_index)) / (point(weight_index) - point(node_index));
+                weights[weight_index] *= (1.0 - point(node_index)) / (point(weight_index) - point(node_index));
             }
             node_index += 1;
         }
@@ -109,9 +108,7 @@ pub(super) fn integrate(f: impl Fn(f64) -> f64, d: f64) -> f64 {
         n_waiting = last_panel + 2;
     }
     let panels_left = waiting[..n_waiting].iter();
-    panels_left.fold(integral_sum, |integral_sum, panel| {
-        integral_sum + panel.integral
-    })
+    panels_left.fold(integral_sum, |integral_sum, panel| integral_sum + panel.integral)
 }
 
 #[derive(Clone, Copy)]
@@ -144,8 +141,7 @@ impl Panel {
         let mut gauss_sum = GAUSS_CENTRE * centre_value;
         let mut absolute_sum = KRONROD_CENTRE * centre_value.abs();
         for (i, (node, weight)) in NODES.iter().zip(KRONROD).enumerate() {
-            let (value_below, value_above) =
-                (f(centre - half_width * node), f(centre + half_width * node));
+            let (value_below, value_above) = (f(centre - half_width * node), f(centre + half_width * node));
             kronrod += weight * (value_below + value_above);
             absolute_sum += weight * (value_below.abs() + value_above.abs());
             end_residuals.0 -= EDGE[i] * value_above + EDGE[14 - i] * value_below;

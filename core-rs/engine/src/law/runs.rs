@@ -25,8 +25,7 @@ enum Part {
 impl Law {
     /// Buffers for [`Law::eval_run`].
     pub fn scratch(&self) -> Scratch {
-        let program_registers =
-            |program: Option<&Program>| program.map(Program::registers).unwrap_or_default();
+        let program_registers = |program: Option<&Program>| program.map(Program::registers).unwrap_or_default();
         let elastic = match &self.elastic {
             Elastic::Expression { program, .. } => program.registers(),
             // A register for the elongations.
@@ -69,14 +68,7 @@ impl Law {
     }
 
     /// [`Law::eval_run`] with a shared `room`, at least as long as [`Law::room`] says.
-    pub(crate) fn eval_in(
-        &self,
-        d: &[f64],
-        v: &[f64],
-        out: &mut [f64],
-        scratch: &mut Scratch,
-        room: &mut [f64],
-    ) {
+    pub(crate) fn eval_in(&self, d: &[f64], v: &[f64], out: &mut [f64], scratch: &mut Scratch, room: &mut [f64]) {
         if self.is_shared() {
             self.shared_run(d, out);
         } else if let Some(native) = &self.native {
@@ -216,10 +208,7 @@ mod tests {
     fn law_runs_of_parts_equal_single_links() {
         let damping = Some("0.3*v*abs(v) + d");
         let law_texts = [Some("2*d + d**3"), Some("tanh(3*d)"), None];
-        for (text, reach) in law_texts
-            .iter()
-            .flat_map(|text| [(*text, 1.0), (*text, 0.7)])
-        {
+        for (text, reach) in law_texts.iter().flat_map(|text| [(*text, 1.0), (*text, 0.7)]) {
             let law = Law::new(&LawText {
                 law: text,
                 damping,
@@ -230,9 +219,7 @@ mod tests {
                 damping,
                 ..LawText::default()
             });
-            let damping_law = damping_law
-                .and_then(|law| law.through(reach))
-                .expect("a law");
+            let damping_law = damping_law.and_then(|law| law.through(reach)).expect("a law");
             let d: Vec<f64> = (0..550).map(|i| 0.01 * f64::from(i - 70)).collect();
             let v: Vec<f64> = d.iter().map(|d| 0.5 - d * d).collect();
             let (mut run_force, mut scratch) = (vec![0.0; d.len()], law.scratch());
@@ -242,12 +229,7 @@ mod tests {
             }
             law.drag_run(&d, &v, &mut run_force, &mut scratch);
             let mut single_force = [0.0];
-            law.drag_run(
-                &d[3..4],
-                &v[3..4],
-                &mut single_force,
-                &mut Scratch::default(),
-            );
+            law.drag_run(&d[3..4], &v[3..4], &mut single_force, &mut Scratch::default());
             assert_eq!(single_force[0].to_bits(), run_force[3].to_bits());
             for ((d, v), run_force) in d.iter().zip(&v).zip(&run_force) {
                 assert_eq!(*run_force, damping_law.force(*d, *v));

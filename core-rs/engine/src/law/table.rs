@@ -69,10 +69,7 @@ impl Law {
 
 impl Table {
     fn push(&mut self, operation: &'static str, operands: [i32; 3]) -> i32 {
-        self.rows.push(Row {
-            operation,
-            operands,
-        });
+        self.rows.push(Row { operation, operands });
         FIRST_ROW + self.rows.len() as i32 - 1
     }
 
@@ -89,12 +86,8 @@ impl Table {
                 Step::Constant(value) | Step::Open(_, value) => self.constant(value),
                 Step::Unary(operation, a) => self.push(unary(operation), [registers[a], 0, 0]),
                 Step::WholePower(n, a) => self.push("whole_power", [registers[a], n, 0]),
-                Step::Binary(operation, a, b) => {
-                    self.push(binary(operation), [registers[a], registers[b], 0])
-                }
-                Step::Where(c, a, b) => {
-                    self.push("where", [registers[c], registers[a], registers[b]])
-                }
+                Step::Binary(operation, a, b) => self.push(binary(operation), [registers[a], registers[b], 0]),
+                Step::Where(c, a, b) => self.push("where", [registers[c], registers[a], registers[b]]),
             };
             registers.push(step_operand);
         }

@@ -53,15 +53,9 @@ impl Law {
 
     /// Force, with the bits of [`Law::force`], and slopes at elongations `d` [m] and rates `v` [m/s]; nothing is
     /// allocated.
-    pub(crate) fn tangents(
-        &self,
-        d: &Places,
-        v: &Places,
-        scratch: &mut TangentScratch,
-    ) -> Tangents {
+    pub(crate) fn tangents(&self, d: &Places, v: &Places, scratch: &mut TangentScratch) -> Tangents {
         let [elongation_step, rate_step] = [d, v].map(|at| at.map(|at| NEAR.0 * at.abs() + NEAR.1));
-        let shifted_places =
-            |at: &Places, step: &Places| std::array::from_fn(|place| at[place] + step[place]);
+        let shifted_places = |at: &Places, step: &Places| std::array::from_fn(|place| at[place] + step[place]);
         let (d, v) = (
             [*d, shifted_places(d, &elongation_step)],
             [*v, shifted_places(v, &rate_step)],
@@ -100,19 +94,10 @@ impl Law {
         );
         let [force, near_v, last_forces] = forces;
         let near_d = if place_sets == 3 { last_forces } else { force };
-        Around {
-            force,
-            near_d,
-            near_v,
-        }
+        Around { force, near_d, near_v }
     }
 
-    fn program_forces(
-        &self,
-        d: &[Places; 2],
-        v: &[Places; 2],
-        scratch: &mut TangentScratch,
-    ) -> Around {
+    fn program_forces(&self, d: &[Places; 2], v: &[Places; 2], scratch: &mut TangentScratch) -> Around {
         let registers = &mut scratch.elastic;
         let [force, near_d] = match &self.elastic {
             Elastic::None => [[0.0; PLACES]; 2],
@@ -154,12 +139,7 @@ impl Law {
     }
 
     #[inline(always)]
-    fn drags(
-        &self,
-        damping: &Program,
-        points: [&[Places; 2]; 2],
-        registers: &mut [Few],
-    ) -> [Places; 2] {
+    fn drags(&self, damping: &Program, points: [&[Places; 2]; 2], registers: &mut [Few]) -> [Places; 2] {
         for (register, points) in registers.iter_mut().zip(points) {
             self.load(&mut register.0, points.as_flattened());
         }
@@ -186,9 +166,7 @@ mod tests {
             ..LawText::default()
         };
         for reach in [1.0, 0.7] {
-            let law = Law::new(&law_text)
-                .and_then(|law| law.through(reach))
-                .expect("a law");
+            let law = Law::new(&law_text).and_then(|law| law.through(reach)).expect("a law");
             let (d, v) = ([0.0, 0.1, -0.3, 2.0], [0.5, -0.2, 0.0, 3.0]);
             let tangents = law.tangents(&d, &v, &mut law.tangent_scratch());
             for place in 0..PLACES {

@@ -4,10 +4,7 @@ use super::*;
 use proptest::prelude::*;
 
 fn constants(named: &[(&str, f64)]) -> Constants {
-    named
-        .iter()
-        .map(|(name, value)| ((*name).to_owned(), *value))
-        .collect()
+    named.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect()
 }
 
 fn law(expression: &str, named: &[(&str, f64)]) -> Law {
@@ -72,10 +69,7 @@ fn law_with_wrong_constants_or_fields_is_refused() {
     let law_error = Law::new(&bad_damping).expect_err("w");
     assert_eq!((law_error.which, law_error.offset), (Which::Damping, 2));
     for reach in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        assert_eq!(
-            law("d", &[]).through(reach).expect_err("reach").which,
-            Which::Reach
-        );
+        assert_eq!(law("d", &[]).through(reach).expect_err("reach").which, Which::Reach);
     }
 }
 
@@ -90,14 +84,8 @@ fn law_with_wrong_points_is_refused() {
         (law_error.which, law_error.offset)
     };
     assert_eq!(refused_place(&[(0.0, 0.0)]), (Which::Points, 0));
-    assert_eq!(
-        refused_place(&[(0.0, 0.0), (1.0, 1.0), (1.0, 2.0)]),
-        (Which::Points, 2)
-    );
-    assert_eq!(
-        refused_place(&[(0.0, 0.0), (1.0, f64::NAN)]),
-        (Which::Points, 1)
-    );
+    assert_eq!(refused_place(&[(0.0, 0.0), (1.0, 1.0), (1.0, 2.0)]), (Which::Points, 2));
+    assert_eq!(refused_place(&[(0.0, 0.0), (1.0, f64::NAN)]), (Which::Points, 1));
     let many_points: Vec<(f64, f64)> = (0..10_001).map(|i| (f64::from(i), 0.0)).collect();
     assert_eq!(refused_place(&many_points), (Which::Points, 10_000));
 }
@@ -178,31 +166,16 @@ fn potential_of_recognised_polynomials() {
     let law_pairs = [
         ("k*d + q*d**3", "k*abs(d)*sign(d) + q*abs(d)**3*sign(d)"),
         ("-(d - 1e-3)**2*k/3 + 2", "-abs(d - 1e-3)**2*k/3 + 2"),
-        (
-            "(d*k - 1)*(1 - d**2)*d**0",
-            "(abs(d)*sign(d)*k - 1)*(1 - abs(d)**2)",
-        ),
+        ("(d*k - 1)*(1 - d**2)*d**0", "(abs(d)*sign(d)*k - 1)*(1 - abs(d)**2)"),
     ];
     for (polynomial, other) in law_pairs {
-        let (recognised, unrecognised) = (
-            law(polynomial, &named_constants),
-            law(other, &named_constants),
-        );
+        let (recognised, unrecognised) = (law(polynomial, &named_constants), law(other, &named_constants));
         assert!(
-            matches!(
-                recognised.elastic,
-                Elastic::Expression {
-                    integral: Some(_),
-                    ..
-                }
-            ),
+            matches!(recognised.elastic, Elastic::Expression { integral: Some(_), .. }),
             "{polynomial}"
         );
         assert!(
-            matches!(
-                unrecognised.elastic,
-                Elastic::Expression { integral: None, .. }
-            ),
+            matches!(unrecognised.elastic, Elastic::Expression { integral: None, .. }),
             "{other}"
         );
         for d in [-0.3, 2e-3, 1.7] {
@@ -235,10 +208,7 @@ fn force_is_the_slope_of_the_potential() {
     let laws = [
         law("k*d + q*d**3", &[("k", 400.0), ("q", 3e7)]),
         law("min(k*d, 0.5) + 0.3*max(d, 0)", &[("k", 400.0)]),
-        law(
-            "a*tanh(d/w) + abs(d)**1.7*sign(d)",
-            &[("a", 2.0), ("w", 4e-4)],
-        ),
+        law("a*tanh(d/w) + abs(d)**1.7*sign(d)", &[("a", 2.0), ("w", 4e-4)]),
     ];
     let lever_reaches = [1.0, 0.25, 3.0];
     for (law, reach) in laws.into_iter().zip(lever_reaches) {
@@ -262,11 +232,7 @@ fn slope_is_the_tangent_of_the_force() {
     for d in [0.0, -1e-3, 5e-3, 0.2] {
         let tangent = 400.0 + 9e7 * d * d;
         assert!((cubic_law.slope(d) / tangent - 1.0).abs() < 1e-8, "{d}");
-        let levered = cubic_law
-            .clone()
-            .through(2.0)
-            .expect("lever")
-            .slope(2.0 * d);
+        let levered = cubic_law.clone().through(2.0).expect("lever").slope(2.0 * d);
         assert!((levered / (tangent / 4.0) - 1.0).abs() < 1e-8, "{d}");
     }
     assert_eq!(cubic_law.damping_slope(0.1), 0.0);
@@ -285,10 +251,7 @@ fn is_active_of_bows_and_brakes() {
     // Negative damping only near rest, and only to one side.
     assert!(damping("where(d > 0.004, v*(abs(v) - 1e-4), v)", &[]).is_active(0.005, 1.0));
     assert!(!damping("where(d > 0.004, v*(abs(v) - 1e-4), v)", &[]).is_active(0.003, 1.0));
-    assert!(
-        damping("v*sqrt(d)", &[]).is_active(0.005, 1.0),
-        "no value for d < 0"
-    );
+    assert!(damping("v*sqrt(d)", &[]).is_active(0.005, 1.0), "no value for d < 0");
 }
 
 #[test]
@@ -298,10 +261,7 @@ fn law_with_integer_powers_equals_products() {
     }
     // A power has the same value whether its exponent is constant or computed.
     let (constant_power, computed_power) = (law("d**7", &[]), law("d**(7 + 0*d)", &[]));
-    assert!(same(
-        constant_power.force(1.7, 0.0),
-        computed_power.force(1.7, 0.0)
-    ));
+    assert!(same(constant_power.force(1.7, 0.0), computed_power.force(1.7, 0.0)));
     assert_eq!(law("d**0", &[]).force(0.0, 0.0), 1.0);
 }
 
@@ -325,8 +285,7 @@ fn trees() -> impl Strategy<Value = String> {
             (inner.clone(), unary_name).prop_map(|(a, f)| format!("{f}({a})")),
             (tree_pair, binary_name).prop_map(|((a, b), f)| format!("{f}({a}, {b})")),
             (inner.clone(), 0u32..9).prop_map(|(a, n)| format!("({a})**{n}")),
-            (inner.clone(), inner.clone(), inner)
-                .prop_map(|(c, a, b)| format!("where({c}, {a}, {b})")),
+            (inner.clone(), inner.clone(), inner).prop_map(|(c, a, b)| format!("where({c}, {a}, {b})")),
         ]
     })
 }
@@ -397,22 +356,13 @@ fn open_constants_equal_written_ones() {
         Law::new(&law_text).expect("a law")
     };
     let mut open_law = law(0.2, &["k".to_owned()]);
-    assert!(
-        open_law.rows().is_none(),
-        "native code would keep its constants"
-    );
+    assert!(open_law.rows().is_none(), "native code would keep its constants");
     for k in [0.2, -3.0, 1e-9, 7.25] {
         open_law.set(0, k);
         for v in [-1.0, -0.1, 0.0, 0.15, 0.2, 4.0] {
-            assert_eq!(
-                open_law.force(0.0, v).to_bits(),
-                law(k, &[]).force(0.0, v).to_bits()
-            );
+            assert_eq!(open_law.force(0.0, v).to_bits(), law(k, &[]).force(0.0, v).to_bits());
         }
-        assert_eq!(
-            open_law.is_active(1.0, 1.0),
-            law(k, &[]).is_active(1.0, 1.0)
-        );
+        assert_eq!(open_law.is_active(1.0, 1.0), law(k, &[]).is_active(1.0, 1.0));
     }
 }
 
@@ -425,9 +375,7 @@ fn is_bounded_far_from_rest_by_law() {
             damping,
             ..LawText::default()
         };
-        Law::new(&law_text)
-            .expect("a law")
-            .is_bounded_far_from_rest()
+        Law::new(&law_text).expect("a law").is_bounded_far_from_rest()
     };
     assert!(law(None, Some("v*exp(0.5 - 4*(v/0.2)**2)")));
     assert!(law(Some("where(abs(d) < 1, d, 0)"), None));

@@ -39,11 +39,7 @@ const FOREIGN_SIGNS: [(&str, &str, Option<&str>); 10] = [
     ("//", "There is no integer division.", Some("/")),
     ("^", "A power is written with two stars.", Some("**")),
     ("=", "One `=` does not compare; two do.", Some("==")),
-    (
-        "!",
-        "A single `!` has no meaning; unequal is `!=`.",
-        Some("!="),
-    ),
+    ("!", "A single `!` has no meaning; unequal is `!=`.", Some("!=")),
     ("[", "Only parentheses group.", Some("(")),
     ("]", "Only parentheses group.", Some(")")),
     ("{", "Only parentheses group.", Some("(")),
@@ -63,22 +59,18 @@ pub(super) fn tokens(which: Which, text: &str) -> Result<Vec<Token>, LawError> {
             continue;
         }
         let characters_left = &characters[position..];
-        let (kind, length) = if first_character.is_ascii_digit()
-            || (first_character == '.' && digits(&characters_left[1..]) > 0)
-        {
-            number(which, characters_left, position)?
-        } else if is_letter(first_character) {
-            let length = characters_left
-                .iter()
-                .take_while(|c| is_letter(**c) || c.is_numeric())
-                .count();
-            (
-                Kind::Name(characters_left[..length].iter().collect()),
-                length,
-            )
-        } else {
-            sign(which, characters_left, position)?
-        };
+        let (kind, length) =
+            if first_character.is_ascii_digit() || (first_character == '.' && digits(&characters_left[1..]) > 0) {
+                number(which, characters_left, position)?
+            } else if is_letter(first_character) {
+                let length = characters_left
+                    .iter()
+                    .take_while(|c| is_letter(**c) || c.is_numeric())
+                    .count();
+                (Kind::Name(characters_left[..length].iter().collect()), length)
+            } else {
+                sign(which, characters_left, position)?
+            };
         tokens.push(Token {
             kind,
             offset: position,
@@ -124,12 +116,7 @@ fn number(which: Which, rest: &[char], position: usize) -> Result<(Kind, usize),
     if tail_length > 0 {
         let message = "A number in a law has no unit: define a constant with one \
                        (`k: 400N/m`), and write a product with `*`.";
-        return Err(LawError::new(
-            which,
-            position,
-            length + tail_length,
-            message.into(),
-        ));
+        return Err(LawError::new(which, position, length + tail_length, message.into()));
     }
     let number_text: String = rest[..length].iter().collect();
     match number_text.parse::<f64>() {
@@ -144,20 +131,13 @@ fn number(which: Which, rest: &[char], position: usize) -> Result<(Kind, usize),
 }
 
 fn sign(which: Which, rest: &[char], position: usize) -> Result<(Kind, usize), LawError> {
-    let is_at_start = |sign: &str| {
-        sign.chars().zip(rest).filter(|(a, b)| a == *b).count() == sign.chars().count()
-    };
-    let has_pair_sign = SIGNS
-        .iter()
-        .any(|sign| sign.len() == 2 && is_at_start(sign));
-    if let Some((foreign, explanation, instead)) = FOREIGN_SIGNS
-        .iter()
-        .find(|row| is_at_start(row.0) && !has_pair_sign)
+    let is_at_start = |sign: &str| sign.chars().zip(rest).filter(|(a, b)| a == *b).count() == sign.chars().count();
+    let has_pair_sign = SIGNS.iter().any(|sign| sign.len() == 2 && is_at_start(sign));
+    if let Some((foreign, explanation, instead)) = FOREIGN_SIGNS.iter().find(|row| is_at_start(row.0) && !has_pair_sign)
     {
         let sign_length = foreign.chars().count();
         return Err(
-            LawError::new(which, position, sign_length, (*explanation).into())
-                .suggesting(instead.map(str::to_owned)),
+            LawError::new(which, position, sign_length, (*explanation).into()).suggesting(instead.map(str::to_owned))
         );
     }
     if let Some(sign) = SIGNS.iter().find(|sign| is_at_start(sign)) {

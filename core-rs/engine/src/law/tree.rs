@@ -100,8 +100,7 @@ const INTEGER_EXPONENT_MAX: f64 = 64.0;
 
 /// The exponent as a whole number, if the power is computed by multiplication.
 pub(super) fn integer_exponent(exponent: f64) -> Option<i32> {
-    (exponent.abs() <= INTEGER_EXPONENT_MAX && exponent == maths::floor(exponent))
-        .then_some(exponent as i32)
+    (exponent.abs() <= INTEGER_EXPONENT_MAX && exponent == maths::floor(exponent)).then_some(exponent as i32)
 }
 
 /// `a ** b`; whole exponents up to 64 by multiplication, which is exact if the products are.

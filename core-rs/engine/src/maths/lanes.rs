@@ -37,11 +37,7 @@ pub(crate) fn few_exp<const N: usize>(a: [f64; N]) -> [f64; N] {
     fn wild<const N: usize>(a: [f64; N]) -> [f64; N] {
         a.map(one_exp)
     }
-    if are_tame(&a) {
-        a.map(tame_exp)
-    } else {
-        wild(a)
-    }
+    if are_tame(&a) { a.map(tame_exp) } else { wild(a) }
 }
 
 #[inline(always)]
@@ -67,11 +63,7 @@ fn tame_exp(x: f64) -> f64 {
     let half_sign = 1f64.copysign(x);
     // SAFETY: |x| < 708, so that the product fits an i32.
     let far_multiple: i32 = unsafe { (INV_LN2 * x + 0.5 * half_sign).to_int_unchecked() };
-    let near_multiple = if magnitude >= HALF_LN2 {
-        half_sign
-    } else {
-        0.0
-    };
+    let near_multiple = if magnitude >= HALF_LN2 { half_sign } else { 0.0 };
     let k = if magnitude >= MORE_LN2 {
         f64::from(far_multiple)
     } else {
@@ -105,13 +97,7 @@ mod tests {
 
     #[test]
     fn lanes_at_borders_equal_single_values() {
-        let borders = [
-            0.0,
-            3.73e-9,
-            0.346_573_590_279_972_64,
-            1.039_720_770_839_917_9,
-            708.0,
-        ];
+        let borders = [0.0, 3.73e-9, 0.346_573_590_279_972_64, 1.039_720_770_839_917_9, 708.0];
         for border in borders.map(f64::to_bits) {
             // libm compares only the upper half of a number; the steps are a hundredth of that half's last bit.
             let near_border: Vec<f64> = (-4000i64..4000)

@@ -87,10 +87,7 @@ impl Mixing {
             let used_length = n_directions * value_count;
             let (other_directions, direction) = self.directions.split_at_mut(used_length);
             let (other_steps, value_step) = self.steps.split_at_mut(used_length);
-            let (direction, value_step) = (
-                &mut direction[..value_count],
-                &mut value_step[..value_count],
-            );
+            let (direction, value_step) = (&mut direction[..value_count], &mut value_step[..value_count]);
             let earlier = round * value_count..(round + 1) * value_count;
             subtract(direction, last_change, &earlier_changes[earlier.clone()]);
             subtract(value_step, values, &earlier_values[earlier]);
@@ -151,8 +148,8 @@ mod tests {
             mixing.next_round();
             let mut greatest_change = 0.0_f64;
             for index in 0..N {
-                let neighbour_sum = if index > 0 { solution[index - 1] } else { 0.0 }
-                    + solution.get(index + 1).unwrap_or(&0.0);
+                let neighbour_sum =
+                    if index > 0 { solution[index - 1] } else { 0.0 } + solution.get(index + 1).unwrap_or(&0.0);
                 let updated = (right_side[index] + neighbour_sum) / 2.05;
                 mixing.record(index, solution[index], updated);
                 greatest_change = greatest_change.max((updated - solution[index]).abs());

@@ -29,9 +29,7 @@ pub struct Point {
 fn along(points: &[Point], frame: u64, between: impl Fn(f64, f64, f64) -> f64) -> Option<f64> {
     let frame = i64::try_from(frame).unwrap_or(i64::MAX);
     let next_index = points.partition_point(|point| point.frame <= frame);
-    let point_before = next_index
-        .checked_sub(1)
-        .and_then(|index| points.get(index));
+    let point_before = next_index.checked_sub(1).and_then(|index| points.get(index));
     match (point_before, points.get(next_index)) {
         (Some(from), Some(to)) => {
             let u = (frame - from.frame) as f64 / (to.frame - from.frame) as f64;
@@ -55,8 +53,7 @@ fn is_even(points: &[Point], frames: &Range<u64>) -> bool {
     let (Some(first_point), Some(last_point)) = (points.first(), points.last()) else {
         return true;
     };
-    let [start_frame, stop_frame] =
-        [frames.start, frames.end].map(|frame| i64::try_from(frame).unwrap_or(i64::MAX));
+    let [start_frame, stop_frame] = [frames.start, frames.end].map(|frame| i64::try_from(frame).unwrap_or(i64::MAX));
     stop_frame <= first_point.frame || start_frame >= last_point.frame
 }
 
@@ -90,10 +87,7 @@ impl Pan {
     #[must_use]
     pub fn new(places: Vec<Point>, side: Side) -> Self {
         let angle_point = |point: Point| Point {
-            value: atan2(
-                sqrt((1.0 + point.value).max(0.0)),
-                sqrt((1.0 - point.value).max(0.0)),
-            ),
+            value: atan2(sqrt((1.0 + point.value).max(0.0)), sqrt((1.0 - point.value).max(0.0))),
             ..point
         };
         Self {
@@ -146,10 +140,7 @@ impl Curve {
     /// This curve in one channel of a pan.
     #[must_use]
     pub fn panned(self, pan: Pan) -> Self {
-        Self {
-            pan: Some(pan),
-            ..self
-        }
+        Self { pan: Some(pan), ..self }
     }
 
     /// The gain at a frame of the piece; 1 without points.
@@ -169,8 +160,7 @@ impl Curve {
     /// Its gains from frame `first` on.
     pub(super) fn fill(&self, first: u64, gains: &mut [f64]) {
         let frame_range = first..first.saturating_add(gains.len() as u64);
-        let mut points =
-            std::iter::once(&self.levels).chain(self.pan.as_ref().map(|pan| &pan.angles));
+        let mut points = std::iter::once(&self.levels).chain(self.pan.as_ref().map(|pan| &pan.angles));
         if points.all(|points| is_even(points, &frame_range)) {
             gains.fill(self.value(first));
         } else {
@@ -185,11 +175,7 @@ mod tests {
     use super::*;
 
     fn point(frame: i64, value: f64, segment: Segment) -> Point {
-        Point {
-            frame,
-            value,
-            segment,
-        }
+        Point { frame, value, segment }
     }
 
     #[test]
@@ -207,34 +193,19 @@ mod tests {
             (curve.value(150) - 1.0).abs() < 1e-15,
             "0 dB, halfway from -6 dB to 6 dB"
         );
-        assert!(
-            (curve.value(250) - 0.5).abs() < 1e-15,
-            "by the ratio to nothing"
-        );
+        assert!((curve.value(250) - 0.5).abs() < 1e-15, "by the ratio to nothing");
     }
 
     #[test]
     fn curve_from_points_before_the_beginning() {
-        let curve = Curve::new(vec![
-            point(-100, 1.0, Segment::Line),
-            point(100, 0.0, Segment::Line),
-        ]);
-        assert_eq!(
-            (curve.value(0), curve.value(50), curve.value(100)),
-            (0.5, 0.25, 0.0)
-        );
+        let curve = Curve::new(vec![point(-100, 1.0, Segment::Line), point(100, 0.0, Segment::Line)]);
+        assert_eq!((curve.value(0), curve.value(50), curve.value(100)), (0.5, 0.25, 0.0));
     }
 
     #[test]
     fn curve_spans_equal_gains_of_their_frames() {
-        let level_points = vec![
-            point(100, 0.5, Segment::Line),
-            point(200, 2.0, Segment::Smooth),
-        ];
-        let place_points = vec![
-            point(150, -1.0, Segment::Line),
-            point(260, 0.5, Segment::Smooth),
-        ];
+        let level_points = vec![point(100, 0.5, Segment::Line), point(200, 2.0, Segment::Smooth)];
+        let place_points = vec![point(150, -1.0, Segment::Line), point(260, 0.5, Segment::Smooth)];
         let plain_curve = Curve::new(level_points.clone());
         let panned_curve = Curve::new(level_points).panned(Pan::new(place_points, Side::Second));
         for curve in [plain_curve, panned_curve, Curve::new(Vec::new())] {
@@ -242,8 +213,7 @@ mod tests {
                 for first in (0..400).step_by(length) {
                     let mut gains = vec![0.0; length];
                     curve.fill(first, &mut gains);
-                    let frame_gains: Vec<f64> =
-                        (first..).take(length).map(|n| curve.value(n)).collect();
+                    let frame_gains: Vec<f64> = (first..).take(length).map(|n| curve.value(n)).collect();
                     assert_eq!(gains, frame_gains, "{length} frames from {first}");
                 }
             }
@@ -257,10 +227,7 @@ mod tests {
 
     #[test]
     fn pan_between_two_places() {
-        let place_points = [
-            point(0, -1.0, Segment::Line),
-            point(900, 1.0, Segment::Line),
-        ];
+        let place_points = [point(0, -1.0, Segment::Line), point(900, 1.0, Segment::Line)];
         let channel = |side| Curve::new(Vec::new()).panned(Pan::new(place_points.to_vec(), side));
         let (first_channel, second_channel) = (channel(Side::First), channel(Side::Second));
         for frame in [0, 1, 300, 450, 899, 900, 5000] {

@@ -152,21 +152,14 @@ mod tests {
     #[test]
     fn echoing_delay_falls_by_its_feedback() {
         let echo_response = |length| {
-            let echo = Echo {
-                frames: 3,
-                ratio: -0.5,
-            };
+            let echo = Echo { frames: 3, ratio: -0.5 };
             let mut echo = Delay::echoing(length, Some(echo));
             let echoed_samples = (0..10).map(|i| echo.next(if i == 0 { 1.0 } else { 0.0 }));
             echoed_samples.collect::<Vec<f64>>()
         };
         let expected = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, -0.5, 0.0, 0.0, 0.25];
         assert_eq!(echo_response(3), expected);
-        assert_eq!(
-            echo_response(5)[2..],
-            expected[..8],
-            "heard two frames later"
-        );
+        assert_eq!(echo_response(5)[2..], expected[..8], "heard two frames later");
     }
 
     #[test]
@@ -175,18 +168,12 @@ mod tests {
         through(&mut old_delay, 1, 13); // holds 8 … 12
         let mut equal_delay = Delay::new(5);
         equal_delay.take_over(&old_delay);
-        assert_eq!(
-            through(&mut equal_delay, 0, 5),
-            [8.0, 9.0, 10.0, 11.0, 12.0]
-        );
+        assert_eq!(through(&mut equal_delay, 0, 5), [8.0, 9.0, 10.0, 11.0, 12.0]);
         let mut shorter = Delay::new(2);
         shorter.take_over(&old_delay);
         assert_eq!(through(&mut shorter, 0, 2), [11.0, 12.0]);
         let mut longer = Delay::new(7);
         longer.take_over(&old_delay);
-        assert_eq!(
-            through(&mut longer, 0, 7),
-            [0.0, 0.0, 8.0, 9.0, 10.0, 11.0, 12.0]
-        );
+        assert_eq!(through(&mut longer, 0, 7), [0.0, 0.0, 8.0, 9.0, 10.0, 11.0, 12.0]);
     }
 }

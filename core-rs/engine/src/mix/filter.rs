@@ -91,19 +91,11 @@ impl Filter {
             Tone::Highshelf { level, .. } => {
                 let root_gain = pow(10.0, level / 40.0);
                 let band_weight = BUTTERWORTH_2 * (1.0 - root_gain) * root_gain;
-                let weights = Weights::Shelf([
-                    root_gain * root_gain,
-                    band_weight,
-                    1.0 - root_gain * root_gain,
-                ]);
+                let weights = Weights::Shelf([root_gain * root_gain, band_weight, 1.0 - root_gain * root_gain]);
                 (section(sqrt(root_gain)), weights)
             }
         };
-        Self {
-            tone,
-            section,
-            weights,
-        }
+        Self { tone, section, weights }
     }
 
     /// Whether both do the same by the same values, so that a change from one to the other is no step.
@@ -180,10 +172,7 @@ mod tests {
     #[test]
     fn shelves_at_corner_and_ends() {
         for (f, db) in [(200.0, 6.0), (3000.0, -12.0)] {
-            let (low_shelf, high_shelf) = (
-                Tone::Lowshelf { f, level: db },
-                Tone::Highshelf { f, level: db },
-            );
+            let (low_shelf, high_shelf) = (Tone::Lowshelf { f, level: db }, Tone::Highshelf { f, level: db });
             assert!((level(low_shelf, 0.5) - db).abs() < 1e-3);
             assert!((level(low_shelf, f) - db / 2.0).abs() < 1e-6);
             assert!(level(low_shelf, 0.5 * RATE).abs() < 1e-6);
@@ -195,13 +184,7 @@ mod tests {
 
     #[test]
     fn shelf_of_zero_decibels() {
-        let mut filter = Filter::new(
-            Tone::Highshelf {
-                f: 900.0,
-                level: 0.0,
-            },
-            RATE,
-        );
+        let mut filter = Filter::new(Tone::Highshelf { f: 900.0, level: 0.0 }, RATE);
         for x in [0.3, -1.0, 0.25, 1e-12] {
             assert_eq!(next(&mut filter, x), x);
         }

@@ -148,17 +148,11 @@ impl Fold {
             let output_sums = &mut self.sums[..n_frames.next_multiple_of(TILE)];
             output_sums.fill(0.0);
             while let Some(fold_path) = ways_left.next_if(|fold_path| fold_path.to == to) {
-                let channel_line =
-                    &self.line[fold_path.from * line_width..(fold_path.from + 1) * line_width];
+                let channel_line = &self.line[fold_path.from * line_width..(fold_path.from + 1) * line_width];
                 let path_taps = &self.taps[fold_path.first..fold_path.first + fold_path.n_taps];
                 let line_start = self.past - fold_path.delay;
                 for (tile, output_sums) in output_sums.chunks_exact_mut(TILE).enumerate() {
-                    add(
-                        output_sums,
-                        channel_line,
-                        line_start + tile * TILE,
-                        path_taps,
-                    );
+                    add(output_sums, channel_line, line_start + tile * TILE, path_taps);
                 }
             }
             for (frame, sum) in output_sums[..n_frames].iter().enumerate() {
@@ -200,8 +194,8 @@ mod tests {
             for to in 0..n_out {
                 for from in 0..n_in {
                     for age in 0..n_taps.min(frame + 1) {
-                        output[frame * n_out + to] += filters[(from * n_out + to) * n_taps + age]
-                            * input[(frame - age) * n_in + from];
+                        output[frame * n_out + to] +=
+                            filters[(from * n_out + to) * n_taps + age] * input[(frame - age) * n_in + from];
                     }
                 }
             }
@@ -237,9 +231,6 @@ mod tests {
         assert_eq!(Fold::new(0, 1, &[]).err(), Some(FoldError::Channels(0, 1)));
         assert_eq!(Fold::new(2, 2, &[]).err(), Some(FoldError::Taps(0)));
         assert_eq!(Fold::new(2, 2, &[1.0; 6]).err(), Some(FoldError::Taps(6)));
-        assert_eq!(
-            Fold::new(1, 1, &[f64::NAN]).err(),
-            Some(FoldError::Infinite)
-        );
+        assert_eq!(Fold::new(1, 1, &[f64::NAN]).err(), Some(FoldError::Infinite));
     }
 }

@@ -48,13 +48,7 @@ pub(super) struct Placed {
 }
 
 impl Placed {
-    pub(super) fn new(
-        source: Arc<FrozenOutputs>,
-        column: usize,
-        out: usize,
-        begins: i64,
-        rate: f64,
-    ) -> Self {
+    pub(super) fn new(source: Arc<FrozenOutputs>, column: usize, out: usize, begins: i64, rate: f64) -> Self {
         Self {
             source,
             column,

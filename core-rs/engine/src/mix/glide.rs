@@ -98,9 +98,7 @@ impl Glide {
             self.begin_due(n);
             let frame_count = until(n, self.steady(n).is_some());
             let sample_count = frames_left.len();
-            let span_length = frame_count
-                .saturating_mul(n_channels as u64)
-                .min(sample_count as u64) as usize;
+            let span_length = frame_count.saturating_mul(n_channels as u64).min(sample_count as u64) as usize;
             let (span_frames, frames_after) = frames_left.split_at_mut(span_length);
             match self.steady(n) {
                 Some(gain) => span_frames.iter_mut().for_each(|x| *x *= gain),
@@ -150,9 +148,7 @@ mod tests {
             } else if frame_index == 400 {
                 glide.set(2.0);
             }
-            let next_change = [100, 400, n]
-                .into_iter()
-                .find(|&block_end| frame_index < block_end);
+            let next_change = [100, 400, n].into_iter().find(|&block_end| frame_index < block_end);
             let block_end = (frame_index + block).min(next_change.unwrap_or(n));
             glide.apply(frame_index as u64, &mut frames[frame_index..block_end], 1);
             frame_index = block_end;

@@ -131,11 +131,7 @@ impl Limiter {
         for frame in frames.chunks_exact_mut(self.n_channels) {
             let mut frame_peak = 0.0f64;
             for x in &mut *frame {
-                *x = if x.is_nan() {
-                    0.0
-                } else {
-                    x.clamp(-f64::MAX, f64::MAX)
-                };
+                *x = if x.is_nan() { 0.0 } else { x.clamp(-f64::MAX, f64::MAX) };
                 frame_peak = frame_peak.max(x.abs());
             }
             let frame_gain = self.gain(frame_peak);
@@ -165,19 +161,14 @@ impl Limiter {
             largest.max(released)
         };
         let newest_reduction = (self.reduction * FIXED_ONE).ceil() as u64;
-        self.sum = self.sum + newest_reduction
-            - std::mem::replace(&mut self.held[self.next_held], newest_reduction);
+        self.sum = self.sum + newest_reduction - std::mem::replace(&mut self.held[self.next_held], newest_reduction);
         self.next_held = (self.next_held + 1) % self.held.len();
         1.0 - self.sum as f64 / (self.held.len() as f64 * FIXED_ONE)
     }
 
     /// The largest reduction among this frame and the `latency` frames before it.
     fn largest(&mut self, wanted: f64) -> f64 {
-        while self
-            .candidates
-            .back()
-            .is_some_and(|&(_, smaller)| smaller <= wanted)
-        {
+        while self.candidates.back().is_some_and(|&(_, smaller)| smaller <= wanted) {
             self.candidates.pop_back();
         }
         self.candidates.push_back((self.frame, wanted));

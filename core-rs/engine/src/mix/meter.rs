@@ -5,9 +5,7 @@ use thiserror::Error;
 
 /// A rate or a number of channels that BS.1770's filters do not cover.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
-#[error(
-    "loudness is measured of 1 to 64 channels at 16 Hz to 2.8 MHz; here {n_channels} at {rate} Hz"
-)]
+#[error("loudness is measured of 1 to 64 channels at 16 Hz to 2.8 MHz; here {n_channels} at {rate} Hz")]
 pub struct MeterError {
     /// Requested rate [Hz].
     pub rate: f64,
@@ -45,8 +43,7 @@ impl Meter {
         let refused = MeterError { rate, n_channels };
         let channels = u32::try_from(n_channels).map_err(|_| refused)?;
         // `as` converts NaN and negative rates to 0, which is refused.
-        let mut loudness =
-            EbuR128::new(channels, rate.round() as u32, Mode::I).map_err(|_| refused)?;
+        let mut loudness = EbuR128::new(channels, rate.round() as u32, Mode::I).map_err(|_| refused)?;
         loudness
             .set_channel_map(&vec![Channel::Center; n_channels])
             .map_err(|_| refused)?;
@@ -81,9 +78,7 @@ impl Meter {
 
     /// Loudness of the last 400 ms [LUFS], without gating; -inf for silence.
     pub fn momentary(&self) -> f64 {
-        self.loudness
-            .loudness_momentary()
-            .unwrap_or(f64::NEG_INFINITY)
+        self.loudness.loudness_momentary().unwrap_or(f64::NEG_INFINITY)
     }
 
     /// Integrated loudness so far [LUFS]; -inf for silence and before the first 400 ms have passed.
@@ -110,9 +105,7 @@ mod tests {
 
     fn measured(frames: &[f64], n_channels: usize) -> Meter {
         let mut meter = Meter::new(48_000.0, n_channels).unwrap();
-        frames
-            .chunks(64 * n_channels)
-            .for_each(|block| meter.process(block));
+        frames.chunks(64 * n_channels).for_each(|block| meter.process(block));
         meter
     }
 
@@ -122,11 +115,7 @@ mod tests {
     fn loudness_of_the_reference_tone() {
         for (n_channels, wanted) in [(1, -23.01), (2, -20.0), (24, -9.21)] {
             let meter = measured(&tone(n_channels, -20.0), n_channels);
-            assert!(
-                (meter.loudness() - wanted).abs() < 0.02,
-                "{}",
-                meter.loudness()
-            );
+            assert!((meter.loudness() - wanted).abs() < 0.02, "{}", meter.loudness());
             assert!((meter.peak() - 0.1).abs() < 1e-5);
         }
     }
@@ -142,10 +131,7 @@ mod tests {
     fn loudness_of_silence() {
         let meter = measured(&[0.0; 96_000], 2);
         assert_eq!((meter.peak(), meter.loudness()), (0.0, f64::NEG_INFINITY));
-        assert_eq!(
-            Meter::new(48_000.0, 1).unwrap().loudness(),
-            f64::NEG_INFINITY
-        );
+        assert_eq!(Meter::new(48_000.0, 1).unwrap().loudness(), f64::NEG_INFINITY);
     }
 
     #[test]
@@ -160,13 +146,7 @@ mod tests {
 
     #[test]
     fn meter_with_wrong_settings_is_refused() {
-        for (rate, n_channels) in [
-            (48_000.0, 0),
-            (48_000.0, 65),
-            (0.0, 1),
-            (f64::NAN, 1),
-            (1e9, 2),
-        ] {
+        for (rate, n_channels) in [(48_000.0, 0), (48_000.0, 65), (0.0, 1), (f64::NAN, 1), (1e9, 2)] {
             assert!(Meter::new(rate, n_channels).is_err());
         }
     }

@@ -112,13 +112,7 @@ impl Mixer {
     ///
     /// # Errors
     /// [`RouteError`] if an index, the gain or the cutoff is out of range.
-    pub fn route(
-        &mut self,
-        out: usize,
-        channel: usize,
-        gain: f64,
-        highpass: Option<f64>,
-    ) -> Result<(), RouteError> {
+    pub fn route(&mut self, out: usize, channel: usize, gain: f64, highpass: Option<f64>) -> Result<(), RouteError> {
         self.route_of(0, out, channel, gain, highpass)
     }
 
@@ -164,10 +158,7 @@ impl Mixer {
         let curve = treatment.curve.clone();
         let mut new_route = Route::new(rate, [out, group], to, gain, treatment)?;
         new_route.shared_curve = curve.map(|curve| self.share(curve));
-        new_route.repeats = self
-            .routes
-            .last()
-            .is_some_and(|last| new_route.hears_as(last));
+        new_route.repeats = self.routes.last().is_some_and(|last| new_route.hears_as(last));
         let n_groups = self.groups.len().max(group + 1);
         self.groups.resize(n_groups, Glide::new(rate, 1.0));
         self.routes.push(new_route);
@@ -179,8 +170,7 @@ impl Mixer {
         let known_index = self.curves.iter().position(|own| *own == curve);
         known_index.unwrap_or_else(|| {
             self.curves.push(curve);
-            self.curve_gains
-                .resize(self.curves.len() * SPAN_FRAMES, 0.0);
+            self.curve_gains.resize(self.curves.len() * SPAN_FRAMES, 0.0);
             self.curves.len() - 1
         })
     }
@@ -188,10 +178,7 @@ impl Mixer {
     fn check_target(&self, to: To) -> Result<(), RouteError> {
         let (n_channels, n_rooms) = (self.n_channels, self.rooms.len());
         match to {
-            To::Channel(channel) if channel >= n_channels => Err(RouteError::Channel {
-                channel,
-                n_channels,
-            }),
+            To::Channel(channel) if channel >= n_channels => Err(RouteError::Channel { channel, n_channels }),
             To::Room(room) if room >= n_rooms => Err(RouteError::Room { room, n_rooms }),
             _ => Ok(()),
         }
@@ -248,12 +235,7 @@ impl Mixer {
     ///
     /// # Errors
     /// [`RouteError`] if an output does not exist, or the numbers of outputs differ.
-    pub fn freeze(
-        &mut self,
-        source: &Arc<FrozenOutputs>,
-        outputs: &[usize],
-        begins: i64,
-    ) -> Result<(), RouteError> {
+    pub fn freeze(&mut self, source: &Arc<FrozenOutputs>, outputs: &[usize], begins: i64) -> Result<(), RouteError> {
         let n_out = self.n_out;
         if let Some(&out) = outputs.iter().find(|&&out| out >= n_out) {
             return Err(RouteError::Out { out, n_out });
@@ -341,15 +323,9 @@ impl Mixer {
         let mut frames_done = 0;
         while frames_done < n_frames {
             let next_frame = self.frame;
-            self.groups
-                .iter_mut()
-                .for_each(|glide| glide.begin_due(next_frame));
+            self.groups.iter_mut().for_each(|glide| glide.begin_due(next_frame));
             let no_fades = self.begin_fades();
-            let is_steady = no_fades
-                && self
-                    .groups
-                    .iter()
-                    .all(|glide| glide.steady(next_frame).is_some());
+            let is_steady = no_fades && self.groups.iter().all(|glide| glide.steady(next_frame).is_some());
             let span_length = until(next_frame, is_steady)
                 .min((n_frames - frames_done) as u64)
                 .min(SPAN_FRAMES as u64) as usize;
@@ -383,15 +359,10 @@ impl Mixer {
             } else {
                 let output_index = route.out;
                 let column_samples = frames.iter().skip(output_index).step_by(n_out);
-                signal
-                    .iter_mut()
-                    .zip(column_samples)
-                    .for_each(|(x, y)| *x = *y);
+                signal.iter_mut().zip(column_samples).for_each(|(x, y)| *x = *y);
                 let fading_out = self.frozen_fading_out.iter().flatten();
                 let frozen_outputs = self.frozen.iter().chain(fading_out);
-                let mut frozen_outputs = frozen_outputs
-                    .filter(|placed| placed.out == output_index)
-                    .peekable();
+                let mut frozen_outputs = frozen_outputs.filter(|placed| placed.out == output_index).peekable();
                 if frozen_outputs.peek().is_some() {
                     let sums = &mut self.frozen_sum[..n_frames];
                     sums.fill(0.0);
@@ -404,8 +375,7 @@ impl Mixer {
                 route.filter(signal);
             }
             let shared_curve = route.shared_curve;
-            let curve_gains =
-                shared_curve.map(|index| &self.curve_gains[index * SPAN_FRAMES..][..n_frames]);
+            let curve_gains = shared_curve.map(|index| &self.curve_gains[index * SPAN_FRAMES..][..n_frames]);
             let target_sums = match route.to {
                 To::Channel(channel) => &mut self.sums[channel * SPAN_FRAMES..],
                 To::Room(room) => &mut self.sent[room * SPAN_FRAMES..],

@@ -69,10 +69,7 @@ mod tests {
         let mut codes = vec![0; samples.len()];
         pcm(samples, gain, bits, &mut codes);
         let code_shift = 32 - bits.width();
-        assert!(
-            codes.iter().all(|c| c.trailing_zeros() >= code_shift),
-            "left-aligned"
-        );
+        assert!(codes.iter().all(|c| c.trailing_zeros() >= code_shift), "left-aligned");
         codes.iter().map(|c| c >> code_shift).collect()
     }
 
@@ -80,10 +77,7 @@ mod tests {
     fn codes_round_half_to_even() {
         let code_step = 1.0 / 32_768.0;
         let tie_samples = [0.5, 1.5, 2.5, -0.5, -1.5, -2.5, 2.500_000_1].map(|x| x * code_step);
-        assert_eq!(
-            codes(&tie_samples, 1.0, Bits::Sixteen),
-            [0, 2, 2, 0, -2, -2, 3]
-        );
+        assert_eq!(codes(&tie_samples, 1.0, Bits::Sixteen), [0, 2, 2, 0, -2, -2, 3]);
         let tie_samples = [0.5, 1.5, -2.5].map(|x| x / 8_388_608.0);
         assert_eq!(codes(&tie_samples, 1.0, Bits::TwentyFour), [0, 2, -2]);
     }
@@ -101,14 +95,9 @@ mod tests {
             f64::NAN,
         ];
         let top_code = 32_767;
-        let expected_codes = [
-            top_code, -32_768, top_code, top_code, -32_768, top_code, -32_768, 0,
-        ];
+        let expected_codes = [top_code, -32_768, top_code, top_code, -32_768, top_code, -32_768, 0];
         assert_eq!(codes(&loud_samples, 1.0, Bits::Sixteen), expected_codes);
-        assert_eq!(
-            codes(&[0.5, -0.25], 2.0, Bits::TwentyFour),
-            [8_388_607, -4_194_304]
-        );
+        assert_eq!(codes(&[0.5, -0.25], 2.0, Bits::TwentyFour), [8_388_607, -4_194_304]);
     }
 
     #[test]

@@ -51,9 +51,7 @@ pub enum RoomError {
     #[error("a room is 0.5 m to 100 m large; here {0} m")]
     Size(f64),
     /// Decay times or frequencies that are out of range.
-    #[error(
-        "a room needs two decay times above 0.01 s, at two rising frequencies below half of the rate"
-    )]
+    #[error("a room needs two decay times above 0.01 s, at two rising frequencies below half of the rate")]
     Decay,
     /// Decay times that a first-order filter cannot have.
     #[error(
@@ -110,8 +108,7 @@ impl Room {
         }
         let lengths = lengths(spec.size / SPEED_OF_SOUND * rate);
         let slopes = slopes(spec.t60, rate).ok_or(RoomError::Apart(long_decay, short_decay))?;
-        let filters = Filters::new(lengths, slopes, spec.t60, rate)
-            .ok_or(RoomError::Apart(long_decay, short_decay))?;
+        let filters = Filters::new(lengths, slopes, spec.t60, rate).ok_or(RoomError::Apart(long_decay, short_decay))?;
         // Energy of all outputs of the lines after a click of energy 1: a geometric series.
         let mean_length = lengths.iter().sum::<usize>() as f64 / LINES as f64;
         let energy_decay = exp(-6.0 * std::f64::consts::LN_10 * mean_length / (long_decay * rate));
@@ -251,31 +248,19 @@ type Coefficients = [f64; 3];
 impl Filters {
     /// Filters of lines of these lengths [frames] with the decay times asked for; `None` if no first-order filters have
     /// them.
-    fn new(
-        lengths: [usize; LINES],
-        slopes: [f64; 2],
-        t60: [(f64, f64); 2],
-        rate: f64,
-    ) -> Option<Self> {
+    fn new(lengths: [usize; LINES], slopes: [f64; 2], t60: [(f64, f64); 2], rate: f64) -> Option<Self> {
         let line_filters = lengths.map(|frames| Self::coefficients(frames, slopes, t60, rate));
         let all_filters: Vec<Coefficients> = line_filters.into_iter().collect::<Option<_>>()?;
-        let [b0, b1, a1] =
-            std::array::from_fn(|i| std::array::from_fn(|line| all_filters[line][i]));
+        let [b0, b1, a1] = std::array::from_fn(|i| std::array::from_fn(|line| all_filters[line][i]));
         let (x, y) = ([0.0; LINES], [0.0; LINES]);
         Some(Self { b0, b1, a1, x, y })
     }
 
     /// The coefficients for one line.
-    fn coefficients(
-        frames: usize,
-        slopes: [f64; 2],
-        t60: [(f64, f64); 2],
-        rate: f64,
-    ) -> Option<Coefficients> {
+    fn coefficients(frames: usize, slopes: [f64; 2], t60: [(f64, f64); 2], rate: f64) -> Option<Coefficients> {
         // Natural logarithms of the gain of one pass at the two frequencies, and of the filter's gains at 0 and at
         // rate/2.
-        let target_logs =
-            t60.map(|(_, t60)| -3.0 * std::f64::consts::LN_10 * frames as f64 / (t60 * rate));
+        let target_logs = t60.map(|(_, t60)| -3.0 * std::f64::consts::LN_10 * frames as f64 / (t60 * rate));
         let mut end_logs = slopes.map(|slope| slope * frames as f64);
         let [low, high] = t60.map(|(f, _)| warped(f, rate));
         let (corner_squared, lower_squared, upper_squared) = (low * high, low * low, high * high);
@@ -336,9 +321,8 @@ fn slopes(t60: [(f64, f64); 2], rate: f64) -> Option<[f64; 2]> {
 /// Lengths of the lines [frames]: different primes near a geometric series with the mean `mean`.
 fn lengths(mean: f64) -> [usize; LINES] {
     let (least_ratio, greatest) = LENGTH_SPREAD;
-    let series_lengths: [f64; LINES] = std::array::from_fn(|i| {
-        least_ratio * pow(greatest / least_ratio, i as f64 / (LINES - 1) as f64)
-    });
+    let series_lengths: [f64; LINES] =
+        std::array::from_fn(|i| least_ratio * pow(greatest / least_ratio, i as f64 / (LINES - 1) as f64));
     let mean_row = series_lengths.iter().sum::<f64>() / LINES as f64;
     let mut previous_length = 1;
     series_lengths.map(|length| {
@@ -352,10 +336,7 @@ fn lengths(mean: f64) -> [usize; LINES] {
 }
 
 fn is_prime(n: usize) -> bool {
-    n > 1
-        && (2..)
-            .take_while(|k| k * k <= n)
-            .all(|k| !n.is_multiple_of(k))
+    n > 1 && (2..).take_while(|k| k * k <= n).all(|k| !n.is_multiple_of(k))
 }
 
 /// Multiply by the Hadamard matrix, which is √LINES times an orthogonal one, in log₂(LINES) steps.
@@ -366,10 +347,7 @@ fn mix_lines(x: &mut [f64; LINES]) {
         let mut block_start = 0;
         while block_start < LINES {
             for line in block_start..block_start + half_block {
-                (x[line], x[line + half_block]) = (
-                    x[line] + x[line + half_block],
-                    x[line] - x[line + half_block],
-                );
+                (x[line], x[line + half_block]) = (x[line] + x[line + half_block], x[line] - x[line + half_block]);
             }
             block_start += 2 * half_block;
         }
@@ -428,10 +406,7 @@ mod tests {
         for _ in 0..1_000_000 {
             room.next(0.0, &mut frame);
         }
-        assert!(
-            energy_before > 0.9 && energy_before < 1.1,
-            "{energy_before}"
-        );
+        assert!(energy_before > 0.9 && energy_before < 1.1, "{energy_before}");
         assert!(
             (energy(&room) / energy_before - 1.0).abs() < 1e-11,
             "{}",

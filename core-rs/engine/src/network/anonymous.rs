@@ -12,12 +12,7 @@ impl PartOrder {
     pub(crate) fn new<'a>(networks: impl IntoIterator<Item = &'a Network>) -> Self {
         let mut used_parts: Vec<usize> = Vec::new();
         for network in networks {
-            let mut part_order: Vec<usize> = network
-                .mats
-                .part
-                .iter()
-                .map(|&part| part as usize)
-                .collect();
+            let mut part_order: Vec<usize> = network.mats.part.iter().map(|&part| part as usize).collect();
             part_order.dedup(); // modules of a part are mostly adjacent
             used_parts.extend(part_order);
             used_parts.extend(network.runs.iter().map(|run| run.part));
@@ -82,9 +77,7 @@ mod tests {
         network.part(name, None);
         let hum_mat = network.cel("hum", 2e-3, tuned_tie, 0.0, 0.0, 0.0).unwrap();
         let head_mat = network.mas("head", 1e-3, 0.0, 0.0).unwrap();
-        network
-            .spring("tie", hum_mat, head_mat, 1e3, 0.0, 0.0)
-            .unwrap();
+        network.spring("tie", hum_mat, head_mat, 1e3, 0.0, 0.0).unwrap();
         let hum_term = Term::Position {
             first: hum_mat,
             len: 1,

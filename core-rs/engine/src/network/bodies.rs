@@ -20,13 +20,7 @@ impl Network {
     /// # Errors
     /// [`Error::Refused`] with the name of the module if `m` or a number of the bank is out of range, or the network is
     /// full.
-    pub fn bank(
-        &mut self,
-        name: &str,
-        m: f64,
-        form: &BankForm,
-        seed: i128,
-    ) -> Result<usize, Error> {
+    pub fn bank(&mut self, name: &str, m: f64, form: &BankForm, seed: i128) -> Result<usize, Error> {
         self.check(name, &[("M", m, Rule::Positive)])?;
         let module_name = self.full_name(name);
         let member_draw = |member: usize| {
@@ -42,21 +36,14 @@ impl Network {
     /// Draws of the angles of a bank: of each member a part of a whole turn.
     pub fn turns(&self, name: &str, seed: i128) -> impl Fn(usize) -> f64 + use<> {
         let module_name = self.full_name(name);
-        move |member| {
-            Chance::new(seed, "bank angle", &module_name, member as u64, 0).uniform(0.0, 1.0)
-        }
+        move |member| Chance::new(seed, "bank angle", &module_name, member as u64, 0).uniform(0.0, 1.0)
     }
 
     /// Add the CELs of a bank, each with its own mass [kg]; returns the index of the first.
     ///
     /// # Errors
     /// [`Error::Refused`] with the name of the module if a number is out of range, or the network is full.
-    pub fn cells(
-        &mut self,
-        name: &str,
-        masses: &[f64],
-        cells: &[BankCell],
-    ) -> Result<usize, Error> {
+    pub fn cells(&mut self, name: &str, masses: &[f64], cells: &[BankCell]) -> Result<usize, Error> {
         for (m, cell) in masses.iter().zip(cells) {
             self.check(name, &[("M", *m, Rule::Positive)])?;
             self.check_tuning(name, cell.f, Some(cell.t60))?;
@@ -103,21 +90,12 @@ impl Network {
     ///
     /// # Errors
     /// [`Error::Refused`] with the name of the module if a number is out of range or the network is full.
-    pub fn modal(
-        &mut self,
-        name: &str,
-        mass: f64,
-        modes: &[(f64, f64)],
-        levels: &[Vec<f64>],
-    ) -> Result<usize, Error> {
+    pub fn modal(&mut self, name: &str, mass: f64, modes: &[(f64, f64)], levels: &[Vec<f64>]) -> Result<usize, Error> {
         self.check(name, &[("M", mass, Rule::Positive)])?;
         for &(f, t60) in modes {
             self.check_tuning(name, f, Some(t60))?;
         }
-        let mode_ties: Vec<(f64, f64)> = modes
-            .iter()
-            .map(|&(f, t60)| self.tie(1.0, f, Some(t60)))
-            .collect();
+        let mode_ties: Vec<(f64, f64)> = modes.iter().map(|&(f, t60)| self.tie(1.0, f, Some(t60))).collect();
         let (f, t60) = ADDED;
         let beyond = self.ca_rate().map_or(f, |rate| f.min(0.27 * rate.hertz()));
         let beyond = self.tie(1.0, beyond, Some(t60));
@@ -142,39 +120,22 @@ impl Network {
             });
         }
         let module_name = self.full_name(name);
-        self.names.add_mats(
-            first_mat,
-            place_count,
-            true,
-            module_name.clone(),
-            place_count / 2,
-        );
+        self.names
+            .add_mats(first_mat, place_count, true, module_name.clone(), place_count / 2);
         let inside_name = format!("{module_name}.inside");
-        self.names.add_mats(
-            first_mat + place_count,
-            mass_count - place_count,
-            true,
-            inside_name,
-            0,
-        );
+        self.names
+            .add_mats(first_mat + place_count, mass_count - place_count, true, inside_name, 0);
         let first_link = self.n_lia;
         for a in 0..mass_count {
             for b in a + 1..mass_count {
-                let (k, z) = (
-                    -body.stiffness[a * mass_count + b],
-                    -body.damping[a * mass_count + b],
-                );
+                let (k, z) = (-body.stiffness[a * mass_count + b], -body.damping[a * mass_count + b]);
                 if k != 0.0 || z != 0.0 {
                     self.add_run(LinkKind::Ref, first_mat + a, first_mat + b, 1, [k, z, 0.0]);
                 }
             }
         }
-        self.names.add_links(
-            first_link,
-            self.n_lia - first_link,
-            true,
-            format!("{module_name}.link"),
-        );
+        self.names
+            .add_links(first_link, self.n_lia - first_link, true, format!("{module_name}.link"));
         Ok(first_mat)
     }
 
@@ -246,18 +207,10 @@ impl Network {
                     dampers: Vec::new(),
                 })
             }
-            Decay::Points(points) => {
-                generator::tune_points(topology, mass_each, f, points, self.ca_rate())
-            }
+            Decay::Points(points) => generator::tune_points(topology, mass_each, f, points, self.ca_rate()),
         };
         let mesh_losses = mesh_losses.map_err(|error| self.refused(name, &error.to_string()))?;
-        self.add_mesh(
-            name,
-            topology,
-            mass_each,
-            &mesh_losses,
-            [hardening, stretching],
-        )
+        self.add_mesh(name, topology, mass_each, &mesh_losses, [hardening, stretching])
     }
 
     /// As [`Network::stretched_mesh`], but each link of factor 1 has the stiffness `k` [N/m] and the viscosity `z`
@@ -289,13 +242,7 @@ impl Network {
             dampers: Vec::new(),
         };
         let mass_each = mass / topology.n_mat as f64;
-        self.add_mesh(
-            name,
-            topology,
-            mass_each,
-            &mesh_losses,
-            [hardening, stretching],
-        )
+        self.add_mesh(name, topology, mass_each, &mesh_losses, [hardening, stretching])
     }
 
     /// Add the masses of `each` [kg] and the links of a mesh; returns the index of the first mass.
@@ -343,29 +290,15 @@ impl Network {
         let module_name = self.full_name(name);
         let end_name = format!("{module_name}.end");
         if fixed_before > 0 {
-            self.names
-                .add_mats(first_mat - 1, 1, false, format!("{end_name}.0"), 0);
-            self.names.add_mats(
-                first_mat,
-                mat_count,
-                true,
-                module_name.clone(),
-                topology.centre,
-            );
-            if fixed_count > 1 {
-                self.names
-                    .add_mats(first_mat + mat_count, 1, false, format!("{end_name}.1"), 0);
-            }
-        } else {
-            self.names.add_mats(
-                first_mat,
-                mat_count,
-                true,
-                module_name.clone(),
-                topology.centre,
-            );
-            self.names
-                .add_mats(first_mat + mat_count, fixed_count, true, end_name, 0);
+            self.names.add_mats(first_mat - 1, 1, false, format!("{end_name}.0"), 0);
+        }
+        self.names
+            .add_mats(first_mat, mat_count, true, module_name.clone(), topology.centre);
+        let after_mats = first_mat + mat_count;
+        if fixed_before == 0 {
+            self.names.add_mats(after_mats, fixed_count, true, end_name, 0);
+        } else if fixed_count > 1 {
+            self.names.add_mats(after_mats, 1, false, format!("{end_name}.1"), 0);
         }
         let links = self.n_lia;
         // Runs with the same factor share one law.
@@ -379,9 +312,7 @@ impl Network {
             let (k, z) = (tuned_link.k * run.factor, tuned_link.z * run.factor);
             let kind = if hardening == 0.0 || !run.hardens {
                 LinkKind::Ref
-            } else if let Some((_, law)) =
-                factor_laws.iter().find(|(factor, _)| *factor == run.factor)
-            {
+            } else if let Some((_, law)) = factor_laws.iter().find(|(factor, _)| *factor == run.factor) {
                 LinkKind::Lnl(law.clone())
             } else {
                 let law = Law::hardening(k, hardening, z);
@@ -389,42 +320,20 @@ impl Network {
                 factor_laws.push((run.factor, law.clone()));
                 LinkKind::Lnl(law)
             };
-            self.add_run(
-                kind,
-                mat_of_point(run.a),
-                mat_of_point(run.b),
-                run.len,
-                [k, z, 0.0],
-            );
+            self.add_run(kind, mat_of_point(run.a), mat_of_point(run.b), run.len, [k, z, 0.0]);
         }
         for run in &losses.dampers {
             let (first_end, second_end) = (mat_of_point(run.a), mat_of_point(run.b));
-            self.add_run(
-                LinkKind::Ref,
-                first_end,
-                second_end,
-                run.len,
-                [0.0, run.factor, 0.0],
-            );
+            self.add_run(LinkKind::Ref, first_end, second_end, run.len, [0.0, run.factor, 0.0]);
         }
         if stretching > 0.0 {
             let law = Arc::new(Law::shared(stretching));
             let links = fixed_count + mat_count - 1;
             let path_start = first_mat - fixed_before;
-            self.add_run(
-                LinkKind::Lnl(law),
-                path_start,
-                path_start + 1,
-                links,
-                [0.0; 3],
-            );
+            self.add_run(LinkKind::Lnl(law), path_start, path_start + 1, links, [0.0; 3]);
         }
-        self.names.add_links(
-            links,
-            self.n_lia - links,
-            true,
-            format!("{module_name}.link"),
-        );
+        self.names
+            .add_links(links, self.n_lia - links, true, format!("{module_name}.link"));
         Ok(first_mat)
     }
 }

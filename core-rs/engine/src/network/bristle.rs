@@ -56,10 +56,7 @@ impl Bristle {
         let wear = self.stiffness * v.abs() / steady_level;
         let level_slope = -2.0 * (v / self.speed) * (steady_level - self.level) / self.speed;
         let speed_sign = if v == 0.0 { 0.0 } else { v.signum() };
-        (
-            wear,
-            (self.stiffness * speed_sign - wear * level_slope) / steady_level,
-        )
+        (wear, (self.stiffness * speed_sign - wear * level_slope) / steady_level)
     }
 
     /// Force [N] of bristles bent by `z` [m] whose ends separate at `v` [m/s].
@@ -104,8 +101,7 @@ impl Bristle {
     /// other way.
     pub(crate) fn steepest_damping(&self) -> f64 {
         let level_ratio = self.static_level / self.level.max(LEVEL_MIN);
-        self.damping * (1.0 + level_ratio * (1.0 + FALL * (level_ratio - 1.0).max(0.0)))
-            + self.viscosity
+        self.damping * (1.0 + level_ratio * (1.0 + FALL * (level_ratio - 1.0).max(0.0))) + self.viscosity
     }
 
     /// Smallest σ2 at which the link is passive: σ1·(Fs − Fc)/Fc (Barabanov & Ortega 2000).
@@ -152,10 +148,7 @@ mod tests {
                 (BOW.stiffness * z - steady_level).abs() < 1e-9 * steady_level.abs(),
                 "{v}"
             );
-            assert!(
-                (BOW.force(z, v) - steady_level - BOW.viscosity * v).abs() < 1e-9,
-                "{v}"
-            );
+            assert!((BOW.force(z, v) - steady_level - BOW.viscosity * v).abs() < 1e-9, "{v}");
         }
         assert_eq!(BOW.slide(1e-6, 0.0, 1.0), 1e-6); // at rest it stays bent
     }
@@ -165,14 +158,7 @@ mod tests {
         let steepest = BOW.steepest_damping();
         let static_bend = BOW.static_level / BOW.stiffness;
         for i in -4000..4000 {
-            let (v, z) = (
-                f64::from(i) * 2e-5,
-                if i % 2 == 0 {
-                    static_bend
-                } else {
-                    -static_bend
-                },
-            );
+            let (v, z) = (f64::from(i) * 2e-5, if i % 2 == 0 { static_bend } else { -static_bend });
             let force_slope = (BOW.force(z, v + 1e-9) - BOW.force(z, v - 1e-9)) / 2e-9;
             assert!(
                 force_slope <= steepest * (1.0 + 1e-6),
@@ -185,8 +171,7 @@ mod tests {
     fn wear_slope_equals_differences() {
         for v in [-0.5, -0.02, -1e-3, 1e-4, 0.01, 0.03] {
             let speed_step = 1e-7 * v;
-            let checked_slope =
-                (BOW.wear(v + speed_step) - BOW.wear(v - speed_step)) / (2.0 * speed_step);
+            let checked_slope = (BOW.wear(v + speed_step) - BOW.wear(v - speed_step)) / (2.0 * speed_step);
             let (wear, wear_slope) = BOW.wear_and_slope(v);
             assert_eq!(wear, BOW.wear(v));
             assert!(
@@ -211,8 +196,7 @@ mod tests {
             for _ in 0..20_000 {
                 work_done += bristle.force(bristle.halfway(z, v, h), v) * v * h;
                 z = bristle.slide(z, v, h);
-                least_margin =
-                    least_margin.min(work_done - (bristle.energy(z) - bristle.energy(start_bend)));
+                least_margin = least_margin.min(work_done - (bristle.energy(z) - bristle.energy(start_bend)));
             }
             least_margin
         };

@@ -59,15 +59,7 @@ impl Network {
     ///
     /// # Errors
     /// [`Error::Refused`] with the name of the module if a number is out of range or the network is full.
-    pub fn cel(
-        &mut self,
-        name: &str,
-        m: f64,
-        tie: Tie,
-        rest: f64,
-        x0: f64,
-        v0: f64,
-    ) -> Result<usize, Error> {
+    pub fn cel(&mut self, name: &str, m: f64, tie: Tie, rest: f64, x0: f64, v0: f64) -> Result<usize, Error> {
         self.check(
             name,
             &[
@@ -84,10 +76,7 @@ impl Network {
                 self.tie(m, f, t60)
             }
         };
-        self.check(
-            name,
-            &[("K", k, Rule::NotNegative), ("Z", z, Rule::NotNegative)],
-        )?;
+        self.check(name, &[("K", k, Rule::NotNegative), ("Z", z, Rule::NotNegative)])?;
         self.add_mat(name, MatKind::Cel, [m, k, z, rest, x0, v0])
     }
 
@@ -224,17 +213,9 @@ impl Network {
     }
 
     /// Name the coordinates of `n` points along an axis.
-    pub(super) fn name_coordinates(
-        &mut self,
-        first: usize,
-        n: usize,
-        is_numbered: bool,
-        name: &str,
-        axis: usize,
-    ) {
+    pub(super) fn name_coordinates(&mut self, first: usize, n: usize, is_numbered: bool, name: &str, axis: usize) {
         let name = self.full_name(name);
-        self.names
-            .add_coordinates(first, n, is_numbered, name, axis);
+        self.names.add_coordinates(first, n, is_numbered, name, axis);
     }
 
     /// Let gravity act on MATs, with `g` [m/s²] along their axis; on fixed points it has no effect.
@@ -252,22 +233,13 @@ impl Network {
         for mat in mats.filter(|&mat| self.mats.kind[mat].moves()) {
             let mat_part = self.parts.get(self.mats.part[mat] as usize);
             // In a discrete network, M is m/T².
-            let time_step = mat_part
-                .and_then(|mat_part| mat_part.ca_rate)
-                .map_or(1.0, Rate::step);
+            let time_step = mat_part.and_then(|mat_part| mat_part.ca_rate).map_or(1.0, Rate::step);
             self.mats.weight[mat] = self.mats.m[mat] * g * time_step * time_step;
         }
         Ok(())
     }
 
-    pub(super) fn add_run(
-        &mut self,
-        kind: LinkKind,
-        a: usize,
-        b: usize,
-        len: usize,
-        [k, z, rest]: [f64; 3],
-    ) {
+    pub(super) fn add_run(&mut self, kind: LinkKind, a: usize, b: usize, len: usize, [k, z, rest]: [f64; 3]) {
         let part = self.current() as usize;
         self.push_run(Run {
             kind,

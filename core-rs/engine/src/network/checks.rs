@@ -38,10 +38,7 @@ impl Network {
     /// Refuse the module if the network has no room for `more` modules.
     pub(super) fn check_capacity(&self, name: &str, more: usize) -> Result<(), Error> {
         if self.n_mat() + more > MODULES_MAX || self.n_lia + more > MODULES_MAX {
-            return Err(self.refused(
-                name,
-                &format!("a network holds at most {MODULES_MAX} modules"),
-            ));
+            return Err(self.refused(name, &format!("a network holds at most {MODULES_MAX} modules")));
         }
         Ok(())
     }

@@ -47,9 +47,7 @@ pub(super) struct DampedMode {
 /// Whether damping couples any of the modes with others.
 pub(super) fn is_coupled(body: &Body, modes: &[Mode]) -> bool {
     let mat_count = body.springs.n();
-    let alternating: Vec<f64> = (0..mat_count)
-        .map(|i| if i % 2 == 0 { 1.0 } else { -1.0 })
-        .collect();
+    let alternating: Vec<f64> = (0..mat_count).map(|i| if i % 2 == 0 { 1.0 } else { -1.0 }).collect();
     let damping_image = times(&body.dampers, &alternating);
     // If damping does not act on a mode x, Z x is only rounding error; Z times a vector of alternating signs tells
     // its size.
@@ -69,12 +67,7 @@ pub(super) fn is_coupled(body: &Body, modes: &[Mode]) -> bool {
 }
 
 /// The `count` poles of smallest |s| that arise from undamped modes; `is_coupled` says whether damping couples these.
-pub(super) fn damped_modes(
-    body: &Body,
-    modes: &[Mode],
-    is_coupled: bool,
-    count: usize,
-) -> Vec<DampedMode> {
+pub(super) fn damped_modes(body: &Body, modes: &[Mode], is_coupled: bool, count: usize) -> Vec<DampedMode> {
     if !is_coupled {
         let solve_mode = |mode: &Mode| {
             interrupt::poll_for(mode.vector.len());
@@ -98,9 +91,7 @@ pub(super) fn damped_modes(
     let start_poles: Vec<Complex<f64>> = modes_coupled.iter().map(|mode| mode.pole).collect();
     for (i, mode) in modes_coupled.iter_mut().enumerate() {
         let other_poles = start_poles.iter().enumerate().filter(|(j, _)| *j != i);
-        let pole_gap = other_poles.fold(f64::INFINITY, |least, (_, other)| {
-            least.min((other - mode.pole).norm())
-        });
+        let pole_gap = other_poles.fold(f64::INFINITY, |least, (_, other)| least.min((other - mode.pole).norm()));
         matrices.correct(mode, pole_gap);
     }
     for i in 0..modes_coupled.len() {
@@ -141,9 +132,7 @@ fn with_responses(body: &Body, modes: &[Mode]) -> Vec<Mode> {
     let mat_count = body.springs.n();
     let responses_max = modes.len().min(mat_count - modes.len());
     let mut fresh_images: Vec<Vec<f64>> = Vec::new();
-    let mode_vectors = |modes: &[Mode]| -> Vec<Vec<f64>> {
-        modes.iter().map(|mode| mode.vector.clone()).collect()
-    };
+    let mode_vectors = |modes: &[Mode]| -> Vec<Vec<f64>> { modes.iter().map(|mode| mode.vector.clone()).collect() };
     let mut vectors = mode_vectors(modes);
     for mode in modes {
         let damping_image = times(&body.dampers, &mode.vector);
@@ -171,10 +160,7 @@ fn with_responses(body: &Body, modes: &[Mode]) -> Vec<Mode> {
     if response_count == 0 {
         return extended_modes;
     }
-    let spring_images: Vec<Vec<f64>> = responses
-        .iter()
-        .map(|own| body.springs.times(own))
-        .collect();
+    let spring_images: Vec<Vec<f64>> = responses.iter().map(|own| body.springs.times(own)).collect();
     let reduced_matrix = (0..response_count * response_count)
         .map(|entry| {
             dot(
@@ -215,25 +201,17 @@ fn coupled(modes: &[Mode], images: &[Vec<f64>]) -> Option<Vec<DampedMode>> {
         interrupt::poll();
         let omega = sqrt(mode.lambda.abs());
         state_matrix[i * matrix_size + mode_count + i] = omega;
-        state_matrix[(mode_count + i) * matrix_size + i] =
-            if mode.lambda < 0.0 { omega } else { -omega };
+        state_matrix[(mode_count + i) * matrix_size + i] = if mode.lambda < 0.0 { omega } else { -omega };
         for (j, image) in images.iter().enumerate() {
-            state_matrix[(mode_count + i) * matrix_size + mode_count + j] =
-                -dot(&mode.vector, image);
+            state_matrix[(mode_count + i) * matrix_size + mode_count + j] = -dot(&mode.vector, image);
         }
     }
     let eigensystem = general(state_matrix)?;
     let mode_shape = |index: usize, is_pair: bool| -> Vec<Complex<f64>> {
-        let speed_part = |row: usize| {
-            &eigensystem.vectors[row * matrix_size + mode_count..(row + 1) * matrix_size]
-        };
+        let speed_part = |row: usize| &eigensystem.vectors[row * matrix_size + mode_count..(row + 1) * matrix_size];
         let mut mode_shape = vec![Complex::from(0.0); modes[0].vector.len()];
         for (i, mode) in modes.iter().enumerate() {
-            let im = if is_pair {
-                speed_part(index + 1)[i]
-            } else {
-                0.0
-            };
+            let im = if is_pair { speed_part(index + 1)[i] } else { 0.0 };
             let mode_weight = Complex::new(speed_part(index)[i], im);
             let shape_terms = mode_shape.iter_mut().zip(&mode.vector);
             shape_terms.for_each(|(sum, x)| *sum += mode_weight * x);
@@ -300,11 +278,8 @@ impl NetworkMatrices {
         let mut applied_matrix = vec![Complex::from(0.0); mat_count];
         let (mut s, mut x) = (mode.pole, mode.shape.clone());
         let vector_norm = |x: &[Complex<f64>]| sqrt(x.iter().map(|x| x.norm_sqr()).sum());
-        let slope_matrix = |s: Complex<f64>| {
-            Values::combine(&self.stiffness, &self.damping, s * 2.0, |_, z| {
-                Complex::from(z)
-            })
-        };
+        let slope_matrix =
+            |s: Complex<f64>| Values::combine(&self.stiffness, &self.damping, s * 2.0, |_, z| Complex::from(z));
         for round in 0..CORRECTIONS {
             let pole_matrix = self.polynomial(s);
             if round == 0 {
@@ -315,8 +290,7 @@ impl NetworkMatrices {
                 }
             }
             slope_matrix(s).times(&self.pattern, &x, &mut applied_matrix);
-            let Some(pole_factor) = Factor::new(&self.pattern, &pole_matrix, Complex::from(0.0))
-            else {
+            let Some(pole_factor) = Factor::new(&self.pattern, &pole_matrix, Complex::from(0.0)) else {
                 break; // s is a pole to the last bit
             };
             let y = pole_factor.solve(&applied_matrix);
@@ -335,8 +309,7 @@ impl NetworkMatrices {
         if mode.pole.im == 0.0 {
             s.im = 0.0;
         }
-        self.polynomial(s)
-            .times(&self.pattern, &x, &mut applied_matrix);
+        self.polynomial(s).times(&self.pattern, &x, &mut applied_matrix);
         let stiffest = self.stiffness.diagonal.iter();
         let stiffest = stiffest.fold(0.0_f64, |stiffness_max, k| stiffness_max.max(k.abs()));
         let stiffness_max = 2.0 * ERROR_KNOWN * s.norm_sqr() + RESIDUAL_ROUNDING * stiffest;
@@ -368,8 +341,7 @@ fn root(z: Complex<f64>) -> Complex<f64> {
 fn times(dampers: &[Spring], x: &[f64]) -> Vec<f64> {
     let mut y = vec![0.0; x.len()];
     for &((a, lever), other, z) in dampers {
-        let damper_force =
-            z * (lever * x[a] - other.map_or(0.0, |(b, other_lever)| other_lever * x[b]));
+        let damper_force = z * (lever * x[a] - other.map_or(0.0, |(b, other_lever)| other_lever * x[b]));
         y[a] += lever * damper_force;
         if let Some((b, other_lever)) = other {
             y[b] -= other_lever * damper_force;

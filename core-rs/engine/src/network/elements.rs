@@ -82,9 +82,7 @@ impl Network {
         let parts_subset = self.subset(&part_mats, &[], &all_links);
         let parts_network = &parts_subset.network;
         let mats = parts_network.mats();
-        let moving_mats: Vec<usize> = (0..parts_network.n_mat())
-            .filter(|&i| mats.kind[i].moves())
-            .collect();
+        let moving_mats: Vec<usize> = (0..parts_network.n_mat()).filter(|&i| mats.kind[i].moves()).collect();
         let ties = moving_mats.iter().enumerate();
         let ties = ties.filter(|&(_, &i)| mats.kind[i] == MatKind::Cel);
         let mut each: Vec<Element> = ties
@@ -99,9 +97,7 @@ impl Network {
             let (kind, k, z) = match &run.kind {
                 LinkKind::Ref => (ElementKind::Ref, run.k, run.z),
                 LinkKind::But(_) => (ElementKind::But, run.k, run.z),
-                LinkKind::Bristle(bristle) => {
-                    (ElementKind::Bristle, run.k, bristle.damping_at_rest())
-                }
+                LinkKind::Bristle(bristle) => (ElementKind::Bristle, run.k, bristle.damping_at_rest()),
                 LinkKind::Dry(_) => (ElementKind::Dry, 0.0, 0.0),
                 LinkKind::Space(_) | LinkKind::Pairwise(_) => (ElementKind::Space, run.k, run.z),
                 LinkKind::Lnl(law) => (ElementKind::Lnl, law.slope(0.0), law.damping_slope(0.0)),
@@ -127,10 +123,7 @@ impl Network {
         Elements {
             m: moving_mats.iter().map(|&i| mats.m[i]).collect(),
             n_held: mats.kind.iter().filter(|kind| kind.is_held()).count(),
-            mats: moving_mats
-                .iter()
-                .map(|&i| parts_subset.mats[i] as usize)
-                .collect(),
+            mats: moving_mats.iter().map(|&i| parts_subset.mats[i] as usize).collect(),
             each,
             ca_rate: parts.first().and_then(|&part| self.parts[part].ca_rate),
         }

@@ -46,9 +46,7 @@ impl Error {
         match self {
             Self::Refused { message, .. } => message.clone(),
             Self::Unstable {
-                lambda,
-                oversampling,
-                ..
+                lambda, oversampling, ..
             } => format!(
                 "unstable at this rate: λmax(M⁻¹(K+2Z)) is {lambda:.6} and must be below 4; \
                  use {oversampling} times the rate, a larger M, or a smaller K or Z"
@@ -64,9 +62,7 @@ impl Error {
             Self::Several(_) => return String::new(),
         };
         match module_name.rsplit_once('.') {
-            Some((whole, member)) if member.bytes().all(|byte| byte.is_ascii_digit()) => {
-                whole.to_owned()
-            }
+            Some((whole, member)) if member.bytes().all(|byte| byte.is_ascii_digit()) => whole.to_owned(),
             _ => module_name.clone(),
         }
     }

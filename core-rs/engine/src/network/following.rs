@@ -75,14 +75,7 @@ impl Followed {
         (0..1_usize << self.by.len()).map(|ends| {
             let mut corner_law = (*self.law).clone();
             for (slot, by) in self.by.iter().enumerate() {
-                corner_law.set(
-                    slot,
-                    if ends >> slot & 1 == 1 {
-                        by.to
-                    } else {
-                        by.from
-                    },
-                );
+                corner_law.set(slot, if ends >> slot & 1 == 1 { by.to } else { by.from });
             }
             corner_law
         })

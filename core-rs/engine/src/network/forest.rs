@@ -33,8 +33,7 @@ impl Forest {
 pub(crate) fn ends(network: &Network) -> impl Iterator<Item = (usize, usize, usize)> + '_ {
     let link_runs = network.runs().iter();
     link_runs.flat_map(|run| {
-        interrupt::steps(0..run.len)
-            .flat_map(move |i| run.pairs(i).map(move |(a, b)| (run.first + i, a, b)))
+        interrupt::steps(0..run.len).flat_map(move |i| run.pairs(i).map(move |(a, b)| (run.first + i, a, b)))
     })
 }
 
@@ -46,17 +45,16 @@ pub(crate) fn joined(network: &Network) -> impl Iterator<Item = (usize, usize)> 
         interrupt::steps(0..run.len).flat_map(move |i| {
             let (first_mat, second_mat) = run.pair(i, 0);
             let other_mats = run.pairs(i).skip(1);
-            other_mats
-                .flat_map(move |(other_a, other_b)| [(first_mat, other_a), (second_mat, other_b)])
+            other_mats.flat_map(move |(other_a, other_b)| [(first_mat, other_a), (second_mat, other_b)])
         })
     });
     // Points of a group influence each other through the points that they meet.
     let crowds = network.runs().iter().filter_map(Run::pairwise);
     let crowds = crowds.flat_map(|run| {
         let group_spans = [(run.a, run.pairs.n_first), (run.b, run.n)];
-        group_spans.into_iter().flat_map(|(first, n)| {
-            interrupt::steps(first + 1..first + n).map(move |mat| (first, mat))
-        })
+        group_spans
+            .into_iter()
+            .flat_map(|(first, n)| interrupt::steps(first + 1..first + n).map(move |mat| (first, mat)))
     });
     let proxies = network.proxies().iter().flat_map(|proxy| {
         let other_mats = proxy.masses().chain(proxy.guides());

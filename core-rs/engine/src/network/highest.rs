@@ -9,10 +9,7 @@ impl Network {
     pub fn highest_mode(&self, first: usize) -> f64 {
         let (mats, mass_count) = (self.mats(), self.count(first));
         let mats_range = first..first + mass_count;
-        let mass_roots: Vec<f64> = mats.m[mats_range.clone()]
-            .iter()
-            .map(|m| m.sqrt())
-            .collect();
+        let mass_roots: Vec<f64> = mats.m[mats_range.clone()].iter().map(|m| m.sqrt()).collect();
         let outside = |point: usize| !mats_range.contains(&point) && mats.kind[point].moves();
         let mut apply_stiffness = |v: &[f64], y: &mut [f64]| {
             y.fill(0.0);
@@ -32,10 +29,7 @@ impl Network {
                     | LinkKind::Pairwise(_) => continue,
                 };
                 for (a, b) in (0..run.len).map(|i| (run.a + i, run.b + i)) {
-                    if !(mats_range.contains(&a) || mats_range.contains(&b))
-                        || outside(a)
-                        || outside(b)
-                    {
+                    if !(mats_range.contains(&a) || mats_range.contains(&b)) || outside(a) || outside(b) {
                         continue;
                     }
                     let link_pull = stiffness * (displacement(b) - displacement(a));

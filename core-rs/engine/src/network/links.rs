@@ -37,15 +37,7 @@ impl Network {
     /// # Errors
     /// [`Error::Refused`] with the name of the module if `k` or `z` is negative, a number is not finite, or the ends
     /// cannot be joined.
-    pub fn spring(
-        &mut self,
-        name: &str,
-        a: usize,
-        b: usize,
-        k: f64,
-        z: f64,
-        rest: f64,
-    ) -> Result<usize, Error> {
+    pub fn spring(&mut self, name: &str, a: usize, b: usize, k: f64, z: f64, rest: f64) -> Result<usize, Error> {
         self.check(
             name,
             &[
@@ -105,8 +97,7 @@ impl Network {
     fn check_magic(&self, name: &str, but: &But) -> Result<(), Error> {
         let bounces = but.restitution > 0.0 && but.restitution <= 1.0;
         if !bounces || !(2..=10_000).contains(&but.steps) {
-            let message =
-                "a magic contact needs a restitution above 0 and at most 1, and 2 steps or more";
+            let message = "a magic contact needs a restitution above 0 and at most 1, and 2 steps or more";
             return Err(self.refused(name, message));
         }
         if but.exponent != 1.0 {
@@ -135,14 +126,7 @@ impl Network {
     ///
     /// # Errors
     /// [`Error::Refused`] with the name of the module if `rest` is not finite or the ends cannot be joined.
-    pub fn lnl(
-        &mut self,
-        name: &str,
-        a: usize,
-        b: usize,
-        law: Arc<Law>,
-        rest: f64,
-    ) -> Result<usize, Error> {
+    pub fn lnl(&mut self, name: &str, a: usize, b: usize, law: Arc<Law>, rest: f64) -> Result<usize, Error> {
         self.check(name, &[("rest", rest, Rule::Finite)])?;
         self.link(name, LinkKind::Lnl(law), a, b, [0.0, 0.0, rest])
     }
@@ -166,13 +150,7 @@ impl Network {
     /// # Errors
     /// [`Error::Refused`] with the name of the module if a number is out of range, Fs is below Fc, or the ends cannot
     /// be joined.
-    pub fn bristle(
-        &mut self,
-        name: &str,
-        a: usize,
-        b: usize,
-        bristle: Bristle,
-    ) -> Result<usize, Error> {
+    pub fn bristle(&mut self, name: &str, a: usize, b: usize, bristle: Bristle) -> Result<usize, Error> {
         let Bristle {
             stiffness,
             damping,

@@ -33,9 +33,7 @@ pub enum ModeRange {
 
 /// More modes are asked for than can be kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "{count} modes of {n_masses} masses need too much memory; ask for at most {count_max} modes"
-)]
+#[error("{count} modes of {n_masses} masses need too much memory; ask for at most {count_max} modes")]
 pub struct TooManyModes {
     /// Number of modes asked for.
     pub count: usize,
@@ -119,36 +117,25 @@ impl Network {
             ModeRange::Lowest(count) => {
                 let count = checked_count(count)?;
                 let (part_modes, is_coupled) = coupled_search(count, &lowest_part_modes);
-                let lowest_part_modes =
-                    damped::damped_modes(&part_body, &part_modes.modes, is_coupled, count);
+                let lowest_part_modes = damped::damped_modes(&part_body, &part_modes.modes, is_coupled, count);
                 let is_complete = lowest_part_modes.len() == count;
                 (lowest_part_modes, part_modes.is_certified && is_complete)
             }
             ModeRange::Below(f) => {
-                let count =
-                    checked_count(spectrum::n_below(&part_body.springs, part_body.lambda(f)))?;
+                let count = checked_count(spectrum::n_below(&part_body.springs, part_body.lambda(f)))?;
                 let (part_modes, is_coupled) = coupled_search(count, &lowest_part_modes);
-                let mut all_modes = damped::damped_modes(
-                    &part_body,
-                    &part_modes.modes,
-                    is_coupled,
-                    part_modes.modes.len(),
-                );
+                let mut all_modes =
+                    damped::damped_modes(&part_body, &part_modes.modes, is_coupled, part_modes.modes.len());
                 all_modes.retain(|mode| frequency(mode) <= f);
                 (all_modes, part_modes.is_certified)
             }
             ModeRange::Around(f, count) => {
                 let count = checked_count(count)?;
                 let centre_lambda = part_body.lambda(f);
-                let modes_near =
-                    |count| spectrum::modes_around(&part_body.springs, centre_lambda, count);
+                let modes_near = |count| spectrum::modes_around(&part_body.springs, centre_lambda, count);
                 let (part_modes, is_coupled) = coupled_search(count, &modes_near);
-                let mut all_modes = damped::damped_modes(
-                    &part_body,
-                    &part_modes.modes,
-                    is_coupled,
-                    part_modes.modes.len(),
-                );
+                let mut all_modes =
+                    damped::damped_modes(&part_body, &part_modes.modes, is_coupled, part_modes.modes.len());
                 let distance = |mode: &DampedMode| (frequency(mode) - f).abs();
                 all_modes.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
                 all_modes.truncate(count);
@@ -160,8 +147,7 @@ impl Network {
         // The sign of a shape is such that its largest motion is positive.
         let signed_shape = |mode: &DampedMode| -> Vec<Complex<f64>> {
             interrupt::poll_for(mat_count);
-            let compare_real =
-                |x: &Complex<f64>, y: &Complex<f64>| x.re.abs().total_cmp(&y.re.abs());
+            let compare_real = |x: &Complex<f64>, y: &Complex<f64>| x.re.abs().total_cmp(&y.re.abs());
             let count_max = mode.shape.iter().copied().max_by(compare_real);
             let shape_sign = if count_max.is_some_and(|x| x.re < 0.0) {
                 -1.0
@@ -171,10 +157,7 @@ impl Network {
             let each = mode.shape.iter().zip(&part_body.root);
             each.map(|(x, root)| x * (shape_sign / root)).collect()
         };
-        let each: Vec<Complex<f64>> = pole_modes
-            .iter()
-            .map(|mode| part_body.continuous(mode.pole))
-            .collect();
+        let each: Vec<Complex<f64>> = pole_modes.iter().map(|mode| part_body.continuous(mode.pole)).collect();
         Ok(PartModes {
             tones: each.iter().map(|&s| Tone::from_pole(s)).collect(),
             poles: each,
@@ -192,11 +175,7 @@ impl Tone {
     fn from_pole(s: Complex<f64>) -> Self {
         Self {
             f: s.im / std::f64::consts::TAU,
-            t60: if s.re < 0.0 {
-                LN_1000 / -s.re
-            } else {
-                f64::INFINITY
-            },
+            t60: if s.re < 0.0 { LN_1000 / -s.re } else { f64::INFINITY },
         }
     }
 }

@@ -55,8 +55,7 @@ fn renumbered(groups: &[Group], indices: &[u32]) -> Vec<Group> {
         let Some(name_group) = find(groups, module_index) else {
             continue;
         };
-        let follows =
-            index_before == module_index.checked_sub(1) && module_index > name_group.first;
+        let follows = index_before == module_index.checked_sub(1) && module_index > name_group.first;
         index_before = Some(module_index);
         match cut_groups.last_mut().filter(|_| follows) {
             Some(last) => last.len += 1,
@@ -80,14 +79,7 @@ impl Names {
         }
     }
 
-    pub(super) fn add_mats(
-        &mut self,
-        first: usize,
-        len: usize,
-        numbered: bool,
-        name: String,
-        centre: usize,
-    ) {
+    pub(super) fn add_mats(&mut self, first: usize, len: usize, numbered: bool, name: String, centre: usize) {
         self.mats.push(Group {
             first,
             len,
@@ -100,14 +92,7 @@ impl Names {
     }
 
     /// Coordinates of points along one axis.
-    pub(super) fn add_coordinates(
-        &mut self,
-        first: usize,
-        len: usize,
-        numbered: bool,
-        name: String,
-        axis: usize,
-    ) {
+    pub(super) fn add_coordinates(&mut self, first: usize, len: usize, numbered: bool, name: String, axis: usize) {
         self.mats.push(Group {
             first,
             len,

@@ -69,11 +69,7 @@ impl PairRun {
 
     /// How many points are numbered before the second group.
     fn before(&self) -> usize {
-        if self.pairs.is_within {
-            0
-        } else {
-            self.pairs.n_first
-        }
+        if self.pairs.is_within { 0 } else { self.pairs.n_first }
     }
 
     /// The MATs of its points: two ranges per axis.
@@ -104,8 +100,7 @@ impl Pairwise {
     /// first group, and the i-th point of the second group.
     pub(crate) fn pair(&self, ends: (usize, usize), i: usize, axis: usize) -> (usize, usize) {
         let first_index = if self.is_within { i + 1 } else { i };
-        self.link
-            .pair((ends.0 + first_index % self.n_first, ends.1 + i), axis)
+        self.link.pair((ends.0 + first_index % self.n_first, ends.1 + i), axis)
     }
 
     /// Number of points of both groups together.
@@ -187,10 +182,7 @@ impl Network {
         if let Some(message) = refusal(groups, n_axes, &law, gap) {
             return Err(self.refused(name, message));
         }
-        if !groups
-            .iter()
-            .all(|group| self.has_points(group.first, group.n, n_axes))
-        {
+        if !groups.iter().all(|group| self.has_points(group.first, group.n, n_axes)) {
             return Err(self.refused(name, "joins a module that does not exist"));
         }
         self.check_capacity(name, second_group.n)?;
@@ -201,12 +193,7 @@ impl Network {
                 Measure::Within => -gap,
                 Measure::Distance | Measure::Plane(_) | Measure::Surface(_) => gap,
             };
-        let link = SpaceLink::new(
-            law.law,
-            measure,
-            n_axes,
-            [first_group.first, second_group.first],
-        );
+        let link = SpaceLink::new(law.law, measure, n_axes, [first_group.first, second_group.first]);
         let point_pairs = Pairwise {
             link,
             n_first: first_group.n,
@@ -232,12 +219,7 @@ impl Network {
 }
 
 /// Why two groups cannot meet; `None` if they can.
-fn refusal(
-    [a, b]: [PointGroup; 2],
-    n_axes: usize,
-    pair_law: &PairLaw,
-    gap: f64,
-) -> Option<&'static str> {
+fn refusal([a, b]: [PointGroup; 2], n_axes: usize, pair_law: &PairLaw, gap: f64) -> Option<&'static str> {
     let (space_law, measure, friction) = (&pair_law.law, &pair_law.measure, pair_law.friction);
     let is_contact = space_law.is_contact();
     let attracts = matches!(space_law, SpaceLaw::Attraction { .. });
@@ -250,9 +232,8 @@ fn refusal(
         axis_starts.sort_unstable();
         axis_starts.windows(2).all(|two| two[1] - two[0] >= group.n)
     };
-    let starts_inside = |one: PointGroup, other: PointGroup| {
-        (one.first.first..one.first.first + one.n).contains(&other.first.first)
-    };
+    let starts_inside =
+        |one: PointGroup, other: PointGroup| (one.first.first..one.first.first + one.n).contains(&other.first.first);
     if a.n == 0 || b.n < a.n || (a == b && b.n < 2) {
         Some("needs two groups of points, the second not smaller than the first")
     } else if a != b && (starts_inside(a, b) || starts_inside(b, a)) {
@@ -267,9 +248,7 @@ fn refusal(
         Some("an attraction acts along a distance, without a gap and without friction")
     } else if is_contact && *measure == Measure::Distance && a.n > 1 && gap <= 0.0 {
         Some("points that meet need a gap above 0: the distance at which they touch")
-    } else if matches!(measure, Measure::Distance | Measure::Surface(_))
-        && space_law.rests_beyond_gap(gap)
-    {
+    } else if matches!(measure, Measure::Distance | Measure::Surface(_)) && space_law.rests_beyond_gap(gap) {
         Some(SINKS)
     } else if matches!(measure, Measure::Plane(normal) if (normal_length(normal) - 1.0).abs() > 1e-9
         || (n_axes == 2 && normal[2] != 0.0))
@@ -277,8 +256,7 @@ fn refusal(
         Some("the normal of a plane has a length of 1")
     } else if matches!(measure, Measure::Surface(_) if n_axes != AXES_MAX) {
         Some("a surface of triangles is touched in three axes")
-    } else if matches!(measure, Measure::Surface(facets) if facets.reach() < gap + space_law.reach())
-    {
+    } else if matches!(measure, Measure::Surface(facets) if facets.reach() < gap + space_law.reach()) {
         Some("a surface is touched from no farther than it is seen")
     } else {
         None

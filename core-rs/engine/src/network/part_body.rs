@@ -39,10 +39,7 @@ impl Body {
         let scaled_end = |slot: usize| -> End { (slot, 1.0 / root[slot]) };
         let (mut springs, mut dampers): (Vec<Spring>, Vec<Spring>) = (Vec::new(), Vec::new());
         for element in interrupt::each(&elements.each) {
-            if matches!(
-                element.kind,
-                ElementKind::But | ElementKind::Dry | ElementKind::Space
-            ) {
+            if matches!(element.kind, ElementKind::But | ElementKind::Dry | ElementKind::Space) {
                 continue;
             }
             let [first_slot, second_slot] = element.ends;
@@ -56,11 +53,7 @@ impl Body {
             let other_end = other_end.map(scaled_end);
             springs.push((scaled_end(first_slot), other_end, element.k));
             // x[n+1] − 2x[n] + x[n−1] = −K x[n] − Z (x[n] − x[n−1]) is w² + (Z + K) w + K = 0 at w = z − 1.
-            let added_damping = if elements.ca_rate.is_some() {
-                element.k
-            } else {
-                0.0
-            };
+            let added_damping = if elements.ca_rate.is_some() { element.k } else { 0.0 };
             dampers.push((scaled_end(first_slot), other_end, element.z + added_damping));
         }
         dampers.retain(|damper| damper.2 != 0.0);

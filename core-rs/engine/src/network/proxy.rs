@@ -52,9 +52,7 @@ impl Along {
         let last_place = (n - 1) as f64;
         let proxy_place = match self {
             Self::Fixed(proxy_place) => proxy_place,
-            Self::Following { mat, offset, span } => {
-                ((x(mat) + offset) / span).clamp(0.0, 1.0) * last_place
-            }
+            Self::Following { mat, offset, span } => ((x(mat) + offset) / span).clamp(0.0, 1.0) * last_place,
         };
         // If the position of a MAT is NaN, the proxy is at the first MAT.
         let proxy_place = proxy_place.clamp(0.0, last_place).max(0.0);
@@ -77,15 +75,9 @@ impl Along {
 impl Proxy {
     /// Call `visit` with each mass and its share, when MATs are at `x` [m].
     #[inline]
-    pub(crate) fn for_each_share(
-        &self,
-        x: impl Fn(usize) -> f64,
-        mut visit: impl FnMut(usize, f64),
-    ) {
+    pub(crate) fn for_each_share(&self, x: impl Fn(usize) -> f64, mut visit: impl FnMut(usize, f64)) {
         match &self.shares {
-            Shares::Fixed(shares) => shares
-                .iter()
-                .for_each(|&(mat, mass_share)| visit(mat, mass_share)),
+            Shares::Fixed(shares) => shares.iter().for_each(|&(mat, mass_share)| visit(mat, mass_share)),
             Shares::Moving {
                 mats,
                 columns,
@@ -94,10 +86,7 @@ impl Proxy {
                 let (row_index, row_share) = rows.place(mats.len() / columns, &x);
                 let (column_index, column_share) = row.place(*columns, &x);
                 for (row_index, a) in [(row_index, 1.0 - row_share), (row_index + 1, row_share)] {
-                    for (column_index, b) in [
-                        (column_index, 1.0 - column_share),
-                        (column_index + 1, column_share),
-                    ] {
+                    for (column_index, b) in [(column_index, 1.0 - column_share), (column_index + 1, column_share)] {
                         let mass_share = a * b;
                         if mass_share != 0.0 {
                             visit(mats[row_index * columns + column_index], mass_share);
@@ -163,9 +152,7 @@ impl Proxy {
     pub(super) fn moved_to(&self, local: impl Fn(usize) -> Option<usize>) -> Option<Self> {
         let shares = match &self.shares {
             Shares::Fixed(shares) => {
-                let weights = shares
-                    .iter()
-                    .map(|&(mat, share)| Some((local(mat)?, share)));
+                let weights = shares.iter().map(|&(mat, share)| Some((local(mat)?, share)));
                 Shares::Fixed(weights.collect::<Option<_>>()?)
             }
             Shares::Moving {
@@ -195,10 +182,7 @@ impl Network {
     pub fn shares(&self, mat: usize) -> Vec<(usize, f64)> {
         let mut initial_shares = Vec::new();
         if let Some(known_proxy) = self.proxies.iter().find(|proxy| proxy.mat == mat) {
-            known_proxy.for_each_share(
-                |mat| self.mats.x0[mat],
-                |mat, share| initial_shares.push((mat, share)),
-            );
+            known_proxy.for_each_share(|mat| self.mats.x0[mat], |mat, share| initial_shares.push((mat, share)));
         }
         initial_shares
     }
@@ -258,27 +242,18 @@ impl Network {
             Shares::Fixed(shares) => shares
                 .iter()
                 .try_for_each(|&(_, share)| self.check(name, &[("a share", share, Rule::Finite)])),
-            Shares::Moving {
-                mats,
-                columns,
-                along,
-            } => {
+            Shares::Moving { mats, columns, along } => {
                 if *columns == 0 || !mats.len().is_multiple_of(*columns) {
                     return Err(self.refused(name, "its masses do not fill the last row"));
                 }
                 along.iter().try_for_each(|along| match *along {
                     Along::Fixed(at) => self.check(name, &[("at", at, Rule::NotNegative)]),
-                    Along::Following { span: 0.0, .. } => Err(self.refused(
-                        name,
-                        "span is 0 m, so the MAT would not move it; write a length",
-                    )),
-                    Along::Following { offset, span, .. } => self.check(
-                        name,
-                        &[
-                            ("offset", offset, Rule::Finite),
-                            ("span", span, Rule::Finite),
-                        ],
-                    ),
+                    Along::Following { span: 0.0, .. } => {
+                        Err(self.refused(name, "span is 0 m, so the MAT would not move it; write a length"))
+                    }
+                    Along::Following { offset, span, .. } => {
+                        self.check(name, &[("offset", offset, Rule::Finite), ("span", span, Rule::Finite)])
+                    }
                 })
             }
         }

@@ -38,18 +38,11 @@ impl Network {
     /// replaced by its stiffest spring within `depth` [m].
     ///
     /// `rate` [Hz] sets the stiffness of magic contacts, which depends on the length of a step.
-    pub fn reachable_network(
-        &self,
-        mat: usize,
-        moment: &NetworkMoment,
-        depth: f64,
-        rate: f64,
-    ) -> ReachableNetwork {
+    pub fn reachable_network(&self, mat: usize, moment: &NetworkMoment, depth: f64, rate: f64) -> ReachableNetwork {
         let is_removed = |link: usize| moment.without.contains(&link);
         let is_held_still = |other: usize| other != mat && moment.held.contains(&other);
         let can_move = |other: usize| other == mat || self.mats.kind[other].moves();
-        let (mut joined_mats, mut components) =
-            (Forest::new(self.n_mat()), Forest::new(self.n_mat()));
+        let (mut joined_mats, mut components) = (Forest::new(self.n_mat()), Forest::new(self.n_mat()));
         for (_, mats) in links(self).filter(|&(link, _)| !is_removed(link)) {
             // A link in space joins all coordinates of its points.
             let mut movable = mats.all().iter().copied().filter(|&mat| can_move(mat));
@@ -69,20 +62,14 @@ impl Network {
         let others = others.filter(|&&other| other != mat && joined_mats.root(other) == hand_root);
         let others = others.count();
         let hand_root = components.root(mat);
-        let mut is_reached: Vec<bool> = (0..self.n_mat())
-            .map(|i| components.root(i) == hand_root)
-            .collect();
+        let mut is_reached: Vec<bool> = (0..self.n_mat()).map(|i| components.root(i) == hand_root).collect();
         let links_reached: Vec<_> = links(self)
-            .filter(|(link, mats)| {
-                !is_removed(*link) && mats.all().iter().any(|&mat| is_reached[mat])
-            })
+            .filter(|(link, mats)| !is_removed(*link) && mats.all().iter().any(|&mat| is_reached[mat]))
             .collect();
         for mat in links_reached.iter().flat_map(|(_, mats)| mats.all()) {
             is_reached[*mat] = true;
         }
-        let mats: Vec<u32> = (0..self.n_mat() as u32)
-            .filter(|&i| is_reached[i as usize])
-            .collect();
+        let mats: Vec<u32> = (0..self.n_mat() as u32).filter(|&i| is_reached[i as usize]).collect();
         let link_numbers: Vec<u32> = links_reached.iter().map(|&(link, _)| link as u32).collect();
         let mut reached = self.subset(&mats, &[], &link_numbers);
         let local_mat = |global_index: usize| mats.binary_search(&(global_index as u32)).ok();
@@ -101,10 +88,7 @@ impl Network {
         reached.network.linearise(depth, rate, hand_mat);
         for run in &mut reached.network.runs {
             let global_index = reached.links[run.first] as usize;
-            let factors = moment
-                .factors
-                .iter()
-                .filter(|(link, _)| *link == global_index);
+            let factors = moment.factors.iter().filter(|(link, _)| *link == global_index);
             for (_, factor) in factors {
                 (run.k, run.z) = (run.k * factor, run.z * factor);
             }
@@ -117,24 +101,15 @@ impl Network {
     }
 
     fn linearise(&mut self, depth: f64, rate: f64, hand: usize) {
-        let Self {
-            mats, runs, parts, ..
-        } = self;
+        let Self { mats, runs, parts, .. } = self;
         let inverse_mass = |mat: usize| {
             let is_movable = mat != hand && mats.kind[mat].moves();
             if is_movable { 1.0 / mats.m[mat] } else { 0.0 }
         };
         for run in runs {
-            let is_ca_part = parts
-                .get(run.part)
-                .is_some_and(|part| part.ca_rate.is_some());
+            let is_ca_part = parts.get(run.part).is_some_and(|part| part.ca_rate.is_some());
             let per_mass = if is_ca_part { 1.0 } else { rate * rate };
-            let (k, z) = stiffest(
-                run,
-                depth,
-                inverse_mass(run.a) + inverse_mass(run.b),
-                per_mass,
-            );
+            let (k, z) = stiffest(run, depth, inverse_mass(run.a) + inverse_mass(run.b), per_mass);
             (run.k, run.z, run.rest) = (k, z, 0.0);
             // A link in space keeps its kind, which acts along all axes: it is nowhere stiffer than along its own line.
             if run.n_axes() == 1 {
@@ -186,16 +161,9 @@ fn stiffest(run: &Run, depth: f64, compliance: f64, per_mass: f64) -> (f64, f64)
         LinkKind::Dry(_) => (run.z / depth, 0.0),
         LinkKind::Bristle(bristle) => (run.k, bristle.with(run.k, run.z).steepest_damping()),
         LinkKind::But(but) if but.contact == Contact::Magic => {
-            let reduced_mass = if compliance > 0.0 {
-                1.0 / compliance
-            } else {
-                0.0
-            };
+            let reduced_mass = if compliance > 0.0 { 1.0 / compliance } else { 0.0 };
             let (k, z) = but.exact_restitution();
-            (
-                k * reduced_mass * per_mass,
-                z * reduced_mass * per_mass.sqrt(),
-            )
+            (k * reduced_mass * per_mass, z * reduced_mass * per_mass.sqrt())
         }
         LinkKind::But(but) => (but.elastic(run.k).slope(depth), run.z),
         LinkKind::Lnl(law) => stiffest_law(law, depth),
@@ -208,16 +176,8 @@ fn stiffest(run: &Run, depth: f64, compliance: f64, per_mass: f64) -> (f64, f64)
 
 fn stiffest_law(law: &Law, depth: f64) -> (f64, f64) {
     let elongations = (-PLACES..=PLACES).map(|i| depth * f64::from(i) / f64::from(PLACES));
-    let law_slopes = elongations
-        .clone()
-        .map(|d| law.slope(d))
-        .filter(|k| k.is_finite());
-    let damping_slopes = elongations
-        .map(|d| law.damping_slope(d))
-        .filter(|z| z.is_finite());
+    let law_slopes = elongations.clone().map(|d| law.slope(d)).filter(|k| k.is_finite());
+    let damping_slopes = elongations.map(|d| law.damping_slope(d)).filter(|z| z.is_finite());
     // A negative slope, which gives way or supplies energy, counts as 0.
-    (
-        law_slopes.fold(0.0, f64::max),
-        damping_slopes.fold(0.0, f64::max),
-    )
+    (law_slopes.fold(0.0, f64::max), damping_slopes.fold(0.0, f64::max))
 }

@@ -60,10 +60,7 @@ impl Network {
             let answer = answer(&matrices, s, &scaled_force);
             for (row, mat_slots) in listened.iter().enumerate() {
                 let position = |x: &Vec<Complex<f64>>| -> Complex<f64> {
-                    mat_slots
-                        .iter()
-                        .map(|&slot| x[slot] / body.root[slot])
-                        .sum()
+                    mat_slots.iter().map(|&slot| x[slot] / body.root[slot]).sum()
                 };
                 response[row * frequencies.len() + column] = match &answer {
                     Some(x) => position(x) * Complex::new(0.0, TAU * f) * point_gain,
@@ -82,33 +79,22 @@ fn point(body: &Body, f: f64) -> (Complex<f64>, Complex<f64>) {
     };
     // z − 1, written so that its real part does not cancel; P(z − 1) is z times the scheme.
     let half_angle = PI * f / rate.hertz();
-    let z_minus_one =
-        Complex::new(0.0, 2.0 * sin(half_angle)) * Complex::new(cos(half_angle), sin(half_angle));
+    let z_minus_one = Complex::new(0.0, 2.0 * sin(half_angle)) * Complex::new(cos(half_angle), sin(half_angle));
     (z_minus_one, z_minus_one + 1.0)
 }
 
 /// The solution x of P(s) x = force; `None` at a pole.
-fn answer(
-    matrices: &NetworkMatrices,
-    s: Complex<f64>,
-    force: &[Complex<f64>],
-) -> Option<Vec<Complex<f64>>> {
+fn answer(matrices: &NetworkMatrices, s: Complex<f64>, force: &[Complex<f64>]) -> Option<Vec<Complex<f64>>> {
     let matrix_at_s = matrices.polynomial(s);
     let matrix_factor = Factor::new(&matrices.pattern, &matrix_at_s, Complex::from(0.0))?;
     let mut x = matrix_factor.solve(force);
     let mut applied_matrix = vec![Complex::from(0.0); x.len()];
     for _ in 0..REFINEMENTS {
         matrix_at_s.times(&matrices.pattern, &x, &mut applied_matrix);
-        let residual: Vec<Complex<f64>> = force
-            .iter()
-            .zip(&applied_matrix)
-            .map(|(f, y)| f - y)
-            .collect();
+        let residual: Vec<Complex<f64>> = force.iter().zip(&applied_matrix).map(|(f, y)| f - y).collect();
         for (x, more) in x.iter_mut().zip(matrix_factor.solve(&residual)) {
             *x += more;
         }
     }
-    x.iter()
-        .all(|x| x.re.is_finite() && x.im.is_finite())
-        .then_some(x)
+    x.iter().all(|x| x.re.is_finite() && x.im.is_finite()).then_some(x)
 }

@@ -9,14 +9,7 @@ impl Network {
         let (this_side, other_side) = (&self.mats, &other.mats);
         let is_same_part = |a: usize, b: usize| self.part_at(a) == other.part_at(b);
         let is_same_run = |(this_side, other_side): (&Run, &Run)| {
-            let run_ends = |is_same_run: &Run| {
-                (
-                    is_same_run.a,
-                    is_same_run.b,
-                    is_same_run.len,
-                    is_same_run.first,
-                )
-            };
+            let run_ends = |is_same_run: &Run| (is_same_run.a, is_same_run.b, is_same_run.len, is_same_run.first);
             let numbers = |is_same_run: &Run| [is_same_run.k, is_same_run.z, is_same_run.rest];
             run_ends(this_side) == run_ends(other_side)
                 && numbers(this_side) == numbers(other_side)

@@ -28,13 +28,10 @@ impl Sliding {
     /// force. `anchor` is that of the last frame; `None` if the points did not touch then.
     pub(crate) fn force(&self, anchor: Option<Vector>) -> (Vector, Vector) {
         let [k, z] = self.by;
-        let mut stretch = anchor.map_or([0.0; AXES_MAX], |anchor| {
-            self.across(difference(self.apart, anchor))
-        });
+        let mut stretch = anchor.map_or([0.0; AXES_MAX], |anchor| self.across(difference(self.apart, anchor)));
         shorten(&mut stretch, self.limit / k);
         let motion_across = self.across(self.moved);
-        let mut friction_force =
-            std::array::from_fn(|axis| k * stretch[axis] + z * motion_across[axis]);
+        let mut friction_force = std::array::from_fn(|axis| k * stretch[axis] + z * motion_across[axis]);
         shorten(&mut friction_force, self.limit);
         (friction_force, difference(self.apart, stretch))
     }
@@ -50,9 +47,7 @@ impl Sliding {
 fn shorten(vector: &mut Vector, length_max: f64) {
     let vector_length = distance(vector[0], vector[1], vector[2]);
     if vector_length > length_max {
-        vector
-            .iter_mut()
-            .for_each(|part| *part *= length_max / vector_length);
+        vector.iter_mut().for_each(|part| *part *= length_max / vector_length);
     }
 }
 

@@ -2,9 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{
-    Error, Followed, LinkKind, Mat, MatKind, Network, Output, Pairwise, Run, SpaceLink, Term,
-};
+use super::{Error, Followed, LinkKind, Mat, MatKind, Network, Output, Pairwise, Run, SpaceLink, Term};
 use crate::interrupt;
 use crate::law::{Hardening, Law};
 
@@ -110,16 +108,8 @@ impl Network {
     }
 
     /// Multiply K and Z of some links, which are whole runs; q of a hardening spring does not change.
-    pub(crate) fn scale(
-        &mut self,
-        links: std::ops::Range<usize>,
-        [k_factor, z_factor]: [f64; 2],
-    ) -> Result<(), Error> {
-        for run in self
-            .runs
-            .iter_mut()
-            .filter(|run| links.contains(&run.first))
-        {
+    pub(crate) fn scale(&mut self, links: std::ops::Range<usize>, [k_factor, z_factor]: [f64; 2]) -> Result<(), Error> {
+        for run in self.runs.iter_mut().filter(|run| links.contains(&run.first)) {
             (run.k, run.z) = (run.k * k_factor, run.z * z_factor);
             let LinkKind::Lnl(law) = &run.kind else {
                 continue;
@@ -138,19 +128,13 @@ impl Network {
     /// The network with undifferentiated outputs: SOV and SOA give the positions from which they are derived.
     pub fn undifferentiated(&self) -> Self {
         let mut undifferentiated = self.clone();
-        undifferentiated
-            .outputs
-            .iter_mut()
-            .for_each(|output| output.order = 0);
+        undifferentiated.outputs.iter_mut().for_each(|output| output.order = 0);
         undifferentiated
     }
 
     /// The network with other macrosteps of its parts: `macrostep` returns the frames from pull to pull for a part's
     /// name and present value; `None` means every frame.
-    pub(crate) fn with_macrosteps(
-        &self,
-        macrostep: impl Fn(&str, Option<u32>) -> Option<u32>,
-    ) -> Self {
+    pub(crate) fn with_macrosteps(&self, macrostep: impl Fn(&str, Option<u32>) -> Option<u32>) -> Self {
         let mut changed = self.clone();
         for part in &mut changed.parts {
             part.macrostep = macrostep(&part.name, part.macrostep);
@@ -187,12 +171,7 @@ impl Network {
             match &mut open_range {
                 Some(before) if before.is_followed_by(a, b, space.as_ref()) => before.len += 1,
                 before => {
-                    let next_range = LinkRange {
-                        a,
-                        b,
-                        len: 1,
-                        space,
-                    };
+                    let next_range = LinkRange { a, b, len: 1, space };
                     subset.push(run, before.replace(next_range));
                 }
             }
@@ -233,19 +212,13 @@ impl Subset {
         Some((self.mat(link_ends.0)?, self.mat(link_ends.1)?, None))
     }
 
-    fn local_in_space(
-        &self,
-        space: &SpaceLink,
-        ends: (usize, usize),
-    ) -> Option<(usize, usize, Option<SpaceLink>)> {
+    fn local_in_space(&self, space: &SpaceLink, ends: (usize, usize)) -> Option<(usize, usize, Option<SpaceLink>)> {
         let (first_local, second_local) = (self.mat(ends.0)?, self.mat(ends.1)?);
         let mut local_space = space.clone();
         for axis in 1..space.n_axes {
             let (first_axis_mat, second_axis_mat) = space.pair(ends, axis);
-            local_space.offsets[0][axis - 1] =
-                self.mat(first_axis_mat)? as isize - first_local as isize;
-            local_space.offsets[1][axis - 1] =
-                self.mat(second_axis_mat)? as isize - second_local as isize;
+            local_space.offsets[0][axis - 1] = self.mat(first_axis_mat)? as isize - first_local as isize;
+            local_space.offsets[1][axis - 1] = self.mat(second_axis_mat)? as isize - second_local as isize;
         }
         Some((first_local, second_local, Some(local_space)))
     }
@@ -257,12 +230,8 @@ impl Subset {
         let first_mats = (run.a, run.b);
         let last_mats = (run.a + pairs.n_first - 1, run.b + run.len - 1);
         let has_all_points = (0..pairs.link.n_axes).all(|axis| {
-            let (first_on_axis, last_mats) = (
-                pairs.link.pair(first_mats, axis),
-                pairs.link.pair(last_mats, axis),
-            );
-            self.has_all(first_on_axis.0..=last_mats.0)
-                && self.has_all(first_on_axis.1..=last_mats.1)
+            let (first_on_axis, last_mats) = (pairs.link.pair(first_mats, axis), pairs.link.pair(last_mats, axis));
+            self.has_all(first_on_axis.0..=last_mats.0) && self.has_all(first_on_axis.1..=last_mats.1)
         });
         if !has_all_points || !link_range.clone().all(is_included) {
             return;
@@ -272,10 +241,7 @@ impl Subset {
         };
         self.links.extend(link_range.map(|link| link as u32));
         self.network.push_run(Run {
-            kind: LinkKind::Pairwise(Pairwise {
-                link,
-                ..pairs.clone()
-            }),
+            kind: LinkKind::Pairwise(Pairwise { link, ..pairs.clone() }),
             a,
             b,
             ..*run
@@ -286,8 +252,7 @@ impl Subset {
     fn has_all(&self, range: std::ops::RangeInclusive<usize>) -> bool {
         let subset_rank = |mat: usize| self.mats.partition_point(|&own| (own as usize) < mat);
         let (first_mat, last_mat) = range.into_inner();
-        self.mat(last_mat).is_some()
-            && subset_rank(last_mat) - subset_rank(first_mat) == last_mat - first_mat
+        self.mat(last_mat).is_some() && subset_rank(last_mat) - subset_rank(first_mat) == last_mat - first_mat
     }
 
     fn push(&mut self, run: &Run, range: Option<LinkRange>) {
@@ -312,11 +277,7 @@ impl Subset {
 
     fn listen(&mut self, outputs: &[Output], guests: &[u32]) {
         for (index, output) in outputs.iter().enumerate() {
-            let terms: Vec<Term> = output
-                .terms
-                .iter()
-                .flat_map(|term| self.term(term, guests))
-                .collect();
+            let terms: Vec<Term> = output.terms.iter().flat_map(|term| self.term(term, guests)).collect();
             self.outputs.push(index as u32);
             self.network.outputs.push(Output {
                 name: output.name.clone(),
@@ -329,16 +290,11 @@ impl Subset {
     /// The part of a term that lies in the subset, as terms over local ranges.
     fn term(&self, term: &Term, guests: &[u32]) -> Vec<Term> {
         let (subset_indices, guests, first, len) = match *term {
-            Term::Position { first, len, .. } | Term::Ground { first, len, .. } => {
-                (&self.mats, guests, first, len)
-            }
-            Term::Force { first, len, .. } | Term::Length { first, len, .. } => {
-                (&self.links, &[][..], first, len)
-            }
+            Term::Position { first, len, .. } | Term::Ground { first, len, .. } => (&self.mats, guests, first, len),
+            Term::Force { first, len, .. } | Term::Length { first, len, .. } => (&self.links, &[][..], first, len),
         };
         // Indices rise, so those in the range are adjacent.
-        let local =
-            |whole: usize| subset_indices.partition_point(|&index| (index as usize) < whole);
+        let local = |whole: usize| subset_indices.partition_point(|&index| (index as usize) < whole);
         let (first, local_stop) = (local(first), local(first + len));
         let local_indices: Vec<usize> = (first..local_stop)
             .filter(|&local| guests.binary_search(&subset_indices[local]).is_err())

@@ -3,9 +3,7 @@ use crate::generator::{self, Ends};
 
 fn string(network: &mut Network, name: &str, masses: usize) -> usize {
     let topology = generator::string(masses, Ends::Fixed, 0.0).unwrap();
-    network
-        .mesh(name, &topology, 1e-2, 110.0, Some(2.0), 0.0)
-        .unwrap()
+    network.mesh(name, &topology, 1e-2, 110.0, Some(2.0), 0.0).unwrap()
 }
 
 #[test]
@@ -18,9 +16,7 @@ fn names_of_parts_and_modules_as_written() {
     // A generator that is the whole part has the name of the part.
     network.part("sky", None);
     let sky_string = self::string(&mut network, "", 4);
-    let sky_link = network
-        .spring("", bell_mat, sky_string, 1.0, 0.0, 0.0)
-        .unwrap();
+    let sky_link = network.spring("", bell_mat, sky_string, 1.0, 0.0, 0.0).unwrap();
     assert_eq!(network.mat_name(bell_mat), "bell.m");
     assert_eq!(network.mat_name(string + 3), "harp.string.3");
     assert_eq!(network.mat_name(string + 5), "harp.string.end.0");
@@ -29,14 +25,8 @@ fn names_of_parts_and_modules_as_written() {
     assert_eq!(network.link_name(sky_link), "sky");
     assert_eq!(network.mat_name(10_000), "#10000");
     assert_eq!(network.link_name(10_000), "#10000");
-    assert_eq!(
-        (network.count(string), network.centre(string)),
-        (5, string + 2)
-    );
-    assert_eq!(
-        (network.count(bell_mat), network.centre(bell_mat)),
-        (1, bell_mat)
-    );
+    assert_eq!((network.count(string), network.centre(string)), (5, string + 2));
+    assert_eq!((network.count(bell_mat), network.centre(bell_mat)), (1, bell_mat));
     assert_eq!(network.count(10_000), 0);
     assert_eq!(
         network.run_of(sky_link).map(|run| (run.first, run.len)),
@@ -62,10 +52,7 @@ fn module_without_a_part_has_an_unnamed_part() {
     let mut network = Network::new();
     assert!(network.parts().is_empty());
     network.mas("m", 1.0, 0.0, 0.0).unwrap();
-    assert_eq!(
-        (network.parts().len(), network.mat_name(0).as_str()),
-        (1, "m")
-    );
+    assert_eq!((network.parts().len(), network.mat_name(0).as_str()), (1, "m"));
     assert_eq!(network.part_alone(0, &[]).network.n_mat(), 1);
 }
 
@@ -77,9 +64,7 @@ fn part_alone_keeps_its_inner_links() {
     network.mas("m", 3.0, 0.0, 0.0).unwrap();
     network.part("key", Some(rate));
     let first_mat = string(&mut network, "s", 4);
-    let inner_link = network
-        .spring("in", first_mat, first_mat + 2, 0.1, 0.2, 0.3)
-        .unwrap();
+    let inner_link = network.spring("in", first_mat, first_mat + 2, 0.1, 0.2, 0.3).unwrap();
     network.spring("out", 0, first_mat, 1.0, 0.0, 0.0).unwrap();
     network.part("join", None);
     network
@@ -116,32 +101,13 @@ fn network_with_bad_numbers_or_ends_is_refused() {
     }
     for bad in [f64::NAN, f64::NEG_INFINITY] {
         assert!(network.mas("x", 1.0, bad, 0.0).is_err());
-        assert!(
-            network.start(mas_index, bad, 0.0).is_err()
-                && network.start(mas_index, 0.0, bad).is_err()
-        );
-        assert!(
-            network
-                .spring("x", mas_index, sol_index, bad, 0.0, 0.0)
-                .is_err()
-        );
-        assert!(
-            network
-                .spring("x", mas_index, sol_index, 1.0, 0.0, bad)
-                .is_err()
-        );
+        assert!(network.start(mas_index, bad, 0.0).is_err() && network.start(mas_index, 0.0, bad).is_err());
+        assert!(network.spring("x", mas_index, sol_index, bad, 0.0, 0.0).is_err());
+        assert!(network.spring("x", mas_index, sol_index, 1.0, 0.0, bad).is_err());
     }
-    assert!(
-        network
-            .spring("x", mas_index, mas_index, 1.0, 0.0, 0.0)
-            .is_err()
-    );
+    assert!(network.spring("x", mas_index, mas_index, 1.0, 0.0, 0.0).is_err());
     assert!(network.spring("x", mas_index, 2, 1.0, 0.0, 0.0).is_err());
-    assert_eq!(
-        (network.n_mat(), network.n_lia()),
-        (2, 0),
-        "nothing of it stays"
-    );
+    assert_eq!((network.n_mat(), network.n_lia()), (2, 0), "nothing of it stays");
 }
 
 #[test]
@@ -159,9 +125,5 @@ fn listen_to_missing_masses_is_refused() {
     }
     assert!(network.listen("o", position_term(0, 1, f64::NAN)).is_err());
     let (first, len, weight) = (0, 1, 1.0);
-    assert!(
-        network
-            .listen("o", vec![Term::Force { first, len, weight }])
-            .is_err()
-    );
+    assert!(network.listen("o", vec![Term::Force { first, len, weight }]).is_err());
 }

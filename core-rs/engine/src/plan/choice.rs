@@ -77,9 +77,7 @@ impl Choice {
     /// The choice as numbers that can be written and read.
     pub fn numbers(&self) -> ChoiceNumbers {
         match &self.method {
-            IslandMethod::Bank(modes) => {
-                (self.modules, 1, 1, vec![tagged(kind::BANK, modes)], None)
-            }
+            IslandMethod::Bank(modes) => (self.modules, 1, 1, vec![tagged(kind::BANK, modes)], None),
             IslandMethod::Stepped(stepped) => {
                 let body_numbers = stepped.bodies.iter().map(BodyChoice::numbers).collect();
                 (
@@ -133,21 +131,13 @@ impl BodyChoice {
 
     /// The choices that these numbers say; `None` if any of them says none.
     pub(super) fn all_from_numbers(bodies: &[Vec<u32>]) -> Option<Vec<Self>> {
-        bodies
-            .iter()
-            .map(|numbers| Self::from_numbers(numbers))
-            .collect()
+        bodies.iter().map(|numbers| Self::from_numbers(numbers)).collect()
     }
 
     fn from_numbers(numbers: &[u32]) -> Option<Self> {
         match *numbers {
             [kind::MODES, ref modes @ ..] => Some(Self::Modes(modes.to_vec())),
-            [
-                kind::MESH,
-                method,
-                substeps @ 1..=u32::MAX,
-                replaces_modes @ 0..=1,
-            ] => Some(Self::Mesh(MeshChoice {
+            [kind::MESH, method, substeps @ 1..=u32::MAX, replaces_modes @ 0..=1] => Some(Self::Mesh(MeshChoice {
                 method: *MeshMethod::ALL.get(method as usize)?,
                 substeps,
                 replaces_modes: replaces_modes == 1,
@@ -193,8 +183,7 @@ impl Pins {
 pub(super) fn wrong_plan_error() -> Error {
     Error::Refused {
         module: "plan".to_owned(),
-        message: "it was made for another score or by another version of ergon: make it again"
-            .to_owned(),
+        message: "it was made for another score or by another version of ergon: make it again".to_owned(),
     }
 }
 
@@ -220,10 +209,7 @@ mod tests {
             })
         };
         // These two were the same numbers before the first one said which they are.
-        let alike_bodies = [
-            BodyChoice::Modes(vec![3]),
-            BodyChoice::Slow { macrostep: 3 },
-        ];
+        let alike_bodies = [BodyChoice::Modes(vec![3]), BodyChoice::Slow { macrostep: 3 }];
         let bodies = [
             vec![mesh_choice(true), mesh_choice(false)],
             alike_bodies.to_vec(),

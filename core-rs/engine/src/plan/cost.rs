@@ -51,8 +51,7 @@ pub(super) fn stepped_cost(network: &Network, timeline: &Timeline) -> f64 {
 
 /// Cost of modules that are stepped, without hands [ns a frame].
 fn modules_cost(network: &Network) -> f64 {
-    let mut total_cost =
-        Costs::nanoseconds("frame") + network.n_moving() as f64 * Costs::nanoseconds("mat");
+    let mut total_cost = Costs::nanoseconds("frame") + network.n_moving() as f64 * Costs::nanoseconds("mat");
     for run in network.runs() {
         let link_cost = match &run.kind {
             LinkKind::Space(SpaceLink {
@@ -65,13 +64,10 @@ fn modules_cost(network: &Network) -> f64 {
             }
             LinkKind::Space(_) => Costs::nanoseconds("space_single"),
             LinkKind::Pairwise(pairs) if pairs.is_searched() => {
-                total_cost +=
-                    pairs.n_first as f64 * Costs::nanoseconds("pairwise") * friction_factor(pairs);
+                total_cost += pairs.n_first as f64 * Costs::nanoseconds("pairwise") * friction_factor(pairs);
                 Costs::nanoseconds("pairwise") * friction_factor(pairs)
             }
-            LinkKind::Pairwise(pairs) => {
-                pairs.n_first as f64 * wall_cost(pairs) * friction_factor(pairs)
-            }
+            LinkKind::Pairwise(pairs) => pairs.n_first as f64 * wall_cost(pairs) * friction_factor(pairs),
             LinkKind::Ref if run.len > 1 => Costs::nanoseconds("link"),
             LinkKind::Lnl(law) if law.hardening_spring().is_none() && !law.is_shared() => {
                 Costs::nanoseconds("expression")
@@ -92,8 +88,7 @@ fn modules_cost(network: &Network) -> f64 {
 fn wall_cost(pairs: &Pairwise) -> f64 {
     match &pairs.link.measure {
         Measure::Surface(facets) => {
-            Costs::nanoseconds("surface")
-                + facets.crowding() * Costs::nanoseconds("surface_triangle")
+            Costs::nanoseconds("surface") + facets.crowding() * Costs::nanoseconds("surface_triangle")
         }
         _ => Costs::nanoseconds("pairwise_wall"),
     }
@@ -113,12 +108,9 @@ pub(super) fn laws_cost(island_plan: &IslandPlan) -> f64 {
     }
     let single_links = |is_kind: fn(&LinkKind) -> bool| -> Vec<&Run> {
         let network_runs = network.runs().iter();
-        network_runs
-            .filter(|run| run.len == 1 && is_kind(&run.kind))
-            .collect()
+        network_runs.filter(|run| run.len == 1 && is_kind(&run.kind)).collect()
     };
-    let mut fine_laws =
-        single_links(|kind| matches!(kind, LinkKind::Lnl(_) | LinkKind::Bristle(_)));
+    let mut fine_laws = single_links(|kind| matches!(kind, LinkKind::Lnl(_) | LinkKind::Bristle(_)));
     if fine_laws.is_empty() && single_links(|kind| matches!(kind, LinkKind::But(_))).is_empty() {
         fine_laws = single_links(|kind| matches!(kind, LinkKind::Dry(_)));
     }
@@ -135,16 +127,13 @@ pub(super) fn laws_cost(island_plan: &IslandPlan) -> f64 {
     let law_cost = |run: &&Run| match &run.kind {
         LinkKind::Dry(dry) => {
             let network_mats = network.mats();
-            let moving_mats = [run.a, run.b]
-                .into_iter()
-                .filter(|&mat| network_mats.kind[mat].moves());
+            let moving_mats = [run.a, run.b].into_iter().filter(|&mat| network_mats.kind[mat].moves());
             let mobility: f64 = moving_mats.map(|mat| 1.0 / network_mats.m[mat]).sum();
             let friction_steps = dry.steps(mobility * island_plan.timeline.rate.step());
             (finest_parts as f64 * friction_steps).ceil() * Costs::nanoseconds("located_friction")
         }
         LinkKind::Bristle(_) => {
-            mean_parts
-                * (Costs::nanoseconds("collocation") + Costs::nanoseconds("collocated_bristle"))
+            mean_parts * (Costs::nanoseconds("collocation") + Costs::nanoseconds("collocated_bristle"))
         }
         LinkKind::Lnl(law) => {
             let functions = law.n_functions() as f64 * Costs::nanoseconds("collocated_function");
@@ -193,8 +182,7 @@ pub(super) fn body_cost(inside: &BodyPlan) -> f64 {
     match inside {
         BodyPlan::Modal(modal) => {
             let row_count = modal.ports.len() + modal.outputs.len();
-            modal.modes.len() as f64
-                * (Costs::nanoseconds("mode") + row_count as f64 * Costs::nanoseconds("port"))
+            modal.modes.len() as f64 * (Costs::nanoseconds("mode") + row_count as f64 * Costs::nanoseconds("port"))
         }
         BodyPlan::Mesh(mesh) => times(mesh) * modules_cost(&mesh.network),
         BodyPlan::Slow(slow) => slow_cost(slow),
@@ -203,12 +191,8 @@ pub(super) fn body_cost(inside: &BodyPlan) -> f64 {
 
 /// Cost of a mesh as a multiple of a step of CA a frame.
 fn times(mesh: &Mesh) -> f64 {
-    let is_on_rung =
-        |&&(way, steps, _): &&(MeshMethod, u32, f64)| (way, steps) == (mesh.method, mesh.substeps);
-    LADDER
-        .iter()
-        .find(is_on_rung)
-        .map_or(1.0, |&(_, _, times)| times)
+    let is_on_rung = |&&(way, steps, _): &&(MeshMethod, u32, f64)| (way, steps) == (mesh.method, mesh.substeps);
+    LADDER.iter().find(is_on_rung).map_or(1.0, |&(_, _, times)| times)
 }
 
 /// Additional cost of a body in a trial, beyond [`body_cost`] [ns a frame]: the rows of a small plate are shorter than
@@ -223,8 +207,7 @@ pub(super) fn short_rows_cost(inside: &BodyPlan) -> f64 {
                 MeshMethod::Ca => ROW,
                 _ => ROW_OF_STAGES,
             };
-            times(mesh)
-                * (row_cost * mesh.network.runs().len() as f64 + lone_laws_cost(&mesh.network))
+            times(mesh) * (row_cost * mesh.network.runs().len() as f64 + lone_laws_cost(&mesh.network))
         }
         BodyPlan::Modal(_) | BodyPlan::Slow(_) => 0.0,
     }
@@ -255,8 +238,7 @@ fn slow_cost(slow: &Slow) -> f64 {
         Springs::Exact(flow) => flow.n_products() * Costs::nanoseconds("port"),
         Springs::Stepped(_) => modules_cost(&slow.network),
     };
-    let frame_cost =
-        Costs::nanoseconds("slow") + slow.ports.len() as f64 * Costs::nanoseconds("mat");
+    let frame_cost = Costs::nanoseconds("slow") + slow.ports.len() as f64 * Costs::nanoseconds("mat");
     kick_cost / f64::from(slow.kick_every) + frame_cost
 }
 
@@ -327,9 +309,7 @@ mod tests {
         let (exponent, clamp) = (1.0, false);
         let wall_law = PairLaw::smooth(measure, SpaceLaw::Contact { exponent, clamp });
         let numbers = [500.0, 0.0, 0.01];
-        network
-            .pairwise("walls", wall_groups, 3, wall_law, numbers)
-            .unwrap();
+        network.pairwise("walls", wall_groups, 3, wall_law, numbers).unwrap();
         stepped_cost(&network, &Timeline::new(Rate::new(44_100.0).unwrap()))
     }
 
@@ -338,19 +318,13 @@ mod tests {
         // A square of 1 m², divided into `n` × `n` squares.
         let square_costs = |n: u32| {
             let grid_place = |i: u32| f64::from(i) / f64::from(n);
-            let corners =
-                (0..=n).flat_map(|y| (0..=n).map(move |x| [grid_place(x), grid_place(y), 0.0]));
+            let corners = (0..=n).flat_map(|y| (0..=n).map(move |x| [grid_place(x), grid_place(y), 0.0]));
             let corner_index = |x: u32, y: u32| y * (n + 1) + x;
-            let half_squares =
-                (0..n)
-                    .flat_map(|y| (0..n).map(move |x| (x, y)))
-                    .flat_map(|(x, y)| {
-                        let [a, b, c, d] = [(0, 0), (1, 0), (0, 1), (1, 1)]
-                            .map(|(right, up)| corner_index(x + right, y + up));
-                        [[a, b, c], [b, c, d]]
-                    });
-            let (corners, triangles): (Vec<_>, Vec<_>) =
-                (corners.collect(), half_squares.collect());
+            let half_squares = (0..n).flat_map(|y| (0..n).map(move |x| (x, y))).flat_map(|(x, y)| {
+                let [a, b, c, d] = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(right, up)| corner_index(x + right, y + up));
+                [[a, b, c], [b, c, d]]
+            });
+            let (corners, triangles): (Vec<_>, Vec<_>) = (corners.collect(), half_squares.collect());
             let square_facets = Facets::new(&corners, &triangles, 0.01).unwrap();
             (
                 square_facets.crowding(),
@@ -365,8 +339,7 @@ mod tests {
             "{coarse_crowding} {fine_crowding}"
         );
         let point_cost = Costs::nanoseconds("surface") - Costs::nanoseconds("pairwise_wall");
-        let surface_cost =
-            |crowding: f64| 50.0 * (point_cost + crowding * Costs::nanoseconds("surface_triangle"));
+        let surface_cost = |crowding: f64| 50.0 * (point_cost + crowding * Costs::nanoseconds("surface_triangle"));
         assert!((coarse_cost - plane_cost - surface_cost(coarse_crowding)).abs() < 1e-6);
         assert!((fine_cost - plane_cost - surface_cost(fine_crowding)).abs() < 1e-6);
     }

@@ -125,8 +125,7 @@ pub(super) fn make(
     if !loose_mats.is_empty() {
         island_plans.push(network.subset(&loose_mats, &[], &[]));
     }
-    for (index, (subset, island_timeline)) in split(island_plans, timeline).into_iter().enumerate()
-    {
+    for (index, (subset, island_timeline)) in split(island_plans, timeline).into_iter().enumerate() {
         let unit_result = if index < n_islands {
             maker.island(subset, island_timeline)
         } else {
@@ -158,12 +157,8 @@ pub(super) fn make(
 
 /// Modules that are computed because they are heard: those that nothing plays leave the trials as they are.
 fn n_computed(islands: &[IslandMembers]) -> usize {
-    let computed = islands
-        .iter()
-        .filter(|island| island.is_heard && island.is_moved);
-    computed
-        .map(|island| island.mats.len() + island.links.len())
-        .sum()
+    let computed = islands.iter().filter(|island| island.is_heard && island.is_moved);
+    computed.map(|island| island.mats.len() + island.links.len()).sum()
 }
 
 impl<'a> Maker<'a> {
@@ -189,8 +184,7 @@ impl<'a> Maker<'a> {
         if new_row.mats + new_row.links == 0 {
             return; // points that hold nothing
         }
-        let is_same_row =
-            |known: &&mut Row| known.what == new_row.what && known.parts == new_row.parts;
+        let is_same_row = |known: &&mut Row| known.what == new_row.what && known.parts == new_row.parts;
         match self.plan.rows.iter_mut().find(is_same_row) {
             Some(known) => {
                 known.mats += new_row.mats;
@@ -202,10 +196,7 @@ impl<'a> Maker<'a> {
 
     /// Adds what outputs hear of modules that never move.
     fn add_constant(&mut self, island: &IslandMembers) -> Result<(), Error> {
-        let island_subset = self
-            .plan
-            .network
-            .subset(&island.mats, &island.guests, &island.links);
+        let island_subset = self.plan.network.subset(&island.mats, &island.guests, &island.links);
         let scheme = Scheme::new(&island_subset.network, self.plan.timeline_rate)?;
         let mut rest_level = vec![0.0; island_subset.outputs.len()];
         crate::island::outputs_at_rest(&island_subset.network, &scheme, &mut rest_level);
@@ -217,8 +208,7 @@ impl<'a> Maker<'a> {
 
     /// Isolated CELs.
     fn cells(&mut self, subset: &Subset, island_timeline: &OwnTimeline) -> Result<(), Error> {
-        let cell_banks =
-            cells::oscillators(subset, &island_timeline.timeline, &mut self.plan.still)?;
+        let cell_banks = cells::oscillators(subset, &island_timeline.timeline, &mut self.plan.still)?;
         let mut cell_rows = row::cells(&self.plan.network, &cell_banks, &island_timeline.timeline);
         let refused_slow = multirate::refuse_all(subset, "its poles need none");
         cell_rows
@@ -226,9 +216,7 @@ impl<'a> Maker<'a> {
             .for_each(|row| row.stays = stay_reasons(&refused_slow, row));
         self.plan.rows.extend(cell_rows);
         self.plan.stay.extend(refused_slow);
-        self.plan
-            .units
-            .extend(cell_banks.into_iter().map(Unit::Bank));
+        self.plan.units.extend(cell_banks.into_iter().map(Unit::Bank));
         Ok(())
     }
 
@@ -237,12 +225,11 @@ impl<'a> Maker<'a> {
         self.memo.begin();
         let modules = subset.network.n_mat() + subset.network.n_lia();
         let island_pin = self.pins.next(modules)?;
-        let (pinned_modes, pinned_steps) =
-            match island_pin.as_ref().map(|island_pin| &island_pin.method) {
-                None => (None, None),
-                Some(IslandMethod::Bank(modes)) => (Some(&modes[..]), None),
-                Some(IslandMethod::Stepped(stepped)) => (None, Some(stepped)),
-            };
+        let (pinned_modes, pinned_steps) = match island_pin.as_ref().map(|island_pin| &island_pin.method) {
+            None => (None, None),
+            Some(IslandMethod::Bank(modes)) => (Some(&modes[..]), None),
+            Some(IslandMethod::Stepped(stepped)) => (None, Some(stepped)),
+        };
         let mut no_modes = None;
         if self.budget.takes_modes() && pinned_steps.is_none() {
             let bank_result = body::bank(
@@ -289,23 +276,18 @@ impl<'a> Maker<'a> {
     }
 
     /// If the body is displayed: a bank of its moving modes that no output hears.
-    fn silent_modes(
-        &self,
-        subset: &Subset,
-        island_timeline: &OwnTimeline,
-        listened: &[u32],
-    ) -> Option<Unit> {
+    fn silent_modes(&self, subset: &Subset, island_timeline: &OwnTimeline, listened: &[u32]) -> Option<Unit> {
         if !seen::is_any(&subset.network.moving_parts(), self.seen) {
             return None;
         }
         let probed_subset = seen::with_probe_output(subset.clone(), &subset.mats).ok()?;
         let empty_memo = Memo::new(&[]);
-        let solve_bank = |kept| {
+        let solve_bank = |chosen_modes| {
             body::bank(
                 &probed_subset,
                 &island_timeline.timeline,
                 self.budget,
-                kept,
+                chosen_modes,
                 &empty_memo,
             )
             .ok()
@@ -337,8 +319,7 @@ impl<'a> Maker<'a> {
                 let solved = self.without_rates(subset, island_timeline, solved);
                 self.offered(subset, island_timeline, solved)
             }
-            Err(error) => match pin.and_then(|pin| self.pinned_offer(subset, island_timeline, pin))
-            {
+            Err(error) => match pin.and_then(|pin| self.pinned_offer(subset, island_timeline, pin)) {
                 Some(solved) => solved,
                 None => return Err(error),
             },
@@ -359,9 +340,8 @@ impl<'a> Maker<'a> {
         } = solved;
         check_method(self.budget, subset, &island)?;
         let first_row = self.plan.rows.len();
-        let harder_at = error.and_then(|error| {
-            horizon::harder_event(&island.island_plan, &island_timeline.timeline, error.over)
-        });
+        let harder_at =
+            error.and_then(|error| horizon::harder_event(&island.island_plan, &island_timeline.timeline, error.over));
         let Assembled {
             island_plan,
             bodies,
@@ -382,15 +362,8 @@ impl<'a> Maker<'a> {
         if island_plan.network.n_mat() > port_count {
             let mut report_row = Row::stepped(&island_plan, certificate);
             report_row.mats -= port_count;
-            (
-                report_row.oversampling,
-                report_row.contact_substeps,
-                report_row.error,
-            ) = (
-                island_plan.oversampling,
-                island_plan.contact_substeps,
-                error,
-            );
+            (report_row.oversampling, report_row.contact_substeps, report_row.error) =
+                (island_plan.oversampling, island_plan.contact_substeps, error);
             let because = why.filter(|_| bodies.is_empty()).or(because);
             report_row.because = because.map(|why| why.why().to_owned());
             self.plan.rows.push(report_row);
@@ -421,9 +394,7 @@ impl<'a> Maker<'a> {
             report_row.stays = stay_reasons(&refused_slow, report_row);
         }
         self.plan.stay.extend(refused_slow);
-        self.plan
-            .units
-            .push(Unit::IslandPlan(Box::new(island_plan)));
+        self.plan.units.push(Unit::IslandPlan(Box::new(island_plan)));
         Ok(())
     }
 
@@ -434,12 +405,10 @@ impl<'a> Maker<'a> {
         island_timeline: &OwnTimeline,
         pin: Option<&SteppedChoice>,
     ) -> Result<Solved, Error> {
-        let (mut subset, mut refused_slow) =
-            multirate::settle(subset, island_timeline, self.budget);
+        let (mut subset, mut refused_slow) = multirate::settle(subset, island_timeline, self.budget);
         let (solved, growth) = loop {
             let assemble = |how: How<'_>| {
-                let island =
-                    Assembled::new(&subset, island_timeline, self.budget, how, pin, &self.memo);
+                let island = Assembled::new(&subset, island_timeline, self.budget, how, pin, &self.memo);
                 self.allowance.spend(self.memo.take_work());
                 island
             };
@@ -452,11 +421,10 @@ impl<'a> Maker<'a> {
             };
             if judged.is_ok() {
                 let solved = match pin {
-                    Some(pin) => pilot_result::pinned(
-                        assemble(How::fine(pin.oversampling, MethodChoice::ByBudget))?,
-                        pin,
-                    )
-                    .ok_or_else(wrong_plan_error)?,
+                    Some(pin) => {
+                        pilot_result::pinned(assemble(How::fine(pin.oversampling, MethodChoice::ByBudget))?, pin)
+                            .ok_or_else(wrong_plan_error)?
+                    }
                     None => self.choose_by_pilot(&subset, island_timeline, &assemble)?,
                 };
                 // At a higher oversampling the island has to be certified again.
@@ -476,13 +444,7 @@ impl<'a> Maker<'a> {
         let slow_error = match growth {
             Some(_) if pin.is_none() && !island_timeline.timeline.is_open => {
                 let trial_context = (&self.memo, &self.allowance, self.store);
-                multirate::error(
-                    &subset,
-                    island_timeline,
-                    self.budget,
-                    &solved.island,
-                    trial_context,
-                )?
+                multirate::error(&subset, island_timeline, self.budget, &solved.island, trial_context)?
             }
             _ => None,
         };
@@ -524,27 +486,21 @@ fn check_method(budget: &Budget, subset: &Subset, island: &Assembled) -> Result<
     };
     let law_run = subset.network.runs().iter().find(is_law_link);
     match (method.mesh_method(), law_run) {
-        (Some(mesh_method), Some(run)) if !island.island_plan.bodies.iter().any(is_mesh_body) => {
-            Err(Error::Refused {
-                module: subset.network.link_name(run.first),
-                message: format!(
-                    "the method {} cannot compute this link: an output hears its force, it ends on a key or a driven \
+        (Some(mesh_method), Some(run)) if !island.island_plan.bodies.iter().any(is_mesh_body) => Err(Error::Refused {
+            module: subset.network.link_name(run.first),
+            message: format!(
+                "the method {} cannot compute this link: an output hears its force, it ends on a key or a driven \
                      mass, or the method lacks its law; write `method: ca`, or an `error` such as -60dB instead",
-                    mesh_method.facts().name
-                ),
-            })
-        }
+                mesh_method.facts().name
+            ),
+        }),
         _ => Ok(()),
     }
 }
 
 /// Why parts of a row that ask for a rate of their own are computed at every frame.
 fn stay_reasons(refused_slow: &[RefusedSlow], row: &Row) -> Option<String> {
-    let row_refusals = refused_slow
-        .iter()
-        .filter(|(part, _)| row.parts.contains(part));
-    let reason_texts: Vec<String> = row_refusals
-        .map(|(part, why)| format!("{part}: {why}"))
-        .collect();
+    let row_refusals = refused_slow.iter().filter(|(part, _)| row.parts.contains(part));
+    let reason_texts: Vec<String> = row_refusals.map(|(part, why)| format!("{part}: {why}")).collect();
     (!reason_texts.is_empty()).then(|| reason_texts.join("; "))
 }

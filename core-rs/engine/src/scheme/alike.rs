@@ -26,11 +26,7 @@ impl Scheme {
             if (alike_ranges.len() + 1) * LEAST > mat_count {
                 return Vec::new();
             }
-            let is_alike_mat = |mat: &usize| {
-                self.ties()
-                    .iter()
-                    .all(|all| same(all[*mat], all[range_start]))
-            };
+            let is_alike_mat = |mat: &usize| self.ties().iter().all(|all| same(all[*mat], all[range_start]));
             let range_end = range_start + (range_start..mat_count).take_while(is_alike_mat).count();
             alike_ranges.push(Alike {
                 mats: range_start..range_end,
@@ -96,9 +92,7 @@ mod tests {
     #[test]
     fn alike_stretches_below_the_least_length_are_dropped() {
         for n_kinds in 1..9 {
-            let mass_kinds: Vec<_> = (1..=n_kinds)
-                .map(|kind| (LEAST, 1e-3 * kind as f64))
-                .collect();
+            let mass_kinds: Vec<_> = (1..=n_kinds).map(|kind| (LEAST, 1e-3 * kind as f64)).collect();
             assert_eq!(scheme(&mass_kinds).alike.len(), n_kinds);
         }
         assert!(scheme(&[(LEAST, 1e-3), (LEAST - 1, 2e-3)]).alike.is_empty());
@@ -108,17 +102,12 @@ mod tests {
     #[test]
     fn alike_stretches_differ_by_any_number() {
         let (ground, tuned_tie) = (0.0, |f| Tie::Tuned { f, t60: None });
-        for ties in [
-            [(200.0, ground), (300.0, ground)],
-            [(200.0, ground), (200.0, 0.1)],
-        ] {
+        for ties in [[(200.0, ground), (300.0, ground)], [(200.0, ground), (200.0, 0.1)]] {
             let mut network = Network::new();
             for (f, ground) in ties {
                 for _ in 0..LEAST {
                     let cell_name = format!("m{}", network.n_mat());
-                    network
-                        .cel(&cell_name, 1e-3, tuned_tie(f), ground, 0.0, 0.0)
-                        .unwrap();
+                    network.cel(&cell_name, 1e-3, tuned_tie(f), ground, 0.0, 0.0).unwrap();
                 }
             }
             let mut scheme = Scheme::new(&network, Rate::new(44_100.0).unwrap()).unwrap();

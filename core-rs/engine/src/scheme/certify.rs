@@ -120,17 +120,11 @@ fn pairwise_weights(run: &Run, weight: f64) -> impl Iterator<Item = (usize, f64)
     let (first_start, second_start) = (run.a, run.b);
     point_pairs.into_iter().flat_map(move |point_pairs| {
         let [first, second_sum] = point_pairs.neighbours(point_count).map(|n| n * weight);
-        let first_count = if point_pairs.is_within {
-            0
-        } else {
-            point_pairs.n_first
-        };
+        let first_count = if point_pairs.is_within { 0 } else { point_pairs.n_first };
         (0..point_pairs.link.n_axes).flat_map(move |axis| {
-            let (first_start, second_start) =
-                point_pairs.link.pair((first_start, second_start), axis);
+            let (first_start, second_start) = point_pairs.link.pair((first_start, second_start), axis);
             let first = (first_start..first_start + first_count).map(move |mat| (mat, first));
-            first
-                .chain((second_start..second_start + point_count).map(move |mat| (mat, second_sum)))
+            first.chain((second_start..second_start + point_count).map(move |mat| (mat, second_sum)))
         })
     })
 }
@@ -155,12 +149,7 @@ pub(crate) struct LargestEigenvalue {
 
 /// λmax(M⁻¹(K + c·Z)): Gershgorin's bound if it is below `enough`, else an eigenvalue. Fails if a force at rest is not
 /// finite.
-pub(crate) fn top(
-    scheme: &Scheme,
-    network: &Network,
-    c: f64,
-    enough: f64,
-) -> Result<LargestEigenvalue, Error> {
+pub(crate) fn top(scheme: &Scheme, network: &Network, c: f64, enough: f64) -> Result<LargestEigenvalue, Error> {
     top_up_to(scheme, network, c, enough, f64::INFINITY)
 }
 
@@ -186,13 +175,7 @@ pub(crate) fn top_up_to(
 
 /// Gershgorin's bound, from the sums D = Σ(K + c·Z) at both ends of each link.
 fn by_sums(scheme: &Scheme, network: &Network, c: f64, weights: &[f64]) -> Result<f64, Error> {
-    let weighted_runs = || {
-        scheme
-            .runs
-            .iter()
-            .zip(weights)
-            .filter(|(_, weight)| **weight != 0.0)
-    };
+    let weighted_runs = || scheme.runs.iter().zip(weights).filter(|(_, weight)| **weight != 0.0);
     let mat_count = scheme.n_mat();
     let mut mat_sums: Vec<f64> = (0..mat_count)
         .map(|i| {
@@ -273,13 +256,7 @@ fn proxy_factor(scheme: &Scheme) -> impl Fn(usize) -> f64 + '_ {
 }
 
 /// The largest eigenvalue of M^-½ (K + c·Z) M^-½, with proxies at their initial positions.
-fn by_eigenvalue(
-    scheme: &Scheme,
-    network: &Network,
-    c: f64,
-    weights: &[f64],
-    beyond: f64,
-) -> LargestEigenvalue {
+fn by_eigenvalue(scheme: &Scheme, network: &Network, c: f64, weights: &[f64], beyond: f64) -> LargestEigenvalue {
     let mat_count = scheme.n_mat();
     let mut inverse_roots: Vec<f64> = scheme.w.iter().map(|w| w.sqrt()).collect();
     for proxy in &scheme.proxies {
@@ -297,8 +274,7 @@ fn by_eigenvalue(
         }
         for (run, weight) in scheme.runs.iter().zip(weights) {
             // The matrix of links between points that may touch is bounded by twice the sum at each point.
-            pairwise_weights(run, *weight)
-                .for_each(|(mat, sum)| y[mat] += 2.0 * sum * scheme.w[mat] * v[mat]);
+            pairwise_weights(run, *weight).for_each(|(mat, sum)| y[mat] += 2.0 * sum * scheme.w[mat] * v[mat]);
             for (a, b) in interrupt::steps(0..run.len)
                 .filter(|_| has_fixed_pairs(run))
                 .flat_map(|i| run.pairs(i))
@@ -397,11 +373,7 @@ pub(super) fn bears_springs(scheme: &Scheme, network: &Network) -> bool {
     top_up_to(scheme, network, 0.0, LIMIT, LIMIT).is_ok_and(|top| top.lambda < LIMIT)
 }
 
-pub(super) fn certify(
-    scheme: &Scheme,
-    network: &Network,
-    refusal: Refusal,
-) -> Result<Certificate, Error> {
+pub(super) fn certify(scheme: &Scheme, network: &Network, refusal: Refusal) -> Result<Certificate, Error> {
     let word = if scheme.linear {
         StabilityGuarantee::Proved
     } else {

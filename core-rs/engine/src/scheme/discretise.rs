@@ -90,10 +90,7 @@ fn set_masses(scheme: &mut Scheme, network: &Network, rate: Rate, ties: Ties) ->
                     .pitch(design_rate)
                     .map_or(0.0, |(cell_frequency, _)| cell_frequency);
                 too_high.extend(above_nyquist(network, i, cell_frequency, rate));
-                (
-                    rate_ratio * rate_ratio / m,
-                    resampled(cell, design_rate, rate),
-                )
+                (rate_ratio * rate_ratio / m, resampled(cell, design_rate, rate))
             }
         };
         if mats.kind[i] == MatKind::Cel {
@@ -188,10 +185,7 @@ impl Scratch {
 
     /// Runs that share a law share its scratch memory.
     fn room_of(&mut self, law: &Arc<Law>) -> usize {
-        let known_law = self
-            .laws
-            .iter()
-            .position(|known_law| Arc::ptr_eq(known_law, law));
+        let known_law = self.laws.iter().position(|known_law| Arc::ptr_eq(known_law, law));
         known_law.unwrap_or_else(|| {
             self.laws.push(law.clone());
             self.laws.len() - 1
@@ -206,12 +200,7 @@ fn next(count: &mut usize) -> usize {
 }
 
 /// Stiffness and viscosity of a magic contact, by the masses of its two ends.
-fn magic_numbers(
-    scheme: &Scheme,
-    network: &Network,
-    run: &LinkRun,
-    but: But,
-) -> Result<(f64, f64), Error> {
+fn magic_numbers(scheme: &Scheme, network: &Network, run: &LinkRun, but: But) -> Result<(f64, f64), Error> {
     check_no_other_link(network, run.a, run.first)?;
     check_no_other_link(network, run.b, run.first)?;
     if scheme.w[run.a] + scheme.w[run.b] == 0.0 {
@@ -254,9 +243,7 @@ fn cancelling(network: &Network) -> Vec<bool> {
     for mat in negative_mats {
         cancels[joined_mats.root(mat)] = true;
     }
-    (0..cancels.len())
-        .map(|mat| cancels[joined_mats.root(mat)])
-        .collect()
+    (0..cancels.len()).map(|mat| cancels[joined_mats.root(mat)]).collect()
 }
 
 fn ca_rate(network: &Network, part: usize) -> Option<Rate> {
@@ -293,8 +280,7 @@ fn resampled(ratios: Ratios, design_rate: Rate, rate: Rate) -> Ratios {
 /// Whether an end of a run is a proxy.
 fn ends_on_proxy(network: &Network, run: &LinkRun) -> bool {
     let mut end_pairs = (0..run.len).flat_map(|i| run.pairs(i));
-    !network.proxies().is_empty()
-        && end_pairs.any(|(a, b)| network.is_proxy(a) || network.is_proxy(b))
+    !network.proxies().is_empty() && end_pairs.any(|(a, b)| network.is_proxy(a) || network.is_proxy(b))
 }
 
 /// A link that cannot end on a proxy.
@@ -311,8 +297,7 @@ fn refuse_proxy(network: &Network, run: &LinkRun) -> Error {
 /// A magic contact is exact only if nothing else acts on its two ends.
 fn check_no_other_link(network: &Network, mat: usize, link: usize) -> Result<(), Error> {
     let is_tied_cell = network.mats().kind[mat] == MatKind::Cel;
-    let has_other_links =
-        is_tied_cell || (network.degree(mat) > 1 && network.mats().kind[mat].moves());
+    let has_other_links = is_tied_cell || (network.degree(mat) > 1 && network.mats().kind[mat].moves());
     if has_other_links {
         return Err(Error::Refused {
             module: network.link_name(link),

@@ -16,10 +16,7 @@ impl Run {
             Kind::Lnl { law, rate, .. } => law.force(e, step * rate),
             Kind::But(but) => but.force(self.k, self.z, e, step),
             Kind::Space(space) => space.law.force([self.k, self.z], e, step),
-            Kind::Followed { .. }
-            | Kind::Bristle { .. }
-            | Kind::Dry { .. }
-            | Kind::Pairwise { .. } => 0.0,
+            Kind::Followed { .. } | Kind::Bristle { .. } | Kind::Dry { .. } | Kind::Pairwise { .. } => 0.0,
         }
     }
 
@@ -31,19 +28,11 @@ impl Run {
             Kind::But(but) => {
                 let (contact_sign, law) = (but.sign(), but.elastic(self.k));
                 let penetration = contact_sign * e;
-                contact_sign
-                    * if penetration > 0.0 {
-                        law.force(penetration)
-                    } else {
-                        0.0
-                    }
+                contact_sign * if penetration > 0.0 { law.force(penetration) } else { 0.0 }
             }
             Kind::Lnl { law, .. } => law.spring(e),
             Kind::Space(space) => space.law.elastic(self.k, e),
-            Kind::Followed { .. }
-            | Kind::Bristle { .. }
-            | Kind::Dry { .. }
-            | Kind::Pairwise { .. } => 0.0,
+            Kind::Followed { .. } | Kind::Bristle { .. } | Kind::Dry { .. } | Kind::Pairwise { .. } => 0.0,
         }
     }
 
@@ -52,9 +41,7 @@ impl Run {
         match &self.kind {
             Kind::Lnl { law, rate, .. } => law.force(e, step * rate) - law.spring(e),
             Kind::Hardening(_) => self.z * step,
-            Kind::Space(space) => {
-                space.law.force([self.k, self.z], e, step) - space.law.elastic(self.k, e)
-            }
+            Kind::Space(space) => space.law.force([self.k, self.z], e, step) - space.law.elastic(self.k, e),
             Kind::Ref
             | Kind::But(_)
             | Kind::Followed { .. }
@@ -127,9 +114,7 @@ impl Run {
     /// own.
     pub(crate) fn tension(&self, e: impl Fn(usize) -> f64) -> f64 {
         match &self.kind {
-            Kind::Lnl { law, .. } if law.is_shared() => {
-                law.tension((0..self.len).map(|i| e(i) * e(i)).sum())
-            }
+            Kind::Lnl { law, .. } if law.is_shared() => law.tension((0..self.len).map(|i| e(i) * e(i)).sum()),
             _ => 0.0,
         }
     }
@@ -138,11 +123,7 @@ impl Run {
     /// (both have the same equation).
     pub(crate) fn can_substep(&self) -> bool {
         let is_fine_kind = match &self.kind {
-            Kind::Ref
-            | Kind::Followed { .. }
-            | Kind::Dry { .. }
-            | Kind::Space(_)
-            | Kind::Pairwise { .. } => false,
+            Kind::Ref | Kind::Followed { .. } | Kind::Dry { .. } | Kind::Space(_) | Kind::Pairwise { .. } => false,
             Kind::But(but) => but.contact != Contact::Magic,
             Kind::Lnl { .. } | Kind::Bristle { .. } | Kind::Hardening(_) => true,
         };

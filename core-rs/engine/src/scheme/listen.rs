@@ -24,11 +24,7 @@ pub(crate) enum Tap {
 /// The taps of one output, in the order of its terms.
 pub(super) fn taps(network: &Network, output: &Output) -> Vec<Tap> {
     let single_tap = |term: &Term| match *term {
-        Term::Position {
-            first,
-            len: 1,
-            weight,
-        } => Some((first, weight)),
+        Term::Position { first, len: 1, weight } => Some((first, weight)),
         _ => None,
     };
     let same_weight = |a: &Term, b: &Term| match (single_tap(a), single_tap(b)) {
@@ -39,11 +35,7 @@ pub(super) fn taps(network: &Network, output: &Output) -> Vec<Tap> {
     for group in output.terms.chunk_by(same_weight) {
         match single_tap(&group[0]) {
             Some((_, weight)) if group.len() >= TOGETHER => {
-                let mats = group
-                    .iter()
-                    .filter_map(single_tap)
-                    .map(|(mat, _)| mat as u32)
-                    .collect();
+                let mats = group.iter().filter_map(single_tap).map(|(mat, _)| mat as u32).collect();
                 output_taps.push(Tap::Scattered { mats, weight });
             }
             _ => output_taps.extend(group.iter().map(|term| tap(network, term))),

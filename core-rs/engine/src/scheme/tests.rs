@@ -35,9 +35,7 @@ fn single_mass(k: f64, z: f64) -> Network {
     let mut network = discrete();
     let moving_mass = network.mas("m", 1.0, 0.0, 0.0).unwrap();
     let fixed_point = network.sol("s", 0.0).unwrap();
-    network
-        .spring("l", fixed_point, moving_mass, k, z, 0.0)
-        .unwrap();
+    network.spring("l", fixed_point, moving_mass, k, z, 0.0).unwrap();
     network
 }
 
@@ -48,9 +46,7 @@ fn row(n: usize, k: f64) -> Network {
         network.mas(&format!("m{i}"), 1.0, 0.0, 0.0).unwrap();
     }
     for i in 1..n {
-        network
-            .spring(&format!("l{i}"), i - 1, i, k, 0.0, 0.0)
-            .unwrap();
+        network.spring(&format!("l{i}"), i - 1, i, k, 0.0, 0.0).unwrap();
     }
     network
 }
@@ -94,16 +90,12 @@ fn certify_names_the_unstable_module() {
     let mut network = discrete();
     for i in 0..30 {
         let cell_tie = Tie::Physical { k: 1.0, z: 0.1 };
-        network
-            .cel(&format!("c{i}"), 1.0, cell_tie, 0.0, 0.0, 0.0)
-            .unwrap();
+        network.cel(&format!("c{i}"), 1.0, cell_tie, 0.0, 0.0, 0.0).unwrap();
     }
     network.part("q", Some(rate()));
     let heavy_mass = network.mas("heavy", 100.0, 0.0, 0.0).unwrap();
     let light_mass = network.mas("light", 0.1, 0.0, 0.0).unwrap();
-    network
-        .spring("l", heavy_mass, light_mass, 0.5, 0.0, 0.0)
-        .unwrap();
+    network.spring("l", heavy_mass, light_mass, 0.5, 0.0, 0.0).unwrap();
     let (module, lambda, oversampling) = unstable(&network);
     assert_eq!((module.as_str(), oversampling), ("q.light", 2));
     // K(1/M₁ + 1/M₂)
@@ -155,8 +147,7 @@ fn certify_of_non_linear_links_is_guarded() {
         k,
         ..but(Contact::Plain)
     };
-    let contact_link =
-        |but: But| move |network: &mut Network| _ = network.but("l", 0, 1, but).unwrap();
+    let contact_link = |but: But| move |network: &mut Network| _ = network.but("l", 0, 1, but).unwrap();
     assert_eq!(
         certify_scene(&contact_link(plain_contact(3.0))),
         Ok((StabilityGuarantee::Guarded, 3.0))
@@ -174,18 +165,14 @@ fn certify_of_non_linear_links_is_guarded() {
         let law = Law::hardening(k, 1e6, 0.0).unwrap();
         move |network: &mut Network| _ = network.lnl("l", 0, 1, Arc::new(law.clone()), 0.0).unwrap()
     };
-    assert_eq!(
-        certify_scene(&law(3.5)).map(|it| it.0),
-        Ok(StabilityGuarantee::Guarded)
-    );
+    assert_eq!(certify_scene(&law(3.5)).map(|it| it.0), Ok(StabilityGuarantee::Guarded));
     assert!(certify_scene(&law(4.5)).is_err());
     let damping = LawText {
         damping: Some("1.9*v"),
         ..LawText::default()
     };
     let damping = Arc::new(Law::new(&damping).unwrap());
-    let damped_result =
-        certify_scene(&|network| _ = network.lnl("l", 0, 1, damping.clone(), 0.0).unwrap());
+    let damped_result = certify_scene(&|network| _ = network.lnl("l", 0, 1, damping.clone(), 0.0).unwrap());
     assert!((damped_result.unwrap().1 - 3.8).abs() < 1e-6);
 }
 
@@ -227,11 +214,7 @@ fn magic_contact_between_wrong_ends_is_refused() {
     assert_eq!(refused(0, 2, &other), None);
     assert!(refused(0, 1, &other).unwrap().contains("p.n"));
     assert!(refused(0, 4, &|_| {}).unwrap().contains("p.c"));
-    assert!(
-        refused(2, 3, &|_| {})
-            .unwrap()
-            .contains("an end that moves")
-    );
+    assert!(refused(2, 3, &|_| {}).unwrap().contains("an end that moves"));
 }
 
 #[test]
@@ -323,9 +306,7 @@ fn certify_names_the_lowest_stable_rate() {
         let mut network = Network::new();
         let moving_mat = network.mas("m", 2.5e-4, 0.0, 0.0).unwrap();
         let wall_mat = network.sol("wall", 0.0).unwrap();
-        network
-            .spring("r", wall_mat, moving_mat, k, z, 0.0)
-            .unwrap();
+        network.spring("r", wall_mat, moving_mat, k, z, 0.0).unwrap();
         let certify = |times: u32| {
             let rate = Rate::new(44_100.0 * f64::from(times)).unwrap();
             Scheme::new(&network, rate).unwrap().certify(&network)
@@ -334,10 +315,7 @@ fn certify_names_the_lowest_stable_rate() {
             panic!("{k} {z}: stable");
         };
         assert!(certify(oversampling).is_ok(), "{k} {z}: {oversampling}");
-        assert!(
-            certify(oversampling - 1).is_err(),
-            "{k} {z}: {oversampling}"
-        );
+        assert!(certify(oversampling - 1).is_err(), "{k} {z}: {oversampling}");
     }
 }
 

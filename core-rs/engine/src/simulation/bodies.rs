@@ -60,51 +60,33 @@ pub(super) struct Workspace {
 
 impl<'a> BodyCandidate<'a> {
     /// Bodies of all units that are not the same on both sides, except those in `without`.
-    fn all(
-        side: &'a Side<'a>,
-        [islands, banks]: [&[bool]; 2],
-        without: &HashSet<(UnitIndex, usize)>,
-    ) -> Vec<Self> {
+    fn all(side: &'a Side<'a>, [islands, banks]: [&[bool]; 2], without: &HashSet<(UnitIndex, usize)>) -> Vec<Self> {
         let time_step = side.rate.step();
         let mut candidates = Vec::new();
         for (&(unit, _, island_plan), _) in unmatched(&side.islands, islands) {
             let indexed_bodies = island_plan.bodies.iter().enumerate();
-            for (index, body) in
-                indexed_bodies.filter(|(index, _)| !without.contains(&(unit, *index)))
-            {
+            for (index, body) in indexed_bodies.filter(|(index, _)| !without.contains(&(unit, *index))) {
                 let body_place = Place {
                     unit,
                     body: Some(index),
                 };
-                let (network, modes_kept, local_mats): (&Network, Option<_>, Vec<usize>) =
-                    match body {
-                        BodyPlan::Modal(modal) => {
-                            let modes_kept = (&modal.computed[..], modal.turned.as_deref());
-                            (&modal.network, Some((modes_kept, modal.rate)), Vec::new())
-                        }
-                        BodyPlan::Mesh(mesh) => {
-                            (&mesh.network, None, (0..mesh.network.n_mat()).collect())
-                        }
-                        BodyPlan::Slow(slow) => {
-                            (&slow.network, None, (0..slow.free.len()).collect())
-                        }
-                    };
+                let (network, modes_kept, local_mats): (&Network, Option<_>, Vec<usize>) = match body {
+                    BodyPlan::Modal(modal) => {
+                        let modes_kept = (&modal.computed[..], modal.turned.as_deref());
+                        (&modal.network, Some((modes_kept, modal.rate)), Vec::new())
+                    }
+                    BodyPlan::Mesh(mesh) => (&mesh.network, None, (0..mesh.network.n_mat()).collect()),
+                    BodyPlan::Slow(slow) => (&slow.network, None, (0..slow.free.len()).collect()),
+                };
                 let body_mats: Vec<usize> = match body {
                     BodyPlan::Slow(slow) => slow.free.clone(),
                     BodyPlan::Mesh(_) => local_mats.clone(),
                     BodyPlan::Modal(_) => moving(network),
                 };
-                let mass_source = modes_kept
-                    .map_or(MassSource::Masses(local_mats), |(modes_kept, rate)| {
-                        MassSource::Modes(network, modes_kept, rate)
-                    });
-                candidates.push(Self::new(
-                    body_place,
-                    network,
-                    &body_mats,
-                    mass_source,
-                    time_step,
-                ));
+                let mass_source = modes_kept.map_or(MassSource::Masses(local_mats), |(modes_kept, rate)| {
+                    MassSource::Modes(network, modes_kept, rate)
+                });
+                candidates.push(Self::new(body_place, network, &body_mats, mass_source, time_step));
             }
         }
         for (&(unit, bank), _) in unmatched(&side.banks, banks) {
@@ -112,24 +94,12 @@ impl<'a> BodyCandidate<'a> {
             let body_place = Place { unit, body: None };
             let modes_kept = (&bank.computed_modes[..], bank.turned.as_deref());
             let mass_source = MassSource::Modes(network, modes_kept, side.rate);
-            candidates.push(Self::new(
-                body_place,
-                network,
-                &moving(network),
-                mass_source,
-                time_step,
-            ));
+            candidates.push(Self::new(body_place, network, &moving(network), mass_source, time_step));
         }
         candidates
     }
 
-    fn new(
-        place: Place,
-        network: &Network,
-        mats: &[usize],
-        source: MassSource<'a>,
-        step: f64,
-    ) -> Self {
+    fn new(place: Place, network: &Network, mats: &[usize], source: MassSource<'a>, step: f64) -> Self {
         let network_mats = network.mats();
         Self {
             place,
@@ -153,9 +123,7 @@ impl<'a> BodyCandidate<'a> {
                 workspace.before.resize(mode_room, 0.0);
                 Source::Modes(Box::new(mode_shapes))
             }
-            MassSource::Masses(own) => {
-                Source::Masses(own.into_iter().map(|own| (own, (0.0, 0.0))).collect())
-            }
+            MassSource::Masses(own) => Source::Masses(own.into_iter().map(|own| (own, (0.0, 0.0))).collect()),
         };
         workspace.mats.extend(self.start);
         Some(Body {
@@ -204,11 +172,7 @@ pub(super) fn bodies(
 }
 
 /// Names of the masses of all bodies that `bodies` considers on one side.
-pub(super) fn names(
-    side: &Side<'_>,
-    same: [&[bool]; 2],
-    without: &HashSet<(UnitIndex, usize)>,
-) -> HashSet<String> {
+pub(super) fn names(side: &Side<'_>, same: [&[bool]; 2], without: &HashSet<(UnitIndex, usize)>) -> HashSet<String> {
     let candidates = BodyCandidate::all(side, same, without).into_iter();
     candidates.flat_map(|known| known.names).collect()
 }
@@ -221,10 +185,8 @@ impl Body {
         match &self.source {
             Source::Modes(seen) => {
                 let mode_count = seen.n_modes();
-                let (amplitudes_now, amplitudes_before) = (
-                    &mut workspace.now[..mode_count],
-                    &mut workspace.before[..mode_count],
-                );
+                let (amplitudes_now, amplitudes_before) =
+                    (&mut workspace.now[..mode_count], &mut workspace.before[..mode_count]);
                 match (playing, self.place.body) {
                     (RunningUnit::Bank(bank), _) => {
                         for mode in 0..mode_count {
@@ -250,14 +212,11 @@ impl Body {
                 let mats = workspace.mats[self.first..].iter_mut().zip(all);
                 match island.body(body) {
                     Some(inside::RunningBody::Mesh(mesh)) => {
-                        mats.for_each(|(mat, &(own, _))| {
-                            *mat = scaled(mesh.motion(own), frame_steps)
-                        });
+                        mats.for_each(|(mat, &(own, _))| *mat = scaled(mesh.motion(own), frame_steps));
                     }
                     Some(inside::RunningBody::Slow(slow)) => {
                         let present = slow.present();
-                        let mass_motion =
-                            |own: usize| scaled(slow.motion(&present, own), frame_steps);
+                        let mass_motion = |own: usize| scaled(slow.motion(&present, own), frame_steps);
                         mats.for_each(|(mat, &(own, _))| *mat = mass_motion(own));
                     }
                     _ => {}
@@ -273,10 +232,8 @@ impl Body {
         match &mut self.source {
             Source::Modes(seen) => {
                 let mode_count = seen.n_modes();
-                let (amplitudes_now, amplitudes_before) = (
-                    &mut workspace.now[..mode_count],
-                    &mut workspace.before[..mode_count],
-                );
+                let (amplitudes_now, amplitudes_before) =
+                    (&mut workspace.now[..mode_count], &mut workspace.before[..mode_count]);
                 let body_mats = &mut workspace.mats[self.first..self.first + seen.mats.len()];
                 body_mats.iter_mut().for_each(|mat| mat.1 *= frames_a_step);
                 seen.amplitudes(body_mats, amplitudes_now, amplitudes_before);

@@ -78,12 +78,7 @@ pub(super) enum RunningUnit {
 
 impl Group {
     /// The units `range` of a plan, at frame 0; `length`: number of samples of the buffer for their sum.
-    pub(super) fn new(
-        plan: &Plan,
-        range: Range<usize>,
-        length: usize,
-        options: Options,
-    ) -> Result<Self, Error> {
+    pub(super) fn new(plan: &Plan, range: Range<usize>, length: usize, options: Options) -> Result<Self, Error> {
         let mut new_group = Self {
             first: range.start,
             team: 1,
@@ -112,8 +107,7 @@ impl Group {
                     ..
                 } = &**island_plan;
                 let step_numbers = (*contact_substeps, *oversampling, *every);
-                let mut island =
-                    Island::new(network.clone(), timeline, bodies, step_numbers, options)?;
+                let mut island = Island::new(network.clone(), timeline, bodies, step_numbers, options)?;
                 if *sleeps {
                     island.sleep_when_quiet();
                 }
@@ -137,12 +131,7 @@ impl Group {
 
     /// Advances every unit by `n_frames` frames, after `done` frames of the simulation, and leaves the sum of their
     /// sounds in `sum`.
-    pub(super) fn run(
-        &mut self,
-        plan: &Plan,
-        n_out: usize,
-        (done, n_frames): (u64, usize),
-    ) -> Option<Fault> {
+    pub(super) fn run(&mut self, plan: &Plan, n_out: usize, (done, n_frames): (u64, usize)) -> Option<Fault> {
         let group_sum = &mut self.sum[..n_out * n_frames];
         group_sum.fill(0.0);
         let mut first_fault: Option<Fault> = None;
@@ -163,8 +152,7 @@ impl Group {
                     )
                 })
             });
-            let is_first =
-                |new: &Fault| first_fault.as_ref().is_none_or(|old| new.frame < old.frame);
+            let is_first = |new: &Fault| first_fault.as_ref().is_none_or(|old| new.frame < old.frame);
             first_fault = new_fault.filter(is_first).or(first_fault);
         }
         first_fault
@@ -241,8 +229,7 @@ pub(super) fn assign_teams(groups: &mut [Group], plan: &Plan, threads: usize) {
             single_costs.push(group_cost);
         }
     }
-    let together = shared_cost / (1.0 + TEAM_EFFICIENCY * (team_size - 1) as f64)
-        + time_in_parallel(&single_costs);
+    let together = shared_cost / (1.0 + TEAM_EFFICIENCY * (team_size - 1) as f64) + time_in_parallel(&single_costs);
     if team_size > 1 && together < time_in_parallel(&all_costs) {
         for group in groups {
             if group.has_shared() {
@@ -275,20 +262,11 @@ pub(super) fn run_on_threads(
 }
 
 /// Add an island's sound (n_frames · own) to the outputs that hear it (n_frames · n_out).
-fn add(
-    sound: &[f64],
-    n_island_out: usize,
-    island_plan: &IslandPlan,
-    out: &mut [f64],
-    n_out: usize,
-) {
+fn add(sound: &[f64], n_island_out: usize, island_plan: &IslandPlan, out: &mut [f64], n_out: usize) {
     if n_out == 0 || n_island_out == 0 {
         return;
     }
-    for (frame, samples) in out
-        .chunks_exact_mut(n_out)
-        .zip(sound.chunks_exact(n_island_out))
-    {
+    for (frame, samples) in out.chunks_exact_mut(n_out).zip(sound.chunks_exact(n_island_out)) {
         for (local, samples) in samples.iter().enumerate() {
             frame[to_network_index(&island_plan.to_whole.outputs, local)] += samples;
         }

@@ -144,10 +144,7 @@ impl Look {
     /// The oscillation of a mode, by its track.
     fn oscillation(&self, track: usize) -> Oscillation {
         let mode_index = track - self.points.len();
-        let body_index = self
-            .bodies
-            .partition_point(|body_index| body_index.first <= mode_index)
-            - 1;
+        let body_index = self.bodies.partition_point(|body_index| body_index.first <= mode_index) - 1;
         self.bodies[body_index].modes[mode_index - self.bodies[body_index].first]
     }
 }
@@ -160,12 +157,8 @@ impl Simulation {
         let network = &*self.plan.network;
         let mass_of = |struck_mat: u32| {
             let mass_now = network.mats().m[struck_mat as usize];
-            let mat_part = network
-                .parts()
-                .get(network.mats().part[struck_mat as usize] as usize);
-            let part_rate = mat_part
-                .and_then(|mat_part| mat_part.ca_rate)
-                .map_or(1.0, Rate::hertz);
+            let mat_part = network.parts().get(network.mats().part[struck_mat as usize] as usize);
+            let part_rate = mat_part.and_then(|mat_part| mat_part.ca_rate).map_or(1.0, Rate::hertz);
             mass_now / (part_rate * part_rate)
         };
         let strikes = timeline.strikes.iter().map(|strike| {
@@ -185,8 +178,7 @@ impl Simulation {
             source: ergon.source,
             mass: ergon.mass,
             speed: ergon.speed,
-            impulse: 2.0 * ergon.mass * mass_of(ergon.mat) / (ergon.mass + mass_of(ergon.mat))
-                * ergon.speed,
+            impulse: 2.0 * ergon.mass * mass_of(ergon.mat) / (ergon.mass + mass_of(ergon.mat)) * ergon.speed,
         });
         let mut all_records: Vec<Record> = strikes.chain(ergon_records).collect();
         all_records.sort_by(|a, b| a.time.total_cmp(&b.time).then(a.mat.cmp(&b.mat)));
@@ -264,13 +256,10 @@ impl Simulation {
 
     /// Largest number of sparks between two looks.
     pub(super) fn sparks_max(&self, look: &Look) -> usize {
-        let spark_counts = look
-            .played
-            .iter()
-            .map(|(unit, _)| match self.running(*unit) {
-                RunningUnit::Island(island) => island.sparks_max(),
-                RunningUnit::Bank(_) => 0,
-            });
+        let spark_counts = look.played.iter().map(|(unit, _)| match self.running(*unit) {
+            RunningUnit::Island(island) => island.sparks_max(),
+            RunningUnit::Bank(_) => 0,
+        });
         spark_counts.sum()
     }
 
@@ -303,29 +292,17 @@ impl Simulation {
 impl Source {
     /// Reads the numbers of this source from an island, in a scene of `rate` that has computed `frame` frames. If the
     /// island is ahead of the scene, its motion is followed back to the scene's frame.
-    fn look(
-        &self,
-        look: &Look,
-        (island, frame): (&Island, u64),
-        rate: f64,
-        now: &mut [f64],
-        before: &mut [f64],
-    ) {
+    fn look(&self, look: &Look, (island, frame): (&Island, u64), rate: f64, now: &mut [f64], before: &mut [f64]) {
         let frames_ahead = island.ahead(frame);
         let steps_ahead = f64::from(frames_ahead) * island.steps_a_frame();
         let traced_back = |x: f64, step: f64| {
-            if frames_ahead == 0 {
-                x
-            } else {
-                x - steps_ahead * step
-            }
+            if frames_ahead == 0 { x } else { x - steps_ahead * step }
         };
         match self {
             Self::Masses(all) => {
                 let (x, step) = (island.positions(), island.steps());
                 for &(index, track, rest) in all {
-                    now[track as usize] =
-                        traced_back(x[index as usize], step[index as usize]) - rest;
+                    now[track as usize] = traced_back(x[index as usize], step[index as usize]) - rest;
                 }
             }
             Self::Mesh(body, all) => {

@@ -27,12 +27,7 @@ impl ReachableNetwork {
     ///
     /// # Errors
     /// If the hand's MAT does not move, or a tick cannot have this length.
-    pub fn response(
-        &self,
-        rate: Rate,
-        every: u32,
-        ticks: [usize; 2],
-    ) -> Result<Option<Vec<f64>>, Error> {
+    pub fn response(&self, rate: Rate, every: u32, ticks: [usize; 2]) -> Result<Option<Vec<f64>>, Error> {
         let response = self.response_in_steps(rate, every, 1, ticks)?;
         if response.is_some() || self.is_discrete() {
             return Ok(response);
@@ -69,8 +64,7 @@ impl ReachableNetwork {
             message,
         };
         let network = Arc::new(self.network.clone());
-        let rate = Rate::new(rate.hertz() * f64::from(steps))
-            .map_err(|error| refused(error.to_string()))?;
+        let rate = Rate::new(rate.hertz() * f64::from(steps)).map_err(|error| refused(error.to_string()))?;
         let mut timeline = Timeline::new(rate);
         // The path begins at 0: the hand is at rest before its displacement.
         let hand_path = [0.0, DISPLACEMENT, 0.0];
@@ -88,9 +82,7 @@ impl ReachableNetwork {
         let mut simulation = Simulation::planned(Arc::new(plain_plan), options)?;
         let tick_frames = u64::from(every * steps);
         let [ticks_min, ticks_max] = ticks;
-        let ticks_max = ticks_max
-            .min(WORK_MAX / self.network.n_mat().max(1))
-            .max(ticks_min);
+        let ticks_max = ticks_max.min(WORK_MAX / self.network.n_mat().max(1)).max(ticks_min);
         let mut response = Vec::with_capacity(ticks_max);
         // Faults are muted.
         let _ = simulation.skip(tick_frames);
@@ -107,10 +99,7 @@ impl ReachableNetwork {
 
 /// Whether the last quarter of a response still holds a force above `DECAYED` of the largest after the first two ticks.
 fn rings(response: &[f64]) -> bool {
-    let greatest = |part: &[f64]| {
-        part.iter()
-            .fold(0.0, |greatest, x| f64::max(greatest, x.abs()))
-    };
+    let greatest = |part: &[f64]| part.iter().fold(0.0, |greatest, x| f64::max(greatest, x.abs()));
     let tail_start = response.len() - response.len() / 4;
     response.len() > 2 && greatest(&response[tail_start..]) > DECAYED * greatest(&response[2..])
 }
@@ -132,28 +121,16 @@ mod tests {
         let second_key = network.cel("b", 0.4, KEY, 0.0, 0.0, 0.0).unwrap();
         let first_mass = network.cel("m", 0.01, KEY, 0.0, 0.0, 0.0).unwrap();
         let second_mass = network.cel("n", 0.01, KEY, 0.0, 0.0, 0.0).unwrap();
-        network
-            .spring("am", first_key, first_mass, 300.0, 0.1, 1e-3)
-            .unwrap();
-        network
-            .spring("ab", first_key, second_key, 500.0, 0.0, 0.0)
-            .unwrap();
-        network
-            .spring("bn", second_key, second_mass, 700.0, 0.1, 0.0)
-            .unwrap();
-        (
-            network,
-            [first_key, far_cell, second_key, first_mass, second_mass],
-        )
+        network.spring("am", first_key, first_mass, 300.0, 0.1, 1e-3).unwrap();
+        network.spring("ab", first_key, second_key, 500.0, 0.0, 0.0).unwrap();
+        network.spring("bn", second_key, second_mass, 700.0, 0.1, 0.0).unwrap();
+        (network, [first_key, far_cell, second_key, first_mass, second_mass])
     }
 
     fn response(network: &Network, mat: usize, moment: &NetworkMoment) -> Vec<f64> {
         let reached = network.reachable_network(mat, moment, 1e-3, RATE);
         let sample_rate = Rate::new(RATE).unwrap();
-        reached
-            .response(sample_rate, 44, [400, 4_096])
-            .unwrap()
-            .unwrap()
+        reached.response(sample_rate, 44, [400, 4_096]).unwrap().unwrap()
     }
 
     #[test]
@@ -161,11 +138,7 @@ mod tests {
         let (network, [first_key, far_cell, second_key, ..]) = scene();
         let reached = network.reachable_network(first_key, &NetworkMoment::default(), 1e-3, RATE);
         assert_eq!(
-            (
-                reached.network.n_mat(),
-                reached.network.n_lia(),
-                reached.others
-            ),
+            (reached.network.n_mat(), reached.network.n_lia(), reached.others),
             (4, 3, 0)
         );
         let moment_held = NetworkMoment {
@@ -175,11 +148,7 @@ mod tests {
         // A held key is the end of what can be reached, and the hand on it is counted.
         let reached = network.reachable_network(first_key, &moment_held, 1e-3, RATE);
         assert_eq!(
-            (
-                reached.network.n_mat(),
-                reached.network.n_lia(),
-                reached.others
-            ),
+            (reached.network.n_mat(), reached.network.n_lia(), reached.others),
             (3, 2, 1)
         );
         let moment_parted = NetworkMoment {
@@ -188,11 +157,7 @@ mod tests {
         };
         let reached = network.reachable_network(first_key, &moment_parted, 1e-3, RATE);
         assert_eq!(
-            (
-                reached.network.n_mat(),
-                reached.network.n_lia(),
-                reached.others
-            ),
+            (reached.network.n_mat(), reached.network.n_lia(), reached.others),
             (2, 1, 0)
         );
     }
@@ -210,9 +175,7 @@ mod tests {
         other_network.part("keys", None);
         let other_key = other_network.cel("a", 0.4, KEY, 0.0, 0.0, 0.0).unwrap();
         let mass_tie = Tie::Physical { k: 10.0, z: 0.3 };
-        let first_mass = other_network
-            .cel("m", 0.02, mass_tie, 0.0, 0.0, 0.0)
-            .unwrap();
+        let first_mass = other_network.cel("m", 0.02, mass_tie, 0.0, 0.0, 0.0).unwrap();
         let second_key = other_network.cel("b", 0.4, KEY, 0.0, 0.0, 0.0).unwrap();
         let second_mass = other_network.cel("n", 0.01, KEY, 0.0, 0.0, 0.0).unwrap();
         other_network
@@ -231,10 +194,7 @@ mod tests {
         for (answered, expected) in answered.iter().zip(&expected) {
             assert!((answered - expected).abs() < 1e-6 * expected.abs() + 1e-9);
         }
-        assert_ne!(
-            answered,
-            response(&network, first_key, &NetworkMoment::default())
-        );
+        assert_ne!(answered, response(&network, first_key, &NetworkMoment::default()));
     }
 
     /// The same numbers give the same bytes; a change of any number changes the bytes.
@@ -268,9 +228,7 @@ mod tests {
         network.part("keys", None);
         let first_key = network.cel("a", 0.4, KEY, 0.0, 0.0, 0.0).unwrap();
         let light_mass = network.cel("m", 1e-4, KEY, 0.0, 0.0, 0.0).unwrap();
-        network
-            .spring("am", first_key, light_mass, 1e6, 0.0, 0.0)
-            .unwrap();
+        network.spring("am", first_key, light_mass, 1e6, 0.0, 0.0).unwrap();
         let hand_forces = response(&network, first_key, &NetworkMoment::default());
         // In the end the mass moves with the key, and only the spring of its own tie pushes back.
         let force_sum: f64 = hand_forces.iter().sum();

@@ -17,17 +17,8 @@ impl SoundsIn {
     pub(super) fn new(plan: &Plan) -> Self {
         let frame_rate = plan.timeline_rate.hertz();
         let new_conditioner = |settings| Conditioner::new(settings, frame_rate);
-        let conditioners: Vec<Conditioner> = plan
-            .sounds_in
-            .iter()
-            .copied()
-            .map(new_conditioner)
-            .collect();
-        let buffer_size = if conditioners.is_empty() {
-            0
-        } else {
-            FRAMES_MAX
-        };
+        let conditioners: Vec<Conditioner> = plan.sounds_in.iter().copied().map(new_conditioner).collect();
+        let buffer_size = if conditioners.is_empty() { 0 } else { FRAMES_MAX };
         Self {
             conditioners,
             values: vec![0.0; buffer_size].into(),
@@ -72,8 +63,7 @@ impl Simulation {
     pub(super) fn go_on_as_told(&mut self, old: &Self) {
         for (island, _) in old.islands() {
             for (number, mode) in island.ways() {
-                self.playing_islands()
-                    .for_each(|own| own.go_on_as_told(number, mode));
+                self.playing_islands().for_each(|own| own.go_on_as_told(number, mode));
             }
         }
     }
@@ -94,10 +84,7 @@ impl Simulation {
         let n_channels = n_channels.max(1);
         let frame_count = (frames.len() / n_channels).min(FRAMES_MAX);
         let first_frame = self.frame;
-        let SoundsIn {
-            conditioners,
-            values,
-        } = &mut self.sounds_in;
+        let SoundsIn { conditioners, values } = &mut self.sounds_in;
         for (index, conditioner) in conditioners.iter_mut().enumerate() {
             let Some(channel) = conditioner.channel() else {
                 continue;

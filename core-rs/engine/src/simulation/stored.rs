@@ -30,9 +30,7 @@ impl Simulation {
     pub fn storable(&self) -> Vec<StorableIsland> {
         let indexed_units = self.units().enumerate();
         let islands = indexed_units.filter_map(|(unit, pair)| match pair {
-            (RunningUnit::Island(island), Unit::IslandPlan(_))
-                if unit < self.plan.n_heard && island.is_storable() =>
-            {
+            (RunningUnit::Island(island), Unit::IslandPlan(_)) if unit < self.plan.n_heard && island.is_storable() => {
                 Some(StorableIsland {
                     unit,
                     n_out: island.n_out(),
@@ -68,9 +66,7 @@ impl Simulation {
             SoundSource::Recorded(recorded_sound) => recorded_sound,
             SoundSource::Computed | SoundSource::Recalled(..) => Vec::new(),
         };
-        let island_state = self
-            .island(island)
-            .map_or_else(Vec::new, Island::write_state);
+        let island_state = self.island(island).map_or_else(Vec::new, Island::write_state);
         (recorded_sound, island_state)
     }
 
@@ -101,8 +97,7 @@ impl Simulation {
                 (0..n_frames).step_by(UNIT_BLOCK).try_for_each(|from| {
                     interrupt::poll();
                     let n_frames = UNIT_BLOCK.min(n_frames - from);
-                    let block_output =
-                        &mut island_sound[n_outputs * from..n_outputs * (from + n_frames)];
+                    let block_output = &mut island_sound[n_outputs * from..n_outputs * (from + n_frames)];
                     running.process(block_output, n_frames, team)
                 })
             })

@@ -75,28 +75,18 @@ impl Takeover {
 
     /// Finds islands that are the same in both; returns which those are, there and here.
     fn islands(&mut self, there: &Side<'_>, here: &Side<'_>) -> [Vec<bool>; 2] {
-        let mut same_islands = [
-            vec![false; there.islands.len()],
-            vec![false; here.islands.len()],
-        ];
+        let mut same_islands = [vec![false; there.islands.len()], vec![false; here.islands.len()]];
         let first_mat_name = |island_plan: &IslandPlan| island_plan.network.mat_name(0);
         // The first MAT of several islands may be the same imposed point, such as a hand's key: one name, several
         // candidates.
         let mut old_by_name: HashMap<String, Vec<usize>> = HashMap::new();
         for (unit, (_, _, island_plan)) in there.islands.iter().enumerate() {
-            old_by_name
-                .entry(first_mat_name(island_plan))
-                .or_default()
-                .push(unit);
+            old_by_name.entry(first_mat_name(island_plan)).or_default().push(unit);
         }
         for (unit, &(to, _, island_plan)) in here.islands.iter().enumerate() {
-            let mut candidates = old_by_name
-                .get(&first_mat_name(island_plan))
-                .into_iter()
-                .flatten();
+            let mut candidates = old_by_name.get(&first_mat_name(island_plan)).into_iter().flatten();
             let is_same_island = |&&old_index: &&usize| {
-                !same_islands[0][old_index]
-                    && are_same_islands(island_plan, there.islands[old_index].2)
+                !same_islands[0][old_index] && are_same_islands(island_plan, there.islands[old_index].2)
             };
             let Some(&old_index) = candidates.find(is_same_island) else {
                 continue;
@@ -109,16 +99,12 @@ impl Takeover {
 
     /// Finds banks that are the same in both; returns which those are, there and here.
     fn banks(&mut self, there: &Side<'_>, here: &Side<'_>) -> [Vec<bool>; 2] {
-        let mut same_banks = [
-            vec![false; there.banks.len()],
-            vec![false; here.banks.len()],
-        ];
-        let first_mat_name =
-            |side: &Side<'_>, bank: &crate::plan::BankPlan| match (&bank.body, bank.mats.first()) {
-                (Some(network), _) => network.mat_name(0),
-                (None, Some(&(mat, _))) => side.network.mat_name(mat as usize),
-                (None, None) => String::new(),
-            };
+        let mut same_banks = [vec![false; there.banks.len()], vec![false; here.banks.len()]];
+        let first_mat_name = |side: &Side<'_>, bank: &crate::plan::BankPlan| match (&bank.body, bank.mats.first()) {
+            (Some(network), _) => network.mat_name(0),
+            (None, Some(&(mat, _))) => side.network.mat_name(mat as usize),
+            (None, None) => String::new(),
+        };
         let indexed_banks = there.banks.iter().enumerate();
         let old_by_name: HashMap<String, usize> = indexed_banks
             .map(|(unit, (_, bank))| (first_mat_name(there, bank), unit))
@@ -128,27 +114,25 @@ impl Takeover {
                 continue;
             };
             let (old_unit, old_bank) = there.banks[old_index];
-            let is_same_bank = match (&bank.body, &old_bank.body) {
-                (Some(own), Some(their)) => own.is_same(their),
-                (None, None) => {
-                    let mat_identity = |network: &Network, mat: &(u32, f64)| {
-                        (network.mat_name(mat.0 as usize), mat.1.to_bits())
-                    };
-                    bank.mats.len() == old_bank.mats.len()
-                        && bank.mats.iter().zip(&old_bank.mats).all(|(own, their)| {
-                            mat_identity(here.network, own) == mat_identity(there.network, their)
-                        })
-                }
-                _ => false,
-            };
+            let is_same_bank =
+                match (&bank.body, &old_bank.body) {
+                    (Some(own), Some(their)) => own.is_same(their),
+                    (None, None) => {
+                        let mat_identity =
+                            |network: &Network, mat: &(u32, f64)| (network.mat_name(mat.0 as usize), mat.1.to_bits());
+                        bank.mats.len() == old_bank.mats.len()
+                            && bank.mats.iter().zip(&old_bank.mats).all(|(own, their)| {
+                                mat_identity(here.network, own) == mat_identity(there.network, their)
+                            })
+                    }
+                    _ => false,
+                };
             if !is_same_bank {
                 continue;
             }
             if are_same(&bank.oscillators, &old_bank.oscillators) {
                 self.units.push((old_unit, to));
-            } else if bank.body.is_some()
-                && have_same_poles(&bank.oscillators, &old_bank.oscillators)
-            {
+            } else if bank.body.is_some() && have_same_poles(&bank.oscillators, &old_bank.oscillators) {
                 self.modes.push((old_unit, to, bank.oscillators.len()));
             } else {
                 continue;
@@ -163,17 +147,15 @@ impl Takeover {
         for (&(to, _, island_plan), _) in unmatched(&here.islands, &same[1]) {
             let mut is_matched = false;
             for (body_index, body) in island_plan.bodies.iter().enumerate() {
-                let old_body =
-                    unmatched(&there.islands, &same[0]).find_map(|(&(old_unit, _, other), _)| {
-                        let same = |their: &crate::island::inside::BodyPlan| {
-                            let new_mat_name = |mat| island_plan.network.mat_name(mat);
-                            body.is_same(their, new_mat_name, |mat| other.network.mat_name(mat))
-                        };
-                        Some((old_unit, other.bodies.iter().position(same)?))
-                    });
+                let old_body = unmatched(&there.islands, &same[0]).find_map(|(&(old_unit, _, other), _)| {
+                    let same = |their: &crate::island::inside::BodyPlan| {
+                        let new_mat_name = |mat| island_plan.network.mat_name(mat);
+                        body.is_same(their, new_mat_name, |mat| other.network.mat_name(mat))
+                    };
+                    Some((old_unit, other.bodies.iter().position(same)?))
+                });
                 if let Some((old_unit, their)) = old_body {
-                    self.items
-                        .push((old_unit, to, ItemTakeover::Body(their, body_index)));
+                    self.items.push((old_unit, to, ItemTakeover::Body(their, body_index)));
                     is_matched = true;
                 }
             }
@@ -186,24 +168,23 @@ impl Takeover {
     /// Finds links with memory in islands that are not the same, by link name; links of one name are matched by their
     /// order.
     fn memory(&mut self, there: &Side<'_>, here: &Side<'_>, islands: &[Vec<bool>; 2]) {
-        let links_by_name =
-            |side: &Side<'_>, same: &[bool]| -> Vec<((String, usize), (UnitIndex, usize))> {
-                let other_islands = side.islands.iter().zip(same).filter(|(_, same)| !**same);
-                let links = other_islands.flat_map(|(&(unit, _, island_plan), _)| {
-                    let network = &island_plan.network;
-                    let link_runs = network.runs().iter();
-                    let remembering = link_runs.filter(|run| run.kind.remembers());
-                    let links = remembering.flat_map(|run| run.first..run.first + run.len);
-                    links.map(move |link| (network.link_name(link), (unit, link)))
-                });
-                let mut name_counts: HashMap<String, usize> = HashMap::new();
-                let numbered = links.map(|(name, place)| {
-                    let name_number = name_counts.entry(name.clone()).or_default();
-                    *name_number += 1;
-                    ((name, *name_number), place)
-                });
-                numbered.collect()
-            };
+        let links_by_name = |side: &Side<'_>, same: &[bool]| -> Vec<((String, usize), (UnitIndex, usize))> {
+            let other_islands = side.islands.iter().zip(same).filter(|(_, same)| !**same);
+            let links = other_islands.flat_map(|(&(unit, _, island_plan), _)| {
+                let network = &island_plan.network;
+                let link_runs = network.runs().iter();
+                let remembering = link_runs.filter(|run| run.kind.remembers());
+                let links = remembering.flat_map(|run| run.first..run.first + run.len);
+                links.map(move |link| (network.link_name(link), (unit, link)))
+            });
+            let mut name_counts: HashMap<String, usize> = HashMap::new();
+            let numbered = links.map(|(name, place)| {
+                let name_number = name_counts.entry(name.clone()).or_default();
+                *name_number += 1;
+                ((name, *name_number), place)
+            });
+            numbered.collect()
+        };
         let old_by_name: HashMap<_, _> = links_by_name(there, &islands[0]).into_iter().collect();
         for (name, (to, remembering)) in links_by_name(here, &islands[1]) {
             if let Some(&(old_unit, old_link)) = old_by_name.get(&name) {
@@ -216,22 +197,18 @@ impl Takeover {
     /// Finds contacts of all pairs, in islands that are not the same, whose history of sliding continues: matched by
     /// link name and by the numbers of points.
     fn histories(&mut self, there: &Side<'_>, here: &Side<'_>, islands: &[Vec<bool>; 2]) {
-        let contact_runs =
-            |side: &Side<'_>, same: &[bool]| -> HashMap<(String, [usize; 2]), (UnitIndex, usize)> {
-                let other_islands = side.islands.iter().zip(same).filter(|(_, same)| !**same);
-                let named_runs = other_islands.flat_map(|(&(unit, _, island_plan), _)| {
-                    let network = &island_plan.network;
-                    network.runs().iter().filter_map(move |run| {
-                        let point_pairs = run.pairwise()?.pairs;
-                        let point_counts = [point_pairs.n_first, run.len];
-                        Some((
-                            (network.link_name(run.first), point_counts),
-                            (unit, run.first),
-                        ))
-                    })
-                });
-                named_runs.collect()
-            };
+        let contact_runs = |side: &Side<'_>, same: &[bool]| -> HashMap<(String, [usize; 2]), (UnitIndex, usize)> {
+            let other_islands = side.islands.iter().zip(same).filter(|(_, same)| !**same);
+            let named_runs = other_islands.flat_map(|(&(unit, _, island_plan), _)| {
+                let network = &island_plan.network;
+                network.runs().iter().filter_map(move |run| {
+                    let point_pairs = run.pairwise()?.pairs;
+                    let point_counts = [point_pairs.n_first, run.len];
+                    Some(((network.link_name(run.first), point_counts), (unit, run.first)))
+                })
+            });
+            named_runs.collect()
+        };
         let old_runs = contact_runs(there, &islands[0]);
         for (name, (to, run_index)) in contact_runs(here, &islands[1]) {
             if let Some(&(old_unit, old_run)) = old_runs.get(&name) {
@@ -242,13 +219,7 @@ impl Takeover {
     }
 
     /// Finds MATs of units that are not the same.
-    fn mats(
-        &mut self,
-        there: &Side<'_>,
-        here: &Side<'_>,
-        islands: &[Vec<bool>; 2],
-        banks: &[Vec<bool>; 2],
-    ) {
+    fn mats(&mut self, there: &Side<'_>, here: &Side<'_>, islands: &[Vec<bool>; 2], banks: &[Vec<bool>; 2]) {
         let taken_bodies = |here: bool| -> HashSet<(UnitIndex, usize)> {
             let bodies = self.items.iter().filter_map(|(from, to, item)| match item {
                 ItemTakeover::Body(_, own) if here => Some((*to, *own)),
@@ -263,9 +234,7 @@ impl Takeover {
         let singles = mat_locations(there, old_same);
         let old_names: HashSet<String> = {
             let bodies = names(there, old_same, &old_taken).into_iter();
-            bodies
-                .chain(singles.iter().map(|(name, _)| name.clone()))
-                .collect()
+            bodies.chain(singles.iter().map(|(name, _)| name.clone())).collect()
         };
         let mut here_mats = mat_locations(here, new_same);
         let (body_locations, to) = bodies(
@@ -287,8 +256,7 @@ impl Takeover {
             ModalTransform::ToPositions,
             &mut self.workspace,
         );
-        let old_by_name: HashMap<String, MatLocation> =
-            singles.into_iter().chain(body_locations).collect();
+        let old_by_name: HashMap<String, MatLocation> = singles.into_iter().chain(body_locations).collect();
         for (name, to) in &here_mats {
             if let Some(&from) = old_by_name.get(name) {
                 self.mats.push((from, *to));
@@ -317,13 +285,7 @@ fn are_same_islands(island_plan: &IslandPlan, other: &IslandPlan) -> bool {
 }
 
 /// Whether two banks hold the same modes; their outputs may differ.
-fn have_same_poles(
-    oscillators: &[crate::bank::Oscillator],
-    other: &[crate::bank::Oscillator],
-) -> bool {
+fn have_same_poles(oscillators: &[crate::bank::Oscillator], other: &[crate::bank::Oscillator]) -> bool {
     let numbers = |one: &crate::bank::Oscillator| (one.a, one.b);
-    oscillators
-        .iter()
-        .map(numbers)
-        .eq(other.iter().map(numbers))
+    oscillators.iter().map(numbers).eq(other.iter().map(numbers))
 }

@@ -14,10 +14,7 @@ const QL_ITERATIONS_MAX: usize = 60;
 /// (n,). `matrix` is (n, n), row after row, and is overwritten.
 ///
 /// `None` if a number is not finite or QL does not converge.
-pub(crate) fn all_eigenvalues(
-    mut matrix: Vec<f64>,
-    vectors: &[Vec<f64>],
-) -> Option<(Vec<f64>, Vec<Vec<f64>>)> {
+pub(crate) fn all_eigenvalues(mut matrix: Vec<f64>, vectors: &[Vec<f64>]) -> Option<(Vec<f64>, Vec<Vec<f64>>)> {
     let dimension = matrix.len().isqrt();
     let mut reduced_vectors = vectors.to_vec();
     let (mut diagonal, mut off_diagonal) = reduce(&mut matrix, dimension, &mut reduced_vectors);
@@ -68,20 +65,12 @@ wide! {
 fn reduce(matrix: &mut [f64], n: usize, seen: &mut [Vec<f64>]) -> (Vec<f64>, Vec<f64>) {
     let (mut diagonal, mut off_diagonal) = (vec![0.0; n], vec![0.0; n]);
     // Vectors of the last reflection: its update is applied when the next step reads the rows anyway.
-    let (mut v, mut w, mut reflector, mut scaled_image) =
-        (vec![0.0; n], vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+    let (mut v, mut w, mut reflector, mut scaled_image) = (vec![0.0; n], vec![0.0; n], vec![0.0; n], vec![0.0; n]);
     let zero_vector = vec![0.0; n];
     for k in 0..n {
         interrupt::spend((n - k) * (n - k));
         let matrix_row = &mut matrix[k * n..(k + 1) * n];
-        update(
-            &mut matrix_row[k..],
-            v[k],
-            &w[k..],
-            w[k],
-            &v[k..],
-            &zero_vector[k..],
-        );
+        update(&mut matrix_row[k..], v[k], &w[k..], w[k], &v[k..], &zero_vector[k..]);
         diagonal[k] = matrix_row[k];
         if k + 1 == n {
             break;
@@ -96,10 +85,7 @@ fn reduce(matrix: &mut [f64], n: usize, seen: &mut [Vec<f64>]) -> (Vec<f64>, Vec
             reflector.fill(0.0);
             0.0
         } else {
-            let signed_length = copysign(
-                sqrt(tail_square + column_below[0] * column_below[0]),
-                column_below[0],
-            );
+            let signed_length = copysign(sqrt(tail_square + column_below[0] * column_below[0]), column_below[0]);
             off_diagonal[k + 1] = -signed_length;
             reflector[k + 1] += signed_length;
             2.0 / dot(&reflector[k + 1..], &reflector[k + 1..])
@@ -109,19 +95,11 @@ fn reduce(matrix: &mut [f64], n: usize, seen: &mut [Vec<f64>]) -> (Vec<f64>, Vec
             for i in k + 1..n {
                 let matrix_row = &mut matrix[i * n + k + 1..(i + 1) * n];
                 let (v, w) = (&v[..], &w[..]);
-                scaled_image[i] = reflection_scale
-                    * update(
-                        matrix_row,
-                        v[i],
-                        &w[k + 1..],
-                        w[i],
-                        &v[k + 1..],
-                        &reflector[k + 1..],
-                    );
+                scaled_image[i] =
+                    reflection_scale * update(matrix_row, v[i], &w[k + 1..], w[i], &v[k + 1..], &reflector[k + 1..]);
             }
         }
-        let half_product =
-            0.5 * reflection_scale * dot(&reflector[k + 1..], &scaled_image[k + 1..]);
+        let half_product = 0.5 * reflection_scale * dot(&reflector[k + 1..], &scaled_image[k + 1..]);
         for i in k + 1..n {
             (v[i], w[i]) = (
                 reflector[i],
@@ -150,8 +128,7 @@ fn iterate(d: &mut [f64], e: &mut [f64], rotated: &mut [f64], k: usize) -> Optio
         for round in 0.. {
             interrupt::spend((dimension - l) * (k + 8));
             let is_small = |split_index: usize| {
-                e[split_index].abs()
-                    <= f64::EPSILON * (d[split_index].abs() + d[split_index + 1].abs())
+                e[split_index].abs() <= f64::EPSILON * (d[split_index].abs() + d[split_index + 1].abs())
             };
             let split_index = (l..dimension - 1)
                 .find(|&split_index| is_small(split_index))

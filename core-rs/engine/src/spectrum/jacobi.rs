@@ -52,28 +52,20 @@ pub(super) fn largest(matrix: Vec<Vec<f64>>) -> (f64, Vec<f64>) {
 fn rotate(matrix: &mut [Vec<f64>], vectors: &mut [Vec<f64>], p: usize, q: usize) -> bool {
     let off_diagonal = matrix[p][q];
     let (first_diagonal, second_diagonal) = (matrix[p][p], matrix[q][q]);
-    if off_diagonal.abs()
-        <= f64::EPSILON * 0.25 * sqrt(first_diagonal.abs()) * sqrt(second_diagonal.abs())
+    if off_diagonal.abs() <= f64::EPSILON * 0.25 * sqrt(first_diagonal.abs()) * sqrt(second_diagonal.abs())
         || off_diagonal == 0.0
     {
         return false;
     }
     let tau = (second_diagonal - first_diagonal) / (2.0 * off_diagonal);
     let cotangent = tau.abs() + sqrt(1.0 + tau * tau);
-    let tangent = if tau < 0.0 {
-        -1.0 / cotangent
-    } else {
-        1.0 / cotangent
-    };
+    let tangent = if tau < 0.0 { -1.0 / cotangent } else { 1.0 / cotangent };
     let cosine = 1.0 / sqrt(1.0 + tangent * tangent);
     let sine = tangent * cosine;
     turn(matrix, p, q, cosine, sine);
     turn(vectors, p, q, cosine, sine);
     for row in matrix.iter_mut() {
-        (row[p], row[q]) = (
-            cosine * row[p] - sine * row[q],
-            sine * row[p] + cosine * row[q],
-        );
+        (row[p], row[q]) = (cosine * row[p] - sine * row[q], sine * row[p] + cosine * row[q]);
     }
     matrix[p][p] = first_diagonal - tangent * off_diagonal;
     matrix[q][q] = second_diagonal + tangent * off_diagonal;

@@ -4,9 +4,7 @@
 //! same steps and sums the vector. Orthogonality is lost only along converged pairs (Paige 1971), so it is kept for the
 //! pair that is sought. The error of the Rayleigh quotient is the square of the vector's error.
 
-use super::vector::{
-    add, dot, norm, normalise, orthogonalise, orthonormal, scale_and_subtract, start_vector,
-};
+use super::vector::{add, dot, norm, normalise, orthogonalise, orthonormal, scale_and_subtract, start_vector};
 use super::{Apply, Mode};
 use crate::interrupt;
 
@@ -41,10 +39,7 @@ pub(crate) fn lowest(n: usize, apply: Apply<'_>, nullspace: &[Vec<f64>]) -> Opti
         add(-lambda, &vector, &mut image);
         let residual = norm(&image);
         // Once rounding decides the residual, a restart does not improve it.
-        if best_mode
-            .as_ref()
-            .is_some_and(|(before, _)| residual >= 0.5 * before)
-        {
+        if best_mode.as_ref().is_some_and(|(before, _)| residual >= 0.5 * before) {
             break;
         }
         best_mode = Some((
@@ -115,14 +110,7 @@ impl Tridiagonal {
         let (mut beta, mut next_check) = (0.0, 4.0);
         loop {
             let alpha;
-            (alpha, beta) = step(
-                &mut krylov_vector,
-                &mut previous_vector,
-                &mut image,
-                beta,
-                apply,
-                null,
-            );
+            (alpha, beta) = step(&mut krylov_vector, &mut previous_vector, &mut image, beta, apply, null);
             tridiagonal.alphas.push(alpha);
             tridiagonal.scale = f64::max(tridiagonal.scale, alpha.abs() + beta);
             let step_count = tridiagonal.alphas.len();
@@ -178,8 +166,7 @@ impl Tridiagonal {
             }
             eigenvector[dimension - 1] /= pivots[dimension - 1];
             for i in (0..dimension - 1).rev() {
-                eigenvector[i] =
-                    eigenvector[i] / pivots[i] - self.betas[i] / pivots[i] * eigenvector[i + 1];
+                eigenvector[i] = eigenvector[i] / pivots[i] - self.betas[i] / pivots[i] * eigenvector[i + 1];
             }
             distance = 1.0 / normalise(eigenvector);
         }
@@ -190,9 +177,7 @@ impl Tridiagonal {
     fn shifted_pivots(&self, shift: f64) -> Vec<f64> {
         let mut pivots: Vec<f64> = Vec::with_capacity(self.alphas.len());
         for (i, alpha) in self.alphas.iter().enumerate() {
-            let pivot_update = pivots
-                .last()
-                .map_or(0.0, |p| self.betas[i - 1] * self.betas[i - 1] / p);
+            let pivot_update = pivots.last().map_or(0.0, |p| self.betas[i - 1] * self.betas[i - 1] / p);
             // Rounding may make the last pivot 0 or negative if T itself is singular.
             pivots.push(f64::max(alpha - shift - pivot_update, f64::MIN_POSITIVE));
         }
@@ -219,14 +204,7 @@ impl Tridiagonal {
         for (i, weight) in self.lowest.iter().enumerate() {
             add(*weight, &krylov_vector, &mut ritz_vector);
             if i + 1 < self.lowest.len() {
-                (_, beta) = step(
-                    &mut krylov_vector,
-                    &mut previous_vector,
-                    &mut image,
-                    beta,
-                    apply,
-                    null,
-                );
+                (_, beta) = step(&mut krylov_vector, &mut previous_vector, &mut image, beta, apply, null);
             }
         }
         orthogonalise(&mut ritz_vector, null);

@@ -97,8 +97,7 @@ impl Graph {
         let mut hashed_nodes: Vec<(u64, u32)> = Vec::with_capacity(adjacent.len());
         for &node in &adjacent {
             let node_index = node as usize;
-            let (outside, is_alive, members) =
-                (&self.outside, &mut self.is_alive, &mut self.members);
+            let (outside, is_alive, members) = (&self.outside, &mut self.is_alive, &mut self.members);
             self.elements[node_index].retain(|&e| {
                 // An element without nodes outside the new one is absorbed by it.
                 let is_retained = is_alive[e as usize] && outside[e as usize].0 > 0;
@@ -109,17 +108,13 @@ impl Graph {
                 is_retained
             });
             let (weights, stamps) = (&self.weight, &self.seen);
-            self.nodes[node_index]
-                .retain(|&j| weights[j as usize] > 0 && stamps[j as usize] != stamp);
+            self.nodes[node_index].retain(|&j| weights[j as usize] > 0 && stamps[j as usize] != stamp);
             let other_weight = adjacent_weight - weights[node_index];
             let apart_weight = self.elements[node_index]
                 .iter()
                 .map(|&e| outside[e as usize].0)
                 .sum::<u32>()
-                + self.nodes[node_index]
-                    .iter()
-                    .map(|&j| weights[j as usize])
-                    .sum::<u32>();
+                + self.nodes[node_index].iter().map(|&j| weights[j as usize]).sum::<u32>();
             let degree_bound = self.buckets.degree[node_index].saturating_add(other_weight);
             let new_degree = (left as u32 - weights[node_index])
                 .min(degree_bound)

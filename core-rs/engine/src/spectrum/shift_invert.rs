@@ -7,9 +7,7 @@
 
 use super::sparse::Factor;
 use super::springs::Springs;
-use super::vector::{
-    add, dot, norm, normalise, orthogonalise, orthogonalise_once, start_vector, units,
-};
+use super::vector::{add, dot, norm, normalise, orthogonalise, orthogonalise_once, start_vector, units};
 use super::{Mode, all_eigenvalues};
 use crate::interrupt;
 
@@ -61,11 +59,7 @@ pub(crate) fn lowest_modes(springs: &Springs, count: usize) -> LowestModes {
         run_number += 1;
         let modes_wanted = (count - known_count).min(SLICE) + 2;
         let new_modes = lanczos(springs, &factor, &modes, modes_wanted, run_number);
-        fruitless = if new_modes.is_empty() {
-            fruitless + 1
-        } else {
-            0
-        };
+        fruitless = if new_modes.is_empty() { fruitless + 1 } else { 0 };
         modes.extend(new_modes);
         sort(&mut modes);
         if modes.len() == dimension {
@@ -104,11 +98,7 @@ pub(crate) fn modes_around(springs: &Springs, centre: f64, count: usize) -> Lowe
         run_number += 1;
         let modes_wanted = (count + 2).saturating_sub(modes.len()).max(4);
         let new_modes = lanczos(springs, &factor, &modes, modes_wanted, run_number);
-        fruitless = if new_modes.is_empty() {
-            fruitless + 1
-        } else {
-            0
-        };
+        fruitless = if new_modes.is_empty() { fruitless + 1 } else { 0 };
         modes.extend(new_modes);
         modes.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
         if modes.len() == dimension {
@@ -118,8 +108,7 @@ pub(crate) fn modes_around(springs: &Springs, centre: f64, count: usize) -> Lowe
         if modes.len() <= count {
             continue;
         }
-        let gap_index = (count..modes.len())
-            .find(|&i| distance(&modes[i]) - distance(&modes[i - 1]) > GAP * shift);
+        let gap_index = (count..modes.len()).find(|&i| distance(&modes[i]) - distance(&modes[i - 1]) > GAP * shift);
         let Some(gap_index) = gap_index else { continue };
         let radius = 0.5 * (distance(&modes[gap_index]) + distance(&modes[gap_index - 1]));
         let count_inside = n_below(springs, shift + radius) - n_below(springs, shift - radius);
@@ -167,13 +156,7 @@ fn separator(modes: &[Mode], count: usize) -> Option<f64> {
 
 /// The modes that one Lanczos run finds outside the span of `modes_known`: from the nearest to the shift up to the first that
 /// has not converged.
-fn lanczos(
-    springs: &Springs,
-    factor: &Factor<'_, f64>,
-    modes_known: &[Mode],
-    wanted: usize,
-    run: usize,
-) -> Vec<Mode> {
+fn lanczos(springs: &Springs, factor: &Factor<'_, f64>, modes_known: &[Mode], wanted: usize, run: usize) -> Vec<Mode> {
     let dimension = springs.n();
     let free_dimension = dimension - modes_known.len();
     let steps_max = (4 * wanted + 80).min(free_dimension);
@@ -212,15 +195,8 @@ fn lanczos(
         operator_scale = operator_scale.max(alpha.abs() + beta);
         let step_count = basis.len();
         let is_whole = step_count == free_dimension || beta <= 1e-14 * operator_scale;
-        if is_whole
-            || step_count == steps_max
-            || (step_count >= wanted && step_count.is_multiple_of(CHECK_EVERY))
-        {
-            let beta = if step_count == free_dimension {
-                0.0
-            } else {
-                beta
-            };
+        if is_whole || step_count == steps_max || (step_count >= wanted && step_count.is_multiple_of(CHECK_EVERY)) {
+            let beta = if step_count == free_dimension { 0.0 } else { beta };
             let (ritz_weights, is_limited) = converged_pairs(&alphas, &betas, beta);
             if is_whole || is_limited || step_count == steps_max || ritz_weights.len() >= wanted {
                 break ritz_weights;

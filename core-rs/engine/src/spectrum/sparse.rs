@@ -12,24 +12,12 @@ const NONE: u32 = u32::MAX;
 
 /// Type of the elements of a matrix: `f64`, or complex numbers where P(λ) = K + λZ + λ²M is solved.
 pub(crate) trait Scalar:
-    Copy
-    + PartialEq
-    + Add<Output = Self>
-    + Sub<Output = Self>
-    + Mul<Output = Self>
-    + Div<Output = Self>
-    + From<f64>
+    Copy + PartialEq + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + From<f64>
 {
 }
 
 impl<T> Scalar for T where
-    T: Copy
-        + PartialEq
-        + Add<Output = T>
-        + Sub<Output = T>
-        + Mul<Output = T>
-        + Div<Output = T>
-        + From<f64>
+    T: Copy + PartialEq + Add<Output = T> + Sub<Output = T> + Mul<Output = T> + Div<Output = T> + From<f64>
 {
 }
 
@@ -150,14 +138,8 @@ impl Values<f64> {
 
 impl<T: Scalar> Values<T> {
     /// Combines two matrices of one pattern element by element with `make`, and adds `more` to the diagonal.
-    pub(crate) fn combine<U: Copy>(
-        first: &Values<U>,
-        other: &Values<U>,
-        more: T,
-        make: impl Fn(U, U) -> T,
-    ) -> Self {
-        let pairwise =
-            |a: &[U], b: &[U]| -> Vec<T> { a.iter().zip(b).map(|(a, b)| make(*a, *b)).collect() };
+    pub(crate) fn combine<U: Copy>(first: &Values<U>, other: &Values<U>, more: T, make: impl Fn(U, U) -> T) -> Self {
+        let pairwise = |a: &[U], b: &[U]| -> Vec<T> { a.iter().zip(b).map(|(a, b)| make(*a, *b)).collect() };
         let mut diagonal = pairwise(&first.diagonal, &other.diagonal);
         diagonal.iter_mut().for_each(|x| *x = *x + more);
         Self {
@@ -256,29 +238,19 @@ impl<'a, T: Scalar> Factor<'a, T> {
         for k in 0..solution.len() {
             let column_range = pattern.column_starts[k]..pattern.column_starts[k + 1];
             let component = solution[k];
-            for (&row, &l) in self.rows[column_range.clone()]
-                .iter()
-                .zip(&self.values[column_range])
-            {
+            for (&row, &l) in self.rows[column_range.clone()].iter().zip(&self.values[column_range]) {
                 solution[row as usize] = solution[row as usize] - l * component;
             }
         }
         for k in (0..solution.len()).rev() {
             let column_range = pattern.column_starts[k]..pattern.column_starts[k + 1];
             let mut component = solution[k] / self.pivots[k];
-            for (&row, &l) in self.rows[column_range.clone()]
-                .iter()
-                .zip(&self.values[column_range])
-            {
+            for (&row, &l) in self.rows[column_range.clone()].iter().zip(&self.values[column_range]) {
                 component = component - l * solution[row as usize];
             }
             solution[k] = component;
         }
-        pattern
-            .position
-            .iter()
-            .map(|&k| solution[k as usize])
-            .collect()
+        pattern.position.iter().map(|&k| solution[k as usize]).collect()
     }
 }
 

@@ -21,11 +21,7 @@ impl Springs {
     pub(crate) fn new(n: usize, each: Vec<Spring>) -> Self {
         let pattern = Pattern::new(n, pairs(&each));
         let values = values(&pattern, &each);
-        Self {
-            pattern,
-            values,
-            each,
-        }
+        Self { pattern, values, each }
     }
 
     pub(crate) fn each(&self) -> &[Spring] {
@@ -92,8 +88,7 @@ impl Springs {
 
 /// The ends of springs that join two points.
 pub(crate) fn pairs(each: &[Spring]) -> impl Iterator<Item = (usize, usize)> {
-    each.iter()
-        .filter_map(|&((a, _), other, _)| other.map(|(b, _)| (a, b)))
+    each.iter().filter_map(|&((a, _), other, _)| other.map(|(b, _)| (a, b)))
 }
 
 /// The matrix of springs on a pattern.

@@ -97,10 +97,7 @@ fn lowest_mode_of_strings_matches_closed_form() {
         }
         if n > 1 {
             let Largest {
-                theta,
-                residual,
-                safe,
-                ..
+                theta, residual, safe, ..
             } = largest(n, &mut operator(&fixed_string));
             let closed_form = from_sine(PI / 2.0 * n as f64 / (n as f64 + 1.0));
             assert!(
@@ -149,19 +146,10 @@ fn modes_of_a_string_and_of_a_membrane() {
     let modes = certified(side_count * side_count, &springs, 31);
     assert!(modes[0].lambda.abs() < 1e-12);
     for (mode, closed_form) in modes.iter().zip(&closed_form).skip(1) {
-        assert!(
-            close(mode.lambda, *closed_form, 1e-12),
-            "{} {closed_form}",
-            mode.lambda
-        );
+        assert!(close(mode.lambda, *closed_form, 1e-12), "{} {closed_form}", mode.lambda);
         assert!(residual(&springs, mode) < 1e-7 * closed_form);
     }
-    let lowest_mode = lowest(
-        side_count * side_count,
-        &mut operator(&springs),
-        &null_vectors,
-    )
-    .expect("mode");
+    let lowest_mode = lowest(side_count * side_count, &mut operator(&springs), &null_vectors).expect("mode");
     assert!(close(lowest_mode.lambda, closed_form[1], 1e-13));
 }
 
@@ -171,22 +159,15 @@ fn modes_of_nearly_tuned_bodies_are_separated() {
     let mass_count = 50;
     let mut springs = string(mass_count, true);
     let second_string: Springs = string(mass_count, true);
-    let shifted = |(a, b, k): &(usize, Option<usize>, f64)| {
-        (a + mass_count, b.map(|b| b + mass_count), k * 1.0001)
-    };
+    let shifted = |(a, b, k): &(usize, Option<usize>, f64)| (a + mass_count, b.map(|b| b + mass_count), k * 1.0001);
     springs.extend(second_string.iter().map(shifted));
     let mode = lowest(2 * mass_count, &mut operator(&springs), &[]).expect("mode");
     let closed_form = from_sine(PI / (2.0 * (mass_count as f64 + 1.0)));
-    assert!(
-        close(mode.lambda, closed_form, 1e-13),
-        "{} {closed_form}",
-        mode.lambda
-    );
+    assert!(close(mode.lambda, closed_form, 1e-13), "{} {closed_form}", mode.lambda);
     assert!(vector::norm(&mode.vector[mass_count..]) < 1e-3);
     let lowest_two = certified(2 * mass_count, &springs, 2);
     assert!(
-        close(lowest_two[0].lambda, closed_form, 1e-12)
-            && close(lowest_two[1].lambda, closed_form * 1.0001, 1e-12)
+        close(lowest_two[0].lambda, closed_form, 1e-12) && close(lowest_two[1].lambda, closed_form * 1.0001, 1e-12)
     );
 }
 
@@ -291,35 +272,23 @@ fn eigenvalues_of_full_matrices_equal_nalgebra() {
     for n in [1usize, 2, 3, 10, 33, 120] {
         let matrix_entry = |i: usize, j: usize| {
             let (lower_index, upper_index) = (i.min(j) as f64, i.max(j) as f64);
-            maths::sin(lower_index * 1.7 + upper_index * upper_index)
-                + if i == j { 5.0 } else { 0.0 }
+            maths::sin(lower_index * 1.7 + upper_index * upper_index) + if i == j { 5.0 } else { 0.0 }
         };
         let full_matrix: Vec<f64> = (0..n * n).map(|at| matrix_entry(at / n, at % n)).collect();
         let reference = nalgebra::DMatrix::from_row_slice(n, n, &full_matrix).symmetric_eigen();
         let probe_vector: Vec<f64> = (0..n).map(|i| maths::cos(i as f64)).collect();
-        let (eigenvalues, coordinates) =
-            all_eigenvalues(full_matrix, std::slice::from_ref(&probe_vector)).unwrap();
+        let (eigenvalues, coordinates) = all_eigenvalues(full_matrix, std::slice::from_ref(&probe_vector)).unwrap();
         let mut expected: Vec<(f64, f64)> = (0..n)
             .map(|i| {
                 let eigenvector = reference.eigenvectors.column(i);
-                let coordinate: f64 = eigenvector
-                    .iter()
-                    .zip(&probe_vector)
-                    .map(|(a, b)| a * b)
-                    .sum();
+                let coordinate: f64 = eigenvector.iter().zip(&probe_vector).map(|(a, b)| a * b).sum();
                 (reference.eigenvalues[i], coordinate * coordinate)
             })
             .collect();
         expected.sort_by(|a, b| a.0.total_cmp(&b.0));
         for (i, (value, square)) in expected.into_iter().enumerate() {
-            assert!(
-                (eigenvalues[i] - value).abs() < 1e-12 * (1.0 + value.abs()),
-                "{n}"
-            );
-            assert!(
-                (coordinates[0][i] * coordinates[0][i] - square).abs() < 1e-9,
-                "{n} {i}"
-            );
+            assert!((eigenvalues[i] - value).abs() < 1e-12 * (1.0 + value.abs()), "{n}");
+            assert!((coordinates[0][i] * coordinates[0][i] - square).abs() < 1e-9, "{n} {i}");
         }
     }
 }
@@ -343,10 +312,7 @@ fn eigenvalues_of_a_string_match_closed_form() {
         let mode_angle = std::f64::consts::PI * (i + 1) as f64 / (mass_count + 1) as f64;
         assert!((eigenvalues[i] - (2.0 - 2.0 * maths::cos(mode_angle))).abs() < 1e-13);
         let end_amplitude = maths::sqrt(2.0 / (mass_count + 1) as f64) * maths::sin(mode_angle);
-        assert!(
-            (coordinates[0][i].abs() - end_amplitude).abs() < 1e-11,
-            "{i}"
-        );
+        assert!((coordinates[0][i].abs() - end_amplitude).abs() < 1e-11, "{i}");
     }
 }
 
@@ -356,18 +322,9 @@ fn eigenvalues_of_a_string_match_closed_form() {
 fn close_modes_are_certified_once_each() {
     let mode_count = 400;
     for step in [2.3e-5, 1e-8] {
-        let lambdas: Vec<f64> = (0..mode_count)
-            .map(|i| 1e6 * (1.0 + step * i as f64))
-            .collect();
-        let lone_springs: Springs = lambdas
-            .iter()
-            .enumerate()
-            .map(|(i, &k)| (i, None, k))
-            .collect();
-        for (mode, lambda) in certified(mode_count, &lone_springs, mode_count)
-            .iter()
-            .zip(&lambdas)
-        {
+        let lambdas: Vec<f64> = (0..mode_count).map(|i| 1e6 * (1.0 + step * i as f64)).collect();
+        let lone_springs: Springs = lambdas.iter().enumerate().map(|(i, &k)| (i, None, k)).collect();
+        for (mode, lambda) in certified(mode_count, &lone_springs, mode_count).iter().zip(&lambdas) {
             assert!((mode.lambda / lambda - 1.0).abs() < 1e-13, "{lambda}");
         }
     }

@@ -8,11 +8,7 @@ pub(crate) struct Anchored {
     anchor: [f64; 3],
 }
 
-crate::archive::state!(Anchored {
-    first,
-    second,
-    anchor
-});
+crate::archive::state!(Anchored { first, second, anchor });
 
 /// The pairs that touch, in the order in which the loops visit them.
 #[derive(Clone, Debug, Default)]
@@ -69,11 +65,7 @@ impl ContactHistory {
 
     /// Store the anchor of a pair that touches.
     pub(crate) fn keep(&mut self, [first, second]: [u32; 2], anchor: [f64; 3]) {
-        self.next.push(Anchored {
-            first,
-            second,
-            anchor,
-        });
+        self.next.push(Anchored { first, second, anchor });
     }
 
     /// End a pass: pairs that did not touch in it are forgotten.
@@ -88,10 +80,7 @@ impl ContactHistory {
 }
 
 impl crate::archive::State for ContactHistory {
-    fn archive(
-        &mut self,
-        archive: &mut crate::archive::Archive<'_>,
-    ) -> Result<(), crate::archive::Damaged> {
+    fn archive(&mut self, archive: &mut crate::archive::Archive<'_>) -> Result<(), crate::archive::Damaged> {
         archive.list(&mut self.pairs)
     }
 }

@@ -36,9 +36,7 @@ impl Timeline {
             let duration = f64::from(strike.frames) / PARTS_A_SECOND;
             frame.saturating_sub(GRID) as f64 / frame_rate - duration
         };
-        let gestures = gestures
-            .iter()
-            .filter_map(|&index| self.gestures.get(index));
+        let gestures = gestures.iter().filter_map(|&index| self.gestures.get(index));
         let former_gates = self.gates.iter();
         let running_glides = self.glides.iter().filter(|glide| !glide.is_over(frame));
         let running_leads = self.leads.iter().filter(|lead| !lead.is_over(frame));
@@ -83,13 +81,9 @@ impl Timeline {
         let is_coupling = !gate.is_ramp() || !gate.glides();
         let mut gate = *gate;
         if stops {
-            gate.start = gate.start.map(|start| {
-                if start > frame {
-                    self.on_grid(NEVER)
-                } else {
-                    start
-                }
-            });
+            gate.start = gate
+                .start
+                .map(|start| if start > frame { self.on_grid(NEVER) } else { start });
             gate.stop = gate.stop.filter(|&stop| stop <= frame);
         }
         gate.ramp = gate.ramp.filter(|ramp| ramp.to != 1.0 || ramp.stop > frame);

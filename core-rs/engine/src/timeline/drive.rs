@@ -58,8 +58,7 @@ pub enum Source {
 impl Drive {
     /// Whether it is a force that may act at any time, that of a port on its key too; strikes are events.
     pub(crate) fn pushes(&self) -> bool {
-        self.port().is_some()
-            || self.kind == DriveKind::Force && !matches!(self.source, Source::Strikes { .. })
+        self.port().is_some() || self.kind == DriveKind::Force && !matches!(self.source, Source::Strikes { .. })
     }
 
     /// Value at frame `n` [m or N].
@@ -69,11 +68,7 @@ impl Drive {
             Source::Take(path) => path.evaluate(n as f64 / rate).0,
             Source::Hand(hand) => hand.position(n),
             Source::Key(_) | Source::Strikes { .. } => 0.0,
-            Source::SoundIn {
-                sound,
-                scale,
-                steps,
-            } => {
+            Source::SoundIn { sound, scale, steps } => {
                 // A position in a frame is the input value of the frame before. A force is asked for only at the start,
                 // when nobody knows yet what will be played.
                 let sound_frame = (n / u64::from(*steps)).checked_sub(1);
@@ -114,21 +109,14 @@ impl Drive {
     pub(super) fn faster(&self, oversampling: u32) -> Self {
         let source = match &self.source {
             Source::Hand(hand) => Source::Hand(hand.faster(oversampling)),
-            Source::SoundIn {
-                sound,
-                scale,
-                steps,
-            } => Source::SoundIn {
+            Source::SoundIn { sound, scale, steps } => Source::SoundIn {
                 sound: sound.clone(),
                 scale: *scale,
                 steps: steps * oversampling,
             },
             other => other.clone(),
         };
-        Self {
-            source,
-            ..self.clone()
-        }
+        Self { source, ..self.clone() }
     }
 
     /// Add the force at frame `n`, or impose the position at frame n + 1.
@@ -142,8 +130,7 @@ impl Drive {
                 let x = match &self.source {
                     // The best known value: a device's position arrives at the beginning of a frame.
                     Source::Hand(Hand {
-                        interpolation: mode,
-                        ..
+                        interpolation: mode, ..
                     }) => match mode {
                         HandWay::Hold => body.x[self.mat],
                         HandWay::Line => body.x[self.mat] + body.d[self.mat],

@@ -177,13 +177,7 @@ impl Timeline {
     ///
     /// # Errors
     /// If the LIA is not a single link, has times already, or `stop` does not come after `start`.
-    pub fn couple(
-        &mut self,
-        network: &Network,
-        link: usize,
-        start: f64,
-        stop: Option<f64>,
-    ) -> Result<(), Error> {
+    pub fn couple(&mut self, network: &Network, link: usize, start: f64, stop: Option<f64>) -> Result<(), Error> {
         self.couple_over(network, link, start, stop, FADE)
     }
 
@@ -227,11 +221,7 @@ impl Timeline {
         }
         let on_grid = |t: f64| self.on_grid(t);
         // A coupling without a start does not fade in.
-        let start = if start <= 0.0 {
-            None
-        } else {
-            Some(on_grid(start))
-        };
+        let start = if start <= 0.0 { None } else { Some(on_grid(start)) };
         let gate = Gate {
             link,
             len: 1,
@@ -270,14 +260,9 @@ impl Timeline {
         let links_end = link.saturating_add(n);
         let ends_row = links_end == network.n_lia() || begins_row(links_end);
         if n == 0 || !begins_row(link) || !ends_row {
-            return refusal(
-                "this link is one of a row of links, which can glide only together; name the row",
-            );
+            return refusal("this link is one of a row of links, which can glide only together; name the row");
         }
-        if ![from, to]
-            .iter()
-            .all(|factor| factor.is_finite() && *factor >= 0.0)
-        {
+        if ![from, to].iter().all(|factor| factor.is_finite() && *factor >= 0.0) {
             return refusal("both factors of a glide must be 0 or more");
         }
         if !(start.is_finite() && stop.is_finite() && start >= 0.0) {
@@ -292,12 +277,7 @@ impl Timeline {
             .gates
             .iter_mut()
             .find(|gate| gate.links().any(|own| faded_links.contains(&own)));
-        let ramp = Some(Ramp {
-            from,
-            to,
-            start,
-            stop,
-        });
+        let ramp = Some(Ramp { from, to, start, stop });
         match known_gate {
             Some(gate) if gate.ramp.is_none() && gate.links() == faded_links => gate.ramp = ramp,
             Some(_) => return refusal("the link already glides at that time"),

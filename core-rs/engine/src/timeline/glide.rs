@@ -23,9 +23,7 @@ impl Glide {
     pub(super) fn faster(&self, oversampling: u64) -> Self {
         let slow_points = self.points.iter();
         Self {
-            points: slow_points
-                .map(|&(frame, ties)| (frame * oversampling, ties))
-                .collect(),
+            points: slow_points.map(|&(frame, ties)| (frame * oversampling, ties)).collect(),
             ..*self
         }
     }
@@ -58,13 +56,7 @@ impl Timeline {
     ///
     /// # Errors
     /// If the MAT does not move or glides already, a number is out of range, or `stop` does not come after `start`.
-    pub fn glide(
-        &mut self,
-        network: &Network,
-        mat: usize,
-        ties: Ties,
-        (start, stop): (f64, f64),
-    ) -> Result<(), Error> {
+    pub fn glide(&mut self, network: &Network, mat: usize, ties: Ties, (start, stop): (f64, f64)) -> Result<(), Error> {
         let end_points = [(start, Some(ties)), (stop, None)];
         self.glide_along(network, mat, &end_points)?;
         Ok(())
@@ -75,12 +67,7 @@ impl Timeline {
     ///
     /// # Errors
     /// If the MAT does not move or glides already, there are no points, or their instants or numbers are out of range.
-    pub fn path(
-        &mut self,
-        network: &Network,
-        mat: usize,
-        points: &[(f64, Ties)],
-    ) -> Result<(), Error> {
+    pub fn path(&mut self, network: &Network, mat: usize, points: &[(f64, Ties)]) -> Result<(), Error> {
         let points: Vec<_> = points.iter().map(|&(at, ties)| (at, Some(ties))).collect();
         let glide_count = self.glide_along(network, mat, &points)?;
         debug_assert!(glide_count > 0);
@@ -105,35 +92,23 @@ impl Timeline {
             if network_mats.kind[mat] != MatKind::Cel || is_ca_part {
                 return Err(Error::Refused {
                     module: network.mat_name(mat),
-                    message: "only a CEL with K and Z in SI units has a pitch that can glide"
-                        .to_owned(),
+                    message: "only a CEL with K and Z in SI units has a pitch that can glide".to_owned(),
                 });
             }
-            let (m, k, z) = (
-                network_mats.m[mat],
-                network_mats.k[mat],
-                network_mats.z[mat],
-            );
+            let (m, k, z) = (network_mats.m[mat], network_mats.k[mat], network_mats.z[mat]);
             let sigma = 0.5 * z / m;
             let omega_square = (k / m - sigma * sigma).max(0.0);
-            let numbers = points
-                .iter()
-                .map(|&(instant, [square_ratio, sigma_ratio])| {
-                    let sigma = sigma_ratio * sigma;
-                    let k = m * (square_ratio * omega_square + sigma * sigma);
-                    (instant, [k, 2.0 * m * sigma, m])
-                });
+            let numbers = points.iter().map(|&(instant, [square_ratio, sigma_ratio])| {
+                let sigma = sigma_ratio * sigma;
+                let k = m * (square_ratio * omega_square + sigma * sigma);
+                (instant, [k, 2.0 * m * sigma, m])
+            });
             self.path(network, mat, &numbers.collect::<Vec<_>>())?;
         }
         Ok(())
     }
 
-    fn glide_along(
-        &mut self,
-        network: &Network,
-        mat: usize,
-        points: &[(f64, Option<Ties>)],
-    ) -> Result<usize, Error> {
+    fn glide_along(&mut self, network: &Network, mat: usize, points: &[(f64, Option<Ties>)]) -> Result<usize, Error> {
         let refusal = |message: &str| {
             Err(Error::Refused {
                 module: network.mat_name(mat),
@@ -148,18 +123,10 @@ impl Timeline {
         }
         let is_nonnegative = |x: f64| x.is_finite() && x >= 0.0;
         let is_tie_valid = |&[k, z, m]: &Ties| [k, z, m].into_iter().all(is_nonnegative) && m > 0.0;
-        if !points
-            .iter()
-            .filter_map(|(_, ties)| ties.as_ref())
-            .all(is_tie_valid)
-        {
+        if !points.iter().filter_map(|(_, ties)| ties.as_ref()).all(is_tie_valid) {
             return refusal("a glide needs K and Z of 0 or more, and M above 0");
         }
-        if points.is_empty()
-            || !points
-                .iter()
-                .all(|&(instant, _)| instant.is_finite() && instant >= 0.0)
-        {
+        if points.is_empty() || !points.iter().all(|&(instant, _)| instant.is_finite() && instant >= 0.0) {
             return refusal("a glide must begin and end at finite instants, at 0 s or later");
         }
         if points.windows(2).any(|pair| pair[1].0 < pair[0].0) {
@@ -169,10 +136,7 @@ impl Timeline {
         let mut grid_points: Vec<(u64, Option<Ties>)> = Vec::with_capacity(points.len());
         for &(instant, ties) in points {
             let grid_frame = self.on_grid(instant);
-            if grid_points
-                .last()
-                .is_some_and(|&(last, _)| last == grid_frame)
-            {
+            if grid_points.last().is_some_and(|&(last, _)| last == grid_frame) {
                 if is_plain_glide {
                     return refusal("a glide must last 64 samples at least");
                 }

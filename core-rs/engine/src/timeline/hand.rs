@@ -39,10 +39,7 @@ impl Hand {
     pub(crate) fn position(&self, n: u64) -> f64 {
         let tick_index = usize::try_from(n / u64::from(self.tick_frames)).unwrap_or(usize::MAX);
         let last_index = self.positions.len().saturating_sub(1);
-        self.positions
-            .get(tick_index.min(last_index))
-            .copied()
-            .unwrap_or(0.0)
+        self.positions.get(tick_index.min(last_index)).copied().unwrap_or(0.0)
     }
 
     /// The hand at `oversampling` times the rate.
@@ -91,8 +88,7 @@ impl Timeline {
             return Err(StrikeError::Value("a hand's position", "", wrong_position));
         }
         let other_frames = self.hands().next().map(|hand| hand.tick_frames);
-        if let Some(other_frames) = other_frames.filter(|&other_frames| other_frames != tick_frames)
-        {
+        if let Some(other_frames) = other_frames.filter(|&other_frames| other_frames != tick_frames) {
             return Err(StrikeError::TickDiffers(other_frames, tick_frames));
         }
         let index = self.hands().count();

@@ -25,9 +25,7 @@ impl Lead {
     /// The factors at frame `n` plus the fraction `part` of a frame.
     pub(crate) fn factors(&self, n: u64, part: f64) -> Factors {
         let next_index = self.points.partition_point(|&(frame, _)| frame <= n);
-        let Some(&(start_frame, start_factors)) = next_index
-            .checked_sub(1)
-            .and_then(|last| self.points.get(last))
+        let Some(&(start_frame, start_factors)) = next_index.checked_sub(1).and_then(|last| self.points.get(last))
         else {
             return self.points[0].1;
         };
@@ -35,9 +33,7 @@ impl Lead {
             return start_factors;
         };
         let passed_share = ((n - start_frame) as f64 + part) / (stop_frame - start_frame) as f64;
-        std::array::from_fn(|i| {
-            start_factors[i] + (stop_factors[i] - start_factors[i]) * passed_share
-        })
+        std::array::from_fn(|i| start_factors[i] + (stop_factors[i] - start_factors[i]) * passed_share)
     }
 
     /// Whether its factors are those of another lead at all times.
@@ -58,9 +54,7 @@ impl Lead {
     /// The greatest factor of K and the greatest of Z.
     fn greatest(&self) -> Factors {
         let point_factors = self.points.iter().map(|&(_, factors)| factors);
-        point_factors.fold([0.0; 2], |most, own| {
-            std::array::from_fn(|i| f64::max(most[i], own[i]))
-        })
+        point_factors.fold([0.0; 2], |most, own| std::array::from_fn(|i| f64::max(most[i], own[i])))
     }
 
     /// The same event at `oversampling` times the rate.
@@ -134,10 +128,7 @@ pub(super) fn slower_points<T: Copy>(points: &[(u64, T)], every: u64) -> Arc<[(u
     let mut grid_points: Vec<(u64, T)> = Vec::with_capacity(points.len());
     for &(point_frame, value) in points {
         let point_frame = nearest_frame(point_frame, every);
-        if grid_points
-            .last()
-            .is_some_and(|&(last, _)| last == point_frame)
-        {
+        if grid_points.last().is_some_and(|&(last, _)| last == point_frame) {
             grid_points.pop();
         }
         grid_points.push((point_frame, value));
@@ -178,9 +169,7 @@ impl Timeline {
         let begins_row = |link: usize| network.run_of(link).is_some_and(|run| run.first == link);
         let links_end = link.saturating_add(n);
         if n == 0 || !begins_row(link) || !(links_end == network.n_lia() || begins_row(links_end)) {
-            return refusal(
-                "this link is one of a row of links, which can glide only together; name the row",
-            );
+            return refusal("this link is one of a row of links, which can glide only together; name the row");
         }
         let led_links = link..links_end;
         let led_runs = network.runs().iter();
@@ -210,10 +199,7 @@ impl Timeline {
         let mut grid_points: Vec<(u64, Factors)> = Vec::with_capacity(points.len());
         for &(instant, factors) in points {
             let grid_frame = self.on_grid(instant);
-            if grid_points
-                .last()
-                .is_some_and(|&(last, _)| last == grid_frame)
-            {
+            if grid_points.last().is_some_and(|&(last, _)| last == grid_frame) {
                 grid_points.pop();
             }
             grid_points.push((grid_frame, factors));
@@ -229,17 +215,12 @@ impl Timeline {
 
 /// Whether K and Z of a run can be multiplied by factors. A shared tension has neither, and does not change.
 fn has_stiffness(network: &Network, run: &Run) -> bool {
-    let is_ca_part = network
-        .parts()
-        .get(run.part)
-        .is_some_and(|part| part.ca_rate.is_some());
+    let is_ca_part = network.parts().get(run.part).is_some_and(|part| part.ca_rate.is_some());
     !is_ca_part
         && match &run.kind {
-            LinkKind::Ref
-            | LinkKind::Bristle(_)
-            | LinkKind::Dry(_)
-            | LinkKind::Space(_)
-            | LinkKind::Pairwise(_) => true,
+            LinkKind::Ref | LinkKind::Bristle(_) | LinkKind::Dry(_) | LinkKind::Space(_) | LinkKind::Pairwise(_) => {
+                true
+            }
             LinkKind::Followed(_) => false,
             LinkKind::But(but) => but.contact != Contact::Magic,
             LinkKind::Lnl(law) => law.hardening_spring().is_some() || law.is_shared(),

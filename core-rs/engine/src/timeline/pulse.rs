@@ -25,11 +25,7 @@ const PARTS_MIN: f64 = 3.0;
 /// How long a strike of `lasts` [s] is, in 1/44,100 s; 1: it acts at one instant.
 pub(super) fn n_parts(lasts: f64) -> u32 {
     let part_count = (lasts * PARTS_A_SECOND).round();
-    if part_count < PARTS_MIN {
-        1
-    } else {
-        part_count as u32
-    }
+    if part_count < PARTS_MIN { 1 } else { part_count as u32 }
 }
 
 /// Parts after the first instant and shares of the impulse: Blackman's window (Harris, Proc. IEEE 66, 1978), whose
@@ -71,8 +67,7 @@ impl Timeline {
     /// The parts of a strike, by rising frame. They are 1/44,100 s apart whatever the rate of this timeline, so that
     /// the force is the same at any rate.
     pub(crate) fn parts(&self, strike: &Strike, instants: Instants) -> impl Iterator<Item = Part> {
-        let (strike_instant, impulse, frame_rate) =
-            (strike.instant, strike.impulse, self.rate.hertz());
+        let (strike_instant, impulse, frame_rate) = (strike.instant, strike.impulse, self.rate.hertz());
         let spacing = frame_rate / PARTS_A_SECOND;
         let first_frame = match instants {
             Instants::Exact => 0,
@@ -84,10 +79,7 @@ impl Timeline {
             let (frame, alpha) = if matches!(instants, Instants::Exact) {
                 let exact_frame = strike_instant * frame_rate + after;
                 let frame_floor = floor_frame(exact_frame);
-                (
-                    frame_floor,
-                    (exact_frame - frame_floor as f64).clamp(0.0, 1.0),
-                )
+                (frame_floor, (exact_frame - frame_floor as f64).clamp(0.0, 1.0))
             } else {
                 (first_frame.saturating_add(after.round() as u64), 0.0)
             };
@@ -103,12 +95,8 @@ impl Timeline {
     pub(super) fn impulses_of(&self, strike: &Strike) -> impl Iterator<Item = (f64, f64)> {
         let (strike_instant, impulse) = (strike.instant, strike.impulse);
         let part_spacing = 1.0 / PARTS_A_SECOND;
-        shares(strike.frames).map(move |(after, share)| {
-            (
-                strike_instant + f64::from(after) * part_spacing,
-                share * impulse,
-            )
-        })
+        shares(strike.frames)
+            .map(move |(after, share)| (strike_instant + f64::from(after) * part_spacing, share * impulse))
     }
 
     /// Whether strikes on each part of a network act on whole frames: under `ca` and on keys   (n_parts)

@@ -23,35 +23,26 @@ pub(crate) struct Push {
 /// On a key and under `ca` the parts of a strike act on whole frames. A CEL that `is_alone` receives them between
 /// samples, so that every later sample is exact. Any other MAT receives them by the linear split, which keeps impulse
 /// and first moment.
-pub(crate) fn pushes(
-    network: &Network,
-    timeline: &Timeline,
-    is_alone: impl Fn(usize) -> bool,
-) -> Vec<Push> {
+pub(crate) fn pushes(network: &Network, timeline: &Timeline, is_alone: impl Fn(usize) -> bool) -> Vec<Push> {
     let (frame_rate, network_mats) = (timeline.rate, network.mats());
     let on_frames = timeline.on_frames(network);
     let mut pushes: Vec<Push> = Vec::with_capacity(timeline.strikes.len());
     for strike in &timeline.strikes {
         let struck_mat = strike.mat as usize;
         let is_whole = on_frames[network_mats.part[struck_mat] as usize];
-        let lone_cell = (network_mats.kind[struck_mat] == MatKind::Cel && is_alone(struck_mat))
-            .then(|| {
-                Cell::new(
-                    network_mats.m[struck_mat],
-                    network_mats.k[struck_mat],
-                    network_mats.z[struck_mat],
-                )
-            });
+        let lone_cell = (network_mats.kind[struck_mat] == MatKind::Cel && is_alone(struck_mat)).then(|| {
+            Cell::new(
+                network_mats.m[struck_mat],
+                network_mats.k[struck_mat],
+                network_mats.z[struck_mat],
+            )
+        });
         let first_push = pushes.len();
         let mut push = |frame: u64, force: f64| match pushes[first_push..].last_mut() {
             _ if force == 0.0 => {}
             Some(before) if before.frame == frame => before.force += force,
             before => {
-                let impulse = if before.is_none() {
-                    strike.impulse
-                } else {
-                    0.0
-                };
+                let impulse = if before.is_none() { strike.impulse } else { 0.0 };
                 pushes.push(Push {
                     frame,
                     instant: strike.instant,
@@ -62,18 +53,11 @@ pub(crate) fn pushes(
                 });
             }
         };
-        let instants = if is_whole {
-            Instants::OfScore
-        } else {
-            Instants::Exact
-        };
+        let instants = if is_whole { Instants::OfScore } else { Instants::Exact };
         for part in timeline.parts(strike, instants) {
             let [force_now, force_next] = match lone_cell {
-                Some(lone_cell) if !is_whole => {
-                    lone_cell.split(part.impulse, part.alpha, frame_rate)
-                }
-                _ => [1.0 - part.alpha, part.alpha]
-                    .map(|share| share * part.impulse * frame_rate.hertz()),
+                Some(lone_cell) if !is_whole => lone_cell.split(part.impulse, part.alpha, frame_rate),
+                _ => [1.0 - part.alpha, part.alpha].map(|share| share * part.impulse * frame_rate.hertz()),
             };
             push(part.frame, force_now);
             push(part.frame + 1, force_next);

@@ -151,11 +151,7 @@ impl Timeline {
     ///
     /// # Errors
     /// [`StrikeError`] if a setting is not finite or out of range, or there are more than 64 inputs.
-    pub fn sound_in(
-        &mut self,
-        settings: SoundInSettings,
-        samples: &[f64],
-    ) -> Result<usize, StrikeError> {
+    pub fn sound_in(&mut self, settings: SoundInSettings, samples: &[f64]) -> Result<usize, StrikeError> {
         let frame_rate = self.rate.hertz();
         let index = self.sounds_in.len();
         let refusal = |what, requirement, value| Err(StrikeError::Value(what, requirement, value));
@@ -206,13 +202,7 @@ impl Timeline {
     ///
     /// # Errors
     /// [`StrikeError`] if there is no such input, or the position of the MAT is imposed already.
-    pub fn drive_by_sound(
-        &mut self,
-        mat: usize,
-        kind: DriveKind,
-        index: usize,
-        scale: f64,
-    ) -> Result<(), StrikeError> {
+    pub fn drive_by_sound(&mut self, mat: usize, kind: DriveKind, index: usize, scale: f64) -> Result<(), StrikeError> {
         let Some(sound) = self.sounds_in.get(index).cloned() else {
             return Err(StrikeError::NoInput(index, self.sounds_in.len()));
         };

@@ -56,16 +56,9 @@ fn fades_lie_on_the_grid_without_jumps() {
                 );
             }
             let openness: Vec<f64> = (0..(0.4 * hertz) as u64).map(|n| gate.open(n)).collect();
-            assert!(
-                openness
-                    .iter()
-                    .all(|openness| (0.0..=1.0).contains(openness))
-            );
+            assert!(openness.iter().all(|openness| (0.0..=1.0).contains(openness)));
             assert_eq!(openness[0], if start <= 0.0 { 1.0 } else { 0.0 });
-            assert_eq!(
-                openness[openness.len() - 1],
-                if stop.is_none() { 1.0 } else { 0.0 }
-            );
+            assert_eq!(openness[openness.len() - 1], if stop.is_none() { 1.0 } else { 0.0 });
             // C1: the second difference of 3u² − 2u³ is at most 6/fade² per frame, and twice that where two fades meet.
             for three in openness.windows(3) {
                 let curvature = three[2] - 2.0 * three[1] + three[0];
@@ -84,11 +77,8 @@ fn fades_with_length_and_factor() {
     let hertz = 44_100.0;
     let (network, mut timeline) = (network(), timeline(hertz));
     let fade_span = (0.5, 0.9);
-    timeline
-        .fade(&network, (0, 1), (0.25, 2.0), fade_span)
-        .unwrap();
-    let [start_frame, stop_frame] =
-        [fade_span.0, fade_span.1].map(|t| (t * hertz / 64.0).ceil() as u64 * 64);
+    timeline.fade(&network, (0, 1), (0.25, 2.0), fade_span).unwrap();
+    let [start_frame, stop_frame] = [fade_span.0, fade_span.1].map(|t| (t * hertz / 64.0).ceil() as u64 * 64);
     let faded_gate = timeline.gates[0];
     let middle_frame = (start_frame + stop_frame) / 2;
     for (n, factor) in [
@@ -100,8 +90,7 @@ fn fades_with_length_and_factor() {
     ] {
         assert!((faded_gate.open(n) - factor).abs() < 1e-12, "{n}");
     }
-    let couple_link =
-        |timeline: &mut Timeline| timeline.couple_over(&network, 0, 0.1, Some(3.0), 1.0);
+    let couple_link = |timeline: &mut Timeline| timeline.couple_over(&network, 0, 0.1, Some(3.0), 1.0);
     couple_link(&mut timeline).unwrap();
     assert_eq!(timeline.gates.len(), 1);
     let coupled_gate = timeline.gates[0];
@@ -110,17 +99,10 @@ fn fades_with_length_and_factor() {
     assert!((hertz..hertz + 64.0).contains(&(coupled_gate.fade as f64)));
     assert!((coupled_gate.open(half_frame) - 0.5 * faded_gate.open(half_frame)).abs() < 1e-12);
     assert!(couple_link(&mut timeline).is_err(), "twice");
-    assert!(
-        timeline
-            .fade(&network, (0, 1), (1.0, 0.0), fade_span)
-            .is_err(),
-        "twice"
-    );
+    assert!(timeline.fade(&network, (0, 1), (1.0, 0.0), fade_span).is_err(), "twice");
     // At four times the rate everything happens at the same time.
     let fast_timeline = timeline.faster(4).unwrap();
-    assert!(
-        (fast_timeline.gates[0].open(4 * half_frame) - coupled_gate.open(half_frame)).abs() < 1e-12
-    );
+    assert!((fast_timeline.gates[0].open(4 * half_frame) - coupled_gate.open(half_frame)).abs() < 1e-12);
 }
 
 #[test]
@@ -128,9 +110,7 @@ fn couple_of_wrong_links_is_refused() {
     let mut network = network();
     let topology = crate::generator::string(5, crate::generator::Ends::Fixed, 0.0).unwrap();
     let inner_link = network.n_lia() + 1;
-    network
-        .mesh("s", &topology, 1e-2, 100.0, None, 0.0)
-        .unwrap();
+    network.mesh("s", &topology, 1e-2, 100.0, None, 0.0).unwrap();
     let mut timeline = timeline(44_100.0);
     for (start, stop) in [
         (0.2, Some(0.1)),
@@ -141,16 +121,9 @@ fn couple_of_wrong_links_is_refused() {
         (0.0, Some(f64::NAN)),
         (f64::INFINITY, None),
     ] {
-        assert!(
-            timeline.couple(&network, 0, start, stop).is_err(),
-            "{start} {stop:?}"
-        );
+        assert!(timeline.couple(&network, 0, start, stop).is_err(), "{start} {stop:?}");
     }
-    assert!(
-        timeline
-            .couple(&network, network.n_lia(), 0.0, None)
-            .is_err()
-    );
+    assert!(timeline.couple(&network, network.n_lia(), 0.0, None).is_err());
     assert!(
         timeline.couple(&network, inner_link, 0.0, None).is_err(),
         "one of a generator's"
@@ -165,9 +138,7 @@ fn events_after_the_last_frame_never_begin() {
     let mut timeline = timeline(192_000.0);
     timeline.couple(&network(), 0, 1e300, None).unwrap();
     assert_eq!(timeline.gates[0].open(1 << 40), 0.0);
-    timeline
-        .strike(&network(), 0, 1e300, 1.0, Some(0.0), 0)
-        .unwrap();
+    timeline.strike(&network(), 0, 1e300, 1.0, Some(0.0), 0).unwrap();
     timeline.ergon(&network(), 0, 1e300, 1e-3, 1.0, 0).unwrap();
     let pushes = pushes(&network(), &timeline, |_| true);
     assert!(pushes.iter().all(|push| push.frame > 1 << 40));
@@ -214,9 +185,7 @@ fn parts_of_a_strike_at_other_rates() {
     let mut timeline = timeline(44_100.0);
     for begin in [0.0, 0.0123, 7.5] {
         timeline.strikes.clear();
-        timeline
-            .strike(&network(), 0, begin, 2e-3, None, 0)
-            .unwrap();
+        timeline.strike(&network(), 0, begin, 2e-3, None, 0).unwrap();
         let instants = |timeline: &Timeline| -> Vec<(f64, f64)> {
             let strike_parts = timeline.parts(&timeline.strikes[0], Instants::Exact);
             let instant = |frame: u64, alpha: f64| (frame as f64 + alpha) / timeline.rate.hertz();
@@ -228,10 +197,7 @@ fn parts_of_a_strike_at_other_rates() {
         assert_eq!(expected.len(), 7); // 0.19 ms are 8 frames
         assert!((expected.iter().map(|part| part.1).sum::<f64>() - 2e-3).abs() < 1e-17);
         assert!(expected[0].0 > begin && expected[6].0 < begin + 0.19e-3);
-        for other in [timeline.faster(4), timeline.slower(2)]
-            .into_iter()
-            .flatten()
-        {
+        for other in [timeline.faster(4), timeline.slower(2)].into_iter().flatten() {
             for (part, theirs) in expected.iter().zip(instants(&other)) {
                 assert!((part.0 - theirs.0).abs() < 1e-12 && part.1 == theirs.1);
             }
@@ -245,13 +211,9 @@ fn strike_on_keys_and_ca_parts_is_undivided() {
     network.part("ca", Some(Rate::new(44_100.0).unwrap()));
     let discrete = network.mas("m", 1.0, 0.0, 0.0).unwrap();
     let mut timeline = timeline(1_000.0);
-    timeline
-        .strike(&network, discrete, 0.4e-3, 1.0, Some(0.0), 0)
-        .unwrap();
+    timeline.strike(&network, discrete, 0.4e-3, 1.0, Some(0.0), 0).unwrap();
     timeline.key("k", 2);
-    timeline
-        .strike(&network, 2, 0.6e-3, 1.0, Some(0.0), 0)
-        .unwrap();
+    timeline.strike(&network, 2, 0.6e-3, 1.0, Some(0.0), 0).unwrap();
     let frame_forces: Vec<_> = pushes(&network, &timeline, |_| true)
         .iter()
         .map(|push| (push.frame, push.force))
@@ -270,11 +232,7 @@ fn strike_with_wrong_values_is_refused() {
         ));
         assert!(timeline.ergon(&network, 0, position, 1.0, 1.0, 0).is_err());
     }
-    assert!(
-        timeline
-            .strike(&network, 0, 0.0, f64::NAN, Some(0.0), 0)
-            .is_err()
-    );
+    assert!(timeline.strike(&network, 0, 0.0, f64::NAN, Some(0.0), 0).is_err());
     for (mass, speed) in [(0.0, 1.0), (f64::NAN, 1.0), (1.0, f64::INFINITY)] {
         assert!(timeline.ergon(&network, 0, 0.0, mass, speed, 0).is_err());
     }
@@ -283,18 +241,13 @@ fn strike_with_wrong_values_is_refused() {
         timeline.strike(&network, 3, 0.0, 1.0, Some(0.0), 0),
         Err(fixed_error.clone())
     );
-    assert_eq!(
-        timeline.ergon(&network, 3, 0.0, 1.0, 1.0, 0),
-        Err(fixed_error)
-    );
+    assert_eq!(timeline.ergon(&network, 3, 0.0, 1.0, 1.0, 0), Err(fixed_error));
     assert!(
         timeline
             .drive(3, DriveKind::Position, Source::Constant(f64::NAN), true)
             .is_err()
     );
-    assert!(
-        timeline.strikes.is_empty() && timeline.ergons.is_empty() && timeline.drives.is_empty()
-    );
+    assert!(timeline.strikes.is_empty() && timeline.ergons.is_empty() && timeline.drives.is_empty());
 }
 
 /// The rain is refused before it fills the memory, even if its impulses are 0.
@@ -335,9 +288,7 @@ fn rain_without_end_is_refused_at_once() {
         },
     ] {
         assert!(
-            timeline
-                .rain(&network, &[0, 1], &bad, member_chance)
-                .is_err(),
+            timeline.rain(&network, &[0, 1], &bad, member_chance).is_err(),
             "{bad:?}"
         );
     }
@@ -379,11 +330,7 @@ fn couple_of_contacts_of_any_kind() {
             ..But::plain(1e3, 0.0, 0.0)
         };
         let link_index = network.but("b", 0, 2, contact_but).unwrap();
-        assert!(
-            timeline(44_100.0)
-                .couple(&network, link_index, 0.1, None)
-                .is_ok()
-        );
+        assert!(timeline(44_100.0).couple(&network, link_index, 0.1, None).is_ok());
     }
 }
 
@@ -392,10 +339,7 @@ fn drive_by_position_twice_is_refused() {
     let mut timeline = timeline(44_100.0);
     let mut add_drive = |kind, value| timeline.drive(0, kind, Source::Constant(value), true);
     assert_eq!(add_drive(DriveKind::Position, 0.0), Ok(()));
-    assert_eq!(
-        add_drive(DriveKind::Position, 0.0),
-        Err(StrikeError::Driven(0))
-    );
+    assert_eq!(add_drive(DriveKind::Position, 0.0), Err(StrikeError::Driven(0)));
     // Forces add.
     assert_eq!(add_drive(DriveKind::Force, 1.0), Ok(()));
     assert_eq!(add_drive(DriveKind::Force, 1.0), Ok(()));
@@ -405,14 +349,7 @@ fn drive_by_position_twice_is_refused() {
 #[test]
 fn next_change_of_paths_and_gates() {
     let path_points = [(10, 1.0), (20, 1.0), (30, 2.0), (40, 2.0), (50, 1.0)];
-    for (n, change_frame) in [
-        (0, 20),
-        (20, 20),
-        (29, 29),
-        (30, 40),
-        (49, 49),
-        (50, u64::MAX),
-    ] {
+    for (n, change_frame) in [(0, 20), (20, 20), (29, 29), (30, 40), (49, 49), (50, u64::MAX)] {
         assert_eq!(next_change(&path_points, n), change_frame, "{n}");
     }
     let last_frame = 8_000;
@@ -426,9 +363,7 @@ fn next_change_of_paths_and_gates() {
         let mut timeline = timeline(8_000.0);
         timeline.couple(&network(), 0, start, stop).unwrap();
         if let Some(ramp_span) = ramp {
-            timeline
-                .fade(&network(), (0, 1), (0.5, 2.0), ramp_span)
-                .unwrap();
+            timeline.fade(&network(), (0, 1), (0.5, 2.0), ramp_span).unwrap();
         }
         let coupled_gate = timeline.gates[0];
         let continuations = [None, GateContinuation::new(&coupled_gate, 0.3, 6_000)];
@@ -483,11 +418,7 @@ fn cut_drops_events_from_its_frame() {
         let cut_timeline = timeline.cut(8_000, &[1, 2, 3], stops);
         assert_eq!(cut_timeline.strikes_on(0), [(0.999, 1.0)]);
         assert_eq!(cut_timeline.strikes_on(1), [(0.2, 1.0), (0.999, 1.0)]); // ergons
-        let gesture_starts: Vec<f64> = cut_timeline
-            .gestures
-            .iter()
-            .map(|gesture| gesture.start)
-            .collect();
+        let gesture_starts: Vec<f64> = cut_timeline.gestures.iter().map(|gesture| gesture.start).collect();
         assert_eq!(gesture_starts, [0.8, 0.5]);
         assert!(cut_timeline.is_open);
         assert_eq!(cut_timeline.keys[key_index].struck, 2);
@@ -515,11 +446,7 @@ fn cut_with_stop_keeps_couplings() {
         if let Some(start_opening) = start_opening {
             assert_eq!(openness(8_000), start_opening, "{start} {stop:?}");
         }
-        assert_eq!(
-            openness(8_000),
-            timeline.gates[0].open(8_000),
-            "{start} {stop:?}"
-        );
+        assert_eq!(openness(8_000), timeline.gates[0].open(8_000), "{start} {stop:?}");
         assert_eq!(openness(80_000), closes, "{start} {stop:?}");
         let cut_timeline = timeline.cut(8_000, &[], false);
         assert_eq!(cut_timeline.gates, timeline.gates);
@@ -531,12 +458,8 @@ fn cut_keeps_running_glides() {
     let network = network();
     for (stop, is_kept) in [(0.5, false), (2.0, true)] {
         let mut timeline = timeline(8_000.0);
-        timeline
-            .fade(&network, (0, 1), (0.5, 1.0), (0.1, stop))
-            .unwrap();
-        timeline
-            .glide(&network, 0, [1.0, 0.0, 1.0], (0.1, stop))
-            .unwrap();
+        timeline.fade(&network, (0, 1), (0.5, 1.0), (0.1, stop)).unwrap();
+        timeline.glide(&network, 0, [1.0, 0.0, 1.0], (0.1, stop)).unwrap();
         let path_tie = [1.0, 1.0, 1.0];
         timeline
             .path(&network, 2, &[(0.1, path_tie), (stop, path_tie)])
@@ -546,22 +469,11 @@ fn cut_keeps_running_glides() {
             assert_eq!(cut_timeline.gates == timeline.gates, is_kept);
             assert_eq!(cut_timeline.gates.is_empty(), !is_kept);
             // Points that a MAT goes through are automation, whose last values hold.
-            let gliding_mats = |cut_timeline: &Timeline| {
-                cut_timeline
-                    .glides
-                    .iter()
-                    .map(|glide| glide.mat)
-                    .collect::<Vec<_>>()
-            };
-            assert_eq!(
-                gliding_mats(&cut_timeline),
-                if is_kept { vec![0, 2] } else { vec![2] }
-            );
+            let gliding_mats =
+                |cut_timeline: &Timeline| cut_timeline.glides.iter().map(|glide| glide.mat).collect::<Vec<_>>();
+            assert_eq!(gliding_mats(&cut_timeline), if is_kept { vec![0, 2] } else { vec![2] });
             cut_timeline.release(&[(1, 2)], &[]);
-            assert_eq!(
-                gliding_mats(&cut_timeline),
-                if is_kept { vec![0] } else { vec![] }
-            );
+            assert_eq!(gliding_mats(&cut_timeline), if is_kept { vec![0] } else { vec![] });
         }
     }
     let mut timeline = timeline(8_000.0);

@@ -59,9 +59,7 @@ fn plan(below: f64, contacts: Contacts) -> Arc<Plan> {
     };
     network.part("plate", None);
     let topology = plate(Shape::Square, 3, Rim::Fixed).unwrap();
-    network
-        .mesh("p", &topology, 0.1, 90.0, Some(0.3), 0.0)
-        .unwrap();
+    network.mesh("p", &topology, 0.1, 90.0, Some(0.3), 0.0).unwrap();
     network.listen("plate", vec![position(16)]).unwrap();
     network.part("hammer", None);
     let hammer = network.mas("m", 5e-3, -1e-3, 1.5).unwrap();
@@ -93,9 +91,7 @@ fn plan(below: f64, contacts: Contacts) -> Arc<Plan> {
         (reed, 0.31, 1e-3, Some(5e-3)),
         (9, 0.45, -2e-3, None),
     ] {
-        timeline
-            .strike(&network, mat, instant, impulse, lasts, 0)
-            .unwrap();
+        timeline.strike(&network, mat, instant, impulse, lasts, 0).unwrap();
     }
     planned(network, &timeline, contacts)
 }
@@ -179,9 +175,7 @@ fn keyed(gap: f64, contacts: Contacts) -> Arc<Plan> {
         timeline.gesture(gesture).unwrap();
     }
     for (mat, position, impulse) in [(reeds[1], 0.3, 2e-3), (hammer, 0.6, 4e-3)] {
-        timeline
-            .strike(&network, mat, position, impulse, None, 0)
-            .unwrap();
+        timeline.strike(&network, mat, position, impulse, None, 0).unwrap();
     }
     planned(network, &timeline, contacts)
 }

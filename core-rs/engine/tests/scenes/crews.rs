@@ -28,9 +28,7 @@ fn struck([gong, bell]: [f64; 2], method: Method, impulse: f64) -> Arc<Plan> {
         network.part(part, None);
         let topology = plate(Shape::Hex, radius, Rim::Fixed).unwrap();
         let first = network.n_mat();
-        network
-            .mesh("p", &topology, 0.3, f, Some(4.0), 4e8)
-            .unwrap();
+        network.mesh("p", &topology, 0.3, f, Some(4.0), 4e8).unwrap();
         listen(&mut network, part, first + 9);
         timeline
             .strike(&network, first + 5, 1e-3, impulse, Some(0.0), 0)
@@ -112,9 +110,7 @@ fn threads_agree_bitwise_with_finer_frames() {
             let sound = play(&mut simulation, 2 * N, blocks);
             let finer = simulation.finer();
             assert!(
-                finer
-                    .iter()
-                    .any(|(part, frames, _)| part == "gong" && *frames > 20),
+                finer.iter().any(|(part, frames, _)| part == "gong" && *frames > 20),
                 "{finer:?}"
             );
             sound
@@ -128,9 +124,7 @@ fn threads_agree_bitwise_after_mute() {
     let mut network = Network::new();
     network.part("gong", None);
     let topology = plate(Shape::Hex, 32, Rim::Fixed).unwrap();
-    network
-        .mesh("p", &topology, 0.3, 65.4, Some(4.0), 4e8)
-        .unwrap();
+    network.mesh("p", &topology, 0.3, 65.4, Some(4.0), 4e8).unwrap();
     listen(&mut network, "gong", 9);
     network.part("sick", None);
     // Passes 10 km after 44 frames.

@@ -48,10 +48,7 @@ fn extra_damping_adds_to_decay() {
     let pitches = [220.0, 3_000.0, 2_756.25];
     for (i, f) in pitches.into_iter().enumerate() {
         network.part(&format!("bell{i}"), None);
-        let tie = Tie::Tuned {
-            f,
-            t60: Some(single),
-        };
+        let tie = Tie::Tuned { f, t60: Some(single) };
         let m = network.cel("m", 2e-3, tie, 0.0, 1e-3, 0.0).unwrap();
         let term = Term::Position {
             first: m,
@@ -80,9 +77,7 @@ fn extra_damping_adds_to_decay() {
             let k = if i == 0 || i == 11 { 4e3 } else { 0.0 };
             let tie = Tie::Physical { k, z };
             let x0 = if i == 5 { 1e-4 } else { 0.0 };
-            network
-                .cel(&format!("s{i}"), 2e-3, tie, 0.0, x0, 0.0)
-                .unwrap();
+            network.cel(&format!("s{i}"), 2e-3, tie, 0.0, x0, 0.0).unwrap();
         }
         for i in first..first + 11 {
             match law {

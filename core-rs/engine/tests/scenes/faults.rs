@@ -74,10 +74,7 @@ fn fault_of_a_stopped_run_names_its_place() {
     let mut simulation = Simulation::new(Arc::new(network), &timeline, options).unwrap();
     let mut out = vec![0.0; 20_000];
     let fault = simulation.process(&mut out).unwrap_err();
-    assert_eq!(
-        (fault.module.as_str(), fault.part.as_str()),
-        ("sick.m", "sick")
-    );
+    assert_eq!((fault.module.as_str(), fault.part.as_str()), ("sick.m", "sick"));
     // The first frame past 10 km.
     assert!((4410..=4411).contains(&fault.frame), "{}", fault.frame);
     assert_eq!(simulation.frame(), fault.frame);
@@ -104,10 +101,7 @@ fn mute_of_a_key_drops_its_gestures() {
         for t in [[0.05, 0.2], [0.15, 0.2], [0.02, 0.05]] {
             let (mut network, mut timeline, _) = scene();
             network.part("sick", None);
-            let tie = Tie::Tuned {
-                f: 8.0,
-                t60: Some(0.6),
-            };
+            let tie = Tie::Tuned { f: 8.0, t60: Some(0.6) };
             let struck = network.cel("key", 0.08, tie, 0.0, 0.0, 0.0).unwrap();
             timeline.key("key", struck);
             timeline.gesture(gesture(touch, t)).unwrap();
@@ -137,12 +131,8 @@ fn mute_of_a_part_ignores_strikes_and_drives() {
         .drive(mass, DriveKind::Force, Source::Constant(1.0), true)
         .unwrap();
     for position in [0.05, 0.15, 0.25] {
-        timeline
-            .strike(&network, mass, position, 1.0, Some(0.0), 0)
-            .unwrap();
-        timeline
-            .ergon(&network, mass, position, 1e-3, 1e3, 0)
-            .unwrap();
+        timeline.strike(&network, mass, position, 1.0, Some(0.0), 0).unwrap();
+        timeline.ergon(&network, mass, position, 1e-3, 1e3, 0).unwrap();
     }
     let mut simulation = Simulation::new(Arc::new(network), &timeline, OPTIONS).unwrap();
     play(&mut simulation, 6_000);
@@ -152,11 +142,7 @@ fn mute_of_a_part_ignores_strikes_and_drives() {
     assert_eq!(simulation.positions()[1..], still);
     let ergons = simulation.take_ergons();
     assert_eq!(ergons.len(), 2, "those of 0.05 s");
-    assert!(
-        ergons
-            .iter()
-            .all(|it| it.impulse.is_finite() && it.speed.is_finite())
-    );
+    assert!(ergons.iter().all(|it| it.impulse.is_finite() && it.speed.is_finite()));
     assert!(simulation.energy().unwrap().injected.is_finite());
 }
 
@@ -173,9 +159,7 @@ fn mute_keeps_outputs_finite() {
     let law = Arc::new(Law::new(&law).unwrap());
     let first = network.lnl("l", mass, fixed, law, 0.0).unwrap();
     let (len, weight) = (1, 1.0);
-    network
-        .listen("f", vec![Term::Force { first, len, weight }])
-        .unwrap();
+    network.listen("f", vec![Term::Force { first, len, weight }]).unwrap();
     let mut simulation = Simulation::new(Arc::new(network), &timeline, OPTIONS).unwrap();
     let mut out = vec![0.0; 3 * 4_000];
     simulation.process(&mut out).unwrap();

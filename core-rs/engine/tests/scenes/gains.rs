@@ -33,10 +33,7 @@ fn hammered(k: f64, ca: Option<Rate>) -> Network {
     let x0 = if ca.is_some() { 0.0 } else { 1e-3 };
     network.cel("m", 1e-2, tie, 0.0, x0, 0.0).unwrap();
     network.part("stiff", ca);
-    let tie = Tie::Tuned {
-        f: 1369.0,
-        t60: None,
-    };
+    let tie = Tie::Tuned { f: 1369.0, t60: None };
     let cell = match ca {
         None => network.cel("t", 0.026, tie, 0.0, 0.0, 0.0).unwrap(),
         Some(_) => {
@@ -76,10 +73,7 @@ fn too_stiff_contact_stops_a_render() {
     assert_eq!((&*fault.module, &*fault.part), ("stiff.c", "stiff"));
     let sentence = fault.to_string();
     assert!(sentence.contains("stiff.c created energy"), "{sentence}");
-    assert!(
-        sentence.contains("created energy: 5.5 J until"),
-        "{sentence}"
-    );
+    assert!(sentence.contains("created energy: 5.5 J until"), "{sentence}");
 }
 
 #[test]
@@ -113,9 +107,7 @@ fn energy_created_and_lost_again_causes_no_fault() {
     };
     // The mass meets the contact with 50 mJ, and turns back before the contact has taken up energy.
     let key = network.cel("m", 1e-4, tie, 0.0, 1e-3, 0.0).unwrap();
-    network
-        .but("c", wall, key, But::plain(1e5, 0.0, 7e-4))
-        .unwrap();
+    network.but("c", wall, key, But::plain(1e5, 0.0, 7e-4)).unwrap();
     let mut simulation = begin(network, OnFault::Stop);
     simulation.skip(44_100).unwrap();
     let gains = simulation.gains();
@@ -150,9 +142,7 @@ fn mesh_energy_is_compared_by_its_laws() {
         let x = if i == 4 { 1e-3 } else { 0.0 };
         let mass = network.mas(&format!("m{i}"), 8e-4, x, 0.0).unwrap();
         let law = ergon_engine::law::Law::hardening(1e5, 2e14, 0.0).unwrap();
-        network
-            .lnl(&format!("l{i}"), before, mass, Arc::new(law), 0.0)
-            .unwrap();
+        network.lnl(&format!("l{i}"), before, mass, Arc::new(law), 0.0).unwrap();
         before = mass;
     }
     let (first, len, weight) = (before, 1, 1.0);
@@ -175,9 +165,7 @@ fn rattling(n_heard: usize, z: f64) -> Network {
     let [ground, stop] = [("g", 0.0), ("s", -1e-4)].map(|(name, x)| network.sol(name, x).unwrap());
     let mass = network.mas("m", 1e-3, 1e-3, 0.0).unwrap();
     let springs = ["l", "r"].map(|name| network.spring(name, ground, mass, 5e4, z, 0.0).unwrap());
-    network
-        .but("c", stop, mass, But::plain(1.5e5, 0.0, 0.0))
-        .unwrap();
+    network.but("c", stop, mass, But::plain(1.5e5, 0.0, 0.0)).unwrap();
     let (len, weight) = (1, 1.0);
     let term = Term::Position {
         first: mass,
@@ -197,10 +185,7 @@ const Z: f64 = 1e-3;
 
 /// Two seconds of it by a plan without trials, and its outputs.
 fn rattled(n_heard: usize, z: f64, on_fault: OnFault) -> (Simulation, Result<Vec<f64>, String>) {
-    let (network, timeline) = (
-        Arc::new(rattling(n_heard, z)),
-        Timeline::new(Rate::new(HERTZ).unwrap()),
-    );
+    let (network, timeline) = (Arc::new(rattling(n_heard, z)), Timeline::new(Rate::new(HERTZ).unwrap()));
     let budget = Budget::Error(-20.0);
     let known = Known {
         share: 0.0,

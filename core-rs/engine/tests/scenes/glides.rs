@@ -65,8 +65,7 @@ fn joined(old: &Arc<Plan>, new: &Arc<Plan>, border: u64, n_frames: u64) -> Vec<f
 /// Largest third difference over some frames, of all outputs together.
 fn third(sound: &[f64], n_out: usize, frames: std::ops::Range<usize>) -> f64 {
     let x = |frame: usize, output: usize| sound[frame * n_out + output];
-    let source =
-        |n: usize, o: usize| (x(n + 3, o) - 3.0 * x(n + 2, o) + 3.0 * x(n + 1, o) - x(n, o)).abs();
+    let source = |n: usize, o: usize| (x(n + 3, o) - 3.0 * x(n + 2, o) + 3.0 * x(n + 1, o) - x(n, o)).abs();
     let all = frames.flat_map(|n| (0..n_out).map(move |o| (n, o)));
     all.map(|(n, o)| source(n, o)).fold(0.0, f64::max)
 }
@@ -119,11 +118,7 @@ fn cell_glides_to_another_stiffness() {
     let (mut a, mut b) = (vec![0.0; 5_000], vec![0.0; 5_000]);
     saved.process(&mut a).unwrap();
     next.process(&mut b).unwrap();
-    let apart = a
-        .iter()
-        .zip(&b)
-        .map(|(a, b)| (a - b).abs())
-        .fold(0.0, f64::max);
+    let apart = a.iter().zip(&b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     assert!(apart < 1e-12, "{apart}");
 }
 
@@ -137,14 +132,10 @@ fn spring_glides_to_another_stiffness() {
         for i in 0..2 {
             let tie = Tie::Physical { k: 900.0, z: 1e-3 };
             let x0 = 1e-3 * f64::from(1 - 2 * i);
-            network
-                .cel(&format!("m{i}"), 2e-3, tie, 0.0, x0, 0.0)
-                .unwrap();
+            network.cel(&format!("m{i}"), 2e-3, tie, 0.0, x0, 0.0).unwrap();
         }
         for (i, &k) in springs.iter().enumerate() {
-            network
-                .spring(&format!("l{i}"), 0, 1, k, 1e-6 * k, 0.0)
-                .unwrap();
+            network.spring(&format!("l{i}"), 0, 1, k, 1e-6 * k, 0.0).unwrap();
         }
         listen_to_all(&mut network);
         network
@@ -153,19 +144,12 @@ fn spring_glides_to_another_stiffness() {
     let old = plan(network(&[3e3]), &begin(), &budget);
     let by_factor = network(&[4.5e3]);
     let mut factor = begin();
-    factor
-        .fade(&by_factor, (0, 1), (1.0 / 1.5, 1.0), span())
-        .unwrap();
+    factor.fade(&by_factor, (0, 1), (1.0 / 1.5, 1.0), span()).unwrap();
     let twice = network(&[4.5e3, 3e3]);
     let mut cross = begin();
     cross.fade(&twice, (0, 1), (0.0, 1.0), span()).unwrap();
     cross.fade(&twice, (1, 1), (1.0, 0.0), span()).unwrap();
-    let jumps = joined(
-        &old,
-        &plan(by_factor.clone(), &begin(), &budget),
-        BORDER,
-        12_800,
-    );
+    let jumps = joined(&old, &plan(by_factor.clone(), &begin(), &budget), BORDER, 12_800);
     let factor = joined(&old, &plan(by_factor, &factor, &budget), BORDER, 12_800);
     let cross = joined(&old, &plan(twice, &cross, &budget), BORDER, 12_800);
     assert!(roughness(&jumps, 2) > 2.0, "{}", roughness(&jumps, 2));
@@ -188,15 +172,11 @@ fn string_with(k: f64, n: usize, has_key: bool) -> Network {
             k: 2e4 * k * ends,
             z: 4e-3 * k * ends,
         };
-        network
-            .cel(&format!("s{i}"), 2e-3, tie, 0.0, 0.0, 0.0)
-            .unwrap();
+        network.cel(&format!("s{i}"), 2e-3, tie, 0.0, 0.0, 0.0).unwrap();
     }
     for i in 1..n {
         let name = format!("l{i}");
-        network
-            .spring(&name, i - 1, i, 2e4 * k, 4e-3 * k, 0.0)
-            .unwrap();
+        network.spring(&name, i - 1, i, 2e4 * k, 4e-3 * k, 0.0).unwrap();
     }
     if has_key {
         network.part("key", None);
@@ -214,9 +194,7 @@ fn string(k: f64, n: usize) -> Network {
 
 fn struck(network: &Network) -> Timeline {
     let mut timeline = begin();
-    timeline
-        .strike(network, 3, 0.01, 1e-3, Some(0.0), 0)
-        .unwrap();
+    timeline.strike(network, 3, 0.01, 1e-3, Some(0.0), 0).unwrap();
     timeline
 }
 
@@ -229,9 +207,7 @@ fn string_glides_to_another_pitch() {
     let budget = Budget::default();
     let mut gliding = struck(&new);
     for link in 0..n - 1 {
-        gliding
-            .fade(&new, (link, 1), (1.0 / ratio, 1.0), span())
-            .unwrap();
+        gliding.fade(&new, (link, 1), (1.0 / ratio, 1.0), span()).unwrap();
     }
     for end in [0, n - 1] {
         gliding.glide(&new, end, [2e4, 4e-3, 2e-3], span()).unwrap();
@@ -251,10 +227,7 @@ fn take_over_keeps_positions_of_all_masses() {
 
 fn mass_by_mass(has_key: bool) {
     // A change too small to be heard or measured, but enough to make another network.
-    let (old, new) = (
-        string_with(1.0, 12, has_key),
-        string_with(1.0 + 1e-13, 12, has_key),
-    );
+    let (old, new) = (string_with(1.0, 12, has_key), string_with(1.0 + 1e-13, 12, has_key));
     let n = old.n_mat();
     let budgets = [
         Budget::default(),
@@ -284,24 +257,12 @@ fn mass_by_mass(has_key: bool) {
                 let pairs = sound[range.clone()].iter().zip(&unchanged[range]);
                 pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max) / peak
             };
-            assert!(
-                apart(now.clone()) < 1e-9,
-                "{has_key} {i} {j}: {}",
-                apart(now.clone())
-            );
+            assert!(apart(now.clone()) < 1e-9, "{has_key} {i} {j}: {}", apart(now.clone()));
             let next = (BORDER as usize + 1) * n..(BORDER as usize + 2) * n;
             // One frame later, the methods differ by their errors in one frame.
-            assert!(
-                apart(next.clone()) < 2e-2,
-                "{has_key} {i} {j}: {}",
-                apart(next)
-            );
+            assert!(apart(next.clone()) < 2e-2, "{has_key} {i} {j}: {}", apart(next));
             if i == j {
-                assert!(
-                    apart(0..sound.len()) < 1e-6,
-                    "{has_key} {i}: {}",
-                    apart(0..sound.len())
-                );
+                assert!(apart(0..sound.len()) < 1e-6, "{has_key} {i}: {}", apart(0..sound.len()));
             }
         }
     }
@@ -322,11 +283,7 @@ fn take_over_of_a_slow_key() {
         network
     };
     let budgets = [Budget::default(), Budget::Method(Method::Ca)];
-    let plans = |k: f64| {
-        budgets
-            .each_ref()
-            .map(|budget| plan(network(k), &key(), budget))
-    };
+    let plans = |k: f64| budgets.each_ref().map(|budget| plan(network(k), &key(), budget));
     let (before, after) = (plans(150.0), plans(150.0 * (1.0 + 1e-13)));
     assert!(before[0].rows().iter().any(|row| row.what
         == Computed::Slow {
@@ -356,11 +313,7 @@ fn key() -> Timeline {
 /// A path through two points is a glide, to the last bit; with more points it continues after the first.
 #[test]
 fn path_continues_after_its_glide() {
-    let ties = [
-        [790.0, 0.02, 0.002],
-        [1_600.0, 0.04, 0.002],
-        [300.0, 0.01, 0.003],
-    ];
+    let ties = [[790.0, 0.02, 0.002], [1_600.0, 0.04, 0.002], [300.0, 0.01, 0.003]];
     let [k, z, m] = ties[1];
     let mut network = Network::new();
     network.part("bell", None);
@@ -395,10 +348,7 @@ fn path_continues_after_its_glide() {
     assert!(glide == short);
     assert!(glide[..9_600] == longer[..9_600]);
     assert!(glide[9_600..] != longer[9_600..]);
-    assert!(
-        long.path(&network, 0, &points).is_err(),
-        "it glides already"
-    );
+    assert!(long.path(&network, 0, &points).is_err(), "it glides already");
     let refused = |points: &[(f64, [f64; 3])]| begin().path(&network, 0, points).is_err();
     assert!(refused(&[(1.0, ties[0]), (0.5, ties[1])]));
     assert!(refused(&[]));
@@ -482,9 +432,8 @@ fn lead_of_a_string_equals_a_retuned_string() {
 #[test]
 fn lead_with_wrong_values_is_refused() {
     let network = joined_cells([1.0; 2], [1.0; 2]);
-    let refused = |link: usize, n: usize, points: &[(f64, [f64; 2])]| {
-        begin().lead(&network, (link, n), points).is_err()
-    };
+    let refused =
+        |link: usize, n: usize, points: &[(f64, [f64; 2])]| begin().lead(&network, (link, n), points).is_err();
     assert!(!refused(0, 2, &[(0.0, [1.0; 2]), (1.0, [2.0; 2])]));
     assert!(refused(0, 0, &[(0.0, [1.0; 2])]));
     assert!(refused(7, 1, &[(0.0, [1.0; 2])]));

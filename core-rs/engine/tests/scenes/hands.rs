@@ -15,10 +15,7 @@ use ergon_engine::units::Rate;
 use super::scene::options;
 
 fn tie() -> Tie {
-    Tie::Tuned {
-        f: 8.0,
-        t60: Some(0.6),
-    }
+    Tie::Tuned { f: 8.0, t60: Some(0.6) }
 }
 
 struct Keyboard {
@@ -85,10 +82,7 @@ fn gesture_meets_its_points_at_any_rate() {
             let mut keys = Keyboard::new(hertz);
             keys.play(
                 &smooth(&[(0.0, 0.0), (0.1, 5e-3), (0.2, 1e-3)]),
-                Manner {
-                    touch,
-                    ..Manner::OPEN
-                },
+                Manner { touch, ..Manner::OPEN },
             );
             let (x, reports) = keys.hear(0.3);
             for (t, wanted) in [(0.1, 5e-3), (0.2, 1e-3)] {
@@ -171,18 +165,13 @@ fn throw_without_a_solution_is_skipped() {
     let undamped = Tie::Tuned { f: 8.0, t60: None };
     keys.network = Network::new();
     keys.network.part("key", None);
-    keys.network
-        .cel("m", 0.08, undamped, 0.0, 0.0, 0.0)
-        .unwrap();
+    keys.network.cel("m", 0.08, undamped, 0.0, 0.0, 0.0).unwrap();
     let (first, len, weight) = (0, 1, 1.0);
     keys.network
         .listen("m", vec![Term::Position { first, len, weight }])
         .unwrap();
     keys.play(
-        &[
-            (0.0, 0.0, Approach::Throw),
-            (1.0 / 16.0, 5e-3, Approach::Throw),
-        ],
+        &[(0.0, 0.0, Approach::Throw), (1.0 / 16.0, 5e-3, Approach::Throw)],
         Manner::OPEN,
     );
     let (x, reports) = keys.hear(0.2);
@@ -202,10 +191,7 @@ fn gesture_with_non_finite_points_is_refused() {
         }
     }
     let short = keys.try_play(
-        &[
-            (0.1, 0.0, Approach::Throw),
-            (0.100_001, 1e-3, Approach::Throw),
-        ],
+        &[(0.1, 0.0, Approach::Throw), (0.100_001, 1e-3, Approach::Throw)],
         Manner::OPEN,
     );
     assert!(matches!(short, Err(GestureError::Short { index: 1, .. })));
@@ -242,10 +228,7 @@ fn gesture_with_non_finite_points_is_refused() {
         sources: &[],
     };
     let elsewhere = Gesture::written(1, &written, Manner::OPEN).unwrap();
-    assert_eq!(
-        keys.timeline.gesture(elsewhere),
-        Err(GestureError::NoKey(1))
-    );
+    assert_eq!(keys.timeline.gesture(elsewhere), Err(GestureError::NoKey(1)));
 }
 
 /// The last grain is shortened to the time that is left; the end of the gesture is still met.
@@ -286,29 +269,14 @@ fn grain_longer_than_a_quarter_period() {
 fn coupling_inside_a_key_is_refused() {
     let mut keys = Keyboard::new(44_100.0);
     let rail = keys.network.sol("rail", 0.0).unwrap();
-    let inner = keys
-        .network
-        .spring("inner", 0, rail, 1e4, 0.0, 0.0)
-        .unwrap();
+    let inner = keys.network.spring("inner", 0, rail, 1e4, 0.0, 0.0).unwrap();
     keys.network.part("bell", None);
     let bell = keys.network.cel("m", 0.01, tie(), 0.0, 0.0, 0.0).unwrap();
-    let outer = keys
-        .network
-        .spring("outer", 0, bell, 1e4, 0.0, 0.0)
-        .unwrap();
-    keys.timeline
-        .couple(&keys.network, outer, 5.0, None)
-        .unwrap();
+    let outer = keys.network.spring("outer", 0, bell, 1e4, 0.0, 0.0).unwrap();
+    keys.timeline.couple(&keys.network, outer, 5.0, None).unwrap();
     assert!(keys.try_hear(0.01).is_ok());
-    keys.timeline
-        .couple(&keys.network, inner, 5.0, None)
-        .unwrap();
-    assert!(
-        keys.try_hear(0.01)
-            .unwrap_err()
-            .to_string()
-            .contains("key.inner")
-    );
+    keys.timeline.couple(&keys.network, inner, 5.0, None).unwrap();
+    assert!(keys.try_hear(0.01).unwrap_err().to_string().contains("key.inner"));
 }
 
 /// A stop 10 mm away does not change the period of the key, nor a gesture laid over another.

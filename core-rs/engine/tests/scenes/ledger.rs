@@ -6,9 +6,7 @@ use proptest::prelude::*;
 
 fn ledger(scene: &Scene) -> Energy {
     let mut simulation = scene.simulation(options(OnFault::Stop));
-    simulation
-        .skip((LENGTH * simulation.rate()) as u64)
-        .unwrap();
+    simulation.skip((LENGTH * simulation.rate()) as u64).unwrap();
     simulation.energy().unwrap()
 }
 
@@ -28,9 +26,7 @@ fn energy_ledger_closes_for_all_kinds_of_link() {
                     timeline.couple(network, link, 0.05, Some(0.12)).unwrap();
                 }
                 for (instant, impulse) in [(0.01, 3e-3), (0.06, -4e-3), (0.11, 4e-3)] {
-                    timeline
-                        .strike(network, b, instant, impulse, Some(0.0), 0)
-                        .unwrap();
+                    timeline.strike(network, b, instant, impulse, Some(0.0), 0).unwrap();
                 }
                 let energy = ledger(&scene);
                 assert!(energy.flow > 1e-5, "{energy:?}");

@@ -22,15 +22,9 @@ fn scene(side: Side) -> Network {
     network.cel("m", 0.4, tie, 0.0, 0.0, 0.0).unwrap();
     network.part("string", None);
     for i in 0..12 {
-        let (k, z) = if i == 0 || i == 11 {
-            (4e3, 2e-3)
-        } else {
-            (0.0, 0.0)
-        };
+        let (k, z) = if i == 0 || i == 11 { (4e3, 2e-3) } else { (0.0, 0.0) };
         let tie = Tie::Physical { k, z };
-        network
-            .cel(&format!("s{i}"), 2e-3, tie, 0.0, 0.0, 0.0)
-            .unwrap();
+        network.cel(&format!("s{i}"), 2e-3, tie, 0.0, 0.0, 0.0).unwrap();
     }
     for i in 1..12 {
         network.spring("l", i, i + 1, 2e4, 5e-3, 0.0).unwrap();
@@ -59,10 +53,7 @@ fn rate() -> Rate {
 /// Up and down five times in a second, 3 mm either way.
 fn wave(n: usize, per_second: f64) -> Vec<f64> {
     (0..n)
-        .map(|k| {
-            2e-3 + 3e-3
-                * ergon_engine::maths::sin(2.0 * std::f64::consts::PI * 5.0 * k as f64 / per_second)
-        })
+        .map(|k| 2e-3 + 3e-3 * ergon_engine::maths::sin(2.0 * std::f64::consts::PI * 5.0 * k as f64 / per_second))
         .collect()
 }
 
@@ -94,25 +85,16 @@ fn recording_renders_to_the_played_samples() {
             played.extend(out);
             forces.push(live.hand_force(0));
         }
-        assert!(
-            forces.iter().any(|f| *f < -0.1),
-            "the hand feels the string"
-        );
+        assert!(forces.iter().any(|f| *f < -0.1), "the hand feels the string");
         assert!(played.iter().any(|x| x.abs() > 1e-5), "the string is heard");
         let mut known = Timeline::new(rate());
-        known
-            .hand(&network, KEY, every, HandWay::Line, &ticks)
-            .unwrap();
+        known.hand(&network, KEY, every, HandWay::Line, &ticks).unwrap();
         for block in [1, 44, 997] {
             let mut again = planned(&network, &known, &budget);
             let mut out = vec![0.0; played.len()];
-            out.chunks_mut(block)
-                .for_each(|out| again.process(out).unwrap());
+            out.chunks_mut(block).for_each(|out| again.process(out).unwrap());
             assert!(out == played, "{budget:?}, blocks of {block}");
-            assert_eq!(
-                again.hand_force(0).to_bits(),
-                forces[forces.len() - 1].to_bits()
-            );
+            assert_eq!(again.hand_force(0).to_bits(), forces[forces.len() - 1].to_bits());
         }
     }
 }
@@ -150,11 +132,7 @@ fn key_in_another_simulation_equals_key_in_scene() {
         d += (push + forces) * w - ratios.kappa * x - ratios.zeta * d;
         x += d;
         assert_eq!(a[0].to_bits(), b[0].to_bits(), "sound at {n}");
-        assert_eq!(
-            complete.positions()[KEY].to_bits(),
-            x.to_bits(),
-            "key at {n}"
-        );
+        assert_eq!(complete.positions()[KEY].to_bits(), x.to_bits(), "key at {n}");
     }
     assert!(touched);
 }
@@ -173,10 +151,7 @@ fn structural_latency_is_one_sample() {
     scene.hold(0, 2e-3, None);
     scene.process(&mut x).unwrap();
     assert!(scene.hand_force(0) < 0.0, "felt in the same frame");
-    assert!(
-        scene.positions()[4] > 0.0,
-        "frame 2: the struck mass has moved"
-    );
+    assert!(scene.positions()[4] > 0.0, "frame 2: the struck mass has moved");
 }
 
 /// Two hands joined by a spring that no output hears: each feels the other.
@@ -191,17 +166,11 @@ fn hands_feel_each_other_through_a_spring() {
     let network = Arc::new(network);
     let mut timeline = Timeline::new(rate());
     for mat in [0, 1] {
-        timeline
-            .hand(&network, mat, 44, HandWay::Hold, &[])
-            .unwrap();
+        timeline.hand(&network, mat, 44, HandWay::Hold, &[]).unwrap();
     }
     let mut duet = planned(&network, &timeline, &Budget::default());
     duet.hold(0, 10e-3, None);
     duet.skip(44).unwrap();
-    assert!(
-        (duet.hand_force(1) - 1.2).abs() < 1e-12,
-        "{}",
-        duet.hand_force(1)
-    );
+    assert!((duet.hand_force(1) - 1.2).abs() < 1e-12, "{}", duet.hand_force(1));
     assert!((duet.hand_force(0) + 1.2).abs() < 1e-12);
 }

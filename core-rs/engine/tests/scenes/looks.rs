@@ -20,11 +20,7 @@ const M: f64 = RATE * RATE;
 /// one is not. For discrete parts, the plan gives the motion of the stepped network, up to rounding.
 fn scene(discrete: bool) -> (Arc<Network>, Timeline) {
     let rate = Rate::new(RATE).unwrap();
-    let (part_rate, m) = if discrete {
-        (Some(rate), M)
-    } else {
-        (None, 1.0)
-    };
+    let (part_rate, m) = if discrete { (Some(rate), M) } else { (None, 1.0) };
     let z = if discrete { RATE } else { 1.0 };
     let mut network = Network::new();
     let mut timeline = Timeline::new(rate);
@@ -34,38 +30,24 @@ fn scene(discrete: bool) -> (Arc<Network>, Timeline) {
         network.part(&format!("bells {side}"), part_rate);
         for f in [220.0, 1_310.0] {
             let tie = Tie::Tuned { f, t60: Some(0.8) };
-            struck.push(
-                network
-                    .cel(&format!("b{f}"), 2e-3 * m, tie, 0.0, 0.0, 0.0)
-                    .unwrap(),
-            );
+            struck.push(network.cel(&format!("b{f}"), 2e-3 * m, tie, 0.0, 0.0, 0.0).unwrap());
         }
         network.part(&format!("plate {side}"), part_rate);
         let topology = plate(Shape::Hex, 3, Rim::Fixed).unwrap();
-        let single = network
-            .mesh("p", &topology, 0.3 * m, 180.0, Some(1.0), 0.0)
-            .unwrap();
+        let single = network.mesh("p", &topology, 0.3 * m, 180.0, Some(1.0), 0.0).unwrap();
         struck.push(single + 12);
         network.part(&format!("gong {side}"), part_rate);
-        let single = network
-            .mesh("g", &topology, 0.3 * m, 150.0, Some(1.0), 1e11)
-            .unwrap();
+        let single = network.mesh("g", &topology, 0.3 * m, 150.0, Some(1.0), 1e11).unwrap();
         struck.push(single + 14);
         network.part(&format!("frame {side}"), part_rate);
         let tie = |k: f64, zed: f64| Tie::Physical { k, z: zed * z };
-        let a = network
-            .cel("a", 0.01 * m, tie(4e3, 0.05), 0.0, 0.0, 0.0)
-            .unwrap();
-        let b = network
-            .cel("b", 0.02 * m, tie(5e3, 0.9), 0.0, 0.0, 0.0)
-            .unwrap();
+        let a = network.cel("a", 0.01 * m, tie(4e3, 0.05), 0.0, 0.0, 0.0).unwrap();
+        let b = network.cel("b", 0.02 * m, tie(5e3, 0.9), 0.0, 0.0, 0.0).unwrap();
         network.spring("s", a, b, 3e3, 0.2 * z, 0.0).unwrap();
         struck.push(a);
         network.part(&format!("hammer {side}"), part_rate);
         let topology = plate(Shape::Hex, 2, Rim::Fixed).unwrap();
-        let skin = network
-            .mesh("p", &topology, 0.1 * m, 200.0, Some(0.5), 0.0)
-            .unwrap();
+        let skin = network.mesh("p", &topology, 0.1 * m, 200.0, Some(0.5), 0.0).unwrap();
         let hammer = network.mas("m", 5e-3 * m, -1e-3, 1.5).unwrap();
         let but = But::plain(4e4, 0.0, 0.0);
         network.but("hits", hammer, skin + 5, but).unwrap();
@@ -86,26 +68,14 @@ fn scene(discrete: bool) -> (Arc<Network>, Timeline) {
         for k in 0..4_u32 {
             let position = 1e-3 + 0.013 * f64::from(k) + 1e-4 * i as f64;
             timeline
-                .strike(
-                    &network,
-                    mat,
-                    position,
-                    2e-3 * f64::from(k + 1),
-                    Some(0.0),
-                    0,
-                )
+                .strike(&network, mat, position, 2e-3 * f64::from(k + 1), Some(0.0), 0)
                 .unwrap();
         }
     }
     (Arc::new(network), timeline)
 }
 
-fn plan(
-    network: &Arc<Network>,
-    timeline: &Timeline,
-    seen: &[String],
-    budget: &Budget,
-) -> Arc<Plan> {
+fn plan(network: &Arc<Network>, timeline: &Timeline, seen: &[String], budget: &Budget) -> Arc<Plan> {
     let known = Known {
         seen,
         ..Known::default()
@@ -114,11 +84,7 @@ fn plan(
 }
 
 fn all(network: &Network) -> Vec<String> {
-    network
-        .parts()
-        .iter()
-        .map(|part| part.name.clone())
-        .collect()
+    network.parts().iter().map(|part| part.name.clone()).collect()
 }
 
 fn running(plan: &Arc<Plan>, threads: usize) -> Simulation {
@@ -209,14 +175,8 @@ fn look_changes_no_sample() {
         assert_eq!(listened.rows().len(), seen.rows().len());
         assert!(!seen.seen().is_empty() && listened.seen().is_empty());
         for threads in [1, 3] {
-            assert!(
-                sound(&listened, threads) == out,
-                "{discrete}, {threads} threads"
-            );
-            assert!(
-                sound(&seen, threads) == out,
-                "{discrete}, {threads} threads, all seen"
-            );
+            assert!(sound(&listened, threads) == out, "{discrete}, {threads} threads");
+            assert!(sound(&seen, threads) == out, "{discrete}, {threads} threads, all seen");
         }
     }
 }
@@ -259,11 +219,7 @@ fn look_predicts_free_masses_from_two_frames() {
             let begun = single.phase(now[track], now[n + track], step);
             let (x, y) = single.later(begun, 1_000.0 * step);
             let size = libm::hypot(begun.0, begun.1) + 1e-12;
-            assert!(
-                (x - then[track]).abs() < 1e-6 * size,
-                "{track}: {x} {}",
-                then[track]
-            );
+            assert!((x - then[track]).abs() < 1e-6 * size, "{track}: {x} {}", then[track]);
             let there = single.phase(then[track], then[n + track], step);
             assert!((y - there.1).abs() < 1e-5 * size);
         }

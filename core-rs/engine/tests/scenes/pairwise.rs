@@ -6,9 +6,7 @@ use super::blocks::play;
 use super::scene::options;
 use ergon_engine::chance::Chance;
 use ergon_engine::maths::{cos, sin};
-use ergon_engine::network::{
-    Measure, Network, PairLaw, PointGroup, SpaceLaw, SpacePoint, SpacePoints, Term,
-};
+use ergon_engine::network::{Measure, Network, PairLaw, PointGroup, SpaceLaw, SpacePoint, SpacePoints, Term};
 use ergon_engine::plan::{Budget, Plan};
 use ergon_engine::simulation::{Energy, OnFault, Options, Simulation};
 use ergon_engine::timeline::Timeline;
@@ -50,18 +48,10 @@ pub(crate) fn points(
 }
 
 /// A group of points with random positions and velocities, some of which touch.
-pub(crate) fn crowd(
-    network: &mut Network,
-    name: &str,
-    n_axes: usize,
-    n: usize,
-    seed: u64,
-) -> PointGroup {
+pub(crate) fn crowd(network: &mut Network, name: &str, n_axes: usize, n: usize, seed: u64) -> PointGroup {
     let mut chance = Chance::new(i128::from(seed), "crowd", name, 0, 0);
     let masses: Vec<f64> = (0..n).map(|_| chance.uniform(1e-3, 4e-3)).collect();
-    let x0: Vec<f64> = (0..n * n_axes)
-        .map(|_| chance.uniform(-0.02, 0.02))
-        .collect();
+    let x0: Vec<f64> = (0..n * n_axes).map(|_| chance.uniform(-0.02, 0.02)).collect();
     let v0: Vec<f64> = (0..n * n_axes).map(|_| chance.uniform(-0.6, 0.6)).collect();
     points(network, name, n_axes, &masses, [&x0, &v0])
 }
@@ -73,13 +63,7 @@ pub(crate) fn alone(group: PointGroup, i: usize) -> SpacePoint {
     }
 }
 
-fn meet(
-    network: &mut Network,
-    groups: [PointGroup; 2],
-    n_axes: usize,
-    law: SpaceLaw,
-    numbers: [f64; 3],
-) {
+fn meet(network: &mut Network, groups: [PointGroup; 2], n_axes: usize, law: SpaceLaw, numbers: [f64; 3]) {
     rub(network, groups, n_axes, (law, 0.0), numbers);
 }
 
@@ -96,9 +80,7 @@ pub(crate) fn rub(
         ..PairLaw::smooth(Measure::Distance, law)
     };
     let name = format!("meet{}", network.n_lia());
-    network
-        .pairwise(&name, groups, n_axes, what, numbers)
-        .unwrap();
+    network.pairwise(&name, groups, n_axes, what, numbers).unwrap();
 }
 
 pub(crate) fn start(network: Network) -> Simulation {
@@ -121,9 +103,7 @@ fn motion(seed: u64, n_axes: usize, is_listed: bool, n_frames: u64) -> Simulatio
     if is_listed {
         let mut link = |a: SpacePoint, b: SpacePoint| {
             let name = format!("l{}", network.n_lia());
-            network
-                .space_links(&name, (a, b), 1, n_axes, HERTZ, numbers)
-                .unwrap();
+            network.space_links(&name, (a, b), 1, n_axes, HERTZ, numbers).unwrap();
         };
         for i in 0..a.n {
             (i + 1..a.n).for_each(|j| link(alone(a, i), alone(a, j)));
@@ -250,9 +230,7 @@ fn ball_leaves_a_plane_at_its_incoming_speed() {
     let speed = [-v * normal[0], 0.4, -v * normal[2]];
     let ball = points(&mut network, "m", 3, &[m], [&position, &speed]);
     let what = PairLaw::smooth(Measure::Plane(normal), LINEAR);
-    network
-        .pairwise("touch", [wall, ball], 3, what, [k, 0.0, GAP])
-        .unwrap();
+    network.pairwise("touch", [wall, ball], 3, what, [k, 0.0, GAP]).unwrap();
     let mut simulation = start(network);
     let half = std::f64::consts::PI * (m / k).sqrt();
     let depth = v * (m / k).sqrt();
@@ -276,13 +254,7 @@ fn ball_stays_within_a_sphere() {
     let still = [0.0; 3];
     let drum = points(&mut network, "d", 3, &[0.0], [&[1.0, 1.0, 1.0], &still]);
     let position = [1.02, 1.0, 1.0];
-    let ball = points(
-        &mut network,
-        "m",
-        3,
-        &[1e-3],
-        [&position, &[0.3, 2.0, -1.0]],
-    );
+    let ball = points(&mut network, "m", 3, &[1e-3], [&position, &[0.3, 2.0, -1.0]]);
     let what = PairLaw::smooth(Measure::Within, HERTZ);
     network
         .pairwise("skin", [drum, ball], 3, what, [3e5, 0.0, 0.1])
@@ -298,10 +270,7 @@ fn ball_stays_within_a_sphere() {
     }
     assert!((0.1..0.104).contains(&farthest), "{farthest}");
     let energy = simulation.energy().unwrap();
-    assert!(
-        (energy.stored - energy.start).abs() < 0.05 * energy.start,
-        "{energy:?}"
-    );
+    assert!((energy.stored - energy.start).abs() < 0.05 * energy.start, "{energy:?}");
 }
 
 #[test]
@@ -434,13 +403,7 @@ fn apart(is_reversed: bool) -> Vec<f64> {
         },
         n,
     };
-    meet(
-        &mut network,
-        [group, group],
-        n_axes,
-        HERTZ,
-        [4e3, 0.02, GAP],
-    );
+    meet(&mut network, [group, group], n_axes, HERTZ, [4e3, 0.02, GAP]);
     let mut simulation = start(network);
     simulation.skip(2_000).unwrap();
     let x = simulation.positions();
@@ -455,10 +418,7 @@ fn space_points_with_coordinates_in_any_order() {
     let [first, other] = [false, true].map(apart);
     assert!(largest(&first) > 0.02, "they fly apart");
     assert!(
-        first
-            .iter()
-            .zip(&other)
-            .all(|(a, b)| a.to_bits() == b.to_bits()),
+        first.iter().zip(&other).all(|(a, b)| a.to_bits() == b.to_bits()),
         "the same bits"
     );
 }

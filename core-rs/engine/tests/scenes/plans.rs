@@ -51,9 +51,7 @@ fn discrete() -> (Network, Timeline) {
         let (k, z) = (0.01, 2e-5 + 1e-3 * 0.01);
         let tie = Tie::Physical { k, z };
         let v0 = if i == 2 { 0.3 } else { 0.0 };
-        network
-            .cel("m", 1.0, tie, 0.0, 1e-4 * f64::from(i), v0)
-            .unwrap();
+        network.cel("m", 1.0, tie, 0.0, 1e-4 * f64::from(i), v0).unwrap();
     }
     for i in 0..11 {
         network.spring("l", i, i + 1, 0.4, 1e-3 * 0.4, 0.0).unwrap();
@@ -64,9 +62,7 @@ fn discrete() -> (Network, Timeline) {
     network.listen("all", vec![point(0, 12, 0.1)]).unwrap();
     let mut timeline = Timeline::new(rate);
     for (mat, instant, impulse) in [(1, 0.0, 1e-6), (5, 0.01, -2e-6), (1, 0.0100001, 3e-6)] {
-        timeline
-            .strike(&network, mat, instant, impulse, Some(0.0), 0)
-            .unwrap();
+        timeline.strike(&network, mat, instant, impulse, Some(0.0), 0).unwrap();
     }
     (network, timeline)
 }
@@ -97,11 +93,7 @@ fn modal_discrete_body_equals_its_network() {
         .iter()
         .zip(&planned)
         .fold(0.0_f64, |limit, (a, b)| limit.max((a - b).abs()));
-    assert!(
-        limit <= 1e-10 * peak(&complete),
-        "{limit} of {}",
-        peak(&complete)
-    );
+    assert!(limit <= 1e-10 * peak(&complete), "{limit} of {}", peak(&complete));
 }
 
 /// The same body with hands, contacts and couplings: modes that are pushed at their ports still equal the discrete
@@ -120,12 +112,8 @@ fn modal_discrete_body_equals_its_network_in_contact() {
             ..But::plain(k, 1e-3, 5e-4)
         };
         network.but("b", hammer, 4, but(0.3, Side::Below)).unwrap();
-        network
-            .but("back", hammer, 9, but(0.2, Side::Above))
-            .unwrap();
-        network
-            .spring("hold", hammer, nail, 1e-5, 0.0, 0.0)
-            .unwrap();
+        network.but("back", hammer, 9, but(0.2, Side::Above)).unwrap();
+        network.spring("hold", hammer, nail, 1e-5, 0.0, 0.0).unwrap();
         network
             .listen(
                 "h",
@@ -146,21 +134,15 @@ fn modal_discrete_body_equals_its_network_in_contact() {
                 }],
             )
             .unwrap();
-        timeline
-            .strike(&network, 4, 0.015, 2e-6, Some(0.0), 0)
-            .unwrap();
+        timeline.strike(&network, 4, 0.015, 2e-6, Some(0.0), 0).unwrap();
         let network = Arc::new(network);
         let options = Options {
             ledger: false,
             ..options(OnFault::Stop)
         };
         let n_frames = 30_000;
-        let complete = render(
-            Simulation::new(network.clone(), &timeline, options).unwrap(),
-            n_frames,
-        );
-        let plan =
-            Arc::new(Plan::new(network, &timeline, &Budget::Method(Method::Modal), None).unwrap());
+        let complete = render(Simulation::new(network.clone(), &timeline, options).unwrap(), n_frames);
+        let plan = Arc::new(Plan::new(network, &timeline, &Budget::Method(Method::Modal), None).unwrap());
         assert!(
             matches!(plan.rows()[1].what, Computed::Modes { total: 12, .. }),
             "{:?}",
@@ -183,9 +165,7 @@ fn modal_discrete_body_equals_its_network_in_contact() {
         simulation.process(&mut planned[position..]).unwrap();
         assert_eq!(first, planned[position..]);
         for output in 0..n_out {
-            let source = |sound: &[f64]| -> Vec<f64> {
-                sound.iter().skip(output).step_by(n_out).copied().collect()
-            };
+            let source = |sound: &[f64]| -> Vec<f64> { sound.iter().skip(output).step_by(n_out).copied().collect() };
             let (complete, planned) = (source(&complete), source(&planned));
             // Later, the smallest difference has grown: a ball between two walls amplifies it.
             let (complete, planned) = (&complete[..1_000], &planned[..1_000]);

@@ -41,26 +41,18 @@ fn network() -> Arc<Network> {
     let mut network = Network::new();
     let tie = |k, z| Tie::Physical { k, z };
     let but = But::plain(2e4, 0.2, 2e-3);
-    let cel = |network: &mut Network, name: &str, m: f64, tie: Tie, at: f64| {
-        network.cel(name, m, tie, at, at, 0.0).unwrap()
-    };
+    let cel =
+        |network: &mut Network, name: &str, m: f64, tie: Tie, at: f64| network.cel(name, m, tie, at, at, 0.0).unwrap();
     network.part("plate", None);
     let topology = plate(Shape::Square, 3, Rim::Fixed).unwrap();
-    let skin = network
-        .mesh("p", &topology, 0.1, 90.0, Some(0.3), 0.0)
-        .unwrap();
+    let skin = network.mesh("p", &topology, 0.1, 90.0, Some(0.3), 0.0).unwrap();
     network.listen("plate", term(skin + 16, 1)).unwrap();
     network.part("key", None);
-    let single = Tie::Tuned {
-        f: 2.0,
-        t60: Some(0.6),
-    };
+    let single = Tie::Tuned { f: 2.0, t60: Some(0.6) };
     let key = cel(&mut network, "m", 0.3, single, 0.0);
     network.but("to", key, skin + 24, but).unwrap();
     network.part("gong", None);
-    let gong = network
-        .mesh("g", &topology, 0.3, 150.0, Some(1.0), 1e11)
-        .unwrap();
+    let gong = network.mesh("g", &topology, 0.3, 150.0, Some(1.0), 1e11).unwrap();
     network.listen("gong", term(gong + 14, 3)).unwrap();
     network.part("chains", None);
     let chain = network.n_mat();
@@ -69,13 +61,9 @@ fn network() -> Arc<Network> {
     }
     for i in (0..7).filter(|i| *i != 3) {
         let name = format!("l{i}");
-        network
-            .spring(&name, chain + i, chain + i + 1, 8e3, 4e-3, 0.0)
-            .unwrap();
+        network.spring(&name, chain + i, chain + i + 1, 8e3, 4e-3, 0.0).unwrap();
     }
-    network
-        .spring("couple", chain + 3, chain + 4, 8e3, 4e-3, 0.0)
-        .unwrap();
+    network.spring("couple", chain + 3, chain + 4, 8e3, 4e-3, 0.0).unwrap();
     network.listen("chain", term(chain + 6, 2)).unwrap();
     network.part("lever", None);
     network.macrostep(10);
@@ -95,17 +83,14 @@ fn network() -> Arc<Network> {
     let rail = network.mas("r", 1.0, 0.0, 0.0).unwrap();
     network.impose(rail);
     let stop = network.sol("s", 0.0).unwrap();
-    network
-        .but("press", rail, stop, But { gap: 0.0, ..but })
-        .unwrap();
+    network.but("press", rail, stop, But { gap: 0.0, ..but }).unwrap();
     Arc::new(network)
 }
 
 /// The first MAT whose name begins with `name`.
 fn mat(network: &Network, name: &str) -> usize {
     let mut mats = 0..network.n_mat();
-    mats.find(|&mat| network.mat_name(mat).starts_with(name))
-        .unwrap()
+    mats.find(|&mat| network.mat_name(mat).starts_with(name)).unwrap()
 }
 
 /// The events: at the border of a block, next to it, and between frames.
@@ -122,10 +107,7 @@ fn timeline(network: &Network) -> Timeline {
             approaches: &[Approach::Path(Curve::Smooth); 3],
             sources: &[],
         };
-        let manner = Manner {
-            layer,
-            ..Manner::OPEN
-        };
+        let manner = Manner { layer, ..Manner::OPEN };
         let gesture = Gesture::written(0, &written, manner).unwrap();
         timeline.gesture(gesture).unwrap();
     }
@@ -148,21 +130,13 @@ fn timeline(network: &Network) -> Timeline {
         .unwrap();
     let couple = (0..network.n_lia()).find(|&link| network.link_name(link) == "chains.couple");
     let (from, to) = (seconds(9_000.0), seconds(begins + 6_000.0));
-    timeline
-        .couple(network, couple.unwrap(), from, Some(to))
-        .unwrap();
+    timeline.couple(network, couple.unwrap(), from, Some(to)).unwrap();
     let rail = position("rail.r");
     let press = Source::Constant(1e-3);
-    timeline
-        .drive(rail, DriveKind::Position, press, true)
-        .unwrap();
+    timeline.drive(rail, DriveKind::Position, press, true).unwrap();
     let aside = position("aside.a");
     timeline
-        .path(
-            network,
-            aside,
-            &[(0.4, [4e3, 0.05, 0.01]), (0.6, [5e3, 0.05, 0.01])],
-        )
+        .path(network, aside, &[(0.4, [4e3, 0.05, 0.01]), (0.6, [5e3, 0.05, 0.01])])
         .unwrap();
     timeline
 }
@@ -224,10 +198,7 @@ fn simulations(network: &Arc<Network>, timeline: &Timeline) -> Vec<(String, Simu
         let plan = Arc::new(Plan::new(network.clone(), timeline, &budget, None).unwrap());
         let simulation = Simulation::planned(plan.clone(), plain()).unwrap();
         all.push((format!("{budget:?}"), simulation));
-        let options = Options {
-            threads: 4,
-            ..plain()
-        };
+        let options = Options { threads: 4, ..plain() };
         let simulation = Simulation::planned(plan, options).unwrap();
         all.push((format!("{budget:?}, 4 threads"), simulation));
     }
@@ -239,29 +210,15 @@ fn rest_is_skipped_with_the_same_bits() {
     let network = network();
     let timeline = timeline(&network);
     // Frames at which both are compared, unrelated to any period: while everything is at rest, and later.
-    let looks = [
-        300,
-        1_111,
-        8_191,
-        15_003,
-        BEGINS as usize - 1_100,
-        25_007,
-        N,
-    ];
+    let looks = [300, 1_111, 8_191, 15_003, BEGINS as usize - 1_100, 25_007, N];
     for (name, mut rested) in simulations(&network, &timeline) {
         let mut reference = rested.fork();
         let mut position = 0;
         for until in looks {
             let sound = play(&mut rested, until - position, &[1, 700, 44, 256, 3]);
-            assert!(
-                sound == awake(&mut reference, until - position),
-                "{name} {until}"
-            );
+            assert!(sound == awake(&mut reference, until - position), "{name} {until}");
             assert_eq!(seen(&rested), seen(&reference), "{name} {until}");
-            assert!(
-                stored(&mut rested) == stored(&mut reference),
-                "{name} {until}"
-            );
+            assert!(stored(&mut rested) == stored(&mut reference), "{name} {until}");
             position = until;
         }
         assert_eq!(rested.take_ergons(), reference.take_ergons(), "{name}");
@@ -323,18 +280,12 @@ fn mass_stopped_by_friction_rests_again() {
     let network = Arc::new(network);
     let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
     for instant in [0.1, 4.0] {
-        timeline
-            .strike(&network, sled, instant, 1e-2, Some(0.0), 0)
-            .unwrap();
+        timeline.strike(&network, sled, instant, 1e-2, Some(0.0), 0).unwrap();
     }
     let mut rested = Simulation::new(network, &timeline, options(OnFault::Stop)).unwrap();
     let mut reference = rested.fork();
     // It slides for 0.2 s; the next test for rest comes within as long again.
-    let passed = [
-        (1, 20_000, 30_000),
-        (3, 120_000, 132_300),
-        (2, 60_000, 80_000),
-    ];
+    let passed = [(1, 20_000, 30_000), (3, 120_000, 132_300), (2, 60_000, 80_000)];
     for (seconds, least, limit) in passed {
         let (n, before) = (seconds * 44_100, rested.steps_at_rest());
         assert!(play(&mut rested, n, &[256, 100]) == awake(&mut reference, n));
@@ -379,9 +330,7 @@ fn take_over_from_a_resting_version() {
             single.key("key", mat(&network, "key.m"));
             let press = Source::Constant(1e-3);
             let rail = mat(&network, "rail.r");
-            single
-                .drive(rail, DriveKind::Position, press, true)
-                .unwrap();
+            single.drive(rail, DriveKind::Position, press, true).unwrap();
         }
         single.open();
         Arc::new(Plan::new(network.clone(), &single, &Budget::Error(-70.0), None).unwrap())
@@ -400,8 +349,7 @@ fn take_over_from_a_resting_version() {
                 });
                 passed += now.steps_at_rest();
                 position = from;
-                let mut next =
-                    Simulation::planned_from(plan.clone(), plain(), position as u64).unwrap();
+                let mut next = Simulation::planned_from(plan.clone(), plain(), position as u64).unwrap();
                 let mut takeover = Takeover::new(&now, &next);
                 assert!(next.take_over(&mut now, &mut takeover));
                 now = next;

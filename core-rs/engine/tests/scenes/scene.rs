@@ -39,10 +39,7 @@ pub(crate) fn options(on_fault: OnFault) -> Options {
 /// A hand's movement: 0 to 3 mm and back, over 0.12 s.
 pub(crate) fn hand() -> Take {
     let t: Vec<f64> = (0..=24).map(|i| f64::from(i) * 5e-3).collect();
-    let x: Vec<f64> = t
-        .iter()
-        .map(|t| 1.5e-3 * (1.0 - maths::cos(52.0 * t)))
-        .collect();
+    let x: Vec<f64> = t.iter().map(|t| 1.5e-3 * (1.0 - maths::cos(52.0 * t))).collect();
     Take::new(&t, &x, Preparation::default()).unwrap()
 }
 
@@ -68,10 +65,7 @@ impl Scene {
             if scene.pick(3) == 0 {
                 let (start, stop) = (scene.draw(-0.05, 0.1), scene.draw(0.11, 0.2));
                 let network = &scene.network;
-                scene
-                    .timeline
-                    .couple(network, link, start, Some(stop))
-                    .unwrap();
+                scene.timeline.couple(network, link, start, Some(stop)).unwrap();
             }
         }
         scene.moved_point(bells[0]);
@@ -190,9 +184,7 @@ impl Scene {
     pub(crate) fn moved_point(&mut self, mat: usize) {
         let point = self.network.mas("point", 1.0, 0.0, 0.0).unwrap();
         self.network.impose(point);
-        self.network
-            .spring("hold", point, mat, 500.0, 0.02, 0.0)
-            .unwrap();
+        self.network.spring("hold", point, mat, 500.0, 0.02, 0.0).unwrap();
         let path = hand().placed(0.03, 0.5, 1.0, false).unwrap();
         let timeline = &mut self.timeline;
         timeline
@@ -214,9 +206,7 @@ impl Scene {
         let struck = self.network.cel("m", m, tie, 0.0, 0.0, 0.0).unwrap();
         if self.pick(2) == 0 {
             let inner = self.network.mas("inner", 0.02, 0.0, 0.0).unwrap();
-            self.network
-                .spring("felt", struck, inner, 4e3, 2.0, 0.0)
-                .unwrap();
+            self.network.spring("felt", struck, inner, 4e3, 2.0, 0.0).unwrap();
             let rail = self.network.mas("rail", 1.0, 0.02, 0.0).unwrap();
             self.network.impose(rail);
             let stop = self.link(1, inner, rail);
@@ -257,9 +247,7 @@ impl Scene {
             source: 7,
         };
         let chance = |member| Chance::new(3, "strikes", "rain", member, 0);
-        self.timeline
-            .rain(&self.network, bells, &rain, chance)
-            .unwrap();
+        self.timeline.rain(&self.network, bells, &rain, chance).unwrap();
     }
 
     fn gesture(&mut self, key: usize) {

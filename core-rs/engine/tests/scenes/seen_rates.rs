@@ -35,23 +35,12 @@ fn network(is_heard: bool) -> Arc<Network> {
     let nail = point(&mut network, "nail", 0.0, [0.0; 3], [0.0; 3]);
     let bob = point(&mut network, "bob", MASSES[0], [0.3, 0.0, -0.1], [0.0; 3]);
     network.weigh(bob.first + 2..bob.first + 3, -9.81).unwrap();
-    let ball = point(
-        &mut network,
-        "ball",
-        MASSES[1],
-        [0.24, 0.0, -0.22],
-        [0.0; 3],
-    );
+    let ball = point(&mut network, "ball", MASSES[1], [0.24, 0.0, -0.22], [0.0; 3]);
     let push = SpaceLaw::Contact {
         exponent: 1.0,
         clamp: true,
     };
-    link(
-        &mut network,
-        (nail, bob),
-        SpaceLaw::Spring,
-        [400.0, 0.02, 0.31],
-    );
+    link(&mut network, (nail, bob), SpaceLaw::Spring, [400.0, 0.02, 0.31]);
     link(&mut network, (bob, ball), push, [3_000.0, 0.05, 0.08]);
     if is_heard {
         let (first, len, weight) = (bob.first, 1, 1.0);
@@ -64,13 +53,9 @@ fn network(is_heard: bool) -> Arc<Network> {
 
 fn timeline_at(rate: f64, network: &Network) -> Timeline {
     let mut timeline = Timeline::new(Rate::new(rate).unwrap());
-    timeline
-        .strike(network, 0, 0.01, 1e-3, Some(0.0), 0)
-        .unwrap();
+    timeline.strike(network, 0, 0.01, 1e-3, Some(0.0), 0).unwrap();
     // The bob of the pendulum, along z, between two steps.
-    timeline
-        .strike(network, 6, 0.051_3, 2e-3, Some(0.0), 0)
-        .unwrap();
+    timeline.strike(network, 6, 0.051_3, 2e-3, Some(0.0), 0).unwrap();
     timeline
 }
 
@@ -104,16 +89,10 @@ fn swing(simulation: &Simulation) -> Vec<u64> {
 #[test]
 fn seen_part_moves_as_a_slower_score() {
     let network = network(false);
-    let plan = plan(
-        &network,
-        &timeline_at(RATE, &network),
-        EVERY,
-        &Budget::Error(-60.0),
-    );
+    let plan = plan(&network, &timeline_at(RATE, &network), EVERY, &Budget::Error(-60.0));
     let mut simulation = playing(&plan, 1);
     let slow = RATE / f64::from(EVERY);
-    let mut alone =
-        Simulation::new(network.clone(), &timeline_at(slow, &network), plain()).unwrap();
+    let mut alone = Simulation::new(network.clone(), &timeline_at(slow, &network), plain()).unwrap();
     let (mut moved, start) = (0, swing(&simulation));
     for step in 0..N / u64::from(EVERY) {
         assert_eq!(swing(&simulation), swing(&alone), "step {step}");
@@ -127,12 +106,7 @@ fn seen_part_moves_as_a_slower_score() {
 #[test]
 fn seen_part_is_interpolated_between_its_steps() {
     let network = network(false);
-    let plan = plan(
-        &network,
-        &timeline_at(RATE, &network),
-        EVERY,
-        &Budget::Error(-60.0),
-    );
+    let plan = plan(&network, &timeline_at(RATE, &network), EVERY, &Budget::Error(-60.0));
     let mut simulation = playing(&plan, 1);
     let look = simulation.looked_at();
     let mut tracks = vec![0.0; 2 * look.n_tracks()];
@@ -221,10 +195,7 @@ fn seen_part_cost_and_error_by_rate() {
             assert!(row.error.is_none());
             continue;
         }
-        assert!(
-            (all - last.0).abs() < 1e-12 * all,
-            "{every}: {all} of {last:?}"
-        );
+        assert!((all - last.0).abs() < 1e-12 * all, "{every}: {all} of {last:?}");
         // The pilot finds the error of a run of the same beginning: of order 2, or of order 1 when contacts close.
         let error = row.error.unwrap();
         assert!(error.db > last.1 && error.db < -20.0, "{every}: {error:?}");
@@ -286,9 +257,7 @@ fn seen_part_too_stiff_is_oversampled() {
     }
     let network = Arc::new(network);
     let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
-    timeline
-        .strike(&network, 0, 0.01, 1e-3, Some(0.0), 0)
-        .unwrap();
+    timeline.strike(&network, 0, 0.01, 1e-3, Some(0.0), 0).unwrap();
     let known = Known {
         seen: &rows,
         seen_every: EVERY,
@@ -302,8 +271,7 @@ fn seen_part_too_stiff_is_oversampled() {
         assert_eq!(row.stays.is_some(), row.every == 1, "{row:?}");
     }
     // Stability: λh² is at most 4.
-    let steps =
-        |(every, oversampling): (u32, u32)| RATE * f64::from(oversampling) / f64::from(every);
+    let steps = |(every, oversampling): (u32, u32)| RATE * f64::from(oversampling) / f64::from(every);
     for (pace, k) in paces.iter().zip([4e2, 4e5, 7e7]) {
         let lambda: f64 = 2.0 * k / 0.02;
         assert!(steps(*pace) >= 0.5 * lambda.sqrt(), "{pace:?}");

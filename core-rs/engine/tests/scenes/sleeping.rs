@@ -37,14 +37,9 @@ fn drum_at(f: f64, q: f64) -> (Arc<Network>, usize) {
     let mut network = Network::new();
     network.part("drum", None);
     let topology = plate(Shape::Square, 5, Rim::Fixed).unwrap();
-    let skin = network
-        .mesh("skin", &topology, 0.1, f, Some(0.25), q)
-        .unwrap();
+    let skin = network.mesh("skin", &topology, 0.1, f, Some(0.25), q).unwrap();
     network.listen("skin", term(skin + 12)).unwrap();
-    let tie = Tie::Tuned {
-        f: 1.0,
-        t60: Some(0.3),
-    };
+    let tie = Tie::Tuned { f: 1.0, t60: Some(0.3) };
     let hammer = network.cel("hammer", 0.02, tie, 0.0, 0.0, 0.0).unwrap();
     let but = But::plain(2e4, 0.2, 1e-4);
     network.but("to", hammer, skin + 24, but).unwrap();
@@ -145,13 +140,7 @@ fn sleep_in_blocks_of_any_size_and_from_stored_states() {
     let timeline = strikes(&network, hammer);
     let mut unsplit = simulation(&network, &timeline);
     let expected = play(&mut unsplit, N, &[N]);
-    assert!(
-        play(
-            &mut simulation(&network, &timeline),
-            N,
-            &[1, 700, 44, 256, 3]
-        ) == expected
-    );
+    assert!(play(&mut simulation(&network, &timeline), N, &[1, 700, 44, 256, 3]) == expected);
     // While it moves, while it sleeps, and after the second strike.
     for position in [20_000, 80_000, 100_000] {
         let mut first = simulation(&network, &timeline);
@@ -173,8 +162,7 @@ fn sleep_ends_with_a_live_strike() {
     let (network, hammer) = drum(1e9);
     let mut open = Timeline::new(Rate::new(RATE).unwrap());
     open.open();
-    open.strike_point(&network, hammer, SKIN, Some(0.0))
-        .unwrap();
+    open.strike_point(&network, hammer, SKIN, Some(0.0)).unwrap();
     let mut asleep = simulation(&network, &open);
     assert!(asleep.strike(SKIN, 0.01));
     play(&mut asleep, N, &[128]);
@@ -196,9 +184,7 @@ fn sleep_excludes_growing_oscillations() {
     let struck = network
         .cel("struck", 0.01, tie(200.0, Some(0.1)), 0.0, 0.0, 0.0)
         .unwrap();
-    let grown = network
-        .cel("grown", 0.01, tie(150.0, None), 1e-15, 0.0, 0.0)
-        .unwrap();
+    let grown = network.cel("grown", 0.01, tie(150.0, None), 1e-15, 0.0, 0.0).unwrap();
     let ground = network.sol("ground", 0.0).unwrap();
     let drive = LawText {
         law: Some("0*d"),
@@ -207,15 +193,11 @@ fn sleep_excludes_growing_oscillations() {
     };
     let drive = Arc::new(Law::new(&drive).unwrap());
     network.lnl("drive", ground, grown, drive, 0.0).unwrap();
-    network
-        .spring("between", struck, grown, 1e-9, 0.0, 0.0)
-        .unwrap();
+    network.spring("between", struck, grown, 1e-9, 0.0, 0.0).unwrap();
     network.listen("pair", term(grown)).unwrap();
     let network = Arc::new(network);
     let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
-    timeline
-        .strike(&network, struck, 0.0, 1e-3, Some(0.0), 0)
-        .unwrap();
+    timeline.strike(&network, struck, 0.0, 1e-3, Some(0.0), 0).unwrap();
     let mut simulation = simulation(&network, &timeline);
     let sound = numbers(&play(&mut simulation, 2 * N, &[512]));
     assert!(peak(&sound[N..]) > 1e-5, "{}", peak(&sound[N..]));

@@ -25,13 +25,7 @@ fn block(angle: f64, friction: f64, v0: [f64; 3]) -> Simulation {
     network.part("slope", None);
     let slope = points(&mut network, "slope", 3, &[0.0], [&STILL, &STILL]);
     let above = GAP - M * G * cos(angle) / K;
-    let block = points(
-        &mut network,
-        "block",
-        3,
-        &[M],
-        [&normal.map(|part| above * part), &v0],
-    );
+    let block = points(&mut network, "block", 3, &[M], [&normal.map(|part| above * part), &v0]);
     let single = PairLaw {
         friction,
         ..PairLaw::smooth(Measure::Plane(normal), LINEAR)
@@ -62,10 +56,7 @@ fn block_on_a_slope_rests_with_enough_friction() {
         simulation.skip(44_100).unwrap();
         let [position, beside, speed] = uphill(&simulation, angle);
         let held = -M * G * sin(angle) / K;
-        assert!(
-            (position - held).abs() < 1e-6 * held.abs(),
-            "{position} is not {held}"
-        );
+        assert!((position - held).abs() < 1e-6 * held.abs(), "{position} is not {held}");
         assert_eq!(beside, 0.0);
         assert!(speed.abs() < 1e-12);
         simulation.skip(441_000).unwrap();
@@ -85,10 +76,7 @@ fn block_on_a_slope_slides_by_coulomb_friction() {
         let [position, _, speed] = uphill(&simulation, angle);
         let expected = -0.5 * G * slope * seconds * seconds;
         // Friction reaches its full level once its spring is stretched, after a micrometre.
-        assert!(
-            (position / expected - 1.0).abs() < 2e-3,
-            "{position} is not {expected}"
-        );
+        assert!((position / expected - 1.0).abs() < 2e-3, "{position} is not {expected}");
         assert!((speed / (-G * slope * seconds) - 1.0).abs() < 2e-3);
     }
 }
@@ -108,10 +96,7 @@ fn thrown_block_slides_straight_and_stops_by_friction() {
     let [along, beside, speed] = uphill(&simulation, 0.0);
     let far = (along * along + beside * beside).sqrt();
     let expected = 0.5 / (friction * G);
-    assert!(
-        (far / expected - 1.0).abs() < 2e-3,
-        "{far} is not {expected}"
-    );
+    assert!((far / expected - 1.0).abs() < 2e-3, "{far} is not {expected}");
     assert!(speed.abs() < 1e-9);
     let energy = simulation.energy().unwrap();
     let kinetic = 0.5 * M;
@@ -126,13 +111,7 @@ fn take_over_of_sticking_contacts_without_slip() {
         let mut network = Network::new();
         network.part("sand", None);
         let single = crowd(&mut network, "m", 3, 30, 23);
-        rub(
-            &mut network,
-            [single, single],
-            3,
-            (HERTZ, 0.6),
-            [400.0, 0.02, GAP],
-        );
+        rub(&mut network, [single, single], 3, (HERTZ, 0.6), [400.0, 0.02, GAP]);
         for first in single.first.first..single.first.first + 3 * single.n {
             let (len, weight) = (1, 1.0);
             let term = Term::Position { first, len, weight };
@@ -141,13 +120,7 @@ fn take_over_of_sticking_contacts_without_slip() {
         if has_bell {
             network.part("bell", None);
             let hit = points(&mut network, "b", 3, &[1e-3], [&[1.0; 3], &STILL]);
-            rub(
-                &mut network,
-                [hit, single],
-                3,
-                (HERTZ, 0.0),
-                [400.0, 0.02, GAP],
-            );
+            rub(&mut network, [hit, single], 3, (HERTZ, 0.0), [400.0, 0.02, GAP]);
         }
         let timeline = Timeline::new(Rate::new(RATE).unwrap());
         let budget = Budget::Method(Method::Ca);
@@ -158,8 +131,7 @@ fn take_over_of_sticking_contacts_without_slip() {
         ..options(OnFault::Stop)
     };
     let n = 900;
-    let [mut old, mut alone] =
-        [(); 2].map(|()| Simulation::planned(scene(false), options).unwrap());
+    let [mut old, mut alone] = [(); 2].map(|()| Simulation::planned(scene(false), options).unwrap());
     let mut new = Simulation::planned_from(scene(true), options, n as u64).unwrap();
     play(&mut old, n, &[64]);
     play(&mut alone, n, &[64]);
@@ -185,13 +157,7 @@ fn pairwise_friction_equals_single_links() {
             };
             for i in 0..single.n {
                 for j in i + 1..single.n {
-                    rub(
-                        &mut network,
-                        [first(i), first(j)],
-                        n_axes,
-                        law.clone(),
-                        numbers,
-                    );
+                    rub(&mut network, [first(i), first(j)], n_axes, law.clone(), numbers);
                 }
             }
         } else {
@@ -225,20 +191,12 @@ fn pairwise_attraction_equals_single_links() {
             let ends = (0..single.n).flat_map(|i| (i + 1..single.n).map(move |j| (i, j)));
             let mut link = |ends| {
                 let name = format!("l{}", network.n_lia());
-                network
-                    .space_links(&name, ends, 1, 3, law.clone(), numbers)
-                    .unwrap();
+                network.space_links(&name, ends, 1, 3, law.clone(), numbers).unwrap();
             };
             ends.for_each(|(i, j)| link((alone(single, i), alone(single, j))));
             (0..single.n).for_each(|i| link((sun.first, alone(single, i))));
         } else {
-            rub(
-                &mut network,
-                [single, single],
-                3,
-                (law.clone(), 0.0),
-                numbers,
-            );
+            rub(&mut network, [single, single], 3, (law.clone(), 0.0), numbers);
             rub(&mut network, [sun, single], 3, (law, 0.0), numbers);
         }
         let mut simulation = start(network);

@@ -123,10 +123,7 @@ fn live_input_equals_its_recording() {
     let file = computed(&mut simulation(Some(&noise)));
     assert!(file.iter().any(|x| *x != 0.0));
     for block in [44, 64, 1000] {
-        assert!(
-            played(&mut simulation(None), &noise, block) == file,
-            "{block}"
-        );
+        assert!(played(&mut simulation(None), &noise, block) == file, "{block}");
     }
     // The samples of the file are not heard while live samples are given.
     let silence = vec![0.5; 2 * N];
@@ -159,10 +156,7 @@ fn input_force_is_filtered_scaled_and_clamped() {
     for (n, (x, got)) in channel(&noise, 1).into_iter().zip(sound).enumerate() {
         let y = norm * (x - 2.0 * x1 + x2) - a1 * y1 - a2 * y2;
         (x1, x2, y1, y2) = (x, x1, y, y1);
-        assert!(
-            (got - now).abs() < 1e-9 * now.abs().max(1e-9),
-            "{n}: {got} {now}"
-        );
+        assert!((got - now).abs() < 1e-9 * now.abs().max(1e-9), "{n}: {got} {now}");
         n_clamped += usize::from((2e-3 * y).abs() > 0.8e-3);
         let force = (2e-3 * y).clamp(-0.8e-3, 0.8e-3);
         let next = 2.0 * now - before + force / (5e-3 * RATE * RATE);
@@ -232,10 +226,7 @@ fn input_with_finer_steps_is_interpolated() {
 fn input_with_wrong_settings_is_refused() {
     let (_, mut timeline) = timeline(None);
     for wrong in [
-        SoundInSettings {
-            gain: f64::NAN,
-            ..PUSH
-        },
+        SoundInSettings { gain: f64::NAN, ..PUSH },
         SoundInSettings { clamp: 0.0, ..PUSH },
         SoundInSettings {
             clamp: f64::INFINITY,
@@ -260,21 +251,9 @@ fn input_with_wrong_settings_is_refused() {
         assert!(timeline.sound_in(wrong, &[]).is_err(), "{wrong:?}");
     }
     let index = timeline.sound_in(PUSH, &[f64::NAN, 1.0]).unwrap();
-    assert!(
-        timeline
-            .drive_by_sound(0, DriveKind::Force, index + 1, 1.0)
-            .is_err()
-    );
-    assert!(
-        timeline
-            .drive_by_sound(0, DriveKind::Force, index, f64::NAN)
-            .is_err()
-    );
-    assert!(
-        timeline
-            .drive_by_sound(1, DriveKind::Position, index, 1.0)
-            .is_err()
-    );
+    assert!(timeline.drive_by_sound(0, DriveKind::Force, index + 1, 1.0).is_err());
+    assert!(timeline.drive_by_sound(0, DriveKind::Force, index, f64::NAN).is_err());
+    assert!(timeline.drive_by_sound(1, DriveKind::Position, index, 1.0).is_err());
 }
 
 /// Settings of an input that is told its value, by number.
@@ -339,10 +318,7 @@ fn walked(number: u64, glide: f64) -> Vec<f64> {
         }
         let output = VALUES.iter().filter(|one| (one.0, one.1) == (n, number));
         for &(_, _, value) in output {
-            (goal, left) = (
-                Some(value.clamp(-1.5, 1.5)),
-                (glide * RATE).round().max(1.0),
-            );
+            (goal, left) = (Some(value.clamp(-1.5, 1.5)), (glide * RATE).round().max(1.0));
         }
         if let Some(goal) = goal
             && left > 0.0
@@ -368,10 +344,7 @@ fn input_target_is_reached_linearly_and_constant() {
     let (mut now, mut before) = (0.0, 0.0);
     for (n, force) in walked(8, GLIDE).into_iter().enumerate() {
         let got: f64 = complete[3 * n];
-        assert!(
-            (got - now).abs() < 1e-9 * now.abs().max(1e-6),
-            "{n}: {got} {now}"
-        );
+        assert!((got - now).abs() < 1e-9 * now.abs().max(1e-6), "{n}: {got} {now}");
         let next = 2.0 * now - before + force / (5e-3 * RATE * RATE);
         (now, before) = (next, now);
     }
@@ -397,11 +370,7 @@ fn take_over_continues_towards_input_targets() {
         };
         Arc::new(plan.unwrap())
     };
-    let complete = as_told(
-        &mut Simulation::planned(plan(false), plain()).unwrap(),
-        N,
-        64,
-    );
+    let complete = as_told(&mut Simulation::planned(plan(false), plain()).unwrap(), N, 64);
     for (position, is_planned) in [(400, false), (640, false), (760, false), (2_000, true)] {
         let mut old = Simulation::planned(plan(is_planned), plain()).unwrap();
         let mut sound = as_told(&mut old, position, 64);

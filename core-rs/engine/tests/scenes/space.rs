@@ -12,13 +12,7 @@ use ergon_engine::units::Rate;
 pub(crate) const RATE: f64 = 44_100.0;
 
 /// A single point at x0 [m] with v0 [m/s].
-pub(crate) fn point(
-    network: &mut Network,
-    name: &str,
-    m: f64,
-    x0: [f64; 3],
-    v0: [f64; 3],
-) -> SpacePoint {
+pub(crate) fn point(network: &mut Network, name: &str, m: f64, x0: [f64; 3], v0: [f64; 3]) -> SpacePoint {
     let points = SpacePoints {
         n_axes: 3,
         masses: &[m],
@@ -30,16 +24,9 @@ pub(crate) fn point(
     SpacePoint::strided(first, 1)
 }
 
-pub(crate) fn link(
-    network: &mut Network,
-    ends: (SpacePoint, SpacePoint),
-    law: SpaceLaw,
-    numbers: [f64; 3],
-) -> usize {
+pub(crate) fn link(network: &mut Network, ends: (SpacePoint, SpacePoint), law: SpaceLaw, numbers: [f64; 3]) -> usize {
     let name = format!("link{}", network.n_lia());
-    network
-        .space_links(&name, ends, 1, 3, law, numbers)
-        .unwrap()
+    network.space_links(&name, ends, 1, 3, law, numbers).unwrap()
 }
 
 pub(crate) fn hear(network: &mut Network, name: &str, first: usize) {
@@ -90,9 +77,7 @@ fn thrown_point_flies_a_parabola() {
     let mut network = Network::new();
     network.part("ball", None);
     let ball = point(&mut network, "m", 0.2, [0.1, 0.0, 2.0], [1.0, -2.0, 3.0]);
-    network
-        .weigh(ball.first + 2..ball.first + 3, -9.81)
-        .unwrap();
+    network.weigh(ball.first + 2..ball.first + 3, -9.81).unwrap();
     // Gravity does not act on a point that is added later.
     let later = point(&mut network, "later", 0.1, [0.0; 3], [0.0; 3]);
     let simulation = run(network, RATE, 22_050);
@@ -185,13 +170,7 @@ fn collision_conserves_momenta_and_energy() {
     network.part("balls", None);
     // Not head-on: they rotate about each other.
     let a = point(&mut network, "a", masses[0], [0.0; 3], [2.0, 0.1, -0.3]);
-    let b = point(
-        &mut network,
-        "b",
-        masses[1],
-        [0.05, 0.006, -0.004],
-        [-1.0, 0.0, 0.2],
-    );
+    let b = point(&mut network, "b", masses[1], [0.05, 0.006, -0.004], [-1.0, 0.0, 0.2]);
     let law = SpaceLaw::Contact {
         exponent: 1.5,
         clamp: false,
@@ -212,10 +191,7 @@ fn collision_conserves_momenta_and_energy() {
     assert!(energy.produced.abs() < 1e-3 * energy.start, "{energy:?}");
     // After the collision the first is slower, and its loss in momentum is the gain of the second.
     let speed = |at: usize| norm(&simulation.steps()[at..at + 3]) * RATE;
-    assert!(
-        speed(a.first) < 1.6 && speed(b.first) > 1.5,
-        "link {contact}"
-    );
+    assert!(speed(a.first) < 1.6 && speed(b.first) > 1.5, "link {contact}");
 }
 
 #[test]
@@ -305,19 +281,8 @@ fn space_springs_in_runs_equal_single_springs() {
     };
     for n_axes in [2, 3] {
         // Ends that overlap, ends that do not, and ends in reverse order; at most two springs pull on a point.
-        for (a, b, n) in [
-            (0, 1, 100),
-            (0, 40, 40),
-            (50, 0, 50),
-            (60, 10, 70),
-            (3, 90, 9),
-        ] {
-            let paths = [
-                (SpaceLaw::Spring, n),
-                (endless.clone(), n),
-                (SpaceLaw::Spring, 1),
-            ]
-            .map(|(law, len)| {
+        for (a, b, n) in [(0, 1, 100), (0, 40, 40), (50, 0, 50), (60, 10, 70), (3, 90, 9)] {
+            let paths = [(SpaceLaw::Spring, n), (endless.clone(), n), (SpaceLaw::Spring, 1)].map(|(law, len)| {
                 let mut network = Network::new();
                 network.part("p", None);
                 let position = |axis: usize, i: usize| match axis {
@@ -344,8 +309,7 @@ fn space_springs_in_runs_equal_single_springs() {
                 }
                 run(network, RATE, 200).positions()
             });
-            let [fused, passes, single] =
-                paths.map(|path| path.iter().map(|x| x.to_bits()).collect::<Vec<_>>());
+            let [fused, passes, single] = paths.map(|path| path.iter().map(|x| x.to_bits()).collect::<Vec<_>>());
             assert!(fused == passes, "{n_axes} axes, {a} {b} {n}: passes");
             assert!(fused == single, "{n_axes} axes, {a} {b} {n}: one by one");
         }

@@ -38,15 +38,11 @@ fn space_laws_conserve_momenta_and_close_the_ledger() {
     for i in 1..4 {
         let ends = (points[0], points[i]);
         let name = format!("bond{i}");
-        network
-            .space_lnl(&name, ends, 3, bond.clone(), 0.0)
-            .unwrap();
+        network.space_lnl(&name, ends, 3, bond.clone(), 0.0).unwrap();
         let ends = (points[i], points[i % 3 + 1]);
         let rest = network.distance(ends, 3);
         let name = format!("hard{i}");
-        network
-            .space_lnl(&name, ends, 3, hard.clone(), rest)
-            .unwrap();
+        network.space_lnl(&name, ends, 3, hard.clone(), rest).unwrap();
     }
     let timeline = Timeline::new(Rate::new(RATE).unwrap());
     let mut simulation = start(network, &timeline);

@@ -35,13 +35,9 @@ fn played(method: Approach, manner: Manner) -> Simulation {
     let mut network = Network::new();
     network.part("bell", None);
     let tie = |k, z| Tie::Physical { k, z };
-    network
-        .cel("b", 2e-3, tie(4e3, 0.01), 0.0, 0.0, 0.0)
-        .unwrap();
+    network.cel("b", 2e-3, tie(4e3, 0.01), 0.0, 0.0, 0.0).unwrap();
     network.part("key", None);
-    let struck = network
-        .cel("m", KEY, tie(20.0, 0.4), 0.0, 0.0, 0.0)
-        .unwrap();
+    let struck = network.cel("m", KEY, tie(20.0, 0.4), 0.0, 0.0, 0.0).unwrap();
     network.spring("s", struck, 0, 5.0, 0.0, 0.0).unwrap();
     let term = Term::Position {
         first: 0,
@@ -86,15 +82,11 @@ fn looks(simulation: &mut Simulation, n: usize, frames: usize) -> Vec<(Vec<Recor
 fn gathered(struck: &[Record]) -> Vec<[f64; 3]> {
     let mut all = Vec::new();
     for sign in [1.0, -1.0] {
-        let same: Vec<&Record> = (struck.iter())
-            .filter(|ergon| ergon.impulse * sign > 0.0)
-            .collect();
+        let same: Vec<&Record> = (struck.iter()).filter(|ergon| ergon.impulse * sign > 0.0).collect();
         for run in same.chunk_by(|a, b| b.time - a.time <= TOGETHER) {
             let impulse: f64 = run.iter().map(|ergon| ergon.impulse).sum();
             let mean = |source: fn(&Record) -> f64| {
-                let all = run
-                    .iter()
-                    .map(|ergon| ergon.impulse / impulse * source(ergon));
+                let all = run.iter().map(|ergon| ergon.impulse / impulse * source(ergon));
                 all.sum::<f64>()
             };
             let speed = |ergon: &Record| ergon.impulse * 1.0001 / (2e-4 * KEY);
@@ -113,10 +105,7 @@ fn near(a: f64, b: f64, by: f64) {
 fn sparks_of_smooth_paths_are_gathered_by_sign() {
     let smooth = Approach::Path(Curve::Smooth);
     for touch in [Touch::Open, Touch::Tracked] {
-        let manner = Manner {
-            touch,
-            ..Manner::OPEN
-        };
+        let manner = Manner { touch, ..Manner::OPEN };
         let mut simulation = played(smooth, manner);
         let mut n = 0;
         for (struck, mut seen) in looks(&mut simulation, 12, LOOK) {

@@ -74,9 +74,7 @@ fn string(law: &LawText<'_>) -> Network {
 fn struck(network: &Network, impulse: f64, times: f64) -> Timeline {
     let mut timeline = Timeline::new(Rate::new(HERTZ * times).unwrap());
     timeline.open();
-    timeline
-        .strike(network, 5, 0.01, impulse, Some(0.0), 0)
-        .unwrap();
+    timeline.strike(network, 5, 0.01, impulse, Some(0.0), 0).unwrap();
     timeline
 }
 
@@ -91,11 +89,7 @@ fn hardest(network: &Arc<Network>) -> f64 {
     assert!(survives(low) && !survives(high));
     while high > 1.01 * low {
         let middle = (low * high).sqrt();
-        *(if survives(middle) {
-            &mut low
-        } else {
-            &mut high
-        }) = middle;
+        *(if survives(middle) { &mut low } else { &mut high }) = middle;
     }
     high
 }
@@ -142,10 +136,7 @@ fn hard_strikes_stay_near_a_finer_reference() {
             let [single, truth] = [1, 8].map(|times| render(&network, by * border, times));
             let [error, _] = errors(&single, &truth, 451);
             let [_, louder] = errors(&single, &truth, N);
-            assert!(
-                error < limit && louder.abs() < 2.5,
-                "{by}: {error} {louder}"
-            );
+            assert!(error < limit && louder.abs() < 2.5, "{by}: {error} {louder}");
         }
     }
 }
@@ -155,9 +146,7 @@ fn hard_strikes_stay_near_a_finer_reference() {
 fn hard_strike_beyond_eight_steps_is_a_fault() {
     let network = Arc::new(gong(Some(1.0)));
     let impulse = 64.0 * hardest(&network);
-    let fault = begin(&network, impulse, plain())
-        .skip(N as u64)
-        .unwrap_err();
+    let fault = begin(&network, impulse, plain()).skip(N as u64).unwrap_err();
     assert_eq!(fault.part, "gong");
     let mut muted = begin(&network, impulse, options(OnFault::Mute));
     muted.skip(N as u64).unwrap();
@@ -193,10 +182,7 @@ fn hard_struck_gong_creates_no_energy() {
         let energy = simulation.energy().unwrap();
         assert!(energy.residual.abs() < 1e-12 * energy.flow, "{energy:?}");
         assert!(energy.lost > 0.4 * energy.injected, "{by}: {energy:?}");
-        assert!(
-            energy.stored + energy.lost < energy.injected,
-            "{by}: {energy:?}"
-        );
+        assert!(energy.stored + energy.lost < energy.injected, "{by}: {energy:?}");
     }
 }
 
@@ -241,9 +227,7 @@ fn cell_beside_hard_struck_string_keeps_its_pitch() {
         let mut out = vec![0.0; 2 * N * times];
         simulation.process(&mut out).unwrap();
         assert!(times > 1 || simulation.finer()[0].1 > 1_000);
-        out.chunks(2 * times)
-            .map(|frame| frame[1])
-            .collect::<Vec<f64>>()
+        out.chunks(2 * times).map(|frame| frame[1]).collect::<Vec<f64>>()
     };
     let [error, _] = errors(&listened(1), &listened(8), N);
     assert!(error < -38.0, "{error}"); // out of tune it would be near 0
@@ -298,10 +282,7 @@ fn take_over_of_a_hard_struck_gong() {
     assert!(new.take_over(&mut old, &mut takeover));
     new.damp(Some(0.02));
     let after = play(&mut new, N, &[N]);
-    let loudest = |bits: &[u64]| {
-        bits.iter()
-            .fold(0.0_f64, |most, &x| most.max(f64::from_bits(x).abs()))
-    };
+    let loudest = |bits: &[u64]| bits.iter().fold(0.0_f64, |most, &x| most.max(f64::from_bits(x).abs()));
     assert!(!new.finer().is_empty());
     assert!(loudest(&after) < 2.0 * loudest(&before));
     assert!(loudest(&after[2 * N - 200..]) < 0.2 * loudest(&after));

@@ -10,9 +10,7 @@ use proptest::prelude::*;
 /// A cube around 0 with sides of 2·`half`: twelve triangles.
 fn cube(half: f64, reach: f64) -> Facets {
     let corner = |i: usize, axis: usize| if i >> axis & 1 == 1 { half } else { -half };
-    let corners: Vec<[f64; 3]> = (0..8)
-        .map(|i| std::array::from_fn(|axis| corner(i, axis)))
-        .collect();
+    let corners: Vec<[f64; 3]> = (0..8).map(|i| std::array::from_fn(|axis| corner(i, axis))).collect();
     let sides = [
         [0, 1, 3, 2],
         [4, 5, 7, 6],

@@ -35,11 +35,7 @@ fn chain(network: &mut Network, name: &str, n: usize, law: Option<&Arc<Law>>) ->
     network.part(name, None);
     let first = network.n_mat();
     for i in 0..n {
-        let (k, z) = if i == 0 || i + 1 == n {
-            (4e3, 2e-3)
-        } else {
-            (0.0, 0.0)
-        };
+        let (k, z) = if i == 0 || i + 1 == n { (4e3, 2e-3) } else { (0.0, 0.0) };
         let tie = Tie::Physical { k, z };
         let name = format!("s{i}");
         network.cel(&name, 2e-3, tie, 0.0, 0.0, 0.0).unwrap();
@@ -73,31 +69,23 @@ fn network_with(is_more: bool) -> Network {
         network.listen("other", vec![term]).unwrap();
     }
     network.part("key", None);
-    let key = network
-        .cel("m", 0.4, tie(60.0, 1.2), 0.0, 0.0, 0.0)
-        .unwrap();
+    let key = network.cel("m", 0.4, tie(60.0, 1.2), 0.0, 0.0, 0.0).unwrap();
     network.part("lever", None);
     network.macrostep(10);
-    let lever = network
-        .cel("m", 0.08, tie(200.0, 0.4), 0.0, 0.0, 0.0)
-        .unwrap();
+    let lever = network.cel("m", 0.08, tie(200.0, 0.4), 0.0, 0.0, 0.0).unwrap();
     let inner = network.mas("n", 0.03, 0.0, 0.0).unwrap();
     network.spring("r", lever, inner, 150.0, 0.2, 0.0).unwrap();
     let string = chain(&mut network, "string", 16, None);
     network.part("joints", None);
     network.but("hammer", key, string + 4, BUT).unwrap();
-    network
-        .spring("couple", lever, string + 9, 300.0, 0.01, 0.0)
-        .unwrap();
+    network.spring("couple", lever, string + 9, 300.0, 0.01, 0.0).unwrap();
     let gong = chain(&mut network, "gong", 12, None);
     network.part("sky", None);
     let sky = network.n_mat();
     for i in 0..40 {
         let f = 200.0 + 31.0 * f64::from(i);
         let tie = Tie::Tuned { f, t60: Some(2.0) };
-        network
-            .cel(&format!("c{i}"), 2e-3, tie, 0.0, 0.0, 0.0)
-            .unwrap();
+        network.cel(&format!("c{i}"), 2e-3, tie, 0.0, 0.0, 0.0).unwrap();
     }
     let law = LawText {
         law: Some("2e4*d + 1e12*d**3"),
@@ -119,9 +107,7 @@ fn network_with(is_more: bool) -> Network {
 }
 
 fn mat(network: &Network, name: &str) -> usize {
-    (0..network.n_mat())
-        .find(|&mat| network.mat_name(mat) == name)
-        .unwrap()
+    (0..network.n_mat()).find(|&mat| network.mat_name(mat) == name).unwrap()
 }
 
 fn link(network: &Network, name: &str) -> usize {
@@ -175,28 +161,16 @@ fn timeline(network: &Network, until: f64) -> Timeline {
             .gesture(gesture_to(t, 1e-3 * other(t), Touch::Open, true))
             .unwrap();
     }
-    for (i, t) in [0.004, 0.0501, 0.1203, 0.19, 0.2507, 0.33]
-        .into_iter()
-        .enumerate()
-    {
+    for (i, t) in [0.004, 0.0501, 0.1203, 0.19, 0.2507, 0.33].into_iter().enumerate() {
         for name in ["gong.s5", "string.s3", "net.s4", "sky.c7", "lever.m"] {
             let (mat, position) = (mat(network, name), t + 1e-4 * i as f64);
             let impulse = if name == "lever.m" { 2e-3 } else { 3e-5 };
             timeline
-                .strike(
-                    network,
-                    mat,
-                    position,
-                    impulse * other(position),
-                    Some(0.0),
-                    0,
-                )
+                .strike(network, mat, position, impulse * other(position), Some(0.0), 0)
                 .unwrap();
         }
         let cell = mat(network, "sky.c11");
-        timeline
-            .ergon(network, cell, t, 1e-6, 30.0 * other(t), 0)
-            .unwrap();
+        timeline.ergon(network, cell, t, 1e-6, 30.0 * other(t), 0).unwrap();
     }
     let couple = link(network, "joints.couple");
     timeline.couple(network, couple, 0.06, Some(0.3)).unwrap();
@@ -239,12 +213,7 @@ fn seen(simulation: &Simulation) -> String {
 }
 
 /// Plays versions one after the other, each from its frame on.
-fn versions(
-    plans: &[(Arc<Plan>, u64)],
-    until: u64,
-    options: Options,
-    block: usize,
-) -> (Vec<u64>, String) {
+fn versions(plans: &[(Arc<Plan>, u64)], until: u64, options: Options, block: usize) -> (Vec<u64>, String) {
     let mut sound = Vec::new();
     let mut now = Simulation::planned(plans[0].0.clone(), options).unwrap();
     for (plan, from) in &plans[1..] {
@@ -285,20 +254,10 @@ fn take_over_by_an_equal_version_bitwise() {
         );
         let plan = Arc::new(plan);
         let complete = versions(&[(plan.clone(), 0)], LENGTH, plain(), 44);
-        for (first, second) in [
-            (44, 88),
-            (440, 4_400),
-            (1_540, 2_200),
-            (3_300, 8_800),
-            (10_164, 13_200),
-        ] {
+        for (first, second) in [(44, 88), (440, 4_400), (1_540, 2_200), (3_300, 8_800), (10_164, 13_200)] {
             for shift in [0, 1, 7, 23] {
                 let (first, second) = (first + shift, second + 3 * shift);
-                let plans = [
-                    (plan.clone(), 0),
-                    (next.clone(), first),
-                    (plan.clone(), second),
-                ];
+                let plans = [(plan.clone(), 0), (next.clone(), first), (plan.clone(), second)];
                 let parts = versions(&plans, LENGTH, plain(), 64);
                 let position = complete.0.iter().zip(&parts.0).position(|(a, b)| a != b);
                 assert_eq!(
@@ -320,9 +279,7 @@ fn take_over_by_a_version_with_later_changes() {
     let until = 0.205;
     let (old, new) = (timeline(&network, f64::INFINITY), timeline(&network, until));
     for budget in [Budget::default(), Budget::Method(Method::Ca2p)] {
-        let plan = |timeline: &Timeline| {
-            Arc::new(Plan::new(network.clone(), timeline, &budget, None).unwrap())
-        };
+        let plan = |timeline: &Timeline| Arc::new(Plan::new(network.clone(), timeline, &budget, None).unwrap());
         let (old, new) = (plan(&old), plan(&new));
         let unchanged = versions(&[(old.clone(), 0)], LENGTH, plain(), 44);
         let written = versions(&[(new.clone(), 0)], LENGTH, plain(), 44);
@@ -330,12 +287,7 @@ fn take_over_by_a_version_with_later_changes() {
         assert!(unchanged.0[..first] == written.0[..first]);
         assert!(unchanged.0[first..] != written.0[first..]);
         for from in [440, 2_200, 4_411, 8_800] {
-            let joined = versions(
-                &[(old.clone(), 0), (new.clone(), from)],
-                LENGTH,
-                plain(),
-                64,
-            );
+            let joined = versions(&[(old.clone(), 0), (new.clone(), from)], LENGTH, plain(), 64);
             assert!(joined.0 == written.0, "{budget:?} {from}");
             assert_eq!(joined.1, written.1, "{budget:?} {from}");
         }
@@ -380,10 +332,7 @@ fn plan_of_a_session_ignores_written_events() {
     // No event of the first version has begun yet: after the takeover, the samples are those of the other, to the last
     // bit, with threads too.
     let plans = [(Arc::new(other), 0), (complete, 150)];
-    let options = Options {
-        threads: 3,
-        ..plain()
-    };
+    let options = Options { threads: 3, ..plain() };
     assert_eq!(versions(&plans, LENGTH, options, 4_400), listened);
 }
 
@@ -411,10 +360,7 @@ fn take_over_with_an_added_part_bitwise() {
             // An output that sums several units adds them in the order of their costs, which may change.
             let is_sum = [2, 4].contains(&(index % 5));
             let apart = (f64::from_bits(*a) - f64::from_bits(*b)).abs();
-            assert!(
-                a == b || (is_sum && apart < 1e-15),
-                "{budget:?} {index}: {apart}"
-            );
+            assert!(a == b || (is_sum && apart < 1e-15), "{budget:?} {index}: {apart}");
         }
         assert_eq!(complete.len(), joined.len());
     }
@@ -426,10 +372,7 @@ fn take_over_with_an_added_part_bitwise() {
 fn take_over_without_a_running_gesture_ends_it() {
     let mut network = Network::new();
     network.part("key", None);
-    let tie = Tie::Tuned {
-        f: 8.0,
-        t60: Some(0.6),
-    };
+    let tie = Tie::Tuned { f: 8.0, t60: Some(0.6) };
     network.cel("m", 0.08, tie, 0.0, 0.0, 0.0).unwrap();
     let term = Term::Position {
         first: 0,
@@ -452,10 +395,7 @@ fn take_over_without_a_running_gesture_ends_it() {
     let next = gesture_to(0.2, 2e-3, Touch::Open, false);
     let frame = (from * RATE) as u64;
     let versions = versions(
-        &[
-            (plan(&[gone]), 0),
-            (plan(std::slice::from_ref(&next)), frame),
-        ],
+        &[(plan(&[gone]), 0), (plan(std::slice::from_ref(&next)), frame)],
         15_000,
         plain(),
         64,
@@ -463,9 +403,7 @@ fn take_over_without_a_running_gesture_ends_it() {
     let x: Vec<f64> = versions.0.iter().map(|x| f64::from_bits(*x)).collect();
     // Up to the throw, the acceleration is that of the gesture, 4 mm in 40 ms: nothing jumps.
     let curvature = |n: usize| (x[n + 1] - 2.0 * x[n] + x[n - 1]).abs() * RATE * RATE;
-    let worst = (1..(0.239 * RATE) as usize)
-        .map(curvature)
-        .fold(0.0, f64::max);
+    let worst = (1..(0.239 * RATE) as usize).map(curvature).fold(0.0, f64::max);
     assert!(worst < 40.0, "{worst} m/s²");
     // The free key swings at its own frequency from its position at the takeover; a led key is where the gesture asks
     // for it.
@@ -501,12 +439,8 @@ fn take_over_keeps_masses_by_name() {
         network.listen("all", vec![term]).unwrap();
         let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
         timeline.open();
-        timeline
-            .strike(&network, a, 1e-3, 1e-3, Some(0.0), 0)
-            .unwrap();
-        timeline
-            .strike(&network, b, 2e-3, 1e-3, Some(0.0), 0)
-            .unwrap();
+        timeline.strike(&network, a, 1e-3, 1e-3, Some(0.0), 0).unwrap();
+        timeline.strike(&network, b, 2e-3, 1e-3, Some(0.0), 0).unwrap();
         Arc::new(Plan::new(Arc::new(network), &timeline, &Budget::default(), None).unwrap())
     };
     let position = 3_000;
@@ -563,11 +497,7 @@ fn go_on(seeds: Range<u64>) {
                 None => Plan::plain(network.clone(), &scene.timeline, false).unwrap(),
             })
         };
-        let budgets = [
-            None,
-            Some(Budget::default()),
-            Some(Budget::Method(Method::Ca)),
-        ];
+        let budgets = [None, Some(Budget::default()), Some(Budget::Method(Method::Ca))];
         for budget in budgets {
             let options = Options {
                 ledger: budget.is_none(),
@@ -615,9 +545,7 @@ fn take_over_keeps_muted_parts_muted() {
         let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
         timeline.open();
         for &instant in struck {
-            timeline
-                .strike(&network, bell, instant, 1e-4, Some(0.0), 0)
-                .unwrap();
+            timeline.strike(&network, bell, instant, 1e-4, Some(0.0), 0).unwrap();
         }
         let budget = Budget::Method(Method::Ca);
         Arc::new(Plan::new(Arc::new(network), &timeline, &budget, None).unwrap())

@@ -32,9 +32,7 @@ fn tangle(seed: u64) -> (Network, Timeline, Vec<f64>) {
         .collect();
     let length = |network: &Network, a: SpacePoint, b: SpacePoint| {
         let x0 = &network.mats().x0;
-        let apart: Vec<f64> = (0..3)
-            .map(|axis| x0[a.first + axis] - x0[b.first + axis])
-            .collect();
+        let apart: Vec<f64> = (0..3).map(|axis| x0[a.first + axis] - x0[b.first + axis]).collect();
         norm(&apart)
     };
     for i in 0..n {
@@ -78,9 +76,7 @@ fn tangle(seed: u64) -> (Network, Timeline, Vec<f64>) {
     timeline
         .strike(&network, points[2].first, 0.01, 2e-3, Some(0.0), 0)
         .unwrap();
-    timeline
-        .strike(&network, bell, 0.02, 1e-3, Some(0.0), 0)
-        .unwrap();
+    timeline.strike(&network, bell, 0.02, 1e-3, Some(0.0), 0).unwrap();
     (network, timeline, masses)
 }
 
@@ -165,10 +161,7 @@ fn free_tangle_conserves_its_momenta() {
     let after = momenta(&simulation, &masses);
     for (before, after) in before.iter().zip(&after) {
         let apart: Vec<f64> = before.iter().zip(after).map(|(a, b)| a - b).collect();
-        assert!(
-            norm(&apart) < 1e-12 * norm(before),
-            "{before:?} became {after:?}"
-        );
+        assert!(norm(&apart) < 1e-12 * norm(before), "{before:?} became {after:?}");
     }
 }
 

@@ -105,12 +105,7 @@ fn torn_row(is_more: bool) -> Network {
     if is_more {
         let weight = point(&mut network, "w", 1e-3, [0.0, 0.1, 0.0], [0.0; 3]);
         let end = SpacePoint::strided(first, n);
-        link(
-            &mut network,
-            (end, weight),
-            SpaceLaw::Spring,
-            [20.0, 0.0, 0.1],
-        );
+        link(&mut network, (end, weight), SpaceLaw::Spring, [20.0, 0.0, 0.1]);
     }
     network
 }

@@ -28,9 +28,7 @@ fn plan(by: By, is_open: bool) -> Arc<Plan> {
     let mut network = Network::new();
     network.part("plate", None);
     let topology = plate(Shape::Square, SIDE / 2, Rim::Fixed).unwrap();
-    network
-        .mesh("p", &topology, 0.2, 220.0, Some(1.0), 0.0)
-        .unwrap();
+    network.mesh("p", &topology, 0.2, 220.0, Some(1.0), 0.0).unwrap();
     let position = |row: usize, column: usize| row * SIDE + column;
     for (name, first) in [("left", position(2, 3)), ("right", position(8, 4))] {
         let (len, weight) = (1, 1.0);
@@ -44,14 +42,8 @@ fn plan(by: By, is_open: bool) -> Arc<Plan> {
     }
     match by {
         By::Strikes => {
-            for (mat, instant) in [
-                (position(1, 4), 1e-3),
-                (position(7, 3), 0.1),
-                (position(1, 4), 0.2),
-            ] {
-                timeline
-                    .strike(&network, mat, instant, 0.01, Some(0.0), 0)
-                    .unwrap();
+            for (mat, instant) in [(position(1, 4), 1e-3), (position(7, 3), 0.1), (position(1, 4), 0.2)] {
+                timeline.strike(&network, mat, instant, 0.01, Some(0.0), 0).unwrap();
             }
         }
         By::Hammer => {
@@ -119,11 +111,7 @@ fn turned_modes_for_each_struck_point() {
             render(&mut simulation, N)
         };
         let (closed, open) = (sound(&closed), sound(&open));
-        assert!(
-            apart(&closed, &open) < by.apart(),
-            "{by:?}: {}",
-            apart(&closed, &open)
-        );
+        assert!(apart(&closed, &open) < by.apart(), "{by:?}: {}", apart(&closed, &open));
     }
 }
 

@@ -29,19 +29,9 @@ pub(super) fn connect(
     Ok((opened, spec.clone()))
 }
 
-fn first(
-    spec: &Spec,
-    rate: u32,
-    channels: usize,
-    shared: &Arc<Shared>,
-) -> Result<(Opened, Spec), AudioError> {
+fn first(spec: &Spec, rate: u32, channels: usize, shared: &Arc<Shared>) -> Result<(Opened, Spec), AudioError> {
     let mut unavailable = Vec::new();
-    let mut backends = vec![
-        Backend::Jack,
-        Backend::Pulse,
-        Backend::System,
-        Backend::Null,
-    ];
+    let mut backends = vec![Backend::Jack, Backend::Pulse, Backend::System, Backend::Null];
     // Where there is no system backend, its absence is not worth a remark.
     backends.retain(|backend| HAS_SYSTEM || *backend != Backend::System);
     for backend in backends {

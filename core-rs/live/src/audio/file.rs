@@ -19,12 +19,7 @@ const POLL: Duration = Duration::from_micros(200);
 ///
 /// `clock`: if given, frames are taken by the clock, as a card would take them, in blocks of this size (`None`: the
 /// default).
-pub(super) fn open(
-    path: &Path,
-    rate: u32,
-    channels: usize,
-    clock: Option<Option<u32>>,
-) -> Result<Opened, AudioError> {
+pub(super) fn open(path: &Path, rate: u32, channels: usize, clock: Option<Option<u32>>) -> Result<Opened, AudioError> {
     let mut recording = Recording::create(path, rate, channels)?;
     let block = clock.map_or(BLOCK, |block| block.unwrap_or(null::BLOCK));
     Ok(Opened {
@@ -101,12 +96,8 @@ impl Recording {
             error,
         };
         if path.exists() {
-            let sentence =
-                "this file exists, and sound that is played overwrites no file; name another";
-            return Err(file_error(io::Error::new(
-                io::ErrorKind::AlreadyExists,
-                sentence,
-            )));
+            let sentence = "this file exists, and sound that is played overwrites no file; name another";
+            return Err(file_error(io::Error::new(io::ErrorKind::AlreadyExists, sentence)));
         }
         Self::begin(path, rate, channels).map_err(file_error)
     }
@@ -139,19 +130,10 @@ impl Recording {
         }
     }
 
-    fn run_by_the_clock(
-        &mut self,
-        drain: &mut Drain,
-        stop: &AtomicBool,
-        block: u32,
-    ) -> io::Result<()> {
-        drain
-            .shared()
-            .set_priority(realtime::set_priority(PRIORITY));
+    fn run_by_the_clock(&mut self, drain: &mut Drain, stop: &AtomicBool, block: u32) -> io::Result<()> {
+        drain.shared().set_priority(realtime::set_priority(PRIORITY));
         let sample_rate = self.rate;
-        null::by_the_clock(drain, stop, sample_rate, block, |out| {
-            self.write(out, block as usize)
-        })
+        null::by_the_clock(drain, stop, sample_rate, block, |out| self.write(out, block as usize))
     }
 
     pub(super) fn write(&mut self, samples: &[f32], frames: usize) -> io::Result<()> {

@@ -105,12 +105,7 @@ impl InputReader {
 ///
 /// # Errors
 /// A sentence on why the input cannot be opened; nothing was started then.
-pub fn open_input(
-    spec: &Spec,
-    rate: u32,
-    channels: usize,
-    wanted: usize,
-) -> Result<(Input, InputReader), AudioError> {
+pub fn open_input(spec: &Spec, rate: u32, channels: usize, wanted: usize) -> Result<(Input, InputReader), AudioError> {
     if !(1..=CHANNELS_MAX).contains(&channels) {
         let why = format!("an input has 1 to {CHANNELS_MAX}");
         return Err(AudioError::Channels { channels, why });
@@ -119,8 +114,7 @@ pub fn open_input(
     let opened = connect(spec, channels, &shared)?;
     let block_frames = opened.block as usize;
     let mut target_frames = block_frames + wanted;
-    let capacity =
-        (2 * EXCESS_FACTOR * (target_frames + block_frames)).max(opened.rate as usize / 4);
+    let capacity = (2 * EXCESS_FACTOR * (target_frames + block_frames)).max(opened.rate as usize / 4);
     let (feed, inner_drain) = ring::joined(channels, capacity, shared.clone());
     feed.set_prefill(target_frames);
     let mut info = InputInfo {
@@ -135,12 +129,7 @@ pub fn open_input(
     let (converter, drain) = if opened.rate == rate {
         (None, inner_drain)
     } else {
-        let between = rate::between(
-            inner_drain,
-            opened.rate,
-            rate,
-            opened.block.max(wanted as u32),
-        );
+        let between = rate::between(inner_drain, opened.rate, rate, opened.block.max(wanted as u32));
         let (converter, outer_drain) = between.map_err(|(_, error)| error)?;
         target_frames = converter.latency;
         (Some(converter), outer_drain)
@@ -289,9 +278,7 @@ impl InputState {
     fn reopen(&self, feed: Feed) -> Result<Box<dyn Source>, Option<Box<Feed>>> {
         let source_rate = self.report().0.rate;
         match connect(&self.spec, self.channels, &self.shared) {
-            Ok(opened) if opened.rate == source_rate => {
-                (opened.start)(feed).map_err(|(feed, _)| feed)
-            }
+            Ok(opened) if opened.rate == source_rate => (opened.start)(feed).map_err(|(feed, _)| feed),
             _ => Err(Some(Box::new(feed))),
         }
     }
@@ -312,11 +299,7 @@ mod tests {
         let (mut feed, drain) = ring::ring(1, 4096);
         feed.set_prefill(300);
         let mut reader = InputReader::new(drain, 300, 48_000);
-        assert_eq!(
-            read_frames(&mut reader, 64),
-            [0.0; 64],
-            "silence before the first"
-        );
+        assert_eq!(read_frames(&mut reader, 64), [0.0; 64], "silence before the first");
         let pushed_sound: Vec<f32> = (0..2560).map(|n| n as f32).collect();
         let mut read_sound = Vec::new();
         for block in pushed_sound.chunks(256) {

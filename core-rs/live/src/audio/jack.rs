@@ -44,20 +44,11 @@ fn connect(
 }
 
 /// Opens a client that plays.
-pub(super) fn open(
-    spec: &Spec,
-    channels: usize,
-    shared: &Arc<Shared>,
-) -> Result<Opened, AudioError> {
+pub(super) fn open(spec: &Spec, channels: usize, shared: &Arc<Shared>) -> Result<Opened, AudioError> {
     let (client, targets, device) = connect(c"ergon", spec, shared, PORT_IS_INPUT, "to")?;
     let mut remarks = Vec::new();
-    if let Some(wanted_block) = spec
-        .block
-        .filter(|wanted_block| *wanted_block != client.block())
-    {
-        remarks.push(format!(
-            "the server keeps its own block size, not {wanted_block}"
-        ));
+    if let Some(wanted_block) = spec.block.filter(|wanted_block| *wanted_block != client.block()) {
+        remarks.push(format!("the server keeps its own block size, not {wanted_block}"));
     }
     if !targets.is_empty() && targets.len() < channels {
         let port_count = targets.len();
@@ -78,11 +69,7 @@ pub(super) fn open(
     })
 }
 
-fn start(
-    client: Client,
-    drain: Drain,
-    device: Option<&str>,
-) -> Result<Box<dyn Sink>, StartFailure> {
+fn start(client: Client, drain: Drain, device: Option<&str>) -> Result<Box<dyn Sink>, StartFailure> {
     let channels = drain.channels();
     let callback = OutputCallback {
         scratch: vec![0.0; SLICE * channels].into(),

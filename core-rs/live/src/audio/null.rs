@@ -25,9 +25,7 @@ pub(super) fn open(rate: u32, block: Option<u32>) -> Opened {
         start: Box::new(move |drain| {
             drain.shared().set_timing(block, 0);
             let pump = RingThread::start("ergon null", drain, move |drain, stop| {
-                drain
-                    .shared()
-                    .set_priority(realtime::set_priority(PRIORITY));
+                drain.shared().set_priority(realtime::set_priority(PRIORITY));
                 by_the_clock(drain, stop, rate, block, |_| Ok(()))
             })?;
             Ok(Box::new(pump) as Box<dyn Sink>)
@@ -98,10 +96,7 @@ mod tests {
     #[test]
     fn lasting_of_hours_of_blocks_without_drift() {
         // 256 frames at 44.1 kHz are not a whole number of nanoseconds.
-        assert_eq!(
-            lasting(44_100 * 3600 * 10, 44_100),
-            Duration::from_secs(36_000)
-        );
+        assert_eq!(lasting(44_100 * 3600 * 10, 44_100), Duration::from_secs(36_000));
         assert_eq!(lasting(147, 44_100), Duration::from_nanos(3_333_333));
     }
 }

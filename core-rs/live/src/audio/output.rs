@@ -305,13 +305,8 @@ impl OutputState {
             self.shared.set_alive(false);
             self.shared.set_freewheel(false);
             let (drain, trouble) = playback.stop();
-            let is_retried = matches!(
-                self.spec.backend,
-                Backend::Jack | Backend::Pulse | Backend::System
-            );
-            let loss_reason = trouble
-                .clone()
-                .unwrap_or_else(|| "the device disappeared".into());
+            let is_retried = matches!(self.spec.backend, Backend::Jack | Backend::Pulse | Backend::System);
+            let loss_reason = trouble.clone().unwrap_or_else(|| "the device disappeared".into());
             self.add_event(if is_retried {
                 format!(
                     "{} is lost ({loss_reason}); the piece plays on in silence until the output is found again",
@@ -333,8 +328,7 @@ impl OutputState {
 
     /// Take the frames by the silent clock until the server is back; `None` if the output was stopped first.
     fn play_silently(&self, drain: Drain, is_retried: bool) -> Option<Playback> {
-        let mut playback =
-            Playback::start(null::open(self.score_rate, None), self.score_rate, drain).ok()?;
+        let mut playback = Playback::start(null::open(self.score_rate, None), self.score_rate, drain).ok()?;
         let mut retry_wait = RETRY.0;
         let mut next_retry = Instant::now() + retry_wait;
         while !self.stop.load(Ordering::Acquire) {
@@ -345,8 +339,7 @@ impl OutputState {
             retry_wait = (retry_wait * 3 / 2).min(RETRY.1);
             next_retry = Instant::now() + retry_wait;
             let (score_rate, channels) = (self.score_rate, self.channels);
-            let Ok((opened, _)) = connect::connect(&self.spec, score_rate, channels, &self.shared)
-            else {
+            let Ok((opened, _)) = connect::connect(&self.spec, score_rate, channels, &self.shared) else {
                 continue;
             };
             let (new_info, remarks) = (
@@ -383,10 +376,7 @@ impl Playback {
         drain.set_rate(score_rate);
         if opened.rate == score_rate {
             let sink = (opened.start)(drain)?;
-            return Ok(Self {
-                sink,
-                converter: None,
-            });
+            return Ok(Self { sink, converter: None });
         }
         let (converter, outer_drain) = rate::between(drain, score_rate, opened.rate, opened.block)?;
         match (opened.start)(outer_drain) {

@@ -77,11 +77,7 @@ impl OutputFades {
             self.fall = self.fall.saturating_sub(1);
             let fall_gain = self.part(self.fall);
             for (x, held) in frame.iter_mut().zip(&self.held) {
-                *x = if self.fall == 0 {
-                    0.0
-                } else {
-                    held * fall_gain
-                };
+                *x = if self.fall == 0 { 0.0 } else { held * fall_gain };
             }
         }
         if let Some(frame) = frames.rchunks_exact(self.channels).next() {
@@ -122,11 +118,7 @@ impl OutputFades {
             *frames_left = frames_left.saturating_sub(1);
             let hush_gain = *frames_left as f32 / self.hush as f32;
             for x in frame {
-                *x = if *frames_left == 0 {
-                    0.0
-                } else {
-                    *x * hush_gain
-                };
+                *x = if *frames_left == 0 { 0.0 } else { *x * hush_gain };
             }
         }
     }

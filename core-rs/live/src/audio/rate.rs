@@ -25,12 +25,7 @@ pub(super) struct Converter {
 
 /// Put a converter from rate `from` to rate `to` behind the ring `inner`, for a reader that takes `block` frames at a
 /// time; returns the drain for that reader.
-pub(super) fn between(
-    mut inner: Drain,
-    from: u32,
-    to: u32,
-    block: u32,
-) -> Result<(Converter, Drain), StartFailure> {
+pub(super) fn between(mut inner: Drain, from: u32, to: u32, block: u32) -> Result<(Converter, Drain), StartFailure> {
     let channels = inner.channels();
     let filter = match Filter::new(from, to, channels) {
         Ok(filter) => filter,
@@ -108,10 +103,8 @@ impl Filter {
         let mut frames_held = 0;
         while !stop.load(Ordering::Acquire) {
             let frames_wanted = self.fft.input_frames_next();
-            let frames_taken =
-                inner.take(&mut self.input[frames_held * channels..frames_wanted * channels]);
-            (frames_held, frames_in) =
-                (frames_held + frames_taken, frames_in + frames_taken as u64);
+            let frames_taken = inner.take(&mut self.input[frames_held * channels..frames_wanted * channels]);
+            (frames_held, frames_in) = (frames_held + frames_taken, frames_in + frames_taken as u64);
             let has_ended = frames_taken == 0 && inner.ended();
             if frames_held < frames_wanted && !has_ended {
                 std::thread::sleep(POLL);
@@ -129,11 +122,9 @@ impl Filter {
             skipped += skip_count;
             n_frames -= skip_count;
             if has_ended {
-                n_frames =
-                    n_frames.min(usize::try_from(frames_due - frames_out).unwrap_or(usize::MAX));
+                n_frames = n_frames.min(usize::try_from(frames_due - frames_out).unwrap_or(usize::MAX));
             }
-            let mut samples_left =
-                &self.output[skip_count * channels..(skip_count + n_frames) * channels];
+            let mut samples_left = &self.output[skip_count * channels..(skip_count + n_frames) * channels];
             while !samples_left.is_empty() && !stop.load(Ordering::Acquire) {
                 match feed.push(samples_left) {
                     0 => std::thread::sleep(POLL),
@@ -208,8 +199,7 @@ mod tests {
                 // Near the beginning and the end, the filter also covers the silence outside.
                 for n in 1000..to as usize - 1000 {
                     let sine_sample = sin(TAU * pitch * n as f64 / f64::from(to)) as f32;
-                    let (left_sample, right_sample) =
-                        (output_sound[2 * n], output_sound[2 * n + 1]);
+                    let (left_sample, right_sample) = (output_sound[2 * n], output_sound[2 * n + 1]);
                     assert!(
                         (left_sample - sine_sample).abs() < 2e-4,
                         "{from} to {to}, {pitch} Hz, {n}"

@@ -80,10 +80,7 @@ pub fn ring(channels: usize, capacity: usize) -> (Feed, Drain) {
 
 /// A ring that reports to `shared`.
 pub(super) fn joined(channels: usize, capacity: usize, shared: Arc<Shared>) -> (Feed, Drain) {
-    assert!(
-        (1..=CHANNELS_MAX).contains(&channels),
-        "1 to {CHANNELS_MAX} channels"
-    );
+    assert!((1..=CHANNELS_MAX).contains(&channels), "1 to {CHANNELS_MAX} channels");
     let capacity = capacity.max(1);
     let (producer, consumer) = RingBuffer::new(capacity * channels);
     let gate = Arc::new(Gate {
@@ -154,9 +151,7 @@ impl Feed {
     pub fn push(&mut self, frames: &[f32]) -> usize {
         let frames_taken = self.room().min(frames.len() / self.channels);
         let samples = frames.get(..frames_taken * self.channels).unwrap_or(&[]);
-        self.samples
-            .push_entire_slice(samples)
-            .map_or(0, |()| frames_taken)
+        self.samples.push_entire_slice(samples).map_or(0, |()| frames_taken)
     }
 
     /// Push frames; those without room are dropped, and counted if any frame was played before.
@@ -270,8 +265,7 @@ impl Drain {
         let is_closed = self.gate.closed.load(Ordering::Acquire);
         let waiting = self.waiting();
         if self.phase != Phase::Playing
-            && (waiting >= self.gate.prefill.load(Ordering::Relaxed).max(1)
-                || is_closed && waiting > 0)
+            && (waiting >= self.gate.prefill.load(Ordering::Relaxed).max(1) || is_closed && waiting > 0)
         {
             self.phase = Phase::Playing;
         }
@@ -286,11 +280,7 @@ impl Drain {
         self.fades.shape_sound(sounding);
         self.count_played(sound_frames, is_closed && sound_frames == waiting);
         if !silent_samples.is_empty() {
-            self.fill_gap(
-                silent_samples,
-                is_closed && sound_frames == waiting,
-                panicked,
-            );
+            self.fill_gap(silent_samples, is_closed && sound_frames == waiting, panicked);
         }
         self.fades.apply_hush(out);
     }
@@ -402,10 +392,8 @@ impl Drain {
         }
         let frame_counts = &mut self.written;
         if frames > 0 {
-            let played_rate = f64::from(self.rate) * frame_counts.score_rate as f64
-                / frame_counts.card_rate as f64;
-            self.shared
-                .set_block_start(frame_counts.score(), played_rate);
+            let played_rate = f64::from(self.rate) * frame_counts.score_rate as f64 / frame_counts.card_rate as f64;
+            self.shared.set_block_start(frame_counts.score(), played_rate);
         }
         frame_counts.frames += frames as u64;
         self.shared.set_played(frame_counts.score());
@@ -418,11 +406,7 @@ impl Drain {
     fn discard(&mut self, limit: usize) -> usize {
         let is_closed = self.gate.closed.load(Ordering::Acquire);
         let waiting = self.waiting();
-        let frames_dropped = if is_closed {
-            waiting
-        } else {
-            waiting.min(limit)
-        };
+        let frames_dropped = if is_closed { waiting } else { waiting.min(limit) };
         if let Ok(ring_chunk) = self.samples.read_chunk(frames_dropped * self.channels) {
             ring_chunk.commit_all();
         }

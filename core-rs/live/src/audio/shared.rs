@@ -163,9 +163,7 @@ impl Shared {
     pub fn sounding(&self) -> Option<Duration> {
         let zero_nanos = self.zero.load(Ordering::Acquire);
         let nanos_now = i64::try_from(self.began.elapsed().as_nanos()).unwrap_or(i64::MAX);
-        (zero_nanos != NEVER).then(|| {
-            Duration::from_nanos(nanos_now.saturating_sub(zero_nanos).max(0).unsigned_abs())
-        })
+        (zero_nanos != NEVER).then(|| Duration::from_nanos(nanos_now.saturating_sub(zero_nanos).max(0).unsigned_abs()))
     }
 
     /// Report that a block that begins with frame `n`, at `rate` [Hz], goes to the card now.
@@ -216,8 +214,7 @@ impl Shared {
     }
 
     pub(super) fn set_priority(&self, priority: Option<i32>) {
-        self.priority
-            .store(priority.unwrap_or(0), Ordering::Relaxed);
+        self.priority.store(priority.unwrap_or(0), Ordering::Relaxed);
     }
 
     /// (frames that the card asks for per block, frames from the ring to the ear as far as the server reports them), in

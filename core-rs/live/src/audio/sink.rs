@@ -62,10 +62,7 @@ impl<R: Send + 'static> RingThread<R> {
             let trouble = body(&mut ring, &stopping).err();
             (ring, trouble)
         };
-        match std::thread::Builder::new()
-            .name(name.to_owned())
-            .spawn(thread_main)
-        {
+        match std::thread::Builder::new().name(name.to_owned()).spawn(thread_main) {
             Ok(thread) => {
                 let _ = ring_sender.send(ring);
                 Ok(Self { stop, thread })
@@ -84,10 +81,7 @@ impl<R: Send + 'static> RingThread<R> {
         self.stop.store(true, Ordering::Release);
         match self.thread.join() {
             Ok((ring, trouble)) => (Some(ring), trouble),
-            Err(_) => (
-                None,
-                Some("the thread that passes the sound on panicked".into()),
-            ),
+            Err(_) => (None, Some("the thread that passes the sound on panicked".into())),
         }
     }
 }

@@ -111,10 +111,7 @@ impl FromStr for Spec {
             }
             _ => return Err(spec_error(text, "no such output".into())),
         };
-        if matches!(
-            new_spec.backend,
-            Backend::Jack | Backend::Pulse | Backend::System
-        ) {
+        if matches!(new_spec.backend, Backend::Jack | Backend::Pulse | Backend::System) {
             new_spec.device = device.map(str::to_owned);
         }
         Ok(new_spec)

@@ -78,11 +78,7 @@ fn playable(device: &Device, rate: u32, channels: usize) -> Result<u32, AudioErr
     Ok(default_config.sample_rate())
 }
 
-fn start(
-    device: &Device,
-    config: StreamConfig,
-    drain: Drain,
-) -> Result<Box<dyn Sink>, StartFailure> {
+fn start(device: &Device, config: StreamConfig, drain: Drain) -> Result<Box<dyn Sink>, StartFailure> {
     let gone = Arc::new(AtomicBool::new(false));
     let (lost_flag, shared) = (gone.clone(), drain.shared().clone());
     let (drain_sender, returned) = mpsc::sync_channel(1);
@@ -99,11 +95,7 @@ fn start(
     );
     let start_result = stream.and_then(|stream| stream.play().map(|()| stream));
     match start_result {
-        Ok(stream) => Ok(Box::new(SystemStream {
-            stream,
-            returned,
-            gone,
-        })),
+        Ok(stream) => Ok(Box::new(SystemStream { stream, returned, gone })),
         Err(error) => Err((returned.try_recv().ok().map(Box::new), missing(error))),
     }
 }

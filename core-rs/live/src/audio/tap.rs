@@ -73,11 +73,7 @@ pub struct TapStatus {
 ///
 /// # Errors
 /// [`AudioError::File`] if the file exists or cannot be created.
-pub(crate) fn open(
-    path: &Path,
-    rate: u32,
-    channels: usize,
-) -> Result<(Tap, TapHandle), AudioError> {
+pub(crate) fn open(path: &Path, rate: u32, channels: usize) -> Result<(Tap, TapHandle), AudioError> {
     let mut recording = Recording::create(path, rate, channels)?;
     let (to, mut consumer) = RingBuffer::new(ROOM * rate as usize * channels);
     let shared = Arc::new(Shared {
@@ -100,10 +96,7 @@ pub(crate) fn open(
         .spawn(move || {
             let pump_result = pump(&mut recording, &mut consumer, channels, &shared_state);
             if let Err(error) = pump_result.and_then(|()| recording.end()) {
-                *shared_state
-                    .error
-                    .lock()
-                    .unwrap_or_else(PoisonError::into_inner) =
+                *shared_state.error.lock().unwrap_or_else(PoisonError::into_inner) =
                     Some(recording.failure_sentence(&error));
                 // Keep the ring alive until the tap is dropped: the physics thread must not free memory.
                 while !shared_state.is_over(&consumer) {
@@ -120,12 +113,7 @@ pub(crate) fn open(
     Ok((tap, handle))
 }
 
-fn pump(
-    recording: &mut Recording,
-    from: &mut Consumer<f32>,
-    channels: usize,
-    shared: &Shared,
-) -> std::io::Result<()> {
+fn pump(recording: &mut Recording, from: &mut Consumer<f32>, channels: usize, shared: &Shared) -> std::io::Result<()> {
     loop {
         // The end is read first, so that everything pushed before it is written.
         let is_last = shared.is_over(from);
@@ -163,9 +151,7 @@ impl Tap {
         let Ok(ring_chunk) = self.to.write_chunk_uninit(sample_count) else {
             self.silence_samples = sample_count;
             let missing_frames = (samples.len() / self.channels) as u64;
-            self.shared
-                .missing
-                .fetch_add(missing_frames, Ordering::Relaxed);
+            self.shared.missing.fetch_add(missing_frames, Ordering::Relaxed);
             return;
         };
         let silence = std::iter::repeat_n(0.0, self.silence_samples);
@@ -185,11 +171,7 @@ impl TapHandle {
             ended: shared.ended.load(Ordering::Acquire),
             frames: shared.written.load(Ordering::Relaxed),
             missing: shared.missing.load(Ordering::Relaxed),
-            error: shared
-                .error
-                .lock()
-                .unwrap_or_else(PoisonError::into_inner)
-                .clone(),
+            error: shared.error.lock().unwrap_or_else(PoisonError::into_inner).clone(),
         }
     }
 }
@@ -238,12 +220,7 @@ mod tests {
             .chunks_exact(4)
             .map(|x| f32::from_le_bytes(x.try_into().expect("four bytes")))
             .collect();
-        assert!(
-            samples[..99 * 128]
-                .iter()
-                .enumerate()
-                .all(|(i, &x)| x == i as f32)
-        );
+        assert!(samples[..99 * 128].iter().enumerate().all(|(i, &x)| x == i as f32));
         assert!(samples[99 * 128..].iter().all(|&x| x == 0.0));
         assert!(open(&wave_path, 44_100, 2).is_err(), "it exists");
         std::fs::remove_dir_all(&folder).expect("removed");
@@ -260,18 +237,10 @@ mod tests {
         tap.push(0, &[1.0, 2.0, 3.0], false);
         tap.push(3, &[4.0, 5.0], false); // no room
         assert_eq!(handle.status().missing, 2);
-        let read_samples: Vec<f32> = small_consumer
-            .read_chunk(3)
-            .expect("three")
-            .into_iter()
-            .collect();
+        let read_samples: Vec<f32> = small_consumer.read_chunk(3).expect("three").into_iter().collect();
         assert_eq!(read_samples, [1.0, 2.0, 3.0]);
         tap.push(5, &[6.0, 7.0], false);
-        let read_samples: Vec<f32> = small_consumer
-            .read_chunk(4)
-            .expect("four")
-            .into_iter()
-            .collect();
+        let read_samples: Vec<f32> = small_consumer.read_chunk(4).expect("four").into_iter().collect();
         assert_eq!(read_samples, [0.0, 0.0, 6.0, 7.0]);
         tap.to = real_producer;
         drop(tap);

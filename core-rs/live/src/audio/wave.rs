@@ -18,11 +18,7 @@ fn header_above(rate: u32, channels: usize, frames: u64, limit: u64) -> Vec<u8> 
     let frame_bytes = channels as u32 * 4;
     let data_bytes = frames * u64::from(frame_bytes);
     let mut chunk_bytes = Vec::new();
-    chunk(
-        &mut chunk_bytes,
-        b"fmt ",
-        &format(rate, channels, frame_bytes),
-    );
+    chunk(&mut chunk_bytes, b"fmt ", &format(rate, channels, frame_bytes));
     let fact_frames = u32::try_from(frames).unwrap_or(u32::MAX);
     chunk(&mut chunk_bytes, b"fact", &fact_frames.to_le_bytes());
     chunk(&mut chunk_bytes, b"bext", &bext());
@@ -94,15 +90,9 @@ mod tests {
 
     #[test]
     fn wave_headers_of_both_containers_have_equal_layout() {
-        let (riff_header, rf64_header) = (
-            header_above(48_000, 24, 10, u64::MAX),
-            header_above(48_000, 24, 10, 0),
-        );
+        let (riff_header, rf64_header) = (header_above(48_000, 24, 10, u64::MAX), header_above(48_000, 24, 10, 0));
         assert_eq!(riff_header.len(), rf64_header.len());
-        assert_eq!(
-            (&riff_header[..4], &rf64_header[..4]),
-            (&b"RIFF"[..], &b"RF64"[..])
-        );
+        assert_eq!((&riff_header[..4], &rf64_header[..4]), (&b"RIFF"[..], &b"RF64"[..]));
         assert_eq!(rf64_header[20..28], riff_size(&riff_header).to_le_bytes());
     }
 

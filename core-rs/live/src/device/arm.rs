@@ -29,9 +29,7 @@ pub(super) fn with_arm(device: Box<dyn Device>, url: &Url) -> Result<Box<dyn Dev
         return Err(url.cannot("its axes do not rotate, so they have no arm; leave ?arm out"));
     }
     if arm_length <= 0.0 || arm_length > ARM_MAX {
-        return Err(url.closed(format!(
-            "arm must be above 0 and at most {ARM_MAX} m, not {arm_length}"
-        )));
+        return Err(url.closed(format!("arm must be above 0 and at most {ARM_MAX} m, not {arm_length}")));
     }
     Ok(Box::new(Arm::new(device, arm_length)))
 }
@@ -51,11 +49,7 @@ impl Arm {
             damping: axis_spec.damping.map(|damping| damping / (length * length)),
             ..axis_spec.clone()
         };
-        Self {
-            device,
-            length,
-            spec,
-        }
+        Self { device, length, spec }
     }
 
     fn torque(&self, force: &SafeForce) -> SafeForce {

@@ -72,14 +72,9 @@ impl<D: Device> Calibrated<D> {
             *sign = axis.sign.signum() * axis.gain.signum();
         }
         let least_limit = |of: fn(&Axis) -> f64| axes.iter().map(of).fold(f64::INFINITY, f64::min);
-        spec.force_max_peak = spec
-            .force_max_peak
-            .min(least_limit(|axis| axis.force_max.abs()));
+        spec.force_max_peak = spec.force_max_peak.min(least_limit(|axis| axis.force_max.abs()));
         spec.force_max_continuous = spec.force_max_continuous.min(spec.force_max_peak);
-        spec.pos_range = [
-            least_limit(|axis| axis.range[0]),
-            -least_limit(|axis| -axis.range[1]),
-        ];
+        spec.pos_range = [least_limit(|axis| axis.range[0]), -least_limit(|axis| -axis.range[1])];
         Self {
             device,
             axes,
@@ -109,9 +104,7 @@ impl<D: Device> Device for Calibrated<D> {
     }
 
     fn range(&self, axis: usize) -> [f64; 2] {
-        self.axes
-            .get(axis)
-            .map_or(self.spec.pos_range, |axis| axis.range)
+        self.axes.get(axis).map_or(self.spec.pos_range, |axis| axis.range)
     }
 
     fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
@@ -183,9 +176,7 @@ impl Pulse {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DirectionError {
     /// The axis did not move.
-    #[error(
-        "the axis did not move: check the power of its motor, and touch the key without holding it"
-    )]
+    #[error("the axis did not move: check the power of its motor, and touch the key without holding it")]
     Still,
     /// The axis moved the same way both times.
     #[error("the axis moved the same way for both directions of the force: do not hold the key")]
@@ -316,9 +307,7 @@ impl<'a, D: Device> TickLoop<'a, D> {
                 self.tick(&[0.0; MAX_AXES])?;
             }
             let position = self.sample.position;
-            if (axes.iter())
-                .all(|&axis| (position[axis] - start_position[axis]).abs() <= still_limit)
-            {
+            if (axes.iter()).all(|&axis| (position[axis] - start_position[axis]).abs() <= still_limit) {
                 break;
             }
         }

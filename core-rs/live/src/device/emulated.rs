@@ -14,11 +14,7 @@ const FORCE_MAX: f64 = 20.0;
 
 /// What keys without a wire are capable of: exact positions and forces, at `rate` ticks a second [Hz], of a key of a mass
 /// [kg] and a damping [N·s/m].
-pub(super) fn exact_spec(
-    (dof, rate): (usize, f64),
-    pos_range: [f64; 2],
-    (mass, damping): (f64, f64),
-) -> Spec {
+pub(super) fn exact_spec((dof, rate): (usize, f64), pos_range: [f64; 2], (mass, damping): (f64, f64)) -> Spec {
     Spec {
         dof,
         unit: Unit::Metre,
@@ -56,18 +52,14 @@ impl Emulated {
         };
         let (axis_count, key_rate) = (url.number("axes", 1.0)? as usize, url.number("rate", RATE)?);
         let resting_hands = vec![Hand::Resting; axis_count.min(MAX_AXES)];
-        let emulated_keys = Keys::new(axis_count, key_model, key_rate, resting_hands)
-            .map_err(|error| url.closed(error))?;
+        let emulated_keys =
+            Keys::new(axis_count, key_model, key_rate, resting_hands).map_err(|error| url.closed(error))?;
         Ok(Self::new(emulated_keys, key_model))
     }
 
     /// Keys with the hands that are on them.
     pub fn new(keys: Keys, key: Key) -> Self {
-        let spec = exact_spec(
-            (keys.n(), keys.rate().hertz()),
-            key.range,
-            (key.mass, key.damping),
-        );
+        let spec = exact_spec((keys.n(), keys.rate().hertz()), key.range, (key.mass, key.damping));
         Self {
             keys,
             spec,
@@ -89,9 +81,7 @@ impl Emulated {
 pub fn open_board(options: &Options) -> Result<Box<dyn Device>, DeviceError> {
     let device_kind = Kind::from(options.board.protocol);
     let board_url = Url::in_process(device_kind);
-    let firmware = options
-        .firmware()
-        .map_err(|error| board_url.closed(error))?;
+    let firmware = options.firmware().map_err(|error| board_url.closed(error))?;
     let local_board = BoardHere {
         periods: options
             .seconds
@@ -118,9 +108,7 @@ impl InProcess for BoardHere {
         {
             return Err(Gone::Closed);
         }
-        let Self {
-            firmware, replies, ..
-        } = self;
+        let Self { firmware, replies, .. } = self;
         firmware.receive(packet, Duration::ZERO, &mut |reply| replies.extend(reply));
         Ok(())
     }

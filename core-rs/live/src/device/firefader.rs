@@ -5,8 +5,8 @@ use std::time::Instant;
 use super::port::Port;
 use super::wait_canceller::next_check;
 use super::{
-    ASK_AGAIN, Device, DeviceError, FIRST_REPLY, Gone, LOCKSTEP_PATIENCE, LastResort, MAX_AXES,
-    Sample, Spec, Stats, Unit, Url, WaitCanceller,
+    ASK_AGAIN, Device, DeviceError, FIRST_REPLY, Gone, LOCKSTEP_PATIENCE, LastResort, MAX_AXES, Sample, Spec, Stats,
+    Unit, Url, WaitCanceller,
 };
 use crate::safety::SafeForce;
 use crate::wire::{Inbox, firefader as wire};
@@ -63,11 +63,7 @@ impl FireFader {
     }
 
     /// The driver on an open port.
-    pub(super) fn on_port(
-        port: Port,
-        url: &Url,
-        canceller: &WaitCanceller,
-    ) -> Result<Self, DeviceError> {
+    pub(super) fn on_port(port: Port, url: &Url, canceller: &WaitCanceller) -> Result<Self, DeviceError> {
         let mut new_fader = Self {
             port,
             spec: spec(),
@@ -94,11 +90,7 @@ impl FireFader {
         let patience = Instant::now() + FIRST_REPLY;
         // In lockstep every packet advances the device by one period, so it is sent only once, even if the reply is
         // late.
-        let retry_after = if self.lockstep {
-            FIRST_REPLY
-        } else {
-            ASK_AGAIN
-        };
+        let retry_after = if self.lockstep { FIRST_REPLY } else { ASK_AGAIN };
         while self.last.is_none() && self.canceller.may_wait(patience) {
             self.put([0.0; 2])?;
             self.take(Instant::now() + retry_after)?;
@@ -129,10 +121,9 @@ impl FireFader {
                 return Ok(is_fresh);
             }
             let (mut reply_count, last_reply) = (0_u32, &mut self.last);
-            self.inbox
-                .feed(&read_bytes[..byte_count], wire::parse_reply, |reply| {
-                    (*last_reply, reply_count) = (Some(reply), reply_count + 1);
-                });
+            self.inbox.feed(&read_bytes[..byte_count], wire::parse_reply, |reply| {
+                (*last_reply, reply_count) = (Some(reply), reply_count + 1);
+            });
             self.seq = self.seq.wrapping_add(reply_count);
             self.stats.garbage = self.inbox.garbage;
             self.stats.received += u64::from(reply_count);

@@ -5,8 +5,8 @@ use std::time::{Duration, Instant};
 use super::port::Port;
 use super::wait_canceller::next_check;
 use super::{
-    ASK_AGAIN, Device, DeviceError, FIRST_REPLY, Gone, Kind, LOCKSTEP_PATIENCE, LastResort,
-    MAX_AXES, Sample, Spec, Stats, Unit, Url, WaitCanceller,
+    ASK_AGAIN, Device, DeviceError, FIRST_REPLY, Gone, Kind, LOCKSTEP_PATIENCE, LastResort, MAX_AXES, Sample, Spec,
+    Stats, Unit, Url, WaitCanceller,
 };
 use crate::safety::SafeForce;
 use crate::safety::contract::{Drift, Sent};
@@ -72,9 +72,7 @@ fn spec(info: &wire::DeviceInfo) -> Result<Spec, String> {
         let broken_rule = match allowed {
             _ if !number.is_finite() => "it has to be a finite number",
             Allowed::AboveZero if number <= 0.0 => "it has to be above zero",
-            Allowed::ZeroOrMore if number < 0.0 => {
-                "it has to be above zero, or zero if it is not known"
-            }
+            Allowed::ZeroOrMore if number < 0.0 => "it has to be above zero, or zero if it is not known",
             _ => continue,
         };
         return Err(format!(
@@ -130,24 +128,15 @@ impl Frame {
     }
 
     /// The driver on an open port.
-    pub(super) fn on_port(
-        mut port: Port,
-        url: &Url,
-        canceller: &WaitCanceller,
-    ) -> Result<Self, DeviceError> {
-        let device_info =
-            ask(&mut port, first_reply(url)?, canceller).map_err(|gone| url.closed(gone))?;
+    pub(super) fn on_port(mut port: Port, url: &Url, canceller: &WaitCanceller) -> Result<Self, DeviceError> {
+        let device_info = ask(&mut port, first_reply(url)?, canceller).map_err(|gone| url.closed(gone))?;
         let device_info = device_info.ok_or_else(|| url.no_answer("device of the open frame"))?;
         let spec = spec(&device_info).map_err(|reason| url.impossible(reason))?;
         if url.lockstep && !spec.can_lockstep {
-            return Err(
-                url.cannot("a real device runs by its own clock; lockstep is only for emulators")
-            );
+            return Err(url.cannot("a real device runs by its own clock; lockstep is only for emulators"));
         }
         if url.wide && !spec.can_wide {
-            return Err(
-                url.cannot("the device sends integers only and does not support the option wide")
-            );
+            return Err(url.cannot("the device sends integers only and does not support the option wide"));
         }
         let patience = patience(url)?;
         let mut new_frame = Self {
@@ -252,27 +241,17 @@ impl Frame {
 /// Longest wait for a reply in lockstep.
 fn patience(url: &Url) -> Result<Duration, DeviceError> {
     let patience = url.number("patience", LOCKSTEP_PATIENCE.as_secs_f64())?;
-    Ok(Duration::from_secs_f64(
-        patience.clamp(0.0, LONGEST_PATIENCE),
-    ))
+    Ok(Duration::from_secs_f64(patience.clamp(0.0, LONGEST_PATIENCE)))
 }
 
 /// Longest wait for the first reply.
 fn first_reply(url: &Url) -> Result<Duration, DeviceError> {
-    let reply_limit = if url.lockstep {
-        patience(url)?
-    } else {
-        Duration::ZERO
-    };
+    let reply_limit = if url.lockstep { patience(url)? } else { Duration::ZERO };
     Ok(reply_limit.max(FIRST_REPLY))
 }
 
 /// Ask for the device's information until it answers; `None` if it does not.
-fn ask(
-    port: &mut Port,
-    patience: Duration,
-    canceller: &WaitCanceller,
-) -> Result<Option<wire::DeviceInfo>, Gone> {
+fn ask(port: &mut Port, patience: Duration, canceller: &WaitCanceller) -> Result<Option<wire::DeviceInfo>, Gone> {
     let patience = Instant::now() + patience;
     let mut inbox = Inbox::<512>::new();
     let (mut read_bytes, mut packet_bytes, mut device_info) = ([0; 512], [0; wire::LONGEST], None);
@@ -288,11 +267,9 @@ fn ask(
         let retry_instant = Instant::now() + ASK_AGAIN;
         while device_info.is_none() && Instant::now() < retry_instant {
             let byte_count = port.read(&mut read_bytes, retry_instant)?;
-            inbox.feed(
-                &read_bytes[..byte_count],
-                wire::DeviceInfo::parse,
-                |found| device_info = Some(found),
-            );
+            inbox.feed(&read_bytes[..byte_count], wire::DeviceInfo::parse, |found| {
+                device_info = Some(found)
+            });
         }
     }
     Ok(device_info)
@@ -326,8 +303,7 @@ impl Device for Frame {
     }
 
     fn receive(&mut self, into: &mut Sample, deadline: Instant) -> Result<bool, Gone> {
-        let is_latest =
-            |last: &Option<wire::Reply>, seq| last.as_ref().is_some_and(|last| last.seq == seq);
+        let is_latest = |last: &Option<wire::Reply>, seq| last.as_ref().is_some_and(|last| last.seq == seq);
         if self.lockstep {
             let patience = Instant::now() + self.patience;
             into.fresh = self.new || !is_latest(&self.last, self.latest);
@@ -373,10 +349,7 @@ impl Device for Frame {
         };
         let mut packet_bytes = [0; wire::LONGEST];
         let packet_length = request.write(1.0, &mut packet_bytes);
-        Some(LastResort::new(
-            self.port.raw(),
-            &packet_bytes[..packet_length],
-        ))
+        Some(LastResort::new(self.port.raw(), &packet_bytes[..packet_length]))
     }
 }
 
@@ -429,11 +402,7 @@ mod tests {
         });
         let frame_spec = frame_spec.unwrap();
         assert_eq!(
-            (
-                frame_spec.inertia,
-                frame_spec.damping,
-                frame_spec.rate_nominal
-            ),
+            (frame_spec.inertia, frame_spec.damping, frame_spec.rate_nominal),
             (None, None, None)
         );
         assert_eq!(frame_spec.force_max_continuous, 20.0);

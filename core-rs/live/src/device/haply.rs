@@ -14,8 +14,8 @@ use std::time::{Duration, Instant};
 
 use super::wait_canceller::next_check;
 use super::{
-    Device, DeviceError, FIRST_REPLY, Gone, LOCKSTEP_PATIENCE, LastResort, MAX_AXES, Sample, Spec,
-    Stats, Unit, Url, WaitCanceller,
+    Device, DeviceError, FIRST_REPLY, Gone, LOCKSTEP_PATIENCE, LastResort, MAX_AXES, Sample, Spec, Stats, Unit, Url,
+    WaitCanceller,
 };
 use crate::safety::SafeForce;
 use crate::safety::contract::Sent;
@@ -88,9 +88,7 @@ impl Haply {
             Some(Reply::Open(position)) => position,
             Some(Reply::OpenError(why)) => return Err(url.closed(why)),
             Some(Reply::OwnClock) => {
-                return Err(url.cannot(
-                    "a real device runs by its own clock; lockstep is only for emulators",
-                ));
+                return Err(url.cannot("a real device runs by its own clock; lockstep is only for emulators"));
             }
             Some(Reply::NoAnswer) | None => return Err(url.no_answer("Haply device")),
         };
@@ -144,8 +142,7 @@ impl Haply {
                     let_go,
                 } => {
                     sent.answered(number, read_instant, stats);
-                    (*answered, *last_position, *is_let_go, is_fresh) =
-                        (number, position, let_go, true);
+                    (*answered, *last_position, *is_let_go, is_fresh) = (number, position, let_go, true);
                 }
                 GuardianReply::Gone(why) => *gone = Some(why),
             });

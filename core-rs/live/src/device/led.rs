@@ -53,11 +53,7 @@ impl Led {
         Self {
             path: PathReader::new(options.delay),
             motion: FingerMotion::new(options.finger, key_model, period),
-            spec: exact_spec(
-                (1, 1.0 / period),
-                key_model.range,
-                (key_model.mass, key_model.damping),
-            ),
+            spec: exact_spec((1, 1.0 / period), key_model.range, (key_model.mass, key_model.damping)),
             stats: Stats::default(),
             period,
             time: if options.lockstep { 0.0 } else { lead.now() },
@@ -91,9 +87,7 @@ impl Led {
         self.time = self.next_time();
         let key_lead = &self.lead;
         let path_delay = key_lead.options().delay;
-        let to = self
-            .path
-            .read(self.time - path_delay, &mut || key_lead.next());
+        let to = self.path.read(self.time - path_delay, &mut || key_lead.next());
         let pull = to.map(|(to, firmness)| Pull {
             // A finger that has just landed has no earlier position.
             from: self.pointer.map_or(to, |pointer| pointer.0),
@@ -103,8 +97,7 @@ impl Led {
         self.pointer = to;
         self.motion.advance(force, pull);
         let motion = &self.motion;
-        let [from, to, firmness] =
-            pull.map_or([f64::NAN; 3], |pull| [pull.from, pull.to, pull.firmness]);
+        let [from, to, firmness] = pull.map_or([f64::NAN; 3], |pull| [pull.from, pull.to, pull.firmness]);
         let tick_row = [from, to, firmness, force, motion.finger(), motion.key()];
         self.lead.trace_tick(tick_row);
         let if_held = |x: f64| if motion.is_held() { x } else { f64::NAN };

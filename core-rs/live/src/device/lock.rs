@@ -63,9 +63,7 @@ fn holder_sentence(file: &File) -> String {
     let mut holder_text = String::new();
     let _ = file.take(64).read_to_string(&mut holder_text);
     match holder_text.trim().parse::<u32>() {
-        Ok(process) if process == std::process::id() => {
-            "this program has the device open already".into()
-        }
+        Ok(process) if process == std::process::id() => "this program has the device open already".into(),
         Ok(process) => {
             format!("process {process} has the device open; only one program at a time can use it")
         }
@@ -105,8 +103,7 @@ mod tests {
     fn device_lock_is_exclusive_until_dropped() {
         let lock_folder = std::env::temp_dir().join(format!("ergon-lock-{}", std::process::id()));
         std::fs::create_dir_all(&lock_folder).unwrap();
-        let [address, other_address] =
-            [9801, 9802].map(|port| SocketAddr::from(([192, 168, 1, 20], port)));
+        let [address, other_address] = [9801, 9802].map(|port| SocketAddr::from(([192, 168, 1, 20], port)));
         let first_lock = DeviceLock::within(&lock_folder, address).unwrap();
         assert_eq!(
             DeviceLock::within(&lock_folder, address).unwrap_err(),
@@ -127,8 +124,7 @@ mod tests {
         std::fs::write(&plain_file, "").unwrap();
         std::os::unix::fs::symlink(&base_folder, &folder_link).unwrap();
         let user_id = std::fs::metadata(&base_folder).unwrap().uid();
-        let set_mode =
-            |mode| std::fs::set_permissions(&base_folder, Permissions::from_mode(mode)).unwrap();
+        let set_mode = |mode| std::fs::set_permissions(&base_folder, Permissions::from_mode(mode)).unwrap();
         set_mode(0o700);
         assert!(is_own_folder(&base_folder, user_id));
         set_mode(0o720);

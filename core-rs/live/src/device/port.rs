@@ -14,11 +14,7 @@ pub(super) enum Port {
     Serial(Box<dyn serialport::SerialPort>),
     /// Datagrams from and to one address; no other program of this machine sends to it.
     #[cfg(unix)]
-    Udp(
-        UdpSocket,
-        #[expect(dead_code)] super::lock::DeviceLock,
-        Refused,
-    ),
+    Udp(UdpSocket, #[expect(dead_code)] super::lock::DeviceLock, Refused),
     #[cfg(not(unix))]
     Udp(UdpSocket, (), Refused),
     /// A board in this process.
@@ -61,8 +57,7 @@ impl Port {
         #[cfg(unix)]
         {
             use std::os::fd::{FromRawFd, IntoRawFd, OwnedFd};
-            let tty_port =
-                serialport::TTYPort::open(&builder).map_err(|error| url.closed(error))?;
+            let tty_port = serialport::TTYPort::open(&builder).map_err(|error| url.closed(error))?;
             // SAFETY: into_raw_fd gives up the descriptor, which is open.
             let descriptor = unsafe { OwnedFd::from_raw_fd(tty_port.into_raw_fd()) };
             unix::prepare(&descriptor);
@@ -82,12 +77,8 @@ impl Port {
         let peer_address = addresses
             .next()
             .ok_or_else(|| url.closed("the address cannot be resolved"))?;
-        if peer_address.ip().is_multicast()
-            || matches!(peer_address, SocketAddr::V4(at) if at.ip().is_broadcast())
-        {
-            return Err(
-                url.cannot("the address of a device must not be a multicast or broadcast address")
-            );
+        if peer_address.ip().is_multicast() || matches!(peer_address, SocketAddr::V4(at) if at.ip().is_broadcast()) {
+            return Err(url.cannot("the address of a device must not be a multicast or broadcast address"));
         }
         let local_address = match (peer_address.ip().is_loopback(), peer_address.is_ipv4()) {
             (true, true) => "127.0.0.1:0",
@@ -99,8 +90,7 @@ impl Port {
         udp_socket.connect(peer_address).map_err(closed_error)?;
         udp_socket.set_nonblocking(true).map_err(closed_error)?;
         #[cfg(unix)]
-        let device_lock =
-            super::lock::DeviceLock::take(peer_address).map_err(|holder| url.closed(holder))?;
+        let device_lock = super::lock::DeviceLock::take(peer_address).map_err(|holder| url.closed(holder))?;
         #[cfg(not(unix))]
         let device_lock = ();
         Ok(Self::Udp(udp_socket, device_lock, Refused::default()))
@@ -115,9 +105,7 @@ impl Port {
             Self::Serial(port) => std::io::Write::write_all(port, packet).or_else(forgiven),
             Self::Udp(socket, _, refused) => {
                 let send_result = socket.send(packet).map(drop);
-                send_result
-                    .or_else(|error| refused.note(error))
-                    .or_else(forgiven)
+                send_result.or_else(|error| refused.note(error)).or_else(forgiven)
             }
             Self::InProcess(board) => board.write(packet),
         }
@@ -219,11 +207,7 @@ pub(super) mod unix {
         // SAFETY: the descriptor is open; no pointers are passed.
         unsafe {
             let status_flags = libc::fcntl(fd.as_raw_fd(), libc::F_GETFL);
-            libc::fcntl(
-                fd.as_raw_fd(),
-                libc::F_SETFL,
-                status_flags | libc::O_NONBLOCK,
-            );
+            libc::fcntl(fd.as_raw_fd(), libc::F_SETFL, status_flags | libc::O_NONBLOCK);
             // The file lock keeps other programs out and ends with this process; exclusive mode would outlive it on a
             // pty.
             libc::ioctl(fd.as_raw_fd(), libc::TIOCNXCL);
@@ -255,15 +239,13 @@ pub(super) mod unix {
 
     pub(super) fn write(fd: &OwnedFd, packet: &[u8]) -> Result<(), Gone> {
         // SAFETY: the descriptor is open and the slice valid. A packet is far shorter than a port's buffer.
-        let bytes_written =
-            unsafe { libc::write(fd.as_raw_fd(), packet.as_ptr().cast(), packet.len()) };
+        let bytes_written = unsafe { libc::write(fd.as_raw_fd(), packet.as_ptr().cast(), packet.len()) };
         if bytes_written < 0 { failed() } else { Ok(()) }
     }
 
     pub(super) fn read(fd: &OwnedFd, into: &mut [u8]) -> Result<usize, Gone> {
         // SAFETY: the descriptor is open and the slice valid.
-        let bytes_read =
-            unsafe { libc::read(fd.as_raw_fd(), into.as_mut_ptr().cast(), into.len()) };
+        let bytes_read = unsafe { libc::read(fd.as_raw_fd(), into.as_mut_ptr().cast(), into.len()) };
         match usize::try_from(bytes_read) {
             Ok(bytes_read) => Ok(bytes_read),
             Err(_) => failed().map(|()| 0),
@@ -282,8 +264,7 @@ pub(super) mod unix {
     /// Wait for something to read.
     pub(super) fn wait(fd: i32, left: Duration) -> Result<(), Gone> {
         let [ready_events] = poll([fd], left);
-        if ready_events & libc::POLLIN == 0 && ready_events & (libc::POLLHUP | libc::POLLNVAL) != 0
-        {
+        if ready_events & libc::POLLIN == 0 && ready_events & (libc::POLLHUP | libc::POLLNVAL) != 0 {
             return Err(Gone::Closed);
         }
         Ok(())

@@ -58,11 +58,8 @@ fn identity_among(ports: &[SerialPort], is_it: impl Fn(&str) -> bool) -> Option<
     let usb_identity = |port: &SerialPort| {
         let usb_info = port.usb.as_ref()?;
         let serial_number = usb_info.serial.trim();
-        let Usb {
-            vendor, product, ..
-        } = usb_info;
-        (!serial_number.is_empty())
-            .then(|| format!("usb:{vendor:04x}:{product:04x}:{serial_number}"))
+        let Usb { vendor, product, .. } = usb_info;
+        (!serial_number.is_empty()).then(|| format!("usb:{vendor:04x}:{product:04x}:{serial_number}"))
     };
     let identity = usb_identity(ports.iter().find(|port| is_it(&port.path))?)?;
     let same_ports = ports
@@ -78,10 +75,7 @@ fn usb(kind: SerialPortType) -> Option<Usb> {
     Some(Usb {
         vendor: usb_port.vid,
         product: usb_port.pid,
-        name: usb_port
-            .product
-            .or(usb_port.manufacturer)
-            .unwrap_or_default(),
+        name: usb_port.product.or(usb_port.manufacturer).unwrap_or_default(),
         serial: usb_port.serial_number.unwrap_or_default(),
     })
 }
@@ -97,10 +91,7 @@ mod tests {
             name: "board".into(),
             serial: serial.into(),
         });
-        SerialPort {
-            path: path.into(),
-            usb,
-        }
+        SerialPort { path: path.into(), usb }
     }
 
     #[test]

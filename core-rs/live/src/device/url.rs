@@ -141,9 +141,9 @@ impl Url {
             text: text.to_owned(),
             what,
         };
-        let (kind_name, remainder) = text.split_once(':').ok_or_else(|| {
-            url_error("an address begins with a kind of device and a colon".to_owned())
-        })?;
+        let (kind_name, remainder) = text
+            .split_once(':')
+            .ok_or_else(|| url_error("an address begins with a kind of device and a colon".to_owned()))?;
         if kind_name == "hapi" {
             return Err(UrlError::Unsupported(kind_name.to_owned()));
         }
@@ -161,8 +161,7 @@ impl Url {
             None => (remainder, None),
             Some((remainder, axis)) => {
                 let axis = axis.parse();
-                let axis =
-                    axis.map_err(|_| url_error("the number of an axis must follow #".into()))?;
+                let axis = axis.map_err(|_| url_error("the number of an axis must follow #".into()))?;
                 (remainder, Some(axis))
             }
         };
@@ -176,9 +175,7 @@ impl Url {
         }
         if kind.is_serial() && is_network_address(target) {
             return Err(url_error(match kind {
-                Kind::Frame => format!(
-                    "'{target}' is a network address; over a network a frame is frame+udp:{target}"
-                ),
+                Kind::Frame => format!("'{target}' is a network address; over a network a frame is frame+udp:{target}"),
                 _ => {
                     format!("'{target}' is a network address, and {kind_name} takes a serial port")
                 }
@@ -239,8 +236,7 @@ impl Url {
             .parse()
             .ok()
             .filter(|option_number: &f64| option_number.is_finite());
-        option_number
-            .ok_or_else(|| self.closed(format!("{key} must be a number, not '{option_text}'")))
+        option_number.ok_or_else(|| self.closed(format!("{key} must be a number, not '{option_text}'")))
     }
 
     pub(super) fn closed(&self, reason: impl fmt::Display) -> DeviceError {

@@ -136,9 +136,7 @@ impl Firmware {
         let period_rate = self.keys.rate().hertz();
         let due_periods = (now.as_secs_f64() * period_rate) as u64;
         // At most one second is caught up, so that a machine that slept does not.
-        let missed_periods = due_periods
-            .saturating_sub(self.wall_periods)
-            .min(period_rate as u64);
+        let missed_periods = due_periods.saturating_sub(self.wall_periods).min(period_rate as u64);
         for _ in 0..missed_periods {
             self.step();
         }
@@ -281,8 +279,7 @@ impl Firmware {
                     let enabled = packet.flags & flag::ENABLE != 0;
                     self.push(packet.force.iter().copied(), enabled, now);
                 }
-                self.frame_reply(&packet, had_let_go)
-                    .write(&mut frame_bytes)
+                self.frame_reply(&packet, had_let_go).write(&mut frame_bytes)
             } else {
                 continue;
             };
@@ -310,11 +307,7 @@ impl Firmware {
             t_us,
             n,
             wide: packet.wide,
-            status: status_bits
-                .iter()
-                .filter(|bit| bit.0)
-                .map(|bit| bit.1)
-                .sum(),
+            status: status_bits.iter().filter(|bit| bit.0).map(|bit| bit.1).sum(),
             position: self.positions(),
         }
     }

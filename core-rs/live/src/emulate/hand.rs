@@ -44,11 +44,7 @@ impl Hand {
         };
         let path_index = usize::try_from(period).ok()?;
         let &hand_target = path.get(path_index)?;
-        let previous = path_index
-            .checked_sub(1)
-            .map_or(hand_target, |previous| path[previous]);
-        Some(
-            stiffness * (hand_target - x) + damping * rate.hertz() * ((hand_target - previous) - d),
-        )
+        let previous = path_index.checked_sub(1).map_or(hand_target, |previous| path[previous]);
+        Some(stiffness * (hand_target - x) + damping * rate.hertz() * ((hand_target - previous) - d))
     }
 }

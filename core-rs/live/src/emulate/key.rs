@@ -116,9 +116,7 @@ impl Keys {
         let is_at_least = |x: f64, least: f64| x.is_finite() && x >= least;
         let is_tie_valid = is_at_least(key.stiffness, 0.0) && is_at_least(key.damping, 0.0);
         if !is_at_least(key.mass, f64::MIN_POSITIVE) || !is_tie_valid {
-            return refused(
-                "the mass of a key must be above zero, its stiffness and damping at least zero",
-            );
+            return refused("the mass of a key must be above zero, its stiffness and damping at least zero");
         }
         let key_cell = Cell::new(key.mass, key.stiffness, key.damping);
         if key_cell.frequency() > 0.5 * rate.hertz() {
@@ -183,11 +181,7 @@ impl Keys {
         for (axis, motion) in self.motions.iter_mut().enumerate() {
             let (x, d) = (self.x[axis], self.d[axis]);
             let hand_pull = self.hands[axis].pull(self.periods, x, d, self.rate);
-            let new_position = motion.step(
-                force[axis],
-                hand_pull.unwrap_or(0.0),
-                lower_limit..=upper_limit,
-            );
+            let new_position = motion.step(force[axis], hand_pull.unwrap_or(0.0), lower_limit..=upper_limit);
             (self.x[axis], self.d[axis]) = (new_position, new_position - x);
         }
     }

@@ -57,10 +57,7 @@ impl Line {
             Transport::WebSocket(port) => {
                 let listener = TcpListener::bind(local_address(port))?;
                 listener.set_nonblocking(true)?;
-                Self::WebSocket(Box::new(Sockets {
-                    listener,
-                    host: None,
-                }))
+                Self::WebSocket(Box::new(Sockets { listener, host: None }))
             }
         })
     }
@@ -124,8 +121,7 @@ pub(super) struct Datagrams {
 impl Datagrams {
     fn read(&mut self, into: &mut [u8], wait: Duration) -> io::Result<LineEvent> {
         // A timeout of zero is not allowed.
-        self.socket
-            .set_read_timeout(Some(wait.max(Duration::from_micros(1))))?;
+        self.socket.set_read_timeout(Some(wait.max(Duration::from_micros(1))))?;
         let (byte_count, sender) = match self.socket.recv_from(into) {
             Ok(got) => got,
             Err(error) => return quiet(error),

@@ -53,12 +53,7 @@ impl Options {
         }
         if let Some((network, struck, motor)) = &self.network {
             let period_rate = Rate::new(self.rate)?;
-            emulated_keys = emulated_keys.with_network(EmulatedKey::new(
-                network,
-                *struck,
-                period_rate,
-                *motor,
-            )?);
+            emulated_keys = emulated_keys.with_network(EmulatedKey::new(network, *struck, period_rate, *motor)?);
         }
         Ok(Firmware::new(self.board, emulated_keys))
     }

@@ -130,17 +130,11 @@ pub(super) fn written_force(seconds: f64, x: f64) -> f64 {
     let acceleration = (place_after - 2.0 * place_now + place_before) / (STEP * STEP);
     let swing_speed = (place_after - place_before) / (2.0 * STEP);
     let return_rate = std::f64::consts::TAU;
-    driven_key.mass * (acceleration + return_rate * return_rate * (place_now - x))
-        + driven_key.damping * swing_speed
+    driven_key.mass * (acceleration + return_rate * return_rate * (place_now - x)) + driven_key.damping * swing_speed
 }
 
 /// Make a fault on a device while a piece asks for forces on a key that a hand holds or nobody, and measure its effect.
-pub(super) fn measure(
-    ask: Ask,
-    is_held: bool,
-    fault: Fault,
-    emulator: Emulator,
-) -> Result<Measurement, DeviceError> {
+pub(super) fn measure(ask: Ask, is_held: bool, fault: Fault, emulator: Emulator) -> Result<Measurement, DeviceError> {
     let measurement = |outcome, greatest, rise| Measurement {
         fault,
         emulator,
@@ -151,11 +145,7 @@ pub(super) fn measure(
         work: 0.0,
     };
     if let Some(exclusion) = fault.excluded(emulator) {
-        return Ok(measurement(
-            Outcome::Excluded(exclusion),
-            [0.0; 2],
-            [0.0; 2],
-        ));
+        return Ok(measurement(Outcome::Excluded(exclusion), [0.0; 2], [0.0; 2]));
     }
     let (mut device, shared) = if is_held {
         held_device(emulator, hands)?
@@ -164,19 +154,14 @@ pub(super) fn measure(
     };
     let device_spec = device.spec().clone();
     let peak_max = device_spec.force_max_peak;
-    let allowed =
-        |device_spec: &Spec| Limits::from_spec(device_spec).slew + 2.0 * device_spec.force_lsb;
+    let allowed = |device_spec: &Spec| Limits::from_spec(device_spec).slew + 2.0 * device_spec.force_lsb;
     if fault == Fault::OpenedTwice {
         let outcome = if device::second_opening_is_refused() {
             Outcome::Zero(0.0)
         } else {
             Outcome::Persists
         };
-        return Ok(measurement(
-            outcome,
-            [0.0, peak_max],
-            [0.0, allowed(&device_spec)],
-        ));
+        return Ok(measurement(outcome, [0.0, peak_max], [0.0, allowed(&device_spec)]));
     }
     if fault == Fault::WrongTravel {
         let is_weak_motor = peak_max < WEAK_FORCE;
@@ -232,8 +217,7 @@ fn run_fault(ask: Ask, fault: Fault, device: Defective, shared: &Shared) -> Dura
     };
     let device_is_here = host.guarded.in_lockstep();
     let line = |host: &Host, make: fn(&mut Trouble)| make(&mut host.shared.world().trouble);
-    let device =
-        |host: &mut Host, make: fn(&mut Defect)| make(&mut host.guarded.device_mut().defect);
+    let device = |host: &mut Host, make: fn(&mut Defect)| make(&mut host.guarded.device_mut().defect);
     match fault {
         Fault::NotANumber => host.ask = Ask::Force(f64::NAN),
         Fault::Infinite => host.ask = Ask::Force(f64::INFINITY),
@@ -317,18 +301,14 @@ pub(super) fn held_device(
             let emulated_keys = Keys::new(1, Key::default(), 1.0 / PERIOD.as_secs_f64(), hands(1));
             let device = Emulated::new(emulated_keys.map_err(refused)?, Key::default());
             let shared = Shared::new(World::new(None, false));
-            return Ok((
-                Defective::new(Box::new(device), Some(shared.clone())),
-                shared,
-            ));
+            return Ok((Defective::new(Box::new(device), Some(shared.clone())), shared));
         }
         Emulator::Board(Protocol::Frame) => (Protocol::Frame, 1, 20.0),
         Emulator::Board(Protocol::FireFader) => (Protocol::FireFader, 2, firefader::FORCE_MAX),
         Emulator::Board(Protocol::Haply) => (Protocol::Haply, 3, 10.0),
     };
     let plain_key = Key::default();
-    let emulated_keys =
-        Keys::new(axis_count, plain_key, RATE, hands(axis_count)).map_err(refused)?;
+    let emulated_keys = Keys::new(axis_count, plain_key, RATE, hands(axis_count)).map_err(refused)?;
     let is_haply = protocol == Protocol::Haply;
     let board = Board {
         protocol,
@@ -343,10 +323,7 @@ pub(super) fn held_device(
         reported: [plain_key.mass, plain_key.damping],
         range: plain_key.range,
     };
-    let shared = Shared::new(World::new(
-        Some(Firmware::new(board, emulated_keys)),
-        is_haply,
-    ));
+    let shared = Shared::new(World::new(Some(Firmware::new(board, emulated_keys)), is_haply));
     let device: Box<dyn Device> = if is_haply {
         Box::new(HaplyHost::new(shared.clone()))
     } else {

@@ -134,10 +134,7 @@ impl Device for Defective {
             into.position = *self.frozen_at.get_or_insert(into.position);
         }
         let Defect {
-            drift,
-            scale,
-            offset,
-            ..
+            drift, scale, offset, ..
         } = &mut self.defect;
         *offset += *drift;
         for position in &mut into.position {
@@ -205,10 +202,7 @@ impl Device for HaplyHost {
             self.sample.position[..3].copy_from_slice(&position);
             (self.sample.seq, self.sample.let_go) = (u32::from(state_number), let_go);
         }
-        *into = Sample {
-            fresh,
-            ..self.sample
-        };
+        *into = Sample { fresh, ..self.sample };
         Ok(fresh)
     }
 

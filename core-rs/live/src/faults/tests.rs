@@ -56,10 +56,7 @@ const SPRINGS: [f64; 6] = [50.0, 100.0, 200.0, 500.0, 1000.0, 2000.0];
 fn work_through_jitter_and_loss_stays_near_the_allowance() {
     for hand in HANDS {
         let peak_work = work(2000.0, hand, 4);
-        assert!(
-            peak_work <= 1.25 * (1.0 + 0.5 * 4.0),
-            "{hand:?}: {peak_work} J"
-        );
+        assert!(peak_work <= 1.25 * (1.0 + 0.5 * 4.0), "{hand:?}: {peak_work} J");
     }
 }
 
@@ -94,23 +91,14 @@ fn faults_under_a_driven_key() {
         for &emulator in Emulator::ALL {
             let measurement = experiment::measure(Ask::Drive, is_held, fault, emulator).unwrap();
             let [peak_force, greatest] = measurement.greatest;
-            assert!(
-                peak_force <= greatest * (1.0 + 1e-12),
-                "{is_held} {measurement:?}"
-            );
+            assert!(peak_force <= greatest * (1.0 + 1e-12), "{is_held} {measurement:?}");
             // 1 J at once, and 0.5 W in less than 6 s.
-            assert!(
-                measurement.work <= 1.0 + 0.5 * 6.0,
-                "{is_held} {measurement:?}"
-            );
+            assert!(measurement.work <= 1.0 + 0.5 * 6.0, "{is_held} {measurement:?}");
             if measurement.bound.is_err() {
                 continue;
             }
             let [force_rise, rise_limit] = measurement.rise;
-            assert!(
-                force_rise <= rise_limit * (1.0 + 1e-12),
-                "{is_held} {measurement:?}"
-            );
+            assert!(force_rise <= rise_limit * (1.0 + 1e-12), "{is_held} {measurement:?}");
             let is_soon = matches!(measurement.outcome, Outcome::Zero(after) if after < 0.65);
             let is_board = emulator != Emulator::InProcess;
             let is_weak = peak_force <= peak_limit || (is_board && measurement.work < 0.05);

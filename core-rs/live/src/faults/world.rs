@@ -117,8 +117,7 @@ impl World {
         let end_time = self.now() + time;
         while self.now() < end_time {
             self.record();
-            self.clock
-                .fetch_add(STEP.as_nanos() as u64, Ordering::Relaxed);
+            self.clock.fetch_add(STEP.as_nanos() as u64, Ordering::Relaxed);
             if !self.trouble.board_stalled {
                 for packet in std::mem::take(&mut self.unread) {
                     self.deliver(&packet);
@@ -128,8 +127,7 @@ impl World {
                     self.deliver(&packet);
                 }
                 if let Some(firmware) = &mut self.firmware {
-                    let (place_before, motor_force) =
-                        (firmware.keys().positions()[0], firmware.forces()[0]);
+                    let (place_before, motor_force) = (firmware.keys().positions()[0], firmware.forces()[0]);
                     firmware.run_to(step_time);
                     self.work[0] += motor_force * (firmware.keys().positions()[0] - place_before);
                     self.work[1] = self.work[1].max(self.work[0]);
@@ -196,9 +194,7 @@ impl World {
             return;
         };
         let mut replies: Vec<Vec<u8>> = Vec::new();
-        firmware.receive(packet, delivery_time, &mut |bytes| {
-            replies.push(bytes.to_vec())
-        });
+        firmware.receive(packet, delivery_time, &mut |bytes| replies.push(bytes.to_vec()));
         for reply in replies {
             if self.trouble.replies_lost {
                 continue;
@@ -218,8 +214,7 @@ impl World {
                 Some(guardian) => {
                     let reply_text = String::from_utf8_lossy(&reply);
                     if let Some(haply_state) = haply::parse_state(&reply_text, None) {
-                        let (state_number, let_go) =
-                            guardian.rules.state(self.epoch + delivery_time);
+                        let (state_number, let_go) = guardian.rules.state(self.epoch + delivery_time);
                         guardian.newest = Some((state_number, haply_state.position, let_go));
                     }
                 }

@@ -93,13 +93,7 @@ impl HeldKey {
     /// Whether it can be computed in the steps here.
     pub fn is_possible(&self) -> bool {
         let [lower_limit, upper_limit] = self.range;
-        let numbers = [
-            self.damping,
-            self.stiffness,
-            self.rest,
-            lower_limit,
-            upper_limit,
-        ];
+        let numbers = [self.damping, self.stiffness, self.rest, lower_limit, upper_limit];
         numbers.iter().all(|x| x.is_finite())
             && lower_limit < upper_limit
             && self.damping >= 0.0
@@ -186,8 +180,7 @@ impl FingerMotion {
             self.move_held_key(force, grip_stiffness, pointer, pointer_speed, substep);
         }
         self.pointer = pointer_next;
-        self.force = grip_stiffness * (pointer_next - self.x[0])
-            + self.finger.damping * (pointer_speed - self.v[0]);
+        self.force = grip_stiffness * (pointer_next - self.x[0]) + self.finger.damping * (pointer_speed - self.v[0]);
     }
 
     /// One step of the key alone: half of the way, the change of speed in the middle of the step, and the other half. A
@@ -204,13 +197,7 @@ impl FingerMotion {
 
     /// One such step of finger and key, which the pulp couples; `pointer`: in the middle of the step.
     fn move_held_key(&mut self, force: f64, k: f64, pointer: f64, speed: f64, h: f64) {
-        let (
-            Finger {
-                damping: z, mass, ..
-            },
-            held_key,
-            (pulp_k, pulp_z),
-        ) = (self.finger, self.key, PULP);
+        let (Finger { damping: z, mass, .. }, held_key, (pulp_k, pulp_z)) = (self.finger, self.key, PULP);
         let half_step = 0.5 * h;
         self.drift(half_step);
         let ([x, x_key], [v, v_key]) = (self.x, self.v);
@@ -302,11 +289,7 @@ mod tests {
         let mut motion = FingerMotion::new(Finger::default(), KEY, 1e-3);
         (0..5_000).for_each(|_| motion.advance(1.0, pull(0.0)));
         // 1 N on the key: the finger's spring gives way by 1/400 m, its pulp by 1/2000 m.
-        assert!(
-            (motion.finger() - 2.5e-3).abs() < 1e-9,
-            "{}",
-            motion.finger()
-        );
+        assert!((motion.finger() - 2.5e-3).abs() < 1e-9, "{}", motion.finger());
         assert!((motion.key() - 3e-3).abs() < 1e-9, "{}", motion.key());
         assert!((motion.force() + 1.0).abs() < 1e-6, "{}", motion.force());
     }
@@ -317,10 +300,7 @@ mod tests {
         let mut last_position = motion.key();
         for _ in 0..2_000 {
             motion.advance(0.0, pull(0.04));
-            assert!(
-                (motion.key() - last_position).abs() < 1e-3,
-                "{last_position}"
-            );
+            assert!((motion.key() - last_position).abs() < 1e-3, "{last_position}");
             last_position = motion.key();
         }
         assert!((last_position - 0.04).abs() < 1e-6, "{last_position}");
@@ -372,16 +352,10 @@ mod tests {
             let t = 1e-3 * tick as f64;
             let free_swing = x * cos(omega * t) + (v + sigma * x) / omega * sin(omega * t);
             let exact_place = held_key.rest + exp(-sigma * t) * free_swing;
-            assert!(
-                (place - exact_place).abs() < 1e-7,
-                "{tick}: {place} {exact_place}"
-            );
+            assert!((place - exact_place).abs() < 1e-7, "{tick}: {place} {exact_place}");
         }
         let fast_path = throw_key(-2.0);
-        assert!(
-            fast_path.iter().any(|(x, _)| *x == -0.015),
-            "it meets its end"
-        );
+        assert!(fast_path.iter().any(|(x, _)| *x == -0.015), "it meets its end");
         assert!(fast_path.iter().all(|(x, _)| (-0.015..=0.01).contains(x)));
         assert!((fast_path[2_000].0 - held_key.rest).abs() < 1e-6);
     }
@@ -404,10 +378,7 @@ mod tests {
             motion.key()
         };
         let fine_end = end_position(4_096);
-        let (coarse_error, half_error) = (
-            (end_position(16) - fine_end).abs(),
-            (end_position(32) - fine_end).abs(),
-        );
+        let (coarse_error, half_error) = ((end_position(16) - fine_end).abs(), (end_position(32) - fine_end).abs());
         assert!(
             (3.5..4.5).contains(&(coarse_error / half_error)),
             "{coarse_error} {half_error}"

@@ -46,11 +46,7 @@ impl PathReader {
 
     /// Position and firmness at `time` [s]; `None` while no finger is on the key. `next` gives the following positions
     /// in the order of their time stamps.
-    pub fn read(
-        &mut self,
-        time: f64,
-        next: &mut impl FnMut() -> Option<Placed>,
-    ) -> Option<(f64, f64)> {
+    pub fn read(&mut self, time: f64, next: &mut impl FnMut() -> Option<Placed>) -> Option<(f64, f64)> {
         loop {
             if self.after.is_none() {
                 self.after = next().map(|placed| self.line_to(placed));
@@ -122,10 +118,7 @@ mod tests {
         let stamps = [0.0, 1e-3, 9e-3, 9.5e-3, 20e-3, 24e-3, 39e-3];
         let straight_path: Vec<_> = stamps.iter().map(|&t| (t, 0.5 * t)).collect();
         let read_times: Vec<_> = (0..38).map(|ms| 1e-3 * f64::from(ms)).collect();
-        for (time, x) in read_times
-            .iter()
-            .zip(read(&straight_path, 0.02, &read_times))
-        {
+        for (time, x) in read_times.iter().zip(read(&straight_path, 0.02, &read_times)) {
             assert!((x - 0.5 * time).abs() < 1e-15, "{time}: {x}");
         }
     }
@@ -172,10 +165,7 @@ mod tests {
                 Some(Placed { time, x, firmness })
             };
             let (x, _) = reader.read(time, &mut next_place).expect("a finger");
-            assert!(
-                (x - last_position).abs() < 0.003,
-                "{tick}: {last_position} to {x}"
-            );
+            assert!((x - last_position).abs() < 0.003, "{tick}: {last_position} to {x}");
             last_position = x;
         }
         assert_eq!((last_position, reader.late()), (0.01, 1));
@@ -196,10 +186,7 @@ mod tests {
         reader.read(0.5, &mut || next_place(&mut waiting));
         assert_eq!(reader.late(), 0);
         waiting.push((0.4, 1.0));
-        assert_eq!(
-            reader.read(0.5, &mut || next_place(&mut waiting)),
-            Some((1.0, 1.0))
-        );
+        assert_eq!(reader.read(0.5, &mut || next_place(&mut waiting)), Some((1.0, 1.0)));
         assert_eq!(reader.late(), 1);
     }
 }

@@ -148,10 +148,7 @@ impl Lead {
     pub fn close(&self) {
         let mut known_leads = leads();
         let is_this_lead = |lead: &Weak<Self>| std::ptr::eq(lead.as_ptr(), self);
-        if known_leads
-            .get(&self.options.name)
-            .is_some_and(is_this_lead)
-        {
+        if known_leads.get(&self.options.name).is_some_and(is_this_lead) {
             known_leads.remove(&self.options.name);
         }
     }
@@ -177,18 +174,14 @@ impl Lead {
     pub fn feed(&self, placed: Placed) -> Result<(), Refusal> {
         let mut feeder = self.feeder();
         let firmness = placed.firmness.unwrap_or(LIFTED);
-        if ![placed.time, placed.x, firmness]
-            .iter()
-            .all(|x| x.is_finite())
-        {
+        if ![placed.time, placed.x, firmness].iter().all(|x| x.is_finite()) {
             feeder.tally.refused += 1;
             return Err(Refusal::NotFinite);
         }
         let (mut stamp_time, mut arrival_time) = (placed.time, placed.time);
         if !self.options.lockstep {
             arrival_time = self.now();
-            feeder.tokens =
-                (feeder.tokens + RATE_MAX * (arrival_time - feeder.filled)).min(BURST_MAX);
+            feeder.tokens = (feeder.tokens + RATE_MAX * (arrival_time - feeder.filled)).min(BURST_MAX);
             feeder.filled = arrival_time;
             if !(arrival_time - OLDEST..=arrival_time + NEWEST).contains(&stamp_time) {
                 feeder.tally.misdated += 1;
@@ -205,11 +198,7 @@ impl Lead {
         feeder.tokens -= 1.0;
         let stamp_gap = stamp_time - feeder.last;
         if (APART..PAUSE).contains(&stamp_gap) {
-            for (sum, power) in feeder
-                .gaps
-                .iter_mut()
-                .zip([1.0, stamp_gap, stamp_gap * stamp_gap])
-            {
+            for (sum, power) in feeder.gaps.iter_mut().zip([1.0, stamp_gap, stamp_gap * stamp_gap]) {
                 *sum += power;
             }
             let last_stamp = feeder.last;
@@ -224,11 +213,10 @@ impl Lead {
             Some(firmness) => firmness.clamp(FIRMNESS.0, FIRMNESS.1),
             None => LIFTED,
         };
-        for (place, number) in place.iter().zip([
-            stamp_time,
-            placed.x.clamp(lower_limit, upper_limit),
-            firmness,
-        ]) {
+        for (place, number) in place
+            .iter()
+            .zip([stamp_time, placed.x.clamp(lower_limit, upper_limit), firmness])
+        {
             place.store(number.to_bits(), Ordering::Relaxed);
         }
         self.written.store(written + 1, Ordering::Release);
@@ -242,8 +230,7 @@ impl Lead {
             return None;
         }
         let next_place = &self.places[(read_count % WAITING_MAX as u64) as usize];
-        let [time, x, firmness] =
-            [0, 1, 2].map(|n| f64::from_bits(next_place[n].load(Ordering::Relaxed)));
+        let [time, x, firmness] = [0, 1, 2].map(|n| f64::from_bits(next_place[n].load(Ordering::Relaxed)));
         self.read.store(read_count + 1, Ordering::Release);
         let firmness = (firmness != LIFTED).then_some(firmness);
         Some(Placed { time, x, firmness })
@@ -295,11 +282,7 @@ impl Lead {
     pub fn tally(&self) -> LeadTally {
         let feeder = self.feeder();
         let [gap_count, gap_sum, squares] = feeder.gaps;
-        let gap = if gap_count > 0.0 {
-            gap_sum / gap_count
-        } else {
-            0.0
-        };
+        let gap = if gap_count > 0.0 { gap_sum / gap_count } else { 0.0 };
         let variance = if gap_count > 0.0 {
             squares / gap_count - gap * gap
         } else {
@@ -317,19 +300,13 @@ impl Lead {
 impl PageKey for Lead {
     fn name(&self) -> &str {
         let lead_name = self.options.name.as_str();
-        let lead_name = lead_name
-            .split_once(':')
-            .map_or(lead_name, |(_, lead_name)| lead_name);
-        lead_name
-            .split_once('?')
-            .map_or(lead_name, |(lead_name, _)| lead_name)
+        let lead_name = lead_name.split_once(':').map_or(lead_name, |(_, lead_name)| lead_name);
+        lead_name.split_once('?').map_or(lead_name, |(lead_name, _)| lead_name)
     }
 
     fn input(&self) -> &str {
         let lead_name = self.options.name.as_str();
-        lead_name
-            .split_once(':')
-            .map_or(lead_name, |(kind, _)| kind)
+        lead_name.split_once(':').map_or(lead_name, |(kind, _)| kind)
     }
 
     fn range(&self) -> [f64; 2] {
@@ -442,10 +419,7 @@ mod tests {
         for stamp_time in [-1e9, 1e9] {
             lead.feed(placed(stamp_time, 0.0)).unwrap();
             let stamp_time = lead.next().unwrap().time;
-            assert!(
-                (0.0..=lead.now() + 1e-3).contains(&stamp_time),
-                "{stamp_time}"
-            );
+            assert!((0.0..=lead.now() + 1e-3).contains(&stamp_time), "{stamp_time}");
         }
         assert_eq!(lead.tally().misdated, 2);
     }
@@ -460,8 +434,7 @@ mod tests {
         assert!(find("osc:/name").is_some());
         drop(first_lead);
         assert!(find("osc:/name").is_none());
-        let second_lead =
-            Lead::new(same_options.clone(), true).expect("the name of one that is gone");
+        let second_lead = Lead::new(same_options.clone(), true).expect("the name of one that is gone");
         second_lead.close();
         let third_lead = Lead::new(same_options, true).expect("the name of one that is closed");
         second_lead.close();

@@ -38,9 +38,7 @@ impl Trace {
         let written = self.written.load(Ordering::Acquire) as usize;
         let load_number = |place: &AtomicU64| f64::from_bits(place.load(Ordering::Relaxed));
         let written_rows = self.rows[..written].iter();
-        written_rows
-            .map(|row| row.each_ref().map(load_number))
-            .collect()
+        written_rows.map(|row| row.each_ref().map(load_number)).collect()
     }
 }
 

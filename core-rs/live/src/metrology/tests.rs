@@ -47,8 +47,7 @@ impl Device for Faulty {
         if self.is_on(Fault::Unplugged) {
             return Err(Gone::Closed);
         }
-        self.last
-            .store(force.newtons()[0].to_bits(), Ordering::Relaxed);
+        self.last.store(force.newtons()[0].to_bits(), Ordering::Relaxed);
         self.keys.send(force)
     }
 
@@ -136,8 +135,7 @@ fn excite_with_faults_ends_force_and_keeps_rows() {
     ] {
         let jump_forces = jumps();
         let (faulty_key, last_force) = key(fault, 700);
-        let take_path =
-            std::env::temp_dir().join(format!("ergon-{fault:?}-{}.take", std::process::id()));
+        let take_path = std::env::temp_dir().join(format!("ergon-{fault:?}-{}.take", std::process::id()));
         let header = Header {
             rate: RATE,
             frames: 44,
@@ -146,22 +144,13 @@ fn excite_with_faults_ends_force_and_keeps_rows() {
         };
         let (mut row_sink, sink_handle) = Recorder::start(&take_path, &header).unwrap();
         let stop_flag = AtomicBool::new(false);
-        let outcome = excite(
-            faulty_key,
-            &pushed(&jump_forces),
-            Some(&mut row_sink),
-            &stop_flag,
-        );
+        let outcome = excite(faulty_key, &pushed(&jump_forces), Some(&mut row_sink), &stop_flag);
         drop(row_sink);
         sink_handle.stop().unwrap();
         let read_take = read(&take_path, None).unwrap();
         std::fs::remove_file(&take_path).unwrap();
         assert_eq!(outcome.end, end, "{fault:?}");
-        assert!(
-            outcome.rows.len().abs_diff(n) <= 2,
-            "{fault:?} {}",
-            outcome.rows.len()
-        );
+        assert!(outcome.rows.len().abs_diff(n) <= 2, "{fault:?} {}", outcome.rows.len());
         assert_eq!(read_take.ticks.len(), outcome.rows.len());
         for (row, sample) in outcome.rows.iter().zip(&read_take.samples) {
             assert_eq!(row.position.to_bits(), sample.position.to_bits());
@@ -186,12 +175,7 @@ fn excite_brakes_the_key_before_its_ends() {
     let mut push_forces = vec![1.5; 4000];
     push_forces[..100].fill(0.0);
     let (faulty_key, _) = key(Fault::None, 0);
-    let outcome = excite(
-        faulty_key,
-        &pushed(&push_forces),
-        None,
-        &AtomicBool::new(false),
-    );
+    let outcome = excite(faulty_key, &pushed(&push_forces), None, &AtomicBool::new(false));
     assert_eq!(outcome.end, End::Done);
     let farthest = outcome.rows.iter().map(|row| row.position.abs());
     let farthest = farthest.fold(0.0, f64::max);

@@ -71,11 +71,7 @@ impl Clock {
         };
         let late = sleep_until(due_instant);
         let was_reset = late.as_secs_f64() > f64::from(RESET_AFTER) * self.period;
-        self.due = Some(if was_reset {
-            Instant::now()
-        } else {
-            due_instant
-        });
+        self.due = Some(if was_reset { Instant::now() } else { due_instant });
         TickStart { late, was_reset }
     }
 
@@ -90,8 +86,7 @@ impl Clock {
         }
         let fill_error = ((filled as f64 - self.target) / self.target).clamp(-1.0, 1.0);
         let integral_max = MAX_STRETCH / GAINS.1;
-        self.integral =
-            (self.integral + fill_error * self.period).clamp(-integral_max, integral_max);
+        self.integral = (self.integral + fill_error * self.period).clamp(-integral_max, integral_max);
         (GAINS.0 * fill_error + GAINS.1 * self.integral).clamp(-MAX_STRETCH, MAX_STRETCH)
     }
 
@@ -120,10 +115,7 @@ mod tests {
                     widest_error = widest_error.max((ring_fill - 1_024.0).abs());
                 }
             }
-            assert!(
-                widest_error < 60.0,
-                "drift {drift}: {widest_error} frames off"
-            );
+            assert!(widest_error < 60.0, "drift {drift}: {widest_error} frames off");
         }
     }
 
@@ -140,10 +132,7 @@ mod tests {
         assert!(!clock.tick(0, false).was_reset);
         pass_ticks(&mut clock, 2.0);
         let tick_start = clock.tick(64, true);
-        assert!(
-            tick_start.late.as_secs_f64() > 0.9 * PERIOD,
-            "{tick_start:?}"
-        );
+        assert!(tick_start.late.as_secs_f64() > 0.9 * PERIOD, "{tick_start:?}");
         assert!(!tick_start.was_reset, "{tick_start:?}");
         pass_ticks(&mut clock, 2.0 + 2.0 * f64::from(RESET_AFTER));
         assert!(clock.tick(64, true).was_reset);

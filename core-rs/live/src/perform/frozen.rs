@@ -73,9 +73,7 @@ pub(super) fn open(stems: Vec<Stem>, start: u64) -> Result<(Frozen, Reader), (Pa
             Ok(stem_file)
         });
         let stem_file = stem_file.map_err(|error| (stem.path.clone(), error))?;
-        stem_files
-            .files
-            .push((stem.path, BufReader::new(stem_file), width));
+        stem_files.files.push((stem.path, BufReader::new(stem_file), width));
     }
     stem_files.fill()?;
     let stop = Arc::new(AtomicBool::new(false));
@@ -91,14 +89,7 @@ pub(super) fn open(stems: Vec<Stem>, start: u64) -> Result<(Frozen, Reader), (Pa
         .map_err(|error| (PathBuf::new(), error))?;
     let thread = Some(thread);
     let next = start;
-    Ok((
-        Frozen {
-            ring,
-            outputs,
-            next,
-        },
-        Reader { stop, thread },
-    ))
+    Ok((Frozen { ring, outputs, next }, Reader { stop, thread }))
 }
 
 /// The files, and the producer side of the ring.
@@ -125,8 +116,7 @@ impl Files {
             self.frames.resize(block_frames * self.width, 0.0);
             let mut first_output = 0;
             for (path, file, width) in &mut self.files {
-                self.bytes
-                    .resize(block_frames * *width * size_of::<f64>(), 0);
+                self.bytes.resize(block_frames * *width * size_of::<f64>(), 0);
                 if let Err(error) = file.read_exact(&mut self.bytes) {
                     return Err((path.clone(), error));
                 }
@@ -171,8 +161,7 @@ impl Frozen {
         let frame_width = self.outputs.len();
         let frames_wanted = frames.len() / n_out.max(1);
         let frames_ready = self.ring.slots() / frame_width.max(1);
-        let stale_frames =
-            (first_frame.saturating_sub(self.next)).min(frames_ready as u64) as usize;
+        let stale_frames = (first_frame.saturating_sub(self.next)).min(frames_ready as u64) as usize;
         if let Ok(ring_chunk) = self.ring.read_chunk(stale_frames * frame_width) {
             ring_chunk.commit_all();
             self.next += stale_frames as u64;

@@ -63,16 +63,9 @@ impl Guidance {
 
     /// The response of piece and guidance together, in ticks of `period` [s]; see
     /// [`Hand::response`](super::Hand::response).
-    pub(super) fn total_response(
-        this: Option<Self>,
-        response: &[f64],
-        period: f64,
-        share: GuidanceShare,
-    ) -> Vec<f64> {
+    pub(super) fn total_response(this: Option<Self>, response: &[f64], period: f64, share: GuidanceShare) -> Vec<f64> {
         let mut summed_response = response.to_vec();
-        if let (Some(guidance), [response_now, response_next, ..]) =
-            (this, &mut summed_response[..])
-        {
+        if let (Some(guidance), [response_now, response_next, ..]) = (this, &mut summed_response[..]) {
             let scaled_damping = share.z * guidance.z / period;
             *response_now += share.k * guidance.k + scaled_damping;
             *response_next -= scaled_damping;
@@ -155,11 +148,7 @@ impl GuidanceState {
     /// Crossfade from a path that was at `before` to a path that is at `now` [m].
     pub(super) fn change(&mut self, before: f64, now: f64) {
         let is_unguided = self.share == GuidanceShare::default();
-        let offset_left = if is_unguided {
-            0.0
-        } else {
-            self.left + before - now
-        };
+        let offset_left = if is_unguided { 0.0 } else { self.left + before - now };
         self.glide(self.to, offset_left);
     }
 
@@ -200,8 +189,8 @@ impl GuidanceState {
         let Some(guidance) = self.guidance else {
             return 0.0;
         };
-        let guidance_force = self.share.k * guidance.k * (part.x + self.left - x)
-            - self.share.z * guidance.z * (v - part.v);
+        let guidance_force =
+            self.share.k * guidance.k * (part.x + self.left - x) - self.share.z * guidance.z * (v - part.v);
         if part.force == 0.0 || scale <= 0.0 {
             return guidance_force;
         }
@@ -260,10 +249,7 @@ mod tests {
         guidance.begin(0);
         (0..500).for_each(|tick| guidance.tick(tick));
         assert!((part_force(&guidance) - 0.4).abs() < 1e-12);
-        assert_eq!(
-            guidance.force(part(&driven_hand, 50), 0.0, 0.0, 0.0),
-            100.0 * 5e-3
-        );
+        assert_eq!(guidance.force(part(&driven_hand, 50), 0.0, 0.0, 0.0), 100.0 * 5e-3);
     }
 
     #[test]
@@ -282,10 +268,7 @@ mod tests {
         let hand = hand(true);
         let mut guidance = GuidanceState::new(hand.guidance, PERIOD);
         let guidance_step = |at, share| GuidanceStep { frame: at, share };
-        guidance.steps = vec![
-            guidance_step(100, HALF),
-            guidance_step(1_000, GuidanceShare::default()),
-        ];
+        guidance.steps = vec![guidance_step(100, HALF), guidance_step(1_000, GuidanceShare::default())];
         guidance.begin(50);
         let (mut last_force, mut full_ticks) = (0.0, 0);
         for tick in 50..2_000 {
@@ -302,10 +285,7 @@ mod tests {
             }
             if (350..1_050).contains(&tick) {
                 assert_eq!(guidance_force, 0.5 * 100.0 * 5e-3);
-                assert_eq!(
-                    guidance.force(part(&hand, tick), 5e-3, 1.0, 1.0),
-                    -0.25 * 2.0
-                );
+                assert_eq!(guidance.force(part(&hand, tick), 5e-3, 1.0, 1.0), -0.25 * 2.0);
                 full_ticks += 1;
             }
             last_force = guidance_force;
@@ -317,10 +297,7 @@ mod tests {
     fn guidance_changes_to_another_path_without_a_jump() {
         let mut hand = hand(true);
         let mut guidance = GuidanceState::new(hand.guidance, PERIOD);
-        guidance.steps = vec![GuidanceStep {
-            frame: 0,
-            share: HALF,
-        }];
+        guidance.steps = vec![GuidanceStep { frame: 0, share: HALF }];
         guidance.begin(0);
         let mut last_force = 0.0;
         for tick in 0..1_000 {
@@ -344,10 +321,7 @@ mod tests {
     fn guidance_with_a_wrong_share_has_no_force() {
         let hand = hand(true);
         let mut guidance = GuidanceState::new(hand.guidance, PERIOD);
-        let share = GuidanceShare {
-            k: f64::NAN,
-            z: -3.0,
-        };
+        let share = GuidanceShare { k: f64::NAN, z: -3.0 };
         guidance.steps = vec![GuidanceStep { frame: 0, share }];
         guidance.begin(0);
         (0..500).for_each(|tick| guidance.tick(tick));
@@ -356,9 +330,6 @@ mod tests {
         guidance.steps = vec![GuidanceStep { frame: 0, share }];
         guidance.begin(500);
         (500..1_000).for_each(|tick| guidance.tick(tick));
-        assert_eq!(
-            guidance.force(part(&hand, 1_000), 0.0, 0.0, 1.0),
-            100.0 * 5e-3
-        );
+        assert_eq!(guidance.force(part(&hand, 1_000), 0.0, 0.0, 1.0), 100.0 * 5e-3);
     }
 }

@@ -74,10 +74,7 @@ impl Hand {
     fn latest(&self, values: &[f64], tick: u64) -> f64 {
         let value_index = usize::try_from(tick.saturating_sub(self.since)).unwrap_or(usize::MAX);
         let last_index = values.len().saturating_sub(1);
-        values
-            .get(value_index.min(last_index))
-            .copied()
-            .unwrap_or(0.0)
+        values.get(value_index.min(last_index)).copied().unwrap_or(0.0)
     }
 }
 
@@ -131,10 +128,7 @@ mod tests {
         assert!((third_motion.v - 1.0).abs() < 1e-12);
         assert_eq!(motion(12, false).force, 0.3);
         let final_motion = motion(20, true);
-        assert_eq!(
-            (final_motion.x, final_motion.v, final_motion.force),
-            (3e-3, 0.0, 0.3)
-        );
+        assert_eq!((final_motion.x, final_motion.v, final_motion.force), (3e-3, 0.0, 0.3));
         let guided_hand = Hand {
             forces: Vec::new(),
             ..driven_hand

@@ -58,14 +58,11 @@ impl HandKey {
         let frequency_response = FrequencyResponse::new(response);
         let (mut scale, mut stiffest) = (1.0_f64, 0.0_f64);
         for &share in Guidance::shares(self.guidance) {
-            let (k, z) = self.guidance.map_or((0.0, 0.0), |guidance| {
-                (share.k * guidance.k, share.z * guidance.z)
-            });
-            scale = scale.min(stiffness::safe_scale(
-                frequency_response.gain_margin(self.key, k, z),
-            ));
-            let summed_response =
-                Guidance::total_response(self.guidance, response, self.key.period, share);
+            let (k, z) = self
+                .guidance
+                .map_or((0.0, 0.0), |guidance| (share.k * guidance.k, share.z * guidance.z));
+            scale = scale.min(stiffness::safe_scale(frequency_response.gain_margin(self.key, k, z)));
+            let summed_response = Guidance::total_response(self.guidance, response, self.key.period, share);
             stiffest = stiffest.max(stiffness::stiffest(&summed_response));
         }
         HandLimit {
@@ -91,19 +88,13 @@ pub(super) fn key(
     period: f64,
 ) -> stiffness::Key {
     let smallest_known = |reported: Option<f64>, measured: Option<f64>, usual: f64| {
-        let known_values = [reported, measured]
-            .into_iter()
-            .flatten()
-            .filter(|x| *x > 0.0);
+        let known_values = [reported, measured].into_iter().flatten().filter(|x| *x > 0.0);
         known_values.reduce(f64::min).unwrap_or(usual)
     };
     let reported = spec.loop_delay_s.map(|s| (s / period).ceil());
     let measured_delay = measured.and_then(|key| key.delay);
     let measured_delay = measured_delay.map(|s| (s / period - DELAY_DEVIATION).ceil());
-    let delay_ticks = [reported, measured_delay]
-        .into_iter()
-        .flatten()
-        .fold(0.0, f64::max) as usize;
+    let delay_ticks = [reported, measured_delay].into_iter().flatten().fold(0.0, f64::max) as usize;
     stiffness::Key {
         mass: smallest_known(spec.inertia, measured.map(|key| key.mass), DEFAULT_KEY.0),
         damping: smallest_known(spec.damping, measured.map(|key| key.damping), DEFAULT_KEY.1),

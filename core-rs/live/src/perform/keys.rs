@@ -89,10 +89,7 @@ impl Keyboard {
     ///
     /// # Errors
     /// The error of the device's driver.
-    pub fn open(
-        config: DeviceConfig,
-        axes: Vec<(usize, usize)>,
-    ) -> Result<Self, device::DeviceError> {
+    pub fn open(config: DeviceConfig, axes: Vec<(usize, usize)>) -> Result<Self, device::DeviceError> {
         let device = config.open(false)?;
         let axis_count = device.spec().dof;
         if axes.iter().any(|(axis, _)| *axis >= axis_count) {
@@ -102,11 +99,7 @@ impl Keyboard {
     }
 
     /// A keyboard of an open device; if the device is lost, it is opened again as `config` says.
-    pub(super) fn from_device(
-        device: Box<dyn Device>,
-        config: DeviceConfig,
-        axes: Vec<(usize, usize)>,
-    ) -> Self {
+    pub(super) fn from_device(device: Box<dyn Device>, config: DeviceConfig, axes: Vec<(usize, usize)>) -> Self {
         Self {
             guarded: config.guard(device),
             config,
@@ -134,11 +127,7 @@ impl Keyboard {
         self.guarded.spec()
     }
 
-    pub(super) fn split(
-        self,
-        index: usize,
-        commands: Arc<Mutex<Producer<Command>>>,
-    ) -> (Slot, Reconnector) {
+    pub(super) fn split(self, index: usize, commands: Arc<Mutex<Producer<Command>>>) -> (Slot, Reconnector) {
         let (gone, canceller) = (Arc::default(), self.config.canceller.clone());
         // Room for devices that are lost while an earlier one is still to be freed.
         let (to_drop, dropped) = RingBuffer::new(4);
@@ -206,10 +195,7 @@ impl DeviceConfig {
         let force = self
             .force_limit
             .map_or(device_limits.force, |limit| limit.min(device_limits.force));
-        let capped_limits = Limits {
-            force,
-            ..device_limits
-        };
+        let capped_limits = Limits { force, ..device_limits };
         Box::new(Guarded::new(device, capped_limits, self.period).watched())
     }
 }
@@ -225,9 +211,7 @@ impl Slot {
     }
 
     pub(super) fn tripped(&self, axis: usize) -> Option<Trip> {
-        self.guarded
-            .as_ref()
-            .and_then(|guarded| guarded.tripped(axis))
+        self.guarded.as_ref().and_then(|guarded| guarded.tripped(axis))
     }
 
     /// How often the board reported that it let go, and how often forces ended because the host was stopped.
@@ -235,10 +219,7 @@ impl Slot {
         let [let_go, stalls] = self.earlier;
         self.guarded.as_ref().map_or(self.earlier, |guarded| {
             let guarded_counts = guarded.counts();
-            [
-                let_go + guarded_counts.let_go,
-                stalls + guarded_counts.stalls,
-            ]
+            [let_go + guarded_counts.let_go, stalls + guarded_counts.stalls]
         })
     }
 
@@ -300,11 +281,7 @@ impl Slot {
             // Positions that the key cannot have are clamped.
             *position = position.clamp(lowest_position, highest_position);
         }
-        self.silent = if self.sample.fresh {
-            0
-        } else {
-            self.silent + 1
-        };
+        self.silent = if self.sample.fresh { 0 } else { self.silent + 1 };
         if receive_result.is_ok() && self.silent <= self.patience {
             return true;
         }

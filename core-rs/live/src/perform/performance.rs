@@ -12,8 +12,8 @@ use super::control::{Control, MarkDone, SharedFlags};
 use super::player::Player;
 use super::player::change::{Change, ScheduledChange};
 use super::{
-    Act, ChangeError, Command, Event, Garbage, HandKey, HandLimit, HeardTimes, InputStatus,
-    Keyboard, PlayError, PlaybackConfig, Stage, Status, Window, frozen, keys,
+    Act, ChangeError, Command, Event, Garbage, HandKey, HandLimit, HeardTimes, InputStatus, Keyboard, PlayError,
+    PlaybackConfig, Stage, Status, Window, frozen, keys,
 };
 use crate::audio::{self, AudioError, Output, TapHandle, TapStatus};
 use crate::realtime::{self, Granted};
@@ -65,11 +65,7 @@ impl Performance {
     ///
     /// # Errors
     /// [`PlayError`] says what is missing; in this case nothing sounds and no force was sent.
-    pub fn start(
-        stage: Stage,
-        boards: Vec<Keyboard>,
-        config: PlaybackConfig,
-    ) -> Result<Self, PlayError> {
+    pub fn start(stage: Stage, boards: Vec<Keyboard>, config: PlaybackConfig) -> Result<Self, PlayError> {
         let (mut performance, mut player) = Self::prepare(stage, boards, config)?;
         // Also without a hand: a signal must end the sound at once.
         safety::watch_termination();
@@ -180,14 +176,8 @@ impl Performance {
     /// # Errors
     /// [`AudioError`] if a file is being written already, or cannot be created.
     pub fn record_audio(&mut self, path: &Path) -> Result<(), AudioError> {
-        if self
-            .tap
-            .as_ref()
-            .is_some_and(|audio_tap| !audio_tap.status().ended)
-        {
-            return Err(AudioError::Broken(
-                "a file is being recorded already".into(),
-            ));
+        if self.tap.as_ref().is_some_and(|audio_tap| !audio_tap.status().ended) {
+            return Err(AudioError::Broken("a file is being recorded already".into()));
         }
         let sample_rate = self.output.info().rate;
         let (audio_tap, tap_handle) = audio::tap(path, sample_rate, self.channels)?;
@@ -238,10 +228,7 @@ impl Performance {
         if !due_frame.is_multiple_of(self.tick_frames as u64) {
             return Err(ChangeError::Frame(due_frame, self.tick_frames));
         }
-        let n_out = change
-            .simulation
-            .as_ref()
-            .map(|(own, _)| (own.n_out(), own.frame()));
+        let n_out = change.simulation.as_ref().map(|(own, _)| (own.n_out(), own.frame()));
         if let Some((n_out, begin_frame)) = n_out {
             if begin_frame != due_frame {
                 return Err(ChangeError::Begins(begin_frame, due_frame));
@@ -321,9 +308,7 @@ impl Performance {
     /// how many rows were lost because the disk did not answer for longer.
     pub fn recording_trouble(&self) -> Option<String> {
         let recorder_status = self.recorder.as_ref()?.status();
-        let lost_message = || {
-            (recorder_status.dropped > 0).then(|| format!("{} rows lost", recorder_status.dropped))
-        };
+        let lost_message = || (recorder_status.dropped > 0).then(|| format!("{} rows lost", recorder_status.dropped));
         recorder_status.trouble.clone().or_else(lost_message)
     }
 
@@ -338,9 +323,10 @@ impl Performance {
 
     fn end(&mut self, patience: Duration) -> Result<(), PlayError> {
         // Devices first: they send their last zeros when the physics thread returns them.
-        let play_result = self.thread.take().map_or(Ok(()), |thread| {
-            thread.join().map(drop).map_err(|_| PlayError::Failed)
-        });
+        let play_result = self
+            .thread
+            .take()
+            .map_or(Ok(()), |thread| thread.join().map(drop).map_err(|_| PlayError::Failed));
         self.reconnectors.clear();
         self.reader = None;
         let _ = self.output.wait(patience);

@@ -147,13 +147,7 @@ impl Player {
             rows: vec![recording::Sample::default(); hand_count],
             outputs: vec![0.0; tick_frames * n_outputs],
             mixed: vec![0.0; tick_frames * channels],
-            folded: vec![
-                0.0;
-                stage
-                    .fold
-                    .as_ref()
-                    .map_or(0, |_| tick_frames * channels_heard)
-            ],
+            folded: vec![0.0; stage.fold.as_ref().map_or(0, |_| tick_frames * channels_heard)],
             single: vec![0.0; tick_frames * channels_heard],
             to_skip: latency,
             tail_frames: stage.n_tail(),
@@ -212,9 +206,7 @@ impl Player {
         self.make_changes();
         self.act();
         self.update_scales();
-        self.guidance
-            .iter_mut()
-            .for_each(|guidance| guidance.tick(self.tick));
+        self.guidance.iter_mut().for_each(|guidance| guidance.tick(self.tick));
         let frame_count = (self.stage.tick_frames as u64).min(frames_left) as usize;
         if frame_count > 0 {
             self.exchange_forces();

@@ -10,10 +10,7 @@ use super::performance::{Performance, SoundEvents};
 use super::player::change::SCHEDULED_MAX;
 use super::player::{self, Player};
 use super::status::{HANDS_MAX, Status};
-use super::{
-    HandKey, HandLimit, Keyboard, PlayError, PlaybackConfig, SCALE_MIN, Stage, clock, frozen,
-    sound_input,
-};
+use super::{HandKey, HandLimit, Keyboard, PlayError, PlaybackConfig, SCALE_MIN, Stage, clock, frozen, sound_input};
 use crate::audio::{self, AudioError};
 use crate::recording::Recorder;
 
@@ -48,10 +45,7 @@ impl Performance {
             .collect();
         let hand_limit = |key: &HandKey| key.limit(&stage.hands[key.hand].response);
         let hand_limits: Vec<HandLimit> = hand_keys.iter().map(hand_limit).collect();
-        if let Some(stiff_limit) = hand_limits
-            .iter()
-            .find(|hand_limit| hand_limit.scale < SCALE_MIN)
-        {
+        if let Some(stiff_limit) = hand_limits.iter().find(|hand_limit| hand_limit.scale < SCALE_MIN) {
             return Err(PlayError::Stiff {
                 hand: stiff_limit.hand,
                 stiffness: stiff_limit.stiffness,

@@ -69,12 +69,8 @@ impl Scale {
         let risen_scale = (self.now + self.by).min(previous_goal).max(self.now);
         let mut scale_now = risen_scale.min(self.goal);
         let coming_bounds = self.bounds[self.next..].iter().copied().chain(waiting);
-        for scale_bound in coming_bounds.filter(|scale_bound| scale_bound.frame <= tick + self.fall)
-        {
-            let (target_scale, ticks_left) = (
-                unit(scale_bound.scale),
-                scale_bound.frame.saturating_sub(tick) + 1,
-            );
+        for scale_bound in coming_bounds.filter(|scale_bound| scale_bound.frame <= tick + self.fall) {
+            let (target_scale, ticks_left) = (unit(scale_bound.scale), scale_bound.frame.saturating_sub(tick) + 1);
             if target_scale < self.now {
                 scale_now = scale_now.min(self.now + (target_scale - self.now) / ticks_left as f64);
             }

@@ -76,8 +76,7 @@ pub(super) fn open(
         (false, other) => Err(format!("{other} has no inputs")),
     };
     let opened_input = input_spec.and_then(|input_spec| {
-        audio::open_input(&input_spec, sample_rate, channels, block_frames)
-            .map_err(|error| error.to_string())
+        audio::open_input(&input_spec, sample_rate, channels, block_frames).map_err(|error| error.to_string())
     });
     let (input, reader) = match opened_input {
         Ok(opened_input) => opened_input,
@@ -89,11 +88,7 @@ pub(super) fn open(
     };
     let input_info = input.info();
     let through = input_info.latency_s + ahead as f64 / simulation.rate() + output.latency_s;
-    input_status.sentence = format!(
-        "{}, {:.1} ms to the loudspeaker",
-        input_info.sentence,
-        1000.0 * through
-    );
+    input_status.sentence = format!("{}, {:.1} ms to the loudspeaker", input_info.sentence, 1000.0 * through);
     input_status.input = Some(input);
     let mut tap = None;
     if let Some(record_path) = &config.record {
@@ -118,13 +113,7 @@ impl SoundInput {
 
     /// Pass the input of a tick, which begins at `frame`, to the simulation. Until the card `is_playing` the input is
     /// silence, because the frames before are computed without waiting.
-    pub(super) fn tick(
-        &mut self,
-        simulation: &mut Simulation,
-        frame: u64,
-        n: usize,
-        is_playing: bool,
-    ) {
+    pub(super) fn tick(&mut self, simulation: &mut Simulation, frame: u64, n: usize, is_playing: bool) {
         let channels = self.reader.channels();
         let samples = &mut self.samples[..n * channels];
         if is_playing {

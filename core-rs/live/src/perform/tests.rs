@@ -44,9 +44,7 @@ fn taken(path: &Path, n: usize) -> Vec<u32> {
     let file_bytes = std::fs::read(path).unwrap();
     std::fs::remove_file(path).unwrap();
     let samples = file_bytes[file_bytes.len() - 4 * n..].chunks_exact(4);
-    samples
-        .map(|x| u32::from_le_bytes(x.try_into().unwrap()))
-        .collect()
+    samples.map(|x| u32::from_le_bytes(x.try_into().unwrap())).collect()
 }
 
 const OPTIONS: Options = Options {
@@ -80,9 +78,7 @@ fn network() -> Network {
     let second_key = network.cel("b", 0.4, key_support, 0.0, 0.0, 0.0).unwrap();
     let swinging = Tie::Physical { k: 50.0, z: 0.0 };
     let swinging_mass = network.cel("m", 0.01, swinging, 4e-3, 0.0, 0.0).unwrap();
-    network
-        .spring("am", first_key, swinging_mass, 40.0, 0.01, 0.0)
-        .unwrap();
+    network.spring("am", first_key, swinging_mass, 40.0, 0.01, 0.0).unwrap();
     network
         .spring("bm", second_key, swinging_mass, 40.0, 0.01, 0.0)
         .unwrap();
@@ -102,14 +98,10 @@ fn simulation(struck: &[f64], from: u64) -> Simulation {
     timeline.open();
     for mat in [0, 1] {
         let hand_way = HandWay::Line;
-        timeline
-            .hand(&network, mat, EVERY as u32, hand_way, &[])
-            .unwrap();
+        timeline.hand(&network, mat, EVERY as u32, hand_way, &[]).unwrap();
     }
     for &instant in struck {
-        timeline
-            .strike(&network, 2, instant, 1e-3, Some(0.0), 0)
-            .unwrap();
+        timeline.strike(&network, 2, instant, 1e-3, Some(0.0), 0).unwrap();
     }
     let plan = Plan::new(network, &timeline, &Budget::default(), None).unwrap();
     Simulation::planned_from(Arc::new(plan), OPTIONS, from).unwrap()

@@ -47,11 +47,7 @@ impl Strikes {
         if self.0.len() == STRIKES_MAX {
             self.0.remove(0);
         }
-        self.0.push(Strike {
-            frame,
-            point,
-            impulse,
-        });
+        self.0.push(Strike { frame, point, impulse });
     }
 }
 
@@ -94,11 +90,7 @@ pub struct Scene {
 ///
 /// # Errors
 /// A sentence if there is too much to show.
-pub fn window(
-    simulation: &Simulation,
-    look: Look,
-    setup: Setup,
-) -> Result<(Window, Scene), String> {
+pub fn window(simulation: &Simulation, look: Look, setup: Setup) -> Result<(Window, Scene), String> {
     let picture = Picture {
         glance: Glance::new(simulation, &look),
         strikes: vec![Strike::default(); STRIKES_MAX],
@@ -144,12 +136,7 @@ impl Window {
 
     /// Publish a picture, with the strikes, if a new video frame has begun since the last call. Do nothing for a
     /// simulation that is not its own.
-    pub(super) fn publish(
-        &mut self,
-        simulation: &mut Simulation,
-        strikes: &mut Strikes,
-        dropped: u64,
-    ) {
+    pub(super) fn publish(&mut self, simulation: &mut Simulation, strikes: &mut Strikes, dropped: u64) {
         let picture_number = (simulation.frame() as f64 * self.pictures_per_frame) as u64;
         if self.last == Some(picture_number) || !self.is_of(simulation) {
             return;

@@ -44,28 +44,14 @@ pub(super) enum ChunkState {
 }
 
 /// Read the chunk that begins here, with `left` bytes to the end of the file; `payload` is overwritten.
-pub(super) fn next(
-    from: &mut impl Read,
-    left: u64,
-    payload: &mut Vec<u8>,
-) -> io::Result<ChunkState> {
+pub(super) fn next(from: &mut impl Read, left: u64, payload: &mut Vec<u8>) -> io::Result<ChunkState> {
     if left < FRAME as u64 {
         return Ok(ChunkState::Cut);
     }
     let mut frame_bytes = [0; FRAME];
     from.read_exact(&mut frame_bytes)?;
-    let payload_length = u32::from_le_bytes([
-        frame_bytes[0],
-        frame_bytes[1],
-        frame_bytes[2],
-        frame_bytes[3],
-    ]);
-    let stored_crc = u32::from_le_bytes([
-        frame_bytes[5],
-        frame_bytes[6],
-        frame_bytes[7],
-        frame_bytes[8],
-    ]);
+    let payload_length = u32::from_le_bytes([frame_bytes[0], frame_bytes[1], frame_bytes[2], frame_bytes[3]]);
+    let stored_crc = u32::from_le_bytes([frame_bytes[5], frame_bytes[6], frame_bytes[7], frame_bytes[8]]);
     if payload_length as usize > MAX_PAYLOAD || FRAME as u64 + u64::from(payload_length) > left {
         return Ok(ChunkState::Cut);
     }

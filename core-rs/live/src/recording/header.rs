@@ -111,8 +111,7 @@ impl Header {
         }
         let mut next_name = || {
             let (length_bytes, bytes_after) = bytes_left.split_first_chunk::<2>()?;
-            let (name_bytes, bytes_after) =
-                bytes_after.split_at_checked(u16::from_le_bytes(*length_bytes).into())?;
+            let (name_bytes, bytes_after) = bytes_after.split_at_checked(u16::from_le_bytes(*length_bytes).into())?;
             bytes_left = bytes_after;
             String::from_utf8(name_bytes.to_vec()).ok()
         };

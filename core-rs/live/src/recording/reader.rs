@@ -34,11 +34,7 @@ pub struct Recording {
 
 impl Recording {
     /// A recording of rows made elsewhere; checks that they are consistent.
-    pub fn new(
-        header: Header,
-        ticks: Vec<u64>,
-        samples: Vec<Sample>,
-    ) -> Result<Self, RecordingError> {
+    pub fn new(header: Header, ticks: Vec<u64>, samples: Vec<Sample>) -> Result<Self, RecordingError> {
         header.check()?;
         if samples.len() != ticks.len() * header.axes.len() {
             let error_text = "there must be one position for each tick and axis";
@@ -70,11 +66,7 @@ impl Recording {
     }
 
     fn with_rows(self, ticks: Vec<u64>, samples: Vec<Sample>) -> Self {
-        Self {
-            ticks,
-            samples,
-            ..self
-        }
+        Self { ticks, samples, ..self }
     }
 
     /// Whether all bytes of the file could be read.
@@ -270,9 +262,7 @@ impl Collected {
     /// Whether a tick is in the wanted range; events before the first row count as part of its tick.
     fn wanted(&self, tick: u64) -> bool {
         let from_first = tick.saturating_sub(self.first.unwrap_or(tick));
-        self.ticks
-            .as_ref()
-            .is_none_or(|ticks| ticks.contains(&from_first))
+        self.ticks.as_ref().is_none_or(|ticks| ticks.contains(&from_first))
     }
 
     fn rows(&mut self, payload: &[u8]) -> Result<bool, RecordingError> {
@@ -326,12 +316,8 @@ fn events(mut rest: &[u8]) -> Option<Vec<(u64, &str)>> {
     while !rest.is_empty() {
         let (tick_bytes, bytes_after) = rest.split_first_chunk::<8>()?;
         let (length_bytes, bytes_after) = bytes_after.split_first_chunk::<4>()?;
-        let (line_bytes, bytes_after) =
-            bytes_after.split_at_checked(u32::from_le_bytes(*length_bytes) as usize)?;
-        read_events.push((
-            u64::from_le_bytes(*tick_bytes),
-            std::str::from_utf8(line_bytes).ok()?,
-        ));
+        let (line_bytes, bytes_after) = bytes_after.split_at_checked(u32::from_le_bytes(*length_bytes) as usize)?;
+        read_events.push((u64::from_le_bytes(*tick_bytes), std::str::from_utf8(line_bytes).ok()?));
         rest = bytes_after;
     }
     Some(read_events)

@@ -108,9 +108,7 @@ fn recording_overwrites_no_file() {
     let take_path = temp_folder.file("a.take");
     fs::write(&take_path, "mine").unwrap();
     let refused = Recorder::start(&take_path, &header(1)).map(|_| ());
-    assert!(
-        matches!(refused, Err(RecordingError::Io(error)) if error.kind() == std::io::ErrorKind::AlreadyExists)
-    );
+    assert!(matches!(refused, Err(RecordingError::Io(error)) if error.kind() == std::io::ErrorKind::AlreadyExists));
     assert_eq!(fs::read(&take_path).unwrap(), b"mine");
 }
 
@@ -132,8 +130,7 @@ fn decode_of_a_part_by_ticks() {
     let mut recording = recording_of(&[3, 4, 6, 9, 10], 2);
     recording.events = vec![(3, "1".into()), (6, "2".into()), (10, "3".into())];
     let file_bytes = written(&recording);
-    let decoded_part =
-        |ticks| decode(&mut &file_bytes[..], file_bytes.len() as u64, Some(ticks)).unwrap();
+    let decoded_part = |ticks| decode(&mut &file_bytes[..], file_bytes.len() as u64, Some(ticks)).unwrap();
     let mut expected = recording_of(&[4, 6, 9], 2);
     expected.events = vec![(6, "2".into())];
     assert_eq!(decoded_part(1..7), expected, "counted from the first row");
@@ -161,10 +158,7 @@ fn reader_skips_unknown_chunks_and_refuses_other_versions() {
     file_bytes.extend(end_chunk);
     assert_eq!(reread(&file_bytes).unwrap(), recording_of(&[1], 1));
     file_bytes[8] = 2;
-    assert!(matches!(
-        reread(&file_bytes),
-        Err(RecordingError::Version(2))
-    ));
+    assert!(matches!(reread(&file_bytes), Err(RecordingError::Version(2))));
 }
 
 #[test]
@@ -180,10 +174,7 @@ fn reader_drops_rows_going_back() {
     }
     let recording_read = reread(&file_bytes).unwrap();
     assert_eq!(recording_read.ticks, [5, 6, 7]);
-    assert_eq!(
-        recording_read.lost_bytes,
-        2 * (chunk::FRAME + row_bytes.len()) as u64
-    );
+    assert_eq!(recording_read.lost_bytes, 2 * (chunk::FRAME + row_bytes.len()) as u64);
     assert!(!recording_read.finished);
 }
 
@@ -213,14 +204,8 @@ fn header_names_are_unique_per_axis() {
         let axes = axes.iter().map(named_axis).collect();
         Header { axes, ..header(1) }.names()
     };
-    assert_eq!(
-        axis_names(&[("remi", "k2"), ("ada", "k1")]),
-        ["remi", "ada"]
-    );
-    assert_eq!(
-        axis_names(&[("remi", "k1"), ("remi", "k2")]),
-        ["remi.k1", "remi.k2"]
-    );
+    assert_eq!(axis_names(&[("remi", "k2"), ("ada", "k1")]), ["remi", "ada"]);
+    assert_eq!(axis_names(&[("remi", "k1"), ("remi", "k2")]), ["remi.k1", "remi.k2"]);
     assert_eq!(axis_names(&[("", "k1"), ("ada", "")]), ["k1", "ada"]);
     assert_eq!(axis_names(&[("", ""), ("ada", "k1")]), ["1", "2"]);
     assert_eq!(axis_names(&[("a", "b"), ("a", "b")]), ["1", "2"]);

@@ -37,10 +37,7 @@ impl Recorder {
     ///
     /// The file has its final name from the start: what has been played must survive any end of the program. Call this
     /// from an ordinary thread, because the writing thread inherits its priority.
-    pub fn start(
-        path: &Path,
-        header: &Header,
-    ) -> Result<(RowSink, RecorderHandle), RecordingError> {
+    pub fn start(path: &Path, header: &Header) -> Result<(RowSink, RecorderHandle), RecordingError> {
         header.check()?;
         let mut options = OpenOptions::new();
         let mut recording_file = options.append(true).create_new(true).open(path)?;
@@ -285,11 +282,7 @@ impl Writer {
     fn gather(&mut self) {
         let payload_limit = chunk::MAX_PAYLOAD / self.row * self.row;
         let row_bytes = self.rows.slots() / self.row * self.row;
-        if drain(
-            &mut self.rows,
-            row_bytes.min(payload_limit),
-            &mut self.payload,
-        ) {
+        if drain(&mut self.rows, row_bytes.min(payload_limit), &mut self.payload) {
             chunk::append(&mut self.pending, chunk::ROWS, &self.payload);
             self.pending_rows = (self.payload.len() / self.row) as u64;
         }
@@ -311,9 +304,7 @@ impl Writer {
             return Err(error);
         }
         self.valid_len += self.pending.len() as u64;
-        self.shared
-            .rows
-            .fetch_add(self.pending_rows, Ordering::Relaxed);
+        self.shared.rows.fetch_add(self.pending_rows, Ordering::Relaxed);
         self.pending.clear();
         self.pending_rows = 0;
         Ok(())
@@ -349,8 +340,7 @@ mod tests {
             axes: vec![Axis::default()],
             about: String::new(),
         };
-        let take_path =
-            std::env::temp_dir().join(format!("ergon-{name}-{}.take", std::process::id()));
+        let take_path = std::env::temp_dir().join(format!("ergon-{name}-{}.take", std::process::id()));
         let beginning = start(&header);
         std::fs::write(&take_path, &beginning).unwrap();
         (header, beginning, take_path)
@@ -388,22 +378,12 @@ mod tests {
         let row_samples = [Sample::default()];
         assert!(row_sink.row(5, &row_samples));
         assert!(!row_sink.row(5, &row_samples), "a tick comes once");
-        assert!(
-            !row_sink.row(6, &row_samples.repeat(2)),
-            "every axis has its place"
-        );
-        assert!(
-            !row_sink.event(6, format_args!("{:2000}", 1)),
-            "a long line"
-        );
+        assert!(!row_sink.row(6, &row_samples.repeat(2)), "every axis has its place");
+        assert!(!row_sink.event(6, format_args!("{:2000}", 1)), "a long line");
         // Nothing empties the ring in this test.
         let ring_rows = (header.rate * PATIENCE) as u64;
         for tick in 0..ring_rows + 2 {
-            assert_eq!(
-                row_sink.row(10 + tick, &row_samples),
-                tick < ring_rows - 1,
-                "{tick}"
-            );
+            assert_eq!(row_sink.row(10 + tick, &row_samples), tick < ring_rows - 1, "{tick}");
         }
         assert_eq!(row_sink.dropped(), 3 + 3);
         writer.append_all(true).unwrap();

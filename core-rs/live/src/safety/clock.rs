@@ -53,10 +53,7 @@ pub(super) fn wall() -> Duration {
     const CLOCK: libc::clockid_t = libc::CLOCK_BOOTTIME;
     #[cfg(not(any(target_os = "linux", target_os = "android")))]
     const CLOCK: libc::clockid_t = libc::CLOCK_MONOTONIC;
-    let mut clock_time = libc::timespec {
-        tv_sec: 0,
-        tv_nsec: 0,
-    };
+    let mut clock_time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
     // SAFETY: the call writes into a local. Both clocks exist since Linux 2.6.39 and macOS 10.12, so it cannot fail.
     unsafe { libc::clock_gettime(CLOCK, &raw mut clock_time) };
     Duration::new(clock_time.tv_sec.unsigned_abs(), clock_time.tv_nsec as u32)

@@ -38,11 +38,7 @@ impl SafeForce {
         let mut scaled_force = *self;
         for (force, gain) in scaled_force.newtons.iter_mut().zip(gains) {
             // A gain of 1 changes no bit; a gain of NaN gives no force.
-            *force *= if gain.is_nan() {
-                0.0
-            } else {
-                gain.clamp(-1.0, 1.0)
-            };
+            *force *= if gain.is_nan() { 0.0 } else { gain.clamp(-1.0, 1.0) };
         }
         scaled_force
     }

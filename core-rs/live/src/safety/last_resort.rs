@@ -90,8 +90,7 @@ mod unix {
         }
     }; SLOTS];
 
-    static FORMER_HANDLERS: [OnceLock<libc::sigaction>; FAULTS.len()] =
-        [const { OnceLock::new() }; FAULTS.len()];
+    static FORMER_HANDLERS: [OnceLock<libc::sigaction>; FAULTS.len()] = [const { OnceLock::new() }; FAULTS.len()];
 
     /// A signal that may end the program: what it stops, and the handler that was set before ours.
     struct WatchedSignal {
@@ -135,9 +134,9 @@ mod unix {
         });
         watch_termination();
         let claim_slot = |slot: &Slot| {
-            let claim_result =
-                slot.fd
-                    .compare_exchange(FREE, TAKEN, Ordering::AcqRel, Ordering::Relaxed);
+            let claim_result = slot
+                .fd
+                .compare_exchange(FREE, TAKEN, Ordering::AcqRel, Ordering::Relaxed);
             claim_result.is_ok()
         };
         let slot_index = ARMED.iter().position(claim_slot)?;
@@ -210,15 +209,8 @@ mod unix {
 
     /// Stop what the signal stops, then call the former handler: Python's only notes the signal, and acts when the
     /// interpreter runs.
-    extern "C" fn on_termination(
-        signal: i32,
-        info: *mut libc::siginfo_t,
-        context: *mut libc::c_void,
-    ) {
-        let Some(signal_index) = TERMINATION_SIGNALS
-            .iter()
-            .position(|&known| known == signal)
-        else {
+    extern "C" fn on_termination(signal: i32, info: *mut libc::siginfo_t, context: *mut libc::c_void) {
+        let Some(signal_index) = TERMINATION_SIGNALS.iter().position(|&known| known == signal) else {
             return;
         };
         let watched = &WATCHED[signal_index];
@@ -263,13 +255,8 @@ mod unix {
     ///
     /// Signals that do not end programs, and ignored signals, are left alone.
     pub fn watch(signal: i32, stops: Stop) {
-        if let Some(signal_index) = TERMINATION_SIGNALS
-            .iter()
-            .position(|&known| known == signal)
-        {
-            WATCHED[signal_index]
-                .stops
-                .store(stops as u8, Ordering::SeqCst);
+        if let Some(signal_index) = TERMINATION_SIGNALS.iter().position(|&known| known == signal) {
+            WATCHED[signal_index].stops.store(stops as u8, Ordering::SeqCst);
             watch_termination_signal(signal);
         }
     }
@@ -291,9 +278,7 @@ mod unix {
     pub fn block_signals() {
         let signal_set = termination_set();
         // SAFETY: the set is valid; the former mask is not requested.
-        unsafe {
-            libc::pthread_sigmask(libc::SIG_BLOCK, &raw const signal_set, std::ptr::null_mut())
-        };
+        unsafe { libc::pthread_sigmask(libc::SIG_BLOCK, &raw const signal_set, std::ptr::null_mut()) };
     }
 
     /// Stop what a pending signal stops: the thread that is to handle it may be waiting for a processor, or handle no
@@ -306,8 +291,7 @@ mod unix {
                 return;
             }
             for (signal, watched) in TERMINATION_SIGNALS.into_iter().zip(&WATCHED) {
-                let ends_program =
-                    !OTHERS.contains(&signal) || watched.is_watched.load(Ordering::SeqCst);
+                let ends_program = !OTHERS.contains(&signal) || watched.is_watched.load(Ordering::SeqCst);
                 if ends_program && libc::sigismember(&raw const signal_set, signal) == 1 {
                     stop::stop(Stop::from_bits(watched.stops.load(Ordering::SeqCst)));
                 }
@@ -317,19 +301,14 @@ mod unix {
 
     /// Watch every signal that ends programs; by default it stops everything.
     pub fn watch_termination() {
-        TERMINATION_SIGNALS
-            .into_iter()
-            .for_each(watch_termination_signal);
+        TERMINATION_SIGNALS.into_iter().for_each(watch_termination_signal);
     }
 
     /// Install our handler in front of the present one.
     fn watch_termination_signal(signal: i32) {
         static EXCLUSIVE: Mutex<()> = Mutex::new(());
         let _guard = EXCLUSIVE.lock().unwrap_or_else(PoisonError::into_inner);
-        let Some(signal_index) = TERMINATION_SIGNALS
-            .iter()
-            .position(|&known| known == signal)
-        else {
+        let Some(signal_index) = TERMINATION_SIGNALS.iter().position(|&known| known == signal) else {
             return;
         };
         // SAFETY: zero is a valid sigaction, the calls write into locals, the handler does only what handlers may.
@@ -345,18 +324,14 @@ mod unix {
             }
             let watched = &WATCHED[signal_index];
             watched.is_watched.store(true, Ordering::SeqCst);
-            watched.has_info.store(
-                former_action.sa_flags & libc::SA_SIGINFO != 0,
-                Ordering::SeqCst,
-            );
             watched
-                .handler
-                .store(former_action.sa_sigaction, Ordering::SeqCst);
+                .has_info
+                .store(former_action.sa_flags & libc::SA_SIGINFO != 0, Ordering::SeqCst);
+            watched.handler.store(former_action.sa_sigaction, Ordering::SeqCst);
             let mut new_action = former_action;
             new_action.sa_sigaction = handler_address;
             // Whether interrupted system calls restart is decided by the flags of the former handler.
-            new_action.sa_flags =
-                former_action.sa_flags & libc::SA_RESTART | libc::SA_ONSTACK | libc::SA_SIGINFO;
+            new_action.sa_flags = former_action.sa_flags & libc::SA_RESTART | libc::SA_ONSTACK | libc::SA_SIGINFO;
             libc::sigaction(signal, &raw const new_action, std::ptr::null_mut());
         }
     }

@@ -28,10 +28,7 @@ pub enum Trip {
 impl Trip {
     /// Whether the motor may not do what it is commanded.
     pub(super) fn is_of_motor(self) -> bool {
-        matches!(
-            self,
-            Self::WrongWay | Self::Unanswered | Self::Late | Self::Frozen
-        )
+        matches!(self, Self::WrongWay | Self::Unanswered | Self::Late | Self::Frozen)
     }
 
     /// Whether only the player can let the axis push again, after the first trip already.

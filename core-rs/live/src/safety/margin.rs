@@ -70,10 +70,7 @@ impl FrequencyResponse {
         for &(z_at, scene) in &self.points {
             // The damper acts on the displacement since the previous tick.
             let unit_delay = (z_at.0, -z_at.1);
-            let stiffness = (
-                scene.0 + k + z * (1.0 - unit_delay.0),
-                scene.1 - z * unit_delay.1,
-            );
+            let stiffness = (scene.0 + k + z * (1.0 - unit_delay.0), scene.1 - z * unit_delay.1);
             let mut loop_gain = times(stiffness, key_motion.transfer(z_at));
             for _ in 0..key.delay {
                 loop_gain = times(loop_gain, unit_delay);
@@ -131,10 +128,7 @@ impl Motion {
         };
         let envelope = exp(-decay_rate * t);
         let a = [
-            [
-                envelope * (cosine_term + decay_rate * sine_term),
-                envelope * sine_term,
-            ],
+            [envelope * (cosine_term + decay_rate * sine_term), envelope * sine_term],
             [
                 -envelope * sine_term * k / m,
                 envelope * (cosine_term - decay_rate * sine_term),
@@ -227,21 +221,13 @@ mod tests {
             delay: 0,
         };
         // Free; underdamped, twice; critically damped; stiff and underdamped.
-        for hand in [
-            (0.0, 0.0),
-            (100.0, 1.0),
-            (400.0, 4.0),
-            (80.0, 3.0),
-            (5_000.0, 1.0),
-        ] {
+        for hand in [(0.0, 0.0), (100.0, 1.0), (400.0, 4.0), (80.0, 3.0), (5_000.0, 1.0)] {
             let Motion { a, b } = Motion::new(held_key, hand);
             for (x, v, force) in [(1e-3, 0.0, 0.0), (0.0, 0.1, 0.0), (0.0, 0.0, 1.0)] {
                 let (mut fine_position, mut fine_velocity, step_count) = (x, v, 200_000);
                 let dt = held_key.period / f64::from(step_count);
                 for _ in 0..step_count {
-                    let net_force = force
-                        - hand.0 * fine_position
-                        - (held_key.damping + hand.1) * fine_velocity;
+                    let net_force = force - hand.0 * fine_position - (held_key.damping + hand.1) * fine_velocity;
                     fine_velocity += dt * net_force / held_key.mass;
                     fine_position += dt * fine_velocity;
                 }
@@ -250,8 +236,7 @@ mod tests {
                     a[1][0] * x + a[1][1] * v + b[1] * force,
                 ];
                 assert!(
-                    (exact_state[0] - fine_position).abs() < 1e-8
-                        && (exact_state[1] - fine_velocity).abs() < 1e-5,
+                    (exact_state[0] - fine_position).abs() < 1e-8 && (exact_state[1] - fine_velocity).abs() < 1e-5,
                     "{hand:?}"
                 );
             }
@@ -288,8 +273,7 @@ mod tests {
                     period,
                     delay,
                 };
-                let stable_border =
-                    FrequencyResponse::new(&response).margin_held_by(hand, held_key, 0.0, 0.0);
+                let stable_border = FrequencyResponse::new(&response).margin_held_by(hand, held_key, 0.0, 0.0);
                 assert!(
                     grows(&response, held_key, hand, 1.1 * stable_border),
                     "{hand:?} {delay} {stable_border}"

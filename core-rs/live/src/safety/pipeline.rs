@@ -124,9 +124,7 @@ impl Pipeline {
         if !force.is_finite() {
             counts.not_finite += 1;
             let trip_count = &mut counts.trips_not_finite;
-            axis_state
-                .trip
-                .start(Reason::NotFinite, limits.hold, trip_count);
+            axis_state.trip.start(Reason::NotFinite, limits.hold, trip_count);
             force = 0.0;
         }
         if force.abs() > self.max_force {
@@ -138,9 +136,7 @@ impl Pipeline {
         force = axis_state.ramp.pass(force, &mut counts.ramped);
         if axis_state.velocity.abs() > limits.velocity {
             let trip_count = &mut counts.trips_speed;
-            axis_state
-                .trip
-                .start(Reason::Speed, limits.hold, trip_count);
+            axis_state.trip.start(Reason::Speed, limits.hold, trip_count);
         }
         let trip_holds = axis_state.trip.tick(period, limits.fade);
         force = axis_state.trip.pass(force, &mut counts.tripped);
@@ -156,12 +152,8 @@ impl Pipeline {
             counts.energy += 1;
         }
         let force_step = limits.slew * 1e3 * period;
-        force = axis_state
-            .slew
-            .pass(force, allowed, force_step, &mut counts.slewed);
-        axis_state
-            .heat
-            .add_load(force, continuous, period, limits.heat);
+        force = axis_state.slew.pass(force, allowed, force_step, &mut counts.slewed);
+        axis_state.heat.add_load(force, continuous, period, limits.heat);
         force
     }
 
@@ -169,8 +161,7 @@ impl Pipeline {
     pub(super) fn observe(&mut self, sample: &Sample, now: Duration) {
         let elapsed = self.ages.received(now, sample.let_go, &mut self.counts);
         // Replies may come late and then together; a stopped host sends nothing for a while.
-        let reply_interval =
-            (self.period * f64::from(self.unanswered.max(1))).max(elapsed.unwrap_or(0.0));
+        let reply_interval = (self.period * f64::from(self.unanswered.max(1))).max(elapsed.unwrap_or(0.0));
         (self.unanswered, self.is_hot) = (0, sample.hot);
         let mean_weight = (reply_interval / self.limits.velocity_over).min(1.0);
         let mut positions = sample.position;
@@ -178,8 +169,7 @@ impl Pipeline {
             let position_before = axis.position.unwrap_or(*x);
             if !x.is_finite() {
                 let trip_count = &mut self.counts.trips_not_finite;
-                axis.trip
-                    .start(Reason::NotFinite, self.limits.hold, trip_count);
+                axis.trip.start(Reason::NotFinite, self.limits.hold, trip_count);
                 *x = if position_before.is_finite() {
                     position_before
                 } else {
@@ -188,17 +178,13 @@ impl Pipeline {
                 continue;
             }
             let velocities = [axis.velocity, axis.last_velocity];
-            if let Some(trip_cause) =
-                axis.travel
-                    .fault(*x, position_before, velocities, reply_interval)
-            {
+            if let Some(trip_cause) = axis.travel.fault(*x, position_before, velocities, reply_interval) {
                 let trip_count = &mut self.counts.trips_position;
                 axis.trip.start(trip_cause, self.limits.hold, trip_count);
             }
             axis.position = Some(*x);
             axis.last_velocity = (*x - position_before) / reply_interval;
-            axis.velocity +=
-                ((*x - position_before) / reply_interval - axis.velocity) * mean_weight;
+            axis.velocity += ((*x - position_before) / reply_interval - axis.velocity) * mean_weight;
         }
         self.passivity.receive(&positions[..self.n], reply_interval);
     }

@@ -140,24 +140,14 @@ impl Plausibility {
             Mode::Off { .. } => 0.0,
             Mode::Doubting(_) => self.confirmation.with_pulses(0.0),
             Mode::Probing(Probe {
-                offset,
-                replaces: true,
-                ..
+                offset, replaces: true, ..
             }) => offset * self.fade,
             // The force that was sent is changed, because one that is asked for may be clamped and hide the probe.
-            Mode::Probing(probe) if probe.kind == Suspicion::Stop => {
-                (probe.force + probe.offset) / pass_share
-            }
-            Mode::Probing(Probe { offset, .. }) => {
-                (asked.clamp(-self.force, self.force) + offset) * self.fade
-            }
+            Mode::Probing(probe) if probe.kind == Suspicion::Stop => (probe.force + probe.offset) / pass_share,
+            Mode::Probing(Probe { offset, .. }) => (asked.clamp(-self.force, self.force) + offset) * self.fade,
             Mode::Watching => {
                 let force = self.confirmation.with_pulses(asked);
-                if self.fade < 1.0 {
-                    force * self.fade
-                } else {
-                    force
-                }
+                if self.fade < 1.0 { force * self.fade } else { force }
             }
         };
         self.confirmation.note_force(force);
@@ -251,11 +241,7 @@ impl Plausibility {
                 let probe = *probe;
                 self.apply_answer(probe, probe_answer);
             }
-            Mode::Off {
-                why,
-                calm,
-                since_moved,
-            } => {
+            Mode::Off { why, calm, since_moved } => {
                 *since_moved = if self.signs.is_still() {
                     since_moved.saturating_add(1)
                 } else {
@@ -287,19 +273,12 @@ impl Plausibility {
         } else if self.may_probe
             && !self.confirmation.comes_first(self.signs.is_at_stop())
             && let Some((suspicion_kind, direction)) =
-                self.signs
-                    .suspicion(sent, self.confirmed, asks_questions, &self.built)
+                self.signs.suspicion(sent, self.confirmed, asks_questions, &self.built)
             && self.pauses[suspicion_kind as usize].0 <= 0
         {
             self.probes += 1;
             self.confirmation.interrupt();
-            self.mode = Mode::Probing(Probe::new(
-                suspicion_kind,
-                direction,
-                &self.signs,
-                sent,
-                &self.built,
-            ));
+            self.mode = Mode::Probing(Probe::new(suspicion_kind, direction, &self.signs, sent, &self.built));
         }
     }
 
@@ -310,9 +289,7 @@ impl Plausibility {
                 return self.doubt();
             }
             // A hand may leave the stop by chance: questions decide, where they are asked.
-            Answer::Wrong
-                if probe.kind == Suspicion::Stop && self.wrong > 0 && self.confirmation.asks =>
-            {
+            Answer::Wrong if probe.kind == Suspicion::Stop && self.wrong > 0 && self.confirmation.asks => {
                 return self.doubt();
             }
             Answer::Wrong => {
@@ -331,8 +308,7 @@ impl Plausibility {
             let pause_time = (first_pause * f64::from(1 << (*times_passed).min(8))).min(longest);
             // After a wrong answer there is no pause: the next suspicion is probed at once.
             if self.wrong == 0 {
-                (*pause_left, *times_passed) =
-                    ((pause_time / self.built.step) as i32, *times_passed + 1);
+                (*pause_left, *times_passed) = ((pause_time / self.built.step) as i32, *times_passed + 1);
             }
             self.signs.forget();
         }
@@ -368,8 +344,7 @@ impl PlausibilityChecks {
             energy: 0.0,
             power: 0.0,
         };
-        let checks_of =
-            |axis| Plausibility::new(built.get(axis).copied().unwrap_or(nothing), period);
+        let checks_of = |axis| Plausibility::new(built.get(axis).copied().unwrap_or(nothing), period);
         Self {
             axes: std::array::from_fn(checks_of),
             n: built.len().min(MAX_AXES),

@@ -70,10 +70,7 @@ mod tests {
             state_matrix[(2 + i, if i == 0 { 0 } else { 1 + i })] = 1.0;
         }
         let eigenvalues = state_matrix.complex_eigenvalues();
-        eigenvalues
-            .iter()
-            .map(|root| root.norm())
-            .fold(0.0, f64::max)
+        eigenvalues.iter().map(|root| root.norm()).fold(0.0, f64::max)
     }
 
     /// Greatest k whose loop is stable, by bisection.
@@ -102,20 +99,10 @@ mod tests {
             (0.3, 1e4, 1, 2074.0),
             (1.0, 44_100.0, 1, 30_078.0),
         ] {
-            let (formula, simulated) = (
-                limit(b, 1.0 / rate, delay),
-                numerically(b, 1.0 / rate, delay as usize),
-            );
-            let case_text =
-                format!("b {b}, {rate} Hz, delay {delay}: said {formula}, found {simulated}");
-            assert!(
-                formula <= simulated && formula > 0.88 * simulated,
-                "{case_text}"
-            );
-            assert!(
-                (simulated / known - 1.0).abs() < 0.1,
-                "{case_text}, known {known}"
-            );
+            let (formula, simulated) = (limit(b, 1.0 / rate, delay), numerically(b, 1.0 / rate, delay as usize));
+            let case_text = format!("b {b}, {rate} Hz, delay {delay}: said {formula}, found {simulated}");
+            assert!(formula <= simulated && formula > 0.88 * simulated, "{case_text}");
+            assert!((simulated / known - 1.0).abs() < 0.1, "{case_text}, known {known}");
             // At the limit the spring takes as much energy from the key as the delay gives: b = kT(½ + d).
             let delay_damping = formula / rate * (0.5 + f64::from(delay));
             assert!((delay_damping / b - 1.0).abs() < 1e-3, "{case_text}");
@@ -148,10 +135,7 @@ mod tests {
             ] {
                 let scaled_border = k * FrequencyResponse::new(&[k]).gain_margin(key, 0.0, 0.0);
                 let case_text = format!("{damping} {delay} {k}: {scaled_border} {stable_border}");
-                assert!(
-                    (scaled_border / stable_border - 1.0).abs() < 0.05,
-                    "{case_text}"
-                );
+                assert!((scaled_border / stable_border - 1.0).abs() < 0.05, "{case_text}");
                 assert_eq!(
                     safe_scale(scaled_border / k),
                     (RESERVE * (scaled_border / k)).min(1.0),

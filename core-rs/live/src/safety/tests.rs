@@ -88,10 +88,7 @@ fn open() -> Limits {
 }
 
 /// The forces sent for each tick's asked force and position; `None`: the device does not reply.
-fn play(
-    guarded: &mut Guarded<&mut Bench>,
-    ticks: impl IntoIterator<Item = (f64, Option<f64>)>,
-) -> Vec<f64> {
+fn play(guarded: &mut Guarded<&mut Bench>, ticks: impl IntoIterator<Item = (f64, Option<f64>)>) -> Vec<f64> {
     let mut device_sample = Sample::default();
     let mut sent_forces = Vec::new();
     for (asked, place) in ticks {
@@ -114,9 +111,7 @@ fn safe_forces_are_sent_bitwise() {
         ..Limits::from_spec(&bench.spec)
     };
     let mut guarded = Guarded::new(&mut bench, limits, PERIOD);
-    let asked_forces: Vec<f64> = (0..3000)
-        .map(|i| 0.7 * libm::sin(0.01 * f64::from(i)))
-        .collect();
+    let asked_forces: Vec<f64> = (0..3000).map(|i| 0.7 * libm::sin(0.01 * f64::from(i))).collect();
     let asked_ticks = asked_forces.iter().map(|&asked| (asked, Some(0.0)));
     assert_eq!(play(&mut guarded, asked_ticks), asked_forces);
     let guarded_counts = *guarded.counts();
@@ -144,10 +139,7 @@ fn non_finite_force_trips() {
     assert!(sent_forces[100..200].iter().all(|&force| force == 0.0));
     assert_eq!(sent_forces[205..], [0.5; 95]);
     let guarded_counts = guarded.counts();
-    assert_eq!(
-        (guarded_counts.not_finite, guarded_counts.trips_not_finite),
-        (2, 1)
-    );
+    assert_eq!((guarded_counts.not_finite, guarded_counts.trips_not_finite), (2, 1));
     assert!(
         (100..=102).contains(&guarded_counts.tripped),
         "{}",
@@ -158,15 +150,9 @@ fn non_finite_force_trips() {
 #[test]
 fn force_is_limited_by_player_and_device() {
     let mut bench = Bench::new();
-    let sent_forces = play(
-        &mut Guarded::new(&mut bench, open(), PERIOD),
-        still(-9.0, 1),
-    );
+    let sent_forces = play(&mut Guarded::new(&mut bench, open(), PERIOD), still(-9.0, 1));
     assert_eq!(sent_forces, [-2.0]);
-    let gentle_limits = Limits {
-        force: 0.25,
-        ..open()
-    };
+    let gentle_limits = Limits { force: 0.25, ..open() };
     let mut guarded = Guarded::new(&mut bench, gentle_limits, PERIOD);
     assert_eq!(play(&mut guarded, still(9.0, 2)), [0.25, 0.25]);
     assert_eq!(guarded.counts().clamped, 2);
@@ -175,10 +161,7 @@ fn force_is_limited_by_player_and_device() {
 #[test]
 fn hot_motor_force_falls_to_the_continuous_limit() {
     let mut bench = Bench::new();
-    let limits = Limits {
-        heat: 0.1,
-        ..open()
-    };
+    let limits = Limits { heat: 0.1, ..open() };
     let mut guarded = Guarded::new(&mut bench, limits, PERIOD);
     let sent_forces = play(&mut guarded, still(2.0, 2000));
     assert_eq!(sent_forces[0], 2.0);
@@ -193,17 +176,11 @@ fn hot_motor_force_falls_to_the_continuous_limit() {
 #[test]
 fn force_rises_within_the_slew_limit() {
     let mut bench = Bench::new();
-    let limits = Limits {
-        slew: 0.1,
-        ..open()
-    };
+    let limits = Limits { slew: 0.1, ..open() };
     let mut guarded = Guarded::new(&mut bench, limits, PERIOD);
     let sent_forces = play(&mut guarded, still(1.0, 12));
     for (i, force) in sent_forces[..10].iter().enumerate() {
-        assert!(
-            (force - 0.1 * (i + 1) as f64).abs() < 1e-12,
-            "{sent_forces:?}"
-        );
+        assert!((force - 0.1 * (i + 1) as f64).abs() < 1e-12, "{sent_forces:?}");
     }
     assert_eq!(sent_forces[10..], [1.0, 1.0]);
     assert!((9..=10).contains(&guarded.counts().slewed));
@@ -212,10 +189,7 @@ fn force_rises_within_the_slew_limit() {
 #[test]
 fn force_ramps_up_over_two_seconds() {
     let mut bench = Bench::new();
-    let limits = Limits {
-        ramp: 2.0,
-        ..open()
-    };
+    let limits = Limits { ramp: 2.0, ..open() };
     let mut guarded = Guarded::new(&mut bench, limits, PERIOD);
     let sent_forces = play(&mut guarded, still(1.0, 2500));
     for position in [0, 499, 999, 1500] {
@@ -268,18 +242,10 @@ fn positions_outside_the_travel_and_jumps_stay_off() {
         let sent_forces = play(&mut guarded, (0..100).map(|i| (0.5, Some(positions(i)))));
         // 10 % of the travel beyond its end; the next force is zero.
         let last_forced = sent_forces.iter().rposition(|&force| force != 0.0).unwrap();
-        assert_eq!(
-            last_forced,
-            if why == Trip::Jump { 19 } else { 60 },
-            "{why:?}"
-        );
+        assert_eq!(last_forced, if why == Trip::Jump { 19 } else { 60 }, "{why:?}");
         assert_eq!(guarded.tripped(0), Some(why));
         // It stays off for longer than any trip that ends by itself.
-        assert!(
-            play(&mut guarded, still(0.5, 5_000))
-                .iter()
-                .all(|&force| force == 0.0)
-        );
+        assert!(play(&mut guarded, still(0.5, 5_000)).iter().all(|&force| force == 0.0));
         guarded.release();
         assert_eq!(guarded.tripped(0), None);
         assert_eq!(play(&mut guarded, still(0.5, 1_000)).last(), Some(&0.5));
@@ -302,16 +268,11 @@ fn third_trip_within_a_minute_persists() {
                     Some(force) => drop(play(&mut guarded, still(force, 1))),
                     // To and fro by 1.5 m/s.
                     None => {
-                        let fast_path =
-                            (0..20).map(|i| 1.5e-3 * f64::from(10 - (10_i32 - i).abs()));
+                        let fast_path = (0..20).map(|i| 1.5e-3 * f64::from(10 - (10_i32 - i).abs()));
                         play(&mut guarded, fast_path.map(|x| (0.5, Some(x))));
                     }
                 }
-                let trip_cause = if asked.is_some() {
-                    Trip::NotFinite
-                } else {
-                    Trip::Speed
-                };
+                let trip_cause = if asked.is_some() { Trip::NotFinite } else { Trip::Speed };
                 assert_eq!(guarded.tripped(0), Some(trip_cause), "trip {trip}");
                 let sent_forces = play(&mut guarded, still(0.5, pause));
                 let is_off = sent_forces.last() == Some(&0.0);
@@ -328,29 +289,19 @@ fn third_trip_within_a_minute_persists() {
 fn persistent_trip_survives_a_reconnection() {
     let mut first_bench = Bench::new();
     let mut lost_guarded = Guarded::new(&mut first_bench, open(), PERIOD);
-    play(
-        &mut lost_guarded,
-        (0..100).map(|i| (0.5, Some(1e-2 * f64::from(i)))),
-    );
+    play(&mut lost_guarded, (0..100).map(|i| (0.5, Some(1e-2 * f64::from(i)))));
     assert!(lost_guarded.tripped(0).is_some());
     let mut second_bench = Bench::new();
     let mut guarded = Guarded::new(&mut second_bench, open(), PERIOD);
     guarded.recall(&lost_guarded.memory());
-    assert!(
-        play(&mut guarded, still(0.5, 1_000))
-            .iter()
-            .all(|&force| force == 0.0)
-    );
+    assert!(play(&mut guarded, still(0.5, 1_000)).iter().all(|&force| force == 0.0));
     assert_eq!(guarded.tripped(0), lost_guarded.tripped(0));
 }
 
 #[test]
 fn force_is_zero_without_positions_and_fades_in() {
     let mut bench = Bench::new();
-    let limits = Limits {
-        fade: 0.1,
-        ..open()
-    };
+    let limits = Limits { fade: 0.1, ..open() };
     let mut guarded = Guarded::new(&mut bench, limits, PERIOD);
     // No position in the first 5 ticks, and for 50 ticks in the middle.
     let asked_ticks = (0..500).map(|i| {
@@ -359,10 +310,7 @@ fn force_is_zero_without_positions_and_fades_in() {
     });
     let sent_forces = play(&mut guarded, asked_ticks);
     assert_eq!(sent_forces[..5], [0.0; 5], "no position yet");
-    assert!(
-        sent_forces[6] > 0.0 && sent_forces[6] < sent_forces[50],
-        "fades in"
-    );
+    assert!(sent_forces[6] > 0.0 && sent_forces[6] < sent_forces[50], "fades in");
     assert_eq!(sent_forces[215], 1.0, "20 ms are no matter");
     assert!(sent_forces[221..250].iter().all(|&force| force == 0.0));
     assert!(
@@ -422,10 +370,7 @@ fn scale_of_a_stiff_coupling_halves_its_force() {
 #[test]
 fn stop_by_the_player_ends_force() {
     let mut bench = Bench::new();
-    let limits = Limits {
-        ramp: 0.1,
-        ..open()
-    };
+    let limits = Limits { ramp: 0.1, ..open() };
     let mut guarded = Guarded::new(&mut bench, limits, PERIOD);
     assert_eq!(play(&mut guarded, still(1.0, 200))[150], 1.0);
     guarded.stop(true);
@@ -457,10 +402,7 @@ fn with_gains_never_increases_a_force() {
     let unit_force = SafeForce::new([1.0; MAX_AXES], 3);
     let mut axis_gains = [1.0; MAX_AXES];
     (axis_gains[0], axis_gains[1], axis_gains[2]) = (-1.0, 5.0, f64::NAN);
-    assert_eq!(
-        unit_force.with_gains(&axis_gains).newtons(),
-        [-1.0, 1.0, 0.0]
-    );
+    assert_eq!(unit_force.with_gains(&axis_gains).newtons(), [-1.0, 1.0, 0.0]);
 }
 
 proptest! {

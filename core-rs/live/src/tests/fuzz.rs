@@ -70,8 +70,7 @@ fn recording_bytes(dice: &mut Dice) {
         let mut position = 12;
         while let Some(chunk_head) = file_bytes.get(position..position + 9) {
             let payload_length =
-                u32::from_le_bytes([chunk_head[0], chunk_head[1], chunk_head[2], chunk_head[3]])
-                    as usize;
+                u32::from_le_bytes([chunk_head[0], chunk_head[1], chunk_head[2], chunk_head[3]]) as usize;
             let Some(chunk_end) = (position + 9)
                 .checked_add(payload_length)
                 .filter(|&chunk_end| chunk_end <= file_bytes.len())
@@ -165,9 +164,9 @@ fn audio_spec(dice: &mut Dice) {
 
 fn law_text(dice: &mut Dice) {
     const WORDS: [&str; 38] = [
-        "d", "v", "k", "q", "+", "-", "*", "/", "**", "(", ")", ",", "max", "min", "abs", "sqrt",
-        "sign", "exp", "tanh", "where", "clip", "<", ">=", "==", "1e308", "0", "-1", "1e-308",
-        "2.5", " ", ".", "e", "\u{e9}", "[", "\"", "if", "^", "3N/m",
+        "d", "v", "k", "q", "+", "-", "*", "/", "**", "(", ")", ",", "max", "min", "abs", "sqrt", "sign", "exp",
+        "tanh", "where", "clip", "<", ">=", "==", "1e308", "0", "-1", "1e-308", "2.5", " ", ".", "e", "\u{e9}", "[",
+        "\"", "if", "^", "3N/m",
     ];
     let law_lines = [
         "k*d + q*d**3",
@@ -175,10 +174,7 @@ fn law_text(dice: &mut Dice) {
         "f*v*exp(-(v/w)**2)",
         "-f/(1 + (d/w)**2)",
     ];
-    let (elastic, damping) = (
-        text(dice, &law_lines, &WORDS),
-        text(dice, &law_lines, &WORDS),
-    );
+    let (elastic, damping) = (text(dice, &law_lines, &WORDS), text(dice, &law_lines, &WORDS));
     let edge_numbers = [
         0.0,
         -0.0,
@@ -193,12 +189,7 @@ fn law_text(dice: &mut Dice) {
     ];
     let constants: Constants = ["k", "q", "f", "w"]
         .into_iter()
-        .map(|name| {
-            (
-                name.to_owned(),
-                edge_numbers[dice.below(edge_numbers.len())],
-            )
-        })
+        .map(|name| (name.to_owned(), edge_numbers[dice.below(edge_numbers.len())]))
         .collect();
     let force_points: Vec<(f64, f64)> = (0..dice.below(5))
         .map(|_| {
@@ -246,25 +237,13 @@ fn law_text(dice: &mut Dice) {
 }
 
 fn take_numbers(dice: &mut Dice) {
-    let edge_numbers = [
-        0.0,
-        1.0,
-        -1.0,
-        1e-9,
-        1e9,
-        1e308,
-        5e-324,
-        f64::INFINITY,
-        f64::NAN,
-    ];
+    let edge_numbers = [0.0, 1.0, -1.0, 1e-9, 1e9, 1e308, 5e-324, f64::INFINITY, f64::NAN];
     let draw_number = |dice: &mut Dice, usual: f64| match dice.below(12) {
         0 => edge_numbers[dice.below(edge_numbers.len())],
         _ => usual,
     };
     let sample_count = dice.below(12);
-    let sample_times: Vec<f64> = (0..sample_count)
-        .map(|i| draw_number(dice, i as f64 * 1e-3))
-        .collect();
+    let sample_times: Vec<f64> = (0..sample_count).map(|i| draw_number(dice, i as f64 * 1e-3)).collect();
     let sample_positions: Vec<f64> = (0..sample_count.saturating_sub(dice.below(8) / 7))
         .map(|i| draw_number(dice, i as f64 * 1e-4))
         .collect();
@@ -304,10 +283,7 @@ fn fuzzed(count: u64) {
     let asked_target = std::env::var("FUZZ_TARGET").ok();
     let mut failed_cases = Vec::new();
     for &(name, target) in TARGETS {
-        if asked_target
-            .as_deref()
-            .is_some_and(|asked_target| asked_target != name)
-        {
+        if asked_target.as_deref().is_some_and(|asked_target| asked_target != name) {
             continue;
         }
         let target_began = Instant::now();
@@ -320,10 +296,7 @@ fn fuzzed(count: u64) {
             }
         }
         let seconds = target_began.elapsed().as_secs_f64();
-        eprintln!(
-            "{name}: {count} cases, {:.0} a second",
-            count as f64 / seconds
-        );
+        eprintln!("{name}: {count} cases, {:.0} a second", count as f64 / seconds);
     }
     assert!(failed_cases.is_empty(), "{failed_cases:#?}");
 }

@@ -57,12 +57,7 @@ pub fn parse_command(text: &str, id: &str) -> Option<[f64; 3]> {
     let device = devices
         .iter()
         .find(|device| device.get("device_id").and_then(Value::as_str) == Some(id))?;
-    vector(
-        device
-            .get("commands")?
-            .get("set_cursor_force")?
-            .get("vector")?,
-    )
+    vector(device.get("commands")?.get("set_cursor_force")?.get("vector")?)
 }
 
 fn parse_json(text: &str) -> Option<Value> {

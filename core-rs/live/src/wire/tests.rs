@@ -39,14 +39,8 @@ fn firefader_inbox_finds_the_next_packet() {
     let mut inbox = Inbox::<64>::new();
     let mut seen_replies = Vec::new();
     // The end of a packet, a packet that is cut by the next one, and a packet in two pieces.
-    for bytes in [
-        &[3, 4, 0xFF, 9, 9, 0xFF, 130, 1][..],
-        &[2, 3, 4, 5],
-        &[0xFF, 7],
-    ] {
-        inbox.feed(bytes, firefader::parse_reply, |reply| {
-            seen_replies.push(reply)
-        });
+    for bytes in [&[3, 4, 0xFF, 9, 9, 0xFF, 130, 1][..], &[2, 3, 4, 5], &[0xFF, 7]] {
+        inbox.feed(bytes, firefader::parse_reply, |reply| seen_replies.push(reply));
     }
     assert_eq!(seen_replies.len(), 1);
     assert_eq!(seen_replies[0].position, [130, 1]);
@@ -105,8 +99,7 @@ fn frame_reply_positions_in_tens_of_nanometres() {
     sent_reply.position[0] = -0.001;
     let frame_length = sent_reply.write(&mut frame_buffer);
     assert_eq!(frame_buffer[9..13], (-100_000_i32).to_le_bytes());
-    let Parsed::Packet(parsed_reply, complete) = frame::Reply::parse(&frame_buffer[..frame_length])
-    else {
+    let Parsed::Packet(parsed_reply, complete) = frame::Reply::parse(&frame_buffer[..frame_length]) else {
         panic!("{frame_buffer:?}");
     };
     assert_eq!(complete, frame_length);
@@ -128,14 +121,8 @@ fn haply_messages_of_the_service() {
         command,
         r#"{"inverse3":[{"commands":{"set_cursor_force":{"execute":true,"vector":{"x":0.5,"y":0.0,"z":-1.0}}},"device_id":"A14"}]}"#
     );
-    assert_eq!(
-        haply::parse_command(&command, "A14"),
-        Some([0.5, 0.0, -1.0])
-    );
-    assert!(
-        !device_state.lockstep,
-        "no real service has the host's time"
-    );
+    assert_eq!(haply::parse_command(&command, "A14"), Some([0.5, 0.0, -1.0]));
+    assert!(!device_state.lockstep, "no real service has the host's time");
     for lockstep in [false, true] {
         let state_message = haply::state("A14", [0.1, 0.2, 0.3], [0.0; 3], lockstep);
         let listened = haply::parse_state(&state_message, Some("A14")).unwrap();

@@ -19,12 +19,7 @@ pub(crate) struct Emulator {
     thread: JoinHandle<Outcome>,
 }
 
-pub(crate) fn options(
-    protocol: Protocol,
-    transport: Transport,
-    axes: usize,
-    hands: Vec<Hand>,
-) -> Options {
+pub(crate) fn options(protocol: Protocol, transport: Transport, axes: usize, hands: Vec<Hand>) -> Options {
     let key = Key::default();
     Options {
         network: None,
@@ -54,12 +49,7 @@ pub(crate) fn options(
 
 /// Let this program also act as the guardian of a Haply.
 pub(crate) fn can_guard() {
-    let arguments = [
-        "--exact",
-        "emulator::guardian_process",
-        "--ignored",
-        "--nocapture",
-    ];
+    let arguments = ["--exact", "emulator::guardian_process", "--ignored", "--nocapture"];
     guardian::start_with(guardian::Program {
         path: std::env::current_exe().unwrap(),
         arguments: arguments.map(Into::into).into(),

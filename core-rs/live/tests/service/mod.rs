@@ -111,12 +111,7 @@ impl Drop for Service {
 }
 
 /// Serve one host until it leaves.
-fn serve(
-    stream: std::net::TcpStream,
-    tell: &Sender<ServiceEvent>,
-    reply: &AtomicU8,
-    over: &AtomicBool,
-) {
+fn serve(stream: std::net::TcpStream, tell: &Sender<ServiceEvent>, reply: &AtomicU8, over: &AtomicBool) {
     stream.set_nonblocking(false).unwrap();
     stream.set_nodelay(true).unwrap();
     let Ok(mut socket) = tungstenite::accept(stream) else {

@@ -25,23 +25,17 @@ impl Recorder {
         let (track_count, frame_period) = (self.look.n_tracks(), 1.0 / self.rate);
         let mut flights: Vec<(f64, usize, Flight)> = Vec::new();
         for track in &self.tracks {
-            let actual_phase = (track.oscillation).phase(
-                seen[track.number],
-                seen[track_count + track.number],
-                frame_period,
-            );
+            let actual_phase =
+                (track.oscillation).phase(seen[track.number], seen[track_count + track.number], frame_period);
             let flight = &self.flights[track.number];
-            let predicted = track
-                .oscillation
-                .later((flight.a, flight.b), now - flight.since);
+            let predicted = track.oscillation.later((flight.a, flight.b), now - flight.since);
             let velocity_scale = if track.oscillation.omega == 0.0 {
                 1.0 / self.setup.fps
             } else {
                 1.0
             };
             let amplitude_of = |(a, b): (f64, f64)| amplitude(a, b * velocity_scale);
-            let difference =
-                amplitude_of((actual_phase.0 - predicted.0, actual_phase.1 - predicted.1));
+            let difference = amplitude_of((actual_phase.0 - predicted.0, actual_phase.1 - predicted.1));
             let largest = amplitude_of(actual_phase).max(amplitude_of(predicted));
             let run_peak = &mut self.peaks[track.run];
             if track.number < self.look.points.len() {
@@ -56,12 +50,10 @@ impl Recorder {
             }
             // A strike at the instant of a look acts after it.
             let strike_times = &self.strike_times[track.struck];
-            let last_strike =
-                strike_times[..strike_times.partition_point(|time| *time < now)].last();
+            let last_strike = strike_times[..strike_times.partition_point(|time| *time < now)].last();
             let since = match last_strike {
                 Some(&last_strike)
-                    if last_strike >= self.last
-                        && track.oscillation.sigma * (now - last_strike) < MAX_DECAY =>
+                    if last_strike >= self.last && track.oscillation.sigma * (now - last_strike) < MAX_DECAY =>
                 {
                     last_strike
                 }
@@ -92,16 +84,8 @@ impl Recorder {
                 continue;
             };
             let mode_positions = &seen[point_count + body.first..][..body.modes.len()];
-            for (row, &point) in body
-                .shapes
-                .chunks(mode_positions.len().max(1))
-                .zip(&body.points)
-            {
-                self.shaped[point] = row
-                    .iter()
-                    .zip(mode_positions)
-                    .map(|(share, q)| share * q)
-                    .sum();
+            for (row, &point) in body.shapes.chunks(mode_positions.len().max(1)).zip(&body.points) {
+                self.shaped[point] = row.iter().zip(mode_positions).map(|(share, q)| share * q).sum();
                 *peak = peak.max(self.shaped[point].abs());
             }
         }

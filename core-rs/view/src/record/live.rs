@@ -53,10 +53,6 @@ impl Recorder {
                 put(&mut latest, kind::FRAMES, look_time, &live_frames.plain());
             }
         }
-        LiveChunks {
-            is_key,
-            events,
-            latest,
-        }
+        LiveChunks { is_key, events, latest }
     }
 }

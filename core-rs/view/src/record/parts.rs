@@ -35,9 +35,7 @@ pub fn runs(look: &Look) -> Vec<Run> {
             How::NotComputed { is_moved: false } => ("none", Some("unmoved"), None),
         };
         match all_runs.last_mut() {
-            Some(run)
-                if (run.part, run.kind, run.why, run.body) == (point.part, kind, why, body) =>
-            {
+            Some(run) if (run.part, run.kind, run.why, run.body) == (point.part, kind, why, body) => {
                 run.points.end = index + 1;
             }
             _ => all_runs.push(Run {
@@ -77,9 +75,7 @@ pub(super) fn tracks(look: &Look, runs: &[Run]) -> Vec<Track> {
         }
         if let Some(body_index) = run_tracks.body {
             let body_modes = look.bodies[body_index].modes.iter();
-            for (number, run_tracks) in
-                (look.points.len() + look.bodies[body_index].first..).zip(body_modes)
-            {
+            for (number, run_tracks) in (look.points.len() + look.bodies[body_index].first..).zip(body_modes) {
                 let struck = look.points.len() + body_index;
                 all_tracks.push(Track {
                     number,
@@ -110,11 +106,7 @@ pub(super) fn strike_times(
         let struck_point = &look.points[point_index];
         let is_discrete = network.parts()[struck_point.part].ca_rate.is_some();
         let strike_frame = ergon_engine::maths::floor(ergon.time * rate + 0.5);
-        let instant = if is_discrete {
-            strike_frame / rate
-        } else {
-            ergon.time
-        };
+        let instant = if is_discrete { strike_frame / rate } else { ergon.time };
         match struck_point.how {
             How::Free(_) => all_times[point_index].push(instant),
             How::Modal(body) => all_times[point_count + body].push(instant),

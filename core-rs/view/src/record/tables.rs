@@ -10,18 +10,11 @@ use crate::motion::PAYLOAD_MAX;
 use crate::payload::{Bytes, kind, put, to_half};
 
 /// Appends the manifest and the tables to `out`.
-pub(super) fn put_all(
-    out: &mut Vec<u8>,
-    network: &Network,
-    (look, setup): (&Look, &Setup),
-    runs: &[Run],
-) {
+pub(super) fn put_all(out: &mut Vec<u8>, network: &Network, (look, setup): (&Look, &Setup), runs: &[Run]) {
     put(out, kind::MANIFEST, 0.0, setup.manifest.as_bytes());
     put(out, kind::POINTS, 0.0, &points(look, setup).0);
     let name_lines = look.points.iter();
-    let name_lines: String = name_lines
-        .map(|point| network.mat_name(point.mat) + "\n")
-        .collect();
+    let name_lines: String = name_lines.map(|point| network.mat_name(point.mat) + "\n").collect();
     put(out, kind::NAMES, 0.0, name_lines.as_bytes());
     put(out, kind::LINKS, 0.0, &links(look, network).0);
     for (part, run) in runs.iter().enumerate() {
@@ -32,22 +25,14 @@ pub(super) fn put_all(
 fn points(look: &Look, setup: &Setup) -> Bytes {
     let oscillation_of = |point: &Point| match point.how {
         How::Free(own) => own,
-        _ => Oscillation {
-            omega: 0.0,
-            sigma: 0.0,
-        },
+        _ => Oscillation { omega: 0.0, sigma: 0.0 },
     };
     let (mut table_bytes, look_points) = (Bytes::default(), &look.points);
     table_bytes.u32(look_points.len() as u32);
     for axis in 0..3 {
-        setup
-            .places
-            .iter()
-            .for_each(|place| table_bytes.f32(place[axis]));
+        setup.places.iter().for_each(|place| table_bytes.f32(place[axis]));
     }
-    look_points
-        .iter()
-        .for_each(|point| table_bytes.f32(point.rest));
+    look_points.iter().for_each(|point| table_bytes.f32(point.rest));
     look_points
         .iter()
         .for_each(|point| table_bytes.f64(oscillation_of(point).omega));
@@ -96,9 +81,7 @@ pub(super) fn breakable(look: &Look, network: &Network) -> Vec<Option<u32>> {
         first_pairs.entry(link).or_insert(number);
     }
     let link_numbers = look.breakable.iter();
-    link_numbers
-        .map(|link| first_pairs.get(link).copied())
-        .collect()
+    link_numbers.map(|link| first_pairs.get(link).copied()).collect()
 }
 
 /// The shapes of a body's modes, as many in one chunk as it can hold.
@@ -107,22 +90,15 @@ fn shapes(out: &mut Vec<u8>, look: &Look, part: usize, run: &Run) {
         return;
     };
     let (point_count, mode_count) = (body.points.len(), body.modes.len());
-    for some in chunks(
-        mode_count,
-        (PAYLOAD_MAX / 4) / (2 * point_count.max(1)).max(1),
-    ) {
+    for some in chunks(mode_count, (PAYLOAD_MAX / 4) / (2 * point_count.max(1)).max(1)) {
         let (mut table_bytes, chunk_modes) = (Bytes::default(), &body.modes[some.clone()]);
         table_bytes.u16(part as u16);
         table_bytes.u16(0);
         table_bytes.u32((body.first + some.start) as u32);
         table_bytes.u32(some.len() as u32);
         table_bytes.u32(point_count as u32);
-        chunk_modes
-            .iter()
-            .for_each(|own| table_bytes.f64(own.omega));
-        chunk_modes
-            .iter()
-            .for_each(|own| table_bytes.f64(own.sigma));
+        chunk_modes.iter().for_each(|own| table_bytes.f64(own.omega));
+        chunk_modes.iter().for_each(|own| table_bytes.f64(own.sigma));
         for shape_row in body.shapes.chunks(mode_count.max(1)) {
             let shape_row = shape_row[some.clone()].iter();
             shape_row.for_each(|share| table_bytes.u16(to_half(*share)));

@@ -44,11 +44,7 @@ impl fmt::Debug for Key {
 ///
 /// A name in another's domain may resolve to this machine (DNS rebinding): therefore a host must be an address, or
 /// `localhost`. A page of another origin may send any request, but the browser then sends its origin.
-pub(super) fn check<'a>(
-    request: &'a Request,
-    key: &Key,
-    address: SocketAddr,
-) -> Result<&'a str, Status> {
+pub(super) fn check<'a>(request: &'a Request, key: &Key, address: SocketAddr) -> Result<&'a str, Status> {
     let request_host = request.host.as_deref().ok_or(Status::Malformed)?;
     if !is_ours(request_host, address) {
         return Err(Status::WrongHost);
@@ -70,9 +66,7 @@ pub(super) fn check<'a>(
 /// Whether a `Host` is this machine: on loopback, a loopback address or `localhost`; otherwise, any address.
 fn is_ours(host: &str, address: SocketAddr) -> bool {
     let (host_name, host_port) = match host.rsplit_once(':') {
-        Some((host_name, host_port)) if !host_port.ends_with(']') => {
-            (host_name, host_port.parse().ok())
-        }
+        Some((host_name, host_port)) if !host_port.ends_with(']') => (host_name, host_port.parse().ok()),
         _ => (host, Some(80)),
     };
     if host_port != Some(address.port()) {
@@ -81,9 +75,7 @@ fn is_ours(host: &str, address: SocketAddr) -> bool {
     if host_name.eq_ignore_ascii_case("localhost") {
         return true;
     }
-    let bare_address = host_name
-        .strip_prefix('[')
-        .and_then(|n| n.strip_suffix(']'));
+    let bare_address = host_name.strip_prefix('[').and_then(|n| n.strip_suffix(']'));
     let host_ip: Option<IpAddr> = bare_address.unwrap_or(host_name).parse().ok();
     host_ip.is_some_and(|host_ip| !address.ip().is_loopback() || host_ip.is_loopback())
 }

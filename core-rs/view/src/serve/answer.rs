@@ -47,11 +47,7 @@ const HEADERS: &str = "Content-Security-Policy: default-src 'self'; media-src 's
 
 pub(super) fn refuse(out: &mut impl Write, status: Status) -> io::Result<()> {
     let status_line = status.line();
-    let allow_header = if status == Status::NotGet {
-        "Allow: GET\r\n"
-    } else {
-        ""
-    };
+    let allow_header = if status == Status::NotGet { "Allow: GET\r\n" } else { "" };
     let response_head = format!(
         "HTTP/1.1 {status_line}\r\n{HEADERS}{allow_header}Content-Type: text/plain\r\nContent-Length: {}\r\n\r\n{status_line}\n",
         status_line.len() + 1
@@ -66,18 +62,14 @@ pub(super) fn no_content(out: &mut impl Write) -> io::Result<()> {
 
 pub(super) fn send_bytes(out: &mut impl Write, kind: &str, body: &[u8]) -> io::Result<()> {
     let body_length = body.len();
-    let response_head = format!(
-        "HTTP/1.1 200 OK\r\n{HEADERS}Content-Type: {kind}\r\nContent-Length: {body_length}\r\n\r\n"
-    );
+    let response_head =
+        format!("HTTP/1.1 200 OK\r\n{HEADERS}Content-Type: {kind}\r\nContent-Length: {body_length}\r\n\r\n");
     out.write_all(response_head.as_bytes())?;
     out.write_all(body)
 }
 
 /// The part of a file of `length` bytes that is read: first byte and number of bytes; an error if the range is outside.
-pub(super) fn byte_range(
-    range: Option<(u64, Option<u64>)>,
-    length: u64,
-) -> Result<(u64, u64), Status> {
+pub(super) fn byte_range(range: Option<(u64, Option<u64>)>, length: u64) -> Result<(u64, u64), Status> {
     let Some((first_byte, last_byte)) = range else {
         return Ok((0, length));
     };

@@ -14,11 +14,7 @@ const FILES: &[(&str, &str)] = page!(
 
 /// A file of the page: its media type and its text. The empty name is `index.html`.
 pub(super) fn find(file_name: &str) -> Option<(&'static str, &'static str)> {
-    let file_name = if file_name.is_empty() {
-        "index.html"
-    } else {
-        file_name
-    };
+    let file_name = if file_name.is_empty() { "index.html" } else { file_name };
     let &(file_name, file_text) = FILES.iter().find(|(known, _)| *known == file_name)?;
     let media_type = match file_name.rsplit_once('.')?.1 {
         "html" => "text/html; charset=utf-8",
@@ -41,13 +37,7 @@ mod tests {
         let page_folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("page");
         let folder_files = std::fs::read_dir(page_folder).expect("the folder");
         let folder_files: BTreeSet<_> = folder_files
-            .map(|entry| {
-                entry
-                    .expect("an entry")
-                    .file_name()
-                    .into_string()
-                    .expect("a name")
-            })
+            .map(|entry| entry.expect("an entry").file_name().into_string().expect("a name"))
             .collect();
         let served_files = FILES.iter().map(|(name, _)| (*name).to_owned()).collect();
         assert_eq!(folder_files, served_files);

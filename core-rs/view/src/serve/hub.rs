@@ -128,9 +128,7 @@ impl Hub {
     /// Waits for the next item of a viewer.
     pub fn take(&self, cursor: &mut Cursor, within: Duration) -> Next {
         let must_wait = |inner: &mut Inner| {
-            !inner.closed
-                && inner.first + inner.held.len() as u64 == cursor.next
-                && cursor.greeted == inner.greetings
+            !inner.closed && inner.first + inner.held.len() as u64 == cursor.next && cursor.greeted == inner.greetings
         };
         let (inner, _) = self
             .changed
@@ -255,10 +253,7 @@ mod tests {
         hub.greet(b"one");
         hub.publish(b"key of one", Keep::Key);
         let (mut prompt_cursor, mut slow_cursor) = (hub.join(), hub.join());
-        assert_eq!(
-            all(&hub, &mut prompt_cursor),
-            ["one", "key of one"].map(message)
-        );
+        assert_eq!(all(&hub, &mut prompt_cursor), ["one", "key of one"].map(message));
         hub.publish(b"event of one", Keep::All);
         hub.greet(b"two");
         assert_eq!(hub.bytes(), 0);

@@ -66,10 +66,7 @@ pub(super) fn parse(bytes: &[u8]) -> Option<Played> {
         _ => return None,
     };
     let position_count = usize::from(u16::from_le_bytes([head_bytes[2], head_bytes[3]]));
-    if position_count == 0
-        || position_count > POSITIONS_MAX
-        || row_bytes.len() != position_count * POSITION_BYTES
-    {
+    if position_count == 0 || position_count > POSITIONS_MAX || row_bytes.len() != position_count * POSITION_BYTES {
         return None;
     }
     let positions = row_bytes.chunks_exact(POSITION_BYTES).map(|row| {
@@ -78,11 +75,7 @@ pub(super) fn parse(bytes: &[u8]) -> Option<Played> {
             f64::from(f32::from_le_bytes(word_bytes))
         };
         let position_time = f64::from_le_bytes(row[..8].try_into().expect("eight bytes"));
-        (
-            position_time,
-            number_at(8),
-            (!is_lift).then(|| number_at(12)),
-        )
+        (position_time, number_at(8), (!is_lift).then(|| number_at(12)))
     });
     Some(Played {
         key: usize::from(head_bytes[0]),
@@ -108,12 +101,7 @@ pub(super) fn listed(keys: &[Arc<dyn PageKey>]) -> String {
 fn escaped(text: &str) -> String {
     text.chars()
         .filter(|c| !c.is_control())
-        .flat_map(|c| {
-            matches!(c, '"' | '\\')
-                .then_some('\\')
-                .into_iter()
-                .chain([c])
-        })
+        .flat_map(|c| matches!(c, '"' | '\\').then_some('\\').into_iter().chain([c]))
         .collect()
 }
 

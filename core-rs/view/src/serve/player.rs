@@ -102,12 +102,7 @@ impl Page<'_> {
             return self.say(format!("pong {sent_time} {}", self.shared.now()));
         }
         let key_number: usize = argument.parse().map_err(|_| End::Dropped)?;
-        let page_key = self
-            .shared
-            .options
-            .keys
-            .get(key_number)
-            .ok_or(End::Dropped)?;
+        let page_key = self.shared.options.keys.get(key_number).ok_or(End::Dropped)?;
         match message_verb {
             "hold" if self.holds[key_number] => Ok(()),
             "hold" if page_key.hold() => {
@@ -127,12 +122,7 @@ impl Page<'_> {
 
     /// Moves a key by the positions of a pointer, if this page holds it.
     fn play(&mut self, played: &Played) -> Result<(), End> {
-        let page_key = self
-            .shared
-            .options
-            .keys
-            .get(played.key)
-            .ok_or(End::Dropped)?;
+        let page_key = self.shared.options.keys.get(played.key).ok_or(End::Dropped)?;
         let time_now = self.shared.now();
         for &(time, x, pressure) in &played.positions {
             let is_taken = if self.holds[played.key] {
@@ -164,12 +154,7 @@ impl Page<'_> {
                 (false, false) => 0,
             });
             let key_points = key.points();
-            for point in [
-                key_points.pointer,
-                key_points.finger,
-                key_points.key,
-                key_points.force,
-            ] {
+            for point in [key_points.pointer, key_points.finger, key_points.key, key_points.force] {
                 picture_bytes.extend((point as f32).to_le_bytes());
             }
         }

@@ -87,17 +87,11 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Option<Request>, Status> {
         }
     };
     // A GET has no body: it could be taken for a second request.
-    if single_header("content-length")?.is_some_and(|n| n != "0")
-        || single_header("transfer-encoding")?.is_some()
-    {
+    if single_header("content-length")?.is_some_and(|n| n != "0") || single_header("transfer-encoding")?.is_some() {
         return Err(Status::Malformed);
     }
     Ok(Some(Request {
-        path: request_target
-            .split('?')
-            .next()
-            .unwrap_or_default()
-            .to_owned(),
+        path: request_target.split('?').next().unwrap_or_default().to_owned(),
         host: single_header("host")?.map(str::to_owned),
         origin: single_header("origin")?.map(str::to_owned),
         range: single_header("range")?.map(range).transpose()?,
@@ -120,15 +114,9 @@ fn upgrade<'a>(
         .any(|word| word.trim().eq_ignore_ascii_case("upgrade"));
     let socket_key = once("sec-websocket-key")?.unwrap_or_default();
     // The form of 16 bytes in base64.
-    let is_valid_key =
-        socket_key.len() == 24 && socket_key.ends_with("==") && socket_key.is_ascii();
+    let is_valid_key = socket_key.len() == 24 && socket_key.ends_with("==") && socket_key.is_ascii();
     let is_known = once("sec-websocket-version")? == Some("13");
-    if upgrade_to.eq_ignore_ascii_case("websocket")
-        && names_upgrade
-        && is_valid_key
-        && is_known
-        && version == Some(1)
-    {
+    if upgrade_to.eq_ignore_ascii_case("websocket") && names_upgrade && is_valid_key && is_known && version == Some(1) {
         Ok(Some(socket_key.to_owned()))
     } else {
         Err(Status::Malformed)

@@ -35,21 +35,13 @@ impl Strangers {
 
     /// A place for a new connection. If `limit` places are taken, the oldest connection of the address that has most
     /// of them is sent away: whoever has the key sends it at once, and so is looked at before others fill the places.
-    pub(super) fn admit(
-        self: &Arc<Self>,
-        stream: &Arc<TcpStream>,
-        ip: IpAddr,
-        limit: usize,
-    ) -> StrangerPlace {
+    pub(super) fn admit(self: &Arc<Self>, stream: &Arc<TcpStream>, ip: IpAddr, limit: usize) -> StrangerPlace {
         let sent_away = Arc::new(AtomicBool::new(false));
         let mut waiting = self.waiting();
         if waiting.places.len() >= limit.max(1) {
             let taken_places = &waiting.places;
             let count_from = |ip| taken_places.iter().filter(|other| other.ip == ip).count();
-            let largest = taken_places
-                .iter()
-                .map(|stranger| count_from(stranger.ip))
-                .max();
+            let largest = taken_places.iter().map(|stranger| count_from(stranger.ip)).max();
             let oldest_index = taken_places
                 .iter()
                 .position(|stranger| Some(count_from(stranger.ip)) == largest);
@@ -84,9 +76,7 @@ impl StrangerPlace {
 impl Drop for StrangerPlace {
     fn drop(&mut self) {
         let mut waiting = self.strangers.waiting();
-        waiting
-            .places
-            .retain(|stranger| stranger.number != self.number);
+        waiting.places.retain(|stranger| stranger.number != self.number);
     }
 }
 
@@ -107,10 +97,7 @@ mod tests {
         let calm_place = admit(calm_address);
         let flood_places: Vec<_> = (0..10).map(|_| admit(crowded)).collect();
         assert!(!calm_place.is_sent_away());
-        let sent_away: Vec<_> = flood_places
-            .iter()
-            .map(StrangerPlace::is_sent_away)
-            .collect();
+        let sent_away: Vec<_> = flood_places.iter().map(StrangerPlace::is_sent_away).collect();
         assert_eq!(sent_away, [[true; 7].as_slice(), &[false; 3]].concat());
         drop(flood_places);
         assert_eq!(strangers.waiting().places.len(), 1);

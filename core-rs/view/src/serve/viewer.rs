@@ -37,8 +37,7 @@ pub(super) fn send_to_page(stream: TcpStream, rest: Vec<u8>, shared: &Shared, _s
         .write_buffer_size(0)
         .max_message_size(Some(MAX_MESSAGE))
         .max_frame_size(Some(MAX_MESSAGE));
-    let mut page_socket =
-        WebSocket::from_partially_read(stream, rest, Role::Server, Some(socket_config));
+    let mut page_socket = WebSocket::from_partially_read(stream, rest, Role::Server, Some(socket_config));
     if stream_ready && let End::Dropped = run(&mut page_socket, shared) {
         shared.tally.dropped.fetch_add(1, Ordering::Relaxed);
     }
@@ -82,9 +81,7 @@ fn answer_messages(socket: &mut WebSocket<TcpStream>, shared: &Shared) -> Result
                 let ping_time = text.strip_prefix("ping ").and_then(|t| t.parse().ok());
                 let ping_time: f64 = ping_time.ok_or(End::Dropped)?;
                 let pong_text = format!("pong {ping_time} {}", shared.now());
-                socket
-                    .send(Message::text(pong_text))
-                    .map_err(|error| ended(&error))?;
+                socket.send(Message::text(pong_text)).map_err(|error| ended(&error))?;
             }
             Message::Ping(_) | Message::Pong(_) => {}
             Message::Close(_) => return Err(End::Left),

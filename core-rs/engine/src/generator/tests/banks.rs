@@ -64,11 +64,7 @@ fn galaxy_radii_are_inversely_proportional_to_cents() {
     for cell in &bank {
         let [x, y] = cell.position;
         let cell_cents = lowest_cents + 1200.0 * log(cell.f / 20.0) / log(2.0);
-        assert!(close(
-            (x * x + y * y).sqrt(),
-            0.5 * lowest_cents / cell_cents,
-            1e-12
-        ));
+        assert!(close((x * x + y * y).sqrt(), 0.5 * lowest_cents / cell_cents, 1e-12));
     }
     let bench_radius = |[x, y]: [f64; 2]| (x * x + y * y).sqrt();
     assert!(close(bench_radius(bank[0].position), 0.5, 1e-14));
@@ -81,12 +77,7 @@ fn galaxy_of_listed_pitches_equals_a_range() {
         hole: 0.4,
         angles: Angles::Even,
     };
-    let ranged_bank = bank(
-        &form(9, Spread::Even, galaxy_place),
-        |_| (0.0, 0.0),
-        |_| 0.0,
-    )
-    .expect("bank");
+    let ranged_bank = bank(&form(9, Spread::Even, galaxy_place), |_| (0.0, 0.0), |_| 0.0).expect("bank");
     let tunings: Vec<_> = ranged_bank.iter().map(|cell| (cell.f, cell.t60)).collect();
     for (item, other) in ranged_bank
         .iter()
@@ -107,29 +98,17 @@ fn galaxy_radii_with_random_angles() {
     let galaxy_cells = |angles| {
         let galaxy_place = Place::Galaxy { hole, angles };
         let draw_turn = |i: usize| ((i * 7919) % 1000) as f64 / 1000.0;
-        bank(
-            &form(400, Spread::Even, galaxy_place),
-            |_| (0.0, 0.0),
-            draw_turn,
-        )
-        .expect("bank")
+        bank(&form(400, Spread::Even, galaxy_place), |_| (0.0, 0.0), draw_turn).expect("bank")
     };
     let (even_cells, random_cells) = (galaxy_cells(Angles::Even), galaxy_cells(Angles::Random));
     for (i, (item, other)) in even_cells.iter().zip(&random_cells).enumerate() {
         let bench_radius = |[x, y]: [f64; 2]| (x * x + y * y).sqrt();
-        assert!(close(
-            bench_radius(item.position),
-            bench_radius(other.position),
-            1e-14
-        ));
+        assert!(close(bench_radius(item.position), bench_radius(other.position), 1e-14));
         let drawn_turn = ((i * 7919) % 1000) as f64 / 1000.0;
         let [x, y] = other.position;
         let cell_turn = atan2(y, x).rem_euclid(std::f64::consts::TAU) / std::f64::consts::TAU;
         let turn_error = (cell_turn - drawn_turn).abs();
-        assert!(
-            !(1e-12..=1.0 - 1e-12).contains(&turn_error),
-            "{cell_turn} {drawn_turn}"
-        );
+        assert!(!(1e-12..=1.0 - 1e-12).contains(&turn_error), "{cell_turn} {drawn_turn}");
     }
 }
 
@@ -138,10 +117,7 @@ fn bad_banks_are_refused() {
     let refused = |form: BankForm| bank(&form, |_| (0.5, 0.5), |_| 0.0).is_err();
     let good_form = form(5, Spread::Even, Place::Line);
     assert!(!refused(good_form));
-    assert!(refused(BankForm {
-        count: 0,
-        ..good_form
-    }));
+    assert!(refused(BankForm { count: 0, ..good_form }));
     assert!(refused(BankForm {
         count: 2_000_001,
         ..good_form

@@ -7,22 +7,13 @@ fn stiff_string_partials_are_in_tune() {
         for masses in [30, 60, 101] {
             for b in [0.0, 1e-4, 3e-4, 1e-3] {
                 let bent_string = stiff_string(masses, ends, b).expect("string");
-                let mut eigenvalues: Vec<f64> = dense(&bent_string)
-                    .symmetric_eigenvalues()
-                    .iter()
-                    .copied()
-                    .collect();
+                let mut eigenvalues: Vec<f64> = dense(&bent_string).symmetric_eigenvalues().iter().copied().collect();
                 eigenvalues.sort_by(f64::total_cmp);
                 eigenvalues.drain(..usize::from(bent_string.is_rigid()));
-                assert!(close(
-                    bent_string.lowest().expect("mode"),
-                    eigenvalues[0],
-                    1e-9
-                ));
+                assert!(close(bent_string.lowest().expect("mode"), eigenvalues[0], 1e-9));
                 for (i, value) in eigenvalues.iter().enumerate().take(20) {
                     let partial_number = (i + 1 + i * usize::from(ends == Ends::Left)) as f64;
-                    let exact_ratio = partial_number
-                        * ((1.0 + b * partial_number * partial_number) / (1.0 + b)).sqrt();
+                    let exact_ratio = partial_number * ((1.0 + b * partial_number * partial_number) / (1.0 + b)).sqrt();
                     let tuning_ratio = (value / eigenvalues[0]).sqrt() / exact_ratio;
                     let cents_off = 1200.0 * log(tuning_ratio) / std::f64::consts::LN_2;
                     assert!(
@@ -80,11 +71,7 @@ fn spectrum_of(body: &Topology) -> Vec<f64> {
     {
         *value /= (body.share(i) * body.share(j)).sqrt();
     }
-    let mut eigenvalues: Vec<f64> = scaled_matrix
-        .symmetric_eigenvalues()
-        .iter()
-        .copied()
-        .collect();
+    let mut eigenvalues: Vec<f64> = scaled_matrix.symmetric_eigenvalues().iter().copied().collect();
     eigenvalues.sort_by(f64::total_cmp);
     eigenvalues
 }
@@ -127,10 +114,7 @@ fn bending_plates_have_ratios_of_thin_plates() {
         let eigenvalues = spectrum_of(&tested_plate);
         let rigid_modes = if rim == Rim::Free { 3 } else { 0 };
         for value in &eigenvalues[..rigid_modes] {
-            assert!(
-                value.abs() < 1e-9 * eigenvalues[eigenvalues.len() - 1],
-                "{value}"
-            );
+            assert!(value.abs() < 1e-9 * eigenvalues[eigenvalues.len() - 1], "{value}");
         }
         let lowest_lambda = tested_plate.lowest().expect("mode");
         assert!(
@@ -139,8 +123,7 @@ fn bending_plates_have_ratios_of_thin_plates() {
             eigenvalues[rigid_modes]
         );
         for (value, wanted_one) in eigenvalues[rigid_modes..].iter().zip(&wanted) {
-            let relative_ratio =
-                (value / eigenvalues[rigid_modes]).sqrt() / (wanted_one / wanted[0]);
+            let relative_ratio = (value / eigenvalues[rigid_modes]).sqrt() / (wanted_one / wanted[0]);
             assert!(
                 (relative_ratio - 1.0).abs() < within,
                 "{shape:?} {rim:?}: {wanted_one} {relative_ratio}"
@@ -153,8 +136,7 @@ fn bending_plates_have_ratios_of_thin_plates() {
 #[test]
 fn supported_rectangle_matches_closed_form() {
     let (across, up) = (39, 24);
-    let tested_plate =
-        bent_plate(Shape::Rectangle { across, up }, 0, Rim::Fixed, 0.3).expect("plate");
+    let tested_plate = bent_plate(Shape::Rectangle { across, up }, 0, Rim::Fixed, 0.3).expect("plate");
     let eigenvalues = spectrum_of(&tested_plate);
     let side_term = |m: usize, masses: usize| {
         let side_fraction = m as f64 / (masses + 1) as f64;
@@ -164,11 +146,7 @@ fn supported_rectangle_matches_closed_form() {
         .flat_map(|m| (1..9).map(move |n| side_term(m, across) + side_term(n, up)))
         .collect();
     closed_form.sort_by(f64::total_cmp);
-    assert!(close(
-        tested_plate.lowest().expect("mode"),
-        eigenvalues[0],
-        1e-9
-    ));
+    assert!(close(tested_plate.lowest().expect("mode"), eigenvalues[0], 1e-9));
     for (value, wanted_one) in eigenvalues.iter().zip(&closed_form).take(10) {
         let relative_ratio = (value / eigenvalues[0]).sqrt() / (wanted_one / closed_form[0]);
         assert!((relative_ratio - 1.0).abs() < 0.02, "{relative_ratio}");
@@ -179,23 +157,16 @@ fn supported_rectangle_matches_closed_form() {
 fn rectangle_with_equal_sides_is_the_square_plate() {
     for rim in [Rim::Free, Rim::Fixed] {
         let square_plate = plate(Shape::Square, 4, rim).expect("square");
-        let equal_rectangle =
-            plate(Shape::Rectangle { across: 9, up: 9 }, 0, rim).expect("rectangle");
+        let equal_rectangle = plate(Shape::Rectangle { across: 9, up: 9 }, 0, rim).expect("rectangle");
         assert_eq!(square_plate.lowest(), equal_rectangle.lowest());
-        for (one, two) in spectrum_of(&square_plate)
-            .iter()
-            .zip(spectrum_of(&equal_rectangle))
-        {
+        for (one, two) in spectrum_of(&square_plate).iter().zip(spectrum_of(&equal_rectangle)) {
             assert!((one - two).abs() < 1e-12, "{one} {two}");
         }
         assert_eq!(
             links(&equal_rectangle),
             neighbours(&equal_rectangle, distance(&equal_rectangle, (0, 1)))
         );
-        assert_eq!(
-            equal_rectangle.positions[equal_rectangle.centre],
-            [0.0, 0.0]
-        );
+        assert_eq!(equal_rectangle.positions[equal_rectangle.centre], [0.0, 0.0]);
     }
 }
 
@@ -223,29 +194,15 @@ fn round_membrane_modes_match_bessel_zeros() {
     for (i, j) in (0..397).flat_map(|i| (0..397).map(move |j| (i, j))) {
         scaled_matrix[(i, j)] /= (membrane.share(i) * membrane.share(j)).sqrt();
     }
-    let mut eigenvalues: Vec<f64> = scaled_matrix
-        .symmetric_eigenvalues()
-        .iter()
-        .copied()
-        .collect();
+    let mut eigenvalues: Vec<f64> = scaled_matrix.symmetric_eigenvalues().iter().copied().collect();
     eigenvalues.sort_by(f64::total_cmp);
-    let bessel_zeros = [
-        2.404_826, 3.831_706, 3.831_706, 5.135_622, 5.135_622, 5.520_078,
-    ];
+    let bessel_zeros = [2.404_826, 3.831_706, 3.831_706, 5.135_622, 5.135_622, 5.520_078];
     for (value, zero) in eigenvalues.iter().zip(bessel_zeros) {
         assert!(
-            close(
-                (value / eigenvalues[0]).sqrt(),
-                zero / bessel_zeros[0],
-                0.01
-            ),
+            close((value / eigenvalues[0]).sqrt(), zero / bessel_zeros[0], 0.01),
             "{value} {zero}"
         );
     }
-    assert!(close(
-        membrane.lowest().expect("mode"),
-        eigenvalues[0],
-        1e-10
-    ));
+    assert!(close(membrane.lowest().expect("mode"), eigenvalues[0], 1e-10));
     assert!(round_membrane(1, Rim::Free).is_err());
 }

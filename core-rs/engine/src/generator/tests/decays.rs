@@ -17,10 +17,7 @@ fn decays(body: &Topology, losses: &Losses, mass: f64) -> Vec<(f64, f64)> {
     for i in 0..n_masses {
         viscous[(i, i)] += losses.ground * body.share(i);
     }
-    let (scaled_stiffness, viscous) = (
-        mass_scaled(dense(body) * losses.tuned.k),
-        mass_scaled(viscous),
-    );
+    let (scaled_stiffness, viscous) = (mass_scaled(dense(body) * losses.tuned.k), mass_scaled(viscous));
     let commutator = &scaled_stiffness * &viscous - &viscous * &scaled_stiffness;
     assert!(
         commutator.norm() <= 1e-10 * scaled_stiffness.norm() * viscous.norm(),
@@ -50,9 +47,7 @@ fn decay_at(modes: &[(f64, f64)], f: f64) -> f64 {
     if let Some(exact_mode) = modes.iter().find(|mode| (mode.0 / f - 1.0).abs() < 1e-6) {
         return exact_mode.1;
     }
-    let upper_index = modes
-        .partition_point(|mode| mode.0 < f)
-        .clamp(1, modes.len() - 1);
+    let upper_index = modes.partition_point(|mode| mode.0 < f).clamp(1, modes.len() - 1);
     let ((f1, t1), (f2, t2)) = (modes[upper_index - 1], modes[upper_index]);
     let log_fraction = log(f / f1) / log(f2 / f1);
     t1 * exp(log_fraction * log(t2 / t1))
@@ -73,17 +68,14 @@ fn tune_points_at_named_pitches() {
     for tested_body in test_bodies {
         let tested_body = tested_body.expect("body");
         for points in [two_points.as_slice(), &four_points, &steep_points] {
-            let tuned_losses =
-                tune_points(&tested_body, 1e-4, 110.0, points, None).expect("losses");
+            let tuned_losses = tune_points(&tested_body, 1e-4, 110.0, points, None).expect("losses");
             let body_modes = decays(&tested_body, &tuned_losses, 1e-4);
             let lowest_mode = body_modes[usize::from(tested_body.is_rigid())];
             assert!(close(lowest_mode.0, 110.0, 1e-6), "{lowest_mode:?}");
             for &(f, t60) in points {
                 let mode_decay = decay_at(&body_modes, f);
                 // Where no mode lies, the chord between two modes deviates from the curve.
-                let has_mode = body_modes
-                    .iter()
-                    .any(|mode| (mode.0 / f - 1.0).abs() < 1e-3);
+                let has_mode = body_modes.iter().any(|mode| (mode.0 / f - 1.0).abs() < 1e-3);
                 let tolerance = if has_mode { 0.01 } else { 0.03 };
                 assert!(
                     (mode_decay / t60 - 1.0).abs() < tolerance,
@@ -102,15 +94,11 @@ fn tune_points_at_named_pitches() {
             vec![(100.0, 8.0), (400.0, 1.0)],
             vec![(100.0, 8.0), (250.0, 5.0), (400.0, 3.0)],
         ] {
-            let tuned_losses =
-                tune_points(&tested_body, 1e-3, 100.0, &points, None).expect("losses");
+            let tuned_losses = tune_points(&tested_body, 1e-3, 100.0, &points, None).expect("losses");
             let body_modes = decays(&tested_body, &tuned_losses, 1e-3);
             for &(f, t60) in &points {
                 let mode_decay = decay_at(&body_modes, f);
-                assert!(
-                    (mode_decay / t60 - 1.0).abs() < 0.03,
-                    "{points:?}: {mode_decay} at {f}"
-                );
+                assert!((mode_decay / t60 - 1.0).abs() < 0.03, "{points:?}: {mode_decay} at {f}");
             }
         }
     }
@@ -129,9 +117,5 @@ fn tune_points_of_impossible_decays_are_refused() {
     let comb_points: Vec<(f64, f64)> = (1..12)
         .map(|i| (110.0 * f64::from(i), if i % 2 == 0 { 9.0 } else { 0.1 }))
         .collect();
-    assert!(
-        sentence(&comb_points).contains("nearest"),
-        "{}",
-        sentence(&comb_points)
-    );
+    assert!(sentence(&comb_points).contains("nearest"), "{}", sentence(&comb_points));
 }

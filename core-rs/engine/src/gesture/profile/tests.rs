@@ -3,10 +3,7 @@ use super::*;
 use Curve::{Hold, Line, Smooth};
 
 fn points(written: &[(f64, f64, Curve)]) -> Vec<Point> {
-    written
-        .iter()
-        .map(|&(t, x, curve)| Point { t, x, curve })
-        .collect()
+    written.iter().map(|&(t, x, curve)| Point { t, x, curve }).collect()
 }
 
 fn mixed() -> Profile {
@@ -44,10 +41,7 @@ fn profile_meets_points_and_rests_at_run_ends() {
     assert!(mixed_path.evaluate(2.0).1 < -1.0);
     // Straight lines keep their speed up to the corner; in the corner the later line counts.
     assert_eq!(mixed_path.evaluate(3.0).1, 2.0);
-    assert!(
-        (mixed_path.evaluate(3.5).0 - 3.0).abs() < 1e-15
-            && (mixed_path.evaluate(3.9).1 - 2.0).abs() < 1e-14
-    );
+    assert!((mixed_path.evaluate(3.5).0 - 3.0).abs() < 1e-15 && (mixed_path.evaluate(3.9).1 - 2.0).abs() < 1e-14);
     assert_eq!(mixed_path.evaluate(4.5), (4.0, 0.0, 0.0));
     assert_eq!(mixed_path.evaluate(0.0), (0.0, 0.0, 0.0));
     assert_eq!(mixed_path.evaluate(7.0), (0.0, 0.0, 0.0));
@@ -94,11 +88,7 @@ fn range_of_profile_is_its_true_excursion() {
     ] {
         let (range_low, range_high) = mixed_path.range(from, to);
         let sampled_path: Vec<f64> = (0..=20_000)
-            .map(|i| {
-                mixed_path
-                    .evaluate(from + (to - from) * f64::from(i) / 20_000.0)
-                    .0
-            })
+            .map(|i| mixed_path.evaluate(from + (to - from) * f64::from(i) / 20_000.0).0)
             .collect();
         let (sampled_low, sampled_high) = extremes(&sampled_path);
         assert!(
@@ -112,10 +102,7 @@ fn range_of_profile_is_its_true_excursion() {
     }
     // Between its points the run overshoots all of them.
     let (range_low, range_high) = mixed_path.range(1.0, 3.0);
-    assert!(
-        range_low < -1.001 && range_high > 7.2,
-        "{range_low} {range_high}"
-    );
+    assert!(range_low < -1.001 && range_high > 7.2, "{range_low} {range_high}");
 }
 
 #[test]

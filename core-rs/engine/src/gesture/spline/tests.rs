@@ -149,10 +149,7 @@ fn slopes_with_a_millisecond_beside_ten_seconds() {
 #[test]
 fn slopes_of_few_knots() {
     assert_eq!(slopes(&[], &[], Ends::Natural), (vec![], vec![]));
-    assert_eq!(
-        slopes(&[3.0], &[1.0], Ends::Natural),
-        (vec![0.0], vec![0.0])
-    );
+    assert_eq!(slopes(&[3.0], &[1.0], Ends::Natural), (vec![0.0], vec![0.0]));
     let moving_ends = Ends::Clamped {
         first: (2.0, 3.0),
         last: (2.0, 3.0),
@@ -210,10 +207,7 @@ fn slopes_of_a_clamped_quintic_are_its_derivatives() {
                 a: -1.0 / unit / unit,
             },
         );
-        let position: Vec<_> = knot_times
-            .iter()
-            .map(|&t| exact_piece.evaluate(t))
-            .collect();
+        let position: Vec<_> = knot_times.iter().map(|&t| exact_piece.evaluate(t)).collect();
         let x: Vec<f64> = position.iter().map(|k| k.0).collect();
         let first = (position[0].1, position[0].2);
         let last = (position[7].1, position[7].2);

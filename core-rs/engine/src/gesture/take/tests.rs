@@ -40,10 +40,7 @@ fn trim_of_take_cuts_the_path_between_samples() {
             (trimmed_part.0 - complete.0).abs() < 1e-12,
             "{t}: {trimmed_part:?} {complete:?}"
         );
-        assert!(
-            (trimmed_part.1 - complete.1).abs() < 1e-9
-                && (trimmed_part.2 - complete.2).abs() < 1e-5
-        );
+        assert!((trimmed_part.1 - complete.1).abs() < 1e-9 && (trimmed_part.2 - complete.2).abs() < 1e-5);
     }
 }
 
@@ -51,9 +48,7 @@ fn trim_of_take_cuts_the_path_between_samples() {
 fn placed_take_starts_with_its_first_instant() {
     let (t, x) = hand();
     let late_instants: Vec<f64> = t.iter().map(|t| t + 40.0).collect();
-    let placed_take = plain(&late_instants, &x)
-        .placed(3.0, 2.0, 0.5, false)
-        .unwrap();
+    let placed_take = plain(&late_instants, &x).placed(3.0, 2.0, 0.5, false).unwrap();
     assert!((placed_take.start() - 3.0).abs() < 1e-12);
     assert!((placed_take.stop() - 3.0 - 0.5 * t[23]).abs() < 1e-12);
     for (t, x) in t.iter().zip(&x) {
@@ -110,10 +105,7 @@ fn smooth_take_with_uneven_samples() {
     let (even_take, jittered_take) = (smooth_take(&even_instants), smooth_take(&jittered));
     for i in 100..900 {
         let t = f64::from(i) / sample_rate;
-        assert!(
-            (even_take.profile().evaluate(t).0 - jittered_take.profile().evaluate(t).0).abs()
-                < 1e-6
-        );
+        assert!((even_take.profile().evaluate(t).0 - jittered_take.profile().evaluate(t).0).abs() < 1e-6);
     }
 }
 

@@ -58,20 +58,18 @@ pub(in super::super) fn check_supported(mesh: &Mesh, network: &Network) -> Resul
             Kind::Lnl { law, .. } if law.is_shared() => Some(
                 "method ieq cannot compute the tension of a string, which all its links share; choose another method",
             ),
-            Kind::Lnl { law, .. } if !law.has_closed_energy() => Some(
-                "method ieq needs a law by points or a polynomial, whose energy is known; choose another method",
-            ),
+            Kind::Lnl { law, .. } if !law.has_closed_energy() => {
+                Some("method ieq needs a law by points or a polynomial, whose energy is known; choose another method")
+            }
             Kind::Lnl { law, .. } => {
                 // A law that pushes away from rest has a negative potential near rest.
                 let mut probe_lengths = [1.0, 0.1, 0.01, 1e-3, 1e-4, 1e-5, 1e-6]
                     .into_iter()
                     .flat_map(|e| [e, -e]);
-                probe_lengths
-                    .any(|e| law.potential(e) < 0.0)
-                    .then_some(
-                        "the energy of its law falls below its energy at rest, so method ieq cannot compute it; \
+                probe_lengths.any(|e| law.potential(e) < 0.0).then_some(
+                    "the energy of its law falls below its energy at rest, so method ieq cannot compute it; \
                          choose another method",
-                    )
+                )
             }
             Kind::But(but) if but.clamp && link_run.z != 0.0 => Some(
                 "method ieq computes a contact with Z only if the contact may pull; remove `clamp`, or choose \
@@ -155,15 +153,9 @@ impl Links {
 
     /// Returns what the links' elastic parts add to the system matrix at the start (n_links), and adds it to
     /// `diagonal`.
-    pub(super) fn elastic_matrix(
-        &self,
-        mesh: &Mesh,
-        motion: [&[f64]; 2],
-        diagonal: &mut [f64],
-    ) -> Vec<f64> {
+    pub(super) fn elastic_matrix(&self, mesh: &Mesh, motion: [&[f64]; 2], diagonal: &mut [f64]) -> Vec<f64> {
         let mut start_state = self.start(mesh, motion[0], motion[1]);
-        let (mut link_forces, mut right_side) =
-            (vec![0.0; self.longest()], vec![0.0; diagonal.len()]);
+        let (mut link_forces, mut right_side) = (vec![0.0; self.longest()], vec![0.0; diagonal.len()]);
         let mut unused_side = right_side.clone();
         let both_sides = [&mut right_side[..], &mut unused_side[..]];
         self.gather(mesh, motion, &mut start_state, &mut link_forces, both_sides);
@@ -201,8 +193,7 @@ impl Links {
                     let other = &mesh.others[other];
                     for i in 0..run.len {
                         let (e, de) = elongation(run, x, d, i);
-                        let (psi_slope, drag_factor, push_force) =
-                            slope_and_damping(other, e, de, psi[i]);
+                        let (psi_slope, drag_factor, push_force) = slope_and_damping(other, e, de, psi[i]);
                         g[i] = psi_slope;
                         c[i] = 0.25 * psi_slope * psi_slope + 0.5 * drag_factor;
                         run_forces[i] = psi_slope * psi[i] + push_force;
@@ -221,11 +212,7 @@ impl Links {
         for run in &self.runs {
             let run_span = run_start..run_start + run.len;
             let end_slices = [&s[run.a..][..run.len], &s[run.b..][..run.len]];
-            advance_psi_run(
-                &state.g[run_span.clone()],
-                end_slices,
-                &mut state.psi[run_span],
-            );
+            advance_psi_run(&state.g[run_span.clone()], end_slices, &mut state.psi[run_span]);
             run_start += run.len;
         }
     }
@@ -243,13 +230,7 @@ impl Links {
 
     /// Energy of the non-linear parts of all links [J]: once from ψ, once from their laws as the mean of this frame and
     /// the last.
-    pub(super) fn nonlinear_energies(
-        &self,
-        mesh: &Mesh,
-        x: &[f64],
-        d: &[f64],
-        state: &State,
-    ) -> (f64, f64) {
+    pub(super) fn nonlinear_energies(&self, mesh: &Mesh, x: &[f64], d: &[f64], state: &State) -> (f64, f64) {
         let quadratic = state.psi.iter().map(|psi| 0.5 * (psi * psi)).sum();
         let numbered_runs = self.runs.iter().enumerate();
         let law_energies = numbered_runs.flat_map(|(run_index, run)| {

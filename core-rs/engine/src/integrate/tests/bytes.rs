@@ -18,21 +18,15 @@ fn everything() -> Network {
         clamp: true,
         ..But::plain(3e5, 0.3, 1e-4)
     };
-    let hammer_mat = network
-        .cel("hammer", 5e-3, tuned_tie, 0.0, 2e-4, -3.0)
-        .expect("a cell");
-    network
-        .but("felt", hammer_mat, 40, soft_contact)
-        .expect("a contact");
+    let hammer_mat = network.cel("hammer", 5e-3, tuned_tie, 0.0, 2e-4, -3.0).expect("a cell");
+    network.but("felt", hammer_mat, 40, soft_contact).expect("a contact");
     let exact_contact = But {
         contact: Contact::Exact,
         side: Side::Below,
         exponent: 1.0,
         ..soft_contact
     };
-    network
-        .but("stop", hammer_mat, 200, exact_contact)
-        .expect("a contact");
+    network.but("stop", hammer_mat, 200, exact_contact).expect("a contact");
     network.start(100, 1e-4, 0.7).expect("a start");
     network
 }
@@ -93,9 +87,7 @@ fn thread_team_steps_the_same_bits() {
     let hung_mesh = |t60: Option<f64>| {
         let mut network = hex_of(32, 60.0, 1e12, t60);
         let physical_tie = Tie::Physical { k: 1e3, z: 0.2 };
-        network
-            .cel("hung", 1e-3, physical_tie, 0.0, 1e-4, 0.0)
-            .expect("a cell");
+        network.cel("hung", 1e-3, physical_tie, 0.0, 1e-4, 0.0).expect("a cell");
         network
     };
     for (network, method) in [
@@ -117,10 +109,7 @@ fn thread_team_steps_the_same_bits() {
                 });
             });
             let position_bits = integrator.positions().iter().map(|x| x.to_bits());
-            (
-                position_bits.collect::<Vec<_>>(),
-                integrator.energy().to_bits(),
-            )
+            (position_bits.collect::<Vec<_>>(), integrator.energy().to_bits())
         };
         let lone_state = last_state(1);
         assert_eq!(lone_state, last_state(2), "{method:?}");

@@ -17,18 +17,11 @@ fn struck(k: f64, exponent: f64, z: f64) -> Network {
         exponent,
         ..But::plain(k, z, 0.0)
     };
-    network
-        .but("felt", hammer_mat, 8, hammer_contact)
-        .expect("a contact");
+    network.but("felt", hammer_mat, 8, hammer_contact).expect("a contact");
     network
 }
 
-const WAYS: [MeshMethod; 4] = [
-    MeshMethod::Ca,
-    MeshMethod::Ca2p,
-    MeshMethod::Bm4,
-    MeshMethod::Ieq,
-];
+const WAYS: [MeshMethod; 4] = [MeshMethod::Ca, MeshMethod::Ca2p, MeshMethod::Bm4, MeshMethod::Ieq];
 
 fn errors(network: &Network) -> [f64; 4] {
     let fine_path = play(by(network, MeshMethod::Bm4, 128), FRAMES, &[]);
@@ -60,10 +53,7 @@ fn power_law_contacts_by_method() {
     for (z, limit) in [(0.0, [-63.0, -80.0, -160.0, -63.0]), (5.0, [-50.0; 4])] {
         let network = struck(3e8, 2.5, z);
         let errors = errors(&network);
-        let are_small = errors
-            .iter()
-            .zip(limit)
-            .all(|(error, limit)| *error < limit);
+        let are_small = errors.iter().zip(limit).all(|(error, limit)| *error < limit);
         assert!(are_small, "{errors:?}");
         let mut integrator = by(&network, MeshMethod::Ieq, 1);
         integrator.step(&[], &mut ThreadTeam::alone());

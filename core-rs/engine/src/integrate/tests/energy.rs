@@ -22,11 +22,7 @@ fn linear_row_keeps_its_energy_to_rounding() {
     let network = row(20, 2e5, 0.0, 0.0);
     for method in MeshMethod::ALL {
         // BM4 conserves an energy close to this one, which therefore oscillates but does not drift.
-        let drift_limit = if method == MeshMethod::Bm4 {
-            1e-6
-        } else {
-            2e-12
-        };
+        let drift_limit = if method == MeshMethod::Bm4 { 1e-6 } else { 2e-12 };
         let drift = drift(by(&network, method, 1), 4000);
         assert!(drift < drift_limit, "{method:?} {drift:e}");
     }
@@ -35,12 +31,7 @@ fn linear_row_keeps_its_energy_to_rounding() {
 /// Links that harden until CA and CA2P compute only finer frames, and BM4 diverges: IEQ still conserves its energy.
 #[test]
 fn hard_cubic_chain_keeps_its_energy_by_ieq() {
-    let mesh_methods = [
-        MeshMethod::Ca,
-        MeshMethod::Ca2p,
-        MeshMethod::Bm4,
-        MeshMethod::Ieq,
-    ];
+    let mesh_methods = [MeshMethod::Ca, MeshMethod::Ca2p, MeshMethod::Bm4, MeshMethod::Ieq];
     let position = |q: f64| mesh_methods.map(|way| drift(by(&row(20, 2e5, q, 0.0), way, 1), 4000));
     let [ca, ca2p, bm4, ieq] = position(1e12);
     assert!(ca < 0.02 && ca2p < 0.02 && bm4 < 1e-5 && ieq < 1e-13);
@@ -71,8 +62,7 @@ fn energy_ledger_of_a_damped_row_closes() {
     let link_damping = 0.3;
     for q in [0.0, 1e14] {
         let network = row(20, 2e5, q, link_damping);
-        let link_ends: Vec<(usize, usize)> =
-            network.runs().iter().map(|run| (run.a, run.b)).collect();
+        let link_ends: Vec<(usize, usize)> = network.runs().iter().map(|run| (run.a, run.b)).collect();
         let mut integrator = by(&network, MeshMethod::Ieq, 1);
         integrator.step(&[], &mut ThreadTeam::alone());
         let mut positions_before = integrator.positions().to_vec();
@@ -85,8 +75,7 @@ fn energy_ledger_of_a_damped_row_closes() {
             integrator.step(&[(7, impulse)], &mut ThreadTeam::alone());
             let positions_next = integrator.positions().to_vec();
             // A force and the damping act on the mean velocity over two frames.
-            let mean_speed =
-                |mat: usize| (positions_next[mat] - positions_before[mat]) * HERTZ / 2.0;
+            let mean_speed = |mat: usize| (positions_next[mat] - positions_before[mat]) * HERTZ / 2.0;
             injected += impulse * mean_speed(7);
             for &(a, b) in &link_ends {
                 let slide_speed = mean_speed(b) - mean_speed(a);

@@ -39,9 +39,7 @@ fn runs() -> Vec<Spring> {
 fn plainly(f: impl Fn(&Spring, usize, usize) -> f64) -> Vec<f64> {
     let mut mat_force = vec![0.0; 70];
     for run in runs() {
-        let link_forces: Vec<f64> = (0..run.len)
-            .map(|i| f(&run, run.a + i, run.b + i))
-            .collect();
+        let link_forces: Vec<f64> = (0..run.len).map(|i| f(&run, run.a + i, run.b + i)).collect();
         for (i, f) in link_forces.iter().enumerate() {
             mat_force[run.a + i] = black_box(mat_force[run.a + i] + f);
         }
@@ -114,10 +112,7 @@ fn conjugate_gradients_solve_banded_systems() {
         let (x, mut y) = (numbers(n, 5), vec![0.0; n]);
         apply_matrix(&x, &mut y);
         let largest_error = |solution: &[f64]| {
-            let largest_error = solution
-                .iter()
-                .zip(&x)
-                .map(|(solution, x)| (solution - x).abs());
+            let largest_error = solution.iter().zip(&x).map(|(solution, x)| (solution - x).abs());
             largest_error.fold(0.0, f64::max)
         };
         let inverse: Vec<f64> = (0..n).map(|j| 1.0 / columns[j * (band + 1)]).collect();

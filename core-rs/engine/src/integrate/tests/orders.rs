@@ -10,12 +10,7 @@ const FRAMES: usize = 120;
 /// Errors at 1, 2, 4 and 8 steps a frame [dB].
 fn errors(network: &Network, method: MeshMethod, exact: &[Vec<f64>]) -> Vec<f64> {
     [1, 2, 4, 8]
-        .map(|substeps| {
-            decibels(
-                &play(by(network, method, substeps), FRAMES, &STRIKES),
-                exact,
-            )
-        })
+        .map(|substeps| decibels(&play(by(network, method, substeps), FRAMES, &STRIKES), exact))
         .to_vec()
 }
 
@@ -28,12 +23,8 @@ fn close(slopes: &[f64], order: f64, off: f64) -> bool {
 fn undamped_row_converges_by_order_of_method() {
     let mut network = row(8, 1.7e5, 0.0, 0.0);
     let ground_tie = Tie::Physical { k: 4e4, z: 0.0 };
-    let hung_cell = network
-        .cel("cell", 2e-3, ground_tie, 1e-5, 0.0, 0.2)
-        .expect("a cell");
-    network
-        .spring("end", 3, hung_cell, 1e5, 0.0, 2e-5)
-        .expect("a spring");
+    let hung_cell = network.cel("cell", 2e-3, ground_tie, 1e-5, 0.0, 0.2).expect("a cell");
+    network.spring("end", 3, hung_cell, 1e5, 0.0, 2e-5).expect("a spring");
     let exact_path = exactly_hung(&network, FRAMES, &STRIKES);
     // Errors at one step a frame: -10.7, -51.0, -90.3, -10.7 and -5.5 dB.
     let error_limit = [-10.0, -50.0, -89.0, -10.0, -5.0];
@@ -62,10 +53,7 @@ fn damped_links_reduce_orders_of_methods() {
     };
     let [ca, ca2p, bm4, ieq] = errors_by_method(&network, &exact_path);
     assert!(ca.1[0] > 1.8 && ca.1[2] < 1.75, "{ca:?}");
-    assert!(
-        ca2p.0 < -51.0 && ca2p.1[0] > 3.7 && ca2p.1[2] < 3.4,
-        "{ca2p:?}"
-    );
+    assert!(ca2p.0 < -51.0 && ca2p.1[0] > 3.7 && ca2p.1[2] < 3.4, "{ca2p:?}");
     assert!(bm4.0 < -91.0 && bm4.1[0] > 3.5 && bm4.1[2] < 2.6, "{bm4:?}");
     assert!(close(&ieq.1, 2.0, 0.15), "{ieq:?}");
     // Ten times the damping: the slopes reach their lower limits.
@@ -81,19 +69,11 @@ fn damped_links_reduce_orders_of_methods() {
 fn cubic_links_converge_by_order_of_method() {
     let network = row(6, 8e4, 2e12, 0.0);
     let exact_path = finely(&network, FRAMES, &STRIKES);
-    for method in [
-        MeshMethod::Ca,
-        MeshMethod::Ca2p,
-        MeshMethod::Bm4,
-        MeshMethod::Ieq,
-    ] {
+    for method in [MeshMethod::Ca, MeshMethod::Ca2p, MeshMethod::Bm4, MeshMethod::Ieq] {
         let errors = errors(&network, method, &exact_path);
         let method_order = f64::from(method.facts().order_nonlinear);
         let slopes = slopes(&errors);
-        assert!(
-            close(&slopes, method_order, 0.1),
-            "{method:?} {errors:?} {slopes:?}"
-        );
+        assert!(close(&slopes, method_order, 0.1), "{method:?} {errors:?} {slopes:?}");
     }
     let network = row(6, 8e4, 2e12, 0.02);
     let exact_path = finely(&network, FRAMES, &STRIKES);
@@ -104,10 +84,7 @@ fn cubic_links_converge_by_order_of_method() {
         (MeshMethod::Ieq, 1.9),
     ] {
         let slopes = slopes(&errors(&network, method, &exact_path));
-        assert!(
-            slopes.iter().all(|slope| *slope > least),
-            "{method:?} {slopes:?}"
-        );
+        assert!(slopes.iter().all(|slope| *slope > least), "{method:?} {slopes:?}");
     }
 }
 
@@ -121,14 +98,7 @@ fn pitch_error_at_5_khz_by_method() {
         let fixed_point = network.sol("s", 0.0).expect("a point");
         let cell_omega = std::f64::consts::TAU * 5000.0;
         network
-            .spring(
-                "l",
-                fixed_point,
-                mass_index,
-                1e-3 * cell_omega * cell_omega,
-                0.0,
-                0.0,
-            )
+            .spring("l", fixed_point, mass_index, 1e-3 * cell_omega * cell_omega, 0.0, 0.0)
             .expect("a spring");
         let mass_path = play(by(&network, method, 1), 2000, &[(0, mass_index, 1e-4)]);
         // For a single sinusoid x[n+1] + x[n-1] is 2cosθ·x[n].
@@ -140,10 +110,7 @@ fn pitch_error_at_5_khz_by_method() {
         }
         let step_angle = libm::acos(0.5 * cross_sum / square_sum);
         let pitch_cents = 1200.0 * libm::log2(step_angle * HERTZ / cell_omega);
-        assert!(
-            (pitch_cents - expected).abs() < 1e-3,
-            "{method:?} {pitch_cents}"
-        );
+        assert!((pitch_cents - expected).abs() < 1e-3, "{method:?} {pitch_cents}");
     }
 }
 
@@ -160,9 +127,7 @@ fn poles_of_a_damped_cell_by_method() {
         network.part("p", None);
         let (f, t60) = (1000.0, 0.05);
         let tuned_tie = Tie::Tuned { f, t60: Some(t60) };
-        let cell_index = network
-            .cel("m", 1e-3, tuned_tie, 0.0, 0.0, 0.0)
-            .expect("a cell");
+        let cell_index = network.cel("m", 1e-3, tuned_tie, 0.0, 0.0, 0.0).expect("a cell");
         let cell_path = play(by(&network, method, 1), 200, &[(0, cell_index, 1e-4)]);
         let x: Vec<f64> = cell_path.iter().map(|frame| frame[cell_index]).collect();
         // x[n+1] = a·x[n] − b·x[n−1], by least squares.
@@ -173,21 +138,12 @@ fn poles_of_a_damped_cell_by_method() {
             (ya, yb) = (ya + y * a, yb + y * b);
         }
         let determinant = aa * bb - ab * ab;
-        let (a, b) = (
-            (ya * bb - yb * ab) / determinant,
-            (yb * aa - ya * ab) / determinant,
-        );
+        let (a, b) = ((ya * bb - yb * ab) / determinant, (yb * aa - ya * ab) / determinant);
         let step_angle = libm::acos(0.5 * a / libm::sqrt(b));
         let pitch_cents = 1200.0 * libm::log2(step_angle * HERTZ / (std::f64::consts::TAU * f));
         let decay_ratio = -0.5 * libm::log(b) * HERTZ * t60 / (3.0 * std::f64::consts::LN_10);
-        assert!(
-            pitch_cents.abs() < limit[0],
-            "{method:?} {pitch_cents:e} cents"
-        );
-        assert!(
-            (decay_ratio - 1.0).abs() < limit[1],
-            "{method:?} {decay_ratio}"
-        );
+        assert!(pitch_cents.abs() < limit[0], "{method:?} {pitch_cents:e} cents");
+        assert!((decay_ratio - 1.0).abs() < limit[1], "{method:?} {decay_ratio}");
     }
 }
 
@@ -209,12 +165,8 @@ fn velocities() {
     };
     let fine_velocities = final_velocities(MeshMethod::Bm4, 64);
     for (method, order) in MeshMethod::ALL.into_iter().zip([2.0, 3.0, 4.0, 2.0, 2.0]) {
-        let errors = [1, 2, 4, 8]
-            .map(|substeps| decibels(&final_velocities(method, substeps), &fine_velocities));
+        let errors = [1, 2, 4, 8].map(|substeps| decibels(&final_velocities(method, substeps), &fine_velocities));
         let slopes = slopes(&errors);
-        assert!(
-            close(&slopes, order, 0.25),
-            "{method:?} {errors:?} {slopes:?}"
-        );
+        assert!(close(&slopes, order, 0.25), "{method:?} {errors:?} {slopes:?}");
     }
 }

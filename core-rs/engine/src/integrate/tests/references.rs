@@ -6,11 +6,7 @@ use super::*;
 use crate::network::{LinkKind, MatKind};
 
 /// Motion of a linear network whose rest positions are all 0, by the matrix exponential.
-pub(super) fn exactly(
-    network: &Network,
-    frames: usize,
-    strikes: &[(usize, usize, f64)],
-) -> Vec<Vec<f64>> {
+pub(super) fn exactly(network: &Network, frames: usize, strikes: &[(usize, usize, f64)]) -> Vec<Vec<f64>> {
     let (mat_count, network_mats, time_step) = (network.n_mat(), network.mats(), rate().step());
     let mut state_matrix = DMatrix::zeros(2 * mat_count, 2 * mat_count);
     let is_moving = |i: usize| matches!(network_mats.kind[i], MatKind::Mas | MatKind::Cel);
@@ -51,11 +47,7 @@ pub(super) fn exactly(
 }
 
 /// Classical Runge-Kutta in small steps, link by link: a reference that shares no code with the methods.
-pub(super) fn finely(
-    network: &Network,
-    frames: usize,
-    strikes: &[(usize, usize, f64)],
-) -> Vec<Vec<f64>> {
+pub(super) fn finely(network: &Network, frames: usize, strikes: &[(usize, usize, f64)]) -> Vec<Vec<f64>> {
     const FINE: usize = 192;
     let (mat_count, network_mats) = (network.n_mat(), network.mats());
     let fine_step = rate().step() / FINE as f64;
@@ -81,12 +73,7 @@ pub(super) fn finely(
         }
         state_slope
     };
-    let mut state_vector: Vec<f64> = network_mats
-        .x0
-        .iter()
-        .chain(&network_mats.v0)
-        .copied()
-        .collect();
+    let mut state_vector: Vec<f64> = network_mats.x0.iter().chain(&network_mats.v0).copied().collect();
     let mut fine_path = Vec::new();
     for frame in 0..frames {
         for strike in strikes.iter().filter(|strike| strike.0 == frame) {
@@ -99,9 +86,7 @@ pub(super) fn finely(
                 let position: Vec<f64> = state_vector
                     .iter()
                     .zip(&stage_slope)
-                    .map(|(state_vector, stage_slope)| {
-                        state_vector + ahead * fine_step * stage_slope
-                    })
+                    .map(|(state_vector, stage_slope)| state_vector + ahead * fine_step * stage_slope)
                     .collect();
                 stage_slope = state_slope(&position);
                 slope_sum
@@ -120,11 +105,7 @@ pub(super) fn finely(
 }
 
 /// The same with other rest positions: they only shift the equilibrium.
-pub(super) fn exactly_hung(
-    network: &Network,
-    frames: usize,
-    strikes: &[(usize, usize, f64)],
-) -> Vec<Vec<f64>> {
+pub(super) fn exactly_hung(network: &Network, frames: usize, strikes: &[(usize, usize, f64)]) -> Vec<Vec<f64>> {
     let (mat_count, network_mats) = (network.n_mat(), network.mats());
     // At equilibrium, K·x equals the forces of the rest positions.
     let mut stiffness = DMatrix::<f64>::zeros(mat_count, mat_count);

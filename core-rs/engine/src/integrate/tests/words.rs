@@ -39,10 +39,7 @@ fn certificate_limits_by_method() {
         (MeshMethod::Bm4, maximum, StabilityGuarantee::Tried),
     ] {
         assert_eq!(
-            method
-                .facts()
-                .limit
-                .map(|limit| (limit * limit * 1e9).round()),
+            method.facts().limit.map(|limit| (limit * limit * 1e9).round()),
             Some((border * 1e9_f64).round())
         );
         let (stable_mass, unstable_mass) = (
@@ -57,10 +54,7 @@ fn certificate_limits_by_method() {
         assert!(certify(&unstable_mass, rate(), method, 2).is_ok());
     }
     let method = MeshMethod::Ieq;
-    assert_eq!(
-        word(&single_mass(1e5, 1.0), method),
-        Some(StabilityGuarantee::Proved)
-    );
+    assert_eq!(word(&single_mass(1e5, 1.0), method), Some(StabilityGuarantee::Proved));
     assert!(stays(&single_mass(1e5, 0.0), method));
 }
 
@@ -80,11 +74,7 @@ fn certificate_of_ca2p_with_damping() {
     for (zeta, expected) in [(4.9, Some(StabilityGuarantee::Tried)), (9.0, None)] {
         let network = single_mass(1e-3, zeta);
         assert_eq!(word(&network, MeshMethod::Bm4), expected, "{zeta}");
-        assert_eq!(
-            stays(&network, MeshMethod::Bm4),
-            expected.is_some(),
-            "{zeta}"
-        );
+        assert_eq!(stays(&network, MeshMethod::Bm4), expected.is_some(), "{zeta}");
     }
 }
 
@@ -157,9 +147,7 @@ fn general_law_steps_equal_springs() {
     });
     let mut hardening_row = row(2, 1e4, 0.0, 0.0);
     let hardening = Arc::new(Law::hardening(2e4, 1e11, 0.05).expect("a law"));
-    hardening_row
-        .lnl("law", 0, 1, hardening, 1e-5)
-        .expect("a link");
+    hardening_row.lnl("law", 0, 1, hardening, 1e-5).expect("a link");
     let law_points: Vec<(f64, f64)> = (-4000..=4000)
         .map(|i| {
             let elongation = f64::from(i) * 1e-6;
@@ -183,14 +171,8 @@ fn general_law_steps_equal_springs() {
         (MeshMethod::Ieq, -25.0),
     ] {
         let spring_path = play(by(&hardening_row, method, 1), 400, &[(0, 0, 1e-3)]);
-        let law_error = decibels(
-            &play(by(&law_network, method, 1), 400, &[(0, 0, 1e-3)]),
-            &spring_path,
-        );
-        let by_points = decibels(
-            &play(by(&pointed, method, 1), 400, &[(0, 0, 1e-3)]),
-            &spring_path,
-        );
+        let law_error = decibels(&play(by(&law_network, method, 1), 400, &[(0, 0, 1e-3)]), &spring_path);
+        let by_points = decibels(&play(by(&pointed, method, 1), 400, &[(0, 0, 1e-3)]), &spring_path);
         assert!(law_error < limit, "{method:?} {law_error}");
         // The line segments between the points are 1 µm long.
         assert!(by_points < f64::max(limit, -95.0), "{method:?} {by_points}");

@@ -47,11 +47,7 @@ crate::archive::state!(SpaceWork { stretch, force });
 impl SpaceWork {
     fn new(link: SpaceLink) -> Self {
         let (stretch, force) = ([0.0; AXES_MAX], [0.0; AXES_MAX]);
-        Self {
-            link,
-            stretch,
-            force,
-        }
+        Self { link, stretch, force }
     }
 
     /// The work that the link took since the step before [J], if it pulls with `force` [N] now.
@@ -80,11 +76,7 @@ pub(super) struct Watched {
     pub(super) worst: Option<Gain>,
 }
 
-crate::archive::state!(Watched {
-    from,
-    is_whole,
-    worst
-});
+crate::archive::state!(Watched { from, is_whole, worst });
 
 impl Watched {
     pub(super) fn new(run: Run) -> Self {
@@ -150,13 +142,7 @@ impl LinkWork {
     }
 
     /// Begin anew.
-    pub(super) fn begin(
-        &mut self,
-        link: &mut Watched,
-        scheme: &Scheme,
-        gates: &[f64],
-        body: &Body,
-    ) {
+    pub(super) fn begin(&mut self, link: &mut Watched, scheme: &Scheme, gates: &[f64], body: &Body) {
         self.account = Account::default();
         self.stretch = body.d[self.b] - body.d[self.a];
         self.force = self.force_now(body);
@@ -186,13 +172,10 @@ impl LinkWork {
         let link_ends = (self.a, self.b);
         let (step_work, kinetic) = if let Some(space_work) = &mut self.space {
             let step_work = space_work.step(link_ends, link_force, body);
-            let axis_pairs =
-                (0..space_work.link.n_axes).map(|axis| space_work.link.pair(link_ends, axis));
+            let axis_pairs = (0..space_work.link.n_axes).map(|axis| space_work.link.pair(link_ends, axis));
             (
                 step_work,
-                axis_pairs
-                    .map(|link_ends| kinetic(link_ends, scheme, body))
-                    .sum(),
+                axis_pairs.map(|link_ends| kinetic(link_ends, scheme, body)).sum(),
             )
         } else {
             let stretch = body.d[self.b] - body.d[self.a];
@@ -205,21 +188,13 @@ impl LinkWork {
     }
 
     /// The energy created so far, by frame `n`; `around` is the energy of all masses, `put_in` what hands put in.
-    pub(super) fn gain(
-        &self,
-        link: &Watched,
-        body: &Body,
-        (around, put_in): (f64, f64),
-        n: u64,
-    ) -> Gain {
+    pub(super) fn gain(&self, link: &Watched, body: &Body, (around, put_in): (f64, f64), n: u64) -> Gain {
         let mut account = self.account;
         if !link.is_whole {
             account.add_start(self.start(link));
         }
         let stored_energy = self.stored(&link.run, body);
-        account
-            .gain(stored_energy, around, n)
-            .with_reference_min(put_in)
+        account.gain(stored_energy, around, n).with_reference_min(put_in)
     }
 
     /// The energy that its link stored when the account began [J].
@@ -272,18 +247,11 @@ fn elongations(run: &Run, body: &Body) -> [f64; 2] {
     }
     let elongation_now = run.elongation(0, |mat| body.x[mat]);
     if run.n_axes() > 1 {
-        let yielded = if run.yields() {
-            body.memory[run.first]
-        } else {
-            0.0
-        };
+        let yielded = if run.yields() { body.memory[run.first] } else { 0.0 };
         let elongation_before = run.elongation(0, |mat| body.x[mat] - body.d[mat]);
         return [elongation_now - yielded, elongation_before - yielded];
     }
-    [
-        elongation_now,
-        elongation_now - (body.d[run.b] - body.d[run.a]),
-    ]
+    [elongation_now, elongation_now - (body.d[run.b] - body.d[run.a])]
 }
 
 /// Energy of a link in space that rounding alone explains [J]: its elongation is a difference of coordinates.

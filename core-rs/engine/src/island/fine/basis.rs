@@ -33,19 +33,14 @@ pub(super) struct Instant {
 impl Basis {
     /// A basis for motions e^(λs) with |λ| up to `reach` [1/frame], to an error relative to them.
     pub(super) fn new(reach: f64, error_max: f64) -> Self {
-        let n_instants =
-            (LEAST..POLYNOMIALS_MAX).find(|&n_instants| error(reach, n_instants) <= error_max);
+        let n_instants = (LEAST..POLYNOMIALS_MAX).find(|&n_instants| error(reach, n_instants) <= error_max);
         let n_instants = n_instants.unwrap_or(POLYNOMIALS_MAX);
         let node_angle = |m: usize| PI * ((n_instants - 1 - m) as f64 + 0.5) / n_instants as f64;
         let fit_factor = |k: usize| if k == 0 { 1.0 } else { 2.0 } / n_instants as f64;
-        let fit_weight = |at: usize| {
-            fit_factor(at / n_instants)
-                * cos((at / n_instants) as f64 * node_angle(at % n_instants))
-        };
+        let fit_weight =
+            |at: usize| fit_factor(at / n_instants) * cos((at / n_instants) as f64 * node_angle(at % n_instants));
         Self {
-            instants: (0..n_instants)
-                .map(|m| 0.5 + 0.5 * cos(node_angle(m)))
-                .collect(),
+            instants: (0..n_instants).map(|m| 0.5 + 0.5 * cos(node_angle(m))).collect(),
             fit: (0..n_instants * n_instants).map(fit_weight).collect(),
         }
     }
@@ -75,8 +70,7 @@ impl Basis {
     /// Replace the values of a function of two instants by its coefficients   (n·n)
     pub(super) fn fit_both(&self, both: &mut [f64]) {
         let n_instants = self.n();
-        let (mut column_values, mut coefficients) =
-            ([0.0; POLYNOMIALS_MAX], [0.0; POLYNOMIALS_MAX]);
+        let (mut column_values, mut coefficients) = ([0.0; POLYNOMIALS_MAX], [0.0; POLYNOMIALS_MAX]);
         for row in both.chunks_mut(n_instants) {
             self.fit(row, &mut coefficients[..n_instants]);
             row.copy_from_slice(&coefficients[..n_instants]);
@@ -85,10 +79,7 @@ impl Basis {
             for (m, value) in column_values[..n_instants].iter_mut().enumerate() {
                 *value = both[m * n_instants + l];
             }
-            self.fit(
-                &column_values[..n_instants],
-                &mut coefficients[..n_instants],
-            );
+            self.fit(&column_values[..n_instants], &mut coefficients[..n_instants]);
             for (k, value) in coefficients[..n_instants].iter().enumerate() {
                 both[k * n_instants + l] = *value;
             }
@@ -153,8 +144,7 @@ impl Instant {
         (instant.value[0], instant.value[1], instant.slope[1]) = (1.0, u, 2.0);
         for k in 2..n {
             instant.value[k] = 2.0 * u * instant.value[k - 1] - instant.value[k - 2];
-            instant.slope[k] =
-                4.0 * instant.value[k - 1] + 2.0 * u * instant.slope[k - 1] - instant.slope[k - 2];
+            instant.slope[k] = 4.0 * instant.value[k - 1] + 2.0 * u * instant.slope[k - 1] - instant.slope[k - 2];
         }
         instant
     }
@@ -193,15 +183,9 @@ mod tests {
             basis.fit(&sine_values, &mut coefficients);
             for s in [0.0, 0.123, 0.5, 0.97, 1.0] {
                 let instant = Instant::new(n_instants, s);
-                assert!(
-                    (dot(&coefficients, &instant.value[..n_instants]) - sin(reach * s)).abs()
-                        < 1e-8
-                );
+                assert!((dot(&coefficients, &instant.value[..n_instants]) - sin(reach * s)).abs() < 1e-8);
                 let sine_slope = reach * cos(reach * s);
-                assert!(
-                    (dot(&coefficients, &instant.slope[..n_instants]) - sine_slope).abs()
-                        < 1e-6 * reach.max(1.0)
-                );
+                assert!((dot(&coefficients, &instant.slope[..n_instants]) - sine_slope).abs() < 1e-6 * reach.max(1.0));
             }
         }
     }

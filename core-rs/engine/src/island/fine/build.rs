@@ -34,10 +34,7 @@ impl Fine {
             true => ERROR_OF_FRICTION,
             false => ERROR,
         };
-        let basis = Basis::new(
-            reach(&joint_mats, network, scheme, bodies, timeline),
-            fit_error,
-        );
+        let basis = Basis::new(reach(&joint_mats, network, scheme, bodies, timeline), fit_error);
         let n_instants = basis.n();
         let is_held = |mat: usize| {
             let mut timeline_drives = timeline.drives.iter();
@@ -49,10 +46,7 @@ impl Fine {
         };
         let joints: Vec<Joint> = joint_mats.iter().map(new_joint).collect();
         let joint_slot = |mat: usize| joint_mats.binary_search(&mat).unwrap_or(0);
-        let ends = links
-            .iter()
-            .map(|run| (joint_slot(run.a), joint_slot(run.b)))
-            .collect();
+        let ends = links.iter().map(|run| (joint_slot(run.a), joint_slot(run.b))).collect();
         let n_joints = joints.len();
         let crowded = crowded_bodies(&links, &joints, bodies, (&basis, rate));
         let is_crowded = |owner: usize| crowded.iter().any(|body| body.owner() == owner);
@@ -112,10 +106,7 @@ impl Fine {
         Self {
             paths: vec![0.0; n_joints * n_instants],
             impulse_sums: vec![0.0; n_joints * n_instants],
-            saved: [
-                vec![0.0; n_joints * n_instants],
-                vec![0.0; n_joints * n_instants],
-            ],
+            saved: [vec![0.0; n_joints * n_instants], vec![0.0; n_joints * n_instants]],
             values: vec![0.0; n_joints * n_instants],
             pushed: vec![0.0; n_joints * n_instants],
             crowded: script.crowded.iter().map(CrowdedBody::motion).collect(),
@@ -156,9 +147,7 @@ fn begun(moves: &[Vec<f64>], joints: &[Joint], basis: &Basis) -> Vec<Vec<f64>> {
         let basis_at = |&s: &f64| {
             let end_instant = Instant::new(n_instants, s);
             let move_rows = moves.chunks(n_instants).zip(&start_instant.value);
-            move_rows
-                .map(|(row, share)| share * dot(row, &end_instant.value))
-                .sum()
+            move_rows.map(|(row, share)| share * dot(row, &end_instant.value)).sum()
         };
         basis.instants.iter().map(basis_at).collect()
     };

@@ -55,19 +55,13 @@ pub(super) fn crowded_bodies(
         return Vec::new();
     }
     let body_indices = 0..bodies.len();
-    let bodies_found =
-        body_indices.filter_map(|owner| CrowdedBody::new(owner, joints, bodies, (basis, rate)));
+    let bodies_found = body_indices.filter_map(|owner| CrowdedBody::new(owner, joints, bodies, (basis, rate)));
     bodies_found.collect()
 }
 
 impl CrowdedBody {
     /// `None` if the paths of pairs take less, or if its modes are complex or discrete.
-    fn new(
-        owner: usize,
-        joints: &[Joint],
-        bodies: &[RunningBody],
-        (basis, rate): (&Basis, Rate),
-    ) -> Option<Self> {
+    fn new(owner: usize, joints: &[Joint], bodies: &[RunningBody], (basis, rate): (&Basis, Rate)) -> Option<Self> {
         let joint_ports: Vec<(usize, usize)> = (joints.iter().enumerate())
             .filter_map(|(joint_index, joint)| match joint.port {
                 Some((own, port)) if own == owner => Some((joint_index, port)),
@@ -81,10 +75,7 @@ impl CrowdedBody {
         }
         let mode_cells = modal_body.cells()?;
         let time_step = rate.step();
-        if mode_cells
-            .iter()
-            .any(|cell| cell.viscosity() * time_step > LOSS_MAX)
-        {
+        if mode_cells.iter().any(|cell| cell.viscosity() * time_step > LOSS_MAX) {
             return None;
         }
         let n_groups = n_modes.div_ceil(SUMS);
@@ -137,13 +128,11 @@ impl CrowdedBody {
 
 /// Whether sums over modes take far fewer products than paths of pairs, if a share of the joints push at once.
 fn is_crowded(n_joints: usize, n_modes: usize, n_instants: usize) -> bool {
-    let (joint_count, mode_count, n_instants) =
-        (n_joints as f64, n_modes as f64, n_instants as f64);
+    let (joint_count, mode_count, n_instants) = (n_joints as f64, n_modes as f64, n_instants as f64);
     let pushing = (PUSHING * joint_count).max(1.0);
     let by_pairs = KICKS * pushing * joint_count * n_instants * n_instants;
     // For each kick the instant, and what each contact sees and pushes; for each step what all joints see.
-    let by_modes =
-        mode_count * (KICKS * (2.0 * n_instants + 8.0 + 3.0 * pushing) + 2.0 * joint_count);
+    let by_modes = mode_count * (KICKS * (2.0 * n_instants + 8.0 + 3.0 * pushing) + 2.0 * joint_count);
     by_pairs > GAIN * by_modes
 }
 
@@ -156,11 +145,7 @@ fn tables(cells: &[Cell], basis: &Basis, rate: Rate) -> ModeTables {
     let mut rates = vec![[[0.0; SUMS]; 2]; n_groups];
     let mut coefficients = vec![0.0; n];
     for index in 0..n_groups * SUMS {
-        let (mode_cell, group_index, lane_index) = (
-            &cells[index.min(cells.len() - 1)],
-            index / SUMS,
-            index % SUMS,
-        );
+        let (mode_cell, group_index, lane_index) = (&cells[index.min(cells.len() - 1)], index / SUMS, index % SUMS);
         for which in 0..2 {
             let motion_value = |s: &f64| unit_motion(mode_cell, s * time_step, which, time_step);
             let motion_samples: Vec<f64> = basis.instants.iter().map(motion_value).collect();
@@ -242,15 +227,11 @@ impl Fine {
     pub(super) fn see(&self, script: &Script, joint: usize, instant: &Instant) -> [f64; 2] {
         let n_instants = script.basis.n();
         let joint_path = &self.paths[joint * n_instants..(joint + 1) * n_instants];
-        let [x, v] =
-            [&instant.value, &instant.slope].map(|polynomials| dot(joint_path, polynomials));
+        let [x, v] = [&instant.value, &instant.slope].map(|polynomials| dot(joint_path, polynomials));
         match script.places[joint] {
             None => [x, v],
             Some((body, row)) => {
-                let [crowded_x, crowded_v] = see(
-                    &script.crowded[body].rows[row].1,
-                    &self.crowded[body].groups,
-                );
+                let [crowded_x, crowded_v] = see(&script.crowded[body].rows[row].1, &self.crowded[body].groups);
                 [x + crowded_x, v + crowded_v]
             }
         }
@@ -304,12 +285,7 @@ mod tests {
             .collect();
         let mut groups = vec![PushedGroup::START; 2];
         // Instant, row and impulse; two of them at one instant.
-        let push_list = [
-            (0.0, 0, 1e-3),
-            (0.3, 1, -2e-3),
-            (0.3, 2, 3e-3),
-            (0.85, 0, 5e-4),
-        ];
+        let push_list = [(0.0, 0, 1e-3), (0.3, 1, -2e-3), (0.3, 2, 3e-3), (0.85, 0, 5e-4)];
         let mut instant_now = 0.0;
         for &(s, row, impulse) in &push_list {
             if s != instant_now {
@@ -329,20 +305,14 @@ mod tests {
                 for &(s, row, impulse) in &push_list {
                     let time_since = (end - s) * rate.step();
                     for (mode, cell) in cells.iter().enumerate() {
-                        let modal_impulse =
-                            impulse * mode_share(row, mode) * mode_share(seen, mode);
+                        let modal_impulse = impulse * mode_share(row, mode) * mode_share(seen, mode);
                         exact_motion[0] += modal_impulse * cell.response(time_since);
-                        let response_slope = cell.released(time_since)
-                            - cell.viscosity() * cell.response(time_since);
+                        let response_slope = cell.released(time_since) - cell.viscosity() * cell.response(time_since);
                         exact_motion[1] += modal_impulse * response_slope * rate.step();
                     }
                 }
                 let error_max = 1e-8 * rate.step() * 3e-3;
-                assert!(
-                    (x - exact_motion[0]).abs() < error_max,
-                    "{x} {}",
-                    exact_motion[0]
-                );
+                assert!((x - exact_motion[0]).abs() < error_max, "{x} {}", exact_motion[0]);
                 assert!(
                     (v - exact_motion[1]).abs() < 10.0 * error_max,
                     "{v} {}",

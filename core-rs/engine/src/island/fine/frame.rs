@@ -19,17 +19,15 @@ impl Fine {
         bodies: &mut [RunningBody],
         body: &mut Body,
     ) {
-        let next_position =
-            |mat: usize, body: &Body| match targets.iter().find(|target| target.mat == mat) {
-                Some(target) => target.x,
-                None => kernel::predict(scheme, body, mat),
-            };
+        let next_position = |mat: usize, body: &Body| match targets.iter().find(|target| target.mat == mat) {
+            Some(target) => target.x,
+            None => kernel::predict(scheme, body, mat),
+        };
         let mut any_near = false;
         for (contact, run) in self.script.links.iter().enumerate() {
             let distance_now = body.x[run.b] - body.x[run.a];
             let distance_next = next_position(run.b, body) - next_position(run.a, body);
-            let contact_near =
-                nearest(run, distance_now - run.rest, distance_next - run.rest) > 0.0;
+            let contact_near = nearest(run, distance_now - run.rest, distance_next - run.rest) > 0.0;
             self.near[contact] = contact_near;
             any_near |= contact_near;
             body.link[run.first] = 0.0;
@@ -54,11 +52,7 @@ impl Fine {
         if is_located {
             self.impulse_sums.fill(0.0);
             let n_instants = script.basis.n();
-            for (values, way) in self
-                .values
-                .chunks(n_instants)
-                .zip(self.paths.chunks_mut(n_instants))
-            {
+            for (values, way) in self.values.chunks(n_instants).zip(self.paths.chunks_mut(n_instants)) {
                 script.basis.fit(values, way);
             }
             if self.frictions.is_empty() {
@@ -101,14 +95,11 @@ impl Fine {
             let both_ends = |(a, b): (usize, usize)| [a, b];
             let is_coupled = |from: usize, to: usize| {
                 let crowded_body = |joint: usize| script.places[joint].map(|(body, _)| body);
-                let on_same_body =
-                    crowded_body(from).is_some() && crowded_body(from) == crowded_body(to);
+                let on_same_body = crowded_body(from).is_some() && crowded_body(from) == crowded_body(to);
                 on_same_body || !script.moves[from * n_joints + to].is_empty()
             };
             let (mover, moved) = (both_ends(script.ends[mover]), both_ends(script.ends[moved]));
-            mover
-                .iter()
-                .any(|&from| moved.iter().any(|&to| is_coupled(from, to)))
+            mover.iter().any(|&from| moved.iter().any(|&to| is_coupled(from, to)))
         };
         loop {
             let is_reached = |link: &usize| {
@@ -133,8 +124,7 @@ impl Fine {
     ) {
         let (n_instants, n_joints) = (script.basis.n(), script.joints.len());
         for (joint_index, joint) in script.joints.iter().enumerate() {
-            let joint_values =
-                &mut self.values[joint_index * n_instants..(joint_index + 1) * n_instants];
+            let joint_values = &mut self.values[joint_index * n_instants..(joint_index + 1) * n_instants];
             // Lasting forces act throughout the frame, but are applied as impulses at its start. Both lead to the same
             // end; the path between is corrected here.
             let mut frame_pull = 0.5 * self.steady[joint_index] * scheme.w[joint.mat];
@@ -147,10 +137,7 @@ impl Fine {
                 None => {
                     let rest_position = joint.rest;
                     let free_step = next(joint.mat, body) - body.x[joint.mat];
-                    let (x, next_x) = (
-                        body.x[joint.mat] - rest_position,
-                        next(joint.mat, body) - rest_position,
-                    );
+                    let (x, next_x) = (body.x[joint.mat] - rest_position, next(joint.mat, body) - rest_position);
                     for (x_at, (from, to)) in joint_values.iter_mut().zip(&joint.frame_weights) {
                         *x_at = rest_position + (x * from + next_x * to);
                     }
@@ -207,8 +194,7 @@ impl Fine {
     fn give(&mut self, script: &Script, bodies: &mut [RunningBody], body: &mut Body) {
         let n_instants = script.basis.n();
         for (joint_index, joint) in script.joints.iter().enumerate() {
-            let joint_impulses =
-                &self.pushed[joint_index * n_instants..(joint_index + 1) * n_instants];
+            let joint_impulses = &self.pushed[joint_index * n_instants..(joint_index + 1) * n_instants];
             if joint_impulses.iter().all(|impulse| *impulse == 0.0) {
                 continue;
             }
@@ -226,10 +212,7 @@ impl Fine {
                 }
                 // The motion of such a MAT is imposed; a hand that holds it feels the force.
                 (None, None) => {
-                    body.push(
-                        joint.mat,
-                        joint_impulses.iter().sum::<f64>() * script.rate.hertz(),
-                    );
+                    body.push(joint.mat, joint_impulses.iter().sum::<f64>() * script.rate.hertz());
                 }
             }
         }

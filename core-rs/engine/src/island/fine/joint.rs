@@ -40,10 +40,7 @@ pub(super) fn reach(
     let frame_rate = timeline.rate;
     let reach_of = |mat: usize| {
         let body = bodies.iter().filter_map(RunningBody::modal);
-        match body
-            .into_iter()
-            .find(|body| body.ports().any(|port| port == mat))
-        {
+        match body.into_iter().find(|body| body.ports().any(|port| port == mat)) {
             Some(body) => body.reach(),
             None => cell(mat, network, scheme).map_or(0.0, |cell| cell.reach()),
         }
@@ -72,18 +69,12 @@ impl Script {
         // Each of the two forces that replace an impulse acts on the mass of its own frame.
         let mass_ratios = [w / numbers_now[0], w / numbers_next[0]];
         let step_response = mean_cell.response(time_step);
-        for ((path, split), &instant) in (joint_script
-            .frame_weights
-            .iter_mut()
-            .zip(&mut joint_script.split))
-        .zip(&self.basis.instants)
+        for ((path, split), &instant) in
+            (joint_script.frame_weights.iter_mut().zip(&mut joint_script.split)).zip(&self.basis.instants)
         {
             let (weights, split_forces) = mean_cell.within_step(instant, rate, step_response);
             *path = weights;
-            *split = [
-                split_forces[0] * mass_ratios[0],
-                split_forces[1] * mass_ratios[1],
-            ];
+            *split = [split_forces[0] * mass_ratios[0], split_forces[1] * mass_ratios[1]];
         }
         let pair_index = joint * n_joints + joint;
         self.jumps[pair_index] = time_step * mean_cell.jump();
@@ -114,10 +105,7 @@ fn answers(basis: &Basis, both: &mut [f64], answer: &dyn Fn(f64) -> f64) {
 /// sines instead of n², and products in proportion to n² instead of n³.
 fn answers_by_factors(basis: &Basis, both: &mut [f64], cell: &Cell, step: f64) {
     let n_instants = basis.n();
-    let (mut factor_values, mut fitted_factors) = (
-        [[[0.0; POLYNOMIALS_MAX]; 2]; 2],
-        [[[0.0; POLYNOMIALS_MAX]; 2]; 2],
-    );
+    let (mut factor_values, mut fitted_factors) = ([[[0.0; POLYNOMIALS_MAX]; 2]; 2], [[[0.0; POLYNOMIALS_MAX]; 2]; 2]);
     for (m, instant) in basis.instants.iter().enumerate() {
         let factors = cell.answer_factors((instant - 0.5) * step);
         for (factor_values, factors) in factor_values.iter_mut().zip(factors) {
@@ -126,15 +114,8 @@ fn answers_by_factors(basis: &Basis, both: &mut [f64], cell: &Cell, step: f64) {
             }
         }
     }
-    for (factor_values, fitted_factors) in factor_values
-        .iter()
-        .flatten()
-        .zip(fitted_factors.iter_mut().flatten())
-    {
-        basis.fit(
-            &factor_values[..n_instants],
-            &mut fitted_factors[..n_instants],
-        );
+    for (factor_values, fitted_factors) in factor_values.iter().flatten().zip(fitted_factors.iter_mut().flatten()) {
+        basis.fit(&factor_values[..n_instants], &mut fitted_factors[..n_instants]);
     }
     let [later_factors, earlier] = &fitted_factors;
     for (l, row) in both.chunks_mut(n_instants).enumerate() {
@@ -169,10 +150,7 @@ pub(super) fn joint(
     let instants = basis.instants.iter();
     let (path_weights, rest) = match &cell {
         Some(cell) => (
-            instants
-                .clone()
-                .map(|&at| cell.interpolation(at, rate))
-                .collect(),
+            instants.clone().map(|&at| cell.interpolation(at, rate)).collect(),
             network.mats().rest[mat],
         ),
         None => (instants.clone().map(|&at| (1.0 - at, at)).collect(), 0.0),
@@ -236,9 +214,7 @@ pub(super) fn moves(
         (None, None) if from.mat == to.mat => match &from.cell {
             Some(cell) => {
                 let mut pair_response = vec![0.0; n_instants * n_instants];
-                answers(basis, &mut pair_response, &|part| {
-                    cell.answer_around(part * time_step)
-                });
+                answers(basis, &mut pair_response, &|part| cell.answer_around(part * time_step));
                 (pair_response, time_step * cell.jump())
             }
             None => (Vec::new(), 0.0),

@@ -48,15 +48,9 @@ pub(super) type Square = [Stages; STAGES];
 impl Fine {
     /// Compute the laws of a frame in which no contact is near.
     pub(super) fn collocate(&mut self, script: &Script, laws: &LawScript, gates: &[f64]) {
-        self.laws
-            .iter_mut()
-            .for_each(|state| state.look_ahead(laws));
+        self.laws.iter_mut().for_each(|state| state.look_ahead(laws));
         let finest_index = laws.divisions.len() - 1;
-        let round_limit = if finest_index == 0 {
-            ROUNDS
-        } else {
-            FEW_ROUNDS
-        };
+        let round_limit = if finest_index == 0 { ROUNDS } else { FEW_ROUNDS };
         let change_left = self.solve(script, laws, (gates, 0), (0, round_limit));
         if finest_index == 0 {
             if change_left > LOST {
@@ -121,8 +115,7 @@ impl Fine {
         for _ in 0..rounds {
             let mut round_change = 0.0_f64;
             for law in 0..laws.links.len() {
-                round_change =
-                    round_change.max(self.meet(script, laws, (gates, law_index, part), law));
+                round_change = round_change.max(self.meet(script, laws, (gates, law_index, part), law));
             }
             // Estimate of the change still to come, from the ratio of the last two rounds: Newton's method squares the
             // change of one law, several laws approach each other step by step.
@@ -132,9 +125,7 @@ impl Fine {
             } else {
                 change_ratio
             };
-            if round_change <= AGREE
-                || (change_ratio < 0.5 && round_change * ratio_to_come <= AGREE)
-            {
+            if round_change <= AGREE || (change_ratio < 0.5 && round_change * ratio_to_come <= AGREE) {
                 return 0.0;
             }
             last_change = round_change;
@@ -144,12 +135,7 @@ impl Fine {
 
     /// Find one force for each law over a part of a frame, equal to the law halfway, for laws so steep that Newton's
     /// method does not converge. It is of order 2; the force does not exceed the law, and its slope is not needed.
-    fn bracket(
-        &mut self,
-        script: &Script,
-        laws: &LawScript,
-        (gates, division_index, part): (&[f64], usize, usize),
-    ) {
+    fn bracket(&mut self, script: &Script, laws: &LawScript, (gates, division_index, part): (&[f64], usize, usize)) {
         const MIDDLE: usize = 1;
         let (n_laws, division) = (laws.links.len(), &laws.divisions[division_index]);
         let middle_instant = division.s[STAGES * part + MIDDLE];
@@ -166,8 +152,7 @@ impl Fine {
                 let mut self_response = [0.0; 2];
                 let state_moves = self.laws.iter().zip(&division.moves[law * n_laws..]);
                 for (other, (state, [by_x, by_v])) in state_moves.enumerate() {
-                    let [e_response, v_response] =
-                        [by_x, by_v].map(|by| by[MIDDLE].iter().sum::<f64>());
+                    let [e_response, v_response] = [by_x, by_v].map(|by| by[MIDDLE].iter().sum::<f64>());
                     if other == law {
                         self_response = [e_response, v_response];
                     } else {
@@ -177,12 +162,7 @@ impl Fine {
                 }
                 let law_now = self.law(script, laws, gates, (law, middle_instant));
                 let part_length = 1.0 / division.parts as f64;
-                let halfway = |f: f64| {
-                    (
-                        e + self_response[0] * f,
-                        (v + self_response[1] * f) * law_now.rate(),
-                    )
-                };
+                let halfway = |f: f64| (e + self_response[0] * f, (v + self_response[1] * f) * law_now.rate());
                 let unmet_force = |f: f64| {
                     let (e, v) = halfway(f);
                     f - law_now.halfway(e, v, part_length)
@@ -205,12 +185,7 @@ impl Fine {
     }
 
     /// Push by the forces that were found for a part of a frame.
-    fn give_laws(
-        &mut self,
-        script: &Script,
-        laws: &LawScript,
-        (division_index, part): (usize, usize),
-    ) {
+    fn give_laws(&mut self, script: &Script, laws: &LawScript, (division_index, part): (usize, usize)) {
         let (n_instants, division) = (script.basis.n(), &laws.divisions[division_index]);
         let part_seconds = script.rate.step() / division.parts as f64;
         for (state, &link) in self.laws.iter_mut().zip(&laws.links) {
@@ -219,8 +194,8 @@ impl Fine {
             let stage_forces = WEIGHTS.iter().zip(&state.force);
             for (stage, (weight, force)) in stage_forces.enumerate() {
                 let impulse = weight * part_seconds * force;
-                let value_row = &division.value
-                    [(first_stage + stage) * n_instants..(first_stage + stage + 1) * n_instants];
+                let value_row =
+                    &division.value[(first_stage + stage) * n_instants..(first_stage + stage + 1) * n_instants];
                 for (instant, share) in value_row.iter().enumerate() {
                     self.pushed[first_joint * n_instants + instant] += impulse * share;
                     self.pushed[second_joint * n_instants + instant] -= impulse * share;
@@ -244,8 +219,7 @@ impl Fine {
             let mut law_path = std::mem::take(&mut self.laws[to].path);
             for (from, other) in self.laws.iter().enumerate() {
                 let later_index = (to * n_laws + from) * division.parts + part;
-                let later_rows = &division.later
-                    [3 * later_index * n_instants..3 * (later_index + 1) * n_instants];
+                let later_rows = &division.later[3 * later_index * n_instants..3 * (later_index + 1) * n_instants];
                 for (stage, row) in later_rows.chunks(n_instants).enumerate() {
                     let impulse = WEIGHTS[stage] * part_seconds * other.force[stage];
                     for (x, by) in law_path.iter_mut().zip(row) {
@@ -264,8 +238,7 @@ impl Fine {
         for law_index in 0..n_laws {
             let state = &self.laws[law_index];
             let [mut e, mut v] = [0, 1].map(|which| dot(&laws.end[which], &state.path));
-            for (other, [by_x, by_v]) in self.laws.iter().zip(&laws.moves_end[law_index * n_laws..])
-            {
+            for (other, [by_x, by_v]) in self.laws.iter().zip(&laws.moves_end[law_index * n_laws..]) {
                 e += dot(by_x, &other.force);
                 v += dot(by_v, &other.force);
             }
@@ -274,8 +247,8 @@ impl Fine {
                 ..self.law(script, laws, gates, (law_index, 1.0))
             };
             let end_forces = [state.begin, law_at_end.force(e, v * law_at_end.rate())];
-            let largest = (state.force.iter().chain(&end_forces))
-                .fold(state.largest, |most, force| most.max(force.abs()));
+            let largest =
+                (state.force.iter().chain(&end_forces)).fold(state.largest, |most, force| most.max(force.abs()));
             for (row, force) in laws.end_weights.iter().zip(end_forces) {
                 let end_deviation = (dot(row, &state.force) - force).abs();
                 deviation_max = deviation_max.max(end_deviation / largest.max(f64::MIN_POSITIVE));
@@ -304,8 +277,7 @@ impl Fine {
                 v[stage] += dot(&by_v[stage], &other.force);
             }
         }
-        let laws_now = [0, 1, 2]
-            .map(|stage| self.law(script, laws, gates, (law, division.s[3 * part + stage])));
+        let laws_now = [0, 1, 2].map(|stage| self.law(script, laws, gates, (law, division.s[3 * part + stage])));
         let part_length = 1.0 / division.parts as f64;
         self.work.instants += 1;
         self.work.couplings += n_laws as u64 - 1;
@@ -313,10 +285,8 @@ impl Fine {
         let v = v.map(|v| v * rate);
         let state = &mut self.laws[law];
         let law_moves = &division.moves[law * n_laws + law];
-        let (law_forces, unmet_slopes) =
-            state.answer(&laws_now, (&e, &v), (part_length, law_moves));
-        let unmet_forces: Stages =
-            std::array::from_fn(|stage| law_forces[stage] - state.force[stage]);
+        let (law_forces, unmet_slopes) = state.answer(&laws_now, (&e, &v), (part_length, law_moves));
+        let unmet_forces: Stages = std::array::from_fn(|stage| law_forces[stage] - state.force[stage]);
         let newton_step = inverse(&unmet_slopes).map(|row| dot(&row, &unmet_forces));
         let (mut force_change, mut largest) = (0.0_f64, f64::MIN_POSITIVE);
         for stage in 0..STAGES {
@@ -329,13 +299,7 @@ impl Fine {
 
     /// Compute elongation, rate and force of each law at the start of the frame, but not the force of an expression if
     /// the frame is collocated: `collocate` computes it together with those at the Gauss points.
-    pub(super) fn start_laws(
-        &mut self,
-        script: &Script,
-        laws: &LawScript,
-        gates: &[f64],
-        is_collocated: bool,
-    ) {
+    pub(super) fn start_laws(&mut self, script: &Script, laws: &LawScript, gates: &[f64], is_collocated: bool) {
         let n_instants = script.basis.n();
         for (law_index, &link) in laws.links.iter().enumerate() {
             let ((a, b), rest_length) = (script.ends[link], script.links[link].rest);
@@ -361,13 +325,7 @@ impl Fine {
     }
 
     /// A law as it is at an instant of this frame.
-    fn law<'a>(
-        &self,
-        script: &'a Script,
-        laws: &LawScript,
-        gates: &[f64],
-        (law_index, s): (usize, f64),
-    ) -> LawNow<'a> {
+    fn law<'a>(&self, script: &'a Script, laws: &LawScript, gates: &[f64], (law_index, s): (usize, f64)) -> LawNow<'a> {
         let law_link = laws.links[law_index];
         let link_run = &script.links[law_link];
         let [k, z] = self.numbers(law_link, s);
@@ -391,11 +349,8 @@ impl Fine {
             let law_now = self.law(script, laws, gates, (law_index, instant.s));
             if let Some(bristle_law) = law_now.bristle() {
                 let [_, bristle_rate] = self.elongation(script, laws.links[law_index], instant);
-                self.laws[law_index].bristle = bristle_law.slide(
-                    law_now.bristle,
-                    bristle_rate * law_now.rate(),
-                    h / law_now.rate(),
-                );
+                self.laws[law_index].bristle =
+                    bristle_law.slide(law_now.bristle, bristle_rate * law_now.rate(), h / law_now.rate());
             }
         }
     }
@@ -422,10 +377,7 @@ impl Fine {
         let [e, v] = self.elongation(script, law_link, instant);
         let (first_joint, second_joint) = script.ends[law_link];
         let pair_jump = script.jump(first_joint, second_joint);
-        let (link_now, time_step) = (
-            self.law(script, laws, gates, (law, instant.s)),
-            script.rate.step(),
-        );
+        let (link_now, time_step) = (self.law(script, laws, gates, (law, instant.s)), script.rate.step());
         let mut impulse = 0.0;
         for _ in 0..AGAIN {
             // The rate halfway through the kick.

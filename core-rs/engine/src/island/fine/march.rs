@@ -69,11 +69,7 @@ impl LinkContact<'_> {
 
     /// What changes its sign where the contact closes or opens: the penetration, or the force that is not clamped.
     fn side_of(&self, [g, v]: [f64; 2], is_gap: bool) -> f64 {
-        if is_gap {
-            g
-        } else {
-            self.elastic(g) + self.z * v
-        }
+        if is_gap { g } else { self.elastic(g) + self.z * v }
     }
 
     /// Whether its force ends before it opens.
@@ -102,9 +98,7 @@ impl LinkContact<'_> {
         } else {
             // At the greatest depth that its energy allows.
             let elastic_law = self.but.elastic(self.k);
-            elastic_law.slope(
-                elastic_law.depth(elastic_law.energy(g.max(0.0)) + 0.5 * v * v / inverse_mass),
-            )
+            elastic_law.slope(elastic_law.depth(elastic_law.energy(g.max(0.0)) + 0.5 * v * v / inverse_mass))
         };
         sqrt(tangent * inverse_mass).max(self.z * inverse_mass)
     }
@@ -123,13 +117,7 @@ impl LinkContact<'_> {
 
 impl Fine {
     /// Compute the pushes of a frame.
-    pub(super) fn march(
-        &mut self,
-        script: &Script,
-        laws: &LawScript,
-        gates: &[f64],
-        body: &mut Body,
-    ) {
+    pub(super) fn march(&mut self, script: &Script, laws: &LawScript, gates: &[f64], body: &mut Body) {
         let start_instant = self.instant(script, 0.0);
         let mut rests_fast = false;
         for index in 0..script.links.len() {
@@ -142,10 +130,9 @@ impl Fine {
             let is_pushing = contact.holds(contact_state) > 0.0;
             (self.pushes[index], self.rests[index]) = (is_pushing, is_pushing);
             if is_pushing {
-                body.link[script.links[index].first] = contact.side
-                    * (contact.elastic(contact_state[0]) + contact.z * contact_state[1]);
-                rests_fast |= has_rested
-                    && contact.quickness(contact_state, script.rate.step()) > STEP_PHASE_MAX;
+                body.link[script.links[index].first] =
+                    contact.side * (contact.elastic(contact_state[0]) + contact.z * contact_state[1]);
+                rests_fast |= has_rested && contact.quickness(contact_state, script.rate.step()) > STEP_PHASE_MAX;
             }
         }
         if rests_fast {
@@ -174,12 +161,7 @@ impl Fine {
     }
 
     /// The contact `index` at the instant `s` of this frame; `None` if it cannot be closed in this frame.
-    fn contact_now<'a>(
-        &self,
-        script: &'a Script,
-        gates: &[f64],
-        (index, s): (usize, f64),
-    ) -> Option<LinkContact<'a>> {
+    fn contact_now<'a>(&self, script: &'a Script, gates: &[f64], (index, s): (usize, f64)) -> Option<LinkContact<'a>> {
         let link_run = &script.links[index];
         let Kind::But(but) = &link_run.kind else {
             return None;
@@ -204,35 +186,19 @@ impl Fine {
     /// Penetration [m] and how fast it grows [m/frame].
     fn look(&self, script: &Script, contact: &LinkContact<'_>, instant: &Instant) -> [f64; 2] {
         let (first_joint, second_joint) = contact.ends;
-        let [[x_a, v_a], [x_b, v_b]] =
-            [first_joint, second_joint].map(|end| self.see(script, end, instant));
-        [
-            contact.side * (x_b - x_a - contact.rest),
-            contact.side * (v_b - v_a),
-        ]
+        let [[x_a, v_a], [x_b, v_b]] = [first_joint, second_joint].map(|end| self.see(script, end, instant));
+        [contact.side * (x_b - x_a - contact.rest), contact.side * (v_b - v_a)]
     }
 
     /// Push both ends of a contact [N·s].
-    fn push(
-        &mut self,
-        script: &Script,
-        contact: &LinkContact<'_>,
-        impulse: f64,
-        instant: &Instant,
-    ) {
+    fn push(&mut self, script: &Script, contact: &LinkContact<'_>, impulse: f64, instant: &Instant) {
         let (first_joint, second_joint) = contact.ends;
         self.shove(script, first_joint, contact.side * impulse, instant);
         self.shove(script, second_joint, -contact.side * impulse, instant);
     }
 
     /// Advance from `s` by a step, or up to where a contact closes or opens in it; returns the instant reached.
-    fn advance(
-        &mut self,
-        script: &Script,
-        forces: (&LawScript, &[f64]),
-        s: f64,
-        left: &mut usize,
-    ) -> f64 {
+    fn advance(&mut self, script: &Script, forces: (&LawScript, &[f64]), s: f64, left: &mut usize) -> f64 {
         let step_length = self.length(script, forces.1, s);
         let [saved_paths, impulses] = &mut self.saved;
         saved_paths.copy_from_slice(&self.paths);
@@ -277,19 +243,16 @@ impl Fine {
         };
         let look = |fine: &mut Self, s: f64| {
             let instant = fine.instant(script, s);
-            let contact = fine
-                .contact_now(script, forces.1, (index, s))
-                .unwrap_or(contact);
+            let contact = fine.contact_now(script, forces.1, (index, s)).unwrap_or(contact);
             (contact, fine.look(script, &contact, &instant))
         };
         let end_state = look(self, s + h);
         self.restore();
         let start_state = look(self, s);
-        let mut is_gap =
-            !contact.is_pulled_off() || (!self.pushes[index] && start_state.1[0] <= 0.0);
+        let mut is_gap = !contact.is_pulled_off() || (!self.pushes[index] && start_state.1[0] <= 0.0);
         let sides_differ = |is_gap: bool| {
-            let [start_side, end_side] = [start_state, end_state]
-                .map(|(contact, contact_state)| contact.side_of(contact_state, is_gap));
+            let [start_side, end_side] =
+                [start_state, end_state].map(|(contact, contact_state)| contact.side_of(contact_state, is_gap));
             (start_side > 0.0) != (end_side > 0.0)
         };
         // It may open and approach again within the step: its force is then positive at both ends.
@@ -297,17 +260,13 @@ impl Fine {
         if !sides_differ(is_gap) {
             return 0.0; // it had turned before `s`
         }
-        let criterion = |(contact, contact_state): (LinkContact<'_>, [f64; 2])| {
-            contact.side_of(contact_state, is_gap)
-        };
+        let criterion = |(contact, contact_state): (LinkContact<'_>, [f64; 2])| contact.side_of(contact_state, is_gap);
         let (mut length_taken, mut contact_state) = (h, end_state.1);
-        let (mut low_end, mut high_end) =
-            ((0.0, criterion(start_state)), (h, criterion(end_state)));
+        let (mut low_end, mut high_end) = ((0.0, criterion(start_state)), (h, criterion(end_state)));
         for _ in 0..TRIES {
             // Newton's step if the criterion is the gap, whose slope is known.
             let newton_length = length_taken - contact_state[0] / contact_state[1];
-            let secant_length =
-                low_end.0 - low_end.1 * (high_end.0 - low_end.0) / (high_end.1 - low_end.1);
+            let secant_length = low_end.0 - low_end.1 * (high_end.0 - low_end.0) / (high_end.1 - low_end.1);
             let is_inside = newton_length > low_end.0 && newton_length < high_end.0;
             let next_length = if is_gap && is_inside {
                 newton_length
@@ -350,8 +309,7 @@ impl Fine {
         let mut quickest = 1.0_f64;
         for index in (0..script.links.len()).filter(|&index| self.pushes[index]) {
             if let Some(contact) = self.contact_now(script, gates, (index, s)) {
-                quickest = quickest
-                    .max(contact.quickness(self.look(script, &contact, &instant), time_step));
+                quickest = quickest.max(contact.quickness(self.look(script, &contact, &instant), time_step));
             }
         }
         let frame_left = 1.0 - s;
@@ -361,33 +319,19 @@ impl Fine {
     /// One step of the contacts that push, and of all laws.
     fn leap(&mut self, script: &Script, forces: (&LawScript, &[f64]), s: f64, h: f64) {
         // Half of the motion of bristles comes before all else, and half after it.
-        self.slide_bristles(
-            script,
-            forces,
-            (&Instant::new(script.basis.n(), s), 0.5 * h),
-        );
+        self.slide_bristles(script, forces, (&Instant::new(script.basis.n(), s), 0.5 * h));
         let mut stage_time = 0.0;
         for (stage, [kick, drift]) in STAGES.iter().enumerate() {
             self.kick(script, forces, (s + stage_time * h, kick * h), stage > 3);
             stage_time += drift;
         }
         self.kick(script, forces, (s + h, STAGES[0][0] * h), true);
-        self.slide_bristles(
-            script,
-            forces,
-            (&Instant::new(script.basis.n(), s + h), 0.5 * h),
-        );
+        self.slide_bristles(script, forces, (&Instant::new(script.basis.n(), s + h), 0.5 * h));
     }
 
     /// Kicks of all contacts that push, and of all laws. If they change velocities on which losses depend, half of each
     /// kick is given in one order and half in the reverse order: then the whole is symmetric.
-    fn kick(
-        &mut self,
-        script: &Script,
-        forces: (&LawScript, &[f64]),
-        (s, b): (f64, f64),
-        is_back: bool,
-    ) {
+    fn kick(&mut self, script: &Script, forces: (&LawScript, &[f64]), (s, b): (f64, f64), is_back: bool) {
         let instant = self.instant(script, s);
         if script.is_coupled && self.order_matters(forces.0) {
             self.kick_in_order(script, forces, (&instant, 0.5 * b), false);
@@ -399,16 +343,10 @@ impl Fine {
 
     /// Whether the order of kicks matters: several act, and at least one depends on a velocity.
     fn order_matters(&self, laws: &LawScript) -> bool {
-        let pushing = || {
-            self.pushes
-                .iter()
-                .zip(&self.numbers)
-                .filter(|(pushes, _)| **pushes)
-        };
+        let pushing = || self.pushes.iter().zip(&self.numbers).filter(|(pushes, _)| **pushes);
         let has_loss = |[start, end]: &[[f64; 2]; 2]| start[1] != 0.0 || end[1] != 0.0;
         let n_laws = laws.links.len();
-        pushing().count() + n_laws > 1
-            && (n_laws > 0 || pushing().any(|(_, numbers)| has_loss(numbers)))
+        pushing().count() + n_laws > 1 && (n_laws > 0 || pushing().any(|(_, numbers)| has_loss(numbers)))
     }
 
     /// Kicks one after the other, or in reverse order.
@@ -449,15 +387,14 @@ impl Fine {
         let instant = self.instant(script, s);
         let unlocated_links = (0..script.links.len()).filter(|&index| !self.located[index]);
         unlocated_links.into_iter().find(|&index| {
-            self.contact_now(script, gates, (index, s))
-                .is_some_and(|contact| {
-                    let contact_state = self.look(script, &contact, &instant);
-                    if self.pushes[index] {
-                        contact.holds(contact_state) < 0.0
-                    } else {
-                        contact.closes(contact_state)
-                    }
-                })
+            self.contact_now(script, gates, (index, s)).is_some_and(|contact| {
+                let contact_state = self.look(script, &contact, &instant);
+                if self.pushes[index] {
+                    contact.holds(contact_state) < 0.0
+                } else {
+                    contact.closes(contact_state)
+                }
+            })
         })
     }
 
@@ -471,9 +408,7 @@ impl Fine {
                 let mut closes = |s: f64| {
                     let instant = self.instant(script, s);
                     let contact = self.contact_now(script, gates, (index, s));
-                    contact.is_some_and(|contact| {
-                        contact.closes(self.look(script, &contact, &instant))
-                    })
+                    contact.is_some_and(|contact| contact.closes(self.look(script, &contact, &instant)))
                 };
                 if !closes(search_to) {
                     continue;
@@ -507,17 +442,12 @@ impl Fine {
         let time_step = script.rate.step();
         for part in 0..script.steps {
             let part_start = from + part as f64 * step_length;
-            let instants = [
-                part_start,
-                part_start + 0.5 * step_length,
-                part_start + step_length,
-            ];
+            let instants = [part_start, part_start + 0.5 * step_length, part_start + step_length];
             let start_instant = self.instant(script, instants[0]);
             for index in 0..script.links.len() {
                 let link_contact = self.contact_now(script, gates, (index, instants[1]));
-                self.depths[index] = link_contact.map_or(0.0, |link_contact| {
-                    self.look(script, &link_contact, &start_instant)[0]
-                });
+                self.depths[index] =
+                    link_contact.map_or(0.0, |link_contact| self.look(script, &link_contact, &start_instant)[0]);
             }
             self.slide_bristles(script, (laws, gates), (&start_instant, 0.5 * step_length));
             let middle_instant = self.instant(script, instants[1]);
@@ -528,9 +458,7 @@ impl Fine {
             for _ in 0..ROUNDS {
                 let mut force_change = 0.0_f64;
                 for index in 0..script.links.len() {
-                    let Some(link_contact) =
-                        self.contact_now(script, gates, (index, middle_instant.s))
-                    else {
+                    let Some(link_contact) = self.contact_now(script, gates, (index, middle_instant.s)) else {
                         continue;
                     };
                     self.work.instants += 1;
@@ -552,8 +480,7 @@ impl Fine {
                         beta: 0.5 * step_length * step_length * link_contact.jump * time_step,
                         clamp: link_contact.but.clamp,
                     };
-                    let contact_force =
-                        contact.push(free_depth, depth_before, depth_before.max(free_depth));
+                    let contact_force = contact.push(free_depth, depth_before, depth_before.max(free_depth));
                     let middle_instant = self.instant(script, instants[1]);
                     self.push(
                         script,
@@ -561,9 +488,8 @@ impl Fine {
                         contact_force * step_length * time_step,
                         &middle_instant,
                     );
-                    force_change = force_change.max(
-                        (contact_force - self.forces[index]).abs() - AGREE * contact_force.abs(),
-                    );
+                    force_change =
+                        force_change.max((contact_force - self.forces[index]).abs() - AGREE * contact_force.abs());
                     self.forces[index] = contact_force;
                 }
                 if force_change <= 0.0 {

@@ -55,8 +55,7 @@ impl Script {
     /// own.
     pub(super) fn has_coupled_links(&self) -> bool {
         let link_ends = self.ends.iter().enumerate();
-        let mut link_pairs = link_ends
-            .flat_map(|(at, first)| self.ends[..at].iter().map(move |other| (first, other)));
+        let mut link_pairs = link_ends.flat_map(|(at, first)| self.ends[..at].iter().map(move |other| (first, other)));
         link_pairs.any(|(first, other)| {
             let self_jumps = [*first, *other].map(|link| self.jump_between(link, link));
             self.jump_between(*first, *other).abs() > UNCOUPLED * self_jumps[0].min(self_jumps[1])
@@ -64,13 +63,7 @@ impl Script {
     }
 
     /// Change the paths of all joints by an impulse on one of them [N·s].
-    pub(super) fn add_impulse(
-        &self,
-        joint: usize,
-        impulse: f64,
-        instant: &Instant,
-        path: &mut [f64],
-    ) {
+    pub(super) fn add_impulse(&self, joint: usize, impulse: f64, instant: &Instant, path: &mut [f64]) {
         let (n_instants, n_joints) = (self.basis.n(), self.joints.len());
         let impulse_shares = instant.value.map(|value| impulse * value);
         let joint_moves = &self.moves[joint * n_joints..(joint + 1) * n_joints];

@@ -138,11 +138,7 @@ impl Fine {
             slides.iter_mut().for_each(|slide| slide.is_located = false);
             let mut first_ended = None;
             while let Some(ended_slide) = self.ended(frame, instant_now + length_taken) {
-                length_taken = self.locate_end(
-                    frame,
-                    (instant_now, length_taken, ended_slide),
-                    &mut steps_left,
-                );
+                length_taken = self.locate_end(frame, (instant_now, length_taken, ended_slide), &mut steps_left);
                 self.frictions.slides[ended_slide].is_located = true;
                 first_ended = Some(ended_slide);
             }
@@ -189,8 +185,7 @@ impl Fine {
             let [_, v] = self.elongation(script, link, &start_instant);
             let friction = self.friction(frame, (slide_index, 0.0));
             let (first_joint, second_joint) = script.ends[link];
-            let velocity_taken =
-                friction.level(0.0) * script.jump(first_joint, second_joint) * script.rate.step();
+            let velocity_taken = friction.level(0.0) * script.jump(first_joint, second_joint) * script.rate.step();
             let still_share = if self.rests[link] { STILL_HELD } else { STILL };
             let is_still = v.abs() <= still_share * velocity_taken;
             let direction = if is_still { 0.0 } else { v.signum() };
@@ -201,10 +196,7 @@ impl Fine {
         let slides = self.frictions.slides.iter_mut();
         for (slide, &link) in slides.zip(&frame.slides.links) {
             let link_run = &script.links[link];
-            (slide.holds, slide.places) = (
-                slide.direction == 0.0,
-                [body.x[link_run.a], body.x[link_run.b]],
-            );
+            (slide.holds, slide.places) = (slide.direction == 0.0, [body.x[link_run.a], body.x[link_run.b]]);
             body.link[link_run.first] = dot(&shares(0.0), &slide.force);
         }
     }
@@ -219,18 +211,11 @@ impl Fine {
                 let slide = &self.frictions.slides[slide_index];
                 let friction_level = self.friction(frame, (slide_index, s)).level(0.0);
                 let needed_force = dot(&shares(0.0), &slide.force);
-                let is_too_weak =
-                    stands_still(slide) && needed_force.abs() > friction_level * (1.0 + EXCESS);
-                is_too_weak.then_some((
-                    slide_index,
-                    needed_force.abs() - friction_level,
-                    needed_force.signum(),
-                ))
+                let is_too_weak = stands_still(slide) && needed_force.abs() > friction_level * (1.0 + EXCESS);
+                is_too_weak.then_some((slide_index, needed_force.abs() - friction_level, needed_force.signum()))
             };
             let weak_holds = (0..frame.slides.links.len()).filter_map(force_excess);
-            let Some((slide_index, _, direction)) =
-                weak_holds.max_by(|one, other| one.1.total_cmp(&other.1))
-            else {
+            let Some((slide_index, _, direction)) = weak_holds.max_by(|one, other| one.1.total_cmp(&other.1)) else {
                 return;
             };
             self.frictions.slides[slide_index].direction = direction;
@@ -266,8 +251,7 @@ impl Fine {
             return self.hold_margin(frame, (slide_index, s), 1.0);
         }
         let instant = Instant::new(frame.script.basis.n(), s);
-        slide.direction
-            * self.elongation(frame.script, frame.slides.links[slide_index], &instant)[1]
+        slide.direction * self.elongation(frame.script, frame.slides.links[slide_index], &instant)[1]
     }
 
     /// The same at the start `s` of a step that was taken.
@@ -284,8 +268,7 @@ impl Fine {
     /// The force that the level of a holding link leaves, at the start (0) or at the end (1) of a step [N].
     fn hold_margin(&self, frame: Frame<'_>, (slide, s): (usize, f64), instant: f64) -> f64 {
         let friction_level = self.friction(frame, (slide, s)).level(0.0);
-        friction_level * (1.0 + EXCESS)
-            - dot(&shares(instant), &self.frictions.slides[slide].force).abs()
+        friction_level * (1.0 + EXCESS) - dot(&shares(instant), &self.frictions.slides[slide].force).abs()
     }
 
     /// A link whose slide or hold has ended by the end `s` of a step, at an instant that is not located yet.
@@ -296,12 +279,7 @@ impl Fine {
     }
 
     /// Repeat a step of `h` from `s` up to the instant at which a link's slide or hold ends; returns its length.
-    fn locate_end(
-        &mut self,
-        frame: Frame<'_>,
-        (s, h, slide): (f64, f64, usize),
-        left: &mut usize,
-    ) -> f64 {
+    fn locate_end(&mut self, frame: Frame<'_>, (s, h, slide): (f64, f64, usize), left: &mut usize) -> f64 {
         let mut high_end = (h, self.margin(frame, (slide, s + h)));
         let mut low_end = (0.0, self.margin_at_start(frame, (slide, s)));
         let mut length_taken = h;

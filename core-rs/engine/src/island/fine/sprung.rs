@@ -28,11 +28,7 @@ struct Point {
     created: f64,
 }
 
-crate::archive::state!(Point {
-    force,
-    step,
-    created
-});
+crate::archive::state!(Point { force, step, created });
 
 /// All points that steps hold too, and their account.
 #[derive(Clone, Debug)]
@@ -67,9 +63,8 @@ impl Sprung {
             !is_mesh && network.degree(mat) as usize > fine_link_count
         };
         let indexed_joints = script.joints.iter().enumerate();
-        let stepped_joints = indexed_joints.filter(|(_, joint)| {
-            joint.port.is_none() && joint.cell.is_some() && is_stepped(joint.mat)
-        });
+        let stepped_joints =
+            indexed_joints.filter(|(_, joint)| joint.port.is_none() && joint.cell.is_some() && is_stepped(joint.mat));
         let new_point = |(index, joint): (usize, &super::Joint)| {
             let mut link_ends = script.ends.iter();
             let link_index = link_ends.position(|&(a, b)| a == index || b == index)?;
@@ -128,14 +123,11 @@ impl Sprung {
     pub(super) fn note(&mut self, script: &Script, joint_impulses: &[f64], scheme: &Scheme) {
         let (n_instants, frame_rate) = (script.basis.n(), script.rate.hertz());
         for point in &mut self.points {
-            let joint_impulses =
-                &joint_impulses[point.joint * n_instants..(point.joint + 1) * n_instants];
+            let joint_impulses = &joint_impulses[point.joint * n_instants..(point.joint + 1) * n_instants];
             let split_shares = script.joints[point.joint].split.iter();
             let instants = script.basis.instants.iter();
             let (mut force_sum, mut force_moment) = (0.0, 0.0);
-            for ((impulse, s), [share_now, _]) in
-                joint_impulses.iter().zip(instants).zip(split_shares)
-            {
+            for ((impulse, s), [share_now, _]) in joint_impulses.iter().zip(instants).zip(split_shares) {
                 force_sum += impulse * frame_rate;
                 force_moment += impulse * frame_rate * s;
                 point.force += impulse * share_now;
@@ -166,10 +158,7 @@ impl Sprung {
         if !self.account.is_overdrawn() {
             return None;
         }
-        let gain = self
-            .account
-            .gain(0.0, around(), n)
-            .with_reference_min(put_in);
+        let gain = self.account.gain(0.0, around(), n).with_reference_min(put_in);
         let points = self.points.iter();
         let worst_point = points.max_by(|one, other| one.created.total_cmp(&other.created))?;
         if !gain.is_reportable() {

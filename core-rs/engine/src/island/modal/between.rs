@@ -32,9 +32,7 @@ impl RunningModal {
             let mut weights = vec![0.0; 2 * n_padded];
             let (weight_now, weight_next) = weights.split_at_mut(n_padded);
             if let Some(mode_response) = plan.response(mode) {
-                for ((weight_now, weight_next), &instant) in
-                    weight_now.iter_mut().zip(weight_next).zip(instants)
-                {
+                for ((weight_now, weight_next), &instant) in weight_now.iter_mut().zip(weight_next).zip(instants) {
                     (*weight_now, *weight_next) = mode_response.interpolation(instant, rate);
                 }
             }
@@ -65,11 +63,7 @@ impl RunningModal {
                     let split_kick = |mode: usize, j: usize| split_kick(port, mode, j);
                     let group_range = group_range.clone();
                     group_range
-                        .map(|group| {
-                            (0..n_instants)
-                                .map(|j| kick_table(group, j, &split_kick))
-                                .collect()
-                        })
+                        .map(|group| (0..n_instants).map(|j| kick_table(group, j, &split_kick)).collect())
                         .collect()
                 })
                 .collect(),
@@ -118,9 +112,7 @@ impl RunningModal {
         let ports = &plan.ports;
         if let Some(answers) = &plan.answers {
             let jump_terms = answers.ports[from].iter().zip(&ports[to].shape);
-            return jump_terms
-                .map(|(answer, share)| share * answer.jump())
-                .sum();
+            return jump_terms.map(|(answer, share)| share * answer.jump()).sum();
         }
         let shape_pairs = ports[from].shape.iter().zip(&ports[to].shape);
         shape_pairs.map(|(a, b)| a * b).sum()
@@ -136,10 +128,7 @@ impl RunningModal {
                 mode_range.filter_map(|mode| plan.response(mode)).collect()
             }
         };
-        all_responses
-            .iter()
-            .map(Response::reach)
-            .fold(0.0, f64::max)
+        all_responses.iter().map(Response::reach).fold(0.0, f64::max)
     }
 
     /// Write the positions of a port in this frame, at each instant (n), if nothing more pushes it [m].
@@ -148,12 +137,7 @@ impl RunningModal {
         self.quiet = 0;
         positions.fill(self.script.plan.ports[port].rest);
         let Some(between) = &self.between else { return };
-        for ((motion, table), rows) in self
-            .motions
-            .iter()
-            .zip(&between.interpolation)
-            .zip(&self.script.rows)
-        {
+        for ((motion, table), rows) in self.motions.iter().zip(&between.interpolation).zip(&self.script.rows) {
             // The motions are one frame ahead: their `before` is the present.
             ports::add_path(&rows[port], table, &motion.before, &motion.now, positions);
         }
@@ -165,18 +149,13 @@ impl RunningModal {
         self.quiet = 0;
         let Some(between) = &self.between else { return };
         let is_complex = self.script.plan.answers.is_some();
-        for (group, table) in between.kick[if is_complex { port } else { 0 }]
-            .iter()
-            .enumerate()
-        {
+        for (group, table) in between.kick[if is_complex { port } else { 0 }].iter().enumerate() {
             let group_rows = &self.script.rows[group];
             // The responses of complex modes already contain these shares.
             let port_share = if is_complex { &ONES } else { &group_rows[port] };
             let mode_lanes = [&mut self.motions[group].now, &mut self.pending[group]];
             let seen_ahead = (&mut self.seen[self.present + 1..], ROOM);
-            ports::kick(
-                impulses, table, port_share, mode_lanes, group_rows, seen_ahead,
-            );
+            ports::kick(impulses, table, port_share, mode_lanes, group_rows, seen_ahead);
         }
         self.has_pending = true;
         self.place(body);

@@ -181,29 +181,16 @@ impl Modal {
     pub(crate) fn is_same(&self, other: &Self) -> bool {
         let numbers = |mode: &Mode| (mode.a, mode.b, mode.gain, mode.cell);
         let ports = |ports: &[Port]| -> Vec<(f64, Vec<f64>)> {
-            ports
-                .iter()
-                .map(|port| (port.rest, port.shape.clone()))
-                .collect()
+            ports.iter().map(|port| (port.rest, port.shape.clone())).collect()
         };
-        let output_shapes = |modal: &Self| -> Vec<Vec<f64>> {
-            modal
-                .outputs
-                .iter()
-                .map(|(_, shape)| shape.clone())
-                .collect()
-        };
+        let output_shapes =
+            |modal: &Self| -> Vec<Vec<f64>> { modal.outputs.iter().map(|(_, shape)| shape.clone()).collect() };
         self.rate.hertz() == other.rate.hertz()
-            && self
-                .modes
-                .iter()
-                .map(numbers)
-                .eq(other.modes.iter().map(numbers))
+            && self.modes.iter().map(numbers).eq(other.modes.iter().map(numbers))
             && ports(&self.ports) == ports(&other.ports)
             && self.still == other.still
             && output_shapes(self) == output_shapes(other)
-            && self.answers.as_ref().map(|own| &own.ports)
-                == other.answers.as_ref().map(|own| &own.ports)
+            && self.answers.as_ref().map(|own| &own.ports) == other.answers.as_ref().map(|own| &own.ports)
     }
 
     /// The body with some of its modes only.
@@ -246,10 +233,7 @@ impl Modal {
                 };
                 Answers {
                     n_modes: answers.n_modes,
-                    places: modes_kept
-                        .iter()
-                        .map(|&mode| answers.places[mode])
-                        .collect(),
+                    places: modes_kept.iter().map(|&mode| answers.places[mode]).collect(),
                     ports: select_modes(&answers.ports),
                     struck: select_modes(&answers.struck),
                 }
@@ -261,13 +245,9 @@ impl Modal {
     pub(crate) fn port_compliance(&self, port: usize) -> f64 {
         if self.answers.is_some() {
             let shape_terms = self.ports[port].shape.iter().enumerate();
-            return shape_terms
-                .map(|(mode, share)| share * self.gain(port, mode)[0])
-                .sum();
+            return shape_terms.map(|(mode, share)| share * self.gain(port, mode)[0]).sum();
         }
         let shape_terms = self.modes.iter().zip(&self.ports[port].shape);
-        shape_terms
-            .map(|(mode, share)| mode.gain * share * share)
-            .sum()
+        shape_terms.map(|(mode, share)| mode.gain * share * share).sum()
     }
 }

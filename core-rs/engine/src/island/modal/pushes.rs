@@ -106,14 +106,7 @@ impl RunningModal {
                 if port_forces.iter().all(|force| *force == 0.0) {
                     continue;
                 }
-                follow(
-                    group_rates,
-                    motion,
-                    &[],
-                    frame + 1 - frames_done,
-                    &mut [],
-                    0,
-                );
+                follow(group_rates, motion, &[], frame + 1 - frames_done, &mut [], 0);
                 frames_done = frame + 1;
                 for (port, &force) in port_forces.iter().enumerate() {
                     if force != 0.0 {
@@ -180,9 +173,7 @@ mod tests {
         let new_port = |mat: usize| Port {
             mat,
             rest: 0.0,
-            shape: (0..N_MODES)
-                .map(|i| sin((mat + 1) as f64 * (0.3 + i as f64)))
-                .collect(),
+            shape: (0..N_MODES).map(|i| sin((mat + 1) as f64 * (0.3 + i as f64))).collect(),
         };
         Modal {
             network: Arc::new(Network::new()),
@@ -228,23 +219,14 @@ mod tests {
             );
             if n % 37 == 0 {
                 let mut worst_error = 0.0_f64;
-                running
-                    .look(|mode, x, _| worst_error = worst_error.max((x - modes_now[mode]).abs()));
-                assert!(
-                    worst_error <= 1e-11 * largest(&modes_now),
-                    "{n}: {worst_error}"
-                );
+                running.look(|mode, x, _| worst_error = worst_error.max((x - modes_now[mode]).abs()));
+                assert!(worst_error <= 1e-11 * largest(&modes_now), "{n}: {worst_error}");
             }
             if n % 211 == 0 {
                 let (mut x, mut y) = ([0.0; N_MODES], [0.0; N_MODES]);
                 running.amplitudes(&mut x, &mut y);
-                let worst_error = (0..N_MODES)
-                    .map(|i| (x[i] - modes_now[i]).abs())
-                    .fold(0.0, f64::max);
-                assert!(
-                    worst_error <= 1e-11 * largest(&modes_now),
-                    "{n}: {worst_error}"
-                );
+                let worst_error = (0..N_MODES).map(|i| (x[i] - modes_now[i]).abs()).fold(0.0, f64::max);
+                assert!(worst_error <= 1e-11 * largest(&modes_now), "{n}: {worst_error}");
             }
             let forces = forces(n);
             running.step(n as u64, &forces);
@@ -252,8 +234,7 @@ mod tests {
                 let mode_push: f64 = (plan.ports.iter().zip(forces))
                     .map(|(port, force)| port.shape[i] * force)
                     .sum();
-                let mode_next =
-                    mode.a * modes_now[i] - mode.b * modes_before[i] + mode.gain * mode_push;
+                let mode_next = mode.a * modes_now[i] - mode.b * modes_before[i] + mode.gain * mode_push;
                 (modes_before[i], modes_now[i]) = (modes_now[i], mode_next);
             }
         }

@@ -42,15 +42,9 @@ impl Script {
         let modes = &plan.modes;
         let group_range = 0..modes.len().div_ceil(LANES);
         let ports = plan.ports.iter().map(|port| &port.shape);
-        let row_shapes: Vec<&Vec<f64>> = ports
-            .chain(plan.outputs.iter().map(|(_, shape)| shape))
-            .collect();
+        let row_shapes: Vec<&Vec<f64>> = ports.chain(plan.outputs.iter().map(|(_, shape)| shape)).collect();
         let row_moves = |row: &[f64]| {
-            let port_move = |port| {
-                (0..modes.len())
-                    .map(|mode| row[mode] * plan.gain(port, mode)[0])
-                    .sum()
-            };
+            let port_move = |port| (0..modes.len()).map(|mode| row[mode] * plan.gain(port, mode)[0]).sum();
             (0..plan.ports.len()).map(port_move).collect()
         };
         let group_rows = |group| {
@@ -65,11 +59,7 @@ impl Script {
                 .map(|port| lanes(modes, group, |mode| plan.gain(port, mode)[which]))
                 .collect()
         };
-        let n_back_groups = if plan.answers.is_some() {
-            group_range.len()
-        } else {
-            0
-        };
+        let n_back_groups = if plan.answers.is_some() { group_range.len() } else { 0 };
         Self {
             rates: group_range
                 .clone()
@@ -80,9 +70,7 @@ impl Script {
                 .collect(),
             rows: group_range.clone().map(group_rows).collect(),
             gains: group_range.map(|group| group_gains(group, 0)).collect(),
-            back_gains: (0..n_back_groups)
-                .map(|group| group_gains(group, 1))
-                .collect(),
+            back_gains: (0..n_back_groups).map(|group| group_gains(group, 1)).collect(),
             moves: row_shapes.iter().map(|row| row_moves(row)).collect(),
             responses: Vec::new(),
             blows: blows(plan),
@@ -97,8 +85,7 @@ impl Script {
         let (rate, time_step) = (self.plan.rate, self.plan.rate.step());
         if let Some(answers) = &self.plan.answers {
             for (mode, answer) in answers.struck[strikes].iter().enumerate() {
-                let mode_kick =
-                    answer.split(impulse, alpha, rate)[usize::from(second)] * time_step * time_step;
+                let mode_kick = answer.split(impulse, alpha, rate)[usize::from(second)] * time_step * time_step;
                 kicks[mode / LANES].0[mode % LANES] = mode_kick;
             }
             return;
@@ -106,9 +93,7 @@ impl Script {
         for (mode, mode_plan) in self.plan.modes.iter().enumerate() {
             let impulse = impulse * struck_point.shape[mode];
             let mode_kick = match mode_plan.cell {
-                Some(cell) => {
-                    cell.split(impulse, alpha, rate)[usize::from(second)] * time_step * time_step
-                }
+                Some(cell) => cell.split(impulse, alpha, rate)[usize::from(second)] * time_step * time_step,
                 None => impulse * rate.hertz(),
             };
             kicks[mode / LANES].0[mode % LANES] = mode_kick;

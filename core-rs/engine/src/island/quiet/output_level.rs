@@ -88,8 +88,7 @@ mod tests {
         let mut play_fade = |from: f64, to: f64| {
             for part in 1..=1_000 {
                 let ramp_share = f64::from(part) / 1_000.0;
-                let amplitude =
-                    from + (to - from) * ramp_share * ramp_share * (3.0 - 2.0 * ramp_share);
+                let amplitude = from + (to - from) * ramp_share * ramp_share * (3.0 - 2.0 * ramp_share);
                 output_level.note(amplitude * sin(0.01 * frames_played));
                 frames_played += 1.0;
             }

@@ -136,9 +136,7 @@ impl Block {
         self.end_block();
         if damped < 1.0 {
             let mat_count = self.state.len() / 2;
-            self.state[mat_count..]
-                .iter_mut()
-                .for_each(|v| *v *= damped);
+            self.state[mat_count..].iter_mut().for_each(|v| *v *= damped);
         }
         if !is_pushed && self.state.iter().all(|x| x.abs() < REST) {
             self.state.fill(0.0);
@@ -207,28 +205,15 @@ impl Block {
     pub(super) fn motion(&self, present: &Present, index: usize) -> (f64, f64) {
         let n_state = self.state.len();
         let step_row = self.flow.steps.iter().skip(index).step_by(n_state / 2);
-        let mat_step = step_row
-            .zip(&present.0[..n_state])
-            .map(|(a, x)| a * x)
-            .sum();
+        let mat_step = step_row.zip(&present.0[..n_state]).map(|(a, x)| a * x).sum();
         (present.0[index], mat_step)
     }
 
     /// Set the velocity of one mass at the first frame, to which it came in a step of that length [m].
     pub(super) fn set_velocity(&mut self, index: usize, step: f64) {
         let mat_count = self.state.len() / 2;
-        let pull_row = self
-            .flow
-            .flow
-            .pull
-            .entries
-            .iter()
-            .skip(index)
-            .step_by(mat_count);
-        let spring_pull: f64 = pull_row
-            .zip(&self.state[..mat_count])
-            .map(|(a, u)| a * u)
-            .sum();
+        let pull_row = self.flow.flow.pull.entries.iter().skip(index).step_by(mat_count);
+        let spring_pull: f64 = pull_row.zip(&self.state[..mat_count]).map(|(a, u)| a * u).sum();
         self.state[mat_count + index] = step - spring_pull;
     }
 
@@ -303,9 +288,7 @@ mod tests {
             outputs: vec![vec![(0, 1.0), (1, -0.5)]],
         };
         let mut block = Block::new(&Arc::new(BlockFlow::new(flow, interface, n_frames)));
-        block
-            .state_mut()
-            .copy_from_slice(&[1.0, -0.5, 2.0, 0.01, 0.03, -0.02]);
+        block.state_mut().copy_from_slice(&[1.0, -0.5, 2.0, 0.01, 0.03, -0.02]);
         block.begin();
         block
     }
@@ -329,12 +312,8 @@ mod tests {
                         block.begin();
                     }
                 }
-                let seen = [0, 1, 2]
-                    .map(|seen| (long_blocks.position(seen), single_frames.position(seen)));
-                assert!(
-                    seen.iter()
-                        .all(|(a, b)| (a - b).abs() < 1e-9 * b.abs().max(1.0))
-                );
+                let seen = [0, 1, 2].map(|seen| (long_blocks.position(seen), single_frames.position(seen)));
+                assert!(seen.iter().all(|(a, b)| (a - b).abs() < 1e-9 * b.abs().max(1.0)));
                 let present = (long_blocks.present(), single_frames.present());
                 for mass in 0..3 {
                     let (x, step) = long_blocks.motion(&present.0, mass);

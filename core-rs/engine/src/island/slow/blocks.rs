@@ -115,9 +115,7 @@ impl BlockFlow {
         let mut free_rows = vec![0.0; self.seen.len() * n_rows * n_state];
         for (index, weights) in self.seen.iter().enumerate() {
             let mut seen_row = vec![0.0; n_state];
-            weights
-                .iter()
-                .for_each(|&(mass, weight)| seen_row[mass] += weight);
+            weights.iter().for_each(|&(mass, weight)| seen_row[mass] += weight);
             for k in 0..n_rows {
                 interrupt::spend(n_state * n_state);
                 for (column, x) in seen_row.iter().enumerate() {
@@ -125,8 +123,7 @@ impl BlockFlow {
                 }
                 // Row times matrix: its columns lie one after the other.
                 let columns = self.frame.entries.chunks_exact(n_state);
-                let product =
-                    |column: &[f64]| seen_row.iter().zip(column).map(|(r, p)| r * p).sum();
+                let product = |column: &[f64]| seen_row.iter().zip(column).map(|(r, p)| r * p).sum();
                 seen_row = columns.map(product).collect();
             }
         }

@@ -11,9 +11,7 @@ impl RunningSlow {
     /// The last pull of a port, per frame between pulls [m a frame].
     fn pull(&self, mat: usize) -> f64 {
         let led_port = self.plan.ports.iter().find(|led_port| led_port.1 == mat);
-        led_port.map_or(0.0, |&(own, _)| {
-            self.kick[own] / f64::from(self.plan.kick_every)
-        })
+        led_port.map_or(0.0, |&(own, _)| self.kick[own] / f64::from(self.plan.kick_every))
     }
 
     /// By how much a free port is ahead of its true velocity `since` frames after a pull, as a multiple of `pull`.
@@ -57,10 +55,7 @@ impl RunningSlow {
                 0.25 * last_pull * (1.0 - kick_frames),
                 0.5 * last_pull * (1.0 - kick_frames),
             ],
-            (since, false) => [
-                last_pull * (f64::from(since) - 0.5 * kick_frames),
-                last_pull,
-            ],
+            (since, false) => [last_pull * (f64::from(since) - 0.5 * kick_frames), last_pull],
             (_, true) => [0.0, 0.0],
         }
     }

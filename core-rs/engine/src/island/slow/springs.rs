@@ -30,9 +30,7 @@ impl Springs {
     pub(super) fn running(&self, slow: &Slow) -> RunningSprings {
         match self {
             Self::Exact(flow) => RunningSprings::Exact(Box::new(Block::new(flow))),
-            Self::Stepped(scheme) => {
-                RunningSprings::Stepped(Box::new(SteppedSprings::new(scheme, &slow.network)))
-            }
+            Self::Stepped(scheme) => RunningSprings::Stepped(Box::new(SteppedSprings::new(scheme, &slow.network))),
         }
     }
 }
@@ -101,13 +99,7 @@ impl SteppedSprings {
     }
 
     /// Velocities after a pull at positions `x`, from those `before`, or from rest [m a frame] (n each).
-    pub(super) fn pull(
-        &mut self,
-        slow: &Slow,
-        x: &[f64],
-        before: Option<&[f64]>,
-        after: &mut [f64],
-    ) {
+    pub(super) fn pull(&mut self, slow: &Slow, x: &[f64], before: Option<&[f64]>, after: &mut [f64]) {
         let Self { scheme, body, laws } = self;
         let step_frames = f64::from(slow.macrostep);
         for (index, &mat) in slow.free.iter().enumerate() {

@@ -93,9 +93,8 @@ impl Sparks {
             return;
         }
         let mut newest_first = spark_room[..self.n].iter_mut().enumerate().rev();
-        let joined_spark = newest_first.find(|(at, spark)| {
-            (is_stream && spark.goes_on(ergon)) || (*at >= SINGLE && spark.is_like(ergon))
-        });
+        let joined_spark = newest_first
+            .find(|(at, spark)| (is_stream && spark.goes_on(ergon)) || (*at >= SINGLE && spark.is_like(ergon)));
         match joined_spark {
             Some((_, spark)) => spark.add(ergon),
             None => {
@@ -108,10 +107,7 @@ impl Sparks {
     /// Tell each spark, and begin anew.
     pub(crate) fn take(&mut self, tell: impl FnMut(Record)) {
         let spark_count = std::mem::take(&mut self.n);
-        let spark_room = self
-            .room
-            .iter()
-            .flat_map(|spark_room| &spark_room[..spark_count]);
+        let spark_room = self.room.iter().flat_map(|spark_room| &spark_room[..spark_count]);
         spark_room.map(Spark::seen).for_each(tell);
     }
 }

@@ -17,11 +17,7 @@ const KNOT_SLACK: f64 = 1e-6;
 #[derive(Clone, Debug)]
 pub(crate) enum Leg {
     /// Follow a path; the targets end with `last`. After a throw one strike leads onto it, by frame `entered`.
-    Path {
-        path: Placed,
-        entered: u64,
-        last: u64,
-    },
+    Path { path: Placed, entered: u64, last: u64 },
     /// One strike at frame `from`, then free until the key passes `x` at frame `to`.
     Throw { from: u64, to: u64, x: f64 },
 }
@@ -68,9 +64,7 @@ impl FramedGesture {
                 Stretch::Path { ref path, stop } => Leg::Path {
                     path: path.clone(),
                     entered: match legs.last() {
-                        Some(Leg::Throw { to, .. }) if oversampling > 1 => {
-                            to + u64::from(oversampling)
-                        }
+                        Some(Leg::Throw { to, .. }) if oversampling > 1 => to + u64::from(oversampling),
                         _ => 0,
                     },
                     last: last(stop),
@@ -93,11 +87,7 @@ impl FramedGesture {
             legs,
             first,
             join_from: floor_frame(((start_time - join_time) * rate - SLACK).ceil()),
-            points: gesture
-                .points
-                .iter()
-                .map(|point| frame_at(point.0))
-                .collect(),
+            points: gesture.points.iter().map(|point| frame_at(point.0)).collect(),
             oversampling,
             gesture: gesture.clone(),
         }
@@ -126,9 +116,7 @@ impl FramedGesture {
             let knot_time = self.gesture.start + knot_index * grain + KNOT_SLACK / score_rate;
             score_frame(knot_time, rate, self.oversampling)
         };
-        let mut knot_index = ((n as f64 / rate - self.gesture.start) / grain)
-            .floor()
-            .max(0.0);
+        let mut knot_index = ((n as f64 / rate - self.gesture.start) / grain).floor().max(0.0);
         while knot_frame(knot_index) <= n {
             knot_index += 1.0;
         }

@@ -94,13 +94,8 @@ fn find_force(guess: f64, w: f64, off: &mut dyn FnMut(f64) -> f64) -> f64 {
             break;
         }
         let middle_force = 0.5 * (other_force + last_force);
-        let secant_force =
-            last_force - last_offset * ((last_force - other_force) / (last_offset - other_offset));
-        let next_force = if round % 3 == 2 {
-            middle_force
-        } else {
-            secant_force
-        };
+        let secant_force = last_force - last_offset * ((last_force - other_force) / (last_offset - other_offset));
+        let next_force = if round % 3 == 2 { middle_force } else { secant_force };
         let next_offset = off(next_force);
         if next_offset * last_offset < 0.0 {
             (other_force, other_offset) = (last_force, last_offset);
@@ -126,9 +121,7 @@ impl FreeMotion {
 
     /// For a key at rest: advance by `frames`, which may be negative.
     pub(crate) fn shift_frames(&mut self, frames: i64) {
-        self.slow
-            .iter_mut()
-            .for_each(|slow| slow.shift_frames(frames));
+        self.slow.iter_mut().for_each(|slow| slow.shift_frames(frames));
     }
 
     /// Most frames between two kicks of a slow part.
@@ -165,10 +158,7 @@ impl FreeMotion {
     /// Corrections of a MAT's velocity [m a frame] and of its change a frame, if both are estimated from successive
     /// frames.
     pub(crate) fn estimate_corrections(&self, mat: usize, is_led: bool) -> [f64; 2] {
-        let corrections = self
-            .slow
-            .iter()
-            .map(|slow| slow.estimate_corrections(mat, is_led));
+        let corrections = self.slow.iter().map(|slow| slow.estimate_corrections(mat, is_led));
         corrections.fold([0.0; 2], |[v, a], [dv, da]| [v + dv, a + da])
     }
 }
@@ -236,13 +226,7 @@ impl FreeKey {
     }
 
     /// Sum the forces at frame `n`, without that of the ergon.
-    pub(crate) fn forces(
-        &self,
-        motion: &mut FreeMotion,
-        n: u64,
-        laws: &mut Laws,
-        targets: &mut Vec<Target>,
-    ) {
+    pub(crate) fn forces(&self, motion: &mut FreeMotion, n: u64, laws: &mut Laws, targets: &mut Vec<Target>) {
         let free_body = &mut motion.body;
         kernel::links(&self.scheme, &[], free_body, laws, &mut ThreadTeam::alone());
         targets.clear();
@@ -253,13 +237,7 @@ impl FreeKey {
 
     /// The ergon's force that brings the struck MAT to x at the next frame [N], once the other forces
     /// are summed; `targets` are the key's own imposed points.
-    pub(crate) fn needed(
-        &self,
-        motion: &FreeMotion,
-        x: f64,
-        targets: &[Target],
-        buffers: &mut Buffers,
-    ) -> f64 {
+    pub(crate) fn needed(&self, motion: &FreeMotion, x: f64, targets: &[Target], buffers: &mut Buffers) -> f64 {
         let (scheme, struck_mat, body) = (&*self.scheme, self.struck, &motion.body);
         if scheme.exact.is_empty() {
             return kernel::needed(scheme, body, struck_mat, x);
@@ -298,13 +276,7 @@ impl FreeKey {
     }
 
     /// Add a force on the struck MAT and move from frame n to n + 1.
-    pub(crate) fn strike_and_move(
-        &self,
-        motion: &mut FreeMotion,
-        n: u64,
-        force: f64,
-        targets: &mut [Target],
-    ) {
+    pub(crate) fn strike_and_move(&self, motion: &mut FreeMotion, n: u64, force: f64, targets: &mut [Target]) {
         let FreeMotion { body, slow } = motion;
         body.force[self.struck] += force;
         kernel::contacts(&self.scheme, &[], targets, body);
@@ -316,14 +288,7 @@ impl FreeKey {
     }
 
     /// Position of the struck MAT at frame `to`, from `motion` at frame `n`, with one strike at frame `n` [m].
-    fn coast(
-        &self,
-        motion: &FreeMotion,
-        n: u64,
-        to: u64,
-        force: f64,
-        buffers: &mut Buffers,
-    ) -> f64 {
+    fn coast(&self, motion: &FreeMotion, n: u64, to: u64, force: f64, buffers: &mut Buffers) -> f64 {
         let Buffers {
             coast,
             laws,
@@ -350,14 +315,7 @@ impl FreeKey {
 
     /// The force at frame `n` that makes the struck MAT pass `x` at frame `to`; 0 if no force can (after a multiple of
     /// half the key's period).
-    pub(crate) fn aim(
-        &self,
-        motion: &FreeMotion,
-        n: u64,
-        to: u64,
-        x: f64,
-        buffers: &mut Buffers,
-    ) -> f64 {
+    pub(crate) fn aim(&self, motion: &FreeMotion, n: u64, to: u64, x: f64, buffers: &mut Buffers) -> f64 {
         let (mut f0, mut y0) = (0.0, self.coast(motion, n, to, 0.0, buffers));
         // A first guess as for a free mass: F·T²/m·steps = distance.
         let frame_count = (to - n) as f64;

@@ -61,13 +61,7 @@ impl Flight {
     /// Launch a particle whose contact gives impulse `force`·T now: it flew in freely and touched one step ago. Returns
     /// its mass [kg] and velocity [m/s]; `None` if no particle of that speed can carry that impulse, or too many are
     /// near.
-    pub(crate) fn launch(
-        &mut self,
-        scheme: &Scheme,
-        body: &mut Body,
-        mat: usize,
-        force: f64,
-    ) -> Option<(f64, f64)> {
+    pub(crate) fn launch(&mut self, scheme: &Scheme, body: &mut Body, mat: usize, force: f64) -> Option<(f64, f64)> {
         let time_step = 1.0 / scheme.rate;
         let sign = force.signum();
         let approach_speed = sign * SPEED;

@@ -66,9 +66,7 @@ pub(crate) struct Voice {
 impl State for Voice {
     fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
         archive.list(&mut self.targets)?;
-        state_of!(
-            self, archive, free, flight, running, tracked, is_led, begun, asked
-        )
+        state_of!(self, archive, free, flight, running, tracked, is_led, begun, asked)
     }
 }
 
@@ -143,16 +141,10 @@ impl VoiceScript {
 impl Voice {
     /// Whether the voice has anything to do at frame `n`. A layer sleeps before its own time, and after
     /// it as soon as its free key is at rest.
-    pub(crate) fn is_awake(
-        &self,
-        script: &VoiceScript,
-        gestures: &[FramedGesture],
-        n: u64,
-    ) -> bool {
+    pub(crate) fn is_awake(&self, script: &VoiceScript, gestures: &[FramedGesture], n: u64) -> bool {
         let is_due = |&i: &usize| (gestures[i].join_from..=gestures[i].last()).contains(&n);
         let i = script.free.struck;
-        let key_moves =
-            self.free.body.x[i].abs() + self.free.body.d[i].abs() * script.free.scheme.rate > STILL;
+        let key_moves = self.free.body.x[i].abs() + self.free.body.d[i].abs() * script.free.scheme.rate > STILL;
         !script.layer || key_moves || script.gestures.iter().any(is_due)
     }
 
@@ -169,11 +161,7 @@ impl Voice {
 
     /// If the voice does nothing to the key: the frame at which it has to look at its next gesture; `None` if it may
     /// act now.
-    pub(crate) fn idle_until(
-        &self,
-        script: &VoiceScript,
-        gestures: &[FramedGesture],
-    ) -> Option<u64> {
+    pub(crate) fn idle_until(&self, script: &VoiceScript, gestures: &[FramedGesture]) -> Option<u64> {
         let is_idle = self.running.is_none()
             && self.tracked.is_none()
             && !self.is_led
@@ -263,16 +251,10 @@ impl Voice {
                 bodies.for_each(|body| body.give(script.struck, impulse));
             }
         }
-        if let Some(running) = self
-            .running
-            .as_ref()
-            .filter(|running| running.struck_until == n + 1)
-        {
+        if let Some(running) = self.running.as_ref().filter(|running| running.struck_until == n + 1) {
             self.asked = running.aim;
         }
-        script
-            .free
-            .strike_and_move(&mut self.free, n, force, &mut self.targets);
+        script.free.strike_and_move(&mut self.free, n, force, &mut self.targets);
     }
 
     /// Compare the key with the position that was asked for, in the report.
@@ -295,11 +277,7 @@ impl Voice {
 
     /// Add the free key's position to the report of the gesture that runs or ran last; returns that report, if there is
     /// one.
-    fn report_range<'a>(
-        &self,
-        script: &VoiceScript,
-        reports: &'a mut [Report],
-    ) -> Option<&'a mut Report> {
+    fn report_range<'a>(&self, script: &VoiceScript, reports: &'a mut [Report]) -> Option<&'a mut Report> {
         let running = self.running.as_ref().map(|running| running.gesture);
         let last_gesture = || {
             self.begun
@@ -364,14 +342,9 @@ impl Voice {
             }
         }
         match &gesture.legs[running.leg] {
-            Leg::Path {
-                path,
-                entered,
-                last,
-            } => match gesture.gesture.manner.grain {
+            Leg::Path { path, entered, last } => match gesture.gesture.manner.grain {
                 None if target_frame > *entered => Some(Ask::Pass(
-                    path.evaluate_from(&mut running.cursor, ask_time.min(path.stop()))
-                        .0,
+                    path.evaluate_from(&mut running.cursor, ask_time.min(path.stop())).0,
                 )),
                 _ if n < running.struck_until => None,
                 grain => {

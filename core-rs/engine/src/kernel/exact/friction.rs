@@ -12,13 +12,7 @@ pub(crate) const STILL: f64 = 1e-14;
 const REST: f64 = 1e-12;
 
 /// Force of one friction, given all other forces [N].
-pub(super) fn force(
-    scheme: &Scheme,
-    gates: &[f64],
-    targets: &[Target],
-    body: &Body,
-    run: &Run,
-) -> f64 {
+pub(super) fn force(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &Body, run: &Run) -> f64 {
     let Kind::Dry { by: dry_law, rate } = &run.kind else {
         return 0.0;
     };
@@ -36,9 +30,7 @@ pub(super) fn force(
     let free_step = db - da;
     let per_force = wa + wb;
     if per_force > 0.0 {
-        let step_after = |friction_level: f64| {
-            Turned::after_step(v, free_step - v, per_force * friction_level).v
-        };
+        let step_after = |friction_level: f64| Turned::after_step(v, free_step - v, per_force * friction_level).v;
         let mut v_next = step_after(friction_level(v));
         if dry_law.falls() {
             v_next = step_after(friction_level(0.5 * (v + v_next)));

@@ -102,18 +102,15 @@ fn push_conserves_energy_over_bounces() {
                     - 0.5 * weight * (depth_next + depth_now)
             };
             let (mut depth_before, mut depth_now) = (-1e-3, -1e-3);
-            let (start_energy, mut worst_error, mut bounces) =
-                (bounce_energy(depth_now, depth_before), 0.0_f64, 0);
+            let (start_energy, mut worst_error, mut bounces) = (bounce_energy(depth_now, depth_before), 0.0_f64, 0);
             let mut deepest = 0.0_f64;
             for _ in 0..50_000 {
                 let free_depth = 2.0 * depth_now - depth_before + beta * weight;
-                let depth_next =
-                    free_depth - beta * contact.push(free_depth, depth_before, depth_now);
+                let depth_next = free_depth - beta * contact.push(free_depth, depth_before, depth_now);
                 bounces += u32::from(depth_now <= 0.0 && depth_next > 0.0);
                 deepest = deepest.max(contact.potential(depth_next));
                 (depth_before, depth_now) = (depth_now, depth_next);
-                worst_error =
-                    worst_error.max((bounce_energy(depth_now, depth_before) - start_energy).abs());
+                worst_error = worst_error.max((bounce_energy(depth_now, depth_before) - start_energy).abs());
             }
             assert!(bounces >= 3, "K {k} power {alpha}: {bounces} bounces");
             let allowed = if alpha == 1.0 { 1e-10 } else { 1e-8 };

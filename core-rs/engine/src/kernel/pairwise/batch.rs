@@ -66,16 +66,12 @@ impl Batch {
         let pair_ends = &self.ends[..touch_count];
         let directions = self.along.each_ref().map(|one| &one[..touch_count]);
         let [moved_x, moved_y, moved_z] = self.moved.each_mut().map(|one| &mut one[..touch_count]);
-        let (elongations, stretch_steps) =
-            (&mut self.e[..touch_count], &mut self.step[..touch_count]);
+        let (elongations, stretch_steps) = (&mut self.e[..touch_count], &mut self.step[..touch_count]);
         let (pair_forces, elastic) = (&mut self.f[..touch_count], &mut self.elastic[..touch_count]);
         apart(d, pair_ends, [&mut *moved_x, &mut *moved_y, &mut *moved_z]);
         product(directions, [&*moved_x, &*moved_y, &*moved_z], stretch_steps);
         match &run.pairs.link.law {
-            SpaceLaw::Contact {
-                exponent: 1.0,
-                clamp,
-            } => linear(
+            SpaceLaw::Contact { exponent: 1.0, clamp } => linear(
                 by,
                 *clamp,
                 [&*elongations, &*stretch_steps],
@@ -84,11 +80,7 @@ impl Batch {
             law => {
                 for i in 0..touch_count {
                     elastic[i] = law.elastic(by[0], elongations[i]);
-                    pair_forces[i] = law.damped(
-                        [by[0], elongations[i]],
-                        elastic[i],
-                        by[1] * stretch_steps[i],
-                    );
+                    pair_forces[i] = law.damped([by[0], elongations[i]], elastic[i], by[1] * stretch_steps[i]);
                 }
             }
         }
@@ -115,12 +107,7 @@ impl Batch {
                 }
             }
         }
-        add(
-            pair_ends,
-            point_force,
-            &mut forces.first,
-            &mut forces.second,
-        );
+        add(pair_ends, point_force, &mut forces.first, &mut forces.second);
     }
 
     /// Store the ends of the pairs that touch, their directions and e; returns their number. NaN counts as a touch, so
@@ -128,13 +115,8 @@ impl Batch {
     fn find(&mut self, rest: f64, pairs: &[Pair], x: &[Quad]) -> usize {
         let touch_count = select_near(x, pairs, rest * rest, &mut self.ends);
         let pair_ends = &self.ends[..touch_count];
-        let [direction_x, direction_y, direction_z] =
-            self.along.each_mut().map(|one| &mut one[..touch_count]);
-        apart(
-            x,
-            pair_ends,
-            [&mut *direction_x, &mut *direction_y, &mut *direction_z],
-        );
+        let [direction_x, direction_y, direction_z] = self.along.each_mut().map(|one| &mut one[..touch_count]);
+        apart(x, pair_ends, [&mut *direction_x, &mut *direction_y, &mut *direction_z]);
         lines(
             rest,
             [direction_x, direction_y, direction_z],
@@ -299,11 +281,7 @@ mod tests {
             let is_near = x * x + y * y < rest_distance * rest_distance;
             n_rounded += u32::from(is_near && distance(x, y, 0.0) >= rest_distance);
             // A second pair that certainly touches comes after it.
-            let point_quads = [
-                [0.0; 4],
-                [x, y, 0.0, 0.0],
-                [0.5 * rest_distance, 0.0, 0.0, 0.0],
-            ];
+            let point_quads = [[0.0; 4], [x, y, 0.0, 0.0], [0.5 * rest_distance, 0.0, 0.0, 0.0]];
             let touch_count = batch.find(rest_distance, &[[0, 1], [0, 2]], &point_quads);
             assert!(batch.e[..touch_count].iter().all(|e| *e < 0.0), "{x} {y}");
             assert_eq!(batch.ends[touch_count - 1], [0, 2]);

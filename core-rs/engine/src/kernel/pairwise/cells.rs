@@ -45,13 +45,7 @@ impl Cells {
     /// `n_first` points and the others, or between all points if there are no others. Returns false if there are too
     /// many pairs.
     #[cold]
-    pub(super) fn search(
-        &mut self,
-        x: &[Quad],
-        n_first: usize,
-        reach: f64,
-        pairs: &mut Vec<Pair>,
-    ) -> bool {
+    pub(super) fn search(&mut self, x: &[Quad], n_first: usize, reach: f64, pairs: &mut Vec<Pair>) -> bool {
         self.sort(x, reach);
         pairs.clear();
         let layer_reach = if self.grid.bits[2] > 0 { 1 } else { 0 };
@@ -64,10 +58,7 @@ impl Cells {
             let [cell_x, cell_y, cell_z] = self.cells[i];
             for dz in -layer_reach..=layer_reach {
                 for dy in -1..=1 {
-                    let neighbour_row = [
-                        cell_y.wrapping_add_signed(dy),
-                        cell_z.wrapping_add_signed(dz),
-                    ];
+                    let neighbour_row = [cell_y.wrapping_add_signed(dy), cell_z.wrapping_add_signed(dz)];
                     for cells in self.grid.three_cells(cell_x, neighbour_row) {
                         self.append_near((i, x[i]), cells, least_member, reach, pairs);
                     }
@@ -89,8 +80,7 @@ impl Cells {
         reach: f64,
         pairs: &mut Vec<Pair>,
     ) {
-        let member_range =
-            self.first_member[cells.start] as usize..self.first_member[cells.end] as usize;
+        let member_range = self.first_member[cells.start] as usize..self.first_member[cells.end] as usize;
         let cell_points = self.members[member_range.clone()]
             .iter()
             .zip(&self.places[member_range]);
@@ -143,11 +133,7 @@ impl Grid {
     fn new(n: usize, n_axes: usize) -> Self {
         let total_bits = (2 * n.max(1)).next_power_of_two().ilog2();
         let axis_bits = total_bits.div_ceil(n_axes as u32).max(Self::BITS_MIN);
-        let bits = [
-            axis_bits,
-            axis_bits,
-            if n_axes == AXES_MAX { axis_bits } else { 0 },
-        ];
+        let bits = [axis_bits, axis_bits, if n_axes == AXES_MAX { axis_bits } else { 0 }];
         Self { bits }
     }
 
@@ -159,8 +145,7 @@ impl Grid {
     fn index(self, [x, y, z]: [u32; AXES_MAX]) -> usize {
         let [x_bits, y_bits, z_bits] = self.bits;
         let wrapped_cell = |cell: u32, bits: u32| (cell & ((1 << bits) - 1)) as usize;
-        (((wrapped_cell(z, z_bits) << y_bits) | wrapped_cell(y, y_bits)) << x_bits)
-            | wrapped_cell(x, x_bits)
+        (((wrapped_cell(z, z_bits) << y_bits) | wrapped_cell(y, y_bits)) << x_bits) | wrapped_cell(x, x_bits)
     }
 
     /// The cell at `x` and its two neighbours in a row (y, z): one range of cells, or two if the row wraps around
@@ -170,10 +155,7 @@ impl Grid {
         let row_start = self.index([0, y, z]);
         let row_length = 1 << self.bits[0];
         let x = x as usize & (row_length - 1);
-        let (cell_before, cell_after) = (
-            x.wrapping_sub(1) & (row_length - 1),
-            (x + 1) & (row_length - 1),
-        );
+        let (cell_before, cell_after) = (x.wrapping_sub(1) & (row_length - 1), (x + 1) & (row_length - 1));
         let (main_range, wrapped_cell) = if cell_before > x {
             (x..x + 2, Some(cell_before))
         } else if cell_after < x {
@@ -182,7 +164,6 @@ impl Grid {
             (cell_before..cell_after + 1, None)
         };
         let wrapped_cell = wrapped_cell.map(|cell| row_start + cell..row_start + cell + 1);
-        std::iter::once(row_start + main_range.start..row_start + main_range.end)
-            .chain(wrapped_cell)
+        std::iter::once(row_start + main_range.start..row_start + main_range.end).chain(wrapped_cell)
     }
 }

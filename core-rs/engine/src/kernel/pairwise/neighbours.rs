@@ -113,13 +113,7 @@ impl Neighbours {
         if self.is_made && are_within(&self.x, &self.narrowed_at, square(HALF * margin_width)) {
             return;
         }
-        if !self.is_made
-            || !are_within(
-                &self.x,
-                &self.searched_at,
-                square(HALF * (skin_width - margin_width)),
-            )
-        {
+        if !self.is_made || !are_within(&self.x, &self.searched_at, square(HALF * (skin_width - margin_width))) {
             let n_first = run.pairs.n_first;
             let reach = run.rest + skin_width;
             self.searched_at.copy_from_slice(&self.x);
@@ -135,21 +129,14 @@ impl Neighbours {
     }
 
     /// Compute the forces of all pairs by the law of a run with K and Z in `by`, and by its friction.
-    pub(super) fn push(
-        &mut self,
-        run: &PairRun,
-        by: [f64; 2],
-        (x, d): (&[f64], &[f64]),
-        history: &mut ContactHistory,
-    ) {
+    pub(super) fn push(&mut self, run: &PairRun, by: [f64; 2], (x, d): (&[f64], &[f64]), history: &mut ContactHistory) {
         self.update(run, |mat| x[mat]);
         gather(run, &mut self.d, |mat| d[mat]);
         self.forces.first.fill(Quad::default());
         self.forces.second.fill(Quad::default());
         for pairs in self.close[..self.n_close].chunks(BATCH) {
             let motion = (&*self.x, &*self.d);
-            self.batch
-                .push(run, by, pairs, motion, history, &mut self.forces);
+            self.batch.push(run, by, pairs, motion, history, &mut self.forces);
         }
     }
 
@@ -220,9 +207,8 @@ wide! {
 #[inline(always)]
 fn meeting(rest: f64, here: Quad, there: Quad) -> Option<(f64, [f64; AXES_MAX])> {
     let point_offset = [there[0] - here[0], there[1] - here[1], there[2] - here[2]];
-    let squared_distance = point_offset[0] * point_offset[0]
-        + point_offset[1] * point_offset[1]
-        + point_offset[2] * point_offset[2];
+    let squared_distance =
+        point_offset[0] * point_offset[0] + point_offset[1] * point_offset[1] + point_offset[2] * point_offset[2];
     if squared_distance >= rest * rest {
         return None;
     }

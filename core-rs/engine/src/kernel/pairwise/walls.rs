@@ -62,9 +62,7 @@ pub(super) fn push(
     };
     for first in 0..pairs.n_first {
         if !link.law.is_contact() {
-            pairs
-                .others(first, run.n)
-                .for_each(|second| pair_pull(first, second));
+            pairs.others(first, run.n).for_each(|second| pair_pull(first, second));
             continue;
         }
         select(run, first, x, may_touch);
@@ -72,11 +70,7 @@ pub(super) fn push(
             if !may_touch.contains(&true) {
                 continue;
             }
-            for (i, _) in may_touch
-                .iter()
-                .enumerate()
-                .filter(|(_, may_touch)| **may_touch)
-            {
+            for (i, _) in may_touch.iter().enumerate().filter(|(_, may_touch)| **may_touch) {
                 pair_pull(first, SKIP_LENGTH * chunk + i);
             }
         }
@@ -124,9 +118,7 @@ fn select(run: &PairRun, first: usize, x: &[f64], may_touch: &mut [bool]) {
             );
         }
         Measure::Within => may_touch.fill(true),
-        Measure::Surface(facets) => {
-            select_inside(facets.bounds(), wall_position, point_positions, may_touch)
-        }
+        Measure::Surface(facets) => select_inside(facets.bounds(), wall_position, point_positions, may_touch),
     }
 }
 

@@ -28,11 +28,7 @@ fn sum_is_a_fixed_tree() {
         assert_eq!(sum(&body.x).to_bits(), expected_sum.to_bits(), "{n}");
     }
     assert_eq!(sum(&[]), 0.0);
-    assert_eq!(
-        sum(&[-0.0]).to_bits(),
-        (-0.0_f64).to_bits(),
-        "one is itself"
-    );
+    assert_eq!(sum(&[-0.0]).to_bits(), (-0.0_f64).to_bits(), "one is itself");
 }
 
 #[test]
@@ -42,9 +38,7 @@ fn taps_have_signs_and_weights_of_terms() {
     let ground_tie = crate::network::Tie::Physical { k: 7.0, z: 0.1 };
     let cel_index = network.cel("a", 1.0, ground_tie, 0.25, 0.5, 0.0).unwrap();
     let mas_index = network.mas("b", 1.0, 2.0, 0.0).unwrap();
-    let link_index = network
-        .spring("l", cel_index, mas_index, 3.0, 0.0, 0.0)
-        .unwrap();
+    let link_index = network.spring("l", cel_index, mas_index, 3.0, 0.0, 0.0).unwrap();
     let (len, first) = (1, cel_index);
     network
         .listen(

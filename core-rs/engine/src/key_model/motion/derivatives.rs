@@ -24,10 +24,7 @@ impl<const N: usize> Motion<N> {
     /// contribution of each parameter to its own column.
     pub(super) fn advance_columns(&mut self, step: &Step<'_>) {
         let (h, contact, turned) = (self.step, step.contact, step.turned);
-        let (stiffness, presliding) = (
-            self.spring_fraction * self.key.stiffness,
-            self.key.presliding,
-        );
+        let (stiffness, presliding) = (self.spring_fraction * self.key.stiffness, self.key.presliding);
         let per_force = self.h_over_m / self.denominator;
         let by_force = turned.by_gain * per_force;
         let by_velocity = turned.by_v - turned.by_gain * 2.0 * self.half_damping / self.denominator
@@ -41,12 +38,8 @@ impl<const N: usize> Motion<N> {
         }
         for mode in &mut self.modes {
             for (column, column_force) in column_force.iter_mut().enumerate() {
-                let (dx, dv) = (
-                    mode.dx[column] - self.dx[column],
-                    mode.dv[column] - self.dv[column],
-                );
-                let column_gain =
-                    (mode.omega_squared * dx + mode.damping_rate * dv) / mode.denominator;
+                let (dx, dv) = (mode.dx[column] - self.dx[column], mode.dv[column] - self.dv[column]);
+                let column_gain = (mode.omega_squared * dx + mode.damping_rate * dv) / mode.denominator;
                 *column_force += mode.mass * column_gain;
                 mode.dv[column] -= h * column_gain;
             }
@@ -132,8 +125,7 @@ impl<const N: usize> Motion<N> {
             Parameter::ModeFrequency(mode_index) => {
                 let mode = &self.modes[mode_index];
                 let (twice_squared, damping_rate) = (2.0 * mode.omega_squared, mode.damping_rate);
-                let gain_slope = (twice_squared * (mode.x - self.x)
-                    + damping_rate * (mode.v - self.v)
+                let gain_slope = (twice_squared * (mode.x - self.x) + damping_rate * (mode.v - self.v)
                     - 0.5 * self.step * damping_rate * mode.gain)
                     / (mode.denominator * mode.omega / TAU);
                 mode_terms(mode, gain_slope)

@@ -91,11 +91,7 @@ fn parse_refusals_have_places_and_suggestions() {
             (offset, length),
             "{text}: {law_error}"
         );
-        assert_eq!(
-            law_error.suggestion.as_deref(),
-            suggestion,
-            "{text}: {law_error}"
-        );
+        assert_eq!(law_error.suggestion.as_deref(), suggestion, "{text}: {law_error}");
         assert_eq!(law_error.which, Which::Law);
     }
     let law_error = refusal("d + é·2");
@@ -107,16 +103,9 @@ fn parse_bounds_sizes_of_texts() {
     let deep_text = format!("{}d{}", "(".repeat(65), ")".repeat(65));
     assert!(refusal(&deep_text).message.contains("64 deep"));
     assert_eq!(refusal(&"-".repeat(1_999)).offset, 64);
-    assert_eq!(
-        refusal(&format!("d{}", "**d".repeat(65))).offset,
-        1 + 3 * 64
-    );
+    assert_eq!(refusal(&format!("d{}", "**d".repeat(65))).offset, 1 + 3 * 64);
     assert!(value(&format!("{}d{}", "(".repeat(64), ")".repeat(64)), 2.0) == 2.0);
-    assert!(
-        refusal(&format!("d{}", "+d".repeat(128)))
-            .message
-            .contains("256")
-    );
+    assert!(refusal(&format!("d{}", "+d".repeat(128))).message.contains("256"));
     assert_eq!(value(&format!("d{}", "+d".repeat(127)), 1.0), 128.0);
     assert_eq!(refusal(&" ".repeat(2_001)).offset, 2_000);
     assert_eq!(refusal(&"x".repeat(2_000)).suggestion, None);
@@ -125,11 +114,7 @@ fn parse_bounds_sizes_of_texts() {
 // The names of all operations, so that the loops over runs omit none.
 #[test]
 fn parse_reaches_all_operations() {
-    let parsed_nodes = |text: &str| {
-        parse(Which::Law, text, &Constants::new(), &[])
-            .expect(text)
-            .nodes
-    };
+    let parsed_nodes = |text: &str| parse(Which::Law, text, &Constants::new(), &[]).expect(text).nodes;
     for (text, operation) in [("sign(d)", Unary::Sign), ("-d", Unary::Negate)] {
         assert!(parsed_nodes(text).contains(&Node::Unary(operation, 0)));
     }

@@ -32,10 +32,7 @@ fn compute<'r>(step: &Step, out: &mut [f64], value_of: impl Fn(usize) -> &'r [f6
         Step::WholePower(exponent, a) => integer_powers(exponent, out, value_of(a)),
         Step::Binary(operation, a, b) => binary(operation, out, value_of(a), value_of(b)),
         Step::Where(c, a, b) => {
-            for (out, ((c, a), b)) in out
-                .iter_mut()
-                .zip(value_of(c).iter().zip(value_of(a)).zip(value_of(b)))
-            {
+            for (out, ((c, a), b)) in out.iter_mut().zip(value_of(c).iter().zip(value_of(a)).zip(value_of(b))) {
                 *out = choose(*c, *a, *b);
             }
         }

@@ -6,9 +6,7 @@ const RATE: f64 = 8000.0;
 
 fn limited(x: &[f64], n_channels: usize, ceiling: f64) -> Vec<f64> {
     let mut processed = x.to_vec();
-    Limiter::new(RATE, n_channels, ceiling)
-        .unwrap()
-        .process(&mut processed);
+    Limiter::new(RATE, n_channels, ceiling).unwrap().process(&mut processed);
     processed
 }
 
@@ -65,10 +63,7 @@ fn limiter_gain_falls_straight_and_returns_exactly() {
     let latency = 40;
     let mut signal = vec![0.25; 16_000];
     signal[1000] = 2.0;
-    let gain_path: Vec<f64> = limited(&signal, 1, 1.0)[latency..]
-        .iter()
-        .map(|y| y / 0.25)
-        .collect();
+    let gain_path: Vec<f64> = limited(&signal, 1, 1.0)[latency..].iter().map(|y| y / 0.25).collect();
     let check_gain = |i: usize, wanted: f64| {
         assert!(
             (gain_path[i] - wanted).abs() < 1e-9,
@@ -76,10 +71,7 @@ fn limiter_gain_falls_straight_and_returns_exactly() {
             gain_path[i]
         );
     };
-    assert!(
-        gain_path[..960].iter().all(|&g| g == 1.0),
-        "nothing before its time"
-    );
+    assert!(gain_path[..960].iter().all(|&g| g == 1.0), "nothing before its time");
     check_gain(960, 1.0 - 0.5 / 41.0);
     check_gain(980, 1.0 - 21.0 * 0.5 / 41.0);
     // x[1000] = 2 leaves at the ceiling.
@@ -88,23 +80,14 @@ fn limiter_gain_falls_straight_and_returns_exactly() {
     // After the hold, 1 − g falls by a factor of e in 50 ms (400 frames), once the peak has left the mean.
     let fall_ratio = (1.0 - gain_path[1500]) / (1.0 - gain_path[1100]);
     assert!((fall_ratio - maths::exp(-1.0)).abs() < 1e-9, "{fall_ratio}");
-    assert!(
-        gain_path[14_000..].iter().all(|&g| g == 1.0),
-        "and then it is gone"
-    );
+    assert!(gain_path[14_000..].iter().all(|&g| g == 1.0), "and then it is gone");
 }
 
 #[test]
 fn limiter_applies_the_same_gain_to_all_channels() {
-    let input_frames: Vec<f64> = (0..500)
-        .flat_map(|i| [if i == 200 { 3.0 } else { 0.1 }, 0.2])
-        .collect();
+    let input_frames: Vec<f64> = (0..500).flat_map(|i| [if i == 200 { 3.0 } else { 0.1 }, 0.2]).collect();
     let output_frames = limited(&input_frames, 2, 0.9);
-    for frame in output_frames
-        .chunks(2)
-        .skip(40)
-        .filter(|frame| frame[0] < 0.5)
-    {
+    for frame in output_frames.chunks(2).skip(40).filter(|frame| frame[0] < 0.5) {
         assert!((frame[1] / frame[0] - 2.0).abs() < 1e-15);
     }
 }
@@ -112,20 +95,11 @@ fn limiter_applies_the_same_gain_to_all_channels() {
 #[test]
 fn limiter_with_wrong_settings_is_refused() {
     for rate in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e9] {
-        assert!(matches!(
-            Limiter::new(rate, 1, 1.0),
-            Err(LimiterError::Rate(_))
-        ));
+        assert!(matches!(Limiter::new(rate, 1, 1.0), Err(LimiterError::Rate(_))));
     }
     for ceiling in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        assert!(matches!(
-            Limiter::new(RATE, 1, ceiling),
-            Err(LimiterError::Ceiling(_))
-        ));
+        assert!(matches!(Limiter::new(RATE, 1, ceiling), Err(LimiterError::Ceiling(_))));
     }
-    assert_eq!(
-        Limiter::new(RATE, 5000, 1.0).unwrap_err(),
-        LimiterError::Channels(5000)
-    );
+    assert_eq!(Limiter::new(RATE, 5000, 1.0).unwrap_err(), LimiterError::Channels(5000));
     assert_eq!(Limiter::new(44_100.0, 1, 1.0).unwrap().latency(), 221);
 }

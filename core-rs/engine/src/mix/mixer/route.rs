@@ -155,9 +155,7 @@ impl Route {
         if delay > DELAY_MAX {
             return Err(RouteError::Delay(delay));
         }
-        let echo_falls = |echo: &Echo| {
-            (1..=delay).contains(&echo.frames) && -1.0 < echo.ratio && echo.ratio < 1.0
-        };
+        let echo_falls = |echo: &Echo| (1..=delay).contains(&echo.frames) && -1.0 < echo.ratio && echo.ratio < 1.0;
         if let Some(echo) = echo.filter(|echo| !echo_falls(echo)) {
             return Err(RouteError::Echo(echo));
         }
@@ -167,10 +165,7 @@ impl Route {
             group,
             gain,
             is_squared,
-            filters: tones
-                .into_iter()
-                .map(|tone| Filter::new(tone, rate))
-                .collect(),
+            filters: tones.into_iter().map(|tone| Filter::new(tone, rate)).collect(),
             delay: (delay > 0).then(|| Delay::echoing(delay, echo)),
             curve,
             shared_curve: None,
@@ -222,8 +217,7 @@ impl Route {
 
     /// Whether it has faded out.
     pub(super) fn has_faded_out(&self, frame: u64) -> bool {
-        self.fade
-            .is_some_and(|fade| fade.steady(frame) == Some(0.0))
+        self.fade.is_some_and(|fade| fade.steady(frame) == Some(0.0))
     }
 
     /// Its gain at a frame of the piece, without fades.
@@ -274,13 +268,7 @@ impl Route {
 
     /// Add a filtered signal to the route's target; `first` is the first frame in the piece, `gains` are those of its
     /// curve from there on, if they are known.
-    pub(super) fn add(
-        &mut self,
-        (group, gains): (&Glide, Option<&[f64]>),
-        first: u64,
-        signal: &[f64],
-        to: &mut [f64],
-    ) {
+    pub(super) fn add(&mut self, (group, gains): (&Glide, Option<&[f64]>), first: u64, signal: &[f64], to: &mut [f64]) {
         let is_gliding = self.fade.is_some() || self.residual_gain.is_some();
         let is_plain = self.delay.is_none() && self.entry.is_none() && !is_gliding;
         let steady_gain = group.steady(first).filter(|_| is_plain);
@@ -298,13 +286,7 @@ impl Route {
         }
     }
 
-    fn add_gliding(
-        &mut self,
-        (group, gains): (&Glide, Option<&[f64]>),
-        first: u64,
-        signal: &[f64],
-        to: &mut [f64],
-    ) {
+    fn add_gliding(&mut self, (group, gains): (&Glide, Option<&[f64]>), first: u64, signal: &[f64], to: &mut [f64]) {
         for (index, ((y, &x), n)) in to.iter_mut().zip(signal).zip(first..).enumerate() {
             let x = self.entry.map_or(x, |entry| entry.value(n) * x);
             let x = self.delay.as_mut().map_or(x, |delay| delay.next(x));

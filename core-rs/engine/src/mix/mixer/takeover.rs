@@ -20,25 +20,17 @@ impl Mixer {
             None => Some(before),
         };
         // The routes of both mixers are in about the same order: start the search after the previous match.
-        let search_order = |search_start: usize, old_count: usize| {
-            (search_start..old_count).chain(0..search_start.min(old_count))
-        };
+        let search_order =
+            |search_start: usize, old_count: usize| (search_start..old_count).chain(0..search_start.min(old_count));
         let (mut search_start, old_count) = (0, old.routes.len());
         for group in &mut self.routes {
             let continues_route = |&route_index: &usize| {
-                group.continues(
-                    &old.routes[route_index],
-                    new_output(old.routes[route_index].out),
-                )
+                group.continues(&old.routes[route_index], new_output(old.routes[route_index].out))
             };
-            let Some(route_index) = search_order(search_start, old_count).find(continues_route)
-            else {
+            let Some(route_index) = search_order(search_start, old_count).find(continues_route) else {
                 // One that is like it, by other values, leads into it; both are heard while they change places.
                 let resembles_route = |&route_index: &usize| {
-                    group.is_like(
-                        &old.routes[route_index],
-                        new_output(old.routes[route_index].out),
-                    )
+                    group.is_like(&old.routes[route_index], new_output(old.routes[route_index].out))
                 };
                 let similar_route = search_order(search_start, old_count)
                     .find(resembles_route)
@@ -46,8 +38,7 @@ impl Mixer {
                 let fade = Glide::between(self.rate, 0.0, 1.0);
                 let Some(before) = similar_route else {
                     let is_delayed = group.delay.is_some();
-                    (group.entry, group.fade) =
-                        (is_delayed.then_some(fade), (!is_delayed).then_some(fade));
+                    (group.entry, group.fade) = (is_delayed.then_some(fade), (!is_delayed).then_some(fade));
                     continue;
                 };
                 group.take_over(before);
@@ -97,9 +88,8 @@ impl Mixer {
     /// Frozen outputs at the same place continue, new ones fade in, and those that are gone fade out.
     fn take_over_frozen(&mut self, old: &Self, out: impl Fn(usize) -> Option<usize>) {
         for placed in &mut self.frozen {
-            let is_same_place = |other: &&Placed| {
-                out(other.out).is_some_and(|new_output| placed.continues(other, new_output))
-            };
+            let is_same_place =
+                |other: &&Placed| out(other.out).is_some_and(|new_output| placed.continues(other, new_output));
             placed.fade = match old.frozen.iter().find(is_same_place) {
                 Some(before) => before.fade,
                 None => Glide::between(self.rate, 0.0, 1.0),
@@ -107,21 +97,13 @@ impl Mixer {
         }
         let gone_outputs = old.frozen.iter().filter_map(|before| {
             let new_output = out(before.out)?;
-            let is_continuing = self
-                .frozen
-                .iter()
-                .any(|placed| placed.continues(before, new_output));
+            let is_continuing = self.frozen.iter().any(|placed| placed.continues(before, new_output));
             let fade_out = Glide::between(self.rate, before.fade.value(old.frame), 0.0);
             (!is_continuing).then(|| before.fading(new_output, fade_out))
         });
         let fading_out = old.frozen_fading_out.iter().flatten();
-        let fading_out =
-            fading_out.filter_map(|other| Some(other.fading(out(other.out)?, other.fade)));
-        for (place, other) in self
-            .frozen_fading_out
-            .iter_mut()
-            .zip(fading_out.chain(gone_outputs))
-        {
+        let fading_out = fading_out.filter_map(|other| Some(other.fading(out(other.out)?, other.fade)));
+        for (place, other) in self.frozen_fading_out.iter_mut().zip(fading_out.chain(gone_outputs)) {
             *place = Some(other);
         }
     }

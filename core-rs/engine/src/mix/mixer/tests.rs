@@ -10,11 +10,7 @@ use crate::mix::delay::Echo;
 fn frames(n: usize) -> Vec<f64> {
     let noise_frame = |i: usize| {
         let noise = maths::sin((i * i % 7919) as f64);
-        [
-            noise,
-            5e-3 + 1e-3 * noise,
-            if i == 17 { f64::NAN } else { 0.1 },
-        ]
+        [noise, 5e-3 + 1e-3 * noise, if i == 17 { f64::NAN } else { 0.1 }]
     };
     (0..n).flat_map(noise_frame).collect()
 }
@@ -61,10 +57,7 @@ fn mixer_in_blocks_of_any_size() {
         }
     }
     assert_eq!(complete, block_output);
-    assert!(
-        complete.iter().all(|x| x.is_finite()),
-        "one bad sample does not stay"
-    );
+    assert!(complete.iter().all(|x| x.is_finite()), "one bad sample does not stay");
 }
 
 /// Of two groups, one changes its gain at frame 1000 of the piece: the other keeps its bits.
@@ -128,10 +121,7 @@ fn highpass_removes_a_constant_offset() {
 #[test]
 fn route_with_wrong_values_is_refused() {
     let mut mixer = Mixer::new(44_100.0, 3, 2);
-    assert_eq!(
-        mixer.route(3, 0, 1.0, None),
-        Err(RouteError::Out { out: 3, n_out: 3 })
-    );
+    assert_eq!(mixer.route(3, 0, 1.0, None), Err(RouteError::Out { out: 3, n_out: 3 }));
     let channel = RouteError::Channel {
         channel: 2,
         n_channels: 2,
@@ -172,31 +162,19 @@ fn hall() -> Mixer {
             },
         ],
         delay: 37,
-        echo: Some(Echo {
-            frames: 30,
-            ratio: 0.5,
-        }),
+        echo: Some(Echo { frames: 30, ratio: 0.5 }),
         curve: Some(level_curve.panned(Pan::new(
             vec![smooth_point(0, -0.5), smooth_point(4000, 0.9)],
             Side::Second,
         ))),
         ..Treatment::default()
     };
-    mixer
-        .treated(0, 1, To::Channel(0), 0.5, treatment.clone())
-        .unwrap();
+    mixer.treated(0, 1, To::Channel(0), 0.5, treatment.clone()).unwrap();
     mixer.treated(1, 1, To::Room(0), 0.3, treatment).unwrap();
     let plain_treatment = Treatment::default();
-    mixer
-        .treated(0, 0, To::Room(1), 0.7, plain_treatment.clone())
-        .unwrap();
-    mixer
-        .treated(0, 0, To::Channel(1), 1.0, plain_treatment)
-        .unwrap();
-    mixer.fade(Curve::new(vec![
-        smooth_point(4000, 1.0),
-        smooth_point(4900, 0.0),
-    ]));
+    mixer.treated(0, 0, To::Room(1), 0.7, plain_treatment.clone()).unwrap();
+    mixer.treated(0, 0, To::Channel(1), 1.0, plain_treatment).unwrap();
+    mixer.fade(Curve::new(vec![smooth_point(4000, 1.0), smooth_point(4900, 0.0)]));
     mixer
 }
 
@@ -235,20 +213,10 @@ fn treated_with_wrong_room_or_delay_is_refused() {
         delay: DELAY_MAX + 1,
         ..Treatment::default()
     };
-    assert!(
-        mixer
-            .treated(0, 0, To::Channel(0), 1.0, late_treatment)
-            .is_err()
-    );
+    assert!(mixer.treated(0, 0, To::Channel(0), 1.0, late_treatment).is_err());
     let plain_treatment = Treatment::default();
-    let room_error = RouteError::Room {
-        room: 2,
-        n_rooms: 2,
-    };
-    assert_eq!(
-        mixer.treated(0, 0, To::Room(2), 1.0, plain_treatment),
-        Err(room_error)
-    );
+    let room_error = RouteError::Room { room: 2, n_rooms: 2 };
+    assert_eq!(mixer.treated(0, 0, To::Room(2), 1.0, plain_treatment), Err(room_error));
 }
 
 /// Output for a constant input of 1 from frame 1000 on, where a mixer has taken over from another.
@@ -346,17 +314,12 @@ fn take_over_of_a_reversed_fade_without_jump() {
             }
             let last_gain = *turned_gains.last().unwrap();
             let new_curve = Curve::new(after.to_vec());
-            assert!(
-                (last_gain - new_curve.value(2999)).abs() < 1e-12,
-                "{last_gain}"
-            );
+            assert!((last_gain - new_curve.value(2999)).abs() < 1e-12, "{last_gain}");
             assert!(
                 turned_gains[999..].iter().all(|x| (0.0..1.001).contains(x)),
                 "no overshoot"
             );
-            let gain_steps = turned_gains[999..]
-                .windows(2)
-                .map(|pair| (pair[1] - pair[0]).abs());
+            let gain_steps = turned_gains[999..].windows(2).map(|pair| (pair[1] - pair[0]).abs());
             assert!(gain_steps.fold(0.0, f64::max) < 1.5 * 1.01 / 896.0);
         }
     }
@@ -386,12 +349,7 @@ fn frozen_outputs_begin_and_move_without_a_jump() {
         let mut mixer = ramp(&source, Some(0));
         let mut listened = Vec::new();
         // Unchanged at 1000, moved at 2000, taken over during the fade at 2100, removed at 4000.
-        let changes = [
-            (1000, Some(0)),
-            (2000, Some(500)),
-            (2100, Some(500)),
-            (4000, None),
-        ];
+        let changes = [(1000, Some(0)), (2000, Some(500)), (2100, Some(500)), (4000, None)];
         while listened.len() < 6_000 {
             let position = listened.len();
             if let Some((_, begins)) = changes.iter().find(|change| change.0 == position) {
@@ -399,10 +357,7 @@ fn frozen_outputs_begin_and_move_without_a_jump() {
                 next.take_over(&mut mixer, None);
                 mixer = next;
             }
-            let next = changes
-                .iter()
-                .map(|change| change.0)
-                .find(|&next| next > position);
+            let next = changes.iter().map(|change| change.0).find(|&next| next > position);
             let n = block.min(next.unwrap_or(6_000) - position);
             let mut mixed = vec![0.0; n];
             mixer.process(&vec![0.0; n], &mut mixed);
@@ -461,42 +416,27 @@ fn take_over_fades_routes_with_delay_or_curve() {
     for treatment in [late_treatment, curve_treatment] {
         let played_channels = |block: usize| {
             let mut old = Mixer::new(44_100.0, 1, 2);
-            old.treated(0, 0, To::Channel(0), 1.0, treatment.clone())
-                .unwrap();
+            old.treated(0, 0, To::Channel(0), 1.0, treatment.clone()).unwrap();
             old.process(&[1.0; 1000], &mut [0.0; 2000]);
             let mut channels = vec![0.0; 8000];
             let mut new = Mixer::new(44_100.0, 1, 2);
-            new.treated(0, 0, To::Channel(1), 1.0, treatment.clone())
-                .unwrap();
+            new.treated(0, 0, To::Channel(1), 1.0, treatment.clone()).unwrap();
             new.take_over(&mut old, None);
             for part in channels.chunks_mut(2 * block) {
                 new.process(&vec![1.0; part.len() / 2], part);
             }
             let mut last_mixer = Mixer::new(44_100.0, 1, 2);
             last_mixer.take_over(&mut new, None);
-            assert_eq!(
-                last_mixer.fading_out.iter().flatten().count(),
-                1,
-                "that of `new`"
-            );
+            assert_eq!(last_mixer.fading_out.iter().flatten().count(), 1, "that of `new`");
             channels
         };
         let listened = played_channels(4000);
         assert!(listened[0] > 0.5, "it is heard on: {}", listened[0]);
         for channel in 0..2 {
-            let channel_samples: Vec<f64> =
-                listened.iter().skip(channel).step_by(2).copied().collect();
-            let sample_steps = channel_samples
-                .windows(2)
-                .map(|pair| (pair[1] - pair[0]).abs());
-            assert!(
-                sample_steps.fold(0.0, f64::max) < 1.5 / 896.0 + 1e-3,
-                "{channel}"
-            );
-            assert_eq!(
-                channel_samples[24 + 896..].iter().all(|&x| x == 0.0),
-                channel == 0
-            );
+            let channel_samples: Vec<f64> = listened.iter().skip(channel).step_by(2).copied().collect();
+            let sample_steps = channel_samples.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+            assert!(sample_steps.fold(0.0, f64::max) < 1.5 / 896.0 + 1e-3, "{channel}");
+            assert_eq!(channel_samples[24 + 896..].iter().all(|&x| x == 0.0), channel == 0);
         }
         assert_eq!(listened, played_channels(7));
     }
@@ -506,22 +446,15 @@ fn take_over_fades_routes_with_delay_or_curve() {
 fn retreated(before: &Treatment, after: &Treatment, block: usize) -> Vec<f64> {
     let mixer = |treatment: &Treatment| {
         let mut mixer = Mixer::new(44_100.0, 1, 1);
-        mixer
-            .treated(0, 0, To::Channel(0), 1.0, treatment.clone())
-            .unwrap();
+        mixer.treated(0, 0, To::Channel(0), 1.0, treatment.clone()).unwrap();
         mixer
     };
-    let listened: Vec<f64> = (0..6000)
-        .map(|n| crate::maths::sin(f64::from(n) * 0.0142))
-        .collect();
+    let listened: Vec<f64> = (0..6000).map(|n| crate::maths::sin(f64::from(n) * 0.0142)).collect();
     let (mut old_mixer, mut new_mixer) = (mixer(before), mixer(after));
     let mut mixed = vec![0.0; 6000];
     old_mixer.process(&listened[..3000], &mut mixed[..3000]);
     new_mixer.take_over(&mut old_mixer, None);
-    for (x, y) in listened[3000..]
-        .chunks(block)
-        .zip(mixed[3000..].chunks_mut(block))
-    {
+    for (x, y) in listened[3000..].chunks(block).zip(mixed[3000..].chunks_mut(block)) {
         new_mixer.process(x, y);
     }
     mixed
@@ -535,10 +468,7 @@ fn take_over_of_filter_or_delay_without_jump() {
     };
     let delay = |delay: usize, ratio: f64| Treatment {
         delay,
-        echo: Some(Echo {
-            frames: delay,
-            ratio,
-        }),
+        echo: Some(Echo { frames: delay, ratio }),
         ..Treatment::default()
     };
     let lowpass = |f: f64| Treatment {
@@ -555,9 +485,7 @@ fn take_over_of_filter_or_delay_without_jump() {
     ] {
         let listened = retreated(&before, &after, 3000);
         assert_eq!(retreated(&before, &after, 7), listened);
-        let sample_steps = listened[2990..]
-            .windows(2)
-            .map(|pair| (pair[1] - pair[0]).abs());
+        let sample_steps = listened[2990..].windows(2).map(|pair| (pair[1] - pair[0]).abs());
         let steepest = sample_steps.fold(0.0, f64::max);
         assert!(steepest < 0.03, "{before:?} {after:?}: {steepest}");
     }

@@ -38,18 +38,12 @@ impl Facets {
     ///
     /// # Errors
     /// A sentence, if a number is out of range or no triangle has an area.
-    pub fn new(
-        corners: &[Vector],
-        triangles: &[[u32; 3]],
-        reach: f64,
-    ) -> Result<Self, &'static str> {
+    pub fn new(corners: &[Vector], triangles: &[[u32; 3]], reach: f64) -> Result<Self, &'static str> {
         if !corners.iter().flatten().all(|x| x.is_finite()) {
             return Err("the corners of its surface are finite numbers");
         }
         if !(reach > 0.0 && reach.is_finite()) {
-            return Err(
-                "points that touch a surface need a gap above 0: the distance at which they touch",
-            );
+            return Err("points that touch a surface need a gap above 0: the distance at which they touch");
         }
         if triangles.len() > Self::TRIANGLES_MAX {
             return Err("its surface has more than 200,000 triangles");
@@ -93,11 +87,7 @@ impl Facets {
 
     /// Average number of triangles near a place that may touch the surface.
     pub(crate) fn crowding(&self) -> f64 {
-        let filled_cells = self
-            .begins
-            .windows(2)
-            .filter(|pair| pair[0] < pair[1])
-            .count();
+        let filled_cells = self.begins.windows(2).filter(|pair| pair[0] < pair[1]).count();
         self.members.len() as f64 / filled_cells.max(1) as f64
     }
 
@@ -138,8 +128,7 @@ impl Facets {
 
     /// Sort the triangles into cells, as narrow as the limits on their numbers allow.
     fn divide(&mut self) {
-        let [mut lower_bound, mut upper_bound] =
-            [[f64::INFINITY; AXES_MAX], [f64::NEG_INFINITY; AXES_MAX]];
+        let [mut lower_bound, mut upper_bound] = [[f64::INFINITY; AXES_MAX], [f64::NEG_INFINITY; AXES_MAX]];
         for corner in self.triangles.iter().flatten() {
             for axis in 0..AXES_MAX {
                 lower_bound[axis] = lower_bound[axis].min(corner[axis] - self.reach);
@@ -149,8 +138,7 @@ impl Facets {
         self.bounds = [lower_bound, upper_bound];
         self.wide = self.reach;
         loop {
-            let cells_along =
-                |axis: usize| ((upper_bound[axis] - lower_bound[axis]) / self.wide).floor() + 1.0;
+            let cells_along = |axis: usize| ((upper_bound[axis] - lower_bound[axis]) / self.wide).floor() + 1.0;
             let axis_counts: Vector = std::array::from_fn(cells_along);
             if axis_counts.iter().product::<f64>() <= CELLS_MAX as f64 {
                 self.counts = axis_counts.map(|count| count as usize);
@@ -189,9 +177,7 @@ impl Facets {
                     for x in cells_across.clone() {
                         let cell_indices = [x, y, z];
                         let cell_middle: Vector = std::array::from_fn(|axis| {
-                            self.bounds[0][axis]
-                                + self.wide * cell_indices[axis] as f64
-                                + half_width
+                            self.bounds[0][axis] + self.wide * cell_indices[axis] as f64 + half_width
                         });
                         let middle_offset = difference(cell_middle, nearest(triangle, cell_middle));
                         // A triangle so thin that the distance is NaN is kept.
@@ -210,12 +196,10 @@ impl Facets {
     fn span(&self, triangle: &[Vector; 3]) -> [std::ops::Range<usize>; AXES_MAX] {
         std::array::from_fn(|axis| {
             let corner_places = triangle.map(|corner| corner[axis]);
-            let [least_place, greatest] =
-                [corner_places.into_iter().fold(f64::INFINITY, f64::min), {
-                    corner_places.into_iter().fold(f64::NEG_INFINITY, f64::max)
-                }];
-            let clamped_cell =
-                |x: f64| ((x - self.bounds[0][axis]) / self.wide).floor().max(0.0) as usize;
+            let [least_place, greatest] = [corner_places.into_iter().fold(f64::INFINITY, f64::min), {
+                corner_places.into_iter().fold(f64::NEG_INFINITY, f64::max)
+            }];
+            let clamped_cell = |x: f64| ((x - self.bounds[0][axis]) / self.wide).floor().max(0.0) as usize;
             let last_cell = self.counts[axis] - 1;
             clamped_cell(least_place - self.reach).min(last_cell)
                 ..clamped_cell(greatest + self.reach).min(last_cell) + 1
@@ -298,9 +282,8 @@ mod tests {
                     f64::from(i) / f64::from(step_count),
                     f64::from(j) / f64::from(step_count),
                 );
-                let nearest_point: Vector = std::array::from_fn(|axis| {
-                    a[axis] + v * (b[axis] - a[axis]) + w * (c[axis] - a[axis])
-                });
+                let nearest_point: Vector =
+                    std::array::from_fn(|axis| a[axis] + v * (b[axis] - a[axis]) + w * (c[axis] - a[axis]));
                 let point_offset = difference(place, nearest_point);
                 least_square = least_square.min(dot(point_offset, point_offset));
             }
@@ -311,16 +294,13 @@ mod tests {
     #[test]
     fn nearest_point_of_a_triangle() {
         let mut chance = Chance::new(7, "facets", "nearest", 0, 0);
-        let mut random_vector =
-            |size: f64| -> Vector { std::array::from_fn(|_| chance.uniform(-size, size)) };
+        let mut random_vector = |size: f64| -> Vector { std::array::from_fn(|_| chance.uniform(-size, size)) };
         for _ in 0..200 {
             let triangle = [random_vector(1.0), random_vector(1.0), random_vector(1.0)];
             let test_place = random_vector(2.0);
             let point_offset = difference(test_place, nearest(&triangle, test_place));
-            let (exact_length, tried_length) = (
-                dot(point_offset, point_offset).sqrt(),
-                by_trying(&triangle, test_place),
-            );
+            let (exact_length, tried_length) =
+                (dot(point_offset, point_offset).sqrt(), by_trying(&triangle, test_place));
             assert!(
                 exact_length <= tried_length + 1e-12 && tried_length - exact_length < 0.02,
                 "{exact_length} {tried_length}"

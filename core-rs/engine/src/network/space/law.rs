@@ -120,8 +120,7 @@ impl SpaceLaw {
         match self {
             Self::Cohesive { sink, reach, .. } => {
                 let (signed_depth, constant_pull) = (e + reach, k * sink);
-                (signed_depth < 0.0)
-                    .then(|| [(elastic - constant_pull) / signed_depth, constant_pull])
+                (signed_depth < 0.0).then(|| [(elastic - constant_pull) / signed_depth, constant_pull])
             }
             _ => Some([elastic / e, 0.0]),
         }
@@ -142,10 +141,7 @@ impl SpaceLaw {
             Self::Cohesive { .. } if e >= 0.0 => 0.0,
             Self::Cohesive { sink, reach, .. } if e + reach >= 0.0 => k * sink * (-e / reach),
             Self::Cohesive {
-                exponent,
-                sink,
-                reach,
-                ..
+                exponent, sink, reach, ..
             } => k * (sink - contact(1.0, *exponent).force(-(e + reach))),
             Self::Gauge => 0.0,
             Self::Lnl { law, .. } => spring_of(law, e),
@@ -159,9 +155,7 @@ impl SpaceLaw {
             Self::Spring | Self::Yielding { .. } => k * e + z * step,
             Self::Attraction { .. } => self.elastic(k, e) + z * step,
             Self::Contact { .. } if e >= 0.0 => 0.0,
-            Self::Contact { .. } | Self::Cohesive { .. } => {
-                self.damped([k, e], self.elastic(k, e), z * step)
-            }
+            Self::Contact { .. } | Self::Cohesive { .. } => self.damped([k, e], self.elastic(k, e), z * step),
             Self::Gauge => 0.0,
             Self::Lnl { law, rate, .. } => force_of(law, e, step * rate),
         }
@@ -176,9 +170,7 @@ impl SpaceLaw {
             Self::Contact { clamp: true, .. } => total_pull.min(0.0),
             // Beyond touching, it pulls without damping.
             Self::Cohesive { reach, .. } if e + reach >= 0.0 => elastic,
-            Self::Cohesive {
-                clamp: true, sink, ..
-            } => total_pull.min(k * sink),
+            Self::Cohesive { clamp: true, sink, .. } => total_pull.min(k * sink),
             _ => total_pull,
         }
     }
@@ -197,18 +189,12 @@ impl SpaceLaw {
             Self::Contact { exponent, .. } => contact(k, *exponent).energy(-e),
             // 0 after it has let go, and negative while it holds.
             Self::Cohesive { .. } if e >= 0.0 => 0.0,
-            Self::Cohesive { sink, reach, .. } if e + reach >= 0.0 => {
-                -0.5 * k * sink * (e * e) / reach
-            }
+            Self::Cohesive { sink, reach, .. } if e + reach >= 0.0 => -0.5 * k * sink * (e * e) / reach,
             Self::Cohesive {
-                exponent,
-                sink,
-                reach,
-                ..
+                exponent, sink, reach, ..
             } => {
                 let penetration = -(e + reach);
-                k * (contact(1.0, *exponent).energy(penetration)
-                    - sink * (0.5 * reach + penetration))
+                k * (contact(1.0, *exponent).energy(penetration) - sink * (0.5 * reach + penetration))
             }
             Self::Gauge => 0.0,
             Self::Lnl { law, from, .. } => law.work(*from, e),

@@ -23,12 +23,7 @@ pub struct SpaceLink {
 
 impl SpaceLink {
     /// A link between points with the offsets of `ends`.
-    pub(in crate::network) fn new(
-        law: SpaceLaw,
-        measure: Measure,
-        n_axes: usize,
-        ends: [SpacePoint; 2],
-    ) -> Self {
+    pub(in crate::network) fn new(law: SpaceLaw, measure: Measure, n_axes: usize, ends: [SpacePoint; 2]) -> Self {
         let offsets = ends.map(|end| end.offsets);
         Self {
             law,
@@ -60,20 +55,12 @@ impl SpaceLink {
 
     /// The length that it measures at positions `x`, and the unit vector along which this length grows. Components are
     /// 0 if both ends are at one place, and along axes that do not exist.
-    pub(crate) fn line(
-        &self,
-        ends: (usize, usize),
-        x: impl Fn(usize) -> f64,
-    ) -> (f64, [f64; AXES_MAX]) {
+    pub(crate) fn line(&self, ends: (usize, usize), x: impl Fn(usize) -> f64) -> (f64, [f64; AXES_MAX]) {
         self.measure.length_and_direction(self.between(ends, x))
     }
 
     /// Position of the second end minus that of the first, axis by axis.
-    pub(crate) fn between(
-        &self,
-        ends: (usize, usize),
-        x: impl Fn(usize) -> f64,
-    ) -> [f64; AXES_MAX] {
+    pub(crate) fn between(&self, ends: (usize, usize), x: impl Fn(usize) -> f64) -> [f64; AXES_MAX] {
         let mut between = [0.0; AXES_MAX];
         for (axis, between) in between.iter_mut().enumerate().take(self.n_axes) {
             let (first_mat, second_mat) = self.pair(ends, axis);
@@ -125,13 +112,7 @@ impl Network {
         self.check_capacity(name, n)?;
         let first_link = self.n_lia;
         let space_link = SpaceLink::new(law, Measure::Distance, n_axes, [a, b]);
-        self.add_run(
-            LinkKind::Space(space_link),
-            a.first,
-            b.first,
-            n,
-            [k, z, rest],
-        );
+        self.add_run(LinkKind::Space(space_link), a.first, b.first, n, [k, z, rest]);
         let name = self.full_name(name);
         self.names.add_links(first_link, n, n > 1, name);
         Ok(first_link)
@@ -166,10 +147,7 @@ impl Network {
             [stiffest_slope(from), law.damping_slope(from)]
         };
         if !law.spring(from).is_finite() {
-            return Err(self.refused(
-                name,
-                "the force of its law is not a finite number where it begins",
-            ));
+            return Err(self.refused(name, "the force of its law is not a finite number where it begins"));
         }
         let rate = 1.0;
         let law = SpaceLaw::Lnl { law, from, rate };
@@ -213,8 +191,7 @@ impl Network {
         if let SpaceLaw::Cohesive { sink, reach, .. } = law {
             let is_number = |value: f64| value > 0.0 && value.is_finite();
             if !is_number(*sink) || !is_number(*reach) {
-                let message =
-                    "a contact that sticks needs a stiffness, an attraction and a reach above 0";
+                let message = "a contact that sticks needs a stiffness, an attraction and a reach above 0";
                 return Err(self.refused(name, message));
             }
         }

@@ -20,10 +20,7 @@ pub enum Measure {
 impl Measure {
     /// The length and the direction, from the vector between the ends.
     #[inline(always)]
-    pub(crate) fn length_and_direction(
-        &self,
-        [x, y, z]: [f64; AXES_MAX],
-    ) -> (f64, [f64; AXES_MAX]) {
+    pub(crate) fn length_and_direction(&self, [x, y, z]: [f64; AXES_MAX]) -> (f64, [f64; AXES_MAX]) {
         match self {
             Self::Plane(normal) => {
                 return (normal[0] * x + normal[1] * y + normal[2] * z, *normal);

@@ -56,12 +56,7 @@ impl Network {
     ///
     /// # Errors
     /// [`Error::Refused`] with the name of the module if a number is out of range or the network is full.
-    pub fn points(
-        &mut self,
-        name: &str,
-        is_numbered: bool,
-        points: SpacePoints<'_>,
-    ) -> Result<usize, Error> {
+    pub fn points(&mut self, name: &str, is_numbered: bool, points: SpacePoints<'_>) -> Result<usize, Error> {
         let SpacePoints {
             n_axes,
             masses,
@@ -70,10 +65,7 @@ impl Network {
             z,
         } = points;
         let point_count = masses.len();
-        if !(1..=AXES_MAX).contains(&n_axes)
-            || [x0.len(), v0.len()] != [n_axes * point_count; 2]
-            || point_count == 0
-        {
+        if !(1..=AXES_MAX).contains(&n_axes) || [x0.len(), v0.len()] != [n_axes * point_count; 2] || point_count == 0 {
             let message = "points have one to three coordinates each";
             return Err(self.refused(name, message));
         }
@@ -90,13 +82,7 @@ impl Network {
             self.push_coordinate(masses[i % point_count], z, [x, v]);
         }
         for axis in 0..n_axes {
-            self.name_coordinates(
-                first_mat + axis * point_count,
-                point_count,
-                is_numbered,
-                name,
-                axis,
-            );
+            self.name_coordinates(first_mat + axis * point_count, point_count, is_numbered, name, axis);
         }
         Ok(first_mat)
     }
@@ -104,8 +90,7 @@ impl Network {
     /// The initial distance of two points [m].
     pub fn distance(&self, (a, b): (SpacePoint, SpacePoint), n_axes: usize) -> f64 {
         let offset_along = |axis: usize| {
-            let coordinate =
-                |end: SpacePoint| end.coordinate(axis).map_or(0.0, |mat| self.mats.x0[mat]);
+            let coordinate = |end: SpacePoint| end.coordinate(axis).map_or(0.0, |mat| self.mats.x0[mat]);
             if axis < n_axes {
                 coordinate(b) - coordinate(a)
             } else {

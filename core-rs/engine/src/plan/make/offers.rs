@@ -19,18 +19,11 @@ const NO_GAIN: &str = "at every frame its island keeps the budget, or keeps it a
 impl Maker<'_> {
     /// The island without slow parts that asked for it, if it misses its budget with them, takes more steps a frame for
     /// it, or has one that is dearer than without a rate, and is within the budget without them, at less cost if both are.
-    pub(super) fn without_rates(
-        &self,
-        subset: &Subset,
-        island_timeline: &OwnTimeline,
-        slow: Solved,
-    ) -> Solved {
+    pub(super) fn without_rates(&self, subset: &Subset, island_timeline: &OwnTimeline, slow: Solved) -> Solved {
         let is_within = slow.is_within(self.budget);
         let island_plan = &slow.chosen.island.island_plan;
-        let is_dearer =
-            |body: &BodyPlan| matches!(body, BodyPlan::Slow(slow) if cost::is_dearer(slow));
-        let is_doubtful =
-            !is_within || island_plan.oversampling > 1 || island_plan.bodies.iter().any(is_dearer);
+        let is_dearer = |body: &BodyPlan| matches!(body, BodyPlan::Slow(slow) if cost::is_dearer(slow));
+        let is_doubtful = !is_within || island_plan.oversampling > 1 || island_plan.bodies.iter().any(is_dearer);
         if slow.growth.is_none() || island_timeline.timeline.is_open || !is_doubtful {
             return slow;
         }
@@ -38,8 +31,7 @@ impl Maker<'_> {
         let plain_island = multirate::without_slow(subset, &refused_slow);
         match self.solve(&plain_island, island_timeline, None) {
             Ok(plain_island)
-                if plain_island.is_within(self.budget)
-                    && !(is_within && slow.cost() <= plain_island.cost()) =>
+                if plain_island.is_within(self.budget) && !(is_within && slow.cost() <= plain_island.cost()) =>
             {
                 Solved {
                     refused_slow,
@@ -51,12 +43,7 @@ impl Maker<'_> {
     }
 
     /// The island with what is only seen slow, and with its keys slow, wherever that is cheaper and sounds the same.
-    pub(super) fn offered(
-        &self,
-        subset: &Subset,
-        island_timeline: &OwnTimeline,
-        plain: Solved,
-    ) -> Solved {
+    pub(super) fn offered(&self, subset: &Subset, island_timeline: &OwnTimeline, plain: Solved) -> Solved {
         let (seldom_subset, mut best_solved) = self.offer_only_seen(subset, island_timeline, plain);
         let subset = seldom_subset.as_ref().unwrap_or(subset);
         for &(every, preserved) in &PRESERVED {
@@ -65,16 +52,14 @@ impl Maker<'_> {
                 break;
             }
             let error_max = preserved.min(self.budget.contact());
-            let slow_keys =
-                multirate::offer(subset, island_timeline, self.budget, Offered::Keys, every);
+            let slow_keys = multirate::offer(subset, island_timeline, self.budget, Offered::Keys, every);
             let is_right = |solved: &Solved, best_solved: &Solved| {
                 solved.slow_error.is_some_and(|error| error.db <= error_max)
                     && solved.cost() < SLOW_WORTH * best_solved.cost()
                     && solved.is_as_exact(best_solved, self.budget)
             };
             if let Some(slow_subset) = slow_keys
-                && let Some(solved) =
-                    self.try_offer(&slow_subset, island_timeline, &best_solved, is_right)
+                && let Some(solved) = self.try_offer(&slow_subset, island_timeline, &best_solved, is_right)
             {
                 best_solved = solved;
             }
@@ -91,21 +76,14 @@ impl Maker<'_> {
     ) -> (Option<Subset>, Solved) {
         let mut seen_every = self.seen_every;
         while seen_every > 1 && self.allowance.n_refused() == 0 {
-            let seldom_subset = multirate::offer(
-                subset,
-                island_timeline,
-                self.budget,
-                Offered::OnlySeen,
-                seen_every,
-            );
+            let seldom_subset = multirate::offer(subset, island_timeline, self.budget, Offered::OnlySeen, seen_every);
             let is_right = |solved: &Solved, plain: &Solved| {
                 solved.is_unheard(self.budget)
                     && solved.cost() < plain.cost()
                     && solved.sounds_as_exact(plain, self.budget)
             };
             if let Some(seldom_subset) = seldom_subset
-                && let Some(solved) =
-                    self.try_offer(&seldom_subset, island_timeline, &plain, is_right)
+                && let Some(solved) = self.try_offer(&seldom_subset, island_timeline, &plain, is_right)
             {
                 return (Some(seldom_subset), solved);
             }

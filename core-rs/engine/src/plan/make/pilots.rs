@@ -32,9 +32,7 @@ impl Maker<'_> {
         let stricter_island = pilot_result.extend_error(&stricter, trial_context)?;
         let is_within = |error: Measured| match self.budget {
             Budget::Cents { .. } => error.excess(self.budget) <= 1.0,
-            Budget::Error(_) | Budget::Method(_) => {
-                error.spectral.is_none() && error.db <= self.budget.asked()
-            }
+            Budget::Error(_) | Budget::Method(_) => error.spectral.is_none() && error.db <= self.budget.asked(),
         };
         Ok(match stricter_island.error.is_some_and(is_within) {
             true => stricter_island,

@@ -32,9 +32,7 @@ pub(super) fn plan(
         every: known.seen_every,
         ..Maker::new(network, timeline, budget)
     };
-    let is_loose = |members: &IslandMembers| {
-        budget.takes_modes() && cells::is_loose(network, members, timeline.rate)
-    };
+    let is_loose = |members: &IslandMembers| budget.takes_modes() && cells::is_loose(network, members, timeline.rate);
     let (subsets, n_islands) = seen::subsets(network, unheard, is_loose)?;
     for (index, (subset, island_timeline)) in split(subsets, timeline).into_iter().enumerate() {
         if index >= n_islands {
@@ -47,11 +45,7 @@ pub(super) fn plan(
             && slow_plan.every > 1
         {
             let island_context = (&subset, &island_timeline, budget);
-            let rate_error = seen_rate::error(
-                slow_plan,
-                island_context,
-                (&maker.memo, &allowance, known.store),
-            )?;
+            let rate_error = seen_rate::error(slow_plan, island_context, (&maker.memo, &allowance, known.store))?;
             let island_rows = maker.plan.rows[first_row..].iter_mut();
             island_rows.for_each(|row| row.error = rate_error);
         }
@@ -82,14 +76,8 @@ impl Maker<'_> {
             let counts_before = self.counts();
             let slower_timeline = island_timeline.slower(every_frames);
             let is_planned = slower_timeline.is_some_and(|slower_timeline| {
-                self.stepped(
-                    &uniform_subset,
-                    &slower_timeline,
-                    modules,
-                    None,
-                    why.clone(),
-                )
-                .is_ok()
+                self.stepped(&uniform_subset, &slower_timeline, modules, None, why.clone())
+                    .is_ok()
             });
             if is_planned && self.set_every(counts_before, every_frames) {
                 return Ok(());

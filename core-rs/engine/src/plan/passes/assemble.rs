@@ -113,8 +113,7 @@ impl Assembled {
         // What was decided to be computed once a step stays so.
         let is_single_step = is_plain || pin.is_some_and(|pin| pin.contact_substeps == 1);
         let steps_max = if is_single_step { 1 } else { SUBSTEPS_MAX };
-        let (island_cut, mut because) =
-            ported::cut(subset, &timeline, budget, pin, method_choice, memo);
+        let (island_cut, mut because) = ported::cut(subset, &timeline, budget, pin, method_choice, memo);
         let mut body_steps = None;
         if let Some(island_cut) = island_cut {
             // A contact that is computed between frames treats a port as a free mass. With a mesh that holds the port
@@ -125,15 +124,7 @@ impl Assembled {
             };
             let steps_limit = island_cut.bodies.iter().any(steps_over).then_some(1);
             let timeline = &island_cut.timeline.timeline;
-            let hub_within = |steps_max| {
-                hub(
-                    &island_cut.hub.network,
-                    timeline,
-                    budget,
-                    steps_max,
-                    Refusal::Bare,
-                )
-            };
+            let hub_within = |steps_max| hub(&island_cut.hub.network, timeline, budget, steps_max, Refusal::Bare);
             match steps_limit
                 .map_or_else(|| hub_within(steps_max), hub_within)
                 .or_else(|_| hub_within(steps_max))
@@ -151,10 +142,7 @@ impl Assembled {
                     _ => Refusal::Bare,
                 };
                 let stable_hub = hub(&subset.network, &timeline, budget, steps_max, refusal)?;
-                (
-                    ported::uncut_island(subset, island_timeline, timeline),
-                    stable_hub,
-                )
+                (ported::uncut_island(subset, island_timeline, timeline), stable_hub)
             }
         };
         let Cut {
@@ -171,10 +159,7 @@ impl Assembled {
             },
             network: Arc::new(hub.network),
             timeline: hub_timeline.timeline,
-            bodies: bodies
-                .iter()
-                .map(|body_steps| body_steps.inside.clone())
-                .collect(),
+            bodies: bodies.iter().map(|body_steps| body_steps.inside.clone()).collect(),
             contact_substeps,
             counted_cost: None,
             oversampling,
@@ -193,11 +178,7 @@ impl Assembled {
     }
 
     /// How the same island is assembled at another rate; `methods`: those of its meshes.
-    pub(in crate::plan) fn again<'a>(
-        &self,
-        oversampling: u32,
-        methods: &'a [Option<(MeshMethod, u32)>],
-    ) -> How<'a> {
+    pub(in crate::plan) fn again<'a>(&self, oversampling: u32, methods: &'a [Option<(MeshMethod, u32)>]) -> How<'a> {
         let bodies = match (self.shape, methods.iter().flatten().next()) {
             (Shape::Stepped, _) => MethodChoice::Stepped,
             (Shape::Meshes, Some(&way)) => MethodChoice::Meshes(way),
@@ -236,11 +217,7 @@ impl Assembled {
     }
 
     /// The same island with only the modes `modes_kept`, and these contact substeps.
-    pub(in crate::plan) fn only(
-        mut self,
-        contact_substeps: usize,
-        modes_kept: Vec<KeptModes>,
-    ) -> Self {
+    pub(in crate::plan) fn only(mut self, contact_substeps: usize, modes_kept: Vec<KeptModes>) -> Self {
         let mut hub_network = (*self.island_plan.network).clone();
         for (body, modes_kept) in self.bodies.iter_mut().zip(modes_kept) {
             if let BodyPlan::Modal(modal_body) = &body.inside {
@@ -251,11 +228,7 @@ impl Assembled {
             }
         }
         self.island_plan.network = Arc::new(hub_network);
-        self.island_plan.bodies = self
-            .bodies
-            .iter()
-            .map(|found| found.inside.clone())
-            .collect();
+        self.island_plan.bodies = self.bodies.iter().map(|found| found.inside.clone()).collect();
         self.island_plan.contact_substeps = contact_substeps;
         self
     }
@@ -265,9 +238,7 @@ fn faster(timeline: &Timeline, oversampling: u32, network: &Network) -> Result<T
     let mut mat_parts = network.mats().part.iter().map(|&part| part as usize);
     // A discrete network that is the reference has only one rate.
     let is_discrete = mat_parts.any(|part| network.parts()[part].ca_rate.is_some());
-    let faster_timeline = (!is_discrete)
-        .then(|| timeline.faster(oversampling))
-        .flatten();
+    let faster_timeline = (!is_discrete).then(|| timeline.faster(oversampling)).flatten();
     faster_timeline.ok_or_else(|| Error::Refused {
         module: network.mat_name(0),
         message: format!("its events cannot be computed {oversampling} times a frame"),
@@ -300,8 +271,7 @@ pub(in crate::plan) fn hub(
         hub_scheme.take_fine(&steered);
     }
     let may_collocate = has_laws && !is_discrete && steps_max > 1;
-    let may_collocate_alone =
-        may_collocate && contact_substeps == 1 && !matches!(budget, Budget::Method(_));
+    let may_collocate_alone = may_collocate && contact_substeps == 1 && !matches!(budget, Budget::Method(_));
     if timeline.is_unguarded {
         hub_scheme.let_laws_give_way();
     }

@@ -67,10 +67,7 @@ pub(in crate::plan) fn keep(
     let Some(loudness_max) = allowed else {
         return loudest;
     };
-    let blow_frames = strikes
-        .values()
-        .flat_map(|own| &own.parts)
-        .map(|part| part.0);
+    let blow_frames = strikes.values().flat_map(|own| &own.parts).map(|part| part.0);
     let first_blow = blow_frames.min().filter(|_| !body.is_moving());
     let outputs: Vec<u32> = (0..network.outputs().len() as u32).collect();
     let loudness = |some: &[usize]| {
@@ -88,8 +85,7 @@ pub(in crate::plan) fn keep(
             loudest.left_out = None;
             return loudest;
         }
-        let total_loudness = total_loudness
-            .get_or_insert_with(|| loudness(&(0..body.n_modes()).collect::<Vec<_>>()));
+        let total_loudness = total_loudness.get_or_insert_with(|| loudness(&(0..body.n_modes()).collect::<Vec<_>>()));
         let dropped_loudness = loudness(&dropped_modes).relative_to(total_loudness);
         loudest.left_out = Some(dropped_loudness);
         if dropped_loudness <= loudness_max {

@@ -32,19 +32,12 @@ pub(in crate::plan) fn bank(
     if !timeline.gates.is_empty() {
         return Err(NoModes::Coupled);
     }
-    let discrete = subset
-        .network
-        .mats()
-        .part
-        .first()
-        .map(|&part| part as usize);
+    let discrete = subset.network.mats().part.first().map(|&part| part as usize);
     let is_discrete = discrete.is_some_and(|part| subset.network.parts()[part].ca_rate.is_some());
     let strikes = blows(timeline, |_| true, is_discrete);
     match normal(subset, timeline, budget, pinned, &strikes, memo) {
         // A takeover in a session transfers the motion of a body mass by mass, by normal modes only.
-        Err(NoModes::Damping | NoModes::ForceHeard | NoModes::Slow)
-            if !is_discrete && !timeline.is_open =>
-        {
+        Err(NoModes::Damping | NoModes::ForceHeard | NoModes::Slow) if !is_discrete && !timeline.is_open => {
             complex_body::bank(subset, timeline.rate, budget, pinned, &strikes, memo)
         }
         known => known,
@@ -87,9 +80,7 @@ fn normal(
         rate,
     };
     let chosen_modes = match pinned {
-        Some(chosen_modes) => {
-            KeptModes::pinned(chosen_modes, body_modes.len()).ok_or(NoModes::Pinned)?
-        }
+        Some(chosen_modes) => KeptModes::pinned(chosen_modes, body_modes.len()).ok_or(NoModes::Pinned)?,
         None => {
             // What a session will strike is not known: no audible mode is left out.
             let allowed = budget.left_out().filter(|_| !timeline.is_open);
@@ -98,11 +89,7 @@ fn normal(
     };
     let rest = (0..n_outputs)
         .map(|output| {
-            let static_sum: f64 = seen[output]
-                .iter()
-                .zip(&body_modes.rest)
-                .map(|(a, b)| a * b)
-                .sum();
+            let static_sum: f64 = seen[output].iter().zip(&body_modes.rest).map(|(a, b)| a * b).sum();
             static_sum + held[output]
         })
         .collect();
@@ -145,8 +132,7 @@ impl ModalBody for Normal<'_> {
     }
 
     fn loudest(&self, allowed: Option<f64>) -> KeptModes {
-        let (seen_shapes, excited, impulse_rows) =
-            (self.seen, self.struck_modes, impulses(self.strikes));
+        let (seen_shapes, excited, impulse_rows) = (self.seen, self.struck_modes, impulses(self.strikes));
         truncate::keep(
             self.modes,
             seen_shapes,
@@ -160,14 +146,7 @@ impl ModalBody for Normal<'_> {
 
     fn bank(&self, some: &[usize], outputs: &[u32]) -> BankPlan {
         let seen_and_felt = [self.seen, self.struck_modes];
-        bank_of(
-            self.modes,
-            some,
-            seen_and_felt,
-            outputs,
-            self.strikes,
-            self.rate,
-        )
+        bank_of(self.modes, some, seen_and_felt, outputs, self.strikes, self.rate)
     }
 }
 
@@ -218,11 +197,7 @@ fn bank_of(
 }
 
 /// Strikes on each MAT that `is_ours`. In a discrete network they act on frames.
-pub(in crate::plan) fn blows(
-    timeline: &Timeline,
-    is_ours: impl Fn(u32) -> bool,
-    is_discrete: bool,
-) -> Blows {
+pub(in crate::plan) fn blows(timeline: &Timeline, is_ours: impl Fn(u32) -> bool, is_discrete: bool) -> Blows {
     let instants = if is_discrete {
         Instants::Nearest
     } else {
@@ -281,9 +256,7 @@ pub(in crate::plan) fn position_sums(network: &Network) -> Result<OutputSums, No
                 }
                 Term::Force { first, len, weight } => {
                     for link in first..first + len {
-                        let link_run = network
-                            .run_of(link)
-                            .filter(|link_run| link_run.is_undamped_spring());
+                        let link_run = network.run_of(link).filter(|link_run| link_run.is_undamped_spring());
                         let (link_run, weight) = (link_run.ok_or(NoModes::ForceHeard)?, -weight);
                         let run_offset = link - link_run.first;
                         add_mat(link_run.b + run_offset, weight * link_run.k);

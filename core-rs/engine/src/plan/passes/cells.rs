@@ -124,8 +124,7 @@ pub(in crate::plan) fn oscillators(
         }
         oscillator.blows.sort_by_key(|blow| blow.frame);
         let part = Some(mats.part[i]).filter(|part| part_sizes[part] >= PART_MIN);
-        let has_room =
-            |last_bank: &BankPlan| last_bank.part == part && last_bank.mats.len() < BANK_MAX;
+        let has_room = |last_bank: &BankPlan| last_bank.part == part && last_bank.mats.len() < BANK_MAX;
         if !cell_banks.last().is_some_and(has_room) {
             cell_banks.push(BankPlan {
                 part,

@@ -39,9 +39,7 @@ pub(in crate::plan) fn bank(
         rate,
     };
     let chosen_modes = match pinned {
-        Some(chosen_modes) => {
-            KeptModes::pinned(chosen_modes, body_modes.len()).ok_or(NoModes::Pinned)?
-        }
+        Some(chosen_modes) => KeptModes::pinned(chosen_modes, body_modes.len()).ok_or(NoModes::Pinned)?,
         None => {
             let allowed = budget.left_out();
             let chosen_modes = audible::keep(&complex, strikes, network, allowed, budget, rate);
@@ -53,12 +51,7 @@ pub(in crate::plan) fn bank(
     bank.complex = Some((Arc::new(network.clone()), places));
     Ok(Body {
         bank,
-        rest: body_modes
-            .rest
-            .iter()
-            .zip(static_sums)
-            .map(|(a, b)| a + b)
-            .collect(),
+        rest: body_modes.rest.iter().zip(static_sums).map(|(a, b)| a + b).collect(),
         modes: body_modes.len(),
         computed: chosen_modes,
         kind: ModeKind::Complex,
@@ -75,9 +68,7 @@ fn output_sums(network: &Network) -> (Vec<Sum>, Vec<f64>) {
         for term in &output.terms {
             match *term {
                 Term::Position { first, len, weight } => {
-                    output_sum
-                        .positions
-                        .extend((first..first + len).map(|i| (i, weight)));
+                    output_sum.positions.extend((first..first + len).map(|i| (i, weight)));
                 }
                 Term::Ground { first, len, weight } => {
                     for i in first..first + len {
@@ -88,8 +79,7 @@ fn output_sums(network: &Network) -> (Vec<Sum>, Vec<f64>) {
                 Term::Length { .. } => {} // a body has no links in space
                 Term::Force { first, len, weight } => {
                     for run in network.runs() {
-                        let run_links =
-                            run.first.max(first)..(run.first + run.len).min(first + len);
+                        let run_links = run.first.max(first)..(run.first + run.len).min(first + len);
                         for link in run_links {
                             let (first_end, second_end) = run.pair(link - run.first, 0);
                             for (end, sign) in [(first_end, weight), (second_end, -weight)] {
@@ -153,11 +143,7 @@ fn parts_of(modes: &ComplexModes, mode: usize, rate: Rate) -> Vec<Part> {
             let step_angle = omega * time_step;
             let (c, s) = (cos(step_angle), sin(step_angle));
             // If b is 0, the recurrence does not use the frame before.
-            let growth_factor = if b == 0.0 {
-                0.0
-            } else {
-                exp(decay * time_step)
-            };
+            let growth_factor = if b == 0.0 { 0.0 } else { exp(decay * time_step) };
             let real_pair = [x, growth_factor * (c * x + s * y)];
             let imag_pair = [y, growth_factor * (c * y - s * x)];
             vec![
@@ -257,13 +243,11 @@ impl ModalBody for Complex<'_> {
         let impulse_rows = impulses(self.strikes);
         let squared_norm = |[re, im]: [f64; 2]| re * re + im * im;
         let mode_energy = |mode: usize| {
-            let blow_energies = body_modes.struck_modes.iter().zip(&impulse_rows).flat_map(
-                |(felt, impulse_rows)| {
-                    impulse_rows
-                        .iter()
-                        .map(|p| p * p * squared_norm(felt[mode]))
-                },
-            );
+            let blow_energies = body_modes
+                .struck_modes
+                .iter()
+                .zip(&impulse_rows)
+                .flat_map(|(felt, impulse_rows)| impulse_rows.iter().map(|p| p * p * squared_norm(felt[mode])));
             let (_, decay) = body_modes.pitch(mode);
             // ∫ e^(−2σt) over the first moments.
             let decay_integral = if decay * ENERGY_SPAN > 1e-9 {
@@ -278,13 +262,10 @@ impl ModalBody for Complex<'_> {
         let seen_rows: Vec<Vec<f64>> = body_modes.seen.iter().map(row_norms).collect();
         let seen_rows: Vec<&[f64]> = seen_rows.iter().map(Vec::as_slice).collect();
         let frequency = |mode: usize| body_modes.pitch(mode).0;
-        let mut loudest =
-            truncate::choose(&[energies], &seen_rows, allowed, self.budget, frequency);
+        let mut loudest = truncate::choose(&[energies], &seen_rows, allowed, self.budget, frequency);
         // Rigid motion stays, however quiet it is.
         let is_free_mode = |mode: &usize| body_modes.poles[*mode] == Pole::Free;
-        loudest
-            .modes
-            .extend((0..body_modes.len()).filter(is_free_mode));
+        loudest.modes.extend((0..body_modes.len()).filter(is_free_mode));
         loudest.modes.sort_unstable();
         loudest.modes.dedup();
         loudest
@@ -312,10 +293,7 @@ impl ModalBody for Complex<'_> {
         for (point, blows) in self.strikes.values().enumerate() {
             bank_plan.strikes.push(Strikes {
                 among: 0..all_parts.len(),
-                responses: all_parts
-                    .iter()
-                    .map(|part| response(body_modes, part, point))
-                    .collect(),
+                responses: all_parts.iter().map(|part| response(body_modes, part, point)).collect(),
                 share: vec![1.0; all_parts.len()],
                 w: self.rate.step() * self.rate.step(),
                 blows: blows.parts.clone(),

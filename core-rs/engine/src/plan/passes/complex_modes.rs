@@ -142,8 +142,7 @@ impl ComplexModes {
     fn sort(&mut self) {
         let mut mode_order: Vec<usize> = (0..self.len()).collect();
         mode_order.sort_by(|&i, &j| {
-            let ((frequency, decay), (other_frequency, other_decay)) =
-                (self.pitch(i), self.pitch(j));
+            let ((frequency, decay), (other_frequency, other_decay)) = (self.pitch(i), self.pitch(j));
             frequency
                 .total_cmp(&other_frequency)
                 .then(decay.total_cmp(&other_decay))
@@ -161,9 +160,7 @@ impl ComplexModes {
     /// Whether a mode is too slow for its recurrence.
     pub(in crate::plan) fn unfit(&self, rate: Rate) -> Option<NoModes> {
         let is_too_slow = |pole: &Pole| match *pole {
-            Pole::Pair { decay, omega } => {
-                (decay * decay + omega * omega).sqrt() * rate.step() < ANGLE_MIN
-            }
+            Pole::Pair { decay, omega } => (decay * decay + omega * omega).sqrt() * rate.step() < ANGLE_MIN,
             Pole::Real { .. } | Pole::Free => false,
         };
         self.poles.iter().any(is_too_slow).then_some(NoModes::Slow)
@@ -188,12 +185,7 @@ impl ComplexModes {
 }
 
 impl Coordinates {
-    fn new(
-        network: &Network,
-        outputs: &[Sum],
-        struck: &[usize],
-        rate: Rate,
-    ) -> Result<Self, NoModes> {
+    fn new(network: &Network, outputs: &[Sum], struck: &[usize], rate: Rate) -> Result<Self, NoModes> {
         let linear_body = Linear::new(network, rate)?;
         let free_count = linear_body.free.len();
         // A discrete network that is the reference is stepped as it is.
@@ -224,19 +216,11 @@ impl Coordinates {
         rows.extend(struck.iter().map(|&mat| row(&vec![(mat, 1.0)])));
         let weighted = |value_of: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
             let free_mats = linear_body.free.iter().enumerate();
-            free_mats
-                .map(|(local, &mat)| value_of(local, mat))
-                .collect()
+            free_mats.map(|(local, &mat)| value_of(local, mat)).collect()
         };
-        rows.push(weighted(&|local, mat| {
-            linear_body.root[local] * mats.x0[mat]
-        }));
-        rows.push(weighted(&|local, mat| {
-            linear_body.root[local] * mats.v0[mat]
-        }));
-        rows.push(weighted(&|local, _| {
-            linear_body.force[local] / linear_body.root[local]
-        }));
+        rows.push(weighted(&|local, mat| linear_body.root[local] * mats.x0[mat]));
+        rows.push(weighted(&|local, mat| linear_body.root[local] * mats.v0[mat]));
+        rows.push(weighted(&|local, _| linear_body.force[local] / linear_body.root[local]));
         let first_damper = rows.len();
         if is_damped {
             rows.extend(
@@ -246,8 +230,7 @@ impl Coordinates {
                     .map(|damper| damper_row(damper, &linear_body.root)),
             );
         }
-        let (mut lambda, mut rows) =
-            all_eigenvalues(linear_body.stiffness, &rows).ok_or(NoModes::NotFinite)?;
+        let (mut lambda, mut rows) = all_eigenvalues(linear_body.stiffness, &rows).ok_or(NoModes::NotFinite)?;
         let lambda_max = lambda.last().copied().unwrap_or(0.0);
         let lambda_floor = 1e-13 * lambda_max * free_count as f64;
         if lambda.first().is_some_and(|lowest| *lowest < -lambda_floor) {
@@ -256,18 +239,11 @@ impl Coordinates {
         let free_lambdas = lambda.iter_mut().filter(|lambda| **lambda <= lambda_floor);
         free_lambdas.for_each(|lambda| *lambda = 0.0);
         let damping = match linear_body.proportion {
-            Some([alpha, beta]) => {
-                Damping::Decoupled(lambda.iter().map(|lambda| alpha + beta * lambda).collect())
-            }
+            Some([alpha, beta]) => Damping::Decoupled(lambda.iter().map(|lambda| alpha + beta * lambda).collect()),
             None => {
-                let damper_signs: Vec<f64> = linear_body
-                    .dampers
-                    .iter()
-                    .map(|local| local.z.signum())
-                    .collect();
+                let damper_signs: Vec<f64> = linear_body.dampers.iter().map(|local| local.z.signum()).collect();
                 for group in equal_frequencies(&lambda) {
-                    rotate_group(&mut rows, first_damper, group, &damper_signs)
-                        .ok_or(NoModes::NotFinite)?;
+                    rotate_group(&mut rows, first_damper, group, &damper_signs).ok_or(NoModes::NotFinite)?;
                 }
                 Damping::Coupled(coupling(&rows[first_damper..], &damper_signs, free_count))
             }
@@ -279,17 +255,9 @@ impl Coordinates {
         let struck = rows.split_off(2 * outputs.len());
         let velocities = rows.split_off(outputs.len());
         let rest_of_mode = |(modal_force, lambda): (f64, &f64)| {
-            if *lambda > 0.0 {
-                modal_force / lambda
-            } else {
-                0.0
-            }
+            if *lambda > 0.0 { modal_force / lambda } else { 0.0 }
         };
-        let rest = modal_force
-            .into_iter()
-            .zip(&lambda)
-            .map(rest_of_mode)
-            .collect();
+        let rest = modal_force.into_iter().zip(&lambda).map(rest_of_mode).collect();
         Ok(Self {
             lambda,
             positions: rows,
@@ -326,8 +294,7 @@ fn equal_frequencies(lambda: &[f64]) -> Vec<Range<usize>> {
     let mut group_start = 0;
     while group_start < lambda.len() {
         let lower_lambda = lambda[group_start];
-        let is_same_frequency =
-            |high: &&f64| **high - lower_lambda <= 2.0 * COUPLING_NONE * high.sqrt();
+        let is_same_frequency = |high: &&f64| **high - lower_lambda <= 2.0 * COUPLING_NONE * high.sqrt();
         let group_size = lambda[group_start..]
             .iter()
             .take_while(is_same_frequency)
@@ -343,20 +310,12 @@ fn equal_frequencies(lambda: &[f64]) -> Vec<Range<usize>> {
 
 /// Rotates modes of the same frequency so that dampers do not couple them with each other: equal poles are then
 /// separate. A mode that no damper acts on gets zeros, exact to the last bit.
-fn rotate_group(
-    rows: &mut [Vec<f64>],
-    n_first: usize,
-    modes: Range<usize>,
-    signs: &[f64],
-) -> Option<()> {
+fn rotate_group(rows: &mut [Vec<f64>], n_first: usize, modes: Range<usize>, signs: &[f64]) -> Option<()> {
     let group_part = |row: &Vec<f64>| row[modes.clone()].to_vec();
     let group_rows: Vec<Vec<f64>> = rows.iter().map(group_part).collect();
     let dampers = rows[n_first..].iter().flatten();
     let largest = dampers.fold(0.0_f64, |most, x| most.max(x.abs()));
-    let (eigenvalues, turned) = all_eigenvalues(
-        coupling(&group_rows[n_first..], signs, modes.len()),
-        &group_rows,
-    )?;
+    let (eigenvalues, turned) = all_eigenvalues(coupling(&group_rows[n_first..], signs, modes.len()), &group_rows)?;
     for (row, turned) in rows.iter_mut().zip(turned) {
         row[modes.clone()].copy_from_slice(&turned);
     }
@@ -376,11 +335,7 @@ fn coupling(rows: &[Vec<f64>], signs: &[f64], n: usize) -> Vec<f64> {
     let mut coupling_sum = vec![0.0; n * n];
     for (row, sign) in rows.iter().zip(signs) {
         crate::interrupt::spend(row.iter().filter(|row_weight| **row_weight != 0.0).count() * n);
-        for (i, row_weight) in row
-            .iter()
-            .enumerate()
-            .filter(|(_, row_weight)| **row_weight != 0.0)
-        {
+        for (i, row_weight) in row.iter().enumerate().filter(|(_, row_weight)| **row_weight != 0.0) {
             let target_row = &mut coupling_sum[i * n..(i + 1) * n];
             let row_weight = sign * row_weight;
             target_row

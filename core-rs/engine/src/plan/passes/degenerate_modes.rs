@@ -16,9 +16,8 @@ impl Modes {
     pub(in crate::plan) fn rotate(&mut self, moved: &[usize], rate: Rate) {
         let step = if self.is_discrete { rate.step() } else { 1.0 };
         // Δλ = 2ω Δω
-        let is_same_frequency = |lower_lambda: f64, high: f64| {
-            high - lower_lambda <= 2.0 * SAME_FREQUENCY * step * high.sqrt()
-        };
+        let is_same_frequency =
+            |lower_lambda: f64, high: f64| high - lower_lambda <= 2.0 * SAME_FREQUENCY * step * high.sqrt();
         let mut group_start = 0;
         while group_start < self.len() {
             let lower_lambda = self.lambda[group_start];
@@ -38,11 +37,7 @@ impl Modes {
         let shape_count = self.shapes.len();
         let mut mode_rows: Vec<&mut Vec<f64>> = self.shapes.iter_mut().collect();
         mode_rows.extend([&mut self.x0, &mut self.v0, &mut self.rest]);
-        let moving_rows: Vec<usize> = moved
-            .iter()
-            .copied()
-            .chain(shape_count..shape_count + 3)
-            .collect();
+        let moving_rows: Vec<usize> = moved.iter().copied().chain(shape_count..shape_count + 3).collect();
         let mut modes_left = modes;
         for &row in &moving_rows {
             if modes_left.is_empty() {
@@ -58,11 +53,7 @@ impl Modes {
             let mirror_square: f64 = mirror_vector.iter().map(|v| v * v).sum();
             for row in &mut mode_rows {
                 let remainder = &mut row[modes_left.clone()];
-                let mirror_product: f64 = remainder
-                    .iter()
-                    .zip(&mirror_vector)
-                    .map(|(x, v)| x * v)
-                    .sum();
+                let mirror_product: f64 = remainder.iter().zip(&mirror_vector).map(|(x, v)| x * v).sum();
                 let mirror_factor = 2.0 * mirror_product / mirror_square;
                 remainder
                     .iter_mut()

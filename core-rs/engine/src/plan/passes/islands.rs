@@ -36,9 +36,7 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
         }
     }
     // A port moves with its key.
-    timeline
-        .ports()
-        .for_each(|(port, key)| forest.join(port, key));
+    timeline.ports().for_each(|(port, key)| forest.join(port, key));
     // A written hand keeps a free copy of its key with all modules of the key's part, so these belong to one island.
     for key in &timeline.keys {
         let key_part = network.mats().part[key.struck];
@@ -47,10 +45,7 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
             forest.join(key.struck, mat);
         }
     }
-    let (moved, listened) = (
-        moved(network, timeline),
-        ListenedMats::new(network, timeline),
-    );
+    let (moved, listened) = (moved(network, timeline), ListenedMats::new(network, timeline));
     let mut island_index = vec![u32::MAX; mat_count];
     let mut members: Vec<IslandMembers> = Vec::new();
     for mat in interrupt::steps(0..mat_count) {
@@ -72,11 +67,7 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
         island.links.push(link as u32);
         island.is_heard |= listened.links[link];
         // A gated force changes even between two points that never move.
-        island.is_moved |= listened.links[link]
-            && timeline
-                .gates
-                .iter()
-                .any(|gate| gate.links().contains(&link));
+        island.is_moved |= listened.links[link] && timeline.gates.iter().any(|gate| gate.links().contains(&link));
         let held_mats = mats.all().iter().filter(|&&mat| !is_free[mat]);
         for &other in held_mats.filter(|_| is_free[first_free]) {
             island.guests.push(other as u32);
@@ -109,11 +100,7 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
         members[island_index[forest.root(mat)] as usize].is_handled = true;
     }
     for (link, a, b) in ends(network) {
-        if timeline
-            .leads
-            .iter()
-            .any(|lead| lead.links().contains(&link))
-        {
+        if timeline.leads.iter().any(|lead| lead.links().contains(&link)) {
             let first_free = if is_free[a] { a } else { b };
             members[island_index[forest.root(first_free)] as usize].is_handled = true;
         }
@@ -161,10 +148,7 @@ impl ListenedMats {
         }
         // What a hand feels counts as heard.
         let mut is_in_hand = vec![false; network.n_mat()];
-        let hand_drives = timeline
-            .drives
-            .iter()
-            .filter(|drive| drive.hand().is_some());
+        let hand_drives = timeline.drives.iter().filter(|drive| drive.hand().is_some());
         hand_drives.for_each(|hand| is_in_hand[hand.mat] = true);
         for (link, a, b) in ends(network) {
             listened.links[link] |= is_in_hand[a] || is_in_hand[b];

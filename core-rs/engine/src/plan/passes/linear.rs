@@ -62,10 +62,7 @@ impl NoModes {
 
     /// The reason with this text; `None` if there is none.
     pub(crate) fn from_text(text: &str) -> Option<Self> {
-        Self::ALL
-            .iter()
-            .find(|reason| reason.why() == text)
-            .cloned()
+        Self::ALL.iter().find(|reason| reason.why() == text).cloned()
     }
 
     /// The reason as text, as a plan reports it.
@@ -81,13 +78,9 @@ impl NoModes {
             Self::Handled => "a hand, a path or an ergon of its own mass and speed acts on it",
             Self::Diverges => "one of its modes grows",
             Self::Pinned => "the given plan selects other modes",
-            Self::Stiff => {
-                "a link to its body is too stiff for modes that receive its force once a frame"
-            }
+            Self::Stiff => "a link to its body is too stiff for modes that receive its force once a frame",
             Self::Inexact => "its damping is too strong for its modes to be computed exactly",
-            Self::Ports => {
-                "other modules touch so many of its points that modes would cost more than time steps"
-            }
+            Self::Ports => "other modules touch so many of its points that modes would cost more than time steps",
             Self::Weight => "gravity acts on it",
             Self::ForceHeard => "an output listens to a force inside it",
         }
@@ -127,9 +120,7 @@ impl Linear {
     /// The matrices of a network that is one linear body.
     pub(crate) fn new(network: &Network, rate: Rate) -> Result<Self, NoModes> {
         let mats = network.mats();
-        let free: Vec<usize> = (0..network.n_mat())
-            .filter(|&i| mats.kind[i].moves())
-            .collect();
+        let free: Vec<usize> = (0..network.n_mat()).filter(|&i| mats.kind[i].moves()).collect();
         let is_discrete = is_discrete_reference(network, &free, rate)?;
         if free.len() > MODAL_MASSES_MAX {
             return Err(NoModes::Large);
@@ -144,8 +135,7 @@ impl Linear {
         let root: Vec<f64> = free.iter().map(|&i| mats.m[i].sqrt()).collect();
         let (mut damping, mut dampers) = (Damping::default(), Vec::new());
         let mut proportion = Ok(());
-        let (mut stiffness, mut force) =
-            (vec![0.0; free_count * free_count], vec![0.0; free_count]);
+        let (mut stiffness, mut force) = (vec![0.0; free_count * free_count], vec![0.0; free_count]);
         let slot_of_mat = |mat: usize| free.binary_search(&mat).ok();
         for run in network.runs() {
             if !matches!(run.kind, LinkKind::Ref) {
@@ -170,15 +160,11 @@ impl Linear {
                     };
                     force[local] += sign
                         * run.k
-                        * (held_position(second_end, second_slot)
-                            - held_position(first_end, first_slot)
-                            - run.rest);
+                        * (held_position(second_end, second_slot) - held_position(first_end, first_slot) - run.rest);
                 }
                 if let (Some(first_end), Some(second_end)) = (first_slot, second_slot) {
-                    stiffness[first_end * free_count + second_end] -=
-                        run.k / (root[first_end] * root[second_end]);
-                    stiffness[second_end * free_count + first_end] -=
-                        run.k / (root[first_end] * root[second_end]);
+                    stiffness[first_end * free_count + second_end] -= run.k / (root[first_end] * root[second_end]);
+                    stiffness[second_end * free_count + first_end] -= run.k / (root[first_end] * root[second_end]);
                 }
             }
         }
@@ -202,13 +188,10 @@ impl Linear {
         let proportional = proportion.ok();
         let viscosity = match proportional {
             Some(()) => None,
-            None => {
-                Viscosity::new(network, &free, &root).filter(|local| local.shares_modes(&stiffness))
-            }
+            None => Viscosity::new(network, &free, &root).filter(|local| local.shares_modes(&stiffness)),
         };
         Ok(Self {
-            proportion: proportional
-                .map(|()| [damping.alpha.unwrap_or(0.0), damping.beta.unwrap_or(0.0)]),
+            proportion: proportional.map(|()| [damping.alpha.unwrap_or(0.0), damping.beta.unwrap_or(0.0)]),
             dampers,
             viscosity,
             free,
@@ -223,18 +206,13 @@ impl Linear {
 /// Whether the discrete network is the reference: for the whole body at the scene's rate, or for none of it.
 fn is_discrete_reference(network: &Network, free: &[usize], rate: Rate) -> Result<bool, NoModes> {
     let ca_rate_of = |part: usize| network.parts().get(part).and_then(|part| part.ca_rate);
-    let mass_rates = free
-        .iter()
-        .map(|&i| ca_rate_of(network.mats().part[i] as usize));
-    let mut reference_rates =
-        mass_rates.chain(network.runs().iter().map(|run| ca_rate_of(run.part)));
+    let mass_rates = free.iter().map(|&i| ca_rate_of(network.mats().part[i] as usize));
+    let mut reference_rates = mass_rates.chain(network.runs().iter().map(|run| ca_rate_of(run.part)));
     let Some(first_rate) = reference_rates.next() else {
         return Ok(false);
     };
     let is_scene_rate = first_rate.is_none_or(|own| own.hertz() == rate.hertz());
-    if is_scene_rate
-        && reference_rates.all(|other| other.map(Rate::hertz) == first_rate.map(Rate::hertz))
-    {
+    if is_scene_rate && reference_rates.all(|other| other.map(Rate::hertz) == first_rate.map(Rate::hertz)) {
         Ok(first_rate.is_some())
     } else {
         Err(NoModes::OtherRate)

@@ -38,12 +38,7 @@ pub(in crate::plan) struct Loudness(Vec<Vec<OutputSums>>);
 
 impl Loudness {
     /// Plays a bank; outputs are numbered as in `network`.
-    pub(in crate::plan) fn new(
-        mut bank: BankPlan,
-        network: &Network,
-        rate: Rate,
-        from: u64,
-    ) -> Self {
+    pub(in crate::plan) fn new(mut bank: BankPlan, network: &Network, rate: Rate, from: u64) -> Self {
         let n_outputs = network.outputs().len();
         let mut derivatives = Derivatives::new(network, rate.hertz());
         for strikes in &mut bank.strikes {

@@ -76,9 +76,7 @@ pub(in crate::plan) fn mesh(
     let leads: Vec<Lead> = timeline
         .leads
         .iter()
-        .filter_map(|lead| {
-            local_links(&mesh_subset, lead.links()).map(|(first, len)| lead.on(first, len))
-        })
+        .filter_map(|lead| local_links(&mesh_subset, lead.links()).map(|(first, len)| lead.on(first, len)))
         .collect();
     let stiffest = greatest(&mesh_subset.network, &leads).ok()?;
     let has_leads = !leads.is_empty();
@@ -94,22 +92,14 @@ pub(in crate::plan) fn mesh(
             MethodChoice::Stepped => return None,
             MethodChoice::Unconditional if !has_leads => choose(&stiffest, rate, budget, true)?,
             _ if has_leads => choose_for_led(&stiffest, rate, budget)?,
-            MethodChoice::Simplest => {
-                choose(&stiffest, rate, &Budget::Error(f64::INFINITY), false)?
-            }
+            MethodChoice::Simplest => choose(&stiffest, rate, &Budget::Error(f64::INFINITY), false)?,
             _ => choose(&stiffest, rate, budget, false)?,
         },
     };
     let outputs = position_sums(&mesh_subset.network).ok()?;
     let local_mat = |mat: u32| mesh_subset.mat(mat as usize);
-    let port_pairs = body
-        .ports
-        .iter()
-        .map(|&mat| Some((local_mat(mat)?, mat as usize)));
-    let mesh_strikes = timeline
-        .strikes
-        .iter()
-        .filter(|strike| local_mat(strike.mat).is_some());
+    let port_pairs = body.ports.iter().map(|&mat| Some((local_mat(mat)?, mat as usize)));
+    let mesh_strikes = timeline.strikes.iter().filter(|strike| local_mat(strike.mat).is_some());
     let struck_timeline = Timeline {
         strikes: mesh_strikes.copied().collect(),
         ..Timeline::new(rate)
@@ -122,12 +112,7 @@ pub(in crate::plan) fn mesh(
         method,
         substeps,
         ports: port_pairs.collect::<Option<_>>()?,
-        outputs: mesh_subset
-            .outputs
-            .iter()
-            .copied()
-            .zip(outputs.rows)
-            .collect(),
+        outputs: mesh_subset.outputs.iter().copied().zip(outputs.rows).collect(),
         strikes: strikes.collect::<Option<_>>()?,
         network: Arc::new(mesh_subset.network),
         leads,
@@ -168,46 +153,28 @@ fn choose_for_led(network: &Network, rate: Rate, budget: &Budget) -> Option<(Mes
     let mut stable_substeps = [1, 2, 4]
         .into_iter()
         .filter(|&substeps| certify(network, rate, mesh_method, substeps).is_ok());
-    let Budget::Cents {
-        cents: cents_max,
-        upto,
-    } = *budget
-    else {
-        return stable_substeps
-            .next()
-            .map(|substeps| (mesh_method, substeps));
+    let Budget::Cents { cents: cents_max, upto } = *budget else {
+        return stable_substeps.next().map(|substeps| (mesh_method, substeps));
     };
     let frame_angle = TAU * upto * rate.step();
-    let is_enough =
-        |substeps: &u32| cents(mesh_method, frame_angle / f64::from(*substeps)) <= cents_max;
-    stable_substeps
-        .find(is_enough)
-        .map(|substeps| (mesh_method, substeps))
+    let is_enough = |substeps: &u32| cents(mesh_method, frame_angle / f64::from(*substeps)) <= cents_max;
+    stable_substeps.find(is_enough).map(|substeps| (mesh_method, substeps))
 }
 
 /// The first method of `LADDER` that is stable and exact enough by its formula; `is_safe`: only methods that cannot
 /// diverge.
-fn choose(
-    network: &Network,
-    rate: Rate,
-    budget: &Budget,
-    is_safe: bool,
-) -> Option<(MeshMethod, u32)> {
+fn choose(network: &Network, rate: Rate, budget: &Budget, is_safe: bool) -> Option<(MeshMethod, u32)> {
     if let Budget::Method(method) = budget {
         let method = method.mesh_method()?;
         return certify(network, rate, method, 1).ok().map(|_| (method, 1));
     }
     // The highest frequency of the mesh at rest; CA shifts it to 2·asin(√λ/2).
-    let lambda_max =
-        certify(network, rate, MeshMethod::Ca2p, 1).map_or(4.0, |found| found.lambda_max);
+    let lambda_max = certify(network, rate, MeshMethod::Ca2p, 1).map_or(4.0, |found| found.lambda_max);
     let highest = sqrt(lambda_max.max(0.0)).min(PI);
     for (method, substeps, _) in LADDER {
         let step_count = f64::from(substeps);
         let is_enough = match *budget {
-            Budget::Cents {
-                cents: cents_max,
-                upto,
-            } => {
+            Budget::Cents { cents: cents_max, upto } => {
                 let substep_angle = (TAU * upto * rate.step()).min(highest) / step_count;
                 cents(method, substep_angle) <= cents_max
             }

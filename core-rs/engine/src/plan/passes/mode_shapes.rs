@@ -46,25 +46,16 @@ impl ModeShapes {
             let moved_rows: Vec<usize> = towards.iter().filter_map(row_of_mat).collect();
             body_modes.rotate(&moved_rows, rate);
         }
-        if mode_numbers
-            .iter()
-            .any(|&mode| mode as usize >= body_modes.len())
-        {
+        if mode_numbers.iter().any(|&mode| mode as usize >= body_modes.len()) {
             return None;
         }
-        let rest_position =
-            |shape: &Vec<f64>| shape.iter().zip(&body_modes.rest).map(|(a, b)| a * b).sum();
+        let rest_position = |shape: &Vec<f64>| shape.iter().zip(&body_modes.rest).map(|(a, b)| a * b).sum();
         let mode_share = |mat: usize, mode: u32| body_modes.shapes[mat][mode as usize];
         let mat_indices = 0..mats.len();
         let shapes = match transform {
             ModalTransform::ToPositions => mode_numbers
                 .iter()
-                .flat_map(|&mode| {
-                    mat_indices
-                        .clone()
-                        .map(|mat| mode_share(mat, mode))
-                        .collect::<Vec<_>>()
-                })
+                .flat_map(|&mode| mat_indices.clone().map(|mat| mode_share(mat, mode)).collect::<Vec<_>>())
                 .collect(),
             ModalTransform::ToAmplitudes => mat_indices
                 .flat_map(|mat| {
@@ -89,23 +80,16 @@ impl ModeShapes {
         let mat_kinds = network.mats().kind.iter().enumerate();
         let moving_mats = mat_kinds.filter(|(_, kind)| kind.moves());
         let mats: Vec<usize> = moving_mats.map(|(mat, _)| mat).collect();
-        let mat_sums: Vec<Sum> = mats
-            .iter()
-            .map(|&mat| Sum::from_positions(vec![(mat, 1.0)]))
-            .collect();
+        let mat_sums: Vec<Sum> = mats.iter().map(|&mat| Sum::from_positions(vec![(mat, 1.0)])).collect();
         let body_modes = ComplexModes::new(network, &mat_sums, &[], rate).ok()?;
         if parts.iter().any(|own| own.mode >= body_modes.len()) {
             return None;
         }
-        let part_share =
-            |own: &ComplexPart, mat: usize| own.sign * body_modes.seen[mat][own.mode][own.part];
+        let part_share = |own: &ComplexPart, mat: usize| own.sign * body_modes.seen[mat][own.mode][own.part];
         let mat_indices = 0..mats.len();
-        let shapes = parts.iter().flat_map(|own| {
-            mat_indices
-                .clone()
-                .map(|mat| part_share(own, mat))
-                .collect::<Vec<_>>()
-        });
+        let shapes = parts
+            .iter()
+            .flat_map(|own| mat_indices.clone().map(|mat| part_share(own, mat)).collect::<Vec<_>>());
         Some(Self {
             shapes: shapes.collect(),
             rest: body_modes.rest.clone(),
@@ -132,11 +116,7 @@ impl ModeShapes {
             *mat = (rest, 0.0);
         }
         let amplitude_pairs = now.iter().zip(before);
-        for (shape, (now, before)) in self
-            .shapes
-            .chunks(self.mats.len().max(1))
-            .zip(amplitude_pairs)
-        {
+        for (shape, (now, before)) in self.shapes.chunks(self.mats.len().max(1)).zip(amplitude_pairs) {
             let amplitude_step = now - before;
             for ((x, d), share) in mats.iter_mut().zip(shape) {
                 *x += share * now;

@@ -56,12 +56,8 @@ impl Modes {
                 .map(|(free_slot, &i)| value_of(free_slot, i))
                 .collect()
         };
-        row_table.push(weighted(&|free_slot, i| {
-            linear_body.root[free_slot] * mats.x0[i]
-        }));
-        row_table.push(weighted(&|free_slot, i| {
-            linear_body.root[free_slot] * mats.v0[i]
-        }));
+        row_table.push(weighted(&|free_slot, i| linear_body.root[free_slot] * mats.x0[i]));
+        row_table.push(weighted(&|free_slot, i| linear_body.root[free_slot] * mats.v0[i]));
         row_table.push(weighted(&|free_slot, _| {
             linear_body.force[free_slot] / linear_body.root[free_slot]
         }));
@@ -71,8 +67,7 @@ impl Modes {
             row_table.extend(probes);
             row_table.extend(images);
         }
-        let (lambda, mut row_table) =
-            all_eigenvalues(linear_body.stiffness, &row_table).ok_or(NoModes::NotFinite)?;
+        let (lambda, mut row_table) = all_eigenvalues(linear_body.stiffness, &row_table).ok_or(NoModes::NotFinite)?;
         let lambda_max = lambda.last().copied().unwrap_or(0.0);
         // A body that nothing holds has a mode at 0, up to rounding; a mode clearly below 0 grows.
         let lambda_floor = 1e-13 * lambda_max * free_count as f64;
@@ -87,9 +82,7 @@ impl Modes {
                 let images = row_table.split_off(row_table.len() - PROBES);
                 let probes = row_table.split_off(row_table.len() - PROBES);
                 let mut zeta = Viscosity::mode_damping(&probes, &images).ok_or(NoModes::Damping)?;
-                let zeta_max = zeta
-                    .iter()
-                    .fold(0.0_f64, |zeta_max, zeta| zeta_max.max(*zeta));
+                let zeta_max = zeta.iter().fold(0.0_f64, |zeta_max, zeta| zeta_max.max(*zeta));
                 for (zeta, lambda) in zeta.iter_mut().zip(&lambda) {
                     // A rigid mode that no damper acts on has no loss, up to rounding.
                     if *lambda == 0.0 && zeta.abs() <= SAME * zeta_max {
@@ -103,17 +96,9 @@ impl Modes {
         let v0 = row_table.pop().unwrap_or_default();
         let x0 = row_table.pop().unwrap_or_default();
         let rest_of_mode = |(modal_force, lambda): (f64, &f64)| {
-            if *lambda > 0.0 {
-                modal_force / lambda
-            } else {
-                0.0
-            }
+            if *lambda > 0.0 { modal_force / lambda } else { 0.0 }
         };
-        let rest: Vec<f64> = modal_force
-            .into_iter()
-            .zip(&lambda)
-            .map(rest_of_mode)
-            .collect();
+        let rest: Vec<f64> = modal_force.into_iter().zip(&lambda).map(rest_of_mode).collect();
         Ok(Self {
             lambda,
             zeta,

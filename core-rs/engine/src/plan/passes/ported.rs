@@ -102,25 +102,14 @@ pub(in crate::plan) fn cut(
         }
         // If one method is asked for, it steps the smallest body too.
         let is_asked = are_meshes || matches!(budget, Budget::Method(_));
-        let wanted_bodies = if is_asked {
-            Wanted::All
-        } else {
-            Wanted::Meshes
-        };
+        let wanted_bodies = if is_asked { Wanted::All } else { Wanted::Meshes };
         for body in wiring.bodies(network, wanted_bodies) {
             let pin = match pin.map(|pin| pin.bodies.get(bodies_inside.len())) {
                 None => None,
                 Some(Some(BodyChoice::Mesh(pin))) => Some(*pin),
                 Some(_) => continue,
             };
-            if let Some(body_mesh) = mesh::mesh(
-                network,
-                timeline,
-                &body,
-                budget,
-                pin,
-                (choice, bodies_inside.len()),
-            ) {
+            if let Some(body_mesh) = mesh::mesh(network, timeline, &body, budget, pin, (choice, bodies_inside.len())) {
                 bodies_inside.push((body, BodyPlan::Mesh(body_mesh)));
             }
         }
@@ -143,11 +132,7 @@ fn replaces_modes(body: &BodyChoice) -> bool {
 ///
 /// # Errors
 /// With the name of a module of such a mesh.
-pub(in crate::plan) fn check_supported(
-    network: &Network,
-    timeline: &Timeline,
-    budget: &Budget,
-) -> Result<(), Error> {
+pub(in crate::plan) fn check_supported(network: &Network, timeline: &Timeline, budget: &Budget) -> Result<(), Error> {
     let Budget::Method(method) = budget else {
         return Ok(());
     };
@@ -181,11 +166,7 @@ impl PortedBody {
 }
 
 /// An island that no body is cut out of.
-pub(in crate::plan) fn uncut_island(
-    island: &Subset,
-    island_timeline: &OwnTimeline,
-    timeline: Timeline,
-) -> Cut {
+pub(in crate::plan) fn uncut_island(island: &Subset, island_timeline: &OwnTimeline, timeline: Timeline) -> Cut {
     let all_indices = |n: usize| (0..n as u32).collect::<Vec<u32>>();
     let hub = Subset {
         mats: all_indices(island.mats.len()),
@@ -206,12 +187,7 @@ pub(in crate::plan) fn uncut_island(
 }
 
 /// A body by its modes; ports by their index in the island.
-fn modal(
-    network: &Network,
-    timeline: &Timeline,
-    body: &Body,
-    memo: &Memo<'_>,
-) -> Result<Modal, NoModes> {
+fn modal(network: &Network, timeline: &Timeline, body: &Body, memo: &Memo<'_>) -> Result<Modal, NoModes> {
     let rate = timeline.rate;
     let body_subset = network.subset(&body.mats, &body.guests, &body.links);
     let outputs = position_sums(&body_subset.network)?;
@@ -233,9 +209,7 @@ fn modal(
     // What a session will strike is not known: any mode may move.
     let turned = (!timeline.is_open).then(|| [port_mats, struck_mats].concat());
     if turned.is_some() {
-        let moved_rows: Vec<usize> = (0..port_count)
-            .chain(port_count + n_outputs..body_rows.len())
-            .collect();
+        let moved_rows: Vec<usize> = (0..port_count).chain(port_count + n_outputs..body_rows.len()).collect();
         body_modes.rotate(&moved_rows, rate);
     }
     if let Some(unfit_reason) = body_modes.unfit(rate) {
@@ -254,9 +228,7 @@ fn modal(
     Ok(Modal {
         computed: (0..mode_count as u32).collect(),
         turned,
-        modes: (0..mode_count)
-            .map(|mode| mode_plan(&body_modes, mode, rate))
-            .collect(),
+        modes: (0..mode_count).map(|mode| mode_plan(&body_modes, mode, rate)).collect(),
         ports: body
             .ports
             .iter()
@@ -290,24 +262,14 @@ fn modal(
 
 /// A body by its modes without its ties to fixed points, which are stepped as links at its ports: a gong hung by a
 /// nail, whose tie has other losses than its metal.
-fn untied(
-    network: &Network,
-    timeline: &Timeline,
-    body: &Body,
-    memo: &Memo<'_>,
-) -> Option<(Body, Modal)> {
+fn untied(network: &Network, timeline: &Timeline, body: &Body, memo: &Memo<'_>) -> Option<(Body, Modal)> {
     let body = body.untied(network, TIES_MAX)?;
     let modal = modal(network, timeline, &body, memo).ok()?;
     Some((body, modal))
 }
 
 /// A body by its complex modes; ports by their index in the island.
-fn complex(
-    network: &Network,
-    timeline: &Timeline,
-    body: &Body,
-    memo: &Memo<'_>,
-) -> Result<BodyPlan, NoModes> {
+fn complex(network: &Network, timeline: &Timeline, body: &Body, memo: &Memo<'_>) -> Result<BodyPlan, NoModes> {
     let rate = timeline.rate;
     let body_subset = network.subset(&body.mats, &body.guests, &body.links);
     let outputs = output_sums(&body_subset.network)?;
@@ -315,22 +277,12 @@ fn complex(
     let port_mats: Vec<usize> = body.ports.iter().map(local_mat).collect();
     let is_body_mat = |mat| body.mats.binary_search(&mat).is_ok();
     let strikes = blows(timeline, is_body_mat, false);
-    let force_points: Vec<usize> = port_mats
-        .iter()
-        .copied()
-        .chain(strikes.keys().map(local_mat))
-        .collect();
+    let force_points: Vec<usize> = port_mats.iter().copied().chain(strikes.keys().map(local_mat)).collect();
     let port_rows = port_mats.iter().map(|&mat| vec![(mat, 1.0)]);
-    let seen_sums: Vec<Sum> = port_rows
-        .chain(outputs.rows)
-        .map(Sum::from_positions)
-        .collect();
+    let seen_sums: Vec<Sum> = port_rows.chain(outputs.rows).map(Sum::from_positions).collect();
     let body_modes = memo.complex(&body_subset.network, &seen_sums, &force_points, rate)?;
     let all_modes: Vec<usize> = (0..body_modes.len()).collect();
-    let (port_count, all_parts) = (
-        port_mats.len(),
-        complex_body::parts(&body_modes, &all_modes, rate),
-    );
+    let (port_count, all_parts) = (port_mats.len(), complex_body::parts(&body_modes, &all_modes, rate));
     let shape_of_row = |row: usize| -> Vec<f64> {
         let parts = all_parts.iter();
         parts
@@ -422,8 +374,7 @@ fn mode_plan(modes: &Modes, mode: usize, rate: Rate) -> Mode {
 /// in the body.
 fn hub(island: &Subset, timeline: &Timeline, bodies_inside: Vec<(Body, BodyPlan)>) -> Cut {
     let network = &island.network;
-    let (mut is_in_body, mut is_cut_link) =
-        (vec![false; network.n_mat()], vec![false; network.n_lia()]);
+    let (mut is_in_body, mut is_cut_link) = (vec![false; network.n_mat()], vec![false; network.n_lia()]);
     let mut port_mats: Vec<u32> = Vec::new();
     let mut is_struck_there = vec![false; network.n_mat()];
     for (body, inside) in &bodies_inside {
@@ -432,16 +383,12 @@ fn hub(island: &Subset, timeline: &Timeline, bodies_inside: Vec<(Body, BodyPlan)
             // A slow body is struck at its ports, in the rest of the island.
             is_struck_there[mat as usize] = !matches!(inside, BodyPlan::Slow(_));
         }
-        body.links
-            .iter()
-            .for_each(|&link| is_cut_link[link as usize] = true);
+        body.links.iter().for_each(|&link| is_cut_link[link as usize] = true);
         port_mats.extend(&body.ports);
     }
     port_mats.sort_unstable();
     let all_indices = 0..network.n_lia() as u32;
-    let hub_links: Vec<u32> = all_indices
-        .filter(|&link| !is_cut_link[link as usize])
-        .collect();
+    let hub_links: Vec<u32> = all_indices.filter(|&link| !is_cut_link[link as usize]).collect();
     let stays_in_hub = used(network, timeline, &is_cut_link);
     let all_indices = 0..network.n_mat() as u32;
     let hub_mats: Vec<u32> = all_indices
@@ -449,9 +396,7 @@ fn hub(island: &Subset, timeline: &Timeline, bodies_inside: Vec<(Body, BodyPlan)
         .collect();
     let mut hub = network.subset_for_all(&hub_mats, &port_mats, &hub_links);
     let mut timeline = timeline.clone();
-    timeline
-        .strikes
-        .retain(|strike| !is_struck_there[strike.mat as usize]);
+    timeline.strikes.retain(|strike| !is_struck_there[strike.mat as usize]);
     let mut bodies = Vec::new();
     for (body, mut inside) in bodies_inside {
         let local_mat = |mat: usize| hub.mat(mat).unwrap_or(0);

@@ -30,19 +30,13 @@ pub(in crate::plan) fn subsets(
     }
     let n_islands = all_subsets.len();
     if !loose_mats.is_empty() {
-        all_subsets.push(with_probe_output(
-            network.subset(&loose_mats, &[], &[]),
-            &loose_mats,
-        )?);
+        all_subsets.push(with_probe_output(network.subset(&loose_mats, &[], &[]), &loose_mats)?);
     }
     Ok((all_subsets, n_islands))
 }
 
 /// The subset with one output that hears every mass with a weight of its own: no mode is silent at it.
-pub(in crate::plan) fn with_probe_output(
-    mut subset: Subset,
-    probed_mats: &[u32],
-) -> Result<Subset, Error> {
+pub(in crate::plan) fn with_probe_output(mut subset: Subset, probed_mats: &[u32]) -> Result<Subset, Error> {
     let probe_terms = probed_mats.iter().filter_map(|&mat| {
         let first = subset.mat(mat as usize)?;
         subset.network.mats().kind[first].moves().then(|| {
@@ -51,11 +45,7 @@ pub(in crate::plan) fn with_probe_output(
             Term::Position {
                 first,
                 len: 1,
-                weight: if random_bits & 1 == 0 {
-                    magnitude
-                } else {
-                    -magnitude
-                },
+                weight: if random_bits & 1 == 0 { magnitude } else { -magnitude },
             }
         })
     });

@@ -39,9 +39,7 @@ pub(in crate::plan) fn slow_bodies(network: &Network, timeline: &Timeline) -> Sl
             continue;
         };
         match needs_every_frame(network, timeline, part) {
-            Some(why) => slow_found
-                .refused_slow
-                .push((slow_part.name.clone(), why.to_owned())),
+            Some(why) => slow_found.refused_slow.push((slow_part.name.clone(), why.to_owned())),
             None => match bodies(network, timeline, part, macrostep) {
                 Ok(bodies) => slow_found.bodies.extend(bodies),
                 Err(why) => slow_found.refused_slow.push((slow_part.name.clone(), why)),
@@ -60,20 +58,13 @@ fn needs_every_frame(network: &Network, timeline: &Timeline, part: usize) -> Opt
         .filter(|gesture| part_of_key(gesture.key) == part);
     gestures.find_map(|gesture| match gesture.manner.touch {
         Touch::Tracked => Some("a gesture with `touch: tracked` moves it at every frame"),
-        Touch::Open if gesture.manner.limit.is_some() => {
-            Some("its force limit is checked at every frame")
-        }
+        Touch::Open if gesture.manner.limit.is_some() => Some("its force limit is checked at every frame"),
         Touch::Open => None,
     })
 }
 
 /// The bodies of a part, or why it cannot be slow.
-fn bodies(
-    network: &Network,
-    timeline: &Timeline,
-    part: usize,
-    every: u32,
-) -> Result<Vec<(Body, Slow)>, String> {
+fn bodies(network: &Network, timeline: &Timeline, part: usize, every: u32) -> Result<Vec<(Body, Slow)>, String> {
     let part_bodies = find_bodies(network, timeline, part);
     if part_bodies.is_empty() {
         return Err("no mass in it is held by linear springs or by links in space".to_owned());
@@ -87,12 +78,7 @@ fn bodies(
         let body_subset = network.subset(&body.mats, &body.guests, &body.links);
         let (rate, part_and_macrostep) = (timeline.rate, (part, every));
         // The exact flow of linear springs does not include gravity.
-        let has_weight = body_subset
-            .network
-            .mats()
-            .weight
-            .iter()
-            .any(|weight| *weight != 0.0);
+        let has_weight = body_subset.network.mats().weight.iter().any(|weight| *weight != 0.0);
         let slow_body = if has_weight || links_in_space(&body_subset.network).next().is_some() {
             in_space::slow(rate, part_and_macrostep, &body, body_subset)?
         } else {
@@ -113,9 +99,7 @@ fn find_bodies(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body>
     let mats = network.mats();
     let mat_count = network.n_mat();
     let is_in_part = |mat: usize| mats.part[mat] as usize == part;
-    let mut is_eligible: Vec<bool> = (0..mat_count)
-        .map(|i| is_in_part(i) && mats.kind[i].moves())
-        .collect();
+    let mut is_eligible: Vec<bool> = (0..mat_count).map(|i| is_in_part(i) && mats.kind[i].moves()).collect();
     let mut is_port = vec![false; mat_count];
     let mut is_inner = vec![false; network.n_lia()];
     for run in network.runs().iter().filter(|run| run.part == part) {
@@ -145,10 +129,7 @@ fn find_bodies(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body>
         }
     }
     timeline.ports().for_each(|(_, key)| is_port[key] = true);
-    timeline
-        .glides
-        .iter()
-        .for_each(|glide| is_eligible[glide.mat] = false);
+    timeline.glides.iter().for_each(|glide| is_eligible[glide.mat] = false);
     let following_masses = network.following_masses().iter();
     following_masses.for_each(|mass| is_eligible[mass.mat] = false);
     let strikes = timeline.strikes.iter().map(|strike| strike.mat as usize);
@@ -164,9 +145,7 @@ fn find_bodies(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body>
     }
     let proxied = network.proxies().iter().flat_map(Proxy::masses);
     let guide_mats = network.followed().map(|(_, guide)| guide);
-    proxied
-        .chain(guide_mats)
-        .for_each(|mat| is_port[mat] = true);
+    proxied.chain(guide_mats).for_each(|mat| is_port[mat] = true);
     let is_held_mat = |mat: usize| is_in_part(mat) && mats.kind[mat].is_held() && !is_driven[mat];
     let mut mat_forest = Forest::new(mat_count);
     for (run, i) in links_in_space(network) {
@@ -195,9 +174,7 @@ fn find_bodies(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body>
     }
     let mut part_bodies: BTreeMap<usize, Body> = BTreeMap::new();
     for mat in (0..mat_count).filter(|&mat| is_eligible[mat]) {
-        let body = part_bodies
-            .entry(mat_forest.root(mat))
-            .or_insert_with(Body::empty);
+        let body = part_bodies.entry(mat_forest.root(mat)).or_insert_with(Body::empty);
         body.mats.push(mat as u32);
         if is_port[mat] {
             body.ports.push(mat as u32);
@@ -223,11 +200,7 @@ fn find_bodies(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body>
     }
     let is_tied_cell = |&mat: &u32| mats.kind[mat as usize] == MatKind::Cel;
     let has_springs = |body: &Body| !body.links.is_empty() || body.mats.iter().any(is_tied_cell);
-    part_bodies
-        .into_values()
-        .map(Body::tidy)
-        .filter(has_springs)
-        .collect()
+    part_bodies.into_values().map(Body::tidy).filter(has_springs).collect()
 }
 
 /// Whether links of a kind may pull once in many frames: linear springs, and links in space without memory. A gauge is
@@ -255,9 +228,7 @@ fn is_within(turn: f64) -> bool {
 /// MATs of a body that move, by their index in the subset.
 fn free(body: &Body, subset: &Subset) -> Vec<usize> {
     let body_mats = body.mats.iter();
-    body_mats
-        .filter_map(|&mat| subset.mat(mat as usize))
-        .collect()
+    body_mats.filter_map(|&mat| subset.mat(mat as usize)).collect()
 }
 
 /// What follows from the springs of a body.
@@ -307,9 +278,7 @@ impl Solution {
             rest: self.rest,
             x0: free.iter().map(|&i| mats.x0[i]).collect(),
             v0: free.iter().map(|&i| mats.v0[i] * rate.step()).collect(),
-            inner: (0..free_count)
-                .filter(|&weights| !is_port_slot(weights))
-                .collect(),
+            inner: (0..free_count).filter(|&weights| !is_port_slot(weights)).collect(),
             is_inner: (0..free_count)
                 .map(|weights| f64::from(u8::from(!is_port_slot(weights))))
                 .collect(),

@@ -78,26 +78,17 @@ impl<'a> Memo<'a> {
     }
 
     /// The same as [`Modes::new`], bit for bit, since each row is transformed by itself.
-    pub(in crate::plan) fn modes(
-        &self,
-        network: &Network,
-        rows: &[Row],
-        rate: Rate,
-    ) -> Result<Modes, NoModes> {
+    pub(in crate::plan) fn modes(&self, network: &Network, rows: &[Row], rate: Rate) -> Result<Modes, NoModes> {
         // Modes depend on the rate only if the discrete network is the reference.
         let is_same_problem = |solved: &&Arc<Solved>| {
             (!solved.modes.is_discrete || solved.rate.hertz() == rate.hertz())
                 && solved.network.is_same_from_start(network)
         };
         let solved_here = self.solved.borrow().iter().find(is_same_problem).cloned();
-        let already_solved =
-            solved_here.or_else(|| self.known.iter().find(is_same_problem).cloned());
-        let row_place = |solved: &Solved, row: &Row| {
-            solved.rows.iter().position(|solved_row| solved_row == row)
-        };
+        let already_solved = solved_here.or_else(|| self.known.iter().find(is_same_problem).cloned());
+        let row_place = |solved: &Solved, row: &Row| solved.rows.iter().position(|solved_row| solved_row == row);
         if let Some(solved) = &already_solved {
-            let row_places: Option<Vec<usize>> =
-                rows.iter().map(|row| row_place(solved, row)).collect();
+            let row_places: Option<Vec<usize>> = rows.iter().map(|row| row_place(solved, row)).collect();
             if let Some(row_places) = row_places {
                 self.count(network, solved.modes.len());
                 self.keep(solved.clone());
@@ -133,9 +124,7 @@ impl<'a> Memo<'a> {
     ) -> Result<Arc<ComplexModes>, NoModes> {
         let mut solved_cache = self.complex.borrow_mut();
         let is_same_problem = |solved: &&SolvedComplex| {
-            solved.outputs == outputs
-                && solved.struck == struck
-                && solved.network.is_same_from_start(network)
+            solved.outputs == outputs && solved.struck == struck && solved.network.is_same_from_start(network)
         };
         let complex_modes = match solved_cache.iter().find(is_same_problem) {
             Some(solved) => solved.modes.clone()?,
@@ -174,9 +163,7 @@ mod tests {
         for i in 1..8 {
             let next_mat = network.mas(&format!("m{i}"), 1e-3, 0.0, 0.0).unwrap();
             let spring_name = format!("r{i}");
-            network
-                .spring(&spring_name, last_mat, next_mat, 1e3, 0.0, 0.0)
-                .unwrap();
+            network.spring(&spring_name, last_mat, next_mat, 1e3, 0.0, 0.0).unwrap();
             last_mat = next_mat;
         }
         let memo = Memo::new(&[]);

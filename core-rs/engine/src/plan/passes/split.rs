@@ -29,10 +29,7 @@ impl OwnTimeline {
 type Home = (usize, usize);
 
 /// Gives each subset its share of the timeline. Events on MATs in no subset are dropped.
-pub(in crate::plan) fn split(
-    subsets: Vec<Subset>,
-    timeline: &Timeline,
-) -> Vec<(Subset, OwnTimeline)> {
+pub(in crate::plan) fn split(subsets: Vec<Subset>, timeline: &Timeline) -> Vec<(Subset, OwnTimeline)> {
     let homes = homes(&subsets, timeline);
     let homes_of_mat = |mat: u32| homes.get(&mat).map_or(&[][..], Vec::as_slice);
     let mut timelines: Vec<OwnTimeline> = subsets
@@ -50,19 +47,13 @@ pub(in crate::plan) fn split(
     for strike in &timeline.strikes {
         for &(subset_index, mat) in homes_of_mat(strike.mat) {
             let mat = mat as u32;
-            timelines[subset_index]
-                .timeline
-                .strikes
-                .push(Strike { mat, ..*strike });
+            timelines[subset_index].timeline.strikes.push(Strike { mat, ..*strike });
         }
     }
     for ergon in &timeline.ergons {
         for &(subset_index, mat) in homes_of_mat(ergon.mat) {
             let mat = mat as u32;
-            timelines[subset_index]
-                .timeline
-                .ergons
-                .push(Ergon { mat, ..*ergon });
+            timelines[subset_index].timeline.ergons.push(Ergon { mat, ..*ergon });
         }
     }
     for drive in &timeline.drives {
@@ -81,20 +72,16 @@ pub(in crate::plan) fn split(
                 }
                 other => other,
             };
-            timelines[subset_index].timeline.drives.push(Drive {
-                mat,
-                source,
-                ..drive
-            });
+            timelines[subset_index]
+                .timeline
+                .drives
+                .push(Drive { mat, source, ..drive });
         }
     }
     for glide in &timeline.glides {
         for &(subset_index, mat) in homes_of_mat(glide.mat as u32) {
             let points = glide.points.clone();
-            timelines[subset_index]
-                .timeline
-                .glides
-                .push(Glide { mat, points });
+            timelines[subset_index].timeline.glides.push(Glide { mat, points });
         }
     }
     for (index, key) in timeline.keys.iter().enumerate() {
@@ -105,10 +92,7 @@ pub(in crate::plan) fn split(
     }
     for (index, gesture) in timeline.gestures.iter().enumerate() {
         for timelines in &mut timelines {
-            let here = timelines
-                .keys
-                .iter()
-                .position(|&key| key as usize == gesture.key);
+            let here = timelines.keys.iter().position(|&key| key as usize == gesture.key);
             if let Some(key) = here {
                 let is_same_key = gesture.key == key;
                 let gesture = if is_same_key {
@@ -124,18 +108,12 @@ pub(in crate::plan) fn split(
     for (subset, timelines) in subsets.iter().zip(&mut timelines) {
         for gate in &timeline.gates {
             if let Some((first_link, link_count)) = local_links(subset, gate.links()) {
-                timelines
-                    .timeline
-                    .gates
-                    .push(gate.on(first_link, link_count));
+                timelines.timeline.gates.push(gate.on(first_link, link_count));
             }
         }
         for lead in &timeline.leads {
             if let Some((first_link, link_count)) = local_links(subset, lead.links()) {
-                timelines
-                    .timeline
-                    .leads
-                    .push(lead.on(first_link, link_count));
+                timelines.timeline.leads.push(lead.on(first_link, link_count));
             }
         }
     }

@@ -35,10 +35,7 @@ impl KeptModes {
         let modes: Vec<usize> = numbers.iter().map(|&mode| mode as usize).collect();
         let is_rising = modes.windows(2).all(|pair| pair[0] < pair[1]);
         let fits_body = is_rising && modes.last().is_none_or(|&last| last < n_total);
-        fits_body.then_some(Self {
-            modes,
-            left_out: None,
-        })
+        fits_body.then_some(Self { modes, left_out: None })
     }
 }
 
@@ -82,8 +79,7 @@ pub(in crate::plan) fn choose(
         let total_energy: f64 = (0..mode_count).map(energy).sum();
         if total_energy > 0.0 {
             let loudness = loudest.iter_mut().enumerate();
-            loudness
-                .for_each(|(mode, loudest)| *loudest = loudest.max(energy(mode) / total_energy));
+            loudness.for_each(|(mode, loudest)| *loudest = loudest.max(energy(mode) / total_energy));
         }
     }
     let mut by_loudness: Vec<(f64, usize)> = loudest.into_iter().zip(0..).collect();
@@ -123,10 +119,7 @@ fn energy(modes: &Modes, excited: &[Vec<f64>], blows: &[Vec<f64>], mode: usize, 
             1.0
         };
         let impulse_gain = shape[mode] / (omega * mass_unit);
-        amplitude_square += blows
-            .iter()
-            .map(|p| p * p * impulse_gain * impulse_gain)
-            .sum::<f64>();
+        amplitude_square += blows.iter().map(|p| p * p * impulse_gain * impulse_gain).sum::<f64>();
     }
     // ∫ e^(-2σt) over that time.
     let decay_integral = if decay_rate * ENERGY_SPAN > 1e-9 {

@@ -70,13 +70,12 @@ impl Viscosity {
         let v = probe(mass_count, 0);
         let (damping_first, stiffness_first) = (product(&self.times(&v)), self.times(&product(&v)));
         let norm_square: f64 = damping_first.iter().map(|value| value * value).sum();
-        let square_errors =
-            damping_first
-                .iter()
-                .zip(&stiffness_first)
-                .map(|(damping_first, stiffness_first)| {
-                    (damping_first - stiffness_first) * (damping_first - stiffness_first)
-                });
+        let square_errors = damping_first
+            .iter()
+            .zip(&stiffness_first)
+            .map(|(damping_first, stiffness_first)| {
+                (damping_first - stiffness_first) * (damping_first - stiffness_first)
+            });
         square_errors.sum::<f64>() <= SAME * SAME * norm_square
     }
 
@@ -91,12 +90,8 @@ impl Viscosity {
         for (mode, zeta) in zeta.iter_mut().enumerate() {
             let probe_pairs = || probes.iter().zip(images).map(|(p, i)| (p[mode], i[mode]));
             let probe_square: f64 = probe_pairs().map(|(probe, _)| probe * probe).sum();
-            *zeta = probe_pairs()
-                .map(|(probe, image)| probe * image)
-                .sum::<f64>()
-                / probe_square;
-            let probes_agree = probe_pairs()
-                .all(|(probe, image)| (image - *zeta * probe).abs() <= MIXED * largest);
+            *zeta = probe_pairs().map(|(probe, image)| probe * image).sum::<f64>() / probe_square;
+            let probes_agree = probe_pairs().all(|(probe, image)| (image - *zeta * probe).abs() <= MIXED * largest);
             if !(probes_agree && *zeta >= 0.0) {
                 return None;
             }

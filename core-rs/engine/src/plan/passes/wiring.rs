@@ -49,8 +49,7 @@ pub(in crate::plan) enum Wanted {
 impl Wiring {
     /// Marks MATs as belonging to a body already.
     pub(in crate::plan) fn take(&mut self, mats: &[u32]) {
-        mats.iter()
-            .for_each(|&mat| self.is_eligible[mat as usize] = false);
+        mats.iter().for_each(|&mat| self.is_eligible[mat as usize] = false);
     }
 
     pub(in crate::plan) fn new(network: &Network, timeline: &Timeline) -> Self {
@@ -72,14 +71,10 @@ impl Wiring {
             .ergons
             .iter()
             .for_each(|ergon| is_eligible[ergon.mat as usize] = false);
-        timeline
-            .glides
-            .iter()
-            .for_each(|glide| is_eligible[glide.mat] = false);
+        timeline.glides.iter().for_each(|glide| is_eligible[glide.mat] = false);
         let following_masses = network.following_masses().iter();
         following_masses.for_each(|mass| is_eligible[mass.mat] = false);
-        let (mut is_spring, mut is_law) =
-            (vec![false; network.n_lia()], vec![false; network.n_lia()]);
+        let (mut is_spring, mut is_law) = (vec![false; network.n_lia()], vec![false; network.n_lia()]);
         let mut is_followed = vec![false; network.n_lia()];
         for run in network.runs() {
             let run_links = run.first..run.first + run.len;
@@ -137,9 +132,7 @@ impl Wiring {
         }
         let mut joined_bodies: BTreeMap<usize, Body> = BTreeMap::new();
         for mat in (0..network.n_mat()).filter(|&mat| self.is_eligible[mat]) {
-            let body = joined_bodies
-                .entry(mat_forest.root(mat))
-                .or_insert_with(Body::empty);
+            let body = joined_bodies.entry(mat_forest.root(mat)).or_insert_with(Body::empty);
             body.mats.push(mat as u32);
         }
         for (link, a, b) in ends(network) {
@@ -174,8 +167,7 @@ impl Wiring {
             }
         }
         let is_worth_cut = |body: &Body| {
-            let is_large = !body.is_small()
-                && body.ports.len() <= PORTS_ANY.max(body.mats.len() / MASSES_A_PORT);
+            let is_large = !body.is_small() && body.ports.len() <= PORTS_ANY.max(body.mats.len() / MASSES_A_PORT);
             let takes_small = match wanted {
                 Wanted::All => true,
                 Wanted::Touched => body.is_touched,
@@ -218,9 +210,7 @@ impl Body {
             interrupt::poll();
             !tie_links.contains(link)
         });
-        (1..=ties_max)
-            .contains(&tie_links.len())
-            .then(|| freed_body.tidy())
+        (1..=ties_max).contains(&tie_links.len()).then(|| freed_body.tidy())
     }
 
     /// Whether it has so few masses that it is a body only for what touches it.

@@ -17,22 +17,14 @@ pub(crate) struct BankContent {
 
 impl BankContent {
     pub(crate) fn new(bank: &BankPlan, rate: Rate) -> Self {
-        let weights = bank
-            .oscillators
-            .iter()
-            .flat_map(|oscillator| &oscillator.outputs);
+        let weights = bank.oscillators.iter().flat_map(|oscillator| &oscillator.outputs);
         let outputs: BTreeSet<u32> = weights.map(|&(output, _)| output).collect();
         let outputs = Vec::from_iter(outputs);
         let mut hash_sink = Sink::new();
         hash_sink.add(rate.hertz().to_le_bytes());
         hash_sink.add([u8::from(bank.is_open)]);
         for oscillator in &bank.oscillators {
-            for number in [
-                oscillator.a,
-                oscillator.b,
-                oscillator.now,
-                oscillator.before,
-            ] {
+            for number in [oscillator.a, oscillator.b, oscillator.now, oscillator.before] {
                 hash_sink.add(number.to_le_bytes());
             }
             hash_sink.add((oscillator.outputs.len() as u64).to_le_bytes());
@@ -45,9 +37,7 @@ impl BankContent {
         for strike in &bank.strikes {
             let (among, responses) = (&strike.among, &strike.responses);
             let (share, w) = (&strike.share, strike.w);
-            hash_sink.add(digest(format_args!(
-                "{among:?} {responses:?} {share:?} {w:?}"
-            )));
+            hash_sink.add(digest(format_args!("{among:?} {responses:?} {share:?} {w:?}")));
         }
         Self {
             fixed: hash_sink.end(),
@@ -64,11 +54,7 @@ impl BankContent {
         hash_sink.add(self.fixed);
         hash_sink.add(until.to_le_bytes());
         for (index, oscillator) in bank.oscillators.iter().enumerate() {
-            for blow in oscillator
-                .blows
-                .iter()
-                .filter(|blow| is_in_span(blow.frame))
-            {
+            for blow in oscillator.blows.iter().filter(|blow| is_in_span(blow.frame)) {
                 hash_sink.add((index as u64).to_le_bytes());
                 hash_sink.add(blow.frame.to_le_bytes());
                 let numbers = match blow.kick {
@@ -79,8 +65,7 @@ impl BankContent {
             }
         }
         for (index, oscillator) in bank.strikes.iter().enumerate() {
-            for (frame, part, impulse) in oscillator.blows.iter().filter(|blow| is_in_span(blow.0))
-            {
+            for (frame, part, impulse) in oscillator.blows.iter().filter(|blow| is_in_span(blow.0)) {
                 hash_sink.add((index as u64).to_le_bytes());
                 hash_sink.add(frame.to_le_bytes());
                 hash_sink.add(part.to_le_bytes());

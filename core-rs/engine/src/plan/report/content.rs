@@ -74,18 +74,13 @@ impl Events {
         };
         Self {
             fixed: digest(format_args!("{network:?}\n{fixed_timeline:?}\n{also}")),
-            gestures: timeline
-                .gestures
-                .iter()
-                .map(|own| gesture_content(own))
-                .collect(),
+            gestures: timeline.gestures.iter().map(|own| gesture_content(own)).collect(),
         }
     }
 
     /// Hashes the fixed part, and the events that act after the instant `start` [s], if one is given, up to `stop` [s].
     fn hash(&self, timeline: &Timeline, (start, stop): (Option<f64>, f64), sink: &mut Sink) {
-        let is_in_span =
-            |instant: f64| instant <= stop && start.is_none_or(|start| instant > start);
+        let is_in_span = |instant: f64| instant <= stop && start.is_none_or(|start| instant > start);
         sink.0.update(self.fixed);
         // Gestures are identified by their index, so all gestures before the last one that counts are included.
         let last_begun = self.gestures.iter().rposition(|own| own.0 <= stop);
@@ -146,10 +141,7 @@ impl Content {
         } = island;
         let networks = bodies.iter().map(BodyPlan::network);
         let part_order = PartOrder::new(networks.chain([&**network]));
-        let bodies: Vec<BodyPlan> = bodies
-            .iter()
-            .map(|body| body.anonymous(&part_order))
-            .collect();
+        let bodies: Vec<BodyPlan> = bodies.iter().map(|body| body.anonymous(&part_order)).collect();
         let numbers = (contact_substeps, oversampling, sleeps);
         Self(Events::new(
             network,
@@ -161,29 +153,20 @@ impl Content {
 
     /// A hash of all that the island depends on up to frame `until` of the scene (64 hex digits); `before` is that hash
     /// up to frame `from`, empty at 0.
-    pub(crate) fn key(
-        &self,
-        island: &IslandPlan,
-        (from, until): (u64, u64),
-        before: &str,
-    ) -> String {
+    pub(crate) fn key(&self, island: &IslandPlan, (from, until): (u64, u64), before: &str) -> String {
         let oversampling = u64::from(island.oversampling);
         let frame_rate = island.timeline.rate.hertz();
         let [first_frame, last_frame] = [from, until].map(|frame| match frame {
             0 => 0,
             frame => (frame + ROUNDED_FRAMES) * oversampling,
         });
-        let [start_instant, stop_instant] =
-            [first_frame, last_frame].map(|frame| frame as f64 / frame_rate);
+        let [start_instant, stop_instant] = [first_frame, last_frame].map(|frame| frame as f64 / frame_rate);
         let mut hash_sink = Sink::new();
         hash_sink.0.update(before);
         hash_sink.0.update(until.to_le_bytes());
         let start_instant = (from > 0).then_some(start_instant);
-        self.0.hash(
-            &island.timeline,
-            (start_instant, stop_instant),
-            &mut hash_sink,
-        );
+        self.0
+            .hash(&island.timeline, (start_instant, stop_instant), &mut hash_sink);
         for body in &island.bodies {
             hash_sink.0.update(b"body");
             let is_in_span = |frame: u64| frame <= last_frame && (from == 0 || frame > first_frame);
@@ -207,27 +190,11 @@ pub(in crate::plan) struct IslandContent<'a> {
 
 impl<'a> IslandContent<'a> {
     /// `also`: what else its plan depends on.
-    pub(in crate::plan) fn new(
-        network: &Network,
-        timeline: &'a Timeline,
-        also: Arguments<'_>,
-    ) -> Self {
+    pub(in crate::plan) fn new(network: &Network, timeline: &'a Timeline, also: Arguments<'_>) -> Self {
         // How an island is assembled depends on which MATs events act on, no matter when.
         let event_mats = (
-            Vec::from_iter(
-                timeline
-                    .strikes
-                    .iter()
-                    .map(|own| own.mat)
-                    .collect::<BTreeSet<_>>(),
-            ),
-            Vec::from_iter(
-                timeline
-                    .ergons
-                    .iter()
-                    .map(|own| own.mat)
-                    .collect::<BTreeSet<_>>(),
-            ),
+            Vec::from_iter(timeline.strikes.iter().map(|own| own.mat).collect::<BTreeSet<_>>()),
+            Vec::from_iter(timeline.ergons.iter().map(|own| own.mat).collect::<BTreeSet<_>>()),
         );
         let gestures = timeline.gestures.iter();
         let manners: BTreeSet<String> = gestures
@@ -254,8 +221,7 @@ impl<'a> IslandContent<'a> {
         let mut hash_sink = Sink::new();
         hash_sink.0.update(frame.to_le_bytes());
         let stop_instant = (frame + ROUNDED_FRAMES) as f64 / self.timeline.rate.hertz();
-        self.events
-            .hash(self.timeline, (None, stop_instant), &mut hash_sink);
+        self.events.hash(self.timeline, (None, stop_instant), &mut hash_sink);
         hex(&hash_sink.0.finalize())
     }
 }

@@ -19,8 +19,7 @@ pub(in crate::plan) fn hash(choices: &[Choice], rows: &[Row]) -> String {
             Computed::Stepped => 0,
             Computed::Oscillators => 1,
             Computed::Modes {
-                kind: ModeKind::Normal,
-                ..
+                kind: ModeKind::Normal, ..
             } => 2,
             Computed::Modes {
                 kind: ModeKind::Complex,
@@ -32,19 +31,13 @@ pub(in crate::plan) fn hash(choices: &[Choice], rows: &[Row]) -> String {
             Computed::LeftOut(Reason::Unheard) => 4,
             Computed::LeftOut(Reason::Still) => 5,
         };
-        let numbers = [
-            row.parts.len() as u64,
-            row.mats as u64,
-            row.links as u64,
-            computed_code,
-        ];
+        let numbers = [row.parts.len() as u64, row.mats as u64, row.links as u64, computed_code];
         numbers
             .iter()
             .for_each(|number| sha_hasher.update(number.to_le_bytes()));
     }
     for choice in choices {
-        let (modules, oversampling, contact_substeps, body_numbers, counted_cost) =
-            choice.numbers();
+        let (modules, oversampling, contact_substeps, body_numbers, counted_cost) = choice.numbers();
         let numbers = [
             modules,
             oversampling as usize,
@@ -57,8 +50,7 @@ pub(in crate::plan) fn hash(choices: &[Choice], rows: &[Row]) -> String {
             .for_each(|&number| sha_hasher.update((number as u64).to_le_bytes()));
         for body in &body_numbers {
             sha_hasher.update((body.len() as u64).to_le_bytes());
-            body.iter()
-                .for_each(|number| sha_hasher.update(number.to_le_bytes()));
+            body.iter().for_each(|number| sha_hasher.update(number.to_le_bytes()));
         }
     }
     hex(&sha_hasher.finalize())

@@ -166,18 +166,11 @@ impl Row {
         }
     }
 
-    pub(in crate::plan) fn left_out(
-        network: &Network,
-        island: &IslandMembers,
-        reason: Reason,
-    ) -> Self {
+    pub(in crate::plan) fn left_out(network: &Network, island: &IslandMembers, reason: Reason) -> Self {
         let mats = network.mats();
         let first_part = mats.part[island.mats[0] as usize] as usize;
         let mat_moves = |mat: &&u32| mats.kind[**mat as usize].moves();
-        let module_counts = [
-            island.mats.iter().filter(mat_moves).count(),
-            island.links.len(),
-        ];
+        let module_counts = [island.mats.iter().filter(mat_moves).count(), island.links.len()];
         let part_names = vec![network.parts()[first_part].name.clone()];
         Self::new(part_names, module_counts, Computed::LeftOut(reason))
     }
@@ -185,11 +178,7 @@ impl Row {
     pub(in crate::plan) fn stepped(island_plan: &IslandPlan, certificate: Certificate) -> Self {
         let frame_cost = island_plan.hub_cost();
         let timeline = &island_plan.timeline;
-        Self::for_network(&island_plan.network, Computed::Stepped).costing(
-            frame_cost,
-            timeline,
-            certificate.word,
-        )
+        Self::for_network(&island_plan.network, Computed::Stepped).costing(frame_cost, timeline, certificate.word)
     }
 
     /// The row of a body inside an island.
@@ -216,12 +205,11 @@ impl Row {
             },
         };
         let frame_cost = cost::body_cost(&ported.inside);
-        Self::new(
-            ported.parts.clone(),
-            [ported.mats, ported.links],
-            computed_as,
+        Self::new(ported.parts.clone(), [ported.mats, ported.links], computed_as).costing(
+            frame_cost,
+            timeline,
+            guarantee(&ported.inside),
         )
-        .costing(frame_cost, timeline, guarantee(&ported.inside))
     }
 
     pub(in crate::plan) fn modal(subset: &Subset, body: &Body, timeline: &Timeline) -> Self {
@@ -232,11 +220,7 @@ impl Row {
             left_out: body.computed.left_out,
         };
         let frame_cost = cost::bank_cost(&body.bank);
-        Self::for_network(&subset.network, computed_as).costing(
-            frame_cost,
-            timeline,
-            StabilityGuarantee::Proved,
-        )
+        Self::for_network(&subset.network, computed_as).costing(frame_cost, timeline, StabilityGuarantee::Proved)
     }
 
     /// The row of a whole network.
@@ -247,11 +231,7 @@ impl Row {
 }
 
 /// A row for each part that has isolated CELs.
-pub(in crate::plan) fn cells(
-    network: &Network,
-    banks: &[BankPlan],
-    timeline: &Timeline,
-) -> Vec<Row> {
+pub(in crate::plan) fn cells(network: &Network, banks: &[BankPlan], timeline: &Timeline) -> Vec<Row> {
     let mut cell_counts = vec![0_usize; network.parts().len()];
     for (mat, _) in banks.iter().flat_map(|bank| &bank.mats) {
         cell_counts[network.mats().part[*mat as usize] as usize] += 1;

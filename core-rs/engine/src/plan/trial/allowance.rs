@@ -73,8 +73,7 @@ impl Allowance {
     pub(in crate::plan) fn new(n_modules: usize, share: f64) -> Self {
         let ((small_modules, small_seconds), (large_modules, greatest)) = (SMALL, LARGE);
         let seconds = if n_modules <= large_modules {
-            let size_share = n_modules.saturating_sub(small_modules) as f64
-                / (large_modules - small_modules) as f64;
+            let size_share = n_modules.saturating_sub(small_modules) as f64 / (large_modules - small_modules) as f64;
             small_seconds + (greatest - small_seconds) * size_share
         } else {
             (greatest * n_modules as f64 / large_modules as f64).min(ALLOWANCE_MAX)
@@ -108,8 +107,7 @@ impl Allowance {
 
     /// Begins a series of trials and returns how much work is left for it [s].
     pub(in crate::plan) fn begin(&self) -> f64 {
-        self.drawn_before
-            .set(self.drawn_before.get() + self.drawn.take());
+        self.drawn_before.set(self.drawn_before.get() + self.drawn.take());
         self.needed.set(0.0);
         self.frames.set(0);
         self.left()
@@ -209,8 +207,7 @@ impl Allowance {
             // With a larger part it would have taken more.
             _ => f64::INFINITY,
         };
-        self.needed
-            .set(self.needed.get().max(self.drawn.get() + fraction_max));
+        self.needed.set(self.needed.get().max(self.drawn.get() + fraction_max));
         self.spend(part.drawn.get());
     }
 
@@ -253,14 +250,8 @@ mod tests {
     fn allowance_is_spent_from_the_first_refused_trial() {
         let allowance = Allowance::new(1, 1.0);
         assert!(allowance.draw(0.75).is_ok());
-        assert!(matches!(
-            allowance.draw(0.5),
-            Err(TrialError::AllowanceSpent)
-        ));
-        assert!(matches!(
-            allowance.draw(0.01),
-            Err(TrialError::AllowanceSpent)
-        ));
+        assert!(matches!(allowance.draw(0.5), Err(TrialError::AllowanceSpent)));
+        assert!(matches!(allowance.draw(0.01), Err(TrialError::AllowanceSpent)));
         assert_eq!((allowance.n_refused(), allowance.spent()), (2, (0.75, 1.0)));
     }
 
@@ -268,10 +259,7 @@ mod tests {
     fn spend_of_required_work_leaves_less_for_trials() {
         let allowance = Allowance::new(1, 1.0);
         allowance.spend(0.75);
-        assert!(matches!(
-            allowance.draw(0.5),
-            Err(TrialError::AllowanceSpent)
-        ));
+        assert!(matches!(allowance.draw(0.5), Err(TrialError::AllowanceSpent)));
         allowance.spend(9.0);
         assert_eq!(allowance.spent(), (1.0, 1.0));
     }

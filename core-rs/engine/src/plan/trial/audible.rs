@@ -32,17 +32,10 @@ impl Audible {
     fn new(run: &[f64], finer: &[f64], spans: &Spans, upto: f64) -> Self {
         let n_outputs = spans.n_out.max(1);
         (0..n_outputs).fold(Self::default(), |worst, output| {
-            let [run_sound, finer_sound] = [run, finer].map(|sound| -> Vec<f64> {
-                sound
-                    .iter()
-                    .skip(output)
-                    .step_by(n_outputs)
-                    .copied()
-                    .collect()
-            });
+            let [run_sound, finer_sound] = [run, finer]
+                .map(|sound| -> Vec<f64> { sound.iter().skip(output).step_by(n_outputs).copied().collect() });
             let sound_begin = begin_of_sound(&finer_sound);
-            let [run_sound, finer_sound] =
-                [run_sound, finer_sound].map(|sound| without_mean(&sound[sound_begin..]));
+            let [run_sound, finer_sound] = [run_sound, finer_sound].map(|sound| without_mean(&sound[sound_begin..]));
             let (cents, t60) = partials::pitch_errors(&run_sound, &finer_sound, spans.rate, upto);
             let strokes = strokes::stroke_errors(&run_sound, &finer_sound, spans.rate);
             worst.with(Self {
@@ -57,11 +50,7 @@ impl Audible {
     }
 
     /// The same if the budget is one of pitch, else `None`; both sounds are equally long.
-    pub(in crate::plan) fn for_budget(
-        budget: &Budget,
-        (run, finer): (&[f64], &[f64]),
-        spans: &Spans,
-    ) -> Option<Self> {
+    pub(in crate::plan) fn for_budget(budget: &Budget, (run, finer): (&[f64], &[f64]), spans: &Spans) -> Option<Self> {
         match *budget {
             Budget::Cents { upto, .. } => Some(Self::new(run, finer, spans, upto)),
             Budget::Error(_) | Budget::Method(_) => None,
@@ -71,9 +60,7 @@ impl Audible {
     /// The larger error of each.
     pub(in crate::plan) fn with(self, other: Self) -> Self {
         let [first_errors, other_errors] = [self, other].map(|error| error.values());
-        Self::from(std::array::from_fn(|i| {
-            first_errors[i].max(other_errors[i])
-        }))
+        Self::from(std::array::from_fn(|i| first_errors[i].max(other_errors[i])))
     }
 
     /// Both errors in the worst case: the sum of each.
@@ -99,9 +86,7 @@ impl Audible {
         match *budget {
             Budget::Cents { cents, .. } => {
                 let error_limits = self.values().into_iter().zip(LEAST_HEARD);
-                let worst_excess = error_limits
-                    .map(|(error, least)| error / least)
-                    .fold(0.0, f64::max);
+                let worst_excess = error_limits.map(|(error, least)| error / least).fold(0.0, f64::max);
                 worst_excess * LEAST_HEARD[0] / cents
             }
             Budget::Error(_) | Budget::Method(_) => 0.0,
@@ -129,11 +114,7 @@ fn begin_of_sound(sound: &[f64]) -> usize {
     let motion = |x: &f64| (x - first_sample).abs();
     let largest = sound.iter().map(motion).fold(0.0, f64::max);
     let is_moving = |x: &f64| motion(x) > MOVED * largest;
-    sound
-        .iter()
-        .position(is_moving)
-        .unwrap_or(0)
-        .saturating_sub(1)
+    sound.iter().position(is_moving).unwrap_or(0).saturating_sub(1)
 }
 
 /// The sound without its mean, which is not audible, nor what is rounding.
@@ -141,11 +122,7 @@ fn without_mean(sound: &[f64]) -> Vec<f64> {
     let mean = sound.iter().sum::<f64>() / sound.len().max(1) as f64;
     let largest = sound.iter().fold(0.0_f64, |max, x| max.max(x.abs()));
     let cut_rounding = |x: f64| {
-        if x.abs() > MEAN_ROUNDING * largest {
-            x
-        } else {
-            0.0
-        }
+        if x.abs() > MEAN_ROUNDING * largest { x } else { 0.0 }
     };
     sound.iter().map(|x| cut_rounding(x - mean)).collect()
 }
@@ -173,14 +150,7 @@ mod tests {
             let noise_sample = |i: u32| -9.8e-5 + ulp * f64::from(i.count_ones() % 2);
             (0..9_600).map(noise_sample).collect()
         };
-        let audible = |ulp: f64| {
-            Audible::new(
-                &resting_sound(ulp),
-                &resting_sound(2.0 * ulp),
-                &spans,
-                5_000.0,
-            )
-        };
+        let audible = |ulp: f64| Audible::new(&resting_sound(ulp), &resting_sound(2.0 * ulp), &spans, 5_000.0);
         assert_eq!(audible(1e-20), Audible::default());
         assert!(audible(1e-9).level > 5.0);
     }

@@ -81,11 +81,7 @@ pub(in crate::plan) fn candidates<F: Fn(How<'_>) -> Result<Assembled, Error>>(
     let mesh_choices = MESH_METHODS
         .into_iter()
         .flat_map(|method| [MethodChoice::All(method), MethodChoice::Meshes(method)]);
-    let bodies = [
-        MethodChoice::Simplest,
-        MethodChoice::ByBudget,
-        MethodChoice::Stepped,
-    ];
+    let bodies = [MethodChoice::Simplest, MethodChoice::ByBudget, MethodChoice::Stepped];
     let steps = (0..=TIMES_MAX.ilog2()).map(|doublings| 1 << doublings);
     let choice_groups = bodies
         .into_iter()
@@ -124,11 +120,7 @@ fn substeps_of(island: &Assembled) -> Vec<usize> {
 
 impl Candidate {
     /// A candidate whose cost between frames is estimated from the run of another one.
-    pub(in crate::plan) fn new(
-        mut island: Assembled,
-        substeps: usize,
-        played: Option<(&Self, &PilotRun)>,
-    ) -> Self {
+    pub(in crate::plan) fn new(mut island: Assembled, substeps: usize, played: Option<(&Self, &PilotRun)>) -> Self {
         let island_plan = &mut island.island_plan;
         island_plan.contact_substeps = substeps;
         if let Some((played_candidate, played_run)) = played.filter(|_| substeps > 1) {

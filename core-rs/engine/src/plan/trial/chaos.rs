@@ -8,9 +8,7 @@ use crate::island::inside::BodyPlan;
 use crate::maths::{log10, sqrt};
 use crate::network::{LinkKind, Network};
 use crate::plan::IslandPlan;
-use crate::plan::constants::{
-    ATTACK, ATTACK_ERROR_MIN, DOUBLING, NUDGE, PARTED, QUIET, REGULAR, STRETCH,
-};
+use crate::plan::constants::{ATTACK, ATTACK_ERROR_MIN, DOUBLING, NUDGE, PARTED, QUIET, REGULAR, STRETCH};
 use crate::plan::trial::allowance::{Allowance, TrialError};
 use crate::plan::trial::pilot_run::{BLOCK, Excerpt, PilotRun, nudged};
 use crate::plan::trial::third_octaves::level_difference;
@@ -59,21 +57,15 @@ impl Stretches {
     pub(in crate::plan) fn new(sound: &[f64], spans: &Spans) -> Self {
         let (n_outputs, event_frame) = (spans.n_out.max(1), spans.event());
         let event_sound = &sound[(event_frame * n_outputs).min(sound.len())..];
-        let displacement =
-            |frame: &[f64], output: usize| (frame[output] - event_sound[output]).abs();
+        let displacement = |frame: &[f64], output: usize| (frame[output] - event_sound[output]).abs();
         let mut peak_motion = vec![0.0_f64; n_outputs];
         for frame in event_sound.chunks_exact(n_outputs) {
-            (0..n_outputs).for_each(|output| {
-                peak_motion[output] = peak_motion[output].max(displacement(frame, output))
-            });
+            (0..n_outputs)
+                .for_each(|output| peak_motion[output] = peak_motion[output].max(displacement(frame, output)));
         }
-        let is_heard = |frame: &[f64]| {
-            (0..n_outputs).any(|output| displacement(frame, output) > 1e-3 * peak_motion[output])
-        };
-        let silent_frames = event_sound
-            .chunks_exact(n_outputs)
-            .position(is_heard)
-            .unwrap_or(0);
+        let is_heard =
+            |frame: &[f64]| (0..n_outputs).any(|output| displacement(frame, output) > 1e-3 * peak_motion[output]);
+        let silent_frames = event_sound.chunks_exact(n_outputs).position(is_heard).unwrap_or(0);
         Self::from(event_frame + silent_frames, sound.len() / n_outputs, spans)
     }
 
@@ -103,28 +95,18 @@ impl Stretches {
         for output in 0..self.n_out {
             let stretch_samples = |x: &[f64], edges: &[usize]| -> Vec<f64> {
                 let samples = x.iter().skip(output).step_by(self.n_out);
-                samples
-                    .skip(edges[0])
-                    .take(edges[1] - edges[0])
-                    .copied()
-                    .collect()
+                samples.skip(edges[0]).take(edges[1] - edges[0]).copied().collect()
             };
             let all_samples = stretch_samples(b, &[self.edges[0], self.edges[stretch_count]]);
             let sample_mean = all_samples.iter().sum::<f64>() / all_samples.len().max(1) as f64;
-            let total_energy: f64 = all_samples
-                .iter()
-                .map(|x| (x - sample_mean) * (x - sample_mean))
-                .sum();
+            let total_energy: f64 = all_samples.iter().map(|x| (x - sample_mean) * (x - sample_mean)).sum();
             if total_energy <= 0.0 {
                 continue;
             }
             for (sum, edges) in stretch_sums.iter_mut().zip(self.edges.windows(2)) {
                 let (a, b) = (stretch_samples(a, edges), stretch_samples(b, edges));
                 let difference_energy: f64 = a.iter().zip(&b).map(|(a, b)| (a - b) * (a - b)).sum();
-                let sound_energy: f64 = b
-                    .iter()
-                    .map(|x| (x - sample_mean) * (x - sample_mean))
-                    .sum();
+                let sound_energy: f64 = b.iter().map(|x| (x - sample_mean) * (x - sample_mean)).sum();
                 *sum = (
                     sum.0 + difference_energy / total_energy,
                     sum.1 + sound_energy / total_energy,
@@ -139,15 +121,12 @@ impl Stretches {
             };
             20.0 * log10(sqrt(energy_ratio).clamp(1e-15, 1e15))
         };
-        let stretch_power =
-            |at: usize| stretch_sums[at].1 / (self.edges[at + 1] - self.edges[at]).max(1) as f64;
+        let stretch_power = |at: usize| stretch_sums[at].1 / (self.edges[at + 1] - self.edges[at]).max(1) as f64;
         let loudest = (0..stretch_count).map(stretch_power).fold(0.0, f64::max);
         let mut running_sums = (0.0, 0.0);
         Profile {
             alone: (0..stretch_count)
-                .map(|at| {
-                    (stretch_power(at) > QUIET * loudest).then(|| ratio_level(stretch_sums[at]))
-                })
+                .map(|at| (stretch_power(at) > QUIET * loudest).then(|| ratio_level(stretch_sums[at])))
                 .collect(),
             upto: stretch_sums
                 .iter()
@@ -163,10 +142,7 @@ impl Stretches {
     fn count_within(&self, seconds: f64, spans: &Spans) -> usize {
         let last_frame = self.start() + (seconds * spans.rate) as usize;
         let stretch_ends = self.edges.iter().skip(1);
-        stretch_ends
-            .take_while(|end| **end <= last_frame)
-            .count()
-            .max(1)
+        stretch_ends.take_while(|end| **end <= last_frame).count().max(1)
     }
 }
 
@@ -245,11 +221,9 @@ fn is_chaotic(grown: &[Option<f64>]) -> bool {
     let grows_fast = |(i, early): (usize, &Option<f64>)| {
         let later_growths = grown.iter().enumerate().skip(i + 1);
         let apart_max = |j: usize, early: f64| early + a_stretch * (j - i) as f64 + chance_margin;
-        later_growths.into_iter().any(|(j, late)| {
-            early
-                .zip(*late)
-                .is_some_and(|(early, late)| late > apart_max(j, early))
-        })
+        later_growths
+            .into_iter()
+            .any(|(j, late)| early.zip(*late).is_some_and(|(early, late)| late > apart_max(j, early)))
     };
     grown.iter().enumerate().any(grows_fast)
 }
@@ -276,20 +250,13 @@ impl Parting {
 /// Whether nothing makes the motion depend on how strongly it is excited: no law, no contact, no link in space, and no
 /// hand whose force is limited.
 pub(in crate::plan) fn is_linear(island_plan: &IslandPlan) -> bool {
-    let is_linear = |network: &Network| {
-        network
-            .runs()
-            .iter()
-            .all(|run| matches!(run.kind, LinkKind::Ref))
-    };
+    let is_linear = |network: &Network| network.runs().iter().all(|run| matches!(run.kind, LinkKind::Ref));
     let body_networks = island_plan.bodies.iter().filter_map(|body| match body {
         BodyPlan::Mesh(mesh) => Some(&*mesh.network),
         BodyPlan::Slow(slow) => (!slow.is_linear()).then_some(&*slow.network),
         BodyPlan::Modal(_) => None,
     });
     let gestures = &island_plan.timeline.gestures;
-    gestures
-        .iter()
-        .all(|gesture| gesture.manner.limit.is_none())
+    gestures.iter().all(|gesture| gesture.manner.limit.is_none())
         && body_networks.chain([&*island_plan.network]).all(is_linear)
 }

@@ -6,9 +6,7 @@ use crate::maths::log10;
 use crate::network::LinkKind;
 use crate::plan::IslandPlan;
 use crate::plan::budget::Budget;
-use crate::plan::constants::{
-    GAIN, HARDER, LOOK, PARTED, RESERVE_FITS, RESERVE_PLANNED, RINGS, SPECTRUM_NOISE,
-};
+use crate::plan::constants::{GAIN, HARDER, LOOK, PARTED, RESERVE_FITS, RESERVE_PLANNED, RINGS, SPECTRUM_NOISE};
 use crate::plan::report::content::{Content, hex_of};
 use crate::plan::report::row::Measured;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
@@ -27,9 +25,7 @@ type Played<'a> = (&'a IslandPlan, usize);
 /// it ended, or if parts are slow.
 pub(in crate::plan) fn error_may_grow(island_plan: &IslandPlan) -> bool {
     let link_runs = island_plan.network.runs().iter();
-    let has_contacts = link_runs
-        .clone()
-        .any(|run| !matches!(run.kind, LinkKind::Ref));
+    let has_contacts = link_runs.clone().any(|run| !matches!(run.kind, LinkKind::Ref));
     let mut body_plans = island_plan.bodies.iter();
     let has_slow_body = body_plans.any(|body| matches!(body, BodyPlan::Slow(_)));
     has_slow_body || (has_contacts && !island_plan.timeline.gestures.is_empty())
@@ -37,25 +33,15 @@ pub(in crate::plan) fn error_may_grow(island_plan: &IslandPlan) -> bool {
 
 /// The first strike or written gesture after `over` [s] that is harder than all until then, so that its error is not known
 /// [s]; `None` if there is none, or if the motion does not depend on how hard it is excited.
-pub(in crate::plan) fn harder_event(
-    island_plan: &IslandPlan,
-    timeline: &Timeline,
-    over: f64,
-) -> Option<f64> {
+pub(in crate::plan) fn harder_event(island_plan: &IslandPlan, timeline: &Timeline, over: f64) -> Option<f64> {
     if is_linear(island_plan) {
         return None;
     }
     let strikes = timeline.strikes.iter();
     let gestures = timeline.gestures.iter();
     let harder_events = [
-        first_harder(
-            strikes.map(|strike| (strike.instant, strike.impulse.abs())),
-            over,
-        ),
-        first_harder(
-            gestures.map(|gesture| (gesture.start, greatest_speed(gesture))),
-            over,
-        ),
+        first_harder(strikes.map(|strike| (strike.instant, strike.impulse.abs())), over),
+        first_harder(gestures.map(|gesture| (gesture.start, greatest_speed(gesture))), over),
     ];
     harder_events.into_iter().flatten().reduce(f64::min)
 }
@@ -96,8 +82,8 @@ pub(in crate::plan) fn extend_error(
     let Some(from) = unless_spent(frames_at_rest(run.0, &allowance.reserve()))? else {
         return Ok(measured);
     };
-    let n_frames = (end(run.0) * frame_rate - from as f64)
-        .min(RESERVE_PLANNED * reserve.spent().1 / frame_work) as usize;
+    let n_frames =
+        (end(run.0) * frame_rate - from as f64).min(RESERVE_PLANNED * reserve.spent().1 / frame_work) as usize;
     let pilot_frames = ((measured.over * frame_rate) as usize).saturating_sub(from);
     let look_frames = ((LOOK * frame_rate) as usize).max(1);
     if n_frames < pilot_frames + look_frames {
@@ -114,13 +100,7 @@ pub(in crate::plan) fn extend_error(
         return Ok(recalled_error);
     }
     let reserve_left = reserve.begin();
-    let extended = extend_over(
-        measured,
-        budget,
-        [run, other],
-        (longest, look_frames),
-        &reserve,
-    )?;
+    let extended = extend_over(measured, budget, [run, other], (longest, look_frames), &reserve)?;
     if let Some((store, key)) = store_and_key {
         let trial_record = TrialRecord::from_error(Some(extended));
         record::keep(store, key, (&reserve, reserve_left), trial_record);
@@ -159,10 +139,7 @@ fn extend_over(
         if n_frames < pilot_frames + look {
             return Err(TrialError::AllowanceSpent);
         }
-        let shorter = Excerpt {
-            n_frames,
-            ..longest
-        };
+        let shorter = Excerpt { n_frames, ..longest };
         Ok((run, play(other.0, other.1, shorter, reserve)?, n_frames))
     });
     let (run, other, n_frames) = match played_runs {
@@ -172,8 +149,7 @@ fn extend_over(
     };
     let spans = Spans::new(coarse.0, n_frames);
     let changes = changes(&run.sound, &other.sound, spans.n_out, look);
-    let change_at =
-        |looked_frames: usize| changes[looked_frames.div_ceil(look).min(changes.len()) - 1];
+    let change_at = |looked_frames: usize| changes[looked_frames.div_ceil(look).min(changes.len()) - 1];
     // By how much the measured error exceeds the change between the two runs [dB].
     let error_excess = measured.db - change_at(pilot_frames);
     // The first run may have been played further.
@@ -246,12 +222,10 @@ fn changes(a: &[f64], b: &[f64], n_outputs: usize, look: usize) -> Vec<f64> {
                 ];
             }
         }
-        let worst_ratio = output_sums
-            .iter()
-            .fold(0.0_f64, |worst_ratio, [apart, sum, square]| {
-                let variance = square - sum * sum / frame_count;
-                worst_ratio.max(if *apart > 0.0 { apart / variance } else { 0.0 })
-            });
+        let worst_ratio = output_sums.iter().fold(0.0_f64, |worst_ratio, [apart, sum, square]| {
+            let variance = square - sum * sum / frame_count;
+            worst_ratio.max(if *apart > 0.0 { apart / variance } else { 0.0 })
+        });
         changes.push(10.0 * log10(worst_ratio.max(1e-30)));
     }
     changes
@@ -264,11 +238,7 @@ pub(in crate::plan) fn end(island_plan: &IslandPlan) -> f64 {
     let gestures = gestures.filter_map(|gesture| gesture.points.last().map(|point| point.0));
     let strikes = timeline.strikes.iter().map(|strike| strike.instant);
     let ergon_times = timeline.ergons.iter().map(|ergon| ergon.instant);
-    gestures
-        .chain(strikes)
-        .chain(ergon_times)
-        .fold(0.0, f64::max)
-        + RINGS
+    gestures.chain(strikes).chain(ergon_times).fold(0.0, f64::max) + RINGS
 }
 
 #[cfg(test)]
@@ -284,21 +254,9 @@ mod tests {
         let change_levels = changes(&changed_sound, &reference, 1, 100);
         assert_eq!(change_levels.len(), 4);
         // The values 0 … 6 have a variance of 4.
-        assert!(
-            (change_levels[0] + 66.0).abs() < 0.1,
-            "{}",
-            change_levels[0]
-        );
-        assert!(
-            (change_levels[1] + 66.0).abs() < 0.1,
-            "{}",
-            change_levels[1]
-        );
+        assert!((change_levels[0] + 66.0).abs() < 0.1, "{}", change_levels[0]);
+        assert!((change_levels[1] + 66.0).abs() < 0.1, "{}", change_levels[1]);
         assert!((change_levels[3] + 9.0).abs() < 0.1, "{}", change_levels[3]);
-        assert!(
-            changes(&reference, &reference, 1, 100)
-                .iter()
-                .all(|db| *db <= -290.0)
-        );
+        assert!(changes(&reference, &reference, 1, 100).iter().all(|db| *db <= -290.0));
     }
 }

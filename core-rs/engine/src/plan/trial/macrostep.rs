@@ -12,8 +12,7 @@ use crate::island::modal::Modal;
 use crate::island::slow::{RunningSlow, Slow};
 use crate::plan::IslandPlan;
 use crate::plan::constants::{
-    CIRCLE, COMMON_FRAMES_MAX, DENSE_MAX, EIGENVALUES, GROWTH_TOLERANCE, KICKS, NUMBER,
-    TRIAL_WORK_MAX,
+    CIRCLE, COMMON_FRAMES_MAX, DENSE_MAX, EIGENVALUES, GROWTH_TOLERANCE, KICKS, NUMBER, TRIAL_WORK_MAX,
 };
 use crate::scheme::{Kind, Run, Scheme};
 use crate::state::Body;
@@ -36,13 +35,7 @@ pub(in crate::plan) struct Growth {
 
 impl Growth {
     pub(in crate::plan) fn is_stable(self) -> bool {
-        self.radius
-            <= 1.0
-                + if self.is_tried {
-                    GROWTH_TOLERANCE
-                } else {
-                    CIRCLE
-                }
+        self.radius <= 1.0 + if self.is_tried { GROWTH_TOLERANCE } else { CIRCLE }
     }
 }
 
@@ -217,8 +210,7 @@ impl<'a> Map<'a> {
         }
         for modes in &self.modes {
             for port in &modes.modal.ports {
-                let port_position =
-                    |q: &[f64]| q.iter().zip(&port.shape).map(|(q, s)| q * s).sum::<f64>();
+                let port_position = |q: &[f64]| q.iter().zip(&port.shape).map(|(q, s)| q * s).sum::<f64>();
                 let x = port_position(&modes.now);
                 self.body.x[port.mat] = x;
                 self.body.d[port.mat] = x - port_position(&modes.before);
@@ -231,8 +223,7 @@ impl<'a> Map<'a> {
         force.fill(0.0);
         for link in &self.links {
             let (first_end, second_end) = (link.a, link.b);
-            let link_force =
-                link.k * (x[second_end] - x[first_end]) + link.z * (d[second_end] - d[first_end]);
+            let link_force = link.k * (x[second_end] - x[first_end]) + link.z * (d[second_end] - d[first_end]);
             force[first_end] += link_force;
             force[second_end] -= link_force;
         }
@@ -242,12 +233,10 @@ impl<'a> Map<'a> {
         for modes in &mut self.modes {
             let Modes { modal, now, before } = modes;
             for (mode, mode_plan) in modal.modes.iter().enumerate() {
-                let add_push = |port_push: f64, port: &crate::island::modal::Port| {
-                    port_push + port.shape[mode] * force[port.mat]
-                };
+                let add_push =
+                    |port_push: f64, port: &crate::island::modal::Port| port_push + port.shape[mode] * force[port.mat];
                 let port_push = modal.ports.iter().fold(0.0, add_push);
-                let next_amplitude = mode_plan.a * now[mode] - mode_plan.b * before[mode]
-                    + mode_plan.gain * port_push;
+                let next_amplitude = mode_plan.a * now[mode] - mode_plan.b * before[mode] + mode_plan.gain * port_push;
                 before[mode] = std::mem::replace(&mut now[mode], next_amplitude);
             }
         }
@@ -261,10 +250,7 @@ impl<'a> Map<'a> {
 
     /// Work of one application of the map [s].
     fn work(&self) -> f64 {
-        let modal_products = self
-            .modes
-            .iter()
-            .map(|own| own.now.len() * own.modal.ports.len());
+        let modal_products = self.modes.iter().map(|own| own.now.len() * own.modal.ports.len());
         // A slow body's springs are a dense product at each kick.
         let kick_sizes = self.slow.iter().map(RunningSlow::n_state);
         let dense_products: usize = kick_sizes.map(|n| n * n / 2).sum();
@@ -368,23 +354,16 @@ impl<'a> Map<'a> {
         let Body { x, d, .. } = &self.body;
         let Scheme { w, kappa, .. } = &self.scheme;
         let each = self.stepped.iter();
-        let stepped: f64 = each
-            .map(|&i| (d[i] * d[i] + kappa[i] * x[i] * x[i]) / w[i])
-            .sum();
+        let stepped: f64 = each.map(|&i| (d[i] * d[i] + kappa[i] * x[i] * x[i]) / w[i]).sum();
         let elongation_squared = |link: &Link| (x[link.b] - x[link.a]) * (x[link.b] - x[link.a]);
-        let link_energy: f64 = self
-            .links
-            .iter()
-            .map(|link| link.k * elongation_squared(link))
-            .sum();
+        let link_energy: f64 = self.links.iter().map(|link| link.k * elongation_squared(link)).sum();
         let slow_energy: f64 = self.slow.iter().map(RunningSlow::energy).sum();
         let energy_of = |modes: &Modes<'_>| -> f64 {
             let amplitude_pairs = modes.now.iter().zip(&modes.before);
             let each = amplitude_pairs.zip(&modes.modal.modes);
             each.map(|((now, before), mode_plan)| {
                 let amplitude_step = now - before;
-                (amplitude_step * amplitude_step + (1.0 - mode_plan.a + mode_plan.b) * now * now)
-                    / mode_plan.gain
+                (amplitude_step * amplitude_step + (1.0 - mode_plan.a + mode_plan.b) * now * now) / mode_plan.gain
             })
             .sum()
         };

@@ -35,9 +35,7 @@ pub(in crate::plan) fn settle(
 ) -> (Subset, Vec<RefusedSlow>) {
     let refused_slow = match budget {
         Budget::Method(_) => refuse_all(subset, "the score asks for one method for everything"),
-        Budget::Error(_) | Budget::Cents { .. } => {
-            slow_bodies(&subset.network, &island_timeline.timeline).refused_slow
-        }
+        Budget::Error(_) | Budget::Cents { .. } => slow_bodies(&subset.network, &island_timeline.timeline).refused_slow,
     };
     (without_slow(subset, &refused_slow), refused_slow)
 }
@@ -75,8 +73,7 @@ pub(in crate::plan) fn offer(
     every: u32,
 ) -> Option<Subset> {
     let timeline = &island_timeline.timeline;
-    if matches!(budget, Budget::Method(_)) || timeline.is_open || timeline.hands().next().is_some()
-    {
+    if matches!(budget, Budget::Method(_)) || timeline.is_open || timeline.hands().next().is_some() {
         return None;
     }
     let network = &subset.network;
@@ -98,8 +95,7 @@ pub(in crate::plan) fn offer(
         return None;
     }
     let is_offered = |name: &str| offered_names.contains(name);
-    let macrostep_of =
-        |name: &str, asked_every: Option<u32>| asked_every.or(is_offered(name).then_some(every));
+    let macrostep_of = |name: &str, asked_every: Option<u32>| asked_every.or(is_offered(name).then_some(every));
     let slowed_network = network.with_macrosteps(macrostep_of);
     let slowed_bodies = slow_bodies(&slowed_network, timeline);
     let fits: BTreeSet<usize> = slowed_bodies
@@ -108,11 +104,8 @@ pub(in crate::plan) fn offer(
         .filter(|(_, slow)| slow.turn <= offered.phase_max() && cost::saved(slow) > 0.0)
         .map(|(_, slow)| slow.part)
         .collect();
-    let fits = |name: &str| {
-        is_offered(name) && fits.iter().any(|&part| network.parts()[part].name == name)
-    };
-    let network =
-        network.with_macrosteps(|name, asked_every| asked_every.or(fits(name).then_some(every)));
+    let fits = |name: &str| is_offered(name) && fits.iter().any(|&part| network.parts()[part].name == name);
+    let network = network.with_macrosteps(|name, asked_every| asked_every.or(fits(name).then_some(every)));
     is_more(&network, &subset.network).then(|| Subset {
         network,
         ..subset.clone()
@@ -140,22 +133,13 @@ impl Offered {
 
     fn parts(self, network: &Network, timeline: &Timeline) -> BTreeSet<usize> {
         let part_of_mat = |mat: usize| network.mats().part[mat] as usize;
-        let key_parts: BTreeSet<usize> = timeline
-            .keys
-            .iter()
-            .map(|key| part_of_mat(key.struck))
-            .collect();
+        let key_parts: BTreeSet<usize> = timeline.keys.iter().map(|key| part_of_mat(key.struck)).collect();
         match self {
             Self::Keys => key_parts,
             Self::OnlySeen => {
-                let mut unheard_parts: BTreeSet<usize> =
-                    (0..network.n_mat()).map(part_of_mat).collect();
+                let mut unheard_parts: BTreeSet<usize> = (0..network.n_mat()).map(part_of_mat).collect();
                 let driven_parts = timeline.drives.iter().map(|drive| part_of_mat(drive.mat));
-                for played in key_parts
-                    .into_iter()
-                    .chain(driven_parts)
-                    .chain(audible_parts(network))
-                {
+                for played in key_parts.into_iter().chain(driven_parts).chain(audible_parts(network)) {
                     unheard_parts.remove(&played);
                 }
                 unheard_parts
@@ -176,9 +160,7 @@ fn audible_parts(network: &Network) -> BTreeSet<usize> {
             Term::Force { first, len, .. } | Term::Length { first, len, .. } => {
                 let term_links = first..first + len;
                 let link_runs = network.runs().iter();
-                let is_heard = |run: &&Run| {
-                    run.first < term_links.end && term_links.start < run.first + run.len
-                };
+                let is_heard = |run: &&Run| run.first < term_links.end && term_links.start < run.first + run.len;
                 parts_heard.extend(link_runs.filter(is_heard).map(|run| run.part));
             }
         }
@@ -197,15 +179,9 @@ fn is_more(network: &Network, than: &Network) -> bool {
 
 /// How much an island with slow parts grows from kick to kick; `None` if it has none. The error says why its parts
 /// cannot be slow.
-pub(in crate::plan) fn certify(
-    island: &Assembled,
-    allowance: &Allowance,
-) -> Result<Option<Growth>, String> {
+pub(in crate::plan) fn certify(island: &Assembled, allowance: &Allowance) -> Result<Option<Growth>, String> {
     let body_plans = &island.island_plan.bodies;
-    if !body_plans
-        .iter()
-        .any(|body| matches!(body, BodyPlan::Slow(_)))
-    {
+    if !body_plans.iter().any(|body| matches!(body, BodyPlan::Slow(_))) {
         return Ok(None);
     }
     let Some(growth) = macrostep::growth(&island.island_plan) else {
@@ -226,11 +202,7 @@ fn too_stiff(island_plan: &IslandPlan, growth: Growth) -> String {
     let port_mats: BTreeSet<usize> = slow_bodies.flat_map(BodyPlan::ports).collect();
     let is_cause = |run: &&Run| matches!(run.kind, LinkKind::But(_)) == growth.is_by_contacts;
     let touching_links = network.runs().iter().filter(is_cause).flat_map(|run| {
-        let touches = |i: &usize| {
-            [run.a + i, run.b + i]
-                .iter()
-                .any(|mat| port_mats.contains(mat))
-        };
+        let touches = |i: &usize| [run.a + i, run.b + i].iter().any(|mat| port_mats.contains(mat));
         let touching_links = (0..run.len).filter(touches);
         touching_links.map(|i| (run.k, run.first + i))
     });
@@ -243,9 +215,7 @@ fn too_stiff(island_plan: &IslandPlan, growth: Growth) -> String {
         format!("the {link_kind} {} (K {k} N/m) is", network.link_name(link))
     });
     let percent = 100.0 * (growth.radius - 1.0);
-    format!(
-        "{growth_cause} too stiff for that rate: motion would grow by {percent:.2}% in each of its steps"
-    )
+    format!("{growth_cause} too stiff for that rate: motion would grow by {percent:.2}% in each of its steps")
 }
 
 /// What slow parts change in the sound: their error, and how long it holds. The island is compared with the same island
@@ -258,54 +228,32 @@ pub(in crate::plan) fn error(
     (memo, allowance, store): (&Memo<'_>, &Allowance, Option<&dyn TrialStore>),
 ) -> Result<Option<Measured>, Error> {
     let methods = island.mesh_methods();
-    let (oversampling, contact_substeps) = (
-        island.island_plan.oversampling,
-        island.island_plan.contact_substeps,
-    );
+    let (oversampling, contact_substeps) = (island.island_plan.oversampling, island.island_plan.contact_substeps);
     let assembly_how = How::fine(oversampling, MethodChoice::AsBefore(&methods));
     let slow_island = Assembled::new(subset, island_timeline, budget, assembly_how, None, memo)?;
     let every_frame = Subset {
         network: subset.network.with_macrosteps(|_, every| every.map(|_| 1)),
         ..subset.clone()
     };
-    let Ok(every_frame) = Assembled::new(
-        &every_frame,
-        island_timeline,
-        budget,
-        assembly_how,
-        None,
-        memo,
-    ) else {
+    let Ok(every_frame) = Assembled::new(&every_frame, island_timeline, budget, assembly_how, None, memo) else {
         return Ok(None);
     };
     let trial_series = store.map(|store| {
-        let also_hashed =
-            format_args!("slow {budget:?} {oversampling} {contact_substeps} {methods:?}");
+        let also_hashed = format_args!("slow {budget:?} {oversampling} {contact_substeps} {methods:?}");
         Series::new(
             store,
             IslandContent::new(&subset.network, &island_timeline.timeline, also_hashed),
         )
     });
     let slow_error = measured(trial_series, allowance, || {
-        compare_with_every_frame(
-            &slow_island,
-            &every_frame,
-            contact_substeps,
-            (budget, allowance),
-        )
+        compare_with_every_frame(&slow_island, &every_frame, contact_substeps, (budget, allowance))
     })?;
     let Some(slow_error) = slow_error else {
         return Ok(None);
     };
-    let played_pair =
-        [&slow_island, &every_frame].map(|island| (&island.island_plan, contact_substeps));
+    let played_pair = [&slow_island, &every_frame].map(|island| (&island.island_plan, contact_substeps));
     let work_and_store = (allowance, store);
-    unless_spent(horizon::extend_error(
-        slow_error,
-        budget,
-        played_pair,
-        work_and_store,
-    ))
+    unless_spent(horizon::extend_error(slow_error, budget, played_pair, work_and_store))
 }
 
 /// The difference between an island and the same with kicks at every frame, over its beginning.
@@ -316,9 +264,8 @@ fn compare_with_every_frame(
     (budget, allowance): (&Budget, &Allowance),
 ) -> Result<Option<Measured>, Error> {
     let excerpt = unless_spent(find_excerpt(&slow.island_plan, allowance))?;
-    let excerpt = excerpt.filter(|excerpt| {
-        excerpt.n_frames > 0 && is_affordable(&single.island_plan, excerpt.n_frames)
-    });
+    let excerpt =
+        excerpt.filter(|excerpt| excerpt.n_frames > 0 && is_affordable(&single.island_plan, excerpt.n_frames));
     let Some(excerpt) = excerpt else {
         return Ok(None);
     };
@@ -335,8 +282,7 @@ fn compare_with_every_frame(
         db,
         over: excerpt.end() as f64 / spans.rate,
         spectral: None,
-        audible: Audible::for_budget(budget, (&slow_run.sound, &plain_run.sound), &spans)
-            .filter(|_| !slow_run.is_lost),
+        audible: Audible::for_budget(budget, (&slow_run.sound, &plain_run.sound), &spans).filter(|_| !slow_run.is_lost),
     }))
 }
 

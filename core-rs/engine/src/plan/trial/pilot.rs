@@ -34,9 +34,7 @@ pub(in crate::plan) fn pilot(
     allowance: &Allowance,
 ) -> Result<PilotResult, Error> {
     if let Budget::Method(_) = budget {
-        return Ok(
-            ChosenIsland::unmeasured(assemble(How::fine(1, MethodChoice::ByBudget))?).into(),
-        );
+        return Ok(ChosenIsland::unmeasured(assemble(How::fine(1, MethodChoice::ByBudget))?).into());
     }
     let island = lowest_stable(assemble)?;
     let timeline = &island.island_plan.timeline;
@@ -47,8 +45,7 @@ pub(in crate::plan) fn pilot(
     let excerpt = unless_spent(find_excerpt(&island.island_plan, allowance))?;
     let mut next_excerpt = excerpt.filter(|excerpt| excerpt.n_frames > 0);
     // Two plain runs of what sticks may agree by chance, both slipping too late.
-    if let Some(excerpt) =
-        next_excerpt.filter(|_| matches!(budget, Budget::Cents { .. }) && !island.sticks())
+    if let Some(excerpt) = next_excerpt.filter(|_| matches!(budget, Budget::Cents { .. }) && !island.sticks())
         && let Some(pilot) = Pilot::new((assemble, budget, allowance), (&island, 1), excerpt)?
         && let Some((result, _)) = pilot.find_plain()?
     {
@@ -125,11 +122,7 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
         }
     }
 
-    fn search<'b>(
-        &'b self,
-        reference: &'b Reference,
-        chaos: Option<(&'b Stretches, f64)>,
-    ) -> Search<'b, F> {
+    fn search<'b>(&'b self, reference: &'b Reference, chaos: Option<(&'b Stretches, f64)>) -> Search<'b, F> {
         Search {
             assemble: self.assemble,
             budget: self.budget,
@@ -144,9 +137,7 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
     /// Finds the island; `None` if the allowance ended before anything was known.
     fn find(&self, island: &Assembled) -> Result<Option<PilotOutcome>, Error> {
         let substeps = first_substeps(island, self.budget);
-        let first_run = self
-            .runs
-            .play((&island.island_plan, substeps), self.allowance);
+        let first_run = self.runs.play((&island.island_plan, substeps), self.allowance);
         let Some(first_run) = unless_spent(first_run)? else {
             return Ok(None);
         };
@@ -169,11 +160,7 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
     }
 
     /// How much a nudge of the reference grows, if that is unsure and the motion chaotic.
-    fn growth(
-        &self,
-        reference: &Reference,
-        stretches: &Stretches,
-    ) -> Result<Option<f64>, TrialError> {
+    fn growth(&self, reference: &Reference, stretches: &Stretches) -> Result<Option<f64>, TrialError> {
         if reference.is_sure(self.budget) {
             return Ok(None);
         }
@@ -215,14 +202,10 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
             },
         };
         let coarse_island = tried.candidate.island;
-        let is_open_ended = measured_error.spectral.is_none()
-            && horizon::error_may_grow(&coarse_island.island_plan);
+        let is_open_ended = measured_error.spectral.is_none() && horizon::error_may_grow(&coarse_island.island_plan);
         let methods = coarse_island.mesh_methods();
-        let twice_as_fine =
-            coarse_island.again(2 * coarse_island.island_plan.oversampling, &methods);
-        let finer = is_open_ended
-            .then(|| (self.assemble)(twice_as_fine).ok())
-            .flatten();
+        let twice_as_fine = coarse_island.again(2 * coarse_island.island_plan.oversampling, &methods);
+        let finer = is_open_ended.then(|| (self.assemble)(twice_as_fine).ok()).flatten();
         let pilot_result = PilotResult {
             chosen: ChosenIsland {
                 island,
@@ -243,11 +226,7 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
         (self.runs.excerpt().from + n_frames) as f64 / self.spans.rate
     }
 
-    fn pruned(
-        &self,
-        (candidate, run): (&Candidate, &PilotRun),
-        limit: Option<f64>,
-    ) -> Result<Assembled, Error> {
+    fn pruned(&self, (candidate, run): (&Candidate, &PilotRun), limit: Option<f64>) -> Result<Assembled, Error> {
         let prune_context = (self.runs.excerpt(), self.budget, limit);
         prune(
             &candidate.island,
@@ -278,8 +257,7 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
         if run.is_lost
             && let Ok(island) = (self.assemble)(How::fine(1, MethodChoice::Unconditional))
         {
-            let safe_candidate =
-                Candidate::new(island.clone(), island.island_plan.contact_substeps, None);
+            let safe_candidate = Candidate::new(island.clone(), island.island_plan.contact_substeps, None);
             let played_plan = (&safe_candidate.island.island_plan, safe_candidate.substeps);
             let safe_run = unless_spent(self.runs.play(played_plan, self.allowance))?;
             if let Some(safe_run) = safe_run.filter(|safe_run| !safe_run.is_lost) {
@@ -357,16 +335,13 @@ fn first_substeps(island: &Assembled, budget: &Budget) -> usize {
 }
 
 /// The island at the lowest oversampling at which it is stable.
-fn lowest_stable(
-    assemble: &impl Fn(How<'_>) -> Result<Assembled, Error>,
-) -> Result<Assembled, Error> {
+fn lowest_stable(assemble: &impl Fn(How<'_>) -> Result<Assembled, Error>) -> Result<Assembled, Error> {
     match assemble(How::fine(1, MethodChoice::ByBudget)) {
         // An island that diverges at this rate may be stable at a higher one.
         Err(error @ Error::Unstable { .. }) => {
             let higher_rates = [2, 4, 8, 2 * TIMES_MAX].into_iter();
-            let mut stable_islands = higher_rates.filter_map(|oversampling| {
-                assemble(How::fine(oversampling, MethodChoice::ByBudget)).ok()
-            });
+            let mut stable_islands =
+                higher_rates.filter_map(|oversampling| assemble(How::fine(oversampling, MethodChoice::ByBudget)).ok());
             stable_islands.next().ok_or(error)
         }
         other => other,

@@ -37,17 +37,12 @@ impl ChosenIsland {
 
     /// A stricter budget, within which the error may stay within `budget` to its end: the error that the pilot measured
     /// `first_error` was within it, and has grown beyond it.
-    pub(in crate::plan) fn stricter(
-        &self,
-        first_error: Option<Measured>,
-        budget: &Budget,
-    ) -> Option<Budget> {
+    pub(in crate::plan) fn stricter(&self, first_error: Option<Measured>, budget: &Budget) -> Option<Budget> {
         let (error_now, first_error) = self.error.zip(first_error)?;
         match *budget {
             Budget::Error(asked) => {
                 let error_growth = error_now.db - first_error.db;
-                let has_left =
-                    error_now.spectral.is_none() && error_now.db > asked && first_error.db <= asked;
+                let has_left = error_now.spectral.is_none() && error_now.db > asked && first_error.db <= asked;
                 has_left.then_some(Budget::Error(asked - error_growth))
             }
             Budget::Cents { cents, upto } => {
@@ -70,13 +65,9 @@ pub(in crate::plan) fn pinned(island: Assembled, pin: &SteppedChoice) -> Option<
     }
     let body_pairs = pin.bodies.iter().zip(&island.island_plan.bodies);
     let modes_kept = body_pairs.map(|pair| match pair {
-        (BodyChoice::Modes(modes), BodyPlan::Modal(modal)) => {
-            KeptModes::pinned(modes, modal.modes.len())
-        }
+        (BodyChoice::Modes(modes), BodyPlan::Modal(modal)) => KeptModes::pinned(modes, modal.modes.len()),
         (BodyChoice::Mesh(_), BodyPlan::Mesh(_)) => Some(KeptModes::none()),
-        (BodyChoice::Slow { macrostep }, BodyPlan::Slow(slow)) => {
-            (*macrostep == slow.macrostep).then(KeptModes::none)
-        }
+        (BodyChoice::Slow { macrostep }, BodyPlan::Slow(slow)) => (*macrostep == slow.macrostep).then(KeptModes::none),
         _ => None,
     });
     let modes_kept = modes_kept.collect::<Option<Vec<_>>>()?;
@@ -108,18 +99,14 @@ impl PilotResult {
         budget: &Budget,
         known: (&Allowance, Option<&dyn TrialStore>),
     ) -> Result<ChosenIsland, Error> {
-        let Self {
-            mut chosen,
-            long_run,
-        } = self;
+        let Self { mut chosen, long_run } = self;
         if let (Some(measured), Some(long_run)) = (chosen.error, long_run) {
             let [coarse_substeps, finer_substeps] = long_run.contact_substeps;
             let played_pair = [
                 (&long_run.full.island_plan, coarse_substeps),
                 (&long_run.finer.island_plan, finer_substeps),
             ];
-            chosen.error =
-                unless_spent(horizon::extend_error(measured, budget, played_pair, known))?;
+            chosen.error = unless_spent(horizon::extend_error(measured, budget, played_pair, known))?;
         }
         chosen.error = chosen.error.map(|error| error.doubted(budget.asked()));
         Ok(chosen)
@@ -136,8 +123,7 @@ impl PilotResult {
             ..
         } = &self.chosen.island;
         let long_run = self.long_run.as_ref();
-        let [coarse_substeps, finer_substeps] =
-            long_run.map_or([0, 0], |long_run| long_run.contact_substeps);
+        let [coarse_substeps, finer_substeps] = long_run.map_or([0, 0], |long_run| long_run.contact_substeps);
         let mut head_counts = vec![
             island_plan.oversampling,
             island_plan.contact_substeps as u32,
@@ -224,8 +210,7 @@ impl PilotResult {
             Some(LongRunPair {
                 full: assembled(oversampling)?,
                 finer: assembled(2 * oversampling)?,
-                contact_substeps: [coarse_substeps, finer_substeps]
-                    .map(|substeps| substeps as usize),
+                contact_substeps: [coarse_substeps, finer_substeps].map(|substeps| substeps as usize),
             })
         } else {
             None
@@ -243,9 +228,6 @@ impl PilotResult {
 
 impl From<ChosenIsland> for PilotResult {
     fn from(chosen: ChosenIsland) -> Self {
-        Self {
-            chosen,
-            long_run: None,
-        }
+        Self { chosen, long_run: None }
     }
 }

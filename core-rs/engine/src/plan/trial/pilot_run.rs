@@ -115,10 +115,7 @@ pub(in crate::plan) fn is_affordable(island_plan: &IslandPlan, n_frames: usize) 
 /// # Errors
 ///
 /// Those of [`play`].
-pub(in crate::plan) fn frames_at_rest(
-    island_plan: &IslandPlan,
-    allowance: &Allowance,
-) -> Result<usize, TrialError> {
+pub(in crate::plan) fn frames_at_rest(island_plan: &IslandPlan, allowance: &Allowance) -> Result<usize, TrialError> {
     if !is_affordable(island_plan, REST_BLOCK_FRAMES) {
         return Ok(0);
     }
@@ -141,10 +138,7 @@ pub(in crate::plan) fn frames_at_rest(
 /// # Errors
 ///
 /// [`TrialError::Engine`] if the island cannot be played, [`TrialError::AllowanceSpent`] if the allowance ends first.
-pub(in crate::plan) fn find_excerpt(
-    island_plan: &IslandPlan,
-    allowance: &Allowance,
-) -> Result<Excerpt, TrialError> {
+pub(in crate::plan) fn find_excerpt(island_plan: &IslandPlan, allowance: &Allowance) -> Result<Excerpt, TrialError> {
     let widest = Excerpt {
         from: frames_at_rest(island_plan, allowance)?,
         n_frames: longest(island_plan),
@@ -208,13 +202,8 @@ fn next_event(island_plan: &IslandPlan, from: f64, rate: f64) -> f64 {
     let ergon_times = timeline.ergons.iter().map(|ergon| ergon.instant);
     let body_plans = island_plan.bodies.iter();
     let body_strikes = body_plans.map(|body| body.next_strike(from * rate) / rate);
-    let event_times = gestures
-        .chain(strikes)
-        .chain(ergon_times)
-        .chain(body_strikes);
-    event_times
-        .filter(|event| *event >= from)
-        .fold(f64::INFINITY, f64::min)
+    let event_times = gestures.chain(strikes).chain(ergon_times).chain(body_strikes);
+    event_times.filter(|event| *event >= from).fold(f64::INFINITY, f64::min)
 }
 
 /// The excerpt up to a while after the next event, for an island that is silent until then; `None` if there is none, or
@@ -224,10 +213,7 @@ pub(in crate::plan) fn longer(island_plan: &IslandPlan, excerpt: Excerpt) -> Opt
     let event_time = next_event(island_plan, excerpt.end() as f64 / frame_rate, frame_rate);
     let end_frame = ((event_time + AFTER) * frame_rate).min(1e12) as usize;
     let n_frames = end_frame.saturating_sub(excerpt.from);
-    (event_time.is_finite() && n_frames <= longest(island_plan)).then_some(Excerpt {
-        n_frames,
-        ..excerpt
-    })
+    (event_time.is_finite() && n_frames <= longest(island_plan)).then_some(Excerpt { n_frames, ..excerpt })
 }
 
 /// Frames that outputs hear in a second [Hz].
@@ -257,8 +243,7 @@ impl<'a> Meter<'a> {
     fn new(island_plan: &IslandPlan, allowance: &'a Allowance) -> Self {
         let rows_cost: f64 = island_plan.bodies.iter().map(cost::short_rows_cost).sum();
         let short_cost = rows_cost + cost::lone_laws_cost(&island_plan.network);
-        let frame_work =
-            work(island_plan) + 1e-9 * f64::from(island_plan.oversampling) * short_cost;
+        let frame_work = work(island_plan) + 1e-9 * f64::from(island_plan.oversampling) * short_cost;
         let comparison = COMPARISON * island_plan.network.outputs().len() as f64;
         Self {
             allowance,
@@ -289,8 +274,7 @@ impl<'a> Meter<'a> {
         let added_work = 1e-9 * counted + self.step * island.guard_steps() as f64;
         let more_work = added_work - self.added;
         self.added = added_work;
-        self.allowance
-            .draw(self.frame * n_frames as f64 + more_work)
+        self.allowance.draw(self.frame * n_frames as f64 + more_work)
     }
 }
 
@@ -369,9 +353,7 @@ fn run(
     let (drawn_before, _) = allowance.spent();
     let mut meter = Meter::new(island_plan, allowance);
     // A run that the allowance cannot pay for is not begun.
-    meter
-        .allowance
-        .affords(work(island_plan) * n_frames as f64)?;
+    meter.allowance.affords(work(island_plan) * n_frames as f64)?;
     let mut island = island(island_plan, contact_substeps)?;
     meter.play_rest(&mut island, excerpt.from)?;
     let n_outputs = island.n_out();
@@ -394,11 +376,7 @@ fn run(
         let block_end = (first_frame + BLOCK).min(n_frames);
         let block_sound = &mut sound[first_frame * n_outputs..block_end * n_outputs];
         meter.draw(&island, block_end - first_frame)?;
-        let _ = island.process(
-            block_sound,
-            block_end - first_frame,
-            &mut ThreadTeam::alone(),
-        );
+        let _ = island.process(block_sound, block_end - first_frame, &mut ThreadTeam::alone());
         silence.note(&island, block_sound);
         if first_frame / look_frames < block_end / look_frames || block_end == n_frames {
             created.look(&island, 2 * block_end <= n_frames);
@@ -454,15 +432,10 @@ mod tests {
         };
         network.part("plate", None);
         let topology = plate(Shape::Square, 3, Rim::Fixed).unwrap();
-        network
-            .mesh("p", &topology, 0.1, 90.0, Some(0.3), 0.0)
-            .unwrap();
+        network.mesh("p", &topology, 0.1, 90.0, Some(0.3), 0.0).unwrap();
         network.listen("plate", vec![position_term(16)]).unwrap();
         network.part("key", None);
-        let key_tie = Tie::Tuned {
-            f: 2.0,
-            t60: Some(0.6),
-        };
+        let key_tie = Tie::Tuned { f: 2.0, t60: Some(0.6) };
         let key_start = if rests { 0.0 } else { -1e-3 };
         let key = network.cel("m", 0.3, key_tie, key_start, 0.0, 0.0).unwrap();
         let key_contact = But::plain(2e4, 0.2, 2e-3);
@@ -477,9 +450,7 @@ mod tests {
         };
         let gesture = Gesture::written(0, &written, manner).unwrap();
         timeline.gesture(gesture).unwrap();
-        timeline
-            .strike(&network, 20, 0.45, 1e-2, Some(0.0), 0)
-            .unwrap();
+        timeline.strike(&network, 20, 0.45, 1e-2, Some(0.0), 0).unwrap();
         Plan::new(Arc::new(network), &timeline, budget, None).unwrap()
     }
 
@@ -499,18 +470,9 @@ mod tests {
             sample_bits.extend(block_sound.iter().map(|x| x.to_bits()));
         }
         let work_counts = island.fine_work();
-        let work_counts = [
-            work_counts.instants,
-            work_counts.products,
-            island.guard_steps(),
-        ];
+        let work_counts = [work_counts.instants, work_counts.products, island.guard_steps()];
         let frames_passed = island.passed() / u64::from(island_plan.oversampling);
-        (
-            sample_bits,
-            island.write_state(),
-            work_counts,
-            frames_passed,
-        )
+        (sample_bits, island.write_state(), work_counts, frames_passed)
     }
 
     #[test]
@@ -525,25 +487,13 @@ mod tests {
                     };
                     n_islands += 1;
                     let (full_sound, full_state, full_work, _) = played(island_plan, false);
-                    let (rested_sound, rested_state, counted, frames_passed) =
-                        played(island_plan, true);
-                    assert!(
-                        full_sound == rested_sound
-                            && full_state == rested_state
-                            && full_work == counted
-                    );
+                    let (rested_sound, rested_state, counted, frames_passed) = played(island_plan, true);
+                    assert!(full_sound == rested_sound && full_state == rested_state && full_work == counted);
                     // All frames before the gesture are skipped but the first and a few before it; none if a spring
                     // moves the key.
                     let rest_frames = (BEGINS * 44_100.0) as u64;
-                    let expected = if rests {
-                        rest_frames - 2_560..rest_frames
-                    } else {
-                        0..1
-                    };
-                    assert!(
-                        expected.contains(&frames_passed),
-                        "{budget:?} {frames_passed}"
-                    );
+                    let expected = if rests { rest_frames - 2_560..rest_frames } else { 0..1 };
+                    assert!(expected.contains(&frames_passed), "{budget:?} {frames_passed}");
                 }
                 assert_eq!(n_islands, 1);
             }
@@ -568,11 +518,7 @@ mod tests {
             let cell_tie = Tie::Tuned { f, t60: Some(1.0) };
             let start_speed = if index == 0 { 0.05 } else { 0.0 };
             let cell_name = format!("m{index}");
-            ring_mats.push(
-                network
-                    .cel(&cell_name, mass, cell_tie, 0.0, start_speed, 0.0)
-                    .unwrap(),
-            );
+            ring_mats.push(network.cel(&cell_name, mass, cell_tie, 0.0, start_speed, 0.0).unwrap());
         }
         let friction_levels = [0.272, 0.029, 0.027, 0.172, 0.283, 0.127, 0.223];
         let mat_pairs = [(0, 1), (1, 2), (2, 3), (3, 4), (4, 5), (5, 0), (1, 3)];
@@ -583,12 +529,7 @@ mod tests {
                 speed: 0.02,
             };
             network
-                .dry(
-                    &format!("d{index}"),
-                    ring_mats[a],
-                    ring_mats[b],
-                    dry_friction,
-                )
+                .dry(&format!("d{index}"), ring_mats[a], ring_mats[b], dry_friction)
                 .unwrap();
         }
         let output_term = Term::Position {
@@ -598,13 +539,7 @@ mod tests {
         };
         network.listen("o", vec![output_term]).unwrap();
         let timeline = Timeline::new(Rate::new(44_100.0).unwrap());
-        let ring_plan = Plan::new(
-            Arc::new(network),
-            &timeline,
-            &Budget::Method(Method::Ca),
-            None,
-        )
-        .unwrap();
+        let ring_plan = Plan::new(Arc::new(network), &timeline, &Budget::Method(Method::Ca), None).unwrap();
         let Some(Unit::IslandPlan(island_plan)) = ring_plan.units.first() else {
             panic!("no island");
         };
@@ -614,8 +549,7 @@ mod tests {
         island
             .compute(&mut ring_sound, n_frames, &mut ThreadTeam::alone())
             .unwrap();
-        let solver_rounds =
-            island.exact_work().solved_again as f64 / (n_frames * friction_levels.len()) as f64;
+        let solver_rounds = island.exact_work().solved_again as f64 / (n_frames * friction_levels.len()) as f64;
         assert!(solver_rounds < 20.0, "{solver_rounds}");
     }
 }

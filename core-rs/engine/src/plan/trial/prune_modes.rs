@@ -31,21 +31,9 @@ pub(in crate::plan) fn prune(
             BodyPlan::Modal(modal) => keep(&island.island_plan, modal, squares, allowed, budget),
             BodyPlan::Mesh(_) | BodyPlan::Slow(_) => KeptModes::none(),
         });
-        counted(
-            island
-                .clone()
-                .only(contact_substeps, pruned_modes.collect()),
-            run,
-        )
+        counted(island.clone().only(contact_substeps, pruned_modes.collect()), run)
     };
-    let count_modes = |island: &Assembled| {
-        island
-            .island_plan
-            .bodies
-            .iter()
-            .map(BodyPlan::n_modes)
-            .sum::<usize>()
-    };
+    let count_modes = |island: &Assembled| island.island_plan.bodies.iter().map(BodyPlan::n_modes).sum::<usize>();
     let Some(error_max) = error_max else {
         return Ok(pruned_within(None));
     };
@@ -70,12 +58,7 @@ pub(in crate::plan) fn prune(
         if count_modes(&pruned_island) == count_modes(&reference) {
             break;
         }
-        let run = play(
-            &pruned_island.island_plan,
-            contact_substeps,
-            excerpt,
-            allowance,
-        );
+        let run = play(&pruned_island.island_plan, contact_substeps, excerpt, allowance);
         let Some(run) = unless_spent(run)? else {
             break;
         };
@@ -91,13 +74,7 @@ pub(in crate::plan) fn prune(
 }
 
 /// The modes of a body that its outputs hear and its ports need.
-fn keep(
-    island_plan: &IslandPlan,
-    body: &Modal,
-    squares: &[f64],
-    allowed: Option<f64>,
-    budget: &Budget,
-) -> KeptModes {
+fn keep(island_plan: &IslandPlan, body: &Modal, squares: &[f64], allowed: Option<f64>, budget: &Budget) -> KeptModes {
     // All complex modes stay: the two parts of one can only be dropped together, and computing them costs less than a
     // pilot to choose among them.
     if body.answers.is_some() {
@@ -109,13 +86,9 @@ fn keep(
     let port_shapes = body.ports.iter().map(|port| port.shape.as_slice());
     let listened = body.outputs.iter().map(|(_, shape)| shape.as_slice());
     let shape_rows: Vec<&[f64]> = port_shapes.chain(listened).collect();
-    let mut modes_kept = choose(
-        &excitations(body, squares),
-        &shape_rows,
-        allowed,
-        budget,
-        |mode| body.frequency(mode),
-    );
+    let mut modes_kept = choose(&excitations(body, squares), &shape_rows, allowed, budget, |mode| {
+        body.frequency(mode)
+    });
     // Rigid motion of the body stays, however quiet it is.
     let rigid_modes = (0..body.modes.len()).filter(|&mode| body.compliance(mode).is_none());
     modes_kept.modes.extend(rigid_modes);
@@ -135,10 +108,7 @@ fn keep(
             let compliance = body.compliance(mode).unwrap_or(0.0);
             port_stiffness * port.shape[mode] * port.shape[mode] * compliance
         };
-        let mut compliance_lost: f64 = dropped_modes
-            .iter()
-            .map(|&mode| compliance_share(mode))
-            .sum();
+        let mut compliance_lost: f64 = dropped_modes.iter().map(|&mode| compliance_share(mode)).sum();
         // The lowest modes yield most; those that do not move the port yield nothing.
         dropped_modes.retain(|&mode| {
             if compliance_lost <= stiffening_max || compliance_share(mode) == 0.0 {
@@ -164,10 +134,7 @@ fn excitations(body: &Modal, squares: &[f64]) -> Vec<Vec<f64>> {
     };
     let is_measured = body.ports.len() == 1 && squares.iter().any(|square| *square > 0.0);
     let touched_ports = body.ports.iter().filter(|_| !is_measured);
-    let struck = body
-        .struck
-        .iter()
-        .map(|struck| energies_from(&struck.shape));
+    let struck = body.struck.iter().map(|struck| energies_from(&struck.shape));
     let touched = touched_ports.map(|port| energies_from(&port.shape));
     let indexed = squares.iter().enumerate();
     let indexed = indexed.map(|(mode, square)| body.compliance(mode).map_or(0.0, |_| *square));
@@ -177,11 +144,7 @@ fn excitations(body: &Modal, squares: &[f64]) -> Vec<Vec<f64>> {
 /// Stiffness of the stiffest link on a MAT [N/m].
 fn stiffest(island_plan: &IslandPlan, mat: usize) -> f64 {
     let link_runs = island_plan.network.runs().iter();
-    let mat_runs = link_runs.filter(|run| {
-        [run.a, run.b]
-            .iter()
-            .any(|&end| (end..end + run.len).contains(&mat))
-    });
+    let mat_runs = link_runs.filter(|run| [run.a, run.b].iter().any(|&end| (end..end + run.len).contains(&mat)));
     mat_runs
         .map(|run| match &run.kind {
             LinkKind::Lnl(law) => law.slope(0.0).abs(),

@@ -121,27 +121,16 @@ pub(in crate::plan) struct Series<'a> {
 impl<'a> Series<'a> {
     pub(in crate::plan) fn new(store: &'a dyn TrialStore, content: IslandContent<'a>) -> Self {
         let fixed = content.fixed();
-        Self {
-            store,
-            content,
-            fixed,
-        }
+        Self { store, content, fixed }
     }
 
     fn key(&self, frames: u64) -> String {
-        hex_of(format_args!(
-            "{} {}",
-            self.fixed,
-            self.content.until(frames)
-        ))
+        hex_of(format_args!("{} {}", self.fixed, self.content.until(frames)))
     }
 
     fn lengths(&self) -> Vec<u64> {
         let length_index = self.store.get(&self.fixed).unwrap_or_default();
-        if length_index.reason.is_some()
-            || !length_index.numbers.is_empty()
-            || length_index.counts.len() != 1
-        {
+        if length_index.reason.is_some() || !length_index.numbers.is_empty() || length_index.counts.len() != 1 {
             return Vec::new();
         }
         let lengths = length_index.counts.first().cloned().unwrap_or_default();
@@ -157,20 +146,12 @@ impl<'a> Series<'a> {
     /// Keeps the record of the current series, which began with `left` of the allowance [s].
     pub(in crate::plan) fn keep(&self, allowance: &Allowance, left: f64, record: TrialRecord) {
         let series_frames = allowance.taken(left).frames;
-        keep(
-            self.store,
-            &self.key(series_frames),
-            (allowance, left),
-            record,
-        );
+        keep(self.store, &self.key(series_frames), (allowance, left), record);
         let mut lengths = self.lengths();
         if !lengths.contains(&series_frames) {
             lengths.insert(0, series_frames);
             lengths.truncate(LENGTHS_MAX);
-            let lengths = lengths
-                .into_iter()
-                .map(|series_frames| series_frames as u32)
-                .collect();
+            let lengths = lengths.into_iter().map(|series_frames| series_frames as u32).collect();
             let length_index = TrialRecord {
                 counts: vec![lengths],
                 ..TrialRecord::default()
@@ -201,20 +182,12 @@ pub(in crate::plan) fn measured(
 }
 
 /// Finds the record of trials of known length, if they would go the same way now, and what they took.
-pub(in crate::plan) fn find(
-    store: &dyn TrialStore,
-    key: &str,
-    allowance: &Allowance,
-) -> Option<(Taken, TrialRecord)> {
+pub(in crate::plan) fn find(store: &dyn TrialStore, key: &str, allowance: &Allowance) -> Option<(Taken, TrialRecord)> {
     let work_left = allowance.begin();
-    [key.to_owned(), key_with_left(key, work_left)]
-        .iter()
-        .find_map(|key| {
-            let taken_record = store.get(key)?.split_header()?;
-            allowance
-                .is_enough_for(&taken_record.0)
-                .then_some(taken_record)
-        })
+    [key.to_owned(), key_with_left(key, work_left)].iter().find_map(|key| {
+        let taken_record = store.get(key)?.split_header()?;
+        allowance.is_enough_for(&taken_record.0).then_some(taken_record)
+    })
 }
 
 /// Keeps the record of trials of known length, which began with `left` of the allowance [s].
@@ -226,10 +199,7 @@ pub(in crate::plan) fn keep(
 ) {
     let work_taken = allowance.taken(left);
     let bound_key = work_taken.left.map(|left| key_with_left(key, left));
-    store.put(
-        bound_key.as_deref().unwrap_or(key),
-        record.with_header(&work_taken),
-    );
+    store.put(bound_key.as_deref().unwrap_or(key), record.with_header(&work_taken));
 }
 
 /// The key for trials whose results depend on what was left.

@@ -10,8 +10,8 @@ use crate::maths::pow;
 use crate::network::Error;
 use crate::plan::budget::Budget;
 use crate::plan::constants::{
-    BELOW, COSTLY, DOUBLING, DOUBLING_RESERVE, FAMILY_SHARE, GAIN, INAUDIBLE, ORDERS, REFERENCE_DB,
-    REFERENCE_SHARE, REFERENCE_SUBSTEPS, SUBSTEPS_MAX, SUBSTEPS_MIN, TIMES_MAX,
+    BELOW, COSTLY, DOUBLING, DOUBLING_RESERVE, FAMILY_SHARE, GAIN, INAUDIBLE, ORDERS, REFERENCE_DB, REFERENCE_SHARE,
+    REFERENCE_SUBSTEPS, SUBSTEPS_MAX, SUBSTEPS_MIN, TIMES_MAX,
 };
 use crate::plan::passes::assemble::{Assembled, How};
 use crate::plan::trial::allowance::{Allowance, TrialError};
@@ -78,11 +78,7 @@ pub(in crate::plan) fn reference<F: Fn(How<'_>) -> Result<Assembled, Error>>(
     for family in climb.families(first) {
         let family_allowance = allowance.fraction(FAMILY_SHARE);
         let lowest_steps = if family.is_plain { TIMES_MAX } else { 1 };
-        let reached = climb.family(
-            (family, substeps),
-            lowest_steps..=highest,
-            &family_allowance,
-        );
+        let reached = climb.family((family, substeps), lowest_steps..=highest, &family_allowance);
         allowance.spend_fraction(&family_allowance, FAMILY_SHARE);
         match reached {
             // By CA a strike that friction can stop within a step moves nothing, at any rate.
@@ -217,8 +213,7 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Climb<'_, F> {
                 audible: Audible::for_budget(self.budget, (&coarser.sound, &run.sound), self.spans),
                 run,
             };
-            let gains_nothing =
-                change_before.is_some_and(|change_before| run_change > change_before - GAIN);
+            let gains_nothing = change_before.is_some_and(|change_before| run_change > change_before - GAIN);
             let is_alone = is_coarse && change_before.is_none();
             let is_last_run = gains_nothing || (reached.is_exact(self.budget) && !is_alone);
             change_before = Some(run_change);

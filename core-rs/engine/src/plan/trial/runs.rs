@@ -84,8 +84,7 @@ impl Runs {
         goes_on: impl FnMut(usize, &[f64]) -> bool,
     ) -> Result<Option<Rc<PilotRun>>, TrialError> {
         let sought_key = run_key(island_plan, contact_substeps);
-        let known_run =
-            |kept: &(RunKey, Rc<PilotRun>)| (kept.0 == sought_key).then(|| kept.1.clone());
+        let known_run = |kept: &(RunKey, Rc<PilotRun>)| (kept.0 == sought_key).then(|| kept.1.clone());
         if let Some(run) = self.played.borrow().iter().find_map(known_run) {
             return Ok(Some(run));
         }

@@ -10,9 +10,7 @@ use std::rc::Rc;
 use crate::maths::sqrt;
 use crate::network::Error;
 use crate::plan::budget::Budget;
-use crate::plan::constants::{
-    AUDIBLE_GAIN, CREATED, DOUBT, GAIN, MARGIN, SPECTRUM_NOISE, SUBSTEPS_MIN, TIMES_MAX,
-};
+use crate::plan::constants::{AUDIBLE_GAIN, CREATED, DOUBT, GAIN, MARGIN, SPECTRUM_NOISE, SUBSTEPS_MIN, TIMES_MAX};
 use crate::plan::passes::assemble::{Assembled, How};
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
@@ -23,9 +21,7 @@ use crate::plan::trial::horizon;
 use crate::plan::trial::pilot_run::{Created, PilotRun, is_affordable};
 use crate::plan::trial::reference::Reference;
 use crate::plan::trial::runs::Runs;
-use crate::plan::trial::waveform_error::{
-    EarlyComparison, Spans, amplitude_difference, amplitude_sum, difference,
-};
+use crate::plan::trial::waveform_error::{EarlyComparison, Spans, amplitude_difference, amplitude_sum, difference};
 
 /// What the trials of one island share.
 pub(in crate::plan) struct Search<'a, F> {
@@ -95,10 +91,7 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
     }
 
     /// The cheapest candidate within the budget of those that are offered, and the nearest that is not within it.
-    fn try_candidates(
-        &self,
-        is_offered: impl Fn(&Candidate) -> bool,
-    ) -> Result<(Option<Tried>, Option<Tried>), Error> {
+    fn try_candidates(&self, is_offered: impl Fn(&Candidate) -> bool) -> Result<(Option<Tried>, Option<Tried>), Error> {
         let reference = (&self.reference.candidate, &*self.reference.run);
         let (mut cheapest, mut nearest): (Option<Tried>, Option<Tried>) = (None, None);
         let mut gains = Gains::default();
@@ -130,10 +123,7 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
                 if cheapest.as_ref().is_none_or(is_cheaper) {
                     cheapest = Some(tried);
                 }
-            } else if nearest
-                .as_ref()
-                .is_none_or(|nearest| self.beats(&tried, nearest))
-            {
+            } else if nearest.as_ref().is_none_or(|nearest| self.beats(&tried, nearest)) {
                 nearest = Some(tried);
             }
         }
@@ -149,21 +139,16 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
 
     /// The error that a candidate has to stay below [dB].
     fn aim(&self) -> f64 {
-        let error_margin =
-            match horizon::error_may_grow(&self.reference.candidate.island.island_plan) {
-                true => DOUBT,
-                false => MARGIN,
-            };
+        let error_margin = match horizon::error_may_grow(&self.reference.candidate.island.island_plan) {
+            true => DOUBT,
+            false => MARGIN,
+        };
         self.budget.asked() - error_margin
     }
 
     /// Plays a candidate, as long as its error may be within the budget or below that of `nearest`; `None` if it is not, or if
     /// the run is lost.
-    fn measure(
-        &self,
-        candidate: Candidate,
-        nearest: Option<&Tried>,
-    ) -> Result<Option<Tried>, TrialError> {
+    fn measure(&self, candidate: Candidate, nearest: Option<&Tried>) -> Result<Option<Tried>, TrialError> {
         let is_by_waveform = matches!(self.budget, Budget::Error(_)) && self.chaos.is_none();
         let error_limit = match nearest {
             Some(nearest) if is_by_waveform => self.aim().max(nearest.error - GAIN),
@@ -172,9 +157,8 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
         let mut comparison = EarlyComparison::against(&self.reference.run.sound, self.spans);
         let goes_on = |frames: usize, sound: &[f64]| {
             let run_difference = comparison.update(frames, sound);
-            run_difference.is_none_or(|run_difference| {
-                amplitude_difference(run_difference, self.reference.error) <= error_limit
-            })
+            run_difference
+                .is_none_or(|run_difference| amplitude_difference(run_difference, self.reference.error) <= error_limit)
         };
         let played_plan = (&candidate.island.island_plan, candidate.substeps);
         let run = self.runs.play_while(played_plan, self.allowance, goes_on)?;
@@ -191,14 +175,12 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
             return true;
         }
         let excerpt = self.runs.excerpt();
-        let [start_time, played_time] =
-            [excerpt.from, excerpt.n_frames].map(|n| n as f64 / self.spans.rate);
+        let [start_time, played_time] = [excerpt.from, excerpt.n_frames].map(|n| n as f64 / self.spans.rate);
         let time_to_end = horizon::end(&self.reference.candidate.island.island_plan) - start_time;
         let length_ratio = (time_to_end / played_time).max(1.0);
         let Created { contacts, laws } = run.created;
         let late_growth = (laws[1] - laws[0]).max(0.0);
-        sqrt(length_ratio) * contacts > CREATED
-            || laws[1] + 2.0 * (length_ratio - 1.0) * late_growth > CREATED
+        sqrt(length_ratio) * contacts > CREATED || laws[1] + 2.0 * (length_ratio - 1.0) * late_growth > CREATED
     }
 
     /// Compares a run with the reference.
@@ -214,8 +196,7 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
             };
             run_pair.compare(growth)
         });
-        let audible =
-            Audible::for_budget(self.budget, (&run.sound, &reference.run.sound), self.spans);
+        let audible = Audible::for_budget(self.budget, (&run.sound, &reference.run.sound), self.spans);
         let audible = audible.zip(reference.audible).filter(|_| parting.is_none());
         Tried {
             error: amplitude_sum([run_difference, reference.error]),
@@ -233,8 +214,7 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
             // No waveform can be kept: the attack is judged by its waveform, the rest by its spectrum.
             (Budget::Error(_), Some(parting)) => {
                 let error_aim = self.aim();
-                (parting.attack > error_aim && parting.is_attainable(error_aim))
-                    || parting.spectral > SPECTRUM_NOISE
+                (parting.attack > error_aim && parting.is_attainable(error_aim)) || parting.spectral > SPECTRUM_NOISE
             }
             (_, Some(parting)) => parting.spectral > SPECTRUM_NOISE,
             (_, None) => self.excess(tried) > 1.0,
@@ -243,9 +223,7 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
 
     /// The audible error, as a multiple of what a budget of pitch allows.
     fn excess(&self, tried: &Tried) -> f64 {
-        tried
-            .audible
-            .map_or(0.0, |audible| audible.excess(self.budget))
+        tried.audible.map_or(0.0, |audible| audible.excess(self.budget))
     }
 
     /// Whether a candidate that misses the budget is enough better than `other` to be worth its cost.
@@ -279,10 +257,8 @@ impl Gains {
     fn add(&mut self, tried: &Tried) {
         if tried.candidate.substeps > 1 {
             let group_gain = self.0.get(&tried.candidate.group);
-            let is_idle =
-                group_gain.is_some_and(|(least_error, _)| tried.error > least_error - MARGIN);
-            let least_error =
-                group_gain.map_or(tried.error, |(least_error, _)| least_error.min(tried.error));
+            let is_idle = group_gain.is_some_and(|(least_error, _)| tried.error > least_error - MARGIN);
+            let least_error = group_gain.map_or(tried.error, |(least_error, _)| least_error.min(tried.error));
             self.0.insert(tried.candidate.group, (least_error, is_idle));
         }
     }

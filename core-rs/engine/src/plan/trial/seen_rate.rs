@@ -45,11 +45,7 @@ pub(in crate::plan) fn error(
 }
 
 /// The difference between an island at the lower rate and the same at every frame, over its beginning.
-fn compare_rates(
-    slow: &IslandPlan,
-    each: &IslandPlan,
-    allowance: &Allowance,
-) -> Result<Option<Measured>, Error> {
+fn compare_rates(slow: &IslandPlan, each: &IslandPlan, allowance: &Allowance) -> Result<Option<Measured>, Error> {
     let excerpt = unless_spent(find_excerpt(slow, allowance))?;
     let Some(excerpt) = excerpt.filter(|excerpt| excerpt.n_frames > 0) else {
         return Ok(None);
@@ -60,15 +56,9 @@ fn compare_rates(
             from: excerpt.from * times,
             n_frames: excerpt.n_frames * times,
         };
-        unless_spent(play(
-            island_plan,
-            island_plan.contact_substeps,
-            excerpt,
-            allowance,
-        ))
+        unless_spent(play(island_plan, island_plan.contact_substeps, excerpt, allowance))
     };
-    let (Some(slow_run), Some(plainly)) = (play_island(slow, 1)?, play_island(each, frame_stride)?)
-    else {
+    let (Some(slow_run), Some(plainly)) = (play_island(slow, 1)?, play_island(each, frame_stride)?) else {
         return Ok(None);
     };
     let spans = Spans::new(slow, excerpt.n_frames);

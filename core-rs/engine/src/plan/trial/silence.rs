@@ -54,8 +54,7 @@ impl<'a> Silence<'a> {
             }
         }
         let position_pairs = island.positions().iter().zip(&self.start);
-        self.masses =
-            position_pairs.fold(self.masses, |most, (x, start)| most.max((x - start).abs()));
+        self.masses = position_pairs.fold(self.masses, |most, (x, start)| most.max((x - start).abs()));
     }
 
     /// Lets outputs that are still silent keep their first value in that block; `squares` are those of the amplitudes of
@@ -90,8 +89,7 @@ impl<'a> Silence<'a> {
             return 0.0;
         }
         let output_plan = &self.island_plan.network.outputs()[output];
-        let uncancelled =
-            self.masses * weight(output_plan) + uncancelled_sum(output, self.island_plan, squares);
+        let uncancelled = self.masses * weight(output_plan) + uncancelled_sum(output, self.island_plan, squares);
         (range_high - range_low) / uncancelled
     }
 }
@@ -112,15 +110,10 @@ fn uncancelled_sum(output: usize, island_plan: &IslandPlan, squares: &[Vec<f64>]
         let BodyPlan::Modal(modal_body) = body else {
             continue;
         };
-        let listened = modal_body
-            .outputs
-            .iter()
-            .filter(|(own, _)| *own as usize == output);
+        let listened = modal_body.outputs.iter().filter(|(own, _)| *own as usize == output);
         for (_, shape) in listened {
             let shape_squares = shape.iter().zip(squares);
-            uncancelled += shape_squares
-                .map(|(by, square)| by.abs() * sqrt(*square))
-                .sum::<f64>();
+            uncancelled += shape_squares.map(|(by, square)| by.abs() * sqrt(*square)).sum::<f64>();
         }
     }
     uncancelled

@@ -19,8 +19,7 @@ pub(in crate::plan) fn level_difference(a: &[f64], b: &[f64], n_out: usize, rate
     let bands = bands(n_frames, rate, BAND_VALUES_PARTED);
     let (mut sound_levels, mut reference_levels) = (vec![0.0; bands.len()], vec![0.0; bands.len()]);
     for output in 0..n_out {
-        let band_sound =
-            |x: &[f64]| -> Vec<f64> { x.iter().skip(output).step_by(n_out).copied().collect() };
+        let band_sound = |x: &[f64]| -> Vec<f64> { x.iter().skip(output).step_by(n_out).copied().collect() };
         let (a, b) = (remove_mean(band_sound(a)), remove_mean(band_sound(b)));
         let reference_energy: f64 = b.iter().map(|x| x * x).sum();
         if reference_energy <= 0.0 {
@@ -33,19 +32,14 @@ pub(in crate::plan) fn level_difference(a: &[f64], b: &[f64], n_out: usize, rate
             }
         }
     }
-    let strongest = reference_levels
-        .iter()
-        .fold(0.0_f64, |most, level| most.max(*level));
+    let strongest = reference_levels.iter().fold(0.0_f64, |most, level| most.max(*level));
     let level_pairs = sound_levels.iter().zip(&reference_levels);
-    let audible = level_pairs
-        .filter(|(_, reference_levels)| **reference_levels > COMPARED_POWER_MIN * strongest);
-    let (level_sum, band_count) = audible.fold(
-        (0.0, 0),
-        |(level_sum, band_count), (sound_levels, reference_levels)| {
+    let audible = level_pairs.filter(|(_, reference_levels)| **reference_levels > COMPARED_POWER_MIN * strongest);
+    let (level_sum, band_count) =
+        audible.fold((0.0, 0), |(level_sum, band_count), (sound_levels, reference_levels)| {
             let level_gap = 10.0 * log10((sound_levels / reference_levels).max(MISSING));
             (level_sum + level_gap.abs(), band_count + 1)
-        },
-    );
+        });
     level_sum / f64::from(band_count.max(1))
 }
 
@@ -137,8 +131,7 @@ mod tests {
         let sound_sample = |n: usize| {
             let partials = (1..=333).map(|k| {
                 let (partial_hertz, k) = (60.0 * f64::from(k), f64::from(k));
-                size(partial_hertz) / k
-                    * sincos(TAU * partial_hertz * n as f64 / 44_100.0 + phase * k * k).0
+                size(partial_hertz) / k * sincos(TAU * partial_hertz * n as f64 / 44_100.0 + phase * k * k).0
             });
             partials.sum::<f64>()
         };
@@ -148,9 +141,7 @@ mod tests {
 
     #[test]
     fn powers_equal_the_defining_sum() {
-        let x: Vec<f64> = (0..16)
-            .map(|i| f64::from((7 * i * i + 3 * i) % 13))
-            .collect();
+        let x: Vec<f64> = (0..16).map(|i| f64::from((7 * i * i + 3 * i) % 13)).collect();
         let powers = powers(x.clone());
         for (bin, power) in powers.iter().enumerate() {
             let turn_at = |i: usize| sincos(TAU * (bin * i) as f64 / 16.0);
@@ -165,18 +156,14 @@ mod tests {
 
     #[test]
     fn level_difference_ignores_phases() {
-        let levels_apart =
-            |a: &[f64], reference: &[f64]| level_difference(a, reference, 2, 44_100.0);
+        let levels_apart = |a: &[f64], reference: &[f64]| level_difference(a, reference, 2, 44_100.0);
         let reference = sound(|_| 1.0, 1.0);
         let phase_change = levels_apart(&sound(|_| 1.0, 2.0), &reference);
         assert!((0.001..1.0).contains(&phase_change), "{phase_change}");
         let louder_sound: Vec<f64> = reference.iter().map(|x| 2.0 * x).collect();
         assert!((levels_apart(&louder_sound, &reference) - 6.02).abs() < 0.01);
         // 6 dB less in the upper half: ten of the 20 bands that are wide enough and not empty.
-        let darker_change = levels_apart(
-            &sound(|hertz| if hertz > 890.0 { 0.5 } else { 1.0 }, 1.0),
-            &reference,
-        );
+        let darker_change = levels_apart(&sound(|hertz| if hertz > 890.0 { 0.5 } else { 1.0 }, 1.0), &reference);
         assert!((2.5..3.6).contains(&darker_change), "{darker_change}");
     }
 

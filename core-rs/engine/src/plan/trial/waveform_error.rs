@@ -116,10 +116,7 @@ impl<'a> EarlyComparison<'a> {
     /// `n_frames` of its sound.
     pub(in crate::plan) fn update(&mut self, n_frames: usize, sound: &[f64]) -> Option<f64> {
         let checkpoints = self.spans.checkpoints();
-        let checks_passed = checkpoints
-            .iter()
-            .filter(|checkpoint| **checkpoint <= n_frames)
-            .count();
+        let checks_passed = checkpoints.iter().filter(|checkpoint| **checkpoint <= n_frames).count();
         if checks_passed <= self.n_checked {
             return None;
         }
@@ -187,10 +184,7 @@ mod tests {
         let note_sample = |n: usize| crate::maths::sin(0.7 * n.saturating_sub(60) as f64);
         let all_frames = 0..360_usize;
         (
-            all_frames
-                .clone()
-                .map(|n| note_sample(n) + apart(n))
-                .collect(),
+            all_frames.clone().map(|n| note_sample(n) + apart(n)).collect(),
             all_frames.map(note_sample).collect(),
         )
     }

@@ -87,17 +87,14 @@ impl<'a> Maker<'a> {
                 }
             })
         });
-        let (breakable, break_ends): (Vec<usize>, Vec<Ends>) =
-            may_break(network, |mat| mat).unzip();
+        let (breakable, break_ends): (Vec<usize>, Vec<Ends>) = may_break(network, |mat| mat).unzip();
         Self {
             by_ends: break_ends.into_iter().zip(0..).collect(),
             breakable,
             breaking: Vec::new(),
             network,
             rate,
-            by_name: (0..mat_count)
-                .map(|mat| (network.mat_name(mat), mat))
-                .collect(),
+            by_name: (0..mat_count).map(|mat| (network.mat_name(mat), mat)).collect(),
             sources: (0..mat_count).map(|_| None).collect(),
             bodies: Vec::new(),
             contacts: contacts.collect(),
@@ -163,9 +160,7 @@ impl<'a> Maker<'a> {
                 }
                 BodyPlan::Modal(modal) => {
                     let mode_shapes = match &modal.answers {
-                        Some(answers) => {
-                            ModeShapes::complex(&modal.network, &answers.places, modal.rate)
-                        }
+                        Some(answers) => ModeShapes::complex(&modal.network, &answers.places, modal.rate),
                         None => ModeShapes::new(
                             &modal.network,
                             (&modal.computed, modal.turned.as_deref()),
@@ -174,16 +169,9 @@ impl<'a> Maker<'a> {
                         ),
                     };
                     let modes = modal.modes.iter();
-                    let modes = modes.map(|mode| {
-                        Oscillation::from_recurrence(mode.a, mode.b, modal.rate.hertz())
-                    });
+                    let modes = modes.map(|mode| Oscillation::from_recurrence(mode.a, mode.b, modal.rate.hertz()));
                     if let Some(mode_shapes) = mode_shapes {
-                        self.body(
-                            (unit, Some(body)),
-                            &modal.network,
-                            &mode_shapes,
-                            modes.collect(),
-                        );
+                        self.body((unit, Some(body)), &modal.network, &mode_shapes, modes.collect());
                     }
                 }
             }
@@ -195,8 +183,7 @@ impl<'a> Maker<'a> {
         for run in network.runs().iter().filter(|run| run.kind.is_contact()) {
             let run_links = run.first..run.first + run.len;
             for (contact, link) in contacts[run_links.clone()].iter_mut().zip(run_links) {
-                if let Some(&known_contact) = contact_by_name.get(network.link_name(link).as_str())
-                {
+                if let Some(&known_contact) = contact_by_name.get(network.link_name(link).as_str()) {
                     *contact = Some(known_contact as u32);
                 }
             }
@@ -206,17 +193,14 @@ impl<'a> Maker<'a> {
             let island_mats = island.to_whole.mats.clone();
             self.played.push((unit, island_mats));
         }
-        let breaking: Vec<(u32, u32)> =
-            may_break(network, |mat| to_network_index(&island.to_whole.mats, mat))
-                .filter_map(|(link, ends)| Some((link as u32, *self.by_ends.get(&ends)?)))
-                .collect();
+        let breaking: Vec<(u32, u32)> = may_break(network, |mat| to_network_index(&island.to_whole.mats, mat))
+            .filter_map(|(link, ends)| Some((link as u32, *self.by_ends.get(&ends)?)))
+            .collect();
         self.breaking.push((unit, breaking));
     }
 
     pub(super) fn bank(&mut self, unit: usize, bank: &BankPlan) {
-        let oscillation = |oscillator: &Oscillator| {
-            Oscillation::from_recurrence(oscillator.a, oscillator.b, self.rate)
-        };
+        let oscillation = |oscillator: &Oscillator| Oscillation::from_recurrence(oscillator.a, oscillator.b, self.rate);
         let oscillations: Vec<Oscillation> = bank.oscillators.iter().map(oscillation).collect();
         if bank.mats.len() == oscillations.len() && !oscillations.is_empty() {
             for (cell, (&(mat, rest), &free)) in bank.mats.iter().zip(&oscillations).enumerate() {
@@ -238,14 +222,12 @@ impl<'a> Maker<'a> {
         let (network, mode_shapes) = match (&bank.body, &bank.complex, rate) {
             (Some(bank_network), _, Some(rate)) => {
                 let modes_kept = (&bank.computed_modes[..], bank.turned.as_deref());
-                let mode_shapes =
-                    ModeShapes::new(bank_network, modes_kept, rate, ModalTransform::ToPositions);
+                let mode_shapes = ModeShapes::new(bank_network, modes_kept, rate, ModalTransform::ToPositions);
                 (bank_network.clone(), mode_shapes)
             }
-            (_, Some((bank_network, parts)), Some(rate)) => (
-                bank_network.clone(),
-                ModeShapes::complex(bank_network, parts, rate),
-            ),
+            (_, Some((bank_network, parts)), Some(rate)) => {
+                (bank_network.clone(), ModeShapes::complex(bank_network, parts, rate))
+            }
             _ => return,
         };
         if let Some(mode_shapes) = mode_shapes {
@@ -261,18 +243,14 @@ impl<'a> Maker<'a> {
         seen: &ModeShapes,
         modes: Vec<Oscillation>,
     ) {
-        let mats: Vec<Option<usize>> = seen
-            .mats
+        let mats: Vec<Option<usize>> = seen.mats.iter().map(|&mat| self.network_index(network, mat)).collect();
+        let known_body = mats
             .iter()
-            .map(|&mat| self.network_index(network, mat))
-            .collect();
-        let known_body =
-            mats.iter()
-                .flatten()
-                .find_map(|&mat| match self.sources[mat].as_ref()?.how {
-                    How::Modal(body) => Some(body),
-                    _ => None,
-                });
+            .flatten()
+            .find_map(|&mat| match self.sources[mat].as_ref()?.how {
+                How::Modal(body) => Some(body),
+                _ => None,
+            });
         let body_index = known_body.unwrap_or(self.bodies.len());
         if known_body.is_none() {
             for (&mat, &rest) in mats.iter().zip(seen.rest()) {
@@ -288,8 +266,7 @@ impl<'a> Maker<'a> {
                 );
             }
             let mats = mats.iter().enumerate();
-            let mut mats: Vec<(usize, usize)> =
-                mats.filter_map(|(row, mat)| Some(((*mat)?, row))).collect();
+            let mut mats: Vec<(usize, usize)> = mats.filter_map(|(row, mat)| Some(((*mat)?, row))).collect();
             mats.sort_unstable();
             self.bodies.push(FoundBody {
                 mats,
@@ -330,15 +307,13 @@ impl<'a> Maker<'a> {
             });
         }
         points.sort_by_key(|point| (point.part, kind(point.how), point.mat));
-        let point_numbers: HashMap<usize, usize> = (points.iter().enumerate())
-            .map(|(at, point)| (point.mat, at))
-            .collect();
+        let point_numbers: HashMap<usize, usize> =
+            (points.iter().enumerate()).map(|(at, point)| (point.mat, at)).collect();
         let (mut bodies, mut n_modes) = (Vec::new(), 0);
         for body in &mut self.bodies {
             let mode_count = body.modes.len();
             let by_pitch = |a: &FoundMode, b: &FoundMode| {
-                (a.oscillation.omega.total_cmp(&b.oscillation.omega))
-                    .then((a.place, a.mode).cmp(&(b.place, b.mode)))
+                (a.oscillation.omega.total_cmp(&b.oscillation.omega)).then((a.place, a.mode).cmp(&(b.place, b.mode)))
             };
             body.modes.sort_by(by_pitch);
             body.modes.truncate(MODES_MAX);
@@ -348,11 +323,7 @@ impl<'a> Maker<'a> {
                 n_modes: mode_count,
                 modes: body_modes.iter().map(|mode| mode.oscillation).collect(),
                 first: n_modes,
-                points: body
-                    .mats
-                    .iter()
-                    .map(|(mat, _)| point_numbers[mat])
-                    .collect(),
+                points: body.mats.iter().map(|(mat, _)| point_numbers[mat]).collect(),
                 shapes: shape_rows
                     .flat_map(|&(_, row)| body_modes.iter().map(move |mode| mode.shape[row]))
                     .collect(),
@@ -388,14 +359,12 @@ impl<'a> Maker<'a> {
                 Origin::Bank(index) => ((recorded.index, 3, 0), index),
                 Origin::Body => continue,
             };
-            let source = source_by_key
-                .entry(source_key)
-                .or_insert_with(|| match recorded.from {
-                    Origin::Mass(_) => Source::Masses(Vec::new()),
-                    Origin::Mesh(body, _) => Source::Mesh(body, Vec::new()),
-                    Origin::Slow(body, _) => Source::Slow(body, Vec::new()),
-                    Origin::Bank(_) | Origin::Body => Source::Bank(Vec::new()),
-                });
+            let source = source_by_key.entry(source_key).or_insert_with(|| match recorded.from {
+                Origin::Mass(_) => Source::Masses(Vec::new()),
+                Origin::Mesh(body, _) => Source::Mesh(body, Vec::new()),
+                Origin::Slow(body, _) => Source::Slow(body, Vec::new()),
+                Origin::Bank(_) | Origin::Body => Source::Bank(Vec::new()),
+            });
             match source {
                 Source::Masses(all) | Source::Mesh(_, all) | Source::Slow(_, all) => {
                     all.push((index as u32, track, point.rest));
@@ -419,8 +388,7 @@ impl<'a> Maker<'a> {
                     None => Source::Bank(pairs),
                     Some(place) => {
                         let last_mode = pairs.iter().map(|(mode, _)| *mode as usize).max();
-                        let mut mode_tracks =
-                            vec![None; last_mode.map_or(0, |last_mode| last_mode + 1)];
+                        let mut mode_tracks = vec![None; last_mode.map_or(0, |last_mode| last_mode + 1)];
                         pairs
                             .iter()
                             .for_each(|(mode, track)| mode_tracks[*mode as usize] = Some(*track));
@@ -445,14 +413,10 @@ fn kind(how: How) -> (u8, usize) {
 }
 
 /// LIAs that may break, each with its ends as MATs of the whole network.
-fn may_break(
-    network: &Network,
-    to_whole: impl Fn(usize) -> usize,
-) -> impl Iterator<Item = (usize, Ends)> {
+fn may_break(network: &Network, to_whole: impl Fn(usize) -> usize) -> impl Iterator<Item = (usize, Ends)> {
     let mut pair_counts: HashMap<(usize, usize), u32> = HashMap::new();
     let breaking_runs = network.runs().iter().filter(|run| run.kind.may_break());
-    let breaking_links =
-        breaking_runs.flat_map(|run| (0..run.len).map(move |i| (run.first + i, run.pair(i, 0))));
+    let breaking_links = breaking_runs.flat_map(|run| (0..run.len).map(move |i| (run.first + i, run.pair(i, 0))));
     breaking_links.map(move |(link, (first_end, second_end))| {
         let (first_end, second_end) = (to_whole(first_end), to_whole(second_end));
         let next_number = pair_counts.entry((first_end, second_end)).or_default();
@@ -474,8 +438,5 @@ fn held_in_space(network: &Network) -> Vec<bool> {
 
 fn moving(network: &Network) -> Vec<usize> {
     let mat_kinds = network.mats().kind.iter().enumerate();
-    mat_kinds
-        .filter(|(_, kind)| kind.moves())
-        .map(|(mat, _)| mat)
-        .collect()
+    mat_kinds.filter(|(_, kind)| kind.moves()).map(|(mat, _)| mat).collect()
 }

@@ -16,11 +16,7 @@ impl Oscillation {
     /// The oscillation of x[n+1] = a·x[n] − b·x[n−1].
     pub(super) fn from_recurrence(a: f64, b: f64, rate: f64) -> Self {
         if b <= 0.0 {
-            let log_ratio = if a > 0.0 && a < 1.0 {
-                maths::log(a)
-            } else {
-                0.0
-            };
+            let log_ratio = if a > 0.0 && a < 1.0 { maths::log(a) } else { 0.0 };
             return Self {
                 omega: 0.0,
                 sigma: -log_ratio * rate,

@@ -28,9 +28,7 @@ impl Simulation {
     pub(super) fn unit_key(&self, unit: usize, frames: (u64, u64), before: &str) -> String {
         let unit_plan = &self.plan.units[unit];
         match (unit_plan, self.content(unit)) {
-            (Unit::IslandPlan(island_plan), UnitContent::Island(content)) => {
-                content.key(island_plan, frames, before)
-            }
+            (Unit::IslandPlan(island_plan), UnitContent::Island(content)) => content.key(island_plan, frames, before),
             (Unit::Bank(bank), UnitContent::Bank(content)) => content.key(bank, frames, before),
             _ => String::new(),
         }
@@ -38,9 +36,7 @@ impl Simulation {
 
     fn content(&self, unit: usize) -> &UnitContent {
         self.contents.0[unit].get_or_init(|| match &self.plan.units[unit] {
-            Unit::IslandPlan(island_plan) => {
-                UnitContent::Island(Box::new(Content::new(island_plan)))
-            }
+            Unit::IslandPlan(island_plan) => UnitContent::Island(Box::new(Content::new(island_plan))),
             Unit::Bank(bank) => UnitContent::Bank(BankContent::new(bank, self.plan.timeline_rate)),
         })
     }
@@ -93,11 +89,7 @@ impl Simulation {
                 }
             }
         }
-        for (key, is_silent) in keys_by_stop
-            .iter_mut()
-            .flatten()
-            .zip(is_silent.iter().flatten())
-        {
+        for (key, is_silent) in keys_by_stop.iter_mut().flatten().zip(is_silent.iter().flatten()) {
             *key = if *is_silent {
                 String::new()
             } else {
@@ -113,13 +105,9 @@ impl Simulation {
             (Unit::IslandPlan(island_plan), _) => {
                 let n_outputs = island_plan.network.outputs().len();
                 let outputs = &island_plan.to_whole.outputs;
-                (0..n_outputs)
-                    .map(|local| to_network_index(outputs, local))
-                    .collect()
+                (0..n_outputs).map(|local| to_network_index(outputs, local)).collect()
             }
-            (Unit::Bank(_), UnitContent::Bank(content)) => {
-                content.outputs.iter().map(|&own| own as usize).collect()
-            }
+            (Unit::Bank(_), UnitContent::Bank(content)) => content.outputs.iter().map(|&own| own as usize).collect(),
             (Unit::Bank(_), UnitContent::Island(_)) => Vec::new(),
         }
     }

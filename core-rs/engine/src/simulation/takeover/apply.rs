@@ -12,29 +12,23 @@ impl Simulation {
     /// Transfer the state of `old`, consuming it. Returns false, and transfers nothing, if the two are at different
     /// frames or have other plans than those that `takeover` was made for. Does not allocate.
     pub fn take_over(&mut self, old: &mut Self, takeover: &mut Takeover) -> bool {
-        let is_made_for = |[before, after]: &[Arc<Plan>; 2]| {
-            Arc::ptr_eq(before, &old.plan) && Arc::ptr_eq(after, &self.plan)
-        };
+        let is_made_for =
+            |[before, after]: &[Arc<Plan>; 2]| Arc::ptr_eq(before, &old.plan) && Arc::ptr_eq(after, &self.plan);
         // A takeover without plans (`Takeover::default`) transfers no modules: the new simulation begins anew.
         if self.frame != old.frame || !takeover.plans.as_ref().is_none_or(is_made_for) {
             return false;
         }
-        self.derivatives
-            .take_over(&old.derivatives, &takeover.outputs);
+        self.derivatives.take_over(&old.derivatives, &takeover.outputs);
         self.sounds_in.take_over(&old.sounds_in);
         for &(from, to) in &takeover.units {
             match (self.playing(to), old.playing(from)) {
-                (RunningUnit::Island(running), RunningUnit::Island(old)) => {
-                    running.continue_from(old)
-                }
+                (RunningUnit::Island(running), RunningUnit::Island(old)) => running.continue_from(old),
                 (RunningUnit::Bank(running), RunningUnit::Bank(old)) => running.continue_from(old),
                 _ => {}
             }
         }
         for &(from, to, n) in &takeover.modes {
-            if let (RunningUnit::Bank(running), RunningUnit::Bank(old)) =
-                (self.playing(to), old.playing(from))
-            {
+            if let (RunningUnit::Bank(running), RunningUnit::Bank(old)) = (self.playing(to), old.playing(from)) {
                 (0..n).for_each(|mode| running.copy_motion(mode, old, mode));
             }
         }
@@ -45,17 +39,13 @@ impl Simulation {
             workspace,
             ..
         } = takeover;
-        from.iter()
-            .for_each(|body| body.read_masses(old, workspace));
+        from.iter().for_each(|body| body.read_masses(old, workspace));
         for &(from, to) in &*mats {
             self.pass(old, workspace, from, to);
         }
-        to.iter_mut()
-            .for_each(|body| body.write_masses(self, workspace));
+        to.iter_mut().for_each(|body| body.write_masses(self, workspace));
         for (from, to, item) in &takeover.items {
-            if let (RunningUnit::Island(running), RunningUnit::Island(old)) =
-                (self.playing(*to), old.playing(*from))
-            {
+            if let (RunningUnit::Island(running), RunningUnit::Island(old)) = (self.playing(*to), old.playing(*from)) {
                 running.take_over(item, old);
             }
         }
@@ -90,13 +80,7 @@ impl Simulation {
     }
 
     /// Transfers the motion of one MAT.
-    fn pass(
-        &mut self,
-        old: &mut Self,
-        workspace: &mut Workspace,
-        from: MatLocation,
-        to: MatLocation,
-    ) {
+    fn pass(&mut self, old: &mut Self, workspace: &mut Workspace, from: MatLocation, to: MatLocation) {
         let mat_motion = match from {
             MatLocation::Workspace(slot) => workspace.mats[slot],
             MatLocation::Island(unit_index, mat) => match old.playing(unit_index) {

@@ -18,34 +18,24 @@ impl Takeover {
         let mut voices_by_name: HashMap<(String, bool), Vec<Known<'_>>> = HashMap::new();
         for &(old_unit, island, island_plan) in &there.islands {
             for (voice, voice_script) in island.script().voices.iter().enumerate() {
-                let name = (
-                    island_plan.network.mat_name(voice_script.struck),
-                    voice_script.layer,
-                );
-                voices_by_name.entry(name).or_default().push((
-                    old_unit,
-                    island,
-                    island_plan,
-                    voice,
-                ));
+                let name = (island_plan.network.mat_name(voice_script.struck), voice_script.layer);
+                voices_by_name
+                    .entry(name)
+                    .or_default()
+                    .push((old_unit, island, island_plan, voice));
             }
         }
         for &(to, island, island_plan) in &here.islands {
             let island_script = island.script();
             let takeover_step = island.step_at(n);
             for (voice, voice_script) in island_script.voices.iter().enumerate() {
-                let name = (
-                    island_plan.network.mat_name(voice_script.struck),
-                    voice_script.layer,
-                );
+                let name = (island_plan.network.mat_name(voice_script.struck), voice_script.layer);
                 let Some(candidates) = voices_by_name.get_mut(&name) else {
                     continue;
                 };
                 // A layer holds one gesture, so it is matched by that; all other gestures of a key share one voice.
                 let mut matching_voice = None;
-                for (candidate_index, &(old_unit, old, old_plan, there)) in
-                    candidates.iter().enumerate()
-                {
+                for (candidate_index, &(old_unit, old, old_plan, there)) in candidates.iter().enumerate() {
                     let old_voice = &old.script().voices[there];
                     let gestures = shared(
                         (voice_script, &island_script.gestures),
@@ -57,8 +47,7 @@ impl Takeover {
                     matching_voice = Some((candidate_index, old_unit, old_plan, there, gestures));
                     break;
                 }
-                let Some((candidate_index, old_unit, old_plan, there, gestures)) = matching_voice
-                else {
+                let Some((candidate_index, old_unit, old_plan, there, gestures)) = matching_voice else {
                     continue;
                 };
                 let old = candidates.remove(candidate_index).1.script();
@@ -68,8 +57,7 @@ impl Takeover {
                     |mat| old_plan.network.mat_name(mat),
                 );
                 let mats = if voice_script.free.is_like(&old_voice.free, name, other_name)
-                    && (island_plan.oversampling, island_plan.every)
-                        == (old_plan.oversampling, old_plan.every)
+                    && (island_plan.oversampling, island_plan.every) == (old_plan.oversampling, old_plan.every)
                 {
                     None
                 } else {
@@ -81,8 +69,7 @@ impl Takeover {
                         .zip(0..)
                         .collect();
                     let members = voice_script.free.members.iter().enumerate();
-                    let index_pair =
-                        |(to, &mat): (usize, &usize)| Some((to, *old_members.get(&name(mat))?));
+                    let index_pair = |(to, &mat): (usize, &usize)| Some((to, *old_members.get(&name(mat))?));
                     Some(members.filter_map(index_pair).collect())
                 };
                 let begun_gestures = gestures
@@ -90,11 +77,8 @@ impl Takeover {
                     .filter(|index_pair| old.gestures[index_pair.0].join_from <= takeover_step);
                 for &(there, here) in begun_gestures {
                     let is_same_unit = self.units.contains(&(old_unit, to));
-                    self.items.push((
-                        old_unit,
-                        to,
-                        ItemTakeover::Report(there, here, is_same_unit),
-                    ));
+                    self.items
+                        .push((old_unit, to, ItemTakeover::Report(there, here, is_same_unit)));
                 }
                 let voice = VoiceTakeover {
                     from: there,
@@ -112,18 +96,14 @@ impl Takeover {
         let mut old_ports: HashMap<String, (UnitIndex, usize)> = HashMap::new();
         for &(old_unit, island, island_plan) in &there.islands {
             for (index, binding) in island.script().port_bindings.iter().enumerate() {
-                old_ports.insert(
-                    island_plan.network.mat_name(binding.port),
-                    (old_unit, index),
-                );
+                old_ports.insert(island_plan.network.mat_name(binding.port), (old_unit, index));
             }
         }
         for &(to, island, island_plan) in &here.islands {
             for (index, binding) in island.script().port_bindings.iter().enumerate() {
                 let port_name = island_plan.network.mat_name(binding.port);
                 if let Some(&(old_unit, old_index)) = old_ports.get(&port_name) {
-                    self.items
-                        .push((old_unit, to, ItemTakeover::Port(old_index, index)));
+                    self.items.push((old_unit, to, ItemTakeover::Port(old_index, index)));
                 }
             }
         }
@@ -136,40 +116,25 @@ impl Takeover {
         let mut old_hands: HashMap<String, Vec<(UnitIndex, usize)>> = HashMap::new();
         for &(old_unit, island, island_plan) in &there.islands {
             for (gate, gate_script) in island.script().gates.iter().enumerate() {
-                old_gates.insert(
-                    island_plan.network.link_name(gate_script.link),
-                    (old_unit, gate),
-                );
+                old_gates.insert(island_plan.network.link_name(gate_script.link), (old_unit, gate));
             }
             // A hand that several islands touch has a binding in each of them.
             for (hand, binding) in island.script().hand_bindings.iter().enumerate() {
                 let match_name = island_plan.network.mat_name(binding.mat());
-                old_hands
-                    .entry(match_name)
-                    .or_default()
-                    .push((old_unit, hand));
+                old_hands.entry(match_name).or_default().push((old_unit, hand));
             }
         }
         let has_link = |match_name: &str| {
             let unit_with_link = |(unit, island_plan): (UnitIndex, &IslandPlan)| {
                 let network_runs = island_plan.network.runs().iter();
-                let mut link_names =
-                    network_runs.map(|run| island_plan.network.link_name(run.first));
-                link_names
-                    .any(|link_name| link_name == match_name)
-                    .then_some(unit)
+                let mut link_names = network_runs.map(|run| island_plan.network.link_name(run.first));
+                link_names.any(|link_name| link_name == match_name).then_some(unit)
             };
-            let mut side_islands = there
-                .islands
-                .iter()
-                .map(|&(unit, _, island_plan)| (unit, island_plan));
+            let mut side_islands = there.islands.iter().map(|&(unit, _, island_plan)| (unit, island_plan));
             side_islands.find_map(unit_with_link)
         };
-        let unit_origins: HashMap<UnitIndex, UnitIndex> = self
-            .units
-            .iter()
-            .map(|&(old_unit, to)| (to, old_unit))
-            .collect();
+        let unit_origins: HashMap<UnitIndex, UnitIndex> =
+            self.units.iter().map(|&(old_unit, to)| (to, old_unit)).collect();
         for &(to, island, island_plan) in &here.islands {
             let island_script = island.script();
             for (gate, gate_script) in island_script.gates.iter().enumerate() {
@@ -178,22 +143,18 @@ impl Takeover {
                     let passed_item = ItemTakeover::Gate(Some(old_index), gate);
                     self.items.push((old_unit, to, passed_item));
                 } else if let Some(old_unit) = has_link(&match_name) {
-                    self.items
-                        .push((old_unit, to, ItemTakeover::Gate(None, gate)));
+                    self.items.push((old_unit, to, ItemTakeover::Gate(None, gate)));
                 }
             }
             for (hand, binding) in island_script.hand_bindings.iter().enumerate() {
-                let Some(old_bindings) =
-                    old_hands.get(&island_plan.network.mat_name(binding.mat()))
-                else {
+                let Some(old_bindings) = old_hands.get(&island_plan.network.mat_name(binding.mat())) else {
                     continue;
                 };
                 let same_binding = old_bindings
                     .iter()
                     .find(|(old_unit, _)| unit_origins.get(&to) == Some(old_unit));
                 if let Some(&(old_unit, old_index)) = same_binding.or(old_bindings.first()) {
-                    self.items
-                        .push((old_unit, to, ItemTakeover::Hand(old_index, hand)));
+                    self.items.push((old_unit, to, ItemTakeover::Hand(old_index, hand)));
                 }
             }
         }
@@ -205,18 +166,12 @@ impl Takeover {
                     .find(|island| island.0 == unit)
                     .map(|island| island.2.network.clone())
             };
-            let (Some(new_network), Some(old_network)) =
-                (island(here, to), island(there, old_unit))
-            else {
+            let (Some(new_network), Some(old_network)) = (island(here, to), island(there, old_unit)) else {
                 continue;
             };
             let mut part_pairs: Vec<(u32, u32)> = {
                 let (new_parts, old_parts) = (&new_network.mats().part, &old_network.mats().part);
-                old_parts
-                    .iter()
-                    .copied()
-                    .zip(new_parts.iter().copied())
-                    .collect()
+                old_parts.iter().copied().zip(new_parts.iter().copied()).collect()
             };
             part_pairs.sort_unstable();
             part_pairs.dedup();

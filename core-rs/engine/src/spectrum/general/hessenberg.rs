@@ -23,10 +23,7 @@ pub(super) fn reduce(matrix: &mut [f64], n: usize) -> Vec<f64> {
             continue;
         }
         let leading_entry = reflector[0];
-        let signed_length = copysign(
-            sqrt(tail_square + leading_entry * leading_entry),
-            leading_entry,
-        );
+        let signed_length = copysign(sqrt(tail_square + leading_entry * leading_entry), leading_entry);
         mirror[k + 1] += signed_length;
         let reflection_scale = 2.0 / dot(&mirror[rows_below.clone()], &mirror[rows_below.clone()]);
         // From the left: changes the rows below k.

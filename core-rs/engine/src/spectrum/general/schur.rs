@@ -37,11 +37,7 @@ pub(super) fn iterate(h: &mut [f64], n: usize, turned: &mut [f64]) -> Option<Vec
 fn split(h: &mut [f64], n: usize, last: usize, size: f64) -> usize {
     for l in (1..=last).rev() {
         let diagonal_sum = h[(l - 1) * n + l - 1].abs() + h[l * n + l].abs();
-        let reference_size = if diagonal_sum == 0.0 {
-            size
-        } else {
-            diagonal_sum
-        };
+        let reference_size = if diagonal_sum == 0.0 { size } else { diagonal_sum };
         if h[l * n + l - 1].abs() <= f64::EPSILON * reference_size {
             h[l * n + l - 1] = 0.0;
             return l;
@@ -102,14 +98,10 @@ fn sweep(h: &mut [f64], n: usize, [first, last]: [usize; 2], round: usize, turne
     // Sum and product of the two shifts: the eigenvalues of the last 2 × 2 block, or exceptional shifts in every tenth
     // round, in case the iteration is stuck.
     let (shift_sum, product) = if round.is_multiple_of(10) {
-        let subdiagonal_sum =
-            h[entry_index(last, last - 1)].abs() + h[entry_index(last - 1, last - 2)].abs();
+        let subdiagonal_sum = h[entry_index(last, last - 1)].abs() + h[entry_index(last - 1, last - 2)].abs();
         (1.5 * subdiagonal_sum, subdiagonal_sum * subdiagonal_sum)
     } else {
-        let (a, b) = (
-            h[entry_index(last - 1, last - 1)],
-            h[entry_index(last - 1, last)],
-        );
+        let (a, b) = (h[entry_index(last - 1, last - 1)], h[entry_index(last - 1, last)]);
         let (c, d) = (h[entry_index(last, last - 1)], h[entry_index(last, last)]);
         (a + d, a * d - b * c)
     };
@@ -117,17 +109,9 @@ fn sweep(h: &mut [f64], n: usize, [first, last]: [usize; 2], round: usize, turne
     let mut bulge_column = [0.0; 3];
     // Two consecutive small subdiagonal elements also split the block.
     for m in (first..=last - 2).rev() {
-        let (a, b, c) = (
-            h[entry_index(m, m)],
-            h[entry_index(m, m + 1)],
-            h[entry_index(m + 1, m)],
-        );
+        let (a, b, c) = (h[entry_index(m, m)], h[entry_index(m, m + 1)], h[entry_index(m + 1, m)]);
         let (d, e) = (h[entry_index(m + 1, m + 1)], h[entry_index(m + 2, m + 1)]);
-        bulge_column = [
-            a * (a - shift_sum) + product + b * c,
-            c * (a + d - shift_sum),
-            c * e,
-        ];
+        bulge_column = [a * (a - shift_sum) + product + b * c, c * (a + d - shift_sum), c * e];
         let column_sum: f64 = bulge_column.iter().map(|x| x.abs()).sum();
         if column_sum > 0.0 {
             bulge_column.iter_mut().for_each(|x| *x /= column_sum);
@@ -136,8 +120,7 @@ fn sweep(h: &mut [f64], n: usize, [first, last]: [usize; 2], round: usize, turne
         if m == first {
             break;
         }
-        let coupling_product =
-            h[entry_index(m, m - 1)].abs() * (bulge_column[1].abs() + bulge_column[2].abs());
+        let coupling_product = h[entry_index(m, m - 1)].abs() * (bulge_column[1].abs() + bulge_column[2].abs());
         let diagonal_sum = h[entry_index(m - 1, m - 1)].abs() + a.abs() + d.abs();
         if coupling_product <= f64::EPSILON * bulge_column[0].abs() * diagonal_sum {
             break;
@@ -147,11 +130,7 @@ fn sweep(h: &mut [f64], n: usize, [first, last]: [usize; 2], round: usize, turne
         let n_rows = 3.min(last + 1 - k);
         if k > start_row {
             for (i, x) in bulge_column.iter_mut().enumerate() {
-                *x = if i < n_rows {
-                    h[entry_index(k + i, k - 1)]
-                } else {
-                    0.0
-                };
+                *x = if i < n_rows { h[entry_index(k + i, k - 1)] } else { 0.0 };
             }
         }
         let column_length = sqrt(bulge_column.iter().map(|x| x * x).sum());
@@ -167,11 +146,7 @@ fn sweep(h: &mut [f64], n: usize, [first, last]: [usize; 2], round: usize, turne
         }
         // The reflection is I − v wᵀ with v₀ = 1.
         let mirror_head = bulge_column[0] + column_length;
-        let v = [
-            1.0,
-            bulge_column[1] / mirror_head,
-            bulge_column[2] / mirror_head,
-        ];
+        let v = [1.0, bulge_column[1] / mirror_head, bulge_column[2] / mirror_head];
         let w = [
             mirror_head / column_length,
             bulge_column[1] / column_length,
@@ -183,10 +158,7 @@ fn sweep(h: &mut [f64], n: usize, [first, last]: [usize; 2], round: usize, turne
         for row in h.chunks_exact_mut(n).take(row_limit) {
             let entries = &mut row[k..k + n_rows];
             let projection: f64 = entries.iter().zip(&v).map(|(x, v)| x * v).sum();
-            entries
-                .iter_mut()
-                .zip(&w)
-                .for_each(|(x, w)| *x -= projection * w);
+            entries.iter_mut().zip(&w).for_each(|(x, w)| *x -= projection * w);
         }
     }
 
@@ -204,11 +176,7 @@ fn sweep(h: &mut [f64], n: usize, [first, last]: [usize; 2], round: usize, turne
         let third_row = &mut rows_below[from..n];
         for ((x, y), z) in first_row.iter_mut().zip(second_row).zip(third_row) {
             let projection = w[0] * *x + w[1] * *y + w[2] * *z;
-            (*x, *y, *z) = (
-                *x - projection,
-                *y - projection * v[1],
-                *z - projection * v[2],
-            );
+            (*x, *y, *z) = (*x - projection, *y - projection * v[1], *z - projection * v[2]);
         }
     }
 }

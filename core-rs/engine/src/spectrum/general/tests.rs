@@ -27,8 +27,7 @@ fn residual(matrix: &[f64], result: &General) -> f64 {
         let vector_norm = x.iter().chain(y).map(|x| x * x).sum::<f64>().sqrt();
         let (ax, ay) = (apply_matrix(x), apply_matrix(y));
         for i in 0..dimension {
-            let entry_residual =
-                (ax[i] - re * x[i] + im * y[i]).abs() + (ay[i] - im * x[i] - re * y[i]).abs();
+            let entry_residual = (ax[i] - re * x[i] + im * y[i]).abs() + (ay[i] - im * x[i] - re * y[i]).abs();
             worst_residual = worst_residual.max(entry_residual / (vector_norm * matrix_norm));
         }
         eigen_index += vector_rows;
@@ -47,16 +46,10 @@ fn general_eigenvectors_of_random_matrices() {
         for seed in 0..8 {
             let matrix = drawn(n, seed * 100 + n as u64);
             let eigensystem = general(matrix.clone()).unwrap();
-            assert!(
-                residual(&matrix, &eigensystem) < 1e-13 * n as f64,
-                "{n} {seed}"
-            );
+            assert!(residual(&matrix, &eigensystem) < 1e-13 * n as f64, "{n} {seed}");
             let eigenvalue_sum: f64 = eigensystem.values.iter().map(|value| value.0).sum();
             let trace: f64 = (0..n).map(|i| matrix[i * n + i]).sum();
-            assert!(
-                (eigenvalue_sum - trace).abs() < 1e-12 * n as f64,
-                "{n} {seed}"
-            );
+            assert!((eigenvalue_sum - trace).abs() < 1e-12 * n as f64, "{n} {seed}");
         }
     }
 }
@@ -68,28 +61,20 @@ fn general_eigenvalues_of_a_companion_matrix() {
     for i in 0..4 {
         companion[(i + 1) * 5 + i] = 1.0;
     }
-    let polynomial = [-1.0, -2.0, 3.0]
-        .iter()
-        .fold(vec![5.0, 2.0, 1.0], |low, by| {
-            let mut product = vec![0.0; low.len() + 1];
-            for (i, c) in low.iter().enumerate() {
-                product[i + 1] += c;
-                product[i] += c * by;
-            }
-            product
-        });
+    let polynomial = [-1.0, -2.0, 3.0].iter().fold(vec![5.0, 2.0, 1.0], |low, by| {
+        let mut product = vec![0.0; low.len() + 1];
+        for (i, c) in low.iter().enumerate() {
+            product[i + 1] += c;
+            product[i] += c * by;
+        }
+        product
+    });
     for (i, c) in polynomial[..5].iter().enumerate() {
         companion[i * 5 + 4] = -c;
     }
     let mut eigenvalues = general(companion).unwrap().values;
     eigenvalues.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-    let expected = [
-        (-3.0, 0.0),
-        (-1.0, -2.0),
-        (-1.0, 2.0),
-        (1.0, 0.0),
-        (2.0, 0.0),
-    ];
+    let expected = [(-3.0, 0.0), (-1.0, -2.0), (-1.0, 2.0), (1.0, 0.0), (2.0, 0.0)];
     for (item, expected) in eigenvalues.iter().zip(expected) {
         assert!(
             (item.0 - expected.0).abs() + (item.1 - expected.1).abs() < 1e-12,
@@ -117,13 +102,8 @@ fn inverse_times_matrix_is_identity() {
         let inverse_matrix = inverse(matrix.clone()).unwrap();
         for i in 0..n {
             for j in 0..n {
-                let product_entry: f64 = (0..n)
-                    .map(|k| matrix[i * n + k] * inverse_matrix[k * n + j])
-                    .sum();
-                assert!(
-                    (product_entry - f64::from(u8::from(i == j))).abs() < 1e-10,
-                    "{n}"
-                );
+                let product_entry: f64 = (0..n).map(|k| matrix[i * n + k] * inverse_matrix[k * n + j]).sum();
+                assert!((product_entry - f64::from(u8::from(i == j))).abs() < 1e-10, "{n}");
             }
         }
     }

@@ -29,12 +29,7 @@ pub(super) fn vectors(h: &[f64], n: usize, values: &[(f64, f64)], turned: &[f64]
                 values,
                 [&mut real_parts, &mut imaginary_parts],
             );
-            combine(
-                &real_parts,
-                turned,
-                last + 1,
-                &mut vectors[last * n..(last + 1) * n],
-            );
+            combine(&real_parts, turned, last + 1, &mut vectors[last * n..(last + 1) * n]);
         } else {
             // The last block gives (a − s) x + b = 0 and c x + (d − s) = 0; use the one with the larger of b and c.
             let first_row = last - 1;
@@ -93,10 +88,7 @@ fn solve(
         row_index -= 1;
         let negated_sum = |row: usize, from: usize, re: &[f64], im: &[f64]| {
             let row_entries = &h[row * n + from..(row + 1) * n];
-            (
-                -dot(row_entries, &re[from..]),
-                -dot(row_entries, &im[from..]),
-            )
+            (-dot(row_entries, &re[from..]), -dot(row_entries, &im[from..]))
         };
         if values[row_index].1 == 0.0 {
             let right_side = negated_sum(row_index, row_index + 1, re, im);
@@ -126,9 +118,7 @@ fn solve(
         }
         let greatest = re[row_index].abs().max(im[row_index].abs());
         if greatest > 1e150 {
-            re.iter_mut()
-                .chain(im.iter_mut())
-                .for_each(|x| *x /= greatest);
+            re.iter_mut().chain(im.iter_mut()).for_each(|x| *x /= greatest);
         }
     }
 }
@@ -152,16 +142,10 @@ fn divide(a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
     } else if b.0.abs() >= b.1.abs() {
         let ratio = b.1 / b.0;
         let denominator = b.0 + ratio * b.1;
-        (
-            (a.0 + ratio * a.1) / denominator,
-            (a.1 - ratio * a.0) / denominator,
-        )
+        ((a.0 + ratio * a.1) / denominator, (a.1 - ratio * a.0) / denominator)
     } else {
         let ratio = b.0 / b.1;
         let denominator = b.0 * ratio + b.1;
-        (
-            (a.0 * ratio + a.1) / denominator,
-            (a.1 * ratio - a.0) / denominator,
-        )
+        ((a.0 * ratio + a.1) / denominator, (a.1 * ratio - a.0) / denominator)
     }
 }

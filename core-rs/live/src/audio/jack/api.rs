@@ -137,12 +137,8 @@ pub(super) fn api() -> Result<&'static Api, AudioError> {
         }
         Err(load_error)
     });
-    load_result
-        .as_ref()
-        .map_err(|load_error| AudioError::Unavailable {
-            backend: "jack",
-            why: format!(
-                "there is no JACK library ({load_error}): install jackd2 or pipewire-jack"
-            ),
-        })
+    load_result.as_ref().map_err(|load_error| AudioError::Unavailable {
+        backend: "jack",
+        why: format!("there is no JACK library ({load_error}): install jackd2 or pipewire-jack"),
+    })
 }

@@ -97,12 +97,10 @@ impl Process for Recorder {
     fn cycle(&mut self, cycle: &Cycle<'_>) {
         let frames_done = self.recorded.load(Ordering::Relaxed);
         let new_frames = cycle.frames().min(self.capacity - frames_done);
-        let new_samples = &mut self.samples
-            [frames_done * self.channels..(frames_done + new_frames) * self.channels];
+        let new_samples = &mut self.samples[frames_done * self.channels..(frames_done + new_frames) * self.channels];
         cycle.read(0, new_samples);
         if frames_done > 0 || new_samples.iter().any(|x| *x != 0.0) {
-            self.recorded
-                .store(frames_done + new_frames, Ordering::Release);
+            self.recorded.store(frames_done + new_frames, Ordering::Release);
         }
     }
 }

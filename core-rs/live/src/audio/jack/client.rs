@@ -94,8 +94,7 @@ impl Cycle<'_> {
         let frame_count = (frames.len() / channels).min(self.frames() - first);
         for (channel, buffer) in self.buffers() {
             // SAFETY: an output port's buffer of as many floats as the cycle has frames, ours alone in this cycle.
-            let port_buffer =
-                unsafe { std::slice::from_raw_parts_mut(buffer.add(first), frame_count) };
+            let port_buffer = unsafe { std::slice::from_raw_parts_mut(buffer.add(first), frame_count) };
             for (x, frame) in port_buffer.iter_mut().zip(frames.chunks_exact(channels)) {
                 *x = frame[channel];
             }
@@ -148,10 +147,7 @@ fn open_with_retries<T>(mut open: impl FnMut(&mut c_uint) -> Option<T>) -> Resul
     } else {
         format!("the JACK server refuses (status {jack_status:#x})")
     };
-    Err(AudioError::Unavailable {
-        backend: "jack",
-        why,
-    })
+    Err(AudioError::Unavailable { backend: "jack", why })
 }
 
 impl Client {
@@ -165,8 +161,7 @@ impl Client {
                 (!raw.is_null()).then_some(raw)
             })?;
             // SAFETY: the client is open, and nobody else has it yet.
-            let (server_rate, server_block) =
-                unsafe { ((api.get_sample_rate)(raw), (api.get_buffer_size)(raw)) };
+            let (server_rate, server_block) = unsafe { ((api.get_sample_rate)(raw), (api.get_buffer_size)(raw)) };
             Ok(OpenClient {
                 api,
                 raw,
@@ -238,10 +233,7 @@ impl Client {
             let port = port.unwrap_or(ptr::null_mut());
             if port.is_null() {
                 let why = format!("the JACK server refused the port {prefix}_{i}");
-                return Err(AudioError::Unavailable {
-                    backend: "jack",
-                    why,
-                });
+                return Err(AudioError::Unavailable { backend: "jack", why });
             }
             Ok(Port(port))
         };
@@ -271,15 +263,12 @@ impl Client {
     /// Connect two ports by name; whether they are connected now.
     pub(super) fn connect(&self, source_name: &str, target_name: &str) -> bool {
         const EXISTS: c_int = 17;
-        let (Ok(source_name), Ok(target_name)) =
-            (CString::new(source_name), CString::new(target_name))
-        else {
+        let (Ok(source_name), Ok(target_name)) = (CString::new(source_name), CString::new(target_name)) else {
             return false;
         };
         // SAFETY: the client is open, the strings live through the call.
-        let connect_status = self.call(|api, raw| unsafe {
-            (api.connect)(raw, source_name.as_ptr(), target_name.as_ptr())
-        });
+        let connect_status =
+            self.call(|api, raw| unsafe { (api.connect)(raw, source_name.as_ptr(), target_name.as_ptr()) });
         connect_status.is_some_and(|connect_status| connect_status == 0 || connect_status == EXISTS)
     }
 
@@ -321,10 +310,7 @@ impl Client {
             return Ok(active);
         }
         let why = "the JACK server refused to activate the client".into();
-        let error = AudioError::Unavailable {
-            backend: "jack",
-            why,
-        };
+        let error = AudioError::Unavailable { backend: "jack", why };
         Err((active.close(), error))
     }
 }
@@ -401,9 +387,7 @@ unsafe fn text(string: *const c_char) -> String {
         return String::new();
     }
     // SAFETY: by contract.
-    unsafe { CStr::from_ptr(string) }
-        .to_string_lossy()
-        .into_owned()
+    unsafe { CStr::from_ptr(string) }.to_string_lossy().into_owned()
 }
 
 unsafe extern "C" fn cycle<P: Process>(frames: u32, arg: *mut c_void) -> c_int {
@@ -439,9 +423,7 @@ unsafe extern "C" fn xrun(arg: *mut c_void) -> c_int {
 
 unsafe extern "C" fn buffer_size(frames: u32, arg: *mut c_void) -> c_int {
     // SAFETY: a callback of `register_callbacks`.
-    unsafe { events(arg) }
-        .block
-        .store(frames, Ordering::Release);
+    unsafe { events(arg) }.block.store(frames, Ordering::Release);
     0
 }
 
@@ -483,11 +465,7 @@ mod tests {
                 .unwrap_err()
                 .to_string()
         };
-        assert!(
-            refusal_text(0x21).contains("too busy"),
-            "{}",
-            refusal_text(0x21)
-        );
+        assert!(refusal_text(0x21).contains("too busy"), "{}", refusal_text(0x21));
         assert!(
             refusal_text(0x11).contains("no JACK server runs"),
             "{}",

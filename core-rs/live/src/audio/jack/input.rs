@@ -11,11 +11,7 @@ use crate::audio::source::{InputFailure, OpenedInput, Source};
 use crate::audio::{AudioError, Spec};
 
 /// Opens a client that listens.
-pub(in crate::audio) fn open(
-    spec: &Spec,
-    channels: usize,
-    shared: &Arc<Shared>,
-) -> Result<OpenedInput, AudioError> {
+pub(in crate::audio) fn open(spec: &Spec, channels: usize, shared: &Arc<Shared>) -> Result<OpenedInput, AudioError> {
     let (client, _, device) = connect(c"ergon_in", spec, shared, PORT_IS_OUTPUT, "from")?;
     let (rate, block) = (client.rate(), client.block());
     let pattern = spec.device.clone();
@@ -28,12 +24,7 @@ pub(in crate::audio) fn open(
     })
 }
 
-fn start(
-    client: Client,
-    feed: Feed,
-    channels: usize,
-    device: Option<&str>,
-) -> Result<Box<dyn Source>, InputFailure> {
+fn start(client: Client, feed: Feed, channels: usize, device: Option<&str>) -> Result<Box<dyn Source>, InputFailure> {
     let callback = InputCallback {
         scratch: vec![0.0; SLICE * channels].into(),
         feed,

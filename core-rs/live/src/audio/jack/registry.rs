@@ -36,10 +36,7 @@ impl<C: Connection> Registry<C> {
     /// Calls `call` while nobody else opens or closes a client; nothing if this one is closed.
     pub(super) fn call<T>(&self, client: &Arc<C>, call: impl FnOnce() -> T) -> Option<T> {
         let clients = self.lock();
-        clients
-            .iter()
-            .any(|other| Arc::ptr_eq(other, client))
-            .then(call)
+        clients.iter().any(|other| Arc::ptr_eq(other, client)).then(call)
     }
 
     /// Closes a client unless it is closed already.

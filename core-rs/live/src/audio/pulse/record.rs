@@ -45,12 +45,7 @@ fn find(wire: &mut Wire, device: Option<&str>) -> Result<SourceInfo, AudioError>
         .map_err(|error| missing(format!("no source {} ({error})", words(&source_name))))
 }
 
-fn start(
-    mut wire: Wire,
-    source: &SourceInfo,
-    feed: Feed,
-    block: u32,
-) -> Result<Box<dyn Source>, InputFailure> {
+fn start(mut wire: Wire, source: &SourceInfo, feed: Feed, block: u32) -> Result<Box<dyn Source>, InputFailure> {
     let (channel, latency) = match begin(&mut wire, source, c"ergon", block) {
         Ok(begun) => begun,
         Err(why) => return Err((Some(Box::new(feed)), missing(why))),
@@ -69,12 +64,7 @@ fn start(
 }
 
 /// Creates a stream of all channels of a source: its number, and its latency [frames].
-fn begin(
-    wire: &mut Wire,
-    source: &SourceInfo,
-    name: &CStr,
-    block: u32,
-) -> Result<(u32, u32), String> {
+fn begin(wire: &mut Wire, source: &SourceInfo, name: &CStr, block: u32) -> Result<(u32, u32), String> {
     let mut props = protocol::Props::new();
     props.set(Prop::MediaName, name);
     let (sample_rate, channels) = (source.sample_spec.sample_rate, source.sample_spec.channels);
@@ -93,13 +83,9 @@ fn begin(
         },
         ..Default::default()
     };
-    let stream_reply: protocol::CreateRecordStreamReply =
-        wire.ask(&Command::CreateRecordStream(params))?;
+    let stream_reply: protocol::CreateRecordStreamReply = wire.ask(&Command::CreateRecordStream(params))?;
     let latency = u128::from(stream_reply.stream_latency) * u128::from(sample_rate) / 1_000_000;
-    Ok((
-        stream_reply.channel,
-        u32::try_from(latency).unwrap_or(u32::MAX),
-    ))
+    Ok((stream_reply.channel, u32::try_from(latency).unwrap_or(u32::MAX)))
 }
 
 struct RecordingStream {

@@ -5,8 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime};
 
 use pulseaudio::protocol::{
-    self, ChannelMap, ChannelPosition, Command, Prop, SampleFormat, SampleSpec, ServerInfo,
-    SinkInfo,
+    self, ChannelMap, ChannelPosition, Command, Prop, SampleFormat, SampleSpec, ServerInfo, SinkInfo,
 };
 
 use super::wire::Wire;
@@ -23,17 +22,13 @@ const MESSAGE_TIMEOUT: Duration = Duration::from_millis(50);
 const LATENCY_EVERY: Duration = Duration::from_secs(1);
 
 pub(super) fn missing(why: String) -> AudioError {
-    AudioError::Unavailable {
-        backend: "pulse",
-        why,
-    }
+    AudioError::Unavailable { backend: "pulse", why }
 }
 
 /// Opens a stream to the named sink, or to the default one; starts no server.
 pub(in crate::audio) fn open(spec: &Spec, channels: usize) -> Result<Opened, AudioError> {
     if channels > CHANNELS_MAX {
-        let limit_text =
-            "PulseAudio's protocol carries 32 at most: use jack (any number) or file:PATH";
+        let limit_text = "PulseAudio's protocol carries 32 at most: use jack (any number) or file:PATH";
         return Err(AudioError::Channels {
             channels,
             why: limit_text.into(),
@@ -59,9 +54,7 @@ pub(in crate::audio) fn open(spec: &Spec, channels: usize) -> Result<Opened, Aud
         remarks,
         start: Box::new(move |drain| {
             let pump = RingThread::start("ergon pulse", drain, move |drain, stop| {
-                drain
-                    .shared()
-                    .set_priority(realtime::set_priority(PRIORITY));
+                drain.shared().set_priority(realtime::set_priority(PRIORITY));
                 PlayingStream::begin(wire, &sink, drain.channels(), block)?.run(drain, stop)
             })?;
             Ok(Box::new(pump) as Box<dyn Sink>)
@@ -144,8 +137,7 @@ impl PlayingStream {
             },
             ..Default::default()
         };
-        let stream_reply: protocol::CreatePlaybackStreamReply =
-            wire.ask(&Command::CreatePlaybackStream(params))?;
+        let stream_reply: protocol::CreatePlaybackStreamReply = wire.ask(&Command::CreatePlaybackStream(params))?;
         let frames_max = 4 * block as usize;
         Ok(Self {
             wire,
@@ -170,10 +162,7 @@ impl PlayingStream {
                 let now = SystemTime::now();
                 let channel = self.channel;
                 let params = protocol::LatencyParams { channel, now };
-                latency_query = (
-                    self.wire.send(&Command::GetPlaybackLatency(params))?,
-                    Instant::now(),
-                );
+                latency_query = (self.wire.send(&Command::GetPlaybackLatency(params))?, Instant::now());
             }
             let Some(message) = self.wire.message(MESSAGE_TIMEOUT)? else {
                 continue;
@@ -253,11 +242,7 @@ pub(in crate::audio) fn survey() -> Result<String, AudioError> {
         .iter()
         .map(|sink| {
             let (sample_rate, channels) = (sink.sample_spec.sample_rate, sink.sample_spec.channels);
-            let default_mark = if sink.name == default {
-                ", default"
-            } else {
-                ""
-            };
+            let default_mark = if sink.name == default { ", default" } else { "" };
             format!(
                 "{} ({channels} channels, {sample_rate} Hz{default_mark})",
                 words(&sink.name)

@@ -106,8 +106,7 @@ impl Wire {
 
     /// Send samples to a stream.
     pub(super) fn samples(&mut self, channel: u32, bytes: &[u8]) -> Result<(), String> {
-        protocol::write_memblock(&mut self.socket, channel, bytes, 0)
-            .map_err(|error| error.to_string())
+        protocol::write_memblock(&mut self.socket, channel, bytes, 0).map_err(|error| error.to_string())
     }
 
     /// The next whole message, if one comes in time.
@@ -117,9 +116,7 @@ impl Wire {
         }
         let read_wait = read_wait.max(Duration::from_millis(1));
         let error_text = |error: io::Error| error.to_string();
-        self.socket
-            .set_read_timeout(Some(read_wait))
-            .map_err(error_text)?;
+        self.socket.set_read_timeout(Some(read_wait)).map_err(error_text)?;
         match self.socket.read(&mut self.buffer) {
             Ok(0) => Err("the server closed the connection".into()),
             Ok(n) => {
@@ -142,8 +139,7 @@ impl Wire {
         let Some(header) = self.received.get(..protocol::DESCRIPTOR_SIZE) else {
             return Ok(None);
         };
-        let header = protocol::read_descriptor(&mut Cursor::new(header))
-            .map_err(|error| error.to_string())?;
+        let header = protocol::read_descriptor(&mut Cursor::new(header)).map_err(|error| error.to_string())?;
         let message_end = protocol::DESCRIPTOR_SIZE + header.length as usize;
         if self.received.len() < message_end {
             return Ok(None);
@@ -186,9 +182,7 @@ impl Message {
         let mut cursor = Cursor::new(&self.bytes);
         Command::read_tag_prefixed(&mut cursor, version)
             .and_then(|_| protocol::TagStructReader::new(&mut cursor, version).read())
-            .map_err(|error| {
-                format!("the answer of the PulseAudio server cannot be parsed: {error}")
-            })
+            .map_err(|error| format!("the answer of the PulseAudio server cannot be parsed: {error}"))
     }
 }
 
@@ -198,19 +192,15 @@ fn socket_path() -> Result<PathBuf, String> {
     if let Some(server_list) = variable("PULSE_SERVER") {
         // It may list several servers; each may begin with a {machine id}.
         let local_path = server_list.split_whitespace().find_map(|address| {
-            let address = address
-                .rsplit_once('}')
-                .map_or(address, |(_, address)| address);
+            let address = address.rsplit_once('}').map_or(address, |(_, address)| address);
             let path = address.strip_prefix("unix:").unwrap_or(address);
             path.starts_with('/').then(|| path.into())
         });
-        return local_path.ok_or_else(|| {
-            format!("PULSE_SERVER={server_list} names no server on this machine (unix:/path)")
-        });
+        return local_path
+            .ok_or_else(|| format!("PULSE_SERVER={server_list} names no server on this machine (unix:/path)"));
     }
     let runtime = variable("PULSE_RUNTIME_PATH").map(|path| PathBuf::from(path).join("native"));
-    let user_socket =
-        variable("XDG_RUNTIME_DIR").map(|path| PathBuf::from(path).join("pulse/native"));
+    let user_socket = variable("XDG_RUNTIME_DIR").map(|path| PathBuf::from(path).join("pulse/native"));
     let system_socket = Some(PathBuf::from("/var/run/pulse/native"));
     let socket_places = [runtime, user_socket, system_socket].into_iter().flatten();
     socket_places

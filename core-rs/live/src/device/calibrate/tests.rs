@@ -49,10 +49,7 @@ fn pulse_moves_a_key_slightly() {
     directions(&mut straight, &[0], pulse, PERIOD, &GO).unwrap();
     let rest_range = travel_ends(&mut straight, 0.1, PERIOD, &GO).unwrap()[0];
     let key_travel = straight.spec().pos_range[1] - straight.spec().pos_range[0];
-    assert!(
-        rest_range[1] - rest_range[0] < 1e-6,
-        "at rest: {rest_range:?}"
-    );
+    assert!(rest_range[1] - rest_range[0] < 1e-6, "at rest: {rest_range:?}");
     assert!(rest_range[0].abs() < 0.1 * key_travel, "{rest_range:?}");
 }
 
@@ -96,11 +93,7 @@ fn travel_ends_give_offset_and_gain() {
     let mut corrected = Calibrated::new(device, vec![scaled_axis]);
     let mut sample = Sample::default();
     corrected.receive(&mut sample, Instant::now()).unwrap();
-    assert!(
-        (sample.position[0] + 0.04).abs() < 4e-3,
-        "{}",
-        sample.position[0]
-    );
+    assert!((sample.position[0] + 0.04).abs() < 4e-3, "{}", sample.position[0]);
     assert!((corrected.spec().pos_range[1] - 0.04).abs() < 1e-12);
 }
 

@@ -163,8 +163,7 @@ impl Line {
             self.len += bytes_read;
             let (messages, partial_bytes) = self.bytes[..self.len].as_chunks::<LEN>();
             messages.iter().for_each(&mut each);
-            let (partial_start, partial_length) =
-                (self.len - partial_bytes.len(), partial_bytes.len());
+            let (partial_start, partial_length) = (self.len - partial_bytes.len(), partial_bytes.len());
             self.bytes.copy_within(partial_start..self.len, 0);
             self.len = partial_length;
             if partial_start + partial_length < self.bytes.len() {
@@ -264,10 +263,7 @@ mod tests {
         };
         let parsed_order = ForceCommand::parse(&sent_order.bytes());
         assert_eq!(parsed_order.number, sent_order.number);
-        assert_eq!(
-            parsed_order.force.map(f64::to_bits),
-            sent_order.force.map(f64::to_bits)
-        );
+        assert_eq!(parsed_order.force.map(f64::to_bits), sent_order.force.map(f64::to_bits));
         for answer in [
             GuardianReply::State {
                 number: 7,
@@ -292,9 +288,7 @@ mod tests {
             number,
             force: [f64::from(number); 3],
         };
-        let sent_bytes: Vec<u8> = (0..300)
-            .flat_map(|number| numbered_order(number).bytes())
-            .collect();
+        let sent_bytes: Vec<u8> = (0..300).flat_map(|number| numbered_order(number).bytes()).collect();
         let mut commands = Vec::new();
         for piece in sent_bytes.chunks(37) {
             writer_end.write_all(piece).unwrap();
@@ -317,15 +311,9 @@ mod tests {
         let (mut writer_end, mut reader_end) = Stream::pair().unwrap();
         put_text(&mut writer_end, "ws://127.0.0.1").unwrap();
         let patience = Duration::from_secs(10);
-        assert_eq!(
-            take_text(&mut reader_end, patience).unwrap(),
-            "ws://127.0.0.1"
-        );
+        assert_eq!(take_text(&mut reader_end, patience).unwrap(), "ws://127.0.0.1");
         writer_end.write_all(&[0xFF; 8]).unwrap();
-        assert!(
-            take_text(&mut reader_end, patience).is_err(),
-            "four gigabytes"
-        );
+        assert!(take_text(&mut reader_end, patience).is_err(), "four gigabytes");
         drop(writer_end);
         assert!(take_text(&mut reader_end, patience).is_err());
     }

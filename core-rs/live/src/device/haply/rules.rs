@@ -110,8 +110,7 @@ impl Rules {
         }
         // Only one unanswered force at a time, otherwise a slow service would fall further and further behind. A zero
         // that ends a force is sent at once.
-        let may_send =
-            |order: &ForceCommand| self.asked.is_none() || (order.is_zero() && self.pushes);
+        let may_send = |order: &ForceCommand| self.asked.is_none() || (order.is_zero() && self.pushes);
         match self.orders.front().copied().filter(may_send) {
             Some(order) => {
                 self.orders.clear();

@@ -67,9 +67,7 @@ impl Service {
         let device_id = (!self.id.is_empty()).then_some(self.id.as_str());
         for _ in 0..READS_MAX {
             match self.socket.read() {
-                Ok(Message::Text(text)) => wire::parse_state(&text, device_id)
-                    .into_iter()
-                    .for_each(&mut each),
+                Ok(Message::Text(text)) => wire::parse_state(&text, device_id).into_iter().for_each(&mut each),
                 Ok(Message::Close(_)) => return Err(Gone::Closed),
                 Ok(_) => {}
                 Err(Error::Io(error)) if is_quiet(&error) => return Ok(false),
@@ -138,11 +136,10 @@ fn connect(target: &str, patience: Duration) -> Result<WebSocket<TcpStream>, Str
         .write_buffer_size(0)
         .max_message_size(Some(wire::LONGEST))
         .max_frame_size(Some(wire::LONGEST));
-    let (web_socket, _) =
-        client_with_config(target, tcp_stream, Some(config)).map_err(|error| match error {
-            HandshakeError::Failure(error) => error.to_string(),
-            HandshakeError::Interrupted(_) => "it does not answer as a WebSocket".to_owned(),
-        })?;
+    let (web_socket, _) = client_with_config(target, tcp_stream, Some(config)).map_err(|error| match error {
+        HandshakeError::Failure(error) => error.to_string(),
+        HandshakeError::Interrupted(_) => "it does not answer as a WebSocket".to_owned(),
+    })?;
     let set_result = web_socket.get_ref().set_nonblocking(true);
     set_result.map_err(|error| error.to_string())?;
     Ok(web_socket)

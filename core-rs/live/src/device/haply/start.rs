@@ -48,13 +48,9 @@ impl Drop for Started {
 
 /// Start a guardian, which waits for its host's first message.
 pub(super) fn start() -> io::Result<(Stream, Started)> {
-    let program = PROGRAM
-        .read()
-        .unwrap_or_else(PoisonError::into_inner)
-        .clone();
-    let program = program.ok_or_else(|| {
-        io::Error::other("a Haply needs a guardian process, which this program cannot start")
-    })?;
+    let program = PROGRAM.read().unwrap_or_else(PoisonError::into_inner).clone();
+    let program =
+        program.ok_or_else(|| io::Error::other("a Haply needs a guardian process, which this program cannot start"))?;
     let mut command = Command::new(&program.path);
     command
         .args(&program.arguments)
@@ -63,10 +59,7 @@ pub(super) fn start() -> io::Result<(Stream, Started)> {
     let started = launch(command);
     started.map_err(|error| {
         let program_path = program.path.display();
-        io::Error::new(
-            error.kind(),
-            format!("its guardian process ({program_path}): {error}"),
-        )
+        io::Error::new(error.kind(), format!("its guardian process ({program_path}): {error}"))
     })
 }
 

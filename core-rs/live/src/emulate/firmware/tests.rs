@@ -55,10 +55,7 @@ fn untouched_key_gets_no_force() {
         assert_eq!(is_pushed, n >= 5, "{n}");
     }
     let reply = firefader_reply(&mut touched, [1.0, -1.0], ms(0));
-    assert!(
-        reply.position[0] > 128 && reply.position[1] < 128,
-        "{reply:?}"
-    );
+    assert!(reply.position[0] > 128 && reply.position[1] < 128, "{reply:?}");
     assert!(reply.cap[0] > firefader::CAP_TOUCHED);
 }
 
@@ -122,10 +119,7 @@ fn frame_with_ask_takes_no_step() {
     };
     // F T²/m after one period from rest.
     assert!((reply.position[2] - 1e-6 / 0.05).abs() < 1e-18);
-    assert_eq!(
-        (reply.t_us, reply.status),
-        (1000, status::TOUCHED | status::ENABLED)
-    );
+    assert_eq!((reply.t_us, reply.status), (1000, status::TOUCHED | status::ENABLED));
     request.flags = 0;
     frame_reply(&mut firmware, request);
     assert_eq!(firmware.forces()[0], 0.0, "not enabled");
@@ -153,10 +147,7 @@ fn device_info_of_a_frame_board() {
     let Parsed::Packet(board_info, _) = board_info else {
         panic!("{board_info:?}");
     };
-    assert_eq!(
-        (board_info.seq, board_info.n, board_info.traits),
-        (3, 12, 4 | 8)
-    );
+    assert_eq!((board_info.seq, board_info.n, board_info.traits), (3, 12, 4 | 8));
     assert_eq!(board_info.numbers[..2], [10.0, 10.0]);
     assert_eq!(board_info.numbers[6..], [0.05, 1.0]);
 }

@@ -33,9 +33,7 @@ fn emulated_key_equals_a_cel_bitwise() {
         z: key.damping,
     };
     let mut network = Network::new();
-    let cel_mat = network
-        .cel("key", key.mass, cel_tie, 0.0, 0.0, 0.0)
-        .unwrap();
+    let cel_mat = network.cel("key", key.mass, cel_tie, 0.0, 0.0, 0.0).unwrap();
     let other_mat = network.mas("other", 0.05, 0.0, 1.5).unwrap();
     let link_stiffness = 120.0;
     network
@@ -92,8 +90,7 @@ fn hand_on_path_pulls_as_a_damped_spring() {
         key.step(&push(0.0));
         let t = f64::from(n) / key_rate;
         let (sin, cos) = maths::sincos(omega * t);
-        let exact_position =
-            hand_target * (1.0 - maths::exp(-sigma * t) * (cos + sigma / omega * sin));
+        let exact_position = hand_target * (1.0 - maths::exp(-sigma * t) * (cos + sigma / omega * sin));
         // A damper by backward differences is half a period late, and so is the first step.
         assert!(
             (key.positions()[0] - exact_position).abs() < 0.02 * hand_target,
@@ -133,9 +130,7 @@ fn key_with_a_model_follows_the_model() {
     let model = KeyModel::from_row(&model_row).unwrap();
     let push_forces: Vec<f64> = (0..500u32).map(|n| f64::from(n % 37) * 0.02).collect();
     let model_path = model.path(&push_forces, 1000.0, None).unwrap();
-    let mut single_key = keys(Key::default(), 1000.0, vec![])
-        .with_model(&model)
-        .unwrap();
+    let mut single_key = keys(Key::default(), 1000.0, vec![]).with_model(&model).unwrap();
     for (force, x) in push_forces.iter().zip(model_path) {
         assert_eq!(single_key.positions()[0], x);
         single_key.step(&push(*force));

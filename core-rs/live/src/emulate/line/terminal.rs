@@ -35,18 +35,11 @@ impl Terminal {
             drop(OwnedFd::from_raw_fd(slave_fd));
             let fd = OwnedFd::from_raw_fd(master_fd);
             let status_flags = libc::fcntl(fd.as_raw_fd(), libc::F_GETFL);
-            libc::fcntl(
-                fd.as_raw_fd(),
-                libc::F_SETFL,
-                status_flags | libc::O_NONBLOCK,
-            );
+            libc::fcntl(fd.as_raw_fd(), libc::F_SETFL, status_flags | libc::O_NONBLOCK);
             libc::fcntl(fd.as_raw_fd(), libc::F_SETFD, libc::FD_CLOEXEC);
             (fd, CStr::from_bytes_until_nul(&name_bytes))
         };
-        let path = path
-            .map_err(io::Error::other)?
-            .to_string_lossy()
-            .into_owned();
+        let path = path.map_err(io::Error::other)?.to_string_lossy().into_owned();
         Ok(Self {
             fd,
             path,
@@ -77,8 +70,7 @@ impl Terminal {
             return Ok(LineEvent::Nothing);
         }
         // SAFETY: the descriptor is open and the slice valid.
-        let bytes_read =
-            unsafe { libc::read(self.fd.as_raw_fd(), into.as_mut_ptr().cast(), into.len()) };
+        let bytes_read = unsafe { libc::read(self.fd.as_raw_fd(), into.as_mut_ptr().cast(), into.len()) };
         match usize::try_from(bytes_read) {
             Ok(0) => Ok(LineEvent::Nothing),
             Ok(n) => {

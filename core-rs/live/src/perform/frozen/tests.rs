@@ -33,10 +33,7 @@ fn stem(stem_name: &str, n_frames: u64, written: u64, outputs: &[usize]) -> (Tem
             file_bytes.extend(sample(o, i).to_le_bytes());
         }
     }
-    File::create(&stem_path)
-        .unwrap()
-        .write_all(&file_bytes)
-        .unwrap();
+    File::create(&stem_path).unwrap().write_all(&file_bytes).unwrap();
     let stem = Stem {
         path: stem_path.clone(),
         offset: 6,
@@ -59,8 +56,7 @@ fn frozen_stems_join_a_simulation() {
     let (_a, first_stem) = stem("a", stem_frames, stem_frames, &[3, 0]);
     let (_b, second_stem) = stem("b", stem_frames, stem_frames, &[2]);
     for start in [0, 1, 70_001] {
-        let (mut frozen_stems, _reader) =
-            open(vec![first_stem.clone(), second_stem.clone()], start).unwrap();
+        let (mut frozen_stems, _reader) = open(vec![first_stem.clone(), second_stem.clone()], start).unwrap();
         let mut position = start;
         for chunk_frames in [1, 44, 64, 4_096, 333].into_iter().cycle() {
             let chunk_frames = chunk_frames.min((stem_frames - position) as usize);
@@ -70,19 +66,13 @@ fn frozen_stems_join_a_simulation() {
             until_ready(&frozen_stems, position, chunk_frames);
             let mut joined_frames = vec![-1.0; chunk_frames * 4];
             let violations_before = violation_count();
-            let missed_frames =
-                assert_no_alloc(|| frozen_stems.join(&mut joined_frames, 4, position));
+            let missed_frames = assert_no_alloc(|| frozen_stems.join(&mut joined_frames, 4, position));
             assert_eq!((missed_frames, violation_count()), (0, violations_before));
             for (i, frame) in joined_frames.chunks(4).enumerate() {
                 let expected_sample = |o| sample(o, position + i as u64);
                 assert_eq!(
                     frame,
-                    [
-                        expected_sample(0),
-                        -1.0,
-                        expected_sample(2),
-                        expected_sample(3)
-                    ]
+                    [expected_sample(0), -1.0, expected_sample(2), expected_sample(3)]
                 );
             }
             position += chunk_frames as u64;
@@ -103,16 +93,10 @@ fn frozen_frames_too_late_are_dropped() {
     assert_eq!(frozen_stems.join(&mut joined_frames, 1, 500), 0);
     assert_eq!(joined_frames[0], sample(0, 500));
     let mut joined_frames = vec![0.0; 100];
-    assert_eq!(
-        frozen_stems.join(&mut joined_frames, 1, ring_frames - 40),
-        60
-    );
+    assert_eq!(frozen_stems.join(&mut joined_frames, 1, ring_frames - 40), 60);
     assert_eq!(joined_frames[39], sample(0, ring_frames - 1));
     assert_eq!(joined_frames[40], 0.0);
-    assert_eq!(
-        frozen_stems.join(&mut joined_frames, 1, ring_frames + 60),
-        100
-    );
+    assert_eq!(frozen_stems.join(&mut joined_frames, 1, ring_frames + 60), 100);
     assert!(frozen_stems.is_ready(ring_frames + 160, 100)); // no further frames will come
 }
 

@@ -19,10 +19,7 @@ fn reconnected_device_keeps_its_heat() {
     let keyboard = Keyboard::from_device(unplugged_device, device_config, vec![(0, 0)]);
     let (commands, mut received_commands) = RingBuffer::new(4);
     let (mut keyboard_slot, reconnector) = keyboard.split(0, Arc::new(Mutex::new(commands)));
-    assert!(
-        keyboard_slot.receive(keyboard_slot.deadline()),
-        "where it is, first"
-    );
+    assert!(keyboard_slot.receive(keyboard_slot.deadline()), "where it is, first");
     while keyboard_slot.is_there() {
         keyboard_slot.set_force(0, 20.0);
         if keyboard_slot.send() {

@@ -57,22 +57,18 @@ impl Player {
             self.give_back(due);
             return;
         }
-        let queue_index = self
-            .waiting
-            .partition_point(|other| other.frame <= due.frame);
+        let queue_index = self.waiting.partition_point(|other| other.frame <= due.frame);
         self.waiting.insert(queue_index, due);
     }
 
     /// Withdraw the changes of the simulation that are due at `frame` or later, by rising tickets.
     pub(super) fn revoke(&mut self, frame: u64) {
-        let is_revoked = |due_change: &ScheduledChange| {
-            due_change.frame >= frame && due_change.change.simulation.is_some()
-        };
+        let is_revoked =
+            |due_change: &ScheduledChange| due_change.frame >= frame && due_change.change.simulation.is_some();
         loop {
             let waiting = self.waiting.iter().enumerate();
             let revoked = waiting.filter(|(_, due_change)| is_revoked(due_change));
-            let Some((revoked_index, _)) = revoked.min_by_key(|(_, due_change)| due_change.ticket)
-            else {
+            let Some((revoked_index, _)) = revoked.min_by_key(|(_, due_change)| due_change.ticket) else {
                 break;
             };
             let due_change = self.waiting.remove(revoked_index);
@@ -108,14 +104,9 @@ impl Player {
     /// Make a change. Return false, with nothing changed, if its simulation cannot take over from the playing one, or
     /// if the numbers of outputs of simulation and mixer differ.
     fn change(&mut self, due: &mut ScheduledChange) -> bool {
-        let ScheduledChange {
-            change, outputs, ..
-        } = due;
+        let ScheduledChange { change, outputs, .. } = due;
         let stage = &mut self.stage;
-        let simulation = change
-            .simulation
-            .as_ref()
-            .map_or(&stage.simulation, |(own, _)| own);
+        let simulation = change.simulation.as_ref().map_or(&stage.simulation, |(own, _)| own);
         let mixer = change.mixer.as_ref().unwrap_or(&stage.mixer);
         if simulation.n_out() != mixer.n_out() {
             return false;
@@ -128,10 +119,7 @@ impl Player {
             std::mem::swap(outputs, &mut self.outputs);
         }
         if let Some(mixer) = &mut change.mixer {
-            let outputs = change
-                .simulation
-                .as_ref()
-                .map(|(_, takeover)| takeover.outputs());
+            let outputs = change.simulation.as_ref().map(|(_, takeover)| takeover.outputs());
             mixer.take_over(&mut stage.mixer, outputs);
             std::mem::swap(mixer, &mut stage.mixer);
         }
@@ -149,12 +137,8 @@ impl Player {
         }
         if let Some(standins) = &mut change.standins {
             let sources = self.sources.iter_mut().zip(&mut self.guidance);
-            for (index, ((hand, standin), (source, guidance))) in stage
-                .hands
-                .iter_mut()
-                .zip(standins)
-                .zip(sources)
-                .enumerate()
+            for (index, ((hand, standin), (source, guidance))) in
+                stage.hands.iter_mut().zip(standins).zip(sources).enumerate()
             {
                 if standin.is_empty() {
                     continue;

@@ -44,12 +44,7 @@ impl Player {
                 let lockstep = !self.slots[slot_index].is_on_the_clock();
                 let part_motion = stage_hand.written_motion(self.tick, tick_period, lockstep);
                 let force_scale = self.scales[hand].now();
-                let guidance = self.guidance[hand].force(
-                    part_motion,
-                    hand_source.x,
-                    hand_velocity,
-                    force_scale,
-                );
+                let guidance = self.guidance[hand].force(part_motion, hand_source.x, hand_velocity, force_scale);
                 (self.piece_forces[hand] + guidance) * hand_source.progress()
             } else {
                 0.0
@@ -95,9 +90,7 @@ impl Player {
     /// Move every hand to its position in this tick.
     pub(super) fn move_hands(&mut self) {
         for slot in 0..self.slots.len() {
-            if self.returns_at[slot].is_none_or(|tick| self.tick < tick)
-                || !self.slots[slot].is_there()
-            {
+            if self.returns_at[slot].is_none_or(|tick| self.tick < tick) || !self.slots[slot].is_there() {
                 continue;
             }
             self.returns_at[slot] = None;
@@ -112,9 +105,7 @@ impl Player {
             let hand_source = &mut self.sources[hand_index];
             self.previous[hand_index] = hand_source.x;
             let hand_position = match self.axis_of[hand_index] {
-                Some((slot, axis_index)) if hand_source.real => {
-                    self.slots[slot].sample.position[axis_index]
-                }
+                Some((slot, axis_index)) if hand_source.real => self.slots[slot].sample.position[axis_index],
                 _ => stage_hand.standin_position(self.tick),
             };
             let hand_position = hand_source.follow(hand_position);

@@ -30,22 +30,14 @@ impl Player {
                 position: self.sources[hand].x,
                 force: self.piece_forces[hand],
                 sent: hand_status.sent as f32,
-                flags: row_flags
-                    .iter()
-                    .filter(|(_, is)| *is)
-                    .map(|(flag, _)| flag)
-                    .sum(),
+                flags: row_flags.iter().filter(|(_, is)| *is).map(|(flag, _)| flag).sum(),
                 clock: sample.and_then(|(sample, _)| sample.t_dev_us).unwrap_or(0),
             };
         }
         // If no clock sets the pace, wait for the disk.
         let wait_start = Instant::now();
         let stop_requested = || self.connections.flags.stop.load(Ordering::Acquire);
-        while !self.paced
-            && !row_sink.has_room()
-            && wait_start.elapsed() < PATIENCE
-            && !stop_requested()
-        {
+        while !self.paced && !row_sink.has_room() && wait_start.elapsed() < PATIENCE && !stop_requested() {
             self.clock.nap();
         }
         if !self.rows.is_empty() {

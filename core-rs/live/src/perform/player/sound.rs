@@ -32,14 +32,9 @@ impl Player {
             if let Some(frozen_stems) = &mut self.connections.frozen {
                 // If no clock sets the pace, wait for the disk.
                 let wait_start = Instant::now();
-                let is_there =
-                    |frozen_stems: &Frozen| frozen_stems.is_ready(self.frame, frame_count);
+                let is_there = |frozen_stems: &Frozen| frozen_stems.is_ready(self.frame, frame_count);
                 let stop_requested = || self.connections.flags.stop.load(Ordering::Acquire);
-                while !self.paced
-                    && !is_there(frozen_stems)
-                    && wait_start.elapsed() < PATIENCE
-                    && !stop_requested()
-                {
+                while !self.paced && !is_there(frozen_stems) && wait_start.elapsed() < PATIENCE && !stop_requested() {
                     self.clock.nap();
                 }
                 self.status.missed += frozen_stems.join(outputs, n_outputs, self.frame);
@@ -86,10 +81,7 @@ impl Player {
             *single = *x as f32;
         }
         let peak_decay = (1.0 - self.clock.period() / PEAK_DECAY).max(0.0) as f32;
-        self.status
-            .peaks
-            .iter_mut()
-            .for_each(|peak| *peak *= peak_decay);
+        self.status.peaks.iter_mut().for_each(|peak| *peak *= peak_decay);
         if self.panicked {
             // After a panic nothing is heard.
             self.status.peaks.fill(0.0);

@@ -36,10 +36,7 @@ fn changes_act_at_their_frames() {
     let (mut performance, mut player) = Performance::prepare(stage, Vec::new(), config).unwrap();
     let versions = change_frames.map(|from| {
         simulation(
-            strike_times[change_frames
-                .iter()
-                .position(|position| *position == from)
-                .unwrap()],
+            strike_times[change_frames.iter().position(|position| *position == from).unwrap()],
             from,
         )
     });
@@ -50,10 +47,7 @@ fn changes_act_at_their_frames() {
     };
     tick_by_hand(50);
     let version_change = |position: usize, old: &Simulation, gain: f64| Change {
-        simulation: Some((
-            versions[position].fork(),
-            Takeover::new(old, &versions[position]),
-        )),
+        simulation: Some((versions[position].fork(), Takeover::new(old, &versions[position]))),
         mixer: Some(mixer(gain)),
         gain: Some(0.7),
         bars: Some(vec![0, 1_000]),
@@ -70,16 +64,9 @@ fn changes_act_at_their_frames() {
         .change(change_frames[1], version_change(1, &versions[0], 0.4))
         .unwrap();
     let from_another = performance
-        .change(
-            change_frames[3],
-            version_change(3, &simulation(&[], 0), 0.2),
-        )
+        .change(change_frames[3], version_change(3, &simulation(&[], 0), 0.2))
         .unwrap();
-    assert!(
-        performance
-            .change(change_frames[1] + 1, Change::default())
-            .is_err()
-    );
+    assert!(performance.change(change_frames[1] + 1, Change::default()).is_err());
     assert!(
         performance
             .change(change_frames[1], version_change(0, &offline, 1.0))
@@ -104,8 +91,7 @@ fn changes_act_at_their_frames() {
 
     let mut expected_sound = Vec::new();
     let mut limiter = Limiter::new(RATE, 2, 1.0).unwrap();
-    let (mut offline_mixer, mut gain) =
-        (mixer(1.0), ergon_engine::mix::glide::Glide::new(RATE, 1.0));
+    let (mut offline_mixer, mut gain) = (mixer(1.0), ergon_engine::mix::glide::Glide::new(RATE, 1.0));
     for tick in 0..tick_count {
         for (position, part) in [(0, 0.9), (1, 0.4)] {
             if tick * tick_frames == change_frames[position] {
@@ -151,10 +137,7 @@ fn changes_are_revoked_before_their_frames() {
     player.begin();
     reset_violation_count();
     let version_change = |version: usize, old: &Simulation| Change {
-        simulation: Some((
-            versions[version].fork(),
-            Takeover::new(old, &versions[version]),
-        )),
+        simulation: Some((versions[version].fork(), Takeover::new(old, &versions[version]))),
         ..Change::default()
     };
     let mut tick_by_hand = |ticks: u64| {
@@ -212,9 +195,7 @@ fn finer_frames_are_reported_once() {
     let rigid_wall = network.sol("wall", 0.0).unwrap();
     let struck_mass = network.mas("m", 1e-3, 0.0, 0.0).unwrap();
     let hardening_law = Arc::new(Law::hardening(500.0, 1e10, 0.05).unwrap());
-    network
-        .lnl("l", rigid_wall, struck_mass, hardening_law, 0.0)
-        .unwrap();
+    network.lnl("l", rigid_wall, struck_mass, hardening_law, 0.0).unwrap();
     let (first, len, weight) = (struck_mass, 1, 1.0);
     let position_term = Term::Position { first, len, weight };
     network.listen("out", vec![position_term]).unwrap();
@@ -241,10 +222,7 @@ fn finer_frames_are_reported_once() {
         .map(|event| event.kind)
         .collect();
     assert_eq!(event_kinds, [EventKind::Finer]);
-    assert_eq!(
-        (performance.status().finer, performance.status().muted),
-        (1, 0)
-    );
+    assert_eq!((performance.status().finer, performance.status().muted), (1, 0));
     drop(player);
     performance.close(PATIENCE).unwrap();
 }

@@ -15,9 +15,7 @@ fn limit_with_loose_guidance_scales_the_key() {
             ..Hand::default()
         };
         let response = guided_hand.response.clone();
-        HandKey::all(&keyboard(0, 0), &[guided_hand])[0]
-            .limit(&response)
-            .scale
+        HandKey::all(&keyboard(0, 0), &[guided_hand])[0].limit(&response).scale
     };
     assert_eq!(key_scale(None), 1.0);
     assert_eq!(key_scale(Some((100.0, true))), 1.0);
@@ -36,17 +34,9 @@ fn limit_with_measured_key_takes_the_worse_value() {
             measured,
             ..Hand::default()
         };
-        HandKey::all(&keyboard(0, 0), std::slice::from_ref(&measured_hand))[0]
-            .limit(&measured_hand.response)
+        HandKey::all(&keyboard(0, 0), std::slice::from_ref(&measured_hand))[0].limit(&measured_hand.response)
     };
-    let measured = |mass, damping, delay| {
-        hand_limit(Some(MeasuredKey {
-            mass,
-            damping,
-            delay,
-        }))
-        .limit
-    };
+    let measured = |mass, damping, delay| hand_limit(Some(MeasuredKey { mass, damping, delay })).limit;
     let reported_limit = hand_limit(None).limit;
     // The device reports 1 N·s/m and no delay; a calibration does not make it safer.
     assert_eq!(measured(0.05, 2.0, None), reported_limit);
@@ -73,13 +63,9 @@ fn loose_guidance_leads_a_key_and_releases_it() {
             loose: true,
         });
     }
-    let (mut performance, mut player) =
-        Performance::prepare(stage, vec![keyboard(0, u32::MAX)], config).unwrap();
+    let (mut performance, mut player) = Performance::prepare(stage, vec![keyboard(0, u32::MAX)], config).unwrap();
     player.begin();
-    let guidance_step = |position, share| GuidanceStep {
-        frame: position,
-        share,
-    };
+    let guidance_step = |position, share| GuidanceStep { frame: position, share };
     let full_share = GuidanceShare { k: 1.0, z: 1.0 };
     let path_change = |x: f64, steps: Vec<GuidanceStep>| Change {
         standins: Some(vec![vec![x], vec![0.0]]),
@@ -96,10 +82,7 @@ fn loose_guidance_leads_a_key_and_releases_it() {
     );
     performance.change(position(500), guided_change).unwrap();
     performance
-        .change(
-            position(2_000),
-            path_change(-3e-3, vec![guidance_step(0, full_share)]),
-        )
+        .change(position(2_000), path_change(-3e-3, vec![guidance_step(0, full_share)]))
         .unwrap();
     performance
         .change(
@@ -149,17 +132,12 @@ fn tick_does_not_allocate() {
     let (mut performance, mut player) = Performance::prepare(stage(), keyboards, config).unwrap();
     player.begin();
     // From here on the second key gets no force, and nor does the device that comes back in its place.
-    let zero_bounds = vec![Bound {
-        frame: 0,
-        scale: 0.0,
-    }];
+    let zero_bounds = vec![Bound { frame: 0, scale: 0.0 }];
     let bounds_change = Change {
         bounds: Some(vec![Vec::new(), zero_bounds]),
         ..Change::default()
     };
-    performance
-        .change(500 * EVERY as u64, bounds_change)
-        .unwrap();
+    performance.change(500 * EVERY as u64, bounds_change).unwrap();
     reset_violation_count();
     assert_no_alloc(|| {
         for tick in 0..TICKS {
@@ -186,12 +164,7 @@ fn tick_does_not_allocate() {
     let changed = EventKind::Changed(1);
     assert_eq!(
         event_kinds,
-        [
-            changed,
-            EventKind::Gone(1),
-            EventKind::Back(1),
-            EventKind::TookOver(1)
-        ]
+        [changed, EventKind::Gone(1), EventKind::Back(1), EventKind::TookOver(1)]
     );
     drop(player);
     performance.close(PATIENCE).unwrap();
@@ -202,29 +175,16 @@ fn tick_does_not_allocate() {
     let stood_in: Vec<_> = recording
         .samples
         .chunks(2)
-        .map(|row| {
-            row.iter()
-                .map(|axis| axis.flags & flag::STAND_IN)
-                .sum::<u8>()
-        })
+        .map(|row| row.iter().map(|axis| axis.flags & flag::STAND_IN).sum::<u8>())
         .collect();
     let standin_begin = stood_in.iter().position(|stood| *stood != 0).unwrap();
     let standin_end = stood_in.iter().rposition(|stood| *stood != 0).unwrap();
     // The first position comes without a force; a bar has 4,410 frames.
     assert_eq!(standin_begin, 1_001);
     assert!((standin_end + 1) * EVERY % 4_410 < EVERY, "{standin_end}");
-    assert!(
-        stood_in[standin_begin..=standin_end]
-            .iter()
-            .all(|stood| *stood != 0)
-    );
+    assert!(stood_in[standin_begin..=standin_end].iter().all(|stood| *stood != 0));
     assert!(recording.samples.iter().any(|axis| axis.sent.abs() > 1e-3));
     let second_samples = recording.samples.iter().skip(1).step_by(2);
-    assert!(
-        second_samples
-            .clone()
-            .take(480)
-            .any(|axis| axis.sent != 0.0)
-    );
+    assert!(second_samples.clone().take(480).any(|axis| axis.sent != 0.0));
     assert!(second_samples.skip(501).all(|axis| axis.sent == 0.0));
 }

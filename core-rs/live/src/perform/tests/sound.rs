@@ -11,9 +11,7 @@ fn fold_sounds_to_its_end() {
     let sound_path = std::env::temp_dir().join(format!("ergon-fold-{}.wav", std::process::id()));
     let config = config(&format!("file:{}", sound_path.display()));
     let n_frames = 100 * EVERY + 7;
-    let filters: Vec<f64> = (0..2 * 3 * 150)
-        .map(|n| 0.3 * libm::sin(f64::from(n)))
-        .collect();
+    let filters: Vec<f64> = (0..2 * 3 * 150).map(|n| 0.3 * libm::sin(f64::from(n))).collect();
     let mut channel_fold = Fold::new(2, 3, &filters).unwrap();
     let mut offline = simulation(&[0.01, 0.1], 0);
     let stage = Stage {
@@ -52,11 +50,7 @@ fn fold_sounds_to_its_end() {
     let played_sound = taken(&sound_path, expected_sound.len());
     assert_eq!(played_sound.len(), 3 * frames_heard);
     assert_eq!(played_sound, expected_sound);
-    assert!(
-        played_sound[3 * n_frames..]
-            .iter()
-            .any(|x| f32::from_bits(*x) != 0.0)
-    );
+    assert!(played_sound[3 * n_frames..].iter().any(|x| f32::from_bits(*x) != 0.0));
 }
 
 /// A swinging mass that an input pushes.
@@ -70,9 +64,7 @@ fn pushed_by_sound() -> Simulation {
         clamp: 1e-3,
     };
     let sound_input = timeline.sound_in(settings, &[]).unwrap();
-    timeline
-        .drive_by_sound(2, DriveKind::Force, sound_input, 1.0)
-        .unwrap();
+    timeline.drive_by_sound(2, DriveKind::Force, sound_input, 1.0).unwrap();
     let plan = Plan::new(network, &timeline, &Budget::default(), None).unwrap();
     Simulation::planned(Arc::new(plan), OPTIONS).unwrap()
 }
@@ -80,9 +72,7 @@ fn pushed_by_sound() -> Simulation {
 /// An input with gaps: the sound equals that of the piece with the recorded file as its input, and no tick allocates.
 #[test]
 fn input_with_gaps_equals_its_recording() {
-    let wav_path = |what: &str| {
-        std::env::temp_dir().join(format!("ergon-input-{what}-{}.wav", std::process::id()))
-    };
+    let wav_path = |what: &str| std::env::temp_dir().join(format!("ergon-input-{what}-{}.wav", std::process::id()));
     let config = config(&format!("file:{}", wav_path("out").display()));
     let tick_count = 500;
     let stage = Stage {
@@ -98,20 +88,14 @@ fn input_with_gaps_equals_its_recording() {
     let shared_counts = ring_feed.shared().clone();
     let (sound_tap, tap_handle) = audio::tap(&wav_path("in"), RATE as u32, 1).unwrap();
     let input_reader = audio::InputReader::new(ring_drain, 2 * EVERY, RATE as u32);
-    player.connections.sound_input = Some(sound_input::SoundInput::fed_by_test(
-        input_reader,
-        EVERY,
-        sound_tap,
-    ));
+    player.connections.sound_input = Some(sound_input::SoundInput::fed_by_test(input_reader, EVERY, sound_tap));
     player.begin();
     reset_violation_count();
     let mut noise_state = 1_u32;
     for tick in 0..tick_count {
         let input_block: Vec<f32> = (0..EVERY)
             .map(|_| {
-                noise_state = noise_state
-                    .wrapping_mul(1_664_525)
-                    .wrapping_add(1_013_904_223);
+                noise_state = noise_state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
                 noise_state as f32 / u32::MAX as f32 - 0.5
             })
             .collect();
@@ -150,11 +134,7 @@ fn input_with_gaps_equals_its_recording() {
     limiter.process(&mut mixed_sound);
     let latency_samples = 2 * limiter.latency();
     assert!(output_sound.iter().any(|x| *x != 0.0));
-    for (at, (x, y)) in mixed_sound[latency_samples..]
-        .iter()
-        .zip(&output_sound)
-        .enumerate()
-    {
+    for (at, (x, y)) in mixed_sound[latency_samples..].iter().zip(&output_sound).enumerate() {
         assert_eq!(*x as f32, *y, "sample {at}");
     }
 }
@@ -178,14 +158,10 @@ fn strikes_and_a_file_of_sound_do_not_allocate() {
     let (mut performance, mut player) = Performance::prepare(stage, Vec::new(), config).unwrap();
     player.begin();
     reset_violation_count();
-    let mut advance_ticks =
-        |n: u64| assert_no_alloc(|| (0..n).for_each(|_| assert!(player.tick())));
+    let mut advance_ticks = |n: u64| assert_no_alloc(|| (0..n).for_each(|_| assert!(player.tick())));
     advance_ticks(100);
     performance.record_audio(&sound_path).unwrap();
-    assert!(
-        performance.record_audio(&sound_path).is_err(),
-        "one at a time"
-    );
+    assert!(performance.record_audio(&sound_path).is_err(), "one at a time");
     let strike_ticket = performance.strike(7, 1e-3).unwrap();
     let missed_ticket = performance.strike(8, 1e-3).unwrap();
     advance_ticks(50);
@@ -208,10 +184,7 @@ fn strikes_and_a_file_of_sound_do_not_allocate() {
     }
     let file_status = performance.audio_recorded().unwrap();
     assert_eq!(file_status.first, Some(100 * tick_frames - latency));
-    assert_eq!(
-        (file_status.frames, file_status.missing),
-        (50 * tick_frames, 0)
-    );
+    assert_eq!((file_status.frames, file_status.missing), (50 * tick_frames, 0));
     drop(player);
     performance.close(PATIENCE).unwrap();
     std::fs::remove_file(&sound_path).unwrap();

@@ -100,10 +100,7 @@ fn strikes_before_the_first_picture_are_shown() {
         )),
         ..Change::default()
     };
-    shown
-        .this
-        .change(takeover_tick * tick_frames, takeover_change)
-        .unwrap();
+    shown.this.change(takeover_tick * tick_frames, takeover_change).unwrap();
     let mut expected_ergons: Vec<_> = (1..4).map(|i| (written[i], i, 2e-5)).collect();
     let mut message_bytes = Vec::new();
     for tick in 0..720_u64 {
@@ -120,10 +117,7 @@ fn strikes_before_the_first_picture_are_shown() {
         if tick == opening_tick {
             let (window, scene) = window_on(&second_simulation, &second_scene.1, "second");
             assert!(shown.this.open(window));
-            shown
-                .coming
-                .send((scene, shown.this.output_times()))
-                .unwrap();
+            shown.coming.send((scene, shown.this.output_times())).unwrap();
         }
         shown.tick(1);
         shown.relay.poll();
@@ -200,9 +194,7 @@ fn late_pages_receive_broken_links() {
     };
     advance_ticks(&mut shown, second_ticks / 2);
     let broken_links = |bytes: &[u8]| -> Vec<(f64, f64, u32)> {
-        let broken_chunks = chunks(bytes)
-            .into_iter()
-            .filter(|one| one.0 == kind::BROKEN);
+        let broken_chunks = chunks(bytes).into_iter().filter(|one| one.0 == kind::BROKEN);
         broken_chunks
             .flat_map(|(_, t, payload)| {
                 let chunk_breaks = payload.chunks(8).map(move |single| {
@@ -221,10 +213,7 @@ fn late_pages_receive_broken_links() {
     // It tears at 8 mm and 0.4 m/s, that is before 30 ms.
     let early_breaks = broken_links(&messages(&shown.server, &mut first_cursor).concat());
     assert_eq!(early_breaks.len(), 1, "{early_breaks:?}");
-    assert!(
-        (0.02..0.05).contains(&early_breaks[0].1),
-        "{early_breaks:?}"
-    );
+    assert!((0.02..0.05).contains(&early_breaks[0].1), "{early_breaks:?}");
     advance_ticks(&mut shown, 2 * second_ticks);
     let mut late_cursor = shown.server.hub().join();
     let page_breaks = broken_links(&messages(&shown.server, &mut late_cursor).concat());
@@ -237,10 +226,7 @@ fn late_pages_receive_broken_links() {
     // Another window on the playing simulation, as a session opens one.
     let (window, scene) = window_on(&simulation, &scene.1, "late");
     assert!(shown.this.open(window));
-    shown
-        .coming
-        .send((scene, shown.this.output_times()))
-        .unwrap();
+    shown.coming.send((scene, shown.this.output_times())).unwrap();
     advance_ticks(&mut shown, second_ticks / 2);
     let mut last_cursor = shown.server.hub().join();
     let page_breaks = broken_links(&messages(&shown.server, &mut last_cursor).concat());
@@ -276,10 +262,7 @@ fn pages_receive_positions_of_the_engine() {
         message_bytes.extend(new_messages.concat());
     }
     assert_eq!(shown.relay.skipped(), 0);
-    let seconds: Vec<f64> = picture_frames
-        .iter()
-        .map(|frame| *frame as f64 / RATE)
-        .collect();
+    let seconds: Vec<f64> = picture_frames.iter().map(|frame| *frame as f64 / RATE).collect();
     // Each video frame has one picture, made at the first tick of the frame.
     let numbers: Vec<u64> = seconds.iter().map(|t| (t * FPS) as u64).collect();
     let n = (2_000 * EVERY) as f64 / RATE * FPS;
@@ -294,38 +277,27 @@ fn pages_receive_positions_of_the_engine() {
     };
     assert_eq!(chunks_of_kind(kind::MANIFEST).len(), 1);
     assert_eq!(chunks_of_kind(kind::STATE).len(), 2, "one in a second");
-    assert!(
-        chunks_of_kind(kind::CLOCK).is_empty(),
-        "no clock takes these frames"
-    );
+    assert!(chunks_of_kind(kind::CLOCK).is_empty(), "no clock takes these frames");
     assert!(!chunks_of_kind(kind::CONTACTS).is_empty());
     // Every strike is reported once.
     let mut shown_strikes: Vec<f64> = chunks_of_kind(kind::ERGONS)
         .iter()
         .flat_map(|(_, t, payload)| {
             let records = payload.chunks(20);
-            records.map(move |frame_squares| {
-                t + f64::from(f32::from_le_bytes(frame_squares[..4].try_into().unwrap()))
-            })
+            records.map(move |frame_squares| t + f64::from(f32::from_le_bytes(frame_squares[..4].try_into().unwrap())))
         })
         .collect();
     let mut expected = strikes();
     shown_strikes.sort_by(f64::total_cmp);
     expected.sort_by(f64::total_cmp);
     assert_eq!(shown_strikes.len(), expected.len());
-    assert!(
-        shown_strikes
-            .iter()
-            .zip(&expected)
-            .all(|(a, b)| (a - b).abs() < 1e-6)
-    );
+    assert!(shown_strikes.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-6));
     // Levels: the first channel is the output itself. The window was opened in the first tick and has no level of it.
     let level_chunks = chunks_of_kind(kind::LEVELS);
     assert_eq!(level_chunks.len(), picture_frames.len() - 1);
     for (index, (_, t, payload)) in level_chunks.iter().enumerate() {
         let page_level = f64::from(f32::from_le_bytes(payload[..4].try_into().unwrap()));
-        let frame_squares =
-            &squares[picture_frames[index] as usize..picture_frames[index + 1] as usize];
+        let frame_squares = &squares[picture_frames[index] as usize..picture_frames[index + 1] as usize];
         let expected = (frame_squares.iter().sum::<f64>() / frame_squares.len() as f64).sqrt();
         assert_eq!(*t, seconds[index + 1]);
         assert!(
@@ -385,15 +357,12 @@ fn pages_receive_positions_of_the_engine() {
 fn window_changes_no_sample() {
     let scene = scene(&strikes());
     let simulation = planned(&scene, 0);
-    let wav_path = |name: &str| {
-        std::env::temp_dir().join(format!("ergon-window-{name}-{}.wav", std::process::id()))
-    };
+    let wav_path = |name: &str| std::env::temp_dir().join(format!("ergon-window-{name}-{}.wav", std::process::id()));
     let file_config = |wav_path: &PathBuf| config(&format!("file:{}", wav_path.display()));
     let wav_paths = ["none", "shown", "stalled"].map(wav_path);
 
     let stage = a_stage(&simulation, false);
-    let (performance, mut player) =
-        Performance::prepare(stage, Vec::new(), file_config(&wav_paths[0])).unwrap();
+    let (performance, mut player) = Performance::prepare(stage, Vec::new(), file_config(&wav_paths[0])).unwrap();
     player.begin();
     (0..1_000).for_each(|_| assert!(player.tick()));
     player.connections.feed.close();
@@ -401,12 +370,7 @@ fn window_changes_no_sample() {
     performance.close(PATIENCE).unwrap();
     let mut skipped = Vec::new();
     for (wav_path, is_looked_at) in [(&wav_paths[1], true), (&wav_paths[2], false)] {
-        let mut shown = Shown::new(
-            &simulation,
-            &scene.1,
-            file_config(wav_path),
-            Limits::default(),
-        );
+        let mut shown = Shown::new(&simulation, &scene.1, file_config(wav_path), Limits::default());
         for _ in 0..1_000 {
             shown.tick(1);
             if is_looked_at {
@@ -429,10 +393,7 @@ fn window_changes_no_sample() {
     });
     assert!(listened[0].iter().filter(|byte| **byte != 0).count() > 100_000);
     assert!(listened[0] == listened[1], "with a window");
-    assert!(
-        listened[0] == listened[2],
-        "with one that nobody looks through"
-    );
+    assert!(listened[0] == listened[2], "with one that nobody looks through");
 }
 
 /// Contacts and levels of skipped pictures are in the next picture.
@@ -445,11 +406,7 @@ fn skipped_pictures_are_gathered_in_the_next() {
     shown.tick(1);
     shown.relay.poll();
     let bytes_before = messages(&shown.server, &mut hub_cursor).concat();
-    assert!(
-        !chunks(&bytes_before)
-            .iter()
-            .any(|chunk| chunk.0 == kind::CONTACTS)
-    );
+    assert!(!chunks(&bytes_before).iter().any(|chunk| chunk.0 == kind::CONTACTS));
     // The hammer meets the skin after 25 ms, while the picture of 17 ms has not been fetched, and leaves it some
     // milliseconds later.
     shown.tick(400);
@@ -484,10 +441,7 @@ fn version_is_shown_from_its_takeover_on() {
     let second_at = |tick: u64| planned(&second_scene, tick * tick_frames);
     let change = |shown: &mut Shown, tick: u64, new_simulation: &Simulation| {
         let change = Change {
-            simulation: Some((
-                new_simulation.fork(),
-                Takeover::new(&first_simulation, new_simulation),
-            )),
+            simulation: Some((new_simulation.fork(), Takeover::new(&first_simulation, new_simulation))),
             ..Change::default()
         };
         shown.this.change(tick * tick_frames, change).unwrap();
@@ -495,10 +449,7 @@ fn version_is_shown_from_its_takeover_on() {
     let open_window = |shown: &mut Shown, new_simulation: &Simulation, title: &str| {
         let (window, scene) = window_on(new_simulation, &second_scene.1, title);
         assert!(shown.this.open(window));
-        shown
-            .coming
-            .send((scene, shown.this.output_times()))
-            .unwrap();
+        shown.coming.send((scene, shown.this.output_times())).unwrap();
     };
     shown.tick(300);
     let (late, new_simulation) = (second_at(200), second_at(600));
@@ -530,19 +481,9 @@ fn version_is_shown_from_its_takeover_on() {
     assert!((800..820).contains(&window_titles[2].0) && window_titles[2].1 == "again");
     // A page that joins now gets nothing of the first version.
     let late = messages(&shown.server, &mut shown.server.hub().join());
-    let chunk_kinds: Vec<u16> = late
-        .iter()
-        .flat_map(|own| chunks(own))
-        .map(|own| own.0)
-        .collect();
+    let chunk_kinds: Vec<u16> = late.iter().flat_map(|own| chunks(own)).map(|own| own.0).collect();
     assert_eq!(chunk_kinds[0], kind::MANIFEST);
-    assert_eq!(
-        chunk_kinds
-            .iter()
-            .filter(|own| **own == kind::MANIFEST)
-            .count(),
-        1
-    );
+    assert_eq!(chunk_kinds.iter().filter(|own| **own == kind::MANIFEST).count(), 1);
     assert!(chunk_kinds.contains(&kind::STATE));
     shown.end();
 }
@@ -631,19 +572,13 @@ fn stalled_page_delays_no_performance() {
     }
     let peak_motion = expected.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
     let late_displacements = late_motion.displacements(&instants).unwrap();
-    let late_errors = late_displacements
-        .iter()
-        .zip(&expected)
-        .map(|(a, b)| (a - b).abs());
+    let late_errors = late_displacements.iter().zip(&expected).map(|(a, b)| (a - b).abs());
     assert!(late_errors.fold(0.0, f64::max) <= 1e-3 * peak_motion && peak_motion > 0.0);
     // Messages fill the socket of the stalled page, which is then dropped.
     let filler_bytes = vec![0; 1 << 20];
     let server_tally = shown.server.tally();
     while server_tally.dropped.load(Ordering::Relaxed) == 0 {
-        shown
-            .server
-            .hub()
-            .publish(&filler_bytes, ergon_view::serve::Keep::All);
+        shown.server.hub().publish(&filler_bytes, ergon_view::serve::Keep::All);
         for page in &mut live_pages {
             while page.read().expect("a message").len() != filler_bytes.len() {}
         }

@@ -25,8 +25,7 @@ impl HeardTimes {
     /// The instant at which a frame is heard, by the clock that says `now` [s]; `dropped` frames before it are never
     /// heard. `None` if the output has no clock.
     pub(super) fn when(&mut self, frame: u64, dropped: u64, now: f64) -> Option<f64> {
-        self.line
-            .add_report(self.sound_clock.sounding(), dropped, now);
+        self.line.add_report(self.sound_clock.sounding(), dropped, now);
         self.line.when(frame, dropped)
     }
 }
@@ -63,11 +62,7 @@ impl FrameTimeLine {
         }
         self.state = sound_state;
         self.seen.push_back((now, zero_time));
-        while self
-            .seen
-            .front()
-            .is_some_and(|first| first.0 < now - MEMORY)
-        {
+        while self.seen.front().is_some_and(|first| first.0 < now - MEMORY) {
             self.seen.pop_front();
         }
     }

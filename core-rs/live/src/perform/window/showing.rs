@@ -35,15 +35,13 @@ impl Showing {
         let mut scene_relay = Relay::new(server, coming_scenes);
         let over = Arc::new(AtomicBool::new(false));
         let (skipped, end_requested) = (scene_relay.skipped.clone(), over.clone());
-        let relay_thread = thread::Builder::new()
-            .name("ergon window".into())
-            .spawn(move || {
-                safety::block_signals();
-                while !end_requested.load(Ordering::Acquire) {
-                    scene_relay.poll();
-                    thread::sleep(POLL);
-                }
-            })?;
+        let relay_thread = thread::Builder::new().name("ergon window".into()).spawn(move || {
+            safety::block_signals();
+            while !end_requested.load(Ordering::Acquire) {
+                scene_relay.poll();
+                thread::sleep(POLL);
+            }
+        })?;
         Ok(Self {
             scenes: Mutex::new(to_scenes),
             skipped,
@@ -87,10 +85,7 @@ pub(in super::super) struct Relay {
 }
 
 impl Relay {
-    pub(in super::super) fn new(
-        server: Arc<Server>,
-        coming: Receiver<(Scene, HeardTimes)>,
-    ) -> Self {
+    pub(in super::super) fn new(server: Arc<Server>, coming: Receiver<(Scene, HeardTimes)>) -> Self {
         Self {
             server,
             coming,
@@ -149,19 +144,10 @@ impl Relay {
             let mut clock_bytes = Bytes::default();
             clock_bytes.f64(instant);
             clock_bytes.f64(1.0);
-            put(
-                &mut live_chunks.latest,
-                kind::CLOCK,
-                seconds,
-                &clock_bytes.0,
-            );
+            put(&mut live_chunks.latest, kind::CLOCK, seconds, &clock_bytes.0);
         }
         if !live_chunks.events.is_empty() {
-            let keep_rule = if live_chunks.is_key {
-                Keep::Key
-            } else {
-                Keep::All
-            };
+            let keep_rule = if live_chunks.is_key { Keep::Key } else { Keep::All };
             hub.publish(&live_chunks.events, keep_rule);
         }
         hub.publish(&live_chunks.latest, Keep::Latest);

@@ -208,10 +208,7 @@ mod tests {
             sent_requests.number(test_instant, &mut stats);
         }
         for number in 1..=1000 {
-            assert_eq!(
-                sent_requests.answered(number, test_instant, &mut stats),
-                number > 744
-            );
+            assert_eq!(sent_requests.answered(number, test_instant, &mut stats), number > 744);
         }
         assert!(!sent_requests.is_shared());
     }

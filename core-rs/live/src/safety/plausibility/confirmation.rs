@@ -111,10 +111,7 @@ impl Confirmation {
         let (room_share, greatest) = ROOM;
         let pulse_room = (room_share * force_max).min(greatest);
         let AxisParameters {
-            step,
-            mass,
-            resolution,
-            ..
+            step, mass, resolution, ..
         } = *parameters;
         Self {
             questions: Questions::new(step, mass, resolution, axis.delay),
@@ -166,11 +163,7 @@ impl Confirmation {
 
     /// What a doubt means that no answer has ended.
     pub(super) fn fault_of_doubt(&self) -> Trip {
-        if self.waits {
-            Trip::Late
-        } else {
-            Trip::WrongWay
-        }
+        if self.waits { Trip::Late } else { Trip::WrongWay }
     }
 
     /// The part of a force that passes the later stages, by the last force `sent` [N].
@@ -213,9 +206,7 @@ impl Confirmation {
 
     /// Advance by a step.
     pub(super) fn advance(&mut self, now: Step) -> Verdict {
-        let question_reply = self
-            .questions
-            .take(now.x, now.sent, self.lateness.is_asked());
+        let question_reply = self.questions.take(now.x, now.sent, self.lateness.is_asked());
         self.since_right += self.step;
         self.taken_out = (self.taken_out - now.sent * now.moved).max(0.0);
         self.lateness.take(now.sent, now.moved);
@@ -223,11 +214,7 @@ impl Confirmation {
             self.since_pulse = 0.0;
             // Pulses do not move a key that is held at its stop.
             let is_stopped = question_reply == Reply::Unmoved && now.is_at_stop;
-            let question_reply = if is_stopped {
-                Reply::Hidden
-            } else {
-                question_reply
-            };
+            let question_reply = if is_stopped { Reply::Hidden } else { question_reply };
             let verdict = self.note_reply(question_reply, now.phase);
             if verdict != Verdict::Continue {
                 return verdict;
@@ -264,29 +251,21 @@ impl Confirmation {
                 return Verdict::Fault(Trip::Unanswered);
             }
         }
-        let question_due = is_overdue
-            || self.taken_out > TAKEN_OUT
-            || self.lateness.is_asked()
-            || now.may_be_frozen;
+        let question_due = is_overdue || self.taken_out > TAKEN_OUT || self.lateness.is_asked() || now.may_be_frozen;
         let may_begin = if self.lateness.is_marked() && self.unanswered < CALM_FOR {
             self.questions.is_very_calm()
         } else {
             self.questions.may_begin()
         };
         if question_due && now.phase == Phase::Playing && may_begin {
-            self.questions
-                .begin(self.room, self.passes, self.lateness.is_asked());
+            self.questions.begin(self.room, self.passes, self.lateness.is_asked());
         }
         Verdict::Continue
     }
 
     fn note_reply(&mut self, reply: Reply, phase: Phase) -> Verdict {
         self.interrupted = false;
-        self.unmoved = if reply == Reply::Unmoved {
-            self.unmoved + 1
-        } else {
-            0
-        };
+        self.unmoved = if reply == Reply::Unmoved { self.unmoved + 1 } else { 0 };
         let in_doubt = phase == Phase::Doubting;
         match reply {
             Reply::Right if in_doubt => return Verdict::Right,

@@ -121,10 +121,7 @@ mod tests {
             for i in 0..step_count {
                 let t = i as f64 * 1e-3;
                 // The force of a spring in time: no work by the positions.
-                lateness.take(
-                    -100.0 * position_at(t),
-                    position_at(t + 1e-3) - position_at(t),
-                );
+                lateness.take(-100.0 * position_at(t), position_at(t + 1e-3) - position_at(t));
             }
             let fraction_max = lateness.work.iter().copied().fold(0.0, f64::max);
             let full_work = std::f64::consts::PI * 0.01 * periods;

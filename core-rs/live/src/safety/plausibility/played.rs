@@ -79,12 +79,8 @@ impl Key {
         let (m, b, substep) = (self.mass, 1.0, PERIOD / SUBSTEPS as f64);
         for _ in 0..SUBSTEPS {
             let grip_force = self.grip.map_or(0.0, |grip| {
-                let (grip_now, grip_before) = (
-                    (grip.position)(self.time),
-                    (grip.position)(self.time - substep),
-                );
-                grip.k * (grip_now - self.x)
-                    + grip.z * ((grip_now - grip_before) / substep - self.v)
+                let (grip_now, grip_before) = ((grip.position)(self.time), (grip.position)(self.time - substep));
+                grip.k * (grip_now - self.x) + grip.z * ((grip_now - grip_before) / substep - self.v)
             });
             let net_force = force * self.motor + grip_force - b * self.v;
             // Dry friction holds the key up to its level.
@@ -167,9 +163,7 @@ impl Play {
     }
 
     pub(super) fn tick(&mut self) {
-        self.guarded
-            .receive(&mut self.sample, Instant::now())
-            .unwrap();
+        self.guarded.receive(&mut self.sample, Instant::now()).unwrap();
         let key_position = self.sample.position[0];
         let key_velocity = (key_position - self.before) / PERIOD;
         self.before = key_position;

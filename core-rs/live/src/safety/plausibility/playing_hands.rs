@@ -24,17 +24,12 @@ fn tremor(t: f64) -> f64 {
 /// Strokes of 60 to 200 ms to a depth between -5 mm and `deepest` [m], one every `every` [s], each held for a while.
 fn strokes(t: f64, every: f64, deepest: f64) -> f64 {
     let stroke_index = libm::floor(t / every);
-    let (time_in_stroke, stroke_time) = (
-        t - stroke_index * every,
-        0.06 + 0.14 * chance(stroke_index, 1.0),
-    );
+    let (time_in_stroke, stroke_time) = (t - stroke_index * every, 0.06 + 0.14 * chance(stroke_index, 1.0));
     let stroke_depth = -5e-3 + (deepest + 5e-3) * chance(stroke_index, 2.0);
     // The hand is back before the next stroke begins.
     let spare_time = (every - 2.0 * stroke_time).max(0.0);
     let release_time = stroke_time + spare_time.min(0.5 * every * chance(stroke_index, 3.0));
-    stroke_depth
-        * (smooth(time_in_stroke / stroke_time)
-            - smooth((time_in_stroke - release_time) / stroke_time))
+    stroke_depth * (smooth(time_in_stroke / stroke_time) - smooth((time_in_stroke - release_time) / stroke_time))
         + tremor(t)
 }
 
@@ -82,24 +77,17 @@ fn play_cases() -> Vec<PlayCase> {
         force_max: 1.56,
         ..case
     };
-    let dry_case = |case: PlayCase| PlayCase {
-        friction: 0.5,
-        ..case
-    };
+    let dry_case = |case: PlayCase| PlayCase { friction: 0.5, ..case };
     vec![
         usual_case("rests firmly", grip(3e3, 20.0, tremor), |t, x, _| {
             200.0 * (0.02 * libm::sin(0.3 * t) - x)
         }),
-        usual_case(
-            "rests like a stone",
-            grip(3e3, 20.0, |_| 1e-3),
-            |t, x, _| 200.0 * (0.02 * libm::sin(0.3 * t) - x),
-        ),
-        usual_case(
-            "holds against a guide",
-            grip(400.0, 4.0, |_| 2e-3),
-            |_, x, _| 200.0 * (0.02 - x),
-        ),
+        usual_case("rests like a stone", grip(3e3, 20.0, |_| 1e-3), |t, x, _| {
+            200.0 * (0.02 * libm::sin(0.3 * t) - x)
+        }),
+        usual_case("holds against a guide", grip(400.0, 4.0, |_| 2e-3), |_, x, _| {
+            200.0 * (0.02 - x)
+        }),
         usual_case(
             "presses against a wall",
             grip(800.0, 8.0, |t| strokes(t, 1.3, 0.02)),
@@ -110,11 +98,9 @@ fn play_cases() -> Vec<PlayCase> {
             grip(600.0, 6.0, |t| 0.01 * libm::sin(50.0 * t)),
             |_, x, v| -600.0 * x - 0.5 * v,
         ),
-        usual_case(
-            "strokes",
-            grip(1e3, 10.0, |t| strokes(t, 0.4, 0.04)),
-            |_, x, _| -800.0 * x,
-        ),
+        usual_case("strokes", grip(1e3, 10.0, |t| strokes(t, 0.4, 0.04)), |_, x, _| {
+            -800.0 * x
+        }),
         usual_case(
             "soft strokes",
             grip(400.0, 4.0, |t| strokes(t, 0.7, 0.03)),
@@ -128,11 +114,9 @@ fn play_cases() -> Vec<PlayCase> {
         usual_case("a guide that steps", grip(400.0, 4.0, tremor), |t, x, v| {
             120.0 * (0.02 * libm::floor(t % 3.0) - 0.02 - x) - v
         }),
-        usual_case(
-            "bells",
-            grip(400.0, 4.0, |t| strokes(t, 0.5, 0.012)),
-            |t, x, _| bell(t, x),
-        ),
+        usual_case("bells", grip(400.0, 4.0, |t| strokes(t, 0.5, 0.012)), |t, x, _| {
+            bell(t, x)
+        }),
         usual_case(
             "two ways to lie",
             grip(600.0, 6.0, |t| strokes(t, 0.9, 0.02)),
@@ -143,9 +127,7 @@ fn play_cases() -> Vec<PlayCase> {
             grip(2e3, 15.0, |t| strokes(t, 1.1, 0.08)),
             |_, x, _| -100.0 * x,
         ),
-        usual_case("softly at the stop", None, |t, _, _| {
-            1.5 * libm::sin(0.7 * t)
-        }),
+        usual_case("softly at the stop", None, |t, _, _| 1.5 * libm::sin(0.7 * t)),
         usual_case("nobody, and it bounces", None, |t, x, v| {
             wall(x, v) - wall(-x, -v) + 0.5 * libm::sin(9.0 * t)
         }),
@@ -159,11 +141,9 @@ fn play_cases() -> Vec<PlayCase> {
             grip(400.0, 4.0, |t| strokes(t, 0.5, 0.03)),
             |_, x, _| -60.0 * x,
         )),
-        coarse_case(usual_case(
-            "coarse and firm",
-            grip(3e3, 20.0, tremor),
-            |t, x, _| 60.0 * (0.03 * libm::sin(t) - x),
-        )),
+        coarse_case(usual_case("coarse and firm", grip(3e3, 20.0, tremor), |t, x, _| {
+            60.0 * (0.03 * libm::sin(t) - x)
+        })),
         coarse_case(usual_case(
             "coarse, down to the stop",
             grip(1e3, 10.0, |t| strokes(t, 1.1, 0.08)),
@@ -184,11 +164,9 @@ fn play_cases() -> Vec<PlayCase> {
         )),
         PlayCase {
             mass: 0.4,
-            ..usual_case(
-                "a heavy key",
-                grip(2e3, 20.0, |t| strokes(t, 0.6, 0.03)),
-                |_, x, _| -500.0 * x,
-            )
+            ..usual_case("a heavy key", grip(2e3, 20.0, |t| strokes(t, 0.6, 0.03)), |_, x, _| {
+                -500.0 * x
+            })
         },
     ]
 }
@@ -202,8 +180,7 @@ fn played(seconds: f64) -> Vec<(&'static str, Vec<(f64, Trip)>, u64)> {
         let next_case = cases_left.lock().unwrap().pop();
         let Some(play_case) = next_case else { return };
         let mut case_key = Key::new(play_case.resolution, play_case.force_max, None);
-        (case_key.grip, case_key.friction, case_key.mass) =
-            (play_case.grip, play_case.friction, play_case.mass);
+        (case_key.grip, case_key.friction, case_key.mass) = (play_case.grip, play_case.friction, play_case.mass);
         let mut case_play = Play::new(case_key, play_case.scene);
         case_play.until(seconds);
         let case_result = (play_case.name, case_play.trips.clone(), case_play.probes());

@@ -50,18 +50,8 @@ pub(super) struct Probe {
 }
 
 impl Probe {
-    pub(super) fn new(
-        kind: Suspicion,
-        direction: f64,
-        signs: &Signs,
-        force: f64,
-        axis: &AxisParameters,
-    ) -> Self {
-        let holding = if kind == Suspicion::Stop {
-            force.abs()
-        } else {
-            0.0
-        };
+    pub(super) fn new(kind: Suspicion, direction: f64, signs: &Signs, force: f64, axis: &AxisParameters) -> Self {
+        let holding = if kind == Suspicion::Stop { force.abs() } else { 0.0 };
         let mut probe = Self {
             kind,
             direction,
@@ -95,11 +85,7 @@ impl Probe {
         let (v, a) = (signs.velocity(axis), signs.acceleration(axis));
         self.course = match self.kind {
             // The mean velocity over `VELOCITY_STEPS` steps is the velocity of half as many steps ago.
-            Suspicion::Run => [
-                signs.past[0],
-                v + 0.5 * VELOCITY_STEPS as f64 * axis.step * a,
-                a,
-            ],
+            Suspicion::Run => [signs.past[0], v + 0.5 * VELOCITY_STEPS as f64 * axis.step * a, a],
             Suspicion::Stop => [signs.past[0], 0.0, 0.0],
         };
         (self.steps, self.force, self.free_motion) = (0, force, [0.0; 2]);
@@ -110,11 +96,7 @@ impl Probe {
         if self.to_settle > 0 {
             self.to_settle -= 1;
             if self.to_settle == 0 {
-                self.direction = if signs.velocity(axis) < 0.0 {
-                    -1.0
-                } else {
-                    1.0
-                };
+                self.direction = if signs.velocity(axis) < 0.0 { -1.0 } else { 1.0 };
                 self.begin(signs, sent, axis);
             }
             return Answer::Waiting;
@@ -141,18 +123,12 @@ impl Probe {
         } else {
             ANSWER_RANGE.0
         };
-        let is_clear = deviation.abs() >= least_deviation.max(path_share * free_path.abs())
-            && !signs.is_still();
+        let is_clear = deviation.abs() >= least_deviation.max(path_share * free_path.abs()) && !signs.is_still();
         if is_clear && deviation * free_path > 0.0 && free_path.abs() >= 0.3 * least_deviation {
             return Answer::Right;
         }
-        let is_by_hand =
-            self.kind == Suspicion::Run && deviation.abs() > ANSWER_RANGE.1 * free_path.abs();
-        if is_clear
-            && deviation * free_path < 0.0
-            && free_path.abs() >= least_deviation
-            && !is_by_hand
-        {
+        let is_by_hand = self.kind == Suspicion::Run && deviation.abs() > ANSWER_RANGE.1 * free_path.abs();
+        if is_clear && deviation * free_path < 0.0 && free_path.abs() >= least_deviation && !is_by_hand {
             return Answer::Wrong;
         }
         if t >= longest {

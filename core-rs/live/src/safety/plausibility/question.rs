@@ -177,8 +177,7 @@ impl Questions {
     /// sign is drawn.
     pub(super) fn begin(&mut self, force: f64, passes: f64, is_doubtful: bool) {
         let [least_pulse, greatest_pulse] = PULSE_FORCES;
-        let clear_force =
-            (CLEAR * self.least_answer() / self.response).clamp(least_pulse, greatest_pulse);
+        let clear_force = (CLEAR * self.least_answer() / self.response).clamp(least_pulse, greatest_pulse);
         let sign = if is_doubtful { self.drawn_sign() } else { 1.0 };
         self.asked = Some(Asked {
             sign,
@@ -203,18 +202,12 @@ impl Questions {
             return 0.0;
         };
         let pulse_at = |step: usize| PULSE.get(step).copied().unwrap_or(0.0);
-        let second_pulse = open_question
-            .steps
-            .checked_sub(SECOND)
-            .map_or(0.0, pulse_at);
-        open_question.sign * open_question.force / open_question.passes
-            * (pulse_at(open_question.steps) - second_pulse)
+        let second_pulse = open_question.steps.checked_sub(SECOND).map_or(0.0, pulse_at);
+        open_question.sign * open_question.force / open_question.passes * (pulse_at(open_question.steps) - second_pulse)
     }
 
     fn least_answer(&self) -> f64 {
-        FAINTEST
-            .max(SENSOR_STEPS * self.resolution)
-            .max(NOISES * self.noise)
+        FAINTEST.max(SENSOR_STEPS * self.resolution).max(NOISES * self.noise)
     }
 
     /// Take the position of a step [m], and the force `sent` before it [N]; returns the answer when a question is over.
@@ -234,10 +227,7 @@ impl Questions {
             return self.wait();
         };
         open_question.steps += 1;
-        open_question.sent = [
-            open_question.sent[0].min(sent),
-            open_question.sent[1].max(sent),
-        ];
+        open_question.sent = [open_question.sent[0].min(sent), open_question.sent[1].max(sent)];
         if open_question.steps < STEPS + self.delay {
             return None;
         }
@@ -272,42 +262,27 @@ impl Questions {
         Some(if is_late { Reply::Hidden } else { Reply::Right })
     }
 
-    fn judge(
-        &mut self,
-        Asked {
-            sign, force, sent, ..
-        }: Asked,
-    ) -> Reply {
+    fn judge(&mut self, Asked { sign, force, sent, .. }: Asked) -> Reply {
         let is_unmoved = |x: &f64| x.to_bits() == self.past[SPAN - 1].to_bits();
         let changed = 0.5 * (sent[1] - sent[0]);
-        if changed.min(force) * FIRMEST_PATH >= 2.0 * self.resolution
-            && self.past[BEFORE..].iter().all(is_unmoved)
-        {
+        if changed.min(force) * FIRMEST_PATH >= 2.0 * self.resolution && self.past[BEFORE..].iter().all(is_unmoved) {
             self.response = FIRMEST_RESPONSE;
             return Reply::Unmoved;
         }
         let signed_sum = sign * self.sum();
-        if signed_sum.abs() < self.least_answer()
-            || signed_sum.abs() > self.greatest_response * force
-        {
+        if signed_sum.abs() < self.least_answer() || signed_sum.abs() > self.greatest_response * force {
             self.response = (0.5 * self.response).max(FIRMEST_RESPONSE);
             return Reply::Hidden;
         }
         self.response = (signed_sum.abs() / force).max(FIRMEST_RESPONSE);
-        if signed_sum > 0.0 {
-            Reply::Right
-        } else {
-            Reply::Wrong
-        }
+        if signed_sum > 0.0 { Reply::Right } else { Reply::Wrong }
     }
 
     /// The weighted sum of the newest positions [m].
     fn sum(&self) -> f64 {
         let first_position = self.past[0];
         let weighted = self.past.iter().zip(WEIGHTS);
-        weighted
-            .map(|(x, weight)| (x - first_position) * weight)
-            .sum()
+        weighted.map(|(x, weight)| (x - first_position) * weight).sum()
     }
 }
 

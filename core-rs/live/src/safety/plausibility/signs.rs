@@ -150,16 +150,9 @@ impl Signs {
             1.0
         };
         self.smooth += (sent - self.smooth) * smooth_weight;
-        self.still = if is_unchanged {
-            self.still.saturating_add(1)
-        } else {
-            0
-        };
+        self.still = if is_unchanged { self.still.saturating_add(1) } else { 0 };
         self.forces = if is_unchanged {
-            [
-                self.forces[0].min(self.smooth),
-                self.forces[1].max(self.smooth),
-            ]
+            [self.forces[0].min(self.smooth), self.forces[1].max(self.smooth)]
         } else {
             [self.smooth; 2]
         };
@@ -187,8 +180,7 @@ impl Signs {
     /// The acceleration over the last steps [m/s²].
     pub(super) fn acceleration(&self, axis: &AxisParameters) -> f64 {
         let span_time = VELOCITY_STEPS as f64 * axis.step;
-        (self.past[0] - 2.0 * self.past[VELOCITY_STEPS] + self.past[2 * VELOCITY_STEPS])
-            / (span_time * span_time)
+        (self.past[0] - 2.0 * self.past[VELOCITY_STEPS] + self.past[2 * VELOCITY_STEPS]) / (span_time * span_time)
     }
 
     /// Whether the newest position equals the one before.
@@ -214,8 +206,7 @@ impl Signs {
 
     /// Follow a movement in one direction, and judge whether it accelerates against the force.
     fn follow_run(&mut self, x: f64, sent: f64, axis: &AxisParameters) {
-        let (key_velocity, inertial_force) =
-            (self.velocity(axis), axis.mass * self.acceleration(axis));
+        let (key_velocity, inertial_force) = (self.velocity(axis), axis.mass * self.acceleration(axis));
         let run = match &mut self.run {
             Some(run) if run.direction * key_velocity > axis.slow => run,
             _ => {
@@ -236,14 +227,11 @@ impl Signs {
         }
         run.against = false;
         run.suspicious = -run.direction * sent >= COUNTER_ACCELERATION.1
-            && run.direction * inertial_force
-                >= -COUNTER_ACCELERATION.0 * run.direction * sent + axis.noise;
+            && run.direction * inertial_force >= -COUNTER_ACCELERATION.0 * run.direction * sent + axis.noise;
         while run.direction * (x - run.from) >= run.next_length {
             let against = -run.direction * sent;
             run.against = run.last_velocity.is_some() && against >= COUNTER_ACCELERATION.1;
-            let velocity_growth = run
-                .last_velocity
-                .map_or(0.0, |before| key_velocity / before);
+            let velocity_growth = run.last_velocity.map_or(0.0, |before| key_velocity / before);
             run.suspicious |= RUN_GROWTH
                 .iter()
                 .any(|&(growth, force)| velocity_growth >= growth && against >= force);
@@ -259,18 +247,12 @@ impl Signs {
 
     /// A fault that is seen without an answer. A hand may hold a position to the last bit by chance while the force
     /// changes: where questions are asked (`asks`), they find a frozen sensor.
-    pub(super) fn evident_fault(
-        &self,
-        sent: f64,
-        asks: bool,
-        axis: &AxisParameters,
-    ) -> Option<Trip> {
+    pub(super) fn evident_fault(&self, sent: f64, asks: bool, axis: &AxisParameters) -> Option<Trip> {
         if self.pushed_into_stop(sent, axis).is_some() {
             return Some(Trip::AtStop);
         }
         let changed = self.forces[1] - self.forces[0];
-        let is_frozen = self.still >= axis.steps(CHANGED_OVER)
-            && changed >= CHANGED.max(axis.visible_force_change());
+        let is_frozen = self.still >= axis.steps(CHANGED_OVER) && changed >= CHANGED.max(axis.visible_force_change());
         (is_frozen && !asks && self.side == 0.0).then_some(Trip::Frozen)
     }
 

@@ -29,9 +29,7 @@ fn harm(fault: fn(&mut Key), start: f64, grip: Option<Grip>, scene: Scene) -> Fa
     fault(faulty_play.key());
     free_play.key().motor = 0.0;
     let (mut force_time, mut extra_travel) = (0.0, 0.0_f64);
-    while faulty_play.time() < start + 1.5
-        && (force_time == 0.0 || faulty_play.time() < start + force_time + 0.3)
-    {
+    while faulty_play.time() < start + 1.5 && (force_time == 0.0 || faulty_play.time() < start + force_time + 0.3) {
         for play in [&mut complete, &mut free_play, &mut faulty_play] {
             play.tick();
         }
@@ -82,10 +80,7 @@ fn harms(fault: fn(&mut Key), grip: Option<Grip>) -> Vec<(&'static str, f64, Fau
 fn reversed_motor_under_a_hand_trips_early() {
     for (name, position, harm) in harms(REVERSED, Some(HAND)) {
         assert_eq!(harm.why, Some(Trip::WrongWay), "{name} {position} {harm:?}");
-        assert!(
-            harm.lasted < 450.0 && harm.travel < 8.0,
-            "{name} {position} {harm:?}"
-        );
+        assert!(harm.lasted < 450.0 && harm.travel < 8.0, "{name} {position} {harm:?}");
     }
 }
 
@@ -111,10 +106,7 @@ fn reversed_motor_trips_under_moving_and_absent_hands() {
             !scene_moves || harm.why == Some(Trip::WrongWay),
             "{name} {position} {harm:?}"
         );
-        assert!(
-            harm.lasted < 300.0 && harm.travel < 13.0,
-            "{name} {position} {harm:?}"
-        );
+        assert!(harm.lasted < 300.0 && harm.travel < 13.0, "{name} {position} {harm:?}");
     }
 }
 
@@ -128,10 +120,7 @@ fn frozen_sensor_trips_or_moves_little() {
                 continue;
             }
             assert_eq!(harm.why, Some(Trip::Frozen), "{name} {position} {harm:?}");
-            assert!(
-                harm.lasted < 400.0 && harm.travel < 7.0,
-                "{name} {position} {harm:?}"
-            );
+            assert!(harm.lasted < 400.0 && harm.travel < 7.0, "{name} {position} {harm:?}");
         }
     }
     for (name, position, harm) in harms(FROZEN, None) {
@@ -173,20 +162,12 @@ fn key_pushed_into_its_stop_trips_and_recovers() {
         }
     }
     assert_eq!(play.trips[0].1, Trip::AtStop);
-    assert!(
-        play.trips[0].0 - arrived < 0.3,
-        "{arrived} {:?}",
-        play.trips
-    );
+    assert!(play.trips[0].0 - arrived < 0.3, "{arrived} {:?}", play.trips);
     play.until(6.9);
     assert_eq!(play.sent, 0.0);
     play.until(9.0);
     assert_eq!(play.trips.len(), 1);
-    assert!(
-        play.key().x.abs() < 1e-3,
-        "the spring has it back: {}",
-        play.key().x
-    );
+    assert!(play.key().x.abs() < 1e-3, "the spring has it back: {}", play.key().x);
 }
 
 #[test]
@@ -199,12 +180,7 @@ fn third_trip_lasts_until_the_player_releases_it() {
         z: 30.0,
         position: |t| 0.055 * (t % 8.0 / 0.1).min((4.0 - t % 8.0) / 0.1).clamp(0.0, 1.0),
     });
-    let stop_trips = |play: &Play| {
-        play.trips
-            .iter()
-            .filter(|trip| trip.1 == Trip::AtStop)
-            .count()
-    };
+    let stop_trips = |play: &Play| play.trips.iter().filter(|trip| trip.1 == Trip::AtStop).count();
     play.until(47.9);
     assert_eq!(stop_trips(&play), 3, "{:?}", play.trips);
     play.guarded.release();
@@ -217,24 +193,9 @@ fn third_trip_lasts_until_the_player_releases_it() {
 #[allow(clippy::print_stdout)] // prints a table on request
 fn figures() {
     for (fault, name) in [(REVERSED, "reversed"), (FROZEN, "frozen")] {
-        for (grip, hand) in [
-            (Some(HAND), "still"),
-            (Some(SINE), "goes"),
-            (None, "nobody"),
-        ] {
-            for (
-                scene,
-                position,
-                FaultOutcome {
-                    lasted,
-                    travel,
-                    why,
-                },
-            ) in harms(fault, grip)
-            {
-                println!(
-                    "{name:9} {hand:7} {scene:33} {position}: {lasted:7.1} ms {travel:6.2} mm {why:?}"
-                );
+        for (grip, hand) in [(Some(HAND), "still"), (Some(SINE), "goes"), (None, "nobody")] {
+            for (scene, position, FaultOutcome { lasted, travel, why }) in harms(fault, grip) {
+                println!("{name:9} {hand:7} {scene:33} {position}: {lasted:7.1} ms {travel:6.2} mm {why:?}");
             }
         }
     }
@@ -268,9 +229,6 @@ fn restart_ends_questions_and_suspicions() {
     // After the stop the position is another, and the earlier force is gone.
     for i in 0..12 {
         let x = -2e-3 + 1e-6 * f64::from(i);
-        assert_eq!(
-            axis_checks.tick(asked_force(x), 0.0, Some(x)),
-            asked_force(x)
-        );
+        assert_eq!(axis_checks.tick(asked_force(x), 0.0, Some(x)), asked_force(x));
     }
 }

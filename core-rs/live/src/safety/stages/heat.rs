@@ -27,13 +27,7 @@ impl Heat {
     }
 
     /// Add the load of a force over a tick of `period`; `constant`: time constant of the coil [s].
-    pub(in crate::safety) fn add_load(
-        &mut self,
-        force: f64,
-        continuous: f64,
-        period: f64,
-        constant: f64,
-    ) {
+    pub(in crate::safety) fn add_load(&mut self, force: f64, continuous: f64, period: f64, constant: f64) {
         let heat_load = (force / continuous) * (force / continuous);
         self.level += (heat_load - self.level) * (period / constant);
     }

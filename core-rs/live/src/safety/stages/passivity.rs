@@ -73,27 +73,18 @@ fn slot(number: u64) -> usize {
 }
 
 impl Passivity {
-    pub(in crate::safety) fn new(
-        spec: &Spec,
-        limits: &Limits,
-        period: f64,
-        in_lockstep: bool,
-    ) -> Self {
+    pub(in crate::safety) fn new(spec: &Spec, limits: &Limits, period: f64, in_lockstep: bool) -> Self {
         let delay_ticks = (spec.loop_delay_s.unwrap_or(0.0) / period).ceil() as usize;
         // Outside lockstep a reply has the position at which the force arrived; in lockstep the position to which the
         // force moved the key.
         let total_delay = delay_ticks + usize::from(!in_lockstep) + EXTRA_DELAYS;
         let longest = (limits.velocity_over / period).clamp(1.0, GAP_MAX as f64);
-        let velocity_span = (spec.pos_lsb / (STEP_VELOCITY * period))
-            .ceil()
-            .clamp(1.0, longest);
+        let velocity_span = (spec.pos_lsb / (STEP_VELOCITY * period)).ceil().clamp(1.0, longest);
         Self {
             energy: limits.energy,
             power: limits.power,
             period,
-            mass: spec
-                .inertia
-                .map_or(DEFAULT_MASS, |reported| TRUSTED_MASS * reported),
+            mass: spec.inertia.map_or(DEFAULT_MASS, |reported| TRUSTED_MASS * reported),
             step: spec.pos_lsb,
             span: velocity_span as u64,
             delay: total_delay.min(MAX_DELAY),
@@ -134,17 +125,12 @@ impl Passivity {
         let first_slot = slot(self.n - self.span.min(self.n));
         let span_time = self.times[now_slot] - self.times[first_slot];
         for (axis, &x) in self.axes.iter_mut().zip(positions) {
-            let position_before = if self.n == 0 {
-                x
-            } else {
-                axis.positions[last_slot]
-            };
+            let position_before = if self.n == 0 { x } else { axis.positions[last_slot] };
             axis.positions[now_slot] = x;
             for (delay, work) in axis.work[..=self.delay].iter_mut().enumerate() {
                 let newest_tick = self.sent.wrapping_sub(delay as u64);
                 let force_ago = |ago: u64| axis.forces[slot(newest_tick.wrapping_sub(ago))];
-                let mean_force =
-                    (1..=ticks_passed).map(force_ago).sum::<f64>() / ticks_passed as f64;
+                let mean_force = (1..=ticks_passed).map(force_ago).sum::<f64>() / ticks_passed as f64;
                 let changed: f64 = (1..=ticks_passed)
                     .map(|ago| (force_ago(ago) - force_ago(ago + 1)).abs())
                     .sum();
@@ -162,10 +148,7 @@ impl Passivity {
     /// The work on an axis [J], for the delay with the greatest work.
     pub(in crate::safety) fn work(&self, axis: usize) -> f64 {
         let work_by_delay = &self.axes[axis].work[..=self.delay];
-        work_by_delay
-            .iter()
-            .copied()
-            .fold(f64::NEG_INFINITY, f64::max)
+        work_by_delay.iter().copied().fold(f64::NEG_INFINITY, f64::max)
     }
 
     /// Continue with work [J] that was done on an axis before.
@@ -185,11 +168,8 @@ impl Passivity {
         let force_sum: f64 = (1..=n_unseen).map(|ago| force(ago).abs()).sum();
         let velocity_change = force_sum * self.period / self.mass + axis_state.velocity_error;
         let towards = |side: f64| side * axis_state.velocity + velocity_change;
-        let possible_work =
-            |force: f64| force.abs() * towards(force.signum()).max(0.0) * self.period;
-        let reserved: f64 = (1..=unseen_ticks)
-            .map(|ago| possible_work(force(ago)))
-            .sum();
+        let possible_work = |force: f64| force.abs() * towards(force.signum()).max(0.0) * self.period;
+        let reserved: f64 = (1..=unseen_ticks).map(|ago| possible_work(force(ago))).sum();
         let energy_left = (self.energy - self.work(axis) - reserved).max(0.0);
         let force_limit = |side: f64| {
             let w = towards(side);

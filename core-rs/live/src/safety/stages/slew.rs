@@ -12,19 +12,12 @@ impl Slew {
     /// No tick changes a force by more than the step, with one exception: if the previous force is outside the
     /// interval, the force falls towards zero at once, and never through it. So every rise, and every change of sign,
     /// is within the step. An interval without width ends the force now: trip, stale position, panic.
-    pub(in crate::safety) fn pass(
-        &mut self,
-        asked: f64,
-        allowed: [f64; 2],
-        step: f64,
-        count: &mut u64,
-    ) -> f64 {
+    pub(in crate::safety) fn pass(&mut self, asked: f64, allowed: [f64; 2], step: f64, count: &mut u64) -> f64 {
         let [lowest_force, highest_force] = allowed;
         let mut force = asked.clamp(lowest_force, highest_force);
         if (force - self.last).abs() > step {
             *count += 1;
-            force =
-                (self.last + step.copysign(force - self.last)).clamp(lowest_force, highest_force);
+            force = (self.last + step.copysign(force - self.last)).clamp(lowest_force, highest_force);
         }
         self.last = force;
         force

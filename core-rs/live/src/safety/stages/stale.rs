@@ -65,16 +65,10 @@ impl Ages {
 
     /// Advance before a force is sent; the fade takes `fade` [s] in ticks of `period`. Returns whether the force is
     /// stale.
-    pub(in crate::safety) fn sending(
-        &mut self,
-        now: Duration,
-        [period, fade]: [f64; 2],
-        counts: &mut Counts,
-    ) -> bool {
+    pub(in crate::safety) fn sending(&mut self, now: Duration, [period, fade]: [f64; 2], counts: &mut Counts) -> bool {
         self.note_call(now, counts);
         let must_send_zero = std::mem::take(&mut self.must_send_zero);
-        let is_stale =
-            must_send_zero || self.last_position.is_none() || self.is_old(self.last_position, now);
+        let is_stale = must_send_zero || self.last_position.is_none() || self.is_old(self.last_position, now);
         if is_stale {
             self.restart();
         } else {
@@ -84,12 +78,7 @@ impl Ages {
     }
 
     /// Note a position, from a board that may have `let_go` before; returns the time since the previous position [s].
-    pub(in crate::safety) fn received(
-        &mut self,
-        now: Duration,
-        let_go: bool,
-        counts: &mut Counts,
-    ) -> Option<f64> {
+    pub(in crate::safety) fn received(&mut self, now: Duration, let_go: bool, counts: &mut Counts) -> Option<f64> {
         self.note_call(now, counts);
         if let_go {
             counts.let_go += 1;

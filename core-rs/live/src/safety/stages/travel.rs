@@ -40,13 +40,7 @@ impl Travel {
 
     /// Why a key that was at `before` [m] cannot be at `x` after `since` [s], if it cannot; `velocities`: the mean of
     /// late, and that of the last step [m/s].
-    pub(in crate::safety) fn fault(
-        &self,
-        x: f64,
-        before: f64,
-        velocities: [f64; 2],
-        since: f64,
-    ) -> Option<Trip> {
+    pub(in crate::safety) fn fault(&self, x: f64, before: f64, velocities: [f64; 2], since: f64) -> Option<Trip> {
         let [lower_end, upper_end] = self.range;
         if x < lower_end || x > upper_end {
             return Some(Trip::OutsideTravel);

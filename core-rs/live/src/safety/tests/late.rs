@@ -59,8 +59,7 @@ impl Device for Board {
         &self.spec
     }
     fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
-        self.time
-            .fetch_add(std::mem::take(&mut self.stop), Ordering::Relaxed);
+        self.time.fetch_add(std::mem::take(&mut self.stop), Ordering::Relaxed);
         self.take_force(force.newtons()[0]);
         Ok(())
     }
@@ -116,9 +115,7 @@ impl Host {
     }
 
     fn look(&mut self) {
-        self.guarded
-            .receive(&mut self.sample, Instant::now())
-            .unwrap();
+        self.guarded.receive(&mut self.sample, Instant::now()).unwrap();
     }
 
     fn tick(&mut self, force: f64) {
@@ -295,14 +292,8 @@ fn heat_is_recalled_and_cools() {
     for (elapsed, force) in [(0.0, 1.0), (0.2, 2.0)] {
         let mut reopened = Guarded::new(&mut bench, limits, PERIOD);
         reopened.pipeline.recall(&heat_memory, elapsed);
-        reopened
-            .receive(&mut device_sample, Instant::now())
-            .unwrap();
-        assert_eq!(
-            reopened.send(&[2.0]).unwrap().newtons(),
-            [force],
-            "{elapsed} s"
-        );
+        reopened.receive(&mut device_sample, Instant::now()).unwrap();
+        assert_eq!(reopened.send(&[2.0]).unwrap().newtons(), [force], "{elapsed} s");
     }
 }
 

@@ -19,17 +19,16 @@ pub(super) const SCENES: [(&str, Scene); 10] = [
     ("spring 30 kN/m", |x, _, _| -3e4 * x),
     ("wall 10 kN/m", |x, _, _| (-1e4 * x).max(0.0)),
     ("damper 30 N·s/m", |x, before, _| -3e4 * (x - before)),
-    ("spring and damper", |x, before, _| {
-        -2e3 * x - 2e4 * (x - before)
-    }),
+    ("spring and damper", |x, before, _| -2e3 * x - 2e4 * (x - before)),
     ("relay", |x, _, _| -20.0 * x.signum()),
     ("driven by its velocity", |x, before, _| 5e3 * (x - before)),
-    ("pushed where it goes", |x, before, _| {
-        20.0 * (x - before).signum()
-    }),
-    ("pushed at 15 Hz", |_, _, tick| {
-        if tick / 33 % 2 == 0 { 20.0 } else { -20.0 }
-    }),
+    ("pushed where it goes", |x, before, _| 20.0 * (x - before).signum()),
+    (
+        "pushed at 15 Hz",
+        |_, _, tick| {
+            if tick / 33 % 2 == 0 { 20.0 } else { -20.0 }
+        },
+    ),
 ];
 
 /// The outcome of a run.
@@ -59,9 +58,7 @@ pub(super) fn play(setup: Setup, scene: Scene, ticks: u32) -> Outcome {
     for tick in 0..ticks {
         loop_time.fetch_add(period_nanos, Ordering::Relaxed);
         let key_position = device_sample.position[0];
-        guarded
-            .send(&[scene(key_position, position_before, tick)])
-            .unwrap();
+        guarded.send(&[scene(key_position, position_before, tick)]).unwrap();
         position_before = key_position;
         guarded.receive(&mut device_sample, Instant::now()).unwrap();
         let key = guarded.device();
@@ -85,9 +82,7 @@ fn sweep(mass: f64, steps: &[f64], delays: &[usize], seconds: u32) -> (f64, usiz
     for (name, scene) in SCENES {
         for &step in steps {
             for hand in [None, Some([400.0, 4.0])] {
-                for [tells, lockstep] in
-                    [[true, true], [true, false], [false, true], [false, false]]
-                {
+                for [tells, lockstep] in [[true, true], [true, false], [false, true], [false, false]] {
                     for friction in [0.02, 0.1, 0.3, 1.0, 3.0] {
                         for &delay in delays {
                             let loop_setup = Setup {
@@ -121,10 +116,7 @@ fn sweep(mass: f64, steps: &[f64], delays: &[usize], seconds: u32) -> (f64, usiz
 #[test]
 fn work_of_loops_stays_within_the_allowance() {
     let (_, acting_loops) = sweep(MASS, &[1e-5], &[0, 1, 4], 4);
-    assert!(
-        acting_loops > 200,
-        "{acting_loops}: loops that swing up were tried"
-    );
+    assert!(acting_loops > 200, "{acting_loops}: loops that swing up were tried");
 }
 
 #[test]
@@ -144,16 +136,12 @@ fn work_of_many_loops_stays_within_the_allowance() {
 fn usual_playing_loops_are_not_limited() {
     let playing_scenes: [(&str, Scene); 4] = [
         ("a spring", |x, _, _| -300.0 * x),
-        (
-            "a wall",
-            |x, _, _| if x > 2e-3 { -500.0 * (x - 2e-3) } else { 0.0 },
-        ),
+        ("a wall", |x, _, _| if x > 2e-3 { -500.0 * (x - 2e-3) } else { 0.0 }),
         ("a spring and a damper", |x, before, _| {
             -200.0 * x - 400.0 * (x - before)
         }),
         ("a partner", |x, _, tick| {
-            let partner_position =
-                15e-3 * libm::sin(1.9e-3 * std::f64::consts::TAU * f64::from(tick));
+            let partner_position = 15e-3 * libm::sin(1.9e-3 * std::f64::consts::TAU * f64::from(tick));
             200.0 * (partner_position - x)
         }),
     ];

@@ -92,8 +92,7 @@ impl Path {
                     let x = libm::sin(stroke_index * 12.9898 + (k + salt) * 78.233) * 43_758.547;
                     x - libm::floor(x)
                 };
-                let (time_in_stroke, stroke_time) =
-                    (t - stroke_index * every, 0.06 + 0.14 * random_share(1.0));
+                let (time_in_stroke, stroke_time) = (t - stroke_index * every, 0.06 + 0.14 * random_share(1.0));
                 let release_time = stroke_time + 0.5 * every * random_share(3.0);
                 let hand_tremor = 5e-5 * libm::sin(57.0 * t) + 3e-5 * libm::sin(71.3 * t);
                 deep * random_share(2.0)
@@ -181,15 +180,8 @@ impl Case {
             draw.between(0.0, 100.0),
         );
         // Nobody makes wide strokes with so firm a grip.
-        let [greatest_swing, greatest_rate] = if is_firmest {
-            [3e-3, 1.0]
-        } else {
-            [12e-3, 3.0]
-        };
-        let sine_path = Path::Sine(
-            draw.between(1e-3, greatest_swing),
-            draw.between(0.3, greatest_rate),
-        );
+        let [greatest_swing, greatest_rate] = if is_firmest { [3e-3, 1.0] } else { [12e-3, 3.0] };
+        let sine_path = Path::Sine(draw.between(1e-3, greatest_swing), draw.between(0.3, greatest_rate));
         let still_path = Path::Still(draw.between(-0.01, 0.01));
         let widest_path = if is_firmest { still_path } else { strokes };
         let hand_path = draw.choice(&[still_path, sine_path, widest_path]);
@@ -292,10 +284,8 @@ impl Device for Key {
         let [k, z] = self.case.hand;
         for _ in 0..SUBSTEPS {
             let hand_path = self.case.hand_path;
-            let (hand_now, hand_before) =
-                (hand_path.place(self.t), hand_path.place(self.t - substep));
-            let grip_force =
-                k * (hand_now - self.x) + z * ((hand_now - hand_before) / substep - self.v);
+            let (hand_now, hand_before) = (hand_path.place(self.t), hand_path.place(self.t - substep));
+            let grip_force = k * (hand_now - self.x) + z * ((hand_now - hand_before) / substep - self.v);
             self.v += (motor_force + grip_force - FRICTION * self.v) / moving_mass * substep;
             let position_before = self.x;
             self.x += self.v * substep;
@@ -363,8 +353,8 @@ fn play(case: Case, until: f64) -> Outcome {
         guarded.receive(&mut device_sample, Instant::now()).unwrap();
         let (time_now, key_position) = (guarded.device().t, device_sample.position[0]);
         let [k, z] = case.piece;
-        let asked_force = k * (case.piece_path.place(time_now) - key_position)
-            - z * (key_position - position_before) / TICK;
+        let asked_force =
+            k * (case.piece_path.place(time_now) - key_position) - z * (key_position - position_before) / TICK;
         position_before = key_position;
         let trip_before = guarded.tripped(0);
         guarded.send(&[asked_force]).unwrap();
@@ -510,8 +500,7 @@ fn sweep(n: usize, seed: u64, kinds: &[usize]) {
         let case_outcome = play(case, case.onset + WATCHED);
         let tripped_early = case_outcome.trips.iter().any(|trip| trip.0 < 0.0);
         if tripped_early
-            || (case_outcome.force_time > promise.force_time + 1e-9
-                && case_outcome.work > promise.harmless)
+            || (case_outcome.force_time > promise.force_time + 1e-9 && case_outcome.work > promise.harmless)
             || case_outcome.work > promise.work
             || case_outcome.greatest > FORCE_MAX
         {
@@ -525,8 +514,7 @@ fn sweep(n: usize, seed: u64, kinds: &[usize]) {
     for (name, mut figures) in all_figures {
         figures.force_time.sort_by(f64::total_cmp);
         figures.work.sort_by(f64::total_cmp);
-        let (middle_index, last_index) =
-            (figures.force_time.len() / 2, figures.force_time.len() - 1);
+        let (middle_index, last_index) = (figures.force_time.len() / 2, figures.force_time.len() - 1);
         println!(
             "{name:30} {:4} cases, {:4} tripped; force felt {:6.3} s (median), {:6.3} s at most; work {:6.3} J at most",
             last_index + 1,

@@ -116,12 +116,9 @@ impl Device for Sampled {
         let grip_force = self.setup.hand.map_or(0.0, |[k, _]| k * hand_position);
         self.ticks += 1;
         let state_before = [self.x, self.v, motor_force + grip_force];
-        let [x, v, _] = self.flow.map(|row| {
-            row.iter()
-                .zip(state_before)
-                .map(|(a, s)| a * s)
-                .sum::<f64>()
-        });
+        let [x, v, _] = self
+            .flow
+            .map(|row| row.iter().zip(state_before).map(|(a, s)| a * s).sum::<f64>());
         let is_within = x.abs() <= END;
         (self.x, self.v) = (x.clamp(-END, END), if is_within { v } else { 0.0 });
         self.work += motor_force * (self.x - state_before[0]);
@@ -150,12 +147,10 @@ fn exp(a: [[f64; 3]; 3]) -> [[f64; 3]; 3] {
         std::array::from_fn(|i| std::array::from_fn(|j| (0..3).map(|k| a[i][k] * b[k][j]).sum()))
     };
     let scaled_matrix = a.map(|row| row.map(|x| x / f64::from(1 << SQUARED)));
-    let mut exponential: [[f64; 3]; 3] =
-        std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));
+    let mut exponential: [[f64; 3]; 3] = std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));
     let mut series_term = exponential;
     for n in 1..8 {
-        series_term =
-            matrix_product(&series_term, &scaled_matrix).map(|row| row.map(|x| x / f64::from(n)));
+        series_term = matrix_product(&series_term, &scaled_matrix).map(|row| row.map(|x| x / f64::from(n)));
         for i in 0..3 {
             for j in 0..3 {
                 exponential[i][j] += series_term[i][j];

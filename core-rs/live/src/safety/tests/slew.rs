@@ -74,8 +74,7 @@ fn too_fast(ticks: u64, seed: u64) -> u64 {
     let force_step = board_limits.slew * 1e3 * PERIOD * (1.0 + 1e-12);
     let mut guarded = Guarded::new(&mut board, board_limits, PERIOD);
     let mut device_sample = Sample::default();
-    let (mut asked_force, mut travel_per_tick, mut last_force, mut stopped) =
-        (0.0, 0.0, 0.0_f64, false);
+    let (mut asked_force, mut travel_per_tick, mut last_force, mut stopped) = (0.0, 0.0, 0.0_f64, false);
     let mut fast_changes = 0;
     for _ in 0..ticks {
         if random_draw.once_in(50) {
@@ -85,16 +84,11 @@ fn too_fast(ticks: u64, seed: u64) -> u64 {
                 2 => 1e300 * random_draw.even(),
                 _ => 25.0 * random_draw.even(),
             };
-            travel_per_tick =
-                if random_draw.once_in(20) { 20.0 } else { 2.0 } * PERIOD * random_draw.even();
+            travel_per_tick = if random_draw.once_in(20) { 20.0 } else { 2.0 } * PERIOD * random_draw.even();
         }
         let board = &mut guarded.device;
         let next_position = board.sample.position[0] + travel_per_tick;
-        board.sample.position[0] = if next_position.abs() < 0.05 {
-            next_position
-        } else {
-            0.0
-        };
+        board.sample.position[0] = if next_position.abs() < 0.05 { next_position } else { 0.0 };
         board.answers = !random_draw.once_in(10) && (board.answers || random_draw.once_in(10));
         board.sample.let_go = random_draw.once_in(500);
         board.sample.hot = random_draw.once_in(30);

@@ -55,14 +55,9 @@ pub(super) fn firefader_bytes(dice: &mut Dice) {
     fed(&stream_bytes, piece_size, firefader::parse_reply, |reply| {
         assert!((0..2).all(|axis| reply.metres(axis).abs() < 0.05));
     });
-    fed(
-        &stream_bytes,
-        piece_size,
-        firefader::parse_request,
-        |force| {
-            assert!(force.iter().all(|force| force.abs() <= 1.58));
-        },
-    );
+    fed(&stream_bytes, piece_size, firefader::parse_request, |force| {
+        assert!(force.iter().all(|force| force.abs() <= 1.58));
+    });
 }
 
 fn frame_packet(dice: &mut Dice) -> Vec<u8> {

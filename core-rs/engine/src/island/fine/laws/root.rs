@@ -50,12 +50,9 @@ pub(super) fn inverse(m: &Square) -> Square {
     let cofactor = |row: usize, column: usize| {
         let [next_row, last_row] = [(row + 1) % 3, (row + 2) % 3];
         let [next_column, last_column] = [(column + 1) % 3, (column + 2) % 3];
-        m[next_row][next_column] * m[last_row][last_column]
-            - m[next_row][last_column] * m[last_row][next_column]
+        m[next_row][next_column] * m[last_row][last_column] - m[next_row][last_column] * m[last_row][next_column]
     };
-    let determinant: f64 = (0..STAGES)
-        .map(|column| m[0][column] * cofactor(0, column))
-        .sum();
+    let determinant: f64 = (0..STAGES).map(|column| m[0][column] * cofactor(0, column)).sum();
     let (mut inverse, entry_scale) = ([[0.0; STAGES]; STAGES], 1.0 / determinant);
     for (row, entry) in inverse.iter_mut().enumerate() {
         for (column, entry) in entry.iter_mut().enumerate() {

@@ -14,21 +14,9 @@ const TWO_PARTS: std::ops::Range<f64> = 1e-8..0.1;
 
 /// Integrals up to each Gauss point, as weights of the rates at the Gauss points, in parts (Gauss's method of order 6).
 const MEANS: Square = [
-    [
-        5.0 / 36.0,
-        -0.035_976_667_524_938_9,
-        0.009_789_444_015_308_324,
-    ],
-    [
-        0.300_263_194_980_864_6,
-        2.0 / 9.0,
-        -0.022_485_417_203_086_813,
-    ],
-    [
-        0.267_988_333_762_469_43,
-        0.480_421_111_969_383_3,
-        5.0 / 36.0,
-    ],
+    [5.0 / 36.0, -0.035_976_667_524_938_9, 0.009_789_444_015_308_324],
+    [0.300_263_194_980_864_6, 2.0 / 9.0, -0.022_485_417_203_086_813],
+    [0.267_988_333_762_469_43, 0.480_421_111_969_383_3, 5.0 / 36.0],
 ];
 
 /// The state of a running law.
@@ -194,10 +182,9 @@ impl LawState {
             let by_last = laws.ahead_by_last.map(|row| dot(&row, &self.force));
             std::array::from_fn(|stage| by_before[stage] + by_last[stage])
         });
-        let guess_spread = (far_guess.iter().zip(&near_guess))
-            .fold(0.0_f64, |most, (far_guess, near_guess)| {
-                most.max((far_guess - near_guess).abs())
-            });
+        let guess_spread = (far_guess.iter().zip(&near_guess)).fold(0.0_f64, |most, (far_guess, near_guess)| {
+            most.max((far_guess - near_guess).abs())
+        });
         let is_better = TWO_PARTS.contains(&(guess_spread / self.largest));
         self.before = Some(self.force);
         self.force = if is_better { far_guess } else { near_guess };
@@ -216,8 +203,7 @@ impl LawState {
             self.bristle_at_end = bent_bristles.bristle_at_end;
             // A rate at one instant bends the bristles at all later instants.
             let unmet_slope = |stage: usize, column: usize| {
-                let slope_product =
-                    |from: usize| bent_bristles.slopes[stage][from] * by_v[from][column];
+                let slope_product = |from: usize| bent_bristles.slopes[stage][from] * by_v[from][column];
                 identity_entry(stage, column) - rate * (0..STAGES).map(slope_product).sum::<f64>()
             };
             return (bent_bristles.force, square(unmet_slope));
@@ -231,12 +217,7 @@ impl LawState {
     }
 
     /// Forces of a law without bristles, and its slopes in the elongation and in its rate [N/m, N·s/m].
-    fn tangents(
-        &mut self,
-        now: &[LawNow<'_>; STAGES],
-        e: &Stages,
-        v: &Stages,
-    ) -> (Stages, Stages, Stages) {
+    fn tangents(&mut self, now: &[LawNow<'_>; STAGES], e: &Stages, v: &Stages) -> (Stages, Stages, Stages) {
         match now[0].kind {
             Kind::Lnl { law, .. } => {
                 // The law at the start of the frame takes the last place.
@@ -282,20 +263,16 @@ impl Bent {
         let (start_bend, h) = (now[0].bristle, h / now[0].rate());
         let wear_pairs = [0, 1, 2].map(|stage: usize| bristles[stage].wear_and_slope(v[stage]));
         let wear_rates = wear_pairs.map(|(wear_rates, _)| wear_rates);
-        let decay_matrix = square(|stage, column| {
-            identity_entry(stage, column) + h * MEANS[stage][column] * wear_rates[column]
-        });
+        let decay_matrix =
+            square(|stage, column| identity_entry(stage, column) + h * MEANS[stage][column] * wear_rates[column]);
         let decay_matrix = inverse(&decay_matrix);
         let free_bends = MEANS.map(|row| start_bend + h * dot(&row, v));
         let stage_bends = decay_matrix.map(|row| dot(&row, &free_bends));
-        let bending_rates: Stages =
-            std::array::from_fn(|stage| v[stage] - wear_rates[stage] * stage_bends[stage]);
+        let bending_rates: Stages = std::array::from_fn(|stage| v[stage] - wear_rates[stage] * stage_bends[stage]);
         // Slope of the rate of each bend over the rate of its ends.
-        let rate_slopes: Stages =
-            std::array::from_fn(|stage| 1.0 - wear_pairs[stage].1 * stage_bends[stage]);
+        let rate_slopes: Stages = std::array::from_fn(|stage| 1.0 - wear_pairs[stage].1 * stage_bends[stage]);
         let stage_force = |stage: usize| {
-            now[stage].open
-                * bristles[stage].worn_force(stage_bends[stage], v[stage], wear_rates[stage])
+            now[stage].open * bristles[stage].worn_force(stage_bends[stage], v[stage], wear_rates[stage])
         };
         let stage_slope = |stage: usize, from: usize| {
             let deflection = (0..STAGES).map(|at| decay_matrix[stage][at] * h * MEANS[at][from]);

@@ -52,14 +52,9 @@ pub(in crate::island::fine) struct LawScript {
 
 impl LawScript {
     pub(in crate::island::fine) fn new(script: &Script) -> Self {
-        let is_law =
-            |index: &usize| !matches!(script.links[*index].kind, Kind::But(_) | Kind::Dry { .. });
+        let is_law = |index: &usize| !matches!(script.links[*index].kind, Kind::But(_) | Kind::Dry { .. });
         let links: Vec<usize> = (0..script.links.len()).filter(is_law).collect();
-        let divisions_max = if links.is_empty() {
-            1
-        } else {
-            (script.steps / 2).max(1)
-        };
+        let divisions_max = if links.is_empty() { 1 } else { (script.steps / 2).max(1) };
         let parts = std::iter::successors(Some(1), |parts| Some(2 * parts));
         let end_pairs: Vec<_> = (0..links.len() * links.len())
             .map(|pair| [pair / links.len(), pair % links.len()].map(|law| script.ends[links[law]]))
@@ -72,20 +67,15 @@ impl LawScript {
                 let start_instant = Instant::new(script.basis.n(), POINTS[stage]);
                 let stage_weight = WEIGHTS[stage] * script.rate.step();
                 let [x, v] = script.between(*ends, [&start_instant, &end_instant]);
-                (stage_shares[0][stage], stage_shares[1][stage]) =
-                    (stage_weight * x, stage_weight * v);
+                (stage_shares[0][stage], stage_shares[1][stage]) = (stage_weight * x, stage_weight * v);
             }
             stage_shares
         };
         let part_excess = (divisions_max as f64 / PARTS as f64).max(1.0);
         Self {
-            divisions: parts
-                .take_while(|&parts| parts <= divisions_max)
-                .map(divide)
-                .collect(),
+            divisions: parts.take_while(|&parts| parts <= divisions_max).map(divide).collect(),
             smooth: SMOOTH / (part_excess * part_excess * part_excess),
-            end: [&end_instant.value, &end_instant.slope]
-                .map(|values| script.basis.weights(values)),
+            end: [&end_instant.value, &end_instant.slope].map(|values| script.basis.weights(values)),
             moves_end: end_pairs.iter().map(end_basis).collect(),
             ahead: POINTS.map(|c| shares(1.0 + c)),
             ahead_by_before: POINTS.map(|c| two_part_weights(1.0 + c, 0)),
@@ -110,32 +100,23 @@ impl Division {
                 .collect();
             for &ends in pairs {
                 for frame_start in &bases {
-                    later.extend(
-                        instants
-                            .iter()
-                            .map(|end| script.between(ends, [frame_start, end])[0]),
-                    );
+                    later.extend(instants.iter().map(|end| script.between(ends, [frame_start, end])[0]));
                 }
             }
         }
         let weights = |values: fn(&Instant) -> &[f64; POLYNOMIALS_MAX]| -> Vec<Vec<f64>> {
-            bases
-                .iter()
-                .map(|bases| script.basis.weights(values(bases)))
-                .collect()
+            bases.iter().map(|bases| script.basis.weights(values(bases))).collect()
         };
         let (values, stage_slopes) = (weights(|bases| &bases.value), weights(|bases| &bases.slope));
         let frame_start = Instant::new(n_instants, 0.0);
-        let frame_start =
-            [&frame_start.value, &frame_start.slope].map(|values| script.basis.weights(values));
+        let frame_start = [&frame_start.value, &frame_start.slope].map(|values| script.basis.weights(values));
         let part_motion = |part: usize, instant: usize| {
             let mut part_motion = [0.0; 2 * STAGES + 2];
             for stage in 0..STAGES {
                 part_motion[stage] = values[STAGES * part + stage][instant];
                 part_motion[STAGES + stage] = stage_slopes[STAGES * part + stage][instant];
             }
-            (part_motion[2 * STAGES], part_motion[2 * STAGES + 1]) =
-                (frame_start[0][instant], frame_start[1][instant]);
+            (part_motion[2 * STAGES], part_motion[2 * STAGES + 1]) = (frame_start[0][instant], frame_start[1][instant]);
             part_motion
         };
         Self {
@@ -144,10 +125,7 @@ impl Division {
                 .map(|index| part_motion(index / n_instants, index % n_instants))
                 .collect(),
             value: values.concat(),
-            moves: pairs
-                .iter()
-                .map(|&ends| script.coupled(ends, part_length))
-                .collect(),
+            moves: pairs.iter().map(|&ends| script.coupled(ends, part_length)).collect(),
             later,
             s,
         }
@@ -162,10 +140,7 @@ pub(in crate::island::fine) fn shares(s: f64) -> [f64; STAGES] {
 /// The same for the Gauss points of two parts, -1 to 0 and 0 to 1: the weights of the first or of the second.
 fn two_part_weights(s: f64, part: usize) -> Stages {
     let gauss_points = [-1.0, 0.0].map(|start| POINTS.map(|c| start + c));
-    let point_shares = lagrange::<6>(
-        s,
-        std::array::from_fn(|at| gauss_points[at / STAGES][at % STAGES]),
-    );
+    let point_shares = lagrange::<6>(s, std::array::from_fn(|at| gauss_points[at / STAGES][at % STAGES]));
     std::array::from_fn(|stage| point_shares[part * STAGES + stage])
 }
 
@@ -245,16 +220,9 @@ mod tests {
         for power in 0..6 {
             let polynomial = |s: f64| (0..power).map(|_| s).product::<f64>();
             for s in POINTS.map(|c| 1.0 + c) {
-                let part_sums = [(0, -1.0), (1, 0.0)].map(|(part, start)| {
-                    dot(
-                        &two_part_weights(s, part),
-                        &POINTS.map(|c| polynomial(start + c)),
-                    )
-                });
-                assert!(
-                    (part_sums[0] + part_sums[1] - polynomial(s)).abs()
-                        < 1e-11 * polynomial(s).max(1.0)
-                );
+                let part_sums = [(0, -1.0), (1, 0.0)]
+                    .map(|(part, start)| dot(&two_part_weights(s, part), &POINTS.map(|c| polynomial(start + c))));
+                assert!((part_sums[0] + part_sums[1] - polynomial(s)).abs() < 1e-11 * polynomial(s).max(1.0));
             }
         }
     }

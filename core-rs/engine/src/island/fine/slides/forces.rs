@@ -16,12 +16,7 @@ const NEWTON_WORK: u64 = 8;
 
 impl Fine {
     /// Take a step of `h` from `s`.
-    pub(super) fn step_frictions(
-        &mut self,
-        frame: Frame<'_>,
-        (s, h): (f64, f64),
-        left: &mut usize,
-    ) {
+    pub(super) fn step_frictions(&mut self, frame: Frame<'_>, (s, h): (f64, f64), left: &mut usize) {
         *left = left.saturating_sub(1);
         self.work.instants += STEP_WORK * frame.slides.links.len() as u64;
         self.solve_forces(frame, (s, h));
@@ -102,8 +97,7 @@ impl Fine {
                 let by = move_pairs.map(|(by, other)| dot(&by[stage], &other.force));
                 let v = slide.free[stage] + by.sum::<f64>();
                 let row_index = STAGES * slide_index + stage;
-                let equation_row =
-                    &mut equations[row_index * row_width..(row_index + 1) * row_width];
+                let equation_row = &mut equations[row_index * row_width..(row_index + 1) * row_width];
                 let velocity_factor = if is_holding {
                     1.0
                 } else {
@@ -117,8 +111,7 @@ impl Fine {
                     equation_row[row_width - 1] = -v;
                 } else {
                     equation_row[row_index] += 1.0;
-                    equation_row[row_width - 1] =
-                        direction * friction.level(v) - slide.force[stage];
+                    equation_row[row_width - 1] = direction * friction.level(v) - slide.force[stage];
                 }
             }
         }
@@ -137,11 +130,9 @@ impl Fine {
         for slide in 0..frame.slides.links.len() {
             let friction_level = self.friction(frame, (slide, s)).level(0.0);
             for stage in 0..STAGES {
-                let correction =
-                    self.frictions.system[(STAGES * slide + stage) * (n_forces + 1) + n_forces];
+                let correction = self.frictions.system[(STAGES * slide + stage) * (n_forces + 1) + n_forces];
                 self.frictions.slides[slide].force[stage] += correction;
-                change_max =
-                    change_max.max(correction.abs() / friction_level.max(f64::MIN_POSITIVE));
+                change_max = change_max.max(correction.abs() / friction_level.max(f64::MIN_POSITIVE));
             }
         }
         Some(change_max)
@@ -158,8 +149,7 @@ impl Fine {
         let mut compliances = std::mem::take(&mut self.frictions.system);
         for (compliance, response) in compliances.iter_mut().zip(&frame.slides.responses) {
             let stage_parts = WEIGHTS.iter().zip(&since_points);
-            let stage_parts = stage_parts
-                .map(|(weight, since_points)| weight * dot(response, &since_points.value));
+            let stage_parts = stage_parts.map(|(weight, since_points)| weight * dot(response, &since_points.value));
             *compliance = frame_left * script.rate.step() * stage_parts.sum::<f64>();
         }
         let end_instant = Instant::new(n_instants, 1.0);
@@ -172,10 +162,7 @@ impl Fine {
             for slide_index in 0..n_dry {
                 let slides = &self.frictions.slides;
                 let compliance_row = &compliances[slide_index * n_dry..(slide_index + 1) * n_dry];
-                let push_velocities = compliance_row
-                    .iter()
-                    .zip(slides)
-                    .map(|(by, other)| by * other.force[0]);
+                let push_velocities = compliance_row.iter().zip(slides).map(|(by, other)| by * other.force[0]);
                 let v = slides[slide_index].free[0] + push_velocities.sum::<f64>();
                 let friction_level = self.friction(frame, (slide_index, s)).level(v);
                 let stopping = slides[slide_index].force[0] - v / compliance_row[slide_index];
@@ -211,15 +198,13 @@ fn eliminate(system: &mut [f64], n: usize) -> Option<()> {
     let row_width = n + 1;
     for column in 0..n {
         let entry_size = |diagonal_row: &usize| system[diagonal_row * row_width + column].abs();
-        let pivot_row =
-            (column..n).max_by(|one, other| entry_size(one).total_cmp(&entry_size(other)))?;
+        let pivot_row = (column..n).max_by(|one, other| entry_size(one).total_cmp(&entry_size(other)))?;
         if !(entry_size(&pivot_row) > 0.0 && entry_size(&pivot_row).is_finite()) {
             return None;
         }
         if pivot_row != column {
             let (rows_above, rows_below) = system.split_at_mut(pivot_row * row_width);
-            rows_above[column * row_width..(column + 1) * row_width]
-                .swap_with_slice(&mut rows_below[..row_width]);
+            rows_above[column * row_width..(column + 1) * row_width].swap_with_slice(&mut rows_below[..row_width]);
         }
         let (rows_above, rows_below) = system.split_at_mut((column + 1) * row_width);
         let diagonal_row = &rows_above[column * row_width..];
@@ -233,8 +218,8 @@ fn eliminate(system: &mut [f64], n: usize) -> Option<()> {
         }
     }
     for column in (0..n).rev() {
-        let later_terms = (column + 1..n)
-            .map(|other| system[column * row_width + other] * system[other * row_width + n]);
+        let later_terms =
+            (column + 1..n).map(|other| system[column * row_width + other] * system[other * row_width + n]);
         let known_sum = later_terms.sum::<f64>();
         let diagonal_row = &mut system[column * row_width..(column + 1) * row_width];
         diagonal_row[n] = (diagonal_row[n] - known_sum) / diagonal_row[column];

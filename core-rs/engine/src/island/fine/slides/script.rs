@@ -44,16 +44,12 @@ impl SlideScript {
         };
         let steps_max = links.iter().zip(&dry).map(step_count).fold(1.0, f64::max);
         let least_steps = (script.steps / 2).max(1);
-        let fast_steps = (least_steps as f64 * steps_max)
-            .ceil()
-            .min(STEPS_MAX as f64 / 4.0) as usize;
+        let fast_steps = (least_steps as f64 * steps_max).ceil().min(STEPS_MAX as f64 / 4.0) as usize;
         let end_pairs = links.iter().flat_map(|&to| {
             let from_link = links.iter();
             from_link.map(move |&from_link| [script.ends[to], script.ends[from_link]])
         });
-        let responses: Vec<Vec<f64>> = end_pairs
-            .map(|ends| velocity_response(script, ends))
-            .collect();
+        let responses: Vec<Vec<f64>> = end_pairs.map(|ends| velocity_response(script, ends)).collect();
         Self {
             paces: [least_steps, fast_steps].map(|parts| Pace::new(script, parts, &responses)),
             responses,
@@ -118,8 +114,7 @@ impl Integrals {
     pub(super) fn new(script: &Script, h: f64) -> Self {
         let (n_instants, step_seconds) = (script.basis.n(), h * script.rate.step());
         Self {
-            since: POINTS
-                .map(|c| POINTS.map(|point| Instant::new(n_instants, c * (1.0 - point) * h))),
+            since: POINTS.map(|c| POINTS.map(|point| Instant::new(n_instants, c * (1.0 - point) * h))),
             weights: POINTS.map(|c| {
                 std::array::from_fn(|inner| {
                     let inner_weight = WEIGHTS[inner] * c * step_seconds;

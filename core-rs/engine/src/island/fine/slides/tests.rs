@@ -37,14 +37,7 @@ fn played(network: &Network, (rate, steps): (f64, usize), n_frames: usize) -> Ve
         threads: 1,
         unchecked: false,
     };
-    let mut island = Island::new(
-        Arc::new(network.clone()),
-        &timeline,
-        &[],
-        (steps, 1, 1),
-        options,
-    )
-    .unwrap();
+    let mut island = Island::new(Arc::new(network.clone()), &timeline, &[], (steps, 1, 1), options).unwrap();
     let mut listened = vec![0.0; n_frames];
     island
         .process(&mut listened, n_frames, &mut ThreadTeam::alone())
@@ -63,9 +56,7 @@ fn sliding_block_swings_about_shifted_centres() {
         let ground_tie = Tie::Tuned { f, t60: None };
         let block = network.cel("m", m, ground_tie, 0.0, x0, 0.0).unwrap();
         let ground = network.sol("w", 0.0).unwrap();
-        network
-            .dry("l", ground, block, plain(friction_level))
-            .unwrap();
+        network.dry("l", ground, block, plain(friction_level)).unwrap();
         network.listen("o", vec![LISTEN]).unwrap();
         let listened = played(&network, (RATE, 2), 400);
         let centre_shift = friction_level / (m * omega * omega);
@@ -74,11 +65,7 @@ fn sliding_block_swings_about_shifted_centres() {
             let mut half_swing = (swing_phase / PI) as usize;
             // The amplitude falls by 2·shift with each half swing, until the block is held where it turns.
             let turns_at = |half_swing: usize| {
-                let swing_sign = if half_swing.is_multiple_of(2) {
-                    1.0
-                } else {
-                    -1.0
-                };
+                let swing_sign = if half_swing.is_multiple_of(2) { 1.0 } else { -1.0 };
                 swing_sign * (x0 - 2.0 * centre_shift * half_swing as f64)
             };
             let last_swing = (0..)

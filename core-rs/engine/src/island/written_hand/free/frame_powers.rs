@@ -72,20 +72,11 @@ impl FramePowers {
             }
         }
         motion.body.x.copy_from_slice(&self.state[..mat_count]);
-        motion
-            .body
-            .d
-            .copy_from_slice(&self.state[mat_count..last_index]);
+        motion.body.d.copy_from_slice(&self.state[mat_count..last_index]);
     }
 
     /// Set `change` to that of one frame: for each state variable the effect of 1 alone, less that of the zero state.
-    fn single_frame(
-        &mut self,
-        free: &FreeKey,
-        motion: &mut FreeMotion,
-        laws: &mut Laws,
-        targets: &mut Vec<Target>,
-    ) {
+    fn single_frame(&mut self, free: &FreeKey, motion: &mut FreeMotion, laws: &mut Laws, targets: &mut Vec<Target>) {
         let (mat_count, state_size) = (self.n_mat, self.size());
         self.change.fill(0.0);
         for column in (0..state_size).rev() {
@@ -103,12 +94,8 @@ impl FramePowers {
                 // The change of a position is exactly its last step.
                 for (row, change) in [(mat, step), (mat_count + mat, step - step_before)] {
                     let constant = self.change[row * state_size + state_size - 1];
-                    self.change[row * state_size + column] = change
-                        - if column < 2 * mat_count {
-                            constant
-                        } else {
-                            0.0
-                        };
+                    self.change[row * state_size + column] =
+                        change - if column < 2 * mat_count { constant } else { 0.0 };
                 }
             }
         }
@@ -117,11 +104,7 @@ impl FramePowers {
     /// Apply the map to the state.
     fn apply(&mut self) {
         let state_size = self.size();
-        for (moved, row) in self
-            .moved
-            .iter_mut()
-            .zip(self.change.chunks_exact(state_size))
-        {
+        for (moved, row) in self.moved.iter_mut().zip(self.change.chunks_exact(state_size)) {
             *moved = row.iter().zip(&self.state).map(|(a, b)| a * b).sum();
         }
         for (state, moved) in self.state.iter_mut().zip(&self.moved) {
@@ -166,9 +149,7 @@ mod tests {
         let first_mat = network.cel("a", 0.4, ground_tie(60.0, 1e-5), 1e-3, 0.0, 0.0);
         let second_mat = network.cel("b", 0.1, ground_tie(2.0, 0.0), 0.0, 0.0, 0.0);
         let (first_mat, second_mat) = (first_mat.unwrap(), second_mat.unwrap());
-        network
-            .spring("r", first_mat, second_mat, 30.0, 0.0, 0.0)
-            .unwrap();
+        network.spring("r", first_mat, second_mat, 30.0, 0.0, 0.0).unwrap();
         let scheme = Scheme::new(&network, Rate::new(44_100.0).unwrap()).unwrap();
         FreeKey {
             scheme: Arc::new(scheme),
@@ -241,10 +222,7 @@ mod tests {
         let frame_powers = frame_powers.as_mut().unwrap();
         frame_powers.advance(&free_key, &mut key_motion, to - n - 1, laws, targets);
         let end_position = key_motion.body.x[free_key.struck];
-        assert!(
-            (end_position - x).abs() < 1e-9,
-            "{end_position} m, by {force} N"
-        );
+        assert!((end_position - x).abs() < 1e-9, "{end_position} m, by {force} N");
     }
 
     #[test]

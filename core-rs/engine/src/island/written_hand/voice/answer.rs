@@ -24,14 +24,7 @@ struct Blow {
 impl Voice {
     /// Strike the key so that it does what is asked; returns the force on the free key [N]. `here` is the position
     /// asked for at this very frame, NaN if none.
-    pub(super) fn answer(
-        &mut self,
-        script: &VoiceScript,
-        scene: &mut Scene<'_>,
-        n: u64,
-        ask: &Ask,
-        here: f64,
-    ) -> f64 {
+    pub(super) fn answer(&mut self, script: &VoiceScript, scene: &mut Scene<'_>, n: u64, ask: &Ask, here: f64) -> f64 {
         let wanted_force = self.wanted(script, scene, n, ask);
         let Some(running) = self.running.as_mut() else {
             return 0.0;
@@ -66,9 +59,7 @@ impl Voice {
                 x: *x,
             });
             // The free copy follows the key.
-            return script
-                .free
-                .needed(&self.free, *x, &self.targets, &mut self.buffers);
+            return script.free.needed(&self.free, *x, &self.targets, &mut self.buffers);
         }
         let force = match *ask {
             _ if !over_limit => wanted_force,
@@ -110,19 +101,13 @@ impl Voice {
     /// path is crossed would make the key swing far beyond it, again and again.
     fn catch_up(&self, script: &VoiceScript, [asked_here, next]: [f64; 2], limit: f64) -> f64 {
         let (scheme, mat_index) = (&script.free.scheme, script.free.struck);
-        let asked_here = if asked_here.is_nan() {
-            next
-        } else {
-            asked_here
-        };
+        let asked_here = if asked_here.is_nan() { next } else { asked_here };
         let path_distance = asked_here - self.free.body.x[mat_index];
         // a·T² = limit/M, in metres a step, squared.
         let closing = (limit * scheme.w[mat_index] * path_distance.abs())
             .sqrt()
             .min(path_distance.abs());
-        let aim_position = self.free.body.x[mat_index]
-            + (next - asked_here)
-            + maths::copysign(closing, path_distance);
+        let aim_position = self.free.body.x[mat_index] + (next - asked_here) + maths::copysign(closing, path_distance);
         kernel::needed(scheme, &self.free.body, mat_index, aim_position).clamp(-limit, limit)
     }
 
@@ -151,12 +136,8 @@ impl Voice {
         };
         let free_key = &script.free;
         match (*ask, scene.gestures[running.gesture].gesture.manner.touch) {
-            (Ask::Pass(x), Touch::Open) => {
-                free_key.needed(&self.free, x, &self.targets, &mut self.buffers)
-            }
-            (Ask::Pass(x), Touch::Tracked) => {
-                kernel::needed(scene.scheme, scene.body, script.struck, x)
-            }
+            (Ask::Pass(x), Touch::Open) => free_key.needed(&self.free, x, &self.targets, &mut self.buffers),
+            (Ask::Pass(x), Touch::Tracked) => kernel::needed(scene.scheme, scene.body, script.struck, x),
             (Ask::Aim { to, x }, touch) => {
                 if touch == Touch::Tracked {
                     // Aim from the position of the scene's key, with its loads.
@@ -174,26 +155,15 @@ impl Voice {
 
 impl Blow {
     /// Add the ergon to the report, the stream and the sparks, before its force is added to the sum.
-    fn note(
-        &self,
-        scheme: &Scheme,
-        body: &Body,
-        report: &mut Report,
-        stream: &mut Stream,
-        sparks: &mut Sparks,
-    ) {
+    fn note(&self, scheme: &Scheme, body: &Body, report: &mut Report, stream: &mut Stream, sparks: &mut Sparks) {
         let time_step = 1.0 / scheme.rate;
-        let (mass, impulse) = (
-            time_step * time_step / scheme.w[self.mat],
-            self.force * time_step,
-        );
+        let (mass, impulse) = (time_step * time_step / scheme.w[self.mat], self.force * time_step);
         report.n_ergons += 1;
         report.strongest = report.strongest.max(impulse.abs() / mass);
         report.force_max = report.force_max.max(self.force.abs());
         let record = |velocity| {
             let strike_time = self.frame as f64 * time_step;
-            let mut record =
-                Record::event(strike_time, self.mat, self.source, mass, velocity, impulse);
+            let mut record = Record::event(strike_time, self.mat, self.source, mass, velocity, impulse);
             if let Some((mass, particle_speed)) = self.particle {
                 (record.mass, record.speed) = (mass, particle_speed);
             }

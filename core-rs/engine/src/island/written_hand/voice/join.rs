@@ -51,12 +51,11 @@ impl Voice {
                 continue;
             }
             let time_left = gesture.gesture.start - time_now;
-            let is_in_time =
-                n >= gesture.join_from && time_left >= JOIN_MIN.min(gesture.gesture.manner.join);
+            let is_in_time = n >= gesture.join_from && time_left >= JOIN_MIN.min(gesture.gesture.manner.join);
             if self.running.is_none() && is_in_time {
                 let knot_now = self.motion(script, scene, gesture.gesture.manner.touch, n);
-                let is_at_entry = (knot_now.x - gesture.gesture.entry.x).abs() <= AGREES
-                    && (knot_now.v / frame_rate).abs() <= AGREES;
+                let is_at_entry =
+                    (knot_now.x - gesture.gesture.entry.x).abs() <= AGREES && (knot_now.v / frame_rate).abs() <= AGREES;
                 if !is_at_entry && gesture.gesture.manner.join > 0.0 {
                     self.running = Some(Running::new(
                         gesture_index,
@@ -87,8 +86,7 @@ impl Voice {
             .checked_sub(2)
             .map(|gesture_before| &scene.gestures[script.gestures[gesture_before]]);
         let shares_point = gesture_before.is_some_and(|it| {
-            n.abs_diff(it.last()) < gesture.score_frame()
-                && (it.gesture.exit - gesture.gesture.entry.x).abs() <= AGREES
+            n.abs_diff(it.last()) < gesture.score_frame() && (it.gesture.exit - gesture.gesture.entry.x).abs() <= AGREES
         });
         let agrees = shares_point
             || [path.evaluate(knot_now.t).0, gesture.gesture.entry.x]

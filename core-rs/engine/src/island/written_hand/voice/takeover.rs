@@ -21,9 +21,7 @@ impl VoiceTakeover {
     /// Index here of a gesture there.
     fn gesture(&self, there: usize) -> Option<usize> {
         let pair_index = self.gestures.binary_search_by_key(&there, |pair| pair.0);
-        pair_index
-            .ok()
-            .map(|pair_index| self.gestures[pair_index].1)
+        pair_index.ok().map(|pair_index| self.gestures[pair_index].1)
     }
 }
 

@@ -21,20 +21,13 @@ fn mixer(side_by_side: bool, gain: f64) -> Mixer {
     let targets = [To::Channel(0), To::Room(0), To::Channel(1), To::Room(1)];
     let routes_apart = targets.map(|to| [(0, to), (1, to)]).concat();
     let routes_beside = [0, 1].map(|out| targets.map(|to| (out, to))).concat();
-    for (out, to) in if side_by_side {
-        routes_beside
-    } else {
-        routes_apart
-    } {
+    for (out, to) in if side_by_side { routes_beside } else { routes_apart } {
         let delay = if out == 1 { 40 } else { 0 };
         let treatment = Treatment {
             tones: vec![Tone::Highpass { f: 8.0 }, Tone::Lowpass { f: 3_000.0 }],
             is_squared: out == 1,
             delay,
-            echo: (delay > 0).then_some(Echo {
-                frames: 30,
-                ratio: 0.5,
-            }),
+            echo: (delay > 0).then_some(Echo { frames: 30, ratio: 0.5 }),
             curve: None,
         };
         mixer.treated(out, out, to, gain, treatment).unwrap();
@@ -57,10 +50,7 @@ fn mixed(mixer: &mut Mixer, n_frames: usize) -> Vec<u64> {
 fn repeated_routes_equal_separate_ones() {
     let (mut beside_mixer, mut apart_mixer) = (mixer(true, 0.5), mixer(false, 0.5));
     for n_frames in [1, 255, 3_000] {
-        assert_eq!(
-            mixed(&mut beside_mixer, n_frames),
-            mixed(&mut apart_mixer, n_frames)
-        );
+        assert_eq!(mixed(&mut beside_mixer, n_frames), mixed(&mut apart_mixer, n_frames));
         let group_gain = 1.0 / n_frames as f64;
         beside_mixer.set_gain(1, group_gain);
         apart_mixer.set_gain(1, group_gain);
@@ -70,20 +60,13 @@ fn repeated_routes_equal_separate_ones() {
 #[test]
 fn repeated_routes_after_take_over() {
     let (mut beside_mixer, mut apart_mixer) = (mixer(true, 0.5), mixer(false, 0.5));
-    assert_eq!(
-        mixed(&mut beside_mixer, 1_000),
-        mixed(&mut apart_mixer, 1_000)
-    );
+    assert_eq!(mixed(&mut beside_mixer, 1_000), mixed(&mut apart_mixer, 1_000));
     for gain in [0.25, 0.0, 1.0] {
         let (mut next_beside, mut next_apart) = (mixer(true, gain), mixer(false, gain));
         next_beside.take_over(&mut beside_mixer, None);
         next_apart.take_over(&mut apart_mixer, None);
         (beside_mixer, apart_mixer) = (next_beside, next_apart);
-        assert_eq!(
-            mixed(&mut beside_mixer, 700),
-            mixed(&mut apart_mixer, 700),
-            "{gain}"
-        );
+        assert_eq!(mixed(&mut beside_mixer, 700), mixed(&mut apart_mixer, 700), "{gain}");
     }
 }
 

@@ -7,9 +7,7 @@ use crate::spectrum::{General, general, inverse};
 
 /// Sets of undamped modes that `damping` (n, n) couples, each in rising order.
 pub(super) fn all(damping: &[f64], n: usize) -> Vec<Vec<usize>> {
-    let greatest = damping
-        .iter()
-        .fold(0.0_f64, |greatest, x| greatest.max(x.abs()));
+    let greatest = damping.iter().fold(0.0_f64, |greatest, x| greatest.max(x.abs()));
     let least_coupling = (COUPLING_ROUNDING * greatest).max(COUPLING_NONE / n as f64);
     let (mut is_known, mut mode_blocks) = (vec![false; n], Vec::new());
     for first in 0..n {
@@ -20,8 +18,7 @@ pub(super) fn all(damping: &[f64], n: usize) -> Vec<Vec<usize>> {
         let mut mode_block = vec![first];
         let mut next_index = 0;
         while next_index < mode_block.len() {
-            let damping_row =
-                &damping[mode_block[next_index] * n..(mode_block[next_index] + 1) * n];
+            let damping_row = &damping[mode_block[next_index] * n..(mode_block[next_index] + 1) * n];
             for (other, coupling) in damping_row.iter().enumerate() {
                 if !is_known[other] && coupling.abs() > least_coupling {
                     is_known[other] = true;
@@ -59,8 +56,7 @@ impl State<'_> {
         let mut state_matrix = vec![0.0; state_size * state_size];
         for (i, &state_row) in self.block.iter().enumerate() {
             for (j, &other) in self.block.iter().enumerate() {
-                state_matrix[(held_count + i) * state_size + held_count + j] =
-                    -damping[state_row * n + other];
+                state_matrix[(held_count + i) * state_size + held_count + j] = -damping[state_row * n + other];
             }
             if i >= self.n_rigid {
                 let (position_row, velocity_row) = (i - self.n_rigid, held_count + i);
@@ -128,18 +124,13 @@ pub(super) fn add(
     // The state at t = 0 and the effect of an impulse, in the modes: through the inverse.
     let project = |row: usize, state: &dyn Fn(usize) -> f64| -> f64 {
         let left_row = &left_vectors[row * state_size..(row + 1) * state_size];
-        left_row
-            .iter()
-            .enumerate()
-            .map(|(i, by)| by * state(i))
-            .sum()
+        left_row.iter().enumerate().map(|(i, by)| by * state(i)).sum()
     };
     let held_count = state.n_held();
     let initial_state = |row_index: usize| {
         if row_index < held_count {
             let block_mode = block[n_rigid + row_index];
-            state.omega[n_rigid + row_index]
-                * (coordinates.x0[block_mode] - coordinates.rest[block_mode])
+            state.omega[n_rigid + row_index] * (coordinates.x0[block_mode] - coordinates.rest[block_mode])
         } else {
             coordinates.v0[block[row_index - held_count]]
         }
@@ -179,18 +170,12 @@ pub(super) fn add(
         let projection = |state: &dyn Fn(usize) -> f64| {
             [
                 project(k, state),
-                if is_pole_pair {
-                    project(k + 1, state)
-                } else {
-                    0.0
-                },
+                if is_pole_pair { project(k + 1, state) } else { 0.0 },
             ]
         };
         let eigenvalue = [re, im];
         let start_amplitude = projection(&initial_state);
-        let excitation: Vec<Complex> = (0..n_points)
-            .map(|point| projection(&impulse_state(point)))
-            .collect();
+        let excitation: Vec<Complex> = (0..n_points).map(|point| projection(&impulse_state(point))).collect();
         for (i, rigid_displacement) in rigid_displacement.iter_mut().enumerate() {
             let rigid_share = divide(y(held_count + i), eigenvalue);
             for (rigid_displacement, by) in rigid_displacement
@@ -207,25 +192,16 @@ pub(super) fn add(
         };
         let output_shape = |output: usize| {
             let positions = state.positions(&coordinates.positions[output], &y, eigenvalue);
-            add_scaled(
-                positions,
-                1.0,
-                state.velocities(&coordinates.velocities[output], &y),
-            )
+            add_scaled(positions, 1.0, state.velocities(&coordinates.velocities[output], &y))
         };
-        modes.add((pole, start_amplitude), output_shape, |point| {
-            excitation[point]
-        });
+        modes.add((pole, start_amplitude), output_shape, |point| excitation[point]);
     }
     for (i, rigid_displacement) in rigid_displacement.iter().enumerate() {
         let block_mode = block[i];
         modes.add(
             (
                 Pole::Real { decay: 0.0 },
-                [
-                    coordinates.x0[block_mode] + rigid_displacement[n_points],
-                    0.0,
-                ],
+                [coordinates.x0[block_mode] + rigid_displacement[n_points], 0.0],
             ),
             |output| [coordinates.positions[output][block_mode], 0.0],
             |point| [rigid_displacement[point], 0.0],
@@ -241,13 +217,8 @@ fn columns(eigen: &General) -> Vec<f64> {
     let mut eigen_columns = vec![0.0; state_size * state_size];
     let mut first_column = 0;
     while first_column < state_size {
-        let column_count = if eigen.values[first_column].1 == 0.0 {
-            1
-        } else {
-            2
-        };
-        let column_pair =
-            &eigen.vectors[first_column * state_size..(first_column + column_count) * state_size];
+        let column_count = if eigen.values[first_column].1 == 0.0 { 1 } else { 2 };
+        let column_pair = &eigen.vectors[first_column * state_size..(first_column + column_count) * state_size];
         let vector_norm = column_pair.iter().map(|x| x * x).sum::<f64>().sqrt();
         for (offset, x) in column_pair.iter().enumerate() {
             let (column, row) = (first_column + offset / state_size, offset % state_size);
@@ -302,9 +273,7 @@ fn multiply(row: &[f64], table: &[f64], factor: f64, into: &mut [f64]) {
     for (row_weight, table) in row.iter().zip(table.chunks_exact(into.len())) {
         if *row_weight != 0.0 {
             let row_weight = factor * row_weight;
-            into.iter_mut()
-                .zip(table)
-                .for_each(|(sum, x)| *sum += row_weight * x);
+            into.iter_mut().zip(table).for_each(|(sum, x)| *sum += row_weight * x);
         }
     }
 }

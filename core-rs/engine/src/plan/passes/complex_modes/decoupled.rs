@@ -5,12 +5,7 @@ use crate::plan::constants::{COUPLING_ERROR_MAX, COUPLING_NONE, CRITICAL};
 use crate::plan::passes::linear::NoModes;
 
 /// Adds the modes that belong to undamped mode `mode` with damping `c` [1/s].
-pub(super) fn add(
-    modes: &mut ComplexModes,
-    coordinates: &Coordinates,
-    mode: usize,
-    c: f64,
-) -> Result<(), NoModes> {
+pub(super) fn add(modes: &mut ComplexModes, coordinates: &Coordinates, mode: usize, c: f64) -> Result<(), NoModes> {
     if c < -COUPLING_ERROR_MAX {
         return Err(NoModes::Diverges);
     }
@@ -19,10 +14,7 @@ pub(super) fn add(
     let position = |output: usize| coordinates.positions[output][mode];
     let velocity = |output: usize| coordinates.velocities[output][mode];
     let impulse_at = |point: usize| coordinates.struck[point][mode];
-    let (x, v) = (
-        coordinates.x0[mode] - coordinates.rest[mode],
-        coordinates.v0[mode],
-    );
+    let (x, v) = (coordinates.x0[mode] - coordinates.rest[mode], coordinates.v0[mode]);
     if lambda == 0.0 && c <= COUPLING_NONE {
         modes.add(
             (Pole::Free, [x, v]),
@@ -51,15 +43,9 @@ pub(super) fn add(
     // Avoids the difference of two nearly equal numbers.
     let slow_decay = lambda / fast_decay;
     let decay_gap = fast_decay - slow_decay;
-    for (pole, other, sign) in [
-        (slow_decay, fast_decay, 1.0),
-        (fast_decay, slow_decay, -1.0),
-    ] {
+    for (pole, other, sign) in [(slow_decay, fast_decay, 1.0), (fast_decay, slow_decay, -1.0)] {
         modes.add(
-            (
-                Pole::Real { decay: pole },
-                [sign * (v + other * x) / decay_gap, 0.0],
-            ),
+            (Pole::Real { decay: pole }, [sign * (v + other * x) / decay_gap, 0.0]),
             |output| [position(output) - pole * velocity(output), 0.0],
             |point| [sign * impulse_at(point) / decay_gap, 0.0],
         );

@@ -66,8 +66,7 @@ pub(super) fn slow(
         is_discrete,
     };
     let springs = |ports: &[(usize, usize)], outputs: &[Weights]| {
-        let missing =
-            |local: usize| frame_flow.missing(local, &moved_by_strike(&frame, local, is_discrete));
+        let missing = |local: usize| frame_flow.missing(local, &moved_by_strike(&frame, local, is_discrete));
         let ports = ports.iter();
         let ports = ports.map(|&(local, mat)| (local, is_struck(mat).then(|| missing(local))));
         let interface = Interface {
@@ -76,11 +75,7 @@ pub(super) fn slow(
             outputs: outputs.to_vec(),
         };
         let n_frames = best_block(mass_count, interface.ports.len());
-        Springs::Exact(Arc::new(BlockFlow::new(
-            frame_flow.clone(),
-            interface,
-            n_frames,
-        )))
+        Springs::Exact(Arc::new(BlockFlow::new(frame_flow.clone(), interface, n_frames)))
     };
     let slow_body = solution.slow(rate, (part, every), body, subset, springs)?;
     Ok(slow_body)
@@ -148,25 +143,17 @@ impl Matrices {
                 }
             }
         }
-        Self {
-            free,
-            w,
-            k,
-            z,
-            force,
-        }
+        Self { free, w, k, z, force }
     }
 
     /// Modes of M^-½ K M^-½.
     fn modes(&self) -> nalgebra::SymmetricEigen<f64, nalgebra::Dyn> {
         let mass_count = self.w.len();
         let inverse_roots: Vec<f64> = self.w.iter().map(|w| w.sqrt()).collect();
-        let scaled_entry = |row: usize, column: usize| {
-            self.k.get(row, column) * inverse_roots[column] / inverse_roots[row]
-        };
+        let scaled_entry =
+            |row: usize, column: usize| self.k.get(row, column) * inverse_roots[column] / inverse_roots[row];
         // Rounding makes the matrix slightly unsymmetric.
-        let mean_entry =
-            |row, column| 0.5 * (scaled_entry(row, column) + scaled_entry(column, row));
+        let mean_entry = |row, column| 0.5 * (scaled_entry(row, column) + scaled_entry(column, row));
         DMatrix::from_fn(mass_count, mass_count, mean_entry).symmetric_eigen()
     }
 
@@ -178,9 +165,7 @@ impl Matrices {
             return rest_position;
         }
         let inverse_roots: Vec<f64> = self.w.iter().map(|w| w.sqrt()).collect();
-        let lambda_max = values
-            .iter()
-            .fold(0.0_f64, |lambda_max, x| lambda_max.max(*x));
+        let lambda_max = values.iter().fold(0.0_f64, |lambda_max, x| lambda_max.max(*x));
         for (mode, &value) in values
             .iter()
             .enumerate()

@@ -11,20 +11,12 @@ use crate::scheme::Scheme;
 use crate::units::Rate;
 
 /// A body with links in space, or why it is not stable at that rate.
-pub(super) fn slow(
-    rate: Rate,
-    (part, every): (usize, u32),
-    body: &Body,
-    subset: Subset,
-) -> Result<Slow, String> {
+pub(super) fn slow(rate: Rate, (part, every): (usize, u32), body: &Body, subset: Subset) -> Result<Slow, String> {
     let macro_frames = f64::from(every);
     let macro_rate = Rate::new(rate.hertz() / macro_frames).map_err(|error| error.to_string())?;
     let stiff_message = || "its springs are too stiff for that rate".to_owned();
-    let macro_scheme =
-        Scheme::new(&subset.network, macro_rate).map_err(|error| error.to_string())?;
-    let certificate = macro_scheme
-        .certify(&subset.network)
-        .map_err(|_| stiff_message())?;
+    let macro_scheme = Scheme::new(&subset.network, macro_rate).map_err(|error| error.to_string())?;
+    let certificate = macro_scheme.certify(&subset.network).map_err(|_| stiff_message())?;
     let turn = 2.0 * maths::asin((0.5 * certificate.lambda_max.sqrt()).min(1.0));
     if !is_within(turn) {
         return Err(stiff_message());

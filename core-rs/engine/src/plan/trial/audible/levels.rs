@@ -48,8 +48,7 @@ fn unmasked_bands(centres: &[f64], powers: &[f64]) -> Vec<bool> {
     let masking_power = |band: usize| -> f64 {
         let other_powers = powers.iter().zip(&band_barks).enumerate();
         let other_powers = other_powers.filter(|(other, _)| *other != band);
-        let spread_powers = other_powers
-            .map(|(_, (power, bark))| power * decibels(spreading(band_barks[band] - bark)));
+        let spread_powers = other_powers.map(|(_, (power, bark))| power * decibels(spreading(band_barks[band] - bark)));
         spread_powers.sum::<f64>() * decibels(-14.5 - band_barks[band])
     };
     let indexed = powers.iter().enumerate();
@@ -88,9 +87,7 @@ mod tests {
         let tone_sample = |n: usize| {
             let fade_in = sincos(0.5 * PI * (n as f64 / 3_300.0).min(1.0)).0;
             let each = partials.iter();
-            let partial_sum: f64 = each
-                .map(|(f, size)| size * sincos(TAU * f * n as f64 / RATE).0)
-                .sum();
+            let partial_sum: f64 = each.map(|(f, size)| size * sincos(TAU * f * n as f64 / RATE).0).sum();
             fade_in * fade_in * partial_sum
         };
         (0..13_230).map(tone_sample).collect()

@@ -26,8 +26,7 @@ fn strongest(x: &[f64], rate: f64, upto: f64) -> Vec<f64> {
     let peak_reach = ((2.0 / SHORTEST / bin_width) as usize).max(2);
     let last_bin = ((upto / bin_width) as usize).min(powers.len().saturating_sub(1));
     let is_peak_bin = |index: &usize| {
-        let neighbours =
-            &powers[index - peak_reach.min(*index)..(index + peak_reach + 1).min(powers.len())];
+        let neighbours = &powers[index - peak_reach.min(*index)..(index + peak_reach + 1).min(powers.len())];
         powers[*index] > 0.0 && neighbours.iter().all(|power| *power <= powers[*index])
     };
     let mut peak_bins: Vec<usize> = (peak_reach..last_bin).filter(is_peak_bin).collect();
@@ -35,10 +34,7 @@ fn strongest(x: &[f64], rate: f64, upto: f64) -> Vec<f64> {
     peak_bins.truncate(PARTIALS_MAX);
     let loudest = peak_bins.first().map_or(0.0, |top| powers[*top]);
     peak_bins.retain(|top| powers[*top] >= QUIET * loudest);
-    peak_bins
-        .into_iter()
-        .map(|top| top as f64 * bin_width)
-        .collect()
+    peak_bins.into_iter().map(|top| top as f64 * bin_width).collect()
 }
 
 /// Error of the pitch [cents] and of the T60, relative to itself, of the partial near `f` [Hz]; `None` if the sound is
@@ -51,9 +47,7 @@ fn compare(a: &[f64], b: &[f64], f: f64, rate: f64) -> Option<(f64, f64)> {
     let weights: Vec<f64> = theirs.iter().map(|[re, im]| re * re + im * im).collect();
     // ours/theirs: its argument turns little from one window to the next.
     let phase_ratios = ours.iter().zip(&theirs);
-    let phase_ratios: Vec<[f64; 2]> = phase_ratios
-        .map(|(a, b)| times(*a, [b[0], -b[1]]))
-        .collect();
+    let phase_ratios: Vec<[f64; 2]> = phase_ratios.map(|(a, b)| times(*a, [b[0], -b[1]])).collect();
     let pitch_drift = slope(&unwrapped(&phase_ratios), &weights).0 / (TAU * PARTIALS_HOP);
     let log_level = |[re, im]: &[f64; 2]| 0.5 * log((re * re + im * im).max(f64::MIN_POSITIVE));
     let log_levels = |of: &[[f64; 2]]| -> Vec<f64> { of.iter().map(log_level).collect() };
@@ -85,16 +79,11 @@ fn baseband(x: &[f64], f: f64, rate: f64) -> Vec<[f64; 2]> {
     let hann_window = hann(window_size);
     let smoothed_at = |index: usize| {
         let products = shifted[index..index + window_size].iter().zip(&hann_window);
-        products.fold([0.0; 2], |sum, (x, w)| {
-            [sum[0] + w * x[0], sum[1] + w * x[1]]
-        })
+        products.fold([0.0; 2], |sum, (x, w)| [sum[0] + w * x[0], sum[1] + w * x[1]])
     };
     let last_start = x.len().checked_sub(window_size);
     last_start.map_or_else(Vec::new, |last_start| {
-        (0..=last_start)
-            .step_by(hop_frames)
-            .map(smoothed_at)
-            .collect()
+        (0..=last_start).step_by(hop_frames).map(smoothed_at).collect()
     })
 }
 
@@ -151,8 +140,7 @@ fn slope(values: &[f64], weights: &[f64]) -> (f64, f64) {
     if index_variance <= 0.0 {
         return (0.0, 0.0);
     }
-    let line_slope =
-        weighted_mean(&|i| (i as f64 - index_mean) * (values[i] - value_mean)) / index_variance;
+    let line_slope = weighted_mean(&|i| (i as f64 - index_mean) * (values[i] - value_mean)) / index_variance;
     let mean_square = weighted_mean(&|i| {
         let residual = values[i] - value_mean - line_slope * (i as f64 - index_mean);
         residual * residual
@@ -202,10 +190,7 @@ mod tests {
     #[test]
     fn pitch_errors_of_short_and_silent_sounds_are_zero() {
         assert_eq!(pitch_errors(&[], &[], RATE, 5_000.0), (0.0, 0.0));
-        assert_eq!(
-            pitch_errors(&[0.0; 500], &[0.0; 500], RATE, 5_000.0),
-            (0.0, 0.0)
-        );
+        assert_eq!(pitch_errors(&[0.0; 500], &[0.0; 500], RATE, 5_000.0), (0.0, 0.0));
         let reference = sound((220.0, 8.0), (1_310.0, 20.0));
         let silence = vec![0.0; reference.len()];
         let (pitch_error, decay_error) = pitch_errors(&silence, &reference, RATE, 5_000.0);

@@ -24,10 +24,9 @@ pub(super) fn stroke_errors(sound: &[f64], reference: &[f64], rate: f64) -> Stro
     let mut worst_errors = StrokeErrors::default();
     for (index, begin) in stroke_begins.into_iter().take(compared).enumerate() {
         let stroke_span = begin..(begin + frames_in(SHORTEST)).min(reference_speeds.len());
-        let energy_ratio =
-            energy(&sound_speeds[stroke_span.clone()]) / energy(&reference_speeds[stroke_span]);
-        let search_span = begin.saturating_sub(frames_in(REACH))
-            ..(begin + frames_in(REACH)).min(reference_speeds.len());
+        let energy_ratio = energy(&sound_speeds[stroke_span.clone()]) / energy(&reference_speeds[stroke_span]);
+        let search_span =
+            begin.saturating_sub(frames_in(REACH))..(begin + frames_in(REACH)).min(reference_speeds.len());
         let begin_energy = BEGUN * energy(&reference_speeds[search_span.clone()]);
         let [sound_begin, reference_begin] = [
             (&sound_speeds, begin_energy * energy_ratio),
@@ -53,12 +52,9 @@ pub(super) fn stroke_errors(sound: &[f64], reference: &[f64], rate: f64) -> Stro
 
 /// Mean difference of the levels of successive spans that are not quiet [dB].
 fn level_of_dense(ours: &[f64], theirs: &[f64], length: usize) -> f64 {
-    let span_energies =
-        |speeds: &[f64]| -> Vec<f64> { speeds.chunks_exact(length).map(energy).collect() };
+    let span_energies = |speeds: &[f64]| -> Vec<f64> { speeds.chunks_exact(length).map(energy).collect() };
     let (ours, theirs) = (span_energies(ours), span_energies(theirs));
-    let loudest = theirs
-        .iter()
-        .fold(0.0_f64, |most, energy| most.max(*energy));
+    let loudest = theirs.iter().fold(0.0_f64, |most, energy| most.max(*energy));
     let loud_spans = ours
         .iter()
         .zip(&theirs)
@@ -72,9 +68,7 @@ fn level_of_dense(ours: &[f64], theirs: &[f64], length: usize) -> f64 {
 /// The frames in which strokes begin, to within a hop.
 fn beginnings(speeds: &[f64], hop: usize) -> Vec<usize> {
     let hop_powers: Vec<f64> = speeds.chunks(hop).map(energy).collect();
-    let loudest = hop_powers
-        .iter()
-        .fold(0.0_f64, |most, power| most.max(*power));
+    let loudest = hop_powers.iter().fold(0.0_f64, |most, power| most.max(*power));
     let n_before = (SHORTEST / STROKES_HOP) as usize;
     let is_stroke = |index: &usize| {
         let power_before = hop_powers[index.saturating_sub(n_before)..*index].iter();
@@ -84,10 +78,7 @@ fn beginnings(speeds: &[f64], hop: usize) -> Vec<usize> {
     let mut stroke_hops: Vec<usize> = Vec::new();
     for index in (0..hop_powers.len()).filter(is_stroke) {
         // Power that still rises belongs to the stroke before.
-        if stroke_hops
-            .last()
-            .is_none_or(|last| index > last + n_before / 5)
-        {
+        if stroke_hops.last().is_none_or(|last| index > last + n_before / 5) {
             stroke_hops.push(index);
         }
     }
@@ -146,10 +137,7 @@ mod tests {
     fn stroke_errors_of_late_and_loud_strokes() {
         let reference = strokes(&[(0.05, 1.0), (0.2, 0.5)]);
         let errors_of = |each: &[(f64, f64)]| stroke_errors(&strokes(each), &reference, RATE);
-        assert_eq!(
-            errors_of(&[(0.05, 1.0), (0.2, 0.5)]),
-            StrokeErrors::default()
-        );
+        assert_eq!(errors_of(&[(0.05, 1.0), (0.2, 0.5)]), StrokeErrors::default());
         let late_errors = errors_of(&[(0.051, 1.0), (0.197, 0.5)]);
         assert!((late_errors.first - 1e-3).abs() < 2e-4, "{late_errors:?}");
         assert!((late_errors.later - 3e-3).abs() < 5e-4, "{late_errors:?}");
@@ -165,18 +153,14 @@ mod tests {
         assert!(errors.level > 20.0, "{errors:?}");
         let silence = vec![0.0; reference.len()];
         assert!(stroke_errors(&silence, &reference, RATE).level > 90.0);
-        assert_eq!(
-            stroke_errors(&reference, &silence, RATE),
-            StrokeErrors::default()
-        );
+        assert_eq!(stroke_errors(&reference, &silence, RATE), StrokeErrors::default());
         assert_eq!(stroke_errors(&[], &[], RATE), StrokeErrors::default());
     }
 
     #[test]
     fn stroke_errors_of_a_roll_are_those_of_its_level() {
         let roll_sound = |size: f64| -> Vec<f64> {
-            let roll_strokes: Vec<(f64, f64)> =
-                (0..13).map(|n| (0.03 * f64::from(n), size)).collect();
+            let roll_strokes: Vec<(f64, f64)> = (0..13).map(|n| (0.03 * f64::from(n), size)).collect();
             strokes(&roll_strokes)
         };
         let errors = stroke_errors(&roll_sound(1.1), &roll_sound(1.0), RATE);

@@ -33,17 +33,9 @@ fn rules_send_zero_once_to_a_silent_host() {
     assert_eq!(rules.due(start_instant + ms(49)), Action::Nothing);
     assert_eq!(rules.due(start_instant + ms(50)), ZERO);
     assert_eq!(rules.due(start_instant + ms(50)), Action::Nothing);
-    assert_eq!(
-        rules.state(start_instant + ms(51)),
-        (1, true),
-        "the host is told"
-    );
+    assert_eq!(rules.state(start_instant + ms(51)), (1, true), "the host is told");
     for later in 51..5000 {
-        assert_eq!(
-            rules.due(start_instant + ms(later)),
-            Action::Nothing,
-            "{later}"
-        );
+        assert_eq!(rules.due(start_instant + ms(later)), Action::Nothing, "{later}");
     }
     // The service is back, and forces are passed on again.
     rules.order(order(2, 1.0), start_instant + ms(5000));
@@ -72,10 +64,7 @@ fn silent_service_receives_zeros_and_is_gone_after_two_seconds() {
         }
     }
     assert_eq!((first_zero, gone_after), (Some(30), Some(2000)));
-    assert!(
-        (90..=100).contains(&zero_count),
-        "20 ms apart: {zero_count}"
-    );
+    assert!((90..=100).contains(&zero_count), "20 ms apart: {zero_count}");
 }
 
 #[test]
@@ -86,11 +75,7 @@ fn rules_push_again_after_the_service_answers() {
     rules.order(order(3, 1.0), start_instant + ms(30));
     assert_eq!(rules.due(start_instant + ms(30)), ZERO);
     assert_eq!(rules.state(start_instant + ms(31)), (2, true));
-    assert_eq!(
-        rules.due(start_instant + ms(31)),
-        Action::Nothing,
-        "that order is old"
-    );
+    assert_eq!(rules.due(start_instant + ms(31)), Action::Nothing, "that order is old");
     rules.order(order(4, 1.0), start_instant + ms(32));
     assert_eq!(rules.due(start_instant + ms(32)), PUSH);
 }
@@ -105,17 +90,9 @@ fn rules_send_a_slow_service_single_forces() {
         assert_eq!(rules.due(start_instant + ms(5)), Action::Nothing);
     }
     rules.order(order(10, 0.0), start_instant + ms(6));
-    assert_eq!(
-        rules.due(start_instant + ms(6)),
-        ZERO,
-        "it waits for no reply"
-    );
+    assert_eq!(rules.due(start_instant + ms(6)), ZERO, "it waits for no reply");
     rules.order(order(11, 0.0), start_instant + ms(7));
-    assert_eq!(
-        rules.due(start_instant + ms(7)),
-        Action::Nothing,
-        "one is enough"
-    );
+    assert_eq!(rules.due(start_instant + ms(7)), Action::Nothing, "one is enough");
     rules.order(order(12, 1.0), start_instant + ms(8));
     assert_eq!(rules.due(start_instant + ms(8)), Action::Nothing);
     assert_eq!(rules.state(start_instant + ms(9)), (10, false));

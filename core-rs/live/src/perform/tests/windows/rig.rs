@@ -19,20 +19,14 @@ pub(super) fn scene(struck: &[f64]) -> (Arc<Network>, Timeline) {
         let f = 40.0 * libm::pow(1.4, i as f64);
         let tuned_tie = Tie::Tuned { f, t60: Some(0.8) };
         let cell_name = format!("c{i}");
-        network
-            .cel(&cell_name, 1e-3, tuned_tie, 0.0, 0.0, 0.0)
-            .unwrap();
+        network.cel(&cell_name, 1e-3, tuned_tie, 0.0, 0.0, 0.0).unwrap();
     }
     network.part("skin", None);
     let topology = plate(Shape::Hex, 2, Rim::Fixed).unwrap();
-    let skin_start = network
-        .mesh("p", &topology, 1e-3, 200.0, Some(0.5), 0.0)
-        .unwrap();
+    let skin_start = network.mesh("p", &topology, 1e-3, 200.0, Some(0.5), 0.0).unwrap();
     let hammer_mass = network.mas("h", 5e-3, -5e-3, 0.2).unwrap();
     let hammer_but = But::plain(4e4, 0.0, 0.0);
-    network
-        .but("hits", hammer_mass, skin_start + 5, hammer_but)
-        .unwrap();
+    network.but("hits", hammer_mass, skin_start + 5, hammer_but).unwrap();
     let listened = |first, len| Term::Position {
         first,
         len,
@@ -55,13 +49,9 @@ pub(super) fn gesture() -> (Arc<Network>, Timeline) {
     let mut network = Network::new();
     let physical_tie = |k, z| Tie::Physical { k, z };
     network.part("bell", None);
-    network
-        .cel("b", 2e-3, physical_tie(4e3, 0.01), 0.0, 0.0, 0.0)
-        .unwrap();
+    network.cel("b", 2e-3, physical_tie(4e3, 0.01), 0.0, 0.0, 0.0).unwrap();
     network.part("key", None);
-    let key_mass = network
-        .cel("m", 0.08, physical_tie(20.0, 0.4), 0.0, 0.0, 0.0)
-        .unwrap();
+    let key_mass = network.cel("m", 0.08, physical_tie(20.0, 0.4), 0.0, 0.0, 0.0).unwrap();
     network.spring("s", key_mass, 0, 5.0, 0.0, 0.0).unwrap();
     let position_term = Term::Position {
         first: 0,
@@ -98,10 +88,7 @@ pub(super) fn torn() -> (Arc<Network>, Timeline) {
         };
         SpacePoint::strided(network.points(name, false, space_points).unwrap(), 1)
     };
-    let thread_ends = (
-        space_point("nail", 0.0, 0.0, 0.0),
-        space_point("ball", 1.0, 0.1, 0.4),
-    );
+    let thread_ends = (space_point("nail", 0.0, 0.0, 0.0), space_point("ball", 1.0, 0.1, 0.4));
     let tearing_law = SpaceLaw::Yielding {
         yields: f64::INFINITY,
         breaks: 8e-3,
@@ -129,11 +116,7 @@ pub(super) fn strikes() -> Vec<f64> {
 }
 
 /// A window as a performance has it, with the manifest that a reader needs.
-pub(super) fn window_on(
-    simulation: &Simulation,
-    timeline: &Timeline,
-    title: &str,
-) -> (Window, Scene) {
+pub(super) fn window_on(simulation: &Simulation, timeline: &Timeline, title: &str) -> (Window, Scene) {
     let look = simulation.looked_at();
     let part_list: Vec<_> = runs(&look)
         .into_iter()
@@ -199,12 +182,7 @@ impl Shown {
         Self::new(simulation, timeline, config, Limits::default())
     }
 
-    pub(super) fn new(
-        simulation: &Simulation,
-        timeline: &Timeline,
-        config: PlaybackConfig,
-        limits: Limits,
-    ) -> Self {
+    pub(super) fn new(simulation: &Simulation, timeline: &Timeline, config: PlaybackConfig, limits: Limits) -> Self {
         let (window, scene) = window_on(simulation, timeline, "first");
         let stage = a_stage(simulation, true);
         let (mut this, mut player) = Performance::prepare(stage, Vec::new(), config).unwrap();
@@ -285,9 +263,6 @@ pub(super) fn assert_ergons(ergons: &[(f64, usize, f64)], wanted: &[(f64, usize,
     for (item, wanted) in ergons.iter().zip(wanted) {
         assert!((item.0 - wanted.0).abs() < 1e-7, "{item:?}, {wanted:?}");
         assert_eq!(item.1, wanted.1);
-        assert!(
-            (item.2 / wanted.2 - 1.0).abs() < 1e-6,
-            "{item:?}, {wanted:?}"
-        );
+        assert!((item.2 / wanted.2 - 1.0).abs() < 1e-6, "{item:?}, {wanted:?}");
     }
 }

@@ -28,8 +28,7 @@ impl Body {
         const SUBSTEPS: usize = 16;
         let substep_time = 1e-3 / SUBSTEPS as f64;
         for _ in 0..SUBSTEPS {
-            self.v += (force - self.damping * self.v - self.stiffness * self.x) / self.mass
-                * substep_time;
+            self.v += (force - self.damping * self.v - self.stiffness * self.x) / self.mass * substep_time;
             self.x += self.v * substep_time;
         }
         self.x
@@ -64,11 +63,7 @@ fn answer_sum_of_polynomial_paths() {
         for (i, x) in questions.past.iter_mut().enumerate() {
             *x = libm::pow(i as f64 / 55.0 - 0.4, f64::from(degree));
         }
-        assert!(
-            questions.sum().abs() < 1e-5,
-            "{degree}: {}",
-            questions.sum()
-        );
+        assert!(questions.sum().abs() < 1e-5, "{degree}: {}", questions.sum());
     }
 }
 
@@ -91,8 +86,7 @@ fn answer_of_all_hands_is_positive() {
         for [damping, stiffness] in hand_loads {
             for delay in 0..=5 {
                 let answer_sum = answer(mass, damping, stiffness, delay);
-                let case_text =
-                    format!("{mass} kg, {damping} N·s/m, {stiffness} N/m, {delay} steps");
+                let case_text = format!("{mass} kg, {damping} N·s/m, {stiffness} N/m, {delay} steps");
                 assert!(answer_sum > 4e-6, "{case_text}: {answer_sum}");
                 assert!(
                     answer_sum < TOO_GREAT * FREE_RESPONSE / mass,
@@ -136,11 +130,7 @@ fn doubtful_reply_of_late_bodies() {
         for mass in [0.05, 0.1, 0.2] {
             for delay in 0..=2 {
                 let body_reply = doubtful_reply(hand, mass, delay);
-                assert_eq!(
-                    body_reply,
-                    Reply::Right,
-                    "{hand:?} {mass} kg, {delay} steps"
-                );
+                assert_eq!(body_reply, Reply::Right, "{hand:?} {mass} kg, {delay} steps");
             }
         }
     }
