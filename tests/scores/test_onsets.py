@@ -54,3 +54,14 @@ def test_stroke_under_ca_is_one_step():
     # x[1] = T F/M with F = p/T: the whole impulse acts in the first step.
     assert sounds[0, 1] != 0.0
     assert sounds[0, 2] / sounds[0, 1] == pytest.approx(2.0 - 0.01 / 2 - 0.0001 / 2, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("family", "name"),
+    [("bell", "bell"), ("gong", "plate"), ("gong", "sheet"), ("bank", "sky"), ("bank", "scale")],
+)
+def test_stroke_onset_of_instruments_without_cards(family: str, name: str):
+    text = f"ergon: 1\nuse: [instruments/{family}.yaml]\nrender: {{tail: 0.2s}}\n"
+    strikes = f"strikes: {{s: {{to: {name}, at: 50ms, impulse: fff}}}}\n"
+    sounds, rate = play(f"{text}{strikes}mix: {{route: [{{from: {name}, to: 1}}]}}\n", 0.2)
+    assert click(sounds[0], rate) < -60.0
