@@ -71,8 +71,8 @@ class Balance:
         import numpy as np
 
         self._loudness.take(step)
-        edges = np.arange(_PEAKS) * len(step) // _PEAKS
-        self._peaks.append(np.maximum.reduceat(np.abs(step).max(axis=1, initial=0.0), edges))
+        edges = np.arange(_PEAKS) * len(step) // _PEAKS * self._n_channels
+        self._peaks.append(np.maximum.reduceat(np.abs(step).reshape(-1), edges))
 
     @property
     def n_measures(self) -> int:

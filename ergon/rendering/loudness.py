@@ -31,6 +31,7 @@ _PHASES = (
     ),
 )
 _TAPS = len(_PHASES[0])
+_SPAN = 64  # frames that are interpolated together, or not at all
 _LARGEST = max(sum(map(abs, phase)) for phase in _PHASES)  # of an interpolated value to a sample
 
 
@@ -108,15 +109,39 @@ class TruePeak:
             return
         joined = np.concatenate([self._past, frames])
         self._past = joined[-(_TAPS - 1) :].copy()
-        largest = float(np.max(np.abs(joined), initial=0.0))
+        magnitudes = np.abs(joined).reshape(-1)
+        largest = float(np.max(magnitudes, initial=0.0))
         self.peak = max(self.peak, float(np.max(np.abs(frames), initial=0.0)))
         if largest * _LARGEST <= self.peak or not math.isfinite(largest):
             return
-        for phase in (*_PHASES, *(phase[::-1] for phase in _PHASES)):
-            between = np.zeros(frames.shape)
-            for tap, factor in enumerate(phase):
-                between += factor * joined[tap : tap + len(frames)]
-            self.peak = max(self.peak, float(np.max(np.abs(between))))
+        # Only near samples that are loud enough may there be a larger value.
+        n_channels = frames.shape[1]
+        largest_of = np.maximum.reduceat(
+            magnitudes, np.arange(0, len(magnitudes), _SPAN * n_channels)
+        )
+        is_loud = largest_of * _LARGEST > self.peak
+        n_spans = len(frames) // _SPAN
+        loud = np.flatnonzero(is_loud[:n_spans] | is_loud[1 : n_spans + 1])
+        sounds = [joined[None]]
+        if 2 * len(loud) < n_spans:
+            rows = loud[:, None] * _SPAN + np.arange(_SPAN + _TAPS - 1)
+            sounds = [joined[rows], joined[None, n_spans * _SPAN :]]
+        self.peak = max(self.peak, *map(_largest_between, sounds))
+
+
+def _largest_between(sounds: NDArray[np.float64]) -> float:
+    """The largest absolute value between samples of sounds (n_sounds, n_frames + 11, n_channels),
+    the first 11 of which are past.
+    """
+    import numpy as np
+
+    n_frames, largest = sounds.shape[1] - (_TAPS - 1), 0.0
+    for phase in (*_PHASES, *(phase[::-1] for phase in _PHASES)):
+        between = np.zeros((len(sounds), n_frames, sounds.shape[2]))
+        for tap, factor in enumerate(phase):
+            between += factor * sounds[:, tap : tap + n_frames]
+        largest = max(largest, float(np.max(np.abs(between), initial=0.0)))
+    return largest
 
 
 def gain_to_peak(true_peak: float) -> float:

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 from bs1770 import RATE, integrated
-from scipy.signal import resample_poly
+from scipy.signal import resample_poly, upfirdn
 
 from ergon.rendering.level import Level
-from ergon.rendering.loudness import GatedLoudness, TruePeak
+from ergon.rendering.loudness import _PHASES, GatedLoudness, TruePeak
 from ergon.rendering.measured_level import MeasuredLevel
 
 
@@ -74,3 +74,19 @@ def test_true_peak_of_noise():
         meter.take(frames[n : n + 777])
     wanted = np.abs(resample_poly(frames, 16, 1, axis=0)).max()
     assert 20 * math.log10(meter.peak / wanted) == pytest.approx(0.0, abs=0.6)
+
+
+def test_true_peak_where_few_samples_are_loud():
+    """Equal to all values of the interpolation, however the sound is cut."""
+    frames = sound(0.5) * 1e-3
+    draws = np.random.default_rng(3)
+    for n in (0, 63, 64, 700, 5000, len(frames) - 1):
+        frames[n] += draws.normal(size=2)
+    taps = np.array([*zip(*_PHASES, _PHASES[1][::-1], _PHASES[0][::-1], strict=True)]).reshape(-1)
+    between = np.abs(upfirdn(taps, frames, 4, axis=0))[: 4 * len(frames)]
+    wanted = max(float(between.max()), float(np.abs(frames).max()))
+    for block in (1, 10, 64, 777, len(frames)):
+        meter = TruePeak(2)
+        for n in range(0, len(frames), block):
+            meter.take(frames[n : n + block])
+        assert meter.peak == pytest.approx(wanted, rel=1e-12)
