@@ -39,14 +39,21 @@ class Balance:
     """
 
     def __init__(
-        self, name: str, mixer: Mixer, rate: float, n_channels: int, start: int, stop: int
+        self,
+        name: str,
+        mixer: Mixer,
+        rate: float,
+        n_channels: int,
+        start: int,
+        stop: int,
+        unit: float = 1.0,
     ) -> None:
         """Measure frames `start` to `stop`, counted from 0 at the first frame that `take`
-        receives.
+        receives; what `mixer` gives is in units of `unit`.
         """
         self._name, self._mixer = name, mixer
         self._loudness = GatedLoudness(rate, n_channels)
-        self._n_channels = n_channels
+        self._n_channels, self._unit = n_channels, unit
         self._start, self._stop = start, stop
         self._pending: list[NDArray[np.float64]] = []
         self._peaks: list[NDArray[np.float64]] = []
@@ -103,6 +110,7 @@ class Balance:
         """The level in a file that has this gain (a ratio), and may end sooner, at `stop`."""
         import numpy as np
 
+        gain *= self._unit
         stop = self._stop if stop is None else stop
         step = self._loudness.step
         loudness = self._loudness.loudness(gain, -(-self._start // step), stop // step)

@@ -174,12 +174,12 @@ def _balances(stage: Staged, job: RenderJob) -> list[Balance]:
     """A balance for each instrument, if there are several and not too many."""
     if not job.measures_instruments:
         return []
-    stems = stage.stems(highpass=job.level.highpass, reference=job.level.reference)
+    stems = stage.measured_stems(highpass=job.level.highpass, reference=job.level.reference)
     if not 1 < len(stems) <= MEASURED_OUTPUTS_MAX // max(1, stage.n_channels):
         return []
     return [
-        Balance(name, mixer, stage.rate, stage.n_channels, job.start, job.stop)
-        for name, mixer in stems
+        Balance(name, mixer, stage.rate, stage.n_channels, job.start, job.stop, unit)
+        for name, mixer, unit in stems
     ]
 
 

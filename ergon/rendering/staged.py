@@ -65,6 +65,13 @@ class Staged(Protocol):
         `is_split`: two for each that a room hears, without the room and of its answer.
         """
 
+    def measured_stems(
+        self, *, highpass: float | None = None, reference: float | None = None
+    ) -> Sequence[tuple[str, Mixer, float]]:
+        """For every player or instrument, its name, a new mixer in a unit of its own, and that
+        unit: a ratio.
+        """
+
 
 @runtime_checkable
 class KeyedStage(Staged, Protocol):
@@ -82,4 +89,4 @@ class KeyedStage(Staged, Protocol):
     def stem_keys(
         self, taps: Sequence[str], *, highpass: float | None, reference: float | None
     ) -> Sequence[str]:
-        """A hash of all that the frames of each mixer of `stems` depend on."""
+        """A hash of all that the frames of each mixer of `measured_stems` depend on."""

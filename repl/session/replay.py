@@ -143,6 +143,12 @@ class ReplayedSession:
         """No stems: a session is rendered as one sound."""
         return []
 
+    def measured_stems(
+        self, *, highpass: float | None = None, reference: float | None = None
+    ) -> list[tuple[str, _PassThrough, float]]:
+        """No instruments: a session is measured as one sound."""
+        return []
+
     def process(self, out: NDArray[np.float64]) -> None:
         """Fill (n_frames, n_channels) with the next frames."""
         done = 0

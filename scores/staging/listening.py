@@ -29,18 +29,20 @@ Curve = tuple[tuple[int, float, bool], ...]  # (frame, ratio, whether the way is
 
 @dataclass(frozen=True, slots=True)
 class TapRoute:
-    """A way from a tap of the network to a channel (from 0); `gain` is a ratio.
+    """A way from a tap of the network to a channel (from 0).
 
-    `quantity` is what the tap gives at the reference level, in SI units.
+    Its gain is `ratio`, which all ways of a route have, by `share`. `quantity` is what the tap
+    gives at the reference level, in SI units.
     """
 
     part: str
     tap: int
     channel: int
-    gain: float
+    ratio: float
     quantity: float
     is_squared: bool
     highpass: float | None
+    share: float = 1.0
     room: int | None = None  # in place of the channel
     delay: int = 0  # frames
     fade: Curve | None = None
@@ -48,6 +50,13 @@ class TapRoute:
     echo: tuple[int, float] | None = None  # frames and ratio of what goes into the delay again
     # Places between two channels, and whether this is the way to the second.
     pan: tuple[Curve, bool] | None = None
+
+    def gain(self, reference: float | None, unit: float) -> float:
+        """The gain, in units of `unit`, of samples in SI units or, with a reference, of those at
+        which the reference level has this ratio of full scale.
+        """
+        gain = self.ratio / unit * self.share
+        return gain if reference is None else gain * (reference / self.quantity)
 
 
 @dataclass(slots=True)
@@ -71,6 +80,12 @@ class Listening:
         """Instruments that reach a loudspeaker, in order."""
         return list(dict.fromkeys(way.part for way in self.ways))
 
+    def unit(self, parts: Collection[str]) -> float:
+        """The largest ratio of the ways of some parts: what they give in units of it stays what it
+        is where the gain of a route, or of all, is another.
+        """
+        return max((abs(way.ratio) for way in self.ways if way.part in parts), default=0.0) or 1.0
+
     def mixer(
         self,
         rate: float,
@@ -80,11 +95,13 @@ class Listening:
         reference: float | None = None,
         parts: Collection[str] | None = None,
         is_wet: bool | None = None,
+        unit: float = 1.0,
     ) -> _core.Mixer:
         """A new mixer of all ways, or of those of some parts; `highpass` [Hz] is for ways without
         their own.
 
-        `is_wet`: True for the ways into rooms alone, False for all others.
+        `is_wet`: True for the ways into rooms alone, False for all others. Gains are in units of
+        `unit`.
         `reference` is the ratio of full scale at which reference quantities are heard; None
         leaves SI units.
         """
@@ -103,7 +120,7 @@ class Listening:
                 mixer.route(
                     path.tap,
                     path.channel if path.room is None else path.room,
-                    path.gain if reference is None else path.gain * (reference / path.quantity),
+                    path.gain(reference, unit),
                     cut or None,
                     groups[path.part],
                     tones=[(tone.kind, tone.frequency, tone.level) for tone in path.tones],
@@ -123,6 +140,7 @@ class Listening:
         highpass: float | None = None,
         reference: float | None = None,
         parts: Collection[str] | None = None,
+        unit: float = 1.0,
     ) -> str:
         """A hash of all that the frames of such a mixer depend on, up to a frame up to which `taps`
         are the hashes of what each tap gives, empty where that is silence, which changes no mix.
@@ -132,7 +150,7 @@ class Listening:
             (
                 taps[path.tap],
                 path.channel,
-                path.gain if reference is None else path.gain * (reference / path.quantity),
+                path.gain(reference, unit),
                 highpass if path.highpass is None else path.highpass,
                 path.room,
                 path.delay,
@@ -225,16 +243,18 @@ def _ways(
     route: Route,
     output: Output,
 ) -> None:
-    gain = route.ratio * (piece.mix.master.gain if piece.mix.master else 1.0)
+    ratio = route.ratio * (piece.mix.master.gain if piece.mix.master else 1.0)
     delay, quantity = 0, output.traits.reference
     if route.radiation is not None:
         quantity = _PRESSURE
-        gain *= route.radiation.gain
+        ratio *= route.radiation.gain
         delay = route.radiation.delay(piece.rate)
     fade = _curve(piece, route.fade) or None
     path = TapRoute(
-        *(route.part, tap, 0, gain, quantity, output.traits.is_energy),
-        *(route.highpass, None, delay, fade, route.tones),
+        *(route.part, tap, 0, ratio, quantity, output.traits.is_energy, route.highpass),
+        delay=delay,
+        fade=fade,
+        tones=route.tones,
     )
     if route.echo is not None:
         frames, ratio = route.echo.frames(piece.rate), route.echo.feedback
@@ -246,11 +266,11 @@ def _ways(
         zip(channels, route.pan or repeat(1.0), strict=False)
     ):
         pan = (places, number == 1) if places else None
-        listening.ways.append(replace(path, channel=channel, gain=gain * share, pan=pan))
+        listening.ways.append(replace(path, channel=channel, share=share, pan=pan))
     rooms = [room.name for room in piece.mix.rooms]
     for name, share in route.sends:
         room = rooms.index(name)
-        listening.ways.append(replace(path, room=room, gain=gain * share))
+        listening.ways.append(replace(path, room=room, share=share))
 
 
 def fades(piece: Piece) -> list[Curve]:

@@ -101,12 +101,13 @@ class Stage:
         reference: float | None = None,
         parts: Collection[str] | None = None,
         is_wet: bool | None = None,
+        unit: float = 1.0,
     ) -> _core.Mixer:
         """A new mixer of all instruments, or of some `parts`.
 
         `highpass` [Hz] is for routes without their own; `reference` is the ratio of full scale
         at which reference quantities are heard, None for samples in SI units. `is_wet`: True for
-        what rooms answer alone, False for all but that.
+        what rooms answer alone, False for all but that. Gains are in units of `unit`.
         """
         mixer = self.listening.mixer(
             self.rate,
@@ -115,6 +116,7 @@ class Stage:
             reference=reference,
             parts=parts,
             is_wet=is_wet,
+            unit=unit,
         )
         for placed_sample in self.placed:
             mixer.freeze(*placed_sample)
@@ -145,6 +147,21 @@ class Stage:
                 stems.append((piece, mixer))
         return stems
 
+    def measured_stems(
+        self, *, highpass: float | None = None, reference: float | None = None
+    ) -> list[tuple[str, _core.Mixer, float]]:
+        """For every instrument that is heard, a new mixer in a unit of its own, and that unit: a
+        ratio.
+
+        With another gain of its route, its mixer gives what it gave.
+        """
+        stems = []
+        for name, parts in self._stem_parts().items():
+            unit = self.listening.unit(parts)
+            mixer = self.mixer(highpass=highpass, reference=reference, parts=parts, unit=unit)
+            stems.append((name, mixer, unit))
+        return stems
+
     def _stem_parts(self) -> dict[str, list[str]]:
         family = self.piece.note_families()
         parts_by_family: dict[str, list[str]] = {}
@@ -166,9 +183,15 @@ class Stage:
     def stem_keys(
         self, taps: Sequence[str], *, highpass: float | None, reference: float | None
     ) -> list[str]:
-        """A hash of all that the frames of each mixer of `stems` depend on."""
+        """A hash of all that the frames of each mixer of `measured_stems` depend on."""
         return [
-            self.listening.mix_key(taps, highpass=highpass, reference=reference, parts=parts)
+            self.listening.mix_key(
+                taps,
+                highpass=highpass,
+                reference=reference,
+                parts=parts,
+                unit=self.listening.unit(parts),
+            )
             for parts in self._stem_parts().values()
         ]
 

@@ -3,6 +3,7 @@
 import hashlib
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -14,6 +15,7 @@ from ergon.api.options import FileOptions, RenderOptions
 from ergon.api.render import Render
 from ergon.api.score import read, stage_piece
 from ergon.rendering import memory, resumed, stretches
+from ergon.rendering.known_levels import KnownLevels
 
 _HAMMER = "h: {{CEL: {{M: 3g, f: 1Hz, t60: 0.3s}}}}"
 _BELL = (
@@ -356,6 +358,35 @@ def test_excerpt_instrument_levels_recalled(monkeypatch: pytest.MonkeyPatch) -> 
     assert result[:2] == result[2:4] == result[4:]
     assert result[0] != result[1]
     assert len(recalled.all) == 1
+
+
+def test_levels_recalled_with_another_gain(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No instrument is mixed by itself again: each is measured in units of its route's gain."""
+    measured: list[list[int]] = []
+    plain = KnownLevels.recall
+
+    def recall(known: KnownLevels, *of: Any) -> list[int]:
+        measured.append(plain(known, *of))
+        return measured[-1]
+
+    monkeypatch.setattr(KnownLevels, "recall", recall)
+    hall = "rooms: {hall: {t60: {200Hz: 1s, 2kHz: 0.6s}, size: 5m}}"
+    levels = []
+    for gain in (0, -7.3):
+        routes = (
+            f"route: [{{from: a, to: 1}}, {{from: b, to: 1, gain: {gain}dB, send: {{hall: -9dB}}}}]"
+        )
+        mix = f"mix:\n  {hall}\n  {routes}\nrender:"
+        Path("a.yaml").write_text(Score().text().replace("render:", mix))
+        for saved in ("on", "off"):
+            monkeypatch.setenv("ERGON_CACHE", saved)
+            done = ergon.render_to_file("a.yaml", "a.wav", FileOptions(force=True))
+            levels.append((done.mix.sha256, done.instruments))
+    assert measured == [[0, 1], []]
+    assert levels[0] == levels[1] != levels[2] == levels[3]
+    (same, louder), (again, softer) = levels[0][1], levels[2][1]
+    assert same == again
+    assert softer.peak == pytest.approx(louder.peak * 10 ** (-7.3 / 20), rel=1e-12)
 
 
 def test_recalled_constant_sound_faded_as_new(monkeypatch: pytest.MonkeyPatch) -> None:

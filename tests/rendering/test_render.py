@@ -65,6 +65,11 @@ class Stage:
         silent = [0.0] * 3
         return [("ada", Matrix([first, silent])), ("re mi/2", Matrix([silent, second]))]
 
+    def measured_stems(
+        self, *, highpass: float | None = None, reference: float | None = None
+    ) -> list[tuple[str, Matrix, float]]:
+        return [(name, mixer, 1.0) for name, mixer in self.stems()]
+
 
 def order(path: Path | str, bits=24, level: Level | None = None, **more: object) -> RenderJob:
     return RenderJob(
