@@ -94,7 +94,8 @@ class RenderMemory:
         """How to compute a job, with what is known of its parts; `records`: its mix is stored."""
         recorder = MixRecorder(self._mixed, self._n_frames) if records else None
         outcomes = None if recorder is None else recorder.outcomes
-        simulation = ResumedSimulation(self.simulation, self.store, self._n_frames, outcomes)
+        last = job.simulated_frames(self._n_frames)
+        simulation = ResumedSimulation(self.simulation, self.store, self._n_frames, last, outcomes)
         numbers = self.levels.recall(balances, job.stop)
         part_balances = [balances[number] for number in numbers]
         return ComputedRender(simulation, part_balances, recorder, self, balances, numbers)

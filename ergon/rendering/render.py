@@ -154,7 +154,9 @@ def _resumed(stage: Staged, job: RenderJob) -> ResumedSimulation | RemoteSimulat
         return RemoteSimulation(simulation, job.workers, job.stretches, stage.n_frames)
     if job.stretches is None:
         return None
-    return ResumedSimulation(simulation, job.stretches, stage.n_frames)
+    return ResumedSimulation(
+        simulation, job.stretches, stage.n_frames, job.simulated_frames(stage.n_frames)
+    )
 
 
 def _filmed(

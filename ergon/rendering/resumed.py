@@ -47,14 +47,17 @@ class ResumedSimulation(StretchedSimulation):
         simulation: Simulation,
         store: StretchStore,
         n_frames: int,
+        last: int,
         outcomes: dict[int, Outcome] | None = None,
     ) -> None:
         """Find the islands that are expensive enough.
 
+        The simulation may be left from frame `last` on: a stretch that goes on after it is
+        computed, for what is reported of a recalled one is known at its end.
         `outcomes` gets what the simulation reports at the end of each stretch, by its frame.
         """
         super().__init__(simulation, n_frames)
-        self._store, self._outcomes = store, outcomes
+        self._store, self._last, self._outcomes = store, last, outcomes
         self._parts = [
             _Part(island) for island in simulation.storable() if is_expensive(island, _SHARE)
         ]
@@ -64,34 +67,32 @@ class ResumedSimulation(StretchedSimulation):
 
     def _begin(self) -> None:
         """Recall the islands whose stretch is known; compute the others."""
-        stop = self._frame + stretches.STRETCH_FRAMES
-        is_whole = stop <= self._n_frames
+        stop = min(self._frame + stretches.STRETCH_FRAMES, self._n_frames)
+        n_frames = stop - self._frame
         for part in self._parts:
-            if is_whole:
-                part.key = self._simulation.island_key(part.island, self._frame, stop, part.key)
-            # The last stretch is always computed, so that reports of the islands are available at
-            # the end.
-            known = self._store.get(part.key) if stop < self._n_frames else None
-            n_samples = stretches.STRETCH_FRAMES * part.island.n_out
-            if known is not None and len(known.sound) == n_samples:
+            part.is_recalled, part.state = False, None
+            if n_frames <= 0:
+                continue
+            part.key = self._simulation.island_key(part.island, self._frame, stop, part.key)
+            known = self._store.get(part.key) if stop <= self._last else None
+            if known is not None and len(known.sound) == n_frames * part.island.n_out:
                 self._simulation.recall(part.island, known.sound)
                 part.is_recalled, part.state = True, known.state
-                self.n_recalled += stretches.STRETCH_FRAMES
+                self.n_recalled += n_frames
                 continue
-            part.is_recalled, part.state = False, None
-            if is_whole and self._is_kept:
+            if self._is_kept:
                 self._simulation.record(part.island)
-            self.n_computed += min(stop, self._n_frames) - (stop - stretches.STRETCH_FRAMES)
+            self.n_computed += n_frames
 
     def _end(self) -> None:
-        """Keep what was computed of a complete stretch."""
+        """Keep what was computed of a complete stretch; the last one ends with the piece."""
         for part in self._parts:
             if part.is_recalled and part.state is not None:
                 # What the simulation reports is then that of a render which recalls nothing.
                 self._simulation.set_state(part.island, part.state)
         if self._outcomes is not None:
             self._outcomes[self._frame] = Outcome.from_simulation(self._simulation)
-        if self._frame % stretches.STRETCH_FRAMES:
+        if self._frame > self._n_frames:
             return
         for part in self._parts:
             if part.is_recalled or not self._is_kept:
@@ -99,5 +100,5 @@ class ResumedSimulation(StretchedSimulation):
             stretch = self._simulation.recorded(part.island)
             # A folder that takes nothing now will take nothing later.
             self._is_kept = self._store.put(part.key, stretch.sound, stretch.state)
-        if self._frame + stretches.STRETCH_FRAMES > self._n_frames:
+        if self._frame == self._n_frames:
             self._store.forget()

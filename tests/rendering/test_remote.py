@@ -23,8 +23,9 @@ from ergon.api.options import RenderOptions
 from ergon.api.render import PreparedRender, prepare
 from ergon.common.report import Report
 from ergon.exchange.stretch_store import StretchStore
-from ergon.rendering import stretches
+from ergon.rendering import resumed, stretches
 from ergon.rendering.remote import Answer, ClusterError, RemoteSimulation, Request, group_by_cost
+from ergon.rendering.resumed import ResumedSimulation
 
 from .test_resumed import SCENES, text
 
@@ -147,6 +148,27 @@ def test_remote_render_equals_local_samples(accuracy: str, count: int):
         assert shared.n_computed == len(home.stage.simulation.storable()) * n_frames
         # What islands tell of themselves at the end.
         assert home.stage.simulation.finer() == first.stage.simulation.finer()
+        assert report_values(home) == report_values(first)
+
+
+@pytest.mark.parametrize("accuracy", ["{error: -50dB}", "{method: ca}"])
+def test_recalled_simulation_reports_as_computed(
+    accuracy: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """All is recalled of a piece, and of a part all but the stretch in which it stops."""
+    monkeypatch.setattr(resumed, "_WORK_MIN", 0.0)
+    score, store = PIECE.format(accuracy=accuracy), StretchStore(tmp_path / "store")
+    n_frames = prepared(score).stage.n_frames
+    assert n_frames % 4096, "the last stretch is a short one"
+    for last, is_known in ((n_frames, False), (n_frames, True), (n_frames - 5, True)):
+        first, home = prepared(score), prepared(score)
+        expected = frames(first.stage.simulation, last)
+        known = ResumedSimulation(home.stage.simulation, store, n_frames, last)
+        assert (frames(known, last) == expected).all()
+        assert (known.n_recalled > 0) == is_known
+        assert (known.n_computed > 0) == (not is_known or last < n_frames)
+        assert home.stage.simulation.finer() == first.stage.simulation.finer()
+        assert home.stage.simulation.gains() == first.stage.simulation.gains()
         assert report_values(home) == report_values(first)
 
 
