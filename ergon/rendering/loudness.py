@@ -109,13 +109,14 @@ class TruePeak:
             return
         joined = np.concatenate([self._past, frames])
         self._past = joined[-(_TAPS - 1) :].copy()
+        n_channels = frames.shape[1]
         magnitudes = np.abs(joined).reshape(-1)
         largest = float(np.max(magnitudes, initial=0.0))
-        self.peak = max(self.peak, float(np.max(np.abs(frames), initial=0.0)))
+        new_magnitudes = magnitudes[(_TAPS - 1) * n_channels :]
+        self.peak = max(self.peak, float(np.max(new_magnitudes, initial=0.0)))
         if largest * _LARGEST <= self.peak or not math.isfinite(largest):
             return
         # Only near samples that are loud enough may there be a larger value.
-        n_channels = frames.shape[1]
         largest_of = np.maximum.reduceat(
             magnitudes, np.arange(0, len(magnitudes), _SPAN * n_channels)
         )

@@ -156,11 +156,16 @@ class Stage:
         With another gain of its route, its mixer gives what it gave.
         """
         stems = []
-        for name, parts in self._stem_parts().items():
-            unit = self.listening.unit(parts)
+        for name, (parts, unit) in self._measured_parts().items():
             mixer = self.mixer(highpass=highpass, reference=reference, parts=parts, unit=unit)
             stems.append((name, mixer, unit))
         return stems
+
+    def _measured_parts(self) -> dict[str, tuple[list[str], float]]:
+        """The parts of each instrument, and the unit in which it is measured."""
+        return {
+            name: (parts, self.listening.unit(parts)) for name, parts in self._stem_parts().items()
+        }
 
     def _stem_parts(self) -> dict[str, list[str]]:
         family = self.piece.note_families()
@@ -186,13 +191,9 @@ class Stage:
         """A hash of all that the frames of each mixer of `measured_stems` depend on."""
         return [
             self.listening.mix_key(
-                taps,
-                highpass=highpass,
-                reference=reference,
-                parts=parts,
-                unit=self.listening.unit(parts),
+                taps, highpass=highpass, reference=reference, parts=parts, unit=unit
             )
-            for parts in self._stem_parts().values()
+            for parts, unit in self._measured_parts().values()
         ]
 
     def fault(self, error: _core.DivergedError) -> Diagnostic:

@@ -1,6 +1,7 @@
 """No identifier is, or begins with, a word that says nothing of what is stored."""
 
 from pathlib import Path
+from statistics import fmean
 
 import pytest
 
@@ -73,7 +74,7 @@ def test_identifiers_without_empty_words():
                 let_lengths.append(len(name.name.replace("_", "")))
     assert not empty, f"say what is stored, not {', '.join(sorted(EMPTY_WORDS))}"
     assert not unused, "these exceptions are not needed"
-    assert sum(let_lengths) >= LET_LETTERS_MIN * len(let_lengths), "names of let are too short"
+    assert fmean(let_lengths) >= LET_LETTERS_MIN, "names of let are too short"
 
 
 @pytest.mark.parametrize(

@@ -143,11 +143,11 @@ impl Fold {
                 self.line[channel * line_width + self.past + frame] = *x;
             }
         }
-        let mut ways_left = self.ways.iter().peekable();
+        let mut paths_left = self.ways.iter().peekable();
         for to in 0..self.n_out {
             let output_sums = &mut self.sums[..n_frames.next_multiple_of(TILE)];
             output_sums.fill(0.0);
-            while let Some(fold_path) = ways_left.next_if(|fold_path| fold_path.to == to) {
+            while let Some(fold_path) = paths_left.next_if(|fold_path| fold_path.to == to) {
                 let channel_line = &self.line[fold_path.from * line_width..(fold_path.from + 1) * line_width];
                 let path_taps = &self.taps[fold_path.first..fold_path.first + fold_path.n_taps];
                 let line_start = self.past - fold_path.delay;
