@@ -27,62 +27,71 @@ SEEDS = 8  # of each family
 _HEAD = """\
 # Accuracy of plans
 
-Made by `make accuracy`; do not edit. What a plan says of its error, and what its error is: every
-scene is planned at four budgets, rendered, and compared with its exact motion. That comes from the
-differential equations of the score alone (`tests/support/accuracy`): a matrix exponential where
-they are linear, else Runge-Kutta of order 8 (DOP853) at a relative tolerance of 10⁻¹², with no step
-across a frame or an event. Nothing of the engine takes part in it.
+Made by `make accuracy`; do not edit. A plan states an error. This page compares it with the real
+error: every scene is planned at four budgets, rendered, and compared with its exact motion.
 
-Errors are by the plan's own metric: ‖y − x‖/‖x − mean‖ of the worst output, over the time that the
-plan's pilot played, and over that less 0.1 s and 0.2 s, whichever is worst. Of the two shorter
-spans, one that ends less than 50 ms after the first sound does not count: no pilot plays less.
+The exact motion is computed from the differential equations of the score alone
+(`tests/support/accuracy`), without any code of the engine. Where they are linear it is a matrix
+exponential. Else it is Runge-Kutta of order 8 (DOP853: Hairer, Nørsett and Wanner, 1993) at a
+relative tolerance of 10⁻¹², with no step across a frame or an event.
 
-By ear, where all goes by modes, those above 20 kHz are taken from the exact motion: a plan leaves
-them out.
+## How errors are measured
 
-* **met**: the real error is within the budget. By ear no error of the waveform is promised: what is
-  heard of it is at most 1.2 times what is allowed (pitches, T60, third octaves, strokes;
-  docs/numerics.md), measured over the pilot by other means than the planner's
-  (`tests/support/accuracy/hearing.py`).
+The error is that of the plan's own metric, ‖y − x‖/‖x − mean‖, of the worst output. It is taken
+over the time that the plan's pilot played, and over that time less 0.1 s and 0.2 s; the largest
+counts. A shorter time that ends less than 50 ms after the first sound does not count, because no
+pilot is so short.
+
+By ear no error of the waveform is promised. The audible error is measured instead (pitches, T60,
+third octaves, strokes: [the budget by ear](numerics.md#the-budget-by-ear)), by a program of its own
+(`tests/support/accuracy/hearing.py`). A plan by ear leaves out modes above 20 kHz. So where all is
+computed by modes, the exact motion is taken without them.
+
+## What the columns mean
+
+* **judged**: rendered, not announced as chaotic, and with a reference that is sure. A reference is
+  sure if it differs from one at a tolerance 100 times wider by at least 10 dB less than the plan
+  does.
+* **met**: the real error is within the budget. By ear: the audible error is at most 1.2 times what
+  is allowed, since two programs measure it.
 * **says it cannot**: the plan warns (W403) that an error stays above the budget.
-* **silent miss**: no warning, and the real error is above the budget and more than 1.5 dB above the
-  stated one; by ear, no warning and not met. Of a motion that is announced as chaotic: no warning,
-  and its third octaves are off by more than 3 dB on average over the render, beyond what two
-  tolerances of the reference are.
-* **false cannot**: the plan says that it cannot, but one of the plain settings below keeps the
+* **silent miss**: there is no warning, and the real error is above the budget and more than 1.5 dB
+  above the stated one. By ear: no warning, and not met. For a motion that is announced as chaotic:
+  no warning, and third octaves are off by more than 3 dB on average over the render, beyond the
+  difference of two tolerances of the reference.
+* **false cannot**: the plan says that it cannot, but one of the plain settings below is within the
   budget.
-* **inversions**: scenes with a plan at this budget that misses it by an error more than 1 dB above
-  that of a looser one, or that costs over 1.02 times as much as a stricter one. Plans by ear do not
-  count. –: audited before this was counted; the rows of `all` are of the other families.
-* **overspending**: the plan's cost over that of the cheapest plain setting that is within the
-  budget too (`--method ca` at 1, 2, 4 and 8 times the rate, `ca2p` and `bm4` at 1 and 2 times,
-  `modal`), both by the table of costs, with what contacts and laws took in the render. Below 1 the
-  plan is cheaper than all of them. Settings are held against the reference over the same time as
-  the plan, up to 0.3 s beyond a render's end where the plan's pilot played so long.
-* **judged**: rendered, not announced as chaotic, and with a reference that is sure: at a tolerance
-  100 times wider it stays at least 10 dB closer than the plan.
+* **inversions**: scenes whose plan at this budget misses it by an error more than 1 dB above that
+  of a looser budget, or costs over 1.02 times as much as a stricter one. Plans by ear do not count.
+  A –: audited before inversions were counted. The rows of `all` are of the other families.
+* **real − stated, worst**: the largest excess of a real error over the stated one.
+* **overspending**: the cost of the plan over that of the cheapest plain setting within the budget,
+  both by the table of costs, with the work of contacts and laws in the render. Plain settings are
+  `--method ca` at 1, 2, 4 and 8 times the rate, `ca2p` and `bm4` at 1 and 2 times, and `modal`.
+  Below 1 the plan is cheaper than all of them. Settings are compared with the reference over the
+  same time as the plan, up to 0.3 s beyond the end of a render where the pilot played so long.
 """
 _NAMED = """
 ## Named scenes
 
-In `tests/data/accuracy`; each says what it shows. Cells hold the stated and the real error [dB] at
-a budget; the last columns are the real error at -80 dB over the whole render [dB], the worst
-overspending, and the most exact plain setting with its real error [dB].
+The scenes are in `tests/data/accuracy`; each file says what it shows. A cell holds the stated and
+the real error [dB] at a budget. The last columns are the real error at -80 dB over the whole render
+[dB], the worst overspending, and the most exact plain setting with its real error [dB].
 """
 _LIMITS = """
 ## Where -80 dB is not reached
 
-The cost of what would help is counted in that of CA at the score's rate.
-
-* **DRY in steps of CA.** Friction beside contacts or laws, in circles, on keys and on MATs that
-  glide or whose position is imposed is not located between frames (docs/numerics.md). It turns
-  and holds inside a step of CA, and is tried at 8 times the rate at most. There a mass that
-  friction stops rests where its last frame began, up to a·T²/8 beside its place, and each stop
-  shifts the next slip. The scenes of the family `dry` had errors of -36 to -70 dB so at 8 times
-  the rate (`dry-6`, `dry-1`). A strike on a mass that such friction holds acts as a force for a
-  frame: -55 and -73 dB at 44.1 kHz.
-* **bridge-30** overspends at -40 dB (2.0): planning pays for a pilot of 0.1 s, which weighs the
-  first milliseconds of the contacts more. There `ca2p` is at -39.6 dB.
+* **DRY in steps of CA.** Some friction is not located between frames
+  ([dry friction](numerics.md#dry-friction)): that beside contacts or laws, in circles, on keys, and
+  on MATs that glide or have an imposed position. It turns and holds inside a step of CA, and is
+  tried at 8 times the rate at most.
+  * A mass that friction stops then rests where its last frame began, up to a·T²/8 beside its place.
+    Each stop shifts the next slip. The scenes of the family `dry` had errors of -36 to -70 dB in
+    this way at 8 times the rate (`dry-6`, `dry-1`).
+  * A strike on a mass that such friction holds acts as a force over a frame: -55 and -73 dB at
+    44.1 kHz.
+* **bridge-30** overspends at -40 dB (2.0). Planning pays for a pilot of 0.1 s, in which the first
+  milliseconds of the contacts count more. There `ca2p` has -39.6 dB.
 """
 
 
