@@ -168,7 +168,7 @@ class Uses:
         """Report W330 if a file has sections that are not used, for it is not played by itself."""
         unplayed = [section for section in (YIELDING if is_played else PLAYED) if score[section]]
         if unplayed:
-            message = f"what {file} says in {_and(unplayed)} is left out"
+            message = f"left out of {file}: {_and(unplayed)}"
             help = f"`use` brings in names of {_and(SECTIONS)}; `include` brings in what is played"
             if is_played:
                 help = f"{_and(YIELDING)} of the score that includes it are used"

@@ -44,9 +44,9 @@ def check_delays(piece: Piece, collector: Collector) -> None:
             continue
         late = f"{1e3 * key.delay:g} ms"
         message = (
-            f"{quote(name)}: the piece's forces reach this key {late} late, and by that the spring "
-            f"of {stiffness:,.0f} N/m of {quote(link)} takes {stiffness * key.delay:.2g} Ns/m of "
-            f"its damping of {damping:.2g} Ns/m: the key may swing up by itself"
+            f"{quote(name)}: the forces of the piece reach this key {late} late; so the spring of "
+            f"{stiffness:,.0f} N/m of {quote(link)} removes {stiffness * key.delay:.2g} Ns/m of "
+            f"the damping of the key, {damping:.2g} Ns/m, and the key may begin to swing by itself"
         )
         bound = damping / key.delay
         help = f"keep K below {bound:,.0f} N/m, raise Z of the key, or write `delay: 0s` there"
