@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from ergon.common.report import Progress, Report
 from ergon.common.terminal import clean, json_text
 
-from .colour import style
+from .colour import linked_code, style
 
 if TYPE_CHECKING:
     from ergon.notation.text.errors import Diagnostic, Severity, Source
@@ -83,9 +83,9 @@ class Console(Report):
             fields = {"code": outcome.code or None, **place, "message": outcome.message}
             self.record("error", **fields, suggestion=suggestion)
         else:
-            code = f"[{outcome.code}]" if outcome.code else ""
-            sentence = clean(outcome.message)
-            print(f"{style('error', 'error' + code)}: {sentence}", file=sys.stderr)
+            code = outcome.code
+            word = style("error", linked_code(f"error[{code}]", code) if code else "error")
+            print(f"{word}: {clean(outcome.message)}", file=sys.stderr)
 
     def diagnostics(
         self,
@@ -108,7 +108,8 @@ class Console(Report):
             text = clean(RENDERERS[form](diagnostic, sources))
             if form in ("full", "concise"):
                 word = f"{diagnostic.severity}[{diagnostic.code}]"
-                text = text.replace(word, style(diagnostic.severity, word), 1)
+                link = linked_code(word, diagnostic.code)
+                text = text.replace(word, style(diagnostic.severity, link), 1)
             print(_sayable(text) if form == "json" else text, file=stream)
         for severity, count in left_out.items():
             if count:

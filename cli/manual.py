@@ -6,7 +6,8 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-_PAGES = Path(__file__).parents[1] / "manual"  # a link to docs/, beside that to the commands
+from ergon.common.manual_pages import MANUAL
+
 _FOLDERS = ("", "howto", "errors", "instruments", "design")
 _HEADING = re.compile(r"^#{1,4} +(.+?) *#*$", re.MULTILINE)
 
@@ -33,7 +34,7 @@ def pages() -> dict[str, Page]:
     """All pages by name, in the order of their names."""
     result: dict[str, Page] = {}
     for folder in _FOLDERS:
-        for path in sorted((_PAGES / folder).glob("*.md")):
+        for path in sorted((MANUAL / folder).glob("*.md")):
             name = path.stem if folder in ("", "errors") else f"{folder}/{path.stem}"
             if path.stem == "README":
                 name = folder or "start"
@@ -62,7 +63,7 @@ def matches(topic: str, known: dict[str, Page]) -> list[tuple[Page, str]]:
         if page.path.parent.name == "errors":
             continue
         n_mentions = min(len(pattern.findall(page.text)) for pattern in wanted)
-        is_later = page.name.startswith("design/") or page.name in _DEVELOPER_PAGES
+        is_later = page.name.startswith("design/") or page.name in _DEVELOPERMANUAL
         ranked = _rank(page, stems, wanted)
         if ranked is not None:
             rank, heading = ranked
@@ -75,7 +76,7 @@ def matches(topic: str, known: dict[str, Page]) -> list[tuple[Page, str]]:
 
 _MENTIONS_MIN = 2  # mentions by which a page is about a topic that no heading has
 # Pages for those who change ergon: they come after those for players.
-_DEVELOPER_PAGES = (
+_DEVELOPERMANUAL = (
     "accuracy",
     "benchmarks",
     "charts",

@@ -16,8 +16,8 @@ from patience import PATIENCE
 
 from ergon.api import remote_session
 from ergon.api.options import SessionOptions
-from ergon.cli import app, take
-from ergon.cli.colour import may_colour
+from ergon.cli import app, manual, take
+from ergon.cli.colour import linked_code, may_colour
 from ergon.cli.console import Console, line
 from ergon.cli.lazy import LazyGroup, row
 from ergon.cli.outcome import Diverged, Findings, Refused
@@ -219,6 +219,18 @@ def test_may_colour_by_stream_and_environment(
     environment: dict[str, str], stream: io.StringIO, colour: bool
 ) -> None:
     assert may_colour(stream, environment) is colour
+
+
+def test_linked_code_in_terminal_and_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    monkeypatch.delenv("FORCE_COLOR", raising=False)
+    monkeypatch.setattr("sys.stderr", Terminal())
+    page = Path(manual.pages()["E204"].path).resolve().as_uri()
+    assert linked_code("error[E204]", "E204") == f"\x1b]8;;{page}\x1b\\error[E204]\x1b]8;;\x1b\\"
+    assert linked_code("error[E999]", "E999") == "error[E999]"  # no page
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setattr("sys.stderr", io.StringIO())
+    assert linked_code("error[E204]", "E204") == "error[E204]"
 
 
 def test_json_line_of_infinite_and_nan_values() -> None:

@@ -2,6 +2,8 @@
 
 from collections.abc import Awaitable, Callable
 from pathlib import Path
+from urllib.parse import urlparse
+from urllib.request import url2pathname
 
 import midi_files
 import pytest
@@ -46,6 +48,9 @@ def test_diagnostics_and_fix_while_typing(session):
         editor.type(editor.text.replace("play: knock", "play: knok"))
         [wrong] = await editor.diagnostics(bool)
         assert wrong.code == "E301"
+        assert wrong.code_description is not None
+        page = Path(url2pathname(urlparse(wrong.code_description.href).path))
+        assert page.read_text(encoding="utf-8").startswith("# E301")
         assert wrong.severity == t.DiagnosticSeverity.Error
         assert (wrong.range.start.line, wrong.range.start.character) == (14, 20)
         assert wrong.range.end.character == 24

@@ -27,6 +27,7 @@ from pygls.workspace import TextDocument
 from ergon import _core
 from ergon.api import score as scores
 from ergon.api.check import try_stage
+from ergon.common.manual_pages import mistake_page_uri
 from ergon.common.regular import read_bounded
 from ergon.notation.tables.shapes import NAME
 from ergon.notation.text import document
@@ -176,11 +177,13 @@ class Server(LanguageServer):
         message = diagnostic.message + (
             f"; did you mean '{diagnostic.suggestion}'?" if diagnostic.suggestion else ""
         )
+        page = mistake_page_uri(diagnostic.code)
         return t.Diagnostic(
             self.range(uri, diagnostic.place),
             message + (f"\n{diagnostic.help}" if diagnostic.help else ""),
             severity=_SEVERITIES[diagnostic.severity],
             code=diagnostic.code,
+            code_description=t.CodeDescription(page) if page else None,
             source="ergon",
             data=diagnostic.suggestion,
         )
