@@ -25,14 +25,14 @@ impl Class {
     }
 
     fn get<'py>(&self, py: Python<'py>) -> PyResult<&Bound<'py, PyAny>> {
-        let new_class = self.class.get_or_try_init(py, || {
+        let cached_class = self.class.get_or_try_init(py, || {
             let module_keywords = [("module", "ergon._core")].into_py_dict(py)?;
-            let make_class = py.import("collections")?.getattr("namedtuple")?;
-            let named_class = make_class.call((self.name, self.fields.to_vec()), Some(&module_keywords))?;
+            let namedtuple = py.import("collections")?.getattr("namedtuple")?;
+            let named_class = namedtuple.call((self.name, self.fields.to_vec()), Some(&module_keywords))?;
             named_class.setattr("__doc__", self.doc.trim())?;
             Ok::<_, PyErr>(named_class.unbind())
         })?;
-        Ok(new_class.bind(py))
+        Ok(cached_class.bind(py))
     }
 }
 

@@ -156,11 +156,11 @@ impl Numbers {
 
     /// The next number, in Elias' gamma code of `value` + 1: its length in ones and a zero, then its bits after the
     /// first. The ones, the zero and the first of the bits have chances. `None`: longer than any number may be.
-    pub(crate) fn code(&mut self, to: &mut impl Coder, context: usize, value: u64) -> Option<u64> {
+    pub(crate) fn code(&mut self, coder: &mut impl Coder, context: usize, value: u64) -> Option<u64> {
         let binary = value + 1;
         let [lengths, first_chances] = &mut self.0[context];
         let mut code_length = 0;
-        while to.bit(
+        while coder.bit(
             &mut lengths[(code_length as usize).min(LENGTHS - 1)],
             code_length < binary.ilog2(),
         ) {
@@ -170,12 +170,12 @@ impl Numbers {
             }
         }
         let mut decoded = 1_u64;
-        for place in (0..code_length).rev() {
-            let bit = binary >> place & 1 == 1;
-            let bit = if place + 1 == code_length {
-                to.bit(&mut first_chances[(code_length as usize).min(LENGTHS - 1)], bit)
+        for bit_index in (0..code_length).rev() {
+            let bit = binary >> bit_index & 1 == 1;
+            let bit = if bit_index + 1 == code_length {
+                coder.bit(&mut first_chances[(code_length as usize).min(LENGTHS - 1)], bit)
             } else {
-                to.code(EVEN, bit)
+                coder.code(EVEN, bit)
             };
             decoded = decoded << 1 | u64::from(bit);
         }

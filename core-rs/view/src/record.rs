@@ -119,7 +119,7 @@ impl Recorder {
             return Err("a motion file holds a million masses at most".into());
         }
         let points: HashMap<usize, usize> = (look.points.iter().enumerate())
-            .map(|(at, point)| (point.mat, at))
+            .map(|(point_index, point)| (point.mat, point_index))
             .collect();
         let strike_times = strike_times(&look, network, &points, &setup.ergons, simulation.rate());
         let n_tracks = look.n_tracks();
@@ -219,8 +219,8 @@ impl Recorder {
 
     /// Take the sums of the squares of `n` frames   (n_speakers)
     pub fn add_squared_levels(&mut self, squares: &[f64], n: u64) {
-        for (square, more) in self.squares.iter_mut().zip(squares) {
-            *square += more;
+        for (square_sum, square_added) in self.squares.iter_mut().zip(squares) {
+            *square_sum += square_added;
         }
         self.n_heard += n;
     }
@@ -240,9 +240,9 @@ impl Recorder {
         index_bytes.u32(self.peaks.len() as u32);
         index_bytes.f64(self.last);
         self.peaks.iter().for_each(|peak| index_bytes.f32(*peak));
-        for &(seconds, byte) in &self.index {
+        for &(seconds, segment_offset) in &self.index {
             index_bytes.f64(seconds);
-            index_bytes.u64(byte);
+            index_bytes.u64(segment_offset);
         }
         index_bytes.u64(index_offset);
         put(&mut self.out, kind::INDEX, self.last, &index_bytes.0);
@@ -288,13 +288,13 @@ impl Recorder {
 
     /// Links that broke since the last look; together with a key state, all that are broken.
     fn write_breaks(&mut self, broken: &[bool], now: f64, is_first: bool) {
-        for (index, _) in broken.iter().enumerate().filter(|(_, is)| **is) {
-            let newly_broken = self.broken[index].is_none();
+        for (index, _) in broken.iter().enumerate().filter(|(_, is_broken)| **is_broken) {
+            let is_new_break = self.broken[index].is_none();
             let break_time = *self.broken[index].get_or_insert(now);
             let Some(link_index) = self.links[index] else {
                 continue;
             };
-            if newly_broken || is_first {
+            if is_new_break || is_first {
                 let break_bytes = self.event(now, kind::BROKEN);
                 break_bytes.f32(break_time - now);
                 break_bytes.u32(link_index);
@@ -302,11 +302,11 @@ impl Recorder {
         }
     }
 
-    fn sample(&mut self, seen: &[f64]) {
+    fn sample(&mut self, displacements: &[f64]) {
         self.segment.rows.resize(self.runs.len(), Vec::new());
-        let runs_and_rows = self.runs.iter().zip(&mut self.segment.rows).zip(&mut self.peaks);
-        for ((run, rows), peak) in runs_and_rows.filter(|((run, _), _)| run.kind == "sampled") {
-            let point_row = &seen[run.points.clone()];
+        let run_buffers = self.runs.iter().zip(&mut self.segment.rows).zip(&mut self.peaks);
+        for ((run, rows), peak) in run_buffers.filter(|((run, _), _)| run.kind == "sampled") {
+            let point_row = &displacements[run.points.clone()];
             *peak = point_row.iter().fold(*peak, |peak, x| peak.max(x.abs()));
             let extremes = &mut self.extremes[run.points.clone()];
             for ((low, high), x) in extremes.iter_mut().zip(point_row) {
@@ -362,17 +362,17 @@ impl Recorder {
                 let key_point = self.points.get(mat).map(|&point| (point, &self.look.points[point]));
                 let key_position = match key_point {
                     Some((_, point)) if matches!(point.how, How::NotComputed { .. }) => f64::NAN,
-                    Some((number, point)) => glance.tracks[number] + point.rest,
+                    Some((point_index, point)) => glance.tracks[point_index] + point.rest,
                     None => f64::NAN,
                 };
                 (key_position, glance.asked.get(key).copied().unwrap_or(f64::NAN))
             })
             .collect();
         let hand_bytes = self.event(now, kind::HANDS);
-        for (key, (key_position, asked)) in key_states.into_iter().enumerate() {
+        for (key, (key_position, asked_position)) in key_states.into_iter().enumerate() {
             hand_bytes.u32(key as u32);
             hand_bytes.f32(key_position);
-            hand_bytes.f32(asked);
+            hand_bytes.f32(asked_position);
         }
     }
 
@@ -402,9 +402,9 @@ impl Recorder {
         let mut peak_bytes = Bytes::default();
         self.peaks.iter().for_each(|peak| peak_bytes.f32(*peak));
         put(&mut self.out, kind::PEAKS, segment.start, &peak_bytes.0);
-        for (part, (run, rows)) in self.runs.iter().zip(&mut segment.rows).enumerate() {
+        for (run_index, (run, rows)) in self.runs.iter().zip(&mut segment.rows).enumerate() {
             // Split into chunks of the largest possible number of frames.
-            for some in chunks(segment.count, (PAYLOAD_MAX / 16) / run.points.len().max(1)) {
+            for frame_range in chunks(segment.count, (PAYLOAD_MAX / 16) / run.points.len().max(1)) {
                 if run.kind != "sampled" {
                     break;
                 }
@@ -412,12 +412,12 @@ impl Recorder {
                 let extremes = &self.extremes[run.points.clone()];
                 let amplitudes: Vec<f64> = extremes.iter().map(|(low, high)| 0.5 * (high - low)).collect();
                 let run_frames = Frames {
-                    part: part as u16,
+                    part: run_index as u16,
                     hop: 1.0 / self.setup.fps,
-                    rows: rows[some.start * point_count..some.end * point_count].to_vec(),
-                    count: some.len(),
+                    rows: rows[frame_range.start * point_count..frame_range.end * point_count].to_vec(),
+                    count: frame_range.len(),
                 };
-                let chunk_start = segment.start + some.start as f64 / self.setup.fps;
+                let chunk_start = segment.start + frame_range.start as f64 / self.setup.fps;
                 put(
                     &mut self.out,
                     kind::FRAMES,
@@ -433,8 +433,8 @@ impl Recorder {
     }
 }
 
-fn put_ergon(to: &mut Bytes, dt: f64, point: usize, ergon: &Record) {
-    to.f32(dt);
+fn put_ergon(to: &mut Bytes, time_offset: f64, point: usize, ergon: &Record) {
+    to.f32(time_offset);
     to.u32(point as u32);
     to.f32(ergon.impulse);
     to.f32(ergon.speed);
@@ -446,8 +446,8 @@ pub fn add_squares(squares: &mut [f64], mixed: &[f64]) -> u64 {
     let mixed_frames = mixed.chunks_exact(squares.len().max(1));
     let frame_count = mixed_frames.len() as u64;
     for frame in mixed_frames {
-        for (square, x) in squares.iter_mut().zip(frame) {
-            *square += x * x;
+        for (square_sum, channel_sample) in squares.iter_mut().zip(frame) {
+            *square_sum += channel_sample * channel_sample;
         }
     }
     frame_count
@@ -456,5 +456,7 @@ pub fn add_squares(squares: &mut [f64], mixed: &[f64]) -> u64 {
 /// The range 0 to `n` in pieces of at most `limit`.
 fn chunks(n: usize, limit: usize) -> impl Iterator<Item = Range<usize>> {
     let limit = limit.max(1);
-    (0..n).step_by(limit).map(move |from| from..n.min(from + limit))
+    (0..n)
+        .step_by(limit)
+        .map(move |chunk_start| chunk_start..n.min(chunk_start + limit))
 }

@@ -119,20 +119,20 @@ impl Response {
     }
 
     /// Weights of two successive samples that give the free motion at the fraction `part` of the step between them.
-    pub(crate) fn interpolation(&self, part: f64, rate: Rate) -> (f64, f64) {
+    pub(crate) fn interpolation(&self, fraction: f64, rate: Rate) -> (f64, f64) {
         let time_step = rate.step();
         match *self {
-            Self::Cell(cell) => cell.interpolation(part, rate),
+            Self::Cell(cell) => cell.interpolation(fraction, rate),
             Self::Pair { decay, omega, .. } => {
-                let step_response = sin(omega * time_step);
-                let (time_left, time_past) = ((1.0 - part) * time_step, part * time_step);
+                let step_sine = sin(omega * time_step);
+                let (time_left, time_past) = ((1.0 - fraction) * time_step, fraction * time_step);
                 (
-                    exp(-decay * time_past) * sin(omega * time_left) / step_response,
-                    exp(decay * time_left) * sin(omega * time_past) / step_response,
+                    exp(-decay * time_past) * sin(omega * time_left) / step_sine,
+                    exp(decay * time_left) * sin(omega * time_past) / step_sine,
                 )
             }
-            Self::Real { decay, .. } => (exp(-decay * part * time_step), 0.0),
-            Self::Free { .. } => (1.0 - part, part),
+            Self::Real { decay, .. } => (exp(-decay * fraction * time_step), 0.0),
+            Self::Free { .. } => (1.0 - fraction, fraction),
         }
     }
 }

@@ -37,14 +37,14 @@ pub fn round_membrane(radius: usize, rim: Rim) -> Result<Topology, GeneratorErro
         let [corner_a, corner_b, corner_c] = corners;
         let (edge_to_b, edge_to_c) = (edge_vector(corner_a, corner_b), edge_vector(corner_a, corner_c));
         let double_area = (edge_to_b[0] * edge_to_c[1] - edge_to_b[1] * edge_to_c[0]).abs();
-        for (apex, first, two) in [
+        for (apex, side_start, side_end) in [
             (corner_a, corner_b, corner_c),
             (corner_b, corner_c, corner_a),
             (corner_c, corner_a, corner_b),
         ] {
-            let (first_edge, second_edge) = (edge_vector(apex, first), edge_vector(apex, two));
+            let (first_edge, second_edge) = (edge_vector(apex, side_start), edge_vector(apex, side_end));
             let half_cotangent = 0.5 * (first_edge[0] * second_edge[0] + first_edge[1] * second_edge[1]) / double_area;
-            for (near, other) in [(first, two), (two, first)] {
+            for (near, other) in [(side_start, side_end), (side_end, side_start)] {
                 if near < n_mat {
                     cotangent_matrix.add(near, near, half_cotangent);
                     if other < n_mat {

@@ -109,7 +109,10 @@ fn roots(c: &[f64], low: f64, high: f64) -> Vec<f64> {
     let mut root_bounds = vec![low];
     root_bounds.extend(roots(&slope_terms, low, high));
     root_bounds.push(high);
-    root_bounds.windows(2).filter_map(|w| bisect(c, w[0], w[1])).collect()
+    root_bounds
+        .windows(2)
+        .filter_map(|bracket| bisect(c, bracket[0], bracket[1]))
+        .collect()
 }
 
 fn bisect(c: &[f64], mut low: f64, mut high: f64) -> Option<f64> {

@@ -51,7 +51,7 @@ impl Stiffening {
     #[inline(always)]
     fn rise(&self, e: f64) -> f64 {
         match self {
-            Self::Square(by) => by * (e * e),
+            Self::Square(square_factor) => square_factor * (e * e),
             Self::Law(law, rest_slope) => (law.slope(e) - rest_slope).max(0.0),
             Self::Any(laws, rest_slope) => {
                 let law_slopes = laws.iter().map(|law| law.slope(e));
@@ -63,7 +63,7 @@ impl Stiffening {
     /// The largest elongation [m], either way, at which the stiffness has risen by no more than `rise` [N/m].
     fn reach(&self, rise: f64) -> f64 {
         match self {
-            Self::Square(by) => (rise / by).sqrt(),
+            Self::Square(square_factor) => (rise / square_factor).sqrt(),
             Self::Law(law, rest_slope) => law.stiffens_beyond(rest_slope + rise),
             Self::Any(laws, rest_slope) => {
                 let reaches = laws.iter().map(|law| law.stiffens_beyond(rest_slope + rise));
@@ -74,11 +74,11 @@ impl Stiffening {
 }
 
 /// Runs that stiffen and have an end that moves; runs with a gate are left out.
-pub(super) fn watches(runs: &[Run], moves: impl Fn(usize) -> bool) -> Vec<Watch> {
+pub(super) fn watches(runs: &[Run], mat_moves: impl Fn(usize) -> bool) -> Vec<Watch> {
     let watch_of_run = |run: &Run| {
         let stiffening = Stiffening::from_kind(&run.kind).filter(|_| run.gate.is_none())?;
         let mut run_ends = (0..run.len).flat_map(|i| [run.a + i, run.b + i]);
-        if !run_ends.any(&moves) {
+        if !run_ends.any(&mat_moves) {
             return None;
         }
         Some(Watch {
@@ -94,16 +94,18 @@ pub(super) fn watches(runs: &[Run], moves: impl Fn(usize) -> bool) -> Vec<Watch>
 }
 
 /// Set the reach of every run such that λ rises by no more than `rise`, and remove runs that never stiffen so much.
-pub(super) fn set_reaches(watches: &mut Vec<Watch>, rise: f64, w: &[f64]) {
-    let mut link_degree = vec![0.0; w.len()];
+pub(super) fn set_reaches(watches: &mut Vec<Watch>, rise: f64, inverse_masses: &[f64]) {
+    let mut link_degree = vec![0.0; inverse_masses.len()];
     for watch in &*watches {
-        for first in [watch.a, watch.b] {
-            link_degree[first..][..watch.len].iter_mut().for_each(|n| *n += 1.0);
+        for first_mat in [watch.a, watch.b] {
+            link_degree[first_mat..][..watch.len]
+                .iter_mut()
+                .for_each(|degree| *degree += 1.0);
         }
     }
     // If the stiffening of each link is at most half of `rise`, divided by degree times 1/M at either end, no edge sum
     // exceeds `rise`.
-    let edge_weight = |mat: usize| link_degree[mat] * w[mat];
+    let edge_weight = |mat: usize| link_degree[mat] * inverse_masses[mat];
     for watch in &mut *watches {
         let end_weights = (0..watch.len).map(|i| edge_weight(watch.a + i).max(edge_weight(watch.b + i)));
         watch.reach = watch.stiffening.reach(0.5 * rise / end_weights.fold(0.0, f64::max));
@@ -148,7 +150,7 @@ pub(super) fn stiffening(
     watches: &[Watch],
     mats: &Range<usize>,
     x: &[f64],
-    w: &[f64],
+    inverse_masses: &[f64],
     sums: &mut [f64],
     rises: &mut [f64],
 ) -> (f64, usize) {
@@ -160,23 +162,23 @@ pub(super) fn stiffening(
         for (i, rise) in rises.iter_mut().enumerate() {
             *rise = watch.stiffening.rise(positions_b[i] - positions_a[i] - watch.rest);
         }
-        for first in [end_a, end_b] {
-            let sums = &mut sums[first..][..watch.len];
+        for first_mat in [end_a, end_b] {
+            let sums = &mut sums[first_mat..][..watch.len];
             sums.iter_mut().zip(&*rises).for_each(|(sum, rise)| *sum += rise);
         }
     }
-    let (mut greatest, mut worst_mat) = (0.0, mats.start);
+    let (mut greatest_sum, mut worst_mat) = (0.0, mats.start);
     for watch in watches {
         for i in 0..watch.len {
             let (end_a, end_b) = (watch.a + i, watch.b + i);
-            let edge_sum = sums[end_a] * w[end_a] + sums[end_b] * w[end_b];
-            if edge_sum > greatest || edge_sum.is_nan() {
-                (greatest, worst_mat) = (edge_sum, if w[end_a] > 0.0 { end_a } else { end_b });
+            let edge_sum = sums[end_a] * inverse_masses[end_a] + sums[end_b] * inverse_masses[end_b];
+            if edge_sum > greatest_sum || edge_sum.is_nan() {
+                (greatest_sum, worst_mat) = (edge_sum, if inverse_masses[end_a] > 0.0 { end_a } else { end_b });
             }
             if edge_sum.is_nan() {
                 return (f64::INFINITY, worst_mat);
             }
         }
     }
-    (greatest, worst_mat)
+    (greatest_sum, worst_mat)
 }

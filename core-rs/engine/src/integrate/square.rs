@@ -141,8 +141,11 @@ mod tests {
             (4, 4, 1.0),
             (2, 0, 0.0),
         ];
-        for (row, column, right) in entry_cases {
-            assert!((exponential.get(row, column) - right).abs() < 1e-12, "{row} {column}");
+        for (row, column, expected) in entry_cases {
+            assert!(
+                (exponential.get(row, column) - expected).abs() < 1e-12,
+                "{row} {column}"
+            );
         }
     }
 
@@ -157,11 +160,11 @@ mod tests {
         let power_error = test_matrix.power(13).plus(&repeated_power, -1.0);
         let largest = repeated_power.entries.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
         assert!(power_error.entries.iter().all(|x| x.abs() < 1e-13 * largest));
-        let back = test_matrix
+        let quotient_error = test_matrix
             .times(&repeated_power)
             .over(&repeated_power)
-            .map(|back| back.plus(&test_matrix, -1.0));
-        assert!(back.is_some_and(|off| off.entries.iter().all(|x| x.abs() < 1e-10)));
+            .map(|quotient_error| quotient_error.plus(&test_matrix, -1.0));
+        assert!(quotient_error.is_some_and(|off| off.entries.iter().all(|x| x.abs() < 1e-10)));
         assert!(test_matrix.over(&Square::zero(matrix_size)).is_none());
     }
 }

@@ -214,12 +214,12 @@ impl Island {
             state.values.scheme = Some(scheme.changing());
         }
         if let Some(fine_state) = &mut state.matter.fine {
-            let mut bodies_left = 0;
+            let mut bodies_staying = 0;
             let body_places: Vec<Option<usize>> = (state.matter.bodies.iter())
                 .map(|body| {
                     let stays = !body.is_of(&is_muted, part);
-                    bodies_left += usize::from(stays);
-                    stays.then(|| bodies_left - 1)
+                    bodies_staying += usize::from(stays);
+                    stays.then(|| bodies_staying - 1)
                 })
                 .collect();
             for link in fine_state.release(&is_muted, &body_places) {

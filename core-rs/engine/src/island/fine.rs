@@ -173,9 +173,9 @@ impl Fine {
     }
 
     /// Set the bend of the bristles of a link [m], if it is computed here.
-    pub(super) fn set_bend(&mut self, link: usize, bristle: f64) {
+    pub(super) fn set_bend(&mut self, link: usize, deflection: f64) {
         if let Some(law_index) = self.law_of(link) {
-            self.laws[law_index].set_bend(bristle);
+            self.laws[law_index].set_bend(deflection);
         }
     }
 
@@ -183,29 +183,31 @@ impl Fine {
     fn law_of(&self, link: usize) -> Option<usize> {
         let link_runs = &self.script.links;
         let mut law_links = self.law_script.links.iter();
-        law_links.position(|&own| link_runs[own].first == link)
+        law_links.position(|&link_index| link_runs[link_index].first == link)
     }
 
     /// Remove the links on the marked MATs (n_mat), and bodies that leave; returns the removed links. `places` gives
     /// the new index of each body that stays (n_bodies).
-    pub(super) fn release(&mut self, mats: &[bool], places: &[Option<usize>]) -> Vec<usize> {
+    pub(super) fn release(&mut self, is_released: &[bool], new_indices: &[Option<usize>]) -> Vec<usize> {
         // A part leaves at most once in a run, so a copy of the script is acceptable.
         let script = Arc::make_mut(&mut self.script);
         for (joint, later) in script.joints.iter_mut().zip(&mut self.later) {
-            joint.port = (joint.port).and_then(|(owner, port)| Some((places[owner]?, port)));
-            if mats[joint.mat] {
+            joint.port = (joint.port).and_then(|(owner, port)| Some((new_indices[owner]?, port)));
+            if is_released[joint.mat] {
                 joint.cell = None;
                 *later = 0.0;
             }
         }
-        let link_stays: Vec<bool> = (script.links.iter()).map(|run| !mats[run.a] && !mats[run.b]).collect();
+        let link_stays: Vec<bool> = (script.links.iter())
+            .map(|run| !is_released[run.a] && !is_released[run.b])
+            .collect();
         let removed_links = (script.links.iter().zip(&link_stays))
             .filter(|(_, link_stays)| !**link_stays)
             .map(|(run, _)| run.first)
             .collect();
         let law_script = Arc::make_mut(&mut self.law_script);
-        let laws_stay: Vec<bool> = law_script.links.iter().map(|&link| link_stays[link]).collect();
-        keep(&mut self.laws, &laws_stay);
+        let law_stays: Vec<bool> = law_script.links.iter().map(|&link| link_stays[link]).collect();
+        keep(&mut self.laws, &law_stays);
         keep(&mut script.links, &link_stays);
         keep(&mut script.ends, &link_stays);
         keep(&mut self.near, &link_stays);
@@ -217,7 +219,7 @@ impl Fine {
         keep(&mut self.numbers, &link_stays);
         *law_script = LawScript::new(script);
         self.frictions = Frictions::new(script);
-        self.sprung.release(mats);
+        self.sprung.release(is_released);
         removed_links
     }
 
@@ -285,16 +287,16 @@ impl Fine {
     }
 
     /// Tell the energy that each link stores at the end of the frame [J]; `open` says how far its gate is open.
-    pub(super) fn energies(&self, body: &Body, open: impl Fn(&Run) -> f64, mut tell: impl FnMut(f64)) {
+    pub(super) fn energies(&self, body: &Body, gate_opening: impl Fn(&Run) -> f64, mut report_energy: impl FnMut(f64)) {
         for (run, [_, [k, z]]) in self.script.links.iter().zip(&self.numbers) {
             let link_energy = match (&run.kind, self.bristle_bend(run.first)) {
                 (Kind::Bristle { by, .. }, Some(bend)) => by.with(*k, *z).energy(bend),
                 _ => {
-                    let strength = if run.k == 0.0 { 1.0 } else { k / run.k };
-                    strength * run.potential(run.elongation(0, |mat| body.x[mat]))
+                    let stiffness_ratio = if run.k == 0.0 { 1.0 } else { k / run.k };
+                    stiffness_ratio * run.potential(run.elongation(0, |mat| body.x[mat]))
                 }
             };
-            tell(open(run) * link_energy);
+            report_energy(gate_opening(run) * link_energy);
         }
     }
 
@@ -324,13 +326,13 @@ impl Fine {
 
     /// Whether no contact closes for as long as its points move freely; `swing` bounds the distance of each from its
     /// rest position, and its step [m].
-    pub(super) fn cannot_close(&self, scheme: &Scheme, swing: impl Fn(usize) -> [f64; 2], slack: f64) -> bool {
+    pub(super) fn cannot_close(&self, scheme: &Scheme, motion_bounds: impl Fn(usize) -> [f64; 2], slack: f64) -> bool {
         let is_open = |run: &Run| {
             let Kind::But(contact) = &run.kind else {
                 return false;
             };
-            let [reach_a, step_a] = swing(run.a);
-            let [reach_b, step_b] = swing(run.b);
+            let [reach_a, step_a] = motion_bounds(run.a);
+            let [reach_b, step_b] = motion_bounds(run.b);
             let rest_elongation = scheme.rest[run.b] - scheme.rest[run.a] - run.rest;
             let total_reach = (reach_a + reach_b + step_a + step_b) * (1.0 + slack);
             contact.sign() * rest_elongation + total_reach < -2.0 * HAIR

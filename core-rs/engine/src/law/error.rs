@@ -87,14 +87,14 @@ pub(super) fn nearest<'a>(word: &str, candidates: impl Iterator<Item = &'a str>)
     if letters.len() > 32 {
         return None;
     }
-    let allowed = if letters.len() <= 4 { 1 } else { 2 };
+    let slips_max = if letters.len() <= 4 { 1 } else { 2 };
     candidates
         .map(|candidate| {
             let candidate_letters: Vec<char> = candidate.chars().flat_map(char::to_lowercase).collect();
             (slips(&letters, &candidate_letters), candidate)
         })
         // A single letter is one slip away from any other, so only its case is corrected.
-        .filter(|(n, _)| *n <= allowed && (*n < letters.len()))
+        .filter(|(n, _)| *n <= slips_max && (*n < letters.len()))
         .min_by_key(|(n, _)| *n)
         .map(|(_, candidate)| candidate.to_owned())
 }

@@ -56,7 +56,7 @@ impl Unary {
 impl Binary {
     #[inline(always)]
     pub(super) fn apply(self, a: f64, b: f64) -> f64 {
-        let as_number = |is: bool| if is { 1.0 } else { 0.0 };
+        let as_number = |condition: bool| if condition { 1.0 } else { 0.0 };
         match self {
             Self::Add => a + b,
             Self::Subtract => a - b,

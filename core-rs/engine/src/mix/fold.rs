@@ -144,10 +144,10 @@ impl Fold {
             }
         }
         let mut paths_left = self.ways.iter().peekable();
-        for to in 0..self.n_out {
+        for output_channel in 0..self.n_out {
             let output_sums = &mut self.sums[..n_frames.next_multiple_of(TILE)];
             output_sums.fill(0.0);
-            while let Some(fold_path) = paths_left.next_if(|fold_path| fold_path.to == to) {
+            while let Some(fold_path) = paths_left.next_if(|fold_path| fold_path.to == output_channel) {
                 let channel_line = &self.line[fold_path.from * line_width..(fold_path.from + 1) * line_width];
                 let path_taps = &self.taps[fold_path.first..fold_path.first + fold_path.n_taps];
                 let line_start = self.past - fold_path.delay;
@@ -156,7 +156,7 @@ impl Fold {
                 }
             }
             for (frame, sum) in output_sums[..n_frames].iter().enumerate() {
-                output[frame * self.n_out + to] = *sum;
+                output[frame * self.n_out + output_channel] = *sum;
             }
         }
         for channel in 0..self.n_in {
@@ -193,9 +193,9 @@ mod tests {
         for frame in 0..n_frames {
             for to in 0..n_out {
                 for from in 0..n_in {
-                    for age in 0..n_taps.min(frame + 1) {
-                        output[frame * n_out + to] +=
-                            filters[(from * n_out + to) * n_taps + age] * input[(frame - age) * n_in + from];
+                    for tap_index in 0..n_taps.min(frame + 1) {
+                        output[frame * n_out + to] += filters[(from * n_out + to) * n_taps + tap_index]
+                            * input[(frame - tap_index) * n_in + from];
                     }
                 }
             }

@@ -250,7 +250,7 @@ impl Network {
         &mut self,
         name: &str,
         topology: &Topology,
-        each: f64,
+        mass_each: f64,
         losses: &Losses,
         [hardening, stretching]: [f64; 2],
     ) -> Result<usize, Error> {
@@ -271,9 +271,9 @@ impl Network {
             let (kind, m, z) = if i >= topology.n_mat {
                 (MatKind::Sol, 0.0, 0.0)
             } else if losses.ground > 0.0 {
-                (MatKind::Cel, each * mass_share, losses.ground * mass_share)
+                (MatKind::Cel, mass_each * mass_share, losses.ground * mass_share)
             } else {
-                (MatKind::Mas, each * mass_share, 0.0)
+                (MatKind::Mas, mass_each * mass_share, 0.0)
             };
             self.mats.push(Mat {
                 kind,
@@ -329,8 +329,8 @@ impl Network {
         if stretching > 0.0 {
             let law = Arc::new(Law::shared(stretching));
             let links = fixed_count + mat_count - 1;
-            let path_start = first_mat - fixed_before;
-            self.add_run(LinkKind::Lnl(law), path_start, path_start + 1, links, [0.0; 3]);
+            let row_start = first_mat - fixed_before;
+            self.add_run(LinkKind::Lnl(law), row_start, row_start + 1, links, [0.0; 3]);
         }
         self.names
             .add_links(links, self.n_lia - links, true, format!("{module_name}.link"));

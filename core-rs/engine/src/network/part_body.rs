@@ -87,7 +87,7 @@ impl Body {
         let Some(rate) = self.ca_rate else {
             return pole;
         };
-        let log_decay = 0.5 * log1p(2.0 * pole.re + pole.norm_sqr());
-        Complex::new(log_decay, atan2(pole.im, 1.0 + pole.re)) * rate.hertz()
+        let log_modulus = 0.5 * log1p(2.0 * pole.re + pole.norm_sqr());
+        Complex::new(log_modulus, atan2(pole.im, 1.0 + pole.re)) * rate.hertz()
     }
 }

@@ -60,11 +60,11 @@ impl Along {
         (mat_before, proxy_place - mat_before as f64)
     }
 
-    fn moved_to(self, local: &impl Fn(usize) -> Option<usize>) -> Option<Self> {
+    fn moved_to(self, new_index: &impl Fn(usize) -> Option<usize>) -> Option<Self> {
         Some(match self {
             Self::Fixed(at) => Self::Fixed(at),
             Self::Following { mat, offset, span } => Self::Following {
-                mat: local(mat)?,
+                mat: new_index(mat)?,
                 offset,
                 span,
             },
@@ -85,9 +85,11 @@ impl Proxy {
             } => {
                 let (row_index, row_share) = rows.place(mats.len() / columns, &x);
                 let (column_index, column_share) = row.place(*columns, &x);
-                for (row_index, a) in [(row_index, 1.0 - row_share), (row_index + 1, row_share)] {
-                    for (column_index, b) in [(column_index, 1.0 - column_share), (column_index + 1, column_share)] {
-                        let mass_share = a * b;
+                for (row_index, row_weight) in [(row_index, 1.0 - row_share), (row_index + 1, row_share)] {
+                    for (column_index, column_weight) in
+                        [(column_index, 1.0 - column_share), (column_index + 1, column_share)]
+                    {
+                        let mass_share = row_weight * column_weight;
                         if mass_share != 0.0 {
                             visit(mats[row_index * columns + column_index], mass_share);
                         }
@@ -149,10 +151,10 @@ impl Proxy {
     }
 
     /// The proxy in a network that numbers MATs differently; `None` if a MAT is missing there.
-    pub(super) fn moved_to(&self, local: impl Fn(usize) -> Option<usize>) -> Option<Self> {
+    pub(super) fn moved_to(&self, new_index: impl Fn(usize) -> Option<usize>) -> Option<Self> {
         let shares = match &self.shares {
             Shares::Fixed(shares) => {
-                let weights = shares.iter().map(|&(mat, share)| Some((local(mat)?, share)));
+                let weights = shares.iter().map(|&(mat, share)| Some((new_index(mat)?, share)));
                 Shares::Fixed(weights.collect::<Option<_>>()?)
             }
             Shares::Moving {
@@ -160,13 +162,13 @@ impl Proxy {
                 columns,
                 along: [rows, row],
             } => Shares::Moving {
-                mats: mats.iter().map(|&mat| local(mat)).collect::<Option<_>>()?,
+                mats: mats.iter().map(|&mat| new_index(mat)).collect::<Option<_>>()?,
                 columns: *columns,
-                along: [rows.moved_to(&local)?, row.moved_to(&local)?],
+                along: [rows.moved_to(&new_index)?, row.moved_to(&new_index)?],
             },
         };
         Some(Self {
-            mat: local(self.mat)?,
+            mat: new_index(self.mat)?,
             shares,
         })
     }
@@ -181,8 +183,8 @@ impl Network {
     /// The masses of a proxy, each with its share at the initial positions; empty for any other MAT.
     pub fn shares(&self, mat: usize) -> Vec<(usize, f64)> {
         let mut initial_shares = Vec::new();
-        if let Some(known_proxy) = self.proxies.iter().find(|proxy| proxy.mat == mat) {
-            known_proxy.for_each_share(|mat| self.mats.x0[mat], |mat, share| initial_shares.push((mat, share)));
+        if let Some(matching_proxy) = self.proxies.iter().find(|proxy| proxy.mat == mat) {
+            matching_proxy.for_each_share(|mat| self.mats.x0[mat], |mat, share| initial_shares.push((mat, share)));
         }
         initial_shares
     }
@@ -224,12 +226,12 @@ impl Network {
         self.check_shares(name, &new_proxy.shares)?;
         new_proxy.fix_shares();
         let mats = &self.mats;
-        let start_of = |mat: usize| mats.x0[mat];
+        let initial_position = |mat: usize| mats.x0[mat];
         let (x0, v0) = (
-            new_proxy.sum(start_of, start_of),
-            new_proxy.sum(start_of, |mat| mats.v0[mat]),
+            new_proxy.sum(initial_position, initial_position),
+            new_proxy.sum(initial_position, |mat| mats.v0[mat]),
         );
-        let proxy_place = [0, 1].map(|axis| new_proxy.sum(start_of, |mat| mats.place[mat][axis]));
+        let proxy_place = [0, 1].map(|axis| new_proxy.sum(initial_position, |mat| mats.place[mat][axis]));
         let numbers = [0.0, 0.0, 0.0, 0.0, x0, v0];
         let mat = self.add_mat(name, MatKind::Proxy, numbers)?;
         self.mats.place[mat] = proxy_place;

@@ -174,7 +174,7 @@ impl Pins {
     /// Checks that no decisions are left over.
     pub(super) fn end(&self) -> Result<(), Error> {
         match &self.0 {
-            Some(left) if !left.is_empty() => Err(wrong_plan_error()),
+            Some(unused_choices) if !unused_choices.is_empty() => Err(wrong_plan_error()),
             _ => Ok(()),
         }
     }

@@ -26,11 +26,15 @@ impl Scheme {
             if (alike_ranges.len() + 1) * LEAST > mat_count {
                 return Vec::new();
             }
-            let is_alike_mat = |mat: &usize| self.ties().iter().all(|all| same(all[*mat], all[range_start]));
+            let is_alike_mat = |mat: &usize| {
+                self.ties()
+                    .iter()
+                    .all(|coefficients| same(coefficients[*mat], coefficients[range_start]))
+            };
             let range_end = range_start + (range_start..mat_count).take_while(is_alike_mat).count();
             alike_ranges.push(Alike {
                 mats: range_start..range_end,
-                numbers: self.ties().map(|all| all[range_start]),
+                numbers: self.ties().map(|coefficients| coefficients[range_start]),
             });
             range_start = range_end;
         }
@@ -46,13 +50,13 @@ impl Scheme {
 
     /// Whether the MATs of each range still have the same coefficients.
     pub(crate) fn are_alike(&self) -> bool {
-        let mat_ties = self.ties();
+        let mat_coefficients = self.ties();
         self.alike.iter().all(|alike| {
-            let all = mat_ties.iter().zip(alike.numbers);
+            let coefficients = mat_coefficients.iter().zip(alike.numbers);
             alike.mats.end <= self.n_mat()
-                && all.into_iter().all(|(all, first_number)| {
-                    let mut numbers = all[alike.mats.clone()].iter();
-                    numbers.all(|&number| same(number, first_number))
+                && coefficients.into_iter().all(|(coefficients, range_number)| {
+                    let mut numbers = coefficients[alike.mats.clone()].iter();
+                    numbers.all(|&number| same(number, range_number))
                 })
         })
     }
@@ -72,10 +76,10 @@ mod tests {
     /// Groups of masses, given as (number, mass [kg]), one after the other.
     fn scheme(masses: &[(usize, f64)]) -> Scheme {
         let mut network = Network::new();
-        for &(n, m) in masses {
-            for _ in 0..n {
+        for &(mass_count, mass) in masses {
+            for _ in 0..mass_count {
                 let mass_name = format!("m{}", network.n_mat());
-                network.mas(&mass_name, m, 0.0, 0.0).unwrap();
+                network.mas(&mass_name, mass, 0.0, 0.0).unwrap();
             }
         }
         Scheme::new(&network, Rate::new(44_100.0).unwrap()).unwrap()
@@ -84,7 +88,11 @@ mod tests {
     #[test]
     fn alike_stretches_cover_all_masses_in_order() {
         let scheme = scheme(&[(100, 1e-3), (1, 2e-3), (400, 1e-3)]);
-        let alike_ranges: Vec<_> = scheme.alike.iter().map(|one| one.mats.clone()).collect();
+        let alike_ranges: Vec<_> = scheme
+            .alike
+            .iter()
+            .map(|alike_range| alike_range.mats.clone())
+            .collect();
         assert_eq!(alike_ranges, [0..100, 100..101, 101..501]);
         assert!(scheme.are_alike() && scheme.changing().alike.is_empty());
     }

@@ -52,7 +52,7 @@ fn tap(network: &Network, term: &Term) -> Tap {
     let links = network.runs().iter().flat_map(|run| {
         let links = run.first.max(term_links.start)..(run.first + run.len).min(term_links.end);
         links.filter_map(move |link| match &run.kind {
-            LinkKind::Space(space) => Some((run.pair(link - run.first, 0), space.clone())),
+            LinkKind::Space(space_link) => Some((run.pair(link - run.first, 0), space_link.clone())),
             _ => None,
         })
     });

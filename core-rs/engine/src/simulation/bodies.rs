@@ -135,8 +135,8 @@ impl<'a> BodyCandidate<'a> {
 }
 
 /// A motion (x, step) with its step converted to a step of another length.
-fn scaled((x, step): (f64, f64), times: f64) -> (f64, f64) {
-    (x, step * times)
+fn scaled((x, step): (f64, f64), step_factor: f64) -> (f64, f64) {
+    (x, step * step_factor)
 }
 
 fn moving(network: &Network) -> Vec<usize> {
@@ -149,19 +149,19 @@ fn moving(network: &Network) -> Vec<usize> {
 /// workspace, and the bodies.
 pub(super) fn bodies(
     side: &Side<'_>,
-    same: [&[bool]; 2],
+    is_matched: [&[bool]; 2],
     without: &HashSet<(UnitIndex, usize)>,
     wanted: impl Fn(&str) -> bool,
     transform: ModalTransform,
     workspace: &mut Workspace,
 ) -> (Vec<(String, MatLocation)>, Vec<Body>) {
     let (mut locations, mut taken_bodies) = (Vec::new(), Vec::new());
-    for known in BodyCandidate::all(side, same, without) {
-        if !known.names.iter().any(|name| wanted(name)) {
+    for candidate in BodyCandidate::all(side, is_matched, without) {
+        if !candidate.names.iter().any(|name| wanted(name)) {
             continue;
         }
-        let mass_names = known.names.clone();
-        let Some(body) = known.body(transform, workspace) else {
+        let mass_names = candidate.names.clone();
+        let Some(body) = candidate.body(transform, workspace) else {
             continue;
         };
         let named_slots = mass_names.into_iter().zip(body.first..);
@@ -174,7 +174,7 @@ pub(super) fn bodies(
 /// Names of the masses of all bodies that `bodies` considers on one side.
 pub(super) fn names(side: &Side<'_>, same: [&[bool]; 2], without: &HashSet<(UnitIndex, usize)>) -> HashSet<String> {
     let candidates = BodyCandidate::all(side, same, without).into_iter();
-    candidates.flat_map(|known| known.names).collect()
+    candidates.flat_map(|candidate| candidate.names).collect()
 }
 
 impl Body {
@@ -183,8 +183,8 @@ impl Body {
         let playing = simulation.playing(self.place.unit);
         let frame_steps = playing.steps_a_frame();
         match &self.source {
-            Source::Modes(seen) => {
-                let mode_count = seen.n_modes();
+            Source::Modes(mode_shapes) => {
+                let mode_count = mode_shapes.n_modes();
                 let (amplitudes_now, amplitudes_before) =
                     (&mut workspace.now[..mode_count], &mut workspace.before[..mode_count]);
                 match (playing, self.place.body) {
@@ -201,8 +201,8 @@ impl Body {
                     }
                     (RunningUnit::Island(_), None) => return,
                 }
-                let mats = &mut workspace.mats[self.first..self.first + seen.mats.len()];
-                seen.positions(amplitudes_now, amplitudes_before, mats);
+                let mats = &mut workspace.mats[self.first..self.first + mode_shapes.mats.len()];
+                mode_shapes.positions(amplitudes_now, amplitudes_before, mats);
                 mats.iter_mut().for_each(|mat| mat.1 *= frame_steps);
             }
             Source::Masses(all) => {
@@ -212,12 +212,12 @@ impl Body {
                 let mats = workspace.mats[self.first..].iter_mut().zip(all);
                 match island.body(body) {
                     Some(inside::RunningBody::Mesh(mesh)) => {
-                        mats.for_each(|(mat, &(own, _))| *mat = scaled(mesh.motion(own), frame_steps));
+                        mats.for_each(|(mat, &(mass_index, _))| *mat = scaled(mesh.motion(mass_index), frame_steps));
                     }
                     Some(inside::RunningBody::Slow(slow)) => {
                         let present = slow.present();
-                        let mass_motion = |own: usize| scaled(slow.motion(&present, own), frame_steps);
-                        mats.for_each(|(mat, &(own, _))| *mat = mass_motion(own));
+                        let mass_motion = |mass_index: usize| scaled(slow.motion(&present, mass_index), frame_steps);
+                        mats.for_each(|(mat, &(mass_index, _))| *mat = mass_motion(mass_index));
                     }
                     _ => {}
                 }
@@ -230,13 +230,13 @@ impl Body {
         let playing = simulation.playing(self.place.unit);
         let frames_a_step = 1.0 / playing.steps_a_frame();
         match &mut self.source {
-            Source::Modes(seen) => {
-                let mode_count = seen.n_modes();
+            Source::Modes(mode_shapes) => {
+                let mode_count = mode_shapes.n_modes();
                 let (amplitudes_now, amplitudes_before) =
                     (&mut workspace.now[..mode_count], &mut workspace.before[..mode_count]);
-                let body_mats = &mut workspace.mats[self.first..self.first + seen.mats.len()];
+                let body_mats = &mut workspace.mats[self.first..self.first + mode_shapes.mats.len()];
                 body_mats.iter_mut().for_each(|mat| mat.1 *= frames_a_step);
-                seen.amplitudes(body_mats, amplitudes_now, amplitudes_before);
+                mode_shapes.amplitudes(body_mats, amplitudes_now, amplitudes_before);
                 match (playing, self.place.body) {
                     (RunningUnit::Bank(bank), _) => {
                         for mode in 0..mode_count {

@@ -62,8 +62,8 @@ impl Simulation {
     /// Inputs that were told a value continue towards it as they did in another simulation.
     pub(super) fn go_on_as_told(&mut self, old: &Self) {
         for (island, _) in old.islands() {
-            for (number, mode) in island.ways() {
-                self.playing_islands().for_each(|own| own.go_on_as_told(number, mode));
+            for (number, ramp) in island.ways() {
+                self.playing_islands().for_each(|own| own.go_on_as_told(number, ramp));
             }
         }
     }

@@ -55,8 +55,8 @@ impl Graph {
             .map(|i| columns[first[i]..first[i + 1]].to_vec())
             .collect();
         let mut buckets = Buckets::new(node_count);
-        for (i, beside) in nodes.iter().enumerate() {
-            buckets.insert(i as u32, beside.len() as u32);
+        for (i, neighbours) in nodes.iter().enumerate() {
+            buckets.insert(i as u32, neighbours.len() as u32);
         }
         Self {
             nodes,
@@ -74,7 +74,7 @@ impl Graph {
     }
 
     /// Eliminate a node: it becomes an element; `left` unknowns remain.
-    fn eliminate(&mut self, pivot: u32, left: usize) {
+    fn eliminate(&mut self, pivot: u32, unknowns_left: usize) {
         let pivot_index = pivot as usize;
         let mut adjacent = self.neighbours(pivot);
         self.weight[pivot_index] = 0;
@@ -84,12 +84,12 @@ impl Graph {
             .sum();
         let stamp = self.stamp;
         for &node_index in &adjacent {
-            for &e in &self.elements[node_index as usize] {
-                let (outside, last_stamp) = &mut self.outside[e as usize];
+            for &element in &self.elements[node_index as usize] {
+                let (outside, last_stamp) = &mut self.outside[element as usize];
                 if *last_stamp != stamp {
-                    (*outside, *last_stamp) = (self.size[e as usize], stamp);
+                    (*outside, *last_stamp) = (self.size[element as usize], stamp);
                 }
-                if self.is_alive[e as usize] {
+                if self.is_alive[element as usize] {
                     *outside -= self.weight[node_index as usize];
                 }
             }
@@ -98,12 +98,12 @@ impl Graph {
         for &node in &adjacent {
             let node_index = node as usize;
             let (outside, is_alive, members) = (&self.outside, &mut self.is_alive, &mut self.members);
-            self.elements[node_index].retain(|&e| {
+            self.elements[node_index].retain(|&element| {
                 // An element without nodes outside the new one is absorbed by it.
-                let is_retained = is_alive[e as usize] && outside[e as usize].0 > 0;
+                let is_retained = is_alive[element as usize] && outside[element as usize].0 > 0;
                 if !is_retained {
-                    is_alive[e as usize] = false;
-                    members[e as usize] = Vec::new();
+                    is_alive[element as usize] = false;
+                    members[element as usize] = Vec::new();
                 }
                 is_retained
             });
@@ -112,11 +112,11 @@ impl Graph {
             let other_weight = adjacent_weight - weights[node_index];
             let apart_weight = self.elements[node_index]
                 .iter()
-                .map(|&e| outside[e as usize].0)
+                .map(|&element| outside[element as usize].0)
                 .sum::<u32>()
                 + self.nodes[node_index].iter().map(|&j| weights[j as usize]).sum::<u32>();
             let degree_bound = self.buckets.degree[node_index].saturating_add(other_weight);
-            let new_degree = (left as u32 - weights[node_index])
+            let new_degree = (unknowns_left as u32 - weights[node_index])
                 .min(degree_bound)
                 .min(apart_weight + other_weight);
             self.buckets.remove(node);
@@ -162,9 +162,9 @@ impl Graph {
     }
 
     /// Merge nodes that have the same neighbours and elements; `alike` holds a hash of these for each node.
-    fn merge(&mut self, alike: &mut [(u64, u32)]) {
-        alike.sort_unstable();
-        for group in alike.chunk_by(|a, b| a.0 == b.0) {
+    fn merge(&mut self, hashed_nodes: &mut [(u64, u32)]) {
+        hashed_nodes.sort_unstable();
+        for group in hashed_nodes.chunk_by(|a, b| a.0 == b.0) {
             for (index, &(_, node)) in group.iter().enumerate() {
                 let node_index = node as usize;
                 if self.weight[node_index] == 0 {

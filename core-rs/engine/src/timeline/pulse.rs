@@ -36,8 +36,8 @@ fn shares(n_parts: u32) -> impl Iterator<Item = (u32, f64)> {
         let window_angle = TAU * f64::from(part) / f64::from(n_parts);
         (0.42 - 0.5 * cos(window_angle) + 0.08 * cos(2.0 * window_angle)) / window_sum
     };
-    let instant = (n_parts == 1).then_some((0, 1.0));
-    instant
+    let single_part = (n_parts == 1).then_some((0, 1.0));
+    single_part
         .into_iter()
         .chain((1..n_parts).map(move |part| (part, part_share(part))))
 }

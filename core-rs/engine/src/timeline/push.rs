@@ -29,7 +29,7 @@ pub(crate) fn pushes(network: &Network, timeline: &Timeline, is_alone: impl Fn(u
     let mut pushes: Vec<Push> = Vec::with_capacity(timeline.strikes.len());
     for strike in &timeline.strikes {
         let struck_mat = strike.mat as usize;
-        let is_whole = on_frames[network_mats.part[struck_mat] as usize];
+        let acts_on_frames = on_frames[network_mats.part[struck_mat] as usize];
         let lone_cell = (network_mats.kind[struck_mat] == MatKind::Cel && is_alone(struck_mat)).then(|| {
             Cell::new(
                 network_mats.m[struck_mat],
@@ -40,9 +40,9 @@ pub(crate) fn pushes(network: &Network, timeline: &Timeline, is_alone: impl Fn(u
         let first_push = pushes.len();
         let mut push = |frame: u64, force: f64| match pushes[first_push..].last_mut() {
             _ if force == 0.0 => {}
-            Some(before) if before.frame == frame => before.force += force,
-            before => {
-                let impulse = if before.is_none() { strike.impulse } else { 0.0 };
+            Some(last_push) if last_push.frame == frame => last_push.force += force,
+            last_push => {
+                let impulse = if last_push.is_none() { strike.impulse } else { 0.0 };
                 pushes.push(Push {
                     frame,
                     instant: strike.instant,
@@ -53,10 +53,14 @@ pub(crate) fn pushes(network: &Network, timeline: &Timeline, is_alone: impl Fn(u
                 });
             }
         };
-        let instants = if is_whole { Instants::OfScore } else { Instants::Exact };
+        let instants = if acts_on_frames {
+            Instants::OfScore
+        } else {
+            Instants::Exact
+        };
         for part in timeline.parts(strike, instants) {
             let [force_now, force_next] = match lone_cell {
-                Some(lone_cell) if !is_whole => lone_cell.split(part.impulse, part.alpha, frame_rate),
+                Some(lone_cell) if !acts_on_frames => lone_cell.split(part.impulse, part.alpha, frame_rate),
                 _ => [1.0 - part.alpha, part.alpha].map(|share| share * part.impulse * frame_rate.hertz()),
             };
             push(part.frame, force_now);

@@ -19,20 +19,25 @@ const POLL: Duration = Duration::from_micros(200);
 ///
 /// `clock`: if given, frames are taken by the clock, as a card would take them, in blocks of this size (`None`: the
 /// default).
-pub(super) fn open(path: &Path, rate: u32, channels: usize, clock: Option<Option<u32>>) -> Result<Opened, AudioError> {
+pub(super) fn open(
+    path: &Path,
+    rate: u32,
+    channels: usize,
+    clock_block: Option<Option<u32>>,
+) -> Result<Opened, AudioError> {
     let mut recording = Recording::create(path, rate, channels)?;
-    let block = clock.map_or(BLOCK, |block| block.unwrap_or(null::BLOCK));
+    let block = clock_block.map_or(BLOCK, |block| block.unwrap_or(null::BLOCK));
     Ok(Opened {
         backend: "file",
         device: path.display().to_string(),
         rate,
         block,
-        paced: clock.is_some(),
+        paced: clock_block.is_some(),
         remarks: Vec::new(),
         start: Box::new(move |drain| {
             drain.shared().set_timing(block, 0);
-            let pump = RingThread::start("ergon file", drain, move |drain, stop| {
-                let run_result = match clock {
+            let writer_thread = RingThread::start("ergon file", drain, move |drain, stop| {
+                let run_result = match clock_block {
                     Some(_) => recording.run_by_the_clock(drain, stop, block),
                     None => recording.run(drain, stop),
                 };
@@ -40,7 +45,7 @@ pub(super) fn open(path: &Path, rate: u32, channels: usize, clock: Option<Option
                     .and_then(|()| recording.end())
                     .map_err(|error| recording.failure_sentence(&error))
             })?;
-            Ok(Box::new(pump) as Box<dyn Sink>)
+            Ok(Box::new(writer_thread) as Box<dyn Sink>)
         }),
     })
 }
@@ -48,19 +53,19 @@ pub(super) fn open(path: &Path, rate: u32, channels: usize, clock: Option<Option
 /// A new file beside `path`: `.NAME.PID.part`, or `.NAME.PID-1.part` and so on where a file has that name.
 fn new_unfinished(path: &Path) -> io::Result<(PathBuf, File)> {
     let file_name = path.file_name().ok_or(io::ErrorKind::InvalidFilename)?;
-    let process = std::process::id();
+    let process_id = std::process::id();
     let mut attempt = 0;
     loop {
         let mut part_name = std::ffi::OsString::from(".");
         part_name.push(file_name);
         part_name.push(match attempt {
-            0 => format!(".{process}.part"),
-            _ => format!(".{process}-{attempt}.part"),
+            0 => format!(".{process_id}.part"),
+            _ => format!(".{process_id}-{attempt}.part"),
         });
         let unfinished = path.with_file_name(part_name);
         match File::create_new(&unfinished) {
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => attempt += 1,
-            made => return made.map(|file| (unfinished, file)),
+            create_result => return create_result.map(|file| (unfinished, file)),
         }
     }
 }
@@ -121,9 +126,9 @@ impl Recording {
         let mut block_samples = vec![0.0; BLOCK as usize * self.channels];
         loop {
             // `stop` is read first, so that everything pushed before it was set is written.
-            let is_last = stop.load(Ordering::Acquire);
+            let stop_requested = stop.load(Ordering::Acquire);
             match drain.take(&mut block_samples) {
-                0 if is_last => return Ok(()),
+                0 if stop_requested => return Ok(()),
                 0 => std::thread::sleep(POLL),
                 frames => self.write(&block_samples[..frames * self.channels], frames)?,
             }
@@ -133,7 +138,9 @@ impl Recording {
     fn run_by_the_clock(&mut self, drain: &mut Drain, stop: &AtomicBool, block: u32) -> io::Result<()> {
         drain.shared().set_priority(realtime::set_priority(PRIORITY));
         let sample_rate = self.rate;
-        null::by_the_clock(drain, stop, sample_rate, block, |out| self.write(out, block as usize))
+        null::by_the_clock(drain, stop, sample_rate, block, |block_samples| {
+            self.write(block_samples, block as usize)
+        })
     }
 
     pub(super) fn write(&mut self, samples: &[f32], frames: usize) -> io::Result<()> {
@@ -167,8 +174,8 @@ impl Recording {
 
     /// A sentence on why the file could not be written.
     pub(super) fn failure_sentence(&self, error: &io::Error) -> String {
-        let (final_path, unfinished) = (self.path.display(), self.unfinished.display());
-        format!("{final_path} could not be written ({error}); the unfinished file is {unfinished}")
+        let (final_path, unfinished_path) = (self.path.display(), self.unfinished.display());
+        format!("{final_path} could not be written ({error}); the unfinished file is {unfinished_path}")
     }
 }
 

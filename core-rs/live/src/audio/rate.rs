@@ -99,7 +99,7 @@ impl Filter {
     fn run(mut self, inner: &mut Drain, mut feed: Feed, stop: &AtomicBool) -> Result<(), String> {
         let channels = self.channels;
         let (mut frames_in, mut frames_out) = (0_u64, 0_u64);
-        let mut skipped = 0; // frames of the filter's own delay, which come before the first frame of the input
+        let mut frames_skipped = 0; // frames of the filter's own delay, which come before the first frame of the input
         let mut frames_held = 0;
         while !stop.load(Ordering::Acquire) {
             let frames_wanted = self.fft.input_frames_next();
@@ -118,8 +118,8 @@ impl Filter {
             }
             let mut n_frames = self.convert(frames_held)?;
             frames_held = 0;
-            let skip_count = n_frames.min(self.delay - skipped);
-            skipped += skip_count;
+            let skip_count = n_frames.min(self.delay - frames_skipped);
+            frames_skipped += skip_count;
             n_frames -= skip_count;
             if has_ended {
                 n_frames = n_frames.min(usize::try_from(frames_due - frames_out).unwrap_or(usize::MAX));
@@ -137,7 +137,7 @@ impl Filter {
     }
 
     /// Convert the first `held` frames of the input; the rest of the input counts as silence.
-    fn convert(&mut self, held: usize) -> Result<usize, String> {
+    fn convert(&mut self, frames_held: usize) -> Result<usize, String> {
         let channels = self.channels;
         let input_slice = InterleavedSlice::new(&self.input, channels, self.input.len() / channels);
         let frame_capacity = self.output.len() / channels;
@@ -145,10 +145,10 @@ impl Filter {
         let (Ok(input_slice), Ok(mut output_slice)) = (input_slice, output_slice) else {
             return Err("the rate converter's buffers have no whole frames".into());
         };
-        let indexing = Indexing::new().partial_len(held);
+        let indexing = Indexing::new().partial_len(frames_held);
         self.fft
             .process_into_buffer(&input_slice, &mut output_slice, Some(&indexing))
-            .map(|(_, made)| made)
+            .map(|(_, frames_written)| frames_written)
             .map_err(|error| format!("the rate converter failed: {error}"))
     }
 }

@@ -50,24 +50,24 @@ impl<R: Send + 'static> RingThread<R> {
     /// Run `body` until it returns or `stop` is set.
     pub(super) fn start(
         name: &str,
-        ring: R,
+        ring_end: R,
         body: impl FnOnce(&mut R, &AtomicBool) -> Result<(), String> + Send + 'static,
     ) -> Result<Self, (Option<Box<R>>, AudioError)> {
         let stop = Arc::new(AtomicBool::new(false));
         let (ring_sender, ring_receiver) = mpsc::sync_channel::<R>(1);
-        let stopping = stop.clone();
+        let stop_flag = stop.clone();
         let thread_main = move || {
             // The sender is dropped only after it has sent the ring; if the spawn fails, this closure does not run.
-            let mut ring = ring_receiver.recv().expect("the end of the ring was sent");
-            let trouble = body(&mut ring, &stopping).err();
-            (ring, trouble)
+            let mut ring_end = ring_receiver.recv().expect("the end of the ring was sent");
+            let failure = body(&mut ring_end, &stop_flag).err();
+            (ring_end, failure)
         };
         match std::thread::Builder::new().name(name.to_owned()).spawn(thread_main) {
             Ok(thread) => {
-                let _ = ring_sender.send(ring);
+                let _ = ring_sender.send(ring_end);
                 Ok(Self { stop, thread })
             }
-            Err(error) => Err((Some(Box::new(ring)), AudioError::Thread(error))),
+            Err(error) => Err((Some(Box::new(ring_end)), AudioError::Thread(error))),
         }
     }
 
@@ -80,7 +80,7 @@ impl<R: Send + 'static> RingThread<R> {
     pub(super) fn stop(self) -> (Option<R>, Option<String>) {
         self.stop.store(true, Ordering::Release);
         match self.thread.join() {
-            Ok((ring, trouble)) => (Some(ring), trouble),
+            Ok((ring_end, failure)) => (Some(ring_end), failure),
             Err(_) => (None, Some("the thread that passes the sound on panicked".into())),
         }
     }

@@ -173,26 +173,26 @@ impl Device for Haply {
         self.put([axis_force(0), axis_force(1), axis_force(2)])
     }
 
-    fn receive(&mut self, into: &mut Sample, deadline: Instant) -> Result<bool, Gone> {
+    fn receive(&mut self, sample: &mut Sample, deadline: Instant) -> Result<bool, Gone> {
         if self.lockstep && !self.new {
-            let patience = Instant::now() + LOCKSTEP_PATIENCE;
-            into.fresh = self.answered != self.latest;
+            let lockstep_deadline = Instant::now() + LOCKSTEP_PATIENCE;
+            sample.fresh = self.answered != self.latest;
             while self.answered != self.latest {
-                if !self.take(next_check(patience))? && !self.canceller.may_wait(patience) {
+                if !self.take(next_check(lockstep_deadline))? && !self.canceller.may_wait(lockstep_deadline) {
                     return Err(Gone::Silent);
                 }
             }
         } else {
-            into.fresh = self.new || self.take(deadline)?;
+            sample.fresh = self.new || self.take(deadline)?;
         }
         self.new = false;
-        into.position[..3].copy_from_slice(&self.position);
-        into.touch = [true; MAX_AXES];
-        into.force_enabled = [!self.let_go; MAX_AXES];
-        (into.hot, into.let_go) = (false, self.let_go); // the service does not report whether it is hot
-        into.seq = u32::from(self.answered);
-        into.behind = self.latest.wrapping_sub(self.answered);
-        Ok(into.fresh)
+        sample.position[..3].copy_from_slice(&self.position);
+        sample.touch = [true; MAX_AXES];
+        sample.force_enabled = [!self.let_go; MAX_AXES];
+        (sample.hot, sample.let_go) = (false, self.let_go); // the service does not report whether it is hot
+        sample.seq = u32::from(self.answered);
+        sample.behind = self.latest.wrapping_sub(self.answered);
+        Ok(sample.fresh)
     }
 
     fn in_lockstep(&self) -> bool {
@@ -211,11 +211,11 @@ impl Device for Haply {
     fn last_resort(&self) -> Option<LastResort> {
         use std::os::fd::AsRawFd;
         // A number that no order has soon, so that a late reply to it is not taken for the reply to an order.
-        let last_order = ForceCommand {
+        let zero_order = ForceCommand {
             number: self.latest.wrapping_add(u16::MAX / 2),
             ..ForceCommand::default()
         };
         let socket_fd = self.line.stream().as_raw_fd();
-        Some(LastResort::new(socket_fd, &last_order.bytes()))
+        Some(LastResort::new(socket_fd, &zero_order.bytes()))
     }
 }

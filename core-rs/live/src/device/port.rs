@@ -77,7 +77,9 @@ impl Port {
         let peer_address = addresses
             .next()
             .ok_or_else(|| url.closed("the address cannot be resolved"))?;
-        if peer_address.ip().is_multicast() || matches!(peer_address, SocketAddr::V4(at) if at.ip().is_broadcast()) {
+        if peer_address.ip().is_multicast()
+            || matches!(peer_address, SocketAddr::V4(v4_address) if v4_address.ip().is_broadcast())
+        {
             return Err(url.cannot("the address of a device must not be a multicast or broadcast address"));
         }
         let local_address = match (peer_address.ip().is_loopback(), peer_address.is_ipv4()) {
@@ -112,18 +114,18 @@ impl Port {
     }
 
     /// Read what is there, waiting for something until `deadline`; returns the number of bytes.
-    pub(super) fn read(&mut self, into: &mut [u8], deadline: Instant) -> Result<usize, Gone> {
+    pub(super) fn read(&mut self, buffer: &mut [u8], deadline: Instant) -> Result<usize, Gone> {
         loop {
             let bytes_read = match self {
                 // The board only answers packets, so waiting would not help.
-                Self::InProcess(board) => return board.read(into),
+                Self::InProcess(board) => return board.read(buffer),
                 #[cfg(unix)]
-                Self::Serial(fd) => unix::read(fd, into)?,
+                Self::Serial(fd) => unix::read(fd, buffer)?,
                 #[cfg(not(unix))]
-                Self::Serial(port) => std::io::Read::read(port, into).or_else(nothing)?,
+                Self::Serial(port) => std::io::Read::read(port, buffer).or_else(nothing)?,
                 Self::Udp(socket, _, refused) => {
                     let was_refused = refused.0;
-                    let bytes_read = socket.recv(into);
+                    let bytes_read = socket.recv(buffer);
                     refused.0 |= matches!(bytes_read, Ok(0)); // an empty datagram: the device leaves
                     let bytes_read = bytes_read.or_else(|error| refused.note(error).map(|()| 0));
                     if refused.0 && !was_refused {
@@ -149,14 +151,14 @@ impl Port {
     }
 
     #[cfg(unix)]
-    fn wait(&self, left: Duration) -> Result<(), Gone> {
-        unix::wait(self.raw(), left)
+    fn wait(&self, timeout: Duration) -> Result<(), Gone> {
+        unix::wait(self.raw(), timeout)
     }
 
     #[cfg(not(unix))]
     #[allow(clippy::unnecessary_wraps)]
-    fn wait(&self, left: Duration) -> Result<(), Gone> {
-        std::thread::sleep(left.min(Duration::from_micros(200)));
+    fn wait(&self, timeout: Duration) -> Result<(), Gone> {
+        std::thread::sleep(timeout.min(Duration::from_micros(200)));
         Ok(())
     }
 
@@ -243,9 +245,9 @@ pub(super) mod unix {
         if bytes_written < 0 { failed() } else { Ok(()) }
     }
 
-    pub(super) fn read(fd: &OwnedFd, into: &mut [u8]) -> Result<usize, Gone> {
+    pub(super) fn read(fd: &OwnedFd, buffer: &mut [u8]) -> Result<usize, Gone> {
         // SAFETY: the descriptor is open and the slice valid.
-        let bytes_read = unsafe { libc::read(fd.as_raw_fd(), into.as_mut_ptr().cast(), into.len()) };
+        let bytes_read = unsafe { libc::read(fd.as_raw_fd(), buffer.as_mut_ptr().cast(), buffer.len()) };
         match usize::try_from(bytes_read) {
             Ok(bytes_read) => Ok(bytes_read),
             Err(_) => failed().map(|()| 0),
@@ -257,13 +259,13 @@ pub(super) mod unix {
             Some(libc::EAGAIN | libc::EINTR) => Ok(()),
             // The errors of a port that was pulled out, or of a pty whose program has ended.
             Some(libc::EIO | libc::ENXIO | libc::ENODEV) => Err(Gone::Closed),
-            number => Err(Gone::System(number.unwrap_or(0))),
+            error_code => Err(Gone::System(error_code.unwrap_or(0))),
         }
     }
 
     /// Wait for something to read.
-    pub(super) fn wait(fd: i32, left: Duration) -> Result<(), Gone> {
-        let [ready_events] = poll([fd], left);
+    pub(super) fn wait(fd: i32, timeout: Duration) -> Result<(), Gone> {
+        let [ready_events] = poll([fd], timeout);
         if ready_events & libc::POLLIN == 0 && ready_events & (libc::POLLHUP | libc::POLLNVAL) != 0 {
             return Err(Gone::Closed);
         }
@@ -297,6 +299,6 @@ pub(super) mod unix {
             let timeout = (timeout.as_millis().min(1000) as i32).max(1);
             libc::poll(poll_entries.as_mut_ptr(), N as libc::nfds_t, timeout);
         }
-        poll_entries.map(|poll| poll.revents)
+        poll_entries.map(|poll_entry| poll_entry.revents)
     }
 }

@@ -25,12 +25,12 @@ impl WaitCanceller {
     }
 
     /// Whether a wait for a reply until `until` goes on.
-    pub(super) fn may_wait(&self, until: Instant) -> bool {
-        !self.is_cancelled() && Instant::now() < until
+    pub(super) fn may_wait(&self, deadline: Instant) -> bool {
+        !self.is_cancelled() && Instant::now() < deadline
     }
 }
 
 /// Time until which a read may block, in a wait until `until`.
-pub(super) fn next_check(until: Instant) -> Instant {
-    until.min(Instant::now() + CHECK_INTERVAL)
+pub(super) fn next_check(deadline: Instant) -> Instant {
+    deadline.min(Instant::now() + CHECK_INTERVAL)
 }

@@ -133,17 +133,17 @@ impl Firmware {
         if self.board.lockstep {
             return false;
         }
-        let period_rate = self.keys.rate().hertz();
-        let due_periods = (now.as_secs_f64() * period_rate) as u64;
+        let board_rate = self.keys.rate().hertz();
+        let due_periods = (now.as_secs_f64() * board_rate) as u64;
         // At most one second is caught up, so that a machine that slept does not.
-        let missed_periods = due_periods.saturating_sub(self.wall_periods).min(period_rate as u64);
+        let missed_periods = due_periods.saturating_sub(self.wall_periods).min(board_rate as u64);
         for _ in 0..missed_periods {
             self.step();
         }
         self.wall_periods = due_periods;
         let is_silent = self
             .last_packet
-            .is_some_and(|last| now.saturating_sub(last) > self.board.watchdog);
+            .is_some_and(|packet_time| now.saturating_sub(packet_time) > self.board.watchdog);
         let lets_go = is_silent && !self.let_go;
         if lets_go {
             self.force = [0.0; MAX_AXES];
@@ -188,7 +188,7 @@ impl Firmware {
     }
 
     fn haply_state(&self) -> String {
-        let three_axes = |of: &[f64; MAX_AXES]| [of[0], of[1], of[2]];
+        let three_axes = |axis_values: &[f64; MAX_AXES]| [axis_values[0], axis_values[1], axis_values[2]];
         let (position, force) = (three_axes(&self.positions()), three_axes(&self.force));
         haply::state(HAPLY_ID, position, force, self.board.lockstep)
     }
@@ -200,15 +200,15 @@ impl Firmware {
         self.last_packet = Some(now);
         (self.let_go, self.held) = (false, enabled);
         for (axis, force) in force.take(self.keys.n()).enumerate() {
-            let is_open = !self.board.touch_gate || self.gate_is_open(axis);
+            let is_gate_open = !self.board.touch_gate || self.gate_is_open(axis);
             let force_step = self.board.force_step;
             let force = if force_step > 0.0 {
                 (force / force_step).round() * force_step
             } else {
                 force
             };
-            let limited = force.clamp(-self.board.force_max, self.board.force_max);
-            self.force[axis] = if enabled && is_open { limited } else { 0.0 };
+            let limited_force = force.clamp(-self.board.force_max, self.board.force_max);
+            self.force[axis] = if enabled && is_gate_open { limited_force } else { 0.0 };
         }
         if self.board.lockstep {
             self.step();
@@ -217,12 +217,12 @@ impl Firmware {
 
     /// Whether the gate detects a finger: at once, or by FireFader's filter over packets.
     fn gate_is_open(&mut self, axis: usize) -> bool {
-        let touched = self.keys.touched(axis);
+        let is_touched = self.keys.touched(axis);
         if self.board.protocol != Protocol::FireFader {
-            return touched;
+            return is_touched;
         }
-        let position = firefader::position_byte(self.keys.positions()[axis]);
-        let is_opening = touched && (5..251).contains(&position);
+        let sensor_byte = firefader::position_byte(self.keys.positions()[axis]);
+        let is_opening = is_touched && (5..251).contains(&sensor_byte);
         self.gate[axis] = self.gate[axis] * (31.0 / 32.0) + if is_opening { 5.0 } else { 0.0 };
         self.gate[axis] >= 20.0
     }
@@ -231,10 +231,10 @@ impl Firmware {
     fn positions(&self) -> [f64; MAX_AXES] {
         let resolution = self.board.resolution;
         let mut readings = *self.keys.positions();
-        for (x, noise) in readings.iter_mut().zip(&self.noise) {
-            *x += noise;
+        for (reading, noise) in readings.iter_mut().zip(&self.noise) {
+            *reading += noise;
             if resolution > 0.0 {
-                *x = (*x / resolution).round() * resolution;
+                *reading = (*reading / resolution).round() * resolution;
             }
         }
         readings
@@ -245,12 +245,12 @@ impl Firmware {
         self.inbox
             .feed(bytes, firefader::parse_request, |force| packets.push(force));
         // In wall time the firmware handles only the newest of the packets that it finds, and answers once.
-        let old_packets = if self.board.lockstep {
+        let outdated_packets = if self.board.lockstep {
             0
         } else {
             packets.len().saturating_sub(1)
         };
-        for force in packets.drain(..).skip(old_packets) {
+        for force in packets.drain(..).skip(outdated_packets) {
             self.push(force.into_iter(), true, now);
             let mut fader_reply = firefader::Reply::default();
             for axis in 0..self.keys.n().min(2) {
@@ -276,8 +276,8 @@ impl Firmware {
             } else if packet.n == self.keys.n() {
                 let had_let_go = self.let_go;
                 if packet.flags & flag::ASK == 0 {
-                    let enabled = packet.flags & flag::ENABLE != 0;
-                    self.push(packet.force.iter().copied(), enabled, now);
+                    let motors_enabled = packet.flags & flag::ENABLE != 0;
+                    self.push(packet.force.iter().copied(), motors_enabled, now);
                 }
                 self.frame_reply(&packet, had_let_go).write(&mut frame_bytes)
             } else {
@@ -290,10 +290,10 @@ impl Firmware {
     fn frame_reply(&self, packet: &frame::Request, had_let_go: bool) -> frame::Reply {
         let n = self.keys.n();
         let touched = (0..n).any(|axis| self.keys.touched(axis));
-        let enabled = packet.flags & flag::ENABLE != 0 && (touched || !self.board.touch_gate);
+        let motors_enabled = packet.flags & flag::ENABLE != 0 && (touched || !self.board.touch_gate);
         let status_bits = [
             (touched, status::TOUCHED),
-            (enabled, status::ENABLED),
+            (motors_enabled, status::ENABLED),
             (had_let_go, status::LET_GO),
         ];
         let t_us = if self.board.lockstep {
@@ -317,20 +317,20 @@ impl Firmware {
         let [lower_limit, upper_limit] = self.board.range;
         let force_max = self.board.force_max;
         let position_step = self.board.resolution.max(frame::POS_LSB);
-        let period_rate = self.keys.rate().hertz();
-        let gate_bits = u8::from(self.board.touch_gate) << 1;
-        let lockstep = u8::from(self.board.lockstep) << 2;
+        let board_rate = self.keys.rate().hertz();
+        let gate_bit = u8::from(self.board.touch_gate) << 1;
+        let lockstep_bit = u8::from(self.board.lockstep) << 2;
         frame::DeviceInfo {
             seq,
             n: self.keys.n(),
-            traits: gate_bits | lockstep | 8,
+            traits: gate_bit | lockstep_bit | 8,
             numbers: [
                 force_max,
                 force_max,
                 position_step,
                 lower_limit,
                 upper_limit,
-                period_rate,
+                board_rate,
                 inertia,
                 damping,
             ]

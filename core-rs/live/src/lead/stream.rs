@@ -188,8 +188,8 @@ impl Lead {
                 stamp_time = arrival_time;
             }
         }
-        let written = self.written.load(Ordering::Relaxed);
-        let is_full = written - self.read.load(Ordering::Acquire) >= WAITING_MAX as u64;
+        let written_count = self.written.load(Ordering::Relaxed);
+        let is_full = written_count - self.read.load(Ordering::Acquire) >= WAITING_MAX as u64;
         let is_flood = !self.options.lockstep && feeder.tokens < 1.0;
         if is_full || is_flood {
             feeder.tally.refused += 1;
@@ -208,7 +208,7 @@ impl Lead {
         feeder.last = stamp_time;
         feeder.tally.taken += 1;
         let [lower_limit, upper_limit] = self.options.key.range;
-        let place = &self.places[(written % WAITING_MAX as u64) as usize];
+        let place = &self.places[(written_count % WAITING_MAX as u64) as usize];
         let firmness = match placed.firmness {
             Some(firmness) => firmness.clamp(FIRMNESS.0, FIRMNESS.1),
             None => LIFTED,
@@ -219,7 +219,7 @@ impl Lead {
         {
             place.store(number.to_bits(), Ordering::Relaxed);
         }
-        self.written.store(written + 1, Ordering::Release);
+        self.written.store(written_count + 1, Ordering::Release);
         Ok(())
     }
 
@@ -230,7 +230,8 @@ impl Lead {
             return None;
         }
         let next_place = &self.places[(read_count % WAITING_MAX as u64) as usize];
-        let [time, x, firmness] = [0, 1, 2].map(|n| f64::from_bits(next_place[n].load(Ordering::Relaxed)));
+        let [time, x, firmness] =
+            [0, 1, 2].map(|field_index| f64::from_bits(next_place[field_index].load(Ordering::Relaxed)));
         self.read.store(read_count + 1, Ordering::Release);
         let firmness = (firmness != LIFTED).then_some(firmness);
         Some(Placed { time, x, firmness })
@@ -264,8 +265,8 @@ impl Lead {
     }
 
     /// The quantile `part` of the times in which positions arrived.
-    pub fn arrival_times(&self, part: f64) -> ArrivalTimes {
-        self.feeder().arrivals.quantile(part)
+    pub fn arrival_times(&self, probability: f64) -> ArrivalTimes {
+        self.feeder().arrivals.quantile(probability)
     }
 
     pub(crate) fn trace_tick(&self, numbers: [f64; TRACE_COLUMNS]) {
@@ -281,10 +282,10 @@ impl Lead {
     /// Counts so far.
     pub fn tally(&self) -> LeadTally {
         let feeder = self.feeder();
-        let [gap_count, gap_sum, squares] = feeder.gaps;
+        let [gap_count, gap_sum, square_sum] = feeder.gaps;
         let gap = if gap_count > 0.0 { gap_sum / gap_count } else { 0.0 };
         let variance = if gap_count > 0.0 {
-            squares / gap_count - gap * gap
+            square_sum / gap_count - gap * gap
         } else {
             0.0
         };
@@ -305,8 +306,8 @@ impl PageKey for Lead {
     }
 
     fn input(&self) -> &str {
-        let lead_name = self.options.name.as_str();
-        lead_name.split_once(':').map_or(lead_name, |(kind, _)| kind)
+        let lead_address = self.options.name.as_str();
+        lead_address.split_once(':').map_or(lead_address, |(kind, _)| kind)
     }
 
     fn range(&self) -> [f64; 2] {
@@ -341,7 +342,7 @@ impl PageKey for Lead {
 
     fn points(&self) -> PagePoints {
         let [pointer, finger, key, force] =
-            [0, 1, 2, 3].map(|n| f64::from_bits(self.points[n].load(Ordering::Relaxed)));
+            [0, 1, 2, 3].map(|point_index| f64::from_bits(self.points[point_index].load(Ordering::Relaxed)));
         PagePoints {
             pointer,
             finger,
@@ -401,16 +402,16 @@ mod tests {
     #[test]
     fn stream_refuses_nonsense_and_floods() {
         let lead = lead("osc:/flood", false);
-        for bad in [placed(f64::NAN, 0.0), placed(0.0, f64::INFINITY)] {
-            assert_eq!(lead.feed(bad), Err(Refusal::NotFinite));
+        for bad_position in [placed(f64::NAN, 0.0), placed(0.0, f64::INFINITY)] {
+            assert_eq!(lead.feed(bad_position), Err(Refusal::NotFinite));
         }
-        let refused = (0..20_000)
+        let refused_count = (0..20_000)
             .filter(|_| lead.feed(placed(lead.now(), 0.0)).is_err())
             .count();
-        assert!(refused > 0);
+        assert!(refused_count > 0);
         let lead_tally = lead.tally();
-        assert_eq!(lead_tally.refused, refused as u64 + 2);
-        assert_eq!(lead_tally.taken, 20_000 - refused as u64);
+        assert_eq!(lead_tally.refused, refused_count as u64 + 2);
+        assert_eq!(lead_tally.taken, 20_000 - refused_count as u64);
     }
 
     #[test]

@@ -60,13 +60,13 @@ impl Clock {
     }
 
     /// Wait for the next tick; `filled`: frames in the ring; `playing`: whether the card is taking them.
-    pub(super) fn tick(&mut self, filled: usize, playing: bool) -> TickStart {
+    pub(super) fn tick(&mut self, filled: usize, is_playing: bool) -> TickStart {
         if !self.keys {
             return TickStart::default();
         }
-        let stretched = self.period * (1.0 + self.steer(filled, playing));
+        let stretched_period = self.period * (1.0 + self.steer(filled, is_playing));
         let due_instant = match self.due {
-            Some(due_instant) => due_instant + Duration::from_secs_f64(stretched),
+            Some(due_instant) => due_instant + Duration::from_secs_f64(stretched_period),
             None => Instant::now(),
         };
         let late = sleep_until(due_instant);
@@ -76,11 +76,11 @@ impl Clock {
     }
 
     /// Relative change of the next tick's length: longer if the ring is above its wanted level.
-    fn steer(&mut self, filled: usize, playing: bool) -> f64 {
+    fn steer(&mut self, filled: usize, is_playing: bool) -> f64 {
         if !self.steered {
             return 0.0;
         }
-        if !playing {
+        if !is_playing {
             // Until the card takes frames the ring only fills: ticks are as short as allowed.
             return -MAX_STRETCH;
         }
@@ -109,8 +109,8 @@ mod tests {
             let mut ring_fill = 1_024.0;
             let mut widest_error: f64 = 0.0;
             for tick in 0..120_000 {
-                let stretched = tick_period * (1.0 + clock.steer(ring_fill as usize, true));
-                ring_fill += tick_frames - tick_frames / tick_period * (1.0 + drift) * stretched;
+                let stretched_period = tick_period * (1.0 + clock.steer(ring_fill as usize, true));
+                ring_fill += tick_frames - tick_frames / tick_period * (1.0 + drift) * stretched_period;
                 if tick > 60_000 {
                     widest_error = widest_error.max((ring_fill - 1_024.0).abs());
                 }

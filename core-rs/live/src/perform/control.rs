@@ -35,15 +35,15 @@ impl SharedFlags {
 
     pub(super) fn set_granted(&self, granted: Granted) {
         let priority = granted.fifo.map_or(0, |fifo| fifo as u64 + 1);
-        let value = 4 | priority << 8 | u64::from(granted.locked);
-        self.granted.store(value, Ordering::Release);
+        let packed_grant = 4 | priority << 8 | u64::from(granted.locked);
+        self.granted.store(packed_grant, Ordering::Release);
     }
 
     pub(super) fn granted(&self) -> Option<Granted> {
-        let value = self.granted.load(Ordering::Acquire);
-        (value != 0).then(|| Granted {
-            fifo: (value >> 8).checked_sub(1).map(|fifo| fifo as i32),
-            locked: value & 1 == 1,
+        let packed_grant = self.granted.load(Ordering::Acquire);
+        (packed_grant != 0).then(|| Granted {
+            fifo: (packed_grant >> 8).checked_sub(1).map(|fifo| fifo as i32),
+            locked: packed_grant & 1 == 1,
         })
     }
 }

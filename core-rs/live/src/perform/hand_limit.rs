@@ -44,13 +44,13 @@ pub struct HandKey {
 
 impl HandKey {
     /// The keys of all hands on a keyboard.
-    pub(super) fn all(board: &Keyboard, hands: &[Hand]) -> Vec<Self> {
+    pub(super) fn all(keyboard: &Keyboard, hands: &[Hand]) -> Vec<Self> {
         let hand_key = |&(_, hand): &(usize, usize)| Self {
             hand,
-            key: board.key(hands[hand].measured),
+            key: keyboard.key(hands[hand].measured),
             guidance: hands[hand].guidance,
         };
-        board.axes().iter().map(hand_key).collect()
+        keyboard.axes().iter().map(hand_key).collect()
     }
 
     /// The limit for a piece with this response; see [`Hand::response`].
@@ -87,13 +87,13 @@ pub(super) fn key(
     lockstep: bool,
     period: f64,
 ) -> stiffness::Key {
-    let smallest_known = |reported: Option<f64>, measured: Option<f64>, usual: f64| {
-        let known_values = [reported, measured].into_iter().flatten().filter(|x| *x > 0.0);
-        known_values.reduce(f64::min).unwrap_or(usual)
+    let smallest_known = |reported: Option<f64>, measured: Option<f64>, default_value: f64| {
+        let known_values = [reported, measured].into_iter().flatten().filter(|value| *value > 0.0);
+        known_values.reduce(f64::min).unwrap_or(default_value)
     };
-    let reported = spec.loop_delay_s.map(|s| (s / period).ceil());
+    let reported = spec.loop_delay_s.map(|delay_seconds| (delay_seconds / period).ceil());
     let measured_delay = measured.and_then(|key| key.delay);
-    let measured_delay = measured_delay.map(|s| (s / period - DELAY_DEVIATION).ceil());
+    let measured_delay = measured_delay.map(|delay_seconds| (delay_seconds / period - DELAY_DEVIATION).ceil());
     let delay_ticks = [reported, measured_delay].into_iter().flatten().fold(0.0, f64::max) as usize;
     stiffness::Key {
         mass: smallest_known(spec.inertia, measured.map(|key| key.mass), DEFAULT_KEY.0),

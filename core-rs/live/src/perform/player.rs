@@ -118,19 +118,19 @@ impl Player {
         let guidance = |hand: &Hand| GuidanceState::new(hand.guidance, tick_period);
         let guidance = stage.hands.iter().map(guidance).collect();
         let mut scales = vec![Scale::new(1.0, tick_period); hand_count];
-        for one in hand_limits {
-            scales[one.hand] = Scale::new(one.scale, tick_period);
+        for hand_limit in hand_limits {
+            scales[hand_limit.hand] = Scale::new(hand_limit.scale, tick_period);
         }
         let mut axis_of = vec![None; hand_count];
-        for (slot, slot_config) in slots.iter().enumerate() {
-            for &(axis, hand) in &slot_config.axes {
-                axis_of[hand] = Some((slot, axis));
+        for (slot_index, keyboard_slot) in slots.iter().enumerate() {
+            for &(axis, hand) in &keyboard_slot.axes {
+                axis_of[hand] = Some((slot_index, axis));
             }
         }
         stage.mixer.seek(stage.simulation.frame());
         let latency = stage.limiter.latency();
         let (tick_frames, n_outputs) = (stage.tick_frames, stage.simulation.n_out());
-        let (channels, channels_heard) = (stage.mixer.n_channels(), stage.n_heard());
+        let (n_channels, n_heard_channels) = (stage.mixer.n_channels(), stage.n_heard());
         let status = Status {
             frame: stage.simulation.frame(),
             ..Status::default()
@@ -146,9 +146,9 @@ impl Player {
             returns_at: vec![None; slots.len()],
             rows: vec![recording::Sample::default(); hand_count],
             outputs: vec![0.0; tick_frames * n_outputs],
-            mixed: vec![0.0; tick_frames * channels],
-            folded: vec![0.0; stage.fold.as_ref().map_or(0, |_| tick_frames * channels_heard)],
-            single: vec![0.0; tick_frames * channels_heard],
+            mixed: vec![0.0; tick_frames * n_channels],
+            folded: vec![0.0; stage.fold.as_ref().map_or(0, |_| tick_frames * n_heard_channels)],
+            single: vec![0.0; tick_frames * n_heard_channels],
             to_skip: latency,
             tail_frames: stage.n_tail(),
             tick: stage.simulation.frame() / tick_frames as u64,
@@ -196,9 +196,9 @@ impl Player {
         if frames_left == 0 && self.tail_frames == 0 {
             return false;
         }
-        let playing = self.connections.shared.played() > 0;
+        let is_playing = self.connections.shared.played() > 0;
         self.wait_for_input();
-        let clock_tick = self.clock.tick(self.connections.feed.filled(), playing);
+        let clock_tick = self.clock.tick(self.connections.feed.filled(), is_playing);
         let tick_began = Instant::now();
         self.count_lateness(clock_tick.late, clock_tick.was_reset);
         safety::check_signals();
@@ -249,13 +249,13 @@ impl Player {
         }
     }
 
-    fn count_lateness(&mut self, late: Duration, was_reset: bool) {
+    fn count_lateness(&mut self, lateness: Duration, was_reset: bool) {
         let status = &mut self.status;
-        status.late += u64::from(late.as_secs_f64() > LATE * self.clock.period());
-        status.latest = status.latest.max(late);
+        status.late += u64::from(lateness.as_secs_f64() > LATE * self.clock.period());
+        status.latest = status.latest.max(lateness);
         if was_reset {
             status.lost += 1;
-            self.send_event(EventKind::Lost(late));
+            self.send_event(EventKind::Lost(lateness));
         }
     }
 
@@ -270,7 +270,7 @@ impl Player {
                     self.stage.mixer.set_gain(part, gain);
                     self.note(format_args!("{{\"part\":{part},\"gain\":{gain}}}"));
                 }
-                Command::Change(due) => self.schedule(due),
+                Command::Change(scheduled_change) => self.schedule(scheduled_change),
                 Command::Revoke(frame) => self.revoke(frame),
                 Command::Tap(tap) => self.tap = tap,
                 Command::Window(window) => {
@@ -304,7 +304,7 @@ impl Player {
     /// Publish a picture for pages.
     fn publish_picture(&mut self) {
         let simulation = &mut self.stage.simulation;
-        if (self.next_window.as_ref()).is_some_and(|next| next.is_of(simulation)) {
+        if (self.next_window.as_ref()).is_some_and(|pending_window| pending_window.is_of(simulation)) {
             std::mem::swap(&mut self.window, &mut self.next_window);
             if let Some(replaced_window) = self.next_window.take() {
                 self.throw_away(Garbage::Window(replaced_window));
@@ -323,7 +323,7 @@ impl Player {
             let (ticket, act) = self.acts[index];
             let has_acted = match act {
                 Act::Strike(point, impulse) => self.strike(point, impulse),
-                Act::SetInput(number, value) => self.stage.simulation.tell(number, value),
+                Act::SetInput(input_number, value) => self.stage.simulation.tell(input_number, value),
             };
             self.send_event(if has_acted {
                 EventKind::Acted(ticket)

@@ -99,14 +99,14 @@ pub fn window(simulation: &Simulation, look: Look, setup: Setup) -> Result<(Wind
         n_heard: 0,
         dropped: 0,
     };
-    let (to_pictures, pictures) = triple_buffer(&picture);
+    let (picture_input, pictures) = triple_buffer(&picture);
     let skipped = Arc::new(AtomicU64::new(0));
     let window = Window {
         pictures_per_frame: setup.fps / simulation.rate(),
         last: None,
         squares: picture.squares,
         n_heard: 0,
-        pictures: to_pictures,
+        pictures: picture_input,
         skipped: skipped.clone(),
         look: look.clone(),
     };

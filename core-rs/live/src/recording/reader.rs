@@ -77,23 +77,23 @@ impl Recording {
     /// Time from the first tick to the end of the last one [s].
     pub fn duration(&self) -> f64 {
         let end_ticks = self.ticks.first().zip(self.ticks.last());
-        end_ticks.map_or(0.0, |(first, last)| {
-            ((last - first) as f64 + 1.0) / self.header.tick_rate()
+        end_ticks.map_or(0.0, |(first_tick, last_tick)| {
+            ((last_tick - first_tick) as f64 + 1.0) / self.header.tick_rate()
         })
     }
 
     /// A sentence about the damage and what is left; `None` if the file is intact and finished.
     pub fn damage(&self) -> Option<String> {
-        let seconds_left = self.duration();
+        let intact_seconds = self.duration();
         if self.lost_bytes > 0 {
             let lost_bytes = self.lost_bytes;
             Some(format!(
-                "{lost_bytes} bytes of this recording are damaged; what is left lasts {seconds_left:.2} s"
+                "{lost_bytes} bytes of this recording are damaged; what is left lasts {intact_seconds:.2} s"
             ))
         } else if !self.finished {
             Some(format!(
                 "this recording was never finished, so its last half second may be missing; what is there lasts \
-                 {seconds_left:.2} s"
+                 {intact_seconds:.2} s"
             ))
         } else {
             None
@@ -126,10 +126,10 @@ impl Recording {
         let mut chunk_bytes = start(&self.header);
         let n_axes = self.header.axes.len();
         let row_size = row::size(n_axes);
-        let per_chunk = (ROWS_PAYLOAD / row_size).max(1);
+        let rows_per_chunk = (ROWS_PAYLOAD / row_size).max(1);
         let mut payload = Vec::new();
-        let sample_chunks = self.samples.chunks(n_axes * per_chunk);
-        for (ticks, samples) in self.ticks.chunks(per_chunk).zip(sample_chunks) {
+        let sample_chunks = self.samples.chunks(n_axes * rows_per_chunk);
+        for (ticks, samples) in self.ticks.chunks(rows_per_chunk).zip(sample_chunks) {
             payload.resize(row_size * ticks.len(), 0);
             let tick_rows = ticks.iter().zip(samples.chunks_exact(n_axes));
             for (to, (&tick, samples)) in payload.chunks_exact_mut(row_size).zip(tick_rows) {
@@ -208,11 +208,11 @@ pub(crate) fn decode(
             ChunkState::Cut => length - chunk_offset,
             _ => (chunk::FRAME + payload.len()) as u64,
         };
-        let is_known = match chunk_state {
+        let is_valid_chunk = match chunk_state {
             ChunkState::Complete(kind) => collected.take(kind, &payload)?,
             _ => false,
         };
-        if !is_known {
+        if !is_valid_chunk {
             collected.recording.lost_bytes += chunk_size;
         }
         chunk_offset += chunk_size;
@@ -250,8 +250,8 @@ impl Collected {
             chunk::HEADER => Ok(false),
             chunk::ROWS => self.rows(payload),
             chunk::EVENTS => self.events(payload),
-            chunk::END => Ok(payload.first_chunk().is_some_and(|dropped| {
-                self.recording.dropped = u64::from_le_bytes(*dropped);
+            chunk::END => Ok(payload.first_chunk().is_some_and(|count_bytes| {
+                self.recording.dropped = u64::from_le_bytes(*count_bytes);
                 self.recording.finished = true;
                 true
             })),
@@ -261,8 +261,8 @@ impl Collected {
 
     /// Whether a tick is in the wanted range; events before the first row count as part of its tick.
     fn wanted(&self, tick: u64) -> bool {
-        let from_first = tick.saturating_sub(self.first.unwrap_or(tick));
-        self.ticks.as_ref().is_none_or(|ticks| ticks.contains(&from_first))
+        let tick_offset = tick.saturating_sub(self.first.unwrap_or(tick));
+        self.ticks.as_ref().is_none_or(|ticks| ticks.contains(&tick_offset))
     }
 
     fn rows(&mut self, payload: &[u8]) -> Result<bool, RecordingError> {
@@ -311,14 +311,14 @@ impl Collected {
 }
 
 /// The events of a payload; `None` if it holds anything else.
-fn events(mut rest: &[u8]) -> Option<Vec<(u64, &str)>> {
+fn events(mut bytes_left: &[u8]) -> Option<Vec<(u64, &str)>> {
     let mut read_events = Vec::new();
-    while !rest.is_empty() {
-        let (tick_bytes, bytes_after) = rest.split_first_chunk::<8>()?;
+    while !bytes_left.is_empty() {
+        let (tick_bytes, bytes_after) = bytes_left.split_first_chunk::<8>()?;
         let (length_bytes, bytes_after) = bytes_after.split_first_chunk::<4>()?;
         let (line_bytes, bytes_after) = bytes_after.split_at_checked(u32::from_le_bytes(*length_bytes) as usize)?;
         read_events.push((u64::from_le_bytes(*tick_bytes), std::str::from_utf8(line_bytes).ok()?));
-        rest = bytes_after;
+        bytes_left = bytes_after;
     }
     Some(read_events)
 }

@@ -117,18 +117,18 @@ fn count(n: usize, wide: bool) -> u8 {
 }
 
 /// A force in steps of a narrow frame, for a greatest force of `full` [N]. `as` saturates, and makes a NaN 0.
-fn steps(force: f64, full: f64) -> i16 {
-    ((force / full * FORCE_STEPS).round() as i16).max(-i16::MAX)
+fn steps(force: f64, force_max: f64) -> i16 {
+    ((force / force_max * FORCE_STEPS).round() as i16).max(-i16::MAX)
 }
 
 /// A force [N] as rounded by a narrow frame.
-pub fn carried(force: f64, full: f64) -> f64 {
-    f64::from(steps(force, full)) * (full / FORCE_STEPS)
+pub fn carried(force: f64, force_max: f64) -> f64 {
+    f64::from(steps(force, force_max)) * (force_max / FORCE_STEPS)
 }
 
 impl Request {
     /// Write the bytes, for a greatest force of `full` [N]; returns their number.
-    pub fn write(&self, full: f64, bytes: &mut [u8; LONGEST]) -> usize {
+    pub fn write(&self, force_max: f64, bytes: &mut [u8; LONGEST]) -> usize {
         let mut request_frame = Frame { bytes, len: 0 };
         request_frame.put(&SYNC);
         request_frame.put(&self.seq.to_le_bytes());
@@ -137,7 +137,7 @@ impl Request {
             if self.wide {
                 request_frame.put(&force.to_le_bytes());
             } else {
-                request_frame.put(&steps(*force, full).to_le_bytes());
+                request_frame.put(&steps(*force, force_max).to_le_bytes());
             }
         }
         request_frame.put(&[self.flags]);
@@ -145,18 +145,18 @@ impl Request {
     }
 
     /// Parse a request at the beginning of some bytes.
-    pub fn parse(bytes: &[u8], full: f64) -> Parsed<Self> {
+    pub fn parse(bytes: &[u8], force_max: f64) -> Parsed<Self> {
         parse_frame(bytes, SYNC, 2, 1, [2, 8], |body, n, wide| {
             let mut force = [0.0; MAX_AXES];
             for (axis, force) in force[..n].iter_mut().enumerate() {
                 *force = if wide {
                     f64::from_le_bytes(array(body, 3 + 8 * axis))
                 } else {
-                    f64::from(i16::from_le_bytes(array(body, 3 + 2 * axis))) * (full / FORCE_STEPS)
+                    f64::from(i16::from_le_bytes(array(body, 3 + 2 * axis))) * (force_max / FORCE_STEPS)
                 };
             }
-            let all_finite = force.iter().all(|force| force.is_finite());
-            all_finite.then(|| Self {
+            let are_finite = force.iter().all(|force| force.is_finite());
+            are_finite.then(|| Self {
                 seq: u16::from_le_bytes(array(body, 0)),
                 n,
                 wide,
@@ -197,8 +197,8 @@ impl Reply {
                     f64::from(i32::from_le_bytes(array(body, 7 + 4 * axis))) * POS_LSB
                 };
             }
-            let all_finite = position.iter().all(|position| position.is_finite());
-            all_finite.then(|| Self {
+            let are_finite = position.iter().all(|position| position.is_finite());
+            are_finite.then(|| Self {
                 seq: u16::from_le_bytes(array(body, 0)),
                 t_us: u32::from_le_bytes(array(body, 2)),
                 n,
@@ -246,10 +246,10 @@ impl DeviceInfo {
 fn parse_frame<T>(
     bytes: &[u8],
     sync: [u8; 2],
-    before: usize,
-    after: usize,
-    size: [usize; 2],
-    read: impl Fn(&[u8], usize, bool) -> Option<T>,
+    bytes_before: usize,
+    bytes_after: usize,
+    axis_sizes: [usize; 2],
+    read_body: impl Fn(&[u8], usize, bool) -> Option<T>,
 ) -> Parsed<T> {
     match bytes {
         [first, second, ..] if [*first, *second] == sync => {}
@@ -260,14 +260,14 @@ fn parse_frame<T>(
             return Parsed::Garbage(next_sync.map_or(bytes.len(), |next_sync| next_sync + 1));
         }
     }
-    let Some(&count_byte) = bytes.get(2 + before) else {
+    let Some(&count_byte) = bytes.get(2 + bytes_before) else {
         return Parsed::Incomplete;
     };
     let (axis_count, is_wide) = (usize::from(count_byte & !WIDE), count_byte & WIDE != 0);
     if axis_count > MAX_AXES {
         return Parsed::Garbage(2);
     }
-    let crc_offset = 2 + before + 1 + axis_count * size[usize::from(is_wide)] + after;
+    let crc_offset = 2 + bytes_before + 1 + axis_count * axis_sizes[usize::from(is_wide)] + bytes_after;
     let Some(crc_bytes) = bytes.get(crc_offset..crc_offset + 2) else {
         return Parsed::Incomplete;
     };
@@ -276,7 +276,7 @@ fn parse_frame<T>(
         // Only the sync bytes are skipped: a valid frame may begin inside the bytes after them.
         return Parsed::Garbage(2);
     }
-    read(body_bytes, axis_count, is_wide).map_or(Parsed::Garbage(crc_offset + 2), |frame| {
+    read_body(body_bytes, axis_count, is_wide).map_or(Parsed::Garbage(crc_offset + 2), |frame| {
         Parsed::Packet(frame, crc_offset + 2)
     })
 }

@@ -46,11 +46,11 @@ pub(super) fn reach(
         }
     };
     let timeline_glides = timeline.glides.iter();
-    let gliding = timeline_glides
+    let gliding_reaches = timeline_glides
         .filter(|glide| mats.contains(&glide.mat))
         .flat_map(|glide| glide.points.iter().filter_map(|&(_, ties)| ties))
         .map(|[k, z, m]| Cell::new(m, k, z).reach());
-    let all_reaches = mats.iter().map(|&mat| reach_of(mat)).chain(gliding);
+    let all_reaches = mats.iter().map(|&mat| reach_of(mat)).chain(gliding_reaches);
     all_reaches.fold(0.0, f64::max) * frame_rate.step()
 }
 
@@ -59,21 +59,21 @@ impl Script {
     /// takes, or `None` if they do not make a cell. Nothing is allocated.
     pub(super) fn retune(&mut self, joint: usize, numbers: [[f64; 3]; 2]) -> Option<u64> {
         let n_joints = self.joints.len();
-        let joint_script = &mut self.joints[joint];
-        joint_script.numbers = numbers;
+        let stepped_joint = &mut self.joints[joint];
+        stepped_joint.numbers = numbers;
         let [numbers_now, numbers_next] = numbers;
         let [w, kappa, zeta] = std::array::from_fn(|i| 0.5 * (numbers_now[i] + numbers_next[i]));
         let (rate, time_step) = (self.rate, self.rate.step());
         let mean_cell = Cell::from_ratios(time_step * time_step / w, Ratios { kappa, zeta }, rate)?;
-        joint_script.cell = Some(mean_cell);
+        stepped_joint.cell = Some(mean_cell);
         // Each of the two forces that replace an impulse acts on the mass of its own frame.
         let mass_ratios = [w / numbers_now[0], w / numbers_next[0]];
         let step_response = mean_cell.response(time_step);
-        for ((path, split), &instant) in
-            (joint_script.frame_weights.iter_mut().zip(&mut joint_script.split)).zip(&self.basis.instants)
+        for ((instant_weights, split), &instant) in
+            (stepped_joint.frame_weights.iter_mut().zip(&mut stepped_joint.split)).zip(&self.basis.instants)
         {
             let (weights, split_forces) = mean_cell.within_step(instant, rate, step_response);
-            *path = weights;
+            *instant_weights = weights;
             *split = [split_forces[0] * mass_ratios[0], split_forces[1] * mass_ratios[1]];
         }
         let pair_index = joint * n_joints + joint;
@@ -83,8 +83,8 @@ impl Script {
             answers_by_factors(&self.basis, pair_moves, &mean_cell, time_step);
             return Some(8 * RESPONSE * n_instants + 6 * n_instants * n_instants);
         }
-        answers(&self.basis, pair_moves, &|part| {
-            mean_cell.answer_around(part * time_step)
+        answers(&self.basis, pair_moves, &|time_between| {
+            mean_cell.answer_around(time_between * time_step)
         });
         Some(RESPONSE * n_instants * n_instants + 2 * n_instants * n_instants * n_instants)
     }
@@ -92,18 +92,18 @@ impl Script {
 
 /// Write the coefficients of the response of a path at one instant to an impulse at another, which `answer` gives by
 /// the time between them [frames]   (n·n)
-fn answers(basis: &Basis, both: &mut [f64], answer: &dyn Fn(f64) -> f64) {
-    for (row, from) in both.chunks_mut(basis.n()).zip(&basis.instants) {
+fn answers(basis: &Basis, coefficients: &mut [f64], answer: &dyn Fn(f64) -> f64) {
+    for (row, from) in coefficients.chunks_mut(basis.n()).zip(&basis.instants) {
         for (value, to) in row.iter_mut().zip(&basis.instants) {
             *value = answer(to - from);
         }
     }
-    basis.fit_both(both);
+    basis.fit_both(coefficients);
 }
 
 /// The same for a cell whose answer is a sum of two products of a function of each instant: fitted apart, they take n
 /// sines instead of n², and products in proportion to n² instead of n³.
-fn answers_by_factors(basis: &Basis, both: &mut [f64], cell: &Cell, step: f64) {
+fn answers_by_factors(basis: &Basis, coefficients: &mut [f64], cell: &Cell, step: f64) {
     let n_instants = basis.n();
     let (mut factor_values, mut fitted_factors) = ([[[0.0; POLYNOMIALS_MAX]; 2]; 2], [[[0.0; POLYNOMIALS_MAX]; 2]; 2]);
     for (m, instant) in basis.instants.iter().enumerate() {
@@ -117,10 +117,10 @@ fn answers_by_factors(basis: &Basis, both: &mut [f64], cell: &Cell, step: f64) {
     for (factor_values, fitted_factors) in factor_values.iter().flatten().zip(fitted_factors.iter_mut().flatten()) {
         basis.fit(&factor_values[..n_instants], &mut fitted_factors[..n_instants]);
     }
-    let [later_factors, earlier] = &fitted_factors;
-    for (l, row) in both.chunks_mut(n_instants).enumerate() {
+    let [later_factors, earlier_factors] = &fitted_factors;
+    for (l, row) in coefficients.chunks_mut(n_instants).enumerate() {
         for (k, value) in row.iter_mut().enumerate() {
-            *value = later_factors[0][k] * earlier[0][l] + later_factors[1][k] * earlier[1][l];
+            *value = later_factors[0][k] * earlier_factors[0][l] + later_factors[1][k] * earlier_factors[1][l];
         }
     }
 }
@@ -142,8 +142,8 @@ pub(super) fn joint(
     bodies: &[RunningBody],
     (basis, rate): (&Basis, Rate),
 ) -> Joint {
-    let port = bodies.iter().enumerate().find_map(|(owner, playing)| {
-        let port = playing.modal()?.ports().position(|port| port == mat)?;
+    let port = bodies.iter().enumerate().find_map(|(owner, running_body)| {
+        let port = running_body.modal()?.ports().position(|port| port == mat)?;
         Some((owner, port))
     });
     let cell = cell(mat, network, scheme).filter(|_| port.is_none() && !is_held);
@@ -191,7 +191,7 @@ pub(super) fn moves(
         Some(modal_body(owner)?.responses(port, &time_spans))
     });
     let to = |to: &Joint| match (from.port, to.port) {
-        (Some((owner, from)), Some((same, to))) if owner == same => {
+        (Some((owner, from)), Some((to_owner, to))) if owner == to_owner => {
             let Some(modal) = modal_body(owner) else {
                 return (Vec::new(), 0.0);
             };
@@ -214,7 +214,9 @@ pub(super) fn moves(
         (None, None) if from.mat == to.mat => match &from.cell {
             Some(cell) => {
                 let mut pair_response = vec![0.0; n_instants * n_instants];
-                answers(basis, &mut pair_response, &|part| cell.answer_around(part * time_step));
+                answers(basis, &mut pair_response, &|time_between| {
+                    cell.answer_around(time_between * time_step)
+                });
                 (pair_response, time_step * cell.jump())
             }
             None => (Vec::new(), 0.0),

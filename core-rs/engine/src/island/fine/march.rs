@@ -68,8 +68,8 @@ impl LinkContact<'_> {
     }
 
     /// What changes its sign where the contact closes or opens: the penetration, or the force that is not clamped.
-    fn side_of(&self, [g, v]: [f64; 2], is_gap: bool) -> f64 {
-        if is_gap { g } else { self.elastic(g) + self.z * v }
+    fn side_of(&self, [g, v]: [f64; 2], uses_gap: bool) -> f64 {
+        if uses_gap { g } else { self.elastic(g) + self.z * v }
     }
 
     /// Whether its force ends before it opens.
@@ -80,8 +80,8 @@ impl LinkContact<'_> {
     /// Whether an open contact begins to push.
     fn closes(&self, [g, v]: [f64; 2]) -> bool {
         if self.is_pulled_off() {
-            let (elastic, drag_force) = (self.elastic(g), self.z * v);
-            g > 0.0 && elastic + drag_force > PULL * (elastic + drag_force.abs())
+            let (elastic, damping_force) = (self.elastic(g), self.z * v);
+            g > 0.0 && elastic + damping_force > PULL * (elastic + damping_force.abs())
         } else {
             g > 0.0 && v > 0.0
         }
@@ -105,13 +105,13 @@ impl LinkContact<'_> {
 
     /// The impulse of a kick that lasts `b` frames at constant penetration `g`, while `v` changes by the kick itself
     /// [N·s].
-    fn kick(&self, [g, v]: [f64; 2], b: f64, step: f64) -> f64 {
+    fn kick(&self, [g, v]: [f64; 2], duration: f64, step: f64) -> f64 {
         let elastic = self.elastic(g);
         let decay_rate = self.jump * step * self.z;
         if decay_rate == 0.0 {
-            return (elastic + self.z * v) * b * step;
+            return (elastic + self.z * v) * duration * step;
         }
-        (elastic + self.z * v) * step * -expm1(-decay_rate * b) / decay_rate
+        (elastic + self.z * v) * step * -expm1(-decay_rate * duration) / decay_rate
     }
 }
 
@@ -198,8 +198,14 @@ impl Fine {
     }
 
     /// Advance from `s` by a step, or up to where a contact closes or opens in it; returns the instant reached.
-    fn advance(&mut self, script: &Script, forces: (&LawScript, &[f64]), s: f64, left: &mut usize) -> f64 {
-        let step_length = self.length(script, forces.1, s);
+    fn advance(
+        &mut self,
+        script: &Script,
+        laws_and_gates: (&LawScript, &[f64]),
+        s: f64,
+        steps_left: &mut usize,
+    ) -> f64 {
+        let step_length = self.length(script, laws_and_gates.1, s);
         let [saved_paths, impulses] = &mut self.saved;
         saved_paths.copy_from_slice(&self.paths);
         impulses.copy_from_slice(&self.impulse_sums);
@@ -207,14 +213,14 @@ impl Fine {
         for law in &mut self.laws {
             law.save();
         }
-        *left -= 1;
-        self.leap(script, forces, s, step_length);
+        *steps_left -= 1;
+        self.leap(script, laws_and_gates, s, step_length);
         let (mut length_taken, mut last_located) = (step_length, None);
         // Each contact is located only once in a step: two that turn at the same instant, to rounding, would alternate
         // for ever.
         self.located.fill(false);
-        while let Some(link_index) = self.turned(script, forces.1, s + length_taken) {
-            length_taken = self.locate(script, forces, (s, length_taken, link_index), left);
+        while let Some(link_index) = self.turned(script, laws_and_gates.1, s + length_taken) {
+            length_taken = self.locate(script, laws_and_gates, (s, length_taken, link_index), steps_left);
             self.located[link_index] = true;
             last_located = Some(link_index);
         }
@@ -234,33 +240,36 @@ impl Fine {
     fn locate(
         &mut self,
         script: &Script,
-        forces: (&LawScript, &[f64]),
+        laws_and_gates: (&LawScript, &[f64]),
         (s, h, index): (f64, f64, usize),
-        left: &mut usize,
+        steps_left: &mut usize,
     ) -> f64 {
-        let Some(contact) = self.contact_now(script, forces.1, (index, s)) else {
+        let Some(contact) = self.contact_now(script, laws_and_gates.1, (index, s)) else {
             return h;
         };
         let look = |fine: &mut Self, s: f64| {
             let instant = fine.instant(script, s);
-            let contact = fine.contact_now(script, forces.1, (index, s)).unwrap_or(contact);
+            let contact = fine
+                .contact_now(script, laws_and_gates.1, (index, s))
+                .unwrap_or(contact);
             (contact, fine.look(script, &contact, &instant))
         };
         let end_state = look(self, s + h);
         self.restore();
         let start_state = look(self, s);
-        let mut is_gap = !contact.is_pulled_off() || (!self.pushes[index] && start_state.1[0] <= 0.0);
-        let sides_differ = |is_gap: bool| {
+        let mut uses_gap = !contact.is_pulled_off() || (!self.pushes[index] && start_state.1[0] <= 0.0);
+        let sides_differ = |uses_gap: bool| {
             let [start_side, end_side] =
-                [start_state, end_state].map(|(contact, contact_state)| contact.side_of(contact_state, is_gap));
+                [start_state, end_state].map(|(contact, contact_state)| contact.side_of(contact_state, uses_gap));
             (start_side > 0.0) != (end_side > 0.0)
         };
         // It may open and approach again within the step: its force is then positive at both ends.
-        is_gap |= !sides_differ(is_gap);
-        if !sides_differ(is_gap) {
+        uses_gap |= !sides_differ(uses_gap);
+        if !sides_differ(uses_gap) {
             return 0.0; // it had turned before `s`
         }
-        let criterion = |(contact, contact_state): (LinkContact<'_>, [f64; 2])| contact.side_of(contact_state, is_gap);
+        let criterion =
+            |(contact, contact_state): (LinkContact<'_>, [f64; 2])| contact.side_of(contact_state, uses_gap);
         let (mut length_taken, mut contact_state) = (h, end_state.1);
         let (mut low_end, mut high_end) = ((0.0, criterion(start_state)), (h, criterion(end_state)));
         for _ in 0..TRIES {
@@ -268,7 +277,7 @@ impl Fine {
             let newton_length = length_taken - contact_state[0] / contact_state[1];
             let secant_length = low_end.0 - low_end.1 * (high_end.0 - low_end.0) / (high_end.1 - low_end.1);
             let is_inside = newton_length > low_end.0 && newton_length < high_end.0;
-            let next_length = if is_gap && is_inside {
+            let next_length = if uses_gap && is_inside {
                 newton_length
             } else {
                 secant_length
@@ -276,9 +285,9 @@ impl Fine {
             let length_change = (next_length - length_taken).abs();
             length_taken = next_length;
             self.restore();
-            *left = left.saturating_sub(1);
-            self.leap(script, forces, s, length_taken);
-            if length_change <= CLOSING_TOLERANCE * h || *left == 0 {
+            *steps_left = steps_left.saturating_sub(1);
+            self.leap(script, laws_and_gates, s, length_taken);
+            if length_change <= CLOSING_TOLERANCE * h || *steps_left == 0 {
                 break;
             }
             let state_then = look(self, s + length_taken);
@@ -317,27 +326,37 @@ impl Fine {
     }
 
     /// One step of the contacts that push, and of all laws.
-    fn leap(&mut self, script: &Script, forces: (&LawScript, &[f64]), s: f64, h: f64) {
+    fn leap(&mut self, script: &Script, laws_and_gates: (&LawScript, &[f64]), s: f64, h: f64) {
         // Half of the motion of bristles comes before all else, and half after it.
-        self.slide_bristles(script, forces, (&Instant::new(script.basis.n(), s), 0.5 * h));
+        self.slide_bristles(script, laws_and_gates, (&Instant::new(script.basis.n(), s), 0.5 * h));
         let mut stage_time = 0.0;
         for (stage, [kick, drift]) in STAGES.iter().enumerate() {
-            self.kick(script, forces, (s + stage_time * h, kick * h), stage > 3);
+            self.kick(script, laws_and_gates, (s + stage_time * h, kick * h), stage > 3);
             stage_time += drift;
         }
-        self.kick(script, forces, (s + h, STAGES[0][0] * h), true);
-        self.slide_bristles(script, forces, (&Instant::new(script.basis.n(), s + h), 0.5 * h));
+        self.kick(script, laws_and_gates, (s + h, STAGES[0][0] * h), true);
+        self.slide_bristles(
+            script,
+            laws_and_gates,
+            (&Instant::new(script.basis.n(), s + h), 0.5 * h),
+        );
     }
 
     /// Kicks of all contacts that push, and of all laws. If they change velocities on which losses depend, half of each
     /// kick is given in one order and half in the reverse order: then the whole is symmetric.
-    fn kick(&mut self, script: &Script, forces: (&LawScript, &[f64]), (s, b): (f64, f64), is_back: bool) {
+    fn kick(
+        &mut self,
+        script: &Script,
+        laws_and_gates: (&LawScript, &[f64]),
+        (s, duration): (f64, f64),
+        is_back: bool,
+    ) {
         let instant = self.instant(script, s);
-        if script.is_coupled && self.order_matters(forces.0) {
-            self.kick_in_order(script, forces, (&instant, 0.5 * b), false);
-            self.kick_in_order(script, forces, (&instant, 0.5 * b), true);
+        if script.is_coupled && self.order_matters(laws_and_gates.0) {
+            self.kick_in_order(script, laws_and_gates, (&instant, 0.5 * duration), false);
+            self.kick_in_order(script, laws_and_gates, (&instant, 0.5 * duration), true);
         } else {
-            self.kick_in_order(script, forces, (&instant, b), is_back);
+            self.kick_in_order(script, laws_and_gates, (&instant, duration), is_back);
         }
     }
 
@@ -354,17 +373,21 @@ impl Fine {
         &mut self,
         script: &Script,
         (laws, gates): (&LawScript, &[f64]),
-        (instant, b): (&Instant, f64),
+        (instant, duration): (&Instant, f64),
         is_back: bool,
     ) {
         let n_links = script.links.len();
         if is_back {
             for law in (0..laws.links.len()).rev() {
-                self.kick_law(script, (laws, gates), law, (instant, b));
+                self.kick_law(script, (laws, gates), law, (instant, duration));
             }
         }
-        for turn in 0..n_links {
-            let link_index = if is_back { n_links - 1 - turn } else { turn };
+        for order_index in 0..n_links {
+            let link_index = if is_back {
+                n_links - 1 - order_index
+            } else {
+                order_index
+            };
             if !self.pushes[link_index] {
                 continue;
             }
@@ -372,12 +395,12 @@ impl Fine {
                 continue;
             };
             self.work.instants += 1;
-            let impulse = contact.kick(self.look(script, &contact, instant), b, script.rate.step());
+            let impulse = contact.kick(self.look(script, &contact, instant), duration, script.rate.step());
             self.push(script, &contact, impulse, instant);
         }
         if !is_back {
             for law in 0..laws.links.len() {
-                self.kick_law(script, (laws, gates), law, (instant, b));
+                self.kick_law(script, (laws, gates), law, (instant, duration));
             }
         }
     }
@@ -401,8 +424,8 @@ impl Fine {
     /// The first instant from `s` on at which a contact closes while none pushes, and which.
     fn next_closing(&mut self, script: &Script, gates: &[f64], s: f64) -> Option<(f64, usize)> {
         let mut search_from = s;
-        for look in 1..=LOOKS {
-            let search_to = s + (1.0 - s) * look as f64 / LOOKS as f64;
+        for probe_index in 1..=LOOKS {
+            let search_to = s + (1.0 - s) * probe_index as f64 / LOOKS as f64;
             let mut first_closing: Option<(f64, usize)> = None;
             for index in 0..script.links.len() {
                 let mut closes = |s: f64| {
@@ -440,9 +463,9 @@ impl Fine {
     fn finish(&mut self, script: &Script, laws: &LawScript, gates: &[f64], from: f64) {
         let step_length = (1.0 - from) / script.steps as f64;
         let time_step = script.rate.step();
-        for part in 0..script.steps {
-            let part_start = from + part as f64 * step_length;
-            let instants = [part_start, part_start + 0.5 * step_length, part_start + step_length];
+        for step_index in 0..script.steps {
+            let step_start = from + step_index as f64 * step_length;
+            let instants = [step_start, step_start + 0.5 * step_length, step_start + step_length];
             let start_instant = self.instant(script, instants[0]);
             for index in 0..script.links.len() {
                 let link_contact = self.contact_now(script, gates, (index, instants[1]));

@@ -57,7 +57,7 @@ impl FreeKey {
         &self,
         other: &Self,
         name_of: impl Fn(usize) -> String,
-        their: impl Fn(usize) -> String,
+        other_name_of: impl Fn(usize) -> String,
     ) -> bool {
         let same_slow_body = |(a, b): (&Slow, &Slow)| a.is_same(b);
         self.scheme.n_lia == other.scheme.n_lia
@@ -68,26 +68,26 @@ impl FreeKey {
                 .members
                 .iter()
                 .zip(&other.members)
-                .all(|(&a, &b)| name_of(a) == their(b))
+                .all(|(&a, &b)| name_of(a) == other_name_of(b))
     }
 }
 
 /// The force near `guess` [N] at which `off` is 0 [m]; `off` rises with the force by at most `w` [m/N].
-fn find_force(guess: f64, w: f64, off: &mut dyn FnMut(f64) -> f64) -> f64 {
-    let (mut other_force, mut other_offset) = (guess, off(guess));
+fn find_force(guess: f64, compliance_max: f64, offset_at: &mut dyn FnMut(f64) -> f64) -> f64 {
+    let (mut other_force, mut other_offset) = (guess, offset_at(guess));
     if other_offset.abs() <= kernel::STILL {
         return other_force;
     }
-    let mut force_reach = 2.0 * other_offset / w;
+    let mut search_step = 2.0 * other_offset / compliance_max;
     let (mut last_force, mut last_offset) = (other_force, other_offset);
     for _ in 0..ROUNDS_MAX {
-        last_force = guess - force_reach;
-        last_offset = off(last_force);
+        last_force = guess - search_step;
+        last_offset = offset_at(last_force);
         if last_offset * other_offset <= 0.0 {
             break;
         }
         (other_force, other_offset) = (last_force, last_offset);
-        force_reach *= 2.0;
+        search_step *= 2.0;
     }
     for round in 0..2 * ROUNDS_MAX {
         if last_offset.abs() <= kernel::STILL || last_offset * other_offset > 0.0 {
@@ -96,7 +96,7 @@ fn find_force(guess: f64, w: f64, off: &mut dyn FnMut(f64) -> f64) -> f64 {
         let middle_force = 0.5 * (other_force + last_force);
         let secant_force = last_force - last_offset * ((last_force - other_force) / (last_offset - other_offset));
         let next_force = if round % 3 == 2 { middle_force } else { secant_force };
-        let next_offset = off(next_force);
+        let next_offset = offset_at(next_force);
         if next_offset * last_offset < 0.0 {
             (other_force, other_offset) = (last_force, last_offset);
         }
@@ -146,13 +146,13 @@ impl FreeMotion {
     /// Give a MAT that is led along a path the velocity that it lacks, if its springs pull next; returns it [m a
     /// frame].
     pub(crate) fn release_at_pull(&mut self, mat: usize) -> f64 {
-        let mut released = 0.0;
+        let mut velocity_sum = 0.0;
         for slow in &mut self.slow {
-            let impulse = slow.release_at_pull(mat);
-            slow.give(mat, impulse);
-            released += impulse;
+            let velocity_change = slow.release_at_pull(mat);
+            slow.give(mat, velocity_change);
+            velocity_sum += velocity_change;
         }
-        released
+        velocity_sum
     }
 
     /// Corrections of a MAT's velocity [m a frame] and of its change a frame, if both are estimated from successive
@@ -300,12 +300,12 @@ impl FreeKey {
             Some(_) if to - n >= frame_powers::FRAMES_MIN => n + 1,
             _ => to,
         };
-        for k in n..stop_frame {
-            if (k - n).is_multiple_of(LOOK) {
+        for frame in n..stop_frame {
+            if (frame - n).is_multiple_of(LOOK) {
                 interrupt::spend(STEP_STEPS * LOOK as usize);
             }
-            self.forces(coast, k, laws, targets);
-            self.strike_and_move(coast, k, if k == n { force } else { 0.0 }, targets);
+            self.forces(coast, frame, laws, targets);
+            self.strike_and_move(coast, frame, if frame == n { force } else { 0.0 }, targets);
         }
         if let Some(frame_powers) = frame_powers.as_mut().filter(|_| stop_frame < to) {
             frame_powers.advance(self, coast, to - stop_frame, laws, targets);

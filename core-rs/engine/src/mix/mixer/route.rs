@@ -177,28 +177,28 @@ impl Route {
     }
 
     /// Whether it does the same, by whatever values, as the route `before` of an old mixer, whose output is now `out`.
-    pub(super) fn is_like(&self, before: &Self, out: Option<usize>) -> bool {
-        (out, before.to, before.group) == (Some(self.out), self.to, self.group)
-            && self.is_squared == before.is_squared
-            && self.delay.is_some() == before.delay.is_some()
-            && self.pairs(before, Filter::is_of_kind)
+    pub(super) fn is_like(&self, old_route: &Self, out: Option<usize>) -> bool {
+        (out, old_route.to, old_route.group) == (Some(self.out), self.to, self.group)
+            && self.is_squared == old_route.is_squared
+            && self.delay.is_some() == old_route.delay.is_some()
+            && self.pairs(old_route, Filter::is_of_kind)
     }
 
     /// Whether it continues the route `before` without a step: only gains differ.
-    pub(super) fn continues(&self, before: &Self, out: Option<usize>) -> bool {
+    pub(super) fn continues(&self, old_route: &Self, out: Option<usize>) -> bool {
         let delay_and_echo = |route: &Self| {
             let delay = route.delay.as_ref();
             delay.map(|delay| (delay.length(), delay.echo()))
         };
-        self.is_like(before, out)
-            && delay_and_echo(self) == delay_and_echo(before)
-            && self.pairs(before, Filter::continues)
+        self.is_like(old_route, out)
+            && delay_and_echo(self) == delay_and_echo(old_route)
+            && self.pairs(old_route, Filter::continues)
     }
 
     /// Whether the filters of both are as many, and `agree` one by one.
-    fn pairs(&self, before: &Self, agree: impl Fn(&Filter, &Filter) -> bool) -> bool {
-        let mut filter_pairs = self.filters.iter().zip(&before.filters);
-        self.filters.len() == before.filters.len() && filter_pairs.all(|(own, old)| agree(own, old))
+    fn pairs(&self, other_route: &Self, agree: impl Fn(&Filter, &Filter) -> bool) -> bool {
+        let mut filter_pairs = self.filters.iter().zip(&other_route.filters);
+        self.filters.len() == other_route.filters.len() && filter_pairs.all(|(own, old)| agree(own, old))
     }
 
     /// Frames by which it delays.
@@ -287,18 +287,18 @@ impl Route {
     }
 
     fn add_gliding(&mut self, (group, gains): (&Glide, Option<&[f64]>), first: u64, signal: &[f64], to: &mut [f64]) {
-        for (index, ((y, &x), n)) in to.iter_mut().zip(signal).zip(first..).enumerate() {
-            let x = self.entry.map_or(x, |entry| entry.value(n) * x);
+        for (index, ((y, &x), frame)) in to.iter_mut().zip(signal).zip(first..).enumerate() {
+            let x = self.entry.map_or(x, |entry| entry.value(frame) * x);
             let x = self.delay.as_mut().map_or(x, |delay| delay.next(x));
             let curve = match (gains, &self.curve) {
                 (Some(gains), _) => gains[index],
-                (None, Some(curve)) => curve.value(n),
+                (None, Some(curve)) => curve.value(frame),
                 (None, None) => 1.0,
             };
-            let fade = self.fade.map_or(1.0, |fade| fade.value(n));
-            *y += self.gain * group.value(n) * fade * curve * x;
+            let fade = self.fade.map_or(1.0, |fade| fade.value(frame));
+            *y += self.gain * group.value(frame) * fade * curve * x;
             if let Some(residual) = self.residual_gain {
-                *y += residual.value(n) * group.value(n) * x;
+                *y += residual.value(frame) * group.value(frame) * x;
             }
         }
     }

@@ -142,7 +142,7 @@ impl Facets {
             let axis_counts: Vector = std::array::from_fn(cells_along);
             if axis_counts.iter().product::<f64>() <= CELLS_MAX as f64 {
                 self.counts = axis_counts.map(|count| count as usize);
-                let cell_spans = self.triangles.iter().map(|own| self.span(own));
+                let cell_spans = self.triangles.iter().map(|facet| self.span(facet));
                 let n_members = cell_spans.map(|span| volume(&span)).sum::<usize>();
                 if n_members <= MEMBERS_MAX.max(self.triangles.len()) {
                     break;
@@ -166,10 +166,10 @@ impl Facets {
     }
 
     /// Call `each` with the number of each cell and of each triangle that may be touched from it.
-    fn each_member(&self, mut each: impl FnMut(usize, u32)) {
+    fn each_member(&self, mut visit: impl FnMut(usize, u32)) {
         let half_width = 0.5 * self.wide;
         // From the middle of a cell to its corner, plus the reach, with a small margin.
-        let reach_distance = (self.reach + half_width * 3.0_f64.sqrt()) * (1.0 + 1e-9);
+        let cell_reach = (self.reach + half_width * 3.0_f64.sqrt()) * (1.0 + 1e-9);
         for (number, triangle) in self.triangles.iter().enumerate() {
             let [cells_across, cells_along, cells_up] = self.span(triangle);
             for z in cells_up {
@@ -181,11 +181,11 @@ impl Facets {
                         });
                         let middle_offset = difference(cell_middle, nearest(triangle, cell_middle));
                         // A triangle so thin that the distance is NaN is kept.
-                        if dot(middle_offset, middle_offset) > reach_distance * reach_distance {
+                        if dot(middle_offset, middle_offset) > cell_reach * cell_reach {
                             continue;
                         }
                         let cell_index = (z * self.counts[1] + y) * self.counts[0] + x;
-                        each(cell_index, number as u32);
+                        visit(cell_index, number as u32);
                     }
                 }
             }
@@ -196,13 +196,13 @@ impl Facets {
     fn span(&self, triangle: &[Vector; 3]) -> [std::ops::Range<usize>; AXES_MAX] {
         std::array::from_fn(|axis| {
             let corner_places = triangle.map(|corner| corner[axis]);
-            let [least_place, greatest] = [corner_places.into_iter().fold(f64::INFINITY, f64::min), {
+            let [least_place, greatest_place] = [corner_places.into_iter().fold(f64::INFINITY, f64::min), {
                 corner_places.into_iter().fold(f64::NEG_INFINITY, f64::max)
             }];
             let clamped_cell = |x: f64| ((x - self.bounds[0][axis]) / self.wide).floor().max(0.0) as usize;
             let last_cell = self.counts[axis] - 1;
             clamped_cell(least_place - self.reach).min(last_cell)
-                ..clamped_cell(greatest + self.reach).min(last_cell) + 1
+                ..clamped_cell(greatest_place + self.reach).min(last_cell) + 1
         })
     }
 }
@@ -247,8 +247,8 @@ fn nearest([a, b, c]: &[Vector; 3], place: Vector) -> Vector {
     std::array::from_fn(|axis| a[axis] + ab[axis] * v + ac[axis] * w)
 }
 
-fn beside(from: Vector, share: f64, way: Vector) -> Vector {
-    std::array::from_fn(|axis| from[axis] + share * way[axis])
+fn beside(from: Vector, share: f64, direction: Vector) -> Vector {
+    std::array::from_fn(|axis| from[axis] + share * direction[axis])
 }
 
 fn difference(a: Vector, b: Vector) -> Vector {

@@ -32,15 +32,15 @@ pub(in crate::plan) fn bank(
     if !timeline.gates.is_empty() {
         return Err(NoModes::Coupled);
     }
-    let discrete = subset.network.mats().part.first().map(|&part| part as usize);
-    let is_discrete = discrete.is_some_and(|part| subset.network.parts()[part].ca_rate.is_some());
+    let first_part = subset.network.mats().part.first().map(|&part| part as usize);
+    let is_discrete = first_part.is_some_and(|part| subset.network.parts()[part].ca_rate.is_some());
     let strikes = blows(timeline, |_| true, is_discrete);
     match normal(subset, timeline, budget, pinned, &strikes, memo) {
         // A takeover in a session transfers the motion of a body mass by mass, by normal modes only.
         Err(NoModes::Damping | NoModes::ForceHeard | NoModes::Slow) if !is_discrete && !timeline.is_open => {
             complex_body::bank(subset, timeline.rate, budget, pinned, &strikes, memo)
         }
-        known => known,
+        normal_result => normal_result,
     }
 }
 
@@ -70,11 +70,11 @@ fn normal(
     if body_modes.is_free() && !timeline.is_open {
         return Err(NoModes::Slow);
     }
-    let (seen, excited) = body_modes.shapes.split_at(n_outputs);
+    let (output_shapes, struck_shapes) = body_modes.shapes.split_at(n_outputs);
     let normal_modes = Normal {
         modes: &body_modes,
-        seen,
-        struck_modes: excited,
+        seen: output_shapes,
+        struck_modes: struck_shapes,
         strikes,
         budget,
         rate,
@@ -83,14 +83,18 @@ fn normal(
         Some(chosen_modes) => KeptModes::pinned(chosen_modes, body_modes.len()).ok_or(NoModes::Pinned)?,
         None => {
             // What a session will strike is not known: no audible mode is left out.
-            let allowed = budget.left_out().filter(|_| !timeline.is_open);
-            audible::keep(&normal_modes, strikes, network, allowed, budget, rate)
+            let left_out_level_max = budget.left_out().filter(|_| !timeline.is_open);
+            audible::keep(&normal_modes, strikes, network, left_out_level_max, budget, rate)
         }
     };
     let rest = (0..n_outputs)
         .map(|output| {
-            let static_sum: f64 = seen[output].iter().zip(&body_modes.rest).map(|(a, b)| a * b).sum();
-            static_sum + held[output]
+            let modal_rest: f64 = output_shapes[output]
+                .iter()
+                .zip(&body_modes.rest)
+                .map(|(a, b)| a * b)
+                .sum();
+            modal_rest + held[output]
         })
         .collect();
     Ok(Body {
@@ -131,39 +135,46 @@ impl ModalBody for Normal<'_> {
         (0..modes.len()).any(|mode| modes.x0[mode] != modes.rest[mode] || modes.v0[mode] != 0.0)
     }
 
-    fn loudest(&self, allowed: Option<f64>) -> KeptModes {
-        let (seen_shapes, excited, impulse_rows) = (self.seen, self.struck_modes, impulses(self.strikes));
+    fn loudest(&self, left_out_level_max: Option<f64>) -> KeptModes {
+        let (seen_shapes, struck_shapes, impulse_rows) = (self.seen, self.struck_modes, impulses(self.strikes));
         truncate::keep(
             self.modes,
             seen_shapes,
-            excited,
+            struck_shapes,
             &impulse_rows,
-            allowed,
+            left_out_level_max,
             self.budget,
             self.rate,
         )
     }
 
-    fn bank(&self, some: &[usize], outputs: &[u32]) -> BankPlan {
-        let seen_and_felt = [self.seen, self.struck_modes];
-        bank_of(self.modes, some, seen_and_felt, outputs, self.strikes, self.rate)
+    fn bank(&self, chosen_modes: &[usize], outputs: &[u32]) -> BankPlan {
+        let output_and_struck_shapes = [self.seen, self.struck_modes];
+        bank_of(
+            self.modes,
+            chosen_modes,
+            output_and_struck_shapes,
+            outputs,
+            self.strikes,
+            self.rate,
+        )
     }
 }
 
 /// Some of the modes as a bank.
 fn bank_of(
     modes: &Modes,
-    some: &[usize],
-    [seen, excited]: [&[Vec<f64>]; 2],
+    chosen_modes: &[usize],
+    [output_shapes, struck_shapes]: [&[Vec<f64>]; 2],
     outputs: &[u32],
     strikes: &Blows,
     rate: Rate,
 ) -> BankPlan {
     let mut bank_plan = BankPlan::default();
-    for &mode in some {
+    for &mode in chosen_modes {
         let mode_ratios = modes.ratios(mode, rate);
         let mut weights = Vec::new();
-        for (row, &output) in seen.iter().zip(outputs) {
+        for (row, &output) in output_shapes.iter().zip(outputs) {
             add_weight(&mut weights, output, row[mode]);
         }
         bank_plan.oscillators.push(Oscillator {
@@ -175,16 +186,16 @@ fn bank_of(
             blows: Vec::new(),
         });
     }
-    for (shape, blows) in excited.iter().zip(strikes.values()) {
+    for (shape, blows) in struck_shapes.iter().zip(strikes.values()) {
         bank_plan.strikes.push(Strikes {
-            among: 0..some.len(),
+            among: 0..chosen_modes.len(),
             responses: if modes.is_discrete {
                 Vec::new()
             } else {
-                let mode_cells = some.iter().map(|&mode| modes.cell(mode));
+                let mode_cells = chosen_modes.iter().map(|&mode| modes.cell(mode));
                 mode_cells.map(Response::Cell).collect()
             },
-            share: some.iter().map(|&mode| shape[mode]).collect(),
+            share: chosen_modes.iter().map(|&mode| shape[mode]).collect(),
             w: if modes.is_discrete {
                 1.0
             } else {

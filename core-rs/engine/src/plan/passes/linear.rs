@@ -154,13 +154,13 @@ impl Linear {
                 for (local, sign) in [(first_slot, 1.0), (second_slot, -1.0)] {
                     let Some(local) = local else { continue };
                     stiffness[local * free_count + local] += run.k / (root[local] * root[local]);
-                    let held_position = |end: usize, other: Option<usize>| match other {
+                    let fixed_position = |end: usize, other: Option<usize>| match other {
                         Some(_) => 0.0,
                         None => mats.x0[end],
                     };
                     force[local] += sign
                         * run.k
-                        * (held_position(second_end, second_slot) - held_position(first_end, first_slot) - run.rest);
+                        * (fixed_position(second_end, second_slot) - fixed_position(first_end, first_slot) - run.rest);
                 }
                 if let (Some(first_end), Some(second_end)) = (first_slot, second_slot) {
                     stiffness[first_end * free_count + second_end] -= run.k / (root[first_end] * root[second_end]);
@@ -169,12 +169,8 @@ impl Linear {
             }
         }
         for (local, &i) in free.iter().enumerate() {
-            let is_tied_cell = mats.kind[i] == MatKind::Cel;
-            let (k, z) = if is_tied_cell {
-                (mats.k[i], mats.z[i])
-            } else {
-                (0.0, 0.0)
-            };
+            let is_cell = mats.kind[i] == MatKind::Cel;
+            let (k, z) = if is_cell { (mats.k[i], mats.z[i]) } else { (0.0, 0.0) };
             stiffness[local * free_count + local] += k / mats.m[i];
             force[local] += k * mats.rest[i];
             proportion = proportion.and_then(|()| damping.mass(mats.m[i], k, z));
@@ -211,7 +207,7 @@ fn is_discrete_reference(network: &Network, free: &[usize], rate: Rate) -> Resul
     let Some(first_rate) = reference_rates.next() else {
         return Ok(false);
     };
-    let is_scene_rate = first_rate.is_none_or(|own| own.hertz() == rate.hertz());
+    let is_scene_rate = first_rate.is_none_or(|part_rate| part_rate.hertz() == rate.hertz());
     if is_scene_rate && reference_rates.all(|other| other.map(Rate::hertz) == first_rate.map(Rate::hertz)) {
         Ok(first_rate.is_some())
     } else {

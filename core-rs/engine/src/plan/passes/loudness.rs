@@ -38,15 +38,15 @@ pub(in crate::plan) struct Loudness(Vec<Vec<OutputSums>>);
 
 impl Loudness {
     /// Plays a bank; outputs are numbered as in `network`.
-    pub(in crate::plan) fn new(mut bank: BankPlan, network: &Network, rate: Rate, from: u64) -> Self {
+    pub(in crate::plan) fn new(mut bank: BankPlan, network: &Network, rate: Rate, first_frame: u64) -> Self {
         let n_outputs = network.outputs().len();
         let mut derivatives = Derivatives::new(network, rate.hertz());
         for strikes in &mut bank.strikes {
             for blow in &mut strikes.blows {
-                blow.0 -= from;
+                blow.0 -= first_frame;
             }
         }
-        let mut playing = Bank::new(&bank.oscillators, bank.strikes, rate, BLOCK, false);
+        let mut running_bank = Bank::new(&bank.oscillators, bank.strikes, rate, BLOCK, false);
         let span_frames = (SHORTEST * rate.hertz()) as usize;
         let mut sound_block = vec![0.0; BLOCK * n_outputs];
         let mut output_sums = vec![OutputSums::default(); n_outputs];
@@ -55,13 +55,13 @@ impl Loudness {
                 let n_frames = BLOCK.min(span_frames - start);
                 let sound_block = &mut sound_block[..n_frames * n_outputs];
                 sound_block.fill(0.0);
-                playing.process(sound_block, n_outputs, n_frames);
+                running_bank.process(sound_block, n_outputs, n_frames);
                 derivatives.process(sound_block, n_outputs);
                 for frame in sound_block.chunks_exact(n_outputs.max(1)) {
-                    for (level, x) in output_sums.iter_mut().zip(frame) {
-                        level.n_frames += 1;
-                        level.sum += x;
-                        level.energy += x * x;
+                    for (output_sum, x) in output_sums.iter_mut().zip(frame) {
+                        output_sum.n_frames += 1;
+                        output_sum.sum += x;
+                        output_sum.energy += x * x;
                     }
                 }
             }

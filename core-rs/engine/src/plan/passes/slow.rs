@@ -39,10 +39,12 @@ pub(in crate::plan) fn slow_bodies(network: &Network, timeline: &Timeline) -> Sl
             continue;
         };
         match needs_every_frame(network, timeline, part) {
-            Some(why) => slow_found.refused_slow.push((slow_part.name.clone(), why.to_owned())),
+            Some(refusal_reason) => slow_found
+                .refused_slow
+                .push((slow_part.name.clone(), refusal_reason.to_owned())),
             None => match bodies(network, timeline, part, macrostep) {
                 Ok(bodies) => slow_found.bodies.extend(bodies),
-                Err(why) => slow_found.refused_slow.push((slow_part.name.clone(), why)),
+                Err(refusal_reason) => slow_found.refused_slow.push((slow_part.name.clone(), refusal_reason)),
             },
         }
     }
@@ -64,7 +66,7 @@ fn needs_every_frame(network: &Network, timeline: &Timeline, part: usize) -> Opt
 }
 
 /// The bodies of a part, or why it cannot be slow.
-fn bodies(network: &Network, timeline: &Timeline, part: usize, every: u32) -> Result<Vec<(Body, Slow)>, String> {
+fn bodies(network: &Network, timeline: &Timeline, part: usize, macrostep: u32) -> Result<Vec<(Body, Slow)>, String> {
     let part_bodies = find_bodies(network, timeline, part);
     if part_bodies.is_empty() {
         return Err("no mass in it is held by linear springs or by links in space".to_owned());
@@ -76,7 +78,7 @@ fn bodies(network: &Network, timeline: &Timeline, part: usize, every: u32) -> Re
     let is_struck = |mat: usize| timeline.is_open || struck_mats.contains(&(mat as u32));
     let slow_body = |body: Body| {
         let body_subset = network.subset(&body.mats, &body.guests, &body.links);
-        let (rate, part_and_macrostep) = (timeline.rate, (part, every));
+        let (rate, part_and_macrostep) = (timeline.rate, (part, macrostep));
         // The exact flow of linear springs does not include gravity.
         let has_weight = body_subset.network.mats().weight.iter().any(|weight| *weight != 0.0);
         let slow_body = if has_weight || links_in_space(&body_subset.network).next().is_some() {
@@ -101,21 +103,21 @@ fn find_bodies(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body>
     let is_in_part = |mat: usize| mats.part[mat] as usize == part;
     let mut is_eligible: Vec<bool> = (0..mat_count).map(|i| is_in_part(i) && mats.kind[i].moves()).collect();
     let mut is_port = vec![false; mat_count];
-    let mut is_inner = vec![false; network.n_lia()];
+    let mut is_inner_link = vec![false; network.n_lia()];
     for run in network.runs().iter().filter(|run| run.part == part) {
-        is_inner[run.first..run.first + run.len].fill(may_be_slow(&run.kind));
+        is_inner_link[run.first..run.first + run.len].fill(may_be_slow(&run.kind));
     }
     timeline
         .gates
         .iter()
-        .for_each(|gate| is_inner[gate.links()].fill(false));
+        .for_each(|gate| is_inner_link[gate.links()].fill(false));
     timeline
         .leads
         .iter()
-        .for_each(|lead| is_inner[lead.links()].fill(false));
+        .for_each(|lead| is_inner_link[lead.links()].fill(false));
     for term in network.outputs().iter().flat_map(|output| &output.terms) {
         match *term {
-            Term::Force { first, len, .. } => is_inner[first..first + len].fill(false),
+            Term::Force { first, len, .. } => is_inner_link[first..first + len].fill(false),
             Term::Ground { first, len, .. } => is_eligible[first..first + len].fill(false),
             Term::Position { .. } | Term::Length { .. } => {}
         }
@@ -143,9 +145,9 @@ fn find_bodies(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body>
     if timeline.is_open {
         is_port.fill(true);
     }
-    let proxied = network.proxies().iter().flat_map(Proxy::masses);
+    let proxy_masses = network.proxies().iter().flat_map(Proxy::masses);
     let guide_mats = network.followed().map(|(_, guide)| guide);
-    proxied.chain(guide_mats).for_each(|mat| is_port[mat] = true);
+    proxy_masses.chain(guide_mats).for_each(|mat| is_port[mat] = true);
     let is_held_mat = |mat: usize| is_in_part(mat) && mats.kind[mat].is_held() && !is_driven[mat];
     let mut mat_forest = Forest::new(mat_count);
     for (run, i) in links_in_space(network) {
@@ -154,8 +156,8 @@ fn find_bodies(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body>
                 .iter()
                 .all(|&mat| is_eligible[mat] || is_held_mat(mat))
         };
-        is_inner[run.first + i] &= run.pairs(i).all(|pair| is_inner_pair(&pair));
-        if is_inner[run.first + i] {
+        is_inner_link[run.first + i] &= run.pairs(i).all(|pair| is_inner_pair(&pair));
+        if is_inner_link[run.first + i] {
             // A link in space measures a distance: all coordinates of an end stay in one body.
             let (first_end, second_end) = run.pair(i, 0);
             for (other_a, other_b) in run.pairs(i).skip(1) {
@@ -168,7 +170,7 @@ fn find_bodies(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body>
         }
     }
     for (link, first_end, second_end) in ends(network) {
-        if is_inner[link] && is_eligible[first_end] && is_eligible[second_end] {
+        if is_inner_link[link] && is_eligible[first_end] && is_eligible[second_end] {
             mat_forest.join(first_end, second_end);
         }
     }
@@ -188,7 +190,7 @@ fn find_bodies(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body>
             let Some(body) = part_bodies.get_mut(&mat_forest.root(near)) else {
                 continue;
             };
-            if is_inner[link] && (is_eligible[other] || is_held_mat(other)) {
+            if is_inner_link[link] && (is_eligible[other] || is_held_mat(other)) {
                 body.links.push(link as u32);
                 if is_held_mat(other) {
                     body.guests.push(other as u32);

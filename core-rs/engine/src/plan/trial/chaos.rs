@@ -121,12 +121,15 @@ impl Stretches {
             };
             20.0 * log10(sqrt(energy_ratio).clamp(1e-15, 1e15))
         };
-        let stretch_power = |at: usize| stretch_sums[at].1 / (self.edges[at + 1] - self.edges[at]).max(1) as f64;
-        let loudest = (0..stretch_count).map(stretch_power).fold(0.0, f64::max);
+        let stretch_power =
+            |stretch: usize| stretch_sums[stretch].1 / (self.edges[stretch + 1] - self.edges[stretch]).max(1) as f64;
+        let loudest_power = (0..stretch_count).map(stretch_power).fold(0.0, f64::max);
         let mut running_sums = (0.0, 0.0);
         Profile {
             alone: (0..stretch_count)
-                .map(|at| (stretch_power(at) > QUIET * loudest).then(|| ratio_level(stretch_sums[at])))
+                .map(|stretch| {
+                    (stretch_power(stretch) > QUIET * loudest_power).then(|| ratio_level(stretch_sums[stretch]))
+                })
                 .collect(),
             upto: stretch_sums
                 .iter()
@@ -166,7 +169,7 @@ impl Pair<'_> {
         Ok(Some(
             growth_of(0)
                 .zip(growth_of(last_stretch))
-                .map_or(0.0, |(first, last_stretch)| last_stretch - first),
+                .map_or(0.0, |(first_growth, last_stretch)| last_stretch - first_growth),
         ))
     }
 
@@ -216,16 +219,18 @@ impl Pair<'_> {
 }
 
 /// Whether a nudge grows faster than in any regular motion.
-fn is_chaotic(grown: &[Option<f64>]) -> bool {
-    let (a_stretch, chance_margin) = REGULAR;
+fn is_chaotic(growth_levels: &[Option<f64>]) -> bool {
+    let (growth_a_stretch, chance_margin) = REGULAR;
     let grows_fast = |(i, early): (usize, &Option<f64>)| {
-        let later_growths = grown.iter().enumerate().skip(i + 1);
-        let apart_max = |j: usize, early: f64| early + a_stretch * (j - i) as f64 + chance_margin;
-        later_growths
-            .into_iter()
-            .any(|(j, late)| early.zip(*late).is_some_and(|(early, late)| late > apart_max(j, early)))
+        let later_growths = growth_levels.iter().enumerate().skip(i + 1);
+        let regular_level_max = |j: usize, early: f64| early + growth_a_stretch * (j - i) as f64 + chance_margin;
+        later_growths.into_iter().any(|(j, late)| {
+            early
+                .zip(*late)
+                .is_some_and(|(early, late)| late > regular_level_max(j, early))
+        })
     };
-    grown.iter().enumerate().any(grows_fast)
+    growth_levels.iter().enumerate().any(grows_fast)
 }
 
 impl Parting {
@@ -237,9 +242,9 @@ impl Parting {
 
     /// Returns an error [dB] and the frame until which it holds: as long as the error is at most `asked`; if it never
     /// is, as long as the runs agree at all.
-    pub(in crate::plan) fn valid_span(&self, asked: f64, stretches: &Stretches) -> (f64, usize) {
-        let count_below = |most: f64| self.upto.iter().take_while(|db| **db <= most).count();
-        let stretch_count = [count_below(asked), count_below(PARTED), 1]
+    pub(in crate::plan) fn valid_span(&self, error_allowed: f64, stretches: &Stretches) -> (f64, usize) {
+        let count_below = |error_max: f64| self.upto.iter().take_while(|db| **db <= error_max).count();
+        let stretch_count = [count_below(error_allowed), count_below(PARTED), 1]
             .into_iter()
             .find(|stretch_count| *stretch_count > 0)
             .unwrap_or(1);

@@ -44,9 +44,9 @@ pub(in crate::plan) fn settle(
 pub(in crate::plan) fn refuse_all(subset: &Subset, why: &str) -> Vec<RefusedSlow> {
     let mats = subset.network.mats();
     let indexed_parts = subset.network.parts().iter().enumerate();
-    let has_part_mats = |at: usize| mats.part.contains(&(at as u32));
+    let has_part_mats = |part_index: usize| mats.part.contains(&(part_index as u32));
     indexed_parts
-        .filter(|(at, part)| part.macrostep.is_some() && has_part_mats(*at))
+        .filter(|(part_index, part)| part.macrostep.is_some() && has_part_mats(*part_index))
         .map(|(_, part)| (part.name.clone(), why.to_owned()))
         .collect()
 }
@@ -57,7 +57,7 @@ pub(in crate::plan) fn without_slow(subset: &Subset, refused_slow: &[RefusedSlow
     Subset {
         network: subset
             .network
-            .with_macrosteps(|name, every| every.filter(|_| !is_refused(name))),
+            .with_macrosteps(|name, macrostep| macrostep.filter(|_| !is_refused(name))),
         ..subset.clone()
     }
 }
@@ -70,7 +70,7 @@ pub(in crate::plan) fn offer(
     island_timeline: &OwnTimeline,
     budget: &Budget,
     offered: Offered,
-    every: u32,
+    macrostep: u32,
 ) -> Option<Subset> {
     let timeline = &island_timeline.timeline;
     if matches!(budget, Budget::Method(_)) || timeline.is_open || timeline.hands().next().is_some() {
@@ -95,7 +95,8 @@ pub(in crate::plan) fn offer(
         return None;
     }
     let is_offered = |name: &str| offered_names.contains(name);
-    let macrostep_of = |name: &str, asked_every: Option<u32>| asked_every.or(is_offered(name).then_some(every));
+    let macrostep_of =
+        |name: &str, asked_macrostep: Option<u32>| asked_macrostep.or(is_offered(name).then_some(macrostep));
     let slowed_network = network.with_macrosteps(macrostep_of);
     let slowed_bodies = slow_bodies(&slowed_network, timeline);
     let fits: BTreeSet<usize> = slowed_bodies
@@ -105,7 +106,7 @@ pub(in crate::plan) fn offer(
         .map(|(_, slow)| slow.part)
         .collect();
     let fits = |name: &str| is_offered(name) && fits.iter().any(|&part| network.parts()[part].name == name);
-    let network = network.with_macrosteps(|name, asked_every| asked_every.or(fits(name).then_some(every)));
+    let network = network.with_macrosteps(|name, asked_macrostep| asked_macrostep.or(fits(name).then_some(macrostep)));
     is_more(&network, &subset.network).then(|| Subset {
         network,
         ..subset.clone()
@@ -139,8 +140,8 @@ impl Offered {
             Self::OnlySeen => {
                 let mut unheard_parts: BTreeSet<usize> = (0..network.n_mat()).map(part_of_mat).collect();
                 let driven_parts = timeline.drives.iter().map(|drive| part_of_mat(drive.mat));
-                for played in key_parts.into_iter().chain(driven_parts).chain(audible_parts(network)) {
-                    unheard_parts.remove(&played);
+                for audible_or_played in key_parts.into_iter().chain(driven_parts).chain(audible_parts(network)) {
+                    unheard_parts.remove(&audible_or_played);
                 }
                 unheard_parts
             }
@@ -169,12 +170,12 @@ fn audible_parts(network: &Network) -> BTreeSet<usize> {
 }
 
 /// Whether more parts of `network` than of `than` are slow.
-fn is_more(network: &Network, than: &Network) -> bool {
+fn is_more(network: &Network, compared_network: &Network) -> bool {
     let slow_count = |network: &Network| {
         let parts = network.parts().iter();
         parts.filter(|part| part.macrostep.is_some()).count()
     };
-    slow_count(network) > slow_count(than)
+    slow_count(network) > slow_count(compared_network)
 }
 
 /// How much an island with slow parts grows from kick to kick; `None` if it has none. The error says why its parts
@@ -206,7 +207,7 @@ fn too_stiff(island_plan: &IslandPlan, growth: Growth) -> String {
         let touching_links = (0..run.len).filter(touches);
         touching_links.map(|i| (run.k, run.first + i))
     });
-    let stiffest = touching_links.max_by(|(k, _), (other, _)| k.total_cmp(other));
+    let stiffest = touching_links.max_by(|(k, _), (other_stiffness, _)| k.total_cmp(other_stiffness));
     let (link_kind, plural_cause) = match growth.is_by_contacts {
         true => ("contact", "its contacts are"),
         false => ("link", "its links to other parts are"),
@@ -252,37 +253,43 @@ pub(in crate::plan) fn error(
         return Ok(None);
     };
     let played_pair = [&slow_island, &every_frame].map(|island| (&island.island_plan, contact_substeps));
-    let work_and_store = (allowance, store);
-    unless_spent(horizon::extend_error(slow_error, budget, played_pair, work_and_store))
+    let allowance_and_store = (allowance, store);
+    unless_spent(horizon::extend_error(
+        slow_error,
+        budget,
+        played_pair,
+        allowance_and_store,
+    ))
 }
 
 /// The difference between an island and the same with kicks at every frame, over its beginning.
 fn compare_with_every_frame(
-    slow: &Assembled,
-    single: &Assembled,
+    slow_island: &Assembled,
+    every_frame: &Assembled,
     contact_substeps: usize,
     (budget, allowance): (&Budget, &Allowance),
 ) -> Result<Option<Measured>, Error> {
-    let excerpt = unless_spent(find_excerpt(&slow.island_plan, allowance))?;
+    let excerpt = unless_spent(find_excerpt(&slow_island.island_plan, allowance))?;
     let excerpt =
-        excerpt.filter(|excerpt| excerpt.n_frames > 0 && is_affordable(&single.island_plan, excerpt.n_frames));
+        excerpt.filter(|excerpt| excerpt.n_frames > 0 && is_affordable(&every_frame.island_plan, excerpt.n_frames));
     let Some(excerpt) = excerpt else {
         return Ok(None);
     };
-    let spans = Spans::new(&slow.island_plan, excerpt.n_frames);
+    let spans = Spans::new(&slow_island.island_plan, excerpt.n_frames);
     let play_island = |island: &Assembled| {
         let played_run = play(&island.island_plan, contact_substeps, excerpt, allowance);
         unless_spent(played_run)
     };
-    let (Some(slow_run), Some(plain_run)) = (play_island(slow)?, play_island(single)?) else {
+    let (Some(slow_run), Some(every_frame_run)) = (play_island(slow_island)?, play_island(every_frame)?) else {
         return Ok(None);
     };
-    let db = difference(&slow_run.sound, &plain_run.sound, &spans);
+    let db = difference(&slow_run.sound, &every_frame_run.sound, &spans);
     Ok(db.is_finite().then_some(Measured {
         db,
         over: excerpt.end() as f64 / spans.rate,
         spectral: None,
-        audible: Audible::for_budget(budget, (&slow_run.sound, &plain_run.sound), &spans).filter(|_| !slow_run.is_lost),
+        audible: Audible::for_budget(budget, (&slow_run.sound, &every_frame_run.sound), &spans)
+            .filter(|_| !slow_run.is_lost),
     }))
 }
 

@@ -124,7 +124,7 @@ impl Takeover {
                 old_hands.entry(match_name).or_default().push((old_unit, hand));
             }
         }
-        let has_link = |match_name: &str| {
+        let old_unit_with_link = |match_name: &str| {
             let unit_with_link = |(unit, island_plan): (UnitIndex, &IslandPlan)| {
                 let network_runs = island_plan.network.runs().iter();
                 let mut link_names = network_runs.map(|run| island_plan.network.link_name(run.first));
@@ -142,7 +142,7 @@ impl Takeover {
                 if let Some(&(old_unit, old_index)) = old_gates.get(&match_name) {
                     let passed_item = ItemTakeover::Gate(Some(old_index), gate);
                     self.items.push((old_unit, to, passed_item));
-                } else if let Some(old_unit) = has_link(&match_name) {
+                } else if let Some(old_unit) = old_unit_with_link(&match_name) {
                     self.items.push((old_unit, to, ItemTakeover::Gate(None, gate)));
                 }
             }

@@ -15,17 +15,17 @@ pub(in crate::emulate) struct Terminal {
 
 impl Terminal {
     pub(super) fn open() -> io::Result<Self> {
-        let mut name_bytes = [0_u8; 128];
+        let mut path_bytes = [0_u8; 128];
         // SAFETY: the calls get valid pointers to locals; both descriptors are owned as soon as they are open.
         let (fd, path) = unsafe {
             let (mut master_fd, mut slave_fd) = (-1, -1);
-            let mut raw: libc::termios = std::mem::zeroed();
-            libc::cfmakeraw(&raw mut raw);
+            let mut raw_termios: libc::termios = std::mem::zeroed();
+            libc::cfmakeraw(&raw mut raw_termios);
             let open_status = libc::openpty(
                 &raw mut master_fd,
                 &raw mut slave_fd,
-                name_bytes.as_mut_ptr().cast(),
-                (&raw mut raw).cast(),
+                path_bytes.as_mut_ptr().cast(),
+                (&raw mut raw_termios).cast(),
                 std::ptr::null_mut(),
             );
             if open_status != 0 {
@@ -37,7 +37,7 @@ impl Terminal {
             let status_flags = libc::fcntl(fd.as_raw_fd(), libc::F_GETFL);
             libc::fcntl(fd.as_raw_fd(), libc::F_SETFL, status_flags | libc::O_NONBLOCK);
             libc::fcntl(fd.as_raw_fd(), libc::F_SETFD, libc::FD_CLOEXEC);
-            (fd, CStr::from_bytes_until_nul(&name_bytes))
+            (fd, CStr::from_bytes_until_nul(&path_bytes))
         };
         let path = path.map_err(io::Error::other)?.to_string_lossy().into_owned();
         Ok(Self {
@@ -51,13 +51,13 @@ impl Terminal {
         &self.path
     }
 
-    pub(super) fn read(&mut self, into: &mut [u8], wait: Duration) -> io::Result<LineEvent> {
+    pub(super) fn read(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<LineEvent> {
         let mut poll_entry = libc::pollfd {
             fd: self.fd.as_raw_fd(),
             events: libc::POLLIN,
             revents: 0,
         };
-        wait_for(&mut poll_entry, wait);
+        wait_for(&mut poll_entry, timeout);
         if poll_entry.revents & libc::POLLIN == 0 {
             if poll_entry.revents & libc::POLLHUP == 0 {
                 return Ok(LineEvent::Nothing);
@@ -66,16 +66,16 @@ impl Terminal {
                 return Ok(LineEvent::Disconnected);
             }
             // No host has opened it yet: poll then returns at once instead of waiting.
-            std::thread::sleep(wait.min(Duration::from_millis(1)));
+            std::thread::sleep(timeout.min(Duration::from_millis(1)));
             return Ok(LineEvent::Nothing);
         }
         // SAFETY: the descriptor is open and the slice valid.
-        let bytes_read = unsafe { libc::read(self.fd.as_raw_fd(), into.as_mut_ptr().cast(), into.len()) };
+        let bytes_read = unsafe { libc::read(self.fd.as_raw_fd(), buffer.as_mut_ptr().cast(), buffer.len()) };
         match usize::try_from(bytes_read) {
             Ok(0) => Ok(LineEvent::Nothing),
-            Ok(n) => {
+            Ok(byte_count) => {
                 self.connected = true;
-                Ok(LineEvent::Bytes(n))
+                Ok(LineEvent::Bytes(byte_count))
             }
             Err(_) => {
                 let error = io::Error::last_os_error();
@@ -94,17 +94,17 @@ impl Terminal {
 }
 
 #[cfg(target_os = "linux")]
-fn wait_for(poll: &mut libc::pollfd, timeout: Duration) {
+fn wait_for(poll_entry: &mut libc::pollfd, timeout: Duration) {
     let timeout = libc::timespec {
         tv_sec: timeout.as_secs() as libc::time_t,
         tv_nsec: libc::c_long::from(timeout.subsec_nanos() as i32),
     };
     // SAFETY: one pollfd and a timespec, both valid.
-    unsafe { libc::ppoll(poll, 1, &raw const timeout, std::ptr::null()) };
+    unsafe { libc::ppoll(poll_entry, 1, &raw const timeout, std::ptr::null()) };
 }
 
 #[cfg(not(target_os = "linux"))]
-fn wait_for(poll: &mut libc::pollfd, timeout: Duration) {
+fn wait_for(poll_entry: &mut libc::pollfd, timeout: Duration) {
     // SAFETY: one valid pollfd.
-    unsafe { libc::poll(poll, 1, (timeout.as_millis() as i32).max(1)) };
+    unsafe { libc::poll(poll_entry, 1, (timeout.as_millis() as i32).max(1)) };
 }

@@ -108,8 +108,8 @@ impl Confirmation {
     pub(super) fn new(axis: AxisSpec, parameters: &AxisParameters) -> Self {
         let force_max = axis.force.max(0.0);
         let asks = parameters.resolution <= COARSEST;
-        let (room_share, greatest) = ROOM;
-        let pulse_room = (room_share * force_max).min(greatest);
+        let (room_share, room_max) = ROOM;
+        let pulse_room = (room_share * force_max).min(room_max);
         let AxisParameters {
             step, mass, resolution, ..
         } = *parameters;
@@ -184,18 +184,18 @@ impl Confirmation {
     }
 
     /// The force with the pulses of a question [N]. A force near the greatest is lowered, so that pulses are not clamped.
-    pub(super) fn with_pulses(&self, asked: f64) -> f64 {
+    pub(super) fn with_pulses(&self, asked_force: f64) -> f64 {
         let force_limit = self.force_max - self.room;
-        let lowered_force = if self.asks && asked.abs() > force_limit {
-            force_limit.copysign(asked)
+        let lowered_force = if self.asks && asked_force.abs() > force_limit {
+            force_limit.copysign(asked_force)
         } else {
-            asked
+            asked_force
         };
-        let pulse_offset = self.questions.offset();
-        if pulse_offset == 0.0 {
+        let pulse_force = self.questions.offset();
+        if pulse_force == 0.0 {
             lowered_force
         } else {
-            lowered_force + pulse_offset
+            lowered_force + pulse_force
         }
     }
 
@@ -205,25 +205,31 @@ impl Confirmation {
     }
 
     /// Advance by a step.
-    pub(super) fn advance(&mut self, now: Step) -> Verdict {
-        let question_reply = self.questions.take(now.x, now.sent, self.lateness.is_asked());
+    pub(super) fn advance(&mut self, judged_step: Step) -> Verdict {
+        let question_reply = self
+            .questions
+            .take(judged_step.x, judged_step.sent, self.lateness.is_asked());
         self.since_right += self.step;
-        self.taken_out = (self.taken_out - now.sent * now.moved).max(0.0);
-        self.lateness.take(now.sent, now.moved);
+        self.taken_out = (self.taken_out - judged_step.sent * judged_step.moved).max(0.0);
+        self.lateness.take(judged_step.sent, judged_step.moved);
         if let Some(question_reply) = question_reply {
             self.since_pulse = 0.0;
             // Pulses do not move a key that is held at its stop.
-            let is_stopped = question_reply == Reply::Unmoved && now.is_at_stop;
-            let question_reply = if is_stopped { Reply::Hidden } else { question_reply };
-            let verdict = self.note_reply(question_reply, now.phase);
+            let is_blocked_by_stop = question_reply == Reply::Unmoved && judged_step.is_at_stop;
+            let question_reply = if is_blocked_by_stop {
+                Reply::Hidden
+            } else {
+                question_reply
+            };
+            let verdict = self.note_reply(question_reply, judged_step.phase);
             if verdict != Verdict::Continue {
                 return verdict;
             }
         }
-        if !self.asks || now.phase == Phase::Off {
+        if !self.asks || judged_step.phase == Phase::Off {
             return Verdict::Continue;
         }
-        if now.phase == Phase::Doubting {
+        if judged_step.phase == Phase::Doubting {
             self.since_pulse += self.step;
             let has_passed = !self.waits || self.since_pulse > PASSED;
             if self.questions.is_calm() && has_passed {
@@ -238,7 +244,7 @@ impl Confirmation {
                 Verdict::Doubt
             };
         }
-        if now.sent.abs() < JUDGED_FORCE || now.is_at_stop {
+        if judged_step.sent.abs() < JUDGED_FORCE || judged_step.is_at_stop {
             return Verdict::Continue;
         }
         if self.taken_out > TAKEN_OUT_MAX {
@@ -251,13 +257,14 @@ impl Confirmation {
                 return Verdict::Fault(Trip::Unanswered);
             }
         }
-        let question_due = is_overdue || self.taken_out > TAKEN_OUT || self.lateness.is_asked() || now.may_be_frozen;
+        let is_question_due =
+            is_overdue || self.taken_out > TAKEN_OUT || self.lateness.is_asked() || judged_step.may_be_frozen;
         let may_begin = if self.lateness.is_marked() && self.unanswered < CALM_FOR {
             self.questions.is_very_calm()
         } else {
             self.questions.may_begin()
         };
-        if question_due && now.phase == Phase::Playing && may_begin {
+        if is_question_due && judged_step.phase == Phase::Playing && may_begin {
             self.questions.begin(self.room, self.passes, self.lateness.is_asked());
         }
         Verdict::Continue
@@ -266,16 +273,16 @@ impl Confirmation {
     fn note_reply(&mut self, reply: Reply, phase: Phase) -> Verdict {
         self.interrupted = false;
         self.unmoved = if reply == Reply::Unmoved { self.unmoved + 1 } else { 0 };
-        let in_doubt = phase == Phase::Doubting;
+        let is_in_doubt = phase == Phase::Doubting;
         match reply {
-            Reply::Right if in_doubt => return Verdict::Right,
+            Reply::Right if is_in_doubt => return Verdict::Right,
             // A right answer after a wrong one is not enough.
             Reply::Right if self.wrong > 0 => self.wrong -= 1,
             Reply::Right => self.confirm(),
             Reply::Wrong => {
                 self.wrong += 1;
                 if self.wrong >= WRONG_REPLIES {
-                    return if in_doubt {
+                    return if is_in_doubt {
                         Verdict::Fault(Trip::WrongWay)
                     } else {
                         Verdict::Doubt

@@ -79,8 +79,8 @@ impl Key {
         let (m, b, substep) = (self.mass, 1.0, PERIOD / SUBSTEPS as f64);
         for _ in 0..SUBSTEPS {
             let grip_force = self.grip.map_or(0.0, |grip| {
-                let (grip_now, grip_before) = ((grip.position)(self.time), (grip.position)(self.time - substep));
-                grip.k * (grip_now - self.x) + grip.z * ((grip_now - grip_before) / substep - self.v)
+                let (hand_position, hand_before) = ((grip.position)(self.time), (grip.position)(self.time - substep));
+                grip.k * (hand_position - self.x) + grip.z * ((hand_position - hand_before) / substep - self.v)
             });
             let net_force = force * self.motor + grip_force - b * self.v;
             // Dry friction holds the key up to its level.

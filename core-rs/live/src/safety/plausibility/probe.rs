@@ -51,11 +51,11 @@ pub(super) struct Probe {
 
 impl Probe {
     pub(super) fn new(kind: Suspicion, direction: f64, signs: &Signs, force: f64, axis: &AxisParameters) -> Self {
-        let holding = if kind == Suspicion::Stop { force.abs() } else { 0.0 };
+        let holding_force = if kind == Suspicion::Stop { force.abs() } else { 0.0 };
         let mut probe = Self {
             kind,
             direction,
-            max_force: SHAPES[kind as usize].1 + holding,
+            max_force: SHAPES[kind as usize].1 + holding_force,
             to_settle: 0,
             steps: 0,
             offset: 0.0,
@@ -101,7 +101,7 @@ impl Probe {
             }
             return Answer::Waiting;
         }
-        let (force_slope, _, longest) = SHAPES[self.kind as usize];
+        let (force_slope, _, max_duration) = SHAPES[self.kind as usize];
         self.steps += 1;
         let t = f64::from(self.steps) * axis.step;
         let pushing_force = if self.kind == Suspicion::Stop {
@@ -127,11 +127,11 @@ impl Probe {
         if is_clear && deviation * free_path > 0.0 && free_path.abs() >= 0.3 * least_deviation {
             return Answer::Right;
         }
-        let is_by_hand = self.kind == Suspicion::Run && deviation.abs() > ANSWER_RANGE.1 * free_path.abs();
-        if is_clear && deviation * free_path < 0.0 && free_path.abs() >= least_deviation && !is_by_hand {
+        let is_moved_by_hand = self.kind == Suspicion::Run && deviation.abs() > ANSWER_RANGE.1 * free_path.abs();
+        if is_clear && deviation * free_path < 0.0 && free_path.abs() >= least_deviation && !is_moved_by_hand {
             return Answer::Wrong;
         }
-        if t >= longest {
+        if t >= max_duration {
             return Answer::Unclear;
         }
         let force_offset = self.direction * force_slope * (t + axis.step);

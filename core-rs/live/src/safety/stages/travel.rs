@@ -40,14 +40,20 @@ impl Travel {
 
     /// Why a key that was at `before` [m] cannot be at `x` after `since` [s], if it cannot; `velocities`: the mean of
     /// late, and that of the last step [m/s].
-    pub(in crate::safety) fn fault(&self, x: f64, before: f64, velocities: [f64; 2], since: f64) -> Option<Trip> {
+    pub(in crate::safety) fn fault(
+        &self,
+        position: f64,
+        position_before: f64,
+        velocities: [f64; 2],
+        elapsed_time: f64,
+    ) -> Option<Trip> {
         let [lower_end, upper_end] = self.range;
-        if x < lower_end || x > upper_end {
+        if position < lower_end || position > upper_end {
             return Some(Trip::OutsideTravel);
         }
         // A reply that was late, or early, seems to be a jump by the velocity times that time.
-        let possible = self.acceleration * since * since + velocities[0].abs() * LATE + self.error;
-        let is_jump = |velocity: &f64| (x - before - velocity * since).abs() > possible;
+        let max_deviation = self.acceleration * elapsed_time * elapsed_time + velocities[0].abs() * LATE + self.error;
+        let is_jump = |velocity: &f64| (position - position_before - velocity * elapsed_time).abs() > max_deviation;
         velocities.iter().all(is_jump).then_some(Trip::Jump)
     }
 }

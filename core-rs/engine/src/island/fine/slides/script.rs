@@ -32,22 +32,23 @@ pub(super) struct Pace {
 impl SlideScript {
     pub(super) fn new(script: &Script) -> Self {
         let dry_friction = |(link, run): (usize, &Run)| match &run.kind {
-            Kind::Dry { by, rate } => Some((link, (*by, *rate))),
+            Kind::Dry { by: friction, rate } => Some((link, (*friction, *rate))),
             _ => None,
         };
         let dry_links = script.links.iter().enumerate().filter_map(dry_friction);
         let (links, dry): (Vec<usize>, Vec<(Dry, f64)>) = dry_links.unzip();
-        let step_count = |(&link, &(by, rate)): (&usize, &(Dry, f64))| {
+        let step_count = |(&link, &(friction, rate)): (&usize, &(Dry, f64))| {
             let (first_joint, second_joint) = script.ends[link];
-            by.with(script.links[link].z)
+            friction
+                .with(script.links[link].z)
                 .steps(rate * script.jump(first_joint, second_joint) * script.rate.step())
         };
-        let steps_max = links.iter().zip(&dry).map(step_count).fold(1.0, f64::max);
+        let step_factor = links.iter().zip(&dry).map(step_count).fold(1.0, f64::max);
         let least_steps = (script.steps / 2).max(1);
-        let fast_steps = (least_steps as f64 * steps_max).ceil().min(STEPS_MAX as f64 / 4.0) as usize;
-        let end_pairs = links.iter().flat_map(|&to| {
+        let fast_steps = (least_steps as f64 * step_factor).ceil().min(STEPS_MAX as f64 / 4.0) as usize;
+        let end_pairs = links.iter().flat_map(|&to_link| {
             let from_link = links.iter();
-            from_link.map(move |&from_link| [script.ends[to], script.ends[from_link]])
+            from_link.map(move |&from_link| [script.ends[to_link], script.ends[from_link]])
         });
         let responses: Vec<Vec<f64>> = end_pairs.map(|ends| velocity_response(script, ends)).collect();
         Self {
@@ -59,8 +60,8 @@ impl SlideScript {
     }
 
     /// The even steps, if a level that depends on the velocity slides or if none does.
-    pub(super) fn pace(&self, falls: bool) -> &Pace {
-        &self.paces[usize::from(falls)]
+    pub(super) fn pace(&self, level_falls: bool) -> &Pace {
+        &self.paces[usize::from(level_falls)]
     }
 }
 
@@ -114,11 +115,13 @@ impl Integrals {
     pub(super) fn new(script: &Script, h: f64) -> Self {
         let (n_instants, step_seconds) = (script.basis.n(), h * script.rate.step());
         Self {
-            since: POINTS.map(|c| POINTS.map(|point| Instant::new(n_instants, c * (1.0 - point) * h))),
-            weights: POINTS.map(|c| {
+            since: POINTS.map(|outer_point| {
+                POINTS.map(|inner_point| Instant::new(n_instants, outer_point * (1.0 - inner_point) * h))
+            }),
+            weights: POINTS.map(|outer_point| {
                 std::array::from_fn(|inner| {
-                    let inner_weight = WEIGHTS[inner] * c * step_seconds;
-                    shares(POINTS[inner] * c).map(|share| inner_weight * share)
+                    let inner_weight = WEIGHTS[inner] * outer_point * step_seconds;
+                    shares(POINTS[inner] * outer_point).map(|share| inner_weight * share)
                 })
             }),
         }

@@ -24,7 +24,14 @@ struct Blow {
 impl Voice {
     /// Strike the key so that it does what is asked; returns the force on the free key [N]. `here` is the position
     /// asked for at this very frame, NaN if none.
-    pub(super) fn answer(&mut self, script: &VoiceScript, scene: &mut Scene<'_>, n: u64, ask: &Ask, here: f64) -> f64 {
+    pub(super) fn answer(
+        &mut self,
+        script: &VoiceScript,
+        scene: &mut Scene<'_>,
+        n: u64,
+        ask: &Ask,
+        asked_here: f64,
+    ) -> f64 {
         let wanted_force = self.wanted(script, scene, n, ask);
         let Some(running) = self.running.as_mut() else {
             return 0.0;
@@ -41,11 +48,11 @@ impl Voice {
         if target_frame == n + 1 {
             self.asked = asked_position;
         }
-        let over_limit = wanted_force.abs() > force_limit;
-        scene.reports[gesture_index].missed += u64::from(over_limit);
+        let is_over_limit = wanted_force.abs() > force_limit;
+        scene.reports[gesture_index].missed += u64::from(is_over_limit);
         if let (Ask::Pass(x), Touch::Tracked) = (ask, manner.touch) {
             // A tracked step that would need more than the limit leaves the key free.
-            if over_limit {
+            if is_over_limit {
                 return 0.0;
             }
             scene.targets.push(Target {
@@ -62,8 +69,8 @@ impl Voice {
             return script.free.needed(&self.free, *x, &self.targets, &mut self.buffers);
         }
         let force = match *ask {
-            _ if !over_limit => wanted_force,
-            Ask::Pass(x) => self.catch_up(script, [here, x], force_limit),
+            _ if !is_over_limit => wanted_force,
+            Ask::Pass(x) => self.catch_up(script, [asked_here, x], force_limit),
             Ask::Aim { .. } => maths::copysign(force_limit, wanted_force),
         };
         if !force.is_finite() || force == 0.0 {
@@ -81,7 +88,7 @@ impl Voice {
             let flight = &mut self.flight;
             blow.particle = flight.launch(scene.scheme, scene.body, script.struck, force);
         }
-        let strikes_itself = blow.particle.is_some();
+        let is_particle = blow.particle.is_some();
         blow.note(
             scene.scheme,
             scene.body,
@@ -89,7 +96,7 @@ impl Voice {
             scene.stream,
             &mut self.sparks,
         );
-        if !strikes_itself {
+        if !is_particle {
             scene.body.push(script.struck, force);
         }
         force
@@ -99,16 +106,17 @@ impl Voice {
     ///
     /// The distance e is closed no faster than half the limit can brake, √(2·½a·|e|): pushing with all force until the
     /// path is crossed would make the key swing far beyond it, again and again.
-    fn catch_up(&self, script: &VoiceScript, [asked_here, next]: [f64; 2], limit: f64) -> f64 {
+    fn catch_up(&self, script: &VoiceScript, [asked_here, asked_next]: [f64; 2], force_limit: f64) -> f64 {
         let (scheme, mat_index) = (&script.free.scheme, script.free.struck);
-        let asked_here = if asked_here.is_nan() { next } else { asked_here };
+        let asked_here = if asked_here.is_nan() { asked_next } else { asked_here };
         let path_distance = asked_here - self.free.body.x[mat_index];
         // a·T² = limit/M, in metres a step, squared.
-        let closing = (limit * scheme.w[mat_index] * path_distance.abs())
+        let closing_step = (force_limit * scheme.w[mat_index] * path_distance.abs())
             .sqrt()
             .min(path_distance.abs());
-        let aim_position = self.free.body.x[mat_index] + (next - asked_here) + maths::copysign(closing, path_distance);
-        kernel::needed(scheme, &self.free.body, mat_index, aim_position).clamp(-limit, limit)
+        let aim_position =
+            self.free.body.x[mat_index] + (asked_next - asked_here) + maths::copysign(closing_step, path_distance);
+        kernel::needed(scheme, &self.free.body, mat_index, aim_position).clamp(-force_limit, force_limit)
     }
 
     /// Read back the ergon that holds a tracked key, once all other forces of the frame are known.

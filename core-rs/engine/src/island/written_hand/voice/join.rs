@@ -85,8 +85,9 @@ impl Voice {
             .begun
             .checked_sub(2)
             .map(|gesture_before| &scene.gestures[script.gestures[gesture_before]]);
-        let shares_point = gesture_before.is_some_and(|it| {
-            n.abs_diff(it.last()) < gesture.score_frame() && (it.gesture.exit - gesture.gesture.entry.x).abs() <= AGREES
+        let shares_point = gesture_before.is_some_and(|earlier_gesture| {
+            n.abs_diff(earlier_gesture.last()) < gesture.score_frame()
+                && (earlier_gesture.gesture.exit - gesture.gesture.entry.x).abs() <= AGREES
         });
         let agrees = shares_point
             || [path.evaluate(knot_now.t).0, gesture.gesture.entry.x]

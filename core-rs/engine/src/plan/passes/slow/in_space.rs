@@ -11,8 +11,8 @@ use crate::scheme::Scheme;
 use crate::units::Rate;
 
 /// A body with links in space, or why it is not stable at that rate.
-pub(super) fn slow(rate: Rate, (part, every): (usize, u32), body: &Body, subset: Subset) -> Result<Slow, String> {
-    let macro_frames = f64::from(every);
+pub(super) fn slow(rate: Rate, (part, macrostep): (usize, u32), body: &Body, subset: Subset) -> Result<Slow, String> {
+    let macro_frames = f64::from(macrostep);
     let macro_rate = Rate::new(rate.hertz() / macro_frames).map_err(|error| error.to_string())?;
     let stiff_message = || "its springs are too stiff for that rate".to_owned();
     let macro_scheme = Scheme::new(&subset.network, macro_rate).map_err(|error| error.to_string())?;
@@ -24,7 +24,7 @@ pub(super) fn slow(rate: Rate, (part, every): (usize, u32), body: &Body, subset:
     let free = free(body, &subset);
     let solution = Solution {
         turn,
-        kick_every: every,
+        kick_every: macrostep,
         rest: vec![0.0; free.len()],
         w: free
             .iter()
@@ -34,5 +34,5 @@ pub(super) fn slow(rate: Rate, (part, every): (usize, u32), body: &Body, subset:
         is_discrete: false,
     };
     let springs = Springs::Stepped(Arc::new(macro_scheme));
-    solution.slow(rate, (part, every), body, subset, |_, _| springs)
+    solution.slow(rate, (part, macrostep), body, subset, |_, _| springs)
 }
