@@ -248,7 +248,7 @@ impl Integrator {
     }
 
     /// Whether all positions are finite and within range.
-    pub(crate) fn sound(&self) -> bool {
+    pub(crate) fn is_bounded(&self) -> bool {
         passes::are_in_range(self.positions())
     }
 

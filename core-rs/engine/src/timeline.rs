@@ -95,7 +95,7 @@ pub(crate) struct Strike {
     pub(crate) mat: u32,
     pub(crate) source: u32,
     /// How long it lasts, in 1/44,100 s; 1: it acts at one instant.
-    pub(crate) frames: u32,
+    pub(crate) n_parts: u32,
     /// [N·s]
     pub(crate) impulse: f64,
 }
@@ -300,7 +300,7 @@ impl Timeline {
         lasts: Option<f64>,
         source: u32,
     ) -> Result<(), StrikeError> {
-        let frames = self.frames_of(network, mat, lasts)?;
+        let n_parts = self.parts_of_duration(network, mat, lasts)?;
         finite("impulse", impulse)?;
         instant(time)?;
         movable(network, mat)?;
@@ -312,7 +312,7 @@ impl Timeline {
                 instant: time,
                 mat: mat as u32,
                 source,
-                frames,
+                n_parts,
                 impulse,
             });
         }
@@ -320,7 +320,7 @@ impl Timeline {
     }
 
     /// How long a strike of `lasts` [s] on a MAT lasts, in 1/44,100 s.
-    fn frames_of(&self, network: &Network, mat: usize, lasts: Option<f64>) -> Result<u32, StrikeError> {
+    fn parts_of_duration(&self, network: &Network, mat: usize, lasts: Option<f64>) -> Result<u32, StrikeError> {
         let part_index = network.mats().part[mat] as usize;
         let is_discrete = network.parts()[part_index].ca_rate.is_some();
         let lasts = lasts.unwrap_or(if is_discrete { 0.0 } else { pulse::CONTACT });
@@ -428,8 +428,8 @@ impl Timeline {
         lasts: Option<f64>,
     ) -> Result<(), StrikeError> {
         movable(network, mat)?;
-        let frames = self.frames_of(network, mat, lasts)?;
-        let strike_source = Source::Strikes { point, frames };
+        let n_parts = self.parts_of_duration(network, mat, lasts)?;
+        let strike_source = Source::Strikes { point, n_parts };
         self.drive(mat, DriveKind::Force, strike_source, false)
     }
 

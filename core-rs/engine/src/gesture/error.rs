@@ -29,7 +29,7 @@ pub enum GestureError {
     TrackedParticle,
     /// A joining time, force limit or grain that is not a positive number.
     #[error("{what} must be a positive number, not {value}")]
-    Positive {
+    NotPositive {
         /// Name of the number.
         what: &'static str,
         /// Its value.
@@ -51,7 +51,7 @@ impl GestureError {
             | Self::NoKey(_)
             | Self::Shape
             | Self::TrackedParticle
-            | Self::Positive { .. } => None,
+            | Self::NotPositive { .. } => None,
         }
     }
 }

@@ -139,7 +139,7 @@ impl Manner {
             if value.is_finite() && value >= least {
                 Ok(())
             } else {
-                Err(GestureError::Positive { what, value })
+                Err(GestureError::NotPositive { what, value })
             }
         };
         if (self.touch, self.ergons) == (Touch::Tracked, Ergons::Particle) {

@@ -6,7 +6,7 @@
 //! links and ties. Outside forces act at the beginning of the frame, as in a frame of one step.
 
 use super::{CALM_FRAMES, CALM_SHARE, Guard, MAX_STEPS};
-use crate::kernel::{fine_steps, sound};
+use crate::kernel::{fine_steps, is_bounded};
 
 /// A network that the guard can step.
 pub(crate) trait Stage {
@@ -136,6 +136,6 @@ impl Guard {
         }
         self.finer_frames.frames += 1;
         self.finer_frames.steps_max = self.finer_frames.steps_max.max(steps);
-        x.iter().all(|&x| sound(x))
+        x.iter().all(|&x| is_bounded(x))
     }
 }

@@ -231,7 +231,7 @@ wide! {
     pub(super) fn are_in_range(x: &[f64]) -> bool {
         let bad = x
             .iter()
-            .fold(0_u64, |bad, &x| bad | u64::from(!crate::kernel::sound(x)));
+            .fold(0_u64, |bad, &x| bad | u64::from(!crate::kernel::is_bounded(x)));
         bad == 0
     }
 }

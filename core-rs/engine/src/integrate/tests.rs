@@ -81,7 +81,7 @@ fn play(mut it: Integrator, frames: usize, strikes: &[(usize, usize, f64)]) -> V
             .map(|strike| (strike.1, strike.2))
             .collect();
         it.step(&frame_strikes, &mut ThreadTeam::alone());
-        if !it.sound() {
+        if !it.is_bounded() {
             break;
         }
         position_frames.push(it.positions().to_vec());

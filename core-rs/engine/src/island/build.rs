@@ -90,8 +90,8 @@ impl Island {
         let strike_points = strike_points(timeline);
         let (sound_drives, played) = sound_drives(&timeline.drives);
         // A contact that is computed finely is added to the CEL's own motion, so the CEL still counts as alone.
-        let touches = |mat| matter.fine.as_ref().map_or(0, |fine| fine.touches(mat));
-        let pushes = pushes(&network, timeline, |mat| network.degree(mat) == touches(mat));
+        let fine_ends = |mat| matter.fine.as_ref().map_or(0, |fine| fine.link_ends_on(mat));
+        let pushes = pushes(&network, timeline, |mat| network.degree(mat) == fine_ends(mat));
         let state = State {
             frame: 0,
             values: Values {

@@ -6,7 +6,7 @@
 
 use super::energy_account;
 use super::fault::Fault;
-use super::fine::HAIR;
+use super::fine::OPEN_MARGIN;
 use super::step::StepOutputs;
 use super::{Island, energy_rise, inside};
 use crate::kernel;
@@ -55,7 +55,10 @@ impl Island {
         let (script, state) = (&*self.script, &mut self.state);
         let (scheme, first_step) = (&script.scheme, state.frame);
         let mut fine_state = state.matter.fine.as_mut();
-        if fine_state.as_ref().is_some_and(|fine_state| !fine_state.is_done()) || !are_open(scheme, &state.matter.body)
+        if fine_state
+            .as_ref()
+            .is_some_and(|fine_state| !fine_state.has_no_later_force())
+            || !are_open(scheme, &state.matter.body)
         {
             return Ok(0);
         }
@@ -109,7 +112,7 @@ impl Island {
                 }
             }
             if steps_done == 0 {
-                fine_state.iter_mut().for_each(|fine_state| fine_state.rest(body));
+                fine_state.iter_mut().for_each(|fine_state| fine_state.set_open(body));
                 for run in &scheme.runs {
                     // With the sign of zero that an open contact's force has.
                     body.link[run.links()].fill(0.0 * contact(run).map_or(0.0, But::sign));
@@ -171,7 +174,7 @@ fn cannot_close(scheme: &Scheme, swing: impl Fn(usize) -> [f64; 2]) -> bool {
         (0..run.len).all(|i| {
             let (first_mat, second_mat) = (run.a + i, run.b + i);
             let rest_elongation = scheme.rest[second_mat] - scheme.rest[first_mat] - run.rest;
-            contact_side * rest_elongation + (swing(first_mat)[0] + swing(second_mat)[0]) * (1.0 + SLACK) < -HAIR
+            contact_side * rest_elongation + (swing(first_mat)[0] + swing(second_mat)[0]) * (1.0 + SLACK) < -OPEN_MARGIN
         })
     })
 }

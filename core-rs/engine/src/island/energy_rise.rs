@@ -110,7 +110,7 @@ impl Rise {
         let is_port = |mat: usize| bodies.iter().any(|body| body.has_port(mat));
         let mats = network.mats();
         let mat_motion = |mat: usize| {
-            let fine_link_count = fine.map_or(0, |fine| fine.touches(mat));
+            let fine_link_count = fine.map_or(0, |fine| fine.link_ends_on(mat));
             let (m, k, z) = (mats.m[mat], mats.k[mat], mats.z[mat]);
             match mats.kind[mat] {
                 _ if scheme.w[mat] == 0.0 || is_port(mat) => Motion::None,
@@ -248,7 +248,7 @@ impl Island {
                     .matter
                     .fine
                     .as_ref()
-                    .map_or(0.0, |fine_state| fine_state.later_at(mat))
+                    .map_or(0.0, |fine_state| fine_state.next_frame_force_at(mat))
             };
             match motion {
                 Motion::None => {}

@@ -28,7 +28,7 @@ pub struct Fault {
     /// The module that diverged first, by its name in the score.
     pub module: String,
     /// Message about the energy that the module created; `None`: its motion diverged.
-    pub gain: Option<String>,
+    pub energy_message: Option<String>,
     /// The part of the module.
     pub part: String,
     /// Frame of the fault.
@@ -40,7 +40,7 @@ pub struct Fault {
 impl Fault {
     fn sentence(&self) -> String {
         let Self { module, seconds, .. } = self;
-        self.gain.clone().unwrap_or_else(|| {
+        self.energy_message.clone().unwrap_or_else(|| {
             format!("the motion of {module} diverged at {seconds:.3} s; reduce K, weaken the strikes or raise the rate")
         })
     }
@@ -130,7 +130,7 @@ impl Island {
             }
             self.mute(part, fault_step);
         }
-        while let Some(faulty_mat) = self.unsound_mat() {
+        while let Some(faulty_mat) = self.diverged_mat() {
             let part = self.script.scheme.part[faulty_mat] as usize;
             if self.script.on_fault == OnFault::Stop {
                 return Err(self.fault_of(self.network.mat_name(faulty_mat), part, None));
@@ -141,16 +141,16 @@ impl Island {
     }
 
     /// A MAT whose position is beyond all bounds, one that moves if there is one.
-    fn unsound_mat(&self) -> Option<usize> {
+    fn diverged_mat(&self) -> Option<usize> {
         let (positions, inverse_masses) = (&self.state.matter.body.x, &self.script.scheme.w);
-        let unsound = (0..positions.len()).filter(|&mat| !kernel::sound(positions[mat]));
-        unsound.min_by_key(|&mat| inverse_masses[mat] == 0.0)
+        let diverged = (0..positions.len()).filter(|&mat| !kernel::is_bounded(positions[mat]));
+        diverged.min_by_key(|&mat| inverse_masses[mat] == 0.0)
     }
 
     pub(super) fn fault_of(&self, module: String, part: usize, gain: Option<Gain>) -> Fault {
         let seconds = self.state.frame as f64 / self.script.scheme.rate;
         Fault {
-            gain: gain.map(|gain| gain.sentence(&module, seconds)),
+            energy_message: gain.map(|energy_message| energy_message.sentence(&module, seconds)),
             module,
             part: self.network.parts()[part].name.clone(),
             frame: self.state.frame,
@@ -169,7 +169,7 @@ impl Island {
         let is_muted: Vec<bool> = scheme.part.iter().map(|&own| own as usize == part).collect();
         for (mat, _) in is_muted.iter().enumerate().filter(|(_, is_muted)| **is_muted) {
             // A rest position beyond all bounds would cause the next fault at once.
-            let rest_position = Some(scheme.rest[mat]).filter(|&x| kernel::sound(x));
+            let rest_position = Some(scheme.rest[mat]).filter(|&x| kernel::is_bounded(x));
             state.matter.body.x[mat] = rest_position.unwrap_or(0.0);
             state.matter.body.d[mat] = 0.0;
             (scheme.w[mat], scheme.kappa[mat], scheme.zeta[mat]) = (0.0, 0.0, 0.0);

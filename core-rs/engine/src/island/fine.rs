@@ -31,11 +31,12 @@ use script::Script;
 use slides::Frictions;
 use sprung::Sprung;
 
-/// Most steps a frame for which links are computed finer while they run, and by how much at once.
+/// Most steps a frame to which links that run are refined.
 const STEPS_MAX: usize = 64;
-const FINER: usize = 4;
+/// A refinement multiplies the steps a frame by this.
+const REFINEMENT_FACTOR: usize = 4;
 /// A contact that is further than this from closing stays open, however its distance is rounded [m].
-pub(super) const HAIR: f64 = 1e-9;
+pub(super) const OPEN_MARGIN: f64 = 1e-9;
 
 /// Running contacts and laws.
 #[derive(Clone, Debug)]
@@ -47,9 +48,9 @@ pub(crate) struct Fine {
     /// Dry friction; then there are no contacts and no laws.
     frictions: Frictions,
     /// Free path of each joint in this frame, if no link pushes it, at the instants of the frame   (n_joints · n)
-    values: Vec<f64>,
+    free_paths: Vec<f64>,
     /// Impulses on each joint in this frame, converted to impulses at the instants of the frame   (n_joints · n)
-    pushed: Vec<f64>,
+    frame_impulses: Vec<f64>,
     /// Path of each joint in this frame, by coefficients   (n_joints · n)
     paths: Vec<f64>,
     /// Sum of the impulses on each joint in this frame, each times the polynomials at its instant   (n_joints · n)
@@ -59,11 +60,12 @@ pub(crate) struct Fine {
     /// What the impulses of this frame add to each crowded body.
     crowded: Vec<CrowdedMotion>,
     /// Force that each stepped joint still feels in the next frame   (n_joints)
-    later: Vec<f64>,
+    next_frame_forces: Vec<f64>,
     /// Force on each joint that acts over the whole frame [N]   (n_joints)
     steady: Vec<f64>,
-    /// Whether a contact may be closed in this frame, and whether it pushes.
-    near: Vec<bool>,
+    /// Whether each contact may be closed in this frame   (n_links)
+    may_close: Vec<bool>,
+    /// Whether each contact pushes   (n_links)
     pushes: Vec<bool>,
     /// Whether each contact has pushed since the beginning of the frame, or dry friction held at its end.
     rests: Vec<bool>,
@@ -73,9 +75,9 @@ pub(crate) struct Fine {
     forces: Vec<f64>,
     depths: Vec<f64>,
     /// K and Z of each link at the start of this frame, and at its end   (n_links)
-    numbers: Vec<[[f64; 2]; 2]>,
+    link_constants: Vec<[[f64; 2]; 2]>,
     /// 1/M, κ and ζ of each joint at the start of this frame and at its end   (n_joints)
-    joint_numbers: Vec<[[f64; 3]; 2]>,
+    joint_constants: Vec<[[f64; 3]; 2]>,
     /// Whether each joint has glided since the tables of laws were made   (n_joints)
     has_glided: Vec<bool>,
     /// Points that steps hold too, where energy may be created.
@@ -94,13 +96,23 @@ impl State for Fine {
         let mut step_count = self.script.steps;
         step_count.archive(archive)?;
         self.set_steps(step_count.min(STEPS_MAX));
-        state_of!(self, archive, laws, later, rests, has_glided, has_touched, sprung, work)?;
+        state_of!(
+            self,
+            archive,
+            laws,
+            next_frame_forces,
+            rests,
+            has_glided,
+            has_touched,
+            sprung,
+            work
+        )?;
         if matches!(archive, Archive::Read(_)) && self.has_glided.contains(&true) {
             // With NaN, the next frame that needs these joints retunes them.
             let joints = &mut Arc::make_mut(&mut self.script).joints;
             let glided_joints = joints.iter_mut().zip(&self.has_glided);
             for (joint, _) in glided_joints.filter(|(_, has_glided)| **has_glided) {
-                joint.numbers = [[f64::NAN; 3]; 2];
+                joint.constants = [[f64::NAN; 3]; 2];
             }
         }
         Ok(())
@@ -133,7 +145,7 @@ impl Fine {
     /// Compute contacts and laws finer from now on, if that is possible: their steps have created energy.
     pub(super) fn refine(&mut self) {
         if self.frictions.is_empty() {
-            self.set_steps((FINER * self.script.steps).min(STEPS_MAX));
+            self.set_steps((REFINEMENT_FACTOR * self.script.steps).min(STEPS_MAX));
         }
     }
 
@@ -154,7 +166,7 @@ impl Fine {
     /// Take over the state of the same contacts and laws in another version.
     pub(super) fn continue_from(&mut self, old: &mut Self) {
         self.set_steps(old.script.steps);
-        std::mem::swap(&mut self.later, &mut old.later);
+        std::mem::swap(&mut self.next_frame_forces, &mut old.next_frame_forces);
         if self.rests.len() == old.rests.len() {
             self.rests.copy_from_slice(&old.rests);
         }
@@ -166,16 +178,16 @@ impl Fine {
         self.has_touched = old.has_touched;
     }
 
-    /// Bend of the bristles of a link [m]; `None` if it is not computed here.
-    pub(super) fn bristle_bend(&self, link: usize) -> Option<f64> {
+    /// Deflection of the bristles of a link [m]; `None` if it is not computed here.
+    pub(super) fn bristle_deflection(&self, link: usize) -> Option<f64> {
         let law_index = self.law_of(link)?;
         Some(self.laws[law_index].bristle_at_start())
     }
 
-    /// Set the bend of the bristles of a link [m], if it is computed here.
-    pub(super) fn set_bend(&mut self, link: usize, deflection: f64) {
+    /// Set the deflection of the bristles of a link [m], if it is computed here.
+    pub(super) fn set_bristle_deflection(&mut self, link: usize, deflection: f64) {
         if let Some(law_index) = self.law_of(link) {
-            self.laws[law_index].set_bend(deflection);
+            self.laws[law_index].set_bristle_deflection(deflection);
         }
     }
 
@@ -186,16 +198,16 @@ impl Fine {
         law_links.position(|&link_index| link_runs[link_index].first == link)
     }
 
-    /// Remove the links on the marked MATs (n_mat), and bodies that leave; returns the removed links. `places` gives
+    /// Remove the links on the marked MATs (n_mat), and bodies that leave; returns the removed links. `new_indices` gives
     /// the new index of each body that stays (n_bodies).
     pub(super) fn release(&mut self, is_released: &[bool], new_indices: &[Option<usize>]) -> Vec<usize> {
         // A part leaves at most once in a run, so a copy of the script is acceptable.
         let script = Arc::make_mut(&mut self.script);
-        for (joint, later) in script.joints.iter_mut().zip(&mut self.later) {
+        for (joint, next_frame_force) in script.joints.iter_mut().zip(&mut self.next_frame_forces) {
             joint.port = (joint.port).and_then(|(owner, port)| Some((new_indices[owner]?, port)));
             if is_released[joint.mat] {
                 joint.cell = None;
-                *later = 0.0;
+                *next_frame_force = 0.0;
             }
         }
         let link_stays: Vec<bool> = (script.links.iter())
@@ -210,13 +222,13 @@ impl Fine {
         keep(&mut self.laws, &law_stays);
         keep(&mut script.links, &link_stays);
         keep(&mut script.ends, &link_stays);
-        keep(&mut self.near, &link_stays);
+        keep(&mut self.may_close, &link_stays);
         keep(&mut self.pushes, &link_stays);
         keep(&mut self.rests, &link_stays);
         keep(&mut self.located, &link_stays);
         keep(&mut self.forces, &link_stays);
         keep(&mut self.depths, &link_stays);
-        keep(&mut self.numbers, &link_stays);
+        keep(&mut self.link_constants, &link_stays);
         *law_script = LawScript::new(script);
         self.frictions = Frictions::new(script);
         self.sprung.release(is_released);
@@ -225,29 +237,29 @@ impl Fine {
 
     /// Multiply K and Z of a link, if it is still here, by factors at the start and at the end of this frame.
     pub(super) fn lead(&mut self, link: usize, factors: [[f64; 2]; 2]) {
-        for (run, numbers) in self.script.links.iter().zip(&mut self.numbers) {
+        for (run, constants) in self.script.links.iter().zip(&mut self.link_constants) {
             if run.first == link {
-                *numbers = factors.map(|[of_k, of_z]| [run.k * of_k, run.z * of_z]);
+                *constants = factors.map(|[of_k, of_z]| [run.k * of_k, run.z * of_z]);
             }
         }
     }
 
     /// Set 1/M, κ and ζ of the joint of a MAT that glides, at the start and at the end of this frame.
-    pub(super) fn glide(&mut self, mat: usize, numbers: [[f64; 3]; 2]) {
+    pub(super) fn glide(&mut self, mat: usize, constants: [[f64; 3]; 2]) {
         let is_stepped = |joint: &Joint| joint.mat == mat && joint.cell.is_some();
         if let Some(joint) = self.script.joints.iter().position(is_stepped) {
-            self.joint_numbers[joint] = numbers;
+            self.joint_constants[joint] = constants;
         }
     }
 
     /// Retune the joints that have glided since a frame was last computed: where no contact is near, their tables are
     /// not used.
     fn retune(&mut self) {
-        for (joint, &numbers) in self.joint_numbers.iter().enumerate() {
+        for (joint, &constants) in self.joint_constants.iter().enumerate() {
             let tuned_joint = &self.script.joints[joint];
-            if tuned_joint.cell.is_some() && tuned_joint.numbers != numbers {
+            if tuned_joint.cell.is_some() && tuned_joint.constants != constants {
                 // The script is copied once if another version of this simulation shares it.
-                let products = Arc::make_mut(&mut self.script).retune(joint, numbers);
+                let products = Arc::make_mut(&mut self.script).retune(joint, constants);
                 self.has_glided[joint] |= products.is_some();
                 self.work.products += products.unwrap_or(0);
             }
@@ -255,9 +267,9 @@ impl Fine {
     }
 
     /// K and Z of a link at an instant of this frame, 0 to 1.
-    fn numbers(&self, link: usize, s: f64) -> [f64; 2] {
-        let [start_numbers, end_numbers] = self.numbers[link];
-        std::array::from_fn(|i| start_numbers[i] + (end_numbers[i] - start_numbers[i]) * s)
+    fn link_constants_at(&self, link: usize, s: f64) -> [f64; 2] {
+        let [start_constants, end_constants] = self.link_constants[link];
+        std::array::from_fn(|i| start_constants[i] + (end_constants[i] - start_constants[i]) * s)
     }
 
     /// Work done so far, counted.
@@ -280,17 +292,18 @@ impl Fine {
     }
 
     /// The force that this frame leaves to the next on a MAT [N].
-    pub(super) fn later_at(&self, mat: usize) -> f64 {
-        let joint_forces = self.script.joints.iter().zip(&self.later);
-        let later_at_mat = joint_forces.filter(|(joint, _)| joint.mat == mat);
-        later_at_mat.map(|(_, later)| later).sum()
+    pub(super) fn next_frame_force_at(&self, mat: usize) -> f64 {
+        let joint_forces = self.script.joints.iter().zip(&self.next_frame_forces);
+        let mat_forces = joint_forces.filter(|(joint, _)| joint.mat == mat);
+        mat_forces.map(|(_, force)| force).sum()
     }
 
-    /// Tell the energy that each link stores at the end of the frame [J]; `open` says how far its gate is open.
+    /// Report the energy that each link stores at the end of the frame [J]; `gate_opening` gives how far its
+    /// gate is open.
     pub(super) fn energies(&self, body: &Body, gate_opening: impl Fn(&Run) -> f64, mut report_energy: impl FnMut(f64)) {
-        for (run, [_, [k, z]]) in self.script.links.iter().zip(&self.numbers) {
-            let link_energy = match (&run.kind, self.bristle_bend(run.first)) {
-                (Kind::Bristle { by, .. }, Some(bend)) => by.with(*k, *z).energy(bend),
+        for (run, [_, [k, z]]) in self.script.links.iter().zip(&self.link_constants) {
+            let link_energy = match (&run.kind, self.bristle_deflection(run.first)) {
+                (Kind::Bristle { by, .. }, Some(deflection)) => by.with(*k, *z).energy(deflection),
                 _ => {
                     let stiffness_ratio = if run.k == 0.0 { 1.0 } else { k / run.k };
                     stiffness_ratio * run.potential(run.elongation(0, |mat| body.x[mat]))
@@ -301,7 +314,7 @@ impl Fine {
     }
 
     /// Number of its links that end on a MAT.
-    pub(super) fn touches(&self, mat: usize) -> u32 {
+    pub(super) fn link_ends_on(&self, mat: usize) -> u32 {
         let link_runs = self.script.links.iter();
         link_runs
             .map(|run| u32::from(run.a == mat) + u32::from(run.b == mat))
@@ -309,23 +322,23 @@ impl Fine {
     }
 
     /// Whether the last frame left no force to this one.
-    pub(super) fn is_done(&self) -> bool {
-        self.later.iter().all(|later| *later == 0.0)
+    pub(super) fn has_no_later_force(&self) -> bool {
+        self.next_frame_forces.iter().all(|force| *force == 0.0)
     }
 
-    /// Whether every contact stays open in this frame, with a margin of `HAIR`, if its points move freely.
+    /// Whether every contact stays open in this frame, with a margin of `OPEN_MARGIN`, if its points move freely.
     pub(super) fn stays_open(&self, scheme: &Scheme, body: &Body) -> bool {
         let is_open = |run: &Run| {
             let next_position = |mat: usize| kernel::predict(scheme, body, mat);
             let distance_now = body.x[run.b] - body.x[run.a];
             let distance_next = next_position(run.b) - next_position(run.a);
-            nearest(run, distance_now - run.rest, distance_next - run.rest) < -HAIR
+            penetration_bound(run, distance_now - run.rest, distance_next - run.rest) < -OPEN_MARGIN
         };
         self.laws.is_empty() && self.frictions.is_empty() && self.script.links.iter().all(is_open)
     }
 
-    /// Whether no contact closes for as long as its points move freely; `swing` bounds the distance of each from its
-    /// rest position, and its step [m].
+    /// Whether no contact closes for as long as its points move freely; `motion_bounds` gives bounds on the
+    /// distance of each from its rest position, and on its step [m].
     pub(super) fn cannot_close(&self, scheme: &Scheme, motion_bounds: impl Fn(usize) -> [f64; 2], slack: f64) -> bool {
         let is_open = |run: &Run| {
             let Kind::But(contact) = &run.kind else {
@@ -335,7 +348,7 @@ impl Fine {
             let [reach_b, step_b] = motion_bounds(run.b);
             let rest_elongation = scheme.rest[run.b] - scheme.rest[run.a] - run.rest;
             let total_reach = (reach_a + reach_b + step_a + step_b) * (1.0 + slack);
-            contact.sign() * rest_elongation + total_reach < -2.0 * HAIR
+            contact.sign() * rest_elongation + total_reach < -2.0 * OPEN_MARGIN
         };
         let joints = &self.script.joints;
         self.laws.is_empty()
@@ -345,15 +358,15 @@ impl Fine {
     }
 
     /// Set the state that frames with open contacts leave.
-    pub(super) fn rest(&mut self, body: &mut Body) {
-        self.near.fill(false);
+    pub(super) fn set_open(&mut self, body: &mut Body) {
+        self.may_close.fill(false);
         self.rests.fill(false);
         for run in &self.script.links {
             body.link[run.first] = 0.0;
         }
     }
 
-    /// Note the forces that act over the whole frame: those of links and drives, before strikes are added.
+    /// Record the forces that act over the whole frame: those of links and drives, before strikes are added.
     pub(super) fn record_steady_forces(&mut self, scheme: &Scheme, body: &Body) {
         self.sprung.settle(scheme, body);
         for (joint, steady) in self.script.joints.iter().zip(&mut self.steady) {
@@ -363,10 +376,10 @@ impl Fine {
 
     /// Add the forces that the frame before left to this one.
     pub(super) fn apply_carried_forces(&mut self, body: &mut Body) {
-        self.sprung.record_later_forces(&self.later, body);
-        for (joint, later) in self.script.joints.iter().zip(&mut self.later) {
-            if *later != 0.0 {
-                body.push(joint.mat, std::mem::take(later));
+        self.sprung.record_carried_forces(&self.next_frame_forces, body);
+        for (joint, next_frame_force) in self.script.joints.iter().zip(&mut self.next_frame_forces) {
+            if *next_frame_force != 0.0 {
+                body.push(joint.mat, std::mem::take(next_frame_force));
             }
         }
     }
@@ -380,7 +393,7 @@ fn keep<T>(list: &mut Vec<T>, stay_flags: &[bool]) {
 
 /// Bound on the penetration of a contact between two elongations [m]: the larger of the two, plus the distance between
 /// them for what happens in between.
-fn nearest(run: &Run, elongation_now: f64, elongation_next: f64) -> f64 {
+fn penetration_bound(run: &Run, elongation_now: f64, elongation_next: f64) -> f64 {
     let Kind::But(contact) = &run.kind else {
         return f64::NEG_INFINITY;
     };

@@ -351,11 +351,11 @@ impl RunningBody {
     }
 
     /// Whether all positions are finite and plausible; those of modes always are.
-    pub(crate) fn sound(&self) -> bool {
+    pub(crate) fn is_bounded(&self) -> bool {
         match self {
             Self::Modal(_) => true,
-            Self::Mesh(mesh) => mesh.sound(),
-            Self::Slow(slow) => slow.sound(),
+            Self::Mesh(mesh) => mesh.is_bounded(),
+            Self::Slow(slow) => slow.is_bounded(),
         }
     }
 }

@@ -29,10 +29,10 @@ state!(Pending { impulses, n_left });
 /// The strike points among drives.
 pub(super) fn strike_points(timeline: &Timeline) -> Vec<StrikePoint> {
     let strike_point = |drive: &Drive| match drive.source {
-        Source::Strikes { point, frames } => Some(StrikePoint {
+        Source::Strikes { point, n_parts } => Some(StrikePoint {
             mat: drive.mat,
             point,
-            shares: timeline.steps_of_strike(frames),
+            shares: timeline.steps_of_strike(n_parts),
         }),
         _ => None,
     };

@@ -327,9 +327,12 @@ impl RunningMesh {
     /// The name and part of a MAT whose position is beyond all bounds.
     pub(crate) fn culprit(&self) -> Option<(String, usize)> {
         let x = self.integrator.positions();
-        let unsound_mat = x.iter().position(|&x| !crate::kernel::sound(x))?;
+        let diverged_mat = x.iter().position(|&x| !crate::kernel::is_bounded(x))?;
         let network = &self.plan.network;
-        Some((network.mat_name(unsound_mat), network.mats().part[unsound_mat] as usize))
+        Some((
+            network.mat_name(diverged_mat),
+            network.mats().part[diverged_mat] as usize,
+        ))
     }
 
     /// The name of a part whose links stiffened, and which frames were computed finer for it.
@@ -341,7 +344,7 @@ impl RunningMesh {
     }
 
     /// Whether all positions are finite and plausible.
-    pub(crate) fn sound(&self) -> bool {
-        self.integrator.sound()
+    pub(crate) fn is_bounded(&self) -> bool {
+        self.integrator.is_bounded()
     }
 }

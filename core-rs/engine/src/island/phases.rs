@@ -186,10 +186,10 @@ impl Frame<'_, '_> {
         }
         let partition = laws.mesh_partition.as_ref();
         let is_sound = kernel::advance(scheme, targets, body, partition, self.team);
-        let mut are_bodies_sound = true;
+        let mut are_bodies_bounded = true;
         for inside in &*bodies {
             inside.place(body);
-            are_bodies_sound &= inside.sound();
+            are_bodies_bounded &= inside.is_bounded();
         }
         kernel::proxies::gather(scheme, body);
         let finer_sound = recompute_finer(scheme, self.state, self.team);
@@ -207,7 +207,7 @@ impl Frame<'_, '_> {
             fine_state.rest_held(scheme, &mut matter.body);
         }
         Moved {
-            is_sound: finer_sound.unwrap_or(is_sound) && are_bodies_sound,
+            is_sound: finer_sound.unwrap_or(is_sound) && are_bodies_bounded,
             is_finer: finer_sound.is_some(),
         }
     }

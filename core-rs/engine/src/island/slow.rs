@@ -10,7 +10,7 @@ mod springs;
 
 use std::sync::Arc;
 
-use crate::kernel::sound;
+use crate::kernel::is_bounded;
 use crate::network::Network;
 use crate::state::Body;
 pub(crate) use blocks::{BlockFlow, Interface, MASSES_MAX, Present, Weights, best_block};
@@ -44,7 +44,7 @@ pub(crate) struct Slow {
     pub(crate) ports: Vec<(usize, usize)>,
     /// The other MATs; and for every MAT 1 if it is one of those, 0 if it is a port   (n)
     pub(crate) inner: Vec<usize>,
-    pub(crate) is_inner: Vec<f64>,
+    pub(crate) inner_mask: Vec<f64>,
     /// Whether it is computed as the discrete network, and not as continuous motion.
     pub(crate) is_discrete: bool,
     /// Outputs that hear it, each a weighted sum of positions.
@@ -228,7 +228,7 @@ impl RunningSlow {
             return (self.plan.rest[index] + displacement, step);
         }
         let kick_per_frame = self.kick[index] / f64::from(self.plan.kick_every);
-        let frames_since = f64::from(self.since) * self.plan.is_inner[index];
+        let frames_since = f64::from(self.since) * self.plan.inner_mask[index];
         (
             self.x[index] + frames_since * self.v[index],
             self.v[index] - kick_per_frame * self.ahead(self.since),
@@ -374,7 +374,7 @@ impl RunningSlow {
                 continue;
             }
             let weighted = |&(own, weight): &(usize, f64)| {
-                weight * (self.x[own] + frames_since * self.plan.is_inner[own] * self.v[own])
+                weight * (self.x[own] + frames_since * self.plan.inner_mask[own] * self.v[own])
             };
             out[*output as usize] += row.iter().map(weighted).sum::<f64>();
         }
@@ -498,20 +498,20 @@ impl RunningSlow {
 
     /// The name and part of a MAT whose position is beyond all bounds.
     pub(crate) fn culprit(&self) -> Option<(String, usize)> {
-        let mat_index = self.x.iter().position(|&x| !sound(x))?;
+        let mat_index = self.x.iter().position(|&x| !is_bounded(x))?;
         let mat_name = self.plan.network.mat_name(self.plan.free[mat_index]);
         Some((mat_name, self.plan.part))
     }
 
     /// Whether all positions are finite and plausible.
-    pub(crate) fn sound(&self) -> bool {
+    pub(crate) fn is_bounded(&self) -> bool {
         // Between the beginnings of two blocks only ports are known.
         let is_partial = self.springs.block().is_some_and(|block| !block.is_first());
         if is_partial {
             let mut ports = self.plan.ports.iter();
-            return ports.all(|&(port, _)| sound(self.x[port]));
+            return ports.all(|&(port, _)| is_bounded(self.x[port]));
         }
-        self.x.iter().all(|&x| sound(x))
+        self.x.iter().all(|&x| is_bounded(x))
     }
 }
 

@@ -31,7 +31,7 @@ pub(crate) enum ItemTakeover {
 impl State {
     /// The memory of a link [m]; infinite if the link is broken.
     pub(super) fn memory_of(&self, link: usize) -> f64 {
-        let fine = self.matter.fine.as_ref().and_then(|fine| fine.bristle_bend(link));
+        let fine = self.matter.fine.as_ref().and_then(|fine| fine.bristle_deflection(link));
         let stepped = self.matter.body.memory.get(link).copied();
         fine.or(stepped).unwrap_or(0.0)
     }
@@ -41,7 +41,7 @@ impl State {
             *link_memory = memory;
         }
         if let Some(fine_state) = &mut self.matter.fine {
-            fine_state.set_bend(link, memory);
+            fine_state.set_bristle_deflection(link, memory);
         }
     }
 }
@@ -202,7 +202,7 @@ impl Island {
     /// Set position and step in a frame of the scene [m] of a MAT; values that are not finite or plausible are ignored.
     pub(crate) fn set_motion(&mut self, mat: usize, (x, step): (f64, f64)) {
         self.begin_again();
-        if kernel::sound(x) && step.is_finite() {
+        if kernel::is_bounded(x) && step.is_finite() {
             self.state.matter.body.x[mat] = x;
             self.state.matter.body.d[mat] = step / self.steps_a_frame();
             if let Some(guard) = &mut self.state.watch.guard {

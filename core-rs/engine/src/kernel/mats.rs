@@ -30,7 +30,7 @@ pub(crate) fn centred(scheme: &Scheme, body: &Body, i: usize) -> f64 {
     (predict(scheme, body, i) - position_before) * (0.5 * scheme.rate)
 }
 
-/// Move every MAT by one frame, and each MAT with a target to its target. Returns whether all positions are sound.
+/// Move every MAT by one frame, and each MAT with a target to its target. Returns whether all positions are bounded.
 pub(crate) fn advance(
     scheme: &Scheme,
     targets: &mut [Target],
@@ -41,16 +41,16 @@ pub(crate) fn advance(
     for target in &mut *targets {
         target.previous = body.x[target.mat];
     }
-    let mut all_sound = match mesh_partition {
+    let mut all_bounded = match mesh_partition {
         Some(mesh_partition) => advance_free_in_ranges(mesh_partition, team, scheme, body),
         None => advance_free(scheme, body),
     };
     for target in targets {
         body.d[target.mat] = target.x - target.previous;
         body.x[target.mat] = target.x;
-        all_sound &= sound(target.x);
+        all_bounded &= is_bounded(target.x);
     }
-    all_sound
+    all_bounded
 }
 
 fn advance_free(scheme: &Scheme, body: &mut Body) -> bool {
@@ -74,17 +74,17 @@ fn advance_free_in_ranges(
         previous.swap(x, d);
     }
     let previous = body.previous.as_deref();
-    let all_sound = AtomicBool::new(true);
+    let all_bounded = AtomicBool::new(true);
     mesh_partition.ranges(team, [x, d], |mats, moved| {
         if !move_range(scheme, mats, force, previous, moved) {
-            all_sound.store(false, Ordering::Relaxed);
+            all_bounded.store(false, Ordering::Relaxed);
         }
     });
-    all_sound.into_inner()
+    all_bounded.into_inner()
 }
 
 /// Move a range of MATs: in place, or from the positions and steps in `from`. `force` holds the forces of all MATs,
-/// `moved` the positions and steps of the range. Returns whether all positions are sound.
+/// `moved` the positions and steps of the range. Returns whether all positions are bounded.
 fn move_range(
     scheme: &Scheme,
     mats: Range<usize>,
@@ -102,7 +102,7 @@ fn move_range(
         };
     }
     debug_assert!(scheme.are_alike(), "numbers change");
-    let mut all_sound = true;
+    let mut all_bounded = true;
     for alike in &scheme.alike {
         let part_range = alike.mats.start.max(mats.start)..alike.mats.end.min(mats.end);
         if part_range.is_empty() {
@@ -110,29 +110,29 @@ fn move_range(
         }
         let local_range = part_range.start - mats.start..part_range.end - mats.start;
         let (positions, last_steps) = (&mut positions[local_range.clone()], &mut last_steps[local_range]);
-        all_sound &= match from(&part_range) {
+        all_bounded &= match from(&part_range) {
             Some(from) => move_alike_from(alike.numbers, &force[part_range], from, positions, last_steps),
             None => move_alike(alike.numbers, &force[part_range], positions, last_steps),
         };
     }
-    all_sound
+    all_bounded
 }
 
 /// Move MATs in place: d += F·w − κ(x − rest) − ζd, x += d; `numbers` gives w, κ, ζ and rest of each. Returns whether
-/// all positions are sound.
+/// all positions are bounded.
 #[inline(always)]
 fn update(numbers: impl Fn(usize) -> [f64; 4], force: &[f64], x: &mut [f64], d: &mut [f64]) -> bool {
     let mat_count = force.len();
     let (x, d) = (&mut x[..mat_count], &mut d[..mat_count]);
-    let mut unsound_flag = 0_u64;
+    let mut diverged_flag = 0_u64;
     for i in 0..mat_count {
         let [w, kappa, zeta, rest_position] = numbers(i);
         let step_change = force[i] * w - kappa * (x[i] - rest_position) - zeta * d[i];
         d[i] += step_change;
         x[i] += d[i];
-        unsound_flag |= u64::from(!sound(x[i]));
+        diverged_flag |= u64::from(!is_bounded(x[i]));
     }
-    unsound_flag == 0
+    diverged_flag == 0
 }
 
 /// [`update`] from positions and steps in `from`, which are not changed.
@@ -147,19 +147,19 @@ fn update_from(
     let mat_count = force.len();
     let [previous, previous_steps] = from.map(|from| &from[..mat_count]);
     let (x, d) = (&mut x[..mat_count], &mut d[..mat_count]);
-    let mut unsound_flag = 0_u64;
+    let mut diverged_flag = 0_u64;
     for i in 0..mat_count {
         let [w, kappa, zeta, rest_position] = numbers(i);
         let step_change = force[i] * w - kappa * (previous[i] - rest_position) - zeta * previous_steps[i];
         d[i] = previous_steps[i] + step_change;
         x[i] = previous[i] + d[i];
-        unsound_flag |= u64::from(!sound(x[i]));
+        diverged_flag |= u64::from(!is_bounded(x[i]));
     }
-    unsound_flag == 0
+    diverged_flag == 0
 }
 
 wide! {
-    /// Move MATs in place; `numbers` are w, κ, ζ and rest, (n) each. Returns whether all positions are sound.
+    /// Move MATs in place; `numbers` are w, κ, ζ and rest, (n) each. Returns whether all positions are bounded.
     pub(super) fn move_all(
         numbers: [&[f64]; 4],
         force: &[f64],
@@ -234,6 +234,6 @@ wide! {
 
 /// Whether a position is finite and within [`POSITION_MAX`]; false for NaN.
 #[inline(always)]
-pub(crate) fn sound(x: f64) -> bool {
+pub(crate) fn is_bounded(x: f64) -> bool {
     x.abs() <= POSITION_MAX
 }

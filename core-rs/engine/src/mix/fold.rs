@@ -22,7 +22,7 @@ pub enum FoldError {
     Taps(usize),
     /// A coefficient that is not finite.
     #[error("coefficients of a fold are finite numbers")]
-    Infinite,
+    NotFinite,
 }
 
 /// A filter from each input channel to each output channel, in direct form.
@@ -79,7 +79,7 @@ impl Fold {
             return Err(FoldError::Taps(filters.len()));
         }
         if !filters.iter().all(|h| h.is_finite()) {
-            return Err(FoldError::Infinite);
+            return Err(FoldError::NotFinite);
         }
         let (mut ways, mut taps) = (Vec::new(), Vec::new());
         for to in 0..n_out {
@@ -231,6 +231,6 @@ mod tests {
         assert_eq!(Fold::new(0, 1, &[]).err(), Some(FoldError::Channels(0, 1)));
         assert_eq!(Fold::new(2, 2, &[]).err(), Some(FoldError::Taps(0)));
         assert_eq!(Fold::new(2, 2, &[1.0; 6]).err(), Some(FoldError::Taps(6)));
-        assert_eq!(Fold::new(1, 1, &[f64::NAN]).err(), Some(FoldError::Infinite));
+        assert_eq!(Fold::new(1, 1, &[f64::NAN]).err(), Some(FoldError::NotFinite));
     }
 }

@@ -97,9 +97,9 @@ impl Network {
         }
         let mode_ties: Vec<(f64, f64)> = modes.iter().map(|&(f, t60)| self.tie(1.0, f, Some(t60))).collect();
         let (f, t60) = ADDED;
-        let beyond = self.ca_rate().map_or(f, |rate| f.min(0.27 * rate.hertz()));
-        let beyond = self.tie(1.0, beyond, Some(t60));
-        let body = generator::modal_body(mass, &mode_ties, levels, beyond)
+        let added_frequency = self.ca_rate().map_or(f, |rate| f.min(0.27 * rate.hertz()));
+        let added_tie = self.tie(1.0, added_frequency, Some(t60));
+        let body = generator::modal_body(mass, &mode_ties, levels, added_tie)
             .map_err(|error| self.refused(name, &error.to_string()))?;
         let mass_count = body.masses.len();
         self.check_capacity(name, mass_count * mass_count)?;
@@ -300,7 +300,7 @@ impl Network {
         } else if fixed_count > 1 {
             self.names.add_mats(after_mats, 1, false, format!("{end_name}.1"), 0);
         }
-        let links = self.n_lia;
+        let first_link = self.n_lia;
         // Runs with the same factor share one law.
         let mut factor_laws: Vec<(f64, Arc<Law>)> = Vec::new();
         let mat_of_point = |i: usize| match i {
@@ -328,12 +328,12 @@ impl Network {
         }
         if stretching > 0.0 {
             let law = Arc::new(Law::shared(stretching));
-            let links = fixed_count + mat_count - 1;
+            let link_count = fixed_count + mat_count - 1;
             let row_start = first_mat - fixed_before;
-            self.add_run(LinkKind::Lnl(law), row_start, row_start + 1, links, [0.0; 3]);
+            self.add_run(LinkKind::Lnl(law), row_start, row_start + 1, link_count, [0.0; 3]);
         }
         self.names
-            .add_links(links, self.n_lia - links, true, format!("{module_name}.link"));
+            .add_links(first_link, self.n_lia - first_link, true, format!("{module_name}.link"));
         Ok(first_mat)
     }
 }

@@ -33,7 +33,7 @@ impl Timeline {
         let is_before = |t: f64| t < instant - SAME;
         // A strike acts as long as it lasts, and a frame or a step of a part that is stepped less often.
         let acts_since = |strike: &Strike| {
-            let duration = f64::from(strike.frames) / PARTS_A_SECOND;
+            let duration = f64::from(strike.n_parts) / PARTS_A_SECOND;
             frame.saturating_sub(GRID) as f64 / frame_rate - duration
         };
         let gestures = gestures.iter().filter_map(|&index| self.gestures.get(index));

@@ -42,7 +42,7 @@ pub enum Source {
         /// Number of the point.
         point: u32,
         /// How long each strike lasts, in 1/44,100 s; 1: it acts at one instant.
-        frames: u32,
+        n_parts: u32,
     },
     /// An input: its values times `scale`.
     SoundIn {

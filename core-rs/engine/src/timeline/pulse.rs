@@ -74,7 +74,7 @@ impl Timeline {
             Instants::OfScore => score_frame(strike_instant, frame_rate, self.oversampling),
             Instants::Nearest => frame(strike_instant, frame_rate),
         };
-        shares(strike.frames).map(move |(after, share)| {
+        shares(strike.n_parts).map(move |(after, share)| {
             let after = f64::from(after) * spacing;
             let (frame, alpha) = if matches!(instants, Instants::Exact) {
                 let exact_frame = strike_instant * frame_rate + after;
@@ -95,7 +95,7 @@ impl Timeline {
     pub(super) fn impulses_of(&self, strike: &Strike) -> impl Iterator<Item = (f64, f64)> {
         let (strike_instant, impulse) = (strike.instant, strike.impulse);
         let part_spacing = 1.0 / PARTS_A_SECOND;
-        shares(strike.frames)
+        shares(strike.n_parts)
             .map(move |(after, share)| (strike_instant + f64::from(after) * part_spacing, share * impulse))
     }
 
@@ -110,12 +110,12 @@ impl Timeline {
     }
 
     /// The share of a strike's impulse in each step, if it begins on frame 0.
-    pub(crate) fn steps_of_strike(&self, frames: u32) -> Vec<f64> {
+    pub(crate) fn steps_of_strike(&self, n_parts: u32) -> Vec<f64> {
         let strike = Strike {
             instant: 0.0,
             mat: 0,
             source: 0,
-            frames,
+            n_parts,
             impulse: 1.0,
         };
         let mut step_shares = Vec::new();

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::basis::{Basis, ERROR, ERROR_OF_FRICTION, Instant, dot};
 use super::crowded::{CrowdedBody, crowded_bodies};
-use super::joint::{Joint, RESPONSE, joint, moves, reach};
+use super::joint::{Joint, RESPONSE_PRODUCTS, fastest_rate, joint, path_responses};
 use super::laws::LawScript;
 use super::slides::Frictions;
 use super::sprung::Sprung;
@@ -34,7 +34,7 @@ impl Fine {
             true => ERROR_OF_FRICTION,
             false => ERROR,
         };
-        let basis = Basis::new(reach(&joint_mats, network, scheme, bodies, timeline), fit_error);
+        let basis = Basis::new(fastest_rate(&joint_mats, network, scheme, bodies, timeline), fit_error);
         let n_instants = basis.n();
         let is_held = |mat: usize| {
             let mut timeline_drives = timeline.drives.iter();
@@ -66,23 +66,23 @@ impl Fine {
         let has_rows = |joint: &&Joint| joint.port.is_none_or(|(owner, _)| !is_crowded(owner));
         let table_products = |body: &CrowdedBody| {
             let motions = 2 * instants * body.n_modes() as u64;
-            motions * (RESPONSE + instants)
+            motions * (RESPONSE_PRODUCTS + instants)
         };
         let responses = joints
             .iter()
             .filter(has_rows)
-            .map(|joint| (RESPONSE + pair_count(joint)) * mode_count(joint) * instants * instants)
+            .map(|joint| (RESPONSE_PRODUCTS + pair_count(joint)) * mode_count(joint) * instants * instants)
             .sum::<u64>();
         let crowded_products: u64 = crowded.iter().map(table_products).sum();
-        let ways = joints
+        let free_path_products = joints
             .iter()
             .map(|joint| (2 * mode_count(joint) + instants) * instants)
             .sum();
-        let moves_from = |joint: &Joint| moves(joint, &joints, bodies, (&basis, rate), is_crowded);
-        let (moves, jumps): (Vec<_>, _) = joints.iter().flat_map(moves_from).unzip();
-        let products = |moves: &[Vec<f64>]| moves.iter().map(Vec::len).sum::<usize>() as u64;
-        let reached = moves.chunks(n_joints.max(1)).map(products).collect();
-        let begun = begun(&moves, &joints, &basis);
+        let responses_from = |joint: &Joint| path_responses(joint, &joints, bodies, (&basis, rate), is_crowded);
+        let (path_responses, jumps): (Vec<_>, _) = joints.iter().flat_map(responses_from).unzip();
+        let products = |joint_responses: &[Vec<f64>]| joint_responses.iter().map(Vec::len).sum::<usize>() as u64;
+        let reached = path_responses.chunks(n_joints.max(1)).map(products).collect();
+        let begun = begun(&path_responses, &joints, &basis);
         let mut script = Script {
             is_coupled: false,
             steps,
@@ -93,11 +93,11 @@ impl Fine {
             places: CrowdedBody::places(&crowded, n_joints),
             crowded,
             joints,
-            moves,
+            path_responses,
             jumps,
             reached,
             begun,
-            ways,
+            free_path_products,
         };
         script.is_coupled = script.has_coupled_links();
         let law_script = LawScript::new(&script);
@@ -107,19 +107,19 @@ impl Fine {
             paths: vec![0.0; n_joints * n_instants],
             impulse_sums: vec![0.0; n_joints * n_instants],
             saved: [vec![0.0; n_joints * n_instants], vec![0.0; n_joints * n_instants]],
-            values: vec![0.0; n_joints * n_instants],
-            pushed: vec![0.0; n_joints * n_instants],
+            free_paths: vec![0.0; n_joints * n_instants],
+            frame_impulses: vec![0.0; n_joints * n_instants],
             crowded: script.crowded.iter().map(CrowdedBody::motion).collect(),
-            later: vec![0.0; n_joints],
+            next_frame_forces: vec![0.0; n_joints],
             steady: vec![0.0; n_joints],
-            near: vec![false; n_links],
+            may_close: vec![false; n_links],
             pushes: vec![false; n_links],
             rests: vec![false; n_links],
             located: vec![false; n_links],
             forces: vec![0.0; n_links],
             depths: vec![0.0; n_links],
-            numbers: script.links.iter().map(|run| [[run.k, run.z]; 2]).collect(),
-            joint_numbers: script.joints.iter().map(|joint| joint.numbers).collect(),
+            link_constants: script.links.iter().map(|run| [[run.k, run.z]; 2]).collect(),
+            joint_constants: script.joints.iter().map(|joint| joint.constants).collect(),
             has_glided: vec![false; n_joints],
             sprung,
             has_touched: false,
@@ -136,20 +136,22 @@ impl Fine {
     }
 }
 
-/// Displacement of one joint at the instants of a frame by an impulse at another at its start, from `moves`
+/// Displacement of one joint at the instants of a frame by an impulse at another at its start, from `path_responses`
 /// (n_joints²)
-fn begun(moves: &[Vec<f64>], joints: &[Joint], basis: &Basis) -> Vec<Vec<f64>> {
+fn begun(path_responses: &[Vec<f64>], joints: &[Joint], basis: &Basis) -> Vec<Vec<f64>> {
     let (n_instants, start_instant) = (basis.n(), Instant::new(basis.n(), 0.0));
-    let response = |(pair, moves): (usize, &Vec<f64>)| {
-        if joints[pair / joints.len()].port.is_none() || moves.is_empty() {
+    let response = |(pair, pair_response): (usize, &Vec<f64>)| {
+        if joints[pair / joints.len()].port.is_none() || pair_response.is_empty() {
             return Vec::new();
         }
         let basis_at = |&s: &f64| {
             let end_instant = Instant::new(n_instants, s);
-            let move_rows = moves.chunks(n_instants).zip(&start_instant.value);
-            move_rows.map(|(row, share)| share * dot(row, &end_instant.value)).sum()
+            let response_rows = pair_response.chunks(n_instants).zip(&start_instant.value);
+            response_rows
+                .map(|(row, share)| share * dot(row, &end_instant.value))
+                .sum()
         };
         basis.instants.iter().map(basis_at).collect()
     };
-    moves.iter().enumerate().map(response).collect()
+    path_responses.iter().enumerate().map(response).collect()
 }

@@ -1,9 +1,9 @@
-//! One frame: which contacts are near, the free paths of their points, and the impulses that links give.
+//! One frame: which contacts may close, the free paths of their points, and the impulses that links give.
 
 use super::basis::Instant;
 use super::script::Script;
 use super::slides::Frame;
-use super::{Fine, nearest};
+use super::{Fine, penetration_bound};
 use crate::island::inside::RunningBody;
 use crate::kernel;
 use crate::scheme::Scheme;
@@ -23,37 +23,41 @@ impl Fine {
             Some(target) => target.x,
             None => kernel::predict(scheme, body, mat),
         };
-        let mut any_near = false;
+        let mut any_may_close = false;
         for (contact, run) in self.script.links.iter().enumerate() {
             let distance_now = body.x[run.b] - body.x[run.a];
             let distance_next = next_position(run.b, body) - next_position(run.a, body);
-            let contact_near = nearest(run, distance_now - run.rest, distance_next - run.rest) > 0.0;
-            self.near[contact] = contact_near;
-            any_near |= contact_near;
+            let may_close = penetration_bound(run, distance_now - run.rest, distance_next - run.rest) > 0.0;
+            self.may_close[contact] = may_close;
+            any_may_close |= may_close;
             body.link[run.first] = 0.0;
         }
-        if !any_near && self.frictions.is_empty() {
+        if !any_may_close && self.frictions.is_empty() {
             self.rests.fill(false);
         }
-        if !any_near && self.laws.is_empty() && self.frictions.is_empty() {
+        if !any_may_close && self.laws.is_empty() && self.frictions.is_empty() {
             return;
         }
         self.retune();
-        if any_near {
+        if any_may_close {
             self.spread();
         }
         let (script, law_script) = (self.script.clone(), self.law_script.clone());
-        self.work.products += script.ways;
-        self.pushed.fill(0.0);
+        self.work.products += script.free_path_products;
+        self.frame_impulses.fill(0.0);
         self.begin_crowded();
-        self.ways(&script, scheme, bodies, body, &next_position);
-        let is_located = any_near || !self.frictions.is_empty() || self.has_glided.contains(&true);
+        self.compute_free_paths(&script, scheme, bodies, body, &next_position);
+        let is_located = any_may_close || !self.frictions.is_empty() || self.has_glided.contains(&true);
         self.start_laws(&script, &law_script, gates, !is_located);
         if is_located {
             self.impulse_sums.fill(0.0);
             let n_instants = script.basis.n();
-            for (values, way) in self.values.chunks(n_instants).zip(self.paths.chunks_mut(n_instants)) {
-                script.basis.fit(values, way);
+            for (free_path, path) in self
+                .free_paths
+                .chunks(n_instants)
+                .zip(self.paths.chunks_mut(n_instants))
+            {
+                script.basis.fit(free_path, path);
             }
             if self.frictions.is_empty() {
                 self.march(&script, &law_script, gates, body);
@@ -68,13 +72,13 @@ impl Fine {
             }
             // Impulses at the instants of the frame that have the same effect on any smooth function as those between
             // them.
-            for (impulses, pushed) in self
+            for (sums, frame_impulses) in self
                 .impulse_sums
                 .chunks(n_instants)
-                .zip(self.pushed.chunks_mut(n_instants))
+                .zip(self.frame_impulses.chunks_mut(n_instants))
             {
-                for (value, row) in impulses.iter().zip(script.basis.fit.chunks(n_instants)) {
-                    for (impulse, weight) in pushed.iter_mut().zip(row) {
+                for (value, row) in sums.iter().zip(script.basis.fit.chunks(n_instants)) {
+                    for (impulse, weight) in frame_impulses.iter_mut().zip(row) {
                         *impulse += value * weight;
                     }
                 }
@@ -83,11 +87,12 @@ impl Fine {
             self.collocate(&script, &law_script, gates);
         }
         self.tell_laws(&script, &law_script, body);
-        self.sprung.note(&script, &self.pushed, scheme);
+        self.sprung.note(&script, &self.frame_impulses, scheme);
         self.give(&script, bodies, body);
     }
 
-    /// Mark more contacts as near: a near contact may push points off their free paths, and with them other contacts.
+    /// Mark more contacts as ones that may close: each that pushes may push points off their free paths, and with them
+    /// other contacts.
     fn spread(&mut self) {
         let script = &*self.script;
         let is_moved_by = |mover: usize, moved: usize| {
@@ -96,25 +101,25 @@ impl Fine {
             let is_coupled = |from: usize, to: usize| {
                 let crowded_body = |joint: usize| script.places[joint].map(|(body, _)| body);
                 let on_same_body = crowded_body(from).is_some() && crowded_body(from) == crowded_body(to);
-                on_same_body || !script.moves[from * n_joints + to].is_empty()
+                on_same_body || !script.path_responses[from * n_joints + to].is_empty()
             };
             let (mover, moved) = (both_ends(script.ends[mover]), both_ends(script.ends[moved]));
             mover.iter().any(|&from| moved.iter().any(|&to| is_coupled(from, to)))
         };
         loop {
             let is_reached = |link: &usize| {
-                let mut near = (0..script.links.len()).filter(|&other| self.near[other]);
-                !self.near[*link] && near.any(|near| is_moved_by(near, *link))
+                let mut closing_links = (0..script.links.len()).filter(|&other| self.may_close[other]);
+                !self.may_close[*link] && closing_links.any(|closing_link| is_moved_by(closing_link, *link))
             };
             match (0..script.links.len()).find(is_reached) {
-                Some(link) => self.near[link] = true,
+                Some(link) => self.may_close[link] = true,
                 None => return,
             }
         }
     }
 
     /// Compute the paths of all joints in this frame if no contact pushes them.
-    fn ways(
+    fn compute_free_paths(
         &mut self,
         script: &Script,
         scheme: &Scheme,
@@ -124,21 +129,21 @@ impl Fine {
     ) {
         let (n_instants, n_joints) = (script.basis.n(), script.joints.len());
         for (joint_index, joint) in script.joints.iter().enumerate() {
-            let joint_values = &mut self.values[joint_index * n_instants..(joint_index + 1) * n_instants];
+            let free_path = &mut self.free_paths[joint_index * n_instants..(joint_index + 1) * n_instants];
             // Lasting forces act throughout the frame, but are applied as impulses at its start. Both lead to the same
             // end; the path between is corrected here.
             let mut frame_pull = 0.5 * self.steady[joint_index] * scheme.w[joint.mat];
             match joint.port {
                 Some((owner, port)) => {
                     if let Some(modal_body) = bodies[owner].modal_mut() {
-                        modal_body.port_positions(port, joint_values);
+                        modal_body.port_positions(port, free_path);
                     }
                 }
                 None => {
                     let rest_position = joint.rest;
                     let free_step = next(joint.mat, body) - body.x[joint.mat];
                     let (x, next_x) = (body.x[joint.mat] - rest_position, next(joint.mat, body) - rest_position);
-                    for (x_at, (from, to)) in joint_values.iter_mut().zip(&joint.frame_weights) {
+                    for (x_at, (from, to)) in free_path.iter_mut().zip(&joint.frame_weights) {
                         *x_at = rest_position + (x * from + next_x * to);
                     }
                     if joint.cell.is_some() {
@@ -151,7 +156,7 @@ impl Fine {
                 }
             }
             if frame_pull != 0.0 {
-                for (x_at, s) in joint_values.iter_mut().zip(&script.basis.instants) {
+                for (x_at, s) in free_path.iter_mut().zip(&script.basis.instants) {
                     *x_at -= frame_pull * s * (1.0 - s);
                 }
             }
@@ -166,11 +171,8 @@ impl Fine {
             if self.push_crowded(script, joint_index, impulse) {
                 continue;
             }
-            for (other, joint_values) in self.values.chunks_mut(n_instants).enumerate() {
-                for (x, by) in joint_values
-                    .iter_mut()
-                    .zip(&script.begun[joint_index * n_joints + other])
-                {
+            for (other, free_path) in self.free_paths.chunks_mut(n_instants).enumerate() {
+                for (x, by) in free_path.iter_mut().zip(&script.begun[joint_index * n_joints + other]) {
                     *x += impulse * by;
                 }
             }
@@ -194,7 +196,7 @@ impl Fine {
     fn give(&mut self, script: &Script, bodies: &mut [RunningBody], body: &mut Body) {
         let n_instants = script.basis.n();
         for (joint_index, joint) in script.joints.iter().enumerate() {
-            let joint_impulses = &self.pushed[joint_index * n_instants..(joint_index + 1) * n_instants];
+            let joint_impulses = &self.frame_impulses[joint_index * n_instants..(joint_index + 1) * n_instants];
             if joint_impulses.iter().all(|impulse| *impulse == 0.0) {
                 continue;
             }
@@ -207,7 +209,7 @@ impl Fine {
                 (None, Some(_)) => {
                     for (impulse, [now, later]) in joint_impulses.iter().zip(&joint.split) {
                         body.push(joint.mat, impulse * now);
-                        self.later[joint_index] += impulse * later;
+                        self.next_frame_forces[joint_index] += impulse * later;
                     }
                 }
                 // The motion of such a MAT is imposed; a hand that holds it feels the force.

@@ -10,7 +10,7 @@ use crate::timeline::Timeline;
 use crate::units::Rate;
 
 /// Cost of a mode's response to an impulse, in products: it has an exponential and a sine.
-pub(super) const RESPONSE: u64 = 200;
+pub(super) const RESPONSE_PRODUCTS: u64 = 200;
 
 /// A point that contacts touch.
 #[derive(Clone, Debug)]
@@ -22,7 +22,7 @@ pub(super) struct Joint {
     pub(super) cell: Option<Cell>,
     pub(super) rest: f64,
     /// 1/M, κ and ζ of its cell, in this frame and in the next.
-    pub(super) numbers: [[f64; 3]; 2],
+    pub(super) constants: [[f64; 3]; 2],
     /// Weights of its position now and at the next frame in its position at each instant   (n)
     pub(super) frame_weights: Vec<(f64, f64)>,
     /// Forces in this frame and in the next [N] that replace an impulse at each instant [N·s]   (n)
@@ -30,7 +30,7 @@ pub(super) struct Joint {
 }
 
 /// The fastest motion of the points: |λ| of e^(λs) [1/frame].
-pub(super) fn reach(
+pub(super) fn fastest_rate(
     mats: &[usize],
     network: &Network,
     scheme: &Scheme,
@@ -38,7 +38,7 @@ pub(super) fn reach(
     timeline: &Timeline,
 ) -> f64 {
     let frame_rate = timeline.rate;
-    let reach_of = |mat: usize| {
+    let rate_of = |mat: usize| {
         let body = bodies.iter().filter_map(RunningBody::modal);
         match body.into_iter().find(|body| body.ports().any(|port| port == mat)) {
             Some(body) => body.reach(),
@@ -46,28 +46,28 @@ pub(super) fn reach(
         }
     };
     let timeline_glides = timeline.glides.iter();
-    let gliding_reaches = timeline_glides
+    let gliding_rates = timeline_glides
         .filter(|glide| mats.contains(&glide.mat))
         .flat_map(|glide| glide.points.iter().filter_map(|&(_, ties)| ties))
         .map(|[k, z, m]| Cell::new(m, k, z).reach());
-    let all_reaches = mats.iter().map(|&mat| reach_of(mat)).chain(gliding_reaches);
-    all_reaches.fold(0.0, f64::max) * frame_rate.step()
+    let all_rates = mats.iter().map(|&mat| rate_of(mat)).chain(gliding_rates);
+    all_rates.fold(0.0, f64::max) * frame_rate.step()
 }
 
 impl Script {
     /// Retune a stepped joint to the means of 1/M, κ and ζ of this frame and the next; the number of products that this
     /// takes, or `None` if they do not make a cell. Nothing is allocated.
-    pub(super) fn retune(&mut self, joint: usize, numbers: [[f64; 3]; 2]) -> Option<u64> {
+    pub(super) fn retune(&mut self, joint: usize, constants: [[f64; 3]; 2]) -> Option<u64> {
         let n_joints = self.joints.len();
         let stepped_joint = &mut self.joints[joint];
-        stepped_joint.numbers = numbers;
-        let [numbers_now, numbers_next] = numbers;
-        let [w, kappa, zeta] = std::array::from_fn(|i| 0.5 * (numbers_now[i] + numbers_next[i]));
+        stepped_joint.constants = constants;
+        let [constants_now, constants_next] = constants;
+        let [w, kappa, zeta] = std::array::from_fn(|i| 0.5 * (constants_now[i] + constants_next[i]));
         let (rate, time_step) = (self.rate, self.rate.step());
         let mean_cell = Cell::from_ratios(time_step * time_step / w, Ratios { kappa, zeta }, rate)?;
         stepped_joint.cell = Some(mean_cell);
         // Each of the two forces that replace an impulse acts on the mass of its own frame.
-        let mass_ratios = [w / numbers_now[0], w / numbers_next[0]];
+        let mass_ratios = [w / constants_now[0], w / constants_next[0]];
         let step_response = mean_cell.response(time_step);
         for ((instant_weights, split), &instant) in
             (stepped_joint.frame_weights.iter_mut().zip(&mut stepped_joint.split)).zip(&self.basis.instants)
@@ -78,24 +78,24 @@ impl Script {
         }
         let pair_index = joint * n_joints + joint;
         self.jumps[pair_index] = time_step * mean_cell.jump();
-        let (n_instants, pair_moves) = (self.basis.n() as u64, &mut self.moves[pair_index]);
+        let (n_instants, pair_responses) = (self.basis.n() as u64, &mut self.path_responses[pair_index]);
         if mean_cell.has_answer_factors(time_step) {
-            answers_by_factors(&self.basis, pair_moves, &mean_cell, time_step);
-            return Some(8 * RESPONSE * n_instants + 6 * n_instants * n_instants);
+            answers_by_factors(&self.basis, pair_responses, &mean_cell, time_step);
+            return Some(8 * RESPONSE_PRODUCTS * n_instants + 6 * n_instants * n_instants);
         }
-        answers(&self.basis, pair_moves, &|time_between| {
+        answers(&self.basis, pair_responses, &|time_between| {
             mean_cell.answer_around(time_between * time_step)
         });
-        Some(RESPONSE * n_instants * n_instants + 2 * n_instants * n_instants * n_instants)
+        Some(RESPONSE_PRODUCTS * n_instants * n_instants + 2 * n_instants * n_instants * n_instants)
     }
 }
 
 /// Write the coefficients of the response of a path at one instant to an impulse at another, which `answer` gives by
 /// the time between them [frames]   (n·n)
 fn answers(basis: &Basis, coefficients: &mut [f64], answer: &dyn Fn(f64) -> f64) {
-    for (row, from) in coefficients.chunks_mut(basis.n()).zip(&basis.instants) {
-        for (value, to) in row.iter_mut().zip(&basis.instants) {
-            *value = answer(to - from);
+    for (row, from_instant) in coefficients.chunks_mut(basis.n()).zip(&basis.instants) {
+        for (value, to_instant) in row.iter_mut().zip(&basis.instants) {
+            *value = answer(to_instant - from_instant);
         }
     }
     basis.fit_both(coefficients);
@@ -105,19 +105,19 @@ fn answers(basis: &Basis, coefficients: &mut [f64], answer: &dyn Fn(f64) -> f64)
 /// sines instead of n², and products in proportion to n² instead of n³.
 fn answers_by_factors(basis: &Basis, coefficients: &mut [f64], cell: &Cell, step: f64) {
     let n_instants = basis.n();
-    let (mut factor_values, mut fitted_factors) = ([[[0.0; POLYNOMIALS_MAX]; 2]; 2], [[[0.0; POLYNOMIALS_MAX]; 2]; 2]);
+    let (mut factor_values, mut factor_fits) = ([[[0.0; POLYNOMIALS_MAX]; 2]; 2], [[[0.0; POLYNOMIALS_MAX]; 2]; 2]);
     for (m, instant) in basis.instants.iter().enumerate() {
         let factors = cell.answer_factors((instant - 0.5) * step);
-        for (factor_values, factors) in factor_values.iter_mut().zip(factors) {
-            for (factor_values, factor) in factor_values.iter_mut().zip(factors) {
-                factor_values[m] = factor;
+        for (term_values, term_factors) in factor_values.iter_mut().zip(factors) {
+            for (point_values, factor) in term_values.iter_mut().zip(term_factors) {
+                point_values[m] = factor;
             }
         }
     }
-    for (factor_values, fitted_factors) in factor_values.iter().flatten().zip(fitted_factors.iter_mut().flatten()) {
-        basis.fit(&factor_values[..n_instants], &mut fitted_factors[..n_instants]);
+    for (point_values, coefficients) in factor_values.iter().flatten().zip(factor_fits.iter_mut().flatten()) {
+        basis.fit(&point_values[..n_instants], &mut coefficients[..n_instants]);
     }
-    let [later_factors, earlier_factors] = &fitted_factors;
+    let [later_factors, earlier_factors] = &factor_fits;
     for (l, row) in coefficients.chunks_mut(n_instants).enumerate() {
         for (k, value) in row.iter_mut().enumerate() {
             *value = later_factors[0][k] * earlier_factors[0][l] + later_factors[1][k] * earlier_factors[1][l];
@@ -160,7 +160,7 @@ pub(super) fn joint(
         mat,
         port,
         rest,
-        numbers: [[scheme.w[mat], scheme.kappa[mat], scheme.zeta[mat]]; 2],
+        constants: [[scheme.w[mat], scheme.kappa[mat], scheme.zeta[mat]]; 2],
         frame_weights: path_weights,
         split: cell.as_ref().map(split_impulse).unwrap_or_default(),
         cell,
@@ -170,8 +170,8 @@ pub(super) fn joint(
 /// Response of each joint's path to an impulse at one of them: a row for each polynomial of the impulse's instant, (n,
 /// n) [m/N·s], and the velocity at once [m/frame per N·s]. No rows if the impulse does not reach that joint within a
 /// frame, or if both are on a crowded body.
-pub(super) fn moves(
-    from: &Joint,
+pub(super) fn path_responses(
+    from_joint: &Joint,
     joints: &[Joint],
     bodies: &[RunningBody],
     (basis, rate): (&Basis, Rate),
@@ -179,30 +179,35 @@ pub(super) fn moves(
 ) -> Vec<(Vec<f64>, f64)> {
     let (n_instants, time_step) = (basis.n(), rate.step());
     let modal_body = |owner: usize| bodies[owner].modal();
-    let modal_responses = from.port.and_then(|(owner, port)| {
+    let modal_responses = from_joint.port.and_then(|(owner, port)| {
         if is_crowded(owner) {
             return None;
         }
-        // All ports of a body move by the same modes: the response of each to this port is computed once.
+        // All ports of a body move by the same modes: the response of each to_instant this port is computed once.
         let instants = basis.instants.iter();
         let time_spans: Vec<f64> = instants
-            .flat_map(|from| basis.instants.iter().map(move |to| (to - from) * time_step))
+            .flat_map(|from_instant| {
+                basis
+                    .instants
+                    .iter()
+                    .map(move |to_instant| (to_instant - from_instant) * time_step)
+            })
             .collect();
         Some(modal_body(owner)?.responses(port, &time_spans))
     });
-    let to = |to: &Joint| match (from.port, to.port) {
-        (Some((owner, from)), Some((to_owner, to))) if owner == to_owner => {
+    let response_of = |to_joint: &Joint| match (from_joint.port, to_joint.port) {
+        (Some((owner, from_port)), Some((to_owner, to_port))) if owner == to_owner => {
             let Some(modal) = modal_body(owner) else {
                 return (Vec::new(), 0.0);
             };
-            let velocity_jump = time_step * modal.jump(from, to);
+            let velocity_jump = time_step * modal.jump(from_port, to_port);
             let Some(modal_responses) = &modal_responses else {
                 return (Vec::new(), velocity_jump);
             };
             let mut pair_response = vec![0.0; n_instants * n_instants];
             for (row, weight) in modal_responses
                 .chunks(n_instants * n_instants)
-                .zip(modal.weights(from, to))
+                .zip(modal.weights(from_port, to_port))
             {
                 for (value, answer) in pair_response.iter_mut().zip(row) {
                     *value += weight * answer;
@@ -211,7 +216,7 @@ pub(super) fn moves(
             basis.fit_both(&mut pair_response);
             (pair_response, velocity_jump)
         }
-        (None, None) if from.mat == to.mat => match &from.cell {
+        (None, None) if from_joint.mat == to_joint.mat => match &from_joint.cell {
             Some(cell) => {
                 let mut pair_response = vec![0.0; n_instants * n_instants];
                 answers(basis, &mut pair_response, &|time_between| {
@@ -223,5 +228,5 @@ pub(super) fn moves(
         },
         _ => (Vec::new(), 0.0),
     };
-    joints.iter().map(to).collect()
+    joints.iter().map(response_of).collect()
 }

@@ -197,8 +197,8 @@ impl Fine {
                 let value_row =
                     &division.value[(first_stage + stage) * n_instants..(first_stage + stage + 1) * n_instants];
                 for (instant, share) in value_row.iter().enumerate() {
-                    self.pushed[first_joint * n_instants + instant] += impulse * share;
-                    self.pushed[second_joint * n_instants + instant] -= impulse * share;
+                    self.frame_impulses[first_joint * n_instants + instant] += impulse * share;
+                    self.frame_impulses[second_joint * n_instants + instant] -= impulse * share;
                 }
             }
             let greatest = state
@@ -303,7 +303,7 @@ impl Fine {
         let n_instants = script.basis.n();
         for (law_index, &link) in laws.links.iter().enumerate() {
             let ((a, b), rest_length) = (script.ends[link], script.links[link].rest);
-            let [a, b] = [a, b].map(|end| &self.values[end * n_instants..(end + 1) * n_instants]);
+            let [a, b] = [a, b].map(|end| &self.free_paths[end * n_instants..(end + 1) * n_instants]);
             let law_now = self.law(script, laws, gates, (law_index, 0.0));
             let state = &mut self.laws[law_index];
             for ((x, a), b) in state.path.iter_mut().zip(a).zip(b) {
@@ -328,7 +328,7 @@ impl Fine {
     fn law<'a>(&self, script: &'a Script, laws: &LawScript, gates: &[f64], (law_index, s): (usize, f64)) -> LawNow<'a> {
         let law_link = laws.links[law_index];
         let link_run = &script.links[law_link];
-        let [k, z] = self.numbers(law_link, s);
+        let [k, z] = self.link_constants_at(law_link, s);
         LawNow {
             kind: &link_run.kind,
             open: link_run.gate.map_or(1.0, |gate| gates[gate]),

@@ -21,14 +21,16 @@ const STEPS_MAX: usize = 256;
 /// A resting contact that swings faster than this uses that stable step at once: half the frame rate is the highest
 /// audible frequency [rad/frame].
 const STEP_PHASE_MAX: f64 = PI;
-/// An instant is found when a round moves it by less than this share of a step; and the most rounds.
+/// An instant is located when a round moves it by less than this share of a step.
 const CLOSING_TOLERANCE: f64 = 1e-9;
-const TRIES: usize = 30;
+/// Most rounds to locate an instant.
+const LOCATE_ROUNDS_MAX: usize = 30;
 /// Instants at which a frame without pushes is searched for closing contacts.
-const LOOKS: usize = 8;
-/// Most rounds over contacts that are solved together, and the relative change of a force that ends them.
-const ROUNDS: usize = 50;
-const AGREE: f64 = 1e-12;
+const CLOSING_PROBES: usize = 8;
+/// Most rounds over contacts that are solved together.
+const ROUNDS_MAX: usize = 50;
+/// Rounds end when no force changes by more than this share of it.
+const FORCE_TOLERANCE: f64 = 1e-12;
 /// A clamped contact whose force has ended pushes again when the force exceeds this share of its elastic and damping
 /// terms.
 const PULL: f64 = 1e-9;
@@ -44,7 +46,7 @@ struct LinkContact<'a> {
     z: f64,
     rest: f64,
     /// Velocity by an impulse [m/frame per N·s].
-    jump: f64,
+    velocity_per_impulse: f64,
 }
 
 impl LinkContact<'_> {
@@ -59,7 +61,7 @@ impl LinkContact<'_> {
 
     /// Criterion of a pushing contact at penetration `g` [m] that closes by `v` [m/frame]: it goes on pushing while
     /// this is positive.
-    fn holds(&self, [g, v]: [f64; 2]) -> f64 {
+    fn pushing_criterion(&self, [g, v]: [f64; 2]) -> f64 {
         if self.is_pulled_off() && g > 0.0 {
             self.elastic(g) + self.z * v
         } else {
@@ -68,7 +70,7 @@ impl LinkContact<'_> {
     }
 
     /// What changes its sign where the contact closes or opens: the penetration, or the force that is not clamped.
-    fn side_of(&self, [g, v]: [f64; 2], uses_gap: bool) -> f64 {
+    fn closing_criterion(&self, [g, v]: [f64; 2], uses_gap: bool) -> f64 {
         if uses_gap { g } else { self.elastic(g) + self.z * v }
     }
 
@@ -88,8 +90,8 @@ impl LinkContact<'_> {
     }
 
     /// Bound on the rate at which it may swing or decay from now on [rad/frame].
-    fn quickness(&self, [g, v]: [f64; 2], step: f64) -> f64 {
-        let inverse_mass = self.jump * step;
+    fn rate_bound(&self, [g, v]: [f64; 2], step: f64) -> f64 {
+        let inverse_mass = self.velocity_per_impulse * step;
         if inverse_mass == 0.0 {
             return 0.0;
         }
@@ -103,11 +105,11 @@ impl LinkContact<'_> {
         sqrt(tangent * inverse_mass).max(self.z * inverse_mass)
     }
 
-    /// The impulse of a kick that lasts `b` frames at constant penetration `g`, while `v` changes by the kick itself
+    /// The impulse of a kick that lasts `duration` frames at constant penetration `g`, while `v` changes by the kick itself
     /// [N·s].
     fn kick(&self, [g, v]: [f64; 2], duration: f64, step: f64) -> f64 {
         let elastic = self.elastic(g);
-        let decay_rate = self.jump * step * self.z;
+        let decay_rate = self.velocity_per_impulse * step * self.z;
         if decay_rate == 0.0 {
             return (elastic + self.z * v) * duration * step;
         }
@@ -126,13 +128,13 @@ impl Fine {
             let Some(contact) = self.contact_now(script, gates, (index, 0.0)) else {
                 continue;
             };
-            let contact_state = self.look(script, &contact, &start_instant);
-            let is_pushing = contact.holds(contact_state) > 0.0;
+            let contact_state = self.contact_state(script, &contact, &start_instant);
+            let is_pushing = contact.pushing_criterion(contact_state) > 0.0;
             (self.pushes[index], self.rests[index]) = (is_pushing, is_pushing);
             if is_pushing {
                 body.link[script.links[index].first] =
                     contact.side * (contact.elastic(contact_state[0]) + contact.z * contact_state[1]);
-                rests_fast |= has_rested && contact.quickness(contact_state, script.rate.step()) > STEP_PHASE_MAX;
+                rests_fast |= has_rested && contact.rate_bound(contact_state, script.rate.step()) > STEP_PHASE_MAX;
             }
         }
         if rests_fast {
@@ -167,11 +169,11 @@ impl Fine {
             return None;
         };
         let gate_opening = link_run.gate.map_or(1.0, |gate| gates[gate]);
-        if !self.near[index] || gate_opening == 0.0 {
+        if !self.may_close[index] || gate_opening == 0.0 {
             return None;
         }
         let (first_joint, second_joint) = script.ends[index];
-        let [k, z] = self.numbers(index, s);
+        let [k, z] = self.link_constants_at(index, s);
         Some(LinkContact {
             but,
             ends: (first_joint, second_joint),
@@ -179,12 +181,12 @@ impl Fine {
             k: gate_opening * k,
             z: gate_opening * z,
             rest: link_run.rest,
-            jump: script.jump(first_joint, second_joint),
+            velocity_per_impulse: script.jump(first_joint, second_joint),
         })
     }
 
     /// Penetration [m] and how fast it grows [m/frame].
-    fn look(&self, script: &Script, contact: &LinkContact<'_>, instant: &Instant) -> [f64; 2] {
+    fn contact_state(&self, script: &Script, contact: &LinkContact<'_>, instant: &Instant) -> [f64; 2] {
         let (first_joint, second_joint) = contact.ends;
         let [[x_a, v_a], [x_b, v_b]] = [first_joint, second_joint].map(|end| self.see(script, end, instant));
         [contact.side * (x_b - x_a - contact.rest), contact.side * (v_b - v_a)]
@@ -214,12 +216,12 @@ impl Fine {
             law.save();
         }
         *steps_left -= 1;
-        self.leap(script, laws_and_gates, s, step_length);
+        self.step_contacts(script, laws_and_gates, s, step_length);
         let (mut length_taken, mut last_located) = (step_length, None);
         // Each contact is located only once in a step: two that turn at the same instant, to rounding, would alternate
         // for ever.
         self.located.fill(false);
-        while let Some(link_index) = self.turned(script, laws_and_gates.1, s + length_taken) {
+        while let Some(link_index) = self.first_switched(script, laws_and_gates.1, s + length_taken) {
             length_taken = self.locate(script, laws_and_gates, (s, length_taken, link_index), steps_left);
             self.located[link_index] = true;
             last_located = Some(link_index);
@@ -247,32 +249,32 @@ impl Fine {
         let Some(contact) = self.contact_now(script, laws_and_gates.1, (index, s)) else {
             return h;
         };
-        let look = |fine: &mut Self, s: f64| {
+        let state_at = |fine: &mut Self, s: f64| {
             let instant = fine.instant(script, s);
             let contact = fine
                 .contact_now(script, laws_and_gates.1, (index, s))
                 .unwrap_or(contact);
-            (contact, fine.look(script, &contact, &instant))
+            (contact, fine.contact_state(script, &contact, &instant))
         };
-        let end_state = look(self, s + h);
+        let end_state = state_at(self, s + h);
         self.restore();
-        let start_state = look(self, s);
+        let start_state = state_at(self, s);
         let mut uses_gap = !contact.is_pulled_off() || (!self.pushes[index] && start_state.1[0] <= 0.0);
-        let sides_differ = |uses_gap: bool| {
-            let [start_side, end_side] =
-                [start_state, end_state].map(|(contact, contact_state)| contact.side_of(contact_state, uses_gap));
-            (start_side > 0.0) != (end_side > 0.0)
+        let signs_differ = |uses_gap: bool| {
+            let [start_criterion, end_criterion] = [start_state, end_state]
+                .map(|(contact, contact_state)| contact.closing_criterion(contact_state, uses_gap));
+            (start_criterion > 0.0) != (end_criterion > 0.0)
         };
         // It may open and approach again within the step: its force is then positive at both ends.
-        uses_gap |= !sides_differ(uses_gap);
-        if !sides_differ(uses_gap) {
-            return 0.0; // it had turned before `s`
+        uses_gap |= !signs_differ(uses_gap);
+        if !signs_differ(uses_gap) {
+            return 0.0; // it had first_switched before `s`
         }
         let criterion =
-            |(contact, contact_state): (LinkContact<'_>, [f64; 2])| contact.side_of(contact_state, uses_gap);
+            |(contact, contact_state): (LinkContact<'_>, [f64; 2])| contact.closing_criterion(contact_state, uses_gap);
         let (mut length_taken, mut contact_state) = (h, end_state.1);
         let (mut low_end, mut high_end) = ((0.0, criterion(start_state)), (h, criterion(end_state)));
-        for _ in 0..TRIES {
+        for _ in 0..LOCATE_ROUNDS_MAX {
             // Newton's step if the criterion is the gap, whose slope is known.
             let newton_length = length_taken - contact_state[0] / contact_state[1];
             let secant_length = low_end.0 - low_end.1 * (high_end.0 - low_end.0) / (high_end.1 - low_end.1);
@@ -286,18 +288,18 @@ impl Fine {
             length_taken = next_length;
             self.restore();
             *steps_left = steps_left.saturating_sub(1);
-            self.leap(script, laws_and_gates, s, length_taken);
+            self.step_contacts(script, laws_and_gates, s, length_taken);
             if length_change <= CLOSING_TOLERANCE * h || *steps_left == 0 {
                 break;
             }
-            let state_then = look(self, s + length_taken);
-            contact_state = state_then.1;
-            let state_then = criterion(state_then);
+            let reached_state = state_at(self, s + length_taken);
+            contact_state = reached_state.1;
+            let reached_criterion = criterion(reached_state);
             // Halving the value at the end that stays keeps the secant from approaching from one side only.
-            if (state_then > 0.0) == (low_end.1 > 0.0) {
-                (low_end, high_end.1) = ((length_taken, state_then), 0.5 * high_end.1);
+            if (reached_criterion > 0.0) == (low_end.1 > 0.0) {
+                (low_end, high_end.1) = ((length_taken, reached_criterion), 0.5 * high_end.1);
             } else {
-                (high_end, low_end.1) = ((length_taken, state_then), 0.5 * low_end.1);
+                (high_end, low_end.1) = ((length_taken, reached_criterion), 0.5 * low_end.1);
             }
         }
         length_taken
@@ -318,7 +320,7 @@ impl Fine {
         let mut quickest = 1.0_f64;
         for index in (0..script.links.len()).filter(|&index| self.pushes[index]) {
             if let Some(contact) = self.contact_now(script, gates, (index, s)) {
-                quickest = quickest.max(contact.quickness(self.look(script, &contact, &instant), time_step));
+                quickest = quickest.max(contact.rate_bound(self.contact_state(script, &contact, &instant), time_step));
             }
         }
         let frame_left = 1.0 - s;
@@ -326,7 +328,7 @@ impl Fine {
     }
 
     /// One step of the contacts that push, and of all laws.
-    fn leap(&mut self, script: &Script, laws_and_gates: (&LawScript, &[f64]), s: f64, h: f64) {
+    fn step_contacts(&mut self, script: &Script, laws_and_gates: (&LawScript, &[f64]), s: f64, h: f64) {
         // Half of the motion of bristles comes before all else, and half after it.
         self.slide_bristles(script, laws_and_gates, (&Instant::new(script.basis.n(), s), 0.5 * h));
         let mut stage_time = 0.0;
@@ -362,10 +364,15 @@ impl Fine {
 
     /// Whether the order of kicks matters: several act, and at least one depends on a velocity.
     fn order_matters(&self, laws: &LawScript) -> bool {
-        let pushing = || self.pushes.iter().zip(&self.numbers).filter(|(pushes, _)| **pushes);
+        let pushing = || {
+            self.pushes
+                .iter()
+                .zip(&self.link_constants)
+                .filter(|(pushes, _)| **pushes)
+        };
         let has_loss = |[start, end]: &[[f64; 2]; 2]| start[1] != 0.0 || end[1] != 0.0;
         let n_laws = laws.links.len();
-        pushing().count() + n_laws > 1 && (n_laws > 0 || pushing().any(|(_, numbers)| has_loss(numbers)))
+        pushing().count() + n_laws > 1 && (n_laws > 0 || pushing().any(|(_, constants)| has_loss(constants)))
     }
 
     /// Kicks one after the other, or in reverse order.
@@ -395,7 +402,11 @@ impl Fine {
                 continue;
             };
             self.work.instants += 1;
-            let impulse = contact.kick(self.look(script, &contact, instant), duration, script.rate.step());
+            let impulse = contact.kick(
+                self.contact_state(script, &contact, instant),
+                duration,
+                script.rate.step(),
+            );
             self.push(script, &contact, impulse, instant);
         }
         if !is_back {
@@ -406,14 +417,14 @@ impl Fine {
     }
 
     /// A contact that stops or begins to push at `s`, and was not located in this step.
-    fn turned(&mut self, script: &Script, gates: &[f64], s: f64) -> Option<usize> {
+    fn first_switched(&mut self, script: &Script, gates: &[f64], s: f64) -> Option<usize> {
         let instant = self.instant(script, s);
         let unlocated_links = (0..script.links.len()).filter(|&index| !self.located[index]);
         unlocated_links.into_iter().find(|&index| {
             self.contact_now(script, gates, (index, s)).is_some_and(|contact| {
-                let contact_state = self.look(script, &contact, &instant);
+                let contact_state = self.contact_state(script, &contact, &instant);
                 if self.pushes[index] {
-                    contact.holds(contact_state) < 0.0
+                    contact.pushing_criterion(contact_state) < 0.0
                 } else {
                     contact.closes(contact_state)
                 }
@@ -424,14 +435,14 @@ impl Fine {
     /// The first instant from `s` on at which a contact closes while none pushes, and which.
     fn next_closing(&mut self, script: &Script, gates: &[f64], s: f64) -> Option<(f64, usize)> {
         let mut search_from = s;
-        for probe_index in 1..=LOOKS {
-            let search_to = s + (1.0 - s) * probe_index as f64 / LOOKS as f64;
+        for probe_index in 1..=CLOSING_PROBES {
+            let search_to = s + (1.0 - s) * probe_index as f64 / CLOSING_PROBES as f64;
             let mut first_closing: Option<(f64, usize)> = None;
             for index in 0..script.links.len() {
                 let mut closes = |s: f64| {
                     let instant = self.instant(script, s);
                     let contact = self.contact_now(script, gates, (index, s));
-                    contact.is_some_and(|contact| contact.closes(self.look(script, &contact, &instant)))
+                    contact.is_some_and(|contact| contact.closes(self.contact_state(script, &contact, &instant)))
                 };
                 if !closes(search_to) {
                     continue;
@@ -446,9 +457,9 @@ impl Fine {
                         open_at = midpoint;
                     }
                 }
-                let instant = if closes(open_at) { open_at } else { closed_at };
-                if first_closing.is_none_or(|(other, _)| instant < other) {
-                    first_closing = Some((instant, index));
+                let closing_instant = if closes(open_at) { open_at } else { closed_at };
+                if first_closing.is_none_or(|(other, _)| closing_instant < other) {
+                    first_closing = Some((closing_instant, index));
                 }
             }
             if first_closing.is_some() {
@@ -469,8 +480,9 @@ impl Fine {
             let start_instant = self.instant(script, instants[0]);
             for index in 0..script.links.len() {
                 let link_contact = self.contact_now(script, gates, (index, instants[1]));
-                self.depths[index] =
-                    link_contact.map_or(0.0, |link_contact| self.look(script, &link_contact, &start_instant)[0]);
+                self.depths[index] = link_contact.map_or(0.0, |link_contact| {
+                    self.contact_state(script, &link_contact, &start_instant)[0]
+                });
             }
             self.slide_bristles(script, (laws, gates), (&start_instant, 0.5 * step_length));
             let middle_instant = self.instant(script, instants[1]);
@@ -478,7 +490,7 @@ impl Fine {
                 self.kick_law(script, (laws, gates), law, (&middle_instant, step_length));
             }
             self.forces.fill(0.0);
-            for _ in 0..ROUNDS {
+            for _ in 0..ROUNDS_MAX {
                 let mut force_change = 0.0_f64;
                 for index in 0..script.links.len() {
                     let Some(link_contact) = self.contact_now(script, gates, (index, middle_instant.s)) else {
@@ -495,12 +507,12 @@ impl Fine {
                         &middle_instant,
                     );
                     let end_instant = self.instant(script, instants[2]);
-                    let [free_depth, _] = self.look(script, &link_contact, &end_instant);
+                    let [free_depth, _] = self.contact_state(script, &link_contact, &end_instant);
                     let contact = Contact {
                         k: link_contact.k,
                         z: 2.0 * link_contact.z / step_length,
                         exponent: link_contact.but.exponent,
-                        beta: 0.5 * step_length * step_length * link_contact.jump * time_step,
+                        beta: 0.5 * step_length * step_length * link_contact.velocity_per_impulse * time_step,
                         clamp: link_contact.but.clamp,
                     };
                     let contact_force = contact.push(free_depth, depth_before, depth_before.max(free_depth));
@@ -511,8 +523,8 @@ impl Fine {
                         contact_force * step_length * time_step,
                         &middle_instant,
                     );
-                    force_change =
-                        force_change.max((contact_force - self.forces[index]).abs() - AGREE * contact_force.abs());
+                    force_change = force_change
+                        .max((contact_force - self.forces[index]).abs() - FORCE_TOLERANCE * contact_force.abs());
                     self.forces[index] = contact_force;
                 }
                 if force_change <= 0.0 {

@@ -1,4 +1,4 @@
-//! What does not change while links between frames are computed: their points, and how a push of one moves the others.
+//! What does not change while links between frames are computed: their points, and how a push of one path_responses the others.
 
 use super::basis::{Basis, Instant, add_rows};
 use super::crowded::CrowdedBody;
@@ -25,17 +25,17 @@ pub(super) struct Script {
     pub(super) places: Vec<Option<(usize, usize)>>,
     /// Response of one joint's path to an impulse at another   (n_joints², n·n); empty between those of a crowded body.
     /// And that of its velocity at once   (n_joints²)
-    pub(super) moves: Vec<Vec<f64>>,
+    pub(super) path_responses: Vec<Vec<f64>>,
     pub(super) jumps: Vec<f64>,
     /// Whether a push of one link changes the velocity of another at once.
     pub(super) is_coupled: bool,
-    /// Number of products by which an impulse on each joint changes all paths in `moves`   (n_joints)
+    /// Number of products by which an impulse on each joint changes all paths in `path_responses`   (n_joints)
     pub(super) reached: Vec<u64>,
     /// Displacement of one joint at the instants of a frame by an impulse at another at its start; empty but between
     /// ports, and between those of a crowded body   (n_joints²)
     pub(super) begun: Vec<Vec<f64>>,
     /// Number of products that the free paths of all joints take in each frame.
-    pub(super) ways: u64,
+    pub(super) free_path_products: u64,
 }
 
 impl Script {
@@ -66,10 +66,10 @@ impl Script {
     pub(super) fn add_impulse(&self, joint: usize, impulse: f64, instant: &Instant, path: &mut [f64]) {
         let (n_instants, n_joints) = (self.basis.n(), self.joints.len());
         let impulse_shares = instant.value.map(|value| impulse * value);
-        let joint_moves = &self.moves[joint * n_joints..(joint + 1) * n_joints];
-        for (joint_moves, path) in joint_moves.iter().zip(path.chunks_mut(n_instants)) {
-            if !joint_moves.is_empty() {
-                add_rows(joint_moves, &impulse_shares[..n_instants], path);
+        let joint_responses = &self.path_responses[joint * n_joints..(joint + 1) * n_joints];
+        for (joint_responses, path) in joint_responses.iter().zip(path.chunks_mut(n_instants)) {
+            if !joint_responses.is_empty() {
+                add_rows(joint_responses, &impulse_shares[..n_instants], path);
             }
         }
     }

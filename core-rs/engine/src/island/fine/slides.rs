@@ -17,7 +17,7 @@ use super::{Fine, Script};
 use crate::network::Dry;
 use crate::scheme::Scheme;
 use crate::state::Body;
-use script::{Pace, SlideScript};
+use script::{EvenSteps, SlideScript};
 
 /// Most steps tried in a frame, before one step takes the rest of it.
 const STEPS_MAX: usize = 256;
@@ -41,8 +41,8 @@ pub(super) struct Frictions {
     pub(super) script: Arc<SlideScript>,
     /// The links as they are in this step   (n_dry)
     slides: Vec<Slide>,
-    /// Responses of the velocities to the forces in this step, as in [`script::Pace::moves`]   (n_dry²)
-    moves: Vec<Square>,
+    /// Responses of the velocities to the forces in this step, as in [`script::EvenSteps::velocity_responses`]   (n_dry²)
+    velocity_responses: Vec<Square>,
     /// Equations for the forces in this step   (3·n_dry, 3·n_dry + 1)
     system: Vec<f64>,
 }
@@ -99,7 +99,7 @@ impl Frictions {
         let n_forces = STAGES * n_dry;
         Self {
             slides: vec![Slide::default(); n_dry],
-            moves: vec![Square::default(); n_dry * n_dry],
+            velocity_responses: vec![Square::default(); n_dry * n_dry],
             system: vec![0.0; n_forces * (n_forces + 1)],
             script: Arc::new(slide_script),
         }
@@ -132,7 +132,7 @@ impl Fine {
             let [saved_paths, impulses] = &mut self.saved;
             saved_paths.copy_from_slice(&self.paths);
             impulses.copy_from_slice(&self.impulse_sums);
-            let mut length_taken = self.pace(frame).length(instant_now);
+            let mut length_taken = self.even_steps(frame).length(instant_now);
             self.step_frictions(frame, (instant_now, length_taken), &mut steps_left);
             let slides = &mut self.frictions.slides;
             slides.iter_mut().for_each(|slide| slide.is_located = false);
@@ -205,7 +205,7 @@ impl Fine {
     fn settle(&mut self, frame: Frame<'_>, s: f64) {
         let stands_still = |slide: &Slide| slide.direction == 0.0;
         while self.frictions.slides.iter().any(stands_still) {
-            let step_length = self.pace(frame).length(s);
+            let step_length = self.even_steps(frame).length(s);
             self.solve_forces(frame, (s, step_length));
             let force_excess = |slide_index: usize| {
                 let slide = &self.frictions.slides[slide_index];
@@ -223,18 +223,18 @@ impl Fine {
     }
 
     /// The even steps of a frame in the present state: only a slide whose level falls needs short ones.
-    fn pace<'a>(&self, frame: Frame<'a>) -> &'a Pace {
+    fn even_steps<'a>(&self, frame: Frame<'a>) -> &'a EvenSteps {
         let mut dry_slides = self.frictions.slides.iter().zip(&frame.slides.dry);
         frame
             .slides
-            .pace(dry_slides.any(|(slide, (dry, _))| slide.direction != 0.0 && dry.falls()))
+            .even_steps(dry_slides.any(|(slide, (dry, _))| slide.direction != 0.0 && dry.falls()))
     }
 
     /// The friction of a link at an instant of this frame.
     fn friction(&self, frame: Frame<'_>, (slide, s): (usize, f64)) -> Friction {
         let dry_link = frame.slides.links[slide];
         let (dry_law, rate) = frame.slides.dry[slide];
-        let [_, friction_level] = self.numbers(dry_link, s);
+        let [_, friction_level] = self.link_constants_at(dry_link, s);
         let link_gate = frame.script.links[dry_link].gate;
         Friction {
             by: dry_law.with(friction_level),

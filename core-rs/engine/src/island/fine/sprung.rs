@@ -112,9 +112,9 @@ impl Sprung {
     }
 
     /// Note the forces that the frame before left to this one, of those of all joints [N].
-    pub(super) fn record_later_forces(&mut self, later: &[f64], body: &Body) {
+    pub(super) fn record_carried_forces(&mut self, carried_forces: &[f64], body: &Body) {
         for point in &mut self.points {
-            (point.force, point.step) = (later[point.joint], body.d[point.mat]);
+            (point.force, point.step) = (carried_forces[point.joint], body.d[point.mat]);
         }
     }
 

@@ -151,32 +151,32 @@ impl Linear {
                         z: run.z,
                     });
                 }
-                for (local, sign) in [(first_slot, 1.0), (second_slot, -1.0)] {
-                    let Some(local) = local else { continue };
-                    stiffness[local * free_count + local] += run.k / (root[local] * root[local]);
+                for (slot, sign) in [(first_slot, 1.0), (second_slot, -1.0)] {
+                    let Some(slot) = slot else { continue };
+                    stiffness[slot * free_count + slot] += run.k / (root[slot] * root[slot]);
                     let fixed_position = |end: usize, other: Option<usize>| match other {
                         Some(_) => 0.0,
                         None => mats.x0[end],
                     };
-                    force[local] += sign
+                    force[slot] += sign
                         * run.k
                         * (fixed_position(second_end, second_slot) - fixed_position(first_end, first_slot) - run.rest);
                 }
-                if let (Some(first_end), Some(second_end)) = (first_slot, second_slot) {
-                    stiffness[first_end * free_count + second_end] -= run.k / (root[first_end] * root[second_end]);
-                    stiffness[second_end * free_count + first_end] -= run.k / (root[first_end] * root[second_end]);
+                if let (Some(row), Some(column)) = (first_slot, second_slot) {
+                    stiffness[row * free_count + column] -= run.k / (root[row] * root[column]);
+                    stiffness[column * free_count + row] -= run.k / (root[row] * root[column]);
                 }
             }
         }
-        for (local, &i) in free.iter().enumerate() {
+        for (slot, &i) in free.iter().enumerate() {
             let is_cell = mats.kind[i] == MatKind::Cel;
             let (k, z) = if is_cell { (mats.k[i], mats.z[i]) } else { (0.0, 0.0) };
-            stiffness[local * free_count + local] += k / mats.m[i];
-            force[local] += k * mats.rest[i];
+            stiffness[slot * free_count + slot] += k / mats.m[i];
+            force[slot] += k * mats.rest[i];
             proportion = proportion.and_then(|()| damping.mass(mats.m[i], k, z));
             if z != 0.0 {
                 dampers.push(Damper {
-                    ends: [Some(local), None],
+                    ends: [Some(slot), None],
                     z,
                 });
             }
@@ -184,7 +184,7 @@ impl Linear {
         let proportional = proportion.ok();
         let viscosity = match proportional {
             Some(()) => None,
-            None => Viscosity::new(network, &free, &root).filter(|local| local.shares_modes(&stiffness)),
+            None => Viscosity::new(network, &free, &root).filter(|viscosity| viscosity.shares_modes(&stiffness)),
         };
         Ok(Self {
             proportion: proportional.map(|()| [damping.alpha.unwrap_or(0.0), damping.beta.unwrap_or(0.0)]),

@@ -18,7 +18,7 @@ use crate::timeline::{DriveKind, Timeline};
 use crate::units::Rate;
 
 /// Why a body with many ports keeps the audio rate in a session, where each of its masses is a port.
-const DEARER: &str = "in a session, where each of its masses may be struck, it costs less so";
+const DEARER: &str = "computing it once in several frames would cost more than at every frame: in a session each of its masses may be struck";
 
 /// A part that asks to be slow but cannot be: its name, and why.
 pub(in crate::plan) type RefusedSlow = (String, String);
@@ -280,8 +280,8 @@ impl Solution {
             rest: self.rest,
             x0: free.iter().map(|&i| mats.x0[i]).collect(),
             v0: free.iter().map(|&i| mats.v0[i] * rate.step()).collect(),
-            inner: (0..free_count).filter(|&weights| !is_port_slot(weights)).collect(),
-            is_inner: (0..free_count)
+            inner: (0..free_count).filter(|&slot| !is_port_slot(slot)).collect(),
+            inner_mask: (0..free_count)
                 .map(|weights| f64::from(u8::from(!is_port_slot(weights))))
                 .collect(),
             springs: springs(&ports, &output_rows),

@@ -91,7 +91,7 @@ impl Events {
         for &Strike {
             instant,
             mat,
-            frames,
+            n_parts,
             impulse,
             ..
         } in &timeline.strikes
@@ -99,7 +99,7 @@ impl Events {
             if is_in_span(instant) {
                 sink.0.update(mat.to_le_bytes());
                 sink.0.update(instant.to_le_bytes());
-                sink.0.update(frames.to_le_bytes());
+                sink.0.update(n_parts.to_le_bytes());
                 sink.0.update(impulse.to_le_bytes());
             }
         }

@@ -9,34 +9,34 @@ use crate::island::{Island, ItemTakeover};
 use crate::plan::IslandPlan;
 use crate::simulation::side::{Side, UnitIndex};
 
-/// A voice of an old island: the island's place, the island, its plan, and the index of the voice.
-type Known<'a> = (UnitIndex, &'a Island, &'a IslandPlan, usize);
+/// A voice of an old island: the island's unit, the island, its plan, and the index of the voice.
+type OldVoice<'a> = (UnitIndex, &'a Island, &'a IslandPlan, usize);
 
 impl Takeover {
     /// Matches voices by the MATs that they strike, and the reports of the gestures that both have.
-    pub(super) fn voices(&mut self, there: &Side<'_>, here: &Side<'_>, n: u64) {
-        let mut voices_by_name: HashMap<(String, bool), Vec<Known<'_>>> = HashMap::new();
-        for &(old_unit, island, island_plan) in &there.islands {
-            for (voice, voice_script) in island.script().voices.iter().enumerate() {
-                let name = (island_plan.network.mat_name(voice_script.struck), voice_script.layer);
+    pub(super) fn voices(&mut self, old_side: &Side<'_>, new_side: &Side<'_>, n: u64) {
+        let mut voices_by_name: HashMap<(String, bool), Vec<OldVoice<'_>>> = HashMap::new();
+        for &(old_unit, island, island_plan) in &old_side.islands {
+            for (old_voice_index, voice_script) in island.script().voices.iter().enumerate() {
+                let voice_name = (island_plan.network.mat_name(voice_script.struck), voice_script.layer);
                 voices_by_name
-                    .entry(name)
+                    .entry(voice_name)
                     .or_default()
-                    .push((old_unit, island, island_plan, voice));
+                    .push((old_unit, island, island_plan, old_voice_index));
             }
         }
-        for &(to, island, island_plan) in &here.islands {
+        for &(new_unit, island, island_plan) in &new_side.islands {
             let island_script = island.script();
             let takeover_step = island.step_at(n);
-            for (voice, voice_script) in island_script.voices.iter().enumerate() {
-                let name = (island_plan.network.mat_name(voice_script.struck), voice_script.layer);
-                let Some(candidates) = voices_by_name.get_mut(&name) else {
+            for (new_voice_index, voice_script) in island_script.voices.iter().enumerate() {
+                let voice_name = (island_plan.network.mat_name(voice_script.struck), voice_script.layer);
+                let Some(candidates) = voices_by_name.get_mut(&voice_name) else {
                     continue;
                 };
                 // A layer holds one gesture, so it is matched by that; all other gestures of a key share one voice.
                 let mut matching_voice = None;
-                for (candidate_index, &(old_unit, old, old_plan, there)) in candidates.iter().enumerate() {
-                    let old_voice = &old.script().voices[there];
+                for (candidate_index, &(old_unit, old, old_plan, old_voice_index)) in candidates.iter().enumerate() {
+                    let old_voice = &old.script().voices[old_voice_index];
                     let gestures = shared(
                         (voice_script, &island_script.gestures),
                         (old_voice, &old.script().gestures),
@@ -44,19 +44,19 @@ impl Takeover {
                     if voice_script.layer && gestures.is_empty() {
                         continue;
                     }
-                    matching_voice = Some((candidate_index, old_unit, old_plan, there, gestures));
+                    matching_voice = Some((candidate_index, old_unit, old_plan, old_voice_index, gestures));
                     break;
                 }
-                let Some((candidate_index, old_unit, old_plan, there, gestures)) = matching_voice else {
+                let Some((candidate_index, old_unit, old_plan, old_voice_index, gestures)) = matching_voice else {
                     continue;
                 };
                 let old = candidates.remove(candidate_index).1.script();
-                let old_voice = &old.voices[there];
-                let (name, other_name) = (
+                let old_voice = &old.voices[old_voice_index];
+                let (new_name_of, old_name_of) = (
                     |mat| island_plan.network.mat_name(mat),
                     |mat| old_plan.network.mat_name(mat),
                 );
-                let mats = if voice_script.free.is_like(&old_voice.free, name, other_name)
+                let mats = if voice_script.free.is_like(&old_voice.free, new_name_of, old_name_of)
                     && (island_plan.oversampling, island_plan.every) == (old_plan.oversampling, old_plan.every)
                 {
                     None
@@ -65,45 +65,50 @@ impl Takeover {
                         .free
                         .members
                         .iter()
-                        .map(|&mat| other_name(mat))
+                        .map(|&mat| old_name_of(mat))
                         .zip(0..)
                         .collect();
                     let members = voice_script.free.members.iter().enumerate();
-                    let index_pair = |(to, &mat): (usize, &usize)| Some((to, *old_members.get(&name(mat))?));
+                    let index_pair =
+                        |(new_member, &mat): (usize, &usize)| Some((new_member, *old_members.get(&new_name_of(mat))?));
                     Some(members.filter_map(index_pair).collect())
                 };
                 let begun_gestures = gestures
                     .iter()
                     .filter(|index_pair| old.gestures[index_pair.0].join_from <= takeover_step);
-                for &(there, here) in begun_gestures {
-                    let is_same_unit = self.units.contains(&(old_unit, to));
-                    self.items
-                        .push((old_unit, to, ItemTakeover::Report(there, here, is_same_unit)));
+                for &(old_gesture, new_gesture) in begun_gestures {
+                    let is_same_unit = self.units.contains(&(old_unit, new_unit));
+                    self.items.push((
+                        old_unit,
+                        new_unit,
+                        ItemTakeover::Report(old_gesture, new_gesture, is_same_unit),
+                    ));
                 }
                 let voice = VoiceTakeover {
-                    from: there,
-                    to: voice,
+                    from: old_voice_index,
+                    to: new_voice_index,
                     mats,
                     gestures,
                 };
-                self.items.push((old_unit, to, ItemTakeover::Voice(voice)));
+                self.items.push((old_unit, new_unit, ItemTakeover::Voice(voice)));
             }
         }
     }
 
     /// Matches delayed ports by their names.
-    fn ports(&mut self, there: &Side<'_>, here: &Side<'_>) {
+    fn ports(&mut self, old_side: &Side<'_>, new_side: &Side<'_>) {
         let mut old_ports: HashMap<String, (UnitIndex, usize)> = HashMap::new();
-        for &(old_unit, island, island_plan) in &there.islands {
+        for &(old_unit, island, island_plan) in &old_side.islands {
             for (index, binding) in island.script().port_bindings.iter().enumerate() {
                 old_ports.insert(island_plan.network.mat_name(binding.port), (old_unit, index));
             }
         }
-        for &(to, island, island_plan) in &here.islands {
+        for &(new_unit, island, island_plan) in &new_side.islands {
             for (index, binding) in island.script().port_bindings.iter().enumerate() {
                 let port_name = island_plan.network.mat_name(binding.port);
                 if let Some(&(old_unit, old_index)) = old_ports.get(&port_name) {
-                    self.items.push((old_unit, to, ItemTakeover::Port(old_index, index)));
+                    self.items
+                        .push((old_unit, new_unit, ItemTakeover::Port(old_index, index)));
                 }
             }
         }
@@ -111,10 +116,10 @@ impl Takeover {
 
     /// Matches gates by their links, hands by their MATs, and, in islands that are the same, the parts that may be
     /// muted.
-    pub(super) fn holds(&mut self, there: &Side<'_>, here: &Side<'_>) {
+    pub(super) fn gates_hands_and_parts(&mut self, old_side: &Side<'_>, new_side: &Side<'_>) {
         let mut old_gates = HashMap::new();
         let mut old_hands: HashMap<String, Vec<(UnitIndex, usize)>> = HashMap::new();
-        for &(old_unit, island, island_plan) in &there.islands {
+        for &(old_unit, island, island_plan) in &old_side.islands {
             for (gate, gate_script) in island.script().gates.iter().enumerate() {
                 old_gates.insert(island_plan.network.link_name(gate_script.link), (old_unit, gate));
             }
@@ -130,20 +135,26 @@ impl Takeover {
                 let mut link_names = network_runs.map(|run| island_plan.network.link_name(run.first));
                 link_names.any(|link_name| link_name == match_name).then_some(unit)
             };
-            let mut side_islands = there.islands.iter().map(|&(unit, _, island_plan)| (unit, island_plan));
+            let mut side_islands = old_side
+                .islands
+                .iter()
+                .map(|&(unit, _, island_plan)| (unit, island_plan));
             side_islands.find_map(unit_with_link)
         };
-        let unit_origins: HashMap<UnitIndex, UnitIndex> =
-            self.units.iter().map(|&(old_unit, to)| (to, old_unit)).collect();
-        for &(to, island, island_plan) in &here.islands {
+        let unit_origins: HashMap<UnitIndex, UnitIndex> = self
+            .units
+            .iter()
+            .map(|&(old_unit, new_unit)| (new_unit, old_unit))
+            .collect();
+        for &(new_unit, island, island_plan) in &new_side.islands {
             let island_script = island.script();
             for (gate, gate_script) in island_script.gates.iter().enumerate() {
                 let match_name = island_plan.network.link_name(gate_script.link);
                 if let Some(&(old_unit, old_index)) = old_gates.get(&match_name) {
                     let passed_item = ItemTakeover::Gate(Some(old_index), gate);
-                    self.items.push((old_unit, to, passed_item));
+                    self.items.push((old_unit, new_unit, passed_item));
                 } else if let Some(old_unit) = old_unit_with_link(&match_name) {
-                    self.items.push((old_unit, to, ItemTakeover::Gate(None, gate)));
+                    self.items.push((old_unit, new_unit, ItemTakeover::Gate(None, gate)));
                 }
             }
             for (hand, binding) in island_script.hand_bindings.iter().enumerate() {
@@ -152,21 +163,24 @@ impl Takeover {
                 };
                 let same_binding = old_bindings
                     .iter()
-                    .find(|(old_unit, _)| unit_origins.get(&to) == Some(old_unit));
+                    .find(|(old_unit, _)| unit_origins.get(&new_unit) == Some(old_unit));
                 if let Some(&(old_unit, old_index)) = same_binding.or(old_bindings.first()) {
-                    self.items.push((old_unit, to, ItemTakeover::Hand(old_index, hand)));
+                    self.items
+                        .push((old_unit, new_unit, ItemTakeover::Hand(old_index, hand)));
                 }
             }
         }
-        self.ports(there, here);
-        for &(old_unit, to) in &self.units.clone() {
-            let island = |side: &Side<'_>, unit: UnitIndex| {
+        self.ports(old_side, new_side);
+        for &(old_unit, new_unit) in &self.units.clone() {
+            let network_of = |side: &Side<'_>, unit: UnitIndex| {
                 let mut side_islands = side.islands.iter();
                 side_islands
                     .find(|island| island.0 == unit)
                     .map(|island| island.2.network.clone())
             };
-            let (Some(new_network), Some(old_network)) = (island(here, to), island(there, old_unit)) else {
+            let (Some(new_network), Some(old_network)) =
+                (network_of(new_side, new_unit), network_of(old_side, old_unit))
+            else {
                 continue;
             };
             let mut part_pairs: Vec<(u32, u32)> = {
@@ -177,7 +191,7 @@ impl Takeover {
             part_pairs.dedup();
             for (old_part, new_part) in part_pairs {
                 let passed_item = ItemTakeover::Part(old_part as usize, new_part as usize);
-                self.items.push((old_unit, to, passed_item));
+                self.items.push((old_unit, new_unit, passed_item));
             }
         }
     }

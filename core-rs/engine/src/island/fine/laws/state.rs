@@ -31,7 +31,7 @@ pub(in crate::island::fine) struct LawState {
     /// Bend of its bristles at the start of a part, at its end, and before a step that may be repeated [m].
     pub(super) bristle: f64,
     pub(super) bristle_at_end: f64,
-    pub(super) saved_bend: f64,
+    pub(super) saved_deflection: f64,
     /// Elongation and its rate at the start of the frame [m, m/s], and the force there [N].
     pub(super) start: [f64; 2],
     pub(super) begin: f64,
@@ -140,8 +140,8 @@ impl LawState {
         self.bristle
     }
 
-    pub(in crate::island::fine) fn set_bend(&mut self, bend: f64) {
-        self.bristle = bend;
+    pub(in crate::island::fine) fn set_bristle_deflection(&mut self, deflection: f64) {
+        self.bristle = deflection;
     }
 
     /// Do not extrapolate from parts that were longer than those to come.
@@ -151,12 +151,12 @@ impl LawState {
 
     /// Save what a step changes, if it may be repeated.
     pub(in crate::island::fine) fn save(&mut self) {
-        self.saved_bend = self.bristle;
+        self.saved_deflection = self.bristle;
     }
 
     /// Undo the last step.
     pub(in crate::island::fine) fn restore(&mut self) {
-        self.bristle = self.saved_bend;
+        self.bristle = self.saved_deflection;
     }
 
     /// Compute elongations and rates at the Gauss points of a part from the path; returns those at the start of the

@@ -202,7 +202,7 @@ impl Script {
     fn answer(&self, [from, to]: [usize; 2], [start, end]: [&Instant; 2]) -> [f64; 2] {
         let n_instants = self.basis.n();
         let mut response = [0.0; 2];
-        let joint_moves = &self.moves[from * self.joints.len() + to];
+        let joint_moves = &self.path_responses[from * self.joints.len() + to];
         for (row, share) in joint_moves.chunks(n_instants).zip(&start.value) {
             response[0] += share * dot(row, &end.value);
             response[1] += share * dot(row, &end.slope);

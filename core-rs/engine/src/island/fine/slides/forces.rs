@@ -29,14 +29,16 @@ impl Fine {
             return;
         }
         let (script, n_dry) = (frame.script, frame.slides.links.len());
-        let pace = self.pace(frame);
+        let even_steps = self.even_steps(frame);
         let frictions = &mut self.frictions;
-        if pace.is_even(h) {
-            frictions.moves.copy_from_slice(&pace.moves);
+        if even_steps.is_even(h) {
+            frictions
+                .velocity_responses
+                .copy_from_slice(&even_steps.velocity_responses);
         } else {
             let integrals = Integrals::new(script, h);
-            for (moves, response) in frictions.moves.iter_mut().zip(&frame.slides.responses) {
-                *moves = integrals.velocity_response(response);
+            for (velocity_response, response) in frictions.velocity_responses.iter_mut().zip(&frame.slides.responses) {
+                *velocity_response = integrals.velocity_response(response);
             }
             self.work.products += (n_dry * n_dry * STAGES * STAGES * script.basis.n()) as u64;
         }
@@ -89,12 +91,12 @@ impl Fine {
         for slide_index in 0..n_dry {
             let friction = self.friction(frame, (slide_index, s));
             let slide = &self.frictions.slides[slide_index];
-            let link_moves = &self.frictions.moves[slide_index * n_dry..(slide_index + 1) * n_dry];
+            let link_responses = &self.frictions.velocity_responses[slide_index * n_dry..(slide_index + 1) * n_dry];
             let (direction, is_holding) = (slide.direction, slide.direction == 0.0);
             is_linear &= is_holding || !friction.by.falls();
             for stage in 0..STAGES {
-                let move_pairs = link_moves.iter().zip(&self.frictions.slides);
-                let by = move_pairs.map(|(by, other)| dot(&by[stage], &other.force));
+                let response_pairs = link_responses.iter().zip(&self.frictions.slides);
+                let by = response_pairs.map(|(by, other)| dot(&by[stage], &other.force));
                 let v = slide.free[stage] + by.sum::<f64>();
                 let row_index = STAGES * slide_index + stage;
                 let equation_row = &mut equations[row_index * row_width..(row_index + 1) * row_width];
@@ -103,7 +105,7 @@ impl Fine {
                 } else {
                     -direction * friction.slope(v)
                 };
-                let responses = link_moves.iter().flat_map(|by| by[stage]);
+                let responses = link_responses.iter().flat_map(|by| by[stage]);
                 for (entry, response) in equation_row.iter_mut().zip(responses) {
                     *entry = velocity_factor * response;
                 }

@@ -14,7 +14,7 @@ pub(in crate::island::fine) struct SlideScript {
     /// Friction of each link, and frames a second   (n_dry)
     pub(super) dry: Vec<(Dry, f64)>,
     /// Steps without events: while every link holds or slides at a constant level, and while a level falls.
-    paces: [Pace; 2],
+    even_steps: [EvenSteps; 2],
     /// Response of each velocity to an impulse of each link, by the time since the impulse, as coefficients of the basis
     /// [m/frame per N·s]; empty if there is none   (n_dry², n)
     pub(super) responses: Vec<Vec<f64>>,
@@ -22,11 +22,11 @@ pub(in crate::island::fine) struct SlideScript {
 
 /// Even steps of a frame.
 #[derive(Clone, Debug)]
-pub(super) struct Pace {
+pub(super) struct EvenSteps {
     /// Steps of a frame.
-    parts: usize,
+    steps: usize,
     /// Response of each velocity to the force of each link, at the Gauss points of such a step [m/frame per N]   (n_dry²)
-    pub(super) moves: Vec<Square>,
+    pub(super) velocity_responses: Vec<Square>,
 }
 
 impl SlideScript {
@@ -44,46 +44,46 @@ impl SlideScript {
                 .steps(rate * script.jump(first_joint, second_joint) * script.rate.step())
         };
         let step_factor = links.iter().zip(&dry).map(step_count).fold(1.0, f64::max);
-        let least_steps = (script.steps / 2).max(1);
-        let fast_steps = (least_steps as f64 * step_factor).ceil().min(STEPS_MAX as f64 / 4.0) as usize;
+        let slow_steps = (script.steps / 2).max(1);
+        let fast_steps = (slow_steps as f64 * step_factor).ceil().min(STEPS_MAX as f64 / 4.0) as usize;
         let end_pairs = links.iter().flat_map(|&to_link| {
-            let from_link = links.iter();
-            from_link.map(move |&from_link| [script.ends[to_link], script.ends[from_link]])
+            let from_links = links.iter();
+            from_links.map(move |&from_link| [script.ends[to_link], script.ends[from_link]])
         });
         let responses: Vec<Vec<f64>> = end_pairs.map(|ends| velocity_response(script, ends)).collect();
         Self {
-            paces: [least_steps, fast_steps].map(|parts| Pace::new(script, parts, &responses)),
+            even_steps: [slow_steps, fast_steps].map(|steps| EvenSteps::new(script, steps, &responses)),
             responses,
             links,
             dry,
         }
     }
 
-    /// The even steps, if a level that depends on the velocity slides or if none does.
-    pub(super) fn pace(&self, level_falls: bool) -> &Pace {
-        &self.paces[usize::from(level_falls)]
+    /// The fast steps if `level_falls` (a link slides at a level that falls with the velocity), else the slow ones.
+    pub(super) fn even_steps(&self, level_falls: bool) -> &EvenSteps {
+        &self.even_steps[usize::from(level_falls)]
     }
 }
 
-impl Pace {
-    fn new(script: &Script, parts: usize, responses: &[Vec<f64>]) -> Self {
-        let integrals = Integrals::new(script, 1.0 / parts as f64);
+impl EvenSteps {
+    fn new(script: &Script, steps: usize, responses: &[Vec<f64>]) -> Self {
+        let integrals = Integrals::new(script, 1.0 / steps as f64);
         let integral = |response: &Vec<f64>| integrals.velocity_response(response);
         Self {
-            parts,
-            moves: responses.iter().map(integral).collect(),
+            steps,
+            velocity_responses: responses.iter().map(integral).collect(),
         }
     }
 
     /// Length of a step that starts at an instant: the rest of the frame in even steps.
     pub(super) fn length(&self, s: f64) -> f64 {
         let frame_left = 1.0 - s;
-        frame_left / (frame_left * self.parts as f64 - SKIPPED).ceil().max(1.0)
+        frame_left / (frame_left * self.steps as f64 - SKIPPED).ceil().max(1.0)
     }
 
     /// Whether a step has the length of the even steps.
     pub(super) fn is_even(&self, h: f64) -> bool {
-        (h * self.parts as f64 - 1.0).abs() < SKIPPED
+        (h * self.steps as f64 - 1.0).abs() < SKIPPED
     }
 }
 
@@ -133,11 +133,11 @@ impl Integrals {
         if response.is_empty() {
             return integrals;
         }
-        for (outer, integrals) in integrals.iter_mut().enumerate() {
-            for (since, weights) in self.since[outer].iter().zip(&self.weights[outer]) {
+        for (outer, outer_integrals) in integrals.iter_mut().enumerate() {
+            for (since, inner_weights) in self.since[outer].iter().zip(&self.weights[outer]) {
                 let response_since = dot(response, &since.value);
-                for (integrals, weight) in integrals.iter_mut().zip(weights) {
-                    *integrals += response_since * weight;
+                for (integral, weight) in outer_integrals.iter_mut().zip(inner_weights) {
+                    *integral += response_since * weight;
                 }
             }
         }
