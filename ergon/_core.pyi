@@ -21,9 +21,9 @@ FADE: float  # couplings fade in and out over this time [s]
 GRID: int  # changes that a plan must foresee begin at multiples of this many frames
 FORCE_FALL_TIME: float  # the force begins to fall this long before a stiffer piece acts [s]
 FORCE_SCALE_MIN: float  # smallest factor of the piece's force that a hand may get (0 to 1)
-INAUDIBLE: float  # the error of a waveform that counts as none by ear [dB]
+INAUDIBLE_ERROR_DB: float  # the error of a waveform that counts as none by ear [dB]
 # Errors that count as equal by ear, in the order of AudibleError.
-LEAST_HEARD: tuple[float, float, float, float, float, float]
+JUST_NOTICEABLE: tuple[float, float, float, float, float, float]
 MAX_MODAL: int  # most modes of a MODES
 MAX_PLACES: int  # most places of a MODES
 # Mean difference of third octaves that rounding alone causes in a chaotic motion [dB].

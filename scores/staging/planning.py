@@ -277,7 +277,7 @@ def _is_met(row: _core.PlanRow, accuracy: Accuracy) -> bool:
     db, audible = row.error_db, row.audible
     if accuracy.error is None and audible is not None:
         return _is_allowed(audible, _allowed_by_ear(accuracy.cents))
-    budget_db = _core.INAUDIBLE if accuracy.error is None else accuracy.error
+    budget_db = _core.INAUDIBLE_ERROR_DB if accuracy.error is None else accuracy.error
     return db is not None and db <= budget_db and row.spectral_db is None
 
 
@@ -353,9 +353,9 @@ def _missed_by_ear(plan: _core.Plan, cents: float | None) -> list[str]:
 
 def _allowed_by_ear(cents: float | None) -> list[float]:
     """What is allowed by ear, in the order of `AudibleError`."""
-    least = _core.LEAST_HEARD
-    share = 1.0 if cents is None else cents / least[0]
-    return [share * value for value in least]
+    just_noticeable = _core.JUST_NOTICEABLE
+    share = 1.0 if cents is None else cents / just_noticeable[0]
+    return [share * value for value in just_noticeable]
 
 
 def _is_allowed(heard: _core.AudibleError, allowed: list[float]) -> bool:

@@ -57,7 +57,7 @@ def test_plan_by_ear_pitch_and_octave_errors(name: str):
     sound = np.empty(exact.shape)
     simulation.process(sound)
     cents, level = apart(sound, exact, piece.rate)
-    assert bool(built.notes) == bool((stated > _core.LEAST_HEARD).any())
+    assert bool(built.notes) == bool((stated > _core.JUST_NOTICEABLE).any())
     if not built.notes:
         assert cents <= 3.5
         assert level <= 1.2
@@ -164,7 +164,7 @@ def test_plan_cost_of_mass_under_steep_friction():
 
 def row(*errors: float, spectral: float | None = None, cut_short: bool = False) -> SimpleNamespace:
     """A row of a plan with these audible errors; those that are missing are 0."""
-    values = (*errors, *(0.0,) * (len(_core.LEAST_HEARD) - len(errors)))
+    values = (*errors, *(0.0,) * (len(_core.JUST_NOTICEABLE) - len(errors)))
     return SimpleNamespace(
         parts=["bell"],
         audible=_core.AudibleError(*values) if spectral is None else None,

@@ -132,10 +132,10 @@ mod _core {
     #[pymodule_export]
     const GRID: u64 = ergon_engine::timeline::GRID;
     #[pymodule_export]
-    const INAUDIBLE: f64 = ergon_engine::plan::INAUDIBLE;
+    const INAUDIBLE_ERROR_DB: f64 = ergon_engine::plan::INAUDIBLE_ERROR_DB;
     #[pymodule_export]
-    const LEAST_HEARD: (f64, f64, f64, f64, f64, f64) = {
-        let [cents, t60, level, first, later, stroke] = ergon_engine::plan::LEAST_HEARD;
+    const JUST_NOTICEABLE: (f64, f64, f64, f64, f64, f64) = {
+        let [cents, t60, level, first, later, stroke] = ergon_engine::plan::JUST_NOTICEABLE;
         (cents, t60, level, first, later, stroke)
     };
     #[pymodule_export]

@@ -176,7 +176,7 @@ fn budget(method: Option<&str>, error: Option<f64>, cents: Option<f64>, upto: Op
         (None, Some(db), None, None) => Ok(Budget::Error(check_number("error_db", db, db < 0.0)?)),
         (None, None, Some(cents), upto) => {
             let cents = check_number("cents", cents, cents > 0.0)?;
-            let upto = upto.unwrap_or(plan::PITCH_UPTO);
+            let upto = upto.unwrap_or(plan::PITCH_HERTZ_MAX);
             let upto = check_number("upto", upto, upto > 0.0)?;
             Ok(Budget::Cents { cents, upto })
         }
@@ -295,7 +295,7 @@ impl PlanRow {
             because: row.because.clone(),
             // The engine's `every` counts steps; `macrostep` counts frames.
             macrostep: match row.what {
-                Computed::Slow { every, .. } => Some(every / row.oversampling.max(1)),
+                Computed::Slow { macrostep, .. } => Some(macrostep / row.oversampling.max(1)),
                 _ => None,
             },
             radius: row.radius,

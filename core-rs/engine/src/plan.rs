@@ -14,7 +14,7 @@ mod trial;
 
 pub use budget::{Budget, Method};
 pub use choice::{Choice, ChoiceNumbers};
-pub use constants::{INAUDIBLE, LEAST_HEARD, PITCH_UPTO, SPECTRUM_NOISE};
+pub use constants::{INAUDIBLE_ERROR_DB, JUST_NOTICEABLE, PITCH_HERTZ_MAX, SPECTRUM_NOISE};
 pub(crate) use cost::counted_cost;
 pub use passes::audible::ModeKind;
 pub(crate) use passes::mode_shapes::{ModalTransform, ModeShapes};

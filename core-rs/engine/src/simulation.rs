@@ -253,7 +253,7 @@ impl Simulation {
         let mut x = self.motion(|x, _| x, Island::positions);
         for (island, island_plan) in self.islands() {
             let frames_ahead = island.ahead(self.frame);
-            let steps = f64::from(frames_ahead) * island.steps_a_frame();
+            let steps = f64::from(frames_ahead) * island.steps_per_frame();
             let steps = island.steps().iter().map(|step| steps * step);
             for (local, step) in steps.enumerate().filter(|_| frames_ahead > 0) {
                 x[to_network_index(&island_plan.to_whole.mats, local)] -= step;
@@ -267,7 +267,7 @@ impl Simulation {
     pub fn steps(&self) -> Vec<f64> {
         let mut steps = self.motion(|x, before| x - before, Island::steps);
         for (island, island_plan) in self.islands() {
-            let frame_steps = island.steps_a_frame();
+            let frame_steps = island.steps_per_frame();
             for local in (0..island.steps().len()).filter(|_| frame_steps != 1.0) {
                 steps[to_network_index(&island_plan.to_whole.mats, local)] *= frame_steps;
             }
@@ -371,14 +371,14 @@ impl Simulation {
     /// ```
     pub fn damp(&mut self, t60: Option<f64>) {
         let t60 = t60.filter(|t60| t60.is_finite() && *t60 > 0.0);
-        let fall_a_frame = t60.map_or(0.0, |t60| crate::units::LN_1000 / (t60 * self.rate()));
+        let fall_per_frame = t60.map_or(0.0, |t60| crate::units::LN_1000 / (t60 * self.rate()));
         for running in self.groups.iter_mut().flat_map(|group| &mut group.units) {
             match running {
                 RunningUnit::Island(island) => {
-                    let step_factor = crate::maths::exp(-fall_a_frame / island.steps_a_frame());
+                    let step_factor = crate::maths::exp(-fall_per_frame / island.steps_per_frame());
                     island.damp(step_factor);
                 }
-                RunningUnit::Bank(bank) => bank.damp(crate::maths::exp(-fall_a_frame)),
+                RunningUnit::Bank(bank) => bank.damp(crate::maths::exp(-fall_per_frame)),
             }
         }
     }
@@ -497,7 +497,7 @@ impl Simulation {
     /// Links and meshes that created more energy than a hundredth of what the system held: name, frame, and a sentence.
     pub fn gains(&self) -> Vec<(String, u64, String)> {
         let gains_of = |island: &Island| {
-            let step_rate = self.rate() * island.steps_a_frame();
+            let step_rate = self.rate() * island.steps_per_frame();
             let named_gains = island.gains().map(move |(module, gain)| {
                 let sentence = gain.sentence(&module, gain.frame as f64 / step_rate);
                 (module, island.frame_at(gain.frame), sentence)

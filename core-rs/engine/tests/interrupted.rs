@@ -12,8 +12,8 @@ use ergon_engine::plan::{Budget, Method, Plan};
 use ergon_engine::{Network, OnFault, Options, Rate, Simulation, Timeline};
 
 const MASSES: usize = 200_000;
-/// Masses for which there is at least one look in each pass over all.
-const MASSES_A_LOOK: usize = 8_192;
+/// Masses for which there is at least one poll in each pass over all.
+const MASSES_PER_POLL: usize = 8_192;
 
 /// The result of `work`, and how often it looked for an interrupt.
 fn looks<T>(work: impl FnOnce() -> T) -> (T, usize) {
@@ -67,10 +67,10 @@ fn plan_and_simulation_of_large_bodies_poll_often() {
     let budget = Budget::Method(Method::Ca);
     let (plan, planning) = looks(|| Plan::new(network, &timeline, &budget, None).unwrap());
     // Islands, and for each string its subset, its bodies and its certificate.
-    assert!(planning >= 5 * 2 * MASSES / MASSES_A_LOOK, "{planning}");
+    assert!(planning >= 5 * 2 * MASSES / MASSES_PER_POLL, "{planning}");
     let plan = Arc::new(plan);
     let (simulation, building) = looks(|| Simulation::planned(plan.clone(), options(1)));
-    assert!(building >= 2 * MASSES / MASSES_A_LOOK, "{building}");
+    assert!(building >= 2 * MASSES / MASSES_PER_POLL, "{building}");
     let mut simulation = simulation.unwrap();
     let ((), computing) = looks(|| simulation.process(&mut [0.0; 20]).unwrap());
     assert!(computing >= 2 * 20, "{computing}: not at every frame");

@@ -133,7 +133,7 @@ fn slow_key_does_not_allocate() {
     let plan = Plan::new(Arc::new(network), &timeline, &Budget::default(), None).unwrap();
     assert!(plan.rows().iter().any(|row| row.what
         == Computed::Slow {
-            every: 10,
+            macrostep: 10,
             is_exact: true
         }));
     let options = Options {

@@ -35,7 +35,7 @@ _DAMPING_FIELDS = {
 }
 N_NUMBERS = 8
 _CONTACT = "0.19ms"  # for which a strike lasts that does not say so
-_PARTS_A_SECOND = 44_100.0
+_PARTS_PER_SECOND = 44_100.0
 REST = 2  # where a link's rest or gap stands among its numbers
 
 
@@ -175,13 +175,13 @@ def _impulses(strike: dict[str, Any]) -> Iterator[tuple[float, float]]:
     samples of Blackman's window, 1/44,100 s apart.
     """
     impulse, lasts = number(strike["impulse"]), number(strike.get("lasts", _CONTACT))
-    n = round(lasts * _PARTS_A_SECOND)
+    n = round(lasts * _PARTS_PER_SECOND)
     if n < 3:
         yield 0.0, impulse
         return
     window = blackman(n, sym=False)
     for k in range(1, n):
-        yield k / _PARTS_A_SECOND, impulse * window[k] / window.sum()
+        yield k / _PARTS_PER_SECOND, impulse * window[k] / window.sum()
 
 
 def _part(outcome: Equations, part: str, modules: dict[str, Any]) -> None:

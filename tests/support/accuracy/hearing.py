@@ -42,7 +42,7 @@ class AudibleErrors:
     @property
     def excess(self) -> float:
         """The largest, as a multiple of what is allowed by ear."""
-        pairs = zip(astuple(self), _core.LEAST_HEARD, strict=True)
+        pairs = zip(astuple(self), _core.JUST_NOTICEABLE, strict=True)
         return max(error / allowed for error, allowed in pairs)
 
 

@@ -29,7 +29,7 @@ impl Island {
     }
 
     /// Its steps in a frame of the scene.
-    pub(crate) fn steps_a_frame(&self) -> f64 {
+    pub(crate) fn steps_per_frame(&self) -> f64 {
         f64::from(self.oversampling) / f64::from(self.every)
     }
 

@@ -138,9 +138,9 @@ impl Island {
     /// From here on, sleep when it is quiet.
     pub(crate) fn sleep_when_quiet(&mut self) {
         // Springs in space of slow bodies pull in a rhythm of their own.
-        let is_slow = |body: &RunningBody| matches!(body, RunningBody::Slow(slow) if slow.every() > 1);
+        let is_slow = |body: &RunningBody| matches!(body, RunningBody::Slow(slow) if slow.kick_every() > 1);
         let state = &self.state;
-        if !state.matter.bodies.iter().any(is_slow) && state.hands.voices.iter().all(|voice| voice.every() == 1) {
+        if !state.matter.bodies.iter().any(is_slow) && state.hands.voices.iter().all(|voice| voice.kick_every() == 1) {
             self.quiet = Some(Quiet::new(&self.network, state.matter.bodies.len()));
         }
     }

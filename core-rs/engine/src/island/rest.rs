@@ -320,9 +320,9 @@ impl Island {
         if !script.drives.iter().all(is_known) || !script.hand_bindings.is_empty() || state.hands.is_struck() {
             return n;
         }
-        let bodies = state.matter.bodies.iter().map(inside::RunningBody::every);
-        let mut every = bodies.chain(state.hands.voices.iter().map(Voice::every));
-        if every.any(|every| u64::from(every) > ALIKE_FRAMES) {
+        let bodies = state.matter.bodies.iter().map(inside::RunningBody::kick_every);
+        let mut kick_intervals = bodies.chain(state.hands.voices.iter().map(Voice::kick_every));
+        if kick_intervals.any(|interval| u64::from(interval) > ALIKE_FRAMES) {
             return n;
         }
         let push_frame = script.pushes.get(state.hands.pushed).map(|push_frame| push_frame.frame);
@@ -363,9 +363,9 @@ impl inside::RunningBody {
     }
 
     /// Most steps between two pulls of its springs.
-    fn every(&self) -> u32 {
+    fn kick_every(&self) -> u32 {
         match self {
-            Self::Slow(slow) => slow.every(),
+            Self::Slow(slow) => slow.kick_every(),
             Self::Modal(_) | Self::Mesh(_) => 1,
         }
     }

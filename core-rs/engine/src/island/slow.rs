@@ -318,7 +318,7 @@ impl RunningSlow {
     }
 
     /// Number of frames between two kicks.
-    pub(crate) fn every(&self) -> u32 {
+    pub(crate) fn kick_every(&self) -> u32 {
         self.plan.kick_every
     }
 
@@ -328,7 +328,7 @@ impl RunningSlow {
             return spring_block.shift_frames(frames);
         }
         let frames_since = i64::from(self.since) + frames;
-        self.since = frames_since.rem_euclid(i64::from(self.every())) as u32;
+        self.since = frames_since.rem_euclid(i64::from(self.kick_every())) as u32;
     }
 
     /// Make its motion decay by an additional factor in each frame.

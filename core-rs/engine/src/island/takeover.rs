@@ -196,7 +196,7 @@ impl Island {
     /// Position of a MAT [m], and its step in a frame of the scene [m].
     pub(crate) fn motion(&self, mat: usize) -> (f64, f64) {
         let body = &self.state.matter.body;
-        (body.x[mat], body.d[mat] * self.steps_a_frame())
+        (body.x[mat], body.d[mat] * self.steps_per_frame())
     }
 
     /// Set position and step in a frame of the scene [m] of a MAT; values that are not finite or plausible are ignored.
@@ -204,7 +204,7 @@ impl Island {
         self.begin_again();
         if kernel::is_bounded(x) && step.is_finite() {
             self.state.matter.body.x[mat] = x;
-            self.state.matter.body.d[mat] = step / self.steps_a_frame();
+            self.state.matter.body.d[mat] = step / self.steps_per_frame();
             if let Some(guard) = &mut self.state.watch.guard {
                 guard.reset();
             }

@@ -2,7 +2,8 @@
 
 use crate::integrate::MeshMethod;
 use crate::plan::constants::{
-    BUDGET_SHARE, HIGHEST_AUDIBLE, INAUDIBLE, LEAST_HEARD, PITCH_UPTO, SUBSTEPS_MIN, UNHEARD,
+    BUDGET_SHARE_DB, HIGHEST_AUDIBLE, INAUDIBLE_ERROR_DB, JUST_NOTICEABLE, LEFT_OUT_LEVEL_MAX, PITCH_HERTZ_MAX,
+    SUBSTEPS_MIN,
 };
 
 /// A method that is asked for by name.
@@ -50,11 +51,11 @@ pub enum Budget {
 
 impl Default for Budget {
     /// By ear: 3 cents, the least difference in pitch that is heard (between 0.5 and 4 kHz), up to
-    /// [`PITCH_UPTO`].
+    /// [`PITCH_HERTZ_MAX`].
     fn default() -> Self {
         Self::Cents {
-            cents: LEAST_HEARD[0],
-            upto: PITCH_UPTO,
+            cents: JUST_NOTICEABLE[0],
+            upto: PITCH_HERTZ_MAX,
         }
     }
 }
@@ -80,8 +81,8 @@ impl Budget {
     pub(crate) fn left_out(&self) -> Option<f64> {
         match *self {
             Self::Method(_) => None,
-            Self::Error(db) => Some(db + BUDGET_SHARE),
-            Self::Cents { .. } => Some(UNHEARD),
+            Self::Error(db) => Some(db + BUDGET_SHARE_DB),
+            Self::Cents { .. } => Some(LEFT_OUT_LEVEL_MAX),
         }
     }
 
@@ -89,8 +90,8 @@ impl Budget {
     pub(crate) fn contact(&self) -> f64 {
         match *self {
             Self::Method(_) => f64::INFINITY,
-            Self::Error(db) => db + BUDGET_SHARE,
-            Self::Cents { .. } => INAUDIBLE,
+            Self::Error(db) => db + BUDGET_SHARE_DB,
+            Self::Cents { .. } => INAUDIBLE_ERROR_DB,
         }
     }
 
@@ -99,7 +100,7 @@ impl Budget {
     pub(crate) fn asked(&self) -> f64 {
         match *self {
             Self::Error(db) => db,
-            Self::Cents { .. } | Self::Method(_) => INAUDIBLE,
+            Self::Cents { .. } | Self::Method(_) => INAUDIBLE_ERROR_DB,
         }
     }
 

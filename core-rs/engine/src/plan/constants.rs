@@ -7,46 +7,46 @@ use std::f64::consts::PI;
 use crate::island::slow;
 
 // What is heard.
-/// Errors that count as equal, each the least that is heard: of a pitch [cents], of a T60 [1], of the level of a third
+/// Errors that count as equal, each just noticeable: of a pitch [cents], of a T60 [1], of the level of a third
 /// octave [dB], of the beginning of the first stroke and of a later one [s], and of the level of a stroke [dB].
 ///
 /// 3 cents: Moore, J. Acoust. Soc. Am. 54 (1973). 3 %: below the difference limen of reverberation times of 5 %, ISO
 /// 3382-1 (2009), table A.1. 1 dB: the difference limen of levels, Zwicker & Fastl, Psychoacoustics (1990), 7.1; half of
 /// it for strokes, which are compared with each other. 2 ms: two clicks are heard in their order at 2 to 3 ms (Hirsh, J.
 /// Acoust. Soc. Am. 31, 1959); a quarter of it where a gesture begins, which the player feels.
-pub const LEAST_HEARD: [f64; 6] = [3.0, 0.03, 1.0, 0.5e-3, 2e-3, 0.5];
+pub const JUST_NOTICEABLE: [f64; 6] = [3.0, 0.03, 1.0, 0.5e-3, 2e-3, 0.5];
 /// Highest audible frequency [Hz]: modes and third octaves above it are not compared.
 pub(in crate::plan) const HIGHEST_AUDIBLE: f64 = 20_000.0;
 /// Above this frequency a sound hardly has a pitch [Hz].
-pub const PITCH_UPTO: f64 = 5_000.0;
+pub const PITCH_HERTZ_MAX: f64 = 5_000.0;
 /// Loudness of all left-out partials together, relative to the sound, if the budget is one of pitch [dB]: masked by the
 /// rest, and below the noise of a 16-bit file at any usual level.
-pub(in crate::plan) const UNHEARD: f64 = -80.0;
+pub(in crate::plan) const LEFT_OUT_LEVEL_MAX: f64 = -80.0;
 /// Accuracy of contacts, and of all whose audible error is not known, if the budget is one of pitch [dB]. A reference
 /// that is surer than this is not chaotic.
-pub const INAUDIBLE: f64 = -60.0;
+pub const INAUDIBLE_ERROR_DB: f64 = -60.0;
 /// The part of the audible error allowed that slow parts may take if they are only seen: the rest of the island has
 /// errors too.
 pub(in crate::plan) const SEEN_SHARE: f64 = 0.5;
 /// Limits up to which a slow part counts as preserved: frames from kick to kick, and error [dB].
-pub(in crate::plan) const PRESERVED: [(u32, f64); 2] = [(10, -75.0), (20, -70.0)];
+pub(in crate::plan) const PRESERVED_LIMITS: [(u32, f64); 2] = [(10, -75.0), (20, -70.0)];
 
 // How sounds are compared by ear.
 /// The shortest time that says anything about a sound [s], a period of the lowest audible pitch. A Hann window of this
 /// length keeps partials 40 Hz apart; a stroke stands out from so long a time before it and has its level over so long
 /// a time after its beginning; loudness is compared over this time and its first multiples.
-pub(in crate::plan) const SHORTEST: f64 = 0.05;
-/// Multiples of `SHORTEST` over which loudness is compared.
+pub(in crate::plan) const SHORTEST_SECONDS: f64 = 0.05;
+/// Multiples of `SHORTEST_SECONDS` over which loudness is compared.
 pub(in crate::plan) const LOUDNESS_SPANS: usize = 20;
 /// Partials, strokes and stretches this much weaker than the strongest are not compared [power].
-pub(in crate::plan) const QUIET: f64 = 1e-4;
+pub(in crate::plan) const QUIET_POWER_RATIO: f64 = 1e-4;
 /// Third octaves are compared if their power is above this part of the strongest one's.
 pub(in crate::plan) const COMPARED_POWER_MIN: f64 = 1e-6;
 /// The ratio as which a missing band or stroke counts [power].
-pub(in crate::plan) const MISSING: f64 = 1e-10;
+pub(in crate::plan) const MISSING_POWER_RATIO: f64 = 1e-10;
 /// An output sounds from where it has moved by this part of its largest motion (-120 dB): a gesture may take seconds
 /// to reach what sounds.
-pub(in crate::plan) const MOVED: f64 = 1e-6;
+pub(in crate::plan) const MOVED_SHARE: f64 = 1e-6;
 /// What differs from the mean by less than this share of the largest position is rounding, and no sound.
 pub(in crate::plan) const MEAN_ROUNDING: f64 = 1e-14;
 /// Most partials that are compared.
@@ -55,26 +55,27 @@ pub(in crate::plan) const PARTIALS_MAX: usize = 5;
 pub(in crate::plan) const PARTIALS_HOP: f64 = 5e-3;
 /// A decay is compared only if a straight line fits its level this closely (rms), and the level falls by at least as
 /// much [nepers].
-pub(in crate::plan) const STRAIGHT: f64 = 0.1;
+pub(in crate::plan) const DECAY_FIT_MAX: f64 = 0.1;
 /// Fewest windows from which a pitch is measured.
 pub(in crate::plan) const WINDOWS_MIN: usize = 8;
 /// Power, in which strokes begin, is taken over so long a time [s].
 pub(in crate::plan) const STROKES_HOP: f64 = 1e-3;
-/// A stroke begins where the power exceeds all that was there in the `SHORTEST` time before by this factor.
-pub(in crate::plan) const RISE: f64 = 4.0;
+/// A stroke begins where the power exceeds all that was there in the `SHORTEST_SECONDS` before by this factor.
+pub(in crate::plan) const ONSET_POWER_RATIO: f64 = 4.0;
 /// How far before and after its beginning in the reference a stroke is looked for [s].
-pub(in crate::plan) const REACH: f64 = 0.01;
-/// The part of the energy within `REACH` that marks the beginning of a stroke.
-pub(in crate::plan) const BEGUN: f64 = 0.3;
-/// The last part of a sound that fades out is one in this many.
-pub(in crate::plan) const FADED: usize = 4;
+pub(in crate::plan) const ONSET_SEARCH_SECONDS: f64 = 0.01;
+/// The part of the energy within `ONSET_SEARCH_SECONDS` that marks the beginning of a stroke.
+pub(in crate::plan) const ONSET_ENERGY_SHARE: f64 = 0.3;
+/// A sound that fades out is divided into this many parts; the last is its fade-out.
+pub(in crate::plan) const FADE_OUT_PARTS: usize = 4;
 /// Least width × duration of a band: its level is the mean of about as many independent values. Two runs of one motion
 /// have the same values, so one is enough.
-pub(in crate::plan) const BAND_VALUES: f64 = 1.0;
-/// The same for runs that have parted: with fewer values the level is chance (two runs that differ by rounding alone are then 2 to 4 dB apart).
-pub(in crate::plan) const BAND_VALUES_PARTED: f64 = 8.0;
+pub(in crate::plan) const BAND_VALUES_MIN: f64 = 1.0;
+/// The same for runs that have parted: with fewer values the level is chance (two runs that differ by rounding alone are
+/// then 2 to 4 dB apart).
+pub(in crate::plan) const BAND_VALUES_MIN_PARTED: f64 = 8.0;
 /// The lowest third octave, of centre 1 kHz times 2^(i/3): 25 Hz.
-pub(in crate::plan) const LOWEST_THIRD: i32 = -16;
+pub(in crate::plan) const LOWEST_THIRD_OCTAVE: i32 = -16;
 /// Third octaves end at this part of the rate, or at `HIGHEST_AUDIBLE` if that is lower.
 pub(in crate::plan) const RATE_SHARE: f64 = 0.45;
 
@@ -83,34 +84,34 @@ pub(in crate::plan) const RATE_SHARE: f64 = 0.45;
 /// dB apart over 0.3 s (the bundled tamtam, struck softly to hard), so smaller differences are as good as none.
 pub const SPECTRUM_NOISE: f64 = 2.0;
 /// Length of the first stretch over which runs are compared [s]; each later one is as long as all before it.
-pub(in crate::plan) const STRETCH: f64 = 1.25e-3;
+pub(in crate::plan) const FIRST_STRETCH_SECONDS: f64 = 1.25e-3;
 /// Duration of the attack of a stroke [s].
-pub(in crate::plan) const ATTACK: f64 = 0.02;
+pub(in crate::plan) const ATTACK_SECONDS: f64 = 0.02;
 /// The part of the motion that a nudge takes away at each step.
-pub(in crate::plan) const NUDGE: f64 = 1e-12;
+pub(in crate::plan) const NUDGE_SHARE: f64 = 1e-12;
 /// Growth a stretch of a nudge that grows with the square of time [dB], and the tolerance between two stretches [dB].
-pub(in crate::plan) const REGULAR: (f64, f64) = (12.04, 6.0);
+pub(in crate::plan) const REGULAR_GROWTH: (f64, f64) = (12.04, 6.0);
 /// The least error that a method can have over the first millisecond of a stroke [dB].
 pub(in crate::plan) const ATTACK_ERROR_MIN: f64 = -120.0;
 /// Waveforms further apart than this have nothing in common [dB].
-pub(in crate::plan) const PARTED: f64 = -10.0;
+pub(in crate::plan) const PARTED_DB: f64 = -10.0;
 
 // What a pilot plays.
-/// Time that a pilot plays after the first contact or event [s]: long enough to hear it, short enough to cost little.
-pub(in crate::plan) const AFTER: f64 = 0.3;
+/// How long a pilot plays after the first contact or event [s]: long enough to hear it, short enough to cost little.
+pub(in crate::plan) const PILOT_SECONDS: f64 = 0.3;
 /// Parts into which the time after the first event is divided if all of it is too long to play: 50 ms, the shortest
 /// time that says anything about a sound.
-pub(in crate::plan) const PARTS: usize = 6;
+pub(in crate::plan) const PILOT_PARTS: usize = 6;
 /// Longest excerpt [s]: if nothing touches within it, there is nothing to learn about contacts.
-pub(in crate::plan) const LONGEST: f64 = 10.0;
-/// How often a run is looked at for created energy: it may give back later what it created.
-pub(in crate::plan) const LOOKS: usize = 16;
+pub(in crate::plan) const EXCERPT_SECONDS_MAX: f64 = 10.0;
+/// How often created energy is checked in a run: it may give back later what it created.
+pub(in crate::plan) const ENERGY_CHECKS: usize = 16;
 /// An event is faint where outputs hear less than this share of what they would hear if no motion were cancelled (-80
 /// dB): what friction between frames lets through of a blow that it holds, 1e-8 of it, shrinks with every step.
-pub(in crate::plan) const FAINT: f64 = 1e-4;
+pub(in crate::plan) const FAINT_SHARE: f64 = 1e-4;
 /// An output is silent if it changes by less than this share of what it would hear if no motion were cancelled (-200
 /// dB). Rounding leaves up to 1e-12 of it where friction holds a point of a body between frames.
-pub(in crate::plan) const SILENT: f64 = 1e-10;
+pub(in crate::plan) const SILENT_SHARE: f64 = 1e-10;
 /// Most samples of sound that are kept.
 pub(in crate::plan) const SAMPLES_MAX: usize = 1 << 24;
 /// Most lengths that are remembered for one island.
@@ -120,11 +121,11 @@ pub(in crate::plan) const LENGTHS_MAX: usize = 8;
 pub(in crate::plan) const ROUNDED_FRAMES: u64 = 4;
 
 // What trials may cost.
-/// Allowance of a plan of at most `SMALL.0` modules that are computed and heard, and of one of `LARGE.0` [s]: linear in
-/// between, proportional to the modules above, at most `ALLOWANCE_MAX`.
-pub(in crate::plan) const SMALL: (usize, f64) = (100, 1.0);
-/// The same of a plan of `LARGE.0` modules.
-pub(in crate::plan) const LARGE: (usize, f64) = (1_000, 2.5);
+/// A number of modules that are computed and heard, and the allowance of a plan of at most so many [s]. The allowance
+/// is linear between this and `ALLOWANCE_LARGE`, proportional to the modules above that, at most `ALLOWANCE_MAX`.
+pub(in crate::plan) const ALLOWANCE_SMALL: (usize, f64) = (100, 1.0);
+/// The same of a plan of more modules.
+pub(in crate::plan) const ALLOWANCE_LARGE: (usize, f64) = (1_000, 2.5);
 /// Most allowance of a plan [s].
 pub(in crate::plan) const ALLOWANCE_MAX: f64 = 10.0;
 /// The reserve for measuring how long errors hold, as a share of the allowance and in addition to it.
@@ -141,18 +142,18 @@ pub(in crate::plan) const FAMILY_SHARE: f64 = 0.4;
 /// A doubling is played if this multiple of the work of the run before is left.
 pub(in crate::plan) const DOUBLING_RESERVE: f64 = 2.0;
 /// Work of comparing one sample of an output with others [s].
-pub(in crate::plan) const COMPARISON: f64 = 2e-8;
+pub(in crate::plan) const COMPARISON_SECONDS: f64 = 2e-8;
 /// Work of the eigenvalues, for the cube of the state's size [s].
-pub(in crate::plan) const EIGENVALUES: f64 = 8e-9;
+pub(in crate::plan) const EIGENVALUES_SECONDS: f64 = 8e-9;
 /// Work of a number of a state, or of a link, in a frame [s].
-pub(in crate::plan) const NUMBER: f64 = 0.4e-9;
+pub(in crate::plan) const NUMBER_SECONDS: f64 = 0.4e-9;
 /// Work of an eigenvalue solution, for the cube of the number of modes [s].
-pub(in crate::plan) const SOLVE: f64 = 0.5e-9;
+pub(in crate::plan) const SOLVE_SECONDS: f64 = 0.5e-9;
 
 // The reference and the search.
 /// A reference is this much more exact than the waveform that is asked for [dB]: its error then changes that of a
 /// candidate by 2.5 dB at most.
-pub(in crate::plan) const BELOW: f64 = 12.0;
+pub(in crate::plan) const REFERENCE_MARGIN_DB: f64 = 12.0;
 /// Whatever is asked for, a reference of a waveform is this exact [dB]: at -80 dB too, so that a plan for less sees the
 /// same errors of the same candidates.
 pub(in crate::plan) const REFERENCE_DB: f64 = -92.0;
@@ -161,49 +162,49 @@ pub(in crate::plan) const REFERENCE_SHARE: f64 = 0.2;
 /// Errors that differ by less count as equal [dB]: a doubling that gains less ends a family of references; if none is
 /// within the budget, one of higher cost is taken only if its error is lower by more; an error that grows by less after
 /// a pilot is the pilot's.
-pub(in crate::plan) const GAIN: f64 = 3.0;
+pub(in crate::plan) const EQUAL_ERRORS_DB: f64 = 3.0;
 /// The same of audible errors, as a factor.
-pub(in crate::plan) const AUDIBLE_GAIN: f64 = 1.5;
+pub(in crate::plan) const EQUAL_ERRORS_RATIO: f64 = 1.5;
 /// Orders of convergence that are believed. Kinks of laws and stops of friction have less than order 1; a faster fall
 /// from one doubling to the next may be chance.
-pub(in crate::plan) const ORDERS: [f64; 2] = [0.5, 1.0];
-/// What an error of order 1 falls by when the step is halved [dB].
-pub(in crate::plan) const DOUBLING: f64 = 6.02;
+pub(in crate::plan) const CONVERGENCE_ORDERS: [f64; 2] = [0.5, 1.0];
+/// A factor of 2 [dB]: what an error of order 1 falls by when the step is halved.
+pub(in crate::plan) const FACTOR_TWO_DB: f64 = 6.02;
 /// Margin below the budget for what comes after the pilot, over which the runs are compared [dB]. If twice as many
 /// substeps lower the error by less, still more do not help.
-pub(in crate::plan) const MARGIN: f64 = 0.1;
+pub(in crate::plan) const BUDGET_MARGIN_DB: f64 = 0.1;
 /// Errors estimated from two runs may be too low by this [dB]: by 3.4 in the worst of the 138 scenes of
 /// docs/accuracy.md at three budgets, before this was added. Margin below the budget where errors may grow after the
 /// pilot (`keys-105` of the audit: by 3.4).
-pub(in crate::plan) const DOUBT: f64 = 3.5;
+pub(in crate::plan) const ESTIMATE_MARGIN_DB: f64 = 3.5;
 /// A candidate may create this share of the energy that is there: half of what is reported.
-pub(in crate::plan) const CREATED: f64 = 0.005;
-/// A run is first compared after one part in `EARLY.0` of its first span; its difference there exceeds the final one by
-/// at most `EARLY.1` [dB].
-pub(in crate::plan) const EARLY: (usize, f64) = (4, 12.0);
+pub(in crate::plan) const CREATED_SHARE_MAX: f64 = 0.005;
+/// A run is first compared after one part in `EARLY_CHECK.0` of its first span; its difference there exceeds the final
+/// one by at most `EARLY_CHECK.1` [dB].
+pub(in crate::plan) const EARLY_CHECK: (usize, f64) = (4, 12.0);
 /// The part of an error budget for left-out modes, and for contacts [dB]; the predictor of their loudness is within 1.1
 /// dB.
-pub(in crate::plan) const BUDGET_SHARE: f64 = -6.0;
+pub(in crate::plan) const BUDGET_SHARE_DB: f64 = -6.0;
 /// Most steps a frame of a candidate that a plan may choose.
-pub(in crate::plan) const TIMES_MAX: u32 = 8;
+pub(in crate::plan) const OVERSAMPLING_MAX: u32 = 8;
 /// Fewest substeps a frame of contacts that are computed finer than a frame.
 pub(in crate::plan) const SUBSTEPS_MIN: usize = 2;
 /// Most of them; more would be slower than they are worth.
 pub(in crate::plan) const SUBSTEPS_MAX: usize = 64;
-/// Contact substeps a step of a reference. If contacts take more than the part `COSTLY` of the cost, a doubling doubles
-/// nearly all work, so it begins at `SUBSTEPS_MIN`.
+/// Contact substeps a step of a reference. If contacts take more than the part `COSTLY_SHARE` of the cost, a doubling
+/// doubles nearly all work, so it begins at `SUBSTEPS_MIN`.
 pub(in crate::plan) const REFERENCE_SUBSTEPS: usize = 32;
 /// The part of the cost above which contacts count as costly.
-pub(in crate::plan) const COSTLY: f64 = 0.5;
+pub(in crate::plan) const COSTLY_SHARE: f64 = 0.5;
 
 // How long errors hold.
-/// Time between two looks at the error [s].
-pub(in crate::plan) const LOOK: f64 = 0.1;
+/// Time between two checks of the error [s].
+pub(in crate::plan) const ERROR_CHECK_SECONDS: f64 = 0.1;
 /// A strike or a gesture is harder than another by this factor. Errors of laws that harden grow with the square of the
 /// impulse, so by 3.9 dB, about what estimates are in doubt anyway.
-pub(in crate::plan) const HARDER: f64 = 1.25;
+pub(in crate::plan) const HARDER_RATIO: f64 = 1.25;
 /// Time for which the last event is heard [s].
-pub(in crate::plan) const RINGS: f64 = 8.0;
+pub(in crate::plan) const RING_SECONDS: f64 = 8.0;
 /// The part of the reserve that is planned for: contacts and guards add to the cost of a run.
 pub(in crate::plan) const RESERVE_PLANNED: f64 = 0.5;
 /// The part of what is left after the first run that the second may be expected to take.
@@ -211,10 +212,10 @@ pub(in crate::plan) const RESERVE_FITS: f64 = 0.9;
 
 // Slow parts and their stability.
 /// Keys are made slow only if the island then costs at most this part of its cost before.
-pub(in crate::plan) const SLOW_WORTH: f64 = 0.95;
+pub(in crate::plan) const SLOW_COST_RATIO_MAX: f64 = 0.95;
 /// Largest turn of the modes of a key from kick to kick for which it is made slow [rad]: R·√λ ≤ 1, with R half the
 /// stability limit. No such key grew in scans without damping.
-pub(in crate::plan) const PHASE_MAX: f64 = 1.0;
+pub(in crate::plan) const KEY_TURN_MAX: f64 = 1.0;
 /// Largest turn of a mode between two kicks [rad]; above it the kicks do not resolve the mode.
 pub(in crate::plan) const TURN_MAX: f64 = 0.9 * PI;
 /// Most masses of a body: with more, dense products are hardly cheaper than stepping, and computing the flow takes
@@ -224,9 +225,9 @@ pub(in crate::plan) const FLOW_MASSES_MAX: usize = slow::MASSES_MAX;
 pub(in crate::plan) const DENSE_MAX: usize = 240;
 /// Tolerance for eigenvalues on the unit circle: rounding moves them off it, and double ones (a free mass) by the root
 /// of that.
-pub(in crate::plan) const CIRCLE: f64 = 3e-7;
+pub(in crate::plan) const UNIT_CIRCLE_TOLERANCE: f64 = 3e-7;
 /// Kicks for which a large island is simulated.
-pub(in crate::plan) const KICKS: usize = 2_000;
+pub(in crate::plan) const TRIAL_KICKS: usize = 2_000;
 /// Its permitted growth at each kick: its energy fluctuates by that much.
 pub(in crate::plan) const GROWTH_TOLERANCE: f64 = 3e-5;
 /// Longest time between common kicks of all slow parts [frames]; above it the map is not computed.
@@ -243,7 +244,7 @@ pub(in crate::plan) const MODAL_MASSES_MIN: usize = 4;
 pub(in crate::plan) const PORTS_ANY: usize = 64;
 /// A body with more ports goes by modes only if at most one in this many masses is a port (200 on 400 masses took 14
 /// times as long as the mesh).
-pub(in crate::plan) const MASSES_A_PORT: usize = 4;
+pub(in crate::plan) const MASSES_PER_PORT: usize = 4;
 /// Largest cost of a body by complex modes, as a multiple of stepping it: complex modes are exact, which no stepping at
 /// that multiple of the rate is.
 pub(in crate::plan) const COST_RATIO_MAX: f64 = 2.0;
@@ -251,17 +252,17 @@ pub(in crate::plan) const COST_RATIO_MAX: f64 = 2.0;
 pub(in crate::plan) const TIES_MAX: usize = 8;
 /// Most undamped modes that damping may couple. An eigenvalue problem of 256 states takes 0.06 s, one of 512 half a
 /// second.
-pub(in crate::plan) const COUPLED_MAX: usize = 256;
+pub(in crate::plan) const COUPLED_MODES_MAX: usize = 256;
 /// Most masses of a body whose damping is not proportional: the coupling of all its modes is computed.
-pub(in crate::plan) const DAMPED_MAX: usize = 300;
+pub(in crate::plan) const DAMPED_MASSES_MAX: usize = 300;
 /// Largest ‖E‖ [1/s]: after a second the motion is off by −120 dB.
 pub(in crate::plan) const COUPLING_ERROR_MAX: f64 = 1e-6;
 /// Modes are left out only if those kept cost at most this part of all: with all modes there is no error.
-pub(in crate::plan) const TRUNCATED_WORTH: f64 = 0.5;
+pub(in crate::plan) const TRUNCATED_COST_RATIO_MAX: f64 = 0.5;
 /// Time over which energies are compared [s]: at the beginning, where high modes, which fade first, count most.
 pub(in crate::plan) const ENERGY_SPAN: f64 = 0.1;
 /// Least reduction of the permitted loudness of left-out modes after a failed attempt [dB].
-pub(in crate::plan) const QUIETER: f64 = 2.0;
+pub(in crate::plan) const QUIETER_STEP_DB: f64 = 2.0;
 /// Most attempts to leave modes out.
 pub(in crate::plan) const PRUNE_TRIES: usize = 4;
 /// A mode whose pole turns by less than this angle a step is stepped as written instead: the two-term recurrence would
@@ -271,14 +272,14 @@ pub(in crate::plan) const ANGLE_MIN: f64 = 1e-4;
 // What counts as rounding in modes.
 /// Relative difference below which damping ratios, matrices that should commute and the damping of a rigid mode beside
 /// the largest count as equal: the digits of a score, fitted numbers, and rounding.
-pub(in crate::plan) const SAME: f64 = 1e-9;
+pub(in crate::plan) const RELATIVE_TOLERANCE: f64 = 1e-9;
 /// The same for losses found from several vectors: modes of nearly equal frequency mix.
-pub(in crate::plan) const MIXED: f64 = 1e-6;
+pub(in crate::plan) const MIXED_MODES_TOLERANCE: f64 = 1e-6;
 /// Vectors from which the loss of each mode is found: a single one may contain nothing of a mode.
-pub(in crate::plan) const PROBES: usize = 3;
+pub(in crate::plan) const PROBE_VECTORS: usize = 3;
 /// Frequencies that differ by less count as equal [rad/s]: over a minute they drift apart by 6e-6 of a turn, -104 dB.
 /// Between modes that are equal by symmetry rounding leaves less, except for the very lowest.
-pub(in crate::plan) const SAME_FREQUENCY: f64 = 1e-7;
+pub(in crate::plan) const FREQUENCY_TOLERANCE: f64 = 1e-7;
 /// A part of a row that is this small relative to the row is rounding.
 pub(in crate::plan) const ROW_ROUNDING: f64 = 1e-10;
 /// Coupling below this, relative to the strongest damping, is rounding.
@@ -287,9 +288,9 @@ pub(in crate::plan) const COUPLING_ROUNDING: f64 = 1e-15;
 pub(in crate::plan) const COUPLING_NONE: f64 = 1e-8;
 /// Two real roots this close, relative to their sum, are taken as a pair that hardly swings: as separate roots their
 /// residues would cancel each other.
-pub(in crate::plan) const CRITICAL: f64 = 1e-7;
+pub(in crate::plan) const CRITICAL_TOLERANCE: f64 = 1e-7;
 /// Stiffness below this part of the largest is rounding: nothing holds the body in such a mode.
-pub(in crate::plan) const LOOSE: f64 = 1e-12;
+pub(in crate::plan) const LOOSE_STIFFNESS_RATIO: f64 = 1e-12;
 
 // What the table of costs does not measure.
 /// Instants of a frame: 8 to 10 for strings of 17 to 35 masses, plus a reserve for what lies between modes.

@@ -405,7 +405,7 @@ impl<'a> Maker<'a> {
         island_timeline: &OwnTimeline,
         pin: Option<&SteppedChoice>,
     ) -> Result<Solved, Error> {
-        let (mut subset, mut refused_slow) = multirate::settle(subset, island_timeline, self.budget);
+        let (mut subset, mut refused_slow) = multirate::without_refused_slow(subset, island_timeline, self.budget);
         let (solved, growth) = loop {
             let assemble = |how: How<'_>| {
                 let island = Assembled::new(&subset, island_timeline, self.budget, how, pin, &self.memo);
@@ -444,7 +444,7 @@ impl<'a> Maker<'a> {
         let slow_error = match growth {
             Some(_) if pin.is_none() && !island_timeline.timeline.is_open => {
                 let trial_context = (&self.memo, &self.allowance, self.store);
-                multirate::error(&subset, island_timeline, self.budget, &solved.island, trial_context)?
+                multirate::slow_error(&subset, island_timeline, self.budget, &solved.island, trial_context)?
             }
             _ => None,
         };

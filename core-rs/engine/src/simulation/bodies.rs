@@ -181,7 +181,7 @@ impl Body {
     /// Copies the positions and steps of the masses from the simulation into the workspace.
     pub(super) fn read_masses(&self, simulation: &mut Simulation, workspace: &mut Workspace) {
         let playing = simulation.playing(self.place.unit);
-        let frame_steps = playing.steps_a_frame();
+        let frame_steps = playing.steps_per_frame();
         match &self.source {
             Source::Modes(mode_shapes) => {
                 let mode_count = mode_shapes.n_modes();
@@ -228,14 +228,14 @@ impl Body {
     /// Sets the motion of the body from its masses in the workspace.
     pub(super) fn write_masses(&mut self, simulation: &mut Simulation, workspace: &mut Workspace) {
         let playing = simulation.playing(self.place.unit);
-        let frames_a_step = 1.0 / playing.steps_a_frame();
+        let frames_per_step = 1.0 / playing.steps_per_frame();
         match &mut self.source {
             Source::Modes(mode_shapes) => {
                 let mode_count = mode_shapes.n_modes();
                 let (amplitudes_now, amplitudes_before) =
                     (&mut workspace.now[..mode_count], &mut workspace.before[..mode_count]);
                 let body_mats = &mut workspace.mats[self.first..self.first + mode_shapes.mats.len()];
-                body_mats.iter_mut().for_each(|mat| mat.1 *= frames_a_step);
+                body_mats.iter_mut().for_each(|mat| mat.1 *= frames_per_step);
                 mode_shapes.amplitudes(body_mats, amplitudes_now, amplitudes_before);
                 match (playing, self.place.body) {
                     (RunningUnit::Bank(bank), _) => {
@@ -256,7 +256,7 @@ impl Body {
                     return;
                 };
                 for ((_, motion), mat) in all.iter_mut().zip(&workspace.mats[self.first..]) {
-                    *motion = scaled(*mat, frames_a_step);
+                    *motion = scaled(*mat, frames_per_step);
                 }
                 match island.body(body) {
                     Some(inside::RunningBody::Mesh(mesh)) => mesh.put(all),

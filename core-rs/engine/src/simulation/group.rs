@@ -192,9 +192,9 @@ impl RunningUnit {
     }
 
     /// Number of its steps in a frame of the scene.
-    pub(super) fn steps_a_frame(&self) -> f64 {
+    pub(super) fn steps_per_frame(&self) -> f64 {
         match self {
-            Self::Island(island) => island.steps_a_frame(),
+            Self::Island(island) => island.steps_per_frame(),
             Self::Bank(_) => 1.0,
         }
     }

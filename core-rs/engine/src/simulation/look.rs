@@ -294,7 +294,7 @@ impl Source {
     /// island is ahead of the scene, its motion is followed back to the scene's frame.
     fn look(&self, look: &Look, (island, frame): (&Island, u64), rate: f64, now: &mut [f64], before: &mut [f64]) {
         let frames_ahead = island.ahead(frame);
-        let steps_ahead = f64::from(frames_ahead) * island.steps_a_frame();
+        let steps_ahead = f64::from(frames_ahead) * island.steps_per_frame();
         let traced_back = |x: f64, step: f64| {
             if frames_ahead == 0 { x } else { x - steps_ahead * step }
         };
@@ -324,7 +324,7 @@ impl Source {
             }
             Self::Modes(body, tracks) => {
                 if let Some(RunningBody::Modal(modal)) = island.bodies().get(*body) {
-                    let step = 1.0 / (rate * island.steps_a_frame());
+                    let step = 1.0 / (rate * island.steps_per_frame());
                     let time_offset = -f64::from(frames_ahead) / rate;
                     modal.look(|mode, x, was| {
                         let Some(Some(track)) = tracks.get(mode) else {

@@ -1,6 +1,6 @@
 //! A timeline whose events end at a frame: for a piece that is hushed or stopped while it plays.
 
-use super::pulse::PARTS_A_SECOND;
+use super::pulse::PARTS_PER_SECOND;
 use super::{GRID, Gate, Glide, Lead, Strike, Timeline};
 
 /// Instants that differ by less are one [s]: rounding, not music.
@@ -33,7 +33,7 @@ impl Timeline {
         let is_before = |t: f64| t < instant - SAME;
         // A strike acts as long as it lasts, and a frame or a step of a part that is stepped less often.
         let acts_since = |strike: &Strike| {
-            let duration = f64::from(strike.n_parts) / PARTS_A_SECOND;
+            let duration = f64::from(strike.n_parts) / PARTS_PER_SECOND;
             frame.saturating_sub(GRID) as f64 / frame_rate - duration
         };
         let gestures = gestures.iter().filter_map(|&index| self.gestures.get(index));

@@ -17,14 +17,14 @@ pub(super) const CONTACT: f64 = 0.19e-3;
 pub(super) const LASTS_MAX: f64 = 0.05;
 
 /// Parts of a strike in a second. The same at all rates, so that another rate is the same instrument.
-pub(super) const PARTS_A_SECOND: f64 = 44_100.0;
+pub(super) const PARTS_PER_SECOND: f64 = 44_100.0;
 
 /// A shorter pulse has no shape.
 const PARTS_MIN: f64 = 3.0;
 
 /// How long a strike of `lasts` [s] is, in 1/44,100 s; 1: it acts at one instant.
 pub(super) fn n_parts(lasts: f64) -> u32 {
-    let part_count = (lasts * PARTS_A_SECOND).round();
+    let part_count = (lasts * PARTS_PER_SECOND).round();
     if part_count < PARTS_MIN { 1 } else { part_count as u32 }
 }
 
@@ -68,7 +68,7 @@ impl Timeline {
     /// the force is the same at any rate.
     pub(crate) fn parts(&self, strike: &Strike, instants: Instants) -> impl Iterator<Item = Part> {
         let (strike_instant, impulse, frame_rate) = (strike.instant, strike.impulse, self.rate.hertz());
-        let spacing = frame_rate / PARTS_A_SECOND;
+        let spacing = frame_rate / PARTS_PER_SECOND;
         let first_frame = match instants {
             Instants::Exact => 0,
             Instants::OfScore => score_frame(strike_instant, frame_rate, self.oversampling),
@@ -94,7 +94,7 @@ impl Timeline {
     /// Instants [s] and impulses [N·s] of which a strike consists.
     pub(super) fn impulses_of(&self, strike: &Strike) -> impl Iterator<Item = (f64, f64)> {
         let (strike_instant, impulse) = (strike.instant, strike.impulse);
-        let part_spacing = 1.0 / PARTS_A_SECOND;
+        let part_spacing = 1.0 / PARTS_PER_SECOND;
         shares(strike.n_parts)
             .map(move |(after, share)| (strike_instant + f64::from(after) * part_spacing, share * impulse))
     }

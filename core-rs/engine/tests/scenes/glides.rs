@@ -287,7 +287,7 @@ fn take_over_of_a_slow_key() {
     let (before, after) = (plans(150.0), plans(150.0 * (1.0 + 1e-13)));
     assert!(before[0].rows().iter().any(|row| row.what
         == Computed::Slow {
-            every: 8,
+            macrostep: 8,
             is_exact: true
         }));
     let mut alone = Simulation::planned(before[0].clone(), plain()).unwrap();

@@ -125,8 +125,8 @@ impl FreeMotion {
     }
 
     /// Most frames between two kicks of a slow part.
-    pub(crate) fn every(&self) -> u32 {
-        let kick_intervals = self.slow.iter().map(slow::RunningSlow::every);
+    pub(crate) fn kick_every(&self) -> u32 {
+        let kick_intervals = self.slow.iter().map(slow::RunningSlow::kick_every);
         kick_intervals.max().unwrap_or(1)
     }
 

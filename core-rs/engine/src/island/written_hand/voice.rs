@@ -186,8 +186,8 @@ impl Voice {
     }
 
     /// Most frames between two kicks of a slow part of its free key.
-    pub(crate) fn every(&self) -> u32 {
-        self.free.every()
+    pub(crate) fn kick_every(&self) -> u32 {
+        self.free.kick_every()
     }
 
     /// The deviation that a layer adds to its key now [m].

@@ -7,7 +7,7 @@ use crate::island::inside::BodyPlan;
 use crate::network::Subset;
 use crate::plan::budget::Budget;
 use crate::plan::choice::{BodyChoice, SteppedChoice};
-use crate::plan::constants::{PRESERVED, SEEN_SHARE, SLOW_WORTH};
+use crate::plan::constants::{PRESERVED_LIMITS, SEEN_SHARE, SLOW_COST_RATIO_MAX};
 use crate::plan::cost;
 use crate::plan::passes::split::OwnTimeline;
 use crate::plan::report::row::Measured;
@@ -46,16 +46,17 @@ impl Maker<'_> {
     pub(super) fn offered(&self, subset: &Subset, island_timeline: &OwnTimeline, plain: Solved) -> Solved {
         let (seldom_subset, mut best_solved) = self.offer_only_seen(subset, island_timeline, plain);
         let subset = seldom_subset.as_ref().unwrap_or(subset);
-        for &(every, preserved) in &PRESERVED {
+        for &(macrostep, preserved) in &PRESERVED_LIMITS {
             // Without allowance an offer cannot be measured.
             if self.allowance.n_refused() > 0 {
                 break;
             }
             let error_max = preserved.min(self.budget.contact());
-            let slow_keys = multirate::offer(subset, island_timeline, self.budget, Offered::Keys, every);
+            let slow_keys =
+                multirate::with_offered_slow(subset, island_timeline, self.budget, Offered::Keys, macrostep);
             let is_right = |solved: &Solved, best_solved: &Solved| {
                 solved.slow_error.is_some_and(|error| error.db <= error_max)
-                    && solved.cost() < SLOW_WORTH * best_solved.cost()
+                    && solved.cost() < SLOW_COST_RATIO_MAX * best_solved.cost()
                     && solved.is_as_exact(best_solved, self.budget)
             };
             if let Some(slow_subset) = slow_keys
@@ -76,7 +77,8 @@ impl Maker<'_> {
     ) -> (Option<Subset>, Solved) {
         let mut seen_every = self.seen_every;
         while seen_every > 1 && self.allowance.n_refused() == 0 {
-            let seldom_subset = multirate::offer(subset, island_timeline, self.budget, Offered::OnlySeen, seen_every);
+            let seldom_subset =
+                multirate::with_offered_slow(subset, island_timeline, self.budget, Offered::OnlySeen, seen_every);
             let is_right = |solved: &Solved, plain: &Solved| {
                 solved.is_unheard(self.budget)
                     && solved.cost() < plain.cost()
@@ -131,9 +133,9 @@ impl Maker<'_> {
                 tried_intervals.push(macrostep / oversampling);
             }
         }
-        let offer_slow = |subset: &Subset, offered, every| match every {
+        let offer_slow = |subset: &Subset, offered, macrostep| match macrostep {
             1 => Some(subset.clone()),
-            _ => multirate::offer(subset, island_timeline, self.budget, offered, every),
+            _ => multirate::with_offered_slow(subset, island_timeline, self.budget, offered, macrostep),
         };
         let interval_pair = tried_intervals
             .iter()

@@ -106,7 +106,7 @@ impl Assembled {
         let faster_subset = (oversampling > 1 && subset.network.has_slow_parts()).then(|| Subset {
             network: subset
                 .network
-                .with_macrosteps(|_, every| every?.checked_mul(oversampling)),
+                .with_macrosteps(|_, macrostep| macrostep?.checked_mul(oversampling)),
             ..subset.clone()
         });
         let subset = faster_subset.as_ref().unwrap_or(subset);

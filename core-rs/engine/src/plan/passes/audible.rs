@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use crate::network::Network;
 use crate::plan::BankPlan;
 use crate::plan::budget::Budget;
-use crate::plan::constants::QUIETER;
+use crate::plan::constants::QUIETER_STEP_DB;
 use crate::plan::passes::loudness::Loudness;
 use crate::plan::passes::truncate::KeptModes;
 use crate::units::Rate;
@@ -91,7 +91,7 @@ pub(in crate::plan) fn keep(
         if dropped_loudness <= loudness_max {
             return loudest;
         }
-        allowed = allowed.map(|db| db - (dropped_loudness - loudness_max).max(QUIETER));
+        allowed = allowed.map(|db| db - (dropped_loudness - loudness_max).max(QUIETER_STEP_DB));
         loudest = body.loudest(allowed);
     }
 }

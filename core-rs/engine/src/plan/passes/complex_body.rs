@@ -10,7 +10,7 @@ use crate::maths::{cos, exp, expm1, sin};
 use crate::network::{Network, Subset, Term};
 use crate::plan::BankPlan;
 use crate::plan::budget::Budget;
-use crate::plan::constants::{ENERGY_SPAN, TRUNCATED_WORTH};
+use crate::plan::constants::{ENERGY_SPAN, TRUNCATED_COST_RATIO_MAX};
 use crate::plan::passes::audible::{self, Blows, Body, ModalBody, ModeKind, impulses};
 use crate::plan::passes::cells::add_weight;
 use crate::plan::passes::complex_modes::{ComplexModes, Pole, Sum};
@@ -214,7 +214,7 @@ impl Complex<'_> {
         let bank_cost = |some: &[usize]| parts(self.modes, some, self.rate).len() as f64;
         // A group of lanes costs the same whether it is full or not.
         if bank_cost(&all_modes) > LANES as f64
-            && bank_cost(&modes_kept.modes) <= TRUNCATED_WORTH * bank_cost(&all_modes)
+            && bank_cost(&modes_kept.modes) <= TRUNCATED_COST_RATIO_MAX * bank_cost(&all_modes)
         {
             return modes_kept;
         }

@@ -10,7 +10,7 @@ mod decoupled;
 use std::ops::Range;
 
 use crate::network::Network;
-use crate::plan::constants::{ANGLE_MIN, COUPLING_NONE, DAMPED_MAX};
+use crate::plan::constants::{ANGLE_MIN, COUPLING_NONE, DAMPED_MASSES_MAX};
 use crate::plan::passes::linear::{Damper, Linear, NoModes};
 use crate::plan::passes::modes::Row;
 use crate::spectrum::all_eigenvalues;
@@ -197,7 +197,7 @@ impl Coordinates {
                 NoModes::ForceHeard
             });
         }
-        if is_damped && free_count > DAMPED_MAX {
+        if is_damped && free_count > DAMPED_MASSES_MAX {
             return Err(NoModes::Large);
         }
         let mats = network.mats();

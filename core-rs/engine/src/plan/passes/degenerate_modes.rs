@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use crate::plan::constants::{ROW_ROUNDING, SAME_FREQUENCY};
+use crate::plan::constants::{FREQUENCY_TOLERANCE, ROW_ROUNDING};
 use crate::plan::passes::modes::Modes;
 use crate::units::Rate;
 
@@ -17,7 +17,7 @@ impl Modes {
         let step = if self.is_discrete { rate.step() } else { 1.0 };
         // Δλ = 2ω Δω
         let is_same_frequency =
-            |lower_lambda: f64, high: f64| high - lower_lambda <= 2.0 * SAME_FREQUENCY * step * high.sqrt();
+            |lower_lambda: f64, high: f64| high - lower_lambda <= 2.0 * FREQUENCY_TOLERANCE * step * high.sqrt();
         let mut group_start = 0;
         while group_start < self.len() {
             let lower_lambda = self.lambda[group_start];

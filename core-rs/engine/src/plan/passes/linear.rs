@@ -2,7 +2,7 @@
 //! stiffness.
 
 use crate::network::{LinkKind, MatKind, Network};
-use crate::plan::constants::{MODAL_MASSES_MAX, SAME};
+use crate::plan::constants::{MODAL_MASSES_MAX, RELATIVE_TOLERANCE};
 use crate::plan::passes::viscosity::Viscosity;
 use crate::units::Rate;
 
@@ -237,7 +237,7 @@ impl Damping {
         let beta = self.beta.unwrap_or(0.0);
         let mass_damping = z - beta * k;
         // A difference of two nearly equal numbers is rounding, not damping.
-        let mass_damping = if mass_damping.abs() <= SAME * z.abs() {
+        let mass_damping = if mass_damping.abs() <= RELATIVE_TOLERANCE * z.abs() {
             0.0
         } else {
             mass_damping
@@ -256,7 +256,7 @@ fn same(known: f64, other: f64) -> Result<(), NotProportional> {
         // A damper without a spring.
         return Err(NotProportional);
     }
-    if (known - other).abs() <= SAME * known.abs().max(other.abs()) {
+    if (known - other).abs() <= RELATIVE_TOLERANCE * known.abs().max(other.abs()) {
         Ok(())
     } else {
         Err(NotProportional)

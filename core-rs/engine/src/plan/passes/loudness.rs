@@ -6,7 +6,7 @@ use crate::derivative::Derivatives;
 use crate::maths::log10;
 use crate::network::Network;
 use crate::plan::BankPlan;
-use crate::plan::constants::{LOUDNESS_SPANS, SHORTEST};
+use crate::plan::constants::{LOUDNESS_SPANS, SHORTEST_SECONDS};
 use crate::units::Rate;
 
 /// Frames at once.
@@ -47,7 +47,7 @@ impl Loudness {
             }
         }
         let mut running_bank = Bank::new(&bank.oscillators, bank.strikes, rate, BLOCK, false);
-        let span_frames = (SHORTEST * rate.hertz()) as usize;
+        let span_frames = (SHORTEST_SECONDS * rate.hertz()) as usize;
         let mut sound_block = vec![0.0; BLOCK * n_outputs];
         let mut output_sums = vec![OutputSums::default(); n_outputs];
         let span_sums = (0..LOUDNESS_SPANS).map(|_| {

@@ -2,7 +2,7 @@
 
 use crate::cell::{Cell, Ratios};
 use crate::network::Network;
-use crate::plan::constants::{ANGLE_MIN, PROBES, SAME};
+use crate::plan::constants::{ANGLE_MIN, PROBE_VECTORS, RELATIVE_TOLERANCE};
 use crate::plan::passes::linear::{Linear, NoModes};
 use crate::plan::passes::viscosity::{Viscosity, probe};
 use crate::spectrum::all_eigenvalues;
@@ -62,7 +62,7 @@ impl Modes {
             linear_body.force[free_slot] / linear_body.root[free_slot]
         }));
         if let Some(viscosity) = &linear_body.viscosity {
-            let probes: Vec<Vec<f64>> = (0..PROBES).map(|which| probe(free_count, which)).collect();
+            let probes: Vec<Vec<f64>> = (0..PROBE_VECTORS).map(|which| probe(free_count, which)).collect();
             let images: Vec<Vec<f64>> = probes.iter().map(|probe| viscosity.times(probe)).collect();
             row_table.extend(probes);
             row_table.extend(images);
@@ -79,13 +79,13 @@ impl Modes {
         let zeta = match linear_body.proportion {
             Some([alpha, beta]) => lambda.iter().map(|lambda| alpha + beta * lambda).collect(),
             None => {
-                let images = row_table.split_off(row_table.len() - PROBES);
-                let probes = row_table.split_off(row_table.len() - PROBES);
+                let images = row_table.split_off(row_table.len() - PROBE_VECTORS);
+                let probes = row_table.split_off(row_table.len() - PROBE_VECTORS);
                 let mut zeta = Viscosity::mode_damping(&probes, &images).ok_or(NoModes::Damping)?;
                 let zeta_max = zeta.iter().fold(0.0_f64, |zeta_max, zeta| zeta_max.max(*zeta));
                 for (zeta, lambda) in zeta.iter_mut().zip(&lambda) {
                     // A rigid mode that no damper acts on has no loss, up to rounding.
-                    if *lambda == 0.0 && zeta.abs() <= SAME * zeta_max {
+                    if *lambda == 0.0 && zeta.abs() <= RELATIVE_TOLERANCE * zeta_max {
                         *zeta = 0.0;
                     }
                 }

@@ -18,7 +18,8 @@ use crate::timeline::{DriveKind, Timeline};
 use crate::units::Rate;
 
 /// Why a body with many ports keeps the audio rate in a session, where each of its masses is a port.
-const DEARER: &str = "computing it once in several frames would cost more than at every frame: in a session each of its masses may be struck";
+const DEARER: &str = "computing it once in several frames would cost more than at every frame: \
+                      in a session each of its masses may be struck";
 
 /// A part that asks to be slow but cannot be: its name, and why.
 pub(in crate::plan) type RefusedSlow = (String, String);

@@ -4,7 +4,7 @@ use std::cell::{Cell, RefCell};
 use std::sync::Arc;
 
 use crate::network::Network;
-use crate::plan::constants::SOLVE;
+use crate::plan::constants::SOLVE_SECONDS;
 use crate::plan::passes::complex_modes::{ComplexModes, Sum};
 use crate::plan::passes::linear::NoModes;
 use crate::plan::passes::modes::{Modes, Row};
@@ -68,7 +68,7 @@ impl<'a> Memo<'a> {
             counted.push(network.clone());
             let mode_count = n_modes as f64;
             self.work
-                .set(self.work.get() + SOLVE * mode_count * mode_count * mode_count);
+                .set(self.work.get() + SOLVE_SECONDS * mode_count * mode_count * mode_count);
         }
     }
 

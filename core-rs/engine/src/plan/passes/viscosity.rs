@@ -5,7 +5,7 @@
 //! mode, then Z·r contains ζ times that.
 
 use crate::network::{LinkKind, MatKind, Network};
-use crate::plan::constants::{MIXED, SAME};
+use crate::plan::constants::{MIXED_MODES_TOLERANCE, RELATIVE_TOLERANCE};
 
 /// One end and its share, the other end (`None` if held) and its share, and z.
 type Damper = (usize, f64, Option<(usize, f64)>, f64);
@@ -76,7 +76,7 @@ impl Viscosity {
             .map(|(damping_first, stiffness_first)| {
                 (damping_first - stiffness_first) * (damping_first - stiffness_first)
             });
-        square_errors.sum::<f64>() <= SAME * SAME * norm_square
+        square_errors.sum::<f64>() <= RELATIVE_TOLERANCE * RELATIVE_TOLERANCE * norm_square
     }
 
     /// ζ of each mode, from the mode's part in each [`probe`] and in Z times the probe; `None` if the probes disagree.
@@ -91,7 +91,8 @@ impl Viscosity {
             let probe_pairs = || probes.iter().zip(images).map(|(p, i)| (p[mode], i[mode]));
             let probe_square: f64 = probe_pairs().map(|(probe, _)| probe * probe).sum();
             *zeta = probe_pairs().map(|(probe, image)| probe * image).sum::<f64>() / probe_square;
-            let probes_agree = probe_pairs().all(|(probe, image)| (image - *zeta * probe).abs() <= MIXED * largest);
+            let probes_agree =
+                probe_pairs().all(|(probe, image)| (image - *zeta * probe).abs() <= MIXED_MODES_TOLERANCE * largest);
             if !(probes_agree && *zeta >= 0.0) {
                 return None;
             }

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use crate::interrupt;
 use crate::network::forest::{Forest, ends};
 use crate::network::{Contact, LinkKind, Network, Proxy, Run, Term};
-use crate::plan::constants::{MASSES_A_PORT, MODAL_MASSES_MIN, PORTS_ANY};
+use crate::plan::constants::{MASSES_PER_PORT, MODAL_MASSES_MIN, PORTS_ANY};
 use crate::timeline::Timeline;
 
 /// A set of MATs that inner links join, and the ports where others end.
@@ -167,7 +167,7 @@ impl Wiring {
             }
         }
         let is_worth_cut = |body: &Body| {
-            let is_large = !body.is_small() && body.ports.len() <= PORTS_ANY.max(body.mats.len() / MASSES_A_PORT);
+            let is_large = !body.is_small() && body.ports.len() <= PORTS_ANY.max(body.mats.len() / MASSES_PER_PORT);
             let takes_small = match wanted {
                 Wanted::All => true,
                 Wanted::Touched => body.is_touched,

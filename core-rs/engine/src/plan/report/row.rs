@@ -4,7 +4,7 @@ use crate::integrate::certify;
 use crate::island::inside::BodyPlan;
 use crate::network::{Network, Subset};
 use crate::plan::budget::Budget;
-use crate::plan::constants::{DOUBT, PRESERVED};
+use crate::plan::constants::{ESTIMATE_MARGIN_DB, PRESERVED_LIMITS};
 use crate::plan::cost::{self, Costs};
 use crate::plan::passes::audible::{Body, ModeKind};
 use crate::plan::passes::islands::IslandMembers;
@@ -46,7 +46,7 @@ pub enum Computed {
     /// Its own springs pull once every so many frames.
     Slow {
         /// Frames from one pull to the next.
-        every: u32,
+        macrostep: u32,
         /// By the exact flow of its masses; else by the CA scheme at that rate.
         is_exact: bool,
     },
@@ -76,7 +76,7 @@ impl Measured {
     /// Adds the doubt of an estimate, but not beyond what is `asked` for: the budget has margins of its own.
     pub(in crate::plan) fn doubted(self, asked: f64) -> Self {
         Self {
-            db: self.db.max((self.db + DOUBT).min(asked)),
+            db: self.db.max((self.db + ESTIMATE_MARGIN_DB).min(asked)),
             ..self
         }
     }
@@ -125,13 +125,13 @@ pub struct Row {
 impl Row {
     /// Whether a slow part sounds as it would at every frame, as far as a pilot measured.
     pub fn is_preserved(&self) -> bool {
-        let (Computed::Slow { every, .. }, Some(pilot_error)) = (self.what, self.error) else {
+        let (Computed::Slow { macrostep, .. }, Some(pilot_error)) = (self.what, self.error) else {
             return false;
         };
-        let every = every / self.oversampling.max(1);
-        PRESERVED
+        let island_macrostep = macrostep / self.oversampling.max(1);
+        PRESERVED_LIMITS
             .iter()
-            .any(|&(most, db)| every <= most && pilot_error.db <= db)
+            .any(|&(most, db)| island_macrostep <= most && pilot_error.db <= db)
     }
 
     /// A row of parts, with their moving MATs and their LIAs; nothing else is filled in.
@@ -200,7 +200,7 @@ impl Row {
             },
             BodyPlan::Mesh(mesh) => Computed::Mesh(mesh.method.facts().name, mesh.substeps),
             BodyPlan::Slow(slow) => Computed::Slow {
-                every: slow.macrostep,
+                macrostep: slow.macrostep,
                 is_exact: slow.is_linear(),
             },
         };

@@ -6,7 +6,7 @@ use std::cell::Cell;
 
 use crate::interrupt;
 use crate::network::Error;
-use crate::plan::constants::{ALLOWANCE_MAX, ALLOWANCE_RESERVE, LARGE, SMALL};
+use crate::plan::constants::{ALLOWANCE_LARGE, ALLOWANCE_MAX, ALLOWANCE_RESERVE, ALLOWANCE_SMALL};
 
 /// Why a trial gives no result.
 #[derive(Debug)]
@@ -71,7 +71,7 @@ pub(in crate::plan) struct Allowance {
 impl Allowance {
     /// The allowance of a plan of `n_modules`, of which its trials may take the part `share`.
     pub(in crate::plan) fn new(n_modules: usize, share: f64) -> Self {
-        let ((small_modules, small_seconds), (large_modules, greatest)) = (SMALL, LARGE);
+        let ((small_modules, small_seconds), (large_modules, greatest)) = (ALLOWANCE_SMALL, ALLOWANCE_LARGE);
         let seconds = if n_modules <= large_modules {
             let size_share = n_modules.saturating_sub(small_modules) as f64 / (large_modules - small_modules) as f64;
             small_seconds + (greatest - small_seconds) * size_share

@@ -6,7 +6,7 @@ mod partials;
 mod strokes;
 
 use crate::plan::budget::Budget;
-use crate::plan::constants::{LEAST_HEARD, MEAN_ROUNDING, MOVED};
+use crate::plan::constants::{JUST_NOTICEABLE, MEAN_ROUNDING, MOVED_SHARE};
 use crate::plan::trial::waveform_error::Spans;
 
 /// The audible error of a run.
@@ -69,8 +69,8 @@ impl Audible {
         Self::from(std::array::from_fn(|i| first_errors[i] + other_errors[i]))
     }
 
-    /// All errors, in the order of `LEAST_HEARD`.
-    pub fn values(&self) -> [f64; LEAST_HEARD.len()] {
+    /// All errors, in the order of `JUST_NOTICEABLE`.
+    pub fn values(&self) -> [f64; JUST_NOTICEABLE.len()] {
         [
             self.cents,
             self.t60,
@@ -85,17 +85,17 @@ impl Audible {
     pub(in crate::plan) fn excess(&self, budget: &Budget) -> f64 {
         match *budget {
             Budget::Cents { cents, .. } => {
-                let error_limits = self.values().into_iter().zip(LEAST_HEARD);
+                let error_limits = self.values().into_iter().zip(JUST_NOTICEABLE);
                 let worst_excess = error_limits.map(|(error, least)| error / least).fold(0.0, f64::max);
-                worst_excess * LEAST_HEARD[0] / cents
+                worst_excess * JUST_NOTICEABLE[0] / cents
             }
             Budget::Error(_) | Budget::Method(_) => 0.0,
         }
     }
 }
 
-impl From<[f64; LEAST_HEARD.len()]> for Audible {
-    fn from(values: [f64; LEAST_HEARD.len()]) -> Self {
+impl From<[f64; JUST_NOTICEABLE.len()]> for Audible {
+    fn from(values: [f64; JUST_NOTICEABLE.len()]) -> Self {
         let [cents, t60, level, first_stroke, later_stroke, stroke_level] = values;
         Self {
             cents,
@@ -113,7 +113,7 @@ fn begin_of_sound(sound: &[f64]) -> usize {
     let first_sample = sound.first().copied().unwrap_or(0.0);
     let motion = |x: &f64| (x - first_sample).abs();
     let largest = sound.iter().map(motion).fold(0.0, f64::max);
-    let is_moving = |x: &f64| motion(x) > MOVED * largest;
+    let is_moving = |x: &f64| motion(x) > MOVED_SHARE * largest;
     sound.iter().position(is_moving).unwrap_or(0).saturating_sub(1)
 }
 

@@ -3,7 +3,7 @@
 
 use crate::integrate::MeshMethod;
 use crate::network::Error;
-use crate::plan::constants::{SUBSTEPS_MAX, SUBSTEPS_MIN, TIMES_MAX};
+use crate::plan::constants::{OVERSAMPLING_MAX, SUBSTEPS_MAX, SUBSTEPS_MIN};
 use crate::plan::passes::assemble::{Assembled, How};
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::trial::allowance::Allowance;
@@ -82,7 +82,7 @@ pub(in crate::plan) fn candidates<F: Fn(How<'_>) -> Result<Assembled, Error>>(
         .into_iter()
         .flat_map(|method| [MethodChoice::All(method), MethodChoice::Meshes(method)]);
     let bodies = [MethodChoice::Simplest, MethodChoice::ByBudget, MethodChoice::Stepped];
-    let steps = (0..=TIMES_MAX.ilog2()).map(|doublings| 1 << doublings);
+    let steps = (0..=OVERSAMPLING_MAX.ilog2()).map(|doublings| 1 << doublings);
     let choice_groups = bodies
         .into_iter()
         .chain(mesh_choices)
@@ -131,7 +131,7 @@ impl Candidate {
             };
             let frame_steps = f64::from(island_plan.oversampling) * substeps as f64;
             island_plan.counted_cost =
-                Some((f64::from(counted) * frame_steps / played_candidate.steps_a_frame()) as u32);
+                Some((f64::from(counted) * frame_steps / played_candidate.steps_per_frame()) as u32);
         }
         Self {
             cost: island.island_plan.cost(),
@@ -152,7 +152,7 @@ impl Candidate {
     }
 
     /// Substeps of contacts a frame.
-    fn steps_a_frame(&self) -> f64 {
+    fn steps_per_frame(&self) -> f64 {
         f64::from(self.island.island_plan.oversampling) * self.substeps as f64
     }
 

@@ -8,7 +8,10 @@ use crate::island::inside::BodyPlan;
 use crate::maths::{log10, sqrt};
 use crate::network::{LinkKind, Network};
 use crate::plan::IslandPlan;
-use crate::plan::constants::{ATTACK, ATTACK_ERROR_MIN, DOUBLING, NUDGE, PARTED, QUIET, REGULAR, STRETCH};
+use crate::plan::constants::{
+    ATTACK_ERROR_MIN, ATTACK_SECONDS, FACTOR_TWO_DB, FIRST_STRETCH_SECONDS, NUDGE_SHARE, PARTED_DB, QUIET_POWER_RATIO,
+    REGULAR_GROWTH,
+};
 use crate::plan::trial::allowance::{Allowance, TrialError};
 use crate::plan::trial::pilot_run::{BLOCK, Excerpt, PilotRun, nudged};
 use crate::plan::trial::third_octaves::level_difference;
@@ -25,16 +28,16 @@ pub(in crate::plan) struct Stretches {
 /// How far two runs are apart, stretch by stretch [dB], over all outputs, each normalised to the same loudness.
 struct Profile {
     /// Over each stretch alone; `None` if it is too quiet.
-    alone: Vec<Option<f64>>,
+    stretch_levels: Vec<Option<f64>>,
     /// From the start of the first to the end of each.
-    upto: Vec<f64>,
+    cumulative_levels: Vec<f64>,
 }
 
 /// The comparison of two runs that part for good.
 #[derive(Clone, Debug)]
 pub(in crate::plan) struct Parting {
     /// Error from the first sound to the end of each stretch [dB].
-    upto: Vec<f64>,
+    cumulative_errors: Vec<f64>,
     /// The error over the attack [dB].
     pub(in crate::plan) attack: f64,
     /// How much a nudge grows over the attack [dB].
@@ -71,7 +74,7 @@ impl Stretches {
 
     fn from(start: usize, n_frames: usize, spans: &Spans) -> Self {
         let mut edges = vec![start];
-        let mut stretch_length = STRETCH * spans.rate;
+        let mut stretch_length = FIRST_STRETCH_SECONDS * spans.rate;
         while ((start as f64 + 1.5 * stretch_length) as usize) < n_frames {
             edges.push(start + stretch_length as usize);
             stretch_length *= 2.0;
@@ -126,12 +129,13 @@ impl Stretches {
         let loudest_power = (0..stretch_count).map(stretch_power).fold(0.0, f64::max);
         let mut running_sums = (0.0, 0.0);
         Profile {
-            alone: (0..stretch_count)
+            stretch_levels: (0..stretch_count)
                 .map(|stretch| {
-                    (stretch_power(stretch) > QUIET * loudest_power).then(|| ratio_level(stretch_sums[stretch]))
+                    (stretch_power(stretch) > QUIET_POWER_RATIO * loudest_power)
+                        .then(|| ratio_level(stretch_sums[stretch]))
                 })
                 .collect(),
-            upto: stretch_sums
+            cumulative_levels: stretch_sums
                 .iter()
                 .map(|sum| {
                     running_sums = (running_sums.0 + sum.0, running_sums.1 + sum.1);
@@ -164,12 +168,12 @@ impl Pair<'_> {
         if !is_chaotic(&growth_levels) {
             return Ok(None);
         }
-        let last_stretch = self.stretches.count_within(ATTACK, self.spans) - 1;
+        let last_stretch = self.stretches.count_within(ATTACK_SECONDS, self.spans) - 1;
         let growth_of = |stretch: usize| growth_levels.get(stretch).copied().flatten();
         Ok(Some(
             growth_of(0)
                 .zip(growth_of(last_stretch))
-                .map_or(0.0, |(first_growth, last_stretch)| last_stretch - first_growth),
+                .map_or(0.0, |(first_growth, last_growth)| last_growth - first_growth),
         ))
     }
 
@@ -177,13 +181,13 @@ impl Pair<'_> {
     /// motion too, so errors of the waveform count twice.
     pub(in crate::plan) fn compare(&self, growth: f64) -> Parting {
         let (run_sound, finer_sound) = (&self.run.sound, &self.finer.sound);
-        let mut upto = self.stretches.profile(run_sound, finer_sound).upto;
-        upto.iter_mut().for_each(|db| *db += DOUBLING);
+        let mut cumulative_errors = self.stretches.profile(run_sound, finer_sound).cumulative_levels;
+        cumulative_errors.iter_mut().for_each(|db| *db += FACTOR_TWO_DB);
         let first_sample = self.stretches.start() * self.spans.n_out;
         let (n_outputs, frame_rate) = (self.spans.n_out, self.spans.rate);
         Parting {
-            attack: upto[self.stretches.count_within(ATTACK, self.spans) - 1],
-            upto,
+            attack: cumulative_errors[self.stretches.count_within(ATTACK_SECONDS, self.spans) - 1],
+            cumulative_errors,
             growth,
             spectral: level_difference(
                 &run_sound[first_sample..],
@@ -209,21 +213,21 @@ impl Pair<'_> {
                 from: self.run.from,
                 n_frames,
             },
-            (nudge_start, 1.0 - NUDGE),
+            (nudge_start, 1.0 - NUDGE_SHARE),
             allowance,
         )?;
         // After the nudged block the run goes on freely.
         let free_stretches = Stretches::from(nudge_start + BLOCK, n_frames, self.spans);
-        Ok(free_stretches.profile(&nudged.sound, &self.run.sound).alone)
+        Ok(free_stretches.profile(&nudged.sound, &self.run.sound).stretch_levels)
     }
 }
 
 /// Whether a nudge grows faster than in any regular motion.
 fn is_chaotic(growth_levels: &[Option<f64>]) -> bool {
-    let (growth_a_stretch, chance_margin) = REGULAR;
+    let (growth_per_stretch, chance_margin) = REGULAR_GROWTH;
     let grows_fast = |(i, early): (usize, &Option<f64>)| {
         let later_growths = growth_levels.iter().enumerate().skip(i + 1);
-        let regular_level_max = |j: usize, early: f64| early + growth_a_stretch * (j - i) as f64 + chance_margin;
+        let regular_level_max = |j: usize, early: f64| early + growth_per_stretch * (j - i) as f64 + chance_margin;
         later_growths.into_iter().any(|(j, late)| {
             early
                 .zip(*late)
@@ -240,15 +244,18 @@ impl Parting {
         attack - self.growth > ATTACK_ERROR_MIN
     }
 
-    /// Returns an error [dB] and the frame until which it holds: as long as the error is at most `asked`; if it never
+    /// Returns an error [dB] and the frame until which it holds: as long as the error is at most `error_allowed`; if it never
     /// is, as long as the runs agree at all.
     pub(in crate::plan) fn valid_span(&self, error_allowed: f64, stretches: &Stretches) -> (f64, usize) {
-        let count_below = |error_max: f64| self.upto.iter().take_while(|db| **db <= error_max).count();
-        let stretch_count = [count_below(error_allowed), count_below(PARTED), 1]
+        let count_below = |error_max: f64| self.cumulative_errors.iter().take_while(|db| **db <= error_max).count();
+        let stretch_count = [count_below(error_allowed), count_below(PARTED_DB), 1]
             .into_iter()
             .find(|stretch_count| *stretch_count > 0)
             .unwrap_or(1);
-        (self.upto[stretch_count - 1], stretches.edges[stretch_count])
+        (
+            self.cumulative_errors[stretch_count - 1],
+            stretches.edges[stretch_count],
+        )
     }
 }
 

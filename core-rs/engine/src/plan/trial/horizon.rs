@@ -6,13 +6,16 @@ use crate::maths::log10;
 use crate::network::LinkKind;
 use crate::plan::IslandPlan;
 use crate::plan::budget::Budget;
-use crate::plan::constants::{GAIN, HARDER, LOOK, PARTED, RESERVE_FITS, RESERVE_PLANNED, RINGS, SPECTRUM_NOISE};
+use crate::plan::constants::{
+    EQUAL_ERRORS_DB, ERROR_CHECK_SECONDS, HARDER_RATIO, PARTED_DB, RESERVE_FITS, RESERVE_PLANNED, RING_SECONDS,
+    SPECTRUM_NOISE,
+};
 use crate::plan::report::content::{Content, hex_of};
 use crate::plan::report::row::Measured;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
 use crate::plan::trial::audible::Audible;
 use crate::plan::trial::chaos::is_linear;
-use crate::plan::trial::pilot_run::{Excerpt, frames_a_second, frames_at_rest, play, work};
+use crate::plan::trial::pilot_run::{Excerpt, frames_at_rest, frames_per_second, play, work};
 use crate::plan::trial::record::{self, TrialRecord, TrialStore};
 use crate::plan::trial::third_octaves::level_difference;
 use crate::plan::trial::waveform_error::Spans;
@@ -46,12 +49,12 @@ pub(in crate::plan) fn harder_event(island_plan: &IslandPlan, timeline: &Timelin
     harder_events.into_iter().flatten().reduce(f64::min)
 }
 
-/// The first instant after `over` whose strength exceeds all until then by more than `HARDER`, of pairs (instant [s],
+/// The first instant after `over` whose strength exceeds all until then by more than `HARDER_RATIO`, of pairs (instant [s],
 /// strength); `None` if there is none, or nothing until then.
 fn first_harder(events: impl Iterator<Item = (f64, f64)> + Clone, over: f64) -> Option<f64> {
     let tried_events = events.clone().filter(|event| event.0 <= over);
     let hardest = tried_events.map(|event| event.1).reduce(f64::max)?;
-    let harder_events = events.filter(|event| event.0 > over && event.1 > HARDER * hardest);
+    let harder_events = events.filter(|event| event.0 > over && event.1 > HARDER_RATIO * hardest);
     harder_events.map(|event| event.0).reduce(f64::min)
 }
 
@@ -71,8 +74,8 @@ pub(in crate::plan) fn extend_error(
     [run, other]: [Played<'_>; 2],
     (allowance, store): (&Allowance, Option<&dyn TrialStore>),
 ) -> Result<Measured, TrialError> {
-    let frame_rate = frames_a_second(run.0);
-    if measured.db > PARTED {
+    let frame_rate = frames_per_second(run.0);
+    if measured.db > PARTED_DB {
         return Ok(measured); // the runs have no waveform in common
     }
     // The reserve is separate: if it runs out, the pilot's result stands as it is.
@@ -85,7 +88,7 @@ pub(in crate::plan) fn extend_error(
     let n_frames =
         (end(run.0) * frame_rate - from as f64).min(RESERVE_PLANNED * reserve.spent().1 / frame_work) as usize;
     let pilot_frames = ((measured.over * frame_rate) as usize).saturating_sub(from);
-    let look_frames = ((LOOK * frame_rate) as usize).max(1);
+    let look_frames = ((ERROR_CHECK_SECONDS * frame_rate) as usize).max(1);
     if n_frames < pilot_frames + look_frames {
         return Ok(measured);
     }
@@ -128,7 +131,7 @@ fn extend_over(
     (longest, look): (Excerpt, usize),
     reserve: &Allowance,
 ) -> Result<Measured, TrialError> {
-    let frame_rate = frames_a_second(coarse.0);
+    let frame_rate = frames_per_second(coarse.0);
     let seconds = |n_frames: usize| (longest.from + n_frames) as f64 / frame_rate;
     let pilot_frames = ((measured.over * frame_rate) as usize).saturating_sub(longest.from);
     let played_runs = play(coarse.0, coarse.1, longest, reserve).and_then(|run| {
@@ -168,7 +171,7 @@ fn extend_over(
     if let Some(error) = audible_error.filter(is_allowed) {
         return Ok(error);
     }
-    let parting_level = budget.asked().max(measured.db + GAIN);
+    let parting_level = budget.asked().max(measured.db + EQUAL_ERRORS_DB);
     let (mut valid_frames, mut db) = (pilot_frames, measured.db);
     let mut looked_frames = pilot_frames;
     while looked_frames < n_frames {
@@ -238,7 +241,7 @@ pub(in crate::plan) fn end(island_plan: &IslandPlan) -> f64 {
     let gestures = gestures.filter_map(|gesture| gesture.points.last().map(|point| point.0));
     let strikes = timeline.strikes.iter().map(|strike| strike.instant);
     let ergon_times = timeline.ergons.iter().map(|ergon| ergon.instant);
-    gestures.chain(strikes).chain(ergon_times).fold(0.0, f64::max) + RINGS
+    gestures.chain(strikes).chain(ergon_times).fold(0.0, f64::max) + RING_SECONDS
 }
 
 #[cfg(test)]

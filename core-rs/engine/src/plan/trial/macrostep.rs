@@ -12,7 +12,8 @@ use crate::island::modal::Modal;
 use crate::island::slow::{RunningSlow, Slow};
 use crate::plan::IslandPlan;
 use crate::plan::constants::{
-    CIRCLE, COMMON_FRAMES_MAX, DENSE_MAX, EIGENVALUES, GROWTH_TOLERANCE, KICKS, NUMBER, TRIAL_WORK_MAX,
+    COMMON_FRAMES_MAX, DENSE_MAX, EIGENVALUES_SECONDS, GROWTH_TOLERANCE, NUMBER_SECONDS, TRIAL_KICKS, TRIAL_WORK_MAX,
+    UNIT_CIRCLE_TOLERANCE,
 };
 use crate::scheme::{Kind, Run, Scheme};
 use crate::state::Body;
@@ -35,7 +36,13 @@ pub(in crate::plan) struct Growth {
 
 impl Growth {
     pub(in crate::plan) fn is_stable(self) -> bool {
-        self.radius <= 1.0 + if self.is_tried { GROWTH_TOLERANCE } else { CIRCLE }
+        self.radius
+            <= 1.0
+                + if self.is_tried {
+                    GROWTH_TOLERANCE
+                } else {
+                    UNIT_CIRCLE_TOLERANCE
+                }
     }
 }
 
@@ -255,13 +262,13 @@ impl<'a> Map<'a> {
         let kick_sizes = self.slow.iter().map(RunningSlow::n_state);
         let dense_products: usize = kick_sizes.map(|n| n * n / 2).sum();
         let frame_products = self.len() + 2 * self.links.len() + modal_products.sum::<usize>();
-        NUMBER * (self.frames as f64 * frame_products as f64 + self.kicks * dense_products as f64)
+        NUMBER_SECONDS * (self.frames as f64 * frame_products as f64 + self.kicks * dense_products as f64)
     }
 
     /// Work of the eigenvalues [s].
     fn dense_work(&self) -> f64 {
         let state_size = self.len() as f64;
-        state_size * self.work() + EIGENVALUES * state_size * state_size * state_size
+        state_size * self.work() + EIGENVALUES_SECONDS * state_size * state_size * state_size
     }
 
     /// Work of simulating the island for a while [s].
@@ -271,7 +278,7 @@ impl<'a> Map<'a> {
 
     /// Applications of the map for which a large island is simulated.
     fn n_applications(&self) -> usize {
-        (KICKS as f64 / self.kicks).ceil().max(4.0) as usize
+        (TRIAL_KICKS as f64 / self.kicks).ceil().max(4.0) as usize
     }
 
     /// The largest magnitude of an eigenvalue, for one kick.

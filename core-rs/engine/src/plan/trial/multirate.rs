@@ -7,7 +7,7 @@ use crate::island::inside::BodyPlan;
 use crate::network::{Error, LinkKind, Network, Run, Subset, Term};
 use crate::plan::IslandPlan;
 use crate::plan::budget::Budget;
-use crate::plan::constants::PHASE_MAX;
+use crate::plan::constants::KEY_TURN_MAX;
 use crate::plan::cost;
 use crate::plan::passes::assemble::{Assembled, How};
 use crate::plan::passes::mesh::MethodChoice;
@@ -28,7 +28,7 @@ use crate::timeline::Timeline;
 
 /// The island with only those slow parts that may be slow as far as can be seen without playing, and the others with
 /// reasons.
-pub(in crate::plan) fn settle(
+pub(in crate::plan) fn without_refused_slow(
     subset: &Subset,
     island_timeline: &OwnTimeline,
     budget: &Budget,
@@ -65,7 +65,7 @@ pub(in crate::plan) fn without_slow(subset: &Subset, refused_slow: &[RefusedSlow
 /// The island with further parts made slow that do not ask for it but may be; `None` if there are none, or if that
 /// saves nothing. Nothing is offered where hands or a session play, as the effect of a slow part on the sound is then
 /// unknown, nor where the discrete network is the reference: there a plan may change only rounding.
-pub(in crate::plan) fn offer(
+pub(in crate::plan) fn with_offered_slow(
     subset: &Subset,
     island_timeline: &OwnTimeline,
     budget: &Budget,
@@ -99,15 +99,17 @@ pub(in crate::plan) fn offer(
         |name: &str, asked_macrostep: Option<u32>| asked_macrostep.or(is_offered(name).then_some(macrostep));
     let slowed_network = network.with_macrosteps(macrostep_of);
     let slowed_bodies = slow_bodies(&slowed_network, timeline);
-    let fits: BTreeSet<usize> = slowed_bodies
+    let fitting_parts: BTreeSet<usize> = slowed_bodies
         .bodies
         .iter()
-        .filter(|(_, slow)| slow.turn <= offered.phase_max() && cost::saved(slow) > 0.0)
+        .filter(|(_, slow)| slow.turn <= offered.turn_max() && cost::saved(slow) > 0.0)
         .map(|(_, slow)| slow.part)
         .collect();
-    let fits = |name: &str| is_offered(name) && fits.iter().any(|&part| network.parts()[part].name == name);
-    let network = network.with_macrosteps(|name, asked_macrostep| asked_macrostep.or(fits(name).then_some(macrostep)));
-    is_more(&network, &subset.network).then(|| Subset {
+    let is_fitting =
+        |name: &str| is_offered(name) && fitting_parts.iter().any(|&part| network.parts()[part].name == name);
+    let network =
+        network.with_macrosteps(|name, asked_macrostep| asked_macrostep.or(is_fitting(name).then_some(macrostep)));
+    has_more_slow_parts(&network, &subset.network).then(|| Subset {
         network,
         ..subset.clone()
     })
@@ -124,9 +126,9 @@ pub(in crate::plan) enum Offered {
 
 impl Offered {
     /// Largest turn of their modes from kick to kick [rad].
-    fn phase_max(self) -> f64 {
+    fn turn_max(self) -> f64 {
         match self {
-            Self::Keys => PHASE_MAX,
+            Self::Keys => KEY_TURN_MAX,
             // As much as any slow body may turn: its error is measured.
             Self::OnlySeen => f64::INFINITY,
         }
@@ -169,8 +171,8 @@ fn audible_parts(network: &Network) -> BTreeSet<usize> {
     parts_heard
 }
 
-/// Whether more parts of `network` than of `than` are slow.
-fn is_more(network: &Network, compared_network: &Network) -> bool {
+/// Whether more parts of `network` than of `compared_network` are slow.
+fn has_more_slow_parts(network: &Network, compared_network: &Network) -> bool {
     let slow_count = |network: &Network| {
         let parts = network.parts().iter();
         parts.filter(|part| part.macrostep.is_some()).count()
@@ -221,7 +223,7 @@ fn too_stiff(island_plan: &IslandPlan, growth: Growth) -> String {
 
 /// What slow parts change in the sound: their error, and how long it holds. The island is compared with the same island
 /// with kicks at every frame. `None` if that would take too long.
-pub(in crate::plan) fn error(
+pub(in crate::plan) fn slow_error(
     subset: &Subset,
     island_timeline: &OwnTimeline,
     budget: &Budget,
@@ -233,7 +235,7 @@ pub(in crate::plan) fn error(
     let assembly_how = How::fine(oversampling, MethodChoice::AsBefore(&methods));
     let slow_island = Assembled::new(subset, island_timeline, budget, assembly_how, None, memo)?;
     let every_frame = Subset {
-        network: subset.network.with_macrosteps(|_, every| every.map(|_| 1)),
+        network: subset.network.with_macrosteps(|_, macrostep| macrostep.map(|_| 1)),
         ..subset.clone()
     };
     let Ok(every_frame) = Assembled::new(&every_frame, island_timeline, budget, assembly_how, None, memo) else {

@@ -10,7 +10,7 @@ use std::rc::Rc;
 use crate::network::Error;
 use crate::plan::IslandPlan;
 use crate::plan::budget::Budget;
-use crate::plan::constants::{FAINT, PARTED, PARTS, SEARCH_COST, SUBSTEPS_MIN, TIMES_MAX};
+use crate::plan::constants::{FAINT_SHARE, OVERSAMPLING_MAX, PARTED_DB, PILOT_PARTS, SEARCH_COST, SUBSTEPS_MIN};
 use crate::plan::passes::assemble::{Assembled, How};
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::report::row::Measured;
@@ -148,7 +148,7 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
         };
         let stretches = Stretches::new(&reference.run.sound, &self.spans);
         let growth = unless_spent(self.growth(&reference, &stretches))?.flatten();
-        let is_unknown = !reference.is_sure(self.budget) && reference.error > PARTED;
+        let is_unknown = !reference.is_sure(self.budget) && reference.error > PARTED_DB;
         if growth.is_none() && is_unknown {
             return Ok(Some(self.unmeasured(first_candidate, first_run)?)); // no two runs agree
         }
@@ -288,7 +288,7 @@ fn choose_heard(
         }
         let first_run = runs.play((island_plan, substeps), allowance)?;
         match longer(island_plan, excerpt) {
-            Some(longer) if first_run.loudest_share < FAINT => excerpt = longer,
+            Some(longer) if first_run.loudest_share < FAINT_SHARE => excerpt = longer,
             _ => return Ok((runs, spans)),
         }
     }
@@ -312,8 +312,8 @@ fn choose_runs(
         audible_share.set(affordable * audible_frames(frames) / audible_frames(excerpt.n_frames));
         affordable == 1.0 || frames <= spans.shortened(1).end()
     })?;
-    let span_parts = (PARTS as f64 * audible_share.get()) as usize;
-    if span_parts >= PARTS {
+    let span_parts = (PILOT_PARTS as f64 * audible_share.get()) as usize;
+    if span_parts >= PILOT_PARTS {
         return Ok((runs, spans));
     }
     let spans = spans.shortened(span_parts);
@@ -339,7 +339,7 @@ fn lowest_stable(assemble: &impl Fn(How<'_>) -> Result<Assembled, Error>) -> Res
     match assemble(How::fine(1, MethodChoice::ByBudget)) {
         // An island that diverges at this rate may be stable at a higher one.
         Err(error @ Error::Unstable { .. }) => {
-            let higher_rates = [2, 4, 8, 2 * TIMES_MAX].into_iter();
+            let higher_rates = [2, 4, 8, 2 * OVERSAMPLING_MAX].into_iter();
             let mut stable_islands =
                 higher_rates.filter_map(|oversampling| assemble(How::fine(oversampling, MethodChoice::ByBudget)).ok());
             stable_islands.next().ok_or(error)

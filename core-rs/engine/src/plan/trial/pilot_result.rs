@@ -4,7 +4,7 @@ use crate::island::inside::BodyPlan;
 use crate::network::Error;
 use crate::plan::budget::Budget;
 use crate::plan::choice::{BodyChoice, SteppedChoice};
-use crate::plan::constants::{SUBSTEPS_MAX, TIMES_MAX};
+use crate::plan::constants::{OVERSAMPLING_MAX, SUBSTEPS_MAX};
 use crate::plan::passes::assemble::{Assembled, How, Shape};
 use crate::plan::passes::linear::NoModes;
 use crate::plan::passes::mesh::MethodChoice;
@@ -15,7 +15,7 @@ use crate::plan::trial::horizon;
 use crate::plan::trial::record::{TrialRecord, TrialStore};
 
 /// Most contact substeps a step that a record may hold.
-const RECORDED_SUBSTEPS_MAX: usize = 2 * TIMES_MAX as usize * SUBSTEPS_MAX;
+const RECORDED_SUBSTEPS_MAX: usize = 2 * OVERSAMPLING_MAX as usize * SUBSTEPS_MAX;
 
 /// An island that meets its budget as far as possible, and its remaining error.
 pub(in crate::plan) struct ChosenIsland {
@@ -176,7 +176,7 @@ impl PilotResult {
         };
         let (is_plain, diverges) = (flag_of(is_plain)?, flag_of(diverges)?);
         let is_too_much = coarse_substeps.max(finer_substeps) as usize > RECORDED_SUBSTEPS_MAX;
-        if !(1..=2 * TIMES_MAX).contains(&oversampling) || is_too_much {
+        if !(1..=2 * OVERSAMPLING_MAX).contains(&oversampling) || is_too_much {
             return None;
         }
         let shape = *Shape::ALL.get(shape as usize)?;

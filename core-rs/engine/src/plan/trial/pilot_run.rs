@@ -4,7 +4,7 @@ use crate::derivative::Derivatives;
 use crate::island::{Island, OnFault, Options};
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::Error;
-use crate::plan::constants::{AFTER, COMPARISON, LONGEST, LOOKS, TRIAL_WORK_MAX};
+use crate::plan::constants::{COMPARISON_SECONDS, ENERGY_CHECKS, EXCERPT_SECONDS_MAX, PILOT_SECONDS, TRIAL_WORK_MAX};
 use crate::plan::trial::allowance::{Allowance, TrialError};
 use crate::plan::trial::silence::Silence;
 use crate::plan::{IslandPlan, cost};
@@ -143,7 +143,7 @@ pub(in crate::plan) fn find_excerpt(island_plan: &IslandPlan, allowance: &Allowa
         from: frames_at_rest(island_plan, allowance)?,
         n_frames: longest(island_plan),
     };
-    let frame_rate = frames_a_second(island_plan);
+    let frame_rate = frames_per_second(island_plan);
     let pilot_length = find_length(island_plan, (widest, frame_rate), allowance);
     // If no length was found, the decision depends on all of `widest`.
     let looked_frames = match pilot_length {
@@ -167,7 +167,7 @@ fn find_length(
         from,
         n_frames: longest,
     } = excerpt;
-    let frames_after = (AFTER * rate) as usize;
+    let frames_after = (PILOT_SECONDS * rate) as usize;
     if island_plan.contact_substeps > 1 {
         let mut island = island(island_plan, island_plan.contact_substeps)?;
         let mut meter = Meter::new(island_plan, allowance);
@@ -209,22 +209,22 @@ fn next_event(island_plan: &IslandPlan, from: f64, rate: f64) -> f64 {
 /// The excerpt up to a while after the next event, for an island that is silent until then; `None` if there is none, or
 /// it would take too long.
 pub(in crate::plan) fn longer(island_plan: &IslandPlan, excerpt: Excerpt) -> Option<Excerpt> {
-    let frame_rate = frames_a_second(island_plan);
+    let frame_rate = frames_per_second(island_plan);
     let event_time = next_event(island_plan, excerpt.end() as f64 / frame_rate, frame_rate);
-    let end_frame = ((event_time + AFTER) * frame_rate).min(1e12) as usize;
+    let end_frame = ((event_time + PILOT_SECONDS) * frame_rate).min(1e12) as usize;
     let n_frames = end_frame.saturating_sub(excerpt.from);
     (event_time.is_finite() && n_frames <= longest(island_plan)).then_some(Excerpt { n_frames, ..excerpt })
 }
 
 /// Frames that outputs hear in a second [Hz].
-pub(in crate::plan) fn frames_a_second(island_plan: &IslandPlan) -> f64 {
+pub(in crate::plan) fn frames_per_second(island_plan: &IslandPlan) -> f64 {
     island_plan.timeline.rate.hertz() / f64::from(island_plan.oversampling)
 }
 
 /// Most frames of an excerpt.
 fn longest(island_plan: &IslandPlan) -> usize {
     let work_frames = (TRIAL_WORK_MAX / work(island_plan)) as usize;
-    work_frames.min((LONGEST * frames_a_second(island_plan)) as usize)
+    work_frames.min((EXCERPT_SECONDS_MAX * frames_per_second(island_plan)) as usize)
 }
 
 /// Draws the work of a trial from an allowance, block by block: frames before they are played, and what contacts and
@@ -244,7 +244,7 @@ impl<'a> Meter<'a> {
         let rows_cost: f64 = island_plan.bodies.iter().map(cost::short_rows_cost).sum();
         let short_cost = rows_cost + cost::lone_laws_cost(&island_plan.network);
         let frame_work = work(island_plan) + 1e-9 * f64::from(island_plan.oversampling) * short_cost;
-        let comparison = COMPARISON * island_plan.network.outputs().len() as f64;
+        let comparison = COMPARISON_SECONDS * island_plan.network.outputs().len() as f64;
         Self {
             allowance,
             frame: frame_work + comparison,
@@ -358,7 +358,7 @@ fn run(
     meter.play_rest(&mut island, excerpt.from)?;
     let n_outputs = island.n_out();
     let mut sound = vec![0.0; n_frames * n_outputs];
-    let mut derivatives = Derivatives::new(&island_plan.network, frames_a_second(island_plan));
+    let mut derivatives = Derivatives::new(&island_plan.network, frames_per_second(island_plan));
     let mut squares: Vec<Vec<f64>> = island_plan
         .bodies
         .iter()
@@ -366,7 +366,7 @@ fn run(
         .collect();
     let (mut touched_from, mut silence) = (None, Silence::new(island_plan, &island));
     let mut created = Created::default();
-    let look_frames = (n_frames / LOOKS).max(1);
+    let look_frames = (n_frames / ENERGY_CHECKS).max(1);
     for first_frame in (0..n_frames).step_by(BLOCK) {
         if first_frame == block {
             island.damp(by);

@@ -6,7 +6,7 @@ use crate::maths::pow;
 use crate::network::{Error, LinkKind};
 use crate::plan::IslandPlan;
 use crate::plan::budget::Budget;
-use crate::plan::constants::{PRUNE_TRIES, QUIETER};
+use crate::plan::constants::{PRUNE_TRIES, QUIETER_STEP_DB};
 use crate::plan::passes::assemble::Assembled;
 use crate::plan::passes::truncate::{KeptModes, choose};
 use crate::plan::trial::allowance::{Allowance, unless_spent};
@@ -68,7 +68,7 @@ pub(in crate::plan) fn prune(
             bodies.for_each(|body| body.left_out = body.left_out.map(|_| dropped_loudness));
             return Ok(counted(pruned_island, &run));
         }
-        allowed -= (dropped_loudness - error_max).max(QUIETER);
+        allowed -= (dropped_loudness - error_max).max(QUIETER_STEP_DB);
     }
     Ok(reference)
 }

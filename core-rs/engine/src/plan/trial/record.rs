@@ -6,7 +6,7 @@
 //! and the hash of that and of the events up to one such length leads to what the series found.
 
 use crate::network::Error;
-use crate::plan::constants::{LEAST_HEARD, LENGTHS_MAX};
+use crate::plan::constants::{JUST_NOTICEABLE, LENGTHS_MAX};
 use crate::plan::report::content::{IslandContent, hex_of};
 use crate::plan::report::row::Measured;
 use crate::plan::trial::allowance::{Allowance, Taken};
@@ -73,7 +73,7 @@ impl TrialRecord {
         ];
         numbers.extend(match audible {
             Some(audible) => audible.values().map(Some),
-            None => [None; LEAST_HEARD.len()],
+            None => [None; JUST_NOTICEABLE.len()],
         });
         numbers
     }
@@ -96,9 +96,9 @@ impl TrialRecord {
     /// The error at the head of the record, and the numbers after it.
     pub(in crate::plan) fn error(&self) -> Option<(Option<Measured>, &[Option<f64>])> {
         let ([db, over, spectral], numbers_left) = self.numbers.split_first_chunk()?;
-        let (audible, numbers_left) = numbers_left.split_first_chunk::<{ LEAST_HEARD.len() }>()?;
+        let (audible, numbers_left) = numbers_left.split_first_chunk::<{ JUST_NOTICEABLE.len() }>()?;
         let audible_numbers: Vec<f64> = audible.iter().filter_map(|value| *value).collect();
-        let audible = <[f64; LEAST_HEARD.len()]>::try_from(audible_numbers)
+        let audible = <[f64; JUST_NOTICEABLE.len()]>::try_from(audible_numbers)
             .ok()
             .map(Audible::from);
         let measured_error = db.zip(*over).map(|(db, over)| Measured {

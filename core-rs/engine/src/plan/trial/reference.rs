@@ -10,8 +10,9 @@ use crate::maths::pow;
 use crate::network::Error;
 use crate::plan::budget::Budget;
 use crate::plan::constants::{
-    BELOW, COSTLY, DOUBLING, DOUBLING_RESERVE, FAMILY_SHARE, GAIN, INAUDIBLE, ORDERS, REFERENCE_DB, REFERENCE_SHARE,
-    REFERENCE_SUBSTEPS, SUBSTEPS_MAX, SUBSTEPS_MIN, TIMES_MAX,
+    CONVERGENCE_ORDERS, COSTLY_SHARE, DOUBLING_RESERVE, EQUAL_ERRORS_DB, FACTOR_TWO_DB, FAMILY_SHARE,
+    INAUDIBLE_ERROR_DB, OVERSAMPLING_MAX, REFERENCE_DB, REFERENCE_MARGIN_DB, REFERENCE_SHARE, REFERENCE_SUBSTEPS,
+    SUBSTEPS_MAX, SUBSTEPS_MIN,
 };
 use crate::plan::passes::assemble::{Assembled, How};
 use crate::plan::trial::allowance::{Allowance, TrialError};
@@ -40,13 +41,13 @@ impl Reference {
     fn is_exact(&self, budget: &Budget) -> bool {
         match self.audible {
             Some(audible) => audible.excess(budget) <= REFERENCE_SHARE,
-            None => self.error <= (budget.asked() - BELOW).min(REFERENCE_DB),
+            None => self.error <= (budget.asked() - REFERENCE_MARGIN_DB).min(REFERENCE_DB),
         }
     }
 
     /// Whether it shows that the motion is not chaotic.
     pub(in crate::plan) fn is_sure(&self, budget: &Budget) -> bool {
-        self.error <= INAUDIBLE || (self.audible.is_some() && self.is_exact(budget))
+        self.error <= INAUDIBLE_ERROR_DB || (self.audible.is_some() && self.is_exact(budget))
     }
 
     fn is_better(&self, other: &Self, budget: &Budget) -> bool {
@@ -72,12 +73,12 @@ pub(in crate::plan) fn reference<F: Fn(How<'_>) -> Result<Assembled, Error>>(
     allowance: &Allowance,
 ) -> Result<Option<Reference>, TrialError> {
     let (spans, budget) = (climb.spans, climb.budget);
-    let highest = 8 * TIMES_MAX;
+    let highest = 8 * OVERSAMPLING_MAX;
     let substeps = first_substeps(first);
     let mut best_reference: Option<Reference> = None;
     for family in climb.families(first) {
         let family_allowance = allowance.fraction(FAMILY_SHARE);
-        let lowest_steps = if family.is_plain { TIMES_MAX } else { 1 };
+        let lowest_steps = if family.is_plain { OVERSAMPLING_MAX } else { 1 };
         let reached = climb.family((family, substeps), lowest_steps..=highest, &family_allowance);
         allowance.spend_fraction(&family_allowance, FAMILY_SHARE);
         match reached {
@@ -111,7 +112,7 @@ pub(in crate::plan) fn plain_reference<F: Fn(How<'_>) -> Result<Assembled, Error
 ) -> Result<Option<Reference>, TrialError> {
     let family_allowance = allowance.fraction(FAMILY_SHARE);
     let [.., plain_family] = Family::REFERENCE_FAMILIES;
-    let reached = climb.family((plain_family, 1), 1..=2 * TIMES_MAX, &family_allowance);
+    let reached = climb.family((plain_family, 1), 1..=2 * OVERSAMPLING_MAX, &family_allowance);
     allowance.spend_fraction(&family_allowance, FAMILY_SHARE);
     match reached {
         Ok(reached) => Ok(reached.filter(|reached| reached.is_exact(climb.budget))),
@@ -123,7 +124,7 @@ pub(in crate::plan) fn plain_reference<F: Fn(How<'_>) -> Result<Assembled, Error
 /// Contact substeps a step of all runs, given the first one.
 fn first_substeps(first: &Candidate) -> usize {
     let contact_cost = first.island.island_plan.counted_cost.map_or(0.0, f64::from);
-    let is_costly = contact_cost > COSTLY * first.cost || is_plain_first(&first.island);
+    let is_costly = contact_cost > COSTLY_SHARE * first.cost || is_plain_first(&first.island);
     match first.island.may_collocate {
         true if !first.island.has_dry_friction() => SUBSTEPS_OF_LAWS,
         _ if is_costly => SUBSTEPS_MIN,
@@ -143,7 +144,7 @@ pub(in crate::plan) fn is_plain_first(island: &Assembled) -> bool {
     (island_plan.contact_substeps, island_plan.counted_cost) = (1, None);
     let plain_cost = island_plan.cost();
     island_plan.contact_substeps = SUBSTEPS_MIN;
-    island.may_collocate && island_plan.cost() > f64::from(TIMES_MAX) * plain_cost
+    island.may_collocate && island_plan.cost() > f64::from(OVERSAMPLING_MAX) * plain_cost
 }
 
 impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Climb<'_, F> {
@@ -213,7 +214,7 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Climb<'_, F> {
                 audible: Audible::for_budget(self.budget, (&coarser.sound, &run.sound), self.spans),
                 run,
             };
-            let gains_nothing = change_before.is_some_and(|change_before| run_change > change_before - GAIN);
+            let gains_nothing = change_before.is_some_and(|change_before| run_change > change_before - EQUAL_ERRORS_DB);
             let is_alone = is_coarse && change_before.is_none();
             let is_last_run = gains_nothing || (reached.is_exact(self.budget) && !is_alone);
             change_before = Some(run_change);
@@ -237,9 +238,9 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Climb<'_, F> {
 /// The error of the finer of two runs [dB], from the change between them and the one `before` at twice the steps: at
 /// order 1, which the first two are assumed to have, it is the change.
 fn error_of_finer(change: f64, before: Option<f64>) -> f64 {
-    let [lowest_order, highest] = ORDERS;
+    let [lowest_order, highest] = CONVERGENCE_ORDERS;
     let error_order = before
-        .map_or(1.0, |before| (before - change) / DOUBLING)
+        .map_or(1.0, |before| (before - change) / FACTOR_TWO_DB)
         .clamp(lowest_order, highest);
     change - 20.0 * crate::maths::log10(pow(2.0, error_order) - 1.0)
 }

@@ -10,7 +10,10 @@ use std::rc::Rc;
 use crate::maths::sqrt;
 use crate::network::Error;
 use crate::plan::budget::Budget;
-use crate::plan::constants::{AUDIBLE_GAIN, CREATED, DOUBT, GAIN, MARGIN, SPECTRUM_NOISE, SUBSTEPS_MIN, TIMES_MAX};
+use crate::plan::constants::{
+    BUDGET_MARGIN_DB, CREATED_SHARE_MAX, EQUAL_ERRORS_DB, EQUAL_ERRORS_RATIO, ESTIMATE_MARGIN_DB, OVERSAMPLING_MAX,
+    SPECTRUM_NOISE, SUBSTEPS_MIN,
+};
 use crate::plan::passes::assemble::{Assembled, How};
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
@@ -133,15 +136,15 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
     /// The reference as a candidate, if its steps are no more than a plan may choose.
     fn reference_itself(&self) -> Option<Tried> {
         let Reference { candidate, run, .. } = self.reference;
-        let is_allowed = candidate.island.island_plan.oversampling <= 2 * TIMES_MAX;
+        let is_allowed = candidate.island.island_plan.oversampling <= 2 * OVERSAMPLING_MAX;
         is_allowed.then(|| self.compare(candidate.clone(), run.clone()))
     }
 
     /// The error that a candidate has to stay below [dB].
     fn aim(&self) -> f64 {
         let error_margin = match horizon::error_may_grow(&self.reference.candidate.island.island_plan) {
-            true => DOUBT,
-            false => MARGIN,
+            true => ESTIMATE_MARGIN_DB,
+            false => BUDGET_MARGIN_DB,
         };
         self.budget.asked() - error_margin
     }
@@ -151,7 +154,7 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
     fn measure(&self, candidate: Candidate, nearest: Option<&Tried>) -> Result<Option<Tried>, TrialError> {
         let is_by_waveform = matches!(self.budget, Budget::Error(_)) && self.chaos.is_none();
         let error_limit = match nearest {
-            Some(nearest) if is_by_waveform => self.aim().max(nearest.error - GAIN),
+            Some(nearest) if is_by_waveform => self.aim().max(nearest.error - EQUAL_ERRORS_DB),
             _ => f64::INFINITY,
         };
         let mut comparison = EarlyComparison::against(&self.reference.run.sound, self.spans);
@@ -180,7 +183,8 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
         let length_ratio = (time_to_end / played_time).max(1.0);
         let Created { contacts, laws } = run.created;
         let late_growth = (laws[1] - laws[0]).max(0.0);
-        sqrt(length_ratio) * contacts > CREATED || laws[1] + 2.0 * (length_ratio - 1.0) * late_growth > CREATED
+        sqrt(length_ratio) * contacts > CREATED_SHARE_MAX
+            || laws[1] + 2.0 * (length_ratio - 1.0) * late_growth > CREATED_SHARE_MAX
     }
 
     /// Compares a run with the reference.
@@ -231,12 +235,12 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
         match (&tried.parting, &other.parting) {
             (Some(parting), Some(others)) => {
                 let spectral_limit = others.spectral.max(SPECTRUM_NOISE);
-                parting.spectral < spectral_limit - GAIN
-                    || (parting.attack < others.attack - GAIN && parting.spectral <= spectral_limit)
+                parting.spectral < spectral_limit - EQUAL_ERRORS_DB
+                    || (parting.attack < others.attack - EQUAL_ERRORS_DB && parting.spectral <= spectral_limit)
             }
             _ => match self.budget {
-                Budget::Error(_) => tried.error < other.error - GAIN,
-                _ => self.excess(tried) < self.excess(other) / AUDIBLE_GAIN,
+                Budget::Error(_) => tried.error < other.error - EQUAL_ERRORS_DB,
+                _ => self.excess(tried) < self.excess(other) / EQUAL_ERRORS_RATIO,
             },
         }
     }
@@ -257,7 +261,7 @@ impl Gains {
     fn add(&mut self, tried: &Tried) {
         if tried.candidate.substeps > 1 {
             let group_gain = self.0.get(&tried.candidate.group);
-            let is_idle = group_gain.is_some_and(|(least_error, _)| tried.error > least_error - MARGIN);
+            let is_idle = group_gain.is_some_and(|(least_error, _)| tried.error > least_error - BUDGET_MARGIN_DB);
             let least_error = group_gain.map_or(tried.error, |(least_error, _)| least_error.min(tried.error));
             self.0.insert(tried.candidate.group, (least_error, is_idle));
         }

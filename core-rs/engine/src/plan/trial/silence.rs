@@ -7,7 +7,7 @@ use crate::island::inside::BodyPlan;
 use crate::maths::sqrt;
 use crate::network::{Output, Term};
 use crate::plan::IslandPlan;
-use crate::plan::constants::SILENT;
+use crate::plan::constants::SILENT_SHARE;
 
 /// Outputs that have heard nothing but rounding so far in a run.
 pub(in crate::plan) struct Silence<'a> {
@@ -67,7 +67,7 @@ impl<'a> Silence<'a> {
             }
             let output_share = self.share(output, squares);
             let output_state = &mut self.outputs[output];
-            output_state.is_silent = output_share <= SILENT;
+            output_state.is_silent = output_share <= SILENT_SHARE;
             let first_sample = *output_state.first.get_or_insert(sound[output]);
             if output_state.is_silent {
                 let samples = sound.iter_mut().skip(output).step_by(n_outputs);

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use crate::maths::{log10, pow, sincos};
 use crate::plan::constants::{
-    BAND_VALUES_PARTED, COMPARED_POWER_MIN, HIGHEST_AUDIBLE, LOWEST_THIRD, MISSING, RATE_SHARE,
+    BAND_VALUES_MIN_PARTED, COMPARED_POWER_MIN, HIGHEST_AUDIBLE, LOWEST_THIRD_OCTAVE, MISSING_POWER_RATIO, RATE_SHARE,
 };
 
 /// Centres of third octaves [Hz]: 1 kHz times 2^(i/3), from 25 Hz up to 20 kHz, or up to `RATE_SHARE` of the rate if
@@ -16,7 +16,7 @@ const CENTRE: f64 = 1_000.0;
 /// within 60 dB of its strongest, summed over outputs that are normalised to equal power.
 pub(in crate::plan) fn level_difference(a: &[f64], b: &[f64], n_out: usize, rate: f64) -> f64 {
     let n_frames = b.len() / n_out.max(1);
-    let bands = bands(n_frames, rate, BAND_VALUES_PARTED);
+    let bands = bands(n_frames, rate, BAND_VALUES_MIN_PARTED);
     let (mut sound_levels, mut reference_levels) = (vec![0.0; bands.len()], vec![0.0; bands.len()]);
     for output in 0..n_out {
         let band_sound = |x: &[f64]| -> Vec<f64> { x.iter().skip(output).step_by(n_out).copied().collect() };
@@ -37,7 +37,7 @@ pub(in crate::plan) fn level_difference(a: &[f64], b: &[f64], n_out: usize, rate
     let audible = level_pairs.filter(|(_, reference_levels)| **reference_levels > COMPARED_POWER_MIN * strongest);
     let (level_sum, band_count) =
         audible.fold((0.0, 0), |(level_sum, band_count), (sound_levels, reference_levels)| {
-            let level_gap = 10.0 * log10((sound_levels / reference_levels).max(MISSING));
+            let level_gap = 10.0 * log10((sound_levels / reference_levels).max(MISSING_POWER_RATIO));
             (level_sum + level_gap.abs(), band_count + 1)
         });
     level_sum / f64::from(band_count.max(1))
@@ -61,7 +61,7 @@ pub(super) fn bands(n_frames: usize, rate: f64, fewest: f64) -> Vec<Band> {
     let seconds = n_frames as f64 / rate;
     let bin_width = rate / length(n_frames) as f64;
     let bin_above = |frequency: f64| (frequency / bin_width).ceil() as usize;
-    let centres = (LOWEST_THIRD..).map(|i| CENTRE * pow(2.0, f64::from(i) / 3.0));
+    let centres = (LOWEST_THIRD_OCTAVE..).map(|i| CENTRE * pow(2.0, f64::from(i) / 3.0));
     let (lower_ratio, upper_ratio) = (pow(2.0, -1.0 / 6.0), pow(2.0, 1.0 / 6.0));
     centres
         .take_while(|centre| *centre <= HIGHEST_AUDIBLE.min(RATE_SHARE * rate))

@@ -2,8 +2,8 @@
 
 use crate::maths::{decibels, log10, pow, sqrt};
 use crate::plan::IslandPlan;
-use crate::plan::constants::{AFTER, EARLY, PARTS};
-use crate::plan::trial::pilot_run::frames_a_second;
+use crate::plan::constants::{EARLY_CHECK, PILOT_PARTS, PILOT_SECONDS};
+use crate::plan::trial::pilot_run::frames_per_second;
 use crate::waveform::worst_ratio;
 
 /// The sum of two independent errors, by power [dB].
@@ -40,9 +40,9 @@ pub(in crate::plan) struct Spans {
 
 impl Spans {
     pub(in crate::plan) fn new(island_plan: &IslandPlan, n_frames: usize) -> Self {
-        let rate = frames_a_second(island_plan);
+        let rate = frames_per_second(island_plan);
         // Rounded up: the frame of the event belongs to the spans.
-        let third_frames = (AFTER / 3.0 * rate).ceil() as usize;
+        let third_frames = (PILOT_SECONDS / 3.0 * rate).ceil() as usize;
         Self {
             n_out: island_plan.network.outputs().len(),
             frames: [2, 1, 0].map(|thirds| n_frames.saturating_sub(thirds * third_frames)),
@@ -56,10 +56,10 @@ impl Spans {
         first_end.saturating_sub(last_end - second_end)
     }
 
-    /// The same spans over a shorter time after the first event: `parts` of `PARTS`, at least one.
+    /// The same spans over a shorter time after the first event: `parts` of `PILOT_PARTS`, at least one.
     pub(in crate::plan) fn shortened(&self, parts: usize) -> Self {
         let event_frame = self.event();
-        let third_frames = (self.end() - event_frame) * parts.clamp(1, PARTS) / PARTS / 3;
+        let third_frames = (self.end() - event_frame) * parts.clamp(1, PILOT_PARTS) / PILOT_PARTS / 3;
         let end_frame = event_frame + 3 * third_frames;
         Self {
             frames: [2, 1, 0].map(|thirds| end_frame - thirds * third_frames),
@@ -77,7 +77,7 @@ impl Spans {
     pub(in crate::plan) fn checkpoints(&self) -> [usize; 3] {
         let [first_end, second_end, _] = self.frames;
         [
-            first_end - (first_end - self.event()) * (EARLY.0 - 1) / EARLY.0,
+            first_end - (first_end - self.event()) * (EARLY_CHECK.0 - 1) / EARLY_CHECK.0,
             first_end,
             second_end,
         ]
@@ -121,7 +121,7 @@ impl<'a> EarlyComparison<'a> {
             return None;
         }
         self.n_checked = checks_passed;
-        let early_margin = if checks_passed == 1 { EARLY.1 } else { 0.0 };
+        let early_margin = if checks_passed == 1 { EARLY_CHECK.1 } else { 0.0 };
         let early_spans = self.spans.within(checkpoints[checks_passed - 1]);
         let bound_level = difference(sound, self.against, &early_spans) - early_margin;
         self.lower_bound = self.lower_bound.max(bound_level);
@@ -138,7 +138,7 @@ pub(in crate::plan) fn difference(a: &[f64], b: &[f64], spans: &Spans) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plan::constants::DOUBLING;
+    use crate::plan::constants::FACTOR_TWO_DB;
 
     /// One output at 1 kHz: an event after 60 ms, then 0.3 s.
     fn spans() -> Spans {
@@ -165,7 +165,7 @@ mod tests {
         for (one, other) in [(-40.0, -46.0), (-80.0, -40.0), (-3.0, -3.0)] {
             assert!((amplitude_difference(amplitude_sum([one, other]), other) - one).abs() < 1e-9);
         }
-        assert!((amplitude_sum([-40.0, -40.0]) + 40.0 - DOUBLING).abs() < 0.01);
+        assert!((amplitude_sum([-40.0, -40.0]) + 40.0 - FACTOR_TWO_DB).abs() < 0.01);
         assert!(amplitude_difference(-60.0, -40.0) <= -300.0);
     }
 
@@ -208,7 +208,7 @@ mod tests {
                 }
             }
             assert_eq!(bound_count, 3);
-            assert!(comparison.lower_bound > full_difference - EARLY.1);
+            assert!(comparison.lower_bound > full_difference - EARLY_CHECK.1);
         }
     }
 }

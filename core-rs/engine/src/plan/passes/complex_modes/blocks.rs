@@ -1,7 +1,7 @@
 //! Undamped modes that damping couples: the eigenvalue problem of their state.
 
 use super::{Complex, ComplexModes, Coordinates, Pole};
-use crate::plan::constants::{COUPLED_MAX, COUPLING_ERROR_MAX, COUPLING_NONE, COUPLING_ROUNDING};
+use crate::plan::constants::{COUPLED_MODES_MAX, COUPLING_ERROR_MAX, COUPLING_NONE, COUPLING_ROUNDING};
 use crate::plan::passes::linear::NoModes;
 use crate::spectrum::{General, general, inverse};
 
@@ -98,7 +98,7 @@ pub(super) fn add(
     damping: &[f64],
     block: &[usize],
 ) -> Result<(), NoModes> {
-    if block.len() > COUPLED_MAX {
+    if block.len() > COUPLED_MODES_MAX {
         return Err(NoModes::Large);
     }
     let n_rigid = block

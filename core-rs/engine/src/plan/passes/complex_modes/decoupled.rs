@@ -1,7 +1,7 @@
 //! An undamped mode that damping does not couple with others: its poles are the roots of s² + c·s + ω².
 
 use super::{ComplexModes, Coordinates, Pole};
-use crate::plan::constants::{COUPLING_ERROR_MAX, COUPLING_NONE, CRITICAL};
+use crate::plan::constants::{COUPLING_ERROR_MAX, COUPLING_NONE, CRITICAL_TOLERANCE};
 use crate::plan::passes::linear::NoModes;
 
 /// Adds the modes that belong to undamped mode `mode` with damping `c` [1/s].
@@ -25,7 +25,7 @@ pub(super) fn add(modes: &mut ComplexModes, coordinates: &Coordinates, mode: usi
     }
     let decay = 0.5 * c;
     let omega_squared = lambda - decay * decay;
-    let omega_min = CRITICAL * decay;
+    let omega_min = CRITICAL_TOLERANCE * decay;
     if omega_squared > -omega_min * omega_min {
         // x = Re z with ż = s·z, so v = Re s·z.
         let omega = omega_squared.max(omega_min * omega_min).sqrt();

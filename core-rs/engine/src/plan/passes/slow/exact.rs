@@ -11,7 +11,7 @@ use crate::integrate::square::Square;
 use crate::island::slow::{BlockFlow, Interface, Slow, Springs, Weights, best_block};
 use crate::maths;
 use crate::network::Subset;
-use crate::plan::constants::{FLOW_MASSES_MAX, LOOSE};
+use crate::plan::constants::{FLOW_MASSES_MAX, LOOSE_STIFFNESS_RATIO};
 use crate::plan::passes::wiring::Body;
 use crate::scheme::Scheme;
 use crate::units::Rate;
@@ -19,7 +19,7 @@ use crate::units::Rate;
 /// A body of linear springs, or why it has no flow; `is_struck`: whether a MAT of the island may be struck.
 pub(super) fn slow(
     rate: Rate,
-    (part, every): (usize, u32),
+    (part, macrostep): (usize, u32),
     body: &Body,
     subset: Subset,
     is_struck: impl Fn(usize) -> bool,
@@ -77,7 +77,7 @@ pub(super) fn slow(
         let n_frames = best_block(mass_count, interface.ports.len());
         Springs::Exact(Arc::new(BlockFlow::new(frame_flow.clone(), interface, n_frames)))
     };
-    let slow_body = solution.slow(rate, (part, every), body, subset, springs)?;
+    let slow_body = solution.slow(rate, (part, macrostep), body, subset, springs)?;
     Ok(slow_body)
 }
 
@@ -169,7 +169,7 @@ impl Matrices {
         for (mode, &value) in values
             .iter()
             .enumerate()
-            .filter(|(_, value)| **value > LOOSE * lambda_max)
+            .filter(|(_, value)| **value > LOOSE_STIFFNESS_RATIO * lambda_max)
         {
             let mode_force: f64 = (0..mass_count)
                 .map(|i| vectors[(i, mode)] * inverse_roots[i] * self.force[i])

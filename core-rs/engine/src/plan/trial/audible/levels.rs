@@ -8,12 +8,12 @@
 use std::f64::consts::PI;
 
 use crate::maths::{log10, pow, sincos, sqrt};
-use crate::plan::constants::{BAND_VALUES, COMPARED_POWER_MIN, FADED, MISSING};
+use crate::plan::constants::{BAND_VALUES_MIN, COMPARED_POWER_MIN, FADE_OUT_PARTS, MISSING_POWER_RATIO};
 use crate::plan::trial::third_octaves::{Band, bands, powers};
 
 /// The largest level difference among the third octaves that are heard in `b` [dB].
 pub(super) fn level_error(a: &[f64], b: &[f64], rate: f64) -> f64 {
-    let bands = bands(b.len(), rate, BAND_VALUES);
+    let bands = bands(b.len(), rate, BAND_VALUES_MIN);
     let spectrum = |x: &[f64]| -> Vec<f64> {
         let powers = powers(faded(x));
         let band_power = |band: &Band| powers[band.bins.clone()].iter().sum();
@@ -25,13 +25,13 @@ pub(super) fn level_error(a: &[f64], b: &[f64], rate: f64) -> f64 {
     let band_pairs = sound_powers.iter().zip(&reference_powers).zip(audible);
     let audible = band_pairs.filter(|(_, is_heard)| *is_heard);
     audible.fold(0.0, |worst, ((sound_powers, reference_powers), _)| {
-        worst.max(10.0 * log10((sound_powers / reference_powers).max(MISSING)).abs())
+        worst.max(10.0 * log10((sound_powers / reference_powers).max(MISSING_POWER_RATIO)).abs())
     })
 }
 
 /// The sound with its end faded out: an abrupt end would be heard in every band.
 fn faded(x: &[f64]) -> Vec<f64> {
-    let fade_length = x.len() / FADED;
+    let fade_length = x.len() / FADE_OUT_PARTS;
     let fade_start = x.len() - fade_length;
     let mut x = x.to_vec();
     for (index, x) in x[fade_start..].iter_mut().enumerate() {

@@ -5,7 +5,9 @@
 use std::f64::consts::{PI, TAU};
 
 use crate::maths::{atan2, log, log2, sincos};
-use crate::plan::constants::{PARTIALS_HOP, PARTIALS_MAX, QUIET, SHORTEST, STRAIGHT, WINDOWS_MIN};
+use crate::plan::constants::{
+    DECAY_FIT_MAX, PARTIALS_HOP, PARTIALS_MAX, QUIET_POWER_RATIO, SHORTEST_SECONDS, WINDOWS_MIN,
+};
 use crate::plan::trial::third_octaves::{length, powers};
 
 /// Largest error of a pitch [cents], and of a T60 relative to itself, among partials up to `upto` [Hz]; `b` is the
@@ -20,10 +22,10 @@ pub(super) fn pitch_errors(a: &[f64], b: &[f64], rate: f64, upto: f64) -> (f64, 
 
 /// Frequencies of the strongest partials [Hz], each a maximum within the resolution of the window.
 fn strongest(x: &[f64], rate: f64, upto: f64) -> Vec<f64> {
-    let window = window_from_beginning(x.len(), (0.5 * SHORTEST * rate) as usize);
+    let window = window_from_beginning(x.len(), (0.5 * SHORTEST_SECONDS * rate) as usize);
     let powers = powers(x.iter().zip(window).map(|(x, w)| x * w).collect());
     let bin_width = rate / length(x.len()) as f64;
-    let peak_reach = ((2.0 / SHORTEST / bin_width) as usize).max(2);
+    let peak_reach = ((2.0 / SHORTEST_SECONDS / bin_width) as usize).max(2);
     let last_bin = ((upto / bin_width) as usize).min(powers.len().saturating_sub(1));
     let is_peak_bin = |index: &usize| {
         let neighbours = &powers[index - peak_reach.min(*index)..(index + peak_reach + 1).min(powers.len())];
@@ -33,7 +35,7 @@ fn strongest(x: &[f64], rate: f64, upto: f64) -> Vec<f64> {
     peak_bins.sort_by(|a, b| powers[*b].total_cmp(&powers[*a]));
     peak_bins.truncate(PARTIALS_MAX);
     let loudest = peak_bins.first().map_or(0.0, |top| powers[*top]);
-    peak_bins.retain(|top| powers[*top] >= QUIET * loudest);
+    peak_bins.retain(|top| powers[*top] >= QUIET_POWER_RATIO * loudest);
     peak_bins.into_iter().map(|top| top as f64 * bin_width).collect()
 }
 
@@ -54,7 +56,7 @@ fn compare(a: &[f64], b: &[f64], f: f64, rate: f64) -> Option<(f64, f64)> {
     let (level_slope, slope_residual) = slope(&log_levels(&theirs), &weights);
     let (ours, _) = slope(&log_levels(&ours), &weights);
     let pitch_error = 1200.0 * log2((1.0 + pitch_drift / f).max(f64::MIN_POSITIVE)).abs();
-    let is_decay = slope_residual < STRAIGHT && -level_slope * theirs.len() as f64 > STRAIGHT;
+    let is_decay = slope_residual < DECAY_FIT_MAX && -level_slope * theirs.len() as f64 > DECAY_FIT_MAX;
     // The ratio of the T60s, less 1.
     let decay_error = if is_decay && ours < 0.0 {
         (level_slope / ours - 1.0).abs()
@@ -66,7 +68,7 @@ fn compare(a: &[f64], b: &[f64], f: f64, rate: f64) -> Option<(f64, f64)> {
 
 /// A sound shifted by −f and smoothed, once every `PARTIALS_HOP`.
 fn baseband(x: &[f64], f: f64, rate: f64) -> Vec<[f64; 2]> {
-    let window_size = ((SHORTEST * rate) as usize).max(4);
+    let window_size = ((SHORTEST_SECONDS * rate) as usize).max(4);
     let hop_frames = ((PARTIALS_HOP * rate) as usize).max(1);
     let shifted: Vec<[f64; 2]> = x
         .iter()

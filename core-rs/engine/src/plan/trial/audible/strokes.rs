@@ -1,7 +1,10 @@
 //! Strokes in a sound: when each begins, and how strong it is.
 
 use crate::maths::log10;
-use crate::plan::constants::{BEGUN, MISSING, QUIET, REACH, RISE, SHORTEST, STROKES_HOP};
+use crate::plan::constants::{
+    MISSING_POWER_RATIO, ONSET_ENERGY_SHARE, ONSET_POWER_RATIO, ONSET_SEARCH_SECONDS, QUIET_POWER_RATIO,
+    SHORTEST_SECONDS, STROKES_HOP,
+};
 
 /// Errors of the strokes of a sound, each at its worst.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -19,15 +22,15 @@ pub(super) fn stroke_errors(sound: &[f64], reference: &[f64], rate: f64) -> Stro
     let (sound_speeds, reference_speeds) = (speeds(sound), speeds(reference));
     let frames_in = |seconds: f64| ((seconds * rate) as usize).max(1);
     let stroke_begins = beginnings(&reference_speeds, frames_in(STROKES_HOP));
-    let is_dense = stroke_begins.len() * frames_in(SHORTEST) > reference_speeds.len();
+    let is_dense = stroke_begins.len() * frames_in(SHORTEST_SECONDS) > reference_speeds.len();
     let compared = if is_dense { 1 } else { stroke_begins.len() };
     let mut worst_errors = StrokeErrors::default();
     for (index, begin) in stroke_begins.into_iter().take(compared).enumerate() {
-        let stroke_span = begin..(begin + frames_in(SHORTEST)).min(reference_speeds.len());
+        let stroke_span = begin..(begin + frames_in(SHORTEST_SECONDS)).min(reference_speeds.len());
         let energy_ratio = energy(&sound_speeds[stroke_span.clone()]) / energy(&reference_speeds[stroke_span]);
-        let search_span =
-            begin.saturating_sub(frames_in(REACH))..(begin + frames_in(REACH)).min(reference_speeds.len());
-        let begin_energy = BEGUN * energy(&reference_speeds[search_span.clone()]);
+        let search_span = begin.saturating_sub(frames_in(ONSET_SEARCH_SECONDS))
+            ..(begin + frames_in(ONSET_SEARCH_SECONDS)).min(reference_speeds.len());
+        let begin_energy = ONSET_ENERGY_SHARE * energy(&reference_speeds[search_span.clone()]);
         let [sound_begin, reference_begin] = [
             (&sound_speeds, begin_energy * energy_ratio),
             (&reference_speeds, begin_energy),
@@ -45,7 +48,7 @@ pub(super) fn stroke_errors(sound: &[f64], reference: &[f64], rate: f64) -> Stro
         }
     }
     if is_dense {
-        worst_errors.level = level_of_dense(&sound_speeds, &reference_speeds, frames_in(SHORTEST));
+        worst_errors.level = level_of_dense(&sound_speeds, &reference_speeds, frames_in(SHORTEST_SECONDS));
     }
     worst_errors
 }
@@ -58,7 +61,7 @@ fn level_of_dense(ours: &[f64], theirs: &[f64], length: usize) -> f64 {
     let loud_spans = ours
         .iter()
         .zip(&theirs)
-        .filter(|(_, energy)| **energy > QUIET * loudest);
+        .filter(|(_, energy)| **energy > QUIET_POWER_RATIO * loudest);
     let (level_sum, n_spans) = loud_spans.fold((0.0, 0), |(level_sum, n_spans), (ours, theirs)| {
         (level_sum + decibels(ours / theirs), n_spans + 1)
     });
@@ -69,11 +72,11 @@ fn level_of_dense(ours: &[f64], theirs: &[f64], length: usize) -> f64 {
 fn beginnings(speeds: &[f64], hop: usize) -> Vec<usize> {
     let hop_powers: Vec<f64> = speeds.chunks(hop).map(energy).collect();
     let loudest = hop_powers.iter().fold(0.0_f64, |most, power| most.max(*power));
-    let n_before = (SHORTEST / STROKES_HOP) as usize;
+    let n_before = (SHORTEST_SECONDS / STROKES_HOP) as usize;
     let is_stroke = |index: &usize| {
         let power_before = hop_powers[index.saturating_sub(n_before)..*index].iter();
         let power_before = power_before.fold(0.0_f64, |most, power| most.max(*power));
-        hop_powers[*index] > (QUIET * loudest).max(RISE * power_before)
+        hop_powers[*index] > (QUIET_POWER_RATIO * loudest).max(ONSET_POWER_RATIO * power_before)
     };
     let mut stroke_hops: Vec<usize> = Vec::new();
     for index in (0..hop_powers.len()).filter(is_stroke) {
@@ -106,7 +109,7 @@ fn first_above(speeds: &[f64], enough: f64) -> usize {
 
 /// The size of a level difference [dB].
 fn decibels(ratio: f64) -> f64 {
-    10.0 * log10(ratio.clamp(MISSING, 1.0 / MISSING)).abs()
+    10.0 * log10(ratio.clamp(MISSING_POWER_RATIO, 1.0 / MISSING_POWER_RATIO)).abs()
 }
 
 #[cfg(test)]
