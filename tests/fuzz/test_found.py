@@ -28,7 +28,7 @@ from tests.fuzz.render_targets import frozen_parts, renders
     [
         # Beats and seconds compare only once the tempo is known.
         ("0@0 3@0.5s 6@1 2@0.6s", "6@1", "time must rise"),
-        ("0@0 throw 1@0.0001", "1@0.0001", "a throw needs time"),
+        ("0@0 throw 1@0.0001", "1@0.0001", "a throw must last at least one audio frame"),
         ("0@0 -3mm@0.125 900m@0.135", "-3mm@0.125", "too fast for any mass"),
         ("0@0 3@1e9", "3@1e9", "more than 20,000,000 samples"),
     ],

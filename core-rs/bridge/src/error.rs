@@ -52,7 +52,7 @@ pub(crate) fn with_attributes(
 
 /// LawError(message, which), with `offset`, `length` and `suggestion`.
 pub(crate) fn from_law(error: law::LawError) -> PyErr {
-    let python_error = LawError::new_err((error.message, error.which.as_str()));
+    let python_error = LawError::new_err((error.message, error.field.as_str()));
     with_attributes(python_error, None, |python_error| {
         python_error.setattr("offset", error.offset)?;
         python_error.setattr("length", error.length)?;

@@ -144,7 +144,7 @@ impl Simulation {
 
     /// Let an input of `Timeline.told_in` go to a value from the next frame on; False if there is no such input.
     fn tell(&mut self, number: u64, value: f64) -> PyResult<bool> {
-        Ok(self.0.tell(number, finite_input(value)?))
+        Ok(self.0.set_input(number, finite_input(value)?))
     }
 
     /// Give what a sound card hears in the next frames, (n_frames, n_channels), at most 4096 frames.

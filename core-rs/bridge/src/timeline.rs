@@ -423,7 +423,7 @@ fn manner(
     grain: Option<f64>,
     join: f64,
     limit: Option<f64>,
-    layer: bool,
+    is_layer: bool,
 ) -> PyResult<Manner> {
     let touch = word("touch", touch, words::TOUCHES)?;
     let ergons = word("ergons", ergons, words::ERGONS)?;
@@ -433,6 +433,6 @@ fn manner(
         grain,
         join,
         limit,
-        layer,
+        is_layer,
     })
 }

@@ -13,7 +13,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use crate::cell::Response;
-use crate::kernel::bank::{LANES, Lanes, Motion, Rates, Sum, joined, run, run_weighted};
+use crate::kernel::bank::{LANES, Lanes, Motion, Rates, Sum, lane_total, run, run_weighted};
 use crate::units::Rate;
 use script::{Script, Section};
 use sleep::{REST_TEST_EVERY, UNHEARABLE, rest_threshold};
@@ -154,7 +154,7 @@ impl Bank {
             }
             for (sums, &output) in self.sums.chunks(frames_max).zip(&section.outputs) {
                 for (frame, sum) in out.chunks_exact_mut(n_out).zip(&sums[..n_frames]) {
-                    frame[output as usize] += joined(sum);
+                    frame[output as usize] += lane_total(sum);
                 }
             }
         }

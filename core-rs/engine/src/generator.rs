@@ -60,7 +60,8 @@ pub struct Topology {
     pub runs: Vec<LinkRun>,
     /// Index of the middle MAT.
     pub centre: usize,
-    /// (x, y) [m] of every point, the body 1 m wide and centred on (0, 0); (n_mat + n_fixed,).
+    /// (x, y) of every point on the picture of the instrument, in units of its longer side and centred on (0, 0);
+    /// (n_mat + n_fixed,).
     pub positions: Vec<[f64; 2]>,
     /// Mass of each MAT over the mean mass; empty if all are equal   (n_mat,)
     pub shares: Vec<f64>,

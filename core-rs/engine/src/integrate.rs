@@ -257,7 +257,9 @@ impl Integrator {
         let stepped_mesh = self.motion.stepper().mesh();
         // The balance of an active law cannot be judged.
         let is_known = |run: &Run| !matches!(&run.kind, Kind::Lnl { law, .. } if law.is_active(ACTIVE.0, ACTIVE.1));
-        !stepped_mesh.scheme.linear && stepped_mesh.others.iter().all(is_known) && self.n_integrated() <= INTEGRATED_MAX
+        !stepped_mesh.scheme.is_linear
+            && stepped_mesh.others.iter().all(is_known)
+            && self.n_integrated() <= INTEGRATED_MAX
     }
 
     /// Links whose energy has no closed form: it is integrated each time that it is asked for.

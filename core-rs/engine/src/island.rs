@@ -221,12 +221,12 @@ impl Island {
     pub(crate) fn asked(&self, mut tell: impl FnMut(usize, f64, bool)) {
         for (voice, voice_script) in self.state.hands.voices.iter().zip(&self.script.voices) {
             // A key's own voice stands before its layers.
-            let asked_displacement = if voice_script.layer {
+            let asked_displacement = if voice_script.is_layer {
                 voice.deviation(voice_script)
             } else {
                 voice.asked
             };
-            tell(voice_script.key, asked_displacement, voice_script.layer);
+            tell(voice_script.key, asked_displacement, voice_script.is_layer);
         }
     }
 

@@ -18,7 +18,7 @@ mod tests;
 mod token;
 mod tree;
 
-pub use error::{LawError, Which};
+pub use error::{LawError, LawField};
 pub use native::{Entry, FUNCTIONS, Function, NATIVE_LANES};
 pub use parse::Constants;
 pub use runs::Scratch;
@@ -145,14 +145,14 @@ impl Law {
     /// [`LawError`] with the place, in characters of the text at fault.
     pub fn new(text: &LawText<'_>) -> Result<Self, LawError> {
         check_constants(&text.constants)?;
-        let parse_text = |which, expression| parse::parse(which, expression, &text.constants, text.open);
+        let parse_text = |field, expression| parse::parse(field, expression, &text.constants, text.open);
         let elastic = match (text.law, text.points) {
             (Some(_), Some(_)) => {
                 let message = "A law is given by an expression or by points, not by both.";
-                return Err(LawError::new(Which::Points, 0, 0, message.into()));
+                return Err(LawError::new(LawField::Points, 0, 0, message.into()));
             }
             (Some(expression), None) => {
-                let syntax_tree = parse_text(Which::Law, expression)?;
+                let syntax_tree = parse_text(LawField::Law, expression)?;
                 Elastic::Expression {
                     program: Program::new(&syntax_tree),
                     integral: polynomial::coefficients(&syntax_tree).map(polynomial::integral),
@@ -162,12 +162,12 @@ impl Law {
             (None, None) if text.damping.is_some() => Elastic::None,
             (None, None) => {
                 let message = "An LNL needs a `law`, a `damping` or `points`.";
-                return Err(LawError::new(Which::Law, 0, 0, message.into()));
+                return Err(LawError::new(LawField::Law, 0, 0, message.into()));
             }
         };
         let damping = text
             .damping
-            .map(|expression| parse_text(Which::Damping, expression))
+            .map(|expression| parse_text(LawField::Damping, expression))
             .transpose()?;
         Ok(Self {
             elastic,
@@ -276,7 +276,7 @@ impl Law {
     pub fn through(mut self, reach: f64) -> Result<Self, LawError> {
         if !(reach > 0.0 && reach.is_finite()) {
             let message = format!("A reach is a positive number, not {reach}.");
-            return Err(LawError::new(Which::Reach, 0, 0, message));
+            return Err(LawError::new(LawField::Reach, 0, 0, message));
         }
         self.reach *= reach;
         Ok(self)
@@ -463,7 +463,7 @@ fn check_constants(constants: &Constants) -> Result<(), LawError> {
         } else {
             continue;
         };
-        return Err(LawError::new(Which::Constants, 0, 0, message));
+        return Err(LawError::new(LawField::Constants, 0, 0, message));
     }
     Ok(())
 }

@@ -235,7 +235,7 @@ pub struct Scheme {
     pub(crate) n_lia: usize,
     pub(crate) n_parts: usize,
     /// Whether the network is linear: its response to a force is proportional to the force.
-    pub(crate) linear: bool,
+    pub(crate) is_linear: bool,
 }
 
 impl Scheme {

@@ -207,7 +207,7 @@ fn add_exact_contacts(network: &Network, rate: Rate, runs: &[&Run], x: &[f64], f
                 z: 0.0,
                 exponent: but_link.exponent,
                 beta: compliance(a) + compliance(b),
-                clamp: false,
+                is_clamped: false,
             };
             let contact_depth = side_sign * (x[b] - x[a] - run.rest);
             let depth_rate = side_sign * (network_mats.v0[b] - network_mats.v0[a]);
@@ -221,7 +221,7 @@ fn add_exact_contacts(network: &Network, rate: Rate, runs: &[&Run], x: &[f64], f
             let damping_force = if contact_depth > 0.0 { run.z * depth_rate } else { 0.0 };
             let total_force = elastic + damping_force;
             let contact_force = side_sign
-                * if but_link.clamp {
+                * if but_link.is_clamped {
                     total_force.max(0.0)
                 } else {
                     total_force

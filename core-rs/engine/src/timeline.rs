@@ -323,7 +323,11 @@ impl Timeline {
     fn parts_of_duration(&self, network: &Network, mat: usize, lasts: Option<f64>) -> Result<u32, StrikeError> {
         let part_index = network.mats().part[mat] as usize;
         let is_discrete = network.parts()[part_index].ca_rate.is_some();
-        let lasts = lasts.unwrap_or(if is_discrete { 0.0 } else { pulse::CONTACT });
+        let lasts = lasts.unwrap_or(if is_discrete {
+            0.0
+        } else {
+            pulse::DEFAULT_STRIKE_SECONDS
+        });
         if (0.0..=pulse::LASTS_MAX).contains(&lasts) {
             Ok(pulse::n_parts(lasts))
         } else {

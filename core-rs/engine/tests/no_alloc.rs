@@ -367,7 +367,7 @@ fn friction_between_all_pairs_does_not_allocate() {
     network.weigh(last..last + n, -9.81).unwrap();
     let law = SpaceLaw::Contact {
         exponent: 1.0,
-        clamp: true,
+        is_clamped: true,
     };
     for (name, groups, measure, gap) in [
         ("rub", [sand, sand], Measure::Distance, gap),

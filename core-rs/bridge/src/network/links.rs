@@ -53,7 +53,7 @@ impl Network {
             restitution,
             steps,
             exponent,
-            clamp,
+            is_clamped: clamp,
         };
         self.0.but(name, a, b, but_link).map_err(from_engine)
     }

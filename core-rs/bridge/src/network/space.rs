@@ -29,12 +29,12 @@ fn points(name: &str, ends: [&[usize]; 2]) -> PyResult<([SpacePoint; 2], usize)>
 
 /// A contact with exponent `exponent` and stiffness `k`; with `cohesion` [N], a contact that also pulls, up to `reach`
 /// [m] apart.
-fn contact([exponent, k]: [f64; 2], clamp: bool, cohesion: Option<f64>, reach: f64) -> SpaceLaw {
+fn contact([exponent, k]: [f64; 2], is_clamped: bool, cohesion: Option<f64>, reach: f64) -> SpaceLaw {
     match cohesion {
-        None => SpaceLaw::Contact { exponent, clamp },
+        None => SpaceLaw::Contact { exponent, is_clamped },
         Some(pull) => SpaceLaw::Cohesive {
             exponent,
-            clamp,
+            is_clamped,
             sink: pull / k,
             reach,
         },

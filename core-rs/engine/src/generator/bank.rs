@@ -24,7 +24,7 @@ pub enum Angles {
     Random,
 }
 
-/// How members lie on the bench.
+/// How members lie on the picture of the instrument.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Place {
     /// In a row of 1 m, evenly.

@@ -79,7 +79,7 @@ pub(super) struct Sites {
     pub(super) n_mat: usize,
     /// Area [spacings²]   (n_mat + n_fixed,)
     pub(super) areas: Vec<f64>,
-    /// Positions on the bench [m]   (n_mat + n_fixed,)
+    /// Positions on the picture of the instrument [m]   (n_mat + n_fixed,)
     pub(super) positions: Vec<[f64; 2]>,
     pub(super) centre: usize,
 }

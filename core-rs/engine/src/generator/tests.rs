@@ -30,7 +30,7 @@ fn distance(topology: &Topology, (a, b): (usize, usize)) -> f64 {
     ((ax - bx) * (ax - bx) + (ay - by) * (ay - by)).sqrt()
 }
 
-/// Every pair of points, not both SOLs, whose distance on the bench is the length of a link.
+/// Every pair of points, not both SOLs, whose distance on the picture is the length of a link.
 fn neighbours(topology: &Topology, length: f64) -> Vec<(usize, usize)> {
     let n_points = topology.n_mat + topology.n_fixed;
     let point_pairs = (0..topology.n_mat).flat_map(|a| (a + 1..n_points).map(move |b| (a, b)));

@@ -12,11 +12,11 @@ pub enum GestureError {
     #[error("there is no key {0}")]
     NoKey(usize),
     /// Arrays of different lengths.
-    #[error("a gesture has as many positions and curves as instants")]
-    Shape,
+    #[error("positions, curves and instants of a gesture must be equally many")]
+    LengthMismatch,
     /// A throw with no frame between its ends.
-    #[error("point {index}: a throw needs time: from {from} s to {to} s there is not one audio sample")]
-    Short {
+    #[error("point {index}: a throw must last at least one audio frame; from {from} s to {to} s there is none")]
+    ThrowTooShort {
         /// Index of the point thrown to, from 0.
         index: usize,
         /// Instant of the strike [s].
@@ -46,10 +46,10 @@ impl GestureError {
                 | PathError::NotRising { index, .. }
                 | PathError::HoldMoves { index, .. },
             )
-            | Self::Short { index, .. } => Some(*index),
+            | Self::ThrowTooShort { index, .. } => Some(*index),
             Self::Path(PathError::Empty | PathError::Placement { .. })
             | Self::NoKey(_)
-            | Self::Shape
+            | Self::LengthMismatch
             | Self::TrackedParticle
             | Self::NotPositive { .. } => None,
         }

@@ -37,7 +37,7 @@ pub struct Manner {
     /// Largest force of one ergon [N]; `None`: no limit.
     pub limit: Option<f64>,
     /// Whether the gesture is added to the motion that the key already has.
-    pub layer: bool,
+    pub is_layer: bool,
 }
 
 impl Manner {
@@ -48,7 +48,7 @@ impl Manner {
         grain: None,
         join: 0.02,
         limit: None,
-        layer: false,
+        is_layer: false,
     };
 }
 
@@ -81,12 +81,12 @@ impl Gesture {
     /// Check that every throw has a frame between its ends at a rate [Hz].
     ///
     /// # Errors
-    /// [`GestureError::Short`] for the first throw that has none.
+    /// [`GestureError::ThrowTooShort`] for the first throw that has none.
     pub(crate) fn check_rate(&self, rate: f64) -> Result<(), GestureError> {
         for stretch in &self.stretches {
             match *stretch {
                 Stretch::Throw { from, to, point, .. } if frame(to, rate) <= frame(from, rate) => {
-                    return Err(GestureError::Short { index: point, from, to });
+                    return Err(GestureError::ThrowTooShort { index: point, from, to });
                 }
                 _ => {}
             }

@@ -46,7 +46,7 @@ impl Gesture {
     ///     sources: &[],
     /// };
     /// let manner = Manner {
-    ///     touch: Touch::Open, ergons: Ergons::Event, grain: None, join: 0.02, limit: None, layer: false,
+    ///     touch: Touch::Open, ergons: Ergons::Event, grain: None, join: 0.02, limit: None, is_layer: false,
     /// };
     /// Gesture::written(0, &points, manner)?;
     /// assert!(Gesture::written(0, &points, Manner { join: -1.0, ..manner }).is_err());
@@ -64,7 +64,7 @@ impl Gesture {
             || points.approaches.len() != n_points
             || ![0, n_points].contains(&points.sources.len())
         {
-            return Err(GestureError::Shape);
+            return Err(GestureError::LengthMismatch);
         }
         let is_finite = |i: &usize| points.t[*i].is_finite() && points.x[*i].is_finite();
         if let Some(index) = (0..n_points).find(|i| !is_finite(i)) {

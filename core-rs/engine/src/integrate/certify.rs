@@ -47,7 +47,7 @@ pub(crate) fn certify(network: &Network, rate: Rate, method: MeshMethod, substep
         means: top.means,
         word,
     };
-    let guarantee = if mesh_scheme.linear {
+    let guarantee = if mesh_scheme.is_linear {
         StabilityGuarantee::Proved
     } else {
         StabilityGuarantee::Guarded

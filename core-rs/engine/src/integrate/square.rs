@@ -92,10 +92,10 @@ impl Square {
     /// e^self: the matrix is halved until its norm is ½ or less, and the sum of the series is squared as often.
     pub(crate) fn exponential(&self) -> Self {
         let columns = self.entries.chunks_exact(self.n.max(1));
-        let column_norm = columns.map(|column| column.iter().map(|entry| entry.abs()).sum::<f64>());
-        let (mut column_norm, mut squarings) = (column_norm.fold(0.0, f64::max), 0);
-        while column_norm > 0.5 && squarings < 64 {
-            (column_norm, squarings) = (0.5 * column_norm, squarings + 1);
+        let column_sums = columns.map(|column| column.iter().map(|entry| entry.abs()).sum::<f64>());
+        let (mut norm, mut squarings) = (column_sums.fold(0.0, f64::max), 0);
+        while norm > 0.5 && squarings < 64 {
+            (norm, squarings) = (0.5 * norm, squarings + 1);
         }
         let scaled_matrix = self.clone().scaled(1.0 / (1_u64 << squarings.min(63)) as f64);
         let mut series_sum = Self::identity(self.n);

@@ -39,7 +39,7 @@ impl Island {
         let is_struck = |drive: &Drive| matches!(drive.source, Source::Strikes { .. });
         let is_left_alone = script.hand_bindings.is_empty()
             && script.drives.iter().all(is_struck)
-            && !script.voices.iter().any(|own| own.layer);
+            && !script.voices.iter().any(|own| own.is_layer);
         let is_plain = script.gates.is_empty() && state.values.scheme.is_none() && state.values.damped >= 1.0;
         let watch = &state.watch;
         let is_whole = watch.ledger.is_none() && watch.guard.is_none() && watch.mutes.list().next().is_none();

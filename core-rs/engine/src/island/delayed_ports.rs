@@ -12,7 +12,7 @@ pub(crate) struct PortBinding {
     pub(crate) port: usize,
     pub(crate) key: usize,
     /// The delay in steps, at least 1.
-    steps: f64,
+    delay_steps: f64,
 }
 
 /// The forces on a port that have not yet acted.
@@ -29,7 +29,7 @@ impl PortBinding {
     /// A port at which nothing has pushed yet.
     pub(super) fn silent(&self) -> PortState {
         PortState {
-            forces: vec![0.0; floor(self.steps) as usize + 1],
+            forces: vec![0.0; floor(self.delay_steps) as usize + 1],
             oldest: 0,
         }
     }
@@ -57,7 +57,7 @@ pub(super) fn port_bindings(drives: &[Drive], rate: f64) -> Vec<PortBinding> {
         Some(PortBinding {
             port: drive.mat,
             key: delayed_port.key,
-            steps: (delayed_port.delay * rate).max(1.0),
+            delay_steps: (delayed_port.delay * rate).max(1.0),
         })
     };
     drives.iter().filter_map(binding).collect()
@@ -74,7 +74,7 @@ pub(super) fn follow(bindings: &[PortBinding], body: &mut Body) {
 /// Push every key by the force on its port a delay ago; between two steps by their forces, in proportion.
 pub(super) fn pass_on(bindings: &[PortBinding], states: &[PortState], body: &mut Body) {
     for (binding, state) in bindings.iter().zip(states) {
-        let oldest_share = binding.steps - floor(binding.steps);
+        let oldest_share = binding.delay_steps - floor(binding.delay_steps);
         let second_oldest = (state.oldest + 1) % state.forces.len();
         let delayed_force = if oldest_share > 0.0 {
             oldest_share * state.forces[state.oldest] + (1.0 - oldest_share) * state.forces[second_oldest]
@@ -96,7 +96,7 @@ pub(super) fn lead(bindings: &[PortBinding], scheme: &Scheme, targets: &mut [Tar
 }
 
 /// Note the complete forces of a step.
-pub(super) fn note(bindings: &[PortBinding], states: &mut [PortState], body: &Body) {
+pub(super) fn record_forces(bindings: &[PortBinding], states: &mut [PortState], body: &Body) {
     for (binding, state) in bindings.iter().zip(states) {
         state.forces[state.oldest] = body.force[binding.port];
         state.oldest = (state.oldest + 1) % state.forces.len();

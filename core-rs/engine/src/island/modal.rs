@@ -17,7 +17,7 @@ use std::sync::Arc;
 use between::Between;
 use script::{Blow, Script, lanes};
 
-use crate::kernel::bank::{LANES, Lanes, Motion, Rates, Sum, follow, joined};
+use crate::kernel::bank::{LANES, Lanes, Motion, Rates, Sum, follow, lane_total};
 use crate::kernel::ports;
 use crate::state::Body;
 
@@ -485,7 +485,7 @@ impl RunningModal {
         for (seen, sums) in self.seen.chunks_mut(ROOM).zip(self.sums.chunks(AHEAD)) {
             seen[0] = seen[self.present];
             for (seen, sum) in seen[1..].iter_mut().zip(&sums[..frames_ahead]) {
-                *seen = joined(sum);
+                *seen = lane_total(sum);
             }
         }
         (self.present, self.until) = (0, frames_ahead);

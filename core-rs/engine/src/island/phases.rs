@@ -153,7 +153,7 @@ impl Frame<'_, '_> {
             body, bodies, targets, ..
         } = matter;
         real_hands::feel(&script.hand_bindings, &mut hands.hand_states, n, body);
-        delayed_ports::note(&script.port_bindings, &mut hands.port_states, body);
+        delayed_ports::record_forces(&script.port_bindings, &mut hands.port_states, body);
         delayed_ports::lead(&script.port_bindings, scheme, targets, body);
         watch.touches.step(n, &body.link);
         if let Some(out) = out {
@@ -236,7 +236,7 @@ impl Frame<'_, '_> {
         let hands = &mut self.state.hands;
         hands.layers.fill(0.0);
         for (voice, voice_script) in hands.voices.iter().zip(&self.script.voices) {
-            if voice_script.layer {
+            if voice_script.is_layer {
                 hands.layers[voice_script.key] += voice.deviation(voice_script);
             }
         }

@@ -155,7 +155,7 @@ impl super::Island {
 
     /// Let the input `number` ramp to `value` (full scale 1) from frame `start` of the score on; false if it is not in
     /// this island.
-    pub(crate) fn tell(&mut self, number: u64, start: u64, value: f64) -> bool {
+    pub(crate) fn set_input(&mut self, number: u64, start: u64, value: f64) -> bool {
         let mut has_input = false;
         for (sound, ramp) in self.value_inputs(number) {
             let clamp_limit = sound.settings.clamp_start();
@@ -184,7 +184,7 @@ impl super::Island {
     }
 
     /// The ramps of inputs that were told a value, with their numbers.
-    pub(crate) fn ways(&self) -> impl Iterator<Item = (u64, Ramp)> {
+    pub(crate) fn input_ramps(&self) -> impl Iterator<Item = (u64, Ramp)> {
         let input_pairs = self.script.sound_drives.iter().zip(&self.state.hands.played);
         input_pairs.filter_map(|(drive, played)| match (drive.sound.settings.source, played) {
             (InputSource::Value { number, .. }, Played::Ramp(Some(ramp))) => Some((number, *ramp)),
@@ -193,7 +193,7 @@ impl super::Island {
     }
 
     /// Let the input `number` continue a ramp that it had in another island.
-    pub(crate) fn go_on_as_told(&mut self, number: u64, ramp: Ramp) {
+    pub(crate) fn continue_ramp(&mut self, number: u64, ramp: Ramp) {
         self.value_inputs(number).for_each(|(_, own)| *own = Some(ramp));
     }
 }

@@ -73,13 +73,13 @@ pub(super) fn build_voices(
             check_playable(&gestures[i], &free, known, timeline.rate)?;
         }
         let (layer_gestures, key_gestures): (Vec<usize>, Vec<usize>) =
-            ordered.into_iter().partition(|&i| gestures[i].gesture.manner.layer);
+            ordered.into_iter().partition(|&i| gestures[i].gesture.manner.is_layer);
         let voice_script = VoiceScript {
             key,
             struck: known.struck,
             free,
             gestures: key_gestures,
-            layer: false,
+            is_layer: false,
             outer_links: outer_links(network, known.struck),
         };
         voices.push(Voice::new(&voice_script, free_motion));
@@ -88,7 +88,7 @@ pub(super) fn build_voices(
             let layer_script = VoiceScript {
                 free: voice_script.free.deviation(),
                 gestures: vec![gesture],
-                layer: true,
+                is_layer: true,
                 ..voice_script.clone()
             };
             voices.push(Voice::new(&layer_script, layer_script.free.motion_at_rest()));
@@ -180,7 +180,7 @@ fn check_playable(gesture: &FramedGesture, free: &FreeKey, key: &Key, rate: Rate
             1e3 * grain
         ));
     }
-    if manner.layer && manner.touch == Touch::Tracked {
+    if manner.is_layer && manner.touch == Touch::Tracked {
         return refuse("a gesture with `layer` cannot be tracked".to_owned());
     }
     Ok(())

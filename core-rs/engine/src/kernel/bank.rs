@@ -96,7 +96,7 @@ pub(crate) fn follow(
 /// has eight lanes, each (x₀ + x₈) + (x₁₆ + x₂₄).
 macro_rules! loops {
     ($module:ident, $(#[$feature:meta])? $width:literal, $vector:ty, $load:expr, $store:expr,
-     $add:expr, $mul:expr, $less:expr, $more:expr) => {
+     $add:expr, $mul:expr, $fmsub:expr, $fmadd:expr) => {
         mod $module {
             use super::{LANES, Lanes, Motion, Rates, SUMS, Sum};
             #[allow(unused_imports)]
@@ -110,24 +110,24 @@ macro_rules! loops {
 
             $(#[$feature])?
             #[inline]
-            unsafe fn load(lanes: &Lanes, part: usize) -> Four {
-                // SAFETY: part + 24 + width ≤ LANES.
+            unsafe fn load(lanes: &Lanes, lane_start: usize) -> Four {
+                // SAFETY: lane_start + 24 + width ≤ LANES.
                 unsafe {
-                    let at = lanes.0.as_ptr().add(part);
-                    [$load(at), $load(at.add(8)), $load(at.add(16)), $load(at.add(24))]
+                    let address = lanes.0.as_ptr().add(lane_start);
+                    [$load(address), $load(address.add(8)), $load(address.add(16)), $load(address.add(24))]
                 }
             }
 
             $(#[$feature])?
             #[inline]
-            unsafe fn store(lanes: &mut Lanes, part: usize, four: Four) {
+            unsafe fn store(lanes: &mut Lanes, lane_start: usize, four: Four) {
                 // SAFETY: as in `load`.
                 unsafe {
-                    let at = lanes.0.as_mut_ptr().add(part);
-                    $store(at, four[0]);
-                    $store(at.add(8), four[1]);
-                    $store(at.add(16), four[2]);
-                    $store(at.add(24), four[3]);
+                    let address = lanes.0.as_mut_ptr().add(lane_start);
+                    $store(address, four[0]);
+                    $store(address.add(8), four[1]);
+                    $store(address.add(16), four[2]);
+                    $store(address.add(24), four[3]);
                 }
             }
 
@@ -136,63 +136,63 @@ macro_rules! loops {
             #[inline]
             fn next(a: &Four, b: &Four, now: &Four, before: &Four) -> Four {
                 [
-                    $less(a[0], now[0], $mul(b[0], before[0])),
-                    $less(a[1], now[1], $mul(b[1], before[1])),
-                    $less(a[2], now[2], $mul(b[2], before[2])),
-                    $less(a[3], now[3], $mul(b[3], before[3])),
+                    $fmsub(a[0], now[0], $mul(b[0], before[0])),
+                    $fmsub(a[1], now[1], $mul(b[1], before[1])),
+                    $fmsub(a[2], now[2], $mul(b[2], before[2])),
+                    $fmsub(a[3], now[3], $mul(b[3], before[3])),
                 ]
             }
 
             $(#[$feature])?
             #[inline]
-            unsafe fn add_to(sum: &mut Sum, part: usize, value: $vector) {
-                // SAFETY: part + width ≤ SUMS.
+            unsafe fn add_to(sum: &mut Sum, lane_start: usize, value: $vector) {
+                // SAFETY: lane_start + width ≤ SUMS.
                 unsafe {
-                    let at = sum.0.as_mut_ptr().add(part);
-                    $store(at, $add($load(at), value));
+                    let address = sum.0.as_mut_ptr().add(lane_start);
+                    $store(address, $add($load(address), value));
                 }
             }
 
             /// Add Σ w·x to a sum, lane by lane.
             $(#[$feature])?
             #[inline]
-            unsafe fn add_weighted(sum: &mut Sum, part: usize, w: &Four, x: &Four) {
-                // SAFETY: part + width ≤ SUMS.
+            unsafe fn add_weighted(sum: &mut Sum, lane_start: usize, w: &Four, x: &Four) {
+                // SAFETY: lane_start + width ≤ SUMS.
                 unsafe {
-                    let at = sum.0.as_mut_ptr().add(part);
-                    let low = $more(w[1], x[1], $more(w[0], x[0], $load(at)));
-                    $store(at, $more(w[3], x[3], $more(w[2], x[2], low)));
+                    let address = sum.0.as_mut_ptr().add(lane_start);
+                    let low = $fmadd(w[1], x[1], $fmadd(w[0], x[0], $load(address)));
+                    $store(address, $fmadd(w[3], x[3], $fmadd(w[2], x[2], low)));
                 }
             }
 
             $(#[$feature])?
             pub(super) unsafe fn run(rates: &Rates, motion: &mut Motion, sums: &mut [Sum]) {
-                for part in (0..SUMS).step_by($width) {
-                    // SAFETY: parts are multiples of the width below SUMS.
+                for lane_start in (0..SUMS).step_by($width) {
+                    // SAFETY: lane starts are multiples of the width below SUMS.
                     unsafe {
-                        let (a, b) = (load(&rates.a, part), load(&rates.b, part));
-                        let mut now = load(&motion.now, part);
-                        let mut before = load(&motion.before, part);
+                        let (a, b) = (load(&rates.a, lane_start), load(&rates.b, lane_start));
+                        let mut now = load(&motion.now, lane_start);
+                        let mut before = load(&motion.before, lane_start);
                         let mut pairs = sums.chunks_exact_mut(2);
                         for pair in &mut pairs {
                             let sum = $add($add(now[0], now[1]), $add(now[2], now[3]));
-                            add_to(&mut pair[0], part, sum);
+                            add_to(&mut pair[0], lane_start, sum);
                             before = next(&a, &b, &now, &before);
                             let sum =
                                 $add($add(before[0], before[1]), $add(before[2], before[3]));
-                            add_to(&mut pair[1], part, sum);
+                            add_to(&mut pair[1], lane_start, sum);
                             now = next(&a, &b, &before, &now);
                         }
                         // After two frames the newest position is in `now` again.
                         let (mut now, mut before) = (now, before);
                         for last in pairs.into_remainder() {
                             let sum = $add($add(now[0], now[1]), $add(now[2], now[3]));
-                            add_to(last, part, sum);
+                            add_to(last, lane_start, sum);
                             before = next(&a, &b, &now, &before);
                             std::mem::swap(&mut now, &mut before);
                         }
-                        store(&mut motion.now, part, now);
-                        store(&mut motion.before, part, before);
+                        store(&mut motion.now, lane_start, now);
+                        store(&mut motion.before, lane_start, before);
                     }
                 }
             }
@@ -214,12 +214,12 @@ macro_rules! loops {
                         [a] => follow_rows(rates, motion, &[a], n_frames, sums, stride),
                         [a, b] => follow_rows(rates, motion, &[a, b], n_frames, sums, stride),
                         [a, b, c] => follow_rows(rates, motion, &[a, b, c], n_frames, sums, stride),
-                        [a, b, c, more @ ..] => {
+                        [a, b, c, more_rows @ ..] => {
                             let start = motion.clone();
                             let (first, rest) = sums.split_at_mut(3 * stride);
                             follow_rows(rates, motion, &[a, b, c], n_frames, first, stride);
-                            let mut again = start;
-                            follow(rates, &mut again, more, n_frames, rest, stride);
+                            let mut motion_copy = start;
+                            follow(rates, &mut motion_copy, more_rows, n_frames, rest, stride);
                         }
                     }
                 }
@@ -236,24 +236,24 @@ macro_rules! loops {
                 stride: usize,
             ) {
                 assert!(ROWS == 0 || sums.len() >= (ROWS - 1) * stride + n_frames);
-                for part in (0..SUMS).step_by($width) {
-                    // SAFETY: parts are multiples of the width below SUMS; the sums are as many as is asserted.
+                for lane_start in (0..SUMS).step_by($width) {
+                    // SAFETY: lane starts are multiples of the width below SUMS; the sums are as many as is asserted.
                     unsafe {
-                        let (a, b) = (load(&rates.a, part), load(&rates.b, part));
-                        let rows = weights.map(|weights| load(weights, part));
-                        let mut now = load(&motion.now, part);
-                        let mut before = load(&motion.before, part);
+                        let (a, b) = (load(&rates.a, lane_start), load(&rates.b, lane_start));
+                        let rows = weights.map(|weights| load(weights, lane_start));
+                        let mut now = load(&motion.now, lane_start);
+                        let mut before = load(&motion.before, lane_start);
                         let first = sums.as_mut_ptr();
                         for frame in 0..n_frames {
                             let new = next(&a, &b, &now, &before);
                             before = now;
                             now = new;
                             for (row, w) in rows.iter().enumerate() {
-                                add_weighted(&mut *first.add(row * stride + frame), part, w, &now);
+                                add_weighted(&mut *first.add(row * stride + frame), lane_start, w, &now);
                             }
                         }
-                        store(&mut motion.now, part, now);
-                        store(&mut motion.before, part, before);
+                        store(&mut motion.now, lane_start, now);
+                        store(&mut motion.before, lane_start, before);
                     }
                 }
             }
@@ -267,23 +267,23 @@ macro_rules! loops {
                 sums: &mut [Sum],
                 stride: usize,
             ) {
-                for part in (0..SUMS).step_by($width) {
-                    // SAFETY: parts are multiples of the width below SUMS.
+                for lane_start in (0..SUMS).step_by($width) {
+                    // SAFETY: lane starts are multiples of the width below SUMS.
                     unsafe {
-                        let (a, b) = (load(&rates.a, part), load(&rates.b, part));
-                        let mut now = load(&motion.now, part);
-                        let mut before = load(&motion.before, part);
+                        let (a, b) = (load(&rates.a, lane_start), load(&rates.b, lane_start));
+                        let mut now = load(&motion.now, lane_start);
+                        let mut before = load(&motion.before, lane_start);
                         for frame in 0..n_frames {
                             for (out, weights) in weights.iter().enumerate() {
-                                let w = load(weights, part);
-                                add_weighted(&mut sums[out * stride + frame], part, &w, &now);
+                                let w = load(weights, lane_start);
+                                add_weighted(&mut sums[out * stride + frame], lane_start, &w, &now);
                             }
                             let new = next(&a, &b, &now, &before);
                             before = now;
                             now = new;
                         }
-                        store(&mut motion.now, part, now);
-                        store(&mut motion.before, part, before);
+                        store(&mut motion.now, lane_start, now);
+                        store(&mut motion.before, lane_start, before);
                     }
                 }
             }
@@ -383,7 +383,7 @@ fastest!(
 );
 
 /// Total of a partial sum.
-pub(crate) fn joined(sum: &Sum) -> f64 {
+pub(crate) fn lane_total(sum: &Sum) -> f64 {
     let sum_lanes = &sum.0;
     ((sum_lanes[0] + sum_lanes[4]) + (sum_lanes[2] + sum_lanes[6]))
         + ((sum_lanes[1] + sum_lanes[5]) + (sum_lanes[3] + sum_lanes[7]))

@@ -109,7 +109,7 @@ fn force(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &Body, run: &
         z: gate_opening * run.z,
         exponent: but.exponent,
         beta: wa + wb,
-        clamp: but.clamp,
+        is_clamped: but.is_clamped,
     };
     let (push_force, evaluations) = contact.counted_push(free_depth, depth_before, depth_now);
     (contact_side * push_force, evaluations)
@@ -121,7 +121,7 @@ pub(crate) struct Contact {
     pub(crate) z: f64,
     pub(crate) exponent: f64,
     pub(crate) beta: f64,
-    pub(crate) clamp: bool,
+    pub(crate) is_clamped: bool,
 }
 
 impl Contact {
@@ -158,7 +158,7 @@ impl Contact {
     }
 
     fn limit(&self, push: f64) -> f64 {
-        if self.clamp { push.max(0.0) } else { push }
+        if self.is_clamped { push.max(0.0) } else { push }
     }
 
     fn drag(&self, u: f64, w: f64, now: f64) -> f64 {

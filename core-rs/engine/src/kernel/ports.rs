@@ -1,19 +1,19 @@
 //! Coupling between ports and a group of modes at instants within a frame: reads positions, applies impulses.
 
-use super::bank::{LANES, Lanes, SUMS, Sum, joined};
+use super::bank::{LANES, Lanes, SUMS, Sum, lane_total};
 use crate::maths::wide::wide;
 
 /// The sum of a group, lane by lane. The terms come from a loop of their own: fused with the sums they would be loaded
 /// from memory one by one.
 #[inline(always)]
-fn summed(terms: &Lanes) -> f64 {
+fn group_total(terms: &Lanes) -> f64 {
     let mut lane_sum = Sum::ZERO;
     for lane_start in (0..LANES).step_by(SUMS) {
         for (lane, lane_sum) in lane_sum.0.iter_mut().enumerate() {
             *lane_sum += terms.0[lane_start + lane];
         }
     }
-    joined(&lane_sum)
+    lane_total(&lane_sum)
 }
 
 /// Instants are padded to a multiple of this number, so that a table of them is read in whole vectors.
@@ -42,14 +42,19 @@ wide! {
 }
 
 #[inline(always)]
-fn add_padded<const N: usize>(row: &Lanes, table: &[f64], [mode_now, mode_next]: [&Lanes; 2], path: &mut [f64]) {
+fn add_padded<const N: usize>(
+    row: &Lanes,
+    table: &[f64],
+    [positions_now, positions_next]: [&Lanes; 2],
+    path: &mut [f64],
+) {
     let (weights, _) = table.as_chunks::<N>();
     let (weights, _) = weights.as_chunks::<2>();
     let mut path_sums = [0.0; N];
     for (mode, [by_now, by_next]) in weights.iter().enumerate() {
-        let [mode_now, mode_next] = [mode_now, mode_next].map(|at| row.0[mode] * at.0[mode]);
+        let [port_now, port_next] = [positions_now, positions_next].map(|positions| row.0[mode] * positions.0[mode]);
         for ((sum, by_now), by_next) in path_sums.iter_mut().zip(by_now).zip(by_next) {
-            *sum += mode_now * by_now + mode_next * by_next;
+            *sum += port_now * by_now + port_next * by_next;
         }
     }
     for (x, sum) in path.iter_mut().zip(path_sums) {
@@ -60,14 +65,14 @@ fn add_padded<const N: usize>(row: &Lanes, table: &[f64], [mode_now, mode_next]:
 wide! {
     /// Move `modes` by `impulses` at the instants of `table`: their positions at the next frame, and what has to be added
     /// at the one after it. `share`: the share of each mode in the impulses. Move the positions of `rows` of modes at the
-    /// next frame too: those in `seen`, at the given interval.
+    /// next frame too: those in `port_positions`, `stride` entries apart.
     pub(crate) fn kick(
         impulses: &[f64],
         table: &[[Lanes; 2]],
         share: &Lanes,
         modes: [&mut Lanes; 2],
         rows: &[Lanes],
-        seen: (&mut [f64], usize),
+        port_positions: (&mut [f64], usize),
     ) {
         let mut kicks = [[0.0; LANES]; 2];
         for (&impulse, pair) in impulses.iter().zip(table) {
@@ -77,15 +82,15 @@ wide! {
                 }
             }
         }
-        for (kick, to) in kicks.iter_mut().zip(modes) {
-            for ((kick, share), to) in kick.iter_mut().zip(&share.0).zip(&mut to.0) {
+        for (kick, mode_positions) in kicks.iter_mut().zip(modes) {
+            for ((kick, share), mode_position) in kick.iter_mut().zip(&share.0).zip(&mut mode_positions.0) {
                 *kick *= share;
-                *to += *kick;
+                *mode_position += *kick;
             }
         }
-        let (seen, interval) = seen;
-        for (row, seen) in rows.iter().zip(seen.iter_mut().step_by(interval)) {
-            *seen += weighted(row, &kicks[0]);
+        let (port_positions, stride) = port_positions;
+        for (row, port_position) in rows.iter().zip(port_positions.iter_mut().step_by(stride)) {
+            *port_position += weighted(row, &kicks[0]);
         }
     }
 }
@@ -96,7 +101,7 @@ fn weighted(row: &Lanes, values: &[f64; LANES]) -> f64 {
     for ((term, row), value) in lane_terms.0.iter_mut().zip(&row.0).zip(values) {
         *term = row * value;
     }
-    summed(&lane_terms)
+    group_total(&lane_terms)
 }
 
 wide! {

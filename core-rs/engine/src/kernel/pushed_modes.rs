@@ -4,7 +4,7 @@
 //! with a unit of displacement and of velocity; their slopes are C' = −κ·S and S' = C − ζ·S. An impulse that changes the
 //! velocity by δ at the instant s changes P by −S·δ/D and Q by C·δ/D, with D = C·S' − C'·S.
 
-use super::bank::{SUMS, Sum, joined};
+use super::bank::{SUMS, Sum, lane_total};
 use crate::maths::wide::wide;
 
 /// One value for each mode of a group.
@@ -106,7 +106,7 @@ wide! {
                 }
             }
         }
-        sums.map(|sum| joined(&Sum(sum)))
+        sums.map(|sum| lane_total(&Sum(sum)))
     }
 }
 

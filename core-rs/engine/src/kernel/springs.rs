@@ -70,7 +70,7 @@ wide! {
         runs: &[Spring],
         x: &[f64],
         v: &[f64],
-        room: &mut [f64],
+        run_scratch: &mut [f64],
         force: &mut [f64],
     ) {
         for run in runs {
@@ -78,11 +78,11 @@ wide! {
             let ((xa, xb), (va, vb)) = (ends(run, x), ends(run, v));
             let (xa, xb, va, vb) = (&xa[..len], &xb[..len], &va[..len], &vb[..len]);
             if q == 0.0 {
-                spread(run, room, force, |i| {
+                spread(run, run_scratch, force, |i| {
                     k * (xb[i] - xa[i] - rest) + z * (vb[i] - va[i])
                 });
             } else {
-                spread(run, room, force, |i| {
+                spread(run, run_scratch, force, |i| {
                     let e = xb[i] - xa[i] - rest;
                     k * e + q * (e * e * e) + z * (vb[i] - va[i])
                 });

@@ -8,16 +8,16 @@ use crate::state::Body;
 /// Write one frame of outputs, (n_out).
 pub(crate) fn tap(scheme: &Scheme, body: &Body, frame: &mut [f64]) {
     for (taps, sample) in scheme.taps.iter().zip(frame) {
-        let value = |tap: &Tap| match tap {
+        let tap_value = |tap: &Tap| match tap {
             Tap::Term(term) => value(scheme, body, term),
             Tap::Scattered { mats, weight } => weight * scattered(&body.x, mats),
             Tap::Lengths { links, weight } => {
-                let lengths = links.iter();
-                let lengths = lengths.map(|(ends, link)| link.line(*ends, |mat| body.x[mat]).0);
-                weight * lengths.sum::<f64>()
+                let line_links = links.iter();
+                let line_lengths = line_links.map(|(ends, link)| link.line(*ends, |mat| body.x[mat]).0);
+                weight * line_lengths.sum::<f64>()
             }
         };
-        *sample = taps.iter().map(value).sum();
+        *sample = taps.iter().map(tap_value).sum();
     }
 }
 
@@ -46,16 +46,16 @@ wide! {
     pub(super) fn sums(range: &[f64]) -> f64 {
         let mut lanes = [0.0; 8];
         let eights = range.chunks_exact(8);
-        let left = eights.remainder();
+        let remainder = eights.remainder();
         for eight in eights {
             for (lane, value) in lanes.iter_mut().zip(eight) {
                 *lane += value;
             }
         }
-        for (lane, value) in lanes.iter_mut().zip(left) {
+        for (lane, value) in lanes.iter_mut().zip(remainder) {
             *lane += value;
         }
-        joined(lanes)
+        lane_total(lanes)
     }
 }
 
@@ -63,16 +63,16 @@ wide! {
     pub(super) fn scattered(x: &[f64], mats: &[u32]) -> f64 {
         let mut lanes = [0.0; 8];
         let eights = mats.chunks_exact(8);
-        let left = eights.remainder();
+        let remainder = eights.remainder();
         for eight in eights {
             for (lane, mat) in lanes.iter_mut().zip(eight) {
                 *lane += x[*mat as usize];
             }
         }
-        for (lane, mat) in lanes.iter_mut().zip(left) {
+        for (lane, mat) in lanes.iter_mut().zip(remainder) {
             *lane += x[*mat as usize];
         }
-        joined(lanes)
+        lane_total(lanes)
     }
 }
 
@@ -86,11 +86,11 @@ fn grounds(k: &[f64], x: &[f64], rest: &[f64]) -> f64 {
     for i in 0..x.len() {
         lane_sum[i % 8] += ground_force(i);
     }
-    joined(lane_sum)
+    lane_total(lane_sum)
 }
 
 #[inline(always)]
-fn joined(lanes: [f64; 8]) -> f64 {
+fn lane_total(lanes: [f64; 8]) -> f64 {
     ((lanes[0] + lanes[4]) + (lanes[2] + lanes[6])) + ((lanes[1] + lanes[5]) + (lanes[3] + lanes[7]))
 }
 

@@ -4,7 +4,7 @@ use std::fmt;
 
 /// The part of a law that is at fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Which {
+pub enum LawField {
     /// The elastic expression.
     Law,
     /// The damping expression.
@@ -17,7 +17,7 @@ pub enum Which {
     Reach,
 }
 
-impl Which {
+impl LawField {
     /// The name of the field as a composer writes it.
     pub fn as_str(self) -> &'static str {
         match self {
@@ -30,7 +30,7 @@ impl Which {
     }
 }
 
-impl fmt::Display for Which {
+impl fmt::Display for LawField {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.as_str())
     }
@@ -38,7 +38,7 @@ impl fmt::Display for Which {
 
 /// A law that cannot be compiled.
 ///
-/// `offset` and `length` count characters (not bytes) of the text that `which` names.
+/// `offset` and `length` count characters (not bytes) of the text that `field` names.
 ///
 /// ```
 /// use ergon_engine::law::{Law, LawText};
@@ -49,10 +49,10 @@ impl fmt::Display for Which {
 /// assert_eq!(error.suggestion.as_deref(), Some("tanh"));
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{which}: {message}")]
+#[error("{field}: {message}")]
 pub struct LawError {
     /// The text at fault.
-    pub which: Which,
+    pub field: LawField,
     /// First character at fault.
     pub offset: usize,
     /// How many characters are at fault.
@@ -64,9 +64,9 @@ pub struct LawError {
 }
 
 impl LawError {
-    pub(super) fn new(which: Which, offset: usize, length: usize, message: String) -> Self {
+    pub(super) fn new(field: LawField, offset: usize, length: usize, message: String) -> Self {
         Self {
-            which,
+            field,
             offset,
             length,
             message,

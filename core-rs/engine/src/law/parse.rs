@@ -8,7 +8,7 @@ mod tests;
 
 use std::collections::BTreeMap;
 
-use super::error::{LawError, Which, nearest};
+use super::error::{LawError, LawField, nearest};
 use super::token::{Kind, Token, tokens};
 use super::tree::{Binary, Node, Tree, Unary};
 
@@ -64,20 +64,20 @@ pub(super) fn is_reserved(name: &str) -> bool {
 /// Parse one expression.
 ///
 /// `open` names the constants that may change later, in the order of their numbers.
-pub(super) fn parse(which: Which, text: &str, constants: &Constants, open: &[String]) -> Result<Tree, LawError> {
+pub(super) fn parse(field: LawField, text: &str, constants: &Constants, open: &[String]) -> Result<Tree, LawError> {
     let text_length = text.chars().count();
     if text_length > MAX_CHARACTERS {
         let message = format!("An expression has at most {MAX_CHARACTERS} characters; this has {text_length}.");
         return Err(LawError::new(
-            which,
+            field,
             MAX_CHARACTERS,
             text_length - MAX_CHARACTERS,
             message,
         ));
     }
-    let tokens = tokens(which, text)?;
+    let tokens = tokens(field, text)?;
     let mut parser = Parser {
-        which,
+        field,
         tokens,
         next: 0,
         nodes: Vec::new(),
@@ -97,7 +97,7 @@ pub(super) fn parse(which: Which, text: &str, constants: &Constants, open: &[Str
 }
 
 struct Parser<'a> {
-    which: Which,
+    field: LawField,
     tokens: Vec<Token>,
     next: usize,
     nodes: Vec<Node>,
@@ -199,14 +199,15 @@ impl Parser<'_> {
     fn variable(&mut self, name: &str, token: &Token) -> Result<usize, LawError> {
         match (name, self.constants.get(name)) {
             ("d", _) => self.push(Node::Elongation, token),
-            ("v", _) if self.which == Which::Damping => self.push(Node::Rate, token),
+            ("v", _) if self.field == LawField::Damping => self.push(Node::Velocity, token),
             ("v", _) => {
                 let message = "`v` is allowed only in `damping`, because a law stores energy by `d` alone.";
                 Err(self.error(token, message.into()))
             }
             (_, Some(value)) => {
                 let open_slot = self.open.iter().position(|open| open == name);
-                let constant_node = open_slot.map_or(Node::Number(*value), |open_slot| Node::Open(open_slot, *value));
+                let constant_node =
+                    open_slot.map_or(Node::Number(*value), |open_slot| Node::Adjustable(open_slot, *value));
                 self.push(constant_node, token)
             }
             (_, None) => {
@@ -218,7 +219,7 @@ impl Parser<'_> {
     }
 
     fn variables(&self) -> impl Iterator<Item = &str> {
-        let rate_name = (self.which == Which::Damping).then_some("v");
+        let rate_name = (self.field == LawField::Damping).then_some("v");
         self.constants
             .keys()
             .map(String::as_str)
@@ -310,7 +311,7 @@ impl Parser<'_> {
     }
 
     fn error(&self, token: &Token, message: String) -> LawError {
-        LawError::new(self.which, token.offset, token.length, message)
+        LawError::new(self.field, token.offset, token.length, message)
     }
 }
 

@@ -1,6 +1,6 @@
 //! A law given as straight lines through points.
 
-use super::error::{LawError, Which};
+use super::error::{LawError, LawField};
 
 /// Most points of a law: more than a measured law needs, and few enough for the L2 cache.
 const MAX_POINTS: usize = 10_000;
@@ -18,7 +18,7 @@ pub(super) struct Points {
 
 impl Points {
     pub(super) fn new(points: &[(f64, f64)]) -> Result<Self, LawError> {
-        let error = |index, message: String| Err(LawError::new(Which::Points, index, 1, message));
+        let error = |index, message: String| Err(LawError::new(LawField::Points, index, 1, message));
         if points.len() < 2 {
             return error(0, "A law by points needs at least two of them.".into());
         }

@@ -58,7 +58,7 @@ const FEW_REGISTERS: usize = 32;
 pub(super) enum Step {
     Constant(f64),
     /// A constant that may change: its number, and its value.
-    Open(usize, f64),
+    Adjustable(usize, f64),
     Unary(Unary, usize),
     WholePower(i32, usize),
     Binary(Binary, usize, usize),
@@ -93,9 +93,9 @@ impl Program {
         }
         let step = match tree.nodes[node] {
             Node::Elongation => return 0,
-            Node::Rate => return 1,
+            Node::Velocity => return 1,
             Node::Number(value) => Step::Constant(value),
-            Node::Open(slot, value) => Step::Open(slot, value),
+            Node::Adjustable(slot, value) => Step::Adjustable(slot, value),
             Node::Unary(operation, a) => Step::Unary(operation, self.emit(tree, folded, a)),
             Node::Binary(Binary::Power, a, b) if folded[b].and_then(integer_exponent).is_some() => {
                 let exponent = folded[b].and_then(integer_exponent).unwrap_or_default();
@@ -141,7 +141,7 @@ impl Program {
     fn filled<R: Clone>(&self, fill: impl Fn(f64) -> R) -> Vec<R> {
         let mut registers = vec![fill(0.0); FIRST + self.steps.len()];
         for (step, register) in self.steps.iter().zip(&mut registers[FIRST..]) {
-            if let Step::Constant(value) | Step::Open(_, value) = step {
+            if let Step::Constant(value) | Step::Adjustable(_, value) = step {
                 *register = fill(*value);
             }
         }
@@ -151,7 +151,7 @@ impl Program {
     /// Set an open constant to another value.
     pub(super) fn set(&mut self, slot: usize, value: f64) {
         for step in &mut self.steps {
-            if let Step::Open(open_slot, open_value) = step
+            if let Step::Adjustable(open_slot, open_value) = step
                 && *open_slot == slot
             {
                 *open_value = value;
@@ -187,7 +187,7 @@ impl Program {
         (registers[0], registers[1]) = (d, v);
         for (i, step) in self.steps.iter().enumerate() {
             registers[FIRST + i] = match *step {
-                Step::Constant(value) | Step::Open(_, value) => value,
+                Step::Constant(value) | Step::Adjustable(_, value) => value,
                 Step::Unary(operation, a) => operation.apply(registers[a]),
                 Step::WholePower(n, a) => integer_power(registers[a], n),
                 Step::Binary(operation, a, b) => operation.apply(registers[a], registers[b]),
@@ -218,7 +218,7 @@ fn fold(tree: &Tree) -> Vec<Option<f64>> {
     for node in &tree.nodes {
         folded_values.push(match *node {
             Node::Number(value) => Some(value),
-            Node::Elongation | Node::Rate | Node::Open(..) => None,
+            Node::Elongation | Node::Velocity | Node::Adjustable(..) => None,
             Node::Unary(operation, a) => folded_values[a].map(|a| operation.apply(a)),
             Node::Binary(operation, a, b) => folded_values[a]
                 .zip(folded_values[b])

@@ -83,7 +83,7 @@ impl Table {
         let mut registers = vec![d, v];
         for step in program.steps() {
             let step_operand = match *step {
-                Step::Constant(value) | Step::Open(_, value) => self.constant(value),
+                Step::Constant(value) | Step::Adjustable(_, value) => self.constant(value),
                 Step::Unary(operation, a) => self.push(unary(operation), [registers[a], 0, 0]),
                 Step::WholePower(n, a) => self.push("whole_power", [registers[a], n, 0]),
                 Step::Binary(operation, a, b) => self.push(binary(operation), [registers[a], registers[b], 0]),

@@ -29,9 +29,9 @@ fn damping(expression: &str, named: &[(&str, f64)]) -> Law {
 fn walk(tree: &Tree, node: usize, d: f64, v: f64) -> f64 {
     let evaluated = |node| walk(tree, node, d, v);
     match tree.nodes[node] {
-        Node::Number(value) | Node::Open(_, value) => value,
+        Node::Number(value) | Node::Adjustable(_, value) => value,
         Node::Elongation => d,
-        Node::Rate => v,
+        Node::Velocity => v,
         Node::Unary(operation, a) => operation.apply(evaluated(a)),
         Node::Binary(operation, a, b) => operation.apply(evaluated(a), evaluated(b)),
         Node::Where(c, a, b) => choose(evaluated(c), evaluated(a), evaluated(b)),
@@ -44,7 +44,7 @@ fn same(a: f64, b: f64) -> bool {
 
 #[test]
 fn law_with_wrong_constants_or_fields_is_refused() {
-    let refused_part = |law_text: &LawText<'_>| Law::new(law_text).expect_err("refused").which;
+    let refused_part = |law_text: &LawText<'_>| Law::new(law_text).expect_err("refused").field;
     for (name, value) in [("d", 1.0), ("v", 1.0), ("sqrt", 1.0), ("k", f64::NAN)] {
         let constants = constants(&[(name, value)]);
         let law_text = LawText {
@@ -52,24 +52,24 @@ fn law_with_wrong_constants_or_fields_is_refused() {
             constants,
             ..Default::default()
         };
-        assert_eq!(refused_part(&law_text), Which::Constants, "{name}");
+        assert_eq!(refused_part(&law_text), LawField::Constants, "{name}");
     }
-    assert_eq!(refused_part(&LawText::default()), Which::Law);
+    assert_eq!(refused_part(&LawText::default()), LawField::Law);
     let law_and_points = LawText {
         law: Some("d"),
         points: Some(&[(0.0, 0.0), (1.0, 1.0)]),
         ..Default::default()
     };
-    assert_eq!(refused_part(&law_and_points), Which::Points);
+    assert_eq!(refused_part(&law_and_points), LawField::Points);
     let bad_damping = LawText {
         law: Some("d"),
         damping: Some("v*w"),
         ..Default::default()
     };
     let law_error = Law::new(&bad_damping).expect_err("w");
-    assert_eq!((law_error.which, law_error.offset), (Which::Damping, 2));
+    assert_eq!((law_error.field, law_error.offset), (LawField::Damping, 2));
     for reach in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        assert_eq!(law("d", &[]).through(reach).expect_err("reach").which, Which::Reach);
+        assert_eq!(law("d", &[]).through(reach).expect_err("reach").field, LawField::Reach);
     }
 }
 
@@ -81,13 +81,16 @@ fn law_with_wrong_points_is_refused() {
             ..Default::default()
         };
         let law_error = Law::new(&law_text).expect_err("refused");
-        (law_error.which, law_error.offset)
+        (law_error.field, law_error.offset)
     };
-    assert_eq!(refused_place(&[(0.0, 0.0)]), (Which::Points, 0));
-    assert_eq!(refused_place(&[(0.0, 0.0), (1.0, 1.0), (1.0, 2.0)]), (Which::Points, 2));
-    assert_eq!(refused_place(&[(0.0, 0.0), (1.0, f64::NAN)]), (Which::Points, 1));
+    assert_eq!(refused_place(&[(0.0, 0.0)]), (LawField::Points, 0));
+    assert_eq!(
+        refused_place(&[(0.0, 0.0), (1.0, 1.0), (1.0, 2.0)]),
+        (LawField::Points, 2)
+    );
+    assert_eq!(refused_place(&[(0.0, 0.0), (1.0, f64::NAN)]), (LawField::Points, 1));
     let many_points: Vec<(f64, f64)> = (0..10_001).map(|i| (f64::from(i), 0.0)).collect();
-    assert_eq!(refused_place(&many_points), (Which::Points, 10_000));
+    assert_eq!(refused_place(&many_points), (LawField::Points, 10_000));
 }
 
 #[test]
@@ -299,7 +302,7 @@ proptest! {
         reach in prop::sample::select(vec![1.0, 0.3, 4.0]),
     ) {
         let constants = constants(&[("k", 2.5)]);
-        let tree = match parse(Which::Damping, &text, &constants, &[]) {
+        let tree = match parse(LawField::Damping, &text, &constants, &[]) {
             Ok(tree) => tree,
             Err(error) => {
                 let bounded = error.message.contains("at most");

@@ -1,6 +1,6 @@
 //! From characters to tokens.
 
-use super::error::{LawError, Which};
+use super::error::{LawError, LawField};
 
 /// What a token is.
 #[derive(Clone, Debug, PartialEq)]
@@ -49,7 +49,7 @@ const FOREIGN_SIGNS: [(&str, &str, Option<&str>); 10] = [
 ];
 
 /// Split a text; the last token is the end.
-pub(super) fn tokens(which: Which, text: &str) -> Result<Vec<Token>, LawError> {
+pub(super) fn tokens(field: LawField, text: &str) -> Result<Vec<Token>, LawError> {
     let characters: Vec<char> = text.chars().collect();
     let mut tokens = Vec::new();
     let mut position = 0;
@@ -61,7 +61,7 @@ pub(super) fn tokens(which: Which, text: &str) -> Result<Vec<Token>, LawError> {
         let characters_left = &characters[position..];
         let (kind, length) =
             if first_character.is_ascii_digit() || (first_character == '.' && digits(&characters_left[1..]) > 0) {
-                number(which, characters_left, position)?
+                number(field, characters_left, position)?
             } else if is_letter(first_character) {
                 let length = characters_left
                     .iter()
@@ -69,7 +69,7 @@ pub(super) fn tokens(which: Which, text: &str) -> Result<Vec<Token>, LawError> {
                     .count();
                 (Kind::Name(characters_left[..length].iter().collect()), length)
             } else {
-                sign(which, characters_left, position)?
+                sign(field, characters_left, position)?
             };
         tokens.push(Token {
             kind,
@@ -97,7 +97,7 @@ fn digits(characters: &[char]) -> usize {
 }
 
 /// `1`, `1.5`, `.5`, `1.`, each with an optional exponent.
-fn number(which: Which, rest: &[char], position: usize) -> Result<(Kind, usize), LawError> {
+fn number(field: LawField, rest: &[char], position: usize) -> Result<(Kind, usize), LawError> {
     let mut length = digits(rest);
     if rest.get(length) == Some(&'.') {
         length += 1 + digits(&rest[length + 1..]);
@@ -116,13 +116,13 @@ fn number(which: Which, rest: &[char], position: usize) -> Result<(Kind, usize),
     if tail_length > 0 {
         let message = "A number in a law has no unit: define a constant with one \
                        (`k: 400N/m`), and write a product with `*`.";
-        return Err(LawError::new(which, position, length + tail_length, message.into()));
+        return Err(LawError::new(field, position, length + tail_length, message.into()));
     }
     let number_text: String = rest[..length].iter().collect();
     match number_text.parse::<f64>() {
         Ok(value) if value.is_finite() => Ok((Kind::Number(value), length)),
         _ => Err(LawError::new(
-            which,
+            field,
             position,
             length,
             "This number is too large.".into(),
@@ -130,14 +130,14 @@ fn number(which: Which, rest: &[char], position: usize) -> Result<(Kind, usize),
     }
 }
 
-fn sign(which: Which, rest: &[char], position: usize) -> Result<(Kind, usize), LawError> {
+fn sign(field: LawField, rest: &[char], position: usize) -> Result<(Kind, usize), LawError> {
     let is_at_start = |sign: &str| sign.chars().zip(rest).filter(|(a, b)| a == *b).count() == sign.chars().count();
     let has_pair_sign = SIGNS.iter().any(|sign| sign.len() == 2 && is_at_start(sign));
     if let Some((foreign, explanation, instead)) = FOREIGN_SIGNS.iter().find(|row| is_at_start(row.0) && !has_pair_sign)
     {
         let sign_length = foreign.chars().count();
         return Err(
-            LawError::new(which, position, sign_length, (*explanation).into()).suggesting(instead.map(str::to_owned))
+            LawError::new(field, position, sign_length, (*explanation).into()).suggesting(instead.map(str::to_owned))
         );
     }
     if let Some(sign) = SIGNS.iter().find(|sign| is_at_start(sign)) {
@@ -147,5 +147,5 @@ fn sign(which: Which, rest: &[char], position: usize) -> Result<(Kind, usize), L
         '"' | '\'' => "A law cannot contain quoted text; write numbers and names.".into(),
         other => format!("`{}` has no meaning in a law.", other.escape_debug()),
     };
-    Err(LawError::new(which, position, 1, message))
+    Err(LawError::new(field, position, 1, message))
 }

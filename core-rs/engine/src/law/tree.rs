@@ -133,9 +133,9 @@ pub(super) fn integer_power(a: f64, n: i32) -> f64 {
 pub(super) enum Node {
     Number(f64),
     /// A constant that may change: its number among the open constants, and its value.
-    Open(usize, f64),
+    Adjustable(usize, f64),
     Elongation,
-    Rate,
+    Velocity,
     Unary(Unary, usize),
     Binary(Binary, usize, usize),
     Where(usize, usize, usize),

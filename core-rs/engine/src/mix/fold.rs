@@ -18,10 +18,10 @@ pub enum FoldError {
     #[error("a fold has 1 to {MAX_CHANNELS} channels on either side; here {0} to {1}")]
     Channels(usize, usize),
     /// No taps, too many taps, or a number of coefficients that is not n_in · n_out · n_taps.
-    #[error("a fold has as many coefficients as ways and taps, 1 to {MAX_TAPS} taps; here {0}")]
+    #[error("a fold needs n_in · n_out · n_taps coefficients, n_taps from 1 to {MAX_TAPS}; here {0} coefficients")]
     Taps(usize),
     /// A coefficient that is not finite.
-    #[error("coefficients of a fold are finite numbers")]
+    #[error("coefficients of a fold must be finite numbers")]
     NotFinite,
 }
 
@@ -47,7 +47,7 @@ pub struct Fold {
     /// Number of past frames that a filter needs: n_taps − 1.
     past: usize,
     /// Sorted by output channel, then by input channel.
-    ways: Vec<FoldPath>,
+    paths: Vec<FoldPath>,
     taps: Vec<f64>,
     /// Of each input channel: past samples, then the current block   (n_in, past + BLOCK)
     line: Vec<f64>,
@@ -60,7 +60,7 @@ struct FoldPath {
     to: usize,
     /// Number of zeros before its first tap that is not 0.
     delay: usize,
-    first: usize,
+    first_tap: usize,
     n_taps: usize,
 }
 
@@ -81,7 +81,7 @@ impl Fold {
         if !filters.iter().all(|h| h.is_finite()) {
             return Err(FoldError::NotFinite);
         }
-        let (mut ways, mut taps) = (Vec::new(), Vec::new());
+        let (mut paths, mut taps) = (Vec::new(), Vec::new());
         for to in 0..n_out {
             for from in 0..n_in {
                 let first_tap = (from * n_out + to) * n_taps;
@@ -90,11 +90,11 @@ impl Fold {
                     continue;
                 };
                 let filter_end = filter.iter().rposition(|h| *h != 0.0).unwrap_or(delay) + 1;
-                ways.push(FoldPath {
+                paths.push(FoldPath {
                     from,
                     to,
                     delay,
-                    first: taps.len(),
+                    first_tap: taps.len(),
                     n_taps: filter_end - delay,
                 });
                 taps.extend_from_slice(&filter[delay..filter_end]);
@@ -105,7 +105,7 @@ impl Fold {
             n_in,
             n_out,
             past,
-            ways,
+            paths,
             taps,
             line: vec![0.0; n_in * (past + BLOCK)],
             sums: vec![0.0; BLOCK],
@@ -143,13 +143,13 @@ impl Fold {
                 self.line[channel * line_width + self.past + frame] = *x;
             }
         }
-        let mut paths_left = self.ways.iter().peekable();
+        let mut paths_left = self.paths.iter().peekable();
         for output_channel in 0..self.n_out {
             let output_sums = &mut self.sums[..n_frames.next_multiple_of(TILE)];
             output_sums.fill(0.0);
             while let Some(fold_path) = paths_left.next_if(|fold_path| fold_path.to == output_channel) {
                 let channel_line = &self.line[fold_path.from * line_width..(fold_path.from + 1) * line_width];
-                let path_taps = &self.taps[fold_path.first..fold_path.first + fold_path.n_taps];
+                let path_taps = &self.taps[fold_path.first_tap..fold_path.first_tap + fold_path.n_taps];
                 let line_start = self.past - fold_path.delay;
                 for (tile, output_sums) in output_sums.chunks_exact_mut(TILE).enumerate() {
                     add(output_sums, channel_line, line_start + tile * TILE, path_taps);

@@ -5,7 +5,7 @@ use thiserror::Error;
 
 /// A rate or a number of channels that BS.1770's filters do not cover.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
-#[error("loudness is measured of 1 to 64 channels at 16 Hz to 2.8 MHz; here {n_channels} at {rate} Hz")]
+#[error("loudness can be measured of 1 to 64 channels at 16 Hz to 2.8 MHz; here {n_channels} at {rate} Hz")]
 pub struct MeterError {
     /// Requested rate [Hz].
     pub rate: f64,

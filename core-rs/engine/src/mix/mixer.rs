@@ -158,7 +158,7 @@ impl Mixer {
         let curve = treatment.curve.clone();
         let mut new_route = Route::new(rate, [out, group], to, gain, treatment)?;
         new_route.shared_curve = curve.map(|curve| self.share(curve));
-        new_route.repeats = self.routes.last().is_some_and(|last| new_route.hears_as(last));
+        new_route.repeats = self.routes.last().is_some_and(|last| new_route.has_same_input_as(last));
         let n_groups = self.groups.len().max(group + 1);
         self.groups.resize(n_groups, Glide::new(rate, 1.0));
         self.routes.push(new_route);

@@ -29,7 +29,7 @@ impl PartOrder {
 }
 
 impl Network {
-    /// The same modules without names and places on the bench, with parts by their rank in `order`.
+    /// The same modules without names and places on the picture, with parts by their rank in `order`.
     pub(crate) fn anonymous(&self, order: &PartOrder) -> Self {
         let mut renamed = self.clone();
         renamed.current = 0;

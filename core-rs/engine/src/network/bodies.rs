@@ -245,7 +245,7 @@ impl Network {
         self.add_mesh(name, topology, mass_each, &mesh_losses, [hardening, stretching])
     }
 
-    /// Add the masses of `each` [kg] and the links of a mesh; returns the index of the first mass.
+    /// Add the masses of `mass_each` [kg] and the links of a mesh; returns the index of the first mass.
     fn add_mesh(
         &mut self,
         name: &str,

@@ -58,7 +58,11 @@ impl But {
     pub(crate) fn push(&self, k: f64, z: f64, p: f64, step: f64) -> f64 {
         if p > 0.0 {
             let push_force = self.elastic(k).force(p) + z * step;
-            if self.clamp { push_force.max(0.0) } else { push_force }
+            if self.is_clamped {
+                push_force.max(0.0)
+            } else {
+                push_force
+            }
         } else {
             0.0
         }

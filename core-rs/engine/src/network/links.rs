@@ -61,7 +61,7 @@ impl Network {
     /// let bell = network.mas("bell", 2e-3, 0.0, 0.0)?;
     /// let but = But {
     ///     k: 900.0, z: 0.1, gap: 1e-3, side: Side::Below, contact: Contact::Plain,
-    ///     restitution: 1.0, steps: 2, exponent: 1.0, clamp: false,
+    ///     restitution: 1.0, steps: 2, exponent: 1.0, is_clamped: false,
     /// };
     /// let link = network.but("felt", hammer, bell, but)?;
     /// assert_eq!(network.link_name(link), "felt");
@@ -103,7 +103,7 @@ impl Network {
         if but.exponent != 1.0 {
             return Err(self.refused(name, "a magic contact is linear, so its exponent must be 1"));
         }
-        if but.clamp && but.restitution < 1.0 {
+        if but.is_clamped && but.restitution < 1.0 {
             let message = "a magic contact with a restitution below 1 has to pull at the exit: take clamp away";
             return Err(self.refused(name, message));
         }

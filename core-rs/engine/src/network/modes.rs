@@ -154,7 +154,7 @@ impl Network {
             } else {
                 1.0
             };
-            let each = mode.shape.iter().zip(&part_body.root);
+            let each = mode.shape.iter().zip(&part_body.sqrt_masses);
             each.map(|(x, root)| x * (shape_sign / root)).collect()
         };
         let each: Vec<Complex<f64>> = pole_modes.iter().map(|mode| part_body.continuous(mode.pole)).collect();

@@ -61,7 +61,7 @@ pub struct But {
     /// Power of the penetration.
     pub exponent: f64,
     /// Whether a force that would pull is set to 0.
-    pub clamp: bool,
+    pub is_clamped: bool,
 }
 
 impl But {
@@ -77,7 +77,7 @@ impl But {
             restitution: 1.0,
             steps: 2,
             exponent: 1.0,
-            clamp: false,
+            is_clamped: false,
         }
     }
 

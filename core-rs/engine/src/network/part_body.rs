@@ -14,7 +14,7 @@ pub(super) struct Body {
     /// Masses, by their index in the network   (n)
     pub(super) mats: Vec<usize>,
     /// √M   (n)
-    pub(super) root: Vec<f64>,
+    pub(super) sqrt_masses: Vec<f64>,
     pub(super) springs: Springs,
     /// Dampers; in a discrete network each also contains the stiffness K, because the poles are then those of z − 1.
     pub(super) dampers: Vec<Spring>,
@@ -35,8 +35,8 @@ impl Network {
 impl Body {
     /// The body of the masses and links of some parts.
     pub(super) fn new(elements: Elements) -> Self {
-        let root: Vec<f64> = elements.m.iter().map(|m| m.sqrt()).collect();
-        let scaled_end = |slot: usize| -> End { (slot, 1.0 / root[slot]) };
+        let sqrt_masses: Vec<f64> = elements.m.iter().map(|m| m.sqrt()).collect();
+        let scaled_end = |slot: usize| -> End { (slot, 1.0 / sqrt_masses[slot]) };
         let (mut springs, mut dampers): (Vec<Spring>, Vec<Spring>) = (Vec::new(), Vec::new());
         for element in interrupt::each(&elements.each) {
             if matches!(element.kind, ElementKind::But | ElementKind::Dry | ElementKind::Space) {
@@ -67,7 +67,7 @@ impl Body {
             mats: elements.mats,
             dampers,
             ca_rate: elements.ca_rate,
-            root,
+            sqrt_masses,
         }
     }
 

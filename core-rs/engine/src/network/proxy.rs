@@ -81,10 +81,10 @@ impl Proxy {
             Shares::Moving {
                 mats,
                 columns,
-                along: [rows, row],
+                along: [across_rows, within_row],
             } => {
-                let (row_index, row_share) = rows.place(mats.len() / columns, &x);
-                let (column_index, column_share) = row.place(*columns, &x);
+                let (row_index, row_share) = across_rows.place(mats.len() / columns, &x);
+                let (column_index, column_share) = within_row.place(*columns, &x);
                 for (row_index, row_weight) in [(row_index, 1.0 - row_share), (row_index + 1, row_share)] {
                     for (column_index, column_weight) in
                         [(column_index, 1.0 - column_share), (column_index + 1, column_share)]
@@ -160,11 +160,11 @@ impl Proxy {
             Shares::Moving {
                 mats,
                 columns,
-                along: [rows, row],
+                along: [across_rows, within_row],
             } => Shares::Moving {
                 mats: mats.iter().map(|&mat| new_index(mat)).collect::<Option<_>>()?,
                 columns: *columns,
-                along: [rows.moved_to(&new_index)?, row.moved_to(&new_index)?],
+                along: [across_rows.moved_to(&new_index)?, within_row.moved_to(&new_index)?],
             },
         };
         Some(Self {

@@ -50,7 +50,7 @@ impl Network {
         let listened: Vec<Vec<usize>> = listened.iter().map(|mats| local_mats(mats)).collect();
         let mut scaled_force = vec![Complex::from(0.0); mat_count];
         for slot in local_mats(forced) {
-            scaled_force[slot] += 1.0 / body.root[slot];
+            scaled_force[slot] += 1.0 / body.sqrt_masses[slot];
         }
         let matrices = NetworkMatrices::new(&body);
         let mut response = vec![Complex::from(0.0); listened.len() * frequencies.len()];
@@ -60,7 +60,7 @@ impl Network {
             let answer = answer(&matrices, s, &scaled_force);
             for (row, mat_slots) in listened.iter().enumerate() {
                 let position = |x: &Vec<Complex<f64>>| -> Complex<f64> {
-                    mat_slots.iter().map(|&slot| x[slot] / body.root[slot]).sum()
+                    mat_slots.iter().map(|&slot| x[slot] / body.sqrt_masses[slot]).sum()
                 };
                 response[row * frequencies.len() + column] = match &answer {
                     Some(x) => position(x) * Complex::new(0.0, TAU * f) * point_gain,

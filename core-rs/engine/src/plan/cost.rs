@@ -306,8 +306,8 @@ mod tests {
             }
         };
         let wall_groups = [points("wall", 1), points("m", 50)];
-        let (exponent, clamp) = (1.0, false);
-        let wall_law = PairLaw::smooth(measure, SpaceLaw::Contact { exponent, clamp });
+        let (exponent, is_clamped) = (1.0, false);
+        let wall_law = PairLaw::smooth(measure, SpaceLaw::Contact { exponent, is_clamped });
         let numbers = [500.0, 0.0, 0.01];
         network.pairwise("walls", wall_groups, 3, wall_law, numbers).unwrap();
         stepped_cost(&network, &Timeline::new(Rate::new(44_100.0).unwrap()))

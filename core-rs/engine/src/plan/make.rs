@@ -365,7 +365,7 @@ impl<'a> Maker<'a> {
             (report_row.oversampling, report_row.contact_substeps, report_row.error) =
                 (island_plan.oversampling, island_plan.contact_substeps, error);
             let because = why.filter(|_| bodies.is_empty()).or(because);
-            report_row.because = because.map(|why| why.why().to_owned());
+            report_row.because = because.map(|no_modes| no_modes.as_str().to_owned());
             self.plan.rows.push(report_row);
         }
         // The cost of the rest beside bodies has a row of its own, or is added to the row of the first body.

@@ -374,7 +374,7 @@ pub(super) fn bears_springs(scheme: &Scheme, network: &Network) -> bool {
 }
 
 pub(super) fn certify(scheme: &Scheme, network: &Network, refusal: Refusal) -> Result<Certificate, Error> {
-    let word = if scheme.linear {
+    let word = if scheme.is_linear {
         StabilityGuarantee::Proved
     } else {
         StabilityGuarantee::Guarded

@@ -53,7 +53,7 @@ fn without_numbers(network: &Network, rate: Rate) -> Scheme {
             .collect(),
         n_lia: network.n_lia(),
         n_parts: network.parts().len(),
-        linear: (network.runs().iter()).all(|run| matches!(run.kind, LinkKind::Ref)),
+        is_linear: (network.runs().iter()).all(|run| matches!(run.kind, LinkKind::Ref)),
     }
 }
 

@@ -249,7 +249,7 @@ fn magic_contact_with_wrong_settings_is_refused() {
             ..magic_contact
         },
         But {
-            clamp: true,
+            is_clamped: true,
             restitution: 0.9,
             ..magic_contact
         },
@@ -258,7 +258,7 @@ fn magic_contact_with_wrong_settings_is_refused() {
         assert!(network.but("l", 0, 1, but).is_err(), "{but:?}");
     }
     let clamped = But {
-        clamp: true,
+        is_clamped: true,
         ..magic_contact
     };
     assert!(network.but("l", 0, 1, clamped).is_ok());

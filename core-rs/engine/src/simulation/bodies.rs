@@ -70,7 +70,7 @@ impl<'a> BodyCandidate<'a> {
                     unit,
                     body: Some(index),
                 };
-                let (network, modes_kept, local_mats): (&Network, Option<_>, Vec<usize>) = match body {
+                let (network, modes_and_rate, local_mats): (&Network, Option<_>, Vec<usize>) = match body {
                     BodyPlan::Modal(modal) => {
                         let modes_kept = (&modal.computed[..], modal.turned.as_deref());
                         (&modal.network, Some((modes_kept, modal.rate)), Vec::new())
@@ -83,7 +83,7 @@ impl<'a> BodyCandidate<'a> {
                     BodyPlan::Mesh(_) => local_mats.clone(),
                     BodyPlan::Modal(_) => moving(network),
                 };
-                let mass_source = modes_kept.map_or(MassSource::Masses(local_mats), |(modes_kept, rate)| {
+                let mass_source = modes_and_rate.map_or(MassSource::Masses(local_mats), |(modes_kept, rate)| {
                     MassSource::Modes(network, modes_kept, rate)
                 });
                 candidates.push(Self::new(body_place, network, &body_mats, mass_source, time_step));
@@ -123,7 +123,9 @@ impl<'a> BodyCandidate<'a> {
                 workspace.before.resize(mode_room, 0.0);
                 Source::Modes(Box::new(mode_shapes))
             }
-            MassSource::Masses(own) => Source::Masses(own.into_iter().map(|own| (own, (0.0, 0.0))).collect()),
+            MassSource::Masses(masses) => {
+                Source::Masses(masses.into_iter().map(|mass_index| (mass_index, (0.0, 0.0))).collect())
+            }
         };
         workspace.mats.extend(self.start);
         Some(Body {

@@ -1,5 +1,5 @@
 //! Inputs: samples of a sound card pass a high-pass, a gain and a clamp here, then go to all islands; so do the values
-//! that [`Simulation::tell`] gives.
+//! that [`Simulation::set_input`] gives.
 
 use super::{RunningUnit, Simulation};
 use crate::island::{FRAMES_MAX, Island};
@@ -47,23 +47,24 @@ impl Simulation {
     /// Let the input of a number ([`InputSource::Value`]) go to a value from the next frame on, full scale 1. Returns
     /// false if no playing input has this number, or the value is not finite. Before its first value, the input is
     /// heard from the timeline's samples.
-    pub fn tell(&mut self, number: u64, value: f64) -> bool {
+    pub fn set_input(&mut self, number: u64, value: f64) -> bool {
         if !value.is_finite() {
             return false;
         }
         let start_frame = self.frame;
         let mut has_input = false;
         for island in self.playing_islands() {
-            has_input |= island.tell(number, start_frame, value);
+            has_input |= island.set_input(number, start_frame, value);
         }
         has_input
     }
 
     /// Inputs that were told a value continue towards it as they did in another simulation.
-    pub(super) fn go_on_as_told(&mut self, old: &Self) {
-        for (island, _) in old.islands() {
-            for (number, ramp) in island.ways() {
-                self.playing_islands().for_each(|own| own.go_on_as_told(number, ramp));
+    pub(super) fn continue_ramps(&mut self, old: &Self) {
+        for (old_island, _) in old.islands() {
+            for (number, ramp) in old_island.input_ramps() {
+                self.playing_islands()
+                    .for_each(|island| island.continue_ramp(number, ramp));
             }
         }
     }

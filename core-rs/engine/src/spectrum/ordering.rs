@@ -73,24 +73,21 @@ impl Graph {
         }
     }
 
-    /// Eliminate a node: it becomes an element; `left` unknowns remain.
+    /// Eliminate a node: it becomes an element; `unknowns_left` unknowns remain.
     fn eliminate(&mut self, pivot: u32, unknowns_left: usize) {
         let pivot_index = pivot as usize;
         let mut adjacent = self.neighbours(pivot);
         self.weight[pivot_index] = 0;
-        let adjacent_weight: u32 = adjacent
-            .iter()
-            .map(|&node_index| self.weight[node_index as usize])
-            .sum();
+        let adjacent_weight: u32 = adjacent.iter().map(|&node| self.weight[node as usize]).sum();
         let stamp = self.stamp;
-        for &node_index in &adjacent {
-            for &element in &self.elements[node_index as usize] {
+        for &node in &adjacent {
+            for &element in &self.elements[node as usize] {
                 let (outside, last_stamp) = &mut self.outside[element as usize];
                 if *last_stamp != stamp {
                     (*outside, *last_stamp) = (self.size[element as usize], stamp);
                 }
                 if self.is_alive[element as usize] {
-                    *outside -= self.weight[node_index as usize];
+                    *outside -= self.weight[node as usize];
                 }
             }
         }
@@ -129,10 +126,9 @@ impl Graph {
             ));
         }
         self.merge(&mut hashed_nodes);
-        adjacent.retain(|&node_index| self.weight[node_index as usize] > 0);
-        for &node_index in &adjacent {
-            self.buckets
-                .insert(node_index, self.buckets.degree[node_index as usize]);
+        adjacent.retain(|&node| self.weight[node as usize] > 0);
+        for &node in &adjacent {
+            self.buckets.insert(node, self.buckets.degree[node as usize]);
         }
         self.members[pivot_index] = adjacent;
         self.size[pivot_index] = adjacent_weight;
@@ -161,7 +157,8 @@ impl Graph {
         adjacent
     }
 
-    /// Merge nodes that have the same neighbours and elements; `alike` holds a hash of these for each node.
+    /// Merge nodes that have the same neighbours and elements; `hashed_nodes` holds a hash of these for each
+    /// node.
     fn merge(&mut self, hashed_nodes: &mut [(u64, u32)]) {
         hashed_nodes.sort_unstable();
         for group in hashed_nodes.chunk_by(|a, b| a.0 == b.0) {

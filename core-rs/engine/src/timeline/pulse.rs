@@ -9,9 +9,9 @@ use crate::units::{floor_frame, frame, score_frame};
 
 /// How long a strike lasts that does not say so [s].
 ///
-/// Above 3/`CONTACT` = 15.8 kHz the spectrum of the force stays 58 dB below its level at 0 Hz; it is 3 dB lower at
+/// Above 3/0.19 ms = 15.8 kHz the spectrum of the force stays 58 dB below its level at 0 Hz; it is 3 dB lower at
 /// 4 kHz. A mass that is struck starts moving without a step.
-pub(super) const CONTACT: f64 = 0.19e-3;
+pub(super) const DEFAULT_STRIKE_SECONDS: f64 = 0.19e-3;
 
 /// A longer strike is refused [s].
 pub(super) const LASTS_MAX: f64 = 0.05;
@@ -100,13 +100,13 @@ impl Timeline {
     }
 
     /// Whether strikes on each part of a network act on whole frames: under `ca` and on keys   (n_parts)
-    pub(super) fn on_frames(&self, network: &Network) -> Vec<bool> {
+    pub(super) fn acts_on_frames(&self, network: &Network) -> Vec<bool> {
         let network_parts = network.parts().iter();
-        let mut on_frames: Vec<bool> = network_parts.map(|part| part.ca_rate.is_some()).collect();
+        let mut acts_on_frames: Vec<bool> = network_parts.map(|part| part.ca_rate.is_some()).collect();
         for key in &self.keys {
-            on_frames[network.mats().part[key.struck] as usize] = true;
+            acts_on_frames[network.mats().part[key.struck] as usize] = true;
         }
-        on_frames
+        acts_on_frames
     }
 
     /// The share of a strike's impulse in each step, if it begins on frame 0.

@@ -25,11 +25,11 @@ pub(crate) struct Push {
 /// and first moment.
 pub(crate) fn pushes(network: &Network, timeline: &Timeline, is_alone: impl Fn(usize) -> bool) -> Vec<Push> {
     let (frame_rate, network_mats) = (timeline.rate, network.mats());
-    let on_frames = timeline.on_frames(network);
+    let acts_on_frames = timeline.acts_on_frames(network);
     let mut pushes: Vec<Push> = Vec::with_capacity(timeline.strikes.len());
     for strike in &timeline.strikes {
         let struck_mat = strike.mat as usize;
-        let acts_on_frames = on_frames[network_mats.part[struck_mat] as usize];
+        let acts_on_frames = acts_on_frames[network_mats.part[struck_mat] as usize];
         let lone_cell = (network_mats.kind[struck_mat] == MatKind::Cel && is_alone(struck_mat)).then(|| {
             Cell::new(
                 network_mats.m[struck_mat],

@@ -194,7 +194,7 @@ fn gesture_with_non_finite_points_is_refused() {
         &[(0.1, 0.0, Approach::Throw), (0.100_001, 1e-3, Approach::Throw)],
         Manner::OPEN,
     );
-    assert!(matches!(short, Err(GestureError::Short { index: 1, .. })));
+    assert!(matches!(short, Err(GestureError::ThrowTooShort { index: 1, .. })));
     let points = smooth(&[(0.0, 0.0), (0.1, 1e-3)]);
     for bad in [
         Manner {
@@ -295,7 +295,7 @@ fn open_stop_leaves_gestures_unchanged() {
         };
         keys.play(&smooth(&[(0.0, 0.0), (0.1, 5e-3)]), grain);
         let layer = Manner {
-            layer: true,
+            is_layer: true,
             ..Manner::OPEN
         };
         keys.play(&smooth(&[(0.03, 0.0), (0.05, 1e-3), (0.07, 0.0)]), layer);

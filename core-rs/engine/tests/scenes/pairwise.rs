@@ -17,11 +17,11 @@ pub(crate) const RATE: f64 = 44_100.0;
 pub(crate) const GAP: f64 = 0.01;
 pub(crate) const HERTZ: SpaceLaw = SpaceLaw::Contact {
     exponent: 1.5,
-    clamp: true,
+    is_clamped: true,
 };
 pub(crate) const LINEAR: SpaceLaw = SpaceLaw::Contact {
     exponent: 1.0,
-    clamp: false,
+    is_clamped: false,
 };
 
 /// Points with positions x0 and velocities v0, axis by axis.
@@ -356,7 +356,7 @@ fn pairwise_created_energy_is_reported() {
     meet(&mut network, [single, single], 3, HERTZ, [300.0, 0.0, GAP]);
     let law = SpaceLaw::Contact {
         exponent: 1.5,
-        clamp: false,
+        is_clamped: false,
     };
     network
         .pairwise(

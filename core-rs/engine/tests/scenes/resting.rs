@@ -107,7 +107,10 @@ fn timeline(network: &Network) -> Timeline {
             approaches: &[Approach::Path(Curve::Smooth); 3],
             sources: &[],
         };
-        let manner = Manner { layer, ..Manner::OPEN };
+        let manner = Manner {
+            is_layer: layer,
+            ..Manner::OPEN
+        };
         let gesture = Gesture::written(0, &written, manner).unwrap();
         timeline.gesture(gesture).unwrap();
     }

@@ -147,7 +147,7 @@ impl Scene {
                 b,
                 But {
                     z: 0.5,
-                    clamp: true,
+                    is_clamped: true,
                     side: Side::Above,
                     ..but
                 },
@@ -159,7 +159,7 @@ impl Scene {
                 b,
                 But {
                     z: 0.5,
-                    clamp: true,
+                    is_clamped: true,
                     ..exact
                 },
             ),
@@ -284,7 +284,7 @@ impl Scene {
             grain: (self.pick(3) == 0).then(|| self.draw(1e-4, 5e-3)),
             join: [0.0, 2e-3, 0.02][self.pick(3)],
             limit: (self.pick(4) == 0).then_some(20.0),
-            layer: touch == Touch::Open && self.pick(3) == 0,
+            is_layer: touch == Touch::Open && self.pick(3) == 0,
         };
         let gesture = Gesture::written(key, &written, manner).unwrap();
         self.timeline.gesture(gesture).unwrap();

@@ -38,7 +38,7 @@ fn network(is_heard: bool) -> Arc<Network> {
     let ball = point(&mut network, "ball", MASSES[1], [0.24, 0.0, -0.22], [0.0; 3]);
     let push = SpaceLaw::Contact {
         exponent: 1.0,
-        clamp: true,
+        is_clamped: true,
     };
     link(&mut network, (nail, bob), SpaceLaw::Spring, [400.0, 0.02, 0.31]);
     link(&mut network, (bob, ball), push, [3_000.0, 0.05, 0.08]);

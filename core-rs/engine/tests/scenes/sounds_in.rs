@@ -298,7 +298,7 @@ fn as_told(simulation: &mut Simulation, stop: usize, block: usize) -> Vec<f64> {
     while (simulation.frame() as usize) < stop {
         let now = simulation.frame() as usize;
         for &(_, number, value) in VALUES.iter().filter(|(at, ..)| *at == now) {
-            assert!(simulation.tell(number, value));
+            assert!(simulation.set_input(number, value));
         }
         let next = VALUES.iter().map(|(at, ..)| *at).find(|&at| at > now);
         let until = (now + block).min(stop).min(next.unwrap_or(stop));
@@ -353,8 +353,8 @@ fn input_target_is_reached_linearly_and_constant() {
         assert!((got - x).abs() < 1e-17, "{n}: {got} {x}");
     }
     let mut single = simulation();
-    assert!(!single.tell(7, 1.0), "no input has this number");
-    assert!(!single.tell(8, f64::NAN) && !single.tell(8, f64::INFINITY));
+    assert!(!single.set_input(7, 1.0), "no input has this number");
+    assert!(!single.set_input(8, f64::NAN) && !single.set_input(8, f64::INFINITY));
     assert!(single.n_channels_in() == 0);
 }
 

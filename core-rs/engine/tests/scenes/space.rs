@@ -173,7 +173,7 @@ fn collision_conserves_momenta_and_energy() {
     let b = point(&mut network, "b", masses[1], [0.05, 0.006, -0.004], [-1.0, 0.0, 0.2]);
     let law = SpaceLaw::Contact {
         exponent: 1.5,
-        clamp: false,
+        is_clamped: false,
     };
     let contact = link(&mut network, (a, b), law, [1e7, 0.0, 0.03]);
     let timeline = Timeline::new(Rate::new(RATE).unwrap());
@@ -226,7 +226,7 @@ fn space_links_with_wrong_values_are_refused() {
     );
     let law = SpaceLaw::Contact {
         exponent: 0.5,
-        clamp: false,
+        is_clamped: false,
     };
     refused(
         (a, b),

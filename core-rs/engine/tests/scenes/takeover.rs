@@ -130,7 +130,7 @@ fn gesture_to(start: f64, x: f64, touch: Touch, layer: bool) -> Gesture {
     };
     let manner = Manner {
         touch,
-        layer,
+        is_layer: layer,
         ..Manner::OPEN
     };
     Gesture::written(0, &written, manner).unwrap()

@@ -45,8 +45,8 @@ fn tangle(seed: u64) -> (Network, Timeline, Vec<f64>) {
                     link(&mut network, ends, SpaceLaw::Spring, numbers)
                 }
                 1 => {
-                    let (exponent, clamp) = (1.0 + 0.5 * f64::from(u8::from(i % 2 == 0)), true);
-                    let law = SpaceLaw::Contact { exponent, clamp };
+                    let (exponent, is_clamped) = (1.0 + 0.5 * f64::from(u8::from(i % 2 == 0)), true);
+                    let law = SpaceLaw::Contact { exponent, is_clamped };
                     link(&mut network, ends, law, [2e3, 0.02, 0.6 * rest])
                 }
                 _ => {
@@ -143,7 +143,7 @@ fn free(turned: impl Fn([f64; 3]) -> [f64; 3], drift: [f64; 3]) -> (Network, [f6
     }
     let bounce = SpaceLaw::Contact {
         exponent: 1.5,
-        clamp: true,
+        is_clamped: true,
     };
     let ends = (points[0], points[3]);
     link(&mut network, ends, bounce, [2e3, 0.05, 0.03]);

@@ -323,7 +323,7 @@ impl Player {
             let (ticket, act) = self.acts[index];
             let has_acted = match act {
                 Act::Strike(point, impulse) => self.strike(point, impulse),
-                Act::SetInput(input_number, value) => self.stage.simulation.tell(input_number, value),
+                Act::SetInput(input_number, value) => self.stage.simulation.set_input(input_number, value),
             };
             self.send_event(if has_acted {
                 EventKind::Acted(ticket)

@@ -66,9 +66,9 @@ fn galaxy_radii_are_inversely_proportional_to_cents() {
         let cell_cents = lowest_cents + 1200.0 * log(cell.f / 20.0) / log(2.0);
         assert!(close((x * x + y * y).sqrt(), 0.5 * lowest_cents / cell_cents, 1e-12));
     }
-    let bench_radius = |[x, y]: [f64; 2]| (x * x + y * y).sqrt();
-    assert!(close(bench_radius(bank[0].position), 0.5, 1e-14));
-    assert!(close(bench_radius(bank[40].position), 0.5 * hole, 1e-14));
+    let picture_radius = |[x, y]: [f64; 2]| (x * x + y * y).sqrt();
+    assert!(close(picture_radius(bank[0].position), 0.5, 1e-14));
+    assert!(close(picture_radius(bank[40].position), 0.5 * hole, 1e-14));
 }
 
 #[test]
@@ -87,8 +87,8 @@ fn galaxy_of_listed_pitches_equals_a_range() {
         assert!(close(item.position[1], other.position[1], 1e-12));
     }
     let unison_cells = cells_at(&[(440.0, 1.0); 3], galaxy_place, |_| 0.0).expect("cells");
-    let bench_radius = |[x, y]: [f64; 2]| (x * x + y * y).sqrt();
-    let is_on_rim = |cell: &BankCell| close(bench_radius(cell.position), 0.5, 1e-14);
+    let picture_radius = |[x, y]: [f64; 2]| (x * x + y * y).sqrt();
+    let is_on_rim = |cell: &BankCell| close(picture_radius(cell.position), 0.5, 1e-14);
     assert!(unison_cells.iter().all(is_on_rim));
 }
 
@@ -102,8 +102,12 @@ fn galaxy_radii_with_random_angles() {
     };
     let (even_cells, random_cells) = (galaxy_cells(Angles::Even), galaxy_cells(Angles::Random));
     for (i, (item, other)) in even_cells.iter().zip(&random_cells).enumerate() {
-        let bench_radius = |[x, y]: [f64; 2]| (x * x + y * y).sqrt();
-        assert!(close(bench_radius(item.position), bench_radius(other.position), 1e-14));
+        let picture_radius = |[x, y]: [f64; 2]| (x * x + y * y).sqrt();
+        assert!(close(
+            picture_radius(item.position),
+            picture_radius(other.position),
+            1e-14
+        ));
         let drawn_turn = ((i * 7919) % 1000) as f64 / 1000.0;
         let [x, y] = other.position;
         let cell_turn = atan2(y, x).rem_euclid(std::f64::consts::TAU) / std::f64::consts::TAU;

@@ -71,7 +71,7 @@ pub(in super::super) fn check_supported(mesh: &Mesh, network: &Network) -> Resul
                          choose another method",
                 )
             }
-            Kind::But(but) if but.clamp && link_run.z != 0.0 => Some(
+            Kind::But(but) if but.is_clamped && link_run.z != 0.0 => Some(
                 "method ieq computes a contact with Z only if the contact may pull; remove `clamp`, or choose \
                      another method",
             ),

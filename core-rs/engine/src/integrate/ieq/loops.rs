@@ -11,17 +11,17 @@ wide! {
         beta: f64,
         motion: [&[f64]; 2],
         psi: &[f64],
-        found: [&mut [f64]; 3],
+        outputs: [&mut [f64]; 3],
     ) {
-        let ([x, d], [g, c, f]) = (motion, found);
+        let ([x, d], [g, c, f]) = (motion, outputs);
         let Spring { a, b, len, k, q, z, rest, .. } = *run;
         let (xa, xb, da, db) = (&x[a..][..len], &x[b..][..len], &d[a..][..len], &d[b..][..len]);
         let (psi, g, c, f) = (&psi[..len], &mut g[..len], &mut c[..len], &mut f[..len]);
-        let (slope_per_metre, fixed, twice_beta) = (sqrt(2.0 * q), 0.5 * z + beta * k, 2.0 * beta);
+        let (slope_per_metre, constant_term, twice_beta) = (sqrt(2.0 * q), 0.5 * z + beta * k, 2.0 * beta);
         for i in 0..len {
             let e = xb[i] - xa[i] - rest;
             g[i] = slope_per_metre * e;
-            c[i] = fixed + 0.25 * (g[i] * g[i]);
+            c[i] = constant_term + 0.25 * (g[i] * g[i]);
             f[i] = k * (e - twice_beta * (db[i] - da[i])) + g[i] * psi[i];
         }
     }

@@ -15,7 +15,7 @@ fn everything() -> Network {
     let soft_contact = But {
         side: Side::Above,
         exponent: 1.5,
-        clamp: true,
+        is_clamped: true,
         ..But::plain(3e5, 0.3, 1e-4)
     };
     let hammer_mat = network.cel("hammer", 5e-3, tuned_tie, 0.0, 2e-4, -3.0).expect("a cell");

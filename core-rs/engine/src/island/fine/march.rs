@@ -76,7 +76,7 @@ impl LinkContact<'_> {
 
     /// Whether its force ends before it opens.
     fn is_pulled_off(&self) -> bool {
-        self.but.clamp && self.z > 0.0
+        self.but.is_clamped && self.z > 0.0
     }
 
     /// Whether an open contact begins to push.
@@ -513,7 +513,7 @@ impl Fine {
                         z: 2.0 * link_contact.z / step_length,
                         exponent: link_contact.but.exponent,
                         beta: 0.5 * step_length * step_length * link_contact.velocity_per_impulse * time_step,
-                        clamp: link_contact.but.clamp,
+                        is_clamped: link_contact.but.is_clamped,
                     };
                     let contact_force = contact.push(free_depth, depth_before, depth_before.max(free_depth));
                     let middle_instant = self.instant(script, instants[1]);

@@ -3,7 +3,7 @@
 
 use super::script::Script;
 use super::{AHEAD, ROOM, RunningModal};
-use crate::kernel::bank::{Lanes, Motion, Sum, follow, joined};
+use crate::kernel::bank::{Lanes, Motion, Sum, follow, lane_total};
 use crate::kernel::ports;
 
 /// Most pairs of a port and a port or output whose responses are kept: 2 MB of them.
@@ -33,7 +33,7 @@ pub(super) fn responses(script: &Script) -> Vec<f64> {
         for ((response, sums), moves) in rows.zip(&script.moves) {
             response[0] = moves[port];
             for (response, sum) in response[1..].iter_mut().zip(sums) {
-                *response = joined(sum);
+                *response = lane_total(sum);
             }
         }
     }

@@ -19,13 +19,13 @@ use frame_powers::FramePowers;
 const ROUNDS_MAX: usize = 40;
 
 /// Frames between two polls for an interrupt in a trial run: some 50 µs.
-const LOOK: u64 = 4096;
-/// Steps of work that a step of a free hand counts.
-const STEP_STEPS: usize = 64;
+const POLL_FRAMES: u64 = 4096;
+/// Work of a step of the free key, in units of `interrupt::spend`.
+const WORK_PER_STEP: usize = 64;
 
 /// A key that a strike moves by less than this share of what it would move a free mass comes back to where it was
 /// (after a multiple of half its period), or never gets there: the rest is rounding.
-const REACH_MIN: f64 = 1e-9;
+const EFFECT_MIN: f64 = 1e-9;
 
 /// A key's part on its own. Constant while it runs; what changes is its [`FreeMotion`].
 #[derive(Clone, Debug)]
@@ -51,8 +51,8 @@ pub(crate) struct FreeMotion {
 crate::archive::state!(FreeMotion { body, slow });
 
 impl FreeKey {
-    /// Whether the motion of another free key fits this one; `name_of` and `their` give the names of MATs in the two
-    /// scenes.
+    /// Whether the motion of another free key fits this one; `name_of` and `other_name_of` give the names
+    /// of MATs in the two scenes.
     pub(crate) fn is_like(
         &self,
         other: &Self,
@@ -72,37 +72,39 @@ impl FreeKey {
     }
 }
 
-/// The force near `guess` [N] at which `off` is 0 [m]; `off` rises with the force by at most `w` [m/N].
+/// The force near `guess` [N] at which `offset_at` is 0 [m], which rises with the force by at most `compliance_max`
+/// [m/N].
 fn find_force(guess: f64, compliance_max: f64, offset_at: &mut dyn FnMut(f64) -> f64) -> f64 {
-    let (mut other_force, mut other_offset) = (guess, offset_at(guess));
-    if other_offset.abs() <= kernel::STILL {
-        return other_force;
+    let (mut bracket_force, mut bracket_offset) = (guess, offset_at(guess));
+    if bracket_offset.abs() <= kernel::STILL {
+        return bracket_force;
     }
-    let mut search_step = 2.0 * other_offset / compliance_max;
-    let (mut last_force, mut last_offset) = (other_force, other_offset);
+    let mut search_step = 2.0 * bracket_offset / compliance_max;
+    let (mut newest_force, mut newest_offset) = (bracket_force, bracket_offset);
     for _ in 0..ROUNDS_MAX {
-        last_force = guess - search_step;
-        last_offset = offset_at(last_force);
-        if last_offset * other_offset <= 0.0 {
+        newest_force = guess - search_step;
+        newest_offset = offset_at(newest_force);
+        if newest_offset * bracket_offset <= 0.0 {
             break;
         }
-        (other_force, other_offset) = (last_force, last_offset);
+        (bracket_force, bracket_offset) = (newest_force, newest_offset);
         search_step *= 2.0;
     }
     for round in 0..2 * ROUNDS_MAX {
-        if last_offset.abs() <= kernel::STILL || last_offset * other_offset > 0.0 {
+        if newest_offset.abs() <= kernel::STILL || newest_offset * bracket_offset > 0.0 {
             break;
         }
-        let middle_force = 0.5 * (other_force + last_force);
-        let secant_force = last_force - last_offset * ((last_force - other_force) / (last_offset - other_offset));
+        let middle_force = 0.5 * (bracket_force + newest_force);
+        let secant_force =
+            newest_force - newest_offset * ((newest_force - bracket_force) / (newest_offset - bracket_offset));
         let next_force = if round % 3 == 2 { middle_force } else { secant_force };
         let next_offset = offset_at(next_force);
-        if next_offset * last_offset < 0.0 {
-            (other_force, other_offset) = (last_force, last_offset);
+        if next_offset * newest_offset < 0.0 {
+            (bracket_force, bracket_offset) = (newest_force, newest_offset);
         }
-        (last_force, last_offset) = (next_force, next_offset);
+        (newest_force, newest_offset) = (next_force, next_offset);
     }
-    last_force
+    newest_force
 }
 
 impl FreeMotion {
@@ -215,8 +217,8 @@ impl FreeKey {
         // A push that moves the key by a micrometre in one step: small, so that laws keep their slope.
         let test_push = 1e-6 / self.scheme.w[self.struck];
         (0..2 * steps).any(|n| {
-            if n.is_multiple_of(LOOK) {
-                interrupt::spend(STEP_STEPS * LOOK as usize);
+            if n.is_multiple_of(POLL_FRAMES) {
+                interrupt::spend(WORK_PER_STEP * POLL_FRAMES as usize);
             }
             deviation_key.forces(&mut free_motion, n, &mut laws, &mut targets);
             let test_push = if n == 0 { test_push } else { 0.0 };
@@ -237,7 +239,7 @@ impl FreeKey {
 
     /// The ergon's force that brings the struck MAT to x at the next frame [N], once the other forces
     /// are summed; `targets` are the key's own imposed points.
-    pub(crate) fn needed(&self, motion: &FreeMotion, x: f64, targets: &[Target], buffers: &mut Buffers) -> f64 {
+    pub(crate) fn force_to_reach(&self, motion: &FreeMotion, x: f64, targets: &[Target], buffers: &mut Buffers) -> f64 {
         let (scheme, struck_mat, body) = (&*self.scheme, self.struck, &motion.body);
         if scheme.exact.is_empty() {
             return kernel::needed(scheme, body, struck_mat, x);
@@ -301,8 +303,8 @@ impl FreeKey {
             _ => to,
         };
         for frame in n..stop_frame {
-            if (frame - n).is_multiple_of(LOOK) {
-                interrupt::spend(STEP_STEPS * LOOK as usize);
+            if (frame - n).is_multiple_of(POLL_FRAMES) {
+                interrupt::spend(WORK_PER_STEP * POLL_FRAMES as usize);
             }
             self.forces(coast, frame, laws, targets);
             self.strike_and_move(coast, frame, if frame == n { force } else { 0.0 }, targets);
@@ -324,7 +326,7 @@ impl FreeKey {
             return 0.0;
         }
         let (mut f1, mut y1) = (first_guess, self.coast(motion, n, to, first_guess, buffers));
-        if (y1 - y0).abs() <= REACH_MIN * (x - y0).abs() {
+        if (y1 - y0).abs() <= EFFECT_MIN * (x - y0).abs() {
             return 0.0;
         }
         for _ in 0..ROUNDS_MAX {
@@ -332,7 +334,7 @@ impl FreeKey {
                 return if y1 == x { f1 } else { 0.0 };
             }
             let f = f0 + (x - y0) * ((f1 - f0) / (y1 - y0));
-            if self.scheme.linear {
+            if self.scheme.is_linear {
                 return f;
             }
             (f0, y0) = (f1, y1);

@@ -37,7 +37,7 @@ pub(crate) struct VoiceScript {
     /// Gestures by rising start, as indices into the timeline's.
     pub(crate) gestures: Vec<usize>,
     /// Whether the voice adds to another: its path is then a deviation, and the scene's key is not compared with it.
-    pub(crate) layer: bool,
+    pub(crate) is_layer: bool,
     /// Links that join the struck MAT to other parts, each with the MAT at its other end.
     pub(crate) outer_links: Vec<(usize, usize)>,
 }
@@ -145,7 +145,7 @@ impl Voice {
         let is_due = |&i: &usize| (gestures[i].join_from..=gestures[i].last()).contains(&n);
         let i = script.free.struck;
         let key_moves = self.free.body.x[i].abs() + self.free.body.d[i].abs() * script.free.scheme.rate > STILL;
-        !script.layer || key_moves || script.gestures.iter().any(is_due)
+        !script.is_layer || key_moves || script.gestures.iter().any(is_due)
     }
 
     /// The first frame, `n` or later, at which a gesture plays.
@@ -262,7 +262,7 @@ impl Voice {
         let Some(report) = self.report_range(script, scene.reports) else {
             return;
         };
-        if !self.asked.is_nan() && !script.layer {
+        if !self.asked.is_nan() && !script.is_layer {
             let wanted_position = self.asked + scene.layers[script.key];
             let deviation = (scene.body.x[script.struck] - wanted_position).abs();
             report.square += deviation * deviation;

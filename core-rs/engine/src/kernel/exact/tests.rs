@@ -10,7 +10,7 @@ fn spring(k: f64, exponent: f64, beta: f64) -> Contact {
         z: 0.0,
         exponent,
         beta,
-        clamp: false,
+        is_clamped: false,
     }
 }
 
@@ -132,7 +132,7 @@ fn push_with_damping_and_clamp() {
             contact.push(leaving.0, leaving.1, leaving.2) < 0.0,
             "Z pulls at the exit"
         );
-        contact.clamp = true;
+        contact.is_clamped = true;
         assert_eq!(contact.push(leaving.0, leaving.1, leaving.2), 0.0);
     }
 }

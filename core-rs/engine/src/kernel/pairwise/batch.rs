@@ -71,9 +71,12 @@ impl Batch {
         apart(d, pair_ends, [&mut *moved_x, &mut *moved_y, &mut *moved_z]);
         product(directions, [&*moved_x, &*moved_y, &*moved_z], stretch_steps);
         match &run.pairs.link.law {
-            SpaceLaw::Contact { exponent: 1.0, clamp } => linear(
+            SpaceLaw::Contact {
+                exponent: 1.0,
+                is_clamped,
+            } => linear(
                 by,
-                *clamp,
+                *is_clamped,
                 [&*elongations, &*stretch_steps],
                 [&mut *elastic, &mut *pair_forces],
             ),
@@ -220,7 +223,7 @@ wide! {
 
 wide! {
     /// A contact that pushes by K·p + Z·dp/dt: its elastic force and its whole force.
-    fn linear(by: [f64; 2], clamp: bool, of: [&[f64]; 2], into: [&mut [f64]; 2]) {
+    fn linear(by: [f64; 2], is_clamped: bool, of: [&[f64]; 2], into: [&mut [f64]; 2]) {
         let n = of[0].len();
         let ([k, z], [e, step], [elastic, f]) = (by, of, into);
         let (e, step) = (&e[..n], &step[..n]);
@@ -229,7 +232,7 @@ wide! {
             elastic[i] = -k * -e[i];
             f[i] = elastic[i] + z * step[i];
         }
-        if clamp {
+        if is_clamped {
             for f in f {
                 *f = f.min(0.0);
             }

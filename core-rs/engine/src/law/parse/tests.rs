@@ -92,7 +92,7 @@ fn parse_refusals_have_places_and_suggestions() {
             "{text}: {law_error}"
         );
         assert_eq!(law_error.suggestion.as_deref(), suggestion, "{text}: {law_error}");
-        assert_eq!(law_error.which, Which::Law);
+        assert_eq!(law_error.field, LawField::Law);
     }
     let law_error = refusal("d + é·2");
     assert_eq!((law_error.offset, law_error.length), (5, 1), "{law_error}");
@@ -114,7 +114,7 @@ fn parse_bounds_sizes_of_texts() {
 // The names of all operations, so that the loops over runs omit none.
 #[test]
 fn parse_reaches_all_operations() {
-    let parsed_nodes = |text: &str| parse(Which::Law, text, &Constants::new(), &[]).expect(text).nodes;
+    let parsed_nodes = |text: &str| parse(LawField::Law, text, &Constants::new(), &[]).expect(text).nodes;
     for (text, operation) in [("sign(d)", Unary::Sign), ("-d", Unary::Negate)] {
         assert!(parsed_nodes(text).contains(&Node::Unary(operation, 0)));
     }

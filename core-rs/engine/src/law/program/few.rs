@@ -15,7 +15,7 @@ half_wide! {
             let of = |register: usize| registers[register].0;
             registers[FIRST + i].0 = match *step {
                 Step::Constant(_) => continue, // is in place
-                Step::Open(_, value) => [value; FEW],
+                Step::Adjustable(_, value) => [value; FEW],
                 Step::Unary(operation, a) => unary(operation, of(a)),
                 Step::WholePower(exponent, a) => integer_powers(exponent, of(a)),
                 Step::Binary(operation, a, b) => binary(operation, of(a), of(b)),

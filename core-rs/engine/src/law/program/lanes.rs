@@ -27,7 +27,7 @@ pub(super) fn run(steps: &[Step], registers: &mut [Register], n: usize) {
 #[inline(always)]
 fn compute<'r>(step: &Step, out: &mut [f64], value_of: impl Fn(usize) -> &'r [f64]) {
     match *step {
-        Step::Constant(_) | Step::Open(..) => {}
+        Step::Constant(_) | Step::Adjustable(..) => {}
         Step::Unary(operation, a) => unary(operation, out, value_of(a)),
         Step::WholePower(exponent, a) => integer_powers(exponent, out, value_of(a)),
         Step::Binary(operation, a, b) => binary(operation, out, value_of(a), value_of(b)),

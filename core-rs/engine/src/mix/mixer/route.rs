@@ -36,7 +36,7 @@ pub enum RouteError {
     #[error("a group of routes is counted from 0 up to {most}; here {0}", most = GROUPS_MAX - 1)]
     Group(usize),
     /// A gain that is NaN or infinite.
-    #[error("a route's gain is a finite number; here {0}")]
+    #[error("a route's gain must be a finite number; here {0}")]
     Gain(f64),
     /// A filter whose cutoff is not between 0 and half of the rate.
     #[error("{word} {cutoff} Hz must lie above 0 and below half of the rate, {rate} Hz")]
@@ -49,7 +49,7 @@ pub enum RouteError {
         rate: f64,
     },
     /// A shelf without a level.
-    #[error("the level of a {word} is a finite number of decibels; here {level}")]
+    #[error("the level of a {word} must be a finite number of decibels; here {level}")]
     Shelf {
         /// What the filter does.
         word: &'static str,
@@ -69,10 +69,11 @@ pub enum RouteError {
     Delay(usize),
     /// An echo that does not fall, or that comes later than the delay.
     #[error(
-        "an echo comes after 1 frame up to those of the delay, by a ratio between -1 and 1; here {} frames and {}", .0.frames, .0.ratio
+        "an echo must come after 1 frame at least and the route's delay at most, with a ratio between -1 and 1; \
+         here {} frames and {}", .0.frames, .0.ratio
     )]
     Echo(Echo),
-    /// The number of frozen outputs differs from the number of outputs that they are added to.
+    /// The number of frozen outputs differs from the number of outputs that they replace.
     #[error("{frozen} frozen outputs cannot replace {outputs} outputs; the numbers must be equal")]
     Frozen {
         /// Number of frozen outputs.
@@ -82,7 +83,7 @@ pub enum RouteError {
     },
     /// A room that cannot be built.
     #[error(transparent)]
-    Spec(#[from] RoomError),
+    InvalidRoom(#[from] RoomError),
 }
 
 /// Where a route leads.
@@ -176,15 +177,15 @@ impl Route {
         })
     }
 
-    /// Whether it does the same, by whatever values, as the route `before` of an old mixer, whose output is now `out`.
+    /// Whether it does the same, by whatever values, as `old_route` of an old mixer, whose output is now `out`.
     pub(super) fn is_like(&self, old_route: &Self, out: Option<usize>) -> bool {
         (out, old_route.to, old_route.group) == (Some(self.out), self.to, self.group)
             && self.is_squared == old_route.is_squared
             && self.delay.is_some() == old_route.delay.is_some()
-            && self.pairs(old_route, Filter::is_of_kind)
+            && self.filters_match(old_route, Filter::is_of_kind)
     }
 
-    /// Whether it continues the route `before` without a step: only gains differ.
+    /// Whether it continues `old_route` without a step: only gains differ.
     pub(super) fn continues(&self, old_route: &Self, out: Option<usize>) -> bool {
         let delay_and_echo = |route: &Self| {
             let delay = route.delay.as_ref();
@@ -192,11 +193,11 @@ impl Route {
         };
         self.is_like(old_route, out)
             && delay_and_echo(self) == delay_and_echo(old_route)
-            && self.pairs(old_route, Filter::continues)
+            && self.filters_match(old_route, Filter::continues)
     }
 
     /// Whether the filters of both are as many, and `agree` one by one.
-    fn pairs(&self, other_route: &Self, agree: impl Fn(&Filter, &Filter) -> bool) -> bool {
+    fn filters_match(&self, other_route: &Self, agree: impl Fn(&Filter, &Filter) -> bool) -> bool {
         let mut filter_pairs = self.filters.iter().zip(&other_route.filters);
         self.filters.len() == other_route.filters.len() && filter_pairs.all(|(own, old)| agree(own, old))
     }
@@ -207,11 +208,11 @@ impl Route {
     }
 
     /// Continue with the state of filters and delay of a route that is like it. Allocates nothing.
-    pub(super) fn take_over(&mut self, before: &Self) {
-        let filter_pairs = self.filters.iter_mut().zip(&before.filters);
+    pub(super) fn take_over(&mut self, old_route: &Self) {
+        let filter_pairs = self.filters.iter_mut().zip(&old_route.filters);
         filter_pairs.for_each(|(own, old)| own.take_over(old));
-        if let (Some(delay), Some(before)) = (&mut self.delay, &before.delay) {
-            delay.take_over(before);
+        if let (Some(delay), Some(old_delay)) = (&mut self.delay, &old_route.delay) {
+            delay.take_over(old_delay);
         }
     }
 
@@ -237,9 +238,9 @@ impl Route {
     }
 
     /// Whether its filters hear the same as those of another route, and are in the same state.
-    pub(super) fn hears_as(&self, other: &Self) -> bool {
+    pub(super) fn has_same_input_as(&self, other: &Self) -> bool {
         (self.out, self.is_squared) == (other.out, other.is_squared)
-            && self.pairs(other, |filter, other| {
+            && self.filters_match(other, |filter, other| {
                 filter.continues(other) && filter.is_in_state_of(other)
             })
     }
@@ -261,9 +262,9 @@ impl Route {
     }
 
     /// Put its filters into the state of those of a route that has heard the same.
-    pub(super) fn repeat(&mut self, before: &Self) {
-        let filter_pairs = self.filters.iter_mut().zip(&before.filters);
-        filter_pairs.for_each(|(filter, before)| filter.take_over(before));
+    pub(super) fn repeat(&mut self, leader: &Self) {
+        let filter_pairs = self.filters.iter_mut().zip(&leader.filters);
+        filter_pairs.for_each(|(filter, leader_filter)| filter.take_over(leader_filter));
     }
 
     /// Add a filtered signal to the route's target; `first` is the first frame in the piece, `gains` are those of its

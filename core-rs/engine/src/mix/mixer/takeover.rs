@@ -68,7 +68,7 @@ impl Mixer {
         for route_index in 1..self.routes.len() {
             let (earlier, later_routes) = self.routes.split_at_mut(route_index);
             if let (Some(before), Some(next_route)) = (earlier.last(), later_routes.first_mut()) {
-                next_route.repeats = next_route.hears_as(before);
+                next_route.repeats = next_route.has_same_input_as(before);
             }
         }
         let new_gain = self.fade.as_ref().map_or(1.0, |fade| fade.value(old.frame));

@@ -22,10 +22,10 @@ pub struct Facets {
     /// Lowest and highest corner of the region in which points are detected, width of a cell [m], and number of cells
     /// along each axis.
     bounds: [Vector; 2],
-    wide: f64,
+    cell_width: f64,
     counts: [usize; AXES_MAX],
     /// Index in `members` at which the triangles of each cell begin   (n_cells + 1)
-    begins: Vec<u32>,
+    cell_starts: Vec<u32>,
     members: Vec<u32>,
 }
 
@@ -40,7 +40,7 @@ impl Facets {
     /// A sentence, if a number is out of range or no triangle has an area.
     pub fn new(corners: &[Vector], triangles: &[[u32; 3]], reach: f64) -> Result<Self, &'static str> {
         if !corners.iter().flatten().all(|x| x.is_finite()) {
-            return Err("the corners of its surface are finite numbers");
+            return Err("the corners of its surface must be finite numbers");
         }
         if !(reach > 0.0 && reach.is_finite()) {
             return Err("points that touch a surface need a gap above 0: the distance at which they touch");
@@ -66,9 +66,9 @@ impl Facets {
             triangles: valid_triangles,
             reach,
             bounds: [[0.0; AXES_MAX]; 2],
-            wide: 0.0,
+            cell_width: 0.0,
             counts: [0; AXES_MAX],
-            begins: Vec::new(),
+            cell_starts: Vec::new(),
             members: Vec::new(),
         };
         surface.divide();
@@ -87,7 +87,7 @@ impl Facets {
 
     /// Average number of triangles near a place that may touch the surface.
     pub(crate) fn crowding(&self) -> f64 {
-        let filled_cells = self.begins.windows(2).filter(|pair| pair[0] < pair[1]).count();
+        let filled_cells = self.cell_starts.windows(2).filter(|pair| pair[0] < pair[1]).count();
         self.members.len() as f64 / filled_cells.max(1) as f64
     }
 
@@ -116,13 +116,13 @@ impl Facets {
     fn around(&self, place: Vector) -> &[u32] {
         let mut cell_index = 0;
         for axis in (0..AXES_MAX).rev() {
-            let axis_cell = ((place[axis] - self.bounds[0][axis]) / self.wide).floor();
+            let axis_cell = ((place[axis] - self.bounds[0][axis]) / self.cell_width).floor();
             if !(axis_cell >= 0.0 && axis_cell < self.counts[axis] as f64) {
                 return &[];
             }
             cell_index = cell_index * self.counts[axis] + axis_cell as usize;
         }
-        let member_range = self.begins[cell_index] as usize..self.begins[cell_index + 1] as usize;
+        let member_range = self.cell_starts[cell_index] as usize..self.cell_starts[cell_index + 1] as usize;
         &self.members[member_range]
     }
 
@@ -136,9 +136,9 @@ impl Facets {
             }
         }
         self.bounds = [lower_bound, upper_bound];
-        self.wide = self.reach;
+        self.cell_width = self.reach;
         loop {
-            let cells_along = |axis: usize| ((upper_bound[axis] - lower_bound[axis]) / self.wide).floor() + 1.0;
+            let cells_along = |axis: usize| ((upper_bound[axis] - lower_bound[axis]) / self.cell_width).floor() + 1.0;
             let axis_counts: Vector = std::array::from_fn(cells_along);
             if axis_counts.iter().product::<f64>() <= CELLS_MAX as f64 {
                 self.counts = axis_counts.map(|count| count as usize);
@@ -148,26 +148,26 @@ impl Facets {
                     break;
                 }
             }
-            self.wide *= WIDENING;
+            self.cell_width *= WIDENING;
         }
         let cell_total = self.counts.iter().product::<usize>();
-        let mut cell_begins = vec![0_u32; cell_total + 1];
-        self.each_member(|cell, _| cell_begins[cell + 1] += 1);
+        let mut cell_starts = vec![0_u32; cell_total + 1];
+        self.each_member(|cell, _| cell_starts[cell + 1] += 1);
         for cell in 0..cell_total {
-            cell_begins[cell + 1] += cell_begins[cell];
+            cell_starts[cell + 1] += cell_starts[cell];
         }
-        let mut members = vec![0; cell_begins[cell_total] as usize];
-        let mut next_member = cell_begins.clone();
+        let mut members = vec![0; cell_starts[cell_total] as usize];
+        let mut next_member = cell_starts.clone();
         self.each_member(|cell, triangle| {
             members[next_member[cell] as usize] = triangle;
             next_member[cell] += 1;
         });
-        (self.begins, self.members) = (cell_begins, members);
+        (self.cell_starts, self.members) = (cell_starts, members);
     }
 
-    /// Call `each` with the number of each cell and of each triangle that may be touched from it.
+    /// Call `visit` with the number of each cell and of each triangle that may be touched from it.
     fn each_member(&self, mut visit: impl FnMut(usize, u32)) {
-        let half_width = 0.5 * self.wide;
+        let half_width = 0.5 * self.cell_width;
         // From the middle of a cell to its corner, plus the reach, with a small margin.
         let cell_reach = (self.reach + half_width * 3.0_f64.sqrt()) * (1.0 + 1e-9);
         for (number, triangle) in self.triangles.iter().enumerate() {
@@ -177,7 +177,7 @@ impl Facets {
                     for x in cells_across.clone() {
                         let cell_indices = [x, y, z];
                         let cell_middle: Vector = std::array::from_fn(|axis| {
-                            self.bounds[0][axis] + self.wide * cell_indices[axis] as f64 + half_width
+                            self.bounds[0][axis] + self.cell_width * cell_indices[axis] as f64 + half_width
                         });
                         let middle_offset = difference(cell_middle, nearest(triangle, cell_middle));
                         // A triangle so thin that the distance is NaN is kept.
@@ -199,7 +199,7 @@ impl Facets {
             let [least_place, greatest_place] = [corner_places.into_iter().fold(f64::INFINITY, f64::min), {
                 corner_places.into_iter().fold(f64::NEG_INFINITY, f64::max)
             }];
-            let clamped_cell = |x: f64| ((x - self.bounds[0][axis]) / self.wide).floor().max(0.0) as usize;
+            let clamped_cell = |x: f64| ((x - self.bounds[0][axis]) / self.cell_width).floor().max(0.0) as usize;
             let last_cell = self.counts[axis] - 1;
             clamped_cell(least_place - self.reach).min(last_cell)
                 ..clamped_cell(greatest_place + self.reach).min(last_cell) + 1
@@ -226,7 +226,7 @@ fn nearest([a, b, c]: &[Vector; 3], place: Vector) -> Vector {
     }
     let towards_c = d1 * d4 - d3 * d2;
     if towards_c <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
-        return beside(*a, d1 / (d1 - d3), ab);
+        return point_along(*a, d1 / (d1 - d3), ab);
     }
     let from_c = difference(place, *c);
     let (d5, d6) = (dot(ab, from_c), dot(ac, from_c));
@@ -235,19 +235,19 @@ fn nearest([a, b, c]: &[Vector; 3], place: Vector) -> Vector {
     }
     let towards_b = d5 * d2 - d1 * d6;
     if towards_b <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
-        return beside(*a, d2 / (d2 - d6), ac);
+        return point_along(*a, d2 / (d2 - d6), ac);
     }
     let towards_a = d3 * d6 - d5 * d4;
     if towards_a <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0 {
         let edge_share = (d4 - d3) / ((d4 - d3) + (d5 - d6));
-        return beside(*b, edge_share, difference(*c, *b));
+        return point_along(*b, edge_share, difference(*c, *b));
     }
     let normaliser = 1.0 / (towards_a + towards_b + towards_c);
     let (v, w) = (towards_b * normaliser, towards_c * normaliser);
     std::array::from_fn(|axis| a[axis] + ab[axis] * v + ac[axis] * w)
 }
 
-fn beside(from: Vector, share: f64, direction: Vector) -> Vector {
+fn point_along(from: Vector, share: f64, direction: Vector) -> Vector {
     std::array::from_fn(|axis| from[axis] + share * direction[axis])
 }
 
@@ -352,6 +352,6 @@ mod tests {
         // A very large surface with a very small gap.
         let wide_corners = [[-1e6, -1e6, -1e6], [1e6, 1e6, 1e6], [1e6, -1e6, 1e6]];
         let wide_facets = Facets::new(&wide_corners, &[[0, 1, 2]], 1e-9).unwrap();
-        assert!(wide_facets.begins.len() <= CELLS_MAX + 1);
+        assert!(wide_facets.cell_starts.len() <= CELLS_MAX + 1);
     }
 }

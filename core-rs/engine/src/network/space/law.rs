@@ -29,7 +29,7 @@ pub enum SpaceLaw {
         /// Exponent of the depth, 1 or more.
         exponent: f64,
         /// Whether a force that would pull is set to 0.
-        clamp: bool,
+        is_clamped: bool,
     },
     /// A contact that sticks: beside its push it pulls by K·sink. Beyond touching, the pull falls to 0 over the
     /// distance `reach`. `rest` is the distance at which it lets go.
@@ -37,7 +37,7 @@ pub enum SpaceLaw {
         /// Exponent of the depth, 1 or more.
         exponent: f64,
         /// Whether damping cannot raise the pull above K·sink.
-        clamp: bool,
+        is_clamped: bool,
         /// Its pull divided by K [m^exponent]; for an exponent of 1 this is the depth at which it rests.
         sink: f64,
         /// Distance beyond touching up to which it pulls [m].
@@ -167,10 +167,12 @@ impl SpaceLaw {
     pub(crate) fn damped(&self, [k, e]: [f64; 2], elastic: f64, damping: f64) -> f64 {
         let total_pull = elastic + damping;
         match self {
-            Self::Contact { clamp: true, .. } => total_pull.min(0.0),
+            Self::Contact { is_clamped: true, .. } => total_pull.min(0.0),
             // Beyond touching, it pulls without damping.
             Self::Cohesive { reach, .. } if e + reach >= 0.0 => elastic,
-            Self::Cohesive { clamp: true, sink, .. } => total_pull.min(k * sink),
+            Self::Cohesive {
+                is_clamped: true, sink, ..
+            } => total_pull.min(k * sink),
             _ => total_pull,
         }
     }

@@ -48,10 +48,10 @@ pub(in crate::plan) trait ModalBody {
     fn frequency(&self, mode: usize) -> f64;
     /// Whether anything moves or is displaced at t = 0.
     fn is_moving(&self) -> bool;
-    /// The loudest modes; the others together stay below `allowed` [dB].
-    fn loudest(&self, allowed: Option<f64>) -> KeptModes;
-    /// A bank of some of the modes, heard by outputs.
-    fn bank(&self, some: &[usize], outputs: &[u32]) -> BankPlan;
+    /// The loudest modes; the others together stay below `left_out_level_max` [dB].
+    fn loudest(&self, left_out_level_max: Option<f64>) -> KeptModes;
+    /// A bank of chosen modes, heard by outputs.
+    fn bank(&self, chosen_modes: &[usize], outputs: &[u32]) -> BankPlan;
 }
 
 /// Chooses the modes that are kept.

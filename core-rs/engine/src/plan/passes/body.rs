@@ -27,10 +27,10 @@ pub(in crate::plan) fn bank(
     let is_handled = !timeline.keys.is_empty() || !timeline.drives.is_empty();
     let is_led = !timeline.glides.is_empty() || !timeline.leads.is_empty();
     if is_handled || !timeline.ergons.is_empty() || is_led {
-        return Err(NoModes::Handled);
+        return Err(NoModes::Driven);
     }
     if !timeline.gates.is_empty() {
-        return Err(NoModes::Coupled);
+        return Err(NoModes::Gated);
     }
     let first_part = subset.network.mats().part.first().map(|&part| part as usize);
     let is_discrete = first_part.is_some_and(|part| subset.network.parts()[part].ca_rate.is_some());
@@ -54,7 +54,10 @@ fn normal(
     memo: &Memo<'_>,
 ) -> Result<Body, NoModes> {
     let (network, rate) = (&subset.network, timeline.rate);
-    let OutputSums { mut rows, held } = output_sums(network)?;
+    let OutputSums {
+        mut rows,
+        constant_parts,
+    } = output_sums(network)?;
     let n_outputs = rows.len();
     rows.extend(strikes.keys().map(|&mat| vec![(mat as usize, 1.0)]));
     let mut body_modes = memo.modes(network, &rows, rate)?;
@@ -73,8 +76,8 @@ fn normal(
     let (output_shapes, struck_shapes) = body_modes.shapes.split_at(n_outputs);
     let normal_modes = Normal {
         modes: &body_modes,
-        seen: output_shapes,
-        struck_modes: struck_shapes,
+        output_shapes,
+        struck_shapes,
         strikes,
         budget,
         rate,
@@ -94,7 +97,7 @@ fn normal(
                 .zip(&body_modes.rest)
                 .map(|(a, b)| a * b)
                 .sum();
-            modal_rest + held[output]
+            modal_rest + constant_parts[output]
         })
         .collect();
     Ok(Body {
@@ -113,9 +116,9 @@ fn normal(
 struct Normal<'a> {
     modes: &'a Modes,
     /// (n_out, n_modes)
-    seen: &'a [Vec<f64>],
+    output_shapes: &'a [Vec<f64>],
     /// (n_struck, n_modes)
-    struck_modes: &'a [Vec<f64>],
+    struck_shapes: &'a [Vec<f64>],
     strikes: &'a Blows,
     budget: &'a Budget,
     rate: Rate,
@@ -136,10 +139,11 @@ impl ModalBody for Normal<'_> {
     }
 
     fn loudest(&self, left_out_level_max: Option<f64>) -> KeptModes {
-        let (seen_shapes, struck_shapes, impulse_rows) = (self.seen, self.struck_modes, impulses(self.strikes));
+        let (output_shapes, struck_shapes, impulse_rows) =
+            (self.output_shapes, self.struck_shapes, impulses(self.strikes));
         truncate::keep(
             self.modes,
-            seen_shapes,
+            output_shapes,
             struck_shapes,
             &impulse_rows,
             left_out_level_max,
@@ -149,7 +153,7 @@ impl ModalBody for Normal<'_> {
     }
 
     fn bank(&self, chosen_modes: &[usize], outputs: &[u32]) -> BankPlan {
-        let output_and_struck_shapes = [self.seen, self.struck_modes];
+        let output_and_struck_shapes = [self.output_shapes, self.struck_shapes];
         bank_of(
             self.modes,
             chosen_modes,
@@ -234,7 +238,7 @@ pub(in crate::plan) struct OutputSums {
     /// Positions, by output.
     pub(in crate::plan) rows: Vec<Row>,
     /// The constant part of each output, from points that never move.
-    pub(in crate::plan) held: Vec<f64>,
+    pub(in crate::plan) constant_parts: Vec<f64>,
 }
 
 /// What each output of a body sums; refused if one hears a force.
@@ -250,7 +254,7 @@ pub(in crate::plan) fn output_sums(network: &Network) -> Result<OutputSums, NoMo
 /// The same, with forces of undamped springs as sums of positions; refused if an output hears another force.
 pub(in crate::plan) fn position_sums(network: &Network) -> Result<OutputSums, NoModes> {
     let mats = network.mats();
-    let (mut rows, mut held) = (Vec::new(), Vec::new());
+    let (mut rows, mut constant_parts) = (Vec::new(), Vec::new());
     for output in network.outputs() {
         let (mut output_row, mut static_sum) = (Row::new(), 0.0);
         let mut add_mat = |mat: usize, weight: f64| {
@@ -279,7 +283,7 @@ pub(in crate::plan) fn position_sums(network: &Network) -> Result<OutputSums, No
             }
         }
         rows.push(output_row);
-        held.push(static_sum + rest_forces);
+        constant_parts.push(static_sum + rest_forces);
     }
-    Ok(OutputSums { rows, held })
+    Ok(OutputSums { rows, constant_parts })
 }

@@ -167,13 +167,13 @@ fn parts_of(modes: &ComplexModes, mode: usize, rate: Rate) -> Vec<Part> {
 /// The parts of some modes that outputs see.
 pub(in crate::plan) fn parts(modes: &ComplexModes, some: &[usize], rate: Rate) -> Vec<Part> {
     let all_parts = some.iter().flat_map(|&mode| parts_of(modes, mode, rate));
-    let is_part_seen = |own: &Part| modes.seen.iter().any(|row| row[own.mode][own.part] != 0.0);
+    let is_part_seen = |own: &Part| modes.output_shapes.iter().any(|row| row[own.mode][own.part] != 0.0);
     all_parts.filter(is_part_seen).collect()
 }
 
 /// The response of a part to an impulse at a point.
 pub(in crate::plan) fn response(modes: &ComplexModes, part: &Part, point: usize) -> Response {
-    let mode_gain = modes.struck_modes[point][part.mode];
+    let mode_gain = modes.struck_shapes[point][part.mode];
     match modes.poles[part.mode] {
         // Im z = Re(−i·z).
         Pole::Pair { decay, omega } => Response::Pair {
@@ -244,7 +244,7 @@ impl ModalBody for Complex<'_> {
         let squared_norm = |[re, im]: [f64; 2]| re * re + im * im;
         let mode_energy = |mode: usize| {
             let blow_energies = body_modes
-                .struck_modes
+                .struck_shapes
                 .iter()
                 .zip(&impulse_rows)
                 .flat_map(|(felt, impulse_rows)| impulse_rows.iter().map(|p| p * p * squared_norm(felt[mode])));
@@ -259,7 +259,7 @@ impl ModalBody for Complex<'_> {
         };
         let energies: Vec<f64> = (0..body_modes.len()).map(mode_energy).collect();
         let row_norms = |row: &Vec<[f64; 2]>| row.iter().map(|&c| squared_norm(c).sqrt()).collect();
-        let seen_rows: Vec<Vec<f64>> = body_modes.seen.iter().map(row_norms).collect();
+        let seen_rows: Vec<Vec<f64>> = body_modes.output_shapes.iter().map(row_norms).collect();
         let seen_rows: Vec<&[f64]> = seen_rows.iter().map(Vec::as_slice).collect();
         let frequency = |mode: usize| body_modes.pitch(mode).0;
         let mut loudest = truncate::choose(&[energies], &seen_rows, allowed, self.budget, frequency);
@@ -277,7 +277,7 @@ impl ModalBody for Complex<'_> {
         let all_parts = parts(body_modes, some, self.rate);
         for part in &all_parts {
             let mut weights = Vec::new();
-            for (row, &output) in body_modes.seen.iter().zip(outputs) {
+            for (row, &output) in body_modes.output_shapes.iter().zip(outputs) {
                 add_weight(&mut weights, output, part.sign * row[part.mode][part.part]);
             }
             let (a, b) = part.recurrence;

@@ -56,9 +56,9 @@ pub(in crate::plan) struct ComplexModes {
     pub(in crate::plan) start: Vec<Complex>,
     /// What each output sees of each mode: the real part of the product with the mode's number; for a free mode,
     /// position and velocity each with their own factor   (n_out, n_modes)
-    pub(in crate::plan) seen: Vec<Vec<Complex>>,
+    pub(in crate::plan) output_shapes: Vec<Vec<Complex>>,
     /// What 1 N·s at each struck point adds to each mode   (n_struck, n_modes)
-    pub(in crate::plan) struck_modes: Vec<Vec<Complex>>,
+    pub(in crate::plan) struck_shapes: Vec<Vec<Complex>>,
     /// What each output hears when the body is at rest   (n_out)
     pub(in crate::plan) rest: Vec<f64>,
 }
@@ -97,8 +97,8 @@ impl ComplexModes {
     ) -> Result<Self, NoModes> {
         let coordinates = Coordinates::new(network, outputs, struck, rate)?;
         let mut complex_modes = Self {
-            seen: vec![Vec::new(); outputs.len()],
-            struck_modes: vec![Vec::new(); struck.len()],
+            output_shapes: vec![Vec::new(); outputs.len()],
+            struck_shapes: vec![Vec::new(); struck.len()],
             rest: coordinates.rests(),
             ..Self::default()
         };
@@ -152,7 +152,7 @@ impl ComplexModes {
         }
         self.poles = sorted(&self.poles, &mode_order);
         self.start = sorted(&self.start, &mode_order);
-        for row in self.seen.iter_mut().chain(&mut self.struck_modes) {
+        for row in self.output_shapes.iter_mut().chain(&mut self.struck_shapes) {
             *row = sorted(row, &mode_order);
         }
     }
@@ -175,10 +175,10 @@ impl ComplexModes {
     ) {
         self.poles.push(pole);
         self.start.push(start);
-        for (output, row) in self.seen.iter_mut().enumerate() {
+        for (output, row) in self.output_shapes.iter_mut().enumerate() {
             row.push(seen(output));
         }
-        for (point, row) in self.struck_modes.iter_mut().enumerate() {
+        for (point, row) in self.struck_shapes.iter_mut().enumerate() {
             row.push(excitation(point));
         }
     }
@@ -198,7 +198,7 @@ impl Coordinates {
             });
         }
         if is_damped && free_count > DAMPED_MASSES_MAX {
-            return Err(NoModes::Large);
+            return Err(NoModes::TooLarge);
         }
         let mats = network.mats();
         let slot_of_mat = |mat: usize| linear_body.free.binary_search(&mat).ok();
@@ -206,7 +206,7 @@ impl Coordinates {
             let mut sum = vec![0.0; free_count];
             for &(mat, weight) in row {
                 if let Some(local) = slot_of_mat(mat) {
-                    sum[local] += weight / linear_body.root[local];
+                    sum[local] += weight / linear_body.sqrt_masses[local];
                 }
             }
             sum
@@ -218,16 +218,18 @@ impl Coordinates {
             let free_mats = linear_body.free.iter().enumerate();
             free_mats.map(|(local, &mat)| value_of(local, mat)).collect()
         };
-        rows.push(weighted(&|local, mat| linear_body.root[local] * mats.x0[mat]));
-        rows.push(weighted(&|local, mat| linear_body.root[local] * mats.v0[mat]));
-        rows.push(weighted(&|local, _| linear_body.force[local] / linear_body.root[local]));
+        rows.push(weighted(&|local, mat| linear_body.sqrt_masses[local] * mats.x0[mat]));
+        rows.push(weighted(&|local, mat| linear_body.sqrt_masses[local] * mats.v0[mat]));
+        rows.push(weighted(&|local, _| {
+            linear_body.force[local] / linear_body.sqrt_masses[local]
+        }));
         let first_damper = rows.len();
         if is_damped {
             rows.extend(
                 linear_body
                     .dampers
                     .iter()
-                    .map(|damper| damper_row(damper, &linear_body.root)),
+                    .map(|damper| damper_row(damper, &linear_body.sqrt_masses)),
             );
         }
         let (mut lambda, mut rows) = all_eigenvalues(linear_body.stiffness, &rows).ok_or(NoModes::NotFinite)?;
@@ -277,11 +279,11 @@ impl Coordinates {
 }
 
 /// The row of a damper, times the root of its |Z|: C is the sum of sign·row·rowᵀ.
-fn damper_row(damper: &Damper, root: &[f64]) -> Vec<f64> {
-    let mut weighted_row = vec![0.0; root.len()];
+fn damper_row(damper: &Damper, sqrt_masses: &[f64]) -> Vec<f64> {
+    let mut weighted_row = vec![0.0; sqrt_masses.len()];
     for (end, sign) in damper.ends.iter().zip([1.0, -1.0]) {
         if let Some(free_slot) = *end {
-            weighted_row[free_slot] += sign * damper.z.abs().sqrt() / root[free_slot];
+            weighted_row[free_slot] += sign * damper.z.abs().sqrt() / sqrt_masses[free_slot];
         }
     }
     weighted_row

@@ -9,22 +9,22 @@ use crate::units::Rate;
 /// Why a body has no modes here.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum NoModes {
-    /// A link is a contact or has a law.
+    /// It has a contact, a law, a proxy, or a mass that follows.
     NotLinear,
-    /// A link acts only for a time.
-    Coupled,
+    /// A coupling opens and closes in it.
+    Gated,
     /// Its parts have different reference rates, or one that is not that of the scene.
     OtherRate,
     /// Its damping is not proportional to stiffness and mass: it would couple the modes.
     Damping,
     /// More than `MODAL_MASSES_MAX`.
-    Large,
+    TooLarge,
     /// A number in it is not finite.
     NotFinite,
     /// A mode is so slow that rounding would change its pitch.
     Slow,
     /// A hand, a path, or an ergon of a given mass and speed acts on it.
-    Handled,
+    Driven,
     /// An output hears a force inside it.
     ForceHeard,
     /// One of its modes grows.
@@ -36,52 +36,54 @@ pub(crate) enum NoModes {
     /// Rounding in its eigenvalue problem would be heard.
     Inexact,
     /// A constant force acts on its masses.
-    Weight,
+    HasWeight,
     /// Other modules touch so many of its points that complex modes would cost more than stepping it.
-    Ports,
+    TooManyPorts,
 }
 
 impl NoModes {
     const ALL: [Self; 15] = [
         Self::NotLinear,
-        Self::Coupled,
+        Self::Gated,
         Self::OtherRate,
         Self::Damping,
-        Self::Large,
+        Self::TooLarge,
         Self::NotFinite,
         Self::Slow,
-        Self::Handled,
+        Self::Driven,
         Self::ForceHeard,
         Self::Diverges,
         Self::Pinned,
         Self::Stiff,
         Self::Inexact,
-        Self::Weight,
-        Self::Ports,
+        Self::HasWeight,
+        Self::TooManyPorts,
     ];
 
     /// The reason with this text; `None` if there is none.
     pub(crate) fn from_text(text: &str) -> Option<Self> {
-        Self::ALL.iter().find(|reason| reason.why() == text).cloned()
+        Self::ALL.iter().find(|reason| reason.as_str() == text).cloned()
     }
 
     /// The reason as text, as a plan reports it.
-    pub(crate) fn why(&self) -> &'static str {
+    pub(crate) fn as_str(&self) -> &'static str {
         match self {
-            Self::NotLinear => "it is not linear",
-            Self::Coupled => "a coupling opens and closes in it",
+            Self::NotLinear => "it has a contact, a law, a proxy or a mass that follows",
+            Self::Gated => "a coupling opens and closes in it",
             Self::OtherRate => "`units: ca` gives its numbers for another rate",
             Self::Damping => "its damping is not proportional to stiffness and mass",
-            Self::Large => "it has too many masses for a complete eigenvalue computation",
+            Self::TooLarge => "it has too many masses for a complete eigenvalue computation",
             Self::NotFinite => "a number in it is not finite",
             Self::Slow => "the frequency of one of its modes is too low to be computed exactly",
-            Self::Handled => "a hand, a path or an ergon of its own mass and speed acts on it",
+            Self::Driven => "a hand, a path or an ergon of its own mass and speed acts on it",
             Self::Diverges => "one of its modes grows",
             Self::Pinned => "the given plan selects other modes",
             Self::Stiff => "a link to its body is too stiff for modes that receive its force once a frame",
             Self::Inexact => "its damping is too strong for its modes to be computed exactly",
-            Self::Ports => "other modules touch so many of its points that modes would cost more than time steps",
-            Self::Weight => "gravity acts on it",
+            Self::TooManyPorts => {
+                "other modules touch so many of its points that modes would cost more than time steps"
+            }
+            Self::HasWeight => "gravity acts on it",
             Self::ForceHeard => "an output listens to a force inside it",
         }
     }
@@ -92,7 +94,7 @@ pub(crate) struct Linear {
     /// MATs that move, by their index in the network   (n)
     pub(crate) free: Vec<usize>,
     /// √M   (n)
-    pub(crate) root: Vec<f64>,
+    pub(crate) sqrt_masses: Vec<f64>,
     /// M^-½ K M^-½ (n, n)
     pub(crate) stiffness: Vec<f64>,
     /// Force on each if all are at x = 0 [N]   (n)
@@ -123,16 +125,16 @@ impl Linear {
         let free: Vec<usize> = (0..network.n_mat()).filter(|&i| mats.kind[i].moves()).collect();
         let is_discrete = is_discrete_reference(network, &free, rate)?;
         if free.len() > MODAL_MASSES_MAX {
-            return Err(NoModes::Large);
+            return Err(NoModes::TooLarge);
         }
         if free.iter().any(|&mat| mats.weight_of(mat) != 0.0) {
-            return Err(NoModes::Weight);
+            return Err(NoModes::HasWeight);
         }
         if !network.proxies().is_empty() || network.follows() {
             return Err(NoModes::NotLinear);
         }
         let free_count = free.len();
-        let root: Vec<f64> = free.iter().map(|&i| mats.m[i].sqrt()).collect();
+        let sqrt_masses: Vec<f64> = free.iter().map(|&i| mats.m[i].sqrt()).collect();
         let (mut damping, mut dampers) = (Damping::default(), Vec::new());
         let mut proportion = Ok(());
         let (mut stiffness, mut force) = (vec![0.0; free_count * free_count], vec![0.0; free_count]);
@@ -153,7 +155,7 @@ impl Linear {
                 }
                 for (slot, sign) in [(first_slot, 1.0), (second_slot, -1.0)] {
                     let Some(slot) = slot else { continue };
-                    stiffness[slot * free_count + slot] += run.k / (root[slot] * root[slot]);
+                    stiffness[slot * free_count + slot] += run.k / (sqrt_masses[slot] * sqrt_masses[slot]);
                     let fixed_position = |end: usize, other: Option<usize>| match other {
                         Some(_) => 0.0,
                         None => mats.x0[end],
@@ -163,8 +165,8 @@ impl Linear {
                         * (fixed_position(second_end, second_slot) - fixed_position(first_end, first_slot) - run.rest);
                 }
                 if let (Some(row), Some(column)) = (first_slot, second_slot) {
-                    stiffness[row * free_count + column] -= run.k / (root[row] * root[column]);
-                    stiffness[column * free_count + row] -= run.k / (root[row] * root[column]);
+                    stiffness[row * free_count + column] -= run.k / (sqrt_masses[row] * sqrt_masses[column]);
+                    stiffness[column * free_count + row] -= run.k / (sqrt_masses[row] * sqrt_masses[column]);
                 }
             }
         }
@@ -184,14 +186,14 @@ impl Linear {
         let proportional = proportion.ok();
         let viscosity = match proportional {
             Some(()) => None,
-            None => Viscosity::new(network, &free, &root).filter(|viscosity| viscosity.shares_modes(&stiffness)),
+            None => Viscosity::new(network, &free, &sqrt_masses).filter(|viscosity| viscosity.shares_modes(&stiffness)),
         };
         Ok(Self {
             proportion: proportional.map(|()| [damping.alpha.unwrap_or(0.0), damping.beta.unwrap_or(0.0)]),
             dampers,
             viscosity,
             free,
-            root,
+            sqrt_masses,
             stiffness,
             force,
             is_discrete,

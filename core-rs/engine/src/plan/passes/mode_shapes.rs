@@ -85,7 +85,7 @@ impl ModeShapes {
         if parts.iter().any(|own| own.mode >= body_modes.len()) {
             return None;
         }
-        let part_share = |own: &ComplexPart, mat: usize| own.sign * body_modes.seen[mat][own.mode][own.part];
+        let part_share = |own: &ComplexPart, mat: usize| own.sign * body_modes.output_shapes[mat][own.mode][own.part];
         let mat_indices = 0..mats.len();
         let shapes = parts
             .iter()

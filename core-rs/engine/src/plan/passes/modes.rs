@@ -43,7 +43,7 @@ impl Modes {
             let mut weighted_row = vec![0.0; free_count];
             for &(mat, weight) in row {
                 if let Some(free_slot) = slot_of_mat(mat) {
-                    weighted_row[free_slot] += weight / linear_body.root[free_slot];
+                    weighted_row[free_slot] += weight / linear_body.sqrt_masses[free_slot];
                 }
             }
             row_table.push(weighted_row);
@@ -56,10 +56,14 @@ impl Modes {
                 .map(|(free_slot, &i)| value_of(free_slot, i))
                 .collect()
         };
-        row_table.push(weighted(&|free_slot, i| linear_body.root[free_slot] * mats.x0[i]));
-        row_table.push(weighted(&|free_slot, i| linear_body.root[free_slot] * mats.v0[i]));
+        row_table.push(weighted(&|free_slot, i| {
+            linear_body.sqrt_masses[free_slot] * mats.x0[i]
+        }));
+        row_table.push(weighted(&|free_slot, i| {
+            linear_body.sqrt_masses[free_slot] * mats.v0[i]
+        }));
         row_table.push(weighted(&|free_slot, _| {
-            linear_body.force[free_slot] / linear_body.root[free_slot]
+            linear_body.force[free_slot] / linear_body.sqrt_masses[free_slot]
         }));
         if let Some(viscosity) = &linear_body.viscosity {
             let probes: Vec<Vec<f64>> = (0..PROBE_VECTORS).map(|which| probe(free_count, which)).collect();

@@ -223,7 +223,7 @@ fn modal(network: &Network, timeline: &Timeline, body: &Body, memo: &Memo<'_>) -
             .sum()
     };
     let still = (0..n_outputs)
-        .map(|row| rest_of_row(port_count + row) + outputs.held[row])
+        .map(|row| rest_of_row(port_count + row) + outputs.constant_parts[row])
         .collect();
     Ok(Modal {
         computed: (0..mode_count as u32).collect(),
@@ -286,7 +286,7 @@ fn complex(network: &Network, timeline: &Timeline, body: &Body, memo: &Memo<'_>)
     let shape_of_row = |row: usize| -> Vec<f64> {
         let parts = all_parts.iter();
         parts
-            .map(|own| own.sign * body_modes.seen[row][own.mode][own.part])
+            .map(|own| own.sign * body_modes.output_shapes[row][own.mode][own.part])
             .collect()
     };
     let answers = |point: usize| -> Vec<Response> {
@@ -295,7 +295,7 @@ fn complex(network: &Network, timeline: &Timeline, body: &Body, memo: &Memo<'_>)
             .map(|own| complex_body::response(&body_modes, own, point))
             .collect()
     };
-    let static_sums = body_modes.rest[port_count..].iter().zip(&outputs.held);
+    let static_sums = body_modes.rest[port_count..].iter().zip(&outputs.constant_parts);
     let modal_plan = Modal {
         computed: (0..all_parts.len() as u32).collect(),
         turned: None,
@@ -311,7 +311,7 @@ fn complex(network: &Network, timeline: &Timeline, body: &Body, memo: &Memo<'_>)
             .zip(&body_subset.outputs)
             .map(|(row, &output): (usize, _)| (output, shape_of_row(port_count + row)))
             .collect(),
-        still: static_sums.map(|(rest, held)| rest + held).collect(),
+        still: static_sums.map(|(rest, constant_part)| rest + constant_part).collect(),
         struck: strikes
             .into_values()
             .map(|blows| Struck {
@@ -333,7 +333,7 @@ fn complex(network: &Network, timeline: &Timeline, body: &Body, memo: &Memo<'_>)
     let stepped = COST_RATIO_MAX * cost::stepped_cost(&modal_plan.network, &Timeline::new(rate));
     let modal_plan = BodyPlan::Modal(modal_plan);
     let is_cheap = body.is_small() || cost::body_cost(&modal_plan) <= stepped;
-    is_cheap.then_some(modal_plan).ok_or(NoModes::Ports)
+    is_cheap.then_some(modal_plan).ok_or(NoModes::TooManyPorts)
 }
 
 /// A part of a complex mode as a mode with a response of its own.

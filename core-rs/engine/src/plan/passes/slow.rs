@@ -77,7 +77,7 @@ fn bodies(network: &Network, timeline: &Timeline, part: usize, macrostep: u32) -
     let struck_mats: BTreeSet<u32> = strikes.chain(ergon_mats).collect();
     // A session may strike any of it.
     let is_struck = |mat: usize| timeline.is_open || struck_mats.contains(&(mat as u32));
-    let slow_body = |body: Body| {
+    let make_slow = |body: Body| {
         let body_subset = network.subset(&body.mats, &body.guests, &body.links);
         let (rate, part_and_macrostep) = (timeline.rate, (part, macrostep));
         // The exact flow of linear springs does not include gravity.
@@ -93,7 +93,7 @@ fn bodies(network: &Network, timeline: &Timeline, part: usize, macrostep: u32) -
         }
         Ok((body, slow_body))
     };
-    part_bodies.into_iter().map(slow_body).collect()
+    part_bodies.into_iter().map(make_slow).collect()
 }
 
 /// The bodies of a part: sets of masses that its own links join or tie to the ground. Their ports are the masses that
@@ -224,7 +224,7 @@ fn links_in_space(network: &Network) -> impl Iterator<Item = (&Run, usize)> {
 }
 
 /// Whether kicks resolve a mode that turns by `turn` between two of them [rad]; false for NaN.
-fn is_within(turn: f64) -> bool {
+fn resolves_turn(turn: f64) -> bool {
     turn < TURN_MAX
 }
 
@@ -234,10 +234,13 @@ fn free(body: &Body, subset: &Subset) -> Vec<usize> {
     body_mats.filter_map(|&mat| subset.mat(mat as usize)).collect()
 }
 
-/// What follows from the springs of a body.
+/// What a method of slow bodies has computed.
 struct Solution {
+    /// Phase of the fastest mode from kick to kick [rad].
     turn: f64,
+    /// Frames from one kick to the next.
     kick_every: u32,
+    /// Positions at which linear springs balance [m]   (n)
     rest: Vec<f64>,
     /// MATs that move, by their index in the subset, and 1/M of each at the rate of the island.
     free: Vec<usize>,
@@ -257,7 +260,7 @@ impl Solution {
     ) -> Result<Slow, String> {
         let Self { free, .. } = self;
         let free_count = free.len();
-        let outputs = output_sums(&subset.network).map_err(|why| why.why().to_owned())?;
+        let outputs = output_sums(&subset.network).map_err(|no_modes| no_modes.as_str().to_owned())?;
         let slot_of_mat = |mat: usize| free.binary_search(&mat).ok();
         let output_rows = outputs.rows.into_iter().map(|row| {
             let weights = row

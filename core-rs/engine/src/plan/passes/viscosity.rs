@@ -19,11 +19,11 @@ pub(crate) struct Viscosity {
 
 impl Viscosity {
     /// `None` if a link is not linear, or a damper is not finite.
-    pub(crate) fn new(network: &Network, free: &[usize], root: &[f64]) -> Option<Self> {
+    pub(crate) fn new(network: &Network, free: &[usize], sqrt_masses: &[f64]) -> Option<Self> {
         let mats = network.mats();
         let slot_of_mat = |mat: usize| free.binary_search(&mat).ok();
         let tie_damping = |(free_end, &i): (usize, &usize)| match mats.kind[i] {
-            MatKind::Cel => mats.z[i] / (root[free_end] * root[free_end]),
+            MatKind::Cel => mats.z[i] / (sqrt_masses[free_end] * sqrt_masses[free_end]),
             _ => 0.0,
         };
         let ties: Vec<f64> = free.iter().enumerate().map(tie_damping).collect();
@@ -34,7 +34,7 @@ impl Viscosity {
             }
             for i in (0..run.len).filter(|_| run.z != 0.0) {
                 let end_slots = [slot_of_mat(run.a + i), slot_of_mat(run.b + i)];
-                let end_share = |end: usize| (end, 1.0 / root[end]);
+                let end_share = |end: usize| (end, 1.0 / sqrt_masses[end]);
                 let (free_end, far_end) = match end_slots {
                     [Some(a), b] => (end_share(a), b.map(end_share)),
                     [None, Some(b)] => (end_share(b), None),

@@ -140,7 +140,7 @@ impl PilotResult {
         TrialRecord {
             numbers,
             counts: std::iter::once(head_counts).chain(body_numbers).collect(),
-            reason: because.as_ref().map(|why| why.why().to_owned()),
+            reason: because.as_ref().map(|no_modes| no_modes.as_str().to_owned()),
         }
     }
 

@@ -55,7 +55,7 @@ impl Simulation {
             }
         }
         self.continue_strikes(old);
-        self.go_on_as_told(old);
+        self.continue_ramps(old);
         true
     }
 

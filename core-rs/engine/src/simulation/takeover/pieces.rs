@@ -18,7 +18,7 @@ impl Takeover {
         let mut voices_by_name: HashMap<(String, bool), Vec<OldVoice<'_>>> = HashMap::new();
         for &(old_unit, island, island_plan) in &old_side.islands {
             for (old_voice_index, voice_script) in island.script().voices.iter().enumerate() {
-                let voice_name = (island_plan.network.mat_name(voice_script.struck), voice_script.layer);
+                let voice_name = (island_plan.network.mat_name(voice_script.struck), voice_script.is_layer);
                 voices_by_name
                     .entry(voice_name)
                     .or_default()
@@ -29,7 +29,7 @@ impl Takeover {
             let island_script = island.script();
             let takeover_step = island.step_at(n);
             for (new_voice_index, voice_script) in island_script.voices.iter().enumerate() {
-                let voice_name = (island_plan.network.mat_name(voice_script.struck), voice_script.layer);
+                let voice_name = (island_plan.network.mat_name(voice_script.struck), voice_script.is_layer);
                 let Some(candidates) = voices_by_name.get_mut(&voice_name) else {
                     continue;
                 };
@@ -41,7 +41,7 @@ impl Takeover {
                         (voice_script, &island_script.gestures),
                         (old_voice, &old.script().gestures),
                     );
-                    if voice_script.layer && gestures.is_empty() {
+                    if voice_script.is_layer && gestures.is_empty() {
                         continue;
                     }
                     matching_voice = Some((candidate_index, old_unit, old_plan, old_voice_index, gestures));

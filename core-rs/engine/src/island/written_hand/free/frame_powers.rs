@@ -33,7 +33,7 @@ impl FramePowers {
             .drives
             .iter()
             .all(|drive| matches!(drive.source, Source::Constant(_)));
-        let is_affine = scheme.linear && scheme.exact.is_empty() && free.slow.is_empty();
+        let is_affine = scheme.is_linear && scheme.exact.is_empty() && free.slow.is_empty();
         let state_size = 2 * n_mat + 1;
         (is_affine && are_constant && n_mat <= MATS_MAX).then(|| Self {
             n_mat,
@@ -229,7 +229,7 @@ mod tests {
     fn frame_powers_with_laws_are_absent() {
         let mut free_key = key();
         assert!(FramePowers::new(&free_key).is_some());
-        Arc::make_mut(&mut free_key.scheme).linear = false;
+        Arc::make_mut(&mut free_key.scheme).is_linear = false;
         assert!(FramePowers::new(&free_key).is_none());
     }
 }

@@ -22,8 +22,8 @@ struct Blow {
 }
 
 impl Voice {
-    /// Strike the key so that it does what is asked; returns the force on the free key [N]. `here` is the position
-    /// asked for at this very frame, NaN if none.
+    /// Strike the key so that it does what is asked; returns the force on the free key [N]. `asked_here` is the
+    /// position asked for at this very frame, NaN if none.
     pub(super) fn answer(
         &mut self,
         script: &VoiceScript,
@@ -66,7 +66,9 @@ impl Voice {
                 x: *x,
             });
             // The free copy follows the key.
-            return script.free.needed(&self.free, *x, &self.targets, &mut self.buffers);
+            return script
+                .free
+                .force_to_reach(&self.free, *x, &self.targets, &mut self.buffers);
         }
         let force = match *ask {
             _ if !is_over_limit => wanted_force,
@@ -144,7 +146,7 @@ impl Voice {
         };
         let free_key = &script.free;
         match (*ask, scene.gestures[running.gesture].gesture.manner.touch) {
-            (Ask::Pass(x), Touch::Open) => free_key.needed(&self.free, x, &self.targets, &mut self.buffers),
+            (Ask::Pass(x), Touch::Open) => free_key.force_to_reach(&self.free, x, &self.targets, &mut self.buffers),
             (Ask::Pass(x), Touch::Tracked) => kernel::needed(scene.scheme, scene.body, script.struck, x),
             (Ask::Aim { to, x }, touch) => {
                 if touch == Touch::Tracked {

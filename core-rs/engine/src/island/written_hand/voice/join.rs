@@ -84,7 +84,7 @@ impl Voice {
         let gesture_before = self
             .begun
             .checked_sub(2)
-            .map(|gesture_before| &scene.gestures[script.gestures[gesture_before]]);
+            .map(|earlier_index| &scene.gestures[script.gestures[earlier_index]]);
         let shares_point = gesture_before.is_some_and(|earlier_gesture| {
             n.abs_diff(earlier_gesture.last()) < gesture.score_frame()
                 && (earlier_gesture.gesture.exit - gesture.gesture.entry.x).abs() <= AGREES

@@ -99,7 +99,7 @@ pub(super) fn add(
     block: &[usize],
 ) -> Result<(), NoModes> {
     if block.len() > COUPLED_MODES_MAX {
-        return Err(NoModes::Large);
+        return Err(NoModes::TooLarge);
     }
     let n_rigid = block
         .iter()

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use nalgebra::DMatrix;
 
-use super::{Solution, free, is_within};
+use super::{Solution, free, resolves_turn};
 use crate::integrate::flow::{Flow, frame};
 use crate::integrate::square::Square;
 use crate::island::slow::{BlockFlow, Interface, Slow, Springs, Weights, best_block};
@@ -52,7 +52,7 @@ pub(super) fn slow(
         let mode_hertz = turn * rate.hertz() / (2.0 * PI);
         format!("its highest mode is at {mode_hertz:.0} Hz, too high for the audio rate")
     };
-    if !is_within(turn) {
+    if !resolves_turn(turn) {
         return Err(too_fast());
     }
     let frame = frame(&matrices.k, &matrices.z, is_discrete);

@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use super::{Solution, free, is_within};
+use super::{Solution, free, resolves_turn};
 use crate::island::slow::{Slow, Springs};
 use crate::maths;
-use crate::network::Subset;
+use crate::network::{Error, Subset};
 use crate::plan::passes::wiring::Body;
 use crate::scheme::Scheme;
 use crate::units::Rate;
@@ -16,9 +16,12 @@ pub(super) fn slow(rate: Rate, (part, macrostep): (usize, u32), body: &Body, sub
     let macro_rate = Rate::new(rate.hertz() / macro_frames).map_err(|error| error.to_string())?;
     let stiff_message = || "its springs are too stiff for that rate".to_owned();
     let macro_scheme = Scheme::new(&subset.network, macro_rate).map_err(|error| error.to_string())?;
-    let certificate = macro_scheme.certify(&subset.network).map_err(|_| stiff_message())?;
+    let certificate = macro_scheme.certify(&subset.network).map_err(|error| match error {
+        Error::Unstable { .. } => stiff_message(),
+        other_error => other_error.to_string(),
+    })?;
     let turn = 2.0 * maths::asin((0.5 * certificate.lambda_max.sqrt()).min(1.0));
-    if !is_within(turn) {
+    if !resolves_turn(turn) {
         return Err(stiff_message());
     }
     let free = free(body, &subset);
