@@ -16,7 +16,7 @@ use crate::cell::Response;
 use crate::kernel::bank::{LANES, Lanes, Motion, Rates, Sum, lane_total, run, run_weighted};
 use crate::units::Rate;
 use script::{Script, Section};
-use sleep::{REST_TEST_EVERY, UNHEARABLE, rest_threshold};
+use sleep::{REST_AMPLITUDE, REST_TEST_EVERY, rest_threshold};
 
 /// Parameters of one oscillator.
 #[derive(Clone, Debug)]
@@ -120,7 +120,7 @@ impl Bank {
         }
         bank_script.add_strikes();
         bank_script.rest_threshold = if is_open {
-            UNHEARABLE
+            REST_AMPLITUDE
         } else {
             rest_threshold(oscillators, &bank_script.strikes, rate) / bank_script.rates.len().max(1) as f64
         };

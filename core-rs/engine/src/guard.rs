@@ -27,7 +27,7 @@ use watch::{Watch, nearest, set_reaches, watches};
 /// λ up to which steps of CA are trusted; they are stable up to 4. Near 4 the motion between samples overshoots, and
 /// the laws turn the overshoot into energy: with 3.6 here, a gong struck at its limit of stability gains a quarter of
 /// the energy put in; with 2.0 it gains none (`tests/scenes/stiff.rs`).
-const TRUSTED: f64 = 2.0;
+const TRUSTED_LAMBDA_MAX: f64 = 2.0;
 /// Most steps in a frame.
 const MAX_STEPS: u32 = 8;
 /// Frames in two steps end when links use at most this share of the allowed stiffening. The margin keeps the number of
@@ -54,7 +54,7 @@ impl Limit {
     /// The scheme of CORDIS-ANIMA.
     pub(crate) const CA: Self = Self {
         c: 2.0,
-        trusted: TRUSTED,
+        trusted: TRUSTED_LAMBDA_MAX,
         accepted: 4.0,
         has_poles: true,
     };
@@ -315,7 +315,7 @@ impl Guard {
         }
         let is_enough = |step_count: &u32| {
             let step_count = f64::from(*step_count);
-            self.rest_lambda / step_count + risen / (step_count * step_count) <= TRUSTED
+            self.rest_lambda / step_count + risen / (step_count * step_count) <= TRUSTED_LAMBDA_MAX
         };
         [2, 4, MAX_STEPS].into_iter().find(is_enough).unwrap_or(2 * MAX_STEPS)
     }

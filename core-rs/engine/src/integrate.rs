@@ -128,7 +128,7 @@ pub(crate) struct Integrator {
 crate::archive::state!(Integrator { motion });
 
 /// Largest elongation [m] and rate [m/s] up to which a law's damping is tested for giving energy.
-const ACTIVE: (f64, f64) = (1e-2, 10.0);
+const DAMPING_TEST_MAX: (f64, f64) = (1e-2, 10.0);
 
 /// Most links whose energy is integrated: each takes a few hundred values of its law.
 const INTEGRATED_MAX: usize = 32;
@@ -256,7 +256,7 @@ impl Integrator {
     pub(crate) fn may_gain(&self) -> bool {
         let stepped_mesh = self.motion.stepper().mesh();
         // The balance of an active law cannot be judged.
-        let is_known = |run: &Run| !matches!(&run.kind, Kind::Lnl { law, .. } if law.is_active(ACTIVE.0, ACTIVE.1));
+        let is_known = |run: &Run| !matches!(&run.kind, Kind::Lnl { law, .. } if law.is_active(DAMPING_TEST_MAX.0, DAMPING_TEST_MAX.1));
         !stepped_mesh.scheme.is_linear
             && stepped_mesh.others.iter().all(is_known)
             && self.n_integrated() <= INTEGRATED_MAX

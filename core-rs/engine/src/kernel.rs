@@ -17,7 +17,7 @@ pub(crate) mod springs;
 mod taps;
 pub(crate) mod thread_team;
 
-pub(crate) use exact::{Contact, STILL, contacts, friction, rest};
+pub(crate) use exact::{Contact, SLIDE_DISTANCE_MIN, contacts, friction, rest};
 pub(crate) use laws::Laws;
 pub(crate) use mats::{advance, centred, fine_steps, is_bounded, needed, predict};
 pub(crate) use pairwise::{Contact as PairContact, Neighbours};

@@ -28,10 +28,10 @@ const DELAY_MAX: f64 = 1.0;
 const POLL_EVERY: usize = 1024;
 /// Steps of work that a tick counts.
 const TICK_STEPS: usize = 64;
-/// Number of derivatives with respect to forces that are computed together, and the fraction of their maximum below
-/// which they are taken to have died away.
+/// Number of derivatives with respect to forces that are computed together.
 const FORCE_COLUMNS: usize = 16;
-const DIED_AWAY: f64 = 1e-7;
+/// Derivatives below this fraction of their maximum are taken to have died away.
+const DIED_AWAY_SHARE: f64 = 1e-7;
 
 /// A part of a key that oscillates on it: a mass on a spring and a damper.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -251,7 +251,7 @@ impl KeyModel {
                 let derivative_row = &wide_motion.dx[..group.len()];
                 let row_max = derivative_row.iter().fold(0.0_f64, |row_max, dx| row_max.max(dx.abs()));
                 greatest = greatest.max(row_max);
-                if n > last_tick && greatest > 0.0 && row_max < DIED_AWAY * greatest {
+                if n > last_tick && greatest > 0.0 && row_max < DIED_AWAY_SHARE * greatest {
                     break;
                 }
                 let row_start = n * columns.len() + number * FORCE_COLUMNS;

@@ -402,8 +402,8 @@ impl Law {
     /// these slopes excite stays bounded.
     pub(crate) fn is_bounded_far_from_rest(&self) -> bool {
         const FAR: f64 = 1e3; // [m], [m/s]
-        const SMALL: f64 = 0.01;
-        let is_small = |far: f64, slope: f64| (far / FAR).abs() <= SMALL * slope.abs();
+        const SMALL_RATIO: f64 = 0.01;
+        let is_small = |far: f64, slope: f64| (far / FAR).abs() <= SMALL_RATIO * slope.abs();
         [FAR, -FAR].iter().all(|&far| {
             is_small(self.spring(far), self.slope(0.0)) && is_small(self.drag(0.0, far), self.damping_slope(0.0))
         })

@@ -10,7 +10,7 @@ pub(super) const REST_TEST_EVERY: u64 = 4_096;
 /// Largest level of all groups at rest together, relative to the hardest blow [dB]: below the rounding of 24 bits.
 const REST_LEVEL: f64 = -160.0;
 /// Threshold if further strikes are unknown [m]: about the width of an atomic nucleus.
-pub(super) const UNHEARABLE: f64 = 1e-15;
+pub(super) const REST_AMPLITUDE: f64 = 1e-15;
 
 impl Bank {
     /// Set a decayed group to rest; without blows it cannot grow.

@@ -6,7 +6,7 @@ use crate::maths::{cos, exp, sin, sqrt};
 use crate::units::Rate;
 
 /// Above this decay per step, a and b are computed from the poles: by κ and ζ, b would be rounded.
-const STRONG: f64 = 0.5;
+const STRONG_DECAY: f64 = 0.5;
 
 /// The motion of a coordinate after an impulse of 1 N·s at t = 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -140,7 +140,7 @@ impl Response {
 /// a and b of the recurrence whose poles are −decay ± iω.
 pub(crate) fn recurrence(decay: f64, omega: f64, rate: Rate) -> (f64, f64) {
     let (step_decay, pole_angle) = (decay * rate.step(), omega * rate.step());
-    if step_decay > STRONG {
+    if step_decay > STRONG_DECAY {
         return (2.0 * exp(-step_decay) * cos(pole_angle), exp(-2.0 * step_decay));
     }
     let Ratios { kappa, zeta } = Ratios::from_poles(step_decay, pole_angle);

@@ -104,7 +104,7 @@ pub struct Profile {
 }
 
 /// Most knots that a cursor steps over before a binary search replaces it.
-const WALK: usize = 8;
+const WALKED_KNOTS_MAX: usize = 8;
 
 impl Profile {
     /// The path through written points, (n_points,), whose instants [s] rise strictly.
@@ -235,7 +235,7 @@ impl Profile {
     /// [`Profile::evaluate`] with a cursor, which begins at 0: O(1) while `t` changes in small steps.
     pub fn evaluate_from(&self, cursor: &mut usize, t: f64) -> (f64, f64, f64) {
         let mut piece_index = (*cursor).min(self.t.len() - 1);
-        for _ in 0..WALK {
+        for _ in 0..WALKED_KNOTS_MAX {
             if self.t[piece_index] > t && piece_index > 0 {
                 piece_index -= 1;
             } else if self.t.get(piece_index + 1).is_some_and(|&next| next <= t) {

@@ -22,11 +22,12 @@ use crate::units::Rate;
 
 /// Factor on a limit that allows for the rounding error of an eigenvalue.
 const ROUNDING: f64 = 1.0 - 1e-14;
-/// CA2P: largest λ if K and Z share their modes, and for any modes.
-const SHARED_MODES: f64 = 12.0 * ROUNDING;
-const ANY_MODES: f64 = 6.0 * ROUNDING;
+/// CA2P: largest λ if K and Z share their modes.
+const LAMBDA_MAX_SHARED: f64 = 12.0 * ROUNDING;
+/// CA2P: largest λ for any modes.
+const LAMBDA_MAX_ANY: f64 = 6.0 * ROUNDING;
 /// BM4: the weight c of Z in λmax(M⁻¹(K + c·Z)).
-const LOSSES: f64 = 2.0;
+const LOSS_WEIGHT: f64 = 2.0;
 
 /// Certify that a method steps a network stably.
 ///
@@ -55,18 +56,18 @@ pub(crate) fn certify(network: &Network, rate: Rate, method: MeshMethod, substep
     match method {
         MeshMethod::Ca2p => {
             let (loss_weight, enough_lambda) = ca2p(&network_mesh);
-            let largest_value = largest(loss_weight, enough_lambda, SHARED_MODES)?;
+            let largest_value = largest(loss_weight, enough_lambda, LAMBDA_MAX_SHARED)?;
             if largest_value.lambda < enough_lambda {
                 Ok(certificate(&largest_value, guarantee))
-            } else if largest_value.lambda < SHARED_MODES {
+            } else if largest_value.lambda < LAMBDA_MAX_SHARED {
                 Ok(certificate(&largest_value, StabilityGuarantee::Tried))
             } else {
-                Err(unstable(network, method, &largest_value, SHARED_MODES))
+                Err(unstable(network, method, &largest_value, LAMBDA_MAX_SHARED))
             }
         }
         MeshMethod::Bm4 => {
             let lambda_limit = BM4_LIMIT * BM4_LIMIT;
-            let largest_value = largest(LOSSES, lambda_limit, lambda_limit)?;
+            let largest_value = largest(LOSS_WEIGHT, lambda_limit, lambda_limit)?;
             if largest_value.lambda < lambda_limit {
                 Ok(certificate(&largest_value, StabilityGuarantee::Tried))
             } else {
@@ -87,8 +88,8 @@ pub(crate) fn certify(network: &Network, rate: Rate, method: MeshMethod, substep
 pub(super) fn ca2p_guard_limit(mesh: &Mesh) -> Limit {
     Limit {
         c: ca2p(mesh).0,
-        trusted: 0.9 * ANY_MODES,
-        accepted: SHARED_MODES,
+        trusted: 0.9 * LAMBDA_MAX_ANY,
+        accepted: LAMBDA_MAX_SHARED,
         has_poles: false,
     }
 }
@@ -97,9 +98,9 @@ pub(super) fn ca2p_guard_limit(mesh: &Mesh) -> Limit {
 fn ca2p(mesh: &Mesh) -> (f64, f64) {
     let has_losses = mesh.damped || mesh.scheme.zeta.iter().any(|zeta| *zeta != 0.0);
     if has_losses {
-        (6.0, ANY_MODES)
+        (6.0, LAMBDA_MAX_ANY)
     } else {
-        (0.0, SHARED_MODES)
+        (0.0, LAMBDA_MAX_SHARED)
     }
 }
 

@@ -23,7 +23,7 @@ use links::{Links, State};
 pub(super) use links::check_supported;
 
 /// Largest λmax(M⁻¹K) at which all springs are explicit; the stability limit is 4.
-const EXPLICIT: f64 = 3.9;
+const EXPLICIT_LAMBDA_MAX: f64 = 3.9;
 
 #[derive(Clone, Debug)]
 pub(super) struct Ieq {
@@ -57,10 +57,10 @@ impl Ieq {
     pub(super) fn new(mesh: Arc<Mesh>, network: &Network) -> Result<Self, Error> {
         check_supported(&mesh, network)?;
         let linear_lambda = links::linear_part(&mesh, network)?;
-        let beta = if linear_lambda <= EXPLICIT {
+        let beta = if linear_lambda <= EXPLICIT_LAMBDA_MAX {
             0.0
         } else {
-            0.25 * (1.0 - EXPLICIT / linear_lambda)
+            0.25 * (1.0 - EXPLICIT_LAMBDA_MAX / linear_lambda)
         };
         let x = network.mats().x0.clone();
         let links = Links::new(&mesh, beta);

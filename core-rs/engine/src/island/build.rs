@@ -30,7 +30,7 @@ use crate::state::{Body, PreviousState};
 use crate::timeline::{Drive, Ergon, Timeline, first, greatest, pushes};
 
 /// The least number of substeps at which contacts are computed finer than a frame.
-const FINE: usize = 2;
+const FINE_SUBSTEPS_MIN: usize = 2;
 
 /// How a simulation is to run.
 #[derive(Clone, Copy, Debug)]
@@ -170,7 +170,7 @@ fn refuse_ledger_of_hands(timeline: &Timeline, options: Options) -> Result<(), E
 fn numbers(network: &Network, timeline: &Timeline, steps: usize) -> Result<(Scheme, Vec<Run>), Error> {
     let mut scheme = Scheme::new(network, timeline.rate)?;
     gate(&mut scheme, timeline);
-    let fine_links = if steps < FINE {
+    let fine_links = if steps < FINE_SUBSTEPS_MIN {
         Vec::new()
     } else {
         scheme.take_fine(&timeline.steered())

@@ -79,7 +79,7 @@ impl Island {
         let rise = state.watch.rise.as_ref();
         let look_steps = [
             rise.map(|_| energy_rise::Rise::steps_left(first_step)),
-            gains.map(|_| first_step.next_multiple_of(energy_account::BLOCK) - first_step),
+            gains.map(|_| first_step.next_multiple_of(energy_account::CHECK_STEPS) - first_step),
         ];
         let look_steps = look_steps.into_iter().flatten().map(|coast_steps| coast_steps as usize);
         let coast_steps = quiet_steps.chain(steps_ahead).chain(look_steps);

@@ -1,9 +1,9 @@
 //! Accounts of energy, and energy that was created beyond them.
 
-/// Steps between two looks at the accounts.
-pub(super) const BLOCK: u64 = 256;
+/// Steps between two checks of the accounts.
+pub(super) const CHECK_STEPS: u64 = 256;
 /// The same for energies that take long to compute.
-pub(super) const RARELY: u64 = 16 * BLOCK;
+pub(super) const RARE_CHECK_STEPS: u64 = 16 * CHECK_STEPS;
 /// Created energy is reported above this share of the energy that was there.
 const REPORT_SHARE: f64 = 0.01;
 /// It is a fault above this share: then there is twice as much energy as there was.

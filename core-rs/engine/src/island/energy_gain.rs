@@ -19,14 +19,14 @@ use crate::state::{Body, Target};
 use link_work::{LinkWork, Watched};
 
 /// Longest run of laws with accounts: a longer one would take more time for its accounts than for its steps.
-pub(super) const LONGEST: usize = 32;
+pub(super) const ACCOUNTED_LAWS_MAX: usize = 32;
 /// Elongations [m] and rates [m/s] at which a law's damping is tested for giving energy.
-const ACTIVE: (f64, f64) = (1e-2, 10.0);
+const DAMPING_TEST_MAX: (f64, f64) = (1e-2, 10.0);
 
 /// Hardening springs, if they are few; what makes many create energy is how stiff they become, which the guard bounds.
 pub(super) fn hardening_springs(scheme: &Scheme) -> Vec<Run> {
     let springs = scheme.runs.iter().filter(|run| run.is_hardening());
-    let are_few = springs.clone().map(|run| run.len).sum::<usize>() <= LONGEST;
+    let are_few = springs.clone().map(|run| run.len).sum::<usize>() <= ACCOUNTED_LAWS_MAX;
     springs.filter(|_| are_few).cloned().collect()
 }
 
@@ -65,9 +65,9 @@ impl Gains {
                 Kind::Space(space) => match &space.law {
                     law if law.is_contact() => true,
                     SpaceLaw::Lnl { law, .. } => !is_active(law),
-                    _ => run.len <= LONGEST,
+                    _ => run.len <= ACCOUNTED_LAWS_MAX,
                 },
-                Kind::Lnl { law, .. } => run.len <= LONGEST && !law.is_shared() && !is_active(law),
+                Kind::Lnl { law, .. } => run.len <= ACCOUNTED_LAWS_MAX && !law.is_shared() && !is_active(law),
             };
             let is_contact = matches!(run.kind, Kind::But(_));
             // The energy of other links does not change with K alone, or is not that of one link.
@@ -163,7 +163,7 @@ impl Gains {
 
 /// Whether a law may give energy, as a bow does.
 pub(super) fn is_active(law: &Law) -> bool {
-    law.is_active(ACTIVE.0, ACTIVE.1)
+    law.is_active(DAMPING_TEST_MAX.0, DAMPING_TEST_MAX.1)
 }
 
 /// Energy of all MATs, of what ties them to the ground, and of bodies by their modes [J].

@@ -14,10 +14,10 @@ use crate::scheme::{Kind, Run, Scheme, Spring};
 use crate::state::Body;
 use crate::units::Rate;
 
-/// Steps between two looks: what is computed ahead of bodies has to be gone through again for each.
-const STEPS: u64 = energy_account::RARELY;
+/// Steps between two checks: what is computed ahead of bodies has to be gone through again for each.
+const CHECK_STEPS: u64 = energy_account::RARE_CHECK_STEPS;
 /// Error of an elongation in units of the last digit of a position.
-const DIGITS: f64 = 1e4;
+const ELONGATION_ERROR_ULP: f64 = 1e4;
 /// Contacts and laws between frames are computed finer from each rise by this share of the energy on, so that what is
 /// worth reporting (0.01) is not reached.
 const REFINE_SHARE: f64 = 0.002;
@@ -103,7 +103,7 @@ impl Rise {
             && bodies.iter().all(has_energy)
             && all_runs().all(only_loses)
             && all_runs().any(|run| !matches!(run.kind, Kind::Ref))
-            && n_springs <= energy_gain::LONGEST;
+            && n_springs <= energy_gain::ACCOUNTED_LAWS_MAX;
         if !is_known {
             return None;
         }
@@ -144,7 +144,7 @@ impl Rise {
 
     /// Steps from step `n` on before the next look.
     pub(super) fn steps_left(n: u64) -> u64 {
-        n.next_multiple_of(STEPS) - n
+        n.next_multiple_of(CHECK_STEPS) - n
     }
 
     /// The created energy if the energy is `now` after step `n`, and no event fell since the last look if it `was_quiet`.
@@ -208,7 +208,7 @@ impl Island {
     /// what was created, if that is worth reporting.
     pub(super) fn check_rise(&mut self) -> Option<(usize, usize, Gain)> {
         let last_step = self.state.frame - 1;
-        if self.state.watch.rise.is_none() || !last_step.is_multiple_of(STEPS) || self.state.values.damped < 1.0 {
+        if self.state.watch.rise.is_none() || !last_step.is_multiple_of(CHECK_STEPS) || self.state.values.damped < 1.0 {
             return None;
         }
         let next_due = self.due(last_step + 1);
@@ -303,7 +303,7 @@ impl Island {
             .x
             .iter()
             .fold(0.0_f64, |largest_position, x| largest_position.max(x.abs()));
-        let elongation_error = DIGITS * f64::EPSILON * largest_position;
+        let elongation_error = ELONGATION_ERROR_ULP * f64::EPSILON * largest_position;
         let scheme = &self.script.scheme;
         let scheme_runs = scheme.runs.iter().chain(&scheme.exact);
         let stiffness = scheme_runs.map(|run| run.k * run.len as f64).sum::<f64>()

@@ -10,7 +10,7 @@ use crate::scheme::Spring;
 use crate::timeline::Drive;
 
 /// A muted part's outputs fade from where they were over this time [s].
-const FADE: f64 = 0.005;
+const FADE_SECONDS: f64 = 0.005;
 
 /// What to do with a part that diverges.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -108,7 +108,7 @@ impl Mutes {
     /// Fade the outputs of muted parts from their last finite sample; keep the samples of the others. A force may be
     /// non-finite one frame before a position shows it: that frame repeats the sample before.
     pub(super) fn fade(&mut self, n: u64, scheme: &Scheme, out: &mut [f64]) {
-        let fade_steps = FADE * scheme.rate;
+        let fade_steps = FADE_SECONDS * scheme.rate;
         for ((sample, last), since) in out.iter_mut().zip(&mut self.last).zip(&self.outputs) {
             match since {
                 Some(since) => *sample = *last * (1.0 - (n - since) as f64 / fade_steps).max(0.0),

@@ -62,7 +62,7 @@ pub(crate) struct Fine {
     /// Force that each stepped joint still feels in the next frame   (n_joints)
     next_frame_forces: Vec<f64>,
     /// Force on each joint that acts over the whole frame [N]   (n_joints)
-    steady: Vec<f64>,
+    steady_forces: Vec<f64>,
     /// Whether each contact may be closed in this frame   (n_links)
     may_close: Vec<bool>,
     /// Whether each contact pushes   (n_links)
@@ -369,7 +369,7 @@ impl Fine {
     /// Record the forces that act over the whole frame: those of links and drives, before strikes are added.
     pub(super) fn record_steady_forces(&mut self, scheme: &Scheme, body: &Body) {
         self.sprung.settle(scheme, body);
-        for (joint, steady) in self.script.joints.iter().zip(&mut self.steady) {
+        for (joint, steady) in self.script.joints.iter().zip(&mut self.steady_forces) {
             *steady = body.force[joint.mat];
         }
     }

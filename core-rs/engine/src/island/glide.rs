@@ -9,7 +9,7 @@ use crate::timeline::{Lead, Ties, Timeline, next_change};
 
 /// Largest sin²(θ/2) of an oscillation whose amplitude is corrected: nearer to the Nyquist frequency no recurrence
 /// holds an amplitude.
-const NYQUIST: f64 = 0.99;
+const SINE_SQUARE_MAX: f64 = 0.99;
 
 /// 1/M, κ, ζ and the stiffness of the tie of a MAT in one frame.
 type Numbers = [f64; 4];
@@ -135,7 +135,7 @@ fn amplitude_correction(ratios: Ratios) -> f64 {
     let pole_magnitude = sqrt(1.0 - ratios.zeta);
     let step_loss = ratios.zeta / (1.0 + pole_magnitude);
     let half_sine_square = (ratios.kappa - step_loss * step_loss) / (4.0 * pole_magnitude);
-    if !(half_sine_square > 0.0 && half_sine_square < NYQUIST) {
+    if !(half_sine_square > 0.0 && half_sine_square < SINE_SQUARE_MAX) {
         return 0.0;
     }
     let theta = 2.0 * asin(sqrt(half_sine_square));

@@ -285,7 +285,7 @@ impl RunningMesh {
 
     /// Check whether it created energy by frame `n`; now and then only, where that takes long to compute.
     pub(super) fn check_gain(&mut self, n: u64) -> Option<Gain> {
-        if !(n - 1).is_multiple_of(energy_account::RARELY) && self.integrator.n_integrated() > 0 {
+        if !(n - 1).is_multiple_of(energy_account::RARE_CHECK_STEPS) && self.integrator.n_integrated() > 0 {
             return None;
         }
         let gain = self.account.as_mut()?.gain(self.integrator.stored(), 0.0, n);

@@ -22,10 +22,10 @@ use crate::kernel::ports;
 use crate::state::Body;
 
 /// Frames that are computed ahead at once: enough to keep the modes in registers, and few to lose.
-const AHEAD: usize = 64;
-/// Frames without a contact between frames before [`AHEAD`] frames are computed ahead: one that bounces may push again
+const FRAMES_AHEAD: usize = 64;
+/// Frames without a contact between frames before [`FRAMES_AHEAD`] frames are computed ahead: one that bounces may push again
 /// soon.
-const QUIET: u32 = 16;
+const QUIET_FRAMES: u32 = 16;
 
 /// A running body.
 #[derive(Clone, Debug)]
@@ -35,7 +35,7 @@ pub(crate) struct RunningModal {
     motions: Vec<Motion>,
     /// The modes at the first frame in `seen`.
     saved: Vec<Motion>,
-    /// Position of each row (port or output) from some frame up to the furthest   (n_rows, ROOM)
+    /// Position of each row (port or output) from some frame up to the furthest   (n_rows, SEEN_FRAMES)
     seen: Vec<f64>,
     /// Indices in `seen` of the present frame and of the furthest, which is at least one later.
     present: usize,
@@ -50,10 +50,10 @@ pub(crate) struct RunningModal {
     between: Option<Between>,
     forces: Vec<f64>,
     /// Forces on the ports in the frames of `seen` that the modes do not contain yet, and whether there are any
-    /// (AHEAD, n_ports)
+    /// (FRAMES_AHEAD, n_ports)
     pushes: Vec<f64>,
     has_pushes: bool,
-    /// Frames without a contact between frames, up to QUIET.
+    /// Frames without a contact between frames, up to QUIET_FRAMES.
     quiet: u32,
     next: usize,
     /// Rates under additional damping, and whether it is on   (n_groups)
@@ -81,7 +81,7 @@ crate::archive::state!(RunningModal {
 });
 
 /// Frames in `seen`: the present, and the frames ahead.
-const ROOM: usize = AHEAD + 1;
+const SEEN_FRAMES: usize = FRAMES_AHEAD + 1;
 
 impl RunningModal {
     pub(crate) fn new(plan: &Modal) -> Self {
@@ -104,7 +104,7 @@ impl RunningModal {
         };
         let mut playing = Self {
             saved: motions.clone(),
-            seen: vec![0.0; n_rows * ROOM],
+            seen: vec![0.0; n_rows * SEEN_FRAMES],
             present: 0,
             until: 0,
             previous: plan
@@ -112,13 +112,13 @@ impl RunningModal {
                 .iter()
                 .map(|port| mode_sum(&port.shape, |mode| mode.before))
                 .collect(),
-            sums: vec![Sum::ZERO; n_rows * AHEAD],
+            sums: vec![Sum::ZERO; n_rows * FRAMES_AHEAD],
             kicks: vec![Lanes::ZERO; group_count],
             pending: vec![Lanes::ZERO; group_count],
             has_pending: false,
             between: None,
             forces: vec![0.0; plan.ports.len()],
-            pushes: vec![0.0; AHEAD * plan.ports.len()],
+            pushes: vec![0.0; FRAMES_AHEAD * plan.ports.len()],
             has_pushes: false,
             quiet: 0,
             next: 0,
@@ -132,7 +132,7 @@ impl RunningModal {
             .chain(plan.outputs.iter().map(|(_, shape)| shape))
             .enumerate()
         {
-            playing.seen[row * ROOM] = mode_sum(shape, |mode| mode.now);
+            playing.seen[row * SEEN_FRAMES] = mode_sum(shape, |mode| mode.now);
         }
         playing.compute_ahead(0);
         playing
@@ -148,7 +148,7 @@ impl RunningModal {
         let plan = &self.script.plan;
         let (first_output, seen_frame) = (plan.ports.len(), self.present + frames);
         for (row, ((output, _), still)) in plan.outputs.iter().zip(&plan.still).enumerate() {
-            out[*output as usize] += self.seen[(first_output + row) * ROOM + seen_frame] + still;
+            out[*output as usize] += self.seen[(first_output + row) * SEEN_FRAMES + seen_frame] + still;
         }
     }
 
@@ -161,7 +161,7 @@ impl RunningModal {
     pub(crate) fn place_ahead(&self, frames: usize, body: &mut Body) {
         let seen_frame = self.present + frames;
         for (row, port) in self.script.plan.ports.iter().enumerate() {
-            let port_row = &self.seen[row * ROOM..(row + 1) * ROOM];
+            let port_row = &self.seen[row * SEEN_FRAMES..(row + 1) * SEEN_FRAMES];
             let (position_now, position_next) = (port_row[seen_frame], port_row[seen_frame + 1]);
             let previous = if frames == 0 {
                 self.previous[row]
@@ -201,9 +201,9 @@ impl RunningModal {
         }
         self.present += frames;
         for (row, previous) in self.previous.iter_mut().enumerate() {
-            *previous = self.seen[row * ROOM + self.present - 1];
+            *previous = self.seen[row * SEEN_FRAMES + self.present - 1];
         }
-        self.quiet = self.quiet.saturating_add(frames as u32).min(QUIET);
+        self.quiet = self.quiet.saturating_add(frames as u32).min(QUIET_FRAMES);
     }
 
     /// Apply the strikes of frame `n`, so that contacts know where the ports go with them.
@@ -234,7 +234,7 @@ impl RunningModal {
         for ((motion, kick), rows) in motions.zip(&self.script.rows) {
             ports::add(&mut motion.now, kick, 1.0);
             for (row, shape) in rows.iter().enumerate() {
-                self.seen[row * ROOM + self.present + 1] += ports::see(shape, kick);
+                self.seen[row * SEEN_FRAMES + self.present + 1] += ports::see(shape, kick);
             }
         }
     }
@@ -306,14 +306,14 @@ impl RunningModal {
     pub(crate) fn step(&mut self, n: u64, force: &[f64]) {
         let mut is_pushed = false;
         for (row, port) in self.script.plan.ports.iter().enumerate() {
-            self.previous[row] = self.seen[row * ROOM + self.present];
+            self.previous[row] = self.seen[row * SEEN_FRAMES + self.present];
             self.forces[row] = force[port.mat];
             is_pushed |= self.forces[row] != 0.0;
         }
         if is_pushed {
             self.push();
         }
-        self.quiet = (self.quiet + 1).min(QUIET);
+        self.quiet = (self.quiet + 1).min(QUIET_FRAMES);
         self.present += 1;
         if self.present == self.until {
             self.compute_ahead(n + 1);
@@ -393,7 +393,7 @@ impl RunningModal {
         (self.present, self.until, self.quiet, self.has_pending) = (0, 1, 0, false);
         self.pending.fill(Lanes::ZERO);
         self.forget_pushes();
-        for (row, seen) in self.seen.chunks_mut(ROOM).enumerate() {
+        for (row, seen) in self.seen.chunks_mut(SEEN_FRAMES).enumerate() {
             (seen[0], seen[1]) = (0.0, 0.0);
             for (motion, rows) in self.motions.iter().zip(&self.script.rows) {
                 seen[0] += ports::see(&rows[row], &motion.before);
@@ -452,7 +452,7 @@ impl RunningModal {
             self.motions[group] = group_motion;
         }
         self.forget_pushes();
-        for seen in self.seen.chunks_mut(ROOM) {
+        for seen in self.seen.chunks_mut(SEEN_FRAMES) {
             (seen[0], seen[1]) = (seen[present], seen[present + 1]);
         }
         (self.present, self.until) = (0, 1);
@@ -463,14 +463,14 @@ impl RunningModal {
         let next_blow = self.script.blows.get(self.next);
         let free_frames = next_blow.map_or(u64::MAX, |next_blow| next_blow.0.saturating_sub(n));
         // The responses to pushes do not know the damping.
-        let frames_ahead = if self.quiet < QUIET || self.is_damped {
+        let frames_ahead = if self.quiet < QUIET_FRAMES || self.is_damped {
             1
         } else {
-            free_frames.clamp(1, AHEAD as u64) as usize
+            free_frames.clamp(1, FRAMES_AHEAD as u64) as usize
         };
         self.take_pushes();
         self.saved.clone_from_slice(&self.motions);
-        for sums in self.sums.chunks_mut(AHEAD) {
+        for sums in self.sums.chunks_mut(FRAMES_AHEAD) {
             sums[..frames_ahead].fill(Sum::ZERO);
         }
         for (group, motion) in self.motions.iter_mut().enumerate() {
@@ -480,9 +480,16 @@ impl RunningModal {
                 &self.script.rates
             };
             let (group_rates, group_rows) = (&group_rates[group], &self.script.rows[group]);
-            follow(group_rates, motion, group_rows, frames_ahead, &mut self.sums, AHEAD);
+            follow(
+                group_rates,
+                motion,
+                group_rows,
+                frames_ahead,
+                &mut self.sums,
+                FRAMES_AHEAD,
+            );
         }
-        for (seen, sums) in self.seen.chunks_mut(ROOM).zip(self.sums.chunks(AHEAD)) {
+        for (seen, sums) in self.seen.chunks_mut(SEEN_FRAMES).zip(self.sums.chunks(FRAMES_AHEAD)) {
             seen[0] = seen[self.present];
             for (seen, sum) in seen[1..].iter_mut().zip(&sums[..frames_ahead]) {
                 *seen = lane_total(sum);

@@ -9,7 +9,7 @@ use crate::scheme::Scheme;
 use crate::state::Body;
 
 /// Created energy is ignored up to that of a spring stretched by this many units of the last digit of a coordinate.
-const DIGITS: f64 = 1e4;
+const ELONGATION_ERROR_ULP: f64 = 1e4;
 /// Number of partial sums: the same on every machine.
 const LANES: usize = 8;
 
@@ -151,7 +151,7 @@ impl PairGains {
         let pair_energy = |contacts: &PairContacts| {
             let contact_mats = contacts.run.spans().flatten();
             let largest_position = contact_mats.map(|mat| body.x[mat].abs()).fold(0.0, f64::max);
-            let elongation_error = DIGITS * f64::EPSILON * largest_position;
+            let elongation_error = ELONGATION_ERROR_ULP * f64::EPSILON * largest_position;
             contacts.run.n as f64 * contacts.k * elongation_error * elongation_error
         };
         self.pair_contacts.iter().map(pair_energy).sum()

@@ -15,15 +15,15 @@ use crate::scheme::Scheme;
 use crate::state::Body;
 use output_level::OutputLevel;
 
-/// Frames between two looks, on a grid from frame 0: more than a period of the lowest audible pitch at any rate in use,
+/// Frames between two checks, on a grid from frame 0: more than a period of the lowest audible pitch at any rate in use,
 /// so that the range of an output is that of its oscillation.
-const LOOK: u64 = 4_096;
-/// Looks in a period: a snapshot may meet a turning point, several do not.
-const LOOKS: u64 = 4;
-/// Amplitude and power of what is quiet, relative to the strongest: -90 dB, below the noise of 15 bits when the rest is
-/// silent.
+const CHECK_FRAMES: u64 = 4_096;
+/// Checks in a period: a snapshot may meet a turning point, several do not.
+const CHECKS_PER_PERIOD: u64 = 4;
+/// Amplitude of what is quiet, relative to the strongest: -90 dB, below the noise of 15 bits when the rest is silent.
 const QUIET_AMPLITUDE: f64 = 3.16e-5;
-const QUIET: f64 = 1e-9;
+/// The same as a power.
+const QUIET_POWER: f64 = 1e-9;
 /// A step of this part of a position is rounding.
 const ROUNDING: f64 = 4.0 * f64::EPSILON;
 
@@ -74,11 +74,11 @@ impl Quiet {
         }
     }
 
-    /// Takes note of frames of sound, (n_frames · n_out).
-    fn note(&mut self, sound: &[f64]) {
+    /// Takes record of frames of sound, (n_frames · n_out).
+    fn record(&mut self, sound: &[f64]) {
         for frame in sound.chunks_exact(self.outputs.len().max(1)) {
             let outputs = self.outputs.iter_mut().zip(frame);
-            outputs.for_each(|(output, value)| output.note(*value));
+            outputs.for_each(|(output, value)| output.record(*value));
         }
     }
 
@@ -114,14 +114,14 @@ impl Quiet {
             let mat_energy = if *w > 0.0 { step_square / w } else { 0.0 };
             self.energy = self.energy.max(mat_energy);
             energy_sum += mat_energy;
-            is_quiet &= step_square <= QUIET * *largest || d.abs() <= ROUNDING * x.abs();
+            is_quiet &= step_square <= QUIET_POWER * *largest || d.abs() <= ROUNDING * x.abs();
         }
         energy_sum /= self.energy.max(f64::MIN_POSITIVE);
         for (body, largest) in bodies.iter().zip(&mut self.bodies) {
             let body_motion = body.motion();
             *largest = largest.max(body_motion);
             energy_sum += body_motion / largest.max(f64::MIN_POSITIVE);
-            is_quiet &= body_motion <= QUIET * *largest;
+            is_quiet &= body_motion <= QUIET_POWER * *largest;
         }
         self.period = self.period.max(energy_sum);
         self.is_quiet = is_quiet && (self.is_quiet || index == 1);
@@ -147,7 +147,7 @@ impl Island {
 
     /// Steps between two looks.
     fn look_steps(&self) -> u64 {
-        LOOK * u64::from(self.oversampling)
+        CHECK_FRAMES * u64::from(self.oversampling)
     }
 
     /// The step of the next look; never for an island that may not sleep.
@@ -157,13 +157,13 @@ impl Island {
         self.quiet.as_ref().map_or(u64::MAX, |_| next_look)
     }
 
-    /// Takes note of frames that were played, (n_frames · n_out). If that ends a period of looks after which the island
+    /// Takes record of frames that were played, (n_frames · n_out). If that ends a period of looks after which the island
     /// sleeps, returns the step until which it does.
     pub(super) fn falls_asleep(&mut self, sound: &[f64]) -> Option<u64> {
         let (island_step, look_steps) = (self.state.frame, self.look_steps());
         let state = &self.state;
         let quiet = self.quiet.as_mut()?;
-        quiet.note(sound);
+        quiet.record(sound);
         if !island_step.is_multiple_of(look_steps) {
             return None;
         }
@@ -172,7 +172,7 @@ impl Island {
             scheme_now,
             &state.matter.body,
             &state.matter.bodies,
-            (island_step / look_steps) % LOOKS,
+            (island_step / look_steps) % CHECKS_PER_PERIOD,
         );
         let wake_step = may_sleep.then(|| self.wakes_at()).flatten();
         if let Some(quiet) = &mut self.quiet {

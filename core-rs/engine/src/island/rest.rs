@@ -23,7 +23,7 @@ const FIRST_GAP: u64 = 64;
 const GAP_MAX: u64 = 1 << 15;
 /// Steps before an event from which on steps are computed, because bodies are computed ahead and strikes may fall
 /// between frames.
-const MARGIN: u64 = 4 * energy_account::BLOCK;
+const MARGIN: u64 = 4 * energy_account::CHECK_STEPS;
 /// Frames after which a search for silence ends, and the island counts as one that sounds.
 const SILENCE_FRAMES: u64 = 1_024;
 /// States larger than this are not compared [bytes].

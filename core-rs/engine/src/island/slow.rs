@@ -245,7 +245,7 @@ impl RunningSlow {
         for &(own, (x, step)) in all {
             (self.x[own], self.v[own]) = (x, step);
         }
-        self.note_previous();
+        self.record_previous();
         let Self { springs, plan, .. } = self;
         let RunningSprings::Exact(spring_block) = springs else {
             return self.settle();
@@ -263,7 +263,7 @@ impl RunningSlow {
         for &(own, mat) in &self.plan.ports {
             (self.x[own], self.v[own]) = (body.x[mat], body.d[mat]);
         }
-        self.note_previous();
+        self.record_previous();
         let Self { springs, plan, .. } = self;
         let RunningSprings::Exact(spring_block) = springs else {
             return self.settle();
@@ -280,7 +280,7 @@ impl RunningSlow {
     }
 
     /// Find the positions of ports one frame ago from their steps.
-    fn note_previous(&mut self) {
+    fn record_previous(&mut self) {
         for (&(own, _), previous) in self.plan.ports.iter().zip(&mut self.previous) {
             *previous = self.x[own] - self.v[own];
         }

@@ -18,9 +18,10 @@ use super::{Fault, Island, energy_account};
 use crate::interrupt;
 use crate::kernel::thread_team::ThreadTeam;
 
-/// Most steps between two polls for an interrupt, and most modules that these steps compute.
-const LOOK: usize = 16;
-const LOOK_MODULES: usize = 1 << 17;
+/// Most steps between two polls for an interrupt.
+const POLL_STEPS: usize = 16;
+/// Most modules that these steps compute.
+const POLL_MODULES: usize = 1 << 17;
 
 /// Output buffer of the steps of a frame; only the first step of a frame is heard.
 pub(super) struct StepOutputs<'a> {
@@ -49,7 +50,7 @@ impl Island {
         let (step_count, may_coast) = (n_frames * outputs.oversampling, self.may_coast());
         let (mut steps_done, mut rounds_done) = (0, 0_usize);
         let modules = self.script.scheme.n_mat() + self.script.scheme.n_lia;
-        let poll_interval = (LOOK_MODULES / modules.max(1)).clamp(1, LOOK);
+        let poll_interval = (POLL_MODULES / modules.max(1)).clamp(1, POLL_STEPS);
         while steps_done < step_count {
             if rounds_done.is_multiple_of(poll_interval) {
                 interrupt::poll();
@@ -90,7 +91,7 @@ impl Island {
         if !moved.is_sound {
             return self.fault();
         }
-        if n.is_multiple_of(energy_account::BLOCK) {
+        if n.is_multiple_of(energy_account::CHECK_STEPS) {
             return self.check_gains();
         }
         Ok(())

@@ -9,4 +9,4 @@ pub(crate) mod free;
 mod particle;
 pub(crate) mod voice;
 
-pub(crate) use ergons_for_view::ROOM as SPARKS;
+pub(crate) use ergons_for_view::SPARKS_MAX as SPARKS;

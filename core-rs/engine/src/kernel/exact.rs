@@ -4,7 +4,7 @@
 
 mod friction;
 
-pub(crate) use friction::{STILL, rest};
+pub(crate) use friction::{SLIDE_DISTANCE_MIN, rest};
 
 use super::predict;
 use super::runs::scatter;
@@ -21,9 +21,9 @@ const STEPS_MAX: usize = 200;
 const ROUNDS_MAX: usize = 200;
 /// Rounds before the first guess: what converges by itself is left alone.
 const PLAIN_ROUNDS: usize = 4;
-/// Relative change of a force below which contacts that share a MAT have converged, and the same relative to the largest
-/// force: less is rounding of the sums on their MATs.
-const AGREE: f64 = 1e-14;
+/// Relative change of a force below which contacts that share a MAT have converged.
+const FORCE_TOLERANCE: f64 = 1e-14;
+/// The same relative to the largest force: less is rounding of the sums on their MATs.
 const ROUNDING: f64 = 4.0 * f64::EPSILON;
 
 /// Solve all exact contacts and all dry friction, after all other forces are summed. Those that share a MAT are solved
@@ -65,7 +65,7 @@ fn solve(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &mut Body, is
             body.exact_work.evaluations += evaluations;
             scatter(run, body);
             let force_now = body.link[run.first];
-            change_max = change_max.max((force_now - force_before).abs() - AGREE * force_now.abs());
+            change_max = change_max.max((force_now - force_before).abs() - FORCE_TOLERANCE * force_now.abs());
             largest = largest.max(force_now.abs());
             if scheme.exact_coupled {
                 force_mixing.record(index, force_before, force_now);

@@ -13,8 +13,9 @@ use derivatives::Step;
 
 /// Steps a second if the caller does not choose the steps of a tick.
 const FRAME_RATE: f64 = 44_100.0;
-/// Fewest steps of a tick if the caller does not choose them, and most steps of a tick.
+/// Fewest steps of a tick if the caller does not choose them.
 const STEPS_MIN: usize = 4;
+/// Most steps of a tick.
 const STEPS_MAX: usize = 10_000;
 /// An explicit oscillator is stable up to ω h = 2; half of this keeps frequencies near their nominal values.
 const ANGLE_MAX: f64 = 1.0;

@@ -10,7 +10,7 @@ pub(crate) const PLACES: usize = FEW / 2;
 pub(crate) type Places = [f64; PLACES];
 
 /// Distance of the places nearby: relative to the argument, and at least [m, m/s].
-const NEAR: (f64, f64) = (1e-6, 1e-9);
+const SLOPE_DISTANCES: (f64, f64) = (1e-6, 1e-9);
 
 /// Forces at some places [N], and slopes there in elongation [N/m] and in its rate [N·s/m].
 #[derive(Clone, Copy, Debug)]
@@ -54,7 +54,8 @@ impl Law {
     /// Force, with the bits of [`Law::force`], and slopes at elongations `d` [m] and rates `v` [m/s]; nothing is
     /// allocated.
     pub(crate) fn tangents(&self, d: &Places, v: &Places, scratch: &mut TangentScratch) -> Tangents {
-        let [elongation_step, rate_step] = [d, v].map(|at| at.map(|at| NEAR.0 * at.abs() + NEAR.1));
+        let [elongation_step, rate_step] =
+            [d, v].map(|at| at.map(|at| SLOPE_DISTANCES.0 * at.abs() + SLOPE_DISTANCES.1));
         let shifted_places = |at: &Places, step: &Places| std::array::from_fn(|place| at[place] + step[place]);
         let (d, v) = (
             [*d, shifted_places(d, &elongation_step)],

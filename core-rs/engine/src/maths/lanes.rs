@@ -13,7 +13,7 @@ const TO_BITS: f64 = 6_755_399_441_055_744.0; // 1.5·2⁵²
 const BIAS: u64 = 0x3ff;
 
 /// Largest |x| for which no lane overflows or underflows.
-const TAME: f64 = 708.0;
+const ARGUMENT_MAX: f64 = 708.0;
 
 /// Set `out` to `exp` of each entry of `a`, (n) each.
 #[inline(always)]
@@ -43,7 +43,7 @@ pub(crate) fn few_exp<const N: usize>(a: [f64; N]) -> [f64; N] {
 #[inline(always)]
 fn are_tame(a: &[f64]) -> bool {
     // Not `all`, which decides lane by lane.
-    a.iter().fold(1, |tame, a| tame & u64::from(a.abs() < TAME)) == 1
+    a.iter().fold(1, |tame, a| tame & u64::from(a.abs() < ARGUMENT_MAX)) == 1
 }
 
 /// `exp` for |x| < 708. The limits compare the upper halves of numbers, as in libm.

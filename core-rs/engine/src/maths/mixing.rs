@@ -3,9 +3,9 @@
 //! Walker & Ni 2011, "Anderson acceleration for fixed-point iterations", equation 2.1).
 
 /// Most rounds before the last that are combined.
-const DEPTH: usize = 6;
+const COMBINED_MAX: usize = 6;
 /// A round is left out if its difference from the last is a combination of later ones, up to this share.
-const DEPENDENT: f64 = 1e-8;
+const DEPENDENT_SHARE: f64 = 1e-8;
 /// After so many guesses that made things worse there are no more.
 const FAILURES_MAX: usize = 4;
 
@@ -13,10 +13,10 @@ const FAILURES_MAX: usize = 4;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Mixing {
     n: usize,
-    /// Values after each round, and their change in it: the last round first   (DEPTH + 1, n)
+    /// Values after each round, and their change in it: the last round first   (COMBINED_MAX + 1, n)
     values: Vec<f64>,
     changes: Vec<f64>,
-    /// Orthonormal differences of changes, and the differences of values that belong to them   (DEPTH, n)
+    /// Orthonormal differences of changes, and the differences of values that belong to them   (COMBINED_MAX, n)
     directions: Vec<f64>,
     steps: Vec<f64>,
     /// (n)
@@ -32,10 +32,10 @@ impl Mixing {
     pub(crate) fn new(n_max: usize) -> Self {
         Self {
             n: 0,
-            values: vec![0.0; (DEPTH + 1) * n_max],
-            changes: vec![0.0; (DEPTH + 1) * n_max],
-            directions: vec![0.0; DEPTH * n_max],
-            steps: vec![0.0; DEPTH * n_max],
+            values: vec![0.0; (COMBINED_MAX + 1) * n_max],
+            changes: vec![0.0; (COMBINED_MAX + 1) * n_max],
+            directions: vec![0.0; COMBINED_MAX * n_max],
+            steps: vec![0.0; COMBINED_MAX * n_max],
             guess: vec![0.0; n_max],
             ..Self::default()
         }
@@ -49,7 +49,7 @@ impl Mixing {
 
     /// Make room for a round.
     pub(crate) fn next_round(&mut self) {
-        let n_retained = self.n_rounds.min(DEPTH) * self.n;
+        let n_retained = self.n_rounds.min(COMBINED_MAX) * self.n;
         self.values.copy_within(..n_retained, self.n);
         self.changes.copy_within(..n_retained, self.n);
         self.n_rounds += 1;
@@ -83,7 +83,7 @@ impl Mixing {
         let (values, earlier_values) = self.values.split_at(value_count);
         let (last_change, earlier_changes) = self.changes.split_at(value_count);
         let mut n_directions = 0;
-        for round in 0..(self.n_rounds - 1).min(DEPTH) {
+        for round in 0..(self.n_rounds - 1).min(COMBINED_MAX) {
             let used_length = n_directions * value_count;
             let (other_directions, direction) = self.directions.split_at_mut(used_length);
             let (other_steps, value_step) = self.steps.split_at_mut(used_length);
@@ -101,7 +101,7 @@ impl Mixing {
                 add(value_step, -projection, other_step);
             }
             let squared_length = dot(direction, direction);
-            if squared_length > DEPENDENT * DEPENDENT * squared_before {
+            if squared_length > DEPENDENT_SHARE * DEPENDENT_SHARE * squared_before {
                 let normaliser = 1.0 / squared_length.sqrt();
                 direction.iter_mut().for_each(|x| *x *= normaliser);
                 value_step.iter_mut().for_each(|x| *x *= normaliser);

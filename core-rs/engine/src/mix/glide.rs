@@ -3,7 +3,7 @@
 use crate::timeline::GRID;
 
 /// Duration of a glide from one gain to another [s], rounded up to the grid, as for couplings.
-const GLIDE: f64 = 0.02;
+const GLIDE_SECONDS: f64 = 0.02;
 
 /// A gain that glides. Every glide begins at a multiple of [`GRID`] frames, whatever the size of blocks.
 ///
@@ -32,7 +32,7 @@ impl Glide {
     /// A constant gain, for frames at `rate` [Hz].
     #[must_use]
     pub fn new(rate: f64, gain: f64) -> Self {
-        let length = ((GLIDE * rate) as u64).div_ceil(GRID).max(1) * GRID;
+        let length = ((GLIDE_SECONDS * rate) as u64).div_ceil(GRID).max(1) * GRID;
         Self {
             from: gain,
             to: gain,

@@ -20,7 +20,7 @@ const SPEED_OF_SOUND: f64 = 343.0;
 const LENGTH_SPREAD: (f64, f64) = (0.5, 1.6);
 /// Cutoff of the high-pass at the input [Hz]: the offset of a leaning hand is not sound, and a room would hold it
 /// longest.
-const HIGHPASS: f64 = 20.0;
+const HIGHPASS_HERTZ: f64 = 20.0;
 /// Smaller samples are set to 0: denormal numbers, below 1e-308, are slow.
 const AMPLITUDE_MIN: f64 = 1e-200;
 /// Frames that are computed at a time, where no line is shorter.
@@ -128,7 +128,7 @@ impl Room {
             filters,
             channel_gains,
             is_silent: true,
-            highpass: Section::new(HIGHPASS.min(0.4 * rate), rate, BUTTERWORTH_2),
+            highpass: Section::new(HIGHPASS_HERTZ.min(0.4 * rate), rate, BUTTERWORTH_2),
         })
     }
 

@@ -1,9 +1,9 @@
 //! The silence detector: finds the point where a sound has decayed by 80 dB.
 
 /// Relative to the highest peak: −80 dB.
-const QUIET: f64 = 1e-4;
+const QUIET_RATIO: f64 = 1e-4;
 /// Length of a window [s].
-const WINDOW: f64 = 0.1;
+const WINDOW_SECONDS: f64 = 0.1;
 /// Number of consecutive quiet windows that end a sound: beats return within a shorter time.
 const QUIET_WINDOWS: u64 = 10;
 
@@ -34,7 +34,7 @@ impl SilenceDetector {
     /// A detector for frames at `rate` [Hz]; windows count from frame `from` on, where 0 is the first frame taken.
     pub fn new(rate: f64, n_channels: usize, from: u64) -> Self {
         Self {
-            window: (WINDOW * rate + 0.5).max(1.0) as u64,
+            window: (WINDOW_SECONDS * rate + 0.5).max(1.0) as u64,
             channels: n_channels.max(1),
             from,
             frame: 0,
@@ -64,7 +64,7 @@ impl SilenceDetector {
             }
             self.peak = self.peak.max(self.loudest);
             let is_after = self.frame - self.window >= self.from;
-            let is_quiet = is_after && self.loudest <= QUIET * self.peak;
+            let is_quiet = is_after && self.loudest <= QUIET_RATIO * self.peak;
             self.n_quiet = if is_quiet { self.n_quiet + 1 } else { 0 };
             self.loudest = 0.0;
             if self.n_quiet == QUIET_WINDOWS {

@@ -12,7 +12,7 @@ use crate::law::Law;
 
 /// Frequency [Hz] and T60 [s] of the modes that are added if the places of a list of modes are not independent. They
 /// decay before they can be heard as a pitch. The frequency is about the highest that CA steps allow at 44.1 kHz.
-const ADDED: (f64, f64) = (12_000.0, 1e-3);
+const ADDED_MODE: (f64, f64) = (12_000.0, 1e-3);
 
 impl Network {
     /// Add a bank of CELs of mass `m` [kg] each; random values come from `seed`. Returns the index of the first.
@@ -96,7 +96,7 @@ impl Network {
             self.check_tuning(name, f, Some(t60))?;
         }
         let mode_ties: Vec<(f64, f64)> = modes.iter().map(|&(f, t60)| self.tie(1.0, f, Some(t60))).collect();
-        let (f, t60) = ADDED;
+        let (f, t60) = ADDED_MODE;
         let added_frequency = self.ca_rate().map_or(f, |rate| f.min(0.27 * rate.hertz()));
         let added_tie = self.tie(1.0, added_frequency, Some(t60));
         let body = generator::modal_body(mass, &mode_ties, levels, added_tie)

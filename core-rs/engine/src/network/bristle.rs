@@ -7,7 +7,7 @@ use crate::maths::{exp, expm1};
 const LEVEL_MIN: f64 = 1e-12;
 /// The maximum of 2·u·exp(−u), 2/e: the steepest decrease of the level over the logarithm of the speed, as a fraction
 /// of Fs − Fc.
-const FALL: f64 = 0.735_758_882_342_884_7;
+const STEEPEST_FALL: f64 = 0.735_758_882_342_884_7;
 
 /// A friction of bristles bent by z: f = σ0·z + σ1·ż + σ2·v, ż = v − σ0·|v|·z/g(v), g(v) = Fc + (Fs −
 /// Fc)·exp(−(v/vs)²).
@@ -101,7 +101,7 @@ impl Bristle {
     /// other way.
     pub(crate) fn steepest_damping(&self) -> f64 {
         let level_ratio = self.static_level / self.level.max(LEVEL_MIN);
-        self.damping * (1.0 + level_ratio * (1.0 + FALL * (level_ratio - 1.0).max(0.0))) + self.viscosity
+        self.damping * (1.0 + level_ratio * (1.0 + STEEPEST_FALL * (level_ratio - 1.0).max(0.0))) + self.viscosity
     }
 
     /// Smallest σ2 at which the link is passive: σ1·(Fs − Fc)/Fc (Barabanov & Ortega 2000).

@@ -15,26 +15,26 @@ use crate::spectrum::{Mode, all_eigenvalues, general};
 
 /// Damping couples a mode x with others if the part of Z x outside x is above this fraction of |Z x|. Modes are known
 /// to 1e-10.
-const UNCOUPLED: f64 = 1e-6;
+const UNCOUPLED_SHARE: f64 = 1e-6;
 /// Rounding error of Z x, relative to the strongest damping.
 const ROUNDING: f64 = 1e-13;
 /// A response is dropped if the part of it that is new is below this fraction.
-const NEW: f64 = 1e-6;
+const NEW_SHARE_MIN: f64 = 1e-6;
 /// Most corrections of a pole; each squares its relative error.
-const CORRECTIONS: usize = 8;
+const CORRECTIONS_MAX: usize = 8;
 /// A correction below this fraction of the pole is the last: the error that remains is its square.
-const STEP_LAST: f64 = 1e-8;
+const LAST_CORRECTION_MAX: f64 = 1e-8;
 /// A pole needs no correction if the error that its residual implies is below this fraction of it.
-const EXACT: f64 = 1e-12;
+const UNCORRECTED_ERROR_MAX: f64 = 1e-12;
 /// A correction above this fraction of the pole leads to another pole; all corrections are then discarded.
-const STEP_MAX: f64 = 1e-2;
+const CORRECTION_MAX: f64 = 1e-2;
 
 /// Largest relative error, implied by its residual, at which a pole counts as known (1e-6 cents).
-const ERROR_KNOWN: f64 = 5e-10;
+const KNOWN_ERROR_MAX: f64 = 5e-10;
 /// Rounding error of a residual, relative to the largest stiffness of the network.
 const RESIDUAL_ROUNDING: f64 = 1e-12;
 /// Two poles are the same one, found twice, if corrections reduced their distance to less than this fraction.
-const MERGED: f64 = 1e-3;
+const MERGED_RATIO_MAX: f64 = 1e-3;
 
 /// A pole and the motion x of the masses (n), scaled to xᵀ(2s + Z)x = 2i·Im s, or to length 1 if the pole is real.
 pub(super) struct DampedMode {
@@ -61,7 +61,7 @@ pub(super) fn is_coupled(body: &Body, modes: &[Mode]) -> bool {
             .zip(&mode.vector)
             .map(|(z, v)| z - damping_share * v);
         let residual: f64 = residual.map(|z| z * z).sum();
-        residual > UNCOUPLED * UNCOUPLED * dot(&damping_image, &damping_image)
+        residual > UNCOUPLED_SHARE * UNCOUPLED_SHARE * dot(&damping_image, &damping_image)
             && residual > rounding_size * rounding_size
     })
 }
@@ -101,7 +101,7 @@ pub(super) fn damped_modes(body: &Body, modes: &[Mode], is_coupled: bool, count:
                 start_poles[i] - start_poles[j],
                 modes_coupled[i].pole - modes_coupled[j].pole,
             );
-            if gap_now.norm() < MERGED * gap_before.norm() {
+            if gap_now.norm() < MERGED_RATIO_MAX * gap_before.norm() {
                 (modes_coupled[i].is_known, modes_coupled[j].is_known) = (false, false);
             }
         }
@@ -185,7 +185,7 @@ fn with_responses(body: &Body, modes: &[Mode]) -> Vec<Mode> {
 fn push_new(basis: &mut Vec<Vec<f64>>, fresh: &mut Vec<Vec<f64>>, mut vector: Vec<f64>) {
     let norm_before = norm(&vector);
     orthogonalise(&mut vector, basis);
-    if normalise(&mut vector) <= NEW * norm_before {
+    if normalise(&mut vector) <= NEW_SHARE_MIN * norm_before {
         return;
     }
     basis.push(vector.clone());
@@ -280,12 +280,12 @@ impl NetworkMatrices {
         let vector_norm = |x: &[Complex<f64>]| sqrt(x.iter().map(|x| x.norm_sqr()).sum());
         let slope_matrix =
             |s: Complex<f64>| Values::combine(&self.stiffness, &self.damping, s * 2.0, |_, z| Complex::from(z));
-        for round in 0..CORRECTIONS {
+        for round in 0..CORRECTIONS_MAX {
             let pole_matrix = self.polynomial(s);
             if round == 0 {
                 pole_matrix.times(&self.pattern, &x, &mut applied_matrix);
                 let residual = vector_norm(&applied_matrix) / (2.0 * s.norm() * vector_norm(&x));
-                if residual * residual <= EXACT * s.norm() * gap {
+                if residual * residual <= UNCORRECTED_ERROR_MAX * s.norm() * gap {
                     break;
                 }
             }
@@ -296,13 +296,13 @@ impl NetworkMatrices {
             let y = pole_factor.solve(&applied_matrix);
             let pole_step = bilinear(&x, &x) / bilinear(&x, &y);
             let norm_of_y = vector_norm(&y);
-            if !(pole_step.norm() <= STEP_MAX * mode.pole.norm() && norm_of_y.is_finite()) {
+            if !(pole_step.norm() <= CORRECTION_MAX * mode.pole.norm() && norm_of_y.is_finite()) {
                 (s, x) = (mode.pole, mode.shape.clone());
                 break;
             }
             s -= pole_step;
             x = y.into_iter().map(|y| y / norm_of_y).collect();
-            if pole_step.norm() <= STEP_LAST * s.norm() {
+            if pole_step.norm() <= LAST_CORRECTION_MAX * s.norm() {
                 break;
             }
         }
@@ -312,7 +312,7 @@ impl NetworkMatrices {
         self.polynomial(s).times(&self.pattern, &x, &mut applied_matrix);
         let stiffest = self.stiffness.diagonal.iter();
         let stiffest = stiffest.fold(0.0_f64, |stiffness_max, k| stiffness_max.max(k.abs()));
-        let stiffness_max = 2.0 * ERROR_KNOWN * s.norm_sqr() + RESIDUAL_ROUNDING * stiffest;
+        let stiffness_max = 2.0 * KNOWN_ERROR_MAX * s.norm_sqr() + RESIDUAL_ROUNDING * stiffest;
         mode.is_known = vector_norm(&applied_matrix) <= stiffness_max * vector_norm(&x);
         slope_matrix(s).times(&self.pattern, &x, &mut applied_matrix);
         let shape_factor = if s.im == 0.0 {

@@ -8,7 +8,7 @@ use super::Scheme;
 /// Smallest average number of MATs in a range. A range costs 9 ns; each of its MATs takes 0.05 ns less in a mesh of 320
 /// MATs, and 0.2 ns less in one of 10,000. So ranges of 128 MATs make little difference in the small mesh and save a
 /// fifth in the large one.
-const LEAST: usize = 128;
+const RANGE_MATS_MIN: usize = 128;
 
 /// Successive MATs with the same 1/M, κ, ζ and rest position.
 #[derive(Clone, Debug)]
@@ -23,7 +23,7 @@ impl Scheme {
         let mat_count = self.n_mat();
         let (mut alike_ranges, mut range_start) = (Vec::new(), 0);
         while range_start < mat_count {
-            if (alike_ranges.len() + 1) * LEAST > mat_count {
+            if (alike_ranges.len() + 1) * RANGE_MATS_MIN > mat_count {
                 return Vec::new();
             }
             let is_alike_mat = |mat: &usize| {
@@ -100,10 +100,14 @@ mod tests {
     #[test]
     fn alike_stretches_below_the_least_length_are_dropped() {
         for n_kinds in 1..9 {
-            let mass_kinds: Vec<_> = (1..=n_kinds).map(|kind| (LEAST, 1e-3 * kind as f64)).collect();
+            let mass_kinds: Vec<_> = (1..=n_kinds).map(|kind| (RANGE_MATS_MIN, 1e-3 * kind as f64)).collect();
             assert_eq!(scheme(&mass_kinds).alike.len(), n_kinds);
         }
-        assert!(scheme(&[(LEAST, 1e-3), (LEAST - 1, 2e-3)]).alike.is_empty());
+        assert!(
+            scheme(&[(RANGE_MATS_MIN, 1e-3), (RANGE_MATS_MIN - 1, 2e-3)])
+                .alike
+                .is_empty()
+        );
         assert!(scheme(&[]).alike.is_empty());
     }
 
@@ -113,7 +117,7 @@ mod tests {
         for ties in [[(200.0, ground), (300.0, ground)], [(200.0, ground), (200.0, 0.1)]] {
             let mut network = Network::new();
             for (f, ground) in ties {
-                for _ in 0..LEAST {
+                for _ in 0..RANGE_MATS_MIN {
                     let cell_name = format!("m{}", network.n_mat());
                     network.cel(&cell_name, 1e-3, tuned_tie(f), ground, 0.0, 0.0).unwrap();
                 }

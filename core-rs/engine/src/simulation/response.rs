@@ -12,7 +12,7 @@ use crate::units::Rate;
 /// Displacement of the hand [m]. A network with closed contacts is linear: any value far above rounding will do.
 const DISPLACEMENT: f64 = 1e-3;
 /// The response is followed until its end is this small, relative to its largest force after the first two ticks.
-const DECAYED: f64 = 1e-4;
+const DECAYED_RATIO: f64 = 1e-4;
 /// Largest amount of work for that [MATs × ticks].
 const WORK_MAX: usize = 1 << 17;
 /// Largest number of steps a frame, for a closed network that is too stiff for one.
@@ -136,11 +136,11 @@ impl ReachableNetwork {
     }
 }
 
-/// Whether the last quarter of a response still holds a force above `DECAYED` of the largest after the first two ticks.
+/// Whether the last quarter of a response still holds a force above `DECAYED_RATIO` of the largest after the first two ticks.
 fn rings(response: &[f64]) -> bool {
     let greatest = |part: &[f64]| part.iter().fold(0.0, |greatest, x| f64::max(greatest, x.abs()));
     let tail_start = response.len() - response.len() / 4;
-    response.len() > 2 && greatest(&response[tail_start..]) > DECAYED * greatest(&response[2..])
+    response.len() > 2 && greatest(&response[tail_start..]) > DECAYED_RATIO * greatest(&response[2..])
 }
 
 #[cfg(test)]

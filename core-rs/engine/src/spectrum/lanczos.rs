@@ -11,7 +11,7 @@ const STORED_MAX: usize = 12_000_000;
 /// Number of steps between two diagonalisations of the tridiagonal matrix.
 const CHECK_EVERY: usize = 5;
 /// Relative residual at which the eigenvalue counts as converged.
-const CONVERGED: f64 = 1e-10;
+const CONVERGED_RESIDUAL: f64 = 1e-10;
 
 /// The upper end of a spectrum.
 #[derive(Clone, Debug, PartialEq)]
@@ -57,7 +57,7 @@ pub(crate) fn largest_up_to(n: usize, apply: Apply<'_>, beyond: f64) -> Largest 
             let beta = if exhausted { 0.0 } else { beta };
             let (theta, ritz_weights) = jacobi::largest(tridiagonal(&alphas, &betas));
             let residual = (beta * ritz_weights[steps - 1]).abs();
-            if is_last || residual <= CONVERGED * theta.abs() || theta >= beyond {
+            if is_last || residual <= CONVERGED_RESIDUAL * theta.abs() || theta >= beyond {
                 let mut vector = vec![0.0; n];
                 for (weight, direction) in ritz_weights.iter().zip(&basis) {
                     interrupt::poll_for(n);

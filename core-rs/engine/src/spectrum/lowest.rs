@@ -9,7 +9,7 @@ use super::{Apply, Mode};
 use crate::interrupt;
 
 /// Residual, relative to λ, at which the vector counts as converged: the error of λ is residual² over the gap.
-const CONVERGED: f64 = 1e-8;
+const CONVERGED_RESIDUAL: f64 = 1e-8;
 /// Relative to the largest eigenvalue: rounding keeps residuals from becoming smaller than this.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
 /// Largest number of restarts from the vector found, if rounding has kept it from converging.
@@ -49,7 +49,7 @@ pub(crate) fn lowest(n: usize, apply: Apply<'_>, nullspace: &[Vec<f64>]) -> Opti
                 vector: vector.clone(),
             },
         ));
-        if residual <= f64::max(CONVERGED * lambda, ROUNDING * tridiagonal.scale) {
+        if residual <= f64::max(CONVERGED_RESIDUAL * lambda, ROUNDING * tridiagonal.scale) {
             break;
         }
     }
@@ -119,7 +119,7 @@ impl Tridiagonal {
                 next_check *= CHECK_RATIO;
                 let theta = tridiagonal.lowest_pair();
                 let residual = (beta * tridiagonal.lowest[step_count - 1]).abs();
-                if exhausted || residual <= 0.5 * CONVERGED * theta || step_count == steps_max {
+                if exhausted || residual <= 0.5 * CONVERGED_RESIDUAL * theta || step_count == steps_max {
                     return tridiagonal;
                 }
             }

@@ -12,16 +12,16 @@ use super::{Mode, all_eigenvalues};
 use crate::interrupt;
 
 /// Largest number of modes sought at one shift: a longer basis costs more than another factorisation.
-const SLICE: usize = 64;
+const MODES_PER_SHIFT: usize = 64;
 /// Residual of (A − σ)⁻¹, relative to the eigenvalue, at which a pair counts as converged: the eigenvalue's error is
 /// its square.
-const CONVERGED: f64 = 1e-11;
+const CONVERGED_RESIDUAL: f64 = 1e-11;
 /// A pair this much smaller than the largest of its run is lost in the rounding of that; another run finds it.
 const RANGE: f64 = 1e-6;
 /// Number of steps between two diagonalisations of the small matrix.
 const CHECK_EVERY: usize = 12;
 /// Smallest relative gap between two modes in which a border may lie: rounding does not move a mode across it.
-const GAP: f64 = 1e-9;
+const RELATIVE_GAP_MIN: f64 = 1e-9;
 /// Largest residual of a mode, relative to the largest element of the diagonal; also the largest scalar product of two
 /// neighbouring modes.
 const MODE_TOLERANCE: f64 = 1e-9;
@@ -57,7 +57,7 @@ pub(crate) fn lowest_modes(springs: &Springs, count: usize) -> LowestModes {
     let (mut known_count, mut fruitless, mut run_number) = (0, 0, 0);
     while known_count < count && modes.len() < dimension && fruitless < FRUITLESS_RUNS_MAX {
         run_number += 1;
-        let modes_wanted = (count - known_count).min(SLICE) + 2;
+        let modes_wanted = (count - known_count).min(MODES_PER_SHIFT) + 2;
         let new_modes = lanczos(springs, &factor, &modes, modes_wanted, run_number);
         fruitless = if new_modes.is_empty() { fruitless + 1 } else { 0 };
         modes.extend(new_modes);
@@ -108,7 +108,8 @@ pub(crate) fn modes_around(springs: &Springs, centre: f64, count: usize) -> Lowe
         if modes.len() <= count {
             continue;
         }
-        let gap_index = (count..modes.len()).find(|&i| distance(&modes[i]) - distance(&modes[i - 1]) > GAP * shift);
+        let gap_index =
+            (count..modes.len()).find(|&i| distance(&modes[i]) - distance(&modes[i - 1]) > RELATIVE_GAP_MIN * shift);
         let Some(gap_index) = gap_index else { continue };
         let radius = 0.5 * (distance(&modes[gap_index]) + distance(&modes[gap_index - 1]));
         let count_inside = n_below(springs, shift + radius) - n_below(springs, shift - radius);
@@ -145,7 +146,7 @@ fn sort(modes: &mut [Mode]) {
 fn separator(modes: &[Mode], count: usize) -> Option<f64> {
     let is_separated = |&i: &usize| {
         let (lambda_below, lambda_above) = (modes[i - 1].lambda, modes[i].lambda);
-        lambda_above - lambda_below > GAP * lambda_above.abs()
+        lambda_above - lambda_below > RELATIVE_GAP_MIN * lambda_above.abs()
     };
     let gap_middle = |i: usize| 0.5 * (modes[i - 1].lambda + modes[i].lambda);
     let gap_index = (count.min(modes.len())..modes.len()).find(is_separated);
@@ -243,7 +244,7 @@ fn converged_pairs(alphas: &[f64], betas: &[f64], beta: f64) -> (Vec<Vec<f64>>, 
         if eigenvalues[i].abs() <= range_limit {
             return (converged, true);
         }
-        if (beta * components[dimension - 1][i]).abs() > CONVERGED * eigenvalues[i].abs() {
+        if (beta * components[dimension - 1][i]).abs() > CONVERGED_RESIDUAL * eigenvalues[i].abs() {
             break;
         }
         converged.push(components.iter().map(|row| row[i]).collect());

@@ -4,7 +4,7 @@ use super::pulse::PARTS_PER_SECOND;
 use super::{GRID, Gate, Glide, Lead, Strike, Timeline};
 
 /// Instants that differ by less are one [s]: rounding, not music.
-const SAME: f64 = 1e-9;
+const SAME_INSTANT: f64 = 1e-9;
 /// The instant at which what never begins would begin [s]: 30 years on, where frames are still counted exactly.
 const NEVER: f64 = 1e9;
 
@@ -30,7 +30,7 @@ impl Timeline {
     pub fn cut(&self, frame: u64, gestures: &[usize], stops: bool) -> Self {
         let frame_rate = self.rate.hertz();
         let instant = frame as f64 / frame_rate;
-        let is_before = |t: f64| t < instant - SAME;
+        let is_before = |t: f64| t < instant - SAME_INSTANT;
         // A strike acts as long as it lasts, and a frame or a step of a part that is stepped less often.
         let acts_since = |strike: &Strike| {
             let duration = f64::from(strike.n_parts) / PARTS_PER_SECOND;

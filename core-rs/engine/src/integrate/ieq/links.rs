@@ -97,7 +97,7 @@ pub(super) fn linear_part(mesh: &Mesh, network: &Network) -> Result<f64, Error> 
         | Kind::Pairwise { .. } => false,
         Kind::Lnl { law, .. } => law.hardening_spring().is_some(),
     });
-    Ok(top(&linear_scheme, network, 0.0, super::EXPLICIT)?.lambda)
+    Ok(top(&linear_scheme, network, 0.0, super::EXPLICIT_LAMBDA_MAX)?.lambda)
 }
 
 impl Links {

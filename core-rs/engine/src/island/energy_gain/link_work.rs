@@ -257,12 +257,12 @@ fn elongations(run: &Run, body: &Body) -> [f64; 2] {
 /// Energy of a link in space that rounding alone explains [J]: its elongation is a difference of coordinates.
 fn rounding(run: &Run, body: &Body) -> f64 {
     /// Error of the elongation in units of the last digit: rounding adds up from step to step.
-    const DIGITS: f64 = 1e4;
+    const ELONGATION_ERROR_ULP: f64 = 1e4;
     if run.n_axes() == 1 {
         return 0.0; // a contact that is open has no force at all
     }
     let end_positions = run.pairs(0).flat_map(|(a, b)| [body.x[a], body.x[b]]);
-    let elongation_error = DIGITS * f64::EPSILON * end_positions.map(f64::abs).fold(0.0, f64::max);
+    let elongation_error = ELONGATION_ERROR_ULP * f64::EPSILON * end_positions.map(f64::abs).fold(0.0, f64::max);
     run.k * elongation_error * elongation_error
 }
 

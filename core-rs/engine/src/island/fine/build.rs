@@ -81,8 +81,8 @@ impl Fine {
         let responses_from = |joint: &Joint| path_responses(joint, &joints, bodies, (&basis, rate), is_crowded);
         let (path_responses, jumps): (Vec<_>, _) = joints.iter().flat_map(responses_from).unzip();
         let products = |joint_responses: &[Vec<f64>]| joint_responses.iter().map(Vec::len).sum::<usize>() as u64;
-        let reached = path_responses.chunks(n_joints.max(1)).map(products).collect();
-        let begun = begun(&path_responses, &joints, &basis);
+        let impulse_products = path_responses.chunks(n_joints.max(1)).map(products).collect();
+        let start_responses = start_responses(&path_responses, &joints, &basis);
         let mut script = Script {
             is_coupled: false,
             steps,
@@ -90,13 +90,13 @@ impl Fine {
             basis,
             links,
             ends,
-            places: CrowdedBody::places(&crowded, n_joints),
+            crowded_rows: CrowdedBody::joint_rows(&crowded, n_joints),
             crowded,
             joints,
             path_responses,
             jumps,
-            reached,
-            begun,
+            impulse_products,
+            start_responses,
             free_path_products,
         };
         script.is_coupled = script.has_coupled_links();
@@ -111,7 +111,7 @@ impl Fine {
             frame_impulses: vec![0.0; n_joints * n_instants],
             crowded: script.crowded.iter().map(CrowdedBody::motion).collect(),
             next_frame_forces: vec![0.0; n_joints],
-            steady: vec![0.0; n_joints],
+            steady_forces: vec![0.0; n_joints],
             may_close: vec![false; n_links],
             pushes: vec![false; n_links],
             rests: vec![false; n_links],
@@ -138,7 +138,7 @@ impl Fine {
 
 /// Displacement of one joint at the instants of a frame by an impulse at another at its start, from `path_responses`
 /// (n_joints²)
-fn begun(path_responses: &[Vec<f64>], joints: &[Joint], basis: &Basis) -> Vec<Vec<f64>> {
+fn start_responses(path_responses: &[Vec<f64>], joints: &[Joint], basis: &Basis) -> Vec<Vec<f64>> {
     let (n_instants, start_instant) = (basis.n(), Instant::new(basis.n(), 0.0));
     let response = |(pair, pair_response): (usize, &Vec<f64>)| {
         if joints[pair / joints.len()].port.is_none() || pair_response.is_empty() {

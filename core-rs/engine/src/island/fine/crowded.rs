@@ -15,11 +15,11 @@ use crate::scheme::{Kind, Run};
 use crate::units::Rate;
 
 /// Share of the joints that push at once, as a bridge or a fret that a string wraps.
-const PUSHING: f64 = 0.25;
+const PUSHING_SHARE: f64 = 0.25;
 /// Kicks in a step.
-const KICKS: f64 = 6.0;
+const KICKS_PER_STEP: f64 = 6.0;
 /// Paths of pairs are kept unless sums over modes take this many times fewer products.
-const GAIN: f64 = 1.5;
+const PRODUCTS_RATIO_MIN: f64 = 1.5;
 /// Highest loss of a mode's velocity, 2σ [1/frame]: beyond it P and Q lose digits to each other.
 const LOSS_MAX: f64 = 0.5;
 
@@ -107,7 +107,7 @@ impl CrowdedBody {
     }
 
     /// Body and row of each joint that is on such a body   (n_joints)
-    pub(super) fn places(bodies: &[Self], n_joints: usize) -> Vec<Option<(usize, usize)>> {
+    pub(super) fn joint_rows(bodies: &[Self], n_joints: usize) -> Vec<Option<(usize, usize)>> {
         let mut joint_places = vec![None; n_joints];
         for (body, crowded) in bodies.iter().enumerate() {
             for (row, &(joint, _)) in crowded.rows.iter().enumerate() {
@@ -129,11 +129,11 @@ impl CrowdedBody {
 /// Whether sums over modes take far fewer products than paths of pairs, if a share of the joints push at once.
 fn is_crowded(n_joints: usize, n_modes: usize, n_instants: usize) -> bool {
     let (joint_count, mode_count, n_instants) = (n_joints as f64, n_modes as f64, n_instants as f64);
-    let pushing = (PUSHING * joint_count).max(1.0);
-    let by_pairs = KICKS * pushing * joint_count * n_instants * n_instants;
+    let pushing = (PUSHING_SHARE * joint_count).max(1.0);
+    let by_pairs = KICKS_PER_STEP * pushing * joint_count * n_instants * n_instants;
     // For each kick the instant, and what each contact sees and pushes; for each step what all joints see.
-    let by_modes = mode_count * (KICKS * (2.0 * n_instants + 8.0 + 3.0 * pushing) + 2.0 * joint_count);
-    by_pairs > GAIN * by_modes
+    let by_modes = mode_count * (KICKS_PER_STEP * (2.0 * n_instants + 8.0 + 3.0 * pushing) + 2.0 * joint_count);
+    by_pairs > PRODUCTS_RATIO_MIN * by_modes
 }
 
 /// The tables of modes with these motions. A group that is not full is filled with copies of a mode, which have no share
@@ -228,7 +228,7 @@ impl Fine {
         let n_instants = script.basis.n();
         let joint_path = &self.paths[joint * n_instants..(joint + 1) * n_instants];
         let [x, v] = [&instant.value, &instant.slope].map(|polynomials| dot(joint_path, polynomials));
-        match script.places[joint] {
+        match script.crowded_rows[joint] {
             None => [x, v],
             Some((body, row)) => {
                 let [crowded_x, crowded_v] = see(&script.crowded[body].rows[row].1, &self.crowded[body].groups);
@@ -239,7 +239,7 @@ impl Fine {
 
     /// Push a joint that is on such a body at this instant [N·s]; false if it is on none.
     pub(super) fn push_crowded(&mut self, script: &Script, joint: usize, impulse: f64) -> bool {
-        let Some((body_index, row_index)) = script.places[joint] else {
+        let Some((body_index, row_index)) = script.crowded_rows[joint] else {
             return false;
         };
         let (crowded, body_motion) = (&script.crowded[body_index], &mut self.crowded[body_index]);

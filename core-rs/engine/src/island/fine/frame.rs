@@ -86,9 +86,9 @@ impl Fine {
         } else {
             self.collocate(&script, &law_script, gates);
         }
-        self.tell_laws(&script, &law_script, body);
-        self.sprung.note(&script, &self.frame_impulses, scheme);
-        self.give(&script, bodies, body);
+        self.write_start_forces(&script, &law_script, body);
+        self.sprung.record_impulses(&script, &self.frame_impulses, scheme);
+        self.apply_impulses(&script, bodies, body);
     }
 
     /// Mark more contacts as ones that may close: each that pushes may push points off their free paths, and with them
@@ -99,7 +99,7 @@ impl Fine {
             let n_joints = script.joints.len();
             let both_ends = |(a, b): (usize, usize)| [a, b];
             let is_coupled = |from: usize, to: usize| {
-                let crowded_body = |joint: usize| script.places[joint].map(|(body, _)| body);
+                let crowded_body = |joint: usize| script.crowded_rows[joint].map(|(body, _)| body);
                 let on_same_body = crowded_body(from).is_some() && crowded_body(from) == crowded_body(to);
                 on_same_body || !script.path_responses[from * n_joints + to].is_empty()
             };
@@ -132,7 +132,7 @@ impl Fine {
             let free_path = &mut self.free_paths[joint_index * n_instants..(joint_index + 1) * n_instants];
             // Lasting forces act throughout the frame, but are applied as impulses at its start. Both lead to the same
             // end; the path between is corrected here.
-            let mut frame_pull = 0.5 * self.steady[joint_index] * scheme.w[joint.mat];
+            let mut frame_pull = 0.5 * self.steady_forces[joint_index] * scheme.w[joint.mat];
             match joint.port {
                 Some((owner, port)) => {
                     if let Some(modal_body) = bodies[owner].modal_mut() {
@@ -149,7 +149,7 @@ impl Fine {
                     if joint.cell.is_some() {
                         // The forces inside a mesh also bend the path of its port throughout the frame.
                         frame_pull += 0.5 * body.inner.get(joint.mat).copied().unwrap_or(0.0);
-                        self.sprung.note_free(joint_index, free_step, frame_pull);
+                        self.sprung.record_free_motion(joint_index, free_step, frame_pull);
                     } else {
                         frame_pull = 0.0;
                     }
@@ -172,7 +172,10 @@ impl Fine {
                 continue;
             }
             for (other, free_path) in self.free_paths.chunks_mut(n_instants).enumerate() {
-                for (x, by) in free_path.iter_mut().zip(&script.begun[joint_index * n_joints + other]) {
+                for (x, by) in free_path
+                    .iter_mut()
+                    .zip(&script.start_responses[joint_index * n_joints + other])
+                {
                     *x += impulse * by;
                 }
             }
@@ -180,7 +183,7 @@ impl Fine {
     }
 
     /// Push a joint [N·s].
-    pub(super) fn shove(&mut self, script: &Script, joint: usize, impulse: f64, instant: &Instant) {
+    pub(super) fn push_joint(&mut self, script: &Script, joint: usize, impulse: f64, instant: &Instant) {
         let n_instants = script.basis.n();
         let impulses = &mut self.impulse_sums[joint * n_instants..(joint + 1) * n_instants];
         for (impulses, value) in impulses.iter_mut().zip(&instant.value) {
@@ -188,12 +191,12 @@ impl Fine {
         }
         if !self.push_crowded(script, joint, impulse) {
             script.add_impulse(joint, impulse, instant, &mut self.paths);
-            self.work.products += script.reached[joint];
+            self.work.products += script.impulse_products[joint];
         }
     }
 
     /// Apply the impulses of a frame to bodies and MATs.
-    fn give(&mut self, script: &Script, bodies: &mut [RunningBody], body: &mut Body) {
+    fn apply_impulses(&mut self, script: &Script, bodies: &mut [RunningBody], body: &mut Body) {
         let n_instants = script.basis.n();
         for (joint_index, joint) in script.joints.iter().enumerate() {
             let joint_impulses = &self.frame_impulses[joint_index * n_instants..(joint_index + 1) * n_instants];

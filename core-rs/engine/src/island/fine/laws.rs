@@ -17,15 +17,18 @@ use tables::Division;
 pub(super) use tables::LawScript;
 pub(super) use tables::shares;
 
-/// Gauss points of a part of a frame, and their weights.
+/// Number of Gauss points of a part of a frame.
 pub(super) const STAGES: usize = 3;
+/// Gauss points of a part of a frame, 0 to 1.
 pub(super) const POINTS: [f64; STAGES] = [0.112_701_665_379_258_31, 0.5, 0.887_298_334_620_741_7];
+/// Their weights.
 pub(super) const WEIGHTS: [f64; STAGES] = [5.0 / 18.0, 4.0 / 9.0, 5.0 / 18.0];
-/// Most rounds until all forces agree; most rounds over a whole frame if it may be divided into parts; relative change
-/// of a force, as a share of the largest, at which they agree.
-const ROUNDS: usize = 60;
-const FEW_ROUNDS: usize = 8;
-const AGREE: f64 = 1e-9;
+/// Most rounds until all forces agree.
+const ROUNDS_MAX: usize = 60;
+/// Most rounds over a whole frame if it may be divided into parts.
+const WHOLE_FRAME_ROUNDS_MAX: usize = 8;
+/// Change of a force, relative to the largest, at which forces agree.
+const FORCE_TOLERANCE: f64 = 1e-9;
 
 /// A frame that may be divided is taken as a whole if the polynomial of its forces, through the Gauss points, deviates
 /// from the laws at both ends of the frame by less than this share of the largest force. A larger value divides fewer
@@ -50,22 +53,26 @@ impl Fine {
     pub(super) fn collocate(&mut self, script: &Script, laws: &LawScript, gates: &[f64]) {
         self.laws.iter_mut().for_each(|state| state.look_ahead(laws));
         let finest_index = laws.divisions.len() - 1;
-        let round_limit = if finest_index == 0 { ROUNDS } else { FEW_ROUNDS };
+        let round_limit = if finest_index == 0 {
+            ROUNDS_MAX
+        } else {
+            WHOLE_FRAME_ROUNDS_MAX
+        };
         let change_left = self.solve(script, laws, (gates, 0), (0, round_limit));
         if finest_index == 0 {
             if change_left > LOST {
                 self.bracket(script, laws, (gates, 0, 0));
             }
-            return self.give_laws(script, laws, (0, 0));
+            return self.apply_law_forces(script, laws, (0, 0));
         }
         let laws_agree = change_left == 0.0;
         let deviation = if laws_agree {
-            self.missed(script, laws, gates)
+            self.end_deviation(script, laws, gates)
         } else {
             1.0
         };
         if deviation <= laws.smooth {
-            return self.give_laws(script, laws, (0, 0));
+            return self.apply_law_forces(script, laws, (0, 0));
         }
         // The deviation falls with the cube of the number of parts.
         let parts_wanted = pow(deviation / laws.smooth, 1.0 / 3.0);
@@ -80,7 +87,7 @@ impl Fine {
             state.force = if laws_agree {
                 stage_shares.map(|row| dot(&row, &state.force))
             } else {
-                [state.begin; STAGES]
+                [state.start_force; STAGES]
             };
         }
         for part in 0..division.parts {
@@ -92,10 +99,10 @@ impl Fine {
             for state in &mut self.laws {
                 state.see(division, part);
             }
-            if self.solve(script, laws, (gates, division_index), (part, ROUNDS)) > LOST {
+            if self.solve(script, laws, (gates, division_index), (part, ROUNDS_MAX)) > LOST {
                 self.bracket(script, laws, (gates, division_index, part));
             }
-            self.give_laws(script, laws, (division_index, part));
+            self.apply_law_forces(script, laws, (division_index, part));
             self.push_paths(script, division, part);
         }
         // Forces of parts of different lengths are not extrapolated together.
@@ -115,7 +122,7 @@ impl Fine {
         for _ in 0..rounds {
             let mut round_change = 0.0_f64;
             for law in 0..laws.links.len() {
-                round_change = round_change.max(self.meet(script, laws, (gates, law_index, part), law));
+                round_change = round_change.max(self.newton_step(script, laws, (gates, law_index, part), law));
             }
             // Estimate of the change still to come, from the ratio of the last two rounds: Newton's method squares the
             // change of one law, several laws approach each other step by step.
@@ -125,7 +132,9 @@ impl Fine {
             } else {
                 change_ratio
             };
-            if round_change <= AGREE || (change_ratio < 0.5 && round_change * ratio_to_come <= AGREE) {
+            if round_change <= FORCE_TOLERANCE
+                || (change_ratio < 0.5 && round_change * ratio_to_come <= FORCE_TOLERANCE)
+            {
                 return 0.0;
             }
             last_change = round_change;
@@ -141,7 +150,7 @@ impl Fine {
         let middle_instant = division.s[STAGES * part + MIDDLE];
         for state in &mut self.laws {
             // The last forces of Newton's method may be arbitrary.
-            (state.force, state.before) = ([state.begin; STAGES], None);
+            (state.force, state.before) = ([state.start_force; STAGES], None);
         }
         for _ in 0..BRACKET_ROUNDS {
             self.work.couplings += (n_laws * (n_laws - 1)) as u64;
@@ -170,7 +179,7 @@ impl Fine {
                 let old_force = state.force[MIDDLE];
                 let (force, evaluations) = root(&unmet_force, old_force);
                 self.work.instants += evaluations / STAGES as u64;
-                round_change = round_change.max((force - old_force).abs() - AGREE * force.abs());
+                round_change = round_change.max((force - old_force).abs() - FORCE_TOLERANCE * force.abs());
                 if let Some(by) = law_now.bristle() {
                     let (_, v) = halfway(force);
                     let bristle = by.halfway(law_now.bristle, v, part_length / law_now.rate());
@@ -185,7 +194,7 @@ impl Fine {
     }
 
     /// Push by the forces that were found for a part of a frame.
-    fn give_laws(&mut self, script: &Script, laws: &LawScript, (division_index, part): (usize, usize)) {
+    fn apply_law_forces(&mut self, script: &Script, laws: &LawScript, (division_index, part): (usize, usize)) {
         let (n_instants, division) = (script.basis.n(), &laws.divisions[division_index]);
         let part_seconds = script.rate.step() / division.parts as f64;
         for (state, &link) in self.laws.iter_mut().zip(&laws.links) {
@@ -206,7 +215,7 @@ impl Fine {
                 .iter()
                 .fold(0.0_f64, |greatest, force| greatest.max(force.abs()));
             state.bristle = state.bristle_at_end;
-            state.largest = greatest.max(if part == 0 { FADE } else { 1.0 } * state.largest);
+            state.largest_force = greatest.max(if part == 0 { FADE } else { 1.0 } * state.largest_force);
         }
     }
 
@@ -232,7 +241,7 @@ impl Fine {
     }
 
     /// Deviation of the forces of a whole frame from their laws at its two ends, relative to the largest.
-    fn missed(&mut self, script: &Script, laws: &LawScript, gates: &[f64]) -> f64 {
+    fn end_deviation(&mut self, script: &Script, laws: &LawScript, gates: &[f64]) -> f64 {
         let n_laws = laws.links.len();
         let mut deviation_max = 0.0_f64;
         for law_index in 0..n_laws {
@@ -246,9 +255,9 @@ impl Fine {
                 bristle: state.bristle_at_end,
                 ..self.law(script, laws, gates, (law_index, 1.0))
             };
-            let end_forces = [state.begin, law_at_end.force(e, v * law_at_end.rate())];
+            let end_forces = [state.start_force, law_at_end.force(e, v * law_at_end.rate())];
             let largest =
-                (state.force.iter().chain(&end_forces)).fold(state.largest, |most, force| most.max(force.abs()));
+                (state.force.iter().chain(&end_forces)).fold(state.largest_force, |most, force| most.max(force.abs()));
             for (row, force) in laws.end_weights.iter().zip(end_forces) {
                 let end_deviation = (dot(row, &state.force) - force).abs();
                 deviation_max = deviation_max.max(end_deviation / largest.max(f64::MIN_POSITIVE));
@@ -261,7 +270,7 @@ impl Fine {
 
     /// Newton's step for the forces of one law, with those of all others given; returns the change, relative to the
     /// largest.
-    fn meet(
+    fn newton_step(
         &mut self,
         script: &Script,
         laws: &LawScript,
@@ -312,15 +321,15 @@ impl Fine {
             let [e, v] = state.see(&laws.divisions[0], 0);
             state.start = [e, v * law_now.rate()];
             if !(is_collocated && law_now.is_expression()) {
-                state.begin = law_now.force(state.start[0], state.start[1]);
+                state.start_force = law_now.force(state.start[0], state.start[1]);
             }
         }
     }
 
     /// Write the force of each law at the start of the frame into `body.link`.
-    pub(super) fn tell_laws(&self, script: &Script, laws: &LawScript, body: &mut Body) {
+    pub(super) fn write_start_forces(&self, script: &Script, laws: &LawScript, body: &mut Body) {
         for (state, &link) in self.laws.iter().zip(&laws.links) {
-            body.link[script.links[link].first] = state.begin;
+            body.link[script.links[link].first] = state.start_force;
         }
     }
 
@@ -373,19 +382,19 @@ impl Fine {
         (instant, b): (&Instant, f64),
     ) {
         let law_link = laws.links[law];
-        const AGAIN: usize = 4;
+        const KICK_ROUNDS: usize = 4;
         let [e, v] = self.elongation(script, law_link, instant);
         let (first_joint, second_joint) = script.ends[law_link];
         let pair_jump = script.jump(first_joint, second_joint);
         let (link_now, time_step) = (self.law(script, laws, gates, (law, instant.s)), script.rate.step());
         let mut impulse = 0.0;
-        for _ in 0..AGAIN {
+        for _ in 0..KICK_ROUNDS {
             // The rate halfway through the kick.
             let v = v - 0.5 * pair_jump * impulse;
             impulse = b * time_step * link_now.force(e, v * link_now.rate());
         }
         self.work.instants += 1;
-        self.shove(script, first_joint, impulse, instant);
-        self.shove(script, second_joint, -impulse, instant);
+        self.push_joint(script, first_joint, impulse, instant);
+        self.push_joint(script, second_joint, -impulse, instant);
     }
 }

@@ -195,8 +195,8 @@ impl Fine {
     /// Push both ends of a contact [N·s].
     fn push(&mut self, script: &Script, contact: &LinkContact<'_>, impulse: f64, instant: &Instant) {
         let (first_joint, second_joint) = contact.ends;
-        self.shove(script, first_joint, contact.side * impulse, instant);
-        self.shove(script, second_joint, -contact.side * impulse, instant);
+        self.push_joint(script, first_joint, contact.side * impulse, instant);
+        self.push_joint(script, second_joint, -contact.side * impulse, instant);
     }
 
     /// Advance from `s` by a step, or up to where a contact closes or opens in it; returns the instant reached.

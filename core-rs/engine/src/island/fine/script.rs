@@ -20,20 +20,21 @@ pub(super) struct Script {
     /// The two joints of each link.
     pub(super) ends: Vec<(usize, usize)>,
     pub(super) joints: Vec<Joint>,
-    /// Bodies of which the modes are pushed, and body and row of each joint that is on one   (n_joints)
+    /// Bodies of which the modes are pushed.
     pub(super) crowded: Vec<CrowdedBody>,
-    pub(super) places: Vec<Option<(usize, usize)>>,
+    /// Body and row of each joint that is on one of them   (n_joints)
+    pub(super) crowded_rows: Vec<Option<(usize, usize)>>,
     /// Response of one joint's path to an impulse at another   (n_joints², n·n); empty between those of a crowded body.
-    /// And that of its velocity at once   (n_joints²)
     pub(super) path_responses: Vec<Vec<f64>>,
+    /// Change at once of one joint's velocity by an impulse at another [m/frame per N·s]   (n_joints²)
     pub(super) jumps: Vec<f64>,
     /// Whether a push of one link changes the velocity of another at once.
     pub(super) is_coupled: bool,
     /// Number of products by which an impulse on each joint changes all paths in `path_responses`   (n_joints)
-    pub(super) reached: Vec<u64>,
+    pub(super) impulse_products: Vec<u64>,
     /// Displacement of one joint at the instants of a frame by an impulse at another at its start; empty but between
     /// ports, and between those of a crowded body   (n_joints²)
-    pub(super) begun: Vec<Vec<f64>>,
+    pub(super) start_responses: Vec<Vec<f64>>,
     /// Number of products that the free paths of all joints take in each frame.
     pub(super) free_path_products: u64,
 }

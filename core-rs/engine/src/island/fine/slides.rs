@@ -21,19 +21,20 @@ use script::{EvenSteps, SlideScript};
 
 /// Most steps tried in a frame, before one step takes the rest of it.
 const STEPS_MAX: usize = 256;
-/// An event is located when its instant moves by less than this share of the step; most steps to locate one.
-const LOCATED: f64 = 1e-13;
+/// An event is located when its instant moves by less than this share of the step.
+const EVENT_TOLERANCE: f64 = 1e-13;
+/// Most steps to locate an event.
 const TRIES_MAX: usize = 60;
 /// A rest of a frame below this share of the frame is skipped.
-const SKIPPED: f64 = 1e-9;
+const SKIPPED_SHARE: f64 = 1e-9;
 /// A velocity counts as zero below this share of what friction can take from it in a frame: the basis gives the velocity
 /// of a held mass to a small part of that.
-const STILL: f64 = 1e-4;
+const STILL_SHARE: f64 = 1e-4;
 /// The same for a link that held at the end of the last frame: a hold has no velocity at the Gauss points of its last step,
 /// but some after them. A string that held a mass had 1e-3; without this it slid and stopped anew in every frame.
-const STILL_HELD: f64 = 1e-2;
+const STILL_SHARE_HELD: f64 = 1e-2;
 /// A hold ends if it needs more than its level by this share.
-const EXCESS: f64 = 1e-9;
+const EXCESS_SHARE: f64 = 1e-9;
 
 /// Dry friction of an island.
 #[derive(Clone, Debug)]
@@ -143,7 +144,7 @@ impl Fine {
                 first_ended = Some(ended_slide);
             }
             instant_now += length_taken;
-            if 1.0 - instant_now < SKIPPED {
+            if 1.0 - instant_now < SKIPPED_SHARE {
                 return;
             }
             if let Some(ended_slide) = first_ended {
@@ -186,7 +187,11 @@ impl Fine {
             let friction = self.friction(frame, (slide_index, 0.0));
             let (first_joint, second_joint) = script.ends[link];
             let velocity_taken = friction.level(0.0) * script.jump(first_joint, second_joint) * script.rate.step();
-            let still_share = if self.rests[link] { STILL_HELD } else { STILL };
+            let still_share = if self.rests[link] {
+                STILL_SHARE_HELD
+            } else {
+                STILL_SHARE
+            };
             let is_still = v.abs() <= still_share * velocity_taken;
             let direction = if is_still { 0.0 } else { v.signum() };
             let slide = &mut self.frictions.slides[slide_index];
@@ -211,7 +216,7 @@ impl Fine {
                 let slide = &self.frictions.slides[slide_index];
                 let friction_level = self.friction(frame, (slide_index, s)).level(0.0);
                 let needed_force = dot(&shares(0.0), &slide.force);
-                let is_too_weak = stands_still(slide) && needed_force.abs() > friction_level * (1.0 + EXCESS);
+                let is_too_weak = stands_still(slide) && needed_force.abs() > friction_level * (1.0 + EXCESS_SHARE);
                 is_too_weak.then_some((slide_index, needed_force.abs() - friction_level, needed_force.signum()))
             };
             let weak_holds = (0..frame.slides.links.len()).filter_map(force_excess);
@@ -268,7 +273,7 @@ impl Fine {
     /// The force that the level of a holding link leaves, at the start (0) or at the end (1) of a step [N].
     fn hold_margin(&self, frame: Frame<'_>, (slide, s): (usize, f64), instant: f64) -> f64 {
         let friction_level = self.friction(frame, (slide, s)).level(0.0);
-        friction_level * (1.0 + EXCESS) - dot(&shares(instant), &self.frictions.slides[slide].force).abs()
+        friction_level * (1.0 + EXCESS_SHARE) - dot(&shares(instant), &self.frictions.slides[slide].force).abs()
     }
 
     /// A link whose slide or hold has ended by the end `s` of a step, at an instant that is not located yet.
@@ -296,7 +301,7 @@ impl Fine {
             self.impulse_sums.copy_from_slice(&self.saved[1]);
             self.step_frictions(frame, (s, length_taken), left);
             let margin_then = self.margin(frame, (slide, s + length_taken));
-            if length_change <= LOCATED * h || margin_then == 0.0 || *left == 0 {
+            if length_change <= EVENT_TOLERANCE * h || margin_then == 0.0 || *left == 0 {
                 break;
             }
             // Illinois rule: halve the value at the end that stays, so that the secant does not creep from one side.

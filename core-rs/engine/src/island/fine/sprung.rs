@@ -7,7 +7,7 @@
 
 use super::script::Script;
 use crate::island::energy_account::{Account, Gain};
-use crate::island::energy_gain::LONGEST;
+use crate::island::energy_gain::ACCOUNTED_LAWS_MAX;
 use crate::network::{LinkKind, Network};
 use crate::scheme::Scheme;
 use crate::state::Body;
@@ -56,7 +56,7 @@ impl Sprung {
             _ => false,
         };
         let springs = network.runs().iter().filter(|run| hardens(&run.kind));
-        let is_mesh = springs.map(|run| run.len).sum::<usize>() > LONGEST;
+        let is_mesh = springs.map(|run| run.len).sum::<usize>() > ACCOUNTED_LAWS_MAX;
         let is_stepped = |mat: usize| {
             let link_ends = script.links.iter().flat_map(|run| [run.a, run.b]);
             let fine_link_count = link_ends.filter(|&end| end == mat).count();
@@ -88,7 +88,7 @@ impl Sprung {
 
     /// Note where a joint would go in this frame: the step to the next frame, and half of the change of the step by
     /// forces that last [m].
-    pub(super) fn note_free(&mut self, joint: usize, step: f64, curvature: f64) {
+    pub(super) fn record_free_motion(&mut self, joint: usize, step: f64, curvature: f64) {
         if let Some(point) = self.points.iter_mut().find(|point| point.joint == joint) {
             point.free = [step - curvature, 2.0 * curvature];
         }
@@ -120,7 +120,7 @@ impl Sprung {
 
     /// Count the work of this frame's impulses, those on all joints, along the motion within the frame; and note the
     /// forces that replace them.
-    pub(super) fn note(&mut self, script: &Script, joint_impulses: &[f64], scheme: &Scheme) {
+    pub(super) fn record_impulses(&mut self, script: &Script, joint_impulses: &[f64], scheme: &Scheme) {
         let (n_instants, frame_rate) = (script.basis.n(), script.rate.hertz());
         for point in &mut self.points {
             let joint_impulses = &joint_impulses[point.joint * n_instants..(point.joint + 1) * n_instants];

@@ -1,6 +1,6 @@
 //! A body between two frames: positions of its ports at instants of a frame, and effects of impulses at such instants.
 
-use super::{ROOM, RunningModal, lanes};
+use super::{RunningModal, SEEN_FRAMES, lanes};
 use crate::cell::{Cell, Response};
 use crate::kernel::bank::{LANES, Lanes};
 use crate::kernel::ports::{self, PADDING};
@@ -154,7 +154,7 @@ impl RunningModal {
             // The responses of complex modes already contain these shares.
             let port_share = if is_complex { &ONES } else { &group_rows[port] };
             let mode_lanes = [&mut self.motions[group].now, &mut self.pending[group]];
-            let seen_ahead = (&mut self.seen[self.present + 1..], ROOM);
+            let seen_ahead = (&mut self.seen[self.present + 1..], SEEN_FRAMES);
             ports::kick(impulses, table, port_share, mode_lanes, group_rows, seen_ahead);
         }
         self.has_pending = true;

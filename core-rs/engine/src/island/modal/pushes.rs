@@ -2,23 +2,23 @@
 //! the rest of the window by their responses, and the modes at its end.
 
 use super::script::Script;
-use super::{AHEAD, ROOM, RunningModal};
+use super::{FRAMES_AHEAD, RunningModal, SEEN_FRAMES};
 use crate::kernel::bank::{Lanes, Motion, Sum, follow, lane_total};
 use crate::kernel::ports;
 
 /// Most pairs of a port and a port or output whose responses are kept: 2 MB of them.
 const PAIRS_MAX: usize = 4096;
 
-/// Displacement of each row in the frames after 1 N at each port during one frame   (n_ports, n_rows, AHEAD); empty if
+/// Displacement of each row in the frames after 1 N at each port during one frame   (n_ports, n_rows, FRAMES_AHEAD); empty if
 /// they would be too many.
 pub(super) fn responses(script: &Script) -> Vec<f64> {
     let (n_ports, n_rows) = (script.plan.ports.len(), script.moves.len());
     if n_ports * n_rows > PAIRS_MAX {
         return Vec::new();
     }
-    let mut responses = vec![0.0; n_ports * n_rows * AHEAD];
-    let mut sums = vec![Sum::ZERO; n_rows * AHEAD];
-    for (port, responses) in responses.chunks_mut((n_rows * AHEAD).max(1)).enumerate() {
+    let mut responses = vec![0.0; n_ports * n_rows * FRAMES_AHEAD];
+    let mut sums = vec![Sum::ZERO; n_rows * FRAMES_AHEAD];
+    for (port, responses) in responses.chunks_mut((n_rows * FRAMES_AHEAD).max(1)).enumerate() {
         sums.fill(Sum::ZERO);
         for (group, rates) in script.rates.iter().enumerate() {
             let mut group_motion = Motion {
@@ -27,9 +27,16 @@ pub(super) fn responses(script: &Script) -> Vec<f64> {
             };
             script.push(group, &mut group_motion, port, 1.0);
             let rows = &script.rows[group];
-            follow(rates, &mut group_motion, rows, AHEAD - 1, &mut sums, AHEAD);
+            follow(
+                rates,
+                &mut group_motion,
+                rows,
+                FRAMES_AHEAD - 1,
+                &mut sums,
+                FRAMES_AHEAD,
+            );
         }
-        let rows = responses.chunks_mut(AHEAD).zip(sums.chunks(AHEAD));
+        let rows = responses.chunks_mut(FRAMES_AHEAD).zip(sums.chunks(FRAMES_AHEAD));
         for ((response, sums), moves) in rows.zip(&script.moves) {
             response[0] = moves[port];
             for (response, sum) in response[1..].iter_mut().zip(sums) {
@@ -63,7 +70,7 @@ impl RunningModal {
             // The motions are those of the next frame.
             for (row, moves) in script.moves.iter().enumerate() {
                 for (moves, force) in moves.iter().zip(&self.forces) {
-                    self.seen[row * ROOM + self.present + 1] += moves * force;
+                    self.seen[row * SEEN_FRAMES + self.present + 1] += moves * force;
                 }
             }
             for (group, motion) in self.motions.iter_mut().enumerate() {
@@ -78,12 +85,12 @@ impl RunningModal {
         let n_ports = self.forces.len();
         self.pushes[self.present * n_ports..][..n_ports].copy_from_slice(&self.forces);
         self.has_pushes = true;
-        let port_responses = script.responses.chunks(script.moves.len() * AHEAD);
+        let port_responses = script.responses.chunks(script.moves.len() * FRAMES_AHEAD);
         for (responses, &force) in port_responses.zip(&self.forces) {
             if force == 0.0 {
                 continue;
             }
-            let seen_rows = self.seen.chunks_mut(ROOM).zip(responses.chunks(AHEAD));
+            let seen_rows = self.seen.chunks_mut(SEEN_FRAMES).zip(responses.chunks(FRAMES_AHEAD));
             for (seen, response) in seen_rows {
                 ports::add_response(&mut seen[self.present + 1..=self.until], response, force);
             }

@@ -46,9 +46,9 @@ impl OutputLevel {
         self.value
     }
 
-    /// Takes note of the next value [m]. Differences from before the first one are NaN, which `max` passes over.
+    /// Takes record of the next value [m]. Differences from before the first one are NaN, which `max` passes over.
     #[inline]
-    pub(super) fn note(&mut self, value: f64) {
+    pub(super) fn record(&mut self, value: f64) {
         let value_step = value - self.value;
         let loudness = match self.order {
             0 => 0.0,
@@ -61,7 +61,7 @@ impl OutputLevel {
         (self.value, self.step) = (value, value_step);
     }
 
-    /// Whether stopping it here and now would be quieter than the part `share` of the loudest so far; begins to note
+    /// Whether stopping it here and now would be quieter than the part `share` of the loudest so far; begins to record
     /// anew. To stop what is heard as an acceleration is a blow as strong as its step from frame to frame.
     pub(super) fn is_quiet(&mut self, share: f64) -> bool {
         let level_now = match self.order {
@@ -89,7 +89,7 @@ mod tests {
             for part in 1..=1_000 {
                 let ramp_share = f64::from(part) / 1_000.0;
                 let amplitude = from + (to - from) * ramp_share * ramp_share * (3.0 - 2.0 * ramp_share);
-                output_level.note(amplitude * sin(0.01 * frames_played));
+                output_level.record(amplitude * sin(0.01 * frames_played));
                 frames_played += 1.0;
             }
             output_level.is_quiet(1e-3)
@@ -109,7 +109,7 @@ mod tests {
     #[test]
     fn is_quiet_of_rest() {
         let mut output_level = OutputLevel::new(2);
-        (0..100).for_each(|_| output_level.note(0.25));
+        (0..100).for_each(|_| output_level.record(0.25));
         assert!(output_level.is_quiet(1e-3));
         assert_eq!(output_level.value(), 0.25);
     }

@@ -7,7 +7,7 @@ use crate::archive;
 use crate::kernel::dense;
 
 /// A body whose displacements [m] and velocities [m a frame] are all smaller than this rests: 280 dB below a micrometre.
-const REST: f64 = 1e-20;
+const REST_BOUND: f64 = 1e-20;
 
 /// A running body.
 #[derive(Clone, Debug)]
@@ -138,7 +138,7 @@ impl Block {
             let mat_count = self.state.len() / 2;
             self.state[mat_count..].iter_mut().for_each(|v| *v *= damped);
         }
-        if !is_pushed && self.state.iter().all(|x| x.abs() < REST) {
+        if !is_pushed && self.state.iter().all(|x| x.abs() < REST_BOUND) {
             self.state.fill(0.0);
         }
         self.begin();

@@ -4,12 +4,12 @@
 use crate::island::record::Record;
 
 /// Sparks that may be separate between two calls of [`Sparks::take`], before ergons are merged.
-const SINGLE: usize = 14;
+const SINGLE_SPARKS_MAX: usize = 14;
 /// Most sparks of a voice between two calls of [`Sparks::take`]: the last two merge all ergons that find no other room,
 /// one for each sign.
-pub(crate) const ROOM: usize = SINGLE + 2;
+pub(crate) const SPARKS_MAX: usize = SINGLE_SPARKS_MAX + 2;
 /// An ergon of a stream is merged with the last one of its sign that came less than this before it [s].
-const TOGETHER: f64 = 1e-3;
+const MERGE_SECONDS: f64 = 1e-3;
 
 /// Ergons of one sign that are shown as one.
 #[derive(Clone, Copy, Debug, Default)]
@@ -41,7 +41,7 @@ impl Spark {
 
     /// Whether an ergon of a stream continues it.
     fn goes_on(&self, ergon: &Record) -> bool {
-        self.is_stream && self.is_like(ergon) && ergon.time - self.last <= TOGETHER
+        self.is_stream && self.is_like(ergon) && ergon.time - self.last <= MERGE_SECONDS
     }
 
     fn add(&mut self, ergon: &Record) {
@@ -67,8 +67,8 @@ impl Spark {
 /// The sparks of a voice since they were last taken.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Sparks {
-    /// (ROOM); `None`: nobody watches.
-    room: Option<Box<[Spark; ROOM]>>,
+    /// (SPARKS_MAX); `None`: nobody watches.
+    room: Option<Box<[Spark; SPARKS_MAX]>>,
     n: usize,
 }
 
@@ -80,7 +80,7 @@ impl Sparks {
 
     /// Note ergons from here on.
     pub(crate) fn watch(&mut self) {
-        self.room = Some(Box::new([Spark::default(); ROOM]));
+        self.room = Some(Box::new([Spark::default(); SPARKS_MAX]));
         self.n = 0;
     }
 
@@ -93,8 +93,9 @@ impl Sparks {
             return;
         }
         let mut newest_first = spark_room[..self.n].iter_mut().enumerate().rev();
-        let joined_spark = newest_first
-            .find(|(at, spark)| (is_stream && spark.goes_on(ergon)) || (*at >= SINGLE && spark.is_like(ergon)));
+        let joined_spark = newest_first.find(|(at, spark)| {
+            (is_stream && spark.goes_on(ergon)) || (*at >= SINGLE_SPARKS_MAX && spark.is_like(ergon))
+        });
         match joined_spark {
             Some((_, spark)) => spark.add(ergon),
             None => {

@@ -76,7 +76,7 @@ impl FreeKey {
 /// [m/N].
 fn find_force(guess: f64, compliance_max: f64, offset_at: &mut dyn FnMut(f64) -> f64) -> f64 {
     let (mut bracket_force, mut bracket_offset) = (guess, offset_at(guess));
-    if bracket_offset.abs() <= kernel::STILL {
+    if bracket_offset.abs() <= kernel::SLIDE_DISTANCE_MIN {
         return bracket_force;
     }
     let mut search_step = 2.0 * bracket_offset / compliance_max;
@@ -91,7 +91,7 @@ fn find_force(guess: f64, compliance_max: f64, offset_at: &mut dyn FnMut(f64) ->
         search_step *= 2.0;
     }
     for round in 0..2 * ROUNDS_MAX {
-        if newest_offset.abs() <= kernel::STILL || newest_offset * bracket_offset > 0.0 {
+        if newest_offset.abs() <= kernel::SLIDE_DISTANCE_MIN || newest_offset * bracket_offset > 0.0 {
             break;
         }
         let middle_force = 0.5 * (bracket_force + newest_force);

@@ -5,11 +5,11 @@ use crate::state::Body;
 
 /// Speed of approach [m/s]: fixed, so that the mass carries the impulse and the speed stays far above
 /// any key's (error of the impulse below 1e-6 for velocity steps from 1e-5 to 0.5 m/s).
-pub(crate) const SPEED: f64 = 1000.0;
+pub(crate) const APPROACH_SPEED: f64 = 1000.0;
 /// Most particles near the key at once: a contact lasts two steps, and dense ergons come every step.
-const BLOCK: usize = 4;
+const PARTICLES_MAX: usize = 4;
 /// A particle this far out never returns [m]: it leaves at 23 mm a step.
-const GONE: f64 = 1e-3;
+const GONE_DISTANCE: f64 = 1e-3;
 
 /// A particle near the key.
 #[derive(Clone, Copy, Debug, Default)]
@@ -28,7 +28,7 @@ crate::archive::state!(Particle { x, d, w, k, sign });
 
 /// The particles of one voice.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Flight([Particle; BLOCK]);
+pub(crate) struct Flight([Particle; PARTICLES_MAX]);
 
 crate::archive::state!(Flight { 0 });
 
@@ -46,7 +46,7 @@ impl Flight {
                 body.push(mat, particle.sign * push_force);
                 particle.d -= particle.sign * push_force * particle.w;
                 particle.x += particle.d;
-                if penetration < -GONE {
+                if penetration < -GONE_DISTANCE {
                     particle.k = 0.0;
                 }
             }
@@ -64,7 +64,7 @@ impl Flight {
     pub(crate) fn launch(&mut self, scheme: &Scheme, body: &mut Body, mat: usize, force: f64) -> Option<(f64, f64)> {
         let time_step = 1.0 / scheme.rate;
         let sign = force.signum();
-        let approach_speed = sign * SPEED;
+        let approach_speed = sign * APPROACH_SPEED;
         // Penetration after one step of approach, the key moving as it did.
         let approach = (approach_speed * time_step - body.d[mat]) * sign;
         // force = K·penetration with K = 2μ, and 1/μ = w + w_key.

@@ -24,7 +24,7 @@ use crate::state::{Body, Target};
 use join::Joining;
 
 /// A layer's free key counts as at rest below this, in metres and in metres a second: far below what is heard.
-const STILL: f64 = 1e-12;
+const STILL_BOUND: f64 = 1e-12;
 
 /// The constant data of a voice.
 #[derive(Clone, Debug)]
@@ -144,7 +144,7 @@ impl Voice {
     pub(crate) fn is_awake(&self, script: &VoiceScript, gestures: &[FramedGesture], n: u64) -> bool {
         let is_due = |&i: &usize| (gestures[i].join_from..=gestures[i].last()).contains(&n);
         let i = script.free.struck;
-        let key_moves = self.free.body.x[i].abs() + self.free.body.d[i].abs() * script.free.scheme.rate > STILL;
+        let key_moves = self.free.body.x[i].abs() + self.free.body.d[i].abs() * script.free.scheme.rate > STILL_BOUND;
         !script.is_layer || key_moves || script.gestures.iter().any(is_due)
     }
 

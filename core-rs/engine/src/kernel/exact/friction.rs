@@ -7,9 +7,9 @@ use crate::state::{Body, Target};
 
 /// Two ends with given positions slide if the distance between them changes by more than this in a frame [m]; less is
 /// rounding.
-pub(crate) const STILL: f64 = 1e-14;
+pub(crate) const SLIDE_DISTANCE_MIN: f64 = 1e-14;
 /// A step below this fraction of the largest change that friction makes to a step is rounding: the mass is at rest.
-const REST: f64 = 1e-12;
+const REST_STEP_RATIO: f64 = 1e-12;
 
 /// Force of one friction, given all other forces [N].
 pub(super) fn force(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &Body, run: &Run) -> f64 {
@@ -43,10 +43,10 @@ pub(super) fn force(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &B
     }
     // Both ends are imposed or fixed.
     let friction_level = friction_level(0.5 * (v + free_step));
-    if free_step.abs() > STILL {
+    if free_step.abs() > SLIDE_DISTANCE_MIN {
         let slide_sign = free_step.signum();
         // If the sliding reverses within the frame, friction acts one way before and the other way after.
-        let turn_share = if slide_sign * v < -STILL {
+        let turn_share = if slide_sign * v < -SLIDE_DISTANCE_MIN {
             (v + free_step) / (free_step - v)
         } else {
             1.0
@@ -72,7 +72,7 @@ pub(crate) fn rest(scheme: &Scheme, body: &mut Body) {
         for (mass, other) in [(run.a, run.b), (run.b, run.a)] {
             let is_fixed = scheme.w[other] == 0.0 && body.d[other] == 0.0;
             let mass_step = body.d[mass];
-            if is_fixed && mass_step != 0.0 && mass_step.abs() <= REST * scheme.w[mass] * run.z {
+            if is_fixed && mass_step != 0.0 && mass_step.abs() <= REST_STEP_RATIO * scheme.w[mass] * run.z {
                 body.x[mass] -= mass_step;
                 body.d[mass] = 0.0;
             }

@@ -7,8 +7,9 @@ use super::{AXES_MAX, line};
 
 type Vector = [f64; AXES_MAX];
 
-/// Most cells of the grid, and most triangles in all cells together.
+/// Most cells of the grid.
 const CELLS_MAX: usize = 1 << 18;
+/// Most triangles in all cells together.
 const MEMBERS_MAX: usize = 1 << 22;
 /// Factor by which cells are widened if there are too many.
 const WIDENING: f64 = 1.3;
@@ -19,10 +20,11 @@ pub struct Facets {
     triangles: Vec<[Vector; 3]>,
     /// Largest distance from the surface at which a point is detected [m].
     reach: f64,
-    /// Lowest and highest corner of the region in which points are detected, width of a cell [m], and number of cells
-    /// along each axis.
+    /// Lowest and highest corner of the region in which points are detected [m].
     bounds: [Vector; 2],
+    /// Width of a cell [m].
     cell_width: f64,
+    /// Number of cells along each axis.
     counts: [usize; AXES_MAX],
     /// Index in `members` at which the triangles of each cell begin   (n_cells + 1)
     cell_starts: Vec<u32>,

@@ -10,7 +10,7 @@ use crate::plan::constants::{
 
 /// Centres of third octaves [Hz]: 1 kHz times 2^(i/3), from 25 Hz up to 20 kHz, or up to `RATE_SHARE` of the rate if
 /// that is lower.
-const CENTRE: f64 = 1_000.0;
+const CENTRE_HERTZ: f64 = 1_000.0;
 
 /// Mean difference of the levels of two sounds [dB], (n_frames · n_out) each, `b` the reference: over the third octaves
 /// within 60 dB of its strongest, summed over outputs that are normalised to equal power.
@@ -61,7 +61,7 @@ pub(super) fn bands(n_frames: usize, rate: f64, fewest: f64) -> Vec<Band> {
     let seconds = n_frames as f64 / rate;
     let bin_width = rate / length(n_frames) as f64;
     let bin_above = |frequency: f64| (frequency / bin_width).ceil() as usize;
-    let centres = (LOWEST_THIRD_OCTAVE..).map(|i| CENTRE * pow(2.0, f64::from(i) / 3.0));
+    let centres = (LOWEST_THIRD_OCTAVE..).map(|i| CENTRE_HERTZ * pow(2.0, f64::from(i) / 3.0));
     let (lower_ratio, upper_ratio) = (pow(2.0, -1.0 / 6.0), pow(2.0, 1.0 / 6.0));
     centres
         .take_while(|centre| *centre <= HIGHEST_AUDIBLE.min(RATE_SHARE * rate))

@@ -2,10 +2,10 @@
 
 use super::{STAGES, Square};
 
-/// Most evaluations while the interval is widened, and most bisections; first width of the interval, relative to the
-/// value at the guess.
-const HALVINGS: u64 = 64;
-const FIRST_LOOK: f64 = 0.01;
+/// Most evaluations while the interval is widened, and most bisections.
+const ROUNDS_MAX: u64 = 64;
+/// First width of the interval, relative to the value at the guess.
+const FIRST_WIDTH: f64 = 0.01;
 
 /// The zero near a guess of a function that rises at large arguments, and the number of evaluations. Returns the guess
 /// if no zero is found.
@@ -18,12 +18,12 @@ pub(super) fn root(f: &dyn Fn(f64) -> f64, guess: f64) -> (f64, u64) {
     // The zero lies in the direction of the other sign: widen the interval until the sign changes.
     let mut far_end = guess;
     let mut near_end;
-    let mut look_step = -FIRST_LOOK * guess_value;
+    let mut look_step = -FIRST_WIDTH * guess_value;
     loop {
         (near_end, far_end) = (far_end, far_end + look_step);
         let far_value = f(far_end);
         evaluations += 1;
-        if !far_value.is_finite() || evaluations > HALVINGS {
+        if !far_value.is_finite() || evaluations > ROUNDS_MAX {
             return (guess, evaluations);
         }
         if (far_value > 0.0) != (guess_value > 0.0) {
@@ -31,7 +31,7 @@ pub(super) fn root(f: &dyn Fn(f64) -> f64, guess: f64) -> (f64, u64) {
         }
         look_step *= 2.0;
     }
-    for _ in 0..HALVINGS {
+    for _ in 0..ROUNDS_MAX {
         let midpoint = 0.5 * (near_end + far_end);
         if midpoint == near_end || midpoint == far_end {
             break;

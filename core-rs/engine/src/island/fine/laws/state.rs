@@ -8,12 +8,12 @@ use crate::law::{PLACES, Places, TangentScratch};
 use crate::network::Bristle;
 use crate::scheme::Kind;
 
-/// Forces are extrapolated from two parts if that guess deviates from the one of a single part by shares of the largest
+/// Forces are extrapolated from two parts if that guess deviates from the one of a single part by shares of the largest_force
 /// force between these: after a strike it would be far off, in a steady slide it amplifies rounding errors.
-const TWO_PARTS: std::ops::Range<f64> = 1e-8..0.1;
+const EXTRAPOLATION_RANGE: std::ops::Range<f64> = 1e-8..0.1;
 
 /// Integrals up to each Gauss point, as weights of the rates at the Gauss points, in parts (Gauss's method of order 6).
-const MEANS: Square = [
+const INTEGRAL_WEIGHTS: Square = [
     [5.0 / 36.0, -0.035_976_667_524_938_9, 0.009_789_444_015_308_324],
     [0.300_263_194_980_864_6, 2.0 / 9.0, -0.022_485_417_203_086_813],
     [0.267_988_333_762_469_43, 0.480_421_111_969_383_3, 5.0 / 36.0],
@@ -22,21 +22,26 @@ const MEANS: Square = [
 /// The state of a running law.
 #[derive(Clone, Debug, Default)]
 pub(in crate::island::fine) struct LawState {
-    /// Forces at the Gauss points of a part [N]; elongations and their rates there without the forces of that part.
+    /// Forces at the Gauss points of a part [N].
     pub(super) force: [f64; STAGES],
     /// Forces of the part before, if it was as long [N].
     pub(super) before: Option<Stages>,
+    /// Elongations at the Gauss points without the forces of that part [m].
     pub(super) elongation: [f64; STAGES],
+    /// Rates of these elongations [m/frame].
     pub(super) rate: [f64; STAGES],
-    /// Bend of its bristles at the start of a part, at its end, and before a step that may be repeated [m].
+    /// Deflection of its bristles at the start of a part [m].
     pub(super) bristle: f64,
+    /// Deflection of its bristles at the end of a part [m].
     pub(super) bristle_at_end: f64,
+    /// Deflection of its bristles before a step that may be repeated [m].
     pub(super) saved_deflection: f64,
-    /// Elongation and its rate at the start of the frame [m, m/s], and the force there [N].
+    /// Elongation and its rate at the start of the frame [m, m/s].
     pub(super) start: [f64; 2],
-    pub(super) begin: f64,
-    /// The largest force of the last frames [N].
-    pub(super) largest: f64,
+    /// Force at the start of the frame [N].
+    pub(super) start_force: f64,
+    /// The largest_force force of the last frames [N].
+    pub(super) largest_force: f64,
     /// Elongation at the instants of the frame if the forces of the parts to come are zero [m]   (n)
     pub(super) path: Vec<f64>,
     pub(super) scratch: TangentScratch,
@@ -49,8 +54,8 @@ crate::archive::state!(LawState {
     elongation,
     rate,
     bristle,
-    begin,
-    largest,
+    start_force,
+    largest_force,
 });
 
 /// A law at one instant.
@@ -62,7 +67,7 @@ pub(super) struct LawNow<'a> {
     /// K and Z of a law for which they are led: [N/m, N·frame/m].
     pub(super) k: f64,
     pub(super) z: f64,
-    /// Bend of its bristles [m].
+    /// Deflection of its bristles [m].
     pub(super) bristle: f64,
 }
 
@@ -131,11 +136,11 @@ impl LawState {
     /// Take over the state of the same law in another version.
     pub(in crate::island::fine) fn continue_from(&mut self, old: &Self) {
         (self.force, self.elongation, self.rate) = (old.force, old.elongation, old.rate);
-        (self.begin, self.largest, self.bristle) = (old.begin, old.largest, old.bristle);
+        (self.start_force, self.largest_force, self.bristle) = (old.start_force, old.largest_force, old.bristle);
         self.before = old.before;
     }
 
-    /// Bend of its bristles at the start of a frame [m].
+    /// Deflection of its bristles at the start of a frame [m].
     pub(in crate::island::fine) fn bristle_at_start(&self) -> f64 {
         self.bristle
     }
@@ -185,7 +190,7 @@ impl LawState {
         let guess_spread = (far_guess.iter().zip(&near_guess)).fold(0.0_f64, |most, (far_guess, near_guess)| {
             most.max((far_guess - near_guess).abs())
         });
-        let is_better = TWO_PARTS.contains(&(guess_spread / self.largest));
+        let is_better = EXTRAPOLATION_RANGE.contains(&(guess_spread / self.largest_force));
         self.before = Some(self.force);
         self.force = if is_better { far_guess } else { near_guess };
     }
@@ -227,7 +232,7 @@ impl LawState {
                 let (d, v) = (place(e, self.start[0]), place(v, self.start[1]));
                 let tangents = law.tangents(&d, &v, &mut self.scratch);
                 let gate_opening = now[0].open;
-                self.begin = gate_opening * tangents.force[PLACES - 1];
+                self.start_force = gate_opening * tangents.force[PLACES - 1];
                 let [force, k, z] = [tangents.force, tangents.by_d, tangents.by_v]
                     .map(|values| [0, 1, 2].map(|stage: usize| gate_opening * values[stage]));
                 (force, k, z)
@@ -263,10 +268,11 @@ impl Bent {
         let (start_bend, h) = (now[0].bristle, h / now[0].rate());
         let wear_pairs = [0, 1, 2].map(|stage: usize| bristles[stage].wear_and_slope(v[stage]));
         let wear_rates = wear_pairs.map(|(wear_rates, _)| wear_rates);
-        let decay_matrix =
-            square(|stage, column| identity_entry(stage, column) + h * MEANS[stage][column] * wear_rates[column]);
+        let decay_matrix = square(|stage, column| {
+            identity_entry(stage, column) + h * INTEGRAL_WEIGHTS[stage][column] * wear_rates[column]
+        });
         let decay_matrix = inverse(&decay_matrix);
-        let free_bends = MEANS.map(|row| start_bend + h * dot(&row, v));
+        let free_bends = INTEGRAL_WEIGHTS.map(|row| start_bend + h * dot(&row, v));
         let stage_bends = decay_matrix.map(|row| dot(&row, &free_bends));
         let bending_rates: Stages = std::array::from_fn(|stage| v[stage] - wear_rates[stage] * stage_bends[stage]);
         // Slope of the rate of each bend over the rate of its ends.
@@ -275,7 +281,7 @@ impl Bent {
             now[stage].open * bristles[stage].worn_force(stage_bends[stage], v[stage], wear_rates[stage])
         };
         let stage_slope = |stage: usize, from: usize| {
-            let deflection = (0..STAGES).map(|at| decay_matrix[stage][at] * h * MEANS[at][from]);
+            let deflection = (0..STAGES).map(|at| decay_matrix[stage][at] * h * INTEGRAL_WEIGHTS[at][from]);
             let deflection = deflection.sum::<f64>() * rate_slopes[from];
             let bristles = &bristles[stage];
             let by_deflection = bristles.stiffness - bristles.damping * wear_rates[stage];
@@ -305,7 +311,7 @@ mod tests {
 
     #[test]
     fn means_of_parabolas_are_exact() {
-        for (row, c) in MEANS.iter().zip(POINTS) {
+        for (row, c) in INTEGRAL_WEIGHTS.iter().zip(POINTS) {
             assert!((dot(row, &[1.0; STAGES]) - c).abs() < 1e-15);
             assert!((dot(row, &POINTS) - c * c / 2.0).abs() < 1e-15);
             assert!((dot(row, &POINTS.map(|at| at * at)) - c * c * c / 3.0).abs() < 1e-15);

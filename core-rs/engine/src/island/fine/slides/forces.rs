@@ -5,13 +5,15 @@ use super::{Fine, Frame};
 use crate::island::fine::basis::{Instant, dot};
 use crate::island::fine::laws::{POINTS, STAGES, WEIGHTS};
 
-/// Most Newton steps for the forces of a step; largest correction, as a share of the level, at which they end.
+/// Most Newton steps for the forces of a step.
 const NEWTON_STEPS: usize = 20;
-const AGREE: f64 = 1e-11;
+/// Largest correction, as a share of the level, at which Newton steps end.
+const CORRECTION_TOLERANCE: f64 = 1e-11;
 /// Rounds over all links in the step that finishes a frame.
 const ROUNDS: usize = 60;
-/// Work of a step, and of a Newton step, for each link: as much as this many kicks of a contact.
+/// Work of a step for each link, in kicks of a contact.
 const STEP_WORK: u64 = 8;
+/// Work of a Newton step for each link, in kicks of a contact.
 const NEWTON_WORK: u64 = 8;
 
 impl Fine {
@@ -51,7 +53,7 @@ impl Fine {
         for _ in 0..NEWTON_STEPS {
             let is_linear = self.set_up_equations(frame, s);
             let correction = self.correct_forces(frame, s);
-            if is_linear || correction.is_none_or(|correction| correction <= AGREE) {
+            if is_linear || correction.is_none_or(|correction| correction <= CORRECTION_TOLERANCE) {
                 break;
             }
         }
@@ -187,8 +189,8 @@ impl Fine {
             for (slide, &link) in frame.slides.links.iter().enumerate() {
                 let (first_joint, second_joint) = frame.script.ends[link];
                 let impulse = stage_weight * self.frictions.slides[slide].force[stage];
-                self.shove(frame.script, first_joint, impulse, &instant);
-                self.shove(frame.script, second_joint, -impulse, &instant);
+                self.push_joint(frame.script, first_joint, impulse, &instant);
+                self.push_joint(frame.script, second_joint, -impulse, &instant);
             }
         }
     }

@@ -1,6 +1,6 @@
 //! What is constant of dry friction between frames: its links, the length of its steps, and how forces change velocities.
 
-use super::{SKIPPED, STEPS_MAX};
+use super::{SKIPPED_SHARE, STEPS_MAX};
 use crate::island::fine::Script;
 use crate::island::fine::basis::{Instant, dot};
 use crate::island::fine::laws::{POINTS, STAGES, Square, WEIGHTS, shares};
@@ -78,12 +78,12 @@ impl EvenSteps {
     /// Length of a step that starts at an instant: the rest of the frame in even steps.
     pub(super) fn length(&self, s: f64) -> f64 {
         let frame_left = 1.0 - s;
-        frame_left / (frame_left * self.steps as f64 - SKIPPED).ceil().max(1.0)
+        frame_left / (frame_left * self.steps as f64 - SKIPPED_SHARE).ceil().max(1.0)
     }
 
     /// Whether a step has the length of the even steps.
     pub(super) fn is_even(&self, h: f64) -> bool {
-        (h * self.steps as f64 - 1.0).abs() < SKIPPED
+        (h * self.steps as f64 - 1.0).abs() < SKIPPED_SHARE
     }
 }
 

@@ -91,7 +91,7 @@ impl Voice {
             blow.particle = flight.launch(scene.scheme, scene.body, script.struck, force);
         }
         let is_particle = blow.particle.is_some();
-        blow.note(
+        blow.record(
             scene.scheme,
             scene.body,
             &mut scene.reports[gesture_index],
@@ -135,7 +135,7 @@ impl Voice {
             };
             let report = &mut scene.reports[tracked.gesture];
             let sparks = &mut self.sparks;
-            blow.note(scene.scheme, scene.body, report, scene.stream, sparks);
+            blow.record(scene.scheme, scene.body, report, scene.stream, sparks);
         }
     }
 
@@ -165,7 +165,7 @@ impl Voice {
 
 impl Blow {
     /// Add the ergon to the report, the stream and the sparks, before its force is added to the sum.
-    fn note(&self, scheme: &Scheme, body: &Body, report: &mut Report, stream: &mut Stream, sparks: &mut Sparks) {
+    fn record(&self, scheme: &Scheme, body: &Body, report: &mut Report, stream: &mut Stream, sparks: &mut Sparks) {
         let time_step = 1.0 / scheme.rate;
         let (mass, impulse) = (time_step * time_step / scheme.w[self.mat], self.force * time_step);
         report.n_ergons += 1;

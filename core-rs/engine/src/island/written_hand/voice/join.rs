@@ -5,9 +5,9 @@ use crate::gesture::quintic::{Knot, Quintic};
 use crate::island::written_hand::framed::{FramedGesture, Leg};
 
 /// A key closer than this to the beginning of a gesture needs no joining curve [m].
-const AGREES: f64 = 1e-9;
+const JOINING_DISTANCE_MIN: f64 = 1e-9;
 /// A joining curve shorter than this is worse than a late one [s]: 3 mm in 5 ms are 3,600 m/s².
-const JOIN_MIN: f64 = 5e-3;
+const JOINING_SECONDS_MIN: f64 = 5e-3;
 
 /// A curve that leads onto a gesture's path, up to an instant [s].
 #[derive(Clone, Debug, Default)]
@@ -51,11 +51,12 @@ impl Voice {
                 continue;
             }
             let time_left = gesture.gesture.start - time_now;
-            let is_in_time = n >= gesture.join_from && time_left >= JOIN_MIN.min(gesture.gesture.manner.join);
+            let is_in_time =
+                n >= gesture.join_from && time_left >= JOINING_SECONDS_MIN.min(gesture.gesture.manner.join);
             if self.running.is_none() && is_in_time {
                 let knot_now = self.motion(script, scene, gesture.gesture.manner.touch, n);
-                let is_at_entry =
-                    (knot_now.x - gesture.gesture.entry.x).abs() <= AGREES && (knot_now.v / frame_rate).abs() <= AGREES;
+                let is_at_entry = (knot_now.x - gesture.gesture.entry.x).abs() <= JOINING_DISTANCE_MIN
+                    && (knot_now.v / frame_rate).abs() <= JOINING_DISTANCE_MIN;
                 if !is_at_entry && gesture.gesture.manner.join > 0.0 {
                     self.running = Some(Running::new(
                         gesture_index,
@@ -87,12 +88,12 @@ impl Voice {
             .map(|earlier_index| &scene.gestures[script.gestures[earlier_index]]);
         let shares_point = gesture_before.is_some_and(|earlier_gesture| {
             n.abs_diff(earlier_gesture.last()) < gesture.score_frame()
-                && (earlier_gesture.gesture.exit - gesture.gesture.entry.x).abs() <= AGREES
+                && (earlier_gesture.gesture.exit - gesture.gesture.entry.x).abs() <= JOINING_DISTANCE_MIN
         });
         let agrees = shares_point
             || [path.evaluate(knot_now.t).0, gesture.gesture.entry.x]
                 .iter()
-                .any(|x| (knot_now.x - x).abs() <= AGREES);
+                .any(|x| (knot_now.x - x).abs() <= JOINING_DISTANCE_MIN);
         if agrees || gesture.gesture.manner.join == 0.0 {
             return None;
         }
