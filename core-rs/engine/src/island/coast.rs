@@ -55,11 +55,8 @@ impl Island {
         let (script, state) = (&*self.script, &mut self.state);
         let (scheme, first_step) = (&script.scheme, state.frame);
         let mut fine_state = state.matter.fine.as_mut();
-        if fine_state
-            .as_ref()
-            .is_some_and(|fine_state| !fine_state.has_no_later_force())
-            || !are_open(scheme, &state.matter.body)
-        {
+        let has_later_force = fine_state.as_ref().is_some_and(|fine| fine.has_later_force());
+        if has_later_force || !are_open(scheme, &state.matter.body) {
             return Ok(0);
         }
         let gains = state.watch.gains.as_ref();

@@ -321,9 +321,9 @@ impl Fine {
             .sum()
     }
 
-    /// Whether the last frame left no force to this one.
-    pub(super) fn has_no_later_force(&self) -> bool {
-        self.next_frame_forces.iter().all(|force| *force == 0.0)
+    /// Whether the last frame left a force to this one.
+    pub(super) fn has_later_force(&self) -> bool {
+        self.next_frame_forces.iter().any(|force| *force != 0.0)
     }
 
     /// Whether every contact stays open in this frame, with a margin of `OPEN_MARGIN`, if its points move freely.

@@ -26,7 +26,7 @@ pub(super) const WEIGHTS: [f64; STAGES] = [5.0 / 18.0, 4.0 / 9.0, 5.0 / 18.0];
 /// Most rounds until all forces agree.
 const ROUNDS_MAX: usize = 60;
 /// Most rounds over a whole frame if it may be divided into parts.
-const WHOLE_FRAME_ROUNDS_MAX: usize = 8;
+const FRAME_ROUNDS_MAX: usize = 8;
 /// Change of a force, relative to the largest, at which forces agree.
 const FORCE_TOLERANCE: f64 = 1e-9;
 
@@ -56,7 +56,7 @@ impl Fine {
         let round_limit = if finest_index == 0 {
             ROUNDS_MAX
         } else {
-            WHOLE_FRAME_ROUNDS_MAX
+            FRAME_ROUNDS_MAX
         };
         let change_left = self.solve(script, laws, (gates, 0), (0, round_limit));
         if finest_index == 0 {

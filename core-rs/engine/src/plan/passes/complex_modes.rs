@@ -200,13 +200,13 @@ impl Coordinates {
         if is_damped && free_count > DAMPED_MASSES_MAX {
             return Err(NoModes::TooLarge);
         }
-        let mats = network.mats();
+        let (mats, sqrt_masses) = (network.mats(), &linear_body.sqrt_masses);
         let slot_of_mat = |mat: usize| linear_body.free.binary_search(&mat).ok();
         let row = |row: &Row| {
             let mut sum = vec![0.0; free_count];
             for &(mat, weight) in row {
                 if let Some(local) = slot_of_mat(mat) {
-                    sum[local] += weight / linear_body.sqrt_masses[local];
+                    sum[local] += weight / sqrt_masses[local];
                 }
             }
             sum
@@ -218,19 +218,12 @@ impl Coordinates {
             let free_mats = linear_body.free.iter().enumerate();
             free_mats.map(|(local, &mat)| value_of(local, mat)).collect()
         };
-        rows.push(weighted(&|local, mat| linear_body.sqrt_masses[local] * mats.x0[mat]));
-        rows.push(weighted(&|local, mat| linear_body.sqrt_masses[local] * mats.v0[mat]));
-        rows.push(weighted(&|local, _| {
-            linear_body.force[local] / linear_body.sqrt_masses[local]
-        }));
+        rows.push(weighted(&|slot, mat| sqrt_masses[slot] * mats.x0[mat]));
+        rows.push(weighted(&|slot, mat| sqrt_masses[slot] * mats.v0[mat]));
+        rows.push(weighted(&|slot, _| linear_body.force[slot] / sqrt_masses[slot]));
         let first_damper = rows.len();
         if is_damped {
-            rows.extend(
-                linear_body
-                    .dampers
-                    .iter()
-                    .map(|damper| damper_row(damper, &linear_body.sqrt_masses)),
-            );
+            rows.extend(linear_body.dampers.iter().map(|damper| damper_row(damper, sqrt_masses)));
         }
         let (mut lambda, mut rows) = all_eigenvalues(linear_body.stiffness, &rows).ok_or(NoModes::NotFinite)?;
         let lambda_max = lambda.last().copied().unwrap_or(0.0);

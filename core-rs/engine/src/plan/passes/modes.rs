@@ -56,14 +56,10 @@ impl Modes {
                 .map(|(free_slot, &i)| value_of(free_slot, i))
                 .collect()
         };
-        row_table.push(weighted(&|free_slot, i| {
-            linear_body.sqrt_masses[free_slot] * mats.x0[i]
-        }));
-        row_table.push(weighted(&|free_slot, i| {
-            linear_body.sqrt_masses[free_slot] * mats.v0[i]
-        }));
-        row_table.push(weighted(&|free_slot, _| {
-            linear_body.force[free_slot] / linear_body.sqrt_masses[free_slot]
+        row_table.push(weighted(&|slot, i| linear_body.sqrt_masses[slot] * mats.x0[i]));
+        row_table.push(weighted(&|slot, i| linear_body.sqrt_masses[slot] * mats.v0[i]));
+        row_table.push(weighted(&|slot, _| {
+            linear_body.force[slot] / linear_body.sqrt_masses[slot]
         }));
         if let Some(viscosity) = &linear_body.viscosity {
             let probes: Vec<Vec<f64>> = (0..PROBE_VECTORS).map(|which| probe(free_count, which)).collect();
