@@ -74,7 +74,7 @@ pub(crate) struct Bank {
     /// Index of the next event of each group   (n_groups)
     next: Vec<usize>,
     /// Whether each group is at rest: then its output is zero   (n_groups)
-    still: Vec<bool>,
+    is_still: Vec<bool>,
     /// Rates with the additional damping, and whether it acts   (n_groups)
     damped: Vec<Rates>,
     is_damped: bool,
@@ -129,7 +129,7 @@ impl Bank {
         Self {
             frame: 0,
             next: vec![0; motions.len()],
-            still: motions.iter().map(is_still).collect(),
+            is_still: motions.iter().map(is_still).collect(),
             sums: vec![Sum::ZERO; n_outputs.max().unwrap_or(0) * frames_max],
             frames_max,
             motions,
@@ -180,7 +180,7 @@ impl Bank {
                 }
                 continue;
             }
-            self.still[group] = false;
+            self.is_still[group] = false;
             let mut displacement = Lanes::ZERO;
             let group_motion = &self.motions[group];
             while let Some(next_event) = script.events[group]
@@ -199,7 +199,7 @@ impl Bank {
     }
 
     fn run(&mut self, script: &Script, group: usize, n_outputs: usize, frames: Range<usize>) {
-        if self.still[group] {
+        if self.is_still[group] {
             return;
         }
         let (group_rates, group_motion) = (self.damped.get(group), &mut self.motions[group]);

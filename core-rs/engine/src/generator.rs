@@ -70,7 +70,7 @@ pub struct Topology {
     /// The lowest non-rigid λ, if a formula gives it.
     lowest_lambda: Option<f64>,
     /// Whether the fixed points lie before and after the masses, so that a path of links is one run.
-    pub(crate) in_line: bool,
+    pub(crate) is_in_line: bool,
     /// A plainer body of whose matrix this body's matrix is a polynomial, and the coefficients from the first power on.
     base_polynomial: Option<(Box<Topology>, Vec<f64>)>,
 }
@@ -181,15 +181,15 @@ impl Topology {
             shares: Vec::new(),
             tilts: false,
             lowest_lambda: None,
-            in_line: false,
+            is_in_line: false,
             base_polynomial: None,
         }
     }
 
     /// The topology with its fixed points before and after its masses, or all of them after.
     #[must_use]
-    pub fn in_line(mut self, in_line: bool) -> Self {
-        self.in_line = in_line;
+    pub fn in_line(mut self, is_in_line: bool) -> Self {
+        self.is_in_line = is_in_line;
         self
     }
 

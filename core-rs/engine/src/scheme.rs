@@ -228,7 +228,7 @@ pub struct Scheme {
     /// Exact contacts, followed by dry friction: solved after all other forces are known.
     pub(crate) exact: Vec<Run>,
     /// Whether any two runs of `exact` share a MAT that moves.
-    pub(crate) exact_coupled: bool,
+    pub(crate) has_coupled_exact: bool,
     pub(crate) outputs: Vec<Output>,
     /// The terms of each output, grouped for summation   (n_out)
     pub(crate) taps: Vec<Vec<Tap>>,

@@ -98,7 +98,11 @@ impl Body {
             outside: Vec::new(),
             previous: None,
             exact_work: ExactWork::default(),
-            mixing: Mixing::new(if scheme.exact_coupled { scheme.exact.len() } else { 0 }),
+            mixing: Mixing::new(if scheme.has_coupled_exact {
+                scheme.exact.len()
+            } else {
+                0
+            }),
             x,
             d,
         }

@@ -199,7 +199,7 @@ impl Recorder {
             self.begin_segment(look_time);
         }
         self.sample(&glance.tracks);
-        self.write_breaks(&glance.broken, look_time, is_first);
+        self.write_breaks(&glance.is_broken, look_time, is_first);
         self.write_upcoming(look_time);
         self.write_live_strikes(look_time);
         self.write_hands(glance, look_time);

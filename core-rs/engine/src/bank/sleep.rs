@@ -15,7 +15,7 @@ pub(super) const REST_AMPLITUDE: f64 = 1e-15;
 impl Bank {
     /// Set a decayed group to rest; without blows it cannot grow.
     pub(super) fn rest_if_decayed(&mut self, script: &Script, group: usize) {
-        if self.still[group] {
+        if self.is_still[group] {
             return;
         }
         let (group_rates, group_motion) = (&script.rates[group], &mut self.motions[group]);
@@ -26,7 +26,7 @@ impl Bank {
         let total_amplitude: f64 = (0..LANES).map(amplitude).sum();
         if total_amplitude < script.rest_threshold {
             (group_motion.now, group_motion.before) = (Lanes::ZERO, Lanes::ZERO);
-            self.still[group] = true;
+            self.is_still[group] = true;
         }
     }
 }

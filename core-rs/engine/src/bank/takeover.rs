@@ -15,7 +15,7 @@ impl Bank {
     /// Take over the motion of a bank of the same oscillators; the strikes may differ.
     pub(crate) fn continue_from(&mut self, old: &mut Self) {
         std::mem::swap(&mut self.motions, &mut old.motions);
-        std::mem::swap(&mut self.still, &mut old.still);
+        std::mem::swap(&mut self.is_still, &mut old.is_still);
     }
 
     /// Set the positions of an oscillator now and one frame before [m].
@@ -43,7 +43,7 @@ impl Bank {
     fn store(&mut self, group: usize, lane: usize, (now, before): (f64, f64)) {
         let group_motion = &mut self.motions[group];
         (group_motion.now.0[lane], group_motion.before.0[lane]) = (now, before);
-        self.still[group] = group_motion.now == Lanes::ZERO && group_motion.before == Lanes::ZERO;
+        self.is_still[group] = group_motion.now == Lanes::ZERO && group_motion.before == Lanes::ZERO;
     }
 
     fn place(&self, oscillator: usize) -> (usize, usize) {

@@ -68,8 +68,8 @@ pub fn stiff_string(masses: usize, ends: Ends, inharmonicity: f64) -> Result<Top
             let row_sum: f64 = (i.saturating_sub(stencil_reach)..masses.min(i + stencil_reach + 1))
                 .map(|j| entry(&row_symbol, i, j, masses, ends))
                 .sum();
-            let to_right = ends == Ends::Fixed && 2 * i >= masses;
-            let (end_point, outermost) = match to_right {
+            let is_towards_right = ends == Ends::Fixed && 2 * i >= masses;
+            let (end_point, outermost) = match is_towards_right {
                 true => (masses + 1, i + 1 == masses),
                 false => (masses, i == 0),
             };

@@ -49,7 +49,7 @@ pub fn string(masses: usize, ends: Ends, stiffness: f64) -> Result<Topology, Gen
         });
     }
     let string_row = Row::new(masses, ends);
-    let (holds_left, holds_right, n_masses) = (string_row.left, string_row.right, masses);
+    let (holds_left, holds_right, n_masses) = (string_row.is_left_held, string_row.is_right_held, masses);
     let mut string_links = Links::new();
     if holds_left {
         string_links.join(n_masses, 0, 1.0);
@@ -84,32 +84,36 @@ pub fn string(masses: usize, ends: Ends, stiffness: f64) -> Result<Topology, Gen
 
 /// Where masses in a row lie, and which of its ends are held.
 pub(super) struct Row {
-    pub(super) left: bool,
-    pub(super) right: bool,
+    pub(super) is_left_held: bool,
+    pub(super) is_right_held: bool,
     /// (x, y) [m] of masses and fixed points   (n_mat + n_fixed,)
     pub(super) positions: Vec<[f64; 2]>,
 }
 
 impl Row {
     pub(super) fn new(masses: usize, ends: Ends) -> Self {
-        let (left, right) = match ends {
+        let (is_left_held, is_right_held) = match ends {
             Ends::Fixed => (true, true),
             Ends::Left => (true, false),
             Ends::Free => (false, false),
         };
         // Fixed points, or free ends, lie half a metre to either side.
         let (first_place, n_gaps) = (
-            f64::from(left),
-            (masses - 1) as f64 + f64::from(left) + f64::from(right),
+            f64::from(is_left_held),
+            (masses - 1) as f64 + f64::from(is_left_held) + f64::from(is_right_held),
         );
         let position = |place: f64| [if n_gaps > 0.0 { place / n_gaps - 0.5 } else { 0.0 }, 0.0];
         let mut positions: Vec<[f64; 2]> = (0..masses).map(|i| position(first_place + i as f64)).collect();
-        positions.extend(left.then(|| position(0.0)));
-        positions.extend(right.then(|| position(n_gaps)));
-        Self { left, right, positions }
+        positions.extend(is_left_held.then(|| position(0.0)));
+        positions.extend(is_right_held.then(|| position(n_gaps)));
+        Self {
+            is_left_held,
+            is_right_held,
+            positions,
+        }
     }
 
     pub(super) fn n_fixed(&self) -> usize {
-        usize::from(self.left) + usize::from(self.right)
+        usize::from(self.is_left_held) + usize::from(self.is_right_held)
     }
 }

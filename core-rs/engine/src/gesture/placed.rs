@@ -25,7 +25,7 @@ pub struct Placed {
     instant: f64,
     scale: f64,
     stretch: f64,
-    reverse: bool,
+    is_reversed: bool,
 }
 
 impl Placed {
@@ -37,7 +37,7 @@ impl Placed {
         Self::transformed(profile, at, 1.0, 1.0, false)
     }
 
-    /// The profile as x·`scale` [m] at `start` + t·`stretch` [s]; with `reverse` it runs backwards within the same time.
+    /// The profile as x·`scale` [m] at `start` + t·`stretch` [s]; with `is_reversed` it runs backwards within the same time.
     ///
     /// # Errors
     /// [`PathError::Placement`] if a number is not finite or `stretch` is not above 0.
@@ -46,7 +46,7 @@ impl Placed {
         start: f64,
         scale: f64,
         stretch: f64,
-        reverse: bool,
+        is_reversed: bool,
     ) -> Result<Self, PathError> {
         if start.is_finite() && scale.is_finite() && stretch.is_finite() && stretch > 0.0 {
             Ok(Self {
@@ -54,7 +54,7 @@ impl Placed {
                 instant: start,
                 scale,
                 stretch,
-                reverse,
+                is_reversed,
             })
         } else {
             Err(PathError::Placement {
@@ -96,7 +96,7 @@ impl Placed {
     /// The time of the profile at `t` [s] of the piece.
     fn profile_time(&self, t: f64) -> f64 {
         let t = (t - self.instant) / self.stretch;
-        if self.reverse {
+        if self.is_reversed {
             self.profile.start() + (self.profile.stop() - t)
         } else {
             t
@@ -105,7 +105,7 @@ impl Placed {
 
     /// Position, velocity and acceleration of the profile, scaled and stretched.
     fn scaled(&self, (x, v, a): (f64, f64, f64)) -> (f64, f64, f64) {
-        let signed_stretch = if self.reverse { -self.stretch } else { self.stretch };
+        let signed_stretch = if self.is_reversed { -self.stretch } else { self.stretch };
         (
             x * self.scale,
             v * self.scale / signed_stretch,

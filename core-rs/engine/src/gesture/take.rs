@@ -172,10 +172,10 @@ impl Take {
     ///
     /// # Errors
     /// [`PathError::Placement`] if a number is not finite or `stretch` is not above 0.
-    pub fn placed(&self, start: f64, scale: f64, stretch: f64, reverse: bool) -> Result<Placed, PathError> {
+    pub fn placed(&self, start: f64, scale: f64, stretch: f64, is_reversed: bool) -> Result<Placed, PathError> {
         // The clock of a capture may begin at any value, so its origin is not part of the movement.
         let clock_origin = start - self.profile.start() * stretch;
-        Placed::transformed(Arc::clone(&self.profile), clock_origin, scale, stretch, reverse)
+        Placed::transformed(Arc::clone(&self.profile), clock_origin, scale, stretch, is_reversed)
     }
 
     /// Time from its first instant to its last [s].

@@ -63,7 +63,7 @@ impl Bm4 {
         let mut viscous = zero_vector.clone();
         mesh.viscous([&x, &v], &mut scratch, &mut viscous, lone_team);
         let zeta = &mesh.scheme.zeta;
-        let has_exact_losses = !mesh.damped && zeta.iter().any(|zeta| *zeta != 0.0);
+        let has_exact_losses = !mesh.is_damped && zeta.iter().any(|zeta| *zeta != 0.0);
         let loss_stages = STAGES.iter().filter(|_| has_exact_losses);
         let losses = loss_stages.map(|[b, _]| losses(zeta, *b)).collect();
         Self {
@@ -83,7 +83,7 @@ impl Bm4 {
     fn kick_drift(&mut self, stage: usize, [b, a]: [f64; 2], team: &mut ThreadTeam<'_>) {
         let (mesh, scratch) = (&*self.mesh, &mut self.scratch);
         let (x, v, force) = (&mut self.x, &mut self.v, &self.force);
-        if mesh.damped {
+        if mesh.is_damped {
             let (viscous, midway) = (&mut self.viscous, &mut self.midway);
             mesh.ranges(scratch, team, [&mut *midway], |mats, ties, [midway]| {
                 let mat_forces = [&force[mats.clone()], &viscous[mats.clone()]];

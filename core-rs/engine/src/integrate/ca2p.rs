@@ -92,7 +92,7 @@ impl Ca2p {
         let (mesh, scratch) = (&*self.mesh, &mut self.scratch);
         std::mem::swap(&mut self.elastic, &mut self.elastic_before);
         mesh.elastic(&self.x, scratch, &mut self.elastic, team);
-        if mesh.damped {
+        if mesh.is_damped {
             mesh.viscous([&self.x, &self.d], scratch, &mut self.viscous, team);
         }
     }

@@ -96,7 +96,7 @@ pub(super) fn ca2p_guard_limit(mesh: &Mesh) -> Limit {
 
 /// CA2P: the weight c of Z in λmax(M⁻¹(K + c·Z)), and the bound below which stability is proved.
 fn ca2p(mesh: &Mesh) -> (f64, f64) {
-    let has_losses = mesh.damped || mesh.scheme.zeta.iter().any(|zeta| *zeta != 0.0);
+    let has_losses = mesh.is_damped || mesh.scheme.zeta.iter().any(|zeta| *zeta != 0.0);
     if has_losses {
         (6.0, LAMBDA_MAX_ANY)
     } else {

@@ -83,12 +83,12 @@ impl Mesh {
     }
 
     /// The energy that a staggered scheme conserves between the last frame (x − d) and this one (x) [J]: ½k·e⁻e for
-    /// springs, the mean of both values for every other energy. `damped` subtracts ¼Z(e − e⁻)² for each damper: damping
+    /// springs, the mean of both values for every other energy. `is_damped` subtracts ¼Z(e − e⁻)² for each damper: damping
     /// that is computed from the last step reduces the effective mass.
-    pub(super) fn staggered(&self, x: &[f64], d: &[f64], damped: bool) -> f64 {
+    pub(super) fn staggered(&self, x: &[f64], d: &[f64], is_damped: bool) -> f64 {
         let position_before = |i: usize| x[i] - d[i];
         let mut energy_sum = self.kinetic(d) + self.grounds(&position_before, &|i| x[i]);
-        let loss_factor = if damped { 0.25 } else { 0.0 };
+        let loss_factor = if is_damped { 0.25 } else { 0.0 };
         for (i, d) in d.iter().enumerate() {
             energy_sum -= loss_factor * self.m[i] * self.scheme.zeta[i] * (d * d);
         }

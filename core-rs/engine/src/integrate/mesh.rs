@@ -26,7 +26,7 @@ pub(super) struct Mesh {
     /// Contacts and other laws, in order of declaration.
     pub(super) others: Vec<Run>,
     /// Whether any link loses energy.
-    pub(super) damped: bool,
+    pub(super) is_damped: bool,
 }
 
 /// Work space for the computation of forces.
@@ -68,7 +68,7 @@ impl Mesh {
             springs: Vec::new(),
             firsts: Vec::new(),
             others: Vec::new(),
-            damped: false,
+            is_damped: false,
             scheme,
         };
         for run in &new_mesh.scheme.runs {
@@ -82,7 +82,7 @@ impl Mesh {
                     (hardening.0, hardening.1, hardening.2.unwrap_or(0.0) * rate)
                 }
                 other => {
-                    new_mesh.damped |= match other {
+                    new_mesh.is_damped |= match other {
                         Kind::Lnl { law, .. } => law.is_damped(),
                         _ => run.z != 0.0,
                     };
@@ -90,7 +90,7 @@ impl Mesh {
                     continue;
                 }
             };
-            new_mesh.damped |= z != 0.0;
+            new_mesh.is_damped |= z != 0.0;
             new_mesh.firsts.push(run.first);
             new_mesh.springs.push(Spring {
                 a: run.a,
@@ -160,7 +160,7 @@ impl Mesh {
         force: &mut [f64],
         team: &mut ThreadTeam<'_>,
     ) {
-        if !self.damped {
+        if !self.is_damped {
             force.fill(0.0);
             return;
         }
@@ -179,7 +179,7 @@ impl Mesh {
         team: &mut ThreadTeam<'_>,
     ) {
         self.springs(scratch, force, team, |springs, scratch, force| {
-            if self.damped {
+            if self.is_damped {
                 springs::total(springs, x, v, scratch, force);
             } else {
                 passes::elastic(springs, x, scratch, force);

@@ -43,10 +43,10 @@ impl Island {
         let is_plain = script.gates.is_empty() && state.values.scheme.is_none() && state.values.damped >= 1.0;
         let watch = &state.watch;
         let is_whole = watch.ledger.is_none() && watch.guard.is_none() && watch.mutes.list().next().is_none();
-        let by_modes = |body: &inside::RunningBody| body.modal().is_some();
+        let is_modal = |body: &inside::RunningBody| body.modal().is_some();
         let has_contacts = !scheme.runs.is_empty() || state.matter.fine.is_some();
         (only_contacts && is_left_alone && is_plain && is_whole)
-            && state.matter.bodies.iter().all(by_modes)
+            && state.matter.bodies.iter().all(is_modal)
             && has_contacts
     }
 

@@ -88,8 +88,8 @@ pub(super) fn pass_on(bindings: &[PortBinding], states: &[PortState], body: &mut
 /// Lead every port to where its key will be, now that all forces are known.
 pub(super) fn lead(bindings: &[PortBinding], scheme: &Scheme, targets: &mut [Target], body: &Body) {
     for binding in bindings {
-        let imposed = targets.iter().find(|target| target.mat == binding.key);
-        let key_position = imposed.map_or_else(|| kernel::predict(scheme, body, binding.key), |target| target.x);
+        let imposed_target = targets.iter().find(|target| target.mat == binding.key);
+        let key_position = imposed_target.map_or_else(|| kernel::predict(scheme, body, binding.key), |target| target.x);
         let port_target = targets.iter_mut().find(|target| target.mat == binding.port);
         port_target.into_iter().for_each(|target| target.x = key_position);
     }

@@ -70,7 +70,7 @@ pub(crate) struct Fine {
     /// Whether each contact has pushed since the beginning of the frame, or dry friction held at its end.
     rests: Vec<bool>,
     /// Whether the instant at which each contact closes or opens in this step is known.
-    located: Vec<bool>,
+    is_located: Vec<bool>,
     /// Forces of contacts that are solved together [N], and their penetrations before [m]   (n_links)
     forces: Vec<f64>,
     depths: Vec<f64>,
@@ -225,7 +225,7 @@ impl Fine {
         keep(&mut self.may_close, &link_stays);
         keep(&mut self.pushes, &link_stays);
         keep(&mut self.rests, &link_stays);
-        keep(&mut self.located, &link_stays);
+        keep(&mut self.is_located, &link_stays);
         keep(&mut self.forces, &link_stays);
         keep(&mut self.depths, &link_stays);
         keep(&mut self.link_constants, &link_stays);

@@ -261,8 +261,8 @@ impl Island {
             self.rest.outputs.copy_from_slice(outputs);
             self.rest.work = work;
         }
-        let same_frame = work == self.rest.work && same_bits(outputs, &self.rest.outputs);
-        if !same_frame || !self.is_unchanged(frames + 1) {
+        let is_same_frame = work == self.rest.work && same_bits(outputs, &self.rest.outputs);
+        if !is_same_frame || !self.is_unchanged(frames + 1) {
             self.schedule_look();
             return;
         }
@@ -279,10 +279,10 @@ impl Island {
         let noted_state = std::mem::take(&mut self.rest.left);
         let mut same_archive = Archive::Same(&noted_state);
         self.shift_frames(-frames * steps_per_frame, -frames);
-        let state_is_same = self.archive_all(&mut same_archive).is_ok() && same_archive.is_empty();
+        let is_same_state = self.archive_all(&mut same_archive).is_ok() && same_archive.is_empty();
         self.shift_frames(frames * steps_per_frame, frames);
         self.rest.left = noted_state;
-        state_is_same
+        is_same_state
     }
 
     /// Archive the whole state, with the ledger and the length of the stream, which a stored render leaves out.

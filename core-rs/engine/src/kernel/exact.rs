@@ -44,14 +44,14 @@ pub(crate) fn friction(scheme: &Scheme, gates: &[f64], targets: &[Target], body:
 /// Solve those exact runs for which `is_solved` holds, in turn until they converge.
 fn solve(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &mut Body, is_solved: impl Fn(&Run) -> bool) {
     let is_solved = |run: &&Run| is_solved(run);
-    let round_limit = if scheme.exact_coupled { ROUNDS_MAX } else { 1 };
+    let round_limit = if scheme.has_coupled_exact { ROUNDS_MAX } else { 1 };
     let mut force_mixing = std::mem::take(&mut body.mixing);
-    if scheme.exact_coupled {
+    if scheme.has_coupled_exact {
         force_mixing.start(scheme.exact.iter().filter(is_solved).count());
     }
     for round in 0..round_limit {
         let (mut change_max, mut largest) = (0.0_f64, 0.0_f64);
-        if scheme.exact_coupled {
+        if scheme.has_coupled_exact {
             force_mixing.next_round();
         }
         for (index, run) in scheme.exact.iter().filter(is_solved).enumerate() {
@@ -67,7 +67,7 @@ fn solve(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &mut Body, is
             let force_now = body.link[run.first];
             change_max = change_max.max((force_now - force_before).abs() - FORCE_TOLERANCE * force_now.abs());
             largest = largest.max(force_now.abs());
-            if scheme.exact_coupled {
+            if scheme.has_coupled_exact {
                 force_mixing.record(index, force_before, force_now);
             }
         }

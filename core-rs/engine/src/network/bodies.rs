@@ -257,7 +257,7 @@ impl Network {
         self.check_capacity(name, topology.n_mat + topology.n_fixed)?;
         let tuned_link = losses.tuned;
         let (mat_count, fixed_count) = (topology.n_mat, topology.n_fixed);
-        let fixed_before = usize::from(topology.in_line && fixed_count > 0);
+        let fixed_before = usize::from(topology.is_in_line && fixed_count > 0);
         let first_mat = self.n_mat() + fixed_before;
         let part = self.current();
         // A topology numbers the MATs first, then the fixed points. In a row the first fixed point lies before the

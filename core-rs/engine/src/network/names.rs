@@ -9,7 +9,7 @@ struct Group {
     first: usize,
     len: usize,
     /// Whether members are shown with their number.
-    numbered: bool,
+    is_numbered: bool,
     /// Number of the first member.
     from: usize,
     name: String,
@@ -36,7 +36,7 @@ fn full_name(groups: &[Group], index: usize) -> String {
         return format!("#{index}");
     };
     let mut module_name = name_group.name.clone();
-    if name_group.numbered {
+    if name_group.is_numbered {
         module_name += &format!(".{}", name_group.from + index - name_group.first);
     }
     if let Some(axis_letter) = name_group.axis {
@@ -79,11 +79,11 @@ impl Names {
         }
     }
 
-    pub(super) fn add_mats(&mut self, first: usize, len: usize, numbered: bool, name: String, centre: usize) {
+    pub(super) fn add_mats(&mut self, first: usize, len: usize, is_numbered: bool, name: String, centre: usize) {
         self.mats.push(Group {
             first,
             len,
-            numbered,
+            is_numbered,
             from: 0,
             name,
             axis: None,
@@ -92,11 +92,11 @@ impl Names {
     }
 
     /// Coordinates of points along one axis.
-    pub(super) fn add_coordinates(&mut self, first: usize, len: usize, numbered: bool, name: String, axis: usize) {
+    pub(super) fn add_coordinates(&mut self, first: usize, len: usize, is_numbered: bool, name: String, axis: usize) {
         self.mats.push(Group {
             first,
             len,
-            numbered,
+            is_numbered,
             from: 0,
             name,
             axis: Some(AXES[axis]),
@@ -104,11 +104,11 @@ impl Names {
         });
     }
 
-    pub(super) fn add_links(&mut self, first: usize, len: usize, numbered: bool, name: String) {
+    pub(super) fn add_links(&mut self, first: usize, len: usize, is_numbered: bool, name: String) {
         self.links.push(Group {
             first,
             len,
-            numbered,
+            is_numbered,
             from: 0,
             name,
             axis: None,

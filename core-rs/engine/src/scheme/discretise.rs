@@ -22,7 +22,7 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
     let mut scheme = without_numbers(network, rate);
     set_masses(&mut scheme, network, rate, ties)?;
     add_links(&mut scheme, network, rate)?;
-    scheme.exact_coupled = shares_moving_mass(&scheme);
+    scheme.has_coupled_exact = shares_moving_mass(&scheme);
     scheme.alike = scheme.equal_ranges();
     Ok(scheme)
 }
@@ -46,7 +46,7 @@ fn without_numbers(network: &Network, rate: Rate) -> Scheme {
         fused: Vec::new(),
         runs: Vec::new(),
         exact: Vec::new(),
-        exact_coupled: false,
+        has_coupled_exact: false,
         outputs: network.outputs().to_vec(),
         taps: (network.outputs().iter())
             .map(|output| super::listen::taps(network, output))

@@ -50,11 +50,11 @@ pub(crate) fn largest_up_to(n: usize, apply: Apply<'_>, beyond: f64) -> Largest 
         orthogonalise(&mut image, &basis);
         let beta = normalise(&mut image);
         let steps = basis.len();
-        // Only rounding is left: the Krylov space of the start vector is exhausted.
-        let exhausted = steps == n || beta <= 1e-14 * (alpha.abs() + betas.last().unwrap_or(&0.0));
-        let is_last = exhausted || steps == steps_max;
+        // Only rounding is left: the Krylov space of the start vector is is_exhausted.
+        let is_exhausted = steps == n || beta <= 1e-14 * (alpha.abs() + betas.last().unwrap_or(&0.0));
+        let is_last = is_exhausted || steps == steps_max;
         if is_last || steps.is_multiple_of(CHECK_EVERY) {
-            let beta = if exhausted { 0.0 } else { beta };
+            let beta = if is_exhausted { 0.0 } else { beta };
             let (theta, ritz_weights) = jacobi::largest(tridiagonal(&alphas, &betas));
             let residual = (beta * ritz_weights[steps - 1]).abs();
             if is_last || residual <= CONVERGED_RESIDUAL * theta.abs() || theta >= beyond {

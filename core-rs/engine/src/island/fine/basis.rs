@@ -6,11 +6,11 @@ use std::f64::consts::PI;
 /// Most polynomials in a sum.
 pub(super) const POLYNOMIALS_MAX: usize = 24;
 /// Fewest polynomials: a parabola and one to spare.
-const LEAST: usize = 4;
+const POLYNOMIALS_MIN: usize = 4;
 /// Error of the sum, relative to the function.
-pub(super) const ERROR: f64 = 1e-10;
+pub(super) const RELATIVE_ERROR: f64 = 1e-10;
 /// The same for dry friction: the motion of what it holds is small beside where that stands.
-pub(super) const ERROR_OF_FRICTION: f64 = 1e-15;
+pub(super) const RELATIVE_ERROR_OF_FRICTION: f64 = 1e-15;
 
 /// Polynomials of a frame and the instants at which a function is sampled for them.
 #[derive(Clone, Debug)]
@@ -32,8 +32,9 @@ pub(super) struct Instant {
 
 impl Basis {
     /// A basis for motions e^(λs) with |λ| up to `reach` [1/frame], to an error relative to them.
-    pub(super) fn new(reach: f64, error_max: f64) -> Self {
-        let n_instants = (LEAST..POLYNOMIALS_MAX).find(|&n_instants| error(reach, n_instants) <= error_max);
+    pub(super) fn new(fastest_rate: f64, error_max: f64) -> Self {
+        let n_instants =
+            (POLYNOMIALS_MIN..POLYNOMIALS_MAX).find(|&n_instants| error(fastest_rate, n_instants) <= error_max);
         let n_instants = n_instants.unwrap_or(POLYNOMIALS_MAX);
         let node_angle = |m: usize| PI * ((n_instants - 1 - m) as f64 + 0.5) / n_instants as f64;
         let fit_factor = |k: usize| if k == 0 { 1.0 } else { 2.0 } / n_instants as f64;
@@ -157,7 +158,7 @@ mod tests {
 
     #[test]
     fn basis_rows_are_added_in_order() {
-        for n in LEAST..POLYNOMIALS_MAX {
+        for n in POLYNOMIALS_MIN..POLYNOMIALS_MAX {
             let test_number = |at: usize| sin(at as f64 + 0.3);
             let rows: Vec<f64> = (0..n * n).map(test_number).collect();
             let factors: Vec<f64> = (0..n).map(|k| test_number(k + 777)).collect();
@@ -176,7 +177,7 @@ mod tests {
     #[test]
     fn basis_fit_of_a_swing_between_instants() {
         for reach in [0.3, 2.0, 6.0, 12.0] {
-            let basis = Basis::new(reach, ERROR);
+            let basis = Basis::new(reach, RELATIVE_ERROR);
             let n_instants = basis.n();
             let sine_values: Vec<f64> = basis.instants.iter().map(|s| sin(reach * s)).collect();
             let mut coefficients = vec![0.0; n_instants];

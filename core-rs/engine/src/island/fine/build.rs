@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use super::basis::{Basis, ERROR, ERROR_OF_FRICTION, Instant, dot};
+use super::basis::{Basis, Instant, RELATIVE_ERROR, RELATIVE_ERROR_OF_FRICTION, dot};
 use super::crowded::{CrowdedBody, crowded_bodies};
 use super::joint::{Joint, RESPONSE_PRODUCTS, fastest_rate, joint, path_responses};
 use super::laws::LawScript;
@@ -31,8 +31,8 @@ impl Fine {
         joint_mats.sort_unstable();
         joint_mats.dedup();
         let fit_error = match links.iter().any(Run::is_dry) {
-            true => ERROR_OF_FRICTION,
-            false => ERROR,
+            true => RELATIVE_ERROR_OF_FRICTION,
+            false => RELATIVE_ERROR,
         };
         let basis = Basis::new(fastest_rate(&joint_mats, network, scheme, bodies, timeline), fit_error);
         let n_instants = basis.n();
@@ -115,7 +115,7 @@ impl Fine {
             may_close: vec![false; n_links],
             pushes: vec![false; n_links],
             rests: vec![false; n_links],
-            located: vec![false; n_links],
+            is_located: vec![false; n_links],
             forces: vec![0.0; n_links],
             depths: vec![0.0; n_links],
             link_constants: script.links.iter().map(|run| [[run.k, run.z]; 2]).collect(),

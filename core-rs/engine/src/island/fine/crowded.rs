@@ -257,7 +257,7 @@ impl Fine {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::island::fine::basis::ERROR;
+    use crate::island::fine::basis::RELATIVE_ERROR;
     use crate::maths::sin;
 
     #[test]
@@ -273,7 +273,7 @@ mod tests {
             })
             .collect();
         let reach = cells.iter().map(Cell::reach).fold(0.0, f64::max) * rate.step();
-        let basis = Basis::new(reach, ERROR);
+        let basis = Basis::new(reach, RELATIVE_ERROR);
         let tables = tables(&cells, &basis, rate);
         let mode_share = |row: usize, mode: usize| sin((7 * row + 3 * mode + 1) as f64);
         let share_rows: Vec<Vec<Group>> = (0..3)

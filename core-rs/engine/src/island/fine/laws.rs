@@ -340,7 +340,7 @@ impl Fine {
         let [k, z] = self.link_constants_at(law_link, s);
         LawNow {
             kind: &link_run.kind,
-            open: link_run.gate.map_or(1.0, |gate| gates[gate]),
+            gate_opening: link_run.gate.map_or(1.0, |gate| gates[gate]),
             k,
             z,
             bristle: self.laws[law_index].bristle,

@@ -220,10 +220,10 @@ impl Fine {
         let (mut length_taken, mut last_located) = (step_length, None);
         // Each contact is located only once in a step: two that turn at the same instant, to rounding, would alternate
         // for ever.
-        self.located.fill(false);
+        self.is_located.fill(false);
         while let Some(link_index) = self.first_switched(script, laws_and_gates.1, s + length_taken) {
             length_taken = self.locate(script, laws_and_gates, (s, length_taken, link_index), steps_left);
-            self.located[link_index] = true;
+            self.is_located[link_index] = true;
             last_located = Some(link_index);
         }
         if let Some(link_index) = last_located {
@@ -419,7 +419,7 @@ impl Fine {
     /// A contact that stops or begins to push at `s`, and was not located in this step.
     fn first_switched(&mut self, script: &Script, gates: &[f64], s: f64) -> Option<usize> {
         let instant = self.instant(script, s);
-        let unlocated_links = (0..script.links.len()).filter(|&index| !self.located[index]);
+        let unlocated_links = (0..script.links.len()).filter(|&index| !self.is_located[index]);
         unlocated_links.into_iter().find(|&index| {
             self.contact_now(script, gates, (index, s)).is_some_and(|contact| {
                 let contact_state = self.contact_state(script, &contact, &instant);

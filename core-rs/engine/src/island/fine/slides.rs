@@ -61,7 +61,7 @@ struct Slide {
     is_located: bool,
     /// Whether it has held since the start of the frame, and the positions of its ends at that time [m].
     holds: bool,
-    places: [f64; 2],
+    start_positions: [f64; 2],
 }
 
 /// What all steps of a frame use.
@@ -78,18 +78,18 @@ struct Friction {
     /// Frames a second.
     rate: f64,
     /// How far its gate is open.
-    open: f64,
+    gate_opening: f64,
 }
 
 impl Friction {
     /// Level at a velocity [m/frame].
     fn level(&self, v: f64) -> f64 {
-        self.open * self.by.level_at(v * self.rate)
+        self.gate_opening * self.by.level_at(v * self.rate)
     }
 
     /// Change of the level with the velocity [N·frame/m].
     fn slope(&self, v: f64) -> f64 {
-        self.open * self.rate * self.by.slope_at(v * self.rate)
+        self.gate_opening * self.rate * self.by.slope_at(v * self.rate)
     }
 }
 
@@ -166,7 +166,7 @@ impl Fine {
         for (slide, &link) in slides.filter(|(slide, _)| slide.holds) {
             let link_run = &self.script.links[link];
             let (first_joint, second_joint) = self.script.ends[link];
-            let [x_a, x_b] = slide.places;
+            let [x_a, x_b] = slide.start_positions;
             for (mass, joint, other, x) in [
                 (link_run.a, first_joint, link_run.b, x_a),
                 (link_run.b, second_joint, link_run.a, x_b),
@@ -201,7 +201,7 @@ impl Fine {
         let slides = self.frictions.slides.iter_mut();
         for (slide, &link) in slides.zip(&frame.slides.links) {
             let link_run = &script.links[link];
-            (slide.holds, slide.places) = (slide.direction == 0.0, [body.x[link_run.a], body.x[link_run.b]]);
+            (slide.holds, slide.start_positions) = (slide.direction == 0.0, [body.x[link_run.a], body.x[link_run.b]]);
             body.link[link_run.first] = dot(&shares(0.0), &slide.force);
         }
     }
@@ -244,7 +244,7 @@ impl Fine {
         Friction {
             by: dry_law.with(friction_level),
             rate,
-            open: link_gate.map_or(1.0, |link_gate| frame.gates[link_gate]),
+            gate_opening: link_gate.map_or(1.0, |link_gate| frame.gates[link_gate]),
         }
     }
 

@@ -102,12 +102,12 @@ impl Script {
 }
 
 fn blows(plan: &Modal) -> Vec<Blow> {
-    let in_two_steps = !plan.is_discrete();
+    let takes_two_steps = !plan.is_discrete();
     let mut blow_list = Vec::new();
     for (strikes, struck) in plan.struck.iter().enumerate() {
         for (blow, &(frame, _, _)) in struck.blows.iter().enumerate() {
             blow_list.push((frame, strikes, blow, false));
-            if in_two_steps {
+            if takes_two_steps {
                 blow_list.push((frame + 1, strikes, blow, true));
             }
         }

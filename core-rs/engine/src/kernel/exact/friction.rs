@@ -21,8 +21,8 @@ pub(super) fn force(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &B
     let v = body.d[second_mat] - body.d[first_mat];
     let dry_law = dry_law.with(run.z);
     let friction_level = |v: f64| gate_opening * dry_law.level_at(v * rate);
-    let imposed = |i: usize| targets.iter().find(|target| target.mat == i);
-    let free_move = |i: usize| match imposed(i) {
+    let imposed_target = |i: usize| targets.iter().find(|target| target.mat == i);
+    let free_move = |i: usize| match imposed_target(i) {
         Some(target) => (target.x - body.x[i], 0.0),
         None => (predict(scheme, body, i) - body.x[i], scheme.w[i]),
     };
@@ -41,7 +41,7 @@ pub(super) fn force(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &B
         }
         return (free_step - v_next) / per_force;
     }
-    // Both ends are imposed or fixed.
+    // Both ends are imposed_target or fixed.
     let friction_level = friction_level(0.5 * (v + free_step));
     if free_step.abs() > SLIDE_DISTANCE_MIN {
         let slide_sign = free_step.signum();
@@ -55,7 +55,7 @@ pub(super) fn force(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &B
     }
     // The ends do not slide: friction gives the force that holds them, limited by its level.
     let holding = |i: usize| {
-        imposed(i)
+        imposed_target(i)
             .filter(|_| scheme.w[i] > 0.0)
             .map(|target| needed(scheme, body, i, target.x))
     };

@@ -36,7 +36,7 @@ pub(crate) struct Neighbours {
     batch: Batch,
     forces: Forces,
     /// Which points a wall may touch   (n)
-    seen: Vec<bool>,
+    may_touch_wall: Vec<bool>,
     is_made: bool,
     /// More points are near each other than contact forces allow.
     is_full: bool,
@@ -47,7 +47,7 @@ impl Neighbours {
         let pairs = &run.pairs;
         if !pairs.is_searched() {
             return Self {
-                seen: vec![true; run.n],
+                may_touch_wall: vec![true; run.n],
                 ..Self::default()
             };
         }
@@ -71,7 +71,7 @@ impl Neighbours {
     }
 
     pub(super) fn seen(&mut self) -> &mut [bool] {
-        &mut self.seen
+        &mut self.may_touch_wall
     }
 
     /// Calls `each` for every pair that touches or attracts at positions `x`, with the MATs of the pair along the first

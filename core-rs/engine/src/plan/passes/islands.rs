@@ -56,7 +56,7 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
         }
         let island = &mut members[island_index[forest_root] as usize];
         island.mats.push(mat as u32);
-        island.is_heard |= listened.mats[mat];
+        island.is_heard |= listened.hears_mat[mat];
         island.is_moved |= moved[mat];
     }
     for (link, mats) in links(network) {
@@ -65,9 +65,9 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
         let first_free = first_free.unwrap_or(*last_mat);
         let island = &mut members[island_index[forest.root(first_free)] as usize];
         island.links.push(link as u32);
-        island.is_heard |= listened.links[link];
+        island.is_heard |= listened.hears_link[link];
         // A gated force changes even between two points that never move.
-        island.is_moved |= listened.links[link] && timeline.gates.iter().any(|gate| gate.links().contains(&link));
+        island.is_moved |= listened.hears_link[link] && timeline.gates.iter().any(|gate| gate.links().contains(&link));
         let held_mats = mats.all().iter().filter(|&&mat| !is_free[mat]);
         for &other in held_mats.filter(|_| is_free[first_free]) {
             island.guests.push(other as u32);
@@ -126,23 +126,23 @@ fn free(network: &Network, timeline: &Timeline) -> Vec<bool> {
 
 /// What outputs hear and hands feel.
 struct ListenedMats {
-    mats: Vec<bool>,
-    links: Vec<bool>,
+    hears_mat: Vec<bool>,
+    hears_link: Vec<bool>,
 }
 
 impl ListenedMats {
     fn new(network: &Network, timeline: &Timeline) -> Self {
         let mut listened = Self {
-            mats: vec![false; network.n_mat()],
-            links: vec![false; network.n_lia()],
+            hears_mat: vec![false; network.n_mat()],
+            hears_link: vec![false; network.n_lia()],
         };
         for term in network.outputs().iter().flat_map(|output| &output.terms) {
             match *term {
                 Term::Position { first, len, .. } | Term::Ground { first, len, .. } => {
-                    listened.mats[first..first + len].fill(true);
+                    listened.hears_mat[first..first + len].fill(true);
                 }
                 Term::Force { first, len, .. } | Term::Length { first, len, .. } => {
-                    listened.links[first..first + len].fill(true);
+                    listened.hears_link[first..first + len].fill(true);
                 }
             }
         }
@@ -151,7 +151,7 @@ impl ListenedMats {
         let hand_drives = timeline.drives.iter().filter(|drive| drive.hand().is_some());
         hand_drives.for_each(|hand| is_in_hand[hand.mat] = true);
         for (link, a, b) in ends(network) {
-            listened.links[link] |= is_in_hand[a] || is_in_hand[b];
+            listened.hears_link[link] |= is_in_hand[a] || is_in_hand[b];
         }
         listened
     }

@@ -25,7 +25,7 @@ pub struct Glance {
     /// Strongest push of each contact since the last glance   (n_contacts)
     pub pushes: Vec<Push>,
     /// Whether each link that may break is broken   (n_breakable)
-    pub broken: Vec<bool>,
+    pub is_broken: Vec<bool>,
     /// Strikes of written hands since the last glance, as they are drawn: the first `n_sparks` are valid
     sparks: Vec<Record>,
     n_sparks: usize,
@@ -39,7 +39,7 @@ impl Glance {
             tracks: vec![0.0; 2 * look.n_tracks()],
             asked: vec![f64::NAN; simulation.plan.n_keys],
             pushes: vec![Push::default(); look.contacts.len()],
-            broken: vec![false; look.breakable.len()],
+            is_broken: vec![false; look.breakable.len()],
             sparks: vec![Record::default(); simulation.sparks_max(look)],
             n_sparks: 0,
         }
@@ -62,7 +62,7 @@ impl Simulation {
         self.take_contacts(look, |contact, frame, force| {
             pushes[contact] = Push { frame, force };
         });
-        let broken_links = &mut into.broken;
+        let broken_links = &mut into.is_broken;
         self.look_at_breaks(look, |link, is| broken_links[link] = is);
         into.n_sparks = 0;
         self.take_sparks(look, |spark| {

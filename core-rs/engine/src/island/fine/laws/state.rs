@@ -63,7 +63,7 @@ crate::archive::state!(LawState {
 pub(super) struct LawNow<'a> {
     pub(super) kind: &'a Kind,
     /// How far its gate is open.
-    pub(super) open: f64,
+    pub(super) gate_opening: f64,
     /// K and Z of a law for which they are led: [N/m, N·frame/m].
     pub(super) k: f64,
     pub(super) z: f64,
@@ -93,7 +93,7 @@ impl LawNow<'_> {
             Kind::Hardening(q) => self.k * e + q * e * e * e + self.z * v,
             _ => 0.0,
         };
-        self.open * full_force
+        self.gate_opening * full_force
     }
 
     /// Its bristles as they are at this instant; `None` for other laws.
@@ -231,7 +231,7 @@ impl LawState {
                 };
                 let (d, v) = (place(e, self.start[0]), place(v, self.start[1]));
                 let tangents = law.tangents(&d, &v, &mut self.scratch);
-                let gate_opening = now[0].open;
+                let gate_opening = now[0].gate_opening;
                 self.start_force = gate_opening * tangents.force[PLACES - 1];
                 let [force, k, z] = [tangents.force, tangents.by_d, tangents.by_v]
                     .map(|values| [0, 1, 2].map(|stage: usize| gate_opening * values[stage]));
@@ -240,10 +240,10 @@ impl LawState {
             Kind::Hardening(q) => {
                 let k = |stage: usize| {
                     let stage_law = &now[stage];
-                    stage_law.open * (stage_law.k + 3.0 * q * e[stage] * e[stage])
+                    stage_law.gate_opening * (stage_law.k + 3.0 * q * e[stage] * e[stage])
                 };
                 let force = [0, 1, 2].map(|stage| now[stage].force(e[stage], v[stage]));
-                let z = now.each_ref().map(|stage_law| stage_law.open * stage_law.z);
+                let z = now.each_ref().map(|stage_law| stage_law.gate_opening * stage_law.z);
                 (force, [0, 1, 2].map(k), z)
             }
             _ => Default::default(),
@@ -278,7 +278,7 @@ impl Bent {
         // Slope of the rate of each bend over the rate of its ends.
         let rate_slopes: Stages = std::array::from_fn(|stage| 1.0 - wear_pairs[stage].1 * stage_bends[stage]);
         let stage_force = |stage: usize| {
-            now[stage].open * bristles[stage].worn_force(stage_bends[stage], v[stage], wear_rates[stage])
+            now[stage].gate_opening * bristles[stage].worn_force(stage_bends[stage], v[stage], wear_rates[stage])
         };
         let stage_slope = |stage: usize, from: usize| {
             let deflection = (0..STAGES).map(|at| decay_matrix[stage][at] * h * INTEGRAL_WEIGHTS[at][from]);
@@ -286,7 +286,7 @@ impl Bent {
             let bristles = &bristles[stage];
             let by_deflection = bristles.stiffness - bristles.damping * wear_rates[stage];
             let by_rate = bristles.damping * rate_slopes[from] + bristles.viscosity;
-            now[stage].open * (by_deflection * deflection + identity_entry(stage, from) * by_rate)
+            now[stage].gate_opening * (by_deflection * deflection + identity_entry(stage, from) * by_rate)
         };
         Some(Self {
             force: std::array::from_fn(stage_force),

@@ -62,7 +62,7 @@ impl Fine {
             let slide = &mut self.frictions.slides[slide_index];
             if slide.direction != 0.0 {
                 // Friction takes energy and never gives any.
-                let force_max = friction.level(0.0).max(friction.open * friction.by.level);
+                let force_max = friction.level(0.0).max(friction.gate_opening * friction.by.level);
                 let bounded = |force: f64| (slide.direction * force).clamp(0.0, force_max);
                 slide.force = slide.force.map(|force| slide.direction * bounded(force));
             }

@@ -91,7 +91,7 @@ impl Voice {
         });
         // The position asked for at this very frame is kept only if the comparison goes into the report of the same
         // gesture.
-        let same_gesture = gesture_before == Some(latest_gesture(self, script));
-        self.asked = if same_gesture { old.asked } else { f64::NAN };
+        let is_same_gesture = gesture_before == Some(latest_gesture(self, script));
+        self.asked = if is_same_gesture { old.asked } else { f64::NAN };
     }
 }
