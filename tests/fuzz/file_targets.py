@@ -135,7 +135,9 @@ def _trials(chance: random.Random) -> list[_core.TrialRecord]:
             [[0], *([chance.choice(counts) for _ in range(chance.choice((1, 3)))] for _ in "ab")][
                 : chance.randrange(4)
             ],
-            chance.choice((None, None, "it has a contact, a law, a proxy or a mass that follows", "why")),
+            chance.choice(
+                (None, None, "it has a contact, a law, a proxy or a mass that follows", "why")
+            ),
         )
         for _ in range(chance.randint(1, 5))
     ]

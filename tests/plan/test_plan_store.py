@@ -159,7 +159,9 @@ def test_plan_store_unwritable_folder_ignored(capsys: Capture, plans: Path):
 def test_plan_store_evicts_least_used_files(plans: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(plan_store, "_FILES_MAX", 3)
     store = PlanStore(plans)
-    first = TrialRecord([-60.5, None, 0.5], [[1, 2], []], "it has a contact, a law, a proxy or a mass that follows")
+    first = TrialRecord(
+        [-60.5, None, 0.5], [[1, 2], []], "it has a contact, a law, a proxy or a mass that follows"
+    )
     stranger = plans / "notes.txt"
     plans.mkdir(parents=True)
     stranger.write_text("mine")

@@ -19,7 +19,7 @@ const GLIDE_MAX: f64 = 60.0;
 pub enum InputSource {
     /// A channel of the sound card, from 0.
     Channel(usize),
-    /// Values of [`Simulation::tell`](crate::simulation::Simulation::tell): each is reached after `glide` [s], and
+    /// Values of [`Simulation::set_input`](crate::simulation::Simulation::set_input): each is reached after `glide` [s], and
     /// held.
     Value {
         /// The number by which the input is told.
