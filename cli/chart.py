@@ -96,7 +96,7 @@ def chart(
             console.progress(f"charting {score_path}", total, piece.rate) as progress,
         ):
             scene, chart_metric = Score(piece), cast("Metric", metric)
-            result = measure(scene, wanted, seconds, chart_metric, progress.advance, others)
+            result = measure(scene, wanted, seconds, chart_metric, progress.update, others)
     except SilentPieceError as silence:
         raise Refused(f"{silence}; a larger --seconds computes more of the piece") from None
     title, where = piece.title or stem.name, machine()

@@ -55,4 +55,4 @@ def compile_score(
         file.write(head.encode())
         for text, frame in stream(stage.simulation, stage.n_analysed_frames, form, names):
             file.write(text.encode())
-            progress.advance(frame)
+            progress.update(frame)

@@ -74,8 +74,8 @@ def _chosen(scores: dict[str, Path], name: str | None) -> Path:
         return scores.get(_FIRST) or next(iter(scores.values()))
     if name not in scores:
         close = nearest(name, scores)
-        asked = f"; did you mean '{close}'?" if close else ""
-        raise Refused(f"no score '{name}' ships with ergon{asked} (ergon demo --list)")
+        hint = f"; did you mean '{close}'?" if close else ""
+        raise Refused(f"no score '{name}' ships with ergon{hint} (ergon demo --list)")
     return scores[name]
 
 

@@ -14,7 +14,7 @@ from . import manual
 from .outcome import Refused
 
 _CODE = re.compile(r"[EWN]\d{3}")
-_SHOWN = 8  # other pages about a topic, of many
+_OTHERS_MAX = 8  # other pages about a topic, of many
 _TOPIC_MAX = 80  # letters; what is longer is no topic
 
 
@@ -34,30 +34,30 @@ def help_command(ctx: click.Context, words: tuple[str, ...]) -> None:
         click.echo(root.get_help())
         click.echo(f"\nPages (ergon help PAGE):\n{_listed(manual.pages(), _commands(root))}")
         return
-    known = manual.pages()
+    pages = manual.pages()
     topic = " ".join(words)
     command = _command(root, words)
     if command is not None:
         click.echo(command.get_help())
-        if topic in known:
+        if topic in pages:
             click.echo(f"\nA page of the manual: ergon help {topic}.md")
         return
     topic = topic.removesuffix(".md")
-    page = known.get(topic) or known.get(topic.upper()) or known.get(f"howto/{topic}")
+    page = pages.get(topic) or pages.get(topic.upper()) or pages.get(f"howto/{topic}")
     if page is not None:
         _show(page.text)
         return
-    matches = manual.matches(topic, known) if len(topic) <= _TOPIC_MAX else []
+    matches = manual.matches(topic, pages) if len(topic) <= _TOPIC_MAX else []
     if not matches:
-        raise Refused(_unknown(topic, known, root))
+        raise Refused(_unknown(topic, pages, root))
     (page, _), *others = matches
-    rows = "\n".join(
-        f"  ergon help {_asked(other, root):24} {head}" for other, head in others[:_SHOWN]
+    other_lines = "\n".join(
+        f"  ergon help {_page_topic(other, root):24} {heading}"
+        for other, heading in others[:_OTHERS_MAX]
     )
-    head = (
-        f"The page {_asked(page, root)}.{f' Others about {clean(topic)}:' if rows else ''}\n{rows}"
-    )
-    _show(f"{head.rstrip()}\n\n{page.text}")
+    others_heading = f" Others about {clean(topic)}:" if other_lines else ""
+    introduction = f"The page {_page_topic(page, root)}.{others_heading}\n{other_lines}"
+    _show(f"{introduction.rstrip()}\n\n{page.text}")
 
 
 @click.command()
@@ -67,22 +67,22 @@ def explain(code: str) -> None:
 
     The page says what is wrong, how it comes about, and how to put it right, with an example.
     """
-    known = manual.pages()
-    page = known.get(code.upper())
+    pages = manual.pages()
+    page = pages.get(code.upper())
     if page is None or not _CODE.fullmatch(page.name):
-        codes = [name for name in known if _CODE.fullmatch(name)]
+        codes = [name for name in pages if _CODE.fullmatch(name)]
         near = nearest(code.upper(), codes) if len(code) == len("E204") else None
-        near = near or _titled(code, known)
-        asked = f"did you mean {near}?" if near else "`ergon help errors` lists all codes"
-        raise Refused(f"{clean(code)} is not the code of a mistake; {asked}")
+        near = near or _titled(code, pages)
+        hint = f"did you mean {near}?" if near else "`ergon help errors` lists all codes"
+        raise Refused(f"{clean(code)} is not the code of a mistake; {hint}")
     _show(page.text)
 
 
-def _titled(words: str, known: dict[str, manual.Page]) -> str | None:
+def _titled(words: str, pages: dict[str, manual.Page]) -> str | None:
     """The code and the title of the mistake whose page has words in its title; None without one."""
-    wanted = words.casefold().strip()
-    titles = {name: page.headings[0] for name, page in known.items() if _CODE.fullmatch(name)}
-    return next((title for title in titles.values() if wanted and wanted in title.casefold()), None)
+    phrase = words.casefold().strip()
+    titles = {name: page.headings[0] for name, page in pages.items() if _CODE.fullmatch(name)}
+    return next((title for title in titles.values() if phrase and phrase in title.casefold()), None)
 
 
 def _command(root: click.Context, words: tuple[str, ...]) -> click.Context | None:
@@ -99,7 +99,7 @@ def _command(root: click.Context, words: tuple[str, ...]) -> click.Context | Non
     return context
 
 
-def _asked(page: manual.Page, root: click.Context) -> str:
+def _page_topic(page: manual.Page, root: click.Context) -> str:
     """What shows a page after `ergon help`."""
     return f"{page.name}.md" if _command(root, (page.name,)) else page.name
 
@@ -112,16 +112,16 @@ def _show(text: str) -> None:
         click.echo(text, nl=False)
 
 
-def _listed(known: dict[str, manual.Page], commands: list[str]) -> str:
-    names = [name for name in known if not _CODE.fullmatch(name) and "/" not in name]
+def _listed(pages: dict[str, manual.Page], commands: list[str]) -> str:
+    names = [name for name in pages if not _CODE.fullmatch(name) and "/" not in name]
     names = [f"{name}.md" if name in commands else name for name in names]
     return click.wrap_text(", ".join(names), 78, "  ", "  ")
 
 
-def _unknown(topic: str, known: dict[str, manual.Page], root: click.Context) -> str:
-    near = nearest(topic, (*_commands(root), *known))
-    asked = f"did you mean '{near}'?" if near else "`ergon help` lists commands and pages"
-    return f"no command and no page is called '{clean(topic)}'; {asked}"
+def _unknown(topic: str, pages: dict[str, manual.Page], root: click.Context) -> str:
+    near = nearest(topic, (*_commands(root), *pages))
+    hint = f"did you mean '{near}'?" if near else "`ergon help` lists commands and pages"
+    return f"no command and no page is called '{clean(topic)}'; {hint}"
 
 
 def _commands(root: click.Context) -> list[str]:

@@ -53,8 +53,8 @@ def words(text: str | None, known: Sequence[str], option: str) -> tuple[str, ...
     for word in names:
         if word not in known:
             close = nearest(word, known)
-            asked = f"; did you mean '{close}'?" if close else ""
-            raise Refused(f"{option}: there is no '{word}' ({', '.join(known)}){asked}")
+            hint = f"; did you mean '{close}'?" if close else ""
+            raise Refused(f"{option}: there is no '{word}' ({', '.join(known)}){hint}")
     return names
 
 

@@ -139,8 +139,8 @@ def _rows_of(rows: list[PlanRow], module: str) -> list[PlanRow]:
 
         known = sorted({name for row in rows for name in row.parts})
         close = nearest(part, known)
-        asked = f"; did you mean '{close}'?" if close else f"; there are {', '.join(known)}"
-        raise Refused(f"--why: no part is called '{part}'{asked}")
+        hint = f"; did you mean '{close}'?" if close else f"; there are {', '.join(known)}"
+        raise Refused(f"--why: no part is called '{part}'{hint}")
     return part_rows
 
 

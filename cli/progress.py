@@ -17,9 +17,9 @@ from .colour import may_colour
 
 Record = Callable[..., None]  # an event's name, and its fields by name
 
-_RECORD_EVERY = 1.0  # [s]
-_WAIT_EVERY = 1.0  # [s]; a task that ends sooner is not shown
-_DRAW_EVERY = 0.1  # [s] more often is flicker
+_RECORD_INTERVAL = 1.0  # [s]
+_WAIT_INTERVAL = 1.0  # [s]; a task that ends sooner is not shown
+_DRAW_INTERVAL = 0.1  # [s] more often is flicker
 
 
 class _Records(Progress):
@@ -27,14 +27,14 @@ class _Records(Progress):
         self._record, self._task, self._total, self._rate = record, task, total, rate
         self._start = self._last = time.monotonic()
 
-    def advance(self, done: int) -> None:
+    def update(self, n_done: int) -> None:
         now = time.monotonic()
-        if now - self._last < _RECORD_EVERY:
+        if now - self._last < _RECORD_INTERVAL:
             return
         self._last = now
-        speed, left = _estimate(done, self._total, self._rate, now - self._start)
-        fields = {"task": self._task, "frames": done, "total": self._total}
-        self._record("progress", **fields, x_real_time=speed, left_s=left)
+        speed, seconds_left = _estimate(n_done, self._total, self._rate, now - self._start)
+        fields = {"task": self._task, "frames": n_done, "total": self._total}
+        self._record("progress", **fields, x_real_time=speed, left_s=seconds_left)
 
 
 class _Bar(Progress):
@@ -60,24 +60,28 @@ class _Bar(Progress):
         self._rich.start()
         return self
 
-    def __exit__(self, *ended: object) -> None:
+    def __exit__(self, *exc_info: object) -> None:
         self._rich.stop()
 
-    def advance(self, done: int) -> None:
+    def update(self, n_done: int) -> None:
         now = time.monotonic()
-        if now - self._last < _DRAW_EVERY and done < self._total:
+        if now - self._last < _DRAW_INTERVAL and n_done < self._total:
             return
         self._last = now
-        speed, left = _estimate(done, self._total, self._rate, now - self._start)
-        text = f"{speed:.1f} × real time, {left:.0f} s left" if self._rate else f"{left:.0f} s left"
-        self._rich.update(self._task, completed=done, speed=text, refresh=True)
+        speed, seconds_left = _estimate(n_done, self._total, self._rate, now - self._start)
+        speed_text = (
+            f"{speed:.1f} × real time, {seconds_left:.0f} s left"
+            if self._rate
+            else f"{seconds_left:.0f} s left"
+        )
+        self._rich.update(self._task, completed=n_done, speed=speed_text, refresh=True)
 
 
-def _estimate(done: int, total: int, rate: float, elapsed: float) -> tuple[float, float]:
+def _estimate(n_done: int, total: int, rate: float, elapsed: float) -> tuple[float, float]:
     """(speed in times real time, or NaN without a rate; seconds left) from what was done so far."""
-    if not done or elapsed <= 0:
+    if not n_done or elapsed <= 0:
         return 0.0, 0.0
-    return done / rate / elapsed if rate else nan, elapsed * (total - done) / done
+    return n_done / rate / elapsed if rate else nan, elapsed * (total - n_done) / n_done
 
 
 def bar(task: str, total: int, rate: float, quiet: bool, record: Record | None) -> Progress:
@@ -89,19 +93,19 @@ def bar(task: str, total: int, rate: float, quiet: bool, record: Record | None) 
         return Progress()
     if record is not None:
         return _Records(record, task, total, rate)
-    return _Bar(task, total, rate) if _redraws() else Progress()
+    return _Bar(task, total, rate) if _can_redraw() else Progress()
 
 
 @contextmanager
 def waiting(task: str, quiet: bool) -> Iterator[None]:
     """Show a task of unknown length, and the seconds that it has taken, until it ends."""
-    if quiet or not _redraws():
+    if quiet or not _can_redraw():
         yield
         return
     ended, start = threading.Event(), time.monotonic()
 
     def show() -> None:
-        while not ended.wait(_WAIT_EVERY):
+        while not ended.wait(_WAIT_INTERVAL):
             sys.stderr.write(f"\r{task}: {time.monotonic() - start:.0f} s\x1b[K")
             sys.stderr.flush()
 
@@ -112,11 +116,11 @@ def waiting(task: str, quiet: bool) -> Iterator[None]:
     finally:
         ended.set()
         thread.join()
-        if time.monotonic() - start >= _WAIT_EVERY:
+        if time.monotonic() - start >= _WAIT_INTERVAL:
             sys.stderr.write("\r\x1b[K")
             sys.stderr.flush()
 
 
-def _redraws() -> bool:
+def _can_redraw() -> bool:
     """Whether a line on stderr may be drawn again."""
     return sys.stderr.isatty() and os.environ.get("TERM") != "dumb"

@@ -122,7 +122,7 @@ def _render_several(
                 _tell(console, rendered.done)
                 if strict and _is_silent(rendered.done):
                     failed[rendered.score] = Findings()
-            progress.advance(number)
+            progress.update(number)
     if failed:
         message = f"{len(failed)} of {plural(len(paths), 'score')} failed: {', '.join(failed)}"
         kinds = {type(outcome) for outcome in failed.values()}

@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     from ergon.workshop.lab.names import MapMetric
 
 
-_HOW = (
+_METHOD_HELP = (
     f"Method that is mapped; {SLOW} is a part computed slower than the rest, {PLAN} what the "
     "planner chooses by ear."
 )
-_WHICH = (
+_MAPS_HELP = (
     f"Only these maps, of {','.join(MAPS)}; with --method {SLOW} of {','.join(CUTS)}, with "
     f"--metric energy of {','.join(ENERGY_MAPS)}."
 )
@@ -46,7 +46,7 @@ _WHICH = (
     type=click.Choice((*METHODS, SLOW, PLAN)),
     default="ca",
     show_default=True,
-    help=_HOW,
+    help=_METHOD_HELP,
 )
 @click.option(
     "--metric",
@@ -55,7 +55,7 @@ _WHICH = (
     show_default=True,
     help="What has to be right: the sound, or the energy, of which steps make at most a hundredth.",
 )
-@click.option("--maps", "chosen", metavar="NAMES", help=_WHICH)
+@click.option("--maps", "map_names", metavar="NAMES", help=_MAPS_HELP)
 @click.option(
     "--seconds",
     type=options.Number(0.05, 60, "DURATION"),
@@ -79,7 +79,7 @@ def stability(
     output: str | None,
     method: str,
     metric: str,
-    chosen: str | None,
+    map_names: str | None,
     seconds: float,
     accurate: float | None,
     on: str | None,
@@ -111,13 +111,13 @@ def stability(
     )
     inputs = () if loaded is None else loaded.inputs
     stem = laboratory.stem(output, score_path or method, "stability", force, inputs)
-    asked = (method, seconds, accurate, metric_name)
-    maps, title = _maps(loaded, Path(score_path or "").stem, chosen, asked)
-    total = sum(one.n_spots for one in maps.values())
-    with laboratory.workers(on, score_path, loaded, trust, console) as others:
-        surveyors = None if others is None else others.surveyors(*asked)
+    survey_settings = (method, seconds, accurate, metric_name)
+    maps, title = _maps(loaded, Path(score_path or "").stem, map_names, survey_settings)
+    total = sum(drawn_map.n_spots for drawn_map in maps.values())
+    with laboratory.workers(on, score_path, loaded, trust, console) as workers:
+        surveyors = None if workers is None else workers.surveyors(*survey_settings)
         with console.progress("mapping", total, 0.0) as progress:
-            surveys = survey_all(maps, progress.advance, surveyors)
+            surveys = survey_all(maps, progress.update, surveyors)
     if console.json:
         for record in map_table.records(surveys):
             console.record("spot", **record)
@@ -129,18 +129,18 @@ def stability(
 
 def _maps(
     loaded: Loaded | None,
-    name: str,
-    chosen: str | None,
-    asked: tuple[str, float, float | None, MapMetric],
+    score_name: str,
+    map_names: str | None,
+    survey_settings: tuple[str, float, float | None, MapMetric],
 ) -> tuple[dict[str, Map], str]:
     from ergon.workshop.lab import map_catalogue
 
     piece = None if loaded is None else score.piece_of(loaded)
-    method, seconds, accurate, metric = asked
-    known = map_catalogue.maps(method, piece, seconds, accurate, metric)
-    names = laboratory.words(chosen, tuple(known), "--maps")
-    right = "it makes no energy" if metric == "energy" else "right"
-    title = f"where {method} is stable, and where {right}"
+    method, seconds, accurate, metric = survey_settings
+    available_maps = map_catalogue.maps(method, piece, seconds, accurate, metric)
+    names = laboratory.words(map_names, tuple(available_maps), "--maps")
+    condition = "it makes no energy" if metric == "energy" else "its sound is right"
+    title = f"where {method} is stable, and where {condition}"
     if piece is not None:
-        title = f"{piece.title or name}: where {method} is stable, and {right}"
-    return {name: known[name] for name in names}, title
+        title = f"{piece.title or score_name}: {title}"
+    return {name: available_maps[name] for name in names}, title

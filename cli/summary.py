@@ -31,7 +31,7 @@ def print_rendered(console: Console, completed: Completed) -> None:
     """
     # The speed counts all simulated frames: a part of a piece is cut from the whole.
     done, rate = completed.files, completed.job.format.rate
-    speed = done.n_simulated / rate / done.wall if done.wall > 0 else 0.0
+    speed = done.n_simulated / rate / done.wall_seconds if done.wall_seconds > 0 else 0.0
     if console.json:
         _record_rendered(console, completed, speed)
         return
@@ -49,7 +49,7 @@ def _record_rendered(console: Console, completed: Completed, speed: float) -> No
         frames=job.n_frames,
         channels=job.format.n_channels,
         rate_hz=job.format.rate,
-        wall_s=done.wall,
+        wall_s=done.wall_seconds,
         plan_s=completed.plan_s,
         x_real_time=speed,
         peak_dbfs=decibels(mix.peak),
@@ -215,7 +215,7 @@ def dry_run(console: Console, stage: Stage, job: RenderJob) -> None:
         return
     channels, bits = plural(job.format.n_channels, "channel"), job.format.bits
     form = f"{job.format.rate} Hz, " + ("32-bit float" if bits == "float" else f"{bits} bits")
-    bound = "at most " if job.is_open else ""
+    bound = "at most " if job.has_open_end else ""
     steps = simulated * (stage.network.n_mat + stage.network.n_lia)
     lines = [
         f"{job.target}: {bound}{seconds(job.n_frames / job.format.rate)}, {channels}, {form}",

@@ -101,8 +101,8 @@ def import_take(
             source=path.name,
         )
     except TakeError as error:
-        asked = f"; did you mean '{error.suggestion}'?" if error.suggestion else ""
-        raise Refused(f"{error.message}{asked}") from None
+        hint = f"; did you mean '{error.suggestion}'?" if error.suggestion else ""
+        raise Refused(f"{error.message}{hint}") from None
     except NotRecordingError as error:
         raise Refused(f"{file}: {error}") from None
     recording.write(console, take, recording.target(output, path), force=force, dry=dry)

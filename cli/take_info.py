@@ -163,7 +163,7 @@ def _table(console: Console, path: Path) -> None:
 
 def _seconds(time: Column) -> float | None:
     """The duration in a column of instants [s]; None if its unit is not one of time."""
-    from ergon.scores.gesture.points import SECOND
+    from ergon.scores.gesture.points import UNITS_PER_SECOND
 
-    per_second = SECOND.get(time.name.partition("[")[2].strip(" ]") or "s")
+    per_second = UNITS_PER_SECOND.get(time.name.partition("[")[2].strip(" ]") or "s")
     return (time.last - time.first) / per_second if per_second else None

@@ -18,7 +18,7 @@ from ergon.instruments.model import Module
 from ergon.notation.tables import quantities as q
 from ergon.notation.tables.fields import Field, Values
 from ergon.notation.tables.shapes import MISSING, NAME, Name, Text, choice
-from ergon.notation.tables.strengths import Reach
+from ergon.notation.tables.strengths import ImpulseRange
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
 
@@ -88,7 +88,7 @@ class Pressing(NamedTuple):
     """What an act that draws or presses strikes: the name of a mass, and its impulses."""
 
     mass: str
-    reach: Reach
+    reach: ImpulseRange
 
 
 class DrawnActs:
@@ -115,7 +115,7 @@ class DrawnActs:
         return [
             Pressing(
                 _mass_name(led.link, word),
-                Reach(led.soft, led.hard, (led.link, word) in self._turning),
+                ImpulseRange(led.soft, led.hard, (led.link, word) in self._turning),
             )
             for word, led in _led(body)
             if (led.link, word) in self._highest

@@ -109,18 +109,18 @@ def _material(values: Values) -> Any:
     missing = [name for name in ("density", "young", "poisson", "loss") if name not in parameters]
     if missing:
         message = f"{values.context.label('material')} has no {', '.join(missing)}; write "
-        message += "what is missing, or a named material that it is `like`"
+        message += "them, or name a material with `like`"
         values.context.error("E103", message, values.node.place)
         return MISSING
     return Material(**parameters, source="written")
 
 
-_NAMED = choice(*MATERIALS)
+_MATERIAL_NAME = choice(*MATERIALS)
 MATERIAL_RECORD = Record(
     "material",
     "a material of one's own, or a named one with other values",
     (
-        Field("like", _NAMED, "the material whose values are used where none are written"),
+        Field("like", _MATERIAL_NAME, "the material whose values are used where none are written"),
         Field("density", k.DENSITY, "mass of a cubic metre"),
         Field("young", k.PRESSURE, "Young's modulus E; of wood along its grain"),
         Field("across", k.PRESSURE, "Young's modulus across the grain of a wood"),
@@ -141,4 +141,4 @@ class MaterialShape(Either):
         return MATERIALS[value] if isinstance(value, str) else value
 
 
-MATERIAL = MaterialShape(_NAMED, MATERIAL_RECORD)
+MATERIAL = MaterialShape(_MATERIAL_NAME, MATERIAL_RECORD)

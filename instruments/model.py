@@ -10,7 +10,7 @@ from typing import Any, Literal
 from ergon.instruments.kinds.outputs import OUTPUTS, OutputKind
 from ergon.instruments.space import Space
 from ergon.notation.tables.shapes import Name
-from ergon.notation.tables.strengths import Reach
+from ergon.notation.tables.strengths import ImpulseRange
 from ergon.notation.text.document import Node
 from ergon.notation.text.values import Place
 
@@ -160,7 +160,7 @@ class Hold:
     """
 
     at: tuple[Name, ...]
-    reach: Reach
+    reach: ImpulseRange
     targets: tuple[Target, ...] = ()
     is_lifted: bool = False
 
@@ -185,7 +185,7 @@ class Act:
 
     name: str
     at: tuple[Name, ...]
-    reach: Reach
+    reach: ImpulseRange
     place: Place
     modules: tuple[Module, ...] = ()
     targets: tuple[Target, ...] = ()

@@ -15,7 +15,7 @@ from ergon.notation.tables import tuning
 from ergon.notation.tables.notes import pitch
 from ergon.notation.tables.quantities import note_slip
 from ergon.notation.tables.shapes import Name
-from ergon.notation.tables.strengths import Reach
+from ergon.notation.tables.strengths import ImpulseRange
 from ergon.notation.tables.tuning import Tuning
 from ergon.notation.tables.value_kinds import AXES
 from ergon.notation.text.errors import Collector, TextError, quote
@@ -150,7 +150,7 @@ class PartNames:
     def _bring(self, owner: Part, act: Act) -> None:
         owner.modules = _with(owner.modules, act)
 
-    def reach(self, target: Target) -> Reach | None:
+    def reach(self, target: Target) -> ImpulseRange | None:
         """The impulses of the softest and the hardest stroke at a target; None if its instrument
         does not say how it is played.
         """
@@ -178,7 +178,7 @@ class PartNames:
         if part is not None and act in part.acts and part.acts[act].is_drawn:
             yield Name(f"{owner}.{act}", name.place)
 
-    def sure_reach(self, target: Target, who: str) -> Reach | None:
+    def sure_reach(self, target: Target, who: str) -> ImpulseRange | None:
         """The impulses of the softest and the hardest stroke at a target; reports an instrument
         that does not say how it is played.
         """

@@ -11,7 +11,7 @@ from ergon.notation.tables import quantities as q
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import MISSING, ListOf, Name, NamesOf, Reference
-from ergon.notation.tables.strengths import Reach
+from ergon.notation.tables.strengths import ImpulseRange
 
 _ANY_REACH = 1e-3, 1e-2  # N·s
 READY = ListOf(Reference("acts, such as strike"), 1, single=True)
@@ -92,7 +92,7 @@ def acts(
     return tuple(result)
 
 
-def _struck(body: Values, pressing: list[Pressing]) -> tuple[tuple[Name, ...], Reach] | None:
+def _struck(body: Values, pressing: list[Pressing]) -> tuple[tuple[Name, ...], ImpulseRange] | None:
     """What an act strikes, with its impulses; None if that is not known, which is reported."""
     if body["impulse"] is None:
         if body["at"]:
@@ -112,7 +112,7 @@ def _struck(body: Values, pressing: list[Pressing]) -> tuple[tuple[Name, ...], R
         message = f"{body.context.label('impulse')}: the softest and the hardest stroke are "
         body.error("E202", message + "expected, both above 0, such as 3mNs..40mNs", "impulse")
         soft, hard = _ANY_REACH  # strikes by this act are not refused once more
-    return body["at"] or (), Reach(soft, hard, body["turns"])
+    return body["at"] or (), ImpulseRange(soft, hard, body["turns"])
 
 
 def _release(body: Values) -> tuple[Hold, ...]:
@@ -120,4 +120,4 @@ def _release(body: Values) -> tuple[Hold, ...]:
     if written is None or not all(name in written.by_name for name in ("at", "impulse")):
         return ()
     impulse = written["impulse"]
-    return (Hold(written["at"], Reach(impulse, impulse), is_lifted=True),)
+    return (Hold(written["at"], ImpulseRange(impulse, impulse), is_lifted=True),)

@@ -10,7 +10,7 @@ from ergon.common.module_arguments import module_arguments
 from ergon.instruments.materials import MATERIAL_RECORD, MATERIALS
 from ergon.instruments.module_kinds import HOLDERS, KINDS, LINKS, tables
 from ergon.instruments.read import INSTRUMENT, PLACING
-from ergon.instruments.space.fields import WALL
+from ergon.instruments.space.fields import SURFACE_FILE
 from ergon.instruments.spread import PROFILE
 from ergon.notation.tables.fields import Field, Record
 from ergon.scores.reading import sections as s
@@ -132,7 +132,7 @@ def text() -> str:
     lines += ["## Modules of an instrument in space", ""]
     for name, table in tables("space", _MATTER).items():
         lines += _section(f"`{name}` in space", table, "###")
-    lines += _section("`mesh`", WALL, "###")
+    lines += _section("`mesh`", SURFACE_FILE, "###")
     lines += _materials()
     return "\n".join(lines).rstrip() + "\n"
 

@@ -42,7 +42,7 @@ def film(stage: Stage, job: RenderJob) -> Film:
             "motion",
             "sound on stdout gives the motion file no name; write the sound into a file by -o",
         )
-    stop = min(job.stop, stage.n_analysed_frames) if job.is_open else job.stop
+    stop = min(job.stop, stage.n_analysed_frames) if job.has_open_end else job.stop
 
     def begin(simulation: Simulation) -> MotionRecorder:
         return recorder(stage, simulation, stop / stage.rate)

@@ -128,7 +128,7 @@ def fold_file(
             spool.take(block)
             true_peak.take(block)
             n_folded += len(block)
-            progress.advance(n_folded)
+            progress.update(n_folded)
         gain = _gain(options, format, spool.peak, true_peak.peak)
         writer = sound.writer(target, file, format, n_frames, stamp)
         for block in spool.blocks(_BLOCK):

@@ -107,7 +107,7 @@ def write(prepared: PreparedFreeze, options: FreezeOptions, report: Report) -> F
             prepared.taps,
             _source(loaded, stage),
             prepared.folder,
-            progress.advance,
+            progress.update,
             n_frames=prepared.n_frames,
             force=options.force,
             threads=options.threads,
@@ -142,8 +142,8 @@ def _are_there(piece: Piece, parts: Iterable[str]) -> None:
                 value=part,
             )
         close = nearest(part, audible_names)
-        asked = f"; did you mean '{close}'?" if close else f"; there are {', '.join(audible_names)}"
-        raise OptionError("freeze", f"the score has no instrument '{part}'{asked}")
+        hint = f"; did you mean '{close}'?" if close else f"; there are {', '.join(audible_names)}"
+        raise OptionError("freeze", f"the score has no instrument '{part}'{hint}")
 
 
 def _are_free(piece: Piece, parts: Collection[str], live: Iterable[str], option: str) -> None:

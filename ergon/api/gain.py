@@ -53,7 +53,7 @@ def gain_of(
         # As in a file: peaks hold a loudness down unless the score limits them.
         wanted = {name: getattr(master, name) for name in ("normalise", "loudness", "limit")}
         level = replace(scores.played_level(piece), **wanted)
-        gain_result = find_gain(stage, level, frozen, progress.advance)
+        gain_result = find_gain(stage, level, frozen, progress.update)
     computed_span = (
         "the piece" if gain_result.seconds is None else f"its first {gain_result.seconds:.0f} s"
     )

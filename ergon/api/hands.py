@@ -244,5 +244,5 @@ def no_player_message(piece: Piece, name: str) -> str:
     from ergon.notation.text.spelling import nearest
 
     close = nearest(name, piece.players)
-    asked = f"; did you mean '{close}'?" if close else ""
-    return f"the score has no player '{name}'{asked}"
+    hint = f"; did you mean '{close}'?" if close else ""
+    return f"the score has no player '{name}'{hint}"

@@ -93,8 +93,8 @@ class AccuracyOptions(ReadOptions):
             raise OptionError("draft", ": a draft has no accuracy; leave one out", excludes=other)
         if self.method is not None and self.method not in METHODS:
             close = nearest(self.method, METHODS)
-            asked = f"; did you mean '{close}'?" if close else f": {', '.join(METHODS)}"
-            raise OptionError("method", f"there is no '{self.method}'{asked}")
+            hint = f"; did you mean '{close}'?" if close else f": {', '.join(METHODS)}"
+            raise OptionError("method", f"there is no '{self.method}'{hint}")
         if not names and followed is not None and followed.budget is not None:
             method = followed.budget.get("method")
             if method is not None and method not in METHODS:

@@ -24,8 +24,8 @@ def hertz(option: str, value: float | str) -> float:
     try:
         return frequency(value if isinstance(value, str) else f"{float(value)!r}Hz")
     except TextError as error:
-        asked = f"; did you mean '{error.suggestion}'?" if error.suggestion else ""
-        raise OptionError(option, f"{error.message}{asked}") from None
+        hint = f"; did you mean '{error.suggestion}'?" if error.suggestion else ""
+        raise OptionError(option, f"{error.message}{hint}") from None
 
 
 def selected_parts(piece: Piece, asked: Sequence[str]) -> tuple[str, ...]:
@@ -68,8 +68,8 @@ def point(piece: Piece, option: str, text: str) -> Target:
     try:
         return named_point(piece, text)
     except TextError as error:
-        asked = f"; did you mean '{error.suggestion}'?" if error.suggestion else ""
-        raise OptionError(option, f"{error.message}{asked}") from None
+        hint = f"; did you mean '{error.suggestion}'?" if error.suggestion else ""
+        raise OptionError(option, f"{error.message}{hint}") from None
 
 
 def stretches(shapes: NDArray[np.complex128], elements: _core.Elements) -> NDArray[np.complex128]:

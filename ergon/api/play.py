@@ -121,7 +121,7 @@ def begin(stage: Stage, config: PlaybackConfig, report: Report) -> _core.Perform
 
     try:
         with report.progress("going there", config.start, stage.rate) as progress:
-            return perform(stage, config, progress.advance)
+            return perform(stage, config, progress.update)
     except _core.EngineError as error:
         raise not_begun(error, _fault_sentence(error, stage)) from None
 

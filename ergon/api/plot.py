@@ -139,8 +139,8 @@ def _nearest(word: str, names: Iterable[str]) -> str:
 
     names = list(names)
     close = nearest(word, names)
-    asked = f"; did you mean '{close}'?" if close else ""
-    return f"{asked} (there is {', '.join(names)})" if names else asked
+    hint = f"; did you mean '{close}'?" if close else ""
+    return f"{hint} (there is {', '.join(names)})" if names else hint
 
 
 def _known(piece: Piece) -> str:

@@ -327,7 +327,7 @@ def _render_progress(
         scores.computing(stage, prepared.loaded, report),
         report.progress(task, n_frames, stage.rate) as progress,
     ):
-        yield progress.advance
+        yield progress.update
 
 
 def _with_inputs(loaded: Loaded, options: RenderOptions) -> Loaded:

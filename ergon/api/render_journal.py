@@ -93,7 +93,7 @@ def render_journal(
         _played(path),
         report.progress(f"rendering {path.name}", again.n_frames, again.rate) as progress,
     ):
-        done = render(again, job, progress.advance)
+        done = render(again, job, progress.update)
     stage = again.running.stage
     return Completed(done, job, 0.0, stage.network, stage.simulation)
 

@@ -236,8 +236,8 @@ def instant(piece: Piece, text: str, option: str) -> float:
     try:
         return tempo.seconds(tempo.resolve(parse_position(text)))
     except TextError as error:
-        asked = f"; did you mean '{error.suggestion}'?" if error.suggestion else ""
-        raise OptionError(option, f"{error.message}{asked}") from None
+        hint = f"; did you mean '{error.suggestion}'?" if error.suggestion else ""
+        raise OptionError(option, f"{error.message}{hint}") from None
 
 
 def where(piece: Piece, seconds: float) -> str:

@@ -53,7 +53,7 @@ def simulate(piece: Piece, task: str, report: Report | None = None) -> Simulated
     points = probed(piece)
     stage = stage_as_checked(points.piece, report)
     with report.progress(task, stage.n_analysed_frames, stage.rate) as progress:
-        moved, closed, bows = measure_excursions(stage, points, progress.advance)
+        moved, closed, bows = measure_excursions(stage, points, progress.update)
     fidelities = gesture_fidelities(stage)
     return Simulated(fidelities, moved, closed, stage.rate, points.left_out, bows, stage)
 

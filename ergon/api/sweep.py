@@ -362,7 +362,7 @@ def _keep(
             seconds += outcome["figures"].get("cpu_s") or 0.0
             n_done += 1
             table.keep([rows[number] for number in sorted(rows)], force=options.force)
-            progress.advance(n_done)
+            progress.update(n_done)
             report.event("variant", **asdict(rows[variant.number]))
 
 

@@ -126,21 +126,24 @@ def tune(
     from ergon.scores.edits.tunable import TunablePart
 
     options = options or TuneOptions()
-    wanted, is_ratios = _wanted(targets, options.base)
+    wanted, has_ratios = _wanted(targets, options.base)
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
     (name,) = selected_parts(piece, (part,))
     tuned_part = TunablePart(piece, name)
     chosen = _chosen(tuned_part, options.by)
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("tuning"):
-        if is_ratios:
+        if has_ratios:
             first = next(iter(wanted))
-            base = _Search(tuned_part, (), {first: 1.0}).begun[0] / wanted[first]
+            base = _Search(tuned_part, (), {first: 1.0}).initial_frequencies[0] / wanted[first]
             wanted = {number: float(base * ratio) for number, ratio in wanted.items()}
         search = _Search(tuned_part, chosen, wanted)
-        tuned_poles = search.run()
-    before = search.begun
-    after = [replace(value, number=x) for value, x in zip(search.values, tuned_poles, strict=True)]
+        tuned_numbers = search.run()
+    before = search.initial_frequencies
+    after = [
+        replace(value, number=number)
+        for value, number in zip(search.values, tuned_numbers, strict=True)
+    ]
     changed = [
         (old, new)
         for old, new in zip(search.values, after, strict=True)
@@ -149,7 +152,7 @@ def tune(
     texts, trouble = _edited(score, options, loaded, tuned_part, [new for _, new in changed])
     frequencies = search.frequencies({value.where: value.number for value in after})
     if texts is not None and (written := texts.load().piece) is not None:
-        frequencies = _Search(TunablePart(written, name), (), wanted).begun
+        frequencies = _Search(TunablePart(written, name), (), wanted).initial_frequencies
     numbers = tuple(wanted)
     return Tuned(
         name,
@@ -191,8 +194,12 @@ def _wanted(
     if isinstance(targets, Mapping):
         pairs = list(targets.items())
     else:
-        each = targets.split() if isinstance(targets, str) else targets
-        pairs = [(n, target_text) for n, target_text in enumerate(each, 1) if target_text != "_"]
+        listed_targets = targets.split() if isinstance(targets, str) else targets
+        pairs = [
+            (n, target_text)
+            for n, target_text in enumerate(listed_targets, 1)
+            if target_text != "_"
+        ]
     if not pairs:
         raise OptionError(
             "targets", "no target is given; write ratios (1:2.76), frequencies or notes"
@@ -200,7 +207,7 @@ def _wanted(
     hertz_by_mode = {}
     for number, target_text in sorted(pairs):
         if number < 1:
-            raise OptionError("targets", f"name mode {number}; modes count from 1")
+            raise OptionError("targets", f"there is no mode {number}; modes count from 1")
         hertz_by_mode[number] = hertz("targets", target_text)
     if any(
         a >= b
@@ -243,13 +250,13 @@ def _chosen(part: TunablePart, by: Sequence[str]) -> list[Value]:
             names.setdefault(name, []).append(value)
     chosen_values: dict[Value, None] = {}
     for word in by:
-        meant = names.get(_WORDS.get(word, word))
-        if meant is None:
+        matches = names.get(_WORDS.get(word, word))
+        if matches is None:
             words = [word for word, field in _WORDS.items() if field in names]
             close = nearest(word, [*names, *words])
-            asked = f"did you mean '{close}'?" if close else f"there are {', '.join(names)}"
-            raise OptionError("by", f"{part.name} has no value '{word}' above 0; {asked}")
-        chosen_values.update(dict.fromkeys(meant))
+            hint = f"did you mean '{close}'?" if close else f"there are {', '.join(names)}"
+            raise OptionError("by", f"{part.name} has no value '{word}' above 0; {hint}")
+        chosen_values.update(dict.fromkeys(matches))
     return list(chosen_values)
 
 
@@ -266,12 +273,14 @@ def _edited(
 
     path = str(Path(score))
     texts = Texts(path, loaded.files[path].text, bounds=scores.bounds(path, options.trust))
-    texts = begun = texts.complete()
+    texts = original_texts = texts.complete()
     try:
         texts = part.edit(texts, values)
     except EditError as error:
         return None, str(error)
-    others = [file for file, text in texts.overlay.items() if begun.overlay.get(file) != text]
+    others = [
+        file for file, text in texts.overlay.items() if original_texts.overlay.get(file) != text
+    ]
     if others:
         where = ", ".join(others)
         return None, f"{part.name} is written in {where}, which other scores may use: set it there"
@@ -294,11 +303,11 @@ class _Search:
         self.values: list[Value] = []
         self.log_targets = np.log(list(wanted.values()))
         self.rank = 0
-        poles, shapes, swinging = self._modes({})
-        self.begun = poles.imag / (2 * np.pi)
+        poles, shapes, elements = self._modes({})
+        self.initial_frequencies = poles.imag / (2 * np.pi)
         # Values that no mode depends on are left out.
         for value in values:
-            slope = self._slope(poles, shapes, swinging, value, value.number, {})
+            slope = self._slope(poles, shapes, elements, value, value.number, {})
             if np.abs(slope).max() > _FLAT:
                 self.values.append(value)
         if values and not self.values:
@@ -315,36 +324,38 @@ class _Search:
         """The values that bring the modes nearest to their targets."""
         import numpy as np
 
-        begin = np.log([value.number for value in self.values])
-        logs, size = begin.copy(), math.inf
+        initial_logs = np.log([value.number for value in self.values])
+        logs, error_max = initial_logs.copy(), math.inf
         state = self._modes(self._numbers(logs))
         for _ in range(_STEPS):
             poles = state[0]
-            left = np.log(poles.imag / (2 * np.pi)) - self.log_targets
-            size = float(np.abs(left).max())
+            residuals = np.log(poles.imag / (2 * np.pi)) - self.log_targets
+            error_max = float(np.abs(residuals).max())
             slopes = self._slopes(state, logs)
-            step, self.rank = _least_step(slopes, left)
-            if size * _CENTS <= _EXACT:
+            step, self.rank = _least_step(slopes, residuals)
+            if error_max * _CENTS <= _EXACT:
                 break
             largest_step = float(np.abs(step).max())
             if largest_step <= 1e-15:
                 break
             step *= min(1.0, _STRIDE / largest_step)
-            moved = self._better(logs, begin, step, float(left @ left))
-            if moved is None:
+            accepted_step = self._better(logs, initial_logs, step, float(residuals @ residuals))
+            if accepted_step is None:
                 break
-            logs, state = moved
+            logs, state = accepted_step
         return [
-            value.number if x == b else float(f"{math.exp(x):.{_DIGITS}g}")
-            for value, x, b in zip(self.values, logs, begin, strict=True)
+            value.number
+            if log_number == initial_log
+            else float(f"{math.exp(log_number):.{_DIGITS}g}")
+            for value, log_number, initial_log in zip(self.values, logs, initial_logs, strict=True)
         ]
 
     def _better(
         self,
         logs: NDArray[np.float64],
-        begin: NDArray[np.float64],
+        initial_logs: NDArray[np.float64],
         step: NDArray[np.float64],
-        size: float,
+        error_square: float,
     ) -> tuple[NDArray[np.float64], _State] | None:
         """The step, or a shorter one, that reduces the error; None if none does."""
         import numpy as np
@@ -352,22 +363,25 @@ class _Search:
         from ergon import _core
 
         for _ in range(14):
-            there = np.clip(logs + step, begin - _FARTHEST, begin + _FARTHEST)
+            trial_logs = np.clip(logs + step, initial_logs - _FARTHEST, initial_logs + _FARTHEST)
             try:
-                state = self._modes(self._numbers(there))
+                state = self._modes(self._numbers(trial_logs))
             except _core.EngineError:  # values that no module allows: try a shorter step
                 step = step / 2
                 continue
-            left = np.log(state[0].imag / (2 * np.pi)) - self.log_targets
-            if float(left @ left) < size * (1 - 1e-9):
-                return there, state
+            residuals = np.log(state[0].imag / (2 * np.pi)) - self.log_targets
+            if float(residuals @ residuals) < error_square * (1 - 1e-9):
+                return trial_logs, state
             step = step / 2
         return None
 
     def _numbers(self, logs: NDArray[np.float64]) -> dict[Where, float]:
         import numpy as np
 
-        return {value.where: float(np.exp(x)) for value, x in zip(self.values, logs, strict=True)}
+        return {
+            value.where: float(np.exp(log_number))
+            for value, log_number in zip(self.values, logs, strict=True)
+        }
 
     def _modes(self, values: Mapping[Where, float]) -> _State:
         """Poles (n_targets,) and shapes (n_targets, n_masses) of the modes that have targets."""
@@ -392,7 +406,8 @@ class _Search:
             count = min(n, 2 * count)
         if len(swings) < last:
             has = f"{len(swings)} modes that swing" if len(swings) != 1 else "1 mode that swings"
-            raise OptionError("targets", f"name mode {last}, but {self.part.name} has {has}")
+            reason = f"mode {last} is wanted, but {self.part.name} has {has}"
+            raise OptionError("targets", reason)
         rows = swings[np.array(list(self.wanted)) - 1]
         return part_modes.poles[rows], part_modes.shapes[rows], elements
 
@@ -419,43 +434,45 @@ class _Search:
 
         from ergon import _core
 
-        def matrices(factor: float) -> _core.Elements:
+        def elements_at(factor: float) -> _core.Elements:
             network = self.part.network({**numbers, value.where: number * factor})
             return network.elements([self.part.name])
 
         try:
-            up, down = matrices(math.exp(_NUDGE)), matrices(math.exp(-_NUDGE))
+            up, down = elements_at(math.exp(_NUDGE)), elements_at(math.exp(-_NUDGE))
         except _core.EngineError:  # at the limit of its range, the value stays
             return np.zeros(len(poles))
         dm, dk, dz = (
             (getattr(up, name) - getattr(down, name)) / (2 * _NUDGE)
             for name in ("masses", "stiffness", "damping")
         )
-        open_ = np.array([kind == "BUT" for kind in elements.kinds])
-        stretch = np.where(open_, 0.0, stretches(shapes, elements) ** 2)
+        is_contact = np.array([kind == "BUT" for kind in elements.kinds])
+        squared_stretches = np.where(is_contact, 0.0, stretches(shapes, elements) ** 2)
         rate, k, z = elements.ca_rate, elements.stiffness, elements.damping
         s = poles if rate is None else np.exp(poles / rate) - 1
         if rate is not None:
             k_z, dz = k + z, dz + dk  # w² + (Z + K) w + K = 0 at w = z - 1
         else:
             k_z = z
-        squares = shapes**2
-        bent = s**2 * (squares @ dm) + s * (stretch @ dz) + stretch @ dk
-        ds = -bent / (2 * s * (squares @ elements.masses) + stretch @ k_z)
+        squared_shapes = shapes**2
+        perturbation = (
+            s**2 * (squared_shapes @ dm) + s * (squared_stretches @ dz) + squared_stretches @ dk
+        )
+        ds = -perturbation / (2 * s * (squared_shapes @ elements.masses) + squared_stretches @ k_z)
         if rate is not None:
             ds = rate * ds / (1 + s)
         return np.asarray(ds.imag / poles.imag)
 
 
 def _least_step(
-    slopes: NDArray[np.float64], left: NDArray[np.float64]
+    slopes: NDArray[np.float64], residuals: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], int]:
     """The smallest step that minimises the error for these slopes, and their rank."""
     import numpy as np
 
-    u, sizes, v = np.linalg.svd(slopes, full_matrices=False)
-    sensitive = sizes > _FLAT
-    weights = (u.T @ -left)[sensitive] / sizes[sensitive]
+    u, singular_values, v = np.linalg.svd(slopes, full_matrices=False)
+    sensitive = singular_values > _FLAT
+    weights = (u.T @ -residuals)[sensitive] / singular_values[sensitive]
     return np.asarray(v[sensitive].T @ weights), int(sensitive.sum())
 
 

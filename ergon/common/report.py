@@ -29,8 +29,8 @@ class Progress:
     ) -> None:
         """End, however the work ended."""
 
-    def advance(self, done: int) -> None:
-        """Set how much is done, in the unit of the total."""
+    def update(self, n_done: int) -> None:
+        """Set how much is done so far, in the unit of the total."""
 
 
 class Report:

@@ -103,7 +103,7 @@ class VerifiedStem:
         frames[:, list(self.taps)] = self.samples(at, len(frames))
 
 
-def text(frozen: Frozen) -> str:
+def manifest_text(frozen: Frozen) -> str:
     """The manifest as the text of a file."""
     source = frozen.source
     head = {

@@ -37,8 +37,8 @@ def read_correction(environment: Mapping[str, str] = os.environ) -> float | None
     if not isinstance(content, dict) or content.get("processor") != processor_name():
         return None
     correction = content.get("correction")
-    is_one = isinstance(correction, float) and _RANGE[0] <= correction <= _RANGE[1]
-    return correction if is_one else None
+    is_valid = isinstance(correction, float) and _RANGE[0] <= correction <= _RANGE[1]
+    return correction if is_valid else None
 
 
 def store_correction(correction: float, environment: Mapping[str, str] = os.environ) -> bool:

@@ -5,8 +5,8 @@ process has bounds that the system keeps: memory, time, and no file that is not 
 
     python -P sofa_reader.py < FILE.sofa
 
-The answer is a line of JSON, {"convention", "type", "shapes"}, and the numbers of ARRAYS one after
-the other as little-endian doubles; or {"error": a sentence without the name of the file}.
+The answer is a line of JSON, {"convention", "type", "units", "shapes"}, and the numbers of ARRAYS
+one after the other as little-endian doubles; or {"error": a sentence without the name of the file}.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _DELAYS = ARRAYS[3]  # files of before AES69 leave them out: no delay
 VALUES_MAX = 1 << 26  # of an array: 12,000 directions with 2,800 samples at both ears
 _MEMORY = 2 << 30  # bytes of addresses: an array as it is read and as doubles is 1 GB
 _SECONDS = 60  # of the processor
-_WORD_MAX = 200  # characters of a text of the file
+_TEXT_MAX = 200  # characters of a text of the file
 
 # Filters of the library itself (H5Zpublic.h); others would be loaded as code.
 _FILTERS = {1: "deflate", 2: "shuffle", 3: "fletcher32", 5: "nbit", 6: "scaleoffset"}
@@ -62,25 +62,25 @@ def limit() -> None:
             resource.RLIMIT_FSIZE: 0,
             resource.RLIMIT_NOFILE: 0,
         }
-        for what, value in limits.items():
-            hard = resource.getrlimit(what)[1]
+        for resource_id, value in limits.items():
+            hard = resource.getrlimit(resource_id)[1]
             soft = value if hard == resource.RLIM_INFINITY else min(value, hard)
             with contextlib.suppress(OSError, ValueError):
-                resource.setrlimit(what, (soft, soft))
+                resource.setrlimit(resource_id, (soft, soft))
 
 
 def answer(source: BinaryIO, target: BinaryIO) -> None:
     """Read a file and write the answer."""
     try:
-        arrays, head = _read(source)
+        arrays, header = _read(source)
     except _RefusedError as error:
-        arrays, head = [], {"error": str(error)}
+        arrays, header = [], {"error": str(error)}
     except MemoryError:
-        arrays, head = [], {"error": "reading it takes more memory than is allowed"}
+        arrays, header = [], {"error": "reading it takes more memory than is allowed"}
     except Exception as error:  # h5py turns errors of libhdf5 into exceptions of many types
-        reason = " ".join(str(error).split())[:_WORD_MAX]
-        arrays, head = [], {"error": f"this is not a SOFA file that can be read: {reason}"}
-    target.write(json.dumps(head).encode() + b"\n")
+        reason = " ".join(str(error).split())[:_TEXT_MAX]
+        arrays, header = [], {"error": f"this is not a SOFA file that can be read: {reason}"}
+    target.write(json.dumps(header).encode() + b"\n")
     for array in arrays:
         target.write(array.reshape(-1).view(np.uint8).data)
     target.flush()
@@ -91,50 +91,53 @@ def _read(source: BinaryIO) -> tuple[list[np.ndarray[Any, Any]], dict[str, Any]]
 
     with h5py.File(source, "r") as file, np.errstate(all="ignore"):
         datasets = [_checked(file, name) for name in ARRAYS if name != _DELAYS or name in file]
-        head = {
+        header = {
             "convention": _text(file.attrs.get("SOFAConventions")),
             "type": _text(datasets[0].attrs.get("Type", b"spherical")),
             "units": _text(datasets[0].attrs.get("Units", b"degree")),
         }
         arrays = [np.ascontiguousarray(dataset[...], "<f8") for dataset in datasets]
         arrays += [np.zeros((1, 2), "<f8")] * (len(ARRAYS) - len(arrays))
-        return arrays, {**head, "shapes": [array.shape for array in arrays]}
+        return arrays, {**header, "shapes": [array.shape for array in arrays]}
 
 
 def _checked(file: h5py.File, name: str) -> h5py.Dataset:
     """A data set whose numbers lie in this file, and are packed by nothing but the library."""
     import h5py
 
-    links, word = file.id.links, name.encode()
-    if not links.exists(word):
+    links, encoded_name = file.id.links, name.encode()
+    if not links.exists(encoded_name):
         raise _RefusedError(f"it has no {name}")
-    if links.get_info(word).type != h5py.h5l.TYPE_HARD:
+    if links.get_info(encoded_name).type != h5py.h5l.TYPE_HARD:
         raise _RefusedError(f"its {name} is a link to another place, which is not followed")
     dataset = file[name]
     if not isinstance(dataset, h5py.Dataset):
         raise _RefusedError(f"its {name} is not an array")
-    creation = dataset.id.get_create_plist()
-    if creation.get_layout() == h5py.h5d.VIRTUAL:
+    creation_properties = dataset.id.get_create_plist()
+    if creation_properties.get_layout() == h5py.h5d.VIRTUAL:
         raise _RefusedError(f"its {name} is virtual: the numbers are in other files, not read here")
-    if creation.get_external_count():
+    if creation_properties.get_external_count():
         raise _RefusedError(
             f"its {name} is external: the numbers are in other files, not read here"
         )
-    for number in range(creation.get_nfilters()):
-        code = creation.get_filter(number)[0]
-        if code not in _FILTERS:
-            message = f"its {name} is packed by the filter {code}, which HDF5 has not built in; "
-            raise _RefusedError(message + "`h5repack -f GZIP=4 IN OUT` packs it anew")
+    for filter_index in range(creation_properties.get_nfilters()):
+        filter_id = creation_properties.get_filter(filter_index)[0]
+        if filter_id not in _FILTERS:
+            message = (
+                f"its {name} is compressed by filter {filter_id}, which is not built into HDF5; "
+            )
+            raise _RefusedError(message + "`h5repack -f GZIP=4 IN OUT` compresses it anew")
     if dataset.dtype.kind not in "fiu":
         raise _RefusedError(f"its {name} does not hold numbers")
     if dataset.size is None or dataset.size > VALUES_MAX:
-        raise _RefusedError(f"its {name} has {dataset.size or 0:,} values; {VALUES_MAX:,} are read")
+        count = f"{dataset.size or 0:,} values; at most {VALUES_MAX:,} are read"
+        raise _RefusedError(f"its {name} has {count}")
     return dataset
 
 
 def _text(value: Any) -> str:
     text = value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value or "")
-    return text[:_WORD_MAX]
+    return text[:_TEXT_MAX]
 
 
 if __name__ == "__main__":

@@ -14,7 +14,8 @@ class FaultResult:
 
     `seconds` [s] is from the fault to zero force; None if the force does not end, or if the
     fault is not made: `said` tells which. `bound` [s] is the longest that is allowed, if there
-    is a bound.
+    is a bound. `force` [N] is the greatest force from the fault on, `rise` [N/ms] its fastest
+    growth. `exceeds` says that time, force or growth is beyond its bound.
     """
 
     device: str

@@ -37,10 +37,10 @@ def _port(path: str, usb: _core.UsbBoard | None) -> Port:
     if usb is None:
         return Port(path, "", ())
     maker, kinds = _VENDORS.get(usb.vendor, ("", ()))
-    words = [maker] if maker and maker not in usb.name else []
-    words += [word for word in (usb.name, usb.serial) if word]
-    where = _by_id(path)
-    return Port(path, " ".join(words), tuple(f"{kind}:{where}" for kind in kinds))
+    name_parts = [maker] if maker and maker not in usb.name else []
+    name_parts += [word for word in (usb.name, usb.serial) if word]
+    stable_path = _by_id(path)
+    return Port(path, " ".join(name_parts), tuple(f"{kind}:{stable_path}" for kind in kinds))
 
 
 def _by_id(path: str) -> str:

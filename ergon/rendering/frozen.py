@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from ergon.common.sound_files import WAVE
-from ergon.exchange.frozen import MANIFEST, Frozen, Source, Stem, text
+from ergon.exchange.frozen import MANIFEST, Frozen, Source, Stem, manifest_text
 from ergon.exchange.safe import check_target, file_group
 from ergon.exchange.wave import WaveWriter
 from ergon.exchange.wave_header import CHANNELS_MAX, Stamp, WaveFormat
@@ -40,35 +40,35 @@ def write(
     """
     import numpy as np
 
-    pieces = [
-        (part, tuple(tap_names[first : first + CHANNELS_MAX]))
-        for part, tap_names in taps.items()
-        for first in range(0, len(tap_names), CHANNELS_MAX)
+    stem_columns = [
+        (part, tuple(tap_columns[first : first + CHANNELS_MAX]))
+        for part, tap_columns in taps.items()
+        for first in range(0, len(tap_columns), CHANNELS_MAX)
     ]
-    paths = stem_paths(folder, [part for part, _ in pieces], WAVE)
+    paths = stem_paths(folder, [part for part, _ in stem_columns], WAVE)
     for path in (*paths, folder / MANIFEST):
         check_target(path, force=force, inputs=inputs)
     stamp = Stamp(source.title, source.score, source.plan)
     with file_group(force=force, inputs=inputs) as files:
         writers = []
-        for (_, tap_names), path in zip(pieces, paths, strict=True):
+        for (_, tap_columns), path in zip(stem_columns, paths, strict=True):
             file = files.open(path, binary=True)
-            format = WaveFormat(int(source.rate), len(tap_names), "double")
+            format = WaveFormat(int(source.rate), len(tap_columns), "double")
             writers.append(WaveWriter(file, format, n_frames, stamp))
-        frame = 0
+        frames_done = 0
         blocks = frames_of(stage.simulation, n_frames, BLOCK)
-        with contextlib.closing(ahead(blocks) if threads > 1 else blocks) as coming:
-            for frames in coming:
-                for writer, (_, tap_names) in zip(writers, pieces, strict=True):
-                    writer.write(np.ascontiguousarray(frames[:, list(tap_names)]))
-                frame += len(frames)
-                progress(frame)
+        with contextlib.closing(ahead(blocks) if threads > 1 else blocks) as frame_blocks:
+            for frames in frame_blocks:
+                for writer, (_, tap_columns) in zip(writers, stem_columns, strict=True):
+                    writer.write(np.ascontiguousarray(frames[:, list(tap_columns)]))
+                frames_done += len(frames)
+                progress(frames_done)
         for writer in writers:
             writer.close()
         stems = tuple(
-            Stem(part, path, tap_names, writer.sha256)
-            for (part, tap_names), path, writer in zip(pieces, paths, writers, strict=True)
+            Stem(part, path, tap_columns, writer.sha256)
+            for (part, tap_columns), path, writer in zip(stem_columns, paths, writers, strict=True)
         )
         frozen = Frozen(source, n_frames, stems)
-        files.write(folder / MANIFEST, text(frozen).encode())  # gets its name last
+        files.write(folder / MANIFEST, manifest_text(frozen).encode())  # gets its name last
     return frozen

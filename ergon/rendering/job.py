@@ -35,7 +35,7 @@ class RenderJob:
     level: Level
     stamp: Stamp
     stems: Path | None = None
-    splits_stems: bool = False  # without rooms, and their answer
+    splits_stems: bool = False  # a dry stem for each instrument, and the answer of the rooms
     block: int = BLOCK
     threads: int = 1
     force: bool = False
@@ -60,7 +60,7 @@ class RenderJob:
         return self.stop - self.start
 
     @property
-    def is_open(self) -> bool:
+    def has_open_end(self) -> bool:
         """Whether the length of the file is known only when the sound has faded."""
         return self.fades_from is not None and not self.is_part
 
@@ -69,7 +69,7 @@ class RenderJob:
         """The search for silence, where the end of the piece is needed: for the length of the file,
         or for a level.
         """
-        if self.fades_from is None or not (self.is_open or self.level.is_levelled):
+        if self.fades_from is None or not (self.has_open_end or self.level.is_levelled):
             return None
         return self.fades_from, self.format.n_channels
 
@@ -92,7 +92,7 @@ class RenderedFile:
 
 @dataclass(frozen=True, slots=True)
 class RenderedFiles:
-    """The files that a render wrote, their length, and how long it took: `wall` [s].
+    """The files that a render wrote, their length, and how long it took: `wall_seconds`.
 
     `n_simulated` frames were computed or recalled. `instruments` are the levels of the
     instruments, if there are several. `recalled` is the share of the work that an earlier render
@@ -101,7 +101,7 @@ class RenderedFiles:
 
     mix: RenderedFile
     stems: tuple[RenderedFile, ...]
-    wall: float
+    wall_seconds: float
     n_frames: int
     n_simulated: int
     instruments: tuple[InstrumentLevel, ...] = ()

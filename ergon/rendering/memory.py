@@ -83,7 +83,7 @@ class RenderMemory:
             start, stop = 0, min(self._n_frames, stop + ceil(_LOOK_AHEAD * self._rate))
         last = max(stop, job.simulated_frames(self._n_frames))
         # A part may sound on after the piece has faded out.
-        known = self._mixed.known(start, last, job.ending, 0 if job.is_open else stop)
+        known = self._mixed.known(start, last, job.ending, 0 if job.has_open_end else stop)
         if known is None or self.levels.recall(balances, min(job.stop, known.stop)):
             return None
         return known

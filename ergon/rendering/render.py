@@ -218,7 +218,7 @@ def _fill(
     recorder: MixRecorder | None = None,
 ) -> _Filled:
     """Compute the files."""
-    if not job.is_open:
+    if not job.has_open_end:
         for track in tracks:
             track.finish = track.begin(job, 0)
     piece_end, n_simulated = _simulate(
@@ -235,7 +235,7 @@ def _fill_known(
     progress: Callable[[int], None],
 ) -> _Filled:
     """Fill a file with mixed frames that are known, and compute nothing."""
-    if not job.is_open:
+    if not job.has_open_end:
         track.finish = track.begin(job, known.first)
     frame, end = known.first, None
     n_frames = job.simulated_frames(stage.n_frames)
@@ -247,7 +247,7 @@ def _fill_known(
         track.take(folded)
         frame += len(mixed)
         progress(min(frame, n_frames))
-        if end is not None and job.is_open:
+        if end is not None and job.has_open_end:
             break
     piece_end = frame if end is None else end
     filled = _finished(stage, job, [track], known.first, piece_end, frame - known.first)
@@ -263,7 +263,7 @@ def _finished(
     n_simulated: int,
 ) -> _Filled:
     """The files, once all of `n_simulated` frames from frame `first` on are mixed."""
-    if job.is_open:
+    if job.has_open_end:
         job = replace(job, stop=min(max(piece_end, job.start), job.stop))
     for track in tracks:
         track.finish = track.finish or track.begin(job, first)
@@ -317,7 +317,7 @@ def _simulate(
                 balance.take(frames)
             first += len(frames)
             progress(first)
-            if end is not None and (job.is_open or first >= needed):
+            if end is not None and (job.has_open_end or first >= needed):
                 break
     return first if end is None else end, first
 

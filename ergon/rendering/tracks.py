@@ -65,7 +65,7 @@ def track_of(
     or its length.
     """
     held = None
-    if job.level.is_levelled or job.is_open:
+    if job.level.is_levelled or job.has_open_end:
         folder = None if path == "-" else Path(path).resolve().parent
         held = stack.enter_context(FrameSpool(folder, job.format.n_channels))
     return Track(path, mixer, begin, held)

@@ -15,7 +15,7 @@ _FADE = 0.02  # [s] of fade at either end
 # Three poles and a constant make -3 dB an octave within 0.5 dB above 9 Hz at 44.1 kHz (P. Kellet,
 # "Filter to make pink noise from white", music-dsp, 1999).
 _POLES = ((0.99765, 0.0990460), (0.96300, 0.2965164), (0.57000, 1.0526913))
-_DIRECT = 0.1848
+_WHITE_GAIN = 0.1848
 
 
 def pink_noise_burst(seconds: float, rate: float, level: float) -> NDArray[np.float64]:
@@ -28,18 +28,18 @@ def pink_noise_burst(seconds: float, rate: float, level: float) -> NDArray[np.fl
     burst = np.zeros(n_frames)
     for i in range(n_frames):
         white = chance.uniform(-1.0, 1.0)
-        total = white * _DIRECT
+        pink_sample = white * _WHITE_GAIN
         for k, (pole, gain) in enumerate(_POLES):
             states[k] = pole * states[k] + white * gain
-            total += states[k]
-        burst[i] = total
+            pink_sample += states[k]
+        burst[i] = pink_sample
     power = 0.0
     for value in burst.tolist():
         power += value * value
     burst *= level / (power / n_frames) ** 0.5 if power else 0.0
     n_fade = min(n_frames // 2, int(_FADE * rate))
     for i in range(n_fade):
-        share = 0.5 - 0.5 * _core.cos(pi * i / n_fade)
-        burst[i] *= share
-        burst[n_frames - 1 - i] *= share
+        fade_gain = 0.5 - 0.5 * _core.cos(pi * i / n_fade)
+        burst[i] *= fade_gain
+        burst[n_frames - 1 - i] *= fade_gain
     return burst

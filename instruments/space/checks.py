@@ -11,11 +11,11 @@ from typing import Any
 
 from ergon.instruments.space import count
 from ergon.instruments.space.fields import (
-    COUNTS,
+    BLOCK_COUNTS,
+    CENTRE,
     DIRECTION,
     MAX_POINTS,
     MAX_SPRINGS,
-    MIDDLE,
     PLACE,
     VELOCITY,
     WIDTHS,
@@ -29,7 +29,7 @@ _Fields = dict[str, Any]
 
 
 # Substitutes for the items of refused lists; 0 for other shapes.
-_FILLED: dict[Shape, float] = {COUNTS: 1, WIDTHS: math.inf}
+_FILLED: dict[Shape, float] = {BLOCK_COUNTS: 1, WIDTHS: math.inf}
 
 
 def check(kind: str, fields: _Fields, values: Values, axes: int) -> None:
@@ -38,8 +38,8 @@ def check(kind: str, fields: _Fields, values: Values, axes: int) -> None:
     """
     for field in values.record.fields:
         value = fields[field.name]
-        wanted = axes - 1 if field.shape == MIDDLE else axes
-        is_vector = field.shape in (PLACE, VELOCITY, DIRECTION, MIDDLE, COUNTS, WIDTHS)
+        wanted = axes - 1 if field.shape == CENTRE else axes
+        is_vector = field.shape in (PLACE, VELOCITY, DIRECTION, CENTRE, BLOCK_COUNTS, WIDTHS)
         if is_vector and value is not None and len(value) != wanted:
             axis_names = " and ".join(
                 filter(None, (", ".join(AXES[: wanted - 1]), AXES[wanted - 1]))

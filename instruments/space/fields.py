@@ -13,18 +13,18 @@ MAX_POINTS = 500_000  # of one generator: one and a half million coordinates
 MAX_SPRINGS = 2_000_000  # of one generator
 
 PLACE = ListOf(k.POSITION, 2, 3)
-MIDDLE = ListOf(k.POSITION, 1, 2)
+CENTRE = ListOf(k.POSITION, 1, 2)
 VELOCITY = ListOf(k.SPEED, 2, 3)
 DIRECTION = ListOf(k.NUMBER, 2, 3)
 WIDTHS = ListOf(k.SIZE, 2, 3)
-UP = choice("x", "y", "z")
-SIDES = ListOf(k.integer(1, 2_000, "40"), 2, 2)
-COUNTS = ListOf(k.integer(1, 2_000, "8"), 2, 3)
+AXIS = choice("x", "y", "z")
+CLOTH_COUNTS = ListOf(k.integer(1, 2_000, "40"), 2, 2)
+BLOCK_COUNTS = ListOf(k.integer(1, 2_000, "8"), 2, 3)
 
 Family = Literal["mat", "link", "generator"]
 
-# The shape of a contact's first end, if it is that of a file.
-WALL = Record(
+# The shape of a contact's first end that is read from a file.
+SURFACE_FILE = Record(
     "surface of a file",
     "triangles that points touch on either side",
     (
@@ -35,18 +35,18 @@ WALL = Record(
             required=True,
         ),
         Field("scale", k.SIZE, "length of one unit of the file", 1.0, shown="1 m"),
-        Field("up", UP, "which axis of the file is the last of the space", "z"),
+        Field("up", AXIS, "which axis of the file is the last of the space", "z"),
     ),
 )
 
 
 _MASS = Field("M", k.MASS, "mass", required=True)
-_MASS_FIELD = Field("M", k.MASS, "mass of all its points together", required=True)
+_TOTAL_MASS = Field("M", k.MASS, "mass of all its points together", required=True)
 _X0 = Field("X0", PLACE, "position at the beginning, axis by axis", required=True)
 _V0 = Field("V0", VELOCITY, "velocity at the beginning, axis by axis", shown="at rest")
 _DRAG = Field("drag", k.DAMPING, "viscosity of what surrounds each point", 0.0)
-_STIFF = Field("K", k.STIFFNESS, "stiffness")
-_DAMP = Field("Z", k.DAMPING, "viscosity", 0.0)
+_STIFFNESS = Field("K", k.STIFFNESS, "stiffness")
+_DAMPING = Field("Z", k.DAMPING, "viscosity", 0.0)
 _REST = Field(
     "rest",
     k.SPAN,
@@ -54,7 +54,7 @@ _REST = Field(
     shown="the distance at the beginning",
 )
 _LENGTH = replace(_REST, doc="distance that counts as d = 0")
-_MEMORY = (
+_STRENGTH_LIMITS = (
     Field(
         "yields",
         k.FORCE,
@@ -75,28 +75,28 @@ _SPRINGS = (
 _STRETCH = Field(
     "stretch",
     k.PROPORTION,
-    "how much longer than at rest springs are at the beginning, as a share of that",
+    "extension of the springs at the beginning, as a share of their rest length",
     0.0,
 )
 _CHAIN = (
     Field("masses", k.integer(2, MAX_POINTS, "20"), "how many points", required=True),
-    _MASS_FIELD,
+    _TOTAL_MASS,
     Field("from", PLACE, "where the first point begins", required=True),
     Field("to", PLACE, "where the last point begins", required=True),
     *_SPRINGS,
-    *_MEMORY,
+    *_STRENGTH_LIMITS,
     _REST,
     Field("ends", choice("fixed", "free", "left"), "which of its end points are held", "fixed"),
     _DRAG,
 )
 _CLOTH = (
-    Field("sides", SIDES, "points across, and up", required=True),
-    _MASS_FIELD,
+    Field("sides", CLOTH_COUNTS, "points across, and up", required=True),
+    _TOTAL_MASS,
     Field("at", PLACE, "where its first corner begins", required=True),
     Field("across", PLACE, "from there to the corner at the end of a row", required=True),
     Field("up", PLACE, "from there to the corner at the end of a column", required=True),
     *_SPRINGS,
-    *_MEMORY,
+    *_STRENGTH_LIMITS,
     _STRETCH,
     Field("shear", k.STIFFNESS, "stiffness of the springs across each mesh, both ways", 0.0),
     Field("held", choice("nothing", "corners", "top", "rim"), "which points are held", "nothing"),
@@ -107,7 +107,7 @@ _SPAN = Field(
 )
 _DISC = (
     Field("rings", k.integer(1, 400, "8"), "rings of points around its middle", required=True),
-    _MASS_FIELD,
+    _TOTAL_MASS,
     Field("at", PLACE, "where its middle begins", required=True),
     Field("across", k.SIZE, "how wide it is, from corner to corner", required=True),
     Field(
@@ -117,19 +117,19 @@ _DISC = (
         shown="the last axis",
     ),
     *_SPRINGS,
-    *_MEMORY,
+    *_STRENGTH_LIMITS,
     _STRETCH,
     Field("held", choice("nothing", "rim", "middle"), "which points are held", "nothing"),
     _V0,
     _DRAG,
 )
 _BLOCK = (
-    Field("sides", COUNTS, "points along each axis", required=True),
-    _MASS_FIELD,
+    Field("sides", BLOCK_COUNTS, "points along each axis", required=True),
+    _TOTAL_MASS,
     Field("from", PLACE, "where its first corner begins", required=True),
     Field("to", PLACE, "where the opposite corner begins", required=True),
     *_SPRINGS,
-    *_MEMORY,
+    *_STRENGTH_LIMITS,
     _STRETCH,
     _SPAN,
     Field("held", choice("nothing", "bottom", "top", "rim"), "which points are held", "nothing"),
@@ -138,11 +138,11 @@ _BLOCK = (
 )
 _BALL = (
     Field("points", k.integer(3, 200, "9"), "points along its diameter", required=True),
-    _MASS_FIELD,
+    _TOTAL_MASS,
     Field("at", PLACE, "where its middle begins", required=True),
     Field("across", k.SIZE, "its diameter", required=True),
     *_SPRINGS,
-    *_MEMORY,
+    *_STRENGTH_LIMITS,
     _STRETCH,
     _SPAN,
     _V0,
@@ -156,12 +156,12 @@ _MESH = (
         "springs",
         required=True,
     ),
-    _MASS_FIELD,
+    _TOTAL_MASS,
     Field("at", PLACE, "where the origin of the file lies", required=True),
     Field("scale", k.SIZE, "length of one unit of the file", 1.0, shown="1 m"),
-    Field("up", UP, "which axis of the file is the last of the space", "z"),
+    Field("up", AXIS, "which axis of the file is the last of the space", "z"),
     *_SPRINGS,
-    *_MEMORY,
+    *_STRENGTH_LIMITS,
     _STRETCH,
     Field(
         "held",
@@ -174,7 +174,7 @@ _MESH = (
 )
 _GRAINS = (
     Field("count", k.integer(1, MAX_POINTS, "200"), "how many points", required=True),
-    _MASS_FIELD,
+    _TOTAL_MASS,
     Field("from", PLACE, "one corner of the box that they fill at the beginning", required=True),
     Field("to", PLACE, "the opposite corner of the box", required=True),
     Field(
@@ -192,10 +192,10 @@ _GRAINS = (
     _V0,
     _DRAG,
 )
-_NEAR = Field(
+_ATTRACTION_STIFFNESS = Field(
     "K",
     k.STIFFNESS,
-    "stiffness of the spring that it is at distances far below `core`",
+    "stiffness at distances far below `core`, where it acts as a spring",
     required=True,
 )
 _CORE = Field(
@@ -205,12 +205,12 @@ _CORE = Field(
     required=True,
 )
 _SURFACE = (
-    Field("at", MIDDLE, "where its middle lies, along all axes but the last", required=True),
+    Field("at", CENTRE, "where its middle lies, along all axes but the last", required=True),
     Field("across", k.SIZE, "how wide the whole STRING or PLATE is", required=True),
 )
 _CONTACT = (
     Field("K", k.STIFFNESS, "stiffness", required=True),
-    _DAMP,
+    _DAMPING,
     Field(
         "gap",
         k.POSITION,
@@ -240,7 +240,7 @@ _CONTACT = (
     ),
     Field(
         "mesh",
-        WALL,
+        SURFACE_FILE,
         "the first end is a surface of triangles around its point, which the second touches",
         shown="none",
     ),
@@ -304,15 +304,19 @@ def tables(
         ),
         "RES": (
             "link",
-            Record("module", "a spring along a distance", (between, _STIFF, _REST, *_MEMORY)),
+            Record(
+                "module",
+                "a spring along a distance",
+                (between, _STIFFNESS, _REST, *_STRENGTH_LIMITS),
+            ),
         ),
-        "FRO": ("link", Record("module", "a damper along a distance", (between, _DAMP))),
+        "FRO": ("link", Record("module", "a damper along a distance", (between, _DAMPING))),
         "REF": (
             "link",
             Record(
                 "module",
                 "a spring and damper along a distance",
-                (between, _STIFF, _DAMP, _REST, *_MEMORY),
+                (between, _STIFFNESS, _DAMPING, _REST, *_STRENGTH_LIMITS),
             ),
         ),
         "LNL": (
@@ -322,7 +326,9 @@ def tables(
         "ATTRACTION": (
             "link",
             Record(
-                "module", "masses that attract each other, in all pairs", (between, _NEAR, _CORE)
+                "module",
+                "masses that attract each other, in all pairs",
+                (between, _ATTRACTION_STIFFNESS, _CORE),
             ),
         ),
         "BUT": (

@@ -18,7 +18,7 @@ from ergon.notation.text.spelling import nearest
 from ergon.repl.language.commands import NOW, Now, Sync
 from ergon.repl.language.scope import Scope, playable, scores_in
 from ergon.scores.gesture import notation, space_path
-from ergon.scores.gesture.points import CURVES, METRE
+from ergon.scores.gesture.points import CURVES, UNITS_PER_METRE
 from ergon.scores.gesture.transforms import ARGUMENTS, ARITY, EXAMPLES
 from ergon.scores.pattern.turn_chain import FORMS, parse_chain
 from ergon.scores.pattern.words import OPTIONS
@@ -493,7 +493,9 @@ def _point_completions(context: CompletionContext) -> Iterator[Completion]:
     if context.typed and match is None:
         yield from _curve_completions(context)
     elif match is not None and "@" not in context.typed:
-        yield from (Completion(f"{match.group()}{unit}@", "a position at …") for unit in _METRES)
+        yield from (
+            Completion(f"{match.group()}{unit}@", "a position at …") for unit in _METRE_UNITS
+        )
     elif not context.typed:
         yield Completion("6mm@+1/8" if context.before else "0mm@0", "a point: position @ time")
         yield from _curve_completions(context)
@@ -532,7 +534,7 @@ def _read_notation(text: str) -> notation.Notation:
     return notation.parse(text, events_max=MAX_POINTS)
 
 
-_METRES = [unit for unit in METRE if unit and unit.isascii()]
+_METRE_UNITS = [unit for unit in UNITS_PER_METRE if unit and unit.isascii()]
 NOTATION = Value(
     "a gesture, such as 0@0 6@1/8 0@1/4",
     lambda text, *_: _read_notation(text),

@@ -14,17 +14,17 @@ if TYPE_CHECKING:
     from ergon.repl.session.core import SessionCore
     from ergon.repl.session_protocol import Reply
 
-_Act = TypeVar("_Act", bound="Callable[..., Reply]")
+_CommandFunction = TypeVar("_CommandFunction", bound="Callable[..., Reply]")
 
 # A new verb needs a row in `language/verbs`, its values, and a function here or in `edit_table`.
 SESSION_COMMANDS: dict[type[Command], Callable[[SessionCore, Any], Reply]] = {}
 
 
-def executes(kind: type[Command]) -> Callable[[_Act], _Act]:
+def executes(kind: type[Command]) -> Callable[[_CommandFunction], _CommandFunction]:
     """Decorate the function that does a command."""
 
-    def known(act: _Act) -> _Act:
-        SESSION_COMMANDS[kind] = act
-        return act
+    def register(function: _CommandFunction) -> _CommandFunction:
+        SESSION_COMMANDS[kind] = function
+        return function
 
-    return known
+    return register

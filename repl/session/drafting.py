@@ -46,26 +46,26 @@ class Request:
 
 @dataclass(frozen=True, slots=True)
 class Sketch:
-    """A line as it was `asked` for, the `lines` among which it is to wait, the version `on` which
+    """The `requested` line, the `lines` among which it is to wait, the `running` version that
     they follow, and the `soonest` frame of a new line. One that `is_checked` was made before.
     """
 
     lines: WaitingLines
-    on: RunningVersion
-    asked: WaitingLine
+    running: RunningVersion
+    requested: WaitingLine
     soonest: int
     is_checked: bool
 
 
 @dataclass(frozen=True, slots=True)
 class Draft:
-    """A line as it was `asked` for, and its entry among the waiting `lines`, made from the
+    """The `requested` line, and its entry among the waiting `lines`, made from the
     `base_lines`; `checked` is its version.
     """
 
     base_lines: WaitingLines
     lines: WaitingLines
-    asked: WaitingLine
+    requested: WaitingLine
     line: WaitingLine
     checked: RunningVersion
     staged: StagedGroup | None = None
@@ -89,25 +89,25 @@ class Drafts:
         self._makings, self._making_time = makings, making_time
 
     def sketch(
-        self, request: Request, lines: WaitingLines, asked: WaitingLine | None = None
+        self, request: Request, lines: WaitingLines, requested: WaitingLine | None = None
     ) -> Sketch:
         """The place of a line among those that wait.
 
-        A line that was `asked` for before keeps its place, and was checked then. Raises
+        A line that was `requested` before keeps its place, and was checked then. Raises
         NotTakenError where its beat is past.
         """
-        first = self._behind_fence(asked or self._asked(request, lines), lines)
-        first = self._behind_changes(first)
+        placed_line = self._behind_fence(requested or self._requested_line(request, lines), lines)
+        placed_line = self._behind_changes(placed_line)
         soonest = self._moments.soonest_frame()
-        return Sketch(lines, self._changes.running, first, soonest, asked is not None)
+        return Sketch(lines, self._changes.running, placed_line, soonest, requested is not None)
 
     def draft(self, sketch: Sketch) -> Draft:
         """A line among those that wait, and what must be made to check it.
 
         Raises one of `REFUSALS`.
         """
-        running, soonest = sketch.on, sketch.soonest
-        lines, line = sketch.lines.inserted(sketch.asked, soonest)
+        running, soonest = sketch.running, sketch.soonest
+        lines, line = sketch.lines.inserted(sketch.requested, soonest)
         checked, staged = replace(running, version=line.result()), None
         if not (sketch.is_checked or line.rule.is_quick):
             began = self._making_time.began()
@@ -122,30 +122,33 @@ class Drafts:
                 check_unheard(line.base.sounding, result.stage)
             checked = replace(result, version=line.result())
             self._making_time.add(began)
-        return Draft(sketch.lines, lines, sketch.asked, line, checked, staged)
+        return Draft(sketch.lines, lines, sketch.requested, line, checked, staged)
 
     def joined_frame(self, request: Request, lines: WaitingLines) -> int | None:
         """The frame of the lines under way to the beat of a line, if there is time to make all of
         them: lines of one beat take effect together.
         """
         entry = request.entry
-        staged = [change for change in self._changes.under_way if not change.is_gains]
-        if not staged or RULES[entry.kind].is_quick or entry.sets_running is not None:
+        pending_changes = [change for change in self._changes.under_way if not change.is_gains]
+        if not pending_changes or RULES[entry.kind].is_quick or entry.sets_running is not None:
             return None
-        last, ready = staged[-1], self._moments.tick_after(self._making_time.expected + _SPARE)
+        last, ready_frame = (
+            pending_changes[-1],
+            self._moments.tick_after(self._making_time.expected + _SPARE),
+        )
         is_running = self._changes.running.clock.is_running
-        if not last.lines or not is_running or last.frame < ready:
+        if not last.lines or not is_running or last.frame < ready_frame:
             return None
         if any(line.sets_running is not None or line.resets for line in last.lines):
             return None
         with contextlib.suppress(NotTakenError):
             tempo = lines.head.piece.tempo_map
-            beat, _ = self._moments.place_from(ready, tempo, entry.when, request.grid)
+            beat, _ = self._moments.place_from(ready_frame, tempo, entry.when, request.grid)
             if abs(beat - last.lines[-1].beat) <= SAME:
                 return last.frame
         return None
 
-    def _asked(self, request: Request, lines: WaitingLines) -> WaitingLine:
+    def _requested_line(self, request: Request, lines: WaitingLines) -> WaitingLine:
         """The line of a request."""
         entry = request.entry
         tempo = lines.head.piece.tempo_map
@@ -154,27 +157,29 @@ class Drafts:
             start = self._start_after_play(beat, entry.kind, lines)
         is_now = entry.when is NOW or (entry.when is None and request.grid is None)
         return WaitingLine(
-            request.number,
-            entry.line,
-            entry.numbered_edit(request.number),
-            entry.kind,
-            beat if entry.enter is None else entry.enter,
-            start,
-            entry.sets_running,
-            entry.resets,
-            is_now or entry.sets_running is not None,
-            entry.reads_files,
-            entry.sets_all,
-            isinstance(entry.when, Position | Length),
+            number=request.number,
+            line=entry.line,
+            edit=entry.numbered_edit(request.number),
+            kind=entry.kind,
+            beat=beat if entry.enter is None else entry.enter,
+            start=start,
+            sets_running=entry.sets_running,
+            resets=entry.resets,
+            is_now=is_now or entry.sets_running is not None,
+            reads_files=entry.reads_files,
+            sets_all=entry.sets_all,
+            is_named=isinstance(entry.when, Position | Length),
         )
 
     def _start_after_play(self, beat: float, kind: LineKind, lines: WaitingLines) -> int | None:
         """The frame of a beat that is ahead, if the piece is about to start."""
-        begins = next((line for line in lines.lines if line.sets_running), None)
-        if begins is None or begins.clock is None or begins.start is None:
+        start_line = next((line for line in lines.lines if line.sets_running), None)
+        if start_line is None or start_line.clock is None or start_line.start is None:
             return None
         tempo, lead = lines.head.piece.tempo_map, self._timing.lead_of(kind is LineKind.ENDS)
-        return max(begins.start, self._timing.takeover_frame(begins.clock, tempo, beat, lead))
+        return max(
+            start_line.start, self._timing.takeover_frame(start_line.clock, tempo, beat, lead)
+        )
 
     def _behind_fence(self, line: WaitingLine, lines: WaitingLines) -> WaitingLine:
         """A line that does not overtake an earlier one; it may move to that one's beat."""
@@ -189,15 +194,23 @@ class Drafts:
         """
         if line.start is None:
             return line
-        sent, start = [change for change in self._changes.under_way if change.lines], line.start
+        pending_changes, start = (
+            [change for change in self._changes.under_way if change.lines],
+            line.start,
+        )
         if line.sets_all:
-            start = max([start, *(change.frame for change in sent)])
+            start = max([start, *(change.frame for change in pending_changes)])
         elif line.kind is LineKind.FADERS:
             start = self._changes.ready_frame(start, (line,))
         if start == line.start:
             return line
         beat = next(
-            (waits.beat for change in sent for waits in change.lines if change.frame == start),
+            (
+                waiting_line.beat
+                for change in pending_changes
+                for waiting_line in change.lines
+                if change.frame == start
+            ),
             line.beat,
         )
         return line.moved_to(beat, start)

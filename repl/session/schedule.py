@@ -138,7 +138,7 @@ class Schedule:
         with self.lock:
             if self.lines is not draft.base_lines:
                 self._check_dropped(request)
-                sketch = self._drafts.sketch(request, self.lines, draft.asked)
+                sketch = self._drafts.sketch(request, self.lines, draft.requested)
                 again = self._drafts.draft(sketch)
                 checked = replace(draft.checked, version=again.line.result())
                 draft = replace(again, checked=checked)

@@ -13,7 +13,7 @@ from ergon.instruments.names import Part, PartNames
 from ergon.notation.tables import tuning
 from ergon.notation.tables.notes import pitch
 from ergon.notation.tables.shapes import Name
-from ergon.notation.tables.strengths import Level, Reach
+from ergon.notation.tables.strengths import ImpulseRange, Level
 from ergon.notation.tables.strengths import velocity as velocity_level
 from ergon.notation.tables.tuning import Tuning
 from ergon.notation.tables.velocities import Curve
@@ -31,7 +31,9 @@ if TYPE_CHECKING:
 _MAX_STRUCK = 128  # as many as there are notes
 
 Place = tuple[str, str, int]  # part, module and member of a MAT that is struck
-Struck = tuple[Place, Reach | None]  # with the range of its strengths, if it is played by them
+Struck = tuple[
+    Place, ImpulseRange | None
+]  # with the range of its strengths, if it is played by them
 
 
 class Stroke(NamedTuple):

@@ -36,9 +36,9 @@ class Entry:
             self, fields={name: text for name, text in merged_fields.items() if text is not None}
         )
 
-    def starting(self, where: str) -> Entry:
+    def starting(self, position: str) -> Entry:
         """The entry from a position on."""
-        return replace(self, fields={"at": where, **self.fields})
+        return replace(self, fields={"at": position, **self.fields})
 
     def with_step(self, every: str) -> Entry:
         """The entry with a time between repetitions that `fast` and `slow` do not change."""
@@ -51,7 +51,7 @@ class Entry:
             tree["do"] = list(self.do)
         return edit.flow(tree)
 
-    def words(self) -> str:
+    def row_words(self) -> str:
         """The entry as the words of a row, after its position."""
         words_written = [self.fields["play"]]
         for name, text in self.fields.items():
@@ -74,7 +74,7 @@ def _in_place(do: str) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class PlacedEntry:
     """An entry in its place: its number in the list or its line in the table, and when it plays."""
 
     number: int
@@ -117,25 +117,29 @@ class Line:
 def entry_of_play(play: words.PlayWords, text: str) -> Entry:
     """The entry of a play that was read from a text, without its position."""
     options = {name: word.text for name, word in play.options.items()}
-    do = tuple(text[t.offset : t.offset + t.length] for t in play.do)
+    do = tuple(
+        text[transformation.offset : transformation.offset + transformation.length]
+        for transformation in play.do
+    )
     return Entry({"play": play.what.text, **options}, do)
 
 
-def lines(texts: Texts, piece: Piece, player: str, since: float = -inf) -> list[Line]:
+def lines(texts: Texts, piece: Piece, player: str, since: float = -inf) -> list[PlacedEntry]:
     """The entries of a player's part, in the order written; only those that may begin on beat
     `since` or later.
     """
-    last = since - SAME
-    player_lines = [
+    earliest_start = since - SAME
+    entry_numbers = [
         number
         for number, (_, starts) in enumerate(_plays(piece, player))
         if starts is None
-        or (starts.last if isinstance(starts, Steps) else starts[-1] if starts else inf) >= last
+        or (starts.last if isinstance(starts, Steps) else starts[-1] if starts else inf)
+        >= earliest_start
     ]
-    return [*_lines(texts, piece, player, player_lines)]
+    return [*_lines(texts, piece, player, entry_numbers)]
 
 
-def newest_first(texts: Texts, piece: Piece, player: str) -> Iterator[Line]:
+def newest_first(texts: Texts, piece: Piece, player: str) -> Iterator[PlacedEntry]:
     """The entries of a player's part, the last one written first."""
     return _lines(texts, piece, player, reversed(range(len(_plays(piece, player)))))
 
@@ -145,24 +149,32 @@ def _plays(piece: Piece, player: str) -> list[tuple[Play, Sequence[float] | None
     return [pair for pair in pairs if pair[0].player == player]
 
 
-def _lines(texts: Texts, piece: Piece, player: str, numbers: Iterable[int]) -> Iterator[Line]:
+def _lines(
+    texts: Texts, piece: Piece, player: str, numbers: Iterable[int]
+) -> Iterator[PlacedEntry]:
     """Entries of a player's part, by their numbers."""
     node, plays = _part(texts, player), _plays(piece, player)
     rows: list[tuple[int, Entry, str]] = []
     if isinstance(node, Scalar) and not node.is_empty:
-        number = done = 0
+        number = offset_counted = 0
         for row, offset in words.rows(node.text):
-            number, done = number + node.text.count("\n", done, offset), offset
-            read = words.parse_row(row, offset)
-            rows.append((number, entry_of_play(read.play, node.text).starting(read.at.text), row))
+            number, offset_counted = number + node.text.count("\n", offset_counted, offset), offset
+            parsed_row = words.parse_row(row, offset)
+            rows.append(
+                (
+                    number,
+                    entry_of_play(parsed_row.play, node.text).starting(parsed_row.at.text),
+                    row,
+                )
+            )
     for number in numbers:
         play, starts = plays[number]
         begin = piece.tempo_map.resolve(play.at)
         if isinstance(node, document.Sequence):
-            yield Line(number, _entry_of_item(node.items[number]), play, begin, starts)
+            yield PlacedEntry(number, _entry_of_item(node.items[number]), play, begin, starts)
         else:
-            place, entry, row = rows[number]
-            yield Line(place, entry, play, begin, starts, row)
+            line_number, entry, row = rows[number]
+            yield PlacedEntry(line_number, entry, play, begin, starts, row)
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,17 +185,17 @@ class PartEdit:
 
     player: str
     until: str = ""
-    closed: Sequence[Line] = ()
-    dropped: Sequence[Line] = ()
+    closed: Sequence[PlacedEntry] = ()
+    dropped: Sequence[PlacedEntry] = ()
     new: Sequence[Entry] = ()
 
     def as_list_edit(self) -> ListEdit:
         """This change as the edit of a list."""
         path = ("parts", self.player)
 
-        def changed(list_document: document.Document, lacks: int) -> str:
+        def edited_text(list_document: document.Document, n_removed_before: int) -> str:
             for line in self.closed:
-                item = (*path, line.number - lacks)
+                item = (*path, line.number - n_removed_before)
                 try:
                     text = edit.put(list_document, (*item, "until"), self.until)
                 except EditError:  # an alias cannot be edited: write the entry out
@@ -194,19 +206,20 @@ class PartEdit:
             # Add new entries before others are removed: a list that never becomes empty keeps its
             # style.
             if self.new:
-                flows = [entry.flow() for entry in self.new]
+                entry_texts = [entry.flow() for entry in self.new]
                 list_document = edit.read(
-                    edit.extend(list_document, path, flows, SECTIONS), list_document.file
+                    edit.extend(list_document, path, entry_texts, SECTIONS), list_document.file
                 )
             if self.dropped:
                 return edit.remove(
-                    list_document, *((*path, line.number - lacks) for line in self.dropped)
+                    list_document,
+                    *((*path, line.number - n_removed_before) for line in self.dropped),
                 )
             return list_document.text
 
         numbers = [line.number for line in self.closed]
         numbers += [line.number - 1 for line in self.dropped]  # include an item that stays
-        return ListEdit(path, min(numbers, default=None), changed)
+        return ListEdit(path, min(numbers, default=None), edited_text)
 
     def as_table_edit(self, table: str) -> Callable[[document.Document], str]:
         """This change as the edit of a table."""
@@ -216,7 +229,7 @@ class PartEdit:
         }
         rows |= dict.fromkeys(line.number for line in self.dropped)
 
-        def changed(table_document: document.Document) -> str:
+        def edited_text(table_document: document.Document) -> str:
             text = table_document.text
             for entry in self.new:
                 text = edit.add_row(
@@ -224,7 +237,7 @@ class PartEdit:
                 )
             return edit.put_rows(edit.read(text, table_document.file), path, rows) if rows else text
 
-        return changed
+        return edited_text
 
 
 def change(texts: Texts, *edits: PartEdit) -> Texts:
@@ -268,7 +281,7 @@ def _entry_of_item(item: Node) -> Entry:
     return Entry(fields, tuple(chain))
 
 
-def _closed(line: Line, until: str) -> str:
+def _closed(line: PlacedEntry, until: str) -> str:
     """A row with an end at a position; its other words and their spaces do not change."""
     row = line.row or ""
     until_text = words.parse_row(row).play.options.get("until")
@@ -286,4 +299,4 @@ def _aligned(entry: Entry, table: str) -> str:
         cell = re.match(r"\S+\s+", row.strip())
         width = cell.end() if cell else width
     start_text = entry.fields["at"]
-    return f"{start_text.ljust(width - 1)} {entry.words()}"
+    return f"{start_text.ljust(width - 1)} {entry.row_words()}"

@@ -94,7 +94,7 @@ class _Window:
             return f"{full_bars - bar + 1}|{beat:.12g}"
         return f"{beats:.12g}"  # the window does not begin on a bar: count beats alone
 
-    def excerpt_of(self, line: entries.Line) -> entries.Entry | None:
+    def excerpt_of(self, line: entries.PlacedEntry) -> entries.Entry | None:
         """The entry with only its beginnings in the window; None if there are none."""
         if line.starts is None:
             if not self.within([line.begin]):

@@ -62,7 +62,9 @@ def transform(texts: Texts, piece: Piece, player: str, beat: float, chain: Seque
     return entries.change(texts, PartEdit(player, written(piece, beat), closed, begins, new))
 
 
-def _rest_of(line: entries.Line, piece: Piece, entry: entries.Entry, beat: float) -> entries.Entry:
+def _rest_of(
+    line: entries.PlacedEntry, piece: Piece, entry: entries.Entry, beat: float
+) -> entries.Entry:
     """The part of a line that is left from a beat on, with the fields of `entry`."""
     starts = line.starts or ()
     done = line.count_before(beat)
@@ -128,7 +130,9 @@ def _known(piece: Piece, player: str) -> str:
     return player
 
 
-def _under_way(line: entries.Line, piece: Piece, instant: float) -> entries.Line | None:
+def _under_way(
+    line: entries.PlacedEntry, piece: Piece, instant: float
+) -> entries.PlacedEntry | None:
     """The last occurrence of an entry, as an entry that plays it alone; None if it has ended or not
     begun.
     """

@@ -15,7 +15,7 @@ from ergon.notation.text import edit
 from ergon.notation.text.edit import EditError
 from ergon.scores.edits import automation, entries, matter, parts, scene_patterns, times
 from ergon.scores.edits import strikes as strikes_edits
-from ergon.scores.edits.entries import Entry, Line
+from ergon.scores.edits.entries import Entry, PlacedEntry
 from ergon.scores.edits.lists import items, place
 from ergon.scores.edits.names import free_name
 from ergon.scores.edits.positions import end, written
@@ -137,7 +137,7 @@ def has_events_from(piece: Piece, beat: float) -> bool:
     return not ends or max(ends) >= beat - SAME
 
 
-def _looped(line: Line, beats: float) -> Iterator[tuple[float, Entry]]:
+def _looped(line: PlacedEntry, beats: float) -> Iterator[tuple[float, Entry]]:
     """The entries that repeat an entry every `beats`, each with its first beat."""
     entry = line.entry.with_fields(times=None, until=None)
     if isinstance(line.starts, Steps):

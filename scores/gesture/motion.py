@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ergon.notation.text.spelling import nearest
-from ergon.scores.gesture.points import METRE
+from ergon.scores.gesture.points import UNITS_PER_METRE
 from ergon.scores.gesture.take_file import MAX_CHANNELS, MAX_SAMPLES, Floats, TakeError
 
 AXES = ("x", "y", "z", "auto")
@@ -56,7 +56,7 @@ class Motion:
 def metres_of(unit: str) -> float | None:
     """The length [m] of a unit that a file names in letters of either size; None if unknown."""
     name = unit.strip().casefold()
-    divisor = METRE.get(_UNIT_WORDS.get(name, name)) if name else None
+    divisor = UNITS_PER_METRE.get(_UNIT_WORDS.get(name, name)) if name else None
     return None if divisor is None else 1 / divisor
 
 

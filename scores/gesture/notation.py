@@ -20,10 +20,10 @@ from ergon.scores.gesture.points import (
     POINT,
     ROW,
     curve_word,
-    explained_point,
-    explained_row,
     instant,
     metres,
+    point_error,
+    row_error,
 )
 
 MAX_DEPTH = 8  # groups inside groups
@@ -158,7 +158,7 @@ def parse(text: str, curve: str = "smooth", events_max: int = MAX_EVENTS) -> Not
         else:
             offset = token.start(5)
             if "@" in word:
-                raise explained_point(word, offset)
+                raise point_error(word, offset)
             _need_point(stack, offset, word)
             _no_pending(pending)
             curve = curve_word(word, offset)
@@ -183,7 +183,7 @@ def parse_table(text: str, curve: str = "smooth", events_max: int = MAX_EVENTS) 
     for line in text.split("\n"):
         row = ROW.fullmatch(line.rstrip("\r"))
         if row is None:
-            raise explained_row(line, offset)
+            raise row_error(line, offset)
         if row.group(1) is not None:
             group.row(row, curve, offset)
             if len(group.events) > events_max:

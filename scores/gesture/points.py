@@ -13,9 +13,9 @@ CURVES: tuple[Curve, ...] = get_args(Curve)
 MAX_POSITION = 1e3  # m; a key travels millimetres
 
 # Division by a whole number rounds once, so that 6mm is exactly the float 0.006.
-METRE = {"": 1e3, "mm": 1e3, "cm": 1e2, "m": 1.0, "um": 1e6, "µm": 1e6, "μm": 1e6}
-BEAT = {"": 1.0, "beat": 1.0, "beats": 1.0}
-SECOND = {"s": 1.0, "ms": 1e3}
+UNITS_PER_METRE = {"": 1e3, "mm": 1e3, "cm": 1e2, "m": 1.0, "um": 1e6, "µm": 1e6, "μm": 1e6}
+UNITS_PER_BEAT = {"": 1.0, "beat": 1.0, "beats": 1.0}
+UNITS_PER_SECOND = {"s": 1.0, "ms": 1e3}
 
 _POSITION = rf"([+-]?{NUMBER})({UNIT})"
 _TIME = rf"({NUMBER})(?:/({NUMBER}))?({UNIT})"
@@ -41,7 +41,7 @@ def curve_word(word: str, offset: int) -> str:
 
 def metres(number: str, unit: str, offset: int) -> float:
     """Return metres; `offset` is where the number begins."""
-    divisor = METRE.get(unit)
+    divisor = UNITS_PER_METRE.get(unit)
     if divisor is None:
         raise TextError(
             f"unit '{unit}' does not measure position (use mm, cm, m, um)",
@@ -55,14 +55,14 @@ def metres(number: str, unit: str, offset: int) -> float:
     return x
 
 
-def instant(number: str, part: str | None, unit: str, offset: int) -> tuple[float, float]:
+def instant(number: str, denominator: str | None, unit: str, offset: int) -> tuple[float, float]:
     """Return (beats, seconds), one of them 0; `offset` is where the number begins."""
-    t = time_of(number, part, offset)
-    if (scale := BEAT.get(unit)) is not None:
-        return t / scale, 0.0
-    if (scale := SECOND.get(unit)) is not None:
-        return 0.0, t / scale
-    length = len(number) if part is None else len(number) + 1 + len(part)
+    time = time_of(number, denominator, offset)
+    if (scale := UNITS_PER_BEAT.get(unit)) is not None:
+        return time / scale, 0.0
+    if (scale := UNITS_PER_SECOND.get(unit)) is not None:
+        return 0.0, time / scale
+    length = len(number) if denominator is None else len(number) + 1 + len(denominator)
     if unit in ("bar", "bars"):
         raise TextError(
             "a gesture has no bars, because their length depends "
@@ -79,7 +79,7 @@ def instant(number: str, part: str | None, unit: str, offset: int) -> tuple[floa
     )
 
 
-def explained_point(word: str, offset: int) -> TextError:
+def point_error(word: str, offset: int) -> TextError:
     """Say why `word`, which has an @, is not a point."""
     position, _, time = word.partition("@")
     if not position:
@@ -89,18 +89,18 @@ def explained_point(word: str, offset: int) -> TextError:
             length=len(word),
         )
     if not _ONLY_POSITION.fullmatch(position):
-        plain = position.replace("\u2212", "-")
+        ascii_position = position.replace("\u2212", "-")
         return TextError(
             f"'{position[:40]}' is not a position such as 6mm",
             offset=offset,
             length=len(position),
-            suggestion=plain if _ONLY_POSITION.fullmatch(plain) else None,
+            suggestion=ascii_position if _ONLY_POSITION.fullmatch(ascii_position) else None,
         )
-    after = offset + len(position) + 1
-    return _explained_time(time, after, word)
+    time_offset = offset + len(position) + 1
+    return _time_error(time, time_offset, word)
 
 
-def _explained_time(time: str, offset: int, word: str) -> TextError:
+def _time_error(time: str, offset: int, word: str) -> TextError:
     if not time:
         return TextError(f"'{word[:40]}' has no time after its @", offset=offset - 1)
     if time.startswith("-") and _ONLY_TIME.fullmatch(time[1:]):
@@ -114,7 +114,7 @@ def _explained_time(time: str, offset: int, word: str) -> TextError:
     )
 
 
-def explained_row(line: str, offset: int) -> TextError:
+def row_error(line: str, offset: int) -> TextError:
     """Say why a table's row is not `t x [curve]`."""
     words = list(re.finditer(r"\S+", line.partition("#")[0]))
     if len(words) > 3:
@@ -132,7 +132,7 @@ def explained_row(line: str, offset: int) -> TextError:
             length=len(first.group()),
         )
     if not _ONLY_TIME.fullmatch(first.group()):
-        return _explained_time(first.group(), offset + first.start(), first.group())
+        return _time_error(first.group(), offset + first.start(), first.group())
     if len(words) == 1:
         return TextError("this row has a time and no position", offset=offset, length=first.end())
     second = words[1]
@@ -143,10 +143,10 @@ def explained_row(line: str, offset: int) -> TextError:
             length=len(second.group()),
         )
     third = words[2].group() if len(words) > 2 else ""
-    where = words[-1].start()
+    word_offset = words[-1].start()
     return TextError(
         f"unknown word '{third[:40]}'; curves are {', '.join(CURVES)}",
-        offset=offset + where,
+        offset=offset + word_offset,
         length=len(words[-1].group()),
         suggestion=nearest(third, CURVES),
     )

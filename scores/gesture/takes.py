@@ -37,7 +37,7 @@ from ergon.scores.gesture import (
     trc_file,
 )
 from ergon.scores.gesture.npz import Npz, npz
-from ergon.scores.gesture.points import METRE, SECOND
+from ergon.scores.gesture.points import UNITS_PER_METRE, UNITS_PER_SECOND
 from ergon.scores.gesture.table_file import Sheet, sheet
 from ergon.scores.gesture.take_file import (
     MAX_CHANNELS,
@@ -126,7 +126,7 @@ def _read_table(path: Path, channel: str | None, rate: float | None, unit: float
         except UnicodeDecodeError:
             raise TakeError("this is not text in UTF-8", path) from None
     if timed:
-        seconds = np.frombuffer(ts) / _divisor(t_unit or "s", SECOND, "time", path)
+        seconds = np.frombuffer(ts) / _divisor(t_unit or "s", UNITS_PER_SECOND, "time", path)
     else:
         seconds = np.arange(len(xs)) / (rate or 1.0)
     return _checked(seconds, np.frombuffer(xs) / divisor, path)
@@ -138,7 +138,7 @@ def _column_values(
     """How many units of a column are a metre, by its header or by `unit` [m]. Raises TakeError."""
     if stated is not None:
         _check_unit(unit, path)
-        return _divisor(stated, METRE, "position", path)
+        return _divisor(stated, UNITS_PER_METRE, "position", path)
     if unit is None:
         message = (
             f"'{table.names[column][:40]}' has no unit; write a header such as t [s],x [mm], or "
@@ -330,11 +330,13 @@ def _read_npz(path: Path, channel: str | None, rate: float | None, unit: float |
         column, x_unit = _chosen(columns, channel, path)
         timed = "t" in columns
         _check_rate(timed, rate, path)
-        x = _array(arrays, column, path) / _divisor(x_unit or "m", METRE, "position", path)
+        x = _array(arrays, column, path) / _divisor(
+            x_unit or "m", UNITS_PER_METRE, "position", path
+        )
         if not timed:
             return _checked(np.arange(len(x)) / (rate or 1.0), x, path)
         t_column, t_unit = columns["t"]
-        t = _array(arrays, t_column, path) / _divisor(t_unit or "s", SECOND, "time", path)
+        t = _array(arrays, t_column, path) / _divisor(t_unit or "s", UNITS_PER_SECOND, "time", path)
     if len(t) != len(x):
         raise TakeError(f"{len(t):,} times and {len(x):,} positions", path)
     return _checked(t, x, path)

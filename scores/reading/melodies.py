@@ -16,7 +16,7 @@ from ergon.notation.clock.positions import Length
 from ergon.notation.tables import notes, tuning
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import Name
-from ergon.notation.tables.strengths import MEZZO_FORTE, Level, Reach
+from ergon.notation.tables.strengths import MEZZO_FORTE, ImpulseRange, Level
 from ergon.notation.tables.strengths import velocity as velocity_level
 from ergon.notation.tables.velocities import EVEN, Curve
 from ergon.notation.text.errors import TextError, quote
@@ -274,7 +274,7 @@ def _hits(rows: Sequence[Row], voices: NoteTargets, who: str) -> tuple[Hit, ...]
         if not level.is_strength:
             hits.append(replace(hit, to=targets))
             continue
-        by_reach: dict[Reach, list[Target]] = {}
+        by_reach: dict[ImpulseRange, list[Target]] = {}
         for target in targets:
             reach = voices.part_names.sure_reach(target, who)
             if reach is not None:

@@ -11,7 +11,7 @@ from ergon.notation.clock.meter import SAME, Meter
 from ergon.notation.clock.occurrences import starts
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.clock.tempo import TempoMap
-from ergon.notation.tables.strengths import MEZZO_FORTE, Level, Levels, Reach
+from ergon.notation.tables.strengths import MEZZO_FORTE, ImpulseRange, Level, Levels
 from ergon.notation.tables.tuning import Tuning, tuning_of_path
 from ergon.notation.text.values import Place
 from ergon.scores.pattern.draws import Draws
@@ -74,7 +74,7 @@ class Hit:
     what: str = ""  # as it is written
     # The largest random displacement, earlier or later.
     jitter: Length = field(default=Length(), metadata=OMIT_EMPTY)
-    reach: Reach | None = field(default=None, metadata=OMIT_EMPTY)
+    reach: ImpulseRange | None = field(default=None, metadata=OMIT_EMPTY)
     lasting: Length | None = field(default=None, metadata=OMIT_EMPTY)  # None: it has no end
 
 
@@ -109,7 +109,7 @@ class Strikes:
     passing: Passing | None = field(default=None, metadata=OMIT_EMPTY)
     # Direction as a unit vector; `to` then has the coordinates of all points, axis by axis.
     along: tuple[float, ...] = field(default=(), metadata=OMIT_EMPTY)
-    reaches: Mapping[str, Reach] = field(default_factory=dict, metadata=OMIT_EMPTY)
+    reaches: Mapping[str, ImpulseRange] = field(default_factory=dict, metadata=OMIT_EMPTY)
     rhythm: Rhythm | None = field(default=None, metadata=OMIT_EMPTY)
     # How long each strike lasts [s]; None: as long as the engine says.
     lasts: float | None = field(default=None, metadata=OMIT_NONE)

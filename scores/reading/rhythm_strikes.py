@@ -11,7 +11,7 @@ from ergon.notation.clock.positions import Length
 from ergon.notation.tables import tuning
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import Name
-from ergon.notation.tables.strengths import MEZZO_FORTE, Levels, Reach
+from ergon.notation.tables.strengths import MEZZO_FORTE, ImpulseRange, Levels
 from ergon.notation.text.document import Scalar
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.values import Place
@@ -127,7 +127,7 @@ def _voice(
         targets = [t for name in names.to for t in names.part_names.struck(name, who)]
     else:
         targets = names.targets(Row(Length(), struck, None, place, words), who)
-    by_reach: dict[Reach | None, list[Target]] = {}
+    by_reach: dict[ImpulseRange | None, list[Target]] = {}
     for target in targets:
         reach = names.part_names.sure_reach(target, who) if is_strength else None
         by_reach.setdefault(reach, []).append(target)

@@ -15,7 +15,14 @@ from ergon.notation.clock.positions import Length
 from ergon.notation.clock.tempo import TempoMap
 from ergon.notation.tables import tuning
 from ergon.notation.tables.shapes import Text
-from ergon.notation.tables.strengths import LEVEL, MEANINGS, MEZZO_FORTE, Level, Levels, Reach
+from ergon.notation.tables.strengths import (
+    LEVEL,
+    MEANINGS,
+    MEZZO_FORTE,
+    ImpulseRange,
+    Level,
+    Levels,
+)
 from ergon.notation.tables.tuning import Tuning
 from ergon.notation.text.errors import TextError
 from ergon.scores.pattern.cycle_transforms import apply, parse_transforms
@@ -34,7 +41,7 @@ _REMEMBERED = 32  # rhythms whose cycles are remembered: a thousand bars of each
 _CycleEvent = tuple[float, float, float, Struck]
 
 # What a word strikes, for each reach: a strength means another impulse on each instrument.
-Voice = tuple[tuple[tuple[Target, ...], Reach | None], ...]
+Voice = tuple[tuple[tuple[Target, ...], ImpulseRange | None], ...]
 
 
 @dataclass(frozen=True, slots=True)

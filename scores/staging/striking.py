@@ -13,7 +13,7 @@ from ergon.instruments.assemble import Assembly
 from ergon.instruments.model import Hold, Target
 from ergon.notation.clock.positions import Length
 from ergon.notation.clock.tempo import TempoMap
-from ergon.notation.tables.strengths import MEZZO_FORTE, Level, Reach
+from ergon.notation.tables.strengths import MEZZO_FORTE, ImpulseRange, Level
 from ergon.notation.text.errors import Collector, TextError
 from ergon.scores.pattern.draws import Draws
 from ergon.scores.pattern.search import first_from
@@ -42,7 +42,7 @@ class _Holds(NamedTuple):
     """What lasts as long as the note of a MAT: other MATs, and the MAT itself if it `is_drawn`."""
 
     mats: Sequence[tuple[int, Hold]]
-    reach: Reach
+    reach: ImpulseRange
     is_drawn: bool
 
     def strength(self, impulse: float) -> float:
@@ -233,7 +233,13 @@ class Striking:
             self.timeline.strike(mat, span[0], mass=strikes.mass, speed=speed, source=self.source)
 
     def _impel(
-        self, mat: int, span: Span, level: Level, reach: Reach | None, member: int, number: int
+        self,
+        mat: int,
+        span: Span,
+        level: Level,
+        reach: ImpulseRange | None,
+        member: int,
+        number: int,
     ) -> None:
         """Strike a MAT at a level; from a range by chance."""
 
@@ -337,7 +343,7 @@ class Striking:
         }
 
     @cached_property
-    def _reaches(self) -> Mapping[int, Reach]:
+    def _reaches(self) -> Mapping[int, ImpulseRange]:
         """The reach of each MAT that is struck."""
         reaches = self.strikes.reaches
         return {

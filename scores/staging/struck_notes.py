@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from ergon._core import Impulse
 from ergon.instruments.assemble import Assembly
 from ergon.instruments.model import PRESS, Instrument, Target
-from ergon.notation.tables.strengths import MEZZO_FORTE, Reach
+from ergon.notation.tables.strengths import MEZZO_FORTE, ImpulseRange
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.stage import Stage
 
@@ -133,7 +133,7 @@ def _pitch(instrument: Instrument) -> float | None:
     return known[0] if len(known) == 1 else None
 
 
-def _strength(impulse: float, loudest: float, reach: Reach | None) -> float:
+def _strength(impulse: float, loudest: float, reach: ImpulseRange | None) -> float:
     if reach is None or not 0.0 < reach.soft < reach.hard:
         return MEZZO_FORTE.low * impulse / loudest
     return reach.strength(impulse)

@@ -239,8 +239,8 @@ def test_tune_of_values_in_used_file_unedited():
         ("bar", "1:_", {}, "targets: '1:_' is not a ratio"),
         ("bar", [], {}, "targets: no target is given"),
         ("bar", ["A3", "A2"], {}, "targets: the targets must rise from mode to mode"),
-        ("bar", {0: "A3"}, {}, "targets: name mode 0; modes count from 1"),
-        ("bar", {9: "A3"}, {}, "targets: name mode 9, but bar has 8 modes that swing"),
+        ("bar", {0: "A3"}, {}, "targets: there is no mode 0; modes count from 1"),
+        ("bar", {9: "A3"}, {}, "targets: mode 9 is wanted, but bar has 8 modes that swing"),
         ("bar", ["h3"], {}, "targets: 'h3' is neither a frequency"),
         ("bar", ["A3"], {"base": "A3"}, "base: a base is used with ratios only"),
         (

@@ -245,7 +245,7 @@ def test_progress_json_records(
     monkeypatch.setattr("ergon.cli.progress.time.monotonic", lambda: next(clock))
     with Console(json=True).progress("rendering", 400, 100.0) as progress:
         for done in (50, 150, 200, 300):
-            progress.advance(done)
+            progress.update(done)
     out, err = capsys.readouterr()
     records = [json.loads(text) for text in out.splitlines()]
     assert [record["frames"] for record in records] == [150, 300]
@@ -256,7 +256,7 @@ def test_progress_json_records(
 
 def test_progress_without_terminal_prints_nothing(capsys: pytest.CaptureFixture[str]) -> None:
     with Console().progress("rendering", 4, 1.0) as progress:
-        progress.advance(4)
+        progress.update(4)
     assert capsys.readouterr() == ("", "")
 
 
@@ -265,7 +265,7 @@ def test_progress_bar_on_terminal() -> None:
     code = (
         "from ergon.cli.console import Console\n"
         "with Console().progress('rendering', 100, 1.0) as bar:\n"
-        "    for n in range(101): bar.advance(n)\n"
+        "    for n in range(101): bar.update(n)\n"
     )
     environment = {**os.environ, "TERM": "xterm", "NO_COLOR": "1", "COLUMNS": "100"}
     child = pexpect.spawn(sys.executable, ["-c", code], env=environment, encoding="utf-8")

@@ -106,7 +106,7 @@ def test_progress_bar_with_brackets_and_escapes_in_name(monkeypatch):
     monkeypatch.setattr(sys, "stderr", screen)
     monkeypatch.setenv("TERM", "xterm")
     with Console().progress("rendering [/red]\x1b]0;b\x07", 100, 100.0) as progress:
-        progress.advance(100)
+        progress.update(100)
     assert "[/red]?]0;b?" in screen.getvalue()
 
 

@@ -84,7 +84,7 @@ def frozen_parts() -> tuple[str, dict[str, bytes]]:
         for name, data in files.items()
     )
     source = frozen.Source("a bell", "0" * 64, 7, 44_100.0, "1", "1" * 64)
-    return frozen.text(frozen.Frozen(source, N_FRAMES, stems)), files
+    return frozen.manifest_text(frozen.Frozen(source, N_FRAMES, stems)), files
 
 
 def _folder(chance: random.Random) -> dict[str, bytes]:

@@ -55,7 +55,7 @@ def test_slow_key_load_formula_at_stability_border(name: str):
         middle = (low * high) ** 0.5
         low, high = (middle, high) if slow_key_scene.load(key, middle) < 1.0 else (low, middle)
     for every in (2, 4):
-        assert SlowKeyPoint(SlowKeyScene(key, low * 0.998, every)).refused() == ""
+        assert SlowKeyPoint(SlowKeyScene(key, low * 0.998, every)).refusal() == ""
     bare = replace(key, K=(1e-3, 1e-3, 1e-3, 1e-3), Z=(0.0, 0.0, 0.0, 0.0))
     built = SlowKeyScene(bare, low * (1.0 - 1e-5), None).build_at(RATE)
     built.network.certify(RATE)

@@ -5,10 +5,10 @@ from itertools import pairwise
 
 import pytest
 
-from ergon.notation.tables.strengths import DYNAMICS, Level, Reach, level, levels, velocity
+from ergon.notation.tables.strengths import DYNAMICS, ImpulseRange, Level, level, levels, velocity
 from ergon.notation.text.errors import TextError
 
-REACH = Reach(3e-3, 40e-3)
+REACH = ImpulseRange(3e-3, 40e-3)
 
 
 def no_draw(low: float, high: float) -> float:

@@ -10,7 +10,7 @@ from checked import check, check_reports
 
 from ergon import _core
 from ergon.instruments.model import Instrument
-from ergon.notation.tables.strengths import Reach
+from ergon.notation.tables.strengths import ImpulseRange
 from ergon.scores.reading.digest import digest_of
 from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Hit, Piece
@@ -82,7 +82,7 @@ def test_instrument_struck_by_first_act():
 def test_notes_struck_by_act_of_each():
     (strikes,) = piece("strikes: {s: {to: bar, at: 0, notes: C4 E4, every: 1, times: 1}}\n").strikes
     assert [(t.part, t.module) for t in strikes.voices["E4"]] == [("bar.E4", "")]
-    assert strikes.reaches["bar.E4"] == Reach(1e-3, 4e-3)
+    assert strikes.reaches["bar.E4"] == ImpulseRange(1e-3, 4e-3)
 
 
 @pytest.mark.parametrize(
@@ -119,7 +119,7 @@ def test_phrase_scaled_in_strength():
     (strikes,) = piece(text).strikes
     (hit,) = strikes.hits
     assert isinstance(hit, Hit)
-    assert hit.reach == Reach(1e-3, 16e-3)
+    assert hit.reach == ImpulseRange(1e-3, 16e-3)
     assert hit.level.impulse(hit.reach, max) == pytest.approx(0.5e-3 * 16 ** (5 / 7))
 
 

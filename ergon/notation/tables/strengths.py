@@ -32,13 +32,13 @@ _ITALIAN = {
 _STEPS = len(DYNAMICS) - 1  # of strength, from one word to the next, between 0 and 1
 _FORTE = DYNAMICS.index("f") / _STEPS  # where decibels count from
 _VELOCITY = re.compile(r"v([0-9]{1,3})")
-_BARE = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+|/[0-9]+)?")
+_PLAIN_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+|/[0-9]+)?")
 _ACCENT = "!"
 MAX_STEPS = 1_000  # levels of one pattern
 MAX_TEXT = 16_000  # characters of one pattern
 
 
-class Reach(NamedTuple):
+class ImpulseRange(NamedTuple):
     """The impulses [N·s] that are the strengths 0 and 1 of an instrument.
 
     If it `turns`, as a bow does, each second stroke goes backwards.
@@ -76,7 +76,7 @@ class Level:
             return replace(self, factor=self.factor * factor)
         return replace(self, low=self.low * factor, high=self.high * factor)
 
-    def impulse(self, reach: Reach | None, draw: Callable[[float, float], float]) -> float:
+    def impulse(self, reach: ImpulseRange | None, draw: Callable[[float, float], float]) -> float:
         """An impulse [N·s]; `draw` is a uniform draw between two values that differ.
 
         A strength s is soft·(hard/soft)^s of its reach.
@@ -114,7 +114,7 @@ class Levels:
         return replace(self, steps=tuple(step.scaled(factor) for step in self.steps))
 
     def step(self, number: int, count: int) -> Level:
-        """The level of a strike of so many."""
+        """The level of strike `number` (from 0) of `count` strikes."""
         if not self.is_line:
             return self.steps[number % len(self.steps)]
         first, last = self.steps
@@ -138,8 +138,8 @@ def is_level(word: str) -> bool:
     """
     if word[:1] in "+-.0123456789":
         return True
-    low = word.partition("..")[0].rstrip(_ACCENT)
-    return low in DYNAMICS or _VELOCITY.fullmatch(low) is not None
+    first_word = word.partition("..")[0].rstrip(_ACCENT)
+    return first_word in DYNAMICS or _VELOCITY.fullmatch(first_word) is not None
 
 
 def level(text: str) -> Level:
@@ -164,9 +164,9 @@ def level(text: str) -> Level:
         message = "decibels have no range: write two strengths, such as p..f"
         raise TextError(message, length=len(text), code="E204")
     if low.low > high.low:
-        turned = f"{ends[1].strip()}..{ends[0].strip()}"
+        reversed_range = f"{ends[1].strip()}..{ends[0].strip()}"
         message = f"{quote(word)} goes from the stronger to the weaker"
-        raise TextError(message, length=len(text), suggestion=turned, code="E202")
+        raise TextError(message, length=len(text), suggestion=reversed_range, code="E202")
     return Level(low.low, high.low, low.is_strength, high.factor)
 
 
@@ -178,15 +178,15 @@ def _end(word: str) -> Level:
         value, _, factor = word.partition("x")
         strength = _strength(value)
         if strength is not None:
-            times = q.quantity(factor, q.RATIO)
-            return Level(strength, strength, is_strength=True, factor=times)
+            factor_value = q.quantity(factor, q.RATIO)
+            return Level(strength, strength, is_strength=True, factor=factor_value)
     if word.endswith("dB"):
         return Level(_FORTE, _FORTE, is_strength=True, factor=q.gain(word))
     if word[:1].isalpha():
         message = f"{quote(word)} is neither an impulse such as 2mNs nor a strength such as mf"
         near = _ITALIAN.get(word.lower()) or nearest(word, DYNAMICS)
         raise TextError(message, length=max(1, len(word)), suggestion=near, code="E201")
-    if _BARE.fullmatch(word) and float(word.partition("/")[0]) != 0.0:
+    if _PLAIN_NUMBER.fullmatch(word) and float(word.partition("/")[0]) != 0.0:
         message = f"{quote(word)} has no unit: write {word}mNs or {word}Ns; a strength is a number "
         message += "from 0 to 1, or a word from ppp to fff"
         raise TextError(message, length=len(word), suggestion=f"{word}mNs", code="E203")
@@ -207,10 +207,10 @@ def _strength(word: str) -> float | None:
             message = f"a MIDI velocity lies from v1 to v127, not {word}"
             raise TextError(message, length=len(word), code="E202")
         return min(1.0, value / 127.0 + accent / _STEPS)
-    if _BARE.fullmatch(word):
-        value_of = q.quantity(word, q.NUMBER)
-        if 0.0 <= value_of <= 1.0:
-            return min(1.0, value_of + accent / _STEPS)
+    if _PLAIN_NUMBER.fullmatch(word):
+        strength = q.quantity(word, q.NUMBER)
+        if 0.0 <= strength <= 1.0:
+            return min(1.0, strength + accent / _STEPS)
     return None
 
 
@@ -218,22 +218,22 @@ def levels(text: str) -> Levels:
     """A pattern of levels: `2mNs`, `f p mf p`, or a line such as `p -> f`. Raises TextError."""
     if len(text) > MAX_TEXT:
         raise TextError(f"the text has more than {MAX_TEXT:,} characters", length=1, code="E202")
-    words = [(match.group(), match.start()) for match in _WORDS.finditer(text)]
+    words = [(match.group(), match.start()) for match in _TOKEN.finditer(text)]
     if not words:
         message = "an impulse or a strength is expected, such as 2mNs or mf"
         raise TextError(message, length=max(1, len(text)), code="E201")
     if len(words) > MAX_STEPS:
         message = f"a pattern has at most {MAX_STEPS:,} levels"
         raise TextError(message, offset=words[MAX_STEPS][1], code="E105")
-    arrows = [place for word, place in words if word == "->"]
+    arrows = [offset for word, offset in words if word == "->"]
     steps = []
-    for word, place in words:
+    for word, offset in words:
         if word == "->":
             continue
         try:
             steps.append(level(word))
         except TextError as error:
-            error.offset += place
+            error.offset += offset
             raise
     if not arrows:
         return Levels(tuple(steps))
@@ -247,10 +247,10 @@ def levels(text: str) -> Levels:
 
 
 # A quantity may have a space before its unit: `2 mNs`.
-_WORDS = re.compile(r"->|[^\s]+(?:\s+(?:[munµμ]?Ns|dB)(?=\s|\.\.|$))?(?:\.\.\S+)?")
+_TOKEN = re.compile(r"->|[^\s]+(?:\s+(?:[munµμ]?Ns|dB)(?=\s|\.\.|$))?(?:\.\.\S+)?")
 
-_WORD = r"(ppp|pp|p|mp|mf|f|ff|fff)!?|v[0-9]{1,3}"
-_AMOUNT = rf"({_WORD}|[+-]?[0-9.]+([eE][+-]?[0-9]+)?(/[0-9]+)? *(Ns|mNs|uNs|µNs|μNs|dB)?!?)"
+_DYNAMIC = r"(ppp|pp|p|mp|mf|f|ff|fff)!?|v[0-9]{1,3}"
+_AMOUNT = rf"({_DYNAMIC}|[+-]?[0-9.]+([eE][+-]?[0-9]+)?(/[0-9]+)? *(Ns|mNs|uNs|µNs|μNs|dB)?!?)"
 _SINGLE = rf"{_AMOUNT}(\.\.{_AMOUNT})?"
 MEANINGS = {
     word: f"strength {number}/{_STEPS} of the instrument's range"

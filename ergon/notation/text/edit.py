@@ -45,7 +45,7 @@ def put(document: Document, path: Path, text: str, order: Sequence[str] = ()) ->
         if number is None:
             raise EditError("a whole file cannot be set; name a field of it")
         splices = edit.changes.replaced(chain[-2], number, text)
-        in_flow = chain[-2].flow
+        in_flow = chain[-2].is_flow
     else:
         splices = edit.changes.added(chain, path, text, order, is_item=False)
         in_flow = False
@@ -127,7 +127,7 @@ def remove(document: Document, *paths: Path) -> str:
         changes = edit.changes
         splices += (
             changes.cut_flow(parent, number, gone)
-            if parent.flow
+            if parent.is_flow
             else changes.cut_block(parent, number)
         )
     return edit.checked(splices, _without(edit.tree, list(paths)))
@@ -147,7 +147,7 @@ def add_row(document: Document, path: Path, text: str) -> str:
         return put(document, path, json.dumps("\n".join(lines), ensure_ascii=False))
     lay = edit.layout
     end = lay.line_end(span.end)
-    indent = lay.step + edit.indent_of(path)
+    indent = lay.indent_step + edit.indent_of(path)
     for start, stop in reversed(edit.changes.rows(span)):
         if line := lay.text[start:stop].strip():
             indent = lay.text[start:stop].index(line)
@@ -250,7 +250,7 @@ class _Edit:
         """The indentation of the name or dash of the value at a path."""
         parent = self.follow(path)[-2]
         number = parent.index(path[-1])
-        return self.layout.column(self.layout.mark(parent, number or 0))
+        return self.layout.column(self.layout.child_start(parent, number or 0))
 
     def checked(self, splices: list[Splice], expected: Tree) -> str:
         """The new text. Raises EditError if its values are not `expected`."""

@@ -40,7 +40,7 @@ class Span:
     kind: Kind
     start: int
     end: int = 0
-    flow: bool = False
+    is_flow: bool = False
     style: str | None = None
     value: str = ""
     keys: list[Span] = field(default_factory=list)
@@ -73,7 +73,7 @@ class Layout:
     text: str
     root: Span | None
     newline: str
-    step: int
+    indent_step: int
 
     def line_start(self, index: int) -> int:
         """Where the line of a character begins; a break belongs to the line that it ends."""
@@ -99,7 +99,7 @@ class Layout:
         """Whether only spaces come before in its line."""
         return not self.text[self.line_start(index) : index].strip()
 
-    def token(self, index: int) -> int:
+    def next_token(self, index: int) -> int:
         """The next character from `index` on that is neither space nor comment."""
         match = _BLANK.match(self.text, index)
         return match.end() if match else index
@@ -109,30 +109,30 @@ class Layout:
         match = _HEADER.match(self.text, span.start)
         return match.end() if match else span.start + 1
 
-    def mark(self, parent: Span, number: int) -> int:
+    def child_start(self, parent: Span, number: int) -> int:
         """Where a child begins: its name, or its dash in a block sequence."""
         if parent.kind == "mapping":
             return parent.keys[number].start
-        if parent.flow:
+        if parent.is_flow:
             return parent.items[number].start
         if number:
-            return self.token(parent.items[number - 1].end)
+            return self.next_token(parent.items[number - 1].end)
         anchor = _ANCHOR.match(self.text, parent.start)
-        return self.token(anchor.end() if anchor else parent.start)
+        return self.next_token(anchor.end() if anchor else parent.start)
 
     def full_lines(self, start: int, end: int) -> tuple[int, int]:
         """The range of whole lines from the line of one character to that of another; it holds as
         many line breaks as lines.
         """
-        return self.broken(self.line_start(start), self.next_line(end))
+        return self.with_break(self.line_start(start), self.next_line(end))
 
-    def broken(self, first: int, after: int) -> tuple[int, int]:
+    def with_break(self, start: int, end: int) -> tuple[int, int]:
         """The range of these lines; if the last has no line break, the break before the first is in
         the range instead.
         """
-        if first and after == len(self.text) and not self.text.endswith(("\n", "\r")):
-            first -= 2 if self.text.startswith("\r\n", first - 2) else 1
-        return first, after
+        if start and end == len(self.text) and not self.text.endswith(("\n", "\r")):
+            start -= 2 if self.text.startswith("\r\n", start - 2) else 1
+        return start, end
 
     def is_blank(self, index: int) -> bool:
         """Whether the line of a character is blank."""
@@ -156,13 +156,13 @@ def layout(text: str) -> Layout:
     first = _END_OF_LINE.search(text)
     newline = "\r\n" if text.startswith("\r\n", first.start() if first else 0) else "\n"
     result = Layout(text, root, newline, 2)
-    if root is not None and root.kind == "mapping" and not root.flow:
+    if root is not None and root.kind == "mapping" and not root.is_flow:
         steps = (
             result.column(item.keys[0].start) - result.column(root.keys[0].start)
             for item in root.items
-            if item.kind == "mapping" and not item.flow
+            if item.kind == "mapping" and not item.is_flow
         )
-        result.step = next((step for step in steps if step > 0), 2)
+        result.indent_step = next((step for step in steps if step > 0), 2)
     return result
 
 
@@ -172,7 +172,7 @@ def _root(text: str) -> Span | None:
     for event in yaml.parse(text, _LOADER):
         if isinstance(event, yaml.CollectionEndEvent):
             span = stack.pop()
-            span.end = _mark(event.end_mark) if span.flow else span.items[-1].end
+            span.end = _mark(event.end_mark) if span.is_flow else span.items[-1].end
         elif isinstance(event, yaml.NodeEvent):
             span = _span(text, event)
             if stack:
@@ -188,7 +188,7 @@ def _span(text: str, event: yaml.NodeEvent) -> Span:
     start, end = _mark(event.start_mark), _mark(event.end_mark)
     if isinstance(event, yaml.CollectionStartEvent):
         kind: Kind = "mapping" if isinstance(event, yaml.MappingStartEvent) else "sequence"
-        return Span(kind, start, end, flow=bool(event.flow_style))
+        return Span(kind, start, end, is_flow=bool(event.flow_style))
     if not isinstance(event, yaml.ScalarEvent):
         return Span("alias", start, end, value=event.anchor or "")
     style = event.style if event.style in ("'", '"', "|", ">") else None

@@ -46,7 +46,7 @@ class Changes:
         if child.start == child.end:  # nothing after the colon or dash
             if parent.kind == "sequence":
                 return [Splice(child.start, child.start, f" {text}")]
-            colon = lay.token(parent.keys[number].end)
+            colon = lay.next_token(parent.keys[number].end)
             if lay.text[colon : colon + 1] == ":":
                 return [Splice(colon + 1, colon + 1, f" {text}")]
             end = parent.keys[number].end
@@ -55,10 +55,10 @@ class Changes:
             head = Splice(child.start, lay.header_end(child), text)
             return [head, *self.lines_after(child.start, child.end)]
         on_own_lines = child.kind in ("mapping", "sequence") and lay.begins_line(child.start)
-        if on_own_lines and not child.flow:
-            mark = lay.mark(parent, number)
-            after = parent.keys[number].end if parent.kind == "mapping" else mark
-            place = lay.token(after) + 1
+        if on_own_lines and not child.is_flow:
+            child_start = lay.child_start(parent, number)
+            after = parent.keys[number].end if parent.kind == "mapping" else child_start
+            place = lay.next_token(after) + 1
             return [
                 Splice(place, place, f" {text}"),
                 Splice(*lay.full_lines(child.start, child.end), ""),
@@ -87,7 +87,7 @@ class Changes:
             return self.filled(chain[-2], node, path[len(chain) - 2], rest, text, is_item)
         if node.kind != "mapping" or not rest or isinstance(rest[0], int):
             raise EditError(f"there is no {named(path)}")
-        if node.flow:
+        if node.is_flow:
             return self.item(node, _flow(rest, text, is_item))
         indent = self.layout.column(node.keys[0].start)
         lines = self.nested(rest, text, indent, is_item)
@@ -101,16 +101,18 @@ class Changes:
         """Fill an empty value: with lines below its name, or in flow style in its place."""
         number = parent.index(name)
         assert number is not None
-        if parent.flow or node.start != node.end or not (rest or is_item):
+        if parent.is_flow or node.start != node.end or not (rest or is_item):
             return self.replaced(parent, number, _flow(rest, text, is_item, outermost=True))
-        indent = self.layout.column(self.layout.mark(parent, number)) + self.layout.step
+        indent = (
+            self.layout.column(self.layout.child_start(parent, number)) + self.layout.indent_step
+        )
         # Without a name left to make, the value itself is the list.
         lines = self.nested(rest, text, indent, is_item) if rest else [" " * indent + f"- {text}"]
         return [self.below(node.end, lines)]
 
     def nested(self, names: Path, text: str, indent: int, is_item: bool) -> list[str]:
         """Lines of nested names; the innermost holds the value, or a list of it."""
-        step = self.layout.step
+        step = self.layout.indent_step
         lines = [f"{' ' * (indent + step * i)}{name}:" for i, name in enumerate(names)]
         if is_item:
             return [*lines, f"{' ' * (indent + step * len(names))}- {text}"]
@@ -143,18 +145,18 @@ class Changes:
     def item(self, node: Span, text: str) -> list[Splice]:
         """Add an item at the end of a list or, in flow style, of a mapping."""
         lay = self.layout
-        if not node.flow:
-            dash = lay.column(lay.mark(node, 0))
+        if not node.is_flow:
+            dash = lay.column(lay.child_start(node, 0))
             return [self.below(node.end, [f"{' ' * dash}- {text}"])]
         if not node.items:
             opener = lay.text.index("[" if node.kind == "sequence" else "{", node.start)
             return [Splice(opener + 1, opener + 1, text)]
         last = node.items[-1]
         end = max(last.end, node.keys[-1].end) if node.keys else last.end
-        start = lay.mark(node, len(node.items) - 1)
+        start = lay.child_start(node, len(node.items) - 1)
         if not lay.begins_line(start):
             return [Splice(end, end, f", {text}")]
-        comma = lay.token(end)
+        comma = lay.next_token(end)
         has_comma = lay.text[comma : comma + 1] == ","
         splices = [] if has_comma else [Splice(end, end, ",")]
         line = " " * lay.column(start) + text + ("," if has_comma else "")
@@ -166,12 +168,12 @@ class Changes:
     def before(self, node: Span, number: int, text: str) -> list[Splice]:
         """Insert an item before another one of a list: in its line, or in a line above it."""
         lay = self.layout
-        start = lay.mark(node, number)
-        lead = text if node.flow else f"- {text}"
+        start = lay.child_start(node, number)
+        lead = text if node.is_flow else f"- {text}"
         if lay.begins_line(start):
-            after = ("," if node.flow else "") + lay.newline + " " * lay.column(start)
+            after = ("," if node.is_flow else "") + lay.newline + " " * lay.column(start)
             return [Splice(start, start, lead + after)]
-        if not node.flow:
+        if not node.is_flow:
             raise EditError(
                 "an entry cannot be inserted above this one, which does not begin a line"
             )
@@ -180,7 +182,7 @@ class Changes:
     def wrap_in_list(self, parent: Span, node: Span, text: str) -> list[Splice]:
         """Make a lone value the first item of a list of two."""
         lay = self.layout
-        if node.flow or parent.flow or node.kind == "scalar":
+        if node.is_flow or parent.is_flow or node.kind == "scalar":
             if node.is_block:
                 raise EditError("a text of several lines cannot become an item of a list")
             return [Splice(node.start, node.start, "["), Splice(node.end, node.end, f", {text}]")]
@@ -207,11 +209,11 @@ class Changes:
         too.
         """
         lay = self.layout
-        start, end = lay.mark(parent, number), parent.items[number].end
+        start, end = lay.child_start(parent, number), parent.items[number].end
         if not lay.begins_line(start):
             if len(parent.items) == 1:
                 return [Splice(start, lay.line_end(end), "")]
-            after = lay.mark(parent, 1)
+            after = lay.child_start(parent, 1)
             if "#" in lay.text[lay.line_end(end) : after]:
                 raise EditError(
                     "a comment is between this entry and the next; move the comment first"
@@ -221,17 +223,17 @@ class Changes:
         is_end = after == len(lay.text)
         if first and lay.is_blank(first - 1) and (is_end or lay.is_blank(after)):
             first = lay.line_start(first - 1)
-        return [Splice(*lay.broken(first, after), "")]
+        return [Splice(*lay.with_break(first, after), "")]
 
     def cut_flow(self, parent: Span, number: int, gone: Collection[int]) -> list[Splice]:
         """Remove an item with its comma, when the items `gone` are removed too. If it has lines of
         its own, these are removed.
         """
         lay = self.layout
-        start, end = lay.mark(parent, number), parent.items[number].end
+        start, end = lay.child_start(parent, number), parent.items[number].end
         if parent.keys:
             end = max(end, parent.keys[number].end)
-        comma = lay.token(end)
+        comma = lay.next_token(end)
         stop = comma + 1 if lay.text[comma : comma + 1] == "," else end
         is_last = all(later in gone for later in range(number + 1, len(parent.items)))
         before = parent.items[number - 1].end if number else start
@@ -241,11 +243,11 @@ class Changes:
         if lay.begins_line(start) and (not rest or rest.startswith("#")):
             splices = [Splice(*lay.full_lines(start, stop), "")]
             if is_last and number and stop == end:  # the list had no comma at its end
-                comma = lay.token(before)
+                comma = lay.next_token(before)
                 splices.append(Splice(comma, comma + 1, ""))
             return splices
         if not is_last or not number:
-            gap = lay.text[stop : lay.token(stop)]
+            gap = lay.text[stop : lay.next_token(stop)]
             spaces = len(gap) - len(gap.lstrip(" ")) if stop > end else 0
             return [Splice(start, stop + spaces, "")]
         if "#" in lay.text[before:start]:

@@ -168,7 +168,7 @@ class MovieMaker:
                     (folder / f"{i:06}.png").write_bytes(picture)
                 else:
                     video_file.add(picture)
-                progress.advance(i + 1)
+                progress.update(i + 1)
             if not self._is_folder:
                 video_file.close()
         return Movie(str(self._target), n, n / options.rate, *self._size, sound is not None)

@@ -61,14 +61,14 @@ def _chart(folder: Path, name: str) -> str:
 
 def _maps(folder: Path, method: str) -> str:
     surveys = survey_all(map_catalogue.built_in(method), lambda done: None)
-    title = f"where {method} is stable, and where right"
+    title = f"where {method} is stable, and where its sound is right"
     name = "stability" if method == "ca" else f"stability-{method}"
     stem = folder / name
     write_text(targets(stem)[0], map_table.csv(surveys, title), force=True)
     save(lambda: draw_maps.draw(surveys, title), stem, force=True, png=False)
     print(map_table.lines(surveys), flush=True)
     return (
-        f"![Maps: where {method} is stable, and where right]({name}.svg)\n\n"
+        f"![Maps: where {method} is stable, and where its sound is right]({name}.svg)\n\n"
         f"In numbers: [{name}.csv]({name}.csv).\n"
     )
 

@@ -95,9 +95,7 @@ def chart(
     total = work(wanted, round(options.seconds * piece.rate))
     try:
         with report.progress(f"charting {score}", total, piece.rate) as progress:
-            result = measure(
-                Score(piece), wanted, options.seconds, options.metric, progress.advance
-            )
+            result = measure(Score(piece), wanted, options.seconds, options.metric, progress.update)
     except SilentPieceError as silence:
         raise OptionError("seconds", f"{silence}; a larger number computes more") from None
     for doubt in result.doubts:

@@ -1,4 +1,4 @@
-"""One spot of a map: the engine's certificate, and what happens when it runs."""
+"""A point of a map: the engine's certificate, and what happens when it runs."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Outcome:
     reason, and the energy that its steps made over the energy that was there [dB].
     """
 
-    stable: bool | None
+    is_stable: bool | None
     frames: Floats | None = None
     reason: str = ""
     energy_db: float | None = None
@@ -38,7 +38,7 @@ class MapPoint(Protocol):
     def scene(self) -> Scene:
         """The scene."""
 
-    def refused(self) -> str:
+    def refusal(self) -> str:
         """Why the engine would refuse to run it; empty if it would not."""
 
     def run(self, n_frames: int) -> Outcome:
@@ -54,12 +54,12 @@ class Stepped:
 
     scene: Scene
     setting: Setting
-    known: Callable[[int], Truth]
+    reference: Callable[[int], Truth]
     created_share: Callable[[Floats], float] | None = (
         None  # share of energy made, where outputs tell it
     )
 
-    def refused(self) -> str:
+    def refusal(self) -> str:
         """The objection of the certificate; empty if there is none."""
         try:
             if self.setting.method == "ca":
@@ -75,9 +75,9 @@ class Stepped:
         """Run it unchecked; CA keeps a ledger, so that a run whose scheme makes energy counts as
         unstable too.
         """
-        ledger = self.setting.method == "ca"
+        keeps_ledger = self.setting.method == "ca"
         try:
-            run = runs.start(self.scene, self.setting, ledger=ledger, unchecked=True)
+            run = runs.start(self.scene, self.setting, ledger=keeps_ledger, unchecked=True)
         except _core.UnstableError as error:
             return Outcome(None, reason=str(error))
         try:
@@ -86,13 +86,15 @@ class Stepped:
             return Outcome(False, reason=str(error))
         if not np.all(np.isfinite(frames)):
             return Outcome(False, reason="an output is not finite")
-        produced = production_db(run.energy()) if ledger else run.created_db()
-        energy = produced if self.created_share is None else share_db(self.created_share(frames))
-        if produced > RUNAWAY_DB:
-            times = f"{10 ** (produced / 10):.3g} times the energy given"
-            return Outcome(False, frames, f"the scheme made {times}", energy)
-        return Outcome(True, frames, energy_db=energy)
+        produced_db = production_db(run.energy()) if keeps_ledger else run.created_db()
+        energy_db = (
+            produced_db if self.created_share is None else share_db(self.created_share(frames))
+        )
+        if produced_db > RUNAWAY_DB:
+            energy_ratio = f"{10 ** (produced_db / 10):.3g} times the energy given"
+            return Outcome(False, frames, f"the scheme made {energy_ratio}", energy_db)
+        return Outcome(True, frames, energy_db=energy_db)
 
     def truth(self, n_frames: int) -> Truth:
-        """The truth from `known`."""
-        return self.known(n_frames)
+        """The truth from `reference`."""
+        return self.reference(n_frames)

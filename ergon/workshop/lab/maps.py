@@ -145,7 +145,7 @@ def predicted_and_run(
     theory = None if load is None else load < 1.0
     try:
         case = surveyed_map.case(x, y)
-        refusal = case.refused()
+        refusal = case.refusal()
         n_frames = max(2, round(surveyed_map.seconds * case.scene.rate))
         ran = case.run(n_frames)
     except (StageError, _core.EngineError) as error:
@@ -156,12 +156,12 @@ def predicted_and_run(
         y,
         theory,
         not refusal,
-        ran.stable,
+        ran.is_stable,
         load=load,
         energy_db=ran.energy_db,
         reason=ran.reason or refusal,
     )
-    return spot, case, ran.frames if ran.stable else None
+    return spot, case, ran.frames if ran.is_stable else None
 
 
 def _judged(surveyed_map: Map, spot: Spot, case: MapPoint, frames: Floats) -> Spot:

@@ -40,11 +40,11 @@ def save(
     draw: Callable[[], Figure], stem: Path, *, force: bool = False, png: bool = True
 ) -> list[Path]:
     """Draw once, write STEM.svg (and STEM.png), both or none."""
-    drawn = pictures(draw, stem, png=png)
+    contents = pictures(draw, stem, png=png)
     with file_group(force=force) as files:
-        for path, content in drawn.items():
+        for path, content in contents.items():
             files.write(path, content)
-    return list(drawn)
+    return list(contents)
 
 
 def pictures(draw: Callable[[], Figure], stem: Path, *, png: bool = True) -> dict[Path, bytes]:
@@ -57,19 +57,19 @@ def pictures(draw: Callable[[], Figure], stem: Path, *, png: bool = True) -> dic
         ) from None
     with matplotlib.rc_context(_STYLE):
         figure = draw()
-        svg = _bytes(figure, "svg", {"Date": None, "Creator": "ergon"})
-        pixels = _bytes(figure, "png", {"Software": MARK.decode()}) if png else b""
-    svg = svg.replace(b"<svg ", b"<!-- " + MARK + b" -->\n<svg ", 1)
+        svg_bytes = _bytes(figure, "svg", {"Date": None, "Creator": "ergon"})
+        png_bytes = _bytes(figure, "png", {"Software": MARK.decode()}) if png else b""
+    svg_bytes = svg_bytes.replace(b"<svg ", b"<!-- " + MARK + b" -->\n<svg ", 1)
     _, svg_path, png_path = targets(stem)
-    return {svg_path: svg, **({png_path: pixels} if png else {})}
+    return {svg_path: svg_bytes, **({png_path: png_bytes} if png else {})}
 
 
 def targets(stem: Path) -> list[Path]:
     """The files of a picture: its table, and its two image formats."""
-    return [stem.with_name(f"{stem.name}.{form}") for form in ("csv", "svg", "png")]
+    return [stem.with_name(f"{stem.name}.{extension}") for extension in ("csv", "svg", "png")]
 
 
-def _bytes(figure: Figure, form: str, metadata: dict[str, str | None]) -> bytes:
-    out = io.BytesIO()
-    figure.savefig(out, format=form, dpi=_DPI, metadata=metadata)
-    return out.getvalue()
+def _bytes(figure: Figure, extension: str, metadata: dict[str, str | None]) -> bytes:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format=extension, dpi=_DPI, metadata=metadata)
+    return buffer.getvalue()

@@ -100,7 +100,7 @@ class SlowKeyPoint:
 
     scene: SlowKeyScene
 
-    def refused(self) -> str:
+    def refusal(self) -> str:
         """Why a plan refuses to step the key slowly; empty if it does not."""
         try:
             _planned(self.scene)

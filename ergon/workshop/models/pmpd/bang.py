@@ -19,24 +19,30 @@ def first_bang(network: Network) -> dict[int, float]:
             mass.x += mass.v
         else:
             mass.v = 0.0
-    kicks: dict[int, float] = {}
+    extra_forces: dict[int, float] = {}
     for link in network.links:
         a, b = network.masses[link.a], network.masses[link.b]
         length = a.x - b.x
-        link_force, moved = length - link.before, a.v - b.v
+        length_change, relative_step = length - link.before, a.v - b.v
         # A score's damper feels the step of a mass too, so only the rest counts, above rounding.
-        if abs(link_force - moved) <= 1e-12 * max(abs(length), abs(link.before)):
+        if abs(length_change - relative_step) <= 1e-12 * max(abs(length), abs(link.before)):
             continue
         if not (link.Lmin <= length < link.Lmax) or length == 0.0:
             continue
-        more = _damping(network, link, link_force) - _damping(network, link, moved)
-        kicks[link.a] = kicks.get(link.a, 0.0) - more
-        kicks[link.b] = kicks.get(link.b, 0.0) + more
-    return {at: f for at, f in kicks.items() if f and network.masses[at].is_mobile}
+        extra_force = _damping(network, link, length_change) - _damping(
+            network, link, relative_step
+        )
+        extra_forces[link.a] = extra_forces.get(link.a, 0.0) - extra_force
+        extra_forces[link.b] = extra_forces.get(link.b, 0.0) + extra_force
+    return {
+        mass_index: force
+        for mass_index, force in extra_forces.items()
+        if force and network.masses[mass_index].is_mobile
+    }
 
 
 def _damping(network: Network, link: Link, step: float) -> float:
     if link.tables is None:
         return link.D * step
-    _, _, array, length = link.tables
-    return link.D * table(network.arrays, array, link.line).interpolate(step / length)
+    _, _, array, table_length = link.tables
+    return link.D * table(network.arrays, array, link.line).interpolate(step / table_length)
