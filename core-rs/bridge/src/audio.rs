@@ -152,7 +152,7 @@ impl AudioOut {
     /// Whether a card or server takes frames.
     #[getter]
     fn alive(&self) -> bool {
-        self.output.shared().alive()
+        self.output.shared().is_alive()
     }
 
     /// Whether the JACK server runs as fast as it can.

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use ergon_engine::key_model::KeyModel;
 use ergon_engine::simulation::Motor;
-use ergon_live::emulate::{Board, Event, Hand, Key, Options, Outcome, Protocol, Transport, serve};
+use ergon_live::emulate::{BoardConfig, Event, Hand, Key, Options, Outcome, Protocol, Transport, serve};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
@@ -68,7 +68,7 @@ pub(crate) fn emulate(
         range: [-0.5 * travel, 0.5 * travel],
     };
     let options = Options {
-        board: Board {
+        board: BoardConfig {
             protocol: word("protocol", protocol, PROTOCOLS)?,
             lockstep,
             touch_gate,

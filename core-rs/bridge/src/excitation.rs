@@ -5,7 +5,7 @@ use std::time::Duration;
 use ergon_engine::key_model::KeyModel;
 use ergon_live::device::calibrate::{self, Axis, Calibrated};
 use ergon_live::device::{self as live, Device as _, Gone};
-use ergon_live::emulate::{Board, Hand, Key, Options, Protocol};
+use ergon_live::emulate::{BoardConfig, Hand, Key, Options, Protocol};
 use ergon_live::metrology::{self, End, Excitation, Guide, Row, SpringDamper};
 use ergon_live::recording::{self, Header, Recorder};
 use numpy::{Element, PyArray1, PyReadonlyArray1};
@@ -195,7 +195,7 @@ pub(crate) fn emulated_device(
         }]
     });
     let options = Options {
-        board: Board {
+        board: BoardConfig {
             protocol,
             lockstep: true,
             touch_gate,

@@ -49,21 +49,21 @@ impl Lead {
             return Err(module_error("finger", IMPOSSIBLE));
         }
         let options = LeadOptions {
-            name,
+            address: name,
             finger,
             delay,
             key,
             lockstep,
             traced_ticks,
         };
-        let refused = format!("{} is in use", options.name);
+        let refused = format!("{} is in use", options.address);
         let lead_stream = Stream::new(options, present);
         lead_stream.map(Self).ok_or_else(|| plain_error(refused))
     }
 
     #[getter]
     fn name(&self) -> &str {
-        &self.0.options().name
+        &self.0.options().address
     }
 
     /// The two ends of the key's travel [m].

@@ -159,7 +159,7 @@ fn setup(
 /// The view of a simulation that pages get while it is played: one end for the physics thread, one for the pages.
 /// Changes no sample.
 #[pyclass(frozen, module = "ergon._core")]
-pub(crate) struct Window(Mutex<Option<(perform::Window, perform::Scene)>>);
+pub(crate) struct Window(Mutex<Option<(perform::Window, perform::WindowReader)>>);
 
 #[pymethods]
 impl Window {
@@ -179,14 +179,14 @@ impl Window {
     ) -> PyResult<Self> {
         let engine_simulation = &simulation.0;
         let setup = setup(engine_simulation, timeline, manifest, &places, keys, n_speakers, fps)?;
-        let window_ends = py.detach(|| perform::window(engine_simulation, look.0.clone(), setup));
+        let window_ends = py.detach(|| perform::window_pair(engine_simulation, look.0.clone(), setup));
         Ok(Self(Mutex::new(Some(window_ends.map_err(plain_error)?))))
     }
 }
 
 impl Window {
     /// Its two ends; EngineError at the second call.
-    pub(crate) fn ends(&self) -> PyResult<(perform::Window, perform::Scene)> {
+    pub(crate) fn ends(&self) -> PyResult<(perform::Window, perform::WindowReader)> {
         let mut window_ends = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         window_ends
             .take()

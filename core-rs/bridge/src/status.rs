@@ -80,9 +80,9 @@ impl Status {
         Self {
             frame: play_status.frame,
             ticks: play_status.ticks,
-            late: play_status.late,
-            latest: play_status.latest.as_secs_f64(),
-            lost: play_status.lost,
+            late: play_status.late_ticks,
+            latest: play_status.max_lateness.as_secs_f64(),
+            lost: play_status.clock_resets,
             dropped: play_status.dropped,
             missed: play_status.missed,
             load: play_status.load,
@@ -92,7 +92,7 @@ impl Status {
             input_gaps: input_state.map_or(0, |shared| shared.underruns()),
             xruns: output_state.xruns(),
             played: output_state.played(),
-            alive: output_state.alive(),
+            alive: output_state.is_alive(),
             done: performance.is_done(),
             panicked: output_state.panicked(),
             sounding: output_state.sounding().map(|since| since.as_secs_f64()),
@@ -154,7 +154,7 @@ impl HandLimit {
             hand: limit.hand,
             scale: limit.scale,
             stiffness: limit.stiffness,
-            limit: limit.limit,
+            limit: limit.stable_stiffness,
         }
     }
 }

@@ -11,7 +11,7 @@ mod line;
 mod serve;
 
 pub(crate) use firmware::HAPLY_ID;
-pub use firmware::{Board, Firmware, Protocol};
+pub use firmware::{BoardConfig, Firmware, Protocol};
 pub use hand::Hand;
 pub use key::{Key, Keys};
 pub use line::Transport;

@@ -130,8 +130,8 @@ pub fn excite<D: Device>(
     // The written forces may jump, from the first tick on; all other limits hold.
     let limits = Limits {
         slew: f64::INFINITY,
-        ramp: 0.0,
-        fade: 0.0,
+        ramp_time: 0.0,
+        fade_time: 0.0,
         ..Limits::from_spec(device.spec())
     };
     let in_lockstep = device.in_lockstep();

@@ -34,7 +34,7 @@ pub use player::change::Change;
 pub use scale::{Bound, FALL_TIME};
 pub use sound_input::{InputConfig, InputStatus};
 pub use status::{Event, EventKind, HandStatus, Status};
-pub use window::{HeardTimes, Scene, Showing, Window, window};
+pub use window::{HeardTimes, Showing, Window, WindowReader, window_pair};
 
 use std::path::PathBuf;
 

@@ -31,7 +31,7 @@ fn exchange_with_each_device_does_not_allocate() {
         let emulator = Emulator::start(options(protocol, transport, axes, vec![Hand::Resting; axes]));
         let device = emulator.open(kind, how);
         let limits = Limits {
-            ramp: 0.0,
+            ramp_time: 0.0,
             ..Limits::from_spec(device.spec())
         };
         let mut device = Guarded::new(device, limits, 1.0 / RATE).watched();

@@ -26,9 +26,9 @@ fn going(periods: usize, metres: f64) -> Hand {
 fn open_limits(device: &dyn Device) -> Limits {
     Limits {
         slew: f64::INFINITY,
-        ramp: 0.0,
-        fade: 0.0,
-        velocity: f64::INFINITY,
+        ramp_time: 0.0,
+        fade_time: 0.0,
+        velocity_max: f64::INFINITY,
         energy: f64::INFINITY,
         ..Limits::from_spec(device.spec())
     }

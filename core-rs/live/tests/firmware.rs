@@ -85,7 +85,7 @@ fn firmware_sketch_acts_as_a_device() {
     let result = tries.find(|result| !matches!(result, Err(DirectionError::Still | DirectionError::OneWay)));
     assert_eq!(result, Some(Ok(1.0)));
     let limits = Limits {
-        ramp: 0.0,
+        ramp_time: 0.0,
         ..Limits::from_spec(&spec)
     };
     let mut device = Guarded::new(device, limits, 1e-3);

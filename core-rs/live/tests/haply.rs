@@ -19,11 +19,11 @@ fn open(url: &str) -> Guarded {
     let device = device::open(&Url::parse(url).unwrap()).unwrap();
     let limits = Limits {
         slew: f64::INFINITY,
-        ramp: 0.0,
-        fade: 0.0,
-        velocity: f64::INFINITY,
+        ramp_time: 0.0,
+        fade_time: 0.0,
+        velocity_max: f64::INFINITY,
         energy: f64::INFINITY,
-        stale: f64::INFINITY,
+        position_age_max: f64::INFINITY,
         ..Limits::from_spec(device.spec())
     };
     Guarded::new(device, limits, 1e-3)

@@ -73,7 +73,7 @@ fn stop_holds_all_hands_until_release() {
     let device = still();
     let ramp = 0.1;
     let limits = Limits {
-        ramp,
+        ramp_time: ramp,
         ..Limits::from_spec(&device.0)
     };
     let mut guarded = Guarded::new(device, limits, 1e-3);

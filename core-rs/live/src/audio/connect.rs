@@ -17,7 +17,7 @@ pub(super) fn connect(
     shared: &Arc<Shared>,
 ) -> Result<(Opened, Spec), AudioError> {
     let opened = match &spec.backend {
-        Backend::Auto => return first(spec, rate, channels, shared),
+        Backend::Auto => return first_available(spec, rate, channels, shared),
         Backend::Jack => jack::open(spec, channels, shared)?,
         Backend::Pulse => pulse::open(spec, channels)?,
         Backend::System => system::open(spec, rate, channels)?,
@@ -29,8 +29,13 @@ pub(super) fn connect(
     Ok((opened, spec.clone()))
 }
 
-fn first(spec: &Spec, rate: u32, channels: usize, shared: &Arc<Shared>) -> Result<(Opened, Spec), AudioError> {
-    let mut unavailable = Vec::new();
+fn first_available(
+    spec: &Spec,
+    rate: u32,
+    channels: usize,
+    shared: &Arc<Shared>,
+) -> Result<(Opened, Spec), AudioError> {
+    let mut failures = Vec::new();
     let mut backends = vec![Backend::Jack, Backend::Pulse, Backend::System, Backend::Null];
     // Where there is no system backend, its absence is not worth a remark.
     backends.retain(|backend| HAS_SYSTEM || *backend != Backend::System);
@@ -41,15 +46,15 @@ fn first(spec: &Spec, rate: u32, channels: usize, shared: &Arc<Shared>) -> Resul
         };
         match connect(&candidate, rate, channels, shared) {
             Ok((mut opened, candidate)) => {
-                opened.remarks.append(&mut unavailable);
+                opened.remarks.append(&mut failures);
                 return Ok((opened, candidate));
             }
-            Err(error) => unavailable.push(format!("not {candidate}: {error}")),
+            Err(error) => failures.push(format!("{candidate} is not available: {error}")),
         }
     }
     Err(AudioError::Unavailable {
         backend: "auto",
-        why: unavailable.join("; "),
+        why: failures.join("; "),
     })
 }
 

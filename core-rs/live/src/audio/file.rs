@@ -42,7 +42,7 @@ pub(super) fn open(
                     None => recording.run(drain, stop),
                 };
                 run_result
-                    .and_then(|()| recording.end())
+                    .and_then(|()| recording.finish())
                     .map_err(|error| recording.failure_sentence(&error))
             })?;
             Ok(Box::new(writer_thread) as Box<dyn Sink>)
@@ -62,21 +62,21 @@ fn new_unfinished(path: &Path) -> io::Result<(PathBuf, File)> {
             0 => format!(".{process_id}.part"),
             _ => format!(".{process_id}-{attempt}.part"),
         });
-        let unfinished = path.with_file_name(part_name);
-        match File::create_new(&unfinished) {
+        let unfinished_path = path.with_file_name(part_name);
+        match File::create_new(&unfinished_path) {
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => attempt += 1,
-            create_result => return create_result.map(|file| (unfinished, file)),
+            create_result => return create_result.map(|file| (unfinished_path, file)),
         }
     }
 }
 
 /// Rename a file, but never over another one that has got the name meanwhile.
-fn rename_to_new(unfinished: &Path, path: &Path) -> io::Result<()> {
-    match fs::hard_link(unfinished, path) {
-        Ok(()) => fs::remove_file(unfinished),
+fn rename_to_new(unfinished_path: &Path, path: &Path) -> io::Result<()> {
+    match fs::hard_link(unfinished_path, path) {
+        Ok(()) => fs::remove_file(unfinished_path),
         Err(error) if error.kind() == io::ErrorKind::AlreadyExists => Err(error),
         // A file system without links.
-        Err(_) if !path.exists() => fs::rename(unfinished, path),
+        Err(_) if !path.exists() => fs::rename(unfinished_path, path),
         Err(error) => Err(error),
     }
 }
@@ -84,8 +84,8 @@ fn rename_to_new(unfinished: &Path, path: &Path) -> io::Result<()> {
 /// A WAVE file that is being written.
 pub(super) struct Recording {
     path: PathBuf,
-    unfinished: PathBuf,
-    to: BufWriter<File>,
+    unfinished_path: PathBuf,
+    writer: BufWriter<File>,
     rate: u32,
     channels: usize,
     frames: u64,
@@ -101,20 +101,20 @@ impl Recording {
             error,
         };
         if path.exists() {
-            let sentence = "this file exists, and sound that is played overwrites no file; name another";
+            let sentence = "this file exists; played sound never overwrites a file: choose another name";
             return Err(file_error(io::Error::new(io::ErrorKind::AlreadyExists, sentence)));
         }
         Self::begin(path, rate, channels).map_err(file_error)
     }
 
     fn begin(path: &Path, rate: u32, channels: usize) -> io::Result<Self> {
-        let (unfinished, file) = new_unfinished(path)?;
-        let mut to = BufWriter::with_capacity(1 << 18, file);
-        to.write_all(&wave::header(rate, channels, 0))?;
+        let (unfinished_path, file) = new_unfinished(path)?;
+        let mut writer = BufWriter::with_capacity(1 << 18, file);
+        writer.write_all(&wave::header(rate, channels, 0))?;
         Ok(Self {
             path: path.to_owned(),
-            unfinished,
-            to,
+            unfinished_path,
+            writer,
             rate,
             channels,
             frames: 0,
@@ -145,7 +145,7 @@ impl Recording {
 
     pub(super) fn write(&mut self, samples: &[f32], frames: usize) -> io::Result<()> {
         for sample in samples {
-            self.to.write_all(&sample.to_le_bytes())?;
+            self.writer.write_all(&sample.to_le_bytes())?;
         }
         self.frames += frames as u64;
         // Update the header from time to time, so that the file of a killed performance can be read up to its last
@@ -158,23 +158,23 @@ impl Recording {
 
     fn write_header(&mut self) -> io::Result<()> {
         let header = wave::header(self.rate, self.channels, self.frames);
-        self.to.seek(SeekFrom::Start(0))?;
-        self.to.write_all(&header)?;
-        self.to.seek(SeekFrom::End(0))?;
+        self.writer.seek(SeekFrom::Start(0))?;
+        self.writer.write_all(&header)?;
+        self.writer.seek(SeekFrom::End(0))?;
         self.frames_in_header = self.frames;
         Ok(())
     }
 
     /// Finish the file and give it its final name.
-    pub(super) fn end(&mut self) -> io::Result<()> {
+    pub(super) fn finish(&mut self) -> io::Result<()> {
         self.write_header()?;
-        self.to.get_ref().sync_all()?;
-        rename_to_new(&self.unfinished, &self.path)
+        self.writer.get_ref().sync_all()?;
+        rename_to_new(&self.unfinished_path, &self.path)
     }
 
     /// A sentence on why the file could not be written.
     pub(super) fn failure_sentence(&self, error: &io::Error) -> String {
-        let (final_path, unfinished_path) = (self.path.display(), self.unfinished.display());
+        let (final_path, unfinished_path) = (self.path.display(), self.unfinished_path.display());
         format!("{final_path} could not be written ({error}); the unfinished file is {unfinished_path}")
     }
 }
@@ -197,7 +197,7 @@ mod tests {
         fs::write(&other_part, "mine").expect("written");
         let mut recording = Recording::create(&wave_path, 1000, 1).expect("a recording");
         recording.write(&[1.0, 2.0], 2).expect("written");
-        recording.end().expect("ended");
+        recording.finish().expect("ended");
         assert_eq!(fs::read(&other_part).expect("it is there"), b"mine");
         assert!(wave_path.exists());
         assert_eq!(fs::read_dir(&folder).expect("a folder").count(), 2);
@@ -211,14 +211,14 @@ mod tests {
         let mut recording = Recording::create(&wave_path, 1000, 1).expect("a recording");
         recording.write(&[1.0, 2.0], 2).expect("written");
         fs::write(&wave_path, "mine").expect("written");
-        let end_error = recording.end().expect_err("the name is taken");
+        let end_error = recording.finish().expect_err("the name is taken");
         assert!(
             recording
                 .failure_sentence(&end_error)
                 .contains("the unfinished file is ")
         );
         assert_eq!(fs::read(&wave_path).expect("it is there"), b"mine");
-        assert!(recording.unfinished.exists());
+        assert!(recording.unfinished_path.exists());
         fs::remove_dir_all(&folder).expect("removed");
     }
 }

@@ -129,8 +129,8 @@ pub fn open_input(spec: &Spec, rate: u32, channels: usize, wanted: usize) -> Res
     let (converter, drain) = if opened.rate == rate {
         (None, inner_drain)
     } else {
-        let between = rate::between(inner_drain, opened.rate, rate, opened.block.max(wanted as u32));
-        let (converter, outer_drain) = between.map_err(|(_, error)| error)?;
+        let conversion = rate::convert_rate(inner_drain, opened.rate, rate, opened.block.max(wanted as u32));
+        let (converter, outer_drain) = conversion.map_err(|(_, error)| error)?;
         target_frames = converter.latency;
         (Some(converter), outer_drain)
     };
@@ -242,7 +242,7 @@ impl InputState {
             std::thread::park_timeout(CHECK_INTERVAL);
             match &mut source {
                 Some(stream) => {
-                    if stream.alive() {
+                    if stream.is_alive() {
                         continue;
                     }
                     self.shared.set_alive(false);

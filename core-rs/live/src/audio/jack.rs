@@ -80,7 +80,7 @@ fn start(client: Client, drain: Drain, device: Option<&str>) -> Result<Box<dyn S
         .map_err(|(callback, error)| (Some(Box::new(callback.drain)), error))?;
     let mut playing = Playback(active);
     playing.connect_ports(device);
-    playing.alive();
+    playing.is_alive();
     Ok(Box::new(playing))
 }
 
@@ -134,9 +134,9 @@ impl Playback {
 }
 
 impl Sink for Playback {
-    fn alive(&mut self) -> bool {
+    fn is_alive(&mut self) -> bool {
         let client = self.0.client();
-        if !client.alive() {
+        if !client.is_alive() {
             return false;
         }
         let latency = self.0.latency(PLAYBACK_LATENCY);
@@ -145,7 +145,7 @@ impl Sink for Playback {
     }
 
     fn stop(self: Box<Self>) -> (Option<Drain>, Option<String>) {
-        let is_gone = !self.0.client().alive();
+        let is_gone = !self.0.client().is_alive();
         let drain = self.0.close().drain;
         let stop_reason = "the server ended or changed its rate";
         (Some(drain), is_gone.then(|| stop_reason.into()))

@@ -72,7 +72,7 @@ impl SoundClock {
             since: sounding_since.as_secs_f64(),
             latency: f64::from(latency) / f64::from(card_rate.max(1)),
             gaps: shared.underruns(),
-            is_alive: shared.alive(),
+            is_alive: shared.is_alive(),
         })
     }
 }
@@ -298,7 +298,7 @@ impl OutputState {
     fn supervise(&self, mut playback: Playback) -> Option<String> {
         while !self.stop.load(Ordering::Acquire) {
             std::thread::park_timeout(CHECK_INTERVAL);
-            if playback.alive() {
+            if playback.is_alive() {
                 self.update_latency(&playback);
                 continue;
             }
@@ -378,7 +378,7 @@ impl Playback {
             let sink = (opened.start)(drain)?;
             return Ok(Self { sink, converter: None });
         }
-        let (converter, outer_drain) = rate::between(drain, score_rate, opened.rate, opened.block)?;
+        let (converter, outer_drain) = rate::convert_rate(drain, score_rate, opened.rate, opened.block)?;
         match (opened.start)(outer_drain) {
             Ok(sink) => Ok(Self {
                 sink,
@@ -388,9 +388,9 @@ impl Playback {
         }
     }
 
-    fn alive(&mut self) -> bool {
-        let converts = self.converter.as_mut().is_none_or(rate::Converter::alive);
-        self.sink.alive() && converts
+    fn is_alive(&mut self) -> bool {
+        let converts = self.converter.as_mut().is_none_or(rate::Converter::is_alive);
+        self.sink.is_alive() && converts
     }
 
     fn converter_latency(&self) -> usize {

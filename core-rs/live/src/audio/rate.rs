@@ -25,9 +25,14 @@ pub(super) struct Converter {
 
 /// Put a converter from rate `from` to rate `to` behind the ring `inner`, for a reader that takes `block` frames at a
 /// time; returns the drain for that reader.
-pub(super) fn between(mut inner: Drain, from: u32, to: u32, block: u32) -> Result<(Converter, Drain), StartFailure> {
+pub(super) fn convert_rate(
+    mut inner: Drain,
+    from: u32,
+    to: u32,
+    block: u32,
+) -> Result<(Converter, Drain), StartFailure> {
     let channels = inner.channels();
-    let filter = match Filter::new(from, to, channels) {
+    let filter = match RateFilter::new(from, to, channels) {
         Ok(filter) => filter,
         Err(error) => return Err((Some(Box::new(inner)), error)),
     };
@@ -47,8 +52,8 @@ pub(super) fn between(mut inner: Drain, from: u32, to: u32, block: u32) -> Resul
 }
 
 impl Converter {
-    pub(super) fn alive(&mut self) -> bool {
-        self.pump.alive()
+    pub(super) fn is_alive(&mut self) -> bool {
+        self.pump.is_alive()
     }
 
     /// Stop, and return the inner drain.
@@ -61,7 +66,7 @@ impl Converter {
     }
 }
 
-struct Filter {
+struct RateFilter {
     fft: Fft<f32>,
     channels: usize,
     ratio: (u64, u64),
@@ -70,7 +75,7 @@ struct Filter {
     output: Vec<f32>,
 }
 
-impl Filter {
+impl RateFilter {
     fn new(from: u32, to: u32, channels: usize) -> Result<Self, AudioError> {
         let fft = Fft::new_custom(
             from as usize,
@@ -136,7 +141,7 @@ impl Filter {
         Ok(())
     }
 
-    /// Convert the first `held` frames of the input; the rest of the input counts as silence.
+    /// Convert the first `frames_held` frames of the input; the rest of the input counts as silence.
     fn convert(&mut self, frames_held: usize) -> Result<usize, String> {
         let channels = self.channels;
         let input_slice = InterleavedSlice::new(&self.input, channels, self.input.len() / channels);
@@ -162,9 +167,9 @@ mod tests {
     /// One second of a sine at `from` [Hz], converted to `to` [Hz], two channels.
     fn converted(from: u32, to: u32, pitch: f64) -> Vec<f32> {
         let (mut feed, drain) = ring::ring(2, 4096);
-        let (converter, mut outer_drain) = between(drain, from, to, 256)
+        let (converter, mut outer_drain) = convert_rate(drain, from, to, 256)
             .map_err(|(_, error)| error)
-            .expect("there is a way");
+            .expect("the rates can be converted");
         let source_sound: Vec<f32> = (0..from)
             .flat_map(|n| {
                 let sine_sample = sin(TAU * pitch * f64::from(n) / f64::from(from)) as f32;

@@ -102,7 +102,7 @@ impl Shared {
     /// Whether a card (or a file, or the silent clock that was asked for) takes the frames. False before `open`, after
     /// the end, and while the supervisor looks for a server that died.
     #[must_use]
-    pub fn alive(&self) -> bool {
+    pub fn is_alive(&self) -> bool {
         self.alive.load(Ordering::Acquire)
     }
 

@@ -34,7 +34,7 @@ pub(super) type StartFailure = (Option<Box<Drain>>, AudioError);
 /// An output that plays.
 pub(super) trait Sink: Send {
     /// Whether it still takes frames; also updates its timing. Called a few times a second.
-    fn alive(&mut self) -> bool;
+    fn is_alive(&mut self) -> bool;
 
     /// Stop and give the drain back; the sentence says what went wrong, if anything.
     fn stop(self: Box<Self>) -> (Option<Drain>, Option<String>);
@@ -72,7 +72,7 @@ impl<R: Send + 'static> RingThread<R> {
     }
 
     /// Whether the body has not returned.
-    pub(super) fn runs(&self) -> bool {
+    pub(super) fn is_running(&self) -> bool {
         !self.thread.is_finished()
     }
 
@@ -87,8 +87,8 @@ impl<R: Send + 'static> RingThread<R> {
 }
 
 impl Sink for RingThread<Drain> {
-    fn alive(&mut self) -> bool {
-        self.runs()
+    fn is_alive(&mut self) -> bool {
+        self.is_running()
     }
 
     fn stop(self: Box<Self>) -> (Option<Drain>, Option<String>) {

@@ -21,7 +21,7 @@ pub(super) type InputFailure = (Option<Box<Feed>>, AudioError);
 /// A running input.
 pub(super) trait Source: Send {
     /// Whether frames still come. Called a few times a second.
-    fn alive(&mut self) -> bool;
+    fn is_alive(&mut self) -> bool;
 
     /// Frames from the microphone to the ring, as far as the server reports them.
     fn latency(&self) -> u32;

@@ -127,7 +127,7 @@ struct SystemStream {
 }
 
 impl Sink for SystemStream {
-    fn alive(&mut self) -> bool {
+    fn is_alive(&mut self) -> bool {
         !self.gone.load(Ordering::Acquire)
     }
 

@@ -95,7 +95,7 @@ pub(crate) fn open(path: &Path, rate: u32, channels: usize) -> Result<(Tap, TapH
         .name("ergon recording of sound".into())
         .spawn(move || {
             let pump_result = pump(&mut recording, &mut consumer, channels, &shared_state);
-            if let Err(error) = pump_result.and_then(|()| recording.end()) {
+            if let Err(error) = pump_result.and_then(|()| recording.finish()) {
                 *shared_state.error.lock().unwrap_or_else(PoisonError::into_inner) =
                     Some(recording.failure_sentence(&error));
                 // Keep the ring alive until the tap is dropped: the physics thread must not free memory.

@@ -197,8 +197,8 @@ pub fn directions<D: Device>(
     stop: &AtomicBool,
 ) -> Result<Vec<Result<f64, DirectionError>>, Gone> {
     let limits = Limits {
-        force: pulse.force,
-        ramp: 0.0,
+        force_max: pulse.force,
+        ramp_time: 0.0,
         ..Limits::from_spec(device.spec())
     };
     let least_motion = 3.0 * device.spec().pos_lsb;

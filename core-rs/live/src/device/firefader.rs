@@ -155,7 +155,7 @@ impl Device for FireFader {
     fn on_wire(&self, force: &SafeForce) -> [f64; MAX_AXES] {
         let axis_force = |axis: usize| force.newtons().get(axis).copied().unwrap_or(0.0);
         let mut carried = [0.0; MAX_AXES];
-        carried[..2].copy_from_slice(&wire::carried([axis_force(0), axis_force(1)]));
+        carried[..2].copy_from_slice(&wire::rounded_forces([axis_force(0), axis_force(1)]));
         carried
     }
 
@@ -201,6 +201,6 @@ impl Device for FireFader {
     }
 
     fn last_resort(&self) -> Option<LastResort> {
-        Some(LastResort::new(self.port.raw(), &wire::request([0.0; 2])))
+        Some(LastResort::new(self.port.raw_descriptor(), &wire::request([0.0; 2])))
     }
 }

@@ -11,7 +11,7 @@ use super::{
 use crate::safety::SafeForce;
 use crate::safety::contract::{Drift, Sent};
 use crate::wire::Inbox;
-use crate::wire::frame::{self as wire, flag, status};
+use crate::wire::frame::{self as wire, flag, status, trait_flag};
 
 /// Longest wait for a reply in lockstep [s].
 const LONGEST_PATIENCE: f64 = 3600.0;
@@ -67,7 +67,7 @@ enum Allowed {
 /// # Errors
 /// A sentence that names the first number that is impossible.
 fn spec(info: &wire::DeviceInfo) -> Result<Spec, String> {
-    let numbers = info.numbers.map(f64::from);
+    let numbers = info.spec_numbers.map(f64::from);
     for (&number, (name, unit, allowed)) in numbers.iter().zip(NUMBERS) {
         let broken_rule = match allowed {
             _ if !number.is_finite() => "it has to be a finite number",
@@ -97,8 +97,8 @@ fn spec(info: &wire::DeviceInfo) -> Result<Spec, String> {
     }
     let reported = |number: f64| (number > 0.0).then_some(number);
     Ok(Spec {
-        dof: info.n,
-        unit: if info.traits & 1 == 0 {
+        dof: info.axis_count,
+        unit: if info.trait_flags & trait_flag::RADIANS == 0 {
             Unit::Metre
         } else {
             Unit::Radian
@@ -112,9 +112,9 @@ fn spec(info: &wire::DeviceInfo) -> Result<Spec, String> {
         loop_delay_s: None,
         inertia: reported(inertia),
         damping: reported(damping),
-        touch_gated: info.traits & 2 != 0,
-        can_lockstep: info.traits & 4 != 0,
-        can_wide: info.traits & 8 != 0,
+        touch_gated: info.trait_flags & trait_flag::TOUCH_GATED != 0,
+        can_lockstep: info.trait_flags & trait_flag::LOCKSTEP != 0,
+        can_wide: info.trait_flags & trait_flag::WIDE != 0,
     })
 }
 
@@ -179,7 +179,7 @@ impl Frame {
     fn packet(&self, seq: u16, force: [f64; MAX_AXES], flags: u8) -> ([u8; wire::LONGEST], usize) {
         let request = wire::Request {
             seq,
-            n: self.spec.dof,
+            axis_count: self.spec.dof,
             wide: self.wide,
             flags,
             force,
@@ -218,7 +218,7 @@ impl Frame {
             } = self;
             inbox.feed(&read_bytes[..byte_count], wire::Reply::parse, |reply| {
                 let is_newer = |last: &wire::Reply| reply.seq.wrapping_sub(last.seq) < 0x8000;
-                if reply.n == spec.dof
+                if reply.axis_count == spec.dof
                     && sent.answered(reply.seq, read_instant, stats)
                     && last.as_ref().is_none_or(is_newer)
                 {
@@ -296,7 +296,7 @@ impl Device for Frame {
             *carried = if self.wide {
                 force
             } else {
-                wire::carried(force, self.spec.force_max_peak)
+                wire::rounded_force(force, self.spec.force_max_peak)
             };
         }
         carried
@@ -344,12 +344,15 @@ impl Device for Frame {
     fn last_resort(&self) -> Option<LastResort> {
         // Not wide, because that is shorter; a device accepts both.
         let request = wire::Request {
-            n: self.spec.dof,
+            axis_count: self.spec.dof,
             ..wire::Request::default()
         };
         let mut packet_bytes = [0; wire::LONGEST];
         let packet_length = request.write(1.0, &mut packet_bytes);
-        Some(LastResort::new(self.port.raw(), &packet_bytes[..packet_length]))
+        Some(LastResort::new(
+            self.port.raw_descriptor(),
+            &packet_bytes[..packet_length],
+        ))
     }
 }
 
@@ -364,9 +367,9 @@ mod tests {
         change(&mut numbers);
         spec(&wire::DeviceInfo {
             seq: 0,
-            n: 1,
-            traits: 0,
-            numbers,
+            axis_count: 1,
+            trait_flags: 0,
+            spec_numbers: numbers,
         })
     }
 

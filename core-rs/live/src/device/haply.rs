@@ -25,7 +25,7 @@ use line::{GuardianReply, Line, put_text, take_text};
 pub(crate) use rules::{Action, Rules};
 
 /// Longest time for a guardian to start, on a busy machine.
-const START: Duration = Duration::from_secs(10);
+const START_TIMEOUT: Duration = Duration::from_secs(10);
 
 pub(super) struct Haply {
     spec: Spec,
@@ -36,13 +36,13 @@ pub(super) struct Haply {
     _guardian: start::Started,
     sent: Sent,
     /// Numbers of the latest order and of the latest order that was answered.
-    latest: u16,
-    answered: u16,
+    last_order: u16,
+    last_answered: u16,
     position: [f64; 3],
     let_go: bool,
     gone: Option<Gone>,
     /// The first position was not handed out by `receive` yet.
-    new: bool,
+    has_unread_position: bool,
     stats: Stats,
 }
 
@@ -82,7 +82,7 @@ impl Haply {
             lockstep: url.lockstep,
         };
         let reply = put_text(&mut guardian_stream, &request.text())
-            .and_then(|()| take_text(&mut guardian_stream, START + 2 * FIRST_REPLY))
+            .and_then(|()| take_text(&mut guardian_stream, START_TIMEOUT + 2 * FIRST_REPLY))
             .map_err(|error| url.closed(format!("its guardian process did not start ({error})")))?;
         let position = match Reply::parse(&reply) {
             Some(Reply::Open(position)) => position,
@@ -99,20 +99,20 @@ impl Haply {
             line: Line::new(guardian_stream).map_err(closed_error)?,
             _guardian: guardian,
             sent: Sent::default(),
-            latest: u16::MAX,
-            answered: u16::MAX,
+            last_order: u16::MAX,
+            last_answered: u16::MAX,
             position,
             let_go: false,
             gone: None,
-            new: true,
+            has_unread_position: true,
             stats: Stats::default(),
         })
     }
 
-    fn put(&mut self, force: [f64; 3]) -> Result<(), Gone> {
-        self.latest = self.sent.number(Instant::now(), &mut self.stats);
+    fn send_order(&mut self, force: [f64; 3]) -> Result<(), Gone> {
+        self.last_order = self.sent.number(Instant::now(), &mut self.stats);
         let force_order = ForceCommand {
-            number: self.latest,
+            number: self.last_order,
             force,
         };
         match self.gone {
@@ -122,12 +122,12 @@ impl Haply {
     }
 
     /// Read all replies that are there, or wait for the first one until the deadline.
-    fn take(&mut self, deadline: Instant) -> Result<bool, Gone> {
+    fn read_replies(&mut self, deadline: Instant) -> Result<bool, Gone> {
         loop {
             let Self {
                 line,
                 sent,
-                answered,
+                last_answered,
                 position: last_position,
                 let_go: is_let_go,
                 gone,
@@ -142,7 +142,7 @@ impl Haply {
                     let_go,
                 } => {
                     sent.answered(number, read_instant, stats);
-                    (*answered, *last_position, *is_let_go, is_fresh) = (number, position, let_go, true);
+                    (*last_answered, *last_position, *is_let_go, is_fresh) = (number, position, let_go, true);
                 }
                 GuardianReply::Gone(why) => *gone = Some(why),
             });
@@ -170,28 +170,28 @@ impl Device for Haply {
 
     fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
         let axis_force = |axis: usize| force.newtons().get(axis).copied().unwrap_or(0.0);
-        self.put([axis_force(0), axis_force(1), axis_force(2)])
+        self.send_order([axis_force(0), axis_force(1), axis_force(2)])
     }
 
     fn receive(&mut self, sample: &mut Sample, deadline: Instant) -> Result<bool, Gone> {
-        if self.lockstep && !self.new {
+        if self.lockstep && !self.has_unread_position {
             let lockstep_deadline = Instant::now() + LOCKSTEP_PATIENCE;
-            sample.fresh = self.answered != self.latest;
-            while self.answered != self.latest {
-                if !self.take(next_check(lockstep_deadline))? && !self.canceller.may_wait(lockstep_deadline) {
+            sample.fresh = self.last_answered != self.last_order;
+            while self.last_answered != self.last_order {
+                if !self.read_replies(next_check(lockstep_deadline))? && !self.canceller.may_wait(lockstep_deadline) {
                     return Err(Gone::Silent);
                 }
             }
         } else {
-            sample.fresh = self.new || self.take(deadline)?;
+            sample.fresh = self.has_unread_position || self.read_replies(deadline)?;
         }
-        self.new = false;
+        self.has_unread_position = false;
         sample.position[..3].copy_from_slice(&self.position);
         sample.touch = [true; MAX_AXES];
         sample.force_enabled = [!self.let_go; MAX_AXES];
         (sample.hot, sample.let_go) = (false, self.let_go); // the service does not report whether it is hot
-        sample.seq = u32::from(self.answered);
-        sample.behind = self.latest.wrapping_sub(self.answered);
+        sample.seq = u32::from(self.last_answered);
+        sample.behind = self.last_order.wrapping_sub(self.last_answered);
         Ok(sample.fresh)
     }
 
@@ -200,7 +200,7 @@ impl Device for Haply {
     }
 
     fn zero(&mut self) {
-        let _ = self.put([0.0; 3]);
+        let _ = self.send_order([0.0; 3]);
     }
 
     fn stats(&self) -> Stats {
@@ -212,7 +212,7 @@ impl Device for Haply {
         use std::os::fd::AsRawFd;
         // A number that no order has soon, so that a late reply to it is not taken for the reply to an order.
         let zero_order = ForceCommand {
-            number: self.latest.wrapping_add(u16::MAX / 2),
+            number: self.last_order.wrapping_add(u16::MAX / 2),
             ..ForceCommand::default()
         };
         let socket_fd = self.line.stream().as_raw_fd();

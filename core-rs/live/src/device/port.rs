@@ -14,18 +14,18 @@ pub(super) enum Port {
     Serial(Box<dyn serialport::SerialPort>),
     /// Datagrams from and to one address; no other program of this machine sends to it.
     #[cfg(unix)]
-    Udp(UdpSocket, #[expect(dead_code)] super::lock::DeviceLock, Refused),
+    Udp(UdpSocket, #[expect(dead_code)] super::lock::DeviceLock, RefusalFlag),
     #[cfg(not(unix))]
-    Udp(UdpSocket, (), Refused),
+    Udp(UdpSocket, (), RefusalFlag),
     /// A board in this process.
     InProcess(Box<dyn InProcess>),
 }
 
 /// Whether a datagram was refused because nobody listens at its address, or the device left with an empty datagram.
 #[derive(Default)]
-pub(super) struct Refused(bool);
+pub(super) struct RefusalFlag(bool);
 
-impl Refused {
+impl RefusalFlag {
     /// Note the error if it is a refusal; other errors are returned.
     fn note(&mut self, error: std::io::Error) -> std::io::Result<()> {
         if error.kind() == std::io::ErrorKind::ConnectionRefused {
@@ -95,7 +95,7 @@ impl Port {
         let device_lock = super::lock::DeviceLock::take(peer_address).map_err(|holder| url.closed(holder))?;
         #[cfg(not(unix))]
         let device_lock = ();
-        Ok(Self::Udp(udp_socket, device_lock, Refused::default()))
+        Ok(Self::Udp(udp_socket, device_lock, RefusalFlag::default()))
     }
 
     /// Send a packet; it is dropped if there is no room.
@@ -104,10 +104,12 @@ impl Port {
             #[cfg(unix)]
             Self::Serial(fd) => unix::write(fd, packet),
             #[cfg(not(unix))]
-            Self::Serial(port) => std::io::Write::write_all(port, packet).or_else(forgiven),
+            Self::Serial(port) => std::io::Write::write_all(port, packet).or_else(ignore_transient),
             Self::Udp(socket, _, refused) => {
                 let send_result = socket.send(packet).map(drop);
-                send_result.or_else(|error| refused.note(error)).or_else(forgiven)
+                send_result
+                    .or_else(|error| refused.note(error))
+                    .or_else(ignore_transient)
             }
             Self::InProcess(board) => board.write(packet),
         }
@@ -122,16 +124,16 @@ impl Port {
                 #[cfg(unix)]
                 Self::Serial(fd) => unix::read(fd, buffer)?,
                 #[cfg(not(unix))]
-                Self::Serial(port) => std::io::Read::read(port, buffer).or_else(nothing)?,
+                Self::Serial(port) => std::io::Read::read(port, buffer).or_else(zero_if_transient)?,
                 Self::Udp(socket, _, refused) => {
                     let was_refused = refused.0;
-                    let bytes_read = socket.recv(buffer);
-                    refused.0 |= matches!(bytes_read, Ok(0)); // an empty datagram: the device leaves
-                    let bytes_read = bytes_read.or_else(|error| refused.note(error).map(|()| 0));
+                    let receive_result = socket.recv(buffer);
+                    refused.0 |= matches!(receive_result, Ok(0)); // an empty datagram: the device leaves
+                    let receive_result = receive_result.or_else(|error| refused.note(error).map(|()| 0));
                     if refused.0 && !was_refused {
                         return Ok(0);
                     }
-                    bytes_read.or_else(nothing)?
+                    receive_result.or_else(zero_if_transient)?
                 }
             };
             let time_left = deadline.saturating_duration_since(Instant::now());
@@ -152,7 +154,7 @@ impl Port {
 
     #[cfg(unix)]
     fn wait(&self, timeout: Duration) -> Result<(), Gone> {
-        unix::wait(self.raw(), timeout)
+        unix::wait(self.raw_descriptor(), timeout)
     }
 
     #[cfg(not(unix))]
@@ -164,7 +166,7 @@ impl Port {
 
     /// The descriptor that a signal handler may write to.
     #[cfg(unix)]
-    pub(super) fn raw(&self) -> i32 {
+    pub(super) fn raw_descriptor(&self) -> i32 {
         use std::os::fd::AsRawFd;
         match self {
             Self::Serial(fd) => fd.as_raw_fd(),
@@ -174,12 +176,12 @@ impl Port {
     }
 
     #[cfg(not(unix))]
-    pub(super) fn raw(&self) -> i32 {
+    pub(super) fn raw_descriptor(&self) -> i32 {
         -1
     }
 }
 
-fn gone(error: &std::io::Error) -> Option<Gone> {
+fn gone_reason(error: &std::io::Error) -> Option<Gone> {
     use std::io::ErrorKind::{ConnectionRefused, Interrupted, TimedOut, WouldBlock};
     match error.kind() {
         // Nobody listens at the address: the device is silent, and may come back.
@@ -188,12 +190,12 @@ fn gone(error: &std::io::Error) -> Option<Gone> {
     }
 }
 
-fn forgiven(error: std::io::Error) -> Result<(), Gone> {
-    gone(&error).map_or(Ok(()), Err)
+fn ignore_transient(error: std::io::Error) -> Result<(), Gone> {
+    gone_reason(&error).map_or(Ok(()), Err)
 }
 
-fn nothing(error: std::io::Error) -> Result<usize, Gone> {
-    gone(&error).map_or(Ok(0), Err)
+fn zero_if_transient(error: std::io::Error) -> Result<usize, Gone> {
+    gone_reason(&error).map_or(Ok(0), Err)
 }
 
 #[cfg(unix)]
@@ -242,7 +244,7 @@ pub(super) mod unix {
     pub(super) fn write(fd: &OwnedFd, packet: &[u8]) -> Result<(), Gone> {
         // SAFETY: the descriptor is open and the slice valid. A packet is far shorter than a port's buffer.
         let bytes_written = unsafe { libc::write(fd.as_raw_fd(), packet.as_ptr().cast(), packet.len()) };
-        if bytes_written < 0 { failed() } else { Ok(()) }
+        if bytes_written < 0 { last_error() } else { Ok(()) }
     }
 
     pub(super) fn read(fd: &OwnedFd, buffer: &mut [u8]) -> Result<usize, Gone> {
@@ -250,11 +252,11 @@ pub(super) mod unix {
         let bytes_read = unsafe { libc::read(fd.as_raw_fd(), buffer.as_mut_ptr().cast(), buffer.len()) };
         match usize::try_from(bytes_read) {
             Ok(bytes_read) => Ok(bytes_read),
-            Err(_) => failed().map(|()| 0),
+            Err(_) => last_error().map(|()| 0),
         }
     }
 
-    fn failed() -> Result<(), Gone> {
+    fn last_error() -> Result<(), Gone> {
         match Error::last_os_error().raw_os_error() {
             Some(libc::EAGAIN | libc::EINTR) => Ok(()),
             // The errors of a port that was pulled out, or of a pty whose program has ended.

@@ -8,7 +8,7 @@ use ergon_engine::maths;
 
 use super::Keys;
 use crate::wire::MAX_AXES;
-use crate::wire::frame::{self, flag, status};
+use crate::wire::frame::{self, flag, status, trait_flag};
 use crate::wire::{Inbox, firefader, haply};
 
 /// The protocol of a board.
@@ -35,7 +35,7 @@ const FINGER: u8 = 100;
 
 /// Properties of a board.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Board {
+pub struct BoardConfig {
     /// Its protocol.
     pub protocol: Protocol,
     /// Whether every packet is one period; otherwise periods follow wall time.
@@ -62,18 +62,18 @@ pub struct Board {
 
 /// A running board.
 pub struct Firmware {
-    board: Board,
+    board: BoardConfig,
     keys: Keys,
     inbox: Inbox<512>,
     force: [f64; MAX_AXES],
     /// The sensors' noise in this period [m].
-    noise: [f64; MAX_AXES],
-    chance: Chance,
+    noise_offsets: [f64; MAX_AXES],
+    random: Chance,
     /// FireFader's gate: a low-pass filter of the presence of a finger, over packets.
     gate: [f64; MAX_AXES],
     last_packet: Option<Duration>,
     let_go: bool,
-    held: bool,
+    is_held: bool,
     packets: u64,
     /// Periods of wall time that have passed.
     wall_periods: u64,
@@ -81,18 +81,18 @@ pub struct Firmware {
 
 impl Firmware {
     /// A board with its keys.
-    pub fn new(board: Board, keys: Keys) -> Self {
+    pub fn new(board: BoardConfig, keys: Keys) -> Self {
         let mut firmware = Self {
             board,
             keys,
             inbox: Inbox::new(),
             force: [0.0; MAX_AXES],
-            noise: [0.0; MAX_AXES],
-            chance: Chance::new(i128::from(board.seed), "emulate", "noise", 0, 0),
+            noise_offsets: [0.0; MAX_AXES],
+            random: Chance::new(i128::from(board.seed), "emulate", "noise", 0, 0),
             gate: [0.0; MAX_AXES],
             last_packet: None,
             let_go: false,
-            held: false,
+            is_held: false,
             packets: 0,
             wall_periods: 0,
         };
@@ -110,10 +110,10 @@ impl Firmware {
         if self.board.noise == 0.0 {
             return;
         }
-        for noise in &mut self.noise[..self.keys.n()] {
+        for noise in &mut self.noise_offsets[..self.keys.n()] {
             // Box-Muller transform: a radius and an angle give a normal deviate.
-            let radius = maths::sqrt(2.0 * self.chance.exponential(1.0));
-            let angle = self.chance.uniform(0.0, TAU);
+            let radius = maths::sqrt(2.0 * self.random.exponential(1.0));
+            let angle = self.random.uniform(0.0, TAU);
             *noise = self.board.noise * radius * maths::cos(angle);
         }
     }
@@ -147,19 +147,19 @@ impl Firmware {
         let lets_go = is_silent && !self.let_go;
         if lets_go {
             self.force = [0.0; MAX_AXES];
-            (self.let_go, self.held) = (true, false);
+            (self.let_go, self.is_held) = (true, false);
         }
         lets_go
     }
 
     /// Time at which the next period of wall time begins [s].
-    pub(super) fn next(&self) -> f64 {
+    pub(super) fn next_period_time(&self) -> f64 {
         (self.wall_periods + 1) as f64 * self.keys.rate().step()
     }
 
     /// Whether the forces of a host act: true until the host lets go or is silent for too long.
     pub fn is_held(&self) -> bool {
-        self.held
+        self.is_held
     }
 
     /// The forces that act now [N]   (16, the keys' first)
@@ -198,7 +198,7 @@ impl Firmware {
     fn push(&mut self, force: impl Iterator<Item = f64>, enabled: bool, now: Duration) {
         self.packets += 1;
         self.last_packet = Some(now);
-        (self.let_go, self.held) = (false, enabled);
+        (self.let_go, self.is_held) = (false, enabled);
         for (axis, force) in force.take(self.keys.n()).enumerate() {
             let is_gate_open = !self.board.touch_gate || self.gate_is_open(axis);
             let force_step = self.board.force_step;
@@ -231,7 +231,7 @@ impl Firmware {
     fn positions(&self) -> [f64; MAX_AXES] {
         let resolution = self.board.resolution;
         let mut readings = *self.keys.positions();
-        for (reading, noise) in readings.iter_mut().zip(&self.noise) {
+        for (reading, noise) in readings.iter_mut().zip(&self.noise_offsets) {
             *reading += noise;
             if resolution > 0.0 {
                 *reading = (*reading / resolution).round() * resolution;
@@ -261,29 +261,29 @@ impl Firmware {
         }
     }
 
-    fn receive_frame(&mut self, frame_bytes: &[u8], now: Duration, reply: &mut dyn FnMut(&[u8])) {
+    fn receive_frame(&mut self, request_bytes: &[u8], now: Duration, reply: &mut dyn FnMut(&[u8])) {
         let mut packets = Vec::new();
         let force_max = self.board.force_max;
         self.inbox.feed(
-            frame_bytes,
-            |frame_bytes| frame::Request::parse(frame_bytes, force_max),
+            request_bytes,
+            |bytes| frame::Request::parse(bytes, force_max),
             |packet| packets.push(packet),
         );
         for packet in packets {
-            let mut frame_bytes = [0; frame::LONGEST];
-            let reply_length = if packet.n == 0 {
-                self.device_info(packet.seq).write(&mut frame_bytes)
-            } else if packet.n == self.keys.n() {
+            let mut reply_bytes = [0; frame::LONGEST];
+            let reply_length = if packet.axis_count == 0 {
+                self.device_info(packet.seq).write(&mut reply_bytes)
+            } else if packet.axis_count == self.keys.n() {
                 let had_let_go = self.let_go;
                 if packet.flags & flag::ASK == 0 {
                     let motors_enabled = packet.flags & flag::ENABLE != 0;
                     self.push(packet.force.iter().copied(), motors_enabled, now);
                 }
-                self.frame_reply(&packet, had_let_go).write(&mut frame_bytes)
+                self.frame_reply(&packet, had_let_go).write(&mut reply_bytes)
             } else {
                 continue;
             };
-            reply(&frame_bytes[..reply_length]);
+            reply(&reply_bytes[..reply_length]);
         }
     }
 
@@ -305,7 +305,7 @@ impl Firmware {
         frame::Reply {
             seq: packet.seq,
             t_us,
-            n,
+            axis_count: n,
             wide: packet.wide,
             status: status_bits.iter().filter(|bit| bit.0).map(|bit| bit.1).sum(),
             position: self.positions(),
@@ -318,13 +318,17 @@ impl Firmware {
         let force_max = self.board.force_max;
         let position_step = self.board.resolution.max(frame::POS_LSB);
         let board_rate = self.keys.rate().hertz();
-        let gate_bit = u8::from(self.board.touch_gate) << 1;
-        let lockstep_bit = u8::from(self.board.lockstep) << 2;
+        let gate_flag = if self.board.touch_gate {
+            trait_flag::TOUCH_GATED
+        } else {
+            0
+        };
+        let lockstep_flag = if self.board.lockstep { trait_flag::LOCKSTEP } else { 0 };
         frame::DeviceInfo {
             seq,
-            n: self.keys.n(),
-            traits: gate_bit | lockstep_bit | 8,
-            numbers: [
+            axis_count: self.keys.n(),
+            trait_flags: gate_flag | lockstep_flag | trait_flag::WIDE,
+            spec_numbers: [
                 force_max,
                 force_max,
                 position_step,

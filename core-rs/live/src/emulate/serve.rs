@@ -7,7 +7,7 @@ use ergon_engine::network::Network;
 use ergon_engine::simulation::{EmulatedKey, Motor};
 use ergon_engine::units::Rate;
 
-use super::firmware::{Board, Firmware};
+use super::firmware::{BoardConfig, Firmware};
 use super::line::{Line, LineEvent, Transport};
 use super::{EmulateError, Hand, Key, Keys};
 
@@ -20,7 +20,7 @@ const LONGEST: usize = 64 * 1024;
 #[derive(Clone, Debug)]
 pub struct Options {
     /// Its board.
-    pub board: Board,
+    pub board: BoardConfig,
     /// Its transport.
     pub transport: Transport,
     /// Number of keys.
@@ -121,7 +121,7 @@ pub fn serve(
         let read_wait = if lockstep {
             ASK
         } else {
-            Duration::from_secs_f64((firmware.next() - elapsed.as_secs_f64()).clamp(0.0, 0.02))
+            Duration::from_secs_f64((firmware.next_period_time() - elapsed.as_secs_f64()).clamp(0.0, 0.02))
         };
         match host_line.read(&mut line_bytes, read_wait)? {
             LineEvent::Nothing => {}

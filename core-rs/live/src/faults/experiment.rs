@@ -8,7 +8,7 @@ use super::world::{Trouble, World};
 use super::{BOARD_STALL, Emulator, Fault, HOST_STALL, Measurement, Outcome, PERIOD};
 use crate::device::calibrate::{Pulse, directions};
 use crate::device::{self, Device, DeviceError, Emulated, Gone, Sample, Spec};
-use crate::emulate::{Board, Firmware, Hand, Key, Keys, Protocol};
+use crate::emulate::{BoardConfig, Firmware, Hand, Key, Keys, Protocol};
 use crate::safety::{Guarded, Limits};
 use crate::wire::firefader;
 
@@ -310,7 +310,7 @@ pub(super) fn held_device(
     let plain_key = Key::default();
     let emulated_keys = Keys::new(axis_count, plain_key, RATE, hands(axis_count)).map_err(refused)?;
     let is_haply = protocol == Protocol::Haply;
-    let board = Board {
+    let board = BoardConfig {
         protocol,
         lockstep: false,
         touch_gate: false,

@@ -276,7 +276,7 @@ impl World {
         self.n_foreign = self.n_foreign.wrapping_add(1);
         let request = frame::Request {
             seq: FOREIGN_REQUEST.wrapping_add(self.n_foreign),
-            n: 1,
+            axis_count: 1,
             flags: frame::flag::ASK,
             ..frame::Request::default()
         };

@@ -18,14 +18,14 @@ const WAITING_MAX: usize = 4_096;
 const RATE_MAX: f64 = 4_000.0;
 const BURST_MAX: f64 = 1_024.0;
 /// A time stamp may be this much older or newer than its arrival [s]; others are wrong.
-const OLDEST: f64 = 0.5;
-const NEWEST: f64 = 0.005;
+const STAMP_AGE_MAX: f64 = 0.5;
+const STAMP_LEAD_MAX: f64 = 0.005;
 /// Least distance of two time stamps [s].
-const APART: f64 = 1e-6;
+const STAMP_GAP_MIN: f64 = 1e-6;
 /// Range of the factor of a finger's stiffness.
-const FIRMNESS: (f64, f64) = (0.1, FIRMEST);
+const FIRMNESS_RANGE: (f64, f64) = (0.1, FIRMEST);
 /// Gaps between positions that are longer are pauses of the player, not the rate of the pointer [s].
-const PAUSE: f64 = 0.1;
+const PAUSE_MIN: f64 = 0.1;
 /// The word for a lift in place of a firmness.
 const LIFTED: f64 = -1.0;
 
@@ -33,7 +33,7 @@ const LIFTED: f64 = -1.0;
 #[derive(Clone, Debug, PartialEq)]
 pub struct LeadOptions {
     /// The address of the key, such as `page:ada`.
-    pub name: String,
+    pub address: String,
     /// The finger between pointer and key.
     pub finger: Finger,
     /// Delay with which the path is read [s].
@@ -80,8 +80,8 @@ pub struct Lead {
     options: LeadOptions,
     epoch: Instant,
     feeder: Mutex<Feeder>,
-    /// Places for positions; each is time, position and firmness.
-    places: Box<[[AtomicU64; 3]]>,
+    /// Slots for positions; each is time, position and firmness.
+    slots: Box<[[AtomicU64; 3]]>,
     /// Numbers of positions written and read so far.
     written: AtomicU64,
     read: AtomicU64,
@@ -96,7 +96,7 @@ pub struct Lead {
 struct Feeder {
     last: f64,
     tokens: f64,
-    filled: f64,
+    refill_time: f64,
     tally: LeadTally,
     /// Number, sum and sum of squares of gaps.
     gaps: [f64; 3],
@@ -120,10 +120,10 @@ impl Lead {
     pub fn new(options: LeadOptions, is_present: bool) -> Option<Arc<Self>> {
         let mut known_leads = leads();
         known_leads.retain(|_, lead| lead.strong_count() > 0);
-        if known_leads.contains_key(&options.name) {
+        if known_leads.contains_key(&options.address) {
             return None;
         }
-        let lead_name = options.name.clone();
+        let lead_name = options.address.clone();
         let lead = Arc::new(Self {
             trace: Trace::new(options.traced_ticks),
             options,
@@ -133,7 +133,7 @@ impl Lead {
                 tokens: BURST_MAX,
                 ..Feeder::default()
             }),
-            places: (0..WAITING_MAX).map(|_| Default::default()).collect(),
+            slots: (0..WAITING_MAX).map(|_| Default::default()).collect(),
             written: AtomicU64::new(0),
             read: AtomicU64::new(0),
             is_present: AtomicBool::new(is_present),
@@ -148,8 +148,8 @@ impl Lead {
     pub fn close(&self) {
         let mut known_leads = leads();
         let is_this_lead = |lead: &Weak<Self>| std::ptr::eq(lead.as_ptr(), self);
-        if known_leads.get(&self.options.name).is_some_and(is_this_lead) {
-            known_leads.remove(&self.options.name);
+        if known_leads.get(&self.options.address).is_some_and(is_this_lead) {
+            known_leads.remove(&self.options.address);
         }
     }
 
@@ -181,9 +181,9 @@ impl Lead {
         let (mut stamp_time, mut arrival_time) = (placed.time, placed.time);
         if !self.options.lockstep {
             arrival_time = self.now();
-            feeder.tokens = (feeder.tokens + RATE_MAX * (arrival_time - feeder.filled)).min(BURST_MAX);
-            feeder.filled = arrival_time;
-            if !(arrival_time - OLDEST..=arrival_time + NEWEST).contains(&stamp_time) {
+            feeder.tokens = (feeder.tokens + RATE_MAX * (arrival_time - feeder.refill_time)).min(BURST_MAX);
+            feeder.refill_time = arrival_time;
+            if !(arrival_time - STAMP_AGE_MAX..=arrival_time + STAMP_LEAD_MAX).contains(&stamp_time) {
                 feeder.tally.misdated += 1;
                 stamp_time = arrival_time;
             }
@@ -197,27 +197,27 @@ impl Lead {
         }
         feeder.tokens -= 1.0;
         let stamp_gap = stamp_time - feeder.last;
-        if (APART..PAUSE).contains(&stamp_gap) {
+        if (STAMP_GAP_MIN..PAUSE_MIN).contains(&stamp_gap) {
             for (sum, power) in feeder.gaps.iter_mut().zip([1.0, stamp_gap, stamp_gap * stamp_gap]) {
                 *sum += power;
             }
             let last_stamp = feeder.last;
             feeder.arrivals.count(last_stamp, stamp_time, arrival_time);
         }
-        stamp_time = stamp_time.max(feeder.last + APART);
+        stamp_time = stamp_time.max(feeder.last + STAMP_GAP_MIN);
         feeder.last = stamp_time;
         feeder.tally.taken += 1;
         let [lower_limit, upper_limit] = self.options.key.range;
-        let place = &self.places[(written_count % WAITING_MAX as u64) as usize];
+        let slot = &self.slots[(written_count % WAITING_MAX as u64) as usize];
         let firmness = match placed.firmness {
-            Some(firmness) => firmness.clamp(FIRMNESS.0, FIRMNESS.1),
+            Some(firmness) => firmness.clamp(FIRMNESS_RANGE.0, FIRMNESS_RANGE.1),
             None => LIFTED,
         };
-        for (place, number) in place
+        for (cell, number) in slot
             .iter()
             .zip([stamp_time, placed.x.clamp(lower_limit, upper_limit), firmness])
         {
-            place.store(number.to_bits(), Ordering::Relaxed);
+            cell.store(number.to_bits(), Ordering::Relaxed);
         }
         self.written.store(written_count + 1, Ordering::Release);
         Ok(())
@@ -229,9 +229,9 @@ impl Lead {
         if read_count == self.written.load(Ordering::Acquire) {
             return None;
         }
-        let next_place = &self.places[(read_count % WAITING_MAX as u64) as usize];
+        let next_slot = &self.slots[(read_count % WAITING_MAX as u64) as usize];
         let [time, x, firmness] =
-            [0, 1, 2].map(|field_index| f64::from_bits(next_place[field_index].load(Ordering::Relaxed)));
+            [0, 1, 2].map(|field_index| f64::from_bits(next_slot[field_index].load(Ordering::Relaxed)));
         self.read.store(read_count + 1, Ordering::Release);
         let firmness = (firmness != LIFTED).then_some(firmness);
         Some(Placed { time, x, firmness })
@@ -300,13 +300,13 @@ impl Lead {
 
 impl PageKey for Lead {
     fn name(&self) -> &str {
-        let lead_name = self.options.name.as_str();
+        let lead_name = self.options.address.as_str();
         let lead_name = lead_name.split_once(':').map_or(lead_name, |(_, lead_name)| lead_name);
         lead_name.split_once('?').map_or(lead_name, |(lead_name, _)| lead_name)
     }
 
     fn input(&self) -> &str {
-        let lead_address = self.options.name.as_str();
+        let lead_address = self.options.address.as_str();
         lead_address.split_once(':').map_or(lead_address, |(kind, _)| kind)
     }
 
@@ -358,7 +358,7 @@ mod tests {
 
     fn lead(name: &str, lockstep: bool) -> Arc<Lead> {
         let options = LeadOptions {
-            name: name.into(),
+            address: name.into(),
             finger: Finger::default(),
             delay: 0.02,
             key: HeldKey::default(),
@@ -384,7 +384,7 @@ mod tests {
         }
         assert_eq!(lead.next(), Some(placed(0.0, 0.01)));
         assert_eq!(lead.next(), Some(placed(0.1, 0.05)));
-        assert_eq!(lead.next(), Some(placed(0.1 + APART, -0.05)), "time rises");
+        assert_eq!(lead.next(), Some(placed(0.1 + STAMP_GAP_MIN, -0.05)), "time rises");
         assert_eq!(lead.next(), None);
     }
 

@@ -6,8 +6,9 @@ use crate::realtime::sleep_until;
 
 /// Largest relative change of the length of a tick; neither hand nor ear notices it.
 const MAX_STRETCH: f64 = 5e-3;
-/// Proportional and integral gain for the relative error of the ring's level; the loop settles within seconds.
-const GAINS: (f64, f64) = (4e-3, 4e-4);
+/// Gains for the relative error of the ring's level; the loop settles within seconds.
+const PROPORTIONAL_GAIN: f64 = 4e-3;
+const INTEGRAL_GAIN: f64 = 4e-4;
 /// Lateness in ticks from which on the clock is reset: missed ticks are not caught up.
 const RESET_AFTER: u32 = 10;
 /// Time between two checks for room in the ring, as a part of a tick.
@@ -19,11 +20,11 @@ pub(super) struct Clock {
     /// Length of a tick [s].
     period: f64,
     /// Wanted level of the ring [frames].
-    target: f64,
+    fill_target: f64,
     /// Whether keys pace the ticks; otherwise the ring does.
-    keys: bool,
+    is_paced_by_keys: bool,
     /// Whether the output has a clock: a card has one, a file has none.
-    steered: bool,
+    is_steered: bool,
     due: Option<Instant>,
     integral: f64,
 }
@@ -32,26 +33,26 @@ pub(super) struct Clock {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct TickStart {
     /// Lateness of the tick.
-    pub(super) late: Duration,
+    pub(super) lateness: Duration,
     /// Whether the clock was reset.
     pub(super) was_reset: bool,
 }
 
 impl Clock {
-    pub(super) fn new(period: f64, target: usize, keys: bool, steered: bool) -> Self {
+    pub(super) fn new(period: f64, fill_target: usize, is_paced_by_keys: bool, is_steered: bool) -> Self {
         Self {
             period,
-            target: target.max(1) as f64,
-            keys,
-            steered,
+            fill_target: fill_target.max(1) as f64,
+            is_paced_by_keys,
+            is_steered,
             due: None,
             integral: 0.0,
         }
     }
 
     /// Whether keys pace the ticks.
-    pub(super) fn is_by_keys(&self) -> bool {
-        self.keys
+    pub(super) fn is_paced_by_keys(&self) -> bool {
+        self.is_paced_by_keys
     }
 
     /// Length of a tick [s].
@@ -59,9 +60,9 @@ impl Clock {
         self.period
     }
 
-    /// Wait for the next tick; `filled`: frames in the ring; `playing`: whether the card is taking them.
+    /// Wait for the next tick; `filled`: frames in the ring; `is_playing`: whether the card is taking them.
     pub(super) fn tick(&mut self, filled: usize, is_playing: bool) -> TickStart {
-        if !self.keys {
+        if !self.is_paced_by_keys {
             return TickStart::default();
         }
         let stretched_period = self.period * (1.0 + self.steer(filled, is_playing));
@@ -69,25 +70,25 @@ impl Clock {
             Some(due_instant) => due_instant + Duration::from_secs_f64(stretched_period),
             None => Instant::now(),
         };
-        let late = sleep_until(due_instant);
-        let was_reset = late.as_secs_f64() > f64::from(RESET_AFTER) * self.period;
+        let lateness = sleep_until(due_instant);
+        let was_reset = lateness.as_secs_f64() > f64::from(RESET_AFTER) * self.period;
         self.due = Some(if was_reset { Instant::now() } else { due_instant });
-        TickStart { late, was_reset }
+        TickStart { lateness, was_reset }
     }
 
     /// Relative change of the next tick's length: longer if the ring is above its wanted level.
     fn steer(&mut self, filled: usize, is_playing: bool) -> f64 {
-        if !self.steered {
+        if !self.is_steered {
             return 0.0;
         }
         if !is_playing {
             // Until the card takes frames the ring only fills: ticks are as short as allowed.
             return -MAX_STRETCH;
         }
-        let fill_error = ((filled as f64 - self.target) / self.target).clamp(-1.0, 1.0);
-        let integral_max = MAX_STRETCH / GAINS.1;
+        let fill_error = ((filled as f64 - self.fill_target) / self.fill_target).clamp(-1.0, 1.0);
+        let integral_max = MAX_STRETCH / INTEGRAL_GAIN;
         self.integral = (self.integral + fill_error * self.period).clamp(-integral_max, integral_max);
-        (GAINS.0 * fill_error + GAINS.1 * self.integral).clamp(-MAX_STRETCH, MAX_STRETCH)
+        (PROPORTIONAL_GAIN * fill_error + INTEGRAL_GAIN * self.integral).clamp(-MAX_STRETCH, MAX_STRETCH)
     }
 
     /// Sleep a little while the ring is full.
@@ -132,10 +133,10 @@ mod tests {
         assert!(!clock.tick(0, false).was_reset);
         pass_ticks(&mut clock, 2.0);
         let tick_start = clock.tick(64, true);
-        assert!(tick_start.late.as_secs_f64() > 0.9 * PERIOD, "{tick_start:?}");
+        assert!(tick_start.lateness.as_secs_f64() > 0.9 * PERIOD, "{tick_start:?}");
         assert!(!tick_start.was_reset, "{tick_start:?}");
         pass_ticks(&mut clock, 2.0 + 2.0 * f64::from(RESET_AFTER));
         assert!(clock.tick(64, true).was_reset);
-        assert!(clock.tick(64, true).late.as_secs_f64() < 0.9 * PERIOD);
+        assert!(clock.tick(64, true).lateness.as_secs_f64() < 0.9 * PERIOD);
     }
 }

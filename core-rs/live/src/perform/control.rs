@@ -7,6 +7,12 @@ use crate::device::WaitCanceller;
 use crate::realtime::Granted;
 use crate::{audio, stop};
 
+/// Bits of what the system granted: the memory of the process is locked; the grant is known.
+const MEMORY_LOCKED: u64 = 1;
+const GRANT_KNOWN: u64 = 4;
+/// The first bit of the priority in a grant.
+const PRIORITY_SHIFT: u32 = 8;
+
 /// Flags that the physics thread shares with others.
 #[derive(Debug, Default)]
 pub(super) struct SharedFlags {
@@ -20,8 +26,8 @@ pub(super) struct SharedFlags {
     pub(super) done: AtomicBool,
     /// Ends the waits for each device.
     cancellers: Vec<WaitCanceller>,
-    /// What the system granted the physics thread: bit 0: memory is locked; bit 2: the value is set; from bit 8 on:
-    /// priority + 1. 0: not known.
+    /// What the system granted the physics thread: [`MEMORY_LOCKED`], [`GRANT_KNOWN`], and from
+    /// [`PRIORITY_SHIFT`] on priority + 1. 0: not known.
     granted: AtomicU64,
 }
 
@@ -35,15 +41,15 @@ impl SharedFlags {
 
     pub(super) fn set_granted(&self, granted: Granted) {
         let priority = granted.fifo.map_or(0, |fifo| fifo as u64 + 1);
-        let packed_grant = 4 | priority << 8 | u64::from(granted.locked);
+        let packed_grant = GRANT_KNOWN | priority << PRIORITY_SHIFT | if granted.locked { MEMORY_LOCKED } else { 0 };
         self.granted.store(packed_grant, Ordering::Release);
     }
 
     pub(super) fn granted(&self) -> Option<Granted> {
         let packed_grant = self.granted.load(Ordering::Acquire);
         (packed_grant != 0).then(|| Granted {
-            fifo: (packed_grant >> 8).checked_sub(1).map(|fifo| fifo as i32),
-            locked: packed_grant & 1 == 1,
+            fifo: (packed_grant >> PRIORITY_SHIFT).checked_sub(1).map(|fifo| fifo as i32),
+            locked: packed_grant & MEMORY_LOCKED != 0,
         })
     }
 }

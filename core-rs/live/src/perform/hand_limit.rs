@@ -19,7 +19,7 @@ pub struct HandLimit {
     /// Greatest stiffness of piece and guidance [N/m].
     pub stiffness: f64,
     /// Greatest stable stiffness [N/m]: `scale` · `stiffness`.
-    pub limit: f64,
+    pub stable_stiffness: f64,
 }
 
 /// A key as measured by a calibration.
@@ -69,19 +69,19 @@ impl HandKey {
             hand: self.hand,
             scale,
             stiffness: stiffest,
-            limit: scale * stiffest,
+            stable_stiffness: scale * stiffest,
         }
     }
 }
 
 /// Tolerance of a measured delay [ticks]: a delay that exceeds a whole number of ticks by less counts as that number.
-const DELAY_DEVIATION: f64 = 0.05;
+const DELAY_TOLERANCE: f64 = 0.05;
 
 /// The key of a device without hand or piece, in ticks of `period` [s].
 ///
 /// If both the device and `measured` give a value, the less stable one counts (smaller mass and damping, longer delay):
 /// a calibration cannot make a key look safer than its device reports.
-pub(super) fn key(
+pub(super) fn bare_key(
     spec: &crate::device::Spec,
     measured: Option<MeasuredKey>,
     lockstep: bool,
@@ -91,10 +91,13 @@ pub(super) fn key(
         let known_values = [reported, measured].into_iter().flatten().filter(|value| *value > 0.0);
         known_values.reduce(f64::min).unwrap_or(default_value)
     };
-    let reported = spec.loop_delay_s.map(|delay_seconds| (delay_seconds / period).ceil());
+    let reported_delay = spec.loop_delay_s.map(|delay_seconds| (delay_seconds / period).ceil());
     let measured_delay = measured.and_then(|key| key.delay);
-    let measured_delay = measured_delay.map(|delay_seconds| (delay_seconds / period - DELAY_DEVIATION).ceil());
-    let delay_ticks = [reported, measured_delay].into_iter().flatten().fold(0.0, f64::max) as usize;
+    let measured_delay = measured_delay.map(|delay_seconds| (delay_seconds / period - DELAY_TOLERANCE).ceil());
+    let delay_ticks = [reported_delay, measured_delay]
+        .into_iter()
+        .flatten()
+        .fold(0.0, f64::max) as usize;
     stiffness::Key {
         mass: smallest_known(spec.inertia, measured.map(|key| key.mass), DEFAULT_KEY.0),
         damping: smallest_known(spec.damping, measured.map(|key| key.damping), DEFAULT_KEY.1),

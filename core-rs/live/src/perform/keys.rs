@@ -187,15 +187,18 @@ impl DeviceConfig {
 
     fn key(&self, guarded: &Guarded, measured: Option<MeasuredKey>) -> stiffness::Key {
         let lockstep = guarded.in_lockstep();
-        hand_limit::key(guarded.spec(), measured, lockstep, self.period)
+        hand_limit::bare_key(guarded.spec(), measured, lockstep, self.period)
     }
 
     fn guard(&self, device: Box<dyn Device>) -> Box<Guarded> {
         let device_limits = Limits::from_spec(device.spec());
         let force = self
             .force_limit
-            .map_or(device_limits.force, |limit| limit.min(device_limits.force));
-        let capped_limits = Limits { force, ..device_limits };
+            .map_or(device_limits.force_max, |limit| limit.min(device_limits.force_max));
+        let capped_limits = Limits {
+            force_max: force,
+            ..device_limits
+        };
         Box::new(Guarded::new(device, capped_limits, self.period).watched())
     }
 }

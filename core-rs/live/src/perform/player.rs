@@ -31,11 +31,11 @@ use crate::safety;
 use change::{SCHEDULED_MAX, ScheduledChange};
 
 /// A tick is late if it begins more than this part of its length after it was due.
-const LATE: f64 = 0.5;
+const LATE_SHARE: f64 = 0.5;
 /// Greatest number of strikes and values of inputs in one tick.
 const ACTS_MAX: usize = 256;
 /// If no keys pace the ticks: longest wait for room in the ring, because the card may be gone for good.
-const PATIENCE: Duration = Duration::from_secs(5);
+const RING_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// The physics thread's ends of everything that it shares with other threads.
 pub(super) struct Connections {
@@ -60,7 +60,7 @@ pub(super) struct Player {
     /// Changes that are not due yet, by rising frame.
     #[allow(clippy::vec_box)]
     // each change returns in its own box: unboxing would free memory here
-    pub(super) waiting: Vec<Box<ScheduledChange>>,
+    pub(super) scheduled_changes: Vec<Box<ScheduledChange>>,
     /// Writes what is heard into a file.
     tap: Option<Tap>,
     /// The window that pages look through, and the next one, which waits until its simulation plays.
@@ -75,23 +75,23 @@ pub(super) struct Player {
     pub(super) guidance: Vec<GuidanceState>,
     pub(super) scales: Vec<Scale>,
     /// Position of each hand's key in the previous tick [m], from which its speed is computed.
-    previous: Vec<f64>,
+    previous_positions: Vec<f64>,
     /// Force of the piece on each hand [N].
     piece_forces: Vec<f64>,
     /// Slot and axis of each hand.
     pub(super) axis_of: Vec<Option<(usize, usize)>>,
     /// For each slot, the tick from which a keyboard that came back plays again.
     returns_at: Vec<Option<u64>>,
-    rows: Vec<recording::Sample>,
+    hand_samples: Vec<recording::Sample>,
     /// Outputs of a tick                        (tick_frames, n_out)
     pub(super) outputs: Vec<f64>,
     /// Channels of a tick                       (tick_frames, n_channels)
     mixed: Vec<f64>,
     /// Heard channels of a tick, if there is a fold   (tick_frames, n_heard)
     folded: Vec<f64>,
-    single: Vec<f32>,
+    heard_f32: Vec<f32>,
     /// Frames of the limiter's delay that are still to be skipped at the beginning.
-    to_skip: usize,
+    frames_to_skip: usize,
     /// Frames that the fold and the limiter still hold after the last frame of the piece.
     tail_frames: usize,
     pub(super) tick: u64,
@@ -115,8 +115,8 @@ impl Player {
     ) -> Self {
         let hand_count = stage.hands.len();
         let tick_period = stage.tick_frames as f64 / stage.simulation.rate();
-        let guidance = |hand: &Hand| GuidanceState::new(hand.guidance, tick_period);
-        let guidance = stage.hands.iter().map(guidance).collect();
+        let guidance_of = |hand: &Hand| GuidanceState::new(hand.guidance, tick_period);
+        let guidance = stage.hands.iter().map(guidance_of).collect();
         let mut scales = vec![Scale::new(1.0, tick_period); hand_count];
         for hand_limit in hand_limits {
             scales[hand_limit.hand] = Scale::new(hand_limit.scale, tick_period);
@@ -140,16 +140,16 @@ impl Player {
             sources: vec![HandSource::default(); hand_count],
             guidance,
             scales,
-            previous: vec![0.0; hand_count],
+            previous_positions: vec![0.0; hand_count],
             piece_forces: vec![0.0; hand_count],
             axis_of,
             returns_at: vec![None; slots.len()],
-            rows: vec![recording::Sample::default(); hand_count],
+            hand_samples: vec![recording::Sample::default(); hand_count],
             outputs: vec![0.0; tick_frames * n_outputs],
             mixed: vec![0.0; tick_frames * n_channels],
             folded: vec![0.0; stage.fold.as_ref().map_or(0, |_| tick_frames * n_heard_channels)],
-            single: vec![0.0; tick_frames * n_heard_channels],
-            to_skip: latency,
+            heard_f32: vec![0.0; tick_frames * n_heard_channels],
+            frames_to_skip: latency,
             tail_frames: stage.n_tail(),
             tick: stage.simulation.frame() / tick_frames as u64,
             frame: stage.simulation.frame(),
@@ -157,7 +157,7 @@ impl Player {
             panicked: false,
             paced,
             has_positions: false,
-            waiting: Vec::with_capacity(SCHEDULED_MAX),
+            scheduled_changes: Vec::with_capacity(SCHEDULED_MAX),
             acts: Vec::with_capacity(ACTS_MAX),
             new_strikes: Strikes::new(),
             tap: None,
@@ -200,7 +200,7 @@ impl Player {
         self.wait_for_input();
         let clock_tick = self.clock.tick(self.connections.feed.filled(), is_playing);
         let tick_began = Instant::now();
-        self.count_lateness(clock_tick.late, clock_tick.was_reset);
+        self.count_lateness(clock_tick.lateness, clock_tick.was_reset);
         safety::check_signals();
         self.run_commands();
         self.make_changes();
@@ -240,9 +240,9 @@ impl Player {
             return;
         };
         let wait_start = Instant::now();
-        while !self.clock.is_by_keys()
+        while !self.clock.is_paced_by_keys()
             && sound_input.is_enough(self.connections.feed.filled())
-            && wait_start.elapsed() < PATIENCE
+            && wait_start.elapsed() < RING_TIMEOUT
             && !self.connections.flags.stop.load(Ordering::Acquire)
         {
             self.clock.nap();
@@ -251,10 +251,10 @@ impl Player {
 
     fn count_lateness(&mut self, lateness: Duration, was_reset: bool) {
         let status = &mut self.status;
-        status.late += u64::from(lateness.as_secs_f64() > LATE * self.clock.period());
-        status.latest = status.latest.max(lateness);
+        status.late_ticks += u64::from(lateness.as_secs_f64() > LATE_SHARE * self.clock.period());
+        status.max_lateness = status.max_lateness.max(lateness);
         if was_reset {
-            status.lost += 1;
+            status.clock_resets += 1;
             self.send_event(EventKind::Lost(lateness));
         }
     }

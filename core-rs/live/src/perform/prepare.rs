@@ -49,7 +49,7 @@ impl Performance {
             return Err(PlayError::Stiff {
                 hand: stiff_limit.hand,
                 stiffness: stiff_limit.stiffness,
-                limit: stiff_limit.limit,
+                limit: stiff_limit.stable_stiffness,
             });
         }
         let block_frames = config.audio.block.unwrap_or(0) as usize;

@@ -16,11 +16,11 @@ pub struct Status {
     /// Number of ticks.
     pub ticks: u64,
     /// Number of ticks that began more than half a tick late.
-    pub late: u64,
+    pub late_ticks: u64,
     /// Greatest lateness of a tick.
-    pub latest: Duration,
+    pub max_lateness: Duration,
     /// How often the clock was reset because it was too late.
-    pub lost: u64,
+    pub clock_resets: u64,
     /// Number of frames that were dropped because the ring was full.
     pub dropped: u64,
     /// Number of frames of frozen parts that were not read in time.
@@ -48,9 +48,9 @@ impl Default for Status {
         Self {
             frame: 0,
             ticks: 0,
-            late: 0,
-            latest: Duration::ZERO,
-            lost: 0,
+            late_ticks: 0,
+            max_lateness: Duration::ZERO,
+            clock_resets: 0,
             dropped: 0,
             missed: 0,
             load: 0.0,

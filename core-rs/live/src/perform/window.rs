@@ -71,7 +71,7 @@ pub struct Window {
     /// Pictures per audio frame.
     pictures_per_frame: f64,
     /// Number of the last video frame for which a picture was due.
-    last: Option<u64>,
+    last_picture: Option<u64>,
     squares: Vec<f64>,
     n_heard: u64,
     pictures: Input<Picture>,
@@ -79,7 +79,7 @@ pub struct Window {
 }
 
 /// The other end of a window, which makes chunks of pictures.
-pub struct Scene {
+pub struct WindowReader {
     recorder: Recorder,
     pictures: Output<Picture>,
     skipped: Arc<AtomicU64>,
@@ -90,7 +90,7 @@ pub struct Scene {
 ///
 /// # Errors
 /// A sentence if there is too much to show.
-pub fn window(simulation: &Simulation, look: Look, setup: Setup) -> Result<(Window, Scene), String> {
+pub fn window_pair(simulation: &Simulation, look: Look, setup: Setup) -> Result<(Window, WindowReader), String> {
     let picture = Picture {
         glance: Glance::new(simulation, &look),
         strikes: vec![Strike::default(); STRIKES_MAX],
@@ -103,19 +103,19 @@ pub fn window(simulation: &Simulation, look: Look, setup: Setup) -> Result<(Wind
     let skipped = Arc::new(AtomicU64::new(0));
     let window = Window {
         pictures_per_frame: setup.fps / simulation.rate(),
-        last: None,
+        last_picture: None,
         squares: picture.squares,
         n_heard: 0,
         pictures: picture_input,
         skipped: skipped.clone(),
         look: look.clone(),
     };
-    let scene = Scene {
+    let reader = WindowReader {
         recorder: Recorder::new(simulation, look, setup)?,
         pictures,
         skipped,
     };
-    Ok((window, scene))
+    Ok((window, reader))
 }
 
 impl Window {
@@ -138,10 +138,10 @@ impl Window {
     /// simulation that is not its own.
     pub(super) fn publish(&mut self, simulation: &mut Simulation, strikes: &mut Strikes, dropped: u64) {
         let picture_number = (simulation.frame() as f64 * self.pictures_per_frame) as u64;
-        if self.last == Some(picture_number) || !self.is_of(simulation) {
+        if self.last_picture == Some(picture_number) || !self.is_of(simulation) {
             return;
         }
-        self.last = Some(picture_number);
+        self.last_picture = Some(picture_number);
         if !self.pictures.consumed() {
             self.skipped.fetch_add(1, Ordering::Relaxed);
             return;
@@ -159,7 +159,7 @@ impl Window {
     }
 }
 
-impl Scene {
+impl WindowReader {
     /// Whether the other end was dropped, and no picture is left to be fetched.
     fn is_over(&self) -> bool {
         Arc::strong_count(&self.skipped) == 1 && !self.pictures.updated()

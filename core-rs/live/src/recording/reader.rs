@@ -11,7 +11,7 @@ use crate::regular;
 
 /// Payload of a chunk of rows that is written at once: small, so that damage to one chunk costs little.
 const ROWS_PAYLOAD: usize = 1 << 16;
-const EVENT: usize = 8 + 4;
+const EVENT_HEADER_SIZE: usize = 8 + 4;
 
 /// Rows and events in memory; columns are (n_ticks × n_axes), row by row.
 #[derive(Clone, Debug, PartialEq)]
@@ -122,7 +122,7 @@ impl Recording {
     }
 
     /// Write the recording as a whole, finished file.
-    pub fn write(&self, to: &mut impl Write) -> Result<(), RecordingError> {
+    pub fn write(&self, writer: &mut impl Write) -> Result<(), RecordingError> {
         let mut chunk_bytes = start(&self.header);
         let n_axes = self.header.axes.len();
         let row_size = row::size(n_axes);
@@ -132,16 +132,16 @@ impl Recording {
         for (ticks, samples) in self.ticks.chunks(rows_per_chunk).zip(sample_chunks) {
             payload.resize(row_size * ticks.len(), 0);
             let tick_rows = ticks.iter().zip(samples.chunks_exact(n_axes));
-            for (to, (&tick, samples)) in payload.chunks_exact_mut(row_size).zip(tick_rows) {
-                row::encode(to, tick, samples);
+            for (row_bytes, (&tick, samples)) in payload.chunks_exact_mut(row_size).zip(tick_rows) {
+                row::encode(row_bytes, tick, samples);
             }
             chunk::append(&mut chunk_bytes, chunk::ROWS, &payload);
-            to.write_all(&chunk_bytes)?;
+            writer.write_all(&chunk_bytes)?;
             chunk_bytes.clear();
         }
         payload.clear();
         for (tick, line) in &self.events {
-            if payload.len() + EVENT + line.len() > chunk::MAX_PAYLOAD {
+            if payload.len() + EVENT_HEADER_SIZE + line.len() > chunk::MAX_PAYLOAD {
                 chunk::append(&mut chunk_bytes, chunk::EVENTS, &payload);
                 payload.clear();
             }
@@ -153,7 +153,7 @@ impl Recording {
             chunk::append(&mut chunk_bytes, chunk::EVENTS, &payload);
         }
         chunk::append(&mut chunk_bytes, chunk::END, &self.dropped.to_le_bytes());
-        to.write_all(&chunk_bytes)?;
+        writer.write_all(&chunk_bytes)?;
         Ok(())
     }
 }
@@ -227,8 +227,8 @@ pub(crate) fn decode(
 struct Collected {
     recording: Recording,
     ticks: Option<Range<u64>>,
-    first: Option<u64>,
-    after: Option<u64>,
+    first_tick: Option<u64>,
+    last_tick: Option<u64>,
     event_bytes: usize,
 }
 
@@ -237,8 +237,8 @@ impl Collected {
         Self {
             recording: Recording::empty(header),
             ticks,
-            first: None,
-            after: None,
+            first_tick: None,
+            last_tick: None,
             event_bytes: 0,
         }
     }
@@ -261,7 +261,7 @@ impl Collected {
 
     /// Whether a tick is in the wanted range; events before the first row count as part of its tick.
     fn wanted(&self, tick: u64) -> bool {
-        let tick_offset = tick.saturating_sub(self.first.unwrap_or(tick));
+        let tick_offset = tick.saturating_sub(self.first_tick.unwrap_or(tick));
         self.ticks.as_ref().is_none_or(|ticks| ticks.contains(&tick_offset))
     }
 
@@ -271,7 +271,7 @@ impl Collected {
         if !payload_rows.remainder().is_empty() {
             return Ok(false);
         }
-        let (mut first_tick, mut previous_tick) = (self.first, self.after);
+        let (mut first_tick, mut previous_tick) = (self.first_tick, self.last_tick);
         for row_tick in payload_rows.clone().map(row::tick) {
             if previous_tick.is_some_and(|previous_tick| row_tick <= previous_tick) {
                 return Ok(false);
@@ -279,7 +279,7 @@ impl Collected {
             first_tick = first_tick.or(Some(row_tick));
             previous_tick = Some(row_tick);
         }
-        (self.first, self.after) = (first_tick, previous_tick);
+        (self.first_tick, self.last_tick) = (first_tick, previous_tick);
         for row in payload_rows {
             let row_tick = row::tick(row);
             if self.wanted(row_tick) {
@@ -299,7 +299,7 @@ impl Collected {
         };
         for (tick, line) in events {
             if self.wanted(tick) {
-                self.event_bytes += EVENT + line.len();
+                self.event_bytes += EVENT_HEADER_SIZE + line.len();
                 if self.event_bytes > MAX_EVENTS {
                     return Err(RecordingError::TooLong);
                 }

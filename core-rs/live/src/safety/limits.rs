@@ -4,35 +4,35 @@ use crate::safety::contract::Spec;
 
 /// Greatest work that any device may do on a hand at once [J]: 10 N over 100 mm. For comparison: a partner who leads a
 /// hand by 15 mm to and fro three times a second does 0.2 W.
-const ENERGY: f64 = 1.0;
+const ENERGY_MAX: f64 = 1.0;
 /// Greatest power that any device may give to a hand for long [W].
-const POWER: f64 = 0.5;
+const POWER_MAX: f64 = 0.5;
 
 /// Limits of each axis; those of a [`Spec`] hold in addition.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Greatest force [N].
-    pub force: f64,
+    pub force_max: f64,
     /// Fastest change of force [N/ms].
     pub slew: f64,
     /// Time of the rise to full force at the start [s].
-    pub ramp: f64,
+    pub ramp_time: f64,
     /// Speed above which an axis trips [m/s].
-    pub velocity: f64,
+    pub velocity_max: f64,
     /// Time over which velocity is averaged [s], because one step of a coarse sensor is not a speed.
-    pub velocity_over: f64,
+    pub velocity_window: f64,
     /// Age above which a position is not used [s].
-    pub stale: f64,
+    pub position_age_max: f64,
     /// Least duration of a trip [s].
-    pub hold: f64,
+    pub trip_time: f64,
     /// Time of the fade from zero to full force after a trip or a stale position [s].
-    pub fade: f64,
+    pub fade_time: f64,
     /// Greatest work that may be done on a hand at once [J].
     pub energy: f64,
     /// Power at which `energy` is refilled, so the greatest continuous power into a hand [W].
     pub power: f64,
     /// Time constant of a motor's heat [s].
-    pub heat: f64,
+    pub heat_time: f64,
 }
 
 impl Limits {
@@ -43,17 +43,17 @@ impl Limits {
         let full_force = spec.force_max_peak;
         let position_range = spec.pos_range[1] - spec.pos_range[0];
         Self {
-            force: full_force,
+            force_max: full_force,
             slew: full_force / 5.0,
-            ramp: 2.0,
-            velocity: 40.0 * position_range,
-            velocity_over: 5e-3,
-            stale: 0.02,
-            hold: 0.5,
-            fade: 0.25,
-            energy: ENERGY.min(2.0 * full_force * position_range),
-            power: POWER.min(2.0 * full_force * position_range),
-            heat: 10.0,
+            ramp_time: 2.0,
+            velocity_max: 40.0 * position_range,
+            velocity_window: 5e-3,
+            position_age_max: 0.02,
+            trip_time: 0.5,
+            fade_time: 0.25,
+            energy: ENERGY_MAX.min(2.0 * full_force * position_range),
+            power: POWER_MAX.min(2.0 * full_force * position_range),
+            heat_time: 10.0,
         }
     }
 }

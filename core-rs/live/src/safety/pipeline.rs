@@ -83,12 +83,12 @@ impl Pipeline {
         Self {
             limits,
             continuous: spec.force_max_continuous,
-            max_force: limits.force.min(spec.force_max_peak),
+            max_force: limits.force_max.min(spec.force_max_peak),
             period,
             n: spec.dof.min(MAX_AXES),
             axes: std::array::from_fn(new_axis),
             counts: Counts::default(),
-            ages: Ages::new(limits.stale),
+            ages: Ages::new(limits.position_age_max),
             passivity: Passivity::new(spec, &limits, period, in_lockstep),
             unanswered: 0,
             is_hot: false,
@@ -100,7 +100,7 @@ impl Pipeline {
     pub(super) fn pass(&mut self, asked: &[f64], now: Duration) -> SafeForce {
         self.counts.ticks += 1;
         self.unanswered = self.unanswered.saturating_add(1);
-        let period_and_fade = [self.period, self.limits.fade];
+        let period_and_fade = [self.period, self.limits.fade_time];
         let is_stale = self.ages.sending(now, period_and_fade, &mut self.counts);
         let mut force_output = [0.0; MAX_AXES];
         for (axis, force_output) in force_output[..self.n].iter_mut().enumerate() {
@@ -124,7 +124,7 @@ impl Pipeline {
         if !force.is_finite() {
             counts.not_finite += 1;
             let trip_count = &mut counts.trips_not_finite;
-            axis_state.trip.start(Reason::NotFinite, limits.hold, trip_count);
+            axis_state.trip.start(Reason::NotFinite, limits.trip_time, trip_count);
             force = 0.0;
         }
         if force.abs() > self.max_force {
@@ -132,13 +132,13 @@ impl Pipeline {
             force = self.max_force.copysign(force);
         }
         force = axis_state.heat.pass(force, continuous, self.is_hot, counts);
-        axis_state.ramp.rise(period, limits.ramp);
+        axis_state.ramp.rise(period, limits.ramp_time);
         force = axis_state.ramp.pass(force, &mut counts.ramped);
-        if axis_state.velocity.abs() > limits.velocity {
+        if axis_state.velocity.abs() > limits.velocity_max {
             let trip_count = &mut counts.trips_speed;
-            axis_state.trip.start(Reason::Speed, limits.hold, trip_count);
+            axis_state.trip.start(Reason::Speed, limits.trip_time, trip_count);
         }
-        let trip_holds = axis_state.trip.tick(period, limits.fade);
+        let trip_holds = axis_state.trip.tick(period, limits.fade_time);
         force = axis_state.trip.pass(force, &mut counts.tripped);
         force = self.ages.pass(force, &mut counts.stale);
         force = scaled(force, axis_state.gain, &mut counts.stiff);
@@ -153,7 +153,7 @@ impl Pipeline {
         }
         let force_step = limits.slew * 1e3 * period;
         force = axis_state.slew.pass(force, allowed, force_step, &mut counts.slewed);
-        axis_state.heat.add_load(force, continuous, period, limits.heat);
+        axis_state.heat.add_load(force, continuous, period, limits.heat_time);
         force
     }
 
@@ -163,13 +163,13 @@ impl Pipeline {
         // Replies may come late and then together; a stopped host sends nothing for a while.
         let reply_interval = (self.period * f64::from(self.unanswered.max(1))).max(elapsed.unwrap_or(0.0));
         (self.unanswered, self.is_hot) = (0, sample.hot);
-        let mean_weight = (reply_interval / self.limits.velocity_over).min(1.0);
+        let mean_weight = (reply_interval / self.limits.velocity_window).min(1.0);
         let mut positions = sample.position;
         for (axis, x) in self.axes[..self.n].iter_mut().zip(&mut positions) {
             let position_before = axis.position.unwrap_or(*x);
             if !x.is_finite() {
                 let trip_count = &mut self.counts.trips_not_finite;
-                axis.trip.start(Reason::NotFinite, self.limits.hold, trip_count);
+                axis.trip.start(Reason::NotFinite, self.limits.trip_time, trip_count);
                 *x = if position_before.is_finite() {
                     position_before
                 } else {
@@ -180,7 +180,7 @@ impl Pipeline {
             let velocities = [axis.velocity, axis.last_velocity];
             if let Some(trip_cause) = axis.travel.fault(*x, position_before, velocities, reply_interval) {
                 let trip_count = &mut self.counts.trips_position;
-                axis.trip.start(trip_cause, self.limits.hold, trip_count);
+                axis.trip.start(trip_cause, self.limits.trip_time, trip_count);
             }
             axis.position = Some(*x);
             axis.last_velocity = (*x - position_before) / reply_interval;
@@ -285,7 +285,7 @@ impl Pipeline {
             let saved_heat = Heat {
                 level: memory.heat[number],
             };
-            axis.heat = saved_heat.cooled(elapsed, self.limits.heat);
+            axis.heat = saved_heat.cooled(elapsed, self.limits.heat_time);
             let work_left = (memory.work[number] - refilled_work).max(0.0);
             self.passivity.resume(number, work_left);
         }

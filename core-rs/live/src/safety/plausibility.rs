@@ -23,7 +23,7 @@ mod signs;
 use super::Trip;
 use crate::wire::MAX_AXES;
 use confirmation::{Confirmation, Phase, Step, Verdict};
-use probe::{Answer, Probe};
+use probe::{Probe, ProbeAnswer};
 use signs::{AxisParameters, Signs, Suspicion};
 
 /// Length of a step, if a tick is shorter [s].
@@ -127,7 +127,7 @@ impl Plausibility {
     /// key's position if there is a new one. Returns the force to ask for instead.
     pub(super) fn tick(&mut self, asked: f64, sent: f64, position: Option<f64>) -> f64 {
         self.ticks = (self.ticks + 1).min(self.every);
-        let pass_share = self.confirmation.passes(sent);
+        let pass_share = self.confirmation.update_pass_share(sent);
         if let Some(new_position) = position
             && self.ticks == self.every
         {
@@ -140,10 +140,12 @@ impl Plausibility {
             Mode::Off { .. } => 0.0,
             Mode::Doubting(_) => self.confirmation.with_pulses(0.0),
             Mode::Probing(Probe {
-                offset, replaces: true, ..
+                offset,
+                replaces_piece: true,
+                ..
             }) => offset * self.fade,
             // The force that was sent is changed, because one that is asked for may be clamped and hide the probe.
-            Mode::Probing(probe) if probe.kind == Suspicion::Stop => (probe.force + probe.offset) / pass_share,
+            Mode::Probing(probe) if probe.kind == Suspicion::Stop => (probe.initial_force + probe.offset) / pass_share,
             Mode::Probing(Probe { offset, .. }) => (asked.clamp(-self.force, self.force) + offset) * self.fade,
             Mode::Watching => {
                 let force = self.confirmation.with_pulses(asked);
@@ -208,7 +210,7 @@ impl Plausibility {
         self.signs.add(x, sent, &self.built);
         let verdict = self.confirmation.advance(Step {
             x,
-            moved,
+            displacement: moved,
             sent,
             phase: match self.mode {
                 Mode::Watching => Phase::Playing,
@@ -267,7 +269,7 @@ impl Plausibility {
     }
 
     fn watch(&mut self, sent: f64) {
-        let asks_questions = self.confirmation.asks;
+        let asks_questions = self.confirmation.is_asking;
         if let Some(evident_trip) = self.signs.evident_fault(sent, asks_questions, &self.built) {
             self.trip_with(evident_trip);
         } else if self.may_probe
@@ -282,24 +284,24 @@ impl Plausibility {
         }
     }
 
-    fn apply_answer(&mut self, probe: Probe, answer: Answer) {
+    fn apply_answer(&mut self, probe: Probe, answer: ProbeAnswer) {
         self.mode = match answer {
-            Answer::Waiting => Mode::Probing(probe),
-            Answer::Wrong if self.wrong + 1 >= WRONG_ANSWERS => {
+            ProbeAnswer::Waiting => Mode::Probing(probe),
+            ProbeAnswer::Wrong if self.wrong + 1 >= WRONG_ANSWERS => {
                 return self.doubt();
             }
             // A hand may leave the stop by chance: questions decide, where they are asked.
-            Answer::Wrong if probe.kind == Suspicion::Stop && self.wrong > 0 && self.confirmation.asks => {
+            ProbeAnswer::Wrong if probe.kind == Suspicion::Stop && self.wrong > 0 && self.confirmation.is_asking => {
                 return self.doubt();
             }
-            Answer::Wrong => {
+            ProbeAnswer::Wrong => {
                 self.wrong += 1;
                 Mode::Probing(probe.repeated_as_run())
             }
-            Answer::Right | Answer::Unclear => Mode::Watching,
+            ProbeAnswer::Right | ProbeAnswer::Unclear => Mode::Watching,
         };
         if matches!(self.mode, Mode::Watching) {
-            if answer == Answer::Right {
+            if answer == ProbeAnswer::Right {
                 self.confirmed = true;
                 self.wrong = 0;
             }
@@ -357,7 +359,7 @@ impl PlausibilityChecks {
     pub(super) fn disable_probes(&mut self) {
         for axis in &mut self.axes {
             axis.may_probe = false;
-            axis.confirmation.asks = false;
+            axis.confirmation.is_asking = false;
         }
     }
 
@@ -400,8 +402,8 @@ impl PlausibilityChecks {
 }
 
 #[cfg(test)]
-mod played;
-#[cfg(test)]
 mod playing_hands;
+#[cfg(test)]
+mod simulated_key;
 #[cfg(test)]
 mod tests;

@@ -73,17 +73,17 @@ impl Device for Bench {
 /// Limits with which no stage acts; a test changes one of them.
 fn open() -> Limits {
     Limits {
-        force: f64::INFINITY,
+        force_max: f64::INFINITY,
         slew: f64::INFINITY,
-        ramp: 0.0,
-        velocity: f64::INFINITY,
-        velocity_over: 5e-3,
-        stale: 0.02,
-        hold: 0.1,
-        fade: 0.0,
+        ramp_time: 0.0,
+        velocity_max: f64::INFINITY,
+        velocity_window: 5e-3,
+        position_age_max: 0.02,
+        trip_time: 0.1,
+        fade_time: 0.0,
         energy: f64::INFINITY,
         power: 0.0,
-        heat: 1e6,
+        heat_time: 1e6,
     }
 }
 
@@ -107,7 +107,7 @@ fn still(asked: f64, n: usize) -> impl Iterator<Item = (f64, Option<f64>)> {
 fn safe_forces_are_sent_bitwise() {
     let mut bench = Bench::new();
     let limits = Limits {
-        ramp: 0.0,
+        ramp_time: 0.0,
         ..Limits::from_spec(&bench.spec)
     };
     let mut guarded = Guarded::new(&mut bench, limits, PERIOD);
@@ -152,7 +152,10 @@ fn force_is_limited_by_player_and_device() {
     let mut bench = Bench::new();
     let sent_forces = play(&mut Guarded::new(&mut bench, open(), PERIOD), still(-9.0, 1));
     assert_eq!(sent_forces, [-2.0]);
-    let gentle_limits = Limits { force: 0.25, ..open() };
+    let gentle_limits = Limits {
+        force_max: 0.25,
+        ..open()
+    };
     let mut guarded = Guarded::new(&mut bench, gentle_limits, PERIOD);
     assert_eq!(play(&mut guarded, still(9.0, 2)), [0.25, 0.25]);
     assert_eq!(guarded.counts().clamped, 2);
@@ -161,7 +164,10 @@ fn force_is_limited_by_player_and_device() {
 #[test]
 fn hot_motor_force_falls_to_the_continuous_limit() {
     let mut bench = Bench::new();
-    let limits = Limits { heat: 0.1, ..open() };
+    let limits = Limits {
+        heat_time: 0.1,
+        ..open()
+    };
     let mut guarded = Guarded::new(&mut bench, limits, PERIOD);
     let sent_forces = play(&mut guarded, still(2.0, 2000));
     assert_eq!(sent_forces[0], 2.0);
@@ -189,7 +195,10 @@ fn force_rises_within_the_slew_limit() {
 #[test]
 fn force_ramps_up_over_two_seconds() {
     let mut bench = Bench::new();
-    let limits = Limits { ramp: 2.0, ..open() };
+    let limits = Limits {
+        ramp_time: 2.0,
+        ..open()
+    };
     let mut guarded = Guarded::new(&mut bench, limits, PERIOD);
     let sent_forces = play(&mut guarded, still(1.0, 2500));
     for position in [0, 499, 999, 1500] {
@@ -207,7 +216,7 @@ fn fast_key_trips_by_velocity() {
     let mut bench = Bench::new();
     bench.spec.pos_range = [-0.2, 0.2];
     let limits = Limits {
-        velocity: 1.0,
+        velocity_max: 1.0,
         ..open()
     };
     let mut guarded = Guarded::new(&mut bench, limits, PERIOD);
@@ -259,7 +268,7 @@ fn third_trip_within_a_minute_persists() {
         for asked in [Some(f64::NAN), None] {
             let mut bench = Bench::new();
             let limits = Limits {
-                velocity: 1.0,
+                velocity_max: 1.0,
                 ..open()
             };
             let mut guarded = Guarded::new(&mut bench, limits, PERIOD);
@@ -301,7 +310,10 @@ fn persistent_trip_survives_a_reconnection() {
 #[test]
 fn force_is_zero_without_positions_and_fades_in() {
     let mut bench = Bench::new();
-    let limits = Limits { fade: 0.1, ..open() };
+    let limits = Limits {
+        fade_time: 0.1,
+        ..open()
+    };
     let mut guarded = Guarded::new(&mut bench, limits, PERIOD);
     // No position in the first 5 ticks, and for 50 ticks in the middle.
     let asked_ticks = (0..500).map(|i| {
@@ -370,7 +382,10 @@ fn scale_of_a_stiff_coupling_halves_its_force() {
 #[test]
 fn stop_by_the_player_ends_force() {
     let mut bench = Bench::new();
-    let limits = Limits { ramp: 0.1, ..open() };
+    let limits = Limits {
+        ramp_time: 0.1,
+        ..open()
+    };
     let mut guarded = Guarded::new(&mut bench, limits, PERIOD);
     assert_eq!(play(&mut guarded, still(1.0, 200))[150], 1.0);
     guarded.stop(true);

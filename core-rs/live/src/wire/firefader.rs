@@ -28,7 +28,7 @@ pub fn request(force: [f64; 2]) -> [u8; 3] {
 }
 
 /// The forces [N] as rounded by their packet.
-pub fn carried(force: [f64; 2]) -> [f64; 2] {
+pub fn rounded_forces(force: [f64; 2]) -> [f64; 2] {
     force.map(|force| f64::from(steps(force)) * FORCE_LSB)
 }
 

@@ -39,13 +39,25 @@ pub mod status {
     pub const LET_GO: u8 = 8;
 }
 
+/// Bits of the traits that a device reports.
+pub mod trait_flag {
+    /// Positions are in radians, not in metres.
+    pub const RADIANS: u8 = 1;
+    /// There is force only while a finger touches the key.
+    pub const TOUCH_GATED: u8 = 2;
+    /// The device can run in lockstep.
+    pub const LOCKSTEP: u8 = 4;
+    /// The device understands wide frames.
+    pub const WIDE: u8 = 8;
+}
+
 /// A request with forces for a device.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Request {
     /// Number of the request, which the reply echoes.
     pub seq: u16,
     /// Number of axes; 0 asks for the properties of the device.
-    pub n: usize,
+    pub axis_count: usize,
     /// Whether forces and positions are f64.
     pub wide: bool,
     /// Bits of [`flag`].
@@ -62,7 +74,7 @@ pub struct Reply {
     /// The device's clock [µs].
     pub t_us: u32,
     /// Number of axes.
-    pub n: usize,
+    pub axis_count: usize,
     /// Whether positions are f64.
     pub wide: bool,
     /// Bits of [`status`].
@@ -77,11 +89,11 @@ pub struct DeviceInfo {
     /// Number of the request.
     pub seq: u16,
     /// Number of axes.
-    pub n: usize,
-    /// Bit 0 radians, 1 touch-gated, 2 lockstep, 3 wide.
-    pub traits: u8,
+    pub axis_count: usize,
+    /// Bits of [`trait_flag`].
+    pub trait_flags: u8,
     /// Continuous and peak force, position step, least and greatest position, rate, inertia, damping.
-    pub numbers: [f32; 8],
+    pub spec_numbers: [f32; 8],
 }
 
 /// CRC-16/CCITT-FALSE.
@@ -122,7 +134,7 @@ fn steps(force: f64, force_max: f64) -> i16 {
 }
 
 /// A force [N] as rounded by a narrow frame.
-pub fn carried(force: f64, force_max: f64) -> f64 {
+pub fn rounded_force(force: f64, force_max: f64) -> f64 {
     f64::from(steps(force, force_max)) * (force_max / FORCE_STEPS)
 }
 
@@ -132,8 +144,8 @@ impl Request {
         let mut request_frame = Frame { bytes, len: 0 };
         request_frame.put(&SYNC);
         request_frame.put(&self.seq.to_le_bytes());
-        request_frame.put(&[count(self.n, self.wide)]);
-        for force in &self.force[..self.n] {
+        request_frame.put(&[count(self.axis_count, self.wide)]);
+        for force in &self.force[..self.axis_count] {
             if self.wide {
                 request_frame.put(&force.to_le_bytes());
             } else {
@@ -150,15 +162,15 @@ impl Request {
             let mut force = [0.0; MAX_AXES];
             for (axis, force) in force[..n].iter_mut().enumerate() {
                 *force = if wide {
-                    f64::from_le_bytes(array(body, 3 + 8 * axis))
+                    f64::from_le_bytes(bytes_at(body, 3 + 8 * axis))
                 } else {
-                    f64::from(i16::from_le_bytes(array(body, 3 + 2 * axis))) * (force_max / FORCE_STEPS)
+                    f64::from(i16::from_le_bytes(bytes_at(body, 3 + 2 * axis))) * (force_max / FORCE_STEPS)
                 };
             }
             let are_finite = force.iter().all(|force| force.is_finite());
             are_finite.then(|| Self {
-                seq: u16::from_le_bytes(array(body, 0)),
-                n,
+                seq: u16::from_le_bytes(bytes_at(body, 0)),
+                axis_count: n,
                 wide,
                 flags: body[body.len() - 1],
                 force,
@@ -174,8 +186,8 @@ impl Reply {
         reply_frame.put(&SYNC);
         reply_frame.put(&self.seq.to_le_bytes());
         reply_frame.put(&self.t_us.to_le_bytes());
-        reply_frame.put(&[count(self.n, self.wide)]);
-        for position in &self.position[..self.n] {
+        reply_frame.put(&[count(self.axis_count, self.wide)]);
+        for position in &self.position[..self.axis_count] {
             if self.wide {
                 reply_frame.put(&position.to_le_bytes());
             } else {
@@ -192,16 +204,16 @@ impl Reply {
             let mut position = [0.0; MAX_AXES];
             for (axis, position) in position[..n].iter_mut().enumerate() {
                 *position = if wide {
-                    f64::from_le_bytes(array(body, 7 + 8 * axis))
+                    f64::from_le_bytes(bytes_at(body, 7 + 8 * axis))
                 } else {
-                    f64::from(i32::from_le_bytes(array(body, 7 + 4 * axis))) * POS_LSB
+                    f64::from(i32::from_le_bytes(bytes_at(body, 7 + 4 * axis))) * POS_LSB
                 };
             }
             let are_finite = position.iter().all(|position| position.is_finite());
             are_finite.then(|| Self {
-                seq: u16::from_le_bytes(array(body, 0)),
-                t_us: u32::from_le_bytes(array(body, 2)),
-                n,
+                seq: u16::from_le_bytes(bytes_at(body, 0)),
+                t_us: u32::from_le_bytes(bytes_at(body, 2)),
+                axis_count: n,
                 wide,
                 status: body[body.len() - 1],
                 position,
@@ -216,8 +228,8 @@ impl DeviceInfo {
         let mut info_frame = Frame { bytes, len: 0 };
         info_frame.put(&SYNC_INFO);
         info_frame.put(&self.seq.to_le_bytes());
-        info_frame.put(&[self.n as u8, self.traits]);
-        for number in self.numbers {
+        info_frame.put(&[self.axis_count as u8, self.trait_flags]);
+        for number in self.spec_numbers {
             info_frame.put(&number.to_le_bytes());
         }
         info_frame.close()
@@ -228,13 +240,13 @@ impl DeviceInfo {
         parse_frame(bytes, SYNC_INFO, 2, 33, [0, 0], |body, n, _| {
             let mut numbers = [0.0; 8];
             for (i, number) in numbers.iter_mut().enumerate() {
-                *number = f32::from_le_bytes(array(body, 4 + 4 * i));
+                *number = f32::from_le_bytes(bytes_at(body, 4 + 4 * i));
             }
             (n > 0).then(|| Self {
-                seq: u16::from_le_bytes(array(body, 0)),
-                n,
-                traits: body[3],
-                numbers,
+                seq: u16::from_le_bytes(bytes_at(body, 0)),
+                axis_count: n,
+                trait_flags: body[3],
+                spec_numbers: numbers,
             })
         })
     }
@@ -281,7 +293,7 @@ fn parse_frame<T>(
     })
 }
 
-fn array<const N: usize>(bytes: &[u8], offset: usize) -> [u8; N] {
+fn bytes_at<const N: usize>(bytes: &[u8], offset: usize) -> [u8; N] {
     let mut fixed_bytes = [0; N];
     fixed_bytes.copy_from_slice(&bytes[offset..offset + N]);
     fixed_bytes

@@ -60,7 +60,7 @@ fn forces(n: usize) -> frame::Request {
     }
     frame::Request {
         seq: 0x0102,
-        n,
+        axis_count: n,
         wide: false,
         flags: frame::flag::ENABLE,
         force,
@@ -83,7 +83,7 @@ fn frame_bytes_of_a_request() {
     let long_reply = frame::Reply {
         seq: 7,
         t_us: 1_000_000,
-        n: 12,
+        axis_count: 12,
         ..frame::Reply::default()
     };
     assert_eq!(long_reply.write(&mut frame_buffer), 60);
@@ -93,7 +93,7 @@ fn frame_bytes_of_a_request() {
 fn frame_reply_positions_in_tens_of_nanometres() {
     let mut frame_buffer = [0; frame::LONGEST];
     let mut sent_reply = frame::Reply {
-        n: 1,
+        axis_count: 1,
         ..frame::Reply::default()
     };
     sent_reply.position[0] = -0.001;
@@ -213,7 +213,7 @@ proptest! {
                     *to = if wide { *from } else { (from / frame::POS_LSB).round() * frame::POS_LSB };
                 }
                 let n = positions.len();
-                let reply = frame::Reply { seq: i as u16, t_us: 9, n, wide, status, position };
+                let reply = frame::Reply { seq: i as u16, t_us: 9, axis_count: n, wide, status, position };
                 let mut bytes = [0; frame::LONGEST];
                 let len = reply.write(&mut bytes);
                 (bytes[..len].to_vec(), reply)

@@ -7,7 +7,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use ergon_live::device::{self, Device, Url, guardian};
-use ergon_live::emulate::{Board, Event, Hand, Key, Options, Outcome, Protocol, Transport, serve};
+use ergon_live::emulate::{BoardConfig, Event, Hand, Key, Options, Outcome, Protocol, Transport, serve};
 
 /// Rate of ticks of 44 samples at 44.1 kHz.
 pub(crate) const RATE: f64 = 44_100.0 / 44.0;
@@ -23,7 +23,7 @@ pub(crate) fn options(protocol: Protocol, transport: Transport, axes: usize, han
     let key = Key::default();
     Options {
         network: None,
-        board: Board {
+        board: BoardConfig {
             protocol,
             lockstep: true,
             touch_gate: false,

@@ -203,7 +203,7 @@ impl Client {
     }
 
     /// Whether the server still runs, at the rate that it had.
-    pub(super) fn alive(&self) -> bool {
+    pub(super) fn is_alive(&self) -> bool {
         !self.opened.is_gone() && self.rate() == self.opened_at
     }
 

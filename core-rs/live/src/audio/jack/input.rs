@@ -61,8 +61,8 @@ impl Process for InputCallback {
 struct Hearing(Active<InputCallback>);
 
 impl Source for Hearing {
-    fn alive(&mut self) -> bool {
-        self.0.client().alive()
+    fn is_alive(&mut self) -> bool {
+        self.0.client().is_alive()
     }
 
     fn latency(&self) -> u32 {

@@ -138,8 +138,8 @@ struct Recording {
 }
 
 impl Source for Recording {
-    fn alive(&mut self) -> bool {
-        self.thread.runs()
+    fn is_alive(&mut self) -> bool {
+        self.thread.is_running()
     }
 
     fn latency(&self) -> u32 {

@@ -4,8 +4,8 @@ use super::*;
 use crate::emulate::{Hand, Key};
 use crate::wire::Parsed;
 
-fn board(protocol: Protocol, lockstep: bool) -> Board {
-    Board {
+fn board(protocol: Protocol, lockstep: bool) -> BoardConfig {
+    BoardConfig {
         protocol,
         lockstep,
         touch_gate: protocol == Protocol::FireFader,
@@ -20,7 +20,7 @@ fn board(protocol: Protocol, lockstep: bool) -> Board {
     }
 }
 
-fn firmware(board: Board, n: usize, hand: Hand) -> Firmware {
+fn firmware(board: BoardConfig, n: usize, hand: Hand) -> Firmware {
     let keys = Keys::new(n, Key::default(), 1000.0, vec![hand; n]).unwrap();
     Firmware::new(board, keys)
 }
@@ -103,7 +103,7 @@ fn frame_with_ask_takes_no_step() {
     let mut firmware = firmware(board(Protocol::Frame, true), 3, Hand::Resting);
     let mut request = frame::Request {
         seq: 9,
-        n: 3,
+        axis_count: 3,
         wide: true,
         flags: flag::ENABLE | flag::ASK,
         force: [1.0; MAX_AXES],
@@ -123,7 +123,7 @@ fn frame_with_ask_takes_no_step() {
     request.flags = 0;
     frame_reply(&mut firmware, request);
     assert_eq!(firmware.forces()[0], 0.0, "not enabled");
-    request.n = 2;
+    request.axis_count = 2;
     assert_eq!(
         frame_reply(&mut firmware, request),
         Parsed::Incomplete,
@@ -147,9 +147,12 @@ fn device_info_of_a_frame_board() {
     let Parsed::Packet(board_info, _) = board_info else {
         panic!("{board_info:?}");
     };
-    assert_eq!((board_info.seq, board_info.n, board_info.traits), (3, 12, 4 | 8));
-    assert_eq!(board_info.numbers[..2], [10.0, 10.0]);
-    assert_eq!(board_info.numbers[6..], [0.05, 1.0]);
+    assert_eq!(
+        (board_info.seq, board_info.axis_count, board_info.trait_flags),
+        (3, 12, 4 | 8)
+    );
+    assert_eq!(board_info.spec_numbers[..2], [10.0, 10.0]);
+    assert_eq!(board_info.spec_numbers[6..], [0.05, 1.0]);
 }
 
 proptest! {

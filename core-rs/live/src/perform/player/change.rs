@@ -52,13 +52,13 @@ pub(crate) struct ScheduledChange {
 impl Player {
     /// Queue a change until its frame, after earlier changes of the same frame.
     pub(super) fn schedule(&mut self, due: Box<ScheduledChange>) {
-        if self.waiting.len() == SCHEDULED_MAX {
+        if self.scheduled_changes.len() == SCHEDULED_MAX {
             self.send_event(EventKind::Late(due.ticket));
             self.give_back(due);
             return;
         }
-        let queue_index = self.waiting.partition_point(|other| other.frame <= due.frame);
-        self.waiting.insert(queue_index, due);
+        let queue_index = self.scheduled_changes.partition_point(|other| other.frame <= due.frame);
+        self.scheduled_changes.insert(queue_index, due);
     }
 
     /// Withdraw the changes of the simulation that are due at `frame` or later, by rising tickets.
@@ -66,12 +66,12 @@ impl Player {
         let is_revoked =
             |due_change: &ScheduledChange| due_change.frame >= frame && due_change.change.simulation.is_some();
         loop {
-            let waiting = self.waiting.iter().enumerate();
+            let waiting = self.scheduled_changes.iter().enumerate();
             let revoked = waiting.filter(|(_, due_change)| is_revoked(due_change));
             let Some((revoked_index, _)) = revoked.min_by_key(|(_, due_change)| due_change.ticket) else {
                 break;
             };
-            let due_change = self.waiting.remove(revoked_index);
+            let due_change = self.scheduled_changes.remove(revoked_index);
             self.report(due_change.ticket, false);
             self.give_back(due_change);
         }
@@ -80,11 +80,11 @@ impl Player {
     /// Make the changes that are due at the first frame of this tick. Changes of earlier frames are late, and not made.
     pub(super) fn make_changes(&mut self) {
         while self
-            .waiting
+            .scheduled_changes
             .first()
             .is_some_and(|due_change| due_change.frame <= self.frame)
         {
-            let mut due_change = self.waiting.remove(0);
+            let mut due_change = self.scheduled_changes.remove(0);
             let change_made = due_change.frame == self.frame && self.change(&mut due_change);
             self.report(due_change.ticket, change_made);
             self.give_back(due_change);
@@ -182,7 +182,7 @@ impl Player {
             let Some((slot_index, axis_index)) = self.axis_of[hand] else {
                 continue;
             };
-            let waiting = self.waiting.iter().flat_map(|due| {
+            let waiting = self.scheduled_changes.iter().flat_map(|due| {
                 let hand_bounds = due.change.bounds.iter().filter_map(|all| all.get(hand));
                 hand_bounds.flatten().map(|bound| Bound {
                     frame: bound.frame.saturating_add(due.frame / tick_frames),

@@ -22,7 +22,7 @@ impl Player {
                     hand_source.x = self.stage.hands[hand].standin_position(self.tick);
                     hand_source.change(true, key_position);
                 }
-                self.previous[hand] = hand_source.x;
+                self.previous_positions[hand] = hand_source.x;
             }
         }
     }
@@ -40,7 +40,7 @@ impl Player {
             };
             let (stage_hand, hand_source) = (&self.stage.hands[hand], &self.sources[hand]);
             let key_force = if hand_source.real {
-                let hand_velocity = (hand_source.x - self.previous[hand]) * tick_rate;
+                let hand_velocity = (hand_source.x - self.previous_positions[hand]) * tick_rate;
                 let lockstep = !self.slots[slot_index].is_on_the_clock();
                 let part_motion = stage_hand.written_motion(self.tick, tick_period, lockstep);
                 let force_scale = self.scales[hand].now();
@@ -103,7 +103,7 @@ impl Player {
         }
         for (hand_index, stage_hand) in self.stage.hands.iter().enumerate() {
             let hand_source = &mut self.sources[hand_index];
-            self.previous[hand_index] = hand_source.x;
+            self.previous_positions[hand_index] = hand_source.x;
             let hand_position = match self.axis_of[hand_index] {
                 Some((slot, axis_index)) if hand_source.real => self.slots[slot].sample.position[axis_index],
                 _ => stage_hand.standin_position(self.tick),

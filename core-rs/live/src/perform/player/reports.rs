@@ -3,7 +3,7 @@
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use super::{PATIENCE, Player};
+use super::{Player, RING_TIMEOUT};
 use crate::perform::status::{Event, EventKind, HANDS_MAX};
 use crate::recording::{self, flag};
 
@@ -16,7 +16,7 @@ impl Player {
         let Some(row_sink) = &mut self.connections.record else {
             return;
         };
-        for (hand, row) in self.rows.iter_mut().enumerate() {
+        for (hand, row) in self.hand_samples.iter_mut().enumerate() {
             let hand_status = self.status.hands.get(hand).copied().unwrap_or_default();
             let sample = self.axis_of[hand].map(|(slot, axis)| (&self.slots[slot].sample, axis));
             let row_flags = [
@@ -37,11 +37,11 @@ impl Player {
         // If no clock sets the pace, wait for the disk.
         let wait_start = Instant::now();
         let stop_requested = || self.connections.flags.stop.load(Ordering::Acquire);
-        while !self.paced && !row_sink.has_room() && wait_start.elapsed() < PATIENCE && !stop_requested() {
+        while !self.paced && !row_sink.has_room() && wait_start.elapsed() < RING_TIMEOUT && !stop_requested() {
             self.clock.nap();
         }
-        if !self.rows.is_empty() {
-            row_sink.row(self.tick - 1, &self.rows);
+        if !self.hand_samples.is_empty() {
+            row_sink.row(self.tick - 1, &self.hand_samples);
         }
     }
 

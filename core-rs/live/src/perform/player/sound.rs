@@ -3,7 +3,7 @@
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
-use super::{PATIENCE, Player};
+use super::{Player, RING_TIMEOUT};
 use crate::perform::Stage;
 use crate::perform::frozen::Frozen;
 
@@ -34,7 +34,8 @@ impl Player {
                 let wait_start = Instant::now();
                 let is_there = |frozen_stems: &Frozen| frozen_stems.is_ready(self.frame, frame_count);
                 let stop_requested = || self.connections.flags.stop.load(Ordering::Acquire);
-                while !self.paced && !is_there(frozen_stems) && wait_start.elapsed() < PATIENCE && !stop_requested() {
+                while !self.paced && !is_there(frozen_stems) && wait_start.elapsed() < RING_TIMEOUT && !stop_requested()
+                {
                     self.clock.nap();
                 }
                 self.status.missed += frozen_stems.join(outputs, n_outputs, self.frame);
@@ -71,13 +72,13 @@ impl Player {
             Some(_) => &self.folded,
             None => &self.mixed,
         };
-        let skipped_frames = self.to_skip.min(n);
-        let delay_frames = (self.stage.limiter.latency() - self.to_skip) as u64;
-        self.to_skip -= skipped_frames;
+        let skipped_frames = self.frames_to_skip.min(n);
+        let delay_frames = (self.stage.limiter.latency() - self.frames_to_skip) as u64;
+        self.frames_to_skip -= skipped_frames;
         if is_tail {
             self.tail_frames -= n;
         }
-        for (single, x) in self.single.iter_mut().zip(&folded[..n * channels]) {
+        for (single, x) in self.heard_f32.iter_mut().zip(&folded[..n * channels]) {
             *single = *x as f32;
         }
         let peak_decay = (1.0 - self.clock.period() / PEAK_DECAY).max(0.0) as f32;
@@ -87,12 +88,12 @@ impl Player {
             self.status.peaks.fill(0.0);
         }
         let folded = if self.panicked { 0 } else { n };
-        for frame in self.single[..folded * channels].chunks_exact(channels) {
+        for frame in self.heard_f32[..folded * channels].chunks_exact(channels) {
             for (peak, x) in self.status.peaks.iter_mut().zip(frame) {
                 *peak = peak.max(x.abs());
             }
         }
-        let mut samples_left = &self.single[skipped_frames * channels..n * channels];
+        let mut samples_left = &self.heard_f32[skipped_frames * channels..n * channels];
         if let Some(sound_tap) = &mut self.tap {
             let tap_frame = self.frame.saturating_sub(n as u64 + delay_frames);
             sound_tap.push(tap_frame, samples_left, self.panicked);
@@ -106,7 +107,7 @@ impl Player {
                 break;
             }
             // Keys are not kept waiting by a card: the frames are dropped.
-            if self.clock.is_by_keys() || wait_start.elapsed() > PATIENCE {
+            if self.clock.is_paced_by_keys() || wait_start.elapsed() > RING_TIMEOUT {
                 self.status.dropped += (samples_left.len() / channels) as u64;
                 break;
             }

@@ -36,8 +36,8 @@ fn limit_with_measured_key_takes_the_worse_value() {
         };
         HandKey::all(&keyboard(0, 0), std::slice::from_ref(&measured_hand))[0].limit(&measured_hand.response)
     };
-    let measured = |mass, damping, delay| hand_limit(Some(MeasuredKey { mass, damping, delay })).limit;
-    let reported_limit = hand_limit(None).limit;
+    let measured = |mass, damping, delay| hand_limit(Some(MeasuredKey { mass, damping, delay })).stable_stiffness;
+    let reported_limit = hand_limit(None).stable_stiffness;
     // The device reports 1 N·s/m and no delay; a calibration does not make it safer.
     assert_eq!(measured(0.05, 2.0, None), reported_limit);
     assert_eq!(measured(10.0, 1.0, Some(0.0)), reported_limit);

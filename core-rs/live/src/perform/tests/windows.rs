@@ -21,7 +21,7 @@ use tungstenite::protocol::Role;
 use tungstenite::{Message, WebSocket};
 
 use super::super::player::Player;
-use super::super::window::{HeardTimes, Relay, Scene, Window, window};
+use super::super::window::{HeardTimes, Relay, Window, WindowReader, window_pair};
 use super::*;
 
 mod rig;
@@ -117,7 +117,7 @@ fn strikes_before_the_first_picture_are_shown() {
         if tick == opening_tick {
             let (window, scene) = window_on(&second_simulation, &second_scene.1, "second");
             assert!(shown.this.open(window));
-            shown.coming.send((scene, shown.this.output_times())).unwrap();
+            shown.reader_sender.send((scene, shown.this.output_times())).unwrap();
         }
         shown.tick(1);
         shown.relay.poll();
@@ -226,7 +226,7 @@ fn late_pages_receive_broken_links() {
     // Another window on the playing simulation, as a session opens one.
     let (window, scene) = window_on(&simulation, &scene.1, "late");
     assert!(shown.this.open(window));
-    shown.coming.send((scene, shown.this.output_times())).unwrap();
+    shown.reader_sender.send((scene, shown.this.output_times())).unwrap();
     advance_ticks(&mut shown, second_ticks / 2);
     let mut last_cursor = shown.server.hub().join();
     let page_breaks = broken_links(&messages(&shown.server, &mut last_cursor).concat());
@@ -449,7 +449,7 @@ fn version_is_shown_from_its_takeover_on() {
     let open_window = |shown: &mut Shown, new_simulation: &Simulation, title: &str| {
         let (window, scene) = window_on(new_simulation, &second_scene.1, title);
         assert!(shown.this.open(window));
-        shown.coming.send((scene, shown.this.output_times())).unwrap();
+        shown.reader_sender.send((scene, shown.this.output_times())).unwrap();
     };
     shown.tick(300);
     let (late, new_simulation) = (second_at(200), second_at(600));

@@ -10,7 +10,7 @@ use std::time::Duration;
 use ergon_view::payload::{Bytes, kind, put};
 use ergon_view::serve::{Keep, Server};
 
-use super::{HeardTimes, Scene};
+use super::{HeardTimes, WindowReader};
 use crate::safety;
 
 /// Time between two checks for a picture, a quarter of a video frame. The thread polls, because waking it would cost
@@ -19,7 +19,7 @@ const POLL: Duration = Duration::from_millis(4);
 
 /// Shows performances to pages, one version after the other, until it is dropped.
 pub struct Showing {
-    scenes: Mutex<Sender<(Scene, HeardTimes)>>,
+    readers: Mutex<Sender<(WindowReader, HeardTimes)>>,
     skipped: Arc<AtomicU64>,
     over: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
@@ -31,19 +31,19 @@ impl Showing {
     /// # Errors
     /// The system could not start a thread.
     pub fn start(server: Arc<Server>) -> io::Result<Self> {
-        let (to_scenes, coming_scenes) = channel();
-        let mut scene_relay = Relay::new(server, coming_scenes);
+        let (reader_sender, new_readers) = channel();
+        let mut relay = Relay::new(server, new_readers);
         let over = Arc::new(AtomicBool::new(false));
-        let (skipped, end_requested) = (scene_relay.skipped.clone(), over.clone());
+        let (skipped, end_requested) = (relay.skipped.clone(), over.clone());
         let relay_thread = thread::Builder::new().name("ergon window".into()).spawn(move || {
             safety::block_signals();
             while !end_requested.load(Ordering::Acquire) {
-                scene_relay.poll();
+                relay.poll();
                 thread::sleep(POLL);
             }
         })?;
         Ok(Self {
-            scenes: Mutex::new(to_scenes),
+            readers: Mutex::new(reader_sender),
             skipped,
             over,
             thread: Some(relay_thread),
@@ -51,10 +51,10 @@ impl Showing {
     }
 
     /// Show a version from its first picture on; until then the previous version is shown.
-    pub fn show(&self, scene: Scene, times_heard: HeardTimes) {
-        let scene_sender = self.scenes.lock().unwrap_or_else(PoisonError::into_inner);
+    pub fn show(&self, reader: WindowReader, times_heard: HeardTimes) {
+        let sender = self.readers.lock().unwrap_or_else(PoisonError::into_inner);
         // If the thread has ended, there is nobody to show it to.
-        let _ = scene_sender.send((scene, times_heard));
+        let _ = sender.send((reader, times_heard));
     }
 
     /// Number of pictures that were skipped because the one before had not been fetched.
@@ -75,21 +75,21 @@ impl Drop for Showing {
 /// The work of the thread.
 pub(in super::super) struct Relay {
     server: Arc<Server>,
-    coming: Receiver<(Scene, HeardTimes)>,
-    /// The scene that is shown, then those that wait for their first picture.
-    scenes: Vec<(Scene, HeardTimes)>,
+    new_readers: Receiver<(WindowReader, HeardTimes)>,
+    /// The reader that is shown, then those that wait for their first picture.
+    readers: Vec<(WindowReader, HeardTimes)>,
     is_greeted: bool,
     skipped: Arc<AtomicU64>,
-    /// Skipped pictures of scenes that were dropped.
+    /// Skipped pictures of readers that were dropped.
     skipped_before: u64,
 }
 
 impl Relay {
-    pub(in super::super) fn new(server: Arc<Server>, coming: Receiver<(Scene, HeardTimes)>) -> Self {
+    pub(in super::super) fn new(server: Arc<Server>, new_readers: Receiver<(WindowReader, HeardTimes)>) -> Self {
         Self {
             server,
-            coming,
-            scenes: Vec::new(),
+            new_readers,
+            readers: Vec::new(),
             is_greeted: false,
             skipped: Arc::default(),
             skipped_before: 0,
@@ -98,22 +98,22 @@ impl Relay {
 
     /// Send new pictures.
     pub(in super::super) fn poll(&mut self) {
-        self.scenes.extend(self.coming.try_iter());
-        let has_picture = |own: &(Scene, HeardTimes)| own.0.pictures.updated();
-        if let Some(index) = self.scenes.iter().rposition(has_picture) {
+        self.readers.extend(self.new_readers.try_iter());
+        let has_picture = |own: &(WindowReader, HeardTimes)| own.0.pictures.updated();
+        if let Some(index) = self.readers.iter().rposition(has_picture) {
             self.is_greeted &= index == 0;
-            self.skipped_before += (self.scenes.drain(..index))
-                .map(|(scene, _)| scene.skipped())
+            self.skipped_before += (self.readers.drain(..index))
+                .map(|(reader, _)| reader.skipped())
                 .sum::<u64>();
             self.send_picture();
         }
-        // The shown scene stays, because its count is still needed; other scenes that are over were never played.
+        // The reader that is shown stays, because its count is still needed; other readers that are over were never played.
         let mut index = 0;
-        self.scenes.retain(|(scene, _)| {
+        self.readers.retain(|(reader, _)| {
             index += 1;
-            index == 1 || !scene.is_over()
+            index == 1 || !reader.is_over()
         });
-        let skipped_now = self.scenes.first().map_or(0, |(scene, _)| scene.skipped());
+        let skipped_now = self.readers.first().map_or(0, |(reader, _)| reader.skipped());
         (self.skipped).store(self.skipped_before + skipped_now, Ordering::Relaxed);
     }
 
@@ -124,9 +124,9 @@ impl Relay {
 
     /// Send the picture of the first scene.
     fn send_picture(&mut self) {
-        let (scene, times_heard) = &mut self.scenes[0];
-        let (recorder, hub) = (&mut scene.recorder, self.server.hub());
-        let picture = scene.pictures.read();
+        let (reader, times_heard) = &mut self.readers[0];
+        let (recorder, hub) = (&mut reader.recorder, self.server.hub());
+        let picture = reader.pictures.read();
         let seconds = recorder.seconds(picture.glance.frame);
         let instant = times_heard.when(picture.glance.frame, picture.dropped, self.server.now());
         recorder.add_squared_levels(&picture.squares, picture.n_heard);

@@ -2,36 +2,36 @@
 
 use super::AxisSpec;
 use super::lateness::{Lateness, PASSED};
-use super::question::{Questions, Reply};
+use super::question::{Answer, Questions};
 use super::signs::AxisParameters;
 use crate::safety::Trip;
 
 /// Time for which a right answer counts [s].
-const CONFIRMED: f64 = 0.2;
+const CONFIRMATION_TIME: f64 = 0.2;
 /// Work that the motor takes out of the key after which a question is asked early [J]: a motor that pushes the wrong way
 /// does that work instead.
-const TAKEN_OUT: f64 = 0.01;
+const ASK_WORK: f64 = 0.01;
 /// Work that it may take out until a right answer; then the force ends until there is one [J].
-const TAKEN_OUT_MAX: f64 = 0.75;
+const DOUBT_WORK: f64 = 0.75;
 /// A force less than this is not judged [N].
 const JUDGED_FORCE: f64 = 0.3;
 /// Longest time with a greater force and without a right answer, from the end of a confirmation on [s].
-const PATIENCE: f64 = 1.25;
+const UNANSWERED_MAX: f64 = 1.25;
 /// Time without a right answer after which questions no longer wait until the motion of a swing is known [s]: a healthy
-/// hand that makes hard strokes needs more frequent ones, to be answered before `PATIENCE` is over.
-const CALM_FOR: f64 = 0.5;
+/// hand that makes hard strokes needs more frequent ones, to be answered before `UNANSWERED_MAX` is over.
+const SWING_WAIT: f64 = 0.5;
 /// A sensor of greater steps is too coarse for questions [m].
-const COARSEST: f64 = 3e-5;
+const RESOLUTION_MAX: f64 = 3e-5;
 /// Number of wrong answers more than right ones that end the force.
-const WRONG_REPLIES: u32 = 2;
+const WRONG_ANSWERS: u32 = 2;
 /// Number of answers without any change of the sensor that mean that it is frozen.
-const UNMOVED_REPLIES: u32 = 2;
+const UNMOVED_ANSWERS: u32 = 2;
 /// Part of the greatest force that is left for questions, and the greatest such force [N].
-const ROOM: (f64, f64) = (0.15, 3.0);
+const PULSE_ROOM: (f64, f64) = (0.15, 3.0);
 /// Least part of a force that is taken to reach the key.
-const PASSES_LEAST: f64 = 0.05;
+const PASS_SHARE_MIN: f64 = 0.05;
 /// A force less than this does not show what part of it passes [N].
-const PASSES_FORCE: f64 = 0.1;
+const PASS_FORCE_MIN: f64 = 0.1;
 
 /// What is done with the force of the axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -64,7 +64,7 @@ pub(super) enum Verdict {
 pub(super) struct Step {
     /// Position, and movement since the step before [m].
     pub(super) x: f64,
-    pub(super) moved: f64,
+    pub(super) displacement: f64,
     /// Force that was sent [N].
     pub(super) sent: f64,
     pub(super) phase: Phase,
@@ -79,15 +79,15 @@ pub(super) struct Step {
 pub(super) struct Confirmation {
     questions: Questions,
     /// Whether questions are asked, and the force that is left for them [N].
-    pub(super) asks: bool,
-    room: f64,
+    pub(super) is_asking: bool,
+    pulse_force_max: f64,
     /// Greatest force [N].
     force_max: f64,
     /// Length of a step [s].
     step: f64,
     /// The force that was asked for last [N], and the part of a force that passes the later stages.
     last_force: f64,
-    passes: f64,
+    pass_share: f64,
     /// Time since the last right answer [s]; time without one in which a force was judged [s]; work that the motor took
     /// out since then [J].
     since_right: f64,
@@ -95,11 +95,11 @@ pub(super) struct Confirmation {
     taken_out: f64,
     lateness: Lateness,
     /// Whether questions in doubt wait until nothing late comes any more; time since a force or a pulse there [s].
-    waits: bool,
+    waits_for_late: bool,
     since_pulse: f64,
     /// Wrong answers less right ones, and answers without any change in a row.
-    wrong: u32,
-    unmoved: u32,
+    wrong_balance: u32,
+    unmoved_count: u32,
     /// Whether a probe has interrupted the questions since the last answer.
     interrupted: bool,
 }
@@ -107,28 +107,28 @@ pub(super) struct Confirmation {
 impl Confirmation {
     pub(super) fn new(axis: AxisSpec, parameters: &AxisParameters) -> Self {
         let force_max = axis.force.max(0.0);
-        let asks = parameters.resolution <= COARSEST;
-        let (room_share, room_max) = ROOM;
+        let is_asking = parameters.resolution <= RESOLUTION_MAX;
+        let (room_share, room_max) = PULSE_ROOM;
         let pulse_room = (room_share * force_max).min(room_max);
         let AxisParameters {
             step, mass, resolution, ..
         } = *parameters;
         Self {
             questions: Questions::new(step, mass, resolution, axis.delay),
-            asks,
-            room: if asks { pulse_room } else { 0.0 },
+            is_asking,
+            pulse_force_max: if is_asking { pulse_room } else { 0.0 },
             force_max,
             step,
             last_force: 0.0,
-            passes: 1.0,
+            pass_share: 1.0,
             since_right: f64::INFINITY,
             unanswered: 0.0,
             taken_out: 0.0,
             lateness: Lateness::new(step, axis.delay, axis.energy, axis.power),
-            waits: false,
+            waits_for_late: false,
             since_pulse: 0.0,
-            wrong: 0,
-            unmoved: 0,
+            wrong_balance: 0,
+            unmoved_count: 0,
             interrupted: false,
         }
     }
@@ -136,7 +136,7 @@ impl Confirmation {
     /// Forget earlier answers.
     pub(super) fn reset(&mut self) {
         self.questions.restart();
-        (self.wrong, self.unmoved, self.interrupted) = (0, 0, false);
+        (self.wrong_balance, self.unmoved_count, self.interrupted) = (0, 0, false);
         (self.since_right, self.unanswered, self.taken_out) = (f64::INFINITY, 0.0, 0.0);
         self.lateness.forget();
     }
@@ -156,22 +156,26 @@ impl Confirmation {
     /// Begin a time without the piece's force.
     pub(super) fn begin_doubt(&mut self) {
         self.questions.restart();
-        self.wrong = 0;
-        (self.waits, self.since_pulse) = (self.lateness.is_marked(), 0.0);
+        self.wrong_balance = 0;
+        (self.waits_for_late, self.since_pulse) = (self.lateness.is_marked(), 0.0);
         self.lateness.forget();
     }
 
     /// What a doubt means that no answer has ended.
     pub(super) fn fault_of_doubt(&self) -> Trip {
-        if self.waits { Trip::Late } else { Trip::WrongWay }
+        if self.waits_for_late {
+            Trip::Late
+        } else {
+            Trip::WrongWay
+        }
     }
 
     /// The part of a force that passes the later stages, by the last force `sent` [N].
-    pub(super) fn passes(&mut self, sent: f64) -> f64 {
-        if self.last_force.abs() > PASSES_FORCE {
-            self.passes = (sent / self.last_force).clamp(PASSES_LEAST, 1.0);
+    pub(super) fn update_pass_share(&mut self, sent: f64) -> f64 {
+        if self.last_force.abs() > PASS_FORCE_MIN {
+            self.pass_share = (sent / self.last_force).clamp(PASS_SHARE_MIN, 1.0);
         }
-        self.passes
+        self.pass_share
     }
 
     /// Note the force that is asked for [N].
@@ -185,8 +189,8 @@ impl Confirmation {
 
     /// The force with the pulses of a question [N]. A force near the greatest is lowered, so that pulses are not clamped.
     pub(super) fn with_pulses(&self, asked_force: f64) -> f64 {
-        let force_limit = self.force_max - self.room;
-        let lowered_force = if self.asks && asked_force.abs() > force_limit {
+        let force_limit = self.force_max - self.pulse_force_max;
+        let lowered_force = if self.is_asking && asked_force.abs() > force_limit {
             force_limit.copysign(asked_force)
         } else {
             asked_force
@@ -201,39 +205,36 @@ impl Confirmation {
 
     /// Whether an answer is overdue that probes have prevented: they have to wait.
     pub(super) fn comes_first(&self, is_at_stop: bool) -> bool {
-        self.asks && self.interrupted && self.since_right >= CONFIRMED && !is_at_stop
+        self.is_asking && self.interrupted && self.since_right >= CONFIRMATION_TIME && !is_at_stop
     }
 
     /// Advance by a step.
     pub(super) fn advance(&mut self, judged_step: Step) -> Verdict {
-        let question_reply = self
+        let answer = self
             .questions
             .take(judged_step.x, judged_step.sent, self.lateness.is_asked());
         self.since_right += self.step;
-        self.taken_out = (self.taken_out - judged_step.sent * judged_step.moved).max(0.0);
-        self.lateness.take(judged_step.sent, judged_step.moved);
-        if let Some(question_reply) = question_reply {
+        self.taken_out = (self.taken_out - judged_step.sent * judged_step.displacement).max(0.0);
+        self.lateness.take(judged_step.sent, judged_step.displacement);
+        if let Some(answer) = answer {
             self.since_pulse = 0.0;
             // Pulses do not move a key that is held at its stop.
-            let is_blocked_by_stop = question_reply == Reply::Unmoved && judged_step.is_at_stop;
-            let question_reply = if is_blocked_by_stop {
-                Reply::Hidden
-            } else {
-                question_reply
-            };
-            let verdict = self.note_reply(question_reply, judged_step.phase);
+            let is_blocked_by_stop = answer == Answer::Unmoved && judged_step.is_at_stop;
+            let answer = if is_blocked_by_stop { Answer::Hidden } else { answer };
+            let verdict = self.note_answer(answer, judged_step.phase);
             if verdict != Verdict::Continue {
                 return verdict;
             }
         }
-        if !self.asks || judged_step.phase == Phase::Off {
+        if !self.is_asking || judged_step.phase == Phase::Off {
             return Verdict::Continue;
         }
         if judged_step.phase == Phase::Doubting {
             self.since_pulse += self.step;
-            let has_passed = !self.waits || self.since_pulse > PASSED;
-            if self.questions.is_calm() && has_passed {
-                self.questions.begin(self.room, self.passes, self.waits);
+            let is_past_lateness = !self.waits_for_late || self.since_pulse > PASSED;
+            if self.questions.is_calm() && is_past_lateness {
+                self.questions
+                    .begin(self.pulse_force_max, self.pass_share, self.waits_for_late);
             }
             return Verdict::Continue;
         }
@@ -247,41 +248,46 @@ impl Confirmation {
         if judged_step.sent.abs() < JUDGED_FORCE || judged_step.is_at_stop {
             return Verdict::Continue;
         }
-        if self.taken_out > TAKEN_OUT_MAX {
+        if self.taken_out > DOUBT_WORK {
             return Verdict::Doubt;
         }
-        let is_overdue = self.since_right >= CONFIRMED;
+        let is_overdue = self.since_right >= CONFIRMATION_TIME;
         if is_overdue {
             self.unanswered += self.step;
-            if self.unanswered >= PATIENCE {
+            if self.unanswered >= UNANSWERED_MAX {
                 return Verdict::Fault(Trip::Unanswered);
             }
         }
         let is_question_due =
-            is_overdue || self.taken_out > TAKEN_OUT || self.lateness.is_asked() || judged_step.may_be_frozen;
-        let may_begin = if self.lateness.is_marked() && self.unanswered < CALM_FOR {
+            is_overdue || self.taken_out > ASK_WORK || self.lateness.is_asked() || judged_step.may_be_frozen;
+        let may_begin = if self.lateness.is_marked() && self.unanswered < SWING_WAIT {
             self.questions.is_very_calm()
         } else {
             self.questions.may_begin()
         };
         if is_question_due && judged_step.phase == Phase::Playing && may_begin {
-            self.questions.begin(self.room, self.passes, self.lateness.is_asked());
+            self.questions
+                .begin(self.pulse_force_max, self.pass_share, self.lateness.is_asked());
         }
         Verdict::Continue
     }
 
-    fn note_reply(&mut self, reply: Reply, phase: Phase) -> Verdict {
+    fn note_answer(&mut self, answer: Answer, phase: Phase) -> Verdict {
         self.interrupted = false;
-        self.unmoved = if reply == Reply::Unmoved { self.unmoved + 1 } else { 0 };
+        self.unmoved_count = if answer == Answer::Unmoved {
+            self.unmoved_count + 1
+        } else {
+            0
+        };
         let is_in_doubt = phase == Phase::Doubting;
-        match reply {
-            Reply::Right if is_in_doubt => return Verdict::Right,
+        match answer {
+            Answer::Right if is_in_doubt => return Verdict::Right,
             // A right answer after a wrong one is not enough.
-            Reply::Right if self.wrong > 0 => self.wrong -= 1,
-            Reply::Right => self.confirm(),
-            Reply::Wrong => {
-                self.wrong += 1;
-                if self.wrong >= WRONG_REPLIES {
+            Answer::Right if self.wrong_balance > 0 => self.wrong_balance -= 1,
+            Answer::Right => self.confirm(),
+            Answer::Wrong => {
+                self.wrong_balance += 1;
+                if self.wrong_balance >= WRONG_ANSWERS {
                     return if is_in_doubt {
                         Verdict::Fault(Trip::WrongWay)
                     } else {
@@ -289,10 +295,10 @@ impl Confirmation {
                     };
                 }
             }
-            Reply::Unmoved if self.unmoved >= UNMOVED_REPLIES => {
+            Answer::Unmoved if self.unmoved_count >= UNMOVED_ANSWERS => {
                 return Verdict::Fault(Trip::Frozen);
             }
-            Reply::Unmoved | Reply::Hidden => {}
+            Answer::Unmoved | Answer::Hidden => {}
         }
         Verdict::Continue
     }

@@ -1,7 +1,7 @@
 //! Hands that play normally: none of them may trip.
 
 use super::Trip;
-use super::played::{Grip, Key, Play, Scene};
+use super::simulated_key::{Grip, Key, PieceForce, Play};
 
 const FINE: f64 = 1e-5;
 
@@ -55,7 +55,7 @@ fn bell(t: f64, x: f64) -> f64 {
 struct PlayCase {
     name: &'static str,
     grip: Option<Grip>,
-    scene: Scene,
+    piece_force: PieceForce,
     resolution: f64,
     force_max: f64,
     friction: f64,
@@ -63,10 +63,10 @@ struct PlayCase {
 }
 
 fn play_cases() -> Vec<PlayCase> {
-    let usual_case = |name, grip, scene| PlayCase {
+    let usual_case = |name, grip, piece_force| PlayCase {
         name,
         grip,
-        scene,
+        piece_force,
         resolution: FINE,
         force_max: 20.0,
         friction: 0.0,
@@ -181,8 +181,8 @@ fn played(seconds: f64) -> Vec<(&'static str, Vec<(f64, Trip)>, u64)> {
         let Some(play_case) = next_case else { return };
         let mut case_key = Key::new(play_case.resolution, play_case.force_max, None);
         (case_key.grip, case_key.friction, case_key.mass) = (play_case.grip, play_case.friction, play_case.mass);
-        let mut case_play = Play::new(case_key, play_case.scene);
-        case_play.until(seconds);
+        let mut case_play = Play::new(case_key, play_case.piece_force);
+        case_play.run_until(seconds);
         let case_result = (play_case.name, case_play.trips.clone(), case_play.probes());
         played_cases.lock().unwrap().push(case_result);
     };

@@ -2,24 +2,45 @@
 
 use super::signs::{AxisParameters, Signs, Suspicion, VELOCITY_STEPS};
 
-/// For each kind of suspicion: the growth of a probe [N/s], its greatest force [N] (at a stop in addition to the
-/// present force), and its longest duration [s].
-const SHAPES: [(f64, f64, f64); 2] = [(1_000.0, 1.0, 0.04), (1_000.0, 3.0, 0.008)];
+/// How the force of a probe grows.
+struct Shape {
+    /// Growth [N/s].
+    slope: f64,
+    /// Greatest force [N]; at a stop in addition to the present force.
+    force_max: f64,
+    /// Longest duration [s].
+    duration_max: f64,
+}
+
+/// The shape for each kind of suspicion.
+const SHAPES: [Shape; 2] = [
+    Shape {
+        slope: 1_000.0,
+        force_max: 1.0,
+        duration_max: 0.04,
+    },
+    Shape {
+        slope: 1_000.0,
+        force_max: 3.0,
+        duration_max: 0.008,
+    },
+];
 /// Steps between two probes without an offset, so that the course of the key is known.
 const SETTLE_STEPS: u32 = 2 * VELOCITY_STEPS as u32;
 /// Least deviation from its course that counts as an answer [m].
 const ANSWER: f64 = 1e-4;
 
-/// Factors of the way of a free key under the probe: an answer is at least the first, a wrong answer to a probe of
+/// Factors of the displacement of a free key under the probe: an answer is at least the first, a wrong answer to a probe of
 /// `Run` at most the second.
 const ANSWER_RANGE: (f64, f64) = (0.25, 2.5);
 
-/// The same least part for a key that rests at its stop: no hand moves it meanwhile, and it may be heavy.
+/// Least share of the displacement of a free key that counts as an answer, for a key that rests at its stop: no hand
+/// moves it meanwhile, and it may be heavy.
 const STOP_PART: f64 = 0.05;
 
 /// The answer of the key to a probe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Answer {
+pub(super) enum ProbeAnswer {
     /// No answer yet.
     Waiting,
     /// The key went the way it was pushed.
@@ -37,16 +58,17 @@ pub(super) struct Probe {
     direction: f64,
     max_force: f64,
     /// Steps until it begins, and steps since then.
-    to_settle: u32,
+    steps_to_settle: u32,
     steps: u32,
     /// Its force now [N]; and whether that replaces the piece's force instead of being added to it.
     pub(super) offset: f64,
-    pub(super) replaces: bool,
+    pub(super) replaces_piece: bool,
     /// The course of the key without the probe: position, velocity, acceleration.
-    course: [f64; 3],
-    /// The force at the beginning; and velocity and way of a free key under the difference from that force.
-    pub(super) force: f64,
-    free_motion: [f64; 2],
+    unprobed_course: [f64; 3],
+    /// The force at the beginning; and velocity and displacement of a free key under the difference from that force.
+    pub(super) initial_force: f64,
+    free_velocity: f64,
+    free_displacement: f64,
 }
 
 impl Probe {
@@ -55,14 +77,15 @@ impl Probe {
         let mut probe = Self {
             kind,
             direction,
-            max_force: SHAPES[kind as usize].1 + holding_force,
-            to_settle: 0,
+            max_force: SHAPES[kind as usize].force_max + holding_force,
+            steps_to_settle: 0,
             steps: 0,
             offset: 0.0,
-            replaces: false,
-            course: [0.0; 3],
-            force: 0.0,
-            free_motion: [0.0; 2],
+            replaces_piece: false,
+            unprobed_course: [0.0; 3],
+            initial_force: 0.0,
+            free_velocity: 0.0,
+            free_displacement: 0.0,
         };
         probe.begin(signs, force, axis);
         probe
@@ -73,51 +96,52 @@ impl Probe {
     pub(super) fn repeated_as_run(self) -> Self {
         Self {
             kind: Suspicion::Run,
-            max_force: SHAPES[Suspicion::Run as usize].1,
-            to_settle: SETTLE_STEPS,
+            max_force: SHAPES[Suspicion::Run as usize].force_max,
+            steps_to_settle: SETTLE_STEPS,
             offset: 0.0,
-            replaces: true,
+            replaces_piece: true,
             ..self
         }
     }
 
     fn begin(&mut self, signs: &Signs, force: f64, axis: &AxisParameters) {
         let (v, a) = (signs.velocity(axis), signs.acceleration(axis));
-        self.course = match self.kind {
+        self.unprobed_course = match self.kind {
             // The mean velocity over `VELOCITY_STEPS` steps is the velocity of half as many steps ago.
             Suspicion::Run => [signs.past[0], v + 0.5 * VELOCITY_STEPS as f64 * axis.step * a, a],
             Suspicion::Stop => [signs.past[0], 0.0, 0.0],
         };
-        (self.steps, self.force, self.free_motion) = (0, force, [0.0; 2]);
+        (self.steps, self.initial_force) = (0, force);
+        (self.free_velocity, self.free_displacement) = (0.0, 0.0);
     }
 
     /// Advance by a step: `signs` has the position of the key, `sent` is the force sent.
-    pub(super) fn step(&mut self, signs: &Signs, sent: f64, axis: &AxisParameters) -> Answer {
-        if self.to_settle > 0 {
-            self.to_settle -= 1;
-            if self.to_settle == 0 {
+    pub(super) fn step(&mut self, signs: &Signs, sent: f64, axis: &AxisParameters) -> ProbeAnswer {
+        if self.steps_to_settle > 0 {
+            self.steps_to_settle -= 1;
+            if self.steps_to_settle == 0 {
                 self.direction = if signs.velocity(axis) < 0.0 { -1.0 } else { 1.0 };
                 self.begin(signs, sent, axis);
             }
-            return Answer::Waiting;
+            return ProbeAnswer::Waiting;
         }
-        let (force_slope, _, max_duration) = SHAPES[self.kind as usize];
+        let shape = &SHAPES[self.kind as usize];
         self.steps += 1;
         let t = f64::from(self.steps) * axis.step;
         let pushing_force = if self.kind == Suspicion::Stop {
             // As long as the force does not push into the stop, the old force may hold the key there.
             self.direction * (self.direction * sent).max(0.0)
         } else {
-            sent - self.force
+            sent - self.initial_force
         };
-        self.free_motion[0] += pushing_force / axis.mass * axis.step;
-        self.free_motion[1] += self.free_motion[0] * axis.step;
-        let [x, v, a] = self.course;
+        self.free_velocity += pushing_force / axis.mass * axis.step;
+        self.free_displacement += self.free_velocity * axis.step;
+        let [x, v, a] = self.unprobed_course;
         let deviation = signs.past[0] - (x + (v + 0.5 * a * t) * t);
         let least_deviation = ANSWER.max(3.0 * axis.resolution);
         // Nothing can be told if the force hardly changed, if the sensor does not change, or if the deviation is a
-        // small part of the way of a free key: a hand moves that much meanwhile.
-        let free_path = self.free_motion[1];
+        // small part of the displacement of a free key: a hand moves that much meanwhile.
+        let free_path = self.free_displacement;
         let path_share = if self.kind == Suspicion::Stop {
             STOP_PART
         } else {
@@ -125,17 +149,17 @@ impl Probe {
         };
         let is_clear = deviation.abs() >= least_deviation.max(path_share * free_path.abs()) && !signs.is_still();
         if is_clear && deviation * free_path > 0.0 && free_path.abs() >= 0.3 * least_deviation {
-            return Answer::Right;
+            return ProbeAnswer::Right;
         }
         let is_moved_by_hand = self.kind == Suspicion::Run && deviation.abs() > ANSWER_RANGE.1 * free_path.abs();
         if is_clear && deviation * free_path < 0.0 && free_path.abs() >= least_deviation && !is_moved_by_hand {
-            return Answer::Wrong;
+            return ProbeAnswer::Wrong;
         }
-        if t >= max_duration {
-            return Answer::Unclear;
+        if t >= shape.duration_max {
+            return ProbeAnswer::Unclear;
         }
-        let force_offset = self.direction * force_slope * (t + axis.step);
+        let force_offset = self.direction * shape.slope * (t + axis.step);
         self.offset = force_offset.clamp(-self.max_force, self.max_force);
-        Answer::Waiting
+        ProbeAnswer::Waiting
     }
 }

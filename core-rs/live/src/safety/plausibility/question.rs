@@ -70,7 +70,7 @@ const DRAW: u32 = 0x9e37_79b9;
 
 /// The answer to a question.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Reply {
+pub(super) enum Answer {
     /// The key went the way it was pushed.
     Right,
     /// The key went the other way.
@@ -212,7 +212,7 @@ impl Questions {
 
     /// Take the position of a step [m], and the force `sent` before it [N]; returns the answer when a question is over.
     /// Where `is_doubtful`, a right answer has to be greater than what comes later.
-    pub(super) fn take(&mut self, x: f64, sent: f64, is_doubtful: bool) -> Option<Reply> {
+    pub(super) fn take(&mut self, x: f64, sent: f64, is_doubtful: bool) -> Option<Answer> {
         if self.quiet == 0 && self.asked.is_none() {
             self.past = [x; SPAN];
         }
@@ -233,8 +233,8 @@ impl Questions {
         }
         let open_question = *open_question;
         (self.asked, self.quiet) = (None, 0);
-        let judged_reply = self.judge(open_question);
-        if judged_reply == Reply::Right && is_doubtful {
+        let judged_answer = self.judge(open_question);
+        if judged_answer == Answer::Right && is_doubtful {
             self.waiting = Some(Waiting {
                 sum: self.sum().abs(),
                 sign: open_question.sign,
@@ -243,11 +243,11 @@ impl Questions {
             });
             return None;
         }
-        Some(judged_reply)
+        Some(judged_answer)
     }
 
     /// Wait until a right answer is known to be in time.
-    fn wait(&mut self) -> Option<Reply> {
+    fn wait(&mut self) -> Option<Answer> {
         let mut waiting = self.waiting?;
         let [first_step, last_step] = LATER;
         waiting.steps += 1;
@@ -259,23 +259,23 @@ impl Questions {
             return None;
         }
         let is_late = waiting.later > LATER_FACTOR * waiting.sum;
-        Some(if is_late { Reply::Hidden } else { Reply::Right })
+        Some(if is_late { Answer::Hidden } else { Answer::Right })
     }
 
-    fn judge(&mut self, Asked { sign, force, sent, .. }: Asked) -> Reply {
+    fn judge(&mut self, Asked { sign, force, sent, .. }: Asked) -> Answer {
         let is_unmoved = |x: &f64| x.to_bits() == self.past[SPAN - 1].to_bits();
         let changed = 0.5 * (sent[1] - sent[0]);
         if changed.min(force) * FIRMEST_PATH >= 2.0 * self.resolution && self.past[BEFORE..].iter().all(is_unmoved) {
             self.response = FIRMEST_RESPONSE;
-            return Reply::Unmoved;
+            return Answer::Unmoved;
         }
         let signed_sum = sign * self.sum();
         if signed_sum.abs() < self.least_answer() || signed_sum.abs() > self.greatest_response * force {
             self.response = (0.5 * self.response).max(FIRMEST_RESPONSE);
-            return Reply::Hidden;
+            return Answer::Hidden;
         }
         self.response = (signed_sum.abs() / force).max(FIRMEST_RESPONSE);
-        if signed_sum > 0.0 { Reply::Right } else { Reply::Wrong }
+        if signed_sum > 0.0 { Answer::Right } else { Answer::Wrong }
     }
 
     /// The weighted sum of the newest positions [m].

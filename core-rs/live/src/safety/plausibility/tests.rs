@@ -1,6 +1,6 @@
 //! Faults of a board: each is found within a time and a travel of the key.
 
-use super::played::{Grip, HAND, Key, Play, Scene};
+use super::simulated_key::{Grip, HAND, Key, PieceForce, Play};
 use super::{AxisSpec, Plausibility, Trip};
 
 const FINE: f64 = 1e-5;
@@ -17,17 +17,17 @@ struct FaultOutcome {
 
 /// The effect of a fault at an instant, by comparison with the same play without the fault, and without any force from
 /// that instant on.
-fn harm(fault: fn(&mut Key), start: f64, grip: Option<Grip>, scene: Scene) -> FaultOutcome {
+fn harm(fault: fn(&mut Key), start: f64, grip: Option<Grip>, piece_force: PieceForce) -> FaultOutcome {
     let play = || {
-        let mut play = Play::new(Key::new(FINE, 20.0, Some(0.05)), scene);
+        let mut play = Play::new(Key::new(FINE, 20.0, Some(0.05)), piece_force);
         play.key().grip = grip;
-        play.until(start);
+        play.run_until(start);
         assert!(play.trips.is_empty(), "{:?}", play.trips);
         play
     };
     let (mut complete, mut free_play, mut faulty_play) = (play(), play(), play());
     fault(faulty_play.key());
-    free_play.key().motor = 0.0;
+    free_play.key().motor_sign = 0.0;
     let (mut force_time, mut extra_travel) = (0.0, 0.0_f64);
     while faulty_play.time() < start + 1.5 && (force_time == 0.0 || faulty_play.time() < start + force_time + 0.3) {
         for play in [&mut complete, &mut free_play, &mut faulty_play] {
@@ -55,9 +55,9 @@ const SINE: Grip = Grip {
     ..HAND
 };
 
-const REVERSED: fn(&mut Key) = |key| key.motor = -1.0;
+const REVERSED: fn(&mut Key) = |key| key.motor_sign = -1.0;
 const FROZEN: fn(&mut Key) = |key| key.frozen = true;
-const SPRINGS: [(&str, Scene); 5] = [
+const SPRINGS: [(&str, PieceForce); 5] = [
     ("200 N/m to 3 mm", |_, x, _| 200.0 * (3e-3 - x)),
     ("500 N/m to 3 mm", |_, x, _| 500.0 * (3e-3 - x)),
     ("800 N/m to 3 mm", |_, x, _| 800.0 * (3e-3 - x)),
@@ -72,7 +72,7 @@ const INSTANTS: [f64; 3] = [3.0, 3.1, 3.25];
 fn harms(fault: fn(&mut Key), grip: Option<Grip>) -> Vec<(&'static str, f64, FaultOutcome)> {
     let fault_cases = SPRINGS.iter().flat_map(|of| INSTANTS.map(|at| (of, at)));
     fault_cases
-        .map(|(&(name, scene), at)| (name, at, harm(fault, at, grip, scene)))
+        .map(|(&(name, piece_force), at)| (name, at, harm(fault, at, grip, piece_force)))
         .collect()
 }
 
@@ -130,20 +130,20 @@ fn frozen_sensor_trips_or_moves_little() {
 
 #[test]
 fn wrong_wiring_stops_at_first_movement() {
-    for (grip, scene) in [
+    for (grip, piece_force) in [
         (SINE, SPRINGS[0].1),
         (SINE, SPRINGS[2].1),
         (HAND, SPRINGS[1].1),
         (HAND, SPRINGS[4].1),
     ] {
-        let mut play = Play::new(Key::new(FINE, 20.0, Some(0.05)), scene);
-        (play.key().grip, play.key().motor) = (Some(grip), -1.0);
-        play.until(4.0);
+        let mut play = Play::new(Key::new(FINE, 20.0, Some(0.05)), piece_force);
+        (play.key().grip, play.key().motor_sign) = (Some(grip), -1.0);
+        play.run_until(4.0);
         let trip_kinds: Vec<_> = play.trips.iter().map(|trip| trip.1).collect();
         assert_eq!(trip_kinds, [Trip::WrongWay], "{:?}", play.trips);
         assert_eq!(play.sent, 0.0, "it stays off");
         play.guarded.release();
-        play.until(8.0);
+        play.run_until(8.0);
         assert_eq!(play.trips.len(), 2, "and is found again: {:?}", play.trips);
     }
 }
@@ -151,7 +151,7 @@ fn wrong_wiring_stops_at_first_movement() {
 #[test]
 fn key_pushed_into_its_stop_trips_and_recovers() {
     // For a while the scene pulls the key to a position beyond its range.
-    let pulling_scene: Scene = |t, x, _| 100.0 * (if t < 4.0 { 0.09 } else { 0.0 } - x);
+    let pulling_scene: PieceForce = |t, x, _| 100.0 * (if t < 4.0 { 0.09 } else { 0.0 } - x);
     let mut play = Play::new(Key::new(FINE, 20.0, None), pulling_scene);
     play.key().grip = None;
     let mut arrived = f64::INFINITY;
@@ -163,9 +163,9 @@ fn key_pushed_into_its_stop_trips_and_recovers() {
     }
     assert_eq!(play.trips[0].1, Trip::AtStop);
     assert!(play.trips[0].0 - arrived < 0.3, "{arrived} {:?}", play.trips);
-    play.until(6.9);
+    play.run_until(6.9);
     assert_eq!(play.sent, 0.0);
-    play.until(9.0);
+    play.run_until(9.0);
     assert_eq!(play.trips.len(), 1);
     assert!(play.key().x.abs() < 1e-3, "the spring has it back: {}", play.key().x);
 }
@@ -181,10 +181,10 @@ fn third_trip_lasts_until_the_player_releases_it() {
         position: |t| 0.055 * (t % 8.0 / 0.1).min((4.0 - t % 8.0) / 0.1).clamp(0.0, 1.0),
     });
     let stop_trips = |play: &Play| play.trips.iter().filter(|trip| trip.1 == Trip::AtStop).count();
-    play.until(47.9);
+    play.run_until(47.9);
     assert_eq!(stop_trips(&play), 3, "{:?}", play.trips);
     play.guarded.release();
-    play.until(55.0);
+    play.run_until(55.0);
     assert_eq!(stop_trips(&play), 4, "{:?}", play.trips);
 }
 
@@ -194,8 +194,8 @@ fn third_trip_lasts_until_the_player_releases_it() {
 fn figures() {
     for (fault, name) in [(REVERSED, "reversed"), (FROZEN, "frozen")] {
         for (grip, hand) in [(Some(HAND), "still"), (Some(SINE), "goes"), (None, "nobody")] {
-            for (scene, position, FaultOutcome { lasted, travel, why }) in harms(fault, grip) {
-                println!("{name:9} {hand:7} {scene:33} {position}: {lasted:7.1} ms {travel:6.2} mm {why:?}");
+            for (piece_force, position, FaultOutcome { lasted, travel, why }) in harms(fault, grip) {
+                println!("{name:9} {hand:7} {piece_force:33} {position}: {lasted:7.1} ms {travel:6.2} mm {why:?}");
             }
         }
     }

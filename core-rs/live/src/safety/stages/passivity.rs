@@ -78,7 +78,7 @@ impl Passivity {
         // Outside lockstep a reply has the position at which the force arrived; in lockstep the position to which the
         // force moved the key.
         let total_delay = delay_ticks + usize::from(!in_lockstep) + EXTRA_DELAYS;
-        let longest = (limits.velocity_over / period).clamp(1.0, GAP_MAX as f64);
+        let longest = (limits.velocity_window / period).clamp(1.0, GAP_MAX as f64);
         let velocity_span = (spec.pos_lsb / (STEP_VELOCITY * period)).ceil().clamp(1.0, longest);
         Self {
             energy: limits.energy,

@@ -4,13 +4,13 @@ use crate::safety::Trip;
 use crate::safety::contract::Spec;
 
 /// How far a position may lie beyond either end of the travel, as a part of the travel: ends and sensors are not exact.
-pub(in crate::safety) const MARGIN: f64 = 0.1;
+pub(in crate::safety) const TRAVEL_MARGIN: f64 = 0.1;
 /// Greatest force of a hand that strikes a key, for a moment [N].
-const STRIKE: f64 = 200.0;
+const STRIKE_FORCE: f64 = 200.0;
 /// Greatest mass that is relied on [kg]: a device may report the mass of its whole mechanism.
 const MASS_MAX: f64 = 0.05;
 /// By how much a reply may be older than it seems [s].
-const LATE: f64 = 5e-3;
+const REPLY_LATENESS: f64 = 5e-3;
 /// A position is off by up to this many steps of the sensor.
 const SENSOR_STEPS: f64 = 3.0;
 
@@ -29,11 +29,11 @@ impl Travel {
     /// The travel `range` [m] of an axis of a device that gives at most `force` [N].
     pub(in crate::safety) fn new(range: [f64; 2], spec: &Spec, force: f64) -> Self {
         let (lower_end, upper_end) = (range[0].min(range[1]), range[0].max(range[1]));
-        let range_margin = MARGIN * (upper_end - lower_end);
+        let range_margin = TRAVEL_MARGIN * (upper_end - lower_end);
         let mass = spec.inertia.map_or(MASS_MAX, |mass| mass.min(MASS_MAX));
         Self {
             range: [lower_end - range_margin, upper_end + range_margin],
-            acceleration: (STRIKE + force) / mass,
+            acceleration: (STRIKE_FORCE + force) / mass,
             error: SENSOR_STEPS * spec.pos_lsb,
         }
     }
@@ -52,7 +52,8 @@ impl Travel {
             return Some(Trip::OutsideTravel);
         }
         // A reply that was late, or early, seems to be a jump by the velocity times that time.
-        let max_deviation = self.acceleration * elapsed_time * elapsed_time + velocities[0].abs() * LATE + self.error;
+        let max_deviation =
+            self.acceleration * elapsed_time * elapsed_time + velocities[0].abs() * REPLY_LATENESS + self.error;
         let is_jump = |velocity: &f64| (position - position_before - velocity * elapsed_time).abs() > max_deviation;
         velocities.iter().all(is_jump).then_some(Trip::Jump)
     }

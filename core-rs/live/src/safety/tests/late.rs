@@ -77,7 +77,7 @@ impl Device for Board {
 
 fn limits(board: &Board) -> Limits {
     Limits {
-        ramp: 0.0,
+        ramp_time: 0.0,
         ..Limits::from_spec(&board.spec)
     }
 }
@@ -275,7 +275,7 @@ fn lockstep_ignores_the_wall_clock() {
 fn heat_is_recalled_and_cools() {
     let mut bench = Bench::new();
     let limits = Limits {
-        heat: 1.0,
+        heat_time: 1.0,
         power: 0.1,
         ..open()
     };

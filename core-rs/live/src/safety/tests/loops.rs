@@ -45,8 +45,8 @@ pub(super) struct Outcome {
 pub(super) fn play(setup: Setup, scene: Scene, ticks: u32) -> Outcome {
     let mut key = Sampled::new(setup);
     let loop_limits = Limits {
-        ramp: 0.0,
-        velocity: f64::INFINITY,
+        ramp_time: 0.0,
+        velocity_max: f64::INFINITY,
         ..Limits::from_spec(key.spec())
     };
     let loop_time = Arc::new(AtomicU64::new(0));

@@ -65,10 +65,10 @@ fn too_fast(ticks: u64, seed: u64) -> u64 {
         answers: true,
     };
     let board_limits = Limits {
-        hold: 0.02,
-        fade: 0.02,
-        ramp: 0.02,
-        heat: 0.5,
+        trip_time: 0.02,
+        fade_time: 0.02,
+        ramp_time: 0.02,
+        heat_time: 0.5,
         ..Limits::from_spec(&board.spec)
     };
     let force_step = board_limits.slew * 1e3 * PERIOD * (1.0 + 1e-12);

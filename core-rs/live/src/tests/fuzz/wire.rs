@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use crate::device::MAX_AXES;
-use crate::emulate::{Board, Firmware, Hand, Key, Keys, Protocol};
+use crate::emulate::{BoardConfig, Firmware, Hand, Key, Keys, Protocol};
 use crate::wire::{Inbox, Parsed, firefader, frame, haply};
 
 use super::dice::{Dice, damaged, text};
@@ -69,7 +69,7 @@ fn frame_packet(dice: &mut Dice) -> Vec<u8> {
             let flags = dice.byte();
             frame::Request {
                 seq,
-                n,
+                axis_count: n,
                 wide,
                 flags,
                 force,
@@ -82,7 +82,7 @@ fn frame_packet(dice: &mut Dice) -> Vec<u8> {
             frame::Reply {
                 seq,
                 t_us,
-                n,
+                axis_count: n,
                 wide,
                 status,
                 position,
@@ -93,9 +93,9 @@ fn frame_packet(dice: &mut Dice) -> Vec<u8> {
             let (numbers, traits) = ([1.0; 8], dice.byte());
             frame::DeviceInfo {
                 seq,
-                n: n.max(1),
-                traits,
-                numbers,
+                axis_count: n.max(1),
+                trait_flags: traits,
+                spec_numbers: numbers,
             }
             .write(&mut frame_buffer)
         }
@@ -115,14 +115,14 @@ pub(super) fn frame_bytes(dice: &mut Dice) {
     let (stream_bytes, piece_size) = stream(dice, frame_packet);
     fed(&stream_bytes, piece_size, frame::Reply::parse, |reply| {
         assert!(reply.position.iter().all(|x| x.is_finite()));
-        assert!(reply.n <= MAX_AXES);
+        assert!(reply.axis_count <= MAX_AXES);
     });
     let request = |stream_bytes: &[u8]| frame::Request::parse(stream_bytes, 2.0);
     fed(&stream_bytes, piece_size, request, |request| {
         assert!(request.force.iter().all(|x| x.is_finite()));
     });
     fed(&stream_bytes, piece_size, frame::DeviceInfo::parse, |who| {
-        assert!((1..=MAX_AXES).contains(&who.n));
+        assert!((1..=MAX_AXES).contains(&who.axis_count));
     });
 }
 
@@ -169,7 +169,7 @@ pub(super) fn haply_text(dice: &mut Dice) {
 
 pub(super) fn board_bytes(dice: &mut Dice) {
     let protocol = Protocol::ALL[dice.below(Protocol::ALL.len())];
-    let test_board = Board {
+    let test_board = BoardConfig {
         protocol,
         lockstep: dice.below(2) == 0,
         touch_gate: protocol == Protocol::FireFader,

@@ -116,7 +116,7 @@ pub(super) fn strikes() -> Vec<f64> {
 }
 
 /// A window as a performance has it, with the manifest that a reader needs.
-pub(super) fn window_on(simulation: &Simulation, timeline: &Timeline, title: &str) -> (Window, Scene) {
+pub(super) fn window_on(simulation: &Simulation, timeline: &Timeline, title: &str) -> (Window, WindowReader) {
     let look = simulation.looked_at();
     let part_list: Vec<_> = runs(&look)
         .into_iter()
@@ -142,7 +142,7 @@ pub(super) fn window_on(simulation: &Simulation, timeline: &Timeline, title: &st
         n_speakers: 2,
         fps: FPS,
     };
-    window(simulation, look, window_setup).unwrap()
+    window_pair(simulation, look, window_setup).unwrap()
 }
 
 pub(super) fn a_stage(simulation: &Simulation, is_seen: bool) -> Stage {
@@ -172,7 +172,7 @@ pub(super) struct Shown {
     pub(super) player: Player,
     pub(super) server: Arc<Server>,
     pub(super) relay: Relay,
-    pub(super) coming: Sender<(Scene, HeardTimes)>,
+    pub(super) reader_sender: Sender<(WindowReader, HeardTimes)>,
 }
 
 impl Shown {
@@ -189,15 +189,15 @@ impl Shown {
         player.begin();
         assert!(this.open(window));
         let server = served(limits);
-        let (coming, coming_scenes) = channel();
-        coming.send((scene, this.output_times())).unwrap();
-        let relay = Relay::new(server.clone(), coming_scenes);
+        let (reader_sender, new_readers) = channel();
+        reader_sender.send((scene, this.output_times())).unwrap();
+        let relay = Relay::new(server.clone(), new_readers);
         Self {
             this,
             player,
             server,
             relay,
-            coming,
+            reader_sender,
         }
     }
 

@@ -98,7 +98,7 @@ fn answer_of_all_hands_is_positive() {
 }
 
 /// The reply of a body whose answer is `delay` steps late, to a question that is doubtful.
-fn doubtful_reply([damping, stiffness]: [f64; 2], mass: f64, delay: usize) -> Reply {
+fn doubtful_answer([damping, stiffness]: [f64; 2], mass: f64, delay: usize) -> Answer {
     let mut questions = Questions::new(1e-3, mass, 0.0, 0.0);
     while !questions.is_calm() {
         questions.take(0.0, 0.0, true);
@@ -129,16 +129,16 @@ fn doubtful_reply_of_late_bodies() {
     for hand in hand_loads {
         for mass in [0.05, 0.1, 0.2] {
             for delay in 0..=2 {
-                let body_reply = doubtful_reply(hand, mass, delay);
-                assert_eq!(body_reply, Reply::Right, "{hand:?} {mass} kg, {delay} steps");
+                let body_answer = doubtful_answer(hand, mass, delay);
+                assert_eq!(body_answer, Answer::Right, "{hand:?} {mass} kg, {delay} steps");
             }
         }
     }
     // Without the comparison all of these are right.
-    let late_replies = hand_loads.map(|hand| doubtful_reply(hand, 0.1, 26));
+    let late_replies = hand_loads.map(|hand| doubtful_answer(hand, 0.1, 26));
     let right_count = late_replies
         .iter()
-        .filter(|body_reply| **body_reply == Reply::Right)
+        .filter(|body_answer| **body_answer == Answer::Right)
         .count();
     assert!(right_count <= 2, "{late_replies:?}");
 }

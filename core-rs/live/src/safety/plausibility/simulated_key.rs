@@ -33,10 +33,10 @@ pub(super) struct Key {
     pub(super) x: f64,
     pub(super) v: f64,
     pub(super) time: f64,
-    shown: f64,
+    sensor_reading: f64,
     pub(super) grip: Option<Grip>,
     /// 1, or -1: wired the other way.
-    pub(super) motor: f64,
+    pub(super) motor_sign: f64,
     pub(super) frozen: bool,
     /// Dry friction [N].
     pub(super) friction: f64,
@@ -66,9 +66,9 @@ impl Key {
             x: 0.0,
             v: 0.0,
             time: 0.0,
-            shown: 0.0,
+            sensor_reading: 0.0,
             grip: Some(HAND),
-            motor: 1.0,
+            motor_sign: 1.0,
             frozen: false,
             friction: 0.0,
             mass: 0.05,
@@ -82,7 +82,7 @@ impl Key {
                 let (hand_position, hand_before) = ((grip.position)(self.time), (grip.position)(self.time - substep));
                 grip.k * (hand_position - self.x) + grip.z * ((hand_position - hand_before) / substep - self.v)
             });
-            let net_force = force * self.motor + grip_force - b * self.v;
+            let net_force = force * self.motor_sign + grip_force - b * self.v;
             // Dry friction holds the key up to its level.
             let new_velocity = self.v + net_force / m * substep;
             let friction_limit = self.friction / m * substep;
@@ -99,7 +99,7 @@ impl Key {
         }
         if !self.frozen {
             let sensor_step = self.spec.pos_lsb;
-            self.shown = (self.x / sensor_step).round() * sensor_step;
+            self.sensor_reading = (self.x / sensor_step).round() * sensor_step;
         }
     }
 }
@@ -113,7 +113,7 @@ impl Device for Key {
         Ok(())
     }
     fn receive(&mut self, into: &mut Sample, _: Instant) -> Result<bool, Gone> {
-        into.position = [self.shown; MAX_AXES];
+        into.position = [self.sensor_reading; MAX_AXES];
         Ok(true)
     }
     fn in_lockstep(&self) -> bool {
@@ -123,13 +123,13 @@ impl Device for Key {
 }
 
 /// The force [N] that a piece asks for, at a time, position and velocity of the key.
-pub(super) type Scene = fn(f64, f64, f64) -> f64;
+pub(super) type PieceForce = fn(f64, f64, f64) -> f64;
 
 /// A key that is played by a hand and a piece.
 pub(super) struct Play {
     pub(super) guarded: Guarded<Key>,
-    pub(super) scene: Scene,
-    before: f64,
+    pub(super) piece_force: PieceForce,
+    position_before: f64,
     sample: Sample,
     /// Trips so far, each with its time.
     pub(super) trips: Vec<(f64, Trip)>,
@@ -138,12 +138,12 @@ pub(super) struct Play {
 }
 
 impl Play {
-    pub(super) fn new(key: Key, scene: Scene) -> Self {
+    pub(super) fn new(key: Key, piece_force: PieceForce) -> Self {
         let key_limits = Limits::from_spec(key.spec());
         Self {
             guarded: Guarded::new(key, key_limits, PERIOD).watched(),
-            scene,
-            before: 0.0,
+            piece_force,
+            position_before: 0.0,
             sample: Sample::default(),
             trips: Vec::new(),
             sent: 0.0,
@@ -165,9 +165,9 @@ impl Play {
     pub(super) fn tick(&mut self) {
         self.guarded.receive(&mut self.sample, Instant::now()).unwrap();
         let key_position = self.sample.position[0];
-        let key_velocity = (key_position - self.before) / PERIOD;
-        self.before = key_position;
-        let asked_force = (self.scene)(self.time(), key_position, key_velocity);
+        let key_velocity = (key_position - self.position_before) / PERIOD;
+        self.position_before = key_position;
+        let asked_force = (self.piece_force)(self.time(), key_position, key_velocity);
         let trip_before = self.guarded.tripped(0);
         self.sent = self.guarded.send(&[asked_force]).unwrap().newtons()[0];
         if let Some(trip_cause) = self.guarded.tripped(0).filter(|_| trip_before.is_none()) {
@@ -175,7 +175,7 @@ impl Play {
         }
     }
 
-    pub(super) fn until(&mut self, time: f64) {
+    pub(super) fn run_until(&mut self, time: f64) {
         while self.time() < time {
             self.tick();
         }
