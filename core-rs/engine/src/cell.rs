@@ -270,7 +270,7 @@ impl Cell {
     /// e^-BACKWARD_DECAY_MAX over `t`, it is extended as an odd function, since its own continuation would become
     /// too large.
     pub(crate) fn answer_around(&self, t: f64) -> f64 {
-        if t < 0.0 && self.reach() * -t > BACKWARD_DECAY_MAX {
+        if t < 0.0 && self.pole_magnitude_max() * -t > BACKWARD_DECAY_MAX {
             -self.answer(-t)
         } else {
             self.answer(t)
@@ -306,16 +306,16 @@ impl Cell {
             Poles::Oscillating { omega } => omega,
             Poles::Creeping { slow, fast } => fast - slow,
         };
-        pole_spread * step >= FACTORS_SPREAD_MIN && self.reach() * step <= BACKWARD_DECAY_MAX
+        pole_spread * step >= FACTORS_SPREAD_MIN && self.pole_magnitude_max() * step <= BACKWARD_DECAY_MAX
     }
 
     /// Velocity [m/s] per impulse [N·s], right after it.
-    pub(crate) fn jump(&self) -> f64 {
+    pub(crate) fn velocity_step(&self) -> f64 {
         1.0 / self.mass
     }
 
     /// The largest |λ| [1/s] of its components e^(λt).
-    pub(crate) fn reach(&self) -> f64 {
+    pub(crate) fn pole_magnitude_max(&self) -> f64 {
         match self.poles {
             Poles::Oscillating { omega } => sqrt(self.sigma * self.sigma + omega * omega),
             Poles::Creeping { fast, .. } => fast,

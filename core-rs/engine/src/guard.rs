@@ -22,7 +22,7 @@ use crate::network::{Error, Network};
 use crate::scheme::{Scheme, top};
 use crate::state::PreviousState;
 use cells::Cells;
-use watch::{Watch, nearest, set_reaches, watches};
+use watch::{WatchedRun, nearest, set_reaches, watches};
 
 /// λ up to which steps of CA are trusted; they are stable up to 4. Near 4 the motion between samples overshoots, and
 /// the laws turn the overshoot into energy: with 3.6 here, a gong struck at its limit of stability gains a quarter of
@@ -85,7 +85,7 @@ impl FinerFrames {
 /// The guard of one network: the links that it watches, and its buffers.
 #[derive(Clone, Debug)]
 pub(crate) struct Guard {
-    watches: Vec<Watch>,
+    watches: Vec<WatchedRun>,
     /// From the first to the last MAT that a watched link joins.
     mats: Range<usize>,
     /// MATs whose positions come from outside.
@@ -322,7 +322,7 @@ impl Guard {
 }
 
 /// MATs that no path of links joins with a watched link.
-fn unrelated_mats(network: &Network, scheme: &Scheme, watches: &[Watch]) -> Vec<usize> {
+fn unrelated_mats(network: &Network, scheme: &Scheme, watches: &[WatchedRun]) -> Vec<usize> {
     let mat_count = scheme.n_mat();
     let mut link_forest = Forest::new(mat_count);
     let is_moving = |mat: usize| scheme.w[mat] > 0.0 || scheme.is_proxy(mat);

@@ -7,18 +7,18 @@ mod alike;
 mod certify;
 mod discretise;
 mod link;
-mod listen;
 mod spring;
+mod taps;
 
 pub use certify::{Certificate, Means, StabilityGuarantee};
 pub(crate) use certify::{LargestEigenvalue, Refusal, top, top_up_to};
 pub(crate) use link::tension_energy;
-pub(crate) use listen::Tap;
 pub(crate) use spring::{Pull, Spring};
+pub(crate) use taps::Tap;
 
 use std::sync::Arc;
 
-use alike::Alike;
+use alike::EqualRange;
 use discretise::Ties;
 
 use crate::law::{Hardening, Law};
@@ -212,7 +212,7 @@ pub struct Scheme {
     /// Rest position of the tie [m]         (n_mat)
     pub(crate) rest: Vec<f64>,
     /// Ranges of MATs with equal coefficients; empty if there are too many ranges, or if the coefficients change.
-    pub(crate) alike: Vec<Alike>,
+    pub(crate) alike: Vec<EqualRange>,
     /// Constant force [N]                   (n_mat at most; 0 for the MATs after its end)
     pub(crate) weight: Vec<f64>,
     /// The part to which the MAT belongs    (n_mat)
@@ -448,7 +448,7 @@ impl Scheme {
     }
 
     /// 1/M, κ, ζ and rest position of every MAT   (n_mat each).
-    pub(crate) fn ties(&self) -> [&[f64]; 4] {
+    pub(crate) fn mat_coefficients(&self) -> [&[f64]; 4] {
         [&self.w, &self.kappa, &self.zeta, &self.rest]
     }
 

@@ -113,11 +113,11 @@ impl Learnt {
 
     /// The mode of a block; it is likelier for being that of the block before.
     fn mode(&mut self, coder: &mut impl Coder, mode: Mode) -> Option<Mode> {
-        let chances = &mut self.modes[self.mode];
+        let probabilities = &mut self.modes[self.mode];
         let mut tree_node = 1_usize;
         for place in (0..MODE_BITS).rev() {
             let mode_bit = mode as usize >> place & 1 == 1;
-            tree_node = tree_node << 1 | usize::from(coder.bit(&mut chances[tree_node], mode_bit));
+            tree_node = tree_node << 1 | usize::from(coder.bit(&mut probabilities[tree_node], mode_bit));
         }
         self.mode = tree_node - (1 << MODE_BITS);
         MODES.get(self.mode).copied()

@@ -1,11 +1,11 @@
-//! A binary range coder with adaptive chances, as in LZMA (I. Pavlov: LZMA specification, 2015), and whole numbers in
-//! such bits. Writer and reader go through the same functions, so that they cannot differ.
+//! A binary range coder with adaptive probabilities, as in LZMA (I. Pavlov: LZMA specification, 2015), and whole numbers
+//! in such bits. Writer and reader go through the same functions, so that they cannot differ.
 
-/// A chance is that of a 0, in steps of 2⁻¹⁵.
-const CHANCE_BITS: u32 = 15;
+/// A probability is that of a 0, in steps of 2⁻¹⁵.
+const PROBABILITY_BITS: u32 = 15;
 /// Both bits are equally likely.
-pub(crate) const EVEN: u16 = 1 << (CHANCE_BITS - 1);
-/// A chance moves by 2⁻⁴ of the way with each bit.
+pub(crate) const EVEN: u16 = 1 << (PROBABILITY_BITS - 1);
+/// A probability moves by 2⁻⁴ of the way with each bit.
 const RATE: u32 = 4;
 /// The range is kept above this, by moving on by a byte.
 const RANGE_MIN: u32 = 1 << 24;
@@ -13,15 +13,15 @@ const RANGE_MIN: u32 = 1 << 24;
 /// Writes bits, or reads them.
 pub(crate) trait Coder {
     /// The next bit. A writer writes `bit` and returns it; a reader returns the bit that it reads.
-    fn code(&mut self, chance: u16, bit: bool) -> bool;
+    fn code(&mut self, probability: u16, bit: bool) -> bool;
 
-    /// The next bit, from which its chance is learnt.
-    fn bit(&mut self, chance: &mut u16, bit: bool) -> bool {
-        let bit = self.code(*chance, bit);
+    /// The next bit, from which its probability is learnt.
+    fn bit(&mut self, probability: &mut u16, bit: bool) -> bool {
+        let bit = self.code(*probability, bit);
         if bit {
-            *chance -= *chance >> RATE;
+            *probability -= *probability >> RATE;
         } else {
-            *chance += ((1 << CHANCE_BITS) - *chance) >> RATE;
+            *probability += ((1 << PROBABILITY_BITS) - *probability) >> RATE;
         }
         bit
     }
@@ -32,9 +32,9 @@ pub(crate) struct Writer {
     low: u64,
     range: u32,
     /// The last byte whose carry is not known, and how many bytes of 255 follow it, itself included.
-    last: u8,
-    waiting: usize,
-    out: Vec<u8>,
+    pending_byte: u8,
+    pending_count: usize,
+    bytes: Vec<u8>,
 }
 
 impl Writer {
@@ -42,24 +42,24 @@ impl Writer {
         Self {
             low: 0,
             range: u32::MAX,
-            last: 0,
-            waiting: 1,
-            out: Vec::new(),
+            pending_byte: 0,
+            pending_count: 1,
+            bytes: Vec::new(),
         }
     }
 
     fn shift(&mut self) {
         let overflow = (self.low >> 32) as u8;
         if overflow != 0 || self.low < 0xff00_0000 {
-            let mut pending_byte = self.last;
-            for _ in 0..self.waiting {
-                self.out.push(pending_byte.wrapping_add(overflow));
+            let mut pending_byte = self.pending_byte;
+            for _ in 0..self.pending_count {
+                self.bytes.push(pending_byte.wrapping_add(overflow));
                 pending_byte = 0xff;
             }
-            self.waiting = 0;
-            self.last = (self.low >> 24) as u8;
+            self.pending_count = 0;
+            self.pending_byte = (self.low >> 24) as u8;
         }
-        self.waiting += 1;
+        self.pending_count += 1;
         self.low = (self.low & 0x00ff_ffff) << 8;
     }
 
@@ -68,13 +68,13 @@ impl Writer {
         for _ in 0..5 {
             self.shift();
         }
-        self.out
+        self.bytes
     }
 }
 
 impl Coder for Writer {
-    fn code(&mut self, chance: u16, bit: bool) -> bool {
-        let split_point = (self.range >> CHANCE_BITS) * u32::from(chance);
+    fn code(&mut self, probability: u16, bit: bool) -> bool {
+        let split_point = (self.range >> PROBABILITY_BITS) * u32::from(probability);
         if bit {
             self.low += u64::from(split_point);
             self.range -= split_point;
@@ -106,12 +106,12 @@ impl<'a> Reader<'a> {
             code: 0,
         };
         for _ in 0..5 {
-            reader.next();
+            reader.next_byte();
         }
         reader
     }
 
-    fn next(&mut self) {
+    fn next_byte(&mut self) {
         let next_byte = self.bytes.get(self.position).copied().unwrap_or(0);
         self.code = (self.code << 8) | u32::from(next_byte);
         self.position += 1;
@@ -124,8 +124,8 @@ impl<'a> Reader<'a> {
 }
 
 impl Coder for Reader<'_> {
-    fn code(&mut self, chance: u16, _: bool) -> bool {
-        let split_point = (self.range >> CHANCE_BITS) * u32::from(chance);
+    fn code(&mut self, probability: u16, _: bool) -> bool {
+        let split_point = (self.range >> PROBABILITY_BITS) * u32::from(probability);
         let bit = self.code >= split_point;
         if bit {
             self.code -= split_point;
@@ -135,18 +135,18 @@ impl Coder for Reader<'_> {
         }
         while self.range < RANGE_MIN {
             self.range <<= 8;
-            self.next();
+            self.next_byte();
         }
         bit
     }
 }
 
-/// Lengths of numbers that have chances of their own.
+/// Lengths of numbers that have probabilities of their own.
 const LENGTHS: usize = 21;
 /// Bits of the largest number.
 const LENGTH_MAX: u32 = 60;
 
-/// Chances of the bits of numbers ≥ 0 in several contexts.
+/// Probabilities of the bits of numbers ≥ 0 in several contexts.
 pub(crate) struct Numbers(Vec<[[u16; LENGTHS]; 2]>);
 
 impl Numbers {
@@ -155,10 +155,10 @@ impl Numbers {
     }
 
     /// The next number, in Elias' gamma code of `value` + 1: its length in ones and a zero, then its bits after the
-    /// first. The ones, the zero and the first of the bits have chances. `None`: longer than any number may be.
+    /// first. The ones, the zero and the first of the bits have probabilities. `None`: longer than any number may be.
     pub(crate) fn code(&mut self, coder: &mut impl Coder, context: usize, value: u64) -> Option<u64> {
         let binary = value + 1;
-        let [lengths, first_chances] = &mut self.0[context];
+        let [lengths, first_probabilities] = &mut self.0[context];
         let mut code_length = 0;
         while coder.bit(
             &mut lengths[(code_length as usize).min(LENGTHS - 1)],
@@ -173,7 +173,7 @@ impl Numbers {
         for bit_index in (0..code_length).rev() {
             let bit = binary >> bit_index & 1 == 1;
             let bit = if bit_index + 1 == code_length {
-                coder.bit(&mut first_chances[(code_length as usize).min(LENGTHS - 1)], bit)
+                coder.bit(&mut first_probabilities[(code_length as usize).min(LENGTHS - 1)], bit)
             } else {
                 coder.code(EVEN, bit)
             };
@@ -194,14 +194,14 @@ mod tests {
         fn range_coder_round_trip(values in prop::collection::vec((0..3_usize, 0..60_u32, any::<u64>()), 0..300)) {
             let values: Vec<(usize, u64)> =
                 values.into_iter().map(|(context, bits, x)| (context, x & ((1 << bits) - 1))).collect();
-            let (mut writer, mut chances) = (Writer::new(), Numbers::new(3));
+            let (mut writer, mut probabilities) = (Writer::new(), Numbers::new(3));
             for (context, value) in &values {
-                chances.code(&mut writer, *context, *value);
+                probabilities.code(&mut writer, *context, *value);
             }
             let bytes = writer.finish();
-            let (mut reader, mut chances) = (Reader::new(&bytes), Numbers::new(3));
+            let (mut reader, mut probabilities) = (Reader::new(&bytes), Numbers::new(3));
             for (context, value) in &values {
-                prop_assert_eq!(chances.code(&mut reader, *context, 0), Some(*value));
+                prop_assert_eq!(probabilities.code(&mut reader, *context, 0), Some(*value));
             }
             prop_assert!(reader.is_ended());
         }
@@ -209,9 +209,9 @@ mod tests {
 
     #[test]
     fn range_coder_size_of_likely_symbols() {
-        let (mut writer, mut chance) = (Writer::new(), EVEN);
+        let (mut writer, mut probability) = (Writer::new(), EVEN);
         for _ in 0..8_000 {
-            writer.bit(&mut chance, false);
+            writer.bit(&mut probability, false);
         }
         assert!(writer.finish().len() < 20);
     }

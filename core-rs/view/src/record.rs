@@ -73,7 +73,7 @@ pub struct Recorder {
     /// Reused by [`Recorder::look`] for every look.
     glance: Glance,
     /// Displacements of the points of modal parts, as of their last evaluation   (n_points)
-    shaped: Vec<f64>,
+    modal_displacements: Vec<f64>,
     peaks: Vec<f64>,
     /// Least and largest displacement so far of each point that is sampled   (n_points)
     extremes: Vec<(f64, f64)>,
@@ -82,22 +82,22 @@ pub struct Recorder {
     frame: u64,
     /// Instant of the simulation at which the recording begins [s]: ergons written before it did not strike in the
     /// simulation.
-    since: f64,
-    last: f64,
+    record_start: f64,
+    last_look: f64,
     n_reported: usize,
     /// Index in the table of links of each breakable link; `None` unless both its ends are seen.
-    links: Vec<Option<u32>>,
+    link_numbers: Vec<Option<u32>>,
     /// Instant at which each was first seen broken [s].
-    broken: Vec<Option<f64>>,
+    break_times: Vec<Option<f64>>,
     /// Live strikes that are not reported yet: instant [s], point of the file, impulse [N·s].
     live_strikes: Vec<(f64, u32, f64)>,
     squares: Vec<f64>,
     n_heard: u64,
     segment: Segment,
-    index: Vec<(f64, u64)>,
-    out: Vec<u8>,
+    segment_offsets: Vec<(f64, u64)>,
+    pending_bytes: Vec<u8>,
     /// Number of bytes taken so far.
-    taken: u64,
+    bytes_taken: u64,
 }
 
 impl Recorder {
@@ -128,35 +128,35 @@ impl Recorder {
             flights: vec![Flight::default(); n_tracks],
             strike_times,
             glance: Glance::new(simulation, &look),
-            shaped: vec![0.0; look.points.len()],
+            modal_displacements: vec![0.0; look.points.len()],
             peaks: vec![0.0; runs.len()],
             extremes: vec![(f64::INFINITY, f64::NEG_INFINITY); look.points.len()],
             points,
             rate: simulation.rate(),
             frame: 0,
-            since: simulation.frame() as f64 / simulation.rate(),
-            last: 0.0,
+            record_start: simulation.frame() as f64 / simulation.rate(),
+            last_look: 0.0,
             n_reported: 0,
-            links: tables::breakable(&look, network),
-            broken: vec![None; look.breakable.len()],
+            link_numbers: tables::breakable(&look, network),
+            break_times: vec![None; look.breakable.len()],
             live_strikes: Vec::new(),
             squares: vec![0.0; setup.n_speakers],
             n_heard: 0,
             segment: Segment::default(),
-            index: Vec::new(),
-            out: MAGIC.to_vec(),
-            taken: 0,
+            segment_offsets: Vec::new(),
+            pending_bytes: MAGIC.to_vec(),
+            bytes_taken: 0,
             runs,
             look,
             setup,
         };
         tables::put_all(
-            &mut recorder.out,
+            &mut recorder.pending_bytes,
             network,
             (&recorder.look, &recorder.setup),
             &recorder.runs,
         );
-        if recorder.out.len() > PAYLOAD_MAX {
+        if recorder.pending_bytes.len() > PAYLOAD_MAX {
             return Err("the tables of this piece are too long for a motion file".into());
         }
         Ok(recorder)
@@ -183,12 +183,12 @@ impl Recorder {
     /// Record the next glance.
     pub fn record(&mut self, glance: &Glance) {
         let look_time = self.seconds(glance.frame);
-        let is_first = self.frame.is_multiple_of(self.per_segment());
+        let is_first = self.frame.is_multiple_of(self.looks_per_segment());
         if self.frame == 0 {
             // If the recording begins later than the simulation, there was a frame before the first look.
-            self.last = (look_time - 1.0 / self.setup.fps).max(0.0);
+            self.last_look = (look_time - 1.0 / self.setup.fps).max(0.0);
             // The instant of a strike may be up to half a frame before the frame in which it acts.
-            let report_start = (self.since - 0.5 / self.rate).max(look_time - REPORT_BACK);
+            let report_start = (self.record_start - 0.5 / self.rate).max(look_time - REPORT_BACK);
             self.n_reported = (self.setup.ergons).partition_point(|ergon| ergon.time < report_start);
         }
         self.write_flights(&glance.tracks, look_time, is_first);
@@ -204,11 +204,11 @@ impl Recorder {
         self.write_live_strikes(look_time);
         self.write_hands(glance, look_time);
         self.write_levels(look_time);
-        self.last = look_time;
+        self.last_look = look_time;
         self.frame += 1;
     }
 
-    fn per_segment(&self) -> u64 {
+    fn looks_per_segment(&self) -> u64 {
         ((self.setup.fps + 0.5) as u64).max(1)
     }
 
@@ -227,31 +227,31 @@ impl Recorder {
 
     /// The bytes completed since the last call.
     pub fn take(&mut self) -> Vec<u8> {
-        self.taken += self.out.len() as u64;
-        std::mem::take(&mut self.out)
+        self.bytes_taken += self.pending_bytes.len() as u64;
+        std::mem::take(&mut self.pending_bytes)
     }
 
     /// The last bytes: the current segment, and the index.
     pub fn finish(&mut self) -> Vec<u8> {
         self.end_segment();
-        let index_offset = self.taken + self.out.len() as u64;
+        let index_offset = self.bytes_taken + self.pending_bytes.len() as u64;
         let mut index_bytes = Bytes::default();
-        index_bytes.u32(self.index.len() as u32);
+        index_bytes.u32(self.segment_offsets.len() as u32);
         index_bytes.u32(self.peaks.len() as u32);
-        index_bytes.f64(self.last);
+        index_bytes.f64(self.last_look);
         self.peaks.iter().for_each(|peak| index_bytes.f32(*peak));
-        for &(seconds, segment_offset) in &self.index {
+        for &(seconds, segment_offset) in &self.segment_offsets {
             index_bytes.f64(seconds);
             index_bytes.u64(segment_offset);
         }
         index_bytes.u64(index_offset);
-        put(&mut self.out, kind::INDEX, self.last, &index_bytes.0);
+        put(&mut self.pending_bytes, kind::INDEX, self.last_look, &index_bytes.0);
         self.take()
     }
 
     fn event(&mut self, seconds: f64, kind: u16) -> &mut Bytes {
         let segment_events = &mut self.segment.events;
-        let has_same_key = |last_index: &(f64, u16, Bytes)| (last_index.0, last_index.1) == (seconds, kind);
+        let has_same_key = |last_event: &(f64, u16, Bytes)| (last_event.0, last_event.1) == (seconds, kind);
         if !segment_events.last().is_some_and(has_same_key) {
             segment_events.push((seconds, kind, Bytes::default()));
         }
@@ -261,7 +261,7 @@ impl Recorder {
 
     /// Pushes of contacts since the last look.
     fn write_contacts(&mut self, pushes: &[Push]) {
-        let (last_look, frame_rate) = (self.last, self.rate);
+        let (last_look, frame_rate) = (self.last_look, self.rate);
         let all_pushes = pushes.iter().enumerate();
         for (contact, push) in all_pushes.filter(|(_, push)| push.force != 0.0) {
             let contact_bytes = self.event(last_look, kind::CONTACTS);
@@ -273,7 +273,7 @@ impl Recorder {
 
     /// Strikes of written hands since the last look; at the first look, since the recording began.
     fn write_sparks(&mut self, sparks: &[Record]) {
-        let (last_look, record_start) = (self.last, self.since - 0.5 / self.rate);
+        let (last_look, record_start) = (self.last_look, self.record_start - 0.5 / self.rate);
         for spark in sparks.iter().filter(|spark| spark.time >= record_start) {
             if let Some(&point_index) = self.points.get(&(spark.mat as usize)) {
                 put_ergon(
@@ -289,9 +289,9 @@ impl Recorder {
     /// Links that broke since the last look; together with a key state, all that are broken.
     fn write_breaks(&mut self, broken: &[bool], now: f64, is_first: bool) {
         for (index, _) in broken.iter().enumerate().filter(|(_, is_broken)| **is_broken) {
-            let is_new_break = self.broken[index].is_none();
-            let break_time = *self.broken[index].get_or_insert(now);
-            let Some(link_index) = self.links[index] else {
+            let is_new_break = self.break_times[index].is_none();
+            let break_time = *self.break_times[index].get_or_insert(now);
+            let Some(link_index) = self.link_numbers[index] else {
                 continue;
             };
             if is_new_break || is_first {
@@ -359,7 +359,7 @@ impl Recorder {
         }
         let key_states: Vec<(f64, f64)> = (self.setup.keys.iter().enumerate())
             .map(|(key, mat)| {
-                let key_point = self.points.get(mat).map(|&point| (point, &self.look.points[point]));
+                let key_point = self.points.get(mat).map(|&index| (index, &self.look.points[index]));
                 let key_position = match key_point {
                     Some((_, point)) if matches!(point.how, How::NotComputed { .. }) => f64::NAN,
                     Some((point_index, point)) => glance.tracks[point_index] + point.rest,
@@ -397,11 +397,12 @@ impl Recorder {
             self.segment.events = segment.events;
             return;
         }
-        self.index.push((segment.start, self.taken + self.out.len() as u64));
-        put(&mut self.out, kind::STATE, segment.start, &segment.state.0);
+        self.segment_offsets
+            .push((segment.start, self.bytes_taken + self.pending_bytes.len() as u64));
+        put(&mut self.pending_bytes, kind::STATE, segment.start, &segment.state.0);
         let mut peak_bytes = Bytes::default();
         self.peaks.iter().for_each(|peak| peak_bytes.f32(*peak));
-        put(&mut self.out, kind::PEAKS, segment.start, &peak_bytes.0);
+        put(&mut self.pending_bytes, kind::PEAKS, segment.start, &peak_bytes.0);
         for (run_index, (run, rows)) in self.runs.iter().zip(&mut segment.rows).enumerate() {
             // Split into chunks of the largest possible number of frames.
             for frame_range in chunks(segment.count, (PAYLOAD_MAX / 16) / run.points.len().max(1)) {
@@ -419,7 +420,7 @@ impl Recorder {
                 };
                 let chunk_start = segment.start + frame_range.start as f64 / self.setup.fps;
                 put(
-                    &mut self.out,
+                    &mut self.pending_bytes,
                     kind::FRAMES,
                     chunk_start,
                     &run_frames.packed(&amplitudes),
@@ -428,7 +429,7 @@ impl Recorder {
         }
         segment.events.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         for (seconds, kind, payload) in segment.events {
-            put(&mut self.out, kind, seconds, &payload.0);
+            put(&mut self.pending_bytes, kind, seconds, &payload.0);
         }
     }
 }

@@ -72,7 +72,7 @@ pub(super) fn rest_threshold(oscillators: &[Oscillator], strikes: &[Strikes], ra
         let member_shares = struck_members.zip(&strikes.share).enumerate();
         member_shares.map(move |(i, (oscillator, share))| {
             let response = strikes.responses.get(i);
-            let response_size = response.and_then(Response::size);
+            let response_size = response.and_then(Response::peak_displacement);
             response_size.map_or(unit_displacement, |response_size| impulse * response_size)
                 * share.abs()
                 * output_scale(oscillator)

@@ -66,7 +66,7 @@ impl Response {
     /// The same function extended to times `t` [s] before the impulse. If it decays by more than
     /// e^-BACKWARD_DECAY_MAX over `t`, it is extended as if it decayed both ways, since its own continuation
     /// would become too large.
-    pub(crate) fn around(&self, t: f64) -> f64 {
+    pub(crate) fn two_sided(&self, t: f64) -> f64 {
         let decay_factor = |decay: f64| {
             let is_steep = -decay * t > BACKWARD_DECAY_MAX;
             exp(-decay * if is_steep { -t } else { t })
@@ -84,9 +84,9 @@ impl Response {
     }
 
     /// Velocity [m/s] per impulse [N·s], right after it.
-    pub(crate) fn jump(&self) -> f64 {
+    pub(crate) fn velocity_step(&self) -> f64 {
         match *self {
-            Self::Cell(cell) => cell.jump(),
+            Self::Cell(cell) => cell.velocity_step(),
             Self::Pair {
                 decay,
                 omega,
@@ -98,9 +98,9 @@ impl Response {
     }
 
     /// The largest |λ| [1/s] of its components e^(λt).
-    pub(crate) fn reach(&self) -> f64 {
+    pub(crate) fn pole_magnitude_max(&self) -> f64 {
         match *self {
-            Self::Cell(cell) => cell.reach(),
+            Self::Cell(cell) => cell.pole_magnitude_max(),
             Self::Pair { decay, omega, .. } => sqrt(decay * decay + omega * omega),
             Self::Real { decay, .. } => decay,
             Self::Free { .. } => 0.0,
@@ -108,7 +108,7 @@ impl Response {
     }
 
     /// Its largest displacement per impulse [m/N·s]; `None` for a cell, 0 for a motion without a bound.
-    pub(crate) fn size(&self) -> Option<f64> {
+    pub(crate) fn peak_displacement(&self) -> Option<f64> {
         match *self {
             Self::Cell(_) => None,
             Self::Pair { gain: [re, im], .. } => Some(sqrt(re * re + im * im)),

@@ -27,7 +27,7 @@ impl Stage for KernelStage<'_, '_> {
 
     fn motion(&mut self) -> Motion<'_> {
         Motion {
-            ties: self.scheme.ties(),
+            ties: self.scheme.mat_coefficients(),
             force: &mut self.body.force,
             x: &mut self.body.x,
             d: &mut self.body.d,

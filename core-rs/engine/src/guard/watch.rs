@@ -9,11 +9,11 @@ use crate::scheme::{Kind, Run};
 
 /// A run of links that stiffen.
 #[derive(Clone, Debug)]
-pub(super) struct Watch {
+pub(super) struct WatchedRun {
     pub(super) a: usize,
     pub(super) b: usize,
     pub(super) len: usize,
-    rest: f64,
+    rest_length: f64,
     stiffening: Stiffening,
     /// Largest elongation [m]: while no link of any run exceeds its reach, λ is within the limit.
     reach: f64,
@@ -27,22 +27,22 @@ enum Stiffening {
     /// Any law, and its stiffness at rest [N/m].
     Law(Arc<Law>, f64),
     /// Any of several laws, and the greatest of their stiffnesses at rest [N/m].
-    Any(Vec<Law>, f64),
+    AnyLaw(Vec<Law>, f64),
 }
 
 impl Stiffening {
     fn from_kind(kind: &Kind) -> Option<Self> {
-        if let Kind::Followed { by, .. } = kind {
-            let corner_laws: Vec<Law> = by.corners().collect();
+        if let Kind::Followed { by: following, .. } = kind {
+            let corner_laws: Vec<Law> = following.corners().collect();
             let rest_slopes = corner_laws.iter().map(|law| law.slope(0.0));
             let slope_at_rest = rest_slopes.fold(0.0, f64::max);
-            return Some(Self::Any(corner_laws, slope_at_rest));
+            return Some(Self::AnyLaw(corner_laws, slope_at_rest));
         }
         let Kind::Lnl { law, .. } = kind else {
             return None;
         };
         match law.hardening_spring() {
-            Some(by) => (by.q > 0.0).then_some(Self::Square(3.0 * by.q)),
+            Some(spring) => (spring.q > 0.0).then_some(Self::Square(3.0 * spring.q)),
             None => Some(Self::Law(law.clone(), law.slope(0.0).max(0.0))),
         }
     }
@@ -53,7 +53,7 @@ impl Stiffening {
         match self {
             Self::Square(square_factor) => square_factor * (e * e),
             Self::Law(law, rest_slope) => (law.slope(e) - rest_slope).max(0.0),
-            Self::Any(laws, rest_slope) => {
+            Self::AnyLaw(laws, rest_slope) => {
                 let law_slopes = laws.iter().map(|law| law.slope(e));
                 law_slopes.fold(*rest_slope, f64::max) - rest_slope
             }
@@ -65,7 +65,7 @@ impl Stiffening {
         match self {
             Self::Square(square_factor) => (rise / square_factor).sqrt(),
             Self::Law(law, rest_slope) => law.stiffens_beyond(rest_slope + rise),
-            Self::Any(laws, rest_slope) => {
+            Self::AnyLaw(laws, rest_slope) => {
                 let reaches = laws.iter().map(|law| law.stiffens_beyond(rest_slope + rise));
                 reaches.fold(f64::INFINITY, f64::min)
             }
@@ -74,18 +74,18 @@ impl Stiffening {
 }
 
 /// Runs that stiffen and have an end that moves; runs with a gate are left out.
-pub(super) fn watches(runs: &[Run], mat_moves: impl Fn(usize) -> bool) -> Vec<Watch> {
+pub(super) fn watches(runs: &[Run], mat_moves: impl Fn(usize) -> bool) -> Vec<WatchedRun> {
     let watch_of_run = |run: &Run| {
         let stiffening = Stiffening::from_kind(&run.kind).filter(|_| run.gate.is_none())?;
         let mut run_ends = (0..run.len).flat_map(|i| [run.a + i, run.b + i]);
         if !run_ends.any(&mat_moves) {
             return None;
         }
-        Some(Watch {
+        Some(WatchedRun {
             a: run.a,
             b: run.b,
             len: run.len,
-            rest: run.rest,
+            rest_length: run.rest,
             stiffening,
             reach: 0.0,
         })
@@ -94,7 +94,7 @@ pub(super) fn watches(runs: &[Run], mat_moves: impl Fn(usize) -> bool) -> Vec<Wa
 }
 
 /// Set the reach of every run such that λ rises by no more than `rise`, and remove runs that never stiffen so much.
-pub(super) fn set_reaches(watches: &mut Vec<Watch>, rise: f64, inverse_masses: &[f64]) {
+pub(super) fn set_reaches(watches: &mut Vec<WatchedRun>, rise: f64, inverse_masses: &[f64]) {
     let mut link_degree = vec![0.0; inverse_masses.len()];
     for watch in &*watches {
         for first_mat in [watch.a, watch.b] {
@@ -118,25 +118,25 @@ wide! {
     pub(super) fn peak(numbers: &[f64]) -> f64 {
         // The bits of positive numbers, read as integers, have the order of the numbers; those of NaN are above all
         // others.
-        f64::from_bits(numbers.iter().fold(0, |peak, d| d.abs().to_bits().max(peak)))
+        f64::from_bits(numbers.iter().fold(0, |peak_bits, d| d.abs().to_bits().max(peak_bits)))
     }
 }
 
 wide! {
     /// How much further the link nearest to its reach may be stretched [m].
-    pub(super) fn nearest(watches: &[Watch], x: &[f64]) -> f64 {
+    pub(super) fn nearest(watches: &[WatchedRun], x: &[f64]) -> f64 {
         let mut nearest = f64::INFINITY;
         for watch in watches {
-            let Watch { a, b, len, rest, .. } = *watch;
+            let WatchedRun { a, b, len, rest_length, .. } = *watch;
             let (xa, xb) = (&x[a..][..len], &x[b..][..len]);
-            let mut peak = 0_u64;
+            let mut peak_bits = 0_u64;
             for i in 0..len {
-                peak = peak.max((xb[i] - xa[i] - rest).abs().to_bits());
+                peak_bits = peak_bits.max((xb[i] - xa[i] - rest_length).abs().to_bits());
             }
-            let left = watch.reach - f64::from_bits(peak);
+            let reach_left = watch.reach - f64::from_bits(peak_bits);
             // A NaN elongation is beyond every reach.
-            let left = if left.is_nan() { f64::NEG_INFINITY } else { left };
-            nearest = f64::min(nearest, left);
+            let reach_left = if reach_left.is_nan() { f64::NEG_INFINITY } else { reach_left };
+            nearest = f64::min(nearest, reach_left);
         }
         nearest
     }
@@ -147,7 +147,7 @@ wide! {
 /// The bound is the largest edge sum: stiffening over mass, summed at both ends of a link. `mats` are the MATs that
 /// watched links join; `sums` (n_mat) and `rises` (longest run) are buffers.
 pub(super) fn stiffening(
-    watches: &[Watch],
+    watches: &[WatchedRun],
     mats: &Range<usize>,
     x: &[f64],
     inverse_masses: &[f64],
@@ -160,7 +160,9 @@ pub(super) fn stiffening(
         let rises = &mut rises[..watch.len];
         let (positions_a, positions_b) = (&x[end_a..][..watch.len], &x[end_b..][..watch.len]);
         for (i, rise) in rises.iter_mut().enumerate() {
-            *rise = watch.stiffening.rise(positions_b[i] - positions_a[i] - watch.rest);
+            *rise = watch
+                .stiffening
+                .rise(positions_b[i] - positions_a[i] - watch.rest_length);
         }
         for first_mat in [end_a, end_b] {
             let sums = &mut sums[first_mat..][..watch.len];

@@ -22,7 +22,7 @@ impl Stage for MeshStage<'_, '_> {
 
     fn motion(&mut self) -> Motion<'_> {
         Motion {
-            ties: self.mesh.scheme.ties(),
+            ties: self.mesh.scheme.mat_coefficients(),
             force: self.force,
             x: self.x,
             d: self.d,

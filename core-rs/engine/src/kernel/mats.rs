@@ -95,7 +95,10 @@ fn move_range(
     let from = |part_range: &Range<usize>| from.map(|from| [&from.x, &from.d].map(|all| &all[part_range.clone()]));
     let [positions, last_steps] = moved;
     if scheme.alike.is_empty() {
-        let (numbers, force) = (scheme.ties().map(|all| &all[mats.clone()]), &force[mats.clone()]);
+        let (numbers, force) = (
+            scheme.mat_coefficients().map(|all| &all[mats.clone()]),
+            &force[mats.clone()],
+        );
         return match from(&mats) {
             Some(from) => move_from(numbers, force, from, positions, last_steps),
             None => move_all(numbers, force, positions, last_steps),
@@ -111,8 +114,8 @@ fn move_range(
         let local_range = part_range.start - mats.start..part_range.end - mats.start;
         let (positions, last_steps) = (&mut positions[local_range.clone()], &mut last_steps[local_range]);
         all_bounded &= match from(&part_range) {
-            Some(from) => move_alike_from(alike.numbers, &force[part_range], from, positions, last_steps),
-            None => move_alike(alike.numbers, &force[part_range], positions, last_steps),
+            Some(from) => move_alike_from(alike.coefficients, &force[part_range], from, positions, last_steps),
+            None => move_alike(alike.coefficients, &force[part_range], positions, last_steps),
         };
     }
     all_bounded

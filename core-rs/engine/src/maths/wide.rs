@@ -22,35 +22,35 @@ pub(crate) use half_wide;
 
 /// Define a function that is compiled for the baseline and for each of some features, the best first.
 macro_rules! compiled {
-    ($features:tt $(#[$meta:meta])* $visible:vis fn $name:ident($($value:ident: $kind:ty),* $(,)?)
+    ($features:tt $(#[$meta:meta])* $visible:vis fn $name:ident($($parameter:ident: $type:ty),* $(,)?)
         $(-> $result:ty)? $body:block) => {
         $(#[$meta])*
-        $visible fn $name($($value: $kind),*) $(-> $result)? {
+        $visible fn $name($($parameter: $type),*) $(-> $result)? {
             #[inline(always)]
-            fn plain($($value: $kind),*) $(-> $result)? $body
-            $crate::maths::wide::on! { $features ($($value: $kind),*) $(-> $result)? }
-            plain($($value),*)
+            fn baseline($($parameter: $type),*) $(-> $result)? $body
+            $crate::maths::wide::select_by_feature! { $features ($($parameter: $type),*) $(-> $result)? }
+            baseline($($parameter),*)
         }
     };
 }
 pub(crate) use compiled;
 
-/// Return the result of `plain`, compiled for the first of some features that the processor has.
-macro_rules! on {
+/// Return the result of `baseline`, compiled for the first of some features that the processor has.
+macro_rules! select_by_feature {
     ([] $($signature:tt)*) => {};
-    ([$feature:tt $($others:tt)*] ($($value:ident: $kind:ty),*) $(-> $result:ty)?) => {
+    ([$feature:tt $($others:tt)*] ($($parameter:ident: $type:ty),*) $(-> $result:ty)?) => {
         #[cfg(target_arch = "x86_64")]
         {
             #[target_feature(enable = $feature)]
-            fn compiled($($value: $kind),*) $(-> $result)? {
-                plain($($value),*)
+            fn with_feature($($parameter: $type),*) $(-> $result)? {
+                baseline($($parameter),*)
             }
             if std::arch::is_x86_feature_detected!($feature) {
                 // SAFETY: this processor has the feature.
-                return unsafe { compiled($($value),*) };
+                return unsafe { with_feature($($parameter),*) };
             }
         }
-        $crate::maths::wide::on! { [$($others)*] ($($value: $kind),*) $(-> $result)? }
+        $crate::maths::wide::select_by_feature! { [$($others)*] ($($parameter: $type),*) $(-> $result)? }
     };
 }
-pub(crate) use on;
+pub(crate) use select_by_feature;

@@ -8,33 +8,33 @@ use super::Scheme;
 /// Smallest average number of MATs in a range. A range costs 9 ns; each of its MATs takes 0.05 ns less in a mesh of 320
 /// MATs, and 0.2 ns less in one of 10,000. So ranges of 128 MATs make little difference in the small mesh and save a
 /// fifth in the large one.
-const RANGE_MATS_MIN: usize = 128;
+const MATS_PER_RANGE_MIN: usize = 128;
 
 /// Successive MATs with the same 1/M, κ, ζ and rest position.
 #[derive(Clone, Debug)]
-pub(crate) struct Alike {
+pub(crate) struct EqualRange {
     pub(crate) mats: Range<usize>,
-    pub(crate) numbers: [f64; 4],
+    pub(crate) coefficients: [f64; 4],
 }
 
 impl Scheme {
     /// All MATs as ranges with equal coefficients; empty if the ranges are too short to save time.
-    pub(super) fn equal_ranges(&self) -> Vec<Alike> {
+    pub(super) fn equal_ranges(&self) -> Vec<EqualRange> {
         let mat_count = self.n_mat();
         let (mut alike_ranges, mut range_start) = (Vec::new(), 0);
         while range_start < mat_count {
-            if (alike_ranges.len() + 1) * RANGE_MATS_MIN > mat_count {
+            if (alike_ranges.len() + 1) * MATS_PER_RANGE_MIN > mat_count {
                 return Vec::new();
             }
             let is_alike_mat = |mat: &usize| {
-                self.ties()
+                self.mat_coefficients()
                     .iter()
                     .all(|coefficients| same(coefficients[*mat], coefficients[range_start]))
             };
             let range_end = range_start + (range_start..mat_count).take_while(is_alike_mat).count();
-            alike_ranges.push(Alike {
+            alike_ranges.push(EqualRange {
                 mats: range_start..range_end,
-                numbers: self.ties().map(|coefficients| coefficients[range_start]),
+                coefficients: self.mat_coefficients().map(|coefficients| coefficients[range_start]),
             });
             range_start = range_end;
         }
@@ -50,13 +50,13 @@ impl Scheme {
 
     /// Whether the MATs of each range still have the same coefficients.
     pub(crate) fn are_alike(&self) -> bool {
-        let mat_coefficients = self.ties();
+        let mat_coefficients = self.mat_coefficients();
         self.alike.iter().all(|alike| {
-            let coefficients = mat_coefficients.iter().zip(alike.numbers);
+            let coefficients = mat_coefficients.iter().zip(alike.coefficients);
             alike.mats.end <= self.n_mat()
-                && coefficients.into_iter().all(|(coefficients, range_number)| {
+                && coefficients.into_iter().all(|(coefficients, coefficient)| {
                     let mut numbers = coefficients[alike.mats.clone()].iter();
-                    numbers.all(|&number| same(number, range_number))
+                    numbers.all(|&number| same(number, coefficient))
                 })
         })
     }
@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn alike_stretches_cover_all_masses_in_order() {
+    fn equal_ranges_cover_all_masses_in_order() {
         let scheme = scheme(&[(100, 1e-3), (1, 2e-3), (400, 1e-3)]);
         let alike_ranges: Vec<_> = scheme
             .alike
@@ -98,13 +98,15 @@ mod tests {
     }
 
     #[test]
-    fn alike_stretches_below_the_least_length_are_dropped() {
+    fn equal_ranges_below_the_least_length_are_dropped() {
         for n_kinds in 1..9 {
-            let mass_kinds: Vec<_> = (1..=n_kinds).map(|kind| (RANGE_MATS_MIN, 1e-3 * kind as f64)).collect();
+            let mass_kinds: Vec<_> = (1..=n_kinds)
+                .map(|kind| (MATS_PER_RANGE_MIN, 1e-3 * kind as f64))
+                .collect();
             assert_eq!(scheme(&mass_kinds).alike.len(), n_kinds);
         }
         assert!(
-            scheme(&[(RANGE_MATS_MIN, 1e-3), (RANGE_MATS_MIN - 1, 2e-3)])
+            scheme(&[(MATS_PER_RANGE_MIN, 1e-3), (MATS_PER_RANGE_MIN - 1, 2e-3)])
                 .alike
                 .is_empty()
         );
@@ -112,12 +114,12 @@ mod tests {
     }
 
     #[test]
-    fn alike_stretches_differ_by_any_number() {
+    fn equal_ranges_differ_by_any_number() {
         let (ground, tuned_tie) = (0.0, |f| Tie::Tuned { f, t60: None });
         for ties in [[(200.0, ground), (300.0, ground)], [(200.0, ground), (200.0, 0.1)]] {
             let mut network = Network::new();
             for (f, ground) in ties {
-                for _ in 0..RANGE_MATS_MIN {
+                for _ in 0..MATS_PER_RANGE_MIN {
                     let cell_name = format!("m{}", network.n_mat());
                     network.cel(&cell_name, 1e-3, tuned_tie(f), ground, 0.0, 0.0).unwrap();
                 }

@@ -49,7 +49,7 @@ fn without_numbers(network: &Network, rate: Rate) -> Scheme {
         has_coupled_exact: false,
         outputs: network.outputs().to_vec(),
         taps: (network.outputs().iter())
-            .map(|output| super::listen::taps(network, output))
+            .map(|output| super::taps::taps(network, output))
             .collect(),
         n_lia: network.n_lia(),
         n_parts: network.parts().len(),

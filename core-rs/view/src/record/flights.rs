@@ -53,7 +53,7 @@ impl Recorder {
             let last_strike = strike_times[..strike_times.partition_point(|time| *time < now)].last();
             let since = match last_strike {
                 Some(&last_strike)
-                    if last_strike >= self.last && track.oscillation.sigma * (now - last_strike) < MAX_DECAY =>
+                    if last_strike >= self.last_look && track.oscillation.sigma * (now - last_strike) < MAX_DECAY =>
                 {
                     last_strike
                 }
@@ -85,8 +85,8 @@ impl Recorder {
             };
             let mode_positions = &seen[point_count + body.first..][..body.modes.len()];
             for (row, &point) in body.shapes.chunks(mode_positions.len().max(1)).zip(&body.points) {
-                self.shaped[point] = row.iter().zip(mode_positions).map(|(share, q)| share * q).sum();
-                *peak = peak.max(self.shaped[point].abs());
+                self.modal_displacements[point] = row.iter().zip(mode_positions).map(|(share, q)| share * q).sum();
+                *peak = peak.max(self.modal_displacements[point].abs());
             }
         }
     }

@@ -19,8 +19,8 @@ impl Recorder {
     /// The chunks of the last look, for live pages; used instead of those of a file.
     pub fn take_live(&mut self) -> LiveChunks {
         let mut segment = std::mem::take(&mut self.segment);
-        let look_time = self.last;
-        let is_key = (self.frame.wrapping_sub(1)).is_multiple_of(self.per_segment());
+        let look_time = self.last_look;
+        let is_key = (self.frame.wrapping_sub(1)).is_multiple_of(self.looks_per_segment());
         let (mut events, mut latest) = (Vec::new(), Vec::new());
         (segment.events).sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let now_index = segment.events.partition_point(|event| event.0 < look_time);

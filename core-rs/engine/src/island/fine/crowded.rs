@@ -272,7 +272,7 @@ mod tests {
                 _ => Cell::new(1.0, 0.0, 0.0),
             })
             .collect();
-        let reach = cells.iter().map(Cell::reach).fold(0.0, f64::max) * rate.step();
+        let reach = cells.iter().map(Cell::pole_magnitude_max).fold(0.0, f64::max) * rate.step();
         let basis = Basis::new(reach, RELATIVE_ERROR);
         let tables = tables(&cells, &basis, rate);
         let mode_share = |row: usize, mode: usize| sin((7 * row + 3 * mode + 1) as f64);

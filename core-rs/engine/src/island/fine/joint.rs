@@ -42,14 +42,14 @@ pub(super) fn fastest_rate(
         let body = bodies.iter().filter_map(RunningBody::modal);
         match body.into_iter().find(|body| body.ports().any(|port| port == mat)) {
             Some(body) => body.reach(),
-            None => cell(mat, network, scheme).map_or(0.0, |cell| cell.reach()),
+            None => cell(mat, network, scheme).map_or(0.0, |cell| cell.pole_magnitude_max()),
         }
     };
     let timeline_glides = timeline.glides.iter();
     let gliding_rates = timeline_glides
         .filter(|glide| mats.contains(&glide.mat))
         .flat_map(|glide| glide.points.iter().filter_map(|&(_, ties)| ties))
-        .map(|[k, z, m]| Cell::new(m, k, z).reach());
+        .map(|[k, z, m]| Cell::new(m, k, z).pole_magnitude_max());
     let all_rates = mats.iter().map(|&mat| rate_of(mat)).chain(gliding_rates);
     all_rates.fold(0.0, f64::max) * frame_rate.step()
 }
@@ -77,7 +77,7 @@ impl Script {
             *split = [split_forces[0] * mass_ratios[0], split_forces[1] * mass_ratios[1]];
         }
         let pair_index = joint * n_joints + joint;
-        self.jumps[pair_index] = time_step * mean_cell.jump();
+        self.jumps[pair_index] = time_step * mean_cell.velocity_step();
         let (n_instants, pair_responses) = (self.basis.n() as u64, &mut self.path_responses[pair_index]);
         if mean_cell.has_answer_factors(time_step) {
             answers_by_factors(&self.basis, pair_responses, &mean_cell, time_step);
@@ -222,7 +222,7 @@ pub(super) fn path_responses(
                 answers(basis, &mut pair_response, &|time_between| {
                     cell.answer_around(time_between * time_step)
                 });
-                (pair_response, time_step * cell.jump())
+                (pair_response, time_step * cell.velocity_step())
             }
             None => (Vec::new(), 0.0),
         },

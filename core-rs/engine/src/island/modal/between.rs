@@ -78,7 +78,7 @@ impl RunningModal {
             let mode_response = plan.port_response(from, mode);
             times
                 .iter()
-                .map(move |&t| mode_response.map_or(0.0, |mode_response| mode_response.around(t)))
+                .map(move |&t| mode_response.map_or(0.0, |mode_response| mode_response.two_sided(t)))
         };
         (0..plan.modes.len()).flat_map(mode_responses).collect()
     }
@@ -112,7 +112,7 @@ impl RunningModal {
         let ports = &plan.ports;
         if let Some(answers) = &plan.answers {
             let jump_terms = answers.ports[from].iter().zip(&ports[to].shape);
-            return jump_terms.map(|(answer, share)| share * answer.jump()).sum();
+            return jump_terms.map(|(answer, share)| share * answer.velocity_step()).sum();
         }
         let shape_pairs = ports[from].shape.iter().zip(&ports[to].shape);
         shape_pairs.map(|(a, b)| a * b).sum()
@@ -128,7 +128,10 @@ impl RunningModal {
                 mode_range.filter_map(|mode| plan.response(mode)).collect()
             }
         };
-        all_responses.iter().map(Response::reach).fold(0.0, f64::max)
+        all_responses
+            .iter()
+            .map(Response::pole_magnitude_max)
+            .fold(0.0, f64::max)
     }
 
     /// Write the positions of a port in this frame, at each instant (n), if nothing more pushes it [m].

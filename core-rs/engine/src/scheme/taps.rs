@@ -3,7 +3,7 @@
 use crate::network::{LinkKind, Network, Output, SpaceLink, Term};
 
 /// Below this number, single MATs are summed as quickly one by one.
-const TOGETHER_MIN: usize = 8;
+const SCATTERED_MIN: usize = 8;
 
 /// One summand of an output.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,7 +34,7 @@ pub(super) fn taps(network: &Network, output: &Output) -> Vec<Tap> {
     let mut output_taps = Vec::new();
     for group in output.terms.chunk_by(same_weight) {
         match single_tap(&group[0]) {
-            Some((_, weight)) if group.len() >= TOGETHER_MIN => {
+            Some((_, weight)) if group.len() >= SCATTERED_MIN => {
                 let mats = group.iter().filter_map(single_tap).map(|(mat, _)| mat as u32).collect();
                 output_taps.push(Tap::Scattered { mats, weight });
             }
