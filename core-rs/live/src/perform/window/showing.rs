@@ -107,7 +107,7 @@ impl Relay {
                 .sum::<u64>();
             self.send_picture();
         }
-        // The reader that is shown stays, because its count is still needed; other readers that are over were never played.
+        // The reader that is shown stays, because its count is still needed; others that are over were never played.
         let mut index = 0;
         self.readers.retain(|(reader, _)| {
             index += 1;
