@@ -15,7 +15,7 @@ impl Cells {
     pub(super) fn new(scheme: &Scheme, network: &Network, has_poles: bool) -> Result<Option<Self>, Error> {
         let has_ties = [&scheme.kappa, &scheme.zeta]
             .iter()
-            .any(|numbers| numbers.iter().any(|number| *number != 0.0));
+            .any(|coefficients| coefficients.iter().any(|coefficient| *coefficient != 0.0));
         if !has_poles || !has_ties {
             return Ok(None);
         }
@@ -25,10 +25,16 @@ impl Cells {
                 return Ok([&scheme.kappa, &scheme.zeta].map(|all| vec![1.0; all.len()]));
             };
             let finer_scheme = Scheme::new(network, finer_rate)?;
-            let factors = |fine: &[f64], coarse: &[f64], by: f64| {
-                let term_pairs = fine.iter().zip(coarse);
-                term_pairs
-                    .map(|(fine, coarse)| if *coarse == 0.0 { 1.0 } else { by * fine / coarse })
+            let factors = |fine: &[f64], coarse: &[f64], scale_factor: f64| {
+                let tie_pairs = fine.iter().zip(coarse);
+                tie_pairs
+                    .map(|(fine, coarse)| {
+                        if *coarse == 0.0 {
+                            1.0
+                        } else {
+                            scale_factor * fine / coarse
+                        }
+                    })
                     .collect()
             };
             Ok([
@@ -41,10 +47,10 @@ impl Cells {
 
     /// Write κ and ζ for `steps` steps a frame into `out`, from those of the frame.
     pub(super) fn ties(&self, steps: u32, [kappa, zeta]: [&[f64]; 2], out: [&mut [f64]; 2]) {
-        let multiples = &self.0[steps.ilog2() as usize - 1];
-        for ((out, coarse), by) in out.into_iter().zip([kappa, zeta]).zip(multiples) {
-            for ((out, coarse), by) in out.iter_mut().zip(coarse).zip(by) {
-                *out = coarse * by;
+        let tie_factors = &self.0[steps.ilog2() as usize - 1];
+        for ((out, coarse), factor) in out.into_iter().zip([kappa, zeta]).zip(tie_factors) {
+            for ((out, coarse), factor) in out.iter_mut().zip(coarse).zip(factor) {
+                *out = coarse * factor;
             }
         }
     }

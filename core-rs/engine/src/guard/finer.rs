@@ -81,8 +81,8 @@ impl Guard {
             let frame_lead = if self.previous_steps > 1 { self.lead[i] } else { 0.0 };
             *d += frame_lead + time_shift * self.link_steps[i];
         }
-        for &(mat, from, to) in &self.imposed {
-            d[mat] = to - from;
+        for &(mat, path_start, path_end) in &self.imposed {
+            d[mat] = path_end - path_start;
         }
         for step in 1..=steps {
             stage.links();
@@ -93,18 +93,21 @@ impl Guard {
                     self.travel[i] = 0.5 * d[i];
                 }
             }
-            let scaled_cells = match self.cells {
+            let step_ties = match self.cells {
                 Some(_) => [ties[0], &self.ties[0], &self.ties[1], ties[3]],
                 None => ties,
             };
-            fine_steps(step_fraction, scaled_cells, force, x, d);
+            fine_steps(step_fraction, step_ties, force, x, d);
             if step == 1 {
                 let travel_pairs = self.travel.iter_mut().zip(&*d);
                 travel_pairs.for_each(|(travel, d)| *travel += 0.5 * d);
             }
             let frame_share = f64::from(step) * step_fraction;
-            for &(mat, from, to) in &self.imposed {
-                (x[mat], d[mat]) = (from + (to - from) * frame_share, to - from);
+            for &(mat, path_start, path_end) in &self.imposed {
+                (x[mat], d[mat]) = (
+                    path_start + (path_end - path_start) * frame_share,
+                    path_end - path_start,
+                );
             }
             let (lambda_rise, _) = self.stiffening(x, ties[0]);
             if steps < MAX_STEPS && self.steps_needed(lambda_rise) > steps {

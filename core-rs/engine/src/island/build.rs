@@ -53,36 +53,36 @@ impl Island {
         network: Arc<Network>,
         timeline: &Timeline,
         bodies: &[BodyPlan],
-        (steps, oversampling, every): (usize, u32, u32),
+        (steps, oversampling, frame_interval): (usize, u32, u32),
         options: Options,
     ) -> Result<Self, Error> {
         refuse_ledger_of_hands(timeline, options)?;
         let (mut scheme, fine_links) = numbers(&network, timeline, steps)?;
         let mut matter = begin(&network, timeline, bodies, &scheme, fine_links, steps)?;
         let gestures = framed(timeline);
-        let (scripts, voices) = build_voices(&network, timeline, &gestures, bodies)?;
+        let (voice_scripts, voices) = build_voices(&network, timeline, &gestures, bodies)?;
         let guard = guard(&network, timeline, bodies, &scheme, &matter, options)?;
         matter.body.previous = guard.as_ref().map(|_| PreviousState::new(scheme.n_mat()));
         let springs = energy_gain::hardening_springs(&scheme);
         if !options.ledger {
-            fuse(&mut scheme, &network, &scripts, timeline);
+            fuse(&mut scheme, &network, &voice_scripts, timeline);
         }
         let gains = gains(timeline, &scheme, springs, options);
         let rise = rise(&network, timeline, &scheme, &matter, options);
         let led = super::glide::bind_leads(&mut scheme, &network, timeline);
         let glides = super::glide::glides(&network, timeline, &scheme)?;
         matter.laws = laws(&scheme, options);
-        for inside in &mut matter.bodies {
-            inside.share(options.threads);
+        for running_body in &mut matter.bodies {
+            running_body.share(options.threads);
         }
-        let changes = !glides.is_empty() || !led.is_empty() || network.follows();
-        let changing = changes.then(|| {
-            let mut changing = scheme.changing();
-            super::glide::apply_following_masses(&scheme, &mut changing, &matter.body.x);
-            changing
+        let values_change = !glides.is_empty() || !led.is_empty() || network.follows();
+        let changing_scheme = values_change.then(|| {
+            let mut changing_scheme = scheme.changing();
+            super::glide::apply_following_masses(&scheme, &mut changing_scheme, &matter.body.x);
+            changing_scheme
         });
         let ledger = options.ledger.then(|| {
-            let scheme = changing.as_deref().unwrap_or(&scheme);
+            let scheme = changing_scheme.as_deref().unwrap_or(&scheme);
             Ledger::new(scheme, &timeline.gates, &mut matter.body)
         });
         let hand_bindings = hand_bindings(&timeline.drives);
@@ -99,7 +99,7 @@ impl Island {
                 gates_next: vec![0.0; timeline.gates.len()],
                 gate_continuations: vec![None; timeline.gates.len()],
                 damped: 1.0,
-                scheme: changing,
+                scheme: changing_scheme,
             },
             hands: Hands {
                 voices,
@@ -126,7 +126,7 @@ impl Island {
         let script = Script {
             scheme,
             gestures,
-            voices: scripts,
+            voices: voice_scripts,
             pushes,
             ergons: ergons(timeline),
             gates: timeline.gates.clone(),
@@ -139,18 +139,18 @@ impl Island {
             sound_drives,
             on_fault: options.on_fault,
         };
-        let mut simulation = Self {
+        let mut island = Self {
             network,
             rest: Rest::new(script.scheme.n_out()),
             quiet: None,
             script: Arc::new(script),
             state,
             oversampling,
-            every,
+            every: frame_interval,
         };
-        simulation.reserve();
-        simulation.begin_again();
-        Ok(simulation)
+        island.reserve();
+        island.begin_again();
+        Ok(island)
     }
 }
 
@@ -198,12 +198,12 @@ fn begin(
             Some((start_values, scheme))
         }
     };
-    let (start_state, island_state) = match &start_values {
+    let (start_network, start_scheme) = match &start_values {
         Some((start_values, scheme)) => (start_values, scheme),
         None => (network, scheme),
     };
-    let mut body = start(start_state, island_state, timeline, &timeline.drives, &link_acts);
-    let mut bodies = join(plans, start_state, timeline, &mut body, &link_acts)?;
+    let mut body = start(start_network, start_scheme, timeline, &timeline.drives, &link_acts);
+    let mut bodies = join(plans, start_network, timeline, &mut body, &link_acts)?;
     for run in &mut links {
         interrupt::poll();
         if is_led(timeline, run.first) {
@@ -257,7 +257,7 @@ fn gains(timeline: &Timeline, scheme: &Scheme, mut springs: Vec<Run>, options: O
     if options.unchecked {
         return None; // the run has to show what really happens
     }
-    springs.retain(|run| scheme.runs.iter().all(|own| own.first != run.first));
+    springs.retain(|run| scheme.runs.iter().all(|scheme_run| scheme_run.first != run.first));
     Gains::new(scheme, &springs, |link| is_led(timeline, link))
 }
 
@@ -348,23 +348,23 @@ fn fine(
 
 /// Bodies with their ports in the island, started against the forces that the ports feel at frame 0.
 fn join(
-    bodies: &[BodyPlan],
+    body_plans: &[BodyPlan],
     network: &Network,
     timeline: &Timeline,
     body: &mut Body,
     acts: &dyn Fn(usize) -> bool,
 ) -> Result<Vec<inside::RunningBody>, Error> {
-    if bodies.is_empty() {
+    if body_plans.is_empty() {
         return Ok(Vec::new());
     }
     body.inner = vec![0.0; body.x.len()];
     let start_forces = crate::start::forces(network, timeline, &body.x, &[], acts);
-    let start_body = |inside: &BodyPlan| {
-        let playing = inside.start(&start_forces, body)?;
-        playing.place(body);
-        Ok(playing)
+    let start_body = |body_plan: &BodyPlan| {
+        let running_body = body_plan.start(&start_forces, body)?;
+        running_body.place(body);
+        Ok(running_body)
     };
-    bodies.iter().map(start_body).collect()
+    body_plans.iter().map(start_body).collect()
 }
 
 /// Writes the outputs of a network at rest at its initial positions into `outputs` (n_out).

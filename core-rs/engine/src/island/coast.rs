@@ -39,7 +39,7 @@ impl Island {
         let is_struck = |drive: &Drive| matches!(drive.source, Source::Strikes { .. });
         let is_left_alone = script.hand_bindings.is_empty()
             && script.drives.iter().all(is_struck)
-            && !script.voices.iter().any(|own| own.is_layer);
+            && !script.voices.iter().any(|voice_script| voice_script.is_layer);
         let is_plain = script.gates.is_empty() && state.values.scheme.is_none() && state.values.damped >= 1.0;
         let watch = &state.watch;
         let is_whole = watch.ledger.is_none() && watch.guard.is_none() && watch.mutes.list().next().is_none();
@@ -51,7 +51,12 @@ impl Island {
     }
 
     /// Coast while no contact closes, from one step of a block to another at most; returns the number of steps.
-    pub(super) fn coast(&mut self, outputs: &mut StepOutputs<'_>, from: usize, to: usize) -> Result<usize, Fault> {
+    pub(super) fn coast(
+        &mut self,
+        outputs: &mut StepOutputs<'_>,
+        from_step: usize,
+        to_step: usize,
+    ) -> Result<usize, Fault> {
         let (script, state) = (&*self.script, &mut self.state);
         let (scheme, first_step) = (&script.scheme, state.frame);
         let mut fine_state = state.matter.fine.as_mut();
@@ -67,10 +72,11 @@ impl Island {
         let next_ergon = script.ergons.get(state.hands.ergons);
         let next_ergon = next_ergon.map(|(frame, _)| *frame);
         let voices = state.hands.voices.iter().zip(&script.voices);
-        let voices = voices.map(|(voice, own)| voice.idle_until(own, &script.gestures).unwrap_or(first_step));
+        let voices =
+            voices.map(|(voice, voice_script)| voice.idle_until(voice_script, &script.gestures).unwrap_or(first_step));
         let event_frames = push_frame.into_iter().chain(next_ergon).chain(voices);
         let event_frames = event_frames.chain(state.hands.is_struck().then_some(first_step));
-        let quiet_steps = event_frames.map(|frame_now| frame_now.saturating_sub(first_step) as usize);
+        let quiet_steps = event_frames.map(|event_frame| event_frame.saturating_sub(first_step) as usize);
         let modal_bodies = state.matter.bodies.iter().filter_map(inside::RunningBody::modal);
         let steps_ahead = modal_bodies.map(super::modal::RunningModal::ahead);
         let rise = state.watch.rise.as_ref();
@@ -80,7 +86,7 @@ impl Island {
         ];
         let look_steps = look_steps.into_iter().flatten().map(|coast_steps| coast_steps as usize);
         let coast_steps = quiet_steps.chain(steps_ahead).chain(look_steps);
-        let coast_steps = coast_steps.fold(to - from, usize::min);
+        let coast_steps = coast_steps.fold(to_step - from_step, usize::min);
         if coast_steps < STEPS_MIN {
             return Ok(0);
         }
@@ -116,7 +122,7 @@ impl Island {
                 }
             }
             let island_step = first_step + steps_done as u64;
-            if let Some(output_row) = outputs.row(from + steps_done) {
+            if let Some(output_row) = outputs.row(from_step + steps_done) {
                 kernel::tap(scheme, body, output_row);
                 let bodies = state.matter.bodies.iter();
                 for modal in bodies.filter_map(inside::RunningBody::modal) {
@@ -124,8 +130,8 @@ impl Island {
                 }
                 state.watch.mutes.fade(island_step, scheme, output_row);
             }
-            for (voice, own) in state.hands.voices.iter_mut().zip(&script.voices) {
-                voice.step_idle(own, &mut state.hands.reports, island_step);
+            for (voice, voice_script) in state.hands.voices.iter_mut().zip(&script.voices) {
+                voice.step_idle(voice_script, &mut state.hands.reports, island_step);
             }
             is_sound = kernel::advance(scheme, &mut [], body, None, &mut ThreadTeam::alone());
             steps_done += 1;

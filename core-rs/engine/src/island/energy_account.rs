@@ -91,9 +91,9 @@ impl Account {
 
 impl Gain {
     /// The same where at least `put_in` [J] was there.
-    pub(crate) fn with_reference_min(self, put_in: f64) -> Self {
+    pub(crate) fn with_reference_min(self, reference_min: f64) -> Self {
         Self {
-            reference: self.reference.max(put_in),
+            reference: self.reference.max(reference_min),
             ..self
         }
     }

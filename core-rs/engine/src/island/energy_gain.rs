@@ -60,7 +60,7 @@ impl Gains {
                 Kind::Ref | Kind::Followed { .. } | Kind::Dry { .. } => false,
                 Kind::Pairwise { .. } => false, // all contacts of pairs share one account
                 Kind::Hardening(_) => run.len == 1,
-                Kind::Bristle { .. } => run.bristle().is_some_and(|(by, _)| by.is_passive()),
+                Kind::Bristle { .. } => run.bristle().is_some_and(|(bristle, _)| bristle.is_passive()),
                 Kind::But(_) => true,
                 Kind::Space(space) => match &space.law {
                     law if law.is_contact() => true,
@@ -89,7 +89,7 @@ impl Gains {
         let candidate_runs = candidate_runs.filter(may_gain).flat_map(single_links);
         let links: Vec<Watched> = candidate_runs.map(Watched::new).collect();
         let link_work = links.iter().map(|Watched { run, .. }| {
-            let is_fused = fused.iter().any(|own| own.links().contains(&run.first));
+            let is_fused = fused.iter().any(|fused_run| fused_run.links().contains(&run.first));
             LinkWork::new(run, is_fused, run.gate.is_some() || is_led(run.first))
         });
         let link_work = link_work.collect();
@@ -168,12 +168,12 @@ pub(super) fn is_active(law: &Law) -> bool {
 
 /// Energy of all MATs, of what ties them to the ground, and of bodies by their modes [J].
 fn around(scheme: &Scheme, bodies: &[RunningBody], body: &Body) -> f64 {
-    let squared = |i: usize| {
+    let mat_energy = |i: usize| {
         let (x, d) = (body.x[i] - scheme.rest[i], body.d[i]);
         0.5 * (d * d + scheme.kappa[i] * (x * (x - d))) / scheme.w[i]
     };
     let moving_mats = (0..scheme.n_mat()).filter(|&i| scheme.w[i] > 0.0);
-    let mut energy_sum: f64 = moving_mats.map(squared).sum();
+    let mut energy_sum: f64 = moving_mats.map(mat_energy).sum();
     for modal in bodies.iter().filter_map(RunningBody::modal) {
         modal.energies(|energy| energy_sum += energy);
     }
@@ -225,8 +225,8 @@ impl Island {
 
     /// The most energy that one link or body has created, as a share of the energy that was there.
     pub(crate) fn created_share(&self) -> f64 {
-        let [contacts, other_share] = self.created_shares();
-        contacts.max(other_share)
+        let [contact_share, other_share] = self.created_shares();
+        contact_share.max(other_share)
     }
 
     /// The most energy that one contact has created, and that one law or body has, as shares of the energy that was there.

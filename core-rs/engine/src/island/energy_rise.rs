@@ -148,15 +148,15 @@ impl Rise {
     }
 
     /// The created energy if the energy is `now` after step `n`, and no event fell since the last look if it `was_quiet`.
-    fn gain(&mut self, now: Total, was_quiet: bool, n: u64) -> Option<Gain> {
+    fn gain(&mut self, energy_total: Total, was_quiet: bool, n: u64) -> Option<Gain> {
         if !was_quiet || self.first.is_nan() {
-            (self.first, self.least, self.size) = (now.sum, now.sum, now.size);
+            (self.first, self.least, self.size) = (energy_total.sum, energy_total.sum, energy_total.size);
             self.refined = 0.0;
             return None;
         }
-        self.least = self.least.min(now.sum);
+        self.least = self.least.min(energy_total.sum);
         Some(Gain {
-            created: now.sum - self.least,
+            created: energy_total.sum - self.least,
             reference: self.size,
             frame: n,
         })
@@ -177,7 +177,7 @@ fn only_loses(run: &Run) -> bool {
     match &run.kind {
         Kind::Ref | Kind::Hardening(_) | Kind::Dry { .. } => true,
         Kind::But(but) => but.contact != Contact::Magic,
-        Kind::Bristle { .. } => run.bristle().is_some_and(|(by, _)| by.is_passive()),
+        Kind::Bristle { .. } => run.bristle().is_some_and(|(bristle, _)| bristle.is_passive()),
         Kind::Lnl { law, .. } => !law.is_shared() && !energy_gain::is_active(law),
         Kind::Followed { .. } | Kind::Space(_) | Kind::Pairwise { .. } => false,
     }
@@ -185,8 +185,11 @@ fn only_loses(run: &Run) -> bool {
 
 /// Energy of a link between two steps [J], from its elongation at both [m]: what leapfrog steps keep, but for terms of
 /// their fourth order.
-fn between(run: &Run, [now, before]: [f64; 2]) -> f64 {
-    let (middle_elongation, stretch) = (0.5 * (now + before), now - before);
+fn between(run: &Run, [elongation_now, elongation_before]: [f64; 2]) -> f64 {
+    let (middle_elongation, stretch) = (
+        0.5 * (elongation_now + elongation_before),
+        elongation_now - elongation_before,
+    );
     run.potential(middle_elongation) - 0.125 * run.slope(middle_elongation) * stretch * stretch
 }
 
@@ -282,7 +285,7 @@ impl Island {
                     energy_total.add(-0.25 * run.z * stretch * stretch);
                 }
                 let link_energy = match run.bristle() {
-                    Some((by, _)) => by.energy(body.memory[run.first + i]),
+                    Some((bristle, _)) => bristle.energy(body.memory[run.first + i]),
                     None if is_exact => 0.5 * elongation_pair.map(|e| run.potential(e)).iter().sum::<f64>(),
                     None => between(run, elongation_pair),
                 };
@@ -322,14 +325,14 @@ impl Island {
             .filter(|run| !matches!(run.kind, Kind::Ref))
             .flat_map(|run| (0..run.len).map(move |i| (run.first + i, [run.a + i, run.b + i])));
         let push_strength = |pushing_link: usize| state.matter.body.link[pushing_link].abs();
-        let louder_of_two = |loudest: (usize, [usize; 2]), link_push: (usize, [usize; 2])| {
-            if push_strength(link_push.0) > push_strength(loudest.0) {
+        let stronger_of_two = |strongest: (usize, [usize; 2]), link_push: (usize, [usize; 2])| {
+            if push_strength(link_push.0) > push_strength(strongest.0) {
                 link_push
             } else {
-                loudest
+                strongest
             }
         };
-        let (pushing_link, [first_mat, second_mat]) = link_ends.reduce(louder_of_two)?;
+        let (pushing_link, [first_mat, second_mat]) = link_ends.reduce(stronger_of_two)?;
         Some((
             pushing_link,
             if scheme.w[first_mat] > 0.0 {

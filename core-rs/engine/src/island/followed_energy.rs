@@ -35,7 +35,9 @@ impl Frame {
 /// MATs.
 pub(super) fn followed(run: &Run) -> Option<(&Followed, f64)> {
     match &run.kind {
-        Kind::Followed { by, rate, .. } => Some((by, *rate)),
+        Kind::Followed {
+            by: followed_law, rate, ..
+        } => Some((followed_law, *rate)),
         _ => None,
     }
 }
@@ -43,5 +45,7 @@ pub(super) fn followed(run: &Run) -> Option<(&Followed, f64)> {
 /// A buffer for the law of each run that follows MATs, in the order of the runs.
 pub(super) fn laws(scheme: &Scheme) -> Vec<Law> {
     let followed_runs = scheme.runs.iter().filter_map(followed);
-    followed_runs.map(|(by, _)| by.law().clone()).collect()
+    followed_runs
+        .map(|(followed_law, _)| followed_law.law().clone())
+        .collect()
 }

@@ -145,23 +145,29 @@ fn amplitude_correction(ratios: Ratios) -> f64 {
 /// The glides that have parameters in a round: index of the glide, and its parameters.
 fn round_ties(ties: &[Vec<Option<Ties>>], round: usize) -> impl Iterator<Item = (usize, Option<Ties>)> + '_ {
     let indexed_ties = ties.iter().enumerate();
-    indexed_ties.filter_map(move |(at, own)| own.get(round).map(|own| (at, *own)))
+    indexed_ties
+        .filter_map(move |(glide_index, glide_ties)| glide_ties.get(round).map(|glide_ties| (glide_index, *glide_ties)))
 }
 
 /// Write the parameters of frame `n` into `now`; muted MATs are left out.
-pub(super) fn apply_glides(glides: &[Glide], base: &Scheme, now: &mut Scheme, n: u64) {
+pub(super) fn apply_glides(glides: &[Glide], base: &Scheme, scheme_now: &mut Scheme, n: u64) {
     for glide in glides.iter().filter(|glide| base.w[glide.mat] != 0.0) {
         let mat = glide.mat;
         let numbers = glide.numbers_for(n);
-        [now.w[mat], now.kappa[mat], now.zeta[mat], now.ground[mat]] = numbers;
+        [
+            scheme_now.w[mat],
+            scheme_now.kappa[mat],
+            scheme_now.zeta[mat],
+            scheme_now.ground[mat],
+        ] = numbers;
     }
 }
 
 /// Write 1/M of masses that follow MATs into `now`, for MATs at `x` [m]; muted masses are left out.
-pub(super) fn apply_following_masses(base: &Scheme, now: &mut Scheme, x: &[f64]) {
+pub(super) fn apply_following_masses(base: &Scheme, scheme_now: &mut Scheme, x: &[f64]) {
     for mass in &base.following_masses {
-        if now.w[mass.mat] != 0.0 {
-            now.w[mass.mat] = base.w[mass.mat] * mass.lightness(|mat| x[mat]);
+        if scheme_now.w[mass.mat] != 0.0 {
+            scheme_now.w[mass.mat] = base.w[mass.mat] * mass.lightness(|mat| x[mat]);
         }
     }
 }
@@ -197,7 +203,8 @@ pub(super) fn bind_leads(scheme: &mut Scheme, network: &Network, timeline: &Time
     let mut led_runs: Vec<Led> = Vec::new();
     for lead in &timeline.leads {
         for run in network.runs().iter().filter(|run| lead.links().contains(&run.first)) {
-            let find_run = |runs: &[crate::scheme::Run]| runs.iter().position(|own| own.first == run.first);
+            let find_run =
+                |runs: &[crate::scheme::Run]| runs.iter().position(|scheme_run| scheme_run.first == run.first);
             let place = if let Some(index) = find_run(&scheme.runs) {
                 scheme.runs[index].set_loose();
                 Place::Run(index)
@@ -218,20 +225,20 @@ pub(super) fn bind_leads(scheme: &mut Scheme, network: &Network, timeline: &Time
 }
 
 /// Write K and Z of frame `n` into `now`.
-pub(super) fn apply_leads(all: &[Led], base: &Scheme, now: &mut Scheme, fine_state: &mut Option<Fine>, n: u64) {
+pub(super) fn apply_leads(led_runs: &[Led], base: &Scheme, now: &mut Scheme, fine_state: &mut Option<Fine>, n: u64) {
     let mut factors = [1.0; 2];
     for Led {
         lead,
         place,
         has_same_factors,
-    } in all
+    } in led_runs
     {
         if !has_same_factors {
             factors = lead.factors(n, 0.0);
         }
         let (base, now) = match *place {
-            Place::Run(at) => (&base.runs[at], &mut now.runs[at]),
-            Place::Exact(at) => (&base.exact[at], &mut now.exact[at]),
+            Place::Run(run_index) => (&base.runs[run_index], &mut now.runs[run_index]),
+            Place::Exact(run_index) => (&base.exact[run_index], &mut now.exact[run_index]),
             Place::Fine => {
                 if let Some(fine_state) = fine_state {
                     fine_state.lead(lead.link, [factors, lead.factors(n + 1, 0.0)]);

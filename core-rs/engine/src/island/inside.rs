@@ -83,9 +83,9 @@ impl BodyPlan {
     /// Its strikes: frame, struck point or MAT, and [part of a frame, impulse [N·s]].
     pub(crate) fn strikes(&self) -> Box<dyn Iterator<Item = (u64, usize, [f64; 2])> + '_> {
         match self {
-            Self::Modal(modal) => Box::new(modal.struck.iter().enumerate().flat_map(|(blow_row, struck)| {
+            Self::Modal(modal) => Box::new(modal.struck.iter().enumerate().flat_map(|(point_index, struck)| {
                 let struck_blows = struck.blows.iter();
-                struck_blows.map(move |&(frame, part, impulse)| (frame, blow_row, [part, impulse]))
+                struck_blows.map(move |&(frame, part, impulse)| (frame, point_index, [part, impulse]))
             })),
             Self::Mesh(mesh) => {
                 let strikes = mesh.strikes.iter();
@@ -105,9 +105,9 @@ impl BodyPlan {
     }
 
     /// Frame of its first strike from a frame on [frames]; infinite if it has none.
-    pub(crate) fn next_strike(&self, from: f64) -> f64 {
+    pub(crate) fn next_strike(&self, start_frame: f64) -> f64 {
         let earlier = |first: f64, frame: u64| match frame as f64 {
-            frame if frame >= from => first.min(frame),
+            frame if frame >= start_frame => first.min(frame),
             _ => first,
         };
         match self {
@@ -130,10 +130,10 @@ impl BodyPlan {
         &self,
         other: &Self,
         name_of: impl Fn(usize) -> String,
-        their: impl Fn(usize) -> String,
+        other_name_of: impl Fn(usize) -> String,
     ) -> bool {
-        let port_names = |inside: &Self, name: &dyn Fn(usize) -> String| -> Vec<String> {
-            inside.ports().into_iter().map(name).collect()
+        let port_names = |body_plan: &Self, name: &dyn Fn(usize) -> String| -> Vec<String> {
+            body_plan.ports().into_iter().map(name).collect()
         };
         let bodies_match = match (self, other) {
             (Self::Modal(body), Self::Modal(other)) => body.is_same(other),
@@ -141,7 +141,7 @@ impl BodyPlan {
             (Self::Slow(body), Self::Slow(other)) => body.is_same(other),
             _ => false,
         };
-        bodies_match && port_names(self, &name_of) == port_names(other, &their)
+        bodies_match && port_names(self, &name_of) == port_names(other, &other_name_of)
     }
 
     /// For a mesh: its method, and steps a frame.
@@ -269,11 +269,11 @@ impl RunningBody {
     }
 
     /// Make its motion decay by an additional factor in each frame.
-    pub(crate) fn damp(&mut self, by: f64) {
+    pub(crate) fn damp(&mut self, decay_factor: f64) {
         match self {
-            Self::Modal(modal) => modal.damp(by),
-            Self::Mesh(mesh) => mesh.damp(by),
-            Self::Slow(slow) => slow.damp(by),
+            Self::Modal(modal) => modal.damp(decay_factor),
+            Self::Mesh(mesh) => mesh.damp(decay_factor),
+            Self::Slow(slow) => slow.damp(decay_factor),
         }
     }
 
@@ -289,9 +289,9 @@ impl RunningBody {
     /// Take over the state of an equal body of another version.
     pub(crate) fn continue_from(&mut self, old: &mut Self) {
         match (self, old) {
-            (Self::Modal(own), Self::Modal(old)) => own.continue_from(old),
-            (Self::Mesh(own), Self::Mesh(old)) => own.continue_from(old),
-            (Self::Slow(own), Self::Slow(old)) => own.continue_from(old),
+            (Self::Modal(running_body), Self::Modal(old)) => running_body.continue_from(old),
+            (Self::Mesh(running_body), Self::Mesh(old)) => running_body.continue_from(old),
+            (Self::Slow(running_body), Self::Slow(old)) => running_body.continue_from(old),
             _ => {}
         }
     }

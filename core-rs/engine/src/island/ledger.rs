@@ -204,13 +204,13 @@ impl Ledger {
     pub(super) fn before(&mut self, scheme: &Scheme, targets: &[Target], body: &Body) {
         self.d.copy_from_slice(&body.d);
         let lightness_now = scheme.following_masses.iter().zip(lightness(scheme));
-        for ((mass, lightness_now), before) in lightness_now.zip(&mut self.lightness) {
+        for ((mass, lightness_now), lightness_before) in lightness_now.zip(&mut self.lightness) {
             let last_step = body.d[mass.mat];
-            if lightness_now != 0.0 && *before != 0.0 {
+            if lightness_now != 0.0 && *lightness_before != 0.0 {
                 self.injected
-                    .add(0.5 * last_step * last_step * (1.0 / lightness_now - 1.0 / *before));
+                    .add(0.5 * last_step * last_step * (1.0 / lightness_now - 1.0 / *lightness_before));
             }
-            *before = lightness_now;
+            *lightness_before = lightness_now;
         }
         self.hold.clear();
         self.hold
@@ -243,8 +243,8 @@ impl Ledger {
                 self.injected.add(travel * body.outside[i]);
             }
         }
-        for (target, hold) in targets.iter().zip(&self.hold) {
-            self.injected.add(0.5 * s(target.mat) * hold);
+        for (target, holding_force) in targets.iter().zip(&self.hold) {
+            self.injected.add(0.5 * s(target.mat) * holding_force);
         }
         // A proxy that moves along its masses does work against the force on it.
         let moving_proxies = scheme.proxies.iter().filter(|proxy| proxy.is_moving());
@@ -308,9 +308,9 @@ impl Ledger {
                         continue;
                     }
                     let stretch = 0.5 * run.stretch(i, then, s);
-                    let elastic = stretch * energies.elastic;
-                    self.lost.add(stretch * body.link[run.first + i] - elastic);
-                    self.produced.add(energies.stored - energies.held - elastic);
+                    let elastic_work = stretch * energies.elastic;
+                    self.lost.add(stretch * body.link[run.first + i] - elastic_work);
+                    self.produced.add(energies.stored - energies.held - elastic_work);
                 }
                 continue;
             }
@@ -346,17 +346,17 @@ impl Ledger {
                     self.lost.add(open_now * run.drag(e, frame_stretch) * frame_stretch);
                     continue;
                 }
-                let share_given = 0.5 * stretch * body.link[run.first + i];
+                let link_work = 0.5 * stretch * body.link[run.first + i];
                 if is_exact(run) && run.z != 0.0 {
-                    self.lost.add(share_given - energy_rise);
+                    self.lost.add(link_work - energy_rise);
                 } else {
-                    let elastic = if is_exact(run) {
-                        share_given
+                    let elastic_work = if is_exact(run) {
+                        link_work
                     } else {
                         0.5 * stretch * open_now * (run.elastic(e) + tension * e)
                     };
-                    self.lost.add(share_given - elastic);
-                    self.produced.add(energy_rise - elastic);
+                    self.lost.add(link_work - elastic_work);
+                    self.produced.add(energy_rise - elastic_work);
                 }
             }
         }

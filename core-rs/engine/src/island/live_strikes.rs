@@ -112,12 +112,12 @@ impl super::Island {
     /// Take over what the points of another island have still to receive, where it has the same points.
     pub(crate) fn continue_strikes(&mut self, old: &Self) {
         let strikes = old.script.strike_points.iter().zip(&old.state.hands.pending);
-        for (theirs, rest) in strikes.filter(|(_, rest)| rest.is_some()) {
+        for (old_point, old_pending) in strikes.filter(|(_, old_pending)| old_pending.is_some()) {
             let strike_points = self.script.strike_points.iter();
-            for (ours, pending) in strike_points.zip(&mut self.state.hands.pending) {
-                if ours.point == theirs.point && ours.shares.len() == theirs.shares.len() {
-                    pending.impulses.copy_from_slice(&rest.impulses);
-                    pending.n_left = rest.n_left;
+            for (new_point, pending) in strike_points.zip(&mut self.state.hands.pending) {
+                if new_point.point == old_point.point && new_point.shares.len() == old_point.shares.len() {
+                    pending.impulses.copy_from_slice(&old_pending.impulses);
+                    pending.n_left = old_pending.n_left;
                 }
             }
         }

@@ -112,7 +112,7 @@ impl RunningMesh {
         let mut integrator = Integrator::new(&plan.network, plan.rate, plan.method, plan.substeps)?;
         integrator.lead(0, &plan.leads);
         plan.pull_back(&mut integrator, force);
-        let port_indices: Vec<usize> = plan.ports.iter().map(|&(own, _)| own).collect();
+        let port_indices: Vec<usize> = plan.ports.iter().map(|&(port_index, _)| port_index).collect();
         let mut velocities = vec![0.0; port_indices.len()];
         integrator.velocities(&port_indices, &mut velocities);
         let positions = integrator.positions();
@@ -138,8 +138,8 @@ impl RunningMesh {
     }
 
     /// Make its motion decay by an additional factor in each frame.
-    pub(crate) fn damp(&mut self, by: f64) {
-        self.damped = by * by;
+    pub(crate) fn damp(&mut self, decay_factor: f64) {
+        self.damped = decay_factor * decay_factor;
     }
 
     /// Position of a MAT [m], and its step in a frame [m].
@@ -162,8 +162,8 @@ impl RunningMesh {
     }
 
     /// Set positions and steps [m] of MATs to values from elsewhere: (mat, (x, step)).
-    pub(crate) fn put(&mut self, all: &[(usize, (f64, f64))]) {
-        for &(mat, motion) in all {
+    pub(crate) fn put(&mut self, mat_motions: &[(usize, (f64, f64))]) {
+        for &(mat, motion) in mat_motions {
             self.integrator.put(mat, motion);
         }
         self.integrator.settle();
@@ -173,9 +173,9 @@ impl RunningMesh {
             .ports
             .iter()
             .zip(self.previous.iter_mut().zip(&mut self.inertial_steps));
-        for (&(port, _), (previous, step_now)) in port_motions {
+        for (&(port, _), (previous, inertial_step)) in port_motions {
             let (x, port_step) = self.integrator.motion(port);
-            (*previous, *step_now) = (x - port_step, port_step);
+            (*previous, *inertial_step) = (x - port_step, port_step);
         }
     }
 
@@ -235,11 +235,11 @@ impl RunningMesh {
     pub(crate) fn place(&self, body: &mut Body) {
         let positions = self.integrator.positions();
         let port_memory = self.previous.iter().zip(&self.inertial_steps);
-        for (&(port, mat), (previous, alone)) in self.plan.ports.iter().zip(port_memory) {
+        for (&(port, mat), (previous, inertial_step)) in self.plan.ports.iter().zip(port_memory) {
             let port_step = positions[port] - previous;
             body.x[mat] = positions[port];
             body.d[mat] = port_step;
-            body.inner[mat] = port_step - alone;
+            body.inner[mat] = port_step - inertial_step;
         }
     }
 

@@ -102,7 +102,7 @@ impl RunningModal {
                 .map(|(mode, share)| mode_value(mode) * share)
                 .sum()
         };
-        let mut playing = Self {
+        let mut running_modal = Self {
             saved: motions.clone(),
             seen: vec![0.0; n_rows * SEEN_FRAMES],
             present: 0,
@@ -132,10 +132,10 @@ impl RunningModal {
             .chain(plan.outputs.iter().map(|(_, shape)| shape))
             .enumerate()
         {
-            playing.seen[row * SEEN_FRAMES] = mode_sum(shape, |mode| mode.now);
+            running_modal.seen[row * SEEN_FRAMES] = mode_sum(shape, |mode| mode.now);
         }
-        playing.compute_ahead(0);
-        playing
+        running_modal.compute_ahead(0);
+        running_modal
     }
 
     /// Add the body's outputs now to `out` (n_out).
@@ -247,7 +247,7 @@ impl RunningModal {
     /// Raise the squares of the modes (n_modes) to at least those of their amplitudes.
     pub(crate) fn squares(&self, squares: &mut [f64]) {
         let amplitudes = self.squared_amplitudes().zip(squares);
-        amplitudes.for_each(|(now, square)| *square = square.max(now));
+        amplitudes.for_each(|(square_now, square)| *square = square.max(square_now));
     }
 
     /// The square of the amplitude of each mode.
@@ -321,12 +321,12 @@ impl RunningModal {
     }
 
     /// Make every mode decay by an additional factor in each frame.
-    pub(crate) fn damp(&mut self, by: f64) {
+    pub(crate) fn damp(&mut self, decay_factor: f64) {
         // The frames ahead were computed without it.
         self.discard_ahead();
-        self.is_damped = by < 1.0;
+        self.is_damped = decay_factor < 1.0;
         for (damped, rates) in self.damped.iter_mut().zip(&self.script.rates) {
-            rates.faded(by, damped);
+            rates.faded(decay_factor, damped);
         }
     }
 

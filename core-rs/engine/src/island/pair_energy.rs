@@ -31,7 +31,7 @@ pub(super) fn potential(run: &PairRun, k: f64, room: &mut Neighbours, x: impl Fn
 /// and of this one [m] (n_mat each); if the frame was computed finer, both are those of this one.
 pub(super) fn work(
     run: &PairRun,
-    by: [f64; 2],
+    k_and_z: [f64; 2],
     room: &mut Neighbours,
     body: &Body,
     d: [&[f64]; 2],
@@ -44,8 +44,8 @@ pub(super) fn work(
         let stretch_before = pair_link.stretch(ends, along, |mat| d[0][mat]);
         let stretch = 0.5 * pair_link.stretch(ends, along, |mat| d[0][mat] + d[1][mat]);
         let (f, elastic) = (
-            pair_link.law.force(by, e, stretch_before),
-            pair_link.law.elastic(by[0], e),
+            pair_link.law.force(k_and_z, e, stretch_before),
+            pair_link.law.elastic(k_and_z[0], e),
         );
         pair_work.total += stretch * f;
         pair_work.elastic += stretch * elastic;
@@ -59,7 +59,7 @@ pub(super) fn work(
                 apart: pair_link.between(ends, position_then),
                 moved: ends_moved[0],
             };
-            let sliding = contact.sliding(&run.pairs, by);
+            let sliding = contact.sliding(&run.pairs, k_and_z);
             let (force, _) = sliding.force(history.find(run.points(ends)));
             for (axis, force) in force.into_iter().enumerate() {
                 pair_work.total += 0.5 * (ends_moved[0][axis] + ends_moved[1][axis]) * force;
@@ -82,7 +82,7 @@ pub(super) fn held(run: &PairRun, k: f64, history: &ContactHistory, body: &Body)
             return 0.0;
         };
         let stretch = difference(pair_link.between(pair_ends, |mat| body.x[mat]), anchor);
-        let stretch_square: f64 = stretch.iter().map(|part| part * part).sum();
+        let stretch_square: f64 = stretch.iter().map(|component| component * component).sum();
         0.5 * k * stretch_square
     };
     history.pairs().map(pair_energy).sum()

@@ -102,7 +102,7 @@ impl PairGains {
     /// Whether any of the marked MATs (n_mat) is an end of these contacts.
     pub(super) fn touches(&self, mats: &[bool]) -> bool {
         let mut mat_spans = self.pair_contacts.iter().flat_map(|contacts| contacts.run.spans());
-        mat_spans.any(|span| mats[span].iter().any(|&is_one| is_one))
+        mat_spans.any(|span| mats[span].iter().any(|&is_marked| is_marked))
     }
 
     pub(super) fn begin(&mut self, body: &Body) {

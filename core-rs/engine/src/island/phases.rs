@@ -113,8 +113,8 @@ impl Frame<'_, '_> {
         self.let_voices(Voice::step);
         strike(self.script, self.scheme, self.state, self.n);
         let Matter { body, bodies, .. } = &mut self.state.matter;
-        for inside in bodies {
-            inside.strike(self.n, body);
+        for running_body in bodies {
+            running_body.strike(self.n, body);
         }
         Struck(())
     }
@@ -158,7 +158,7 @@ impl Frame<'_, '_> {
         watch.touches.step(n, &body.link);
         if let Some(out) = out {
             kernel::tap(scheme, body, out);
-            bodies.iter().for_each(|inside| inside.tap(out));
+            bodies.iter().for_each(|running_body| running_body.tap(out));
             watch.mutes.fade(n, scheme, out);
         }
         if let Some(gains) = &mut watch.gains
@@ -181,15 +181,15 @@ impl Frame<'_, '_> {
             targets,
             ..
         } = &mut self.state.matter;
-        for inside in &mut *bodies {
-            inside.step(self.n, &body.force, self.team);
+        for running_body in &mut *bodies {
+            running_body.step(self.n, &body.force, self.team);
         }
         let partition = laws.mesh_partition.as_ref();
         let is_sound = kernel::advance(scheme, targets, body, partition, self.team);
         let mut are_bodies_bounded = true;
-        for inside in &*bodies {
-            inside.place(body);
-            are_bodies_bounded &= inside.is_bounded();
+        for running_body in &*bodies {
+            running_body.place(body);
+            are_bodies_bounded &= running_body.is_bounded();
         }
         kernel::proxies::gather(scheme, body);
         let finer_sound = recompute_finer(scheme, self.state, self.team);

@@ -22,9 +22,9 @@ pub struct Record {
 
 impl Record {
     /// An event ergon: v = V + p(m + M)/(2mM) (elastic collision of m and M, momentum p).
-    pub(crate) fn event(time: f64, mat: usize, source: u32, struck: f64, velocity: f64, impulse: f64) -> Self {
-        let mass = MASS_RATIO * struck;
-        let speed = velocity + impulse * (mass + struck) / (2.0 * mass * struck);
+    pub(crate) fn event(time: f64, mat: usize, source: u32, struck_mass: f64, velocity: f64, impulse: f64) -> Self {
+        let mass = MASS_RATIO * struck_mass;
+        let speed = velocity + impulse * (mass + struck_mass) / (2.0 * mass * struck_mass);
         Self {
             time,
             mat: mat as u32,

@@ -217,8 +217,8 @@ impl Island {
         let mut state_size = 0;
         let _ = self.archive_all(&mut Archive::Count(&mut state_size));
         // Some lists grow while it plays.
-        let reports = size_of_val(&*self.state.hands.reports);
-        let state_room = state_size + state_size / 4 + reports + 4_096;
+        let reports_size = size_of_val(&*self.state.hands.reports);
+        let state_room = state_size + state_size / 4 + reports_size + 4_096;
         self.rest.left.clear();
         if state_size <= STATE_MAX {
             self.rest.left.reserve_exact(state_room);
@@ -241,11 +241,11 @@ impl Island {
         let soon_step = island_step + MARGIN + 2 * ALIKE_FRAMES * u64::from(self.oversampling);
         let mut noted_state = std::mem::take(&mut self.rest.left);
         noted_state.clear();
-        let is_known = self.due(island_step) > soon_step
+        let may_rest = self.due(island_step) > soon_step
             && !self.state.watch.touches.are_pushed(&self.state.matter.body.link)
             && self.archive_all(&mut Archive::Note(&mut noted_state)).is_ok();
         self.rest.left = noted_state;
-        if is_known {
+        if may_rest {
             self.rest.stage = Stage::Alike(0);
         } else {
             self.schedule_look();
@@ -328,7 +328,7 @@ impl Island {
         let push_frame = script.pushes.get(state.hands.pushed).map(|push_frame| push_frame.frame);
         let ergon_frame = script.ergons.get(state.hands.ergons).map(|ergon_frame| ergon_frame.0);
         let voice_events = state.hands.voices.iter().zip(&script.voices);
-        let voice_events = voice_events.map(|(voice, own)| voice.due(own, &script.gestures, n));
+        let voice_events = voice_events.map(|(voice, voice_script)| voice.due(voice_script, &script.gestures, n));
         let bodies = state.matter.bodies.iter().map(|body| body.due(n));
         let continuations = state.values.gate_continuations.iter();
         let gate_events = script.gates.iter().zip(continuations);

@@ -95,7 +95,9 @@ impl Slow {
     /// The same body in the free copy of its key; `mat` gives the MATs of its ports there.
     pub(crate) fn alone(&self, mat: impl Fn(usize) -> Option<usize>) -> Self {
         let ports = self.ports.iter();
-        let ports: Vec<(usize, usize)> = ports.filter_map(|&(own, there)| Some((own, mat(there)?))).collect();
+        let ports: Vec<(usize, usize)> = ports
+            .filter_map(|&(mat_index, island_mat)| Some((mat_index, mat(island_mat)?)))
+            .collect();
         let springs = match &self.springs {
             Springs::Exact(flow) => {
                 let interface = self.interface(&ports);
@@ -241,9 +243,9 @@ impl RunningSlow {
     }
 
     /// Set positions and steps of all its MATs (own, (x, step)), as if its springs had pulled at their regular frames.
-    pub(crate) fn put(&mut self, all: &[(usize, (f64, f64))]) {
-        for &(own, (x, step)) in all {
-            (self.x[own], self.v[own]) = (x, step);
+    pub(crate) fn put(&mut self, mat_motions: &[(usize, (f64, f64))]) {
+        for &(mat_index, (x, step)) in mat_motions {
+            (self.x[mat_index], self.v[mat_index]) = (x, step);
         }
         self.record_previous();
         let Self { springs, plan, .. } = self;
@@ -260,8 +262,8 @@ impl RunningSlow {
 
     /// Set positions and steps of its ports from MATs of a network; the other MATs stay.
     pub(crate) fn put_ports(&mut self, body: &Body) {
-        for &(own, mat) in &self.plan.ports {
-            (self.x[own], self.v[own]) = (body.x[mat], body.d[mat]);
+        for &(port_index, mat) in &self.plan.ports {
+            (self.x[port_index], self.v[port_index]) = (body.x[mat], body.d[mat]);
         }
         self.record_previous();
         let Self { springs, plan, .. } = self;
@@ -269,11 +271,11 @@ impl RunningSlow {
             return self.settle();
         };
         spring_block.end_here();
-        for &(own, _) in &plan.ports {
-            spring_block.state_mut()[own] = self.x[own] - plan.rest[own];
+        for &(port_index, _) in &plan.ports {
+            spring_block.state_mut()[port_index] = self.x[port_index] - plan.rest[port_index];
         }
-        for &(own, _) in &plan.ports {
-            spring_block.set_velocity(own, self.v[own]);
+        for &(port_index, _) in &plan.ports {
+            spring_block.set_velocity(port_index, self.v[port_index]);
         }
         spring_block.begin();
         self.read_block();
@@ -296,8 +298,8 @@ impl RunningSlow {
         for (v, kick) in self.v.iter_mut().zip(&self.kick) {
             *v += kick * ahead_share;
         }
-        for &own in &self.plan.inner {
-            self.x[own] -= f64::from(self.since) * self.v[own];
+        for &mat_index in &self.plan.inner {
+            self.x[mat_index] -= f64::from(self.since) * self.v[mat_index];
         }
     }
 
@@ -332,10 +334,10 @@ impl RunningSlow {
     }
 
     /// Make its motion decay by an additional factor in each frame.
-    pub(crate) fn damp(&mut self, by: f64) {
+    pub(crate) fn damp(&mut self, decay_factor: f64) {
         let spring_block = self.springs.block();
         let block_frames = spring_block.map_or(self.plan.kick_every, |spring_block| spring_block.n_frames());
-        self.damped = (0..2 * block_frames).fold(1.0, |all, _| all * by);
+        self.damped = (0..2 * block_frames).fold(1.0, |block_factor, _| block_factor * decay_factor);
     }
 
     /// Take over the state of an equal body.
@@ -369,14 +371,16 @@ impl RunningSlow {
         let frames_since = f64::from(self.since);
         for (index, (output, row)) in self.plan.outputs.iter().enumerate() {
             if let Some(spring_block) = self.springs.block() {
-                let rest_terms = row.iter().map(|&(own, weight)| weight * self.plan.rest[own]);
+                let rest_terms = row
+                    .iter()
+                    .map(|&(mat_index, weight)| weight * self.plan.rest[mat_index]);
                 out[*output as usize] += rest_terms.sum::<f64>() + spring_block.output(index);
                 continue;
             }
-            let weighted = |&(own, weight): &(usize, f64)| {
-                weight * (self.x[own] + frames_since * self.plan.inner_mask[own] * self.v[own])
+            let weighted_position = |&(mat_index, weight): &(usize, f64)| {
+                weight * (self.x[mat_index] + frames_since * self.plan.inner_mask[mat_index] * self.v[mat_index])
             };
-            out[*output as usize] += row.iter().map(weighted).sum::<f64>();
+            out[*output as usize] += row.iter().map(weighted_position).sum::<f64>();
         }
     }
 

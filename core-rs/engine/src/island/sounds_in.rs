@@ -74,11 +74,11 @@ pub(super) struct Samples {
 impl Samples {
     fn value(&self, frame: u64, sound: &SoundIn) -> f64 {
         match self.from {
-            Some(from) if frame >= from => {
-                let sample_index = usize::try_from(frame - from).unwrap_or(usize::MAX);
+            Some(first_frame) if frame >= first_frame => {
+                let sample_index = usize::try_from(frame - first_frame).unwrap_or(usize::MAX);
                 self.values[..self.n].get(sample_index).copied().unwrap_or(0.0)
             }
-            Some(from) if frame + 1 == from => self.before,
+            Some(first_frame) if frame + 1 == first_frame => self.before,
             _ => sound.value(frame),
         }
     }
@@ -141,7 +141,7 @@ pub(super) fn apply(drives: &[SoundDrive], played: &[Played], n: u64, body: &mut
 impl super::Island {
     /// Take the values of an input for the frames of the score from `from` on [m or N]; `before` is the value in the
     /// frame before.
-    pub(crate) fn hear(&mut self, index: usize, from: u64, before: f64, values: &[f64]) {
+    pub(crate) fn hear(&mut self, index: usize, first_frame: u64, value_before: f64, values: &[f64]) {
         let input_pairs = self.script.sound_drives.iter().zip(&mut self.state.hands.played);
         for (_, played) in input_pairs.filter(|(drive, _)| drive.sound.index == index) {
             let Played::Samples(samples) = played else {
@@ -149,7 +149,7 @@ impl super::Island {
             };
             let sample_count = values.len().min(FRAMES_MAX);
             samples.values[..sample_count].copy_from_slice(&values[..sample_count]);
-            (samples.from, samples.before, samples.n) = (Some(from), before, sample_count);
+            (samples.from, samples.before, samples.n) = (Some(first_frame), value_before, sample_count);
         }
     }
 
@@ -178,7 +178,12 @@ impl super::Island {
     fn value_inputs(&mut self, number: u64) -> impl Iterator<Item = (&SoundIn, &mut Option<Ramp>)> {
         let input_pairs = self.script.sound_drives.iter().zip(&mut self.state.hands.played);
         input_pairs.filter_map(move |(drive, played)| match (drive.sound.settings.source, played) {
-            (InputSource::Value { number: own, .. }, Played::Ramp(ramp)) if own == number => Some((&drive.sound, ramp)),
+            (
+                InputSource::Value {
+                    number: input_number, ..
+                },
+                Played::Ramp(ramp),
+            ) if input_number == number => Some((&drive.sound, ramp)),
             _ => None,
         })
     }

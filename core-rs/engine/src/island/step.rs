@@ -49,8 +49,8 @@ impl Island {
         };
         let (step_count, may_coast) = (n_frames * outputs.oversampling, self.may_coast());
         let (mut steps_done, mut rounds_done) = (0, 0_usize);
-        let modules = self.script.scheme.n_mat() + self.script.scheme.n_lia;
-        let poll_interval = (POLL_MODULES / modules.max(1)).clamp(1, POLL_STEPS);
+        let module_count = self.script.scheme.n_mat() + self.script.scheme.n_lia;
+        let poll_interval = (POLL_MODULES / module_count.max(1)).clamp(1, POLL_STEPS);
         while steps_done < step_count {
             if rounds_done.is_multiple_of(poll_interval) {
                 interrupt::poll();

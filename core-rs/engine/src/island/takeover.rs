@@ -55,8 +55,8 @@ impl Island {
         state.frame = start_step;
         state.hands.pushed = script.pushes.partition_point(|push| push.frame < start_step);
         state.hands.ergons = script.ergons.partition_point(|(frame, _)| *frame < start_step);
-        for (voice, own) in state.hands.voices.iter_mut().zip(&script.voices) {
-            voice.seek(own, &script.gestures, start_step);
+        for (voice, voice_script) in state.hands.voices.iter_mut().zip(&script.voices) {
+            voice.seek(voice_script, &script.gestures, start_step);
         }
         for body in &mut state.matter.bodies {
             body.seek(start_step);
@@ -152,12 +152,12 @@ impl Island {
             }
             ItemTakeover::Hand(from, to) => {
                 self.state.hands.hand_states[to] = old.state.hands.hand_states[from].clone();
-                let (mat, their_mat) = (
+                let (mat, old_mat) = (
                     self.script.hand_bindings[to].mat(),
                     old.script.hand_bindings[from].mat(),
                 );
-                self.state.matter.body.x[mat] = old.state.matter.body.x[their_mat];
-                self.state.matter.body.d[mat] = old.state.matter.body.d[their_mat];
+                self.state.matter.body.x[mat] = old.state.matter.body.x[old_mat];
+                self.state.matter.body.d[mat] = old.state.matter.body.d[old_mat];
             }
             ItemTakeover::Port(from, to) => {
                 self.state.hands.port_states[to].take_over(&old.state.hands.port_states[from]);

@@ -62,32 +62,32 @@ pub(super) fn build_voices(
 ) -> Result<(Vec<VoiceScript>, Vec<Voice>), Error> {
     let mut scripts = Vec::new();
     let mut voices = Vec::new();
-    for (key, known) in timeline.keys.iter().enumerate() {
-        let (free, free_motion) = free_key(network, timeline, known, bodies)?;
+    for (key_index, played_key) in timeline.keys.iter().enumerate() {
+        let (free, free_motion) = free_key(network, timeline, played_key, bodies)?;
         let mut ordered: Vec<usize> = (0..gestures.len())
-            .filter(|&i| gestures[i].gesture.key == key)
+            .filter(|&i| gestures[i].gesture.key == key_index)
             .collect();
         let start = |i: usize| gestures[i].gesture.start;
         ordered.sort_by(|&i, &j| start(i).total_cmp(&start(j)));
         for &i in &ordered {
-            check_playable(&gestures[i], &free, known, timeline.rate)?;
+            check_playable(&gestures[i], &free, played_key, timeline.rate)?;
         }
         let (layer_gestures, key_gestures): (Vec<usize>, Vec<usize>) =
             ordered.into_iter().partition(|&i| gestures[i].gesture.manner.is_layer);
         let voice_script = VoiceScript {
-            key,
-            struck: known.struck,
+            key: key_index,
+            struck: played_key.struck,
             free,
             gestures: key_gestures,
             is_layer: false,
-            outer_links: outer_links(network, known.struck),
+            outer_links: outer_links(network, played_key.struck),
         };
         voices.push(Voice::new(&voice_script, free_motion));
         scripts.push(voice_script.clone());
-        for gesture in layer_gestures {
+        for gesture_index in layer_gestures {
             let layer_script = VoiceScript {
                 free: voice_script.free.deviation(),
-                gestures: vec![gesture],
+                gestures: vec![gesture_index],
                 is_layer: true,
                 ..voice_script.clone()
             };

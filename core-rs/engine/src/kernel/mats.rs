@@ -92,11 +92,13 @@ fn move_range(
     from: Option<&PreviousState>,
     moved: [&mut [f64]; 2],
 ) -> bool {
-    let from = |part_range: &Range<usize>| from.map(|from| [&from.x, &from.d].map(|all| &all[part_range.clone()]));
+    let from = |part_range: &Range<usize>| {
+        from.map(|from| [&from.x, &from.d].map(|mat_values| &mat_values[part_range.clone()]))
+    };
     let [positions, last_steps] = moved;
     if scheme.alike.is_empty() {
         let (numbers, force) = (
-            scheme.mat_coefficients().map(|all| &all[mats.clone()]),
+            scheme.mat_coefficients().map(|mat_values| &mat_values[mats.clone()]),
             &force[mats.clone()],
         );
         return match from(&mats) {

@@ -49,15 +49,15 @@ impl MeshPartition {
             }
         }
         let total_work: usize = mat_work.iter().sum();
-        let (mut mesh_partition, mut summed_work, mut first_mat) = (Vec::new(), 0, 0);
+        let (mut mesh_ranges, mut summed_work, mut first_mat) = (Vec::new(), 0, 0);
         for (mat, mat_work) in mat_work.iter().enumerate() {
             summed_work += mat_work;
-            if summed_work * parts >= total_work * (mesh_partition.len() + 1) || mat + 1 == n_mat {
-                mesh_partition.push(MeshRange::new(springs, first_mat..mat + 1));
+            if summed_work * parts >= total_work * (mesh_ranges.len() + 1) || mat + 1 == n_mat {
+                mesh_ranges.push(MeshRange::new(springs, first_mat..mat + 1));
                 first_mat = mat + 1;
             }
         }
-        Self(mesh_partition)
+        Self(mesh_ranges)
     }
 
     /// Keep the ranges and use other springs.
@@ -99,9 +99,9 @@ impl MeshPartition {
         let mut range_parts: [Option<Part<'_, N>>; RANGES_MAX] = [const { None }; RANGES_MAX];
         let range_count = self.0.len();
         for (part, range) in range_parts.iter_mut().zip(&self.0) {
-            let range_slices = changed.each_mut().map(|all| {
-                let (range_slices, later_mats) = take(all).split_at_mut(range.mats.len());
-                *all = later_mats;
+            let range_slices = changed.each_mut().map(|array_left| {
+                let (range_slices, later_mats) = take(array_left).split_at_mut(range.mats.len());
+                *array_left = later_mats;
                 range_slices
             });
             *part = Some((range.mats.clone(), range_slices));
@@ -147,13 +147,13 @@ impl MeshRange {
 }
 
 /// `all` without `part`, which lies at one end of `all`.
-fn range_without(all: &Range<usize>, part: &Range<usize>) -> Range<usize> {
-    if part.is_empty() {
-        all.clone()
-    } else if part.start == all.start {
-        part.end..all.end
+fn range_without(full_range: &Range<usize>, removed_range: &Range<usize>) -> Range<usize> {
+    if removed_range.is_empty() {
+        full_range.clone()
+    } else if removed_range.start == full_range.start {
+        removed_range.end..full_range.end
     } else {
-        all.start..part.start
+        full_range.start..removed_range.start
     }
 }
 

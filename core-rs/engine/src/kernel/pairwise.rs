@@ -33,7 +33,7 @@ pub(super) fn forces(
     pairs: &PairRun,
     gates: &[f64],
     body: &mut Body,
-    (room, neighbours): (usize, &mut Neighbours),
+    (history_index, neighbours): (usize, &mut Neighbours),
 ) {
     let gate_opening = run.gate.map_or(1.0, |gate| gates[gate]);
     let gated_k_and_z = [gate_opening * run.k, gate_opening * run.z];
@@ -46,7 +46,7 @@ pub(super) fn forces(
         ..
     } = body;
     let run_forces = &mut link[run.first..run.first + run.len];
-    let history = &mut histories[room];
+    let history = &mut histories[history_index];
     history.begin();
     if pairs.pairs.is_searched() {
         neighbours.push(pairs, gated_k_and_z, (x, d), history);

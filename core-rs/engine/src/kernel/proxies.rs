@@ -18,8 +18,8 @@ pub(crate) fn divide(scheme: &Scheme, body: &mut Body) {
 /// Store the positions of proxies before anything moves.
 pub(crate) fn note(scheme: &Scheme, body: &mut Body) {
     let Body { x, proxies, .. } = body;
-    for (proxy, before) in scheme.proxies.iter().zip(proxies) {
-        *before = x[proxy.mat];
+    for (proxy, position_before) in scheme.proxies.iter().zip(proxies) {
+        *position_before = x[proxy.mat];
     }
 }
 
@@ -27,11 +27,11 @@ pub(crate) fn note(scheme: &Scheme, body: &mut Body) {
 /// since [`note`].
 pub(crate) fn gather(scheme: &Scheme, body: &mut Body) {
     let Body { x, d, proxies, .. } = body;
-    for (proxy, before) in scheme.proxies.iter().zip(&*proxies) {
+    for (proxy, position_before) in scheme.proxies.iter().zip(&*proxies) {
         x[proxy.mat] = proxy.sum(|mat| x[mat], |mat| x[mat]);
         // The weighted sum of last steps keeps more digits than a difference of positions.
         d[proxy.mat] = if proxy.is_moving() {
-            x[proxy.mat] - before
+            x[proxy.mat] - position_before
         } else {
             proxy.sum(|mat| x[mat], |mat| d[mat])
         };

@@ -83,8 +83,8 @@ pub(super) fn forces(run: &Run, link: &SpaceLink, gates: &[f64], body: &mut Body
         }
     }
     let axis_forces = axis_ends.into_iter().zip([direction_x, direction_y, direction_z]);
-    for ((a, b), part) in axis_forces.take(link.n_axes) {
-        pull(part, force, a, b);
+    for ((a, b), axis_force) in axis_forces.take(link.n_axes) {
+        pull(axis_force, force, a, b);
     }
 }
 
@@ -98,9 +98,9 @@ impl<'a> Ends<'a> {
     /// Of `n` links, the first of which joins `ends`. Along an axis that the network does not have, both ends get the
     /// same positions.
     fn new(n_axes: usize, ends: &[(usize, usize); AXES_MAX], [x, d]: [&'a [f64]; 2], n: usize) -> Self {
-        let end_slices = |all: &'a [f64], axis: usize, is_one: bool| {
+        let end_slices = |mat_values: &'a [f64], axis: usize, ends_coincide: bool| {
             let (first_mat, second_mat) = ends[axis];
-            [first_mat, if is_one { first_mat } else { second_mat }].map(|first| &all[first..][..n])
+            [first_mat, if ends_coincide { first_mat } else { second_mat }].map(|first| &mat_values[first..][..n])
         };
         Self {
             x: std::array::from_fn(|axis| end_slices(x, axis, axis >= n_axes)),
@@ -111,7 +111,7 @@ impl<'a> Ends<'a> {
     /// The same values as slices of one length, so that the compiler drops bounds checks.
     #[inline(always)]
     fn cut(&self, n: usize) -> [[[&'a [f64]; 2]; AXES_MAX]; 2] {
-        [self.x, self.d].map(|all| all.map(|ends| ends.map(|all| &all[..n])))
+        [self.x, self.d].map(|mat_values| mat_values.map(|ends| ends.map(|mat_values| &mat_values[..n])))
     }
 }
 

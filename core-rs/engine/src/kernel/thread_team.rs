@@ -70,15 +70,17 @@ impl ThreadTeam<'_> {
     }
 
     /// Call `work` once on every element, each by one thread; all calls have ended when this returns or unwinds.
-    pub(crate) fn each<T: Send>(&mut self, all: &mut [T], work: impl Fn(&mut T) + Sync) {
+    pub(crate) fn each<T: Send>(&mut self, elements: &mut [T], work: impl Fn(&mut T) + Sync) {
         let Some(shared_pass) = self.0 else {
-            all.iter_mut().for_each(work);
+            elements.iter_mut().for_each(work);
             return;
         };
-        debug_assert!(all.len() as u64 <= MASK);
-        let parts_pointer = Parts(all.as_mut_ptr());
+        debug_assert!(elements.len() as u64 <= MASK);
+        let parts_pointer = Parts(elements.as_mut_ptr());
         // SAFETY: `run_pass` gives each index below the length to one thread, once, while `all` is borrowed here.
-        shared_pass.run_pass(all.len(), &|at| work(unsafe { parts_pointer.get(at) }));
+        shared_pass.run_pass(elements.len(), &|part_index| {
+            work(unsafe { parts_pointer.get(part_index) })
+        });
     }
 }
 

@@ -117,10 +117,10 @@ pub(super) fn laws_cost(island_plan: &IslandPlan) -> f64 {
     if fine_laws.len() > Scheme::FINE_LAWS {
         return 0.0;
     }
-    let finest_parts = contact_substeps / SUBSTEPS_MIN;
+    let parts_max = contact_substeps / SUBSTEPS_MIN;
     // If a frame may be divided, laws are computed in this many parts on average.
-    let mean_parts = if finest_parts > 1 {
-        1.0 + LAW_PARTS * finest_parts as f64
+    let mean_parts = if parts_max > 1 {
+        1.0 + LAW_PARTS * parts_max as f64
     } else {
         1.0
     };
@@ -130,14 +130,14 @@ pub(super) fn laws_cost(island_plan: &IslandPlan) -> f64 {
             let moving_mats = [run.a, run.b].into_iter().filter(|&mat| network_mats.kind[mat].moves());
             let mobility: f64 = moving_mats.map(|mat| 1.0 / network_mats.m[mat]).sum();
             let friction_steps = dry.steps(mobility * island_plan.timeline.rate.step());
-            (finest_parts as f64 * friction_steps).ceil() * Costs::nanoseconds("located_friction")
+            (parts_max as f64 * friction_steps).ceil() * Costs::nanoseconds("located_friction")
         }
         LinkKind::Bristle(_) => {
             mean_parts * (Costs::nanoseconds("collocation") + Costs::nanoseconds("collocated_bristle"))
         }
         LinkKind::Lnl(law) => {
-            let functions = law.n_functions() as f64 * Costs::nanoseconds("collocated_function");
-            mean_parts * (Costs::nanoseconds("collocation") + functions)
+            let functions_cost = law.n_functions() as f64 * Costs::nanoseconds("collocated_function");
+            mean_parts * (Costs::nanoseconds("collocation") + functions_cost)
         }
         _ => 0.0,
     };
@@ -191,8 +191,12 @@ pub(super) fn body_cost(inside: &BodyPlan) -> f64 {
 
 /// Cost of a mesh as a multiple of a step of CA a frame.
 fn times(mesh: &Mesh) -> f64 {
-    let is_on_rung = |&&(way, steps, _): &&(MeshMethod, u32, f64)| (way, steps) == (mesh.method, mesh.substeps);
-    LADDER.iter().find(is_on_rung).map_or(1.0, |&(_, _, times)| times)
+    let is_on_rung =
+        |&&(method, substeps, _): &&(MeshMethod, u32, f64)| (method, substeps) == (mesh.method, mesh.substeps);
+    LADDER
+        .iter()
+        .find(is_on_rung)
+        .map_or(1.0, |&(_, _, cost_factor)| cost_factor)
 }
 
 /// Additional cost of a body in a trial, beyond [`body_cost`] [ns a frame]: the rows of a small plate are shorter than
@@ -223,9 +227,9 @@ pub(super) fn lone_laws_cost(network: &Network) -> f64 {
 
 /// What a slow body saves compared with stepping it module by module [ns a frame].
 pub(super) fn saved(slow: &Slow) -> f64 {
-    let stepped = modules_cost(&slow.network) - Costs::nanoseconds("frame");
+    let module_cost = modules_cost(&slow.network) - Costs::nanoseconds("frame");
     let port_cost = slow.ports.len() as f64 * Costs::nanoseconds("mat");
-    stepped - port_cost - slow_cost(slow)
+    module_cost - port_cost - slow_cost(slow)
 }
 
 /// Whether it costs more than stepping it module by module, by more than an island without anything in it.
@@ -245,7 +249,7 @@ fn slow_cost(slow: &Slow) -> f64 {
 /// Cost of a bank [ns a frame].
 pub(super) fn bank_cost(bank: &BankPlan) -> f64 {
     let oscillators = bank.oscillators.iter();
-    let tap_count: usize = oscillators.map(|own| own.outputs.len().max(1) - 1).sum();
+    let tap_count: usize = oscillators.map(|oscillator| oscillator.outputs.len().max(1) - 1).sum();
     let oscillator_cost = bank.oscillators.len() as f64 * Costs::nanoseconds("oscillator");
     oscillator_cost + tap_count as f64 * Costs::nanoseconds("oscillator_tap")
 }
@@ -308,8 +312,10 @@ mod tests {
         let wall_groups = [points("wall", 1), points("m", 50)];
         let (exponent, is_clamped) = (1.0, false);
         let wall_law = PairLaw::smooth(measure, SpaceLaw::Contact { exponent, is_clamped });
-        let numbers = [500.0, 0.0, 0.01];
-        network.pairwise("walls", wall_groups, 3, wall_law, numbers).unwrap();
+        let wall_constants = [500.0, 0.0, 0.01];
+        network
+            .pairwise("walls", wall_groups, 3, wall_law, wall_constants)
+            .unwrap();
         stepped_cost(&network, &Timeline::new(Rate::new(44_100.0).unwrap()))
     }
 

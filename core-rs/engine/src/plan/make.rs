@@ -85,9 +85,9 @@ pub(super) fn make(
         seen_every: known.seen_every,
         ..Maker::new(&network, timeline, budget)
     };
-    let mut refused = Vec::new();
+    let mut refusals = Vec::new();
     let mut unheard = Vec::new();
-    let (mut loose_mats, mut island_plans, mut gliding) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut loose_mats, mut subsets, mut gliding_mats) = (Vec::new(), Vec::new(), Vec::new());
     let glide_mats = timeline.glides.iter().map(|glide| glide.mat as u32);
     let glide_mats: BTreeSet<u32> = glide_mats.collect();
     for island in all_islands {
@@ -105,27 +105,27 @@ pub(super) fn make(
                 }
             }
             (true, false) => {
-                refused.extend(maker.add_constant(&island).err());
+                refusals.extend(maker.add_constant(&island).err());
                 maker.report_left_out(&island, Reason::Still);
             }
             (true, true) if is_loose() => loose_mats.extend(island.mats),
             // Gliding cells are stepped as one island: one island for each would take far longer.
             (true, true) if island.links.is_empty() && island.mats.iter().all(is_gliding) => {
-                gliding.extend(island.mats);
+                gliding_mats.extend(island.mats);
             }
             (true, true) => {
-                island_plans.push(network.subset(&island.mats, &island.guests, &island.links));
+                subsets.push(network.subset(&island.mats, &island.guests, &island.links));
             }
         }
     }
-    if !gliding.is_empty() {
-        island_plans.push(network.subset(&gliding, &[], &[]));
+    if !gliding_mats.is_empty() {
+        subsets.push(network.subset(&gliding_mats, &[], &[]));
     }
-    let n_islands = island_plans.len();
+    let n_islands = subsets.len();
     if !loose_mats.is_empty() {
-        island_plans.push(network.subset(&loose_mats, &[], &[]));
+        subsets.push(network.subset(&loose_mats, &[], &[]));
     }
-    for (index, (subset, island_timeline)) in split(island_plans, timeline).into_iter().enumerate() {
+    for (index, (subset, island_timeline)) in split(subsets, timeline).into_iter().enumerate() {
         let unit_result = if index < n_islands {
             maker.island(subset, island_timeline)
         } else {
@@ -134,11 +134,11 @@ pub(super) fn make(
         if let Err(error) = unit_result {
             // From here no trials: there is no plan any more, but the remaining islands are checked for further errors.
             maker.allowance = Allowance::new(0, 0.0);
-            refused.push(error);
+            refusals.push(error);
         }
     }
-    if let Some(refused) = Error::combined(refused) {
-        return Err(refused);
+    if let Some(refusals) = Error::combined(refusals) {
+        return Err(refusals);
     }
     maker.pins.end()?;
     maker.plan.solved = maker.memo.into_solved();
@@ -184,11 +184,11 @@ impl<'a> Maker<'a> {
         if new_row.mats + new_row.links == 0 {
             return; // points that hold nothing
         }
-        let is_same_row = |known: &&mut Row| known.what == new_row.what && known.parts == new_row.parts;
+        let is_same_row = |known_row: &&mut Row| known_row.what == new_row.what && known_row.parts == new_row.parts;
         match self.plan.rows.iter_mut().find(is_same_row) {
-            Some(known) => {
-                known.mats += new_row.mats;
-                known.links += new_row.links;
+            Some(known_row) => {
+                known_row.mats += new_row.mats;
+                known_row.links += new_row.links;
             }
             None => self.plan.rows.push(new_row),
         }
@@ -223,8 +223,8 @@ impl<'a> Maker<'a> {
     /// Plans an island: as a bank of modes if it has them, else stepped.
     fn island(&mut self, subset: Subset, island_timeline: OwnTimeline) -> Result<(), Error> {
         self.memo.begin();
-        let modules = subset.network.n_mat() + subset.network.n_lia();
-        let island_pin = self.pins.next(modules)?;
+        let module_count = subset.network.n_mat() + subset.network.n_lia();
+        let island_pin = self.pins.next(module_count)?;
         let (pinned_modes, pinned_steps) = match island_pin.as_ref().map(|island_pin| &island_pin.method) {
             None => (None, None),
             Some(IslandMethod::Bank(modes)) => (Some(&modes[..]), None),
@@ -252,7 +252,7 @@ impl<'a> Maker<'a> {
                         self.plan.still[output as usize] += rest;
                     }
                     self.plan.choices.push(Choice {
-                        modules,
+                        modules: module_count,
                         method: IslandMethod::Bank(solved_bank.computed.numbers()),
                     });
                     let mut bank_row = Row::modal(&subset, &solved_bank, &island_timeline.timeline);
@@ -270,13 +270,13 @@ impl<'a> Maker<'a> {
             return Err(wrong_plan_error());
         }
         if self.every > 1 {
-            return self.plan_at_lower_rate(&subset, &island_timeline, modules, no_modes);
+            return self.plan_at_lower_rate(&subset, &island_timeline, module_count, no_modes);
         }
-        self.stepped(&subset, &island_timeline, modules, pinned_steps, no_modes)
+        self.stepped(&subset, &island_timeline, module_count, pinned_steps, no_modes)
     }
 
     /// If the body is displayed: a bank of its moving modes that no output hears.
-    fn silent_modes(&self, subset: &Subset, island_timeline: &OwnTimeline, listened: &[u32]) -> Option<Unit> {
+    fn silent_modes(&self, subset: &Subset, island_timeline: &OwnTimeline, computed_modes: &[u32]) -> Option<Unit> {
         if !seen::is_any(&subset.network.moving_parts(), self.seen) {
             return None;
         }
@@ -293,7 +293,7 @@ impl<'a> Maker<'a> {
             .ok()
         };
         let mut silent_numbers = solve_bank(None)?.computed.numbers();
-        silent_numbers.retain(|mode| listened.binary_search(mode).is_err());
+        silent_numbers.retain(|mode| computed_modes.binary_search(mode).is_err());
         if silent_numbers.is_empty() {
             return None;
         }
@@ -308,7 +308,7 @@ impl<'a> Maker<'a> {
         &mut self,
         subset: &Subset,
         island_timeline: &OwnTimeline,
-        modules: usize,
+        module_count: usize,
         pin: Option<&SteppedChoice>,
         why: Option<NoModes>,
     ) -> Result<(), Error> {
@@ -350,7 +350,7 @@ impl<'a> Maker<'a> {
             ..
         } = island;
         self.plan.choices.push(Choice {
-            modules,
+            modules: module_count,
             method: IslandMethod::Stepped(SteppedChoice {
                 oversampling: island_plan.oversampling,
                 contact_substeps: island_plan.contact_substeps,
@@ -406,7 +406,7 @@ impl<'a> Maker<'a> {
         pin: Option<&SteppedChoice>,
     ) -> Result<Solved, Error> {
         let (mut subset, mut refused_slow) = multirate::without_refused_slow(subset, island_timeline, self.budget);
-        let (solved, growth) = loop {
+        let (chosen_island, growth) = loop {
             let assemble = |how: How<'_>| {
                 let island = Assembled::new(&subset, island_timeline, self.budget, how, pin, &self.memo);
                 self.allowance.spend(self.memo.take_work());
@@ -420,7 +420,7 @@ impl<'a> Maker<'a> {
                 _ => Ok(None),
             };
             if judged.is_ok() {
-                let solved = match pin {
+                let chosen_island = match pin {
                     Some(pin) => {
                         pilot_result::pinned(assemble(How::fine(pin.oversampling, MethodChoice::ByBudget))?, pin)
                             .ok_or_else(wrong_plan_error)?
@@ -428,11 +428,11 @@ impl<'a> Maker<'a> {
                     None => self.choose_by_pilot(&subset, island_timeline, &assemble)?,
                 };
                 // At a higher oversampling the island has to be certified again.
-                if solved.island.island_plan.oversampling > 1 {
-                    judged = multirate::certify(&solved.island, &self.allowance);
+                if chosen_island.island.island_plan.oversampling > 1 {
+                    judged = multirate::certify(&chosen_island.island, &self.allowance);
                 }
                 if let Ok(growth) = judged {
-                    break (solved, growth);
+                    break (chosen_island, growth);
                 }
             }
             if let Err(slow_reason) = judged {
@@ -444,12 +444,18 @@ impl<'a> Maker<'a> {
         let slow_error = match growth {
             Some(_) if pin.is_none() && !island_timeline.timeline.is_open => {
                 let trial_context = (&self.memo, &self.allowance, self.store);
-                multirate::slow_error(&subset, island_timeline, self.budget, &solved.island, trial_context)?
+                multirate::slow_error(
+                    &subset,
+                    island_timeline,
+                    self.budget,
+                    &chosen_island.island,
+                    trial_context,
+                )?
             }
             _ => None,
         };
         Ok(Solved {
-            chosen: solved,
+            chosen: chosen_island,
             growth,
             slow_error,
             refused_slow,

@@ -78,9 +78,9 @@ fn weight(run: &Run, c: f64) -> f64 {
         // The stiffest law that it can become: each constant at one end of its range.
         Kind::Followed { by, rate, .. } => {
             let weights = by.corners().map(|law| law_weight(&law, *rate, c));
-            weights.fold(0.0, |greatest, weight_here| {
-                if weight_here > greatest || weight_here.is_nan() {
-                    weight_here
+            weights.fold(0.0, |greatest, corner_weight| {
+                if corner_weight > greatest || corner_weight.is_nan() {
+                    corner_weight
                 } else {
                     greatest
                 }
@@ -149,8 +149,13 @@ pub(crate) struct LargestEigenvalue {
 
 /// λmax(M⁻¹(K + c·Z)): Gershgorin's bound if it is below `enough`, else an eigenvalue. Fails if a force at rest is not
 /// finite.
-pub(crate) fn top(scheme: &Scheme, network: &Network, c: f64, enough: f64) -> Result<LargestEigenvalue, Error> {
-    top_up_to(scheme, network, c, enough, f64::INFINITY)
+pub(crate) fn top(
+    scheme: &Scheme,
+    network: &Network,
+    c: f64,
+    sufficient_bound: f64,
+) -> Result<LargestEigenvalue, Error> {
+    top_up_to(scheme, network, c, sufficient_bound, f64::INFINITY)
 }
 
 /// Does the same as [`top`], but stops as soon as λmax is known to be at least `beyond`.
@@ -158,19 +163,19 @@ pub(crate) fn top_up_to(
     scheme: &Scheme,
     network: &Network,
     c: f64,
-    enough: f64,
-    beyond: f64,
+    sufficient_bound: f64,
+    search_limit: f64,
 ) -> Result<LargestEigenvalue, Error> {
     let weights: Vec<f64> = scheme.runs.iter().map(|run| weight(run, c)).collect();
     let lambda = by_sums(scheme, network, c, &weights)?;
-    if lambda < enough {
+    if lambda < sufficient_bound {
         return Ok(LargestEigenvalue {
             lambda,
             means: Means::Gershgorin,
             worst: 0,
         });
     }
-    Ok(by_eigenvalue(scheme, network, c, &weights, beyond))
+    Ok(by_eigenvalue(scheme, network, c, &weights, search_limit))
 }
 
 /// Gershgorin's bound, from the sums D = Σ(K + c·Z) at both ends of each link.
@@ -256,7 +261,7 @@ fn proxy_factor(scheme: &Scheme) -> impl Fn(usize) -> f64 + '_ {
 }
 
 /// The largest eigenvalue of M^-½ (K + c·Z) M^-½, with proxies at their initial positions.
-fn by_eigenvalue(scheme: &Scheme, network: &Network, c: f64, weights: &[f64], beyond: f64) -> LargestEigenvalue {
+fn by_eigenvalue(scheme: &Scheme, network: &Network, c: f64, weights: &[f64], search_limit: f64) -> LargestEigenvalue {
     let mat_count = scheme.n_mat();
     let mut inverse_roots: Vec<f64> = scheme.w.iter().map(|w| w.sqrt()).collect();
     for proxy in &scheme.proxies {
@@ -297,7 +302,7 @@ fn by_eigenvalue(scheme: &Scheme, network: &Network, c: f64, weights: &[f64], be
             .unwrap_or(0)
     };
     if mat_count > DENSE_MAX {
-        let largest = spectrum::largest_up_to(mat_count, &mut apply_matrix, beyond);
+        let largest = spectrum::largest_up_to(mat_count, &mut apply_matrix, search_limit);
         return LargestEigenvalue {
             lambda: largest.theta + largest.residual,
             means: Means::Lanczos,
@@ -335,8 +340,8 @@ pub(crate) enum Refusal {
 fn lowest_stable_multiple(scheme: &Scheme, network: &Network, lambda: f64) -> u32 {
     const MULTIPLE_MAX: u32 = 1 << 20;
     let first_links: HashSet<usize> = scheme.runs.iter().map(|run| run.first).collect();
-    let is_stable = |times: u32| {
-        let Ok(finer_rate) = Rate::new(scheme.rate * f64::from(times)) else {
+    let is_stable = |multiple: u32| {
+        let Ok(finer_rate) = Rate::new(scheme.rate * f64::from(multiple)) else {
             return false;
         };
         Scheme::new(network, finer_rate).is_ok_and(|mut finer| {
@@ -374,7 +379,7 @@ pub(super) fn bears_springs(scheme: &Scheme, network: &Network) -> bool {
 }
 
 pub(super) fn certify(scheme: &Scheme, network: &Network, refusal: Refusal) -> Result<Certificate, Error> {
-    let word = if scheme.is_linear {
+    let guarantee = if scheme.is_linear {
         StabilityGuarantee::Proved
     } else {
         StabilityGuarantee::Guarded
@@ -386,15 +391,15 @@ pub(super) fn certify(scheme: &Scheme, network: &Network, refusal: Refusal) -> R
     let largest_eigen = top_up_to(scheme, network, 2.0, LIMIT, search_limit)?;
     // The eigenvalue holds for the initial position of a proxy only.
     let has_moving_proxy = scheme.proxies.iter().any(Proxy::is_moving);
-    let word = match largest_eigen.means {
+    let guarantee = match largest_eigen.means {
         Means::Dense | Means::Lanczos if has_moving_proxy => StabilityGuarantee::Tried,
-        _ => word,
+        _ => guarantee,
     };
     if largest_eigen.lambda < LIMIT {
         return Ok(Certificate {
             lambda_max: largest_eigen.lambda,
             means: largest_eigen.means,
-            word,
+            word: guarantee,
         });
     }
     Err(Error::Unstable {

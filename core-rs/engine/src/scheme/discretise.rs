@@ -108,7 +108,7 @@ fn add_links(scheme: &mut Scheme, network: &Network, rate: Rate) -> Result<(), E
         let design_rate = ca_rate(network, run.part);
         // z = Z·T_ca under `ca`; then Z = z/T. Without `ca`, Z = z/T.
         let per_step = rate.hertz() / design_rate.map_or(1.0, Rate::hertz);
-        let mut planned = Run {
+        let mut scheme_run = Run {
             kind: scratch.kind(&run.kind, per_step),
             a: run.a,
             b: run.b,
@@ -132,12 +132,12 @@ fn add_links(scheme: &mut Scheme, network: &Network, rate: Rate) -> Result<(), E
                 if on_proxy() {
                     return Err(refuse_proxy(network, run));
                 }
-                (planned.k, planned.z) = magic_numbers(scheme, network, run, *but)?;
+                (scheme_run.k, scheme_run.z) = magic_numbers(scheme, network, run, *but)?;
                 &mut scheme.runs
             }
             _ => &mut scheme.runs,
         };
-        target_runs.push(planned);
+        target_runs.push(scheme_run);
     }
     scheme.exact.extend(dry_runs);
     Ok(())

@@ -102,11 +102,11 @@ impl Group {
                     bodies,
                     contact_substeps,
                     oversampling,
-                    every,
+                    every: frame_interval,
                     sleeps,
                     ..
                 } = &**island_plan;
-                let step_numbers = (*contact_substeps, *oversampling, *every);
+                let step_numbers = (*contact_substeps, *oversampling, *frame_interval);
                 let mut island = Island::new(network.clone(), timeline, bodies, step_numbers, options)?;
                 if *sleeps {
                     island.sleep_when_quiet();
@@ -136,18 +136,18 @@ impl Group {
         group_sum.fill(0.0);
         let mut first_fault: Option<Fault> = None;
         let sourced_units = self.units.iter_mut().zip(&mut self.sources);
-        for ((running, source), unit) in sourced_units.zip(&plan.units[self.first..]) {
-            let team = if running.is_shared() { self.team } else { 1 };
+        for ((running_unit, source), unit) in sourced_units.zip(&plan.units[self.first..]) {
+            let team = if running_unit.is_shared() { self.team } else { 1 };
             let new_fault = ThreadTeam::with(team, |team| {
-                (0..n_frames).step_by(UNIT_BLOCK).find_map(|from| {
+                (0..n_frames).step_by(UNIT_BLOCK).find_map(|first_frame| {
                     interrupt::poll();
-                    let n_frames = UNIT_BLOCK.min(n_frames - from);
-                    let unit_output = &mut group_sum[n_out * from..n_out * (from + n_frames)];
-                    running.process(
+                    let n_frames = UNIT_BLOCK.min(n_frames - first_frame);
+                    let unit_output = &mut group_sum[n_out * first_frame..n_out * (first_frame + n_frames)];
+                    running_unit.process(
                         (unit, source),
                         &mut self.sound,
                         unit_output,
-                        (n_out, done + from as u64, n_frames),
+                        (n_out, done + first_frame as u64, n_frames),
                         team,
                     )
                 })
@@ -173,9 +173,9 @@ impl RunningUnit {
         match (self, unit) {
             (Self::Bank(bank), _) => bank.process(out, n_out, n_frames),
             (Self::Island(island), Unit::IslandPlan(island_plan)) => {
-                let n_out_here = island.n_out();
+                let n_island_out = island.n_out();
                 let n_frames = island.due_frames(done, n_frames);
-                let sound = &mut sound[..n_out_here * n_frames];
+                let sound = &mut sound[..n_island_out * n_frames];
                 if !source.recall(sound) {
                     if let Err(fault) = island.process(sound, n_frames, team) {
                         return Some(fault.in_scene(island));
@@ -183,7 +183,7 @@ impl RunningUnit {
                     source.keep(sound);
                 }
                 if !island.is_slow() {
-                    add(sound, n_out_here, island_plan, out, n_out);
+                    add(sound, n_island_out, island_plan, out, n_out);
                 }
             }
             (Self::Island(_), Unit::Bank(_)) => {}
@@ -229,8 +229,8 @@ pub(super) fn assign_teams(groups: &mut [Group], plan: &Plan, threads: usize) {
             single_costs.push(group_cost);
         }
     }
-    let together = shared_cost / (1.0 + TEAM_EFFICIENCY * (team_size - 1) as f64) + time_in_parallel(&single_costs);
-    if team_size > 1 && together < time_in_parallel(&all_costs) {
+    let team_time = shared_cost / (1.0 + TEAM_EFFICIENCY * (team_size - 1) as f64) + time_in_parallel(&single_costs);
+    if team_size > 1 && team_time < time_in_parallel(&all_costs) {
         for group in groups {
             if group.has_shared() {
                 group.team = team_size;

@@ -281,8 +281,8 @@ impl Simulation {
     fn look_at_breaks(&self, look: &Look, mut tell: impl FnMut(usize, bool)) {
         for (unit, links) in &look.breaking {
             if let RunningUnit::Island(island) = self.running(*unit) {
-                for &(own, link) in links {
-                    tell(link as usize, island.is_broken(own as usize));
+                for &(island_link, link) in links {
+                    tell(link as usize, island.is_broken(island_link as usize));
                 }
             }
         }
@@ -299,24 +299,24 @@ impl Source {
             if frames_ahead == 0 { x } else { x - steps_ahead * step }
         };
         match self {
-            Self::Masses(all) => {
+            Self::Masses(mat_tracks) => {
                 let (x, step) = (island.positions(), island.steps());
-                for &(index, track, rest) in all {
+                for &(index, track, rest) in mat_tracks {
                     now[track as usize] = traced_back(x[index as usize], step[index as usize]) - rest;
                 }
             }
-            Self::Mesh(body, all) => {
+            Self::Mesh(body, mat_tracks) => {
                 if let Some(RunningBody::Mesh(mesh)) = island.bodies().get(*body) {
-                    for &(index, track, rest) in all {
+                    for &(index, track, rest) in mat_tracks {
                         let (x, step) = mesh.motion(index as usize);
                         now[track as usize] = traced_back(x, step) - rest;
                     }
                 }
             }
-            Self::Slow(body, all) => {
+            Self::Slow(body, mat_tracks) => {
                 if let Some(RunningBody::Slow(slow)) = island.bodies().get(*body) {
                     let present = slow.present();
-                    for &(index, track, rest) in all {
+                    for &(index, track, rest) in mat_tracks {
                         let (x, step) = slow.motion(&present, index as usize);
                         now[track as usize] = traced_back(x, step) - rest;
                     }
@@ -326,18 +326,18 @@ impl Source {
                 if let Some(RunningBody::Modal(modal)) = island.bodies().get(*body) {
                     let step = 1.0 / (rate * island.steps_per_frame());
                     let time_offset = -f64::from(frames_ahead) / rate;
-                    modal.look(|mode, x, was| {
+                    modal.look(|mode, x, x_before| {
                         let Some(Some(track)) = tracks.get(mode) else {
                             return;
                         };
                         let track = *track as usize;
                         (now[track], before[track]) = if island.is_slow() {
                             let index = look.oscillation(track);
-                            let phase = index.phase(x, was, step);
+                            let phase = index.phase(x, x_before, step);
                             let position = |t: f64| index.later(phase, t).0;
                             (position(time_offset), position(time_offset - 1.0 / rate))
                         } else {
-                            (x, was)
+                            (x, x_before)
                         };
                     });
                 }

@@ -27,12 +27,12 @@ impl ReachableNetwork {
     ///
     /// # Errors
     /// If the hand's MAT does not move, or a tick cannot have this length.
-    pub fn response(&self, rate: Rate, every: u32, ticks: [usize; 2]) -> Result<Option<Vec<f64>>, Error> {
+    pub fn response(&self, rate: Rate, frames_per_tick: u32, ticks: [usize; 2]) -> Result<Option<Vec<f64>>, Error> {
         if self.is_discrete() {
-            return self.response_in_steps(rate, every, 1, ticks);
+            return self.response_in_steps(rate, frames_per_tick, 1, ticks);
         }
-        let response = match self.response_by_modes(rate, every, ticks)? {
-            None => self.response_in_steps(rate, every, 1, ticks)?,
+        let response = match self.response_by_modes(rate, frames_per_tick, ticks)? {
+            None => self.response_in_steps(rate, frames_per_tick, 1, ticks)?,
             some => some,
         };
         if response.is_some() {
@@ -41,7 +41,7 @@ impl ReachableNetwork {
         // A performance computes frames that are too stiff in finer steps as well.
         match Scheme::new(&self.network, rate)?.certify(&self.network) {
             Err(Error::Unstable { oversampling, .. }) if oversampling <= OVERSAMPLING_MAX => {
-                self.response_in_steps(rate, every, oversampling, ticks)
+                self.response_in_steps(rate, frames_per_tick, oversampling, ticks)
             }
             _ => Ok(None),
         }
@@ -80,15 +80,15 @@ impl ReachableNetwork {
     fn response_in_steps(
         &self,
         rate: Rate,
-        every: u32,
+        frames_per_tick: u32,
         steps: u32,
         ticks: [usize; 2],
     ) -> Result<Option<Vec<f64>>, Error> {
         let rate = Rate::new(rate.hertz() * f64::from(steps)).map_err(|error| self.refused(error))?;
         let network = Arc::new(self.network.clone());
-        let timeline = self.displaced_hand(&network, rate, every * steps)?;
+        let timeline = self.displaced_hand(&network, rate, frames_per_tick * steps)?;
         let plain_plan = Plan::plain(network, &timeline, true)?;
-        self.force_in_ticks(plain_plan, every * steps, ticks)
+        self.force_in_ticks(plain_plan, frames_per_tick * steps, ticks)
     }
 
     fn refused(&self, reason: impl ToString) -> Error {

@@ -53,22 +53,22 @@ impl<'a> Side<'a> {
 }
 
 /// The items of a list that are not marked as the same, with their indices.
-pub(super) fn unmatched<'a, T>(all: &'a [T], is_same: &'a [bool]) -> impl Iterator<Item = (&'a T, usize)> {
-    let marked_entries = all.iter().zip(is_same).zip(0..);
-    marked_entries.filter_map(|((one, is_same), at)| (!is_same).then_some((one, at)))
+pub(super) fn unmatched<'a, T>(items: &'a [T], is_matched: &'a [bool]) -> impl Iterator<Item = (&'a T, usize)> {
+    let marked_entries = items.iter().zip(is_matched).zip(0..);
+    marked_entries.filter_map(|((item, is_matched), index)| (!is_matched).then_some((item, index)))
 }
 
 /// The moving MATs of units that are not the same on both sides, by name. Ports are left out: their bodies move them.
-pub(super) fn mat_locations(side: &Side<'_>, [islands, banks]: [&[bool]; 2]) -> Vec<(String, MatLocation)> {
+pub(super) fn mat_locations(side: &Side<'_>, [same_islands, same_banks]: [&[bool]; 2]) -> Vec<(String, MatLocation)> {
     let mut locations = Vec::new();
-    for (&(unit, _, island_plan), _) in unmatched(&side.islands, islands) {
+    for (&(unit, _, island_plan), _) in unmatched(&side.islands, same_islands) {
         let mut port_mats: Vec<usize> = island_plan.bodies.iter().flat_map(|body| body.ports()).collect();
         port_mats.sort_unstable();
         let mat_kinds = island_plan.network.mats().kind.iter().enumerate();
         let free_mats = mat_kinds.filter(|(mat, kind)| kind.moves() && port_mats.binary_search(mat).is_err());
         locations.extend(free_mats.map(|(mat, _)| (island_plan.network.mat_name(mat), MatLocation::Island(unit, mat))));
     }
-    for (&(unit, bank), _) in unmatched(&side.banks, banks) {
+    for (&(unit, bank), _) in unmatched(&side.banks, same_banks) {
         let bank_mats = bank.mats.iter().enumerate();
         locations.extend(bank_mats.map(|(index, &(mat, rest))| {
             (

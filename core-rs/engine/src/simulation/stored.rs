@@ -86,23 +86,23 @@ impl Simulation {
     /// [`Fault`] with the part that becomes non-finite.
     pub fn advance(&mut self, island: &StorableIsland, n_frames: usize) -> Result<Vec<f64>, Fault> {
         let team = self.threads;
-        let Some(running) = self.island(island) else {
+        let Some(running_island) = self.island(island) else {
             return Ok(Vec::new());
         };
-        let n_outputs = running.n_out();
-        let team = if running.is_shared() { team } else { 1 };
+        let n_outputs = running_island.n_out();
+        let team = if running_island.is_shared() { team } else { 1 };
         let mut island_sound = vec![0.0; n_outputs * n_frames];
         flushed(|| {
             ThreadTeam::with(team, |team| {
-                (0..n_frames).step_by(UNIT_BLOCK).try_for_each(|from| {
+                (0..n_frames).step_by(UNIT_BLOCK).try_for_each(|first_frame| {
                     interrupt::poll();
-                    let n_frames = UNIT_BLOCK.min(n_frames - from);
-                    let block_output = &mut island_sound[n_outputs * from..n_outputs * (from + n_frames)];
-                    running.process(block_output, n_frames, team)
+                    let n_frames = UNIT_BLOCK.min(n_frames - first_frame);
+                    let block_output = &mut island_sound[n_outputs * first_frame..n_outputs * (first_frame + n_frames)];
+                    running_island.process(block_output, n_frames, team)
                 })
             })
         })
-        .map_err(|fault| fault.in_scene(running))?;
+        .map_err(|fault| fault.in_scene(running_island))?;
         Ok(island_sound)
     }
 

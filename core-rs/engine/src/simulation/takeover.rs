@@ -74,80 +74,82 @@ impl Takeover {
     }
 
     /// Finds islands that are the same in both; returns which those are, there and here.
-    fn islands(&mut self, there: &Side<'_>, here: &Side<'_>) -> [Vec<bool>; 2] {
-        let mut same_islands = [vec![false; there.islands.len()], vec![false; here.islands.len()]];
+    fn islands(&mut self, old_side: &Side<'_>, new_side: &Side<'_>) -> [Vec<bool>; 2] {
+        let mut same_islands = [vec![false; old_side.islands.len()], vec![false; new_side.islands.len()]];
         let first_mat_name = |island_plan: &IslandPlan| island_plan.network.mat_name(0);
         // The first MAT of several islands may be the same imposed point, such as a hand's key: one name, several
         // candidates.
         let mut old_by_name: HashMap<String, Vec<usize>> = HashMap::new();
-        for (unit, (_, _, island_plan)) in there.islands.iter().enumerate() {
-            old_by_name.entry(first_mat_name(island_plan)).or_default().push(unit);
+        for (island_index, (_, _, island_plan)) in old_side.islands.iter().enumerate() {
+            old_by_name
+                .entry(first_mat_name(island_plan))
+                .or_default()
+                .push(island_index);
         }
-        for (unit, &(to, _, island_plan)) in here.islands.iter().enumerate() {
+        for (island_index, &(new_unit, _, island_plan)) in new_side.islands.iter().enumerate() {
             let mut candidates = old_by_name.get(&first_mat_name(island_plan)).into_iter().flatten();
             let is_same_island = |&&old_index: &&usize| {
-                !same_islands[0][old_index] && are_same_islands(island_plan, there.islands[old_index].2)
+                !same_islands[0][old_index] && are_same_islands(island_plan, old_side.islands[old_index].2)
             };
             let Some(&old_index) = candidates.find(is_same_island) else {
                 continue;
             };
-            (same_islands[0][old_index], same_islands[1][unit]) = (true, true);
-            self.units.push((there.islands[old_index].0, to));
+            (same_islands[0][old_index], same_islands[1][island_index]) = (true, true);
+            self.units.push((old_side.islands[old_index].0, new_unit));
         }
         same_islands
     }
 
     /// Finds banks that are the same in both; returns which those are, there and here.
-    fn banks(&mut self, there: &Side<'_>, here: &Side<'_>) -> [Vec<bool>; 2] {
-        let mut same_banks = [vec![false; there.banks.len()], vec![false; here.banks.len()]];
+    fn banks(&mut self, old_side: &Side<'_>, new_side: &Side<'_>) -> [Vec<bool>; 2] {
+        let mut same_banks = [vec![false; old_side.banks.len()], vec![false; new_side.banks.len()]];
         let first_mat_name = |side: &Side<'_>, bank: &crate::plan::BankPlan| match (&bank.body, bank.mats.first()) {
             (Some(network), _) => network.mat_name(0),
             (None, Some(&(mat, _))) => side.network.mat_name(mat as usize),
             (None, None) => String::new(),
         };
-        let indexed_banks = there.banks.iter().enumerate();
+        let indexed_banks = old_side.banks.iter().enumerate();
         let old_by_name: HashMap<String, usize> = indexed_banks
-            .map(|(unit, (_, bank))| (first_mat_name(there, bank), unit))
+            .map(|(bank_index, (_, bank))| (first_mat_name(old_side, bank), bank_index))
             .collect();
-        for (unit, &(to, bank)) in here.banks.iter().enumerate() {
-            let Some(&old_index) = old_by_name.get(&first_mat_name(here, bank)) else {
+        for (bank_index, &(new_unit, bank)) in new_side.banks.iter().enumerate() {
+            let Some(&old_index) = old_by_name.get(&first_mat_name(new_side, bank)) else {
                 continue;
             };
-            let (old_unit, old_bank) = there.banks[old_index];
-            let is_same_bank =
-                match (&bank.body, &old_bank.body) {
-                    (Some(own), Some(their)) => own.is_same(their),
-                    (None, None) => {
-                        let mat_identity =
-                            |network: &Network, mat: &(u32, f64)| (network.mat_name(mat.0 as usize), mat.1.to_bits());
-                        bank.mats.len() == old_bank.mats.len()
-                            && bank.mats.iter().zip(&old_bank.mats).all(|(own, their)| {
-                                mat_identity(here.network, own) == mat_identity(there.network, their)
-                            })
-                    }
-                    _ => false,
-                };
+            let (old_unit, old_bank) = old_side.banks[old_index];
+            let is_same_bank = match (&bank.body, &old_bank.body) {
+                (Some(new_item), Some(old_item)) => new_item.is_same(old_item),
+                (None, None) => {
+                    let mat_identity =
+                        |network: &Network, mat: &(u32, f64)| (network.mat_name(mat.0 as usize), mat.1.to_bits());
+                    bank.mats.len() == old_bank.mats.len()
+                        && bank.mats.iter().zip(&old_bank.mats).all(|(new_item, old_item)| {
+                            mat_identity(new_side.network, new_item) == mat_identity(old_side.network, old_item)
+                        })
+                }
+                _ => false,
+            };
             if !is_same_bank {
                 continue;
             }
             if are_same(&bank.oscillators, &old_bank.oscillators) {
-                self.units.push((old_unit, to));
+                self.units.push((old_unit, new_unit));
             } else if bank.body.is_some() && have_same_poles(&bank.oscillators, &old_bank.oscillators) {
-                self.modes.push((old_unit, to, bank.oscillators.len()));
+                self.modes.push((old_unit, new_unit, bank.oscillators.len()));
             } else {
                 continue;
             }
-            (same_banks[0][old_index], same_banks[1][unit]) = (true, true);
+            (same_banks[0][old_index], same_banks[1][bank_index]) = (true, true);
         }
         same_banks
     }
 
     /// Finds bodies that are the same, in islands that are not.
-    fn bodies(&mut self, there: &Side<'_>, here: &Side<'_>, same: &[Vec<bool>; 2]) {
-        for (&(to, _, island_plan), _) in unmatched(&here.islands, &same[1]) {
+    fn bodies(&mut self, old_side: &Side<'_>, new_side: &Side<'_>, same: &[Vec<bool>; 2]) {
+        for (&(new_unit, _, island_plan), _) in unmatched(&new_side.islands, &same[1]) {
             let mut is_matched = false;
             for (body_index, body) in island_plan.bodies.iter().enumerate() {
-                let old_body = unmatched(&there.islands, &same[0]).find_map(|(&(old_unit, _, other), _)| {
+                let old_body = unmatched(&old_side.islands, &same[0]).find_map(|(&(old_unit, _, other), _)| {
                     let same = |their: &crate::island::inside::BodyPlan| {
                         let new_mat_name = |mat| island_plan.network.mat_name(mat);
                         body.is_same(their, new_mat_name, |mat| other.network.mat_name(mat))
@@ -155,19 +157,20 @@ impl Takeover {
                     Some((old_unit, other.bodies.iter().position(same)?))
                 });
                 if let Some((old_unit, their)) = old_body {
-                    self.items.push((old_unit, to, ItemTakeover::Body(their, body_index)));
+                    self.items
+                        .push((old_unit, new_unit, ItemTakeover::Body(their, body_index)));
                     is_matched = true;
                 }
             }
             if is_matched {
-                self.placed.push(to);
+                self.placed.push(new_unit);
             }
         }
     }
 
     /// Finds links with memory in islands that are not the same, by link name; links of one name are matched by their
     /// order.
-    fn memory(&mut self, there: &Side<'_>, here: &Side<'_>, islands: &[Vec<bool>; 2]) {
+    fn memory(&mut self, old_side: &Side<'_>, new_side: &Side<'_>, same_islands: &[Vec<bool>; 2]) {
         let links_by_name = |side: &Side<'_>, same: &[bool]| -> Vec<((String, usize), (UnitIndex, usize))> {
             let other_islands = side.islands.iter().zip(same).filter(|(_, same)| !**same);
             let links = other_islands.flat_map(|(&(unit, _, island_plan), _)| {
@@ -185,18 +188,18 @@ impl Takeover {
             });
             numbered.collect()
         };
-        let old_by_name: HashMap<_, _> = links_by_name(there, &islands[0]).into_iter().collect();
-        for (name, (to, remembering)) in links_by_name(here, &islands[1]) {
+        let old_by_name: HashMap<_, _> = links_by_name(old_side, &same_islands[0]).into_iter().collect();
+        for (name, (new_unit, remembering)) in links_by_name(new_side, &same_islands[1]) {
             if let Some(&(old_unit, old_link)) = old_by_name.get(&name) {
                 self.items
-                    .push((old_unit, to, ItemTakeover::Memory(old_link, remembering)));
+                    .push((old_unit, new_unit, ItemTakeover::Memory(old_link, remembering)));
             }
         }
     }
 
     /// Finds contacts of all pairs, in islands that are not the same, whose history of sliding continues: matched by
     /// link name and by the numbers of points.
-    fn histories(&mut self, there: &Side<'_>, here: &Side<'_>, islands: &[Vec<bool>; 2]) {
+    fn histories(&mut self, old_side: &Side<'_>, new_side: &Side<'_>, same_islands: &[Vec<bool>; 2]) {
         let contact_runs = |side: &Side<'_>, same: &[bool]| -> HashMap<(String, [usize; 2]), (UnitIndex, usize)> {
             let other_islands = side.islands.iter().zip(same).filter(|(_, same)| !**same);
             let named_runs = other_islands.flat_map(|(&(unit, _, island_plan), _)| {
@@ -209,11 +212,11 @@ impl Takeover {
             });
             named_runs.collect()
         };
-        let old_runs = contact_runs(there, &islands[0]);
-        for (name, (to, run_index)) in contact_runs(here, &islands[1]) {
-            if let Some(&(old_unit, old_run)) = old_runs.get(&name) {
+        let old_runs = contact_runs(old_side, &same_islands[0]);
+        for (name, (new_unit, first_link)) in contact_runs(new_side, &same_islands[1]) {
+            if let Some(&(old_unit, old_link)) = old_runs.get(&name) {
                 self.items
-                    .push((old_unit, to, ItemTakeover::History(old_run, run_index)));
+                    .push((old_unit, new_unit, ItemTakeover::History(old_link, first_link)));
             }
         }
     }
@@ -236,7 +239,7 @@ impl Takeover {
             let bodies = names(there, old_same, &old_taken).into_iter();
             bodies.chain(singles.iter().map(|(name, _)| name.clone())).collect()
         };
-        let mut here_mats = mat_locations(here, new_same);
+        let mut new_mats = mat_locations(here, new_same);
         let (body_locations, to) = bodies(
             here,
             new_same,
@@ -245,8 +248,8 @@ impl Takeover {
             ModalTransform::ToAmplitudes,
             &mut self.workspace,
         );
-        here_mats.extend(body_locations);
-        let new_names: HashSet<&str> = here_mats.iter().map(|(name, _)| name.as_str()).collect();
+        new_mats.extend(body_locations);
+        let new_names: HashSet<&str> = new_mats.iter().map(|(name, _)| name.as_str()).collect();
         let is_wanted = |name: &str| new_names.contains(name);
         let (body_locations, from) = bodies(
             there,
@@ -257,7 +260,7 @@ impl Takeover {
             &mut self.workspace,
         );
         let old_by_name: HashMap<String, MatLocation> = singles.into_iter().chain(body_locations).collect();
-        for (name, to) in &here_mats {
+        for (name, to) in &new_mats {
             if let Some(&from) = old_by_name.get(name) {
                 self.mats.push((from, *to));
             }

@@ -122,9 +122,9 @@ pub trait Device: Send {
 
     /// The forces as rounded by the packet that [`Device::send`] makes [N] or [N·m].
     fn on_wire(&self, force: &SafeForce) -> [f64; MAX_AXES] {
-        let mut carried = [0.0; MAX_AXES];
-        carried[..force.newtons().len()].copy_from_slice(force.newtons());
-        carried
+        let mut wire_forces = [0.0; MAX_AXES];
+        wire_forces[..force.newtons().len()].copy_from_slice(force.newtons());
+        wire_forces
     }
 
     /// Take the newest reply; returns whether there was a new one. Waits for a reply until `deadline` (if it has

@@ -141,8 +141,8 @@ mod unix {
         };
         let slot_index = ARMED.iter().position(claim_slot)?;
         let slot = &ARMED[slot_index];
-        for (to, from) in slot.bytes.iter().zip(resort.bytes) {
-            to.store(from, Ordering::Relaxed);
+        for (slot_byte, packet_byte) in slot.bytes.iter().zip(resort.bytes) {
+            slot_byte.store(packet_byte, Ordering::Relaxed);
         }
         slot.len.store(resort.len, Ordering::Relaxed);
         slot.fd.store(resort.fd, Ordering::Release);
@@ -154,12 +154,12 @@ mod unix {
         for repeat in 0..ZERO_REPEATS {
             if repeat > 0 {
                 // By then a force that another thread was just sending has gone out.
-                let while_it_passes = libc::timespec {
+                let wait_time = libc::timespec {
                     tv_sec: 0,
                     tv_nsec: 1_000_000,
                 };
                 // SAFETY: a valid timespec; the remaining time is not requested.
-                unsafe { libc::nanosleep(&raw const while_it_passes, std::ptr::null_mut()) };
+                unsafe { libc::nanosleep(&raw const wait_time, std::ptr::null_mut()) };
             }
             for slot in &ARMED {
                 let device_fd = slot.fd.load(Ordering::Acquire);
@@ -167,8 +167,8 @@ mod unix {
                     continue;
                 }
                 let mut bytes = [0_u8; 64];
-                for (to, from) in bytes.iter_mut().zip(&slot.bytes) {
-                    *to = from.load(Ordering::Relaxed);
+                for (packet_byte, slot_byte) in bytes.iter_mut().zip(&slot.bytes) {
+                    *packet_byte = slot_byte.load(Ordering::Relaxed);
                 }
                 let len = slot.len.load(Ordering::Relaxed).min(bytes.len());
                 // SAFETY: `bytes` holds `len` bytes; a descriptor closed meanwhile makes the call fail.
@@ -197,11 +197,11 @@ mod unix {
         stop::stop(Stop::All);
         zero_all();
         let known = FAULTS.iter().position(|&known| known == signal);
-        if let Some(before) = known.and_then(|index| FORMER_HANDLERS[index].get()) {
+        if let Some(former_action) = known.and_then(|index| FORMER_HANDLERS[index].get()) {
             // The signal is raised again, and the former handler gets it when this one returns.
             // SAFETY: `before` is what sigaction gave; both calls are allowed in a handler.
             unsafe {
-                libc::sigaction(signal, before, std::ptr::null_mut());
+                libc::sigaction(signal, former_action, std::ptr::null_mut());
                 libc::raise(signal);
             }
         }
@@ -336,7 +336,7 @@ mod unix {
         }
     }
 
-    fn watch_fault(signal: i32, before: &OnceLock<libc::sigaction>) {
+    fn watch_fault(signal: i32, former_slot: &OnceLock<libc::sigaction>) {
         // SAFETY: zero is a valid sigaction, the calls write into locals, the handler does only what handlers may.
         unsafe {
             let mut former_action: libc::sigaction = std::mem::zeroed();
@@ -344,7 +344,7 @@ mod unix {
             if former_action.sa_sigaction == libc::SIG_IGN {
                 return;
             }
-            let _ = before.set(former_action);
+            let _ = former_slot.set(former_action);
             let mut new_action: libc::sigaction = std::mem::zeroed();
             new_action.sa_sigaction = on_fault as *const () as usize;
             libc::sigemptyset(&raw mut new_action.sa_mask);

@@ -56,7 +56,7 @@ impl Latch {
     /// Note a trip: a fault of motor, sensor or travel stays at once, any other with the third trip within a minute.
     pub(super) fn note(&mut self, why: Trip, now: Duration) {
         let oldest_trip = self.earlier[TRIPS - 2];
-        let is_frequent = oldest_trip.is_some_and(|then| now.saturating_sub(then) <= WITHIN);
+        let is_frequent = oldest_trip.is_some_and(|trip_time| now.saturating_sub(trip_time) <= WITHIN);
         if why.latches() || is_frequent {
             self.why = self.why.or(Some(why));
         }

@@ -67,11 +67,14 @@ impl FrequencyResponse {
         let key_motion = Motion::new(key, hand);
         let mut least_margin = f64::INFINITY;
         let mut previous_gain: Option<Complex> = None;
-        for &(z_at, scene) in &self.points {
+        for &(z_point, piece_response) in &self.points {
             // The damper acts on the displacement since the previous tick.
-            let unit_delay = (z_at.0, -z_at.1);
-            let stiffness = (scene.0 + k + z * (1.0 - unit_delay.0), scene.1 - z * unit_delay.1);
-            let mut loop_gain = times(stiffness, key_motion.transfer(z_at));
+            let unit_delay = (z_point.0, -z_point.1);
+            let stiffness = (
+                piece_response.0 + k + z * (1.0 - unit_delay.0),
+                piece_response.1 - z * unit_delay.1,
+            );
+            let mut loop_gain = times(stiffness, key_motion.transfer(z_point));
             for _ in 0..key.delay {
                 loop_gain = times(loop_gain, unit_delay);
             }
@@ -117,9 +120,9 @@ impl Motion {
         let damped_rate = sqrt(squared_omega.abs());
         let (cosine_term, sine_term) = match damped_rate * t {
             small if small < 1e-9 => (1.0, t),
-            turn if squared_omega > 0.0 => (cos(turn), sin(turn) / damped_rate),
-            turn => {
-                let (growing_exp, fading_exp) = (exp(turn), exp(-turn));
+            scaled_time if squared_omega > 0.0 => (cos(scaled_time), sin(scaled_time) / damped_rate),
+            scaled_time => {
+                let (growing_exp, fading_exp) = (exp(scaled_time), exp(-scaled_time));
                 (
                     0.5 * (growing_exp + fading_exp),
                     0.5 * (growing_exp - fading_exp) / damped_rate,
@@ -158,9 +161,9 @@ fn times(a: Complex, b: Complex) -> Complex {
 
 /// n points evenly on the unit circle, beginning with 1.
 fn unit_circle(n: usize) -> Vec<Complex> {
-    let angle_of = |place: usize| 2.0 * std::f64::consts::PI * place as f64 / n as f64;
+    let angle_of = |point_index: usize| 2.0 * std::f64::consts::PI * point_index as f64 / n as f64;
     (0..n)
-        .map(|place| (cos(angle_of(place)), sin(angle_of(place))))
+        .map(|point_index| (cos(angle_of(point_index)), sin(angle_of(point_index))))
         .collect()
 }
 
@@ -200,9 +203,9 @@ mod tests {
         let x: Vec<f64> = (0..16).map(|i| f64::from(i * i % 7)).collect();
         let mut transformed: Vec<Complex> = x.iter().map(|&x| (x, 0.0)).collect();
         transform(&mut transformed, &circle_points);
-        for (place, transformed) in transformed.iter().enumerate() {
+        for (point_index, transformed) in transformed.iter().enumerate() {
             let term = |(j, x): (usize, &f64)| {
-                let (c, s) = circle_points[place * j % 16];
+                let (c, s) = circle_points[point_index * j % 16];
                 (x * c, -x * s)
             };
             let sum = x.iter().enumerate().map(term);
@@ -287,19 +290,21 @@ mod tests {
     }
 
     /// Whether the loop grows if a held key gets this part of the piece's force.
-    fn grows(response: &[f64], key: Key, hand: (f64, f64), part: f64) -> bool {
+    fn grows(response: &[f64], key: Key, hand: (f64, f64), force_share: f64) -> bool {
         let Motion { a, b } = Motion::new(key, hand);
         let (mut positions, mut sent_forces, mut v) = (vec![0.0], Vec::new(), 1.0);
         let mut swing_peaks = [0.0_f64; 4];
-        for k in 0..4_096 {
-            let responses = response.iter().take(k + 1).enumerate();
-            let scene_force: f64 = responses.map(|(j, h)| h * positions[k - j]).sum();
-            sent_forces.push(-part * scene_force);
-            let delayed_force = k.checked_sub(key.delay).map_or(0.0, |k| sent_forces[k]);
-            let next_position = a[0][0] * positions[k] + a[0][1] * v + b[0] * delayed_force;
-            v = a[1][0] * positions[k] + a[1][1] * v + b[1] * delayed_force;
+        for tick_index in 0..4_096 {
+            let responses = response.iter().take(tick_index + 1).enumerate();
+            let scene_force: f64 = responses.map(|(j, h)| h * positions[tick_index - j]).sum();
+            sent_forces.push(-force_share * scene_force);
+            let delayed_force = tick_index
+                .checked_sub(key.delay)
+                .map_or(0.0, |tick_index| sent_forces[tick_index]);
+            let next_position = a[0][0] * positions[tick_index] + a[0][1] * v + b[0] * delayed_force;
+            v = a[1][0] * positions[tick_index] + a[1][1] * v + b[1] * delayed_force;
             positions.push(next_position);
-            swing_peaks[k / 1_024] = swing_peaks[k / 1_024].max(v.abs());
+            swing_peaks[tick_index / 1_024] = swing_peaks[tick_index / 1_024].max(v.abs());
         }
         !swing_peaks[3].is_finite() || swing_peaks[3] > swing_peaks[1]
     }

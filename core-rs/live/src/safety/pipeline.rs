@@ -111,7 +111,7 @@ impl Pipeline {
         SafeForce::new(force_output, self.n)
     }
 
-    fn stages(&mut self, number: usize, asked: f64, is_stale: bool) -> f64 {
+    fn stages(&mut self, axis_index: usize, asked: f64, is_stale: bool) -> f64 {
         let Self {
             limits,
             counts,
@@ -119,7 +119,7 @@ impl Pipeline {
             continuous,
             ..
         } = self;
-        let (axis_state, period, continuous) = (&mut self.axes[number], *period, *continuous);
+        let (axis_state, period, continuous) = (&mut self.axes[axis_index], *period, *continuous);
         let mut force = asked;
         if !force.is_finite() {
             counts.not_finite += 1;
@@ -142,17 +142,19 @@ impl Pipeline {
         force = axis_state.trip.pass(force, &mut counts.tripped);
         force = self.ages.pass(force, &mut counts.stale);
         force = scaled(force, axis_state.gain, &mut counts.stiff);
-        let allowed = if trip_holds || is_stale || self.stopped {
+        let allowed_range = if trip_holds || is_stale || self.stopped {
             counts.stopped += u64::from(self.stopped);
             NONE
         } else {
-            self.passivity.allowed_forces(number)
+            self.passivity.allowed_forces(axis_index)
         };
-        if allowed != NONE && (force < allowed[0] || force > allowed[1]) {
+        if allowed_range != NONE && (force < allowed_range[0] || force > allowed_range[1]) {
             counts.energy += 1;
         }
         let force_step = limits.slew * 1e3 * period;
-        force = axis_state.slew.pass(force, allowed, force_step, &mut counts.slewed);
+        force = axis_state
+            .slew
+            .pass(force, allowed_range, force_step, &mut counts.slewed);
         axis_state.heat.add_load(force, continuous, period, limits.heat_time);
         force
     }
@@ -271,9 +273,9 @@ impl Pipeline {
     /// Heat and work, for the time when the device is opened again.
     pub(super) fn memory(&self, now: Duration) -> Memory {
         let mut memory = Memory::new(now);
-        for (number, axis) in self.axes[..self.n].iter().enumerate() {
-            memory.heat[number] = axis.heat.level;
-            memory.work[number] = self.passivity.work(number).max(0.0);
+        for (axis_index, axis) in self.axes[..self.n].iter().enumerate() {
+            memory.heat[axis_index] = axis.heat.level;
+            memory.work[axis_index] = self.passivity.work(axis_index).max(0.0);
         }
         memory
     }
@@ -281,13 +283,13 @@ impl Pipeline {
     /// Continue with the heat and work of `memory`, after `elapsed` [s] without force.
     pub(super) fn recall(&mut self, memory: &Memory, elapsed: f64) {
         let refilled_work = self.limits.power * elapsed;
-        for (number, axis) in self.axes[..self.n].iter_mut().enumerate() {
+        for (axis_index, axis) in self.axes[..self.n].iter_mut().enumerate() {
             let saved_heat = Heat {
-                level: memory.heat[number],
+                level: memory.heat[axis_index],
             };
             axis.heat = saved_heat.cooled(elapsed, self.limits.heat_time);
-            let work_left = (memory.work[number] - refilled_work).max(0.0);
-            self.passivity.resume(number, work_left);
+            let work_left = (memory.work[axis_index] - refilled_work).max(0.0);
+            self.passivity.resume(axis_index, work_left);
         }
     }
 }

@@ -103,14 +103,14 @@ pub(super) struct Plausibility {
 
 impl Plausibility {
     /// An axis that is sent a force every `period` [s].
-    pub(super) fn new(built: AxisSpec, period: f64) -> Self {
+    pub(super) fn new(axis_spec: AxisSpec, period: f64) -> Self {
         let step_ticks = (STEP / period).round().max(1.0);
-        let parameters = AxisParameters::new(built, step_ticks * period);
+        let parameters = AxisParameters::new(axis_spec, step_ticks * period);
         Self {
             built: parameters,
             every: step_ticks as u32,
             ticks: 0,
-            force: built.force.max(0.0),
+            force: axis_spec.force.max(0.0),
             may_probe: true,
             signs: Signs::default(),
             mode: Mode::Watching,
@@ -119,7 +119,7 @@ impl Plausibility {
             wrong: 0,
             pauses: [(0, 0); 2],
             probes: 0,
-            confirmation: Confirmation::new(built, &parameters),
+            confirmation: Confirmation::new(axis_spec, &parameters),
         }
     }
 
@@ -200,10 +200,10 @@ impl Plausibility {
         let (calm_for, alive_for) = (seconds(RETRY_AFTER), seconds(ALIVE));
         self.fade = (self.fade + self.built.step / FADE).min(1.0);
         let quiet_limit = -(seconds(PAUSE_RESET) as i32);
-        for (left, passed) in &mut self.pauses {
-            *left = (*left - 1).max(quiet_limit);
-            if *left == quiet_limit {
-                *passed = 0;
+        for (steps_left, fruitless_probes) in &mut self.pauses {
+            *steps_left = (*steps_left - 1).max(quiet_limit);
+            if *steps_left == quiet_limit {
+                *fruitless_probes = 0;
             }
         }
         let moved = self.signs.moved_to(x);
@@ -305,12 +305,12 @@ impl Plausibility {
                 self.confirmed = true;
                 self.wrong = 0;
             }
-            let (pause_left, times_passed) = &mut self.pauses[probe.kind as usize];
+            let (pause_left, fruitless_probes) = &mut self.pauses[probe.kind as usize];
             let [first_pause, longest] = PAUSES[probe.kind as usize];
-            let pause_time = (first_pause * f64::from(1 << (*times_passed).min(8))).min(longest);
+            let pause_time = (first_pause * f64::from(1 << (*fruitless_probes).min(8))).min(longest);
             // After a wrong answer there is no pause: the next suspicion is probed at once.
             if self.wrong == 0 {
-                (*pause_left, *times_passed) = ((pause_time / self.built.step) as i32, *times_passed + 1);
+                (*pause_left, *fruitless_probes) = ((pause_time / self.built.step) as i32, *fruitless_probes + 1);
             }
             self.signs.forget();
         }
@@ -336,8 +336,8 @@ pub(super) struct PlausibilityChecks {
 
 impl PlausibilityChecks {
     /// The checks of axes with these properties, for forces sent every `period` [s].
-    pub(super) fn new(built: &[AxisSpec], period: f64) -> Self {
-        let nothing = AxisSpec {
+    pub(super) fn new(axis_specs: &[AxisSpec], period: f64) -> Self {
+        let blank_spec = AxisSpec {
             range: [0.0, 0.0],
             resolution: 0.0,
             inertia: None,
@@ -346,10 +346,10 @@ impl PlausibilityChecks {
             energy: 0.0,
             power: 0.0,
         };
-        let checks_of = |axis| Plausibility::new(built.get(axis).copied().unwrap_or(nothing), period);
+        let checks_of = |axis| Plausibility::new(axis_specs.get(axis).copied().unwrap_or(blank_spec), period);
         Self {
             axes: std::array::from_fn(checks_of),
-            n: built.len().min(MAX_AXES),
+            n: axis_specs.len().min(MAX_AXES),
             sent: [0.0; MAX_AXES],
             positions: None,
         }

@@ -90,7 +90,7 @@ mod tests {
     #[test]
     fn limit_of_a_sampled_loop_matches_simulation() {
         // Damping, rate, delay, and the greatest stable stiffness in a simulation of such a loop with 50 g.
-        for (b, rate, delay, known) in [
+        for (b, rate, delay, reference_limit) in [
             (0.3, 1e3, 0, 645.0),
             (0.3, 1e3, 1, 208.0),
             (0.3, 1e3, 2, 124.0),
@@ -102,7 +102,10 @@ mod tests {
             let (formula, simulated) = (limit(b, 1.0 / rate, delay), numerically(b, 1.0 / rate, delay as usize));
             let case_text = format!("b {b}, {rate} Hz, delay {delay}: said {formula}, found {simulated}");
             assert!(formula <= simulated && formula > 0.88 * simulated, "{case_text}");
-            assert!((simulated / known - 1.0).abs() < 0.1, "{case_text}, known {known}");
+            assert!(
+                (simulated / reference_limit - 1.0).abs() < 0.1,
+                "{case_text}, known {reference_limit}"
+            );
             // At the limit the spring takes as much energy from the key as the delay gives: b = kT(½ + d).
             let delay_damping = formula / rate * (0.5 + f64::from(delay));
             assert!((delay_damping / b - 1.0).abs() < 1e-3, "{case_text}");

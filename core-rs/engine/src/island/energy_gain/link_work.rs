@@ -119,7 +119,7 @@ impl Watched {
 impl LinkWork {
     /// The account of a run of one link; `is_fused`: it is computed in one pass with others; `is_led`: its strength
     /// changes in time.
-    pub(super) fn new(run: &Run, is_fused: bool, is_led: bool) -> Self {
+    pub(super) fn new(run: &Run, is_fused: bool, strength_varies: bool) -> Self {
         Self {
             a: run.a,
             b: run.b,
@@ -132,7 +132,7 @@ impl LinkWork {
                 _ => None,
             },
             spring: is_fused.then(|| run.spring()).flatten(),
-            strength: is_led.then_some(0.0),
+            strength: strength_varies.then_some(0.0),
         }
     }
 
@@ -206,12 +206,12 @@ impl LinkWork {
     /// [J].
     fn stored(&self, run: &Run, body: &Body) -> f64 {
         let [elongation_next, elongation_now] = elongations(run, body);
-        let between = if run.n_axes() > 1 || run.bristle().is_some() {
+        let elongation_pair = if run.n_axes() > 1 || run.bristle().is_some() {
             [elongation_next, elongation_now]
         } else {
             [elongation_now, elongation_now - self.stretch]
         };
-        self.strength.unwrap_or(1.0) * stored(run, between)
+        self.strength.unwrap_or(1.0) * stored(run, elongation_pair)
     }
 
     /// The force of the link now [N].
@@ -231,7 +231,7 @@ impl LinkWork {
 fn strength(run: &Run, scheme: &Scheme, gates: &[f64]) -> f64 {
     let gate_opening = run.gate.map_or(1.0, |gate| gates[gate]);
     let mut scheme_runs = scheme.runs.iter().chain(&scheme.exact);
-    let run_now = scheme_runs.find(|own| own.links().contains(&run.first));
+    let run_now = scheme_runs.find(|scheme_run| scheme_run.links().contains(&run.first));
     let stiffness_ratio = run_now.map_or(1.0, |run_now| run_now.k / run.k);
     if stiffness_ratio.is_finite() {
         gate_opening * stiffness_ratio
@@ -267,10 +267,10 @@ fn rounding(run: &Run, body: &Body) -> f64 {
 }
 
 /// Energy of a link between two steps [J].
-fn stored(run: &Run, [now, before]: [f64; 2]) -> f64 {
+fn stored(run: &Run, [elongation_now, elongation_before]: [f64; 2]) -> f64 {
     match run.bristle() {
-        Some((by, _)) => by.energy(now),
-        None => 0.5 * (run.potential(now) + run.potential(before)),
+        Some((bristle, _)) => bristle.energy(elongation_now),
+        None => 0.5 * (run.potential(elongation_now) + run.potential(elongation_before)),
     }
 }
 

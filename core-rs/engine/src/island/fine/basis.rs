@@ -38,8 +38,9 @@ impl Basis {
         let n_instants = n_instants.unwrap_or(POLYNOMIALS_MAX);
         let node_angle = |m: usize| PI * ((n_instants - 1 - m) as f64 + 0.5) / n_instants as f64;
         let fit_factor = |k: usize| if k == 0 { 1.0 } else { 2.0 } / n_instants as f64;
-        let fit_weight =
-            |at: usize| fit_factor(at / n_instants) * cos((at / n_instants) as f64 * node_angle(at % n_instants));
+        let fit_weight = |entry: usize| {
+            fit_factor(entry / n_instants) * cos((entry / n_instants) as f64 * node_angle(entry % n_instants))
+        };
         Self {
             instants: (0..n_instants).map(|m| 0.5 + 0.5 * cos(node_angle(m))).collect(),
             fit: (0..n_instants * n_instants).map(fit_weight).collect(),
@@ -52,37 +53,33 @@ impl Basis {
 
     /// Coefficients of a function from its values at the instants   (n each)
     pub(super) fn fit(&self, values: &[f64], coefficients: &mut [f64]) {
-        for (own, row) in coefficients.iter_mut().zip(self.fit.chunks(self.n())) {
-            *own = dot(row, values);
+        for (coefficient, row) in coefficients.iter_mut().zip(self.fit.chunks(self.n())) {
+            *coefficient = dot(row, values);
         }
     }
 
     /// Weights of the values at the instants in a sum of the polynomials with given factors   (n)
-    pub(super) fn weights(&self, polynomials: &[f64]) -> Vec<f64> {
+    pub(super) fn weights(&self, factors: &[f64]) -> Vec<f64> {
         let n_instants = self.n();
-        let instant_weight = |m: usize| {
-            (0..n_instants)
-                .map(|k| polynomials[k] * self.fit[k * n_instants + m])
-                .sum()
-        };
+        let instant_weight = |m: usize| (0..n_instants).map(|k| factors[k] * self.fit[k * n_instants + m]).sum();
         (0..n_instants).map(instant_weight).collect()
     }
 
     /// Replace the values of a function of two instants by its coefficients   (n·n)
-    pub(super) fn fit_both(&self, both: &mut [f64]) {
+    pub(super) fn fit_both(&self, pair_values: &mut [f64]) {
         let n_instants = self.n();
         let (mut column_values, mut coefficients) = ([0.0; POLYNOMIALS_MAX], [0.0; POLYNOMIALS_MAX]);
-        for row in both.chunks_mut(n_instants) {
+        for row in pair_values.chunks_mut(n_instants) {
             self.fit(row, &mut coefficients[..n_instants]);
             row.copy_from_slice(&coefficients[..n_instants]);
         }
         for l in 0..n_instants {
             for (m, value) in column_values[..n_instants].iter_mut().enumerate() {
-                *value = both[m * n_instants + l];
+                *value = pair_values[m * n_instants + l];
             }
             self.fit(&column_values[..n_instants], &mut coefficients[..n_instants]);
             for (k, value) in coefficients[..n_instants].iter().enumerate() {
-                both[k * n_instants + l] = *value;
+                pair_values[k * n_instants + l] = *value;
             }
         }
     }
@@ -106,8 +103,8 @@ pub(super) fn add_rows(rows: &[f64], factors: &[f64], sum: &mut [f64]) {
         10 => add_known::<10>(rows, factors, sum),
         n => {
             for (row, factor) in rows.chunks_exact(n).zip(factors) {
-                for (own, by) in sum.iter_mut().zip(row) {
-                    *own += factor * by;
+                for (sum_entry, row_entry) in sum.iter_mut().zip(row) {
+                    *sum_entry += factor * row_entry;
                 }
             }
         }
@@ -122,8 +119,8 @@ fn add_known<const N: usize>(rows: &[f64], factors: &[f64], polynomial_sum: &mut
         return;
     };
     for (row, factor) in rows.iter().zip(factors) {
-        for (own, by) in polynomial_sum.iter_mut().zip(row) {
-            *own += factor * by;
+        for (sum_entry, row_entry) in polynomial_sum.iter_mut().zip(row) {
+            *sum_entry += factor * row_entry;
         }
     }
 }

@@ -36,13 +36,13 @@ impl Fine {
         };
         let basis = Basis::new(fastest_rate(&joint_mats, network, scheme, bodies, timeline), fit_error);
         let n_instants = basis.n();
-        let is_held = |mat: usize| {
+        let is_imposed = |mat: usize| {
             let mut timeline_drives = timeline.drives.iter();
             timeline_drives.any(|drive| drive.mat == mat && drive.kind == DriveKind::Position)
         };
         let new_joint = |&mat: &usize| {
             let basis_and_rate = (&basis, rate);
-            joint(mat, is_held(mat), network, scheme, bodies, basis_and_rate)
+            joint(mat, is_imposed(mat), network, scheme, bodies, basis_and_rate)
         };
         let joints: Vec<Joint> = joint_mats.iter().map(new_joint).collect();
         let joint_slot = |mat: usize| joint_mats.binary_search(&mat).unwrap_or(0);
@@ -62,21 +62,21 @@ impl Fine {
             };
             joints.iter().filter(is_same_body).count().max(1) as u64
         };
-        let instants = n_instants as u64;
+        let instant_count = n_instants as u64;
         let has_rows = |joint: &&Joint| joint.port.is_none_or(|(owner, _)| !is_crowded(owner));
         let table_products = |body: &CrowdedBody| {
-            let motions = 2 * instants * body.n_modes() as u64;
-            motions * (RESPONSE_PRODUCTS + instants)
+            let motion_entries = 2 * instant_count * body.n_modes() as u64;
+            motion_entries * (RESPONSE_PRODUCTS + instant_count)
         };
-        let responses = joints
+        let response_products = joints
             .iter()
             .filter(has_rows)
-            .map(|joint| (RESPONSE_PRODUCTS + pair_count(joint)) * mode_count(joint) * instants * instants)
+            .map(|joint| (RESPONSE_PRODUCTS + pair_count(joint)) * mode_count(joint) * instant_count * instant_count)
             .sum::<u64>();
         let crowded_products: u64 = crowded.iter().map(table_products).sum();
         let free_path_products = joints
             .iter()
-            .map(|joint| (2 * mode_count(joint) + instants) * instants)
+            .map(|joint| (2 * mode_count(joint) + instant_count) * instant_count)
             .sum();
         let responses_from = |joint: &Joint| path_responses(joint, &joints, bodies, (&basis, rate), is_crowded);
         let (path_responses, jumps): (Vec<_>, _) = joints.iter().flat_map(responses_from).unzip();
@@ -125,7 +125,7 @@ impl Fine {
             has_touched: false,
             work: FineWork {
                 instants: 0,
-                products: responses + crowded_products,
+                products: response_products + crowded_products,
                 couplings: 0,
             },
             laws: law_script.states(&script),

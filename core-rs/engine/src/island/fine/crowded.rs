@@ -64,7 +64,7 @@ impl CrowdedBody {
     fn new(owner: usize, joints: &[Joint], bodies: &[RunningBody], (basis, rate): (&Basis, Rate)) -> Option<Self> {
         let joint_ports: Vec<(usize, usize)> = (joints.iter().enumerate())
             .filter_map(|(joint_index, joint)| match joint.port {
-                Some((own, port)) if own == owner => Some((joint_index, port)),
+                Some((joint_owner, port)) if joint_owner == owner => Some((joint_index, port)),
                 _ => None,
             })
             .collect();
@@ -129,11 +129,12 @@ impl CrowdedBody {
 /// Whether sums over modes take far fewer products than paths of pairs, if a share of the joints push at once.
 fn is_crowded(n_joints: usize, n_modes: usize, n_instants: usize) -> bool {
     let (joint_count, mode_count, n_instants) = (n_joints as f64, n_modes as f64, n_instants as f64);
-    let pushing = (PUSHING_SHARE * joint_count).max(1.0);
-    let by_pairs = KICKS_PER_STEP * pushing * joint_count * n_instants * n_instants;
+    let pushing_joints = (PUSHING_SHARE * joint_count).max(1.0);
+    let pair_products = KICKS_PER_STEP * pushing_joints * joint_count * n_instants * n_instants;
     // For each kick the instant, and what each contact sees and pushes; for each step what all joints see.
-    let by_modes = mode_count * (KICKS_PER_STEP * (2.0 * n_instants + 8.0 + 3.0 * pushing) + 2.0 * joint_count);
-    by_pairs > PRODUCTS_RATIO_MIN * by_modes
+    let mode_products =
+        mode_count * (KICKS_PER_STEP * (2.0 * n_instants + 8.0 + 3.0 * pushing_joints) + 2.0 * joint_count);
+    pair_products > PRODUCTS_RATIO_MIN * mode_products
 }
 
 /// The tables of modes with these motions. A group that is not full is filled with copies of a mode, which have no share

@@ -24,11 +24,11 @@ impl Fine {
             None => kernel::predict(scheme, body, mat),
         };
         let mut any_may_close = false;
-        for (contact, run) in self.script.links.iter().enumerate() {
+        for (link_index, run) in self.script.links.iter().enumerate() {
             let distance_now = body.x[run.b] - body.x[run.a];
             let distance_next = next_position(run.b, body) - next_position(run.a, body);
             let may_close = penetration_bound(run, distance_now - run.rest, distance_next - run.rest) > 0.0;
-            self.may_close[contact] = may_close;
+            self.may_close[link_index] = may_close;
             any_may_close |= may_close;
             body.link[run.first] = 0.0;
         }

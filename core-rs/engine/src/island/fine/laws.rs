@@ -115,14 +115,14 @@ impl Fine {
         &mut self,
         script: &Script,
         laws: &LawScript,
-        (gates, law_index): (&[f64], usize),
+        (gates, division_index): (&[f64], usize),
         (part, rounds): (usize, usize),
     ) -> f64 {
         let mut last_change = 0.0;
         for _ in 0..rounds {
             let mut round_change = 0.0_f64;
             for law in 0..laws.links.len() {
-                round_change = round_change.max(self.newton_step(script, laws, (gates, law_index, part), law));
+                round_change = round_change.max(self.newton_step(script, laws, (gates, division_index, part), law));
             }
             // Estimate of the change still to come, from the ratio of the last two rounds: Newton's method squares the
             // change of one law, several laws approach each other step by step.
@@ -224,19 +224,19 @@ impl Fine {
         let (n_instants, n_laws) = (script.basis.n(), self.laws.len());
         let part_seconds = script.rate.step() / division.parts as f64;
         self.work.products += (n_laws * n_laws * STAGES * n_instants) as u64;
-        for to in 0..n_laws {
-            let mut law_path = std::mem::take(&mut self.laws[to].path);
-            for (from, other) in self.laws.iter().enumerate() {
-                let later_index = (to * n_laws + from) * division.parts + part;
+        for to_law in 0..n_laws {
+            let mut law_path = std::mem::take(&mut self.laws[to_law].path);
+            for (from_law, other) in self.laws.iter().enumerate() {
+                let later_index = (to_law * n_laws + from_law) * division.parts + part;
                 let later_rows = &division.later[3 * later_index * n_instants..3 * (later_index + 1) * n_instants];
                 for (stage, row) in later_rows.chunks(n_instants).enumerate() {
                     let impulse = WEIGHTS[stage] * part_seconds * other.force[stage];
-                    for (x, by) in law_path.iter_mut().zip(row) {
-                        *x += impulse * by;
+                    for (x, response) in law_path.iter_mut().zip(row) {
+                        *x += impulse * response;
                     }
                 }
             }
-            self.laws[to].path = law_path;
+            self.laws[to_law].path = law_path;
         }
     }
 
@@ -357,9 +357,9 @@ impl Fine {
         for law_index in 0..laws.links.len() {
             let law_now = self.law(script, laws, gates, (law_index, instant.s));
             if let Some(bristle_law) = law_now.bristle() {
-                let [_, bristle_rate] = self.elongation(script, laws.links[law_index], instant);
+                let [_, elongation_rate] = self.elongation(script, laws.links[law_index], instant);
                 self.laws[law_index].bristle =
-                    bristle_law.slide(law_now.bristle, bristle_rate * law_now.rate(), h / law_now.rate());
+                    bristle_law.slide(law_now.bristle, elongation_rate * law_now.rate(), h / law_now.rate());
             }
         }
     }
@@ -379,19 +379,19 @@ impl Fine {
         script: &Script,
         (laws, gates): (&LawScript, &[f64]),
         law: usize,
-        (instant, b): (&Instant, f64),
+        (instant, duration): (&Instant, f64),
     ) {
         let law_link = laws.links[law];
         const KICK_ROUNDS: usize = 4;
         let [e, v] = self.elongation(script, law_link, instant);
         let (first_joint, second_joint) = script.ends[law_link];
         let pair_jump = script.jump(first_joint, second_joint);
-        let (link_now, time_step) = (self.law(script, laws, gates, (law, instant.s)), script.rate.step());
+        let (law_now, time_step) = (self.law(script, laws, gates, (law, instant.s)), script.rate.step());
         let mut impulse = 0.0;
         for _ in 0..KICK_ROUNDS {
             // The rate halfway through the kick.
             let v = v - 0.5 * pair_jump * impulse;
-            impulse = b * time_step * link_now.force(e, v * link_now.rate());
+            impulse = duration * time_step * law_now.force(e, v * law_now.rate());
         }
         self.work.instants += 1;
         self.push_joint(script, first_joint, impulse, instant);

@@ -56,7 +56,8 @@ impl Script {
     /// own.
     pub(super) fn has_coupled_links(&self) -> bool {
         let link_ends = self.ends.iter().enumerate();
-        let mut link_pairs = link_ends.flat_map(|(at, first)| self.ends[..at].iter().map(move |other| (first, other)));
+        let mut link_pairs =
+            link_ends.flat_map(|(first_index, first)| self.ends[..first_index].iter().map(move |other| (first, other)));
         link_pairs.any(|(first, other)| {
             let self_jumps = [*first, *other].map(|link| self.jump_between(link, link));
             self.jump_between(*first, *other).abs() > UNCOUPLED * self_jumps[0].min(self_jumps[1])

@@ -236,9 +236,9 @@ impl Fine {
     }
 
     /// The friction of a link at an instant of this frame.
-    fn friction(&self, frame: Frame<'_>, (slide, s): (usize, f64)) -> Friction {
-        let dry_link = frame.slides.links[slide];
-        let (dry_law, rate) = frame.slides.dry[slide];
+    fn friction(&self, frame: Frame<'_>, (slide_index, s): (usize, f64)) -> Friction {
+        let dry_link = frame.slides.links[slide_index];
+        let (dry_law, rate) = frame.slides.dry[slide_index];
         let [_, friction_level] = self.link_constants_at(dry_link, s);
         let link_gate = frame.script.links[dry_link].gate;
         Friction {
@@ -260,33 +260,34 @@ impl Fine {
     }
 
     /// The same at the start `s` of a step that was taken.
-    fn margin_at_start(&mut self, frame: Frame<'_>, (slide, s): (usize, f64)) -> f64 {
-        if self.frictions.slides[slide].direction == 0.0 {
-            return self.hold_margin(frame, (slide, s), 0.0);
+    fn margin_at_start(&mut self, frame: Frame<'_>, (slide_index, s): (usize, f64)) -> f64 {
+        if self.frictions.slides[slide_index].direction == 0.0 {
+            return self.hold_margin(frame, (slide_index, s), 0.0);
         }
         std::mem::swap(&mut self.paths, &mut self.saved[0]);
-        let start_margin = self.margin(frame, (slide, s));
+        let start_margin = self.margin(frame, (slide_index, s));
         std::mem::swap(&mut self.paths, &mut self.saved[0]);
         start_margin
     }
 
     /// The force that the level of a holding link leaves, at the start (0) or at the end (1) of a step [N].
-    fn hold_margin(&self, frame: Frame<'_>, (slide, s): (usize, f64), instant: f64) -> f64 {
-        let friction_level = self.friction(frame, (slide, s)).level(0.0);
-        friction_level * (1.0 + EXCESS_SHARE) - dot(&shares(instant), &self.frictions.slides[slide].force).abs()
+    fn hold_margin(&self, frame: Frame<'_>, (slide_index, s): (usize, f64), step_fraction: f64) -> f64 {
+        let friction_level = self.friction(frame, (slide_index, s)).level(0.0);
+        friction_level * (1.0 + EXCESS_SHARE)
+            - dot(&shares(step_fraction), &self.frictions.slides[slide_index].force).abs()
     }
 
     /// A link whose slide or hold has ended by the end `s` of a step, at an instant that is not located yet.
     fn ended(&self, frame: Frame<'_>, s: f64) -> Option<usize> {
         let slides = &self.frictions.slides;
-        let mut unlocated_links = (0..slides.len()).filter(|&own| !slides[own].is_located);
-        unlocated_links.find(|&own| self.margin(frame, (own, s)) < 0.0)
+        let mut unlocated_links = (0..slides.len()).filter(|&slide_index| !slides[slide_index].is_located);
+        unlocated_links.find(|&slide_index| self.margin(frame, (slide_index, s)) < 0.0)
     }
 
     /// Repeat a step of `h` from `s` up to the instant at which a link's slide or hold ends; returns its length.
-    fn locate_end(&mut self, frame: Frame<'_>, (s, h, slide): (f64, f64, usize), left: &mut usize) -> f64 {
-        let mut high_end = (h, self.margin(frame, (slide, s + h)));
-        let mut low_end = (0.0, self.margin_at_start(frame, (slide, s)));
+    fn locate_end(&mut self, frame: Frame<'_>, (s, h, slide_index): (f64, f64, usize), steps_left: &mut usize) -> f64 {
+        let mut high_end = (h, self.margin(frame, (slide_index, s + h)));
+        let mut low_end = (0.0, self.margin_at_start(frame, (slide_index, s)));
         let mut length_taken = h;
         for _ in 0..TRIES_MAX {
             // A step that starts at an event has no margin there: then bisection, else a secant.
@@ -299,9 +300,9 @@ impl Fine {
             length_taken = next_length;
             self.paths.copy_from_slice(&self.saved[0]);
             self.impulse_sums.copy_from_slice(&self.saved[1]);
-            self.step_frictions(frame, (s, length_taken), left);
-            let margin_then = self.margin(frame, (slide, s + length_taken));
-            if length_change <= EVENT_TOLERANCE * h || margin_then == 0.0 || *left == 0 {
+            self.step_frictions(frame, (s, length_taken), steps_left);
+            let margin_then = self.margin(frame, (slide_index, s + length_taken));
+            if length_change <= EVENT_TOLERANCE * h || margin_then == 0.0 || *steps_left == 0 {
                 break;
             }
             // Illinois rule: halve the value at the end that stays, so that the secant does not creep from one side.

@@ -48,8 +48,8 @@ impl RunningModal {
             Some(answers) => answers.ports.len(),
             None => 1,
         };
-        let kick_table = |group: usize, j: usize, of: &dyn Fn(usize, usize) -> [f64; 2]| {
-            [0, 1].map(|which| lanes(modes, group, |mode| of(mode, j)[which]))
+        let kick_table = |group: usize, j: usize, split_of: &dyn Fn(usize, usize) -> [f64; 2]| {
+            [0, 1].map(|which| lanes(modes, group, |mode| split_of(mode, j)[which]))
         };
         let group_range = 0..modes.len().div_ceil(LANES);
         let members = |group: usize| group * LANES..modes.len().min((group + 1) * LANES);
@@ -72,10 +72,10 @@ impl RunningModal {
 
     /// Displacement of each mode by an impulse at a port, at times [s] after it [m/N·s]; extended to times before it
     /// (n_modes, n_times)
-    pub(crate) fn responses(&self, from: usize, times: &[f64]) -> Vec<f64> {
+    pub(crate) fn responses(&self, pushed_port: usize, times: &[f64]) -> Vec<f64> {
         let plan = &self.script.plan;
         let mode_responses = |mode: usize| {
-            let mode_response = plan.port_response(from, mode);
+            let mode_response = plan.port_response(pushed_port, mode);
             times
                 .iter()
                 .map(move |&t| mode_response.map_or(0.0, |mode_response| mode_response.two_sided(t)))
@@ -84,11 +84,11 @@ impl RunningModal {
     }
 
     /// Weights of these displacements in that of another port   (n_modes)
-    pub(crate) fn weights(&self, from: usize, to: usize) -> impl Iterator<Item = f64> {
+    pub(crate) fn weights(&self, pushed_port: usize, moved_port: usize) -> impl Iterator<Item = f64> {
         let plan = &self.script.plan;
         // The responses of complex modes already contain the shares of the port `from`.
         let is_complex = plan.answers.is_some();
-        let shape_pairs = plan.ports[from].shape.iter().zip(&plan.ports[to].shape);
+        let shape_pairs = plan.ports[pushed_port].shape.iter().zip(&plan.ports[moved_port].shape);
         shape_pairs.map(move |(a, b)| if is_complex { *b } else { a * b })
     }
 
@@ -107,14 +107,14 @@ impl RunningModal {
     }
 
     /// Velocity that an impulse at one port gives another at once [m/s per N·s].
-    pub(crate) fn jump(&self, from: usize, to: usize) -> f64 {
+    pub(crate) fn jump(&self, pushed_port: usize, moved_port: usize) -> f64 {
         let plan = &self.script.plan;
         let ports = &plan.ports;
         if let Some(answers) = &plan.answers {
-            let jump_terms = answers.ports[from].iter().zip(&ports[to].shape);
+            let jump_terms = answers.ports[pushed_port].iter().zip(&ports[moved_port].shape);
             return jump_terms.map(|(answer, share)| share * answer.velocity_step()).sum();
         }
-        let shape_pairs = ports[from].shape.iter().zip(&ports[to].shape);
+        let shape_pairs = ports[pushed_port].shape.iter().zip(&ports[moved_port].shape);
         shape_pairs.map(|(a, b)| a * b).sum()
     }
 

@@ -190,7 +190,8 @@ impl Modal {
             && ports(&self.ports) == ports(&other.ports)
             && self.still == other.still
             && output_shapes(self) == output_shapes(other)
-            && self.answers.as_ref().map(|own| &own.ports) == other.answers.as_ref().map(|own| &own.ports)
+            && self.answers.as_ref().map(|answers| &answers.ports)
+                == other.answers.as_ref().map(|answers| &answers.ports)
     }
 
     /// The body with some of its modes only.
@@ -225,8 +226,8 @@ impl Modal {
                 .collect(),
             rate: self.rate,
             answers: self.answers.as_ref().map(|answers| {
-                let select_modes = |all: &Vec<Vec<Response>>| -> Vec<Vec<Response>> {
-                    let point_responses = all.iter();
+                let select_modes = |responses: &Vec<Vec<Response>>| -> Vec<Vec<Response>> {
+                    let point_responses = responses.iter();
                     point_responses
                         .map(|point| modes_kept.iter().map(|&mode| point[mode]).collect())
                         .collect()

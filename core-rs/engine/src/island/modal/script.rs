@@ -79,13 +79,14 @@ impl Script {
     }
 
     /// Write the effect of one blow on every mode into `kicks`.
-    pub(super) fn strike(&self, (_, strikes, blow, second): Blow, kicks: &mut [Lanes]) {
-        let struck_point = &self.plan.struck[strikes];
-        let (_, alpha, impulse) = struck_point.blows[blow];
+    pub(super) fn strike(&self, (_, point_index, blow_index, is_second_step): Blow, kicks: &mut [Lanes]) {
+        let struck_point = &self.plan.struck[point_index];
+        let (_, frame_fraction, impulse) = struck_point.blows[blow_index];
         let (rate, time_step) = (self.plan.rate, self.plan.rate.step());
         if let Some(answers) = &self.plan.answers {
-            for (mode, answer) in answers.struck[strikes].iter().enumerate() {
-                let mode_kick = answer.split(impulse, alpha, rate)[usize::from(second)] * time_step * time_step;
+            for (mode, answer) in answers.struck[point_index].iter().enumerate() {
+                let mode_kick =
+                    answer.split(impulse, frame_fraction, rate)[usize::from(is_second_step)] * time_step * time_step;
                 kicks[mode / LANES].0[mode % LANES] = mode_kick;
             }
             return;
@@ -93,7 +94,9 @@ impl Script {
         for (mode, mode_plan) in self.plan.modes.iter().enumerate() {
             let impulse = impulse * struck_point.shape[mode];
             let mode_kick = match mode_plan.cell {
-                Some(cell) => cell.split(impulse, alpha, rate)[usize::from(second)] * time_step * time_step,
+                Some(cell) => {
+                    cell.split(impulse, frame_fraction, rate)[usize::from(is_second_step)] * time_step * time_step
+                }
                 None => impulse * rate.hertz(),
             };
             kicks[mode / LANES].0[mode % LANES] = mode_kick;
@@ -104,11 +107,11 @@ impl Script {
 fn blows(plan: &Modal) -> Vec<Blow> {
     let takes_two_steps = !plan.is_discrete();
     let mut blow_list = Vec::new();
-    for (strikes, struck) in plan.struck.iter().enumerate() {
+    for (point_index, struck) in plan.struck.iter().enumerate() {
         for (blow, &(frame, _, _)) in struck.blows.iter().enumerate() {
-            blow_list.push((frame, strikes, blow, false));
+            blow_list.push((frame, point_index, blow, false));
             if takes_two_steps {
-                blow_list.push((frame + 1, strikes, blow, true));
+                blow_list.push((frame + 1, point_index, blow, true));
             }
         }
     }

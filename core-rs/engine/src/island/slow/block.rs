@@ -167,13 +167,13 @@ impl Block {
     }
 
     /// What is seen at this frame [m]: a port, or an output after them.
-    pub(super) fn position(&self, seen: usize) -> f64 {
-        self.seen[seen * (self.flow.n_frames + 1) + self.since as usize]
+    pub(super) fn position(&self, seen_row: usize) -> f64 {
+        self.seen[seen_row * (self.flow.n_frames + 1) + self.since as usize]
     }
 
     /// By how much it would move to the next frame without further forces [m].
-    pub(super) fn velocity(&self, seen: usize) -> f64 {
-        let seen_index = seen * (self.flow.n_frames + 1) + self.since as usize;
+    pub(super) fn velocity(&self, seen_row: usize) -> f64 {
+        let seen_index = seen_row * (self.flow.n_frames + 1) + self.since as usize;
         self.seen[seen_index + 1] - self.seen[seen_index]
     }
 

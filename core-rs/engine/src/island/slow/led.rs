@@ -11,7 +11,9 @@ impl RunningSlow {
     /// The last pull of a port, per frame between pulls [m a frame].
     fn pull(&self, mat: usize) -> f64 {
         let led_port = self.plan.ports.iter().find(|led_port| led_port.1 == mat);
-        led_port.map_or(0.0, |&(own, _)| self.kick[own] / f64::from(self.plan.kick_every))
+        led_port.map_or(0.0, |&(port_index, _)| {
+            self.kick[port_index] / f64::from(self.plan.kick_every)
+        })
     }
 
     /// By how much a free port is ahead of its true velocity `since` frames after a pull, as a multiple of `pull`.
@@ -39,8 +41,8 @@ impl RunningSlow {
     /// Add a velocity to a port of the island at the end of this frame.
     pub(crate) fn give(&mut self, mat: usize, velocity: f64) {
         let port_velocities = self.plan.ports.iter().zip(&mut self.hand_velocities);
-        for (_, hand_velocities) in port_velocities.filter(|(port, _)| port.1 == mat) {
-            *hand_velocities += velocity;
+        for (_, hand_velocity) in port_velocities.filter(|(port, _)| port.1 == mat) {
+            *hand_velocity += velocity;
         }
     }
 

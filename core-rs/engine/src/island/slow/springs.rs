@@ -70,10 +70,10 @@ impl RunningSprings {
                 block.flow().flow.start(&displacements, &slow.v0)
             }
             Self::Stepped(stepped) => {
-                let mut after = slow.v0.clone();
-                stepped.pull(slow, &slow.x0, Some(&slow.v0), &mut after);
-                let pairs = after.iter().zip(&slow.v0);
-                pairs.map(|(after, v0)| 0.5 * (after + v0)).collect()
+                let mut velocity_after = slow.v0.clone();
+                stepped.pull(slow, &slow.x0, Some(&slow.v0), &mut velocity_after);
+                let pairs = velocity_after.iter().zip(&slow.v0);
+                pairs.map(|(velocity_after, v0)| 0.5 * (velocity_after + v0)).collect()
             }
         }
     }
@@ -99,18 +99,24 @@ impl SteppedSprings {
     }
 
     /// Velocities after a pull at positions `x`, from those `before`, or from rest [m a frame] (n each).
-    pub(super) fn pull(&mut self, slow: &Slow, x: &[f64], before: Option<&[f64]>, after: &mut [f64]) {
+    pub(super) fn pull(
+        &mut self,
+        slow: &Slow,
+        x: &[f64],
+        velocities_before: Option<&[f64]>,
+        velocities_after: &mut [f64],
+    ) {
         let Self { scheme, body, laws } = self;
         let step_frames = f64::from(slow.macrostep);
         for (index, &mat) in slow.free.iter().enumerate() {
             body.x[mat] = x[index];
-            body.d[mat] = before.map_or(0.0, |before| step_frames * before[index]);
+            body.d[mat] = velocities_before.map_or(0.0, |velocities_before| step_frames * velocities_before[index]);
         }
         let team = &mut ThreadTeam::alone();
         kernel::links(scheme, &[], body, laws, team);
         kernel::advance(scheme, &mut [], body, None, team);
         for (index, &mat) in slow.free.iter().enumerate() {
-            after[index] = body.d[mat] / step_frames;
+            velocities_after[index] = body.d[mat] / step_frames;
         }
     }
 }

@@ -93,8 +93,8 @@ impl Sparks {
             return;
         }
         let mut newest_first = spark_room[..self.n].iter_mut().enumerate().rev();
-        let joined_spark = newest_first.find(|(at, spark)| {
-            (is_stream && spark.goes_on(ergon)) || (*at >= SINGLE_SPARKS_MAX && spark.is_like(ergon))
+        let joined_spark = newest_first.find(|(spark_index, spark)| {
+            (is_stream && spark.goes_on(ergon)) || (*spark_index >= SINGLE_SPARKS_MAX && spark.is_like(ergon))
         });
         match joined_spark {
             Some((_, spark)) => spark.add(ergon),

@@ -66,22 +66,22 @@ impl Flight {
         let sign = force.signum();
         let approach_speed = sign * APPROACH_SPEED;
         // Penetration after one step of approach, the key moving as it did.
-        let approach = (approach_speed * time_step - body.d[mat]) * sign;
+        let approach_depth = (approach_speed * time_step - body.d[mat]) * sign;
         // force = K·penetration with K = 2μ, and 1/μ = w + w_key.
-        let mu = 0.5 * force.abs() / approach;
+        let mu = 0.5 * force.abs() / approach_depth;
         let w = 1.0 / mu - scheme.w[mat];
         let free_slot = self.0.iter_mut().find(|particle| particle.k == 0.0)?;
-        if w <= 0.0 || approach <= 0.0 {
+        if w <= 0.0 || approach_depth <= 0.0 {
             return None;
         }
         *free_slot = Particle {
-            x: body.x[mat] + sign * approach,
+            x: body.x[mat] + sign * approach_depth,
             d: approach_speed * time_step,
             w,
             k: 2.0 * mu,
             sign,
         };
-        let push_force = free_slot.k * approach;
+        let push_force = free_slot.k * approach_depth;
         body.push(mat, sign * push_force);
         free_slot.d -= sign * push_force * free_slot.w;
         free_slot.x += free_slot.d;

@@ -167,7 +167,10 @@ impl Voice {
             && !self.is_led
             && self.asked.is_nan()
             && self.flight.is_over();
-        let next = script.gestures.get(self.begun).map(|&own| &gestures[own]);
+        let next = script
+            .gestures
+            .get(self.begun)
+            .map(|&gesture_index| &gestures[gesture_index]);
         let next = next.map_or(u64::MAX, |gesture| gesture.join_from.min(gesture.first));
         is_idle.then_some(next)
     }
@@ -233,9 +236,9 @@ impl Voice {
         self.flight.step(scene.body, script.struck);
         self.begin(script, scene, n);
         let frame_ask = self.ask(scene.gestures, scene.scheme.rate, n);
-        let asked_here = std::mem::replace(&mut self.asked, f64::NAN);
+        let asked_position = std::mem::replace(&mut self.asked, f64::NAN);
         let force = match frame_ask {
-            Some(frame_ask) => self.answer(script, scene, n, &frame_ask, asked_here),
+            Some(frame_ask) => self.answer(script, scene, n, &frame_ask, asked_position),
             None if self.is_led => {
                 let force = script.free.release(&self.free);
                 scene.body.push(script.struck, force);
@@ -245,10 +248,10 @@ impl Voice {
         };
         self.is_led = matches!(frame_ask, Some(Ask::Pass(_)));
         if self.is_led {
-            let impulse = self.free.release_at_pull(script.free.struck);
-            if impulse != 0.0 {
+            let release_velocity = self.free.release_at_pull(script.free.struck);
+            if release_velocity != 0.0 {
                 let bodies = scene.bodies.iter_mut();
-                bodies.for_each(|body| body.give(script.struck, impulse));
+                bodies.for_each(|body| body.give(script.struck, release_velocity));
             }
         }
         if let Some(running) = self.running.as_ref().filter(|running| running.struck_until == n + 1) {
@@ -348,20 +351,30 @@ impl Voice {
                 )),
                 _ if n < running.struck_until => None,
                 grain => {
-                    let to = match grain {
+                    let landing_frame = match grain {
                         Some(grain) => gesture.knot_after(n, grain, rate),
                         None => *entered,
                     };
-                    let to = to.min(*last);
-                    running.struck_until = to;
-                    let ask_time = (to as f64 / rate).min(path.stop());
+                    let landing_frame = landing_frame.min(*last);
+                    running.struck_until = landing_frame;
+                    let ask_time = (landing_frame as f64 / rate).min(path.stop());
                     running.aim = path.evaluate_from(&mut running.cursor, ask_time).0;
-                    Some(Ask::Aim { to, x: running.aim })
+                    Some(Ask::Aim {
+                        to: landing_frame,
+                        x: running.aim,
+                    })
                 }
             },
-            Leg::Throw { from, to, x } if n >= running.struck_until.max(*from) => {
-                (running.struck_until, running.aim) = (*to, *x);
-                Some(Ask::Aim { to: *to, x: *x })
+            Leg::Throw {
+                from,
+                to: landing_frame,
+                x,
+            } if n >= running.struck_until.max(*from) => {
+                (running.struck_until, running.aim) = (*landing_frame, *x);
+                Some(Ask::Aim {
+                    to: *landing_frame,
+                    x: *x,
+                })
             }
             Leg::Throw { .. } => None,
         }

@@ -28,18 +28,18 @@ pub(super) fn force(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &B
     };
     let ((da, wa), (db, wb)) = (free_move(first_mat), free_move(second_mat));
     let free_step = db - da;
-    let per_force = wa + wb;
-    if per_force > 0.0 {
-        let step_after = |friction_level: f64| Turned::after_step(v, free_step - v, per_force * friction_level).v;
+    let step_per_force = wa + wb;
+    if step_per_force > 0.0 {
+        let step_after = |friction_level: f64| Turned::after_step(v, free_step - v, step_per_force * friction_level).v;
         let mut v_next = step_after(friction_level(v));
         if dry_law.falls() {
             v_next = step_after(friction_level(0.5 * (v + v_next)));
             // Where it passes rest, the level is that near rest, in however short a time it passes.
-            if v * v_next < 0.0 && (free_step - v).abs() <= per_force * friction_level(0.0) {
+            if v * v_next < 0.0 && (free_step - v).abs() <= step_per_force * friction_level(0.0) {
                 v_next = 0.0;
             }
         }
-        return (free_step - v_next) / per_force;
+        return (free_step - v_next) / step_per_force;
     }
     // Both ends are imposed_target or fixed.
     let friction_level = friction_level(0.5 * (v + free_step));
@@ -54,12 +54,12 @@ pub(super) fn force(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &B
         return slide_sign * friction_level * turn_share;
     }
     // The ends do not slide: friction gives the force that holds them, limited by its level.
-    let holding = |i: usize| {
+    let holding_force = |i: usize| {
         imposed_target(i)
             .filter(|_| scheme.w[i] > 0.0)
             .map(|target| needed(scheme, body, i, target.x))
     };
-    match (holding(first_mat), holding(second_mat)) {
+    match (holding_force(first_mat), holding_force(second_mat)) {
         (Some(push), _) => push.clamp(-friction_level, friction_level),
         (None, Some(push)) => (-push).clamp(-friction_level, friction_level),
         (None, None) => 0.0,

@@ -56,7 +56,7 @@ impl Batch {
     pub(super) fn push(
         &mut self,
         run: &PairRun,
-        by: [f64; 2],
+        k_and_z: [f64; 2],
         pairs: &[Pair],
         (x, d): (&[Quad], &[Quad]),
         history: &mut ContactHistory,
@@ -64,8 +64,8 @@ impl Batch {
     ) {
         let touch_count = self.find(run.rest, pairs, x);
         let pair_ends = &self.ends[..touch_count];
-        let directions = self.along.each_ref().map(|one| &one[..touch_count]);
-        let [moved_x, moved_y, moved_z] = self.moved.each_mut().map(|one| &mut one[..touch_count]);
+        let directions = self.along.each_ref().map(|axis_values| &axis_values[..touch_count]);
+        let [moved_x, moved_y, moved_z] = self.moved.each_mut().map(|axis_values| &mut axis_values[..touch_count]);
         let (elongations, stretch_steps) = (&mut self.e[..touch_count], &mut self.step[..touch_count]);
         let (pair_forces, elastic) = (&mut self.f[..touch_count], &mut self.elastic[..touch_count]);
         apart(d, pair_ends, [&mut *moved_x, &mut *moved_y, &mut *moved_z]);
@@ -75,15 +75,16 @@ impl Batch {
                 exponent: 1.0,
                 is_clamped,
             } => linear(
-                by,
+                k_and_z,
                 *is_clamped,
                 [&*elongations, &*stretch_steps],
                 [&mut *elastic, &mut *pair_forces],
             ),
             law => {
                 for i in 0..touch_count {
-                    elastic[i] = law.elastic(by[0], elongations[i]);
-                    pair_forces[i] = law.damped([by[0], elongations[i]], elastic[i], by[1] * stretch_steps[i]);
+                    elastic[i] = law.elastic(k_and_z[0], elongations[i]);
+                    pair_forces[i] =
+                        law.damped([k_and_z[0], elongations[i]], elastic[i], k_and_z[1] * stretch_steps[i]);
                 }
             }
         }
@@ -95,16 +96,16 @@ impl Batch {
         if run.pairs.friction > 0.0 {
             for (k, (&[i, j], point_force)) in pair_ends.iter().zip(&mut *point_force).enumerate() {
                 let (first_point, second_point) = (x[i as usize], x[j as usize]);
-                let quad_vector = |of: Quad| [of[0], of[1], of[2]];
+                let quad_vector = |quad: Quad| [quad[0], quad[1], quad[2]];
                 let contact = Contact {
                     e: elongations[k],
                     f: pair_forces[k],
                     elastic: elastic[k],
-                    along: directions.map(|one| one[k]),
+                    along: directions.map(|axis_values| axis_values[k]),
                     apart: difference(quad_vector(second_point), quad_vector(first_point)),
                     moved: [moved_x[k], moved_y[k], moved_z[k]],
                 };
-                let friction_force = contact.pull_across(&run.pairs, by, [i, j], history);
+                let friction_force = contact.pull_across(&run.pairs, k_and_z, [i, j], history);
                 for (point_force, friction_force) in point_force.iter_mut().zip(friction_force) {
                     *point_force += friction_force;
                 }
@@ -118,7 +119,8 @@ impl Batch {
     fn find(&mut self, rest: f64, pairs: &[Pair], x: &[Quad]) -> usize {
         let touch_count = select_near(x, pairs, rest * rest, &mut self.ends);
         let pair_ends = &self.ends[..touch_count];
-        let [direction_x, direction_y, direction_z] = self.along.each_mut().map(|one| &mut one[..touch_count]);
+        let [direction_x, direction_y, direction_z] =
+            self.along.each_mut().map(|axis_values| &mut axis_values[..touch_count]);
         apart(x, pair_ends, [&mut *direction_x, &mut *direction_y, &mut *direction_z]);
         lines(
             rest,
@@ -143,8 +145,8 @@ impl Batch {
             }
             self.ends[n_retained] = self.ends[i];
             self.e[n_retained] = self.e[i];
-            for one in &mut self.along {
-                one[n_retained] = one[i];
+            for axis_values in &mut self.along {
+                axis_values[n_retained] = axis_values[i];
             }
             n_retained += 1;
         }

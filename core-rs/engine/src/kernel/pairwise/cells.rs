@@ -74,7 +74,7 @@ impl Cells {
     #[inline(always)]
     fn append_near(
         &self,
-        (i, here): (usize, Quad),
+        (i, point_position): (usize, Quad),
         cells: Range<usize>,
         least: usize,
         reach: f64,
@@ -84,8 +84,12 @@ impl Cells {
         let cell_points = self.members[member_range.clone()]
             .iter()
             .zip(&self.places[member_range]);
-        for (&member, there) in cell_points {
-            let [x, y, z] = [there[0] - here[0], there[1] - here[1], there[2] - here[2]];
+        for (&member, member_position) in cell_points {
+            let [x, y, z] = [
+                member_position[0] - point_position[0],
+                member_position[1] - point_position[1],
+                member_position[2] - point_position[2],
+            ];
             if member as usize >= least && distance(x, y, z) <= reach {
                 pairs.push([i as u32, member]);
             }

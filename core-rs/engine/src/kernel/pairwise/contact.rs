@@ -38,11 +38,11 @@ impl Contact {
     pub(super) fn pull_across(
         &self,
         pairs: &Pairwise,
-        by: [f64; 2],
+        k_and_z: [f64; 2],
         points: [u32; 2],
         history: &mut ContactHistory,
     ) -> Vector {
-        let (friction_force, anchor) = self.sliding(pairs, by).force(history.anchor(points));
+        let (friction_force, anchor) = self.sliding(pairs, k_and_z).force(history.anchor(points));
         history.keep(points, anchor);
         friction_force
     }

@@ -129,14 +129,20 @@ impl Neighbours {
     }
 
     /// Compute the forces of all pairs by the law of a run with K and Z in `by`, and by its friction.
-    pub(super) fn push(&mut self, run: &PairRun, by: [f64; 2], (x, d): (&[f64], &[f64]), history: &mut ContactHistory) {
+    pub(super) fn push(
+        &mut self,
+        run: &PairRun,
+        k_and_z: [f64; 2],
+        (x, d): (&[f64], &[f64]),
+        history: &mut ContactHistory,
+    ) {
         self.update(run, |mat| x[mat]);
         gather(run, &mut self.d, |mat| d[mat]);
         self.forces.first.fill(Quad::default());
         self.forces.second.fill(Quad::default());
         for pairs in self.close[..self.n_close].chunks(BATCH) {
             let motion = (&*self.x, &*self.d);
-            self.batch.push(run, by, pairs, motion, history, &mut self.forces);
+            self.batch.push(run, k_and_z, pairs, motion, history, &mut self.forces);
         }
     }
 
@@ -144,16 +150,16 @@ impl Neighbours {
     /// group [N]   (run.n).
     pub(super) fn add_forces(&self, run: &PairRun, force: &mut [f64], pushes: &mut [f64]) {
         let Forces { first, second } = &self.forces;
-        for (range, starts) in groups(run) {
+        for (range, first_mats) in groups(run) {
             let zipped_forces = || first[range.clone()].iter().zip(&second[range.clone()]);
-            for (axis, start) in starts.into_iter().enumerate().take(run.pairs.link.n_axes) {
-                for (force, (first, second)) in force[start..].iter_mut().zip(zipped_forces()) {
+            for (axis, first_mat) in first_mats.into_iter().enumerate().take(run.pairs.link.n_axes) {
+                for (force, (first, second)) in force[first_mat..].iter_mut().zip(zipped_forces()) {
                     *force += second[axis] + first[axis];
                 }
             }
         }
-        let first_told = first.len() - pushes.len();
-        let zipped_forces = first[first_told..].iter().zip(&second[first_told..]);
+        let first_reported = first.len() - pushes.len();
+        let zipped_forces = first[first_reported..].iter().zip(&second[first_reported..]);
         for (push, (first, second)) in pushes.iter_mut().zip(zipped_forces) {
             *push = second[AXES_MAX] - first[AXES_MAX];
         }
@@ -181,11 +187,11 @@ fn groups(run: &PairRun) -> [(std::ops::Range<usize>, [usize; AXES_MAX]); 2] {
 }
 
 /// Copy values of MATs to arrays in which the coordinates of a point lie together.
-fn gather(run: &PairRun, into: &mut [Quad], value_of: impl Fn(usize) -> f64) {
-    for (range, starts) in groups(run) {
-        for (axis, start) in starts.into_iter().enumerate().take(run.pairs.link.n_axes) {
-            for (i, own) in into[range.clone()].iter_mut().enumerate() {
-                own[axis] = value_of(start + i);
+fn gather(run: &PairRun, quads: &mut [Quad], value_of: impl Fn(usize) -> f64) {
+    for (range, first_mats) in groups(run) {
+        for (axis, first_mat) in first_mats.into_iter().enumerate().take(run.pairs.link.n_axes) {
+            for (i, quad) in quads[range.clone()].iter_mut().enumerate() {
+                quad[axis] = value_of(first_mat + i);
             }
         }
     }
@@ -205,8 +211,12 @@ wide! {
 
 /// Distance − rest and direction of a pair that touches. NaN counts as a touch, so that it is detected later.
 #[inline(always)]
-fn meeting(rest: f64, here: Quad, there: Quad) -> Option<(f64, [f64; AXES_MAX])> {
-    let point_offset = [there[0] - here[0], there[1] - here[1], there[2] - here[2]];
+fn meeting(rest: f64, first_position: Quad, second_position: Quad) -> Option<(f64, [f64; AXES_MAX])> {
+    let point_offset = [
+        second_position[0] - first_position[0],
+        second_position[1] - first_position[1],
+        second_position[2] - first_position[2],
+    ];
     let squared_distance =
         point_offset[0] * point_offset[0] + point_offset[1] * point_offset[1] + point_offset[2] * point_offset[2];
     if squared_distance >= rest * rest {

@@ -17,7 +17,7 @@ const ROUNDING: f64 = 1e-12;
 /// point of the second group [N].
 pub(super) fn push(
     run: &PairRun,
-    by: [f64; 2],
+    k_and_z: [f64; 2],
     (x, d): (&[f64], &[f64]),
     (may_touch, history): (&mut [bool], &mut ContactHistory),
     (pair_force, pushes): (&mut [f64], &mut [f64]),
@@ -32,8 +32,8 @@ pub(super) fn push(
             return;
         }
         let stretch_step = link.stretch(pair_ends, along, |mat| d[mat]);
-        let elastic = link.law.elastic(by[0], e);
-        let f = link.law.damped([by[0], e], elastic, by[1] * stretch_step);
+        let elastic = link.law.elastic(k_and_z[0], e);
+        let f = link.law.damped([k_and_z[0], e], elastic, k_and_z[1] * stretch_step);
         let mut pair_pull = along.map(|along| f * along);
         if pairs.friction > 0.0 {
             let contact = Contact {
@@ -44,7 +44,7 @@ pub(super) fn push(
                 apart: link.between(pair_ends, |mat| x[mat]),
                 moved: link.between(pair_ends, |mat| d[mat]),
             };
-            let friction_force = contact.pull_across(pairs, by, run.points(pair_ends), history);
+            let friction_force = contact.pull_across(pairs, k_and_z, run.points(pair_ends), history);
             pair_pull = std::array::from_fn(|axis| pair_pull[axis] + friction_force[axis]);
         }
         for (axis, pair_pull) in pair_pull.into_iter().enumerate().take(link.n_axes) {

@@ -46,21 +46,21 @@ impl Maker<'_> {
     pub(super) fn offered(&self, subset: &Subset, island_timeline: &OwnTimeline, plain: Solved) -> Solved {
         let (seldom_subset, mut best_solved) = self.offer_only_seen(subset, island_timeline, plain);
         let subset = seldom_subset.as_ref().unwrap_or(subset);
-        for &(macrostep, preserved) in &PRESERVED_LIMITS {
+        for &(macrostep, error_limit) in &PRESERVED_LIMITS {
             // Without allowance an offer cannot be measured.
             if self.allowance.n_refused() > 0 {
                 break;
             }
-            let error_max = preserved.min(self.budget.contact());
+            let error_max = error_limit.min(self.budget.contact());
             let slow_keys =
                 multirate::with_offered_slow(subset, island_timeline, self.budget, Offered::Keys, macrostep);
-            let is_right = |solved: &Solved, best_solved: &Solved| {
+            let is_better = |solved: &Solved, best_solved: &Solved| {
                 solved.slow_error.is_some_and(|error| error.db <= error_max)
                     && solved.cost() < SLOW_COST_RATIO_MAX * best_solved.cost()
                     && solved.is_as_exact(best_solved, self.budget)
             };
             if let Some(slow_subset) = slow_keys
-                && let Some(solved) = self.try_offer(&slow_subset, island_timeline, &best_solved, is_right)
+                && let Some(solved) = self.try_offer(&slow_subset, island_timeline, &best_solved, is_better)
             {
                 best_solved = solved;
             }
@@ -79,13 +79,13 @@ impl Maker<'_> {
         while seen_every > 1 && self.allowance.n_refused() == 0 {
             let seldom_subset =
                 multirate::with_offered_slow(subset, island_timeline, self.budget, Offered::OnlySeen, seen_every);
-            let is_right = |solved: &Solved, plain: &Solved| {
+            let is_better = |solved: &Solved, plain: &Solved| {
                 solved.is_unheard(self.budget)
                     && solved.cost() < plain.cost()
                     && solved.sounds_as_exact(plain, self.budget)
             };
             if let Some(seldom_subset) = seldom_subset
-                && let Some(solved) = self.try_offer(&seldom_subset, island_timeline, &plain, is_right)
+                && let Some(solved) = self.try_offer(&seldom_subset, island_timeline, &plain, is_better)
             {
                 return (Some(seldom_subset), solved);
             }
@@ -97,13 +97,13 @@ impl Maker<'_> {
     /// Solves an island with offered slow parts, and returns it if it `is_right` compared with the island without them.
     fn try_offer(
         &self,
-        slow: &Subset,
+        slow_subset: &Subset,
         island_timeline: &OwnTimeline,
         plain: &Solved,
-        is_right: impl Fn(&Solved, &Solved) -> bool,
+        is_better: impl Fn(&Solved, &Solved) -> bool,
     ) -> Option<Solved> {
-        let solved = self.solve(slow, island_timeline, None).ok()?;
-        is_right(&solved, plain).then(|| Solved {
+        let solved = self.solve(slow_subset, island_timeline, None).ok()?;
+        is_better(&solved, plain).then(|| Solved {
             is_offered: true,
             refused_slow: plain.refused_slow.clone(),
             ..solved
@@ -137,14 +137,16 @@ impl Maker<'_> {
             1 => Some(subset.clone()),
             _ => multirate::with_offered_slow(subset, island_timeline, self.budget, offered, macrostep),
         };
-        let interval_pair = tried_intervals
-            .iter()
-            .flat_map(|seen| tried_intervals.iter().map(move |key| (*seen, *key)));
+        let interval_pair = tried_intervals.iter().flat_map(|seen_interval| {
+            tried_intervals
+                .iter()
+                .map(move |key_interval| (*seen_interval, *key_interval))
+        });
         let mut first_offer = interval_pair
             .filter(|&interval_pair| interval_pair != (1, 1))
-            .filter_map(|(seen, key)| {
-                let slow_subset = offer_slow(subset, Offered::OnlySeen, seen)?;
-                let slow_subset = offer_slow(&slow_subset, Offered::Keys, key)?;
+            .filter_map(|(seen_interval, key_interval)| {
+                let slow_subset = offer_slow(subset, Offered::OnlySeen, seen_interval)?;
+                let slow_subset = offer_slow(&slow_subset, Offered::Keys, key_interval)?;
                 self.solve(&slow_subset, island_timeline, Some(pin)).ok()
             });
         Some(Solved {
@@ -174,12 +176,12 @@ impl Solved {
         self.slow_error.is_some_and(|error| {
             let error_excess = error.excess(budget);
             // If the waveforms part later, third octaves have to agree: their difference limen is 1 dB.
-            let by_spectrum = match (error.spectral, budget) {
+            let spectral_excess = match (error.spectral, budget) {
                 (None, _) => 0.0,
                 (Some(db), Budget::Cents { .. }) => db,
                 (Some(_), _) => f64::INFINITY,
             };
-            error.db <= budget.contact() && error_excess.max(by_spectrum) <= SEEN_SHARE
+            error.db <= budget.contact() && error_excess.max(spectral_excess) <= SEEN_SHARE
         })
     }
 

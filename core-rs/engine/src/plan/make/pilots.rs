@@ -25,11 +25,11 @@ impl Maker<'_> {
         let pilot_result = self.pilot((subset, island_timeline), self.budget, assemble)?;
         let first_error = pilot_result.chosen.error;
         let chosen = pilot_result.extend_error(self.budget, trial_context)?;
-        let Some(stricter) = chosen.stricter(first_error, self.budget) else {
+        let Some(stricter_budget) = chosen.stricter(first_error, self.budget) else {
             return Ok(chosen);
         };
-        let pilot_result = self.pilot((subset, island_timeline), &stricter, assemble)?;
-        let stricter_island = pilot_result.extend_error(&stricter, trial_context)?;
+        let pilot_result = self.pilot((subset, island_timeline), &stricter_budget, assemble)?;
+        let stricter_island = pilot_result.extend_error(&stricter_budget, trial_context)?;
         let is_within = |error: Measured| match self.budget {
             Budget::Cents { .. } => error.excess(self.budget) <= 1.0,
             Budget::Error(_) | Budget::Method(_) => error.spectral.is_none() && error.db <= self.budget.asked(),

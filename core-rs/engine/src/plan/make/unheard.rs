@@ -26,8 +26,8 @@ pub(super) fn plan(
     known: Known<'_>,
     unheard: Vec<IslandMembers>,
 ) -> Result<Plan, Error> {
-    let modules = network.n_mat() + network.n_lia();
-    let allowance = Allowance::new(modules, known.share);
+    let module_count = network.n_mat() + network.n_lia();
+    let allowance = Allowance::new(module_count, known.share);
     let mut maker = Maker {
         every: known.seen_every,
         ..Maker::new(network, timeline, budget)
@@ -41,11 +41,11 @@ pub(super) fn plan(
         }
         let first_row = maker.plan.rows.len();
         maker.island(subset.clone(), island_timeline.clone())?;
-        if let Some(Unit::IslandPlan(slow_plan)) = maker.plan.units.last()
-            && slow_plan.every > 1
+        if let Some(Unit::IslandPlan(island_plan)) = maker.plan.units.last()
+            && island_plan.every > 1
         {
             let island_context = (&subset, &island_timeline, budget);
-            let rate_error = seen_rate::error(slow_plan, island_context, (&maker.memo, &allowance, known.store))?;
+            let rate_error = seen_rate::error(island_plan, island_context, (&maker.memo, &allowance, known.store))?;
             let island_rows = maker.plan.rows[first_row..].iter_mut();
             island_rows.for_each(|row| row.error = rate_error);
         }
@@ -59,7 +59,7 @@ impl Maker<'_> {
         &mut self,
         subset: &Subset,
         island_timeline: &OwnTimeline,
-        modules: usize,
+        module_count: usize,
         why: Option<NoModes>,
     ) -> Result<(), Error> {
         let network_parts = subset.network.parts();
@@ -76,21 +76,21 @@ impl Maker<'_> {
             let counts_before = self.counts();
             let slower_timeline = island_timeline.slower(every_frames);
             let is_planned = slower_timeline.is_some_and(|slower_timeline| {
-                self.stepped(&uniform_subset, &slower_timeline, modules, None, why.clone())
+                self.stepped(&uniform_subset, &slower_timeline, module_count, None, why.clone())
                     .is_ok()
             });
             if is_planned && self.set_every(counts_before, every_frames) {
                 return Ok(());
             }
-            let [unit_count, rows, choices, refused_slow] = counts_before;
+            let [unit_count, rows, choice_count, stay_count] = counts_before;
             self.plan.units.truncate(unit_count);
             self.plan.rows.truncate(rows);
-            self.plan.choices.truncate(choices);
-            self.plan.stay.truncate(refused_slow);
+            self.plan.choices.truncate(choice_count);
+            self.plan.stay.truncate(stay_count);
             every_frames /= 2;
         }
         let [_, first_row, ..] = self.counts();
-        self.stepped(subset, island_timeline, modules, None, why)?;
+        self.stepped(subset, island_timeline, module_count, None, why)?;
         let why = if is_discrete {
             "its numbers are those of one rate (`units: ca`)"
         } else if island_timeline.slower(self.every).is_none() {
@@ -116,8 +116,8 @@ impl Maker<'_> {
 
     /// Sets what was just planned to be computed once in `every` frames. Returns false if it would then still take as
     /// many steps as frames.
-    fn set_every(&mut self, [units, rows, ..]: [usize; 4], every: u32) -> bool {
-        for unit in &mut self.plan.units[units..] {
+    fn set_every(&mut self, [first_unit, first_row, ..]: [usize; 4], every: u32) -> bool {
+        for unit in &mut self.plan.units[first_unit..] {
             if let Unit::IslandPlan(island_plan) = unit {
                 if island_plan.oversampling >= every {
                     return false;
@@ -125,7 +125,7 @@ impl Maker<'_> {
                 island_plan.every = every;
             }
         }
-        for row in &mut self.plan.rows[rows..] {
+        for row in &mut self.plan.rows[first_row..] {
             row.every = every;
             // Only trials of what is heard count as cut short.
             row.is_cut_short = false;

@@ -181,7 +181,7 @@ impl Assembled {
     pub(in crate::plan) fn again<'a>(&self, oversampling: u32, methods: &'a [Option<(MeshMethod, u32)>]) -> How<'a> {
         let bodies = match (self.shape, methods.iter().flatten().next()) {
             (Shape::Stepped, _) => MethodChoice::Stepped,
-            (Shape::Meshes, Some(&way)) => MethodChoice::Meshes(way),
+            (Shape::Meshes, Some(&method_substeps)) => MethodChoice::Meshes(method_substeps),
             (Shape::Bodies | Shape::Meshes, _) => MethodChoice::AsBefore(methods),
         };
         How {
@@ -228,7 +228,11 @@ impl Assembled {
             }
         }
         self.island_plan.network = Arc::new(hub_network);
-        self.island_plan.bodies = self.bodies.iter().map(|found| found.inside.clone()).collect();
+        self.island_plan.bodies = self
+            .bodies
+            .iter()
+            .map(|ported_body| ported_body.inside.clone())
+            .collect();
         self.island_plan.contact_substeps = contact_substeps;
         self
     }
@@ -259,7 +263,7 @@ pub(in crate::plan) fn hub(
     let mat_parts = network.mats().part.iter().map(|&part| part as usize);
     let mut reference_rates = mat_parts.map(|part| network.parts()[part].ca_rate);
     // If the discrete network is the reference, so are its contacts.
-    let is_discrete = reference_rates.any(|truth| truth.is_some());
+    let is_discrete = reference_rates.any(|reference_rate| reference_rate.is_some());
     let steered = timeline.steered();
     let (has_contacts, has_laws) = hub_scheme.has_fine(&steered);
     let mut contact_substeps = if has_contacts && !is_discrete {
@@ -289,5 +293,5 @@ pub(in crate::plan) fn hub(
 
 /// Composes two maps.
 fn through(first: &[u32], second: &[u32]) -> Vec<u32> {
-    second.iter().map(|&at| first[at as usize]).collect()
+    second.iter().map(|&inner_index| first[inner_index as usize]).collect()
 }

@@ -67,19 +67,22 @@ pub(in crate::plan) fn keep(
     let Some(loudness_max) = allowed else {
         return loudest;
     };
-    let blow_frames = strikes.values().flat_map(|own| &own.parts).map(|part| part.0);
+    let blow_frames = strikes
+        .values()
+        .flat_map(|point_blows| &point_blows.parts)
+        .map(|part| part.0);
     let first_blow = blow_frames.min().filter(|_| !body.is_moving());
     let outputs: Vec<u32> = (0..network.outputs().len() as u32).collect();
-    let loudness = |some: &[usize]| {
-        let mode_bank = body.bank(some, &outputs);
+    let loudness = |mode_indices: &[usize]| {
+        let mode_bank = body.bank(mode_indices, &outputs);
         Loudness::new(mode_bank, network, rate, first_blow.unwrap_or(0))
     };
     let mut total_loudness = None;
     loop {
         let is_kept_mode = |mode: &usize| loudest.modes.binary_search(mode).is_ok();
-        let is_heard = |mode: &usize| body.frequency(*mode) <= budget.highest();
+        let is_audible = |mode: &usize| body.frequency(*mode) <= budget.highest();
         let dropped_modes: Vec<usize> = (0..body.n_modes())
-            .filter(|mode| !is_kept_mode(mode) && is_heard(mode))
+            .filter(|mode| !is_kept_mode(mode) && is_audible(mode))
             .collect();
         if dropped_modes.is_empty() {
             loudest.left_out = None;
@@ -98,5 +101,8 @@ pub(in crate::plan) fn keep(
 
 /// Impulses at each struck point [N·s].
 pub(in crate::plan) fn impulses(strikes: &Blows) -> Vec<Vec<f64>> {
-    strikes.values().map(|own| own.impulses.clone()).collect()
+    strikes
+        .values()
+        .map(|point_blows| point_blows.impulses.clone())
+        .collect()
 }

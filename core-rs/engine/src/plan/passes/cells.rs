@@ -39,7 +39,7 @@ pub(in crate::plan) fn is_loose(network: &Network, island: &IslandMembers, rate:
     let part = network.parts().get(mats.part[mat] as usize);
     let time_step = part
         .and_then(|part| part.ca_rate)
-        .map_or(rate.step(), |own| rate.step() / own.step());
+        .map_or(rate.step(), |ca_rate| rate.step() / ca_rate.step());
     let kappa = mats.k[mat] / mats.m[mat] * time_step * time_step;
     let zeta = mats.z[mat] / mats.m[mat] * time_step;
     // A discrete cell may diverge (Jury); it is refused where it is stepped.

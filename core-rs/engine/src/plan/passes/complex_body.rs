@@ -62,7 +62,7 @@ pub(in crate::plan) fn bank(
 /// links.
 fn output_sums(network: &Network) -> (Vec<Sum>, Vec<f64>) {
     let mats = network.mats();
-    let (mut output_terms, mut static_sums) = (Vec::new(), Vec::new());
+    let (mut sum_rows, mut static_sums) = (Vec::new(), Vec::new());
     for output in network.outputs() {
         let (mut output_sum, mut static_sum) = (Sum::default(), 0.0);
         for term in &output.terms {
@@ -97,10 +97,10 @@ fn output_sums(network: &Network) -> (Vec<Sum>, Vec<f64>) {
                 static_sum += weight * mats.x0[mat];
             }
         }
-        output_terms.push(output_sum);
+        sum_rows.push(output_sum);
         static_sums.push(static_sum);
     }
-    (output_terms, static_sums)
+    (sum_rows, static_sums)
 }
 
 /// A body by its complex modes, where they are heard and struck.
@@ -165,9 +165,9 @@ fn parts_of(modes: &ComplexModes, mode: usize, rate: Rate) -> Vec<Part> {
 }
 
 /// The parts of some modes that outputs see.
-pub(in crate::plan) fn parts(modes: &ComplexModes, some: &[usize], rate: Rate) -> Vec<Part> {
-    let all_parts = some.iter().flat_map(|&mode| parts_of(modes, mode, rate));
-    let is_part_seen = |own: &Part| modes.output_shapes.iter().any(|row| row[own.mode][own.part] != 0.0);
+pub(in crate::plan) fn parts(modes: &ComplexModes, mode_indices: &[usize], rate: Rate) -> Vec<Part> {
+    let all_parts = mode_indices.iter().flat_map(|&mode| parts_of(modes, mode, rate));
+    let is_part_seen = |part: &Part| modes.output_shapes.iter().any(|row| row[part.mode][part.part] != 0.0);
     all_parts.filter(is_part_seen).collect()
 }
 
@@ -198,20 +198,20 @@ pub(in crate::plan) fn response(modes: &ComplexModes, part: &Part, point: usize)
 }
 
 /// Which parts of which modes the oscillators are.
-pub(in crate::plan) fn places(all: &[Part]) -> Vec<ComplexPart> {
+pub(in crate::plan) fn places(all_parts: &[Part]) -> Vec<ComplexPart> {
     let place_of_part = |part: &Part| ComplexPart {
         mode: part.mode,
         part: part.part,
         sign: part.sign,
     };
-    all.iter().map(place_of_part).collect()
+    all_parts.iter().map(place_of_part).collect()
 }
 
 impl Complex<'_> {
     /// All modes, unless those that were kept are cheaper by enough.
     fn or_all(&self, modes_kept: KeptModes) -> KeptModes {
         let all_modes: Vec<usize> = (0..self.modes.len()).collect();
-        let bank_cost = |some: &[usize]| parts(self.modes, some, self.rate).len() as f64;
+        let bank_cost = |mode_indices: &[usize]| parts(self.modes, mode_indices, self.rate).len() as f64;
         // A group of lanes costs the same whether it is full or not.
         if bank_cost(&all_modes) > LANES as f64
             && bank_cost(&modes_kept.modes) <= TRUNCATED_COST_RATIO_MAX * bank_cost(&all_modes)
@@ -240,14 +240,17 @@ impl ModalBody for Complex<'_> {
 
     fn loudest(&self, allowed: Option<f64>) -> KeptModes {
         let body_modes = self.modes;
-        let impulse_rows = impulses(self.strikes);
+        let point_impulses = impulses(self.strikes);
         let squared_norm = |[re, im]: [f64; 2]| re * re + im * im;
         let mode_energy = |mode: usize| {
-            let blow_energies = body_modes
-                .struck_shapes
-                .iter()
-                .zip(&impulse_rows)
-                .flat_map(|(felt, impulse_rows)| impulse_rows.iter().map(|p| p * p * squared_norm(felt[mode])));
+            let blow_energies =
+                body_modes
+                    .struck_shapes
+                    .iter()
+                    .zip(&point_impulses)
+                    .flat_map(|(struck_row, point_impulses)| {
+                        point_impulses.iter().map(|p| p * p * squared_norm(struck_row[mode]))
+                    });
             let (_, decay) = body_modes.pitch(mode);
             // ∫ e^(−2σt) over the first moments.
             let decay_integral = if decay * ENERGY_SPAN > 1e-9 {
@@ -271,10 +274,10 @@ impl ModalBody for Complex<'_> {
         loudest
     }
 
-    fn bank(&self, some: &[usize], outputs: &[u32]) -> BankPlan {
+    fn bank(&self, mode_indices: &[usize], outputs: &[u32]) -> BankPlan {
         let body_modes = self.modes;
         let mut bank_plan = BankPlan::default();
-        let all_parts = parts(body_modes, some, self.rate);
+        let all_parts = parts(body_modes, mode_indices, self.rate);
         for part in &all_parts {
             let mut weights = Vec::new();
             for (row, &output) in body_modes.output_shapes.iter().zip(outputs) {

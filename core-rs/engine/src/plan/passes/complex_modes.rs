@@ -189,15 +189,15 @@ impl Coordinates {
         let linear_body = Linear::new(network, rate)?;
         let free_count = linear_body.free.len();
         // A discrete network that is the reference is stepped as it is.
-        let is_damped = linear_body.proportion.is_none();
+        let has_coupled_damping = linear_body.proportion.is_none();
         if linear_body.is_discrete {
-            return Err(if is_damped {
+            return Err(if has_coupled_damping {
                 NoModes::Damping
             } else {
                 NoModes::ForceHeard
             });
         }
-        if is_damped && free_count > DAMPED_MASSES_MAX {
+        if has_coupled_damping && free_count > DAMPED_MASSES_MAX {
             return Err(NoModes::TooLarge);
         }
         let (mats, sqrt_masses) = (network.mats(), &linear_body.sqrt_masses);
@@ -222,7 +222,7 @@ impl Coordinates {
         rows.push(weighted(&|slot, mat| sqrt_masses[slot] * mats.v0[mat]));
         rows.push(weighted(&|slot, _| linear_body.force[slot] / sqrt_masses[slot]));
         let first_damper = rows.len();
-        if is_damped {
+        if has_coupled_damping {
             rows.extend(linear_body.dampers.iter().map(|damper| damper_row(damper, sqrt_masses)));
         }
         let (mut lambda, mut rows) = all_eigenvalues(linear_body.stiffness, &rows).ok_or(NoModes::NotFinite)?;
@@ -305,21 +305,22 @@ fn equal_frequencies(lambda: &[f64]) -> Vec<Range<usize>> {
 
 /// Rotates modes of the same frequency so that dampers do not couple them with each other: equal poles are then
 /// separate. A mode that no damper acts on gets zeros, exact to the last bit.
-fn rotate_group(rows: &mut [Vec<f64>], n_first: usize, modes: Range<usize>, signs: &[f64]) -> Option<()> {
+fn rotate_group(rows: &mut [Vec<f64>], first_damper: usize, modes: Range<usize>, signs: &[f64]) -> Option<()> {
     let group_part = |row: &Vec<f64>| row[modes.clone()].to_vec();
     let group_rows: Vec<Vec<f64>> = rows.iter().map(group_part).collect();
-    let dampers = rows[n_first..].iter().flatten();
-    let largest = dampers.fold(0.0_f64, |most, x| most.max(x.abs()));
-    let (eigenvalues, turned) = all_eigenvalues(coupling(&group_rows[n_first..], signs, modes.len()), &group_rows)?;
-    for (row, turned) in rows.iter_mut().zip(turned) {
-        row[modes.clone()].copy_from_slice(&turned);
+    let dampers = rows[first_damper..].iter().flatten();
+    let largest_entry = dampers.fold(0.0_f64, |largest_yet, x| largest_yet.max(x.abs()));
+    let (eigenvalues, rotated) =
+        all_eigenvalues(coupling(&group_rows[first_damper..], signs, modes.len()), &group_rows)?;
+    for (row, rotated) in rows.iter_mut().zip(rotated) {
+        row[modes.clone()].copy_from_slice(&rotated);
     }
     let row_length = rows.first().map_or(0, Vec::len) as f64;
     for (mode, value) in modes.zip(eigenvalues) {
         // If all dampers are positive, they cannot cancel each other.
-        let is_nothing = value.abs() <= 1e-15 * row_length * largest * largest;
-        if is_nothing && signs.iter().all(|sign| *sign > 0.0) {
-            rows[n_first..].iter_mut().for_each(|row| row[mode] = 0.0);
+        let is_rounding = value.abs() <= 1e-15 * row_length * largest_entry * largest_entry;
+        if is_rounding && signs.iter().all(|sign| *sign > 0.0) {
+            rows[first_damper..].iter_mut().for_each(|row| row[mode] = 0.0);
         }
     }
     Some(())
@@ -329,14 +330,14 @@ fn rotate_group(rows: &mut [Vec<f64>], n_first: usize, modes: Range<usize>, sign
 fn coupling(rows: &[Vec<f64>], signs: &[f64], n: usize) -> Vec<f64> {
     let mut coupling_sum = vec![0.0; n * n];
     for (row, sign) in rows.iter().zip(signs) {
-        crate::interrupt::spend(row.iter().filter(|row_weight| **row_weight != 0.0).count() * n);
-        for (i, row_weight) in row.iter().enumerate().filter(|(_, row_weight)| **row_weight != 0.0) {
+        crate::interrupt::spend(row.iter().filter(|row_entry| **row_entry != 0.0).count() * n);
+        for (i, row_entry) in row.iter().enumerate().filter(|(_, row_entry)| **row_entry != 0.0) {
             let target_row = &mut coupling_sum[i * n..(i + 1) * n];
-            let row_weight = sign * row_weight;
+            let row_entry = sign * row_entry;
             target_row
                 .iter_mut()
                 .zip(row)
-                .for_each(|(coupling_sum, x)| *coupling_sum += row_weight * x);
+                .for_each(|(coupling_sum, x)| *coupling_sum += row_entry * x);
         }
     }
     coupling_sum

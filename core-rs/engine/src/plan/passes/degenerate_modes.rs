@@ -13,7 +13,7 @@ use crate::units::Rate;
 impl Modes {
     /// Rotates modes of the same frequency towards the rows that move the body, and towards its start and rest
     /// positions. The remaining ones are then moved by exactly nothing.
-    pub(in crate::plan) fn rotate(&mut self, moved: &[usize], rate: Rate) {
+    pub(in crate::plan) fn rotate(&mut self, moved_rows: &[usize], rate: Rate) {
         let step = if self.is_discrete { rate.step() } else { 1.0 };
         // Δλ = 2ω Δω
         let is_same_frequency =
@@ -26,18 +26,18 @@ impl Modes {
                 .take_while(|&&high| is_same_frequency(lower_lambda, high))
                 .count();
             if group_size > 1 {
-                self.rotate_group(group_start..group_start + group_size, moved);
+                self.rotate_group(group_start..group_start + group_size, moved_rows);
             }
             group_start += group_size.max(1);
         }
     }
 
     /// Householder reflections, one row after the other (Golub & Van Loan, Matrix Computations, 5.1).
-    fn rotate_group(&mut self, modes: Range<usize>, moved: &[usize]) {
+    fn rotate_group(&mut self, modes: Range<usize>, moved_rows: &[usize]) {
         let shape_count = self.shapes.len();
         let mut mode_rows: Vec<&mut Vec<f64>> = self.shapes.iter_mut().collect();
         mode_rows.extend([&mut self.x0, &mut self.v0, &mut self.rest]);
-        let moving_rows: Vec<usize> = moved.iter().copied().chain(shape_count..shape_count + 3).collect();
+        let moving_rows: Vec<usize> = moved_rows.iter().copied().chain(shape_count..shape_count + 3).collect();
         let mut modes_left = modes;
         for &row in &moving_rows {
             if modes_left.is_empty() {

@@ -78,22 +78,22 @@ pub(in crate::plan) fn mesh(
         .iter()
         .filter_map(|lead| local_links(&mesh_subset, lead.links()).map(|(first, len)| lead.on(first, len)))
         .collect();
-    let stiffest = greatest(&mesh_subset.network, &leads).ok()?;
+    let stiffest_network = greatest(&mesh_subset.network, &leads).ok()?;
     let has_leads = !leads.is_empty();
     let (method, substeps) = match pin {
         Some(pin) => (pin.method, pin.substeps),
         None => match choice {
-            MethodChoice::AsBefore(bodies) => (*bodies.get(index)?)?,
+            MethodChoice::AsBefore(body_methods) => (*body_methods.get(index)?)?,
             MethodChoice::All((method, substeps)) | MethodChoice::Meshes((method, substeps)) => {
                 let method = if has_leads { MeshMethod::Bm4 } else { method };
-                certify(&stiffest, rate, method, substeps).ok()?;
+                certify(&stiffest_network, rate, method, substeps).ok()?;
                 (method, substeps)
             }
             MethodChoice::Stepped => return None,
-            MethodChoice::Unconditional if !has_leads => choose(&stiffest, rate, budget, true)?,
-            _ if has_leads => choose_for_led(&stiffest, rate, budget)?,
-            MethodChoice::Simplest => choose(&stiffest, rate, &Budget::Error(f64::INFINITY), false)?,
-            _ => choose(&stiffest, rate, budget, false)?,
+            MethodChoice::Unconditional if !has_leads => choose(&stiffest_network, rate, budget, true)?,
+            _ if has_leads => choose_for_led(&stiffest_network, rate, budget)?,
+            MethodChoice::Simplest => choose(&stiffest_network, rate, &Budget::Error(f64::INFINITY), false)?,
+            _ => choose(&stiffest_network, rate, budget, false)?,
         },
     };
     let outputs = position_sums(&mesh_subset.network).ok()?;
@@ -169,13 +169,13 @@ fn choose(network: &Network, rate: Rate, budget: &Budget, is_safe: bool) -> Opti
         return certify(network, rate, method, 1).ok().map(|_| (method, 1));
     }
     // The highest frequency of the mesh at rest; CA shifts it to 2·asin(√λ/2).
-    let lambda_max = certify(network, rate, MeshMethod::Ca2p, 1).map_or(4.0, |found| found.lambda_max);
-    let highest = sqrt(lambda_max.max(0.0)).min(PI);
+    let lambda_max = certify(network, rate, MeshMethod::Ca2p, 1).map_or(4.0, |certificate| certificate.lambda_max);
+    let angle_max = sqrt(lambda_max.max(0.0)).min(PI);
     for (method, substeps, _) in LADDER {
         let step_count = f64::from(substeps);
         let is_enough = match *budget {
             Budget::Cents { cents: cents_max, upto } => {
-                let substep_angle = (TAU * upto * rate.step()).min(highest) / step_count;
+                let substep_angle = (TAU * upto * rate.step()).min(angle_max) / step_count;
                 cents(method, substep_angle) <= cents_max
             }
             // The pilot finds better methods if necessary.

@@ -32,7 +32,7 @@ impl ModeShapes {
     /// `None` if it has no modes.
     pub(crate) fn new(
         network: &Network,
-        (mode_numbers, turned): (&[u32], Option<&[usize]>),
+        (mode_numbers, rotation_mats): (&[u32], Option<&[usize]>),
         rate: Rate,
         transform: ModalTransform,
     ) -> Option<Self> {
@@ -41,9 +41,9 @@ impl ModeShapes {
         let mats: Vec<usize> = moving_mats.map(|(mat, _)| mat).collect();
         let mat_rows: Vec<Row> = mats.iter().map(|&mat| vec![(mat, 1.0)]).collect();
         let mut body_modes = Modes::new(network, &mat_rows, rate).ok()?;
-        if let Some(towards) = turned {
+        if let Some(direction_mats) = rotation_mats {
             let row_of_mat = |mat: &usize| mats.binary_search(mat).ok();
-            let moved_rows: Vec<usize> = towards.iter().filter_map(row_of_mat).collect();
+            let moved_rows: Vec<usize> = direction_mats.iter().filter_map(row_of_mat).collect();
             body_modes.rotate(&moved_rows, rate);
         }
         if mode_numbers.iter().any(|&mode| mode as usize >= body_modes.len()) {
@@ -82,14 +82,15 @@ impl ModeShapes {
         let mats: Vec<usize> = moving_mats.map(|(mat, _)| mat).collect();
         let mat_sums: Vec<Sum> = mats.iter().map(|&mat| Sum::from_positions(vec![(mat, 1.0)])).collect();
         let body_modes = ComplexModes::new(network, &mat_sums, &[], rate).ok()?;
-        if parts.iter().any(|own| own.mode >= body_modes.len()) {
+        if parts.iter().any(|part| part.mode >= body_modes.len()) {
             return None;
         }
-        let part_share = |own: &ComplexPart, mat: usize| own.sign * body_modes.output_shapes[mat][own.mode][own.part];
+        let part_share =
+            |part: &ComplexPart, mat: usize| part.sign * body_modes.output_shapes[mat][part.mode][part.part];
         let mat_indices = 0..mats.len();
         let shapes = parts
             .iter()
-            .flat_map(|own| mat_indices.clone().map(|mat| part_share(own, mat)).collect::<Vec<_>>());
+            .flat_map(|part| mat_indices.clone().map(|mat| part_share(part, mat)).collect::<Vec<_>>());
         Some(Self {
             shapes: shapes.collect(),
             rest: body_modes.rest.clone(),
@@ -111,14 +112,14 @@ impl ModeShapes {
     }
 
     /// Positions of its MATs and their last steps [m], from amplitudes now and one frame before.
-    pub(crate) fn positions(&self, now: &[f64], before: &[f64], mats: &mut [(f64, f64)]) {
-        for (mat, &rest) in mats.iter_mut().zip(&self.rest) {
-            *mat = (rest, 0.0);
+    pub(crate) fn positions(&self, now: &[f64], before: &[f64], motions: &mut [(f64, f64)]) {
+        for (motion, &rest) in motions.iter_mut().zip(&self.rest) {
+            *motion = (rest, 0.0);
         }
         let amplitude_pairs = now.iter().zip(before);
         for (shape, (now, before)) in self.shapes.chunks(self.mats.len().max(1)).zip(amplitude_pairs) {
             let amplitude_step = now - before;
-            for ((x, d), share) in mats.iter_mut().zip(shape) {
+            for ((x, d), share) in motions.iter_mut().zip(shape) {
                 *x += share * now;
                 *d += share * amplitude_step;
             }
@@ -126,12 +127,12 @@ impl ModeShapes {
     }
 
     /// Amplitudes now and one frame before, from positions of its MATs and their last steps [m].
-    pub(crate) fn amplitudes(&self, mats: &[(f64, f64)], now: &mut [f64], before: &mut [f64]) {
+    pub(crate) fn amplitudes(&self, motions: &[(f64, f64)], now: &mut [f64], before: &mut [f64]) {
         now.fill(0.0);
         before.fill(0.0);
         let shape_rows = self.shapes.chunks(self.n_modes.max(1));
-        let mats_of_rest = self.rest.iter().zip(&self.mass);
-        for (&(x, step), (row, (rest, mass))) in mats.iter().zip(shape_rows.zip(mats_of_rest)) {
+        let rest_masses = self.rest.iter().zip(&self.mass);
+        for (&(x, step), (row, (rest, mass))) in motions.iter().zip(shape_rows.zip(rest_masses)) {
             let (x, weighted_before) = (mass * (x - rest), mass * (x - step - rest));
             for ((share, now), before) in row.iter().zip(&mut *now).zip(&mut *before) {
                 *now += share * x;

@@ -64,20 +64,20 @@ pub(in crate::plan) fn cut(
     let (mut bodies_inside, mut modes_refusal) = (Vec::new(), None);
     let slow_bodies = slow_bodies(network, timeline).bodies;
     // An island that was decided to have no bodies but its slow ones gets no others.
-    let are_apart = !matches!(choice, MethodChoice::Stepped);
-    let has_bodies = are_apart && pin.is_none_or(|pin| pin.bodies.len() > slow_bodies.len());
-    let are_meshes = match pin {
+    let may_cut = !matches!(choice, MethodChoice::Stepped);
+    let has_bodies = may_cut && pin.is_none_or(|pin| pin.bodies.len() > slow_bodies.len());
+    let prefers_meshes = match pin {
         Some(pin) => pin.bodies.iter().any(replaces_modes),
         None => matches!(choice, MethodChoice::Meshes(_)),
     };
-    for (body, slow) in slow_bodies {
+    for (body, slow_plan) in slow_bodies {
         wiring.take(&body.mats);
-        bodies_inside.push((body, BodyPlan::Slow(slow)));
+        bodies_inside.push((body, BodyPlan::Slow(slow_plan)));
     }
     // The certificate for slow parts covers normal modes only, and a takeover transfers the motion of a body mass by
     // mass through normal modes.
     let takes_complex = bodies_inside.is_empty() && !timeline.is_open;
-    if budget.takes_modes() && has_bodies && !are_meshes {
+    if budget.takes_modes() && has_bodies && !prefers_meshes {
         let wanted_bodies = match budget.contact_substeps() {
             1 => Wanted::Linear,
             _ => Wanted::Touched,
@@ -85,7 +85,7 @@ pub(in crate::plan) fn cut(
         for body in wiring.bodies(network, wanted_bodies) {
             let modal_plan = match modal(network, timeline, &body, memo) {
                 Err(NoModes::Damping) if takes_complex => complex(network, timeline, &body, memo),
-                known => known.map(BodyPlan::Modal),
+                modes_result => modes_result.map(BodyPlan::Modal),
             };
             match modal_plan {
                 Ok(modal) => bodies_inside.push((body, modal)),
@@ -101,8 +101,8 @@ pub(in crate::plan) fn cut(
             wiring.take(&body.mats);
         }
         // If one method is asked for, it steps the smallest body too.
-        let is_asked = are_meshes || matches!(budget, Budget::Method(_));
-        let wanted_bodies = if is_asked { Wanted::All } else { Wanted::Meshes };
+        let is_method_asked = prefers_meshes || matches!(budget, Budget::Method(_));
+        let wanted_bodies = if is_method_asked { Wanted::All } else { Wanted::Meshes };
         for body in wiring.bodies(network, wanted_bodies) {
             let pin = match pin.map(|pin| pin.bodies.get(bodies_inside.len())) {
                 None => None,
@@ -119,7 +119,7 @@ pub(in crate::plan) fn cut(
     }
     let mut island_cut = hub(island, timeline, bodies_inside);
     let ported_bodies = island_cut.bodies.iter_mut();
-    ported_bodies.for_each(|body| body.replaces_modes = are_meshes);
+    ported_bodies.for_each(|body| body.replaces_modes = prefers_meshes);
     (Some(island_cut), modes_refusal)
 }
 
@@ -207,8 +207,8 @@ fn modal(network: &Network, timeline: &Timeline, body: &Body, memo: &Memo<'_>) -
     let mut body_modes = memo.modes(&body_subset.network, &body_rows, rate)?;
     let mode_count = body_modes.len();
     // What a session will strike is not known: any mode may move.
-    let turned = (!timeline.is_open).then(|| [port_mats, struck_mats].concat());
-    if turned.is_some() {
+    let rotation_mats = (!timeline.is_open).then(|| [port_mats, struck_mats].concat());
+    if rotation_mats.is_some() {
         let moved_rows: Vec<usize> = (0..port_count).chain(port_count + n_outputs..body_rows.len()).collect();
         body_modes.rotate(&moved_rows, rate);
     }
@@ -227,7 +227,7 @@ fn modal(network: &Network, timeline: &Timeline, body: &Body, memo: &Memo<'_>) -
         .collect();
     Ok(Modal {
         computed: (0..mode_count as u32).collect(),
-        turned,
+        turned: rotation_mats,
         modes: (0..mode_count).map(|mode| mode_plan(&body_modes, mode, rate)).collect(),
         ports: body
             .ports
@@ -286,13 +286,13 @@ fn complex(network: &Network, timeline: &Timeline, body: &Body, memo: &Memo<'_>)
     let shape_of_row = |row: usize| -> Vec<f64> {
         let parts = all_parts.iter();
         parts
-            .map(|own| own.sign * body_modes.output_shapes[row][own.mode][own.part])
+            .map(|part| part.sign * body_modes.output_shapes[row][part.mode][part.part])
             .collect()
     };
     let answers = |point: usize| -> Vec<Response> {
         let parts = all_parts.iter();
         parts
-            .map(|own| complex_body::response(&body_modes, own, point))
+            .map(|part| complex_body::response(&body_modes, part, point))
             .collect()
     };
     let static_sums = body_modes.rest[port_count..].iter().zip(&outputs.constant_parts);
@@ -330,9 +330,9 @@ fn complex(network: &Network, timeline: &Timeline, body: &Body, memo: &Memo<'_>)
     };
     // The largest cost allowed: the same masses stepped module by module, times `COST_RATIO_MAX`. A few masses that contacts touch
     // would create energy if they were stepped.
-    let stepped = COST_RATIO_MAX * cost::stepped_cost(&modal_plan.network, &Timeline::new(rate));
+    let cost_limit = COST_RATIO_MAX * cost::stepped_cost(&modal_plan.network, &Timeline::new(rate));
     let modal_plan = BodyPlan::Modal(modal_plan);
-    let is_cheap = body.is_small() || cost::body_cost(&modal_plan) <= stepped;
+    let is_cheap = body.is_small() || cost::body_cost(&modal_plan) <= cost_limit;
     is_cheap.then_some(modal_plan).ok_or(NoModes::TooManyPorts)
 }
 
@@ -376,12 +376,12 @@ fn hub(island: &Subset, timeline: &Timeline, bodies_inside: Vec<(Body, BodyPlan)
     let network = &island.network;
     let (mut is_in_body, mut is_cut_link) = (vec![false; network.n_mat()], vec![false; network.n_lia()]);
     let mut port_mats: Vec<u32> = Vec::new();
-    let mut is_struck_there = vec![false; network.n_mat()];
+    let mut is_struck_in_body = vec![false; network.n_mat()];
     for (body, inside) in &bodies_inside {
         for &mat in &body.mats {
             is_in_body[mat as usize] = true;
             // A slow body is struck at its ports, in the rest of the island.
-            is_struck_there[mat as usize] = !matches!(inside, BodyPlan::Slow(_));
+            is_struck_in_body[mat as usize] = !matches!(inside, BodyPlan::Slow(_));
         }
         body.links.iter().for_each(|&link| is_cut_link[link as usize] = true);
         port_mats.extend(&body.ports);
@@ -396,7 +396,9 @@ fn hub(island: &Subset, timeline: &Timeline, bodies_inside: Vec<(Body, BodyPlan)
         .collect();
     let mut hub = network.subset_for_all(&hub_mats, &port_mats, &hub_links);
     let mut timeline = timeline.clone();
-    timeline.strikes.retain(|strike| !is_struck_there[strike.mat as usize]);
+    timeline
+        .strikes
+        .retain(|strike| !is_struck_in_body[strike.mat as usize]);
     let mut bodies = Vec::new();
     for (body, mut inside) in bodies_inside {
         let local_mat = |mat: usize| hub.mat(mat).unwrap_or(0);
@@ -475,8 +477,8 @@ pub(in crate::plan) fn set_free(hub: &mut Network, inside: &BodyPlan) {
             } else {
                 time_step * time_step
             };
-            for (at, port) in modal.ports.iter().enumerate() {
-                hub.set_free(port.mat, mass_scale / modal.port_compliance(at));
+            for (port_index, port) in modal.ports.iter().enumerate() {
+                hub.set_free(port.mat, mass_scale / modal.port_compliance(port_index));
             }
         }
         BodyPlan::Mesh(mesh) => {

@@ -64,7 +64,10 @@ impl<'a> Memo<'a> {
 
     fn count(&self, network: &Network, n_modes: usize) {
         let mut counted = self.counted.borrow_mut();
-        if !counted.iter().any(|own| own.is_same_from_start(network)) {
+        if !counted
+            .iter()
+            .any(|counted_network| counted_network.is_same_from_start(network))
+        {
             counted.push(network.clone());
             let mode_count = n_modes as f64;
             self.work
@@ -84,15 +87,15 @@ impl<'a> Memo<'a> {
             (!solved.modes.is_discrete || solved.rate.hertz() == rate.hertz())
                 && solved.network.is_same_from_start(network)
         };
-        let solved_here = self.solved.borrow().iter().find(is_same_problem).cloned();
-        let already_solved = solved_here.or_else(|| self.known.iter().find(is_same_problem).cloned());
-        let row_place = |solved: &Solved, row: &Row| solved.rows.iter().position(|solved_row| solved_row == row);
+        let solved_in_plan = self.solved.borrow().iter().find(is_same_problem).cloned();
+        let already_solved = solved_in_plan.or_else(|| self.known.iter().find(is_same_problem).cloned());
+        let row_index = |solved: &Solved, row: &Row| solved.rows.iter().position(|solved_row| solved_row == row);
         if let Some(solved) = &already_solved {
-            let row_places: Option<Vec<usize>> = rows.iter().map(|row| row_place(solved, row)).collect();
-            if let Some(row_places) = row_places {
+            let row_indices: Option<Vec<usize>> = rows.iter().map(|row| row_index(solved, row)).collect();
+            if let Some(row_indices) = row_indices {
                 self.count(network, solved.modes.len());
                 self.keep(solved.clone());
-                return Ok(solved.modes.seen_by(&row_places));
+                return Ok(solved.modes.seen_by(&row_indices));
             }
         }
         // Rows that were asked for once will be asked for again.
@@ -103,8 +106,8 @@ impl<'a> Memo<'a> {
         }
         let modes = Modes::new(network, &all_rows, rate)?;
         self.count(network, modes.len());
-        let row_places: Vec<usize> = (0..rows.len()).collect();
-        let seen_modes = modes.seen_by(&row_places);
+        let row_indices: Vec<usize> = (0..rows.len()).collect();
+        let seen_modes = modes.seen_by(&row_indices);
         self.keep(Arc::new(Solved {
             network: network.clone(),
             rate,
@@ -140,7 +143,7 @@ impl<'a> Memo<'a> {
             }
         };
         match complex_modes.unfit(rate) {
-            Some(why) => Err(why),
+            Some(unfit_reason) => Err(unfit_reason),
             None => Ok(complex_modes),
         }
     }

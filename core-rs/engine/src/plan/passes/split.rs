@@ -132,12 +132,12 @@ pub(in crate::plan) fn local_links(subset: &Subset, links: Range<usize>) -> Opti
 
 /// The homes of every MAT that an event acts on: one if it moves, any number if it is held.
 fn homes(subsets: &[Subset], timeline: &Timeline) -> HashMap<u32, Vec<Home>> {
-    let strikes = timeline.strikes.iter().map(|strike| strike.mat);
+    let strike_mats = timeline.strikes.iter().map(|strike| strike.mat);
     let ergon_mats = timeline.ergons.iter().map(|ergon| ergon.mat);
     let driven_mats = timeline.driven().map(|mat| mat as u32);
     let struck_mats = timeline.keys.iter().map(|key| key.struck as u32);
     let glided_mats = timeline.glides.iter().map(|glide| glide.mat as u32);
-    let event_mats = strikes
+    let event_mats = strike_mats
         .chain(ergon_mats)
         .chain(driven_mats)
         .chain(struck_mats)

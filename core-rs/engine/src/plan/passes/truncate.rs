@@ -43,17 +43,17 @@ impl KeptModes {
 /// hears, and add up over the impulses `blows` [N·s].
 pub(in crate::plan) fn keep(
     modes: &Modes,
-    listened: &[Vec<f64>],
-    excited: &[Vec<f64>],
+    output_shapes: &[Vec<f64>],
+    struck_shapes: &[Vec<f64>],
     blows: &[Vec<f64>],
     allowed: Option<f64>,
     budget: &Budget,
     rate: Rate,
 ) -> KeptModes {
     let energies: Vec<f64> = (0..modes.len())
-        .map(|mode| energy(modes, excited, blows, mode, rate))
+        .map(|mode| energy(modes, struck_shapes, blows, mode, rate))
         .collect();
-    let output_rows: Vec<&[f64]> = listened.iter().map(Vec::as_slice).collect();
+    let output_rows: Vec<&[f64]> = output_shapes.iter().map(Vec::as_slice).collect();
     choose(&[energies], &output_rows, allowed, budget, |mode| {
         modes.pitch(mode, rate).0
     })
@@ -70,7 +70,7 @@ pub(in crate::plan) fn choose(
 ) -> KeptModes {
     let mode_count = excitations.first().map_or(0, Vec::len);
     // The largest relative loudness of each mode over all rows and excitations.
-    let mut loudest = vec![0.0_f64; mode_count];
+    let mut mode_loudness = vec![0.0_f64; mode_count];
     for (excitation, row) in excitations
         .iter()
         .flat_map(|excitation| rows.iter().map(move |row| (excitation, row)))
@@ -78,20 +78,20 @@ pub(in crate::plan) fn choose(
         let energy = |mode: usize| excitation[mode] * row[mode] * row[mode];
         let total_energy: f64 = (0..mode_count).map(energy).sum();
         if total_energy > 0.0 {
-            let loudness = loudest.iter_mut().enumerate();
-            loudness.for_each(|(mode, loudest)| *loudest = loudest.max(energy(mode) / total_energy));
+            let loudness = mode_loudness.iter_mut().enumerate();
+            loudness.for_each(|(mode, mode_loudness)| *mode_loudness = mode_loudness.max(energy(mode) / total_energy));
         }
     }
-    let mut by_loudness: Vec<(f64, usize)> = loudest.into_iter().zip(0..).collect();
+    let mut by_loudness: Vec<(f64, usize)> = mode_loudness.into_iter().zip(0..).collect();
     by_loudness.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     let allowed = allowed.map(|db| pow(10.0, db / 10.0));
     let (mut modes_kept, mut dropped_share) = (Vec::new(), 0.0);
     for (loudness, mode) in by_loudness {
-        let is_unheard = frequency(mode) > budget.highest();
+        let is_inaudible = frequency(mode) > budget.highest();
         let may_fall = allowed.is_some_and(|allowed| dropped_share + loudness <= allowed);
-        if is_unheard || may_fall {
+        if is_inaudible || may_fall {
             // A mode above hearing may be loud: it does not count as an error.
-            dropped_share += if is_unheard { 0.0 } else { loudness };
+            dropped_share += if is_inaudible { 0.0 } else { loudness };
         } else {
             modes_kept.push(mode);
         }
@@ -104,14 +104,14 @@ pub(in crate::plan) fn choose(
 }
 
 /// Energy of a mode's own motion, before an output weights it.
-fn energy(modes: &Modes, excited: &[Vec<f64>], blows: &[Vec<f64>], mode: usize, rate: Rate) -> f64 {
+fn energy(modes: &Modes, struck_shapes: &[Vec<f64>], blows: &[Vec<f64>], mode: usize, rate: Rate) -> f64 {
     let (frequency, decay_rate) = modes.pitch(mode, rate);
     let omega = (std::f64::consts::TAU * frequency)
         .max(decay_rate)
         .max(f64::MIN_POSITIVE);
     let (x, v) = (modes.x0[mode] - modes.rest[mode], modes.v0[mode]);
     let mut amplitude_square = x * x + v * v / (omega * omega);
-    for (shape, blows) in excited.iter().zip(blows) {
+    for (shape, blows) in struck_shapes.iter().zip(blows) {
         // A unit impulse gives a mass of 1 the velocity 1; an algorithmic mass of 1 gets T^-2 times as much.
         let mass_unit = if modes.is_discrete {
             rate.step() * rate.step()

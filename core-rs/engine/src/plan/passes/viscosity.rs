@@ -86,7 +86,7 @@ impl Viscosity {
         let largest = images
             .iter()
             .flatten()
-            .fold(0.0, |most: f64, value| most.max(value.abs()));
+            .fold(0.0, |largest_yet: f64, value| largest_yet.max(value.abs()));
         for (mode, zeta) in zeta.iter_mut().enumerate() {
             let probe_pairs = || probes.iter().zip(images).map(|(p, i)| (p[mode], i[mode]));
             let probe_square: f64 = probe_pairs().map(|(probe, _)| probe * probe).sum();
@@ -102,8 +102,8 @@ impl Viscosity {
 }
 
 /// Pseudo-random numbers between -1 and 1 (n,).
-pub(crate) fn probe(n: usize, which: usize) -> Vec<f64> {
-    let mut random_state = 0x9E37_79B9_7F4A_7C15_u64.wrapping_mul(which as u64 + 1);
+pub(crate) fn probe(n: usize, probe_index: usize) -> Vec<f64> {
+    let mut random_state = 0x9E37_79B9_7F4A_7C15_u64.wrapping_mul(probe_index as u64 + 1);
     let mut next_random = || {
         random_state = random_state
             .wrapping_mul(6_364_136_223_846_793_005)

@@ -136,24 +136,24 @@ impl Wiring {
             body.mats.push(mat as u32);
         }
         for (link, a, b) in ends(network) {
-            for (near, other) in [(a, b), (b, a)] {
-                if !self.is_eligible[near] {
+            for (near_end, far_end) in [(a, b), (b, a)] {
+                if !self.is_eligible[near_end] {
                     continue;
                 }
-                let Some(body) = joined_bodies.get_mut(&mat_forest.root(near)) else {
+                let Some(body) = joined_bodies.get_mut(&mat_forest.root(near_end)) else {
                     continue;
                 };
-                let is_held_end = network.mats().kind[other].is_held() && !self.is_driven[other];
-                if is_inner(link) && (self.is_eligible[other] || is_held_end) {
+                let is_held_end = network.mats().kind[far_end].is_held() && !self.is_driven[far_end];
+                if is_inner(link) && (self.is_eligible[far_end] || is_held_end) {
                     // A link between two MATs of the body is met from both ends, but noted once.
-                    if near == a || !self.is_eligible[other] {
+                    if near_end == a || !self.is_eligible[far_end] {
                         body.links.push(link as u32);
                     }
                     if is_held_end {
-                        body.guests.push(other as u32);
+                        body.guests.push(far_end as u32);
                     }
                 } else {
-                    body.ports.push(near as u32);
+                    body.ports.push(near_end as u32);
                     body.is_touched |= self.is_followed[link];
                 }
             }

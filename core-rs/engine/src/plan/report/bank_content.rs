@@ -47,28 +47,28 @@ impl BankContent {
 
     /// A hash of all that the bank depends on up to frame `until` (64 hex digits); `before` is that hash up to frame
     /// `from`, empty at 0.
-    pub(crate) fn key(&self, bank: &BankPlan, (from, until): (u64, u64), before: &str) -> String {
+    pub(crate) fn key(&self, bank: &BankPlan, (from, until): (u64, u64), previous_key: &str) -> String {
         let is_in_span = |frame: u64| frame <= until && (from == 0 || frame > from);
         let mut hash_sink = Sink::new();
-        hash_sink.add(before);
+        hash_sink.add(previous_key);
         hash_sink.add(self.fixed);
         hash_sink.add(until.to_le_bytes());
         for (index, oscillator) in bank.oscillators.iter().enumerate() {
             for blow in oscillator.blows.iter().filter(|blow| is_in_span(blow.frame)) {
                 hash_sink.add((index as u64).to_le_bytes());
                 hash_sink.add(blow.frame.to_le_bytes());
-                let numbers = match blow.kick {
+                let kick_numbers = match blow.kick {
                     Kick::By(step) => [step, f64::NAN, f64::NAN],
                     Kick::Ergon { mass, speed, w } => [mass, speed, w],
                 };
-                numbers.iter().for_each(|x| hash_sink.add(x.to_le_bytes()));
+                kick_numbers.iter().for_each(|x| hash_sink.add(x.to_le_bytes()));
             }
         }
         for (index, oscillator) in bank.strikes.iter().enumerate() {
-            for (frame, part, impulse) in oscillator.blows.iter().filter(|blow| is_in_span(blow.0)) {
+            for (frame, frame_fraction, impulse) in oscillator.blows.iter().filter(|blow| is_in_span(blow.0)) {
                 hash_sink.add((index as u64).to_le_bytes());
                 hash_sink.add(frame.to_le_bytes());
-                hash_sink.add(part.to_le_bytes());
+                hash_sink.add(frame_fraction.to_le_bytes());
                 hash_sink.add(impulse.to_le_bytes());
             }
         }

@@ -38,8 +38,8 @@ impl Write for Sink {
 }
 
 /// A hash of formatted text (64 hex digits).
-pub(crate) fn hex_of(words: Arguments<'_>) -> String {
-    hex(&digest(words))
+pub(crate) fn hex_of(formatted_text: Arguments<'_>) -> String {
+    hex(&digest(formatted_text))
 }
 
 /// The hex digits of a hash.
@@ -57,7 +57,7 @@ struct Events {
 
 impl Events {
     /// `also`: what else the hash has to include; `order`: the parts of the island.
-    fn new(network: &Network, order: &PartOrder, timeline: &Timeline, also: Arguments<'_>) -> Self {
+    fn new(network: &Network, order: &PartOrder, timeline: &Timeline, extra_content: Arguments<'_>) -> Self {
         let network = network.anonymous(order);
         let timeline_keys = timeline.keys.iter();
         let fixed_timeline = Timeline {
@@ -73,8 +73,12 @@ impl Events {
             ..timeline.clone()
         };
         Self {
-            fixed: digest(format_args!("{network:?}\n{fixed_timeline:?}\n{also}")),
-            gestures: timeline.gestures.iter().map(|own| gesture_content(own)).collect(),
+            fixed: digest(format_args!("{network:?}\n{fixed_timeline:?}\n{extra_content}")),
+            gestures: timeline
+                .gestures
+                .iter()
+                .map(|gesture| gesture_content(gesture))
+                .collect(),
         }
     }
 
@@ -83,7 +87,7 @@ impl Events {
         let is_in_span = |instant: f64| instant <= stop && start.is_none_or(|start| instant > start);
         sink.0.update(self.fixed);
         // Gestures are identified by their index, so all gestures before the last one that counts are included.
-        let last_begun = self.gestures.iter().rposition(|own| own.0 <= stop);
+        let last_begun = self.gestures.iter().rposition(|gesture_entry| gesture_entry.0 <= stop);
         for (_, digest) in &self.gestures[..last_begun.map_or(0, |last| last + 1)] {
             sink.0.update(digest);
         }
@@ -153,7 +157,7 @@ impl Content {
 
     /// A hash of all that the island depends on up to frame `until` of the scene (64 hex digits); `before` is that hash
     /// up to frame `from`, empty at 0.
-    pub(crate) fn key(&self, island: &IslandPlan, (from, until): (u64, u64), before: &str) -> String {
+    pub(crate) fn key(&self, island: &IslandPlan, (from, until): (u64, u64), previous_key: &str) -> String {
         let oversampling = u64::from(island.oversampling);
         let frame_rate = island.timeline.rate.hertz();
         let [first_frame, last_frame] = [from, until].map(|frame| match frame {
@@ -162,7 +166,7 @@ impl Content {
         });
         let [start_instant, stop_instant] = [first_frame, last_frame].map(|frame| frame as f64 / frame_rate);
         let mut hash_sink = Sink::new();
-        hash_sink.0.update(before);
+        hash_sink.0.update(previous_key);
         hash_sink.0.update(until.to_le_bytes());
         let start_instant = (from > 0).then_some(start_instant);
         self.0
@@ -170,10 +174,10 @@ impl Content {
         for body in &island.bodies {
             hash_sink.0.update(b"body");
             let is_in_span = |frame: u64| frame <= last_frame && (from == 0 || frame > first_frame);
-            for (frame, point, values) in body.strikes().filter(|own| is_in_span(own.0)) {
+            for (frame, point, strike_numbers) in body.strikes().filter(|strike| is_in_span(strike.0)) {
                 hash_sink.0.update(frame.to_le_bytes());
                 hash_sink.0.update((point as u64).to_le_bytes());
-                for value in values {
+                for value in strike_numbers {
                     hash_sink.0.update(value.to_le_bytes());
                 }
             }
@@ -190,21 +194,39 @@ pub(in crate::plan) struct IslandContent<'a> {
 
 impl<'a> IslandContent<'a> {
     /// `also`: what else its plan depends on.
-    pub(in crate::plan) fn new(network: &Network, timeline: &'a Timeline, also: Arguments<'_>) -> Self {
+    pub(in crate::plan) fn new(network: &Network, timeline: &'a Timeline, extra_content: Arguments<'_>) -> Self {
         // How an island is assembled depends on which MATs events act on, no matter when.
         let event_mats = (
-            Vec::from_iter(timeline.strikes.iter().map(|own| own.mat).collect::<BTreeSet<_>>()),
-            Vec::from_iter(timeline.ergons.iter().map(|own| own.mat).collect::<BTreeSet<_>>()),
+            Vec::from_iter(
+                timeline
+                    .strikes
+                    .iter()
+                    .map(|timeline_event| timeline_event.mat)
+                    .collect::<BTreeSet<_>>(),
+            ),
+            Vec::from_iter(
+                timeline
+                    .ergons
+                    .iter()
+                    .map(|timeline_event| timeline_event.mat)
+                    .collect::<BTreeSet<_>>(),
+            ),
         );
         let gestures = timeline.gestures.iter();
         let manners: BTreeSet<String> = gestures
-            .map(|own| format!("{} {:?}", own.key, (own.manner.touch, own.manner.limit)))
+            .map(|timeline_event| {
+                format!(
+                    "{} {:?}",
+                    timeline_event.key,
+                    (timeline_event.manner.touch, timeline_event.manner.limit)
+                )
+            })
             .collect();
         let events = Events::new(
             network,
             &PartOrder::new([network]),
             timeline,
-            format_args!("{event_mats:?} {manners:?}\n{also}"),
+            format_args!("{event_mats:?} {manners:?}\n{extra_content}"),
         );
         Self { timeline, events }
     }

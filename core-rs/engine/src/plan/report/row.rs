@@ -131,7 +131,7 @@ impl Row {
         let island_macrostep = macrostep / self.oversampling.max(1);
         PRESERVED_LIMITS
             .iter()
-            .any(|&(most, db)| island_macrostep <= most && pilot_error.db <= db)
+            .any(|&(every_max, db)| island_macrostep <= every_max && pilot_error.db <= db)
     }
 
     /// A row of parts, with their moving MATs and their LIAs; nothing else is filled in.

@@ -26,7 +26,7 @@ impl From<Error> for TrialError {
 /// The result of a trial; `None` where the allowance ended first.
 pub(in crate::plan) fn unless_spent<T>(result: Result<T, TrialError>) -> Result<Option<T>, Error> {
     match result {
-        Ok(found) => Ok(Some(found)),
+        Ok(trial_value) => Ok(Some(trial_value)),
         Err(TrialError::AllowanceSpent) => Ok(None),
         Err(TrialError::Engine(error)) => Err(error),
     }
@@ -71,12 +71,12 @@ pub(in crate::plan) struct Allowance {
 impl Allowance {
     /// The allowance of a plan of `n_modules`, of which its trials may take the part `share`.
     pub(in crate::plan) fn new(n_modules: usize, share: f64) -> Self {
-        let ((small_modules, small_seconds), (large_modules, greatest)) = (ALLOWANCE_SMALL, ALLOWANCE_LARGE);
+        let ((small_modules, small_seconds), (large_modules, large_seconds)) = (ALLOWANCE_SMALL, ALLOWANCE_LARGE);
         let seconds = if n_modules <= large_modules {
             let size_share = n_modules.saturating_sub(small_modules) as f64 / (large_modules - small_modules) as f64;
-            small_seconds + (greatest - small_seconds) * size_share
+            small_seconds + (large_seconds - small_seconds) * size_share
         } else {
-            (greatest * n_modules as f64 / large_modules as f64).min(ALLOWANCE_MAX)
+            (large_seconds * n_modules as f64 / large_modules as f64).min(ALLOWANCE_MAX)
         };
         Self {
             total: share * seconds,
@@ -130,7 +130,7 @@ impl Allowance {
     pub(in crate::plan) fn is_enough_for(&self, taken: &Taken) -> bool {
         let work_left = self.begin();
         match taken.left {
-            Some(then) => then.to_bits() == work_left.to_bits(),
+            Some(recorded_left) => recorded_left.to_bits() == work_left.to_bits(),
             None => taken.needed <= work_left,
         }
     }
@@ -201,14 +201,14 @@ impl Allowance {
     }
 
     /// Takes what was drawn from such a separate part. If the part ran out, that does not end other trials.
-    pub(in crate::plan) fn spend_fraction(&self, part: &Self, share: f64) {
-        let fraction_max = match part.n_refused() {
-            0 => part.drawn.get() / share,
+    pub(in crate::plan) fn spend_fraction(&self, fraction: &Self, share: f64) {
+        let work_needed = match fraction.n_refused() {
+            0 => fraction.drawn.get() / share,
             // With a larger part it would have taken more.
             _ => f64::INFINITY,
         };
-        self.needed.set(self.needed.get().max(self.drawn.get() + fraction_max));
-        self.spend(part.drawn.get());
+        self.needed.set(self.needed.get().max(self.drawn.get() + work_needed));
+        self.spend(fraction.drawn.get());
     }
 
     /// What is left of the reserve, as a separate allowance: if it runs out, no other trial ends.
@@ -240,8 +240,8 @@ mod tests {
     fn allowance_grows_with_score_length_to_a_bound() {
         let seconds = |n| Allowance::new(n, 1.0).spent().1;
         let allowances = [1, 100, 550, 1_000, 2_000, 1_000_000].map(seconds);
-        for (seconds, most) in allowances.into_iter().zip([1.0, 1.0, 1.75, 2.5, 5.0, 10.0]) {
-            assert!((seconds - most).abs() < 1e-12, "{seconds} of {most}");
+        for (seconds, expected) in allowances.into_iter().zip([1.0, 1.0, 1.75, 2.5, 5.0, 10.0]) {
+            assert!((seconds - expected).abs() < 1e-12, "{seconds} of {expected}");
         }
         assert_eq!(Allowance::new(1, 0.5).spent(), (0.0, 0.5));
     }
@@ -273,12 +273,12 @@ mod tests {
         let taken = first_allowance.taken(work_left);
         assert_eq!((taken.drawn, taken.needed, taken.left), (0.25, 0.75, None));
         // First after trials that leave enough, then after trials that do not.
-        for (others, is_same) in [(0.25, true), (0.375, false)] {
+        for (other_work, is_same) in [(0.25, true), (0.375, false)] {
             let replay_allowance = Allowance::new(1, 1.0);
-            replay_allowance.draw(others).unwrap();
+            replay_allowance.draw(other_work).unwrap();
             assert_eq!(replay_allowance.is_enough_for(&taken), is_same);
             replay_allowance.replay(&taken);
-            assert_eq!(replay_allowance.spent().0, others + 0.25);
+            assert_eq!(replay_allowance.spent().0, other_work + 0.25);
         }
     }
 

@@ -86,7 +86,9 @@ impl Audible {
         match *budget {
             Budget::Cents { cents, .. } => {
                 let error_limits = self.values().into_iter().zip(JUST_NOTICEABLE);
-                let worst_excess = error_limits.map(|(error, least)| error / least).fold(0.0, f64::max);
+                let worst_excess = error_limits
+                    .map(|(error, threshold)| error / threshold)
+                    .fold(0.0, f64::max);
                 worst_excess * JUST_NOTICEABLE[0] / cents
             }
             Budget::Error(_) | Budget::Method(_) => 0.0,

@@ -96,7 +96,7 @@ pub(in crate::plan) fn candidates<F: Fn(How<'_>) -> Result<Assembled, Error>>(
             };
             for substeps in substeps_of(&island) {
                 let candidate = Candidate::new(island.clone(), substeps, Some(reference));
-                if !candidates.iter().any(|known| known.is_same(&candidate)) {
+                if !candidates.iter().any(|earlier| earlier.is_same(&candidate)) {
                     candidates.push(Candidate { group, ..candidate });
                 }
             }

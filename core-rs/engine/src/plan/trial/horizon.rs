@@ -36,25 +36,31 @@ pub(in crate::plan) fn error_may_grow(island_plan: &IslandPlan) -> bool {
 
 /// The first strike or written gesture after `over` [s] that is harder than all until then, so that its error is not known
 /// [s]; `None` if there is none, or if the motion does not depend on how hard it is excited.
-pub(in crate::plan) fn harder_event(island_plan: &IslandPlan, timeline: &Timeline, over: f64) -> Option<f64> {
+pub(in crate::plan) fn harder_event(island_plan: &IslandPlan, timeline: &Timeline, measured_until: f64) -> Option<f64> {
     if is_linear(island_plan) {
         return None;
     }
     let strikes = timeline.strikes.iter();
     let gestures = timeline.gestures.iter();
     let harder_events = [
-        first_harder(strikes.map(|strike| (strike.instant, strike.impulse.abs())), over),
-        first_harder(gestures.map(|gesture| (gesture.start, greatest_speed(gesture))), over),
+        first_harder(
+            strikes.map(|strike| (strike.instant, strike.impulse.abs())),
+            measured_until,
+        ),
+        first_harder(
+            gestures.map(|gesture| (gesture.start, greatest_speed(gesture))),
+            measured_until,
+        ),
     ];
     harder_events.into_iter().flatten().reduce(f64::min)
 }
 
 /// The first instant after `over` whose strength exceeds all until then by more than `HARDER_RATIO`, of pairs (instant [s],
 /// strength); `None` if there is none, or nothing until then.
-fn first_harder(events: impl Iterator<Item = (f64, f64)> + Clone, over: f64) -> Option<f64> {
-    let tried_events = events.clone().filter(|event| event.0 <= over);
+fn first_harder(events: impl Iterator<Item = (f64, f64)> + Clone, measured_until: f64) -> Option<f64> {
+    let tried_events = events.clone().filter(|event| event.0 <= measured_until);
     let hardest = tried_events.map(|event| event.1).reduce(f64::max)?;
-    let harder_events = events.filter(|event| event.0 > over && event.1 > HARDER_RATIO * hardest);
+    let harder_events = events.filter(|event| event.0 > measured_until && event.1 > HARDER_RATIO * hardest);
     harder_events.map(|event| event.0).reduce(f64::min)
 }
 
@@ -82,18 +88,21 @@ pub(in crate::plan) fn extend_error(
     let reserve = allowance.reserve();
     let frame_work = work(run.0) + work(other.0);
     // The pilot has already drawn the work of finding this rest.
-    let Some(from) = unless_spent(frames_at_rest(run.0, &allowance.reserve()))? else {
+    let Some(first_frame) = unless_spent(frames_at_rest(run.0, &allowance.reserve()))? else {
         return Ok(measured);
     };
     let n_frames =
-        (end(run.0) * frame_rate - from as f64).min(RESERVE_PLANNED * reserve.spent().1 / frame_work) as usize;
-    let pilot_frames = ((measured.over * frame_rate) as usize).saturating_sub(from);
+        (end(run.0) * frame_rate - first_frame as f64).min(RESERVE_PLANNED * reserve.spent().1 / frame_work) as usize;
+    let pilot_frames = ((measured.over * frame_rate) as usize).saturating_sub(first_frame);
     let look_frames = ((ERROR_CHECK_SECONDS * frame_rate) as usize).max(1);
     if n_frames < pilot_frames + look_frames {
         return Ok(measured);
     }
-    let longest = Excerpt { from, n_frames };
-    let key = store.map(|_| key(measured, budget, [run, other], longest.end()));
+    let longest_excerpt = Excerpt {
+        from: first_frame,
+        n_frames,
+    };
+    let key = store.map(|_| key(measured, budget, [run, other], longest_excerpt.end()));
     let store_and_key = store.zip(key.as_deref());
     let recalled = store_and_key.and_then(|(store, key)| record::find(store, key, &reserve));
     if let Some((taken_work, trial_record)) = recalled
@@ -103,7 +112,7 @@ pub(in crate::plan) fn extend_error(
         return Ok(recalled_error);
     }
     let reserve_left = reserve.begin();
-    let extended = extend_over(measured, budget, [run, other], (longest, look_frames), &reserve)?;
+    let extended = extend_over(measured, budget, [run, other], (longest_excerpt, look_frames), &reserve)?;
     if let Some((store, key)) = store_and_key {
         let trial_record = TrialRecord::from_error(Some(extended));
         record::keep(store, key, (&reserve, reserve_left), trial_record);
@@ -128,21 +137,24 @@ fn extend_over(
     measured: Measured,
     budget: &Budget,
     [coarse, other]: [Played<'_>; 2],
-    (longest, look): (Excerpt, usize),
+    (longest_excerpt, look_interval): (Excerpt, usize),
     reserve: &Allowance,
 ) -> Result<Measured, TrialError> {
     let frame_rate = frames_per_second(coarse.0);
-    let seconds = |n_frames: usize| (longest.from + n_frames) as f64 / frame_rate;
-    let pilot_frames = ((measured.over * frame_rate) as usize).saturating_sub(longest.from);
-    let played_runs = play(coarse.0, coarse.1, longest, reserve).and_then(|run| {
+    let seconds = |n_frames: usize| (longest_excerpt.from + n_frames) as f64 / frame_rate;
+    let pilot_frames = ((measured.over * frame_rate) as usize).saturating_sub(longest_excerpt.from);
+    let played_runs = play(coarse.0, coarse.1, longest_excerpt, reserve).and_then(|run| {
         // What contacts added to the first run is assumed to add to each step of the other too.
         let step_ratio = f64::from(other.0.oversampling) / f64::from(coarse.0.oversampling);
         let reserve_share = reserve.share_left(step_ratio * reserve.spent().0 / RESERVE_FITS);
-        let n_frames = (reserve_share * longest.n_frames as f64) as usize;
-        if n_frames < pilot_frames + look {
+        let n_frames = (reserve_share * longest_excerpt.n_frames as f64) as usize;
+        if n_frames < pilot_frames + look_interval {
             return Err(TrialError::AllowanceSpent);
         }
-        let shorter = Excerpt { n_frames, ..longest };
+        let shorter = Excerpt {
+            n_frames,
+            ..longest_excerpt
+        };
         Ok((run, play(other.0, other.1, shorter, reserve)?, n_frames))
     });
     let (run, other, n_frames) = match played_runs {
@@ -151,19 +163,19 @@ fn extend_over(
         Err(error) => return Err(error),
     };
     let spans = Spans::new(coarse.0, n_frames);
-    let changes = changes(&run.sound, &other.sound, spans.n_out, look);
-    let change_at = |looked_frames: usize| changes[looked_frames.div_ceil(look).min(changes.len()) - 1];
+    let changes = changes(&run.sound, &other.sound, spans.n_out, look_interval);
+    let change_at = |looked_frames: usize| changes[looked_frames.div_ceil(look_interval).min(changes.len()) - 1];
     // By how much the measured error exceeds the change between the two runs [dB].
     let error_excess = measured.db - change_at(pilot_frames);
     // The first run may have been played further.
     let sound_pair = (&run.sound[..other.sound.len()], &*other.sound);
     let audible = Audible::for_budget(budget, sound_pair, &spans);
-    let audible_error = measured.audible.zip(audible).map(|(pilots, audible)| {
+    let audible_error = measured.audible.zip(audible).map(|(pilot_error, audible)| {
         // The finer run has up to as large an error as the change.
         Measured {
             db: measured.db.max(change_at(n_frames) + error_excess),
             over: seconds(n_frames),
-            audible: Some(audible.plus(audible).with(pilots)),
+            audible: Some(audible.plus(audible).with(pilot_error)),
             ..measured
         }
     });
@@ -175,7 +187,7 @@ fn extend_over(
     let (mut valid_frames, mut db) = (pilot_frames, measured.db);
     let mut looked_frames = pilot_frames;
     while looked_frames < n_frames {
-        looked_frames = (looked_frames + look).min(n_frames);
+        looked_frames = (looked_frames + look_interval).min(n_frames);
         let error_now = change_at(looked_frames) + error_excess;
         // In a linear motion errors of pitch add up, and the waveform is as wrong as measured: nothing parts by chance.
         if error_now > parting_level && !is_linear(coarse.0) {
@@ -205,15 +217,17 @@ fn extend_over(
 }
 
 /// ‖a − b‖ / ‖b‖ [dB] of the worst output, from the start to each look; the mean of `b` does not count as sound.
-fn changes(a: &[f64], b: &[f64], n_outputs: usize, look: usize) -> Vec<f64> {
+fn changes(a: &[f64], b: &[f64], n_outputs: usize, look_interval: usize) -> Vec<f64> {
     let n_outputs = n_outputs.max(1);
     // Sums so far for each output: the squared difference, and b and its square, both relative to the first frame.
     let mut output_sums = vec![[0.0; 3]; n_outputs];
     let mut frame_count = 0.0;
     let mut changes = Vec::new();
-    let look_chunks = a.chunks(look * n_outputs).zip(b.chunks(look * n_outputs));
-    for (a, b_own) in look_chunks {
-        for (a, b_frame) in a.chunks(n_outputs).zip(b_own.chunks(n_outputs)) {
+    let look_chunks = a
+        .chunks(look_interval * n_outputs)
+        .zip(b.chunks(look_interval * n_outputs));
+    for (a, b_chunk) in look_chunks {
+        for (a, b_frame) in a.chunks(n_outputs).zip(b_chunk.chunks(n_outputs)) {
             frame_count += 1.0;
             for (output, output_sums) in output_sums.iter_mut().enumerate() {
                 let sound_offset = b_frame[output] - b[output];
@@ -239,9 +253,9 @@ pub(in crate::plan) fn end(island_plan: &IslandPlan) -> f64 {
     let timeline = &island_plan.timeline;
     let gestures = timeline.gestures.iter();
     let gestures = gestures.filter_map(|gesture| gesture.points.last().map(|point| point.0));
-    let strikes = timeline.strikes.iter().map(|strike| strike.instant);
+    let strike_times = timeline.strikes.iter().map(|strike| strike.instant);
     let ergon_times = timeline.ergons.iter().map(|ergon| ergon.instant);
-    gestures.chain(strikes).chain(ergon_times).fold(0.0, f64::max) + RING_SECONDS
+    gestures.chain(strike_times).chain(ergon_times).fold(0.0, f64::max) + RING_SECONDS
 }
 
 #[cfg(test)]

@@ -138,7 +138,7 @@ impl<'a> Map<'a> {
         let slow: Vec<&Slow> = body_plans().filter_map(linear_slow).collect();
         let kick_periods: Vec<u64> = slow.iter().map(|slow| slow.kick_every.into()).collect();
         let frames = kick_periods.iter().copied().fold(1, lcm);
-        let quickest = kick_periods.iter().copied().min()?;
+        let shortest_period = kick_periods.iter().copied().min()?;
         // A body without a linear map is replaced by the masses of its ports.
         let has_no_map = |inside: &&BodyPlan| match inside {
             BodyPlan::Mesh(_) => true,
@@ -166,7 +166,7 @@ impl<'a> Map<'a> {
             stepped: (0..mat_count)
                 .filter(|&i| scheme.w[i] > 0.0 && !is_port_mat[i])
                 .collect(),
-            kicks: frames as f64 / quickest as f64,
+            kicks: frames as f64 / shortest_period as f64,
             is_partial,
             frames,
             links,
@@ -257,7 +257,7 @@ impl<'a> Map<'a> {
 
     /// Work of one application of the map [s].
     fn work(&self) -> f64 {
-        let modal_products = self.modes.iter().map(|own| own.now.len() * own.modal.ports.len());
+        let modal_products = self.modes.iter().map(|modes| modes.now.len() * modes.modal.ports.len());
         // A slow body's springs are a dense product at each kick.
         let kick_sizes = self.slow.iter().map(RunningSlow::n_state);
         let dense_products: usize = kick_sizes.map(|n| n * n / 2).sum();
@@ -313,7 +313,7 @@ impl<'a> Map<'a> {
         self.excite();
         let n_applications = self.n_applications();
         let mut quarters = [0.0_f64; 4];
-        for step in 0..n_applications {
+        for application in 0..n_applications {
             interrupt::spend(FRAME_STEPS * self.frames as usize * self.len());
             self.place();
             for n in 0..self.frames {
@@ -323,15 +323,15 @@ impl<'a> Map<'a> {
             if !state_energy.is_finite() {
                 return f64::INFINITY;
             }
-            let quarter = &mut quarters[4 * step / n_applications];
+            let quarter = &mut quarters[4 * application / n_applications];
             *quarter = quarter.max(state_energy);
         }
         if quarters[1] <= 0.0 {
             return 0.0; // all of it has come to rest
         }
         // Amplitude grows as the root of the energy; the two quarters are half the time apart.
-        let kicks_apart = n_applications as f64 * self.kicks;
-        crate::maths::pow(quarters[3] / quarters[1], 1.0 / kicks_apart)
+        let kick_total = n_applications as f64 * self.kicks;
+        crate::maths::pow(quarters[3] / quarters[1], 1.0 / kick_total)
     }
 
     /// Sets all positions to 0 and random speeds of about equal energy.
@@ -350,8 +350,8 @@ impl<'a> Map<'a> {
         }
         for modes in &mut self.modes {
             modes.before.fill(0.0);
-            for (now, own) in modes.now.iter_mut().zip(&modes.modal.modes) {
-                *now = next_random() * own.gain.sqrt();
+            for (now, mode_plan) in modes.now.iter_mut().zip(&modes.modal.modes) {
+                *now = next_random() * mode_plan.gain.sqrt();
             }
         }
     }
@@ -360,22 +360,23 @@ impl<'a> Map<'a> {
     fn energy(&self) -> f64 {
         let Body { x, d, .. } = &self.body;
         let Scheme { w, kappa, .. } = &self.scheme;
-        let each = self.stepped.iter();
-        let stepped: f64 = each.map(|&i| (d[i] * d[i] + kappa[i] * x[i] * x[i]) / w[i]).sum();
+        let entries = self.stepped.iter();
+        let stepped_energy: f64 = entries.map(|&i| (d[i] * d[i] + kappa[i] * x[i] * x[i]) / w[i]).sum();
         let elongation_squared = |link: &Link| (x[link.b] - x[link.a]) * (x[link.b] - x[link.a]);
         let link_energy: f64 = self.links.iter().map(|link| link.k * elongation_squared(link)).sum();
         let slow_energy: f64 = self.slow.iter().map(RunningSlow::energy).sum();
         let energy_of = |modes: &Modes<'_>| -> f64 {
             let amplitude_pairs = modes.now.iter().zip(&modes.before);
-            let each = amplitude_pairs.zip(&modes.modal.modes);
-            each.map(|((now, before), mode_plan)| {
-                let amplitude_step = now - before;
-                (amplitude_step * amplitude_step + (1.0 - mode_plan.a + mode_plan.b) * now * now) / mode_plan.gain
-            })
-            .sum()
+            let entries = amplitude_pairs.zip(&modes.modal.modes);
+            entries
+                .map(|((now, before), mode_plan)| {
+                    let amplitude_step = now - before;
+                    (amplitude_step * amplitude_step + (1.0 - mode_plan.a + mode_plan.b) * now * now) / mode_plan.gain
+                })
+                .sum()
         };
         let modes: f64 = self.modes.iter().map(energy_of).sum();
-        slow_energy + 0.5 * (stepped + link_energy + modes)
+        slow_energy + 0.5 * (stepped_energy + link_energy + modes)
     }
 }
 

@@ -102,8 +102,8 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
 
     /// Finds the cheapest plain island that is not heard to differ from its finer twins; `None` if there is none.
     fn find_plain(&self) -> Result<Option<PilotOutcome>, Error> {
-        let outcome = plain_reference(&self.climb(), self.allowance);
-        let Some(reference) = unless_spent(outcome)?.flatten() else {
+        let reference_result = plain_reference(&self.climb(), self.allowance);
+        let Some(reference) = unless_spent(reference_result)?.flatten() else {
             return Ok(None);
         };
         let stretches = Stretches::new(&reference.run.sound, &self.spans);
@@ -142,8 +142,8 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
             return Ok(None);
         };
         let first_candidate = Candidate::new(island.clone(), substeps, None).counted(&first_run);
-        let outcome = reference(&self.climb(), &first_candidate, self.allowance);
-        let Some(reference) = unless_spent(outcome)?.flatten() else {
+        let reference_result = reference(&self.climb(), &first_candidate, self.allowance);
+        let Some(reference) = unless_spent(reference_result)?.flatten() else {
             return Ok(Some(self.unmeasured(first_candidate, first_run)?));
         };
         let stretches = Stretches::new(&reference.run.sound, &self.spans);
@@ -201,10 +201,10 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
                 audible: tried.audible,
             },
         };
-        let coarse_island = tried.candidate.island;
-        let is_open_ended = measured_error.spectral.is_none() && horizon::error_may_grow(&coarse_island.island_plan);
-        let methods = coarse_island.mesh_methods();
-        let twice_as_fine = coarse_island.again(2 * coarse_island.island_plan.oversampling, &methods);
+        let full_island = tried.candidate.island;
+        let is_open_ended = measured_error.spectral.is_none() && horizon::error_may_grow(&full_island.island_plan);
+        let methods = full_island.mesh_methods();
+        let twice_as_fine = full_island.again(2 * full_island.island_plan.oversampling, &methods);
         let finer = is_open_ended.then(|| (self.assemble)(twice_as_fine).ok()).flatten();
         let pilot_result = PilotResult {
             chosen: ChosenIsland {
@@ -214,7 +214,7 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
             },
             long_run: finer.map(|finer| LongRunPair {
                 contact_substeps: [tried.candidate.substeps; 2],
-                full: coarse_island,
+                full: full_island,
                 finer,
             }),
         };
@@ -303,16 +303,16 @@ fn choose_runs(
 ) -> Result<(Runs, Spans), TrialError> {
     let (runs, spans) = (Runs::new(excerpt), Spans::new(played.0, excerpt.n_frames));
     let (spent_before, _) = allowance.spent();
-    let audible_share = Cell::new(1.0);
+    let affordable_share = Cell::new(1.0);
     // A run that was stopped early is not kept: the shorter excerpt is played again as a whole.
-    let audible_frames = |frames: usize| frames.saturating_sub(spans.event()) as f64;
+    let frames_after_event = |frames: usize| frames.saturating_sub(spans.event()) as f64;
     runs.play_while(played, allowance, |frames, _| {
         let run_work = allowance.spent().0 - spent_before;
         let affordable = allowance.share_left(SEARCH_COST * run_work);
-        audible_share.set(affordable * audible_frames(frames) / audible_frames(excerpt.n_frames));
+        affordable_share.set(affordable * frames_after_event(frames) / frames_after_event(excerpt.n_frames));
         affordable == 1.0 || frames <= spans.shortened(1).end()
     })?;
-    let span_parts = (PILOT_PARTS as f64 * audible_share.get()) as usize;
+    let span_parts = (PILOT_PARTS as f64 * affordable_share.get()) as usize;
     if span_parts >= PILOT_PARTS {
         return Ok((runs, spans));
     }
@@ -344,6 +344,6 @@ fn lowest_stable(assemble: &impl Fn(How<'_>) -> Result<Assembled, Error>) -> Res
                 higher_rates.filter_map(|oversampling| assemble(How::fine(oversampling, MethodChoice::ByBudget)).ok());
             stable_islands.next().ok_or(error)
         }
-        other => other,
+        first_result => first_result,
     }
 }

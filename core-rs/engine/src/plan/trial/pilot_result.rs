@@ -40,15 +40,16 @@ impl ChosenIsland {
     pub(in crate::plan) fn stricter(&self, first_error: Option<Measured>, budget: &Budget) -> Option<Budget> {
         let (error_now, first_error) = self.error.zip(first_error)?;
         match *budget {
-            Budget::Error(asked) => {
+            Budget::Error(error_asked) => {
                 let error_growth = error_now.db - first_error.db;
-                let has_left = error_now.spectral.is_none() && error_now.db > asked && first_error.db <= asked;
-                has_left.then_some(Budget::Error(asked - error_growth))
+                let has_left_budget =
+                    error_now.spectral.is_none() && error_now.db > error_asked && first_error.db <= error_asked;
+                has_left_budget.then_some(Budget::Error(error_asked - error_growth))
             }
             Budget::Cents { cents, upto } => {
                 let error_growth = error_now.excess(budget) / first_error.excess(budget);
-                let has_left = error_now.excess(budget) > 1.0 && first_error.excess(budget) <= 1.0;
-                has_left.then_some(Budget::Cents {
+                let has_left_budget = error_now.excess(budget) > 1.0 && first_error.excess(budget) <= 1.0;
+                has_left_budget.then_some(Budget::Cents {
                     cents: cents / error_growth,
                     upto,
                 })
@@ -97,7 +98,7 @@ impl PilotResult {
     pub(in crate::plan) fn extend_error(
         self,
         budget: &Budget,
-        known: (&Allowance, Option<&dyn TrialStore>),
+        trial_context: (&Allowance, Option<&dyn TrialStore>),
     ) -> Result<ChosenIsland, Error> {
         let Self { mut chosen, long_run } = self;
         if let (Some(measured), Some(long_run)) = (chosen.error, long_run) {
@@ -106,7 +107,7 @@ impl PilotResult {
                 (&long_run.full.island_plan, coarse_substeps),
                 (&long_run.finer.island_plan, finer_substeps),
             ];
-            chosen.error = unless_spent(horizon::extend_error(measured, budget, played_pair, known))?;
+            chosen.error = unless_spent(horizon::extend_error(measured, budget, played_pair, trial_context))?;
         }
         chosen.error = chosen.error.map(|error| error.doubted(budget.asked()));
         Ok(chosen)
@@ -206,7 +207,7 @@ impl PilotResult {
         };
         let long_run = if coarse_substeps > 0 {
             let methods = island.mesh_methods();
-            let assembled = |times| assemble(island.again(times, &methods), None).ok();
+            let assembled = |step_count| assemble(island.again(step_count, &methods), None).ok();
             Some(LongRunPair {
                 full: assembled(oversampling)?,
                 finer: assembled(2 * oversampling)?,

@@ -87,9 +87,9 @@ impl CountedCost {
     /// The mean over `n_frames`.
     fn new(island: &Island, n_frames: usize) -> Self {
         let mean_cost = |ns: f64| (ns / n_frames.max(1) as f64).round() as u32;
-        let [island_cost, bodies] = cost::counted_cost(island).map(mean_cost);
+        let [contacts_cost, bodies] = cost::counted_cost(island).map(mean_cost);
         Self {
-            contacts: island_cost,
+            contacts: contacts_cost,
             bodies,
         }
     }
@@ -195,15 +195,17 @@ fn find_length(
 }
 
 /// The first event of an island at `from` or later [s]; infinite if there is none.
-fn next_event(island_plan: &IslandPlan, from: f64, rate: f64) -> f64 {
+fn next_event(island_plan: &IslandPlan, earliest: f64, rate: f64) -> f64 {
     let timeline = &island_plan.timeline;
-    let gestures = timeline.gestures.iter().map(|gesture| gesture.start);
-    let strikes = timeline.strikes.iter().map(|strike| strike.instant);
+    let gesture_times = timeline.gestures.iter().map(|gesture| gesture.start);
+    let strike_times = timeline.strikes.iter().map(|strike| strike.instant);
     let ergon_times = timeline.ergons.iter().map(|ergon| ergon.instant);
     let body_plans = island_plan.bodies.iter();
-    let body_strikes = body_plans.map(|body| body.next_strike(from * rate) / rate);
-    let event_times = gestures.chain(strikes).chain(ergon_times).chain(body_strikes);
-    event_times.filter(|event| *event >= from).fold(f64::INFINITY, f64::min)
+    let body_strikes = body_plans.map(|body| body.next_strike(earliest * rate) / rate);
+    let event_times = gesture_times.chain(strike_times).chain(ergon_times).chain(body_strikes);
+    event_times
+        .filter(|event_time| *event_time >= earliest)
+        .fold(f64::INFINITY, f64::min)
 }
 
 /// The excerpt up to a while after the next event, for an island that is silent until then; `None` if there is none, or
@@ -344,7 +346,7 @@ pub(in crate::plan) fn nudged(
 fn run(
     (island_plan, contact_substeps): (&IslandPlan, usize),
     excerpt: Excerpt,
-    (block, by): (usize, f64),
+    (nudge_frame, damping_factor): (usize, f64),
     allowance: &Allowance,
     mut goes_on: impl FnMut(usize, &[f64]) -> bool,
 ) -> Result<Option<PilotRun>, TrialError> {
@@ -368,9 +370,9 @@ fn run(
     let mut created = Created::default();
     let look_frames = (n_frames / ENERGY_CHECKS).max(1);
     for first_frame in (0..n_frames).step_by(BLOCK) {
-        if first_frame == block {
-            island.damp(by);
-        } else if first_frame == block + BLOCK {
+        if first_frame == nudge_frame {
+            island.damp(damping_factor);
+        } else if first_frame == nudge_frame + BLOCK {
             island.damp(1.0);
         }
         let block_end = (first_frame + BLOCK).min(n_frames);
@@ -471,8 +473,8 @@ mod tests {
         }
         let work_counts = island.fine_work();
         let work_counts = [work_counts.instants, work_counts.products, island.guard_steps()];
-        let frames_passed = island.passed() / u64::from(island_plan.oversampling);
-        (sample_bits, island.write_state(), work_counts, frames_passed)
+        let frames_skipped = island.passed() / u64::from(island_plan.oversampling);
+        (sample_bits, island.write_state(), work_counts, frames_skipped)
     }
 
     #[test]
@@ -487,13 +489,13 @@ mod tests {
                     };
                     n_islands += 1;
                     let (full_sound, full_state, full_work, _) = played(island_plan, false);
-                    let (rested_sound, rested_state, counted, frames_passed) = played(island_plan, true);
-                    assert!(full_sound == rested_sound && full_state == rested_state && full_work == counted);
+                    let (rested_sound, rested_state, rested_work, frames_skipped) = played(island_plan, true);
+                    assert!(full_sound == rested_sound && full_state == rested_state && full_work == rested_work);
                     // All frames before the gesture are skipped but the first and a few before it; none if a spring
                     // moves the key.
                     let rest_frames = (BEGINS * 44_100.0) as u64;
                     let expected = if rests { rest_frames - 2_560..rest_frames } else { 0..1 };
-                    assert!(expected.contains(&frames_passed), "{budget:?} {frames_passed}");
+                    assert!(expected.contains(&frames_skipped), "{budget:?} {frames_skipped}");
                 }
                 assert_eq!(n_islands, 1);
             }

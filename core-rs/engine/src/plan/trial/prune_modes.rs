@@ -84,8 +84,8 @@ fn keep(island_plan: &IslandPlan, body: &Modal, squares: &[f64], allowed: Option
         };
     }
     let port_shapes = body.ports.iter().map(|port| port.shape.as_slice());
-    let listened = body.outputs.iter().map(|(_, shape)| shape.as_slice());
-    let shape_rows: Vec<&[f64]> = port_shapes.chain(listened).collect();
+    let output_shapes = body.outputs.iter().map(|(_, shape)| shape.as_slice());
+    let shape_rows: Vec<&[f64]> = port_shapes.chain(output_shapes).collect();
     let mut modes_kept = choose(&excitations(body, squares), &shape_rows, allowed, budget, |mode| {
         body.frequency(mode)
     });
@@ -136,9 +136,9 @@ fn excitations(body: &Modal, squares: &[f64]) -> Vec<Vec<f64>> {
     let touched_ports = body.ports.iter().filter(|_| !is_measured);
     let struck = body.struck.iter().map(|struck| energies_from(&struck.shape));
     let touched = touched_ports.map(|port| energies_from(&port.shape));
-    let indexed = squares.iter().enumerate();
-    let indexed = indexed.map(|(mode, square)| body.compliance(mode).map_or(0.0, |_| *square));
-    struck.chain(touched).chain([indexed.collect()]).collect()
+    let measured_energies = squares.iter().enumerate();
+    let measured_energies = measured_energies.map(|(mode, square)| body.compliance(mode).map_or(0.0, |_| *square));
+    struck.chain(touched).chain([measured_energies.collect()]).collect()
 }
 
 /// Stiffness of the stiffest link on a MAT [N/m].

@@ -44,8 +44,8 @@ impl TrialRecord {
     /// Splits a record into what was taken and the rest; `None` if it is not valid.
     fn split_header(mut self) -> Option<(Taken, Self)> {
         let numbers = self.numbers.iter().flatten();
-        let are_good = numbers.clone().all(|number| number.is_finite());
-        if !are_good || self.numbers.len() < 3 || self.counts.is_empty() {
+        let are_finite = numbers.clone().all(|number| number.is_finite());
+        if !are_finite || self.numbers.len() < 3 || self.counts.is_empty() {
             return None;
         }
         let header_numbers: Vec<Option<f64>> = self.numbers.drain(..3).collect();

@@ -52,7 +52,7 @@ impl Reference {
 
     fn is_better(&self, other: &Self, budget: &Budget) -> bool {
         match (self.audible, other.audible) {
-            (Some(audible), Some(others)) => audible.excess(budget) < others.excess(budget),
+            (Some(audible), Some(other_audible)) => audible.excess(budget) < other_audible.excess(budget),
             _ => self.error < other.error,
         }
     }
@@ -73,13 +73,13 @@ pub(in crate::plan) fn reference<F: Fn(How<'_>) -> Result<Assembled, Error>>(
     allowance: &Allowance,
 ) -> Result<Option<Reference>, TrialError> {
     let (spans, budget) = (climb.spans, climb.budget);
-    let highest = 8 * OVERSAMPLING_MAX;
+    let steps_max = 8 * OVERSAMPLING_MAX;
     let substeps = first_substeps(first);
     let mut best_reference: Option<Reference> = None;
     for family in climb.families(first) {
         let family_allowance = allowance.fraction(FAMILY_SHARE);
         let lowest_steps = if family.is_plain { OVERSAMPLING_MAX } else { 1 };
-        let reached = climb.family((family, substeps), lowest_steps..=highest, &family_allowance);
+        let reached = climb.family((family, substeps), lowest_steps..=steps_max, &family_allowance);
         allowance.spend_fraction(&family_allowance, FAMILY_SHARE);
         match reached {
             // By CA a strike that friction can stop within a step moves nothing, at any rate.
@@ -171,16 +171,16 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Climb<'_, F> {
     fn family(
         &self,
         (family, substeps): (Family, usize),
-        doublings: RangeInclusive<u32>,
+        step_range: RangeInclusive<u32>,
         allowance: &Allowance,
     ) -> Result<Option<Reference>, TrialError> {
         let mut best_reference: Option<Reference> = None;
         let mut last_run: Option<Rc<PilotRun>> = None;
         let mut change_before: Option<f64> = None;
         let mut work_spent = 0.0;
-        let is_coarse = family.is_plain && doublings.contains(&1);
-        let mut step_count = *doublings.start();
-        while doublings.contains(&step_count) {
+        let is_coarse = family.is_plain && step_range.contains(&1);
+        let mut step_count = *step_range.start();
+        while step_range.contains(&step_count) {
             let family_member = (self.assemble)(family.with_steps(step_count));
             step_count *= 2;
             let Ok(island) = family_member else {
@@ -193,25 +193,25 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Climb<'_, F> {
             if !is_affordable(&candidate.island.island_plan, n_frames) || !is_paid_for {
                 break;
             }
-            let (already, _) = allowance.spent();
+            let (spent_before, _) = allowance.spent();
             let played_plan = (&candidate.island.island_plan, substeps);
             let run = match self.runs.play(played_plan, allowance) {
                 Err(TrialError::AllowanceSpent) if best_reference.is_some() => break,
                 run => run?,
             };
-            work_spent = allowance.spent().0 - already;
+            work_spent = allowance.spent().0 - spent_before;
             if run.is_lost {
                 last_run = None;
                 continue;
             }
-            let Some(coarser) = last_run.replace(run.clone()) else {
+            let Some(coarser_run) = last_run.replace(run.clone()) else {
                 continue;
             };
-            let run_change = difference(&coarser.sound, &run.sound, self.spans);
+            let run_change = difference(&coarser_run.sound, &run.sound, self.spans);
             let reached = Reference {
                 candidate: candidate.counted(&run),
                 error: error_of_finer(run_change, change_before),
-                audible: Audible::for_budget(self.budget, (&coarser.sound, &run.sound), self.spans),
+                audible: Audible::for_budget(self.budget, (&coarser_run.sound, &run.sound), self.spans),
                 run,
             };
             let gains_nothing = change_before.is_some_and(|change_before| run_change > change_before - EQUAL_ERRORS_DB);
@@ -237,11 +237,11 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Climb<'_, F> {
 
 /// The error of the finer of two runs [dB], from the change between them and the one `before` at twice the steps: at
 /// order 1, which the first two are assumed to have, it is the change.
-fn error_of_finer(change: f64, before: Option<f64>) -> f64 {
-    let [lowest_order, highest] = CONVERGENCE_ORDERS;
-    let error_order = before
-        .map_or(1.0, |before| (before - change) / FACTOR_TWO_DB)
-        .clamp(lowest_order, highest);
+fn error_of_finer(change: f64, change_before: Option<f64>) -> f64 {
+    let [lowest_order, highest_order] = CONVERGENCE_ORDERS;
+    let error_order = change_before
+        .map_or(1.0, |change_before| (change_before - change) / FACTOR_TWO_DB)
+        .clamp(lowest_order, highest_order);
     change - 20.0 * crate::maths::log10(pow(2.0, error_order) - 1.0)
 }
 

@@ -51,8 +51,8 @@ impl Runs {
 
     fn keep(&self, (island_plan, contact_substeps): (&IslandPlan, usize), run: &Rc<PilotRun>) {
         let mut played_runs = self.played.borrow_mut();
-        let samples: usize = played_runs.iter().map(|(_, run)| run.sound.len()).sum();
-        if samples + run.sound.len() <= SAMPLES_MAX {
+        let sample_count: usize = played_runs.iter().map(|(_, run)| run.sound.len()).sum();
+        if sample_count + run.sound.len() <= SAMPLES_MAX {
             played_runs.push((run_key(island_plan, contact_substeps), run.clone()));
         }
     }
@@ -84,7 +84,8 @@ impl Runs {
         goes_on: impl FnMut(usize, &[f64]) -> bool,
     ) -> Result<Option<Rc<PilotRun>>, TrialError> {
         let sought_key = run_key(island_plan, contact_substeps);
-        let known_run = |kept: &(RunKey, Rc<PilotRun>)| (kept.0 == sought_key).then(|| kept.1.clone());
+        let known_run =
+            |played_entry: &(RunKey, Rc<PilotRun>)| (played_entry.0 == sought_key).then(|| played_entry.1.clone());
         if let Some(run) = self.played.borrow().iter().find_map(known_run) {
             return Ok(Some(run));
         }

@@ -110,16 +110,16 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
                 }
             }
             let n_frames = self.runs.excerpt().n_frames;
-            let is_short = is_affordable(&candidate.island.island_plan, n_frames);
+            let fits_work_limit = is_affordable(&candidate.island.island_plan, n_frames);
             let is_paid_for = candidate.is_within(self.allowance, n_frames);
-            if !is_short || !is_paid_for || gains.is_idle(&candidate) {
+            if !fits_work_limit || !is_paid_for || gains.is_idle(&candidate) {
                 continue;
             }
             // Once the allowance is spent, what was tried is all there is.
-            let Some(outcome) = unless_spent(self.measure(candidate, nearest.as_ref()))? else {
+            let Some(tried_result) = unless_spent(self.measure(candidate, nearest.as_ref()))? else {
                 break;
             };
-            let Some(tried) = outcome else { continue };
+            let Some(tried) = tried_result else { continue };
             gains.add(&tried);
             if !self.misses(&tried) {
                 let is_cheaper = |cheapest: &Tried| tried.candidate.cost < cheapest.candidate.cost;
@@ -204,7 +204,7 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
         let audible = audible.zip(reference.audible).filter(|_| parting.is_none());
         Tried {
             error: amplitude_sum([run_difference, reference.error]),
-            audible: audible.map(|(run_difference, unsure)| run_difference.plus(unsure)),
+            audible: audible.map(|(run_difference, reference_audible)| run_difference.plus(reference_audible)),
             parting,
             candidate: candidate.counted(&run),
             run,
@@ -233,10 +233,10 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
     /// Whether a candidate that misses the budget is enough better than `other` to be worth its cost.
     fn beats(&self, tried: &Tried, other: &Tried) -> bool {
         match (&tried.parting, &other.parting) {
-            (Some(parting), Some(others)) => {
-                let spectral_limit = others.spectral.max(SPECTRUM_NOISE);
+            (Some(parting), Some(other_parting)) => {
+                let spectral_limit = other_parting.spectral.max(SPECTRUM_NOISE);
                 parting.spectral < spectral_limit - EQUAL_ERRORS_DB
-                    || (parting.attack < others.attack - EQUAL_ERRORS_DB && parting.spectral <= spectral_limit)
+                    || (parting.attack < other_parting.attack - EQUAL_ERRORS_DB && parting.spectral <= spectral_limit)
             }
             _ => match self.budget {
                 Budget::Error(_) => tried.error < other.error - EQUAL_ERRORS_DB,

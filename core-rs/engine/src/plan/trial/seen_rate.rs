@@ -18,19 +18,23 @@ use crate::plan::trial::waveform_error::{Spans, difference};
 /// `None` if it is not known what will happen, if the allowance ends first, or if the island cannot be played at both
 /// rates.
 pub(in crate::plan) fn error(
-    slow: &IslandPlan,
+    lower_rate_plan: &IslandPlan,
     (subset, island_timeline, budget): (&Subset, &OwnTimeline, &Budget),
     (memo, allowance, store): (&Memo<'_>, &Allowance, Option<&dyn TrialStore>),
 ) -> Result<Option<Measured>, Error> {
     let Some(slower_timeline) = island_timeline
-        .slower(slow.every)
+        .slower(lower_rate_plan.every)
         .filter(|_| !island_timeline.timeline.is_open)
     else {
         return Ok(None);
     };
     // Trials count frames of the slower timeline.
     let trial_series = store.map(|store| {
-        let rate_numbers = (slow.every, slow.oversampling, slow.contact_substeps);
+        let rate_numbers = (
+            lower_rate_plan.every,
+            lower_rate_plan.oversampling,
+            lower_rate_plan.contact_substeps,
+        );
         let also_hashed = format_args!("seen {budget:?} {rate_numbers:?}");
         let content = IslandContent::new(&subset.network, &slower_timeline.timeline, also_hashed);
         Series::new(store, content)
@@ -38,33 +42,40 @@ pub(in crate::plan) fn error(
     measured(trial_series, allowance, || {
         let assembly_how = How::fine(1, MethodChoice::ByBudget);
         match Assembled::new(subset, island_timeline, budget, assembly_how, None, memo) {
-            Ok(each) => compare_rates(slow, &each.island_plan, allowance),
+            Ok(assembled) => compare_rates(lower_rate_plan, &assembled.island_plan, allowance),
             Err(_) => Ok(None),
         }
     })
 }
 
 /// The difference between an island at the lower rate and the same at every frame, over its beginning.
-fn compare_rates(slow: &IslandPlan, each: &IslandPlan, allowance: &Allowance) -> Result<Option<Measured>, Error> {
-    let excerpt = unless_spent(find_excerpt(slow, allowance))?;
+fn compare_rates(
+    lower_rate_plan: &IslandPlan,
+    full_rate_plan: &IslandPlan,
+    allowance: &Allowance,
+) -> Result<Option<Measured>, Error> {
+    let excerpt = unless_spent(find_excerpt(lower_rate_plan, allowance))?;
     let Some(excerpt) = excerpt.filter(|excerpt| excerpt.n_frames > 0) else {
         return Ok(None);
     };
-    let frame_stride = slow.every as usize;
-    let play_island = |island_plan: &IslandPlan, times: usize| {
+    let frame_stride = lower_rate_plan.every as usize;
+    let play_island = |island_plan: &IslandPlan, frame_factor: usize| {
         let excerpt = Excerpt {
-            from: excerpt.from * times,
-            n_frames: excerpt.n_frames * times,
+            from: excerpt.from * frame_factor,
+            n_frames: excerpt.n_frames * frame_factor,
         };
         unless_spent(play(island_plan, island_plan.contact_substeps, excerpt, allowance))
     };
-    let (Some(slow_run), Some(plainly)) = (play_island(slow, 1)?, play_island(each, frame_stride)?) else {
+    let (Some(lower_rate_run), Some(full_rate)) = (
+        play_island(lower_rate_plan, 1)?,
+        play_island(full_rate_plan, frame_stride)?,
+    ) else {
         return Ok(None);
     };
-    let spans = Spans::new(slow, excerpt.n_frames);
-    let strided_frames = plainly.sound.chunks(spans.n_out).step_by(frame_stride);
-    let plainly: Vec<f64> = strided_frames.flatten().copied().collect();
-    let db = difference(&slow_run.sound, &plainly, &spans);
+    let spans = Spans::new(lower_rate_plan, excerpt.n_frames);
+    let strided_frames = full_rate.sound.chunks(spans.n_out).step_by(frame_stride);
+    let full_rate: Vec<f64> = strided_frames.flatten().copied().collect();
+    let db = difference(&lower_rate_run.sound, &full_rate, &spans);
     Ok(db.is_finite().then_some(Measured {
         db,
         over: excerpt.end() as f64 / spans.rate,

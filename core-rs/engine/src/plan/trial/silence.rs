@@ -54,7 +54,9 @@ impl<'a> Silence<'a> {
             }
         }
         let position_pairs = island.positions().iter().zip(&self.start);
-        self.masses = position_pairs.fold(self.masses, |most, (x, start)| most.max((x - start).abs()));
+        self.masses = position_pairs.fold(self.masses, |distance_max, (x, start)| {
+            distance_max.max((x - start).abs())
+        });
     }
 
     /// Lets outputs that are still silent keep their first value in that block; `squares` are those of the amplitudes of
@@ -110,10 +112,15 @@ fn uncancelled_sum(output: usize, island_plan: &IslandPlan, squares: &[Vec<f64>]
         let BodyPlan::Modal(modal_body) = body else {
             continue;
         };
-        let listened = modal_body.outputs.iter().filter(|(own, _)| *own as usize == output);
-        for (_, shape) in listened {
+        let output_shapes = modal_body
+            .outputs
+            .iter()
+            .filter(|(output_index, _)| *output_index as usize == output);
+        for (_, shape) in output_shapes {
             let shape_squares = shape.iter().zip(squares);
-            uncancelled += shape_squares.map(|(by, square)| by.abs() * sqrt(*square)).sum::<f64>();
+            uncancelled += shape_squares
+                .map(|(mode_weight, square)| mode_weight.abs() * sqrt(*square))
+                .sum::<f64>();
         }
     }
     uncancelled

@@ -17,27 +17,30 @@ const CENTRE_HERTZ: f64 = 1_000.0;
 pub(in crate::plan) fn level_difference(a: &[f64], b: &[f64], n_out: usize, rate: f64) -> f64 {
     let n_frames = b.len() / n_out.max(1);
     let bands = bands(n_frames, rate, BAND_VALUES_MIN_PARTED);
-    let (mut sound_levels, mut reference_levels) = (vec![0.0; bands.len()], vec![0.0; bands.len()]);
+    let (mut sound_powers, mut reference_powers) = (vec![0.0; bands.len()], vec![0.0; bands.len()]);
     for output in 0..n_out {
-        let band_sound = |x: &[f64]| -> Vec<f64> { x.iter().skip(output).step_by(n_out).copied().collect() };
-        let (a, b) = (remove_mean(band_sound(a)), remove_mean(band_sound(b)));
+        let output_sound = |x: &[f64]| -> Vec<f64> { x.iter().skip(output).step_by(n_out).copied().collect() };
+        let (a, b) = (remove_mean(output_sound(a)), remove_mean(output_sound(b)));
         let reference_energy: f64 = b.iter().map(|x| x * x).sum();
         if reference_energy <= 0.0 {
             continue;
         }
-        for (sound, levels) in [(a, &mut sound_levels), (b, &mut reference_levels)] {
+        for (sound, band_powers) in [(a, &mut sound_powers), (b, &mut reference_powers)] {
             let powers = powers(sound);
-            for (level, band) in levels.iter_mut().zip(&bands) {
-                *level += powers[band.bins.clone()].iter().sum::<f64>() / reference_energy;
+            for (band_power, band) in band_powers.iter_mut().zip(&bands) {
+                *band_power += powers[band.bins.clone()].iter().sum::<f64>() / reference_energy;
             }
         }
     }
-    let strongest = reference_levels.iter().fold(0.0_f64, |most, level| most.max(*level));
-    let level_pairs = sound_levels.iter().zip(&reference_levels);
-    let audible = level_pairs.filter(|(_, reference_levels)| **reference_levels > COMPARED_POWER_MIN * strongest);
+    let strongest = reference_powers
+        .iter()
+        .fold(0.0_f64, |strongest_yet, band_power| strongest_yet.max(*band_power));
+    let power_pairs = sound_powers.iter().zip(&reference_powers);
+    let compared_pairs =
+        power_pairs.filter(|(_, reference_powers)| **reference_powers > COMPARED_POWER_MIN * strongest);
     let (level_sum, band_count) =
-        audible.fold((0.0, 0), |(level_sum, band_count), (sound_levels, reference_levels)| {
-            let level_gap = 10.0 * log10((sound_levels / reference_levels).max(MISSING_POWER_RATIO));
+        compared_pairs.fold((0.0, 0), |(level_sum, band_count), (sound_powers, reference_powers)| {
+            let level_gap = 10.0 * log10((sound_powers / reference_powers).max(MISSING_POWER_RATIO));
             (level_sum + level_gap.abs(), band_count + 1)
         });
     level_sum / f64::from(band_count.max(1))
@@ -127,11 +130,11 @@ mod tests {
 
     /// Partials at multiples of 60 Hz up to 20 kHz, 0.4 s, two outputs; `size` gives a partial's amplitude, `phase` its
     /// phase.
-    fn sound(size: impl Fn(f64) -> f64, phase: f64) -> Vec<f64> {
+    fn sound(amplitude: impl Fn(f64) -> f64, phase: f64) -> Vec<f64> {
         let sound_sample = |n: usize| {
             let partials = (1..=333).map(|k| {
                 let (partial_hertz, k) = (60.0 * f64::from(k), f64::from(k));
-                size(partial_hertz) / k * sincos(TAU * partial_hertz * n as f64 / 44_100.0 + phase * k * k).0
+                amplitude(partial_hertz) / k * sincos(TAU * partial_hertz * n as f64 / 44_100.0 + phase * k * k).0
             });
             partials.sum::<f64>()
         };
@@ -144,10 +147,10 @@ mod tests {
         let x: Vec<f64> = (0..16).map(|i| f64::from((7 * i * i + 3 * i) % 13)).collect();
         let powers = powers(x.clone());
         for (bin, power) in powers.iter().enumerate() {
-            let turn_at = |i: usize| sincos(TAU * (bin * i) as f64 / 16.0);
-            let each = x.iter().enumerate();
-            let (re, im) = each.fold((0.0, 0.0), |(re, im), (i, x)| {
-                (re + x * turn_at(i).1, im + x * turn_at(i).0)
+            let phasor_at = |i: usize| sincos(TAU * (bin * i) as f64 / 16.0);
+            let indexed_samples = x.iter().enumerate();
+            let (re, im) = indexed_samples.fold((0.0, 0.0), |(re, im), (i, x)| {
+                (re + x * phasor_at(i).1, im + x * phasor_at(i).0)
             });
             assert!((power - (re * re + im * im)).abs() < 1e-9, "{bin}");
         }

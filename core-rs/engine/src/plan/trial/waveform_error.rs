@@ -19,8 +19,8 @@ pub(in crate::plan) fn amplitude_sum(errors: impl IntoIterator<Item = f64>) -> f
 
 /// The difference of two errors by amplitude [dB]: what is left of a budget, or of a measured difference, after an
 /// error; practically nothing if the second is larger.
-pub(in crate::plan) fn amplitude_difference(one: f64, other: f64) -> f64 {
-    20.0 * log10((decibels(one) - decibels(other)).max(1e-15))
+pub(in crate::plan) fn amplitude_difference(total_error: f64, known_error: f64) -> f64 {
+    20.0 * log10((decibels(total_error) - decibels(known_error)).max(1e-15))
 }
 
 /// An error that, added to another one by power, gives the sum of both by amplitude [dB].
@@ -103,9 +103,9 @@ pub(in crate::plan) struct EarlyComparison<'a> {
 }
 
 impl<'a> EarlyComparison<'a> {
-    pub(in crate::plan) fn against(against: &'a [f64], spans: &'a Spans) -> Self {
+    pub(in crate::plan) fn against(reference: &'a [f64], spans: &'a Spans) -> Self {
         Self {
-            against,
+            against: reference,
             spans,
             n_checked: 0,
             lower_bound: f64::NEG_INFINITY,
@@ -180,11 +180,11 @@ mod tests {
     }
 
     /// Two notes that begin at the event, of which the first also has the error `apart`.
-    fn notes(apart: impl Fn(usize) -> f64) -> (Vec<f64>, Vec<f64>) {
+    fn notes(error_at: impl Fn(usize) -> f64) -> (Vec<f64>, Vec<f64>) {
         let note_sample = |n: usize| crate::maths::sin(0.7 * n.saturating_sub(60) as f64);
         let all_frames = 0..360_usize;
         (
-            all_frames.clone().map(|n| note_sample(n) + apart(n)).collect(),
+            all_frames.clone().map(|n| note_sample(n) + error_at(n)).collect(),
             all_frames.map(note_sample).collect(),
         )
     }

@@ -53,22 +53,22 @@ impl Glance {
 
 impl Simulation {
     /// Fills `into` with the state at this frame and the contacts and strikes since the last glance. Only copies.
-    pub fn glance(&mut self, look: &Look, into: &mut Glance) {
-        into.frame = self.frame;
-        self.look(look, &mut into.tracks);
-        self.asked_into(&mut into.asked);
-        into.pushes.fill(Push::default());
-        let pushes = &mut into.pushes;
+    pub fn glance(&mut self, look: &Look, snapshot: &mut Glance) {
+        snapshot.frame = self.frame;
+        self.look(look, &mut snapshot.tracks);
+        self.asked_into(&mut snapshot.asked);
+        snapshot.pushes.fill(Push::default());
+        let pushes = &mut snapshot.pushes;
         self.take_contacts(look, |contact, frame, force| {
             pushes[contact] = Push { frame, force };
         });
-        let broken_links = &mut into.is_broken;
-        self.look_at_breaks(look, |link, is| broken_links[link] = is);
-        into.n_sparks = 0;
+        let broken_links = &mut snapshot.is_broken;
+        self.look_at_breaks(look, |link, is_broken| broken_links[link] = is_broken);
+        snapshot.n_sparks = 0;
         self.take_sparks(look, |spark| {
-            if let Some(spark_room) = into.sparks.get_mut(into.n_sparks) {
+            if let Some(spark_room) = snapshot.sparks.get_mut(snapshot.n_sparks) {
                 *spark_room = spark;
-                into.n_sparks += 1;
+                snapshot.n_sparks += 1;
             }
         });
     }

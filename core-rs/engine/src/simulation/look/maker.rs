@@ -144,18 +144,18 @@ impl<'a> Maker<'a> {
                 self.record_sampled(Some(network_mat), unit, Origin::Mass(mat));
             }
         }
-        for (body, inside) in island.bodies.iter().enumerate() {
-            match inside {
+        for (body_index, body_plan) in island.bodies.iter().enumerate() {
+            match body_plan {
                 BodyPlan::Mesh(mesh) => {
                     for mesh_mat in moving(&mesh.network) {
                         let mat = self.network_index(&mesh.network, mesh_mat);
-                        self.record_sampled(mat, unit, Origin::Mesh(body, mesh_mat));
+                        self.record_sampled(mat, unit, Origin::Mesh(body_index, mesh_mat));
                     }
                 }
                 BodyPlan::Slow(slow) => {
                     for (slot, &mat) in slow.free.iter().enumerate() {
                         let mat = self.network_index(&slow.network, mat);
-                        self.record_sampled(mat, unit, Origin::Slow(body, slot));
+                        self.record_sampled(mat, unit, Origin::Slow(body_index, slot));
                     }
                 }
                 BodyPlan::Modal(modal) => {
@@ -171,7 +171,7 @@ impl<'a> Maker<'a> {
                     let modes = modal.modes.iter();
                     let modes = modes.map(|mode| Oscillation::from_recurrence(mode.a, mode.b, modal.rate.hertz()));
                     if let Some(mode_shapes) = mode_shapes {
-                        self.body((unit, Some(body)), &modal.network, &mode_shapes, modes.collect());
+                        self.body((unit, Some(body_index)), &modal.network, &mode_shapes, modes.collect());
                     }
                 }
             }
@@ -240,10 +240,14 @@ impl<'a> Maker<'a> {
         &mut self,
         place: (usize, Option<usize>),
         network: &Arc<Network>,
-        seen: &ModeShapes,
+        mode_shapes: &ModeShapes,
         modes: Vec<Oscillation>,
     ) {
-        let mats: Vec<Option<usize>> = seen.mats.iter().map(|&mat| self.network_index(network, mat)).collect();
+        let mats: Vec<Option<usize>> = mode_shapes
+            .mats
+            .iter()
+            .map(|&mat| self.network_index(network, mat))
+            .collect();
         let known_body = mats
             .iter()
             .flatten()
@@ -253,7 +257,7 @@ impl<'a> Maker<'a> {
             });
         let body_index = known_body.unwrap_or(self.bodies.len());
         if known_body.is_none() {
-            for (&mat, &rest) in mats.iter().zip(seen.rest()) {
+            for (&mat, &rest) in mats.iter().zip(mode_shapes.rest()) {
                 let (how, from) = (How::Modal(body_index), Origin::Body);
                 self.record(
                     mat,
@@ -273,22 +277,22 @@ impl<'a> Maker<'a> {
                 modes: Vec::new(),
             });
         }
-        let mode_pairs = modes.into_iter().enumerate().take(seen.n_modes());
+        let mode_pairs = modes.into_iter().enumerate().take(mode_shapes.n_modes());
         self.bodies[body_index]
             .modes
             .extend(mode_pairs.map(|(mode, oscillation)| FoundMode {
                 oscillation,
                 place,
                 mode,
-                shape: seen.shape(mode).to_vec(),
+                shape: mode_shapes.shape(mode).to_vec(),
             }));
     }
 
     pub(super) fn finish(mut self, plan: Arc<Plan>) -> Look {
         let mats = self.network.mats();
         let mut points: Vec<Point> = Vec::new();
-        for (mat, holds) in held_in_space(self.network).into_iter().enumerate() {
-            if mats.kind[mat] == MatKind::Sol && !holds {
+        for (mat, is_space_end) in held_in_space(self.network).into_iter().enumerate() {
+            if mats.kind[mat] == MatKind::Sol && !is_space_end {
                 continue;
             }
             let (how, rest) = match &self.sources[mat] {
@@ -307,8 +311,9 @@ impl<'a> Maker<'a> {
             });
         }
         points.sort_by_key(|point| (point.part, kind(point.how), point.mat));
-        let point_numbers: HashMap<usize, usize> =
-            (points.iter().enumerate()).map(|(at, point)| (point.mat, at)).collect();
+        let point_numbers: HashMap<usize, usize> = (points.iter().enumerate())
+            .map(|(point_index, point)| (point.mat, point_index))
+            .collect();
         let (mut bodies, mut n_modes) = (Vec::new(), 0);
         for body in &mut self.bodies {
             let mode_count = body.modes.len();

@@ -73,18 +73,18 @@ impl Simulation {
                     _ => 0,
                 };
                 let (mut last_stop, mut key_before) = (0, String::new());
-                for (place, &stop) in stops.iter().enumerate() {
+                for (stop_index, &stop) in stops.iter().enumerate() {
                     key_before = self.unit_key(unit, (last_stop, stop), &key_before);
                     last_stop = stop;
                     if stop <= silent_until {
                         continue;
                     }
                     for (local, &output) in outputs.iter().enumerate() {
-                        let last_group = &mut last_group[place][output];
+                        let last_group = &mut last_group[stop_index][output];
                         let separator = if *last_group == Some(group) { '+' } else { ',' };
                         *last_group = Some(group);
-                        is_silent[place][output] = false;
-                        keys_by_stop[place][output] += &format!("{separator}{key_before}.{local}");
+                        is_silent[stop_index][output] = false;
+                        keys_by_stop[stop_index][output] += &format!("{separator}{key_before}.{local}");
                     }
                 }
             }
@@ -107,7 +107,9 @@ impl Simulation {
                 let outputs = &island_plan.to_whole.outputs;
                 (0..n_outputs).map(|local| to_network_index(outputs, local)).collect()
             }
-            (Unit::Bank(_), UnitContent::Bank(content)) => content.outputs.iter().map(|&own| own as usize).collect(),
+            (Unit::Bank(_), UnitContent::Bank(content)) => {
+                content.outputs.iter().map(|&output| output as usize).collect()
+            }
             (Unit::Bank(_), UnitContent::Island(_)) => Vec::new(),
         }
     }

@@ -87,16 +87,16 @@ impl Simulation {
                 RunningUnit::Island(island) => island.motion(mat),
                 RunningUnit::Bank(_) => return,
             },
-            MatLocation::Bank(unit_index, there, rest) => match old.playing(unit_index) {
+            MatLocation::Bank(unit_index, old_oscillator, rest) => match old.playing(unit_index) {
                 RunningUnit::Bank(bank) => {
                     if let MatLocation::Bank(unit_index, new_oscillator, rest_here) = to
                         && rest_here == rest
                         && let RunningUnit::Bank(new_bank) = self.playing(unit_index)
                     {
-                        new_bank.copy_motion(new_oscillator, bank, there);
+                        new_bank.copy_motion(new_oscillator, bank, old_oscillator);
                         return;
                     }
-                    let (displacement, displacement_before) = bank.motion(there);
+                    let (displacement, displacement_before) = bank.motion(old_oscillator);
                     (displacement + rest, displacement - displacement_before)
                 }
                 RunningUnit::Island(_) => return,

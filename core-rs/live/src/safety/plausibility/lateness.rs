@@ -101,8 +101,8 @@ impl Lateness {
         is_again
     }
 
-    fn exceeds(&self, part: f64) -> bool {
-        self.work.iter().any(|work| *work > part * self.energy)
+    fn exceeds(&self, energy_share: f64) -> bool {
+        self.work.iter().any(|work| *work > energy_share * self.energy)
     }
 }
 
@@ -123,11 +123,11 @@ mod tests {
                 // The force of a spring in time: no work by the positions.
                 lateness.take(-100.0 * position_at(t), position_at(t + 1e-3) - position_at(t));
             }
-            let fraction_max = lateness.work.iter().copied().fold(0.0, f64::max);
+            let greatest_work = lateness.work.iter().copied().fold(0.0, f64::max);
             let full_work = std::f64::consts::PI * 0.01 * periods;
             assert!(
-                fraction_max > 0.75 * full_work,
-                "{hertz} Hz: {fraction_max} of {full_work}"
+                greatest_work > 0.75 * full_work,
+                "{hertz} Hz: {greatest_work} of {full_work}"
             );
         }
     }

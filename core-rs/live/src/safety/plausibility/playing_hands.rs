@@ -22,19 +22,26 @@ fn tremor(t: f64) -> f64 {
 }
 
 /// Strokes of 60 to 200 ms to a depth between -5 mm and `deepest` [m], one every `every` [s], each held for a while.
-fn strokes(t: f64, every: f64, deepest: f64) -> f64 {
-    let stroke_index = libm::floor(t / every);
-    let (time_in_stroke, stroke_time) = (t - stroke_index * every, 0.06 + 0.14 * chance(stroke_index, 1.0));
+fn strokes(t: f64, stroke_interval: f64, deepest: f64) -> f64 {
+    let stroke_index = libm::floor(t / stroke_interval);
+    let (time_in_stroke, stroke_time) = (
+        t - stroke_index * stroke_interval,
+        0.06 + 0.14 * chance(stroke_index, 1.0),
+    );
     let stroke_depth = -5e-3 + (deepest + 5e-3) * chance(stroke_index, 2.0);
     // The hand is back before the next stroke begins.
-    let spare_time = (every - 2.0 * stroke_time).max(0.0);
-    let release_time = stroke_time + spare_time.min(0.5 * every * chance(stroke_index, 3.0));
+    let spare_time = (stroke_interval - 2.0 * stroke_time).max(0.0);
+    let release_time = stroke_time + spare_time.min(0.5 * stroke_interval * chance(stroke_index, 3.0));
     stroke_depth * (smooth(time_in_stroke / stroke_time) - smooth((time_in_stroke - release_time) / stroke_time))
         + tremor(t)
 }
 
-fn grip(k: f64, z: f64, at: fn(f64) -> f64) -> Option<Grip> {
-    Some(Grip { k, z, position: at })
+fn grip(k: f64, z: f64, hand_path: fn(f64) -> f64) -> Option<Grip> {
+    Some(Grip {
+        k,
+        z,
+        position: hand_path,
+    })
 }
 
 /// A stiff wall that begins at 5 mm.

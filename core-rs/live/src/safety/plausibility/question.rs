@@ -264,8 +264,9 @@ impl Questions {
 
     fn judge(&mut self, Asked { sign, force, sent, .. }: Asked) -> Answer {
         let is_unmoved = |x: &f64| x.to_bits() == self.past[SPAN - 1].to_bits();
-        let changed = 0.5 * (sent[1] - sent[0]);
-        if changed.min(force) * FIRMEST_PATH >= 2.0 * self.resolution && self.past[BEFORE..].iter().all(is_unmoved) {
+        let force_change = 0.5 * (sent[1] - sent[0]);
+        if force_change.min(force) * FIRMEST_PATH >= 2.0 * self.resolution && self.past[BEFORE..].iter().all(is_unmoved)
+        {
             self.response = FIRMEST_RESPONSE;
             return Answer::Unmoved;
         }

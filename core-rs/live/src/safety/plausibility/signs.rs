@@ -68,19 +68,19 @@ pub(super) struct AxisParameters {
 }
 
 impl AxisParameters {
-    pub(super) fn new(built: AxisSpec, step: f64) -> Self {
-        let [lower_stop, upper_stop] = built.range;
-        let mass = built.inertia.filter(|m| *m > 0.0).unwrap_or(DEFAULT_MASS);
+    pub(super) fn new(axis_spec: AxisSpec, step: f64) -> Self {
+        let [lower_stop, upper_stop] = axis_spec.range;
+        let mass = axis_spec.inertia.filter(|m| *m > 0.0).unwrap_or(DEFAULT_MASS);
         let velocity_span = VELOCITY_STEPS as f64 * step;
         Self {
             step,
             mass,
-            noise: 3.0 * mass * built.resolution / (velocity_span * velocity_span),
-            resolution: built.resolution,
-            range: built.range,
+            noise: 3.0 * mass * axis_spec.resolution / (velocity_span * velocity_span),
+            resolution: axis_spec.resolution,
+            range: axis_spec.range,
             margin: MARGIN * (upper_stop - lower_stop),
-            run: RUN.max(8.0 * built.resolution),
-            slow: SLOW.max(2.0 * built.resolution / velocity_span),
+            run: RUN.max(8.0 * axis_spec.resolution),
+            slow: SLOW.max(2.0 * axis_spec.resolution / velocity_span),
         }
     }
 
@@ -229,12 +229,14 @@ impl Signs {
         run.suspicious = -run.direction * sent >= COUNTER_ACCELERATION.1
             && run.direction * inertial_force >= -COUNTER_ACCELERATION.0 * run.direction * sent + axis.noise;
         while run.direction * (x - run.from) >= run.next_length {
-            let against = -run.direction * sent;
-            run.against = run.last_velocity.is_some() && against >= COUNTER_ACCELERATION.1;
-            let velocity_growth = run.last_velocity.map_or(0.0, |before| key_velocity / before);
+            let opposing_force = -run.direction * sent;
+            run.against = run.last_velocity.is_some() && opposing_force >= COUNTER_ACCELERATION.1;
+            let velocity_growth = run
+                .last_velocity
+                .map_or(0.0, |previous_velocity| key_velocity / previous_velocity);
             run.suspicious |= RUN_GROWTH
                 .iter()
-                .any(|&(growth, force)| velocity_growth >= growth && against >= force);
+                .any(|&(growth, force)| velocity_growth >= growth && opposing_force >= force);
             (run.next_length, run.last_velocity) = (2.0 * run.next_length, Some(key_velocity));
         }
     }
@@ -251,8 +253,9 @@ impl Signs {
         if self.pushed_into_stop(sent, axis).is_some() {
             return Some(Trip::AtStop);
         }
-        let changed = self.forces[1] - self.forces[0];
-        let is_frozen = self.still >= axis.steps(CHANGED_OVER) && changed >= CHANGED.max(axis.visible_force_change());
+        let force_change = self.forces[1] - self.forces[0];
+        let is_frozen =
+            self.still >= axis.steps(CHANGED_OVER) && force_change >= CHANGED.max(axis.visible_force_change());
         (is_frozen && !asks && self.side == 0.0).then_some(Trip::Frozen)
     }
 

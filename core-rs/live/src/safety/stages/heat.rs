@@ -27,15 +27,15 @@ impl Heat {
     }
 
     /// Add the load of a force over a tick of `period`; `constant`: time constant of the coil [s].
-    pub(in crate::safety) fn add_load(&mut self, force: f64, continuous: f64, period: f64, constant: f64) {
+    pub(in crate::safety) fn add_load(&mut self, force: f64, continuous: f64, period: f64, time_constant: f64) {
         let heat_load = (force / continuous) * (force / continuous);
-        self.level += (heat_load - self.level) * (period / constant);
+        self.level += (heat_load - self.level) * (period / time_constant);
     }
 
     /// The heat that is left after `elapsed` [s] without force.
-    pub(in crate::safety) fn cooled(self, elapsed: f64, constant: f64) -> Self {
+    pub(in crate::safety) fn cooled(self, elapsed: f64, time_constant: f64) -> Self {
         Self {
-            level: self.level * ergon_engine::maths::exp(-elapsed / constant),
+            level: self.level * ergon_engine::maths::exp(-elapsed / time_constant),
         }
     }
 }

@@ -78,8 +78,8 @@ impl Passivity {
         // Outside lockstep a reply has the position at which the force arrived; in lockstep the position to which the
         // force moved the key.
         let total_delay = delay_ticks + usize::from(!in_lockstep) + EXTRA_DELAYS;
-        let longest = (limits.velocity_window / period).clamp(1.0, GAP_MAX as f64);
-        let velocity_span = (spec.pos_lsb / (STEP_VELOCITY * period)).ceil().clamp(1.0, longest);
+        let span_max = (limits.velocity_window / period).clamp(1.0, GAP_MAX as f64);
+        let velocity_span = (spec.pos_lsb / (STEP_VELOCITY * period)).ceil().clamp(1.0, span_max);
         Self {
             energy: limits.energy,
             power: limits.power,
@@ -118,10 +118,10 @@ impl Passivity {
     }
 
     /// Take positions (n_axes,) [m], received `since` [s] after the previous ones.
-    pub(in crate::safety) fn receive(&mut self, positions: &[f64], since: f64) {
+    pub(in crate::safety) fn receive(&mut self, positions: &[f64], elapsed: f64) {
         let ticks_passed = (self.sent - self.seen).clamp(1, GAP_MAX);
         let (last_slot, now_slot) = (slot(self.n.wrapping_sub(1)), slot(self.n));
-        self.times[now_slot] = self.times[last_slot] + since;
+        self.times[now_slot] = self.times[last_slot] + elapsed;
         let first_slot = slot(self.n - self.span.min(self.n));
         let span_time = self.times[now_slot] - self.times[first_slot];
         for (axis, &x) in self.axes.iter_mut().zip(positions) {
@@ -131,11 +131,11 @@ impl Passivity {
                 let newest_tick = self.sent.wrapping_sub(delay as u64);
                 let force_ago = |ago: u64| axis.forces[slot(newest_tick.wrapping_sub(ago))];
                 let mean_force = (1..=ticks_passed).map(force_ago).sum::<f64>() / ticks_passed as f64;
-                let changed: f64 = (1..=ticks_passed)
+                let change_sum: f64 = (1..=ticks_passed)
                     .map(|ago| (force_ago(ago) - force_ago(ago + 1)).abs())
                     .sum();
-                let work_done = mean_force * (x - position_before) + 0.5 * self.step * changed;
-                *work = refilled(*work + work_done, self.power * since, self.energy);
+                let work_done = mean_force * (x - position_before) + 0.5 * self.step * change_sum;
+                *work = refilled(*work + work_done, self.power * elapsed, self.energy);
             }
             if span_time > 0.0 {
                 axis.velocity = (x - axis.positions[first_slot]) / span_time;
@@ -167,12 +167,12 @@ impl Passivity {
         // Greatest change of the velocity by forces under way and by forces since it was taken.
         let force_sum: f64 = (1..=n_unseen).map(|ago| force(ago).abs()).sum();
         let velocity_change = force_sum * self.period / self.mass + axis_state.velocity_error;
-        let towards = |side: f64| side * axis_state.velocity + velocity_change;
-        let possible_work = |force: f64| force.abs() * towards(force.signum()).max(0.0) * self.period;
-        let reserved: f64 = (1..=unseen_ticks).map(|ago| possible_work(force(ago))).sum();
-        let energy_left = (self.energy - self.work(axis) - reserved).max(0.0);
+        let speed_towards = |side: f64| side * axis_state.velocity + velocity_change;
+        let possible_work = |force: f64| force.abs() * speed_towards(force.signum()).max(0.0) * self.period;
+        let reserved_work: f64 = (1..=unseen_ticks).map(|ago| possible_work(force(ago))).sum();
+        let energy_left = (self.energy - self.work(axis) - reserved_work).max(0.0);
         let force_limit = |side: f64| {
-            let w = towards(side);
+            let w = speed_towards(side);
             let reached_speed = (w * w + 2.0 * energy_left / self.mass).sqrt();
             (reached_speed - w).max(0.0) * self.mass / self.period
         };

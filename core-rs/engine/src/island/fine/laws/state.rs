@@ -89,7 +89,7 @@ impl LawNow<'_> {
     pub(super) fn force(&self, e: f64, v: f64) -> f64 {
         let full_force = match self.kind {
             Kind::Lnl { law, .. } => law.force(e, v),
-            Kind::Bristle { by, .. } => by.with(self.k, self.z).force(self.bristle, v),
+            Kind::Bristle { by: bristle_law, .. } => bristle_law.with(self.k, self.z).force(self.bristle, v),
             Kind::Hardening(q) => self.k * e + q * e * e * e + self.z * v,
             _ => 0.0,
         };
@@ -99,7 +99,7 @@ impl LawNow<'_> {
     /// Its bristles as they are at this instant; `None` for other laws.
     pub(super) fn bristle(&self) -> Option<Bristle> {
         match self.kind {
-            Kind::Bristle { by, .. } => Some(by.with(self.k, self.z)),
+            Kind::Bristle { by: bristle_law, .. } => Some(bristle_law.with(self.k, self.z)),
             _ => None,
         }
     }
@@ -107,8 +107,8 @@ impl LawNow<'_> {
     /// Its force halfway through `h` frames of constant elongation and rate.
     pub(super) fn halfway(&self, e: f64, v: f64, h: f64) -> f64 {
         match self.bristle() {
-            Some(by) => {
-                let bristle = by.halfway(self.bristle, v, h / self.rate());
+            Some(bristle_law) => {
+                let bristle = bristle_law.halfway(self.bristle, v, h / self.rate());
                 Self { bristle, ..*self }.force(e, v)
             }
             None => self.force(e, v),
@@ -199,12 +199,12 @@ impl LawState {
     /// the forces that are assumed, to which elongation and rate respond by `moves`.
     pub(super) fn answer(
         &mut self,
-        now: &[LawNow<'_>; STAGES],
+        laws_now: &[LawNow<'_>; STAGES],
         (e, v): (&Stages, &Stages),
         (h, [by_x, by_v]): (f64, &[Square; 2]),
     ) -> (Stages, Square) {
-        let rate = now[0].rate();
-        if let Some(bent_bristles) = Bent::new(now, v, h) {
+        let rate = laws_now[0].rate();
+        if let Some(bent_bristles) = Bent::new(laws_now, v, h) {
             self.bristle_at_end = bent_bristles.bristle_at_end;
             // A rate at one instant bends the bristles at all later instants.
             let unmet_slope = |stage: usize, column: usize| {
@@ -213,7 +213,7 @@ impl LawState {
             };
             return (bent_bristles.force, square(unmet_slope));
         }
-        let (force, k, z) = self.tangents(now, e, v);
+        let (force, k, z) = self.tangents(laws_now, e, v);
         let unmet_slope = |stage: usize, column: usize| {
             let (by_x, by_v) = (by_x[stage][column], by_v[stage][column]);
             identity_entry(stage, column) - k[stage] * by_x - z[stage] * rate * by_v
@@ -222,16 +222,16 @@ impl LawState {
     }
 
     /// Forces of a law without bristles, and its slopes in the elongation and in its rate [N/m, N·s/m].
-    fn tangents(&mut self, now: &[LawNow<'_>; STAGES], e: &Stages, v: &Stages) -> (Stages, Stages, Stages) {
-        match now[0].kind {
+    fn tangents(&mut self, laws_now: &[LawNow<'_>; STAGES], e: &Stages, v: &Stages) -> (Stages, Stages, Stages) {
+        match laws_now[0].kind {
             Kind::Lnl { law, .. } => {
                 // The law at the start of the frame takes the last place.
-                let place = |at: &Stages, start: f64| -> Places {
-                    std::array::from_fn(|place| at.get(place).copied().unwrap_or(start))
+                let place = |stage_values: &Stages, start: f64| -> Places {
+                    std::array::from_fn(|place| stage_values.get(place).copied().unwrap_or(start))
                 };
                 let (d, v) = (place(e, self.start[0]), place(v, self.start[1]));
                 let tangents = law.tangents(&d, &v, &mut self.scratch);
-                let gate_opening = now[0].gate_opening;
+                let gate_opening = laws_now[0].gate_opening;
                 self.start_force = gate_opening * tangents.force[PLACES - 1];
                 let [force, k, z] = [tangents.force, tangents.by_d, tangents.by_v]
                     .map(|values| [0, 1, 2].map(|stage: usize| gate_opening * values[stage]));
@@ -239,11 +239,13 @@ impl LawState {
             }
             Kind::Hardening(q) => {
                 let k = |stage: usize| {
-                    let stage_law = &now[stage];
+                    let stage_law = &laws_now[stage];
                     stage_law.gate_opening * (stage_law.k + 3.0 * q * e[stage] * e[stage])
                 };
-                let force = [0, 1, 2].map(|stage| now[stage].force(e[stage], v[stage]));
-                let z = now.each_ref().map(|stage_law| stage_law.gate_opening * stage_law.z);
+                let force = [0, 1, 2].map(|stage| laws_now[stage].force(e[stage], v[stage]));
+                let z = laws_now
+                    .each_ref()
+                    .map(|stage_law| stage_law.gate_opening * stage_law.z);
                 (force, [0, 1, 2].map(k), z)
             }
             _ => Default::default(),
@@ -263,9 +265,9 @@ struct Bent {
 impl Bent {
     /// Bristles at three instants of a part of `h` frames, from the rates of their ends there [m/s]; `None` for other
     /// laws.
-    fn new(now: &[LawNow<'_>; STAGES], v: &Stages, h: f64) -> Option<Self> {
-        let bristles = [now[0].bristle()?, now[1].bristle()?, now[2].bristle()?];
-        let (start_bend, h) = (now[0].bristle, h / now[0].rate());
+    fn new(laws_now: &[LawNow<'_>; STAGES], v: &Stages, h: f64) -> Option<Self> {
+        let bristles = [laws_now[0].bristle()?, laws_now[1].bristle()?, laws_now[2].bristle()?];
+        let (start_bend, h) = (laws_now[0].bristle, h / laws_now[0].rate());
         let wear_pairs = [0, 1, 2].map(|stage: usize| bristles[stage].wear_and_slope(v[stage]));
         let wear_rates = wear_pairs.map(|(wear_rates, _)| wear_rates);
         let decay_matrix = square(|stage, column| {
@@ -278,15 +280,16 @@ impl Bent {
         // Slope of the rate of each bend over the rate of its ends.
         let rate_slopes: Stages = std::array::from_fn(|stage| 1.0 - wear_pairs[stage].1 * stage_bends[stage]);
         let stage_force = |stage: usize| {
-            now[stage].gate_opening * bristles[stage].worn_force(stage_bends[stage], v[stage], wear_rates[stage])
+            laws_now[stage].gate_opening * bristles[stage].worn_force(stage_bends[stage], v[stage], wear_rates[stage])
         };
         let stage_slope = |stage: usize, from: usize| {
-            let deflection = (0..STAGES).map(|at| decay_matrix[stage][at] * h * INTEGRAL_WEIGHTS[at][from]);
+            let deflection = (0..STAGES)
+                .map(|inner_stage| decay_matrix[stage][inner_stage] * h * INTEGRAL_WEIGHTS[inner_stage][from]);
             let deflection = deflection.sum::<f64>() * rate_slopes[from];
             let bristles = &bristles[stage];
             let by_deflection = bristles.stiffness - bristles.damping * wear_rates[stage];
             let by_rate = bristles.damping * rate_slopes[from] + bristles.viscosity;
-            now[stage].gate_opening * (by_deflection * deflection + identity_entry(stage, from) * by_rate)
+            laws_now[stage].gate_opening * (by_deflection * deflection + identity_entry(stage, from) * by_rate)
         };
         Some(Self {
             force: std::array::from_fn(stage_force),
@@ -300,8 +303,8 @@ fn identity_entry(row: usize, column: usize) -> f64 {
     f64::from(u8::from(row == column))
 }
 
-fn square(of: impl Fn(usize, usize) -> f64) -> Square {
-    std::array::from_fn(|row| std::array::from_fn(|column| of(row, column)))
+fn square(entry_at: impl Fn(usize, usize) -> f64) -> Square {
+    std::array::from_fn(|row| std::array::from_fn(|column| entry_at(row, column)))
 }
 
 #[cfg(test)]

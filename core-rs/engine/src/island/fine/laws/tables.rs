@@ -54,29 +54,29 @@ impl LawScript {
     pub(in crate::island::fine) fn new(script: &Script) -> Self {
         let is_law = |index: &usize| !matches!(script.links[*index].kind, Kind::But(_) | Kind::Dry { .. });
         let links: Vec<usize> = (0..script.links.len()).filter(is_law).collect();
-        let divisions_max = if links.is_empty() { 1 } else { (script.steps / 2).max(1) };
+        let parts_max = if links.is_empty() { 1 } else { (script.steps / 2).max(1) };
         let parts = std::iter::successors(Some(1), |parts| Some(2 * parts));
         let end_pairs: Vec<_> = (0..links.len() * links.len())
             .map(|pair| [pair / links.len(), pair % links.len()].map(|law| script.ends[links[law]]))
             .collect();
         let divide = |parts: usize| Division::new(script, &end_pairs, parts);
         let end_instant = Instant::new(script.basis.n(), 1.0);
-        let end_basis = |ends: &[(usize, usize); 2]| {
-            let mut stage_shares = [[0.0; STAGES]; 2];
+        let end_response = |ends: &[(usize, usize); 2]| {
+            let mut stage_responses = [[0.0; STAGES]; 2];
             for stage in 0..STAGES {
                 let start_instant = Instant::new(script.basis.n(), POINTS[stage]);
                 let stage_weight = WEIGHTS[stage] * script.rate.step();
                 let [x, v] = script.between(*ends, [&start_instant, &end_instant]);
-                (stage_shares[0][stage], stage_shares[1][stage]) = (stage_weight * x, stage_weight * v);
+                (stage_responses[0][stage], stage_responses[1][stage]) = (stage_weight * x, stage_weight * v);
             }
-            stage_shares
+            stage_responses
         };
-        let part_excess = (divisions_max as f64 / PARTS as f64).max(1.0);
+        let part_excess = (parts_max as f64 / PARTS as f64).max(1.0);
         Self {
-            divisions: parts.take_while(|&parts| parts <= divisions_max).map(divide).collect(),
+            divisions: parts.take_while(|&parts| parts <= parts_max).map(divide).collect(),
             smooth: SMOOTH / (part_excess * part_excess * part_excess),
             end: [&end_instant.value, &end_instant.slope].map(|values| script.basis.weights(values)),
-            moves_end: end_pairs.iter().map(end_basis).collect(),
+            moves_end: end_pairs.iter().map(end_response).collect(),
             ahead: POINTS.map(|c| shares(1.0 + c)),
             ahead_by_before: POINTS.map(|c| two_part_weights(1.0 + c, 0)),
             ahead_by_last: POINTS.map(|c| two_part_weights(1.0 + c, 1)),
@@ -140,16 +140,19 @@ pub(in crate::island::fine) fn shares(s: f64) -> [f64; STAGES] {
 /// The same for the Gauss points of two parts, -1 to 0 and 0 to 1: the weights of the first or of the second.
 fn two_part_weights(s: f64, part: usize) -> Stages {
     let gauss_points = [-1.0, 0.0].map(|start| POINTS.map(|c| start + c));
-    let point_shares = lagrange::<6>(s, std::array::from_fn(|at| gauss_points[at / STAGES][at % STAGES]));
+    let point_shares = lagrange::<6>(
+        s,
+        std::array::from_fn(|point_index| gauss_points[point_index / STAGES][point_index % STAGES]),
+    );
     std::array::from_fn(|stage| point_shares[part * STAGES + stage])
 }
 
 /// Weights of the values at some points in the value at `s` of the polynomial through them.
 fn lagrange<const N: usize>(s: f64, points: [f64; N]) -> [f64; N] {
     let mut point_shares = [1.0; N];
-    for (stage, share) in point_shares.iter_mut().enumerate() {
-        for other in (0..N).filter(|&other| other != stage) {
-            *share *= (s - points[other]) / (points[stage] - points[other]);
+    for (point_index, share) in point_shares.iter_mut().enumerate() {
+        for other in (0..N).filter(|&other| other != point_index) {
+            *share *= (s - points[other]) / (points[point_index] - points[other]);
         }
     }
     point_shares
@@ -158,7 +161,7 @@ fn lagrange<const N: usize>(s: f64, points: [f64; N]) -> [f64; N] {
 impl Script {
     /// Response of the elongation between `to`, and of its rate, to the force of a law between `from`, at the Gauss
     /// points of a part of `h` frames.
-    fn coupled(&self, [to, from]: [(usize, usize); 2], h: f64) -> [Square; 2] {
+    fn coupled(&self, [moved_ends, pushed_ends]: [(usize, usize); 2], h: f64) -> [Square; 2] {
         let n_instants = self.basis.n();
         let mut coefficients = [[[0.0; STAGES]; STAGES]; 2];
         for (row, c) in POINTS.into_iter().enumerate() {
@@ -166,11 +169,11 @@ impl Script {
             // Gauss quadrature over each half of the time up to this point: of order 6.
             for half in 0..2 {
                 for (point, quadrature_weight) in POINTS.into_iter().zip(WEIGHTS) {
-                    let quadrature_part = 0.5 * (half as f64 + point) * c;
-                    let start_instant = Instant::new(n_instants, quadrature_part * h);
+                    let quadrature_time = 0.5 * (half as f64 + point) * c;
+                    let start_instant = Instant::new(n_instants, quadrature_time * h);
                     let quadrature_weight = 0.5 * quadrature_weight * c * h * self.rate.step();
-                    let [x, v] = self.between([to, from], [&start_instant, &end_instant]);
-                    for (column, share) in shares(quadrature_part).into_iter().enumerate() {
+                    let [x, v] = self.between([moved_ends, pushed_ends], [&start_instant, &end_instant]);
+                    for (column, share) in shares(quadrature_time).into_iter().enumerate() {
                         coefficients[0][row][column] += quadrature_weight * share * x;
                         coefficients[1][row][column] += quadrature_weight * share * v;
                     }

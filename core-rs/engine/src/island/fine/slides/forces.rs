@@ -18,8 +18,8 @@ const NEWTON_WORK: u64 = 8;
 
 impl Fine {
     /// Take a step of `h` from `s`.
-    pub(super) fn step_frictions(&mut self, frame: Frame<'_>, (s, h): (f64, f64), left: &mut usize) {
-        *left = left.saturating_sub(1);
+    pub(super) fn step_frictions(&mut self, frame: Frame<'_>, (s, h): (f64, f64), steps_left: &mut usize) {
+        *steps_left = steps_left.saturating_sub(1);
         self.work.instants += STEP_WORK * frame.slides.links.len() as u64;
         self.solve_forces(frame, (s, h));
         self.push_ends(frame, (s, h));
@@ -48,7 +48,7 @@ impl Fine {
         for slide_index in 0..n_dry {
             let dry_link = frame.slides.links[slide_index];
             self.frictions.slides[slide_index].free =
-                (gauss_instants.each_ref()).map(|at| self.elongation(script, dry_link, at)[1]);
+                (gauss_instants.each_ref()).map(|instant| self.elongation(script, dry_link, instant)[1]);
         }
         for _ in 0..NEWTON_STEPS {
             let is_linear = self.set_up_equations(frame, s);
@@ -131,11 +131,11 @@ impl Fine {
         self.work.products += (n_forces * n_forces * n_forces / 3) as u64;
         eliminate(&mut self.frictions.system, n_forces)?;
         let mut change_max = 0.0_f64;
-        for slide in 0..frame.slides.links.len() {
-            let friction_level = self.friction(frame, (slide, s)).level(0.0);
+        for slide_index in 0..frame.slides.links.len() {
+            let friction_level = self.friction(frame, (slide_index, s)).level(0.0);
             for stage in 0..STAGES {
-                let correction = self.frictions.system[(STAGES * slide + stage) * (n_forces + 1) + n_forces];
-                self.frictions.slides[slide].force[stage] += correction;
+                let correction = self.frictions.system[(STAGES * slide_index + stage) * (n_forces + 1) + n_forces];
+                self.frictions.slides[slide_index].force[stage] += correction;
                 change_max = change_max.max(correction.abs() / friction_level.max(f64::MIN_POSITIVE));
             }
         }
@@ -186,9 +186,9 @@ impl Fine {
         for stage in 0..STAGES {
             let instant = Instant::new(frame.script.basis.n(), s + POINTS[stage] * h);
             let stage_weight = WEIGHTS[stage] * h * frame.script.rate.step();
-            for (slide, &link) in frame.slides.links.iter().enumerate() {
+            for (slide_index, &link) in frame.slides.links.iter().enumerate() {
                 let (first_joint, second_joint) = frame.script.ends[link];
-                let impulse = stage_weight * self.frictions.slides[slide].force[stage];
+                let impulse = stage_weight * self.frictions.slides[slide_index].force[stage];
                 self.push_joint(frame.script, first_joint, impulse, &instant);
                 self.push_joint(frame.script, second_joint, -impulse, &instant);
             }
@@ -215,8 +215,8 @@ fn eliminate(system: &mut [f64], n: usize) -> Option<()> {
         for other in rows_below.chunks_exact_mut(row_width) {
             let row_factor = other[column] / diagonal_row[column];
             if row_factor != 0.0 {
-                for (entry, own) in other[column..].iter_mut().zip(&diagonal_row[column..]) {
-                    *entry -= row_factor * own;
+                for (entry, pivot_entry) in other[column..].iter_mut().zip(&diagonal_row[column..]) {
+                    *entry -= row_factor * pivot_entry;
                 }
             }
         }

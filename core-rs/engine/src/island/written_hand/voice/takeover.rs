@@ -19,8 +19,8 @@ pub(crate) struct VoiceTakeover {
 
 impl VoiceTakeover {
     /// Index here of a gesture there.
-    fn gesture(&self, there: usize) -> Option<usize> {
-        let pair_index = self.gestures.binary_search_by_key(&there, |pair| pair.0);
+    fn gesture(&self, old_gesture: usize) -> Option<usize> {
+        let pair_index = self.gestures.binary_search_by_key(&old_gesture, |pair| pair.0);
         pair_index.ok().map(|pair_index| self.gestures[pair_index].1)
     }
 }
@@ -31,9 +31,9 @@ pub(crate) fn shared(
     (other_script, others): (&VoiceScript, &[FramedGesture]),
 ) -> Vec<(usize, usize)> {
     let mut by_start: HashMap<u64, Vec<usize>> = HashMap::new();
-    for &gesture in &script.gestures {
-        let start_bits = gestures[gesture].gesture.start.to_bits();
-        by_start.entry(start_bits).or_default().push(gesture);
+    for &gesture_index in &script.gestures {
+        let start_bits = gestures[gesture_index].gesture.start.to_bits();
+        by_start.entry(start_bits).or_default().push(gesture_index);
     }
     let mut gesture_pairs = Vec::new();
     for &other in &other_script.gestures {
@@ -42,7 +42,7 @@ pub(crate) fn shared(
         };
         if let Some(match_index) = same_start
             .iter()
-            .position(|&gesture| gestures[gesture].gesture.is_same(&others[other].gesture))
+            .position(|&gesture_index| gestures[gesture_index].gesture.is_same(&others[other].gesture))
         {
             gesture_pairs.push((other, same_start.remove(match_index)));
         }
@@ -54,7 +54,7 @@ pub(crate) fn shared(
 impl Voice {
     /// Begin at frame `n`: gestures that began before it are skipped.
     pub(crate) fn seek(&mut self, script: &VoiceScript, gestures: &[FramedGesture], n: u64) {
-        let is_past = |&own: &usize| gestures[own].first < n;
+        let is_past = |&gesture_index: &usize| gestures[gesture_index].first < n;
         self.begun = script.gestures.partition_point(is_past);
         self.free.seek(n);
     }
@@ -65,15 +65,15 @@ impl Voice {
         &mut self,
         script: &VoiceScript,
         old: &mut Self,
-        then: &VoiceScript,
+        old_script: &VoiceScript,
         takeover: &VoiceTakeover,
     ) {
         match &takeover.mats {
             None => std::mem::swap(&mut self.free, &mut old.free),
             Some(pairs) => {
                 let (body, their_body) = (&mut self.free.body, &old.free.body);
-                for &(to, from) in pairs {
-                    (body.x[to], body.d[to]) = (their_body.x[from], their_body.d[from]);
+                for &(new_mat, old_mat) in pairs {
+                    (body.x[new_mat], body.d[new_mat]) = (their_body.x[old_mat], their_body.d[old_mat]);
                 }
                 self.free.settle();
             }
@@ -82,7 +82,7 @@ impl Voice {
             let playing = voice.running.as_ref().map(|running| running.gesture);
             playing.or_else(|| voice.begun.checked_sub(1).map(|last| script.gestures[last]))
         };
-        let gesture_before = latest_gesture(old, then).map(|there| takeover.gesture(there));
+        let gesture_before = latest_gesture(old, old_script).map(|old_gesture| takeover.gesture(old_gesture));
         self.flight = std::mem::take(&mut old.flight);
         self.is_led = old.is_led;
         self.running = old.running.take().and_then(|running| {

@@ -8,7 +8,7 @@ use crate::spectrum::{General, general, inverse};
 /// Sets of undamped modes that `damping` (n, n) couples, each in rising order.
 pub(super) fn all(damping: &[f64], n: usize) -> Vec<Vec<usize>> {
     let greatest = damping.iter().fold(0.0_f64, |greatest, x| greatest.max(x.abs()));
-    let least_coupling = (COUPLING_ROUNDING * greatest).max(COUPLING_NONE / n as f64);
+    let coupling_floor = (COUPLING_ROUNDING * greatest).max(COUPLING_NONE / n as f64);
     let (mut is_known, mut mode_blocks) = (vec![false; n], Vec::new());
     for first in 0..n {
         if is_known[first] {
@@ -20,7 +20,7 @@ pub(super) fn all(damping: &[f64], n: usize) -> Vec<Vec<usize>> {
         while next_index < mode_block.len() {
             let damping_row = &damping[mode_block[next_index] * n..(mode_block[next_index] + 1) * n];
             for (other, coupling) in damping_row.iter().enumerate() {
-                if !is_known[other] && coupling.abs() > least_coupling {
+                if !is_known[other] && coupling.abs() > coupling_floor {
                     is_known[other] = true;
                     mode_block.push(other);
                 }
@@ -54,9 +54,9 @@ impl State<'_> {
     fn matrix(&self, damping: &[f64], n: usize) -> Vec<f64> {
         let (state_size, held_count) = (self.len(), self.n_held());
         let mut state_matrix = vec![0.0; state_size * state_size];
-        for (i, &state_row) in self.block.iter().enumerate() {
-            for (j, &other) in self.block.iter().enumerate() {
-                state_matrix[(held_count + i) * state_size + held_count + j] = -damping[state_row * n + other];
+        for (i, &block_mode) in self.block.iter().enumerate() {
+            for (j, &other_mode) in self.block.iter().enumerate() {
+                state_matrix[(held_count + i) * state_size + held_count + j] = -damping[block_mode * n + other_mode];
             }
             if i >= self.n_rigid {
                 let (position_row, velocity_row) = (i - self.n_rigid, held_count + i);
@@ -234,22 +234,22 @@ fn columns(eigen: &General) -> Vec<f64> {
 }
 
 /// ‖E‖, where A + E has exactly the computed eigenvalues and eigenvectors: E = (V·B − A·V)·V⁻¹.
-fn error(matrix: &[f64], eigen: &General, [vectors, left]: [&[f64]; 2]) -> f64 {
+fn error(matrix: &[f64], eigen: &General, [vectors, left_vectors]: [&[f64]; 2]) -> f64 {
     let state_size = eigen.values.len();
     let mut residual = vec![0.0; state_size * state_size];
     for row in 0..state_size {
         let residual_row = &mut residual[row * state_size..(row + 1) * state_size];
-        let row_vector = &vectors[row * state_size..(row + 1) * state_size];
+        let vector_row = &vectors[row * state_size..(row + 1) * state_size];
         for (k, &(re, im)) in eigen.values.iter().enumerate() {
             // B turns (Re z, Im z): [re −im; im re].
             let pair_term = if im > 0.0 {
-                row_vector[k + 1] * im
+                vector_row[k + 1] * im
             } else if im < 0.0 {
-                row_vector[k - 1] * im
+                vector_row[k - 1] * im
             } else {
                 0.0
             };
-            residual_row[k] = row_vector[k] * re + pair_term;
+            residual_row[k] = vector_row[k] * re + pair_term;
         }
         multiply(
             &matrix[row * state_size..(row + 1) * state_size],
@@ -262,7 +262,7 @@ fn error(matrix: &[f64], eigen: &General, [vectors, left]: [&[f64]; 2]) -> f64 {
     let mut error_row = vec![0.0; state_size];
     for row in residual.chunks_exact(state_size) {
         error_row.fill(0.0);
-        multiply(row, left, 1.0, &mut error_row);
+        multiply(row, left_vectors, 1.0, &mut error_row);
         error_square += error_row.iter().map(|x| x * x).sum::<f64>();
     }
     error_square.sqrt()
@@ -270,22 +270,22 @@ fn error(matrix: &[f64], eigen: &General, [vectors, left]: [&[f64]; 2]) -> f64 {
 
 /// into += factor·row·table.
 fn multiply(row: &[f64], table: &[f64], factor: f64, into: &mut [f64]) {
-    for (row_weight, table) in row.iter().zip(table.chunks_exact(into.len())) {
-        if *row_weight != 0.0 {
-            let row_weight = factor * row_weight;
-            into.iter_mut().zip(table).for_each(|(sum, x)| *sum += row_weight * x);
+    for (row_entry, table) in row.iter().zip(table.chunks_exact(into.len())) {
+        if *row_entry != 0.0 {
+            let row_entry = factor * row_entry;
+            into.iter_mut().zip(table).for_each(|(sum, x)| *sum += row_entry * x);
         }
     }
 }
 
-fn add_scaled(sum: Complex, by: f64, x: Complex) -> Complex {
-    [sum[0] + by * x[0], sum[1] + by * x[1]]
+fn add_scaled(sum: Complex, factor: f64, x: Complex) -> Complex {
+    [sum[0] + factor * x[0], sum[1] + factor * x[1]]
 }
 
-fn divide(x: Complex, by: Complex) -> Complex {
-    let squared_norm = by[0] * by[0] + by[1] * by[1];
+fn divide(x: Complex, divisor: Complex) -> Complex {
+    let squared_norm = divisor[0] * divisor[0] + divisor[1] * divisor[1];
     [
-        (x[0] * by[0] + x[1] * by[1]) / squared_norm,
-        (x[1] * by[0] - x[0] * by[1]) / squared_norm,
+        (x[0] * divisor[0] + x[1] * divisor[1]) / squared_norm,
+        (x[1] * divisor[0] - x[0] * divisor[1]) / squared_norm,
     ]
 }

@@ -43,10 +43,13 @@ pub(super) fn add(modes: &mut ComplexModes, coordinates: &Coordinates, mode: usi
     // Avoids the difference of two nearly equal numbers.
     let slow_decay = lambda / fast_decay;
     let decay_gap = fast_decay - slow_decay;
-    for (pole, other, sign) in [(slow_decay, fast_decay, 1.0), (fast_decay, slow_decay, -1.0)] {
+    for (pole_decay, other_decay, sign) in [(slow_decay, fast_decay, 1.0), (fast_decay, slow_decay, -1.0)] {
         modes.add(
-            (Pole::Real { decay: pole }, [sign * (v + other * x) / decay_gap, 0.0]),
-            |output| [position(output) - pole * velocity(output), 0.0],
+            (
+                Pole::Real { decay: pole_decay },
+                [sign * (v + other_decay * x) / decay_gap, 0.0],
+            ),
+            |output| [position(output) - pole_decay * velocity(output), 0.0],
             |point| [sign * impulse_at(point) / decay_gap, 0.0],
         );
     }

@@ -43,22 +43,22 @@ pub(super) fn slow(
         .eigenvalues
         .iter()
         .fold(0.0_f64, |lambda_max, x| lambda_max.max(*x));
-    let turn = if is_discrete {
+    let angle_max = if is_discrete {
         2.0 * maths::asin((0.5 * lambda_max.sqrt()).min(1.0))
     } else {
         lambda_max.sqrt()
     };
     let too_fast = || {
-        let mode_hertz = turn * rate.hertz() / (2.0 * PI);
+        let mode_hertz = angle_max * rate.hertz() / (2.0 * PI);
         format!("its highest mode is at {mode_hertz:.0} Hz, too high for the audio rate")
     };
-    if !resolves_turn(turn) {
+    if !resolves_turn(angle_max) {
         return Err(too_fast());
     }
     let frame = frame(&matrices.k, &matrices.z, is_discrete);
     let frame_flow = Flow::new(&frame).ok_or_else(too_fast)?;
     let solution = Solution {
-        turn,
+        turn: angle_max,
         kick_every: 1,
         rest: matrices.rest(&eigenmodes.eigenvalues, &eigenmodes.eigenvectors),
         free: matrices.free,
@@ -158,24 +158,24 @@ impl Matrices {
     }
 
     /// The equilibrium of the springs: K·x = force, and x = 0 along modes that nothing holds.
-    fn rest(&self, values: &nalgebra::DVector<f64>, vectors: &DMatrix<f64>) -> Vec<f64> {
+    fn rest(&self, eigenvalues: &nalgebra::DVector<f64>, eigenvectors: &DMatrix<f64>) -> Vec<f64> {
         let mass_count = self.w.len();
         let mut rest_position = vec![0.0; mass_count];
         if self.force.iter().all(|force| *force == 0.0) {
             return rest_position;
         }
         let inverse_roots: Vec<f64> = self.w.iter().map(|w| w.sqrt()).collect();
-        let lambda_max = values.iter().fold(0.0_f64, |lambda_max, x| lambda_max.max(*x));
-        for (mode, &value) in values
+        let lambda_max = eigenvalues.iter().fold(0.0_f64, |lambda_max, x| lambda_max.max(*x));
+        for (mode, &eigenvalue) in eigenvalues
             .iter()
             .enumerate()
-            .filter(|(_, value)| **value > LOOSE_STIFFNESS_RATIO * lambda_max)
+            .filter(|(_, eigenvalue)| **eigenvalue > LOOSE_STIFFNESS_RATIO * lambda_max)
         {
             let mode_force: f64 = (0..mass_count)
-                .map(|i| vectors[(i, mode)] * inverse_roots[i] * self.force[i])
+                .map(|i| eigenvectors[(i, mode)] * inverse_roots[i] * self.force[i])
                 .sum();
             for (i, rest_position) in rest_position.iter_mut().enumerate() {
-                *rest_position += vectors[(i, mode)] * inverse_roots[i] * (mode_force / value);
+                *rest_position += eigenvectors[(i, mode)] * inverse_roots[i] * (mode_force / eigenvalue);
             }
         }
         rest_position

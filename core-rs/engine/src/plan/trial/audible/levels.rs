@@ -43,7 +43,9 @@ fn faded(x: &[f64]) -> Vec<f64> {
 
 /// Which bands are not masked, given their centres [Hz] and powers.
 fn unmasked_bands(centres: &[f64], powers: &[f64]) -> Vec<bool> {
-    let strongest = powers.iter().fold(0.0_f64, |most, power| most.max(*power));
+    let strongest = powers
+        .iter()
+        .fold(0.0_f64, |strongest_yet, power| strongest_yet.max(*power));
     let band_barks: Vec<f64> = centres.iter().map(|f| bark(*f)).collect();
     let masking_power = |band: usize| -> f64 {
         let other_powers = powers.iter().zip(&band_barks).enumerate();
@@ -51,8 +53,8 @@ fn unmasked_bands(centres: &[f64], powers: &[f64]) -> Vec<bool> {
         let spread_powers = other_powers.map(|(_, (power, bark))| power * decibels(spreading(band_barks[band] - bark)));
         spread_powers.sum::<f64>() * decibels(-14.5 - band_barks[band])
     };
-    let indexed = powers.iter().enumerate();
-    indexed
+    let indexed_powers = powers.iter().enumerate();
+    indexed_powers
         .map(|(band, power)| *power > (COMPARED_POWER_MIN * strongest).max(masking_power(band)))
         .collect()
 }
@@ -62,8 +64,8 @@ fn bark(f: f64) -> f64 {
 }
 
 /// Level of a masker at a distance of `bark` above it, relative to its own [dB].
-fn spreading(bark: f64) -> f64 {
-    let bark_offset = bark + 0.474;
+fn spreading(bark_distance: f64) -> f64 {
+    let bark_offset = bark_distance + 0.474;
     15.81 + 7.5 * bark_offset - 17.5 * sqrt(1.0 + bark_offset * bark_offset)
 }
 
@@ -86,8 +88,10 @@ mod tests {
     fn tones(partials: &[(f64, f64)]) -> Vec<f64> {
         let tone_sample = |n: usize| {
             let fade_in = sincos(0.5 * PI * (n as f64 / 3_300.0).min(1.0)).0;
-            let each = partials.iter();
-            let partial_sum: f64 = each.map(|(f, size)| size * sincos(TAU * f * n as f64 / RATE).0).sum();
+            let tone_partials = partials.iter();
+            let partial_sum: f64 = tone_partials
+                .map(|(f, amplitude)| amplitude * sincos(TAU * f * n as f64 / RATE).0)
+                .sum();
             fade_in * fade_in * partial_sum
         };
         (0..13_230).map(tone_sample).collect()
@@ -106,9 +110,9 @@ mod tests {
         let (near_partial, far_partial) = ((1_260.0, 3e-3), (4_000.0, 3e-3));
         let loud_partial = (1_000.0, 1.0);
         let reference = tones(&[loud_partial, near_partial, far_partial]);
-        let without = |gone: (f64, f64)| {
+        let without = |faint_partial: (f64, f64)| {
             let weakened = [loud_partial, near_partial, far_partial].map(|partial| {
-                if partial == gone {
+                if partial == faint_partial {
                     (partial.0, 0.3 * partial.1)
                 } else {
                     partial

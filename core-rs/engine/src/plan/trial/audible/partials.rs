@@ -15,8 +15,8 @@ use crate::plan::trial::third_octaves::{length, powers};
 pub(super) fn pitch_errors(a: &[f64], b: &[f64], rate: f64, upto: f64) -> (f64, f64) {
     let partials = strongest(b, rate, upto).into_iter();
     partials.fold((0.0, 0.0), |(cents, t60), f| {
-        let (cents_here, t60_here) = compare(a, b, f, rate).unwrap_or((0.0, 0.0));
-        (f64::max(cents, cents_here), f64::max(t60, t60_here))
+        let (partial_cents, partial_t60) = compare(a, b, f, rate).unwrap_or((0.0, 0.0));
+        (f64::max(cents, partial_cents), f64::max(t60, partial_t60))
     })
 }
 
@@ -34,29 +34,32 @@ fn strongest(x: &[f64], rate: f64, upto: f64) -> Vec<f64> {
     let mut peak_bins: Vec<usize> = (peak_reach..last_bin).filter(is_peak_bin).collect();
     peak_bins.sort_by(|a, b| powers[*b].total_cmp(&powers[*a]));
     peak_bins.truncate(PARTIALS_MAX);
-    let loudest = peak_bins.first().map_or(0.0, |top| powers[*top]);
-    peak_bins.retain(|top| powers[*top] >= QUIET_POWER_RATIO * loudest);
-    peak_bins.into_iter().map(|top| top as f64 * bin_width).collect()
+    let loudest = peak_bins.first().map_or(0.0, |peak_bin| powers[*peak_bin]);
+    peak_bins.retain(|peak_bin| powers[*peak_bin] >= QUIET_POWER_RATIO * loudest);
+    peak_bins
+        .into_iter()
+        .map(|peak_bin| peak_bin as f64 * bin_width)
+        .collect()
 }
 
 /// Error of the pitch [cents] and of the T60, relative to itself, of the partial near `f` [Hz]; `None` if the sound is
 /// too short.
 fn compare(a: &[f64], b: &[f64], f: f64, rate: f64) -> Option<(f64, f64)> {
-    let (ours, theirs) = (baseband(a, f, rate), baseband(b, f, rate));
-    if theirs.len() < WINDOWS_MIN {
+    let (ours, reference_band) = (baseband(a, f, rate), baseband(b, f, rate));
+    if reference_band.len() < WINDOWS_MIN {
         return None;
     }
-    let weights: Vec<f64> = theirs.iter().map(|[re, im]| re * re + im * im).collect();
+    let weights: Vec<f64> = reference_band.iter().map(|[re, im]| re * re + im * im).collect();
     // ours/theirs: its argument turns little from one window to the next.
-    let phase_ratios = ours.iter().zip(&theirs);
+    let phase_ratios = ours.iter().zip(&reference_band);
     let phase_ratios: Vec<[f64; 2]> = phase_ratios.map(|(a, b)| times(*a, [b[0], -b[1]])).collect();
-    let pitch_drift = slope(&unwrapped(&phase_ratios), &weights).0 / (TAU * PARTIALS_HOP);
+    let frequency_offset = slope(&unwrapped(&phase_ratios), &weights).0 / (TAU * PARTIALS_HOP);
     let log_level = |[re, im]: &[f64; 2]| 0.5 * log((re * re + im * im).max(f64::MIN_POSITIVE));
-    let log_levels = |of: &[[f64; 2]]| -> Vec<f64> { of.iter().map(log_level).collect() };
-    let (level_slope, slope_residual) = slope(&log_levels(&theirs), &weights);
+    let log_levels = |baseband_samples: &[[f64; 2]]| -> Vec<f64> { baseband_samples.iter().map(log_level).collect() };
+    let (level_slope, slope_residual) = slope(&log_levels(&reference_band), &weights);
     let (ours, _) = slope(&log_levels(&ours), &weights);
-    let pitch_error = 1200.0 * log2((1.0 + pitch_drift / f).max(f64::MIN_POSITIVE)).abs();
-    let is_decay = slope_residual < DECAY_FIT_MAX && -level_slope * theirs.len() as f64 > DECAY_FIT_MAX;
+    let pitch_error = 1200.0 * log2((1.0 + frequency_offset / f).max(f64::MIN_POSITIVE)).abs();
+    let is_decay = slope_residual < DECAY_FIT_MAX && -level_slope * reference_band.len() as f64 > DECAY_FIT_MAX;
     // The ratio of the T60s, less 1.
     let decay_error = if is_decay && ours < 0.0 {
         (level_slope / ours - 1.0).abs()
@@ -110,20 +113,20 @@ fn times(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
 }
 
 /// The arguments, unwrapped.
-fn unwrapped(values: &[[f64; 2]]) -> Vec<f64> {
-    let mut last_value = [1.0, 0.0];
+fn unwrapped(phasors: &[[f64; 2]]) -> Vec<f64> {
+    let mut last_phasor = [1.0, 0.0];
     let mut angle_sum = 0.0;
-    let unwrap_next = |turned: &[f64; 2]| {
-        let turn_ratio = times(*turned, [last_value[0], -last_value[1]]);
+    let unwrap_next = |phasor: &[f64; 2]| {
+        let turn_ratio = times(*phasor, [last_phasor[0], -last_phasor[1]]);
         angle_sum += if turn_ratio == [0.0; 2] {
             0.0
         } else {
             atan2(turn_ratio[1], turn_ratio[0])
         };
-        last_value = *turned;
+        last_phasor = *phasor;
         angle_sum
     };
-    values.iter().map(unwrap_next).collect()
+    phasors.iter().map(unwrap_next).collect()
 }
 
 /// The straight line that fits best by weighted least squares: its slope from one value to the next, and its residual
@@ -134,8 +137,8 @@ fn slope(values: &[f64], weights: &[f64]) -> (f64, f64) {
         return (0.0, 0.0);
     }
     let weighted_mean = |value_of: &dyn Fn(usize) -> f64| -> f64 {
-        let each = weights.iter().enumerate();
-        each.map(|(i, weight)| weight * value_of(i)).sum::<f64>() / weight_sum
+        let indexed_weights = weights.iter().enumerate();
+        indexed_weights.map(|(i, weight)| weight * value_of(i)).sum::<f64>() / weight_sum
     };
     let (index_mean, value_mean) = (weighted_mean(&|i| i as f64), weighted_mean(&|i| values[i]));
     let index_variance = weighted_mean(&|i| (i as f64 - index_mean) * (i as f64 - index_mean));

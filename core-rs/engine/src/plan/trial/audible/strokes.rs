@@ -23,9 +23,9 @@ pub(super) fn stroke_errors(sound: &[f64], reference: &[f64], rate: f64) -> Stro
     let frames_in = |seconds: f64| ((seconds * rate) as usize).max(1);
     let stroke_begins = beginnings(&reference_speeds, frames_in(STROKES_HOP));
     let is_dense = stroke_begins.len() * frames_in(SHORTEST_SECONDS) > reference_speeds.len();
-    let compared = if is_dense { 1 } else { stroke_begins.len() };
+    let stroke_count = if is_dense { 1 } else { stroke_begins.len() };
     let mut worst_errors = StrokeErrors::default();
-    for (index, begin) in stroke_begins.into_iter().take(compared).enumerate() {
+    for (index, begin) in stroke_begins.into_iter().take(stroke_count).enumerate() {
         let stroke_span = begin..(begin + frames_in(SHORTEST_SECONDS)).min(reference_speeds.len());
         let energy_ratio = energy(&sound_speeds[stroke_span.clone()]) / energy(&reference_speeds[stroke_span]);
         let search_span = begin.saturating_sub(frames_in(ONSET_SEARCH_SECONDS))
@@ -54,16 +54,18 @@ pub(super) fn stroke_errors(sound: &[f64], reference: &[f64], rate: f64) -> Stro
 }
 
 /// Mean difference of the levels of successive spans that are not quiet [dB].
-fn level_of_dense(ours: &[f64], theirs: &[f64], length: usize) -> f64 {
+fn level_of_dense(sound: &[f64], reference: &[f64], length: usize) -> f64 {
     let span_energies = |speeds: &[f64]| -> Vec<f64> { speeds.chunks_exact(length).map(energy).collect() };
-    let (ours, theirs) = (span_energies(ours), span_energies(theirs));
-    let loudest = theirs.iter().fold(0.0_f64, |most, energy| most.max(*energy));
-    let loud_spans = ours
+    let (sound, reference) = (span_energies(sound), span_energies(reference));
+    let loudest = reference
         .iter()
-        .zip(&theirs)
+        .fold(0.0_f64, |loudest_yet, energy| loudest_yet.max(*energy));
+    let loud_spans = sound
+        .iter()
+        .zip(&reference)
         .filter(|(_, energy)| **energy > QUIET_POWER_RATIO * loudest);
-    let (level_sum, n_spans) = loud_spans.fold((0.0, 0), |(level_sum, n_spans), (ours, theirs)| {
-        (level_sum + decibels(ours / theirs), n_spans + 1)
+    let (level_sum, n_spans) = loud_spans.fold((0.0, 0), |(level_sum, n_spans), (sound, reference)| {
+        (level_sum + decibels(sound / reference), n_spans + 1)
     });
     level_sum / f64::from(n_spans.max(1))
 }
@@ -71,17 +73,22 @@ fn level_of_dense(ours: &[f64], theirs: &[f64], length: usize) -> f64 {
 /// The frames in which strokes begin, to within a hop.
 fn beginnings(speeds: &[f64], hop: usize) -> Vec<usize> {
     let hop_powers: Vec<f64> = speeds.chunks(hop).map(energy).collect();
-    let loudest = hop_powers.iter().fold(0.0_f64, |most, power| most.max(*power));
-    let n_before = (SHORTEST_SECONDS / STROKES_HOP) as usize;
+    let loudest = hop_powers
+        .iter()
+        .fold(0.0_f64, |strongest_yet, power| strongest_yet.max(*power));
+    let hops_before = (SHORTEST_SECONDS / STROKES_HOP) as usize;
     let is_stroke = |index: &usize| {
-        let power_before = hop_powers[index.saturating_sub(n_before)..*index].iter();
-        let power_before = power_before.fold(0.0_f64, |most, power| most.max(*power));
+        let power_before = hop_powers[index.saturating_sub(hops_before)..*index].iter();
+        let power_before = power_before.fold(0.0_f64, |strongest_yet, power| strongest_yet.max(*power));
         hop_powers[*index] > (QUIET_POWER_RATIO * loudest).max(ONSET_POWER_RATIO * power_before)
     };
     let mut stroke_hops: Vec<usize> = Vec::new();
     for index in (0..hop_powers.len()).filter(is_stroke) {
         // Power that still rises belongs to the stroke before.
-        if stroke_hops.last().is_none_or(|last| index > last + n_before / 5) {
+        if stroke_hops
+            .last()
+            .is_none_or(|last_hop| index > last_hop + hops_before / 5)
+        {
             stroke_hops.push(index);
         }
     }
@@ -98,11 +105,11 @@ fn energy(speeds: &[f64]) -> f64 {
 }
 
 /// The first frame at which the energy exceeds `enough`; the last if none does.
-fn first_above(speeds: &[f64], enough: f64) -> usize {
+fn first_above(speeds: &[f64], energy_limit: f64) -> usize {
     let mut energy_sum = 0.0;
     let is_above = |speed: &f64| {
         energy_sum += speed * speed;
-        energy_sum > enough
+        energy_sum > energy_limit
     };
     speeds.iter().position(is_above).unwrap_or(speeds.len())
 }
@@ -122,14 +129,14 @@ mod tests {
     const RATE: f64 = 44_100.0;
 
     /// Strokes on a partial of 300 Hz that decays in 20 ms, each with its time [s] and size; 0.4 s.
-    fn strokes(each: &[(f64, f64)]) -> Vec<f64> {
+    fn strokes(stroke_pairs: &[(f64, f64)]) -> Vec<f64> {
         let stroke_sample = |n: usize| {
             let time_since = |time: f64| n as f64 / RATE - time;
-            let begun_strokes = each.iter().filter(|(time, _)| time_since(*time) >= 0.0);
+            let begun_strokes = stroke_pairs.iter().filter(|(time, _)| time_since(*time) >= 0.0);
             begun_strokes
-                .map(|(time, size)| {
+                .map(|(time, amplitude)| {
                     let time_since = time_since(*time);
-                    size * exp(-time_since / 0.02) * sincos(TAU * 300.0 * time_since).0
+                    amplitude * exp(-time_since / 0.02) * sincos(TAU * 300.0 * time_since).0
                 })
                 .sum()
         };
