@@ -89,7 +89,7 @@ pub(super) struct Player {
     mixed: Vec<f64>,
     /// Heard channels of a tick, if there is a fold   (tick_frames, n_heard)
     folded: Vec<f64>,
-    heard_f32: Vec<f32>,
+    output_f32: Vec<f32>,
     /// Frames of the limiter's delay that are still to be skipped at the beginning.
     frames_to_skip: usize,
     /// Frames that the fold and the limiter still hold after the last frame of the piece.
@@ -148,7 +148,7 @@ impl Player {
             outputs: vec![0.0; tick_frames * n_outputs],
             mixed: vec![0.0; tick_frames * n_channels],
             folded: vec![0.0; stage.fold.as_ref().map_or(0, |_| tick_frames * n_heard_channels)],
-            heard_f32: vec![0.0; tick_frames * n_heard_channels],
+            output_f32: vec![0.0; tick_frames * n_heard_channels],
             frames_to_skip: latency,
             tail_frames: stage.n_tail(),
             tick: stage.simulation.frame() / tick_frames as u64,

@@ -78,7 +78,7 @@ impl Player {
         if is_tail {
             self.tail_frames -= n;
         }
-        for (single, x) in self.heard_f32.iter_mut().zip(&folded[..n * channels]) {
+        for (single, x) in self.output_f32.iter_mut().zip(&folded[..n * channels]) {
             *single = *x as f32;
         }
         let peak_decay = (1.0 - self.clock.period() / PEAK_DECAY).max(0.0) as f32;
@@ -88,12 +88,12 @@ impl Player {
             self.status.peaks.fill(0.0);
         }
         let folded = if self.panicked { 0 } else { n };
-        for frame in self.heard_f32[..folded * channels].chunks_exact(channels) {
+        for frame in self.output_f32[..folded * channels].chunks_exact(channels) {
             for (peak, x) in self.status.peaks.iter_mut().zip(frame) {
                 *peak = peak.max(x.abs());
             }
         }
-        let mut samples_left = &self.heard_f32[skipped_frames * channels..n * channels];
+        let mut samples_left = &self.output_f32[skipped_frames * channels..n * channels];
         if let Some(sound_tap) = &mut self.tap {
             let tap_frame = self.frame.saturating_sub(n as u64 + delay_frames);
             sound_tap.push(tap_frame, samples_left, self.panicked);
