@@ -6,7 +6,7 @@ use super::method::MeshMethod;
 use super::passes::{self, Ties};
 use crate::kernel::Laws;
 use crate::kernel::mesh_partition::MeshPartition;
-use crate::kernel::springs;
+use crate::kernel::springs::{Part, SpringPass};
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::{Contact, Error, LinkKind, MatKind, Network};
 use crate::scheme::{Kind, Run, Scheme};
@@ -34,6 +34,7 @@ pub(super) struct Mesh {
 pub(super) struct Scratch {
     /// Forces of one run   (longest run)
     f: Vec<f64>,
+    springs: SpringPass,
     laws: Laws,
 }
 
@@ -42,14 +43,6 @@ impl Scratch {
     pub(super) fn mesh_partition(&self) -> Option<&MeshPartition> {
         self.laws.mesh_partition.as_ref()
     }
-}
-
-/// Which part of the forces is computed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Part {
-    Elastic,
-    Viscous,
-    Total,
 }
 
 impl Mesh {
@@ -124,6 +117,7 @@ impl Mesh {
         let lengths = self.scheme.runs.iter().map(|run| run.len);
         Scratch {
             f: vec![0.0; lengths.max().unwrap_or(0)],
+            springs: SpringPass::new(&self.springs, self.n_mat()),
             laws: Laws::new(&self.scheme),
         }
     }
@@ -146,9 +140,7 @@ impl Mesh {
 
     /// Elastic forces of all links at positions `x` [N], including contacts.
     pub(super) fn elastic(&self, x: &[f64], scratch: &mut Scratch, force: &mut [f64], team: &mut ThreadTeam<'_>) {
-        self.springs(scratch, force, team, |springs, scratch, force| {
-            passes::elastic(springs, x, scratch, force);
-        });
+        self.springs(Part::Elastic, [x, x], scratch, force, team);
         self.others(Part::Elastic, [x, x], scratch, force);
     }
 
@@ -164,9 +156,7 @@ impl Mesh {
             force.fill(0.0);
             return;
         }
-        self.springs(scratch, force, team, |springs, scratch, force| {
-            passes::viscous(springs, v, scratch, force);
-        });
+        self.springs(Part::Viscous, [x, v], scratch, force, team);
         self.others(Part::Viscous, [x, v], scratch, force);
     }
 
@@ -178,29 +168,23 @@ impl Mesh {
         force: &mut [f64],
         team: &mut ThreadTeam<'_>,
     ) {
-        self.springs(scratch, force, team, |springs, scratch, force| {
-            if self.is_damped {
-                springs::total(springs, x, v, scratch, force);
-            } else {
-                passes::elastic(springs, x, scratch, force);
-            }
-        });
+        let spring_part = if self.is_damped { Part::Total } else { Part::Elastic };
+        self.springs(spring_part, [x, v], scratch, force, team);
         self.others(Part::Total, [x, v], scratch, force);
     }
 
-    /// Runs `pass` over all springs, by a thread team if the mesh is partitioned.
+    /// Sets `force` to the forces of all springs, by a thread team if the mesh is partitioned.
     fn springs(
         &self,
+        part: Part,
+        motion: [&[f64]; 2],
         scratch: &mut Scratch,
         force: &mut [f64],
         team: &mut ThreadTeam<'_>,
-        pass: impl Fn(&[Spring], &mut [f64], &mut [f64]) + Sync,
     ) {
-        if let Some(mesh_partition) = &mut scratch.laws.mesh_partition {
-            mesh_partition.forces(team, force, pass);
-        } else {
-            force.fill(0.0);
-            pass(&self.springs, &mut scratch.f, force);
+        match &mut scratch.laws.mesh_partition {
+            Some(mesh_partition) => mesh_partition.forces(team, part, motion, force),
+            None => scratch.springs.forces(part, &self.springs, motion, force),
         }
     }
 

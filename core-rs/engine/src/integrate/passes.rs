@@ -8,35 +8,6 @@ use crate::maths::wide::wide;
 use crate::scheme::Spring;
 
 wide! {
-    /// Add the elastic forces at positions `x`; `scratch` is as long as the longest run.
-    pub(super) fn elastic(runs: &[Spring], x: &[f64], scratch: &mut [f64], force: &mut [f64]) {
-        for run in runs {
-            let ((xa, xb), Spring { len, k, q, rest, .. }) = (ends(run, x), *run);
-            let (xa, xb) = (&xa[..len], &xb[..len]);
-            if q == 0.0 {
-                spread(run, scratch, force, |i| k * (xb[i] - xa[i] - rest));
-            } else {
-                spread(run, scratch, force, |i| {
-                    let e = xb[i] - xa[i] - rest;
-                    k * e + q * (e * e * e)
-                });
-            }
-        }
-    }
-}
-
-wide! {
-    /// Add the dampers' forces at velocities `v` (per step).
-    pub(super) fn viscous(runs: &[Spring], v: &[f64], scratch: &mut [f64], force: &mut [f64]) {
-        for run in runs.iter().filter(|run| run.z != 0.0) {
-            let ((va, vb), Spring { len, z, .. }) = (ends(run, v), *run);
-            let (va, vb) = (&va[..len], &vb[..len]);
-            spread(run, scratch, force, |i| z * (vb[i] - va[i]));
-        }
-    }
-}
-
-wide! {
     /// Add the forces of links that each have a stiffness `c`, (n_links): y −= L·p, with L their Laplacian.
     pub(super) fn apply_stiffnesses(
         runs: &[Spring],

@@ -3,6 +3,7 @@
 use super::mesh_partition::MeshPartition;
 use super::pairwise::Neighbours;
 use super::space::SpaceScratch;
+use super::springs::SpringPass;
 use crate::law::{Law, Scratch};
 use crate::scheme::{Kind, Scheme};
 
@@ -12,8 +13,8 @@ pub(crate) struct Laws {
     /// Elongations and their rates of one run of links   (longest run)
     pub(crate) e: Vec<f64>,
     pub(crate) v: Vec<f64>,
-    /// Forces of one run of springs                      (longest fused run)
-    pub(crate) spring_forces: Vec<f64>,
+    /// The springs that are computed in one pass.
+    pub(crate) springs: SpringPass,
     /// The springs partitioned for a thread team; `None` for one thread.
     pub(crate) mesh_partition: Option<MeshPartition>,
     /// Scratch memory of each law, by its index           (n_laws)
@@ -34,7 +35,7 @@ impl Laws {
         let mut laws = Self {
             e: Vec::new(),
             v: Vec::new(),
-            spring_forces: vec![0.0; scheme.fused.iter().map(|run| run.len).max().unwrap_or(0)],
+            springs: SpringPass::new(&scheme.fused, scheme.n_mat()),
             mesh_partition: None,
             scratch: Vec::new(),
             followed: followed(scheme),

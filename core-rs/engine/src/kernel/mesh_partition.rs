@@ -6,6 +6,7 @@
 use std::mem::take;
 use std::ops::Range;
 
+use super::springs::{Part, SpringPass};
 use super::thread_team::ThreadTeam;
 use crate::scheme::{Pull, Spring};
 
@@ -20,7 +21,7 @@ pub(crate) const RANGE_MATS_MIN: usize = 1_000;
 pub(crate) struct MeshPartition(Vec<MeshRange>);
 
 /// A range of MATs, and its slices of the arrays that the pass changes.
-type Part<'a, const N: usize> = (Range<usize>, [&'a mut [f64]; N]);
+type MatRange<'a, const N: usize> = (Range<usize>, [&'a mut [f64]; N]);
 
 #[derive(Clone, Debug)]
 struct MeshRange {
@@ -28,8 +29,7 @@ struct MeshRange {
     mats: Range<usize>,
     /// Pieces of the runs that pull on these MATs; each adds to forces of this range only.
     springs: Vec<Spring>,
-    /// Scratch: forces of one run   (longest run)
-    scratch: Vec<f64>,
+    pass: SpringPass,
 }
 
 impl MeshPartition {
@@ -67,24 +67,17 @@ impl MeshPartition {
         }
     }
 
-    /// Call `work(springs, scratch, force)` for every range; `force` is the range's part of the forces [N], (n_mat),
-    /// and is set to 0 before.
-    pub(crate) fn forces(
-        &mut self,
-        team: &mut ThreadTeam<'_>,
-        force: &mut [f64],
-        work: impl Fn(&[Spring], &mut [f64], &mut [f64]) + Sync,
-    ) {
+    /// Set `force` to the sum of forces on each MAT [N], (n_mat), at positions and velocities (per step) `motion`.
+    pub(crate) fn forces(&mut self, team: &mut ThreadTeam<'_>, part: Part, motion: [&[f64]; 2], force: &mut [f64]) {
         let mut range_parts: [Option<(&mut MeshRange, &mut [f64])>; RANGES_MAX] = [const { None }; RANGES_MAX];
         let (range_count, mut forces_left) = (self.0.len(), force);
-        for (part, range) in range_parts.iter_mut().zip(&mut self.0) {
+        for (range_part, range) in range_parts.iter_mut().zip(&mut self.0) {
             let (range_forces, later_forces) = forces_left.split_at_mut(range.mats.len());
-            (*part, forces_left) = (Some((range, range_forces)), later_forces);
+            (*range_part, forces_left) = (Some((range, range_forces)), later_forces);
         }
-        team.each(&mut range_parts[..range_count], |part| {
-            if let Some((MeshRange { springs, scratch, .. }, force)) = part {
-                force.fill(0.0);
-                work(springs, scratch, force);
+        team.each(&mut range_parts[..range_count], |range_part| {
+            if let Some((MeshRange { springs, pass, .. }, force)) = range_part {
+                pass.forces(part, springs, motion, force);
             }
         });
     }
@@ -96,7 +89,7 @@ impl MeshPartition {
         mut changed: [&mut [f64]; N],
         work: impl Fn(Range<usize>, [&mut [f64]; N]) + Sync,
     ) {
-        let mut range_parts: [Option<Part<'_, N>>; RANGES_MAX] = [const { None }; RANGES_MAX];
+        let mut range_parts: [Option<MatRange<'_, N>>; RANGES_MAX] = [const { None }; RANGES_MAX];
         let range_count = self.0.len();
         for (part, range) in range_parts.iter_mut().zip(&self.0) {
             let range_slices = changed.each_mut().map(|array_left| {
@@ -137,11 +130,10 @@ impl MeshRange {
             run_ranges.extend(run.piece(links_at_both, |i| Pull::Both(local_mat(run.a, i), local_mat(run.b, i))));
             run_ranges.extend(run.piece(links_only_at_b, |i| Pull::B(local_mat(run.b, i))));
         }
-        let longest = run_ranges.iter().map(|run| run.len).max();
         Self {
+            pass: SpringPass::new(&run_ranges, mats.len()),
             mats,
             springs: run_ranges,
-            scratch: vec![0.0; longest.unwrap_or(0)],
         }
     }
 }
@@ -161,7 +153,6 @@ fn range_without(full_range: &Range<usize>, removed_range: &Range<usize>) -> Ran
 mod tests {
     use super::*;
     use crate::chance::Chance;
-    use crate::kernel::springs::total;
 
     const N_MAT: usize = 90;
 
@@ -198,16 +189,14 @@ mod tests {
         let (x, v) = (numbers("x"), numbers("v"));
         for seed in 0..50 {
             let springs = springs(seed);
-            let (mut full_force, mut run_scratch) = (vec![0.0; N_MAT], vec![0.0; N_MAT]);
-            total(&springs, &x, &v, &mut run_scratch, &mut full_force);
+            let mut full_force = vec![f64::NAN; N_MAT];
+            SpringPass::new(&springs, N_MAT).forces(Part::Total, &springs, [&x, &v], &mut full_force);
             for (parts, threads) in [(2, 1), (2, 2), (3, 2), (5, 3), (RANGES_MAX, 1)] {
                 let mut mesh_partition = MeshPartition::new(&springs, N_MAT, parts);
                 assert!(mesh_partition.0.len() > 1);
                 let mut range_force = vec![f64::NAN; N_MAT];
                 ThreadTeam::with(threads, |team| {
-                    mesh_partition.forces(team, &mut range_force, |springs, run_scratch, force| {
-                        total(springs, &x, &v, run_scratch, force);
-                    });
+                    mesh_partition.forces(team, Part::Total, [&x, &v], &mut range_force);
                 });
                 let force_bits = |force: &[f64]| force.iter().map(|f| f.to_bits()).collect::<Vec<_>>();
                 assert_eq!(force_bits(&range_force), force_bits(&full_force), "{seed} {parts}");

@@ -3,8 +3,9 @@
 
 use super::Laws;
 use super::pull::pull;
+use super::springs::Part;
 use super::thread_team::ThreadTeam;
-use super::{pairwise, space, springs};
+use super::{pairwise, space};
 use crate::law::Hardening;
 use crate::maths::wide::wide;
 use crate::scheme::{Kind, Run, Scheme};
@@ -23,13 +24,8 @@ pub(crate) fn links(scheme: &Scheme, gates: &[f64], body: &mut Body, laws: &mut 
         weightless_forces.fill(0.0);
     } else {
         match &mut laws.mesh_partition {
-            Some(mesh_partition) => mesh_partition.forces(team, force, |springs, room, force| {
-                springs::total(springs, x, d, room, force);
-            }),
-            None => {
-                force.fill(0.0);
-                springs::total(&scheme.fused, x, d, &mut laws.spring_forces, force);
-            }
+            Some(mesh_partition) => mesh_partition.forces(team, Part::Total, [x, d], force),
+            None => laws.springs.forces(Part::Total, &scheme.fused, [x, d], force),
         }
         for (force, weight) in force.iter_mut().zip(&scheme.weight) {
             *force += weight;

@@ -1,10 +1,66 @@
-//! All springs of a network in one pass; each force is added to its two ends at once.
+//! All springs of a network in one pass.
 //!
+//! By vectors, the forces of all links are computed first and then summed at each MAT (`rows`, `vector`). Where that is
+//! slower, or the processor has no such vectors, each force is added to its two ends at once. Both give the same bits.
 //! The vector width is chosen once per pass rather than once per run, since the runs of a mesh are short.
+
+mod rows;
+mod vector;
+
+use std::sync::Arc;
 
 use super::pull::add;
 use crate::maths::wide::wide;
 use crate::scheme::{Pull, Spring};
+use rows::{Line, Rows};
+
+/// Which part of the forces is computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Part {
+    Elastic,
+    Viscous,
+    Total,
+}
+
+/// How the springs of a mesh are computed, and the memory for it.
+#[derive(Clone, Debug)]
+pub(crate) struct SpringPass {
+    /// `None`: one run after the other.
+    rows: Option<Arc<Rows>>,
+    /// Forces of all links in rows.
+    link_forces: Vec<Line>,
+    /// Forces of one run   (longest run)
+    run_forces: Vec<f64>,
+}
+
+impl SpringPass {
+    /// The pass for springs that pull on `mat_count` MATs.
+    pub(crate) fn new(springs: &[Spring], mat_count: usize) -> Self {
+        let rows = vector::are_supported().then(|| Rows::new(springs, mat_count)).flatten();
+        let longest = springs.iter().map(|run| run.len).max().unwrap_or(0);
+        Self {
+            link_forces: rows.as_ref().map_or_else(Vec::new, Rows::zeros),
+            run_forces: vec![0.0; if rows.is_some() { 0 } else { longest }],
+            rows: rows.map(Arc::new),
+        }
+    }
+
+    /// Set `force` to the sum of forces on each MAT [N] at positions and velocities (per step) `motion`. The runs are
+    /// those of `new`; their numbers may have changed.
+    pub(crate) fn forces(&mut self, part: Part, springs: &[Spring], motion: [&[f64]; 2], force: &mut [f64]) {
+        if let Some(rows) = &self.rows {
+            vector::forces(rows, part, springs, motion, &mut self.link_forces, force);
+            return;
+        }
+        force.fill(0.0);
+        let ([x, v], run_forces) = (motion, &mut self.run_forces);
+        match part {
+            Part::Elastic => elastic(springs, x, run_forces, force),
+            Part::Viscous => viscous(springs, v, run_forces, force),
+            Part::Total => total(springs, x, v, run_forces, force),
+        }
+    }
+}
 
 /// A value at both ends of every link of a run, (len) each.
 #[inline(always)]
@@ -65,12 +121,41 @@ fn both(fa: &mut [f64], fb: &mut [f64], link_force: impl Fn(usize) -> f64) {
 }
 
 wide! {
+    /// Add the elastic forces at positions `x`; `run_forces` is as long as the longest run.
+    fn elastic(runs: &[Spring], x: &[f64], run_forces: &mut [f64], force: &mut [f64]) {
+        for run in runs {
+            let ((xa, xb), Spring { len, k, q, rest, .. }) = (ends(run, x), *run);
+            let (xa, xb) = (&xa[..len], &xb[..len]);
+            if q == 0.0 {
+                spread(run, run_forces, force, |i| k * (xb[i] - xa[i] - rest));
+            } else {
+                spread(run, run_forces, force, |i| {
+                    let e = xb[i] - xa[i] - rest;
+                    k * e + q * (e * e * e)
+                });
+            }
+        }
+    }
+}
+
+wide! {
+    /// Add the dampers' forces at velocities `v` (per step).
+    fn viscous(runs: &[Spring], v: &[f64], run_forces: &mut [f64], force: &mut [f64]) {
+        for run in runs.iter().filter(|run| run.z != 0.0) {
+            let ((va, vb), Spring { len, z, .. }) = (ends(run, v), *run);
+            let (va, vb) = (&va[..len], &vb[..len]);
+            spread(run, run_forces, force, |i| z * (vb[i] - va[i]));
+        }
+    }
+}
+
+wide! {
     /// Add all forces at positions `x` and velocities `v` (per step).
-    pub(crate) fn total(
+    fn total(
         runs: &[Spring],
         x: &[f64],
         v: &[f64],
-        run_scratch: &mut [f64],
+        run_forces: &mut [f64],
         force: &mut [f64],
     ) {
         for run in runs {
@@ -78,11 +163,11 @@ wide! {
             let ((xa, xb), (va, vb)) = (ends(run, x), ends(run, v));
             let (xa, xb, va, vb) = (&xa[..len], &xb[..len], &va[..len], &vb[..len]);
             if q == 0.0 {
-                spread(run, run_scratch, force, |i| {
+                spread(run, run_forces, force, |i| {
                     k * (xb[i] - xa[i] - rest) + z * (vb[i] - va[i])
                 });
             } else {
-                spread(run, run_scratch, force, |i| {
+                spread(run, run_forces, force, |i| {
                     let e = xb[i] - xa[i] - rest;
                     k * e + q * (e * e * e) + z * (vb[i] - va[i])
                 });
@@ -90,3 +175,6 @@ wide! {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

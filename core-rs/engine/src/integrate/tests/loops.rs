@@ -5,7 +5,7 @@ use std::hint::black_box;
 use super::super::conjugate::Conjugate;
 use super::super::passes;
 use crate::chance::Chance;
-use crate::kernel::springs;
+use crate::kernel::springs::{Part, SpringPass};
 use crate::scheme::{Pull, Spring};
 
 /// Numbers between -1 and 1.
@@ -52,7 +52,7 @@ fn plainly(f: impl Fn(&Spring, usize, usize) -> f64) -> Vec<f64> {
 
 #[test]
 fn passes_have_the_bits_of_their_formulas() {
-    let (x, v, mut scratch) = (numbers(70, 0), numbers(70, 1), vec![0.0; 70]);
+    let (x, v) = (numbers(70, 0), numbers(70, 1));
     let spring_force = |run: &Spring, a: usize, b: usize| {
         let elongation = black_box(x[b] - x[a]) - run.rest;
         let linear_force = black_box(run.k * elongation);
@@ -64,16 +64,15 @@ fn passes_have_the_bits_of_their_formulas() {
         }
     };
     let damper_force = |run: &Spring, a: usize, b: usize| black_box(run.z * black_box(v[b] - v[a]));
-    let mut pass_forces = vec![0.0; 70];
-    passes::elastic(&runs(), &x, &mut scratch, &mut pass_forces);
-    assert_eq!(pass_forces, plainly(spring_force));
-    pass_forces.fill(0.0);
-    passes::viscous(&runs(), &v, &mut scratch, &mut pass_forces);
-    assert_eq!(pass_forces, plainly(damper_force));
-    pass_forces.fill(0.0);
-    springs::total(&runs(), &x, &v, &mut scratch, &mut pass_forces);
+    let pass_forces = |part: Part| {
+        let mut mat_force = vec![f64::NAN; 70];
+        SpringPass::new(&runs(), 70).forces(part, &runs(), [&x, &v], &mut mat_force);
+        mat_force
+    };
+    assert_eq!(pass_forces(Part::Elastic), plainly(spring_force));
+    assert_eq!(pass_forces(Part::Viscous), plainly(damper_force));
     assert_eq!(
-        pass_forces,
+        pass_forces(Part::Total),
         plainly(|run, a, b| black_box(spring_force(run, a, b)) + damper_force(run, a, b))
     );
 }
