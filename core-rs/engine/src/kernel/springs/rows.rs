@@ -1,8 +1,8 @@
 //! Where each spring of a mesh writes its force, and which forces are summed at each MAT: made once for a mesh.
 //!
-//! The forces of all links stand in one array, run after run, with zeros between the runs. A row is a range of MATs on
-//! which the same runs pull; at its ends, where some of them do not reach, the sum reads zeros. So every row is summed
-//! in registers: a load for each run, and one store.
+//! The forces of all links stand in one array, run after run, with zeros between the runs. A block is up to eight MATs;
+//! where a run that pulls on some of them does not reach the others, the sum reads zeros. A row is one block after the
+//! other on which the same runs pull. It is summed in registers: a load for each run, and one store.
 
 use std::ops::Range;
 
@@ -13,6 +13,8 @@ pub(super) const PAD: usize = 8;
 /// Links whose forces are computed before rows are summed. The forces and the motion of so many stay in the first
 /// cache, and were written long enough ago to be read at another alignment.
 const TILE_LINKS: usize = 1_024;
+/// What a block of MATs costs beside its terms [terms].
+const BLOCK_COST: usize = 3;
 /// Most links of a mesh. Beyond it the array of forces fills the second cache: springs in one pass are as fast or, at
 /// 290,000 links, faster by 1.2.
 const LINKS_MAX: usize = 65_536;
@@ -73,16 +75,17 @@ pub(super) struct Rows {
 }
 
 impl Rows {
-    /// The springs in rows; they pull on `mat_count` MATs. `None` where the rows are too short, or the mesh too large, to be
-    /// faster than [`super::total`].
+    /// The springs in rows; they pull on `mat_count` MATs. `None` where the rows are too short, or the mesh too large,
+    /// to be faster than [`super::total`].
     pub(super) fn new(springs: &[Spring], mat_count: usize) -> Option<Self> {
         let link_count: usize = springs.iter().map(|spring| spring.len).sum();
         if springs.is_empty() || link_count > LINKS_MAX {
             return None;
         }
         let rows = Self::for_any(springs, mat_count);
-        // A term of a row takes as long as a link that is computed by itself.
-        (rows.terms.len() <= link_count).then_some(rows)
+        // A vector of forces takes about as long to be summed as a link that is computed by itself.
+        let vectors = |row: &Row| row.terms.len() * row.mats.len().div_ceil(PAD);
+        (rows.rows.iter().map(vectors).sum::<usize>() <= link_count).then_some(rows)
     }
 
     /// [`Self::new`] for any springs.
@@ -108,10 +111,17 @@ impl Rows {
             places,
         };
         let pulls = Pulls::new(springs, mat_count);
-        let mut first_mat = 0;
-        while first_mat < mat_count {
-            first_mat = built.push_row(&pulls, first_mat);
+        let mut row: Option<(Range<usize>, Vec<usize>)> = None;
+        for mats in pulls.blocks() {
+            let ends = pulls.on_all(&mats);
+            match &mut row {
+                Some((row_mats, row_ends)) if row_mats.len().is_multiple_of(PAD) && *row_ends == ends => {
+                    row_mats.end = mats.end;
+                }
+                _ => built.push_row(&pulls, row.replace((mats, ends))),
+            }
         }
+        built.push_row(&pulls, row);
         built.rows.sort_by_key(|row| row.run_count);
         built.tiles = tiles(springs, &built.rows);
         built
@@ -122,24 +132,20 @@ impl Rows {
         vec![Line([0.0; PAD]); self.force_count.div_ceil(PAD)]
     }
 
-    /// Append the longest row that begins with a MAT; returns the MAT behind it.
-    fn push_row(&mut self, pulls: &Pulls, first_mat: usize) -> usize {
-        let mut row_ends = pulls.on(first_mat).to_vec();
-        let mut mat = first_mat + 1;
-        while mat < self.mat_count && pulls.extend(&mut row_ends, first_mat, mat) {
-            mat += 1;
-        }
+    fn push_row(&mut self, pulls: &Pulls, row: Option<(Range<usize>, Vec<usize>)>) {
+        let Some((mats, ends)) = row else {
+            return;
+        };
         let first_term = self.terms.len();
-        self.terms.extend(row_ends.iter().map(|&end| Term {
+        self.terms.extend(ends.iter().map(|&end| Term {
             sign: if end.is_multiple_of(2) { 1.0 } else { -1.0 },
             shift: self.places[end / 2].first as isize - pulls.mats[end].start as isize,
         }));
         self.rows.push(Row {
-            mats: first_mat..mat,
+            mats,
             terms: first_term..self.terms.len(),
-            run_count: row_ends.last().map_or(0, |end| end / 2 + 1),
+            run_count: ends.last().map_or(0, |end| end / 2 + 1),
         });
-        mat
     }
 }
 
@@ -185,28 +191,41 @@ impl Pulls {
         &self.ends[self.firsts[mat]..self.firsts[mat + 1]]
     }
 
-    /// Add the ends on a MAT to those of a row that begins with `first_mat`; false if the row should end before it.
-    fn extend(&self, row_ends: &mut Vec<usize>, first_mat: usize, mat: usize) -> bool {
-        let new_ends: Vec<usize> = self
-            .on(mat)
-            .iter()
-            .copied()
-            .filter(|end| row_ends.binary_search(end).is_err())
-            .collect();
-        let mut finished = row_ends.iter().filter(|end| mat >= self.mats[**end].end).peekable();
-        let is_next_row = finished.peek().is_some() && !new_ends.is_empty();
-        if is_next_row
-            || row_ends.is_empty() && !new_ends.is_empty()
-            || finished.any(|end| mat >= self.mats[*end].end + PAD)
-            || new_ends.iter().any(|end| first_mat + PAD < self.mats[*end].start)
-        {
-            return false;
+    /// The ends on any of some MATs, rising.
+    fn on_all(&self, mats: &Range<usize>) -> Vec<usize> {
+        let mut ends: Vec<usize> = mats.clone().flat_map(|mat| self.on(mat)).copied().collect();
+        ends.sort_unstable();
+        ends.dedup();
+        ends
+    }
+
+    /// All MATs in blocks of at most [`PAD`], so that the ends on each block are as few as possible in all.
+    fn blocks(&self) -> Vec<Range<usize>> {
+        let mat_count = self.firsts.len() - 1;
+        // The least cost of all MATs from each on, and the length of the block there.
+        let mut best = vec![(0, 0); mat_count + 1];
+        for first in (0..mat_count).rev() {
+            let (mut end_count, mut least) = (0, (usize::MAX, 0));
+            for mat in first..mat_count.min(first + PAD) {
+                // An end was counted already if it pulls on a MAT between.
+                let is_new = |end: &&usize| mat == first || self.mats[**end].start == mat;
+                end_count += self.on(mat).iter().filter(is_new).count();
+                let cost = best[mat + 1].0 + BLOCK_COST + end_count;
+                if cost <= least.0 {
+                    least = (cost, mat + 1 - first);
+                }
+            }
+            best[first] = least;
         }
-        if !new_ends.is_empty() {
-            row_ends.extend(new_ends);
-            row_ends.sort_unstable();
-        }
-        true
+        let mut next = 0;
+        std::iter::from_fn(|| {
+            (next < mat_count).then(|| {
+                let first = next;
+                next += best[first].1;
+                first..next
+            })
+        })
+        .collect()
     }
 }
 

@@ -1,7 +1,7 @@
 //! Forces of springs and their sums in rows, by vectors of each width.
 //!
-//! Whatever the width, every force has the operations of [`super::total`], and every MAT the order of its sums: the bits
-//! are the same. A force times 1 or −1 is exact, so adding it by a fused operation is too.
+//! Whatever the width, every force has the operations of [`super::total`], and every MAT the order of its sums: the
+//! bits are the same. A force times 1 or −1 is exact, so a fused operation adds it as a sum would.
 
 #[cfg(target_arch = "x86_64")]
 use std::arch::x86_64::*;
