@@ -77,9 +77,9 @@ impl ThreadTeam<'_> {
         };
         debug_assert!(elements.len() as u64 <= MASK);
         let parts_pointer = Parts(elements.as_mut_ptr());
-        // SAFETY: `run_pass` gives each index below the length to one thread, once, while `all` is borrowed here.
-        shared_pass.run_pass(elements.len(), &|part_index| {
-            work(unsafe { parts_pointer.get(part_index) })
+        shared_pass.run_pass(elements.len(), &|index| {
+            // SAFETY: `run_pass` gives each index below the length to one thread, once, while `elements` is borrowed.
+            work(unsafe { parts_pointer.get(index) })
         });
     }
 }
