@@ -127,8 +127,8 @@ impl Lead {
         let _ = self.0.forget();
     }
 
-    /// The quantile `part` of the gap between positions while the pointer moves, of the time from stamp to arrival, and of
-    /// the delay that a path would need [s], to 0.25 ms upwards.
+    /// The quantile `part` of the gap between positions while the pointer moves, of the time from stamp to arrival, and
+    /// of the delay that a path would need [s], to 0.25 ms upwards.
     fn arrival_times(&self, part: f64) -> (f64, f64, f64) {
         let time_quantiles = self.0.arrival_times(part);
         (time_quantiles.gap, time_quantiles.wait, time_quantiles.need)
@@ -149,8 +149,9 @@ impl Lead {
     }
 }
 
-/// The even path that a finger follows, at rising instants `times` [s], (n_times,) [m], and the number of positions that
-/// came too late. The pointer was at `positions` [m] at the instants `stamps` [s], which became known at `arrivals` [s].
+/// The even path that a finger follows, at rising instants `times` [s], (n_times,) [m], and the number of positions
+/// that came too late. The pointer was at `positions` [m] at the instants `stamps` [s], which became known at
+/// `arrivals` [s].
 #[pyfunction]
 pub(crate) fn even_path<'py>(
     py: Python<'py>,

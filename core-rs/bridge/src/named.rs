@@ -136,8 +136,8 @@ results! {
     }
     /// A part with its own rate that is computed at every frame, and why.
     FullRatePart { name: String, why: String }
-    /// The audible error, at its worst: pitch [cents], relative error of the T60, level of a third octave [dB], beginning
-    /// of the first stroke and of a later one [s], level of a stroke [dB].
+    /// The audible error, at its worst: pitch [cents], relative error of the T60, level of a third octave [dB],
+    /// beginning of the first stroke and of a later one [s], level of a stroke [dB].
     AudibleError {
         cents: f64,
         t60: f64,

@@ -278,7 +278,8 @@ impl Cell {
     }
 
     /// [`Self::answer_around`] as two products, `answer_around(to - from)` = later(to)·earlier(from): the factors
-    /// `[later, earlier]` at a time `t` [s]. Times of a `step` [s] around 0 keep them all within e^±(BACKWARD_DECAY_MAX/2).
+    /// `[later, earlier]` at a time `t` [s]. Times of a `step` [s] around 0 keep them all within
+    /// e^±(BACKWARD_DECAY_MAX/2).
     pub(crate) fn answer_factors(&self, t: f64) -> [[f64; 2]; 2] {
         match self.poles {
             Poles::Oscillating { omega } => {
@@ -351,8 +352,8 @@ impl Cell {
         self.split_at(alpha, rate).forces(impulse)
     }
 
-    /// [`Self::interpolation`] at a fraction of a step, and [`Self::split`] of an impulse of 1 N·s there; `step_response` is
-    /// the response after a step.
+    /// [`Self::interpolation`] at a fraction of a step, and [`Self::split`] of an impulse of 1 N·s there;
+    /// `step_response` is the response after a step.
     pub(crate) fn within_step(&self, part: f64, rate: Rate, step_response: f64) -> ((f64, f64), [f64; 2]) {
         let impulse_split = self.split_at(part, rate);
         let decay_factor = exp(-2.0 * self.sigma * part * rate.step());

@@ -83,7 +83,8 @@ pub(crate) struct Script {
     on_fault: OnFault,
 }
 
-/// Everything that changes: cloning it is a snapshot. One struct for each of what a step sets, moves, plays and watches.
+/// Everything that changes: cloning it is a snapshot. One struct for each of what a step sets, moves, plays and
+/// watches.
 #[derive(Clone, Debug)]
 struct State {
     frame: u64,

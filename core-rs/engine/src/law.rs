@@ -42,9 +42,9 @@ const SLOPE_STEP_AT_REST: f64 = 1e-9;
 /// ```
 /// use ergon_engine::law::{Law, LawText};
 ///
-/// let text = LawText { law: Some("k*d + q*d**3"), constants: [("k".into(), 2e3), ("q".into(), 1e8)].into(), ..LawText::default() };
-/// let law = Law::new(&text)?;
-/// assert_eq!(law.force(1e-3, 0.0), 2e3 * 1e-3 + 1e8 * 1e-3 * (1e-3 * 1e-3));
+/// let text = LawText { law: Some("k*d + q*d**3"), constants: [("k".into(), 2e3), ("q".into(), 1e8)].into(),
+/// ..LawText::default() }; let law = Law::new(&text)?; assert_eq!(law.force(1e-3, 0.0), 2e3 * 1e-3 + 1e8 * 1e-3 * (1e-3
+/// * 1e-3));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, PartialEq)]

@@ -318,9 +318,9 @@ impl Plan {
         make::make(network, timeline, budget, pins, known)
     }
 
-    /// Groups of units: first those that are heard, in at most `n_groups` groups of about equal cost, with further groups
-    /// for the banks of large parts; then those that are only seen. What is only seen does not change the groups of
-    /// what is heard, as sums are rounded group by group.
+    /// Groups of units: first those that are heard, in at most `n_groups` groups of about equal cost, with further
+    /// groups for the banks of large parts; then those that are only seen. What is only seen does not change the groups
+    /// of what is heard, as sums are rounded group by group.
     pub(crate) fn groups(&self, n_groups: usize) -> Vec<Range<usize>> {
         let mut unit_groups = self.grouped(0..self.n_heard, n_groups);
         unit_groups.extend(self.grouped(self.n_heard..self.units.len(), n_groups));

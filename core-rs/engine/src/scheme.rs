@@ -302,8 +302,8 @@ impl Scheme {
     /// equations.
     const LOCATED_FRICTIONS: usize = 8;
 
-    /// Whether it has contacts, and whether it has laws or dry friction, that can be computed in substeps; `steered`: MATs
-    /// whose motion or parameters a timeline determines.
+    /// Whether it has contacts, and whether it has laws or dry friction, that can be computed in substeps; `steered`:
+    /// MATs whose motion or parameters a timeline determines.
     pub(crate) fn has_fine(&self, steered: &[usize]) -> (bool, bool) {
         let is_law = |run: &&Run| run.is_law();
         let law_count = self.substepped().filter(is_law).count();
@@ -319,8 +319,9 @@ impl Scheme {
         all_runs.filter(move |run| self.may_substep(run, takes_springs))
     }
 
-    /// Whether the ends of slides and holds of all its dry friction can be located between frames: beside no contacts and
-    /// laws that can be computed in substeps, not on proxies and masses that change, nor in parts with steered MATs.
+    /// Whether the ends of slides and holds of all its dry friction can be located between frames: beside no contacts
+    /// and laws that can be computed in substeps, not on proxies and masses that change, nor in parts with steered
+    /// MATs.
     fn may_locate_friction(&self, steered: &[usize]) -> bool {
         let is_free_end = |mat: usize| {
             let mut steered_mats = steered.iter();
@@ -334,8 +335,8 @@ impl Scheme {
             && self.is_forest(dry_runs())
     }
 
-    /// Whether the ends of runs make no circle, with all fixed points as one: holds in a circle can share their forces in
-    /// many ways.
+    /// Whether the ends of runs make no circle, with all fixed points as one: holds in a circle can share their forces
+    /// in many ways.
     fn is_forest<'a>(&self, mut runs: impl Iterator<Item = &'a Run>) -> bool {
         let ground_node = self.n_mat();
         let node_of = |mat: usize| if self.w[mat] == 0.0 { ground_node } else { mat };
@@ -360,8 +361,8 @@ impl Scheme {
         is_taken && run.can_substep() && has_free_ends
     }
 
-    /// Whether hardening springs that are single links are computed in substeps: they are few, and no rows of such springs
-    /// are left to the scheme. Beside these the others would gain nothing.
+    /// Whether hardening springs that are single links are computed in substeps: they are few, and no rows of such
+    /// springs are left to the scheme. Beside these the others would gain nothing.
     fn takes_springs(&self) -> bool {
         let mut springs = self.runs.iter().filter(|run| run.is_hardening());
         springs.clone().count() <= Self::FINE_LAWS && springs.all(|run| run.len == 1)

@@ -166,10 +166,10 @@ pub(crate) fn forces(
     mat_forces
 }
 
-/// Add the forces of contacts with `contact: exact` over half a step backward, by the same discrete gradient as in steps:
-/// ½T²·F/m then takes a MAT to x[−1], and never from a contact into more energy than it began with, however stiff the
-/// contact is. For a mass with δ = T·v₀ − ½T²G/m and the gradient G from x[0] to x[−1], the energy of the step is that of
-/// the start less T²G²/8m.
+/// Add the forces of contacts with `contact: exact` over half a step backward, by the same discrete gradient as in
+/// steps: ½T²·F/m then takes a MAT to x[−1], and never from a contact into more energy than it began with, however
+/// stiff the contact is. For a mass with δ = T·v₀ − ½T²G/m and the gradient G from x[0] to x[−1], the energy of the
+/// step is that of the start less T²G²/8m.
 fn add_exact_contacts(network: &Network, rate: Rate, runs: &[&Run], x: &[f64], force: &mut [f64]) {
     /// Contacts that share a MAT are solved in turn; each round halves what they disagree by, or better.
     const ROUNDS: usize = 50;

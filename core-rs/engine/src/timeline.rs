@@ -143,8 +143,8 @@ pub struct Timeline {
 }
 
 impl Timeline {
-    /// MATs whose motion or parameters it determines: struck MATs of keys, MATs with an imposed position, and those that
-    /// glide.
+    /// MATs whose motion or parameters it determines: struck MATs of keys, MATs with an imposed position, and those
+    /// that glide.
     pub(crate) fn steered(&self) -> Vec<usize> {
         let is_position = |drive: &&Drive| drive.kind == DriveKind::Position;
         let driven_mats = self.drives.iter().filter(is_position).map(|drive| drive.mat);
@@ -346,9 +346,9 @@ impl Timeline {
     /// let mut network = Network::new();
     /// let m = network.mas("m", 1e-3, 0.0, 0.0)?;
     /// let mut timeline = Timeline::new(Rate::new(44_100.0)?);
-    /// let rain = Rain { rate: 20.0, start: 0.0, stop: 5.0, impulse: (1e-4, 1e-3), lasts: None, within: (0.0, 5.0), source: 0 };
-    /// let n_strikes = timeline.rain(&network, &[m], &rain, |member| Chance::new(7, "strikes", "sky", member, 0))?;
-    /// assert!((50..150).contains(&n_strikes));
+    /// let rain = Rain { rate: 20.0, start: 0.0, stop: 5.0, impulse: (1e-4, 1e-3), lasts: None, within: (0.0, 5.0),
+    /// source: 0 }; let n_strikes = timeline.rain(&network, &[m], &rain, |member| Chance::new(7, "strikes", "sky",
+    /// member, 0))?; assert!((50..150).contains(&n_strikes));
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     ///
@@ -445,8 +445,8 @@ impl Timeline {
         })
     }
 
-    /// Impose the position or a force on a MAT by a constant, a take or a hand; `is_exclusive`: the drive belongs to the part of
-    /// the MAT.
+    /// Impose the position or a force on a MAT by a constant, a take or a hand; `is_exclusive`: the drive belongs to
+    /// the part of the MAT.
     ///
     /// # Errors
     /// [`StrikeError`] if a constant is not finite, or the position of the MAT is imposed already.

@@ -336,8 +336,8 @@ fn host_process() {
         let _ = device.send(&[1.0]);
         fresh.then_some(sample.position[0])
     };
-    // 1 N on 100 N/m gives 10 mm. A part of that is enough: on a busy machine the host withdraws its force now and then,
-    // and the key never comes to rest.
+    // 1 N on 100 N/m gives 10 mm. A part of that is enough: on a busy machine the host withdraws its force now and
+    // then, and the key never comes to rest.
     while push(&mut device).is_none_or(|x| x < MOVED) {}
     eprintln!("{PUSHES}");
     match std::env::var("ERGON_TEST_END").as_deref() {

@@ -1,5 +1,5 @@
-//! A binary range coder with adaptive probabilities, as in LZMA (I. Pavlov: LZMA specification, 2015), and whole numbers
-//! in such bits. Writer and reader go through the same functions, so that they cannot differ.
+//! A binary range coder with adaptive probabilities, as in LZMA (I. Pavlov: LZMA specification, 2015), and whole
+//! numbers in such bits. Writer and reader go through the same functions, so that they cannot differ.
 
 /// A probability is that of a 0, in steps of 2⁻¹⁵.
 const PROBABILITY_BITS: u32 = 15;

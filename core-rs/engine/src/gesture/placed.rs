@@ -37,7 +37,8 @@ impl Placed {
         Self::transformed(profile, at, 1.0, 1.0, false)
     }
 
-    /// The profile as x·`scale` [m] at `start` + t·`stretch` [s]; with `is_reversed` it runs backwards within the same time.
+    /// The profile as x·`scale` [m] at `start` + t·`stretch` [s]; with `is_reversed` it runs backwards within the same
+    /// time.
     ///
     /// # Errors
     /// [`PathError::Placement`] if a number is not finite or `stretch` is not above 0.

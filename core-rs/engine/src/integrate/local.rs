@@ -83,8 +83,8 @@ impl Mesh {
     }
 
     /// The energy that a staggered scheme conserves between the last frame (x − d) and this one (x) [J]: ½k·e⁻e for
-    /// springs, the mean of both values for every other energy. `is_damped` subtracts ¼Z(e − e⁻)² for each damper: damping
-    /// that is computed from the last step reduces the effective mass.
+    /// springs, the mean of both values for every other energy. `is_damped` subtracts ¼Z(e − e⁻)² for each damper:
+    /// damping that is computed from the last step reduces the effective mass.
     pub(super) fn staggered(&self, x: &[f64], d: &[f64], is_damped: bool) -> f64 {
         let position_before = |i: usize| x[i] - d[i];
         let mut energy_sum = self.kinetic(d) + self.grounds(&position_before, &|i| x[i]);

@@ -1,8 +1,8 @@
 //! Coasting: steps in which no contact closes. Masses fly or swing freely, bodies move by their modes, and nothing else
 //! is computed. After the blow of a hammer this is the case for seconds.
 //!
-//! The result is the same to the last bit as that of ordinary steps; only the test whether a finely computed contact may
-//! close has a slightly wider margin.
+//! The result is the same to the last bit as that of ordinary steps; only the test whether a finely computed contact
+//! may close has a slightly wider margin.
 
 use super::energy_account;
 use super::fault::Fault;
@@ -26,8 +26,8 @@ const RETRY_STEPS: usize = 32;
 const SLACK: f64 = 1e-6;
 
 impl Island {
-    /// Whether it may coast: its masses are joined by contacts alone, its bodies are computed by modes, and it has no real
-    /// hand, no drive but strikes, and no layer, gate, glide, ledger or muted part.
+    /// Whether it may coast: its masses are joined by contacts alone, its bodies are computed by modes, and it has no
+    /// real hand, no drive but strikes, and no layer, gate, glide, ledger or muted part.
     pub(super) fn may_coast(&self) -> bool {
         let (script, state) = (&self.script, &self.state);
         let scheme = &script.scheme;

@@ -90,7 +90,7 @@ impl Account {
 }
 
 impl Gain {
-    /// The same where at least `put_in` [J] was there.
+    /// The same where at least `reference_min` [J] was there.
     pub(crate) fn with_reference_min(self, reference_min: f64) -> Self {
         Self {
             reference: self.reference.max(reference_min),

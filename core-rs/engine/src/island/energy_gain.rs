@@ -208,7 +208,8 @@ impl Island {
         link_gains.chain(bodies.filter_map(|body| Some((body.first_module()?.0, body.gain()?))))
     }
 
-    /// Whether contacts and laws between frames created energy, or the energy of the whole rose though nothing drove it.
+    /// Whether contacts and laws between frames created energy, or the energy of the whole rose though nothing drove
+    /// it.
     pub(crate) fn has_risen(&self) -> bool {
         let state = &self.state;
         let fine_state = state.matter.fine.as_ref();
@@ -229,7 +230,8 @@ impl Island {
         contact_share.max(other_share)
     }
 
-    /// The most energy that one contact has created, and that one law or body has, as shares of the energy that was there.
+    /// The most energy that one contact has created, and that one law or body has, as shares of the energy that was
+    /// there.
     pub(crate) fn created_shares(&self) -> [f64; 2] {
         let state = &self.state;
         let scheme_now = state.values.scheme.as_deref().unwrap_or(&self.script.scheme);

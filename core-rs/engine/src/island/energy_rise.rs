@@ -1,8 +1,9 @@
 //! The energy of a whole island: while no event falls on it, it may only fall.
 //!
-//! The accounts of single links (`energy_gain`) see what each gives and takes in steps. This one also sees what contacts
-//! and laws do between frames and to bodies by their modes, but only where nothing drives the island: the energy of all
-//! masses, bodies and links is added up now and then, and if no event fell between two looks, a rise is created energy.
+//! The accounts of single links (`energy_gain`) see what each gives and takes in steps. This one also sees what
+//! contacts and laws do between frames and to bodies by their modes, but only where nothing drives the island: the
+//! energy of all masses, bodies and links is added up now and then, and if no event fell between two looks, a rise is
+//! created energy.
 
 use super::energy_account::{self, Gain};
 use super::fine::Fine;
@@ -147,7 +148,8 @@ impl Rise {
         n.next_multiple_of(CHECK_STEPS) - n
     }
 
-    /// The created energy if the energy is `now` after step `n`, and no event fell since the last look if it `was_quiet`.
+    /// The created energy if the energy is `energy_total` after step `n`, and no event fell since the last look if it
+    /// `was_quiet`.
     fn gain(&mut self, energy_total: Total, was_quiet: bool, n: u64) -> Option<Gain> {
         if !was_quiet || self.first.is_nan() {
             (self.first, self.least, self.size) = (energy_total.sum, energy_total.sum, energy_total.size);

@@ -198,8 +198,8 @@ impl Fine {
         law_links.position(|&link_index| link_runs[link_index].first == link)
     }
 
-    /// Remove the links on the marked MATs (n_mat), and bodies that leave; returns the removed links. `new_indices` gives
-    /// the new index of each body that stays (n_bodies).
+    /// Remove the links on the marked MATs (n_mat), and bodies that leave; returns the removed links. `new_indices`
+    /// gives the new index of each body that stays (n_bodies).
     pub(super) fn release(&mut self, is_released: &[bool], new_indices: &[Option<usize>]) -> Vec<usize> {
         // A part leaves at most once in a run, so a copy of the script is acceptable.
         let script = Arc::make_mut(&mut self.script);

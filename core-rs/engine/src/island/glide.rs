@@ -149,7 +149,7 @@ fn round_ties(ties: &[Vec<Option<Ties>>], round: usize) -> impl Iterator<Item = 
         .filter_map(move |(glide_index, glide_ties)| glide_ties.get(round).map(|glide_ties| (glide_index, *glide_ties)))
 }
 
-/// Write the parameters of frame `n` into `now`; muted MATs are left out.
+/// Write the parameters of frame `n` into `scheme_now`; muted MATs are left out.
 pub(super) fn apply_glides(glides: &[Glide], base: &Scheme, scheme_now: &mut Scheme, n: u64) {
     for glide in glides.iter().filter(|glide| base.w[glide.mat] != 0.0) {
         let mat = glide.mat;
@@ -163,7 +163,7 @@ pub(super) fn apply_glides(glides: &[Glide], base: &Scheme, scheme_now: &mut Sch
     }
 }
 
-/// Write 1/M of masses that follow MATs into `now`, for MATs at `x` [m]; muted masses are left out.
+/// Write 1/M of masses that follow MATs into `scheme_now`, for MATs at `x` [m]; muted masses are left out.
 pub(super) fn apply_following_masses(base: &Scheme, scheme_now: &mut Scheme, x: &[f64]) {
     for mass in &base.following_masses {
         if scheme_now.w[mass.mat] != 0.0 {

@@ -124,8 +124,8 @@ impl BodyPlan {
         }
     }
 
-    /// Whether another body is equal, so that one can continue from the state of the other. `name_of` and `their` give the
-    /// names of port MATs in either island.
+    /// Whether another body is equal, so that one can continue from the state of the other. `name_of` and
+    /// `other_name_of` give the names of port MATs in either island.
     pub(crate) fn is_same(
         &self,
         other: &Self,

@@ -23,8 +23,8 @@ use crate::state::Body;
 
 /// Frames that are computed ahead at once: enough to keep the modes in registers, and few to lose.
 const FRAMES_AHEAD: usize = 64;
-/// Frames without a contact between frames before [`FRAMES_AHEAD`] frames are computed ahead: one that bounces may push again
-/// soon.
+/// Frames without a contact between frames before [`FRAMES_AHEAD`] frames are computed ahead: one that bounces may push
+/// again soon.
 const QUIET_FRAMES: u32 = 16;
 
 /// A running body.

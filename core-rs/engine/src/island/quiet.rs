@@ -15,8 +15,8 @@ use crate::scheme::Scheme;
 use crate::state::Body;
 use output_level::OutputLevel;
 
-/// Frames between two checks, on a grid from frame 0: more than a period of the lowest audible pitch at any rate in use,
-/// so that the range of an output is that of its oscillation.
+/// Frames between two checks, on a grid from frame 0: more than a period of the lowest audible pitch at any rate in
+/// use, so that the range of an output is that of its oscillation.
 const CHECK_FRAMES: u64 = 4_096;
 /// Checks in a period: a snapshot may meet a turning point, several do not.
 const CHECKS_PER_PERIOD: u64 = 4;
@@ -98,8 +98,8 @@ impl Quiet {
         }
     }
 
-    /// Looks at outputs, MATs and bodies; whether a period of looks ends that were all quiet. `index` counts the looks of
-    /// a period from 1; the last is 0.
+    /// Looks at outputs, MATs and bodies; whether a period of looks ends that were all quiet. `index` counts the looks
+    /// of a period from 1; the last is 0.
     fn look(&mut self, scheme: &Scheme, body: &Body, bodies: &[RunningBody], index: u64) -> bool {
         let mut is_quiet = true;
         for output in &mut self.outputs {
@@ -157,8 +157,8 @@ impl Island {
         self.quiet.as_ref().map_or(u64::MAX, |_| next_look)
     }
 
-    /// Takes record of frames that were played, (n_frames · n_out). If that ends a period of looks after which the island
-    /// sleeps, returns the step until which it does.
+    /// Takes record of frames that were played, (n_frames · n_out). If that ends a period of looks after which the
+    /// island sleeps, returns the step until which it does.
     pub(super) fn falls_asleep(&mut self, sound: &[f64]) -> Option<u64> {
         let (island_step, look_steps) = (self.state.frame, self.look_steps());
         let state = &self.state;
@@ -181,8 +181,8 @@ impl Island {
         wake_step
     }
 
-    /// The step of the next event; `None` if it is in this frame, so that the island has to wake now. It wakes no earlier,
-    /// because a session may know an event from that frame on only, and has to play what is rendered.
+    /// The step of the next event; `None` if it is in this frame, so that the island has to wake now. It wakes no
+    /// earlier, because a session may know an event from that frame on only, and has to play what is rendered.
     pub(super) fn wakes_at(&self) -> Option<u64> {
         let (island_step, steps_per_frame) = (self.state.frame, u64::from(self.oversampling));
         Some(self.due(island_step)).filter(|due| *due - island_step >= steps_per_frame)

@@ -55,8 +55,8 @@ pub(crate) struct Slow {
 #[derive(Clone, Debug)]
 pub(crate) struct RunningSlow {
     plan: Arc<Slow>,
-    /// Positions [m] and velocities [m a frame] of all MATs at the last kick, of ports at this frame. With linear springs
-    /// these follow from the block.
+    /// Positions [m] and velocities [m a frame] of all MATs at the last kick, of ports at this frame. With linear
+    /// springs these follow from the block.
     x: Vec<f64>,
     v: Vec<f64>,
     /// What the last kick of springs in space added to the velocities   (n)
@@ -441,7 +441,8 @@ impl RunningSlow {
         }
     }
 
-    /// Set velocities to those after springs in space pull at the present positions, from those in `kick`, or from rest.
+    /// Set velocities to those after springs in space pull at the present positions, from those in `kick`, or from
+    /// rest.
     fn spring_kick(&mut self, is_moving: bool) {
         let velocities_before = is_moving.then_some(&self.kick[..]);
         if let RunningSprings::Stepped(stepped) = &mut self.springs {

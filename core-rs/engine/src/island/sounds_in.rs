@@ -139,8 +139,8 @@ pub(super) fn apply(drives: &[SoundDrive], played: &[Played], n: u64, body: &mut
 }
 
 impl super::Island {
-    /// Take the values of an input for the frames of the score from `from` on [m or N]; `before` is the value in the
-    /// frame before.
+    /// Take the values of an input for the frames of the score from `first_frame` on [m or N]; `value_before` is the
+    /// value in the frame before.
     pub(crate) fn hear(&mut self, index: usize, first_frame: u64, value_before: f64, values: &[f64]) {
         let input_pairs = self.script.sound_drives.iter().zip(&mut self.state.hands.played);
         for (_, played) in input_pairs.filter(|(drive, _)| drive.sound.index == index) {

@@ -1,14 +1,22 @@
 //! One step of an island, in phases whose order is the physics:
 //!
-//! | phase     | reads                                             | writes                                            |
+//! | phase     | reads                                             | writes
+//! |
 //! |-----------|---------------------------------------------------|---------------------------------------------------|
-//! | `values`  | glides, leads, gates, hands at frame n            | scheme of the frame, open gates, imposed positions |
-//! | `pull`    | x, d                                              | forces of links and of all that is imposed        |
-//! | `strike`  | forces without hands                              | ergons and pushes, as forces                      |
-//! | `press`   | forces that are complete but for contacts         | forces of exact and fine contacts, of friction    |
-//! | `observe` | complete forces, x, d                             | outputs, what hands feel, accounts                |
-//! | `advance` | complete forces                                   | x, d of frame n + 1; a frame in finer steps       |
-//! | `account` | x, d of frame n + 1                               | ledger, frame                                     |
+//! | `values`  | glides, leads, gates, hands at frame n            | scheme of the frame, open gates, imposed positions
+//! |
+//! | `pull`    | x, d                                              | forces of links and of all that is imposed
+//! |
+//! | `strike`  | forces without hands                              | ergons and pushes, as forces
+//! |
+//! | `press`   | forces that are complete but for contacts         | forces of exact and fine contacts, of friction
+//! |
+//! | `observe` | complete forces, x, d                             | outputs, what hands feel, accounts
+//! |
+//! | `advance` | complete forces                                   | x, d of frame n + 1; a frame in finer steps
+//! |
+//! | `account` | x, d of frame n + 1                               | ledger, frame
+//! |
 //!
 //! Each phase takes what only the phase before it makes, so that no other order compiles. A step does not allocate (but
 //! for a recorded stream of ergons), lock or panic.

@@ -138,7 +138,7 @@ impl MeshRange {
     }
 }
 
-/// `all` without `part`, which lies at one end of `all`.
+/// `full_range` without `removed_range`, which lies at one end of `full_range`.
 fn range_without(full_range: &Range<usize>, removed_range: &Range<usize>) -> Range<usize> {
     if removed_range.is_empty() {
         full_range.clone()

@@ -63,9 +63,9 @@ fn add_padded<const N: usize>(
 }
 
 wide! {
-    /// Move `modes` by `impulses` at the instants of `table`: their positions at the next frame, and what has to be added
-    /// at the one after it. `share`: the share of each mode in the impulses. Move the positions of `rows` of modes at the
-    /// next frame too: those in `port_positions`, `stride` entries apart.
+    /// Move `modes` by `impulses` at the instants of `table`: their positions at the next frame, and what has to be
+    /// added at the one after it. `share`: the share of each mode in the impulses. Move the positions of `rows` of
+    /// modes at the next frame too: those in `port_positions`, `stride` entries apart.
     pub(crate) fn kick(
         impulses: &[f64],
         table: &[[Lanes; 2]],

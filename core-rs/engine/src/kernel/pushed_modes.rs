@@ -1,8 +1,8 @@
 //! Modes of a body between two frames, while impulses push it at one instant after another.
 //!
 //! What the impulses of a frame add to the free motion of a mode is P·C(s) + Q·S(s). C and S are the motions that begin
-//! with a unit of displacement and of velocity; their slopes are C' = −κ·S and S' = C − ζ·S. An impulse that changes the
-//! velocity by δ at the instant s changes P by −S·δ/D and Q by C·δ/D, with D = C·S' − C'·S.
+//! with a unit of displacement and of velocity; their slopes are C' = −κ·S and S' = C − ζ·S. An impulse that changes
+//! the velocity by δ at the instant s changes P by −S·δ/D and Q by C·δ/D, with D = C·S' − C'·S.
 
 use super::bank::{SUMS, Sum, lane_total};
 use crate::maths::wide::wide;

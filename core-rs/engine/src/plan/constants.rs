@@ -11,9 +11,9 @@ use crate::island::slow;
 /// octave [dB], of the beginning of the first stroke and of a later one [s], and of the level of a stroke [dB].
 ///
 /// 3 cents: Moore, J. Acoust. Soc. Am. 54 (1973). 3 %: below the difference limen of reverberation times of 5 %, ISO
-/// 3382-1 (2009), table A.1. 1 dB: the difference limen of levels, Zwicker & Fastl, Psychoacoustics (1990), 7.1; half of
-/// it for strokes, which are compared with each other. 2 ms: two clicks are heard in their order at 2 to 3 ms (Hirsh, J.
-/// Acoust. Soc. Am. 31, 1959); a quarter of it where a gesture begins, which the player feels.
+/// 3382-1 (2009), table A.1. 1 dB: the difference limen of levels, Zwicker & Fastl, Psychoacoustics (1990), 7.1; half
+/// of it for strokes, which are compared with each other. 2 ms: two clicks are heard in their order at 2 to 3 ms
+/// (Hirsh, J. Acoust. Soc. Am. 31, 1959); a quarter of it where a gesture begins, which the player feels.
 pub const JUST_NOTICEABLE: [f64; 6] = [3.0, 0.03, 1.0, 0.5e-3, 2e-3, 0.5];
 /// Highest audible frequency [Hz]: modes and third octaves above it are not compared.
 pub(in crate::plan) const HIGHEST_AUDIBLE: f64 = 20_000.0;
@@ -71,8 +71,8 @@ pub(in crate::plan) const FADE_OUT_PARTS: usize = 4;
 /// Least width × duration of a band: its level is the mean of about as many independent values. Two runs of one motion
 /// have the same values, so one is enough.
 pub(in crate::plan) const BAND_VALUES_MIN: f64 = 1.0;
-/// The same for runs that have parted: with fewer values the level is chance (two runs that differ by rounding alone are
-/// then 2 to 4 dB apart).
+/// The same for runs that have parted: with fewer values the level is chance (two runs that differ by rounding alone
+/// are then 2 to 4 dB apart).
 pub(in crate::plan) const BAND_VALUES_MIN_PARTED: f64 = 8.0;
 /// The lowest third octave, of centre 1 kHz times 2^(i/3): 25 Hz.
 pub(in crate::plan) const LOWEST_THIRD_OCTAVE: i32 = -16;

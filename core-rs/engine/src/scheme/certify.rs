@@ -147,8 +147,8 @@ pub(crate) struct LargestEigenvalue {
     pub(crate) worst: usize,
 }
 
-/// λmax(M⁻¹(K + c·Z)): Gershgorin's bound if it is below `enough`, else an eigenvalue. Fails if a force at rest is not
-/// finite.
+/// λmax(M⁻¹(K + c·Z)): Gershgorin's bound if it is below `sufficient_bound`, else an eigenvalue. Fails if a force at
+/// rest is not finite.
 pub(crate) fn top(
     scheme: &Scheme,
     network: &Network,
@@ -158,7 +158,7 @@ pub(crate) fn top(
     top_up_to(scheme, network, c, sufficient_bound, f64::INFINITY)
 }
 
-/// Does the same as [`top`], but stops as soon as λmax is known to be at least `beyond`.
+/// Does the same as [`top`], but stops as soon as λmax is known to be at least `search_limit`.
 pub(crate) fn top_up_to(
     scheme: &Scheme,
     network: &Network,

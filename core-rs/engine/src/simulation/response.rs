@@ -19,7 +19,8 @@ const WORK_MAX: usize = 1 << 17;
 const OVERSAMPLING_MAX: u32 = 64;
 
 impl ReachableNetwork {
-    /// Force against the hand [N/m] in each tick of `every` frames, after a displacement of 1 m that lasts one tick.
+    /// Force against the hand [N/m] in each tick of `frames_per_tick` frames, after a displacement of 1 m that lasts
+    /// one tick.
     /// `ticks`: the smallest and the largest number of ticks; between the two, the response is followed as long as it
     /// rings.
     ///
@@ -60,7 +61,12 @@ impl ReachableNetwork {
 
     /// The response with bodies by their modes, which have no largest step: closed contacts make a mesh so stiff that
     /// stepping it takes many steps a frame. `None` if no plan by modes is stable.
-    fn response_by_modes(&self, rate: Rate, every: u32, ticks: [usize; 2]) -> Result<Option<Vec<f64>>, Error> {
+    fn response_by_modes(
+        &self,
+        rate: Rate,
+        frames_per_tick: u32,
+        ticks: [usize; 2],
+    ) -> Result<Option<Vec<f64>>, Error> {
         let mut network = self.network.clone();
         // A plan computes only what is heard.
         let position = Term::Position {
@@ -70,9 +76,9 @@ impl ReachableNetwork {
         };
         network.listen("hand", vec![position])?;
         let network = Arc::new(network);
-        let timeline = self.displaced_hand(&network, rate, every)?;
+        let timeline = self.displaced_hand(&network, rate, frames_per_tick)?;
         match Plan::new(network, &timeline, &Budget::Method(Method::Modal), None) {
-            Ok(plan) => self.force_in_ticks(plan, every, ticks),
+            Ok(plan) => self.force_in_ticks(plan, frames_per_tick, ticks),
             Err(_) => Ok(None),
         }
     }
@@ -136,7 +142,8 @@ impl ReachableNetwork {
     }
 }
 
-/// Whether the last quarter of a response still holds a force above `DECAYED_RATIO` of the largest after the first two ticks.
+/// Whether the last quarter of a response still holds a force above `DECAYED_RATIO` of the largest after the first two
+/// ticks.
 fn rings(response: &[f64]) -> bool {
     let greatest = |part: &[f64]| part.iter().fold(0.0, |greatest, x| f64::max(greatest, x.abs()));
     let tail_start = response.len() - response.len() / 4;

@@ -155,8 +155,8 @@ fn separator(modes: &[Mode], count: usize) -> Option<f64> {
         .map(gap_middle)
 }
 
-/// The modes that one Lanczos run finds outside the span of `modes_known`: from the nearest to the shift up to the first that
-/// has not converged.
+/// The modes that one Lanczos run finds outside the span of `modes_known`: from the nearest to the shift up to the
+/// first that has not converged.
 fn lanczos(springs: &Springs, factor: &Factor<'_, f64>, modes_known: &[Mode], wanted: usize, run: usize) -> Vec<Mode> {
     let dimension = springs.n();
     let free_dimension = dimension - modes_known.len();

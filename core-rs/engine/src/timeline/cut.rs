@@ -12,8 +12,9 @@ impl Timeline {
     /// The timeline without what begins at `frame` or later; of its gestures it keeps those of these indices, which
     /// rise. If it `stops`, couplings stay as they are at the frame.
     ///
-    /// Strikes and ergons at the instant of the frame are left out, and so are strikes and glides that are over by then.
-    /// Glides of typed values go on to their end. Keys, drives, inputs and automation stay: see [`Timeline::release`].
+    /// Strikes and ergons at the instant of the frame are left out, and so are strikes and glides that are over by
+    /// then. Glides of typed values go on to their end. Keys, drives, inputs and automation stay: see
+    /// [`Timeline::release`].
     ///
     /// ```
     /// use ergon_engine::{Network, Rate, Timeline};
@@ -75,8 +76,8 @@ impl Timeline {
         self.leads.retain(|lead| !is_released(links, lead.link));
     }
 
-    /// A gate from `frame` on; `None` if it was a glide that is over. The gate of a coupling stays, for the plan goes by
-    /// it.
+    /// A gate from `frame` on; `None` if it was a glide that is over. The gate of a coupling stays, for the plan goes
+    /// by it.
     fn gate_after(&self, gate: &Gate, frame: u64, stops: bool) -> Option<Gate> {
         let is_coupling = !gate.is_ramp() || !gate.glides();
         let mut gate = *gate;

@@ -19,8 +19,8 @@ const GLIDE_MAX: f64 = 60.0;
 pub enum InputSource {
     /// A channel of the sound card, from 0.
     Channel(usize),
-    /// Values of [`Simulation::set_input`](crate::simulation::Simulation::set_input): each is reached after `glide` [s], and
-    /// held.
+    /// Values of [`Simulation::set_input`](crate::simulation::Simulation::set_input): each is reached after `glide`
+    /// [s], and held.
     Value {
         /// The number by which the input is told.
         number: u64,

@@ -30,8 +30,8 @@ const WEAK_FORCE: f64 = 5.0;
 const HAND: [f64; 2] = [400.0, 4.0];
 /// Drift of a sensor [m in a tick]: 0.5 m/s.
 const DRIFT: f64 = 5e-4;
-/// Part of its travel that a device reports, if that is the fault: the guide does not leave it, the greatest force does.
-/// A weak motor moves the key less.
+/// Part of its travel that a device reports, if that is the fault: the guide does not leave it, the greatest force
+/// does. A weak motor moves the key less.
 const REPORTED_TRAVEL: f64 = 0.08;
 const REPORTED_TRAVEL_WEAK: f64 = 0.04;
 /// Amplitude and rate of the path along which a written part drives the key [m, Hz].

@@ -273,8 +273,8 @@ impl Lead {
         self.trace.push(numbers);
     }
 
-    /// What happened in each tick: the pointer at its beginning and end [m] and the factor of stiffness (not numbers: no
-    /// finger), the force on the key [N], and finger and key at the end [m].
+    /// What happened in each tick: the pointer at its beginning and end [m] and the factor of stiffness (not numbers:
+    /// no finger), the force on the key [N], and finger and key at the end [m].
     pub fn trace(&self) -> Vec<[f64; TRACE_COLUMNS]> {
         self.trace.rows()
     }

@@ -199,7 +199,7 @@ mod unix {
         let known = FAULTS.iter().position(|&known| known == signal);
         if let Some(former_action) = known.and_then(|index| FORMER_HANDLERS[index].get()) {
             // The signal is raised again, and the former handler gets it when this one returns.
-            // SAFETY: `before` is what sigaction gave; both calls are allowed in a handler.
+            // SAFETY: `former_action` is what sigaction gave; both calls are allowed in a handler.
             unsafe {
                 libc::sigaction(signal, former_action, std::ptr::null_mut());
                 libc::raise(signal);

@@ -117,8 +117,8 @@ impl Watched {
 }
 
 impl LinkWork {
-    /// The account of a run of one link; `is_fused`: it is computed in one pass with others; `is_led`: its strength
-    /// changes in time.
+    /// The account of a run of one link; `is_fused`: it is computed in one pass with others; `strength_varies`: its
+    /// strength changes in time.
     pub(super) fn new(run: &Run, is_fused: bool, strength_varies: bool) -> Self {
         Self {
             a: run.a,

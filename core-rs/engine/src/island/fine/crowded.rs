@@ -137,8 +137,8 @@ fn is_crowded(n_joints: usize, n_modes: usize, n_instants: usize) -> bool {
     pair_products > PRODUCTS_RATIO_MIN * mode_products
 }
 
-/// The tables of modes with these motions. A group that is not full is filled with copies of a mode, which have no share
-/// in any position.
+/// The tables of modes with these motions. A group that is not full is filled with copies of a mode, which have no
+/// share in any position.
 fn tables(cells: &[Cell], basis: &Basis, rate: Rate) -> ModeTables {
     let (n, time_step) = (basis.n(), rate.step());
     let n_groups = cells.len().div_ceil(SUMS);

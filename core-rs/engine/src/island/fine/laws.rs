@@ -373,7 +373,7 @@ impl Fine {
         [e, dot(b, &instant.slope) - dot(a, &instant.slope)]
     }
 
-    /// A kick of a law that lasts `b` frames, in a frame of contacts.
+    /// A kick of a law that lasts `duration` frames, in a frame of contacts.
     pub(super) fn kick_law(
         &mut self,
         script: &Script,

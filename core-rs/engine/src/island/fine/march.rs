@@ -105,8 +105,8 @@ impl LinkContact<'_> {
         sqrt(tangent * inverse_mass).max(self.z * inverse_mass)
     }
 
-    /// The impulse of a kick that lasts `duration` frames at constant penetration `g`, while `v` changes by the kick itself
-    /// [N·s].
+    /// The impulse of a kick that lasts `duration` frames at constant penetration `g`, while `v` changes by the kick
+    /// itself [N·s].
     fn kick(&self, [g, v]: [f64; 2], duration: f64, step: f64) -> f64 {
         let elastic = self.elastic(g);
         let decay_rate = self.velocity_per_impulse * step * self.z;

@@ -1,4 +1,5 @@
-//! What does not change while links between frames are computed: their points, and how a push of one path_responses the others.
+//! What does not change while links between frames are computed: their points, and how a push of one path_responses the
+//! others.
 
 use super::basis::{Basis, Instant, add_rows};
 use super::crowded::CrowdedBody;
@@ -45,15 +46,15 @@ impl Script {
         self.jump_between((a, b), (a, b))
     }
 
-    /// Change of the rate of elongation of the second link, given by its joints, by an impulse of the first [m/frame per
-    /// N·s].
+    /// Change of the rate of elongation of the second link, given by its joints, by an impulse of the first [m/frame
+    /// per N·s].
     pub(super) fn jump_between(&self, (a, b): (usize, usize), (c, d): (usize, usize)) -> f64 {
         let jump = |from: usize, to: usize| self.jumps[from * self.joints.len() + to];
         jump(a, c) + jump(b, d) - jump(a, d) - jump(b, c)
     }
 
-    /// Whether a push of one link changes the velocity of another at once, by more than `UNCOUPLED` of what it changes its
-    /// own.
+    /// Whether a push of one link changes the velocity of another at once, by more than `UNCOUPLED` of what it changes
+    /// its own.
     pub(super) fn has_coupled_links(&self) -> bool {
         let link_ends = self.ends.iter().enumerate();
         let mut link_pairs =

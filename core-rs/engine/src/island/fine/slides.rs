@@ -1,10 +1,10 @@
 //! Dry friction between frames: each link slides one way or holds, until an event that is located.
 //!
-//! Between two events the force of each link is a polynomial through the Gauss points of a step, as for laws (`laws`). A
-//! sliding link gives its level against its velocity. A holding link gives the force that keeps its velocity at zero.
+//! Between two events the force of each link is a polynomial through the Gauss points of a step, as for laws (`laws`).
+//! A sliding link gives its level against its velocity. A holding link gives the force that keeps its velocity at zero.
 //! A slide ends when its velocity passes zero, and a hold ends when it needs more than the level near rest. A step in
-//! which one of them ends is repeated up to that instant. `forces` solves for the forces of a step, `script` holds
-//! what is constant.
+//! which one of them ends is repeated up to that instant. `forces` solves for the forces of a step, `script` holds what
+//! is constant.
 
 mod forces;
 mod script;
@@ -27,11 +27,11 @@ const EVENT_TOLERANCE: f64 = 1e-13;
 const TRIES_MAX: usize = 60;
 /// A rest of a frame below this share of the frame is skipped.
 const SKIPPED_SHARE: f64 = 1e-9;
-/// A velocity counts as zero below this share of what friction can take from it in a frame: the basis gives the velocity
-/// of a held mass to a small part of that.
+/// A velocity counts as zero below this share of what friction can take from it in a frame: the basis gives the
+/// velocity of a held mass to a small part of that.
 const STILL_SHARE: f64 = 1e-4;
-/// The same for a link that held at the end of the last frame: a hold has no velocity at the Gauss points of its last step,
-/// but some after them. A string that held a mass had 1e-3; without this it slid and stopped anew in every frame.
+/// The same for a link that held at the end of the last frame: a hold has no velocity at the Gauss points of its last
+/// step, but some after them. A string that held a mass had 1e-3; without this it slid and stopped anew in every frame.
 const STILL_SHARE_HELD: f64 = 1e-2;
 /// A hold ends if it needs more than its level by this share.
 const EXCESS_SHARE: f64 = 1e-9;
@@ -42,7 +42,8 @@ pub(super) struct Frictions {
     pub(super) script: Arc<SlideScript>,
     /// The links as they are in this step   (n_dry)
     slides: Vec<Slide>,
-    /// Responses of the velocities to the forces in this step, as in [`script::EvenSteps::velocity_responses`]   (n_dry²)
+    /// Responses of the velocities to the forces in this step, as in [`script::EvenSteps::velocity_responses`]
+    /// (n_dry²)
     velocity_responses: Vec<Square>,
     /// Equations for the forces in this step   (3·n_dry, 3·n_dry + 1)
     system: Vec<f64>,

@@ -86,13 +86,14 @@ impl RunningModal {
     /// Weights of these displacements in that of another port   (n_modes)
     pub(crate) fn weights(&self, pushed_port: usize, moved_port: usize) -> impl Iterator<Item = f64> {
         let plan = &self.script.plan;
-        // The responses of complex modes already contain the shares of the port `from`.
+        // The responses of complex modes already contain the shares of the port `pushed_port`.
         let is_complex = plan.answers.is_some();
         let shape_pairs = plan.ports[pushed_port].shape.iter().zip(&plan.ports[moved_port].shape);
         shape_pairs.map(move |(a, b)| if is_complex { *b } else { a * b })
     }
 
-    /// The continuous motion of each mode, and of nothing but it; `None` for modes that are complex or discrete   (n_modes)
+    /// The continuous motion of each mode, and of nothing but it; `None` for modes that are complex or discrete
+    /// (n_modes)
     pub(crate) fn cells(&self) -> Option<Vec<Cell>> {
         let plan = &self.script.plan;
         let mode_cells = plan.modes.iter().map(|mode| mode.cell);

@@ -9,8 +9,8 @@ use crate::kernel::ports;
 /// Most pairs of a port and a port or output whose responses are kept: 2 MB of them.
 const PAIRS_MAX: usize = 4096;
 
-/// Displacement of each row in the frames after 1 N at each port during one frame   (n_ports, n_rows, FRAMES_AHEAD); empty if
-/// they would be too many.
+/// Displacement of each row in the frames after 1 N at each port during one frame   (n_ports, n_rows, FRAMES_AHEAD);
+/// empty if they would be too many.
 pub(super) fn responses(script: &Script) -> Vec<f64> {
     let (n_ports, n_rows) = (script.plan.ports.len(), script.moves.len());
     if n_ports * n_rows > PAIRS_MAX {
@@ -97,7 +97,8 @@ impl RunningModal {
         }
     }
 
-    /// Advance a group from frame `from` of the window, one frame ahead of it, to frame `to`, with the pushes in between.
+    /// Advance a group from frame `from` of the window, one frame ahead of it, to frame `to`, with the pushes in
+    /// between.
     pub(super) fn replay(&self, group: usize, motion: &mut Motion, from: usize, to: usize) {
         let group_rates = if self.is_damped {
             &self.damped

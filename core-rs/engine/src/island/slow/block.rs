@@ -6,7 +6,8 @@ use super::blocks::{BlockFlow, Present};
 use crate::archive;
 use crate::kernel::dense;
 
-/// A body whose displacements [m] and velocities [m a frame] are all smaller than this rests: 280 dB below a micrometre.
+/// A body whose displacements [m] and velocities [m a frame] are all smaller than this rests: 280 dB below a
+/// micrometre.
 const REST_BOUND: f64 = 1e-20;
 
 /// A running body.

@@ -98,7 +98,7 @@ impl SteppedSprings {
         }
     }
 
-    /// Velocities after a pull at positions `x`, from those `before`, or from rest [m a frame] (n each).
+    /// Velocities after a pull at positions `x`, from those `velocities_before`, or from rest [m a frame] (n each).
     pub(super) fn pull(
         &mut self,
         slow: &Slow,

@@ -51,8 +51,8 @@ impl Batch {
         }
     }
 
-    /// Add the forces of those pairs that touch, of at most `BATCH` pairs: by the law of a run with K and Z in `by`,
-    /// and by its friction.
+    /// Add the forces of those pairs that touch, of at most `BATCH` pairs: by the law of a run with K and Z in
+    /// `k_and_z`, and by its friction.
     pub(super) fn push(
         &mut self,
         run: &PairRun,

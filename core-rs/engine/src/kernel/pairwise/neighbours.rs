@@ -128,7 +128,7 @@ impl Neighbours {
         self.n_close = select_near(&self.x, &self.pairs, reach, &mut self.close);
     }
 
-    /// Compute the forces of all pairs by the law of a run with K and Z in `by`, and by its friction.
+    /// Compute the forces of all pairs by the law of a run with K and Z in `k_and_z`, and by its friction.
     pub(super) fn push(
         &mut self,
         run: &PairRun,

@@ -6,9 +6,9 @@ use crate::mix::glide::{Glide, glide_to_zero};
 impl Mixer {
     /// Take over the state of `old`: gains of groups, filters and delays of routes that both have, and rooms of the
     /// same name. Over 20 ms from the next multiple of 64 frames on, new routes fade in, routes that are gone fade out,
-    /// and changed gains glide, including that of all channels. A route with another filter or delay is a new one, which
-    /// has the state of the old one. Frozen outputs that are new, gone or moved fade in the same way. Allocates and
-    /// frees nothing: filters, delay and curve of a route that fades out are moved out of `old`.
+    /// and changed gains glide, including that of all channels. A route with another filter or delay is a new one,
+    /// which has the state of the old one. Frozen outputs that are new, gone or moved fade in the same way. Allocates
+    /// and frees nothing: filters, delay and curve of a route that fades out are moved out of `old`.
     ///
     /// `outputs`: for each output of `old`, the output here; `None` if they are the same.
     pub fn take_over(&mut self, old: &mut Self, outputs: Option<&[Option<usize>]>) {

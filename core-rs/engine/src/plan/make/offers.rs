@@ -18,7 +18,8 @@ const NO_GAIN: &str = "at every frame its island keeps the budget, or keeps it a
 
 impl Maker<'_> {
     /// The island without slow parts that asked for it, if it misses its budget with them, takes more steps a frame for
-    /// it, or has one that is dearer than without a rate, and is within the budget without them, at less cost if both are.
+    /// it, or has one that is dearer than without a rate, and is within the budget without them, at less cost if both
+    /// are.
     pub(super) fn without_rates(&self, subset: &Subset, island_timeline: &OwnTimeline, slow: Solved) -> Solved {
         let is_within = slow.is_within(self.budget);
         let island_plan = &slow.chosen.island.island_plan;
@@ -94,7 +95,8 @@ impl Maker<'_> {
         (None, plain)
     }
 
-    /// Solves an island with offered slow parts, and returns it if it `is_right` compared with the island without them.
+    /// Solves an island with offered slow parts, and returns it if it `is_better` compared with the island without
+    /// them.
     fn try_offer(
         &self,
         slow_subset: &Subset,

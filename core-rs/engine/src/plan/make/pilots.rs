@@ -13,8 +13,8 @@ use crate::plan::trial::pilot_result::{ChosenIsland, PilotResult};
 use crate::plan::trial::record::Series;
 
 impl Maker<'_> {
-    /// Decides an island by its pilot, and by one of a stricter budget if the error of the first grows beyond the budget
-    /// after its end.
+    /// Decides an island by its pilot, and by one of a stricter budget if the error of the first grows beyond the
+    /// budget after its end.
     pub(super) fn choose_by_pilot(
         &self,
         subset: &Subset,

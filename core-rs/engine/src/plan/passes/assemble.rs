@@ -249,8 +249,8 @@ fn faster(timeline: &Timeline, oversampling: u32, network: &Network) -> Result<T
     })
 }
 
-/// Chooses the contact substeps a frame of a network, at most `steps_max`; also returns whether laws may be computed between
-/// frames, and the certificate of the rest.
+/// Chooses the contact substeps a frame of a network, at most `steps_max`; also returns whether laws may be computed
+/// between frames, and the certificate of the rest.
 pub(in crate::plan) fn hub(
     network: &Network,
     timeline: &Timeline,

@@ -70,8 +70,8 @@ impl Loudness {
         Self(span_sums.collect())
     }
 
-    /// The loudness of these modes relative to all, the largest over outputs and spans [dB]: ‖x‖/‖all − mean‖, as errors
-    /// are measured.
+    /// The loudness of these modes relative to all, the largest over outputs and spans [dB]: ‖x‖/‖all − mean‖, as
+    /// errors are measured.
     pub(in crate::plan) fn relative_to(&self, all: &Self) -> f64 {
         let output_pairs = self.0.iter().flatten().zip(all.0.iter().flatten());
         let energy_ratios = output_pairs.filter_map(|(some, all)| {

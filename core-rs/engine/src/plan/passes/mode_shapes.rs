@@ -28,7 +28,8 @@ pub(crate) struct ModeShapes {
 }
 
 impl ModeShapes {
-    /// For a body, the modes `mode_numbers`, rotated towards some MATs. Takes at least as long as computing its whole spectrum.
+    /// For a body, the modes `mode_numbers`, rotated towards some MATs. Takes at least as long as computing its whole
+    /// spectrum.
     /// `None` if it has no modes.
     pub(crate) fn new(
         network: &Network,

@@ -328,8 +328,8 @@ fn complex(network: &Network, timeline: &Timeline, body: &Body, memo: &Memo<'_>)
             struck: (port_count..force_points.len()).map(answers).collect(),
         }),
     };
-    // The largest cost allowed: the same masses stepped module by module, times `COST_RATIO_MAX`. A few masses that contacts touch
-    // would create energy if they were stepped.
+    // The largest cost allowed: the same masses stepped module by module, times `COST_RATIO_MAX`. A few masses that
+    // contacts touch would create energy if they were stepped.
     let cost_limit = COST_RATIO_MAX * cost::stepped_cost(&modal_plan.network, &Timeline::new(rate));
     let modal_plan = BodyPlan::Modal(modal_plan);
     let is_cheap = body.is_small() || cost::body_cost(&modal_plan) <= cost_limit;

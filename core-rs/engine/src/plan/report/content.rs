@@ -56,7 +56,7 @@ struct Events {
 }
 
 impl Events {
-    /// `also`: what else the hash has to include; `order`: the parts of the island.
+    /// `extra_content`: what else the hash has to include; `order`: the parts of the island.
     fn new(network: &Network, order: &PartOrder, timeline: &Timeline, extra_content: Arguments<'_>) -> Self {
         let network = network.anonymous(order);
         let timeline_keys = timeline.keys.iter();
@@ -155,8 +155,8 @@ impl Content {
         ))
     }
 
-    /// A hash of all that the island depends on up to frame `until` of the scene (64 hex digits); `before` is that hash
-    /// up to frame `from`, empty at 0.
+    /// A hash of all that the island depends on up to frame `until` of the scene (64 hex digits); `previous_key` is
+    /// that hash up to frame `from`, empty at 0.
     pub(crate) fn key(&self, island: &IslandPlan, (from, until): (u64, u64), previous_key: &str) -> String {
         let oversampling = u64::from(island.oversampling);
         let frame_rate = island.timeline.rate.hertz();
@@ -193,7 +193,7 @@ pub(in crate::plan) struct IslandContent<'a> {
 }
 
 impl<'a> IslandContent<'a> {
-    /// `also`: what else its plan depends on.
+    /// `extra_content`: what else its plan depends on.
     pub(in crate::plan) fn new(network: &Network, timeline: &'a Timeline, extra_content: Arguments<'_>) -> Self {
         // How an island is assembled depends on which MATs events act on, no matter when.
         let event_mats = (

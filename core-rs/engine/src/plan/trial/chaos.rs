@@ -244,8 +244,8 @@ impl Parting {
         attack - self.growth > ATTACK_ERROR_MIN
     }
 
-    /// Returns an error [dB] and the frame until which it holds: as long as the error is at most `error_allowed`; if it never
-    /// is, as long as the runs agree at all.
+    /// Returns an error [dB] and the frame until which it holds: as long as the error is at most `error_allowed`; if it
+    /// never is, as long as the runs agree at all.
     pub(in crate::plan) fn valid_span(&self, error_allowed: f64, stretches: &Stretches) -> (f64, usize) {
         let count_below = |error_max: f64| self.cumulative_errors.iter().take_while(|db| **db <= error_max).count();
         let stretch_count = [count_below(error_allowed), count_below(PARTED_DB), 1]

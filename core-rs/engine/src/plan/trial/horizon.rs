@@ -34,8 +34,8 @@ pub(in crate::plan) fn error_may_grow(island_plan: &IslandPlan) -> bool {
     has_slow_body || (has_contacts && !island_plan.timeline.gestures.is_empty())
 }
 
-/// The first strike or written gesture after `over` [s] that is harder than all until then, so that its error is not known
-/// [s]; `None` if there is none, or if the motion does not depend on how hard it is excited.
+/// The first strike or written gesture after `measured_until` [s] that is harder than all until then, so that its error
+/// is not known [s]; `None` if there is none, or if the motion does not depend on how hard it is excited.
 pub(in crate::plan) fn harder_event(island_plan: &IslandPlan, timeline: &Timeline, measured_until: f64) -> Option<f64> {
     if is_linear(island_plan) {
         return None;
@@ -55,8 +55,8 @@ pub(in crate::plan) fn harder_event(island_plan: &IslandPlan, timeline: &Timelin
     harder_events.into_iter().flatten().reduce(f64::min)
 }
 
-/// The first instant after `over` whose strength exceeds all until then by more than `HARDER_RATIO`, of pairs (instant [s],
-/// strength); `None` if there is none, or nothing until then.
+/// The first instant after `measured_until` whose strength exceeds all until then by more than `HARDER_RATIO`, of pairs
+/// (instant [s], strength); `None` if there is none, or nothing until then.
 fn first_harder(events: impl Iterator<Item = (f64, f64)> + Clone, measured_until: f64) -> Option<f64> {
     let tried_events = events.clone().filter(|event| event.0 <= measured_until);
     let hardest = tried_events.map(|event| event.1).reduce(f64::max)?;
@@ -132,7 +132,7 @@ fn key(measured: Measured, budget: &Budget, played: [Played<'_>; 2], n_frames: u
     ))
 }
 
-/// The same over an excerpt or its beginning, with the error looked at every `look` frames.
+/// The same over an excerpt or its beginning, with the error looked at every `look_interval` frames.
 fn extend_over(
     measured: Measured,
     budget: &Budget,

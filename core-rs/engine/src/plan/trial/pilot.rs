@@ -236,8 +236,8 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
         )
     }
 
-    /// The same, with no more left out than an error leaves of the budget; also returns the error to state. A reader adds
-    /// it to what is left out by power, but near the budget both may point the same way.
+    /// The same, with no more left out than an error leaves of the budget; also returns the error to state. A reader
+    /// adds it to what is left out by power, but near the budget both may point the same way.
     fn pruned_within(&self, tried: &Tried) -> Result<(Assembled, f64), Error> {
         let level_left = amplitude_difference(self.budget.asked(), tried.error);
         let limit = self.budget.left_out().map(|limit| limit.min(level_left));
@@ -250,8 +250,8 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
         Ok((island, stated_error))
     }
 
-    /// The island as it was played first, whose error is not known. If that run is lost, the island with meshes that cannot
-    /// diverge, unless that is lost too.
+    /// The island as it was played first, whose error is not known. If that run is lost, the island with meshes that
+    /// cannot diverge, unless that is lost too.
     fn unmeasured(&self, first: Candidate, run: Rc<PilotRun>) -> Result<PilotOutcome, Error> {
         let (mut candidate, mut run) = (first, run);
         if run.is_lost

@@ -194,7 +194,7 @@ fn find_length(
     Ok(if n_frames <= longest { n_frames } else { 0 })
 }
 
-/// The first event of an island at `from` or later [s]; infinite if there is none.
+/// The first event of an island at `earliest` or later [s]; infinite if there is none.
 fn next_event(island_plan: &IslandPlan, earliest: f64, rate: f64) -> f64 {
     let timeline = &island_plan.timeline;
     let gesture_times = timeline.gestures.iter().map(|gesture| gesture.start);

@@ -13,8 +13,8 @@ use crate::plan::trial::allowance::{Allowance, unless_spent};
 use crate::plan::trial::pilot_run::{Excerpt, PilotRun, is_affordable, play};
 use crate::plan::trial::waveform_error::{Spans, difference};
 
-/// The island without the modes that are not heard, together at most `error_max` loud [dB]: chosen by their energies, then
-/// checked by playing.
+/// The island without the modes that are not heard, together at most `error_max` loud [dB]: chosen by their energies,
+/// then checked by playing.
 pub(in crate::plan) fn prune(
     island: &Assembled,
     (contact_substeps, run): (usize, &PilotRun),

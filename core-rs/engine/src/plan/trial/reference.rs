@@ -235,8 +235,8 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Climb<'_, F> {
     }
 }
 
-/// The error of the finer of two runs [dB], from the change between them and the one `before` at twice the steps: at
-/// order 1, which the first two are assumed to have, it is the change.
+/// The error of the finer of two runs [dB], from the change between them and the one `change_before` at twice the
+/// steps: at order 1, which the first two are assumed to have, it is the change.
 fn error_of_finer(change: f64, change_before: Option<f64>) -> f64 {
     let [lowest_order, highest_order] = CONVERGENCE_ORDERS;
     let error_order = change_before

@@ -1,8 +1,9 @@
-//! The search: candidates are tried in rising order of cost, each against the reference, and the first within the budget
-//! is taken.
+//! The search: candidates are tried in rising order of cost, each against the reference, and the first within the
+//! budget is taken.
 //!
-//! The error of a candidate does not depend on the budget. So a stricter budget finds one that is at least as exact, and
-//! a looser one finds one that costs at most as much. If none is within the budget, the best of those tried is taken.
+//! The error of a candidate does not depend on the budget. So a stricter budget finds one that is at least as exact,
+//! and a looser one finds one that costs at most as much. If none is within the budget, the best of those tried is
+//! taken.
 
 use std::collections::BTreeMap;
 use std::rc::Rc;
@@ -100,7 +101,8 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
         let mut gains = Gains::default();
         let all_candidates = candidates(self.assemble, reference);
         for candidate in all_candidates.into_iter().filter(is_offered) {
-            // Candidates that were played may have cost more than was estimated; with more substeps they cost still more.
+            // Candidates that were played may have cost more than was estimated; with more substeps they cost still
+            // more.
             if let Some(cheapest) = &cheapest {
                 if candidate.cost >= cheapest.candidate.cost {
                     break;
@@ -149,8 +151,8 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
         self.budget.asked() - error_margin
     }
 
-    /// Plays a candidate, as long as its error may be within the budget or below that of `nearest`; `None` if it is not, or if
-    /// the run is lost.
+    /// Plays a candidate, as long as its error may be within the budget or below that of `nearest`; `None` if it is
+    /// not, or if the run is lost.
     fn measure(&self, candidate: Candidate, nearest: Option<&Tried>) -> Result<Option<Tried>, TrialError> {
         let is_by_waveform = matches!(self.budget, Budget::Error(_)) && self.chaos.is_none();
         let error_limit = match nearest {
@@ -169,9 +171,9 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
         Ok(run.map(|run| self.compare(candidate, run)))
     }
 
-    /// Whether links will have created more energy by the end of the piece than is allowed. Contacts create energy by chance,
-    /// in proportion to the square root of their number; laws as in the second half of a run, if they created more there than in the
-    /// first.
+    /// Whether links will have created more energy by the end of the piece than is allowed. Contacts create energy by
+    /// chance, in proportion to the square root of their number; laws as in the second half of a run, if they created
+    /// more there than in the first.
     fn creates_energy(&self, island: &Assembled, run: &PilotRun) -> bool {
         // In a chaotic motion it is chance how much contacts create that lose nothing.
         if self.chaos.is_some() && island.has_lossless_steps() {

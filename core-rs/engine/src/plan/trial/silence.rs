@@ -59,8 +59,8 @@ impl<'a> Silence<'a> {
         });
     }
 
-    /// Lets outputs that are still silent keep their first value in that block; `squares` are those of the amplitudes of
-    /// the modes so far.
+    /// Lets outputs that are still silent keep their first value in that block; `squares` are those of the amplitudes
+    /// of the modes so far.
     pub(in crate::plan) fn keep(&mut self, sound: &mut [f64], squares: &[Vec<f64>]) {
         let n_outputs = self.outputs.len();
         for output in 0..n_outputs {

@@ -128,8 +128,8 @@ fn transform(re: &mut [f64], im: &mut [f64]) {
 mod tests {
     use super::*;
 
-    /// Partials at multiples of 60 Hz up to 20 kHz, 0.4 s, two outputs; `size` gives a partial's amplitude, `phase` its
-    /// phase.
+    /// Partials at multiples of 60 Hz up to 20 kHz, 0.4 s, two outputs; `amplitude` gives a partial's amplitude,
+    /// `phase` its phase.
     fn sound(amplitude: impl Fn(f64) -> f64, phase: f64) -> Vec<f64> {
         let sound_sample = |n: usize| {
             let partials = (1..=333).map(|k| {

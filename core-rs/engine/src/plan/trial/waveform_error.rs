@@ -179,7 +179,7 @@ mod tests {
         }
     }
 
-    /// Two notes that begin at the event, of which the first also has the error `apart`.
+    /// Two notes that begin at the event, of which the first also has the error `error_at`.
     fn notes(error_at: impl Fn(usize) -> f64) -> (Vec<f64>, Vec<f64>) {
         let note_sample = |n: usize| crate::maths::sin(0.7 * n.saturating_sub(60) as f64);
         let all_frames = 0..360_usize;

@@ -52,7 +52,7 @@ impl Glance {
 }
 
 impl Simulation {
-    /// Fills `into` with the state at this frame and the contacts and strikes since the last glance. Only copies.
+    /// Fills `snapshot` with the state at this frame and the contacts and strikes since the last glance. Only copies.
     pub fn glance(&mut self, look: &Look, snapshot: &mut Glance) {
         snapshot.frame = self.frame;
         self.look(look, &mut snapshot.tracks);

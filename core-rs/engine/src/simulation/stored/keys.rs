@@ -43,8 +43,8 @@ impl Simulation {
 
     /// Hashes of everything that determines each output up to each of the rising frames `stops` (n_stops; n_out).
     ///
-    /// Outputs of two simulations with the same hash have the same samples up to there. Units that are silent up to there
-    /// do not count, so notes that are not played change no hash; where nothing else is heard, the hash is empty.
+    /// Outputs of two simulations with the same hash have the same samples up to there. Units that are silent up to
+    /// there do not count, so notes that are not played change no hash; where nothing else is heard, the hash is empty.
     pub fn output_keys(&self, stops: &[u64]) -> Vec<Vec<String>> {
         let plan = &*self.plan;
         let still = plan.network.outputs().iter().zip(&plan.still);

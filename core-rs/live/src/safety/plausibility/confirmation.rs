@@ -8,8 +8,8 @@ use crate::safety::Trip;
 
 /// Time for which a right answer counts [s].
 const CONFIRMATION_TIME: f64 = 0.2;
-/// Work that the motor takes out of the key after which a question is asked early [J]: a motor that pushes the wrong way
-/// does that work instead.
+/// Work that the motor takes out of the key after which a question is asked early [J]: a motor that pushes the wrong
+/// way does that work instead.
 const ASK_WORK: f64 = 0.01;
 /// Work that it may take out until a right answer; then the force ends until there is one [J].
 const DOUBT_WORK: f64 = 0.75;
@@ -187,7 +187,8 @@ impl Confirmation {
         };
     }
 
-    /// The force with the pulses of a question [N]. A force near the greatest is lowered, so that pulses are not clamped.
+    /// The force with the pulses of a question [N]. A force near the greatest is lowered, so that pulses are not
+    /// clamped.
     pub(super) fn with_pulses(&self, asked_force: f64) -> f64 {
         let force_limit = self.force_max - self.pulse_force_max;
         let lowered_force = if self.is_asking && asked_force.abs() > force_limit {

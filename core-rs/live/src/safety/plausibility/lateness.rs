@@ -2,8 +2,8 @@
 //!
 //! A spring that acts late drives the key to and fro, and the work by the positions that are reported is about zero
 //! meanwhile. So the work is summed for forces that are late by each of some lags. Under a force of angular frequency ω
-//! the sum is greatest for a lag of a quarter of the period, whatever the real delay is, so a few lags show any swing. A
-//! hand that moves a key on a spring shows the same work, and only an answer in time tells that nothing is late.
+//! the sum is greatest for a lag of a quarter of the period, whatever the real delay is, so a few lags show any swing.
+//! A hand that moves a key on a spring shows the same work, and only an answer in time tells that nothing is late.
 
 /// The lags [s], besides the delay that the device reports. Any swing with a period from 36 ms to 1.2 s shows at least
 /// four fifths of its work at one of them.
@@ -16,8 +16,8 @@ const PAST: usize = 2_048;
 const ASKED: f64 = 0.03;
 const MARKED: f64 = 0.1;
 const GREATEST: f64 = 0.5;
-/// The second time within this time is no chance [s]: with a late channel the force ends again after 2 to 4 s, and under
-/// the hardest strokes of a healthy hand after more than a minute.
+/// The second time within this time is no chance [s]: with a late channel the force ends again after 2 to 4 s, and
+/// under the hardest strokes of a healthy hand after more than a minute.
 const AGAIN: f64 = 10.0;
 
 /// Time after which nothing that is late by up to 300 ms comes any more [s].
@@ -41,8 +41,8 @@ pub(super) struct Lateness {
 }
 
 impl Lateness {
-    /// For steps of `step` [s] of a device that reports a `delay` [s], and the `energy` [J] and `power` [W] that its motor
-    /// may give to a hand at once and for long.
+    /// For steps of `step` [s] of a device that reports a `delay` [s], and the `energy` [J] and `power` [W] that its
+    /// motor may give to a hand at once and for long.
     pub(super) fn new(step: f64, delay: f64, energy: f64, power: f64) -> Self {
         let lag_steps = |lag: f64| (((lag + delay) / step).round() as usize).min(PAST - 1);
         Self {

@@ -21,7 +21,8 @@ fn tremor(t: f64) -> f64 {
     5e-5 * libm::sin(57.0 * t) + 3e-5 * libm::sin(71.3 * t + 1.0)
 }
 
-/// Strokes of 60 to 200 ms to a depth between -5 mm and `deepest` [m], one every `every` [s], each held for a while.
+/// Strokes of 60 to 200 ms to a depth between -5 mm and `deepest` [m], one every `stroke_interval` [s], each held for a
+/// while.
 fn strokes(t: f64, stroke_interval: f64, deepest: f64) -> f64 {
     let stroke_index = libm::floor(t / stroke_interval);
     let (time_in_stroke, stroke_time) = (

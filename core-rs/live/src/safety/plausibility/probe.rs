@@ -30,8 +30,8 @@ const SETTLE_STEPS: u32 = 2 * VELOCITY_STEPS as u32;
 /// Least deviation from its course that counts as an answer [m].
 const ANSWER: f64 = 1e-4;
 
-/// Factors of the displacement of a free key under the probe: an answer is at least the first, a wrong answer to a probe
-/// of `Run` at most the second.
+/// Factors of the displacement of a free key under the probe: an answer is at least the first, a wrong answer to a
+/// probe of `Run` at most the second.
 const ANSWER_RANGE: (f64, f64) = (0.25, 2.5);
 
 /// Least share of the displacement of a free key that counts as an answer, for a key that rests at its stop: no hand

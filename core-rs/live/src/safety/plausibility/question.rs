@@ -2,16 +2,16 @@
 //!
 //! The answer is a weighted sum of positions before, during and after the pulses. It is zero for every path that is a
 //! polynomial of degree six, so that a hand that moves smoothly adds little. And it is positive for the answer of every
-//! hand, free, soft or firm, light or heavy, late by up to five steps, because the first movement of a passive body goes
-//! the way it is pushed. The weights are the shortest vector in the convex hull of the unit answers of 150 such hands
-//! (by the algorithm of M. Frank and P. Wolfe, Naval Research Logistics Quarterly 3, 1956), and a test computes the
-//! answers of more hands. A motor that pushes the other way gives a negative sum.
+//! hand, free, soft or firm, light or heavy, late by up to five steps, because the first movement of a passive body
+//! goes the way it is pushed. The weights are the shortest vector in the convex hull of the unit answers of 150 such
+//! hands (by the algorithm of M. Frank and P. Wolfe, Naval Research Logistics Quarterly 3, 1956), and a test computes
+//! the answers of more hands. A motor that pushes the other way gives a negative sum.
 //!
-//! Where force or position may be late, the sign of the first pulse is drawn for each question, so that a motion that repeats, such as the answer to an
-//! earlier question that comes late, is right as often as wrong.
+//! Where force or position may be late, the sign of the first pulse is drawn for each question, so that a motion that
+//! repeats, such as the answer to an earlier question that comes late, is right as often as wrong.
 //!
-//! Only the sum under the known pulses counts, never force and motion as such: with a spring they agree in sign whichever
-//! way the motor pushes, since the piece computes the force from the position.
+//! Only the sum under the known pulses counts, never force and motion as such: with a spring they agree in sign
+//! whichever way the motor pushes, since the piece computes the force from the position.
 
 /// Number of positions before the pulses that are weighted.
 const BEFORE: usize = 16;
@@ -54,8 +54,9 @@ const SENSOR_STEPS: f64 = 1.5;
 const NOISES: f64 = 3.0;
 /// Steps without a question in which that sum is taken, where the key swings: a part of a swing.
 const CALM: usize = 12;
-/// An answer that is late by 22 to 34 steps has the sign of one in time, but the sum is this many times greater when the
-/// window has moved by the same number of steps. For an answer in time, by three steps at most, the factor is below 1.9.
+/// An answer that is late by 22 to 34 steps has the sign of one in time, but the sum is this many times greater when
+/// the window has moved by the same number of steps. For an answer in time, by three steps at most, the factor is below
+/// 1.9.
 const LATER: [usize; 2] = [22, 34];
 const LATER_FACTOR: f64 = 2.0;
 /// Time in which the greatest sum without pulses is forgotten [s].
@@ -173,8 +174,8 @@ impl Questions {
         self.is_idle() && self.quiet > SPAN + CALM
     }
 
-    /// Begin a question with at most `force` [N], if the part `passes` of a force reaches the key. Where `is_doubtful`, its
-    /// sign is drawn.
+    /// Begin a question with at most `force` [N], if the part `passes` of a force reaches the key. Where `is_doubtful`,
+    /// its sign is drawn.
     pub(super) fn begin(&mut self, force: f64, passes: f64, is_doubtful: bool) {
         let [least_pulse, greatest_pulse] = PULSE_FORCES;
         let clear_force = (CLEAR * self.least_answer() / self.response).clamp(least_pulse, greatest_pulse);

@@ -23,8 +23,8 @@ const PUSHED_IN: f64 = 2.0;
 /// Time for which a position keeps its last bit before a question is asked [s], and least force for that [N].
 const STILL: f64 = 0.09;
 const STILL_FORCE: f64 = 0.3;
-/// Where no questions are asked, a position that keeps its last bit is a fault after `CHANGED_OVER` [s] if the force, averaged over `SMOOTH` [s],
-/// changed by `CHANGED` [N] meanwhile.
+/// Where no questions are asked, a position that keeps its last bit is a fault after `CHANGED_OVER` [s] if the force,
+/// averaged over `SMOOTH` [s], changed by `CHANGED` [N] meanwhile.
 const SMOOTH: f64 = 0.02;
 const CHANGED: f64 = 1.0;
 const CHANGED_OVER: f64 = 0.05;

@@ -201,7 +201,8 @@ fn figures() {
     }
 }
 
-/// A key keeps its position until a question is asked; then the host is stopped. Afterwards the force equals the scene's.
+/// A key keeps its position until a question is asked; then the host is stopped. Afterwards the force equals the
+/// scene's.
 #[test]
 fn restart_ends_questions_and_suspicions() {
     let axis_spec = AxisSpec {

@@ -26,7 +26,7 @@ impl Heat {
         force
     }
 
-    /// Add the load of a force over a tick of `period`; `constant`: time constant of the coil [s].
+    /// Add the load of a force over a tick of `period`; `time_constant`: time constant of the coil [s].
     pub(in crate::safety) fn add_load(&mut self, force: f64, continuous: f64, period: f64, time_constant: f64) {
         let heat_load = (force / continuous) * (force / continuous);
         self.level += (heat_load - self.level) * (period / time_constant);

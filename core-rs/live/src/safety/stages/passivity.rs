@@ -117,7 +117,7 @@ impl Passivity {
         }
     }
 
-    /// Take positions (n_axes,) [m], received `since` [s] after the previous ones.
+    /// Take positions (n_axes,) [m], received `elapsed` [s] after the previous ones.
     pub(in crate::safety) fn receive(&mut self, positions: &[f64], elapsed: f64) {
         let ticks_passed = (self.sent - self.seen).clamp(1, GAP_MAX);
         let (last_slot, now_slot) = (slot(self.n.wrapping_sub(1)), slot(self.n));

@@ -8,8 +8,9 @@ use crate::law::{PLACES, Places, TangentScratch};
 use crate::network::Bristle;
 use crate::scheme::Kind;
 
-/// Forces are extrapolated from two parts if that guess deviates from the one of a single part by shares of the largest_force
-/// force between these: after a strike it would be far off, in a steady slide it amplifies rounding errors.
+/// Forces are extrapolated from two parts if that guess deviates from the one of a single part by shares of the
+/// largest_force force between these: after a strike it would be far off, in a steady slide it amplifies rounding
+/// errors.
 const EXTRAPOLATION_RANGE: std::ops::Range<f64> = 1e-8..0.1;
 
 /// Integrals up to each Gauss point, as weights of the rates at the Gauss points, in parts (Gauss's method of order 6).

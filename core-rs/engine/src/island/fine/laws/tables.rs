@@ -159,8 +159,8 @@ fn lagrange<const N: usize>(s: f64, points: [f64; N]) -> [f64; N] {
 }
 
 impl Script {
-    /// Response of the elongation between `to`, and of its rate, to the force of a law between `from`, at the Gauss
-    /// points of a part of `h` frames.
+    /// Response of the elongation between `moved_ends`, and of its rate, to the force of a law between `pushed_ends`,
+    /// at the Gauss points of a part of `h` frames.
     fn coupled(&self, [moved_ends, pushed_ends]: [(usize, usize); 2], h: f64) -> [Square; 2] {
         let n_instants = self.basis.n();
         let mut coefficients = [[[0.0; STAGES]; STAGES]; 2];

@@ -83,8 +83,8 @@ impl Fine {
         true
     }
 
-    /// Set up Newton's equations for corrections of all forces, one equation for each link and Gauss point: a holding link
-    /// has no velocity, a sliding link gives its level. Returns whether the equations are linear.
+    /// Set up Newton's equations for corrections of all forces, one equation for each link and Gauss point: a holding
+    /// link has no velocity, a sliding link gives its level. Returns whether the equations are linear.
     fn set_up_equations(&mut self, frame: Frame<'_>, s: f64) -> bool {
         let n_dry = frame.slides.links.len();
         let row_width = STAGES * n_dry + 1;
@@ -123,8 +123,8 @@ impl Fine {
         is_linear
     }
 
-    /// Correct all forces by the solution of the equations; returns the largest correction as a share of its level, `None`
-    /// if there is no solution.
+    /// Correct all forces by the solution of the equations; returns the largest correction as a share of its level,
+    /// `None` if there is no solution.
     fn correct_forces(&mut self, frame: Frame<'_>, s: f64) -> Option<f64> {
         let n_forces = STAGES * frame.slides.links.len();
         self.work.instants += NEWTON_WORK * frame.slides.links.len() as u64;
@@ -142,8 +142,8 @@ impl Fine {
         Some(change_max)
     }
 
-    /// Take the rest of a frame in one step, whatever ends in it. Each link gives one force, at most its level, that stops
-    /// it by the end of the frame if it can, so friction takes energy at any step (J. J. Moreau, 1988).
+    /// Take the rest of a frame in one step, whatever ends in it. Each link gives one force, at most its level, that
+    /// stops it by the end of the frame if it can, so friction takes energy at any step (J. J. Moreau, 1988).
     pub(super) fn finish_frame(&mut self, frame: Frame<'_>, s: f64) {
         let (script, n_dry, frame_left) = (frame.script, frame.slides.links.len(), 1.0 - s);
         let n_instants = script.basis.n();

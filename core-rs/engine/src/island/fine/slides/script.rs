@@ -1,4 +1,5 @@
-//! What is constant of dry friction between frames: its links, the length of its steps, and how forces change velocities.
+//! What is constant of dry friction between frames: its links, the length of its steps, and how forces change
+//! velocities.
 
 use super::{SKIPPED_SHARE, STEPS_MAX};
 use crate::island::fine::Script;
@@ -15,8 +16,8 @@ pub(in crate::island::fine) struct SlideScript {
     pub(super) dry: Vec<(Dry, f64)>,
     /// Steps without events: while every link holds or slides at a constant level, and while a level falls.
     even_steps: [EvenSteps; 2],
-    /// Response of each velocity to an impulse of each link, by the time since the impulse, as coefficients of the basis
-    /// [m/frame per N·s]; empty if there is none   (n_dry², n)
+    /// Response of each velocity to an impulse of each link, by the time since the impulse, as coefficients of the
+    /// basis [m/frame per N·s]; empty if there is none   (n_dry², n)
     pub(super) responses: Vec<Vec<f64>>,
 }
 
@@ -25,7 +26,8 @@ pub(in crate::island::fine) struct SlideScript {
 pub(super) struct EvenSteps {
     /// Steps of a frame.
     steps: usize,
-    /// Response of each velocity to the force of each link, at the Gauss points of such a step [m/frame per N]   (n_dry²)
+    /// Response of each velocity to the force of each link, at the Gauss points of such a step [m/frame per N]
+    /// (n_dry²)
     pub(super) velocity_responses: Vec<Square>,
 }
 

@@ -63,7 +63,7 @@ fn bark(f: f64) -> f64 {
     26.81 * f / (1960.0 + f) - 0.53
 }
 
-/// Level of a masker at a distance of `bark` above it, relative to its own [dB].
+/// Level of a masker at a distance of `bark_distance` above it, relative to its own [dB].
 fn spreading(bark_distance: f64) -> f64 {
     let bark_offset = bark_distance + 0.474;
     15.81 + 7.5 * bark_offset - 17.5 * sqrt(1.0 + bark_offset * bark_offset)

@@ -104,7 +104,7 @@ fn energy(speeds: &[f64]) -> f64 {
     speeds.iter().map(|speed| speed * speed).sum()
 }
 
-/// The first frame at which the energy exceeds `enough`; the last if none does.
+/// The first frame at which the energy exceeds `energy_limit`; the last if none does.
 fn first_above(speeds: &[f64], energy_limit: f64) -> usize {
     let mut energy_sum = 0.0;
     let is_above = |speed: &f64| {
