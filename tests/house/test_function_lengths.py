@@ -13,11 +13,11 @@ LINES_MAX = 80
 LONGER = {
     ("core-rs/bridge/src/perform.rs", "new"): 98,
     ("core-rs/engine/src/island/build.rs", "new"): 103,
-    ("core-rs/engine/src/island/coast.rs", "coast"): 93,
+    ("core-rs/engine/src/island/coast.rs", "coast"): 92,
     ("core-rs/engine/src/island/fault.rs", "mute"): 109,
     ("core-rs/engine/src/island/fine/build.rs", "new"): 116,
     ("core-rs/engine/src/island/ledger.rs", "after"): 142,
-    ("core-rs/engine/src/kernel/runs.rs", "links"): 95,
+    ("core-rs/engine/src/kernel/runs.rs", "links"): 90,
     ("core-rs/engine/src/key_model/motion/derivatives.rs", "direct"): 82,
     ("core-rs/engine/src/network/bodies.rs", "add_mesh"): 90,
     ("core-rs/engine/src/network/modes.rs", "part_modes"): 81,

@@ -51,12 +51,7 @@ impl Island {
     }
 
     /// Coast while no contact closes, from one step of a block to another at most; returns the number of steps.
-    pub(super) fn coast(
-        &mut self,
-        outputs: &mut StepOutputs<'_>,
-        from_step: usize,
-        to_step: usize,
-    ) -> Result<usize, Fault> {
+    pub(super) fn coast(&mut self, outputs: &mut StepOutputs<'_>, start: usize, end: usize) -> Result<usize, Fault> {
         let (script, state) = (&*self.script, &mut self.state);
         let (scheme, first_step) = (&script.scheme, state.frame);
         let mut fine_state = state.matter.fine.as_mut();
@@ -86,20 +81,18 @@ impl Island {
         ];
         let look_steps = look_steps.into_iter().flatten().map(|coast_steps| coast_steps as usize);
         let coast_steps = quiet_steps.chain(steps_ahead).chain(look_steps);
-        let coast_steps = coast_steps.fold(to_step - from_step, usize::min);
+        let coast_steps = coast_steps.fold(end - start, usize::min);
         if coast_steps < STEPS_MIN {
             return Ok(0);
         }
         // The motion without forces is needed here: forces of the step before are cleared.
         state.matter.body.force.fill(0.0);
         let has_bodies = !state.matter.bodies.is_empty();
-        let (mut steps_done, mut is_sound, mut open_until, mut next_look) = (0, true, 0, 0);
-        while steps_done < coast_steps && is_sound {
+        let (mut steps_done, mut is_bounded, mut open_until, mut next_look) = (0, true, 0, 0);
+        while steps_done < coast_steps && is_bounded {
             let body = &mut state.matter.body;
             if steps_done >= open_until {
-                let stays_open = fine_state
-                    .as_ref()
-                    .is_none_or(|fine_state| fine_state.stays_open(scheme, body));
+                let stays_open = fine_state.as_ref().is_none_or(|fine| fine.stays_open(scheme, body));
                 if !stays_open || !are_open(scheme, body) {
                     break;
                 }
@@ -122,7 +115,7 @@ impl Island {
                 }
             }
             let island_step = first_step + steps_done as u64;
-            if let Some(output_row) = outputs.row(from_step + steps_done) {
+            if let Some(output_row) = outputs.row(start + steps_done) {
                 kernel::tap(scheme, body, output_row);
                 let bodies = state.matter.bodies.iter();
                 for modal in bodies.filter_map(inside::RunningBody::modal) {
@@ -133,7 +126,7 @@ impl Island {
             for (voice, voice_script) in state.hands.voices.iter_mut().zip(&script.voices) {
                 voice.step_idle(voice_script, &mut state.hands.reports, island_step);
             }
-            is_sound = kernel::advance(scheme, &mut [], body, None, &mut ThreadTeam::alone());
+            is_bounded = kernel::advance(scheme, &mut [], body, None, &mut ThreadTeam::alone());
             steps_done += 1;
             let bodies = state.matter.bodies.iter();
             for modal in bodies.filter_map(inside::RunningBody::modal) {
@@ -145,7 +138,7 @@ impl Island {
             modal.coast(steps_done);
         }
         state.frame += steps_done as u64;
-        if !is_sound {
+        if !is_bounded {
             self.fault()?;
         }
         Ok(steps_done)

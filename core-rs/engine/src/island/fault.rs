@@ -151,7 +151,7 @@ impl Island {
     pub(super) fn fault_of(&self, module: String, part: usize, gain: Option<Gain>) -> Fault {
         let seconds = self.state.frame as f64 / self.script.scheme.rate;
         Fault {
-            energy_message: gain.map(|energy_message| energy_message.sentence(&module, seconds)),
+            energy_message: gain.map(|gain| gain.sentence(&module, seconds)),
             module,
             part: self.network.parts()[part].name.clone(),
             frame: self.state.frame,
@@ -167,7 +167,7 @@ impl Island {
         let script = std::sync::Arc::make_mut(&mut self.script);
         let scheme = &mut script.scheme;
         scheme.alike = Vec::new();
-        let is_muted: Vec<bool> = scheme.part.iter().map(|&own| own as usize == part).collect();
+        let is_muted: Vec<bool> = scheme.part.iter().map(|&mat_part| mat_part as usize == part).collect();
         for (mat, _) in is_muted.iter().enumerate().filter(|(_, is_muted)| **is_muted) {
             // A rest position beyond all bounds would cause the next fault at once.
             let rest_position = Some(scheme.rest[mat]).filter(|&x| kernel::is_bounded(x));
@@ -176,10 +176,9 @@ impl Island {
             (scheme.w[mat], scheme.kappa[mat], scheme.zeta[mat]) = (0.0, 0.0, 0.0);
         }
         let touches_part = |first_a: usize, first_b: usize, len: usize| {
-            is_muted[first_a..first_a + len]
+            [first_a, first_b]
                 .iter()
-                .chain(&is_muted[first_b..first_b + len])
-                .any(|&is_muted| is_muted)
+                .any(|&first| is_muted[first..first + len].contains(&true))
         };
         let mut is_link_cut = vec![false; scheme.n_lia];
         let run_touches_part = |run: &crate::scheme::Run| {

@@ -95,9 +95,9 @@ type InRows = fn(&Rows, &[Spring], [&[f64]; 2], &mut [Line], &mut [f64]);
 
 /// The roads that this processor has, for elastic, viscous and all forces.
 fn roads() -> Vec<[InRows; 3]> {
-    use vector::{ELASTIC, TOTAL, VISCOUS, one_lane};
+    use vector::{ELASTIC, TOTAL, VISCOUS, scalar_lanes};
     #[allow(unused_mut)]
-    let mut roads: Vec<[InRows; 3]> = vec![[one_lane::<ELASTIC>, one_lane::<VISCOUS>, one_lane::<TOTAL>]];
+    let mut roads: Vec<[InRows; 3]> = vec![[scalar_lanes::<ELASTIC>, scalar_lanes::<VISCOUS>, scalar_lanes::<TOTAL>]];
     #[cfg(target_arch = "x86_64")]
     {
         use vector::{eight_lanes, four_lanes};

@@ -336,7 +336,7 @@ fn part_forces<const PART: u8>(
             return unsafe { four_lanes::<PART>(rows, springs, motion, link_forces, force) };
         }
     }
-    one_lane::<PART>(rows, springs, motion, link_forces, force);
+    scalar_lanes::<PART>(rows, springs, motion, link_forces, force);
 }
 
 /// Whether the processor has vectors by which rows are faster than one run after the other.
@@ -373,7 +373,7 @@ pub(super) fn four_lanes<const PART: u8>(
     unsafe { set_forces::<__m256d, PART>(rows, springs, motion, link_forces, force) }
 }
 
-pub(super) fn one_lane<const PART: u8>(
+pub(super) fn scalar_lanes<const PART: u8>(
     rows: &Rows,
     springs: &[Spring],
     motion: [&[f64]; 2],

@@ -62,9 +62,7 @@ impl Modes {
             linear_body.force[slot] / linear_body.sqrt_masses[slot]
         }));
         if let Some(viscosity) = &linear_body.viscosity {
-            let probes: Vec<Vec<f64>> = (0..PROBE_VECTORS)
-                .map(|probe_index| probe(free_count, probe_index))
-                .collect();
+            let probes: Vec<Vec<f64>> = (0..PROBE_VECTORS).map(|index| probe(free_count, index)).collect();
             let images: Vec<Vec<f64>> = probes.iter().map(|probe| viscosity.times(probe)).collect();
             row_table.extend(probes);
             row_table.extend(images);

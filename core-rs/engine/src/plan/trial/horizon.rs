@@ -137,24 +137,21 @@ fn extend_over(
     measured: Measured,
     budget: &Budget,
     [coarse, other]: [Played<'_>; 2],
-    (longest_excerpt, look_interval): (Excerpt, usize),
+    (longest, look_interval): (Excerpt, usize),
     reserve: &Allowance,
 ) -> Result<Measured, TrialError> {
     let frame_rate = frames_per_second(coarse.0);
-    let seconds = |n_frames: usize| (longest_excerpt.from + n_frames) as f64 / frame_rate;
-    let pilot_frames = ((measured.over * frame_rate) as usize).saturating_sub(longest_excerpt.from);
-    let played_runs = play(coarse.0, coarse.1, longest_excerpt, reserve).and_then(|run| {
+    let seconds = |n_frames: usize| (longest.from + n_frames) as f64 / frame_rate;
+    let pilot_frames = ((measured.over * frame_rate) as usize).saturating_sub(longest.from);
+    let played_runs = play(coarse.0, coarse.1, longest, reserve).and_then(|run| {
         // What contacts added to the first run is assumed to add to each step of the other too.
         let step_ratio = f64::from(other.0.oversampling) / f64::from(coarse.0.oversampling);
         let reserve_share = reserve.share_left(step_ratio * reserve.spent().0 / RESERVE_FITS);
-        let n_frames = (reserve_share * longest_excerpt.n_frames as f64) as usize;
+        let n_frames = (reserve_share * longest.n_frames as f64) as usize;
         if n_frames < pilot_frames + look_interval {
             return Err(TrialError::AllowanceSpent);
         }
-        let shorter = Excerpt {
-            n_frames,
-            ..longest_excerpt
-        };
+        let shorter = Excerpt { n_frames, ..longest };
         Ok((run, play(other.0, other.1, shorter, reserve)?, n_frames))
     });
     let (run, other, n_frames) = match played_runs {
