@@ -165,10 +165,10 @@ fn curved(sites: Sites, poisson: f64) -> Topology {
         for (i, &a) in patch.iter().enumerate() {
             for (j, &b) in patch.iter().enumerate() {
                 if a < sites.n_mat && b < sites.n_mat {
-                    let spherical = xx[i] * xx[j] + yy[i] * yy[j];
-                    let saddle_term = xx[i] * yy[j] + yy[i] * xx[j];
+                    let square_terms = xx[i] * xx[j] + yy[i] * yy[j];
+                    let cross_term = xx[i] * yy[j] + yy[i] * xx[j];
                     let twist_term = 2.0 * (1.0 - poisson) * xy[i] * xy[j];
-                    bending_matrix.add(a, b, site_area * (spherical + poisson * saddle_term + twist_term));
+                    bending_matrix.add(a, b, site_area * (square_terms + poisson * cross_term + twist_term));
                 }
             }
         }

@@ -168,7 +168,7 @@ pub fn tune_points(
         let rate = rate.hertz();
         return Err(GeneratorError::Pitch { f, rate });
     }
-    let poles: Vec<Pole> = points.iter().map(|frequency| Pole::new(*frequency, discrete)).collect();
+    let poles: Vec<Pole> = points.iter().map(|point| Pole::new(*point, discrete)).collect();
     if let Some(pole_index) =
         (1..poles.len()).find(|&pole_index| poles[pole_index].lambda <= poles[pole_index - 1].lambda)
     {

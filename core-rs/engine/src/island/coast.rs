@@ -63,7 +63,7 @@ impl Island {
         if gains.is_some_and(|gains| !gains.is_idle()) {
             return Ok(0);
         }
-        let push_frame = script.pushes.get(state.hands.pushed).map(|push_frame| push_frame.frame);
+        let push_frame = script.pushes.get(state.hands.pushed).map(|push| push.frame);
         let next_ergon = script.ergons.get(state.hands.ergons);
         let next_ergon = next_ergon.map(|(frame, _)| *frame);
         let voices = state.hands.voices.iter().zip(&script.voices);
@@ -79,7 +79,7 @@ impl Island {
             rise.map(|_| energy_rise::Rise::steps_left(first_step)),
             gains.map(|_| first_step.next_multiple_of(energy_account::CHECK_STEPS) - first_step),
         ];
-        let look_steps = look_steps.into_iter().flatten().map(|coast_steps| coast_steps as usize);
+        let look_steps = look_steps.into_iter().flatten().map(|steps| steps as usize);
         let coast_steps = quiet_steps.chain(steps_ahead).chain(look_steps);
         let coast_steps = coast_steps.fold(end - start, usize::min);
         if coast_steps < STEPS_MIN {

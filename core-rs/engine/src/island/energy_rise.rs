@@ -271,7 +271,7 @@ impl Island {
             }
         }
         for modal in state.matter.bodies.iter().filter_map(RunningBody::modal) {
-            modal.energies(|link_energy| energy_total.add(link_energy));
+            modal.energies(|mode_energy| energy_total.add(mode_energy));
         }
         let gate_opening = |run: &Run| run.gate.map_or(1.0, |gate| state.values.gates[gate]);
         if let Some(fine_state) = &state.matter.fine {

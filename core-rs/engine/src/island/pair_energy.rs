@@ -14,16 +14,16 @@ pub(super) struct Work {
 }
 
 /// Energy of all pairs of stiffness `k` [J]: now, and a step before.
-pub(super) fn potentials(run: &PairRun, k: f64, room: &mut Neighbours, body: &Body) -> [f64; 2] {
-    let energy_before = potential(run, k, room, |mat| body.x[mat] - body.d[mat]);
-    [potential(run, k, room, |mat| body.x[mat]), energy_before]
+pub(super) fn potentials(run: &PairRun, k: f64, neighbours: &mut Neighbours, body: &Body) -> [f64; 2] {
+    let energy_before = potential(run, k, neighbours, |mat| body.x[mat] - body.d[mat]);
+    [potential(run, k, neighbours, |mat| body.x[mat]), energy_before]
 }
 
 /// Energy of all pairs of stiffness `k` at positions `x` [J].
-pub(super) fn potential(run: &PairRun, k: f64, room: &mut Neighbours, x: impl Fn(usize) -> f64) -> f64 {
+pub(super) fn potential(run: &PairRun, k: f64, neighbours: &mut Neighbours, x: impl Fn(usize) -> f64) -> f64 {
     let mut energy_sum = 0.0;
     let pair_law = &run.pairs.link.law;
-    room.touching(run, x, |_, e, _| energy_sum += pair_law.potential(k, e));
+    neighbours.touching(run, x, |_, e, _| energy_sum += pair_law.potential(k, e));
     energy_sum
 }
 
@@ -32,7 +32,7 @@ pub(super) fn potential(run: &PairRun, k: f64, room: &mut Neighbours, x: impl Fn
 pub(super) fn work(
     run: &PairRun,
     k_and_z: [f64; 2],
-    room: &mut Neighbours,
+    neighbours: &mut Neighbours,
     body: &Body,
     d: [&[f64]; 2],
     history: &ContactHistory,
@@ -40,7 +40,7 @@ pub(super) fn work(
     let pair_link = &run.pairs.link;
     let mut pair_work = Work::default();
     let position_then = |mat: usize| body.x[mat] - body.d[mat];
-    room.touching(run, position_then, |ends, e, along| {
+    neighbours.touching(run, position_then, |ends, e, along| {
         let stretch_before = pair_link.stretch(ends, along, |mat| d[0][mat]);
         let stretch = 0.5 * pair_link.stretch(ends, along, |mat| d[0][mat] + d[1][mat]);
         let (f, elastic) = (

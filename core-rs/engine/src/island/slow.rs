@@ -426,9 +426,9 @@ impl RunningSlow {
         if !(n + 1).is_multiple_of(u64::from(kick_frames)) {
             return;
         }
-        for &port in &plan.inner {
+        for &mat in &plan.inner {
             // The frames since the last kick: the first interval may be shorter.
-            self.x[port] += f64::from(self.since) * self.v[port];
+            self.x[mat] += f64::from(self.since) * self.v[mat];
         }
         self.since = 0;
         if self.damped < 1.0 {

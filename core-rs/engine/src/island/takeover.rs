@@ -86,26 +86,26 @@ impl Island {
             self.place();
             return;
         }
-        let (matter, their) = (&mut self.state.matter, &mut old.state.matter);
-        let (body, their_body) = (&mut matter.body, &mut their.body);
-        std::mem::swap(&mut body.x, &mut their_body.x);
-        std::mem::swap(&mut body.d, &mut their_body.d);
-        std::mem::swap(&mut body.inner, &mut their_body.inner);
-        std::mem::swap(&mut body.link, &mut their_body.link);
-        std::mem::swap(&mut body.memory, &mut their_body.memory);
-        std::mem::swap(&mut body.histories, &mut their_body.histories);
-        for (matter, their) in matter.bodies.iter_mut().zip(&mut their.bodies) {
-            matter.continue_from(their);
+        let (matter, old_matter) = (&mut self.state.matter, &mut old.state.matter);
+        let (body, old_body) = (&mut matter.body, &mut old_matter.body);
+        std::mem::swap(&mut body.x, &mut old_body.x);
+        std::mem::swap(&mut body.d, &mut old_body.d);
+        std::mem::swap(&mut body.inner, &mut old_body.inner);
+        std::mem::swap(&mut body.link, &mut old_body.link);
+        std::mem::swap(&mut body.memory, &mut old_body.memory);
+        std::mem::swap(&mut body.histories, &mut old_body.histories);
+        for (running_body, old_running) in matter.bodies.iter_mut().zip(&mut old_matter.bodies) {
+            running_body.continue_from(old_running);
         }
-        if let (Some(matter), Some(their)) = (&mut matter.fine, &mut their.fine) {
-            matter.continue_from(their);
+        if let (Some(fine), Some(old_fine)) = (&mut matter.fine, &mut old_matter.fine) {
+            fine.continue_from(old_fine);
         }
-        let (matter, their) = (&mut self.state.watch, &mut old.state.watch);
-        matter.mutes.continue_from(&their.mutes);
-        std::mem::swap(&mut matter.guard, &mut their.guard);
+        let (watch, old_watch) = (&mut self.state.watch, &mut old.state.watch);
+        watch.mutes.continue_from(&old_watch.mutes);
+        std::mem::swap(&mut watch.guard, &mut old_watch.guard);
         std::mem::swap(&mut self.state.hands.stream, &mut old.state.hands.stream);
-        if matter.ledger.is_some() && their.ledger.is_some() {
-            std::mem::swap(&mut matter.ledger, &mut their.ledger);
+        if watch.ledger.is_some() && old_watch.ledger.is_some() {
+            std::mem::swap(&mut watch.ledger, &mut old_watch.ledger);
         }
         if self.quiet.is_some() && old.quiet.is_some() {
             std::mem::swap(&mut self.quiet, &mut old.quiet);
@@ -121,11 +121,11 @@ impl Island {
             ItemTakeover::Voice(ref takeover) if is_whole => {
                 let script = &self.script;
                 let voice = &mut self.state.hands.voices[takeover.to];
-                let (from, then) = (
+                let (old_voice, old_script) = (
                     &mut old.state.hands.voices[takeover.from],
                     &old.script.voices[takeover.from],
                 );
-                voice.continue_from(&script.voices[takeover.to], from, then, takeover);
+                voice.continue_from(&script.voices[takeover.to], old_voice, old_script, takeover);
             }
             ItemTakeover::Gate(from, to) => {
                 let island_step = self.state.frame;

@@ -98,8 +98,8 @@ pub(crate) fn links(scheme: &Scheme, gates: &[f64], body: &mut Body, laws: &mut 
         }
         scatter(run, body);
     }
-    for (force, pairs) in body.force.iter_mut().zip(&body.pair_force) {
-        *force += pairs;
+    for (force, pair_force) in body.force.iter_mut().zip(&body.pair_force) {
+        *force += pair_force;
     }
 }
 

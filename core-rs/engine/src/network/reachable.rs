@@ -108,8 +108,8 @@ impl Network {
         };
         for run in runs {
             let is_ca_part = parts.get(run.part).is_some_and(|part| part.ca_rate.is_some());
-            let per_mass = if is_ca_part { 1.0 } else { rate * rate };
-            let (k, z) = stiffest(run, depth, inverse_mass(run.a) + inverse_mass(run.b), per_mass);
+            let rate_square = if is_ca_part { 1.0 } else { rate * rate };
+            let (k, z) = stiffest(run, depth, inverse_mass(run.a) + inverse_mass(run.b), rate_square);
             (run.k, run.z, run.rest) = (k, z, 0.0);
             // A link in space keeps its kind, which acts along all axes: it is nowhere stiffer than along its own line.
             if run.n_axes() == 1 {
@@ -153,17 +153,22 @@ impl Network {
 
 /// The greatest stiffness [N/m] of a run within `depth` [m], and its damping [N·s/m].
 ///
-/// `compliance` is the sum of 1/M of both ends [1/kg]; `per_mass` converts the algorithmic K of a magic contact.
-fn stiffest(run: &Run, depth: f64, compliance: f64, per_mass: f64) -> (f64, f64) {
+/// `inverse_mass_sum` is the sum of 1/M of both ends [1/kg]; `rate_square` [1/s²], or 1 for a discrete part, converts
+/// the algorithmic K of a magic contact.
+fn stiffest(run: &Run, depth: f64, inverse_mass_sum: f64, rate_square: f64) -> (f64, f64) {
     match &run.kind {
         LinkKind::Ref | LinkKind::Space(_) | LinkKind::Pairwise(_) => (run.k, run.z),
         // Replaced by a spring that reaches F at `depth`.
         LinkKind::Dry(_) => (run.z / depth, 0.0),
         LinkKind::Bristle(bristle) => (run.k, bristle.with(run.k, run.z).steepest_damping()),
         LinkKind::But(but) if but.contact == Contact::Magic => {
-            let reduced_mass = if compliance > 0.0 { 1.0 / compliance } else { 0.0 };
+            let reduced_mass = if inverse_mass_sum > 0.0 {
+                1.0 / inverse_mass_sum
+            } else {
+                0.0
+            };
             let (k, z) = but.exact_restitution();
-            (k * reduced_mass * per_mass, z * reduced_mass * per_mass.sqrt())
+            (k * reduced_mass * rate_square, z * reduced_mass * rate_square.sqrt())
         }
         LinkKind::But(but) => (but.elastic(run.k).slope(depth), run.z),
         LinkKind::Lnl(law) => stiffest_law(law, depth),

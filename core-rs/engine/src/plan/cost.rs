@@ -170,9 +170,9 @@ pub(crate) fn counted_cost(island: &Island) -> [f64; 2] {
         ("contact", exact_work.solved_again),
         ("power_law", exact_work.evaluations),
     ];
-    let amounts = amounts.map(|(kind, amount)| Costs::nanoseconds(kind) * amount as f64);
+    let costs = amounts.map(|(kind, amount)| Costs::nanoseconds(kind) * amount as f64);
     [
-        amounts.into_iter().sum(),
+        costs.into_iter().sum(),
         Costs::nanoseconds("port") * fine_work.products as f64,
     ]
 }

@@ -137,8 +137,8 @@ impl Group {
         let mut first_fault: Option<Fault> = None;
         let sourced_units = self.units.iter_mut().zip(&mut self.sources);
         for ((running_unit, source), unit) in sourced_units.zip(&plan.units[self.first..]) {
-            let team = if running_unit.is_shared() { self.team } else { 1 };
-            let new_fault = ThreadTeam::with(team, |team| {
+            let thread_count = if running_unit.is_shared() { self.team } else { 1 };
+            let new_fault = ThreadTeam::with(thread_count, |team| {
                 (0..n_frames).step_by(UNIT_BLOCK).find_map(|first_frame| {
                     interrupt::poll();
                     let n_frames = UNIT_BLOCK.min(n_frames - first_frame);

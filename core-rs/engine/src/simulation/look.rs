@@ -144,7 +144,7 @@ impl Look {
     /// The oscillation of a mode, by its track.
     fn oscillation(&self, track: usize) -> Oscillation {
         let mode_index = track - self.points.len();
-        let body_index = self.bodies.partition_point(|body_index| body_index.first <= mode_index) - 1;
+        let body_index = self.bodies.partition_point(|seen_body| seen_body.first <= mode_index) - 1;
         self.bodies[body_index].modes[mode_index - self.bodies[body_index].first]
     }
 }
@@ -324,7 +324,7 @@ impl Source {
             }
             Self::Modes(body, tracks) => {
                 if let Some(RunningBody::Modal(modal)) = island.bodies().get(*body) {
-                    let step = 1.0 / (rate * island.steps_per_frame());
+                    let step_time = 1.0 / (rate * island.steps_per_frame());
                     let time_offset = -f64::from(frames_ahead) / rate;
                     modal.look(|mode, x, x_before| {
                         let Some(Some(track)) = tracks.get(mode) else {
@@ -332,9 +332,9 @@ impl Source {
                         };
                         let track = *track as usize;
                         (now[track], before[track]) = if island.is_slow() {
-                            let index = look.oscillation(track);
-                            let phase = index.phase(x, x_before, step);
-                            let position = |t: f64| index.later(phase, t).0;
+                            let oscillation = look.oscillation(track);
+                            let phase = oscillation.phase(x, x_before, step_time);
+                            let position = |t: f64| oscillation.later(phase, t).0;
                             (position(time_offset), position(time_offset - 1.0 / rate))
                         } else {
                             (x, x_before)

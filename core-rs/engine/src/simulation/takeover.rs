@@ -176,8 +176,8 @@ impl Takeover {
             let links = other_islands.flat_map(|(&(unit, _, island_plan), _)| {
                 let network = &island_plan.network;
                 let link_runs = network.runs().iter();
-                let remembering = link_runs.filter(|run| run.kind.remembers());
-                let links = remembering.flat_map(|run| run.first..run.first + run.len);
+                let remembering_runs = link_runs.filter(|run| run.kind.remembers());
+                let links = remembering_runs.flat_map(|run| run.first..run.first + run.len);
                 links.map(move |link| (network.link_name(link), (unit, link)))
             });
             let mut name_counts: HashMap<String, usize> = HashMap::new();
@@ -189,10 +189,10 @@ impl Takeover {
             numbered.collect()
         };
         let old_by_name: HashMap<_, _> = links_by_name(old_side, &same_islands[0]).into_iter().collect();
-        for (name, (new_unit, remembering)) in links_by_name(new_side, &same_islands[1]) {
+        for (name, (new_unit, new_link)) in links_by_name(new_side, &same_islands[1]) {
             if let Some(&(old_unit, old_link)) = old_by_name.get(&name) {
                 self.items
-                    .push((old_unit, new_unit, ItemTakeover::Memory(old_link, remembering)));
+                    .push((old_unit, new_unit, ItemTakeover::Memory(old_link, new_link)));
             }
         }
     }

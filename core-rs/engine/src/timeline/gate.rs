@@ -112,8 +112,8 @@ impl Gate {
 
     /// Factor of the force at frame `n`: a fade by 3u² − 2u³, so that the force never jumps, times the glide.
     pub(crate) fn open(&self, n: u64) -> f64 {
-        let rise_factor = self.start.map_or(1.0, |start| self.ramp(n, start));
-        let fall_factor = self.stop.map_or(0.0, |stop| self.ramp(n, stop));
+        let rise_factor = self.start.map_or(1.0, |start| self.smooth_fade(n, start));
+        let fall_factor = self.stop.map_or(0.0, |stop| self.smooth_fade(n, stop));
         let openness = rise_factor - fall_factor;
         self.ramp.map_or(openness, |ramp| openness * ramp.factor(n))
     }
@@ -125,11 +125,11 @@ impl Gate {
         let fade_spans = [self.start, self.stop, fade_since].into_iter().flatten();
         let fade_spans = fade_spans.map(|start| (start, start + self.fade));
         let change_spans = fade_spans.chain(self.ramp.map(|ramp| (ramp.start, ramp.stop)));
-        let due_frames = change_spans.filter(|way| way.1 > n).map(|way| way.0.max(n));
+        let due_frames = change_spans.filter(|span| span.1 > n).map(|span| span.0.max(n));
         due_frames.min().unwrap_or(u64::MAX)
     }
 
-    fn ramp(&self, n: u64, start: u64) -> f64 {
+    fn smooth_fade(&self, n: u64, start: u64) -> f64 {
         let fade_share = (n.saturating_sub(start) as f64 / self.fade as f64).min(1.0);
         fade_share * fade_share * (3.0 - 2.0 * fade_share)
     }
@@ -153,7 +153,7 @@ impl GateContinuation {
         let opening = gate.open(n);
         match continuation {
             Some(continuation) if n < continuation.since + gate.fade => {
-                let fade_share = gate.ramp(n, continuation.since);
+                let fade_share = gate.smooth_fade(n, continuation.since);
                 continuation.from + (opening - continuation.from) * fade_share
             }
             _ => opening,

@@ -31,7 +31,7 @@ pub(super) struct Instant {
 }
 
 impl Basis {
-    /// A basis for motions e^(λs) with |λ| up to `reach` [1/frame], to an error relative to them.
+    /// A basis for motions e^(λs) with |λ| up to `fastest_rate` [1/frame], to an error relative to them.
     pub(super) fn new(fastest_rate: f64, error_max: f64) -> Self {
         let n_instants =
             (POLYNOMIALS_MIN..POLYNOMIALS_MAX).find(|&n_instants| error(fastest_rate, n_instants) <= error_max);

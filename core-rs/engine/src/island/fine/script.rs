@@ -1,5 +1,5 @@
-//! What does not change while links between frames are computed: their points, and how a push of one path_responses the
-//! others.
+//! What does not change while links between frames are computed: their points, and how a push of one moves
+//! the others.
 
 use super::basis::{Basis, Instant, add_rows};
 use super::crowded::CrowdedBody;

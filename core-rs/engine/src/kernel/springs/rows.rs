@@ -113,7 +113,7 @@ impl Rows {
         let pulls = Pulls::new(springs, mat_count);
         let mut row: Option<(Range<usize>, Vec<usize>)> = None;
         for mats in pulls.blocks() {
-            let ends = pulls.on_all(&mats);
+            let ends = pulls.on_any(&mats);
             match &mut row {
                 Some((row_mats, row_ends)) if row_mats.len().is_multiple_of(PAD) && *row_ends == ends => {
                     row_mats.end = mats.end;
@@ -192,7 +192,7 @@ impl Pulls {
     }
 
     /// The ends on any of some MATs, rising.
-    fn on_all(&self, mats: &Range<usize>) -> Vec<usize> {
+    fn on_any(&self, mats: &Range<usize>) -> Vec<usize> {
         let mut ends: Vec<usize> = mats.clone().flat_map(|mat| self.on(mat)).copied().collect();
         ends.sort_unstable();
         ends.dedup();

@@ -114,11 +114,11 @@ impl Assembled {
         let is_single_step = is_plain || pin.is_some_and(|pin| pin.contact_substeps == 1);
         let steps_max = if is_single_step { 1 } else { SUBSTEPS_MAX };
         let (island_cut, mut because) = ported::cut(subset, &timeline, budget, pin, method_choice, memo);
-        let mut body_steps = None;
+        let mut cut_with_hub = None;
         if let Some(island_cut) = island_cut {
             // A contact that is computed between frames treats a port as a free mass. With a mesh that holds the port
             // faster than a frame, that coupling would oscillate and grow.
-            let steps_over = |body_steps: &PortedBody| match &body_steps.inside {
+            let steps_over = |ported_body: &PortedBody| match &ported_body.inside {
                 BodyPlan::Mesh(mesh) => mesh.steps_over_fast_motion(),
                 BodyPlan::Modal(_) | BodyPlan::Slow(_) => false,
             };
@@ -129,20 +129,20 @@ impl Assembled {
                 .map_or_else(|| hub_within(steps_max), hub_within)
                 .or_else(|_| hub_within(steps_max))
             {
-                Ok(stable_hub) => body_steps = Some((island_cut, stable_hub)),
+                Ok(hub_substeps) => cut_with_hub = Some((island_cut, hub_substeps)),
                 Err(_) => because = Some(NoModes::Stiff),
             }
         }
-        let (island_cut, (contact_substeps, may_collocate, certificate)) = match body_steps {
-            Some(body_steps) => body_steps,
+        let (island_cut, (contact_substeps, may_collocate, certificate)) = match cut_with_hub {
+            Some(cut_with_hub) => cut_with_hub,
             None => {
                 // Only at the score's own rate does the composer get an explanation.
                 let refusal = match oversampling {
                     1 => Refusal::Explained,
                     _ => Refusal::Bare,
                 };
-                let stable_hub = hub(&subset.network, &timeline, budget, steps_max, refusal)?;
-                (ported::uncut_island(subset, island_timeline, timeline), stable_hub)
+                let hub_substeps = hub(&subset.network, &timeline, budget, steps_max, refusal)?;
+                (ported::uncut_island(subset, island_timeline, timeline), hub_substeps)
             }
         };
         let Cut {
@@ -159,7 +159,7 @@ impl Assembled {
             },
             network: Arc::new(hub.network),
             timeline: hub_timeline.timeline,
-            bodies: bodies.iter().map(|body_steps| body_steps.inside.clone()).collect(),
+            bodies: bodies.iter().map(|ported_body| ported_body.inside.clone()).collect(),
             contact_substeps,
             counted_cost: None,
             oversampling,

@@ -91,29 +91,29 @@ pub(in crate::plan) fn split(subsets: Vec<Subset>, timeline: &Timeline) -> Vec<(
         }
     }
     for (index, gesture) in timeline.gestures.iter().enumerate() {
-        for timelines in &mut timelines {
-            let here = timelines.keys.iter().position(|&key| key as usize == gesture.key);
-            if let Some(key) = here {
+        for island_timeline in &mut timelines {
+            let local_key = island_timeline.keys.iter().position(|&key| key as usize == gesture.key);
+            if let Some(key) = local_key {
                 let is_same_key = gesture.key == key;
                 let gesture = if is_same_key {
                     gesture.clone()
                 } else {
                     Arc::new((**gesture).clone().on_key(key))
                 };
-                timelines.timeline.gestures.push(gesture);
-                timelines.gestures.push(index as u32);
+                island_timeline.timeline.gestures.push(gesture);
+                island_timeline.gestures.push(index as u32);
             }
         }
     }
-    for (subset, timelines) in subsets.iter().zip(&mut timelines) {
+    for (subset, island_timeline) in subsets.iter().zip(&mut timelines) {
         for gate in &timeline.gates {
             if let Some((first_link, link_count)) = local_links(subset, gate.links()) {
-                timelines.timeline.gates.push(gate.on(first_link, link_count));
+                island_timeline.timeline.gates.push(gate.on(first_link, link_count));
             }
         }
         for lead in &timeline.leads {
             if let Some((first_link, link_count)) = local_links(subset, lead.links()) {
-                timelines.timeline.leads.push(lead.on(first_link, link_count));
+                island_timeline.timeline.leads.push(lead.on(first_link, link_count));
             }
         }
     }

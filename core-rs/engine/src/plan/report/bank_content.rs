@@ -65,8 +65,8 @@ impl BankContent {
                 kick_numbers.iter().for_each(|x| hash_sink.add(x.to_le_bytes()));
             }
         }
-        for (index, oscillator) in bank.strikes.iter().enumerate() {
-            for (frame, frame_fraction, impulse) in oscillator.blows.iter().filter(|blow| is_in_span(blow.0)) {
+        for (index, strikes) in bank.strikes.iter().enumerate() {
+            for (frame, frame_fraction, impulse) in strikes.blows.iter().filter(|blow| is_in_span(blow.0)) {
                 hash_sink.add((index as u64).to_le_bytes());
                 hash_sink.add(frame.to_le_bytes());
                 hash_sink.add(frame_fraction.to_le_bytes());

@@ -228,18 +228,24 @@ fn changes(a: &[f64], b: &[f64], n_outputs: usize, look_interval: usize) -> Vec<
             frame_count += 1.0;
             for (output, output_sums) in output_sums.iter_mut().enumerate() {
                 let sound_offset = b_frame[output] - b[output];
-                let apart = a[output] - b_frame[output];
+                let difference = a[output] - b_frame[output];
                 *output_sums = [
-                    output_sums[0] + apart * apart,
+                    output_sums[0] + difference * difference,
                     output_sums[1] + sound_offset,
                     output_sums[2] + sound_offset * sound_offset,
                 ];
             }
         }
-        let worst_ratio = output_sums.iter().fold(0.0_f64, |worst_ratio, [apart, sum, square]| {
-            let variance = square - sum * sum / frame_count;
-            worst_ratio.max(if *apart > 0.0 { apart / variance } else { 0.0 })
-        });
+        let worst_ratio = output_sums
+            .iter()
+            .fold(0.0_f64, |worst_ratio, [error_energy, sum, square]| {
+                let variance = square - sum * sum / frame_count;
+                worst_ratio.max(if *error_energy > 0.0 {
+                    error_energy / variance
+                } else {
+                    0.0
+                })
+            });
         changes.push(10.0 * log10(worst_ratio.max(1e-30)));
     }
     changes

@@ -177,7 +177,7 @@ impl<'a> Maker<'a> {
             }
         }
         let contact_by_name: HashMap<&str, usize> = (self.contacts.iter().enumerate())
-            .map(|(unit, contact)| (contact.name.as_str(), unit))
+            .map(|(contact_index, contact)| (contact.name.as_str(), contact_index))
             .collect();
         let mut contacts = vec![None; network.n_lia()];
         for run in network.runs().iter().filter(|run| run.kind.is_contact()) {
@@ -380,13 +380,13 @@ impl<'a> Maker<'a> {
         }
         let mut sources: Vec<(usize, Source)> = source_by_key
             .into_iter()
-            .map(|((point_index, _, _), source)| (point_index, source))
+            .map(|((unit_index, _, _), source)| (unit_index, source))
             .collect();
         for (recorded, body) in self.bodies.iter().zip(bodies) {
             let mut by_place = BTreeMap::<_, Vec<(u32, u32)>>::new();
             for (mode, track) in recorded.modes.iter().zip(points.len() + body.first..) {
-                let index = by_place.entry(mode.place).or_default();
-                index.push((mode.mode as u32, track as u32));
+                let place_tracks = by_place.entry(mode.place).or_default();
+                place_tracks.push((mode.mode as u32, track as u32));
             }
             for ((point_index, place), pairs) in by_place {
                 let source = match place {

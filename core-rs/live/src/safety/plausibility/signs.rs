@@ -130,7 +130,7 @@ pub(super) struct Signs {
     /// Number of steps at a stop, the side of the stop, and the position there.
     dwell: u32,
     side: f64,
-    time: f64,
+    dwell_position: f64,
     run: Option<Run>,
 }
 
@@ -157,11 +157,11 @@ impl Signs {
             [self.smooth; 2]
         };
         let stop_side = axis.side(x);
-        let is_resting = (x - self.time).abs() <= REST_TOLERANCE.max(2.0 * axis.resolution);
+        let is_resting = (x - self.dwell_position).abs() <= REST_TOLERANCE.max(2.0 * axis.resolution);
         if stop_side.is_some() && is_resting && self.dwell > 0 {
             self.dwell = self.dwell.saturating_add(1);
         } else {
-            (self.dwell, self.time) = (u32::from(stop_side.is_some()), x);
+            (self.dwell, self.dwell_position) = (u32::from(stop_side.is_some()), x);
         }
         self.side = stop_side.unwrap_or(0.0);
         self.follow_run(x, sent, axis);

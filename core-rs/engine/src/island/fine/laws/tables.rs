@@ -92,31 +92,35 @@ impl Division {
         let s: Vec<f64> = (0..parts)
             .flat_map(|part| POINTS.map(|c| (part as f64 + c) * part_length))
             .collect();
-        let bases: Vec<Instant> = s.iter().map(|&s| Instant::new(n_instants, s)).collect();
+        let gauss_instants: Vec<Instant> = s.iter().map(|&s| Instant::new(n_instants, s)).collect();
         let mut later = Vec::new();
         if parts > 1 {
             let instants: Vec<Instant> = (script.basis.instants.iter())
                 .map(|&s| Instant::new(n_instants, s))
                 .collect();
             for &ends in pairs {
-                for frame_start in &bases {
-                    later.extend(instants.iter().map(|end| script.between(ends, [frame_start, end])[0]));
+                for gauss_instant in &gauss_instants {
+                    later.extend(instants.iter().map(|end| script.between(ends, [gauss_instant, end])[0]));
                 }
             }
         }
         let weights = |values: fn(&Instant) -> &[f64; POLYNOMIALS_MAX]| -> Vec<Vec<f64>> {
-            bases.iter().map(|bases| script.basis.weights(values(bases))).collect()
+            gauss_instants
+                .iter()
+                .map(|instant| script.basis.weights(values(instant)))
+                .collect()
         };
-        let (values, stage_slopes) = (weights(|bases| &bases.value), weights(|bases| &bases.slope));
+        let (values, stage_slopes) = (weights(|instant| &instant.value), weights(|instant| &instant.slope));
         let frame_start = Instant::new(n_instants, 0.0);
-        let frame_start = [&frame_start.value, &frame_start.slope].map(|values| script.basis.weights(values));
+        let start_weights = [&frame_start.value, &frame_start.slope].map(|values| script.basis.weights(values));
         let part_motion = |part: usize, instant: usize| {
             let mut part_motion = [0.0; 2 * STAGES + 2];
             for stage in 0..STAGES {
                 part_motion[stage] = values[STAGES * part + stage][instant];
                 part_motion[STAGES + stage] = stage_slopes[STAGES * part + stage][instant];
             }
-            (part_motion[2 * STAGES], part_motion[2 * STAGES + 1]) = (frame_start[0][instant], frame_start[1][instant]);
+            (part_motion[2 * STAGES], part_motion[2 * STAGES + 1]) =
+                (start_weights[0][instant], start_weights[1][instant]);
             part_motion
         };
         Self {

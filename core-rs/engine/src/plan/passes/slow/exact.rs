@@ -126,8 +126,8 @@ impl Matrices {
         for run in &scheme.runs {
             for i in 0..run.len {
                 let end_pairs = [(run.a + i, run.b + i, 1.0), (run.b + i, run.a + i, -1.0)];
-                for (local, other, sign) in end_pairs {
-                    let Some(row) = slot_of_mat(local) else {
+                for (mat, other, sign) in end_pairs {
+                    let Some(row) = slot_of_mat(mat) else {
                         continue;
                     };
                     *k.entry(row, row) += w[row] * run.k;

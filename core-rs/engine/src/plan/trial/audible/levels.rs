@@ -50,8 +50,9 @@ fn unmasked_bands(centres: &[f64], powers: &[f64]) -> Vec<bool> {
     let masking_power = |band: usize| -> f64 {
         let other_powers = powers.iter().zip(&band_barks).enumerate();
         let other_powers = other_powers.filter(|(other, _)| *other != band);
-        let spread_powers = other_powers.map(|(_, (power, bark))| power * decibels(spreading(band_barks[band] - bark)));
-        spread_powers.sum::<f64>() * decibels(-14.5 - band_barks[band])
+        let spread_powers =
+            other_powers.map(|(_, (power, bark))| power * power_ratio(spreading(band_barks[band] - bark)));
+        spread_powers.sum::<f64>() * power_ratio(-14.5 - band_barks[band])
     };
     let indexed_powers = powers.iter().enumerate();
     indexed_powers
@@ -70,7 +71,7 @@ fn spreading(bark_distance: f64) -> f64 {
 }
 
 /// The ratio of powers for a level [dB].
-fn decibels(db: f64) -> f64 {
+fn power_ratio(db: f64) -> f64 {
     pow(10.0, 0.1 * db)
 }
 
