@@ -94,8 +94,8 @@ def signals_as_exceptions(
         over.append(True)
         while _sending:  # what is being sent now must not meet the handlers of before
             time.sleep(_AGAIN)
-        for lost in watched:
-            lost.detach()
+        for finaliser in watched:
+            finaliser.detach()
         for number, handler in before.items():
             signal.signal(number, handler)
 
@@ -144,9 +144,9 @@ def _again(number: int, over: list[bool]) -> None:
 
 def _interrupt(number: int) -> None:
     """Send a signal to the main thread, and wake it."""
-    main = threading.main_thread().ident
-    if hasattr(signal, "pthread_kill") and main is not None:
-        signal.pthread_kill(main, number)
+    main_thread = threading.main_thread().ident
+    if hasattr(signal, "pthread_kill") and main_thread is not None:
+        signal.pthread_kill(main_thread, number)
     else:
         _thread.interrupt_main(signal.Signals(number))
 

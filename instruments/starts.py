@@ -16,15 +16,15 @@ class Start:
     value: float
 
 
-def start(name: str, unit: Shape, letter: str) -> Shape:
+def start(name: str, value_shape: Shape, value_name: str) -> Shape:
     """One value for all members, or values of some."""
 
     def build(values: Values) -> Start:
-        return Start(values["at"], values[letter])
+        return Start(values["at"], values[value_name])
 
     fields = (
         Field("at", Reference("members, such as centre, 12 or 3..8"), "which members", None, True),
-        Field(letter, unit, "the value", None, True),
+        Field(value_name, value_shape, "the value", None, True),
     )
     start_record = Record("start", f"{name} of some members", fields, build)
-    return Either(unit, start_record, ListOf(start_record))
+    return Either(value_shape, start_record, ListOf(start_record))

@@ -102,8 +102,8 @@ def _track(events: list[tuple[int, int, bytes]]) -> bytes:
 
 def _note_track(track: NoteTrack, ruler: Ruler) -> bytes:
     name = track.name.encode()
-    title = b"\xff" + bytes((_TRACK_NAME,)) + _variable(len(name)) + name
-    events: list[tuple[int, int, bytes]] = [(0, 0, title)]
+    name_event = b"\xff" + bytes((_TRACK_NAME,)) + _variable(len(name)) + name
+    events: list[tuple[int, int, bytes]] = [(0, 0, name_event)]
     last = 0
     for note in track.notes:
         begin = ruler.tick(note.begin)
@@ -129,8 +129,8 @@ class Ruler:
         self._beats = [meter.beat for meter in self.meters]
         self._starts = [0.0]
         for meter, later in zip(self.meters, self.meters[1:], strict=False):
-            length = (later.beat - meter.beat) * 4 / meter.unit
-            self._starts.append(self._starts[-1] + length)
+            n_quarters = (later.beat - meter.beat) * 4 / meter.unit
+            self._starts.append(self._starts[-1] + n_quarters)
 
     def quarters(self, beat: float) -> float:
         """Quarter notes from beat 0."""

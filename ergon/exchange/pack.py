@@ -178,18 +178,18 @@ def _check_names(names: Iterable[str]) -> None:
     names = list(names)
     if len(names) > FILES_MAX:
         raise PackError(f"a pack has {FILES_MAX:,} files at most, and these are {len(names):,}")
-    files: dict[str, str] = {}
+    name_by_key: dict[str, str] = {}
     for name in names:
         _check_name(name)
         key = _key(name)
-        if key in files:
-            both = f"{_quoted(files[key])} and {_quoted(name)}"
+        if key in name_by_key:
+            both = f"{_quoted(name_by_key[key])} and {_quoted(name)}"
             raise PackError(f"{both} are one file on some systems; rename one")
-        files[key] = name
+        name_by_key[key] = name
     for name in names:
         for folder in map(_key, map(str, PurePosixPath(name).parents)):
-            if folder in files:
-                raise PackError(f"{_quoted(files[folder])} is a file and a folder")
+            if folder in name_by_key:
+                raise PackError(f"{_quoted(name_by_key[folder])} is a file and a folder")
 
 
 def _key(name: str) -> str:
@@ -231,9 +231,9 @@ def _with_manifest(manifest: Any, files: Mapping[str, bytes]) -> Pack:
     version, score, listed = (manifest.get(key) for key in ("ergon", "score", "files"))
     if not isinstance(version, str) or not isinstance(listed, dict):
         raise PackError(f"{_MANIFEST} lacks the version of ergon or the list of files")
-    if missing := sorted(listed.keys() ^ files.keys()):
-        kind = "is missing" if missing[0] in listed else f"is not in {_MANIFEST}"
-        raise PackError(f"the pack is damaged: the file {_quoted(missing[0])} {kind}")
+    if mismatched := sorted(listed.keys() ^ files.keys()):
+        kind = "is missing" if mismatched[0] in listed else f"is not in {_MANIFEST}"
+        raise PackError(f"the pack is damaged: the file {_quoted(mismatched[0])} {kind}")
     if not isinstance(score, str) or score not in files:
         raise PackError(f"{_MANIFEST} does not say which of its files is the score")
     for name, data in files.items():

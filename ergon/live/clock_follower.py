@@ -131,11 +131,18 @@ class ClockFollower:
 def _fit_line(clocks: list[tuple[int, float]]) -> BeatEstimate:
     """The least-squares line through clocks: (number, instant [s])."""
     n = len(clocks)
-    first, since = clocks[0]
-    numbers = [number - first for number, _ in clocks]
-    instants = [at - since for _, at in clocks]
-    x, y = sum(numbers) / n, sum(instants) / n
-    along = sum((number - x) ** 2 for number in numbers)
-    rises = zip(numbers, instants, strict=True)
-    length = sum((number - x) * (at - y) for number, at in rises) / along
-    return BeatEstimate(since + y, (first + x) / CLOCKS_PER_BEAT, length * CLOCKS_PER_BEAT)
+    first_number, first_instant = clocks[0]
+    numbers = [number - first_number for number, _ in clocks]
+    instants = [instant - first_instant for _, instant in clocks]
+    mean_number, mean_instant = sum(numbers) / n, sum(instants) / n
+    number_variation = sum((number - mean_number) ** 2 for number in numbers)
+    pairs = zip(numbers, instants, strict=True)
+    clock_length = (
+        sum((number - mean_number) * (instant - mean_instant) for number, instant in pairs)
+        / number_variation
+    )
+    return BeatEstimate(
+        first_instant + mean_instant,
+        (first_number + mean_number) / CLOCKS_PER_BEAT,
+        clock_length * CLOCKS_PER_BEAT,
+    )

@@ -70,8 +70,8 @@ class LedAddress:
     @property
     def controller(self) -> int | None:
         """The number of the MIDI controller; None for other values."""
-        controller = _CONTROLLER.match(self.what)
-        return int(controller[1]) if controller else None
+        match = _CONTROLLER.match(self.what)
+        return int(match[1]) if match else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,15 +131,15 @@ def _check_what(url: str, kind: str, what: str) -> None:
         raise BoardError(f"{url}: after gamepad: comes one of {', '.join(GAMEPAD_AXES)}")
     if kind != "midi":
         return
-    controller = _CONTROLLER.match(what)
-    if controller and int(controller[1]) not in _CONTROLLERS:
+    match = _CONTROLLER.match(what)
+    if match and int(match[1]) not in _CONTROLLERS:
         raise BoardError(f"{url}: controllers have the numbers 0 to 119")
-    if not controller and what not in ("bend", "pressure"):
+    if not match and what not in ("bend", "pressure"):
         raise BoardError(f"{url}: after midi: comes cc and a number (cc2), bend or pressure")
 
 
 def _known_options(kind: str) -> str:
-    special = [name for known, name in _SPECIAL if known == kind]
+    special = [name for option_kind, name in _SPECIAL if option_kind == kind]
     names = [*_FIELDS, *special]
     return f"the options are {', '.join(names)}"
 

@@ -196,11 +196,11 @@ class MixRecorder:
         self._mixed, self._n_frames = mixed, n_frames
         self._frame = 0
         self._blocks: list[NDArray[np.float64]] = []
-        self._is_kept = True
+        self._store_accepts = True
 
     def take(self, mixed: NDArray[np.float64]) -> None:
         """Take the next mixed frames (n_frames, n_channels)."""
-        while len(mixed) and self._is_kept:
+        while len(mixed) and self._store_accepts:
             start = self._frame - self._n_pending
             stop = min(start + stretches.STRETCH_FRAMES, self._n_frames)
             if self._frame == stop:
@@ -216,7 +216,7 @@ class MixRecorder:
         have cut it short.
         """
         is_complete = self._frame in self.outcomes
-        if self._n_pending and self._is_kept and (is_complete or ending is not None):
+        if self._n_pending and self._store_accepts and (is_complete or ending is not None):
             self._put(self.outcomes.pop(self._frame, outcome), ending)
 
     @property
@@ -228,7 +228,9 @@ class MixRecorder:
 
         frames, self._blocks = np.concatenate(self._blocks), []
         if outcome is not None:
-            self._is_kept = self._mixed.put(self._frame - len(frames), frames, outcome, ending)
+            self._store_accepts = self._mixed.put(
+                self._frame - len(frames), frames, outcome, ending
+            )
 
 
 def key_of(what: str, stop: int, depends: str) -> str:

@@ -63,7 +63,7 @@ class ResumedSimulation(StretchedSimulation):
         ]
         if 1e-9 * n_frames * sum(part.island.cost for part in self._parts) < _WORK_MIN:
             self._parts = []
-        self._is_kept = True
+        self._store_accepts = True
 
     def _begin(self) -> None:
         """Recall the islands whose stretch is known; compute the others."""
@@ -80,7 +80,7 @@ class ResumedSimulation(StretchedSimulation):
                 part.is_recalled, part.state = True, known.state
                 self.n_recalled += n_frames
                 continue
-            if self._is_kept:
+            if self._store_accepts:
                 self._simulation.record(part.island)
             self.n_computed += n_frames
 
@@ -95,10 +95,10 @@ class ResumedSimulation(StretchedSimulation):
         if self._frame > self._n_frames:
             return
         for part in self._parts:
-            if part.is_recalled or not self._is_kept:
+            if part.is_recalled or not self._store_accepts:
                 continue
             stretch = self._simulation.recorded(part.island)
             # A folder that takes nothing now will take nothing later.
-            self._is_kept = self._store.put(part.key, stretch.sound, stretch.state)
+            self._store_accepts = self._store.put(part.key, stretch.sound, stretch.state)
         if self._frame == self._n_frames:
             self._store.forget()

@@ -157,14 +157,14 @@ def _with_links(texts: Texts, piece: Piece, scene: Scene, needed: set[str]) -> T
     """The texts with the links that an instrument of both has in the scene alone, between what the
     scene plays.
     """
-    for name, part in scene.piece.instruments.items():
+    for name, instrument in scene.piece.instruments.items():
         part_here = piece.instruments.get(name)
         if part_here is None:
             continue
         known = {module.name for module in part_here.modules}
         written = _entries(scene.texts, "instruments").get(name)
         modules = written.get("modules") if isinstance(written, dict) else None
-        for module in part.modules:
+        for module in instrument.modules:
             ends = {*_ends(module)}
             is_new = module.name not in known and ends and ends <= needed
             if is_new and isinstance(modules, dict) and module.name in modules:

@@ -29,7 +29,7 @@ def is_qtm(path: Path) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class _Rows:
+class _RowLayout:
     """The layout of the rows: their first line, the columns before the positions, and the columns
     of each marker or body.
     """
@@ -60,19 +60,19 @@ def read(path: Path) -> Motion:
 
     Raises TakeError and OSError.
     """
-    header, rows = _header(path)
+    header, layout = _header(path)
     n = _count(header.get("NO_OF_FRAMES", []), path)
 
     def blocks() -> Iterator[Floats]:
         with _text(path) as file:
-            numbered = lines(file, path)
-            values = (rows.values(line, at) for at, line in numbered if at >= rows.first)
+            numbered_lines = lines(file, path)
+            values = (layout.values(line, at) for at, line in numbered_lines if at >= layout.first)
             yield from map(_seen, in_blocks(values, n, path))
 
     rate = _rate(header.get("FREQUENCY", []), path)
     return judged(
         Motion(
-            unique_names(rows.names),
+            unique_names(layout.names),
             n,
             rate,
             1e-3,
@@ -84,16 +84,16 @@ def read(path: Path) -> Motion:
     )
 
 
-def _header(path: Path) -> tuple[dict[str, list[str]], _Rows]:
+def _header(path: Path) -> tuple[dict[str, list[str]], _RowLayout]:
     header: dict[str, list[str]] = {}
     with _text(path) as file:
-        first = 0, ""
-        for numbered in lines(file, path):
-            word, *values = numbered[1].split("\t")
+        first_row = 0, ""
+        for numbered_line in lines(file, path):
+            word, *values = numbered_line[1].split("\t")
             if header.keys().isdisjoint(_WIDTHS):
                 header[word.strip()] = values
             elif word not in _AFTER_NAMES:
-                first = numbered
+                first_row = numbered_line
                 break
     kind = next((kind for kind in _WIDTHS if kind in header), "MARKER_NAMES")
     columns = _WIDTHS[kind]
@@ -106,12 +106,12 @@ def _header(path: Path) -> tuple[dict[str, list[str]], _Rows]:
             "header",
             path,
         )
-    number, cells = first[0], first[1].split("\t")
+    number, cells = first_row[0], first_row[1].split("\t")
     # Column titles may come first. Every line may end in a tab; then the line of names does too.
     has_titles = any(cell[:1].isalpha() for cell in cells)
     is_tabbed = not header[kind][-1].strip()
     leading = min(max(len(cells) - columns * len(names) - is_tabbed, 0), _LEADING_MAX)
-    return header, _Rows(path, names, number + has_titles, leading, columns)
+    return header, _RowLayout(path, names, number + has_titles, leading, columns)
 
 
 def _text(path: Path) -> io.TextIOWrapper:

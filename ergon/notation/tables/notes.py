@@ -165,7 +165,7 @@ def read_note(word: str) -> int:
 
 def parse_notes(text: str) -> tuple[str, ...]:
     """Read `D3 F3 A3`, `C3..C5 pentatonic`, `C3 minor count 8`, `A3.min7`. Raises TextError."""
-    words = [(word.group(), word.start()) for word in _WORD.finditer(text)]
+    words = [(match.group(), match.start()) for match in _WORD.finditer(text)]
     if not words:
         raise TextError(f"no note is written; write for instance {_EXAMPLE}", code="E201")
     if ".." in words[0][0] or any(word == "count" for word, _ in words):
@@ -214,15 +214,15 @@ def _range(words: list[tuple[str, int]]) -> tuple[str, ...]:
         (scale, scale_offset), rest = rest[0], rest[1:]
     steps = _scale(scale, scale_offset)
     if rest and rest[0][0] == "count":
-        value, scale_offset = rest[1] if len(rest) > 1 else ("", rest[0][1])
+        value, count_offset = rest[1] if len(rest) > 1 else ("", rest[0][1])
         if not re.fullmatch(r"[0-9]{1,6}", value) or not 1 <= int(value) <= MAX_NOTES:
             message = f"`count` needs a whole number from 1 to {MAX_NOTES}"
-            raise TextError(message, offset=scale_offset, length=max(1, len(value)), code="E202")
+            raise TextError(message, offset=count_offset, length=max(1, len(value)), code="E202")
         count, rest = int(value), rest[2:]
     if rest:
-        word, scale_offset = rest[0]
+        word, word_offset = rest[0]
         message = f"unknown word {quote(word)}; notes are written like {_EXAMPLE}"
-        raise TextError(message, offset=scale_offset, length=len(word), code="E204")
+        raise TextError(message, offset=word_offset, length=len(word), code="E204")
     if high is not None and high < low:
         message = f"the range {quote(first)} runs downwards; write the lower note first"
         suggestion = f"{high_name}..{low_name}"

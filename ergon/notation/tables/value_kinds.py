@@ -35,10 +35,10 @@ def _tuned(parse: Callable[[str], Any]) -> Callable[[str], Any]:
     """A parser that remembers values by the tuning too, in which notes are read."""
 
     @lru_cache(MAX_CACHED)
-    def known(text: str, tuned: tuning.Tuning | None) -> Any:
+    def parse_tuned(text: str, tuning_key: tuning.Tuning | None) -> Any:
         return parse(text)
 
-    return lambda text: known(text, tuning.written())
+    return lambda text: parse_tuned(text, tuning.written())
 
 
 def _units(dimension: q.Dimension) -> str:
@@ -81,19 +81,19 @@ def integer(low: int, high: int, example: str) -> Text:
 
 def integer_or(word: str, low: int, high: int, example: str) -> Text:
     """A whole number, or a word."""
-    number = integer(low, high, example)
+    integer_text = integer(low, high, example)
 
     def parse(text: str) -> int | str:
         word_text = text.strip()
         if word_text[:1].isalpha() and word_text != word:
             message = f"{quote(word_text)} is neither a whole number nor {word}"
             raise TextError(message, length=len(word_text), suggestion=word, code="E201")
-        return word if word_text == word else int(number.parse(text))
+        return word if word_text == word else int(integer_text.parse(text))
 
     return Text(
         _cached(parse),
-        f"{number.what}, or {word}",
-        f"^({(number.pattern or '')[1:-1]}|{word})$",
+        f"{integer_text.what}, or {word}",
+        f"^({(integer_text.pattern or '')[1:-1]}|{word})$",
         is_value=True,
     )
 

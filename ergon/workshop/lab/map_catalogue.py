@@ -41,17 +41,17 @@ def maps(
 ) -> dict[str, Map]:
     """The maps of a method, or of a piece; an error up to `accurate` [dB] counts as right."""
     if piece is not None:
-        score_maps = maps_of_score(piece, seconds, method)
-        score_maps = {name: replace(one, metric=metric) for name, one in score_maps.items()}
+        maps_by_name = maps_of_score(piece, seconds, method)
+        maps_by_name = {name: replace(one, metric=metric) for name, one in maps_by_name.items()}
     elif metric == "energy":
-        score_maps = {"rattle": _rattle(method)}
+        maps_by_name = {"rattle": _rattle(method)}
     else:
-        score_maps = built_in(method)
+        maps_by_name = built_in(method)
     if accurate is not None:
-        score_maps = {
-            name: replace(one, right=((inf, accurate),)) for name, one in score_maps.items()
+        maps_by_name = {
+            name: replace(one, right=((inf, accurate),)) for name, one in maps_by_name.items()
         }
-    return score_maps
+    return maps_by_name
 
 
 def built_in(method: str) -> dict[str, Map]:
@@ -194,7 +194,7 @@ def _cut(name: str, key: slow_key_scene.Key, modes: str) -> Map:
 # --- a score ------------------------------------------------------------------------------------
 
 _FACTORS = tuple(2.0**i for i in range(-2, 9))
-_RATES = (0.25, 0.5, 1.0, 2.0, 4.0)
+_RATE_FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0)
 
 
 def maps_of_score(piece: Piece, seconds: float, method: str) -> dict[str, Map]:
@@ -206,7 +206,7 @@ def maps_of_score(piece: Piece, seconds: float, method: str) -> dict[str, Map]:
 
 
 def _stiffer(piece: Piece, seconds: float, method: str, name: str, *, contacts_only: bool) -> Map:
-    top = _RATES[-1]
+    top = _RATE_FACTORS[-1]
 
     def scene(factor: float, times: float) -> Score:
         changed = stiffer(piece, factor, contacts_only=contacts_only)
@@ -227,4 +227,4 @@ def _stiffer(piece: Piece, seconds: float, method: str, name: str, *, contacts_o
     what = "all its contacts" if contacts_only else "all its springs"
     title = f"{piece.title or 'the score'}: {what} stiffer"
     return Map(name, title, "stiffness, times the score's", "rate, times the score's", _FACTORS,
-               _RATES, seconds, case, as_written=(1.0, 1.0))  # fmt: skip
+               _RATE_FACTORS, seconds, case, as_written=(1.0, 1.0))  # fmt: skip

@@ -85,10 +85,10 @@ class SlowKeyScene:
 @cache
 def reference_truth(key: Key, K: float, n_frames: int) -> Truth:
     """The reference: the same scene with all springs at every frame."""
-    scene_at_rate = SlowKeyScene(key, K, None).build_at(RATE)
+    played = SlowKeyScene(key, K, None).build_at(RATE)
     frames = np.zeros((n_frames, 1))
     try:
-        _core.Simulation(scene_at_rate.network, scene_at_rate.timeline).process(frames)
+        _core.Simulation(played.network, played.timeline).process(frames)
     except _core.UnstableError:
         return Truth(None, np.inf)
     return Truth(frames, EXACT_DB)
@@ -113,20 +113,18 @@ class SlowKeyPoint:
         scene = self.scene
         while scene.hidden <= _HIDDEN_MAX:
             try:
-                scene_at_rate, plan = _planned(scene)
+                played, plan = _planned(scene)
             except _core.UnstableError as error:
                 reason = str(error)
                 scene = replace(scene, hidden=scene.hidden * _HIDDEN)
             else:
-                return self._ran(scene_at_rate, plan, n_frames)
+                return self._ran(played, plan, n_frames)
         return Outcome(None, reason=reason)
 
-    def _ran(self, scene_at_rate: NetworkAndTimeline, plan: _core.Plan, n_frames: int) -> Outcome:
+    def _ran(self, played: NetworkAndTimeline, plan: _core.Plan, n_frames: int) -> Outcome:
         frames = np.zeros((n_frames, 1))
         try:
-            _core.Simulation(scene_at_rate.network, scene_at_rate.timeline, plan=plan).process(
-                frames
-            )
+            _core.Simulation(played.network, played.timeline, plan=plan).process(frames)
         except _core.DivergedError as error:
             return Outcome(False, reason=str(error))
         if not np.all(np.isfinite(frames)):
@@ -134,9 +132,11 @@ class SlowKeyPoint:
         true = self.truth(n_frames).frames
         # A planned run has no ledger here; energy goes as the square of the amplitude of the
         # string.
-        size = 0.0 if true is None else float(np.abs(frames).max() / np.abs(true).max())
-        if size**2 > 10.0 ** (RUNAWAY_DB / 10.0):
-            return Outcome(False, frames, f"it swings {size:.3g} times as far as it should")
+        amplitude_ratio = 0.0 if true is None else float(np.abs(frames).max() / np.abs(true).max())
+        if amplitude_ratio**2 > 10.0 ** (RUNAWAY_DB / 10.0):
+            return Outcome(
+                False, frames, f"it swings {amplitude_ratio:.3g} times as far as it should"
+            )
         return Outcome(True, frames)
 
     def truth(self, n_frames: int) -> Truth:
@@ -148,11 +148,11 @@ def _planned(scene: SlowKeyScene) -> tuple[NetworkAndTimeline, _core.Plan]:
     """The plan of the scene, with its key slow. Raises UnstableError if the plan does not allow
     that.
     """
-    scene_at_rate = scene.build_at(RATE)
-    plan = _core.Plan(scene_at_rate.network, scene_at_rate.timeline, error_db=_BUDGET_DB)
+    played = scene.build_at(RATE)
+    plan = _core.Plan(played.network, played.timeline, error_db=_BUDGET_DB)
     for _, why in plan.stay():
         raise _core.UnstableError(why)
-    return scene_at_rate, plan
+    return played, plan
 
 
 @cache
@@ -167,11 +167,11 @@ def load(key: Key, K: float) -> float:
     k = m * (np.sin(np.pi * _PITCH / RATE) / np.sin(np.pi / (2.0 * (n + 1)))) ** 2 * RATE**2
     sigma = 3.0 * np.log(10.0) / _T60
     omega = 2.0 * np.pi * _PITCH
-    links = np.zeros((n + 1, n + 1))
-    links[:n, :n] = 2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
-    links *= k * (1.0 + 4.0 * sigma / omega**2 * RATE)
-    ends = np.zeros(n + 1)
-    ends[[_PULLED, n]] = 1.0, -1.0
-    root = np.sqrt(np.array([m] * n + [key.M[-1]])) * RATE
-    scaled = (links + K * np.outer(ends, ends)) / np.outer(root, root)
+    stiffness = np.zeros((n + 1, n + 1))
+    stiffness[:n, :n] = 2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    stiffness *= k * (1.0 + 4.0 * sigma / omega**2 * RATE)
+    joint_row = np.zeros(n + 1)
+    joint_row[[_PULLED, n]] = 1.0, -1.0
+    root_mass = np.sqrt(np.array([m] * n + [key.M[-1]])) * RATE
+    scaled = (stiffness + K * np.outer(joint_row, joint_row)) / np.outer(root_mass, root_mass)
     return float(np.linalg.eigvalsh(scaled)[-1]) / 4.0

@@ -25,12 +25,12 @@ def program(network: Stepped, title: str) -> str:
 
 def _lines(network: Stepped, title: str) -> Iterator[str]:
     names = Names()
-    points = [names.new(_word(point.name)) for point in network.points]
-    links = [names.new(_word(link.name)) for link in network.links]
+    point_words = [names.new(_word(point.name)) for point in network.points]
+    link_words = [names.new(_word(link.name)) for link in network.links]
     laws = Laws()
     called = {
         word: laws.name(link.law, word)
-        for word, link in zip(links, network.links, strict=True)
+        for word, link in zip(link_words, network.links, strict=True)
         if link.law is not None
     }
     inputs = [f"in_{number}" for number in range(1, len(network.inputs) + 1)]
@@ -45,48 +45,46 @@ def _lines(network: Stepped, title: str) -> Iterator[str]:
     yield from (f"// Left out: {plain(port)}" for port in network.left_out)
     yield f'declare name "{plain(title)}";'
     yield ""
-    for word, point in zip(points, network.points, strict=True):
+    for word, point in zip(point_words, network.points, strict=True):
         yield from _constants(word, point)
-    for word, link in zip(links, network.links, strict=True):
+    for word, link in zip(link_words, network.links, strict=True):
         yield from _link_constants(word, link)
     yield from laws.written()
     yield ""
     yield f"process({', '.join(inputs)}) = " if inputs else "process = "
-    outputs_with_rates = zip(outputs, network.outputs, strict=True)
-    yield "  " + ",\n  ".join(
-        differentiated(w, o.order, network.rate) for w, o in outputs_with_rates
-    )
+    named_outputs = zip(outputs, network.outputs, strict=True)
+    yield "  " + ",\n  ".join(differentiated(w, o.order, network.rate) for w, o in named_outputs)
     yield "letrec {"
-    for word, point in zip(points, network.points, strict=True):
+    for word, point in zip(point_words, network.points, strict=True):
         if _moves(point):
             yield f"  'u_{word} = u_{word} + y_{word};"
             yield f"  'e_{word} = y_{word} - D0_{word};"
     for word, port in zip(outputs, network.outputs, strict=True):
         # The force heard is that on the second end of a link.
-        terms = [f"(0.0 - f_{links[link]})" for link in port.links]
-        ways = [points[point] for point in port.points]
+        terms = [f"(0.0 - f_{link_words[link]})" for link in port.links]
+        ways = [point_words[point] for point in port.points]
         # A differentiated signal stood still before it began. Without X0 it is 0 then, as Faust's
         # delays are.
         terms += [f"(x_{way} - X0_{way})" if port.order else f"x_{way}" for way in ways]
         yield f"  '{word} = {' + '.join(terms) or '0.0'};"
     yield "where"
-    for word, point in zip(points, network.points, strict=True):
-        yield from _state(word, point, points)
-    for word, link in zip(links, network.links, strict=True):
-        yield from _force(word, link, points, called)
+    for word, point in zip(point_words, network.points, strict=True):
+        yield from _state(word, point, point_words)
+    for word, link in zip(link_words, network.links, strict=True):
+        yield from _force(word, link, point_words, called)
     ends = _ends(network)
-    passed: list[list[str]] = [[] for _ in points]  # to masses of proxies
-    for number, (word, point) in enumerate(zip(points, network.points, strict=True)):
+    passed: list[list[str]] = [[] for _ in point_words]  # to masses of proxies
+    for number, (word, point) in enumerate(zip(point_words, network.points, strict=True)):
         if point.shares:
-            force_terms = [f"{sign} f_{links[port]}" for port, sign in ends[number]]
-            force_terms += [f"+ {inputs[port]}" for port in point.forces]
+            force_terms = [f"{sign} f_{link_words[link]}" for link, sign in ends[number]]
+            force_terms += [f"+ {inputs[number]}" for number in point.forces]
             yield f"  g_{word} = 0.0 {' '.join(force_terms)};"
             for mass, share in point.shares:
                 passed[mass].append(f"+ {share!r}*g_{word}")
-    for number, (word, point) in enumerate(zip(points, network.points, strict=True)):
+    for number, (word, point) in enumerate(zip(point_words, network.points, strict=True)):
         if _moves(point):
-            terms = [f"{sign} f_{links[port]}" for port, sign in ends[number]]
-            terms += [f"+ {inputs[port]}" for port in point.forces]
+            terms = [f"{sign} f_{link_words[link]}" for link, sign in ends[number]]
+            terms += [f"+ {inputs[number]}" for number in point.forces]
             terms += [f"+ W_{word}"] if point.weight else []
             terms += passed[number]
             yield f"  y_{word} = {_step(word, point, terms)};"
@@ -121,10 +119,10 @@ def _link_constants(word: str, link: Link) -> Iterator[str]:
     yield f"L_{word} = {_number(link.offset)}; // [m]"
 
 
-def _state(word: str, point: Point, points: Sequence[str]) -> Iterator[str]:
+def _state(word: str, point: Point, point_words: Sequence[str]) -> Iterator[str]:
     if point.shares:
         for letter in "xd":
-            terms = (f"{share!r}*{letter}_{points[one]}" for one, share in point.shares)
+            terms = (f"{share!r}*{letter}_{point_words[one]}" for one, share in point.shares)
             yield f"  {letter}_{word} = {' + '.join(terms)};"
         return
     if point.fed is not None:
@@ -139,9 +137,11 @@ def _state(word: str, point: Point, points: Sequence[str]) -> Iterator[str]:
         yield f"  d_{word} = 0.0;"
 
 
-def _force(word: str, link: Link, points: Sequence[str], laws: Mapping[str, str]) -> Iterator[str]:
+def _force(
+    word: str, link: Link, point_words: Sequence[str], laws: Mapping[str, str]
+) -> Iterator[str]:
     """The force that pulls the first end of a link towards the second."""
-    a, b = points[link.a], points[link.b]
+    a, b = point_words[link.a], point_words[link.b]
     if link.law is not None:
         per_step = "" if link.law.per_step == 1.0 else f"*{link.law.per_step!r}"
         yield f"  p_{word} = x_{b} - x_{a} - L_{word};"
