@@ -200,7 +200,7 @@ def test_play_to_file_never_overwrites(work_folder: Path, command: str):
     done = forked([*command.split(), "--audio", "file:a.wav"], work_folder)
     assert done.returncode == 2
     assert "a.wav: this file exists" in done.stderr
-    assert "name another" in done.stderr
+    assert "another name" in done.stderr
     assert Path("a.wav").read_bytes() == b"mine"
 
 
