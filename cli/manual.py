@@ -63,7 +63,7 @@ def matches(topic: str, known: dict[str, Page]) -> list[tuple[Page, str]]:
         if page.path.parent.name == "errors":
             continue
         n_mentions = min(len(pattern.findall(page.text)) for pattern in wanted)
-        is_later = page.name.startswith("design/") or page.name in _DEVELOPERMANUAL
+        is_later = page.name.startswith("design/") or page.name in _DEVELOPER_PAGES
         ranked = _rank(page, stems, wanted)
         if ranked is not None:
             rank, heading = ranked
@@ -76,7 +76,7 @@ def matches(topic: str, known: dict[str, Page]) -> list[tuple[Page, str]]:
 
 _MENTIONS_MIN = 2  # mentions by which a page is about a topic that no heading has
 # Pages for those who change ergon: they come after those for players.
-_DEVELOPERMANUAL = (
+_DEVELOPER_PAGES = (
     "accuracy",
     "benchmarks",
     "charts",

@@ -62,10 +62,13 @@ def _lines(network: Stepped, title: str) -> Iterator[str]:
     for word, port in zip(outputs, network.outputs, strict=True):
         # The force heard is that on the second end of a link.
         terms = [f"(0.0 - f_{link_words[link]})" for link in port.links]
-        ways = [point_words[point] for point in port.points]
+        output_words = [point_words[point] for point in port.points]
         # A differentiated signal stood still before it began. Without X0 it is 0 then, as Faust's
         # delays are.
-        terms += [f"(x_{way} - X0_{way})" if port.order else f"x_{way}" for way in ways]
+        terms += [
+            f"(x_{output} - X0_{output})" if port.order else f"x_{output}"
+            for output in output_words
+        ]
         yield f"  '{word} = {' + '.join(terms) or '0.0'};"
     yield "where"
     for word, point in zip(point_words, network.points, strict=True):
