@@ -6,7 +6,7 @@ use super::method::MeshMethod;
 use super::passes::{self, Ties};
 use crate::kernel::Laws;
 use crate::kernel::mesh_partition::MeshPartition;
-use crate::kernel::springs::{Part, SpringPass};
+use crate::kernel::springs::Part;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::{Contact, Error, LinkKind, MatKind, Network};
 use crate::scheme::{Kind, Run, Scheme};
@@ -34,7 +34,6 @@ pub(super) struct Mesh {
 pub(super) struct Scratch {
     /// Forces of one run   (longest run)
     f: Vec<f64>,
-    springs: SpringPass,
     laws: Laws,
 }
 
@@ -115,10 +114,11 @@ impl Mesh {
 
     pub(super) fn scratch(&self) -> Scratch {
         let lengths = self.scheme.runs.iter().map(|run| run.len);
+        let mut laws = Laws::new(&self.scheme);
+        laws.set_springs(&self.springs, self.n_mat());
         Scratch {
             f: vec![0.0; lengths.max().unwrap_or(0)],
-            springs: SpringPass::new(&self.springs, self.n_mat()),
-            laws: Laws::new(&self.scheme),
+            laws,
         }
     }
 
@@ -140,7 +140,9 @@ impl Mesh {
 
     /// Elastic forces of all links at positions `x` [N], including contacts.
     pub(super) fn elastic(&self, x: &[f64], scratch: &mut Scratch, force: &mut [f64], team: &mut ThreadTeam<'_>) {
-        self.springs(Part::Elastic, [x, x], scratch, force, team);
+        scratch
+            .laws
+            .spring_forces(Part::Elastic, &self.springs, [x, x], force, team);
         self.others(Part::Elastic, [x, x], scratch, force);
     }
 
@@ -156,7 +158,9 @@ impl Mesh {
             force.fill(0.0);
             return;
         }
-        self.springs(Part::Viscous, [x, v], scratch, force, team);
+        scratch
+            .laws
+            .spring_forces(Part::Viscous, &self.springs, [x, v], force, team);
         self.others(Part::Viscous, [x, v], scratch, force);
     }
 
@@ -169,23 +173,10 @@ impl Mesh {
         team: &mut ThreadTeam<'_>,
     ) {
         let spring_part = if self.is_damped { Part::Total } else { Part::Elastic };
-        self.springs(spring_part, [x, v], scratch, force, team);
+        scratch
+            .laws
+            .spring_forces(spring_part, &self.springs, [x, v], force, team);
         self.others(Part::Total, [x, v], scratch, force);
-    }
-
-    /// Sets `force` to the forces of all springs, by a thread team if the mesh is partitioned.
-    fn springs(
-        &self,
-        part: Part,
-        motion: [&[f64]; 2],
-        scratch: &mut Scratch,
-        force: &mut [f64],
-        team: &mut ThreadTeam<'_>,
-    ) {
-        match &mut scratch.laws.mesh_partition {
-            Some(mesh_partition) => mesh_partition.forces(team, part, motion, force),
-            None => scratch.springs.forces(part, &self.springs, motion, force),
-        }
     }
 
     /// Runs `work` over all MATs, by a thread team if the mesh is partitioned: each call gets a range of MATs, their

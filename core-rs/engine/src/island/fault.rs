@@ -4,7 +4,6 @@ use super::delayed_ports::PortBinding;
 use super::{Gain, Island, inside};
 use crate::archive::{Archive, Damaged, State, state_of};
 use crate::kernel;
-use crate::kernel::springs::SpringPass;
 use crate::network::Term;
 use crate::scheme::Scheme;
 use crate::scheme::Spring;
@@ -200,10 +199,7 @@ impl Island {
         let meets_part = |spring: &Spring| touches_part(spring.a, spring.b, spring.len);
         scheme.fused.retain(|spring| !meets_part(spring));
         scheme.exact.retain(|run| !run_touches_part(run));
-        state.matter.laws.springs = SpringPass::new(&scheme.fused, scheme.n_mat());
-        if let Some(mesh_partition) = &mut state.matter.laws.mesh_partition {
-            mesh_partition.cut_again(&scheme.fused);
-        }
+        state.matter.laws.set_springs(&scheme.fused, scheme.n_mat());
         if let Some(guard) = &mut state.watch.guard {
             guard.release(|mat| is_muted[mat]);
         }

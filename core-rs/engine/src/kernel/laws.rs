@@ -3,9 +3,10 @@
 use super::mesh_partition::MeshPartition;
 use super::pairwise::Neighbours;
 use super::space::SpaceScratch;
-use super::springs::SpringPass;
+use super::springs::{Part, SpringPass};
+use super::thread_team::ThreadTeam;
 use crate::law::{Law, Scratch};
-use crate::scheme::{Kind, Scheme};
+use crate::scheme::{Kind, Scheme, Spring};
 
 /// Scratch memory in which the laws of a scheme are evaluated.
 #[derive(Clone, Debug)]
@@ -14,7 +15,7 @@ pub(crate) struct Laws {
     pub(crate) e: Vec<f64>,
     pub(crate) v: Vec<f64>,
     /// The springs that are computed in one pass.
-    pub(crate) springs: SpringPass,
+    springs: SpringPass,
     /// The springs partitioned for a thread team; `None` for one thread.
     pub(crate) mesh_partition: Option<MeshPartition>,
     /// Scratch memory of each law, by its index           (n_laws)
@@ -30,6 +31,30 @@ pub(crate) struct Laws {
 }
 
 impl Laws {
+    /// Set `force` to the sum of a part of the springs' forces on each MAT [N], by a thread team if they are
+    /// partitioned; see [`SpringPass::forces`].
+    pub(crate) fn spring_forces(
+        &mut self,
+        part: Part,
+        springs: &[Spring],
+        motion: [&[f64]; 2],
+        force: &mut [f64],
+        team: &mut ThreadTeam<'_>,
+    ) {
+        match &mut self.mesh_partition {
+            Some(mesh_partition) => mesh_partition.forces(team, part, motion, force),
+            None => self.springs.forces(part, springs, motion, force),
+        }
+    }
+
+    /// Compute other springs in one pass from now on, which pull on `mat_count` MATs.
+    pub(crate) fn set_springs(&mut self, springs: &[Spring], mat_count: usize) {
+        self.springs = SpringPass::new(springs, mat_count);
+        if let Some(mesh_partition) = &mut self.mesh_partition {
+            mesh_partition.cut_again(springs);
+        }
+    }
+
     /// Scratch memory for the laws of a scheme.
     pub(crate) fn new(scheme: &Scheme) -> Self {
         let mut laws = Self {

@@ -23,10 +23,7 @@ pub(crate) fn links(scheme: &Scheme, gates: &[f64], body: &mut Body, laws: &mut 
         }
         weightless_forces.fill(0.0);
     } else {
-        match &mut laws.mesh_partition {
-            Some(mesh_partition) => mesh_partition.forces(team, Part::Total, [x, d], force),
-            None => laws.springs.forces(Part::Total, &scheme.fused, [x, d], force),
-        }
+        laws.spring_forces(Part::Total, &scheme.fused, [x, d], force, team);
         for (force, weight) in force.iter_mut().zip(&scheme.weight) {
             *force += weight;
         }
