@@ -113,24 +113,26 @@ def _peaks(admittance: Admittance, row: int) -> str:
     """The highest peaks of a point, from the lowest frequency on."""
     from ergon.notation.tables.notes import nearest_note
 
-    head = f"velocity of {admittance.observed[row]} for a force at {admittance.forced}"
+    heading = f"velocity of {admittance.observed[row]} for a force at {admittance.forced}"
     f, levels, phases = admittance.frequencies, admittance.decibels[row], admittance.phases[row]
     all_peaks = admittance.peaks(row)
     peaks = sorted(all_peaks[:_SHOWN].tolist())
     span = f"{f[0]:g} to {f[-1]:g} Hz, {len(f):,} frequencies"
     if not admittance.values[row].any():
-        return f"{head}: no force from there reaches this point, so it does not move\n"
+        return f"{heading}: no force from there reaches this point, so it does not move\n"
     if not peaks:
-        ends = f"{levels[0]:.1f} dB at {f[0]:g} Hz, {levels[-1]:.1f} dB at {f[-1]:g} Hz"
-        return f"{head}: no peak from {span}: {ends}\n"
-    some = f"the highest {_SHOWN} of {len(all_peaks):,} peaks" if all_peaks[_SHOWN:].size else ""
+        level_range = f"{levels[0]:.1f} dB at {f[0]:g} Hz, {levels[-1]:.1f} dB at {f[-1]:g} Hz"
+        return f"{heading}: no peak from {span}: {level_range}\n"
+    peak_count = (
+        f"the highest {_SHOWN} of {len(all_peaks):,} peaks" if all_peaks[_SHOWN:].size else ""
+    )
     rows = [("", "note", "cents", "frequency", "level", "phase")]
     for number, i in enumerate(peaks, 1):
         note, cents = nearest_note(float(f[i]))
         level = "no bound" if math.isinf(levels[i]) else f"{levels[i]:.1f} dB"
         turned = "" if math.isinf(levels[i]) else f"{round(phases[i]):+d}°"
         rows.append((str(number), note, f"{cents:+.1f}", f"{f[i]:.2f} Hz", level, turned))
-    return f"{head}: {some or 'peaks'} from {span}\n{columns(rows, right=True)}"
+    return f"{heading}: {peak_count or 'peaks'} from {span}\n{columns(rows, right=True)}"
 
 
 def _records(console: Console, admittance: Admittance) -> None:
@@ -148,10 +150,10 @@ def _records(console: Console, admittance: Admittance) -> None:
 
 
 def _rows(admittance: Admittance) -> Iterator[Sequence[object]]:
-    head = ["frequency_hz"]
+    header = ["frequency_hz"]
     for name in admittance.observed:
-        head += [f"{name} [dB]", f"{name} real", f"{name} imaginary"]
-    yield head
+        header += [f"{name} [dB]", f"{name} real", f"{name} imaginary"]
+    yield header
     levels = admittance.decibels
     for column, f in enumerate(admittance.frequencies.tolist()):
         row: list[object] = [repr(f)]

@@ -92,8 +92,8 @@ SECTIONS = {
 _CODES = "; ".join(f"{code} {meaning}" for code, meaning in EXIT_CODES)
 
 
-def _print_version(ctx: click.Context, parameter: click.Parameter, wanted: bool) -> None:
-    if wanted and not ctx.resilient_parsing:
+def _print_version(ctx: click.Context, parameter: click.Parameter, is_asked: bool) -> None:
+    if is_asked and not ctx.resilient_parsing:
         from ergon.api.version import __version__, build
 
         click.echo(f"ergon {__version__} ({build()})")
@@ -233,8 +233,8 @@ def explain(error: BaseException) -> Outcome:
     if isinstance(error, Outcome):
         return error
     if isinstance(error, OSError):
-        where = f"{error.filename}: " if error.filename else ""
-        return Refused(f"{where}{error.strerror or error}")
+        file_prefix = f"{error.filename}: " if error.filename else ""
+        return Refused(f"{file_prefix}{error.strerror or error}")
     if isinstance(error, ErgonError):
         return _refused(error)
     if isinstance(error, MemoryError):

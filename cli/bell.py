@@ -57,17 +57,17 @@ def bell(
     for stroke in strokes:
         place, equals, file = stroke.partition("=")
         by_place.setdefault(place if equals else PLACE, []).append(Path(file if equals else stroke))
-    inputs = [file for own in by_place.values() for file in own]
+    inputs = [file for place_files in by_place.values() for file in place_files]
     if output is not None:
         check_target(Path(output), force=force, inputs=inputs)
     bell_found = find_bell(by_place, BellOptions(modes=modes), report=console)
-    written = text(bell_found, form=form)
+    bell_text = text(bell_found, form=form)
     if console.json:
         _records(console, bell_found)
     else:
         console.data(_lines(bell_found))
     if output is not None:
-        write_text(output, written, force=force, inputs=inputs)
+        write_text(output, bell_text, force=force, inputs=inputs)
         console.say(f"wrote {output}: `use: [{Path(output).name}]` has the instrument `bell`")
 
 
@@ -94,11 +94,11 @@ def _lines(bell: Bell) -> str:
     if len(bell.f) > _SHOWN:
         lines.append(f"and {plural(len(bell.f) - _SHOWN, 'mode')} that are softer")
     for stroke_level in bell.strokes:
-        left = 10.0 * np.log10(max(1.0 - stroke_level.explained, 1e-12))
+        residual_db = 10.0 * np.log10(max(1.0 - stroke_level.explained, 1e-12))
         contact = f", contact {1e3 * stroke_level.contact:.2g} ms" if stroke_level.contact else ""
         if (
             stroke_level.contact is None
-            and sum(other.place == stroke_level.place for other in bell.strokes) > 1
+            and sum(other_level.place == stroke_level.place for other_level in bell.strokes) > 1
         ):
             contact = ", contact time not measurable from these strokes"
         impulse = (
@@ -106,8 +106,13 @@ def _lines(bell: Bell) -> str:
             if stroke_level.impulse != 1.0
             else "hardest"
         )
-        what = f"{100.0 * stroke_level.explained:.2f} % of the energy explained, {left:.1f} dB left"
-        lines.append(f"{stroke_level.name} at {stroke_level.place}: {what}; {impulse}{contact}")
+        explained_text = (
+            f"{100.0 * stroke_level.explained:.2f} % of the energy explained, "
+            f"{residual_db:.1f} dB left"
+        )
+        lines.append(
+            f"{stroke_level.name} at {stroke_level.place}: {explained_text}; {impulse}{contact}"
+        )
     return "\n".join(line.rstrip() for line in lines) + "\n"
 
 

@@ -83,30 +83,32 @@ def chart(
     from ergon.workshop.lab.machine import machine
     from ergon.workshop.lab.scene import Score
 
-    known = laboratory.words(methods, METHODS, "--methods")
+    chosen_methods = laboratory.words(methods, METHODS, "--methods")
     stars = planned(_budget(error))
     loaded = score.read(score_path, ReadOptions(trust=trust), console)
     stem = laboratory.stem(output, score_path, "chart", force, loaded.inputs)
     piece = score.piece_of(loaded)
-    wanted = [*settings(known, PRECISIONS, upto), *stars]
-    total = work(wanted, round(seconds * piece.rate))
+    chosen_settings = [*settings(chosen_methods, PRECISIONS, upto), *stars]
+    total = work(chosen_settings, round(seconds * piece.rate))
     try:
         with (
-            laboratory.workers(on, score_path, loaded, trust, console) as others,
+            laboratory.workers(on, score_path, loaded, trust, console) as workers,
             console.progress(f"charting {score_path}", total, piece.rate) as progress,
         ):
             scene, chart_metric = Score(piece), cast("Metric", metric)
-            result = measure(scene, wanted, seconds, chart_metric, progress.update, others)
+            result = measure(
+                scene, chosen_settings, seconds, chart_metric, progress.update, workers
+            )
     except SilentPieceError as silence:
         raise Refused(f"{silence}; a larger --seconds computes more of the piece") from None
-    title, where = piece.title or stem.name, machine()
+    title, machine_text = piece.title or stem.name, machine()
     if on is not None:
-        where += (
+        machine_text += (
             f", points by workers ({on}), costs scaled by a reference computation on both machines"
         )
     _report(console, result)
-    table = chart_table.csv(result, title, where)
-    laboratory.write(console, stem, table, lambda: draw(result, title, where), force)
+    table = chart_table.csv(result, title, machine_text)
+    laboratory.write(console, stem, table, lambda: draw(result, title, machine_text), force)
     if result.reference is None:
         raise Findings("no method ran at two rates, so nothing can be compared; the table says why")
 

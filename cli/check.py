@@ -77,10 +77,10 @@ def _check(console: Console, path: str, simulate: bool, strict: bool, trust: boo
         simulated(console, path, loaded, staged.piece)
 
 
-def _counts(loaded: Loaded, more: Sequence[Diagnostic] = ()) -> dict[Severity, int]:
+def _counts(loaded: Loaded, further_diagnostics: Sequence[Diagnostic] = ()) -> dict[Severity, int]:
     """How many there are of each severity; diagnostics that were not shown count too."""
     counts: dict[Severity, int] = {"error": 0, "warning": 0, "note": 0, **loaded.left_out}
-    for diagnostic in (*loaded.diagnostics, *more):
+    for diagnostic in (*loaded.diagnostics, *further_diagnostics):
         counts[diagnostic.severity] += 1
     return counts
 

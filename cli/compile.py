@@ -51,8 +51,8 @@ def compile_score(
         open_for_writing(output or "-", binary=False, force=force, inputs=loaded.inputs) as file,
         quiet.progress("compiling", stage.n_analysed_frames, stage.rate) as progress,
     ):
-        head = header(form, title=piece.title, rate=stage.rate, score=score.digest(piece))
-        file.write(head.encode())
+        header_text = header(form, title=piece.title, rate=stage.rate, score=score.digest(piece))
+        file.write(header_text.encode())
         for text, frame in stream(stage.simulation, stage.n_analysed_frames, form, names):
             file.write(text.encode())
             progress.update(frame)

@@ -121,16 +121,16 @@ def _fish() -> str:
         text = row(COMMANDS, name)[2]
         lines.append(f"complete -c ergon -n __fish_use_subcommand -f -a {name} -d {_quoted(text)}")
     for name, parameters in _table().items():
-        seen = f"-n '__fish_seen_subcommand_from {name}'"
+        condition = f"-n '__fish_seen_subcommand_from {name}'"
         for p in _options(parameters):
             flags = [
                 f"-l {word[2:]}" if word.startswith("--") else f"-s {word[1:]}"
                 for word in (*p.opts, *p.secondary_opts)
             ]
-            line = f"complete -c ergon {seen} {' '.join(flags)} -d {_quoted(p.help or '')}"
-            known = next((_VALUES[word] for word in p.opts if word in _VALUES), None)
-            if known is not None:
-                line += f" -xa '(__ergon_names {','.join(known)})'"
+            line = f"complete -c ergon {condition} {' '.join(flags)} -d {_quoted(p.help or '')}"
+            value_words = next((_VALUES[word] for word in p.opts if word in _VALUES), None)
+            if value_words is not None:
+                line += f" -xa '(__ergon_names {','.join(value_words)})'"
             elif isinstance(p.type, click.Choice):
                 line += f" -xa {_quoted(' '.join(map(str, p.type.choices)))}"
             elif not p.is_flag:

@@ -47,8 +47,8 @@ def _sound(console: Console) -> None:
         if console.json:
             console.record("sound", audio=system.name, there=system.available, said=system.sentence)
         else:
-            there = "" if system.available else "not there: "
-            console.data(f"sound   {system.name:12} {there}{system.sentence}\n")
+            availability = "" if system.available else "not there: "
+            console.data(f"sound   {system.name:12} {availability}{system.sentence}\n")
 
 
 def _named(console: Console) -> None:
@@ -66,8 +66,8 @@ def _named(console: Console) -> None:
                 console.record("device", name=name, url=text, tested=tested, uses=uses)
             else:
                 axes = ", ".join(map(str, tested))
-                ready = f"axis {axes} tested" if tested else "not tested yet"
-                console.data(f"device  {name:12} {text}  {_words(uses_of(url))} ({ready})\n")
+                test_state = f"axis {axes} tested" if tested else "not tested yet"
+                console.data(f"device  {name:12} {text}  {_words(uses_of(url))} ({test_state})\n")
         if not table and not console.json:
             console.data(f"device  none has a name yet; write names into {config_path()}\n")
     except BoardError as error:
@@ -92,8 +92,10 @@ def _ports(console: Console, probe: bool) -> None:
             answer = f", {answers[url]}" if url in answers else ""
             console.data(f"{'':20} {url}  {_words(uses_of(url))}{answer}\n")
     if not console.json:
-        where = f"{_SERVICE}  {_words(uses_of(_SERVICE))}, where Haply's Inverse Service runs"
-        console.data(f"service {'haply':12} {where}\n")
+        service_line = (
+            f"{_SERVICE}  {_words(uses_of(_SERVICE))}, where Haply's Inverse Service runs"
+        )
+        console.data(f"service {'haply':12} {service_line}\n")
 
 
 def _hands(console: Console) -> None:

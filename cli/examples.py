@@ -114,5 +114,5 @@ def section(name: str) -> str | None:
     if rows is None:
         return None
     width = max(len(line) for line, _ in rows)
-    lines = (f"  {line:{width}}  {what}".rstrip() for line, what in rows)
+    lines = (f"  {line:{width}}  {meaning}".rstrip() for line, meaning in rows)
     return "\n".join(["\b", "Examples:", *lines])

@@ -119,14 +119,14 @@ def export(
         from .export_daw import export_daw
 
         is_rendered = stems is not False
-        asked = FileOptions(
+        file_options = FileOptions(
             stems=output / "stems" if is_rendered else None,
             wet=bool(wet),
             bits=bits,
             force=force,
             trust=trust,
         )
-        export_daw(console, score_path, output, asked, is_rendered=is_rendered)
+        export_daw(console, score_path, output, file_options, is_rendered=is_rendered)
         return
     exported_options = ExportOptions(parts=parts, upto=upto, trust=trust)
     try:

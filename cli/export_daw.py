@@ -27,7 +27,7 @@ _AFTER = 3600.0  # [s] of the tempo map that are written beyond the end of a pie
 
 
 def export_daw(
-    console: Console, score_path: str, output: Path, asked: FileOptions, *, is_rendered: bool
+    console: Console, score_path: str, output: Path, file_options: FileOptions, *, is_rendered: bool
 ) -> None:
     """Write `tempo.mid`, `marks.csv` and, if it `is_rendered`, `mix.wav`, `stems/` and
     `project.rpp`.
@@ -37,30 +37,32 @@ def export_daw(
     from ergon.exchange.midi import tempo_file
     from ergon.exchange.safe import check_target, file_group
 
-    loaded = score.read(score_path, asked, console)
-    prepared = prepare(loaded, str(output / "mix.wav"), asked, console) if is_rendered else None
+    loaded = score.read(score_path, file_options, console)
+    prepared = (
+        prepare(loaded, str(output / "mix.wav"), file_options, console) if is_rendered else None
+    )
     stage = (prepared or score.stage_piece(loaded, None, console)).stage
     piece, end = stage.piece, stage.n_analysed_frames / stage.rate
     tempo_path, marks_path = output / "tempo.mid", output / "marks.csv"
     project_path = output / "project.rpp"
     paths = [tempo_path, marks_path, *([project_path] if is_rendered else [])]
     for path in paths:
-        check_target(path, force=asked.force, inputs=loaded.inputs)
+        check_target(path, force=file_options.force, inputs=loaded.inputs)
     marks = [
         (name, score.where(piece, instant), instant) for name, instant in score.mark_instants(piece)
     ]
     clock = _clock(piece, end)
     files = {marks_path: markers_csv(marks).encode()}
     try:
-        written = tempo_file(*clock, piece.title, _note_tracks(stage))
-        files = {tempo_path: written, **files}
+        midi_bytes = tempo_file(*clock, piece.title, _note_tracks(stage))
+        files = {tempo_path: midi_bytes, **files}
     except ValueError as error:
         left_out = " and ".join(str(path) for path in paths if path != marks_path)
         verb = "are" if is_rendered else "is"
         console.warn(f"{error}; {left_out} {verb} left out, and the other files are written")
     done = None
     # What is small is on the disk before the sound, and gets its names after it: all or nothing.
-    with file_group(force=asked.force, inputs=loaded.inputs) as small:
+    with file_group(force=file_options.force, inputs=loaded.inputs) as small:
         for path, content in files.items():
             small.write(path, content)
         project_file = None
@@ -93,8 +95,8 @@ def _clock(
 
     tempo = piece.tempo_map
     ramps = [tempo.after(beat, entry.over) for beat, entry in tempo.placed if entry.over]
-    written = max([tempo.beats(end), *ramps, *(beat for beat, _ in tempo.placed)])
-    length = min(written, tempo.beats(end + _AFTER))  # a ramp may last for years
+    last_beat = max([tempo.beats(end), *ramps, *(beat for beat, _ in tempo.placed)])
+    length = min(last_beat, tempo.beats(end + _AFTER))  # a ramp may last for years
     meters = [Meter(beat, meter.beats, meter.unit) for beat, _, meter in tempo.bars.changes()]
     marks = [Marker(name, beats) for name, beats in score.marks_of(piece)]
     return tempo.seconds, length, meters, marks

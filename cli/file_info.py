@@ -43,7 +43,7 @@ def content(console: Console, path: Path) -> bool:
         return True
     lines = [f"{path}: {report.form}"]
     lines += [f"  {name}: {value}" for name, value in report.read.items()]
-    lines += [f"  passed over: {what}" for what in report.passed_over or ["nothing"]]
+    lines += [f"  passed over: {passed_over}" for passed_over in report.passed_over or ["nothing"]]
     console.data("\n".join(map(printable, lines)) + "\n")
     return True
 
@@ -73,7 +73,7 @@ def unknown(path: Path) -> str:
         "models": (".mdl", ".dsp", ".pd", ".txt", ".xml"),
         "gestures": (".gms",),
     }
-    listed = "; ".join(f"{what} ({', '.join(endings)})" for what, endings in forms.items())
+    listed = "; ".join(f"{noun} ({', '.join(endings)})" for noun, endings in forms.items())
     return f"{path} is nothing that ergon reads; `ergon info` reads {listed}"
 
 
@@ -103,8 +103,8 @@ def _obj(path: Path) -> Content:
         raise Refused("; ".join(f"{path}: {mistake.message}" for mistake in collector.finish()))
     lines = (line.split() for line in (text or "").splitlines())
     kinds = Counter(words[0] for words in lines if words and not words[0].startswith("#"))
-    others = [kind for kind in kinds if kind not in ("v", "f", "l")]
-    passed = [f"{plural(kinds[kind], 'line')} of {kind}" for kind in sorted(others)]
+    other_kinds = [kind for kind in kinds if kind not in ("v", "f", "l")]
+    passed = [f"{plural(kinds[kind], 'line')} of {kind}" for kind in sorted(other_kinds)]
     return Content("mesh (Wavefront OBJ)", _counts(mesh), passed)
 
 
@@ -196,15 +196,15 @@ def _sofa(path: Path) -> Content:
     from ergon.exchange import sofa
 
     try:
-        head = sofa.read(path)
+        sofa_header = sofa.read(path)
     except sofa.SofaError as error:
         raise Refused(str(error)) from None
-    n, _, taps = head.responses.shape
-    longest = float(head.delays.max() - head.delays.min()) * 1e3
+    n, _, taps = sofa_header.responses.shape
+    longest = float(sofa_header.delays.max() - sofa_header.delays.min()) * 1e3
     read = {
         "directions": n,
         "samples of each response": taps,
-        "rate": f"{head.rate:g} Hz",
+        "rate": f"{sofa_header.rate:g} Hz",
         "delays": f"up to {longest:.3g} ms apart",
     }
     return Content("head (SOFA)", read, ["distances, and places of the listener and the ears"])
@@ -291,8 +291,10 @@ def _gms(path: Path) -> Content:
         f"{chunk.depth}.{number} {chunk.name} {chunk.group}".rstrip(): plural(chunk.size, "byte")
         for number, chunk in enumerate(walked, 1)
     }
-    why = "what the bytes in these chunks mean: ACROE's public description has no table of them"
-    return Content("gestures and motion (GMS, an IFF file)", read, [why])
+    unknown_reason = (
+        "what the bytes in these chunks mean: ACROE's public description has no table of them"
+    )
+    return Content("gestures and motion (GMS, an IFF file)", read, [unknown_reason])
 
 
 READERS: Mapping[str, Callable[[Path], Content | None]] = {

@@ -59,33 +59,36 @@ def _format(console: Console, path: str, only_check: bool, diff: bool) -> bool:
             f"{path}: the file is larger than {MAX_BYTES >> 20} MB, the most that a score may have"
         )
     try:
-        before = data.decode("utf-8")
-        after = formatted(before)
+        text_before = data.decode("utf-8")
+        formatted_text = formatted(text_before)
     except UnicodeDecodeError:
         raise Refused(f"{path}: the file is not text in UTF-8") from None
     except TextError as error:
-        line = before.count("\n", 0, error.offset) + 1
-        column = error.offset - (before.rfind("\n", 0, error.offset) + 1) + 1
+        line = text_before.count("\n", 0, error.offset) + 1
+        column = error.offset - (text_before.rfind("\n", 0, error.offset) + 1) + 1
         place = {"file": path, "line": line, "column": column}
         message = f"{path}:{line}:{column}: {error.message}"
         raise Findings(message, code=error.code, **place) from None
-    if not _SCORE.search(before):
+    if not _SCORE.search(text_before):
         raise Refused(
             f"{path}: this is not a score, because no line of it begins with `ergon:`; nothing was "
             "changed"
         )
-    different: bool = after != before
+    different: bool = formatted_text != text_before
     if diff:
         lines = difflib.unified_diff(
-            before.splitlines(keepends=True), after.splitlines(keepends=True), path, path
+            text_before.splitlines(keepends=True),
+            formatted_text.splitlines(keepends=True),
+            path,
+            path,
         )
         _print("".join(lines))
     elif path == "-" and not only_check:
-        _print(after)
+        _print(formatted_text)
     elif different and not only_check:
         # The composer asks for this, and the score stays the composer's own file.
         with open_for_writing(path, binary=False, force=True, replaceable=False) as file:
-            file.write(after.encode())
+            file.write(formatted_text.encode())
     if console.json:
         console.record("fmt", file=path, changed=different)
     elif different and not diff and path != "-":

@@ -60,8 +60,8 @@ def fold(
 
     check_stdout(output, is_json=console.json)
     target = output or f"{Path(source).stem}-{Path(to).stem}.wav"
-    asked = FoldOptions(layout=layout, head=head, gain=gain, bits=bits, force=force)
-    done = fold_file(source, target, to, asked, report=console)
+    fold_options = FoldOptions(layout=layout, head=head, gain=gain, bits=bits, force=force)
+    done = fold_file(source, target, to, fold_options, report=console)
     if gain is None and done.gain < 1.0:
         console.warn(
             f"{done.path} is turned down by {-decibels(done.gain):.2f} dB, for it would clip; "

@@ -16,11 +16,17 @@ _EXCLUDED = ("from_", "until", "stems", "channels", "bits", "hands")
 
 
 def freeze_parts(
-    console: Console, path: str, parts: str, output: str | None, asked: FileOptions, *, dry: bool
+    console: Console,
+    path: str,
+    parts: str,
+    output: str | None,
+    file_options: FileOptions,
+    *,
+    dry: bool,
 ) -> None:
     """Compute `parts`, names with commas or spaces between them, into a folder."""
     for name in _EXCLUDED:
-        if getattr(asked, name) is not None:
+        if getattr(file_options, name) is not None:
             option = f"--{name.strip('_')}"
             raise Refused(f"--freeze writes whole parts as they are, and excludes {option}")
     if output == "-":
@@ -28,7 +34,7 @@ def freeze_parts(
     names = list(dict.fromkeys(filter(None, parts.replace(",", " ").split())))
     if not names:
         raise Refused("--freeze: name an instrument, or several with commas between them")
-    shared = {field.name: getattr(asked, field.name) for field in fields(FreezeOptions)}
+    shared = {field.name: getattr(file_options, field.name) for field in fields(FreezeOptions)}
     options = FreezeOptions(**shared)
     prepared = prepare(path, names, output, options, console)
     if not dry:

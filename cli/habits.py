@@ -104,14 +104,14 @@ def instead(words: list[str]) -> str | None:
     if advice := FILES_INSTEAD.get(Path(file).suffix.lower()):
         return advice.format(file=file, stem=Path(file).stem)
     line = INSTEAD.get(words[0])
-    rest = "".join(f" {word}" for word in words[1:])
-    return None if line is None else line.format(rest=rest)
+    further_words = "".join(f" {word}" for word in words[1:])
+    return None if line is None else line.format(rest=further_words)
 
 
 def reordered(words: list[str], commands: Iterable[str]) -> str | None:
     """The line with its command first, where options or a score precede it; else None."""
-    known = set(commands)
-    place = next((i for i, word in enumerate(words) if word in known), None)
+    command_names = set(commands)
+    place = next((i for i, word in enumerate(words) if word in command_names), None)
     if not place:
         return None
     return " ".join(["ergon", words[place], *words[place + 1 :], *words[:place]])
@@ -122,11 +122,11 @@ def single_dash(words: Iterable[str], options: Iterable[str]) -> str | None:
 
     Such a word would be read as short options in a row, and the next one as a score.
     """
-    known = set(options)
+    option_names = set(options)
     for word in words:
         if word == "--":
             break
         name = word.partition("=")[0]
-        if _SINGLE_DASH.fullmatch(name) and f"-{name}" in known:
+        if _SINGLE_DASH.fullmatch(name) and f"-{name}" in option_names:
             return f"-{name}"
     return None

@@ -50,10 +50,10 @@ def help_command(ctx: click.Context, words: tuple[str, ...]) -> None:
     matches = manual.matches(topic, pages) if len(topic) <= _TOPIC_MAX else []
     if not matches:
         raise Refused(_unknown(topic, pages, root))
-    (page, _), *others = matches
+    (page, _), *other_matches = matches
     other_lines = "\n".join(
-        f"  ergon help {_page_topic(other, root):24} {heading}"
-        for other, heading in others[:_OTHERS_MAX]
+        f"  ergon help {_page_topic(other_page, root):24} {heading}"
+        for other_page, heading in other_matches[:_OTHERS_MAX]
     )
     others_heading = f" Others about {clean(topic)}:" if other_lines else ""
     introduction = f"The page {_page_topic(page, root)}.{others_heading}\n{other_lines}"

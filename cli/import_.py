@@ -67,9 +67,11 @@ def import_command(
     files = _pairs("--feed", inputs)
     read = [Path(model), *(Path(file) for file in files.values() if file != "osc")]
     check_target(Path(target), force=force, inputs=read)
-    asked = ModelOptions(dialect=dialect, laws=laws, values=_pairs("--set", values), inputs=files)
+    model_options = ModelOptions(
+        dialect=dialect, laws=laws, values=_pairs("--set", values), inputs=files
+    )
     beside = Path() if target == "-" else Path(target).parent
-    imported = import_model(model, asked, beside=beside)
+    imported = import_model(model, model_options, beside=beside)
     write_text(target, imported.text, force=force, inputs=read)
     if console.json:
         fields = {

@@ -188,8 +188,8 @@ def _channels(path: Path, wav: WaveInfo) -> list[str]:
 
 
 def _score(console: Console, path: str, trust: bool) -> None:
-    ready = score.stage_piece(score.read(path, ReadOptions(trust=trust), console), None, console)
-    piece, staged = ready.piece, ready.stage
+    prepared = score.stage_piece(score.read(path, ReadOptions(trust=trust), console), None, console)
+    piece, staged = prepared.piece, prepared.stage
     duration = staged.n_analysed_frames / staged.rate
     end = score.where(piece, duration)
     groups = {

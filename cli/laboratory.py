@@ -22,7 +22,7 @@ FORMS = ("csv", "svg", "png")
 
 
 def stem(
-    output: str | None, source: str, what: str, force: bool, inputs: Sequence[Path] = ()
+    output: str | None, source: str, noun: str, force: bool, inputs: Sequence[Path] = ()
 ) -> Path:
     """NAME for the files NAME.csv, NAME.svg and NAME.png, after checking that all may be written.
 
@@ -33,7 +33,7 @@ def stem(
 
     if output is None:
         base = "score" if source == STDIN else Path(source).stem
-        stem_path = Path(f"{base}-{what}")
+        stem_path = Path(f"{base}-{noun}")
     else:
         stem_path = Path(output)
         if stem_path.suffix[1:] in FORMS:  # one of the three was named: all of them are meant
@@ -43,18 +43,18 @@ def stem(
     return stem_path
 
 
-def words(text: str | None, known: Sequence[str], option: str) -> tuple[str, ...]:
+def words(text: str | None, allowed_words: Sequence[str], option: str) -> tuple[str, ...]:
     """The words of a list `a,b`, each of which must be known; without a text, all known words."""
     if text is None:
-        return tuple(known)
+        return tuple(allowed_words)
     from ergon.notation.text.spelling import nearest
 
     names = tuple(dict.fromkeys(word.strip() for word in text.split(",")))
     for word in names:
-        if word not in known:
-            close = nearest(word, known)
+        if word not in allowed_words:
+            close = nearest(word, allowed_words)
             hint = f"; did you mean '{close}'?" if close else ""
-            raise Refused(f"{option}: there is no '{word}' ({', '.join(known)}){hint}")
+            raise Refused(f"{option}: there is no '{word}' ({', '.join(allowed_words)}){hint}")
     return names
 
 

@@ -19,16 +19,16 @@ form = click.option(
 )
 
 
-def form_of(path: Path, asked: str | None) -> str:
+def form_of(path: Path, form_asked: str | None) -> str:
     """The format of a layout file: as asked for, or by its ending."""
     from ergon.exchange.layout_files import FORMS as KNOWN
 
-    if asked is not None:
-        return asked
-    endings = {one.ending: name for name, one in KNOWN.items()}
+    if form_asked is not None:
+        return form_asked
+    endings = {layout_form.ending: name for name, layout_form in KNOWN.items()}
     if path.suffix.lower() not in endings:
-        known = ", ".join(f"{name} ({ending})" for ending, name in endings.items())
-        raise Refused(f"{path}: its ending names no program; give --form, one of {known}")
+        form_list = ", ".join(f"{name} ({ending})" for ending, name in endings.items())
+        raise Refused(f"{path}: its ending names no program; give --form, one of {form_list}")
     return endings[path.suffix.lower()]
 
 

@@ -42,7 +42,7 @@ def pages() -> dict[str, Page]:
     return result
 
 
-def matches(topic: str, known: dict[str, Page]) -> list[tuple[Page, str]]:
+def matches(topic: str, pages_by_topic: dict[str, Page]) -> list[tuple[Page, str]]:
     """The pages about a topic, the page that is meant first, each with the heading that says so.
 
     A match of the name ranks before one of the title, and the title before other headings. A
@@ -57,14 +57,14 @@ def matches(topic: str, known: dict[str, Page]) -> list[tuple[Page, str]]:
     stems = _stems(synonym) if synonym else asked_stems
     if not stems:
         return []
-    wanted = [re.compile(rf"\b{re.escape(part)}", re.IGNORECASE) for part in stems]
+    patterns = [re.compile(rf"\b{re.escape(part)}", re.IGNORECASE) for part in stems]
     by_heading, by_text = [], []
-    for page in known.values():
+    for page in pages_by_topic.values():
         if page.path.parent.name == "errors":
             continue
-        n_mentions = min(len(pattern.findall(page.text)) for pattern in wanted)
+        n_mentions = min(len(pattern.findall(page.text)) for pattern in patterns)
         is_later = page.name.startswith("design/") or page.name in _DEVELOPER_PAGES
-        ranked = _rank(page, stems, wanted)
+        ranked = _rank(page, stems, patterns)
         if ranked is not None:
             rank, heading = ranked
             by_heading.append((is_later, rank, -n_mentions, page.name, page, heading))
@@ -118,20 +118,24 @@ _ENDINGS = ("ings", "ing", "ers", "er", "ed", "es", "s", "e")
 _WORD = re.compile(r"[\w'-]+")
 
 
-def _rank(page: Page, stems: list[str], wanted: list[re.Pattern[str]]) -> tuple[int, str] | None:
+def _rank(page: Page, stems: list[str], patterns: list[re.Pattern[str]]) -> tuple[int, str] | None:
     """How well the name and the headings of a page fit, 0 the best, and the heading; None if they
     do not.
     """
-    title, *others = page.headings
+    title, *subheadings = page.headings
     if _stems(page.name.split("/")[-1]) == stems:
         return 0, title
-    for first, headings in ((1, [title]), (3, others)):
-        fitting = [head for head in headings if all(pattern.search(head) for pattern in wanted)]
-        begins = next((head for head in fitting if wanted[0].match(head)), None)
-        if begins is not None:
-            return first, begins
+    for heading_rank, headings in ((1, [title]), (3, subheadings)):
+        fitting = [
+            heading for heading in headings if all(pattern.search(heading) for pattern in patterns)
+        ]
+        starting_heading = next(
+            (heading for heading in fitting if patterns[0].match(heading)), None
+        )
+        if starting_heading is not None:
+            return heading_rank, starting_heading
         if fitting:
-            return first + 1, fitting[0]
+            return heading_rank + 1, fitting[0]
     return None
 
 

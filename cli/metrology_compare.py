@@ -58,14 +58,14 @@ def compare(console: Console, first_path: str, other: str) -> None:
     squared, n = chi_squared(first, second)
     moves = replay_difference(first.row, second.row)
     if console.json:
-        for each in compared:
+        for difference in compared:
             console.record(
                 "figure",
-                name=_called(each),
-                a=each.first,
-                b=each.other,
-                deviation=each.deviation,
-                deviations=each.deviations,
+                name=_called(difference),
+                a=difference.first,
+                b=difference.other,
+                deviation=difference.deviation,
+                deviations=difference.deviations,
             )
         console.record("compared", replay_difference_m=moves, chi_squared=squared, figures=n)
         return
@@ -75,42 +75,57 @@ def compare(console: Console, first_path: str, other: str) -> None:
     _judge(console, compared, squared, n)
 
 
-def _called(each: Difference) -> str:
+def _called(difference: Difference) -> str:
     """The name of a figure; with both numbers of its mode if the files number it differently."""
-    name, other = each.names
-    if name == other or each.other is None:
+    name, second_name = difference.names
+    if name == second_name or difference.other is None:
         return name
-    return other if each.first is None else f"{name.partition('.')[0]}/{other.removeprefix('mode')}"
+    return (
+        second_name
+        if difference.first is None
+        else f"{name.partition('.')[0]}/{second_name.removeprefix('mode')}"
+    )
 
 
-def _row(each: Difference) -> str:
+def _row(difference: Difference) -> str:
     from ergon.workshop.metrology.calibration_file import MODE_FIELDS, UNITS
 
-    name = _called(each)
-    mode, _, what = name.partition(".")
-    unit, scale = MODE_FIELDS[what] if what else UNITS[name]
-    label = f"{mode.replace('mode', 'mode ')} {what}" if what else name
+    name = _called(difference)
+    mode, _, parameter_name = name.partition(".")
+    unit, scale = MODE_FIELDS[parameter_name] if parameter_name else UNITS[name]
+    label = f"{mode.replace('mode', 'mode ')} {parameter_name}" if parameter_name else name
     a, b = (
-        f"{'none':>12}" if x is None else f"{x * scale:12.5g}" for x in (each.first, each.other)
+        f"{'none':>12}" if x is None else f"{x * scale:12.5g}"
+        for x in (difference.first, difference.other)
     )
     apart = (
         ""
-        if each.first is None or each.other is None
-        else f"{(each.other - each.first) * scale:.4g}"
+        if difference.first is None or difference.other is None
+        else f"{(difference.other - difference.first) * scale:.4g}"
     )
-    far = "" if each.deviations is None else f"{each.deviations:.3g}"
+    far = "" if difference.deviations is None else f"{difference.deviations:.3g}"
     return f"{label + ' [' + unit + ']':16}{a}{b}{apart:>14}{far:>12}".rstrip() + "\n"
 
 
 def _judge(console: Console, compared: list[Difference], squared: float, n: int) -> None:
     """Say which figures differ, and the chi squared of all together."""
-    known = [(abs(each.deviations), each) for each in compared if each.deviations is not None]
-    far = sorted((pair for pair in known if pair[0] > _FAR), key=lambda pair: -pair[0])
-    lacking = [_called(each) for each in compared if each.first is None or each.other is None]
-    if far:
-        listing = ", ".join(f"{_called(each)} by {sigma:.3g}" for sigma, each in far)
+    deviations = [
+        (abs(difference.deviations), difference)
+        for difference in compared
+        if difference.deviations is not None
+    ]
+    deviating = sorted((pair for pair in deviations if pair[0] > _FAR), key=lambda pair: -pair[0])
+    lacking = [
+        _called(difference)
+        for difference in compared
+        if difference.first is None or difference.other is None
+    ]
+    if deviating:
+        listing = ", ".join(
+            f"{_called(difference)} by {sigma:.3g}" for sigma, difference in deviating
+        )
         console.say(f"more than {_FAR:g} standard deviations apart: {listing}")
-    elif known:
+    elif deviations:
         console.say(f"no figure differs by more than {_FAR:g} standard deviations")
     if lacking:
         console.say(f"only one has {', '.join(lacking)}")
@@ -130,23 +145,31 @@ def log(console: Console, files: tuple[str, ...]) -> None:
     """
     from ergon.workshop.metrology.comparison import replay_difference
 
-    known = sorted(((calibration(file), file) for file in files), key=lambda one: one[0].date)
+    calibrations = sorted(
+        ((calibration(file), file) for file in files),
+        key=lambda calibration_and_file: calibration_and_file[0].date,
+    )
     if not console.json:
         console.data(
             f"{'date':12}{'M [g]':>10}{'K [N/m]':>10}{'Z [Ns/m]':>10}{'dry [mN]':>10}"
             f"{'moves [um]':>12}{'modes [Hz]':>16}   file\n"
         )
-    for each, file in known:
-        moves = replay_difference(known[0][0].row, each.row)
-        values = each.figures
+    for calibration_read, file in calibrations:
+        moves = replay_difference(calibrations[0][0].row, calibration_read.row)
+        values = calibration_read.figures
         if console.json:
             console.record(
-                "calibration", file=file, date=each.date, figures=values, replay_difference_m=moves
+                "calibration",
+                file=file,
+                date=calibration_read.date,
+                figures=values,
+                replay_difference_m=moves,
             )
             continue
-        modes = " ".join(f"{f:.5g}" for _, f, _ in each.modes) or "none"
+        modes = " ".join(f"{f:.5g}" for _, f, _ in calibration_read.modes) or "none"
         console.data(
-            f"{each.date or '?':12}{values['M'] * 1e3:10.5g}{values['K']:10.5g}{values['Z']:10.4g}"
+            f"{calibration_read.date or '?':12}{values['M'] * 1e3:10.5g}"
+            f"{values['K']:10.5g}{values['Z']:10.4g}"
             f"{values.get('dry', 0.0) * 1e3:10.4g}{moves * 1e6:12.4g}{modes:>16}   {file}\n"
         )
 

@@ -100,8 +100,8 @@ def report(
     step = sensor_step(gestures if held_out is None else [*gestures, held_out])
     if not console.json:
         parts = "" if step is None else f"{'of step':>9}"
-        head = f"{'':14}{'fit rms':>10}{parts}{'replay':>10}{parts}{'BIC':>12}"
-        console.data(f"{head}   what was added\n")
+        header = f"{'':14}{'fit rms':>10}{parts}{'replay':>10}{parts}{'BIC':>12}"
+        console.data(f"{header}   what was added\n")
     try:
         measured = stages.measure(gestures, held_out, lambda stage: _say(console, stage, step))
     except MeasurementError as error:
@@ -180,18 +180,18 @@ def _say(console: Console, stage: Stage, step: float | None) -> None:
         return
     sign = "- " if stage.is_removal else "+ "
     name = stage.name if stage.name == "M K Z" else sign + stage.name
-    what = _added_part(stage)
+    verdict = _added_part(stage)
     if stage.score is not None and not stage.is_accepted and stage.score < SCORE_MIN:
-        what = f"none: the highest score is {stage.score:.0f} of {SCORE_MIN:.0f}"
+        verdict = f"none: the highest score is {stage.score:.0f} of {SCORE_MIN:.0f}"
     elif stage.is_removal:
-        what = "taken away" if stage.is_accepted else "stays"
+        verdict = "taken away" if stage.is_accepted else "stays"
     elif not stage.is_accepted:
-        what += ", not kept"
-    left, off = (
+        verdict += ", not kept"
+    stopping_reason, off = (
         f"{x * 1e6:7.4g} um" + ("" if step is None else f"{x / step:9.3g}")
         for x in (fit.rms, stage.replay)
     )
-    console.data(f"{name:14}{left}{off}{fit.bic:12,.0f}   {what}\n")
+    console.data(f"{name:14}{stopping_reason}{off}{fit.bic:12,.0f}   {verdict}\n")
 
 
 def _numbers(stage: Stage) -> dict[str, dict[str, float]]:
@@ -256,9 +256,9 @@ def _picture(measured: Measured, gesture: Gesture, title: str) -> str:
     from ergon.workshop.metrology.comparison import replay
     from ergon.workshop.metrology.picture import picture
 
-    after = replay(measured.fit.row, gesture)
-    before = replay(measured.stages[0].fit.row, gesture)
-    return picture(after, title, before)
+    fitted_replay = replay(measured.fit.row, gesture)
+    first_replay = replay(measured.stages[0].fit.row, gesture)
+    return picture(fitted_replay, title, first_replay)
 
 
 def _calibration(measured: Measured, takes: list[Path]) -> str:

@@ -84,13 +84,13 @@ def measure(
     if path is not None:
         check_target(path, force=force)
         check_target(path.with_suffix(".svg"), force=force)
-    asked = metrology_score.path(console, score, key)
+    score_forces = metrology_score.path(console, score, key)
     axis, url = open_axis(device, force_max=force_max, force_step=force_step, gated=not no_gate)
     recorder = Recorder(path, take_header(url, axis.number))
     try:
         try:
             ladder = _climbed(console, axis, seed)
-            takes = _taken(console, ladder, seconds, recorder, seed, asked)
+            takes = _taken(console, ladder, seconds, recorder, seed, score_forces)
         finally:
             axis.device.close()
     except MeasurementError as error:
@@ -242,7 +242,7 @@ def _taken(
     seconds: float,
     recorder: Recorder,
     seed: int,
-    asked: Floats | None,
+    score_forces: Floats | None,
 ) -> list[Take]:
     """Takes of strikes and rain, then one that is held out."""
     from ergon.workshop.metrology import takes
@@ -250,8 +250,8 @@ def _taken(
     read_takes: list[Take] = []
     phrases = []
     for kind in takes.KINDS:
-        length = takes.held_out_duration(asked) if kind == "held-out" else seconds
-        each = takes.record(ladder, kind, length, recorder.target, seed, asked)
+        length = takes.held_out_duration(score_forces) if kind == "held-out" else seconds
+        each = takes.record(ladder, kind, length, recorder.target, seed, score_forces)
         lasted = sum(len(take.gesture.force) / take.gesture.rate for take in each)
         phrases.append(f"{kind} {lasted:.0f} s")
         # Only the longest part of the held-out take judges the model; the others are left out.

@@ -157,11 +157,11 @@ def _print_residuals(
             f"\n{'s':>5}{'real':>12}{'residual':>14}{step_head}{'at most':>12}{step_head}\n"
         )
     seconds = result.t.astype(int)
-    real = result.gesture.position[result.gesture.counts]
+    measured_position = result.gesture.position[result.gesture.counts]
     for second in np.unique(seconds):
         inside = seconds == second
         residual = result.residual[inside]
-        moved = float(np.ptp(real[inside]))
+        moved = float(np.ptp(measured_position[inside]))
         rms, largest = float(np.sqrt(np.mean(residual**2))), float(np.abs(residual).max())
         if console.json:
             console.record("second", s=int(second), real_m=moved, rms_m=rms, most_m=largest)

@@ -69,9 +69,9 @@ def _key(piece: Piece, key: str | None) -> str:
     played = list(dict.fromkeys(player.key for player in piece.players.values()))
     if key is None and len(played) == 1:
         return played[0]
-    there = f"its players have {', '.join(played)}" if played else "it has no players"
+    player_list = f"its players have {', '.join(played)}" if played else "it has no players"
     if key is None:
-        raise Refused(f"choose a key of the score by --key: {there}")
+        raise Refused(f"choose a key of the score by --key: {player_list}")
     if key not in played:
-        raise Refused(f"--key: no player of the score has the key '{key}'; {there}")
+        raise Refused(f"--key: no player of the score has the key '{key}'; {player_list}")
     return key

@@ -35,8 +35,8 @@ def midi(console: Console, path: Path) -> None:
     meters = [(quarter, f"{count}/{2**power}") for quarter, count, power in file.meters]
     everything = dict.fromkeys(("has_pedal", "has_tempo", "has_meter", "has_wheel"), True)
     left_out = [*passed_over(file, **everything, follows=lambda move: move.kind in FOLLOWED)]
-    if extra := file.n_bytes_after + file.n_bytes_unread:
-        left_out.append(plural(extra, "byte") + " after the end of tracks")
+    if n_unread_bytes := file.n_bytes_after + file.n_bytes_unread:
+        left_out.append(plural(n_unread_bytes, "byte") + " after the end of tracks")
     played = [*_understood(file)]
     if console.json:
         console.record(
@@ -120,6 +120,6 @@ def changes(changes: Sequence[tuple[float, str]], none: str) -> str:
     if len(changes) == 1 and not changes[0][0]:
         return changes[0][1]
     words = [f"{value} at {quarter:g}" for quarter, value in changes[:_CHANGES_MAX]]
-    if extra := len(changes) - len(words):
-        words.append(f"and {extra:,} more")
+    if n_unlisted := len(changes) - len(words):
+        words.append(f"and {n_unlisted:,} more")
     return f"{', '.join(words)} (in quarter notes)"

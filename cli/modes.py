@@ -109,17 +109,17 @@ def _warn(console: Console, part: PartModes) -> None:
     if part.n_contacts:
         console.warn(f"{part.part}: {plural(part.n_contacts, 'contact')} counted as open")
     if not part.is_certified:
-        why = "the search ended before all were known"
-        console.warn(f"{part.part}: modes may be missing or listed twice: {why}")
+        reason = "the search ended before all were known"
+        console.warn(f"{part.part}: modes may be missing or listed twice: {reason}")
 
 
 def _lines(part: PartModes) -> str:
     masses = "1 mass" if len(part.masses) == 1 else f"{len(part.masses):,} masses"
-    head = f"{part.part}: {plural(len(part.poles), 'mode')} of {masses}"
+    heading = f"{part.part}: {plural(len(part.poles), 'mode')} of {masses}"
     if not len(part.poles):
-        why = "none of its modes is in this range" if part.masses else "nothing in it moves"
-        return f"{part.part}: no modes: {why}\n"
-    return f"{head}\n{columns(mode_rows(part), right=True)}"
+        reason = "none of its modes is in this range" if part.masses else "nothing in it moves"
+        return f"{part.part}: no modes: {reason}\n"
+    return f"{heading}\n{columns(mode_rows(part), right=True)}"
 
 
 def _records(console: Console, part: PartModes, shapes: bool) -> None:
@@ -162,8 +162,8 @@ def _csv(part_modes: Sequence[PartModes], shapes: bool) -> str:
 
 def _mode_rows(part_modes: Sequence[PartModes]) -> Iterator[Sequence[object]]:
     points = list(dict.fromkeys(point for part in part_modes for point in part.points))
-    head = ("part", "mode", "note", "cents", "frequency_hz", "t60_s")
-    yield (*head, *(f"{point} [dB]" for point in points))
+    header = ("part", "mode", "note", "cents", "frequency_hz", "t60_s")
+    yield (*header, *(f"{point} [dB]" for point in points))
     for part in part_modes:
         levels = {point: part.levels(point) for point in part.points}
         for i, (f, t60) in enumerate(zip(part.frequencies, part.t60, strict=True)):
@@ -185,6 +185,6 @@ def _shape_rows(part_modes: Sequence[PartModes]) -> Iterator[Sequence[object]]:
     for part in part_modes:
         for i, f in enumerate(part.frequencies):
             for name, place, x in zip(part.masses, part.places, part.shapes[i], strict=True):
-                where = (repr(float(place[0])), repr(float(place[1])))
+                place_texts = (repr(float(place[0])), repr(float(place[1])))
                 moves = (repr(float(x.real)), repr(float(x.imag)))
-                yield part.part, i + 1, repr(float(f)), name, *where, *moves
+                yield part.part, i + 1, repr(float(f)), name, *place_texts, *moves

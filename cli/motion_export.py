@@ -75,8 +75,10 @@ def export(
         if dry:
             check_target(Path(output), force=force, inputs=inputs)
         else:
-            with open_for_writing(output, binary=form == ".npz", force=force, inputs=inputs) as to:
-                _write(to, motion, form, frame_instants, exaggeration)
+            with open_for_writing(
+                output, binary=form == ".npz", force=force, inputs=inputs
+            ) as output_file:
+                _write(output_file, motion, form, frame_instants, exaggeration)
     except NotMotionError as error:
         raise Refused(f"{file}: {error}") from None
     if output == "-":
@@ -93,7 +95,7 @@ def export(
 
 
 def _write(
-    to: BinaryIO,
+    output_file: BinaryIO,
     motion: Motion,
     form: str,
     frame_instants: NDArray[np.float64],
@@ -103,9 +105,9 @@ def _write(
     from ergon.exchange.motion import csv_rows, write_npz
 
     if form == ".npz":
-        write_npz(to, motion, frame_instants)
+        write_npz(output_file, motion, frame_instants)
     elif form == ".gltf":
-        to.write(gltf(motion, frame_instants, exaggeration).encode())
+        output_file.write(gltf(motion, frame_instants, exaggeration).encode())
     else:
         for text in csv_rows(motion, frame_instants):
-            to.write(text.encode())
+            output_file.write(text.encode())

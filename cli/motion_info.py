@@ -89,11 +89,12 @@ def motion(console: Console, path: Path) -> None:
     for part, count in zip(manifest["parts"], points, strict=True):
         if not count and part["count"]:
             continue  # its coordinates are those of points in another part
-        why = f" ({part['why']})" if part["why"] else ""
+        reason_text = f" ({part['why']})" if part["why"] else ""
         modes = part["modes"]
-        seen = f", {modes['count']:,} of {modes.get('of')} modes" if modes else ""
+        mode_count = f", {modes['count']:,} of {modes.get('of')} modes" if modes else ""
         lines.append(
-            f"  {part['name']}: {plural(count, 'point')}, {_WORDS[part['kind']]}{why}{seen}"
+            f"  {part['name']}: {plural(count, 'point')}, "
+            f"{_WORDS[part['kind']]}{reason_text}{mode_count}"
         )
     console.data("\n".join(lines) + "\n")
 
@@ -104,16 +105,18 @@ def _bound(manifest: dict[str, Any]) -> str | None:
     if not isinstance(bound, dict):
         return None
     try:
-        share, rest, flight = (float(bound[name]) for name in ("amplitude", "rest", "flight"))
+        amplitude_error, rest_error, flight_error = (
+            float(bound[name]) for name in ("amplitude", "rest", "flight")
+        )
     except (KeyError, TypeError, ValueError):
         return None
     kinds = {part["kind"] for part in manifest["parts"]}
     words = []
     if "sampled" in kinds:
         words.append(
-            f"sampled points are right within {100 * share:g} % of their own amplitude, "
-            f"and at rest within {1e6 * rest:g} µm"
+            f"sampled points are right within {100 * amplitude_error:g} % of their own amplitude, "
+            f"and at rest within {1e6 * rest_error:g} µm"
         )
     if kinds & {"free", "modal"}:
-        words.append(f"oscillations are right within {100 * flight:g} % of their amplitude")
+        words.append(f"oscillations are right within {100 * flight_error:g} % of their amplitude")
     return "; ".join(words) or None

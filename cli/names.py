@@ -20,21 +20,21 @@ _ENTRY = re.compile(r"^([ ]+)([^\W\d][\w-]*):")
 def names_in(text: str) -> dict[str, list[str]]:
     """Names of every section of SECTIONS, in the order written."""
     names_by_section: dict[str, list[str]] = {section: [] for section in SECTIONS}
-    here: list[str] | None = None
+    section_names: list[str] | None = None
     indent = 0
     for line in text.splitlines():
         section = _SECTION.match(line)
         if section is not None:
-            here, indent = names_by_section.get(section[1]), 0
-            if here is not None and section[2].startswith("{"):
-                here.extend(_top_level(section[2]))
+            section_names, indent = names_by_section.get(section[1]), 0
+            if section_names is not None and section[2].startswith("{"):
+                section_names.extend(_top_level(section[2]))
             continue
-        entry = _ENTRY.match(line) if here is not None else None
-        if entry is None or here is None:
+        entry = _ENTRY.match(line) if section_names is not None else None
+        if entry is None or section_names is None:
             continue
         indent = indent or len(entry[1])
         if len(entry[1]) == indent:
-            here.append(entry[2])
+            section_names.append(entry[2])
     return names_by_section
 
 

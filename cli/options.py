@@ -184,24 +184,30 @@ def _option(field: dataclasses.Field[Any]) -> Callable[[F], F]:
     option: kinds.Option = field.metadata["option"]
     flag = f"--{field.name.strip('_').replace('_', '-')}"
     flags = (_SHORT[flag], flag) if flag in _SHORT else (flag,)
-    more: dict[str, Any] = {}
+    click_arguments: dict[str, Any] = {}
     match option.accepts:
         case kinds.Switch():
             flags = (f"{flag}/--no{flag[1:]}",)
         case kinds.Text(if_alone=str() as value):
-            more = {"is_flag": False, "flag_value": value}
+            click_arguments = {"is_flag": False, "flag_value": value}
         case kinds.Choice(values=values):
             by_text = {str(value): value for value in values}
-            more = {"callback": lambda _context, _parameter, text: by_text.get(text, text)}
+            click_arguments = {
+                "callback": lambda _context, _parameter, text: by_text.get(text, text)
+            }
     if field.default is False:
-        more["is_flag"] = True
+        click_arguments["is_flag"] = True
     else:
         is_several = field.default == ()
         default = None if is_several else field.default
-        more |= {"multiple": is_several, "default": default, "type": _type(option.accepts)}
-        more |= {"metavar": option.metavar, "show_default": option.shown}
-        more["required"] = option.is_required
-    return click.option(*flags, field.name, help=option.help, **more)
+        click_arguments |= {
+            "multiple": is_several,
+            "default": default,
+            "type": _type(option.accepts),
+        }
+        click_arguments |= {"metavar": option.metavar, "show_default": option.shown}
+        click_arguments["required"] = option.is_required
+    return click.option(*flags, field.name, help=option.help, **click_arguments)
 
 
 _SHORT = {"--force": "-f"}

@@ -215,11 +215,11 @@ class ShownPerformance:
                 f"{early:.3f} s left out"
             )
         if sound_input.error or sound_input.lost:
-            why = (
+            reason = (
                 sound_input.error
                 or f"{sound_input.lost} frames were lost, for the disk was too slow"
             )
-            self._console.warn(f"the recording of the input: {why}")
+            self._console.warn(f"the recording of the input: {reason}")
         if status.dropped:
             dropped = status.dropped / self._stage.rate
             self._console.warn(

@@ -72,15 +72,15 @@ def plan(
         from ergon.api.cluster import count_of
 
         shares = accuracy_plan.shares(count_of(on, console))
-    rows, seen = list(accuracy_plan.rows), list(accuracy_plan.seen)
+    rows, seen_rows = list(accuracy_plan.rows), list(accuracy_plan.seen)
     if why is not None:
-        rows, seen = _rows_of([*rows, *seen], why), []
+        rows, seen_rows = _rows_of([*rows, *seen_rows], why), []
     if output is not None:
         accuracy_plan.write(output, force=force)
     if console.json:
         for row in rows:
             console.record("plan_row", **_fields(row), only_seen=row in accuracy_plan.seen)
-        for row in seen:
+        for row in seen_rows:
             console.record("plan_row", **_fields(row), only_seen=True)
         correction = machine_speed.read_correction()
         console.record(
@@ -109,7 +109,11 @@ def plan(
     elif output != "-":
         shared = "" if shares is None else _shares_text(shares)
         console.data(
-            _table(rows) + _seen(seen) + _highest(accuracy_plan) + _summary(accuracy_plan) + shared
+            _table(rows)
+            + _seen(seen_rows)
+            + _highest(accuracy_plan)
+            + _summary(accuracy_plan)
+            + shared
         )
 
 
@@ -125,8 +129,8 @@ def _shares_text(shares: Shares) -> str:
     if shares.home > shares.dearest.cost:
         return f"{text}never more than {shares.bound:.1f} times: the rest is computed here\n"
     part_names = " + ".join(shares.dearest.parts[:_LARGEST_PARTS])
-    more = ", …" if len(shares.dearest.parts) > _LARGEST_PARTS else ""
-    text += f"never more than {shares.bound:.1f} times: {part_names}{more} cannot be split "
+    ellipsis = ", …" if len(shares.dearest.parts) > _LARGEST_PARTS else ""
+    text += f"never more than {shares.bound:.1f} times: {part_names}{ellipsis} cannot be split "
     return f"{text}(cost {shares.dearest.cost:.2g})\n"
 
 
@@ -137,9 +141,9 @@ def _rows_of(rows: list[PlanRow], module: str) -> list[PlanRow]:
     if not part_rows:
         from ergon.notation.text.spelling import nearest
 
-        known = sorted({name for row in rows for name in row.parts})
-        close = nearest(part, known)
-        hint = f"; did you mean '{close}'?" if close else f"; there are {', '.join(known)}"
+        part_names = sorted({name for row in rows for name in row.parts})
+        close = nearest(part, part_names)
+        hint = f"; did you mean '{close}'?" if close else f"; there are {', '.join(part_names)}"
         raise Refused(f"--why: no part is called '{part}'{hint}")
     return part_rows
 
@@ -181,7 +185,7 @@ def _fields(row: PlanRow) -> dict[str, object]:
 
 def _table(rows: list[PlanRow]) -> str:
     is_heard = any(row.audible is not None for row in rows)
-    columns = [i for i, head in enumerate(_HEAD) if is_heard or head != _BY_EAR_HEAD]
+    columns = [i for i, heading in enumerate(_HEAD) if is_heard or heading != _BY_EAR_HEAD]
     return table([line[i] for i in columns] for line in (_HEAD, *(_line(row) for row in rows)))
 
 
@@ -239,8 +243,10 @@ def _seen(rows: list[PlanRow]) -> str:
 
 def _highest(accuracy_plan: Plan) -> str:
     """The highest mode of each string and plate."""
-    each = [f"{name} {hertz / 1e3:.3g} kHz" for name, hertz in accuracy_plan.highest_modes.items()]
-    return f"\nhighest modes: {', '.join(each)}\n" if each else ""
+    mode_texts = [
+        f"{name} {hertz / 1e3:.3g} kHz" for name, hertz in accuracy_plan.highest_modes.items()
+    ]
+    return f"\nhighest modes: {', '.join(mode_texts)}\n" if mode_texts else ""
 
 
 def _summary(accuracy_plan: Plan) -> str:
@@ -279,8 +285,8 @@ def _why(row: PlanRow) -> list[str]:
         lines.append("  Nothing ever moves it: what is heard of it is a constant.")
     elif row.modes is not None:
         n_used, n_total = row.modes
-        some = f"{plural(n_used, _mode(row))} of {n_total:,}"
-        lines.append(f"  It is linear: {some} are computed, each exactly.")
+        used_modes = f"{plural(n_used, _mode(row))} of {n_total:,}"
+        lines.append(f"  It is linear: {used_modes} are computed, each exactly.")
         if row.left_out_db is not None:
             lines.append(
                 f"  The others together would be {-row.left_out_db:.0f} dB below the rest."
@@ -309,8 +315,8 @@ def _why(row: PlanRow) -> list[str]:
         lines.append("  Closed contacts, and single laws, are computed between frames,")
         lines.append(f"  {row.contact_substeps} steps a frame or more.")
     if row.error_db is not None and row.error_s is not None:
-        over = f"over the first {row.error_s:.2g} s"
-        lines.append(f"  A pilot measured an error of {row.error_db:.0f} dB {over}.")
+        span_text = f"over the first {row.error_s:.2g} s"
+        lines.append(f"  A pilot measured an error of {row.error_db:.0f} dB {span_text}.")
     if row.audible is not None:
         from ergon.scores.staging.planning import error_text
 

@@ -78,19 +78,19 @@ def _play(
 
     from .performance import ShownPerformance
 
-    asked = PlayOptions(**arguments)
-    ready = prepare(score_path, asked, console)
-    stage, config, osc = ready.stage, ready.config, ready.osc
+    play_options = PlayOptions(**arguments)
+    prepared = prepare(score_path, play_options, console)
+    stage, config, osc = prepared.stage, prepared.config, prepared.osc
     try:
         while True:
             performance = begin(stage, config, console)
             shown = ShownPerformance(
-                console, stage, performance, ready.hands, strict=strict, plain=plain
+                console, stage, performance, prepared.hands, strict=strict, plain=plain
             )
             shown.run(osc, config, partial(warn_of_scaled_forces, performance, stage, console))
-            if not asked.loop or (osc is not None and osc.stopped):
+            if not play_options.loop or (osc is not None and osc.stopped):
                 return
-            if asked.until is None:
+            if play_options.until is None:
                 config = replace(config, start=0)
     finally:
-        ready.close()
+        prepared.close()

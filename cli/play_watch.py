@@ -24,7 +24,7 @@ _LOOK = 0.1  # [s] between two looks for messages
 _EXCLUDED = ("until", "loop", "method", "error", "cents", "plan", "draft", "seed", "see")
 
 
-def play_watched(console: Console, path: str, asked: PlayOptions, *, strict: bool) -> None:
+def play_watched(console: Console, path: str, play_options: PlayOptions, *, strict: bool) -> None:
     """Play a score until Ctrl-C; each saved version plays on from the position of the one before.
 
     Raises Refused, ScoreError, OptionError and DeviceError.
@@ -35,17 +35,19 @@ def play_watched(console: Console, path: str, asked: PlayOptions, *, strict: boo
     if path == score.STDIN:
         raise Refused("--watch needs a file: the score cannot be -")
     for name in _EXCLUDED:
-        if getattr(asked, name) not in (None, False):
+        if getattr(play_options, name) not in (None, False):
             raise Refused(f"--watch excludes --{name}")
     if strict:
         raise Refused("--watch excludes --strict")
-    common = {one.name for one in fields(SessionOptions)} & {one.name for one in fields(asked)}
-    arguments = {name: getattr(asked, name) for name in common}
+    common_names = {option_field.name for option_field in fields(SessionOptions)} & {
+        option_field.name for option_field in fields(play_options)
+    }
+    arguments = {name: getattr(play_options, name) for name in common_names}
     with tempfile.TemporaryDirectory(prefix="ergon-play-") as folder:
         options = SessionOptions(**arguments, watch=True, journal=Path(folder, "session.jsonl"))
         session = local_session.begin(path, options, console)
         _core.stop_on_signals([signal.SIGINT], ends=True)
-        follow(session, console.say, asked.from_, _looks())
+        follow(session, console.say, play_options.from_, _looks())
 
 
 def follow(

@@ -62,43 +62,43 @@ def render(
     before the first is rendered, and share the processes of --on; one that is refused or diverges
     does not stop the others.
     """
-    asked = FileOptions(**arguments)
+    file_options = FileOptions(**arguments)
     if len(score_paths) > 1:
         if watch or freeze is not None or output == "-":
             which = "--watch" if watch else "--freeze" if freeze is not None else "-o -"
             raise Refused(f"{which} is for one score")
-        _render_several(console, score_paths, output, asked, dry, strict)
+        _render_several(console, score_paths, output, file_options, dry, strict)
         return
     (score_path,) = score_paths
     check_stdout(output, is_json=console.json)
     from ergon.api.render_journal import render_journal
     from ergon.api.score import JOURNAL
 
-    if asked.on is not None and (freeze is not None or Path(score_path).suffix == JOURNAL):
+    if file_options.on is not None and (freeze is not None or Path(score_path).suffix == JOURNAL):
         raise Refused("--on renders scores; a journal and --freeze are computed here")
     if Path(score_path).suffix == JOURNAL:
         if dry or watch or freeze:
             raise Refused("a journal is rendered as it was played: no -n, --watch or --freeze")
-        done = render_journal(Path(score_path), output, asked, console)
+        done = render_journal(Path(score_path), output, file_options, console)
         _tell(console, done)
         _refuse_silence(strict, done)
     elif freeze is not None:
         from .freezing import freeze_parts
 
-        if watch or asked.motion:
+        if watch or file_options.motion:
             raise Refused(f"--freeze excludes {'--watch' if watch else '--motion'}")
-        freeze_parts(console, score_path, freeze, output, asked, dry=dry)
+        freeze_parts(console, score_path, freeze, output, file_options, dry=dry)
     elif watch:
-        _watch(console, score_path, output, asked)
+        _watch(console, score_path, output, file_options)
     else:
-        _refuse_silence(strict, render_file(console, score_path, output, asked, dry))
+        _refuse_silence(strict, render_file(console, score_path, output, file_options, dry))
 
 
 def _render_several(
     console: Console,
     paths: tuple[str, ...],
     folder: str | None,
-    asked: FileOptions,
+    file_options: FileOptions,
     dry: bool,
     strict: bool,
 ) -> None:
@@ -107,14 +107,14 @@ def _render_several(
     from .app import explain
 
     if dry:
-        for prepared in staged_scores(paths, folder, asked, console):
+        for prepared in staged_scores(paths, folder, file_options, console):
             dry_run(console, prepared.stage, prepared.job)
         return
     failed: dict[str, Outcome] = {}
     task, count = f"rendering {len(paths)} scores", len(paths)
     # Without --on, scores are rendered one after the other, each with a bar of its own.
-    with console.progress(task, count, 0.0) if asked.on else Progress() as progress:
-        for number, rendered in enumerate(render_several(paths, folder, asked, console), 1):
+    with console.progress(task, count, 0.0) if file_options.on else Progress() as progress:
+        for number, rendered in enumerate(render_several(paths, folder, file_options, console), 1):
             if rendered.error is not None:
                 failed[rendered.score] = explain(rendered.error)
                 console.outcome(failed[rendered.score])
@@ -130,16 +130,23 @@ def _render_several(
 
 
 def render_file(
-    console: Console, path: str, output: str | None, asked: FileOptions, dry: bool = False
+    console: Console, path: str, output: str | None, file_options: FileOptions, dry: bool = False
 ) -> Completed | None:
     """Render one score, and print what was written. None after a dry run."""
-    return _render(console, path, score.read(path, asked, console), output, asked, dry)
+    return _render(
+        console, path, score.read(path, file_options, console), output, file_options, dry
+    )
 
 
 def _render(
-    console: Console, path: str, loaded: Loaded, output: str | None, asked: FileOptions, dry: bool
+    console: Console,
+    path: str,
+    loaded: Loaded,
+    output: str | None,
+    file_options: FileOptions,
+    dry: bool,
 ) -> Completed | None:
-    prepared = prepare(loaded, target(path, loaded, output), asked, console)
+    prepared = prepare(loaded, target(path, loaded, output), file_options, console)
     if dry:
         dry_run(console, prepared.stage, prepared.job)
         return None
@@ -154,7 +161,7 @@ def _refuse_silence(strict: bool, done: Completed | None) -> None:
 
 
 def _is_silent(done: Completed) -> bool:
-    return any(found.code == "W324" for found in done.faint)
+    return any(diagnostic.code == "W324" for diagnostic in done.faint)
 
 
 def _tell(console: Console, done: Completed) -> None:
@@ -162,24 +169,26 @@ def _tell(console: Console, done: Completed) -> None:
     print_finer_steps(console, done.reports)
 
 
-def _watch(console: Console, path: str, output: str | None, asked: FileOptions) -> None:
+def _watch(console: Console, path: str, output: str | None, file_options: FileOptions) -> None:
     from .app import explain
     from .watch import changes
 
     if path == score.STDIN or output == "-":
         raise Refused("--watch needs files: neither the score nor the WAV file can be -")
     files = {Path(path)}
-    first = True
+    is_first = True
     for _ in changes(files):
         try:
-            loaded = score.read(path, asked, console)
+            loaded = score.read(path, file_options, console)
             files |= {Path(name) for name in loaded.files}
-            _render(console, path, loaded, output, asked, dry=False)
+            _render(console, path, loaded, output, file_options, dry=False)
         except Exception as error:
             outcome: Outcome = explain(error)
-            if isinstance(outcome, Refused) and first:  # wrong usage does not get better by waiting
+            if (
+                isinstance(outcome, Refused) and is_first
+            ):  # wrong usage does not get better by waiting
                 raise
             console.outcome(outcome)
             console.say(f"{path}: the render before is kept")
-        first = False
+        is_first = False
         console.say(f"watching {path}; Ctrl-C ends")

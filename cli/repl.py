@@ -49,24 +49,24 @@ def repl(
     from ergon.api import local_session, remote_session
     from ergon.api.errors import EngineExitError
 
-    asked = SessionOptions(**arguments)
+    session_options = SessionOptions(**arguments)
     if score_path is not None and is_pack(score_path):
         from ergon.api.packs import unpack
 
         score_path = str(unpack(score_path))
         console.say(f"unpacked; the score is {score_path}")
-    if asked.socket is None:
+    if session_options.socket is None:
         from ergon._core import stop_on_signals
 
-        session = local_session.begin(score_path, asked, console)
+        session = local_session.begin(score_path, session_options, console)
         _prompt(session, stop_on_signals, plain=plain, strict=strict)
     elif engine:
-        remote_session.serve(score_path, asked, console)
+        remote_session.serve(score_path, session_options, console)
     else:
         try:
             from ergon.repl.prompt.signals import watch_nothing
 
-            remote = remote_session.join(score_path, asked, console)
+            remote = remote_session.join(score_path, session_options, console)
         except EngineExitError as ended:  # the terminal shows the reason
             raise click.exceptions.Exit(ended.exit_code) from None
         _prompt(remote, watch_nothing, plain=plain, strict=strict)

@@ -73,7 +73,7 @@ def signals_as_exceptions(
     if hasattr(signal, "SIGHUP"):
         handlers[signal.SIGHUP] = terminate
     # A signal that the caller ignores (nohup) stays ignored.
-    before = {
+    handlers_before = {
         number: signal.signal(number, handler)
         for number, handler in handlers.items()
         if signal.getsignal(number) is not signal.SIG_IGN
@@ -96,7 +96,7 @@ def signals_as_exceptions(
             time.sleep(_AGAIN)
         for finaliser in watched:
             finaliser.detach()
-        for number, handler in before.items():
+        for number, handler in handlers_before.items():
             signal.signal(number, handler)
 
 
@@ -118,12 +118,12 @@ def until_interrupted() -> None:
     ours, pythons = socket.socketpair()
     with ours, pythons:
         pythons.setblocking(False)
-        before = signal.set_wakeup_fd(pythons.fileno(), warn_on_full_buffer=False)
+        wakeup_before = signal.set_wakeup_fd(pythons.fileno(), warn_on_full_buffer=False)
         try:
             while True:
                 ours.recv(1)
         finally:
-            signal.set_wakeup_fd(before)
+            signal.set_wakeup_fd(wakeup_before)
 
 
 def _again(number: int, over: list[bool]) -> None:

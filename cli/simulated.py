@@ -67,11 +67,11 @@ def _contacts(
                 deepest_m=contact.deepest,
             )
         elif contact.first is not None:
-            first = score.where(piece, contact.first / rate)
+            first_contact = score.where(piece, contact.first / rate)
             console.data(
                 f"{contact.contact.name} ({names}): closed {plural(contact.times, 'time')}, first "
                 "at "
-                f"{first}, {metres(contact.deepest)} deep at most\n"
+                f"{first_contact}, {metres(contact.deepest)} deep at most\n"
             )
 
 

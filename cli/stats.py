@@ -75,12 +75,14 @@ def stats(
 
 
 def _lines(part: PartStats) -> str:
-    held = plural(part.n_held, "fixed point")
+    fixed_points = plural(part.n_held, "fixed point")
     if not part.n_masses:
-        return f"{part.part}: {held}; nothing in it moves\n"
+        return f"{part.part}: {fixed_points}; nothing in it moves\n"
     masses = "1 mass" if part.n_masses == 1 else f"{part.n_masses:,} masses"
-    each = _range(part.masses, _kilograms)
-    text = f"{part.part}: {masses} of {each}, {_kilograms(part.mass)} in all; {held}\n"
+    mass_range = _range(part.masses, _kilograms)
+    text = (
+        f"{part.part}: {masses} of {mass_range}, {_kilograms(part.mass)} in all; {fixed_points}\n"
+    )
     for name, mass in part.mode_masses.items():
         text += (
             f"{name}: M = {_kilograms(mass)} for each mode at level 1; the masses listed are those "
@@ -101,8 +103,8 @@ def _modes(part: PartStats) -> str:
     sentence = f"{plural(len(f), 'mode')} in this range"
     if len(f):
         low, high = (float(t60.min()), float(t60.max()))
-        ends = "no loss" if math.isinf(low) else _range((low, high), _seconds)
-        sentence += f", {f[0]:.2f} to {f[-1]:.2f} Hz, T60 {ends}"
+        decay_text = "no loss" if math.isinf(low) else _range((low, high), _seconds)
+        sentence += f", {f[0]:.2f} to {f[-1]:.2f} Hz, T60 {decay_text}"
     if part.n_free:
         sentence += f", and {plural(part.n_free, 'motion')} that no spring resists"
     stable = "not known to be stable by up to 16 steps a frame"
@@ -112,8 +114,8 @@ def _modes(part: PartStats) -> str:
         stable = f"stable by {often} ({part.guarantee})"
     text = f"{sentence}; highest of all {part.highest:.2f} Hz; {stable}\n"
     bands = zip(part.third_octaves, part.counts, strict=True)
-    each = [f"{middle:.0f} Hz: {count}" for middle, count in bands if count]
-    return text + (f"modes by third octave: {', '.join(each)}\n" if each else "")
+    band_texts = [f"{middle:.0f} Hz: {count}" for middle, count in bands if count]
+    return text + (f"modes by third octave: {', '.join(band_texts)}\n" if band_texts else "")
 
 
 def _points(part: PartStats) -> str:
@@ -138,8 +140,8 @@ def _largest_text(part: PartStats, point: PointStats) -> str:
     )
 
 
-def _range(ends: tuple[float, float], said: Any) -> str:
-    low, high = said(ends[0]), said(ends[1])
+def _range(low_and_high: tuple[float, float], with_unit: Any) -> str:
+    low, high = with_unit(low_and_high[0]), with_unit(low_and_high[1])
     return str(low) if low == high else f"{low} to {high}"
 
 

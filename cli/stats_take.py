@@ -44,9 +44,12 @@ def print_hand_stats(console: Console, path: str, hands: tuple[str, ...], cutoff
 
 def _lines(hand: HandStats) -> Iterator[str]:
     lost = f"{hand.n_lost:,} lost" if hand.n_lost else "none lost"
-    held = f", {hand.n_held:,} without a new position" if hand.n_held else ""
-    last = "" if hand.movement is None else f"{seconds(hand.movement.duration)}, "
-    yield f"{hand.hand[:NAMES_MAX]}: {last}{plural(hand.n_ticks, 'tick')}, {lost}{held}"
+    missed_text = f", {hand.n_held:,} without a new position" if hand.n_held else ""
+    duration_text = "" if hand.movement is None else f"{seconds(hand.movement.duration)}, "
+    yield (
+        f"{hand.hand[:NAMES_MAX]}: {duration_text}{plural(hand.n_ticks, 'tick')}, "
+        f"{lost}{missed_text}"
+    )
     if hand.movement is not None:
         yield from _movement_lines(hand.movement)
     if hand.force is not None:
@@ -71,8 +74,8 @@ def _movement_lines(movement: MovementStats) -> Iterator[str]:
     turned = f"  reversals     {len(movement.reversals):,}"
     if len(movement.strikes):
         instants = ", ".join(f"{t:.3f}" for t in movement.strikes[:_LISTED])
-        more = ", …" if len(movement.strikes) > _LISTED else ""
-        turned += f"; {plural(len(movement.strikes), 'strike')}, at {instants}{more} s"
+        ellipsis = ", …" if len(movement.strikes) > _LISTED else ""
+        turned += f"; {plural(len(movement.strikes), 'strike')}, at {instants}{ellipsis} s"
     yield turned
     if movement.smoothness is not None:
         yield (

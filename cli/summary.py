@@ -125,22 +125,25 @@ def _warn_of_levels(console: Console, completed: Completed) -> None:
     if completed.job.format.bits != "float":
         for file in (mix, *done.stems):
             if file.peak > 1:
-                over = f"{file.path} clips: its peak is {decibels(file.peak):+.1f} dBFS"
-                console.warn(f"{over}; lower the gain of its routes, or limit it in the master")
+                clip_text = f"{file.path} clips: its peak is {decibels(file.peak):+.1f} dBFS"
+                console.warn(
+                    f"{clip_text}; lower the gain of its routes, or limit it in the master"
+                )
 
 
 def _name_of(mix: RenderedFile) -> str:
     return "stdout" if mix.path == "-" else mix.path
 
 
-def _say_if_quieter(console: Console, asked: Level, mix: RenderedFile) -> None:
+def _say_if_quieter(console: Console, level_asked: Level, mix: RenderedFile) -> None:
     """Say why the file of a whole piece is not as loud as its master asks."""
-    if asked.loudness is None or mix.loudness == -math.inf:
+    if level_asked.loudness is None or mix.loudness == -math.inf:
         return
-    below = asked.loudness - mix.loudness
-    if below >= _QUIETER and asked.limit is None:
+    below = level_asked.loudness - mix.loudness
+    if below >= _QUIETER and level_asked.limit is None:
         console.say(
-            f"{mix.path} is {below:.1f} dB below the {asked.loudness:g} LUFS of its master, since "
+            f"{mix.path} is {below:.1f} dB below the {level_asked.loudness:g} LUFS of its master, "
+            "since "
             f"the highest peak of the piece is at {TRUE_PEAK_MAX:g} dBTP; `limit: -2dB` in the "
             "master lets it be louder"
         )
@@ -149,8 +152,8 @@ def _say_if_quieter(console: Console, asked: Level, mix: RenderedFile) -> None:
 def _guarantee(stage: Stage) -> str:
     """The weakest guarantee of stability among the parts of the plan that is rendered."""
     rows = stage.plan.rows() if stage.plan is not None else []
-    known = [row.guarantee for row in rows if row.guarantee is not None]
-    return max(known, key=_GUARANTEES.index, default=_GUARANTEES[0])
+    guarantees = [row.guarantee for row in rows if row.guarantee is not None]
+    return max(guarantees, key=_GUARANTEES.index, default=_GUARANTEES[0])
 
 
 def _lambda_max(stage: Stage) -> float | None:
@@ -190,9 +193,9 @@ def dry_run(console: Console, stage: Stage, job: RenderJob) -> None:
     n_files = 1 + (len(stage.stems(is_split=job.splits_stems)) if job.stems is not None else 0)
     size = job.n_frames * job.format.n_channels * BYTES[job.format.bits] * n_files
     simulated = job.simulated_frames(stage.n_frames)
-    held = 0
+    n_bytes_kept = 0
     if job.level.is_levelled:
-        held = simulated * job.format.n_channels * 8 * n_files
+        n_bytes_kept = simulated * job.format.n_channels * 8 * n_files
     lambda_max = _lambda_max(stage)
     margin = None if lambda_max is None else _LAMBDA_LIMIT / lambda_max if lambda_max else math.inf
     if console.json:
@@ -206,7 +209,7 @@ def dry_run(console: Console, stage: Stage, job: RenderJob) -> None:
             bits=job.format.bits,
             files=n_files,
             disk_bytes=size,
-            temporary_bytes=held,
+            temporary_bytes=n_bytes_kept,
             modules=stage.network.n_mat + stage.network.n_lia,
             lambda_max=lambda_max,
             margin=margin,
@@ -219,7 +222,8 @@ def dry_run(console: Console, stage: Stage, job: RenderJob) -> None:
     steps = simulated * (stage.network.n_mat + stage.network.n_lia)
     lines = [
         f"{job.target}: {bound}{seconds(job.n_frames / job.format.rate)}, {channels}, {form}",
-        f"disk: {octets(size)} in {plural(n_files, 'file')}, {octets(held)} more while it runs",
+        f"disk: {octets(size)} in {plural(n_files, 'file')}, {octets(n_bytes_kept)} more while it "
+        "runs",
         f"cost: {plural(stage.network.n_mat, 'MAT')} and {plural(stage.network.n_lia, 'LIA')} for "
         f"{simulated:,} frames, {steps:.3g} module-steps",
         f"stability: {guarantee}, as planned; {_plain_stability(margin)}",

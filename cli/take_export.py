@@ -46,21 +46,23 @@ def export(console: Console, file: str, output: str | None, dry: bool, force: bo
         check_target(Path(output), force=force, inputs=inputs)
     else:
         try:
-            with open_for_writing(output, binary=form != ".csv", force=force, inputs=inputs) as to:
-                _write(to, take, form)
+            with open_for_writing(
+                output, binary=form != ".csv", force=force, inputs=inputs
+            ) as output_file:
+                _write(output_file, take, form)
         except NotRecordingError as error:
             raise Refused(f"{file}: {error}") from None
     if output != "-":
         recording.say(console, Path(output), take, dry=dry)
 
 
-def _write(to: BinaryIO, take: Recording, form: str) -> None:
+def _write(output_file: BinaryIO, take: Recording, form: str) -> None:
     from ergon.exchange.recording import csv_rows, write_npz, write_wav
 
     if form == ".npz":
-        write_npz(to, take)
+        write_npz(output_file, take)
     elif form == ".wav":
-        write_wav(to, take)
+        write_wav(output_file, take)
     else:
         for text in csv_rows(take):
-            to.write(text.encode())
+            output_file.write(text.encode())

@@ -34,8 +34,8 @@ def info(console: Console, file: str) -> None:
 
     path = Path(file)
     if path.suffix.lower() not in (SUFFIX, *SUFFIXES):
-        *others, last = (SUFFIX, *SUFFIXES)
-        raise Refused(f"{file}: a take is a {', '.join(others)} or {last} file")
+        *other_suffixes, last_suffix = (SUFFIX, *SUFFIXES)
+        raise Refused(f"{file}: a take is a {', '.join(other_suffixes)} or {last_suffix} file")
     take(console, path)
 
 
@@ -52,7 +52,9 @@ def _recording(console: Console, path: Path) -> None:
 
     hand_recording = read_quietly(path)
     ticks = hand_recording.ticks()
-    first = float(ticks[0]) * hand_recording.frames / hand_recording.rate if len(ticks) else None
+    first_instant = (
+        float(ticks[0]) * hand_recording.frames / hand_recording.rate if len(ticks) else None
+    )
     summary = read_description(hand_recording)
     axes = _axes(hand_recording)
     if console.json:
@@ -78,8 +80,8 @@ def _recording(console: Console, path: Path) -> None:
         "Hz "
         f"({hand_recording.frames} frames of {hand_recording.rate:g} Hz)"
     ]
-    if first is not None:
-        lines.append(f"  begins {first:.3f} s into the piece")
+    if first_instant is not None:
+        lines.append(f"  begins {first_instant:.3f} s into the piece")
     for axis in axes:
         words = [f"  {axis['name']}"]
         if axis["key"] and axis["key"] != axis["name"]:
@@ -93,8 +95,8 @@ def _recording(console: Console, path: Path) -> None:
     if hand_recording.events:
         lines.append(f"  {plural(len(hand_recording.events), 'event')}")
     for name, value in summary.items():
-        each = list(value.values()) if isinstance(value, dict) else [value]
-        if words := [word for word in each if isinstance(word, str)]:
+        setting_values = list(value.values()) if isinstance(value, dict) else [value]
+        if words := [word for word in setting_values if isinstance(word, str)]:
             lines.append(f"  {name}: {', '.join(words)}")
     if hand_recording.dropped:
         lines.append(
@@ -157,7 +159,7 @@ def _table(console: Console, path: Path) -> None:
         else f"  {c.name}: never seen"
         for c in channels
     ]
-    lines += [f"  passed over: {what}" for what in table.passed_over]
+    lines += [f"  passed over: {passed_over}" for passed_over in table.passed_over]
     console.data("\n".join(printable(line) for line in lines) + "\n")
 
 

@@ -25,16 +25,16 @@ def list_takes(console: Console, folder: str | None) -> None:
 
     Without FOLDER those of ./takes, or of this folder where there is no ./takes.
     """
-    where = Path(folder) if folder is not None else Path(_USUAL)
-    if folder is None and not where.is_dir():
-        where = Path()
-    if not where.is_dir():
-        raise Refused(f"{where} is not a folder")
-    paths = sorted(path for path in where.iterdir() if path.suffix.lower() == SUFFIX)
+    take_folder = Path(folder) if folder is not None else Path(_USUAL)
+    if folder is None and not take_folder.is_dir():
+        take_folder = Path()
+    if not take_folder.is_dir():
+        raise Refused(f"{take_folder} is not a folder")
+    paths = sorted(path for path in take_folder.iterdir() if path.suffix.lower() == SUFFIX)
     for path in paths:
         _tell(console, path)
     if not paths:
-        console.say(f"no recordings in {where}")
+        console.say(f"no recordings in {take_folder}")
 
 
 def _tell(console: Console, path: Path) -> None:

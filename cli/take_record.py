@@ -88,7 +88,7 @@ def _until_over(console: Console, performance: _core.Performance) -> None:
             console.warn(f"the recording cannot be written: {trouble}")
         reported = trouble is not None
         # Without its device a hand does not move: there is nothing more to record of it.
-        gone = [what for _, what, _ in performance.events() if what == "gone"]
+        gone = [event_kind for _, event_kind, _ in performance.events() if event_kind == "gone"]
         if gone:
             console.warn("the device is gone; the recording up to there is kept")
             return

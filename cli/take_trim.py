@@ -42,8 +42,8 @@ def trim(
     if not begin < end:
         raise Refused(f"nothing lies between {start} and {stop}")
     # Read the header alone: ticks are counted from the first row, wherever in the piece that was.
-    head = recording.read_quietly(path, (0, 0))
-    rate = head.rate / head.frames
+    header = recording.read_quietly(path, (0, 0))
+    rate = header.rate / header.frames
     span = _ticks(begin, rate), _ticks(end, rate)
     untrimmed = recording.read(console, path, span)
     if not len(untrimmed.ticks()):
@@ -51,16 +51,16 @@ def trim(
     recording.write(console, untrimmed, recording.target(output, path), force=force, dry=dry)
 
 
-def _seconds(text: str, what: str) -> float:
+def _seconds(text: str, option_name: str) -> float:
     from ergon.notation.tables.quantities import INSTANT, quantity
     from ergon.notation.text.errors import TextError
 
-    if text == "end" and what == "TO":
+    if text == "end" and option_name == "TO":
         return math.inf
     try:
         return quantity(text, INSTANT)
     except TextError as error:
-        raise Refused(f"{what}: {error.message}") from None
+        raise Refused(f"{option_name}: {error.message}") from None
 
 
 def _ticks(instant: float, rate: float) -> int:

@@ -122,11 +122,11 @@ def _unreached(tuned: Tuned) -> str:
     worst = max(range(len(off)), key=lambda i: abs(off[i]))
     side = "above" if off[worst] > 0 else "below"
     by = f"{plural(len(tuned.values), 'value')} that may change"
-    ways = "1 independent way" if tuned.rank == 1 else f"{tuned.rank} independent ways"
+    independent_ways = "1 independent way" if tuned.rank == 1 else f"{tuned.rank} independent ways"
     return (
         f"the targets cannot be reached together: mode {tuned.modes[worst]} stays "
         f"{abs(off[worst]):.4g} cents {side} its target. The {by} move the "
-        f"{plural(len(off), 'mode')} in {ways}; tune by other values, or fewer modes"
+        f"{plural(len(off), 'mode')} in {independent_ways}; tune by other values, or fewer modes"
     )
 
 

@@ -114,8 +114,13 @@ def view(
         if maker is not None:
             _film(console, maker, shown)
             return
-        asked = {"sound": shown.sound is not None, "stage": stage, "strobe": strobe}
-        serve_shown(console, shown, address, [name for name, wanted in asked.items() if wanted])
+        asked_by_option = {"sound": shown.sound is not None, "stage": stage, "strobe": strobe}
+        serve_shown(
+            console,
+            shown,
+            address,
+            [name for name, is_asked in asked_by_option.items() if is_asked],
+        )
 
 
 def shown_of(
@@ -166,13 +171,15 @@ def _shown_motion(console: Console, path: Path, sound: Path | None, folder: Path
         raise Refused(f"{sound_file}: {error}") from None
 
 
-def serve_shown(console: Console, shown: Shown, address: str, asked: list[str]) -> None:
-    """Serve the page with a motion file until Ctrl-C; `asked` are words of the page's address."""
+def serve_shown(console: Console, shown: Shown, address: str, options_asked: list[str]) -> None:
+    """Serve the page with a motion file until Ctrl-C; `options_asked` are words of the page's
+    address.
+    """
     from ergon.api.pages import serve
 
     server = serve(address, "at", console, shown.motion, shown.sound)
     try:
-        url = server.url + ("?" + "&".join(asked) if asked else "")
+        url = server.url + ("?" + "&".join(options_asked) if options_asked else "")
         if console.json:
             console.record("ready", url=url)
         else:

@@ -19,10 +19,13 @@ def changes(files: set[Path]) -> Iterator[None]:
     from watchfiles import watch
 
     while True:
-        before = _states(files)
+        states_before = _states(files)
         yield
         # Files that the caller added meanwhile start with their present state.
-        before = {**_states(files), **{path: before[path] for path in before if path in files}}
+        states_before = {
+            **_states(files),
+            **{path: states_before[path] for path in states_before if path in files},
+        }
         folders = {path.resolve().parent for path in files}
         for _ in watch(
             *folders,
@@ -34,9 +37,12 @@ def changes(files: set[Path]) -> Iterator[None]:
             recursive=False,
             raise_interrupt=True,
         ):
-            now = _states(files)
+            states_now = _states(files)
             # A missing file is being replaced: it will be back.
-            if any(now[path] is not None and now[path] != before[path] for path in before):
+            if any(
+                states_now[path] is not None and states_now[path] != states_before[path]
+                for path in states_before
+            ):
                 break
 
 

@@ -64,7 +64,7 @@ def force(text: str, strokes: float) -> tuple[Floats, Floats]:
     """Positions [m] and forces on the hand [N] of one stroke there and back, `strokes` a second."""
     loaded = load("effect.yaml", text=text)
     assert loaded.piece is not None, loaded.diagnostics
-    staged = stage(loaded.piece, planned=True, real={_PLAYER: None})
+    staged = stage(loaded.piece, planned=True, real_hands={_PLAYER: None})
     (hand,) = staged.live
     tick = hand.tick_frames / staged.rate
     out = np.zeros((hand.tick_frames, staged.simulation.n_out))

@@ -48,10 +48,12 @@ class AdmittanceOptions(ReadOptions):
         import numpy as np
 
         if self.frequencies is not None:
-            asked = np.asarray(self.frequencies, dtype=float)
-            if asked.ndim != 1 or not np.all(np.isfinite(asked) & (asked > 0)):
+            frequencies_asked = np.asarray(self.frequencies, dtype=float)
+            if frequencies_asked.ndim != 1 or not np.all(
+                np.isfinite(frequencies_asked) & (frequencies_asked > 0)
+            ):
                 raise OptionError("frequencies", "write a row of numbers above 0 [Hz]")
-            return asked
+            return frequencies_asked
         low, high = hertz("low", self.low), hertz("high", self.high)
         if not low < high:
             raise OptionError("high", f"is {high:g} Hz; it must be above low, {low:g} Hz")
@@ -147,22 +149,24 @@ def admittance(
     piece = scores.piece_of(loaded)
     names = (observed,) if isinstance(observed, str) else tuple(observed) or (forced,)
     place = point(piece, "forced", forced)
-    ends = [point(piece, "observed", name) for name in names]
-    parts = tuple(dict.fromkeys(end.part for end in (place, *ends)))
-    for number, end in enumerate((place, *ends)):
+    observed_points = [point(piece, "observed", name) for name in names]
+    parts = tuple(dict.fromkeys(end.part for end in (place, *observed_points)))
+    for number, end in enumerate((place, *observed_points)):
         refuse_several_axes("observed" if number else "forced", piece, end.part)
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("solving"):
         built = prepare(piece).built
         network = built.network
-        each = [network.elements([part]) for part in parts]
-        if len({one.ca_rate for one in each}) > 1:
+        part_elements = [network.elements([part]) for part in parts]
+        if len({elements.ca_rate for elements in part_elements}) > 1:
             reason = "lies in a part whose `units` or rate differ from those of the force's part"
             raise OptionError("observed", reason)
         if options.peaks and options.frequencies is None:
             axis = _with_peaks(network, parts, axis)
         mats = [
-            _masses("observed" if number else "forced", end, built.assembly.members(end), each)
-            for number, end in enumerate((place, *ends))
+            _masses(
+                "observed" if number else "forced", end, built.assembly.members(end), part_elements
+            )
+            for number, end in enumerate((place, *observed_points))
         ]
         values = network.admittance(list(parts), mats[0], mats[1:], axis)  # type: ignore[arg-type]
         together = network.elements(list(parts)).kinds

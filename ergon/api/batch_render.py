@@ -74,15 +74,15 @@ def render_several(
     the engine refuses, or that diverges, is yielded with its error, and the others go on. Raises
     ClusterError.
     """
-    wanted = _wanted(paths, folder, options, report)
+    renders = _wanted(paths, folder, options, report)
     if options.on is None:
-        for score in wanted:
+        for score in renders:
             yield _rendered(score, report)
         return
     from .cluster import open_cluster
 
     with open_cluster(options.on, report) as cluster:
-        yield from _together(wanted, cluster, report)
+        yield from _together(renders, cluster, report)
 
 
 def staged_scores(
@@ -137,12 +137,14 @@ def _wanted(
 
 def _refuse_mistakes(read: Sequence[Loaded]) -> None:
     """Raise a ScoreError about all scores that have mistakes, if any has."""
-    wrong = [loaded for loaded in read if loaded.piece is None]
-    if wrong:
+    loaded_with_mistakes = [loaded for loaded in read if loaded.piece is None]
+    if loaded_with_mistakes:
         sources: dict[str, Source] = {}
-        for loaded in wrong:
+        for loaded in loaded_with_mistakes:
             sources |= loaded.files
-        raise ScoreError([found for one in wrong for found in one.diagnostics], sources)
+        raise ScoreError(
+            [diagnostic for one in loaded_with_mistakes for diagnostic in one.diagnostics], sources
+        )
 
 
 def _rendered(score: _Wanted, report: Report) -> Rendered:
@@ -166,17 +168,17 @@ class _SharedScore:
     work: _core.Work
 
 
-def _together(wanted: Sequence[_Wanted], cluster: Cluster, report: Report) -> Iterator[Rendered]:
+def _together(renders: Sequence[_Wanted], cluster: Cluster, report: Report) -> Iterator[Rendered]:
     """Render scores at the same time, as many as keep all workers busy."""
     locked_report = _Locked(report)
-    left = list(reversed(wanted))
+    renders_left = list(reversed(renders))
     running: dict[cf.Future[Completed], _SharedScore] = {}
     workers_max = min(_TOGETHER_MAX, 2 * cluster.count + 1)
     with cf.ThreadPoolExecutor(workers_max, "ergon-render") as pool:
         try:
-            while left or running:
-                if left and _is_room(running.values(), cluster.count, workers_max):
-                    score = left.pop()
+            while renders_left or running:
+                if renders_left and _is_room(running.values(), cluster.count, workers_max):
+                    score = renders_left.pop()
                     try:
                         prepared = prepare(score.loaded, score.target, score.options, locked_report)
                     except (ErgonError, _core.EngineError) as error:
@@ -189,7 +191,9 @@ def _together(wanted: Sequence[_Wanted], cluster: Cluster, report: Report) -> It
                         )
                     ] = score_work
                 # If there is room for another score, do not wait: yield only what has ended by now.
-                has_more = bool(left) and _is_room(running.values(), cluster.count, workers_max)
+                has_more = bool(renders_left) and _is_room(
+                    running.values(), cluster.count, workers_max
+                )
                 limit = 0.0 if has_more else _LOOK_EVERY
                 for future in cf.wait(running, limit, cf.FIRST_COMPLETED).done:
                     yield _ended(running.pop(future).score, future)
@@ -204,8 +208,8 @@ def _is_room(running: Iterable[_SharedScore], count: int, limit: int) -> bool:
     return len(running_list) < limit and (
         not running_list
         or (
-            sum(one.n_chains for one in running_list) < chain_count(count)
-            and sum(one.n_modules for one in running_list) < MODULES_MAX
+            sum(running_render.n_chains for running_render in running_list) < chain_count(count)
+            and sum(running_render.n_modules for running_render in running_list) < MODULES_MAX
         )
     )
 

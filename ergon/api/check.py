@@ -38,7 +38,9 @@ class Checked:
     @property
     def errors(self) -> tuple[Diagnostic, ...]:
         """The diagnostics that are errors."""
-        return tuple(one for one in self.diagnostics if one.severity == "error")
+        return tuple(
+            diagnostic for diagnostic in self.diagnostics if diagnostic.severity == "error"
+        )
 
 
 def check(
@@ -77,11 +79,11 @@ def try_stage(loaded: Loaded, report: Report | None) -> tuple[Stage | None, list
         diagnostics += warn_over_limit(loaded.piece, staged.built, staged.paths)
     except StageError as error:
         diagnostics = list(error.diagnostics)
-        if loaded.piece.automation and any(one.code == "E309" for one in diagnostics):
+        if loaded.piece.automation and any(diagnostic.code == "E309" for diagnostic in diagnostics):
             # If the engine refuses the network itself, there is nothing to look at.
             with contextlib.suppress(_core.EngineError):
-                ready = prepare(loaded.piece)
-                diagnostics += warn_over_limit(loaded.piece, ready.built, ready.paths)
+                prepared = prepare(loaded.piece)
+                diagnostics += warn_over_limit(loaded.piece, prepared.built, prepared.paths)
     scores.show(report, loaded, diagnostics)
     return staged, diagnostics
 

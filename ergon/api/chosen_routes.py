@@ -47,9 +47,11 @@ def _is_from(piece: Piece, route: Route, names: Collection[str]) -> bool:
 def _check(piece: Piece, option: str, names: Collection[str]) -> None:
     from ergon.notation.text.spelling import nearest
 
-    known = [*piece.instruments, *piece.families]
+    part_names = [*piece.instruments, *piece.families]
     for name in names:
-        if name not in known:
-            near = nearest(name, known)
-            advice = f"; did you mean {near}?" if near else f"; the instruments: {', '.join(known)}"
+        if name not in part_names:
+            near = nearest(name, part_names)
+            advice = (
+                f"; did you mean {near}?" if near else f"; the instruments: {', '.join(part_names)}"
+            )
             raise OptionError(option, f"no instrument is called so{advice}", value=name)

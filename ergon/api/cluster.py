@@ -116,10 +116,10 @@ class Cluster:
 
     def lost(self) -> ClusterError:
         """The error for a scheduler, or all its workers, that do not answer."""
-        what = f"the scheduler at {self.on} does not answer"
+        problem = f"the scheduler at {self.on} does not answer"
         if self.client.status == "running":
-            what = f"the scheduler at {self.on} has no workers any more"
-        return ClusterError(f"{what}; what arrived is kept: the same command goes on from there")
+            problem = f"the scheduler at {self.on} has no workers any more"
+        return ClusterError(f"{problem}; what arrived is kept: the same command goes on from there")
 
     def receive(self, answer: Answer) -> None:
         """Count what the worker has computed."""

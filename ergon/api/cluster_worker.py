@@ -53,12 +53,12 @@ def version() -> list[Any]:
     return [_core.__version__, plan_file.VERSION, _FORM]
 
 
-def check_version(asked: list[Any]) -> None:
+def check_version(versions_asked: list[Any]) -> None:
     """Raise ClusterError if the machine that asks has another version."""
-    if list(asked) != version():
+    if list(versions_asked) != version():
         home, here = (
             f"ergon {a} (plans of version {b}, requests of version {c})"
-            for a, b, c in (asked, version())
+            for a, b, c in (versions_asked, version())
         )
         raise ClusterError(
             f"this worker has {here}, and the machine that asks has {home}; install the same "
@@ -94,9 +94,9 @@ def stretch(job: Job, request: Request) -> Answer:
     )
     with lock:
         try:
-            ready = _staged(job)
+            staged_job = _staged(job)
             for island_request in request["islands"]:
-                sound, state = _advanced(ready, request, island_request)
+                sound, state = _advanced(staged_job, request, island_request)
                 answer["sounds"].append(sound)
                 answer["states"].append(state)
         except _core.DivergedError:
@@ -111,11 +111,11 @@ def stretch(job: Job, request: Request) -> Answer:
 
 def _staged(job: Job) -> _Ready:
     """The staged piece of a job; the pieces used last stay staged. Raises ErgonError."""
-    for ready in _ready:
-        if ready.digest == job["digest"]:
-            _ready.remove(ready)
-            _ready.append(ready)
-            return ready
+    for staged_job in _ready:
+        if staged_job.digest == job["digest"]:
+            _ready.remove(staged_job)
+            _ready.append(staged_job)
+            return staged_job
     check_version(job["version"])
     with unpack(job["content"]) as path:
         plan = path.with_name(f"{path.name}.plan")
@@ -137,19 +137,19 @@ def _staged(job: Job) -> _Ready:
 
 
 def _n_modules() -> int:
-    return sum(one.n_modules for one in _ready)
+    return sum(staged_job.n_modules for staged_job in _ready)
 
 
 def _advanced(
-    ready: _Ready, request: Request, island_request: IslandRequest
+    staged_job: _Ready, request: Request, island_request: IslandRequest
 ) -> tuple[bytes, bytes]:
     """Compute a stretch of an island: its sound, and its state after it."""
     first_frame, stop, number = request["at"], request["stop"], island_request["number"]
-    if not 0 <= number < len(ready.islands):
+    if not 0 <= number < len(staged_job.islands):
         raise ClusterError(
             "this worker finds other islands in the same score; install the same ergon"
         )
-    island, simulation = ready.islands[number], ready.simulation
+    island, simulation = staged_job.islands[number], staged_job.simulation
     if (
         simulation.island_key(island, first_frame, stop, island_request["before"])
         != island_request["key"]
@@ -162,5 +162,5 @@ def _advanced(
         sound = simulation.advance(island, stop - first_frame).astype("<f8", copy=False).tobytes()
         return sound, simulation.recorded(island).state
     except BaseException:
-        _ready.remove(ready)  # stopped in the middle of a frame
+        _ready.remove(staged_job)  # stopped in the middle of a frame
         raise

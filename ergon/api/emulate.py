@@ -209,8 +209,8 @@ def _check(device: DeviceName, options: EmulationOptions) -> None:
             "--presliding and --static say how dry friction begins; give --dry too"
         )
     is_cel = (options.mass, options.stiffness, options.damping) == _CEL
-    others = options.weight, *options.friction, options.mode, options.delay
-    if options.calib is not None and (not is_cel or any(others)):
+    dynamic_options = options.weight, *options.friction, options.mode, options.delay
+    if options.calib is not None and (not is_cel or any(dynamic_options)):
         raise EmulationError(
             "--calib says what the key is made of; leave the other options of it out"
         )
@@ -223,11 +223,11 @@ def _model(options: EmulationOptions) -> NDArray[np.float64] | None:
         return None
     import numpy as np
 
-    rest = -weight / options.stiffness if options.stiffness else 0.0
-    dry, *others = friction
+    rest_position = -weight / options.stiffness if options.stiffness else 0.0
+    dry, *friction_curve = friction
     cel = options.mass, options.stiffness, options.damping
     modes = (number for mode in options.mode for number in mode)
-    return np.array([*cel, weight, dry, rest, delay, *others, *modes])
+    return np.array([*cel, weight, dry, rest_position, delay, *friction_curve, *modes])
 
 
 def _measured(calib: Path, travel: float) -> tuple[_core.Network, int, float, float]:
@@ -237,8 +237,8 @@ def _measured(calib: Path, travel: float) -> tuple[_core.Network, int, float, fl
     from ergon.instruments.assemble import Assembly
     from ergon.scores.reading.load import load
 
-    ends = f"travel: {-0.5 * travel!r}m..{0.5 * travel!r}m"
-    text = f"ergon: 1\nkeys: {{k: {{calib: {json.dumps(calib.name)}, {ends}}}}}\n"
+    travel_text = f"travel: {-0.5 * travel!r}m..{0.5 * travel!r}m"
+    text = f"ergon: 1\nkeys: {{k: {{calib: {json.dumps(calib.name)}, {travel_text}}}}}\n"
     loaded = load(str(calib.parent / "emulated-key.yaml"), text=text)
     if loaded.piece is None:
         raise EmulationError(
@@ -261,10 +261,12 @@ def _transport(device: DeviceName, options: EmulationOptions) -> tuple[Transport
         "udp": options.udp,
         "ws": options.ws,
     }
-    asked = [(name, port) for name, port in ports.items() if port is not None]
-    if len(asked) > 1:
+    ports_asked = [(name, port) for name, port in ports.items() if port is not None]
+    if len(ports_asked) > 1:
         raise EmulationError("--pty, --udp and --ws exclude each other; give one")
-    name, port = asked[0] if asked else (next(iter(schemes)), 10001 if "ws" in schemes else 0)
+    name, port = (
+        ports_asked[0] if ports_asked else (next(iter(schemes)), 10001 if "ws" in schemes else 0)
+    )
     if name not in schemes:
         raise EmulationError(f"a {device} is emulated by --{' or --'.join(schemes)}")
     return name, port

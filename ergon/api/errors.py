@@ -38,8 +38,10 @@ class ScoreError(ErgonError):
 
         if self.reason:
             return self.reason
-        errors = [one for one in self.diagnostics if one.severity == "error"]
-        return "\n".join(RENDERERS["concise"](one, self._sources).rstrip() for one in errors)
+        errors = [diagnostic for diagnostic in self.diagnostics if diagnostic.severity == "error"]
+        return "\n".join(
+            RENDERERS["concise"](diagnostic, self._sources).rstrip() for diagnostic in errors
+        )
 
 
 class DivergedError(ScoreError):

@@ -103,8 +103,8 @@ def fold_file(
     inputs = (path, *([Path(options.head)] if options.head else []))
     if target != "-":
         check_target(Path(target), force=options.force, inputs=inputs)
-    held, effects = _source(path, info, options, report)
-    filters, adm_chunks = _filters(held, (to, options.head), info.format.rate, report)
+    source_file, effects = _source(path, info, options, report)
+    filters, adm_chunks = _filters(source_file, (to, options.head), info.format.rate, report)
     filters = _without(effects, filters)
     bits: Bits = options.bits or _WRITTEN.get(info.format.bits, info.format.bits)
     if info.damage is not None:
@@ -143,14 +143,15 @@ def fold_file(
 
 def _gain(options: FoldOptions, format: WaveFormat, peak: float, true_peak: float) -> float:
     """The gain (a ratio) of a fold: as asked, or less where it would clip. Raises OptionError."""
-    asked = 1.0 if options.gain is None else asked_gain(options.gain)
-    if format.bits == "float" or asked * peak <= 1.0:
-        return asked
+    gain_asked = 1.0 if options.gain is None else asked_gain(options.gain)
+    if format.bits == "float" or gain_asked * peak <= 1.0:
+        return gain_asked
     if options.gain is None:
         return gain_to_peak(true_peak)
     raise OptionError(
         "gain",
-        f"the fold would clip: its peak would be {20.0 * log10(asked * peak):+.1f} dBFS; the most "
+        f"the fold would clip: its peak would be {20.0 * log10(gain_asked * peak):+.1f} dBFS; the "
+        "most "
         f"is {-20.0 * log10(peak):.2f} dB in {format.bits} bits. Leave the option out, and the "
         "fold is turned down as far as it must be, or write floats",
         value=options.gain,
@@ -256,15 +257,15 @@ def _named(word: str, option: str, report: Report) -> tuple[Field, tuple[int, ..
         ) from None
 
 
-def _without(others: tuple[int, ...], filters: NDArray[np.float64]) -> NDArray[np.float64]:
+def _without(left_out: tuple[int, ...], filters: NDArray[np.float64]) -> NDArray[np.float64]:
     """The filters of all channels, of which the others are not heard."""
-    if not others:
+    if not left_out:
         return filters
     import numpy as np
 
-    every = np.zeros((len(filters) + len(others), *filters.shape[1:]))
-    every[[i for i in range(len(every)) if i not in others]] = filters
-    return every
+    all_filters = np.zeros((len(filters) + len(left_out), *filters.shape[1:]))
+    all_filters[[i for i in range(len(all_filters)) if i not in left_out]] = filters
+    return all_filters
 
 
 def _source(
@@ -290,16 +291,19 @@ def _source(
             adm_field, reason = None, str(error)
         if adm_field is None:
             raise FoldError(f"{path}: {reason}; name them, such as by --layout dome24")
-        field_names = Field(tuple(point(*one) for one in adm_field.speakers), adm_field.order)
+        field_names = Field(tuple(point(*angles) for angles in adm_field.speakers), adm_field.order)
         effects = adm_field.effects
     if field_names.n_channels + len(effects) != info.format.n_channels:
-        named = f"{options.layout or 'its description'} has {field_names.n_channels}"
-        raise FoldError(f"{path} has {info.format.n_channels} channels, but {named}")
+        channel_text = f"{options.layout or 'its description'} has {field_names.n_channels}"
+        raise FoldError(f"{path} has {info.format.n_channels} channels, but {channel_text}")
     if effects:
-        *first, last = (str(channel + 1) for channel in effects)
-        words = f"channel {last} is {kind}, and is left out"
-        if first:
-            words = f"channels {', '.join(first)} and {last} are {kind}, and are left out"
+        *first_channels, last_channel = (str(channel + 1) for channel in effects)
+        words = f"channel {last_channel} is {kind}, and is left out"
+        if first_channels:
+            words = (
+                f"channels {', '.join(first_channels)} and {last_channel} are {kind}, and are "
+                "left out"
+            )
         report.warn(f"{path}: {words}")
     return field_names, effects
 
@@ -324,11 +328,11 @@ def _filters(
     if to == "binaural":
         head_responses = head.kemar() if sofa is None else _head(sofa, source)
         return fold_filters.to_ears(source, head_responses, rate), None
-    target, others = _named(to, "to", report)
+    target, left_out = _named(to, "to", report)
     try:
         filters = fold_filters.to_field(source, target)
-        if others:
-            turned = _without(others, filters.transpose(1, 0, 2)).transpose(1, 0, 2)
+        if left_out:
+            turned = _without(left_out, filters.transpose(1, 0, 2)).transpose(1, 0, 2)
             return np.ascontiguousarray(turned), None
         return filters, target
     except ArrayError as error:
@@ -343,5 +347,7 @@ def _head(path: str | Path, source: Field) -> Head:
 
     measured = sofa.read(Path(path))
     directions = unit_vectors(point(a, e, 1.0) for a, e in measured.angles.tolist())
-    wanted = fold_filters.directions_of(source)
-    return head.prepared(directions, measured.responses, measured.rate, wanted, measured.delays)
+    source_directions = fold_filters.directions_of(source)
+    return head.prepared(
+        directions, measured.responses, measured.rate, source_directions, measured.delays
+    )

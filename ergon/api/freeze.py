@@ -212,10 +212,10 @@ def read(piece: Piece, folder: Path, seed: int | None, report: Report) -> Frozen
     return frozen
 
 
-def are_free(piece: Piece, frozen: Frozen, real: Iterable[str]) -> None:
+def are_free(piece: Piece, frozen: Frozen, real_players: Iterable[str]) -> None:
     """Raise OptionError if a hand can feel a frozen part."""
     live = [player.name for player in piece.players.values() if player.hand == "live"]
-    _are_free(piece, frozen.parts, dict.fromkeys((*live, *real)), "frozen")
+    _are_free(piece, frozen.parts, dict.fromkeys((*live, *real_players)), "frozen")
 
 
 def verified(stage: Stage, frozen: Frozen, folder: Path) -> list[VerifiedStem]:

@@ -18,13 +18,13 @@ if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
 
 
-def asked_gain(asked: str) -> float:
+def asked_gain(gain_text: str) -> float:
     """The ratio of a level such as "-6dB". Raises OptionError."""
     from ergon.notation.tables.quantities import gain
     from ergon.notation.text.errors import TextError
 
     try:
-        return gain(asked)
+        return gain(gain_text)
     except TextError as error:
         raise OptionError("gain", error.message) from None
 
@@ -32,7 +32,7 @@ def asked_gain(asked: str) -> float:
 def gain_of(
     piece: Piece,
     staged: Callable[[], Stage],
-    asked: str | None,
+    gain_text: str | None,
     report: Report,
     frozen: Sequence[VerifiedStem] = (),
 ) -> float:
@@ -43,16 +43,18 @@ def gain_of(
     """
     from ergon.live.preflight import find_gain, preflight_frames
 
-    if asked is not None:
-        return asked_gain(asked)
+    if gain_text is not None:
+        return asked_gain(gain_text)
     master = piece.mix.master
     if master is None or not master.is_levelled:
         return 1.0
     stage = staged()
     with report.progress("listening beforehand", preflight_frames(stage), stage.rate) as progress:
         # As in a file: peaks hold a loudness down unless the score limits them.
-        wanted = {name: getattr(master, name) for name in ("normalise", "loudness", "limit")}
-        level = replace(scores.played_level(piece), **wanted)
+        master_options = {
+            name: getattr(master, name) for name in ("normalise", "loudness", "limit")
+        }
+        level = replace(scores.played_level(piece), **master_options)
         gain_result = find_gain(stage, level, frozen, progress.update)
     computed_span = (
         "the piece" if gain_result.seconds is None else f"its first {gain_result.seconds:.0f} s"

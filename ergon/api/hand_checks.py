@@ -29,9 +29,9 @@ def measure_hands(addresses: Sequence[str], seconds: float, report: Report) -> l
     from ergon.live.led_address import is_led
     from ergon.live.led_hands import open_led_hands
 
-    asked = {f"hand{number}": address for number, address in enumerate(addresses, 1)}
+    url_by_hand = {f"hand{number}": address for number, address in enumerate(addresses, 1)}
     try:
-        known_boards = boards(asked, {})
+        known_boards = boards(url_by_hand, {})
         for board in known_boards:
             if not is_led(board.url):
                 raise BoardError(

@@ -31,11 +31,11 @@ def boards_of(piece: Piece, options: PerformanceOptions) -> list[Board]:
     from ergon.live.led_address import is_led, parse_led_address
 
     try:
-        asked = parse_live_options((*options.live, *options.drive))
-        for name in asked:
+        options_by_player = parse_live_options((*options.live, *options.drive))
+        for name in options_by_player:
             if name not in piece.players:
                 raise OptionError("live", no_player_message(piece, name))
-        opened = boards(asked, device_urls() if asked else {})
+        opened = boards(options_by_player, device_urls() if options_by_player else {})
         for board in opened:
             if is_led(board.url):
                 parse_led_address(board.url)
@@ -133,15 +133,17 @@ def calibrated_boards(boards: Sequence[Board], unchecked: bool, report: Report) 
             request = _LET_GO if len(players) == 1 else _LET_GO_ALL
             report.say(request.format(", ".join(players)))
         trials = _tried_together(boards, unsure, calibrations)
-        for board, axes, known, moved in zip(boards, unsure, calibrations, trials, strict=True):
+        for board, axes, board_calibrations, moved in zip(
+            boards, unsure, calibrations, trials, strict=True
+        ):
             for number, player in axes:
-                _try(board, number, player, known, moved.get(number), report)
+                _try(board, number, player, board_calibrations, moved.get(number), report)
     except BoardError as error:
         raise OptionError("live", str(error)) from None
     except _core.EngineError as error:
         raise DeviceError(str(error)) from None
     pairs = zip(boards, calibrations, strict=True)
-    return [replace(board, calibrations=known) for board, known in pairs]
+    return [replace(board, calibrations=board_calibrations) for board, board_calibrations in pairs]
 
 
 def _tried_together(
@@ -161,8 +163,10 @@ def _tried_together(
         numbers = [number for number, _ in unsure[index]]
         if not numbers or boards[index].kind == "haply":
             return {}
-        known = calibrations[index]
-        return axes_as_known(boards[index].url, {number: known.get(number) for number in numbers})
+        calibrations_before = calibrations[index]
+        return axes_as_known(
+            boards[index].url, {number: calibrations_before.get(number) for number in numbers}
+        )
 
     if sum(map(len, unsure)) < 2:
         return [{} for _ in boards]
@@ -182,12 +186,12 @@ def _try(
     from ergon import _core
     from ergon.live.calibration import axis_key, find_direction, store_axis
 
-    before = calibrations.get(number)
-    sign = 1 if before is None else before.sign
+    calibration_before = calibrations.get(number)
+    sign = 1 if calibration_before is None else calibration_before.sign
     try:
-        axis = axis or find_direction(board.url, number, before)
+        axis = axis or find_direction(board.url, number, calibration_before)
         if board.is_emulated and axis.sign != sign:  # perhaps a hand moved the key with the pulse
-            axis = find_direction(board.url, number, before)
+            axis = find_direction(board.url, number, calibration_before)
     except _core.UnsureError as error:
         if board.is_emulated:
             report.warn(f"{player}: {error}; the key is emulated, so it plays all the same")
@@ -202,9 +206,9 @@ def _try(
             f"--axis {number}` corrects that (--unchecked plays without a trial)",
             value=player,
         )
-    if axis is before or board.is_emulated:
+    if axis is calibration_before or board.is_emulated:
         return
-    if before is not None:
+    if calibration_before is not None:
         report.warn(
             f"{player}: {axis_key(board.url, number)} moves against the direction of its "
             "calibration, so it is taken for another board, whose ends are not known"
@@ -214,18 +218,18 @@ def _try(
 
 
 def guide_stiffnesses(
-    piece: Piece, boards: Sequence[Board], asked: Sequence[str]
+    piece: Piece, boards: Sequence[Board], stiffness_options: Sequence[str]
 ) -> dict[str, float]:
     """Stiffness of the guide [N/m] of each player in `PLAYER[=STIFFNESS]`. Raises OptionError."""
     from ergon.live.perform import GUIDANCE_MAX
     from ergon.notation.tables.quantities import STIFFNESS, quantity
     from ergon.notation.text.errors import TextError
 
-    real = {player for board in boards for _, player in board.axes}
+    real_players = {player for board in boards for _, player in board.axes}
     stiffness_by_player = {}
-    for text in asked:
+    for text in stiffness_options:
         player, is_said, stiffness = text.partition("=")
-        if player not in real:
+        if player not in real_players:
             if player not in piece.players:
                 raise OptionError("guide", no_player_message(piece, player))
             reason = f"{player} has no device; --live {player}=DEVICE gives one"

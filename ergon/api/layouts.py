@@ -33,12 +33,17 @@ def read_layout(name: str | Path, report: Report | None = None) -> Layout:
 
     path = Path(name)
     if not is_file(path):
-        shipped = {one.stem: one for one in sorted((SHIPPED / "layouts").glob("*.yaml"))}
+        shipped = {
+            layout_path.stem: layout_path
+            for layout_path in sorted((SHIPPED / "layouts").glob("*.yaml"))
+        }
         if path.name not in shipped or path.name != str(name):
             close = nearest(path.stem, shipped)
             meant = f"did you mean {close}? " if close else ""
-            known = ", ".join(shipped)
-            message = f"{quote(str(name))} is not a layout file; {meant}The library has {known}"
+            shipped_names = ", ".join(shipped)
+            message = (
+                f"{quote(str(name))} is not a layout file; {meant}The library has {shipped_names}"
+            )
             raise NoLayoutError(message.replace("; The", "; the"))
         path = shipped[path.name]
     collector = Collector()

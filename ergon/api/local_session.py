@@ -61,15 +61,15 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
     from ergon.repl.session.session import Session
 
     is_seen = sees_all(options)
-    first = _beginning(path, options, report)
-    version, piece = first.version, first.version.piece
+    first_version = _beginning(path, options, report)
+    version, piece = first_version.version, first_version.version.piece
     boards = boards_of(piece, options)
     driven = driven_players(piece, options, boards)
-    real = {player: None for board in boards for _, player in board.axes}
-    folder, frozen = _frozen(version, first.frozen, real, options, report)
+    real_hands = {player: None for board in boards for _, player in board.axes}
+    folder, frozen = _frozen(version, first_version.frozen, real_hands, options, report)
     boards = calibrated_boards(boards, options.unchecked, report)
     with scores.staging(version.texts.load, report):
-        config = _config(piece, options, boards, first.levels, frozen, report)
+        config = _config(piece, options, boards, first_version.levels, frozen, report)
     ports = midi_ports(options, report)
     osc = osc_of(options.osc, options.osc_to, report)
     led = led_hands(piece, boards, report)
@@ -83,13 +83,19 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
         led.close()
         raise
     try:
-        hands = free_path(journal.path.with_suffix(".take")) if real else None
+        hands = free_path(journal.path.with_suffix(".take")) if real_hands else None
         about = {"journal": journal.path.name}
         config = replace(
             config, record=hands, about=about, pages=pages, boards=led.boards, driven=driven
         )
         make, opening = _engine(
-            version, first.clock, first.past, config, folder, report, is_seen=is_seen
+            version,
+            first_version.clock,
+            first_version.past,
+            config,
+            folder,
+            report,
+            is_seen=is_seen,
         )
         with scores.staging(version.texts.load, report):
             session = Session(
@@ -97,13 +103,13 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
                 make,
                 margin=_MARGIN,
                 journal=journal,
-                real=real,
+                real=real_hands,
                 store=user_store(),
-                clock=first.clock,
+                clock=first_version.clock,
                 hands=hands,
-                disk=first.disk,
+                disk=first_version.disk,
                 watches=options.watch,
-                past=first.past,
+                past=first_version.past,
                 frozen=frozen,
                 is_seen=is_seen,
                 driven=driven,
@@ -223,7 +229,7 @@ def _empty_piece() -> _Beginning:
 def _frozen(
     version: Version,
     folder: FrozenFolder | None,
-    real: Collection[str],
+    real_players: Collection[str],
     options: SessionOptions,
     report: Report,
 ) -> tuple[FrozenFolder | None, tuple[LoadedPart, ...]]:
@@ -241,19 +247,19 @@ def _frozen(
         if folder is None:
             path = Path(options.frozen or "")
             frozen = freeze.read(piece, path, None, report)
-            freeze.are_free(piece, frozen, real)
+            freeze.are_free(piece, frozen, real_players)
             listening = build_network(piece, frozenset(frozen.parts)).listening
             folder = frozen_folder(path, frozen, piece, listening)
-        parts = load_frozen(folder, version, real)
+        parts = load_frozen(folder, version, real_players)
     except NotFrozenError as error:
         raise OptionError(option, str(error)) from None
     names = [part.name for part in parts]
     if names:
         end = scores.where(piece, min(part.n_frames for part in parts) / piece.rate)
         report.say(f"from {folder.folder}: {', '.join(names)}, up to {end} of the score")
-    others = [part.name for part in folder.parts if part.name not in names]
-    if others:
-        report.say(f"computed live, because the session has changed them: {', '.join(others)}")
+    other_parts = [part.name for part in folder.parts if part.name not in names]
+    if other_parts:
+        report.say(f"computed live, because the session has changed them: {', '.join(other_parts)}")
     return folder.beside(Path(options.journal)), parts
 
 

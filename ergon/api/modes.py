@@ -118,8 +118,8 @@ class PartModes:
         return stave_picture((self,), self.part)
 
     def _repr_html_(self) -> str:
-        head, *rows = mode_rows(self)
-        return table_html(head, rows)
+        header, *rows = mode_rows(self)
+        return table_html(header, rows)
 
     def levels(self, point: str) -> NDArray[np.float64]:
         """The level of each mode at a point, relative to the mode that moves most [dB]
@@ -139,25 +139,29 @@ def stave_picture(part_modes: Sequence[PartModes], name: str) -> Picture:
 
     parts = []
     for part in part_modes:
-        each = zip(part.frequencies, part.notes, mode_words(part), strict=True)
-        modes = [PitchedMode(float(f), cents, words) for f, (note, cents), words in each if note]
+        modes_with_notes = zip(part.frequencies, part.notes, mode_words(part), strict=True)
+        modes = [
+            PitchedMode(float(f), cents, words)
+            for f, (note, cents), words in modes_with_notes
+            if note
+        ]
         parts.append((part.part, modes))
     return Picture(stave(parts, title=f"Modes of {name}"))
 
 
 def mode_words(part: PartModes) -> list[str]:
     """`1  A4 +2.1  0.5 s` for each mode."""
-    each = zip(part.frequencies, part.t60, part.notes, strict=True)
+    modes_with_decays = zip(part.frequencies, part.t60, part.notes, strict=True)
     return [
         f"{number}  {f'{note} {cents:+.1f}' if note else f'{f:.3g} Hz'}  {_t60(float(t60))}"
-        for number, (f, t60, (note, cents)) in enumerate(each, 1)
+        for number, (f, t60, (note, cents)) in enumerate(modes_with_decays, 1)
     ]
 
 
 def mode_rows(part: PartModes) -> list[tuple[str, ...]]:
     """A table of the modes for reading: its head, and a row for each mode."""
     levels = [part.levels(point) for point in part.points]
-    each = zip(part.frequencies, part.t60, part.notes, strict=True)
+    modes_with_decays = zip(part.frequencies, part.t60, part.notes, strict=True)
     rows = [
         (
             str(i + 1),
@@ -167,7 +171,7 @@ def mode_rows(part: PartModes) -> list[tuple[str, ...]]:
             _t60(float(t60)),
             *("–" if level[i] < _FAINTEST else f"{level[i]:.1f} dB" for level in levels),
         )
-        for i, (f, t60, (note, cents)) in enumerate(each)
+        for i, (f, t60, (note, cents)) in enumerate(modes_with_decays)
     ]
     return [("", "note", "cents", "frequency", "T60", *part.points), *rows]
 
@@ -189,32 +193,34 @@ def modes(
     from ergon.scores.staging.preparing import prepare
 
     options = options or ModesOptions()
-    asked = options.asked()
+    search_bounds = options.asked()
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
     names = selected_parts(piece, options.parts)
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("computing modes"):
         built = prepare(piece).built
-        return tuple(modes_of(piece, built, name, asked, loaded.inputs) for name in names)
+        return tuple(modes_of(piece, built, name, search_bounds, loaded.inputs) for name in names)
 
 
 def modes_of(
     piece: Piece,
     built: BuiltNetwork,
     name: str,
-    asked: Mapping[str, float | int],
+    search_bounds: Mapping[str, float | int],
     inputs: Sequence[Path],
 ) -> PartModes:
-    """Modes of a part of a network, in the range `asked` of the engine. Raises OptionError."""
+    """Modes of a part of a network, within `search_bounds` of the engine. Raises OptionError."""
     import numpy as np
 
     network = built.network
-    modes = _asked(network, name, asked)
+    modes = _asked(network, name, search_bounds)
     decay = -modes.poles.real
     is_damped = decay > LN_1000 / _LONGEST_T60
     t60 = np.where(is_damped, LN_1000 / np.where(is_damped, decay, 1.0), np.inf)
     slots = points_of(piece, built, name, modes.mats)
-    points = {label: modes.shapes[:, own].sum(axis=1) for label, own in slots.items()}
+    points = {
+        label: modes.shapes[:, point_slots].sum(axis=1) for label, point_slots in slots.items()
+    }
     places = [network.position_of(mat) for mat in modes.mats]
     return PartModes(
         name,
@@ -232,14 +238,16 @@ def modes_of(
     )
 
 
-def _asked(network: _core.Network, name: str, asked: Mapping[str, float | int]) -> _core.PartModes:
+def _asked(
+    network: _core.Network, name: str, search_bounds: Mapping[str, float | int]
+) -> _core.PartModes:
     """Modes by the engine. Raises OptionError where there are too many."""
     from ergon import _core
 
     try:
-        return network.part_modes(name, **asked)  # type: ignore[arg-type]
+        return network.part_modes(name, **search_bounds)  # type: ignore[arg-type]
     except _core.EngineError as error:
-        raise OptionError("upto" if "to" in asked else "count", str(error)) from None
+        raise OptionError("upto" if "to" in search_bounds else "count", str(error)) from None
 
 
 def points_of(
@@ -270,7 +278,7 @@ def _points(piece: Piece, name: str) -> Iterator[tuple[str, Sequence[Target]]]:
                 yield f"out {output.name}" if output.name else "out", output.targets
     touched = [target for strike in piece.strikes for target in strike.to]
     for owner, module in piece.modules():
-        ends = module.fields.get("between", ())
-        if len({end.part for end in ends} | {owner}) > 1:
-            touched += ends
+        end_targets = module.fields.get("between", ())
+        if len({end.part for end in end_targets} | {owner}) > 1:
+            touched += end_targets
     yield from (("", (target,)) for target in touched if target.part == name)

@@ -89,8 +89,10 @@ class AccuracyOptions(ReadOptions):
             advice = "; give one of method, error and cents"
             raise OptionError(names[1], advice, excludes=names[0])
         if self.draft and (names or self.plan is not None):
-            other = names[0] if names else "plan"
-            raise OptionError("draft", ": a draft has no accuracy; leave one out", excludes=other)
+            contrary_option = names[0] if names else "plan"
+            raise OptionError(
+                "draft", ": a draft has no accuracy; leave one out", excludes=contrary_option
+            )
         if self.method is not None and self.method not in METHODS:
             close = nearest(self.method, METHODS)
             hint = f"; did you mean '{close}'?" if close else f": {', '.join(METHODS)}"
@@ -110,9 +112,9 @@ class AccuracyOptions(ReadOptions):
 
         if self.error is None:
             return None
-        written = self.error if isinstance(self.error, str) else f"{self.error}dB"
+        error_text = self.error if isinstance(self.error, str) else f"{self.error}dB"
         try:
-            return quantity(written, ERROR)
+            return quantity(error_text, ERROR)
         except TextError as error:
             raise OptionError("error", error.message) from None
 
@@ -200,7 +202,7 @@ class RenderOptions(AccuracyOptions):
     def files(self) -> tuple[Path, ...]:
         """Files that are read in addition to the score's."""
         option_paths = (self.plan, self.hands, self.input)
-        return tuple(Path(one) for one in option_paths if one is not None)
+        return tuple(Path(option_path) for option_path in option_paths if option_path is not None)
 
 
 @renamed(to="until")

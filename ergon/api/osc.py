@@ -21,9 +21,9 @@ def osc_of(receive_from: str | None, send_to: str | None, report: Report) -> Osc
     from ergon.live.osc import KEY_VARIABLE, OscError, OscServer, parse_address
 
     try:
-        here = None if receive_from is None else parse_address(receive_from)
-        there = None if send_to is None else parse_address(send_to)
-        osc = OscServer(here, there, key=os.environ.get(KEY_VARIABLE, ""))
+        receive_address = None if receive_from is None else parse_address(receive_from)
+        send_address = None if send_to is None else parse_address(send_to)
+        osc = OscServer(receive_address, send_address, key=os.environ.get(KEY_VARIABLE, ""))
     except (PythonOscMissingError, OscError) as error:
         raise OptionError("osc" if receive_from is not None else "osc_to", str(error)) from None
     if osc.place is not None:

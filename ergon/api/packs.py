@@ -104,18 +104,20 @@ def _packed(score: str, loaded: Loaded) -> Pack:
     scores.piece_of(loaded)
     place = _place(score)
     packed: dict[str, bytes] = {}
-    left = BYTES_MAX
+    n_bytes_left = BYTES_MAX
     for name in dict.fromkeys(map(str, loaded.inputs)):
         ships = shipped(Path(name))
         target = _place(name) if ships is None else os.path.join(os.path.dirname(place), ships)
         is_stdin = name == scores.STDIN
-        data = loaded.files[name].text.encode() if is_stdin else read_bounded(Path(name), left)
+        data = (
+            loaded.files[name].text.encode() if is_stdin else read_bounded(Path(name), n_bytes_left)
+        )
         if packed.setdefault(target, data) != data:
             raise PackError(
                 f"{target} and the file {ships} of the library would be one file in a pack; rename "
                 "your own"
             )
-        left = max(0, left - len(data))
+        n_bytes_left = max(0, n_bytes_left - len(data))
     root = os.path.commonpath([os.path.dirname(path) for path in packed])
     names = {path: Path(os.path.relpath(path, root)).as_posix() for path in packed}
     return Pack(names[place], __version__, {names[path]: packed[path] for path in packed})
@@ -133,9 +135,10 @@ def _check_same(pack: Pack, loaded: Loaded) -> None:
                 raise PackError(f"{path} would be read from outside the pack")
         if again.piece is None:
             problem = next(mistake for mistake in again.diagnostics if mistake.severity == "error")
-            where = problem.place.line
+            line_number = problem.place.line
             raise PackError(
-                f"{pack.score}:{where}: {problem.message}; in a pack files are named relative to "
+                f"{pack.score}:{line_number}: {problem.message}; in a pack files are named "
+                "relative to "
                 "the file that names them"
             )
         if digest_of(again.piece) != digest_of(scores.piece_of(loaded)):

@@ -21,10 +21,10 @@ def results_as_completed(
 
     `submit` begins one, `wait` returns when one of some has ended; at most `limit` are under way.
     """
-    left = iter(items)
+    items_left = iter(items)
     running: dict[Future[V], K] = {}
     while True:
-        while len(running) < limit and (item := next(left, None)) is not None:
+        while len(running) < limit and (item := next(items_left, None)) is not None:
             running[submit(item)] = item
         if not running:
             return

@@ -28,25 +28,25 @@ def hertz(option: str, value: float | str) -> float:
         raise OptionError(option, f"{error.message}{hint}") from None
 
 
-def selected_parts(piece: Piece, asked: Sequence[str]) -> tuple[str, ...]:
+def selected_parts(piece: Piece, names_asked: Sequence[str]) -> tuple[str, ...]:
     """The parts that are asked for; without names, all that move along one axis.
 
     Raises OptionError.
     """
     from ergon.notation.text.spelling import nearest
 
-    known = (*piece.keys, *piece.instruments)
-    for name in asked:
-        if name not in known:
-            close = nearest(name, known)
-            there = f"there are {', '.join(known)}" if known else "the score has none"
-            reason = f"did you mean '{close}'?" if close else there
+    part_names = (*piece.keys, *piece.instruments)
+    for name in names_asked:
+        if name not in part_names:
+            close = nearest(name, part_names)
+            part_list = f"there are {', '.join(part_names)}" if part_names else "the score has none"
+            reason = f"did you mean '{close}'?" if close else part_list
             raise OptionError("parts", f"no instrument or key is called '{name}'; {reason}")
         refuse_several_axes("parts", piece, name)
-    flat = [n for n in known if n not in piece.instruments or not _space_of(piece, n)]
-    if known and not flat and not asked:
-        refuse_several_axes("parts", piece, known[0])
-    return tuple(dict.fromkeys(asked)) or tuple(flat)
+    flat = [n for n in part_names if n not in piece.instruments or not _space_of(piece, n)]
+    if part_names and not flat and not names_asked:
+        refuse_several_axes("parts", piece, part_names[0])
+    return tuple(dict.fromkeys(names_asked)) or tuple(flat)
 
 
 def refuse_several_axes(option: str, piece: Piece, name: str) -> None:
@@ -76,17 +76,20 @@ def stretches(shapes: NDArray[np.complex128], elements: _core.Elements) -> NDArr
     """The elongation of each link in each mode (n_modes, n_links)."""
     import numpy as np
 
-    held = np.column_stack([shapes, np.zeros(len(shapes))])  # index -1: a held end
-    return np.asarray(held[:, elements.a] - held[:, elements.b])
+    shapes_with_fixed = np.column_stack([shapes, np.zeros(len(shapes))])  # index -1: a held end
+    return np.asarray(shapes_with_fixed[:, elements.a] - shapes_with_fixed[:, elements.b])
 
 
 def is_free(shapes: NDArray[np.complex128], elements: _core.Elements) -> NDArray[np.bool_]:
     """Which modes stretch no spring, such as the rigid motion of a free body (n_modes,)."""
     import numpy as np
 
-    held = np.column_stack([shapes, np.zeros(len(shapes))])
+    shapes_with_fixed = np.column_stack([shapes, np.zeros(len(shapes))])
     weight = np.array([kind != "BUT" for kind in elements.kinds], dtype=float)
     weight *= elements.stiffness
     stretched = np.abs(stretches(shapes, elements)) ** 2 @ weight
-    moved = (np.abs(held[:, elements.a]) ** 2 + np.abs(held[:, elements.b]) ** 2) @ weight
+    moved = (
+        np.abs(shapes_with_fixed[:, elements.a]) ** 2
+        + np.abs(shapes_with_fixed[:, elements.b]) ** 2
+    ) @ weight
     return np.asarray(stretched <= 1e-12 * moved)

@@ -118,7 +118,10 @@ def plan(
         staged_plan.choices(),
         (*loaded.inputs, *options.files),
         budget,
-        {one.name: one.hertz for one in highest_modes(staged.piece, staged.stage.built)},
+        {
+            highest_mode.name: highest_mode.hertz
+            for highest_mode in highest_modes(staged.piece, staged.stage.built)
+        },
         work_pieces(staged.stage.simulation, rows, staged.stage.rate),
         tuple(staged_plan.seen()),
     )

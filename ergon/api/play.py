@@ -65,28 +65,28 @@ def prepare(path: str | Path, options: PlayOptions, report: Report) -> PreparedP
     """
     is_seen = sees_all(options)
     loaded = scores.read(path, options, report, leave_out=_ABSENT_HAND_NOTES)
-    written = scores.piece_of(loaded)
-    piece = _with_standins(written, options.standin)
+    score_piece = scores.piece_of(loaded)
+    piece = _with_standins(score_piece, options.standin)
     loaded = replace(loaded, piece=piece)
     boards = boards_of(piece, options)
     driven = driven_players(piece, options, boards)
-    real = {player: None for board in boards for _, player in board.axes}
+    real_hands = {player: None for board in boards for _, player in board.axes}
     osc = osc_of(options.osc, options.osc_to, report)
     frozen = None
     if options.frozen is not None:
-        frozen = freeze.read(written, Path(options.frozen), options.seed, report)
-        freeze.are_free(piece, frozen, real)
+        frozen = freeze.read(score_piece, Path(options.frozen), options.seed, report)
+        freeze.are_free(piece, frozen, real_hands)
     boards = calibrated_boards(boards, options.unchecked, report)
     stage = scores.stage_piece(
         loaded,
         options,
         report,
-        real=real,
+        real_hands=real_hands,
         silent=() if frozen is None else frozen.parts,
         on_fault="mute",
         is_seen=is_seen,
     ).stage
-    _refuse_felt_automation(stage, real)
+    _refuse_felt_automation(stage, real_hands)
     stems: Sequence[VerifiedStem] = ()
     if frozen is not None and options.frozen is not None:
         stems = freeze.verified(stage, frozen, Path(options.frozen))
@@ -101,11 +101,11 @@ def prepare(path: str | Path, options: PlayOptions, report: Report) -> PreparedP
     return PreparedPlay(stage, hands, replace(config, boards=hands.boards, pages=pages), osc)
 
 
-def _refuse_felt_automation(stage: Stage, real: Collection[str]) -> None:
+def _refuse_felt_automation(stage: Stage, real_players: Collection[str]) -> None:
     """Raise OptionError if automation changes what a hand feels, whose stability is not checked."""
     from ergon.live.automated import tangible_modules
 
-    for player, names in tangible_modules(stage, real).items():
+    for player, names in tangible_modules(stage, real_players).items():
         raise OptionError(
             "live",
             f"the automation of {', '.join(names)} can change the force on the key of {player}, "
@@ -151,16 +151,18 @@ def _with_standins(piece: Piece, pairs: Sequence[str]) -> Piece:
     """The piece with the takes or gestures that stand in for absent hands."""
     players = dict(piece.players)
     for pair in pairs:
-        name, _, what = pair.partition("=")
+        name, _, standin_name = pair.partition("=")
         if name not in players:
             raise OptionError("standin", no_player_message(piece, name))
-        if what not in piece.takes and what not in piece.gestures:
-            raise OptionError("standin", f"no take or gesture is called '{what}'", value=pair)
+        if standin_name not in piece.takes and standin_name not in piece.gestures:
+            raise OptionError(
+                "standin", f"no take or gesture is called '{standin_name}'", value=pair
+            )
         if any(play.player == name for play in piece.parts):
             raise OptionError(
                 "standin", f"{name} has a written part, which is the stand-in", value=pair
             )
-        players[name] = replace(players[name], standin=what)
+        players[name] = replace(players[name], standin=standin_name)
     return replace(piece, players=players)
 
 
@@ -178,20 +180,20 @@ def _config(
     if options.from_ is not None:
         start = int(scores.instant(piece, options.from_, "from_") * stage.rate + 0.5)
         if start >= stage.n_frames:
-            where = scores.where(piece, stage.n_frames / stage.rate)
-            raise OptionError("from_", f"the piece ends at {where}", value=options.from_)
+            end_position = scores.where(piece, stage.n_frames / stage.rate)
+            raise OptionError("from_", f"the piece ends at {end_position}", value=options.from_)
     end: int | None = None
     if options.until is not None:
         end = int(scores.instant(piece, options.until, "until") * stage.rate + 0.5)
         if end <= start:
-            where = scores.where(piece, start / stage.rate)
-            message = f"it begins at {where}; stop later than that"
+            end_position = scores.where(piece, start / stage.rate)
+            message = f"it begins at {end_position}; stop later than that"
             raise OptionError("until", message, value=options.until)
         end = min(end, stage.n_frames)
     master = piece.mix.master
     limit = master.limit if master is not None and master.limit is not None else 1.0
-    written = options.record or options.record_input
-    if options.loop and (written or options.audio.startswith("file:")):
+    recording_path = options.record or options.record_input
+    if options.loop and (recording_path or options.audio.startswith("file:")):
         raise OptionError("loop", "excludes --record, --record-input and file:, written once")
     scores.integer_rate(stage.rate)
     record = None if options.record is None else _recording(options.record, stage)

@@ -40,13 +40,15 @@ def play(
     from ergon.live.trouble import gap_count
 
     report = report or Report()
-    ready = prepare(score, options or PlayOptions(), report)
+    prepared = prepare(score, options or PlayOptions(), report)
     try:
-        performance = begin(ready.stage, ready.config, report)
+        performance = begin(prepared.stage, prepared.config, report)
         try:
-            warn_of_scaled_forces(performance, ready.stage, report)
-            if ready.osc is not None:
-                ready.osc.begin(performance, ready.stage, ready.config.gain, ready.config.start)
+            warn_of_scaled_forces(performance, prepared.stage, report)
+            if prepared.osc is not None:
+                prepared.osc.begin(
+                    performance, prepared.stage, prepared.config.gain, prepared.config.start
+                )
             while not performance.wait(_LOOK):
                 pass
             status = performance.status()
@@ -57,12 +59,12 @@ def play(
                 performance.close(_LOOK)
             raise
         finally:
-            if ready.osc is not None:
-                ready.osc.stop_serving()
+            if prepared.osc is not None:
+                prepared.osc.stop_serving()
         performance.close(_AFTER)
     except _core.EngineError as error:
         raise ErgonError(str(error)) from None
     finally:
-        ready.close()
-    seconds = status.frame / ready.stage.rate
+        prepared.close()
+    seconds = status.frame / prepared.stage.rate
     return Played(seconds, status.ticks, status.late, gap_count(status))

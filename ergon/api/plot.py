@@ -84,28 +84,30 @@ def drawn_curves(
 
     piece = scores.piece_of(loaded)
     if name is None:
-        known = _known(piece)
+        known_names = _known(piece)
         path = loaded.inputs[0] if loaded.inputs else "this score"
-        if not known:
+        if not known_names:
             raise ErgonError(
                 f"{path} has no gesture, take or player, which `ergon plot` draws; its sound "
                 f"is drawn from a file: `ergon render {path}`, then `ergon plot` of it; "
                 f"`ergon plot {path} notes` draws what is struck"
             )
-        raise ErgonError(f"say what is to be drawn: {known}")
+        raise ErgonError(f"say what is to be drawn: {known_names}")
     if key is not None and key not in piece.keys:
         raise ErgonError(f"there is no key '{key}'{_nearest(key, piece.keys)}")
-    every = [*piece.gestures, *piece.takes, *piece.players]
-    if name not in every:
-        raise ErgonError(f"there is no '{name}'{_nearest(name, every)}")
+    all_names = [*piece.gestures, *piece.takes, *piece.players]
+    if name not in all_names:
+        raise ErgonError(f"there is no '{name}'{_nearest(name, all_names)}")
     stage, gestures = _staged(loaded, name, key, report)
-    first = gestures[0]
+    first_gesture = gestures[0]
     start = max(0.0, min(gesture.start for gesture in gestures) - _ROOM)
     stop = max(gesture.stop for gesture in gestures)
-    reach = piece.keys[first.key].reach
-    curves = asked_and_done(stage.simulation, first.key_index, first.struck, start, stop, reach)
-    instant = "" if key is not None else f" at {scores.where(piece, first.start)}"
-    return curves, f"{name}{instant} on {first.key}"
+    reach = piece.keys[first_gesture.key].reach
+    curves = asked_and_done(
+        stage.simulation, first_gesture.key_index, first_gesture.struck, start, stop, reach
+    )
+    instant = "" if key is not None else f" at {scores.where(piece, first_gesture.start)}"
+    return curves, f"{name}{instant} on {first_gesture.key}"
 
 
 def _staged(

@@ -75,13 +75,15 @@ def _place(options: SessionOptions) -> Path:
 # --- the engine's process ------------------------------------------------------------------------
 
 
-def _serve(path: str | None, options: SessionOptions, here: Path, report: Report) -> None:
+def _serve(path: str | None, options: SessionOptions, socket_path: Path, report: Report) -> None:
     from ergon._core import __version__, stop_on_signals
     from ergon.repl.session.sounding import SoundingPlaces
     from ergon.repl.wire.local_socket import ServerSocket
     from ergon.repl.wire.serve import SessionServer
 
-    door = ServerSocket(here)  # before anything sounds: two engines at one place are one too many
+    door = ServerSocket(
+        socket_path
+    )  # before anything sounds: two engines at one place are one too many
     try:
         session = begin(path, options, report)
     except BaseException:
@@ -99,33 +101,37 @@ def _serve(path: str | None, options: SessionOptions, here: Path, report: Report
 # --- the prompt's process ------------------------------------------------------------------------
 
 
-def _join(path: str | None, options: SessionOptions, here: Path, report: Report) -> RemoteSession:
+def _join(
+    path: str | None, options: SessionOptions, socket_path: Path, report: Report
+) -> RemoteSession:
     from ergon.repl.wire.local_socket import NoSessionError
     from ergon.repl.wire.protocol import ProtocolError
     from ergon.repl.wire.remote import RemoteSession
 
     try:
-        remote = RemoteSession(here, _command(options))
+        remote = RemoteSession(socket_path, _command(options))
     except NoSessionError as error:
         if path is None and options.resume is None:
             raise OptionError(
                 "socket", f"{error}; `ergon repl SCORE --socket` begins one"
             ) from None
-        return _start(path, options, here, report)
+        return _start(path, options, socket_path, report)
     except ProtocolError as error:
-        raise ErgonError(f"{here}: {error}") from None
+        raise ErgonError(f"{socket_path}: {error}") from None
     score = str(remote.about.get("score", ""))
     if options.resume is not None or (path is not None and os.path.abspath(path) != score):
         remote.close()
         raise ErgonError(
-            f"a session at {here} plays {score} already; "
+            f"a session at {socket_path} plays {score} already; "
             f"`{_command(options)}` joins it, --socket with another path begins another session"
         )
     report.say(f"joined the session that plays {score}")
     return remote
 
 
-def _start(path: str | None, options: SessionOptions, here: Path, report: Report) -> RemoteSession:
+def _start(
+    path: str | None, options: SessionOptions, socket_path: Path, report: Report
+) -> RemoteSession:
     """Start the engine's process, in a process session of its own (setsid); pass on its stderr
     until it answers.
     """
@@ -137,7 +143,7 @@ def _start(path: str | None, options: SessionOptions, here: Path, report: Report
     command += [
         *_as_options(options),
         f"--journal={options.journal}",
-        f"--socket={here}",
+        f"--socket={socket_path}",
         "--engine",
     ]
     with _log(Path(options.journal).with_suffix(".log")) as sink, open(sink.name, "rb") as log_file:
@@ -158,13 +164,13 @@ def _start(path: str | None, options: SessionOptions, here: Path, report: Report
                     log.unlink()
                     raise EngineExitError(abs(code))
                 with contextlib.suppress(NoSessionError):
-                    remote = RemoteSession(here, _command(options))
+                    remote = RemoteSession(socket_path, _command(options))
                     break
                 time.sleep(_LOOK)
             _pass_on(log_file.read())
         except ProtocolError as error:
             process.terminate()
-            raise ErgonError(f"{here}: {error}") from None
+            raise ErgonError(f"{socket_path}: {error}") from None
         except EngineExitError:
             raise
         except BaseException:  # Ctrl-C while waiting: the engine is not wanted
@@ -204,7 +210,7 @@ def _as_options(options: SessionOptions) -> Iterator[str]:
         if value is True:
             yield option
         elif value is not None and value is not False:
-            yield from (f"{option}={one}" for one in _each(value))
+            yield from (f"{option}={option_value}" for option_value in _each(value))
 
 
 def _each(value: object) -> tuple[object, ...]:

@@ -174,7 +174,7 @@ def prepare(loaded: Loaded, target: str, options: RenderOptions, report: Report)
         report,
         rate=options.rate,
         threads=options.threads,
-        real=None if recorded is None else recorded.hands,
+        real_hands=None if recorded is None else recorded.hands,
         is_seen=file.see is not None,
         complete=complete,
     )

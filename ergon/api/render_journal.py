@@ -85,7 +85,7 @@ def render_journal(
             path,
             *(() if opening.take is None else (opening.take.path,)),
             *(() if opening.frozen is None else opening.frozen.files),
-            *(one for texts in replay.all_texts() for one in texts.load().inputs),
+            *(input_path for texts in replay.all_texts() for input_path in texts.load().inputs),
         ),
         silences=replay.silences,
     )

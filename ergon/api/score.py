@@ -78,7 +78,10 @@ def read(
     text = _stdin() if path == STDIN and options.text is None else options.text
     loaded = load(path, text=text, bounds=bounds(path, options.trust))
     loaded = replace(
-        loaded, diagnostics=[one for one in loaded.diagnostics if one.code not in leave_out]
+        loaded,
+        diagnostics=[
+            diagnostic for diagnostic in loaded.diagnostics if diagnostic.code not in leave_out
+        ],
     )
     (report or Report()).diagnostics(loaded.diagnostics, loaded.files, loaded.left_out)
     return loaded
@@ -112,7 +115,7 @@ def stage_piece(
     *,
     rate: float | None = None,
     threads: int = 1,
-    real: Real | None = None,
+    real_hands: Real | None = None,
     silent: Container[str] = (),
     on_fault: Literal["stop", "mute"] = "stop",
     is_seen: bool = False,
@@ -158,7 +161,7 @@ def stage_piece(
             played,
             store=user_store(),
             threads=threads,
-            real=real,
+            real_hands=real_hands,
             silent=silent,
             on_fault=on_fault,
         )
@@ -194,9 +197,9 @@ def stage_recording(loaded: Loaded, report: Report, *, seed: int | None = None) 
     return staged
 
 
-def show(report: Report | None, loaded: Loaded, found: Sequence[Diagnostic]) -> None:
+def show(report: Report | None, loaded: Loaded, diagnostics: Sequence[Diagnostic]) -> None:
     """Report diagnostics that come after loading."""
-    (report or Report()).diagnostics(found, loaded.files, {})
+    (report or Report()).diagnostics(diagnostics, loaded.files, {})
 
 
 @contextmanager

@@ -110,8 +110,8 @@ def share_file(
         )
     server = serve(ANYWHERE, "at", report)
     try:
-        asked = [*words, *(["sound"] if sound is not None else [])]
-        text = shared_page(page_files(server.url), _title(shown), asked, motion, sound)
+        page_words = [*words, *(["sound"] if sound is not None else [])]
+        text = shared_page(page_files(server.url), _title(shown), page_words, motion, sound)
     finally:
         server.close()
     write_text(path, text, force=force, inputs=inputs)

@@ -76,14 +76,14 @@ def shared_page(
     main = modules["main.js"]
     if main.count(_ADDRESS) != 1:
         raise ValueError("the page does not read the words of its address where it did")
-    asked = _ADDRESS.replace(")", f" || {json.dumps('&'.join(words))})")
-    modules["main.js"] = main.replace(_ADDRESS, asked)
+    address_script = _ADDRESS.replace(")", f" || {json.dumps('&'.join(words))})")
+    modules["main.js"] = main.replace(_ADDRESS, address_script)
     imports = {
         f"ergon/{name}": _data("text/javascript", _IMPORT.sub(r'"ergon/\1"', text).encode())
         for name, text in modules.items()
     }
     icon = _data("image/svg+xml", read("icon.svg").encode())
-    head = "\n".join(
+    head_html = "\n".join(
         (
             f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">',
             f"<title>{html.escape(title)}</title>",
@@ -93,26 +93,28 @@ def shared_page(
             f'<script type="importmap">{json.dumps({"imports": imports})}</script>',
         )
     )
-    held = [("motion", motion)] + ([("sound", sound)] if sound is not None else [])
+    files_by_name = [("motion", motion)] + ([("sound", sound)] if sound is not None else [])
     tail = "\n".join(
         (
             *(
                 f'<script type="text/plain" id="shared-{name}">'
                 f"{base64.b64encode(content).decode()}</script>"
-                for name, content in held
+                for name, content in files_by_name
             ),
             '<script type="module">import "ergon/main.js";</script>',
         )
     )
     text = _LINKS.sub("", re.sub(r"<title>[^<]*</title>", "", index))
     text = text.replace("<!doctype html>", f"<!doctype html>\n<!-- {MARK.decode()} -->", 1)
-    return text.replace("</head>", f"{head}\n</head>", 1).replace("</body>", f"{tail}\n</body>", 1)
+    return text.replace("</head>", f"{head_html}\n</head>", 1).replace(
+        "</body>", f"{tail}\n</body>", 1
+    )
 
 
-def _modules(read: Callable[[str], str], first: str) -> dict[str, str]:
+def _modules(read: Callable[[str], str], first_module: str) -> dict[str, str]:
     """A module and all that it imports, by name."""
     modules: dict[str, str] = {}
-    names = [first]
+    names = [first_module]
     while names:
         name = names.pop()
         if name not in modules:

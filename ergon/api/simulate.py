@@ -95,8 +95,8 @@ def never_closed_warnings(piece: Piece, done: Simulated) -> list[Diagnostic]:
     }
     nearest_of: dict[str, ContactClosings] = {}
     for closing in done.contacts:
-        known = nearest_of.get(closing.contact.full_name)
-        if known is None or closing.deepest > known.deepest:
+        nearest_before = nearest_of.get(closing.contact.full_name)
+        if nearest_before is None or closing.deepest > nearest_before.deepest:
             nearest_of[closing.contact.full_name] = closing
     warnings = []
     for closing in nearest_of.values():
@@ -110,9 +110,9 @@ def never_closed_warnings(piece: Piece, done: Simulated) -> list[Diagnostic]:
         help = "make the gap smaller by more than that, or the movement larger"
         if closing.deepest_swapped > 0.0:
             part = contact.full_name.rpartition(".")[0]
-            ends = (end.name.removeprefix(f"{part}.") for end in (contact.b, contact.a))
+            end_names = (end.name.removeprefix(f"{part}.") for end in (contact.b, contact.a))
             help = (
-                f"its ends may be swapped: as `between: [{', '.join(ends)}]` it closes, "
+                f"its ends may be swapped: as `between: [{', '.join(end_names)}]` it closes, "
                 f"{1e3 * closing.deepest_swapped:.3g} mm deep in this motion; or {help}"
             )
         warnings.append(Diagnostic("W320", message, contact.module.place, None, help))

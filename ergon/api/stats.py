@@ -118,22 +118,22 @@ def stats(
     from ergon.scores.staging.preparing import prepare
 
     options = options or StatsOptions()
-    to = hertz("upto", options.upto)
+    frequency_max = hertz("upto", options.upto)
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
     names = selected_parts(piece, options.parts)
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("computing modes"):
         built = prepare(piece).built
-        return tuple(_stats(piece, built, name, to, loaded.inputs) for name in names)
+        return tuple(_stats(piece, built, name, frequency_max, loaded.inputs) for name in names)
 
 
 def _stats(
-    piece: Piece, built: BuiltNetwork, name: str, to: float, inputs: Sequence[Path]
+    piece: Piece, built: BuiltNetwork, name: str, frequency_max: float, inputs: Sequence[Path]
 ) -> PartStats:
     import numpy as np
 
     elements = built.network.elements([name])
-    modes = modes_of(piece, built, name, {"to": to}, inputs)
+    modes = modes_of(piece, built, name, {"to": frequency_max}, inputs)
     n_free = int(is_free(modes.shapes, elements).sum())
     swinging = modes.frequencies[n_free:]
     middles, counts = _bands(swinging[swinging > 0])

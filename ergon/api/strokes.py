@@ -54,9 +54,11 @@ def closed_once_warnings(piece: Piece, done: Simulated) -> list[Diagnostic]:
     families = piece.note_families()
     kinds = {(part, module.name): module.kind for part, module in piece.modules()}
     warnings: dict[str, list[Diagnostic | None]] = {}
-    for full_name, points in groupby(done.contacts, lambda one: one.contact.full_name):
+    for full_name, points in groupby(
+        done.contacts, lambda contact_point: contact_point.contact.full_name
+    ):
         point_list = list(points)
-        if any(one.first is not None for one in point_list):
+        if any(contact_point.first is not None for contact_point in point_list):
             contact_diagnostic = _contact_warning(piece, done, point_list, kinds)
             warnings.setdefault(shared_name(full_name, families), []).append(contact_diagnostic)
     return [
@@ -71,21 +73,27 @@ def _contact_warning(
 ) -> Diagnostic | None:
     """The warning for a contact that closed, of one point or of several; None if there is none."""
     contact = points[0].contact
-    first = min(one.first for one in points if one.first is not None)
-    last = max(one.last for one in points if one.last is not None)
+    first_closed = min(one.first for one in points if one.first is not None)
+    last_closed = max(one.last for one in points if one.last is not None)
     if any(one.is_closed for one in points):
         return None
     for player in _players(piece, done, contact.module, kinds):
         strokes = sorted(player.strokes)
         # No stroke closed a contact that is closed from the beginning.
-        before = [one for one in strokes if one.begins <= (first or last) / done.rate]
-        later = [one for one in strokes[len(before) :] if one.begins > last / done.rate]
-        if (first and not before) or len(before) + len(later) < len(strokes):
+        strokes_before = [
+            one for one in strokes if one.begins <= (first_closed or last_closed) / done.rate
+        ]
+        later_strokes = [
+            one for one in strokes[len(strokes_before) :] if one.begins > last_closed / done.rate
+        ]
+        if (first_closed and not strokes_before) or len(strokes_before) + len(later_strokes) < len(
+            strokes
+        ):
             continue  # something else closed it, or several strokes did
-        least = before[-1].reach * (1 - _SAME) if first else 0.0
-        n_as_far = sum(one.reach >= least and one.reach > 0.0 for one in later)
+        least = strokes_before[-1].reach * (1 - _SAME) if first_closed else 0.0
+        n_as_far = sum(one.reach >= least and one.reach > 0.0 for one in later_strokes)
         if n_as_far:
-            when = scores.where(piece, first / done.rate)
+            when = scores.where(piece, first_closed / done.rate)
             message = f"contact {quote(contact.full_name)} closes at {when} only, "
             message += f"though {n_as_far} later {player.more if n_as_far > 1 else player.singular}"
             help = "`ergon check --simulate` lists how far masses swing; the mass that is struck "
@@ -107,7 +115,7 @@ def _players(piece: Piece, done: Simulated, contact: Module, kinds: _Kinds) -> I
             continue
         name, direction = f"{end.part}.{end.module}", _direction(contact, end)
         struck = timeline.strikes_on(mats[end.part, end.module])
-        strokes = (_Stroke(at, direction * impulse) for at, impulse in struck)
+        strokes = (_Stroke(instant, direction * impulse) for instant, impulse in struck)
         yield _Player(f"strike on {name} is as strong", f"strikes on {name} are as strong", strokes)
 
 
@@ -123,10 +131,14 @@ def _keys(piece: Piece, contact: Module, kinds: _Kinds) -> Iterator[tuple[str, f
     for _, module in piece.modules():
         if module.kind != "BUT" or module is contact:
             continue
-        ends = {(end.part, end.module): end for end in module.fields["between"]}
-        between = thrown & ends.keys()
+        targets_by_module = {(end.part, end.module): end for end in module.fields["between"]}
+        between = thrown & targets_by_module.keys()
         if any(kinds[end] in _THROWN for end in between):
-            yield from ((struck[w], _direction(module, e)) for w, e in ends.items() if w in struck)
+            yield from (
+                (struck[w], _direction(module, e))
+                for w, e in targets_by_module.items()
+                if w in struck
+            )
 
 
 def _direction(contact: Module, end: Target) -> float:

@@ -120,13 +120,13 @@ def sweep(
     picture = folder / "sweep.svg"
     check_target(picture, force=options.force, inputs=loaded.inputs)
     variants = _variants(score, options, loaded, varied, combined, report)
-    wanted = _wanted(str(score), options, variants)
-    known = _known(table, wanted, folder)
-    for variant in wanted:
-        if variant.file and variant.number not in known:
+    variants_wanted = _wanted(str(score), options, variants)
+    known_rows = _known(table, variants_wanted, folder)
+    for variant in variants_wanted:
+        if variant.file and variant.number not in known_rows:
             check_target(folder / variant.file, force=options.force, inputs=loaded.inputs)
-    rows = dict(known)
-    missing = [variant for variant in wanted if variant.number not in known]
+    rows = dict(known_rows)
+    missing = [variant for variant in variants_wanted if variant.number not in known_rows]
     title = scores.piece_of(loaded).title or Path(score).stem
     try:
         _compute(str(score), options, missing, folder, rows, table, report)
@@ -137,7 +137,7 @@ def sweep(
             _draw(
                 picture, title, [variant.target for variant in varied], ordered_rows, options.force
             )
-    return Sweep(table.targets, tuple(ordered_rows), table.path, picture, len(known))
+    return Sweep(table.targets, tuple(ordered_rows), table.path, picture, len(known_rows))
 
 
 def _varied(options: SweepOptions) -> tuple[list[Varied], list[tuple[str, ...]]]:
@@ -155,11 +155,11 @@ def _varied(options: SweepOptions) -> tuple[list[Varied], list[tuple[str, ...]]]
     except EditError as error:
         raise OptionError("vary", str(error)) from None
     check_seed(options.seed)
-    if options.seed is not None and any(one.target == SEED for one in varied):
+    if options.seed is not None and any(variation.target == SEED for variation in varied):
         raise OptionError("seed", "; the sweep varies it", excludes="vary")
     if options.on is not None and (options.jobs > 1 or options.plan or options.trust):
-        other = "jobs" if options.jobs > 1 else "plan" if options.plan else "trust"
-        raise OptionError("on", "; leave one of the two out", excludes=other)
+        contrary_option = "jobs" if options.jobs > 1 else "plan" if options.plan else "trust"
+        raise OptionError("on", "; leave one of the two out", excludes=contrary_option)
     if options.jobs < 1:
         raise OptionError("jobs", f"is {options.jobs}; it must be 1 or more")
     return varied, values
@@ -185,7 +185,7 @@ def _variants(
     from ergon.notation.text.edit import EditError
     from ergon.scores.edits.varying import variants
 
-    targets = [one.target for one in varied]
+    targets = [variation.target for variation in varied]
     try:
         for variant in variants(_texts(score, options, loaded), targets, combined):
             if variant.loaded.piece is None:
@@ -213,7 +213,7 @@ def _texts(score: str | Path, options: SweepOptions, loaded: Loaded) -> Texts:
 def _wanted(score: str, options: SweepOptions, variants: Iterator[Variant]) -> list[_Wanted]:
     """The variants with the names of their files and their hashes."""
     targets = [text.partition("=")[0].strip() for text in options.vary]
-    asked = _asked(options)
+    figures_asked = _asked(options)
     wanted_variants, names = [], set[str]()
     for number, variant in enumerate(variants):
         values = zip(targets, variant.values, strict=True)
@@ -224,7 +224,7 @@ def _wanted(score: str, options: SweepOptions, variants: Iterator[Variant]) -> l
             name = f"{stem}-{count}"
         names.add(name.lower())
         file = f"{name}.wav" if options.sound else ""
-        key = digest(bundled(score, variant.loaded), sorted(asked.items()), _version())
+        key = digest(bundled(score, variant.loaded), sorted(figures_asked.items()), _version())
         wanted_variants.append(_Wanted(number, variant.values, variant.texts, file, key))
     return wanted_variants
 
@@ -251,13 +251,13 @@ def _version() -> str:
     return versioned_key("sweep")
 
 
-def _known(table: Table, wanted: Sequence[_Wanted], folder: Path) -> dict[int, SweepRow]:
+def _known(table: Table, variants_wanted: Sequence[_Wanted], folder: Path) -> dict[int, SweepRow]:
     """Rows of an earlier run that are still valid: a sound file that is wanted is there,
     unchanged.
     """
     earlier = table.read()
     earlier_rows = {}
-    for variant in wanted:
+    for variant in variants_wanted:
         row = earlier.get(variant.digest)
         if row is None or (variant.file and row.status == "ok" and not _is_whole(folder, row)):
             continue
@@ -292,11 +292,11 @@ def _compute(
     """Compute what is missing; each row and its sound are written when they are known."""
     if not missing:
         return
-    asked = _asked(options)
+    figures_asked = _asked(options)
     pairs: Iterator[tuple[_Wanted, Outcome]]
 
-    def content(one: _Wanted) -> ScoreBundle:
-        return bundled(score, one.texts.load())
+    def content(variant: _Wanted) -> ScoreBundle:
+        return bundled(score, variant.texts.load())
 
     jobs = min(options.jobs, len(missing))
     if options.on is not None:
@@ -307,20 +307,22 @@ def _compute(
             engine_version = version()
             pairs = cluster.computed(
                 missing,
-                lambda pool, one: pool.submit(
-                    on_worker, engine_version, content(one), asked, one.file
+                lambda pool, variant: pool.submit(
+                    on_worker, engine_version, content(variant), figures_asked, variant.file
                 ),
             )
             _keep(pairs, len(missing), folder, options, rows, table, report)
         return
     if jobs == 1:
-        pairs = ((one, compute(content(one), asked, one.file)) for one in missing)
+        pairs = (
+            (variant, compute(content(variant), figures_asked, variant.file)) for variant in missing
+        )
         _keep(pairs, len(missing), folder, options, rows, table, report)
         return
     with _processes(jobs) as pool:
         pairs = results_as_completed(
             missing,
-            lambda one: pool.submit(compute, content(one), asked, one.file),
+            lambda variant: pool.submit(compute, content(variant), figures_asked, variant.file),
             _wait,
             Future.result,
             2 * jobs,
@@ -348,8 +350,8 @@ def _keep(
             sound, file = outcome["sound"], variant.file if outcome["status"] == "ok" else ""
             if file:
                 path = folder / file
-                with open_for_writing(path, binary=True, force=options.force) as to:
-                    to.write(sound)
+                with open_for_writing(path, binary=True, force=options.force) as stem_file:
+                    stem_file.write(sound)
             rows[variant.number] = SweepRow(
                 variant.values,
                 outcome["status"],

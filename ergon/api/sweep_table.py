@@ -76,17 +76,17 @@ class Table:
 
     def keep(self, rows: Sequence[SweepRow], *, force: bool) -> None:
         """Write an unfinished table, at most once a second."""
-        now = time.monotonic()
-        if now - self._saved_time >= _EVERY:
+        instant_now = time.monotonic()
+        if instant_now - self._saved_time >= _EVERY:
             self.write(rows, "", force=force)
-            self._saved_time = now
+            self._saved_time = instant_now
 
     def write(self, rows: Sequence[SweepRow], title: str, *, force: bool) -> None:
         """Write the whole table."""
         out = io.StringIO()
         facts = ["made by ergon", f"sweep of {' '.join(title.split())}"] if title else []
         facts = facts or ["made by ergon", "a sweep that is not finished"]
-        facts += [f"{name}: {told}" for name, told in FIGURES.items()]
+        facts += [f"{name}: {meaning}" for name, meaning in FIGURES.items()]
         out.writelines(f"# {fact}\n" for fact in facts)
         table = csv.writer(out, lineterminator="\n")
         table.writerow((*self.targets, *_HEAD, *FIGURES, *_TAIL))

@@ -82,7 +82,7 @@ def _computed(path: str, options: RenderOptions, name: str) -> tuple[Figures, by
     rows = stage.plan.rows() if stage.plan is not None else []
     errors = [row.error_db for row in rows if row.error_db is not None]
     audible = [row.audible for row in rows if row.audible is not None]
-    cents = [abs(one.cents) for one in audible if one.cents is not None]
+    cents = [abs(difference.cents) for difference in audible if difference.cents is not None]
     figures: Figures = {
         "seconds": len(frames) / stage.rate,
         "loudness_lufs": done.loudness,

@@ -82,8 +82,8 @@ def take_stats(path: str | Path, options: TakeStatsOptions | None = None) -> tup
     for name in options.hands:
         if name not in names:
             raise OptionError("hands", f"there is no hand {name!r}; there are {', '.join(names)}")
-    wanted = options.hands or names
-    return tuple(_hand_stats(recording, names.index(name), cutoff) for name in wanted)
+    hand_names = options.hands or names
+    return tuple(_hand_stats(recording, names.index(name), cutoff) for name in hand_names)
 
 
 def _hand_stats(recording: _core.Recording, axis: int, cutoff: float) -> HandStats:

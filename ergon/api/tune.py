@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from ergon import _core
     from ergon.scores.edits.texts import Texts
-    from ergon.scores.edits.tunable import TunablePart, Value, Where
+    from ergon.scores.edits.tunable import FieldKey, TunablePart, Value
     from ergon.scores.reading.load import Loaded
 
 REACHED = 1e-6  # [cents] within which a target counts as reached
@@ -126,7 +126,7 @@ def tune(
     from ergon.scores.edits.tunable import TunablePart
 
     options = options or TuneOptions()
-    wanted, has_ratios = _wanted(targets, options.base)
+    target_frequencies, has_ratios = _wanted(targets, options.base)
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
     (name,) = selected_parts(piece, (part,))
@@ -134,31 +134,38 @@ def tune(
     chosen = _chosen(tuned_part, options.by)
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("tuning"):
         if has_ratios:
-            first = next(iter(wanted))
-            base = _Search(tuned_part, (), {first: 1.0}).initial_frequencies[0] / wanted[first]
-            wanted = {number: float(base * ratio) for number, ratio in wanted.items()}
-        search = _Search(tuned_part, chosen, wanted)
+            first_mode = next(iter(target_frequencies))
+            base = (
+                _Search(tuned_part, (), {first_mode: 1.0}).initial_frequencies[0]
+                / target_frequencies[first_mode]
+            )
+            target_frequencies = {
+                number: float(base * ratio) for number, ratio in target_frequencies.items()
+            }
+        search = _Search(tuned_part, chosen, target_frequencies)
         tuned_numbers = search.run()
-    before = search.initial_frequencies
-    after = [
+    frequencies_before = search.initial_frequencies
+    tuned_values = [
         replace(value, number=number)
         for value, number in zip(search.values, tuned_numbers, strict=True)
     ]
     changed = [
         (old, new)
-        for old, new in zip(search.values, after, strict=True)
+        for old, new in zip(search.values, tuned_values, strict=True)
         if old.number != new.number
     ]
     texts, trouble = _edited(score, options, loaded, tuned_part, [new for _, new in changed])
-    frequencies = search.frequencies({value.where: value.number for value in after})
-    if texts is not None and (written := texts.load().piece) is not None:
-        frequencies = _Search(TunablePart(written, name), (), wanted).initial_frequencies
-    numbers = tuple(wanted)
+    frequencies = search.frequencies({value.field_key: value.number for value in tuned_values})
+    if texts is not None and (tuned_piece := texts.load().piece) is not None:
+        frequencies = _Search(
+            TunablePart(tuned_piece, name), (), target_frequencies
+        ).initial_frequencies
+    numbers = tuple(target_frequencies)
     return Tuned(
         name,
         numbers,
-        before,
-        np.array(list(wanted.values())),
+        frequencies_before,
+        np.array(list(target_frequencies.values())),
         frequencies,
         tuple(
             TunedValue(tuned_part.target(new), old.number, new.number, tuned_part.text(new))
@@ -236,13 +243,13 @@ def _chosen(part: TunablePart, by: Sequence[str]) -> list[Value]:
     """The values that `by` names. Raises OptionError."""
     from ergon.notation.text.spelling import nearest
 
-    known = list(part.values())
-    if not known:
+    part_values = list(part.values())
+    if not part_values:
         raise OptionError("part", f"{part.name} has no value above 0 that moves its modes")
     if not by:
-        return known
+        return part_values
     names: dict[str, list[Value]] = {}
-    for value in known:
+    for value in part_values:
         full = part.target(value)
         words = [value.field, part.listed(value), full]
         words += [word.removeprefix(f"{part.name}.") for word in words[1:]]
@@ -278,12 +285,15 @@ def _edited(
         texts = part.edit(texts, values)
     except EditError as error:
         return None, str(error)
-    others = [
+    other_files = [
         file for file, text in texts.overlay.items() if original_texts.overlay.get(file) != text
     ]
-    if others:
-        where = ", ".join(others)
-        return None, f"{part.name} is written in {where}, which other scores may use: set it there"
+    if other_files:
+        file_list = ", ".join(other_files)
+        return (
+            None,
+            f"{part.name} is written in {file_list}, which other scores may use: set it there",
+        )
     return texts, ""
 
 
@@ -295,13 +305,13 @@ class _Search:
     """
 
     def __init__(
-        self, part: TunablePart, values: Sequence[Value], wanted: Mapping[int, float]
+        self, part: TunablePart, values: Sequence[Value], target_frequencies: Mapping[int, float]
     ) -> None:
         import numpy as np
 
-        self.part, self.wanted = part, wanted
+        self.part, self.wanted = part, target_frequencies
         self.values: list[Value] = []
-        self.log_targets = np.log(list(wanted.values()))
+        self.log_targets = np.log(list(target_frequencies.values()))
         self.rank = 0
         poles, shapes, elements = self._modes({})
         self.initial_frequencies = poles.imag / (2 * np.pi)
@@ -314,7 +324,7 @@ class _Search:
             names = ", ".join(part.target(value) for value in values)
             raise OptionError("by", f"no mode depends on {names}; name others, or leave `by` out")
 
-    def frequencies(self, values: Mapping[Where, float]) -> NDArray[np.float64]:
+    def frequencies(self, values: Mapping[FieldKey, float]) -> NDArray[np.float64]:
         """Frequencies of the modes that have targets [Hz]."""
         import numpy as np
 
@@ -375,15 +385,15 @@ class _Search:
             step = step / 2
         return None
 
-    def _numbers(self, logs: NDArray[np.float64]) -> dict[Where, float]:
+    def _numbers(self, logs: NDArray[np.float64]) -> dict[FieldKey, float]:
         import numpy as np
 
         return {
-            value.where: float(np.exp(log_number))
+            value.field_key: float(np.exp(log_number))
             for value, log_number in zip(self.values, logs, strict=True)
         }
 
-    def _modes(self, values: Mapping[Where, float]) -> _State:
+    def _modes(self, values: Mapping[FieldKey, float]) -> _State:
         """Poles (n_targets,) and shapes (n_targets, n_masses) of the modes that have targets."""
         import numpy as np
 
@@ -391,8 +401,8 @@ class _Search:
 
         network = self.part.network(values)
         elements = network.elements([self.part.name])
-        n, last = len(elements.mats), max(self.wanted)
-        count = last + 2
+        n, last_mode = len(elements.mats), max(self.wanted)
+        count = last_mode + 2
         while True:
             try:
                 part_modes = network.part_modes(self.part.name, count=count)
@@ -401,12 +411,12 @@ class _Search:
             swings = np.flatnonzero(
                 (part_modes.poles.imag > 0) & ~is_free(part_modes.shapes, elements)
             )
-            if len(swings) >= last or count >= n:
+            if len(swings) >= last_mode or count >= n:
                 break
             count = min(n, 2 * count)
-        if len(swings) < last:
+        if len(swings) < last_mode:
             has = f"{len(swings)} modes that swing" if len(swings) != 1 else "1 mode that swings"
-            reason = f"mode {last} is wanted, but {self.part.name} has {has}"
+            reason = f"mode {last_mode} is wanted, but {self.part.name} has {has}"
             raise OptionError("targets", reason)
         rows = swings[np.array(list(self.wanted)) - 1]
         return part_modes.poles[rows], part_modes.shapes[rows], elements
@@ -417,7 +427,7 @@ class _Search:
 
         numbers = self._numbers(logs)
         columns = [
-            self._slope(*state, value, numbers[value.where], numbers) for value in self.values
+            self._slope(*state, value, numbers[value.field_key], numbers) for value in self.values
         ]
         return np.column_stack(columns)
 
@@ -428,14 +438,14 @@ class _Search:
         elements: _core.Elements,
         value: Value,
         number: float,
-        numbers: Mapping[Where, float],
+        numbers: Mapping[FieldKey, float],
     ) -> NDArray[np.float64]:
         import numpy as np
 
         from ergon import _core
 
         def elements_at(factor: float) -> _core.Elements:
-            network = self.part.network({**numbers, value.where: number * factor})
+            network = self.part.network({**numbers, value.field_key: number * factor})
             return network.elements([self.part.name])
 
         try:

@@ -64,12 +64,12 @@ def sound_beside(motion: Path, report: Report) -> Path | None:
     sound_path = next((p for kind in _SOUNDS if (p := motion.with_suffix(kind)).is_file()), None)
     if sound_path is None:
         return None
-    seen = parse_json(_core.read_motion(motion).manifest).get("score_sha256")
+    motion_digest = parse_json(_core.read_motion(motion).manifest).get("score_sha256")
     try:
         score_name = sound.read_info(sound_path).score
     except (NotWaveError, OSError):
         score_name = None
-    if score_name is None or score_name != seen:
+    if score_name is None or score_name != motion_digest:
         report.say(f"{sound_path} is not the sound of {motion}, so it is not played")
         return None
     return sound_path

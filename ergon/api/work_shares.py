@@ -56,14 +56,14 @@ def work_pieces(
 ) -> tuple[WorkPiece, ...]:
     """The islands that other processes can compute, with the names of the parts in them."""
     pieces = []
-    left = [row for row in rows if row.cost > 0.0 and row.what != "oscillators"]
+    rows_left = [row for row in rows if row.cost > 0.0 and row.what != "oscillators"]
     for island in simulation.storable():
         cost = 1e-9 * rate * island.cost
         parts: dict[str, None] = {}
-        rest = cost
-        while left and rest > 1e-9 * cost:  # rows stand in the order of islands
-            row = left.pop(0)
-            rest -= row.cost
+        cost_left = cost
+        while rows_left and cost_left > 1e-9 * cost:  # rows stand in the order of islands
+            row = rows_left.pop(0)
+            cost_left -= row.cost
             parts.update(dict.fromkeys(row.parts))
         if is_expensive(island):
             pieces.append(WorkPiece(tuple(parts), cost))

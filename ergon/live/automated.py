@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from ergon.scores.staging.automating import value_at
 
 if TYPE_CHECKING:
-    from ergon.scores.staging.parameter_values import Points, Where
+    from ergon.scores.staging.parameter_values import ModuleKey, Points
     from ergon.scores.staging.stage import Stage
 
 
@@ -31,41 +31,41 @@ CHECK_RATIO = 1.2
 _PROBE_FACTOR = 3.0  # a factor of stiffness and mass that shows whether a hand feels a CEL
 
 
-def tangible_paths(stage: Stage, mat: int, held: Sequence[int]) -> dict[Where, Points]:
+def tangible_paths(stage: Stage, mat: int, held: Sequence[int]) -> dict[ModuleKey, Points]:
     """The automation of modules that a hand on the MAT `mat` can feel, as points in time.
 
     `held` are the MATs of all hands.
     """
 
-    def key(where: Where, numbers: Sequence[float]) -> bytes:
-        values = _engine_values(stage, [where], [numbers])
+    def key(module_key: ModuleKey, numbers: Sequence[float]) -> bytes:
+        values = _engine_values(stage, [module_key], [numbers])
         reached = stage.network.reachable_network(
             mat, stage.rate, held=list(held), ties=list(values.ties), factors=list(values.factors)
         )
         return reached.key()
 
     paths_by_module = {}
-    for where, points in stage.paths.items():
+    for module_key, points in stage.paths.items():
         first_numbers = points[0][1:]
-        if key(where, first_numbers) != key(
-            where, [_PROBE_FACTOR * x + 1.0 for x in first_numbers]
+        if key(module_key, first_numbers) != key(
+            module_key, [_PROBE_FACTOR * x + 1.0 for x in first_numbers]
         ):
-            paths_by_module[where] = points
+            paths_by_module[module_key] = points
     return paths_by_module
 
 
 def _engine_values(
-    stage: Stage, modules: Sequence[Where], numbers: Sequence[Sequence[float]]
+    stage: Stage, modules: Sequence[ModuleKey], numbers: Sequence[Sequence[float]]
 ) -> AutomatedValues:
     """Values of modules as the engine takes them. No hand feels the automation of a BANK."""
     assembly = stage.built.assembly
     ties, factors = [], []
-    for where, module_numbers in zip(modules, numbers, strict=True):
+    for module_key, module_numbers in zip(modules, numbers, strict=True):
         if len(module_numbers) == 3:
             k, z, m = module_numbers
-            ties.append((assembly.mats[where], k, z, m))
+            ties.append((assembly.mats[module_key], k, z, m))
         else:
-            factors += [(link, max(module_numbers)) for link in assembly.links_of(where)]
+            factors += [(link, max(module_numbers)) for link in assembly.links_of(module_key)]
     return AutomatedValues(tuple(ties), tuple(factors))
 
 
@@ -76,7 +76,8 @@ def tangible_modules(stage: Stage, players: Collection[str]) -> dict[str, list[s
     mats = [hand.mat for hand in hands]
     modules_by_player = {
         hand.player: [
-            ".".join(filter(None, where)) for where in tangible_paths(stage, hand.mat, mats)
+            ".".join(filter(None, module_key))
+            for module_key in tangible_paths(stage, hand.mat, mats)
         ]
         for hand in hands
         if stage.paths
@@ -85,7 +86,7 @@ def tangible_modules(stage: Stage, players: Collection[str]) -> dict[str, list[s
 
 
 def value_sets(
-    stage: Stage, paths: Mapping[Where, Points], since: float
+    stage: Stage, paths: Mapping[ModuleKey, Points], since: float
 ) -> Iterator[AutomatedValues]:
     """The combinations of values that modules take from the instant `since` [s] on, each once.
 

@@ -163,7 +163,7 @@ def _events(running: RunningVersion, first: int, last: int) -> Iterator[OscEvent
     if clock.began_at is None:
         return
     version = running.version
-    shown = partial(version.sounds_as.shown, known=version.piece.keys)
+    shown = partial(version.sounds_as.shown, part_names=version.piece.keys)
     tempo = stage.piece.tempo_map
     bar, _ = tempo.bar_beat(running.beat(first))
     for event in beat_events(tempo, stage.rate, bar):

@@ -167,7 +167,7 @@ def staged(
         piece,
         planned=True,
         store=store,
-        real=real,
+        real_hands=real,
         silent=frozenset(part.name for part in frozen),
         on_fault="mute",
         going=StageTakeover(spans, like, start, moving, strike_points(version)),

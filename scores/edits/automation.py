@@ -69,11 +69,11 @@ def value_text(piece: Piece, target: str, value: float, value_on: ValueOn) -> st
     """A value of a parameter as a score writes it; for all notes of an instrument, of which `value`
     is that of the first, the factor of their values without automation.
     """
-    head, _, parameter = target.rpartition(".")
-    part, module, _ = _known(piece, head)[0]
+    module_path, _, parameter = target.rpartition(".")
+    part, module, _ = _known(piece, module_path)[0]
     if module.kind == "BANK":
         return f"x{value:.12g}"
-    if automatable.named_module(head, piece.keys, piece.instruments) is not None:
+    if automatable.named_module(module_path, piece.keys, piece.instruments) is not None:
         return written_quantity(value, parameter, is_ca=False)
     unchanged = replace(piece, automation=(), strikes=())
     return f"x{value / value_on(unchanged, (part, module.name), parameter, 0.0)!r}"
@@ -81,18 +81,18 @@ def value_text(piece: Piece, target: str, value: float, value_on: ValueOn) -> st
 
 def check(piece: Piece, target: str) -> None:
     """Raise EditError if a parameter cannot glide."""
-    head, _, parameter = target.rpartition(".")
+    module_path, _, parameter = target.rpartition(".")
     parameter = "f" if parameter == TRANSPOSE else parameter
-    known = _known(piece, head)
-    if not known:
+    named_modules = _known(piece, module_path)
+    if not named_modules:
         raise EditError(f"{target} cannot change gradually; leave out `over` to set it at once")
-    _, module, is_ca = known[0]
-    if why := automatable.refusal(module, parameter, is_ca=is_ca):
-        raise EditError(f"{head} {why}; leave out `over` to set it at once")
+    _, module, is_ca = named_modules[0]
+    if refusal_text := automatable.refusal(module, parameter, is_ca=is_ca):
+        raise EditError(f"{module_path} {refusal_text}; leave out `over` to set it at once")
 
 
-def _known(piece: Piece, head: str) -> list[automatable.Automatable]:
-    return automatable.named_modules(head, piece.keys, piece.instruments, piece.families)
+def _known(piece: Piece, module_path: str) -> list[automatable.Automatable]:
+    return automatable.named_modules(module_path, piece.keys, piece.instruments, piece.families)
 
 
 def stop(texts: Texts, piece: Piece, target: str, beat: float) -> Texts:
@@ -101,16 +101,17 @@ def stop(texts: Texts, piece: Piece, target: str, beat: float) -> Texts:
     """
     texts, count = _ended(texts, piece, beat, target)
     if not count:
-        where = piece.tempo_map.written(beat)
+        position_text = piece.tempo_map.written(beat)
         raise EditError(
-            f"no pattern and no lfo controls {target} at {where}, so there is nothing to end"
+            f"no pattern and no lfo controls {target} at {position_text}, so there is nothing to "
+            "end"
         )
     return texts
 
 
-def released(texts: Texts, piece: Piece, target: str, at: float) -> Texts:
+def released(texts: Texts, piece: Piece, target: str, beat: float) -> Texts:
     """End the automation of a parameter, if there is any."""
-    return _ended(texts, piece, at, target)[0]
+    return _ended(texts, piece, beat, target)[0]
 
 
 def finish(texts: Texts, piece: Piece, beat: float) -> Texts:
@@ -130,9 +131,9 @@ def end_all(texts: Texts, piece: Piece, beat: float) -> Texts:
     return texts
 
 
-def is_automated_from(piece: Piece, one: Automation, at: float) -> bool:
+def is_automated_from(piece: Piece, entry: Automation, beat: float) -> bool:
     """Whether automation changes its parameter on a beat, or later."""
-    return ending(piece, one) > at + SAME
+    return ending(piece, entry) > beat + SAME
 
 
 def ending(piece: Piece, entry: Automation) -> float:
@@ -157,16 +158,24 @@ def _ended(texts: Texts, piece: Piece, beat: float, target: str) -> tuple[Texts,
 def _numbers_of(texts: Texts, piece: Piece, target: str) -> Sequence[int]:
     """The numbers of the automation entries of a parameter."""
     with texts.memory.lock:
-        known: dict[tuple[str, str], list[int]]
-        before, known = texts.memory.held("automation by target", None) or ((), {})
-        if changed := changed_part(before, piece.automation):
-            first = changed.start  # those behind it are counted anew
-            known = {key: [n for n in numbers if n < first] for key, numbers in known.items()}
-            for number, entry in enumerate(piece.automation[first:], first):
-                known.setdefault((entry.target.text, entry.parameter), []).append(number)
-        texts.memory.hold("automation by target", None, (piece.automation, known))
-    head, _, parameter = target.rpartition(".")
-    numbers: Sequence[int] = known.get((head, parameter), ())
+        numbers_by_target: dict[tuple[str, str], list[int]]
+        automation_before, numbers_by_target = texts.memory.held("automation by target", None) or (
+            (),
+            {},
+        )
+        if changed_range := changed_part(automation_before, piece.automation):
+            first_changed = changed_range.start  # those behind it are counted anew
+            numbers_by_target = {
+                key: [n for n in numbers if n < first_changed]
+                for key, numbers in numbers_by_target.items()
+            }
+            for number, entry in enumerate(piece.automation[first_changed:], first_changed):
+                numbers_by_target.setdefault((entry.target.text, entry.parameter), []).append(
+                    number
+                )
+        texts.memory.hold("automation by target", None, (piece.automation, numbers_by_target))
+    module_path, _, parameter = target.rpartition(".")
+    numbers: Sequence[int] = numbers_by_target.get((module_path, parameter), ())
     return numbers
 
 

@@ -40,9 +40,9 @@ class Entry:
         """The entry from a position on."""
         return replace(self, fields={"at": position, **self.fields})
 
-    def with_step(self, every: str) -> Entry:
+    def with_step(self, step_text: str) -> Entry:
         """The entry with a time between repetitions that `fast` and `slow` do not change."""
-        return replace(self.with_fields(every=every), do=tuple(map(_in_place, self.do)))
+        return replace(self.with_fields(every=step_text), do=tuple(map(_in_place, self.do)))
 
     def flow(self) -> str:
         """The entry as an item of a list."""
@@ -100,18 +100,18 @@ class PlacedEntry:
         """
         return n_before(self.starts or (), beat - SAME)
 
-    def part(self, first: int, last: int, written_at: Callable[[float], str]) -> Entry:
-        """The entry with only its beginnings from number `first` to before `last`; `written_at`
-        writes beats.
+    def part(self, first_start: int, stop_start: int, written_at: Callable[[float], str]) -> Entry:
+        """The entry with only its beginnings from number `first_start` to before `stop_start`;
+        `written_at` writes beats.
         """
         starts = self.starts or ()
         if not isinstance(starts, Steps):
-            count = last - first
+            count = stop_start - first_start
             entry = self.entry.with_fields(
-                at=written_at(starts[first]), until=None, times=str(count)
+                at=written_at(starts[first_start]), until=None, times=str(count)
             )
             return entry if count > 1 else entry.with_fields(every=None, times=None)
-        return self.entry.with_fields(**starts.part(first, last, written_at))
+        return self.entry.with_fields(**starts.part(first_start, stop_start, written_at))
 
 
 def entry_of_play(play: words.PlayWords, text: str) -> Entry:

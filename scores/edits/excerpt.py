@@ -55,8 +55,8 @@ def keep(
         excerpt, is_in = window.strikes(excerpt, strikes)
         is_included = is_included or is_in
     if not is_included:
-        first, last = piece.tempo_map.written(start), piece.tempo_map.written(stop)
-        raise EditError(f"no gesture begins from {first} to {last}")
+        start_text, stop_text = piece.tempo_map.written(start), piece.tempo_map.written(stop)
+        raise EditError(f"no gesture begins from {start_text} to {stop_text}")
     excerpt = space.fades_from(excerpt, piece, start)
     end = window.position(stop)
     end = end if "|" in end else f"{end}beats"
@@ -105,8 +105,10 @@ class _Window:
             return entry.with_fields(
                 until=self.position(min(self.stop, self.map.resolve(line.play.until)))
             )
-        first, last = line.count_before(self.start), line.count_before(self.stop)
-        return line.part(first, last, self.position) if first < last else None
+        first_start, stop_start = line.count_before(self.start), line.count_before(self.stop)
+        return (
+            line.part(first_start, stop_start, self.position) if first_start < stop_start else None
+        )
 
     def strikes(self, texts: Texts, strikes: Strikes) -> tuple[Texts, bool]:
         """Strikes cut to the window, and whether any fall in it."""
@@ -124,15 +126,17 @@ class _Window:
             del changed_fields["for"]
         if strikes.pattern is not None:
             places = strikes.steps(self.piece)
-            since, until = (n_before(places, at - SAME) for at in (self.start, self.stop))
-            if since == until:
+            first_place, stop_place = (
+                n_before(places, at - SAME) for at in (self.start, self.stop)
+            )
+            if first_place == stop_place:
                 return texts.remove(path), False
-            changed_fields |= places.part(since, until, self.position)
+            changed_fields |= places.part(first_place, stop_place, self.position)
         elif strikes.rate is not None:
-            first, last = max(begin, self.start), min(stop, self.stop)
-            if last <= first + SAME:
+            first_beat, last_beat = max(begin, self.start), min(stop, self.stop)
+            if last_beat <= first_beat + SAME:
                 return texts.remove(path), False
-            changed_fields |= {"at": self.position(first), "until": self.position(last)}
+            changed_fields |= {"at": self.position(first_beat), "until": self.position(last_beat)}
         else:
             end = stop if strikes.until is not None or strikes.span is not None else None
             every, times = strikes.every, strikes.times
@@ -212,17 +216,21 @@ class _Window:
             fields["until"] = self.position(min(end, self.stop))
         if begin < self.start - SAME and self.value_on is not None:
             fields |= {"at": self.position(self.start), "over": None, "curve": None}
-            piece, where, tempo = self.piece, (entry.target.part, entry.target.module), self.map
+            piece, module_key, tempo = (
+                self.piece,
+                (entry.target.part, entry.target.module),
+                self.map,
+            )
             if entry.over is not None:
                 ended = tempo.after(begin, entry.over)
             else:
                 ended = tempo.beats(tempo.instant(begin, entry.points[-1].at))
-            left = tempo.seconds(max(ended, self.start)) - tempo.seconds(self.start)
+            seconds_left = tempo.seconds(max(ended, self.start)) - tempo.seconds(self.start)
             points = []
-            for step in range(_PIECES + 1 if left > 0.0 else 1):
-                offset = left * step / _PIECES
+            for step in range(_PIECES + 1 if seconds_left > 0.0 else 1):
+                offset = seconds_left * step / _PIECES
                 beat = tempo.beats(tempo.seconds(self.start) + offset)
-                value = self.value_on(self.piece, where, entry.parameter, beat)
+                value = self.value_on(self.piece, module_key, entry.parameter, beat)
                 word = value_text(piece, entry.name, value, self.value_on)
                 points.append(f"{word}@{offset:.12g}s")
             fields["to"] = " line ".join(points)
@@ -231,9 +239,9 @@ class _Window:
     def tempo(self, texts: Texts) -> Texts:
         """Write the tempo and meter at the start of the window, and the changes that follow."""
         _, _, meter = [c for c in self.map.bars.changes() if c[0] <= self.start + SAME][-1]
-        first: dict[str, edit.Tree] = {"at": "1|1", "bpm": f"{self.map.bpm(self.start):.12g}"}
-        first["meter"] = str(meter)
-        entries_written = [first]
+        first_entry: dict[str, edit.Tree] = {"at": "1|1", "bpm": f"{self.map.bpm(self.start):.12g}"}
+        first_entry["meter"] = str(meter)
+        entries_written = [first_entry]
         for begin, entry in self.map.placed:
             end = begin if entry.over is None else self.map.after(begin, entry.over)
             if begin >= self.stop - SAME or max(begin, end) <= self.start + SAME:
@@ -241,18 +249,20 @@ class _Window:
             if entry.bpm is None and entry.meter is None:
                 continue
             if begin <= self.start + SAME:  # a ramp under way goes on
-                first["bpm"] = f"{first['bpm']} -> {entry.bpm_end:.12g}"
-                first["over"] = f"{end - self.start:.12g}"
+                first_entry["bpm"] = f"{first_entry['bpm']} -> {entry.bpm_end:.12g}"
+                first_entry["over"] = f"{end - self.start:.12g}"
                 continue
-            more: dict[str, edit.Tree] = {"at": self.position(begin)}
+            later_entry: dict[str, edit.Tree] = {"at": self.position(begin)}
             if entry.bpm is not None:
                 is_ramp = entry.bpm_end is not None
-                more["bpm"] = f"{entry.bpm:.12g}" + (f" -> {entry.bpm_end:.12g}" if is_ramp else "")
+                later_entry["bpm"] = f"{entry.bpm:.12g}" + (
+                    f" -> {entry.bpm_end:.12g}" if is_ramp else ""
+                )
             if entry.over is not None:
-                more["over"] = f"{end - begin:.12g}"
+                later_entry["over"] = f"{end - begin:.12g}"
             if entry.meter is not None:
-                more["meter"] = str(entry.meter)
-            entries_written.append(more)
+                later_entry["meter"] = str(entry.meter)
+            entries_written.append(later_entry)
         for section in ("tempo", "meter"):  # what files say of them is written out
             if items(texts, section):
                 texts = texts.remove((section,))

@@ -19,9 +19,9 @@ def use(texts: Texts, family: str, file: str) -> tuple[Texts, dict[str, str]]:
 
     Raises EditError.
     """
-    known = texts.section("use")
-    if isinstance(known, document.Sequence) or (
-        isinstance(known, document.Scalar) and not known.is_empty
+    use_section = texts.section("use")
+    if isinstance(use_section, document.Sequence) or (
+        isinstance(use_section, document.Scalar) and not use_section.is_empty
     ):
         added = texts.append(("use",), edit.flow({family: file}))
     else:
@@ -78,9 +78,9 @@ def played(texts: Texts, piece: Piece, paths: Iterable[str]) -> Texts:
     """
     texts, piece = defined(texts, piece, paths)
     plain = [name for name in piece.available if "." not in name]
-    after = texts.load().piece if plain else None
+    piece_now = texts.load().piece if plain else None
     for name in plain:
-        if after is not None and (name in after.instruments or name in after.families):
+        if piece_now is not None and (name in piece_now.instruments or name in piece_now.families):
             texts = structure.routed_to_all(texts, piece, name)
             piece = texts.load().piece or piece  # all routes are written now
     return texts
@@ -90,8 +90,8 @@ def defined(texts: Texts, piece: Piece, paths: Iterable[str]) -> tuple[Texts, Pi
     """Define the instruments of families with a prefix that paths of modules name, without the
     prefix and heard on all channels; returns their piece too. Raises EditError.
     """
-    known = unplayed(piece)
-    for name in sorted({path.partition(".")[0] for path in paths} & known.keys()):
+    unplayed_names = unplayed(piece)
+    for name in sorted({path.partition(".")[0] for path in paths} & unplayed_names.keys()):
         if (origin := base(piece, name)) != name:
             texts = structure.build(texts, piece, name, origin, {})
             piece = texts.load().piece or piece

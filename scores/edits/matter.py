@@ -109,11 +109,11 @@ def _set_value(texts: Texts, piece: Piece, target: str, value: str) -> Texts:
     home = owner.home(name)
     changes = _as_written(owner, home, changes)
     if home is not None:
-        here = edit.tree(_node(texts, home, owner.file))
+        written_tree = edit.tree(_node(texts, home, owner.file))
         for field, text in changes.items():
             if text is not None:
                 texts = texts.put((*home, field), text, owner.file)
-            elif isinstance(here, dict) and field in here:
+            elif isinstance(written_tree, dict) and field in written_tree:
                 texts = texts.remove((*home, field), file=owner.file)
         return texts
     texts_by_field = {field: text for field, text in changes.items() if text is not None}
@@ -176,16 +176,18 @@ def _set_pitch(texts: Texts, instrument: Instrument, value: str) -> Texts:
     values, file = entry.values, entry.values.node.document.file
     path = ("instruments", values.context.name)
     assert instrument.pitch is not None
-    wanted = (
+    pitch_asked = (
         k.PITCH.parse(value) if not value.startswith("x") else instrument.pitch * q.factor(value)
     )
     if values.written("like", "from"):
-        texts = texts.put((*path, "f"), f"{wanted!r}Hz" if value.startswith("x") else value, file)
+        texts = texts.put(
+            (*path, "f"), f"{pitch_asked!r}Hz" if value.startswith("x") else value, file
+        )
         is_moved = values.written("transpose")
         return texts.remove((*path, "transpose"), file=file) if is_moved else texts
     begun = named_pitch(values)  # the written pitch, which `transpose` moves
     assert begun is not None
-    step = between(begun, wanted)
+    step = between(begun, pitch_asked)
     if step.ratio == 1.0:
         is_moved = values.written("transpose")
         return texts.remove((*path, "transpose"), file=file) if is_moved else texts
@@ -274,9 +276,9 @@ def _owner(texts: Texts, target: str) -> tuple[_Owner, str]:
             is_ca = section == "instruments" and values["units"] == "ca"
             owner = _Owner(part, section, part_values, path, module, kind, fields_written, is_ca)
             is_space = section == "instruments" and values["space"] > 1
-            known = KINDS[kind].tables["space" if is_space else "si"] if kind else KEY
-            if name not in known.by_name and name not in fields_written.free:
-                fields = ", ".join([*known.by_name, *fields_written.free])
+            field_table = KINDS[kind].tables["space" if is_space else "si"] if kind else KEY
+            if name not in field_table.by_name and name not in fields_written.free:
+                fields = ", ".join([*field_table.by_name, *fields_written.free])
                 raise EditError(
                     f"{quote(target)}: the field {quote(name)} does not "
                     f"exist; the fields are {fields}"
@@ -289,19 +291,21 @@ def _member(values: Values, part_values: Values, word: str) -> tuple[str, Values
     """The note that a word names, the instrument at this note, and the fields that are written for
     it.
     """
-    wanted = notes.pitch(word)
+    pitch_asked = notes.pitch(word)
     for note in values["notes"]:
-        if notes.pitch(note) == wanted:
-            written = overlay.member(part_values, wanted or 0.0)
-            if written is None:
-                written = Values(member_table("si"), part_values.node, part_values.context)
+        if notes.pitch(note) == pitch_asked:
+            member_values = overlay.member(part_values, pitch_asked or 0.0)
+            if member_values is None:
+                member_values = Values(member_table("si"), part_values.node, part_values.context)
             else:
-                note = next(w for w in part_values["members"] if notes.pitch(w) == wanted)
+                note = next(w for w in part_values["members"] if notes.pitch(w) == pitch_asked)
             member_interval = part_values.by_name.get(TRANSPOSE)
-            interval = overlay.both(member_interval, written.by_name.get(TRANSPOSE))
+            interval = overlay.both(member_interval, member_values.by_name.get(TRANSPOSE))
             if interval is not None:
-                written = replace(written, by_name={**written.by_name, TRANSPOSE: interval})
-            return note, overlay.shifted_note(values, note, member_interval), written
+                member_values = replace(
+                    member_values, by_name={**member_values.by_name, TRANSPOSE: interval}
+                )
+            return note, overlay.shifted_note(values, note, member_interval), member_values
     return None
 
 
@@ -311,15 +315,15 @@ def _fields(values: Values, module: str, target: str) -> tuple[Values, str]:
     if module:
         body = (values["modules"] or {}).get(module)
         if not isinstance(body, Values):
-            known = ", ".join(values["modules"] or {})
+            module_names = ", ".join(values["modules"] or {})
             raise EditError(
                 f"{quote(target)}: the module {quote(module)} does not "
-                f"exist; the modules are {known}"
+                f"exist; the modules are {module_names}"
             )
         kind, fields = body.kind, body
     elif values.written("modules"):
-        known = ", ".join(values["modules"] or {})
-        raise EditError(f"{quote(target)}: name one of its modules: {known}")
+        module_names = ", ".join(values["modules"] or {})
+        raise EditError(f"{quote(target)}: name one of its modules: {module_names}")
     inner = fields.by_name.get(kind) if kind else fields
     assert isinstance(inner, Values)
     return inner, kind
@@ -327,14 +331,16 @@ def _fields(values: Values, module: str, target: str) -> tuple[Values, str]:
 
 def _changes(owner: _Owner, piece: Piece, target: str, name: str, value: str) -> Changes:
     """The fields to write for a value, and those to remove because they contradict it."""
-    now = _current_values(owner, piece)
+    current_values = _current_values(owner, piece)
     changes: dict[str, str | None] = {}
-    others = _OTHERS.get(name, ()) if owner.kind in ("", "CEL") else ()
-    if owner.followed.written(*others):
-        twin = _plain(now) if others == _TUNED else _tuned(now, target)
-        changes = dict.fromkeys(others)
+    contrary_names = _OTHERS.get(name, ()) if owner.kind in ("", "CEL") else ()
+    if owner.followed.written(*contrary_names):
+        twin = (
+            _plain(current_values) if contrary_names == _TUNED else _tuned(current_values, target)
+        )
+        changes = dict.fromkeys(contrary_names)
         changes |= {field: _text(x, field, owner) for field, x in twin.items() if x}
-        now = {**now, **twin}
+        current_values = {**current_values, **twin}
     if not value.startswith("x"):
         return {**changes, name: value}
     try:
@@ -348,16 +354,19 @@ def _changes(owner: _Owner, piece: Piece, target: str, name: str, value: str) ->
         scaled = _scaled(node.text, factor)
         if scaled is not None:
             return {**changes, name: scaled}
-    amount = now.get(name)
+    amount = current_values.get(name)
     if owner.followed.written("modes"):
         raise EditError(
             f"{quote(target)}: the modes are read from a file and cannot be set at once; use "
             "`transpose`, or `set` with `over` and a length"
         )
     if isinstance(amount, tuple):
-        ends = [_text(one * factor, name, owner) for one in amount]
+        amount_texts = [_text(number * factor, name, owner) for number in amount]
         is_list = isinstance(amount, Each)
-        return {**changes, name: f"[{', '.join(ends)}]" if is_list else "..".join(ends)}
+        return {
+            **changes,
+            name: f"[{', '.join(amount_texts)}]" if is_list else "..".join(amount_texts),
+        }
     if not isinstance(amount, float):
         raise EditError(f"{quote(target)} has no value that could be multiplied: set a value first")
     return {**changes, name: _text(amount * factor, name, owner)}
@@ -399,23 +408,23 @@ def _as_written(owner: _Owner, home: tuple[str, ...] | None, changes: Changes) -
             value = shape.parse(text)
         except TextError:
             continue  # reported where the score is read
-        before = moved(name, value, interval.back())
-        if before != value and isinstance(before, float):
-            changes_written[name] = f"{before!r}{_UNITS.get(name, '')}"
+        untransposed = moved(name, value, interval.back())
+        if untransposed != value and isinstance(untransposed, float):
+            changes_written[name] = f"{untransposed!r}{_UNITS.get(name, '')}"
     return changes_written
 
 
-def _plain(now: Mapping[str, object]) -> dict[str, float]:
+def _plain(current_values: Mapping[str, object]) -> dict[str, float]:
     """K and Z from a damped frequency and its decay."""
-    mass, f, t60 = (_number(now, name) for name in ("M", "f", "t60"))
+    mass, f, t60 = (_number(current_values, name) for name in ("M", "f", "t60"))
     sigma = LN_1000 / t60 if t60 else 0.0
     omega = 2.0 * math.pi * f
     return {"K": mass * (omega * omega + sigma * sigma), "Z": 2.0 * mass * sigma}
 
 
-def _tuned(now: Mapping[str, object], target: str) -> dict[str, float]:
+def _tuned(current_values: Mapping[str, object], target: str) -> dict[str, float]:
     """The damped frequency and decay from K and Z."""
-    mass, k, z = (_number(now, name) for name in ("M", "K", "Z"))
+    mass, k, z = (_number(current_values, name) for name in ("M", "K", "Z"))
     sigma = z / (2.0 * mass)
     square = k / mass - sigma * sigma
     if square <= 0.0:
@@ -423,20 +432,20 @@ def _tuned(now: Mapping[str, object], target: str) -> dict[str, float]:
     return {"f": math.sqrt(square) / (2.0 * math.pi), "t60": LN_1000 / sigma if sigma else 0.0}
 
 
-def _number(now: Mapping[str, object], name: str) -> float:
-    value = now.get(name)
+def _number(current_values: Mapping[str, object], name: str) -> float:
+    value = current_values.get(name)
     return value if isinstance(value, float) else 0.0
 
 
 def _scaled(text: str, factor: float) -> str | None:
     """A number or a range times a factor, with the same unit; None for a note or a fraction."""
-    ends = []
-    for end in text.split(".."):
-        match = _AMOUNT.fullmatch(end.strip())
+    scaled_texts = []
+    for amount_text in text.split(".."):
+        match = _AMOUNT.fullmatch(amount_text.strip())
         if match is None or match[2].startswith("/"):
             return None
-        ends.append(f"{float(match[1]) * factor:.9g}{match[2]}")
-    return "..".join(ends)
+        scaled_texts.append(f"{float(match[1]) * factor:.9g}{match[2]}")
+    return "..".join(scaled_texts)
 
 
 def _text(value: float, name: str, owner: _Owner) -> str:

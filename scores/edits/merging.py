@@ -37,33 +37,33 @@ _MISSING = Missing()
 _Value = Tree | Missing
 
 
-def merged(before: Texts, now: Texts, typed: Texts) -> tuple[Texts, list[Spot]]:
-    """The texts `now` with what was typed since `before`, and the places whose typed values are
-    dropped.
+def merged(texts_before: Texts, texts_now: Texts, typed: Texts) -> tuple[Texts, list[Spot]]:
+    """The texts `texts_now` with what was typed since `texts_before`, and the places whose typed
+    values are dropped.
 
     Raises EditError if a text cannot be read.
     """
-    merge, dropped = _with(before, now, typed, [*changed(before, typed)])
+    merge, dropped = _with(texts_before, texts_now, typed, [*changed(texts_before, typed)])
     if merge.load().piece is not None:
         return merge, dropped
     # Some typed value needs something that the files no longer have: find the values that can be
     # kept.
-    merge, dropped, left = now, [], [*changed(before, typed)]
+    merge, dropped, spots_left = texts_now, [], [*changed(texts_before, typed)]
     count = -1
-    while count != len(left):
-        count = len(left)
-        for spot in left[:]:
-            single, lost = _with(before, merge, typed, [spot])
+    while count != len(spots_left):
+        count = len(spots_left)
+        for spot in spots_left[:]:
+            single, lost = _with(texts_before, merge, typed, [spot])
             if lost or single.load().piece is not None:
-                left.remove(spot)
+                spots_left.remove(spot)
                 merge, dropped = (merge, [*dropped, spot]) if lost else (single, dropped)
-    return merge, [*dropped, *left]
+    return merge, [*dropped, *spots_left]
 
 
-def changed(before: Texts, after: Texts) -> Iterator[Spot]:
+def changed(texts_before: Texts, texts_after: Texts) -> Iterator[Spot]:
     """The places at which two texts differ."""
-    for file in (after.path, *after.overlay):
-        old, new = _text(before, file), _text(after, file)
+    for file in (texts_after.path, *texts_after.overlay):
+        old, new = _text(texts_before, file), _text(texts_after, file)
         if old != new:
             paths = _differing(_tree(old, file), _tree(new, file), ())
             yield from (Spot(file, path) for path in paths)
@@ -74,68 +74,82 @@ def differ(a: Texts, b: Texts, spot: Spot) -> bool:
     return _value_of(a, spot) != _value_of(b, spot)
 
 
-def _with(before: Texts, now: Texts, typed: Texts, spots: list[Spot]) -> tuple[Texts, list[Spot]]:
+def _with(
+    texts_before: Texts, texts_now: Texts, typed: Texts, spots: list[Spot]
+) -> tuple[Texts, list[Spot]]:
     dropped = []
     for spot in spots:
-        had, want, there = _value_of(before, spot), _value_of(typed, spot), _value_of(now, spot)
-        if there == want:
+        value_before, typed_value, value_now = (
+            _value_of(texts_before, spot),
+            _value_of(typed, spot),
+            _value_of(texts_now, spot),
+        )
+        if value_now == typed_value:
             continue
-        if there != had or _text(now, spot.file) is None:
+        if value_now != value_before or _text(texts_now, spot.file) is None:
             dropped.append(spot)
             continue
         try:
-            now = _put(now, spot, had, want)
+            texts_now = _put(texts_now, spot, value_before, typed_value)
         except EditError:
             dropped.append(spot)
-    return now, dropped
+    return texts_now, dropped
 
 
-def _put(now: Texts, spot: Spot, had: _Value, want: _Value) -> Texts:
+def _put(texts_now: Texts, spot: Spot, value_before: _Value, typed_value: _Value) -> Texts:
     """The texts with a value set at a place; comments are kept if possible. Raises EditError."""
-    if isinstance(want, Missing):
-        return now.remove(spot.path, file=spot.file)
-    if want is None:
-        return now.put(spot.path, "[]" if isinstance(had, list) else "{}", spot.file)
+    if isinstance(typed_value, Missing):
+        return texts_now.remove(spot.path, file=spot.file)
+    if typed_value is None:
+        return texts_now.put(spot.path, "[]" if isinstance(value_before, list) else "{}", spot.file)
     try:
-        if isinstance(want, list):
-            return _items_put(now, spot, had, want)
-        if isinstance(want, str) and "\n" in want and isinstance(had, str):
-            return _rows_put(now, spot, edit.rows(had), edit.rows(want))
+        if isinstance(typed_value, list):
+            return _items_put(texts_now, spot, value_before, typed_value)
+        if isinstance(typed_value, str) and "\n" in typed_value and isinstance(value_before, str):
+            return _rows_put(texts_now, spot, edit.rows(value_before), edit.rows(typed_value))
     except EditError:  # write the whole value instead
         pass
-    return now.put(spot.path, edit.flow(want), spot.file)
+    return texts_now.put(spot.path, edit.flow(typed_value), spot.file)
 
 
-def _items_put(now: Texts, spot: Spot, had: _Value, want: list[Tree]) -> Texts:
-    old = had if isinstance(had, list) else []
-    if len(want) < len(old) or (had is not None and not isinstance(had, list)):
+def _items_put(
+    texts_now: Texts, spot: Spot, value_before: _Value, typed_items: list[Tree]
+) -> Texts:
+    items_before = value_before if isinstance(value_before, list) else []
+    if len(typed_items) < len(items_before) or (
+        value_before is not None and not isinstance(value_before, list)
+    ):
         raise EditError("items were removed")
-    for number, (was, item) in enumerate(zip(old, want, strict=False)):
-        if was != item:
-            now = now.put((*spot.path, number), edit.flow(item), spot.file)
-    for item in want[len(old) :]:
-        text = edit.flow(item)
-        now = now.edited(
+    for number, (item_before, typed_item) in enumerate(
+        zip(items_before, typed_items, strict=False)
+    ):
+        if item_before != typed_item:
+            texts_now = texts_now.put((*spot.path, number), edit.flow(typed_item), spot.file)
+    for typed_item in typed_items[len(items_before) :]:
+        text = edit.flow(typed_item)
+        texts_now = texts_now.edited(
             spot.path[0],
             partial(edit.append, path=spot.path, text=text, order=SECTIONS),
             spot.file,
         )
-    return now
+    return texts_now
 
 
-def _rows_put(now: Texts, spot: Spot, had: list[str], want: list[str]) -> Texts:
-    if len(want) < len(had):
+def _rows_put(texts_now: Texts, spot: Spot, rows_before: list[str], typed_rows: list[str]) -> Texts:
+    if len(typed_rows) < len(rows_before):
         raise EditError("lines were removed")
-    for number, (was, row) in enumerate(zip(had, want, strict=False)):
-        if was != row:
-            now = now.edited(
+    for number, (row_before, typed_row) in enumerate(zip(rows_before, typed_rows, strict=False)):
+        if row_before != typed_row:
+            texts_now = texts_now.edited(
                 spot.path[0],
-                partial(edit.put_row, path=spot.path, row=number, text=row),
+                partial(edit.put_row, path=spot.path, row=number, text=typed_row),
                 spot.file,
             )
-    for row in want[len(had) :]:
-        now = now.edited(spot.path[0], partial(edit.add_row, path=spot.path, text=row), spot.file)
-    return now
+    for typed_row in typed_rows[len(rows_before) :]:
+        texts_now = texts_now.edited(
+            spot.path[0], partial(edit.add_row, path=spot.path, text=typed_row), spot.file
+        )
+    return texts_now
 
 
 def _text(texts: Texts, file: str) -> str | None:
@@ -152,11 +166,13 @@ def _differing(old: _Value, new: _Value, path: edit.Path) -> Iterator[edit.Path]
     if isinstance(new, Missing) and path:  # something removed is removed as a whole
         yield path
         return
-    mappings = [one for one in (old, new) if isinstance(one, dict)]
-    if not mappings or any(isinstance(one, (str, list)) for one in (old, new)):
+    mappings = [tree_value for tree_value in (old, new) if isinstance(tree_value, dict)]
+    if not mappings or any(isinstance(tree_value, (str, list)) for tree_value in (old, new)):
         yield path
         return
-    names = dict.fromkeys(name for one in (new, old) if isinstance(one, dict) for name in one)
+    names = dict.fromkeys(
+        name for tree_value in (new, old) if isinstance(tree_value, dict) for name in tree_value
+    )
     for name in names:
         yield from _differing(_entry(old, name), _entry(new, name), (*path, name))
 
@@ -168,5 +184,5 @@ def _value_of(texts: Texts, spot: Spot) -> _Value:
     return spot_value
 
 
-def _entry(said: _Value, name: str | int) -> _Value:
-    return said.get(str(name), _MISSING) if isinstance(said, dict) else _MISSING
+def _entry(tree_value: _Value, name: str | int) -> _Value:
+    return tree_value.get(str(name), _MISSING) if isinstance(tree_value, dict) else _MISSING

@@ -49,15 +49,17 @@ def transform(texts: Texts, piece: Piece, player: str, beat: float, chain: Seque
         raise EditError(f"{player} plays nothing at {piece.tempo_map.written(beat)}")
     closed, new = [], []
     for line in playing:
-        more = Entry(line.entry.fields, (*line.entry.do, *chain))
+        later_entry = Entry(line.entry.fields, (*line.entry.do, *chain))
         if line.is_open(beat, piece):
             closed.append(line)
-            more = _rest_of(line, piece, more, beat)
+            later_entry = _rest_of(line, piece, later_entry, beat)
         else:
             always = takewhile(lambda do: not is_turn(do), line.entry.do)
-            more = Entry(line.entry.fields, (*always, *chain))
-            more = more.with_fields(at=written(piece, beat), every=None, times=None, until=None)
-        new.append(more)
+            later_entry = Entry(line.entry.fields, (*always, *chain))
+            later_entry = later_entry.with_fields(
+                at=written(piece, beat), every=None, times=None, until=None
+            )
+        new.append(later_entry)
     new += [Entry(line.entry.fields, (*line.entry.do, *chain)) for line in begins]
     return entries.change(texts, PartEdit(player, written(piece, beat), closed, begins, new))
 
@@ -69,15 +71,15 @@ def _rest_of(
     starts = line.starts or ()
     done = line.count_before(beat)
     if isinstance(starts, Steps) and done < len(starts):
-        left = replace(line, entry=entry).part(done, len(starts), partial(written, piece))
+        first_part = replace(line, entry=entry).part(done, len(starts), partial(written, piece))
         until = None if "times" in entry.fields else entry.fields.get("until")
-        return left if until is None else left.with_fields(until=until)
-    more = entry.with_fields(at=written(piece, starts[done] if done < len(starts) else beat))
+        return first_part if until is None else first_part.with_fields(until=until)
+    later_entry = entry.with_fields(at=written(piece, starts[done] if done < len(starts) else beat))
     if done and any(map(is_turn, entry.do)):  # a pattern now, whose rounds go on counting
-        return more.with_fields(skip=str(done))
-    if done < len(starts) and "times" in more.fields:
-        more = more.with_fields(times=str(len(starts) - done))
-    return more
+        return later_entry.with_fields(skip=str(done))
+    if done < len(starts) and "times" in later_entry.fields:
+        later_entry = later_entry.with_fields(times=str(len(starts) - done))
+    return later_entry
 
 
 def rest(texts: Texts, piece: Piece, player: str | None, beat: float) -> Texts:
@@ -136,17 +138,17 @@ def _under_way(
     """The last occurrence of an entry, as an entry that plays it alone; None if it has ended or not
     begun.
     """
-    tempo, what = piece.tempo_map, line.play.what
+    tempo, pattern_or_name = piece.tempo_map, line.play.what
     begin = line.starts[-1] if line.starts else line.begin
     if isinstance(line.starts, Steps):
         course = line.starts.course
-        last = next((n for n in reversed(range(len(line.starts))) if course.played(n)), None)
-        if last is None:
+        last_played = next((n for n in reversed(range(len(line.starts))) if course.played(n)), None)
+        if last_played is None:
             return None
-        begin, what = line.starts[last], course.played(last) or ""
+        begin, pattern_or_name = line.starts[last_played], course.played(last_played) or ""
         fields = dict.fromkeys((*PATTERN_FIELDS, words.NTH), None)
-        line = replace(line, entry=line.entry.with_fields(**{**fields, "play": what}))
-    gesture = piece.gestures.get(what)
+        line = replace(line, entry=line.entry.with_fields(**{**fields, "play": pattern_or_name}))
+    gesture = piece.gestures.get(pattern_or_name)
     if begin >= instant - SAME or gesture is None:
         return None
     beat = gesture.beat(tempo, begin)

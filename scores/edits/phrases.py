@@ -28,8 +28,11 @@ def define(
 
 
 def _row(entry: Mapping[str, str]) -> edit.Tree:
-    what = entry["what"].split()
-    row: dict[str, edit.Tree] = {"at": entry["at"], "what": what[0] if len(what) == 1 else [*what]}
+    note_words = entry["what"].split()
+    row: dict[str, edit.Tree] = {
+        "at": entry["at"],
+        "what": note_words[0] if len(note_words) == 1 else [*note_words],
+    }
     return row if "impulse" not in entry else {**row, "impulse": entry["impulse"]}
 
 
@@ -38,5 +41,7 @@ def _check(texts: Texts, name: str) -> None:
     played = texts.put(("strikes", f"{_TRIAL}-{name}"), edit.flow({"play": name, "at": "1|1"}))
     loaded = played.load()
     if loaded.piece is None:
-        first = next(mistake for mistake in loaded.diagnostics if mistake.severity == "error")
-        raise EditError(first.message)
+        first_mistake = next(
+            mistake for mistake in loaded.diagnostics if mistake.severity == "error"
+        )
+        raise EditError(first_mistake.message)

@@ -39,10 +39,10 @@ def rename(texts: Texts, piece: Piece, old: str, new: str) -> Texts:
 
     Raises EditError.
     """
-    text, after = "", 0
+    text, copied_until = "", 0
     for start, stop in places_named(texts, piece, old, new):
-        text, after = f"{text}{texts.text[after:start]}{new}", stop
-    changed = texts.changed(text + texts.text[after:])
+        text, copied_until = f"{text}{texts.text[copied_until:start]}{new}", stop
+    changed = texts.changed(text + texts.text[copied_until:])
     section, _ = definition_path(texts, old)
     if section in (*_PARTS, "phrases"):
         _check(piece, changed, SoundingNames({new: old} if section in _PARTS else {}), old)
@@ -154,9 +154,9 @@ def _spans_of_words(node: Scalar, words: list[tuple[str, int]], name: str) -> It
 
 def _span(node: Scalar, offset: int, length: int) -> Span:
     """The start and end of a word, given its offset in the text of a node."""
-    source, where = node.document, node.place_at(offset, length)
-    start, _ = source.line_span(where.line - source.first_row - 1)
-    return start + where.column - 1, start + where.column - 1 + length
+    source, offset_place = node.document, node.place_at(offset, length)
+    start, _ = source.line_span(offset_place.line - source.first_row - 1)
+    return start + offset_place.column - 1, start + offset_place.column - 1 + length
 
 
 # --- gestures, takes, players, blocks -----------------------------------------------------------
@@ -215,10 +215,10 @@ def _in_phrase(entries: Node | None, name: str) -> Iterator[Span]:
     """Where entries of a phrase are another phrase: it stands alone where notes could stand."""
     if isinstance(entries, document.Sequence):
         for item in entries.items:
-            what = item.get("what") if isinstance(item, document.Mapping) else None
-            if isinstance(what, document.Sequence) and len(what.items) == 1:
-                what = what.items[0]
-            yield from _same(what, name)
+            what_node = item.get("what") if isinstance(item, document.Mapping) else None
+            if isinstance(what_node, document.Sequence) and len(what_node.items) == 1:
+                what_node = what_node.items[0]
+            yield from _same(what_node, name)
     elif isinstance(entries, Scalar):
         for row, offset in words.rows(entries.text):
             cells = [*_WORD.finditer(row)]
@@ -233,37 +233,37 @@ def _same(node: Node | None, name: str) -> Iterator[Span]:
 
 def _is_named(word: str, name: str) -> bool:
     """Whether a word is a name, or an axis of the path that it names: `pour.x`."""
-    head, _, axis = word.rpartition(".")
-    return word == name or (head == name and axis in AXES)
+    key_name, _, axis = word.rpartition(".")
+    return word == name or (key_name == name and axis in AXES)
 
 
 def _in_table(part: Scalar, name: str) -> Iterator[Span]:
     """Where rows of a table name what is played."""
     for row, offset in words.rows(part.text):
-        called: list[int] = []
-        play = words.parse_row(row, offset, _noting(name, called)).play
-        yield from _spans(part, name, play, called)
+        offsets: list[int] = []
+        play = words.parse_row(row, offset, _noting(name, offsets)).play
+        yield from _spans(part, name, play, offsets)
 
 
 def _in_play(node: Node | None, name: str) -> Iterator[Span]:
     """Where the play of an entry names what is played."""
     if isinstance(node, Scalar) and not node.is_empty:
-        called: list[int] = []
-        yield from _spans(node, name, words.parse(node.text, 0, _noting(name, called)), called)
+        offsets: list[int] = []
+        yield from _spans(node, name, words.parse(node.text, 0, _noting(name, offsets)), offsets)
 
 
-def _noting(name: str, called: list[int]) -> Callable[[str, int], str]:
-    """A function for reading patterns that records in `called` where a name stands."""
+def _noting(name: str, offsets: list[int]) -> Callable[[str, int], str]:
+    """A function for reading patterns that records in `offsets` where a name stands."""
 
     def note(word: str, offset: int) -> str:
         if _is_named(word, name):
-            called.append(offset)
+            offsets.append(offset)
         return word
 
     return note
 
 
-def _spans(node: Scalar, name: str, play: words.PlayWords, called: list[int]) -> Iterator[Span]:
-    """The spans of a name in a play; in a pattern it stands at the offsets `called`."""
-    for offset in [play.what.offset] if _is_named(play.what.text, name) else sorted({*called}):
+def _spans(node: Scalar, name: str, play: words.PlayWords, offsets: list[int]) -> Iterator[Span]:
+    """The spans of a name in a play; in a pattern it stands at the offsets `offsets`."""
+    for offset in [play.what.offset] if _is_named(play.what.text, name) else sorted({*offsets}):
         yield _span(node, offset, len(name))

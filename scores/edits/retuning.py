@@ -21,7 +21,7 @@ def retune(texts: Texts, target: str, fields: Mapping[str, str]) -> tuple[Texts,
     Raises EditError.
     """
     path: tuple[str, ...] = (TUNING,)
-    file, written = texts.path, texts.document().root
+    file, root_node = texts.path, texts.document().root
     name = target.removesuffix(TUNING).rstrip(".")
     if name:
         names, _ = texts.names()
@@ -30,8 +30,8 @@ def retune(texts: Texts, target: str, fields: Mapping[str, str]) -> tuple[Texts,
         if not isinstance(values, Values):
             raise EditError(f"{quote(name)} is not an instrument that can be tuned")
         path = ("instruments", values.context.name, TUNING)
-        file, written = values.node.document.file, values.node
+        file, root_node = values.node.document.file, values.node
     if fields:
         return families.with_files_read(texts.put(path, edit.flow(dict(fields)), file))
-    is_written = isinstance(written, document.Mapping) and TUNING in written.entries
+    is_written = isinstance(root_node, document.Mapping) and TUNING in root_node.entries
     return texts.remove(path, file=file) if is_written else texts, {}

@@ -35,24 +35,26 @@ def with_matter(texts: Texts, piece: Piece, scene: Scene) -> Texts:
     object if they lack nothing. What both have stays as it is. Raises EditError.
     """
     needed = _played(scene.piece)
-    known = {*piece.keys, *piece.instruments, *piece.families, *piece.players}
-    lacking = needed - known
+    names_here = {*piece.keys, *piece.instruments, *piece.families, *piece.players}
+    lacking = needed - names_here
     if not lacking:
         return texts
     _check_keys(piece, scene, lacking)
-    there = {section: _entries(scene.texts, section) for section in _SECTIONS}
-    here = {section: _entries(texts, section).keys() for section in _SECTIONS}
-    lacks = {
+    scene_entries = {section: _entries(scene.texts, section) for section in _SECTIONS}
+    entry_names_here = {section: _entries(texts, section).keys() for section in _SECTIONS}
+    missing_entries = {
         section: {
-            n: entry for n, entry in there[section].items() if n not in (*here[section], *known)
+            n: entry
+            for n, entry in scene_entries[section].items()
+            if n not in (*entry_names_here[section], *names_here)
         }
         for section in _SECTIONS
     }
-    names = _with_parts_of(lacking, lacks)
+    names = _with_parts_of(lacking, missing_entries)
     texts_now = replace(texts, overlay={**scene.texts.overlay, **texts.overlay})
     texts_now = _with_files(texts_now, scene)
     for section in _SECTIONS:
-        for name, entry in lacks[section].items():
+        for name, entry in missing_entries[section].items():
             if name in names:
                 texts_now = texts_now.put((section, name), edit.flow(entry))
     texts_now = _with_links(texts_now, piece, scene, needed)
@@ -65,7 +67,7 @@ def _played(piece: Piece) -> set[str]:
     players = {play.player for play in piece.parts}
     keys = {piece.players[name].key for name in players}
     struck = {part for strikes in piece.strikes for part in strikes.parts}
-    led = {name.partition(".")[0] for name in (row.name for row in piece.automation)}
+    led = {name.partition(".")[0] for name in (entry.name for entry in piece.automation)}
     touched = {
         part.name
         for part in piece.instruments.values()
@@ -95,14 +97,18 @@ def _entries(texts: Texts, section: str) -> Mapping[str, edit.Tree]:
     return tree if isinstance(tree, dict) else {}
 
 
-def _with_parts_of(names: set[str], lacks: Mapping[str, Mapping[str, edit.Tree]]) -> set[str]:
+def _with_parts_of(
+    names: set[str], missing_entries: Mapping[str, Mapping[str, edit.Tree]]
+) -> set[str]:
     """Names with all that their entries name and that is lacking too."""
-    entries = {name: entry for section in lacks.values() for name, entry in section.items()}
-    waits, all_names = [*names], set(names)
-    while waits:
-        more = {*_words(entries.get(waits.pop()))} & entries.keys() - all_names
-        all_names |= more
-        waits += more
+    entries = {
+        name: entry for section in missing_entries.values() for name, entry in section.items()
+    }
+    unread_names, all_names = [*names], set(names)
+    while unread_names:
+        new_names = {*_words(entries.get(unread_names.pop()))} & entries.keys() - all_names
+        all_names |= new_names
+        unread_names += new_names
     return all_names
 
 
@@ -121,20 +127,20 @@ def _words(value_tree: edit.Tree) -> Iterator[str]:
 
 def _with_files(texts: Texts, scene: Scene) -> Texts:
     """The texts with the files that a scene uses and they do not. Raises EditError."""
-    used_here, there = _used(texts), _used(scene.texts)
-    new = [used for used in there if used not in used_here]
+    used_here, used_there = _used(texts), _used(scene.texts)
+    new_files = [used for used in used_there if used not in used_here]
     prefixes = {used.prefix for used in used_here if used.prefix}
-    if taken := next((used for used in new if used.prefix in prefixes), None):
-        message = f"the scene uses {taken.file} as {taken.prefix}, which is another file here"
+    if clashing := next((used for used in new_files if used.prefix in prefixes), None):
+        message = f"the scene uses {clashing.file} as {clashing.prefix}, which is another file here"
         raise EditError(message)
-    if not new:
+    if not new_files:
         return texts
-    if all(used.prefix for used in (*used_here, *new)):
-        for used in new:
+    if all(used.prefix for used in (*used_here, *new_files)):
+        for used in new_files:
             texts = texts.put(("use", used.prefix), edit.quoted(used.file))
         return texts
     rows: list[edit.Tree] = [
-        {used.prefix: used.file} if used.prefix else used.file for used in (*used_here, *new)
+        {used.prefix: used.file} if used.prefix else used.file for used in (*used_here, *new_files)
     ]
     return texts.put(("use",), edit.flow(rows))
 
@@ -161,12 +167,12 @@ def _with_links(texts: Texts, piece: Piece, scene: Scene, needed: set[str]) -> T
         part_here = piece.instruments.get(name)
         if part_here is None:
             continue
-        known = {module.name for module in part_here.modules}
-        written = _entries(scene.texts, "instruments").get(name)
-        modules = written.get("modules") if isinstance(written, dict) else None
+        module_names_here = {module.name for module in part_here.modules}
+        entry = _entries(scene.texts, "instruments").get(name)
+        modules = entry.get("modules") if isinstance(entry, dict) else None
         for module in instrument.modules:
-            ends = {*_ends(module)}
-            is_new = module.name not in known and ends and ends <= needed
+            end_parts = {*_ends(module)}
+            is_new = module.name not in module_names_here and end_parts and end_parts <= needed
             if is_new and isinstance(modules, dict) and module.name in modules:
                 path = "instruments", name, "modules", module.name
                 texts = texts.put(path, edit.flow(modules[module.name]))
@@ -175,22 +181,24 @@ def _with_links(texts: Texts, piece: Piece, scene: Scene, needed: set[str]) -> T
 
 def _routed(texts: Texts, piece: Piece, scene: Scene, names: set[str]) -> Texts:
     """The texts with the routes of a scene for new instruments, and the rooms that these need."""
-    written = structure.routed(scene.texts, scene.piece)
+    routed_scene = structure.routed(scene.texts, scene.piece)
     rows = [
-        row for node in items(written, "mix", "route") if isinstance(row := edit.tree(node), dict)
+        row
+        for node in items(routed_scene, "mix", "route")
+        if isinstance(row := edit.tree(node), dict)
     ]
-    new = [row for row in rows if str(row.get("from")).partition(".")[0] in names]
-    if not new:
+    new_rows = [row for row in rows if str(row.get("from")).partition(".")[0] in names]
+    if not new_rows:
         return texts
     texts = structure.routed(texts, piece)
     mix = _entries(scene.texts, "mix")
     rooms = mix.get("rooms")
-    known = {room.name for room in piece.mix.rooms}
-    for row in new:
+    room_names_here = {room.name for room in piece.mix.rooms}
+    for row in new_rows:
         sends = row.get("send")
         for room in sends if isinstance(sends, dict) else ():
-            if room not in known and isinstance(rooms, dict) and room in rooms:
+            if room not in room_names_here and isinstance(rooms, dict) and room in rooms:
                 texts = texts.put(("mix", "rooms", room), edit.flow(rooms[room]))
-                known.add(room)
+                room_names_here.add(room)
         texts = texts.append(("mix", "route"), edit.flow(row))
     return texts

@@ -57,8 +57,8 @@ def _turns(entry: Entry) -> list[tuple[Turn, str]]:
     """The turns of an entry as its reading numbers them, each with its text. Raises EditError."""
     text = entry.fields.get(words.NTH, "")
     pairs = [(turn, text) for turn in parse_turns(text)] if text else []
-    more = [*dropwhile(lambda do: not is_turn(do), entry.do)]
-    for do in more:
+    later_turns = [*dropwhile(lambda do: not is_turn(do), entry.do)]
+    for do in later_turns:
         try:
             pairs.append((as_turn(parse_change(do)), do))
         except TextError as error:
@@ -82,8 +82,8 @@ def strikes(
         yield places[0], body
         return
     plain = {name: value for name, value in body.items() if name not in ("euclid", "swing", "skip")}
-    named = ((places[place], places.course.named(place)) for place in range(count))
-    named_beats = [(beat, name) for beat, name in named if name is not None]
+    places_with_names = ((places[place], places.course.named(place)) for place in range(count))
+    named_beats = [(beat, name) for beat, name in places_with_names if name is not None]
     if notes:
         played = [(beat, notes[name]) for beat, name in named_beats]
         for begin, notes_text, every in _written_out(played, beats):

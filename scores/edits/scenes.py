@@ -47,8 +47,10 @@ class Scene:
         marked = next((mark for mark in piece.marks if mark.name == END), None)
         if marked is not None and (beats := tempo.resolve(marked.at)) > SAME:
             return cls(texts, piece, beats)
-        last = max((beat for found in piece.starts for beat in (found or ())[-1:]), default=0.0)
-        bar, _ = tempo.bar_beat(last + SAME)
+        last_start = max(
+            (beat for part_starts in piece.starts for beat in (part_starts or ())[-1:]), default=0.0
+        )
+        bar, _ = tempo.bar_beat(last_start + SAME)
         return cls(texts, piece, tempo.bars.start(bar + 1))
 
 
@@ -60,52 +62,52 @@ def play_scene(
     Its gestures, takes, couplings, strikes and automation are brought in. `piece` is the piece
     of `texts`. Raises EditError.
     """
-    here = texts.load().names
+    names_here = texts.load().names
     missing = next((name for name in scene.piece.players if name not in piece.players), None)
     if missing is not None and any(play.player == missing for play in scene.piece.parts):
         raise EditError(f"this score has no player {missing}, who plays in the scene")
     for strikes in piece.strikes:
         texts = strikes_edits.end(texts, piece, strikes, beat)
     stop = end(piece, beat) if until is None else written(piece, until)
-    last = math.inf if until is None else until - SAME
+    last_beat = math.inf if until is None else until - SAME
     edits = []
     for player in piece.players:
-        known = scene.piece.players
-        lines = entries.lines(scene.texts, scene.piece, player) if player in known else []
-        new = [
+        scene_players = scene.piece.players
+        lines = entries.lines(scene.texts, scene.piece, player) if player in scene_players else []
+        new_entries = [
             entry.with_fields(at=written(piece, beat + begin), until=stop)
             for line in lines
             for begin, entry in _looped(line, scene.beats)
-            if beat + begin < last
+            if beat + begin < last_beat
         ]
-        edits.append(parts.ending(texts, piece, player, beat, new))
+        edits.append(parts.ending(texts, piece, player, beat, new_entries))
     texts = entries.change(texts, *edits)
-    texts = _defined(texts, here, scene)
+    texts = _defined(texts, names_here, scene)
     texts = _coupled(texts, piece, scene, beat, None if until is None else stop)
     for strikes in scene.piece.strikes:
-        texts = _struck(texts, piece, scene, strikes, beat, last, stop)
-    return _automated(texts, piece, scene, beat, last, None if until is None else stop)
+        texts = _struck(texts, piece, scene, strikes, beat, last_beat, stop)
+    return _automated(texts, piece, scene, beat, last_beat, None if until is None else stop)
 
 
 def released(piece: Piece, scene: Scene, beat: float) -> list[str]:
     """Parameters whose automation a scene ends on a beat because it does not automate them
     itself.
     """
-    automated_here = {one.name for one in scene.piece.automation}
+    automated_here = {entry.name for entry in scene.piece.automation}
     automated_names = (
-        one.name for one in piece.automation if automation.is_automated_from(piece, one, beat)
+        entry.name for entry in piece.automation if automation.is_automated_from(piece, entry, beat)
     )
     return [name for name in dict.fromkeys(automated_names) if name not in automated_here]
 
 
 def paced(texts: Texts, piece: Piece, scene: Scene, beat: float, over: str | None = None) -> Texts:
     """Set the tempo to that of a scene, by a ramp `over` a length if given. Raises EditError."""
-    now, bpm = piece.tempo_map.bpm(beat), scene.piece.tempo_map.bpm(0.0)
-    if abs(now - bpm) < SAME:
+    bpm_now, bpm = piece.tempo_map.bpm(beat), scene.piece.tempo_map.bpm(0.0)
+    if abs(bpm_now - bpm) < SAME:
         return texts
     if over is None:
         return times.change(texts, piece, beat, f"{bpm:.12g}")
-    return times.change(texts, piece, beat, f"{now:.12g} -> {bpm:.12g}", over)
+    return times.change(texts, piece, beat, f"{bpm_now:.12g} -> {bpm:.12g}", over)
 
 
 def tuned(texts: Texts, piece: Piece, scene: Scene) -> Texts:
@@ -123,18 +125,18 @@ def has_events_from(piece: Piece, beat: float) -> bool:
     events.
     """
     tempo = piece.tempo_map
-    ends = [tempo.resolve(play.at) for play in piece.parts]
-    ends += [found[-1] for found in piece.starts if found]
+    event_beats = [tempo.resolve(play.at) for play in piece.parts]
+    event_beats += [part_starts[-1] for part_starts in piece.starts if part_starts]
     for strikes in piece.strikes:
         begin = tempo.resolve(strikes.at)
         if strikes.rhythm is None:
-            ends += [beat for beat, *_ in strikes.falls(piece)]
+            event_beats += [beat for beat, *_ in strikes.falls(piece)]
         elif strikes.until is None and strikes.span is None:
-            ends.append(strikes.rhythm.begin(tempo, begin, strikes.cycles(tempo)))
-        ends.append(begin if strikes.until is None else tempo.resolve(strikes.until))
+            event_beats.append(strikes.rhythm.begin(tempo, begin, strikes.cycles(tempo)))
+        event_beats.append(begin if strikes.until is None else tempo.resolve(strikes.until))
         if strikes.span is not None:
-            ends.append(tempo.after(begin, strikes.span))
-    return not ends or max(ends) >= beat - SAME
+            event_beats.append(tempo.after(begin, strikes.span))
+    return not event_beats or max(event_beats) >= beat - SAME
 
 
 def _looped(line: PlacedEntry, beats: float) -> Iterator[tuple[float, Entry]]:
@@ -156,14 +158,14 @@ def _looped(line: PlacedEntry, beats: float) -> Iterator[tuple[float, Entry]]:
         yield begin, entry
 
 
-def _defined(texts: Texts, here: Names | None, scene: Scene) -> Texts:
-    """Write the gestures and takes of a scene that are missing `here`, or that differ."""
-    there = scene.texts.load().names
-    assert here is not None  # a score without a text has no scenes
-    assert there is not None
+def _defined(texts: Texts, names_here: Names | None, scene: Scene) -> Texts:
+    """Write the gestures and takes of a scene that are missing `names_here`, or that differ."""
+    scene_names = scene.texts.load().names
+    assert names_here is not None  # a score without a text has no scenes
+    assert scene_names is not None
     for section in ("gestures", "takes"):
-        for name, entry in there.tables[section].items():
-            definition = here.tables[section].get(name)
+        for name, entry in scene_names.tables[section].items():
+            definition = names_here.tables[section].get(name)
             if not isinstance(entry.values, Values):
                 continue
             node = entry.values.node
@@ -186,19 +188,22 @@ def _parameters(now: Piece, then: Piece) -> Iterator[tuple[str, str]]:
     """The parameters that differ between two pieces, each with its value in the second."""
     pairs: list[tuple[Key | Instrument, Key | Instrument | None]] = [
         *((key, now.keys.get(key.name)) for key in then.keys.values()),
-        *((one, now.instruments.get(one.name)) for one in then.instruments.values()),
+        *(
+            (instrument, now.instruments.get(instrument.name))
+            for instrument in then.instruments.values()
+        ),
     ]
     for part, module_owner in pairs:
         modules = (
             {} if module_owner is None else {module.name: module for module in module_owner.modules}
         )
         for module in part.modules:
-            known = modules.get(module.name)
-            if known is None or known.kind != module.kind:
+            module_now = modules.get(module.name)
+            if module_now is None or module_now.kind != module.kind:
                 continue
             path = ".".join(filter(None, (part.name, module.name)))
             for name, value in matter.quantities(module):
-                if value != known.fields.get(name):
+                if value != module_now.fields.get(name):
                     is_ca = getattr(part, "ca_rate", None) is not None
                     yield f"{path}.{name}", matter.written_quantity(value, name, is_ca=is_ca)
 
@@ -217,40 +222,40 @@ def _coupled(texts: Texts, piece: Piece, scene: Scene, beat: float, until: str |
             continue
         coupling_tree = edit.tree(node)
         assert isinstance(coupling_tree, dict)
-        more: dict[str, edit.Tree] = {**coupling_tree, "at": written(piece, beat)}
-        more.pop("until", None)
+        entry_tree: dict[str, edit.Tree] = {**coupling_tree, "at": written(piece, beat)}
+        entry_tree.pop("until", None)
         if until is not None:
-            more["until"] = until
-        texts = texts.append(("duet",), edit.flow(more))
+            entry_tree["until"] = until
+        texts = texts.append(("duet",), edit.flow(entry_tree))
     return texts
 
 
 def _automated(
-    texts: Texts, piece: Piece, scene: Scene, beat: float, last: float, until: str | None
+    texts: Texts, piece: Piece, scene: Scene, beat: float, last_beat: float, until: str | None
 ) -> Texts:
     """Write the automation of a scene from a beat on; all other automation ends there.
 
     Automation that ends within the scene acts only in its first round; the rest continues. What
-    begins on the beat `last` or later is left out: another scene plays there.
+    begins on the beat `last_beat` or later is left out: another scene plays there.
     """
     nodes, tempo = items(scene.texts, "automation"), scene.piece.tempo_map
     for node, entry in zip(nodes, scene.piece.automation, strict=True):
-        begin, over = tempo.resolve(entry.at), automation.ending(scene.piece, entry)
-        head = entry.name.rpartition(".")[0]
+        begin, ending = tempo.resolve(entry.at), automation.ending(scene.piece, entry)
+        module_path = entry.name.rpartition(".")[0]
         if (
             begin >= scene.beats - SAME
-            or beat + begin >= last
-            or automatable.named_module(head, piece.keys, piece.instruments) is None
+            or beat + begin >= last_beat
+            or automatable.named_module(module_path, piece.keys, piece.instruments) is None
         ):
             continue
         entry_tree = edit.tree(node)
         assert isinstance(entry_tree, dict)
         entry_tree = {**entry_tree, "at": written(piece, beat + begin)}
-        goes_on = over >= scene.beats - SAME or beat + over >= last
+        goes_on = ending >= scene.beats - SAME or beat + ending >= last_beat
         if goes_on and ("until" in entry_tree or until is not None):
             entry_tree["until"] = until or end(piece, beat)
         elif "until" in entry_tree:
-            entry_tree["until"] = written(piece, beat + over)
+            entry_tree["until"] = written(piece, beat + ending)
         texts = texts.append(("automation",), edit.flow(entry_tree))
     # The new entries are added before others are removed: a list that never becomes empty keeps its
     # style.
@@ -263,7 +268,7 @@ def _struck(
     scene: Scene,
     strikes: Strikes,
     start: float,
-    last: float,
+    last_beat: float,
     until: str,
 ) -> Texts:
     """Write strikes of a scene from a beat on, under names that are free.
@@ -276,7 +281,7 @@ def _struck(
     if strikes.span is not None:
         stop = tempo.after(begin, strikes.span)
     if strikes.is_melody:
-        return _melody(texts, piece, scene, strikes, start, last, until)
+        return _melody(texts, piece, scene, strikes, start, last_beat, until)
     node = scene.texts.section("strikes")
     entry_tree = edit.tree(node)
     assert isinstance(entry_tree, dict)
@@ -289,8 +294,8 @@ def _struck(
     if strikes.rate is not None:
         fills = begin < SAME and stop >= scene.beats - SAME
         end_ = start + min(stop, scene.beats)
-        ends = until if fills or end_ > last else written(piece, end_)
-        occurrences = [(begin, {**body, "until": ends})] if begin < scene.beats - SAME else []
+        until_text = until if fills or end_ > last_beat else written(piece, end_)
+        occurrences = [(begin, {**body, "until": until_text})] if begin < scene.beats - SAME else []
     elif strikes.pattern is not None:
         places = strikes.steps(scene.piece)
         count = n_before(places, scene.beats - SAME)
@@ -304,10 +309,10 @@ def _struck(
             if strikes.passing is not None
             else starts(tempo, begin, Length(), every=every, times=times_max, until=limit)
         )
-        again = {**body, "every": f"{scene.beats:.12g}"}
-        occurrences = [(beat, again) for beat in begins if beat < scene.beats - SAME]
+        repeated_fields = {**body, "every": f"{scene.beats:.12g}"}
+        occurrences = [(beat, repeated_fields) for beat in begins if beat < scene.beats - SAME]
     for beat, fields in occurrences:
-        if start + beat < last:
+        if start + beat < last_beat:
             entry_tree = {"until": until, **fields, "at": written(piece, start + beat)}
             entry_tree["until"] = entry_tree.pop("until")  # last, as written by hand
             texts = texts.put(("strikes", _free(texts, strikes.name)), edit.flow(entry_tree))
@@ -327,14 +332,14 @@ def _melody(
     scene: Scene,
     strikes: Strikes,
     start: float,
-    last: float,
+    last_beat: float,
     until: str,
 ) -> Texts:
     """Write a melody of a scene as a phrase as long as the scene, under a free name."""
     falling = strikes.falls(scene.piece, before=scene.beats)
     falls = [(beat, hit) for beat, _, hit in falling]
     rows = [row(hit, f"{beat:.12g}") for beat, hit in falls if beat < scene.beats - SAME]
-    if not rows or start >= last:
+    if not rows or start >= last_beat:
         return texts
     name = _free(texts, strikes.name, "phrases")
     phrase: edit.Tree = {"length": f"{scene.beats:.12g}", "entries": rows}

@@ -48,10 +48,10 @@ def move_pan(texts: Texts, piece: Piece, name: str, pan: float, begin: float, en
     """Move an instrument between two beats to a place between its channels. Raises EditError."""
     texts = structure.routed(texts, piece)
     members = {name, *piece.families.get(name, ())}
-    known = next((route for route in piece.mix.routes if route.part in members), None)
-    before = 0.0 if known is None else pan_of(known, piece.tempo_map, begin)
+    part_route = next((route for route in piece.mix.routes if route.part in members), None)
+    pan_before = 0.0 if part_route is None else pan_of(part_route, piece.tempo_map, begin)
     points: list[edit.Tree] = [
-        {"at": written(piece, begin), "pan": f"{before:.12g}"},
+        {"at": written(piece, begin), "pan": f"{pan_before:.12g}"},
         {"at": written(piece, end), "pan": f"{pan:.12g}"},
     ]
     for path in _routes(texts, name):
@@ -64,21 +64,21 @@ def pan_of(route: Route, tempo: TempoMap, beat: float) -> float:
     if route.pan is not None:
         return 2.0 * route.pan[1] ** 2 - 1.0
     instant = tempo.seconds(beat)
-    before: tuple[float, float] | None = None
+    point_before: tuple[float, float] | None = None
     for t, point in sorted(
         ((tempo.seconds(tempo.resolve(point.at)), point) for point in route.pan_path),
         key=lambda pair: pair[0],
     ):
         if t > instant:
-            if before is None:
+            if point_before is None:
                 return point.pan
-            begin, low = before
+            begin, low = point_before
             u = (instant - begin) / (t - begin)
             u = u * u * (3.0 - 2.0 * u) if point.is_smooth else u
             angles = [acos(-place) for place in (low, point.pan)]
             return -cos(angles[0] + (angles[1] - angles[0]) * u)
-        before = t, point.pan
-    return 0.0 if before is None else before[1]
+        point_before = t, point.pan
+    return 0.0 if point_before is None else point_before[1]
 
 
 def send(texts: Texts, piece: Piece, name: str, room: str, level: str) -> Texts:
@@ -91,7 +91,7 @@ def send(texts: Texts, piece: Piece, name: str, room: str, level: str) -> Texts:
 
 def room(texts: Texts, piece: Piece, name: str, fields: Mapping[str, str]) -> Texts:
     """Add a room, or set fields of one. Raises EditError."""
-    if not any(own.name == name for own in piece.mix.rooms):
+    if not any(mix_room.name == name for mix_room in piece.mix.rooms):
         room_fields: dict[str, edit.Tree] = {**({} if "t60" in fields else {"t60": "2s"}), **fields}
         return texts.put(("mix", "rooms", name), edit.flow(room_fields))
     for field, text in fields.items():
@@ -109,8 +109,8 @@ def fade(
         return texts.put(path, edit.flow(_points(piece, master_fade, beat, end, is_in=is_in)))
     texts = structure.routed(texts, piece)
     members = {name, *piece.families.get(name, ())}
-    known = next((route.fade for route in piece.mix.routes if route.part in members), ())
-    points_text = edit.flow(_points(piece, known, beat, end, is_in=is_in))
+    fade_points = next((route.fade for route in piece.mix.routes if route.part in members), ())
+    points_text = edit.flow(_points(piece, fade_points, beat, end, is_in=is_in))
     for route in _routes(texts, name):
         texts = texts.put((*route, "fade"), points_text)
     return texts
@@ -119,22 +119,25 @@ def fade(
 def level(fade: Fade, tempo: TempoMap, beat: float) -> float:
     """The level of a fade on a beat, as a ratio."""
     instant = tempo.seconds(beat)
-    before: tuple[float, float] | None = None
+    point_before: tuple[float, float] | None = None
     for t, gain, is_smooth in sorted(
-        ((tempo.seconds(tempo.resolve(one.at)), one.gain, one.is_smooth) for one in fade),
-        key=lambda one: one[0],
+        (
+            (tempo.seconds(tempo.resolve(fade_point.at)), fade_point.gain, fade_point.is_smooth)
+            for fade_point in fade
+        ),
+        key=lambda fade_point: fade_point[0],
     ):
         if t > instant:
-            if before is None:
+            if point_before is None:
                 return gain
-            begin, low = before
+            begin, low = point_before
             u = (instant - begin) / (t - begin)
             u = u * u * (3.0 - 2.0 * u) if is_smooth else u
             if low > 0.0 and gain > 0.0:
                 return q.level_between(low, gain, u)
             return low + (gain - low) * u
-        before = t, gain
-    return 1.0 if before is None else before[1]
+        point_before = t, gain
+    return 1.0 if point_before is None else point_before[1]
 
 
 def fades_from(texts: Texts, piece: Piece, start: float) -> Texts:
@@ -159,7 +162,11 @@ def fades_from(texts: Texts, piece: Piece, start: float) -> Texts:
     for name, route in panned.items():
         texts = _pan_from(texts, piece, name, route, start)
     for name in dict.fromkeys(route.part for route in piece.mix.routes if route.fade):
-        route = next(own for own in piece.mix.routes if own.part == name and own.fade)
+        route = next(
+            part_route
+            for part_route in piece.mix.routes
+            if part_route.part == name and part_route.fade
+        )
         for path in _routes(texts, _written(piece, route)):
             texts = texts.put((*path, "fade"), edit.flow(within(route.fade)))
     return texts
@@ -173,8 +180,8 @@ def _pan_from(texts: Texts, piece: Piece, name: str, route: Route, start: float)
         beat = tempo.resolve(point.at)
         if start < beat:
             curve = "smooth" if point.is_smooth else "line"
-            after = f"{beat - start:.12g}"
-            points.append({"at": after, "pan": f"{point.pan:.12g}", "curve": curve})
+            beats_after = f"{beat - start:.12g}"
+            points.append({"at": beats_after, "pan": f"{point.pan:.12g}", "curve": curve})
     for path in _routes(texts, name):
         texts = texts.put((*path, "pan"), edit.flow(points))
     return texts
@@ -182,7 +189,10 @@ def _pan_from(texts: Texts, piece: Piece, name: str, route: Route, start: float)
 
 def _written(piece: Piece, route: Route) -> str:
     """The name of a route's instrument; for a note, that of the instrument it belongs to."""
-    return next((own for own, notes in piece.families.items() if route.part in notes), route.part)
+    return next(
+        (family_name for family_name, notes in piece.families.items() if route.part in notes),
+        route.part,
+    )
 
 
 def _points(piece: Piece, fade: Fade, beat: float, end: float, *, is_in: bool) -> list[edit.Tree]:

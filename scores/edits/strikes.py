@@ -18,7 +18,7 @@ from ergon.scores.reading.piece import Hit, Piece, Strikes
 def strike(texts: Texts, piece: Piece, name: str, beat: float, fields: Mapping[str, str]) -> Texts:
     """Write strikes from a beat on; they replace earlier strikes of the same name.
 
-    `fields` are those of a score as texts; modules in `to` are separated by spaces,
+    `fields` are those of a score as texts; modules in `target_words` are separated by spaces,
     transformations in `do` by commas. Repeated strikes without an end continue for ever. Raises
     EditError.
     """
@@ -30,16 +30,18 @@ def strike(texts: Texts, piece: Piece, name: str, beat: float, fields: Mapping[s
         for strikes_entry in named_strikes
         if piece.tempo_map.resolve(strikes_entry.at) >= beat - SAME
     }
-    used = {strikes_entry.name for strikes_entry in piece.strikes} - ahead
-    new = free_name(name, used)
+    used_names = {strikes_entry.name for strikes_entry in piece.strikes} - ahead
+    new = free_name(name, used_names)
     fields_written: dict[str, edit.Tree] = {**fields, "at": written(piece, beat)}
     if "to" in fields:
-        to = fields["to"].split()
-        rest = {field: text for field, text in fields_written.items() if field not in ("to", "at")}
+        target_words = fields["to"].split()
+        other_fields = {
+            field: text for field, text in fields_written.items() if field not in ("to", "at")
+        }
         fields_written = {
-            "to": to[0] if len(to) == 1 else [*to],
+            "to": target_words[0] if len(target_words) == 1 else [*target_words],
             "at": fields_written["at"],
-            **rest,
+            **other_fields,
         }
     if "do" in fields and "rhythm" not in fields and "(" not in fields["do"]:
         fields_written["do"] = [strikes_entry.strip() for strikes_entry in fields["do"].split(",")]
@@ -59,9 +61,11 @@ def strike(texts: Texts, piece: Piece, name: str, beat: float, fields: Mapping[s
 def named(piece: Piece, name: str) -> list[Strikes]:
     """The strikes of a name, and those that a session has numbered after it: `rain`, `rain-2`."""
     numbered = re.compile(rf"{re.escape(name)}(-[0-9]+)?")
-    if not any(one.name == name for one in piece.strikes):
+    if not any(strikes_entry.name == name for strikes_entry in piece.strikes):
         return []
-    return [one for one in piece.strikes if numbered.fullmatch(one.name)]
+    return [
+        strikes_entry for strikes_entry in piece.strikes if numbered.fullmatch(strikes_entry.name)
+    ]
 
 
 def end(texts: Texts, piece: Piece, strikes: Strikes, beat: float) -> Texts:
@@ -114,7 +118,7 @@ def cut(texts: Texts, piece: Piece, strikes: Strikes, instant: float) -> Texts:
         texts = texts.put(("strikes", strikes.name, "until"), written(piece, begun[-1]))
     if not played:
         return texts
-    name = free_name(strikes.name, {one.name for one in piece.strikes})
+    name = free_name(strikes.name, {other_strikes.name for other_strikes in piece.strikes})
     rows = [row(hit, written(piece, beat)) for beat, hit in played]
     return texts.put(("strikes", name), edit.flow({"entries": rows}))
 

@@ -51,13 +51,13 @@ def routed_to_all(texts: Texts, piece: Piece, name: str) -> Texts:
     ):
         return texts
     texts = routed(texts, piece)
-    every: dict[str, edit.Tree] = {
+    route_tree: dict[str, edit.Tree] = {
         "from": name,
         "to": [str(c + 1) for c in range(_n_channels(piece))],
     }
     if instrument.loudness is not None and piece.mix.reference() is not None:
-        every["level"] = USUAL_LEVEL
-    return texts.append(("mix", "route"), edit.flow(every))
+        route_tree["level"] = USUAL_LEVEL
+    return texts.append(("mix", "route"), edit.flow(route_tree))
 
 
 def _new_instrument(texts: Texts, name: str) -> Instrument | None:
@@ -67,8 +67,8 @@ def _new_instrument(texts: Texts, name: str) -> Instrument | None:
 
 
 def _n_channels(piece: Piece) -> int:
-    used = (max(route.to) for route in piece.routes() if route.to != "nearest")
-    return max(1, piece.mix.channels, *used)
+    channel_numbers = (max(route.to) for route in piece.routes() if route.to != "nearest")
+    return max(1, piece.mix.channels, *channel_numbers)
 
 
 def key(texts: Texts, name: str, like: str) -> Texts:
@@ -85,12 +85,12 @@ def player(texts: Texts, piece: Piece, name: str, key: str) -> Texts:
     return texts.put(("players", name, "key"), key)
 
 
-def link(texts: Texts, kind: str, ends: Sequence[str], fields: Fields) -> tuple[Texts, str]:
+def link(texts: Texts, kind: str, end_paths: Sequence[str], fields: Fields) -> tuple[Texts, str]:
     """Join two modules by a link of a kind; returns the link's name too. Raises EditError."""
-    known = _node(texts, ("instruments", LINKS, "modules"))
-    taken = known.entries if isinstance(known, document.Mapping) else {}
+    links_node = _node(texts, ("instruments", LINKS, "modules"))
+    taken = links_node.entries if isinstance(links_node, document.Mapping) else {}
     name = free_name(kind.lower(), taken, is_numbered=True)
-    body: dict[str, edit.Tree] = {kind: {"between": [*ends], **fields}}
+    body: dict[str, edit.Tree] = {kind: {"between": [*end_paths], **fields}}
     path = ("instruments", LINKS, "modules", name)
     return texts.put(path, edit.flow(body)), f"{LINKS}.{name}"
 
@@ -167,7 +167,7 @@ class Entry:
 
 def entries_with_mistakes(texts: Texts) -> list[Entry]:
     """The entries of a score in which there are mistakes, in the order of the text, each once."""
-    mistakes = [each for each in texts.load().diagnostics if each.severity == "error"]
+    mistakes = [reported for reported in texts.load().diagnostics if reported.severity == "error"]
     score = texts.document() if mistakes else None
     entries = (
         Entry(mistake.place.file)

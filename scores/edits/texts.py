@@ -94,9 +94,9 @@ class Texts:
         The result of a sealed score without mistakes is kept.
         """
         with self.memory.lock:
-            known = self.memory.last
-            if self.sealed and known is not None and known[0] == self:
-                loaded: Loaded = known[1]
+            last_loaded = self.memory.last
+            if self.sealed and last_loaded is not None and last_loaded[0] == self:
+                loaded: Loaded = last_loaded[1]
                 return loaded
             loaded = load(
                 self.path,
@@ -158,21 +158,21 @@ class Texts:
                     if (text := self._added_below(str(section), change)) is not None:
                         return self.changed(text)
             if section_lines is not None:
-                first, last = section_lines
+                first_line, last_line = section_lines
                 with contextlib.suppress(EditError):
-                    text = change(edit.read(self.text[first:last], self.path))
-                    return self.changed(self.text[:first] + text + self.text[last:])
+                    text = change(edit.read(self.text[first_line:last_line], self.path))
+                    return self.changed(self.text[:first_line] + text + self.text[last_line:])
         return self.changed(change(self.document(file)), file)
 
     def _added_below(self, section: str, change: Callable[[Document], str]) -> str | None:
         """The text with a missing section added; None if its place is not between two sections."""
-        known = names(self.text)
+        section_lines = names(self.text)
         rank = SECTIONS.index(section)
-        above = [i for i, (name, *_) in enumerate(known[:-1]) if name in SECTIONS[:rank]]
+        above = [i for i, (name, *_) in enumerate(section_lines[:-1]) if name in SECTIONS[:rank]]
         if not above:
             return None
-        _, first, end = known[above[-1]]
-        below = f"{known[above[-1] + 1][0]}:\n"  # marks the end of the lines above
+        _, first, end = section_lines[above[-1]]
+        below = f"{section_lines[above[-1] + 1][0]}:\n"  # marks the end of the lines above
         text = change(edit.read(self.text[first:end] + below, self.path))
         if not text.endswith(below):
             return None
@@ -184,7 +184,9 @@ class Texts:
         If items cannot be read alone, the section is edited.
         """
         section = str(edits[0].path[0])
-        return self._edited_alone(section, [(one.window, one.change) for one in edits], file)
+        return self._edited_alone(
+            section, [(list_edit.window, list_edit.change) for list_edit in edits], file
+        )
 
     def _edited_line(
         self, path: edit.Path, change: Callable[[Document], str], file: str | None
@@ -194,8 +196,8 @@ class Texts:
         def window(text: str, section: Section) -> Window | None:
             return line_window(text, section.name, section.value, path[1:])
 
-        def change_one(own: Document, _: int) -> str:
-            return change(own)
+        def change_one(document_now: Document, _: int) -> str:
+            return change(document_now)
 
         return self._edited_alone(str(path[0]), [(window, change_one)], file, path)
 
@@ -211,16 +213,22 @@ class Texts:
         """
         section_lines = lines(self.text, name) if file in (None, self.path) else None
         section = self._alone(name) if section_lines is not None else None
-        left, texts = [change for _, change in edits], self
+        changes_left, texts = [change for _, change in edits], self
         if section_lines is not None and section is not None:
             text = self.text[slice(*section_lines)]
-            splices = [self._splice(text, section, *one) for one in edits]
-            left = [change for change, splice in zip(left, splices, strict=True) if splice is None]
+            splices = [
+                self._splice(text, section, *window_and_change) for window_and_change in edits
+            ]
+            changes_left = [
+                change
+                for change, splice in zip(changes_left, splices, strict=True)
+                if splice is None
+            ]
             text = apply_splices(text, [splice for splice in splices if splice is not None])
             texts = self.changed(
                 self.text[: section_lines[0]] + text + self.text[section_lines[1] :]
             )
-        for change in left:
+        for change in changes_left:
             change_text = partial(_changed_text, change)
             short = (
                 texts._edited_elided(path, change_text)
@@ -271,20 +279,20 @@ class Texts:
 
     def put(self, path: edit.Path, text: str, file: str | None = None) -> Texts:
         """Set a value. Raises EditError."""
-        list_path, first = _list_in(path)
+        list_path, first_index = _list_in(path)
 
-        def change(own: Document, lacks: int) -> str:
-            return edit.put(own, _shifted(path, lacks), text, SECTIONS)
+        def change(document_now: Document, lacks: int) -> str:
+            return edit.put(document_now, _shifted(path, lacks), text, SECTIONS)
 
-        if first is None:
-            return self._edited_line(path, lambda own: change(own, 0), file)
-        return self.edited_lists([ListEdit(list_path, first, change)], file)
+        if first_index is None:
+            return self._edited_line(path, lambda document_now: change(document_now, 0), file)
+        return self.edited_lists([ListEdit(list_path, first_index, change)], file)
 
     def append(self, path: edit.Path, text: str) -> Texts:
         """Add an item to a list. Raises EditError."""
 
-        def change(own: Document, _: int) -> str:
-            return edit.append(own, path, text, SECTIONS)
+        def change(document_now: Document, _: int) -> str:
+            return edit.append(document_now, path, text, SECTIONS)
 
         return self.edited_lists([ListEdit(path, None, change)])
 
@@ -294,20 +302,22 @@ class Texts:
         if min(len(path) for path in paths) == 1:
             return self.changed(edit.remove(self.document(file), *paths), file)
         list_paths = [_list_in(path) for path in paths]
-        firsts = [first for _, first in list_paths if first is not None]
+        firsts = [first_index for _, first_index in list_paths if first_index is not None]
         if len(firsts) < len(list_paths):
-            return self._edited_line(paths[0], lambda own: edit.remove(own, *paths), file)
+            return self._edited_line(
+                paths[0], lambda document_now: edit.remove(document_now, *paths), file
+            )
 
-        def change(own: Document, lacks: int) -> str:
-            return edit.remove(own, *(_shifted(path, lacks) for path in paths))
+        def change(document_now: Document, lacks: int) -> str:
+            return edit.remove(document_now, *(_shifted(path, lacks) for path in paths))
 
         # Include the item before the first one that is removed, so that the list never becomes
         # empty.
         return self.edited_lists([ListEdit(list_paths[0][0], min(firsts) - 1, change)], file)
 
 
-def _changed_text(change: Change, own: Document) -> str:
-    return change(own, 0)
+def _changed_text(change: Change, document_now: Document) -> str:
+    return change(document_now, 0)
 
 
 def _list_in(path: edit.Path) -> tuple[edit.Path, int | None]:
@@ -320,5 +330,9 @@ def _list_in(path: edit.Path) -> tuple[edit.Path, int | None]:
 
 def _shifted(path: edit.Path, lacks: int) -> edit.Path:
     """A path in a document that lacks the first `lacks` items of its first list."""
-    list_path, first = _list_in(path)
-    return path if first is None else (*list_path, first - lacks, *path[len(list_path) + 1 :])
+    list_path, first_index = _list_in(path)
+    return (
+        path
+        if first_index is None
+        else (*list_path, first_index - lacks, *path[len(list_path) + 1 :])
+    )

@@ -24,18 +24,18 @@ def change(texts: Texts, piece: Piece, beat: float, bpm: str, over: str | None =
     """
     over = None if over is None else _over(piece, beat, over)
     texts, below = _without_later(texts, piece, beat, "bpm", "over")
-    here: int | None = None  # the entry that sets the tempo at this beat
+    number_here: int | None = None  # the entry that sets the tempo at this beat
     for number, begin in _until(piece, beat):
         entry = piece.tempo[number]
         if begin >= beat - SAME:
-            here = number if entry.bpm is not None else here
+            number_here = number if entry.bpm is not None else number_here
         elif entry.bpm_end is not None:
             texts = _cut(texts, piece, number, begin, beat)
-    if here is not None:
-        texts = texts.put((*place(texts, "tempo", here), "bpm"), bpm)
+    if number_here is not None:
+        texts = texts.put((*place(texts, "tempo", number_here), "bpm"), bpm)
         if over is None:
-            return _without(texts, here, "over")
-        return texts.put((*place(texts, "tempo", here), "over"), over)
+            return _without(texts, number_here, "over")
+        return texts.put((*place(texts, "tempo", number_here), "over"), over)
     ramp = {} if over is None else {"over": over}
     line: dict[str, edit.Tree] = {"at": written(piece, beat), "bpm": bpm, **ramp}
     if beat <= SAME and piece.tempo and piece.tempo[0].tempos:
@@ -101,7 +101,7 @@ def _inserted(texts: Texts, below: int | None, entry: Mapping[str, edit.Tree]) -
     path = place(texts, "tempo", below)
     if path == ("tempo",):  # a lone entry becomes a list, then the new one goes above it
         texts = texts.put(path, f"[{edit.flow(edit.tree(items(texts, 'tempo')[0]))}]")
-    return texts.edited("tempo", lambda own: edit.insert(own, ("tempo", below), text))
+    return texts.edited("tempo", lambda document: edit.insert(document, ("tempo", below), text))
 
 
 def mark(texts: Texts, piece: Piece, name: str, at: float) -> Texts:

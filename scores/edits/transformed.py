@@ -45,18 +45,18 @@ def transform(texts: Texts, piece: Piece, name: str, beat: float, do: str) -> Te
         passed = rhythm.count(tempo, begin, beat) if beat > begin else 0
         if times is not None and passed >= times:
             continue
-        where = rhythm.begin(tempo, begin, passed)
-        texts = edits.end(texts, piece, strikes, where)
-        body = {**body, "at": written(piece, where), **_transforms(body, do)}
-        if first := rhythm.first + passed:
-            body["skip"] = str(first)
+        turn_beat = rhythm.begin(tempo, begin, passed)
+        texts = edits.end(texts, piece, strikes, turn_beat)
+        body = {**body, "at": written(piece, turn_beat), **_transforms(body, do)}
+        if first_cycle := rhythm.first + passed:
+            body["skip"] = str(first_cycle)
         if times is not None:
             body["times"] = str(times - passed)
         if strikes.span is not None and stop is not None:
             body = {**body, "for": "", "until": written(piece, stop)}
         for field in [field for field, value in body.items() if value == ""]:
             del body[field]
-        new = strikes.name if where <= begin + SAME else free_name(name, taken)
+        new = strikes.name if turn_beat <= begin + SAME else free_name(name, taken)
         taken.add(new)
         texts = texts.put(("strikes", new), edit.flow(_in_order(body)))
         changed = True
@@ -67,12 +67,12 @@ def transform(texts: Texts, piece: Piece, name: str, beat: float, do: str) -> Te
 
 def _transforms(body: Body, do: str) -> Body:
     """The transformations after more are added; an empty text if there are none."""
-    before = body.get("do", "")
-    if isinstance(before, list):
-        before = ", ".join(str(each) for each in before)
+    chain_text = body.get("do", "")
+    if isinstance(chain_text, list):
+        chain_text = ", ".join(str(each) for each in chain_text)
     if do == NONE:
         return {"do": ""}
-    return {"do": f"{before}, {do}" if before else do}
+    return {"do": f"{chain_text}, {do}" if chain_text else do}
 
 
 def _in_order(body: Body) -> Body:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 # Fields that affect the modes of a part, as do constants of laws; only numbers above 0 are changed.
 _FIELDS = ("M", "K", "f", "inharmonicity", "stiffness", "bending", "sigma0", "stretching")
 
-Where = tuple[str, str, int | None]  # module, field, place in a list from 1
+FieldKey = tuple[str, str, int | None]  # module, field, place in a list from 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class Value:
     place: int | None = None
 
     @property
-    def where(self) -> Where:
+    def field_key(self) -> FieldKey:
         """Where the number is: module, field and place."""
         return self.module, self.field, self.place
 
@@ -96,7 +96,7 @@ class TunablePart:
             texts = set_list(texts, target, changes)
         return texts
 
-    def network(self, values: Mapping[Where, float]) -> _core.Network:
+    def network(self, values: Mapping[FieldKey, float]) -> _core.Network:
         """The part as a network by itself, with some numbers replaced. Raises EngineError."""
         part = self._definition
         reach = part.reach if isinstance(part, Key) else 1.0
@@ -109,10 +109,10 @@ class TunablePart:
         assembly.add_followers(self.name, points, ca_rate=ca_rate)
         links = [module for module in modules if self._is_inside(module, assembly)]
         assembly.joins(self.name, links, ca_rate=ca_rate, reach=reach)
-        for other, module in self.piece.modules():
-            if other != self.name and self._is_inside(module, assembly):
-                rate = self.piece.instruments[other].ca_rate
-                assembly.joins(other, [module], ca_rate=rate)
+        for other_part, module in self.piece.modules():
+            if other_part != self.name and self._is_inside(module, assembly):
+                rate = self.piece.instruments[other_part].ca_rate
+                assembly.joins(other_part, [module], ca_rate=rate)
         return assembly.network
 
     def _is_inside(self, module: Module, assembly: Assembly) -> bool:
@@ -120,11 +120,11 @@ class TunablePart:
             return False
         # Links to a PROXY between masses of another part, or that follow a MAT of another part, are
         # left out.
-        ends = *module.fields["between"], *following.targets(module)
-        return all((end.part, end.module) in assembly.mats for end in ends)
+        end_targets = *module.fields["between"], *following.targets(module)
+        return all((end.part, end.module) in assembly.mats for end in end_targets)
 
 
-def _with(module: Module, values: Mapping[Where, float]) -> Module:
+def _with(module: Module, values: Mapping[FieldKey, float]) -> Module:
     field_numbers: dict[str, float] = {}
     fields = dict(module.fields)
     for (name, field, place), number in values.items():

@@ -62,17 +62,19 @@ def combined(varied: Sequence[Varied], *, is_zipped: bool) -> list[tuple[str, ..
     """The values of every variant: all combinations, or (zipped) one value of each. Raises
     EditError.
     """
-    targets = [one.target for one in varied]
+    targets = [variation.target for variation in varied]
     if twice := next((name for name in targets if targets.count(name) > 1), None):
         raise EditError(f"{twice} varies twice; give all its values at once")
-    lengths = [len(one.values) for one in varied]
+    lengths = [len(variation.values) for variation in varied]
     if is_zipped and len(set(lengths)) > 1:
-        counts_text = ", ".join(f"{one.target} has {len(one.values)}" for one in varied)
+        counts_text = ", ".join(
+            f"{variation.target} has {len(variation.values)}" for variation in varied
+        )
         raise EditError(f"pairs need as many values of each: {counts_text}")
     count = lengths[0] if is_zipped else math.prod(lengths)
     if count > VARIANTS_MAX:
         raise EditError(f"these are {count:,} variants; a sweep has at most {VARIANTS_MAX:,}")
-    columns = [one.values for one in varied]
+    columns = [variation.values for variation in varied]
     return list(zip(*columns, strict=True) if is_zipped else itertools.product(*columns))
 
 
@@ -99,7 +101,7 @@ def _with(texts: Texts, piece: Piece, target: str, value: str) -> Texts:
         if not re.fullmatch(r"\d+", value):
             raise EditError(f"seed={value}: a seed is a whole number")
         return names.seed(texts, int(value))
-    if any(one.name == target for one in piece.automation):
+    if any(entry.name == target for entry in piece.automation):
         raise EditError(
             f"{target} is changed by `automation`, so a value set here would not be "
             "heard; remove the automation"
@@ -114,11 +116,11 @@ def _range(target: str, range_text: str) -> Iterator[str]:
     match = _RANGE.fullmatch(range_text)
     if match is None:
         raise EditError(f"{quote(f'{target}={range_text}')} is not a range, {_EXAMPLE}")
-    unit, other = match["unit"].strip(), match["unit2"].strip()
-    if unit != other:
+    unit, second_unit = match["unit"].strip(), match["unit2"].strip()
+    if unit != second_unit:
         raise EditError(
             f"{quote(f'{target}={range_text}')}: write both ends in one unit; "
-            f"these are {unit or 'none'} and {other or 'none'}"
+            f"these are {unit or 'none'} and {second_unit or 'none'}"
         )
     low, high, is_log = float(match["low"]), float(match["high"]), match["log"] is not None
     if match["count"] is None:

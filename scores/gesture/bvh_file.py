@@ -104,10 +104,12 @@ def read(path: Path) -> Motion:
             words = _Words(file, path)
             _hierarchy(words)
             _motion(words)
-            left = n
-            while left:
-                rows = [words.numbers(n_channels, "a frame") for _ in range(min(left, rows_max))]
-                left -= len(rows)
+            rows_left = n
+            while rows_left:
+                rows = [
+                    words.numbers(n_channels, "a frame") for _ in range(min(rows_left, rows_max))
+                ]
+                rows_left -= len(rows)
                 yield _places(joints, np.array(rows).reshape(len(rows), n_channels))
 
     if left_over:
@@ -151,9 +153,9 @@ def _hierarchy(words: _Words) -> tuple[list[_Joint], int]:
                 joints[above[-1]].offset = words.numbers(3, "an offset")
             case "CHANNELS" if above:
                 channels = joints[above[-1]].channels
-                named = _channels(words)
-                channels += [(kind, n_channels + i) for i, kind in enumerate(named)]
-                n_channels += len(named)
+                channel_columns = _channels(words)
+                channels += [(kind, n_channels + i) for i, kind in enumerate(channel_columns)]
+                n_channels += len(channel_columns)
             case _:
                 raise words.wrong("this line is out of place in a BVH file")
         if len(joints) > MAX_CHANNELS or n_channels > 6 * MAX_CHANNELS:
@@ -181,8 +183,8 @@ def _channels(words: _Words) -> list[int]:
         kinds.append(_CHANNELS.index(word))
     words.back(word)
     if count != str(len(kinds)):
-        known = ", ".join(f"{name[0].upper()}{name[1:]}" for name in _CHANNELS)
-        raise words.wrong(f"channels are a count and names of {known}", line)
+        channel_names = ", ".join(f"{name[0].upper()}{name[1:]}" for name in _CHANNELS)
+        raise words.wrong(f"channels are a count and names of {channel_names}", line)
     return kinds
 
 
@@ -205,11 +207,11 @@ def _motion(words: _Words) -> tuple[int, float]:
 
 def _after(words: _Words, *label: str) -> str | None:
     """The word after a label and its colon, with or without spaces; None without the label."""
-    *first, last = label
-    if any(words.word().lower() != each for each in first):
+    *first_words, last_word = label
+    if any(words.word().lower() != expected_word for expected_word in first_words):
         return None
     name, colon, value = words.word().partition(":")
-    if name.lower() != last:
+    if name.lower() != last_word:
         return None
     if not colon:
         colon, value = (following := words.word())[:1], following[1:]

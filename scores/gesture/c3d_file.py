@@ -44,8 +44,8 @@ class _Numbers:
         value: int = struct.unpack_from(f"{self.order}H", data, offset)[0]
         return value
 
-    def real(self, data: bytes, at: int) -> float:
-        return float(self.reals(data[at : at + 4])[0])
+    def real(self, data: bytes, offset: int) -> float:
+        return float(self.reals(data[offset : offset + 4])[0])
 
     def reals(self, data: bytes) -> Floats:
         """Numbers of 32 bits. In DEC's format the two halves are swapped, and the value is four
@@ -117,8 +117,8 @@ def _layouts(
     scale = _number(values, "POINT", "SCALE", numbers)
     if scale is not None and math.isfinite(scale) and scale * header.scale < 0:
         scales.append(scale)
-    every = itertools.product(points, analog, frames, scales)
-    return list(dict.fromkeys([header, *itertools.starmap(_Layout, every)]))
+    candidates = itertools.product(points, analog, frames, scales)
+    return list(dict.fromkeys([header, *itertools.starmap(_Layout, candidates)]))
 
 
 def _fitting(layouts: list[_Layout], file: BufferedReader, start: int, path: Path) -> _Layout:
@@ -179,12 +179,12 @@ def read(path: Path) -> Motion:
     def blocks() -> Iterator[Floats]:
         with opened(path) as file:
             file.seek(start)
-            left, frames_max = n, max(1, BLOCK * width // max(frame, 1))
-            while left:
-                data = file.read(frame * min(left, frames_max))
-                if len(data) != frame * min(left, frames_max):
+            frames_left, frames_max = n, max(1, BLOCK * width // max(frame, 1))
+            while frames_left:
+                data = file.read(frame * min(frames_left, frames_max))
+                if len(data) != frame * min(frames_left, frames_max):
                     raise TakeError("the file is shorter than its header says", path)
-                left -= len(data) // frame
+                frames_left -= len(data) // frame
                 yield _places(data, len(data) // frame, n_points, numbers, is_real) * factor
 
     labels = _labels(values, n_points)
@@ -201,8 +201,8 @@ def _places(data: bytes, n: int, n_points: int, numbers: _Numbers, is_real: bool
         words = numbers.reals(data)
     else:
         words = np.frombuffer(data, f"{numbers.order}i2").astype(np.float64)
-    each = words.reshape(n, -1)[:, : 4 * n_points].reshape(n, n_points, 4)
-    return np.where(each[:, :, 3:] < 0, np.nan, each[:, :, :3])
+    points_by_frame = words.reshape(n, -1)[:, : 4 * n_points].reshape(n, n_points, 4)
+    return np.where(points_by_frame[:, :, 3:] < 0, np.nan, points_by_frame[:, :, :3])
 
 
 def _parameters(

@@ -24,11 +24,11 @@ def on_bar_lines(
     """
     bars, result = Bars(), []
     last_quarter, last_beat = 0.0, 0.0
-    for quarter, written in meters:
+    for quarter, file_meter in meters:
         beat = bars.after_quarters(last_beat, quarter - last_quarter)
         last_quarter, last_beat = quarter, beat
         try:
-            meter = read(written)
+            meter = read(file_meter)
             bars.change(beat, meter)
         except TextError as error:
             message = f"its meter {quarter:g} quarters after the beginning: {error.message}"

@@ -75,19 +75,21 @@ class MidiBytes:
         tracks: list[tuple[int, int]] = []
         n_others, start = 0, _NAME_SIZE + size
         while start < len(data):
-            name, first = data[start : start + 4], start + _NAME_SIZE
-            size = int.from_bytes(data[start + 4 : first], "big")
-            stop = first + size
-            is_chunk = first <= len(data) and name.isascii() and name.decode("ascii").isprintable()
+            name, content_start = data[start : start + 4], start + _NAME_SIZE
+            size = int.from_bytes(data[start + 4 : content_start], "big")
+            stop = content_start + size
+            is_chunk = (
+                content_start <= len(data) and name.isascii() and name.decode("ascii").isprintable()
+            )
             is_whole = is_chunk and stop <= len(data)
             if not is_whole and len(tracks) >= n_tracks and name != b"MTrk":
                 break  # no chunk, and all tracks that the header counts are there
-            if first > len(data):
+            if content_start > len(data):
                 raise self.damaged(start, "a chunk ends in its name or length")
             if stop > len(data):
                 raise self.damaged(start + 4, f"a chunk of {size:,} bytes goes beyond the end")
             if name == b"MTrk":
-                tracks.append((first, stop))
+                tracks.append((content_start, stop))
             else:
                 n_others += 1
             start = stop

@@ -40,11 +40,11 @@ def _read(path: Path, channel: int | None, source: MidiSource, _: FileState) -> 
         raise TakeError(_nothing(source, events, channel), path, field="by")
     moving.sort(key=lambda event: event.tick)
     by_tick = dict(_shares(moving, source))  # of several values in a tick the last
-    course, before = [], None
+    course, share_before = [], None
     for tick, share in by_tick.items():
-        if share != before:
+        if share != share_before:
             course.append((tick / header.ticks, share))
-        before = share
+        share_before = share
     if len(course) > MAX_VALUES:
         raise TakeError(f"{source} has more than {MAX_VALUES:,} values", path, field="by")
     return tuple(course)
@@ -73,5 +73,5 @@ def _nothing(source: MidiSource, events: Iterable[MidiEvent], channel: int | Non
     channels = sorted({event.channel for event in events})
     if not channels:
         return f"it has no values of `{source}`"
-    there = ", ".join(map(str, channels))
-    return f"channel {channel} has no values of `{source}`; they are on channel {there}"
+    channel_list = ", ".join(map(str, channels))
+    return f"channel {channel} has no values of `{source}`; they are on channel {channel_list}"

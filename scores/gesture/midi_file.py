@@ -75,7 +75,7 @@ def read_notes(path: Path, channel: str | None = None) -> MidiNotes:
 
 @lru_cache(8)
 def _read(path: Path, channel: str | None, _: FileState) -> MidiNotes:
-    wanted = channel_number(path, channel)
+    channel_asked = channel_number(path, channel)
     file = read_bytes(path)
     header = file.header()
     by_channel: dict[int, list[_Event]] = {}
@@ -89,15 +89,17 @@ def _read(path: Path, channel: str | None, _: FileState) -> MidiNotes:
                 continue
             with_notes |= {read.channel} if event.kind == _ON else set()
             events = by_channel.setdefault(read.channel, [])
-            if wanted is None or read.channel == wanted:
+            if channel_asked is None or read.channel == channel_asked:
                 count += event.kind == _ON
                 if count > MAX_NOTES:
                     raise TakeError(f"more than {MAX_NOTES:,} notes are played", path)
                 events.append(event)
     played = [note for events in by_channel.values() for note in _notes(events, end)]
     if not played:
-        there = ", ".join(str(known) for known in sorted(with_notes))
-        message = f"channel {channel} has no notes; those with notes are {there}"
+        channel_list = ", ".join(
+            str(channel_with_notes) for channel_with_notes in sorted(with_notes)
+        )
+        message = f"channel {channel} has no notes; those with notes are {channel_list}"
         field = "channel"
         if not with_notes:
             message, field = "it has no notes", "file"
@@ -108,8 +110,8 @@ def _read(path: Path, channel: str | None, _: FileState) -> MidiNotes:
         MidiNote(tick / ticks, number, hard, None if held is None else held / ticks)
         for tick, number, hard, held in played
     )
-    last = notes[-1].at
-    return MidiNotes(notes, end / ticks if end / ticks > last else int(last) + 1.0)
+    last_instant = notes[-1].at
+    return MidiNotes(notes, end / ticks if end / ticks > last_instant else int(last_instant) + 1.0)
 
 
 def _event(message: MidiEvent) -> _Event:

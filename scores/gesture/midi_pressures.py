@@ -47,12 +47,15 @@ def read_pressures(path: Path, channel: str | None) -> tuple[KeyPressure, ...]:
 
 @lru_cache(8)
 def _read(path: Path, channel: str | None, _: FileState) -> tuple[KeyPressure, ...]:
-    wanted = channel_number(path, channel)
+    channel_asked = channel_number(path, channel)
     file = read_bytes(path)
     header = file.header()
     by_channel: dict[int, list[MidiEvent]] = {}
     for event in chain.from_iterable(map(file.track, header.tracks)):
-        if event.kind in (CHANNEL_PRESSURE, KEY_PRESSURE) and wanted in (None, event.channel):
+        if event.kind in (CHANNEL_PRESSURE, KEY_PRESSURE) and channel_asked in (
+            None,
+            event.channel,
+        ):
             by_channel.setdefault(event.channel, []).append(event)
     pressures: list[KeyPressure] = []
     for number, events in by_channel.items():

@@ -48,14 +48,14 @@ class MidiSource(NamedTuple):
 
 def parse_source(text: str) -> MidiSource:
     """Read `cc 21`, `cc 1/33`, `bend`, `pressure` or `pressure C4`. Raises TextError."""
-    head, _, rest = text.strip().partition(" ")
-    rest = rest.strip()
-    if head == "cc":
-        return MidiSource(CONTROLLER, _controllers(rest, len(text) - len(rest)))
-    if head == "pressure" and rest:
-        return MidiSource(KEY_PRESSURE, (note_number(rest),))
-    if head in _HEADS and not rest:
-        return MidiSource(_HEADS[head])
+    prefix, _, source_text = text.strip().partition(" ")
+    source_text = source_text.strip()
+    if prefix == "cc":
+        return MidiSource(CONTROLLER, _controllers(source_text, len(text) - len(source_text)))
+    if prefix == "pressure" and source_text:
+        return MidiSource(KEY_PRESSURE, (note_number(source_text),))
+    if prefix in _HEADS and not source_text:
+        return MidiSource(_HEADS[prefix])
     message = f"{quote(text)} is not what moves in MIDI: write cc 21, cc 1/33, bend, pressure or "
     raise TextError(f"{message}pressure C4", length=max(1, len(text)), code="E201")
 

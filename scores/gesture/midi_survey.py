@@ -106,9 +106,9 @@ class MidiSurvey:
     def seconds(self, quarters: float) -> float:
         """The instant of a place of the file, by its own tempos [s]."""
         starts = [(0.0, QUARTER), *self.tempos]
-        last = bisect_right(starts, quarters, key=lambda change: change[0])
-        ends = [*(start for start, _ in starts[1:last]), quarters]
-        pairs = zip(starts[:last], ends, strict=True)
+        n_changes = bisect_right(starts, quarters, key=lambda change: change[0])
+        ends = [*(start for start, _ in starts[1:n_changes]), quarters]
+        pairs = zip(starts[:n_changes], ends, strict=True)
         return sum((end - start) * micros for (start, micros), end in pairs) / 1e6
 
 
@@ -127,12 +127,12 @@ def _survey(path: Path, _: FileState) -> MidiSurvey:
     result = MidiSurvey(header.format, header.ticks, header.n_other_chunks, header.n_bytes_after)
     tempos: list[tuple[int, int]] = []
     meters: list[tuple[int, tuple[int, int]]] = []
-    last = 0
+    last_tick = 0
     for span in header.tracks:
         track = MidiTrack()
         result.tracks.append(track)
         for event in file.track(span):
-            last = max(last, event.tick)
+            last_tick = max(last_tick, event.tick)
             if event.kind != m.META:
                 _count(event, track, result)
             elif event.number == m.TRACK_NAME and not track.name:
@@ -142,7 +142,7 @@ def _survey(path: Path, _: FileState) -> MidiSurvey:
             elif event.number == m.METER and len(event.content) >= 2:
                 meters.append((event.tick, (event.content[0], event.content[1])))
     ticks = result.ticks
-    result.length, result.n_bytes_unread = last / ticks, file.n_unread
+    result.length, result.n_bytes_unread = last_tick / ticks, file.n_unread
     result.n_tempos, result.n_meters = len(tempos), len(meters)
     result.tempos = [(tick / ticks, micros) for tick, micros in _latest(tempos)]
     result.meters = [(tick / ticks, *meter) for tick, meter in _latest(meters)]
@@ -185,8 +185,8 @@ def tempos_of(path: Path) -> tuple[tuple[float, float], ...]:
 def _tempos(path: Path, state: FileState) -> tuple[tuple[float, float], ...]:
     file, result = _survey(path, state), []
     _check_count(len(file.tempos), "tempos", path)
-    first = () if file.tempos and file.tempos[0][0] == 0.0 else ((0.0, QUARTER),)
-    for quarter, micros in (*first, *file.tempos):
+    first_tempo = () if file.tempos and file.tempos[0][0] == 0.0 else ((0.0, QUARTER),)
+    for quarter, micros in (*first_tempo, *file.tempos):
         if not micros or not SLOWEST <= _MINUTE / micros <= FASTEST:
             message = (
                 f"its tempo {quarter:g} quarters after the beginning is {micros} microseconds a "
@@ -209,13 +209,13 @@ def meters_of(path: Path) -> tuple[tuple[float, Meter], ...]:
 def _meters(path: Path, state: FileState) -> tuple[tuple[float, Meter], ...]:
     file = _survey(path, state)
     _check_count(len(file.meters), "meters", path)
-    written = ((quarter, (count, power)) for quarter, count, power in file.meters)
-    return on_bar_lines(path, written, _meter)
+    file_meters = ((quarter, (count, power)) for quarter, count, power in file.meters)
+    return on_bar_lines(path, file_meters, _meter)
 
 
-def _meter(written: tuple[int, int]) -> Meter:
+def _meter(count_and_power: tuple[int, int]) -> Meter:
     """A meter by its beats and the power of two of their note. Raises TextError."""
-    count, power = written
+    count, power = count_and_power
     if not 1 <= count <= MAX_BEATS or power > _LARGEST_UNIT:
         raise TextError(f"no score has a meter {count}/2^{power}")
     return Meter(count, 2**power, (count,))

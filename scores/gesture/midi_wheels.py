@@ -43,7 +43,7 @@ def read_wheels(path: Path, channel: str | None, cents: float) -> NoteCurves:
 
 @lru_cache(8)
 def _read(path: Path, channel: str | None, cents: float, _: FileState) -> NoteCurves:
-    wanted = channel_number(path, channel)
+    channel_asked = channel_number(path, channel)
     file = read_bytes(path)
     header = file.header()
     events = [*chain.from_iterable(map(file.track, header.tracks))]
@@ -53,7 +53,7 @@ def _read(path: Path, channel: str | None, cents: float, _: FileState) -> NoteCu
     count = 0
     for event in events:
         for number, sounding_channel in wheels.moved(event):
-            if wanted in (None, sounding_channel):
+            if channel_asked in (None, sounding_channel):
                 count += 1
                 if count > MAX_POINTS:
                     raise TakeError(f"the wheel moves notes more than {MAX_POINTS:,} times", path)
@@ -140,9 +140,9 @@ class Wheels:
         semitones, hundredths = divmod(wheel.range, 100.0)
         wheel.range = value * 100.0 + hundredths if number == _DATA else semitones * 100.0 + value
         if channel in self._masters:  # the range of one channel of a zone is that of all
-            for other, master in self._masters.items():
+            for other_channel, master in self._masters.items():
                 if master == self._masters[channel]:
-                    self._wheels[other].range = wheel.range
+                    self._wheels[other_channel].range = wheel.range
         return True
 
     def _set_zone(self, master: int, n_channels: int) -> None:

@@ -85,7 +85,7 @@ def positions(cells: Sequence[str], starts: Iterable[int], path: Path, number: i
     """Three numbers from each of the columns `starts` on; NaN for cells that are empty or say
     `NULL`. Raises TakeError.
     """
-    words = [cell.strip() for at in starts for cell in cells[at : at + 3]]
+    words = [cell.strip() for column in starts for cell in cells[column : column + 3]]
     try:
         values = [nan if word.upper() in _HIDDEN else float(word) for word in words]
     except ValueError:
@@ -116,12 +116,12 @@ def in_blocks(rows: Iterable[list[float]], n: int, path: Path) -> Iterator[Float
 def chosen(points: Sequence[str], channel: str | None, path: Path) -> tuple[int, str]:
     """The index of a point and the axis of a channel. Raises TakeError."""
     listed = ", ".join(points[:_LISTED])
-    if (more := len(points) - _LISTED) > 0:
-        listed += f" and {more} more"
+    if (n_unlisted := len(points) - _LISTED) > 0:
+        listed += f" and {n_unlisted} more"
     if channel is None:
-        first = f"{points[0]}.x"
+        example = f"{points[0]}.x"
         raise TakeError(
-            f"write `channel` as a point and an axis ({', '.join(AXES)}), such as {first[:60]}; "
+            f"write `channel` as a point and an axis ({', '.join(AXES)}), such as {example[:60]}; "
             f"the points are {listed}",
             path,
             field="channel",
@@ -182,30 +182,31 @@ def track(
             "the file does not state its rate; write it, such as rate: 100Hz", path, field="rate"
         )
     places = np.concatenate([np.empty((0, 3)), *(b[:, index].copy() for b in motion.blocks())])
-    seen = np.flatnonzero(np.isfinite(places).all(axis=1))
-    if seen.size < 2:
+    seen_frames = np.flatnonzero(np.isfinite(places).all(axis=1))
+    if seen_frames.size < 2:
         raise TakeError(f"'{motion.points[index][:60]}' is seen in no two frames", path)
-    damage = _hidden(seen, hertz, motion.points[index], path)
-    places = places[seen]
+    damage = _hidden(seen_frames, hertz, motion.points[index], path)
+    places = places[seen_frames]
     places -= places[0]
     if axis == "auto":
         x = places @ _direction(places, motion.points[index], path)
     else:
         x = places[:, AXES.index(axis)]
     notes = "; ".join(filter(None, (motion.note, damage)))
-    return seen / hertz, x * metres, notes or None
+    return seen_frames / hertz, x * metres, notes or None
 
 
-def _hidden(seen: NDArray[np.intp], rate: float, point: str, path: Path) -> str | None:
+def _hidden(seen_frames: NDArray[np.intp], rate: float, point: str, path: Path) -> str | None:
     """A note on frames in which a point is not seen; None if there are none. Raises TakeError for
     long gaps.
     """
-    gaps = np.diff(seen)
+    gaps = np.diff(seen_frames)
     longest = int(gaps.argmax())
     if (gaps[longest] - 1) / rate > _HIDDEN_MAX:
         raise TakeError(
-            f"'{point[:60]}' is not seen from {(seen[longest] + 1) / rate:.3f} s to "
-            f"{seen[longest + 1] / rate:.3f} s; fill the gap in the program that captured it, or "
+            f"'{point[:60]}' is not seen from {(seen_frames[longest] + 1) / rate:.3f} s to "
+            f"{seen_frames[longest + 1] / rate:.3f} s; fill the gap in the program that captured "
+            "it, or "
             "take another point",
             path,
         )

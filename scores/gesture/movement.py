@@ -106,11 +106,11 @@ def _smooth(t: Floats, x: Floats, cutoff: float, is_filtered: bool, n: int) -> F
     remembers.
     """
     longest = max(_REMEMBERED / cutoff, _EDGE * 2 * float(t[-1]) / n)
-    before = min(len(t) - 1, int(np.searchsorted(t, longest)))
-    after = min(len(t) - 1, int(np.searchsorted(t[-1] - t[::-1], longest)))
-    first, last = slice(before, 0, -1), slice(-2, -2 - after, -1)
-    longer = np.concatenate([2 * t[0] - t[first], t, 2 * t[-1] - t[last]])
-    x = np.concatenate([2 * x[0] - x[first], x, 2 * x[-1] - x[last]])
+    n_before = min(len(t) - 1, int(np.searchsorted(t, longest)))
+    n_after = min(len(t) - 1, int(np.searchsorted(t[-1] - t[::-1], longest)))
+    mirrored_start, mirrored_end = slice(n_before, 0, -1), slice(-2, -2 - n_after, -1)
+    longer = np.concatenate([2 * t[0] - t[mirrored_start], t, 2 * t[-1] - t[mirrored_end]])
+    x = np.concatenate([2 * x[0] - x[mirrored_start], x, 2 * x[-1] - x[mirrored_end]])
     take = Take(longer - longer[0], x, smooth=cutoff if is_filtered else None)
     instants = float(t[0] - longer[0]) + np.arange(-_EDGE, n + _EDGE + 1) * (float(t[-1]) / n)
     return take.positions(np.clip(instants, 0.0, take.duration))

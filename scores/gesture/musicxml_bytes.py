@@ -61,8 +61,11 @@ def _unpacked(data: bytes) -> bytes:
             raise XmlError(f"it holds more than {MAX_ENTRIES:,} files")
         name = _named(_entry(file, _CONTAINER)) if _CONTAINER in names else None
         if name is None:
-            scores = (each for each in names if not each.startswith("META-INF/"))
-            name = next((each for each in scores if each.endswith((".xml", ".musicxml"))), None)
+            scores = (entry_name for entry_name in names if not entry_name.startswith("META-INF/"))
+            name = next(
+                (entry_name for entry_name in scores if entry_name.endswith((".xml", ".musicxml"))),
+                None,
+            )
         if name is None or name not in names:
             raise XmlError("it holds no score" if name is None else f"it holds no {name[:80]}")
         return _entry(file, name)
@@ -70,8 +73,8 @@ def _unpacked(data: bytes) -> bytes:
 
 def _named(container: bytes) -> str | None:
     """The file that a container names first."""
-    named = parse_xml(container, has_type=True).find("rootfiles/rootfile")
-    return None if named is None else named.get("full-path")
+    rootfile = parse_xml(container, has_type=True).find("rootfiles/rootfile")
+    return None if rootfile is None else rootfile.get("full-path")
 
 
 def _entry(file: zipfile.ZipFile, name: str) -> bytes:

@@ -119,8 +119,8 @@ def _score(root: Element) -> XmlScore:
         float(end),
         len(order),
         tuple(XmlPart(name, names.get(name, ""), tuple(_notes(voices[name]))) for name in ids),
-        tuple((float(where), tempo) for where, tempo in changes.items()),
-        tuple((float(where), meter) for where, meter in texts),
+        tuple((float(quarter), tempo) for quarter, tempo in changes.items()),
+        tuple((float(quarter), meter) for quarter, meter in texts),
         dict(passed),
     )
 
@@ -201,7 +201,7 @@ def _measure_length(
 
 def _current(meters: Sequence[tuple[int, str]], index: int) -> str:
     """The meter of a measure."""
-    return next((meter for where, meter in reversed(meters) if where <= index), "4/4")
+    return next((meter for start_index, meter in reversed(meters) if start_index <= index), "4/4")
 
 
 def _fitted(meter: str, length: Fraction) -> str:
@@ -230,7 +230,7 @@ def _notes(events: Sequence[tuple[Fraction, Event]]) -> Iterator[XmlNote]:
             continue
         begins, key = start + event.at, (event.pitch.word, event.voice)
         if event.is_tied_from and key not in open_ties:  # a tie into another voice
-            key = next((other for other in open_ties if other[0] == key[0]), key)
+            key = next((open_key for open_key in open_ties if open_key[0] == key[0]), key)
         index = open_ties.pop(key, None)  # many files say where ties begin, and not where they end
         if index is not None and joined[index][0] + joined[index][1] == begins:
             begin, lasting, pitch, strength = joined[index]
@@ -252,18 +252,26 @@ def notes_of(path: Path, part: str | None) -> tuple[tuple[XmlNote, ...], float]:
     Raises TakeError.
     """
     score = read_score(path)
-    chosen = [each for each in score.parts if part in (None, each.id, each.name)]
+    chosen = [
+        score_part for score_part in score.parts if part in (None, score_part.id, score_part.name)
+    ]
     notes = sorted(
-        (note for each in chosen for note in each.notes), key=lambda note: (note.at, note.key)
+        (note for score_part in chosen for note in score_part.notes),
+        key=lambda note: (note.at, note.key),
     )
     if notes:
         return tuple(notes), score.length
-    parts_with_notes = ", ".join(each.label for each in score.parts if each.notes)
+    parts_with_notes = ", ".join(score_part.label for score_part in score.parts if score_part.notes)
     if not parts_with_notes:
         raise TakeError("it has no notes", path)
-    what = "has no notes" if chosen else "is not there"
-    message = f"part {part} {what}; those with notes are {parts_with_notes}"
-    names = [name for each in score.parts if each.notes for name in (each.id, each.name)]
+    problem = "has no notes" if chosen else "is not there"
+    message = f"part {part} {problem}; those with notes are {parts_with_notes}"
+    names = [
+        name
+        for score_part in score.parts
+        if score_part.notes
+        for name in (score_part.id, score_part.name)
+    ]
     raise TakeError(message, path, suggestion=nearest(part or "", names), field="channel")
 
 
@@ -272,9 +280,9 @@ def tempos_of(path: Path) -> tuple[tuple[float, float], ...]:
     TakeError.
     """
     tempos = read_score(path).tempos
-    for where, tempo in tempos:
+    for quarter, tempo in tempos:
         if not SLOWEST <= tempo <= FASTEST:
-            message = f"its tempo {where:g} quarters after the beginning is {tempo:g} quarters a "
+            message = f"its tempo {quarter:g} quarters after the beginning is {tempo:g} quarters a "
             message += f"minute; a tempo lies between {SLOWEST:g} and {FASTEST:,.0f} bpm"
             raise TakeError(message, path)
     # Without a tempo of its own a score goes as a MIDI file does.

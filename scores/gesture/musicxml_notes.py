@@ -279,8 +279,8 @@ def _dynamics(direction: Element) -> Event | None:
             if word in _STROKES:
                 return Event(Fraction(0), is_accented=True)
             if word in ("fp", "pf"):
-                first, then = (DYNAMICS.index(sign) * _STEP for sign in word)
-                return Event(Fraction(0), level=first, then=then)
+                level_before, then = (DYNAMICS.index(sign) * _STEP for sign in word)
+                return Event(Fraction(0), level=level_before, then=then)
             if set(word) <= {"p"} or set(word) <= {"f"}:
                 word = word[:3]
             if word in DYNAMICS:
@@ -334,9 +334,9 @@ class Loudness:
         """The strength without hairpins that go on at an instant."""
         place = bisect_right(self._instants, beat)
         mark = self._levels[place - 1] if place else None
-        last = next((swell for swell in reversed(self._swells) if swell[1] <= beat), None)
-        if mark is None or (last is not None and last[1] > mark[0]):
-            return None if last is None else last[3]
+        last_swell = next((swell for swell in reversed(self._swells) if swell[1] <= beat), None)
+        if mark is None or (last_swell is not None and last_swell[1] > mark[0]):
+            return None if last_swell is None else last_swell[3]
         instant, event = mark
         return event.level if event.then is None or instant == beat else event.then
 

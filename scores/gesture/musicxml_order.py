@@ -46,15 +46,17 @@ def turns(columns: Sequence[Sequence[Element]]) -> list[Turns]:
         if closed:
             endings = frozenset()
         if part_turns.passes == 1:  # a repeat without a number of times
-            last = max(part_turns.endings, default=1)
-            part_turns.passes = max(2, last + _follows(columns, number))
+            last_ending = max(part_turns.endings, default=1)
+            part_turns.passes = max(2, last_ending + _follows(columns, number))
     return result
 
 
 def _follows(columns: Sequence[Sequence[Element]], number: int) -> bool:
     """Whether another ending begins in the next measure."""
-    after = columns[number + 1] if number + 1 < len(columns) else ()
-    return any(mark.get("type") == "start" for m in after for mark in m.iterfind("barline/ending"))
+    next_column = columns[number + 1] if number + 1 < len(columns) else ()
+    return any(
+        mark.get("type") == "start" for m in next_column for mark in m.iterfind("barline/ending")
+    )
 
 
 def _marks(measures: Sequence[Element], part_turns: Turns) -> tuple[frozenset[int], bool]:
@@ -73,8 +75,8 @@ def _marks(measures: Sequence[Element], part_turns: Turns) -> tuple[frozenset[in
                 part_turns.begins = True
                 continue
             times = repeat.get("times", "")
-            known = int(times) if times.isdigit() and len(times) < 4 else 1
-            part_turns.passes = max(part_turns.passes, min(known, _PASSES_MAX))
+            n_times = int(times) if times.isdigit() and len(times) < 4 else 1
+            part_turns.passes = max(part_turns.passes, min(n_times, _PASSES_MAX))
         for sound in (*measure.iterfind("sound"), *measure.iterfind("direction/sound")):
             _sound(sound, part_turns)
     return opened, closed

@@ -231,7 +231,7 @@ def _joined(events: list[_Event]) -> Notation:
     """Check points against their neighbours, and leave out points that repeat the one before."""
     points: list[Point] = []
     checks: list[BarCheck] = []
-    last: _Event | None = None
+    last_event: _Event | None = None
     events.reverse()
     while events:  # popped, to free memory: there may be a million
         event = events.pop()
@@ -240,11 +240,11 @@ def _joined(events: list[_Event]) -> Notation:
         if x is None:
             checks.append(BarCheck(check_time, event.offset))
             continue
-        if last is not None and last.x is not None:
-            still = abs(x - last.x) <= SAME
+        if last_event is not None and last_event.x is not None:
+            still = abs(x - last_event.x) <= SAME
             if event.curve == "hold" and not still:
                 raise HoldMovesError(
-                    f"'hold' keeps the position {_millimetres(last.x)}; "
+                    f"'hold' keeps the position {_millimetres(last_event.x)}; "
                     f"this point is at {_millimetres(x)}",
                     offset=event.offset,
                     length=event.length,
@@ -253,8 +253,8 @@ def _joined(events: list[_Event]) -> Notation:
             if event.curve == "hold":
                 x = points[-1].x  # the engine compares them exactly
             if (
-                abs(check_time[0] - last.beats) <= SAME
-                and abs(check_time[1] - last.seconds) <= SAME
+                abs(check_time[0] - last_event.beats) <= SAME
+                and abs(check_time[1] - last_event.seconds) <= SAME
             ):
                 if still:
                     continue
@@ -264,7 +264,7 @@ def _joined(events: list[_Event]) -> Notation:
                     length=event.length,
                 )
         points.append(Point(check_time, x, event.curve, event.offset, event.length))
-        last = event
+        last_event = event
     if not points:
         raise TextError("a gesture needs a point, such as 0mm@0")
     return Notation(tuple(points), tuple(checks))

@@ -89,24 +89,24 @@ class Npz:
         """
         member, name = self._members[index], self.names[index]
         with _as_take_error(self._path), self._archive.open(member) as file:
-            head = io.BytesIO(file.read(_HEADER_MAX))
+            header_file = io.BytesIO(file.read(_HEADER_MAX))
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("error")  # warnings of Python's parser mean a bad header
-                old = npy.read_magic(head) == (1, 0)
+                old = npy.read_magic(header_file) == (1, 0)
                 read_header = npy.read_array_header_1_0 if old else npy.read_array_header_2_0
-                shape, _, dtype = read_header(head)
+                shape, _, dtype = read_header(header_file)
         except Exception as error:  # numpy lets the tokenizer's own errors through
             raise TakeError(f"the header of '{name[:40]}' cannot be read", self._path) from error
         if dtype.hasobject or dtype.kind not in "fiu" or len(shape) != 1:
             return None
         if not 0 <= shape[0] <= MAX_SAMPLES:
             raise TakeError(f"more than {MAX_SAMPLES:,} samples in '{name[:40]}'", self._path)
-        missing = head.tell() + shape[0] * dtype.itemsize - member.file_size
+        missing = header_file.tell() + shape[0] * dtype.itemsize - member.file_size
         if missing:
             state = "cut short" if missing > 0 else "longer than its header says"
             raise TakeError(f"'{name[:40]}' is {state}", self._path)
-        return Row(name, shape[0], dtype, head.tell(), member)
+        return Row(name, shape[0], dtype, header_file.tell(), member)
 
     def blocks(self, row: Row) -> Iterator[Floats]:
         """The numbers of a row, some at a time. Raises TakeError."""
@@ -155,5 +155,5 @@ def _as_take_error(path: Path) -> Iterator[None]:
     except (TakeError, OSError, MemoryError):
         raise
     except Exception as error:
-        why = str(error) or type(error).__name__
-        raise TakeError(f"this is not an npz file that can be read ({why})", path) from None
+        reason = str(error) or type(error).__name__
+        raise TakeError(f"this is not an npz file that can be read ({reason})", path) from None

@@ -62,7 +62,9 @@ def read(path: Path) -> Motion:
     header, rows = _header(path)
 
     def blocks() -> Iterator[Floats]:
-        return in_blocks((rows.values(line, at) for line, at in _frames(rows)), n, path)
+        return in_blocks(
+            (rows.values(line, line_number) for line, line_number in _frames(rows)), n, path
+        )
 
     count_text = next((header[name] for name in _COUNTS if header.get(name)), None)
     n = sum(1 for _ in _frames(rows)) if count_text is None else _count(count_text, path)
@@ -100,8 +102,8 @@ def _header(path: Path) -> tuple[Mapping[str, str], _Rows]:
                 raise TakeError("this file of Motive has no line that begins with Frame", path)
         else:
             raise TakeError("this file of Motive has no line that begins with Frame", path)
-    first = above[0]
-    header = dict(zip(first[::2], first[1::2], strict=False))
+    first_row = above[0]
+    header = dict(zip(first_row[::2], first_row[1::2], strict=False))
     width = len(cells)
     if len(above) < 3 or any(len(row) > width for row in above[1:]):
         raise TakeError("this file of Motive has no rows of names above Frame", path, number)
@@ -109,12 +111,12 @@ def _header(path: Path) -> tuple[Mapping[str, str], _Rows]:
     # Older files have no labels before their header rows: the first is the kind, the second the
     # name.
     names = next((row for row in wide if "Name" in row[:2]), wide[min(1, len(wide) - 1)])
-    what = wide[-1]
+    column_kinds = wide[-1]
     starts = [
         column
         for column in range(2, width - 2)
         if cells[column : column + 3] == ["X", "Y", "Z"]
-        and what[column : column + 3] == ["Position"] * 3
+        and column_kinds[column : column + 3] == ["Position"] * 3
     ]
     if not starts:
         raise TakeError("this file of Motive has no columns called Position, X, Y, Z", path, number)

@@ -118,23 +118,25 @@ def row_error(line: str, offset: int) -> TextError:
     """Say why a table's row is not `t x [curve]`."""
     words = list(re.finditer(r"\S+", line.partition("#")[0]))
     if len(words) > 3:
-        extra = words[3]
+        extra_word = words[3]
         return TextError(
             "a row has a time, a position and at most a curve word",
-            offset=offset + extra.start(),
-            length=len(extra.group()),
+            offset=offset + extra_word.start(),
+            length=len(extra_word.group()),
         )
-    first = words[0]
-    if "@" in first.group():
+    first_word = words[0]
+    if "@" in first_word.group():
         return TextError(
             "a row of a table is `t x` without '@', such as 1/8 6mm",
-            offset=offset + first.start(),
-            length=len(first.group()),
+            offset=offset + first_word.start(),
+            length=len(first_word.group()),
         )
-    if not _ONLY_TIME.fullmatch(first.group()):
-        return _time_error(first.group(), offset + first.start(), first.group())
+    if not _ONLY_TIME.fullmatch(first_word.group()):
+        return _time_error(first_word.group(), offset + first_word.start(), first_word.group())
     if len(words) == 1:
-        return TextError("this row has a time and no position", offset=offset, length=first.end())
+        return TextError(
+            "this row has a time and no position", offset=offset, length=first_word.end()
+        )
     second = words[1]
     if not _ONLY_POSITION.fullmatch(second.group()):
         return TextError(

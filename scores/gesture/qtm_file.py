@@ -66,7 +66,11 @@ def read(path: Path) -> Motion:
     def blocks() -> Iterator[Floats]:
         with _text(path) as file:
             numbered_lines = lines(file, path)
-            values = (layout.values(line, at) for at, line in numbered_lines if at >= layout.first)
+            values = (
+                layout.values(line, line_number)
+                for line_number, line in numbered_lines
+                if line_number >= layout.first
+            )
             yield from map(_seen, in_blocks(values, n, path))
 
     rate = _rate(header.get("FREQUENCY", []), path)
@@ -137,7 +141,7 @@ def _rate(values: list[str], path: Path) -> float | None:
     return rate
 
 
-def _seen(each: Floats) -> Floats:
+def _seen(coordinates: Floats) -> Floats:
     """The positions, with NaN in place of 0, 0, 0."""
-    each[(each == 0).all(axis=2)] = np.nan
-    return each
+    coordinates[(coordinates == 0).all(axis=2)] = np.nan
+    return coordinates

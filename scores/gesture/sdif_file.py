@@ -51,11 +51,11 @@ def columns(path: Path, passed_over: Counter[str] | None = None) -> dict[str, Co
     """All columns of a file by name; what is not a column is counted in `passed_over`. Raises
     TakeError, also if there are more than a take may have.
     """
-    others = Counter[str]() if passed_over is None else passed_over
+    skipped = Counter[str]() if passed_over is None else passed_over
     columns_found: dict[_Key, Column] = {}
     declared: dict[bytes, list[str]] = {}
     n_values = 0
-    for name, t, stream, matrix in _matrices(path, declared, others):
+    for name, t, stream, matrix in _matrices(path, declared, skipped):
         n_values += matrix.size
         if matrix.size > MAX_CHANNELS:
             raise TakeError(_TOO_MANY, path)
@@ -77,23 +77,23 @@ def columns(path: Path, passed_over: Counter[str] | None = None) -> dict[str, Co
 
 def track(path: Path, channel: str | None, unit: float | None) -> tuple[Floats, Floats]:
     """Instants [s] and positions [m] of a column, both counted from its first value."""
-    every = columns(path)
-    if channel is None and len(every) == 1:
-        (channel,) = every
-    listed = ", ".join(list(every)[:_LISTED])
-    if (more := len(every) - _LISTED) > 0:
-        listed += f" and {more} more"
+    all_columns = columns(path)
+    if channel is None and len(all_columns) == 1:
+        (channel,) = all_columns
+    listed = ", ".join(list(all_columns)[:_LISTED])
+    if (n_unlisted := len(all_columns) - _LISTED) > 0:
+        listed += f" and {n_unlisted} more"
     if channel is None:
         raise TakeError(f"the file has several columns; write `channel` as one of {listed}", path)
-    if channel not in every:
+    if channel not in all_columns:
         raise TakeError(
             f"no column '{channel[:60]}'; there are {listed}",
             path,
-            suggestion=nearest(channel, every),
+            suggestion=nearest(channel, all_columns),
             field="channel",
         )
     metres = scale(None, unit, path)
-    t, x = np.frombuffer(every[channel].t), np.frombuffer(every[channel].x)
+    t, x = np.frombuffer(all_columns[channel].t), np.frombuffer(all_columns[channel].x)
     return t - t[0], (x - x[0]) * metres
 
 
@@ -120,10 +120,10 @@ def _named(
 
 
 def _matrices(
-    path: Path, declared: dict[bytes, list[str]], others: Counter[str]
+    path: Path, declared: dict[bytes, list[str]], skipped: Counter[str]
 ) -> Iterator[tuple[bytes, float, int, Floats]]:
     """Name, instant, stream and numbers of each matrix; the names of columns go into `declared`,
-    and what has no instant or no numbers into `others`.
+    and what has no instant or no numbers into `skipped`.
     """
     with opened(path) as file:
         size = os.fstat(file.fileno()).st_size
@@ -131,19 +131,19 @@ def _matrices(
             raise TakeError("this is not an SDIF file", path)
         file.seek(4)
         _body(file, size, path)
-        while head := file.read(4):
+        while frame_header := file.read(4):
             data = _body(file, size, path)
-            if head == b"1TYP":
+            if frame_header == b"1TYP":
                 _declare(data, declared)
                 continue
-            if head in _TEXTS or len(data) < _FRAME.size:
-                others[f"frame {_printed(head)} without columns"] += 1
+            if frame_header in _TEXTS or len(data) < _FRAME.size:
+                skipped[f"frame {_printed(frame_header)} without columns"] += 1
                 continue
             t, stream, count = _FRAME.unpack_from(data)
             if not math.isfinite(t):  # it applies to the whole file
-                others[f"frame {_printed(head)} without an instant"] += 1
+                skipped[f"frame {_printed(frame_header)} without an instant"] += 1
                 continue
-            matrices = _frame_matrices(data, count, path, others)
+            matrices = _frame_matrices(data, count, path, skipped)
             yield from ((name, t, stream, x) for name, x in matrices)
 
 
@@ -170,9 +170,9 @@ def _declare(data: bytes, declared: dict[bytes, list[str]]) -> None:
 
 
 def _frame_matrices(
-    data: bytes, count: int, path: Path, others: Counter[str]
+    data: bytes, count: int, path: Path, skipped: Counter[str]
 ) -> Iterator[tuple[bytes, Floats]]:
-    """Name and numbers of each matrix of a frame; matrices of other types go into `others`."""
+    """Name and numbers of each matrix of a frame; matrices of other types go into `skipped`."""
     offset = _FRAME.size
     for _ in range(count):
         if offset + _MATRIX.size > len(data):
@@ -186,5 +186,5 @@ def _frame_matrices(
             values = np.frombuffer(data, _TYPES[kind], n_rows * n_columns, offset)
             yield name, values.astype(np.float64).reshape(n_rows, n_columns)
         else:
-            others[f"matrix {_printed(name)} without numbers"] += 1
+            skipped[f"matrix {_printed(name)} without numbers"] += 1
         offset += length + -length % 8  # padded

@@ -45,11 +45,15 @@ def axes(text: str) -> int:
     return 1 if match is None else match[1].count(",") + 1
 
 
-def played(name: str, known: Container[str]) -> tuple[str, ...]:
+def played(name: str, gesture_names: Container[str]) -> tuple[str, ...]:
     """The names by which a gesture is played: its own, or, for a path, those of its axes, such as
     `pour.x`.
     """
-    return tuple(one for one in (name, *(f"{name}.{axis}" for axis in AXES)) if one in known)
+    return tuple(
+        axis_name
+        for axis_name in (name, *(f"{name}.{axis}" for axis in AXES))
+        if axis_name in gesture_names
+    )
 
 
 def parse(text: str, curve: str = "smooth", events_max: int = MAX_EVENTS) -> tuple[Notation, ...]:
@@ -74,7 +78,7 @@ def _brackets(match: re.Match[str]) -> _Brackets:
 def _check(text: str, points: Sequence[_Brackets], n_axes: int) -> None:
     """Check that each point has as many positions as the first, two or three, and a time."""
     for start, stop, parts in points:
-        written = text[start:stop]
+        point_text = text[start:stop]
         if not 2 <= len(parts) <= len(AXES):
             message = f"a point in space has two or three positions, not {len(parts)}"
             raise TextError(message, offset=start, length=stop - start)
@@ -82,7 +86,7 @@ def _check(text: str, points: Sequence[_Brackets], n_axes: int) -> None:
             message = f"this point has {len(parts)} positions, and the first has {n_axes}"
             raise TextError(message, offset=start, length=stop - start)
         if text[stop : stop + 1] != "@":
-            message = f"'{written[:40]}' has no time; write {written[:40]}@1/4"
+            message = f"'{point_text[:40]}' has no time; write {point_text[:40]}@1/4"
             raise TextError(message, offset=start, length=stop - start)
     for match in _ALONE.finditer(text):
         if text[match.start() - 1 : match.start()] != ")" or match[0][0] != "@":
@@ -109,7 +113,9 @@ def _along(
     try:
         read = notation.parse("".join((*pieces, text[end:])), curve, events_max)
     except TextError as error:
-        begin = max((one for one in begins if one <= error.offset), default=-1)
+        begin = max(
+            (begin_offset for begin_offset in begins if begin_offset <= error.offset), default=-1
+        )
         if begin >= 0 and error.offset <= begin + max(0, begins[begin].length - 1):
             error.offset += begins[begin].text_start - begin
         raise

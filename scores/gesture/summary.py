@@ -82,7 +82,7 @@ def _table(path: Path) -> Table:
                 raise TakeError(f"the file has more than {MAX_CHANNELS:,} columns", path)
             time = next((i for i, column in enumerate(columns) if column.is_time), None)
             block: list[list[float]] = []
-            n_rows, before = 0, -math.inf
+            n_rows, instant_before = 0, -math.inf
             for number, cells in table.rows:
                 try:
                     block.append([float(cell) for cell in cells])
@@ -90,9 +90,9 @@ def _table(path: Path) -> Table:
                     raise TakeError("this line is not a row of numbers", path, number) from None
                 if time is not None:
                     instant = number_in(cells[time], path, number)
-                    if not instant > before:
+                    if not instant > instant_before:
                         raise TakeError("times must rise", path, number)
-                    before = instant
+                    instant_before = instant
                 if len(block) * len(columns) >= _BLOCK:
                     n_rows += _added(columns, block)
             n_rows += _added(columns, block)
@@ -174,7 +174,10 @@ def _sdif(path: Path) -> Table:
         if len(column.t) > n_rows:
             n_rows, times = len(column.t), Column("t [s]")
             times.add(np.frombuffer(column.t))
-    passed = (f"{what}, {n} times" if n > 1 else what for what, n in passed_over.items())
+    passed = (
+        f"{matrix_type}, {n} times" if n > 1 else matrix_type
+        for matrix_type, n in passed_over.items()
+    )
     return Table(n_rows, (times, *columns), None, tuple(passed))
 
 

@@ -32,7 +32,7 @@ def sheet(file: IO[str], path: Path) -> Sheet:
     numbered = lines(file, path)
     line, header = next(numbered, (1, ""))
     bare = _QUOTED.sub("", header)
-    separator = next((each for each in _SEPARATORS if each in bare), ",")
+    separator = next((candidate for candidate in _SEPARATORS if candidate in bare), ",")
     names = [name.strip() for name in _cells(header, separator, path, line)]
     if all(map(_NUMBER.fullmatch, names)):
         raise TakeError(

@@ -295,9 +295,9 @@ def _judge_wav(path: Path) -> dict[int, bytes]:
     """
     with open_regular(path) as file:
         size = os.fstat(file.fileno()).st_size
-        head = file.read(12)
-        order = _WAV_ORDER.get(head[:4])
-        if order is None or head[8:] != b"WAVE":
+        header = file.read(12)
+        order = _WAV_ORDER.get(header[:4])
+        if order is None or header[8:] != b"WAVE":
             raise TakeError("this is not a WAV file", path)
         tag = None
         while len(chunk := file.read(8)) == 8:
@@ -310,9 +310,9 @@ def _judge_wav(path: Path) -> dict[int, bytes]:
                 if tag not in (_PCM, _FLOAT):
                     raise TakeError(f"this WAV file is coded (format {tag}); PCM is read", path)
             elif name == b"data" and tag is not None:
-                patches = {0: b"RF64"} if head[:4] == b"BW64" else {}
+                patches = {0: b"RF64"} if header[:4] == b"BW64" else {}
                 # Programs that stream leave 0 or 0xFFFFFFFF as the size.
-                if not length and int.from_bytes(head[4:8], order) + 8 != size:
+                if not length and int.from_bytes(header[4:8], order) + 8 != size:
                     patches[start - 4] = min(size - start, 0xFFFFFFFE).to_bytes(4, order)
                 if length not in (0, 0xFFFFFFFF) and start + length > size:
                     raise TakeError("the file is shorter than its header says", path)

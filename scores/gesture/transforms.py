@@ -88,16 +88,16 @@ class _TransformResult(NamedTuple):
     note: str | None = None
 
 
-def parse_do(text: str, start: int = 0, others: Mapping[str, str] = NO_OTHERS) -> Transform:
+def parse_do(text: str, start: int = 0, other_verbs: Mapping[str, str] = NO_OTHERS) -> Transform:
     """Read one transformation, such as `scale 0.5` or `jitter 4ms 0.2mm`.
 
-    `others` are words that the caller reads, for messages. Raises TextError with offsets into
+    `other_verbs` are words that the caller reads, for messages. Raises TextError with offsets into
     the text plus `start`.
     """
     words = [(w.group(), start + w.start()) for w in re.finditer(r"\S+", text)]
-    known = (*_VERBS, *others)
+    verb_names = (*_VERBS, *other_verbs)
     if not words:
-        raise TextError(f"a transformation is one of {', '.join(known)}", offset=start)
+        raise TextError(f"a transformation is one of {', '.join(verb_names)}", offset=start)
     (word, offset), arguments = words[0], words[1:]
     verb = _VERBS.get(word)
     if word in _RHYTHM_VERBS:
@@ -111,17 +111,21 @@ def parse_do(text: str, start: int = 0, others: Mapping[str, str] = NO_OTHERS) -
         raise TextError(message, offset=offset, length=len(word))
     if verb is None:
         raise TextError(
-            f"unknown transformation '{word[:40]}'; known are {', '.join(known)}",
+            f"unknown transformation '{word[:40]}'; known are {', '.join(verb_names)}",
             offset=offset,
             length=len(word),
-            suggestion=nearest(word, known),
+            suggestion=nearest(word, verb_names),
         )
     if len(arguments) != len(verb.arguments):
-        over = arguments[len(verb.arguments)] if len(arguments) > len(verb.arguments) else None
-        where, length = (over[1], len(over[0])) if over else (offset, len(word))
+        extra_argument = (
+            arguments[len(verb.arguments)] if len(arguments) > len(verb.arguments) else None
+        )
+        error_offset, length = (
+            (extra_argument[1], len(extra_argument[0])) if extra_argument else (offset, len(word))
+        )
         raise TextError(
             f"'{word}' has another number of values; write for instance {verb.example}",
-            offset=where,
+            offset=error_offset,
             length=length,
         )
     fields: dict[str, float | Time] = {}
@@ -217,16 +221,18 @@ def _from(points: tuple[Point, ...], t: Transform, _: Chance, beat: float) -> _T
     """
     start = t.time.beats * beat + t.time.seconds
     later = (i for i, p in enumerate(points) if p.at.beats * beat + p.at.seconds >= start - SAME)
-    first = next(later, None)
-    if first is None:
+    first_time = next(later, None)
+    if first_time is None:
         end = _moved(points[-1], NOW, points[-1].x)
         return _TransformResult(
             (end,), "from: the start lies after the last point, so only the last position remains"
         )
     new_times = [
-        Time(p.at.beats - t.time.beats, p.at.seconds - t.time.seconds) for p in points[first:]
+        Time(p.at.beats - t.time.beats, p.at.seconds - t.time.seconds) for p in points[first_time:]
     ]
-    moved = [_moved(p, where, p.x) for p, where in zip(points[first:], new_times, strict=True)]
+    moved = [
+        _moved(p, new_time, p.x) for p, new_time in zip(points[first_time:], new_times, strict=True)
+    ]
     return _TransformResult((replace(moved[0], curve=points[0].curve), *moved[1:]))
 
 
@@ -235,8 +241,8 @@ def _reverse(points: tuple[Point, ...], _: Transform, __: Chance, ___: float) ->
 
     The curve that led into point i now leads into point i-1.
     """
-    first, last = points[0].at, points[-1].at
-    beats, seconds = first.beats + last.beats, first.seconds + last.seconds
+    first_time, last_time = points[0].at, points[-1].at
+    beats, seconds = first_time.beats + last_time.beats, first_time.seconds + last_time.seconds
     curves = [points[0].curve, *(p.curve for p in reversed(points[1:]))]
     return _TransformResult(
         tuple(

@@ -43,27 +43,29 @@ def read(path: Path) -> Motion:
 
     Raises TakeError and OSError.
     """
-    head = _head(path)
-    n, n_markers = (_count(head, name, path) for name in ("NumFrames", "NumMarkers"))
-    if n_markers != len(head.names):
-        message = f"its head says {n_markers:,} markers, and names {len(head.names):,}"
-        raise TakeError(message, path, head.line)
-    rate = _rate(head, path)
-    metres = metres_of(head.fields.get("Units", ""))
+    header = _head(path)
+    n, n_markers = (_count(header, name, path) for name in ("NumFrames", "NumMarkers"))
+    if n_markers != len(header.names):
+        message = f"its head says {n_markers:,} markers, and names {len(header.names):,}"
+        raise TakeError(message, path, header.line)
+    rate = _rate(header, path)
+    metres = metres_of(header.fields.get("Units", ""))
 
     def blocks() -> Iterator[Floats]:
-        return in_blocks((_values(cells, path, line) for line, cells in _rows(head, path)), n, path)
+        return in_blocks(
+            (_values(cells, path, line) for line, cells in _rows(header, path)), n, path
+        )
 
-    names = unique_names(head.names)
+    names = unique_names(header.names)
     return judged(Motion(names, n, rate, metres, blocks), path)
 
 
 def _head(path: Path) -> _Head:
     with _text(path) as file:
         numbered = lines(file, path)
-        first, fields, values, markers, axes = (next(numbered, (0, "")) for _ in range(5))
+        first_number, fields, values, markers, axes = (next(numbered, (0, "")) for _ in range(5))
     names = [name.strip() for name in markers[1].split("\t")[_LEADING:] if name.strip()]
-    if not first[1].startswith(_FIRST) or not markers[1].startswith("Frame#") or not axes[0]:
+    if not first_number[1].startswith(_FIRST) or not markers[1].startswith("Frame#") or not axes[0]:
         raise TakeError(
             "this is not a TRC file: it begins with PathFileType, and its fourth line with Frame#",
             path,
@@ -75,12 +77,12 @@ def _head(path: Path) -> _Head:
     return _Head({name.strip(): value.strip() for name, value in pairs}, names, axes[0])
 
 
-def _rows(head: _Head, path: Path) -> Iterator[tuple[int, list[str]]]:
+def _rows(header: _Head, path: Path) -> Iterator[tuple[int, list[str]]]:
     """The cells of each frame, with their line. Raises TakeError."""
-    width = _LEADING + 3 * len(head.names)
+    width = _LEADING + 3 * len(header.names)
     with _text(path) as file:
         for line, text in lines(file, path):
-            if line <= head.line:
+            if line <= header.line:
                 continue
             cells = [cell.strip() for cell in text.split("\t")]
             if len(cells) == width + 1 and not cells[-1]:  # a tab may come last
@@ -103,27 +105,27 @@ def _text(path: Path) -> io.TextIOWrapper:
     return io.TextIOWrapper(opened(path), encoding="utf-8-sig", errors="replace")
 
 
-def _count(head: _Head, name: str, path: Path) -> int:
-    value = head.fields.get(name, "")
+def _count(header: _Head, name: str, path: Path) -> int:
+    value = header.fields.get(name, "")
     if not value.isdecimal() or len(value) > 9:
         raise TakeError(f"{name} in the head of this file is not a number", path)
     return int(value)
 
 
-def _rate(head: _Head, path: Path) -> float:
+def _rate(header: _Head, path: Path) -> float:
     """The frame rate [Hz], which the instants of the first two frames must have. Raises
     TakeError.
     """
-    rate = _number(head.fields.get("DataRate", ""))
+    rate = _number(header.fields.get("DataRate", ""))
     if not 0 < rate <= _RATE_MAX:
         raise TakeError("DataRate in the head of this file is not a number above 0", path)
-    instants = [_number(cells[1]) for _, cells in islice(_rows(head, path), 2)]
+    instants = [_number(cells[1]) for _, cells in islice(_rows(header, path), 2)]
     step = instants[1] - instants[0] if len(instants) == 2 else 1 / rate
     if not abs(step * rate - 1) <= _UNEVEN:
         message = (
             f"its head says {rate:g} frames a second, but its first two frames are {step:g} s "
         )
-        raise TakeError(message + "apart", path, head.line + 1)
+        raise TakeError(message + "apart", path, header.line + 1)
     return rate
 
 

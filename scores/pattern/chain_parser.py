@@ -48,11 +48,11 @@ class ChainParser(ABC, Generic[T]):
         elif sign == ")":
             raise self.mistake("')' has no '(' before it: every 4 (rev, fast 2)", self.place)
         elif sign:
-            before = transforms[-1]
-            extra, (word, example) = self.word() or sign, self.example(before)
-            message = f"{quote(extra)} does not belong to '{word}', which is written for "
+            previous_transform = transforms[-1]
+            extra_word, (word, example) = self.word() or sign, self.example(previous_transform)
+            message = f"{quote(extra_word)} does not belong to '{word}', which is written for "
             message += f"instance {example}; a comma divides transformations"
-            raise self.mistake(message, self.place, len(extra))
+            raise self.mistake(message, self.place, len(extra_word))
         elif opened is not None:
             message = "this '(' is not closed: every 4 (rev, fast 2)"
             raise self.mistake(message, opened)
@@ -73,8 +73,8 @@ class ChainParser(ABC, Generic[T]):
         counts = {len(readers): readers for readers in form.arguments}
         readers = counts.get(len(words))
         if readers is None:
-            wanted = form.arguments[0][len(words)].what
-            message = f"'{word}' needs {wanted}; write for instance {form.example}"
+            argument_name = form.arguments[0][len(words)].what
+            message = f"'{word}' needs {argument_name}; write for instance {form.example}"
             raise self.mistake(message, begin, len(word))
         return tuple(
             reader.argument(value, self.start + place, form.example)

@@ -84,8 +84,8 @@ def rev(part: Cycles[V]) -> Cycles[V]:
         result = []
         for cycle, low, high in by_cycle(begin, end):
             both = 2 * cycle + 1
-            for first, last, start, stop, what in part.query(both - high, both - low, chance):
-                mirrored = Fragment(both - last, both - first, both - stop, both - start, what)
+            for first, last, start, stop, value in part.query(both - high, both - low, chance):
+                mirrored = Fragment(both - last, both - first, both - stop, both - start, value)
                 result.append(mirrored)
         return result
 
@@ -106,26 +106,28 @@ def iterate(count: int, part: Cycles[V]) -> Cycles[V]:
 
 def swing(amount: Fraction, slices: int, part: Cycles[V]) -> Cycles[V]:
     """The events in the second half of each slice of a cycle, later by a share of the slice."""
-    before = filtered(lambda begin, _: into_cycle(begin * slices) < HALF, part)
-    after = filtered(lambda begin, _: into_cycle(begin * slices) >= HALF, part)
-    return stack([before, late(amount / slices, after)])
+    on_beats = filtered(lambda begin, _: into_cycle(begin * slices) < HALF, part)
+    off_beats = filtered(lambda begin, _: into_cycle(begin * slices) >= HALF, part)
+    return stack([on_beats, late(amount / slices, off_beats)])
 
 
 def ply(
-    count: int, part: Cycles[V], change: Callable[[V, int], V] = lambda what, _: what
+    count: int,
+    part: Cycles[V],
+    change: Callable[[V, int], V] = lambda played_value, _: played_value,
 ) -> Cycles[V]:
     """Each event `count` times within its span; `change` returns the value of a repetition."""
 
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
         result: list[Fragment[V]] = []
         for fragment in part.query(begin, end, chance):
-            first, last, start, stop, what = fragment
+            first, last, start, stop, played_value = fragment
             width = (last - first) / count
             turn = (start - first) // width
             low = first + turn * width
             while low < stop:
                 high = low + width
-                value = change(what, int(turn))
+                value = change(played_value, int(turn))
                 result.append(Fragment(low, high, max(low, start), min(high, stop), value))
                 low, turn = high, turn + 1
         return result
@@ -228,7 +230,7 @@ def echo(count: int, time: Fraction, fade: Callable[[V, int], V], part: Cycles[V
     """The pattern `count` times, each some time later; `fade` returns a value of a copy."""
 
     def copy(turn: int) -> Cycles[V]:
-        return late(time * turn, mapped(lambda what: fade(what, turn), part))
+        return late(time * turn, mapped(lambda value: fade(value, turn), part))
 
     return stack([part, *(copy(turn) for turn in range(1, count))])
 

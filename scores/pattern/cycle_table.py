@@ -39,20 +39,20 @@ def _euclid(t: CycleTransform, part: Pattern) -> Pattern:
 def _echo(t: CycleTransform, part: Pattern) -> Pattern:
     count, time, factor = t.values
 
-    def fade(what: Struck, turn: int) -> Struck:
-        return replace(what, factor=what.factor * factor**turn)
+    def fade(struck: Struck, turn: int) -> Struck:
+        return replace(struck, factor=struck.factor * factor**turn)
 
     return act.echo(count, time, fade, part)
 
 
 def _transpose(t: CycleTransform, part: Pattern) -> Pattern:
     interval = t.value
-    return mapped(lambda what: replace(what, semitones=what.semitones + interval), part)
+    return mapped(lambda struck: replace(struck, semitones=struck.semitones + interval), part)
 
 
 def _scale(t: CycleTransform, part: Pattern) -> Pattern:
     factor = t.value
-    return mapped(lambda what: replace(what, factor=what.factor * factor), part)
+    return mapped(lambda struck: replace(struck, factor=struck.factor * factor), part)
 
 
 def _sometimes(amount: float | None) -> Callable[[CycleTransform, Pattern], Pattern]:

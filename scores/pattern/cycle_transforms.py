@@ -102,27 +102,29 @@ class _Parser(ChainParser[CycleTransform]):
     def rhythm(self, form: Form, begin: int, word: str, number: int) -> Cycles[bool]:
         """The rhythm up to the next comma or parenthesis that is in no brackets of its text."""
         self.peek()
-        first, depth = self.place, 0
+        first_place, depth = self.place, 0
         while sign := self.text[self.place : self.place + 1]:
             if depth == 0 and sign in ",)":
                 break
             depth += (sign in _DEEPER) - (sign in _HIGHER and depth > 0)
             self.place += 1
-        if first == self.place:
+        if first_place == self.place:
             message = f"'{word}' needs a rhythm; write for instance {form.example}"
             raise self.mistake(message, begin, len(word))
-        return read.parse_beats(self.text[first : self.place], self.start + first, number)
+        return read.parse_beats(
+            self.text[first_place : self.place], self.start + first_place, number
+        )
 
     def unknown(self, word: str) -> TextError:
         """The mistake of a word that is no transformation."""
-        known = ", ".join(TABLE)
+        verb_names = ", ".join(TABLE)
         if not word:
-            message = f"a transformation is missing here; known are {known}"
-            last = len(self.text[: self.place].rstrip()) - 1
-            return self.mistake(message, self.place if self.peek() else max(0, last))
+            message = f"a transformation is missing here; known are {verb_names}"
+            last_offset = len(self.text[: self.place].rstrip()) - 1
+            return self.mistake(message, self.place if self.peek() else max(0, last_offset))
         if word in _REFUSED:
             message = f"{quote(word)} is not a transformation here: {_REFUSED[word]}"
             return self.mistake(message, self.place, len(word))
-        message = f"unknown transformation {quote(word)}; known are {known}"
+        message = f"unknown transformation {quote(word)}; known are {verb_names}"
         near = _SUGGESTED.get(word) or nearest(word, TABLE)
         return self.mistake(message, self.place, len(word), near)

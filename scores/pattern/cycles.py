@@ -55,12 +55,12 @@ class Fragment(NamedTuple, Generic[V]):
 Query = Callable[[Fraction, Fraction, Chance], list[Fragment[V]]]
 
 
-def chance_from(seed: int, who: str) -> Chance:
+def chance_from(seed: int, owner: str) -> Chance:
     """The draws of one voice of a score, for any operator and instant."""
 
     def draw(number: int, instant: Fraction) -> float:
         # Hexadecimal: Python writes no decimal number of more than 4,300 digits.
-        name = f"{who}/{instant.numerator:x}/{instant.denominator:x}"
+        name = f"{owner}/{instant.numerator:x}/{instant.denominator:x}"
         return _core.Chance(seed, "pattern cycles", name, number, 0).uniform(0.0, 1.0)
 
     return draw
@@ -116,9 +116,9 @@ def by_cycle(begin: Fraction, end: Fraction) -> Iterator[tuple[int, Fraction, Fr
         yield cycle, begin, end
         return
     while begin < end:
-        last = min(end, Fraction(cycle + 1))
-        yield cycle, begin, last
-        begin, cycle = last, cycle + 1
+        cycle_end = min(end, Fraction(cycle + 1))
+        yield cycle, begin, cycle_end
+        begin, cycle = cycle_end, cycle + 1
 
 
 def into_cycle(instant: Fraction) -> Fraction:
@@ -131,12 +131,12 @@ def moved(
 ) -> list[Fragment[V]]:
     """Fragments with each instant t at t·factor + shift, for a factor above zero."""
     result = []
-    for begin, end, start, stop, what in fragments:
+    for begin, end, start, stop, value in fragments:
         low, high = begin * factor + shift, end * factor + shift
         # Few fragments are cut.
         first = low if start is begin else start * factor + shift
         last = high if stop is end else stop * factor + shift
-        result.append(Fragment(low, high, first, last, what))
+        result.append(Fragment(low, high, first, last, value))
     return result
 
 
@@ -156,7 +156,7 @@ def silence() -> Cycles[V]:
     return Cycles(lambda begin, end, chance: [])
 
 
-def pure(what: V) -> Cycles[V]:
+def pure(value: V) -> Cycles[V]:
     """One event a cycle, which lasts the cycle."""
 
     def query(begin: Fraction, end: Fraction, _: Chance) -> list[Fragment[V]]:
@@ -164,10 +164,10 @@ def pure(what: V) -> Cycles[V]:
         for cycle, start, stop in by_cycle(begin, end):
             low = start if start.denominator == 1 else Fraction(cycle)
             high = stop if stop.denominator == 1 else Fraction(cycle + 1)
-            result.append(Fragment(low, high, start, stop, what))
+            result.append(Fragment(low, high, start, stop, value))
         return result
 
-    return Cycles(query, leaves=(what,))
+    return Cycles(query, leaves=(value,))
 
 
 def sequence(steps: Sequence[tuple[Cycles[V], Fraction]]) -> Cycles[V]:
@@ -187,20 +187,20 @@ def sequence(steps: Sequence[tuple[Cycles[V], Fraction]]) -> Cycles[V]:
         for cycle, first, last in by_cycle(begin, end):
             is_cut = first.denominator != 1 or last.denominator != 1
             low, high = (first - cycle, last - cycle) if is_cut else (bounds[0], bounds[-1])
-            begins, ends = Fraction(cycle), Fraction(cycle + 1)
+            cycle_begins, cycle_ends = Fraction(cycle), Fraction(cycle + 1)
             for step in range(bisect_right(bounds, low) - 1, len(parts)):
-                left, width = bounds[step], widths[step]
-                start, stop = begins, ends
+                left_bound, width = bounds[step], widths[step]
+                start, stop = cycle_begins, cycle_ends
                 if is_cut:
-                    if left >= high:
+                    if left_bound >= high:
                         break
-                    if low > left:
-                        start += (low - left) / width
+                    if low > left_bound:
+                        start += (low - left_bound) / width
                     if high < bounds[step + 1]:
                         stop -= (bounds[step + 1] - high) / width
                 inner = parts[step].query(start, stop, chance)
                 if inner:
-                    result += moved(inner, width, left + cycle * (1 - width))
+                    result += moved(inner, width, left_bound + cycle * (1 - width))
         return result
 
     return node(query, parts, sum(part.cost for part in parts))

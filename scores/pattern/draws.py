@@ -33,9 +33,9 @@ class Draws:
         """All of `count` items in some order."""
         chance = self._chance("shuffle", site, turn)
         order = list(range(count))
-        for last in range(count - 1, 0, -1):  # Fisher and Yates
-            other = _drawn_index(chance, last + 1)
-            order[last], order[other] = order[other], order[last]
+        for last_index in range(count - 1, 0, -1):  # Fisher and Yates
+            drawn_index = _drawn_index(chance, last_index + 1)
+            order[last_index], order[drawn_index] = order[drawn_index], order[last_index]
         return order
 
     def walk_position(self, site: int, turn: int, count: int) -> int:
@@ -73,6 +73,6 @@ def _drawn_index(chance: _core.Chance, count: int) -> int:
 
 
 @lru_cache(maxsize=_WALKS)
-def _walk(seed: int, who: str, site: int, count: int) -> array[int]:
+def _walk(seed: int, owner: str, site: int, count: int) -> array[int]:
     """The part of a walk that has been drawn so far."""
     return array("H", [0])

@@ -135,16 +135,16 @@ def plain(name: str) -> Group:
 
 
 def _choice(word: str) -> Choice | None:
-    return next((way for way in WAYS if way == word), None)
+    return next((order_word for order_word in WAYS if order_word == word), None)
 
 
-def _leaves(word: str, offset: int, called: Called) -> list[Leaf]:
+def _leaves(word: str, offset: int, name_reader: Called) -> list[Leaf]:
     if word == REST:
         return [Leaf(None)]
     if word in WAYS:
         message = f"'{word}' must be at the beginning of a pattern or a group: ({word} knock lean)"
         raise TextError(message, offset=offset, length=len(word))
-    leaf = called(word, offset)
+    leaf = name_reader(word, offset)
     return [Leaf(leaf)] if isinstance(leaf, str) else [Leaf(name) for name in leaf]
 
 
@@ -181,12 +181,12 @@ class _GroupBuilder:
         self.sites = 0
         self.places = 0
 
-    def group(self, written: _Open, span: int | None) -> Group:
+    def group(self, open_group: _Open, span: int | None) -> Group:
         """A group that takes `span` steps; None: as many as it has."""
-        choice, site = written.way[0], self.sites
+        choice, site = open_group.way[0], self.sites
         self.sites += 1
         items: list[Leaf | Group] = []
-        for item, count, offset in written.items:
+        for item, count, offset in open_group.items:
             for _ in range(count or 1):
                 if isinstance(item, Leaf):
                     items.append(item)

@@ -117,8 +117,10 @@ class PlaceSequence:
         order, euclid = self.pattern.order, self.pattern.euclid
         if euclid is None:
             return rounds * order.places - self.pattern.skip
-        turns, rest = divmod(rounds * euclid.pulses, order.steps)
-        partial = sum(place.at < rest for place in self._round(turns)) if rest else 0
+        turns, further_steps = divmod(rounds * euclid.pulses, order.steps)
+        partial = (
+            sum(place.at < further_steps for place in self._round(turns)) if further_steps else 0
+        )
         return turns * order.places + partial - self.pattern.skip
 
     def played(self, place: int) -> str | None:
@@ -206,21 +208,21 @@ def _places_of(
         if draws is not None:
             draw = draws.choose if item.way == "choose" else draws.walk_position
             index = draw(item.site, turn, len(item.items))
-        last = begin
+        last_start = begin
         chosen = item.items[index]
         for place in _places_of(chosen, begin, width, draws, turn):
-            last = place.at
+            last_start = place.at
             yield place
         # Every round has the same number of places: those that a longer item would need are rests.
-        yield from (Place(last, None) for _ in range(item.places - chosen.places))
+        yield from (Place(last_start, None) for _ in range(item.places - chosen.places))
         return
     members = range(len(item.items))
     if item.way == "shuffle" and draws is not None:
         order: Sequence[int] = draws.shuffle(item.site, turn, len(item.items))
     else:
         order = members
-    each = width / item.steps
+    step_width = width / item.steps
     for index in order:
         child = item.items[index]
-        yield from _places_of(child, begin, each * child.span, draws, turn)
-        begin += each * child.span
+        yield from _places_of(child, begin, step_width * child.span, draws, turn)
+        begin += step_width * child.span

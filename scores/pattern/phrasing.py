@@ -45,15 +45,15 @@ def legato(factor: Fraction, part: Pattern) -> Pattern:
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[Struck]]:
         result = []
         for fragment in part.query(begin, end, chance):
-            first, last, line = fragment.begin, fragment.end, fragment.what.line
-            following = first + FARTHEST
-            for cycle in range(first // 1, first // 1 + FARTHEST + 1):
+            first_begin, last_end, line = fragment.begin, fragment.end, fragment.what.line
+            following = first_begin + FARTHEST
+            for cycle in range(first_begin // 1, first_begin // 1 + FARTHEST + 1):
                 instants = onsets(cycle, chance).get(line, ())
-                number = bisect_right(instants, first)
+                number = bisect_right(instants, first_begin)
                 if number < len(instants):
                     following = min(following, instants[number])
                     break
-            length = factor * (following - first) / (last - first)
+            length = factor * (following - first_begin) / (last_end - first_begin)
             if fragment.what.repeats is not None:
                 length = factor
             result.append(fragment._replace(what=replace(fragment.what, length=length)))
@@ -79,17 +79,17 @@ def tremolo(count: int, part: Pattern, first: float = 1.0, last: float = 1.0) ->
     Factors are geometric: even steps of strength.
     """
 
-    def change(what: Struck, turn: int) -> Struck:
+    def change(struck: Struck, turn: int) -> Struck:
         share = turn / (count - 1) if count > 1 else 1.0
-        factor = what.factor * swell(first, last, share)
-        return replace(what, factor=factor, part_of="before" if turn else what.part_of)
+        factor = struck.factor * swell(first, last, share)
+        return replace(struck, factor=factor, part_of="before" if turn else struck.part_of)
 
     return ply(count, part, change)
 
 
 def repeated(repeats: Repeats, part: Pattern) -> Pattern:
     """Each stroke again and again within its span, which is done where its seconds are known."""
-    return mapped(lambda what: replace(what, repeats=repeats), part)
+    return mapped(lambda struck: replace(struck, repeats=repeats), part)
 
 
 def swell(first: float, last: float, share: float) -> float:
@@ -100,10 +100,10 @@ def swell(first: float, last: float, share: float) -> float:
 def grace(time: Fraction, semitones: float, factor: float, part: Pattern) -> Pattern:
     """The pattern, with a short stroke before each stroke, which ends where that begins."""
 
-    def short(what: Struck) -> Struck:
-        semitone, scale = what.semitones + semitones, what.factor * factor
+    def short(struck: Struck) -> Struck:
+        semitone, scale = struck.semitones + semitones, struck.factor * factor
         return replace(
-            what,
+            struck,
             semitones=semitone,
             factor=scale,
             length=Fraction(1),
@@ -148,9 +148,9 @@ def _chords(spread: Spread, part: Pattern, cost: int, leaves: Iterable[Struck]) 
             if first < begin:
                 parts = part.query(first, min(last, first + _INSTANT), chance)
             notes = [f.what for f in parts if f.start == f.begin == first and f.end == last]
-            for low, high, what in spread(by_pitch(notes), first, last, start, stop):
+            for low, high, struck in spread(by_pitch(notes), first, last, start, stop):
                 if low < stop and high > start:
-                    result.append(Fragment(low, high, max(low, start), min(high, stop), what))
+                    result.append(Fragment(low, high, max(low, start), min(high, stop), struck))
         return result
 
     return Cycles(query, cost, 1 + part.depth, tuple(dict.fromkeys(leaves)))
@@ -235,12 +235,12 @@ def _converge(notes: Sequence[Any]) -> list[Any]:
 
 def _pinky(notes: Sequence[Any]) -> list[Any]:
     """Each note but the highest, and the highest after it."""
-    return [each for note in notes[:-1] for each in (note, notes[-1])]
+    return [played_note for note in notes[:-1] for played_note in (note, notes[-1])]
 
 
 def _thumb(notes: Sequence[Any]) -> list[Any]:
     """The lowest before each other note."""
-    return [each for note in notes[1:] for each in (notes[0], note)]
+    return [played_note for note in notes[1:] for played_note in (notes[0], note)]
 
 
 def _back(notes: Sequence[Any]) -> list[Any]:

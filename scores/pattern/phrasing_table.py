@@ -23,16 +23,16 @@ def _tremolo(t: CycleTransform, part: Pattern) -> Pattern:
 
 def _roll(t: CycleTransform, part: Pattern) -> Pattern:
     strokes, *factors = t.values
-    first, last = [float(factor) for factor in [*factors, *_SWELL[len(factors) :]]]
+    first_level, last_level = [float(factor) for factor in [*factors, *_SWELL[len(factors) :]]]
     if isinstance(strokes, Repeats):
-        return act.repeated(strokes._replace(first=first, last=last), part)
-    return act.tremolo(strokes, part, first, last)
+        return act.repeated(strokes._replace(first=first_level, last=last_level), part)
+    return act.tremolo(strokes, part, first_level, last_level)
 
 
 def _grace(t: CycleTransform, part: Pattern) -> Pattern:
-    time, *more = t.values
-    semitones = more[0] if more else 0
-    factor = more[1] if len(more) > 1 else _SOFTER
+    time, *other_values = t.values
+    semitones = other_values[0] if other_values else 0
+    factor = other_values[1] if len(other_values) > 1 else _SOFTER
     return act.grace(time, semitones, factor, part)
 
 

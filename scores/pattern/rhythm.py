@@ -86,8 +86,8 @@ def _positions(rhythm: Euclid) -> tuple[int, ...]:
     while len(tails) > 1 or (tails and is_first):
         is_first = False
         n_pairs = min(len(heads), len(tails))
-        rest = heads[n_pairs:] or tails[n_pairs:]
-        heads, tails = [heads[i] + tails[i] for i in range(n_pairs)], rest
+        unpaired = heads[n_pairs:] or tails[n_pairs:]
+        heads, tails = [heads[i] + tails[i] for i in range(n_pairs)], unpaired
     beats = [beat for group in (*heads, *tails) for beat in group]
     indices = (index for index, beat in enumerate(beats) if beat)
     return tuple(sorted((index - rhythm.rotate) % steps for index in indices))

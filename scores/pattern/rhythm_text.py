@@ -127,10 +127,10 @@ class _Parser(Scanner, Generic[V]):
         draw = walk if sign == "<" else choose
         return self.checked(draw(self.number - 1, parts), begin)
 
-    def check_separator(self, before: str, sign: str) -> None:
+    def check_separator(self, text_before: str, sign: str) -> None:
         """Refuse a separator that is not the one before it, or not of these brackets."""
         separator = self.text[self.place]
-        if before not in ("", separator):
+        if text_before not in ("", separator):
             message = "',' (together) and '|' (one in each cycle) are divided by brackets: "
             raise self.mistake(message + "kick, [snare | hat]", self.place)
         if separator == "|" and sign == "{":
@@ -214,18 +214,18 @@ class _Parser(Scanner, Generic[V]):
         if count.denominator != 1:
             message = "'!' repeats a step as often as a number without a fraction says: kick!3"
             raise self.mistake(message, begin, self.place - begin)
-        more = (int(count) - 1) * step.base.cost
-        if cost + more > MAX_EVENTS:
+        added_cost = (int(count) - 1) * step.base.cost
+        if cost + added_cost > MAX_EVENTS:
             message = f"these steps would be more than {MAX_EVENTS:,} in a cycle; repeat less often"
             raise self.mistake(message, begin, self.place - begin)
         for _ in range(int(count) - 1):
             steps.append(replace(step, shift=self.number - step.first))
             self.number += step.stop - step.first
-        return more
+        return added_cost
 
     def step(self) -> _Step[V]:
         """Read a word, a rest or brackets, with what changes them."""
-        first, begin = self.number, self.place
+        first_number, begin = self.number, self.place
         sign = self.text[begin]
         word = WORD.match(self.text, begin)
         cycles: Cycles[V] = silence()
@@ -243,7 +243,7 @@ class _Parser(Scanner, Generic[V]):
             cycles = self.text_in(sign)
         else:
             raise self.unknown(sign)
-        step = _Step(cycles, first, first)
+        step = _Step(cycles, first_number, first_number)
         while (change := self.peek(skips=False)) and change in "*/?@(":
             self.change(step, change)
         step.stop = self.number
@@ -284,5 +284,7 @@ def _sequence(steps: Sequence[_Step[V]]) -> Cycles[V]:
 
 
 def _grouped(steps: Sequence[_Step[V]]) -> _Step[V]:
-    first, last = steps[0], steps[-1]
-    return _Step(_sequence(steps), first.first + first.shift, last.stop + last.shift)
+    first_step, last_step = steps[0], steps[-1]
+    return _Step(
+        _sequence(steps), first_step.first + first_step.shift, last_step.stop + last_step.shift
+    )

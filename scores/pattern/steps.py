@@ -57,20 +57,20 @@ class Steps(Sequence[float]):
         return self._count
 
     def part(
-        self, first: int, last: int, position_text: Callable[[float], str]
+        self, first_place: int, stop_place: int, position_text: Callable[[float], str]
     ) -> dict[str, str | None]:
-        """Fields of a line that has only the places from `first` to before `last`, at the same
-        beats.
+        """Fields of a line that has only the places from `first_place` to before `stop_place`, at
+        the same beats.
 
         `position_text` writes a beat.
         """
         pattern = self.course.pattern
         fields = {
-            "at": position_text(self[first]),
-            "until": position_text(self.beat(last)),
+            "at": position_text(self[first_place]),
+            "until": position_text(self.beat(stop_place)),
             "times": None,
         }
-        skipped, euclid = pattern.skip + first, pattern.euclid
+        skipped, euclid = pattern.skip + first_place, pattern.euclid
         if not skipped and euclid is not None:  # its first pulse may be later than its beginning
             rotate = (euclid.rotate + euclid.positions()[0]) % euclid.steps
             fields["euclid"] = f"{euclid.pulses} {euclid.steps} rotate {rotate}"
@@ -126,9 +126,16 @@ def steps(
     if count_max > room:
         raise TextError(_TOO_MANY)
 
-    def again(other: PlaceSequence) -> Steps:
+    def again(other_course: PlaceSequence) -> Steps:
         return steps(
-            tempo, begin, other, every=every, times=times, until=until, length=length, room=room
+            tempo,
+            begin,
+            other_course,
+            every=every,
+            times=times,
+            until=until,
+            length=length,
+            room=room,
         )
 
     return Steps(course, beat, count_max, again)
@@ -140,10 +147,10 @@ def _even(
     """Steps of the length `every`; if places are skipped, the first one that is left begins at
     `begin`.
     """
-    first = course.position(0) if course.pattern.skip else 0.0
+    first_position = course.position(0) if course.pattern.skip else 0.0
 
     def beat(place: int) -> float:
-        return tempo.after(begin, every.times(course.position(place) - first))
+        return tempo.after(begin, every.times(course.position(place) - first_position))
 
     return beat
 

@@ -104,11 +104,13 @@ def parse_change(text: str) -> Change:
     return chain[0]
 
 
-def parse_first(text: str, place: int, start: int, others: Container[str]) -> tuple[Change, int]:
+def parse_first(
+    text: str, place: int, start: int, other_words: Container[str]
+) -> tuple[Change, int]:
     """Read the transformation at a place of a text, and where it ends: at the latest at one of
-    `others`, which are no values. Raises TextError.
+    `other_words`, which are no values. Raises TextError.
     """
-    parser = _Parser(text, start, place, others)
+    parser = _Parser(text, start, place, other_words)
     change = parser.transform()
     return change, len(text[: parser.place].rstrip())
 
@@ -156,10 +158,10 @@ class _Parser(ChainParser[Change]):
     """
 
     def __init__(
-        self, text: str, start: int = 0, place: int = 0, others: Container[str] | None = None
+        self, text: str, start: int = 0, place: int = 0, other_words: Container[str] | None = None
     ) -> None:
         super().__init__(text, start, place)
-        self.others = others
+        self.others = other_words
         self.count = 0
 
     def transform(self) -> Change:
@@ -173,10 +175,10 @@ class _Parser(ChainParser[Change]):
         if self.count > MAX_TRANSFORMS:
             message = f"a line has at most {MAX_TRANSFORMS} transformations of rounds; remove some"
             raise self.mistake(message, begin, len(word))
-        written = replace(TABLE[word], example=form.example)
+        form_with_example = replace(TABLE[word], example=form.example)
         self.place += len(word)
-        rule = form.rule(*self.values(written, begin, word))
-        inner = _DONE[word] if word in _DONE else self.inner(written, begin, word)
+        rule = form.rule(*self.values(form_with_example, begin, word))
+        inner = _DONE[word] if word in _DONE else self.inner(form_with_example, begin, word)
         if any(True for _ in iterations(turn for turn in inner if isinstance(turn, Turn))):
             message = f"'iter' changes the order of all rounds; write it before '{word}': "
             raise self.mistake(f"{message}iter 4, {form.example}", begin, len(word))
@@ -191,8 +193,8 @@ class _Parser(ChainParser[Change]):
         if self.others is not None:
             words = [*_WORD.finditer(text)]
             count = 1 + ARGUMENTS.get(words[0].group(), 0) if words else 0
-            more = takewhile(self.is_value, words[1:count])
-            taken = [*words[:1], *more]
+            value_words = takewhile(self.is_value, words[1:count])
+            taken = [*words[:1], *value_words]
             text = text[: taken[-1].end()] if taken else ""
         begin = self.place
         self.place += len(text)

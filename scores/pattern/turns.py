@@ -79,17 +79,19 @@ _RULES: Mapping[str, Callable[[Rule, Occasion], bool]] = {
 _ROUNDING = 1e-9
 
 
-def due(turns: Iterable[Turn], where: Occasion) -> Iterator[Transform | None]:
+def due(turns: Iterable[Turn], occasion: Occasion) -> Iterator[Transform | None]:
     """The transformations of a place, left to right; None where one leaves the place out."""
     for turn in turns:
         rule = turn.rule
-        if (where.round + 1) % turn.nth or not (rule is None or _RULES[rule.word](rule, where)):
+        if (occasion.round + 1) % turn.nth or not (
+            rule is None or _RULES[rule.word](rule, occasion)
+        ):
             continue
         if turn.leaves_out:
             yield None
         for inner in turn.do:
             if isinstance(inner, Turn):
-                yield from due((inner,), where)
+                yield from due((inner,), occasion)
             else:
                 yield inner
 
@@ -109,7 +111,10 @@ def numbered(turns: Iterable[Turn], numbers: Iterator[int] | None = None) -> tup
 
 def _numbered(turn: Turn, numbers: Iterator[int]) -> Turn:
     rule = turn.rule and replace(turn.rule, number=next(numbers))
-    do = [_numbered(each, numbers) if isinstance(each, Turn) else each for each in turn.do]
+    do = [
+        _numbered(transform, numbers) if isinstance(transform, Turn) else transform
+        for transform in turn.do
+    ]
     return replace(turn, do=tuple(do), rule=rule)
 
 
@@ -120,10 +125,10 @@ def parse(text: str, start: int = 0) -> tuple[Turn, ...]:
     """
     turns = []
     offset = 0
-    for more in (*_NEXT.finditer(text), None):
-        clause = text[offset : more.start() if more else len(text)]
+    for next_match in (*_NEXT.finditer(text), None):
+        clause = text[offset : next_match.start() if next_match else len(text)]
         turns.append(_clause(clause, start + offset))
-        offset = more.end() if more else 0
+        offset = next_match.end() if next_match else 0
     return tuple(turns)
 
 

@@ -43,9 +43,9 @@ def parse_values(
         try:
             is_root = word[:1].isalpha() and "." in tuning.spelled(word)
             if is_pitch and is_root and not word.startswith("x"):
-                some = _scale(word)
-                amounts.update(some)
-                return tuple(some)
+                scale_values = _scale(word)
+                amounts.update(scale_values)
+                return tuple(scale_values)
             amounts[word] = read(word)
         except TextError as error:
             error.offset += offset

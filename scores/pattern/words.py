@@ -98,7 +98,7 @@ def parse(text: str, start: int = 0, called: Called | None = None) -> PlayWords:
     stop = 1
     while stop < len(words) and words[stop].text not in (*_KNOWN, ","):
         stop += 1
-    what, order = _order(text, words[:stop], start, called)
+    what_word, order = _order(text, words[:stop], start, called)
     chain: list[Change] = []
     wanting: str | None = None  # a `do` or a comma that a transformation must follow
     i = stop
@@ -129,58 +129,63 @@ def parse(text: str, start: int = 0, called: Called | None = None) -> PlayWords:
         else:
             raise _unknown(words[i], start)
     if wanting is not None:
-        last = words[-1]
+        last_word = words[-1]
         raise TextError(
             f"'{wanting}' needs a transformation: do scale 0.5, mirror",
-            offset=start + last.offset,
-            length=len(last.text),
+            offset=start + last_word.offset,
+            length=len(last_word.text),
         )
     if NTH in options:
         parse_turns(options[NTH].text, options[NTH].offset)
-    return PlayWords(what, options, tuple(chain), order)
+    return PlayWords(what_word, options, tuple(chain), order)
 
 
 def _order(
-    text: str, words: list[Word], start: int, called: Called | None
+    text: str, words: list[Word], start: int, name_reader: Called | None
 ) -> tuple[Word, Group | None]:
     """What is played, and its pattern unless it is one name."""
-    for before, word in pairwise(words):
+    for word_before, word in pairwise(words):
         if word.text[0].isdigit():  # a value: the word before it is a misspelt option
-            raise _unknown(word if before is words[0] else before, start)
-    first, last = words[0], words[-1]
-    what = Word(text[first.offset : last.offset + len(last.text)], start + first.offset)
-    if len(words) == 1 and not _SIGNS & set(what.text):
-        return what, None
-    make: Called = called or (lambda word, _: word)
+            raise _unknown(word if word_before is words[0] else word_before, start)
+    first_word, last_word = words[0], words[-1]
+    order_word = Word(
+        text[first_word.offset : last_word.offset + len(last_word.text)], start + first_word.offset
+    )
+    if len(words) == 1 and not _SIGNS & set(order_word.text):
+        return order_word, None
+    make: Called = name_reader or (lambda word, _: word)
 
-    def name(word: str, at: int) -> str:
-        return make(name_of(word, at), what.offset + at)
+    def name(word: str, offset: int) -> str:
+        return make(name_of(word, offset), order_word.offset + offset)
 
     try:
-        return what, parse_order(what.text, name)
+        return order_word, parse_order(order_word.text, name)
     except TextError as error:
-        error.offset += what.offset
+        error.offset += order_word.offset
         raise
 
 
-def parse_strikes(text: str, known: Mapping[str, str]) -> tuple[list[Word], dict[str, Word]]:
-    """Read modules, and the options of strikes; `known` has an example of each option's value.
+def parse_strikes(
+    text: str, examples_by_word: Mapping[str, str]
+) -> tuple[list[Word], dict[str, Word]]:
+    """Read modules, and the options of strikes; `examples_by_word` has an example of each option's
+    value.
 
     Raises TextError.
     """
     words = [Word(w.group(), w.start()) for w in _WORD.finditer(text)]
-    stop = next((i for i, word in enumerate(words) if word.text in known), len(words))
+    stop = next((i for i, word in enumerate(words) if word.text in examples_by_word), len(words))
     options: dict[str, Word] = {}
     i = stop
     while i < len(words):
         word, offset = words[i]
-        if word not in known:
-            if "impulse" not in known or not _is_worded_level(word):
-                raise _unknown(words[i], 0, known)
+        if word not in examples_by_word:
+            if "impulse" not in examples_by_word or not _is_worded_level(word):
+                raise _unknown(words[i], 0, examples_by_word)
             # A level may stand behind the options, without its keyword.
-            name, i, value = _value(text, words, i - 1, 0, known, "impulse")
+            name, i, value = _value(text, words, i - 1, 0, examples_by_word, "impulse")
         else:
-            name, i, value = _value(text, words, i, 0, known, word)
+            name, i, value = _value(text, words, i, 0, examples_by_word, word)
         if name == NTH:
             message = f"'every {value.text.split()[0]}' changes every so many plays of a gesture; "
             message += "strikes of modules have no points to change"
@@ -203,14 +208,14 @@ def _value(
     words: list[Word],
     i: int,
     start: int,
-    known: Mapping[str, str | None],
+    examples_by_word: Mapping[str, str | None],
     word: str,
 ) -> tuple[str, int, Word]:
     """The option `word`, whose value follows word `i`, the index after its value, and the value
     (`true` for a flag).
     """
     offset = words[i].offset
-    if known[word] is None:
+    if examples_by_word[word] is None:
         return word, i + 1, Word("true", offset)
     values = words[i + 1 :]
     if word == "every" and values and ORDINAL.fullmatch(values[0].text):
@@ -221,16 +226,16 @@ def _value(
     if word == "euclid":
         count = 4 if [value.text for value in values[2:3]] == ["rotate"] else 2
     elif word == "impulse":
-        others = (number for number, value in enumerate(values) if not is_level(value.text))
-        count = max(1, next(others, len(values)))
+        other_numbers = (number for number, value in enumerate(values) if not is_level(value.text))
+        count = max(1, next(other_numbers, len(values)))
     elif word == "path":
         count = 2
         while [value.text for value in values[count : count + 1]] == ["->"]:
             count += 3
     values = values[:count]
-    bad = next((v for v in values if v.text in (*known, *_KNOWN, ",")), None)
+    bad = next((v for v in values if v.text in (*examples_by_word, *_KNOWN, ",")), None)
     if len(values) < count or bad is not None:
-        example = f"{word} {known[word]}"
+        example = f"{word} {examples_by_word[word]}"
         example += " rotate 2" if word == "euclid" and count == 4 else ""
         message = f"'{word}' needs a value: {example}"
         raise TextError(message, offset=start + offset, length=len(word))
@@ -239,12 +244,12 @@ def _value(
     return word, i + 1 + count, Word(text[first.offset : stop], first.offset)
 
 
-def _unknown(word: Word, start: int, known: Iterable[str] = _KNOWN) -> TextError:
+def _unknown(word: Word, start: int, known_words: Iterable[str] = _KNOWN) -> TextError:
     return TextError(
         f"unknown word '{word.text[:40]}'",
         offset=start + word.offset,
         length=len(word.text),
-        suggestion=nearest(word.text, known),
+        suggestion=nearest(word.text, known_words),
     )
 
 
@@ -258,7 +263,7 @@ def rows(text: str) -> Iterator[tuple[str, int]]:
         offset += len(line) + 1
 
 
-def parse_row(row: str, offset: int = 0, called: Called | None = None) -> Row:
+def parse_row(row: str, offset: int = 0, name_reader: Called | None = None) -> Row:
     """Read `first_cell` and the words of a play. Raises TextError with offsets plus `offset`."""
     cells = row.split()
     first_cell = cells[0]
@@ -275,7 +280,7 @@ def parse_row(row: str, offset: int = 0, called: Called | None = None) -> Row:
     ):  # most rows of most tables
         name = Word(cells[1], offset + row.index(cells[1], lead + len(first_cell)))
         return Row(Word(first_cell, offset + lead), PlayWords(name, {}))
-    play = parse(row[lead + len(first_cell) :], offset + lead + len(first_cell), called)
+    play = parse(row[lead + len(first_cell) :], offset + lead + len(first_cell), name_reader)
     if "at" in play.options:
         raise TextError(
             "a row begins with a position, such as 3|1 or B",
@@ -285,9 +290,9 @@ def parse_row(row: str, offset: int = 0, called: Called | None = None) -> Row:
     return Row(Word(first_cell, offset + lead), play)
 
 
-def _end_of_turns(words: list[Word], first: int) -> int:
+def _end_of_turns(words: list[Word], first_turn: int) -> int:
     """The index after `every 4th do mirror` and all further clauses of that form."""
-    stop = first
+    stop = first_turn
     while len(words) > stop + 1 and words[stop].text == "every":
         if not ORDINAL.fullmatch(words[stop + 1].text):
             break
@@ -302,10 +307,10 @@ def _end_of_turns(words: list[Word], first: int) -> int:
     return stop
 
 
-def _end_of_transform(words: list[Word], first: int) -> int:
-    """The index after the transformation that begins at word `first`, with its arguments."""
-    stop = first + 1
-    limit = stop + ARGUMENTS.get(words[first].text, 0)
+def _end_of_transform(words: list[Word], first_word: int) -> int:
+    """The index after the transformation that begins at word `first_word`, with its arguments."""
+    stop = first_word + 1
+    limit = stop + ARGUMENTS.get(words[first_word].text, 0)
     while stop < min(limit, len(words)) and words[stop].text not in (*_KNOWN, ","):
         stop += 1
     return stop

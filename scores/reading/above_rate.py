@@ -15,13 +15,13 @@ from ergon.instruments.module_kinds import LINKS
 from ergon.notation.text.errors import Collector, quote
 from ergon.notation.text.memory import Memory
 
-_Where = tuple[str, str]  # a part and a module
+_ModuleKey = tuple[str, str]  # a part and a module
 
 
 def without_modes_above(
     instruments: dict[str, Instrument],
     transposed: Mapping[str, str],
-    used: Iterable[_Where],
+    used: Iterable[_ModuleKey],
     rate: float,
     collector: Collector,
     memory: Memory | None,
@@ -59,7 +59,7 @@ def _frequency(module: Module) -> float:
     return float(module.fields.get("f") or 0.0) if module.kind == "CEL" else 0.0
 
 
-def _joined(instruments: Mapping[str, Instrument]) -> Iterator[_Where]:
+def _joined(instruments: Mapping[str, Instrument]) -> Iterator[_ModuleKey]:
     """The modules that other instruments join, and those that something follows."""
     for name, instrument in instruments.items():
         for module in instrument.modules:
@@ -69,9 +69,9 @@ def _joined(instruments: Mapping[str, Instrument]) -> Iterator[_Where]:
 
 
 def _ends(module: Module) -> list[Target]:
-    ends = [end for end in module.fields.get("between", ()) if isinstance(end, Target)]
-    ends += following.targets(module)
-    return ends + (proxies.targets(module.fields) if module.kind == "PROXY" else [])
+    end_targets = [end for end in module.fields.get("between", ()) if isinstance(end, Target)]
+    end_targets += following.targets(module)
+    return end_targets + (proxies.targets(module.fields) if module.kind == "PROXY" else [])
 
 
 def _without(
@@ -79,9 +79,9 @@ def _without(
 ) -> Instrument | None:
     """An instrument without some modules; None if an output would have nothing left to hear."""
     place = f"thinner {instrument.name}"
-    known = None if memory is None else memory.held(place, names)
-    if known is not None and known[0] is instrument:
-        return known[1]  # type: ignore[no-any-return]
+    module_before = None if memory is None else memory.held(place, names)
+    if module_before is not None and module_before[0] is instrument:
+        return module_before[1]  # type: ignore[no-any-return]
 
     def is_there(target: Target) -> bool:
         return target.part != instrument.name or target.module not in names
@@ -112,9 +112,9 @@ def _report(
 ) -> None:
     lowest, frequency = min(modes, key=lambda mode: mode[1])
     part = lowest.rpartition(".")[0]
-    what = "1 mode lies" if len(modes) == 1 else f"{len(modes)} modes lie"
+    count_text = "1 mode lies" if len(modes) == 1 else f"{len(modes)} modes lie"
     message = (
-        f"instrument {quote(name)}: {what} above half the rate of {rate:g} Hz and "
+        f"instrument {quote(name)}: {count_text} above half the rate of {rate:g} Hz and "
         f"{'is' if len(modes) == 1 else 'are'} left out, the lowest of them {lowest} at "
         f"{frequency / 1e3:.3g} kHz"
     )

@@ -47,12 +47,12 @@ def named_module(
         owner = keys.get(part) or instruments.get(part)
         if owner is None:
             continue
-        wanted = ".".join(words[count:])
+        module_name = ".".join(words[count:])
         is_ca = isinstance(owner, Instrument) and owner.ca_rate is not None
         for module in owner.modules:
-            if module.name == wanted:
+            if module.name == module_name:
                 return Automatable(part, module, is_ca)
-        if not wanted and (all_of_it := pitched_module(owner)) is not None:
+        if not module_name and (all_of_it := pitched_module(owner)) is not None:
             return Automatable(part, all_of_it, is_ca)
     return None
 
@@ -67,8 +67,8 @@ def named_modules(
 
     `families` are the instruments with notes, each with the names of its notes.
     """
-    if (known := named_module(name, keys, instruments)) is not None:
-        return [known]
+    if (automatable := named_module(name, keys, instruments)) is not None:
+        return [automatable]
     words = name.split(".")
     for count in range(len(words), 0, -1):
         notes = families.get(".".join(words[:count]), ())
@@ -90,7 +90,11 @@ def pitched_module(owner: Any) -> Module | None:
 def moved(owner: Instrument) -> list[Module]:
     """The modules whose pitch moves with that of the instrument: those that `transpose` moves."""
     able = PARAMETERS.keys() - {"INSTRUMENT"}
-    return [one for one in owner.modules if one.kind in able and not is_slow(one.kind, one.fields)]
+    return [
+        module
+        for module in owner.modules
+        if module.kind in able and not is_slow(module.kind, module.fields)
+    ]
 
 
 def _stays(module: Module) -> str | None:
@@ -111,8 +115,8 @@ def refusal(module: Module, parameter: str, *, is_ca: bool) -> str | None:
     """Why a parameter of a module cannot change while it plays; None if it can."""
     parameters = PARAMETERS.get(module.kind, ())
     if module.kind == "INSTRUMENT" and not is_ca and parameter == "f":
-        why = next(filter(None, map(_stays, module.fields["modules"])), None)
-        return why and f"cannot glide as a whole: {why}; glide its modules"
+        reason = next(filter(None, map(_stays, module.fields["modules"])), None)
+        return reason and f"cannot glide as a whole: {reason}; glide its modules"
     if is_ca:
         return "has algorithmic values, which stay as they are; only values in SI units change"
     if not parameters:

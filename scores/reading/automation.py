@@ -86,9 +86,9 @@ class Automation:
         """When a pattern sets values. Raises TextError."""
         assert self.pattern is not None
         until = None if self.until is None else tempo.resolve(self.until)
-        course = PlaceSequence(self.pattern, Draws(seed, self.struck or f"set/{self.name}"))
+        place_sequence = PlaceSequence(self.pattern, Draws(seed, self.struck or f"set/{self.name}"))
         begin = tempo.resolve(self.at)
-        return steps(tempo, begin, course, every=self.every, times=self.times, until=until)
+        return steps(tempo, begin, place_sequence, every=self.every, times=self.times, until=until)
 
 
 AUTOMATION = Record(
@@ -164,18 +164,20 @@ def check(values: Values) -> bool:
         return False
     is_file = kinds[0] == "set" and bool(values.written("from"))
     kind = "from" if is_file else kinds[0]
-    needs, others = _FIELDS[kind]
+    needs, contrary_fields = _FIELDS[kind]
     for name in needs:
         if not values.written(name):
             values.error("E103", f"automation: `{name}` is missing beside `{kind}`", kind)
             return False
-    for name in values.written(*others):
+    for name in values.written(*contrary_fields):
         values.error("E111", f"automation: `{name}` does not belong to `{kind}`", name)
         return False
     glides = values.written("over") or is_curve(str(values["to"] or ""))
     for name in values.written(*_PATTERN_NAMES) if glides else values.written("curve"):
-        what = "a glide has no steps" if glides else "only a glide `over` a length has a way"
-        values.error("E111", f"automation: {what}; remove `{name}`", name)
+        refusal_text = (
+            "a glide has no steps" if glides else "only a glide `over` a length has a way"
+        )
+        values.error("E111", f"automation: {refusal_text}; remove `{name}`", name)
         return False
     if values.written("over") and is_curve(str(values["to"] or "")):
         values.error("E111", "automation: a curve has times of its own; remove `over`", "over")
@@ -196,8 +198,8 @@ def build_automation(
     name = "range" if v.written("range") else "to"
     try:
         if v.written("from"):
-            ends = parse_with_names(_node(v, "range"), lambda text: parse_range(text, read))
-            moves = _moves(ends, parameter, midi.course(v), v)
+            range_ends = parse_with_names(_node(v, "range"), lambda text: parse_range(text, read))
+            moves = _moves(range_ends, parameter, midi.course(v), v)
             if not moves:  # a mistake of the file was reported
                 return None
         elif v.written("set") and is_curve(v["to"]):
@@ -251,26 +253,26 @@ def build_automation(
 
 
 def _moves(
-    ends: tuple[Amount, Amount], parameter: str, course: Course, values: Values
+    range_ends: tuple[Amount, Amount], parameter: str, course: Course, values: Values
 ) -> tuple[tuple[Length, Amount], ...]:
     """The values of a parameter whose ends are those of a controller, from a place of its file on.
 
     Raises TextError for ends between which there is no way.
     """
-    (low, high), start, length = ends, values["start"], len(str(values["range"]))
+    (low, high), start, length = range_ends, values["start"], len(str(values["range"]))
     if low.is_factor != high.is_factor:
         message = "write two values or two factors: there is no way from a value to a factor"
         raise TextError(message, length=length, code="E202")
     if parameter in ("f", "t60") and not min(low.value, high.value) > 0.0:
         raise TextError(f"{parameter} must stay above 0", length=length, code="E202")
-    before = [share for quarter, share in course if quarter <= start][-1:]
-    after = [(quarter - start, share) for quarter, share in course if quarter > start]
+    shares_before = [share for quarter, share in course if quarter <= start][-1:]
+    shares_after = [(quarter - start, share) for quarter, share in course if quarter > start]
     return tuple(
         (
             Length(quarters=later),
             Amount(low.value + (high.value - low.value) * share, low.is_factor),
         )
-        for later, share in (*((0.0, share) for share in before), *after)
+        for later, share in (*((0.0, share) for share in shares_before), *shares_after)
     )
 
 
@@ -302,17 +304,17 @@ def parse_range(text: str, read: ReadAmount) -> tuple[Amount, Amount]:
     if not dots or not low or not high:
         message = f"{quote(text.strip())} is not a range such as 0.8..1.2 or 1kN/m..3kN/m"
         raise TextError(message, length=max(1, len(text)), code="E201")
-    ends = []
+    range_ends = []
     for word in (low, high):
         try:
             is_ratio = _is_bare(low) and _is_bare(high)
-            ends.append(
+            range_ends.append(
                 Amount(q.quantity(word, q.RATIO), is_factor=True) if is_ratio else read(word)
             )
         except TextError as error:
             error.offset += text.index(word)
             raise
-    return ends[0], ends[1]
+    return range_ends[0], range_ends[1]
 
 
 def _is_bare(word: str) -> bool:

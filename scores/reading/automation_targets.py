@@ -36,20 +36,24 @@ class AutomationTargets:
         if not isinstance(values, Values) or not automation.check(values):
             return None
         name = values["set"] or values["lfo"]
-        head, _, parameter = str(name).rpartition(".")
-        is_family = parameter in automatable.ALL and self.part_names.family(head) is not None
+        module_path, _, parameter = str(name).rpartition(".")
+        is_family = parameter in automatable.ALL and self.part_names.family(module_path) is not None
         if is_family:
-            notes = self._played_notes(Name(head, name.place))
+            notes = self._played_notes(Name(module_path, name.place))
         else:
-            known = self._changed(name, head, parameter)
+            known = self._changed(name, module_path, parameter)
             notes = [] if known is None else [known]
-        if not notes or not self._may_change(notes[0], name, head, parameter):
+        if not notes or not self._may_change(notes[0], name, module_path, parameter):
             return None
         read = automatable.reader(notes[0].module, parameter, is_one_of_many=is_family)
-        first, *others = (Target(n.part, n.module.name, 0, 1, head, name.place) for n in notes)
-        with tuning.used(self.part_names.tuning_of(first.part)):
-            automated = automation.build_automation(values, first, parameter, read, self.midi)
-        return automated and replace(automated, other_notes=tuple(others))
+        first_target, *other_targets = (
+            Target(n.part, n.module.name, 0, 1, module_path, name.place) for n in notes
+        )
+        with tuning.used(self.part_names.tuning_of(first_target.part)):
+            automated = automation.build_automation(
+                values, first_target, parameter, read, self.midi
+            )
+        return automated and replace(automated, other_notes=tuple(other_targets))
 
     def modules(self, change: Automation, _: Values) -> tuple[Module, ...] | None:
         """The modules on which the meaning of an entry depends; None if it depends on which notes
@@ -63,57 +67,78 @@ class AutomationTargets:
         """Report an instrument whose pitch a wheel cannot move."""
         for glide in struck.glides:
             part = glide.target.part
-            known = automatable.named_module(part, {}, self.matter.instruments)
-            why = "has no pitch of its own; write its `f`"
-            if known is not None:
-                why = automatable.refusal(known.module, "f", is_ca=known.is_ca) or ""
-            if why:
+            automatable_module = automatable.named_module(part, {}, self.matter.instruments)
+            refusal_text = "has no pitch of its own; write its `f`"
+            if automatable_module is not None:
+                refusal_text = (
+                    automatable.refusal(
+                        automatable_module.module, "f", is_ca=automatable_module.is_ca
+                    )
+                    or ""
+                )
+            if refusal_text:
                 message = f"strikes {quote(struck.name)}: the pitch wheel cannot move {part}: it "
-                message += f"{why}; or remove `bend` of the take"
+                message += f"{refusal_text}; or remove `bend` of the take"
                 self.collector.error("E304", message, glide.target.place)
                 return
 
-    def _played_notes(self, head: Name) -> list[Automatable]:
+    def _played_notes(self, module_path: Name) -> list[Automatable]:
         """The notes of an instrument that the piece plays, or a module of each; reports an
         instrument of which it plays none.
         """
-        names, instruments = self.part_names.members(head), self.matter.instruments
+        names, instruments = self.part_names.members(module_path), self.matter.instruments
         candidates = (automatable.named_module(str(name), {}, instruments) for name in names)
-        played = [known for known in candidates if known is not None]
+        played = [
+            automatable_module
+            for automatable_module in candidates
+            if automatable_module is not None
+        ]
         if not played:
-            problem = f"automation: the piece plays no note of {quote(head)}, or the notes have no "
+            problem = (
+                f"automation: the piece plays no note of {quote(module_path)}, or the notes "
+                "have no "
+            )
             message = f"{problem}such module; write an instrument that is struck, or a module of it"
-            self.collector.error("E304", message, head.place)
+            self.collector.error("E304", message, module_path.place)
         return played
 
-    def _changed(self, name: Name, head: str, parameter: str) -> Automatable | None:
+    def _changed(self, name: Name, module_path: str, parameter: str) -> Automatable | None:
         """The module of a name; reports a name without one."""
         keys, instruments = self.matter.keys, self.matter.instruments
-        known = automatable.named_module(head, keys, instruments)
-        if known is None and head and parameter in automatable.ALL:
-            # Find the target of `head`, or report what is wrong with it.
-            target = self.part_names.target(Name(head, name.place), "mat", "automation")
+        automatable_module = automatable.named_module(module_path, keys, instruments)
+        if automatable_module is None and module_path and parameter in automatable.ALL:
+            # Find the target of `module_path`, or report what is wrong with it.
+            target = self.part_names.target(Name(module_path, name.place), "mat", "automation")
             if target is None:
                 return None
             path = f"{target.part}.{target.module}".rstrip(".")
-            known = automatable.named_module(path, keys, instruments)
-            if known is not None and KINDS[known.module.kind].family == "generator":
-                message = f"automation: {quote(head)} is a member; its body changes as a whole"
+            automatable_module = automatable.named_module(path, keys, instruments)
+            if (
+                automatable_module is not None
+                and KINDS[automatable_module.module.kind].family == "generator"
+            ):
+                message = (
+                    f"automation: {quote(module_path)} is a member; its body changes as a whole"
+                )
                 self.collector.error("E304", message, name.place)
                 return None
-        if known is None:
+        if automatable_module is None:
             words = ", ".join(automatable.ALL)
             message = f"automation: {quote(name)} is not a parameter that changes ({words})"
             self.collector.error("E301", message, name.place, help=_level_help(name))
-        return known
+        return automatable_module
 
-    def _may_change(self, known: Automatable, name: Name, head: str, parameter: str) -> bool:
+    def _may_change(
+        self, automatable_module: Automatable, name: Name, module_path: str, parameter: str
+    ) -> bool:
         """Whether a parameter of a module may change; reports why not."""
-        why = automatable.refusal(known.module, parameter, is_ca=known.is_ca)
-        if why:
-            message = f"automation: {quote(head)} {why}"
+        refusal_text = automatable.refusal(
+            automatable_module.module, parameter, is_ca=automatable_module.is_ca
+        )
+        if refusal_text:
+            message = f"automation: {quote(module_path)} {refusal_text}"
             self.collector.error("E304", message, name.place, help=_level_help(name))
-        return not why
+        return not refusal_text
 
 
 def _level_help(name: str) -> str | None:

@@ -63,11 +63,12 @@ def key(values: Values, files: Files) -> Key:
     cel = ("M", "K", "Z", "f", "t60")
     modules: tuple[Module, ...] = ()
     if values.written("modules"):
-        if extra := values.written(*cel):
+        if contrary_fields := values.written(*cel):
             message = (
-                f"{values.context.label(extra[0])}: `modules` is written too; keep one of the two"
+                f"{values.context.label(contrary_fields[0])}: `modules` is written too; "
+                "keep one of the two"
             )
-            values.error("E111", message, extra[0])
+            values.error("E111", message, contrary_fields[0])
         if not values.written("struck"):
             message = (
                 f"{values.context.label('')} has no `struck`; write the module that ergons strike"
@@ -89,14 +90,14 @@ def key(values: Values, files: Files) -> Key:
         message = f"{values.context.label('X0')}: the key begins outside its travel"
         values.error("E202", message, "X0")
     struck = values["struck"] or ""
-    known = None if measured is None else calibration.key_constants(measured)
+    constants = None if measured is None else calibration.key_constants(measured)
     delay = values["delay"]
-    if delay is None and known is not None and not values["simple"]:
-        delay = known[2]
-    if known is not None:
-        known = *known[:2], delay
+    if delay is None and constants is not None and not values["simple"]:
+        delay = constants[2]
+    if constants is not None:
+        constants = *constants[:2], delay
     arguments = values.context.name, modules, struck, travel, values["reach"], values.place
-    return Key(*arguments, measured=known, delay=delay or 0.0)
+    return Key(*arguments, measured=constants, delay=delay or 0.0)
 
 
 def gestures(values: Values, room: int = notation.MAX_EVENTS) -> dict[str, Gesture] | None:
@@ -120,13 +121,19 @@ def gestures(values: Values, room: int = notation.MAX_EVENTS) -> dict[str, Gestu
 
     try:
         read = parse_with_names(
-            text, lambda said: [_is_at_start(one, said, text) for one in parse(said)]
+            text,
+            lambda gesture_text: [
+                _is_at_start(gesture, gesture_text, text) for gesture in parse(gesture_text)
+            ],
         )
     except TextError as error:
         values.context.text_error(error, text, "")
         return None
     options = values["do"] or (), playing_options(values.by_name), values.place, text
-    parsed = [Gesture(values.context.name, one.points, one.bar_checks, *options) for one in read]
+    parsed = [
+        Gesture(values.context.name, gesture.points, gesture.bar_checks, *options)
+        for gesture in read
+    ]
     return {"": parsed[0]} if len(parsed) == 1 else dict(zip(AXES, parsed, strict=False))
 
 
@@ -140,9 +147,9 @@ _NOT_OF_INPUTS = (*_MIDI_NAMES, "trim", "smooth", "rate", "unit")
 
 def take(values: Values, files: Files) -> TakeFile | None:
     """A take; its file must exist, and its content is read when it is played."""
-    v, who = values, f"{values.context.label('file')}: "
+    v, label = values, f"{values.context.label('file')}: "
     if v.written("input"):
-        return _input(v, files, who)
+        return _input(v, files, label)
     for name in v.written(*_INPUT_NAMES):
         v.error("E111", f"{v.context.label(name)}: belongs to a take with `input`", name)
     if v["file"] is None:
@@ -152,15 +159,15 @@ def take(values: Values, files: Files) -> TakeFile | None:
     file, folder = v["file"], v.nodes["file"].document.folder
     path = folder / file
     if path.suffix.lower() == ".gms":
-        v.error("E108", f"{who}ergon does not read GMS files yet", "file")
+        v.error("E108", f"{label}ergon does not read GMS files yet", "file")
     elif path.suffix.lower() not in (*take_file.SUFFIXES, *note_files.SUFFIXES):
         v.error(
             "E206",
-            f"{who}a take is a {', '.join(take_file.SUFFIXES)}, .mid or .musicxml file",
+            f"{label}a take is a {', '.join(take_file.SUFFIXES)}, .mid or .musicxml file",
             "file",
         )
     else:
-        path = files.locate(file, folder, v.place_of("file"), who, is_text=False) or path
+        path = files.locate(file, folder, v.place_of("file"), label, is_text=False) or path
     is_midi = path.suffix.lower() in note_files.SUFFIXES
     for name in v.written(*(("trim", "smooth", "rate", "unit") if is_midi else _MIDI_NAMES)):
         which = "a file of notes" if is_midi else "a take that is not a MIDI or MusicXML file"
@@ -181,7 +188,7 @@ def take(values: Values, files: Files) -> TakeFile | None:
     )
 
 
-def _input(v: Values, files: Files, who: str) -> TakeFile | None:
+def _input(v: Values, files: Files, label: str) -> TakeFile | None:
     """An input; missing fields and those that do not belong to it are reported."""
     for name in v.written(*_NOT_OF_INPUTS):
         v.error("E111", f"{v.context.label(name)}: an input has no {name}; remove it", name)
@@ -210,9 +217,9 @@ def _input(v: Values, files: Files, who: str) -> TakeFile | None:
         folder = v.nodes["file"].document.folder
         path = folder / v["file"]
         if path.suffix.lower() != ".wav":
-            v.error("E206", f"{who}what an input hears is a .wav file", "file")
+            v.error("E206", f"{label}what an input hears is a .wav file", "file")
         else:
-            path = files.locate(v["file"], folder, v.place_of("file"), who, is_text=False) or path
+            path = files.locate(v["file"], folder, v.place_of("file"), label, is_text=False) or path
     elif v["channel"] is not None:
         message = f"{v.context.label('channel')}: is of a file, and the input has none; remove it"
         v.error("E111", message, "channel")
@@ -249,11 +256,11 @@ def strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
     """Strikes on the targets that their names reach."""
     v = values
     _check_force(v)
-    if v.written("rate") and (extra := v.written("every", "times")):
+    if v.written("rate") and (contrary_fields := v.written("every", "times")):
         v.error(
             "E111",
-            f"{v.context.label(extra[0])}: `rate` is written too; keep one of the two",
-            extra[0],
+            f"{v.context.label(contrary_fields[0])}: `rate` is written too; keep one of the two",
+            contrary_fields[0],
         )
     if v.written("for") and v.written("until"):
         v.error(
@@ -267,18 +274,21 @@ def strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
             f"{v.context.label('rate')}: the strikes have no end; write `for` or `until`",
             "rate",
         )
-    if v.written("rate") and (extra := v.written(*PATTERN_FIELDS, "notes")):
+    if v.written("rate") and (contrary_fields := v.written(*PATTERN_FIELDS, "notes")):
         v.error(
             "E111",
-            f"{v.context.label(extra[0])}: strikes by chance have no steps; write `every` instead "
+            f"{v.context.label(contrary_fields[0])}: strikes by chance have no steps; write "
+            "`every` instead "
             "of `rate`",
-            extra[0],
+            contrary_fields[0],
         )
-    if (extra := v.written("notes", "chance", "swing", "skip")) and not v.written(
+    if (contrary_fields := v.written("notes", "chance", "swing", "skip")) and not v.written(
         "rate", "every", "euclid"
     ):
-        message = f"{v.context.label(extra[0])}: the length of a step is missing; write `every`"
-        v.error("E103", message, extra[0])
+        message = (
+            f"{v.context.label(contrary_fields[0])}: the length of a step is missing; write `every`"
+        )
+        v.error("E103", message, contrary_fields[0])
     if not v.written("rate", "every", "euclid") and (many := v.written("times", "for", "until")):
         message = (
             f"{v.context.label(many[0])}: the time between strikes is missing; "
@@ -374,8 +384,8 @@ def player(values: Values) -> Player:
     v = values
     if v["hand"] == "live":
         substitute = f"its stand-in {v['standin']}" if v["standin"] else "its part"
-        who = v.context.label("")
-        message = f"{who}: {substitute} plays in place of a real hand; `ergon duet` connects one"
+        label = v.context.label("")
+        message = f"{label}: {substitute} plays in place of a real hand; `ergon duet` connects one"
         v.error("N401", message, "hand")
     context = v.context
     return Player(context.name, v["hand"], v["key"], v["device"], v["standin"], v["tick"], v.place)
@@ -405,15 +415,15 @@ def tempo(values: Values, tempos: tuple[tuple[float, float], ...] = ()) -> Tempo
     return TempoEntry(values["at"] or START, bpm, end, over, meter, place, tempos)
 
 
-def layout(name: str, folder: Path, asked: Place, files: Files) -> Layout | None:
+def layout(name: str, folder: Path, asked_place: Place, files: Files) -> Layout | None:
     """The loudspeakers of a layout file; None if an error was reported."""
-    document = files.required(name, folder, asked)
+    document = files.required(name, folder, asked_place)
     if document is None or document.root is None:
         return None
     values = LAYOUT.read(document.root, "", Context(files.collector, "a layout"))
     if values is MISSING:
         return None
-    speakers = tuple(_speaker(one) for one in values["speakers"] if one is not MISSING)
+    speakers = tuple(_speaker(speaker) for speaker in values["speakers"] if speaker is not MISSING)
     is_equidistant = values["project"] == "equidistant"
     outputs = _outputs(values, len(values["speakers"]))
     return Layout(Path(document.file), speakers, is_equidistant, values["title"] or "", outputs)
@@ -433,10 +443,10 @@ def _outputs(values: Values, n_speakers: int) -> tuple[int, ...]:
     return () if outputs == tuple(range(1, n_speakers + 1)) else outputs
 
 
-def _speaker(written: Values | tuple[float, ...]) -> tuple[float, float, float]:
-    if isinstance(written, Values):
-        return directions.point(written["az"], written["el"], written["r"])
-    x, y, *z = written
+def _speaker(speaker_values: Values | tuple[float, ...]) -> tuple[float, float, float]:
+    if isinstance(speaker_values, Values):
+        return directions.point(speaker_values["az"], speaker_values["el"], speaker_values["r"])
+    x, y, *z = speaker_values
     return x, y, z[0] if z else 0.0
 
 
@@ -450,7 +460,7 @@ def mix(values: Values | None, files: Files) -> Mix:
         room = layout(values["layout"], folder, values.place_of("layout"), files)
     routes = tuple(_route(route) for route in values["route"] or ())
     rooms = mixing.rooms(values["rooms"])
-    refused = {*(values["rooms"] or {})} - {each.name for each in rooms}
+    refused = {*(values["rooms"] or {})} - {mix_room.name for mix_room in rooms}
     routes = tuple(_without_sends(route, refused) for route in routes)
     route_channels = [*(r.to for r in routes if r.to != "nearest"), *(r.to for r in rooms if r.to)]
     highest = max(map(max, route_channels), default=0)
@@ -468,9 +478,9 @@ def mix(values: Values | None, files: Files) -> Mix:
             message = f"{route.part}: `pan` lies between two channels, such as `to: [1, 2]`"
             values.context.error("E103", message, route.place)
     for room_entry in rooms:
-        last = max(room_entry.to, default=0)
-        if last > channels:
-            message = f"channel {last} does not exist; the mix has {channels}"
+        last_channel = max(room_entry.to, default=0)
+        if last_channel > channels:
+            message = f"channel {last_channel} does not exist; the mix has {channels}"
             values.context.error("E202", message, room_entry.place)
     if room is not None and values.written("channels") and outputs > channels:
         message = f"the layout has {outputs} loudspeakers, but the mix has {channels} channels"
@@ -535,8 +545,10 @@ def accuracy(values: Values | None) -> Accuracy:
     if values["guard"] == "off" and values["method"] != "ca":
         message = f"{values.context.label('guard')}: only `method: ca` steps without a guard"
         values.error("E111", message, "guard")
-    asked = Accuracy(*(values[name] for name in ("method", "error", "cents", "upto", "cpu")))
-    return replace(asked, is_unguarded=values["guard"] == "off")
+    asked_accuracy = Accuracy(
+        *(values[name] for name in ("method", "error", "cents", "upto", "cpu"))
+    )
+    return replace(asked_accuracy, is_unguarded=values["guard"] == "off")
 
 
 def render(values: Values | None, files: Files) -> RenderSpec:
@@ -545,9 +557,9 @@ def render(values: Values | None, files: Files) -> RenderSpec:
         return RenderSpec(None, 24, "auto", None, None)
     if values["file"] is not None:
         folder, place = values.nodes["file"].document.folder, values.place_of("file")
-        who = f"{values.context.label('file')}: "
-        files.target(values["file"], folder, place, who)
+        label = f"{values.context.label('file')}: "
+        files.target(values["file"], folder, place, label)
         if (wrong := wrong_ending(values["file"])) is not None:
-            values.error("E201", f"{who}{wrong}", "file", suggestion=with_ending(values["file"]))
+            values.error("E201", f"{label}{wrong}", "file", suggestion=with_ending(values["file"]))
     bits = _BITS[values["bits"]]
     return RenderSpec(values["file"], bits, values["tail"], values["channels"], values.place)

@@ -122,10 +122,10 @@ def _mode(name: str, mode: Values, cel: Module) -> tuple[Module, Module]:
     mass = mode["M"]
     point = {"M": mass, "X0": cel.fields["X0"], "V0": cel.fields["V0"]}
     spring = {"K": mass * omega * omega, "Z": 2.0 * mass * sigma, "rest": 0.0}
-    ends = (Name("", mode.place), Name(name, mode.place))
+    end_names = (Name("", mode.place), Name(name, mode.place))
     return (
         Module(name, "MAS", point, mode.place),
-        Module(f"{name} spring", "REF", {"between": ends, **spring}, mode.place),
+        Module(f"{name} spring", "REF", {"between": end_names, **spring}, mode.place),
     )
 
 
@@ -182,9 +182,12 @@ def _weight(measured: Values, end: float, cel: Module) -> tuple[Module, ...]:
 def _inside(place: Place, values: Values) -> bool:
     """Whether a place lies in the node of these values, not in a node that `like` brought in."""
     node = values.node
-    first, last = node.place, node.document.place(max(node.start, node.end - 1))
+    first_place, last_place = node.place, node.document.place(max(node.start, node.end - 1))
     position = (place.line, place.column)
-    return place.file == first.file and (first.line, first.column) <= position <= (
-        last.line,
-        last.column,
+    return place.file == first_place.file and (
+        first_place.line,
+        first_place.column,
+    ) <= position <= (
+        last_place.line,
+        last_place.column,
     )

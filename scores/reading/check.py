@@ -77,7 +77,7 @@ class Checker:
         duet = [c for i, v in enumerate(score["duet"] or ()) if (c := self._coupling(v, i))]
         self._reach_led(memory, file)
         included = self._included(times, len(duet))
-        for struck in chain(strikes, *(made.strikes for _, made in included)):
+        for struck in chain(strikes, *(included_piece.strikes for _, included_piece in included)):
             for target in struck.to:
                 self.part_names.bring(target)
         self.matter.look_up()
@@ -119,14 +119,18 @@ class Checker:
             place=score.place,
             tempo_map=times.map,
             automation=changes,
-            blocks={n: own for n, own in (score["blocks"] or {}).items() if own is not MISSING},
+            blocks={
+                n: block for n, block in (score["blocks"] or {}).items() if block is not MISSING
+            },
             phrases=tuple(self._phrases()),
             available=self._available(),
             file_meters=times.file.meters,
             used=tuple(self.names.families),
             tuning=self.names.tuning,
             tunings=self.part_names.tunings,
-            families={n: tuple(own.parts.values()) for n, own in self.part_names.families.items()},
+            families={
+                n: tuple(family.parts.values()) for n, family in self.part_names.families.items()
+            },
         )
         begins = times.check(score, piece)
         if self.collector.has_errors():
@@ -145,19 +149,19 @@ class Checker:
         transposed = {
             part: name for name, family in notes.items() for part in family.parts.values()
         }
-        written = {
+        entries_by_kind = {
             name: entry.values
             for name, entry in entries
             if isinstance(entry.values, Values) and entry.values.written("like", "from")
         }
-        transposed = {**{name: name for name in written}, **transposed}
+        transposed = {**{name: name for name in entries_by_kind}, **transposed}
 
         def used() -> Iterator[tuple[str, str]]:
-            for name, values in written.items():
+            for name, values in entries_by_kind.items():
                 yield from ((name, module) for module in values["modules"] or ())
             struck = (target for line in strikes for target in line.to)
-            ends = (end for coupling in duet for end in (coupling.a, coupling.b))
-            yield from ((target.part, target.module) for target in chain(struck, ends))
+            end_targets = (end for coupling in duet for end in (coupling.a, coupling.b))
+            yield from ((target.part, target.module) for target in chain(struck, end_targets))
             yield from (where for line in changes for where in line.modules)
 
         parts, rate = self.matter.instruments, self.matter.rate
@@ -170,9 +174,9 @@ class Checker:
         available = {}
         for name in self.names.tables["instruments"]:
             family = self.part_names.families.get(name)
-            first = name if family is None else next(iter(family.parts.values()), name)
-            instrument = self.matter.by_name.get(first)
-            if isinstance(instrument, Instrument) and first not in self.matter.instruments:
+            first_part = name if family is None else next(iter(family.parts.values()), name)
+            instrument = self.matter.by_name.get(first_part)
+            if isinstance(instrument, Instrument) and first_part not in self.matter.instruments:
                 available[name] = instrument
         return available
 
@@ -225,10 +229,12 @@ class Checker:
         return included
 
     def _reach_included(self, piece: Piece, prefix: str) -> None:
-        head = f"{prefix}." if prefix else ""
-        self.part_names.reached |= {head + name for name in (*piece.keys, *piece.instruments)}
+        name_prefix = f"{prefix}." if prefix else ""
+        self.part_names.reached |= {
+            name_prefix + name for name in (*piece.keys, *piece.instruments)
+        }
         for name in (*piece.gestures, *piece.takes):
-            self.gestures_and_takes.play(head + name)
+            self.gestures_and_takes.play(name_prefix + name)
 
     def _section_values(self, section: str) -> list[Values]:
         return [v for v in (self.score[section] or {}).values() if isinstance(v, Values)]
@@ -237,42 +243,44 @@ class Checker:
 
     def _player(self, values: Values) -> Player:
         player = build.player(values)
-        who = values.context.label("key")
+        label = values.context.label("key")
         keys = self.names.tables["keys"]
         if player.key not in keys:
-            message = f"{who}: no key is called {quote(player.key)}"
+            message = f"{label}: no key is called {quote(player.key)}"
             values.error("E301", message, "key", word=player.key, names=tuple(keys))
         self.part_names.reached.add(player.key)
         if isinstance(player.standin, Name):
             self.gestures_and_takes.reach(player.standin, values.context.label("standin"))
         return player
 
-    def _plays(self, known: KnownPlays) -> tuple[Play, ...]:
+    def _plays(self, known_plays: KnownPlays) -> tuple[Play, ...]:
         """The lines of all parts; what they play is made."""
         section = self.score.nodes.get("parts")
         entries = getattr(section, "entries", {})
         parts = self.score["parts"] or {}
-        plays, names = known.plays(parts)
-        first = 0
+        plays, names = known_plays.plays(parts)
+        first_play = 0
         for name, part in parts.items():
             if name not in (self.score["players"] or {}):
                 message = f"no player is called {quote(name)}"
                 place = entries[name][0].place
                 player_names = tuple(self.score["players"] or {})
                 self.collector.error("E301", message, place, word=name, names=player_names)
-            who = f"part of {quote(name)}"
-            unknown = {word for word in names.get(name, ()) if not self._reaches(word, who)}
+            label = f"part of {quote(name)}"
+            unknown = {word for word in names.get(name, ()) if not self._reaches(word, label)}
             n_plays = 0 if part is MISSING else len(part)
-            for play in plays[first : first + n_plays] if unknown else ():
+            for play in plays[first_play : first_play + n_plays] if unknown else ():
                 for word in play.names:
-                    if word in unknown and not any(word is one for one in unknown):
-                        self._reaches(word, who)
-            first += n_plays
+                    if word in unknown and not any(
+                        word is unknown_word for unknown_word in unknown
+                    ):
+                        self._reaches(word, label)
+            first_play += n_plays
         return plays
 
-    def _reaches(self, word: str, who: str) -> bool:
+    def _reaches(self, word: str, label: str) -> bool:
         """Make what a line plays; False if an error was reported. A rest is not made."""
-        return not isinstance(word, Name) or self.gestures_and_takes.reach(word, who)
+        return not isinstance(word, Name) or self.gestures_and_takes.reach(word, label)
 
     def _strikes(self, values: Any) -> Strikes | None:
         if not isinstance(values, Values) or not melodies.has_required_fields(values):
@@ -305,24 +313,24 @@ class Checker:
             return with_wheels(melody, values, take, self.uses.files)
         if kind == "rhythm":
             return rhythm_strikes.strikes_of_rhythm(values, self.part_names)
-        who = f"strikes {quote(values.context.name)}"
+        label = f"strikes {quote(values.context.name)}"
         names = values["to"] or ()
         if values["along"] is not None and not kind:
-            return self._along_direction(values, names, who)
-        each = [self.part_names.struck(name, who) for name in names]
-        if not all(each):
+            return self._along_direction(values, names, label)
+        targets_by_name = [self.part_names.struck(name, label) for name in names]
+        if not all(targets_by_name):
             return None
-        targets = tuple(chain.from_iterable(each))
+        targets = tuple(chain.from_iterable(targets_by_name))
         for target in targets:
             if self.part_names.parts[target.part].modules[target.module].kind == "PROXY":
-                message = f"{who}: {quote(target.text)} is a PROXY, which has no mass; "
+                message = f"{label}: {quote(target.text)} is a PROXY, which has no mass; "
                 message += "strike the masses that it lies between"
                 self.collector.error("E304", message, target.place)
                 return None
         if kind:
             passing = build.passing_strikes(values, targets)
             for target in targets if passing.passing and passing.passing.is_by_pitch else ():
-                self._is_of_cells(target, who)
+                self._is_of_cells(target, label)
             return self._with_reaches(passing, values)
         n_reports = self.collector.n_reports
         strikes_built = self._with_reaches(build.strikes(values, targets), values)
@@ -330,7 +338,7 @@ class Checker:
             return None
         if strikes_built.notes and names and all(self.part_names.family(name) for name in names):
             voices = NoteTargets(self.part_names, names)
-            strikes_built = melodies.strikes_of_pattern(strikes_built, values, voices, who)
+            strikes_built = melodies.strikes_of_pattern(strikes_built, values, voices, label)
         if values.written("do") and self.collector.n_reports == n_reports:
             do = phrase_do.rhythm_do(values)
             if do is None:
@@ -341,7 +349,7 @@ class Checker:
         if strikes_built.voices:
             return strikes_built
         for target in strikes_built.to if strikes_built.notes else ():
-            self._has_pitch(target, who)
+            self._has_pitch(target, label)
         return strikes_built
 
     def _has_press(self, hits: Iterable[Hit]) -> bool:
@@ -365,12 +373,12 @@ class Checker:
         """Strikes with the reaches of what they strike, if they have strengths; None if an error
         was reported.
         """
-        levels, who = strikes.levels, f"strikes {quote(strikes.name)}"
+        levels, label = strikes.levels, f"strikes {quote(strikes.name)}"
         if levels is None or not levels.has_strengths:
             return strikes
         reaches = {}
         for target in strikes.to:
-            reach = self.part_names.sure_reach(target, who)
+            reach = self.part_names.sure_reach(target, label)
             if reach is None:
                 return None
             reaches[target.part] = reach
@@ -388,7 +396,7 @@ class Checker:
             return None
         return replace(strikes, reaches=reaches)
 
-    def _along_direction(self, values: Values, names: Sequence[Name], who: str) -> Strikes | None:
+    def _along_direction(self, values: Values, names: Sequence[Name], label: str) -> Strikes | None:
         """Strikes on points along a direction: each coordinate gets its share; None if an error was
         reported.
         """
@@ -400,13 +408,14 @@ class Checker:
             )
             values.error("E105", message, "along")
             return None
-        if extra := values.written("mass", "speed", "notes"):
+        if contrary_fields := values.written("mass", "speed", "notes"):
             message = (
-                f"{values.context.label(extra[0])}: strikes along a direction have an `impulse`"
+                f"{values.context.label(contrary_fields[0])}: strikes along a direction "
+                "have an `impulse`"
             )
-            values.error("E111", f"{message} alone", extra[0])
+            values.error("E111", f"{message} alone", contrary_fields[0])
             return None
-        points = [t for name in names for t in self.part_names.targets(name, "points", who)]
+        points = [t for name in names for t in self.part_names.targets(name, "points", label)]
         for target in points:
             axes = self.part_names.parts[target.part].axes
             if axes != len(along):
@@ -416,7 +425,7 @@ class Checker:
                 values.error("E106", f"{message}{len(along)}", "along")
                 return None
             if self.part_names.parts[target.part].modules[target.module].kind == "SURFACE":
-                message = f"{who}: {quote(target.text)} moves along one axis; strike its masses"
+                message = f"{label}: {quote(target.text)} moves along one axis; strike its masses"
                 self.collector.error("E304", message, target.place)
                 return None
         strikes_built = build.strikes(values, tuple(points))
@@ -443,20 +452,20 @@ class Checker:
             self._phrases_by_name = {**takes, **phrases}
         return self._phrases_by_name
 
-    def _has_pitch(self, target: Target, who: str) -> None:
+    def _has_pitch(self, target: Target, label: str) -> None:
         """Report a target that is not one CEL with values in SI units."""
         part = self.part_names.parts[target.part]
         struck_part = self.matter.by_name[target.part]
         is_ca = isinstance(struck_part, Instrument) and struck_part.ca_rate is not None
         if part.modules[target.module].kind != "CEL" or is_ca:
-            message = f"{who}: {quote(target.text)} has no pitch of its own; notes are for CELs"
+            message = f"{label}: {quote(target.text)} has no pitch of its own; notes are for CELs"
             self.collector.error("E304", message, target.place)
 
-    def _is_of_cells(self, target: Target, who: str) -> None:
+    def _is_of_cells(self, target: Target, label: str) -> None:
         """Report a target whose members have no pitch each."""
         if self.part_names.parts[target.part].modules[target.module].kind not in ("CEL", "BANK"):
             message = (
-                f"{who}: members of {quote(target.text)} have no pitch each, as those of a BANK "
+                f"{label}: members of {quote(target.text)} have no pitch each, as those of a BANK "
             )
             message += "have; choose a sweep that needs no pitch: outward or rightward"
             self.collector.error("E304", message, target.place)
@@ -464,9 +473,9 @@ class Checker:
     def _reach_led(self, memory: Memory | None, file: str) -> None:
         """Mark the parts that automation changes as reached: they belong to the piece."""
         section = self.score["automation"] or ()
-        known = None if memory is None else memory.held(f"led {file}", None)
-        before, names, heads = known or ((), Counter[str](), frozenset())
-        if changed := changed_part(before, section):
+        remembered = None if memory is None else memory.held(f"led {file}", None)
+        automation_before, names, heads = remembered or ((), Counter[str](), frozenset())
+        if changed := changed_part(automation_before, section):
             names = names.copy()
             names.subtract(map(_led, changed.before))
             names.update(map(_led, changed.now))
@@ -490,14 +499,14 @@ class Checker:
         if coupling_built is None:
             return None
         keys = self.names.tables["keys"]
-        ends = []
+        end_targets = []
         for name in values["couple"]:
             if name not in keys:
                 message = f"coupling: no key is called {quote(name)}"
                 self.collector.error("E301", message, name.place, word=name, names=tuple(keys))
                 return None
-            ends.append(self.part_names.target(name, "mat", "coupling"))
-        a, b = ends
+            end_targets.append(self.part_names.target(name, "mat", "coupling"))
+        a, b = end_targets
         if a is None or b is None:
             return None
         if (a.part, a.module) == (b.part, b.module):
@@ -508,12 +517,12 @@ class Checker:
             self.collector.error("E304", message, coupling_built.place)
             return None
         laws = self.matter.laws((coupling_built.link,), self.names)
-        who = f"{coupling_built.link.kind} of a coupling"
+        label = f"{coupling_built.link.kind} of a coupling"
         link = rules.with_checked_law(
-            coupling_built.link, laws, values.by_name[values.kind], who, self.collector
+            coupling_built.link, laws, values.by_name[values.kind], label, self.collector
         )
         if "gap" in link.fields:
-            gap = spread.gaps(link, 1, who, self.collector)
+            gap = spread.gaps(link, 1, label, self.collector)
             link = replace(link, fields={**link.fields, "gap": gap})
         return replace(coupling_built, link=link, a=a, b=b)
 
@@ -523,5 +532,5 @@ def _led(values: Any) -> str:
     return str(values["set"] or values["lfo"] or "") if isinstance(values, Values) else ""
 
 
-def _joined(head: str, word: str) -> str:
-    return f"{head}.{word}"
+def _joined(prefix: str, word: str) -> str:
+    return f"{prefix}.{word}"

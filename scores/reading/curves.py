@@ -55,9 +55,9 @@ def parse_curve(text: str, read: ReadAmount) -> tuple[CurvePoint, ...]:
     try:
         points = notation.parse("".join(pieces), events_max=MAX_POINTS).points
     except TextError as error:
-        here = [pair for pair in moved if pair[0] <= error.offset]
-        if here:
-            error.offset += here[-1][1] - here[-1][0]
+        offsets_before = [pair for pair in moved if pair[0] <= error.offset]
+        if offsets_before:
+            error.offset += offsets_before[-1][1] - offsets_before[-1][0]
         if isinstance(error, notation.HoldMovesError):
             error.message = "'hold' keeps the value; this point has another"
         error.length = max(1, min(error.length, len(text) - error.offset))

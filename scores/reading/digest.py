@@ -24,34 +24,42 @@ from ergon.scores.reading.playing import Gesture, Key, Play, PlayingOptions, Tak
 from ergon.scores.reading.rhythms import Rhythm
 
 
-def is_same_matter(first: Piece, other: Piece) -> bool:
+def is_same_matter(piece: Piece, other_piece: Piece) -> bool:
     """Whether two pieces have the same modules, heard in the same way, whatever is played on them.
 
     Text, comments and places do not count, as in `digest_of`; comparing digests would take
     ten times as long.
     """
-    return is_same(_matter_fields(first), _matter_fields(other))
+    return is_same(_matter_fields(piece), _matter_fields(other_piece))
 
 
-def is_same(first: Any, other: Any) -> bool:
+def is_same(first_value: Any, second_value: Any) -> bool:
     """Whether two values of pieces have the same digest.
 
     Fast, because most parts of two versions are the same object.
     """
-    if first is other or first == other:
+    if first_value is second_value or first_value == second_value:
         return True
-    if type(first) is not type(other):
+    if type(first_value) is not type(second_value):
         return False
-    if isinstance(first, (tuple, list)):
-        return len(first) == len(other) and all(map(is_same, first, other))
-    if isinstance(first, Mapping):
-        return first.keys() == other.keys() and all(
-            is_same(first[key], other[key]) for key in first
+    if isinstance(first_value, (tuple, list)):
+        return len(first_value) == len(second_value) and all(
+            map(is_same, first_value, second_value)
         )
-    if isinstance(first, (Key, Instrument)):
-        names = [f.name for f in fields(first) if f.name not in _NOT_VALUES.get(type(first), ())]
-        return all(is_same(getattr(first, name), getattr(other, name)) for name in names)
-    return [*_chunks(first)] == [*_chunks(other)]
+    if isinstance(first_value, Mapping):
+        return first_value.keys() == second_value.keys() and all(
+            is_same(first_value[key], second_value[key]) for key in first_value
+        )
+    if isinstance(first_value, (Key, Instrument)):
+        names = [
+            f.name
+            for f in fields(first_value)
+            if f.name not in _NOT_VALUES.get(type(first_value), ())
+        ]
+        return all(
+            is_same(getattr(first_value, name), getattr(second_value, name)) for name in names
+        )
+    return [*_chunks(first_value)] == [*_chunks(second_value)]
 
 
 _matter_fields = attrgetter("rate", "seed", "keys", "instruments", "duet", "mix")
@@ -117,9 +125,9 @@ def _earlier(value: Any) -> Any:
     if not isinstance(value, Mapping):
         return value
     return {
-        name: item
-        for name, item in value.items()
-        if name not in HASH_OMITS_DEFAULTS or item != HASH_OMITS_DEFAULTS[name]
+        name: field_value
+        for name, field_value in value.items()
+        if name not in HASH_OMITS_DEFAULTS or field_value != HASH_OMITS_DEFAULTS[name]
     }
 
 

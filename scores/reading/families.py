@@ -30,12 +30,12 @@ def library() -> Mapping[str, tuple[Member, ...]]:
     """The families that ship, by the names of their files; those without instruments are left
     out.
     """
-    known = {}
+    families_by_name = {}
     for path in sorted(INSTRUMENTS.glob("*.yaml")):
         read = Files(Collector(), path.parent).open(path, None)
         if read is not None and (members_read := members(read)):
-            known[path.stem] = members_read
-    return known
+            families_by_name[path.stem] = members_read
+    return families_by_name
 
 
 def file_of(family: str) -> str:
@@ -52,6 +52,6 @@ def _members(family: Document) -> Iterator[Member]:
         return
     for name, (word, _) in section.entries.items():
         source = word.document  # a section may have been read alone
-        _, first, last = source.line_of(word.start)
-        _, _, comment = source.text[first:last].partition(" #")
+        _, line_start, line_end = source.line_of(word.start)
+        _, _, comment = source.text[line_start:line_end].partition(" #")
         yield Member(name, comment.strip())

@@ -30,7 +30,9 @@ class GesturesAndTakes:
     @property
     def gestures(self) -> dict[str, Gesture]:
         """The gestures without mistakes."""
-        return {name: made for name, made in self._gestures_by_name.items() if made is not None}
+        return {
+            name: gesture for name, gesture in self._gestures_by_name.items() if gesture is not None
+        }
 
     def add_defined(self, place: Place) -> None:
         """Make the gestures and takes that the score itself defines; `place` is that of the
@@ -63,15 +65,15 @@ class GesturesAndTakes:
             return False
         return True
 
-    def reach(self, name: Name, who: str) -> bool:
-        """Make what `who` plays; False if an error was reported because nothing has that name."""
+    def reach(self, name: Name, label: str) -> bool:
+        """Make what `label` plays; False if an error was reported because nothing has that name."""
         is_there = self.play(name)
         if name in self._paths:
             axes = ", ".join(self._paths[name])
-            message = f"{who}: {quote(name)} is a path in space; play one of its axes: {axes}"
+            message = f"{label}: {quote(name)} is a path in space; play one of its axes: {axes}"
             self._collector.error("E304", message, name.place)
         elif not is_there:
-            message = f"{who}: no gesture or take is called {quote(name)}"
+            message = f"{label}: no gesture or take is called {quote(name)}"
             names = (*self._tables["gestures"], *self.gestures, *self._tables["takes"])
             self._collector.error("E301", message, name.place, word=str(name), names=names)
         return is_there
@@ -100,13 +102,13 @@ class GesturesAndTakes:
 
     def _is_axis(self, name: str) -> bool:
         """Whether a name is that of an axis of a path in space, or of a path that has mistakes."""
-        head, _, axis = name.rpartition(".")
-        entry = self._tables["gestures"].get(head)
+        key_name, _, axis = name.rpartition(".")
+        entry = self._tables["gestures"].get(key_name)
         if entry is None or axis not in AXES:
             return False
-        self._gesture(head, entry)
+        self._gesture(key_name, entry)
         return name in self._gestures_by_name or (
-            self._gestures_by_name[head] is None and head not in self._paths
+            self._gestures_by_name[key_name] is None and key_name not in self._paths
         )
 
     def _pressed(self, name: str, entry: Entry) -> None:
@@ -117,6 +119,6 @@ class GesturesAndTakes:
             files, room = self._uses.files, self._room
             self._keep(name, midi_gesture.gesture(entry.values, files, room, self.has_quarters))
 
-    def _keep(self, name: str, made: Gesture | None) -> None:
-        self._gestures_by_name[name] = called(made, name) if made else None
-        self._room -= len(made.points) if made else 0
+    def _keep(self, name: str, gesture: Gesture | None) -> None:
+        self._gestures_by_name[name] = called(gesture, name) if gesture else None
+        self._room -= len(gesture.points) if gesture else 0

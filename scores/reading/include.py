@@ -162,11 +162,13 @@ class _Copy(NamedTuple):
     moved: Callable[[Position], Position]
     until: Callable[[Position | None], Position | None]
 
-    def target(self, own: Target) -> Target:
-        return replace(own, part=self.named(own.part), text=self.named(own.text))
+    def target(self, target_read: Target) -> Target:
+        return replace(
+            target_read, part=self.named(target_read.part), text=self.named(target_read.text)
+        )
 
-    def targets(self, own: tuple[Target, ...]) -> tuple[Target, ...]:
-        return tuple(map(self.target, own))
+    def targets(self, targets_read: tuple[Target, ...]) -> tuple[Target, ...]:
+        return tuple(map(self.target, targets_read))
 
     def strike(self, item: Strikes) -> Strikes:
         named, moved = self.named, self.moved
@@ -211,8 +213,8 @@ def _check_pitches(piece: Piece, include: Include, collector: Collector) -> None
         )
     ]
     fixed += [f"strikes {quote(entry.name)}" for entry in piece.strikes if entry.notes]
-    for what in fixed:
-        message = f"transpose of include: {what} in {include.file} sets pitches, which stay"
+    for moved_item in fixed:
+        message = f"transpose of include: {moved_item} in {include.file} sets pitches, which stay"
         help = "write its values as factors, such as x1.5, or leave `transpose` out"
         collector.error("E304", message, place, help=help)
 
@@ -237,7 +239,7 @@ def _moved(start: Position, tempo: TempoMap) -> Callable[[Position], Position]:
 
 
 def _or_none(moved: Callable[[Position], Position]) -> Callable[[Position | None], Position | None]:
-    return lambda own: None if own is None else moved(own)
+    return lambda value: None if value is None else moved(value)
 
 
 def _renamed(order: Group, named: Callable[[str], str]) -> Group:

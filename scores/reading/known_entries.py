@@ -62,64 +62,92 @@ class KnownEntries:
         `modules_of` tells on which modules something depends; None: it is read each time.
         `owner` gives the part of a name.
         """
-        before: _Section | None = None
+        section_before: _Section | None = None
         if self._memory is not None:
-            before = self._memory.held(self._name, None)
-        if before is None:
-            before = _Section(None, (), (), [], Counter(), {})
-        now = {where: _state(where, names, owner) for where in before.states}
-        changed = {where for where, state in before.states.items() if now[where] != state}
-        if before.section is section and not changed and None not in before.known:
-            names.reached |= {head for head, _ in before.uses if owner(head) is not None}
-            return before.meanings
+            section_before = self._memory.held(self._name, None)
+        if section_before is None:
+            section_before = _Section(None, (), (), [], Counter(), {})
+        states_now = {
+            module_key: _state(module_key, names, owner) for module_key in section_before.states
+        }
+        changed_modules = {
+            module_key
+            for module_key, state in section_before.states.items()
+            if states_now[module_key] != state
+        }
+        if (
+            section_before.section is section
+            and not changed_modules
+            and None not in section_before.known
+        ):
+            names.reached |= {
+                part_name for part_name, _ in section_before.uses if owner(part_name) is not None
+            }
+            return section_before.meanings
         entries = tuple(section.values() if isinstance(section, Mapping) else section)
-        part = changed_part(before.entries, entries)
-        gone = before.known[part.start : part.start + len(part.before)]
-        known: list[_Known | None] = part.put(before.known, [None] * len(part.now))
-        if changed:
+        replaced_range = changed_part(section_before.entries, entries)
+        forgotten = section_before.known[
+            replaced_range.start : replaced_range.start + len(replaced_range.before)
+        ]
+        meanings_by_number: list[_Known | None] = replaced_range.put(
+            section_before.known, [None] * len(replaced_range.now)
+        )
+        if changed_modules:
             stale: list[_Known | None] = [
                 meaning
-                for meaning in known
-                if meaning and not changed.isdisjoint(meaning.modules or ())
+                for meaning in meanings_by_number
+                if meaning and not changed_modules.isdisjoint(meaning.modules or ())
             ]
-            gone += stale
+            forgotten += stale
             ids = {*map(id, stale)}
-            known = [None if id(meaning) in ids else meaning for meaning in known]
-        uses = before.uses.copy()
-        uses.subtract(chain.from_iterable(meaning.modules or () for meaning in gone if meaning))
-        unknown = [number for number, meaning in enumerate(known) if meaning is None]
+            meanings_by_number = [
+                None if id(meaning) in ids else meaning for meaning in meanings_by_number
+            ]
+        uses = section_before.uses.copy()
+        uses.subtract(
+            chain.from_iterable(meaning.modules or () for meaning in forgotten if meaning)
+        )
+        unknown = [number for number, meaning in enumerate(meanings_by_number) if meaning is None]
         for number in unknown:
             n_reports = names.collector.n_reports
             if (entry := read(entries[number])) is None:
                 continue
-            is_whole = names.collector.n_reports == n_reports
-            modules = modules_of(entry, entries[number]) if is_whole else None
-            known[number] = _Known(entry, modules)
+            has_no_report = names.collector.n_reports == n_reports
+            modules = modules_of(entry, entries[number]) if has_no_report else None
+            meanings_by_number[number] = _Known(entry, modules)
             uses.update(modules or ())
         uses = +uses
-        states = {w: now[w] if w in now else _state(w, names, owner) for w in uses}
-        names.reached |= {head for head, _ in uses if owner(head) is not None}
-        is_new_alone = len(unknown) == len(part.now) and len(before.meanings) == len(before.entries)
-        new = [meaning.entry for number in unknown if (meaning := known[number]) is not None]
-        if is_new_alone and len(new) == len(unknown) and not changed:
-            meanings = tuple(part.put(before.meanings, new))
+        states = {w: states_now[w] if w in states_now else _state(w, names, owner) for w in uses}
+        names.reached |= {part_name for part_name, _ in uses if owner(part_name) is not None}
+        is_new_alone = len(unknown) == len(replaced_range.now) and len(
+            section_before.meanings
+        ) == len(section_before.entries)
+        new_entries = [
+            meaning.entry
+            for number in unknown
+            if (meaning := meanings_by_number[number]) is not None
+        ]
+        if is_new_alone and len(new_entries) == len(unknown) and not changed_modules:
+            meanings = tuple(replaced_range.put(section_before.meanings, new_entries))
         else:
-            meanings = tuple([meaning.entry for meaning in known if meaning is not None])
+            meanings = tuple(
+                [meaning.entry for meaning in meanings_by_number if meaning is not None]
+            )
         if self._memory is not None:
-            lasting = [*known]
+            remembered = [*meanings_by_number]
             for number in unknown:
-                if (meaning := known[number]) is not None and meaning.modules is None:
-                    lasting[number] = None
-            section_now = _Section(section, entries, meanings, lasting, uses, states)
+                if (meaning := meanings_by_number[number]) is not None and meaning.modules is None:
+                    remembered[number] = None
+            section_now = _Section(section, entries, meanings, remembered, uses, states)
             self._memory.hold(self._name, None, section_now)
         return meanings
 
 
-def _state(where: _Module, names: PartNames, owner: Callable[[str], Any]) -> Any:
+def _state(module_key: _Module, names: PartNames, owner: Callable[[str], Any]) -> Any:
     """What a result depends on in a module, without its place in the text; None if it is not
     there.
     """
-    part, name = where
+    part, name = module_key
     holder = owner(part)
     if holder is None or part not in names.parts:
         return None

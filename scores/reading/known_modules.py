@@ -45,7 +45,7 @@ class _Part(NamedTuple):
 
     def is_same(self, parts: Mapping[str, Any]) -> bool:
         """Whether no part has changed on which they depend."""
-        return all(parts.get(name) is other for name, other in self.parts.items())
+        return all(parts.get(name) is part for name, part in self.parts.items())
 
 
 def resolve_names(
@@ -63,43 +63,54 @@ def resolve_names(
     is_known = part.axes == 1 and memory is not None and not part_names.broken
     names = tuple(part.modules)  # an act that is played may bring more
     condition = tuple(parts), part.prefix, part.selves, part.struck, part.broken, names
-    before: _Part | None = None
+    part_before: _Part | None = None
     if is_known and memory is not None:
-        before = memory.held(f"modules {part.name}", condition)
-    if before is not None and before.resolved is not None and before.is_same(parts):
-        part_names.reached |= before.reached
-        return before.resolved
-    written = part.modules.values()
-    kinds = [(m.name, m.kind) if m.kind in _SIMPLE else m for m in written]
-    known: Mapping[str, _Module] = {}
-    if before is not None and before.kinds == kinds:
-        same = {name for name, other in before.parts.items() if parts.get(name) is other}
-        known = {
+        part_before = memory.held(f"modules {part.name}", condition)
+    if part_before is not None and part_before.resolved is not None and part_before.is_same(parts):
+        part_names.reached |= part_before.reached
+        return part_before.resolved
+    modules_written = part.modules.values()
+    kinds = [(m.name, m.kind) if m.kind in _SIMPLE else m for m in modules_written]
+    entries_before: Mapping[str, _Module] = {}
+    if part_before is not None and part_before.kinds == kinds:
+        unchanged_parts = {
+            name for name, part_used in part_before.parts.items() if parts.get(name) is part_used
+        }
+        entries_before = {
             name: entry
-            for name, entry in before.modules.items()
-            if entry.searched <= same and entry.written is part.modules.get(name)
+            for name, entry in part_before.modules.items()
+            if entry.searched <= unchanged_parts and entry.written is part.modules.get(name)
         }
     reached, searched, rules = part_names.reached, part_names.searched, make_rules()
-    result: dict[str, _Module] = {}
+    entries_now: dict[str, _Module] = {}
     for name, module in part.modules.items():
-        entry = known.get(name)
+        entry = entries_before.get(name)
         if entry is None:
             part_names.reached, part_names.searched = set(), set()
             n_reports = part_names.collector.n_reports
             resolved = rules.resolved(module)
-            seen = frozenset(part_names.reached), frozenset(part_names.searched - {part.name})
-            entry = _Module(module, resolved, *seen)
+            reached_and_searched = (
+                frozenset(part_names.reached),
+                frozenset(part_names.searched - {part.name}),
+            )
+            entry = _Module(module, resolved, *reached_and_searched)
             is_known &= part_names.collector.n_reports == n_reports
-        result[name] = entry
-    all_reached = frozenset[str]().union(*(entry.reached for entry in result.values()))
+        entries_now[name] = entry
+    all_reached = frozenset[str]().union(*(entry.reached for entry in entries_now.values()))
     part_names.reached, part_names.searched = reached | all_reached, searched
-    modules = tuple([entry.resolved for entry in result.values() if entry.resolved is not None])
+    modules = tuple(
+        [entry.resolved for entry in entries_now.values() if entry.resolved is not None]
+    )
     if is_known and memory is not None:
-        others = frozenset[str]().union(*(entry.searched for entry in result.values()))
-        alone = {name: entry for name, entry in result.items() if entry.written.kind not in _ALONE}
-        needed = {name: parts[name] for name in (part.name, *others)}
-        complete = modules if len(alone) == len(result) else None
+        searched_parts = frozenset[str]().union(*(entry.searched for entry in entries_now.values()))
+        lasting_entries = {
+            name: entry for name, entry in entries_now.items() if entry.written.kind not in _ALONE
+        }
+        needed = {name: parts[name] for name in (part.name, *searched_parts)}
+        complete = modules if len(lasting_entries) == len(entries_now) else None
         memory.hold(
-            f"modules {part.name}", condition, _Part(kinds, alone, needed, all_reached, complete)
+            f"modules {part.name}",
+            condition,
+            _Part(kinds, lasting_entries, needed, all_reached, complete),
         )
     return modules

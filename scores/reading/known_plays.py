@@ -30,62 +30,67 @@ class KnownPlays:
         """Take the score's file. Without a memory nothing is known."""
         self._memory, self._file, self._times = memory, file, times
 
-    def recall(self, what: str, items: Sequence[Any], condition: Any = None) -> Known:
+    def recall(self, subject: str, items: Sequence[Any], condition: Any = None) -> Known:
         """What was kept for these items."""
-        known = None
+        values_before = None
         if self._memory is not None:
-            known = self._memory.held(f"{what} {self._file}", (self._times, condition))
-        if known is None:
+            values_before = self._memory.held(f"{subject} {self._file}", (self._times, condition))
+        if values_before is None:
             return Known(items, [None] * len(items), [*range(len(items))])
-        if known.items is items:
-            return known  # type: ignore[no-any-return]
-        changed = changed_part(known.items, items)
-        values = changed.put(known.values, [None] * len(changed.now))
-        first, last = changed.start, changed.start + len(changed.before)
-        shift = len(items) - len(known.items)
-        unknown = [number for number in known.unknown if number < first]
-        unknown += range(first, first + len(changed.now))
-        unknown += [number + shift for number in known.unknown if number >= last]
+        if values_before.items is items:
+            return values_before  # type: ignore[no-any-return]
+        changed_range = changed_part(values_before.items, items)
+        values = changed_range.put(values_before.values, [None] * len(changed_range.now))
+        first_changed, stop_changed = (
+            changed_range.start,
+            changed_range.start + len(changed_range.before),
+        )
+        shift = len(items) - len(values_before.items)
+        unknown = [number for number in values_before.unknown if number < first_changed]
+        unknown += range(first_changed, first_changed + len(changed_range.now))
+        unknown += [number + shift for number in values_before.unknown if number >= stop_changed]
         return Known(items, values, unknown)
 
-    def keep(self, what: str, known: Known, condition: Any = None) -> None:
+    def keep(self, subject: str, known_values: Known, condition: Any = None) -> None:
         """Keep what is known now."""
         if self._memory is not None:
-            unknown = [number for number in known.unknown if known.values[number] is None]
-            lasting = Known(known.items, known.values, unknown)
-            self._memory.hold(f"{what} {self._file}", (self._times, condition), lasting)
+            unknown = [
+                number for number in known_values.unknown if known_values.values[number] is None
+            ]
+            lasting = Known(known_values.items, known_values.values, unknown)
+            self._memory.hold(f"{subject} {self._file}", (self._times, condition), lasting)
 
     def plays(
         self, parts: Mapping[str, Any]
     ) -> tuple[tuple[Play, ...], dict[str, tuple[str, ...]]]:
         """The lines of all parts, and the gestures and takes that each part names."""
         name = f"plays {self._file}"
-        before = None if self._memory is None else self._memory.held_for(name, parts)
-        if before is not None:
-            return before  # type: ignore[no-any-return]
+        plays_before = None if self._memory is None else self._memory.held_for(name, parts)
+        if plays_before is not None:
+            return plays_before  # type: ignore[no-any-return]
         plays = tuple([play for part in parts.values() if part is not MISSING for play in part])
-        named = self.recall("names", plays)
-        for number in named.unknown:
-            named.values[number] = plays[number].names
-        self.keep("names", named)
-        words, first = {}, 0
+        names_by_play = self.recall("names", plays)
+        for number in names_by_play.unknown:
+            names_by_play.values[number] = plays[number].names
+        self.keep("names", names_by_play)
+        names_by_player, first_play = {}, 0
         for player, part in parts.items():
             n_plays = 0 if part is MISSING else len(part)
-            names = named.values[first : first + n_plays]
-            words[player] = (*dict.fromkeys(chain.from_iterable(names)),)
-            first += n_plays
+            names = names_by_play.values[first_play : first_play + n_plays]
+            names_by_player[player] = (*dict.fromkeys(chain.from_iterable(names)),)
+            first_play += n_plays
         if self._memory is not None:
-            self._memory.hold(name, (parts,), (plays, words))
-        return plays, words
+            self._memory.hold(name, (parts,), (plays, names_by_player))
+        return plays, names_by_player
 
     def starts(self, piece: Piece) -> Known:
         """The beats of the occurrences of each line and their number; nothing is known if a gesture
         that some line plays has changed.
         """
-        before: Mapping[str, Gesture | None] = {}
+        gestures_before: Mapping[str, Gesture | None] = {}
         if self._memory is not None:
-            before = self._memory.held(f"gestures {self._file}", None) or {}
-        pairs = ((gesture, piece.gestures.get(name)) for name, gesture in before.items())
+            gestures_before = self._memory.held(f"gestures {self._file}", None) or {}
+        pairs = ((gesture, piece.gestures.get(name)) for name, gesture in gestures_before.items())
         if all(_is_same(*pair) for pair in pairs):
             return self.recall("starts", piece.parts, piece.seed)
         n_parts = len(piece.parts)
@@ -94,10 +99,10 @@ class KnownPlays:
     def keep_starts(self, piece: Piece, starts: Known) -> None:
         """Keep the beats of the occurrences of each line."""
         if self._memory is not None:
-            named = self.recall("names", piece.parts)
-            for number in named.unknown:
-                named.values[number] = piece.parts[number].names
-            names = dict.fromkeys(chain.from_iterable(named.values))
+            names_by_play = self.recall("names", piece.parts)
+            for number in names_by_play.unknown:
+                names_by_play.values[number] = piece.parts[number].names
+            names = dict.fromkeys(chain.from_iterable(names_by_play.values))
             gestures = {name: piece.gestures.get(name) for name in names}
             self._memory.hold(f"gestures {self._file}", None, gestures)
             self.keep("starts", starts, piece.seed)
@@ -105,9 +110,9 @@ class KnownPlays:
     def beats(self, starts: Known) -> tuple[Sequence[float] | None, ...]:
         """The beats alone; those of the same lines are the same object."""
         name = f"beats {self._file}"
-        before = None if self._memory is None else self._memory.held_for(name, starts.values)
-        if before is not None:
-            return before  # type: ignore[no-any-return]
+        beats_before = None if self._memory is None else self._memory.held_for(name, starts.values)
+        if beats_before is not None:
+            return beats_before  # type: ignore[no-any-return]
         beats = tuple([pair and pair[0] for pair in starts.values])
         if self._memory is not None:
             self._memory.hold(name, (starts.values,), beats)

@@ -60,12 +60,12 @@ def load(
     raise nothing.
     """
     collector = Collector() if memory is None else memory.begin()
-    where = Path(path)
-    files = Files(collector, where.parent, overlay, memory, bounds, sealed=sealed)
+    score_path = Path(path)
+    files = Files(collector, score_path.parent, overlay, memory, bounds, sealed=sealed)
     if text is not None:
-        document: Document | None = files.text(str(path), text, where.parent)
+        document: Document | None = files.text(str(path), text, score_path.parent)
     else:
-        document = files.open(where, None)
+        document = files.open(score_path, None)
     piece, names, uses = None, None, None
     if document is not None and document.root is None and not collector.has_errors():
         collector.error("E103", "the score is empty", document.place(0))

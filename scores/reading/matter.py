@@ -109,8 +109,8 @@ class PartsReader:
             name, modules, struck, entry.prefix, broken, selves, axes, acts
         )
         if acts:
-            who = values.context.label("ready")
-            self._part_names.bring_ready(self._part_names.parts[name], values["ready"] or (), who)
+            label = values.context.label("ready")
+            self._part_names.bring_ready(self._part_names.parts[name], values["ready"] or (), label)
         self._written[name] = entry, values
         self.by_name[name] = part_object
 
@@ -139,9 +139,10 @@ class PartsReader:
         filled_values = filled(values)
         modules = values["modules"] or {}
         filled_modules = {
-            n: filled(one) if isinstance(one, Values) else one for n, one in modules.items()
+            n: filled(module) if isinstance(module, Values) else module
+            for n, module in modules.items()
         }
-        if any(filled_modules[n] is not one for n, one in modules.items()):
+        if any(filled_modules[n] is not module for n, module in modules.items()):
             filled_values = replace(
                 filled_values, by_name={**filled_values.by_name, "modules": filled_modules}
             )
@@ -177,9 +178,9 @@ class PartsReader:
         """The values of an instrument, whose `member` may move all its notes, at one of them."""
         interval = member.by_name.get("transpose") if isinstance(member, Values) else None
         memory, name = self._uses.files.memory, f"note {part}"
-        known = None if memory is None else memory.held_for(name, values)
-        if known is not None and known[0] == interval:
-            pitched: Values = known[1]
+        values_before = None if memory is None else memory.held_for(name, values)
+        if values_before is not None and values_before[0] == interval:
+            pitched: Values = values_before[1]
             return pitched
         n_reports = self._collector.n_reports
         pitched = overlay.shifted_note(values, note, interval)
@@ -189,48 +190,48 @@ class PartsReader:
 
     def _read_part(self, section: str, name: str, entry: Entry, values: Values) -> Key | Instrument:
         memory = self._uses.files.memory
-        named = tuple(named_amounts(values.node.document).names.items())
-        make: Callable[[Values], Key | Instrument] = partial(self._instrument, named)
+        amounts_by_name = tuple(named_amounts(values.node.document).names.items())
+        make: Callable[[Values], Key | Instrument] = partial(self._instrument, amounts_by_name)
         if section == "keys":
             make = partial(build.key, files=self._uses.files)
         is_file_read = section == "keys" and values["calib"] is not None
         if memory is None or is_file_read:
             return make(values)
         # The key has the name too, because one node may have several names (a YAML alias).
-        key = section, values.node, values.context.name, named
+        key = section, values.node, values.context.name, amounts_by_name
         if values is entry.values:
             return memory.recall(key, partial(make, values))
         # Values that were merged (`like`, `from`) have the node of one of them.
         place = f"made {section} {name} {values.node.document.file}"
-        before = memory.held(place, named)
-        if before is not None and before[0] is values:
-            return before[1]  # type: ignore[no-any-return]
+        part_before = memory.held(place, amounts_by_name)
+        if part_before is not None and part_before[0] is values:
+            return part_before[1]  # type: ignore[no-any-return]
         n_reports = self._collector.n_reports
         part = make(values)
         if self._collector.n_reports == n_reports:
-            memory.hold(place, named, (values, part))
+            memory.hold(place, amounts_by_name, (values, part))
         return part
 
-    def _instrument(self, named: Hashable, values: Values) -> Instrument:
-        """An instrument, of which only modules that have changed are read; `named` are the values
-        of `let`.
+    def _instrument(self, amounts_key: Hashable, values: Values) -> Instrument:
+        """An instrument, of which only modules that have changed are read; `amounts_key` are the
+        values of `let`.
         """
         memory = self._uses.files.memory
         if memory is None:
             return instrument(values)
         place = f"read {values.context.name} {values.node.document.file}"
-        before: dict[Hashable, Any] = memory.held(place, named) or {}
-        now: dict[Hashable, Any] = {}
+        modules_before: dict[Hashable, Any] = memory.held(place, amounts_key) or {}
+        modules_now: dict[Hashable, Any] = {}
 
         def recall(key: Hashable, make: Callable[[], _Item]) -> _Item:
             n_reports = self._collector.n_reports
-            value: _Item = before[key] if key in before else make()
+            value: _Item = modules_before[key] if key in modules_before else make()
             if self._collector.n_reports == n_reports:
-                now[key] = value
+                modules_now[key] = value
             return value
 
         result = instrument(values, recall)
-        memory.hold(place, named, now)
+        memory.hold(place, amounts_key, modules_now)
         return result
 
     def look_up(self) -> None:
@@ -256,14 +257,18 @@ class PartsReader:
                     self._gestures_and_takes.take(source, takes[source])
             if isinstance(part_built, Key):
                 self._struck(part_built)
-                every = self._rates.key_step_frames(values)
-                self.keys[name] = self._same(replace(part_built, modules=modules, every=every))
+                step_frames = self._rates.key_step_frames(values)
+                self.keys[name] = self._same(
+                    replace(part_built, modules=modules, every=step_frames)
+                )
             else:
                 acts = tuple(self._part_names.resolved_act(part, a) for a in part.acts.values())
                 outputs = rules.outputs(part, part_built.outputs, self._part_names, self._layout)
-                every = self._rates.instrument_step_frames(values)
+                step_frames = self._rates.instrument_step_frames(values)
                 self.instruments[name] = self._same(
-                    replace(part_built, modules=modules, outputs=outputs, every=every, acts=acts)
+                    replace(
+                        part_built, modules=modules, outputs=outputs, every=step_frames, acts=acts
+                    )
                 )
             todo += sorted(self._part_names.reached - done)
             if total > MAX_MATS:
@@ -277,29 +282,32 @@ class PartsReader:
     def _contents(self, name: str, modules: tuple[Module, ...]) -> tuple[int, tuple[str, ...]]:
         """The number of masses of modules, and the takes that they name."""
         memory = self._uses.files.memory
-        known = None if memory is None else memory.held_for(f"contents {name}", modules)
-        if known is None:
+        contents_before = None if memory is None else memory.held_for(f"contents {name}", modules)
+        if contents_before is None:
             n_mats = sum(member_count(m.kind, m.fields) * m.fields.get("axes", 1) for m in modules)
             sources = (module.fields.get("from") for module in modules)
-            known = n_mats, tuple([source for source in sources if isinstance(source, Name)])
+            contents_before = (
+                n_mats,
+                tuple([source for source in sources if isinstance(source, Name)]),
+            )
             if memory is not None:
-                memory.hold(f"contents {name}", (modules,), known)
-        return known
+                memory.hold(f"contents {name}", (modules,), contents_before)
+        return contents_before
 
     def _same(self, part: _Part) -> _Part:
         """The part of the reading before, if it has the same modules and is equal."""
         memory = self._uses.files.memory
         if memory is None:
             return part
-        before: _Part | None = memory.held_for(f"part {part.name}", part.modules)
+        part_before: _Part | None = memory.held_for(f"part {part.name}", part.modules)
         # Pitches are not compared: two instruments may be one matter at two of them.
         # Nor is how they are played.
-        is_equal = before == part and all(
-            getattr(before, name, None) == getattr(part, name, None)
+        is_equal = part_before == part and all(
+            getattr(part_before, name, None) == getattr(part, name, None)
             for name in ("pitch", "acts", "loudness")
         )
-        if before is not None and is_equal:
-            return before
+        if part_before is not None and is_equal:
+            return part_before
         memory.hold(f"part {part.name}", (part.modules,), part)
         return part
 

@@ -69,10 +69,10 @@ def has_required_fields(values: Values) -> bool:
     )
     for name in v.nodes:
         if name not in fields:
-            why = f"cannot be used together with `{kind}`; remove it"
+            advice = f"cannot be used together with `{kind}`; remove it"
             if not kind:
-                why = f"needs `{_ONLY[name]}` beside it; write that, or remove this"
-            v.error("E111", f"{v.context.label(name)} {why}", name)
+                advice = f"needs `{_ONLY[name]}` beside it; write that, or remove this"
+            v.error("E111", f"{v.context.label(name)} {advice}", name)
             return False
     return all(name in v.by_name for name in (*needed, *v.written("to", "play", "impulse", "do")))
 
@@ -81,15 +81,15 @@ def hits_of(
     values: Values, part_names: PartNames, phrases: Mapping[str, Any], files: Files
 ) -> tuple[tuple[Hit, ...], Length | None] | None:
     """The hits of a melody and, of a phrase, its length; None if an error was reported."""
-    who = f"strikes {quote(values.context.name)}"
+    label = f"strikes {quote(values.context.name)}"
     if kind_of(values) == "entries":
         voices = NoteTargets(part_names, values["to"] or ())
         rows = with_levels(values["entries"], values["impulse"])
-        return _hits(rows, voices, who), None
+        return _hits(rows, voices, label), None
     phrase = phrases.get(values["play"])
     if not isinstance(phrase, Values):
         if values["play"] not in phrases:
-            message = f"{who}: no phrase or MIDI take is called {quote(values['play'])}"
+            message = f"{label}: no phrase or MIDI take is called {quote(values['play'])}"
             names = tuple(phrases)
             values.error("E301", message, "play", word=str(values["play"]), names=names)
         return None
@@ -99,11 +99,11 @@ def hits_of(
     voices = NoteTargets(part_names, notes_in(phrase, values))
     played_hits = played(phrase, values, do[0], voices, files, phrases)
     if not (values.written("to", "transpose", "do") or is_midi(phrase)):
-        who = phrase.context.label("")  # a name that is unknown is the phrase's
+        label = phrase.context.label("")  # a name that is unknown is the phrase's
     return (
         None
         if played_hits is None
-        else (_hits(played_hits[0], played_hits[1], who), played_hits[2])
+        else (_hits(played_hits[0], played_hits[1], label), played_hits[2])
     )
 
 
@@ -175,19 +175,25 @@ def played(
     return rows, voices, length
 
 
-def strikes_of_pattern(strikes: Strikes, values: Values, voices: NoteTargets, who: str) -> Strikes:
+def strikes_of_pattern(
+    strikes: Strikes, values: Values, voices: NoteTargets, label: str
+) -> Strikes:
     """Strikes whose pattern of notes says which notes of an instrument are struck."""
     place = values.place_of("notes")
     targets_by_word: dict[str, tuple[Target, ...]] = {}
     for word in strikes.notes:
         root = tuning.spelled(word).partition(".")[0]
         if not tuning.is_pitch(root):
-            message = f"{who}: {quote(word)} is not a note such as A3, by which members are called"
+            message = (
+                f"{label}: {quote(word)} is not a note such as A3, by which members are called"
+            )
             voices.part_names.collector.error("E304", message, place)
             continue
         row = Row(Length(), (Name(notes.scale_step(word), place),), None, place)
-        targets_by_word[word] = voices.targets(row, who)
-    targets = dict.fromkeys(target for own in targets_by_word.values() for target in own)
+        targets_by_word[word] = voices.targets(row, label)
+    targets = dict.fromkeys(
+        target for word_targets in targets_by_word.values() for target in word_targets
+    )
     return replace(strikes, to=tuple(targets), notes={}, voices=targets_by_word)
 
 
@@ -199,8 +205,8 @@ def is_midi(take: Any) -> bool:
 
 def midi_notes(take: Values, files: Files) -> MidiNotes | None:
     """The notes of a file of notes; None if an error was reported."""
-    who, folder = f"{take.context.label('file')}: ", take.nodes["file"].document.folder
-    path = files.locate(take["file"], folder, take.place_of("file"), who, is_text=False)
+    label, folder = f"{take.context.label('file')}: ", take.nodes["file"].document.folder
+    path = files.locate(take["file"], folder, take.place_of("file"), label, is_text=False)
     if path is None:
         return None
     try:
@@ -226,9 +232,9 @@ def midi_rows(take: Values, files: Files) -> tuple[tuple[Row, ...], Length] | No
         elif note.word is not None and take["curve"] is None:
             strength = note.strength
             level = None if strength is None else Level(strength, strength, is_strength=True)
-        what = (Name(note.word or tuning.current().key_word(note.number), place),)
+        note_names = (Name(note.word or tuning.current().key_word(note.number), place),)
         lasting = None if note.lasting is None else Length(beats=note.lasting)
-        rows.append(Row(Length(beats=note.at), what, level, place, lasting=lasting))
+        rows.append(Row(Length(beats=note.at), note_names, level, place, lasting=lasting))
     return tuple(rows), Length(beats=take_notes.length)
 
 
@@ -247,19 +253,19 @@ def _pressed(take: Values, files: Files) -> Iterator[Row]:
         take.error("E310", f"take {quote(take.context.name)}: {error.message}", error.field)
         return
     for pressure in pressures:
-        what = (Name(tuning.current().key_word(pressure.number), place),)
+        note_names = (Name(tuning.current().key_word(pressure.number), place),)
         start, lasting = Length(beats=pressure.start), Length(beats=pressure.lasting)
         level = velocity_level(pressure.value)
-        yield Row(start, what, level, place, lasting=lasting, act=PRESS)
+        yield Row(start, note_names, level, place, lasting=lasting, act=PRESS)
 
 
-def between(velocity: int, ends: tuple[float, float], curve: Curve) -> float:
+def between(velocity: int, value_range: tuple[float, float], curve: Curve) -> float:
     """The value between two ends for a velocity from 1 to 127, computed in exact fractions."""
-    low, high = (Fraction(repr(end)) for end in ends)
+    low, high = (Fraction(repr(end)) for end in value_range)
     return float(low + (high - low) * curve.share(velocity, 1))
 
 
-def _hits(rows: Sequence[Row], voices: NoteTargets, who: str) -> tuple[Hit, ...]:
+def _hits(rows: Sequence[Row], voices: NoteTargets, label: str) -> tuple[Hit, ...]:
     hits: list[Hit] = []
     collector = voices.part_names.collector
     n_reports = collector.n_reports
@@ -268,7 +274,7 @@ def _hits(rows: Sequence[Row], voices: NoteTargets, who: str) -> tuple[Hit, ...]
             break
         level = row.level or MEZZO_FORTE
         hit = Hit(row.at, (), level, row.place, " ".join(row.what), row.jitter)
-        targets = voices.targets(row, who)
+        targets = voices.targets(row, label)
         if any(voices.part_names.has_end(target) for target in targets):
             hit = replace(hit, lasting=row.lasting)
         if not level.is_strength:
@@ -276,7 +282,7 @@ def _hits(rows: Sequence[Row], voices: NoteTargets, who: str) -> tuple[Hit, ...]
             continue
         by_reach: dict[ImpulseRange, list[Target]] = {}
         for target in targets:
-            reach = voices.part_names.sure_reach(target, who)
+            reach = voices.part_names.sure_reach(target, label)
             if reach is not None:
                 by_reach.setdefault(reach, []).append(target)
         hits += [replace(hit, to=tuple(to), reach=reach) for reach, to in by_reach.items()]

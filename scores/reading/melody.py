@@ -188,23 +188,23 @@ class Entries(Shape):
 
     def _row(self, row: str, offset: int, node: Scalar, context: Context) -> Row | None:
         cells = [(word.group(), offset + word.start()) for word in _WORD.finditer(row)]
-        (position_text, start), rest = cells[0], cells[1:]
-        impulse, swells = None, bool(rest) and rest[-1][0] == "->"
+        (position_text, start), option_cells = cells[0], cells[1:]
+        impulse, swells = None, bool(option_cells) and option_cells[-1][0] == "->"
         if swells:
-            word, start_of_arrow = rest.pop()
-            if not rest or not is_level(rest[-1][0]):
+            word, start_of_arrow = option_cells.pop()
+            if not option_cells or not is_level(option_cells[-1][0]):
                 message = "`->` leads from a level to the next one: write p -> in this row"
                 place = node.place_at(start_of_arrow, len(word))
                 context.error("E204", message, place)
                 return None
-        if rest and _is_impulse(rest[-1][0], node, is_alone=len(rest) == 1):
-            impulse = self._value("impulse", *rest.pop(), node, context)
+        if option_cells and _is_impulse(option_cells[-1][0], node, is_alone=len(option_cells) == 1):
+            impulse = self._value("impulse", *option_cells.pop(), node, context)
         when = self._value("at", position_text, start, node, context)
-        if not 1 <= len(rest) <= MAX_CHORD:
+        if not 1 <= len(option_cells) <= MAX_CHORD:
             message = "a row has a time, what is struck and an impulse, such as 1|1  D3 F3  2mNs"
             context.error("E204", message, node.place_at(start, len(position_text)))
             return None
-        names = [_struck(word, place, node, "what", context) for word, place in rest]
+        names = [_struck(word, place, node, "what", context) for word, place in option_cells]
         if when is MISSING or impulse is MISSING or None in names:
             return None
         struck = tuple(name for name in names if name is not None)
@@ -240,11 +240,18 @@ def _checked(rows: Any, context: Context) -> Any:
     """Rows, unless one swells to no level, or to one of another kind."""
     if rows is MISSING:
         return MISSING
-    known = [row for row in rows if isinstance(row, Row)]
-    for number, row in enumerate(known):
+    rows_read = [row for row in rows if isinstance(row, Row)]
+    for number, row in enumerate(rows_read):
         if not row.swells or row.level is None:
             continue
-        end = next((own.level for own in known[number + 1 :] if own.level is not None), None)
+        end = next(
+            (
+                later_row.level
+                for later_row in rows_read[number + 1 :]
+                if later_row.level is not None
+            ),
+            None,
+        )
         if end is None:
             message = "`->` leads to the next level, and no entry after this one has a level"
         elif end.is_strength != row.level.is_strength or not (_is_one(row.level) and _is_one(end)):
@@ -263,19 +270,19 @@ def _is_one(level: Level) -> bool:
 # --- phrases ------------------------------------------------------------------------------------
 
 
-def length_of(rows: Sequence[Row], written: Length | None) -> Length | None:
+def length_of(rows: Sequence[Row], written_length: Length | None) -> Length | None:
     """The length of a phrase; if none is written, up to the next whole beat; None if entries are
     not all in beats.
     """
-    if written is not None:
-        return written
-    last = 0.0
+    if written_length is not None:
+        return written_length
+    last_beat = 0.0
     for row in rows:
         assert isinstance(row.at, Length)
         if row.at.bars or row.at.seconds:
             return None
-        last = max(last, row.at.beats)
-    return Length(beats=floor(last) + 1.0)
+        last_beat = max(last_beat, row.at.beats)
+    return Length(beats=floor(last_beat) + 1.0)
 
 
 def transformed(
@@ -292,8 +299,10 @@ def transformed(
             continue
         act = _ACTS.get(transform.word)
         if act is None:
-            known = ", ".join([*_ACTS, "mirror"])
-            message = f"'{transform.word}' moves the points of a gesture; a phrase has {known}"
+            transform_names = ", ".join([*_ACTS, "mirror"])
+            message = (
+                f"'{transform.word}' moves the points of a gesture; a phrase has {transform_names}"
+            )
             raise TextError(message, offset=transform.offset, length=transform.length)
         rows_out = tuple(act(rows_out, transform))
         if transform.word == "stretch":
@@ -358,8 +367,8 @@ def _from(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
 
 def _length_after(length: Length, t: Transform) -> Length:
     """A length minus the time of `from`, in the same unit."""
-    other = length.seconds if t.time.beats else length.beats
-    if length.bars or other:
+    other_unit = length.seconds if t.time.beats else length.beats
+    if length.bars or other_unit:
         message = "'from' needs entries and a length in its own unit: all in beats or in seconds"
         raise TextError(message, offset=t.offset, length=t.length)
     return Length(0.0, length.beats - t.time.beats, length.seconds - t.time.seconds)
@@ -402,18 +411,20 @@ class NoteTargets:
     to: tuple[Name, ...]
     _known: dict[str, list[Target]] = field(default_factory=dict, init=False, compare=False)
 
-    def mirrored(self, row: Row, first: Row) -> Row:
+    def mirrored(self, row: Row, first_row: Row) -> Row:
         """A row mirrored in pitch about the first note of a phrase. Raises TextError."""
-        heights = (self._note(word) for word in first.what)
+        heights = (self._note(word) for word in first_row.what)
         about = next((height for height in heights if height is not None), None)
         if about is None:
-            raise TextError(f"{quote(' '.join(first.what))} has no note to mirror about")
-        what = [self.moved(word, 2 * (about - (self._note(word) or 0))) for word in row.what]
-        return self.renamed(row, what)
+            raise TextError(f"{quote(' '.join(first_row.what))} has no note to mirror about")
+        mirrored_names = [
+            self.moved(word, 2 * (about - (self._note(word) or 0))) for word in row.what
+        ]
+        return self.renamed(row, mirrored_names)
 
-    def renamed(self, row: Row, what: Sequence[Name]) -> Row:
+    def renamed(self, row: Row, new_names: Sequence[Name]) -> Row:
         """A row with other notes; `before` keeps those that were written."""
-        return replace(row, what=tuple(what), before=row.before or row.what)
+        return replace(row, what=tuple(new_names), before=row.before or row.what)
 
     def moved(self, word: Name, semitones: float) -> Name:
         """A note, or a module of one, moved by so many semitones, of which an integer is keys of a
@@ -435,61 +446,72 @@ class NoteTargets:
         members = (member for name in self.to for member in self.part_names.members(name))
         return any(True for member in members for _ in self.part_names.drawn_act(member, act))
 
-    def targets(self, row: Row, who: str) -> tuple[Target, ...]:
+    def targets(self, row: Row, label: str) -> tuple[Target, ...]:
         """The MATs that a row strikes; reports what cannot be reached."""
         pairs = zip(row.what, row.before or row.what, strict=True)
-        names = [name for word, before in pairs for name in self._names(word, before, who)]
+        names = [
+            name for word, name_before in pairs for name in self._names(word, name_before, label)
+        ]
         if row.act:
-            names = [name for each in names for name in self.part_names.drawn_act(each, row.act)]
-        return tuple(target for name in names for target in self._reached(name, who))
+            names = [
+                name
+                for struck_name in names
+                for name in self.part_names.drawn_act(struck_name, row.act)
+            ]
+        return tuple(target for name in names for target in self._reached(name, label))
 
-    def _reached(self, name: Name, who: str) -> list[Target]:
+    def _reached(self, name: Name, label: str) -> list[Target]:
         """The targets of a name, kept for further rows, which differ only in their place."""
-        known = self._known.get(name)
-        if known is not None:
-            return [Target(t.part, t.module, t.first, t.count, t.text, name.place) for t in known]
-        targets_struck = self.part_names.struck(name, who)
+        known_targets = self._known.get(name)
+        if known_targets is not None:
+            return [
+                Target(t.part, t.module, t.first, t.count, t.text, name.place)
+                for t in known_targets
+            ]
+        targets_struck = self.part_names.struck(name, label)
         if targets_struck:  # else each row reports what is missing
             self._known[name] = targets_struck
         return targets_struck
 
-    def _names(self, word: Name, before: Name, who: str) -> list[Name]:
+    def _names(self, word: Name, word_before: Name, label: str) -> list[Name]:
         if notes.word_of(word) is None:
             slip = note_slip(word) if self.to else None
             if slip is None or word.partition(".")[0] in self.part_names.parts:
                 return [word]
-            message = f"{who}: {slip.message}"
+            message = f"{label}: {slip.message}"
             self.part_names.collector.error("E201", message, word.place, suggestion=slip.suggestion)
             return []
         if not self.to:
-            message = f"{who}: {quote(word)} is a note; write `to`, whose notes are struck"
+            message = f"{label}: {quote(word)} is a note; write `to`, whose notes are struck"
             self.part_names.collector.error("E103", message, word.place)
             return []
         names_read = []
         for to in self.to:
             family = self.part_names.family(to)
             if family is None:
-                message = f"{who}: {quote(to)} has no notes; write `notes` in the instrument"
+                message = f"{label}: {quote(to)} has no notes; write `notes` in the instrument"
                 if self.part_names.is_known(to):
                     self.part_names.collector.error("E304", message, to.place)
                 else:
-                    self.part_names.target(to, "mats", who)
+                    self.part_names.target(to, "mats", label)
                 continue
-            instrument, rest = family
+            instrument, name_rest = family
             note = instrument.note(word)
             if note is None:
-                known = [part.rpartition(".")[2] for part in instrument.parts.values()]
-                message = f"{who}: {quote(to)} has no note {quote(word)}"
-                ends = f"; its notes are {known[0]} to {known[-1]}" if known else ""
-                if word == before:
+                known_notes = [part.rpartition(".")[2] for part in instrument.parts.values()]
+                message = f"{label}: {quote(to)} has no note {quote(word)}"
+                note_range = (
+                    f"; its notes are {known_notes[0]} to {known_notes[-1]}" if known_notes else ""
+                )
+                if word == word_before:
                     self.part_names.collector.error(
-                        "E301", message + ends, word.place, word=word, names=known
+                        "E301", message + note_range, word.place, word=word, names=known_notes
                     )
                 else:
-                    message += f", to which {quote(before)} is moved{ends}"
+                    message += f", to which {quote(word_before)} is moved{note_range}"
                     self.part_names.collector.error("E301", message, word.place)
                 continue
-            names_read.append(Name(".".join(filter(None, (note, rest))), word.place))
+            names_read.append(Name(".".join(filter(None, (note, name_rest))), word.place))
         return names_read
 
     def _note(self, word: str) -> float | None:

@@ -21,16 +21,16 @@ def gesture(take: Values, files: Files, room: int, has_quarters: bool) -> Gestur
 
     Its times are in quarter notes. They count as beats if the piece `has_quarters` in all meters.
     """
-    who = take.context.label("")
+    label = take.context.label("")
     if take["depth"] is None:
-        take.error("E103", f"{who} has no 'depth': how far notes press a key, such as 2mm..8mm")
+        take.error("E103", f"{label} has no 'depth': how far notes press a key, such as 2mm..8mm")
         return None
     take_notes = midi_notes(take, files)
     if take_notes is None:
         return None
     points = _points(take_notes.notes, take["depth"], take["curve"] or EVEN, take_notes.length)
     if len(points) > room:
-        take.error("E105", f"{who}: the gestures have more points than a piece may have", "file")
+        take.error("E105", f"{label}: the gestures have more points than a piece may have", "file")
         return None
     name, place = take.context.name, take.place
     return Gesture(name, points, (), (), NO_OPTIONS, place, in_quarters=not has_quarters)
@@ -48,18 +48,18 @@ def _points(
     instants = [*hardest]
     points: list[Point] = []
 
-    def add(at: float, x: float, curve: str) -> None:
-        points.append(Point(Time(at), x, curve, 0, 1))
+    def add(instant_added: float, x: float, curve: str) -> None:
+        points.append(Point(Time(instant_added), x, curve, 0, 1))
 
     for i, instant in enumerate(instants):
-        before = instants[i - 1] if i else -instant  # half the way from the beginning
-        after = instants[i + 1] if i + 1 < len(instants) else instant + 1.0
+        instant_before = instants[i - 1] if i else -instant  # half the way from the beginning
+        instant_after = instants[i + 1] if i + 1 < len(instants) else instant + 1.0
         if instant > 0.0:
             if not points:
                 add(0.0, 0.0, "smooth")
-            add(instant - min(_REACH, _ROOM * (instant - before)), 0.0, "hold")
+            add(instant - min(_REACH, _ROOM * (instant - instant_before)), 0.0, "hold")
         add(instant, between(hardest[instant], depth, curve), "smooth")
-        add(instant + min(_REACH, _ROOM * (after - instant)), 0.0, "smooth")
+        add(instant + min(_REACH, _ROOM * (instant_after - instant)), 0.0, "smooth")
     if length > points[-1].at.beats:
         add(length, 0.0, "hold")
     return tuple(points)

@@ -88,8 +88,8 @@ class MidiUses:
         name = values["from"]
         if name is None:
             return None
-        who, folder = f"{values.context.label('from')}: ", values.nodes["from"].document.folder
-        path = self._files.locate(name, folder, values.place_of("from"), who, is_text=False)
+        label, folder = f"{values.context.label('from')}: ", values.nodes["from"].document.folder
+        path = self._files.locate(name, folder, values.place_of("from"), label, is_text=False)
         if path is None:
             return None
         use = self._use(path, name, values.place_of("from"))
@@ -98,14 +98,14 @@ class MidiUses:
         try:
             return read(path)
         except TakeError as error:
-            values.error("E310", f"{who}{error.message}", "from")
+            values.error("E310", f"{label}{error.message}", "from")
         return None
 
     def course(self, values: Values) -> Course:
         """How what automation follows moves in its file; empty if an error was reported."""
         name, channel, source = values["from"], values["channel"], values["by"]
-        who, folder = "automation: ", values.nodes["from"].document.folder
-        path = self._files.locate(name, folder, values.place_of("from"), who, is_text=False)
+        label, folder = "automation: ", values.nodes["from"].document.folder
+        path = self._files.locate(name, folder, values.place_of("from"), label, is_text=False)
         if path is None:
             return ()
         use = self._use(path, name, values.place_of("from"))
@@ -113,7 +113,7 @@ class MidiUses:
         try:
             return read_course(path, channel, source)
         except TakeError as error:
-            values.error("E310", f"{who}{error.message}", "by" if error.field == "by" else "from")
+            values.error("E310", f"{label}{error.message}", "by" if error.field == "by" else "from")
         return ()
 
     def _use(self, path: Path, name: str, place: Place) -> _Use:
@@ -130,10 +130,12 @@ class MidiUses:
             except TakeError:  # whoever reads the file reports it
                 continue
             _report([*_passed_over(file, use)], use, collector)
-            if extra := file.n_bytes_after + file.n_bytes_unread:
-                where = "its last track" if file.n_bytes_after else "the end of a track"
-                message = f"{use.name}: {plural(extra, ('byte', 'bytes'))} after {where} "
-                message += f"{'is' if extra == 1 else 'are'} not read"
+            if n_unread_bytes := file.n_bytes_after + file.n_bytes_unread:
+                location = "its last track" if file.n_bytes_after else "the end of a track"
+                message = (
+                    f"{use.name}: {plural(n_unread_bytes, ('byte', 'bytes'))} after {location} "
+                )
+                message += f"{'is' if n_unread_bytes == 1 else 'are'} not read"
                 collector.error("W335", message, use.place)
 
 
@@ -141,9 +143,9 @@ def _report(words: Sequence[str], use: _Use, collector: Collector) -> None:
     """Report what is passed over in a file, as counts in words."""
     if not words:
         return
-    *before, last = words
-    listed = f"{', '.join(before)} and {last}" if before else last
-    is_single = not before and last.startswith("1 ")
+    *words_before, last_word = words
+    listed = f"{', '.join(words_before)} and {last_word}" if words_before else last_word
+    is_single = not words_before and last_word.startswith("1 ")
     message = f"{use.name}: {listed} {'is' if is_single else 'are'} passed over"
     collector.error("N404", message, use.place)
 

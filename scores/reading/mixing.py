@@ -183,13 +183,13 @@ def sends(value: Any, node: Node | None) -> tuple[tuple[Name, float], ...]:
     )
 
 
-def rooms(written: Any) -> tuple[Room, ...]:
+def rooms(rooms_read: Any) -> tuple[Room, ...]:
     """The rooms that were read."""
-    return tuple(_rooms(written or {}))
+    return tuple(_rooms(rooms_read or {}))
 
 
-def _rooms(written: dict[str, Any]) -> Iterator[Room]:
-    for name, values in written.items():
+def _rooms(rooms_read: dict[str, Any]) -> Iterator[Room]:
+    for name, values in rooms_read.items():
         if not isinstance(values, Values) or values["t60"] is None:
             continue
         t60 = values["t60"]

@@ -52,7 +52,7 @@ def overlay_fields(base: Values, member: Values) -> Values:
         elif name == "members" and isinstance(fields.get(name), dict):
             value = {**fields[name], **value}
         elif name == "f" and isinstance(value, tuple) and "transpose" in member.by_name:
-            value = tuple(pitch(one, member.by_name["transpose"]) for one in value)
+            value = tuple(pitch(pitch_value, member.by_name["transpose"]) for pitch_value in value)
         fields[name] = value
     fields.pop("transpose", None)
     nodes.update(member.nodes)
@@ -96,16 +96,16 @@ def shifted_note(values: Values, note: str, interval: Interval | None = None) ->
     return base_at_pitch(base, asking, is_root=True)
 
 
-def both(first: Interval | None, second: Interval | None) -> Interval | None:
+def both(first_interval: Interval | None, second_interval: Interval | None) -> Interval | None:
     """Two intervals, one after the other."""
-    if first is None or second is None:
-        return first or second
-    return first.then(second)
+    if first_interval is None or second_interval is None:
+        return first_interval or second_interval
+    return first_interval.then(second_interval)
 
 
-def _hidden(member: Values, what: str) -> set[str]:
+def _hidden(member: Values, field_name: str) -> set[str]:
     hidden: set[str] = set()
-    for groups in _EXCLUSIVE.get(what, ()):
+    for groups in _EXCLUSIVE.get(field_name, ()):
         if any(member.written(*group) for group in groups):
             for group in groups:
                 if not member.written(*group):

@@ -59,8 +59,8 @@ def _entry(
     place_of_at: Place,
     until: Place | None,
 ) -> Play:
-    do, more = as_turns(fields.get("do", ()))
-    fields = {**fields, "nth": numbered((*fields.get("nth", ()), *more))} if more else fields
+    do, turns = as_turns(fields.get("do", ()))
+    fields = {**fields, "nth": numbered((*fields.get("nth", ()), *turns))} if turns else fields
     pattern = pattern_of(fields, played.order or plain(played.text))
     if wrong := iteration_mistake(pattern):
         context.error("E305", f"{quote(played.text)}: {wrong}", played.place)
@@ -110,8 +110,8 @@ class _PlayedShape(Reference):
         if text.strip().isidentifier():
             return Played(Name(text.strip(), node.place), None, node.place)
 
-        def called(word: str, at: int) -> Name:
-            return Name(name_of(word, at), node.place_at(at, len(word)))
+        def called(word: str, offset: int) -> Name:
+            return Name(name_of(word, offset), node.place_at(offset, len(word)))
 
         try:
             order = parse(text, called)
@@ -217,17 +217,17 @@ def _row(text: str, offset: int, node: Scalar, context: Context) -> Play | None:
     fields["do"] = row.play.do
     if "rate" in fields:
         _unused_rate(context, _place(row.play.options["rate"], node))
-    what, until = row.play.what, row.play.options.get("until")
-    text = " ".join(what.text.split())
+    what_words, until = row.play.what, row.play.options.get("until")
+    text = " ".join(what_words.text.split())
     row_place = _place(row.at, node)
     # In a literal block a row is one line of the file, so the column follows from that of
     # `row_place`.
-    column = row_place.column + what.offset - row.at.offset
+    column = row_place.column + what_words.offset - row.at.offset
     is_block = node.style == "|"
     place = (
-        Place(row_place.file, row_place.line, column, len(what.text))
+        Place(row_place.file, row_place.line, column, len(what_words.text))
         if is_block
-        else _place(what, node)
+        else _place(what_words, node)
     )
     return _entry(
         fields,

@@ -33,12 +33,12 @@ def phrase_rows(
         return None
     rows: list[Row] = []
     inner_end: float | None = 0.0
-    for written, row in zip(
+    for row_written, row in zip(
         entries, with_levels(entries, levels or phrase["impulse"]), strict=True
     ):
         name = row.what[0]
-        named = phrases.get(name) if len(row.what) == 1 else None
-        if not isinstance(named, Values) or named.record is not phrase.record:
+        phrase_values = phrases.get(name) if len(row.what) == 1 else None
+        if not isinstance(phrase_values, Values) or phrase_values.record is not phrase.record:
             rows.append(row)
             continue
         path = (*above, phrase.context.name, str(name))
@@ -46,13 +46,13 @@ def phrase_rows(
             message = f"{phrase.context.label('')}: the phrases form a circle: {' -> '.join(path)}"
             phrase.context.error("E302", message, row.place)
             return None
-        entry_levels = None if written.level is None else Levels((written.level,))
-        named_rows = phrase_rows(named, phrases, voices, entry_levels, path[:-1])
+        entry_levels = None if row_written.level is None else Levels((row_written.level,))
+        named_rows = phrase_rows(phrase_values, phrases, voices, entry_levels, path[:-1])
         if named_rows is None:
             return None
         inner, length = named_rows
         assert isinstance(row.at, Length)
-        rows += (_moved(each, row.at, named, voices) for each in inner)
+        rows += (_moved(inner_row, row.at, phrase_values, voices) for inner_row in inner)
         inner_end = _later(inner_end, row.at, length)
         if len(rows) > MAX_ROWS:
             message = f"{phrase.context.label('')} has more than {MAX_ROWS:,} strikes"
@@ -78,49 +78,53 @@ def phrase_rows(
 def _later(end: float | None, begin: Length, length: Length) -> float | None:
     """The later end of two, in beats; None if one is not in beats."""
     lengths = (begin, length)
-    if end is None or any(each.bars or each.seconds for each in lengths):
+    if end is None or any(row_length.bars or row_length.seconds for row_length in lengths):
         return None
     return max(end, begin.beats + length.beats)
 
 
-def _moved(row: Row, begin: Length, named: Values, voices: NoteTargets) -> Row:
+def _moved(row: Row, begin: Length, phrase: Values, voices: NoteTargets) -> Row:
     """A strike of a phrase that begins somewhere in another; its notes are those of its own `to`,
     where that is not the other's.
     """
     assert isinstance(row.at, Length)
     bars, beats = begin.bars + row.at.bars, begin.beats + row.at.beats
     moved = replace(row, at=Length(bars, beats, begin.seconds + row.at.seconds))
-    to = named["to"] or ()
+    to = phrase["to"] or ()
     if not to or tuple(to) == tuple(voices.to):
         return moved
-    what = tuple(Name(f"{part}.{word}", word.place) for part in to for word in row.what)
-    return replace(moved, what=what, before=())
+    moved_names = tuple(Name(f"{part}.{word}", word.place) for part in to for word in row.what)
+    return replace(moved, what=moved_names, before=())
 
 
 def with_levels(rows: Sequence[Row], levels: Levels | None) -> tuple[Row, ...]:
     """Rows, each with a level: its own, or that of the row before; `levels` are those of rows
     that say none.
     """
-    result, before = [], None
+    result, level_before = [], None
     for number, row in enumerate(rows):
-        before = row.level or before or (levels or Levels((MEZZO_FORTE,))).step(number, len(rows))
+        level_before = (
+            row.level or level_before or (levels or Levels((MEZZO_FORTE,))).step(number, len(rows))
+        )
         is_pattern = levels is not None and len(levels.steps) > 1
-        result.append(replace(row, level=before) if row.level != before else row)
+        result.append(replace(row, level=level_before) if row.level != level_before else row)
         if is_pattern and row.level is None:
-            before = None  # the next row has the next level of the pattern
+            level_before = None  # the next row has the next level of the pattern
     return tuple(_swollen(rows, result))
 
 
-def _swollen(written: Sequence[Row], rows: Sequence[Row]) -> Iterator[Row]:
+def _swollen(rows_written: Sequence[Row], rows: Sequence[Row]) -> Iterator[Row]:
     """Rows whose levels go evenly, strike by strike, from each that swells to the next level that
     is written.
     """
     begin, end = 0, 0
     for number, row in enumerate(rows):
-        if written[number].swells:
+        if rows_written[number].swells:
             begin = number
-            after = (n for n in range(number + 1, len(rows)) if written[n].level is not None)
-            end = next(after, number)
+            later_levels = (
+                n for n in range(number + 1, len(rows)) if rows_written[n].level is not None
+            )
+            end = next(later_levels, number)
         low, high = rows[begin].level, rows[end].level
         if begin < number < end and low is not None and high is not None:
             share = (number - begin) / (end - begin)

@@ -45,11 +45,13 @@ def phrased(strikes: Strikes) -> Rhythm:
 def _unit(cycle: Length, hits: Sequence[Hit]) -> str:
     """The field of `Length` in which everything is written."""
     lengths = [cycle, *(length for hit in hits for length in (hit.at, hit.lasting))]
-    used = {f.name for length in lengths for f in fields(Length) if getattr(length, f.name, 0.0)}
-    if len(used) != 1:
+    units_used = {
+        f.name for length in lengths for f in fields(Length) if getattr(length, f.name, 0.0)
+    }
+    if len(units_used) != 1:
         message = "a rhythm needs entries and a length of the phrase in one unit: all in beats, in "
         raise TextError(f"{message}bars or in seconds")
-    return used.pop()
+    return units_used.pop()
 
 
 def _exact(value: float) -> Fraction:
@@ -117,14 +119,14 @@ def _text(notes: Sequence[_Notes], total: Fraction) -> str:
 
 def _line(notes: Sequence[_Notes], total: Fraction) -> str:
     steps: list[tuple[str, Fraction]] = []
-    last = Fraction(0)
+    last_end = Fraction(0)
     for begin, end, words in notes:
-        if begin > last:
-            steps.append(("~", begin - last))
+        if begin > last_end:
+            steps.append(("~", begin - last_end))
         steps.append((f"[{','.join(words)}]" if len(words) > 1 else words[0], end - begin))
-        last = end
-    if last < total:
-        steps.append(("~", total - last))
+        last_end = end
+    if last_end < total:
+        steps.append(("~", total - last_end))
     parts = lcm(*(width.denominator for _, width in steps))
     weights = [int(width * parts) for _, width in steps]
     weights = [weight // gcd(*weights) for weight in weights]

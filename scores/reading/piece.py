@@ -202,12 +202,12 @@ class Strikes:
         tempo, stop = piece.tempo_map, self.stop(piece.tempo_map)
         before = before if stop is None else min(stop, before)
         begin = tempo.resolve(self.at)
-        first = 0
+        first_cycle = 0
         if since != -inf:
             cycles_late, seconds_late = rhythm.late()
             early = tempo.after(since, Length(seconds=-seconds_late)) if seconds_late else since
-            first = max(0, rhythm.count(tempo, begin, early) - 1 - cycles_late)
-        cycles = range(first, self.cycles(tempo, before))
+            first_cycle = max(0, rhythm.count(tempo, begin, early) - 1 - cycles_late)
+        cycles = range(first_cycle, self.cycles(tempo, before))
         levels = self.levels or Levels((MEZZO_FORTE,))
         for stroke in rhythm.strokes(tempo, begin, levels, (piece.seed, self.who), cycles):
             if not since - SAME <= stroke.beat < before - SAME:
@@ -223,8 +223,8 @@ class Strikes:
         assert self.pattern is not None
         tempo = piece.tempo_map
         begin, stop = tempo.resolve(self.at), self.stop(tempo)
-        course = PlaceSequence(self.pattern, Draws(piece.seed, self.who))
-        return steps(tempo, begin, course, every=self.every, times=self.times, until=stop)
+        place_sequence = PlaceSequence(self.pattern, Draws(piece.seed, self.who))
+        return steps(tempo, begin, place_sequence, every=self.every, times=self.times, until=stop)
 
 
 @dataclass(frozen=True, slots=True)
@@ -306,8 +306,8 @@ class Piece:
 
     def playable(self, name: str) -> Instrument | None:
         """The instrument of a name, or of its first note; also one that nothing plays yet."""
-        first = self.families.get(name, (name,))[0]
-        return self.instruments.get(first) or self.available.get(name)
+        first_part = self.families.get(name, (name,))[0]
+        return self.instruments.get(first_part) or self.available.get(name)
 
     def tuning_of(self, path: str) -> Tuning | None:
         """The tuning of the notes of what a path names: of its instrument, or of the score."""

@@ -57,11 +57,11 @@ class PlayingOptions:
     force_limit: float | None = None
     layer: bool | None = None
 
-    def over(self, other: PlayingOptions) -> PlayingOptions:
-        """These options; those that are None are taken from `other`."""
+    def over(self, base_options: PlayingOptions) -> PlayingOptions:
+        """These options; those that are None are taken from `base_options`."""
         if self == NO_OPTIONS:
-            return other
-        pairs = ((getattr(self, f.name), getattr(other, f.name)) for f in fields(self))
+            return base_options
+        pairs = ((getattr(self, f.name), getattr(base_options, f.name)) for f in fields(self))
         return PlayingOptions(*(mine if mine is not None else theirs for mine, theirs in pairs))
 
 

@@ -38,9 +38,9 @@ def strikes_of_rhythm(values: Values, part_names: PartNames) -> Strikes | None:
     def place(leaf: Struck) -> Place:
         return node.place_at(leaf.offset, len(name_of(leaf)))
 
-    cycle, first = values["cycle"] or Length(bars=1.0), values["skip"] or 0
+    cycle, first_cycle = values["cycle"] or Length(bars=1.0), values["skip"] or 0
     strikes = build.rhythm_strikes(values, ())
-    rhythm = Rhythm(values["rhythm"], "", cycle, {}, first)
+    rhythm = Rhythm(values["rhythm"], "", cycle, {}, first_cycle)
     do = rhythm_do(values)
     if do is None:
         return None
@@ -88,7 +88,7 @@ def _with_words(
     """Strikes with what each word of their rhythm strikes, after transformations; `place` returns
     where a word is written. None if an error was reported.
     """
-    who, rhythm = f"strikes {quote(values.context.name)}", strikes.rhythm
+    label, rhythm = f"strikes {quote(values.context.name)}", strikes.rhythm
     assert rhythm is not None
     try:
         leaves = compiled(rhythm.text, do).leaves
@@ -99,7 +99,7 @@ def _with_words(
     voices: dict[str, Voice] = {}
     for leaf in leaves:
         is_strength = (level_of(leaf) or levels.steps[0]).is_strength or levels.has_strengths
-        voice = _voice(leaf, place(leaf), names, who, is_strength=is_strength)
+        voice = _voice(leaf, place(leaf), names, label, is_strength=is_strength)
         if voice is None:
             return None
         voices[key_of(leaf)] = voice
@@ -109,7 +109,7 @@ def _with_words(
 
 
 def _voice(
-    leaf: Struck, place: Place, names: NoteTargets, who: str, *, is_strength: bool
+    leaf: Struck, place: Place, names: NoteTargets, label: str, *, is_strength: bool
 ) -> Voice | None:
     """What a word of a rhythm strikes; None if an error was reported."""
     word = Name(name_of(leaf), place)
@@ -120,16 +120,16 @@ def _voice(
             names.moved(note, leaf.semitones) if leaf.semitones else note for note in words
         )
     except TextError as error:
-        collector.error("E306", f"{who}: {error.message}", place)
+        collector.error("E306", f"{label}: {error.message}", place)
         return None
     targets: Iterable[Target]
     if word == HERE and names.to:
-        targets = [t for name in names.to for t in names.part_names.struck(name, who)]
+        targets = [t for name in names.to for t in names.part_names.struck(name, label)]
     else:
-        targets = names.targets(Row(Length(), struck, None, place, words), who)
+        targets = names.targets(Row(Length(), struck, None, place, words), label)
     by_reach: dict[ImpulseRange | None, list[Target]] = {}
     for target in targets:
-        reach = names.part_names.sure_reach(target, who) if is_strength else None
+        reach = names.part_names.sure_reach(target, label) if is_strength else None
         by_reach.setdefault(reach, []).append(target)
     if collector.n_reports > n_reports:
         return None

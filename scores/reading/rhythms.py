@@ -169,7 +169,7 @@ def _placed(
     if struck.repeats is None:
         yield beat, long, struck, level
         return
-    rate, first, last = struck.repeats
+    rate, first_factor, last_factor = struck.repeats
     begin, end = tempo.seconds(beat), tempo.seconds(beat + span)
     count = max(1, ceil((end - begin) * rate - _SAME_STROKE))
     if count > MAX_EVENTS:
@@ -177,9 +177,11 @@ def _placed(
     for turn in range(count):
         start = tempo.beats(begin + turn / rate) if turn else beat
         stop = tempo.beats(begin + (turn + 1) / rate) if turn + 1 < count else beat + span
-        loud = level.scaled(swell(first, last, turn / (count - 1) if count > 1 else 1.0))
+        loud = level.scaled(
+            swell(first_factor, last_factor, turn / (count - 1) if count > 1 else 1.0)
+        )
         sounding = float(struck.length) * (stop - start)
-        yield start, sounding, struck, loud if first != 1.0 or last != 1.0 else level
+        yield start, sounding, struck, loud if first_factor != 1.0 or last_factor != 1.0 else level
 
 
 @lru_cache(256)
@@ -219,17 +221,17 @@ def compiled_in(text: str, do: str, tuned: Tuning | None) -> Cycles[Struck]:
 
 @lru_cache(_REMEMBERED)
 def _cycles_of(
-    text: str, do: str, tuned: Tuning | None, seed: int, who: str
+    text: str, do: str, tuned: Tuning | None, seed: int, owner: str
 ) -> Callable[[int], list[_CycleEvent]]:
     """The events of a cycle by its number; those that were asked for are remembered."""
-    cycles, chance = compiled_in(text, do, tuned), chance_from(seed, who)
-    known: dict[int, list[_CycleEvent]] = {}
+    cycles, chance = compiled_in(text, do, tuned), chance_from(seed, owner)
+    events_by_cycle: dict[int, list[_CycleEvent]] = {}
 
     def events(number: int) -> list[_CycleEvent]:
-        if number not in known:
+        if number not in events_by_cycle:
             with tuning.used(tuned):
                 onsets = cycles.onsets(number, chance)
-            known[number] = [
+            events_by_cycle[number] = [
                 (
                     float(event.begin - number),
                     min(float(event.end - event.begin), LONGEST_CYCLES),
@@ -238,7 +240,7 @@ def _cycles_of(
                 )
                 for event in onsets
             ]
-        return known[number]
+        return events_by_cycle[number]
 
     return events
 
@@ -262,8 +264,8 @@ def renamed(rhythm: Rhythm, name: Callable[[str], str]) -> Rhythm:
     """A rhythm in whose text each name of a part is changed."""
 
     def changed(word: str) -> str:
-        head, colon, level = word.partition(":")
-        return word if note_of(head) else f"{name(head)}{colon}{level}"
+        plain_word, colon, level = word.partition(":")
+        return word if note_of(plain_word) else f"{name(plain_word)}{colon}{level}"
 
     text = WORD.sub(lambda match: changed(match[0]), rhythm.text)
     voices = {changed(key): voice for key, voice in rhythm.voices.items()}

@@ -25,15 +25,17 @@ def routed(mix: Mix, parts: Mapping[str, Key | Instrument], part_names: PartName
             message = f"route: the level of {quote(route.part)} is not known in SI units; remove "
             message += "`reference: SI` from the master, or write a gain here"
             part_names.collector.error("E111", message, route.place)
-    written = (each for route in mix.routes for each in _each_note(route, part_names))
-    routes_read = (_route(route, parts, part_names, mix.rooms) for route in written)
+    note_routes = (
+        note_route for route in mix.routes for note_route in _each_note(route, part_names)
+    )
+    routes_read = (_route(route, parts, part_names, mix.rooms) for route in note_routes)
     return replace(mix, routes=tuple(route for route in routes_read if route is not None))
 
 
 def _each_note(route: Route, part_names: PartNames) -> Iterable[Route]:
     """A route, or one from each note of an instrument that has notes."""
     name = Name(part_names.spelled(route.part), route.place)
-    return (replace(route, part=each) for each in part_names.members(name))
+    return (replace(route, part=member_name) for member_name in part_names.members(name))
 
 
 def _route(
@@ -52,7 +54,9 @@ def _route(
     if not isinstance(instrument, Instrument):
         if part not in part_names.broken:
             message = f"route: no instrument is called {quote(route.part)}"
-            names = tuple(name for name, one in parts.items() if isinstance(one, Instrument))
+            names = tuple(
+                name for name, part_object in parts.items() if isinstance(part_object, Instrument)
+            )
             word = str(route.part)
             part_names.collector.error("E301", message, route.place, word=word, names=names)
         return None
@@ -61,8 +65,10 @@ def _route(
         return None
     if not names or (out is not None and out not in names):
         message = f"route: {quote(part)} has no output" + (f" {quote(out)}" if out else "")
-        known = tuple(f"{part}.{name}" for name in names if name)
-        part_names.collector.error("E301", message, route.place, word=str(route.part), names=known)
+        output_names = tuple(f"{part}.{name}" for name in names if name)
+        part_names.collector.error(
+            "E301", message, route.place, word=str(route.part), names=output_names
+        )
     part_names.reached.add(part)
     levelled = _levelled(replace(route, part=part, out=out), instrument, part_names)
     _check_route(levelled, instrument, rooms, part_names)
@@ -89,22 +95,22 @@ def _check_route(
     """Check a route: its rooms must exist, `radiate` needs accelerations, and `nearest` needs
     masses.
     """
-    known = tuple(room.name for room in rooms)
+    room_names = tuple(room.name for room in rooms)
     for name, _ in route.sends:
-        if name not in known:
+        if name not in room_names:
             message = f"route: no room is called {quote(name)}"
-            part_names.collector.error("E301", message, name.place, word=name, names=known)
+            part_names.collector.error("E301", message, name.place, word=name, names=room_names)
     outputs_routed = [out for out in instrument.outputs if route.out in (None, out.name)]
     wrong = next((out for out in outputs_routed if not out.traits.radiates), None)
     if route.radiation is not None and wrong is not None:
         message = f"route: `radiate` takes an acceleration, and {route.part} gives {wrong.kind}"
         help = "listen by SOA: the pressure of a small source is proportional to its acceleration"
         part_names.collector.error("E304", message, route.place, help=help)
-    others = [out.kind for out in outputs_routed if not out.traits.is_movement]
+    force_kinds = [out.kind for out in outputs_routed if not out.traits.is_movement]
     if route.to == "nearest" and any(
         not out.is_movement and out.nearest is None for out in outputs_routed
     ):
-        quantity = others[0] if others else "a distance"
+        quantity = force_kinds[0] if force_kinds else "a distance"
         message = (
             "route: `nearest` needs masses, which have positions, and "
             f"{route.part} gives {quantity}"

@@ -26,38 +26,42 @@ MAX_STRIKES = 2_000_000  # in a piece: some 340 MB
 
 
 def schedule(
-    piece: Piece, begins: Sequence[float], known: KnownPlays, collector: Collector
+    piece: Piece, begins: Sequence[float], known_plays: KnownPlays, collector: Collector
 ) -> tuple[Sequence[float] | None, ...]:
     """Beats on which each line of the parts is played; None if only a take's file can tell.
 
-    `begins` are the beats on which the lines begin; lines in `known` are not computed again.
+    `begins` are the beats on which the lines begin; lines in `known_plays` are not computed again.
     Reports occurrences without end, bar checks that are not on a bar (W311), and points that
     transformations lose (W315).
     """
-    result = _starts(piece, begins, known, collector)
-    counts = known.recall("counts", piece.strikes, piece.seed)
+    result = _starts(piece, begins, known_plays, collector)
+    counts = known_plays.recall("counts", piece.strikes, piece.seed)
     if not counts.unknown:
         return result
-    left = float(MAX_STRIKES) - sum(count for count in counts.values if count is not None)
+    strikes_left = float(MAX_STRIKES) - sum(count for count in counts.values if count is not None)
     for number in counts.unknown:
         n_reports = collector.n_reports
-        count = _count(piece.strikes[number], piece, left, collector)
+        count = _count(piece.strikes[number], piece, strikes_left, collector)
         if collector.n_reports == n_reports:
             counts.values[number] = count
-        left -= count
-    known.keep("counts", counts, piece.seed)
+        strikes_left -= count
+    known_plays.keep("counts", counts, piece.seed)
     return result
 
 
 def _starts(
-    piece: Piece, begins: Sequence[float], known: KnownPlays, collector: Collector
+    piece: Piece, begins: Sequence[float], known_plays: KnownPlays, collector: Collector
 ) -> tuple[Sequence[float] | None, ...]:
-    """Beats on which each line of the parts is played; lines in `known` are not computed again."""
-    starts = known.starts(piece)
+    """Beats on which each line of the parts is played; lines in `known_plays` are not computed
+    again.
+    """
+    starts = known_plays.starts(piece)
     if not starts.unknown:
-        return known.beats(starts)
+        return known_plays.beats(starts)
     lengths: dict[tuple[str, tuple[Transform, ...], float], _Length] = {}
-    room = MAX_OCCURRENCES - sum(own[1] for own in starts.values if own is not None)
+    room = MAX_OCCURRENCES - sum(
+        starts_and_count[1] for starts_and_count in starts.values if starts_and_count is not None
+    )
     reported: dict[int, Sequence[float] | None] = {}
     for number in starts.unknown:
         n_reports = collector.n_reports
@@ -68,10 +72,15 @@ def _starts(
             starts.values[number] = beats, n_beats
         else:
             reported[number] = beats
-    known.keep_starts(piece, starts)
+    known_plays.keep_starts(piece, starts)
     if not reported:
-        return known.beats(starts)
-    return tuple([own[0] if own else reported[number] for number, own in enumerate(starts.values)])
+        return known_plays.beats(starts)
+    return tuple(
+        [
+            starts_and_count[0] if starts_and_count else reported[number]
+            for number, starts_and_count in enumerate(starts.values)
+        ]
+    )
 
 
 def _line(
@@ -150,8 +159,8 @@ def _beats(
         return []
 
 
-def _count(strikes: Strikes, piece: Piece, left: float, collector: Collector) -> float:
-    """The number of strikes; reports an error if there are more than `left`, before any is
+def _count(strikes: Strikes, piece: Piece, strikes_left: float, collector: Collector) -> float:
+    """The number of strikes; reports an error if there are more than `strikes_left`, before any is
     drawn.
     """
     tempo = piece.tempo_map
@@ -161,7 +170,7 @@ def _count(strikes: Strikes, piece: Piece, left: float, collector: Collector) ->
     else:
         stop = tempo.after(start, strikes.span) if strikes.span is not None else start
     lasting = tempo.seconds(stop) - tempo.seconds(start)
-    each = 1.0
+    n_rounds = 1.0
     if strikes.rhythm is not None:
         if strikes.stop(tempo) is None and strikes.times is None:
             message = f"strikes {quote(strikes.name)}: the rhythm has no end; write `times`, `for` "
@@ -174,7 +183,7 @@ def _count(strikes: Strikes, piece: Piece, left: float, collector: Collector) ->
             message = f"strikes {quote(strikes.name)}: {error.message}"
             collector.error("E305", message, strikes.place)
             return 0.0
-        return _left(strikes, float(strikes.cycles(tempo) * per_cycle), left, collector)
+        return _left(strikes, float(strikes.cycles(tempo) * per_cycle), strikes_left, collector)
     if strikes.has_rounds:
         try:
             once = sum(target.count for hit in strikes.hits for target in hit.to)
@@ -185,23 +194,23 @@ def _count(strikes: Strikes, piece: Piece, left: float, collector: Collector) ->
             message = f"strikes {quote(strikes.name)}: {error.message}"
             collector.error("E305", message, strikes.place)
             return 0.0
-        return _left(strikes, count, left, collector)
+        return _left(strikes, count, strikes_left, collector)
     if strikes.pattern is not None:
         try:
-            each = float(len(strikes.steps(piece)))
+            n_rounds = float(len(strikes.steps(piece)))
         except TextError as error:
             message = f"strikes {quote(strikes.name)}: {error.message}"
             collector.error("E305", message, strikes.place)
             return 0.0
     elif strikes.rate is not None:
-        each = strikes.rate * lasting
+        n_rounds = strikes.rate * lasting
     elif strikes.every is not None:
         step = tempo.seconds(tempo.after(start, strikes.every)) - tempo.seconds(start)
         if step <= 0.0:
             message = f"strikes {quote(strikes.name)}: 'every' must be above 0"
             collector.error("E305", message, strikes.place)
             return 0.0
-        each = float(strikes.times) if strikes.times is not None else lasting / step
+        n_rounds = float(strikes.times) if strikes.times is not None else lasting / step
         if strikes.times is None and stop == start:
             message = (
                 f"strikes {quote(strikes.name)}: the number of strikes "
@@ -210,12 +219,12 @@ def _count(strikes: Strikes, piece: Piece, left: float, collector: Collector) ->
             collector.error("E103", message, strikes.place)
     voices = strikes.voices.values() or (strikes.to,)
     struck = max(sum(target.count for target in voice) for voice in voices)
-    return _left(strikes, each * struck, left, collector)
+    return _left(strikes, n_rounds * struck, strikes_left, collector)
 
 
-def _left(strikes: Strikes, count: float, left: float, collector: Collector) -> float:
-    """`count`; 0 if an error was reported because it is above `left`."""
-    if count <= left:
+def _left(strikes: Strikes, count: float, strikes_left: float, collector: Collector) -> float:
+    """`count`; 0 if an error was reported because it is above `strikes_left`."""
+    if count <= strikes_left:
         return count
     message = f"strikes {quote(strikes.name)}: the piece has more than {MAX_STRIKES:,} strikes"
     if count <= MAX_STRIKES:

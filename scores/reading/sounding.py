@@ -31,7 +31,11 @@ class SoundingNames:
 
     def __init__(self, names: Mapping[str, str] | None = None) -> None:
         """Keep the names that differ."""
-        self.names = {own: old for own, old in (names or {}).items() if own != old}
+        self.names = {
+            name_now: sounding_name
+            for name_now, sounding_name in (names or {}).items()
+            if name_now != sounding_name
+        }
         self._known: dict[int, tuple[Any, Any]] = {}  # by id, with the original, which keeps its id
 
     def __eq__(self, other: object) -> bool:
@@ -44,36 +48,38 @@ class SoundingNames:
         """The name by which a part, or something reached through it (`bell.m`), sounds."""
         if not self.names:
             return name
-        head, dot, rest = name.partition(".")
-        return f"{self._name_for(head)}{dot}{rest}"
+        part_name, dot, path_rest = name.partition(".")
+        return f"{self._name_for(part_name)}{dot}{path_rest}"
 
-    def _name_for(self, head: str) -> str:
-        if head in self.names:
-            return self.names[head]
+    def _name_for(self, part_name: str) -> str:
+        if part_name in self.names:
+            return self.names[part_name]
         taken = self.names.values()
-        number, unique_name = 2, head
+        number, unique_name = 2, part_name
         while unique_name in taken:
-            number, unique_name = number + 1, f"{head}-{number}"
+            number, unique_name = number + 1, f"{part_name}-{number}"
         return unique_name
 
-    def shown(self, name: str, known: Iterable[str]) -> str:
-        """The own name, among `known`, of the part that sounds by `name`."""
+    def shown(self, name: str, part_names: Iterable[str]) -> str:
+        """The own name, among `part_names`, of the part that sounds by `name`."""
         if not self.names:
             return name
-        return next((own for own in known if self.sounding_name(own) == name), name)
+        return next(
+            (name_now for name_now in part_names if self.sounding_name(name_now) == name), name
+        )
 
     def renamed(self, old: str, new: str) -> SoundingNames:
         """The names after a part was renamed."""
-        rest = {own: name for own, name in self.names.items() if own != old}
-        return SoundingNames({**rest, new: self._name_for(old)})
+        other_names = {name_now: name for name_now, name in self.names.items() if name_now != old}
+        return SoundingNames({**other_names, new: self._name_for(old)})
 
     def piece(self, piece: Piece) -> Piece:
         """The piece with all names replaced by those by which its parts sound."""
         if not self.names:
             return piece
-        before, self._known = self._known, {}
+        known_before, self._known = self._known, {}
         sections = {
-            name: self._renamed(getattr(piece, name), before)
+            name: self._renamed(getattr(piece, name), known_before)
             for name in ("keys", "instruments", "strikes", "players", "duet", "mix", "automation")
         }
         families = {
@@ -87,34 +93,36 @@ class SoundingNames:
         }
         return replace(piece, **{**sections, **parts}, families=families, tunings=tunings)
 
-    def _renamed(self, value: Any, before: dict[int, tuple[Any, Any]]) -> Any:
+    def _renamed(self, value: Any, known_before: dict[int, tuple[Any, Any]]) -> Any:
         """A value with its names replaced; the value itself if there are none."""
         if isinstance(value, (tuple, list)):
-            items = [self._renamed(one, before) for one in value]
-            is_same = all(a is b for a, b in zip(items, value, strict=True))
-            return value if is_same else type(value)(items)
+            renamed_items = [self._renamed(entry, known_before) for entry in value]
+            is_same = all(a is b for a, b in zip(renamed_items, value, strict=True))
+            return value if is_same else type(value)(renamed_items)
         if isinstance(value, Mapping):
-            entries = {name: self._renamed(one, before) for name, one in value.items()}
+            entries = {name: self._renamed(entry, known_before) for name, entry in value.items()}
             return value if all(entries[name] is value[name] for name in value) else entries
         if not isinstance(value, (Target, *_HOLDING)):
             return value
-        known = (
-            before.get(id(value)) or self._known.get(id(value)) or (value, self._new(value, before))
+        value_and_renamed = (
+            known_before.get(id(value))
+            or self._known.get(id(value))
+            or (value, self._new(value, known_before))
         )
-        self._known[id(value)] = known
-        return known[1]
+        self._known[id(value)] = value_and_renamed
+        return value_and_renamed[1]
 
-    def _new(self, value: Any, before: dict[int, tuple[Any, Any]]) -> Any:
+    def _new(self, value: Any, known_before: dict[int, tuple[Any, Any]]) -> Any:
         if isinstance(value, Rhythm):
             value = renamed(value, self.sounding_name)
-        named = _NAMED.get(type(value), ())
+        name_fields = _NAMED.get(type(value), ())
         changed_fields: dict[str, Any] = {}
         for field in fields(value):
             field_value = getattr(value, field.name)
             new_value = (
                 self.sounding_name(field_value)
-                if field.name in named
-                else self._renamed(field_value, before)
+                if field.name in name_fields
+                else self._renamed(field_value, known_before)
             )
             if new_value is not field_value and new_value != field_value:
                 changed_fields[field.name] = new_value

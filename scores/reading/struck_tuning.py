@@ -32,19 +32,20 @@ def in_tuning(
         if melodies.is_midi(phrase) or phrase["do"]:
             moving.append(f"phrase {quote(values['play'])}")
     tunings = {name: part_names.tuning_of(name) for name in names}
-    first, tuned = next(iter(tunings.items()), ("", part_names.tuning))
-    other = next((name for name in tunings if not _is_same(tunings[name], tuned)), None)
-    if other is None:
+    first_name, tuned = next(iter(tunings.items()), ("", part_names.tuning))
+    other_name = next((name for name in tunings if not _is_same(tunings[name], tuned)), None)
+    if other_name is None:
         return tuning.used(tuned)
     if not moving:
         return tuning.used(part_names.tuning)
     message = (
-        f"{values.context.label('')}: {quote(first)} and {quote(other)} have different tunings, "
+        f"{values.context.label('')}: {quote(first_name)} and {quote(other_name)} have "
+        "different tunings, "
     )
     message += f"and {moving[0]} is read in one tuning; write strikes for each of the two"
     values.error("E111", message, next(iter(values.written(*_MOVING, "play"))))
     return None
 
 
-def _is_same(first: tuning.Tuning | None, second: tuning.Tuning | None) -> bool:
-    return (first or tuning.PLAIN) == (second or tuning.PLAIN)
+def _is_same(first_tuning: tuning.Tuning | None, second_tuning: tuning.Tuning | None) -> bool:
+    return (first_tuning or tuning.PLAIN) == (second_tuning or tuning.PLAIN)

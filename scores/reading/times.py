@@ -35,13 +35,13 @@ class Times:
         marks_node, file = score.nodes.get("marks"), score.node.document.file
         self._known = tuple(score["marks"] or {})
         self._lets = named_amounts(score.node.document).names
-        known = None if memory is None else memory.held(f"tempo {file}", self._lets)
+        marks_before = None if memory is None else memory.held(f"tempo {file}", self._lets)
         self.file = _file_times(lines, score["meter"], midi)
         if (
-            known is None
-            or known[0] is not marks_node
-            or known[2] != self.file
-            or changed_part(known[1], lines)
+            marks_before is None
+            or marks_before[0] is not marks_node
+            or marks_before[2] != self.file
+            or changed_part(marks_before[1], lines)
         ):
             tempos = self.file.tempos
             self._lines = [(v, build.tempo(v, tempos if v.written("from") else ())) for v in lines]
@@ -52,10 +52,10 @@ class Times:
                 if position is not MISSING
             )
             self.marks = marks
-            known = marks_node, lines, self.file, self._lines, marks, self._map()
-            if memory is not None and known[-1] is not None:
-                memory.hold(f"tempo {file}", self._lets, known)
-        _, _, _, self._lines, self.marks, known_map = known
+            marks_before = marks_node, lines, self.file, self._lines, marks, self._map()
+            if memory is not None and marks_before[-1] is not None:
+                memory.hold(f"tempo {file}", self._lets, marks_before)
+        _, _, _, self._lines, self.marks, known_map = marks_before
         self.entries: tuple[TempoEntry, ...] = tuple(entry for _, entry in self._lines)
         self._is_made = known_map is not None
         # With mistakes in tempo or marks no position is known; each mark is somewhere.
@@ -98,12 +98,12 @@ class Times:
             message = "tempo: a file is named in the first line; lines below say what differs"
             values.error("E305", message, "from")
             return False
-        for name in (extra := [name for name in values.nodes if name != "from"]):
+        for name in (extra_names := [name for name in values.nodes if name != "from"]):
             message = (
                 f"{values.context.label(name)}: a file says the tempos from the beginning on; "
             )
             values.error("E111", f"{message}write this in a line of its own below", name)
-        return not extra
+        return not extra_names
 
     def _mark_exists(self, position: Position, place: Place) -> bool:
         if position.mark is None or position.mark in self._known:
@@ -126,12 +126,12 @@ class Times:
         """
         parts = word.split("-")
         for count in range(len(parts) - 1, 0, -1):
-            mark, rest = "-".join(parts[:count]), parts[count:]
+            mark, unit_parts = "-".join(parts[:count]), parts[count:]
             if mark not in self._known:
                 continue
-            if all(part in self._lets for part in rest):
-                return " - ".join((mark, *rest)), None
-            if "-".join(rest) in self._known:
+            if all(part in self._lets for part in unit_parts):
+                return " - ".join((mark, *unit_parts)), None
+            if "-".join(unit_parts) in self._known:
                 return None, f"a mark is not a length; write how far before it, such as {mark}-1bar"
         return None, None
 
@@ -149,9 +149,9 @@ class Times:
             self.collector.error("E305", error.message, place())
             return None
 
-    def exists(self, at: Position, place: Place) -> bool:
+    def exists(self, position: Position, place: Place) -> bool:
         """Whether a position exists; reports an error if not."""
-        return self._beats(at, lambda: place) is not None
+        return self._beats(position, lambda: place) is not None
 
     def check(self, score: Values, piece: Piece) -> list[float]:
         """Check that every position in the piece exists, and that nothing ends before it begins.
@@ -188,8 +188,8 @@ class Times:
             ("duet", duet),
             ("automation", automation),
         ):
-            known = self.known.recall(f"checked {name}", entries)
-            for number in known.unknown:
+            checked_values = self.known.recall(f"checked {name}", entries)
+            for number in checked_values.unknown:
                 values, n_reports = entries[number], self.collector.n_reports
                 if isinstance(values, Values):
                     position, until = values["at"], values["until"]
@@ -197,14 +197,14 @@ class Times:
                     stop = self._beats(until, lambda v=values: v.place_of("until"))  # type: ignore[misc]
                     self._order(start, stop, values.place_of("until"))
                 if self.collector.n_reports == n_reports:
-                    known.values[number] = True
-            self.known.keep(f"checked {name}", known)
+                    checked_values.values[number] = True
+            self.known.keep(f"checked {name}", checked_values)
 
     def _begins(self, piece: Piece) -> list[float]:
         """The beats on which the lines of the parts begin; 0 if an error was reported."""
-        known = self.known.recall("begins", piece.parts)
-        begins = known.values
-        for number in known.unknown:
+        known_begins = self.known.recall("begins", piece.parts)
+        begins = known_begins.values
+        for number in known_begins.unknown:
             play, n_reports = piece.parts[number], self.collector.n_reports
             start = self._beats(play.at, lambda play=play: play.begin_place)  # type: ignore[misc]
             if play.until is not None:
@@ -212,8 +212,8 @@ class Times:
                 self._order(start, stop, play.until_place or play.place)
             if self.collector.n_reports == n_reports:
                 begins[number] = start or 0.0
-        self.known.keep("begins", known)
-        if all(begins[number] is not None for number in known.unknown):
+        self.known.keep("begins", known_begins)
+        if all(begins[number] is not None for number in known_begins.unknown):
             return begins
         return [beat or 0.0 for beat in begins]
 
@@ -224,8 +224,8 @@ class Times:
 
 def _file_times(lines: Sequence[Values], meter: Any, midi: MidiUses) -> FileTimes:
     """What the MIDI files say that `tempo:` and `meter:` name; mistakes are reported."""
-    named = next((values for values in lines if values.written("from")), None)
-    tempos = () if named is None else midi.times(named, tempos_of, is_tempo=True)
+    file_values = next((values for values in lines if values.written("from")), None)
+    tempos = () if file_values is None else midi.times(file_values, tempos_of, is_tempo=True)
     meters = () if not isinstance(meter, Values) else midi.times(meter, meters_of, is_tempo=False)
     return FileTimes(tempos or (), meters or ()) if tempos or meters else NO_FILE
 

@@ -94,10 +94,10 @@ def _tones(values: Values) -> Iterator[Tone]:
 
 def echo(values: Values) -> Echo | None:
     """The delay of a route; a longer one than the engine has is reported."""
-    written = values["delay"]
-    if written is None:
+    written_delay = values["delay"]
+    if written_delay is None:
         return None
-    echo_read = Echo(written) if isinstance(written, float) else written
+    echo_read = Echo(written_delay) if isinstance(written_delay, float) else written_delay
     if echo_read.time > DELAY_MAX:
         message = f"{values.context.label('delay')}: {echo_read.time:g} s is above the maximum of "
         values.error("E202", f"{message}{DELAY_MAX:g} s", "delay")

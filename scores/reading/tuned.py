@@ -66,21 +66,26 @@ def _base(nodes: Mapping[str, Node], name: str) -> str:
     return like.text.strip() if is_sure and isinstance(like, Scalar) else name
 
 
-def _tuning(node: Node | None, files: Files, what: str) -> Tuning | None:
-    """The tuning that a score or an instrument names; `what` begins messages."""
+def _tuning(node: Node | None, files: Files, field_name: str) -> Tuning | None:
+    """The tuning that a score or an instrument names; `field_name` begins messages."""
     if not isinstance(node, document.Mapping) or "tuning" not in node.entries:
         return None
-    values = TUNING.read(node.entries["tuning"][1], "", Context(Collector(), what))
+    values = TUNING.read(node.entries["tuning"][1], "", Context(Collector(), field_name))
     if not isinstance(values, Values):
         return None
-    v = replace(values, context=Context(files.collector, what))
-    for name, other in (("edo", "scale"), ("A4", "keys")):
-        if v.written(name) and v.written(other):
-            message = f"{what}: `{other}` says the pitches already; keep `{name}` or `{other}`"
+    v = replace(values, context=Context(files.collector, field_name))
+    for name, contrary_name in (("edo", "scale"), ("A4", "keys")):
+        if v.written(name) and v.written(contrary_name):
+            message = (
+                f"{field_name}: `{contrary_name}` says the pitches already; keep `{name}` "
+                f"or `{contrary_name}`"
+            )
             v.error("E111", message, name)
             return None
     if v.written("keys") and not v.written("scale"):
-        v.error("E111", f"{what}: `keys` is the map of a scale; write `scale` beside it", "keys")
+        v.error(
+            "E111", f"{field_name}: `keys` is the map of a scale; write `scale` beside it", "keys"
+        )
         return None
     tuned = Tuning(
         440.0 if v["A4"] is None else v["A4"],
@@ -99,7 +104,7 @@ def _tuning(node: Node | None, files: Files, what: str) -> Tuning | None:
     try:
         tuned.hertz(tuned.root)
     except TextError as error:
-        v.error("E202", f"{what}: {error.message}; write another `root`", "scale")
+        v.error("E202", f"{field_name}: {error.message}; write another `root`", "scale")
         return None
     return tuned
 

@@ -87,7 +87,7 @@ class Uses:
         self.pieces: dict[str, Piece] = {}  # of scores that are included, by file
         self._open: list[tuple[str, Place | None]] = []
 
-    def read(self, document: Document, asked: Place | None = None) -> Names:
+    def read(self, document: Document, asked_place: Place | None = None) -> Names:
         """Names of a document; a file that is used twice is read once."""
         if document.file in self._read:
             return self._read[document.file]
@@ -109,16 +109,16 @@ class Uses:
         for section in SECTIONS:
             for name, values in (score[section] or {}).items():
                 names.tables[section][name] = Entry(values, names)
-        self._open.append((document.file, asked))
+        self._open.append((document.file, asked_place))
         for file, place, prefix in _files(score):
             names.families.append(prefix or PurePath(file).stem)
             self._add_file(names, file, place, prefix)
         for include_entry in includes(score):
-            used = self._add_file(
+            file_names = self._add_file(
                 names, include_entry.file, include_entry.place, include_entry.prefix, include_entry
             )
-            if used is not None:
-                names.included.append((include_entry, used))
+            if file_names is not None:
+                names.included.append((include_entry, file_names))
         self._open.pop()
         return names
 
@@ -245,9 +245,9 @@ class Uses:
         """
         memory = self.files.memory
         name = f"merged {section} {chain[0].context.name} {chain[0].node.document.file}"
-        known: Values | None = None if memory is None else memory.held_for(name, *chain)
-        if known is not None:
-            return known
+        merged_before: Values | None = None if memory is None else memory.held_for(name, *chain)
+        if merged_before is not None:
+            return merged_before
         n_reports = self.collector.n_reports
         result = chain[-1]
         is_instrument = section == "instruments"
@@ -284,22 +284,24 @@ class Uses:
 
     def _from_file(self, section: str, name: Name, values: Values, home: Names) -> Entry | None:
         stem, slash, word = name.partition("/")
-        used = home.used.get(stem)
-        if slash and used is None:  # the shipped instruments need no `use:`
+        file_names = home.used.get(stem)
+        if slash and file_names is None:  # the shipped instruments need no `use:`
             file = f"instruments/{stem}.yaml"
             is_there = self.files.find(file, home.document.folder) is not None
             folder = home.document.folder
             document = self.files.required(file, folder, name.place) if is_there else None
-            used = self.read(document, name.place) if document else None
-        if not slash or used is None or not used.tables[section]:
+            file_names = self.read(document, name.place) if document else None
+        if not slash or file_names is None or not file_names.tables[section]:
             message = f"{values.context.label('from')}: `use:` names no file {quote(stem)}; "
             message += "write file/name, such as gong/plate"
             self.collector.error("E301", message, name.place, word=stem, names=tuple(home.used))
             return None
-        entry = used.tables[section].get(word)
+        entry = file_names.tables[section].get(word)
         if entry is None:
-            message = f"{values.context.label('from')}: {used.document.file} has no {quote(word)}"
-            names = used.names(section)
+            message = (
+                f"{values.context.label('from')}: {file_names.document.file} has no {quote(word)}"
+            )
+            names = file_names.names(section)
             self.collector.error("E301", message, name.place, word=word, names=names)
         return entry
 
@@ -307,12 +309,14 @@ class Uses:
 def _files(score: Values) -> list[tuple[str, Place, str]]:
     """(file, place, prefix) of every file that a score uses."""
     use = score["use"]
-    items: list[tuple[Any, str]] = []
+    nodes_with_prefixes: list[tuple[Any, str]] = []
     for entry in use if isinstance(use, tuple) else (use,):
-        named = isinstance(entry, dict)
-        items += [(node, prefix) for prefix, node in entry.items()] if named else [(entry, "")]
+        has_prefixes = isinstance(entry, dict)
+        nodes_with_prefixes += (
+            [(node, prefix) for prefix, node in entry.items()] if has_prefixes else [(entry, "")]
+        )
     files = []
-    for node, prefix in items:
+    for node, prefix in nodes_with_prefixes:
         if isinstance(node, Scalar):
             file = PATH.read(node, "use", score.context)
             if file is not MISSING:
@@ -326,6 +330,6 @@ def _and(words: Sequence[str]) -> str:
     return " and ".join(filter(None, (", ".join(quoted[:-1]), quoted[-1])))
 
 
-def called(made: _Named, name: str) -> _Named:
+def called(named_object: _Named, name: str) -> _Named:
     """The thing with the name that this score gives it."""
-    return made if made.name == name else replace(made, name=name)
+    return named_object if named_object.name == name else replace(named_object, name=name)

@@ -29,7 +29,7 @@ from ergon.scores.staging.parameter_curves import (
     add_pattern,
     add_swing,
 )
-from ergon.scores.staging.parameter_values import Led, Points, Where
+from ergon.scores.staging.parameter_values import Led, ModuleKey, Points
 from ergon.scores.staging.past_automation import needed, slack
 
 MAX_POINTS = 200_000
@@ -40,8 +40,8 @@ class Automated(NamedTuple):
     automated, even if they have their own values again.
     """
 
-    points: dict[Where, Points]
-    moved: frozenset[Where] = frozenset()
+    points: dict[ModuleKey, Points]
+    moved: frozenset[ModuleKey] = frozenset()
 
 
 def automation_points(
@@ -50,65 +50,70 @@ def automation_points(
     until: float,
     collector: Collector,
     begins: float = -math.inf,
-    known: KnownAutomation | None = None,
+    known_automation: KnownAutomation | None = None,
 ) -> Automated:
     """The points of each automated module, for the beats from `since` to `until`; only those from
     the last one at or before the instant `begins` [s] on are needed.
 
-    `known` is what the stage before knew.
+    `known_automation` is what the stage before knew.
     """
-    tempo, known = piece.tempo_map, known or KnownAutomation()
-    lines = known.tracks(piece)
-    here = tempo.beats(begins) if begins > -math.inf else -math.inf
-    leds: dict[Where, Led] = {}
-    points_by_where: dict[Where, Points] = {}
-    left: dict[Where, Tracks] = {}
-    for where, track in lines.items():
-        led = known.led(piece, where)
+    tempo, known_automation = piece.tempo_map, known_automation or KnownAutomation()
+    lines = known_automation.tracks(piece)
+    start_beat = tempo.beats(begins) if begins > -math.inf else -math.inf
+    leds: dict[ModuleKey, Led] = {}
+    points_by_module: dict[ModuleKey, Points] = {}
+    unsettled: dict[ModuleKey, Tracks] = {}
+    for module_key, track in lines.items():
+        led = known_automation.led(piece, module_key)
         if led is None:
             continue  # a gesture is rehearsed without instruments
-        leds[where] = led
-        points = known.settled(where, track, led, here)
+        leds[module_key] = led
+        points = known_automation.settled(module_key, track, led, start_beat)
         if points is None:
-            left[where] = track
+            unsettled[module_key] = track
         else:
-            points_by_where[where] = points
+            points_by_module[module_key] = points
     if begins > -math.inf:
         begins -= slack(
-            piece, (o for track in left.values() for o in track.entries.values()), begins
+            piece, (o for track in unsettled.values() for o in track.entries.values()), begins
         )
         since = min(since, tempo.beats(begins))
     extent = Extent(since, until, begins)
-    moving = {where for where in leds if lines[where].moves_from < here}
-    wholes: dict[str, Curve] = {}
-    for where in [where for where in left if leds[where].module.kind == "INSTRUMENT"]:
-        order, value_alone = left.pop(where).entries["f"], leds[where].numbers_written["f"]
-        wholes[where[0]] = _curve(piece, order, value_alone, extent, collector)
-        for module in moved(piece.instruments[where[0]]):
-            member = where[0], module.name
-            left.setdefault(member, lines.get(member) or Tracks({}, math.inf))
-            if where in moving:
+    moving = {module_key for module_key in leds if lines[module_key].moves_from < start_beat}
+    chord_curves: dict[str, Curve] = {}
+    for module_key in [
+        module_key for module_key in unsettled if leds[module_key].module.kind == "INSTRUMENT"
+    ]:
+        order, value_alone = (
+            unsettled.pop(module_key).entries["f"],
+            leds[module_key].numbers_written["f"],
+        )
+        chord_curves[module_key[0]] = _curve(piece, order, value_alone, extent, collector)
+        for module in moved(piece.instruments[module_key[0]]):
+            member = module_key[0], module.name
+            unsettled.setdefault(member, lines.get(member) or Tracks({}, math.inf))
+            if module_key in moving:
                 moving.add(member)
-    for where, track in left.items():
-        led = leds.get(where) or known.led(piece, where)
+    for module_key, track in unsettled.items():
+        led = leds.get(module_key) or known_automation.led(piece, module_key)
         assert led is not None
         curves = {
             name: _curve(piece, order, led.numbers_written[name], extent, collector)
             for name, order in track.entries.items()
         }
-        chord_curve = wholes.get(where[0])
-        if chord_curve is not None and led.module not in moved(piece.instruments[where[0]]):
+        chord_curve = chord_curves.get(module_key[0])
+        if chord_curve is not None and led.module not in moved(piece.instruments[module_key[0]]):
             chord_curve = None
         points_made = _points(led, curves, chord_curve)
         if led.cost * len(points_made) > MAX_POINTS:
             message = f"automation: a {led.module.kind} changes more than {MAX_POINTS:,} times"
-            collector.error("E105", message, _place(piece, where[0]))
+            collector.error("E105", message, _place(piece, module_key[0]))
         elif points_made:
-            points_by_where[where] = points_made
-            if chord_curve is None and _is_settled(track, curves, here, begins):
-                points_by_where[where] = points_made[-1:]
-                known.settle(where, track, led, here, points_made[-1:])
-    return Automated(points_by_where, frozenset(moving))
+            points_by_module[module_key] = points_made
+            if chord_curve is None and _is_settled(track, curves, start_beat, begins):
+                points_by_module[module_key] = points_made[-1:]
+                known_automation.settle(module_key, track, led, start_beat, points_made[-1:])
+    return Automated(points_by_module, frozenset(moving))
 
 
 def _is_settled(tracks: Tracks, curves: Mapping[str, Curve], beat: float, instant: float) -> bool:
@@ -128,7 +133,9 @@ def _place(piece: Piece, part: str) -> Place:
     lines = (
         line.place for line in piece.automation if any(name == part for name, _ in line.modules)
     )
-    notes = (s.place for s in piece.strikes for one in s.to if s.moves_pitches and one.part == part)
+    notes = (
+        s.place for s in piece.strikes for target in s.to if s.moves_pitches and target.part == part
+    )
     return next(chain(lines, notes))
 
 
@@ -137,15 +144,15 @@ def _points(led: Led, curves: Mapping[str, Curve], chord_curve: Curve | None) ->
     `chord_curve` instrument.
     """
     all_curves = [*curves.values(), *([] if chord_curve is None else [chord_curve])]
-    known: dict[tuple[float, ...], tuple[float, ...]] = {}
+    numbers_by_values: dict[tuple[float, ...], tuple[float, ...]] = {}
     points = []
     for t, values in _values(all_curves):
-        if values not in known:  # a swing has the same values in every period
+        if values not in numbers_by_values:  # a swing has the same values in every period
             numbers = led.numbers(dict(zip(curves, values, strict=False)))
             if chord_curve is not None:
                 numbers = led.transposed(numbers, values[-1] / chord_curve.initial)
-            known[values] = numbers
-        points.append((max(0.0, t), *known[values]))
+            numbers_by_values[values] = numbers
+        points.append((max(0.0, t), *numbers_by_values[values]))
     within = set().union(*(curve.within for curve in all_curves))
     return _chords(points, within) if within else points
 
@@ -159,7 +166,7 @@ def _values(curves: Sequence[Curve]) -> Iterator[tuple[float, tuple[float, ...]]
     return ((t, tuple(curve.evaluate(t) for curve in curves)) for t in instants)
 
 
-def _chords(points: Points, within: Container[float]) -> Points:
+def _chords(points: Points, curved_instants: Container[float]) -> Points:
     """Points moved so that their chords have the same means as the curve through them, to fourth
     order.
 
@@ -168,25 +175,34 @@ def _chords(points: Points, within: Container[float]) -> Points:
     """
     with_chords = list(points)
     for index in range(1, len(points) - 1):
-        (before, *low), (here, *values_here), (after, *high) = points[index - 1 : index + 2]
-        if here in within and abs((here - before) - (after - here)) < 1e-9:
+        (instant_before, *low), (instant, *values_here), (instant_after, *high) = points[
+            index - 1 : index + 2
+        ]
+        if (
+            instant in curved_instants
+            and abs((instant - instant_before) - (instant_after - instant)) < 1e-9
+        ):
             bends = (a - 2.0 * x + b for a, x, b in zip(low, values_here, high, strict=True))
             with_chords[index] = (
-                here,
+                instant,
                 *(x - bend / 12.0 for x, bend in zip(values_here, bends, strict=True)),
             )
     return with_chords
 
 
-def value_on(piece: Piece, where: Where, parameter: str, beat: float) -> float:
+def value_on(piece: Piece, module_key: ModuleKey, parameter: str, beat: float) -> float:
     """The value of a parameter on a beat, with automation applied."""
-    led = Led.from_piece(piece, where)
+    led = Led.from_piece(piece, module_key)
     assert led is not None
-    lines = [one for one in piece.automation if where in one.modules and one.parameter == parameter]
+    lines = [
+        line
+        for line in piece.automation
+        if module_key in line.modules and line.parameter == parameter
+    ]
     instant = piece.tempo_map.seconds(beat)
     extent = Extent(beat, beat, instant)
     tracks = KnownAutomation().tracks(replace(piece, automation=tuple(lines), strikes=()))
-    order = tracks[where].entries[parameter] if lines else []
+    order = tracks[module_key].entries[parameter] if lines else []
     curve = _curve(piece, order, led.numbers_written[parameter], extent, Collector())
     return curve.evaluate(instant)
 
@@ -199,49 +215,59 @@ def complete_until(piece: Piece, until: float) -> float:
 
 
 def takeover_points(
-    before: Mapping[Where, Points],
-    after: Mapping[Where, Points],
+    points_before: Mapping[ModuleKey, Points],
+    points_after: Mapping[ModuleKey, Points],
     piece: Piece,
     start: float,
-    known: float,
-    moved: Container[Where] = (),
+    complete_to: float,
+    moved: Container[ModuleKey] = (),
     memory: KnownAutomation | None = None,
-) -> dict[Where, Points]:
-    """The points of a stage that takes over at `start` [s] from one with the points `before`.
+) -> dict[ModuleKey, Points]:
+    """The points of a stage that takes over at `start` [s] from one with the points
+    `points_before`.
 
     Points that do not change continue bit by bit; others are reached within `GLIDE`. The points
-    `before` are complete up to the instant `known` [s], and compared up to there. Modules with
-    their own values alone have no points, except those that have `moved`.
+    `points_before` are complete up to the instant `complete_to` [s], and compared up to there.
+    Modules with their own values alone have no points, except those that have `moved`.
     """
-    points_by_where: dict[Where, Points] = {}
+    points_by_module: dict[ModuleKey, Points] = {}
     memory = memory or KnownAutomation()
-    for where in {**before, **after}:
-        if (settled := after.get(where)) is not None and settled is before.get(where):
-            moves = memory.settled_moves(where, settled)
-            if moves or (moves is not None and where in moved):
-                points_by_where[where] = settled
+    for module_key in {**points_before, **points_after}:
+        if (settled := points_after.get(module_key)) is not None and settled is points_before.get(
+            module_key
+        ):
+            moves = memory.settled_moves(module_key, settled)
+            if moves or (moves is not None and module_key in moved):
+                points_by_module[module_key] = settled
             if moves is not None:
                 continue
-        led = memory.led(piece, where)
+        led = memory.led(piece, module_key)
         if led is None:
             continue  # the module is gone
         value_alone = (0.0, *led.numbers_alone)
-        old, new = before.get(where) or [value_alone], after.get(where) or [value_alone]
+        old, new = (
+            points_before.get(module_key) or [value_alone],
+            points_after.get(module_key) or [value_alone],
+        )
         if len(old[0]) != len(new[0]):
             old = [value_alone]  # it was a module of another kind
-        is_same = _is_same(old, new, start, known)
+        is_same = _is_same(old, new, start, complete_to)
         if not is_same:
-            soon = start + GLIDE
-            later = (point for point in new if point[0] > soon)
-            new = [(start, *value_at(old, start)), (soon, *value_at(new, soon)), *later]
-        if (is_same and where in moved) or any(point[1:] != value_alone[1:] for point in new):
-            points_by_where[where] = new
-    return points_by_where
+            glide_stop = start + GLIDE
+            later_points = (point for point in new if point[0] > glide_stop)
+            new = [
+                (start, *value_at(old, start)),
+                (glide_stop, *value_at(new, glide_stop)),
+                *later_points,
+            ]
+        if (is_same and module_key in moved) or any(point[1:] != value_alone[1:] for point in new):
+            points_by_module[module_key] = new
+    return points_by_module
 
 
-def _is_same(old: Points, new: Points, start: float, known: float) -> bool:
+def _is_same(old: Points, new: Points, start: float, complete_to: float) -> bool:
     """Whether two sequences of points are equal from an instant on, as far as both go, and up to
-    the instant `known` [s].
+    the instant `complete_to` [s].
     """
     old_from, new_from = (
         max(0, bisect_right(points, start, key=lambda point: point[0]) - 1) for points in (old, new)
@@ -249,16 +275,20 @@ def _is_same(old: Points, new: Points, start: float, known: float) -> bool:
     old, new = old[old_from:], new[new_from:]
     if len(old) == 1 or len(new) == 1:  # one of them is constant
         return all(point[1:] == old[0][1:] for point in (*old, *new))
-    last = max(start, known)
-    return all(one == other for one, other in zip(old, new, strict=False) if one[0] <= last)
+    last_compared = max(start, complete_to)
+    return all(
+        old_point == new_point
+        for old_point, new_point in zip(old, new, strict=False)
+        if old_point[0] <= last_compared
+    )
 
 
 def value_at(points: Points, instant: float) -> tuple[float, ...]:
     """The numbers at an instant [s], interpolated linearly."""
-    after = bisect_right(points, instant, key=lambda point: point[0])
-    if after in (0, len(points)):
-        return points[0 if after == 0 else -1][1:]
-    (begin, *low), (end, *high) = points[after - 1], points[after]
+    index_after = bisect_right(points, instant, key=lambda point: point[0])
+    if index_after in (0, len(points)):
+        return points[0 if index_after == 0 else -1][1:]
+    (begin, *low), (end, *high) = points[index_after - 1], points[index_after]
     share = (instant - begin) / (end - begin)
     return tuple(a + (b - a) * share for a, b in zip(low, high, strict=True))
 
@@ -270,9 +300,9 @@ def _curve(
     between.
     """
     tempo, until = piece.tempo_map, extent.until
-    first, curve = needed(piece, order, value_alone, extent)
+    first_entry, curve = needed(piece, order, value_alone, extent)
     ended = math.inf if curve.t else -math.inf
-    for place in range(first, len(order)):
+    for place in range(first_entry, len(order)):
         entry, extent_here = order[place], extent
         automation_entry, begin, stop = entry
         if begin > until:

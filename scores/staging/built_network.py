@@ -39,7 +39,7 @@ class BuiltNetwork:
                 firsts = self.assembly.points.get((name, module.name))
                 if firsts is not None:
                     for i in range(member_count(module.kind, module.fields)):
-                        yield [first + i for first in firsts]
+                        yield [first_mat + i for first_mat in firsts]
 
     def for_piece(self, piece: Piece, silent: Container[str] = ()) -> BuiltNetwork | None:
         """This network for another piece, if its modules and how they are heard are the same; else

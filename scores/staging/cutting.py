@@ -16,12 +16,12 @@ from ergon.scores.reading.piece import Piece, Strikes
 from ergon.scores.staging.automating import Automated, automation_points, takeover_points
 from ergon.scores.staging.drawn_notes import DrawnNotes
 from ergon.scores.staging.parameter_curves import GRID
-from ergon.scores.staging.parameter_values import Led, Points, Where
+from ergon.scores.staging.parameter_values import Led, ModuleKey, Points
 from ergon.scores.staging.planning import Watched, plan_again
 from ergon.scores.staging.stage import Stage
 
 _SAME_SECONDS = 1e-9  # rounding, not music
-_Paths = Mapping[Where, Points]
+_Paths = Mapping[ModuleKey, Points]
 
 
 @without_gc
@@ -97,8 +97,8 @@ def _paths_from(stage: Stage, piece: Piece, instant: float, *, stops: bool) -> t
     """
     collector = Collector()  # a piece that plays has no mistakes in its automation
     if stops:
-        here = piece.tempo_map.beats(0.0)
-        points = automation_points(piece, here, here, collector)
+        start_beat = piece.tempo_map.beats(0.0)
+        points = automation_points(piece, start_beat, start_beat, collector)
         return _continued(stage, stage.paths, points, piece, instant), float("inf")
     parts = {
         target.part for strikes in piece.strikes if strikes.moves_pitches for target in strikes.to
@@ -115,19 +115,28 @@ def _paths_from(stage: Stage, piece: Piece, instant: float, *, stops: bool) -> t
             line for line in piece.automation if any(part in parts for part, _ in line.modules)
         ),
     )
-    last = stage.paths_until + 2 * GRID / stage.rate
-    until = tempo.beats(last) if last < float("inf") else beat
+    last_instant = stage.paths_until + 2 * GRID / stage.rate
+    until = tempo.beats(last_instant) if last_instant < float("inf") else beat
     points = automation_points(noted, beat, max(beat, until), collector)
-    noted_paths = {where: old for where, old in stage.paths.items() if where[0] in parts}
-    others = {where: old for where, old in stage.paths.items() if where[0] not in parts}
-    return {**others, **_continued(stage, noted_paths, points, piece, instant)}, stage.paths_until
+    noted_paths = {
+        module_key: old for module_key, old in stage.paths.items() if module_key[0] in parts
+    }
+    other_paths = {
+        module_key: old for module_key, old in stage.paths.items() if module_key[0] not in parts
+    }
+    return {
+        **other_paths,
+        **_continued(stage, noted_paths, points, piece, instant),
+    }, stage.paths_until
 
 
 def _continued(
-    stage: Stage, before: _Paths, after: Automated, piece: Piece, instant: float
+    stage: Stage, paths_before: _Paths, automated_now: Automated, piece: Piece, instant: float
 ) -> _Paths:
     until = stage.paths_until
-    return takeover_points(before, after.points, piece, instant, until, after.moved)
+    return takeover_points(
+        paths_before, automated_now.points, piece, instant, until, automated_now.moved
+    )
 
 
 def _struck_before(piece: Piece, beat: float) -> Iterator[Strikes]:
@@ -146,21 +155,25 @@ def _struck_before(piece: Piece, beat: float) -> Iterator[Strikes]:
 
 
 def _put_paths(
-    piece: Piece, assembly: Assembly, timeline: _core.Timeline, before: _Paths, after: _Paths
+    piece: Piece,
+    assembly: Assembly,
+    timeline: _core.Timeline,
+    paths_before: _Paths,
+    paths_now: _Paths,
 ) -> None:
     """Replace the points of automation on a timeline. Raises EngineError."""
     mats: list[tuple[int, int]] = []
     links: list[tuple[int, int]] = []
-    for where in before:
-        led = Led.from_piece(piece, where)
+    for module_key in paths_before:
+        led = Led.from_piece(piece, module_key)
         if led is None:
             continue
         if led.module.kind in ("CEL", "BANK"):
-            mats.append((assembly.mats[where], led.cost))
+            mats.append((assembly.mats[module_key], led.cost))
         else:
-            moved = assembly.links_of(where)
+            moved = assembly.links_of(module_key)
             links.append((moved.start, len(moved)))
     timeline.release(mats, links)
-    for where, points in after.items():
-        if led := Led.from_piece(piece, where):
-            led.put(timeline, assembly, where, points)
+    for module_key, points in paths_now.items():
+        if led := Led.from_piece(piece, module_key):
+            led.put(timeline, assembly, module_key, points)

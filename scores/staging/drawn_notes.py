@@ -47,13 +47,13 @@ class DrawnNotes:
     def __init__(
         self,
         timeline: _core.Timeline,
-        before: Sequence[DrawnNote] = (),
+        notes_before: Sequence[DrawnNote] = (),
         since: float = -inf,
         rate: float = inf,
     ) -> None:
         """Take the notes of the stage before, and the instant [s] from which on this one plays."""
         self._timeline, self._since = timeline, since + 1.0 / rate
-        self._before = {note.key: note for note in before if note.begin < since < note.end}
+        self._before = {note.key: note for note in notes_before if note.begin < since < note.end}
         self._counts: Counter[tuple[NoteKey, tuple[float, float]]] = Counter()
         self.notes: list[DrawnNote] = []
 
@@ -65,13 +65,13 @@ class DrawnNotes:
         self._counts[note.key, within] += 1
         note = replace(note, number=number)
         begins, follows = within[0] <= note.begin < within[1], within[0] > self._since - _SOON
-        before = self._before.pop(note.key, None) if follows and not begins else None
+        note_before = self._before.pop(note.key, None) if follows and not begins else None
         if begins:
             self._push(mat, note.begin, note.impulse, source)
-        elif before is None:
+        elif note_before is None:
             return
         else:
-            self._push(mat, self._since, note.impulse - before.impulse, source)
+            self._push(mat, self._since, note.impulse - note_before.impulse, source)
         self._push(mat, note.end, -note.impulse, source)
         self.notes.append(note)
 

@@ -62,8 +62,10 @@ def drive(piece: Piece, assembly: Assembly, hands: Hands, sounds: Mapping[str, i
             sound = sounds.get(str(source))
             take = None
             if constant is None and sound is None:
-                known = piece.takes.get(str(source))
-                take = None if known is None or known.input else hands.takes.get(str(source))
+                known_take = piece.takes.get(str(source))
+                take = (
+                    None if known_take is None or known_take.input else hands.takes.get(str(source))
+                )
                 if take is None:
                     continue  # reported already
             hands.timeline.drive(

@@ -18,14 +18,14 @@ def joined(piece: Piece, part: str) -> set[str]:
     Links to fixed points count too: a larger group than needed does no harm.
     """
     near: dict[str, set[str]] = {}
-    for first, other in _pairs(piece):
-        near.setdefault(first, set()).add(other)
-        near.setdefault(other, set()).add(first)
-    connected, left = {part}, [part]
-    while left:
-        further = near.get(left.pop(), set()) - connected
+    for first_part, second_part in _pairs(piece):
+        near.setdefault(first_part, set()).add(second_part)
+        near.setdefault(second_part, set()).add(first_part)
+    connected, unvisited = {part}, [part]
+    while unvisited:
+        further = near.get(unvisited.pop(), set()) - connected
         connected |= further
-        left += further
+        unvisited += further
     return connected
 
 
@@ -35,32 +35,38 @@ def content(piece: Piece, part: str) -> tuple[Any, ...]:
     Processing between its outputs and the loudspeakers is not included.
     """
     parts = joined(piece, part)
-    players = {name: one for name, one in piece.players.items() if one.key in parts}
+    players = {name: entry for name, entry in piece.players.items() if entry.key in parts}
     plays = tuple(play for play in piece.parts if play.player in players)
-    strikes = tuple(one for one in piece.strikes if _hits(one, parts))
-    modules = [module for own, module in piece.modules() if own in parts]
-    named = {name for play in plays for name in play.names}
-    named |= {player.standin for player in players.values() if player.standin}
-    named |= {str(module.fields["from"]) for module in modules if "from" in module.fields}
+    strikes = tuple(entry for entry in piece.strikes if _hits(entry, parts))
+    modules = [module for module_part, module in piece.modules() if module_part in parts]
+    played_names = {name for play in plays for name in play.names}
+    played_names |= {player.standin for player in players.values() if player.standin}
+    played_names |= {str(module.fields["from"]) for module in modules if "from" in module.fields}
     routes = {(output.name, route.to == "nearest") for route, output in _outputs_of(piece, part)}
     file_meters = (piece.file_meters,) if piece.file_meters else ()
     return (
         (piece.seed, piece.rate, piece.tempo, piece.marks, piece.mix.layout, *file_meters),
         {name: key for name, key in piece.keys.items() if name in parts},
-        {name: one for name, one in piece.instruments.items() if name in parts},
+        {name: entry for name, entry in piece.instruments.items() if name in parts},
         players,
         plays,
         strikes,
-        {name: gesture for name, gesture in piece.gestures.items() if name in named},
-        {name: take for name, take in piece.takes.items() if name in named},
-        tuple(one for one in piece.duet if {one.a.part, one.b.part} & parts),
-        tuple(one for one in piece.automation if any(part in parts for part, _ in one.modules)),
+        {name: gesture for name, gesture in piece.gestures.items() if name in played_names},
+        {name: take for name, take in piece.takes.items() if name in played_names},
+        tuple(entry for entry in piece.duet if {entry.a.part, entry.b.part} & parts),
+        tuple(
+            entry for entry in piece.automation if any(part in parts for part, _ in entry.modules)
+        ),
         tuple(sorted(routes)),
     )
 
 
 def _outputs_of(piece: Piece, part: str) -> Iterator[tuple[Any, Any]]:
-    return ((route, output) for route, one, output in audible_outputs(piece) if one.name == part)
+    return (
+        (route, output)
+        for route, instrument, output in audible_outputs(piece)
+        if instrument.name == part
+    )
 
 
 def _hits(strikes: Strikes, parts: Collection[str]) -> bool:
@@ -80,7 +86,7 @@ def _pairs(piece: Piece) -> Iterator[tuple[str, str]]:
 def _targets(module: Module) -> Iterator[Target]:
     for value in module.fields.values():
         values: Iterable[Any] = value if isinstance(value, (tuple, list)) else (value,)
-        yield from (one for one in values if isinstance(one, Target))
+        yield from (target for target in values if isinstance(target, Target))
 
 
 def _listened(instrument: Instrument) -> Iterator[Target]:

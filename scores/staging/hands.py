@@ -192,22 +192,30 @@ class Hands:
         )
 
     def play_parts(
-        self, piece: Piece, still: Container[str] = (), known: NotOver[Played] | None = None
+        self,
+        piece: Piece,
+        still_keys: Container[str] = (),
+        known_lines: NotOver[Played] | None = None,
     ) -> None:
-        """Put all occurrences of the lines of a piece on the timeline, except on the keys `still`.
+        """Put all occurrences of the lines of a piece on the timeline, except on the keys
+        `still_keys`.
 
-        Lines that end before the window only advance the counts from which chance draws; `known`
-        remembers them where no key is still.
+        Lines that end before the window only advance the counts from which chance draws;
+        `known_lines` remembers them where no key is still.
         """
         since = self.window.since - SAME
         plays, starts = piece.parts, piece.starts
-        if still:
-            moving = [p for p in zip(plays, starts, strict=True) if _key(piece, p[0]) not in still]
+        if still_keys:
+            moving = [
+                p for p in zip(plays, starts, strict=True) if _key(piece, p[0]) not in still_keys
+            ]
             plays, starts = tuple(p for p, _ in moving), tuple(beats for _, beats in moving)
-        seen = known or NotOver[Played]()
-        left, counts = seen.look((plays, starts), since, lambda line: _last(line) < since, _plays)
+        lines_not_over = known_lines or NotOver[Played]()
+        lines_left, counts = lines_not_over.look(
+            (plays, starts), since, lambda line: _last(line) < since, _plays
+        )
         self._occurrences.update(cast(dict[tuple[str, str], int], counts))
-        for play, beats in left:
+        for play, beats in lines_left:
             self.play(play, beats)
 
     def play(self, play: Play, starts: Sequence[float] | None) -> None:
@@ -234,10 +242,10 @@ class Hands:
         since, until = self.window.since - SAME, self.window.until - SAME
         if places.last < since:
             return
-        first, last = n_before(places, since), n_before(places, until)
+        first_place, stop_place = n_before(places, since), n_before(places, until)
         plays_by_key: dict[tuple[str, tuple[Transform, ...]], Play] = {}
         due: list[tuple[Play, float, int]] = []
-        for place in range(first, last):
+        for place in range(first_place, stop_place):
             if not place % 1024:
                 _core.poll(_PLACE_STEPS * 1024)
             if (name := course.played(place)) is not None:
@@ -248,7 +256,7 @@ class Hands:
                     )
                 due.append((plays_by_key[key], places[place], place))
         for play_due in plays_by_key.values():
-            begins = [start for other, start, _ in due if other is play_due]
+            begins = [start for play_of_place, start, _ in due if play_of_place is play_due]
             gesture = self.piece.gestures.get(play_due.what)
             if not self._room(play_due, begins, len(gesture.points) if gesture else 1) and begins:
                 return
@@ -266,9 +274,9 @@ class Hands:
         """
         if self.window is ALL:
             return starts
-        first = bisect_left(starts, self.window.since - SAME)
-        self._occurrences[play.player, play.what] += first
-        return starts[first : bisect_left(starts, self.window.until - SAME)]
+        n_before_window = bisect_left(starts, self.window.since - SAME)
+        self._occurrences[play.player, play.what] += n_before_window
+        return starts[n_before_window : bisect_left(starts, self.window.until - SAME)]
 
     def _room(self, play: Play, starts: Sequence[float], points: int = 1) -> Sequence[float]:
         """The starts, if the timeline has room for them; none if an error was reported."""
@@ -373,17 +381,17 @@ class Hands:
 
         Without a `chance` of its own it draws by the number of its occurrence.
         """
-        who = play.player, play.what
-        occurrence = self._occurrences[who]
-        self._occurrences[who] += chance is None
-        if chain and any(one.word in _DRAWN for one in chain):
+        player_and_gesture = play.player, play.what
+        occurrence = self._occurrences[player_and_gesture]
+        self._occurrences[player_and_gesture] += chance is None
+        if chain and any(transform.word in _DRAWN for transform in chain):
             if chance is None:
                 name = f"{play.player}/{play.what}"
                 chance = _core.Chance(self.piece.seed, "parts", name, 0, occurrence)
             return self._shaped(play, gesture, chain, start, chance)
-        manner = None if play.manner is NO_OPTIONS else play.manner
+        playing_options = None if play.manner is NO_OPTIONS else play.manner
         beat = gesture.beat(self.piece.tempo_map, start) if chain else 0.0
-        key = (*who, play.do, manner, beat)
+        key = (*player_and_gesture, play.do, playing_options, beat)
         if key not in self._shapes:
             self._shapes[key] = self._shaped(play, gesture, chain, start, MidpointChance())
         return self._shapes[key]

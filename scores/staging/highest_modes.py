@@ -15,7 +15,7 @@ from ergon.notation.text.files import is_shipped
 from ergon.notation.text.values import Place
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.built_network import BuiltNetwork
-from ergon.scores.staging.parameter_values import Points, Where
+from ergon.scores.staging.parameter_values import ModuleKey, Points
 
 FULL = 5_000.0  # [Hz] a body without modes above sounds dull
 _RADIUS_MAX = 400
@@ -40,17 +40,17 @@ def highest_modes(piece: Piece, built: BuiltNetwork) -> list[HighestMode]:
 
 def _each(piece: Piece, built: BuiltNetwork) -> Iterator[HighestMode]:
     assembly = built.assembly
-    left = _BODIES_MAX
+    bodies_left = _BODIES_MAX
     for instrument in piece.instruments.values():
         for module in instrument.modules:
-            first = assembly.mats.get((instrument.name, module.name))
-            if module.kind not in ("STRING", "PLATE") or first is None or instrument.ca_rate:
+            first_mat = assembly.mats.get((instrument.name, module.name))
+            if module.kind not in ("STRING", "PLATE") or first_mat is None or instrument.ca_rate:
                 continue
-            if left == 0:
+            if bodies_left == 0:
                 return
-            left -= 1
+            bodies_left -= 1
             name = ".".join(filter(None, (instrument.name, module.name)))
-            yield HighestMode(name, module, assembly.network.highest_mode(first))
+            yield HighestMode(name, module, assembly.network.highest_mode(first_mat))
 
 
 def warn_low_modes(modes: list[HighestMode]) -> list[Diagnostic]:
@@ -62,8 +62,8 @@ def warn_low_modes(modes: list[HighestMode]) -> list[Diagnostic]:
     """
     lowest: dict[Place, HighestMode] = {}
     for mode in modes:
-        known = lowest.setdefault(mode.module.place, mode)
-        if mode.hertz < known.hertz:
+        lowest_mode = lowest.setdefault(mode.module.place, mode)
+        if mode.hertz < lowest_mode.hertz:
             lowest[mode.module.place] = mode
     warnings = []
     for mode in lowest.values():
@@ -77,7 +77,7 @@ def warn_low_modes(modes: list[HighestMode]) -> list[Diagnostic]:
 
 
 def warn_over_limit(
-    piece: Piece, built: BuiltNetwork, paths: Mapping[Where, Points]
+    piece: Piece, built: BuiltNetwork, paths: Mapping[ModuleKey, Points]
 ) -> list[Diagnostic]:
     """Report W332 for each body that automation leads beyond what one step a frame can follow.
 
@@ -85,12 +85,12 @@ def warn_over_limit(
     """
     warnings, limit = [], piece.rate / pi
     for mode in highest_modes(piece, built):
-        where = (mode.name.removesuffix(f".{mode.module.name}"), mode.module.name)
-        points = paths.get(where, ())
+        module_key = (mode.name.removesuffix(f".{mode.module.name}"), mode.module.name)
+        points = paths.get(module_key, ())
         factor_max = max((factor for _, factor, _ in points), default=1.0)
         if mode.hertz >= limit or mode.hertz * sqrt(factor_max) < limit:
             continue
-        automation_lines = [line for line in piece.automation if where in line.modules]
+        automation_lines = [line for line in piece.automation if module_key in line.modules]
         place = next(
             (line.place for line in automation_lines if line.parameter == "f"), mode.module.place
         )
@@ -121,12 +121,12 @@ def _instant(points: Points, factor: float) -> float:
 def _enough(mode: HighestMode) -> str:
     """What to write so that the highest mode is at about 5 kHz."""
     module, fields = mode.module, mode.module.fields
-    masses, more = member_count(module.kind, fields), FULL / mode.hertz
+    masses, factor_needed = member_count(module.kind, fields), FULL / mode.hertz
     if module.kind == "STRING":
-        return f"`masses: {ceil(masses * more)}`"
+        return f"`masses: {ceil(masses * factor_needed)}`"
     # The highest mode of a lattice is inversely proportional to its spacing; if the plate bends, to
     # the square of it.
-    side = sqrt(more) if fields["bending"] is not None else more
+    side = sqrt(factor_needed) if fields["bending"] is not None else factor_needed
     if fields["shape"] == "rectangle":
         across, up = (ceil(count * side) for count in fields["sides"])
         return f"{across * up:,} masses ({across} by {up})"

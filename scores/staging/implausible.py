@@ -92,8 +92,8 @@ class _Scene:
         """Report W327 for a contact that is pressed at the beginning, W329 for one that the travel
         cannot close.
         """
-        ends = (self.modules[end.part, end.module] for end in but.fields["between"])
-        if any("axes" in end.fields for end in ends):
+        end_modules = (self.modules[end.part, end.module] for end in but.fields["between"])
+        if any("axes" in end.fields for end in end_modules):
             return  # points in space start where they are
         sign = 1.0 if but.fields["side"] == "below" else -1.0
         place = but.places.get("gap", but.place)
@@ -131,9 +131,9 @@ class _Scene:
         is_contact = link.kind == "BUT"
         if is_contact and (link.fields["exponent"] != 1.0 or link.fields["contact"] == "magic"):
             return
-        ends = link.fields["between"]
+        end_targets = link.fields["between"]
         # If one mass is linked to a range, all its links pull on it together.
-        inverse = sum(size(ends) / end.count / self._mass(end) for end in ends)
+        inverse = sum(size(end_targets) / end.count / self._mass(end) for end in end_targets)
         if inverse == 0.0:
             return
         half = pi / sqrt(stiffness * inverse)  # of a period; as long as a touch lasts [s]
@@ -174,7 +174,7 @@ class _Scene:
             return inf
         if module.kind == "PROXY":  # bound by its lightest mass
             shares = module.fields["shares"] or (1.0,)
-            inverse = max(1.0 / self._mass(own) for own in module.fields["of"])
+            inverse = max(1.0 / self._mass(component) for component in module.fields["of"])
             inverse *= sum(share * share for share in shares)
             return 1.0 / inverse if inverse else inf
         mass = module.fields["M"]

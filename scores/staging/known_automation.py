@@ -22,7 +22,7 @@ from ergon.scores.reading.curves import CurvePoint
 from ergon.scores.reading.piece import NoteGlide, Piece, Strikes
 from ergon.scores.reading.playing import Key
 from ergon.scores.staging.parameter_curves import Entry
-from ergon.scores.staging.parameter_values import Led, Points, Where
+from ergon.scores.staging.parameter_values import Led, ModuleKey, Points
 
 _REACHED = 0.01  # [s] in which a value of a MIDI file is reached, so that it does not click
 
@@ -58,17 +58,17 @@ class KnownAutomation:
     _all_strikes: tuple[Strikes, ...] = ()
     _strikes: tuple[Strikes, ...] = ()  # those that have notes
     # The lines of each module, and those of strikes with notes.
-    _lines_of: dict[Where, list[Automation]] = field(default_factory=dict)
-    _noted: dict[Where, list[Automation]] = field(default_factory=dict)
-    _tracks: dict[Where, Tracks] = field(default_factory=dict)
+    _lines_of: dict[ModuleKey, list[Automation]] = field(default_factory=dict)
+    _noted: dict[ModuleKey, list[Automation]] = field(default_factory=dict)
+    _tracks: dict[ModuleKey, Tracks] = field(default_factory=dict)
     # By the id of what they are made of, which is kept with them so that no other has its id.
     _notes: dict[int, tuple[Strikes, list[Automation]]] = field(default_factory=dict)
     # With the module and its part, of which a key has a reach of its own.
-    _leds: dict[Where, tuple[Module | None, object, Led]] = field(default_factory=dict)
+    _leds: dict[ModuleKey, tuple[Module | None, object, Led]] = field(default_factory=dict)
     _modules: dict[str, tuple[object, dict[str, Module]]] = field(default_factory=dict)
-    _settled: dict[Where, _Settled] = field(default_factory=dict)
+    _settled: dict[ModuleKey, _Settled] = field(default_factory=dict)
 
-    def tracks(self, piece: Piece) -> Mapping[Where, Tracks]:
+    def tracks(self, piece: Piece) -> Mapping[ModuleKey, Tracks]:
         """The entries of a piece by module; those of a module that did not change are the same
         object as before.
         """
@@ -77,7 +77,7 @@ class KnownAutomation:
             return self._tracks
         self._all_strikes = piece.strikes
         strikes = tuple([line for line in piece.strikes if line.moves_pitches])
-        touched: set[Where] = set()
+        touched: set[ModuleKey] = set()
         if not is_same_tempo:
             self._lines, self._strikes, self._notes = (), (), {}
             touched |= self._tracks.keys()
@@ -90,7 +90,7 @@ class KnownAutomation:
         self._notes |= {id(line): (line, notes) for line, notes in new_notes}
         notes = (notes for _, notes in (*gone_notes, *new_notes))
         changed = chain(lines.before, lines.now, *notes)
-        touched |= {where for line in changed for where in line.modules}
+        touched |= {module_key for line in changed for module_key in line.modules}
         is_at_end = lines.start + len(lines.now) == len(piece.automation)
         if is_same_tempo and is_at_end:
             self._set_last_lines(lines)
@@ -98,46 +98,54 @@ class KnownAutomation:
             self._set_lines(touched)
         if struck or not is_same_tempo:
             self._noted = {}
-            for line in chain.from_iterable(self._notes[id(own)][1] for own in strikes):
-                for where in line.modules:
-                    self._noted.setdefault(where, []).append(line)
+            for line in chain.from_iterable(
+                self._notes[id(strikes_line)][1] for strikes_line in strikes
+            ):
+                for module_key in line.modules:
+                    self._noted.setdefault(module_key, []).append(line)
         if touched:
             self._set_tracks(piece.tempo_map, touched)
         return self._tracks
 
     def _set_last_lines(self, changed: Changed[Automation]) -> None:
         """Set the lines of modules of which only the last ones have changed."""
-        gone = Counter(chain.from_iterable(line.modules for line in changed.before))
-        new: dict[Where, list[Automation]] = {}
+        n_removed = Counter(chain.from_iterable(line.modules for line in changed.before))
+        new_lines: dict[ModuleKey, list[Automation]] = {}
         for line in changed.now:
-            for where in line.modules:
-                new.setdefault(where, []).append(line)
-        for where in {*gone, *new}:
-            before = self._lines_of.get(where, [])
-            self._lines_of[where] = before[: len(before) - gone[where]] + new.get(where, [])
+            for module_key in line.modules:
+                new_lines.setdefault(module_key, []).append(line)
+        for module_key in {*n_removed, *new_lines}:
+            lines_before = self._lines_of.get(module_key, [])
+            self._lines_of[module_key] = lines_before[
+                : len(lines_before) - n_removed[module_key]
+            ] + new_lines.get(module_key, [])
 
-    def _set_lines(self, touched: set[Where]) -> None:
+    def _set_lines(self, touched: set[ModuleKey]) -> None:
         """Set the lines of modules whose automation has changed."""
-        lines_by_where: dict[Where, list[Automation]] = {where: [] for where in touched}
+        lines_by_module: dict[ModuleKey, list[Automation]] = {
+            module_key: [] for module_key in touched
+        }
         for line in self._lines:
-            for where in touched.intersection(line.modules):
-                lines_by_where[where].append(line)
-        self._lines_of |= lines_by_where
+            for module_key in touched.intersection(line.modules):
+                lines_by_module[module_key].append(line)
+        self._lines_of |= lines_by_module
 
-    def _set_tracks(self, tempo: TempoMap, touched: set[Where]) -> None:
+    def _set_tracks(self, tempo: TempoMap, touched: set[ModuleKey]) -> None:
         """Set the entries of modules whose lines have changed."""
-        before, self._tracks = self._tracks, dict(self._tracks)
-        for where in touched:
-            lines = [*self._lines_of.get(where, ()), *self._noted.get(where, ())]
+        tracks_before, self._tracks = self._tracks, dict(self._tracks)
+        for module_key in touched:
+            lines = [*self._lines_of.get(module_key, ()), *self._noted.get(module_key, ())]
             if not lines:
-                self._tracks.pop(where, None)
+                self._tracks.pop(module_key, None)
                 continue
             parameters: dict[str, list[Automation]] = {}
             for line in lines:
                 parameters.setdefault(line.parameter, []).append(line)
             track = self._track(tempo, parameters)
-            known = before.get(where)
-            self._tracks[where] = known if known is not None and known == track else track
+            track_before = tracks_before.get(module_key)
+            self._tracks[module_key] = (
+                track_before if track_before is not None and track_before == track else track
+            )
 
     def _track(self, tempo: TempoMap, parameters: Mapping[str, list[Automation]]) -> Tracks:
         """The entries of a module: of each parameter one lasts until the next one begins."""
@@ -154,52 +162,67 @@ class KnownAutomation:
                     moves_from = min(moves_from, begin)
         return Tracks(by_name, moves_from)
 
-    def led(self, piece: Piece, where: Where) -> Led | None:
+    def led(self, piece: Piece, module_key: ModuleKey) -> Led | None:
         """A module of a piece; None if it does not exist."""
-        part = piece.keys.get(where[0]) or piece.instruments.get(where[0])
-        module, known = self._module(part, where), self._leds.get(where)
-        if known is not None:
+        part = piece.keys.get(module_key[0]) or piece.instruments.get(module_key[0])
+        module, known_led = self._module(part, module_key), self._leds.get(module_key)
+        if known_led is not None:
             # The values of a key's module depend on its reach too.
-            is_same = known[0] is module is not None and isinstance(part, Instrument)
-            if is_same or known[1] is part:
-                return known[2]
-        led = Led.from_piece(piece, where)
+            is_same = known_led[0] is module is not None and isinstance(part, Instrument)
+            if is_same or known_led[1] is part:
+                return known_led[2]
+        led = Led.from_piece(piece, module_key)
         if led is None:
-            self._leds.pop(where, None)
+            self._leds.pop(module_key, None)
         else:
-            if known is not None and known[2].is_same(led):
-                led = known[2]
-            self._leds[where] = module, part, led
+            if known_led is not None and known_led[2].is_same(led):
+                led = known_led[2]
+            self._leds[module_key] = module, part, led
         return led
 
-    def _module(self, part: Key | Instrument | None, where: Where) -> Module | None:
+    def _module(self, part: Key | Instrument | None, module_key: ModuleKey) -> Module | None:
         """A module of a part by name; None for a part as a whole."""
-        known = self._modules.get(where[0])
-        if known is None or known[0] is not part:
+        part_modules = self._modules.get(module_key[0])
+        if part_modules is None or part_modules[0] is not part:
             modules = () if part is None else part.modules
-            known = self._modules[where[0]] = part, {one.name: one for one in modules}
-        return known[1].get(where[1])
+            part_modules = self._modules[module_key[0]] = (
+                part,
+                {module.name: module for module in modules},
+            )
+        return part_modules[1].get(module_key[1])
 
-    def settled(self, where: Where, tracks: Tracks, led: Led, beat: float) -> Points | None:
+    def settled(
+        self, module_key: ModuleKey, tracks: Tracks, led: Led, beat: float
+    ) -> Points | None:
         """The constant points of a module on which nothing acts from a beat on; None if that is not
         known.
         """
-        known = self._settled.get(where)
-        if known is None or known.tracks is not tracks or known.led is not led:
+        settled_module = self._settled.get(module_key)
+        if (
+            settled_module is None
+            or settled_module.tracks is not tracks
+            or settled_module.led is not led
+        ):
             return None
-        return known.points if known.since <= beat else None
+        return settled_module.points if settled_module.since <= beat else None
 
-    def settle(self, where: Where, tracks: Tracks, led: Led, since: float, points: Points) -> None:
+    def settle(
+        self, module_key: ModuleKey, tracks: Tracks, led: Led, since: float, points: Points
+    ) -> None:
         """Keep the constant points of a module on which nothing acts from beat `since` on."""
         moves = any(point[1:] != led.numbers_alone for point in points)
-        self._settled[where] = _Settled(tracks, led, since, points, moves)
+        self._settled[module_key] = _Settled(tracks, led, since, points, moves)
 
-    def settled_moves(self, where: Where, points: Points) -> bool | None:
+    def settled_moves(self, module_key: ModuleKey, points: Points) -> bool | None:
         """Whether these settled points are other values than the module's own; None if they are not
         settled.
         """
-        known = self._settled.get(where)
-        return known.moves if known is not None and known.points is points else None
+        settled_module = self._settled.get(module_key)
+        return (
+            settled_module.moves
+            if settled_module is not None and settled_module.points is points
+            else None
+        )
 
 
 def _span(tempo: TempoMap, line: Automation) -> tuple[Automation, float, float]:
@@ -227,10 +250,10 @@ def _glides(tempo: TempoMap, line: Automation, start: float) -> Iterator[Automat
     """A glide for each value of a MIDI file that begins on beat `start`, which ends where the file
     has it.
     """
-    last = tempo.seconds(start)
+    last_instant = tempo.seconds(start)
     for length, amount in line.moves:
         instant = tempo.seconds(tempo.after(start, length))
-        since = max(last, instant - _REACHED)
+        since = max(last_instant, instant - _REACHED)
         yield replace(
             line,
             at=Position(plus=Length(beats=tempo.beats(since))),
@@ -238,7 +261,7 @@ def _glides(tempo: TempoMap, line: Automation, start: float) -> Iterator[Automat
             over=Length(seconds=instant - since) if instant > since else None,
             moves=(),
         )
-        last = instant
+        last_instant = instant
 
 
 def _strike_automation(tempo: TempoMap, line: Strikes) -> Iterator[Automation]:

@@ -146,7 +146,7 @@ class Listening:
         are the hashes of what each tap gives, empty where that is silence, which changes no mix.
         """
         rooms = [(room.size, room.t60, room.to, room.gain) for room in self.rooms]
-        ways = [
+        channel_keys = [
             (
                 taps[path.tap],
                 path.channel,
@@ -163,7 +163,7 @@ class Listening:
             for path in self.ways
             if taps[path.tap] and (parts is None or path.part in parts)
         ]
-        return sha256(repr((self.n_channels, rooms, self.fade, ways)).encode()).hexdigest()
+        return sha256(repr((self.n_channels, rooms, self.fade, channel_keys)).encode()).hexdigest()
 
     @property
     def cost(self) -> float:
@@ -189,7 +189,11 @@ def check_mix(piece: Piece, collector: Collector) -> None:
 
 def audible_outputs(piece: Piece) -> list[tuple[Route, Instrument, Output]]:
     """The outputs that reach loudspeakers, each with its route and its instrument."""
-    return [(route, *one) for route in piece.routes() for one in _outputs_of(piece, route)]
+    return [
+        (route, *instrument_and_output)
+        for route in piece.routes()
+        for instrument_and_output in _outputs_of(piece, route)
+    ]
 
 
 def listen(piece: Piece, assembly: Assembly, silent: Container[str] = ()) -> Listening:
@@ -222,9 +226,9 @@ def listen(piece: Piece, assembly: Assembly, silent: Container[str] = ()) -> Lis
             channels = route.to[index : index + 1] if is_one_each else route.to
             for tap in taps[name]:
                 _ways(listening, piece, tap, [c - 1 for c in channels], route, output)
-    used = [way.channel + 1 for way in listening.ways]
-    used += [channel for room in listening.rooms for channel in room.to]
-    listening.n_channels = max(listening.n_channels, *used, 1)
+    channels_used = [way.channel + 1 for way in listening.ways]
+    channels_used += [channel for room in listening.rooms for channel in room.to]
+    listening.n_channels = max(listening.n_channels, *channels_used, 1)
     return listening
 
 
@@ -354,11 +358,11 @@ def _tap(listening: Listening, assembly: Assembly, name: tuple[str, str], output
     )
 
 
-def _gauge(assembly: Assembly, name: tuple[str, str], ends: Sequence[Target]) -> int:
+def _gauge(assembly: Assembly, name: tuple[str, str], end_targets: Sequence[Target]) -> int:
     """Add a link without a force, whose length is the distance that is heard; returns its index."""
     part, listener_name = name
     assembly.network.part(part)
-    a, b = (assembly.coordinates(end) for end in ends)
+    a, b = (assembly.coordinates(end) for end in end_targets)
     return assembly.network.gauge(" ".join(filter(None, (listener_name, "distance"))), a, b)
 
 

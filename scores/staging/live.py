@@ -81,7 +81,7 @@ def stand_ins(piece: Piece) -> dict[str, None]:
 
 def join(
     piece: Piece,
-    real: Real,
+    real_hands: Real,
     assembly: Assembly,
     timeline: _core.Timeline,
     collector: Collector,
@@ -93,11 +93,11 @@ def join(
     """
     import numpy as np
 
-    tick_frames = _tick_frames(piece, real, collector)
-    for name, positions_known in real.items():
+    tick_frames = _tick_frames(piece, real_hands, collector)
+    for name, positions_known in real_hands.items():
         player = piece.players[name]
         key = piece.keys[player.key]
-        if not _is_alone(piece, player, real, collector):
+        if not _is_alone(piece, player, real_hands, collector):
             continue
         standin_path = np.zeros(2) if rests else standin(piece, player, tick_frames, collector)
         positions = _with_standin(positions_known, standin_path)
@@ -126,9 +126,9 @@ def _with_standin(
     )
 
 
-def check_players(piece: Piece, real: Real, collector: Collector) -> None:
+def check_players(piece: Piece, real_hands: Real, collector: Collector) -> None:
     """Raise StageError if a real hand plays for a player that the piece does not have."""
-    for name in real:
+    for name in real_hands:
         if name not in piece.players:
             message = f"{quote(name)} plays on a device, and this score has no player of that name"
             collector.error("E308", message, piece.place)
@@ -136,14 +136,14 @@ def check_players(piece: Piece, real: Real, collector: Collector) -> None:
         raise StageError(collector.finish())
 
 
-def held(piece: Piece, real: Real) -> Piece:
+def held(piece: Piece, real_hands: Real) -> Piece:
     """The piece with the keys in real hands reduced to their struck MAT.
 
     The real key has its own modes, friction and delay, so those that were measured are left out.
     """
     keys = {
         name: replace(key, modules=struck_modules, delay=0.0)
-        for name in dict.fromkeys(piece.players[player].key for player in real)
+        for name in dict.fromkeys(piece.players[player].key for player in real_hands)
         for key in [piece.keys[name]]
         if len(struck_modules := _struck(key)) < len(key.modules) or key.delay
     }
@@ -153,12 +153,12 @@ def held(piece: Piece, real: Real) -> Piece:
 def _struck(key: Key) -> tuple[Module, ...]:
     """The modules of a key in a real hand: the CEL of a measured key, or all that are written."""
     is_measured = key.struck == ""  # then the module of the CEL has no name
-    return tuple(own for own in key.modules if not is_measured or own.name == "")
+    return tuple(module for module in key.modules if not is_measured or module.name == "")
 
 
-def _tick_frames(piece: Piece, real: Real, collector: Collector) -> int:
+def _tick_frames(piece: Piece, real_hands: Real, collector: Collector) -> int:
     """Frames in a tick: all hands share one rate."""
-    ticks = {piece.players[name].tick or TICK: piece.players[name] for name in real}
+    ticks = {piece.players[name].tick or TICK: piece.players[name] for name in real_hands}
     if len(ticks) > 1:
         player = [*ticks.values()][-1]
         message = f"{quote(player.name)}: live hands have different ticks; write one `tick` for all"
@@ -166,17 +166,21 @@ def _tick_frames(piece: Piece, real: Real, collector: Collector) -> int:
     return max(1, round(piece.rate / next(iter(ticks), TICK)))
 
 
-def _is_alone(piece: Piece, player: Player, real: Real, collector: Collector) -> bool:
+def _is_alone(piece: Piece, player: Player, real_hands: Real, collector: Collector) -> bool:
     playing = {play.player for play in piece.parts}
-    for other in piece.players.values():
-        plays = other.name in playing
-        if other is player or other.key != player.key or not (plays or other.name in real):
+    for other_player in piece.players.values():
+        plays = other_player.name in playing
+        if (
+            other_player is player
+            or other_player.key != player.key
+            or not (plays or other_player.name in real_hands)
+        ):
             continue
         message = (
-            f"{quote(other.name)} plays key {quote(player.key)} too, which the real hand of "
-            f"{quote(player.name)} moves; give {quote(other.name)} another key"
+            f"{quote(other_player.name)} plays key {quote(player.key)} too, which the real hand of "
+            f"{quote(player.name)} moves; give {quote(other_player.name)} another key"
         )
-        collector.error("E308", message, other.place)
+        collector.error("E308", message, other_player.place)
         return False
     return True
 
@@ -237,22 +241,22 @@ def leading(
     `forces` of its ergons in these ticks are added.
     """
     collector = Collector()
-    first = max(0, ticks.start - int(_SETTLED * piece.rate) // tick_frames)
+    settling_tick = max(0, ticks.start - int(_SETTLED * piece.rate) // tick_frames)
     network, hands = _key(_alone(piece, piece.players[name]), piece.players[name], collector)
     hands.timeline.open()
-    after, end = (tick * tick_frames / piece.rate for tick in (first, ticks.stop))
+    settling_start, end = (tick * tick_frames / piece.rate for tick in (settling_tick, ticks.stop))
     for piece_of_span, window in spans:
         if name not in piece_of_span.players:
             continue
         alone = _alone(piece_of_span, piece_of_span.players[name])
         until = min(window.until, piece_of_span.tempo_map.beats(end) + SAME)
-        span_hands = hands.other(alone, window._replace(until=until, after=after))
+        span_hands = hands.other(alone, window._replace(until=until, after=settling_start))
         span_hands.play_parts(alone)
-    start = first * tick_frames
+    start = settling_tick * tick_frames
     simulation = _core.Simulation(
         network, hands.timeline, start=start, record=forces is not None, on_fault="mute"
     )
-    path = _path(simulation, tick_frames, ticks.stop - first)[ticks.start - first :]
+    path = _path(simulation, tick_frames, ticks.stop - settling_tick)[ticks.start - settling_tick :]
     if forces is not None:
         _path(simulation, tick_frames, forces.late)
         forces.add(simulation)
@@ -308,24 +312,24 @@ def _sparse_path(
     simulation, first_tick = _core.Simulation(network, hands.timeline), 0
     for busy_until, begins in pauses:
         positions[first_tick:busy_until] = _path(simulation, tick_frames, busy_until - first_tick)
-        first_tick, first = busy_until, begins - round(rate) // tick_frames
-        anew = _core.Simulation(network, hands.timeline, start=first * tick_frames)
-        rest = _path(anew, tick_frames, 2)
+        first_tick, resumed_tick = busy_until, begins - round(rate) // tick_frames
+        anew = _core.Simulation(network, hands.timeline, start=resumed_tick * tick_frames)
+        resting_path = _path(anew, tick_frames, 2)
         # A new simulation that does not start at rest cannot replace the one that has come to rest.
-        if np.ptp(rest) > _STILL:
+        if np.ptp(resting_path) > _STILL:
             n_moving += begins - busy_until
-        while first_tick < first and np.ptp(rest) <= _STILL:
-            count = min(block, first - first_tick)
+        while first_tick < resumed_tick and np.ptp(resting_path) <= _STILL:
+            count = min(block, resumed_tick - first_tick)
             n_moving += count
             if n_moving > moving_max:
                 return None
-            known = positions[first_tick : first_tick + count] = _path(
+            computed_path = positions[first_tick : first_tick + count] = _path(
                 simulation, tick_frames, count
             )
             first_tick += count
-            if np.abs(known - rest[0]).max() <= _STILL:
-                positions[first_tick : first + 2] = rest[0]
-                simulation, first_tick = anew, first + 2
+            if np.abs(computed_path - resting_path[0]).max() <= _STILL:
+                positions[first_tick : resumed_tick + 2] = resting_path[0]
+                simulation, first_tick = anew, resumed_tick + 2
     if n_moving > moving_max:
         return None
     positions[first_tick:] = _path(simulation, tick_frames, n_ticks - first_tick)

@@ -62,20 +62,20 @@ class NotOver(Generic[_Line]):
         """
         look = self._last(columns, since, plays)
         counts, counted = dict(look.counts), dict(look.counted)
-        left: list[int] = []
+        numbers_left: list[int] = []
         waiting: set[Hashable] = set()
         for number in look.left if look.since < since else ():
             line = _line(columns, number)
-            what, often = plays(line) or (None, 0)
-            if what in waiting or not is_over(line):
-                left.append(number)
-                if what is not None:
-                    waiting.add(what)
-            elif what is not None:
-                counts[what] = counts.get(what, 0) + often
-                counted[what] = number
+            played_name, n_played = plays(line) or (None, 0)
+            if played_name in waiting or not is_over(line):
+                numbers_left.append(number)
+                if played_name is not None:
+                    waiting.add(played_name)
+            elif played_name is not None:
+                counts[played_name] = counts.get(played_name, 0) + n_played
+                counted[played_name] = number
         if look.since < since:
-            look = _Look(columns, since, left, counts, counted)
+            look = _Look(columns, since, numbers_left, counts, counted)
             self._looks = [*self._looks[1 - _REMEMBERED :], look]
         return [_line(columns, number) for number in look.left], look.counts
 
@@ -87,8 +87,8 @@ class NotOver(Generic[_Line]):
     ) -> _Look:
         """The last look at these lines at `since` or before, of which changed lines are left."""
         for look in sorted(self._looks, key=lambda look: look.since, reverse=True):
-            if look.since <= since and (known := _carried(look, columns, plays)) is not None:
-                return known
+            if look.since <= since and (carried_look := _carried(look, columns, plays)) is not None:
+                return carried_look
         return _Look(columns, -math.inf, [*range(len(columns[0]))], {}, {})
 
 
@@ -107,16 +107,25 @@ def _carried(look: _Look, columns: _Columns, plays: Callable[..., Plays | None])
     n_before, n_now = len(look.columns[0]), len(columns[0])
     start = min(change.start for change in changes)
     n_after = min(n_before - change.start - len(change.before) for change in changes)
-    first, last = (bisect_left(look.left, index) for index in (start, n_before - n_after))
-    if last - first < n_before - n_after - start:
+    first_changed, stop_changed = (
+        bisect_left(look.left, index) for index in (start, n_before - n_after)
+    )
+    if stop_changed - first_changed < n_before - n_after - start:
         return None
-    new = range(start, n_now - n_after)
-    for number in new:
-        what, _ = plays(_line(columns, number)) or (None, 0)
-        if look.counted.get(what, -1) >= start:
+    new_numbers = range(start, n_now - n_after)
+    for number in new_numbers:
+        played_name, _ = plays(_line(columns, number)) or (None, 0)
+        if look.counted.get(played_name, -1) >= start:
             return None
     shift = n_now - n_before
-    left = [*look.left[:first], *new, *(number + shift for number in look.left[last:])]
-    counted = {w: at if at < start else at + shift for w, at in look.counted.items()}
+    numbers_left = [
+        *look.left[:first_changed],
+        *new_numbers,
+        *(number + shift for number in look.left[stop_changed:]),
+    ]
+    counted = {
+        played_before: number_counted if number_counted < start else number_counted + shift
+        for played_before, number_counted in look.counted.items()
+    }
     # The changed lines are looked at again, on the same beat too.
-    return _Look(columns, math.nextafter(look.since, -math.inf), left, look.counts, counted)
+    return _Look(columns, math.nextafter(look.since, -math.inf), numbers_left, look.counts, counted)

@@ -46,10 +46,10 @@ def _tell_cut(
 ) -> None:
     tempo = piece.tempo_map
     subject = "itself" if latest.place == gesture.place else quote(latest.name)
-    start_text, until = (tempo.written(tempo.beats(t)) for t in (gesture.start, latest.stop))
+    start_text, stop_text = (tempo.written(tempo.beats(t)) for t in (gesture.start, latest.stop))
     help = "write `layer: true` to play both"
     if gesture.player != latest.player:
         subject += f" of {quote(latest.player)} on key {quote(gesture.key)}"
         help += ", or give each player a key"
-    message = f"{quote(gesture.name)} at {start_text} cuts {subject}, which lasts until {until}"
+    message = f"{quote(gesture.name)} at {start_text} cuts {subject}, which lasts until {stop_text}"
     collector.error("W310", message, gesture.place, help=help)

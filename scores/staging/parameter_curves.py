@@ -65,12 +65,12 @@ class Curve:
 
     def evaluate(self, instant: float) -> float:
         """The value at an instant."""
-        after = bisect_right(self.t, instant)
-        if after in (0, len(self.t)):
-            return self.x[0 if after == 0 else -1] if self.x else self.initial
-        begin, end = self.t[after - 1], self.t[after]
+        index_after = bisect_right(self.t, instant)
+        if index_after in (0, len(self.t)):
+            return self.x[0 if index_after == 0 else -1] if self.x else self.initial
+        begin, end = self.t[index_after - 1], self.t[index_after]
         share = (instant - begin) / (end - begin)
-        return self.x[after - 1] + (self.x[after] - self.x[after - 1]) * share
+        return self.x[index_after - 1] + (self.x[index_after] - self.x[index_after - 1]) * share
 
 
 class Entry(NamedTuple):
@@ -96,8 +96,8 @@ def add_pattern(piece: Piece, entry: Entry, curve: Curve, extent: Extent) -> flo
     tempo, line = piece.tempo_map, entry.automation
     places = line.steps(tempo, piece.seed)
     course = places.course
-    first, last = held_places(places, extent.since, min(entry.stop, extent.until))
-    for place in range(first, last):
+    first_place, stop_place = held_places(places, extent.since, min(entry.stop, extent.until))
+    for place in range(first_place, stop_place):
         if not place % 1024:
             _core.poll(_PLACE_STEPS * 1024)
         name, instant = course.played(place), tempo.seconds(places[place])
@@ -119,14 +119,14 @@ def held_places(places: Steps, since: float, stop: float) -> tuple[int, int]:
     """The places before beat `stop` from the value on that holds at `since` and the one that it
     comes from: the first, and the one behind the last.
     """
-    last = n_before(places, stop - SAME)
-    first, wanted = min(last, n_before(places, since - SAME)), 2
+    stop_place = n_before(places, stop - SAME)
+    first_place, n_values_missing = min(stop_place, n_before(places, since - SAME)), 2
     for _ in range(_BACK):
-        if first == 0 or wanted == 0:
+        if first_place == 0 or n_values_missing == 0:
             break
-        first -= 1
-        wanted -= places.course.played(first) is not None
-    return first, last
+        first_place -= 1
+        n_values_missing -= places.course.played(first_place) is not None
+    return first_place, stop_place
 
 
 class GlidePath(NamedTuple):
@@ -155,16 +155,16 @@ def glide_path(piece: Piece, entry: Entry, value: float) -> GlidePath:
     tempo, line = piece.tempo_map, entry.automation
     to_path, _ = _SCALES.get(line.parameter, (_same, _same))
     values = [to_path(point.amount.applied_to(value)) for point in line.points]
-    ways: list[Approach] = [point.way for point in line.points]
+    approaches: list[Approach] = [point.way for point in line.points]
     if line.over is not None:
-        here = tempo.seconds(entry.begin)
-        instants = [here, tempo.seconds(tempo.after(entry.begin, line.over))]
-        ways.insert(0, "line")
+        start_instant = tempo.seconds(entry.begin)
+        instants = [start_instant, tempo.seconds(tempo.after(entry.begin, line.over))]
+        approaches.insert(0, "line")
     else:
         instants = [tempo.instant(entry.begin, point.at) for point in line.points]
-    if any(after <= before for before, after in pairwise(instants)):
+    if any(instant_after <= instant_before for instant_before, instant_after in pairwise(instants)):
         raise TextError("the points of the curve do not rise in time at this tempo")
-    return GlidePath(instants, values, ways, min(instants[-1], tempo.seconds(entry.stop)))
+    return GlidePath(instants, values, approaches, min(instants[-1], tempo.seconds(entry.stop)))
 
 
 def add_glide(piece: Piece, entry: Entry, curve: Curve, begins: float = -math.inf) -> None:
@@ -173,43 +173,51 @@ def add_glide(piece: Piece, entry: Entry, curve: Curve, begins: float = -math.in
     Points before the last one at or before the instant `begins` [s] may be left out.
     """
     tempo, line = piece.tempo_map, entry.automation
-    here = tempo.seconds(entry.begin)
+    start_instant = tempo.seconds(entry.begin)
     if isinstance(tempo, StoppedTempoMap):
-        if here < NEVER:  # the value on the beat at which the piece stands
+        if start_instant < NEVER:  # the value on the beat at which the piece stands
             goes = ShiftedTempoMap(tempo, 0.0)
-            moving = Curve(curve.initial, [goes.seconds(entry.begin)], [curve.evaluate(here)])
+            moving = Curve(
+                curve.initial, [goes.seconds(entry.begin)], [curve.evaluate(start_instant)]
+            )
             add_glide(replace(piece, tempo_map=goes), entry, moving)
-            curve.to(here, moving.evaluate(goes.seconds(tempo.stop_beat)))
+            curve.to(start_instant, moving.evaluate(goes.seconds(tempo.stop_beat)))
         return
     to_path, from_scale = _SCALES.get(line.parameter, (_same, _same))
-    instants, values, ways, last = glide_path(piece, entry, curve.initial)
-    before = curve.evaluate(here)
-    is_over = last <= begins and last > here + GLIDE  # only its end is heard
+    instants, values, approaches, stop_instant = glide_path(piece, entry, curve.initial)
+    value_before = curve.evaluate(start_instant)
+    is_over = (
+        stop_instant <= begins and stop_instant > start_instant + GLIDE
+    )  # only its end is heard
     if line.over is not None:
-        values.insert(0, to_path(before))
+        values.insert(0, to_path(value_before))
         if not is_over:  # it starts from the value on the grid before it
             step = GRID / piece.rate
-            curve.to(math.floor(here / step) * step, before)
-    elif values[0] != to_path(before) and not is_over:
-        curve.set(here, from_scale(values[0]), instants[1] if len(instants) > 1 else math.inf)
-    path = list(zip(instants, values, ways, strict=True))
+            curve.to(math.floor(start_instant / step) * step, value_before)
+    elif values[0] != to_path(value_before) and not is_over:
+        curve.set(
+            start_instant, from_scale(values[0]), instants[1] if len(instants) > 1 else math.inf
+        )
+    path = list(zip(instants, values, approaches, strict=True))
     if len(path) > 1 and not is_over:
-        times, spacing = _places(piece, curve, here, last)
+        times, spacing = _places(piece, curve, start_instant, stop_instant)
         times = times[max(0, bisect_right(times, begins) - 1) :]
         # Points near a corner are not corrected for curvature.
         near = spacing * (1.0 + SAME)
-        curve.within.update(t for t in times if all(abs(t - at) > near for at in instants))
+        curve.within.update(t for t in times if all(abs(t - corner) > near for corner in instants))
         for t, value in zip(times, _core.path_values(path, times), strict=True):
             curve.to(t, from_scale(value))
-    (end,) = _core.path_values(path, [last])
-    curve.to(last, from_scale(end))
+    (end,) = _core.path_values(path, [stop_instant])
+    curve.to(stop_instant, from_scale(end))
 
 
-def _places(piece: Piece, curve: Curve, here: float, last: float) -> tuple[list[float], float]:
+def _places(
+    piece: Piece, curve: Curve, start_instant: float, stop_instant: float
+) -> tuple[list[float], float]:
     """The instants on the grid within a glide that have points, and the time between them [s]."""
     step = GRID / piece.rate
-    first = max(curve.t[-1], here) if curve.t else here
-    places = range(math.floor(first / step) + 1, math.ceil(last / step))
+    first_instant = max(curve.t[-1], start_instant) if curve.t else start_instant
+    places = range(math.floor(first_instant / step) + 1, math.ceil(stop_instant / step))
     stride = max(1, -(-len(places) // PLACES))
     return [place * step for place in places[::stride]], stride * step
 
@@ -263,12 +271,12 @@ def add_swing(piece: Piece, entry: Entry, curve: Curve, extent: Extent) -> None:
     tempo, curve_value = piece.tempo_map, curve.initial
     low, high = swing.low.applied_to(curve_value), swing.high.applied_to(curve_value)
     beat_of = swing_beats(tempo, entry, swing)
-    first = 0
+    first_point = 0
     if extent.since > entry.begin:
-        first = max(0, swing_points_before(beat_of, extent.since) - PIECES)
+        first_point = max(0, swing_points_before(beat_of, extent.since) - PIECES)
     offset = round(swing.phase * PIECES)
     edges = {"square": (0, PIECES // 2), "ramp": (0,)}.get(swing.shape, ())
-    for number in range(first, first + _POINTS_MAX):
+    for number in range(first_point, first_point + _POINTS_MAX):
         beat, place = beat_of(number), (number + offset) % PIECES
         if beat > entry.stop or (instant := tempo.seconds(beat)) >= NEVER:
             break

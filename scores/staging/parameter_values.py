@@ -22,7 +22,7 @@ from ergon.scores.staging.version_glides import BODIES, TWO_PI, ties
 if TYPE_CHECKING:
     from ergon.instruments.assemble import Assembly
 
-Where = tuple[str, str]  # a part and one of its modules
+ModuleKey = tuple[str, str]  # a part and one of its modules
 Point = tuple[float, ...]  # an instant [s] and numbers
 Points = Sequence[Point]
 
@@ -42,22 +42,22 @@ class Led:
         self.numbers_alone = self.numbers({})
 
     @classmethod
-    def from_piece(cls, piece: Piece, where: Where) -> Led | None:
+    def from_piece(cls, piece: Piece, module_key: ModuleKey) -> Led | None:
         """A module of a piece; None if it does not exist."""
-        name, module_name = where
+        name, module_name = module_key
         key = piece.keys.get(name)
         part = key or piece.instruments.get(name)
         modules = () if part is None else part.modules
-        module = next((one for one in modules if one.name == module_name), None)
+        module = next((candidate for candidate in modules if candidate.name == module_name), None)
         if module is None and not module_name:
             module = pitched_module(part)
         if module is None:
             return None
         return cls(module, 1.0 if key is None else 1.0 / (key.reach * key.reach))
 
-    def is_same(self, other: Led) -> bool:
+    def is_same(self, other_led: Led) -> bool:
         """Whether another module has the same numbers for all values."""
-        return self.scale == other.scale and self.module == other.module
+        return self.scale == other_led.scale and self.module == other_led.module
 
     @property
     def cost(self) -> int:
@@ -87,24 +87,24 @@ class Led:
 
     def transposed(self, numbers: tuple[float, ...], ratio: float) -> tuple[float, ...]:
         """The numbers with all times divided by a ratio, as `transpose` does."""
-        stiffness, viscosity, *rest = numbers
-        return (stiffness * ratio * ratio, viscosity * ratio, *rest)
+        stiffness, viscosity, *other_numbers = numbers
+        return (stiffness * ratio * ratio, viscosity * ratio, *other_numbers)
 
     def put(
-        self, timeline: _core.Timeline, assembly: Assembly, where: Where, points: Points
+        self, timeline: _core.Timeline, assembly: Assembly, module_key: ModuleKey, points: Points
     ) -> None:
         """Put the points on the timeline, so that the engine moves the module. Raises
         EngineError.
         """
         kind = self.module.kind
         if kind == "CEL":
-            timeline.path(assembly.mats[where], [(t, k, z, m) for t, k, z, m in points])
+            timeline.path(assembly.mats[module_key], [(t, k, z, m) for t, k, z, m in points])
             return
         pairs = [(t, a, b) for t, a, b in points]
         if kind == "BANK":
-            timeline.retune(assembly.mats[where], pairs, n=self.cost)
+            timeline.retune(assembly.mats[module_key], pairs, n=self.cost)
             return
-        links = assembly.links_of(where)
+        links = assembly.links_of(module_key)
         timeline.lead(links.start, pairs, n=len(links))
 
 

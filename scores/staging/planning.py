@@ -110,20 +110,25 @@ class _Planner:
         network: _core.Network,
         timeline: _core.Timeline,
         store: Store | None,
-        like: _core.Plan | None,
+        earlier_plan: _core.Plan | None,
         watched: Watched,
     ) -> None:
         self._network_and_timeline = network, timeline
         self._watched = watched
-        self._store = _CountedStore(store) if store is not None and like is None else None
-        self._like = like
+        self._store = _CountedStore(store) if store is not None and earlier_plan is None else None
+        self._like = earlier_plan
 
     def plan(self, wished: Accuracy, share: float = 1.0) -> _core.Plan:
         """A plan whose trials take a share of the work."""
         how = _budget(wished)
-        store, like, watched = self._store, self._like, self._watched
+        store, earlier_plan, watched = self._store, self._like, self._watched
         return _core.Plan(
-            *self._network_and_timeline, **how, **watched, store=store, like=like, share=share
+            *self._network_and_timeline,
+            **how,
+            **watched,
+            store=store,
+            like=earlier_plan,
+            share=share,
         )
 
     def finish(self) -> bool:
@@ -179,12 +184,14 @@ def make(
     looser = {error: Accuracy(error=error) for error in _LOOSER}
     looser_plans = {error: planner.plan(wished, _LOOSER_SHARE) for error, wished in looser.items()}
     fits = [
-        error for error, other in looser_plans.items() if cost_factor * cost(other) <= accuracy.cpu
+        error
+        for error, looser_plan in looser_plans.items()
+        if cost_factor * cost(looser_plan) <= accuracy.cpu
     ]
     if is_free and fits:
         return Planned(looser_plans[fits[0]], looser[fits[0]], is_kept=planner.finish())
     all_made = ((plan_made, accuracy), *zip(looser_plans.values(), looser.values(), strict=True))
-    cheapest, its_accuracy = min(all_made, key=lambda one: cost(one[0]))
+    cheapest, its_accuracy = min(all_made, key=lambda plan_and_accuracy: cost(plan_and_accuracy[0]))
     hint = (
         f"error: {fits[0]:g}dB fits"
         if fits
@@ -222,11 +229,11 @@ def draft_error(plan: _core.Plan) -> str:
     left_out = [row.left_out_db for row in rows if row.left_out_db is not None]
     tried = [row for row in rows if needs_trial(row) and row.error_db is None]
     names = list(dict.fromkeys(name for row in tried for name in row.parts))
-    known = "nothing is left out"
+    known_error = "nothing is left out"
     if left_out:
-        known = f"modes that are left out are {max(left_out):.0f} dB below the sound"
+        known_error = f"modes that are left out are {max(left_out):.0f} dB below the sound"
     unknown = f"; the error of {' + '.join(names)} is not measured" if names else ""
-    return f"draft, by the cheapest stable methods and few trials: {known}{unknown}"
+    return f"draft, by the cheapest stable methods and few trials: {known_error}{unknown}"
 
 
 def _percent(part: float) -> str:
@@ -248,16 +255,18 @@ def _cut_short(plan: _core.Plan, accuracy: Accuracy) -> list[str]:
         if row.cut_short and not row.diverges and not _is_met(row, accuracy):
             names_by_error.setdefault((row.error_db, row.error_s), []).extend(row.parts)
     sentences = []
-    for (db, over), parts in names_by_error.items():
-        known = "the error of the chosen method is unknown"
-        if db is not None and over is not None:
-            known = f"the error of the chosen method is {db:.0f} dB over the first {over:.2g} s"
+    for (db, seconds), parts in names_by_error.items():
+        known_error = "the error of the chosen method is unknown"
+        if db is not None and seconds is not None:
+            known_error = (
+                f"the error of the chosen method is {db:.0f} dB over the first {seconds:.2g} s"
+            )
         if error is not None and db is None:
-            known += f" and may be above the {error:g} dB that you asked for"
+            known_error += f" and may be above the {error:g} dB that you asked for"
         elif error is not None and db is not None and db > error:
-            known += f", above the {error:g} dB that you asked for"
+            known_error += f", above the {error:g} dB that you asked for"
         names = " + ".join(dict.fromkeys(parts))
-        sentences.append(f"{names}: planning reached its work limit; {known}")
+        sentences.append(f"{names}: planning reached its work limit; {known_error}")
     return sentences
 
 
@@ -291,24 +300,25 @@ def _missed(plan: _core.Plan, error: float | None, *, is_foreseen: bool) -> list
     islands: dict[tuple[float, float, float | None], list[str]] = {}
     unknown: list[str] = []
     for row in plan.rows():
-        db, over = row.error_db, row.error_s
+        db, seconds = row.error_db, row.error_s
         if row.cut_short or row.diverges:
             continue
-        if db is None or over is None:
+        if db is None or seconds is None:
             if row.what in _BY_TRIAL and is_foreseen:
                 unknown.extend(row.parts)
             continue
         if db > error or row.spectral_db is not None:
-            islands.setdefault((db, over, row.spectral_db), []).extend(row.parts)
+            islands.setdefault((db, seconds, row.spectral_db), []).extend(row.parts)
     sentences = [
-        f"{' + '.join(dict.fromkeys(parts))}: the error is {db:.0f} dB over the first {over:.2g} s"
+        f"{' + '.join(dict.fromkeys(parts))}: the error is {db:.0f} dB over the first "
+        f"{seconds:.2g} s"
         + (
             f", above the {error:g} dB asked for"
             if spectral is None
             else "; after that the motion is chaotic: waveforms differ between methods, while the "
             f"spectra agree within {spectral:.1f} dB"
         )
-        for (db, over, spectral), parts in islands.items()
+        for (db, seconds, spectral), parts in islands.items()
     ]
     if unknown:
         names = " + ".join(dict.fromkeys(unknown))
@@ -325,12 +335,12 @@ def _missed_by_ear(plan: _core.Plan, cents: float | None) -> list[str]:
     limits = _core.AudibleError(*allowed)
     islands: dict[str, list[str]] = {}
     for row in plan.rows():
-        audible, over, spectral = row.audible, row.error_s, row.spectral_db
-        if over is None or row.cut_short:
+        audible, seconds, spectral = row.audible, row.error_s, row.spectral_db
+        if seconds is None or row.cut_short:
             continue
         if audible is not None and not _is_allowed(audible, allowed):
             sentence = (
-                f"over the first {over:.2g} s {error_text(audible)}; allowed are "
+                f"over the first {seconds:.2g} s {error_text(audible)}; allowed are "
                 f"{limits.cents:.2g} cents, {100 * limits.t60:.2g}%, "
                 f"{limits.third_octave_db:.2g} dB, {1e3 * limits.first_stroke_s:.2g} ms at the "
                 f"first stroke, {1e3 * limits.later_stroke_s:.2g} ms at others and "
@@ -339,7 +349,8 @@ def _missed_by_ear(plan: _core.Plan, cents: float | None) -> list[str]:
         elif spectral is not None and spectral > _core.SPECTRUM_NOISE:
             noise = _core.SPECTRUM_NOISE
             sentence = (
-                f"after the first {over:.2g} s the motion is chaotic, and third octaves of a more "
+                f"after the first {seconds:.2g} s the motion is chaotic, and third octaves of a "
+                "more "
                 f"exact run differ by {spectral:.1f} dB on average, above the {noise:.2g} dB by "
                 "which rounding alone changes such a motion"
             )
@@ -359,7 +370,7 @@ def _allowed_by_ear(cents: float | None) -> list[float]:
 
 
 def _is_allowed(heard: _core.AudibleError, allowed: list[float]) -> bool:
-    return all(own <= most for own, most in zip(heard, allowed, strict=True))
+    return all(error <= limit for error, limit in zip(heard, allowed, strict=True))
 
 
 def error_text(audible: _core.AudibleError) -> str:

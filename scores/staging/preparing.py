@@ -30,7 +30,7 @@ from ergon.scores.staging.late_keys import check_delays
 from ergon.scores.staging.listening import check_mix
 from ergon.scores.staging.live import LiveHand, check_players, held, join, stand_ins
 from ergon.scores.staging.overlap import check_overlaps
-from ergon.scores.staging.parameter_values import Points, Where
+from ergon.scores.staging.parameter_values import ModuleKey, Points
 from ergon.scores.staging.refusals import StageError, refuse, refused
 from ergon.scores.staging.stage_memory import StageMemory
 from ergon.scores.staging.striking import ALL_TIME, Striking
@@ -49,7 +49,7 @@ class EarlierStage(Protocol):
 
     built: BuiltNetwork
     takes: Mapping[Hashable, _core.Take]
-    paths: Mapping[Where, Points]
+    paths: Mapping[ModuleKey, Points]
     paths_until: float
     memory: StageMemory
     drawn: Sequence[DrawnNote]
@@ -72,7 +72,7 @@ class PreparedPiece:
     hands: Hands
     collector: Collector
     live: tuple[LiveHand, ...]
-    paths: Mapping[Where, Points]
+    paths: Mapping[ModuleKey, Points]
     paths_until: float
     fades_from: int | None
     memory: StageMemory
@@ -87,44 +87,47 @@ class PreparedPiece:
 @without_gc
 def prepare(
     piece: Piece,
-    real: Real | None = None,
+    real_hands: Real | None = None,
     silent: Container[str] = (),
     spans: Sequence[Span] | None = None,
-    like: EarlierStage | None = None,
+    stage_before: EarlierStage | None = None,
     start: int = 0,
 ) -> PreparedPiece:
     """Build the network and the timeline of a piece. Raises StageError with every mistake found.
 
-    `real`: players whose hands are real, with their position at every tick if it is known;
-    `silent`: instruments that are not listened to; `spans`: what parts of this piece and of
-    earlier ones play, by default all of this one; `like`: a stage whose takes, and whose network
-    if it is the same, are reused; `start`: the frame at which this stage takes over from `like`.
+    `real_hands`: players whose hands are real, with their position at every tick if it is known;
+    `silent`: instruments that are not listened to; `spans`: what parts of this piece and of earlier
+    ones play, by default all of this one; `stage_before`: a stage whose takes, and whose network if
+    it is the same, are reused; `start`: the frame at which this stage takes over from
+    `stage_before`.
     """
     collector = Collector()
-    real = stand_ins(piece) | dict(real or {})
-    check_players(piece, real, collector)
-    memory = StageMemory() if like is None else like.memory
-    known = memory.automation
+    real_hands = stand_ins(piece) | dict(real_hands or {})
+    check_players(piece, real_hands, collector)
+    memory = StageMemory() if stage_before is None else stage_before.memory
+    known_automation = memory.automation
     try:
-        computed = held(piece, real)
-        built = (like and like.built.for_piece(computed, silent)) or build_network(computed, silent)
+        computed = held(piece, real_hands)
+        built = (stage_before and stage_before.built.for_piece(computed, silent)) or build_network(
+            computed, silent
+        )
         assembly, couplings = built.assembly, built.couplings
         timeline = _core.Timeline(assembly.network, piece.rate)
         if piece.accuracy.is_unguarded:
             timeline.leave_unguarded()
         for (part, module), port in assembly.ports.items():
             timeline.delay_forces(port, assembly.mats[part, module], piece.keys[part].delay)
-        takes = Takes(piece, collector, like.takes if like else {})
+        takes = Takes(piece, collector, stage_before.takes if stage_before else {})
         hands = Hands(piece, timeline, takes, collector)
         # A session has no end up to which a stand-in could play.
         rests = spans is not None
-        live = tuple(join(piece, real, assembly, timeline, collector, rests=rests))
+        live = tuple(join(piece, real_hands, assembly, timeline, collector, rests=rests))
         played = [Span(piece, ALL)] if spans is None else spans
         sounds = sounds_in(piece, timeline, takes)
         drive(piece, assembly, hands, {name: index for name, (index, _) in sounds.items()})
-        begin = -math.inf if like is None else start / piece.rate
-        drawn = DrawnNotes(timeline, like.drawn if like else (), begin, piece.rate)
-        plays_until = _play(piece, assembly, hands, couplings, real, played, memory, drawn)
+        begin = -math.inf if stage_before is None else start / piece.rate
+        drawn = DrawnNotes(timeline, stage_before.drawn if stage_before else (), begin, piece.rate)
+        plays_until = _play(piece, assembly, hands, couplings, real_hands, played, memory, drawn)
         end = max(plays_until, _length(piece, live))
         end = max([end, *(seconds for _, seconds in sounds.values())])
         check_overlaps(piece, hands.gestures, collector)
@@ -132,14 +135,16 @@ def prepare(
         check_delays(computed, collector)
         check_mix(piece, collector)
         n_frames = _frames(piece, end, collector) if spans is None else 0
-        (paths, moved), paths_until = _automate(piece, spans, n_frames, collector, begin, known)
-        if like is not None:
-            takeover_arguments = like.paths, paths, piece, begin, like.paths_until
-            paths = takeover_points(*takeover_arguments, moved, known)
-        for where, points in paths.items():
-            if led := known.led(piece, where):
+        (paths, moved), paths_until = _automate(
+            piece, spans, n_frames, collector, begin, known_automation
+        )
+        if stage_before is not None:
+            takeover_arguments = stage_before.paths, paths, piece, begin, stage_before.paths_until
+            paths = takeover_points(*takeover_arguments, moved, known_automation)
+        for module_key, points in paths.items():
+            if led := known_automation.led(piece, module_key):
                 try:
-                    led.put(timeline, assembly, where, points)
+                    led.put(timeline, assembly, module_key, points)
                 except _core.EngineError as error:
                     refuse(piece, collector, error)
     except _core.EngineError as error:
@@ -158,7 +163,7 @@ def _automate(
     n_frames: int,
     collector: Collector,
     begins: float,
-    known: KnownAutomation,
+    known_automation: KnownAutomation,
 ) -> tuple[Automated, float]:
     """The points of automated modules, up to the end of the piece or of its last stretch, and the
     instant up to which they are complete [s]. A stretch needs them from the instant `begins` [s]
@@ -171,10 +176,10 @@ def _automate(
         end = tempo.beats(n_frames / piece.rate)
         return automation_points(piece, -math.inf, end, collector), math.inf
     if isinstance(tempo, StoppedTempoMap) or not spans:
-        here = tempo.beats(0.0)
-        return automation_points(piece, here, here, collector), math.inf
+        stopped_beat = tempo.beats(0.0)
+        return automation_points(piece, stopped_beat, stopped_beat, collector), math.inf
     since, until, _ = spans[-1].window
-    points = automation_points(piece, since, until, collector, begins, known)
+    points = automation_points(piece, since, until, collector, begins, known_automation)
     return points, complete_until(piece, until)
 
 
@@ -188,14 +193,14 @@ def _play(
     assembly: Assembly,
     hands: Hands,
     couplings: Sequence[int],
-    real: Real,
+    real_hands: Real,
     spans: Sequence[Span],
     memory: StageMemory,
     drawn: DrawnNotes,
 ) -> float:
     """Put all virtual events on the timeline; returns when the last one ends [s]."""
     timeline = hands.timeline
-    live_keys = {piece.players[name].key for name in real}
+    live_keys = {piece.players[name].key for name in real_hands}
     for name, key in piece.keys.items():
         if name not in live_keys:
             hands.key(name, assembly.mats[name, key.struck])
@@ -203,13 +208,13 @@ def _play(
         span_hands = hands if window is ALL else hands.other(played, window)
         span_hands.play_parts(played, live_keys, None if live_keys else memory.plays)
     players = [one for one in piece.players.values() if one.hand == "live" and one.standin]
-    players_with_part = {*real}
+    players_with_part = {*real_hands}
     if players:
         players_with_part |= {play.player for play in piece.parts}
     for player in players:
         if player.name not in players_with_part:
             hands.standin(player)
-    ends = [gesture.stop for gesture in hands.gestures]
+    event_ends = [gesture.stop for gesture in hands.gestures]
     for played, window in spans:
         within = _within(played, window)
         for strikes in memory.strikes.left(played, window.since):
@@ -217,13 +222,13 @@ def _play(
             mats = [mat for target in targets for mat in assembly.members(target)]
             source = hands.sources.add(partial(_same_place, strikes.place))
             striking = Striking(played, timeline, strikes, mats, source, within, assembly, drawn)
-            ends.append(striking.play(hands.collector))
+            event_ends.append(striking.play(hands.collector))
     drawn.end_others(assembly.mats.get, hands.sources.add(partial(_same_place, piece.place)))
     for link, (begin, until) in zip(couplings, acting(piece), strict=True):
         if until == COUPLING_ENDED:
             begin, until = NEVER, None
         timeline.couple(link, begin, until)
-    return max(ends, default=0.0)
+    return max(event_ends, default=0.0)
 
 
 def _within(piece: Piece, window: Window) -> tuple[float, float]:
@@ -231,9 +236,9 @@ def _within(piece: Piece, window: Window) -> tuple[float, float]:
     if window is ALL:
         return ALL_TIME
     tempo = piece.tempo_map
-    first = tempo.seconds(window.since) if window.since > -math.inf else 0.0
-    last = tempo.seconds(window.until) if window.until < math.inf else math.inf
-    return max(0.0, first), last
+    start_instant = tempo.seconds(window.since) if window.since > -math.inf else 0.0
+    stop_instant = tempo.seconds(window.until) if window.until < math.inf else math.inf
+    return max(0.0, start_instant), stop_instant
 
 
 def _frames(piece: Piece, end: float, collector: Collector) -> int:

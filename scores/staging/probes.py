@@ -60,8 +60,10 @@ def probed(piece: Piece) -> ProbedPiece:
     heard.
     """
     contacts, rubbings = list(_contacts(piece)), list(_rubbings(piece))
-    ends = (end for _, _, module in (*contacts, *rubbings) for end in module.fields["between"])
-    targets = {_identity(target): target for target in (*ends, *_single(piece))}
+    end_targets = (
+        end for _, _, module in (*contacts, *rubbings) for end in module.fields["between"]
+    )
+    targets = {_identity(target): target for target in (*end_targets, *_single(piece))}
     first_targets = list(targets.items())[:MAX_POINTS]
     kinds = {(part, module.name): module for part, module in piece.modules()}
     points = {
@@ -96,10 +98,10 @@ def _identity(target: Target) -> tuple[str, str, int | str]:
 
 
 def _point(target: Target, output: int, module: Module) -> Point:
-    count, first, axis = member_count(module.kind, module.fields), target.first, ""
-    if "axes" in module.fields and isinstance(first, int):
-        first, axis = first % count, AXES[first // count]
-    member = "" if count == 1 else str(first)
+    count, member_index, axis = member_count(module.kind, module.fields), target.first, ""
+    if "axes" in module.fields and isinstance(member_index, int):
+        member_index, axis = member_index % count, AXES[member_index // count]
+    member = "" if count == 1 else str(member_index)
     name = ".".join(filter(None, (target.part, target.module, member, axis)))
     return Point(name, output, module.kind == "SOL")
 

@@ -51,8 +51,8 @@ class FreezeObstacle:
         path_text = ", ".join(map(str, self.links))
         if self.player is not None:
             if not path_text:
-                why = f"its output listens to {self.key}, the key of {self.player}"
-                return f"{self.part} cannot be frozen: {why}"
+                reason = f"its output listens to {self.key}, the key of {self.player}"
+                return f"{self.part} cannot be frozen: {reason}"
             return f"{self.part} cannot be frozen: {self.player} can feel it through {path_text}"
         path_text = (
             f"{path_text} connects them" if len(self.links) == 1 else f"{path_text} connect them"
@@ -68,13 +68,15 @@ def ties(piece: Piece, parts: Collection[str], players: Iterable[str]) -> list[F
     for player in players:
         key = piece.keys[piece.players[player].key]
         hands[web.assembly.mats[key.name, key.struck]] = (player, key.name)
-    others = {
+    other_players = {
         mat: part
         for part in dict.fromkeys(instrument.name for _, instrument, _ in audible_outputs(piece))
         if part not in parts
         for mat in web.audible_points(piece, part)
     }
-    ties_found = (web.tie(part, web.audible_points(piece, part), hands, others) for part in parts)
+    ties_found = (
+        web.tie(part, web.audible_points(piece, part), hands, other_players) for part in parts
+    )
     return [tie for tie in ties_found if tie is not None]
 
 
@@ -140,13 +142,13 @@ class _LinkGraph:
     def _held_by(self, part: str, module: Module) -> range:
         if module.kind == "ENX":
             return self._points(module.fields["to"])
-        first = self.assembly.mats[part, module.name]
-        return range(first, first + 1)
+        first_mat = self.assembly.mats[part, module.name]
+        return range(first_mat, first_mat + 1)
 
     def _points(self, target: Target) -> range:
         if (target.part, target.module) in self._wholes:
-            first = self.assembly.mats[target.part, target.module]
-            return range(first, first + 1)
+            first_mat = self.assembly.mats[target.part, target.module]
+            return range(first_mat, first_mat + 1)
         return self.assembly.members(target)
 
     def audible_points(self, piece: Piece, part: str) -> set[int]:
@@ -167,7 +169,7 @@ class _LinkGraph:
         part: str,
         start: set[int],
         hands: Mapping[int, tuple[str, str]],
-        others: Mapping[int, str],
+        other_players: Mapping[int, str],
     ) -> FreezeObstacle | None:
         """The shortest path to a live hand, or else to an instrument that is not frozen."""
         came: dict[int, tuple[int, Link] | None] = dict.fromkeys(sorted(start))
@@ -177,14 +179,14 @@ class _LinkGraph:
             mat = queue.popleft()
             if mat in hands:
                 return FreezeObstacle(part, _path_to(mat, came), *hands[mat])
-            if mat in others and path is None:
-                path = FreezeObstacle(part, _path_to(mat, came), other=others[mat])
+            if mat in other_players and path is None:
+                path = FreezeObstacle(part, _path_to(mat, came), other=other_players[mat])
             if mat in self._held:
                 continue
-            for other, link in self._links.get(mat, ()):
-                if other not in came:
-                    came[other] = mat, link
-                    queue.append(other)
+            for other_mat, link in self._links.get(mat, ()):
+                if other_mat not in came:
+                    came[other_mat] = mat, link
+                    queue.append(other_mat)
         return path
 
 

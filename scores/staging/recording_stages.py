@@ -45,12 +45,16 @@ def stage_recording(piece: Piece, *, seed: int | None = None, store: Store | Non
     try:
         return stage(piece, seed=seed, record=True)
     except StageError as refused:
-        if any(found.code != "E309" for found in refused.diagnostics if found.severity == "error"):
+        if any(
+            diagnostic.code != "E309"
+            for diagnostic in refused.diagnostics
+            if diagnostic.severity == "error"
+        ):
             raise
         stage(piece, seed=seed, planned=True, store=store)
-        for ways in _ways(piece, store):
+        for approach_ways in _ways(piece, store):
             try:
-                return stage(seed=seed, record=True, **ways)
+                return stage(seed=seed, record=True, **approach_ways)
             except StageError:
                 continue
         raise
@@ -89,12 +93,12 @@ def solo(
     name: str,
     key: str,
     do: tuple[Transform, ...] = (),
-    manner: PlayingOptions | None = None,
+    playing_options: PlayingOptions | None = None,
 ) -> Stage:
     """One gesture or take alone on a key, at the beginning of the piece."""
-    where = piece.keys[key].place
-    hand = Player(key, "virtual", key, None, None, None, where)
-    what = piece.gestures.get(name) or piece.takes[name]
+    key_place = piece.keys[key].place
+    hand = Player(key, "virtual", key, None, None, None, key_place)
+    gesture_or_take = piece.gestures.get(name) or piece.takes[name]
     play = Play(
         hand.name,
         name,
@@ -103,9 +107,9 @@ def solo(
         times=1,
         until=None,
         do=do,
-        manner=manner or PlayingOptions(),
-        place=what.place,
-        begin_place=what.place,
+        manner=playing_options or PlayingOptions(),
+        place=gesture_or_take.place,
+        begin_place=gesture_or_take.place,
         until_place=None,
     )
     alone = replace(piece, parts=(play,), starts=((0.0,),), players={hand.name: hand}, strikes=())

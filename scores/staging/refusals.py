@@ -16,7 +16,7 @@ class StageError(ErgonError):
 
     def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
         """Take the diagnostics."""
-        super().__init__("\n".join(found.message for found in diagnostics))
+        super().__init__("\n".join(diagnostic.message for diagnostic in diagnostics))
         self.diagnostics = list(diagnostics)
 
 
@@ -27,8 +27,10 @@ def place_of(piece: Piece, name: str | None) -> Place:
     name = name or ""
     links = [("duet", duet.link, duet.link.place) for duet in piece.duet]
     keys = [(key.name, module, key.place) for key in piece.keys.values() for module in key.modules]
-    others = [(i.name, module, i.place) for i in piece.instruments.values() for module in i.modules]
-    for part, module, place in (*keys, *others, *links):
+    instrument_modules = [
+        (i.name, module, i.place) for i in piece.instruments.values() for module in i.modules
+    ]
+    for part, module, place in (*keys, *instrument_modules, *links):
         full = ".".join(filter(None, (part, module.name)))
         if name == full or name.startswith(f"{full}."):
             return module.place if module.place.file == place.file else place

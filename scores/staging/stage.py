@@ -18,7 +18,7 @@ from ergon.scores.staging.drawn_notes import DrawnNote
 from ergon.scores.staging.hands import ErgonPlaces, StagedGesture
 from ergon.scores.staging.listening import Listening
 from ergon.scores.staging.live import LiveHand
-from ergon.scores.staging.parameter_values import Points, Where
+from ergon.scores.staging.parameter_values import ModuleKey, Points
 from ergon.scores.staging.planning import Planned, Store, Watched, make
 from ergon.scores.staging.preparing import PreparedPiece, Span, prepare
 from ergon.scores.staging.refusals import place_of, refused
@@ -53,7 +53,7 @@ class Stage:
     is_plan_kept: bool = False
     live: tuple[LiveHand, ...] = ()
     takes: Mapping[Hashable, _core.Take] = field(default_factory=dict)
-    paths: Mapping[Where, Points] = field(default_factory=dict)  # of modules with automation
+    paths: Mapping[ModuleKey, Points] = field(default_factory=dict)  # of modules with automation
     paths_until: float = math.inf  # [s] up to which these paths are complete
     planned_for: Accuracy | None = None
     # From this frame on a render may end when the sound has faded; None: it ends at `n_frames`.
@@ -274,7 +274,7 @@ def stage(
     pins: Sequence[_core.IslandChoice] | None = None,
     store: Store | None = None,
     threads: int = 1,
-    real: Real | None = None,
+    real_hands: Real | None = None,
     silent: Container[str] = (),
     on_fault: Literal["stop", "mute"] = "stop",
     going: StageTakeover | None = None,
@@ -289,7 +289,7 @@ def stage(
 
     A ledger is available only without a plan, and recording only if no ergon strikes inside a
     body. With `fine_contacts` and without a plan, contacts are computed several times a frame.
-    `pins` are the choices of an earlier plan, `store` keeps results of trials, `real` has the
+    `pins` are the choices of an earlier plan, `store` keeps results of trials, `real_hands` has the
     players whose hands are real with their known positions, `silent` the instruments that are
     not listened to. `on_fault` says whether a diverging part ends the run or is muted. Work
     takes `correction` times as long as in the table of costs. With `is_seen` parts that nobody
@@ -299,36 +299,36 @@ def stage(
     if seed is not None:
         piece = replace(piece, seed=seed)
     going = going or StageTakeover()
-    like = going.like
-    ready = prepare(piece, real, silent, going.spans, like, going.start)
-    native.speed_up(ready.network, ready.n_frames)
+    stage_before = going.like
+    prepared = prepare(piece, real_hands, silent, going.spans, stage_before, going.start)
+    native.speed_up(prepared.network, prepared.n_frames)
     if going.spans is not None:
-        ready.timeline.open()
-    _add_glides(piece, ready, going)
-    _add_strike_points(piece, ready, going)
+        prepared.timeline.open()
+    _add_glides(piece, prepared, going)
+    _add_strike_points(piece, prepared, going)
     plan, planning = None, None
     try:
         if planned:
             everything = (*piece.keys, *piece.instruments) if is_seen else ()
             planning = make(
-                ready.network,
-                ready.timeline,
+                prepared.network,
+                prepared.timeline,
                 piece.accuracy,
                 pins,
                 store,
-                like.plan if like is not None else None,
-                is_foreseen=going.spans is None and not real,
+                stage_before.plan if stage_before is not None else None,
+                is_foreseen=going.spans is None and not real_hands,
                 correction=correction,
                 is_draft=is_draft,
                 watched=Watched(seen=everything, seen_every=piece.motion_every),
             )
             plan = planning.plan
-            _report_planning(piece, planning, ready.collector, is_seen=is_seen)
+            _report_planning(piece, planning, prepared.collector, is_seen=is_seen)
         elif fine_contacts:
-            plan = _core.Plan.with_fine_contacts(ready.network, ready.timeline)
+            plan = _core.Plan.with_fine_contacts(prepared.network, prepared.timeline)
         simulation = _core.Simulation(
-            ready.network,
-            ready.timeline,
+            prepared.network,
+            prepared.timeline,
             plan=plan,
             start=going.start,
             ledger=ledger,
@@ -337,61 +337,61 @@ def stage(
             threads=threads,
         )
     except _core.EngineError as error:
-        raise refused(piece, ready.collector, error) from error
-    return _staged(piece, ready, simulation, plan, planning)
+        raise refused(piece, prepared.collector, error) from error
+    return _staged(piece, prepared, simulation, plan, planning)
 
 
 def _staged(
     piece: Piece,
-    ready: PreparedPiece,
+    prepared: PreparedPiece,
     simulation: _core.Simulation,
     plan: _core.Plan | None,
     planning: Planned | None,
 ) -> Stage:
     return Stage(
         piece,
-        ready.built,
+        prepared.built,
         simulation,
-        ready.n_frames,
-        ready.hands.gestures,
-        ready.hands.sources,
-        ready.collector.finish(),
+        prepared.n_frames,
+        prepared.hands.gestures,
+        prepared.hands.sources,
+        prepared.collector.finish(),
         plan,
         planning is not None and planning.is_kept,
-        ready.live,
-        ready.hands.takes.files,
-        ready.paths,
-        ready.paths_until,
+        prepared.live,
+        prepared.hands.takes.files,
+        prepared.paths,
+        prepared.paths_until,
         None if planning is None else planning.accuracy,
-        ready.fades_from,
-        ready.memory,
-        timeline=ready.timeline,
-        drawn=ready.drawn,
+        prepared.fades_from,
+        prepared.memory,
+        timeline=prepared.timeline,
+        drawn=prepared.drawn,
     )
 
 
-def _add_glides(piece: Piece, ready: PreparedPiece, going: StageTakeover) -> None:
+def _add_glides(piece: Piece, prepared: PreparedPiece, going: StageTakeover) -> None:
     try:
         for glide in going.glides:
-            if glide.written in ready.paths:
+            if glide.written in prepared.paths:
                 continue  # automation changes it
-            glide.put(ready.timeline, ready.built.assembly)
+            glide.put(prepared.timeline, prepared.built.assembly)
     except _core.EngineError as error:
-        raise refused(piece, ready.collector, error) from error
+        raise refused(piece, prepared.collector, error) from error
 
 
-def _add_strike_points(piece: Piece, ready: PreparedPiece, going: StageTakeover) -> None:
+def _add_strike_points(piece: Piece, prepared: PreparedPiece, going: StageTakeover) -> None:
     """Register the MATs that may be struck while the stage plays."""
-    assembly = ready.built.assembly
+    assembly = prepared.built.assembly
     try:
         for part, module, member, number in going.strike_points:
-            first = assembly.mats.get((part, module))
-            if first is not None:  # it may be left out of the network
-                mat = ready.network.centre(first) if member < 0 else first + member
+            first_mat = assembly.mats.get((part, module))
+            if first_mat is not None:  # it may be left out of the network
+                mat = prepared.network.centre(first_mat) if member < 0 else first_mat + member
                 lasts = _contact_time(piece, part, module)
-                ready.timeline.strike_point(mat, number, lasts=lasts)
+                prepared.timeline.strike_point(mat, number, lasts=lasts)
     except _core.EngineError as error:
-        raise refused(piece, ready.collector, error) from error
+        raise refused(piece, prepared.collector, error) from error
 
 
 def _contact_time(piece: Piece, part: str, module: str) -> float | None:
@@ -416,9 +416,9 @@ def _report_unused_rates(piece: Piece, plan: _core.Plan, collector: Collector) -
     """Report parts with a rate of their own that are computed at the audio rate all the same
     (N403).
     """
-    for name, why in dict.fromkeys(plan.stay()):
+    for name, reason in dict.fromkeys(plan.stay()):
         part = piece.keys.get(name) or piece.instruments[name]
-        message = f"{quote(name)} is computed at the audio rate, not at a rate of its own: {why}"
+        message = f"{quote(name)} is computed at the audio rate, not at a rate of its own: {reason}"
         collector.error("N403", message, part.place)
 
 

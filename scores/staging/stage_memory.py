@@ -32,11 +32,14 @@ class KnownStrikes:
         if (meters := tempo.bars.changes()) != self._meters:  # they end on other beats
             self._meters = meters
             self._not_over.forget()
-        before = beat - _APART
-        left, _ = self._not_over.look(
-            (piece.strikes,), before, lambda line: _end(line[0], tempo) < before, lambda _: None
+        beat_before = beat - _APART
+        strikes_left, _ = self._not_over.look(
+            (piece.strikes,),
+            beat_before,
+            lambda line: _end(line[0], tempo) < beat_before,
+            lambda _: None,
         )
-        return [strikes for (strikes,) in left]
+        return [strikes for (strikes,) in strikes_left]
 
 
 def _end(strikes: Strikes, tempo: TempoMap) -> float:

@@ -132,8 +132,10 @@ class Striking:
         def seconds(place: int) -> float:
             return tempo.seconds(places[place])
 
-        first, last = (first_from(seconds, len(places), instant) for instant in self.within)
-        for place in range(max(0, first - 1), last):  # the note before ends in this one
+        first_place, stop_place = (
+            first_from(seconds, len(places), instant) for instant in self.within
+        )
+        for place in range(max(0, first_place - 1), stop_place):  # the note before ends in this one
             name = course.named(place)
             if name is None:
                 continue
@@ -150,7 +152,7 @@ class Striking:
         """
         if not self.strikes.voices:
             return self.mats
-        return [mat for one in self.strikes.voices[name] for mat in self._members(one)]
+        return [mat for target in self.strikes.voices[name] for mat in self._members(target)]
 
     def _melody(self) -> float:
         """The strikes of a melody, one by one."""
@@ -291,14 +293,16 @@ class Striking:
 
     def _lasts(self, mat: int | None = None) -> float | None:
         """How long a strike lasts [s]: as the strikes say, or else what is struck."""
-        written = self.strikes.lasts
-        return self._contact_times.get(mat) if written is None else written
+        written_lasts = self.strikes.lasts
+        return self._contact_times.get(mat) if written_lasts is None else written_lasts
 
     @cached_property
     def _contact_times(self) -> Mapping[int | None, float]:
         """How long a strike on each MAT lasts whose instrument says so [s]."""
         instruments = map(self.piece.instruments.get, self.strikes.parts)
-        acts = [act for each in instruments if each is not None for act in each.acts]
+        acts = [
+            act for instrument in instruments if instrument is not None for act in instrument.acts
+        ]
         return {
             mat: act.lasts
             for act in acts
@@ -322,9 +326,11 @@ class Striking:
                 ]
                 for target in act.targets if mats or act.is_drawn else ():
                     for mat in self._members(target):
-                        before = holds.get(mat, _Holds((), act.reach, is_drawn=False))
-                        is_drawn = before.is_drawn or act.is_drawn
-                        holds[mat] = _Holds((*before.mats, *mats), act.reach, is_drawn=is_drawn)
+                        holds_before = holds.get(mat, _Holds((), act.reach, is_drawn=False))
+                        is_drawn = holds_before.is_drawn or act.is_drawn
+                        holds[mat] = _Holds(
+                            (*holds_before.mats, *mats), act.reach, is_drawn=is_drawn
+                        )
         return holds
 
     @cached_property

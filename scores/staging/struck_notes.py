@@ -61,11 +61,11 @@ def _notes_of_part(stage: Stage, instrument: Instrument, family: str) -> Iterato
     )
     spans = [*_drawn_spans(stage, instrument)]
     for number, (begin, impulse) in enumerate(strokes):
-        after = strokes[number + 1][0] if number + 1 < len(strokes) else math.inf
+        next_strike = strokes[number + 1][0] if number + 1 < len(strokes) else math.inf
         let_down = next((instant for instant in lifted if instant > begin + _TOGETHER), math.inf)
         # A damper that comes down after the next stroke ends that one.
-        is_ended = let_down <= after + _TOGETHER and math.isfinite(let_down)
-        end = min(after, let_down if is_ended else begin + _LONGEST)
+        is_ended = let_down <= next_strike + _TOGETHER and math.isfinite(let_down)
+        end = min(next_strike, let_down if is_ended else begin + _LONGEST)
         spans.append((begin, end, impulse))
     loudest = max((impulse for *_, impulse in spans), default=0.0)
     for begin, end, impulse in sorted(spans):
@@ -111,8 +111,8 @@ def _strokes(stage: Stage, instrument: Instrument, dampers: set[int]) -> list[tu
     for mat in sorted(mats - dampers - drawn_mats):
         for stroke in _strikes_on(stage, mat):
             key = round(stroke.at / _TOGETHER)
-            before = strokes_by_frame.get(key, (stroke.at, 0.0))[1]
-            strokes_by_frame[key] = stroke.at, max(before, abs(stroke.impulse))
+            release_before = strokes_by_frame.get(key, (stroke.at, 0.0))[1]
+            strokes_by_frame[key] = stroke.at, max(release_before, abs(stroke.impulse))
     return [stroke for _, stroke in sorted(strokes_by_frame.items()) if stroke[1] > 0.0]
 
 
@@ -129,8 +129,8 @@ def _pitch(instrument: Instrument) -> float | None:
     if instrument.pitch is not None:
         return instrument.pitch
     pitches = [module.fields.get("f") for module in instrument.modules]
-    known = [pitch for pitch in pitches if isinstance(pitch, float)]
-    return known[0] if len(known) == 1 else None
+    known_pitches = [pitch for pitch in pitches if isinstance(pitch, float)]
+    return known_pitches[0] if len(known_pitches) == 1 else None
 
 
 def _strength(impulse: float, loudest: float, reach: ImpulseRange | None) -> float:

@@ -105,14 +105,14 @@ def _by_path(path: tuple[Point, ...], width: float, places: _Floats) -> list[Vis
         s = np.minimum(np.maximum(s, 0.0), 1.0)
         away_x, away_y = x - (x0 + s * dx), y - (y0 + s * dy)
         away = away_x * away_x + away_y * away_y
-        now = away <= reach
-        for member in np.flatnonzero(is_near & ~now):
+        is_near_now = away <= reach
+        for member in np.flatnonzero(is_near & ~is_near_now):
             visits_found.append((float(share[member]), int(member)))
-        least[~now] = np.inf
-        nearer = now & (away < least)
+        least[~is_near_now] = np.inf
+        nearer = is_near_now & (away < least)
         least[nearer] = away[nearer]
         share[nearer] = (t0 + s * (t1 - t0))[nearer]
-        is_near = now
+        is_near = is_near_now
     visits_found += [(float(share[member]), int(member)) for member in np.flatnonzero(is_near)]
     return sorted(visits_found)
 
@@ -123,10 +123,10 @@ def _corners(path: tuple[Point, ...]) -> list[tuple[float, float, float]]:
     legs = len(path) - 1
     for leg, ((r0, a0), (r1, a1)) in enumerate(pairwise(path)):
         steps = max(1, ceil(abs(a1 - a0) / _STEP))
-        first = 0 if leg == 0 else 1
-        for step in range(first, steps + 1):
+        first_step = 0 if leg == 0 else 1
+        for step in range(first_step, steps + 1):
             part = step / steps
             radius = r0 + part * (r1 - r0)
-            left, front = sine_cosine(a0 + part * (a1 - a0))
-            corners.append(((leg + part) / legs, 0.0 - radius * left, radius * front))
+            sine, cosine = sine_cosine(a0 + part * (a1 - a0))
+            corners.append(((leg + part) / legs, 0.0 - radius * sine, radius * cosine))
     return corners

@@ -42,7 +42,7 @@ def check_travel(
     Each distinct gesture is checked once, alone on its free key, up to 64 for a line with
     throws; each line of a part is reported once, for its farthest swing.
     """
-    seen: set[tuple[object, ...]] = set()
+    reported_keys: set[tuple[object, ...]] = set()
     rehearsed: Counter[Place] = Counter()
     farthest: dict[Place, tuple[float, str, str]] = {}
     singular: set[Place] = set()
@@ -60,9 +60,9 @@ def check_travel(
         points = zip(gesture.t, gesture.x, strict=True)
         relative = tuple((round(t - gesture.start, 9), x) for t, x in points)
         gesture_key = gesture.key, gesture.name, relative, gesture.throws, gesture.curves
-        if gesture_key in seen:
+        if gesture_key in reported_keys:
             continue
-        seen.add(gesture_key)
+        reported_keys.add(gesture_key)
         rehearsed[gesture.place] += 1
         if gesture.place not in singular and (message := _singular(key, gesture)):
             singular.add(gesture.place)
@@ -164,16 +164,16 @@ def _rehearsed(
     t = [time - gesture.start + lead for time in gesture.t]
     timeline.gesture(index, t, list(gesture.x), gesture.curves)
     simulation = _core.Simulation(network, timeline)
-    first, last = int(lead * rate), int(t[-1] * rate) + 1
-    simulation.process(np.zeros((first, 1)))
+    start_frame, stop_frame = int(lead * rate), int(t[-1] * rate) + 1
+    simulation.process(np.zeros((start_frame, 1)))
     low, high = (math.inf, 0), (-math.inf, 0)
-    for first_frame in range(first, last, _BLOCK):
-        block = np.zeros((min(_BLOCK, last - first_frame), 1))
+    for first_frame in range(start_frame, stop_frame, _BLOCK):
+        block = np.zeros((min(_BLOCK, stop_frame - first_frame), 1))
         simulation.process(block)
         lowest_index, highest_index = int(block.argmin()), int(block.argmax())
-        low = min(low, (float(block[lowest_index, 0]), first_frame + lowest_index - first))
+        low = min(low, (float(block[lowest_index, 0]), first_frame + lowest_index - start_frame))
         if block[highest_index, 0] > high[0]:
-            high = float(block[highest_index, 0]), first_frame + highest_index - first
+            high = float(block[highest_index, 0]), first_frame + highest_index - start_frame
     farthest = high if high[0] > -low[0] else low
     return low[0], high[0], farthest[1] / rate
 

@@ -43,9 +43,9 @@ def warn_unused(piece: Piece) -> list[Diagnostic]:
         for target in following.targets(module):
             groups.join(part, target.part)
         if module.kind in LINKS:
-            ends = tuple(end.part for end in module.fields["between"])
-            links[part, module.name] = ends
-            groups.join(*ends)
+            end_parts = tuple(end.part for end in module.fields["between"])
+            links[part, module.name] = end_parts
+            groups.join(*end_parts)
         elif module.kind == "PROXY":
             for target in proxies.targets(module.fields):
                 groups.join(part, target.part)
@@ -53,7 +53,7 @@ def warn_unused(piece: Piece) -> list[Diagnostic]:
             groups.join(part, module.fields["of"].part)
     for coupling in piece.duet:
         groups.join(coupling.a.part, coupling.b.part)
-    called = piece.note_families()
+    family_names = piece.note_families()
     for members in piece.families.values():  # one instrument: not all notes need be played
         for member in members[1:]:
             groups.join(member, members[0])
@@ -64,7 +64,7 @@ def warn_unused(piece: Piece) -> list[Diagnostic]:
     for instrument in piece.instruments.values():
         if not any(module.kind in HOLDERS for module in instrument.modules):
             continue
-        name = quote(called.get(instrument.name, instrument.name))
+        name = quote(family_names.get(instrument.name, instrument.name))
         group = groups.representative(instrument.name)
         if listened and group not in listened:
             message = (

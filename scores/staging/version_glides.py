@@ -58,66 +58,77 @@ class Glide:
         """The values at an instant."""
         share = min(1.0, max(0.0, (instant - self.start) / (self.stop - self.start)))
         pairs = zip(self.before, self.after, strict=True)
-        return tuple(before + (after - before) * share for before, after in pairs)
+        return tuple(
+            value_before + (value_after - value_before) * share
+            for value_before, value_after in pairs
+        )
 
     @property
     def body_factors(self) -> tuple[float, float]:
         """The initial K and Z of a body's links, as factors of the final ones."""
         pairs = zip(self.before, self.after, strict=True)
-        k, z = (before / after if after else 1.0 for before, after in pairs)
+        k, z = (
+            value_before / value_after if value_after else 1.0
+            for value_before, value_after in pairs
+        )
         return k, z
 
     def put(self, timeline: _core.Timeline, assembly: Assembly) -> None:
         """Put the glide on a timeline. Raises EngineError."""
-        where = self.part, self.module
+        module_key = self.part, self.module
         if len(self.before) == 3:
             k, z, m = self.before
-            timeline.glide(assembly.mats[where], k, z, m, self.start, self.stop)
+            timeline.glide(assembly.mats[module_key], k, z, m, self.start, self.stop)
         elif len(self.before) == 2:
-            links = assembly.bodies[where]
+            links = assembly.bodies[module_key]
             points = [(self.start, *self.body_factors), (self.stop, 1.0, 1.0)]
             timeline.lead(links.start, points, n=len(links))
         else:
-            for link in assembly.links[where]:
+            for link in assembly.links[module_key]:
                 timeline.fade(link, *self.factors, self.start, self.stop)
 
 
 def glides(
-    before: Piece, after: Piece, running: Iterable[Glide], start: float, seconds: float
+    piece_before: Piece, piece_after: Piece, running: Iterable[Glide], start: float, seconds: float
 ) -> tuple[Glide, ...]:
     """Glides from `start` [s] on, when a piece takes over from another: values that differ glide
     for `seconds`, `running` glides to the same values go on to their end. A new link fades in
     from no force if it joins parts that were there before.
     """
     under_way = {(g.part, g.module): g for g in running if g.stop > start}
-    old, new = (dict(_values(*pair, under_way)) for pair in ((before, after), (after, before)))
-    forms = dict(_forms(before, after)), dict(_forms(after, before))
-    glides_by_where = {}
-    for where, values in new.items():
-        current = under_way.get(where)
-        if where not in old or len(old[where]) != len(values):
+    old, new = (
+        dict(_values(*pair, under_way))
+        for pair in ((piece_before, piece_after), (piece_after, piece_before))
+    )
+    forms = dict(_forms(piece_before, piece_after)), dict(_forms(piece_after, piece_before))
+    glides_by_module = {}
+    for module_key, values in new.items():
+        current = under_way.get(module_key)
+        if module_key not in old or len(old[module_key]) != len(values):
             continue
-        if len(values) == 2 and forms[0].get(where) != forms[1].get(where):
+        if len(values) == 2 and forms[0].get(module_key) != forms[1].get(module_key):
             continue  # another body takes its place
         if current is not None and current.after == values:
-            glides_by_where[where] = current
-        elif old[where] != values:
-            now = old[where] if current is None else current.evaluate(start)
-            glides_by_where[where] = Glide(*where, now, values, start, start + seconds)
-    known = _links(before, after)
-    for where, module in _links(after, before).items():
-        current = under_way.get(where)
-        if where not in known and _joins(module, before):
+            glides_by_module[module_key] = current
+        elif old[module_key] != values:
+            values_now = old[module_key] if current is None else current.evaluate(start)
+            glides_by_module[module_key] = Glide(
+                *module_key, values_now, values, start, start + seconds
+            )
+    links_before = _links(piece_before, piece_after)
+    for module_key, module in _links(piece_after, piece_before).items():
+        current = under_way.get(module_key)
+        if module_key not in links_before and _joins(module, piece_before):
             values = _module_values(module) or (1.0,)
-            now = (0.0,) if current is None else current.evaluate(start)
-            glide = Glide(*where, now, values, start, start + seconds)
+            values_now = (0.0,) if current is None else current.evaluate(start)
+            glide = Glide(*module_key, values_now, values, start, start + seconds)
             if (
-                glide.written not in glides_by_where
+                glide.written not in glides_by_module
             ):  # else the whole link over a range glides already
-                glides_by_where[where] = (
+                glides_by_module[module_key] = (
                     current if current is not None and current.after == values else glide
                 )
-    return tuple(glides_by_where.values())
+    return tuple(glides_by_module.values())
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,8 +140,8 @@ class LeavingLink:
 
 
 def leaving_links(
-    before: Piece,
-    after: Piece,
+    piece_before: Piece,
+    piece_after: Piece,
     running: Iterable[Glide],
     earlier: Iterable[LeavingLink],
     start: float,
@@ -138,21 +149,30 @@ def leaving_links(
     """Links that fade out from `start` [s] on if both their ends stay, and `earlier` ones that
     still do.
     """
-    staying = _links(after, before)
+    staying = _links(piece_after, piece_before)
     under_way = {(g.part, g.module): g for g in running if g.stop > start}
     leaving = [link for link in earlier if link.glide.stop > start]
-    gone = {where: link for where, link in _links(before, after).items() if where not in staying}
-    for where, module in gone.items():
+    gone_links = {
+        module_key: link
+        for module_key, link in _links(piece_before, piece_after).items()
+        if module_key not in staying
+    }
+    for module_key, module in gone_links.items():
         values_alone = _module_values(module) or (1.0,)
-        now = under_way[where].evaluate(start) if where in under_way else values_alone
+        values_now = (
+            under_way[module_key].evaluate(start) if module_key in under_way else values_alone
+        )
         leaving.append(
-            LeavingLink(module, Glide(*where, now, (0.0,), start, start + _LEAVES, values_alone[0]))
+            LeavingLink(
+                module,
+                Glide(*module_key, values_now, (0.0,), start, start + _LEAVES, values_alone[0]),
+            )
         )
     return tuple(
         link
         for link in leaving
         if (link.glide.part, link.glide.module) not in staying
-        and all(_stays(end, before, after) for end in link.module.fields["between"])
+        and all(_stays(end, piece_before, piece_after) for end in link.module.fields["between"])
     )
 
 
@@ -166,15 +186,15 @@ def with_leaving(piece: Piece, links: Iterable[LeavingLink]) -> Piece:
     return replace(piece, instruments=instruments) if instruments != piece.instruments else piece
 
 
-def _changed(piece: Piece, other: Piece) -> Iterator[tuple[Key | Instrument, Module]]:
+def _changed(piece: Piece, other_piece: Piece) -> Iterator[tuple[Key | Instrument, Module]]:
     """The modules of a piece, with their parts, that are not the same objects in another piece."""
     for part in _parts(piece):
-        known = other.keys.get(part.name) or other.instruments.get(part.name)
-        if known is part:
+        part_before = other_piece.keys.get(part.name) or other_piece.instruments.get(part.name)
+        if part_before is part:
             continue
         same: set[int] = set()
-        if known is not None and _setting(known) == _setting(part):
-            same = {id(module) for module in known.modules}
+        if part_before is not None and _setting(part_before) == _setting(part):
+            same = {id(module) for module in part_before.modules}
         for module in part.modules:
             if id(module) not in same:
                 yield part, module
@@ -191,7 +211,7 @@ def _setting(part: Key | Instrument) -> tuple[float | None, float | None]:
     return part.reach, None
 
 
-def _links(piece: Piece, other: Piece) -> dict[tuple[str, str], Module]:
+def _links(piece: Piece, other_piece: Piece) -> dict[tuple[str, str], Module]:
     """The links of instruments by (part, module) that have changed from another piece, except those
     of discrete networks (`units: ca`).
 
@@ -199,15 +219,15 @@ def _links(piece: Piece, other: Piece) -> dict[tuple[str, str], Module]:
     """
     return {
         (part.name, link.name): link
-        for part, module in _changed(piece, other)
+        for part, module in _changed(piece, other_piece)
         if isinstance(part, Instrument) and part.ca_rate is None and module.kind in LINKS
         for link in single_links(module)
     }
 
 
-def _stays(end: Target, before: Piece, after: Piece) -> bool:
+def _stays(end: Target, piece_before: Piece, piece_after: Piece) -> bool:
     """Whether the module at an end exists in both pieces, with the same number of members."""
-    old, new = _named(end, before), _named(end, after)
+    old, new = _named(end, piece_before), _named(end, piece_after)
     if old is None or new is None or old.kind != new.kind:
         return False
     return old.kind in _POINTS or old.fields == new.fields
@@ -216,40 +236,46 @@ def _stays(end: Target, before: Piece, after: Piece) -> bool:
 def _named(end: Target, piece: Piece) -> Module | None:
     part = piece.keys.get(end.part) or piece.instruments.get(end.part)
     modules = () if part is None else part.modules
-    return next((own for own in modules if own.name == end.module), None)
+    return next((module for module in modules if module.name == end.module), None)
 
 
-def _joins(module: Module, before: Piece) -> bool:
+def _joins(module: Module, piece_before: Piece) -> bool:
     """Whether a link has an end in a part that the earlier piece has too."""
-    ends = {end.part for end in module.fields["between"]}
-    return any(end in before.keys or end in before.instruments for end in ends)
+    end_parts = {end.part for end in module.fields["between"]}
+    return any(end in piece_before.keys or end in piece_before.instruments for end in end_parts)
 
 
 def _values(
-    piece: Piece, other: Piece, gliding: Iterable[tuple[str, str]]
+    piece: Piece, other_piece: Piece, gliding: Iterable[tuple[str, str]]
 ) -> Iterator[tuple[tuple[str, str], _Values]]:
     """The parameters that can glide, by (part, module), as the piece sees them: of modules that
     have changed from another piece, and of those that are `gliding`.
     """
-    wanted = {(part.name, module.name) for part, module in _changed(piece, other)}.union(gliding)
-    names = {name for name, _ in wanted}
+    gliding_keys = {
+        (part.name, module.name) for part, module in _changed(piece, other_piece)
+    }.union(gliding)
+    names = {name for name, _ in gliding_keys}
     for part in _parts(piece):
         for module in part.modules if part.name in names else ():
-            where = part.name, module.name
-            if where not in wanted:
+            module_key = part.name, module.name
+            if module_key not in gliding_keys:
                 continue
             # Parameters under `units: ca` belong to their rate: they are set at once.
             reach, ca_rate = _setting(part)
             if ca_rate is None and (values := _module_values(module)) is not None:
                 scale = 1.0 if reach is None else 1.0 / (reach * reach)
-                yield where, tuple(value * scale for value in values)
+                yield module_key, tuple(value * scale for value in values)
 
 
-def _forms(piece: Piece, other: Piece) -> Iterator[tuple[tuple[str, str], Mapping[str, Any]]]:
+def _forms(piece: Piece, other_piece: Piece) -> Iterator[tuple[tuple[str, str], Mapping[str, Any]]]:
     """The fields of changed STRINGs and PLATEs except pitch, decay, mass and initial state."""
-    for part, module in _changed(piece, other):
+    for part, module in _changed(piece, other_piece):
         if isinstance(part, Instrument) and module.kind in BODIES:
-            form = {name: own for name, own in module.fields.items() if name not in _TUNING}
+            form = {
+                name: field_value
+                for name, field_value in module.fields.items()
+                if name not in _TUNING
+            }
             yield (part.name, module.name), {**form, "kind": module.kind}
 
 

@@ -210,7 +210,7 @@ def test_recording_playback_equals_live_hand(tmp_path: Path) -> None:
     x[200:600] += 8e-3 * np.sin(np.arange(400) / 400 * np.pi) ** 2
 
     def rendered(positions: np.ndarray) -> np.ndarray:
-        staged = stage(loaded.piece, real={"ada": positions})
+        staged = stage(loaded.piece, real_hands={"ada": positions})
         (hand,) = staged.live
         assert hand.tick_frames == 44
         out = np.zeros((40_000, staged.simulation.n_out))

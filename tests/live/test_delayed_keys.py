@@ -79,6 +79,6 @@ def test_delayed_key_in_a_render_and_on_an_emulated_device(work_folder: Path):
 def test_delay_of_real_key_comes_from_device():
     loaded = check(SCORE.replace("{calib: key.yaml}", "{M: 400g, K: 60N/m, delay: 2ms}"))
     assert loaded.piece is not None
-    by_hand = stage(loaded.piece, real={"remi": None})
+    by_hand = stage(loaded.piece, real_hands={"remi": None})
     assert not by_hand.built.assembly.ports
     assert stage(loaded.piece).built.assembly.ports

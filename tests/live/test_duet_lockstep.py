@@ -177,7 +177,7 @@ def test_lockstep_devices_play_as_rendered(
     expected = rendered(score, take)
     assert np.abs(expected).max() > 1e-3
     assert np.array_equal(expected, sound(listened))
-    again = staged(score, real={"remi": forces.positions()[:, 0]})
+    again = staged(score, real_hands={"remi": forces.positions()[:, 0]})
     out = np.zeros((44, again.simulation.n_out))
     for tick, force in enumerate(forces.forces()[:, 0]):
         again.simulation.process(out)
@@ -289,7 +289,7 @@ def test_guide_moves_real_key_along_written_part(tmp_path: Path):
         live = ("--live", f"remi={device.url}&wide", "--record", take, "--audio", "null:fast")
         played(score, *live, *guide)
     x = recorded(take).positions()[:, 0]
-    (hand,) = staged(score, real={"remi": None}).live
+    (hand,) = staged(score, real_hands={"remi": None}).live
     part = hand.standin[: len(x)]
     assert part.max() == pytest.approx(8e-3, abs=1e-4)
     # A spring leads, a damper brakes: behind by z/K while it moves, there where the part rests.

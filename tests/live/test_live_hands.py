@@ -62,7 +62,7 @@ def test_standin_of_take_by_ticks():
 def test_standin_of_written_part_by_free_key():
     mine = ", remi: [{at: 1|1, play: knock}]"
     assert stage(piece(mine)).live == ()  # nobody is said to be there: a virtual hand plays it
-    (hand,) = stage(piece(mine), real={"remi": None}).live
+    (hand,) = stage(piece(mine), real_hands={"remi": None}).live
     position = round(60 / 60 / 8 * 44100 / 44)  # an eighth of a beat at 60 a minute
     assert hand.standin[position] == pytest.approx(6e-3, abs=5e-5)
 
@@ -72,7 +72,7 @@ def test_live_hand_render_equals_performance(planned: bool):
     """Tick by tick as a performance goes, and at once as a render does."""
     rng = np.random.default_rng(7)
     ticks = 3e-3 - 3e-3 * np.cos(np.arange(900) / 60) + rng.normal(0, 1e-5, 900)
-    live = stage(piece(), planned=planned, real={"remi": None})
+    live = stage(piece(), planned=planned, real_hands={"remi": None})
     (hand,) = live.live
     played, forces = [], []
     for x in ticks:
@@ -80,14 +80,14 @@ def test_live_hand_render_equals_performance(planned: bool):
         played.append(rendered(live.simulation, hand.tick_frames))
         forces.append(live.simulation.hand_force(hand.index))
     assert min(forces) < -0.5
-    again = stage(piece(), planned=planned, real={"remi": ticks})
+    again = stage(piece(), planned=planned, real_hands={"remi": ticks})
     assert np.array_equal(rendered(again.simulation, 900 * 44), np.concatenate(played))
 
 
 def test_live_hand_behind_lever_scaled_travel():
     ticks = np.full(40, 4e-3)
-    plain = stage(piece(), real={"remi": ticks})
-    lever = stage(piece(reach=", reach: 2"), real={"remi": ticks / 2})
+    plain = stage(piece(), real_hands={"remi": ticks})
+    lever = stage(piece(reach=", reach: 2"), real_hands={"remi": ticks / 2})
     a, b = (rendered(one.simulation, 40 * 44) for one in (plain, lever))
     assert np.array_equal(a, b)
 
@@ -96,5 +96,5 @@ def test_live_hand_key_with_second_player_is_refused():
     with pytest.raises(StageError, match="plays key 'k' too, which the real hand of 'remi' moves"):
         stage(
             piece(", bo: [{at: 1|1, play: knock}]", ", bo: {key: k}"),
-            real={"remi": None},
+            real_hands={"remi": None},
         )

@@ -171,7 +171,7 @@ def test_frozen_stem_equals_part_outputs(folder: Path):
     assert (rate, stem["outputs"]) == (44100, [0, 2, 4])
     assert np.array_equal(result[: complete.n_frames], frames[:, stem["outputs"]])
     # A real hand's stand-in ends with a tick: the piece is that much longer.
-    real = staging.stage(piece("times: 3}", "times: 1}"), real={"remi": None})
+    real = staging.stage(piece("times: 3}", "times: 1}"), real_hands={"remi": None})
     virtual = staging.stage(piece("times: 3}", "times: 1}"))
     assert 0 <= real.n_frames - virtual.n_frames < len(result) - complete.n_frames
     assert text["score"] == digest_of(piece())

@@ -184,7 +184,7 @@ def test_cut_with_a_real_hand(tmp_path: Path) -> None:
 
 def _staged(piece, real, like: Stage | None, start: int, spans) -> Stage:
     going = StageTakeover(spans, like, start)
-    return stage(piece, planned=True, real=real, on_fault="mute", going=going)
+    return stage(piece, planned=True, real_hands=real, on_fault="mute", going=going)
 
 
 @pytest.mark.parametrize("act", ACTS)

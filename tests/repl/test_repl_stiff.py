@@ -209,7 +209,7 @@ def test_tangible_modules_of_automation_in_duet(tmp_path: Path, target: str):
     path = tmp_path / "score.yaml"
     automation = f"automation: [{{lfo: {target}, range: 1..30, period: 2bar, at: 1|1}}]\n"
     path.write_text(SOFT_GROUND.text + automation, encoding="utf-8")
-    staged = stage(piece_of(Texts.read(path)), real={"remi": None})
+    staged = stage(piece_of(Texts.read(path)), real_hands={"remi": None})
     result = tangible_modules(staged, ["remi"])
     assert result == ({"remi": ["bell.m"]} if target == "bell.m.K" else {})
 

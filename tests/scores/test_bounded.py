@@ -88,7 +88,7 @@ def test_stage_with_long_live_part_is_refused():
     piece = load(LIBRARY / "s.yaml", text=text).piece
     assert piece is not None
     with pytest.raises(StageError) as refused:
-        stage(piece, real={"p": None})
+        stage(piece, real_hands={"p": None})
     assert "with ticks of" in refused.value.diagnostics[0].message
 
 

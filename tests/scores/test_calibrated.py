@@ -95,7 +95,7 @@ def test_gestures_on_calibrated_key_reach_their_points(piece, touch: str, curve:
 def test_live_hand_takes_struck_mass_only(piece):
     text = piece(hand=", hand: live")
     complete = stage(text)
-    real = stage(text, real={"ada": np.zeros(500)})
+    real = stage(text, real_hands={"ada": np.zeros(500)})
     # What swings, the ground, and the point at which the piece's forces wait for the motor.
     assert complete.network.n_mat - real.network.n_mat == 3
     assert complete.network.n_lia - real.network.n_lia == 2
@@ -115,7 +115,7 @@ def test_live_hand_receives_measured_values(piece, monkeypatch: pytest.MonkeyPat
         raise Stop
 
     monkeypatch.setattr(perform._core, "Performance", performance)
-    built = stage(piece(hand=", hand: live"), real={"ada": None})
+    built = stage(piece(hand=", hand: live"), real_hands={"ada": None})
     with pytest.raises(Stop):
         perform.perform(built, perform.PlaybackConfig())
     assert [hand.measured for hand in output] == [(pytest.approx(0.38), 1.2, 1e-3)]
@@ -169,7 +169,7 @@ def test_standin_path_of_heavy_key(piece):
     """The path of a part on a real key comes from the key alone: its weight is in it."""
     measured = HEAVY.format(stiffness="0N/m", weight="150mN") + "travel: -15mm..15mm\n"
     text = piece(measured, hand=", hand: live")
-    (hand,) = stage(text, real={"ada": None}).live
+    (hand,) = stage(text, real_hands={"ada": None}).live
     written = played_positions(piece(measured))[:: hand.tick_frames]
     n = min(len(written), len(hand.standin))
     assert np.abs(hand.standin[:n] - written[:n]).max() < 2e-6
