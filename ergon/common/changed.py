@@ -24,23 +24,29 @@ class Changed(NamedTuple, Generic[_Item]):
         """Whether there is such a part."""
         return bool(self.before or self.now)
 
-    def put(self, known: Sequence[_Value], new: Sequence[_Value]) -> list[_Value]:
-        """The values of all items: those `known` of the sequence before, `new` for its changed
+    def put(self, old_values: Sequence[_Value], new: Sequence[_Value]) -> list[_Value]:
+        """The values of all items: those `old_values` of the sequence before, `new` for its changed
         part.
         """
-        return [*known[: self.start], *new, *known[self.start + len(self.before) :]]
+        return [*old_values[: self.start], *new, *old_values[self.start + len(self.before) :]]
 
 
-def changed_part(before: Sequence[_Item], now: Sequence[_Item]) -> Changed[_Item]:
+def changed_part(old_values: Sequence[_Item], new_values: Sequence[_Item]) -> Changed[_Item]:
     """The part in which two sequences differ; before and after it the items are the same
     objects.
     """
-    if before is now:
-        return Changed(len(now), (), ())
-    shared = min(len(before), len(now))
-    first = next(compress(count(), map(is_not, before, now)), shared)
-    if first == len(before) == len(now):
-        return Changed(first, (), ())
-    last = next(compress(count(), map(is_not, reversed(before), reversed(now))), shared)
-    last = min(last, shared - first)
-    return Changed(first, before[first : len(before) - last], now[first : len(now) - last])
+    if old_values is new_values:
+        return Changed(len(new_values), (), ())
+    shared = min(len(old_values), len(new_values))
+    first_changed = next(compress(count(), map(is_not, old_values, new_values)), shared)
+    if first_changed == len(old_values) == len(new_values):
+        return Changed(first_changed, (), ())
+    n_same_at_end = next(
+        compress(count(), map(is_not, reversed(old_values), reversed(new_values))), shared
+    )
+    n_same_at_end = min(n_same_at_end, shared - first_changed)
+    return Changed(
+        first_changed,
+        old_values[first_changed : len(old_values) - n_same_at_end],
+        new_values[first_changed : len(new_values) - n_same_at_end],
+    )

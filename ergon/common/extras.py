@@ -14,7 +14,7 @@ def install_command(extra: str) -> str:
     of its libraries, for no index has ergon itself.
     """
     # A clone is installed in place, so this file lies inside the clone.
-    root = next((at for at in Path(__file__).resolve().parents if _is_clone(at)), None)
+    root = next((folder for folder in Path(__file__).resolve().parents if _is_clone(folder)), None)
     if root is None:
         return " ".join(["pip install", *(f"'{name}'" for name in _libraries(extra))])
     return f"pip install -e '{root}[{extra}]'"

@@ -6,8 +6,8 @@ import argparse
 import sys
 
 
-def module_arguments(*names: str, more: str = "") -> list[str]:
-    """The words behind the module that runs: one for each name, then any number of `more`.
+def module_arguments(*names: str, further_code: str = "") -> list[str]:
+    """The words behind the module that runs: one for each name, then any number of `further_code`.
 
     `--help` prints the module's docstring. Both it and a word that is missing or begins with a dash
     end the program before it does anything.
@@ -21,7 +21,7 @@ def module_arguments(*names: str, more: str = "") -> list[str]:
     )
     for name in names:
         parser.add_argument(name)
-    if more:
-        parser.add_argument(more, nargs="*", metavar=more)
+    if further_code:
+        parser.add_argument(further_code, nargs="*", metavar=further_code)
     values = vars(parser.parse_args())
-    return [values[name] for name in names] + (values[more] if more else [])
+    return [values[name] for name in names] + (values[further_code] if further_code else [])

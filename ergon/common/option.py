@@ -106,8 +106,13 @@ def option(
 
 def documented(options: type[T]) -> type[T]:
     """The class, with what its fields mean behind its docstring."""
-    new = [each for each in fields(options) if each.name in options.__annotations__]  # type: ignore[arg-type]
-    lines = [f"    {each.name}: {each.metadata['option'].help}" for each in new if each.metadata]
+    all_fields = fields(options)  # type: ignore[arg-type]
+    new_fields = [field for field in all_fields if field.name in options.__annotations__]
+    lines = [
+        f"    {field.name}: {field.metadata['option'].help}"
+        for field in new_fields
+        if field.metadata
+    ]
     options.__doc__ = "\n".join([f"{options.__doc__}", *lines])
     return options
 
@@ -122,13 +127,13 @@ def renamed(**new_names: str) -> Callable[[type[T]], type[T]]:
         construct = options.__init__
 
         @wraps(construct)
-        def constructed(self: T, *values: Any, **named: Any) -> None:
+        def constructed(self: T, *values: Any, **keywords: Any) -> None:
             for earlier, present in new_names.items():
-                if earlier in named and present not in named:
+                if earlier in keywords and present not in keywords:
                     message = f"{options.__name__}: `{earlier}` is called `{present}` now"
                     warn(message, DeprecationWarning, stacklevel=2)
-                    named[present] = named.pop(earlier)
-            construct(self, *values, **named)
+                    keywords[present] = keywords.pop(earlier)
+            construct(self, *values, **keywords)
 
         setattr(options, "__init__", constructed)  # noqa: B010
         return options

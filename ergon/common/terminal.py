@@ -32,4 +32,4 @@ def printable(text: str) -> str:
 def json_text(value: Any) -> str:
     """One line of JSON with control characters escaped."""
     text = shown_in_json(json.dumps(value, ensure_ascii=False))
-    return _STEERING.sub(lambda found: json.dumps(found[0])[1:-1], text)
+    return _STEERING.sub(lambda control_match: json.dumps(control_match[0])[1:-1], text)

@@ -192,17 +192,17 @@ def _tracks(data: bytes, n_channels: int) -> list[str]:
 
 
 def _ambisonics(channels: Sequence[ElementTree.Element]) -> ChannelLayout | None:
-    wanted = []
+    expected = []
     for channel in channels:
         block = channel.find("audioBlockFormat")
         if block is None or (block.findtext("normalization") or "SN3D").strip() != "SN3D":
             return None
         n, m = _number(block.findtext("order")), _number(block.findtext("degree"))
-        wanted.append(n * n + n + m)
-    order = next((n for n in range(8) if (n + 1) ** 2 == len(wanted)), None)
+        expected.append(n * n + n + m)
+    order = next((n for n in range(8) if (n + 1) ** 2 == len(expected)), None)
     return (
         ChannelLayout(order=order)
-        if order is not None and wanted == [*range(len(wanted))]
+        if order is not None and expected == [*range(len(expected))]
         else None
     )
 
@@ -244,7 +244,9 @@ def _speakers(
 def _is_effects(channel: ElementTree.Element) -> bool:
     """Whether a channel is for low-frequency effects: by its labels, or by its lowpass."""
     frequencies = channel.findall("frequency")
-    bounds = (each.text for each in frequencies if each.get("typeDefinition") == "lowPass")
+    bounds = (
+        frequency.text for frequency in frequencies if frequency.get("typeDefinition") == "lowPass"
+    )
     labels = [label.text or "" for label in channel.findall("audioBlockFormat/speakerLabel")]
     return any(map(is_effects, labels)) or any(_number(hz) <= _EFFECTS_HZ for hz in bounds)
 

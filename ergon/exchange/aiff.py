@@ -80,16 +80,16 @@ def _samples(path: Path) -> Iterator[bytes]:
         width = BYTES[info.format.bits]
         frame = info.format.frame_bytes
         file.seek(info.offset)
-        left = info.size
-        while left:
-            count = min(left, max(1, _BLOCK_BYTES // frame) * frame)
+        frames_left = info.size
+        while frames_left:
+            count = min(frames_left, max(1, _BLOCK_BYTES // frame) * frame)
             octets = np.frombuffer(read_exactly(file, count, _CUT_SAMPLES), np.uint8)
             if order == _BIG:
                 octets = octets.reshape(-1, width)[:, ::-1]
             if info.format.bits == 8 and order != "unsigned":
                 octets = octets ^ np.uint8(0x80)  # WAVE counts 8 bits from 0
             yield octets.tobytes()
-            left -= count
+            frames_left -= count
 
 
 def _parse(file: BinaryIO) -> tuple[WaveInfo, str]:
@@ -104,7 +104,7 @@ def _parse(file: BinaryIO) -> tuple[WaveInfo, str]:
     order, stated, title = _BIG, 0, ""
     place, stop = None, end
     marks: list[tuple[str, int]] = []
-    others: list[tuple[str, int]] = []
+    other_chunks: list[tuple[str, int]] = []
     while len(chunk := file.read(8)) == 8:
         name, size = chunk[:4], int.from_bytes(chunk[4:], "big")
         start = file.tell()
@@ -121,8 +121,8 @@ def _parse(file: BinaryIO) -> tuple[WaveInfo, str]:
             title = read_exactly(file, size, _CUT_HEADER).decode("utf-8", "replace").strip("\0 ")
         elif name == b"MARK" and size <= _TEXT_MAX:
             marks = _marks(read_exactly(file, size, _CUT_HEADER))
-        elif name not in _FILLING and len(others) < _OTHERS_MAX:
-            others.append((name.decode("latin-1"), size))
+        elif name not in _FILLING and len(other_chunks) < _OTHERS_MAX:
+            other_chunks.append((name.decode("latin-1"), size))
         file.seek(start + size + size % 2)
     if format is None or (place is None and stated):
         raise NotWaveError("this AIFF file holds no samples")
@@ -137,7 +137,7 @@ def _parse(file: BinaryIO) -> tuple[WaveInfo, str]:
         n_frames * frame,
         description=title,
         missing=(stated - n_frames) * frame,
-        others=tuple(others),
+        others=tuple(other_chunks),
         marks=tuple(marks),
     )
     return info, order
@@ -155,7 +155,10 @@ def _common(content: bytes, *, is_compressed: bool) -> tuple[WaveFormat, str, in
     order, bits = _CODINGS[coding]
     if bits is None:
         # Samples of 12 or 20 bits are the upper bits of complete bytes.
-        bits = next((each for each in _INTEGERS if n_bits and n_bits <= int(each)), None)
+        bits = next(
+            (n_bits_text for n_bits_text in _INTEGERS if n_bits and n_bits <= int(n_bits_text)),
+            None,
+        )
     rate = _rate(exponent, mantissa)
     if bits is None or not n_channels or not rate:
         raise NotWaveError(

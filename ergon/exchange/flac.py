@@ -165,12 +165,14 @@ def _integers(path: Path) -> Iterator[NDArray[np.int32]]:
     with _open(path) as file:
         try:
             with soundfile.SoundFile(file) as sound:
-                left = sound.frames
-                while left:
-                    block = sound.read(min(left, _BLOCK), dtype="int32", always_2d=True)
+                frames_left = sound.frames
+                while frames_left:
+                    block = sound.read(min(frames_left, _BLOCK), dtype="int32", always_2d=True)
                     if not len(block):
-                        raise NotWaveError(f"the file is damaged: {left:,} frames are missing")
+                        raise NotWaveError(
+                            f"the file is damaged: {frames_left:,} frames are missing"
+                        )
                     yield block
-                    left -= len(block)
+                    frames_left -= len(block)
         except soundfile.LibsndfileError as error:
             raise NotWaveError(f"the file is damaged: {error}") from None

@@ -107,11 +107,11 @@ class InsertedBlocks:
     def write(self, data: bytes) -> int:
         """Write as a file does; 0 bytes after an error."""
         try:
-            written = self.file.write(data)
+            n_written = self.file.write(data)
             if not self._is_inserted and self.file.tell() == HEAD_END:
                 self.file.write(self._blocks)
                 self._is_inserted = True
-            return written
+            return n_written
         except OSError as error:
             self.error = error
             return 0

@@ -98,15 +98,17 @@ class VerifiedStem:
             samples = np.frombuffer(file.read(n_frames * width * 8), "<f8")
         return samples.reshape(n_frames, width)
 
-    def join(self, frames: NDArray[np.float64], at: int) -> None:
-        """Copy its samples from frame `at` on into its columns of frames (n_frames, n_out)."""
-        frames[:, list(self.taps)] = self.samples(at, len(frames))
+    def join(self, frames: NDArray[np.float64], start_frame: int) -> None:
+        """Copy its samples from frame `start_frame` on into its columns of frames (n_frames,
+        n_out).
+        """
+        frames[:, list(self.taps)] = self.samples(start_frame, len(frames))
 
 
 def manifest_text(frozen: Frozen) -> str:
     """The manifest as the text of a file."""
     source = frozen.source
-    head = {
+    header = {
         "made": f"{MARK.decode()} {source.version}",
         "ergon_frozen": VERSION,
         "title": source.title,
@@ -120,7 +122,7 @@ def manifest_text(frozen: Frozen) -> str:
         {"part": s.part, "file": s.path.name, "outputs": list(s.taps), "sha256": s.sha256}
         for s in frozen.stems
     ]
-    return json.dumps(head | {"stems": stems}, indent=1, ensure_ascii=False) + "\n"
+    return json.dumps(header | {"stems": stems}, indent=1, ensure_ascii=False) + "\n"
 
 
 def read(folder: Path) -> Frozen:
@@ -144,8 +146,8 @@ def read(folder: Path) -> Frozen:
         stems = tuple(_stem(folder, stem) for stem in manifest["stems"][:_PARTS_MAX])
         return Frozen(source, int(manifest["frames"]), stems)
     except OSError as error:
-        why = error.strerror or "cannot be read"
-        raise NotFrozenError(f"{path}: {why}; ergon render --freeze writes it") from None
+        reason = error.strerror or "cannot be read"
+        raise NotFrozenError(f"{path}: {reason}; ergon render --freeze writes it") from None
     except NotFrozenError:
         raise
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError):

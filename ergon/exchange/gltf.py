@@ -37,14 +37,14 @@ def gltf(motion: Motion, instants: NDArray[np.float64], exaggeration: float | No
     in_space = points_in_space(manifest.get("space"), names)
     links = links_in_space(motion, in_space)
     space = {point.axes[0]: point for point in in_space}
-    others = {p for point in space.values() for p in point.axes[1:]}
-    if (n := len(names) - len(others) + len(links)) > _NODES_MAX:
+    other_axes = {p for point in space.values() for p in point.axes[1:]}
+    if (n := len(names) - len(other_axes) + len(links)) > _NODES_MAX:
         raise NotMotionError(
             "glTF has a node for each point, and for each spring in space, "
             f"{_NODES_MAX:,} at most; this has {n:,}: write npz"
         )
     if exaggeration is None:
-        exaggeration = _automatic_exaggeration(motion, manifest["parts"], others.union(space))
+        exaggeration = _automatic_exaggeration(motion, manifest["parts"], other_axes.union(space))
     places, moved = motion.places(), motion.displacements(instants.tolist())
     scene = _Scene(instants)
     drawn: dict[int, tuple[int, NDArray[np.float64]]] = {}
@@ -52,7 +52,7 @@ def gltf(motion: Motion, instants: NDArray[np.float64], exaggeration: float | No
         parent = scene.node({"name": part["name"]})
         children = []
         for point in range(part["first"], part["first"] + part["count"]):
-            if point in others:
+            if point in other_axes:
                 continue
             if point in space:
                 space_point = space[point]
@@ -70,9 +70,9 @@ def gltf(motion: Motion, instants: NDArray[np.float64], exaggeration: float | No
         scene.roots.append(parent)
     if links:
         parent = scene.node({"name": "springs"})
-        ends = ((drawn[in_space[end].axes[0]] for end in link.ends) for link in links)
+        end_points = ((drawn[in_space[end].axes[0]] for end in link.ends) for link in links)
         scene.nodes[parent]["children"] = [
-            scene.line(a, b, link.broken) for (a, b), link in zip(ends, links, strict=True)
+            scene.line(a, b, link.broken) for (a, b), link in zip(end_points, links, strict=True)
         ]
         scene.roots.append(parent)
     return scene.text(str(manifest.get("title") or "ergon"), str(manifest.get("made_by")))
@@ -139,15 +139,17 @@ class _Scene:
         self.nodes.append(node)
         return len(self.nodes) - 1
 
-    def point(self, name: str, rest: NDArray[np.float64], path: NDArray[np.float64]) -> int:
+    def point(
+        self, name: str, rest_positions: NDArray[np.float64], path: NDArray[np.float64]
+    ) -> int:
         """Add a point that rests at (3,) and follows a path (n_instants, 3); returns its node
         number.
         """
         turned = _to_gltf_axes(path)
         point_node = self.node(
-            {"name": name, "mesh": 0, "translation": _to_gltf_axes(rest).tolist()}
+            {"name": name, "mesh": 0, "translation": _to_gltf_axes(rest_positions).tolist()}
         )
-        if (path != rest).any():
+        if (path != rest_positions).any():
             self._move(point_node, "translation", self._sampler(self._times, turned))
         return point_node
 
@@ -176,8 +178,8 @@ class _Scene:
         end = np.float32(until)
         if self.instants[0] < until <= self.instants[-1]:
             n = int(np.searchsorted(times, end))
-            last = [np.interp(until, self.instants, axis) for axis in apart.T]
-            apart = np.vstack([apart[:n], [last], np.zeros((1, 3))]).astype(np.float32)
+            last_distance = [np.interp(until, self.instants, axis) for axis in apart.T]
+            apart = np.vstack([apart[:n], [last_distance], np.zeros((1, 3))]).astype(np.float32)
             times = np.append(times[:n], [end, np.nextafter(end, np.float32(np.inf))])
             self._move(line_node, "scale", self._sampler(self._instants(times), apart))
         elif (apart != apart[0]).any():
@@ -205,8 +207,8 @@ class _Scene:
         import numpy as np
 
         if len(self._meshes) == 1:
-            ends = np.array([[0, 0, 0], [1, 1, 1]], dtype=np.float32)
-            position = {"POSITION": self._array(ends, "VEC3", bounds=True)}
+            end_positions = np.array([[0, 0, 0], [1, 1, 1]], dtype=np.float32)
+            position = {"POSITION": self._array(end_positions, "VEC3", bounds=True)}
             self._meshes.append({"primitives": [{"attributes": position, "mode": _LINES}]})
         return 1
 
@@ -231,8 +233,8 @@ class _Scene:
     def _octahedron(self) -> int:
         import numpy as np
 
-        ends = _SIDE * np.eye(3, dtype=np.float32)
-        corners = np.stack([ends, -ends], axis=1).reshape(6, 3)
+        axis_ends = _SIDE * np.eye(3, dtype=np.float32)
+        corners = np.stack([axis_ends, -axis_ends], axis=1).reshape(6, 3)
         faces = [(0, 2, 4), (4, 2, 1), (1, 2, 5), (5, 2, 0)]
         faces += [(4, 3, 0), (1, 3, 4), (5, 3, 1), (0, 3, 5)]
         return self._array(corners[np.array(faces).ravel()], "VEC3", bounds=True)

@@ -109,13 +109,13 @@ def _read_iem(data: bytes) -> ReadLayout:
     rows = layout.get("Loudspeakers") if isinstance(layout, dict) else None
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         raise LayoutFileError("it has no list `LoudspeakerLayout: Loudspeakers`")
-    real = [row for row in rows if not row.get("IsImaginary")]
+    real_rows = [row for row in rows if not row.get("IsImaginary")]
     numbered = [
         (
             _number(row.get("Channel", i), "Channel"),
             _angles(row.get("Azimuth"), row.get("Elevation"), row.get("Radius", 1.0)),
         )
-        for i, row in enumerate(real, 1)
+        for i, row in enumerate(real_rows, 1)
     ]
     return _in_order(numbered)
 
@@ -245,9 +245,9 @@ def _axes(text: str) -> list[str]:
 
 
 def _in_order(
-    numbered: list[tuple[float, Angles]], left_out: Sequence[str] = (), first: int = 1
+    numbered: list[tuple[float, Angles]], left_out: Sequence[str] = (), first_channel: int = 1
 ) -> ReadLayout:
-    """Loudspeakers with their outputs, which count from `first`. Raises LayoutFileError."""
+    """Loudspeakers with their outputs, which count from `first_channel`. Raises LayoutFileError."""
     if not 1 <= len(numbered) <= SPEAKERS_MAX:
         raise LayoutFileError(
             f"it has {len(numbered):,} loudspeakers; 1 to {SPEAKERS_MAX:,} are read"
@@ -258,7 +258,7 @@ def _in_order(
     if not all(number.is_integer() for number in numbers):
         raise LayoutFileError("the number of an output is not whole")
     in_order = sorted(numbered, key=lambda pair: pair[0])
-    outputs = [int(number) + 1 - first for number, _ in in_order]
+    outputs = [int(number) + 1 - first_channel for number, _ in in_order]
     return ReadLayout([speaker_angles for _, speaker_angles in in_order], outputs, list(left_out))
 
 
@@ -275,7 +275,7 @@ def _angles(azimuth: Any, elevation: Any, distance: Any) -> Angles:
     return angles
 
 
-def _number(value: Any, what: str) -> float:
+def _number(value: Any, noun: str) -> float:
     try:
         if isinstance(value, bool) or value is None:
             raise ValueError
@@ -283,7 +283,7 @@ def _number(value: Any, what: str) -> float:
         if abs(number) > 1e9 or number != number:
             raise ValueError
     except (TypeError, ValueError, OverflowError):
-        raise LayoutFileError(f"{printable(str(value)[:40])!r} is not a valid {what}") from None
+        raise LayoutFileError(f"{printable(str(value)[:40])!r} is not a valid {noun}") from None
     return number
 
 

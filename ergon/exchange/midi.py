@@ -87,16 +87,16 @@ def tempo_file(
     for marker in markers:
         add(marker.beat, 4, _MARKER, marker.name.encode())
     add(max([length, *(marker.beat for marker in markers)]), 5, _END, b"")
-    written = [_track(events), *(_note_track(track, ruler) for track in tracks)]
-    return b"MThd" + struct.pack(">IHHH", 6, 1, len(written), PPQ) + b"".join(written)
+    track_chunks = [_track(events), *(_note_track(track, ruler) for track in tracks)]
+    return b"MThd" + struct.pack(">IHHH", 6, 1, len(track_chunks), PPQ) + b"".join(track_chunks)
 
 
 def _track(events: list[tuple[int, int, bytes]]) -> bytes:
     """A track of events: tick, order within the tick, bytes."""
-    track, before = bytearray(), 0
+    track, tick_before = bytearray(), 0
     for tick, _, event in sorted(events, key=lambda event: event[:2]):
-        track += _variable(tick - before) + event
-        before = tick
+        track += _variable(tick - tick_before) + event
+        tick_before = tick
     return b"MTrk" + struct.pack(">I", len(track)) + bytes(track)
 
 
@@ -104,14 +104,14 @@ def _note_track(track: NoteTrack, ruler: Ruler) -> bytes:
     name = track.name.encode()
     name_event = b"\xff" + bytes((_TRACK_NAME,)) + _variable(len(name)) + name
     events: list[tuple[int, int, bytes]] = [(0, 0, name_event)]
-    last = 0
+    last_tick = 0
     for note in track.notes:
         begin = ruler.tick(note.begin)
         end = max(begin + 1, ruler.tick(note.end))  # a note of no length would be none
         events.append((begin, 2, bytes((_NOTE_ON | track.channel, note.key, note.velocity))))
         events.append((end, 1, bytes((_NOTE_OFF | track.channel, note.key, 0))))
-        last = max(last, end)
-    return _track([*events, (last, 3, b"\xff" + bytes((_END, 0)))])
+        last_tick = max(last_tick, end)
+    return _track([*events, (last_tick, 3, b"\xff" + bytes((_END, 0)))])
 
 
 class Ruler:

@@ -51,7 +51,7 @@ def instants(motion: Motion, fps: float | None) -> NDArray[np.float64]:
     return np.arange(count) / rate
 
 
-def write_npz(to: BinaryIO, motion: Motion, instants: NDArray[np.float64]) -> None:
+def write_npz(output_file: BinaryIO, motion: Motion, instants: NDArray[np.float64]) -> None:
     """`t` [s], `names`, `places` (x, y, z, rest) [m] and `displacement` [m] (n_instants, n_points).
 
     Displacements are single floats; NaN marks those that were not computed. `manifest` is JSON.
@@ -72,7 +72,7 @@ def write_npz(to: BinaryIO, motion: Motion, instants: NDArray[np.float64]) -> No
         arrays["space_links"] = np.array([link.ends for link in links], dtype=int).reshape(-1, 2)
         arrays["space_broken"] = np.array([link.broken for link in links])
     np.savez_compressed(
-        to,
+        output_file,
         allow_pickle=False,
         t=instants,
         names=np.array(motion.names),
@@ -88,8 +88,8 @@ def csv_rows(motion: Motion, instants: NDArray[np.float64]) -> Iterator[str]:
     names = ",".join('"' + name.replace('"', '""') + ' [m]"' for name in motion.names)
     yield f"# {MARK.decode()}\nt [s],{names}\n"
     count = max(1, _BLOCK // max(1, len(motion.names)))
-    for first in range(0, len(instants), count):
-        some = instants[first : first + count].tolist()
-        for t, row in zip(some, motion.displacements(some), strict=True):
+    for first_index in range(0, len(instants), count):
+        block_instants = instants[first_index : first_index + count].tolist()
+        for t, row in zip(block_instants, motion.displacements(block_instants), strict=True):
             numbers = ("" if math.isnan(x) else repr(float(x)) for x in row)
             yield f"{t!r},{','.join(numbers)}\n"

@@ -91,9 +91,9 @@ def points_of_parts(manifest: dict[str, Any], names: Sequence[str]) -> list[int]
     """
     parts = manifest["parts"]
     counts = [part["count"] for part in parts]
-    ends = [part["first"] + part["count"] for part in parts]
+    part_ends = [part["first"] + part["count"] for part in parts]
     for point in points_in_space(manifest.get("space"), names):
-        members = [bisect_right(ends, coordinate) for coordinate in point.axes]
+        members = [bisect_right(part_ends, coordinate) for coordinate in point.axes]
         is_of_body = parts[members[-1]]["name"] != parts[members[0]]["name"]
         moved = [part for part in members if parts[part]["kind"] != "none"]
         for part in members:
@@ -135,9 +135,11 @@ def links_in_space(motion: Motion, space: Sequence[SpacePoint]) -> list[SpaceLin
             np.minimum.at(broken, rows["link"], chunk.seconds + rows["dt"].astype(float))
     number = np.full(len(motion.names), -1)
     number[[point.axes[0] for point in space]] = np.arange(len(space))
-    ends = number[pairs]
-    drawn = np.flatnonzero((ends >= 0).all(axis=1))
-    return [SpaceLink((int(ends[i, 0]), int(ends[i, 1])), float(broken[i])) for i in drawn]
+    end_points = number[pairs]
+    drawn = np.flatnonzero((end_points >= 0).all(axis=1))
+    return [
+        SpaceLink((int(end_points[i, 0]), int(end_points[i, 1])), float(broken[i])) for i in drawn
+    ]
 
 
 def _is_point(number: object, n_points: int) -> bool:

@@ -33,7 +33,7 @@ def new_folder(folder: Path) -> Iterator[Path]:
     check_new_folder(folder)
     target = folder.resolve()
     is_there = target.exists()
-    above = [one for one in target.parents if not one.exists()]
+    missing_parents = [ancestor for ancestor in target.parents if not ancestor.exists()]
     make_folder(target.parent)
     try:
         # Within a folder that exists: it may be the root of a file system, and keeps its rights.
@@ -45,7 +45,7 @@ def new_folder(folder: Path) -> Iterator[Path]:
             else:
                 os.rename(part, target)
     except BaseException as error:
-        remove_folders(above)
+        remove_folders(missing_parents)
         if isinstance(error, OSError):
             reason = error.strerror or "it is in use"
             raise FileRefusedError(f"{folder} cannot be written: {reason}") from error
@@ -67,12 +67,12 @@ def _move_up(part: Path, target: Path) -> None:
     moved: list[tuple[Path, Path]] = []
     try:
         for path in sorted(part.iterdir()):
-            to = target / path.name
-            if to.exists():
-                raise FileExistsError(17, "a file of this name appeared meanwhile", str(to))
-            os.rename(path, to)
-            moved.append((path, to))
+            new_path = target / path.name
+            if new_path.exists():
+                raise FileExistsError(17, "a file of this name appeared meanwhile", str(new_path))
+            os.rename(path, new_path)
+            moved.append((path, new_path))
     except BaseException:
-        for path, to in moved:
-            os.rename(to, path)
+        for path, new_path in moved:
+            os.rename(new_path, path)
         raise

@@ -151,10 +151,10 @@ def _check_end(data: bytes) -> None:
     mark, *_, count, size, _, comment = (
         _END.unpack(data[-_END.size :]) if len(data) >= _END.size else (b"", 0, 0, 0, 0)
     )
-    before = len(data) - _END.size - _LARGE_BYTES
+    n_bytes_before = len(data) - _END.size - _LARGE_BYTES
     if mark != _END_MARK or comment:
         raise PackError("the pack is cut short, or something was added to its end")
-    if data[max(before, 0) :][:4] == _LARGE_MARK or count > FILES_MAX + 1:
+    if data[max(n_bytes_before, 0) :][:4] == _LARGE_MARK or count > FILES_MAX + 1:
         raise PackError(f"a pack has {FILES_MAX:,} files at most, and this has more")
     if size > count * _RECORD_BYTES_MAX:
         raise PackError("the pack is damaged: its list of files is too long for their number")

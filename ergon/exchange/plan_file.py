@@ -44,12 +44,12 @@ class NotPlanError(ErgonError, ValueError):
     """The file is not a plan that this program can read."""
 
 
-def text(choices: Sequence[IslandChoice], digest: str, **more: object) -> str:
-    """A plan as the text of a file; `more` are further fields at its beginning."""
+def text(choices: Sequence[IslandChoice], digest: str, **further_fields: object) -> str:
+    """A plan as the text of a file; `further_fields` are further fields at its beginning."""
     # One choice per line, so that two plans can be compared by eye and by diff.
     lines = ",\n  ".join(json.dumps(choice, separators=(",", ":")) for choice in choices)
-    head = "".join(f', "{name}": {json.dumps(value)}' for name, value in more.items())
-    return f'{{"ergon_plan": {VERSION}, "hash": "{digest}"{head}, "choices": [\n  {lines}\n]}}\n'
+    header = "".join(f', "{name}": {json.dumps(value)}' for name, value in further_fields.items())
+    return f'{{"ergon_plan": {VERSION}, "hash": "{digest}"{header}, "choices": [\n  {lines}\n]}}\n'
 
 
 def write(

@@ -50,8 +50,8 @@ class PlanStore:
     def put(self, key: str, record: TrialRecord) -> None:
         """Store a record, if possible."""
         key = versioned_key(key)
-        head = {"ergon_trial": _VERSION, "key": key, "hash": _hash(record)}
-        content = {**head, **record._asdict()}
+        header = {"ergon_trial": _VERSION, "key": key, "hash": _hash(record)}
+        content = {**header, **record._asdict()}
         self._folder.write(key, json.dumps(content, separators=(",", ":")).encode())
 
     def forget(self) -> None:

@@ -67,13 +67,13 @@ def project(
         "    ARM 0",
         f"    DEFSHAPE {_SQUARE} -1 -1",
     ]
-    before = None
+    meter_before = None
     for seconds, bpm, meter in points:
         line = f"    PT {seconds:.12f} {bpm:.10f} {_SQUARE}"
-        if meter != before:
+        if meter != meter_before:
             line += f" {meter[1] << 16 | meter[0]} 0 {_SETS_METER}"
         lines.append(line)
-        before = meter
+        meter_before = meter
     lines.append("  >")
     for number, mark in enumerate(marks, 1):
         lines.append(f"  MARKER {number} {seconds_at(mark.beat):.12f} {_quoted(mark.name)} 0")
@@ -123,7 +123,7 @@ def _track(track: SoundTrack, sounds: SoundFormat, n_channels: int) -> list[str]
 def _quoted(text: str) -> str:
     """A text as a value: within the first kind of quote that it does not hold."""
     text = _printable(text)
-    quote = next((each for each in _QUOTES if each not in text), None)
+    quote = next((candidate for candidate in _QUOTES if candidate not in text), None)
     if quote is None:
         quote, text = "`", text.replace("`", "'")
     return f"{quote}{text}{quote}"

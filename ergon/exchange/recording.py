@@ -62,10 +62,10 @@ def from_start(recording: Recording) -> NDArray[np.float64]:
         raise NotRecordingError(str(error)) from None
     if not len(positions):
         raise NotRecordingError("the recording is empty")
-    first = int(recording.ticks()[0])
-    if (first + len(positions)) * positions.shape[1] > _MAX_TICKS:
+    first_tick = int(recording.ticks()[0])
+    if (first_tick + len(positions)) * positions.shape[1] > _MAX_TICKS:
         raise NotRecordingError("the recording begins too late in the piece")
-    return np.concatenate([np.repeat(positions[:1], first, axis=0), positions])
+    return np.concatenate([np.repeat(positions[:1], first_tick, axis=0), positions])
 
 
 def columns(recording: Recording) -> list[Column]:
@@ -92,17 +92,17 @@ def columns(recording: Recording) -> list[Column]:
 
 def csv_rows(recording: Recording) -> Iterator[str]:
     """The text of a CSV in pieces; numbers are the shortest that read back to the same bits."""
-    every = columns(recording)
+    all_columns = columns(recording)
     text = io.StringIO()
     text.write(
         f"# take 1, made by ergon, {recording.rate:g} Hz, ticks of {recording.frames} frames\n"
     )
     rows = csv.writer(text, lineterminator="\n")
-    rows.writerow([name for name, _ in every])
+    rows.writerow([name for name, _ in all_columns])
     yield text.getvalue()
-    for first in range(0, len(every[0][1]), _BLOCK):
+    for first_row in range(0, len(all_columns[0][1]), _BLOCK):
         text = io.StringIO()
-        lists = [values[first : first + _BLOCK].tolist() for _, values in every]
+        lists = [values[first_row : first_row + _BLOCK].tolist() for _, values in all_columns]
         csv.writer(text, lineterminator="\n").writerows(zip(*lists, strict=True))
         yield text.getvalue()
 
@@ -141,9 +141,11 @@ def write_wav(file: BinaryIO, recording: Recording) -> None:
     n_frames = int(ticks[-1] - ticks[0]) * recording.frames + 1
     form = WaveFormat(rate, len(takes), "float")
     writer = WaveWriter(file, form, n_frames, Stamp(", ".join(recording.names)))
-    for first in range(0, n_frames, _BLOCK):
-        now = np.arange(first, min(first + _BLOCK, n_frames)) / recording.rate
-        block = np.stack([take.positions(now) for take in takes], axis=1)
+    for first_frame in range(0, n_frames, _BLOCK):
+        block_instants = (
+            np.arange(first_frame, min(first_frame + _BLOCK, n_frames)) / recording.rate
+        )
+        block = np.stack([take.positions(block_instants) for take in takes], axis=1)
         writer.write(single(block, 1.0))
     writer.close()
 
@@ -170,9 +172,9 @@ def recorded(
     if not n_ticks * len(channels) <= _MAX_TICKS:
         raise NotRecordingError(f"{end - begin:g} s is longer than a recording can be at this rate")
     ticks = np.arange(int(n_ticks), dtype=np.uint64)
-    now = begin + ticks.astype(np.float64) * frames / rate
+    tick_instants = begin + ticks.astype(np.float64) * frames / rate
     try:
-        x = np.stack([Take(t, x).positions(now) for t, x in channels.values()], axis=1)
+        x = np.stack([Take(t, x).positions(tick_instants) for t, x in channels.values()], axis=1)
         description = json.dumps({"imported": source}, ensure_ascii=False)
         axes: Sequence[tuple[str, str]] = [(name, "") for name in channels]
         return Recording(rate, frames, axes, description, ticks, np.ascontiguousarray(x))

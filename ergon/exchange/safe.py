@@ -57,15 +57,15 @@ def _has_mark(path: Path) -> bool:
     return MARK in head or is_render(path)
 
 
-def is_one_of(path: Path, others: Iterable[Path]) -> bool:
-    """Whether the file is one of `others` under any name: a link, another case, another path."""
+def is_one_of(path: Path, other_paths: Iterable[Path]) -> bool:
+    """Whether the file is one of `other_paths` under any name: a link or another case."""
     try:
         stat = path.stat()
     except OSError:
         return False
-    for other in others:
+    for other_path in other_paths:
         with contextlib.suppress(OSError, ValueError):
-            if os.path.samestat(stat, other.stat()):
+            if os.path.samestat(stat, other_path.stat()):
                 return True
     return False
 
@@ -164,13 +164,17 @@ class FileGroup:
         """
         if str(target) == "-":
             return self.stack.enter_context(_standard_output(binary=binary))
-        asked = Path(target)
-        self.check(asked)
-        if asked.exists() and not asked.is_file():  # a device or a named pipe: nothing to replace
-            return self.stack.enter_context(asked.open("wb"))
-        path = _resolved_path(asked)  # a link stays a link; what it points to is replaced
-        if any(one.target == path for one in self.pending):
-            raise FileRefusedError(f"{asked} would be written twice; give the outputs other names")
+        asked_path = Path(target)
+        self.check(asked_path)
+        if (
+            asked_path.exists() and not asked_path.is_file()
+        ):  # a device or a named pipe: nothing to replace
+            return self.stack.enter_context(asked_path.open("wb"))
+        path = _resolved_path(asked_path)  # a link stays a link; what it points to is replaced
+        if any(pending_file.target == path for pending_file in self.pending):
+            raise FileRefusedError(
+                f"{asked_path} would be written twice; give the outputs other names"
+            )
         self.new_folders.update(folder for folder in path.parents if not folder.exists())
         make_folder(path.parent)
         paths: list[Path] = []
@@ -180,7 +184,7 @@ class FileGroup:
         except OSError as error:
             raise FileRefusedError(f"{path} cannot be written: {error.strerror}") from None
         self.stack.enter_context(file)
-        self.pending.append(_Pending(asked, path, paths[-1], file))
+        self.pending.append(_Pending(asked_path, path, paths[-1], file))
         return file
 
     def write(self, target: str | Path, data: bytes) -> None:
@@ -210,13 +214,13 @@ class FileGroup:
                 moved.append((pending, self._keep_old(pending.target)))
                 self._move(pending)
         except BaseException:
-            for pending, before in reversed(moved):
+            for pending, path_before in reversed(moved):
                 if not pending.has_its_name():
                     continue
-                if before is None:
+                if path_before is None:
                     pending.target.unlink()
                 else:
-                    os.replace(before, pending.target)
+                    os.replace(path_before, pending.target)
             raise
         if self.sync and not self.is_recorded:  # what cannot be computed again
             _sync(pending.target.parent for pending in self.pending)
@@ -259,7 +263,7 @@ def _grouped(group: FileGroup) -> Iterator[FileGroup]:
     except BaseException as error:
         remove_folders(sorted(group.new_folders, key=lambda folder: -len(folder.parts)))
         if isinstance(error, OSError) and error.errno in _FULL and group.pending:
-            names = [str(one.target) for one in group.pending]
+            names = [str(pending_file.target) for pending_file in group.pending]
             if error.filename is None or error.filename in names:
                 name = error.filename or names[0]
                 raise FileRefusedError(f"{name} cannot be written: {error.strerror}") from error
@@ -333,7 +337,7 @@ def make_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError):
-        existing = next(one for one in (folder, *folder.parents) if one.exists())
+        existing = next(ancestor for ancestor in (folder, *folder.parents) if ancestor.exists())
         raise FileRefusedError(f"{existing} is a file, and no folder to write into") from None
 
 

@@ -87,35 +87,35 @@ def responses_of(answer: IO[bytes], path: Path) -> HeadResponses:
 
     line = answer.readline(_HEAD_MAX)
     try:
-        head = parse_json(line)
+        header = parse_json(line)
     except MalformedTextError:
-        why = "reading it took too long, too much memory, or crashed the library; it is damaged"
-        raise SofaError(f"{path}: {why}") from None
-    if "error" in head:
-        raise SofaError(f"{path}: {printable(head['error'])}")
-    _check(head, path)
-    places, responses, rates, delays = (_array(answer, shape, path) for shape in head["shapes"])
+        reason = "reading it took too long, too much memory, or crashed the library; it is damaged"
+        raise SofaError(f"{path}: {reason}") from None
+    if "error" in header:
+        raise SofaError(f"{path}: {printable(header['error'])}")
+    _check(header, path)
+    places, responses, rates, delays = (_array(answer, shape, path) for shape in header["shapes"])
     rate = float(rates.flat[0])
     if not 1_000.0 <= rate <= 768_000.0:
         raise SofaError(f"{path}: a rate of {rate:g} Hz")
     if not (np.isfinite(places).all() and np.isfinite(responses).all()) or not responses.any():
         raise SofaError(f"{path}: responses are finite numbers, and not all 0")
     if not (np.isfinite(delays).all() and np.ptp(delays) <= _DELAY_MAX * rate):
-        why = f"its delays (Data.Delay, in samples) differ by more than {_DELAY_MAX:g} s"
-        raise SofaError(f"{path}: {why}; the ears of a head are nearer")
+        reason = f"its delays (Data.Delay, in samples) differ by more than {_DELAY_MAX:g} s"
+        raise SofaError(f"{path}: {reason}; the ears of a head are nearer")
     late = np.broadcast_to(delays, (len(responses), 2)) / rate
     return HeadResponses(places[:, :2], responses, rate, late)
 
 
-def _check(head: dict[str, Any], path: Path) -> None:
+def _check(header: dict[str, Any], path: Path) -> None:
     """Raise SofaError unless the arrays are those of responses at two ears."""
-    convention, (places, shape, rates, delays) = head["convention"], head["shapes"]
+    convention, (places, shape, rates, delays) = header["convention"], header["shapes"]
     if convention != _CONVENTION:
-        named = printable(convention) or "no"
-        raise SofaError(f"{path} is of {named} convention; a head is {_CONVENTION}")
-    if head["type"] != "spherical":
+        convention_text = printable(convention) or "no"
+        raise SofaError(f"{path} is of {convention_text} convention; a head is {_CONVENTION}")
+    if header["type"] != "spherical":
         raise SofaError(f"{path}: directions are read as angles, here they are cartesian")
-    if "rad" in head.get("units", "").lower():
+    if "rad" in header.get("units", "").lower():
         raise SofaError(f"{path}: directions are read in degrees, here they are in radians")
     if len(shape) != 3 or shape[1] != 2 or shape[0] < 4 or shape[2] < 8:
         sizes = " by ".join(map(str, shape))

@@ -50,15 +50,15 @@ class StretchStore:
         if data is None or len(data) < _HEAD.size + _LENGTH.size:
             return None
         magic, checksum = _HEAD.unpack_from(data)
-        rest = memoryview(data)[_HEAD.size :]
-        if magic != _MAGIC or checksum != zlib.crc32(rest):
+        checked_bytes = memoryview(data)[_HEAD.size :]
+        if magic != _MAGIC or checksum != zlib.crc32(checked_bytes):
             return None
-        (n_samples,) = _LENGTH.unpack_from(rest)
+        (n_samples,) = _LENGTH.unpack_from(checked_bytes)
         stop = _LENGTH.size + 8 * n_samples
-        if stop > len(rest):
+        if stop > len(checked_bytes):
             return None
-        sound = np.frombuffer(rest[_LENGTH.size : stop], dtype="<f8")
-        return Stretch(sound.astype(np.float64, copy=False), bytes(rest[stop:]))
+        sound = np.frombuffer(checked_bytes[_LENGTH.size : stop], dtype="<f8")
+        return Stretch(sound.astype(np.float64, copy=False), bytes(checked_bytes[stop:]))
 
     def has(self, key: str) -> bool:
         """Whether there is a stretch under a key, which may still be damaged."""
@@ -67,9 +67,9 @@ class StretchStore:
     def put(self, key: str, sound: NDArray[np.float64], state: bytes) -> bool:
         """Store the sound (n_frames · n_out,) and the state after it; True if they were stored."""
         samples = sound.astype("<f8", copy=False).tobytes()
-        rest = _LENGTH.pack(len(sound)) + samples + state
-        head = _HEAD.pack(_MAGIC, zlib.crc32(rest))
-        return self._folder.write(versioned_key(key), head + rest)
+        checked_bytes = _LENGTH.pack(len(sound)) + samples + state
+        header = _HEAD.pack(_MAGIC, zlib.crc32(checked_bytes))
+        return self._folder.write(versioned_key(key), header + checked_bytes)
 
     def forget(self) -> None:
         """Remove the stretches that were used least recently, until the rest is within bounds."""

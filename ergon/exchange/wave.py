@@ -146,11 +146,11 @@ def _samples(path: Path, info: WaveInfo, n_bytes: int) -> Iterator[bytes]:
     """The bytes of the samples, at most `n_bytes` at a time."""
     with open_regular(path) as file:
         file.seek(info.offset)
-        left = info.n_frames * info.format.frame_bytes
-        while left:
-            data = read_exactly(file, min(left, n_bytes), _CUT_SAMPLES)
+        n_bytes_left = info.n_frames * info.format.frame_bytes
+        while n_bytes_left:
+            data = read_exactly(file, min(n_bytes_left, n_bytes), _CUT_SAMPLES)
             yield data
-            left -= len(data)
+            n_bytes_left -= len(data)
 
 
 def is_render(path: Path) -> bool:

@@ -153,8 +153,8 @@ def pack(format: WaveFormat, n_frames: int, stamp: Stamp, *, riff_limit: int = R
     )
     riff = 4 + (8 + _DS64.size) + len(body) + 8 + size + (size & 1)
     if riff <= riff_limit:
-        head = b"RIFF" + struct.pack("<I", riff) + b"WAVE" + _chunk(b"JUNK", bytes(_DS64.size))
-        return head + body + b"data" + struct.pack("<I", size)
+        header = b"RIFF" + struct.pack("<I", riff) + b"WAVE" + _chunk(b"JUNK", bytes(_DS64.size))
+        return header + body + b"data" + struct.pack("<I", size)
     ds64 = _chunk(b"ds64", _DS64.pack(riff, size, n_frames, 0))
     return b"RF64\xff\xff\xff\xffWAVE" + ds64 + body + b"data\xff\xff\xff\xff"
 
@@ -217,7 +217,7 @@ def parse(file: BinaryIO) -> WaveInfo:
     originator: str | None = None
     description = ""
     descriptions = {b"axml": b"", b"chna": b""}
-    others: list[tuple[str, int]] = []
+    other_chunks: list[tuple[str, int]] = []
     cues: dict[int, int] = {}
     labels: dict[int, str] = {}
     samples: tuple[int, int, int] | None = None  # offset, bytes present, bytes missing
@@ -253,8 +253,8 @@ def parse(file: BinaryIO) -> WaveInfo:
             cues = _cues(read_exactly(file, size))
         elif name == b"LIST" and 4 <= size <= _CUES_MAX and file.read(4) == b"adtl":
             labels = _labels(read_exactly(file, size - 4))
-        elif name not in _IGNORED_CHUNKS and len(others) < _OTHERS_MAX:
-            others.append((name.decode("latin-1"), size))
+        elif name not in _IGNORED_CHUNKS and len(other_chunks) < _OTHERS_MAX:
+            other_chunks.append((name.decode("latin-1"), size))
         file.seek(start + size + (size & 1))
     if samples is None or format is None:
         raise NotWaveError("this WAVE file holds no samples")
@@ -271,7 +271,7 @@ def parse(file: BinaryIO) -> WaveInfo:
         descriptions[b"chna"],
         mask,
         missing,
-        tuple(others),
+        tuple(other_chunks),
         tuple((labels.get(number, str(number)), frame) for number, frame in cues.items()),
     )
 

@@ -31,16 +31,20 @@ CHECK_RATIO = 1.2
 _PROBE_FACTOR = 3.0  # a factor of stiffness and mass that shows whether a hand feels a CEL
 
 
-def tangible_paths(stage: Stage, mat: int, held: Sequence[int]) -> dict[ModuleKey, Points]:
+def tangible_paths(stage: Stage, mat: int, held_mats: Sequence[int]) -> dict[ModuleKey, Points]:
     """The automation of modules that a hand on the MAT `mat` can feel, as points in time.
 
-    `held` are the MATs of all hands.
+    `held_mats` are the MATs of all hands.
     """
 
     def key(module_key: ModuleKey, numbers: Sequence[float]) -> bytes:
         values = _engine_values(stage, [module_key], [numbers])
         reached = stage.network.reachable_network(
-            mat, stage.rate, held=list(held), ties=list(values.ties), factors=list(values.factors)
+            mat,
+            stage.rate,
+            held=list(held_mats),
+            ties=list(values.ties),
+            factors=list(values.factors),
         )
         return reached.key()
 
@@ -96,11 +100,13 @@ def value_sets(
     modules = list(paths)
     rows = list(paths.values())
     instants = sorted({since, *(p[0] for points in rows for p in points if p[0] > since)})
-    known: set[object] = set()
+    known_keys: set[object] = set()
     for values, stays in _values_along(rows, instants):
-        key = tuple(values) if stays else tuple(_ratio_step(x) for one in values for x in one)
-        if key not in known:
-            known.add(key)
+        key = (
+            tuple(values) if stays else tuple(_ratio_step(x) for numbers in values for x in numbers)
+        )
+        if key not in known_keys:
+            known_keys.add(key)
             yield _engine_values(stage, modules, values)
 
 
@@ -110,16 +116,21 @@ def _values_along(
     """Values at each instant and on the way between two of them, and whether they are held
     there.
     """
-    begin, last = instants[0], [value_at(points, instants[0]) for points in rows]
+    begin, values_before = instants[0], [value_at(points, instants[0]) for points in rows]
     for end in instants[1:]:
-        now = [value_at(points, end) for points in rows]
-        yield last, now == last
-        if end - begin > SHORT_CHANGE and now != last:
-            n = max(1, math.ceil(math.log(_largest_ratio(last, now)) / math.log(CHECK_RATIO)))
+        values_now = [value_at(points, end) for points in rows]
+        yield values_before, values_now == values_before
+        if end - begin > SHORT_CHANGE and values_now != values_before:
+            n = max(
+                1,
+                math.ceil(
+                    math.log(_largest_ratio(values_before, values_now)) / math.log(CHECK_RATIO)
+                ),
+            )
             for place in range(1, n):
-                yield _interpolated(last, now, place / n), False
-        begin, last = end, now
-    yield last, True
+                yield _interpolated(values_before, values_now, place / n), False
+        begin, values_before = end, values_now
+    yield values_before, True
 
 
 def _ratio_step(x: float) -> int | None:
@@ -129,8 +140,8 @@ def _ratio_step(x: float) -> int | None:
 def _largest_ratio(a: Sequence[Sequence[float]], b: Sequence[Sequence[float]]) -> float:
     pairs = [
         pair
-        for first, other in zip(a, b, strict=True)
-        for pair in zip(first, other, strict=True)
+        for first_number, second_number in zip(a, b, strict=True)
+        for pair in zip(first_number, second_number, strict=True)
         if min(pair) > 0.0
     ]
     return max((max(pair) / min(pair) for pair in pairs), default=1.0)
@@ -140,6 +151,6 @@ def _interpolated(
     a: Sequence[Sequence[float]], b: Sequence[Sequence[float]], share: float
 ) -> list[tuple[float, ...]]:
     return [
-        tuple(x + (y - x) * share for x, y in zip(first, other, strict=True))
-        for first, other in zip(a, b, strict=True)
+        tuple(x + (y - x) * share for x, y in zip(first_number, second_number, strict=True))
+        for first_number, second_number in zip(a, b, strict=True)
     ]

@@ -58,14 +58,14 @@ class Board:
         """Whether it may have a real motor: not if it is played without a device, or emulated in
         this process or by a pseudo-terminal.
         """
-        where = self.url.partition("?")[0].partition(":")[2]
-        return self.kind not in ("emul", *LED_KINDS) and not where.startswith("/dev/pts/")
+        address = self.url.partition("?")[0].partition(":")[2]
+        return self.kind not in ("emul", *LED_KINDS) and not address.startswith("/dev/pts/")
 
     @property
     def is_emulated(self) -> bool:
         """Whether it is an emulator, surely or probably: datagrams to this machine count as one."""
-        where = self.url.partition("?")[0].partition(":")[2].removeprefix("//")
-        return not self.has_motor or (self.kind == "frame+udp" and where.startswith("127."))
+        address = self.url.partition("?")[0].partition(":")[2].removeprefix("//")
+        return not self.has_motor or (self.kind == "frame+udp" and address.startswith("127."))
 
 
 def config_path() -> Path:
@@ -110,17 +110,19 @@ def device_urls() -> dict[str, str]:
     return table
 
 
-def boards(asked: Mapping[str, str], known: Mapping[str, str]) -> list[Board]:
-    """Devices with their axes, for `asked` player → device; one for each URL. Raises BoardError."""
+def boards(devices_by_player: Mapping[str, str], urls_by_name: Mapping[str, str]) -> list[Board]:
+    """Devices with their axes, for `devices_by_player` player → device; one for each URL. Raises
+    BoardError.
+    """
     axes_by_device: dict[str, list[tuple[int, str]]] = {}
     names: dict[str, str] = {}
-    for player, text in asked.items():
-        url, axis = resolve(text, known)
-        kind, _, what = url.partition("?")[0].partition(":")
-        if kind in PAGE_KINDS and not what:  # each player has a key of the page
+    for player, text in devices_by_player.items():
+        url, axis = resolve(text, urls_by_name)
+        kind, _, address = url.partition("?")[0].partition(":")
+        if kind in PAGE_KINDS and not address:  # each player has a key of the page
             url = url.replace(":", f":{player}", 1)
-        if ":" not in text and (named := _DEVICE_NAME.match(text)):
-            names.setdefault(url, named["name"])
+        if ":" not in text and (name_match := _DEVICE_NAME.match(text)):
+            names.setdefault(url, name_match["name"])
         axes = axes_by_device.setdefault(url, [])
         if any(axis == taken for taken, _ in axes):
             raise BoardError(
@@ -133,36 +135,38 @@ def boards(asked: Mapping[str, str], known: Mapping[str, str]) -> list[Board]:
     ]
 
 
-def resolve(text: str, known: Mapping[str, str]) -> tuple[str, int]:
+def resolve(text: str, urls_by_name: Mapping[str, str]) -> tuple[str, int]:
     """(URL, axis) of `URL#3`, or of `name` or `name.3` of the user's file. Raises BoardError."""
     if ":" in text:
-        url, _, behind = text.partition("#")
+        url, _, axis_text = text.partition("#")
         # The options of a URL come after its axis.
-        number, mark, options = behind.partition("?")
-        if behind and not number.isdecimal():
+        number, mark, options = axis_text.partition("?")
+        if axis_text and not number.isdecimal():
             raise BoardError(f"{text}: the axis is a number from 0 on, as in {url}#0")
         return url + mark + options, int(number or 0)
-    named = _DEVICE_NAME.match(text)
-    if named is None:
+    name_match = _DEVICE_NAME.match(text)
+    if name_match is None:
         raise BoardError(f"{text}: a device is a URL, such as firefader:/dev/ttyACM0, or a name")
-    device, axis = named["name"], named["axis"]
-    if device not in known:
-        which = ", ".join(known) or "none yet (`ergon devices` says where to write one)"
-        raise BoardError(f"no device is called {device}; known: {which}")
-    board_url, first = resolve(known[device], {})
-    return board_url, first if axis is None else int(axis)
+    device, axis = name_match["name"], name_match["axis"]
+    if device not in urls_by_name:
+        known_names = (
+            ", ".join(urls_by_name) or "none yet (`ergon devices` says where to write one)"
+        )
+        raise BoardError(f"no device is called {device}; known: {known_names}")
+    board_url, first_axis = resolve(urls_by_name[device], {})
+    return board_url, first_axis if axis is None else int(axis)
 
 
 def parse_live_options(pairs: Sequence[str]) -> dict[str, str]:
     """`PLAYER=DEVICE` of each `--live`. Raises BoardError."""
-    asked: dict[str, str] = {}
+    devices_by_player: dict[str, str] = {}
     for pair in pairs:
         player, is_pair, device = pair.partition("=")
         if not is_pair or not player or not device:
             raise BoardError(
                 f"{pair}: a hand is PLAYER=DEVICE, such as remi=firefader:/dev/ttyACM0"
             )
-        if player in asked:
+        if player in devices_by_player:
             raise BoardError(f"{player} is given two devices; a player has one")
-        asked[player] = device
-    return asked
+        devices_by_player[player] = device
+    return devices_by_player

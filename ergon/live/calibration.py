@@ -64,9 +64,9 @@ def board_identity(url: str) -> str | None:
     `?id=`. A network address does not tell which device answers there.
     """
     target, _, options = url.partition("?")
-    kind, _, where = target.partition(":")
+    kind, _, address = target.partition(":")
     if kind in ("firefader", "frame"):
-        return _core.serial_identity(where)
+        return _core.serial_identity(address)
     ids = [option[3:] for option in options.split("&") if option.startswith("id=")]
     return f"haply:{ids[-1]}" if kind == "haply" and ids and ids[-1] else None
 
@@ -155,46 +155,46 @@ def _parse_axis(name: str, row: Any) -> Axis:
     return axis
 
 
-def find_direction(url: str, number: int, before: Axis | None = None) -> Axis:
+def find_direction(url: str, number: int, axis_before: Axis | None = None) -> Axis:
     """Find the direction of an axis by a small force.
 
-    Returns `before` if its direction still holds; else another motor is connected, and the axis
-    is as the device describes it. Raises EngineError, UnsureError if the axis does not move both
-    ways.
+    Returns `axis_before` if its direction still holds; else another motor is connected, and the
+    axis is as the device describes it. Raises EngineError, UnsureError if the axis does not move
+    both ways.
     """
-    device = _core.Device(url, [] if before is None else [before.for_core(number)])
+    device = _core.Device(url, [] if axis_before is None else [axis_before.for_core(number)])
     try:
         sign = int(device.direction(number, 1e-3))
-        if before is None:
+        if axis_before is None:
             return uncalibrated_axis(device, sign)
     finally:
         device.close()
     if sign > 0:
-        return before
+        return axis_before
     # Another motor is connected: nothing of the old calibration holds for it.
     device = _core.Device(url)
     try:
-        return uncalibrated_axis(device, -before.sign)
+        return uncalibrated_axis(device, -axis_before.sign)
     finally:
         device.close()
 
 
-def axes_as_known(url: str, before: Mapping[int, Axis | None]) -> dict[int, Axis]:
-    """Of the axes `before`, pushed together by small forces, those that move as they should.
+def axes_as_known(url: str, axes_before: Mapping[int, Axis | None]) -> dict[int, Axis]:
+    """Of the axes `axes_before`, pushed together by small forces, those that move as they should.
 
     An axis without a calibration is then as the device describes it. Where several did not move,
     these are pushed together once more, for a busy machine may have passed over the push. Raises
     EngineError.
     """
-    known = {number: axis for number, axis in before.items() if axis is not None}
-    device = _core.Device(url, [axis.for_core(number) for number, axis in known.items()])
+    axes_found = {number: axis for number, axis in axes_before.items() if axis is not None}
+    device = _core.Device(url, [axis.for_core(number) for number, axis in axes_found.items()])
     try:
-        signs = dict(zip(before, device.directions(list(before), 1e-3), strict=True))
+        signs = dict(zip(axes_before, device.directions(list(axes_before), 1e-3), strict=True))
         still = [number for number, sign in signs.items() if sign is None]
         if len(still) > 1:
             signs.update(zip(still, device.directions(still, 1e-3), strict=True))
         moved = [number for number, sign in signs.items() if sign == 1.0]
-        return {number: known.get(number) or uncalibrated_axis(device, 1) for number in moved}
+        return {number: axes_found.get(number) or uncalibrated_axis(device, 1) for number in moved}
     finally:
         device.close()
 
@@ -204,7 +204,7 @@ def store_axis(url: str, number: int, axis: Axis) -> Path:
     from ergon.exchange.safe import open_for_writing
 
     path = config_path()
-    before = read_config()
+    config_before = read_config()
     text = config_bytes().decode()
     name = axis_key(url, number)
     row: dict[str, Any] = {
@@ -216,11 +216,11 @@ def store_axis(url: str, number: int, axis: Axis) -> Path:
     }
     lines = [f"[{_TABLE}.{json.dumps(name)}]"]
     lines += [f"{field} = {json.dumps(value)}" for field, value in row.items()]
-    after = _with_table(text, lines)
+    text_after = _with_table(text, lines)
     # However the user's file is formatted, everything else in it must stay the same.
     try:
-        wanted = {**before, _TABLE: {**_table(before), name: row}}
-        is_unchanged = parse_toml(after.encode()) == wanted
+        expected_config = {**config_before, _TABLE: {**_table(config_before), name: row}}
+        is_unchanged = parse_toml(text_after.encode()) == expected_config
     except MalformedTextError:
         is_unchanged = False
     if not is_unchanged:
@@ -228,7 +228,7 @@ def store_axis(url: str, number: int, axis: Axis) -> Path:
             f"{path} has a form that ergon cannot edit; add to it:\n" + ("\n".join(lines))
         )
     with open_for_writing(path, binary=False, force=True, replaceable=False) as file:
-        file.write(after.encode())
+        file.write(text_after.encode())
     return path
 
 
@@ -241,12 +241,12 @@ def _with_table(text: str, lines: list[str]) -> str:
     if row_index is None:
         gap = "" if not text else end if text.endswith("\n") else end + end
         return text + gap + table
-    after = row_index + 1
-    while after < len(rows) and not rows[after].lstrip().startswith("["):
-        after += 1
+    stop_index = row_index + 1
+    while stop_index < len(rows) and not rows[stop_index].lstrip().startswith("["):
+        stop_index += 1
     # Comments and empty lines above the next table belong to that one.
-    while after > row_index + 1 and (
-        not rows[after - 1].strip() or rows[after - 1].startswith("#")
+    while stop_index > row_index + 1 and (
+        not rows[stop_index - 1].strip() or rows[stop_index - 1].startswith("#")
     ):
-        after -= 1
-    return "".join(rows[:row_index]) + table + "".join(rows[after:])
+        stop_index -= 1
+    return "".join(rows[:row_index]) + table + "".join(rows[stop_index:])

@@ -24,7 +24,7 @@ def capture(
     """
     import numpy as np
 
-    every = max(1, round(_RATE / tick))
+    ticks_per_row = max(1, round(_RATE / tick))
     network = _core.Network()
     network.part("hands")
     axes = [(board, number, player) for board in boards for number, player in board.axes]
@@ -32,7 +32,7 @@ def capture(
     timeline = _core.Timeline(network, _RATE)
     still = np.zeros(1)
     for mat in mats:
-        timeline.hand(mat, every, positions=still)
+        timeline.hand(mat, ticks_per_row, positions=still)
     hands = {player: hand for hand, (_, _, player) in enumerate(axes)}
     about = {
         "made": f"by ergon {_core.__version__}",
@@ -42,9 +42,11 @@ def capture(
     return _core.Performance(
         _core.Simulation(network, timeline),
         _core.Mixer(_RATE, 0, 1),
-        tick_frames=every,
+        tick_frames=ticks_per_row,
         audio="null",
-        n_frames=None if seconds is None else max(1, round(seconds * _RATE / every)) * every,
+        n_frames=None
+        if seconds is None
+        else max(1, round(seconds * _RATE / ticks_per_row)) * ticks_per_row,
         hands=[_core.LiveHand(still, 1.0, None, np.zeros(0), None, np.zeros(0)) for _ in axes],
         boards=[
             _core.LiveBoard(

@@ -75,10 +75,10 @@ class ClockFollower:
     def _move_to(self, clocks: int) -> None:
         """Continue counting from another position; the estimate of the tempo is kept."""
         by = clocks - self._next
-        moved = [(number + by, at) for number, at in self._clocks]
+        moved = [(number + by, instant) for number, instant in self._clocks]
         self._clocks.clear()
         self._clocks.extend(moved)
-        self._stray_clocks = [(number + by, at) for number, at in self._stray_clocks]
+        self._stray_clocks = [(number + by, instant) for number, instant in self._stray_clocks]
         self._next = clocks
         self.is_placed = True
 
@@ -87,11 +87,12 @@ class ClockFollower:
             self._clocks.clear()
             self._stray_clocks.clear()
         self._last = instant
-        known, observation = self.estimate(), (self._next, instant)
+        beat_estimate, observation = self.estimate(), (self._next, instant)
         self._next += 1
         if (
-            known is None
-            or abs(known.instant_of(observation[0] / CLOCKS_PER_BEAT) - instant) <= _ERROR_MAX
+            beat_estimate is None
+            or abs(beat_estimate.instant_of(observation[0] / CLOCKS_PER_BEAT) - instant)
+            <= _ERROR_MAX
         ):
             self._stray_clocks.clear()
             self._clocks.append(observation)
@@ -117,10 +118,12 @@ class ClockFollower:
             return None
         line = _fit_line(clocks)
         for _ in range(_TRIALS):
-            errors = [at - line.instant_of(number / CLOCKS_PER_BEAT) for number, at in clocks]
+            errors = [
+                instant - line.instant_of(number / CLOCKS_PER_BEAT) for number, instant in clocks
+            ]
             lateness_max = max(_LATE_MIN, _LATE_FACTOR * median(map(abs, errors)))
             punctual = [
-                one for one, error in zip(clocks, errors, strict=True) if error <= lateness_max
+                clock for clock, error in zip(clocks, errors, strict=True) if error <= lateness_max
             ]
             if len(punctual) == len(clocks) or len(punctual) < _CLOCKS_MIN // 2:
                 break

@@ -111,7 +111,7 @@ def decibels_of(peak: float) -> float:
 
 def view_lines(view: PerformanceView, width: int) -> list[str]:
     """The view as lines of at most `width` characters, without colours."""
-    playing = " · ".join(f"{player} {what}" for player, what in view.playing) or "—"
+    playing = " · ".join(f"{player} {gesture}" for player, gesture in view.playing) or "—"
     level = f"{view.peak_db:.1f} dB" if math.isfinite(view.peak_db) else "silent"
     counts = " · ".join([f"late {view.late}", *view.troubles])
     if view.panicked:
@@ -122,7 +122,7 @@ def view_lines(view: PerformanceView, width: int) -> list[str]:
 
 
 def _key_line(key: HandView) -> str:
-    who = f"{key.player} on {key.key}"
+    player_and_key = f"{key.player} on {key.key}"
     hand = "tripped" if key.tripped else "hand" if key.real else "stand-in"
     meter = meter_of(key.position, *key.travel)
     force = f"{key.force:+7.3f} N"
@@ -130,7 +130,7 @@ def _key_line(key: HandView) -> str:
         force += f", sent {key.sent:+7.3f} N"
         if key.scale < 1.0:
             force += f" ({_percent(key.scale)})"
-    return f"{'':9}  {who:16} {meter} {1e3 * key.position:+7.2f} mm {force}  {hand}"
+    return f"{'':9}  {player_and_key:16} {meter} {1e3 * key.position:+7.2f} mm {force}  {hand}"
 
 
 def meter_of(x: float, low: float, high: float) -> str:
@@ -149,7 +149,7 @@ def view_record(view: PerformanceView, frame: int) -> dict[str, object]:
     return {
         "frame": frame,
         "where": view.where,
-        "playing": {player: what for player, what in view.playing},
+        "playing": {player: gesture for player, gesture in view.playing},
         "load": round(view.load, 4),
         "late": view.late,
         "underruns": view.gaps,
@@ -174,13 +174,14 @@ def view_record(view: PerformanceView, frame: int) -> dict[str, object]:
 
 def force_sentence(bounds: HandForceBounds) -> str:
     """The part of the piece's force that a hand gets, in words."""
-    last = bounds.last
-    if last.scale >= 1.0:
+    last_scale = bounds.last
+    if last_scale.scale >= 1.0:
         return f"{bounds.player} gets the full force of the piece again"
     return (
-        f"{bounds.player} gets {_percent(last.scale)} of the force of the piece: the piece is "
-        f"{last.met:,.0f} N/m stiff at this key, and its device is stable up to "
-        f"{last.limit:,.0f} N/m"
+        f"{bounds.player} gets {_percent(last_scale.scale)} of the force of the piece: the piece "
+        "is "
+        f"{last_scale.met:,.0f} N/m stiff at this key, and its device is stable up to "
+        f"{last_scale.limit:,.0f} N/m"
     )
 
 
@@ -207,7 +208,7 @@ def event_sentence(
     event: _core.PerformanceEvent, players: Sequence[str], boards: Sequence[str]
 ) -> str:
     """An event as a sentence; empty where a player need not know of it."""
-    _, what, number = event
+    _, event_kind, number = event
     board = boards[int(number)] if int(number) < len(boards) else "a device"
     player = players[int(number)] if int(number) < len(players) else "a hand"
     return {
@@ -237,4 +238,4 @@ def event_sentence(
         "gained": "a contact or a law has made energy: it is too stiff for the time step",
         "finer": "links became too stiff for one step a frame: such frames are computed in finer "
         "steps",
-    }.get(what, "")
+    }.get(event_kind, "")

@@ -84,9 +84,9 @@ def _speed_tests() -> Iterator[tuple[_core.Network, range, Literal["ca", "modal"
     """(network, MATs to strike, method), each with one kind of work."""
     bank = _core.Network()
     bank.part("bank")
-    first = bank.bank("b", count=2000, M=1e-3, f=(100.0, 8000.0), t60=(100.0, 100.0))
-    bank.listen("x", positions=[(first, 2000, 1.0)])
-    yield bank, range(first, first + 2000), "modal"
+    first_bank = bank.bank("b", count=2000, M=1e-3, f=(100.0, 8000.0), t60=(100.0, 100.0))
+    bank.listen("x", positions=[(first_bank, 2000, 1.0)])
+    yield bank, range(first_bank, first_bank + 2000), "modal"
     for masses in (2, 400):  # one frame has its own cost, whatever is in it
         string = _core.Network()
         string.part("string")
@@ -114,9 +114,9 @@ def _cost_ratio(
     best = math.inf
     end = time.perf_counter() + seconds
     while best == math.inf or time.perf_counter() < end:
-        before = time.thread_time()
+        start_time = time.thread_time()
         simulation.process(block)
-        best = min(best, time.thread_time() - before)
+        best = min(best, time.thread_time() - start_time)
     return best / (len(block) * cost)
 
 
@@ -133,7 +133,7 @@ def describe_thread(checkup: Checkup) -> Iterator[Finding]:
     yield Finding("memory", sentence, "" if checkup.locked else _RIGHTS, {"locked": checkup.locked})
 
 
-def measure_wakeups(checkup: Checkup, what: str = "wake-up") -> Finding:
+def measure_wakeups(checkup: Checkup, noun: str = "wake-up") -> Finding:
     """How late a thread wakes that sleeps from tick to tick."""
     lateness = checkup.lateness()
     late = int((lateness > _LATE_SHARE * TICK_SECONDS).sum())
@@ -145,7 +145,7 @@ def measure_wakeups(checkup: Checkup, what: str = "wake-up") -> Finding:
             "performance, and keep more ready for the card (--ahead 4096)"
         )
     numbers = {"ticks": len(lateness), "late_ticks": late, **histogram(lateness)}
-    return Finding(what, sentence, todo, numbers)
+    return Finding(noun, sentence, todo, numbers)
 
 
 def measure_sound(spec: str) -> Finding:
@@ -195,8 +195,8 @@ def measure_device(url: str, seconds: float) -> list[Finding]:
     finally:
         device.close()
     trips = checkup.round_trips()
-    asked = len(trips) + checkup.unanswered
-    sentence = f"{quantiles_text(trips)}; {checkup.unanswered:,} of {asked:,} unanswered"
+    n_requests = len(trips) + checkup.unanswered
+    sentence = f"{quantiles_text(trips)}; {checkup.unanswered:,} of {n_requests:,} unanswered"
     todo = []
     timer = latency_timer(url)
     if timer is not None and timer > 1:
@@ -205,19 +205,19 @@ def measure_device(url: str, seconds: float) -> list[Finding]:
             f"its FTDI chip holds bytes back for {timer} ms: "
             f"echo 1 | sudo tee /sys/bus/usb-serial/devices/{port}/latency_timer"
         )
-    if checkup.unanswered > _LATE_TICKS_MAX * asked:
+    if checkup.unanswered > _LATE_TICKS_MAX * n_requests:
         todo.append("replies are lost: try another cable or port, without a hub")
     slow = quantile(trips, 0.99)
     if not lockstep and slow > _LATE_SHARE * TICK_SECONDS:
         todo.append("it needs most of a tick; `tick: 500Hz` in a score gives it more time")
     numbers: dict[str, object] = {
         "url": url,
-        "asked": asked,
+        "asked": n_requests,
         "unanswered": checkup.unanswered,
         "garbage": checkup.garbage,
         "drift_ppm": checkup.drift_ppm,
         "latency_timer_ms": timer,
-        "per_second": asked / checkup.seconds if checkup.seconds else None,
+        "per_second": n_requests / checkup.seconds if checkup.seconds else None,
         **histogram(trips),
     }
     return [

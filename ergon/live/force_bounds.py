@@ -91,9 +91,9 @@ def force_response(
 
     All contacts are closed; the other hands hold still.
     """
-    held = [other.mat for other in played]
+    held_mats = [other_hand.mat for other_hand in played]
     return _response_of(
-        network.reachable_network(hand.mat, rate, held=held), hand.tick_frames, reach
+        network.reachable_network(hand.mat, rate, held=held_mats), hand.tick_frames, reach
     )
 
 
@@ -119,11 +119,13 @@ class ForceBoundsFinder:
     hands that have a real key.
     """
 
-    def __init__(self, bears: HandLimitOf, reaches: Sequence[float], real: Sequence[int]) -> None:
+    def __init__(
+        self, bears: HandLimitOf, reaches: Sequence[float], real_hands: Sequence[int]
+    ) -> None:
         """Use `bears`, which gives the force limit of a hand for a response."""
         self._hand_limit = bears
         self._reaches = reaches
-        self._real = real
+        self._real = real_hands
         self._cache: dict[tuple[int, int, bytes], ForceScale] = {}
         self.n_responses = 0  # number of responses that were computed
         self._last_query: tuple[object, ...] = ()
@@ -134,31 +136,36 @@ class ForceBoundsFinder:
         stage: Stage,
         start: int,
         glides: Sequence[Glide] = (),
-        before: Sequence[HandForceBounds] = (),
+        bounds_before: Sequence[HandForceBounds] = (),
     ) -> tuple[HandForceBounds, ...]:
         """The force that each real hand may get from a stage from frame `start` on.
 
-        `before` is the same for the stage that it takes over from. Raises EngineError.
+        `bounds_before` is the same for the stage that it takes over from. Raises EngineError.
         """
         if not self._real:
             return ()
         moments = _moments(stage, start, glides)
-        on = tuple(before) if len(moments) > 1 else ()
+        glided_bounds = tuple(bounds_before) if len(moments) > 1 else ()
         hands = [hand for hand in stage.live if hand.index in self._real]
         values = [_automation_sets(stage, hand, hands, start) for hand in hands]
-        known = moments, on, values
+        query = moments, glided_bounds, values
         if (
             self._last_query
             and self._last_query[0] is stage.network
-            and self._last_query[1:] == known
+            and self._last_query[1:] == query
         ):
             return self._last_bounds
-        old = {one.player: one.least for one in before}
+        least_before = {hand_bounds.player: hand_bounds.least for hand_bounds in bounds_before}
         bounds = []
         for hand, led in zip(hands, values, strict=True):
-            every = tuple((at, *_with_automation(led, first, last)) for at, first, last in moments)
-            bounds.append(self._bounds_of(stage, hand, hands, every, old.get(hand.player)))
-        self._last_query, self._last_bounds = (stage.network, *known), tuple(bounds)
+            hand_moments = tuple(
+                (frame, *_with_automation(led, first_values, last_values))
+                for frame, first_values, last_values in moments
+            )
+            bounds.append(
+                self._bounds_of(stage, hand, hands, hand_moments, least_before.get(hand.player))
+            )
+        self._last_query, self._last_bounds = (stage.network, *query), tuple(bounds)
         return self._last_bounds
 
     def _bounds_of(
@@ -167,24 +174,24 @@ class ForceBoundsFinder:
         hand: LiveHand,
         hands: Sequence[LiveHand],
         moments: Sequence[tuple[int, Sequence[_MomentValues], Sequence[_MomentValues]]],
-        old: ForceScale | None,
+        scale_before: ForceScale | None,
     ) -> HandForceBounds:
         start = moments[0][0]
         bounds: list[tuple[int, float]] = []
-        every: list[ForceScale] = []
-        for moment_index, (frame, first, last) in enumerate(moments):
+        scales: list[ForceScale] = []
+        for moment_index, (frame, first_values, last_values) in enumerate(moments):
             is_short = len(moments) == 2 and moments[1][0] - start <= SHORT_CHANGE * stage.rate
-            end = self._least_scale(stage, hand, hands, last)
+            end = self._least_scale(stage, hand, hands, last_values)
             # During a short glide, the limit of the stage before still counts at the beginning.
-            from_old = old if moment_index == 0 and is_short else None
-            begin = from_old or self._least_scale(stage, hand, hands, first)
+            from_old = scale_before if moment_index == 0 and is_short else None
+            begin = from_old or self._least_scale(stage, hand, hands, first_values)
             worst = min(begin, end, key=lambda borne: borne.scale)
-            every.append(worst)
+            scales.append(worst)
             is_rise = bool(bounds) and worst.scale > bounds[-1][1]
             ticks = (frame - start) / hand.tick_frames
             bounds.append((math.ceil(ticks) if is_rise else math.floor(ticks), worst.scale))
-        least = min(every, key=lambda borne: borne.scale)
-        return HandForceBounds(hand.player, tuple(bounds), least, every[-1])
+        least = min(scales, key=lambda borne: borne.scale)
+        return HandForceBounds(hand.player, tuple(bounds), least, scales[-1])
 
     def _least_scale(
         self,
@@ -195,7 +202,7 @@ class ForceBoundsFinder:
     ) -> ForceScale:
         """The smallest share of force over all moments."""
         borne = [self._scale_at(stage, hand, hands, moment) for moment in moments]
-        return min(borne, key=lambda one: one.scale)
+        return min(borne, key=lambda force_scale: force_scale.scale)
 
     def _scale_at(
         self, stage: Stage, hand: LiveHand, hands: Sequence[LiveHand], moment: _MomentValues
@@ -203,7 +210,7 @@ class ForceBoundsFinder:
         reached = stage.network.reachable_network(
             hand.mat,
             stage.rate,
-            held=[other.mat for other in hands],
+            held=[other_hand.mat for other_hand in hands],
             without=list(moment.without),
             ties=list(moment.ties),
             factors=list(moment.factors),
@@ -227,12 +234,16 @@ def _automation_sets(
     stage: Stage, hand: LiveHand, hands: Sequence[LiveHand], start: int
 ) -> tuple[AutomatedValues, ...]:
     """The values of automation that a hand may feel; a single empty set if it feels none."""
-    paths = tangible_paths(stage, hand.mat, [other.mat for other in hands]) if stage.paths else {}
+    paths = (
+        tangible_paths(stage, hand.mat, [other_hand.mat for other_hand in hands])
+        if stage.paths
+        else {}
+    )
     if not paths:
         return (AutomatedValues(),)
     sets = tuple(islice(value_sets(stage, paths, start / stage.rate), MAX_SETS + 1))
     if len(sets) > MAX_SETS:
-        names = ", ".join(".".join(filter(None, where)) for where in paths)
+        names = ", ".join(".".join(filter(None, module_key)) for module_key in paths)
         raise _core.EngineError(
             f"the automation of {names} can change the force on the key of {hand.player}, and "
             f"takes more than {MAX_SETS} combinations of values, the most whose stability can be "
@@ -242,7 +253,7 @@ def _automation_sets(
 
 
 def _with_automation(
-    led: Sequence[AutomatedValues], first: _MomentValues, last: _MomentValues
+    led: Sequence[AutomatedValues], first_values: _MomentValues, last_values: _MomentValues
 ) -> tuple[list[_MomentValues], list[_MomentValues]]:
     """The moments at both ends of a stretch, one for each set of values of automation."""
 
@@ -262,7 +273,7 @@ def _with_automation(
             )
         return automated_bounds
 
-    return each(first), each(last)
+    return each(first_values), each(last_values)
 
 
 def _moments(
@@ -284,8 +295,8 @@ def _moments(
         rising = sorted({start, rising[-1]})
 
     def moment(frame: int, since: int) -> _MomentValues:
-        over = tuple(link for link, end in couplings if end <= since)
-        return _MomentValues(*_glide_values(stage, moving, frame), over)
+        ended_links = tuple(link for link, end in couplings if end <= since)
+        return _MomentValues(*_glide_values(stage, moving, frame), ended_links)
 
     stretches = [(a, moment(a, a), moment(b, a)) for a, b in pairwise(rising)]
     return *stretches, (rising[-1], moment(rising[-1], rising[-1]), moment(rising[-1], rising[-1]))
@@ -308,15 +319,15 @@ def _glide_frames(stage: Stage, glide: Glide, start: int) -> Iterator[int]:
     """Frames within a long glide, so dense that its numbers change by one ratio between two of
     them.
     """
-    first, last = _on_grid(stage, glide.start), _on_grid(stage, glide.stop)
-    if last - max(first, start) <= SHORT_CHANGE * stage.rate:
+    first_frame, last_frame = _on_grid(stage, glide.start), _on_grid(stage, glide.stop)
+    if last_frame - max(first_frame, start) <= SHORT_CHANGE * stage.rate:
         return
     pairs = [(a, b) for a, b in zip(glide.before, glide.after, strict=True) if a > 0 and b > 0]
     a, b = max(pairs, key=lambda pair: abs(math.log(pair[1] / pair[0])), default=(1.0, 1.0))
     n = min(_GLIDE_FRAMES_MAX, math.ceil(abs(math.log(b / a)) / math.log(CHECK_RATIO)))
     for place in range(1, n):
         share = ((b / a) ** (place / n) - 1.0) / (b / a - 1.0)
-        frame = first + round(share * (last - first))
+        frame = first_frame + round(share * (last_frame - first_frame))
         if frame > start:
             yield frame
 
@@ -327,22 +338,22 @@ def _glide_values(
     """Values of CELs and links at a frame of a glide, as the engine computes them."""
     ties, factors = [], []
     for glide in glides:
-        first, last = _on_grid(stage, glide.start), _on_grid(stage, glide.stop)
-        share = min(1.0, max(0.0, (frame - first) / (last - first)))
+        first_frame, last_frame = _on_grid(stage, glide.start), _on_grid(stage, glide.stop)
+        share = min(1.0, max(0.0, (frame - first_frame) / (last_frame - first_frame)))
         if share == 1.0 and glide.value_alone is None:
             continue
-        where = glide.part, glide.module
+        module_key = glide.part, glide.module
         if len(glide.before) == 3:
             # 1/M, K/M and Z/M glide linearly, because a frame uses K and Z per mass.
             (k, z, m), (to_k, to_z, to_m) = glide.before, glide.after
             mass = 1.0 / (1.0 / m + (1.0 / to_m - 1.0 / m) * share)
             k, z = (mass * (a / m + (b / to_m - a / m) * share) for a, b in ((k, to_k), (z, to_z)))
-            ties.append((stage.built.assembly.mats[where], k, z, mass))
+            ties.append((stage.built.assembly.mats[module_key], k, z, mass))
         elif len(glide.before) == 2:
             stiffest = max(of + (1.0 - of) * share for of in glide.body_factors)
-            factors += [(link, stiffest) for link in stage.built.assembly.bodies[where]]
+            factors += [(link, stiffest) for link in stage.built.assembly.bodies[module_key]]
         else:
-            ratio, to = glide.factors
-            factor = ratio + (to - ratio) * share
-            factors += [(link, factor) for link in stage.built.assembly.links[where]]
+            first_ratio, last_ratio = glide.factors
+            factor = first_ratio + (last_ratio - first_ratio) * share
+            factors += [(link, factor) for link in stage.built.assembly.links[module_key]]
     return tuple(ties), tuple(factors)

@@ -94,19 +94,19 @@ def is_led(url: str) -> bool:
 def parse_led_address(url: str) -> LedAddress:
     """The source at a URL `KIND:WHAT?OPTION&OPTION=VALUE`. Raises BoardError."""
     target, _, options = url.partition("?")
-    kind, _, what = target.partition(":")
-    _check_what(url, kind, what)
+    kind, _, address = target.partition(":")
+    _check_what(url, kind, address)
     numbers: dict[str, float] = {}
-    others: dict[str, int | str | bool] = {}
+    other_options: dict[str, int | str | bool] = {}
     for option in filter(None, options.split("&")):
         name, has_value, text = option.partition("=")
         if option == "lockstep":
-            others["lockstep"] = True
+            other_options["lockstep"] = True
         elif name in (*_FIELDS, _TRACE) and has_value:
             numbers[_FIELDS.get(name, name)] = _quantity(url, name, text)
         elif (kind, name) in _SPECIAL and has_value:
             field, read = _SPECIAL[kind, name]
-            others[field] = read(url, text)
+            other_options[field] = read(url, text)
         else:
             raise BoardError(f"{url}: unknown option '{option}'; {_known_options(kind)}")
     finger = Finger(**{name: numbers.pop(name) for name in tuple(numbers) if name in _FINGER})
@@ -118,23 +118,23 @@ def parse_led_address(url: str) -> LedAddress:
             f"{finger.stiffness / _STIFFNESS_PER_MASS_MAX * 1e3:.2g} g for K = "
             f"{finger.stiffness:g} N/m"
         )
-    return LedAddress(kind, what, finger, **numbers, **others)  # type: ignore[arg-type]
+    return LedAddress(kind, address, finger, **numbers, **other_options)  # type: ignore[arg-type]
 
 
 _FINGER = ("stiffness", "damping", "mass")
 
 
-def _check_what(url: str, kind: str, what: str) -> None:
-    if kind == "osc" and not _OSC_ADDRESS.match(what):
+def _check_what(url: str, kind: str, address: str) -> None:
+    if kind == "osc" and not _OSC_ADDRESS.match(address):
         raise BoardError(f"{url}: after osc: comes the address of its messages, such as osc:/x")
-    if kind == "gamepad" and what not in GAMEPAD_AXES:
+    if kind == "gamepad" and address not in GAMEPAD_AXES:
         raise BoardError(f"{url}: after gamepad: comes one of {', '.join(GAMEPAD_AXES)}")
     if kind != "midi":
         return
-    match = _CONTROLLER.match(what)
+    match = _CONTROLLER.match(address)
     if match and int(match[1]) not in _CONTROLLERS:
         raise BoardError(f"{url}: controllers have the numbers 0 to 119")
-    if not match and what not in ("bend", "pressure"):
+    if not match and address not in ("bend", "pressure"):
         raise BoardError(f"{url}: after midi: comes cc and a number (cc2), bend or pressure")
 
 

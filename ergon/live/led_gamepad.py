@@ -74,15 +74,15 @@ def gamepads() -> list[Path]:
     return sorted(_PADS.glob(_PAD_NAMES)) if _PADS.is_dir() else []
 
 
-def pad_path(named: str) -> Path:
-    """The device of a gamepad: the path `named`, or the only one there is. Raises BoardError."""
-    if named:
-        return Path(named)
+def pad_path(pad_name: str) -> Path:
+    """The device of a gamepad: the path `pad_name`, or the only one there is. Raises BoardError."""
+    if pad_name:
+        return Path(pad_name)
     pads = gamepads()
     if len(pads) == 1:
         return pads[0]
-    there = ", ".join(map(str, pads)) or "none"
-    raise BoardError(f"which gamepad? ?in=PATH says so; there is {there}")
+    pad_list = ", ".join(map(str, pads)) or "none"
+    raise BoardError(f"which gamepad? ?in=PATH says so; there is {pad_list}")
 
 
 def _opened(path: Path) -> int:
@@ -150,9 +150,9 @@ class GamepadPort:
 
     def _feel(self) -> None:
         """Let the motors tell of the greatest force on its fingers."""
-        now = time.monotonic()
-        if self._rumble.is_there and now >= self._rumbled + _FEEL:
-            self._rumbled = now
+        instant_now = time.monotonic()
+        if self._rumble.is_there and instant_now >= self._rumbled + _FEEL:
+            self._rumbled = instant_now
             self._rumble.feel(max((value.force for value in self._values), default=0.0))
 
     def close(self) -> None:

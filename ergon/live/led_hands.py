@@ -104,15 +104,15 @@ def open_led_hands(
 
 
 def _lead(url: str, address: LedAddress, key: LedKey) -> _core.Lead:
-    finger, ends = address.finger, key.travel
+    finger, travel = address.finger, key.travel
     if address.travel is not None:
-        ends = (-0.5 * address.travel, 0.5 * address.travel)
+        travel = (-0.5 * address.travel, 0.5 * address.travel)
     try:
         return _core.Lead(
             url,
             finger=(finger.stiffness, finger.damping, finger.mass),
             delay=address.delay,
-            range=ends,
+            range=travel,
             spring=(key.stiffness, key.rest),
             lockstep=address.lockstep,
             traced_ticks=int(address.trace * _TRACED_RATE),
@@ -178,4 +178,4 @@ def summary(board: Board, lead: _core.Lead) -> str:
         (tally["misdated"], "with impossible times"),
         (tally["refused"], "refused"),
     ]
-    return "; ".join([sentence, *(f"{n:,.0f} {what}" for n, what in counts if n)])
+    return "; ".join([sentence, *(f"{n:,.0f} {counted_event}" for n, counted_event in counts if n)])

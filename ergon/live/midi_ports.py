@@ -84,12 +84,12 @@ class ArrivalStamps:
         self._first_time = 0.0  # of the system's clock [s], from the first message
         self._ahead: deque[float] = deque(maxlen=_DELAYS_KEPT)
 
-    def stamp(self, since: float, now: float) -> float:
-        """The instant [s] of a message that came `since` seconds after the last one and was
-        received at `now`.
+    def stamp(self, seconds_since: float, instant_now: float) -> float:
+        """The instant [s] of a message that came `seconds_since` seconds after the last one and was
+        received at `instant_now`.
         """
-        self._first_time += since if 0.0 <= since < _PAUSE_MAX else 0.0
-        ahead = now - self._first_time
+        self._first_time += seconds_since if 0.0 <= seconds_since < _PAUSE_MAX else 0.0
+        ahead = instant_now - self._first_time
         if self._ahead and abs(ahead - min(self._ahead)) > _PAUSE_MAX:
             self._ahead.clear()
         self._ahead.append(ahead)
@@ -99,13 +99,13 @@ class ArrivalStamps:
 class SystemInput:
     """An input port of ALSA, JACK, CoreMIDI or Windows."""
 
-    def __init__(self, wanted: str) -> None:
-        """Open the input whose name contains `wanted`, or for `virtual` a new one named ergon.
+    def __init__(self, port_name: str) -> None:
+        """Open the input whose name contains `port_name`, or for `virtual` a new one named ergon.
 
         Raises MidiError.
         """
         rtmidi = _rtmidi()
-        self._port, self.name = _open_port(rtmidi, rtmidi.MidiIn, wanted, "input")
+        self._port, self.name = _open_port(rtmidi, rtmidi.MidiIn, port_name, "input")
         self._port.ignore_types(sysex=True, timing=False, active_sense=True)
 
     def listen(self, receive: Receive) -> None:
@@ -127,15 +127,15 @@ class SystemInput:
 class SystemOutput:
     """An output port of ALSA, JACK, CoreMIDI or Windows."""
 
-    def __init__(self, wanted: str) -> None:
-        """Open the output whose name contains `wanted`, or for `virtual` a new one named ergon.
+    def __init__(self, port_name: str) -> None:
+        """Open the output whose name contains `port_name`, or for `virtual` a new one named ergon.
 
         Raises MidiError.
         """
         rtmidi = _rtmidi()
         self._failures = _failures(rtmidi)
         self._lock = threading.Lock()
-        self._port, self.name = _open_port(rtmidi, rtmidi.MidiOut, wanted, "output")
+        self._port, self.name = _open_port(rtmidi, rtmidi.MidiOut, port_name, "output")
 
     def send(self, data: bytes) -> None:
         """Send a message now; one that cannot be sent is lost."""
@@ -156,9 +156,9 @@ def _rtmidi() -> Any:
         import supriya_midi
     except ImportError as error:
         # The library of ALSA is the system's, and may be missing where supriya-midi is not.
-        why = "" if isinstance(error, ModuleNotFoundError) else f" ({error})"
+        reason = "" if isinstance(error, ModuleNotFoundError) else f" ({error})"
         command = install_command("midi")
-        raise MidiError(f"MIDI needs supriya-midi{why}; install it by: {command}") from None
+        raise MidiError(f"MIDI needs supriya-midi{reason}; install it by: {command}") from None
     return supriya_midi
 
 
@@ -184,50 +184,58 @@ def input_names() -> list[str]:
     return names
 
 
-def _open_port(rtmidi: Any, make: Any, wanted: str, what: str) -> tuple[Any, str]:
+def _open_port(rtmidi: Any, make: Any, port_name: str, direction: str) -> tuple[Any, str]:
     """An open port of one of this machine's MIDI systems, and its name.
 
     Raises MidiError.
     """
-    known: list[tuple[Any, int, str]] = []
+    numbered_ports: list[tuple[Any, int, str]] = []
     trouble = "this machine has no MIDI"
     for system in rtmidi.get_compiled_apis():
         if system == rtmidi.RtMidiAPI.RTMIDI_DUMMY:
             continue
         try:
             port = make(system, CLIENT_NAME)
-            if wanted == VIRTUAL:
+            if port_name == VIRTUAL:
                 port.open_virtual_port(CLIENT_NAME)
                 return port, f"{CLIENT_NAME} (virtual)"
-            known += [(port, number, str(name)) for number, name in enumerate(port.get_ports())]
+            numbered_ports += [
+                (port, number, str(name)) for number, name in enumerate(port.get_ports())
+            ]
         except _failures(rtmidi) as error:
             trouble = str(error)
-    if wanted == VIRTUAL:
-        raise MidiError(f"no MIDI {what} of ergon's own can be opened: {trouble}")
-    port, number, name = known[choose_port(wanted, [name for *_, name in known], what)]
+    if port_name == VIRTUAL:
+        raise MidiError(f"no MIDI {direction} of ergon's own can be opened: {trouble}")
+    port, number, name = numbered_ports[
+        choose_port(port_name, [name for *_, name in numbered_ports], direction)
+    ]
     try:
         port.open_port(number, CLIENT_NAME)
     except _failures(rtmidi) as error:
-        raise MidiError(f"the MIDI {what} {name} cannot be opened: {error}") from None
+        raise MidiError(f"the MIDI {direction} {name} cannot be opened: {error}") from None
     return port, name
 
 
-def choose_port(wanted: str, names: Sequence[str], what: str) -> int:
-    """The number of the port called `wanted`, or of the only one that contains it. Raises
+def choose_port(port_name: str, names: Sequence[str], direction: str) -> int:
+    """The number of the port called `port_name`, or of the only one that contains it. Raises
     MidiError.
     """
-    same = [number for number, name in enumerate(names) if name == wanted]
-    begun = [n for n, name in enumerate(names) if wanted and wanted.lower() in name.lower()]
-    candidates = same or begun
+    equal_names = [number for number, name in enumerate(names) if name == port_name]
+    partial_names = [
+        n for n, name in enumerate(names) if port_name and port_name.lower() in name.lower()
+    ]
+    candidates = equal_names or partial_names
     if len(candidates) == 1:
         return candidates[0]
     several = (
-        f"{len(candidates)} MIDI {what}s are called so: "
+        f"{len(candidates)} MIDI {direction}s are called so: "
         if candidates
-        else f"no MIDI {what} is called"
+        else f"no MIDI {direction} is called"
     )
     shown = ", ".join(f"'{names[n]}'" for n in (candidates or range(len(names))))
     if candidates:
         raise MidiError(f"{several}{shown}; write more of the name")
-    known = f"there are {shown}" if names else "there is none"
-    raise MidiError(f"{several} '{wanted}'; {known}; `{VIRTUAL}` opens one of ergon's own")
+    existing_ports = f"there are {shown}" if names else "there is none"
+    raise MidiError(
+        f"{several} '{port_name}'; {existing_ports}; `{VIRTUAL}` opens one of ergon's own"
+    )

@@ -66,8 +66,8 @@ class OscServer:
 
     def __init__(
         self,
-        here: Place | None,
-        there: Place | None,
+        receive_address: Place | None,
+        send_address: Place | None,
         command: Command = refuse_command,
         key: str = "",
     ) -> None:
@@ -82,8 +82,8 @@ class OscServer:
         self._senders = SenderCheck()
         self._has_hands: Callable[[], bool] = lambda: False
         self._command = command
-        self._here = None if here is None else _open_socket(here, bound=True)
-        self._there = None if there is None else _open_socket(there, bound=False)
+        self._here = None if receive_address is None else _open_socket(receive_address, bound=True)
+        self._there = None if send_address is None else _open_socket(send_address, bound=False)
         self.place = None if self._here is None else self._here[0].getsockname()[:2]
         self.stopped = False  # somebody asked for the end
         self.malformed = 0  # datagrams that were no OSC
@@ -190,10 +190,10 @@ class OscServer:
             self._send_datagram(*self._there, encode_message(address, arguments, when))
 
     def _send_datagram(
-        self, sender: socket.socket, to: tuple[object, ...], datagram: bytes
+        self, sender: socket.socket, target_address: tuple[object, ...], datagram: bytes
     ) -> None:
         try:
-            sender.sendto(datagram, to)
+            sender.sendto(datagram, target_address)
         except OSError:
             self.unsent += 1
 
@@ -225,13 +225,13 @@ class OscServer:
         try:
             if len(datagram) > DATAGRAM_BYTES_MAX:
                 raise MalformedDatagramError
-            asked = parse_messages(datagram)
+            messages = parse_messages(datagram)
         except MalformedDatagramError:
             self.malformed += 1
             return
         self._sender = sender
         verdict = self._senders.verdict(sender)
-        for written_address, arguments in asked:
+        for written_address, arguments in messages:
             address = self._without_key(written_address)
             if address is None:
                 address = written_address
@@ -251,9 +251,9 @@ class OscServer:
 
     def _without_key(self, address: str) -> str | None:
         """An address without the key before it; None if it has no key, or another one."""
-        key, slash, rest = address.removeprefix("/").partition("/")
+        key, slash, address_rest = address.removeprefix("/").partition("/")
         is_right = self._key and hmac.compare_digest(key.encode(), self._key.encode())
-        return slash + rest if is_right else None
+        return slash + address_rest if is_right else None
 
     def _refusal(self, verdict: Verdict, address: str) -> str:
         """Why a request without the key is refused; empty if it is heard."""
@@ -300,10 +300,10 @@ class _Budget:
 
     def take(self) -> bool:
         """Whether another one may be sent now."""
-        now = time.monotonic()
-        if len(self._sent) == self._sent.maxlen and now - self._sent[0] < 1.0:
+        instant_now = time.monotonic()
+        if len(self._sent) == self._sent.maxlen and instant_now - self._sent[0] < 1.0:
             return False
-        self._sent.append(now)
+        self._sent.append(instant_now)
         return True
 
 
@@ -312,11 +312,13 @@ def _printable(address: str) -> str:
     return ascii(address[:_ADDRESS_SHOWN_MAX])[1:-1]
 
 
-def _open_socket(where: Place, *, bound: bool) -> tuple[socket.socket, tuple[object, ...]]:
-    """A datagram socket, and the address that `where` names."""
+def _open_socket(osc_address: Place, *, bound: bool) -> tuple[socket.socket, tuple[object, ...]]:
+    """A datagram socket, and the address that `osc_address` names."""
     opened = None
     try:
-        family, kind, protocol, _, address = socket.getaddrinfo(*where, type=socket.SOCK_DGRAM)[0]
+        family, kind, protocol, _, address = socket.getaddrinfo(
+            *osc_address, type=socket.SOCK_DGRAM
+        )[0]
         opened = socket.socket(family, kind, protocol)
         opened.setblocking(False)
         if bound:
@@ -324,6 +326,6 @@ def _open_socket(where: Place, *, bound: bool) -> tuple[socket.socket, tuple[obj
     except (OSError, UnicodeError) as error:
         if opened is not None:
             opened.close()
-        what = "cannot listen at" if bound else "cannot send to"
-        raise OscError(f"{what} {where[0]}:{where[1]}: {error}") from None
+        failure = "cannot listen at" if bound else "cannot send to"
+        raise OscError(f"{failure} {osc_address[0]}:{osc_address[1]}: {error}") from None
     return opened, address

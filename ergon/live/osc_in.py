@@ -93,9 +93,11 @@ def exclusive_instruments(piece: Piece, parts: Sequence[str]) -> dict[str, list[
     reached = {key: _reachable_instruments(piece, key) for key in piece.keys}
     parts_by_player = {}
     for player in piece.players.values():
-        others = set().union(*(names for key, names in reached.items() if key != player.key))
+        reached_by_others = set().union(
+            *(names for key, names in reached.items() if key != player.key)
+        )
         parts_by_player[player.name] = [
-            part for part in parts if part in reached[player.key] - others
+            part for part in parts if part in reached[player.key] - reached_by_others
         ]
     return parts_by_player
 
@@ -103,15 +105,15 @@ def exclusive_instruments(piece: Piece, parts: Sequence[str]) -> dict[str, list[
 def _reachable_instruments(piece: Piece, key: str) -> set[str]:
     """Instruments that links connect with a key, without passing through another key."""
     near: dict[str, set[str]] = {}
-    for ends in _joined_parts(piece):
-        for end in ends:
-            near.setdefault(end, set()).update(ends)
+    for joined_parts in _joined_parts(piece):
+        for end in joined_parts:
+            near.setdefault(end, set()).update(joined_parts)
     instruments: set[str] = set()
-    seen = [key]
-    while seen:
-        for part in near.get(seen.pop(), set()) - instruments - piece.keys.keys():
+    visited = [key]
+    while visited:
+        for part in near.get(visited.pop(), set()) - instruments - piece.keys.keys():
             instruments.add(part)
-            seen.append(part)
+            visited.append(part)
     return instruments
 
 
@@ -121,7 +123,7 @@ def _joined_parts(piece: Piece) -> Iterator[set[str]]:
     """
     parts: list[tuple[str, Sequence[Module]]] = [
         *((name, key.modules) for name, key in piece.keys.items()),
-        *((name, made.modules) for name, made in piece.instruments.items()),
+        *((name, instrument.modules) for name, instrument in piece.instruments.items()),
     ]
     for name, modules in parts:
         for module in modules:
@@ -137,25 +139,25 @@ def _check_accepted(all_heeded: Sequence[bool]) -> None:
 # --- arguments ------------------------------------------------------------------------------------
 
 
-def button_handler(act: Callable[[], object]) -> Handler:
+def button_handler(action: Callable[[], object]) -> Handler:
     """Handle a button, which sends no argument, or 1 when it is pressed and 0 when it is
     released.
     """
 
     def ask(arguments: Sequence[object]) -> None:
         if not arguments or arguments[0] not in (0, False):
-            act()
+            action()
 
     return ask
 
 
-def gain_handler(act: Callable[[float], object]) -> Handler:
-    """Handle a level in dB: pass its ratio to `act`."""
-    return level_handler(lambda level: act(_core.decibels(level) if level > SILENT_DB else 0.0))
+def gain_handler(action: Callable[[float], object]) -> Handler:
+    """Handle a level in dB: pass its ratio to `action`."""
+    return level_handler(lambda level: action(_core.decibels(level) if level > SILENT_DB else 0.0))
 
 
-def level_handler(act: Callable[[float], object]) -> Handler:
-    """Handle a level in dB: pass it to `act`."""
+def level_handler(action: Callable[[float], object]) -> Handler:
+    """Handle a level in dB: pass it to `action`."""
 
     def ask(arguments: Sequence[object]) -> None:
         level = arguments[0] if len(arguments) == 1 else None
@@ -163,13 +165,13 @@ def level_handler(act: Callable[[float], object]) -> Handler:
             raise OscRequestError("the argument has to be one number, a level in dB")
         if level > LOUDEST_DB:
             raise OscRequestError(f"{level:.4g} dB is above the highest level, {LOUDEST_DB:g} dB")
-        act(float(level))
+        action(float(level))
 
     return ask
 
 
-def number_handler(act: Callable[[float], object]) -> Handler:
-    """Handle a finite number: pass it to `act`."""
+def number_handler(action: Callable[[float], object]) -> Handler:
+    """Handle a finite number: pass it to `action`."""
 
     def ask(arguments: Sequence[object]) -> None:
         value = arguments[0] if len(arguments) == 1 else None
@@ -179,13 +181,13 @@ def number_handler(act: Callable[[float], object]) -> Handler:
             number = math.nan
         if isinstance(value, bool) or not math.isfinite(number):
             raise OscRequestError("the argument has to be one finite number; 1 is full scale")
-        act(number)
+        action(number)
 
     return ask
 
 
-def text_handler(act: Callable[[str], object]) -> Handler:
-    """Handle a text: pass it to `act`."""
+def text_handler(action: Callable[[str], object]) -> Handler:
+    """Handle a text: pass it to `action`."""
 
     def ask(arguments: Sequence[object]) -> None:
         line = arguments[0] if len(arguments) == 1 else None
@@ -193,7 +195,7 @@ def text_handler(act: Callable[[str], object]) -> Handler:
             raise OscRequestError(
                 f"the argument has to be one string of at most {_MAX_COMMAND} characters"
             )
-        act(line)
+        action(line)
 
     return ask
 

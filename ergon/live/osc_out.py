@@ -35,17 +35,17 @@ class HearingClock:
         self._dropped = 0
         self._line: tuple[int, int, bool] | None = None
 
-    def update(self, status: _core.Status, now: float) -> None:
-        """Use a status that was requested at `now`."""
+    def update(self, status: _core.Status, instant_now: float) -> None:
+        """Use a status that was requested at `instant_now`."""
         if status.sounding is None or not status.paced:
             return
-        zero = now - status.sounding + status.latency
+        zero = instant_now - status.sounding + status.latency
         line = (status.underruns, status.dropped, status.alive)
         if line != self._line or (self._reports and abs(zero - self._reports[-1][1]) > _JUMP_MIN):
             self._reports.clear()
         self._line, self._dropped = line, status.dropped
-        self._reports.append((now, zero))
-        while self._reports[0][0] < now - _REPORTS_KEPT:
+        self._reports.append((instant_now, zero))
+        while self._reports[0][0] < instant_now - _REPORTS_KEPT:
             self._reports.popleft()
 
     def instant_of(self, frame: int) -> float | None:
@@ -74,11 +74,11 @@ class OscSender:
         self._hearing_clock = HearingClock(stage.rate, start)
         self._hands = [f"/ergon/hand/{hand.player}" for hand in stage.live]
         self._session = events
-        written = (
+        message_bytes = (
             _EventsFrom(_piece_beats(stage), start),
             _EventsFrom(_gesture_events(stage), start),
         )
-        self._events: Sequence[_EventSource] = written if events is None else (events,)
+        self._events: Sequence[_EventSource] = message_bytes if events is None else (events,)
         self._late: tuple[int, int] | None = None
         self._troubles: tuple[str, ...] = ()
         self._next_hands = self._next_levels = -math.inf
@@ -88,24 +88,24 @@ class OscSender:
         ended.
         """
         status = self._performance.status()
-        now = clock()
-        self._hearing_clock.update(status, now)
+        instant_now = clock()
+        self._hearing_clock.update(status, instant_now)
         # Sound is heard later than it is computed; how much later is unknown until the first block
         # has gone out.
         if status.sounding is not None or not status.paced:
             for events in self._events:
                 for frame, address, arguments in events.pop_before(status.frame):
                     self._send(address, arguments, self._hearing_clock.instant_of(frame) or 0.0)
-        self._send_status(status, now)
+        self._send_status(status, instant_now)
 
-    def _send_status(self, status: _core.Status, now: float) -> None:
+    def _send_status(self, status: _core.Status, instant_now: float) -> None:
         # A clock that is set back must not stop the messages.
-        if not self._next_hands - HAND_PERIOD <= now < self._next_hands:
-            self._next_hands = now + HAND_PERIOD
+        if not self._next_hands - HAND_PERIOD <= instant_now < self._next_hands:
+            self._next_hands = instant_now + HAND_PERIOD
             for address, hand in zip(self._hands, status.hands, strict=False):
                 self._send(address, (hand.position, hand.force))
-        if not self._next_levels - _LEVEL_PERIOD <= now < self._next_levels:
-            self._next_levels = now + _LEVEL_PERIOD
+        if not self._next_levels - _LEVEL_PERIOD <= instant_now < self._next_levels:
+            self._next_levels = instant_now + _LEVEL_PERIOD
             levels = [20.0 * math.log10(max(peak, SILENT_PEAK)) for peak in status.peaks]
             self._send("/ergon/level", levels)
         late = status.late, gap_count(status)

@@ -144,7 +144,7 @@ def _plain(address: Address) -> Address:
 
 def _sockets(tables: Sequence[Path], ports: set[int]) -> list[_Socket] | None:
     """The sockets that have one of the ports; None where the system has no such tables."""
-    ends = tuple(f":{port:04X}" for port in ports)
+    port_suffixes = tuple(f":{port:04X}" for port in ports)
     sockets, is_told = [], False
     for table in tables:
         try:
@@ -154,7 +154,7 @@ def _sockets(tables: Sequence[Path], ports: set[int]) -> list[_Socket] | None:
         is_told = True
         for row in rows:
             words = row.split()
-            if words[1].endswith(ends):
+            if words[1].endswith(port_suffixes):
                 number, _, port = words[1].partition(":")
                 address = _address(number)
                 sockets.append(_Socket(address, int(port, 16), int(words[7]), int(words[9])))
@@ -163,7 +163,7 @@ def _sockets(tables: Sequence[Path], ports: set[int]) -> list[_Socket] | None:
 
 def _address(digits: str) -> Address:
     """An address of the tables, which are words of 32 bits in the machine's order of bytes."""
-    words = [int(digits[at : at + 8], 16) for at in range(0, len(digits), 8)]
+    words = [int(digits[offset : offset + 8], 16) for offset in range(0, len(digits), 8)]
     return _plain(ipaddress.ip_address(struct.pack(f"={len(words)}I", *words)))
 
 

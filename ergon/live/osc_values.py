@@ -40,9 +40,11 @@ class InputValues:
         """Pass on as many values as the rate allows, that of the input first that has waited
         longest.
         """
-        now = self._clock()
-        self._free = min(_VALUES_AT_ONCE, self._free + (now - self._seen) * _VALUES_PER_SECOND)
-        self._seen = now
+        instant_now = self._clock()
+        self._free = min(
+            _VALUES_AT_ONCE, self._free + (instant_now - self._seen) * _VALUES_PER_SECOND
+        )
+        self._seen = instant_now
         while self._waiting and self._free >= 1.0:
             name = next(iter(self._waiting))
             if not self._tell(name, self._waiting[name]):

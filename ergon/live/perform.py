@@ -154,9 +154,9 @@ def perform(
 def bar_frames(stage: Stage, start: int, stop: int) -> list[int]:
     """Frames from `start` to before `stop` at which a bar begins."""
     tempo = stage.piece.tempo_map
-    first, _ = tempo.bars.bar_beat(max(0.0, tempo.beats(start / stage.rate)))
+    first_bar, _ = tempo.bars.bar_beat(max(0.0, tempo.beats(start / stage.rate)))
     frames: list[int] = []
-    for bar in range(first, first + _BARS_MAX):
+    for bar in range(first_bar, first_bar + _BARS_MAX):
         frame = int(tempo.seconds(tempo.bars.start(bar)) * stage.rate + 0.5)
         if frame >= stop:
             break

@@ -50,10 +50,10 @@ def read_hand_recording(path: Path, piece: Piece) -> HandRecording:
     except (_core.EngineError, OSError) as error:
         raise RecordingMismatchError(f"{path}: {error}") from None
     if recording.rate != piece.rate:
-        asked = f"--rate {recording.rate:g}"
+        rate_option = f"--rate {recording.rate:g}"
         raise RecordingMismatchError(
             f"{path}: recorded at {recording.rate:g} Hz, the score is at {piece.rate:g} Hz; "
-            f"{asked} renders at the recorded rate"
+            f"{rate_option} renders at the recorded rate"
         )
     try:
         positions = from_start(recording)

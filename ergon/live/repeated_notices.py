@@ -69,7 +69,7 @@ class RepeatedNotices:
 
     def _lines(self, latest: int | None) -> list[tuple[int, str]]:
         """Of kinds whose last line came at frame `latest` or before, or of all."""
-        pending = (each for each in self._counted.values() if each.count)
+        pending = (notice for notice in self._counted.values() if notice.count)
         return sorted(
             counted.line() for counted in pending if latest is None or counted.line_frame <= latest
         )

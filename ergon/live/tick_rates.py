@@ -30,9 +30,9 @@ def measure_tick_rates(url: str, seconds: float) -> Iterator[Finding]:
         rate = _AUDIO_RATE / frames
         device = _core.Device(url)
         try:
-            before = time.process_time()
+            cpu_start = time.process_time()
             checkup = device.checkup(seconds, 1.0 / rate)
-            busy = time.process_time() - before
+            busy = time.process_time() - cpu_start
         finally:
             device.close()
         finding = _tick_finding(url, rate, checkup, busy)
@@ -45,21 +45,21 @@ def measure_tick_rates(url: str, seconds: float) -> Iterator[Finding]:
 def _tick_finding(url: str, rate: float, checkup: Checkup, busy: float) -> Finding:
     """What ticks of `rate` [Hz] cost; `busy` [s] is the processor's time for all of them."""
     period, trips = 1.0 / rate, checkup.round_trips()
-    asked = len(trips) + checkup.unanswered
+    n_requests = len(trips) + checkup.unanswered
     late = int((checkup.lateness() > _LATE_SHARE * period).sum())
     slow = int((trips > _LATE_SHARE * period).sum()) + checkup.unanswered
     load = busy / checkup.seconds if checkup.seconds else 0.0
     usual, mostly = (period + quantile(trips, part) for part in (0.5, 0.99))
-    fits = asked > 0 and max(late, slow) <= _LATE_MAX * asked
+    fits = n_requests > 0 and max(late, slow) <= _LATE_MAX * n_requests
     sentence = (
         f"{url}: {rate:,.0f} Hz: {duration_text(usual)} from a position to its force, p99 "
         f"{duration_text(mostly)}; {100 * load:.0f}% of a processor; {late:,} ticks and {slow:,} "
-        f"replies late of {asked:,}"
+        f"replies late of {n_requests:,}"
     )
     numbers = {
         "url": url,
         "tick_hz": rate,
-        "asked": asked,
+        "asked": n_requests,
         "late_ticks": late,
         "late_replies": slow,
         "load": load,

@@ -68,11 +68,11 @@ class Balance:
         step = self._loudness.step
         if sum(map(len, self._pending)) < step:
             return
-        rest = np.concatenate(self._pending)
-        while len(rest) >= step:
-            self._measure(rest[:step])
-            rest = rest[step:]
-        self._pending = [rest]
+        pending_frames = np.concatenate(self._pending)
+        while len(pending_frames) >= step:
+            self._measure(pending_frames[:step])
+            pending_frames = pending_frames[step:]
+        self._pending = [pending_frames]
 
     def _measure(self, step: NDArray[np.float64]) -> None:
         import numpy as np
@@ -126,7 +126,7 @@ def dominant_instrument(levels: Sequence[InstrumentLevel]) -> tuple[InstrumentLe
     None.
     """
     audible = sorted(
-        (one for one in levels if one.loudness > -math.inf), key=lambda one: one.loudness
+        (level for level in levels if level.loudness > -math.inf), key=lambda level: level.loudness
     )
     if len(audible) < 2:
         return None

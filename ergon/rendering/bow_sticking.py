@@ -36,8 +36,8 @@ class Sliding:
         import numpy as np
 
         apart = frames[:, self.rubbing.b.output] - frames[:, self.rubbing.a.output]
-        first = apart[0] if self._apart is None else self._apart
-        speeds = np.diff(apart, prepend=first) * rate
+        start_distance = apart[0] if self._apart is None else self._apart
+        speeds = np.diff(apart, prepend=start_distance) * rate
         self._apart = float(apart[-1])
         least = max(1, int(_STICK_TIME_MIN * rate))
         for holds in ((speeds > self.low) & (speeds < self.high)).tolist():

@@ -17,7 +17,7 @@ def stream(
     """Run a recording simulation to frame `n_frames`; gives (rows of a block, frames done)."""
     import numpy as np
 
-    for first in range(0, n_frames, block):
-        count = min(block, n_frames - first)
+    for first_frame in range(0, n_frames, block):
+        count = min(block, n_frames - first_frame)
         simulation.process(np.zeros((count, simulation.n_out)))
-        yield rows(form, simulation.ergons(), names), first + count
+        yield rows(form, simulation.ergons(), names), first_frame + count

@@ -67,8 +67,8 @@ class FilmedSimulation:
         """Run to the last frame at which motion is sampled, and end the file."""
         import numpy as np
 
-        while (left := self._film.stop - self._simulation.frame) > 0:
-            self.process(np.zeros((min(left, 4096), self.n_out)))
+        while (frames_left := self._film.stop - self._simulation.frame) > 0:
+            self.process(np.zeros((min(frames_left, 4096), self.n_out)))
         self._look()
         self._file.write(self._recorder.finish())
 

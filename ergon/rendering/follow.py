@@ -43,7 +43,10 @@ def gesture_fidelities(stage: Any) -> list[GestureFidelity]:
         gesture = stage.gestures[report.gesture]
         groups.setdefault((gesture.player, gesture.name, gesture.key), []).append(report)
     keys = stage.piece.keys
-    return [_merged_fidelity(*who, reports, keys[who[2]].reach) for who, reports in groups.items()]
+    return [
+        _merged_fidelity(*group_key, reports, keys[group_key[2]].reach)
+        for group_key, reports in groups.items()
+    ]
 
 
 def _merged_fidelity(

@@ -41,9 +41,9 @@ def write(
     import numpy as np
 
     stem_columns = [
-        (part, tuple(tap_columns[first : first + CHANNELS_MAX]))
+        (part, tuple(tap_columns[first_column : first_column + CHANNELS_MAX]))
         for part, tap_columns in taps.items()
-        for first in range(0, len(tap_columns), CHANNELS_MAX)
+        for first_column in range(0, len(tap_columns), CHANNELS_MAX)
     ]
     paths = stem_paths(folder, [part for part, _ in stem_columns], WAVE)
     for path in (*paths, folder / MANIFEST):

@@ -35,12 +35,12 @@ class KnownLevels:
         index = (stop - 1) // stretches.STRETCH_FRAMES
         for number in numbers:
             measured, key = balances[number].measured, self._keys[index][number]
-            known = self._store.get(key)
-            if known is None or len(known.sound) < measured.size:
+            known_level = self._store.get(key)
+            if known_level is None or len(known_level.sound) < measured.size:
                 self._store.put(key, measured.reshape(-1), b"")
 
     def _give(self, balance: Balance, key: str, stop: int) -> bool:
-        known = self._store.get(key) if self._store.has(key) else None
-        if known is None or len(known.sound) % balance.n_measures:
+        known_level = self._store.get(key) if self._store.has(key) else None
+        if known_level is None or len(known_level.sound) % balance.n_measures:
             return False
-        return balance.recall(known.sound.reshape(-1, balance.n_measures), stop)
+        return balance.recall(known_level.sound.reshape(-1, balance.n_measures), stop)

@@ -143,10 +143,10 @@ class MasterChain:
         stop: int,
         limiter: Limiting | None,
         silences: Sequence[Silence] = (),
-        first: int = 0,
+        first_frame: int = 0,
         edges: Edges = UNFADED,
     ) -> None:
-        """Write frames `start` to `stop` of the piece; `take` receives them from `first` on."""
+        """Write frames `start` to `stop` of the piece; `take` begins at `first_frame`."""
         from ergon import _core
 
         n_channels = writer.format.n_channels
@@ -157,7 +157,7 @@ class MasterChain:
         self._limiter = limiter
         self.latency = limiter.latency if limiter is not None else 0
         # The index in the piece of the next frame that leaves the limiter.
-        self._frame = first - self.latency
+        self._frame = first_frame - self.latency
         self._start, self._stop = start, stop
         self._rate, self._silences, self._edges = rate, silences, edges
 
@@ -193,14 +193,14 @@ class MasterChain:
         unskipped = np.ascontiguousarray(
             frames[max(self._start - self._frame, 0) : max(self._stop - self._frame, 0)]
         )
-        first = max(self._start, self._frame)
+        take_start = max(self._start, self._frame)
         self._frame += len(frames)
         if not len(unskipped):
             return
         unskipped = np.ascontiguousarray(
-            apply_silences(unskipped, first, self._silences, self._rate)
+            apply_silences(unskipped, take_start, self._silences, self._rate)
         )
-        unskipped = self._edges.fade(unskipped, first, self._start, self._stop, self._rate)
+        unskipped = self._edges.fade(unskipped, take_start, self._start, self._stop, self._rate)
         self._meter.process(unskipped)
         self._true_peak.take(unskipped)
         bits = self._writer.format.bits

@@ -65,8 +65,8 @@ def _spectrum(
 
     window = np.hanning(_SIZE + 1)[:-1, None]
     power: NDArray[np.float64] = np.zeros(_SIZE // 2 + 1)
-    for first in range(0, max(1, len(frames) - _SIZE // 2), _SIZE // 2):
-        block = frames[first : first + _SIZE]
+    for first_frame in range(0, max(1, len(frames) - _SIZE // 2), _SIZE // 2):
+        block = frames[first_frame : first_frame + _SIZE]
         padded = np.zeros((_SIZE, frames.shape[1]))
         padded[: len(block)] = block
         power += (np.abs(np.fft.rfft(window * padded, axis=0)) ** 2).sum(axis=1)
@@ -83,21 +83,21 @@ def _pitch(x: NDArray[np.float64], power: NDArray[np.float64], rate: float) -> f
         return None
     sums = np.concatenate([[0.0], np.cumsum(power)])
     start = int(np.argmax(sums[span : len(x) - longest + 1] - sums[: len(x) - longest - span + 1]))
-    here = x[start : start + span + longest]
-    size = 1 << (2 * len(here)).bit_length()
-    transform = np.fft.rfft(here[:span], size)
-    match = np.fft.irfft(np.conj(transform) * np.fft.rfft(here, size), size)[:longest]
-    squares = np.concatenate([[0.0], np.cumsum(here * here)])
+    segment = x[start : start + span + longest]
+    size = 1 << (2 * len(segment)).bit_length()
+    transform = np.fft.rfft(segment[:span], size)
+    match = np.fft.irfft(np.conj(transform) * np.fft.rfft(segment, size), size)[:longest]
+    squares = np.concatenate([[0.0], np.cumsum(segment * segment)])
     energy = squares[span : span + longest] - squares[:longest]
     difference = np.maximum(energy[0] + energy - 2.0 * match, 0.0)
     total = np.cumsum(difference[1:])
     normal = np.ones(longest)
     np.divide(difference[1:] * np.arange(1, longest), total, out=normal[1:], where=total > 0.0)
-    first = max(2, int(rate / _HIGHEST))
-    below = np.flatnonzero(normal[first:-1] < _APERIODIC)
+    first_lag = max(2, int(rate / _HIGHEST))
+    below = np.flatnonzero(normal[first_lag:-1] < _APERIODIC)
     if not len(below):
         return None
-    lag = first + int(below[0])
+    lag = first_lag + int(below[0])
     while lag + 1 < longest - 1 and normal[lag + 1] < normal[lag]:
         lag += 1
     return rate / _parabola_peak(-difference[lag - 1 : lag + 2], lag)
@@ -140,13 +140,16 @@ def _t60(power: NDArray[np.float64], rate: float) -> float | None:
     rises = levels[1:] > np.maximum(2.0 * levels[:-1], levels.max() / _LAST_BLOW)
     blow = 1 + int(np.flatnonzero(rises)[-1]) if rises.any() else int(levels.argmax())
     levels = levels[blow + int(levels[blow : blow + 5].argmax()) :]
-    left = np.cumsum(levels[::-1])[::-1]
-    if left[0] <= 0.0:
+    energy_left = np.cumsum(levels[::-1])[::-1]
+    if energy_left[0] <= 0.0:
         return None
-    fall = 10.0 * np.log10(np.maximum(left / left[0], 1e-30))
-    here = np.flatnonzero((fall <= _DECAY[0]) & (fall >= _DECAY[1]))
+    fall = 10.0 * np.log10(np.maximum(energy_left / energy_left[0], 1e-30))
+    fitted_frames = np.flatnonzero((fall <= _DECAY[0]) & (fall >= _DECAY[1]))
     # The sum misses what the file cuts off, so the end of the file has to lie well below the range.
-    if len(here) < 2 or 10.0 * math.log10(max(levels[-1] / levels.max(), 1e-30)) > _DECAY[1] - 10.0:
+    if (
+        len(fitted_frames) < 2
+        or 10.0 * math.log10(max(levels[-1] / levels.max(), 1e-30)) > _DECAY[1] - 10.0
+    ):
         return None
-    slope = float(np.polyfit(here * span / rate, fall[here], 1)[0])
+    slope = float(np.polyfit(fitted_frames * span / rate, fall[fitted_frames], 1)[0])
     return -60.0 / slope if slope < 0.0 else None

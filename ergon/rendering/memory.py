@@ -81,12 +81,14 @@ class RenderMemory:
         if job.level.limit is not None or job.level.is_levelled or job.ending is not None:
             # What limiter, level and search do depends on all that came before.
             start, stop = 0, min(self._n_frames, stop + ceil(_LOOK_AHEAD * self._rate))
-        last = max(stop, job.simulated_frames(self._n_frames))
+        last_frame = max(stop, job.simulated_frames(self._n_frames))
         # A part may sound on after the piece has faded out.
-        known = self._mixed.known(start, last, job.ending, 0 if job.has_open_end else stop)
-        if known is None or self.levels.recall(balances, min(job.stop, known.stop)):
+        recalled_mix = self._mixed.known(
+            start, last_frame, job.ending, 0 if job.has_open_end else stop
+        )
+        if recalled_mix is None or self.levels.recall(balances, min(job.stop, recalled_mix.stop)):
             return None
-        return known
+        return recalled_mix
 
     def computing(
         self, job: RenderJob, balances: Sequence[Balance], *, records: bool
@@ -94,8 +96,10 @@ class RenderMemory:
         """How to compute a job, with what is known of its parts; `records`: its mix is stored."""
         recorder = MixRecorder(self._mixed, self._n_frames) if records else None
         outcomes = None if recorder is None else recorder.outcomes
-        last = job.simulated_frames(self._n_frames)
-        simulation = ResumedSimulation(self.simulation, self.store, self._n_frames, last, outcomes)
+        last_frame = job.simulated_frames(self._n_frames)
+        simulation = ResumedSimulation(
+            self.simulation, self.store, self._n_frames, last_frame, outcomes
+        )
         numbers = self.levels.recall(balances, job.stop)
         part_balances = [balances[number] for number in numbers]
         return ComputedRender(simulation, part_balances, recorder, self, balances, numbers)

@@ -85,8 +85,8 @@ class KnownMix:
     def blocks(self, n_frames: int) -> Iterator[NDArray[np.float64]]:
         """All frames, at most `n_frames` at a time."""
         for stretch in self.frames:
-            for first in range(0, len(stretch), n_frames):
-                yield stretch[first : first + n_frames]
+            for first_frame in range(0, len(stretch), n_frames):
+                yield stretch[first_frame : first_frame + n_frames]
 
 
 class MixedStretches:
@@ -117,35 +117,35 @@ class MixedStretches:
         before frame `needed`.
         """
         step = stretches.STRETCH_FRAMES
-        first = start // step
+        first_index = start // step
         has_ended = False
         known_stretches: list[_Stretch] = []
-        before = Outcome() if first == 0 else None
-        for index in range(first, (stop - 1) // step + 1):
+        outcome_before = Outcome() if first_index == 0 else None
+        for index in range(first_index, (stop - 1) // step + 1):
             stretch = self._read(index)
             if stretch is None:
                 return None
             if known_stretches:
-                before = known_stretches[-1].outcome
+                outcome_before = known_stretches[-1].outcome
             known_stretches.append(stretch)
-            after = index * step + len(stretch.frames)
+            known_stop = index * step + len(stretch.frames)
             has_ended = has_ended or (ending is not None and stretch.ending == ending)
-            if after >= stop or (has_ended and after >= needed):
+            if known_stop >= stop or (has_ended and known_stop >= needed):
                 break
-            if after < self._stop(index):
+            if known_stop < self._stop(index):
                 return None
-        last = known_stretches[-1]
-        if stop < after and not has_ended:
+        last_stretch = known_stretches[-1]
+        if stop < known_stop and not has_ended:
             # What happened within the stretch may have happened after `stop`.
-            if before is None:
-                earlier = self._read(first - 1)
-                before = None if earlier is None else earlier.outcome
-            if before != last.outcome:
+            if outcome_before is None:
+                earlier = self._read(first_index - 1)
+                outcome_before = None if earlier is None else earlier.outcome
+            if outcome_before != last_stretch.outcome:
                 return None
         frames = [stretch.frames for stretch in known_stretches]
         if ending is None:
-            frames[-1] = frames[-1][: stop - after + len(frames[-1])]
-        return KnownMix(first * step, tuple(frames), last.outcome)
+            frames[-1] = frames[-1][: stop - known_stop + len(frames[-1])]
+        return KnownMix(first_index * step, tuple(frames), last_stretch.outcome)
 
     def put(
         self, first_frame: int, frames: NDArray[np.float64], outcome: Outcome, ending: Ending | None
@@ -154,34 +154,34 @@ class MixedStretches:
         folder takes nothing.
         """
         index = first_frame // stretches.STRETCH_FRAMES
-        known = self._read(index) if self._store.has(self._keys[index]) else None
-        if known is not None and len(known.frames) >= len(frames):
-            if ending in (None, known.ending) or known.outcome != outcome:
+        stretch_before = self._read(index) if self._store.has(self._keys[index]) else None
+        if stretch_before is not None and len(stretch_before.frames) >= len(frames):
+            if ending in (None, stretch_before.ending) or stretch_before.outcome != outcome:
                 return True
-            frames = known.frames
+            frames = stretch_before.frames
         finer, gains = outcome.parts_finer, outcome.energy_gains
-        head = [list(finer), list(gains), "" if outcome.is_empty else self._score, ending]
-        return self._store.put(self._keys[index], frames.reshape(-1), json.dumps(head).encode())
+        state = [list(finer), list(gains), "" if outcome.is_empty else self._score, ending]
+        return self._store.put(self._keys[index], frames.reshape(-1), json.dumps(state).encode())
 
     def _stop(self, index: int) -> int:
         return min((index + 1) * stretches.STRETCH_FRAMES, self._n_frames)
 
     def _read(self, index: int) -> _Stretch | None:
-        known = self._store.get(self._keys[index])
-        if known is None or len(known.sound) % self._n_channels:
+        stored = self._store.get(self._keys[index])
+        if stored is None or len(stored.sound) % self._n_channels:
             return None
         try:
-            finer, gains, score, ending = json.loads(known.state)
+            finer, gains, score, ending = json.loads(stored.state)
             outcome = Outcome(
-                tuple(_core.FinerPart(*one) for one in finer),
-                tuple(_core.EnergyGain(*one) for one in gains),
+                tuple(_core.FinerPart(*part_fields) for part_fields in finer),
+                tuple(_core.EnergyGain(*part_fields) for part_fields in gains),
             )
             ending = None if ending is None else (int(ending[0]), int(ending[1]))
         except (ValueError, TypeError, LookupError):
             return None
         if not outcome.is_empty and score != self._score:
             return None  # the names may be others now
-        return _Stretch(known.sound.reshape(-1, self._n_channels), outcome, ending)
+        return _Stretch(stored.sound.reshape(-1, self._n_channels), outcome, ending)
 
 
 class MixRecorder:
@@ -206,10 +206,10 @@ class MixRecorder:
             if self._frame == stop:
                 self._put(self.outcomes.pop(stop, None), None)
                 continue
-            now = mixed[: stop - self._frame]
-            self._blocks.append(now)
-            self._frame += len(now)
-            mixed = mixed[len(now) :]
+            frames_now = mixed[: stop - self._frame]
+            self._blocks.append(frames_now)
+            self._frame += len(frames_now)
+            mixed = mixed[len(frames_now) :]
 
     def end(self, outcome: Outcome, ending: Ending | None) -> None:
         """Store what has come of the last stretch, if it is complete or the render `ending` may
@@ -233,8 +233,8 @@ class MixRecorder:
             )
 
 
-def key_of(what: str, stop: int, depends: str) -> str:
+def key_of(noun: str, stop: int, depends: str) -> str:
     """The key of what is stored of a stretch that ends at frame `stop`, from the hash of all else
     that it depends on.
     """
-    return hashlib.sha256(f"{what} {stop} {depends}".encode()).hexdigest()
+    return hashlib.sha256(f"{noun} {stop} {depends}".encode()).hexdigest()

@@ -184,8 +184,8 @@ class RemoteSimulation(StretchedSimulation):
             missing = [c for c in self._chains if not c.is_home and self._frame not in c.sounds]
             if not missing:
                 break
-            asked = [chain.asked for chain in self._chains if chain.asked is not None]
-            self._workers.wait(asked)
+            requests = [chain.asked for chain in self._chains if chain.asked is not None]
+            self._workers.wait(requests)
         for chain in self._chains:
             for part, sound in zip(chain.parts, chain.sounds.pop(self._frame, ()), strict=False):
                 self._simulation.recall(part.island, sound)
@@ -228,12 +228,15 @@ class RemoteSimulation(StretchedSimulation):
             return False
         known_islands = []
         for part, key in zip(chain.parts, chain.keys, strict=True):
-            known = self._store.get(key)
-            if known is None or len(known.sound) != stretches.STRETCH_FRAMES * part.island.n_out:
+            stored = self._store.get(key)
+            if stored is None or len(stored.sound) != stretches.STRETCH_FRAMES * part.island.n_out:
                 return False
-            known_islands.append(known)
+            known_islands.append(stored)
         self._keep(
-            chain, stop, [one.sound for one in known_islands], [one.state for one in known_islands]
+            chain,
+            stop,
+            [island_stretch.sound for island_stretch in known_islands],
+            [island_stretch.state for island_stretch in known_islands],
         )
         self.n_recalled += stretches.STRETCH_FRAMES * len(known_islands)
         return True
@@ -253,7 +256,10 @@ class RemoteSimulation(StretchedSimulation):
             sizes
         ):
             raise ClusterError(f"worker {answer['worker']} sent sounds of another length")
-        sounds = [np.frombuffer(one, dtype="<f8").astype(np.float64) for one in answer["sounds"]]
+        sounds = [
+            np.frombuffer(sound_bytes, dtype="<f8").astype(np.float64)
+            for sound_bytes in answer["sounds"]
+        ]
         if self._store is not None and n_frames == stretches.STRETCH_FRAMES:
             for key, sound, state in zip(chain.keys, sounds, answer["states"], strict=True):
                 self._store.put(key, sound, state)

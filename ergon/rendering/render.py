@@ -103,11 +103,11 @@ def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> Re
         else:
             filled = _recalled_or_computed(stage, job, tracks, progress, balances)
     wall = time.perf_counter() - start
-    mix, *others = filled.files
+    mix, *other_files = filled.files
     levels = tuple(balance.level(mix.gain, filled.job.stop) for balance in balances)
     return RenderedFiles(
         mix,
-        tuple(others),
+        tuple(other_files),
         wall,
         filled.job.n_frames,
         filled.n_simulated,
@@ -131,9 +131,9 @@ def _recalled_or_computed(
         filled = _fill(stage, job, tracks, progress, balances, resumed)
         return replace(filled, recalled=0.0 if resumed is None else resumed.recalled)
     is_alone = len(tracks) == 1
-    known = memory.known_mix(job, balances) if is_alone else None
-    if known is not None:
-        return _fill_known(stage, job, tracks[0], known, progress)
+    known_mix = memory.known_mix(job, balances) if is_alone else None
+    if known_mix is not None:
+        return _fill_known(stage, job, tracks[0], known_mix, progress)
     computing = memory.computing(job, balances, records=is_alone)
     filled = _fill(
         stage, job, tracks, progress, computing.balances, computing.simulation, computing.recorder
@@ -231,16 +231,16 @@ def _fill_known(
     stage: Staged,
     job: RenderJob,
     track: Track,
-    known: KnownMix,
+    known_mix: KnownMix,
     progress: Callable[[int], None],
 ) -> _Filled:
     """Fill a file with mixed frames that are known, and compute nothing."""
     if not job.has_open_end:
-        track.finish = track.begin(job, known.first)
-    frame, end = known.first, None
+        track.finish = track.begin(job, known_mix.first)
+    frame, end = known_mix.first, None
     n_frames = job.simulated_frames(stage.n_frames)
     fade = _silence_detector(stage, job)
-    for mixed in known.blocks(job.block):
+    for mixed in known_mix.blocks(job.block):
         folded = _fold(mixed, job.format.n_channels)
         if fade is not None and end is None:
             end = fade.take(folded)
@@ -250,8 +250,8 @@ def _fill_known(
         if end is not None and job.has_open_end:
             break
     piece_end = frame if end is None else end
-    filled = _finished(stage, job, [track], known.first, piece_end, frame - known.first)
-    return replace(filled, recalled=1.0, outcome=known.outcome)
+    filled = _finished(stage, job, [track], known_mix.first, piece_end, frame - known_mix.first)
+    return replace(filled, recalled=1.0, outcome=known_mix.outcome)
 
 
 def _finished(
@@ -292,13 +292,13 @@ def _simulate(
     """
     import numpy as np
 
-    first = 0
+    first_frame = 0
     # A limiter looks ahead, so it needs frames past the cut.
     latencies = (track.finish.latency for track in tracks if track.finish is not None)
     needed = min(stage.n_frames, job.stop + max(latencies, default=0))
-    last = max(needed, job.simulated_frames(stage.n_frames))
+    last_frame = max(needed, job.simulated_frames(stage.n_frames))
     fade, end = _silence_detector(stage, job), None
-    blocks = frames_of(simulation, last, job.block)
+    blocks = frames_of(simulation, last_frame, job.block)
     # A filmed simulation goes on after the sound has faded, so no block may be abandoned midway.
     # Other processes are not waited for in a thread that Ctrl-C does not reach.
     is_ahead = job.threads > 1 and job.film is None and job.workers is None
@@ -315,11 +315,11 @@ def _simulate(
                 track.take(folded)
             for balance in balances:
                 balance.take(frames)
-            first += len(frames)
-            progress(first)
-            if end is not None and (job.has_open_end or first >= needed):
+            first_frame += len(frames)
+            progress(first_frame)
+            if end is not None and (job.has_open_end or first_frame >= needed):
                 break
-    return first if end is None else end, first
+    return first_frame if end is None else end, first_frame
 
 
 def frames_of(
@@ -328,8 +328,8 @@ def frames_of(
     """The next `stop` frames in blocks; each is a new array, since another thread may hold it."""
     import numpy as np
 
-    for first in range(0, stop, block):
-        frames = np.zeros((min(block, stop - first), simulation.n_out))
+    for first_frame in range(0, stop, block):
+        frames = np.zeros((min(block, stop - first_frame), simulation.n_out))
         simulation.process(frames)
         yield frames
 

@@ -47,17 +47,17 @@ class ResumedSimulation(StretchedSimulation):
         simulation: Simulation,
         store: StretchStore,
         n_frames: int,
-        last: int,
+        last_frame: int,
         outcomes: dict[int, Outcome] | None = None,
     ) -> None:
         """Find the islands that are expensive enough.
 
-        The simulation may be left from frame `last` on: a stretch that goes on after it is
+        The simulation may be left from frame `last_frame` on: a stretch that goes on after it is
         computed, for what is reported of a recalled one is known at its end.
         `outcomes` gets what the simulation reports at the end of each stretch, by its frame.
         """
         super().__init__(simulation, n_frames)
-        self._store, self._last, self._outcomes = store, last, outcomes
+        self._store, self._last, self._outcomes = store, last_frame, outcomes
         self._parts = [
             _Part(island) for island in simulation.storable() if is_expensive(island, _SHARE)
         ]
@@ -74,10 +74,10 @@ class ResumedSimulation(StretchedSimulation):
             if n_frames <= 0:
                 continue
             part.key = self._simulation.island_key(part.island, self._frame, stop, part.key)
-            known = self._store.get(part.key) if stop <= self._last else None
-            if known is not None and len(known.sound) == n_frames * part.island.n_out:
-                self._simulation.recall(part.island, known.sound)
-                part.is_recalled, part.state = True, known.state
+            stored = self._store.get(part.key) if stop <= self._last else None
+            if stored is not None and len(stored.sound) == n_frames * part.island.n_out:
+                self._simulation.recall(part.island, stored.sound)
+                part.is_recalled, part.state = True, stored.state
                 self.n_recalled += n_frames
                 continue
             if self._store_accepts:

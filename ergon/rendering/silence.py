@@ -39,12 +39,14 @@ def apply_silences(
         stop = end if silence.stop is None else silence.stop
         if silence.start >= end or stop + rise <= first_frame:
             continue
-        now = np.arange(first_frame, end)
-        gains = np.ones(len(now), np.float32)
-        left = np.clip(silence.start + fall - 1 - now, 0, fall).astype(np.float32)
-        up = np.clip(now - stop + 1, 0, rise).astype(np.float32)
-        gains[now >= silence.start] = (left / np.float32(fall))[now >= silence.start]
-        gains[now >= stop] = (up / np.float32(rise))[now >= stop]
+        frame_numbers = np.arange(first_frame, end)
+        gains = np.ones(len(frame_numbers), np.float32)
+        fade = np.clip(silence.start + fall - 1 - frame_numbers, 0, fall).astype(np.float32)
+        up = np.clip(frame_numbers - stop + 1, 0, rise).astype(np.float32)
+        gains[frame_numbers >= silence.start] = (fade / np.float32(fall))[
+            frame_numbers >= silence.start
+        ]
+        gains[frame_numbers >= stop] = (up / np.float32(rise))[frame_numbers >= stop]
         is_shaped = gains != 1.0
         frames = frames.copy()
         single = frames[is_shaped].astype(np.float32) * gains[is_shaped, None]

@@ -32,9 +32,9 @@ class Track:
 
     def take(self, block: NDArray[np.float64]) -> None:
         """Take the next mixed frames: into the spool, or through the chain at once."""
-        to = self.held or self.finish
-        assert to is not None
-        to.take(block)
+        receive = self.held or self.finish
+        assert receive is not None
+        receive.take(block)
 
 
 def limiter_of(stage: Staged, job: RenderJob) -> MixLimiter | None:
@@ -64,11 +64,11 @@ def track_of(
     """A file at `path`, whose frames are held until `stack` closes, if it has to wait for its gain
     or its length.
     """
-    held = None
+    spool = None
     if job.level.is_levelled or job.has_open_end:
         folder = None if path == "-" else Path(path).resolve().parent
-        held = stack.enter_context(FrameSpool(folder, job.format.n_channels))
-    return Track(path, mixer, begin, held)
+        spool = stack.enter_context(FrameSpool(folder, job.format.n_channels))
+    return Track(path, mixer, begin, spool)
 
 
 def release(stage: Staged, job: RenderJob, tracks: Sequence[Track], piece_end: int) -> None:
@@ -104,10 +104,10 @@ def _set_gains(stage: Staged, job: RenderJob, tracks: Sequence[Track], piece_end
 
 def _measured_gain(stage: Staged, job: RenderJob, mix: FrameSpool, piece_end: int) -> float:
     measured = MeasuredLevel(job.level, stage.rate, job.format.n_channels)
-    left = piece_end
+    frames_left = piece_end
     for block in mix.blocks(job.block):
-        measured.take(block[:left])
-        left = max(left - len(block), 0)
+        measured.take(block[:frames_left])
+        frames_left = max(frames_left - len(block), 0)
     return measured.gain()
 
 

@@ -40,14 +40,14 @@ def harmonics(order: int, directions: NDArray[np.float64]) -> NDArray[np.float64
     cosine, sine = np.ones(len(directions)), np.zeros(len(directions))  # of m·azimuth, · level^m
     diagonal = 1.0  # P_m^m without its level^m
     for m in range(order + 1):
-        before, now = np.zeros(len(directions)), np.full(len(directions), diagonal)
+        legendre_before, legendre = np.zeros(len(directions)), np.full(len(directions), diagonal)
         for n in range(m, order + 1):
             scale = _n3d(n, m)
-            basis[:, n * n + n + m] = scale * now * cosine
+            basis[:, n * n + n + m] = scale * legendre * cosine
             if m:
-                basis[:, n * n + n - m] = scale * now * sine
-            after = ((2 * n + 1) * z * now - (n + m) * before) / (n - m + 1)
-            before, now = now, after
+                basis[:, n * n + n - m] = scale * legendre * sine
+            legendre_after = ((2 * n + 1) * z * legendre - (n + m) * legendre_before) / (n - m + 1)
+            legendre_before, legendre = legendre, legendre_after
         cosine, sine = cosine * x - sine * y, sine * x + cosine * y
         diagonal *= 2 * m + 1
     return basis
@@ -74,11 +74,14 @@ def max_re_weights(order: int) -> NDArray[np.float64]:
     10).
     """
     x = _core.cos(137.9 / (order + 1.51) * pi / 180.0)
-    before, now = 0.0, 1.0
+    legendre_before, legendre = 0.0, 1.0
     weights = []
     for n in range(order + 1):
-        weights.append(now)
-        before, now = now, ((2 * n + 1) * x * now - n * before) / (n + 1)
+        weights.append(legendre)
+        legendre_before, legendre = (
+            legendre,
+            ((2 * n + 1) * x * legendre - n * legendre_before) / (n + 1),
+        )
     return np.array(weights)
 
 

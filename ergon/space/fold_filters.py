@@ -96,8 +96,8 @@ def _directions(source: Field) -> tuple[NDArray[np.float64], NDArray[np.float64]
     if source.order is None:
         return unit_vectors(source.speakers), None
     array = unit_vectors(
-        point(first + 360.0 * k / n, elevation, 1.0)
-        for n, elevation, first in _VIRTUAL
+        point(first_azimuth + 360.0 * k / n, elevation, 1.0)
+        for n, elevation, first_azimuth in _VIRTUAL
         for k in range(n)
     )
     return array, _decoder(source.order, array)

@@ -88,8 +88,8 @@ def _kernel(n: int, n_taps: int, ratio: float, late: float, band: float) -> NDAr
     reach = _REACH / band
     kernel = np.zeros((n, n_taps))
     for sample in range(n):
-        first = max(0, ceil(sample * ratio - late - reach))
-        for tap in range(first, n_taps):
+        first_tap = max(0, ceil(sample * ratio - late - reach))
+        for tap in range(first_tap, n_taps):
             position = sample * ratio - late - tap
             if position < -reach:
                 break
@@ -120,11 +120,11 @@ def prepared(
     directions: NDArray[np.float64],
     responses: NDArray[np.float64],
     rate: float,
-    wanted: NDArray[np.float64],
+    directions_wanted: NDArray[np.float64],
     extra: NDArray[np.float64] | None = None,
 ) -> Head:
-    """A head for `wanted` directions (n, 3), from responses (n_measured, 2, n_samples) at `rate`
-    [Hz]. `extra` (n_measured, 2): delays that come to those in the responses [s].
+    """A head for `directions_wanted` directions (n, 3), from responses (n_measured, 2, n_samples)
+    at `rate` [Hz]. `extra` (n_measured, 2): delays that come to those in the responses [s].
 
     Responses are equalised so that sound from all directions together (the diffuse field) has a
     flat spectrum, and are made minimum-phase. The delay of a response is the one at which its
@@ -139,14 +139,14 @@ def prepared(
     delays = np.array([[_delay(h, rate) for h in pair] for pair in responses])
     delays += 0.0 if extra is None else extra
     filters, lates = [], []
-    for towards in wanted:
+    for towards in directions_wanted:
         weights = _weights(directions, towards)
         near = np.flatnonzero(weights)
         shape = np.exp(np.tensordot(weights[near], np.log(level[near]), 1))
-        filters.append([_minimum_phase(one, size)[:TAPS] * _fade() for one in shape])
+        filters.append([_minimum_phase(response, size)[:TAPS] * _fade() for response in shape])
         lates.append(np.tensordot(weights[near], delays[near], 1))
     late = np.array(lates)
-    return Head(rate, wanted, np.array(filters), late - late.min())
+    return Head(rate, directions_wanted, np.array(filters), late - late.min())
 
 
 def _diffuse(

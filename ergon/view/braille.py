@@ -109,9 +109,9 @@ def _columns(
     for stroke in np.split(np.arange(len(across)), np.flatnonzero(is_new) + 1):
         if not is_finite[stroke[:1]].any():
             continue
-        first, top, bottom = _stroke(across[stroke], down[stroke])
+        first_column, top, bottom = _stroke(across[stroke], down[stroke])
         for column, (low, high) in enumerate(
-            zip(top.tolist(), bottom.tolist(), strict=True), first
+            zip(top.tolist(), bottom.tolist(), strict=True), first_column
         ):
             yield column, low, high
 
@@ -126,15 +126,15 @@ def _stroke(
 ) -> tuple[int, NDArray[np.int64], NDArray[np.int64]]:
     """The first column of a stroke, and the lowest and the highest row in each of its columns."""
     column = np.rint(across).astype(np.int64)
-    first, n_columns = int(column[0]), int(column[-1] - column[0]) + 1
-    middles = np.arange(first, first + n_columns)
+    first_column, n_columns = int(column[0]), int(column[-1] - column[0]) + 1
+    middles = np.arange(first_column, first_column + n_columns)
     # A stroke enters and leaves a column at its edges, or begins and ends within it.
     enters = np.interp(np.maximum(middles - 0.5, across[0]), across, down)
     leaves = np.interp(np.minimum(middles + 0.5, across[-1]), across, down)
     top, bottom = np.minimum(enters, leaves), np.maximum(enters, leaves)
-    np.minimum.at(top, column - first, down)
-    np.maximum.at(bottom, column - first, down)
-    return first, np.rint(top).astype(np.int64), np.rint(bottom).astype(np.int64)
+    np.minimum.at(top, column - first_column, down)
+    np.maximum.at(bottom, column - first_column, down)
+    return first_column, np.rint(top).astype(np.int64), np.rint(bottom).astype(np.int64)
 
 
 def _legend(curves: Sequence[Curve], x_label: str, margin: int) -> str:

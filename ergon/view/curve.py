@@ -57,22 +57,24 @@ def axis(values: Sequence[float], n_ticks: int, *, tight: bool = False) -> Axis:
     room = 0.0 if tight else _ROOM * (high - low)
     low, high = low - room, high + room
     # A small tolerance, because 3 steps of 0.1 are above 0.3 in floating point.
-    first, last = ceil(low / step - 1e-9), floor(high / step + 1e-9)
-    ticks = tuple(index * step for index in range(first, last + 1))
+    first_tick, last_tick = ceil(low / step - 1e-9), floor(high / step + 1e-9)
+    ticks = tuple(index * step for index in range(first_tick, last_tick + 1))
     return Axis(low, high, ticks, digits)
 
 
-def _step(wanted: float) -> tuple[float, int]:
-    """The smallest of 1, 2, 5 times a power of ten that is not below `wanted`, and its decimals."""
+def _step(step_wanted: float) -> tuple[float, int]:
+    """The smallest of 1, 2, 5 times a power of ten that is not below `step_wanted`, and its
+    decimals.
+    """
     power = 0
-    while 10.0**power > wanted and power > -18:
+    while 10.0**power > step_wanted and power > -18:
         power -= 1
-    while 10.0 ** (power + 1) <= wanted and power < 18:
+    while 10.0 ** (power + 1) <= step_wanted and power < 18:
         power += 1
     for factor in (1, 2, 5, 10):
         # Division by a whole number gives the double nearest to 0.2; multiplication by 0.1 does
         # not.
         step = factor * 10.0**power if power >= 0 else factor / 10.0**-power
-        if step >= wanted * (1 - 1e-9):
+        if step >= step_wanted * (1 - 1e-9):
             break
     return step, max(0, -power - (factor == 10))

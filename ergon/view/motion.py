@@ -34,19 +34,19 @@ def asked_and_done(
     import numpy as np
 
     rate, scale = simulation.rate, _MM / reach
-    first, last = int(start * rate + 0.5), int(stop * rate + 0.5)
-    step = max(1, (last - first) // points)
+    first_frame, last_frame = int(start * rate + 0.5), int(stop * rate + 0.5)
+    step = max(1, (last_frame - first_frame) // points)
     block = np.zeros((4096, simulation.n_out))
-    while simulation.frame < first:
-        simulation.process(block[: first - simulation.frame])
+    while simulation.frame < first_frame:
+        simulation.process(block[: first_frame - simulation.frame])
     t, asked, done = [], [], []
     while True:
         t.append(simulation.frame / rate)
         asked.append(float(simulation.asked()[key]) * scale)
         done.append(float(simulation.positions()[struck]) * scale)
-        if simulation.frame >= last:
+        if simulation.frame >= last_frame:
             break
-        until = min(last, simulation.frame + step)
+        until = min(last_frame, simulation.frame + step)
         while simulation.frame < until:
             simulation.process(block[: until - simulation.frame])
     return Curve("asked", t, asked), Curve("done", t, done)

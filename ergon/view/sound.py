@@ -68,10 +68,10 @@ def _mono(blocks: Iterable[NDArray[np.float64]], n_frames: int) -> NDArray[np.fl
     import numpy as np
 
     mono = np.zeros(max(n_frames, 1))
-    first = 0
+    first_frame = 0
     for block in blocks:
-        mono[first : first + len(block)] = block.mean(axis=1)
-        first += len(block)
+        mono[first_frame : first_frame + len(block)] = block.mean(axis=1)
+        first_frame += len(block)
     return mono
 
 
@@ -84,10 +84,10 @@ def png(pixels: NDArray[np.uint8]) -> bytes:
         check = zlib.crc32(name + content)
         return struct.pack(">I", len(content)) + name + content + struct.pack(">I", check)
 
-    head = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
     return (
         b"\x89PNG\r\n\x1a\n"
-        + chunk(b"IHDR", head)
+        + chunk(b"IHDR", header)
         + chunk(b"IDAT", zlib.compress(rows, 9))
         + chunk(b"IEND", b"")
     )
@@ -97,8 +97,8 @@ def _frequencies(highest: float) -> Axis:
     """A logarithmic axis of frequency, with ticks at round frequencies."""
     import math
 
-    known = (20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000)
-    ticks = [f for f in known if _LOWEST <= f <= highest]
+    tick_frequencies = (20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000)
+    ticks = [f for f in tick_frequencies if _LOWEST <= f <= highest]
     names = tuple(f"{f // 1000}k" if f >= 1000 else str(f) for f in ticks)
     logs = tuple(math.log10(f) for f in ticks)
     return Axis(math.log10(_LOWEST), math.log10(highest), logs, 0, names)

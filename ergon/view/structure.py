@@ -163,10 +163,10 @@ def _stave_of(modes: Sequence[PitchedMode], top: float, bottom: float) -> str:
     return "\n".join(parts)
 
 
-def _spaced(wanted: Sequence[float], top: float, bottom: float) -> list[float]:
+def _spaced(heights_wanted: Sequence[float], top: float, bottom: float) -> list[float]:
     """Heights for lines of text near the wanted ones, in rising order and at least a line apart."""
     places: list[float] = []
-    for y in wanted:
+    for y in heights_wanted:
         places.append(max(y + 4, places[-1] + _LINE if places else top))
     limit = bottom
     for i in range(len(places) - 1, -1, -1):
@@ -201,9 +201,9 @@ def _shape(shape: Shape, left: float, top: float, width: float, height: float) -
             for x, y in zip(across, down, strict=True)
             if len(masses) <= 120
         )
-        rest = f"M{left:.1f} {middle:.1f}h{width:.1f}"
+        rest_line = f"M{left:.1f} {middle:.1f}h{width:.1f}"
         return (
-            f"{box}\n<path d='{rest}' fill='none' stroke='#dddddd'/>\n"
+            f"{box}\n<path d='{rest_line}' fill='none' stroke='#dddddd'/>\n"
             f"<path d='M{line}' fill='none' stroke='{_UP}' stroke-width='1.2'/>{dots}"
         )
     scale = min(room_x / wide if wide else room_y / tall, room_y / tall if tall else room_x / wide)

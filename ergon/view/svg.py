@@ -82,14 +82,14 @@ def lines(curves: Sequence[Curve], frame: Frame) -> str:
 
 def document(width: int, height: int, title: str, parts: Sequence[str]) -> str:
     """A whole SVG file round `parts`."""
-    head = (
+    header = (
         f"<svg xmlns='http://www.w3.org/2000/svg' width='{width}' height='{height}' "
         f"viewBox='0 0 {width} {height}' role='img' aria-label={quoteattr(title)} {_FONT}>\n"
         "<!-- made by ergon -->\n"
         f"<title>{escape(title)}</title>\n"
         f"<rect width='{width}' height='{height}' fill='{_PAPER}'/>\n"
     )
-    return head + "\n".join(part for part in parts if part) + "\n</svg>\n"
+    return header + "\n".join(part for part in parts if part) + "\n</svg>\n"
 
 
 def axes(frame: Frame, t_label: str, x_label: str) -> str:

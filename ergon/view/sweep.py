@@ -53,9 +53,9 @@ def picture(title: str, targets: Sequence[str], points: Sequence[Point]) -> str:
     for number, name in enumerate(shown):
         row, column = divmod(number, 2)
         left, top = column * _WIDTH, _TOP + row * (_HIGH + _BETWEEN)
-        known = [point.figures[name] for point in points if name in point.figures]
+        figures = [point.figures[name] for point in points if name in point.figures]
         frame = Frame(
-            left + _LEFT, top, left + _WIDTH - _RIGHT, top + _HIGH, across.axis, axis(known, 5)
+            left + _LEFT, top, left + _WIDTH - _RIGHT, top + _HIGH, across.axis, axis(figures, 5)
         )
         parts += [
             axes(frame, targets[0] + across.unit, ""),
@@ -119,8 +119,8 @@ def _room(places: Sequence[float], ticks: tuple[float, ...], names: tuple[str, .
     return Axis(min(places) - room, max(places) + room, ticks, 0, names)
 
 
-def _few(places: Sequence[float], most: int = 6) -> tuple[float, ...]:
-    step = math.ceil(len(places) / most)
+def _few(places: Sequence[float], count_max: int = 6) -> tuple[float, ...]:
+    step = math.ceil(len(places) / count_max)
     return tuple(places[::step])
 
 
@@ -136,7 +136,7 @@ def _is_geometric(numbers: Sequence[float]) -> bool:
 def _colour(index: int, count: int) -> str:
     part = index / max(1, count - 1)
     mixed = (round(a + part * (b - a)) for a, b in zip(_LIGHT, _DARK, strict=True))
-    return "#" + "".join(f"{one:02x}" for one in mixed)
+    return "#" + "".join(f"{channel:02x}" for channel in mixed)
 
 
 def _curve(line_points: Sequence[tuple[float, float]], colour: str) -> str:
@@ -152,12 +152,13 @@ def _key(others: Sequence[tuple[str, ...]], targets: Sequence[str]) -> str:
     """The legend of all lines if they are few, else of the first and the last."""
     if len(others) < 2:
         return ""
-    named = others if len(others) <= _CURVES_NAMED else (others[0], others[-1])
+    groups_named = others if len(others) <= _CURVES_NAMED else (others[0], others[-1])
     words = [
-        ", ".join(map("=".join, zip(targets, named_values, strict=True))) for named_values in named
+        ", ".join(map("=".join, zip(targets, named_values, strict=True)))
+        for named_values in groups_named
     ]
     parts, left = [], float(_LEFT)
-    for named_values, label in zip(named, words, strict=True):
+    for named_values, label in zip(groups_named, words, strict=True):
         colour = _colour(others.index(named_values), len(others))
         parts.append(
             f"<line x1='{left:g}' y1='32' x2='{left + 20:g}' y2='32' stroke='{colour}' "

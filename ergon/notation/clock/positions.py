@@ -75,9 +75,9 @@ def parse_length(text: str) -> Length:
     match = _ONLY_LENGTH.fullmatch(word)
     if match is None:
         seconds = clock_time(word)
-        why = "; write a clock time in seconds" if seconds else ""
+        advice = "; write a clock time in seconds" if seconds else ""
         raise TextError(
-            f"'{word[:40]}' is not a length such as 4bar, 1/2 or 250ms{why}",
+            f"'{word[:40]}' is not a length such as 4bar, 1/2 or 250ms{advice}",
             offset=start,
             length=max(1, len(word)),
             suggestion=seconds or _without_spaces(word),
@@ -114,12 +114,13 @@ def parse_position(text: str) -> Position:
     if match := _MARK.fullmatch(word):
         return Position(mark=match[1], plus=_plus(match, 2, start), text=word)
     if (seconds := clock_time(word)) is not None:
-        minutes, _, rest = word.rpartition(":")
+        minutes, _, seconds_text = word.rpartition(":")
         message = f"'{word}' is a clock time: write {seconds}"
         if minutes.isdigit():
             message = f"'{word}' may be a clock time or a bar and a beat: write {seconds} for "
             message += (
-                f"{minutes} min {rest} s, or {minutes}|{rest} for beat {rest} of bar {minutes}"
+                f"{minutes} min {seconds_text} s, or {minutes}|{seconds_text} for beat "
+                f"{seconds_text} of bar {minutes}"
             )
         raise TextError(
             message,
@@ -162,20 +163,20 @@ def _with_bar(word: str) -> str | None:
     return f"{match[1]}|1" if match else None
 
 
-def _plus(match: re.Match[str], first: int, start: int) -> Length:
-    sign = match[first]
+def _plus(match: re.Match[str], first_group: int, start: int) -> Length:
+    sign = match[first_group]
     if sign is None:
         return _NOTHING
-    return _length(match, first + 1, start).times(-1.0 if sign == "-" else 1.0)
+    return _length(match, first_group + 1, start).times(-1.0 if sign == "-" else 1.0)
 
 
-def _length(match: re.Match[str], first: int, start: int) -> Length:
-    value = time_of(match[first], match[first + 1], start + match.start(first))
-    unit = match[first + 2]
+def _length(match: re.Match[str], first_group: int, start: int) -> Length:
+    value = time_of(match[first_group], match[first_group + 1], start + match.start(first_group))
+    unit = match[first_group + 2]
     if unit not in _UNITS:
         raise TextError(
             f"unit '{unit}' does not measure time (use beats without a unit, bar, ms, s)",
-            offset=start + match.start(first + 2),
+            offset=start + match.start(first_group + 2),
             length=len(unit),
             code="E203",
         )

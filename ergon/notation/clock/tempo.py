@@ -189,11 +189,11 @@ class TempoMap:
             self._append(beat, bpm, bpm, MAX_TIME)
             self.placed.append((beat, Entry(Position(), bpm)))
 
-    def is_same(self, other: "TempoMap") -> bool:
+    def is_same(self, other_map: "TempoMap") -> bool:
         """Whether another map has every beat and bar at the same instant."""
-        if self is other:
+        if self is other_map:
             return True
-        return type(self) is type(other) and self._state() == other._state()
+        return type(self) is type(other_map) and self._state() == other_map._state()
 
     def _state(self) -> tuple[object, ...]:
         return self._stretches, self.bars.changes(), self._marks
@@ -299,10 +299,10 @@ class TempoMap:
             self._append(start, entry.bpm, entry.bpm_end, span)
             self._append(start + span, entry.bpm_end, entry.bpm_end, MAX_TIME)
 
-    def _span(self, start: float, b0: float, b1: float, over: Length) -> float:
-        beats = self.after(start, Length(over.bars, over.beats)) - start
+    def _span(self, start: float, b0: float, b1: float, ramp_length: Length) -> float:
+        beats = self.after(start, Length(ramp_length.bars, ramp_length.beats)) - start
         # `over: 8s`: the mean tempo of a ramp is the logarithmic mean of its ends
-        return beats + over.seconds * b0 / (60.0 * _log_ratio((b1 - b0) / b0))
+        return beats + ramp_length.seconds * b0 / (60.0 * _log_ratio((b1 - b0) / b0))
 
     def _append(self, start: float, b0: float, b1: float, span: float) -> None:
         stretch = _Segment(start, self.seconds(start), b0, b1, span)

@@ -32,8 +32,8 @@ def is_true(text: str, start: int, names: Mapping[str, Amount]) -> bool:
     """
     return any(
         all(
-            _holds(text, first, last, names)
-            for first, last in _parts(text, first_of_all, last_of_all, _AND)
+            _holds(text, part_start, part_end, names)
+            for part_start, part_end in _parts(text, first_of_all, last_of_all, _AND)
         )
         for first_of_all, last_of_all in _parts(text, start, len(text), _OR)
     )
@@ -54,8 +54,8 @@ def _holds(text: str, start: int, end: int, names: Mapping[str, Amount]) -> bool
         start, is_expected = match.end(), not is_expected
     signs = list(_SIGN.finditer(text, start, end))
     if not signs:
-        written = text[start:end].strip()
-        message = f"{quote(written)} compares nothing; write i < 12, i == 3 or i mod 2 == 0"
+        amount_text = text[start:end].strip()
+        message = f"{quote(amount_text)} compares nothing; write i < 12, i == 3 or i mod 2 == 0"
         length = max(1, end - start)
         raise TextError(message, offset=min(start, len(text) - 1), length=length, code="E113")
     starts = [start, *(sign.end() for sign in signs)]
@@ -73,15 +73,15 @@ def _amount(text: str, start: int, end: int, names: Mapping[str, Amount]) -> Amo
         raise
 
 
-def _compared(sign: re.Match[str], first: Amount, second: Amount) -> bool:
+def _compared(sign: re.Match[str], first_amount: Amount, second_amount: Amount) -> bool:
     problem, suggestion = "", None
     if sign[0] == "=":
         problem, suggestion = "two values are compared by ==", "=="
-    elif first.unit != second.unit:
-        problem = f"cannot compare {unit_in_words(first)} and {unit_in_words(second)}"
+    elif first_amount.unit != second_amount.unit:
+        problem = f"cannot compare {unit_in_words(first_amount)} and {unit_in_words(second_amount)}"
     if problem:
         length = len(sign[0])
         raise TextError(
             problem, offset=sign.start(), length=length, suggestion=suggestion, code="E113"
         )
-    return _COMPARISONS[sign[0]](first.number, second.number)
+    return _COMPARISONS[sign[0]](first_amount.number, second_amount.number)

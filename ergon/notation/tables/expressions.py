@@ -102,8 +102,8 @@ def _plain(value: float) -> str:
 
 
 def _hertz(note: Amount) -> float:
-    octaves, rest = divmod(note.number, 12)
-    return 440.0 * _core.pow(2.0, float(octaves)) * _core.pow(2.0, float(rest) / 12.0)
+    octaves, steps_above = divmod(note.number, 12)
+    return 440.0 * _core.pow(2.0, float(octaves)) * _core.pow(2.0, float(steps_above) / 12.0)
 
 
 class _Reader:
@@ -124,9 +124,9 @@ class _Reader:
             raise TextError(message, length=MAX_LENGTH, code="E201")
         amount = self._sum(0)
         if self.offset < len(self.text):
-            rest = self.text[self.offset :]
-            message = f"{quote(rest)} is not allowed here; write + - * / between values"
-            raise self._error(message, self.offset, len(rest))
+            unread_text = self.text[self.offset :]
+            message = f"{quote(unread_text)} is not allowed here; write + - * / between values"
+            raise self._error(message, self.offset, len(unread_text))
         return amount
 
     def _sum(self, depth: int) -> Amount:
@@ -264,9 +264,9 @@ class _Reader:
         return Amount(a.number / b.number, "" if b.unit else a.unit)
 
     @staticmethod
-    def _as_hertz(own: Amount, other: Amount) -> Amount:
-        is_both = own.unit == "note" and other.unit == "Hz"
-        return Amount(Fraction(_hertz(own)), "Hz") if is_both else own
+    def _as_hertz(amount: Amount, other_amount: Amount) -> Amount:
+        is_both = amount.unit == "note" and other_amount.unit == "Hz"
+        return Amount(Fraction(_hertz(amount)), "Hz") if is_both else amount
 
     def _checked(self, amount: Amount, place: int) -> Amount:
         number = amount.number
@@ -294,8 +294,8 @@ class _Reader:
         return match
 
     @staticmethod
-    def _error(message: str, at: int, length: int, suggestion: str | None = None) -> TextError:
-        return TextError(message, offset=at, length=length, suggestion=suggestion, code="E201")
+    def _error(message: str, offset: int, length: int, suggestion: str | None = None) -> TextError:
+        return TextError(message, offset=offset, length=length, suggestion=suggestion, code="E201")
 
 
 def _fraction(match: re.Match[str]) -> Fraction | None:
@@ -352,20 +352,25 @@ def named_amounts(source: Document) -> NamedAmounts:
         if node is None and isinstance(root, document.Mapping) and "let" in root.entries:
             node = root.entries["let"][1]
         source.lets = _read(node) if isinstance(node, document.Mapping) else NamedAmounts({}, [])
-    named: NamedAmounts = source.lets
-    return named
+    amounts_by_name: NamedAmounts = source.lets
+    return amounts_by_name
 
 
 def _read(section: document.Mapping) -> NamedAmounts:
-    named = NamedAmounts({}, [])
+    amounts_by_name = NamedAmounts({}, [])
     for number, (word, (key, node)) in enumerate(section.entries.items()):
-        if not add_named(named, number, word, key, node, section.entries):
+        if not add_named(amounts_by_name, number, word, key, node, section.entries):
             break
-    return named
+    return amounts_by_name
 
 
 def add_named(
-    named: NamedAmounts, number: int, word: str, key: Scalar, node: Node, later: Container[str]
+    amounts_by_name: NamedAmounts,
+    number: int,
+    word: str,
+    key: Scalar,
+    node: Node,
+    later: Container[str],
 ) -> bool:
     """Add a name of `let:`, or what is wrong with it; False after the last one that is allowed.
 
@@ -386,17 +391,17 @@ def add_named(
         error = TextError(message, length=len(word), code="E104")
     if error is not None or not isinstance(node, Scalar):
         assert error is not None
-        named.wrong.append((key, error))
+        amounts_by_name.wrong.append((key, error))
         return number < MAX_NAMES
     if _BAR_BEAT.fullmatch(node.text):
         message = f"{quote(node.text.strip())} is a position; name it under `marks:`"
         error = TextError(message, length=len(node.text), code="E201")
-        named.wrong.append((node, error))
+        amounts_by_name.wrong.append((node, error))
         return True
     try:
-        named.names[word] = evaluate(node.text, named.names, later)
+        amounts_by_name.names[word] = evaluate(node.text, amounts_by_name.names, later)
     except TextError as problem:
-        named.wrong.append((node, problem))
+        amounts_by_name.wrong.append((node, problem))
     return True
 
 
@@ -416,12 +421,12 @@ def parse_with_names(node: Scalar, parse: Callable[[str], _T]) -> _T:
         try:
             return parse("".join(text for _, text in pieces))
         except TextError as error:
-            ends, offset = [], 0
+            written_pieces, offset = [], 0
             for written, text in pieces:
-                ends.append((offset, offset + len(text), written, text))
+                written_pieces.append((offset, offset + len(text), written, text))
                 offset += len(text)
             start = 0
-            for first, end, written, text in ends:
+            for first, end, written, text in written_pieces:
                 if first <= error.offset < end or end == offset:
                     inside = error.offset - first if written == text else 0
                     plain_length = len(written) if written != text else error.length
@@ -498,8 +503,12 @@ def _is_mark(text: str, source: Document) -> bool:
     """Whether a position begins with a mark of its own file."""
     root, begun = source.root, _MARKED.match(text)
     marks = root.entries.get("marks") if isinstance(root, document.Mapping) else None
-    known = marks[1] if marks is not None else None
-    return begun is not None and isinstance(known, document.Mapping) and begun[1] in known.entries
+    known_marks = marks[1] if marks is not None else None
+    return (
+        begun is not None
+        and isinstance(known_marks, document.Mapping)
+        and begun[1] in known_marks.entries
+    )
 
 
 def note_of(word: str, document: Document) -> str | None:
@@ -542,9 +551,9 @@ def literal(node: Scalar) -> str | None:
     low, dots, high = text.partition("..")
     if not dots:
         return evaluate(text, names).literal
-    first = evaluate(low, names).literal
+    first_literal = evaluate(low, names).literal
     try:
-        return f"{first}..{evaluate(high, names).literal}"
+        return f"{first_literal}..{evaluate(high, names).literal}"
     except TextError as error:
         error.offset += len(low) + 2
         raise

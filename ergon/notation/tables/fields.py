@@ -158,14 +158,14 @@ class Record(Shape):
             if lost is not None and word == lost[0]:
                 report_lost(context, *lost, entries[lost[1]][0])
                 return MISSING
-            if (known := self.by_name.get(word)) is not None:
+            if (known_field := self.by_name.get(word)) is not None:
                 values.nodes[word] = child
                 if context.memory is None:
-                    value = known.shape.read(child, word, context)
+                    value = known_field.shape.read(child, word, context)
                 else:
-                    read = partial(known.shape.read, child, word, context)
-                    named = entries.get("let", _NOBODY)[1]  # values that others may name
-                    value = context.memory.recall((child, word, named), read)
+                    read = partial(known_field.shape.read, child, word, context)
+                    let_node = entries.get("let", _NOBODY)[1]  # values that others may name
+                    value = context.memory.recall((child, word, let_node), read)
                 if value is not MISSING:
                     values.by_name[word] = value
             elif word in self.kinds:
@@ -199,9 +199,9 @@ class Record(Shape):
             return False
         if word in self.by_name[above].shape.field_names():
             return word not in self.field_names()
-        others = (*self.refused, *self.foreign, *self.meant, *self.elsewhere)
+        other_names = (*self.refused, *self.foreign, *self.meant, *self.elsewhere)
         is_misspelt = len(word) > _SHORT and nearest(word, self.field_names()) is not None
-        return not is_misspelt and word not in self.field_names() and word not in others
+        return not is_misspelt and word not in self.field_names() and word not in other_names
 
     def _read_other(self, values: Values, word: str, key: Scalar, child: Node) -> None:
         context = values.context
@@ -216,8 +216,8 @@ class Record(Shape):
         else:
             values.strange += 1
             noun = "section" if not context.owner else "field"
-            where = f" in {context.owner}" if context.owner else ""
-            message = f"unknown {noun} {quote(word)}{where}"
+            owner_text = f" in {context.owner}" if context.owner else ""
+            message = f"unknown {noun} {quote(word)}{owner_text}"
             if word in self.foreign:
                 if not values.is_foreign:  # report a file of the wrong kind once
                     context.error("E101", message, key.place, help=self.foreign[word])

@@ -151,12 +151,12 @@ class _Writer:
         if variable in names:
             message = f"{quote(variable)} is named already; a loop needs a variable of its own"
             raise TextError(message, offset=match.start(1), length=len(variable), code="E102")
-        first, last = (_integer(match, group, names) for group in (2, 3))
+        first_number, last_number = (_integer(match, group, names) for group in (2, 3))
         step = 1 if match[4] is None else _integer(match, 4, names)
         if step < 1:
             message = "the step of a loop is 1 or more"
             raise TextError(message, offset=match.start(4), length=len(match[4]), code="E202")
-        numbers = range(first, last + 1, step)
+        numbers = range(first_number, last_number + 1, step)
         if len(numbers) > MAX_TURNS:
             message = f"a loop has at most {MAX_TURNS:,} turns, not {len(numbers):,}"
             raise TextError(message, offset=match.start(2), length=len(text), code="E105")
@@ -262,8 +262,8 @@ class _Copy:
     def _document(self, source: Document) -> Document:
         copy = self._documents.get(source)
         if copy is None:
-            named = NamedAmounts(self.names, [])
-            copy = self._documents[source] = replace(source, lets=named)
+            amounts_by_name = NamedAmounts(self.names, [])
+            copy = self._documents[source] = replace(source, lets=amounts_by_name)
         return copy
 
 
@@ -291,8 +291,8 @@ def _number_of_name(text: str, match: re.Match[str], inside: str, names: Names) 
         raise
     number = amount.number
     if amount.unit or number.denominator != 1 or number < 0:
-        written = text[match.start() : match.end() + len(inside) + 1]
-        message = f"the number of a name is a whole one, 0 or more, and {quote(written)} "
+        index_text = text[match.start() : match.end() + len(inside) + 1]
+        message = f"the number of a name is a whole one, 0 or more, and {quote(index_text)} "
         message += f"has {amount.literal}"
         length = max(1, len(inside))
         raise TextError(message, offset=match.end(), length=length, code="E202")

@@ -204,30 +204,30 @@ def check_note(text: str) -> None:
 
 
 def _range(words: list[tuple[str, int]]) -> tuple[str, ...]:
-    (first, offset), rest = words[0], words[1:]
-    low_name, dots, high_name = first.partition("..")
+    (first_word, offset), later_words = words[0], words[1:]
+    low_name, dots, high_name = first_word.partition("..")
     count = None
     low = _read_at(low_name, offset)
     high = _read_at(high_name, offset + len(low_name) + 2) if dots else None
     scale, scale_offset = "chromatic", offset
-    if rest and rest[0][0] != "count":
-        (scale, scale_offset), rest = rest[0], rest[1:]
+    if later_words and later_words[0][0] != "count":
+        (scale, scale_offset), later_words = later_words[0], later_words[1:]
     steps = _scale(scale, scale_offset)
-    if rest and rest[0][0] == "count":
-        value, count_offset = rest[1] if len(rest) > 1 else ("", rest[0][1])
+    if later_words and later_words[0][0] == "count":
+        value, count_offset = later_words[1] if len(later_words) > 1 else ("", later_words[0][1])
         if not re.fullmatch(r"[0-9]{1,6}", value) or not 1 <= int(value) <= MAX_NOTES:
             message = f"`count` needs a whole number from 1 to {MAX_NOTES}"
             raise TextError(message, offset=count_offset, length=max(1, len(value)), code="E202")
-        count, rest = int(value), rest[2:]
-    if rest:
-        word, word_offset = rest[0]
+        count, later_words = int(value), later_words[2:]
+    if later_words:
+        word, word_offset = later_words[0]
         message = f"unknown word {quote(word)}; notes are written like {_EXAMPLE}"
         raise TextError(message, offset=word_offset, length=len(word), code="E204")
     if high is not None and high < low:
-        message = f"the range {quote(first)} runs downwards; write the lower note first"
+        message = f"the range {quote(first_word)} runs downwards; write the lower note first"
         suggestion = f"{high_name}..{low_name}"
         raise TextError(
-            message, offset=offset, length=len(first), suggestion=suggestion, code="E202"
+            message, offset=offset, length=len(first_word), suggestion=suggestion, code="E202"
         )
     top = HIGHEST if high is None else high
     octaves = range((HIGHEST - low) // 12 + 1)
@@ -242,7 +242,7 @@ def _range(words: list[tuple[str, int]]) -> tuple[str, ...]:
     if count is not None and len(names) < count:
         message = f"from {low_name} to {high_name or name(HIGHEST)} there are {len(names)} notes"
         message += f", not {count}"
-        raise TextError(message, offset=offset, length=len(first), code="E202")
+        raise TextError(message, offset=offset, length=len(first_word), code="E202")
     return _bounded(names)
 
 
@@ -271,12 +271,14 @@ def _bounded(notes: list[str]) -> tuple[str, ...]:
     if len(notes) > MAX_NOTES:
         message = f"{len(notes)} notes are written; the maximum is {MAX_NOTES}"
         raise TextError(message, code="E202")
-    seen: dict[float | None, str] = {}
+    notes_by_pitch: dict[float | None, str] = {}
     for note in notes:
-        if (before := seen.setdefault(pitch(note), note)) is not note:
+        if (note_before := notes_by_pitch.setdefault(pitch(note), note)) is not note:
             message = f"{quote(note)} is written twice"
-            if before != note:
-                message = f"{quote(note)} is the same note as {quote(before)}; remove one of them"
+            if note_before != note:
+                message = (
+                    f"{quote(note)} is the same note as {quote(note_before)}; remove one of them"
+                )
             raise TextError(message, code="E202")
     return tuple(notes)
 

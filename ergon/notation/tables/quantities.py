@@ -225,8 +225,8 @@ def _power(unit: str, word: str, offset: int, dimension: Dimension) -> int:
         if dimension.bare or not word.strip("+-0."):
             return 0
         usual = dimension.example.lstrip("+-.0123456789")
-        other = next((name for name in (dimension.si, *dimension.units) if name != usual), "")
-        could = f"; it could be {word}{usual} or {word}{other}" if other else ""
+        other_unit = next((name for name in (dimension.si, *dimension.units) if name != usual), "")
+        could = f"; it could be {word}{usual} or {word}{other_unit}" if other_unit else ""
         message = f"{quote(word)} has no unit (use {units}){could}"
         raise TextError(message, length=length, suggestion=word + usual, code="E203")
     length = len(unit)
@@ -380,9 +380,9 @@ def _respelled(word: str) -> str | None:
     match = _FOREIGN_NOTE.fullmatch(word)
     if match is None:
         return None
-    letter, middle, octave, last = match.groups()
-    sign = (middle or last or "").lower()
-    if middle and last:
+    letter, middle, octave, last_letter = match.groups()
+    sign = (middle or last_letter or "").lower()
+    if middle and last_letter:
         return None
     letter = letter.upper()
     return f"{'B' if letter == 'H' else letter}{_FOREIGN_SIGNS.get(sign, sign)}{octave}"

@@ -102,9 +102,9 @@ def _lines(text: str) -> Iterator[tuple[int, str]]:
 def parse_scale(text: str) -> Scale:
     """Read a `.scl` file. Raises ScalaError."""
     lines = _lines(text)
-    last = text.count("\n") + 1
-    _, title = next(lines, (last, ""))
-    number, count_line = next(lines, (last, ""))
+    last_line = text.count("\n") + 1
+    _, title = next(lines, (last_line, ""))
+    number, count_line = next(lines, (last_line, ""))
     match = re.match(r"\d{1,9}(?!\S)", count_line)
     if match is None:
         message = "the second line that is no comment is the number of degrees, such as 12"
@@ -118,7 +118,7 @@ def parse_scale(text: str) -> Scale:
         number, line = next(lines, (0, ""))
         if not number:
             message = f"{count:,} degrees are announced, but the file has {len(ratios):,}"
-            raise ScalaError(message, last)
+            raise ScalaError(message, last_line)
         ratios.append(_pitch(line, number))
     return Scale(tuple(ratios), title)
 
@@ -132,8 +132,8 @@ def _pitch(line: str, number: int) -> float:
             raise ScalaError(f"{quote(word)} lies outside ±{_MAX_CENTS:,.0f} cents", number, line)
         return _core.pow(2.0, cents / 1200.0)
     match = _RATIO.match(line)
-    after = "" if match is None else line[match.end() : match.end() + 1]
-    if match is None or after.isalnum() or after in {"/", "."}:
+    sign_after = "" if match is None else line[match.end() : match.end() + 1]
+    if match is None or sign_after.isalnum() or sign_after in {"/", "."}:
         message = f"{quote(line[:40])} is no pitch; write cents with a period, or a ratio as 3/2"
         raise ScalaError(message, number, line)
     above, below = int(match[1]), int(match[2] or 1)
@@ -147,18 +147,18 @@ def _pitch(line: str, number: int) -> float:
 def parse_key_map(text: str) -> KeyMap:
     """Read a `.kbm` file. Raises ScalaError."""
     lines = _lines(text)
-    last = text.count("\n") + 1
+    last_line = text.count("\n") + 1
 
-    def word(what: str) -> tuple[int, str]:
-        number, line = next(lines, (last, ""))
+    def word(noun: str) -> tuple[int, str]:
+        number, line = next(lines, (last_line, ""))
         if not line.split():
-            raise ScalaError(f"{what} is missing", number, line)
+            raise ScalaError(f"{noun} is missing", number, line)
         return number, line.split()[0]
 
-    def integer(what: str, low: int, high: int) -> int:
-        number, text_of_number = word(what)
+    def integer(noun: str, low: int, high: int) -> int:
+        number, text_of_number = word(noun)
         if not _INTEGER.fullmatch(text_of_number) or not low <= int(text_of_number) <= high:
-            message = f"{quote(text_of_number)} is not {what}, a whole number from {low} to {high}"
+            message = f"{quote(text_of_number)} is not {noun}, a whole number from {low} to {high}"
             raise ScalaError(message, number, text_of_number)
         return int(text_of_number)
 

@@ -73,8 +73,8 @@ class Context:
 
     def inside(self, noun: str, name: str, place: Place) -> Context:
         """The context of a named thing; a module is called by its instrument's name too."""
-        called = f"{self.name}.{name}" if noun == "module" and self.name else name
-        owner = f"{noun} {quote(called)}"
+        inner_name = f"{self.name}.{name}" if noun == "module" and self.name else name
+        owner = f"{noun} {quote(inner_name)}"
         return Context(self.collector, owner, name, place, tunings=self.tunings)
 
     def error(self, code: str, message: str, place: Place, **more: Any) -> None:
@@ -215,10 +215,10 @@ class NamedValues(Shape):
         """Read a node; its document keeps the values."""
         if not isinstance(node, document.Mapping):
             return wrong_shape(self, node, name, context)
-        named = expressions.named_amounts(node.document)
-        for scalar, error in named.wrong:
+        amounts_by_name = expressions.named_amounts(node.document)
+        for scalar, error in amounts_by_name.wrong:
             context.text_error(error, scalar, name)
-        return dict(named.names)
+        return dict(amounts_by_name.names)
 
     def schema(self) -> dict[str, Any]:
         """As JSON Schema."""
@@ -298,11 +298,14 @@ class ListOf(Shape):
             listed = f"[{', '.join(words)}]" if self.least <= len(words) <= self.count_max else None
             return wrong_shape(self, node, name, context, suggestion=listed)
         if not self.least <= len(items) <= self.count_max:
-            wanted = f"{self.least}" if self.least == self.count_max else f"at least {self.least}"
+            count_text = (
+                f"{self.least}" if self.least == self.count_max else f"at least {self.least}"
+            )
             if len(items) > self.count_max > self.least:
-                wanted = f"at most {self.count_max:,}"
+                count_text = f"at most {self.count_max:,}"
             message = (
-                f"{context.label(name)}: the number of items is {len(items)}, but must be {wanted}"
+                f"{context.label(name)}: the number of items is {len(items)}, but must be "
+                f"{count_text}"
             )
             context.error("E106", message, node.place)
             return MISSING
@@ -443,10 +446,10 @@ class _Entries:
 
     def known(self, word: str) -> Any:
         """The value of an entry; None if its text has changed."""
-        if (before := self._before.get(word)) is None or before[0] != self._text(word):
+        if (entry_before := self._before.get(word)) is None or entry_before[0] != self._text(word):
             return None
-        self._now[word] = before
-        return before[1]
+        self._now[word] = entry_before
+        return entry_before[1]
 
     def keep(self, word: str, value: Any) -> None:
         """Keep the value of an entry, whose reading made no report."""
@@ -480,7 +483,7 @@ class NamesOf(Shape):
         result: dict[str, Any] = {}
         # The value of an entry in a line of its own is read once, unless the reading made a report.
         let = node.document.let
-        known = id(self.item), context.name, let
+        condition = id(self.item), context.name, let
         entries = _Entries(node, self.noun, context.memory)
         fields = self.item.field_names()
         lost = lost_indentation(node.entries, lambda _, word: word in fields)
@@ -493,11 +496,11 @@ class NamesOf(Shape):
                 break
             is_written = node.entries.get(word) is entry  # no loop makes it
             line = node.lines.get(word) if is_written else None
-            if line is not None and known in line.values:
-                result[word] = line.values[known]
+            if line is not None and condition in line.values:
+                result[word] = line.values[condition]
                 continue
-            if is_written and line is None and (before := entries.known(word)) is not None:
-                result[word] = before
+            if is_written and line is None and (entry_before := entries.known(word)) is not None:
+                result[word] = entry_before
                 continue
             if not NAME.fullmatch(word) or len(word) > MAX_NAME:
                 message = f"{quote(word)} is not a name for a {self.noun}: "
@@ -512,7 +515,7 @@ class NamesOf(Shape):
             if context.collector.n_reports > n_reported:
                 continue
             if line is not None:
-                line.values[known] = value
+                line.values[condition] = value
             elif is_written:
                 entries.keep(word, value)
         entries.hold()

@@ -93,8 +93,8 @@ class Level:
         if not self.is_strength:
             low, high = (f"{end!r}Ns" for end in (self.low, self.high))
             return low if low == high else f"{low}..{high}"
-        ends = f"{self.low!r}" if self.low == self.high else f"{self.low!r}..{self.high!r}"
-        return ends if self.factor == 1.0 else f"{ends}x{self.factor!r}"
+        level_text = f"{self.low!r}" if self.low == self.high else f"{self.low!r}..{self.high!r}"
+        return level_text if self.factor == 1.0 else f"{level_text}x{self.factor!r}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,10 +117,10 @@ class Levels:
         """The level of strike `number` (from 0) of `count` strikes."""
         if not self.is_line:
             return self.steps[number % len(self.steps)]
-        first, last = self.steps
+        first_level, last_level = self.steps
         share = min(1.0, number / (count - 1)) if count > 1 else 0.0
-        value = first.low + (last.low - first.low) * share
-        return Level(value, value, first.is_strength)
+        value = first_level.low + (last_level.low - first_level.low) * share
+        return Level(value, value, first_level.is_strength)
 
 
 MEZZO_FORTE = Level(*(DYNAMICS.index("mf") / _STEPS,) * 2, is_strength=True)
@@ -147,13 +147,13 @@ def level(text: str) -> Level:
     word = text.strip()
     if ".." not in word:
         return _end(word)
-    ends = word.split("..")
-    if len(ends) != 2 or not all(ends):
+    level_words = word.split("..")
+    if len(level_words) != 2 or not all(level_words):
         message = "a range has two ends: 1mNs..4mNs, or p..f"
         raise TextError(message, length=max(1, len(text)), code="E204")
-    low = _end(ends[0].strip())
+    low = _end(level_words[0].strip())
     try:
-        high = _end(ends[1].strip())
+        high = _end(level_words[1].strip())
     except TextError as error:
         error.offset += text.index("..") + 2
         raise
@@ -164,7 +164,7 @@ def level(text: str) -> Level:
         message = "decibels have no range: write two strengths, such as p..f"
         raise TextError(message, length=len(text), code="E204")
     if low.low > high.low:
-        reversed_range = f"{ends[1].strip()}..{ends[0].strip()}"
+        reversed_range = f"{level_words[1].strip()}..{level_words[0].strip()}"
         message = f"{quote(word)} goes from the stronger to the weaker"
         raise TextError(message, length=len(text), suggestion=reversed_range, code="E202")
     return Level(low.low, high.low, low.is_strength, high.factor)

@@ -166,8 +166,8 @@ class Tuning:
 
     def degrees(self, low: str, high: str) -> list[str]:
         """The words of all steps of an octave of `edo` from a note to another."""
-        base, first, last = (self._step(word) for word in (self.root, low, high))
-        return [f"{step - base}of{self.edo}" for step in range(first, last + 1)]
+        base, first_step, last_step = (self._step(word) for word in (self.root, low, high))
+        return [f"{step - base}of{self.edo}" for step in range(first_step, last_step + 1)]
 
     def _step(self, word: str) -> int:
         match = _NOTE.fullmatch(word)
@@ -230,13 +230,15 @@ def nearby(parts: Mapping[float, str], height: float) -> str | None:
     return next((parts[pitch] for pitch in near if pitch in parts), None)
 
 
-def tuning_of_path(path: str, tunings: Mapping[str, Tuning], other: Tuning | None) -> Tuning | None:
-    """The tuning of the instrument to which a path leads, by `tunings` of instruments; `other` if
-    it has none of its own.
+def tuning_of_path(
+    path: str, tunings: Mapping[str, Tuning], default_tuning: Tuning | None
+) -> Tuning | None:
+    """The tuning of the instrument to which a path leads, by `tunings` of instruments;
+    `default_tuning` if it has none of its own.
     """
     words = spelled(path).split(".") if tunings else []
     heads = (".".join(words[:count]) for count in range(len(words), 0, -1))
-    return next((tunings[head] for head in heads if head in tunings), other)
+    return next((tunings[prefix] for prefix in heads if prefix in tunings), default_tuning)
 
 
 PLAIN = Tuning()

@@ -42,8 +42,8 @@ class Curve:
         if number in (0, len(self.velocities)):
             return self.shares[min(number, len(self.velocities) - 1)]
         low, high = self.velocities[number - 1 : number + 1]
-        first, last = self.shares[number - 1 : number + 1]
-        return first + (last - first) * Fraction(velocity - low, high - low)
+        share_below, share_above = self.shares[number - 1 : number + 1]
+        return share_below + (share_above - share_below) * Fraction(velocity - low, high - low)
 
     def level(self, velocity: int) -> Level:
         """The strength of a velocity."""

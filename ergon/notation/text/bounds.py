@@ -45,10 +45,10 @@ class FileBounds:
         if self.folders is None or _is_installed(path):
             return True
         try:
-            real = _real(path)
+            real_path = _real(path)
         except ValueError:  # a name that no file can have
             return False
-        return any(real.is_relative_to(folder) for folder in self.folders)
+        return any(real_path.is_relative_to(folder) for folder in self.folders)
 
 
 @lru_cache(maxsize=1024)  # a session asks at each of its lines
@@ -57,8 +57,8 @@ def _is_installed(path: Path) -> bool:
     folders = (INSTRUMENTS, SHIPPED)
     if ".." in path.parts or not any(map(path.is_relative_to, folders)) or not os.path.isfile(path):
         return False
-    real = _real(path)
-    return any(real.is_relative_to(_real(folder)) for folder in folders)
+    real_path = _real(path)
+    return any(real_path.is_relative_to(_real(folder)) for folder in folders)
 
 
 def _real(path: Path) -> Path:

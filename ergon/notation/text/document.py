@@ -41,9 +41,11 @@ class Node:
     def place(self) -> Place:
         """Where the node begins; its length ends with its first line."""
         document = self.document
-        row, first, last = document.line_of(self.start)
-        length = max(1, min(self.end, last) - self.start)
-        return Place(document.file, document.first_row + row + 1, self.start - first + 1, length)
+        row, line_start, line_end = document.line_of(self.start)
+        length = max(1, min(self.end, line_end) - self.start)
+        return Place(
+            document.file, document.first_row + row + 1, self.start - line_start + 1, length
+        )
 
 
 @dataclass(eq=False, slots=True)
@@ -232,8 +234,8 @@ class Document:
             return row, *self.line_span(row)
         # Near the beginning of a text that may be long, lines are not looked for to its end.
         end = self.text.find("\n", index)
-        first = self.text.rfind("\n", 0, index) + 1
-        return self.text.count("\n", 0, index), first, len(self.text) if end < 0 else end
+        line_start = self.text.rfind("\n", 0, index) + 1
+        return self.text.count("\n", 0, index), line_start, len(self.text) if end < 0 else end
 
     def line_end(self, index: int) -> int:
         """Index where the line of a character ends."""
@@ -415,8 +417,8 @@ class _Composer:
                 message = "merge keys ('<<') are not part of the score language; use 'like:'"
                 self.collector.error("E104", message, key.place)
             elif key.text in entries:
-                first = entries[key.text][0].place
-                message = f"{quote(key.text)} is already defined on line {first.line}"
+                first_place = entries[key.text][0].place
+                message = f"{quote(key.text)} is already defined on line {first_place.line}"
                 self.collector.error("E102", message, key.place)
             else:
                 entries[key.text] = (key, value)
@@ -439,13 +441,13 @@ def _end(event: yaml.Event) -> int:
 def _line_starts(text: str) -> list[int]:
     """Indices where lines begin: after \\n, \\r\\n or a lone \\r, as editors count."""
     if "\r" not in text:
-        ends = accumulate(map(len, text.split("\n")[:-1]))
-        return [0, *map(add, ends, count(1))]
+        line_ends = accumulate(map(len, text.split("\n")[:-1]))
+        return [0, *map(add, line_ends, count(1))]
     starts = [0]
     index = 0
     for line in text.split("\n"):
         if "\r" in line[:-1]:
-            starts.extend(index + at + 1 for at, c in enumerate(line[:-1]) if c == "\r")
+            starts.extend(index + offset + 1 for offset, c in enumerate(line[:-1]) if c == "\r")
         index += len(line) + 1
         starts.append(index)
     starts.pop()

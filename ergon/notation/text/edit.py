@@ -90,19 +90,19 @@ def append(document: Document, path: Path, text: str, order: Sequence[str] = ())
 
 def extend(document: Document, path: Path, texts: Sequence[str], order: Sequence[str] = ()) -> str:
     """Add several items at the end of a sequence, as `append` does one. Raises EditError."""
-    first, *rest = texts
-    longer = append(document, path, first, order)
-    if not rest:
+    first_text, *other_texts = texts
+    longer = append(document, path, first_text, order)
+    if not other_texts:
         return longer
     document = read(longer, document.file)
     edit = _Edit(document)
     node = edit.follow(path)[-1]
-    values = [_value(text, in_flow=True) for text in rest]
-    splices = [splice for text in rest for splice in edit.changes.item(node, text)]
+    values = [_value(text, in_flow=True) for text in other_texts]
+    splices = [splice for text in other_texts for splice in edit.changes.item(node, text)]
     try:
         return edit.checked(splices, _with(edit.tree, path, lambda old: [*old, *values]))
     except EditError:  # each has a comma of its own
-        for text in rest:
+        for text in other_texts:
             longer = append(read(longer, document.file), path, text, order)
         return longer
 

@@ -120,9 +120,11 @@ class Collector:
             candidates = (word, *names) if word is not None else ()
             self._by_message[key] = (diagnostic, candidates)
 
-    def loop(self, first: Place, last: Place) -> None:
+    def loop(self, first_place: Place, last_place: Place) -> None:
         """Note the lines of a loop: each of its mistakes is told once, not in each turn."""
-        self._loops.setdefault(first.file, []).append(range(first.line, last.line + 1))
+        self._loops.setdefault(first_place.file, []).append(
+            range(first_place.line, last_place.line + 1)
+        )
 
     def _is_looped(self, place: Place) -> bool:
         return any(place.line in lines for lines in self._loops.get(place.file, ()))
@@ -208,10 +210,10 @@ def full(diagnostic: Diagnostic, sources: Mapping[str, Source] | None = None) ->
         return concise(d) + (f"\n    = {d.help}" if d.help else "")
     lines = [f"{d.place}: {d.severity}[{d.code}] {d.message}"]
     number = f" {d.place.line} | "
-    text, before, marked = _window(source.line(d.place.line), d.place)
+    text, indentation, marked = _window(source.line(d.place.line), d.place)
     question = f" did you mean {quote(d.suggestion)}?" if d.suggestion else ""
     lines.append(number + text)
-    lines.append(" " * (len(number) - 2) + "| " + " " * before + "^" * marked + question)
+    lines.append(" " * (len(number) - 2) + "| " + " " * indentation + "^" * marked + question)
     if d.help:
         lines.append(" " * (len(number) - 2) + f"= {d.help}")
     return "\n".join(lines)
@@ -220,11 +222,13 @@ def full(diagnostic: Diagnostic, sources: Mapping[str, Source] | None = None) ->
 def _window(line: str, place: Place) -> tuple[str, int, int]:
     """The part of a line round the caret, columns before the caret, and its width."""
     start = place.column - 1
-    first = max(0, start - _MAX_LINE // 2) if len(line) > _MAX_LINE else 0
-    cut = "".join(c if c.isprintable() else " " for c in line[first : first + _MAX_LINE])
-    before = _width(cut[: start - first])
-    marked = max(1, _width(cut[start - first : start - first + place.length]))
-    return cut.rstrip(), before, marked
+    first_column = max(0, start - _MAX_LINE // 2) if len(line) > _MAX_LINE else 0
+    cut = "".join(
+        c if c.isprintable() else " " for c in line[first_column : first_column + _MAX_LINE]
+    )
+    indentation = _width(cut[: start - first_column])
+    marked = max(1, _width(cut[start - first_column : start - first_column + place.length]))
+    return cut.rstrip(), indentation, marked
 
 
 def _width(text: str) -> int:
@@ -238,8 +242,8 @@ def github(diagnostic: Diagnostic, sources: Mapping[str, Source] | None = None) 
     d = diagnostic
     kind = "notice" if d.severity == "note" else d.severity
     message = d.message + (f"; did you mean {quote(d.suggestion)}?" if d.suggestion else "")
-    where = f"file={_escaped(d.place.file)},line={d.place.line},col={d.place.column}"
-    return f"::{kind} {where},title={d.code}::{message.replace('%', '%25')}"
+    location = f"file={_escaped(d.place.file)},line={d.place.line},col={d.place.column}"
+    return f"::{kind} {location},title={d.code}::{message.replace('%', '%25')}"
 
 
 def _escaped(value: str) -> str:

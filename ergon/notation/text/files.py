@@ -46,22 +46,22 @@ def shipped(path: Path) -> str | None:
 
 def installed_path(name: str) -> Path:
     """Where a file that ships is installed, by the name by which scores use it."""
-    first, *rest = PurePosixPath(name).parts
-    root = _LIBRARY.get(first)
-    return SHIPPED / name if root is None else root.joinpath(*rest)
+    first_part, *other_parts = PurePosixPath(name).parts
+    root = _LIBRARY.get(first_part)
+    return SHIPPED / name if root is None else root.joinpath(*other_parts)
 
 
 def is_shipped(path: Path) -> bool:
     """Whether a file is, or would be, in the installed library, by whatever name and link."""
-    real = os.path.realpath(path)
+    real_path = os.path.realpath(path)
     roots = (os.path.realpath(root) for root in (*_LIBRARY.values(), SHIPPED))
-    return any(real == root or real.startswith(root + os.sep) for root in roots)
+    return any(real_path == root or real_path.startswith(root + os.sep) for root in roots)
 
 
 def is_below(path: Path, folder: Path) -> bool:
     """Whether a file is, or would be, in a folder or below it, with all links followed."""
-    real, root = os.path.realpath(path), os.path.realpath(folder)
-    return real.startswith(root.rstrip(os.sep) + os.sep)
+    real_path, root = os.path.realpath(path), os.path.realpath(folder)
+    return real_path.startswith(root.rstrip(os.sep) + os.sep)
 
 
 class Files:
@@ -131,29 +131,35 @@ class Files:
         return str(path) in self._overlay
 
     def locate(
-        self, name: str, folder: Path, asked: Place, who: str = "", *, is_text: bool = True
+        self, name: str, folder: Path, asked_place: Place, label: str = "", *, is_text: bool = True
     ) -> Path | None:
         """The file that a name in a file of `folder` stands for; None after a report."""
         path = self.find(name, folder, is_text=is_text)
         if path is None:
-            message = f"{who}there is no file {name} beside {asked.file} or in the library"
+            message = f"{label}there is no file {name} beside {asked_place.file} or in the library"
             self.collector.error(
-                "E107", message, asked, suggestion=_similar(name, folder), help=_library_list(name)
+                "E107",
+                message,
+                asked_place,
+                suggestion=_similar(name, folder),
+                help=_library_list(name),
             )
             return None
-        return path if self._is_inside(path, name, asked, who) else None
+        return path if self._is_inside(path, name, asked_place, label) else None
 
-    def target(self, name: str, folder: Path, asked: Place, who: str = "") -> Path | None:
+    def target(self, name: str, folder: Path, asked_place: Place, label: str = "") -> Path | None:
         """The path of a file that a score asks to write; None after a report."""
         path = folder / name
         help = "write into the folder of the score, or use --trust"
-        return path if self._is_inside(path, name, asked, who, help) else None
+        return path if self._is_inside(path, name, asked_place, label, help) else None
 
-    def _is_inside(self, path: Path, name: str, asked: Place, who: str, help: str = _HELP) -> bool:
+    def _is_inside(
+        self, path: Path, name: str, asked_place: Place, label: str, help: str = _HELP
+    ) -> bool:
         inside = self._holds(path) or self.bounds.allow(path)
         if not inside:
-            message = f"{who}{name} lies outside the score's folder"
-            self.collector.error("E112", message, asked, help=help)
+            message = f"{label}{name} lies outside the score's folder"
+            self.collector.error("E112", message, asked_place, help=help)
         return inside
 
     def text(self, name: str, text: str, folder: Path) -> Document:
@@ -168,13 +174,13 @@ class Files:
         self.documents[name] = document
         return document
 
-    def open(self, path: Path, asked: Place | None) -> Document | None:
+    def open(self, path: Path, asked_place: Place | None) -> Document | None:
         """A document from a file; None after a report at the place that asked for it."""
         name = str(path)
         if name in self.documents:
             return self.documents[name]
         if len(self.documents) >= MAX_FILES:
-            self._refuse("E105", f"the score uses more than {MAX_FILES} files", name, asked)
+            self._refuse("E105", f"the score uses more than {MAX_FILES} files", name, asked_place)
             return None
         if name in self._overlay:
             return self.text(name, self._overlay[name], path.parent)
@@ -182,8 +188,8 @@ class Files:
             data = read_bounded(path, MAX_BYTES)
         except OSError as error:
             reason = error.strerror or type(error).__name__
-            help = _advice(path) if asked is None else None
-            self._refuse("E107", f"{name} cannot be read: {reason}", name, asked, help)
+            help = _advice(path) if asked_place is None else None
+            self._refuse("E107", f"{name} cannot be read: {reason}", name, asked_place, help)
             return None
         self.collector.file(name)
         text = decode(data, name, self.collector)
@@ -193,34 +199,34 @@ class Files:
         return self.text(name, text, path.parent)
 
     def required(
-        self, name: str, folder: Path, asked: Place, *, may_be_empty: bool = False
+        self, name: str, folder: Path, asked_place: Place, *, may_be_empty: bool = False
     ) -> Document | None:
         """The document that a file names; None after a report."""
-        path = self.locate(name, folder, asked)
+        path = self.locate(name, folder, asked_place)
         if path is None:
             return None
         is_new, n_reports = str(path) not in self.documents, self.collector.n_reports
-        document = self.open(path, asked)
+        document = self.open(path, asked_place)
         if document is None or document.root is not None:
             return document
         if is_new and self.collector.n_reports == n_reports:  # nothing in it was refused
             if may_be_empty:
                 return document
-            self._refuse("E103", f"{name} is empty", str(path), asked)
+            self._refuse("E103", f"{name} is empty", str(path), asked_place)
         return None
 
     def plain(
         self,
         name: str,
         folder: Path,
-        asked: Place,
+        asked_place: Place,
         decoder: Decoder = decode,
     ) -> Document | None:
         """A text that is not YAML, such as a table; None after a report.
 
         `decoder` (bytes, name, collector) turns the bytes of the file into a text, or reports.
         """
-        path = self.locate(name, folder, asked)
+        path = self.locate(name, folder, asked_place)
         if path is None or str(path) in self.documents:
             return None if path is None else self.documents[str(path)]
         text: str | None = self._overlay.get(str(path))
@@ -229,7 +235,7 @@ class Files:
                 data = read_bounded(path, MAX_BYTES)
             except OSError as error:
                 reason = error.strerror or type(error).__name__
-                self._refuse("E107", f"{path} cannot be read: {reason}", str(path), asked)
+                self._refuse("E107", f"{path} cannot be read: {reason}", str(path), asked_place)
                 return None
             self.collector.file(str(path))
             text = decoder(data, str(path), self.collector)
@@ -238,9 +244,9 @@ class Files:
         return document if text is not None else None
 
     def _refuse(
-        self, code: str, message: str, name: str, asked: Place | None, help: str | None = None
+        self, code: str, message: str, name: str, asked_place: Place | None, help: str | None = None
     ) -> None:
-        self.collector.error(code, message, asked or Place(name, 1, 1), help=help)
+        self.collector.error(code, message, asked_place or Place(name, 1, 1), help=help)
 
 
 def _advice(path: Path) -> str:
@@ -262,11 +268,11 @@ def _advice(path: Path) -> str:
 
 def _similar(name: str, folder: Path) -> str | None:
     """The file beside the score, or in the library, that a name was most likely meant for."""
-    known: dict[str, str] = {}
+    paths_by_name: dict[str, str] = {}
     library_folder = _library_folder(name)
     for prefix in (library_folder,) if library_folder else _LIBRARY if _is_yaml(name) else ():
         paths = sorted(installed_path(prefix).glob("*.yaml"))
-        known |= {path.stem: f"{prefix}/{path.name}" for path in paths}
+        paths_by_name |= {path.stem: f"{prefix}/{path.name}" for path in paths}
     for inside in (PurePosixPath(), PurePosixPath(name).parent):
         if inside.is_absolute() or ".." in inside.parts:
             continue
@@ -276,9 +282,9 @@ def _similar(name: str, folder: Path) -> str | None:
         except (OSError, ValueError):
             continue
         alike = [file for file in sorted(files) if _is_yaml(file) == _is_yaml(name)]
-        known |= {PurePosixPath(file).stem: str(inside / file) for file in alike}
-    stem = nearest(PurePosixPath(name).stem, known)
-    return known[stem] if stem is not None else None
+        paths_by_name |= {PurePosixPath(file).stem: str(inside / file) for file in alike}
+    stem = nearest(PurePosixPath(name).stem, paths_by_name)
+    return paths_by_name[stem] if stem is not None else None
 
 
 def _is_yaml(name: str) -> bool:
@@ -287,8 +293,8 @@ def _is_yaml(name: str) -> bool:
 
 def _library_folder(name: str) -> str | None:
     """The folder of the library, such as `layouts`, in which a name is looked for."""
-    prefix, *rest = PurePosixPath(name).parts or ("",)
-    is_plain = len(rest) == 1 and prefix not in ("", ".", "..", "/")
+    prefix, *path_rest = PurePosixPath(name).parts or ("",)
+    is_plain = len(path_rest) == 1 and prefix not in ("", ".", "..", "/")
     return prefix if is_plain and installed_path(prefix).is_dir() else None
 
 

@@ -110,23 +110,23 @@ def _spaced(text: str) -> str:
     """Set the spaces between the tokens of flow maps and lists that share a line."""
     pieces: list[str] = []
     offset = depth = 0
-    before: yaml.Token | None = None
+    token_before: yaml.Token | None = None
     for token in yaml.scan(text, Loader=_LOADER):
         if isinstance(token, yaml.KeyToken):  # no character of its own in the flow
             continue
-        if before is not None and depth:
-            gap = slice(before.end_mark.index, token.start_mark.index)
+        if token_before is not None and depth:
+            gap = slice(token_before.end_mark.index, token.start_mark.index)
             if not text[gap].strip(" "):
-                pieces += (text[offset : gap.start], _gap(before, token))
+                pieces += (text[offset : gap.start], _gap(token_before, token))
                 offset = gap.stop
         depth += isinstance(token, _OPENERS) - isinstance(token, _CLOSERS)
-        before = token
+        token_before = token
     return "".join((*pieces, text[offset:]))
 
 
-def _gap(before: yaml.Token, after: yaml.Token) -> str:
-    if isinstance(before, _OPENERS) or isinstance(
-        after, (*_CLOSERS, yaml.FlowEntryToken, yaml.ValueToken)
+def _gap(token_before: yaml.Token, token_after: yaml.Token) -> str:
+    if isinstance(token_before, _OPENERS) or isinstance(
+        token_after, (*_CLOSERS, yaml.FlowEntryToken, yaml.ValueToken)
     ):
         return ""
     return " "
@@ -139,9 +139,9 @@ def _aligned(text: str) -> str:
     for block in _texts(text):
         if not block.columns:
             continue
-        first = text.find("\n", block.start) + 1
-        lines = text[first : block.end].split("\n")
-        pieces += (text[offset:first], "\n".join(_columns(lines, block.columns)))
+        block_start = text.find("\n", block.start) + 1
+        lines = text[block_start : block.end].split("\n")
+        pieces += (text[offset:block_start], "\n".join(_columns(lines, block.columns)))
         offset = block.end
     return "".join((*pieces, text[offset:]))
 

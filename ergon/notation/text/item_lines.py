@@ -99,10 +99,10 @@ def compose_by_lines(
     file: str,
     folder: Path,
     row: int,
-    known: Mapping[str, Line],
+    known_lines: Mapping[str, Line],
 ) -> tuple[Document, dict[str, Line]] | None:
-    """The nodes of a text, and the lines of its lists and mappings; lines that are `known` are not
-    composed.
+    """The nodes of a text, and the lines of its lists and mappings; lines that are `known_lines`
+    are not composed.
 
     `row` is the first line of the text in its file. Known lines keep the line numbers at which they
     were composed. None if there are no such lines, or if they cannot be read alone (an alias, a
@@ -117,18 +117,18 @@ def compose_by_lines(
     composed.forget_lines()
     lines: dict[str, Line] = {}
     for run in runs:
-        first = row + n_lines(text[: run.first])
-        before = [*map(known.get, run.words)]
-        for number in [number for number, line in enumerate(before) if line is None]:
-            word, here = run.words[number], first if run.gap else first + number
+        first_row = row + n_lines(text[: run.first])
+        lines_before = [*map(known_lines.get, run.words)]
+        for number in [number for number, line in enumerate(lines_before) if line is None]:
+            word, line_row = run.words[number], first_row if run.gap else first_row + number
             line = lines.get(word)
             if line is None:
-                line = _line(f"{{{word}}}" if run.gap else word, file, here, run.is_mapping)
+                line = _line(f"{{{word}}}" if run.gap else word, file, line_row, run.is_mapping)
             if line is None:
                 return None
             line.node.document.folder = folder
-            before[number] = lines[word] = line
-        run.lines = cast("list[Line]", before)  # none is missing any more
+            lines_before[number] = lines[word] = line
+        run.lines = cast("list[Line]", lines_before)  # none is missing any more
         lines.update(zip(run.words, run.lines, strict=True))
     return (composed, lines) if _filled(composed, runs) else None
 
@@ -139,18 +139,21 @@ def _shortened(text: str) -> tuple[str, list[_Run]]:
     runs: list[_Run] = []
     for start, end, indentation, is_mapping in find_runs(text):
         short += text[done:start]
-        first, done, name, gap = len(short), end, _NAME, 0
+        first_length, done, name, gap = len(short), end, _NAME, 0
         if indentation is None:
-            words, item, gap = text[start + 1 : end - 1].split("}, {"), first, len("}, {")
+            words, item, gap = text[start + 1 : end - 1].split("}, {"), first_length, len("}, {")
             short += name
         elif is_mapping:
-            words, item = text[start:end].splitlines(keepends=True), first + len(indentation)
+            words, item = text[start:end].splitlines(keepends=True), first_length + len(indentation)
             name = f"{_NAME}{len(runs)}"
             short += f"{indentation}{name}: {{}}\n"
         else:
-            words, item = text[start:end].splitlines(keepends=True), first + len(indentation) + 2
+            words, item = (
+                text[start:end].splitlines(keepends=True),
+                first_length + len(indentation) + 2,
+            )
             short += f"{indentation}- {name}\n"
-        runs.append(_Run(start, end, first, item, len(short), words, gap, name))
+        runs.append(_Run(start, end, first_length, item, len(short), words, gap, name))
     return short + text[done:], runs
 
 
@@ -221,20 +224,20 @@ def _fill(sequence: Sequence, fills: Iterable[_Run | bool | None]) -> int:
     number of runs.
     """
     items: list[Node] = []
-    known: list[Line | None] = []
+    lines_read: list[Line | None] = []
     bases: list[int] = []
     n_found = 0
     for item, run in zip(sequence.items, fills, strict=True):
         if isinstance(run, _Run):
-            known += run.lines
+            lines_read += run.lines
             items += map(_node, run.lines)
             bases += run.bases()
             n_found += 1
         else:
             items.append(item)
-            known.append(None)
+            lines_read.append(None)
             bases.append(0)
-    sequence.items, sequence.lines, sequence.bases = items, known, bases
+    sequence.items, sequence.lines, sequence.bases = items, lines_read, bases
     return n_found
 
 

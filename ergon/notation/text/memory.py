@@ -73,19 +73,23 @@ class Memory:
 
     def held(self, name: str, condition: Any) -> Any:
         """What is held under a name, if it was under an equal condition; else None."""
-        known = self._held.get(name)
-        return known[1] if known is not None and known[0] == condition else None
+        condition_and_value = self._held.get(name)
+        return (
+            condition_and_value[1]
+            if condition_and_value is not None and condition_and_value[0] == condition
+            else None
+        )
 
-    def hold(self, name: str, condition: Any, what: Any) -> None:
+    def hold(self, name: str, condition: Any, value: Any) -> None:
         """Hold something under a name, in place of what was."""
-        self._held[name] = condition, what
+        self._held[name] = condition, value
 
     def held_for(self, name: str, *objects: Any) -> Any:
         """What is held under a name for these same objects; None if it is for others."""
-        known = self._held.get(name)
-        if known is None or len(known[0]) != len(objects):
+        condition_and_value = self._held.get(name)
+        if condition_and_value is None or len(condition_and_value[0]) != len(objects):
             return None
-        return known[1] if all(map(is_, known[0], objects)) else None
+        return condition_and_value[1] if all(map(is_, condition_and_value[0], objects)) else None
 
     def recall(self, key: Hashable, make: Callable[[], _Value]) -> _Value:
         """The value made under a key, or made now; a value whose making made a report is not

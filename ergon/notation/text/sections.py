@@ -33,7 +33,9 @@ class Section:
 
 def lines(text: str, section: str) -> tuple[int, int] | None:
     """Where a section's lines begin and end; None where it is not written at the margin."""
-    return next(((first, end) for name, first, end in _cut(text) if name == section), None)
+    return next(
+        ((first_line, end) for name, first_line, end in _cut(text) if name == section), None
+    )
 
 
 def names(text: str) -> list[tuple[str, int, int]]:
@@ -69,9 +71,10 @@ def _has_marker(text: str) -> bool:
 def _cut(text: str) -> tuple[tuple[str, int, int], ...]:
     names = [(0, first.group())] if (first := _FIRST.match(text)) else []
     names += [(match.start() + 1, match.group()) for match in _OTHERS.finditer(text)]
-    ends = [*(start for start, _ in names[1:]), len(text)]
+    section_ends = [*(start for start, _ in names[1:]), len(text)]
     return tuple(
-        (name[:-1].strip(), start, end) for (start, name), end in zip(names, ends, strict=False)
+        (name[:-1].strip(), start, end)
+        for (start, name), end in zip(names, section_ends, strict=False)
     )
 
 
@@ -86,13 +89,13 @@ def compose_with_memory(
     composed = Document(file, text)
     entries: dict[str, tuple[Scalar, Node]] = {}
     total, begin, row = 1, 0, 0
-    for name, first, end in _cut(text):
+    for name, section_start, end in _cut(text):
         if not entries:
-            begin = first
-            if not _HEAD.fullmatch(text, 0, first):
+            begin = section_start
+            if not _HEAD.fullmatch(text, 0, section_start):
                 break
-            row = n_lines(text[:first])
-        section_text = text[first:end]
+            row = n_lines(text[:section_start])
+        section_text = text[section_start:end]
         section = _composed(section_text, file, folder, row, memory)
         row += n_lines(section_text)
         if section is None or section.name.text != name or name in entries:
@@ -102,9 +105,9 @@ def compose_with_memory(
     else:
         if entries and total <= MAX_NODES:
             composed.root = document.Mapping(composed, begin, len(text), entries)
-            named = entries["let"][1] if "let" in entries else None
+            let_node = entries["let"][1] if "let" in entries else None
             for _, value in entries.values():  # a section is a document of its own
-                value.document.let, value.document.lets = named, None
+                value.document.let, value.document.lets = let_node, None
             return composed
     return compose(text, file, collector)
 
@@ -115,10 +118,10 @@ def _section(text: str, file: str, folder: Path, row: int, memory: Memory) -> Se
         return None
     collector = Collector()
     name = file, text.partition(":")[0]
-    known = memory.lines.get(name, {})
+    known_lines = memory.lines.get(name, {})
     composed = None
     if memory.is_loose:
-        composed = compose_by_lines(text, file, folder, row, known)
+        composed = compose_by_lines(text, file, folder, row, known_lines)
     if composed is None:
         section = compose(text, file, collector, row)
     else:

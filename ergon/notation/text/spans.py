@@ -153,8 +153,8 @@ def apply_splices(text: str, splices: Iterable[Splice]) -> str:
 def layout(text: str) -> Layout:
     """Lay out a text that is YAML: one document, its depth and size known to be bounded."""
     root = _root(text)
-    first = _END_OF_LINE.search(text)
-    newline = "\r\n" if text.startswith("\r\n", first.start() if first else 0) else "\n"
+    first_end = _END_OF_LINE.search(text)
+    newline = "\r\n" if text.startswith("\r\n", first_end.start() if first_end else 0) else "\n"
     result = Layout(text, root, newline, 2)
     if root is not None and root.kind == "mapping" and not root.is_flow:
         steps = (
@@ -193,9 +193,9 @@ def _span(text: str, event: yaml.NodeEvent) -> Span:
         return Span("alias", start, end, value=event.anchor or "")
     style = event.style if event.style in ("'", '"', "|", ">") else None
     if style in ("|", ">"):  # the empty lines below a block belong to no value
-        last = start + len(text[start:end].rstrip())
-        match = _END_OF_LINE.search(text, last)
-        end = match.start() if match else last
+        last_character = start + len(text[start:end].rstrip())
+        match = _END_OF_LINE.search(text, last_character)
+        end = match.start() if match else last_character
     return Span("scalar", start, end, style=style, value=event.value)
 
 

@@ -52,13 +52,13 @@ class Changes:
             end = parent.keys[number].end
             return [Splice(end, end, f": {text}")]
         if child.is_block:
-            head = Splice(child.start, lay.header_end(child), text)
-            return [head, *self.lines_after(child.start, child.end)]
+            header_splice = Splice(child.start, lay.header_end(child), text)
+            return [header_splice, *self.lines_after(child.start, child.end)]
         on_own_lines = child.kind in ("mapping", "sequence") and lay.begins_line(child.start)
         if on_own_lines and not child.is_flow:
             child_start = lay.child_start(parent, number)
-            after = parent.keys[number].end if parent.kind == "mapping" else child_start
-            place = lay.next_token(after) + 1
+            key_end = parent.keys[number].end if parent.kind == "mapping" else child_start
+            place = lay.next_token(key_end) + 1
             return [
                 Splice(place, place, f" {text}"),
                 Splice(*lay.full_lines(child.start, child.end), ""),
@@ -82,32 +82,36 @@ class Changes:
             source = self.layout.text
             lead = self.layout.newline if source and not source.endswith(("\n", "\r")) else ""
             return [Splice(len(source), len(source), lead + value + self.layout.newline)]
-        node, rest = chain[-1], path[len(chain) - 1 :]
+        node, path_rest = chain[-1], path[len(chain) - 1 :]
         if node.is_empty and len(chain) > 1:
-            return self.filled(chain[-2], node, path[len(chain) - 2], rest, text, is_item)
-        if node.kind != "mapping" or not rest or isinstance(rest[0], int):
+            return self.filled(chain[-2], node, path[len(chain) - 2], path_rest, text, is_item)
+        if node.kind != "mapping" or not path_rest or isinstance(path_rest[0], int):
             raise EditError(f"there is no {named(path)}")
         if node.is_flow:
-            return self.item(node, _flow(rest, text, is_item))
+            return self.item(node, _flow(path_rest, text, is_item))
         indent = self.layout.column(node.keys[0].start)
-        lines = self.nested(rest, text, indent, is_item)
+        lines = self.nested(path_rest, text, indent, is_item)
         if len(chain) == 1:
-            return self.section(node, str(rest[0]), lines, order)
+            return self.section(node, str(path_rest[0]), lines, order)
         return [self.below(node.end, lines)]
 
     def filled(
-        self, parent: Span, node: Span, name: str | int, rest: Path, text: str, is_item: bool
+        self, parent: Span, node: Span, name: str | int, path_rest: Path, text: str, is_item: bool
     ) -> list[Splice]:
         """Fill an empty value: with lines below its name, or in flow style in its place."""
         number = parent.index(name)
         assert number is not None
-        if parent.is_flow or node.start != node.end or not (rest or is_item):
-            return self.replaced(parent, number, _flow(rest, text, is_item, outermost=True))
+        if parent.is_flow or node.start != node.end or not (path_rest or is_item):
+            return self.replaced(parent, number, _flow(path_rest, text, is_item, outermost=True))
         indent = (
             self.layout.column(self.layout.child_start(parent, number)) + self.layout.indent_step
         )
         # Without a name left to make, the value itself is the list.
-        lines = self.nested(rest, text, indent, is_item) if rest else [" " * indent + f"- {text}"]
+        lines = (
+            self.nested(path_rest, text, indent, is_item)
+            if path_rest
+            else [" " * indent + f"- {text}"]
+        )
         return [self.below(node.end, lines)]
 
     def nested(self, names: Path, text: str, indent: int, is_item: bool) -> list[str]:
@@ -128,14 +132,14 @@ class Changes:
     ) -> list[Splice]:
         """Insert a section in its place, with an empty line above if the others have one."""
         rank = order.index(name) if name in order else len(order)
-        before = [
+        sections_before = [
             i for i, key in enumerate(root.keys) if key.value in order[:rank] or rank == len(order)
         ]
         lay = self.layout
-        if not before:
+        if not sections_before:
             start = root.keys[0].start
             return [Splice(start, start, "".join(line + lay.newline for line in lines))]
-        end = root.items[before[-1]].end
+        end = root.items[sections_before[-1]].end
         below = lay.next_line(end)
         is_spaced = lay.is_blank(below)
         if below == len(lay.text):
@@ -151,8 +155,8 @@ class Changes:
         if not node.items:
             opener = lay.text.index("[" if node.kind == "sequence" else "{", node.start)
             return [Splice(opener + 1, opener + 1, text)]
-        last = node.items[-1]
-        end = max(last.end, node.keys[-1].end) if node.keys else last.end
+        last_item = node.items[-1]
+        end = max(last_item.end, node.keys[-1].end) if node.keys else last_item.end
         start = lay.child_start(node, len(node.items) - 1)
         if not lay.begins_line(start):
             return [Splice(end, end, f", {text}")]
@@ -171,8 +175,8 @@ class Changes:
         start = lay.child_start(node, number)
         lead = text if node.is_flow else f"- {text}"
         if lay.begins_line(start):
-            after = ("," if node.is_flow else "") + lay.newline + " " * lay.column(start)
-            return [Splice(start, start, lead + after)]
+            separator = ("," if node.is_flow else "") + lay.newline + " " * lay.column(start)
+            return [Splice(start, start, lead + separator)]
         if not node.is_flow:
             raise EditError(
                 "an entry cannot be inserted above this one, which does not begin a line"
@@ -213,17 +217,17 @@ class Changes:
         if not lay.begins_line(start):
             if len(parent.items) == 1:
                 return [Splice(start, lay.line_end(end), "")]
-            after = lay.child_start(parent, 1)
-            if "#" in lay.text[lay.line_end(end) : after]:
+            cut_end = lay.child_start(parent, 1)
+            if "#" in lay.text[lay.line_end(end) : cut_end]:
                 raise EditError(
                     "a comment is between this entry and the next; move the comment first"
                 )
-            return [Splice(start, after, "")]
-        first, after = lay.line_start(start), lay.next_line(end)
-        is_end = after == len(lay.text)
-        if first and lay.is_blank(first - 1) and (is_end or lay.is_blank(after)):
-            first = lay.line_start(first - 1)
-        return [Splice(*lay.with_break(first, after), "")]
+            return [Splice(start, cut_end, "")]
+        cut_start, cut_end = lay.line_start(start), lay.next_line(end)
+        is_end = cut_end == len(lay.text)
+        if cut_start and lay.is_blank(cut_start - 1) and (is_end or lay.is_blank(cut_end)):
+            cut_start = lay.line_start(cut_start - 1)
+        return [Splice(*lay.with_break(cut_start, cut_end), "")]
 
     def cut_flow(self, parent: Span, number: int, gone: Collection[int]) -> list[Splice]:
         """Remove an item with its comma, when the items `gone` are removed too. If it has lines of
@@ -236,23 +240,23 @@ class Changes:
         comma = lay.next_token(end)
         stop = comma + 1 if lay.text[comma : comma + 1] == "," else end
         is_last = all(later in gone for later in range(number + 1, len(parent.items)))
-        before = parent.items[number - 1].end if number else start
+        cut_start = parent.items[number - 1].end if number else start
         if parent.keys and number:
-            before = max(before, parent.keys[number - 1].end)
-        rest = lay.text[stop : lay.line_end(stop)].strip()
-        if lay.begins_line(start) and (not rest or rest.startswith("#")):
+            cut_start = max(cut_start, parent.keys[number - 1].end)
+        line_rest = lay.text[stop : lay.line_end(stop)].strip()
+        if lay.begins_line(start) and (not line_rest or line_rest.startswith("#")):
             splices = [Splice(*lay.full_lines(start, stop), "")]
             if is_last and number and stop == end:  # the list had no comma at its end
-                comma = lay.next_token(before)
+                comma = lay.next_token(cut_start)
                 splices.append(Splice(comma, comma + 1, ""))
             return splices
         if not is_last or not number:
             gap = lay.text[stop : lay.next_token(stop)]
             spaces = len(gap) - len(gap.lstrip(" ")) if stop > end else 0
             return [Splice(start, stop + spaces, "")]
-        if "#" in lay.text[before:start]:
+        if "#" in lay.text[cut_start:start]:
             return [Splice(start, end, "")]  # the comma before may end a list
-        return [Splice(before, end, "")]
+        return [Splice(cut_start, end, "")]
 
 
 def _flow(names: Path, text: str, is_item: bool, outermost: bool = False) -> str:

@@ -48,18 +48,18 @@ def last_items(
     """
     if not is_plain(text):
         return None
-    head, tail, node = _head(text, name, value), "", value
+    head_text, tail, node = _head(text, name, value), "", value
     for word in path:
         entry = _entry(node, word)
-        if entry is None or head is None or entry[2]:
+        if entry is None or head_text is None or entry[2]:
             return None
         name, below, _ = entry
         if text[node.start] == "{":
             head_text, tail = _head_within(text, name, below), "}" + tail
         else:
             head_text = _head(text, name, below)
-        head, node = None if head_text is None else head + head_text, below
-    if head is None or not isinstance(node, document.Sequence):
+        head_text, node = None if head_text is None else head_text + head_text, below
+    if head_text is None or not isinstance(node, document.Sequence):
         return None
     first = len(node.items) - 1 if first is None else max(first, 0)
     if not 0 <= first < len(node.items):
@@ -73,7 +73,7 @@ def last_items(
         if not _DASH.fullmatch(text, line, start) or text[end - 1] != "}":
             return None
         start, stop = line, _line_end(text, end)
-    return Window(head + text[start:stop] + tail, len(head), start, stop, first, tail)
+    return Window(head_text + text[start:stop] + tail, len(head_text), start, stop, first, tail)
 
 
 def line_window(text: str, name: Scalar, value: Node, path: Path) -> Window | None:
@@ -120,8 +120,8 @@ def _head(text: str, name: Scalar, value: Node) -> str | None:
     if text[begin : name.start].strip():
         return None
     if text[value.start : value.start + 1] in ("[", "{"):
-        head = text[begin : value.start + 1]
-        return None if "\n" in head else head
+        name_text = text[begin : value.start + 1]
+        return None if "\n" in name_text else name_text
     end = _line_end(text, name.end)
     return text[begin:end] if _NAME_ALONE.fullmatch(text[name.end : end].rstrip()) else None
 

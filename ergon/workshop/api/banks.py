@@ -27,10 +27,10 @@ _LEVEL = 0.1  # of full scale, for a signal at the reference level
 def is_heard(piece: Piece, part: str) -> bool:
     """Whether a part is an instrument with an output of positions, speeds or accelerations."""
     instrument = piece.instruments.get(part)
-    return instrument is not None and any(one.is_movement for one in instrument.outputs)
+    return instrument is not None and any(output.is_movement for output in instrument.outputs)
 
 
-def bank_of(piece: Piece, ready: PreparedPiece, part_modes: PartModes, rows_max: int) -> Bank:
+def bank_of(piece: Piece, prepared: PreparedPiece, part_modes: PartModes, rows_max: int) -> Bank:
     """A part as resonators, `rows_max` at most: one for each mode from each input to each output.
 
     Raises OptionError if there are more, or if no motion of the part is heard.
@@ -40,57 +40,76 @@ def bank_of(piece: Piece, ready: PreparedPiece, part_modes: PartModes, rows_max:
     swings = part_modes.poles.imag > 0.0
     poles = part_modes.poles[swings]
     instrument = piece.instruments.get(part_modes.part)
-    outputs = [one for one in instrument.outputs if one.is_movement] if instrument else []
-    labels = [f"out {one.name}" if one.name else "out" for one in outputs]
-    audible = [one for one in zip(outputs, labels, strict=True) if one[1] in part_modes.points]
+    outputs = (
+        [
+            instrument_output
+            for instrument_output in instrument.outputs
+            if instrument_output.is_movement
+        ]
+        if instrument
+        else []
+    )
+    labels = [
+        f"out {instrument_output.name}" if instrument_output.name else "out"
+        for instrument_output in outputs
+    ]
+    audible = [
+        instrument_output
+        for instrument_output in zip(outputs, labels, strict=True)
+        if instrument_output[1] in part_modes.points
+    ]
     if not audible:
         raise OptionError("parts", f"{part_modes.part} has no output of motion; add a {MOVEMENTS}")
-    inputs = _inputs(piece, ready, part_modes)
+    inputs = _inputs(piece, prepared, part_modes)
     ca_rate = instrument.ca_rate if instrument else None
     if len(inputs) > _POINTS:
-        why = f"{part_modes.part} is struck at {len(inputs):,} points; a bank can have at most "
-        why += f"{_POINTS}: name other PARTs"
-        raise OptionError("parts", why)
-    ways: list[ModePath] = []
+        problem = f"{part_modes.part} is struck at {len(inputs):,} points; a bank can have at most "
+        problem += f"{_POINTS}: name other PARTs"
+        raise OptionError("parts", problem)
+    mode_paths: list[ModePath] = []
     for struck, (_, moves, _) in enumerate(inputs):
         for output_index, (_, label) in enumerate(audible):
             gain = (moves * part_modes.points[label])[swings] / swing(poles, ca_rate)
-            ways += _path(struck, output_index, part_modes, swings, gain)
-    if sum(len(way.rows) for way in ways) > rows_max:
-        why = f"a file holds at most {rows_max:,} resonators; use a lower --upto, or fewer outputs"
-        raise OptionError("upto", f"{part_modes.part} has too many modes: {why}")
+            mode_paths += _path(struck, output_index, part_modes, swings, gain)
+    if sum(len(mode_path.rows) for mode_path in mode_paths) > rows_max:
+        problem = (
+            f"a file holds at most {rows_max:,} resonators; use a lower --upto, or fewer outputs"
+        )
+        raise OptionError("upto", f"{part_modes.part} has too many modes: {problem}")
     return Bank(
         part_modes.part,
         piece.rate,
-        ready.n_frames / piece.rate,
+        prepared.n_frames / piece.rate,
         [name for name, _, _ in inputs],
         [strikes for _, _, strikes in inputs],
         [(label, output.traits.order) for output, label in audible],
         [output.traits.reference / _LEVEL for output, _ in audible],
-        ways,
+        mode_paths,
     )
 
 
 def _inputs(
-    piece: Piece, ready: PreparedPiece, part_modes: PartModes
+    piece: Piece, prepared: PreparedPiece, part_modes: PartModes
 ) -> list[tuple[str, NDArray[np.complex128], list[tuple[float, float]]]]:
     """The inputs of a bank: points that are struck, then those that links and contacts touch.
 
     Each is a name, the motion of each mode at the point, and the strikes on it (time, impulse).
     """
-    network, slots = ready.network, {name: at for at, name in enumerate(part_modes.masses)}
+    network, slots = prepared.network, {name: at for at, name in enumerate(part_modes.masses)}
     inputs = []
     for mat in range(network.n_mat):
         slot = slots.get(network.name_of(mat))
-        if slot is not None and (strikes := ready.timeline.impulses_on(mat)):
-            each = [(one.at, one.impulse) for one in strikes]
-            inputs.append((part_modes.masses[slot], part_modes.shapes[:, slot], each))
-    known = {name for name, _, _ in inputs}
-    known |= {target.text for one in piece.strikes for target in one.to}  # several points
-    others = {**part_modes.points, **touched(piece, ready.built, part_modes)}
-    for label, moves in others.items():
+        if slot is not None and (strikes := prepared.timeline.impulses_on(mat)):
+            instants_and_impulses = [(one.at, one.impulse) for one in strikes]
+            inputs.append(
+                (part_modes.masses[slot], part_modes.shapes[:, slot], instants_and_impulses)
+            )
+    struck_names = {name for name, _, _ in inputs}
+    struck_names |= {target.text for one in piece.strikes for target in one.to}  # several points
+    other_points = {**part_modes.points, **touched(piece, prepared.built, part_modes)}
+    for label, moves in other_points.items():
         is_output = label.split(" ")[0] == "out"
-        if not is_output and label not in known:
+        if not is_output and label not in struck_names:
             inputs.append((label, moves, []))
     if not inputs:
         inputs = [(label, moves, []) for label, moves in part_modes.points.items()]
@@ -129,7 +148,10 @@ def touched(
     """The motion of each mode at the ends of the part's own contacts and laws, such as its
     hammers'.
     """
-    name_of, slots = built.network.name_of, {name: at for at, name in enumerate(part_modes.masses)}
+    name_of, slots = (
+        built.network.name_of,
+        {name: slot for slot, name in enumerate(part_modes.masses)},
+    )
     points = {}
     for owner, module in piece.modules():
         if owner != part_modes.part or module.kind not in _HITS:

@@ -53,7 +53,7 @@ def bell(
     if isinstance(strokes, (str, Path)):
         strokes = [strokes]
     by_place = strokes if isinstance(strokes, Mapping) else {PLACE: strokes}
-    files = [(place, Path(file)) for place, own in by_place.items() for file in own]
+    files = [(place, Path(file)) for place, place_files in by_place.items() for file in place_files]
     if not files:
         raise OptionError("strokes", "no file is given; give a recording of a stroke")
     for place in by_place:

@@ -76,13 +76,18 @@ def mode_tables(
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
     names = selected_parts(piece, options.parts)
-    ca_rates = {name: one.ca_rate for name, one in piece.instruments.items()}
+    ca_rates = {name: part_modes.ca_rate for name, part_modes in piece.instruments.items()}
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("computing modes"):
         built = prepare(piece).built
         all_modes = [modes_of(piece, built, name, {"to": upto}, loaded.inputs) for name in names]
-        tables = [(one, {**one.points, **touched(piece, built, one)}) for one in all_modes]
+        tables = [
+            (part_modes, {**part_modes.points, **touched(piece, built, part_modes)})
+            for part_modes in all_modes
+        ]
     return tuple(
-        _table(one, points, ca_rates.get(one.part)) for one, points in tables if one.masses
+        _table(part_modes, points, ca_rates.get(part_modes.part))
+        for part_modes, points in tables
+        if part_modes.masses
     )
 
 
@@ -114,11 +119,11 @@ def faust_programs(
     banks = [name for name in options.parts if _is_bank(piece, name)]
     if not banks:
         return _programs(score, loaded, options, program, n_max=NETWORK_MAX)
-    others = [name for name in options.parts if name not in banks]
+    other_parts = [name for name in options.parts if name not in banks]
     with scores.staging(lambda: loaded, report):
         exported = banks_of(piece, loaded.inputs, banks, HIGHEST, bank_program, RESONATORS, report)
-    if others:
-        part_options = replace(options, parts=others)
+    if other_parts:
+        part_options = replace(options, parts=other_parts)
         exported += _programs(score, loaded, part_options, program, n_max=NETWORK_MAX)
     return tuple(sorted(exported, key=lambda one: options.parts.index(one.part)))
 
@@ -132,7 +137,7 @@ def audible_parts(piece: Piece, parts: Sequence[str]) -> list[str]:
 
 def _is_bank(piece: Piece, name: str) -> bool:
     instrument = piece.instruments.get(name)
-    return instrument is not None and any(one.kind == "MODES" for one in instrument.modules)
+    return instrument is not None and any(module.kind == "MODES" for module in instrument.modules)
 
 
 def banks_of(
@@ -140,7 +145,7 @@ def banks_of(
     inputs: tuple[Path, ...],
     names: Sequence[str],
     upto: float,
-    written: Callable[[Bank], str],
+    bank_text: Callable[[Bank], str],
     modes_max: int,
     report: Report | None,
 ) -> tuple[ExportedPart, ...]:
@@ -149,7 +154,7 @@ def banks_of(
     Raises ScoreError and OptionError.
     """
     banks = part_banks(piece, inputs, names, upto, modes_max, report)
-    return tuple(ExportedPart(bank.name, written(bank), out, inputs) for bank, out in banks)
+    return tuple(ExportedPart(bank.name, bank_text(bank), out, inputs) for bank, out in banks)
 
 
 def part_banks(
@@ -168,11 +173,11 @@ def part_banks(
     upto = min(upto, 0.499 * piece.rate)
     banks = []
     with (report or Report()).waiting("computing modes"):
-        ready = prepare(piece)
+        prepared = prepare(piece)
         for name in names:
-            modes = modes_of(piece, ready.built, name, {"to": upto}, inputs)
+            modes = modes_of(piece, prepared.built, name, {"to": upto}, inputs)
             if modes.masses:
-                bank = bank_of(piece, ready, modes, modes_max)
+                bank = bank_of(piece, prepared, modes, modes_max)
                 banks.append((bank, tuple(left_out(modes))))
     return banks
 
@@ -210,7 +215,7 @@ def _programs(
     for name, part_names in wholes:
         parts, struck = _parts(piece, part_names), _struck(piece, part_names)
         network = stepped(parts, struck, piece.rate, points_max=n_max)
-        warnings = tuple(f"{one} is left out" for one in network.left_out)
+        warnings = tuple(f"{module_name} is left out" for module_name in network.left_out)
         exported.append(ExportedPart(name, program(network, name), warnings, loaded.inputs))
     return tuple(exported)
 
@@ -259,9 +264,9 @@ def _struck(piece: Piece, names: Sequence[str]) -> list[Target]:
     """Points of these parts that are struck, or that links with other parts end on."""
     targets = [target for strike in piece.strikes for target in strike.to]
     for owner, module in piece.modules():
-        ends = module.fields.get("between", ())
-        if any(end.part not in names for end in ends) or owner not in names:
-            targets += ends
+        end_targets = module.fields.get("between", ())
+        if any(end.part not in names for end in end_targets) or owner not in names:
+            targets += end_targets
     return [target for target in targets if target.part in names]
 
 

@@ -123,16 +123,16 @@ def import_model(
     return ImportedModel(score, dialect, len(model.statements), unfed)
 
 
-def _unfed(inputs: Mapping[str, Input], known: Sequence[str]) -> tuple[str, ...]:
+def _unfed(inputs: Mapping[str, Input], port_names: Sequence[str]) -> tuple[str, ...]:
     """Inputs of a model that no file feeds. Raises OptionError for an input that it does not
     have.
     """
     for name in inputs:
-        if name not in known:
-            near = nearest(name, known)
+        if name not in port_names:
+            near = nearest(name, port_names)
             meant = f"; did you mean {near}?" if near else ""
             raise OptionError("input", f"the model has no input {quote(name)}{meant}")
-    return tuple(name for name in known if name not in inputs)
+    return tuple(name for name in port_names if name not in inputs)
 
 
 def _pmpd(
@@ -143,13 +143,13 @@ def _pmpd(
         raise OptionError("set", "models of pmpd have no parameters; leave this option out")
     if options.laws != "head":
         raise OptionError("laws", "the laws of 2019 are those of mi-gen")
-    wanted: Object | None = None
+    dialect: Object | None = None
     if options.dialect == "pmpd" or options.dialect == "pmpd~":
-        wanted = options.dialect
-    kind, messages = pmpd_messages(text, wanted)
+        dialect = options.dialect
+    kind, messages = pmpd_messages(text, dialect)
     pmpd_network = network(kind, messages)
-    known = {f"in{port.number}" for port in pmpd_network.ports if port.what.startswith("in")}
-    unfed = _unfed(inputs, sorted(known))
+    input_names = {f"in{port.number}" for port in pmpd_network.ports if port.what.startswith("in")}
+    unfed = _unfed(inputs, sorted(input_names))
     return ImportedModel(pmpd_written(pmpd_network, inputs, name), kind, len(messages), unfed)
 
 
@@ -245,10 +245,10 @@ def _input(name: str, file: str | Path, beside: str | Path) -> Input:
     if not path.resolve().is_relative_to(folder):
         message = f"{file} lies outside {folder}, and a score names files of its own folder"
         raise OptionError("input", message, value=name)
-    first, second = (float(value) for value in [*blocks[0][:2], *blocks[-1][-1:]][:2])
+    first_value, last_value = (float(value) for value in [*blocks[0][:2], *blocks[-1][-1:]][:2])
     least = min(float(block.min()) for block in blocks)
     highest = max(float(block.max()) for block in blocks)
     if not isfinite(least + highest):
         raise OptionError("input", f"{file} has samples that are no numbers", value=name)
     file_of_score = path.resolve().relative_to(folder).as_posix()
-    return Input(file_of_score, first, second, least, highest, info.n_frames)
+    return Input(file_of_score, first_value, last_value, least, highest, info.n_frames)

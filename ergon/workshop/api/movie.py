@@ -102,13 +102,13 @@ class MovieMaker:
 
         report, options = report or Report(), self._options
         server = serve(ANYWHERE, "at", report, shown.motion)
-        asked = ["t=0", *(["stage"] * (not options.words)), *(["strobe"] * options.strobe)]
+        page_words = ["t=0", *(["stage"] * (not options.words)), *(["strobe"] * options.strobe)]
         try:
             with (
                 chromium.launch_browser(self._program) as browser,
                 browser.page(*self._size) as page,
             ):
-                page.open(f"{server.url}?{'&'.join(asked)}")
+                page.open(f"{server.url}?{'&'.join(page_words)}")
                 instants = self._instants(page)
                 self._look(page)
                 return self._draw(page, instants, shown, report)
@@ -208,8 +208,8 @@ def _instant(option: str, text: str | None, marks: dict[str, float]) -> float | 
         return float(match[1])
     if text in marks:
         return marks[text]
-    known = f" or a mark: {', '.join(marks)}" if marks else "; the piece has no marks"
-    raise OptionError(option, f"write seconds such as 90s{known}", value=text)
+    mark_list = f" or a mark: {', '.join(marks)}" if marks else "; the piece has no marks"
+    raise OptionError(option, f"write seconds such as 90s{mark_list}", value=text)
 
 
 def _check_folder(folder: Path) -> None:
@@ -229,19 +229,19 @@ def _sound(path: Path, start: float, end: float) -> Sound:
     from ergon.workshop.movies.video import Sound
 
     format = sound.read_info(path).format
-    first, last = (round(seconds * format.rate) for seconds in (start, end))
-    return Sound(_between(path, first, last), format.rate, format.n_channels)
+    first_frame, last_frame = (round(seconds * format.rate) for seconds in (start, end))
+    return Sound(_between(path, first_frame, last_frame), format.rate, format.n_channels)
 
 
-def _between(path: Path, first: int, last: int) -> Iterator[NDArray[np.float64]]:
-    """The frames of a file from `first` up to `last`, which is left out."""
+def _between(path: Path, start_frame: int, stop_frame: int) -> Iterator[NDArray[np.float64]]:
+    """The frames of a file from `start_frame` up to `stop_frame`, which is left out."""
     from ergon.exchange import sound
 
     first_frame = 0
     for block in sound.read_blocks(path):
-        wanted = block[max(0, first - first_frame) : max(0, last - first_frame)]
+        frames_between = block[max(0, start_frame - first_frame) : max(0, stop_frame - first_frame)]
         first_frame += len(block)
-        if len(wanted):
-            yield wanted
-        if first_frame >= last:
+        if len(frames_between):
+            yield frames_between
+        if first_frame >= stop_frame:
             return

@@ -71,19 +71,19 @@ def bell_from_strokes(strokes: Sequence[tuple[str, Stroke]], count: int | None =
     """
     stroke_modes = []
     for _, recorded in strokes:
-        recorded_modes, rest = find_modes(recorded.sound, recorded.rate)
-        left = float(np.sum(rest**2) / np.sum(recorded.sound**2))
-        if not recorded_modes.f.size or left > RESIDUAL_ENERGY_MAX:
-            what = (
+        recorded_modes, residual = find_modes(recorded.sound, recorded.rate)
+        residual_share = float(np.sum(residual**2) / np.sum(recorded.sound**2))
+        if not recorded_modes.f.size or residual_share > RESIDUAL_ENERGY_MAX:
+            problem = (
                 "none of it"
                 if not recorded_modes.f.size
-                else f"only {100.0 * (1.0 - left):.0f} % of it"
+                else f"only {100.0 * (1.0 - residual_share):.0f} % of it"
             )
             message = (
                 f"{recorded.name}: it is not a single stroke of something that rings: damped modes "
             )
-            raise NotAStrokeError(message + f"explain {what}; 75 % is the least")
-        stroke_modes.append((recorded_modes, uncertainty(recorded_modes, rest, recorded.rate)))
+            raise NotAStrokeError(message + f"explain {problem}; 75 % is the least")
+        stroke_modes.append((recorded_modes, uncertainty(recorded_modes, residual, recorded.rate)))
     f, d = _merged_modes(stroke_modes)
     fits = [_fit(recorded, f, d) for _, recorded in strokes]
     shares = np.stack([fit.energy for fit in fits]).max(axis=0)
@@ -108,13 +108,13 @@ class _Fit:
 
 
 def _fit(stroke: Stroke, f: Array, d: Array) -> _Fit:
-    modes, rest = fit_amplitudes(stroke.sound, stroke.rate, f, d)
+    modes, residual = fit_amplitudes(stroke.sound, stroke.rate, f, d)
     stroke_energy = float(np.sum(stroke.sound**2)) / stroke.rate
     energy = modes.energy(stroke.sound.size / stroke.rate) / stroke_energy
-    explained = 1.0 - float(np.sum(rest**2)) / stroke.rate / stroke_energy
-    deviation = uncertainty(modes, rest, stroke.rate)
-    first = Modes(f, d, modes.c * np.exp(-modes.poles * stroke.delay))
-    return _Fit(first, deviation, energy, explained)
+    explained = 1.0 - float(np.sum(residual**2)) / stroke.rate / stroke_energy
+    deviation = uncertainty(modes, residual, stroke.rate)
+    modes_at_stroke = Modes(f, d, modes.c * np.exp(-modes.poles * stroke.delay))
+    return _Fit(modes_at_stroke, deviation, energy, explained)
 
 
 def _merged_modes(modes_and_errors: Sequence[tuple[Modes, Uncertainty]]) -> tuple[Array, Array]:
@@ -130,7 +130,7 @@ def _merged_modes(modes_and_errors: Sequence[tuple[Modes, Uncertainty]]) -> tupl
             group
             for group in groups[-4:]
             if (
-                row[4] not in {one[4] for one in group}
+                row[4] not in {row_in_group[4] for row_in_group in group}
                 or row[0] - group[0][0] < _SAME_MODE * row[1]
             )
             and abs(row[0] - group[0][0])
@@ -175,7 +175,9 @@ def _bell(places: Sequence[str], strokes: Sequence[Stroke], fits: Sequence[_Fit]
     table /= reference
     listened, levels = _split(table)
     loudest = max(fits, key=lambda fit: float(np.sum(np.abs(fit.modes.c) ** 2)))
-    best = [np.min([getattr(fit.deviation, what) for fit in fits], axis=0) for what in "fd"]
+    best = [
+        np.min([getattr(fit.deviation, field_name) for fit in fits], axis=0) for field_name in "fd"
+    ]
     level = np.min([fit.deviation.level for fit in fits], axis=0)
     stroke_contacts = tuple(
         StrokeReport(recorded.name, place, *impulse_and_length[i], fits[i].explained)

@@ -44,19 +44,19 @@ def chain(f: Array, t60: Array, weight: Array, mass: float) -> Chain:
     n = f.size
     masses, springs = np.zeros(n), np.zeros(n)
     masses[0] = mass
-    before = 0.0
+    stiffness_before = 0.0
     for i in range(n):
-        springs[i] = masses[i] * diagonal[i] - before
-        before = springs[i]
+        springs[i] = masses[i] * diagonal[i] - stiffness_before
+        stiffness_before = springs[i]
         if i + 1 < n:
             masses[i + 1] = (springs[i] / beside[i]) ** 2 / masses[i]
     # (masses, modes) for modes of mass 1. The signs alternate, because springs pull masses
     # together.
     shapes = basis * ((-1.0) ** np.arange(n) / np.sqrt(masses))[:, None]
     stretched = np.vstack([shapes[1:] - shapes[:-1], -shapes[-1:]])
-    ways = np.vstack([stretched**2, shapes**2])
-    z = _not_negative((ways / (2.0 * sigma)).T, np.ones(n))
-    rebuilt = ways.T @ z / 2.0
+    element_squares = np.vstack([stretched**2, shapes**2])
+    z = _not_negative((element_squares / (2.0 * sigma)).T, np.ones(n))
+    rebuilt = element_squares.T @ z / 2.0
     worst = float(np.max(np.abs(rebuilt / sigma - 1.0)))
     if not worst < _FAR:
         message = f"no dampers of a chain give these decays: one would be {100 * worst:.0f} % off"

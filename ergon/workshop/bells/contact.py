@@ -79,14 +79,19 @@ def levels(f: Array, amplitudes: Array, errors: Array) -> Strokes:
     is_told = _TRIED_LENGTHS[likely[-1]] <= _RANGE_RATIO_MIN * _TRIED_LENGTHS[likely[0]]
     row = int(np.argmin(total)) if is_told else int(likely[0])
     chosen = [row if s == hardest else int(np.argmin(costs[s][row])) for s in range(n_strokes)]
-    is_told &= all(np.count_nonzero(f * _TRIED_LENGTHS[at] < _REACH) >= _LEAST for at in chosen)
+    is_told &= all(
+        np.count_nonzero(f * _TRIED_LENGTHS[length_index] < _REACH) >= _LEAST
+        for length_index in chosen
+    )
     weights = 1.0 / (variance + doubts[chosen])
     common = logs - shapes[chosen]
     away = common - common[hardest]
     both = weights * weights[hardest] / (weights + weights[hardest])
     impulses = np.sum(both * away, axis=1) / np.sum(both, axis=1)
     mean = np.sum(weights * (common - impulses[:, None]), axis=0) / np.sum(weights, axis=0)
-    lengths = tuple(float(_TRIED_LENGTHS[at]) if is_told else None for at in chosen)
+    lengths = tuple(
+        float(_TRIED_LENGTHS[length_index]) if is_told else None for length_index in chosen
+    )
     return Strokes(np.exp(mean), np.exp(impulses), lengths)
 
 
@@ -97,7 +102,7 @@ def _shapes(f: Array) -> tuple[Array, Array]:
     x = f * _TRIED_LENGTHS[:, None]
     is_near = x < _REACH
     beyond = np.sqrt(0.5) / np.maximum(4.0 * x * x - 1.0, 1.0)  # without its zeros
-    exact = np.stack([spectrum(f, one) for one in _TRIED_LENGTHS])
+    exact = np.stack([spectrum(f, length) for length in _TRIED_LENGTHS])
     shapes = np.log(np.where(is_near, np.maximum(exact, 1e-3), beyond))
     return shapes, np.where(is_near, _SHAPE * (x / _REACH) ** 2, _BEYOND) ** 2
 
@@ -107,19 +112,19 @@ def _costs(logs: Array, variance: Array, shapes: Array, doubts: Array) -> Array:
     shorter, because softer strokes last longer. `logs` (n,) are of the second over the first.
     """
     costs = np.full((len(shapes), len(shapes)), np.inf)
-    for first in range(len(shapes)):
-        rest = logs - (shapes[first:] - shapes[first])
-        doubt = variance + doubts[first] + doubts[first:]
+    for first_shape in range(len(shapes)):
+        residuals = logs - (shapes[first_shape:] - shapes[first_shape])
+        doubt = variance + doubts[first_shape] + doubts[first_shape:]
         doubt[0] = variance  # of one length what is left of a mode is the same
-        mean = np.median(rest, axis=1)
+        mean = np.median(residuals, axis=1)
         for _ in range(4):  # Huber's: a mode in a zero of the spectrum tells nothing
-            weight = 1.0 / np.sqrt(doubt) / np.maximum(np.sqrt(doubt), _far(rest, mean) / 2.0)
-            mean = np.sum(weight * rest, axis=1) / np.sum(weight, axis=1)
-        away = _far(rest, mean) / np.sqrt(doubt)
+            weight = 1.0 / np.sqrt(doubt) / np.maximum(np.sqrt(doubt), _far(residuals, mean) / 2.0)
+            mean = np.sum(weight * residuals, axis=1) / np.sum(weight, axis=1)
+        away = _far(residuals, mean) / np.sqrt(doubt)
         cost = np.where(away < 2.0, away**2, 4.0 * away - 4.0) + np.log(doubt)
-        costs[first, first:] = np.sum(cost, axis=1)
+        costs[first_shape, first_shape:] = np.sum(cost, axis=1)
     return costs
 
 
-def _far(rest: Array, mean: Array) -> Array:
-    return np.asarray(np.abs(rest - mean[:, None]))
+def _far(residuals: Array, mean: Array) -> Array:
+    return np.asarray(np.abs(residuals - mean[:, None]))

@@ -33,13 +33,13 @@ def text(bell: Bell, name: str = "bell", form: str = "modes") -> str:
     if form not in _FORMS:
         raise FormError(f"{quote(form)} is not a form of a bell; write modes, cels or chain")
     body = {"modes": _modes, "cels": _cels, "chain": _chain}[form]
-    head = [f"# {line}".rstrip() for line in _head(bell, form)]
+    header_lines = [f"# {line}".rstrip() for line in _head(bell, form)]
     lines = ["ergon: 1", "instruments:", f"  {name}:", f"    f: {_number(bell.pitch)}Hz"]
     lines += [
         "    modules:",
         *_hammer(),
     ]
-    return "\n".join([*head, *lines, *body(bell)]) + "\n"
+    return "\n".join([*header_lines, *lines, *body(bell)]) + "\n"
 
 
 def _head(bell: Bell, form: str) -> Iterator[str]:
@@ -117,15 +117,17 @@ def _chain(bell: Bell) -> list[str]:
     except ValueError as error:
         raise FormError(f"{error}; write the bell as modes") from None
     rows = ["      wall: {SOL: {}}"]
-    last = len(built_chain.masses)
+    last_mass = len(built_chain.masses)
     for i, (m, z) in enumerate(zip(built_chain.masses, built_chain.grounds, strict=True), 1):
         rows.append(f"      m{i}: {{MAS: {{M: {_number(m * 1e3)}g}}}}")
-        if z > 0.0 and i < last:
+        if z > 0.0 and i < last_mass:
             rows.append(f"      z{i}: {{FRO: {{between: [wall, m{i}], Z: {_number(z)}}}}}")
     for i, (k, z) in enumerate(zip(built_chain.springs, built_chain.dampers, strict=True), 1):
-        ends = f"[m{i}, m{i + 1}]" if i < last else f"[m{i}, wall]"
-        z += built_chain.grounds[-1] if i == last else 0.0
-        rows.append(f"      s{i}: {{REF: {{between: {ends}, K: {_number(k)}, Z: {_number(z)}}}}}")
+        end_names = f"[m{i}, m{i + 1}]" if i < last_mass else f"[m{i}, wall]"
+        z += built_chain.grounds[-1] if i == last_mass else 0.0
+        rows.append(
+            f"      s{i}: {{REF: {{between: {end_names}, K: {_number(k)}, Z: {_number(z)}}}}}"
+        )
     return [*rows, _contact_line(bell, "m1"), "    out: {SOV: m1}"]
 
 

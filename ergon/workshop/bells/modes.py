@@ -64,9 +64,9 @@ NONE = Modes(np.zeros(0), np.zeros(0), np.zeros(0, complex))
 
 def find_modes(sound: Array, rate: float) -> tuple[Modes, Array]:
     """The modes of a sound (n,) that begins after its stroke, and the residual (n,)."""
-    modes, rest = NONE, sound
+    modes, residual = NONE, sound
     for width in _WIDTHS:
-        bands = Bands(rest, rate)
+        bands = Bands(residual, rate)
         high = min(HIGH, 0.45 * rate)
         f, d = list(modes.f), list(modes.d)
         for low, top in bands.occupied(LOW, high, width):
@@ -76,14 +76,14 @@ def find_modes(sound: Array, rate: float) -> tuple[Modes, Array]:
             d += list(band_modes[1])
         if f:
             order = np.argsort(f)
-            modes, rest = fit_amplitudes(sound, rate, np.array(f)[order], np.array(d)[order])
+            modes, residual = fit_amplitudes(sound, rate, np.array(f)[order], np.array(d)[order])
     for _ in range(_ROUNDS):
-        errors = uncertainty(modes, rest, rate)
+        errors = uncertainty(modes, residual, rate)
         worst = _unknown(modes, errors)
         if not worst:
             break
-        modes, rest = _without_modes(modes, rest, worst, sound, rate)
-    return modes, rest
+        modes, residual = _without_modes(modes, residual, worst, sound, rate)
+    return modes, residual
 
 
 def _unknown(modes: Modes, errors: Uncertainty) -> list[int]:
@@ -94,7 +94,10 @@ def _unknown(modes: Modes, errors: Uncertainty) -> list[int]:
         if share[mode] < _KNOWN:
             break
         reach = _reach(modes, mode)
-        if all(abs(modes.f[mode] - modes.f[one]) > reach + _reach(modes, one) for one in chosen):
+        if all(
+            abs(modes.f[mode] - modes.f[chosen_mode]) > reach + _reach(modes, chosen_mode)
+            for chosen_mode in chosen
+        ):
             chosen.append(int(mode))
     return chosen
 
@@ -117,19 +120,21 @@ def _without_modes(
         _core.poll()
         reach = _reach(modes, mode)
         near = np.flatnonzero(np.abs(modes.f - modes.f[mode]) < reach)
-        others = near[near != mode]
-        if not others.size:
+        other_modes = near[near != mode]
+        if not other_modes.size:
             continue
         residual = rest + synthesise(modes.some(near), rest.size, rate)
         low, top = float(f[near].min()) - reach, float(f[near].max()) + reach
         signal, slow, centre = Bands(residual, rate).take(max(low, 1.0), top)
         skip = ceil(_SKIP * slow / (top - low))
         signal = signal[skip : max(skip + _SHORTEST, min(signal.size - skip, _POLISHED))]
-        z = np.exp((-d[others] + 2j * np.pi * (f[others] - centre)) / slow)
+        z = np.exp((-d[other_modes] + 2j * np.pi * (f[other_modes] - centre)) / slow)
         z, _, _ = polish_poles(signal, z)
         new_f, new_d = centre + np.angle(z) * slow / (2.0 * np.pi), -np.log(np.abs(z)) * slow
-        is_fit = (np.abs(new_f - f[others]) < reach) & (new_d > _DECAYS[0]) & (new_d < _FASTEST)
-        f[others[is_fit]], d[others[is_fit]] = new_f[is_fit], new_d[is_fit]
+        is_fit = (
+            (np.abs(new_f - f[other_modes]) < reach) & (new_d > _DECAYS[0]) & (new_d < _FASTEST)
+        )
+        f[other_modes[is_fit]], d[other_modes[is_fit]] = new_f[is_fit], new_d[is_fit]
     remaining = np.delete(np.arange(f.size), worst)
     remaining = remaining[np.argsort(f[remaining])]
     return fit_amplitudes(sound, rate, f[remaining], d[remaining])
@@ -204,9 +209,9 @@ class Uncertainty:
     level: Array
 
 
-def uncertainty(modes: Modes, rest: Array, rate: float) -> Uncertainty:
+def uncertainty(modes: Modes, residual: Array, rate: float) -> Uncertainty:
     """The Cramér-Rao bound for modes in noise as strong as the residual around each mode."""
-    duration = rest.size / rate
+    duration = residual.size / rate
     n = modes.f.size
     s = modes.poles.conj()[:, None] + modes.poles[None, :]
     s = np.where(np.abs(s) * duration < 1e-3, -1e-3 / duration, s)
@@ -219,14 +224,17 @@ def uncertainty(modes: Modes, rest: Array, rate: float) -> Uncertainty:
     size = np.sqrt(np.maximum(fisher.diagonal().real, 1e-300))
     bound = np.linalg.pinv(fisher / np.outer(size, size), hermitian=True).diagonal().real
     deviation = np.sqrt(np.maximum(bound, 0.0)) / size
-    noise = np.sqrt(2.0 * _noise(modes.f, rest, rate) / rate)
+    noise = np.sqrt(2.0 * _noise(modes.f, residual, rate) / rate)
     d, level = deviation[:n] * noise, deviation[n:] * noise
     return Uncertainty(d / (2.0 * np.pi), d, level)
 
 
-def _noise(f: Array, rest: Array, rate: float) -> Array:
+def _noise(f: Array, residual: Array, rate: float) -> Array:
     """Variance of white noise that is as strong as the residual near each frequency."""
-    power = np.abs(np.fft.rfft(rest)) ** 2 / rest.size
-    step = rate / rest.size
-    around = [power[max(1, int((one - _NEAR) / step)) : int((one + _NEAR) / step) + 2] for one in f]
-    return np.array([float(own.mean()) if own.size else 0.0 for own in around])
+    power = np.abs(np.fft.rfft(residual)) ** 2 / residual.size
+    step = rate / residual.size
+    around = [
+        power[max(1, int((frequency - _NEAR) / step)) : int((frequency + _NEAR) / step) + 2]
+        for frequency in f
+    ]
+    return np.array([float(powers.mean()) if powers.size else 0.0 for powers in around])

@@ -28,15 +28,15 @@ def exponentials(signal: Complex, count_max: int) -> tuple[Complex, Complex]:
     z: Complex = _esprit(signal, count_max)
     z = z[(np.abs(z) < 1.0) & (np.abs(z) > _SHORTEST)]
     while z.size:  # the worst goes first, before the others are polished
-        c, rest = _amplitudes(signal, z)
-        score = _scores(z, c, rest)
+        c, residual = _amplitudes(signal, z)
+        score = _scores(z, c, residual)
         worst = int(np.argmin(score))
         if score[worst] >= NOISE_RATIO_MIN:
             break
         z = _complex(np.delete(z, worst))
     while z.size:
-        z, c, rest = polish_poles(signal, z)
-        score = _scores(z, c, rest)
+        z, c, residual = polish_poles(signal, z)
+        score = _scores(z, c, residual)
         worst = int(np.argmin(score))
         if score[worst] >= NOISE_RATIO_MIN:
             return z, c
@@ -52,23 +52,25 @@ def _esprit(signal: Complex, count_max: int) -> Complex:
     vectors = vectors[:, ::-1][:, :count_max]
     # The violation of shift invariance by each order; the highest order that is nearly as good as
     # the best is chosen.
-    left = np.array([_shift_error(vectors[:, : order + 1]) for order in range(vectors.shape[1])])
-    order = int(np.flatnonzero(left.min() >= 0.1 * left).max()) + 1
+    shift_errors = np.array(
+        [_shift_error(vectors[:, : order + 1]) for order in range(vectors.shape[1])]
+    )
+    order = int(np.flatnonzero(shift_errors.min() >= 0.1 * shift_errors).max()) + 1
     chosen = vectors[:, :order]
     turn = np.linalg.lstsq(chosen[:-1], chosen[1:], rcond=None)[0]
     return _complex(np.linalg.eigvals(turn))
 
 
 def _shift_error(vectors: Complex) -> float:
-    first, second = vectors[:-1], vectors[1:]
-    last = vectors[-1]
-    rest = 1.0 - float(np.vdot(last, last).real)
-    turn = first.conj().T @ second
-    if rest > 1e-12:  # the pseudo-inverse of orthonormal columns without their last row
-        turn = _complex(turn + np.outer(last.conj(), last @ turn) / rest)
+    upper_rows, lower_rows = vectors[:-1], vectors[1:]
+    last_row = vectors[-1]
+    remainder = 1.0 - float(np.vdot(last_row, last_row).real)
+    turn = upper_rows.conj().T @ lower_rows
+    if remainder > 1e-12:  # the pseudo-inverse of orthonormal columns without their last row
+        turn = _complex(turn + np.outer(last_row.conj(), last_row @ turn) / remainder)
     else:
-        turn = _complex(np.linalg.lstsq(first, second, rcond=None)[0])
-    error = _complex(second - first @ turn)
+        turn = _complex(np.linalg.lstsq(upper_rows, lower_rows, rcond=None)[0])
+    error = _complex(lower_rows - upper_rows @ turn)
     # The largest singular value of a narrow matrix, squared, from its Gram matrix.
     return max(float(np.linalg.eigvalsh(error.conj().T @ error)[-1]), 1e-30)
 
@@ -87,10 +89,10 @@ def _amplitudes(signal: Complex, z: Complex) -> tuple[Complex, Complex]:
     return c, _complex(signal - basis @ c)
 
 
-def _scores(z: Complex, c: Complex, rest: Complex) -> Array:
+def _scores(z: Complex, c: Complex, residual: Complex) -> Array:
     """Power of each amplitude over that of its noise."""
-    basis = _powers(z, rest.size)
-    variance = np.vdot(rest, rest).real / max(1, rest.size - 2 * z.size)
+    basis = _powers(z, residual.size)
+    variance = np.vdot(residual, residual).real / max(1, residual.size - 2 * z.size)
     variances = np.linalg.pinv(basis.conj().T @ basis).diagonal().real * variance
     return np.asarray(np.abs(c) ** 2 / np.maximum(variances, 1e-300))
 
@@ -98,23 +100,23 @@ def _scores(z: Complex, c: Complex, rest: Complex) -> Array:
 def polish_poles(signal: Complex, z: Complex) -> tuple[Complex, Complex, Complex]:
     """Gauss-Newton on the logarithms of the poles alone, with the amplitudes projected out."""
     samples = np.arange(signal.size)[:, None]
-    s, last = np.log(z), np.inf
-    best = s
-    c, rest = _amplitudes(signal, z)
+    s, last_cost = np.log(z), np.inf
+    best_logarithms = s
+    c, residual = _amplitudes(signal, z)
     for step in range(_POLISH):
         basis = np.exp(samples * s)
         q, _ = np.linalg.qr(basis)
         amplitudes = _complex(np.linalg.lstsq(basis, signal, rcond=None)[0])
-        left = _complex(signal - basis @ amplitudes)
-        cost = float(np.vdot(left, left).real)
-        if not cost < last * (1.0 - _CLOSE):
+        residual_now = _complex(signal - basis @ amplitudes)
+        cost = float(np.vdot(residual_now, residual_now).real)
+        if not cost < last_cost * (1.0 - _CLOSE):
             break
-        last, best, c, rest = cost, s, amplitudes, left
+        last_cost, best_logarithms, c, residual = cost, s, amplitudes, residual_now
         tangents = samples * basis * amplitudes
         tangents = tangents - q @ (q.conj().T @ tangents)
-        change = np.linalg.lstsq(tangents, left, rcond=None)[0]
+        change = np.linalg.lstsq(tangents, residual_now, rcond=None)[0]
         if step == 0:
             change *= min(1.0, _FIRST_STEP / max(1e-300, float(np.abs(change).max())))
         s = s + change
         s = _complex(np.minimum(s.real, 1e-4) + 1j * s.imag)
-    return _complex(np.exp(best)), c, rest
+    return _complex(np.exp(best_logarithms)), c, residual

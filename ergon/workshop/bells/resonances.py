@@ -51,20 +51,22 @@ def read(path: Path) -> list[tuple[float, float, float]]:
     return audible
 
 
-def _row(where: str, words: list[str]) -> tuple[float, float, float]:
+def _row(location: str, words: list[str]) -> tuple[float, float, float]:
     if not 3 <= len(words) <= 4:
-        message = f"{where}: a line is an index, a frequency [Hz], an amplitude and a bandwidth "
+        message = f"{location}: a line is an index, a frequency [Hz], an amplitude and a bandwidth "
         raise TableError(
             message + f"[Hz], such as 1 220.5 0.8 0.35; here it has {len(words)} words"
         )
     try:
         f, a, b = (float(word) for word in words[-3:])
     except ValueError:
-        raise TableError(f"{where}: {' '.join(words[-3:])} are not three numbers") from None
+        raise TableError(f"{location}: {' '.join(words[-3:])} are not three numbers") from None
     if not (isfinite(f) and isfinite(a) and isfinite(b)):
-        raise TableError(f"{where}: {' '.join(words[-3:])} are not three finite numbers")
+        raise TableError(f"{location}: {' '.join(words[-3:])} are not three finite numbers")
     if not 0.0 < f < 1e6:
-        raise TableError(f"{where}: a frequency of {f:g} Hz; it must be above 0 and below 1 MHz")
+        raise TableError(f"{location}: a frequency of {f:g} Hz; it must be above 0 and below 1 MHz")
     if not b > 0.0:
-        raise TableError(f"{where}: a bandwidth of {b:g} Hz; it must be above 0, or it never ends")
+        raise TableError(
+            f"{location}: a bandwidth of {b:g} Hz; it must be above 0, or it never ends"
+        )
     return f, a, b

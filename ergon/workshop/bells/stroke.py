@@ -134,11 +134,11 @@ def _refuse_second(name: str, sound: Array, rate: float) -> None:
     edges = np.unique(np.geomspace(2, _FRAME // 2, _BANDS + 1).astype(int))
     power = np.add.reduceat(spectra, edges[:-1], axis=1)
     noise = np.percentile(power, 5, axis=0)
-    first = 2 * _GAP + _BEFORE
-    for frame in range(first, n_frames):
-        before = power[frame - _GAP - _BEFORE : frame - _GAP].max(axis=0)
+    first_frame = 2 * _GAP + _BEFORE
+    for frame in range(first_frame, n_frames):
+        peak_before = power[frame - _GAP - _BEFORE : frame - _GAP].max(axis=0)
         is_sounding = (power[frame] > _SOUNDING * noise) & (power[frame] > 1e-6 * power.max())
-        is_raised = is_sounding & (power[frame] > _RISE * before)
+        is_raised = is_sounding & (power[frame] > _RISE * peak_before)
         weight = power[frame] > 1e-4 * power[frame].max()
         if is_raised.sum() >= 3 and (is_raised & weight).sum() > _STRUCK * (weight).sum():
             seconds = frame * _HOP / rate

@@ -46,12 +46,12 @@ def _chart(folder: Path, name: str) -> str:
     path = Path(str(files("ergon"))) / "scores" / "library" / f"{name}.yaml"
     piece = load(path).piece
     assert piece is not None, f"{name} has mistakes"
-    wanted = [*settings(METHODS, PRECISIONS, _UPTO), *planned()]
-    measured_chart = measure(Score(piece), wanted, _SECONDS, "waveform", lambda done: None)
-    title, where = piece.title, machine()
+    chosen_settings = [*settings(METHODS, PRECISIONS, _UPTO), *planned()]
+    measured_chart = measure(Score(piece), chosen_settings, _SECONDS, "waveform", lambda done: None)
+    title, machine_text = piece.title, machine()
     stem = folder / name
-    write_text(targets(stem)[0], chart_table.csv(measured_chart, title, where), force=True)
-    save(lambda: draw_chart.draw(measured_chart, title, where), stem, force=True, png=False)
+    write_text(targets(stem)[0], chart_table.csv(measured_chart, title, machine_text), force=True)
+    save(lambda: draw_chart.draw(measured_chart, title, machine_text), stem, force=True, png=False)
     print(f"{name}\n{chart_table.lines(measured_chart)}", flush=True)
     return (
         f"## {title}\n\n![Error over cost of {title}]({name}.svg)\n\n"

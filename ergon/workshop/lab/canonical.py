@@ -66,8 +66,8 @@ def cell(kappa: float, zeta: float, method: str = _PLAIN) -> Bare:
         masses = [network.mas(f"m{i}", M=_MASS, X0=_START) for i in range(_copies(1, method))]
         for i, mass in enumerate(masses):
             network.ref(f"r{i}", mass, ground, K=k, Z=z)
-        for i, (first, next_) in enumerate(pairwise(masses)):
-            network.ref(f"j{i}", first, next_, K=_WEAK * k)
+        for i, (mass_before, next_) in enumerate(pairwise(masses)):
+            network.ref(f"j{i}", mass_before, next_, K=_WEAK * k)
         network.listen("m", positions=[(masses[0], 1, 1.0)])
 
     return Bare(build, RATE)
@@ -114,9 +114,9 @@ HAMMER, BAR = Cell(8e-3, 40.0, 2.0, X0=3e-3), Cell(20e-3, 220.0, 1.0)
 LEFT, RIGHT = Cell(2e-3, 220.0, 1.0, X0=_START), Cell(2e-3, 330.0, 1.0)
 
 
-def _stiffness(kappa: float, one: Cell, two: Cell) -> float:
+def _stiffness(kappa: float, first_cell: Cell, second_cell: Cell) -> float:
     """K [N/m] of a link whose κ = K·T²·(1/M₁ + 1/M₂) at 44.1 kHz."""
-    return kappa * RATE**2 / (1.0 / one.M + 1.0 / two.M)
+    return kappa * RATE**2 / (1.0 / first_cell.M + 1.0 / second_cell.M)
 
 
 def contact(kappa: float) -> Bare:
@@ -133,7 +133,7 @@ def coupled(kappa: float, method: str = _PLAIN) -> Bare:
 
 
 def _pair(
-    first: Cell,
+    first_cell: Cell,
     two: Cell,
     join: Callable[[_core.Network, int, int], int],
     copies: int = 1,
@@ -147,7 +147,7 @@ def _pair(
         for _ in range(copies):
             a, b = (
                 network.cel(name, M=cell.M, f=cell.f, t60=cell.t60, X0=cell.X0)
-                for name, cell in (("a", first), ("b", two))
+                for name, cell in (("a", first_cell), ("b", two))
             )
             join(network, a, b)
             pairs.append((a, b))
@@ -198,10 +198,15 @@ def coupled_load(kappa: float, times: float, method: str) -> float:
     return _pair_load(LEFT, RIGHT, kappa, times, method)
 
 
-def _pair_load(first: Cell, two: Cell, kappa: float, times: float, method: str) -> float:
-    rate, k = RATE * times, _stiffness(kappa, first, two)
-    p, q = (cell.load(rate, damped(method)) + k / (cell.M * rate**2) for cell in (first, two))
-    joint = k / (sqrt(first.M * two.M) * rate**2)
+def _pair_load(
+    first_cell: Cell, second_cell: Cell, kappa: float, times: float, method: str
+) -> float:
+    rate, k = RATE * times, _stiffness(kappa, first_cell, second_cell)
+    p, q = (
+        cell.load(rate, damped(method)) + k / (cell.M * rate**2)
+        for cell in (first_cell, second_cell)
+    )
+    joint = k / (sqrt(first_cell.M * second_cell.M) * rate**2)
     return (0.5 * (p + q) + sqrt(0.25 * (p - q) ** 2 + joint * joint)) / limit(method)
 
 
@@ -216,12 +221,12 @@ def string(masses: int, rate: float) -> Bare:
 
     def build(network: _core.Network) -> None:
         network.part("string")
-        first = network.string("s", masses=masses, M=_STRING, f=_PITCH)
+        first_mat = network.string("s", masses=masses, M=_STRING, f=_PITCH)
         # The position is a share of the length: the same shape for any number of masses.
         for i in range(masses):
             share = (i + 1) / (masses + 1)
-            network.start(first + i, _START * min(share / 0.2, (1.0 - share) / 0.8), 0.0)
-        network.listen("s", positions=[(first + (2 * masses) // 3, 1, 1.0)])
+            network.start(first_mat + i, _START * min(share / 0.2, (1.0 - share) / 0.8), 0.0)
+        network.listen("s", positions=[(first_mat + (2 * masses) // 3, 1, 1.0)])
 
     return Bare(build, rate)
 
@@ -243,11 +248,11 @@ def struck(speed: float) -> Bare:
 
     def build(network: _core.Network) -> None:
         network.part("string")
-        first = network.string(
+        first_mat = network.string(
             "s", masses=_STRUCK, M=_STRING, f=_PITCH, t60=3.0, hardening=_HARDENING
         )
-        network.start(first + 7, 0.0, speed)
-        network.listen("s", positions=[(first + 26, 1, 1.0)])
+        network.start(first_mat + 7, 0.0, speed)
+        network.listen("s", positions=[(first_mat + 26, 1, 1.0)])
 
     return Bare(build, RATE)
 

@@ -143,11 +143,13 @@ def planned(budget_db: float | None = None) -> list[Setting]:
     return [by_ear] if budget_db is None else [by_ear, Setting(None, budget_db=budget_db)]
 
 
-def work(wanted: Sequence[Setting], n_frames: int) -> int:
+def work(settings_wanted: Sequence[Setting], n_frames: int) -> int:
     """Frames to compute for a chart, for the display of progress."""
-    top = max(setting.oversampling for setting in wanted)
+    top = max(setting.oversampling for setting in settings_wanted)
     beyond = sum(top << i for i in range(1, _DOUBLINGS + 1))
-    return n_frames * ((ROUNDS + 1) * sum(setting.oversampling for setting in wanted) + beyond)
+    return n_frames * (
+        (ROUNDS + 1) * sum(setting.oversampling for setting in settings_wanted) + beyond
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,14 +166,14 @@ class Players(Protocol):
     """Plays settings elsewhere, such as on a cluster."""
 
     def played(
-        self, wanted: Sequence[Setting], n_frames: int, *, has_energy: bool
+        self, settings_wanted: Sequence[Setting], n_frames: int, *, has_energy: bool
     ) -> Iterator[Played]:
         """Each setting, in any order, with its cost and, with `has_energy`, its energy errors."""
 
 
 def measure(
     scene: Scene,
-    wanted: Sequence[Setting],
+    settings_wanted: Sequence[Setting],
     seconds: float,
     metric: Metric,
     progress: Progress,
@@ -184,15 +186,19 @@ def measure(
     bench = _Bench(scene, max(2, round(seconds * scene.rate)), progress)
     has_energy = metric == "energy"
     if players is None:
-        played = _play_settings(bench, wanted, has_energy=has_energy)
+        played = _play_settings(bench, settings_wanted, has_energy=has_energy)
     else:
-        played = _play_with(players, bench, wanted, has_energy=has_energy)
-    sounds_by_setting = {one.point.setting: one.sound for one in played if one.sound is not None}
+        played = _play_with(players, bench, settings_wanted, has_energy=has_energy)
+    sounds_by_setting = {
+        played_setting.point.setting: played_setting.sound
+        for played_setting in played
+        if played_setting.sound is not None
+    }
     sounds = dict(sounds_by_setting)
-    has_plans = any(setting.method is None for setting in wanted)
+    has_plans = any(setting.method is None for setting in settings_wanted)
     rival = _EXACT_PLAN if has_plans else None
     reference = refine(sounds, bench.sound, doublings=_DOUBLINGS, rival=rival)
-    points = [one.point for one in played]
+    points = [played_setting.point for played_setting in played]
     floor = None
     doubtful: tuple[str, ...] = ()
     if reference is not None:
@@ -212,9 +218,11 @@ def measure(
     return Chart(marked, reference, floor, metric, seconds, scene.rate, doubtful, alike)
 
 
-def _play_settings(bench: _Bench, wanted: Sequence[Setting], *, has_energy: bool) -> list[Played]:
+def _play_settings(
+    bench: _Bench, settings_wanted: Sequence[Setting], *, has_energy: bool
+) -> list[Played]:
     """All settings, in order. Their costs are those of interleaved rounds."""
-    for setting in wanted:
+    for setting in settings_wanted:
         run = bench.begin(setting)
         frames = None if run is None else bench.play(setting, run)
         if run is not None and frames is not None:
@@ -229,19 +237,19 @@ def _play_settings(bench: _Bench, wanted: Sequence[Setting], *, has_energy: bool
         if has_energy:
             point = _with_energy(bench, point)
         played_by_setting[setting] = Played(point, bench.sounds[setting])
-    return [played_by_setting[setting] for setting in wanted]
+    return [played_by_setting[setting] for setting in settings_wanted]
 
 
 def _play_with(
-    players: Players, bench: _Bench, wanted: Sequence[Setting], *, has_energy: bool
+    players: Players, bench: _Bench, settings_wanted: Sequence[Setting], *, has_energy: bool
 ) -> list[Played]:
     """All settings, in order, played by `players`."""
     played_by_setting = {}
-    for played in players.played(wanted, bench.n_frames, has_energy=has_energy):
+    for played in players.played(settings_wanted, bench.n_frames, has_energy=has_energy):
         played_by_setting[played.point.setting] = played
         bench.done += (ROUNDS + 1) * bench.n_frames * played.point.setting.oversampling
         bench.progress(bench.done)
-    return [played_by_setting[setting] for setting in wanted]
+    return [played_by_setting[setting] for setting in settings_wanted]
 
 
 def played_beside(
@@ -306,7 +314,7 @@ def _costs(bench: _Bench) -> dict[Setting, float]:
             bench.play(setting, run)
             spent[setting].append(run.spent)
     duration = bench.n_frames / bench.scene.rate
-    return {setting: median(one) / duration for setting, one in spent.items()}
+    return {setting: median(times) / duration for setting, times in spent.items()}
 
 
 def _with_energy(bench: _Bench, point: Point) -> Point:
@@ -365,8 +373,10 @@ class Judge:
             return self.reference.floor_db
         if metric == "energy":
             return None
-        before = self.point(Point(self.reference.setting), self.reference.before).error(metric)
-        return None if before is None else before * self.reference.share
+        point_before = self.point(Point(self.reference.setting), self.reference.before).error(
+            metric
+        )
+        return None if point_before is None else point_before * self.reference.share
 
     def _compared(self, y: Floats) -> list[Partial]:
         span = slice(self._first, None), self._channel

@@ -14,12 +14,12 @@ _MEASURES = [f.name for f in names_of(Point) if f.name not in ("setting", "statu
 def csv(chart: Chart, title: str, machine: str) -> str:
     """The whole file."""
     rows = [fields(point) for point in chart.points]
-    known = ", ".join(f"{k} {v}" for k, v in reference(chart).items() if v is not None)
+    reference_text = ", ".join(f"{k} {v}" for k, v in reference(chart).items() if v is not None)
     facts = [
         f"chart of {title}, the first {chart.seconds:g} s at {chart.rate:g} Hz",
         f"measured on {machine}",
         "cost: seconds of one core per second of sound, median of interleaved rounds",
-        f"reference: {known or 'none'}",
+        f"reference: {reference_text or 'none'}",
         *(f"doubt: {doubt}" for doubt in chart.doubts),
         *(f"the same samples: {', '.join(group)}" for group in chart.alike),
     ]
@@ -33,7 +33,7 @@ _HEAD = ("method", "oversampling", "precision", "budget_db", "status")
 def fields(point: Point) -> dict[str, table.Value]:
     """Everything about a point."""
     setting = point.setting
-    head = (
+    first_fields = (
         setting.method or "planner",
         setting.oversampling,
         setting.precision,
@@ -41,7 +41,7 @@ def fields(point: Point) -> dict[str, table.Value]:
         point.status,
     )
     measures = {name: getattr(point, name) for name in _MEASURES}
-    return {**dict(zip(_HEAD, head, strict=True)), **measures, "reason": point.reason}
+    return {**dict(zip(_HEAD, first_fields, strict=True)), **measures, "reason": point.reason}
 
 
 def reference(chart: Chart) -> dict[str, table.Value]:
@@ -72,10 +72,10 @@ def lines(chart: Chart) -> str:
             rows.append(f"{star} {point.setting!s:<14} {point.cost:9.3g} {shown:>9}{note}\n")
     if chart.reference is not None:
         order = chart.reference.order
-        seen = "" if order is None else f", order {order:.1f} seen"
+        order_text = "" if order is None else f", order {order:.1f} seen"
         rows.append(
             f"  reference: {chart.reference.setting}, own error about "
-            f"{chart.reference.floor_db:.0f} dB of waveform{seen}\n"
+            f"{chart.reference.floor_db:.0f} dB of waveform{order_text}\n"
         )
         if any(point.is_bounded for point in chart.points):
             rows.append("  <: below the error of the reference itself, so no more is known\n")

@@ -57,7 +57,7 @@ class Workers:
     content: ScoreBundle | None = None
 
     def played(
-        self, wanted: Sequence[Setting], n_frames: int, *, has_energy: bool
+        self, settings_wanted: Sequence[Setting], n_frames: int, *, has_energy: bool
     ) -> Iterator[Played]:
         """Settings of the score. A cost is scaled by the ratio of the yardsticks here and at the
         worker.
@@ -66,10 +66,10 @@ class Workers:
         """
         content = self.content
         assert content is not None
-        engine_version, here = version(), median(yardstick() for _ in range(ROUNDS))
+        engine_version, yardstick_here = version(), median(yardstick() for _ in range(ROUNDS))
         results = self.cluster.computed(
             # The most expensive first, so that none of them is left alone at the end.
-            sorted(wanted, key=lambda setting: -setting.oversampling),
+            sorted(settings_wanted, key=lambda setting: -setting.oversampling),
             lambda pool, setting: pool.submit(
                 play, engine_version, content, asdict(setting), n_frames, has_energy
             ),
@@ -83,7 +83,7 @@ class Workers:
             if len(samples) != n_frames * sound["n_channels"]:
                 raise ClusterError("a worker sent a sound of another length")
             if point.cost is not None:
-                point = replace(point, cost=point.cost * here / sound["yardstick"])
+                point = replace(point, cost=point.cost * yardstick_here / sound["yardstick"])
             yield Played(point, samples.reshape(n_frames, sound["n_channels"]))
 
     def surveyors(
@@ -103,11 +103,14 @@ class Surveyors:
     cluster: Cluster
     which: _Which
 
-    def columns(self, wanted: Sequence[tuple[str, float]]) -> Iterator[tuple[str, list[Spot]]]:
+    def columns(
+        self, columns_wanted: Sequence[tuple[str, float]]
+    ) -> Iterator[tuple[str, list[Spot]]]:
         """Each column with its spots. Raises ClusterError."""
         engine_version = version()
         for (name, _), spots in self.cluster.computed(
-            wanted, lambda pool, one: pool.submit(survey, engine_version, self.which, *one)
+            columns_wanted,
+            lambda pool, column: pool.submit(survey, engine_version, self.which, *column),
         ):
             yield name, [Spot(**spot) for spot in spots]
 
@@ -129,7 +132,10 @@ def play(
     with lock, unpack(content) as path:
         scene = Score(scores.piece_of(scores.read(path)))
         result, seconds = played_beside(scene, Setting(**setting), n_frames, has_energy=has_energy)
-        point_fields = {one.name: getattr(result.point, one.name) for one in fields(result.point)}
+        point_fields = {
+            point_field.name: getattr(result.point, point_field.name)
+            for point_field in fields(result.point)
+        }
         del point_fields["setting"]
         point_fields["reason"] = with_local_paths(point_fields["reason"], path, content)
     sound = np.zeros((0, 1)) if result.sound is None else result.sound
@@ -137,18 +143,21 @@ def play(
     return _Sound(point=point_fields, samples=samples, n_channels=sound.shape[1], yardstick=seconds)
 
 
-def survey(asked: list[Any], which: _Which, name: str, x: float) -> list[dict[str, Any]]:
+def survey(versions_asked: list[Any], which: _Which, name: str, x: float) -> list[dict[str, Any]]:
     """Survey a column of a map. Raises ClusterError if another version of ergon asks."""
-    check_version(asked)
+    check_version(versions_asked)
     with lock:
         surveyed_map = _map(which, name)
         return [asdict(compute_spot(surveyed_map, x, y)) for y in surveyed_map.ys]
 
 
 def _map(which: _Which, name: str) -> Map:
-    content, others = which.get("content"), (which["seconds"], which["accurate"], which["metric"])
+    content, map_options = (
+        which.get("content"),
+        (which["seconds"], which["accurate"], which["metric"]),
+    )
     if content is None:
-        return map_catalogue.maps(which["method"], None, *others)[name]
+        return map_catalogue.maps(which["method"], None, *map_options)[name]
     with unpack(content) as path:
         piece = scores.piece_of(scores.read(path))
-        return map_catalogue.maps(which["method"], piece, *others)[name]
+        return map_catalogue.maps(which["method"], piece, *map_options)[name]

@@ -116,8 +116,8 @@ def _limits(ax: Axes, chart: Chart, measured_points: list[Point]) -> None:
     if chart.metric not in _IN_DB:
         ax.set_ylim(top=2.5 * max(*heights, 1e-3))
     else:
-        known = heights if floor is None else [*heights, max(floor, _LEAST_DB)]
-        low, high = min(known), max(heights)
+        heights_and_floor = heights if floor is None else [*heights, max(floor, _LEAST_DB)]
+        low, high = min(heights_and_floor), max(heights)
         room = max(6.0, 0.08 * (high - low))
         rows = len(_failed_methods(chart))
         ax.set_ylim(low - room, high + 2 * room + rows * _ROW * (high - low + 3 * room))
@@ -145,12 +145,12 @@ def _failures(ax: Axes, chart: Chart) -> None:
     """Draw failures at the upper edge, a row for each method, at the cost that each would have; the
     legend says what happened.
     """
-    left = ax.get_xlim()[0]
+    left_limit = ax.get_xlim()[0]
     for row, method in enumerate(_failed_methods(chart)):
         failed = [p for p in chart.points if p.status != "ok" and p.setting.method == method]
         height = 1.0 - _ROW * row
         colour = COLOURS[METHODS.index(method)] if method else "black"
-        costs = [likely_cost(chart, point) or left for point in failed]
+        costs = [likely_cost(chart, point) or left_limit for point in failed]
         label = f"{method or 'the planner'}: {_what_failed(failed)}"
         ax.plot(costs, [height] * len(costs), "X", color=colour, markersize=8, label=label,
                 transform=ax.get_xaxis_transform(), clip_on=False, zorder=5)  # fmt: skip

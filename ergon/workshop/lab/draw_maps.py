@@ -131,8 +131,8 @@ def _edges(values: Sequence[float], is_log: bool) -> Floats:
         edges = np.array([positions[0] - 0.5, positions[0] + 0.5])
     else:
         middle = 0.5 * (positions[1:] + positions[:-1])
-        first, last = 2 * positions[0] - middle[0], 2 * positions[-1] - middle[-1]
-        edges = np.concatenate([[first], middle, [last]])
+        first_edge, last_edge = 2 * positions[0] - middle[0], 2 * positions[-1] - middle[-1]
+        edges = np.concatenate([[first_edge], middle, [last_edge]])
     return np.exp(edges) if is_log else edges
 
 

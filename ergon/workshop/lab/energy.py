@@ -38,7 +38,10 @@ class Drift:
 def drift(t: Sequence[float], ledgers: Sequence[_core.Energy]) -> Drift:
     """Follow (stored + lost)/(start + injected) through instants t [s]; 0 dB is exact."""
     ratios = np.array(
-        [(one.stored + one.lost) / max(one.start + one.injected, 1e-300) for one in ledgers]
+        [
+            (ledger.stored + ledger.lost) / max(ledger.start + ledger.injected, 1e-300)
+            for ledger in ledgers
+        ]
     )
     level = 10.0 * np.log10(np.maximum(ratios, 1e-300))
     if len(level) < 2:

@@ -80,22 +80,28 @@ def chart(
     """
     options, report = options or ChartOptions(), report or Report()
     methods = tuple(options.methods) or tuple(METHODS)
-    for option, names, known in (
+    for option, names, allowed_names in (
         ("methods", methods, METHODS),
         ("metric", (options.metric,), METRICS),
     ):
         for name in names:
-            if name not in known:
-                meant = nearest(name, known)
-                advice = f"; did you mean '{meant}'?" if meant else f"; there is {', '.join(known)}"
+            if name not in allowed_names:
+                meant = nearest(name, allowed_names)
+                advice = (
+                    f"; did you mean '{meant}'?"
+                    if meant
+                    else f"; there is {', '.join(allowed_names)}"
+                )
                 raise OptionError(option, f"there is no '{name}'{advice}")
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
-    wanted = [*settings(methods, PRECISIONS, options.upto), *planned(options.error)]
-    total = work(wanted, round(options.seconds * piece.rate))
+    chosen_settings = [*settings(methods, PRECISIONS, options.upto), *planned(options.error)]
+    total = work(chosen_settings, round(options.seconds * piece.rate))
     try:
         with report.progress(f"charting {score}", total, piece.rate) as progress:
-            result = measure(Score(piece), wanted, options.seconds, options.metric, progress.update)
+            result = measure(
+                Score(piece), chosen_settings, options.seconds, options.metric, progress.update
+            )
     except SilentPieceError as silence:
         raise OptionError("seconds", f"{silence}; a larger number computes more") from None
     for doubt in result.doubts:

@@ -42,14 +42,17 @@ def maps(
     """The maps of a method, or of a piece; an error up to `accurate` [dB] counts as right."""
     if piece is not None:
         maps_by_name = maps_of_score(piece, seconds, method)
-        maps_by_name = {name: replace(one, metric=metric) for name, one in maps_by_name.items()}
+        maps_by_name = {
+            name: replace(survey_map, metric=metric) for name, survey_map in maps_by_name.items()
+        }
     elif metric == "energy":
         maps_by_name = {"rattle": _rattle(method)}
     else:
         maps_by_name = built_in(method)
     if accurate is not None:
         maps_by_name = {
-            name: replace(one, right=((inf, accurate),)) for name, one in maps_by_name.items()
+            name: replace(survey_map, right=((inf, accurate),))
+            for name, survey_map in maps_by_name.items()
         }
     return maps_by_name
 
@@ -57,11 +60,11 @@ def maps(
 def built_in(method: str) -> dict[str, Map]:
     """The maps of a method, by name."""
     if method == SLOW:
-        maps = tuple(_cut(name, *one) for name, one in _CUTS.items())
+        maps = tuple(_cut(name, *survey_map) for name, survey_map in _CUTS.items())
     else:
         makers = (_cell, _contact, _strike, _rate, _coupling)
         maps = tuple(make(method) for make in makers)
-    return {one.name: one for one in maps}
+    return {survey_map.name: survey_map for survey_map in maps}
 
 
 def _cell(method: str) -> Map:
@@ -176,18 +179,18 @@ _PRESERVED = ((10.0, -75.0), (inf, -70.0))
 
 
 def _cut(name: str, key: slow_key_scene.Key, modes: str) -> Map:
-    def case(stiffness: float, every: float) -> MapPoint:
+    def case(stiffness: float, frames_per_pull: float) -> MapPoint:
         return slow_key_scene.SlowKeyPoint(
-            slow_key_scene.SlowKeyScene(key, 1e3 * stiffness, round(every))
+            slow_key_scene.SlowKeyScene(key, 1e3 * stiffness, round(frames_per_pull))
         )
 
-    def load(stiffness: float, every: float) -> float:
+    def load(stiffness: float, frames_per_pull: float) -> float:
         return slow_key_scene.load(key, 1e3 * stiffness)
 
     title = f"a slow key, modes to {modes}, pulls a string"
-    every = tuple(float(frames) for frames in range(2, 61, 2))
+    pull_spacings = tuple(float(frames) for frames in range(2, 61, 2))
     return Map(name, title, "K of the spring between [kN/m]", "frames from pull to pull",
-               _spaced(0.01, 1e3, 21), every, 4.0, case, load,
+               _spaced(0.01, 1e3, 21), pull_spacings, 4.0, case, load,
                log_y=False, right=_PRESERVED, judged=1.0)  # fmt: skip
 
 
@@ -202,7 +205,7 @@ def maps_of_score(piece: Piece, seconds: float, method: str) -> dict[str, Map]:
     maps = [_stiffer(piece, seconds, method, "springs", contacts_only=False)]
     if has_contacts(piece):
         maps.append(_stiffer(piece, seconds, method, "contacts", contacts_only=True))
-    return {one.name: one for one in maps}
+    return {survey_map.name: survey_map for survey_map in maps}
 
 
 def _stiffer(piece: Piece, seconds: float, method: str, name: str, *, contacts_only: bool) -> Map:
@@ -224,7 +227,7 @@ def _stiffer(piece: Piece, seconds: float, method: str, name: str, *, contacts_o
 
         return Stepped(scene(factor, times), _setting(method), truth)
 
-    what = "all its contacts" if contacts_only else "all its springs"
-    title = f"{piece.title or 'the score'}: {what} stiffer"
+    noun = "all its contacts" if contacts_only else "all its springs"
+    title = f"{piece.title or 'the score'}: {noun} stiffer"
     return Map(name, title, "stiffness, times the score's", "rate, times the score's", _FACTORS,
                _RATE_FACTORS, seconds, case, as_written=(1.0, 1.0))  # fmt: skip

@@ -18,9 +18,13 @@ def csv(surveyed: Surveyed, method: str) -> str:
         f"stability of {method}",
         "theory, certified: predicted by a formula, by the engine before it runs",
         *dict.fromkeys(
-            f"stable: what happened; accurate: {_bar(one)}" for one, _ in surveyed.values()
+            f"stable: what happened; accurate: {_bar(surveyed_map)}"
+            for surveyed_map, _ in surveyed.values()
         ),
-        *(f"{name}: x is {one.x_label}, y is {one.y_label}" for name, (one, _) in surveyed.items()),
+        *(
+            f"{name}: x is {surveyed_map.x_label}, y is {surveyed_map.y_label}"
+            for name, (surveyed_map, _) in surveyed.items()
+        ),
     ]
     names = ["map", "x", "y", *_NAMES]
     rows = ([record[name] for name in names] for record in records(surveyed))
@@ -28,16 +32,21 @@ def csv(surveyed: Surveyed, method: str) -> str:
 
 
 def _bar(surveyed_map: Map) -> str:
-    *steps, (_, last) = surveyed_map.right
+    *steps, (_, last_error) = surveyed_map.right
     upto = [f"{db:g} dB up to {y:g}, " for y, db in steps]
-    what = "energy_db" if surveyed_map.metric == "energy" else "error_db"
-    return f"{what} of at most {''.join(upto)}{last:g} dB"
+    metric_field = "energy_db" if surveyed_map.metric == "energy" else "error_db"
+    return f"{metric_field} of at most {''.join(upto)}{last_error:g} dB"
 
 
 def records(surveyed: Surveyed) -> list[dict[str, table.Value]]:
     """Everything about every spot."""
     return [
-        {"map": name, "x": spot.x, "y": spot.y, **{one: getattr(spot, one) for one in _NAMES}}
+        {
+            "map": name,
+            "x": spot.x,
+            "y": spot.y,
+            **{spot_field: getattr(spot, spot_field) for spot_field in _NAMES},
+        }
         for name, (_, spots) in surveyed.items()
         for spot in spots
     ]

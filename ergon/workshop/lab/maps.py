@@ -81,7 +81,9 @@ class Spot:
 class Surveyors(Protocol):
     """Surveys columns of maps elsewhere."""
 
-    def columns(self, wanted: Sequence[tuple[str, float]]) -> Iterator[tuple[str, list[Spot]]]:
+    def columns(
+        self, columns_wanted: Sequence[tuple[str, float]]
+    ) -> Iterator[tuple[str, list[Spot]]]:
         """The spots of columns, each the name of a map and an x, in any order."""
 
 
@@ -102,11 +104,11 @@ def survey_all(
     if surveyors is not None:
         return _surveyed_by(surveyors, maps, progress)
     surveys: dict[str, tuple[Map, list[Spot]]] = {}
-    before = 0
+    n_done = 0
     for name, surveyed_map in maps.items():
-        spots = survey(surveyed_map, partial(_shifted, progress, before))
+        spots = survey(surveyed_map, partial(_shifted, progress, n_done))
         surveys[name] = surveyed_map, spots
-        before += len(spots)
+        n_done += len(spots)
     return surveys
 
 
@@ -116,9 +118,9 @@ def _surveyed_by(
     """Survey maps column by column: the spots of a column share their truth, so one process
     computes a column.
     """
-    wanted = [(name, x) for name, surveyed_map in maps.items() for x in surveyed_map.xs]
+    columns_wanted = [(name, x) for name, surveyed_map in maps.items() for x in surveyed_map.xs]
     spots: dict[tuple[str, float, float], Spot] = {}
-    for name, column in surveyors.columns(wanted):
+    for name, column in surveyors.columns(columns_wanted):
         spots |= {(name, spot.x, spot.y): spot for spot in column}
         progress(len(spots))
     return {

@@ -51,8 +51,8 @@ def onset(x: Floats) -> int | None:
 
 def early_db(y: Floats, x: Floats, rate: float, seconds: float = EARLY) -> float:
     """`waveform_db` over the first `seconds` of sound, by default 0.1 s."""
-    first = onset(x) or 0
-    span = slice(first, first + max(1, round(seconds * rate)))
+    first_frame = onset(x) or 0
+    span = slice(first_frame, first_frame + max(1, round(seconds * rate)))
     return waveform_db(y[span], x[span])
 
 
@@ -78,14 +78,14 @@ def _by_frames(y: Floats, x: Floats, size: int) -> tuple[float, float]:
     """(mean |ΔdB|, convergence) with windows of `size` frames."""
     total, n_bins, error, energy = 0.0, 0, 0.0, 0.0
     for ours, theirs in zip(_columns(y).T, _columns(x).T, strict=True):
-        got, wanted = _magnitudes(ours, size), _magnitudes(theirs, size)
-        error += float(np.sum((got - wanted) ** 2))
-        energy += float(np.sum(wanted**2))
-        peak = wanted.max(axis=1, keepdims=True)
+        magnitudes, reference_magnitudes = _magnitudes(ours, size), _magnitudes(theirs, size)
+        error += float(np.sum((magnitudes - reference_magnitudes) ** 2))
+        energy += float(np.sum(reference_magnitudes**2))
+        peak = reference_magnitudes.max(axis=1, keepdims=True)
         loud = peak > 10.0 ** (_SILENT_DB / 20.0) * peak.max()
-        audible = loud & (wanted > 10.0 ** (_COMPARED_DB / 20.0) * peak)
+        audible = loud & (reference_magnitudes > 10.0 ** (_COMPARED_DB / 20.0) * peak)
         floor = 10.0 ** (-_WORST_DB / 20.0)
-        ratio = np.maximum(got[audible] / wanted[audible], floor)
+        ratio = np.maximum(magnitudes[audible] / reference_magnitudes[audible], floor)
         total += float(np.sum(np.abs(20.0 * np.log10(ratio))))
         n_bins += int(np.count_nonzero(audible))
     if n_bins == 0:

@@ -53,8 +53,8 @@ class Reference:
     @property
     def share(self) -> float:
         """The reference's own error over the change of the last doubling."""
-        order, last = self._line()
-        luck: float = 10.0 ** (max(0.0, last - self.changes[-1]) / 20.0)
+        order, last_change = self._line()
+        luck: float = 10.0 ** (max(0.0, last_change - self.changes[-1]) / 20.0)
         return luck if order is None else luck / float(2.0**order - 1.0)
 
     def _line(self) -> tuple[float | None, float]:
@@ -62,14 +62,14 @@ class Reference:
         if len(self.changes) < 2 or min(self.changes[-_LOOKED_AT:]) < EXACT_DB:
             return None, self.changes[-1]
         steepest = _DOUBLING_DB * (order_of(self.setting.method))
-        row = [self.changes[0]]
+        lifted_changes = [self.changes[0]]
         for change in self.changes[1:]:
-            row.append(max(change, row[-1] - steepest))
-        row = row[-_LOOKED_AT:]
-        fall, start = np.polyfit(np.arange(len(row)), row, 1)
-        last = max(float(start + fall * (len(row) - 1)), row[-1])
+            lifted_changes.append(max(change, lifted_changes[-1] - steepest))
+        lifted_changes = lifted_changes[-_LOOKED_AT:]
+        fall, start = np.polyfit(np.arange(len(lifted_changes)), lifted_changes, 1)
+        last_change = max(float(start + fall * (len(lifted_changes) - 1)), lifted_changes[-1])
         p = -float(fall) / _DOUBLING_DB
-        return (p, last) if p >= _ORDER_MIN else (None, last)
+        return (p, last_change) if p >= _ORDER_MIN else (None, last_change)
 
 
 def steps(upto: int) -> tuple[int, ...]:
@@ -81,22 +81,24 @@ def best(sounds: Mapping[Setting, Floats]) -> str | None:
     """The method whose last doubling changed least, of those in double precision."""
     errors = {}
     for method in dict.fromkeys(setting.method for setting in sounds if setting.method):
-        row = ladder(sounds, method)
-        if len(row) > 1:
-            errors[method] = waveform_db(row[-2][1], row[-1][1])
+        rungs = ladder(sounds, method)
+        if len(rungs) > 1:
+            errors[method] = waveform_db(rungs[-2][1], rungs[-1][1])
     return min(errors, key=lambda method: errors[method], default=None)
 
 
 def ladder(sounds: Mapping[Setting, Floats], method: str) -> list[tuple[int, Floats]]:
     """Sounds of one method in double precision, each twice as oversampled as the one before."""
-    row = sorted(
+    rungs = sorted(
         ((s.oversampling, sound) for s, sound in sounds.items()
          if s.method == method and s.precision == "f64"),
-        key=lambda one: one[0],
+        key=lambda rate_and_sound: rate_and_sound[0],
     )  # fmt: skip
     # A run that failed breaks the ladder: only the part above it counts.
-    last = next((i for i in range(len(row) - 1, 0, -1) if row[i][0] != 2 * row[i - 1][0]), 0)
-    return row[last:]
+    last_doubled = next(
+        (i for i in range(len(rungs) - 1, 0, -1) if rungs[i][0] != 2 * rungs[i - 1][0]), 0
+    )
+    return rungs[last_doubled:]
 
 
 def refine(
@@ -117,8 +119,8 @@ def refine(
     chosen = _refined(sounds, run, method, doublings)
     if rival is None or chosen.floor_db < EXACT_DB:
         return chosen
-    other = _rival(run, rival)
-    return chosen if other is None or other.floor_db >= chosen.floor_db else other
+    rival_sound = _rival(run, rival)
+    return chosen if rival_sound is None or rival_sound.floor_db >= chosen.floor_db else rival_sound
 
 
 def _rival(run: Callable[[Setting], Floats | None], rival: Setting) -> Reference | None:
@@ -126,16 +128,16 @@ def _rival(run: Callable[[Setting], Floats | None], rival: Setting) -> Reference
 
     A plan of the scene at twice the rate may take the very same steps: then nothing is compared.
     """
-    before = run(rival)
+    sound_before = run(rival)
     for times in (2, 4, 8, 16):
         setting = replace(rival, oversampling=times * rival.oversampling)
         sound = run(setting)
-        if before is None or sound is None:
+        if sound_before is None or sound is None:
             return None
-        (change,) = _changes([(1, before), (times, sound)])
+        (change,) = _changes([(1, sound_before), (times, sound)])
         if change > EXACT_DB:
-            return Reference(setting, sound, before, (change,))
-        before = sound
+            return Reference(setting, sound, sound_before, (change,))
+        sound_before = sound
     return None
 
 
@@ -169,12 +171,13 @@ def doubts(sounds: Mapping[Setting, Floats], chosen: Reference) -> list[str]:
     for method in dict.fromkeys(setting.method for setting in sounds if setting.method):
         if method == chosen.setting.method or len(ladder(sounds, method)) < 2:
             continue
-        other = _top(sounds, method)
-        apart = waveform_db(other.sound, chosen.sound)
-        if apart > max(other.floor_db, chosen.floor_db) + _DOUBT_DB:
+        rival_top = _top(sounds, method)
+        apart = waveform_db(rival_top.sound, chosen.sound)
+        if apart > max(rival_top.floor_db, chosen.floor_db) + _DOUBT_DB:
             sentences.append(
-                f"{other.setting} and {chosen.setting} differ by {apart:.0f} dB, though their own "
-                f"errors seem to be {other.floor_db:.0f} and {chosen.floor_db:.0f} dB"
+                f"{rival_top.setting} and {chosen.setting} differ by {apart:.0f} dB, though their "
+                "own "
+                f"errors seem to be {rival_top.floor_db:.0f} and {chosen.floor_db:.0f} dB"
             )
     return sentences
 

@@ -98,12 +98,12 @@ class Run:
         output_frames = np.empty((n_frames, self.n_out))
         stride = self._oversampled.times
         block = np.empty((min(_BLOCK, n_frames) * stride, self.n_out))
-        for first in range(0, n_frames, _BLOCK):
-            part = block[: min(_BLOCK, n_frames - first) * stride]
+        for first_frame in range(0, n_frames, _BLOCK):
+            part = block[: min(_BLOCK, n_frames - first_frame) * stride]
             begin = time.thread_time()
             self._simulation.process(part)
             self.spent += time.thread_time() - begin
-            output_frames[first : first + _BLOCK] = part[::stride]
+            output_frames[first_frame : first_frame + _BLOCK] = part[::stride]
         self._derivatives.process(output_frames)
         return output_frames
 

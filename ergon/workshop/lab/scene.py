@@ -52,8 +52,8 @@ class Score:
 
     def build_at(self, rate: float) -> NetworkAndTimeline:
         """The piece at another rate."""
-        ready = prepare(replace(self.piece, rate=rate))
-        return NetworkAndTimeline(ready.network, ready.timeline)
+        prepared = prepare(replace(self.piece, rate=rate))
+        return NetworkAndTimeline(prepared.network, prepared.timeline)
 
     def hear(self, frames: Floats) -> Floats:
         """Mix by the piece's own routes."""

@@ -150,8 +150,8 @@ def _planned(scene: SlowKeyScene) -> tuple[NetworkAndTimeline, _core.Plan]:
     """
     played = scene.build_at(RATE)
     plan = _core.Plan(played.network, played.timeline, error_db=_BUDGET_DB)
-    for _, why in plan.stay():
-        raise _core.UnstableError(why)
+    for _, reason in plan.stay():
+        raise _core.UnstableError(reason)
     return played, plan
 
 

@@ -36,25 +36,25 @@ class Completion:
     suffix: str = ""  # what is put in after the word
 
 
-def completions(text: str, index: int, file: Document, known: Catalogue) -> list[Completion]:
+def completions(text: str, index: int, file: Document, catalogue: Catalogue) -> list[Completion]:
     """Words that may be written at a character of a score."""
-    with tuning.used(known.tuning):
-        return _completions(text, index, file, known)
+    with tuning.used(catalogue.tuning):
+        return _completions(text, index, file, catalogue)
 
 
-def _completions(text: str, index: int, file: Document, known: Catalogue) -> list[Completion]:
+def _completions(text: str, index: int, file: Document, catalogue: Catalogue) -> list[Completion]:
     number = _number_before(text, index)
     by_word: dict[str, Completion] = {}
     in_text = cursors.cursor_at(file, index)
     if in_text is not None and "\n" in in_text.node.text:  # a table below '|' holds no YAML
-        return list(_value_completions(in_text.shape, known, number))
+        return list(_value_completions(in_text.shape, catalogue, number))
     for cursor, read in cursors.cursors_at_unwritten(text, index, file):
         for part in music_parts.parts_beside(cursor, read):
             by_word[part.id] = Completion(part.id, "value", music_parts.about(part))
         words = (
             _key_completions(cursor)
             if cursor.is_name
-            else _value_completions(cursor.shape, known, number)
+            else _value_completions(cursor.shape, catalogue, number)
         )
         for word in words:
             by_word.setdefault(word.word, word)
@@ -73,7 +73,9 @@ def _key_completions(cursor: Cursor) -> Iterator[Completion]:
             yield Completion(kind, "kind", _shape_text(shape), ": ")
 
 
-def _value_completions(shape: Shape | None, known: Catalogue, number: str) -> Iterator[Completion]:
+def _value_completions(
+    shape: Shape | None, catalogue: Catalogue, number: str
+) -> Iterator[Completion]:
     if isinstance(shape, Text) and number:
         for unit in shape.units or (("Hz", "kHz") if shape is k.PITCH else ()):
             yield Completion(number + unit, "unit", shape.words())
@@ -88,13 +90,13 @@ def _value_completions(shape: Shape | None, known: Catalogue, number: str) -> It
                 Completion(note, "value", f"{frequency_of(note):.2f} Hz") for note in _NOTES
             )
         if shape is RHYTHM:
-            yield from _name_completions(known.definitions_in("instruments"))
+            yield from _name_completions(catalogue.definitions_in("instruments"))
         if shape in (k.WHEN, k.MARK):
-            yield from _name_completions(known.definitions_in("marks"))
+            yield from _name_completions(catalogue.definitions_in("marks"))
     elif isinstance(shape, Reference):
-        yield from _name_completions(known.definitions_in(*shape.sections))
+        yield from _name_completions(catalogue.definitions_in(*shape.sections))
     elif isinstance(shape, Part):
-        yield from _name_completions(known.definitions_in("marks", *_PLAYED))
+        yield from _name_completions(catalogue.definitions_in("marks", *_PLAYED))
         for word, option in SHAPES.items():
             yield Completion(word, "field", option.words(), " ")
         yield from _word_completions(shape)
@@ -103,7 +105,7 @@ def _value_completions(shape: Shape | None, known: Catalogue, number: str) -> It
     elif shape is not None and shape.vocabulary():
         yield from _word_completions(shape)
     elif shape is not None and (item := shape.inner(0)) is not None and item is not shape:
-        yield from _value_completions(item, known, number)
+        yield from _value_completions(item, catalogue, number)
 
 
 def _word_completions(shape: Shape) -> Iterator[Completion]:
@@ -125,24 +127,24 @@ def _number_before(text: str, index: int) -> str:
     return digits if any(c.isdigit() for c in digits) else ""
 
 
-def explanation(index: int, file: Document, known: Catalogue) -> str | None:
+def explanation(index: int, file: Document, catalogue: Catalogue) -> str | None:
     """The explanation of the text under a character, in Markdown; None if there is none."""
     cursor = cursors.cursor_at(file, index)
     if cursor is None:
         return None
-    with tuning.used(_tuning_at(cursor, known)):
-        return _explanation(index, cursor, file, known)
+    with tuning.used(_tuning_at(cursor, catalogue)):
+        return _explanation(index, cursor, file, catalogue)
 
 
-def _tuning_at(cursor: Cursor, known: Catalogue) -> tuning.Tuning | None:
+def _tuning_at(cursor: Cursor, catalogue: Catalogue) -> tuning.Tuning | None:
     """The tuning of the notes under a cursor: in an instrument, and in a name of one, its own."""
     path = cursor.node.text
     if cursor.path[:1] == ("instruments",):
         path = ".".join(cursor.path[1:2])
-    return tuning.tuning_of_path(path, known.tunings, known.tuning)
+    return tuning.tuning_of_path(path, catalogue.tunings, catalogue.tuning)
 
 
-def _explanation(index: int, cursor: Cursor, file: Document, known: Catalogue) -> str | None:
+def _explanation(index: int, cursor: Cursor, file: Document, catalogue: Catalogue) -> str | None:
     if cursor.is_name:
         if cursor.field is not None:
             return f"**{cursor.field.name}**: {_field_text(cursor.field)}"
@@ -158,7 +160,7 @@ def _explanation(index: int, cursor: Cursor, file: Document, known: Catalogue) -
     for part in music_parts.parts_beside(cursor, file):
         if cursor.node.text in (part.id, part.name):
             return f"**{part.id}**: {music_parts.about(part)}"
-    definition_place = definition(index, file, known)
+    definition_place = definition(index, file, catalogue)
     heights = None if cursor.is_name else _pitch_text(index, cursor, file.text)
     if definition_place is None or heights is not None:
         return heights
@@ -201,7 +203,7 @@ def _hertz_text(frequency: float) -> str:
     return f"{frequency:.3f} Hz, {note}" + (f" {cents:+.1f} cents" if abs(cents) >= 0.05 else "")
 
 
-def definition(index: int, file: Document, known: Catalogue) -> Definition | None:
+def definition(index: int, file: Document, catalogue: Catalogue) -> Definition | None:
     """Where the name under a character is defined."""
     cursor = cursors.cursor_at(file, index)
     word = cursors.word_at(file.text, index).strip("/-")
@@ -209,10 +211,12 @@ def definition(index: int, file: Document, known: Catalogue) -> Definition | Non
         return None
     shape = cursor.shape
     if isinstance(shape, Reference) and "modules" in shape.sections and len(cursor.path) > 1:
-        inside = known.find(f"{cursor.path[1]}.{word}", ("modules",))  # a module of the same one
+        inside = catalogue.find(
+            f"{cursor.path[1]}.{word}", ("modules",)
+        )  # a module of the same one
         if inside is not None:
             return inside
-    return known.find(word, shape.sections if isinstance(shape, Reference) else ())
+    return catalogue.find(word, shape.sections if isinstance(shape, Reference) else ())
 
 
 def frequency_of(text: str) -> float:

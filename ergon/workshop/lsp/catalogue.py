@@ -36,7 +36,9 @@ class Catalogue:
 
     def definitions_in(self, *sections: str) -> list[Definition]:
         """All definitions of some sections, in their order."""
-        return [one for name in sections for one in self.sections.get(name, {}).values()]
+        return [
+            definition for name in sections for definition in self.sections.get(name, {}).values()
+        ]
 
     def find(self, word: str, sections: tuple[str, ...] = ()) -> Definition | None:
         """The definition of a word, or of the longest part before one of its dots."""

@@ -48,7 +48,7 @@ def cursor_at(file: Document, index: int) -> Cursor | None:
     table: Record | None = None
     field: Field | None = None
     path: tuple[str, ...] = ()
-    written: frozenset[str] = frozenset()
+    entry_names: frozenset[str] = frozenset()
     while True:
         shape = None if shape is None else shape.chosen(node)
         if isinstance(node, document.Mapping):
@@ -60,11 +60,11 @@ def cursor_at(file: Document, index: int) -> Cursor | None:
             if entry is None:
                 return None
             key, child = entry
-            written = frozenset(node.entries)
+            entry_names = frozenset(node.entries)
             inner = None if shape is None else shape.inner(key.text)
             field = shape.by_name.get(key.text) if isinstance(shape, Record) else None
             if key.start <= index <= key.end:
-                beside = written - {key.text}
+                beside = entry_names - {key.text}
                 record = table if isinstance(shape, Record) else None
                 return Cursor(key, True, inner, record, field, path, beside)
             path = (*path, key.text)
@@ -78,7 +78,7 @@ def cursor_at(file: Document, index: int) -> Cursor | None:
             number, node = last_key
             shape = None if shape is None else shape.inner(number)
         elif isinstance(node, Scalar) and node.start <= index <= node.end:
-            return Cursor(node, False, shape, table, field, path, written)
+            return Cursor(node, False, shape, table, field, path, entry_names)
         else:
             return None
 
@@ -90,16 +90,16 @@ def cursors_at_unwritten(text: str, index: int, file: Document) -> list[tuple[Cu
     """
     begin = text.rfind("\n", 0, index) + 1
     end = text.find("\n", index)
-    before, after = text[begin:index], text[index : len(text) if end < 0 else end]
-    before = before.removesuffix(word_before(before, len(before)))
-    rest = WORD.sub("", after, count=1)
-    closing = "" if rest.strip() else _closing_brackets(before)
+    text_before, text_after = text[begin:index], text[index : len(text) if end < 0 else end]
+    text_before = text_before.removesuffix(word_before(text_before, len(text_before)))
+    text_behind = WORD.sub("", text_after, count=1)
+    closing = "" if text_behind.strip() else _closing_brackets(text_before)
     cursors = []
     for placeholder in (_PLACEHOLDER, f"{_PLACEHOLDER}: 0"):
-        line = before + placeholder + (closing or rest)
+        line = text_before + placeholder + (closing or text_behind)
         changed = text[:begin] + line + ("" if end < 0 else text[end:])
         read = document.compose(changed, file.file, Collector())
-        cursor = cursor_at(read, begin + len(before))
+        cursor = cursor_at(read, begin + len(text_before))
         if cursor is not None and _PLACEHOLDER in cursor.node.text:
             cursors.append((cursor, read))
     return cursors

@@ -86,8 +86,8 @@ class GuardedInput:
                 self.failure = error
                 return False
             else:
-                head = f"Content-Length: {len(body)}\r\n\r\n".encode()
-                self._ready = io.BytesIO(head + body)
+                header = f"Content-Length: {len(body)}\r\n\r\n".encode()
+                self._ready = io.BytesIO(header + body)
                 return True
 
     def _body(self) -> bytes | None:
@@ -200,11 +200,11 @@ def _is_id(id: object) -> bool:
 
 def _depths(value: object) -> Iterator[int]:
     """How deep each part of a value lies, without recursion."""
-    left = [(value, 1)]
-    while left:
-        value, depth = left.pop()
+    values_left = [(value, 1)]
+    while values_left:
+        value, depth = values_left.pop()
         yield depth
         if isinstance(value, dict):
-            left += ((inner, depth + 1) for inner in value.values())
+            values_left += ((inner, depth + 1) for inner in value.values())
         elif isinstance(value, list):
-            left += ((inner, depth + 1) for inner in value)
+            values_left += ((inner, depth + 1) for inner in value)

@@ -107,9 +107,9 @@ class Server(LanguageServer):
         if loaded.names is not None:
             open_document.catalogue = catalogue(loaded)
         if saved and loaded.piece is not None:
-            _, more = await asyncio.to_thread(try_stage, loaded, None)
+            _, stage_diagnostics = await asyncio.to_thread(try_stage, loaded, None)
             if open_document.version == version:
-                self._publish(uri, open_document, [*loaded.diagnostics, *more])
+                self._publish(uri, open_document, [*loaded.diagnostics, *stage_diagnostics])
 
     def forget_document(self, uri: str) -> None:
         """Forget a document, and clear its diagnostics."""
@@ -125,7 +125,8 @@ class Server(LanguageServer):
     def _load(self, uri: str) -> Loaded:
         path = _path(uri)
         overlay = {
-            str(_path(other)): own.source for other, own in self.workspace.text_documents.items()
+            str(_path(document_uri)): open_document.source
+            for document_uri, open_document in self.workspace.text_documents.items()
         }
         text = self.workspace.get_text_document(uri).source
         return load(path, text=text, overlay=overlay, bounds=scores.bounds(str(path), False))
@@ -264,8 +265,8 @@ def _complete(ls: Server, params: t.CompletionParams) -> t.CompletionList:
     is_score = ls.is_score(params.text_document.uri)
     completions = answers.completions(text.source, index, file, known) if is_score else []
     begin = index - len(cursor.word_before(text.source, index))
-    here = t.Range(_client_position(text, begin), _client_position(text, index))
-    return t.CompletionList(is_incomplete=True, items=list(_items(completions, here)))
+    word_range = t.Range(_client_position(text, begin), _client_position(text, index))
+    return t.CompletionList(is_incomplete=True, items=list(_items(completions, word_range)))
 
 
 def _client_position(text: TextDocument, index: int) -> t.Position:
@@ -278,7 +279,9 @@ def _client_position(text: TextDocument, index: int) -> t.Position:
     return t.Position(len(lines) - 1, text.position_codec.client_num_units(lines[-1]))
 
 
-def _items(completions: Iterable[answers.Completion], here: t.Range) -> Iterable[t.CompletionItem]:
+def _items(
+    completions: Iterable[answers.Completion], word_range: t.Range
+) -> Iterable[t.CompletionItem]:
     for number, completion in enumerate(completions):
         yield t.CompletionItem(
             completion.word,
@@ -286,7 +289,7 @@ def _items(completions: Iterable[answers.Completion], here: t.Range) -> Iterable
             detail=completion.detail,
             sort_text=f"{number:05d}",
             filter_text=completion.word,
-            text_edit=t.TextEdit(here, completion.word + completion.suffix),
+            text_edit=t.TextEdit(word_range, completion.word + completion.suffix),
         )
 
 
@@ -363,9 +366,9 @@ def _symbols(ls: Server, params: t.DocumentSymbolParams) -> list[t.DocumentSymbo
 def _symbol(
     ls: Server, uri: str, name: str, place: Place, children: Sequence[t.DocumentSymbol] = ()
 ) -> t.DocumentSymbol:
-    here = ls.range(uri, place)
+    symbol_range = ls.range(uri, place)
     kind = t.SymbolKind.Namespace if children else t.SymbolKind.Field
-    return t.DocumentSymbol(name, kind, here, here, children=children)
+    return t.DocumentSymbol(name, kind, symbol_range, symbol_range, children=children)
 
 
 def _format(ls: Server, params: t.DocumentFormattingParams) -> list[t.TextEdit] | None:

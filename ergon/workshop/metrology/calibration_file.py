@@ -83,9 +83,9 @@ def text(measured: Measured, takes: Sequence[str], day: str) -> str:
     fit = measured.fit
     names, values, covariance = _fit_figures(fit)
     deviations = np.sqrt(np.diag(covariance))
-    known = dict(zip(names, zip(values, deviations, strict=True), strict=True))
+    value_and_deviation = dict(zip(names, zip(values, deviations, strict=True), strict=True))
     lines = ["ergon: 1"]
-    for name, (value, deviation) in known.items():
+    for name, (value, deviation) in value_and_deviation.items():
         if name in UNITS:
             unit, scale = UNITS[name]
             lines.append(f"{name}: {value * scale:.7g}{unit} # ± {deviation * scale:.3g}")
@@ -95,7 +95,7 @@ def text(measured: Measured, takes: Sequence[str], day: str) -> str:
         mode_figures = [
             (value * MODE_FIELDS[name][1], deviation * MODE_FIELDS[name][1])
             for name in MODE_FIELDS
-            for value, deviation in [known[f"mode{mode}.{name}"]]
+            for value, deviation in [value_and_deviation[f"mode{mode}.{name}"]]
         ]
         (m, dm), (f, df), (decay, dt) = mode_figures
         lines.append(
@@ -104,8 +104,8 @@ def text(measured: Measured, takes: Sequence[str], day: str) -> str:
     size = np.where(deviations > 0, deviations, 1.0)
     lines.append("correlations:")
     for i, name in enumerate(names):
-        each = covariance[i, :i] / (size[i] * size[:i])
-        lines.append(" ".join([f"  - {name}", *(f"{x:.6f}" for x in each)]))
+        correlations = covariance[i, :i] / (size[i] * size[:i])
+        lines.append(" ".join([f"  - {name}", *(f"{x:.6f}" for x in correlations)]))
     if measured.noise is not None:
         lines.append(f"noise: {measured.noise * 1e3:.4g}mm")
     lines.append(f"residual: {fit.rms * 1e6:.3g} um rms in {fit.n} positions")
@@ -156,12 +156,15 @@ class Calibration:
     def covariance(self, names: Sequence[str]) -> Floats:
         """Covariance of figures with known deviations, (names, names), in SI units."""
         size = np.array([self.deviations[name] for name in names])
-        known = self.correlations
-        each = [
-            [1.0 if a == b else known.get((a, b), known.get((b, a), 0.0)) for b in names]
+        correlations = self.correlations
+        covariance_rows = [
+            [
+                1.0 if a == b else correlations.get((a, b), correlations.get((b, a), 0.0))
+                for b in names
+            ]
             for a in names
         ]
-        return np.array(each).reshape(len(names), len(names)) * np.outer(size, size)
+        return np.array(covariance_rows).reshape(len(names), len(names)) * np.outer(size, size)
 
     @property
     def row(self) -> Floats:
@@ -182,7 +185,7 @@ def read(source: str) -> Calibration:
     figures: dict[str, float] = {}
     deviations: dict[str, float] = {}
     correlations: dict[tuple[str, str], float] = {}
-    before: list[str] = []
+    lines_before: list[str] = []
     modes: list[tuple[float, float, float]] = []
     date = section = ""
     for line in source.splitlines():
@@ -191,13 +194,13 @@ def read(source: str) -> Calibration:
         if match := _MODE.match(line):
             modes.append(_mode(match, f"mode{len(modes) + 1}", figures, deviations))
         elif section == "correlations:" and (match := _CORRELATED.match(line)):
-            each = map(float, match[2].split())
+            numbers = map(float, match[2].split())
             # If a row is damaged, the part of it that exists is used.
             correlations |= {
                 (match[1], name): max(-1.0, min(x, 1.0))
-                for name, x in zip(before, each, strict=False)
+                for name, x in zip(lines_before, numbers, strict=False)
             }
-            before.append(match[1])
+            lines_before.append(match[1])
         elif line.startswith("date: "):
             date = line.removeprefix("date: ").strip()
         elif (match := _FIGURE.match(line)) and match[1] in UNITS:

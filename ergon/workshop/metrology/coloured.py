@@ -26,14 +26,14 @@ def long_run(scores: Floats, rate: float, total: int) -> Floats:
     """
     n, p = scores.shape
     sums = np.concatenate([np.zeros((1, p)), np.cumsum(scores, axis=0)])
-    every = []
+    covariances = []
     for window in _WINDOWS:
         length = max(1, min(round(window * rate), n // 2))
-        ends = np.arange(1, n + length)
-        stretches = sums[np.minimum(ends, n)] - sums[np.maximum(ends - length, 0)]
+        stretch_ends = np.arange(1, n + length)
+        stretches = sums[np.minimum(stretch_ends, n)] - sums[np.maximum(stretch_ends - length, 0)]
         lift = (_critical_value(length / total) / _critical_value(0.0)) ** 2
-        every.append(lift * (stretches.T @ stretches) / length)
-    return np.array(every)
+        covariances.append(lift * (stretches.T @ stretches) / length)
+    return np.array(covariances)
 
 
 def _critical_value(share: float) -> float:
@@ -50,8 +50,8 @@ def covariance(square: Floats, scores: Floats) -> Floats:
     The variance of each parameter is the largest that a window gives.
     """
     inverse = np.linalg.pinv(square, hermitian=True)
-    every = inverse @ scores @ inverse
-    size = np.sqrt(np.einsum("wii->wi", every))
+    covariances = inverse @ scores @ inverse
+    size = np.sqrt(np.einsum("wii->wi", covariances))
     usual = np.where(size[_USUAL] > 0, size[_USUAL], 1.0)
     greatest = size.max(axis=0) / usual
-    return np.asarray(every[_USUAL] * np.outer(greatest, greatest))
+    return np.asarray(covariances[_USUAL] * np.outer(greatest, greatest))

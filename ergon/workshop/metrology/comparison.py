@@ -60,21 +60,21 @@ def replay(row: Floats, gesture: Gesture) -> Replay:
     return Replay(gesture, model, ticks / gesture.rate, gesture.position[ticks] - model[ticks])
 
 
-def replay_difference(first: Floats, other: Floats) -> float:
+def replay_difference(first_row: Floats, second_row: Floats) -> float:
     """Rms of the difference [m] of two keys under a standard gesture of knocks.
 
     Raises MeasurementError.
     """
-    guided = first.copy()
-    guided[INDEX["stiffness"]] = max(first[1], 1e-3)
+    guided = first_row.copy()
+    guided[INDEX["stiffness"]] = max(first_row[1], 1e-3)
     force = excitation.knocks(guided, _RATE, _SECONDS, _REACH, _FORCE_MAX)
     paths = []
-    for row in (first, other):
-        held = row.copy()
+    for row in (first_row, second_row):
+        held_row = row.copy()
         # Each path begins at rest at 0, so that only the motion is compared.
-        held[START] = held[INDEX["weight"]] = 0.0
+        held_row[START] = held_row[INDEX["weight"]] = 0.0
         try:
-            paths.append(_core.key_path(held, force, _RATE, columns=())[0])
+            paths.append(_core.key_path(held_row, force, _RATE, columns=())[0])
         except _core.EngineError as error:
             raise MeasurementError(f"the motion of this key cannot be computed: {error}") from None
     return float(np.sqrt(np.mean((paths[0] - paths[1]) ** 2)))
@@ -101,58 +101,62 @@ class Difference:
         return (self.other - self.first) / self.deviation
 
 
-def differences(calibration: Calibration, other: Calibration) -> list[Difference]:
+def differences(calibration: Calibration, second_calibration: Calibration) -> list[Difference]:
     """All figures of two calibrations. Modes of nearly the same frequency count as the same
     mode.
     """
     pairs = [(name, name) for name in UNITS if name != "noise"]
-    for a, b in _alike(calibration, other):
-        pairs += [(f"mode{a}.{what}", f"mode{b}.{what}") for what in MODE_FIELDS]
+    for a, b in _alike(calibration, second_calibration):
+        pairs += [(f"mode{a}.{field_name}", f"mode{b}.{field_name}") for field_name in MODE_FIELDS]
     rows = []
-    for first, second in pairs:
-        x, y = calibration.figures.get(first), other.figures.get(second)
+    for first_name, second_name in pairs:
+        x, y = calibration.figures.get(first_name), second_calibration.figures.get(second_name)
         if x is None and y is None:
             continue
         sigma = None
-        if first in calibration.deviations and second in other.deviations:
-            sigma = float(np.hypot(calibration.deviations[first], other.deviations[second]))
-        rows.append(Difference((first, second), x, y, sigma))
+        if first_name in calibration.deviations and second_name in second_calibration.deviations:
+            sigma = float(
+                np.hypot(
+                    calibration.deviations[first_name], second_calibration.deviations[second_name]
+                )
+            )
+        rows.append(Difference((first_name, second_name), x, y, sigma))
     return rows
 
 
-def _alike(calibration: Calibration, other: Calibration) -> list[tuple[int, int]]:
+def _alike(calibration: Calibration, second_calibration: Calibration) -> list[tuple[int, int]]:
     """Pairs of mode numbers, from 1; a mode that only one calibration has is paired with 0."""
     apart = sorted(
         (abs(np.log(f / g)), a, b)
         for a, (_, f, _) in enumerate(calibration.modes, 1)
-        for b, (_, g, _) in enumerate(other.modes, 1)
+        for b, (_, g, _) in enumerate(second_calibration.modes, 1)
     )
     pairs: list[tuple[int, int]] = []
     for distance, a, b in apart:
         if distance < _ALIKE and not any(a == x or b == y for x, y in pairs):
             pairs.append((a, b))
-    first, second = {a for a, _ in pairs}, {b for _, b in pairs}
-    pairs += [(a, 0) for a in range(1, len(calibration.modes) + 1) if a not in first]
-    pairs += [(0, b) for b in range(1, len(other.modes) + 1) if b not in second]
+    first_modes, second_modes = {a for a, _ in pairs}, {b for _, b in pairs}
+    pairs += [(a, 0) for a in range(1, len(calibration.modes) + 1) if a not in first_modes]
+    pairs += [(0, b) for b in range(1, len(second_calibration.modes) + 1) if b not in second_modes]
     return sorted(pairs)
 
 
-def chi_squared(calibration: Calibration, other: Calibration) -> tuple[float, int]:
+def chi_squared(calibration: Calibration, second_calibration: Calibration) -> tuple[float, int]:
     """Δᵀ(C₁ + C₂)⁻¹Δ of the figures whose deviations both files give, and their number.
 
     For two calibrations of the same key its mean is this number. Combinations that the
     covariance makes certain, to five digits, are left out and not counted.
     """
-    both = [d for d in differences(calibration, other) if d.deviations is not None]
+    both = [d for d in differences(calibration, second_calibration) if d.deviations is not None]
     if not both:
         return 0.0, 0
-    first, second = ([d.names[i] for d in both] for i in (0, 1))
-    covariance = calibration.covariance(first) + other.covariance(second)
+    first_names, second_names = ([d.names[i] for d in both] for i in (0, 1))
+    covariance = calibration.covariance(first_names) + second_calibration.covariance(second_names)
     size = np.sqrt(np.diag(covariance))
     values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
     along = vectors.T @ np.array([d.deviations for d in both])
-    known = values > _CERTAIN
-    return float(np.sum(along[known] ** 2 / values[known])), int(known.sum())
+    is_certain = values > _CERTAIN
+    return float(np.sum(along[is_certain] ** 2 / values[is_certain])), int(is_certain.sum())
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,9 +185,9 @@ def gains(plain: Calibration, loaded: Calibration, mass: float) -> dict[str, Gai
     by_name = {"mass": _gain(gain, plain, loaded, *grows)}
     for name in ("M", "K", "Z"):
         plain_value = plain.figures[name]
-        first = dict(grows[0])
-        first[name] = first.get(name, 0.0) + (1.0 / plain_value if plain_value else 0.0)
-        by_name[name] = _gain(gain * plain_value, plain, loaded, first, grows[1])
+        first_gains = dict(grows[0])
+        first_gains[name] = first_gains.get(name, 0.0) + (1.0 / plain_value if plain_value else 0.0)
+        by_name[name] = _gain(gain * plain_value, plain, loaded, first_gains, grows[1])
     rests = (plain.figures.get("rest"), loaded.figures.get("rest"))
     if rests[0] is None or rests[1] is None:
         return by_name
@@ -204,12 +208,12 @@ def _gain(
     value: float,
     plain: Calibration,
     loaded: Calibration,
-    first: Mapping[str, float],
+    first_gains: Mapping[str, float],
     second: Mapping[str, float],
 ) -> Gain:
     """A figure from the derivatives of its logarithm with respect to figures of two files."""
     variance = 0.0
-    for calibration, slopes in ((plain, first), (loaded, second)):
+    for calibration, slopes in ((plain, first_gains), (loaded, second)):
         if not all(name in calibration.deviations for name in slopes):
             return Gain(value, None)
         slope_values = np.array(list(slopes.values()))

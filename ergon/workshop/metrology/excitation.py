@@ -21,9 +21,9 @@ def strokes(n: int, rate: float, chance: np.random.Generator) -> Floats:
     """Forces from -1 to 1 that jump every 0.1 to 0.6 s, (n,)."""
     force, start = np.zeros(n), 0
     while start < n:
-        to = start + int(chance.uniform(0.1, 0.6) * rate)
-        force[start:to] = chance.uniform(-1, 1)
-        start = to
+        stroke_stop = start + int(chance.uniform(0.1, 0.6) * rate)
+        force[start:stroke_stop] = chance.uniform(-1, 1)
+        start = stroke_stop
     return force
 
 
@@ -100,16 +100,18 @@ def knocks(row: Floats, rate: float, seconds: float, reach: float, force_max: fl
     n, chance = round(seconds * rate), np.random.default_rng(99)
     x, start = np.zeros(n), 0
 
-    def go(to: float, duration: float, rest: float = 0.0) -> None:
+    def go(target: float, duration: float, rest_duration: float = 0.0) -> None:
         nonlocal start
         steps = min(int(duration * rate), n - 1 - start)
         if steps <= 0:
             return
         s = np.arange(1, steps + 1) / steps
-        before = x[start]
-        x[start : start + steps] = before + (to - before) * s**3 * (10 - 15 * s + 6 * s * s)
-        x[start + steps :] = to
-        start = min(start + steps + int(rest * rate), n - 1)
+        position_before = x[start]
+        x[start : start + steps] = position_before + (target - position_before) * s**3 * (
+            10 - 15 * s + 6 * s * s
+        )
+        x[start + steps :] = target
+        start = min(start + steps + int(rest_duration * rate), n - 1)
 
     while start < n - 1:
         for _ in range(6):

@@ -88,7 +88,7 @@ def signed_mass(gesture: Gesture) -> tuple[float, float]:
     unit = matrix / size
     square = unit.T @ unit + 1e-9 * len(unit) * np.eye(5)
     solution = np.linalg.solve(square, unit.T @ force)
-    left = force - unit @ solution
+    residual = force - unit @ solution
     independent = max(len(force) * 2 * _CUT / gesture.rate - 5, 1.0)
-    variance = np.linalg.inv(square)[0, 0] * len(force) * np.mean(left**2) / independent
+    variance = np.linalg.inv(square)[0, 0] * len(force) * np.mean(residual**2) / independent
     return float(solution[0] / size[0]), float(abs(solution[0]) / np.sqrt(max(variance, 1e-300)))

@@ -103,19 +103,19 @@ class Gesture:
         ticks, least, greatest = self.unknown.ticks, self.unknown.least, self.unknown.greatest
         if strongest == 0.0 or 0 in ticks:
             return self
-        first = Unknown(
+        unknown_with_first = Unknown(
             np.concatenate([[0], ticks]),
             np.concatenate([[self.force[0] - strongest], least]),
             np.concatenate([[self.force[0] + strongest], greatest]),
         )
-        return replace(self, unknown=first)
+        return replace(self, unknown=unknown_with_first)
 
     def parted(self, share: float) -> tuple[Gesture, Gesture]:
         """The gesture twice: in the first copy its first `share` counts, in the second the rest."""
-        first = np.arange(self.force.size) < share * self.force.size
+        is_in_first_part = np.arange(self.force.size) < share * self.force.size
         return (
-            replace(self, counts=self.counts & first),
-            replace(self, counts=self.counts & ~first),
+            replace(self, counts=self.counts & is_in_first_part),
+            replace(self, counts=self.counts & ~is_in_first_part),
         )
 
 
@@ -138,12 +138,12 @@ def gesture_from_rows(
     fresh: NDArray[np.bool_],
     clock: NDArray[np.uint32],
     rate: float,
-    known: NDArray[np.bool_] | None = None,
+    is_known: NDArray[np.bool_] | None = None,
     is_told: NDArray[np.bool_] | None = None,
 ) -> Gesture:
     """A gesture from ticks (n,): forces [N], position [m], the device's clock [us] of each reply.
 
-    `known` (n,) says at which ticks the force is certain; by default at those with a reply.
+    `is_known` (n,) says at which ticks the force is certain; by default at those with a reply.
     `is_told` (n,) says at which ticks `sent` holds the force sent; by default at all.
 
     A force acts from the reply before its own on, because in lockstep a reply comes after the
@@ -154,7 +154,7 @@ def gesture_from_rows(
     Raises MeasurementError.
     """
     sent, fresh = np.asarray(sent, float), np.asarray(fresh)
-    sure = np.asarray(fresh if known is None else known)
+    sure = np.asarray(fresh if is_known is None else is_known)
     exact = _instants(np.asarray(ticks, np.int64), fresh, np.asarray(clock), rate)
     # Of two replies within one tick of the device, the later one counts.
     tick_numbers = np.maximum.accumulate(np.round(exact).astype(np.int64))
@@ -163,8 +163,10 @@ def gesture_from_rows(
     force, positions = sent[which], np.zeros(n)
     positions[tick_numbers], counts = position, np.zeros(n, bool)
     counts[tick_numbers] = fresh
-    held = np.maximum.accumulate(np.where(np.isin(np.arange(n), tick_numbers), np.arange(n), 0))
-    retimed = replace(gesture_from_arrays(force, positions[held], rate), counts=counts)
+    last_read_tick = np.maximum.accumulate(
+        np.where(np.isin(np.arange(n), tick_numbers), np.arange(n), 0)
+    )
+    retimed = replace(gesture_from_arrays(force, positions[last_read_tick], rate), counts=counts)
     beside = (exact - tick_numbers)[fresh]
     if np.sqrt(np.mean(beside**2)) >= _JITTER:
         tick_numbers = np.maximum.accumulate(exact)
@@ -200,7 +202,7 @@ def _retimed(
 
 
 def _unknown(
-    begins: Floats, sent: tuple[Floats, Floats], known: NDArray[np.bool_], n: int
+    begins: Floats, sent: tuple[Floats, Floats], is_known: NDArray[np.bool_], n: int
 ) -> Unknown:
     """The unknown forces of n ticks, by the least and the most force that was sent (k,).
 
@@ -208,14 +210,14 @@ def _unknown(
     forces that were sent can have acted. If many ticks are unknown, replies were late rather
     than lost, and all forces count as known.
     """
-    shares = _means(begins, (~known).astype(float), np.arange(n + 1.0))
+    shares = _means(begins, (~is_known).astype(float), np.arange(n + 1.0))
     ticks = np.flatnonzero(shares > _MIXED)
     if ticks.size > LATE * n:
         return _NONE
-    sure = np.maximum.accumulate(np.where(known, np.arange(known.size), 0))
-    first = sure[np.maximum(np.searchsorted(begins, ticks, side="right") - 1, 0)]
-    last = np.minimum(np.searchsorted(begins, ticks + 1, side="left"), begins.size - 1)
-    acted = [slice(i, j + 1) for i, j in zip(first, last, strict=True)]
+    sure = np.maximum.accumulate(np.where(is_known, np.arange(is_known.size), 0))
+    first_begin = sure[np.maximum(np.searchsorted(begins, ticks, side="right") - 1, 0)]
+    last_begin = np.minimum(np.searchsorted(begins, ticks + 1, side="left"), begins.size - 1)
+    acted = [slice(i, j + 1) for i, j in zip(first_begin, last_begin, strict=True)]
     least = np.array([sent[0][rows].min() for rows in acted])
     highest = np.array([sent[1][rows].max() for rows in acted])
     differ = highest > least
@@ -224,8 +226,8 @@ def _unknown(
 
 def _means(begins: Floats, values: Floats, edges: Floats) -> Floats:
     """Means (n,) between edges (n + 1,) of values (k,), each of which holds from its begin on."""
-    first, last = min(begins[0], edges[0]), max(begins[-1], edges[-1])
-    knots = np.concatenate([[first], begins[1:], [last]])
+    first_instant, last_instant = min(begins[0], edges[0]), max(begins[-1], edges[-1])
+    knots = np.concatenate([[first_instant], begins[1:], [last_instant]])
     integral = np.concatenate([[0.0], np.cumsum(values * np.diff(knots))])
     return np.asarray(np.diff(np.interp(edges, knots, integral)) / np.diff(edges))
 
@@ -248,8 +250,8 @@ def _instants(
         return ticks.astype(float)
     phase = np.angle(np.mean(np.exp(2j * np.pi * passed))) / (2 * np.pi)
     moments = passed - phase
-    known = moments - round(moments[0]) + ticks[clocked[0]]
-    return np.asarray(np.interp(np.arange(ticks.size), clocked, known))
+    clocked_instants = moments - round(moments[0]) + ticks[clocked[0]]
+    return np.asarray(np.interp(np.arange(ticks.size), clocked, clocked_instants))
 
 
 def gesture_from_recording(
@@ -280,17 +282,18 @@ def gesture_from_recording(
     ticks = recording.ticks()
     fresh = recording.flags()[:, axis] & _FRESH != 0
     # A tick without a row is also a tick without a reply.
-    every = np.arange(ticks[0], ticks[-1] + 1)
-    if every.size - ticks.size > LATE * every.size:
+    all_ticks = np.arange(ticks[0], ticks[-1] + 1)
+    if all_ticks.size - ticks.size > LATE * all_ticks.size:
         raise MeasurementError(
-            f"this take lacks {every.size - ticks.size:,} of {every.size:,} ticks, too many to "
+            f"this take lacks {all_ticks.size - ticks.size:,} of {all_ticks.size:,} ticks, too "
+            "many to "
             "find the forces that nobody knows"
         )
-    row = np.searchsorted(ticks, every, side="right") - 1
-    has_row = ticks[row] == every
+    row = np.searchsorted(ticks, all_ticks, side="right") - 1
+    has_row = ticks[row] == all_ticks
     replied = (fresh if fresh.any() else np.ones_like(fresh))[row] & has_row
     return gesture_from_rows(
-        every,
+        all_ticks,
         sent[row],
         recording.positions()[row, axis],
         replied,

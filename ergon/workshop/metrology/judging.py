@@ -51,16 +51,16 @@ class Judge:
             gestures[-1], held_out = gestures[-1].parted(FITTED_SHARE)
         self.gestures, self.held_out = gestures, held_out
 
-    def recovered(self, before: Stage | None) -> list[Gesture]:
+    def recovered(self, stage_before: Stage | None) -> list[Gesture]:
         """The gestures, with the unknown forces found by the fit before."""
-        return self.gestures if before is None else before.fit.recovered(self.gestures)
+        return self.gestures if stage_before is None else stage_before.fit.recovered(self.gestures)
 
     def stage(
         self,
         name: str,
         row: Floats,
         columns: tuple[int, ...],
-        before: Stage | None,
+        stage_before: Stage | None,
         score: float | None = None,
         iterations: int = _TRIAL_ITERATIONS,
     ) -> Stage:
@@ -68,21 +68,21 @@ class Judge:
 
         A fit that is no better than the one before after some iterations is not fitted further.
         """
-        starts = None if before is None else before.fit.starts
+        starts = None if stage_before is None else stage_before.fit.starts
         trial = output_error.fit(
-            self.recovered(before), row, columns, starts, iterations, is_rough=True
+            self.recovered(stage_before), row, columns, starts, iterations, is_rough=True
         )
-        is_better = before is None or trial.bic < before.fit.bic
-        more = _ITERATIONS if is_better and iterations else 0
+        is_better = stage_before is None or trial.bic < stage_before.fit.bic
+        further_iterations = _ITERATIONS if is_better and iterations else 0
         fit = output_error.fit(
-            trial.recovered(self.gestures), trial.row, columns, trial.starts, more
+            trial.recovered(self.gestures), trial.row, columns, trial.starts, further_iterations
         )
         replay = self._replay(fit)
-        is_worth = before is None or (
-            fit.bic < before.fit.bic - _WORTH
-            and all(_is_known(fit, index) for index in set(columns) - set(before.fit.columns))
+        is_worth = stage_before is None or (
+            fit.bic < stage_before.fit.bic - _WORTH
+            and all(_is_known(fit, index) for index in set(columns) - set(stage_before.fit.columns))
         )
-        is_accepted = is_worth and (before is None or replay < before.replay)
+        is_accepted = is_worth and (stage_before is None or replay < stage_before.replay)
         return Stage(name, fit, replay, is_accepted, score, is_worth=is_worth)
 
     def _replay(self, fit: Fit) -> float:
@@ -95,20 +95,22 @@ class Judge:
         errors = output_error.errors(fit.row, held_out, start)
         return float(np.sqrt(np.mean(errors**2)))
 
-    def without(self, name: str, parameters: tuple[str, ...], before: Stage) -> Stage:
+    def without(self, name: str, parameters: tuple[str, ...], stage_before: Stage) -> Stage:
         """Remove a part and fit the rest; it stays removed if it would not be worth adding."""
         removed = {INDEX[parameter] for parameter in parameters}
-        columns = tuple(index for index in before.fit.columns if index not in removed)
-        row = with_values(before.fit.row, dict.fromkeys(parameters, 0.0))
-        stage = self.stage(name, row, columns, before)
-        return replace(stage, is_accepted=stage.fit.bic < before.fit.bic + _WORTH, is_removal=True)
+        columns = tuple(index for index in stage_before.fit.columns if index not in removed)
+        row = with_values(stage_before.fit.row, dict.fromkeys(parameters, 0.0))
+        stage = self.stage(name, row, columns, stage_before)
+        return replace(
+            stage, is_accepted=stage.fit.bic < stage_before.fit.bic + _WORTH, is_removal=True
+        )
 
     def best_of(
         self,
         name: str,
         rows: list[Floats],
         columns: tuple[int, ...],
-        before: Stage,
+        stage_before: Stage,
         score: float | None = None,
     ) -> Stage:
         """Fit several rows roughly, then fit and judge the best one as `stage` does.
@@ -116,16 +118,16 @@ class Judge:
         The rough fits are to the first gesture. If the best is still worse there than the fit
         before, the stage ends with it.
         """
-        first, starts = self.recovered(before)[:1], before.fit.starts[:1]
+        first_gesture, starts = self.recovered(stage_before)[:1], stage_before.fit.starts[:1]
         fits = [
-            output_error.fit(first, row, columns, starts, _ROUGH_ITERATIONS, is_rough=True)
+            output_error.fit(first_gesture, row, columns, starts, _ROUGH_ITERATIONS, is_rough=True)
             for row in rows
         ]
         rough = min(fits, key=lambda fit: fit.rms)
-        left = output_error.errors(before.fit.row, first[0], starts[0])
-        if rough.rms**2 < np.mean(left**2):
-            return self.stage(name, rough.row, columns, before, score)
-        stage = self.stage(name, rough.row, columns, before, score, iterations=0)
+        residual = output_error.errors(stage_before.fit.row, first_gesture[0], starts[0])
+        if rough.rms**2 < np.mean(residual**2):
+            return self.stage(name, rough.row, columns, stage_before, score)
+        stage = self.stage(name, rough.row, columns, stage_before, score, iterations=0)
         return replace(stage, is_accepted=False, is_worth=False)
 
 

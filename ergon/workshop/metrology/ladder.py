@@ -237,10 +237,10 @@ def climb(axis: Axis, seed: int = 0, tell: Callable[[Rung], object] = lambda run
     Raises TakeEnded, or MeasurementError if the key does not move or has no room.
     """
     chance = np.random.default_rng(seed)
-    where = _Place(axis, chance)
-    sign, mass = where.pushed()
+    hand_place = _Place(axis, chance)
+    sign, mass = hand_place.pushed()
     axis, greatest = replace(axis, sign=axis.sign * sign), axis.request_max
-    guide = where.guide(mass)
+    guide = hand_place.guide(mass)
     settle(axis, guide)
     force, gestures = _FIRST * greatest, []
     rungs: list[Rung] = []
@@ -258,8 +258,8 @@ def climb(axis: Axis, seed: int = 0, tell: Callable[[Rung], object] = lambda run
             gestures.append(gesture(excited))
         share = excursion / guide.half
         if not braked:
-            mass = where.better(mass, gestures[-1])
-            guide = where.guide(mass)
+            mass = hand_place.better(mass, gestures[-1])
+            guide = hand_place.guide(mass)
             if share >= _ENOUGH or force >= _LAST * greatest:
                 break
         elif sum(rung.braked for rung in rungs) >= _BRAKED:

@@ -75,7 +75,7 @@ def highest_peak(gestures: Sequence[Gesture], fit: Fit) -> Peak:
         frequency = np.fft.rfftfreq(error.size, 1 / rate)
         band = (frequency > _LOW) & (frequency < _HIGH * rate)
         s = 2j * np.pi * frequency[band]
-        left = np.fft.rfft(error * taper)
+        residual_spectrum = np.fft.rfft(error * taper)
         force = np.fft.rfft(gesture.force * taper)[band]
         # The force is held for a tick, and delayed.
         force = (
@@ -84,13 +84,13 @@ def highest_peak(gestures: Sequence[Gesture], fit: Fit) -> Peak:
             * np.exp(-s * (row[INDEX["delay"]] + 0.5 / rate))
         )
         answer = 1 / (total_mass(row) * s * s + row[INDEX["damping"]] * s + row[INDEX["stiffness"]])
-        white = 1 / np.sqrt(_background(np.abs(left) ** 2, frequency)[band])
-        base, left = force * answer**2 * s**4 * white, left[band] * white
+        white = 1 / np.sqrt(_background(np.abs(residual_spectrum) ** 2, frequency)[band])
+        base, residual_spectrum = force * answer**2 * s**4 * white, residual_spectrum[band] * white
         for column, ratio in enumerate(_RATIOS):
             for part in np.array_split(np.arange(_PITCHES), 12):
                 w = omega[part]
                 template = base / (s * s + (2 * ratio * w) * s + w * w)
-                along[part, column] += np.real(template.conj() @ left)
+                along[part, column] += np.real(template.conj() @ residual_spectrum)
                 square[part, column] += np.einsum("ij,ij->i", template, template.conj()).real
     score = np.where(along > 0, 2 * along**2 / square, 0.0)
     i, j = divmod(int(np.argmax(score)), _RATIOS.size)

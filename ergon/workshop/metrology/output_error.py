@@ -80,11 +80,13 @@ def errors(row: Floats, gesture: Gesture, start: float) -> Floats:
 def _squares(row: Floats, gestures: Sequence[Gesture], starts: Floats) -> tuple[float, float]:
     """Sums of squares: of position errors [m²], and of unknown forces in units of their spreads."""
     try:
-        each = [errors(row, g, x) for g, x in zip(gestures, starts, strict=True)]
+        errors_by_gesture = [errors(row, g, x) for g, x in zip(gestures, starts, strict=True)]
     except _core.EngineError:
         return np.inf, 0.0  # no such key, or too fast a one
-    left = sum(float(e @ e) for e in each)
-    return left if np.isfinite(left) else np.inf, sum(float(o @ o) for o in map(_off, gestures))
+    error_squares = sum(float(e @ e) for e in errors_by_gesture)
+    return error_squares if np.isfinite(error_squares) else np.inf, sum(
+        float(o @ o) for o in map(_off, gestures)
+    )
 
 
 def _off(gesture: Gesture) -> Floats:
@@ -100,8 +102,8 @@ def _force_derivatives(row: Floats, gesture: Gesture, start: float) -> Floats:
         return np.zeros((int(gesture.counts.sum()), 0))
     row = row.copy()
     row[START] = start
-    every = _core.key_force_derivatives(row, gesture.force, gesture.rate, ticks.tolist())
-    return every[gesture.counts]
+    derivatives = _core.key_force_derivatives(row, gesture.force, gesture.rate, ticks.tolist())
+    return derivatives[gesture.counts]
 
 
 def recovered(row: Floats, gesture: Gesture, start: float) -> Gesture:
@@ -112,23 +114,25 @@ def recovered(row: Floats, gesture: Gesture, start: float) -> Gesture:
     if not ticks.size:
         return gesture
     n, share = int(gesture.counts.sum()), 1.0
-    left, off = _squares(row, [gesture], np.array([start]))
+    error_squares, force_squares = _squares(row, [gesture], np.array([start]))
     for _ in range(_RECOVERIES):
         by_force = _force_derivatives(row, gesture, start) * spread
-        variance = left / n
+        variance = error_squares / n
         square = by_force.T @ by_force + variance * np.eye(ticks.size)
         slope = by_force.T @ errors(row, gesture, start) - variance * _off(gesture)
         step = spread * np.linalg.solve(square, slope)
         while share > _LEAST_SHARE:
             nearer = gesture.with_forces(gesture.force[ticks] + share * step)
-            new_left, new_off = _squares(row, [nearer], np.array([start]))
-            fall = 1.0 - (new_left + variance * new_off) / (left + variance * off)
+            new_error_squares, new_force_squares = _squares(row, [nearer], np.array([start]))
+            fall = 1.0 - (new_error_squares + variance * new_force_squares) / (
+                error_squares + variance * force_squares
+            )
             if fall > 0:
                 break
             share *= 0.5
         else:
             break
-        gesture, left, off = nearer, new_left, new_off
+        gesture, error_squares, force_squares = nearer, new_error_squares, new_force_squares
         share = min(2 * share, 1.0)
         if fall < _SETTLED:
             break
@@ -140,12 +144,12 @@ def _columns(p: int, starts: Floats, gestures: Sequence[Gesture]) -> list[NDArra
 
     The fit has these variables: parameters, starts of all gestures, unknown forces.
     """
-    each, first = [], p + len(starts)
+    variables_by_gesture, first_force = [], p + len(starts)
     for i, gesture in enumerate(gestures):
-        forces = np.arange(first, first + gesture.unknown.ticks.size)
-        first += forces.size
-        each.append(np.concatenate([np.arange(p), [p + i], forces]))
-    return each
+        forces = np.arange(first_force, first_force + gesture.unknown.ticks.size)
+        first_force += forces.size
+        variables_by_gesture.append(np.concatenate([np.arange(p), [p + i], forces]))
+    return variables_by_gesture
 
 
 def _linear(
@@ -174,14 +178,14 @@ def _normal(
 
     Each unknown force counts as a measurement of its middle, with its spread as uncertainty.
     """
-    each = _columns(len(columns), starts, gestures)
-    size = max(int(tick_rows.max()) for tick_rows in each) + 1
+    variables_by_gesture = _columns(len(columns), starts, gestures)
+    size = max(int(variables.max()) for variables in variables_by_gesture) + 1
     square, slope = np.zeros((size, size)), np.zeros(size)
-    for i, (gesture, tick_rows) in enumerate(zip(gestures, each, strict=True)):
+    for i, (gesture, variables) in enumerate(zip(gestures, variables_by_gesture, strict=True)):
         jacobian, error = _linear(row, columns, gesture, starts[i], by_force[i])
-        square[np.ix_(tick_rows, tick_rows)] += jacobian.T @ jacobian
-        slope[tick_rows] += jacobian.T @ error
-        forces = tick_rows[len(columns) + 1 :]
+        square[np.ix_(variables, variables)] += jacobian.T @ jacobian
+        slope[variables] += jacobian.T @ error
+        forces = variables[len(columns) + 1 :]
         square[forces, forces] += variance / gesture.unknown.spread**2
         slope[forces] -= variance * _off(gesture) / gesture.unknown.spread
     return square, slope
@@ -189,12 +193,14 @@ def _normal(
 
 def _forced(gestures: Sequence[Gesture], step: Floats) -> list[Gesture]:
     """The gestures after a step of their unknown forces, (q,)."""
-    after, offset = [], 0
+    pushed_gestures, offset = [], 0
     for gesture in gestures:
         ticks = gesture.unknown.ticks
-        after.append(gesture.with_forces(gesture.force[ticks] + step[offset : offset + ticks.size]))
+        pushed_gestures.append(
+            gesture.with_forces(gesture.force[ticks] + step[offset : offset + ticks.size])
+        )
         offset += ticks.size
-    return after
+    return pushed_gestures
 
 
 def _damped_step(
@@ -220,15 +226,15 @@ def _covariance(
     gestures: Sequence[Gesture],
     starts: Floats,
     by_force: Sequence[Floats],
-    left: float,
+    error_squares: float,
 ) -> Floats:
     """Covariance of the parameters in SI units, (p, p), at a sum of squares of the errors."""
     p, n = len(columns), sum(int(g.counts.sum()) for g in gestures)
-    variance = left / max(n - p - len(starts), 1)
-    each = _columns(p, starts, gestures)
-    size = max(int(indices.max()) for indices in each) + 1
+    variance = error_squares / max(n - p - len(starts), 1)
+    variables_by_gesture = _columns(p, starts, gestures)
+    size = max(int(indices.max()) for indices in variables_by_gesture) + 1
     square, scores = np.zeros((size, size)), np.zeros((coloured.N_WINDOWS, size, size))
-    for i, (gesture, indices) in enumerate(zip(gestures, each, strict=True)):
+    for i, (gesture, indices) in enumerate(zip(gestures, variables_by_gesture, strict=True)):
         jacobian, error = _linear(row, columns, gesture, starts[i], by_force[i])
         square[np.ix_(indices, indices)] += jacobian.T @ jacobian
         scores[:, indices[:, None], indices] += coloured.long_run(
@@ -255,37 +261,48 @@ def fit(
     Unknown forces are fitted with them. A rough fit has no covariance. Raises EngineError if `row`
     is not a valid key.
     """
-    from_ = np.array([g.start for g in gestures] if starts is None else starts)
+    start_positions = np.array([g.start for g in gestures] if starts is None else starts)
     p, damping, least = len(columns), *_DAMPING
-    forces = p + len(from_)
+    first_force = p + len(start_positions)
     n = sum(int(g.counts.sum()) for g in gestures)
-    left, off = _squares(row, gestures, from_)
+    error_squares, force_squares = _squares(row, gestures, start_positions)
     by_force: list[Floats] = []
-    slow = 0
+    n_slow_steps = 0
     for iteration in range(iterations):
         _core.poll()
         # The effect of a force changes little from step to step.
         if iteration % _EVERY == 0 or not by_force:
-            each = zip(gestures, from_, strict=True)
-            by_force = [_force_derivatives(row, g, x) for g, x in each]
-        variance = left / n
-        square, slope = _normal(row, columns, gestures, from_, by_force, variance)
+            gestures_and_starts = zip(gestures, start_positions, strict=True)
+            by_force = [_force_derivatives(row, g, x) for g, x in gestures_and_starts]
+        variance = error_squares / n
+        square, slope = _normal(row, columns, gestures, start_positions, by_force, variance)
         for _ in range(_TRIALS):
             step = _damped_step(row, columns, square, slope, damping)
-            to, start_row = step_parameters(row, columns, step[:p]), from_ + step[p:forces]
-            pushed = _forced(gestures, step[forces:])
-            new_left, new_off = _squares(to, pushed, start_row)
-            fall = 1.0 - (new_left + variance * new_off) / (left + variance * off)
+            stepped_row, stepped_starts = (
+                step_parameters(row, columns, step[:p]),
+                start_positions + step[p:first_force],
+            )
+            pushed = _forced(gestures, step[first_force:])
+            new_error_squares, new_force_squares = _squares(stepped_row, pushed, stepped_starts)
+            fall = 1.0 - (new_error_squares + variance * new_force_squares) / (
+                error_squares + variance * force_squares
+            )
             if fall > 0:
                 break
             damping *= 10
         else:
             break
-        row, from_, left, off, gestures = to, start_row, new_left, new_off, pushed
+        row, start_positions, error_squares, force_squares, gestures = (
+            stepped_row,
+            stepped_starts,
+            new_error_squares,
+            new_force_squares,
+            pushed,
+        )
         damping /= 10
         # A step that is much damped falls little anywhere.
-        slow = slow + 1 if fall < _CLOSE else 0
-        if slow and (damping < _HARDLY or slow == _SLOW):
+        n_slow_steps = n_slow_steps + 1 if fall < _CLOSE else 0
+        if n_slow_steps and (damping < _HARDLY or n_slow_steps == _SLOW):
             if iteration % _EVERY == 0 or not any(g.unknown.ticks.size for g in gestures):
                 break
             by_force = []
@@ -294,15 +311,15 @@ def fit(
         covariance = np.full((p, p), np.nan)
     else:
         if not by_force:
-            each = zip(gestures, from_, strict=True)
-            by_force = [_force_derivatives(row, g, x) for g, x in each]
-        covariance = _covariance(row, columns, gestures, from_, by_force, left)
+            gestures_and_starts = zip(gestures, start_positions, strict=True)
+            by_force = [_force_derivatives(row, g, x) for g, x in gestures_and_starts]
+        covariance = _covariance(row, columns, gestures, start_positions, by_force, error_squares)
     return Fit(
         row,
         tuple(columns),
-        tuple(map(float, from_)),
+        tuple(map(float, start_positions)),
         covariance,
-        float(np.sqrt(left / n)),
+        float(np.sqrt(error_squares / n)),
         n,
         tuple(g.force[g.unknown.ticks] for g in gestures),
     )

@@ -78,17 +78,19 @@ def step_parameters(row: Floats, columns: Sequence[int], step: Floats) -> Floats
     """The row after a step of the fitted variables, (columns,), within the bounds of each
     parameter.
     """
-    to = row.copy()
+    stepped_row = row.copy()
     for index, by in zip(columns, step, strict=True):
-        before = row[index]
+        value_before = row[index]
         if index in _PLAIN:
-            to[index] = np.clip(before + by, *_PLAIN[index])
+            stepped_row[index] = np.clip(value_before + by, *_PLAIN[index])
         elif _is_mass(index):
-            to[index] = np.clip(before + by, before / _FACTOR, before * _FACTOR)
+            stepped_row[index] = np.clip(
+                value_before + by, value_before / _FACTOR, value_before * _FACTOR
+            )
         else:
             upper = _STIFFEST.get(index, np.inf)
-            to[index] = min(before * np.exp(np.clip(by, -1.0, 1.0)), upper)
-    return to
+            stepped_row[index] = min(value_before * np.exp(np.clip(by, -1.0, 1.0)), upper)
+    return stepped_row
 
 
 def leads_beyond(row: Floats, columns: Sequence[int], step: Floats) -> NDArray[np.bool_]:
