@@ -63,7 +63,7 @@ def _drawn(
         axis([value for curve in curves for value in curve.x], max(n_ticks, n // 4))
         for (_, curves), n in zip(plots, n_rows, strict=True)
     ]
-    margin = max(len(own.text(tick)) for own in x_axes for tick in own.ticks)
+    margin = max(len(drawn_axis.text(tick)) for drawn_axis in x_axes for tick in drawn_axis.ticks)
     columns = width - margin - 2
     t = [t for _, curves in plots for curve in curves for t in curve.t]
     t_axis = axis(t, max(2, columns // 14), tight=True)

@@ -95,7 +95,10 @@ def _inputs(
 
     Each is a name, the motion of each mode at the point, and the strikes on it (time, impulse).
     """
-    network, slots = prepared.network, {name: at for at, name in enumerate(part_modes.masses)}
+    network, slots = (
+        prepared.network,
+        {name: slot_index for slot_index, name in enumerate(part_modes.masses)},
+    )
     inputs = []
     for mat in range(network.n_mat):
         slot = slots.get(network.name_of(mat))

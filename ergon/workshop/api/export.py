@@ -125,7 +125,9 @@ def faust_programs(
     if other_parts:
         part_options = replace(options, parts=other_parts)
         exported += _programs(score, loaded, part_options, program, n_max=NETWORK_MAX)
-    return tuple(sorted(exported, key=lambda one: options.parts.index(one.part)))
+    return tuple(
+        sorted(exported, key=lambda faust_program: options.parts.index(faust_program.part))
+    )
 
 
 def audible_parts(piece: Piece, parts: Sequence[str]) -> list[str]:

@@ -44,6 +44,8 @@ def csound_orchestras(
         reason = f"the piece takes {n_modes:,} resonators, and a file has {BANK_MAX:,} at most"
         raise OptionError("parts", f"{reason}; name the parts to write, or lower `upto`")
     warnings = tuple(
-        f"{one.name}: {warning}" for one, bank_warnings in banks for warning in bank_warnings
+        f"{bank_made.name}: {warning}"
+        for bank_made, bank_warnings in banks
+        for warning in bank_warnings
     )
     return (ExportedPart(title, orchestra(bank), warnings, loaded.inputs),)

@@ -421,7 +421,7 @@ def _front(
         and point.cost is not None
         and (error := point.error(metric)) is not None
     ]
-    for cost, error, point_index, setting in sorted(candidates, key=lambda one: one[:3]):
+    for cost, error, point_index, setting in sorted(candidates, key=lambda ranked: ranked[:3]):
         rivals = (
             candidate
             for candidate in candidates

@@ -119,7 +119,7 @@ class Surveyors:
 
 
 def play(
-    asked: list[Any],
+    versions_asked: list[Any],
     content: ScoreBundle,
     setting: dict[str, Any],
     n_frames: int,
@@ -128,7 +128,7 @@ def play(
     """Play a score by the Setting `setting`. Raises ClusterError if another version of ergon
     asks.
     """
-    check_version(asked)
+    check_version(versions_asked)
     with lock, unpack(content) as path:
         scene = Score(scores.piece_of(scores.read(path)))
         result, seconds = played_beside(scene, Setting(**setting), n_frames, has_energy=has_energy)

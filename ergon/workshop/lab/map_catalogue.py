@@ -36,10 +36,10 @@ def maps(
     method: str,
     piece: Piece | None,
     seconds: float,
-    accurate: float | None,
+    error_db_max: float | None,
     metric: MapMetric = "waveform",
 ) -> dict[str, Map]:
-    """The maps of a method, or of a piece; an error up to `accurate` [dB] counts as right."""
+    """The maps of a method, or of a piece; an error up to `error_db_max` [dB] counts as right."""
     if piece is not None:
         maps_by_name = maps_of_score(piece, seconds, method)
         maps_by_name = {
@@ -49,9 +49,9 @@ def maps(
         maps_by_name = {"rattle": _rattle(method)}
     else:
         maps_by_name = built_in(method)
-    if accurate is not None:
+    if error_db_max is not None:
         maps_by_name = {
-            name: replace(survey_map, right=((inf, accurate),))
+            name: replace(survey_map, right=((inf, error_db_max),))
             for name, survey_map in maps_by_name.items()
         }
     return maps_by_name

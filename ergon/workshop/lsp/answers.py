@@ -114,8 +114,12 @@ def _word_completions(shape: Shape) -> Iterator[Completion]:
 
 
 def _name_completions(definitions: Iterable[Definition]) -> Iterator[Completion]:
-    for one in definitions:
-        yield Completion(one.name, "name", f"{one.noun}, {one.place.file}:{one.place.line}")
+    for name_definition in definitions:
+        yield Completion(
+            name_definition.name,
+            "name",
+            f"{name_definition.noun}, {name_definition.place.file}:{name_definition.place.line}",
+        )
 
 
 def _number_before(text: str, index: int) -> str:

@@ -215,8 +215,8 @@ class Server(LanguageServer):
         """An open document, the index of a position in it, its nodes, and the names it knows."""
         text = self.workspace.get_text_document(uri)
         file = document.compose(text.source, str(_path(uri)), Collector())
-        known = self._open.setdefault(uri, _OpenDocument()).catalogue
-        return text, text.offset_at_position(position), file, known
+        catalogue_read = self._open.setdefault(uri, _OpenDocument()).catalogue
+        return text, text.offset_at_position(position), file, catalogue_read
 
 
 def serve() -> int:
@@ -261,9 +261,9 @@ def _closed(ls: Server, params: t.DidCloseTextDocumentParams) -> None:
 
 
 def _complete(ls: Server, params: t.CompletionParams) -> t.CompletionList:
-    text, index, file, known = ls.locate(params.text_document.uri, params.position)
+    text, index, file, catalogue_now = ls.locate(params.text_document.uri, params.position)
     is_score = ls.is_score(params.text_document.uri)
-    completions = answers.completions(text.source, index, file, known) if is_score else []
+    completions = answers.completions(text.source, index, file, catalogue_now) if is_score else []
     begin = index - len(cursor.word_before(text.source, index))
     word_range = t.Range(_client_position(text, begin), _client_position(text, index))
     return t.CompletionList(is_incomplete=True, items=list(_items(completions, word_range)))
@@ -295,8 +295,8 @@ def _items(
 
 def _hover(ls: Server, params: t.HoverParams) -> t.Hover | None:
     uri = params.text_document.uri
-    _, index, file, known = ls.locate(uri, params.position)
-    explanation = answers.explanation(index, file, known) if ls.is_score(uri) else None
+    _, index, file, catalogue_now = ls.locate(uri, params.position)
+    explanation = answers.explanation(index, file, catalogue_now) if ls.is_score(uri) else None
     return (
         None
         if explanation is None
@@ -306,8 +306,8 @@ def _hover(ls: Server, params: t.HoverParams) -> t.Hover | None:
 
 def _definition(ls: Server, params: t.DefinitionParams) -> t.Location | None:
     uri = params.text_document.uri
-    _, index, file, known = ls.locate(uri, params.position)
-    place_defined = answers.definition(index, file, known)
+    _, index, file, catalogue_now = ls.locate(uri, params.position)
+    place_defined = answers.definition(index, file, catalogue_now)
     if place_defined is None:
         return None
     target_uri = _uri(place_defined.place.file, uri)

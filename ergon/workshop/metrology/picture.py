@@ -18,15 +18,15 @@ if TYPE_CHECKING:
 _COLUMNS = 700  # of a picture: more points than two a column show nothing
 
 
-def picture(after: Replay, title: str, before: Replay | None = None) -> str:
+def picture(fitted_replay: Replay, title: str, first_replay: Replay | None = None) -> str:
     """An SVG of the forces, of the real key and its model, and of their difference.
 
-    `before` is the replay of a model with fewer parts.
+    `first_replay` is the replay of a model with fewer parts.
     """
-    drawn = rows(after)
-    if before is not None:
-        left = _curve("residual", before.t, before.residual * 1e6)
-        drawn.insert(2, ("M K Z alone [um]", [left]))
+    drawn = rows(fitted_replay)
+    if first_replay is not None:
+        residual_curve = _curve("residual", first_replay.t, first_replay.residual * 1e6)
+        drawn.insert(2, ("M K Z alone [um]", [residual_curve]))
     return panels(drawn, title=title)
 
 
@@ -34,12 +34,12 @@ def rows(result: Replay) -> list[tuple[str, list[Curve]]]:
     """The panels of a replay: the label of each, and its curves."""
     rate = result.gesture.rate
     t = np.arange(result.gesture.force.size) / rate
-    real = np.where(result.gesture.counts, result.gesture.position, np.nan)
+    measured_position = np.where(result.gesture.counts, result.gesture.position, np.nan)
     return [
         ("force [N]", [_curve("asked", t, result.gesture.force)]),
         (
             "position [mm]",
-            [_curve("real", t, real * 1e3), _curve("model", t, result.model * 1e3)],
+            [_curve("real", t, measured_position * 1e3), _curve("model", t, result.model * 1e3)],
         ),
         ("residual [um]", [_curve("residual", result.t, result.residual * 1e6)]),
     ]

@@ -36,11 +36,11 @@ def write_scene(result: Replay, folder: Path) -> Path:
     """Write a score of a replay into a folder, with its take; returns the path of the score."""
     gesture = result.gesture
     t = np.arange(gesture.force.size) / gesture.rate
-    real = np.interp(t, result.t, gesture.position[gesture.counts]) - gesture.start
+    measured_position = np.interp(t, result.t, gesture.position[gesture.counts]) - gesture.start
     curves = (
         [_Curve("asked", gesture.force, ("N", 1.0), 0.5)],
         [
-            _Curve("real", real, ("mm", 1e-3), 0.25),
+            _Curve("real", measured_position, ("mm", 1e-3), 0.25),
             _Curve("model", result.model - gesture.start, ("mm", 1e-3), 0.25, 0.05),
         ],
         [_Curve("residual", np.interp(t, result.t, result.residual), ("um", 1e-6), 0.0)],

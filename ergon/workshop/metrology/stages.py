@@ -148,35 +148,35 @@ class _Search:
 
     def _add(self, part: _Part) -> bool:
         """Whether a part was kept."""
-        before = self.best
-        if not part.is_open(before.fit) or self._was_refused(part.name):
+        best_before = self.best
+        if not part.is_open(best_before.fit) or self._was_refused(part.name):
             return False
-        columns = (*before.fit.columns, *(INDEX[name] for name in part.parameters))
+        columns = (*best_before.fit.columns, *(INDEX[name] for name in part.parameters))
         rows = [
-            with_values(before.fit.row, dict(zip(part.parameters, values, strict=True)))
-            for values in part.starts(before.fit.row, self.guess, self.judge.gestures[0].rate)
+            with_values(best_before.fit.row, dict(zip(part.parameters, values, strict=True)))
+            for values in part.starts(best_before.fit.row, self.guess, self.judge.gestures[0].rate)
         ]
-        return self._decide(self.judge.best_of(part.name, rows, columns, before))
+        return self._decide(self.judge.best_of(part.name, rows, columns, best_before))
 
     def _add_mode(self) -> bool:
         """Whether one more mode was kept. The delay is fitted with it, because both act on the
         quickest motions.
         """
-        before = self.best
-        number = n_modes(before.fit.row)
+        best_before = self.best
+        number = n_modes(best_before.fit.row)
         name = "mode" if number == 0 else f"mode {number + 1}"
         if number == MODES_MAX or self._was_refused(name):
             return False
-        peak = highest_peak(self.judge.recovered(before), before.fit)
+        peak = highest_peak(self.judge.recovered(best_before), best_before.fit)
         if peak.score < SCORE_MIN:
-            return self._decide(Stage(name, before.fit, before.replay, False, peak.score))
+            return self._decide(Stage(name, best_before.fit, best_before.replay, False, peak.score))
         rows = []
         for frequency, ratio in ((1, 0.01), (1, 0.03), (1 / 1.025, 0.02), (1.025, 0.02)):
-            row = np.append(before.fit.row, [peak.mass, frequency * peak.frequency, ratio])
+            row = np.append(best_before.fit.row, [peak.mass, frequency * peak.frequency, ratio])
             row[0] -= peak.mass
             rows.append(row)
-        columns = dict.fromkeys((*before.fit.columns, INDEX["delay"], *mode_indices(number)))
-        return self._decide(self.judge.best_of(name, rows, tuple(columns), before, peak.score))
+        columns = dict.fromkeys((*best_before.fit.columns, INDEX["delay"], *mode_indices(number)))
+        return self._decide(self.judge.best_of(name, rows, tuple(columns), best_before, peak.score))
 
     def add_against_held_out(self) -> bool:
         """Whether parts were kept after one that the held-out gesture alone refused.
@@ -184,16 +184,16 @@ class _Search:
         Where sticking and sliding alternate, a part that is right may follow a gesture worse
         until the next one is known.
         """
-        before = self.best
+        best_before = self.best
         worth = [stage for stage in self.refused if stage.is_worth]
         if not worth:
             return False
         best = min(worth, key=lambda stage: stage.fit.bic)
         self._decide(replace(best, is_accepted=True))
         self.add_parts()
-        if self.best.replay < before.replay:
+        if self.best.replay < best_before.replay:
             return True
-        self._decide(replace(before, name=best.name, is_accepted=True, is_removal=True))
+        self._decide(replace(best_before, name=best.name, is_accepted=True, is_removal=True))
         return False
 
     def remove_doubtful(self) -> bool:

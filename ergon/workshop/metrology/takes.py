@@ -59,19 +59,19 @@ def record(
     follows.
     Raises TakeEnded.
     """
-    axis, takes, left = ladder.axis, [], seconds
+    axis, takes, seconds_left = ladder.axis, [], seconds
     guide = ladder.guide if ladder.needs_guide else ladder.guide.off
     force = _bearable_force(ladder, kind, guide, seed, path)
     for part in range(1, _PARTS_MAX + 1):
-        stream = _stream(ladder, kind, left, force, seed + part, path)
+        stream = _stream(ladder, kind, seconds_left, force, seed + part, path)
         framed, still = excitation.framed(stream, TICK_RATE)
         settle(axis, ladder.guide)
         excited = push(axis, framed, guide, still, target(kind, part), forgiven=True)
         n = excited.sent().size
         if n >= max(TICKS_MIN, still + TICK_RATE) or excited.end == "done":
             takes.append(Take(kind, part, gesture(excited)))
-            left -= (n - still) / TICK_RATE
-        if excited.end not in DOUBTS or left < 1.0:
+            seconds_left -= (n - still) / TICK_RATE
+        if excited.end not in DOUBTS or seconds_left < 1.0:
             break
         force *= _FORCE_REDUCTION
     settle(axis, ladder.guide)

@@ -19,9 +19,9 @@ class Names:
         """`taken`: names that cannot be given."""
         self.taken = set(taken)
 
-    def new(self, wanted: str) -> str:
+    def new(self, name_wanted: str) -> str:
         """The name, or the first free one with a number appended."""
-        base = wanted[: NAME_MAX - 8].lstrip("_") or "m"
+        base = name_wanted[: NAME_MAX - 8].lstrip("_") or "m"
         name, count = base, 2
         while name in self.taken:
             name, count = f"{base}_{count}", count + 1

@@ -100,9 +100,12 @@ class Page:
         yield f"rates: {{audio: {RATE}Hz}}"
         yield from _block("let:", self.parameters)
         takes = (
-            (name, one, "N" if name in self.pushes else "m") for name, one in self.inputs.items()
+            (name, page_input, "N" if name in self.pushes else "m")
+            for name, page_input in self.inputs.items()
         )
-        yield from _block("takes:", (one.take(name, unit) for name, one, unit in takes))
+        yield from _block(
+            "takes:", (page_input.take(name, unit) for name, page_input, unit in takes)
+        )
         yield "instruments:"
         yield "  model:"
         yield "    units: ca"

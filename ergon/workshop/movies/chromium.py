@@ -88,20 +88,20 @@ class Page:
         """Call a method of the protocol. Raises BrowserError."""
         return self._browser.call(method, self.session, **parameters)
 
-    def note(self, method: str, what: dict[str, Any]) -> None:
+    def note(self, method: str, parameters: dict[str, Any]) -> None:
         """Record an event of the protocol: a finished load, a request or an error."""
         if method == "Page.loadEventFired":
             self._n_loaded += 1
         elif method == "Network.requestWillBeSent":
-            self.requests.append(what["request"]["url"])
+            self.requests.append(parameters["request"]["url"])
         elif method == "Network.webSocketCreated":
-            self.requests.append(what["url"])
+            self.requests.append(parameters["url"])
         elif method == "Runtime.exceptionThrown":
-            self.errors.append(json.dumps(what["exceptionDetails"]))
-        elif method == "Log.entryAdded" and what["entry"]["level"] == "error":
-            self.errors.append(f"{what['entry']['text']} {what['entry'].get('url')}")
-        elif method == "Runtime.consoleAPICalled" and what["type"] in ("error", "assert"):
-            self.errors.append(json.dumps(what["args"]))
+            self.errors.append(json.dumps(parameters["exceptionDetails"]))
+        elif method == "Log.entryAdded" and parameters["entry"]["level"] == "error":
+            self.errors.append(f"{parameters['entry']['text']} {parameters['entry'].get('url')}")
+        elif method == "Runtime.consoleAPICalled" and parameters["type"] in ("error", "assert"):
+            self.errors.append(json.dumps(parameters["args"]))
 
     def run(self, script: str) -> Any:
         """The value of an expression; a promise is waited for. Raises BrowserError."""
@@ -129,9 +129,9 @@ class Page:
 
         Raises BrowserError.
         """
-        before = self._n_loaded
+        n_loaded_before = self._n_loaded
         self.call("Page.navigate", url=url)
-        while self._n_loaded == before:
+        while self._n_loaded == n_loaded_before:
             self._browser.listen()
         reason = self.run(_READY)
         if reason:
@@ -265,9 +265,9 @@ def _pipe() -> tuple[int, int]:
     """A pipe, (read end, write end), whose descriptors are not those of the protocol."""
     import fcntl
 
-    ends = os.pipe()
-    moved = [fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, _CLEAR) for end in ends]
-    for end in ends:
+    pipe_ends = os.pipe()
+    moved = [fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, _CLEAR) for end in pipe_ends]
+    for end in pipe_ends:
         os.close(end)
     return moved[0], moved[1]
 

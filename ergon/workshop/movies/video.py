@@ -91,8 +91,8 @@ class VideoFile:
     def add(self, png: bytes) -> None:
         """Add a picture, a PNG file, and the sound up to its end."""
         # A decoder of its own for each: one that goes on adds a picture to the one before.
-        for seen in self._av.CodecContext.create("png", "r").decode(self._av.Packet(png)):
-            pixels = seen.to_ndarray(format="rgb24")
+        for picture_frame in self._av.CodecContext.create("png", "r").decode(self._av.Packet(png)):
+            pixels = picture_frame.to_ndarray(format="rgb24")
             # The usual coding of films: BT.709, levels from 16 to 235.
             picture = self._av.VideoFrame.from_ndarray(pixels, format="rgb24").reformat(
                 format="yuv420p", dst_colorspace="ITU709", dst_color_range="MPEG"
@@ -150,5 +150,5 @@ class _SoundStream:
         frame.rate = self._sound.rate
         frame.pts, frame.time_base = self._frame, Fraction(1, self._sound.rate)
         self._frame += len(block)
-        for ready in self._to.resample(frame):
-            self._container.mux(self._stream.encode(ready))
+        for resampled in self._to.resample(frame):
+            self._container.mux(self._stream.encode(resampled))

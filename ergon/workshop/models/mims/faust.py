@@ -26,12 +26,12 @@ def script(text: str) -> str:
         line = text.count("\n", 0, scripts[1].start()) + 1
         raise ModelError("a second MIMS script begins here; leave one", line)
     (match,) = scripts
-    before = "\n" * text.count("\n", 0, match.start())
-    return before + "\n".join(map(_line_text, match[0].split("\n")))
+    lines_before = "\n" * text.count("\n", 0, match.start())
+    return lines_before + "\n".join(map(_line_text, match[0].split("\n")))
 
 
 def _is_script(comment: str) -> bool:
-    return any(found[1] in _KEYWORDS for found in _STATEMENT.finditer(comment))
+    return any(statement_match[1] in _KEYWORDS for statement_match in _STATEMENT.finditer(comment))
 
 
 def _line_text(line: str) -> str:

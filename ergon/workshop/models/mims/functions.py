@@ -79,15 +79,15 @@ def value(text: str, names: Mapping[str, Amount], expected: str) -> Amount:
 def _value(text: str, names: Mapping[str, Amount], expected: str, depth: int) -> Amount:
     if depth > MAX_DEPTH:
         raise TextError(f"functions are nested at most {MAX_DEPTH} deep")
-    known, rest, plain = dict(names), 0, ""
-    while (call := _CALL.search(text, rest)) is not None:
+    known_names, unread_from, plain = dict(names), 0, ""
+    while (call := _CALL.search(text, unread_from)) is not None:
         arguments, end = _arguments(text, call.end())
         name = f"call_{depth}_{end}"
         values = [_value(part, names, expected, depth + 1) for part in arguments]
-        known[name] = Amount(Fraction(_computed(call[1], values)), "")
-        plain += f"{text[rest : call.start()]} {name} "
-        rest = end
-    return evaluate(plain + text[rest:], known, expected=expected)
+        known_names[name] = Amount(Fraction(_computed(call[1], values)), "")
+        plain += f"{text[unread_from : call.start()]} {name} "
+        unread_from = end
+    return evaluate(plain + text[unread_from:], known_names, expected=expected)
 
 
 def _arguments(text: str, start: int) -> tuple[list[str], int]:
@@ -112,13 +112,13 @@ def _computed(name: str, values: list[Amount]) -> float:
     if len(values) != count:
         message = f"{name} has {count} arguments, and here {len(values)}"
         raise TextError(message if count > 1 else message.replace("arguments", "argument"))
-    if any(each.unit for each in values):
+    if any(operand.unit for operand in values):
         raise TextError(f"{name} takes plain numbers")
     try:
-        result = float(function(*(float(each.number) for each in values)))
+        result = float(function(*(float(operand.number) for operand in values)))
     except (ArithmeticError, ValueError):
         result = math.nan
     if not math.isfinite(result):
-        shown = ", ".join(f"{float(each.number):g}" for each in values)
+        shown = ", ".join(f"{float(operand.number):g}" for operand in values)
         raise TextError(f"{name}({shown}) has no value")
     return result

@@ -39,15 +39,15 @@ def _forms(family: Family, text: str, points: int | None = None) -> dict[str, Fo
     forms = {}
     for line in text.strip().splitlines():
         keyword, *values = line.split()
-        optional = [at for at, name in enumerate(values) if name.startswith("[")]
-        first = optional[0] if optional else len(values)
-        last = optional[-1] + 1 if optional else len(values)
+        optional = [index for index, name in enumerate(values) if name.startswith("[")]
+        first_optional = optional[0] if optional else len(values)
+        stop_optional = optional[-1] + 1 if optional else len(values)
         forms[keyword] = Form(
             family,
             _POINTS.get(family, 0) if points is None else points,
-            tuple(values[:first]),
-            tuple(name.strip("[]") for name in values[first:last]),
-            tuple(values[last:]),
+            tuple(values[:first_optional]),
+            tuple(name.strip("[]") for name in values[first_optional:stop_optional]),
+            tuple(values[stop_optional:]),
         )
     return forms
 

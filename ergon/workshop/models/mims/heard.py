@@ -54,7 +54,7 @@ def output(writing: Writing, statement: Statement) -> None:
         return
     mass = statement.points[0].name
     link_names = [name for link, name in writing.links if any(p.name == mass for p in link.points)]
-    kinds = {each.name: each.kind for each in writing.modules}
+    kinds = {module.name: module.kind for module in writing.modules}
     for nth, name in enumerate(link_names, 1):
         out = statement.name if len(link_names) == 1 else f"{statement.name}_{nth}"
         writing.outs.append(Out(out, f"SOF: {{{kinds[name]}: {name}}}", channel))

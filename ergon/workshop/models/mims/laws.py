@@ -29,9 +29,9 @@ class Link:
     turns: bool = True
 
 
-def _lnl(law: str, damping: str, values: str, rest: str = "", turns: bool = True) -> Link:
+def _lnl(law: str, damping: str, values: str, further_fields: str = "", turns: bool = True) -> Link:
     fields = {name.lower(): name for name in values.split()}
-    return Link("LNL", fields, law, damping, rest, turns)
+    return Link("LNL", fields, law, damping, further_fields, turns)
 
 
 _CUBIC = "where(abs(d) <= sqrt((lim - k)/q), d*(k + q*d*d), lim*d)"

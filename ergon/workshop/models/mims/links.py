@@ -50,17 +50,17 @@ def link(writing: Writing, statement: Statement, listened: Mapping[int, str]) ->
     if max(map(len, ends_of)) > 1:
         _between(writing, statement, law, ends_of, listened.get(id(statement), ""))
         return
-    ends = [targets[0][1] for targets in ends_of]
+    end_points = [targets[0][1] for targets in ends_of]
     side = ""
     if (
         listened.get(id(statement)) == statement.points[0].name
     ):  # its force on the first end is heard
-        ends.reverse()
+        end_points.reverse()
         side = ", side: above" if law.kind == "BUT" else ""
         if not law.turns and law.kind != "BUT":
             message = REFUSED["both ends"].format(link=quote(statement.name))
             raise ModelError(message, statement.line)
-    written_fields = [f"between: [{', '.join(ends)}]"]
+    written_fields = [f"between: [{', '.join(end_points)}]"]
     for word, text in (("law", law.law), ("damping", law.damping)):
         written_fields += [f'{word}: "{text}"'] if text else []
     written_fields += _fields(writing, law, values, "2*" if twice else "")
@@ -132,7 +132,7 @@ def _between(
     whose = writing.targets.get(listened)
     comment = f"{statement.keyword} of {quote(statement.name)}, between masses"
     for (p, a), (q, b) in combinations(shares.items(), 2):
-        ends = [q, p] if p == whose else [p, q]  # a force is heard at the second end
+        end_points = [q, p] if p == whose else [p, q]  # a force is heard at the second end
         name = writing.names.new(statement.name)
         if not listened or whose in (p, q):
             writing.links.append((statement, name))
@@ -146,7 +146,7 @@ def _between(
             tie_texts = ", ".join(
                 [*laws, *(f"{tie.lower()}: {text}" for tie, text in fields.items())]
             )
-        writing.add(name, f"{kind}: {{between: [{', '.join(ends)}], {tie_texts}}}", comment)
+        writing.add(name, f"{kind}: {{between: [{', '.join(end_points)}], {tie_texts}}}", comment)
         comment = ""
 
 

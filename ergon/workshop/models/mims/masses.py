@@ -106,21 +106,27 @@ def _start(
     """
     (mass, k, z), gravity = numbers, _gravity(writing, statement)
     x0 = writing.value(statement, "x0")
-    before = x0 - writing.value(statement, "v0") / RATE
+    position_before = x0 - writing.value(statement, "v0") / RATE
     if "before" in statement.values:
-        before = writing.value(statement, "before")
-    first = (2.0 - (k + z) / mass) * x0 + (z / mass - 1.0) * before - gravity / mass
-    _within(statement, "x0", first, _FARTHEST)
-    _within(statement, "the first step", (first - x0) * RATE, _FASTEST)
-    writing.begins[statement.name] = Begin(first, first - x0)
-    if first == x0:
+        position_before = writing.value(statement, "before")
+    first_position = (
+        (2.0 - (k + z) / mass) * x0 + (z / mass - 1.0) * position_before - gravity / mass
+    )
+    _within(statement, "x0", first_position, _FARTHEST)
+    _within(statement, "the first step", (first_position - x0) * RATE, _FASTEST)
+    writing.begins[statement.name] = Begin(first_position, first_position - x0)
+    if first_position == x0:
         return (f"X0: {metres(writing.text(statement, 'x0'))}" if x0 else ""), ""
-    return (f"X0: {first!r}m" if first else ""), f"V0: {(first - x0) * RATE!r}m/s"
+    return (
+        f"X0: {first_position!r}m" if first_position else ""
+    ), f"V0: {(first_position - x0) * RATE!r}m/s"
 
 
-def _within(one: Statement, name: str, value: float, most: float) -> None:
-    if not abs(value) <= most:
-        raise ModelError(REFUSED["far"].format(name=name, value=value, most=most), one.line)
+def _within(statement: Statement, name: str, value: float, value_max: float) -> None:
+    if not abs(value) <= value_max:
+        raise ModelError(
+            REFUSED["far"].format(name=name, value=value, most=value_max), statement.line
+        )
 
 
 def _gravity(writing: Writing, statement: Statement) -> float:
@@ -129,8 +135,8 @@ def _gravity(writing: Writing, statement: Statement) -> float:
         return writing.value(statement, "gravity")
     # mi-gen appends its factor to the text, so of `a + b` it divides only b.
     writing.text(statement, "gravity")
-    what = f"gravity of {quote(statement.name)}"
-    return writing.model.number(f"{text}/{RATE}", what, statement.line)
+    label = f"gravity of {quote(statement.name)}"
+    return writing.model.number(f"{text}/{RATE}", label, statement.line)
 
 
 def _heavy(writing: Writing, statement: Statement) -> Value:
@@ -190,7 +196,9 @@ def _change(writing: Writing, macro: places.Macro, values: dict[str, Value]) -> 
     laws = {"K": 'law: "k*d"', "Z": 'damping: "z*v"'}
     written_fields = [laws[name] for name in values]
     written_fields.append(
-        _follows({name.lower(): following(writing, one) for name, one in values.items()})
+        _follows(
+            {name.lower(): following(writing, parameter) for name, parameter in values.items()}
+        )
     )
     for nth, (a, b) in enumerate(macro.neighbours()):
         name = f"{macro.name}_led{nth or ''}"
@@ -204,8 +212,8 @@ def _pull(writing: Writing, macro: places.Macro, z: Value) -> None:
     if z.along:
         raise ModelError(REFUSED["pulling string"], macro.statement.line)
     force = z.first * writing.value(macro.statement, "v0") / RATE
-    ends = macro.point_name(0, 1), macro.point_name(0, macro.columns - 2)
-    for nth, end in enumerate(ends):
+    corners = macro.point_name(0, 1), macro.point_name(0, macro.columns - 2)
+    for nth, end in enumerate(corners):
         if force:
             name = writing.names.new(f"{macro.name}_pull{nth or ''}")
             comment = "its fixed ends have a speed, which dampers feel" if nth == 0 else ""
@@ -220,9 +228,11 @@ def _input(writing: Writing, statement: Statement) -> None:
         return
     source = writing.inputs.get(statement.name)
     name = writing.targets[statement.name] = fed(writing, statement.name, statement.name)
-    first = 0.0 if source is None else source.first
+    first_value = 0.0 if source is None else source.first
     writing.held.add(name)
-    writing.begins[statement.name] = Begin(first, jump=first - writing.value(statement, "x0"))
+    writing.begins[statement.name] = Begin(
+        first_value, jump=first_value - writing.value(statement, "x0")
+    )
 
 
 MAKERS = {

@@ -44,18 +44,18 @@ class Model:
 
     def statements_of(self, *families: Family) -> tuple[Statement, ...]:
         """Statements of some families, in order."""
-        return tuple(one for one in self.statements if one.family in families)
+        return tuple(statement for statement in self.statements if statement.family in families)
 
     @property
     def signals(self) -> dict[str, str]:
         """Parameters that follow a signal, and the input of each."""
-        params = (one for one in self.statements if one.keyword == "audioParam")
-        return {one.name: one.values["input"].removeprefix("@") for one in params}
+        params = (statement for statement in self.statements if statement.keyword == "audioParam")
+        return {statement.name: statement.values["input"].removeprefix("@") for statement in params}
 
     @property
     def inputs(self) -> list[str]:
         """All inputs, of masses and of parameters."""
-        declared = (one.name for one in self.statements_of("input"))
+        declared = (statement.name for statement in self.statements_of("input"))
         return list(dict.fromkeys((*declared, *self.signals.values())))
 
     def value(self, statement: Statement, name: str, default: float = 0.0) -> float:
@@ -65,19 +65,19 @@ class Model:
             return default
         return self.number(text, f"{name} of {quote(statement.name)}", statement.line)
 
-    def number(self, text: str, what: str, line: int) -> float:
+    def number(self, text: str, label: str, line: int) -> float:
         """The value of an expression, computed once. Raises ModelError."""
         if text not in self._numbers:
-            self._numbers[text] = number(text, self.params, what, line)
+            self._numbers[text] = number(text, self.params, label, line)
         return self._numbers[text]
 
 
-def number(text: str, params: Mapping[str, Amount], what: str, line: int) -> float:
+def number(text: str, params: Mapping[str, Amount], label: str, line: int) -> float:
     """The value of an expression of parameters and functions. Raises ModelError."""
     try:
         amount = functions.value(text, params, "a parameter")
     except TextError as error:
-        raise ModelError(f"{what}: {error.message}", line, error.suggestion) from None
+        raise ModelError(f"{label}: {error.message}", line, error.suggestion) from None
     if amount.unit:
-        raise ModelError(f"{what}: {quote(text)} is neither a number nor a parameter", line)
+        raise ModelError(f"{label}: {quote(text)} is neither a number nor a parameter", line)
     return float(amount.number)

@@ -40,12 +40,12 @@ class Macro:
 
     def is_fixed(self, row: int, column: int) -> bool:
         """Whether a point is fixed."""
-        ends = row in (0, self.rows - 1), column in (0, self.columns - 1)
+        is_at_edge = row in (0, self.rows - 1), column in (0, self.columns - 1)
         return {
-            "string": ends[1],
-            "stiffString": ends[1],
-            "closedMesh": any(ends),
-            "cornerMesh": all(ends),
+            "string": is_at_edge[1],
+            "stiffString": is_at_edge[1],
+            "closedMesh": any(is_at_edge),
+            "cornerMesh": all(is_at_edge),
         }.get(self.statement.keyword, False)
 
     @property
@@ -58,8 +58,8 @@ class Macro:
         """The columns of a row that move: the first, and their number."""
         if self.statement.keyword == "closedMesh" and row in (0, self.rows - 1):
             return 0, 0
-        held = self.is_fixed(row, 0)
-        return int(held), self.columns - 2 * held
+        is_first_fixed = self.is_fixed(row, 0)
+        return int(is_first_fixed), self.columns - 2 * is_first_fixed
 
     def member(self, row: int, first: int, count: int = 1) -> str:
         """Moving points of a row, as a range of a module."""
@@ -86,19 +86,19 @@ class Macro:
         """Both ends of all links along a single row; those between moving points are given as
         ranges.
         """
-        first, count = self.span(0)
+        first_moving, count = self.span(0)
         inner = [
             (self.member(0, offset, size), self.member(0, offset + 1, size))
-            for offset in range(first, first + count - 1, MAX_SPREAD)
-            if (size := min(MAX_SPREAD, first + count - 1 - offset))
+            for offset in range(first_moving, first_moving + count - 1, MAX_SPREAD)
+            if (size := min(MAX_SPREAD, first_moving + count - 1 - offset))
         ]
-        if not first:
+        if not first_moving:
             return inner
-        last = first + count - 1
+        last_moving = first_moving + count - 1
         return [
             (self.point_name(0, 0), self.point_name(0, 1)),
             *inner,
-            (self.point_name(0, last), self.point_name(0, last + 1)),
+            (self.point_name(0, last_moving), self.point_name(0, last_moving + 1)),
         ]
 
     def row(self, row: int) -> str:
@@ -181,10 +181,10 @@ def build(macro: Macro, is_2019: bool) -> None:
         _stiffness(macro, is_2019)
     if "Zo" in macro.written:
         macro.is_joined = True
-        for count, where in enumerate(macro.moving):
+        for count, point_name in enumerate(macro.moving):
             name = f"{macro.name}_air{count or ''}"
-            ends = f"between: [{macro.edge}, {where}]"
-            macro.modules.append((name, f"FRO: {{{ends}, Z: {macro.written['Zo']}}}"))
+            between_text = f"between: [{macro.edge}, {point_name}]"
+            macro.modules.append((name, f"FRO: {{{between_text}, Z: {macro.written['Zo']}}}"))
 
 
 def _body(macro: Macro, name: str, count: int, form: str) -> None:
@@ -202,8 +202,8 @@ def _single_macro(macro: Macro) -> None:
     keyword = macro.statement.keyword
     if macro.rows == 1 and keyword in STRINGS:
         count = macro.columns if keyword == "chain" else macro.columns - 2
-        ends = "free" if keyword == "chain" else "fixed"
-        _body(macro, macro.name, count, f"STRING: {{masses: {count}, ends: {ends}")
+        edge_kind = "free" if keyword == "chain" else "fixed"
+        _body(macro, macro.name, count, f"STRING: {{masses: {count}, ends: {edge_kind}")
         return
     less, rim = (2, "fixed") if keyword == "closedMesh" else (0, "free")
     across, up = macro.columns - less, macro.rows - less
@@ -214,14 +214,14 @@ def _single_macro(macro: Macro) -> None:
 def _rows(macro: Macro) -> None:
     """Write a STRING for each row, and links that join it to the next row and to fixed points."""
     for row in range(macro.rows):
-        first, count = macro.span(row)
+        first_moving, count = macro.span(row)
         if not count:
             continue
         name = macro.row(row)
         _body(macro, name, count, f"STRING: {{masses: {count}, ends: free")
         if count < macro.columns:
-            _join(macro, f"{name}_left", macro.edge, macro.member(row, first))
-            _join(macro, f"{name}_right", macro.member(row, first + count - 1), macro.edge)
+            _join(macro, f"{name}_left", macro.edge, macro.member(row, first_moving))
+            _join(macro, f"{name}_right", macro.member(row, first_moving + count - 1), macro.edge)
     for row in range(macro.rows - 1):
         (a, n), (b, m) = macro.span(row), macro.span(row + 1)
         if n and m:
@@ -234,9 +234,12 @@ def _rows(macro: Macro) -> None:
                 ends = (macro.point_name(row_place, column) for row_place in (row, row + 1))
                 _join(macro, f"{macro.name}_corner{row}_{column}", *ends)
         if (n == 0) != (m == 0):
-            row_place, (first, count) = (row, (a, n)) if n else (row + 1, (b, m))
+            row_place, (first_moving, count) = (row, (a, n)) if n else (row + 1, (b, m))
             _join(
-                macro, f"{macro.name}_rim{row}", macro.edge, macro.member(row_place, first, count)
+                macro,
+                f"{macro.name}_rim{row}",
+                macro.edge,
+                macro.member(row_place, first_moving, count),
             )
 
 
@@ -255,8 +258,8 @@ def _stiffness(macro: Macro, is_2019: bool) -> None:
     if n > 4:
         inner = f"[{macro.member(0, 1, n - 4)}, {macro.member(0, 3, n - 4)}]"
         macro.modules.append((f"{macro.name}_stiff", f"RES: {{between: {inner}, K: {k}}}"))
-    ends = [(0, 2), (n - 3, n - 1)] if n > 3 else []
-    ends += [(n - 2, n - 1)] if is_2019 else [(0, 1), (n - 2, n - 1)]
-    for nth, (first, last) in enumerate(ends):
-        where = f"[{macro.point_name(0, first)}, {macro.point_name(0, last)}]"
-        macro.modules.append((f"{macro.name}_end{nth}", f"RES: {{between: {where}, K: {k}}}"))
+    column_pairs = [(0, 2), (n - 3, n - 1)] if n > 3 else []
+    column_pairs += [(n - 2, n - 1)] if is_2019 else [(0, 1), (n - 2, n - 1)]
+    for nth, (first_column, second_column) in enumerate(column_pairs):
+        point_pair = f"[{macro.point_name(0, first_column)}, {macro.point_name(0, second_column)}]"
+        macro.modules.append((f"{macro.name}_end{nth}", f"RES: {{between: {point_pair}, K: {k}}}"))

@@ -46,11 +46,11 @@ def _moving(writing: Writing, macro: places.Macro, sides: list[Along]) -> str:
 
 
 def _place(writing: Writing, macro: places.Macro, side: Along) -> str:
-    known = f"a place at {side.start!r}"
-    if known not in writing.guides:
-        writing.guides[known] = writing.names.new(f"{macro.name}_place")
-        writing.add(writing.guides[known], f"SOL: {{X0: {side.start!r}m}}")
-    return writing.guides[known]
+    start_place = f"a place at {side.start!r}"
+    if start_place not in writing.guides:
+        writing.guides[start_place] = writing.names.new(f"{macro.name}_place")
+        writing.add(writing.guides[start_place], f"SOL: {{X0: {side.start!r}m}}")
+    return writing.guides[start_place]
 
 
 def still(writing: Writing, point: Point, shares: list[tuple[float, str]]) -> str:

@@ -43,32 +43,35 @@ def along(model: Model, point: Point, line: int) -> list[Along]:
     ]
 
 
-def straight(model: Model, text: str, what: str, line: int) -> Along:
+def straight(model: Model, text: str, label: str, line: int) -> Along:
     """An expression as a linear function of its signal. Raises ModelError."""
-    named = signals_in(model, text)
-    if not named:
-        return Along(None, 0.0, model.number(text, what, line))
-    if len(named) > 1:
-        raise ModelError(REFUSED["two signals"].format(what=what, text=quote(text)), line)
+    signal_names = signals_in(model, text)
+    if not signal_names:
+        return Along(None, 0.0, model.number(text, label, line))
+    if len(signal_names) > 1:
+        raise ModelError(REFUSED["two signals"].format(what=label, text=quote(text)), line)
 
     def number_for(value: float) -> float:
-        params = {**model.params, named[0]: Amount(Fraction(value), "")}
-        return number(text, params, what, line)
+        params = {**model.params, signal_names[0]: Amount(Fraction(value), "")}
+        return number(text, params, label, line)
 
-    start, second, *others = (number_for(value) for value in _PROBES)
+    start, second, *other_values = (number_for(value) for value in _PROBES)
     slope = second - start
     line_at = (start + slope * value for value in _PROBES[2:])
-    straight = zip(others, line_at, strict=True)
-    if any(abs(found - wanted) > _CLOSE * (1.0 + abs(wanted)) for found, wanted in straight):
-        raise ModelError(REFUSED["curved"].format(what=what, text=quote(text)), line)
-    return Along(named[0], slope, start) if slope else Along(None, 0.0, start)
+    straight = zip(other_values, line_at, strict=True)
+    if any(
+        abs(value_computed - value_expected) > _CLOSE * (1.0 + abs(value_expected))
+        for value_computed, value_expected in straight
+    ):
+        raise ModelError(REFUSED["curved"].format(what=label, text=quote(text)), line)
+    return Along(signal_names[0], slope, start) if slope else Along(None, 0.0, start)
 
 
 def between_masses(shares: Sequence[tuple[float, str]]) -> str:
     """A fixed place between masses, as a module."""
     mass_names = ", ".join(name for _, name in shares)
-    each = ", ".join(repr(share) for share, _ in shares)
-    return f"PROXY: {{of: [{mass_names}], shares: [{each}]}}"
+    share_list = ", ".join(repr(share) for share, _ in shares)
+    return f"PROXY: {{of: [{mass_names}], shares: [{share_list}]}}"
 
 
 def moving(macro: Macro, sides: Sequence[Along], guides: Sequence[str], *, is_2019: bool) -> str:
@@ -114,11 +117,13 @@ def _row(macro: Macro) -> str:
         return macro.name
     if _has_rim(macro):
         return _list([macro.row(row) for row in range(1, macro.rows - 1)])
-    every: list[str] = []
+    all_points: list[str] = []
     for row in range(macro.rows):
-        first, count = macro.span(row)
-        held = [macro.edge] * first
-        macro.is_joined = macro.is_joined or bool(held) or not count
-        moving = macro.member(row, first, count) if count else ""
-        every += [*held, moving, *held] if count else [macro.edge] * macro.columns
-    return f"[{', '.join(every)}]"
+        first_moving, count = macro.span(row)
+        edge_points = [macro.edge] * first_moving
+        macro.is_joined = macro.is_joined or bool(edge_points) or not count
+        moving = macro.member(row, first_moving, count) if count else ""
+        all_points += (
+            [*edge_points, moving, *edge_points] if count else [macro.edge] * macro.columns
+        )
+    return f"[{', '.join(all_points)}]"

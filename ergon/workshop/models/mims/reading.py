@@ -71,13 +71,19 @@ def parse(text: str, dialect: Dialect, file: str = "", overrides: Mapping[str, s
     if len(lines) > LINES_MAX:
         raise ModelError(f"it has more than {LINES_MAX:,} lines", LINES_MAX + 1)
     try:
-        rows = [(at, row) for at, line in enumerate(lines, 1) if (row := words(line, at))]
+        rows = [
+            (line_number, row)
+            for line_number, line in enumerate(lines, 1)
+            if (row := words(line, line_number))
+        ]
         if not rows:
             raise ModelError(
                 f"it says nothing in {NAMES[dialect]}: no line begins with @ and a name"
             )
         macros = {row[0][1:] for _, row in rows if _family(row, dialect) == "macro"}
-        statements = tuple(_statement(at, row, dialect, macros) for at, row in rows)
+        statements = tuple(
+            _statement(line_number, row, dialect, macros) for line_number, row in rows
+        )
         model = Model(file, dialect, statements)
         _refuse_duplicate_names(model)
         model.params = _params(model, overrides)
@@ -140,15 +146,15 @@ def _statement(line: int, row: tuple[str, ...], dialect: Dialect, macros: set[st
         raise ModelError(message, line)
     if not words:
         raise ModelError(f"{name} says nothing: a word such as mass or spring follows", line)
-    keyword, *rest = words
+    keyword, *argument_words = words
     form = FORMS[dialect].get(keyword)
     if form is None:
         message = f"{quote(keyword)} is not a word of {NAMES[dialect]}"
         raise ModelError(message, line, nearest(keyword, FORMS[dialect]))
-    if len(rest) < form.points:
+    if len(argument_words) < form.points:
         raise ModelError(f"{keyword} is written {form.words}", line)
-    ends, values = rest[: form.points], rest[form.points :]
-    points = tuple(_point(end, line) for end in ends)
+    end_words, values = argument_words[: form.points], argument_words[form.points :]
+    points = tuple(_point(end, line) for end in end_words)
     if dialect == "v1":
         points, values = _v1_points(points, values, macros, keyword, line)
         if keyword in _DISPLAYED and len(values) == len(form.values) + 3:
@@ -211,14 +217,17 @@ def _height(text: str, line: int) -> str:
 
 
 def _refuse_duplicate_names(model: Model) -> None:
-    seen: dict[str, int] = {}
+    line_by_name: dict[str, int] = {}
     for statement in model.statements:
         if model.dialect == "v1" and statement.family == "link":
             continue  # MIMS has no use for the names of links
-        if statement.name in seen:
-            message = f"{quote(statement.name)} is the name of line {seen[statement.name]} already"
+        if statement.name in line_by_name:
+            message = (
+                f"{quote(statement.name)} is the name of line "
+                f"{line_by_name[statement.name]} already"
+            )
             raise ModelError(message, statement.line)
-        seen[statement.name] = statement.line
+        line_by_name[statement.name] = statement.line
 
 
 def _params(model: Model, overrides: Mapping[str, str]) -> dict[str, Amount]:
@@ -245,11 +254,11 @@ def _params(model: Model, overrides: Mapping[str, str]) -> dict[str, Amount]:
 
 
 def _known_points(model: Model, macros: set[str]) -> None:
-    known = {
+    points_by_name = {
         one.name: one for one in model.statements_of("mass", "macro") if one.name not in macros
     }
     inputs = {one.name for one in model.statements_of("input") if one.keyword == "posInput"}
-    masses = {*known, *inputs}
+    masses = {*points_by_name, *inputs}
     kinds = {one.name: one.keyword for one in model.statements_of("macro")}
     for statement in model.statements:
         for point in statement.points:
@@ -291,5 +300,5 @@ def _is_plain(text: str) -> bool:
     return re.fullmatch(r"[+-]?[\d.]+(?:[eE][+-]?\d+)?", text) is not None
 
 
-def _values_of(one: Statement) -> Iterator[str]:
-    return (name for name in one.values if name != "input" and one.family != "param")
+def _values_of(statement: Statement) -> Iterator[str]:
+    return (name for name in statement.values if name != "input" and statement.family != "param")

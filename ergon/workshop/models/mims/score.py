@@ -64,7 +64,8 @@ def _page(writing: Writing, title: str) -> Page:
     model = writing.model
     law_year = "2019" if writing.laws == "2019" else "today"
     params = {
-        one.name: float(model.params[one.name].number) for one in model.statements_of("param")
+        statement.name: float(model.params[statement.name].number)
+        for statement in model.statements_of("param")
     }
     params = {name: value for name, value in params.items() if name not in model.signals}
     fed = [name for name in model.inputs if name in writing.inputs]
@@ -78,7 +79,11 @@ def _page(writing: Writing, title: str) -> Page:
             Line(writing.params.new_names[name], number(value)) for name, value in params.items()
         ],
         inputs={name: writing.inputs[name] for name in fed} | writing.takes,
-        pushes=[one.name for one in model.statements_of("input") if one.keyword == "frcInput"],
+        pushes=[
+            statement.name
+            for statement in model.statements_of("input")
+            if statement.keyword == "frcInput"
+        ],
         modules=writing.modules,
         outs=writing.outs,
         before_strikes=["An input jumps to its first value, which the model's dampers feel."],

@@ -68,14 +68,14 @@ def guide(writing: Writing, signal: str, *, is_ahead: bool = False) -> str:
     source = writing.model.signals[signal]
     # The next sample of OSC is not known yet.
     is_ahead &= source in writing.inputs and writing.inputs[source].file is not None
-    known = f"{signal} ahead" if is_ahead else signal
-    if known not in writing.guides:
+    signal_text = f"{signal} ahead" if is_ahead else signal
+    if signal_text not in writing.guides:
         if is_ahead:
             writing.ahead[source] = _next(writing, source)
-            writing.guides[known] = fed(writing, f"{signal}_ahead", writing.ahead[source])
+            writing.guides[signal_text] = fed(writing, f"{signal}_ahead", writing.ahead[source])
         else:
-            writing.guides[known] = fed(writing, signal, source)
-    return writing.guides[known]
+            writing.guides[signal_text] = fed(writing, signal, source)
+    return writing.guides[signal_text]
 
 
 def _next(writing: Writing, source: str) -> str:
@@ -89,10 +89,10 @@ def _next(writing: Writing, source: str) -> str:
     return writing.ahead[source]
 
 
-def fed(writing: Writing, wanted: str, source: str) -> str:
+def fed(writing: Writing, take_name: str, source: str) -> str:
     """Add a point that has the values of an input or a take; returns its name."""
     takes: dict[str, Input] = {**writing.inputs, **writing.takes}
-    take, name = takes.get(source), writing.names.new(wanted)
+    take, name = takes.get(source), writing.names.new(take_name)
     if take is None:
         writing.add(name, "SOL: {}", "an input that nothing is connected to is 0")
         return name

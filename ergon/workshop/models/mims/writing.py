@@ -51,8 +51,8 @@ class Writing:
             message = REFUSED["signal"].format(name=quote(signal), value=name)
             raise ModelError(message, statement.line)
         if not is_plain(expression, self.model.params):
-            what = f"{name} of {quote(statement.name)}"
-            return repr(self.model.number(expression, what, statement.line))
+            label = f"{name} of {quote(statement.name)}"
+            return repr(self.model.number(expression, label, statement.line))
         return self.params.written(expression)
 
     def value(self, statement: Statement, name: str, default: float = 0.0) -> float:

@@ -82,8 +82,8 @@ def parse(text: str) -> Network:
     try:
         parser.Parse(text.encode("utf-8", "replace"), True)
     except expat.ExpatError as error:
-        what = expat.errors.messages[error.code]
-        raise ModelError(f"the XML is not well formed: {what}", error.lineno) from None
+        message = expat.errors.messages[error.code]
+        raise ModelError(f"the XML is not well formed: {message}", error.lineno) from None
     if not reading.network.masses:
         raise ModelError("it has no masses", parser.CurrentLineNumber)
     return reading.network
@@ -106,23 +106,23 @@ class _Reading:
             raise ModelError(f"the XML has more than {ELEMENTS_MAX:,} elements", self.line())
         if len(self.path) > _DEPTH_MAX:
             raise ModelError(f"elements are nested deeper than {_DEPTH_MAX}", self.line())
-        where = self.path[1:]
-        if len(where) == 1 and tag not in ("global", "MAT", "Link", "Interaction"):
-            known = ("global", "MAT", "Link")
+        element_path = self.path[1:]
+        if len(element_path) == 1 and tag not in ("global", "MAT", "Link", "Interaction"):
+            known_elements = ("global", "MAT", "Link")
             raise ModelError(
-                f"{quote(tag)} is not part of a model", self.line(), nearest(tag, known)
+                f"{quote(tag)} is not part of a model", self.line(), nearest(tag, known_elements)
             )
-        if len(where) == 2 and where[0] == "global":
+        if len(element_path) == 2 and element_path[0] == "global":
             self.read_element(tag, attributes)
-        if len(where) == 3 and where[0] == "MAT":
-            self.part(where[1], attributes, MASSES, self.network.masses)
-        elif len(where) == 3 and where[0] in ("Link", "Interaction"):
-            self.part(where[1], attributes, LINKS, self.network.links)
+        if len(element_path) == 3 and element_path[0] == "MAT":
+            self.part(element_path[1], attributes, MASSES, self.network.masses)
+        elif len(element_path) == 3 and element_path[0] in ("Link", "Interaction"):
+            self.part(element_path[1], attributes, LINKS, self.network.links)
 
     def end(self, tag: str) -> None:
         self.path.pop()
         if tag == "global":
-            along = [self.gravity * one for one in self.direction]
+            along = [self.gravity * component for component in self.direction]
             if along[0] or along[1] or along[2] < 0.0:
                 message = "gravity goes along another axis than z, which is not built yet"
                 raise ModelError(message, self.line())
@@ -139,9 +139,9 @@ class _Reading:
             x, y, z = (self.number(attributes, f"pos.{axis}") for axis in "xyz")
             self.direction = (x, y, z)
         else:
-            known = ("gravity", "friction", "vector")
+            known_elements = ("gravity", "friction", "vector")
             message = f"{quote(tag)} is not part of what holds for all"
-            raise ModelError(message, self.line(), nearest(tag, known))
+            raise ModelError(message, self.line(), nearest(tag, known_elements))
 
     def part(
         self,
@@ -154,8 +154,8 @@ class _Reading:
         if kind in _REFUSED:
             raise ModelError(f"{kind}: {_REFUSED[kind]}", line_number)
         if kind not in forms:
-            what = "masses" if forms is MASSES else "links"
-            message = f"{quote(kind)} is not a kind of {what}"
+            noun = "masses" if forms is MASSES else "links"
+            message = f"{quote(kind)} is not a kind of {noun}"
             raise ModelError(message, line_number, nearest(kind, forms))
         name = attributes.get("name", "")
         if not name:
@@ -166,13 +166,13 @@ class _Reading:
                     f"{quote(name)} is the name of line {self.names[name]} too", line_number
                 )
             self.names[name] = line_number
-        ends: tuple[str, ...] = ()
+        end_names: tuple[str, ...] = ()
         if forms is LINKS:
-            ends = (attributes.get("m1", ""),)
+            end_names = (attributes.get("m1", ""),)
             if kind != "PlaneContact3D":
-                ends += (attributes.get("m2", ""),)
-        values = {one: self.number(attributes, one) for one in forms[kind]}
-        into.append(Part(kind, name, ends, values, line_number))
+                end_names += (attributes.get("m2", ""),)
+        values = {attribute: self.number(attributes, attribute) for attribute in forms[kind]}
+        into.append(Part(kind, name, end_names, values, line_number))
 
     def number(self, attributes: Mapping[str, str], name: str) -> float:
         text = attributes.get(name)

@@ -44,9 +44,9 @@ def written(network: Network, title: str, rate: int) -> str:
     line.
     """
     writing = _Writing(network, rate)
-    known = {mass.name: mass for mass in network.masses}
+    masses_by_name = {mass.name: mass for mass in network.masses}
     for link in network.links:
-        _joined(link, known)
+        _joined(link, masses_by_name)
     if network.gravity * rate * rate * _MILLI > _HEAVIEST:
         message = f"gravity is {network.gravity:g} a sample²: at {rate:,} Hz a score holds up to "
         raise ModelError(f"{message}{_HEAVIEST / (rate * rate * _MILLI):g}; set a lower rate")
@@ -62,22 +62,22 @@ def written(network: Network, title: str, rate: int) -> str:
             _mass(writing, mass)
     for link in network.links:
         if link.kind == "SpringDamper1D":
-            _spring(writing, link, known)
+            _spring(writing, link, masses_by_name)
         else:
             _link(writing, link)
     return "\n".join(_lines(writing, title)) + "\n"
 
 
-def _joined(link: Part, known: dict[str, Part]) -> None:
+def _joined(link: Part, masses_by_name: dict[str, Part]) -> None:
     """Raises ModelError if a link joins a mass that does not exist, or of a kind that does not fit
     it.
     """
     for end in link.ends:
-        if end not in known:
-            near = nearest(end, known)
+        if end not in masses_by_name:
+            near = nearest(end, masses_by_name)
             raise ModelError(f"no mass is called {quote(end)}", link.line, near)
-        if known[end].kind.endswith("1D") != link.kind.endswith("1D"):
-            axes = "one axis" if known[end].kind.endswith("1D") else "three axes"
+        if masses_by_name[end].kind.endswith("1D") != link.kind.endswith("1D"):
+            axes = "one axis" if masses_by_name[end].kind.endswith("1D") else "three axes"
             message = f"{quote(end)} has {axes}, and {link.kind} joins others; that is not built"
             raise ModelError(message, link.line)
     if len(set(link.ends)) < len(link.ends):
@@ -93,9 +93,9 @@ def _joined(link: Part, known: dict[str, Part]) -> None:
         raise ModelError(message, link.line)
 
 
-def _within(one: Part, what: str, value: float, most: float) -> None:
-    if not abs(value) <= most:
-        raise ModelError(f"{what} is {value:g}: a score holds up to {most:g}", one.line)
+def _within(part: Part, field_name: str, value: float, value_max: float) -> None:
+    if not abs(value) <= value_max:
+        raise ModelError(f"{field_name} is {value:g}: a score holds up to {value_max:g}", part.line)
 
 
 def _heavy(writing: _Writing, part: Part) -> float:
@@ -140,12 +140,12 @@ _KINDS = {"Spring3D": "RES", "Damper3D": "FRO", "SpringDamper3D": "REF"}
 
 def _link(writing: _Writing, link: Part) -> None:
     values = link.values
-    ends = [writing.masses[end] for end in link.ends]
+    end_masses = [writing.masses[end] for end in link.ends]
     kind = _KINDS.get(link.kind, "BUT")
     if link.kind == "PlaneContact3D":
         axis = int(values["orientation"])
-        ends.insert(0, _wall(writing, axis, values["position"], link))
-    written_fields = [f"between: [{', '.join(ends)}]"]
+        end_masses.insert(0, _wall(writing, axis, values["position"], link))
+    written_fields = [f"between: [{', '.join(end_masses)}]"]
     written_fields += [f"K: {_number(values['stiffness'])}*stiff"] if "stiffness" in values else []
     written_fields += [f"Z: {_number(values['damping'])}*viscous"] if "damping" in values else []
     if kind == "BUT":
@@ -211,10 +211,10 @@ def _mass(writing: _Writing, part: Part) -> None:
         )
 
 
-def _spring(writing: _Writing, link: Part, known: dict[str, Part]) -> None:
+def _spring(writing: _Writing, link: Part, masses_by_name: dict[str, Part]) -> None:
     values = link.values
     a, b = link.ends
-    if not {known[a].kind, known[b].kind} - {"Ground1D"}:
+    if not {masses_by_name[a].kind, masses_by_name[b].kind} - {"Ground1D"}:
         return  # nothing of it moves
     # d is x_b - x_a - rest in a score, and z1 - z2 - drest in the model.
     written_fields = [
@@ -269,7 +269,9 @@ def _lines(writing: _Writing, title: str) -> Iterator[str]:
     if rows:
         yield "mix:"
         yield f"  channels: {len(rows)}"
-        route = ", ".join(f"{{from: {name}, to: {to}, highpass: 8Hz}}" for name, to in rows)
+        route = ", ".join(
+            f"{{from: {name}, to: {channels}, highpass: 8Hz}}" for name, channels in rows
+        )
         yield f"  route: [{route}]"
         yield "  master: {normalise: -1dB}"
     yield "accuracy: {method: ca}"

@@ -34,11 +34,13 @@ def speeds(network: Network, rate: float) -> dict[str, Vector]:
             _push(forces, link, places, speed_by_mass)
         next_speeds = {}
         for name, mass in masses.items():
-            wanted = [s + 0.5 * f / mass for s, f in zip(steps[name], forces[name], strict=True)]
+            speed_wanted = [
+                s + 0.5 * f / mass for s, f in zip(steps[name], forces[name], strict=True)
+            ]
             if network.friction:
                 a = drag(network.friction, mass) / mass
-                wanted = [component * a / math.expm1(a) for component in wanted]
-            next_speeds[name] = (wanted[0], wanted[1], wanted[2])
+                speed_wanted = [component * a / math.expm1(a) for component in speed_wanted]
+            next_speeds[name] = (speed_wanted[0], speed_wanted[1], speed_wanted[2])
         change = max(
             (math.dist(next_speeds[name], speed_by_mass.get(name, still)) for name in masses),
             default=0.0,

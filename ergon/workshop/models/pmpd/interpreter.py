@@ -49,7 +49,7 @@ def _created(network: Network, message: Message) -> None:
     if None in values:
         raise ModelError("pmpd~ is written pmpd~ [inlets] [outlets]", message.line)
     sizes = [int(value or 0.0) for value in values]
-    inlets, outlets, loops = (max(1, one) for one in (*sizes, *[1] * 3)[:3])
+    inlets, outlets, loops = (max(1, size) for size in (*sizes, *[1] * 3)[:3])
     if loops > 1:
         message_text = f"{loops} steps in a sample are not built yet; a score has one"
         raise ModelError(message_text, message.line)
@@ -60,11 +60,11 @@ def _array(network: Network, message: Message) -> None:
     """Set an array as Pure Data does: `NAME resize 5`, or `NAME 0 1 2` for values from an index
     on.
     """
-    first, *rest = message.rest or ("",)
-    values = [number(word) for word in rest]
-    start = number(first)
+    first_word, *value_words = message.rest or ("",)
+    values = [number(word) for word in value_words]
+    start = number(first_word)
     array = network.arrays.setdefault(message.word, [])
-    if first == "resize" and len(values) == 1 and values[0] is not None:
+    if first_word == "resize" and len(values) == 1 and values[0] is not None:
         size = _integer(values[0], 1, MESSAGES_MAX, "a size", message.line)
         array[size:] = []
         array += [0.0] * (size - len(array))
@@ -88,8 +88,10 @@ def _obey(network: Network, message: Message) -> None:
             raise ModelError(f"{message.word}: {REFUSED[message.word]}", line)
         if number(message.word) is not None:
             raise ModelError("a message begins with a word, and this one with a number", line)
-        (other,) = (name for name in OBJECTS if name != network.kind)
-        other_class = f"; it is one of [{other}]" if message.word in FORMS[other] else ""
+        (other_object,) = (name for name in OBJECTS if name != network.kind)
+        other_class = (
+            f"; it is one of [{other_object}]" if message.word in FORMS[other_object] else ""
+        )
         near = None if other_class else nearest(message.word, forms)
         raise ModelError(
             f"{quote(message.word)} is not a word of [{network.kind}]{other_class}", line, near
@@ -99,8 +101,8 @@ def _obey(network: Network, message: Message) -> None:
         form_text = f"{written(message.word, form)}; here it has {len(message.rest)} values"
         raise ModelError(f"{message.word} is written {form_text}", line)
     if network.has_run and message.word not in _ANY_TIME and not _asks(message.word):
-        why = "masses and links that change while it plays are not built yet"
-        raise ModelError(f"{message.word} behind the first bang: {why}", line)
+        refusal_text = "masses and links that change while it plays are not built yet"
+        raise ModelError(f"{message.word} behind the first bang: {refusal_text}", line)
     values = [
         _value(
             network,
@@ -132,9 +134,9 @@ def _value(network: Network, value: Value, word: str | None, line: int) -> Any:
     if list_name is not None:
         things = getattr(network, list_name)
         if literal is None:
-            matching = [at for at, one in enumerate(things) if one.class_name == word]
+            matching = [index for index, thing in enumerate(things) if thing.class_name == word]
             if not matching:
-                near = nearest(word, {one.class_name for one in things})
+                near = nearest(word, {thing.class_name for thing in things})
                 raise ModelError(f"no {list_name} are called {quote(word)}", line, near)
             return matching
         return [_index(network, list_name, literal, line)]
@@ -150,15 +152,15 @@ def _value(network: Network, value: Value, word: str | None, line: int) -> Any:
 
 def _index(network: Network, list_name: str, value: float, line: int) -> int:
     things = getattr(network, list_name)
-    what = {"masses": "mass", "links": "link", "nl_links": "NLlink"}[list_name]
+    noun = {"masses": "mass", "links": "link", "nl_links": "NLlink"}[list_name]
     if not things:
-        raise ModelError(f"there is no {what} yet", line)
-    return _integer(value, 0, len(things) - 1, what, line)
+        raise ModelError(f"there is no {noun} yet", line)
+    return _integer(value, 0, len(things) - 1, noun, line)
 
 
-def _integer(value: float, least: int, highest: int, what: str, line: int) -> int:
+def _integer(value: float, least: int, highest: int, label: str, line: int) -> int:
     if value != int(value) or not least <= value <= highest:
-        raise ModelError(f"{what} is {value:g}: a whole number from {least} to {highest:,}", line)
+        raise ModelError(f"{label} is {value:g}: a whole number from {least} to {highest:,}", line)
     return int(value)
 
 
@@ -170,20 +172,29 @@ def _room(things: Sequence[object], line: int) -> None:
         raise ModelError(f"there are more than {MESSAGES_MAX:,} masses or links", line)
 
 
-def _mass_audio(made: Network, word: str, line: int, M: float, x: float) -> None:
-    _room(made.masses, line)
-    made.masses.append(Mass("mass", M > 0.0, M, x, line))
+def _mass_audio(network: Network, word: str, line: int, M: float, x: float) -> None:
+    _room(network.masses, line)
+    network.masses.append(Mass("mass", M > 0.0, M, x, line))
 
 
-def _mass(made: Network, word: str, line: int, of: str, mobile: float, M: float, x: float) -> None:
-    _room(made.masses, line)
-    made.masses.append(Mass(of, int(mobile) > 0, M if M > 0.0 else 1.0, x, line))
+def _mass(
+    network: Network, word: str, line: int, of: str, mobile: float, M: float, x: float
+) -> None:
+    _room(network.masses, line)
+    network.masses.append(Mass(of, int(mobile) > 0, M if M > 0.0 else 1.0, x, line))
 
 
 def _link_audio(
-    network: Network, word: str, line: int, a: int, b: int, K: float, D: float, *rest: float
+    network: Network,
+    word: str,
+    line: int,
+    a: int,
+    b: int,
+    K: float,
+    D: float,
+    *optional_values: float,
 ) -> None:
-    Pow, L, low, high = rest or (1.0, 0.0, -1e6, 1e6)
+    Pow, L, low, high = optional_values or (1.0, 0.0, -1e6, 1e6)
     things = network.nl_links if word == "NLlink" else network.links
     _room(things, line)
     if a == b:
@@ -228,16 +239,16 @@ def _table_link(
         network.links.append(link)
 
 
-def _port(made: Network, word: str, line: int, at: int, mass: int, gain: float) -> None:
-    made.ports.append(Port(word.removesuffix("X"), at, mass, gain, line))
+def _port(network: Network, word: str, line: int, port_number: int, mass: int, gain: float) -> None:
+    network.ports.append(Port(word.removesuffix("X"), port_number, mass, gain, line))
 
 
-def _ask(made: Network, word: str, line: int, masses: list[int]) -> None:
-    made.asked.append(Asked(word, tuple(masses), line))
+def _ask(network: Network, word: str, line: int, masses: list[int]) -> None:
+    network.asked.append(Asked(word, tuple(masses), line))
 
 
-def _bang(made: Network, word: str, line: int) -> None:
-    made.has_run = made.kind == "pmpd"
+def _bang(network: Network, word: str, line: int) -> None:
+    network.has_run = network.kind == "pmpd"
 
 
 def _reset(network: Network, word: str, line: int) -> None:
@@ -247,16 +258,18 @@ def _reset(network: Network, word: str, line: int) -> None:
         setattr(network, field.name, getattr(fresh, field.name))
 
 
-def _nothing(made: Network, word: str, line: int) -> None:
+def _nothing(network: Network, word: str, line: int) -> None:
     """It prints, and changes nothing."""
 
 
 def _set(things: str, name: str) -> Callable[..., None]:
     """A setter of one value of some masses or links; an omitted value is left as it is."""
 
-    def change(made: Network, word: str, line: int, which: int | list[int], value: float) -> None:
-        for at in [which] if isinstance(which, int) else which:
-            setattr(getattr(made, things)[at], name, value)
+    def change(
+        network: Network, word: str, line: int, which: int | list[int], value: float
+    ) -> None:
+        for index in [which] if isinstance(which, int) else which:
+            setattr(getattr(network, things)[index], name, value)
 
     return change
 
@@ -295,9 +308,9 @@ def _set_nl_k(
         network.nl_links[link_index].Pow = Pow
 
 
-def _set_mobile(made: Network, word: str, line: int, masses: list[int]) -> None:
-    for at in masses:
-        made.masses[at].is_mobile = word == "setMobile"
+def _set_mobile(network: Network, word: str, line: int, masses: list[int]) -> None:
+    for mass_index in masses:
+        network.masses[mass_index].is_mobile = word == "setMobile"
 
 
 def _words(text: str, maker: Callable[..., None]) -> dict[str, Callable[..., None]]:

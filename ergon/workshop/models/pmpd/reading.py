@@ -32,8 +32,12 @@ class Message:
 def is_list(text: str) -> bool:
     """Whether a text is a list of messages: its first word is one of pmpd's."""
     for message in messages(text, count_max=1):
-        known = {*OBJECTS, *REFUSED, *(one for of in FORMS.values() for one in of)}
-        return message.word in known or bool(_OTHER.fullmatch(message.word))
+        known_words = {
+            *OBJECTS,
+            *REFUSED,
+            *(word_of_form for of in FORMS.values() for word_of_form in of),
+        }
+        return message.word in known_words or bool(_OTHER.fullmatch(message.word))
     return False
 
 
@@ -45,9 +49,10 @@ def is_patch(text: str) -> bool:
 def patch_words(text: str) -> str:
     """What a patch holds of pmpd, as a sentence that says what to do with it."""
     objects = sorted({*_PATCH_OBJECT.findall(text)})
-    named = f" with {', '.join(objects)}" if objects else " without an object of pmpd"
+    object_text = f" with {', '.join(objects)}" if objects else " without an object of pmpd"
     return (
-        f"it is a patch of Pure Data{named}, and in which order its messages are sent is known "
+        f"it is a patch of Pure Data{object_text}, and in which order its messages are sent is "
+        "known "
         "only when it runs; write the messages that its pmpd object gets into a text, one a line, "
         "and import that"
     )
@@ -66,25 +71,25 @@ def messages(text: str, count_max: int = MESSAGES_MAX + 1) -> Iterator[Message]:
     ]
     is_pure = any(";" in line for _, line in numbered_lines)
     words: list[str] = []
-    first, count = 0, 0
+    first_line, count = 0, 0
     for line_number, line in numbered_lines:
         parts = _SEPARATOR.split(line)
         for nth, part in enumerate(parts):
             words_in_part = part.split()
-            first = line_number if words_in_part and not words else first
+            first_line = line_number if words_in_part and not words else first_line
             words += words_in_part
             if len(words) > _WORDS_MAX:
-                raise ModelError(f"a message has at most {_WORDS_MAX:,} words", first)
+                raise ModelError(f"a message has at most {_WORDS_MAX:,} words", first_line)
             if words and (nth + 1 < len(parts) or not is_pure):
-                yield Message(words[0], tuple(words[1:]), first)
+                yield Message(words[0], tuple(words[1:]), first_line)
                 words, count = [], count + 1
                 if count >= count_max:
                     return
     if words:
-        yield Message(words[0], tuple(words[1:]), first)
+        yield Message(words[0], tuple(words[1:]), first_line)
 
 
-def parse(text: str, wanted: Object | None) -> tuple[Object, list[Message]]:
+def parse(text: str, dialect: Object | None) -> tuple[Object, list[Message]]:
     """The object that messages are for, and the messages. Raises ModelError and DialectError."""
     parsed = list(messages(text))
     if len(parsed) > MESSAGES_MAX:
@@ -97,21 +102,22 @@ def parse(text: str, wanted: Object | None) -> tuple[Object, list[Message]]:
             if "$" in word:
                 message = f"{quote(word)} stands for a number that a patch gives; write the number"
                 raise ModelError(message, sent.line)
-    return _object(parsed, wanted), parsed
+    return _object(parsed, dialect), parsed
 
 
-def _object(messages_read: list[Message], wanted: Object | None) -> Object:
+def _object(messages_read: list[Message], dialect: Object | None) -> Object:
     if messages_read and messages_read[0].word in OBJECTS:
-        named: Object = "pmpd~" if messages_read[0].word == "pmpd~" else "pmpd"
-        if wanted not in (None, named):
-            raise ModelError(f"these messages are for [{named}]", messages_read[0].line)
-        return named
+        object_named: Object = "pmpd~" if messages_read[0].word == "pmpd~" else "pmpd"
+        if dialect not in (None, object_named):
+            raise ModelError(f"these messages are for [{object_named}]", messages_read[0].line)
+        return object_named
     if messages_read and _OTHER.fullmatch(messages_read[0].word):
         raise ModelError("of pmpd the objects of one dimension are read", messages_read[0].line)
-    if wanted is not None:
-        return wanted
+    if dialect is not None:
+        return dialect
     special_words = {
-        name: set(FORMS[name]) - set(FORMS[other]) for name, other in (OBJECTS, OBJECTS[::-1])
+        name: set(FORMS[name]) - set(FORMS[other_object])
+        for name, other_object in (OBJECTS, OBJECTS[::-1])
     }
     words_used = {one.word for one in messages_read}
     has_class = any(

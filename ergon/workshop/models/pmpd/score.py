@@ -37,9 +37,9 @@ class _Writing:
     ground: str = ""
     joined: set[int] = field(default_factory=set)  # links within strings, by their places
 
-    def add(self, wanted: str, text: str, comment: str = "") -> str:
+    def add(self, name_wanted: str, text: str, comment: str = "") -> str:
         """Add a module; returns its name."""
-        name = self.names.new(wanted)
+        name = self.names.new(name_wanted)
         self.modules.append(Line(name, f"{{{text}}}", comment))
         return name
 
@@ -53,7 +53,9 @@ def written(network: Network, inputs: Mapping[str, Input], title: str) -> str:
     if network.kind == "pmpd":
         writing.kicks = first_bang(network)
     else:
-        writing.kicks = {at: one.f for at, one in enumerate(network.masses) if one.f}
+        writing.kicks = {
+            mass_index: mass.f for mass_index, mass in enumerate(network.masses) if mass.f
+        }
         for port in network.ports:
             if port.what == "inPos":
                 writing.moved[port.mass] = port
@@ -73,14 +75,14 @@ def _masses(writing: _Writing) -> None:
     counts: dict[str, int] = {}
     for mass in writing.network.masses:
         counts[mass.class_name] = counts.get(mass.class_name, 0) + 1
-    seen: dict[str, int] = {}
+    line_by_mass: dict[str, int] = {}
     strings = rows(
         writing.network,
         writing.moved,
         lambda mass: mass.K > 0.0 and _is_plain(writing, mass, mass.D),
     )
     for index, mass in enumerate(writing.network.masses):
-        nth = seen[mass.class_name] = seen.get(mass.class_name, -1) + 1
+        nth = line_by_mass[mass.class_name] = line_by_mass.get(mass.class_name, -1) + 1
         word = _NO_LETTER.sub("_", mass.class_name)
         word = word if word[:1].isalpha() else f"m{word}"
         if index in strings:
@@ -101,7 +103,7 @@ def _masses(writing: _Writing) -> None:
 def _string(writing: _Writing, row: Row, mass: Mass, word: str) -> None:
     n = row.count
     _within(mass)
-    M = nudge_to_goal(n * mass.M, lambda whole: whole / n, mass.M)
+    M = nudge_to_goal(n * mass.M, lambda total_mass: total_mass / n, mass.M)
     fields = [f"masses: {n}", "ends: free", f"M: {number(M)}", f"K: {number(row.link.K)}"]
     fields += [f"Z: {number(row.link.D)}", *_start(mass)]
     name = writing.add(word, f"STRING: {{{', '.join(fields)}}}", f"masses {row.first} and on")
@@ -109,9 +111,9 @@ def _string(writing: _Writing, row: Row, mass: Mass, word: str) -> None:
     writing.joined |= row.links
 
 
-def _start(one: Mass) -> list[str]:
-    x0 = [f"X0: {one.x!r}m"] if one.x else []
-    return [*x0, f"V0: {one.v * RATE!r}m/s"] if one.v else x0
+def _start(mass: Mass) -> list[str]:
+    x0 = [f"X0: {mass.x!r}m"] if mass.x else []
+    return [*x0, f"V0: {mass.v * RATE!r}m/s"] if mass.v else x0
 
 
 def _within(mass: Mass) -> None:
@@ -139,8 +141,8 @@ def _moved(writing: _Writing, port: Port, mass: Mass, word: str) -> str:
     fed = writing.inputs.get(f"in{port.number}")
     if fed is None:
         return writing.add(word, "SOL: {}", "an inlet that nothing is connected to is 0")
-    first = fed.first * port.gain
-    x0 = f", X0: {first!r}m" if first else ""
+    first_position = fed.first * port.gain
+    x0 = f", X0: {first_position!r}m" if first_position else ""
     name = writing.add(
         word, f"MAS: {{M: {_HELD}{x0}}}", "its mass says nothing: its path is imposed"
     )
@@ -152,11 +154,11 @@ def _moved(writing: _Writing, port: Port, mass: Mass, word: str) -> str:
 def _damper(writing: _Writing, word: str, mass: str, D: float) -> None:
     """Add a viscosity against the ground."""
     writing.ground = writing.ground or writing.add("ground", "SOL: {}", "what stands still")
-    ends = f"between: [{writing.ground}, {mass}]"
+    between_text = f"between: [{writing.ground}, {mass}]"
     if D >= 0.0:
-        writing.add(word, f"FRO: {{{ends}, Z: {number(D)}}}")
+        writing.add(word, f"FRO: {{{between_text}, Z: {number(D)}}}")
     else:
-        writing.add(word, f'LNL: {{{ends}, damping: "z*v", z: {number(D)}}}')
+        writing.add(word, f'LNL: {{{between_text}, damping: "z*v", z: {number(D)}}}')
 
 
 # --- links --------------------------------------------------------------------------------------
@@ -166,14 +168,17 @@ def _link(writing: _Writing, nth: int, link: Link) -> None:
     masses = writing.network.masses
     word = _NO_LETTER.sub("_", link.class_name)
     word = f"{word if word[:1].isalpha() else 'link'}{nth}"
-    still = [at in writing.moved or not masses[at].is_mobile for at in (link.a, link.b)]
+    still = [
+        mass_index in writing.moved or not masses[mass_index].is_mobile
+        for mass_index in (link.a, link.b)
+    ]
     if all(still):
         return  # nothing of it moves
     D = link.D
     # d is x_b - x_a in a score, and pmpd's length is x1 - x2.
-    ends = f"between: [{writing.masses[link.b]}, {writing.masses[link.a]}]"
+    between_text = f"between: [{writing.masses[link.b]}, {writing.masses[link.a]}]"
     mobile = writing.masses[link.b if still[0] else link.a]
-    if D and any(at in writing.moved for at in (link.a, link.b)):
+    if D and any(mass_index in writing.moved for mass_index in (link.a, link.b)):
         # In pmpd~ a mass that an inlet moves has no speed.
         if link.form == "NLlink~" and not _is_open(link):
             message = "viscosity within bounds, on a mass that an inlet moves, is not built yet"
@@ -182,25 +187,25 @@ def _link(writing: _Writing, nth: int, link: Link) -> None:
         D = 0.0
     if link.tables is not None:
         for text in springs(writing.network.arrays, link):
-            writing.add(word, f"LNL: {{{ends}, {text}}}")
+            writing.add(word, f"LNL: {{{between_text}, {text}}}")
         return
-    rest = f", rest: {link.L!r}m" if link.L else ""
+    rest_text = f", rest: {link.L!r}m" if link.L else ""
     if abs(link.L) > _FARTHEST:
         raise ModelError(f"its length is {link.L:g}: a score holds up to 1000", link.line)
     if _is_plain(writing, link, D):
         kind = "REF" if D else "RES"
         z = f", Z: {number(D)}" if D else ""
-        writing.add(word, f"{kind}: {{{ends}, K: {number(link.K)}{z}{rest}}}")
+        writing.add(word, f"{kind}: {{{between_text}, K: {number(link.K)}{z}{rest_text}}}")
     elif _is_straight(writing, link):
         law = f'law: "k*d", damping: "z*v", k: {number(link.K)}, z: {number(D)}'
-        writing.add(word, f"LNL: {{{ends}, {law}{rest}}}")
+        writing.add(word, f"LNL: {{{between_text}, {law}{rest_text}}}")
     else:
-        writing.add(word, f"LNL: {{{ends}, {_law(link, D)}}}")
+        writing.add(word, f"LNL: {{{between_text}, {_law(link, D)}}}")
 
 
-def _is_plain(own: _Writing, link: Link, D: float) -> bool:
+def _is_plain(writing: _Writing, link: Link, D: float) -> bool:
     """Whether a score can write the link as a spring with a damper."""
-    return _is_straight(own, link) and link.K >= 0.0 and D >= 0.0
+    return _is_straight(writing, link) and link.K >= 0.0 and D >= 0.0
 
 
 def _is_straight(writing: _Writing, link: Link) -> bool:
@@ -231,7 +236,9 @@ def _law(link: Link, D: float) -> str:
         is_within.append("(d != 0)")
     damping = "z*v"
     if is_within:
-        law, damping = (f"where({'*'.join(is_within)}, {one}, 0)" for one in (law, damping))
+        law, damping = (
+            f"where({'*'.join(is_within)}, {expression}, 0)" for expression in (law, damping)
+        )
     if link.Pow < 1.0:
         # The slope of this law is infinite at rest. A law without a bound on its slope has no
         # certificate, but dry friction has one.
@@ -256,13 +263,15 @@ def _feeds(writing: _Writing) -> None:
             continue
         if not writing.network.masses[port.mass].is_mobile:
             continue  # a fixed mass is not moved by forces
-        if fed.file is None and any(_moves(other, port.number) for other in writing.network.ports):
+        if fed.file is None and any(
+            _moves(other_port, port.number) for other_port in writing.network.ports
+        ):
             message = f"inlet {port.number} moves one mass and pushes another, which a file can do"
             raise ModelError(f"{message} and osc cannot", port.line)
         scale = f", scale: {port.gain!r}" if port.gain != 1.0 else ""
-        to = writing.masses[port.mass]
-        text = f"ENF: {{to: {to}, from: in{port.number}{fed.start}{scale}}}"
-        writing.add(f"{_NO_LETTER.sub('_', to)}_push", text)
+        mass_name = writing.masses[port.mass]
+        text = f"ENF: {{to: {mass_name}, from: in{port.number}{fed.start}{scale}}}"
+        writing.add(f"{_NO_LETTER.sub('_', mass_name)}_push", text)
 
 
 def _moves(port: Port, number: int) -> bool:
@@ -279,14 +288,16 @@ def _outputs(writing: _Writing) -> None:
             message = f"mass {port.mass} is moved by an inlet, which is heard one sample before all"
             raise ModelError(f"{message} else; leave its outlet out", port.line)
         _out(writing, [port.mass], port.what == "outSpeed", port.number + 1, port.gain)
-    asked = writing.network.asked
-    if writing.network.kind == "pmpd" and not asked:
-        mobile = tuple(at for at, mass in enumerate(writing.network.masses) if mass.is_mobile)
-        asked = [Asked("massPosMean", mobile, 0)]
+    outputs_asked = writing.network.asked
+    if writing.network.kind == "pmpd" and not outputs_asked:
+        mobile = tuple(
+            mass_index for mass_index, mass in enumerate(writing.network.masses) if mass.is_mobile
+        )
+        outputs_asked = [Asked("massPosMean", mobile, 0)]
     channel = 0
-    for mass in asked:
+    for mass in outputs_asked:
         is_mean, is_speed = mass.word.endswith("Mean"), mass.word.startswith("massSpeed")
-        groups = [list(mass.masses)] if is_mean else [[at] for at in mass.masses]
+        groups = [list(mass.masses)] if is_mean else [[mass_index] for mass_index in mass.masses]
         for group in filter(None, groups):
             channel += 1
             if channel > _CHANNELS_MAX:
@@ -299,7 +310,7 @@ def _out(
     writing: _Writing, masses: Sequence[int], is_speed: bool, channel: int, factor: float
 ) -> None:
     name = f"out{len(writing.outs) + 1}"
-    mass_ranges = ", ".join(_ranges([writing.masses[at] for at in masses]))
+    mass_ranges = ", ".join(_ranges([writing.masses[mass_index] for mass_index in masses]))
     mass_ranges = mass_ranges if len(masses) == 1 else f"[{mass_ranges}]"
     kind, factor = ("SOV", factor / RATE) if is_speed else ("SOX", factor)
     writing.outs.append(Out(name, f"{kind}: {mass_ranges}", channel, gain(factor)))
@@ -307,17 +318,19 @@ def _out(
 
 def _ranges(names: Sequence[str]) -> Iterator[str]:
     """Members of strings one behind the other as a range: `string.3..8`."""
-    first = 0
-    while first < len(names):
-        body, dot, member = names[first].partition(".")
-        last = first
-        while dot and last + 1 < len(names):
-            if names[last + 1] != f"{body}.{int(member) + last + 1 - first}":
+    first_index = 0
+    while first_index < len(names):
+        body, dot, member = names[first_index].partition(".")
+        last_index = first_index
+        while dot and last_index + 1 < len(names):
+            if names[last_index + 1] != f"{body}.{int(member) + last_index + 1 - first_index}":
                 break
-            last += 1
-        more = f"..{int(member) + last - first}" if last > first else ""
-        yield f"{names[first]}{more}"
-        first = last + 1
+            last_index += 1
+        range_text = (
+            f"..{int(member) + last_index - first_index}" if last_index > first_index else ""
+        )
+        yield f"{names[first_index]}{range_text}"
+        first_index = last_index + 1
 
 
 # --- text ---------------------------------------------------------------------------------------
@@ -351,11 +364,11 @@ def _head(writing: _Writing, title: str) -> Iterator[str]:
 
 def _kicks(writing: _Writing) -> Iterator[Line]:
     """Forces in the first sample, as strikes."""
-    what = "damping of what was put elsewhere" if writing.network.kind == "pmpd" else "a force"
+    cause = "damping of what was put elsewhere" if writing.network.kind == "pmpd" else "a force"
     for index, force in writing.kicks.items():
         if not writing.network.masses[index].is_mobile:
             continue
-        to = writing.masses[index]
-        name = writing.names.new(f"{_NO_LETTER.sub('_', to)}_kick")
-        text = f"{{to: model.{to}, at: 0s, impulse: {force / RATE!r}Ns}}"
-        yield Line(name, text, f"{what}, one sample")
+        mass_name = writing.masses[index]
+        name = writing.names.new(f"{_NO_LETTER.sub('_', mass_name)}_kick")
+        text = f"{{to: model.{mass_name}, at: 0s, impulse: {force / RATE!r}Ns}}"
+        yield Line(name, text, f"{cause}, one sample")

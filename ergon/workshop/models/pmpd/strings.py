@@ -33,24 +33,27 @@ def rows(
         if high == low + 1 and link.L == 0.0 and is_plain(link):
             between.setdefault(low, index)
     row_by_first: dict[int, Row] = {}
-    first = 0
-    while first < len(masses):
+    first_mass = 0
+    while first_mass < len(masses):
         links_in_row: list[int] = []
-        kind = _matter(masses[first], first in moved)
-        last = first
-        while kind is not None and last in between and last + 1 < len(masses):
-            index = between[last]
-            if _matter(masses[last + 1], last + 1 in moved) != kind:
+        kind = _matter(masses[first_mass], first_mass in moved)
+        last_mass = first_mass
+        while kind is not None and last_mass in between and last_mass + 1 < len(masses):
+            index = between[last_mass]
+            if _matter(masses[last_mass + 1], last_mass + 1 in moved) != kind:
                 break
             if links_in_row and _tie(network.links[index]) != _tie(network.links[links_in_row[0]]):
                 break
             links_in_row.append(index)
-            last += 1
-        if last - first + 1 >= _LEAST:
-            row_by_first[first] = Row(
-                first, last - first + 1, frozenset(links_in_row), network.links[links_in_row[0]]
+            last_mass += 1
+        if last_mass - first_mass + 1 >= _LEAST:
+            row_by_first[first_mass] = Row(
+                first_mass,
+                last_mass - first_mass + 1,
+                frozenset(links_in_row),
+                network.links[links_in_row[0]],
             )
-        first = last + 1
+        first_mass = last_mass + 1
     return row_by_first
 
 

@@ -39,7 +39,11 @@ def table(arrays: Mapping[str, Sequence[float]], name: str, line: int) -> Table:
     values = arrays.get(name)
     if not values:
         message = f"no values of the array {quote(name)}: write {name} 0, then its values"
-        raise ModelError(message, line, nearest(name, [one for one in arrays if arrays[one]]))
+        raise ModelError(
+            message,
+            line,
+            nearest(name, [array_name for array_name in arrays if arrays[array_name]]),
+        )
     return Table(values)
 
 
@@ -63,15 +67,15 @@ def springs(arrays: Mapping[str, Sequence[float]], link: Link) -> Iterator[str]:
 
 def _elastic(values: Sequence[float], length: float) -> Iterator[str]:
     """The points of a law without its jump at 0, then the jump as a law of its own."""
-    first, n = values[0], len(values)
-    if any(value != first for value in values):
-        half = [(length * at / n, value - first) for at, value in enumerate(values)]
+    value_at_rest, n = values[0], len(values)
+    if any(value != value_at_rest for value in values):
+        half = [(length * index / n, value - value_at_rest) for index, value in enumerate(values)]
         half.append((2.0 * half[-1][0], half[-1][1]))  # from the last value on it is level
         points = [(-d, -f) for d, f in reversed(half[1:])] + half
         yield f"points: [{', '.join(f'[{d!r}m, {f!r}N]' for d, f in points)}]"
-    if first:
+    if value_at_rest:
         # Written as friction: a law with an infinite slope at rest has no certificate.
-        yield f'damping: "f*sign(d)", f: {first!r}'
+        yield f'damping: "f*sign(d)", f: {value_at_rest!r}'
 
 
 def _viscous(values: Sequence[float], length: float) -> Iterator[str]:
@@ -79,11 +83,11 @@ def _viscous(values: Sequence[float], length: float) -> Iterator[str]:
     n = len(values)
     slopes = [0.0, *((b - a) * n / length for a, b in pairwise(values)), 0.0]
     bends = [
-        (length * index / n, after - before)
-        for index, (before, after) in enumerate(pairwise(slopes))
-        if after != before
+        (length * index / n, slope_after - slope_before)
+        for index, (slope_before, slope_after) in enumerate(pairwise(slopes))
+        if slope_after != slope_before
     ]
-    for first in range(0, len(bends), _BENDS):
-        some = bends[first : first + _BENDS]
-        terms = " + ".join(f"{b!r}*max(0, abs(v) - {c!r})" for c, b in some)
+    for first_bend in range(0, len(bends), _BENDS):
+        bends_of_term = bends[first_bend : first_bend + _BENDS]
+        terms = " + ".join(f"{b!r}*max(0, abs(v) - {c!r})" for c, b in bends_of_term)
         yield f'damping: "sign(v)*({terms})"'

@@ -31,8 +31,8 @@ class Value:
 def _values(form: str) -> tuple[Value, ...]:
     values = []
     for word in form.split():
-        named, has_default, default = word.partition("=")
-        name, _, kind = named.partition(":")
+        argument_name, has_default, default = word.partition("=")
+        name, _, kind = argument_name.partition(":")
         values.append(Value(name, kind or "number", default if has_default else None))
     return tuple(values)
 

@@ -55,9 +55,13 @@ def joined(name: str, banks: Sequence[Bank]) -> Bank:
         name,
         banks[0].rate,
         max(bank.seconds for bank in banks),
-        [f"{bank.name}: {one}" for bank in banks for one in bank.struck],
+        [f"{bank.name}: {point_name}" for bank in banks for point_name in bank.struck],
         [strikes for bank in banks for strikes in bank.strikes],
-        [(f"{bank.name}: {one}", order) for bank in banks for one, order in bank.outputs],
+        [
+            (f"{bank.name}: {point_name}", order)
+            for bank in banks
+            for point_name, order in bank.outputs
+        ],
         [full for bank in banks for full in bank.full],
         paths,
     )

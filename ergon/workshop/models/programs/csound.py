@@ -39,8 +39,8 @@ def _orchestra(bank: Bank) -> Iterator[str]:
     yield ""
     for number, name in enumerate(bank.struck, 1):
         yield f"gaPush{number} init 0  ; [N s] on {_plain(name)} in this sample"
-    each = zip(bank.outputs, bank.full, strict=True)
-    for number, ((name, order), full) in enumerate(each, 1):
+    outputs_with_scales = zip(bank.outputs, bank.full, strict=True)
+    for number, ((name, order), full) in enumerate(outputs_with_scales, 1):
         yield f"gaOut{number} init 0  ; [m] {_plain(name)}"
         yield f"giFull{number} = {full!r}  ; [{UNITS[order]}] of it is full scale"
     yield ""
@@ -87,16 +87,19 @@ def _differentiated(number: int, order: int) -> Iterator[str]:
     side = len(shares)
     yield f"  ; differentiated over {2 * side - 2 + order} samples"
     yield f"  aWas{number}_0 = gaOut{number}"
-    last = 2 * side - 2 + order
-    for delay in range(1, last + 1):
+    last_delay = 2 * side - 2 + order
+    for delay in range(1, last_delay + 1):
         yield f"  aWas{number}_{delay} delay1 aWas{number}_{delay - 1}"
     yield f"  aHeard{number} = 0"
     for delay, share in enumerate(shares):
-        before, after = (
-            f"aWas{number}_{one}" for one in (side + delay + order - 1, side - 1 - delay)
+        samples_before, samples_after = (
+            f"aWas{number}_{n_samples}"
+            for n_samples in (side + delay + order - 1, side - 1 - delay)
         )
         pair = (
-            f"{after} - {before}" if order == 1 else f"{after} + {before} - 2*aWas{number}_{side}"
+            f"{samples_after} - {samples_before}"
+            if order == 1
+            else f"{samples_after} + {samples_before} - 2*aWas{number}_{side}"
         )
         scale = "sr" if order == 1 else "sr*sr"
         yield f"  aHeard{number} += {share!r}*{scale}*({pair})"

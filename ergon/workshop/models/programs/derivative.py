@@ -16,12 +16,14 @@ def weights(order: int) -> list[float]:
     order 2, it is the sum of the samples 1, 2, … frames from the middle, minus twice the middle
     sample.
     """
-    first = Fraction(1, 2) if order == 1 else Fraction(1)
-    offsets = [first + k for k in range(_SIDE)]
+    first_factor = Fraction(1, 2) if order == 1 else Fraction(1)
+    offsets = [first_factor + k for k in range(_SIDE)]
     squares = [t * t for t in offsets]
     rows = []
     for t, square in zip(offsets, squares, strict=True):
-        shares = prod((one / (one - square) for one in squares if one != square), start=Fraction(1))
+        shares = prod(
+            (node / (node - square) for node in squares if node != square), start=Fraction(1)
+        )
         rows.append(float(shares / (2 * t if order == 1 else square)))
     return rows
 
@@ -34,7 +36,11 @@ def differentiated(name: str, order: int, rate: float) -> str:
         return name
     terms = []
     for k, weight in enumerate(weights(order)):
-        before, after = f"{name}@{_SIDE + k + order - 1}", f"{name}@{_SIDE - 1 - k}"
-        pair = f"{after} - {before}" if order == 1 else f"{after} + {before} - 2.0*{name}@{_SIDE}"
+        sample_before, sample_after = f"{name}@{_SIDE + k + order - 1}", f"{name}@{_SIDE - 1 - k}"
+        pair = (
+            f"{sample_after} - {sample_before}"
+            if order == 1
+            else f"{sample_after} + {sample_before} - 2.0*{name}@{_SIDE}"
+        )
         terms.append(f"({weight * rate**order!r})*({pair})")
     return " + ".join(terms)

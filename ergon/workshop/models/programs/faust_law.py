@@ -64,30 +64,38 @@ class Laws:
 
     def _function(self, name: str, text: str | None, damping: str | None, law: Law) -> list[str]:
         constants, points = law.fields["constants"], law.fields["points"]
-        used = Names()
-        letters = {one: used.new(f"c_{_NO_LETTER.sub('_', one)}") for one in constants}
-        terms = [self._expression(one, letters) for one in (text, damping) if one is not None]
+        used_names = Names()
+        letters = {
+            constant: used_names.new(f"c_{_NO_LETTER.sub('_', constant)}") for constant in constants
+        }
+        terms = [
+            self._expression(constant, letters)
+            for constant in (text, damping)
+            if constant is not None
+        ]
         if points:
             terms.insert(0, "line(d)")
-        body = [f"  {letters[one]} = {number(value)};" for one, value in constants.items()]
+        body = [
+            f"  {letters[constant]} = {number(value)};" for constant, value in constants.items()
+        ]
         body += _line(points) if points else []
-        head = f"{name}(d, v) = {' + '.join(terms)}"
-        return [head, "with {", *body, "};"] if body else [f"{head};"]
+        law_head = f"{name}(d, v) = {' + '.join(terms)}"
+        return [law_head, "with {", *body, "};"] if body else [f"{law_head};"]
 
     def _expression(self, text: str, letters: Mapping[str, str]) -> str:
         """An expression that the engine has accepted; its operators have the precedence of
         Python's.
         """
-        mapped = {name: f"c{at}" for at, name in enumerate(letters)}
+        mapped = {name: f"c{position}" for position, name in enumerate(letters)}
 
         def faust_word(match: re.Match[str]) -> str:
             word = match[0]
             is_known = word in ("d", "v") or word in _CALLS
-            known = word if is_known else mapped.get(word)
-            return known or repr(float(word))
+            mapped_name = word if is_known else mapped.get(word)
+            return mapped_name or repr(float(word))
 
         tree = ast.parse(f"({_WORD.sub(faust_word, text)})", mode="eval")
-        back = {f"c{at}": faust for at, faust in enumerate(letters.values())}
+        back = {f"c{position}": faust for position, faust in enumerate(letters.values())}
         return self._faust(tree.body, back)
 
     def _faust(self, node: ast.expr, letters: Mapping[str, str], least: int = 0) -> str:
@@ -122,7 +130,9 @@ class Laws:
                 return f"select2({is_true}, {values})"
             case ast.Call(func=ast.Name(id=name), args=arguments):
                 self.helpers |= {name} & HELPERS.keys()
-                return f"{name}({', '.join(self._faust(one, letters) for one in arguments)})"
+                return (
+                    f"{name}({', '.join(self._faust(argument, letters) for argument in arguments)})"
+                )
         raise AssertionError(ast.dump(node))
 
     def _power(self, base: ast.expr, exponent: ast.expr, letters: Mapping[str, str]) -> str:

@@ -28,7 +28,7 @@ def _lines(network: Stepped, title: str) -> Iterator[str]:
     point_words = [names.new(_word(point.name)) for point in network.points]
     link_words = [names.new(_word(link.name)) for link in network.links]
     laws = Laws()
-    called = {
+    law_names = {
         word: laws.name(link.law, word)
         for word, link in zip(link_words, network.links, strict=True)
         if link.law is not None
@@ -74,19 +74,19 @@ def _lines(network: Stepped, title: str) -> Iterator[str]:
     for word, point in zip(point_words, network.points, strict=True):
         yield from _state(word, point, point_words)
     for word, link in zip(link_words, network.links, strict=True):
-        yield from _force(word, link, point_words, called)
-    ends = _ends(network)
+        yield from _force(word, link, point_words, law_names)
+    links_by_point = _ends(network)
     passed: list[list[str]] = [[] for _ in point_words]  # to masses of proxies
     for number, (word, point) in enumerate(zip(point_words, network.points, strict=True)):
         if point.shares:
-            force_terms = [f"{sign} f_{link_words[link]}" for link, sign in ends[number]]
+            force_terms = [f"{sign} f_{link_words[link]}" for link, sign in links_by_point[number]]
             force_terms += [f"+ {inputs[number]}" for number in point.forces]
             yield f"  g_{word} = 0.0 {' '.join(force_terms)};"
             for mass, share in point.shares:
                 passed[mass].append(f"+ {share!r}*g_{word}")
     for number, (word, point) in enumerate(zip(point_words, network.points, strict=True)):
         if _moves(point):
-            terms = [f"{sign} f_{link_words[link]}" for link, sign in ends[number]]
+            terms = [f"{sign} f_{link_words[link]}" for link, sign in links_by_point[number]]
             terms += [f"+ {inputs[number]}" for number in point.forces]
             terms += [f"+ W_{word}"] if point.weight else []
             terms += passed[number]
@@ -125,7 +125,10 @@ def _link_constants(word: str, link: Link) -> Iterator[str]:
 def _state(word: str, point: Point, point_words: Sequence[str]) -> Iterator[str]:
     if point.shares:
         for letter in "xd":
-            terms = (f"{share!r}*{letter}_{point_words[one]}" for one, share in point.shares)
+            terms = (
+                f"{share!r}*{letter}_{point_words[point_index]}"
+                for point_index, share in point.shares
+            )
             yield f"  {letter}_{word} = {' + '.join(terms)};"
         return
     if point.fed is not None:
@@ -153,10 +156,10 @@ def _force(
     if link.exponent is None:
         yield f"  f_{word} = K_{word}*(x_{b} - x_{a} - L_{word}) + Z_{word}*(d_{b} - d_{a});"
         return
-    first, second = (a, b) if link.side > 0 else (b, a)
-    yield f"  p_{word} = x_{first} - x_{second} - L_{word};"
+    first_word, second_word = (a, b) if link.side > 0 else (b, a)
+    yield f"  p_{word} = x_{first_word} - x_{second_word} - L_{word};"
     deep = f"p_{word}" if link.exponent == 1.0 else f"pow(max(p_{word}, 0.0), {link.exponent!r})"
-    push = f"K_{word}*{deep} + Z_{word}*(d_{first} - d_{second})"
+    push = f"K_{word}*{deep} + Z_{word}*(d_{first_word} - d_{second_word})"
     push = f"max({push}, 0.0)" if link.is_clamped else f"({push})"
     sign = "0.0 -" if link.side > 0 else ""
     yield f"  f_{word} = {sign} (p_{word} > 0.0)*{push};".replace("=  ", "= ")
@@ -171,11 +174,11 @@ def _step(word: str, point: Point, terms: Sequence[str]) -> str:
 
 def _ends(network: Stepped) -> list[list[tuple[int, str]]]:
     """The links of each point, and the sign of their force there."""
-    ends: list[list[tuple[int, str]]] = [[] for _ in network.points]
+    links_by_point: list[list[tuple[int, str]]] = [[] for _ in network.points]
     for number, link in enumerate(network.links):
-        ends[link.a].append((number, "+"))
-        ends[link.b].append((number, "-"))
-    return ends
+        links_by_point[link.a].append((number, "+"))
+        links_by_point[link.b].append((number, "-"))
+    return links_by_point
 
 
 def _word(name: str) -> str:

@@ -43,8 +43,10 @@ class _Writing:
         network = self.network
         if network.rate != RATE:
             place = network.points[0].place
-            why = f"a model of mi-gen is for {RATE:,} Hz, and this score has {network.rate:,g} Hz"
-            raise refusal([(place, f"{why}; write rates: {{audio: {RATE}Hz}}")])
+            refusal_text = (
+                f"a model of mi-gen is for {RATE:,} Hz, and this score has {network.rate:,g} Hz"
+            )
+            raise refusal([(place, f"{refusal_text}; write rates: {{audio: {RATE}Hz}}")])
         for number, link in enumerate(network.links):
             for end in {link.a, link.b}:
                 self.ends.setdefault(end, []).append(number)
@@ -66,8 +68,8 @@ class _Writing:
             raise refusal(list(dict.fromkeys(self.refused)))
         return "\n".join([*self._heading(title, inputs, outputs), *self.lines]) + "\n"
 
-    def refuse(self, place: Place, why: str) -> None:
-        self.refused.append((place, why))
+    def refuse(self, place: Place, reason: str) -> None:
+        self.refused.append((place, reason))
 
     def _heading(self, title: str, inputs: list[str], outputs: list[str]) -> Iterator[str]:
         yield f"# {_plain(title)}, made by ergon: a model of mi-gen (v2), laws of today."
@@ -92,55 +94,56 @@ class _Writing:
 
     def _bodies(self) -> None:
         for body in self.network.bodies:
-            body_points = [self.network.points[at] for at in body.points]
+            body_points = [self.network.points[point_index] for point_index in body.points]
             is_still = not any(
-                one.x0 or one.d0 or one.weight or one.fed is not None for one in body_points
+                body_point.x0 or body_point.d0 or body_point.weight or body_point.fed is not None
+                for body_point in body_points
             )
             if is_still and body.K >= 0.0 and body.z >= 0.0:
                 self.full_bodies[body.points[0]] = body
                 self.links.update(body.links)
 
     def _masses(self, inputs: list[str]) -> None:
-        written = -1
+        last_written = -1
         for number, point in enumerate(self.network.points):
             if number in self.full_bodies:
                 body = self.full_bodies[number]
                 self._body(body)
-                written = body.points[-1]
-            elif number > written:
+                last_written = body.points[-1]
+            elif number > last_written:
                 self._mass(number, point, inputs)
 
     def _body(self, body: Body) -> None:
         name, (across, up) = self._name(body.name), body.sides
         mass = self._matter(self.network.points[body.points[0]])
-        more = 2 * body.is_held
+        n_fixed = 2 * body.is_held
         ties = f"{_number(body.K)} {_number(body.z)} 0 0"
         if body.kind == "STRING":
             count = across
             mass = nudge_to_goal(mass, lambda m: count * m / count, mass)
             self.called[body.points[0]] = name
             word = "string" if body.is_held else "chain"
-            self.lines.append(f"@{name} {word} {count + more} {_number(mass)} {ties}")
+            self.lines.append(f"@{name} {word} {count + n_fixed} {_number(mass)} {ties}")
             for member in range(count):
-                share = _share(member + body.is_held, count + more)
+                share = _share(member + body.is_held, count + n_fixed)
                 self.link_names[body.points[member]] = f"[@{name} {share}]"
         else:
             word = "closedMesh" if body.is_held else "mesh"
-            size = f"{up + more} {across + more}"
+            size = f"{up + n_fixed} {across + n_fixed}"
             self.called[body.points[0]] = name
             self.lines.append(f"@{name} {word} {size} {_number(mass)} {ties}")
             for member in range(across * up):
                 row, column = divmod(member, across)
                 shares = (
-                    _share(row + body.is_held, up + more),
-                    _share(column + body.is_held, across + more),
+                    _share(row + body.is_held, up + n_fixed),
+                    _share(column + body.is_held, across + n_fixed),
                 )
                 self.link_names[body.points[member]] = f"[@{name} {' '.join(shares)}]"
 
     def _between(self, point: Point) -> str:
         """A point between masses as a place on their macro; empty if there is no such place."""
         masses = [mass for mass, _ in point.shares]
-        bodies = [one for one in self.full_bodies.values() if set(one.points) & set(masses)]
+        bodies = [body for body in self.full_bodies.values() if set(body.points) & set(masses)]
         if len(bodies) != 1:
             return ""
         place = place_of(bodies[0], point.shares, lambda mass: self.network.points[mass])
@@ -159,8 +162,10 @@ class _Writing:
         if point.shares:
             self.link_names[number] = self._between(point) or "@"
             if self.link_names[number] == "@":
-                why = "a PROXY that lies at no place of one whole STRING or rectangle at rest"
-                self.refuse(point.place, f"{point.name}: {why}")
+                refusal_text = (
+                    "a PROXY that lies at no place of one whole STRING or rectangle at rest"
+                )
+                self.refuse(point.place, f"{point.name}: {refusal_text}")
             return
         name = self._name(point.name)
         self.link_names[number] = f"@{name}"
@@ -181,10 +186,10 @@ class _Writing:
     def _resting(self, name: str, number: int, point: Point, m: float) -> None:
         """Write a CEL whose rest is not 0 as a mass tied to a ground there."""
         self._heavy(name, f"mass {_number(m)}", point, m, 0.0, 0.0)
-        rest, tie = self._name(f"{point.name}_rest"), self._name(f"{point.name}_tie")
-        self.lines.append(f"@{rest} ground {_number(point.rest)}")
+        rest_name, tie_name = self._name(f"{point.name}_rest"), self._name(f"{point.name}_tie")
+        self.lines.append(f"@{rest_name} ground {_number(point.rest)}")
         values = f"{_number(point.kappa * m)} {_number(point.zeta * m)}"
-        self.lines.append(f"@{tie} springDamper @{rest} @{name} {values}")
+        self.lines.append(f"@{tie_name} springDamper @{rest_name} @{name} {values}")
         self.ends.setdefault(number, []).append(-1)
 
     def _heavy(self, name: str, word: str, point: Point, m: float, k: float, z: float) -> None:
@@ -197,13 +202,13 @@ class _Writing:
         g = nudge_to_goal(-point.weight * RATE, lambda g: g / RATE, -point.weight)
         step = point.d0
         x0 = nudge_to_goal(point.x0 - step, lambda x: (point.x0 - x) * RATE / RATE, step)
-        first = (step + (g / RATE + k * x0) / m) / (1.0 - z / m)
+        first_step = (step + (g / RATE + k * x0) / m) / (1.0 - z / m)
 
         def begun(v0: float) -> float:
-            before = x0 - v0 / RATE
-            return (2.0 - (k + z) / m) * x0 + (z / m - 1.0) * before - g / RATE / m
+            position_before = x0 - v0 / RATE
+            return (2.0 - (k + z) / m) * x0 + (z / m - 1.0) * position_before - g / RATE / m
 
-        v0 = nudge_to_goal(first * RATE, begun, point.x0)
+        v0 = nudge_to_goal(first_step * RATE, begun, point.x0)
         weight = f" {_number(g)}" if g else ""
         self.lines.append(f"@{name} {word}{weight} {_number(x0)} {_number(v0)}")
 
@@ -219,43 +224,43 @@ class _Writing:
                 self.refuse(link.place, f"{link.name}: {_NEGATIVE}")
                 return
             if link.exponent != 1.0 or link.is_clamped:
-                what = "an exponent" if link.exponent != 1.0 else "a clamp"
-                self.refuse(link.place, f"{link.name}: mi-gen has no contact with {what}")
+                noun = "an exponent" if link.exponent != 1.0 else "a clamp"
+                self.refuse(link.place, f"{link.name}: mi-gen has no contact with {noun}")
                 return
-            ends = f"{a} {b}" if link.side > 0 else f"{b} {a}"
+            end_names = f"{a} {b}" if link.side > 0 else f"{b} {a}"
             tie = f"{_number(link.K)} {_number(link.z)} {_number(-link.offset)}"
-            self.lines.append(f"@{name} contact {ends} {tie}")
+            self.lines.append(f"@{name} contact {end_names} {tie}")
         elif link.offset:
             self.refuse(link.place, f"{link.name}: a spring of mi-gen has no length at rest")
         elif link.K < 0.0 or link.z < 0.0:
             self._linear(name, f"{a} {b}", link.K, link.z)
         else:
-            ties = [_number(one) for one in (link.K, link.z) if one] or ["0"]
+            ties = [_number(constant) for constant in (link.K, link.z) if constant] or ["0"]
             word = "springDamper" if len(ties) == 2 else "damper" if link.z else "spring"
             self.lines.append(f"@{name} {word} {a} {b} {' '.join(ties)}")
 
-    def _law(self, name: str, link: Link, ends: str) -> None:
+    def _law(self, name: str, link: Link, end_names: str) -> None:
         assert link.law is not None
         fields, per_step = link.law.fields, link.law.per_step
         texts = _bare(fields["law"]), _bare(fields["damping"])
         linear, known_z = _LINEAR.get(texts[0]), texts[1] in ("", "z*v")
         if linear is not None and known_z and not link.offset and not fields["points"]:
-            k, z = (fields["constants"].get(one, 0.0) for one in (linear, "z"))
-            self._linear(name, ends, k, z * per_step)
+            k, z = (fields["constants"].get(constant, 0.0) for constant in (linear, "z"))
+            self._linear(name, end_names, k, z * per_step)
             return
         word = _WORDS.get(texts)
         if word is None or fields["points"]:
-            why = f"{link.name}: its law is none of mi-gen's; docs/import.md has them"
-            self.refuse(link.place, why)
+            refusal_text = f"{link.name}: its law is none of mi-gen's; docs/import.md has them"
+            self.refuse(link.place, refusal_text)
             return
-        known = LINKS["head"][word]
-        if link.offset and known.rest != "thresh":
+        form = LINKS["head"][word]
+        if link.offset and form.rest != "thresh":
             self.refuse(link.place, f"{link.name}: a {word} of mi-gen has no rest")
             return
         keyword = word.split()[-1]
-        values = {value: fields["constants"][letter] for letter, value in known.fields.items()}
+        values = {value: fields["constants"][letter] for letter, value in form.fields.items()}
         if per_step != 1.0:
-            if "0.3" in known.damping:
+            if "0.3" in form.damping:
                 self.refuse(link.place, f"{link.name}: this law is written under units: ca alone")
                 return
             if "Z" in values:
@@ -265,54 +270,62 @@ class _Writing:
         words = _ORDER[word]
         values.setdefault("thresh", link.offset)
         values_text = " ".join(
-            _number(float(values.get(one, _DEFAULTS.get(one, 0.0)))) for one in words
+            _number(float(values.get(constant, _DEFAULTS.get(constant, 0.0)))) for constant in words
         )
-        self.lines.append(f"@{name} {keyword} {ends} {values_text}")
+        self.lines.append(f"@{name} {keyword} {end_names} {values_text}")
 
-    def _linear(self, name: str, ends: str, K: float, z: float) -> None:
+    def _linear(self, name: str, end_names: str, K: float, z: float) -> None:
         """Write K·d + Z·v, of any sign, as a law whose cubic part is 0."""
         k = _number(K)
-        self.lines.append(f"@{name} nlSpringDamper {ends} {k} 0 {k} {_number(z)}")
+        self.lines.append(f"@{name} nlSpringDamper {end_names} {k} 0 {k} {_number(z)}")
 
     def _pushes(self, inputs: list[str]) -> None:
         for number, name in enumerate(inputs):
-            pushed = [at for at, one in enumerate(self.network.points) if number in one.forces]
+            pushed = [
+                point_index
+                for point_index, one in enumerate(self.network.points)
+                if number in one.forces
+            ]
             if len(pushed) == 1:
                 self.lines.append(f"@{name} frcInput {self.link_names[pushed[0]]}")
             elif pushed:
                 point = self.network.points[pushed[0]]
-                why = f"{self.network.inputs[number].name}: an input of mi-gen pushes one mass"
-                self.refuse(point.place, why)
+                refusal_text = (
+                    f"{self.network.inputs[number].name}: an input of mi-gen pushes one mass"
+                )
+                self.refuse(point.place, refusal_text)
 
     def _output(self, name: str, output: MixedOutput) -> None:
-        called = output.name.split(" ")[0]
+        output_name = output.name.split(" ")[0]
         if output.order:
             self.refuse(
-                output.place, f"{called}: mi-gen hears positions and forces (SOX, SOF) alone"
+                output.place, f"{output_name}: mi-gen hears positions and forces (SOX, SOF) alone"
             )
         elif output.links:
-            self._force(name, called, output)
+            self._force(name, output_name, output)
         elif len(output.points) != 1:
-            self.refuse(output.place, f"{called}: an output of mi-gen hears one point")
+            self.refuse(output.place, f"{output_name}: an output of mi-gen hears one point")
         else:
             self.lines.append(f"@{name} posOutput {self.link_names[output.points[0]]}")
 
-    def _force(self, name: str, called: str, output: MixedOutput) -> None:
+    def _force(self, name: str, output_name: str, output: MixedOutput) -> None:
         """Write the force on a mass as an output. mi-gen hears all links of a mass together, or
         none.
         """
-        ends = {self.network.links[link].b for link in output.links}
-        (end,) = ends if len(ends) == 1 else (-1,)
+        end_masses = {self.network.links[link].b for link in output.links}
+        (end,) = end_masses if len(end_masses) == 1 else (-1,)
         is_all = sorted(self.ends.get(end, [])) == sorted(output.links)
         if (
             not is_all
             or self.network.points[end].forces
             or self.network.points[end].fed is not None
         ):
-            why = f"{called}: mi-gen hears the force of all links of one mass together"
-            self.refuse(output.place, f"{why}, and here they are others")
+            refusal_text = (
+                f"{output_name}: mi-gen hears the force of all links of one mass together"
+            )
+            self.refuse(output.place, f"{refusal_text}, and here they are others")
         elif self.link_names[end].startswith("["):
-            self.refuse(output.place, f"{called}: mi-gen hears no force on a member of a body")
+            self.refuse(output.place, f"{output_name}: mi-gen hears no force on a member of a body")
         else:
             self.lines.append(f"@{name} frcOutput {self.link_names[end]}")
 
@@ -342,19 +355,22 @@ _WORDS = {
 }
 
 
-def _channels(letters: str, wanted: list[str]) -> list[str]:
+def _channels(letters: str, names_wanted: list[str]) -> list[str]:
     """Channel names such as `in1`: wanted names that are free, else the lowest numbers that are
     left.
     """
     form = re.compile(rf"{letters}[1-9]\d?")
-    matching = [name if form.fullmatch(name) else "" for name in wanted]
-    matching = [name if name not in matching[:at] else "" for at, name in enumerate(matching)]
+    matching = [name if form.fullmatch(name) else "" for name in names_wanted]
+    matching = [
+        name if name not in matching[:channel_index] else ""
+        for channel_index, name in enumerate(matching)
+    ]
     free = (f"{letters}{n}" for n in range(1, 10_000) if f"{letters}{n}" not in matching)
     return [name or next(free) for name in matching]
 
 
-def _share(at: int, count: int) -> str:
-    return _number(at / (count - 1)) if count > 1 else "0"
+def _share(member: int, count: int) -> str:
+    return _number(member / (count - 1)) if count > 1 else "0"
 
 
 def _number(value: float) -> str:

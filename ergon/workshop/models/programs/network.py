@@ -178,10 +178,10 @@ class _Builder:
     def build(self, parts: Sequence[Part], struck: Iterable[Target]) -> Stepped:
         for part in parts:
             if part.ca_rate not in (None, self.to.rate):
-                why = f"its numbers are for {part.ca_rate:,g} Hz, and the score has"
+                reason = f"its numbers are for {part.ca_rate:,g} Hz, and the score has"
                 self._refuse(
                     part.modules[0].place,
-                    f"{part.name}: {why} {self.to.rate:,g} Hz; write the same",
+                    f"{part.name}: {reason} {self.to.rate:,g} Hz; write the same",
                 )
             for module in part.modules:
                 self._holder(part, module)
@@ -214,18 +214,18 @@ class _Builder:
         self._start()
         return self.to
 
-    def _refuse(self, place: Place, why: str) -> None:
-        self.refused.append((place, why))
+    def _refuse(self, place: Place, reason: str) -> None:
+        self.refused.append((place, reason))
 
     # --- points ---
 
     def _holder(self, part: Part, module: Module) -> None:
-        where = (part.name, module.name)
+        module_key = (part.name, module.name)
         name = f"{part.name}.{module.name}" if module.name else part.name
         if module.kind in _POINTS:
             point = _POINTS[module.kind](module.fields, name, part.ca_rate, self.to.rate)
             point.is_ca, point.place = part.ca_rate is not None, module.place
-            self.points_by_module[where] = [len(self.to.points)]
+            self.points_by_module[module_key] = [len(self.to.points)]
             self.to.points.append(point)
         elif module.kind in GENERATORS:
             self._generator(part, module, name)
@@ -236,7 +236,10 @@ class _Builder:
         shares: list[tuple[int, float]] = []
         if fields["follows"]:
             self._refuse(module.place, f"{name}: a PROXY that follows a MAT is not written yet")
-        elif any((one.part, one.module) not in self.points_by_module for one in targets(fields)):
+        elif any(
+            (point_index.part, point_index.module) not in self.points_by_module
+            for point_index in targets(fields)
+        ):
             self._refuse(module.place, f"{name}: a PROXY between masses of another part")
         else:
             network = _core.Network()
@@ -250,20 +253,20 @@ class _Builder:
             proxy = add_proxy(network, name, fields, members)
             points = {mat: point for point, mat in mats.items()}
             shares = [(points[mat], share) for mat, share in network.shares(proxy)]
-        x0 = sum(share * self.to.points[one].x0 for one, share in shares)
-        v0 = sum(share * self.to.points[one].v0 for one, share in shares)
+        x0 = sum(share * self.to.points[point_index].x0 for point_index, share in shares)
+        v0 = sum(share * self.to.points[point_index].v0 for point_index, share in shares)
         point = Point(name, x0, f"PROXY between {len(shares)} masses", v0=v0, shares=tuple(shares))
         point.place = module.place
         self.to.points.append(point)
 
     def _generator(self, part: Part, module: Module, name: str) -> None:
-        fields, where = module.fields, (part.name, module.name)
-        self.points_by_module[where] = []
+        fields, module_key = module.fields, (part.name, module.name)
+        self.points_by_module[module_key] = []
         if module.kind == "MODES":
-            why = f"{name}: MODES is a bank of resonators, and no network of masses"
-            self._refuse(module.place, f"{why}; name {part.name} for a Faust program of its own")
+            reason = f"{name}: MODES is a bank of resonators, and no network of masses"
+            self._refuse(module.place, f"{reason}; name {part.name} for a Faust program of its own")
             return
-        starts = {one: fields.get(one) or 0.0 for one in ("X0", "V0")}
+        starts = {field_name: fields.get(field_name) or 0.0 for field_name in ("X0", "V0")}
         if not all(isinstance(value, float) for value in starts.values()):
             self._refuse(module.place, f"{name}: members that start elsewhere than the others")
             return
@@ -280,9 +283,9 @@ class _Builder:
                 f"{name}: {count:,} masses, and at most {self.points_max:,} are written",
             )
             return
-        first = len(self.to.points)
-        self.points_by_module[where] = list(range(first, first + count))
-        self.centres[where] = first + network.centre(0)
+        first_point = len(self.to.points)
+        self.points_by_module[module_key] = list(range(first_point, first_point + count))
+        self.centres[module_key] = first_point + network.centre(0)
         slots = {mat: slot for slot, mat in enumerate(parts.mats)}
         ties = {
             int(a): (float(k), float(z))
@@ -305,18 +308,18 @@ class _Builder:
             self.to.points.append(point)
         first_link = len(self.to.links)
         ground = None
-        point_indices = [first + mat for mat in parts.mats]
-        each = zip(parts.kinds, parts.a, parts.b, parts.stiffness, parts.damping, strict=True)
-        for number, (kind, a, b, k, z) in enumerate(each):
+        point_indices = [first_point + mat for mat in parts.mats]
+        link_rows = zip(parts.kinds, parts.a, parts.b, parts.stiffness, parts.damping, strict=True)
+        for number, (kind, a, b, k, z) in enumerate(link_rows):
             if kind == "CEL":
                 continue
             if ground is None and min(a, b) < 0:
                 ground = len(self.to.points)
                 self.to.points.append(Point(f"{name}.ground", 0.0, f"SOL of {module.kind}"))
-            ends = [ground if end < 0 else point_indices[end] for end in (int(a), int(b))]
+            end_points = [ground if end < 0 else point_indices[end] for end in (int(a), int(b))]
             tie = {"K": float(k), "Z": float(z)}
-            self._join(part, f"{name}.link.{number}", ends, kind, tie, module.place)
-        point_range = range(first, len(self.to.points)), range(first_link, len(self.to.links))
+            self._join(part, f"{name}.link.{number}", end_points, kind, tie, module.place)
+        point_range = range(first_point, len(self.to.points)), range(first_link, len(self.to.links))
         self._body(module, name, count, *point_range)
 
     def _body(self, module: Module, name: str, count: int, points: range, links: range) -> None:
@@ -359,53 +362,59 @@ class _Builder:
                     module.place, f"{name}: a contact that is {how}; only plain is written"
                 )
                 return
-            ends = module.fields["between"]
-            others = [
-                end.text for end in ends if (end.part, end.module) not in self.points_by_module
+            end_targets = module.fields["between"]
+            other_fields = [
+                end.text
+                for end in end_targets
+                if (end.part, end.module) not in self.points_by_module
             ]
-            if others:
-                self.to.left_out.append(f"{name}, which joins {' and '.join(others)}")
-                for end in ends:
+            if other_fields:
+                self.to.left_out.append(f"{name}, which joins {' and '.join(other_fields)}")
+                for end in end_targets:
                     self._push(end)
                 return
-            first = len(self.to.links)
+            first_link = len(self.to.links)
             for link in single_links(module):
                 a, b = (self._members(end)[:1] for end in link.fields["between"])
                 if a and b:
-                    called = f"{part.name}.{link.name}"
-                    self._join(part, called, [*a, *b], module.kind, link.fields, module.place)
+                    link_name = f"{part.name}.{link.name}"
+                    self._join(part, link_name, [*a, *b], module.kind, link.fields, module.place)
             if (module.fields.get("K") or 0.0) < 0 and part.ca_rate is None:
                 self._refuse(module.place, f"{name}: a stiffness below 0")
-            self.links[part.name, module.name] = list(range(first, len(self.to.links)))
+            self.links[part.name, module.name] = list(range(first_link, len(self.to.links)))
 
     def _join(
         self,
         part: Part,
         name: str,
-        ends: Sequence[int | None],
+        end_points: Sequence[int | None],
         kind: str,
         fields: Any,
         place: Place,
     ) -> None:
         K, Z = float(fields.get("K") or 0.0), float(fields.get("Z") or 0.0)
         z = Z * (self.to.rate if part.ca_rate is None else self.to.rate / part.ca_rate)
-        a, b = (end for end in ends if end is not None)
+        a, b = (end for end in end_points if end is not None)
         units = ("", "") if part.ca_rate is not None else (" N/m", " N·s/m")
         description = f"{kind}: K = {K!r}{units[0]}, Z = {Z!r}{units[1]}"
         if kind == "LNL":
-            terms = (fields[one] for one in ("law", "damping", "constants", "points"))
+            terms = (fields[field_name] for field_name in ("law", "damping", "constants", "points"))
             law = Law(fields, _core.Law(*terms), 1.0 if part.ca_rate else self.to.rate)
-            rest = float(fields["rest"])
-            words = (f"{one} = {fields[one]}" for one in ("law", "damping") if fields[one])
-            description = f"LNL: {', '.join([*words, f'rest = {rest!r} m'])}"
+            rest_length = float(fields["rest"])
+            words = (
+                f"{field_name} = {fields[field_name]}"
+                for field_name in ("law", "damping")
+                if fields[field_name]
+            )
+            description = f"LNL: {', '.join([*words, f'rest = {rest_length!r} m'])}"
             self.to.links.append(
-                Link(name, a, b, 0.0, 0.0, rest, description, law=law, place=place)
+                Link(name, a, b, 0.0, 0.0, rest_length, description, law=law, place=place)
             )
             return
         if kind != "BUT":
-            rest = float(fields.get("rest") or 0.0)
-            description += f", rest = {rest!r} m"
-            self.to.links.append(Link(name, a, b, K, z, rest, description, place=place))
+            rest_length = float(fields.get("rest") or 0.0)
+            description += f", rest = {rest_length!r} m"
+            self.to.links.append(Link(name, a, b, K, z, rest_length, description, place=place))
             return
         gap, exponent, side = float(fields["gap"]), fields["exponent"], fields["side"]
         description += f", gap = {gap!r} m, {side}, exponent = {exponent!r}"
@@ -415,28 +424,28 @@ class _Builder:
         )
 
     def _members(self, target: Target) -> list[int]:
-        where = (target.part, target.module)
-        members = self.points_by_module.get(where, [])
+        module_key = (target.part, target.module)
+        members = self.points_by_module.get(module_key, [])
         if target.first == "centre":
-            return [self.centres[where]] if where in self.centres else []
+            return [self.centres[module_key]] if module_key in self.centres else []
         return members[target.first : target.first + target.count]
 
     def _input(self, module: Module, name: str) -> None:
-        to = module.fields["to"]
-        if (to.part, to.module) not in self.points_by_module:
-            self.to.left_out.append(f"{name}, which feeds {to.text}")
+        target = module.fields["to"]
+        if (target.part, target.module) not in self.points_by_module:
+            self.to.left_out.append(f"{name}, which feeds {target.text}")
             return
         source = module.fields["from"]
         take = source if isinstance(source, str) else ""
         if module.kind == "ENF":
             if take or module.fields["at"] is not None:
-                self._push(to, take)
+                self._push(target, take)
             else:
-                for member in self._members(to):
+                for member in self._members(target):
                     for mass, share in self.to.points[member].shares or [(member, 1.0)]:
                         self.to.points[mass].weight += share * float(source)
             return
-        for member in self._members(to):
+        for member in self._members(target):
             point = self.to.points[member]
             if point.fed is None:
                 point.fed = len(self.to.inputs)
@@ -464,8 +473,8 @@ class _Builder:
     def _output(self, part: Part, output: Output) -> None:
         name = f"{part.name}.{output.name}" if output.name else part.name
         if output.nearest:
-            why = f"{name}: an output of which each member goes to its own loudspeaker"
-            self._refuse(output.place, why)
+            reason = f"{name}: an output of which each member goes to its own loudspeaker"
+            self._refuse(output.place, reason)
             return
         traits, points, links = output.traits, list[int](), list[int]()
         for target in output.targets:
@@ -477,12 +486,12 @@ class _Builder:
             link_members = self.links.get((target.part, target.module), [])
             if not link_members or target.first == "centre":
                 quantity = "distance" if output.is_distance else traits.quantity
-                why = f"{name}: the {quantity} of {target.text} is not written yet"
-                self._refuse(output.place, why)
+                reason = f"{name}: the {quantity} of {target.text} is not written yet"
+                self._refuse(output.place, reason)
                 continue
             links += link_members[target.first : target.first + target.count]
-        named = f"{name} [{traits.unit.replace('²', '^2')}]"
-        self.to.outputs.append(MixedOutput(named, points, links, traits.order, output.place))
+        output_name = f"{name} [{traits.unit.replace('²', '^2')}]"
+        self.to.outputs.append(MixedOutput(output_name, points, links, traits.order, output.place))
 
     # --- the first step ---
 
@@ -523,10 +532,12 @@ def _pull(link: Link, e: float, d: float) -> float:
 
 def refusal(refused: Sequence[tuple[Place, str]]) -> ModelError:
     """An error that lists all that cannot be written, each with its place."""
-    (first, why), *others = refused
-    more = "".join(f"; {place.file}:{place.line}: {text}" for place, text in others)
-    error = ModelError(f"{why}{more}", first.line)
-    error.file = first.file
+    (first_place, reason), *other_refusals = refused
+    further_reasons = "".join(
+        f"; {place.file}:{place.line}: {text}" for place, text in other_refusals
+    )
+    error = ModelError(f"{reason}{further_reasons}", first_place.line)
+    error.file = first_place.file
     return error
 
 
@@ -542,14 +553,16 @@ def _mas(fields: Any, name: str, ca_rate: float | None, rate: float) -> Point:
 
 
 def _cel(fields: Any, name: str, ca_rate: float | None, rate: float) -> Point:
-    m, v0, rest = fields["M"], fields.get("V0", 0.0), fields.get("rest", 0.0)
+    m, v0, rest_length = fields["M"], fields.get("V0", 0.0), fields.get("rest", 0.0)
     x0, f, t60 = fields.get("X0", 0.0), fields.get("f"), fields.get("t60")
     K, Z = fields.get("K") or 0.0, fields.get("Z") or 0.0
     kappa, zeta = (K / m, Z / m) if ca_rate and f is None else ratios(m, K, Z, f, t60, rate)
-    d0 = v0 / rate if ca_rate else last_step(m, K, Z, f, t60, rate, x0 - rest, v0)
+    d0 = v0 / rate if ca_rate else last_step(m, K, Z, f, t60, rate, x0 - rest_length, v0)
     tie = f"f = {f!r} Hz, t60 = {t60!r} s" if f is not None else f"K = {K!r}, Z = {Z!r}"
     description = f"CEL: M = {m!r}, {tie}"
-    return Point(name, x0, description, m, _gain(m, ca_rate, rate), kappa, zeta, rest, v0, d0)
+    return Point(
+        name, x0, description, m, _gain(m, ca_rate, rate), kappa, zeta, rest_length, v0, d0
+    )
 
 
 def _gain(m: float, ca_rate: float | None, rate: float) -> float:

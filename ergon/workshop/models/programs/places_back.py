@@ -18,27 +18,33 @@ def place_of(
     `point` returns the point of a number.
     """
     (across, up), is_string = body.sides, body.kind == "STRING"
-    more = 2 * body.is_held
+    n_fixed = 2 * body.is_held
     share_by_place: dict[tuple[int, int], float] = {}
     place_by_mass = {mass: place for place, mass in enumerate(body.points)}
-    ends = {place_by_mass[mass] for mass, _ in shares if mass in place_by_mass}
+    end_places = {place_by_mass[mass] for mass, _ in shares if mass in place_by_mass}
     for mass, share in shares:
         if not share:
             continue
         if mass in place_by_mass:
             row, column = divmod(place_by_mass[mass], across)
-            where = (row + body.is_held * (not is_string), column + body.is_held)
-        elif is_string and body.is_held and _is_still(point(mass)) and len(ends) == 1:
-            (end,) = ends
-            where = (0, 0) if end == 0 else (0, across + 1)
+            row_and_column = (row + body.is_held * (not is_string), column + body.is_held)
+        elif is_string and body.is_held and _is_still(point(mass)) and len(end_places) == 1:
+            (end,) = end_places
+            row_and_column = (0, 0) if end == 0 else (0, across + 1)
             if end not in (0, across - 1) or across == 1:
                 return []
         else:
             return []
-        share_by_place[where] = share_by_place.get(where, 0.0) + share
-    sides = [across + more] if is_string else [up + more, across + more]
-    means = [sum(share * where[axis] for where, share in share_by_place.items()) for axis in (0, 1)]
-    if any(abs(_share(where, means) - share) > _CLOSE for where, share in share_by_place.items()):
+        share_by_place[row_and_column] = share_by_place.get(row_and_column, 0.0) + share
+    sides = [across + n_fixed] if is_string else [up + n_fixed, across + n_fixed]
+    means = [
+        sum(share * row_and_column[axis] for row_and_column, share in share_by_place.items())
+        for axis in (0, 1)
+    ]
+    if any(
+        abs(_share(row_and_column, means) - share) > _CLOSE
+        for row_and_column, share in share_by_place.items()
+    ):
         return []
     if abs(sum(share_by_place.values()) - 1.0) > _CLOSE:
         return []
@@ -48,9 +54,12 @@ def place_of(
     ]
 
 
-def _share(where: tuple[int, int], means: Sequence[float]) -> float:
+def _share(row_and_column: tuple[int, int], means: Sequence[float]) -> float:
     """The share of one mass in a place between masses, linear along each side."""
-    row, column = (max(0.0, 1.0 - abs(mean - at)) for mean, at in zip(means, where, strict=True))
+    row, column = (
+        max(0.0, 1.0 - abs(mean - coordinate))
+        for mean, coordinate in zip(means, row_and_column, strict=True)
+    )
     return row * column
 
 

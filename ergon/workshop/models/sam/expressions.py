@@ -78,8 +78,8 @@ class _Parser:
         while text[position:].strip():
             match = _TOKEN.match(text, position)
             if match is None or len(self.tokens) >= _TOKENS_MAX:
-                what = quote(text[position:].strip()[:20])
-                raise ModelError(f"of Faust {what} is not read here", line)
+                unread_text = quote(text[position:].strip()[:20])
+                raise ModelError(f"of Faust {unread_text} is not read here", line)
             self.tokens.append((str(match.lastgroup), match[0].strip()))
             position = match.end()
 
@@ -102,8 +102,8 @@ class _Parser:
         kind, word = self.tokens[self.index] if self.index < len(self.tokens) else ("", "")
         return word if kind == "sign" else ""
 
-    def take(self, wanted: str) -> None:
-        if self.sign() != wanted:
+    def take(self, expected: str) -> None:
+        if self.sign() != expected:
             raise self.wrong()
         self.index += 1
 
@@ -154,14 +154,14 @@ class _Parser:
         nodes = []
         while True:
             # A comma separates arguments here, so an argument has no comma outside parentheses.
-            first = self.index
+            first_index = self.index
             parts, operators = [self.level(2)], []
             while self.sign() == ":":
                 operators.append(":")
                 self.index += 1
                 parts.append(self.level(2))
             node = parts[0] if not operators else Node("chain", "", tuple(parts), tuple(operators))
-            text = " ".join(word for _, word in self.tokens[first : self.index])
+            text = " ".join(word for _, word in self.tokens[first_index : self.index])
             nodes.append(replace(node, text=text))
             if self.sign() != ",":
                 break
@@ -184,14 +184,14 @@ def definitions(code: Sequence[Code]) -> dict[str, Definition]:
     fail.
     """
     by_name: dict[str, Definition] = {}
-    waiting, first = "", 0
-    before: tuple[str, ...] = ()
+    waiting, first_line = "", 0
+    comments_before: tuple[str, ...] = ()
     for line in code:
         source, comment = _without_comment(line.text)
         parts = source.split(";")
         for nth, part in enumerate(parts):
             if not waiting.strip():
-                first, before = line.line, line.before if nth == 0 else ()
+                first_line, comments_before = line.line, line.before if nth == 0 else ()
             waiting += part + " "
             if nth + 1 == len(parts):
                 break
@@ -199,19 +199,21 @@ def definitions(code: Sequence[Code]) -> dict[str, Definition]:
                 continue
             defined = _DEFINED.fullmatch(waiting)
             if defined is None:
-                raise ModelError("a line of Faust is written faustcode: name = expression;", first)
+                raise ModelError(
+                    "a line of Faust is written faustcode: name = expression;", first_line
+                )
             name, arguments, text = defined[1], defined[2], defined[3].strip()
             if name in by_name:
                 message = f"{quote(name)} is defined in line {by_name[name].line} too"
-                raise ModelError(message, first)
+                raise ModelError(message, first_line)
             split = tuple(word.strip() for word in arguments.split(",")) if arguments else ()
-            by_name[name] = Definition(name, split, text, first, comment, before)
+            by_name[name] = Definition(name, split, text, first_line, comment, comments_before)
             waiting = ""
     if waiting.strip():
-        raise ModelError("a line of Faust ends with a semicolon", first)
+        raise ModelError("a line of Faust ends with a semicolon", first_line)
     return by_name
 
 
 def _without_comment(line: str) -> tuple[str, str]:
-    said, slashes, comment = line.partition("//")
-    return (said, comment.strip()) if slashes else (line, "")
+    code, slashes, comment = line.partition("//")
+    return (code, comment.strip()) if slashes else (line, "")

@@ -62,7 +62,7 @@ def hear(writing: Writing, statement: Statement, sound: Sound, channel: int) -> 
         name for name in factors if name in writing.masses and writing.masses[name].kind == "ground"
     ]
     constant = sound.constant + sum(factors.pop(name) * writing.masses[name].x0 for name in still)
-    if constant != 0.0 and not any(each.order for each in sound.filters):
+    if constant != 0.0 and not any(sound_filter.order for sound_filter in sound.filters):
         raise ModelError(f"a constant of {constant:g} is not a sound; leave it out", statement.line)
     highpass, comment = _filter(sound)
     for nth, (name, factor) in enumerate(factors.items(), 1):
@@ -71,20 +71,20 @@ def hear(writing: Writing, statement: Statement, sound: Sound, channel: int) -> 
             out = writing.names.new(f"{out}_{nth}")
         loudness = abs(factor)
         if name in writing.links:
-            what, writing.hears_forces = _force(writing, writing.targets[name]), True
+            output_text, writing.hears_forces = _force(writing, writing.targets[name]), True
         elif factor > 0.0:
-            what = f"SOX: {target(writing, name)}"
+            output_text = f"SOX: {target(writing, name)}"
         else:
-            what, loudness = _force(writing, _ear(writing, name)), loudness / _EAR
+            output_text, loudness = _force(writing, _ear(writing, name)), loudness / _EAR
         note = "; ".join(word for word in (comment, statement.behind if nth == 1 else "") if word)
         options = gain(loudness)
         if highpass is not None:
             options += f", highpass: {number(highpass)}Hz"
-        writing.outs.append(Out(out, what, channel, options, note))
+        writing.outs.append(Out(out, output_text, channel, options, note))
 
 
-def _force(own: Writing, name: str) -> str:
-    kind = next(each.kind for each in own.modules if each.name == name)
+def _force(writing: Writing, name: str) -> str:
+    kind = next(module.kind for module in writing.modules if module.name == name)
     return f"SOF: {{{kind}: {name}}}"
 
 
@@ -106,13 +106,13 @@ def _ear(writing: Writing, mass: str) -> str:
 
 def _filter(sound: Sound) -> tuple[float | None, str]:
     """The high-pass of a route, of second order, and a comment on it."""
-    highs = [one for one in sound.filters if one.order]
-    filter_texts = [f"highpass({one.order}, {one.cutoff:g})" for one in highs]
+    highs = [highpass for highpass in sound.filters if highpass.order]
+    filter_texts = [f"highpass({highpass.order}, {highpass.cutoff:g})" for highpass in highs]
     limited = ["the model's limiter is left out"] if len(highs) < len(sound.filters) else []
     if not highs:
         return None, "; ".join(limited)
-    order = sum(one.order for one in highs)
-    logs = sum(one.order * math.log(one.cutoff) for one in highs)
+    order = sum(highpass.order for highpass in highs)
+    logs = sum(highpass.order * math.log(highpass.cutoff) for highpass in highs)
     cutoff = highs[0].cutoff if len(highs) == 1 else round(math.exp(logs / order), 3)
     if not (len(highs) == 1 and order == 2):
         limited.insert(0, f"{' : '.join(filter_texts)} in the model; a route has one of order 2")

@@ -48,12 +48,12 @@ def _head(writing: Writing, title: str) -> Iterator[str]:
         yield f"keys: {{{writing.targets[free[0]]}: {{M: 50g, K: 100N/m, Z: 1Ns/m}}}}"
     if writing.hears_forces:
         yield "Forces are heard one sample before the model's own."
-    head = list(writing.sheet.head)
-    while head and not head[-1]:
-        head.pop()
-    if head:
+    head_lines = list(writing.sheet.head)
+    while head_lines and not head_lines[-1]:
+        head_lines.pop()
+    if head_lines:
         yield ""
-    yield from head
+    yield from head_lines
 
 
 def _some(names: list[str]) -> str:

@@ -58,7 +58,7 @@ class Sheet:
 
 def ports(sheet: Sheet) -> list[str]:
     """The names of ports, which files may drive."""
-    return [one.name for one in sheet.statements if one.word == "port"]
+    return [statement.name for statement in sheet.statements if statement.word == "port"]
 
 
 def parse(text: str) -> Sheet:
@@ -81,9 +81,9 @@ def parse(text: str) -> Sheet:
                 comments = []
             continue
         has_begun = True
-        head = _HEAD.match(source)
-        if head and head[1] == CODE and head[2] == ":":
-            sheet.code.append(Code(source[head.end() :], line_number, tuple(comments)))
+        head_match = _HEAD.match(source)
+        if head_match and head_match[1] == CODE and head_match[2] == ":":
+            sheet.code.append(Code(source[head_match.end() :], line_number, tuple(comments)))
             comments = []
             continue
         statement = _statement(
@@ -121,9 +121,11 @@ def _comment_lines(comment: str) -> list[str]:
     return [comment.lstrip("#").strip()]
 
 
-def _statement(source: str, line_number: int, before: tuple[str, ...], behind: str) -> Statement:
-    head = _HEAD.match(source)
-    word = head[1] if head else source.split(None, 1)[0].strip(",;(")
+def _statement(
+    source: str, line_number: int, comments_before: tuple[str, ...], behind: str
+) -> Statement:
+    head_match = _HEAD.match(source)
+    word = head_match[1] if head_match else source.split(None, 1)[0].strip(",;(")
     if word in REFUSED:
         raise ModelError(f"{word}: {REFUSED[word]}", line_number)
     if word not in WORDS:
@@ -132,17 +134,23 @@ def _statement(source: str, line_number: int, before: tuple[str, ...], behind: s
     if not source.rstrip().endswith(";"):
         raise ModelError("a statement ends with a semicolon", line_number)
     wrong = ModelError(f"{word} is written {written(word)}", line_number)
-    if head is None or (head[2] == ",") != (word in OUTPUTS) or head[2] == ":":
+    if head_match is None or (head_match[2] == ",") != (word in OUTPUTS) or head_match[2] == ":":
         raise wrong
-    rest = source.rstrip()[:-1][head.end() :]
+    argument_text = source.rstrip()[:-1][head_match.end() :]
     if word in OUTPUTS:
-        name, comma, expression = rest.partition(",")
+        name, comma, expression = argument_text.partition(",")
         if not comma:
             raise wrong
         return Statement(
-            word, (expression.strip(),), _name(name, line_number), (), line_number, before, behind
+            word,
+            (expression.strip(),),
+            _name(name, line_number),
+            (),
+            line_number,
+            comments_before,
+            behind,
         )
-    inside, is_closed, outside = _closed(rest)
+    inside, is_closed, outside = _closed(argument_text)
     if not is_closed:
         raise ModelError("a parenthesis is not closed", line_number)
     values = tuple(_split(inside)) if inside.strip() else ()
@@ -163,9 +171,15 @@ def _statement(source: str, line_number: int, before: tuple[str, ...], behind: s
         raise wrong
     if not all(value.strip() for value in values):
         raise wrong
-    name, *ends = (_name(one, line_number) for one in names[1:])
+    name, *end_names = (_name(name_text, line_number) for name_text in names[1:])
     return Statement(
-        word, tuple(v.strip() for v in values), name, tuple(ends), line_number, before, behind
+        word,
+        tuple(v.strip() for v in values),
+        name,
+        tuple(end_names),
+        line_number,
+        comments_before,
+        behind,
     )
 
 
@@ -190,10 +204,10 @@ def _closed(text: str) -> tuple[str, bool, str]:
 
 def _split(text: str) -> Iterator[str]:
     """The values between commas, except commas within parentheses."""
-    depth, first = 0, 0
+    depth, part_start = 0, 0
     for position, letter in enumerate(text):
         depth += (letter == "(") - (letter == ")")
         if letter == "," and depth == 0:
-            yield text[first:position]
-            first = position + 1
-    yield text[first:]
+            yield text[part_start:position]
+            part_start = position + 1
+    yield text[part_start:]

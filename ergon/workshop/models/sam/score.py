@@ -87,7 +87,7 @@ def _count(writing: Writing, statement: Statement) -> None:
     """Compute the values of a mass."""
     if statement.word == "resonators":
         resonances = _resonances(writing, statement)
-        mobility = sum(each.mobility for each in resonances)
+        mobility = sum(resonance.mobility for resonance in resonances)
         writing.masses[statement.name] = Mass(
             statement.word, 0.0, 0.0, mobility, len(resonances) > 1
         )
@@ -115,16 +115,18 @@ def _count(writing: Writing, statement: Statement) -> None:
 def _resonances(writing: Writing, statement: Statement) -> list[Resonance]:
     resonances = []
     for first_value in range(0, len(statement.values), 3):
-        each = Resonance(*(value_of(writing, statement, first_value + nth) for nth in range(3)))
-        if not 0.0 < each.f < RATE / 2:
-            message = f"f is {each.f:g} Hz: a frequency lies between 0 and half of {RATE:,} Hz"
+        resonance = Resonance(
+            *(value_of(writing, statement, first_value + nth) for nth in range(3))
+        )
+        if not 0.0 < resonance.f < RATE / 2:
+            message = f"f is {resonance.f:g} Hz: a frequency lies between 0 and half of {RATE:,} Hz"
             raise ModelError(message, statement.line)
-        for name, value in (("T60", each.T60), ("m", each.m)):
+        for name, value in (("T60", resonance.T60), ("m", resonance.m)):
             if not 1e-9 < value < 1e9:
                 raise ModelError(
                     f"{name} is {value:g}: it lies above 1e-9, below 1e9", statement.line
                 )
-        resonances.append(each)
+        resonances.append(resonance)
     if len(resonances) > _MODES_MAX:
         raise ModelError(f"resonators have at most {_MODES_MAX} modes", statement.line)
     return resonances
@@ -149,14 +151,20 @@ def _begin(writing: Writing, statement: Statement, begin: Start) -> list[str]:
     return fields
 
 
-def _mass(own: Writing, one: Statement, begin: Start) -> None:
-    fields = [f"M: {times(text_of(own, one, 0), 'fs*fs')}", *_begin(own, one, begin)]
-    own.add(f"MAS: {{{', '.join(fields)}}}", one)
+def _mass(writing: Writing, statement: Statement, begin: Start) -> None:
+    fields = [
+        f"M: {times(text_of(writing, statement, 0), 'fs*fs')}",
+        *_begin(writing, statement, begin),
+    ]
+    writing.add(f"MAS: {{{', '.join(fields)}}}", statement)
 
 
-def _ground(own: Writing, one: Statement, _: Start) -> None:
-    x0 = own.masses[one.name].x0
-    own.add(f"SOL: {{X0: {unit_of(text_of(own, one, 0), 'm')}}}" if x0 else "SOL: {}", one)
+def _ground(writing: Writing, statement: Statement, _: Start) -> None:
+    x0 = writing.masses[statement.name].x0
+    writing.add(
+        f"SOL: {{X0: {unit_of(text_of(writing, statement, 0), 'm')}}}" if x0 else "SOL: {}",
+        statement,
+    )
 
 
 def _port(writing: Writing, statement: Statement, _: Start) -> None:
@@ -181,8 +189,8 @@ def _resonators(writing: Writing, statement: Statement, begin: Start) -> None:
         comment = "60 dB are 6.907755 time constants, and T60 of the model 6.9078"
         let(writing, writing.sixty, repr(SIXTY), comment, unit="s")
     values = range(0, len(statement.values), 3)
-    pitches = [unit_of(text_of(writing, statement, at), "Hz") for at in values]
-    decays = [times(text_of(writing, statement, at + 1), sixty) for at in values]
+    pitches = [unit_of(text_of(writing, statement, value_index), "Hz") for value_index in values]
+    decays = [times(text_of(writing, statement, value_index + 1), sixty) for value_index in values]
     mass = f"M: {times(text_of(writing, statement, 2), f'fs*fs*{resonances[0].heavier!r}')}"
     if len(resonances) == 1:
         fields = [mass, f"f: {pitches[0]}", f"t60: {decays[0]}", *_begin(writing, statement, begin)]
@@ -191,7 +199,7 @@ def _resonators(writing: Writing, statement: Statement, begin: Start) -> None:
     if begin.places[statement.name]:
         message = "an offset presses on these resonators before the first sample, and a MODES "
         raise ModelError(f"{message}begins at 0; write the offset into a ground", statement.line)
-    levels = [math.sqrt(each.mobility / resonances[0].mobility) for each in resonances]
+    levels = [math.sqrt(resonance.mobility / resonances[0].mobility) for resonance in resonances]
     shape = ", ".join(map(number, levels))
     body = f"f: [{', '.join(pitches)}], t60: [{', '.join(decays)}]"
     writing.add(f"MODES: {{{mass}, {body}, places: {{point: [{shape}]}}}}", statement)
@@ -212,7 +220,7 @@ def _join(writing: Writing, statement: Statement) -> None:
     a, b = statement.ends
     if a == b:
         raise ModelError(f"it joins {quote(a)} to itself", statement.line)
-    k, R, o = (value_of(writing, statement, at) for at in range(3))
+    k, R, o = (value_of(writing, statement, value_index) for value_index in range(3))
     within(statement, "o", o, _FARTHEST)
     writing.links[statement.name] = Link(statement.word, a, b, k, R, o)
 
@@ -220,15 +228,15 @@ def _join(writing: Writing, statement: Statement) -> None:
 def _link(writing: Writing, statement: Statement, side: float) -> None:
     """Add a link with its ends in order, or reversed if -F is heard."""
     link = writing.links[statement.name]
-    ends = [target(writing, name) for name in statement.ends]
-    k, R, o = (text_of(writing, statement, at) for at in range(3))
+    end_names = [target(writing, name) for name in statement.ends]
+    k, R, o = (text_of(writing, statement, value_index) for value_index in range(3))
     is_touch, is_turned = statement.word == "touch", side < 0.0
     if is_turned:
-        ends.reverse()
-    written_fields = [f"between: [{', '.join(ends)}]"]
+        end_names.reverse()
+    written_fields = [f"between: [{', '.join(end_names)}]"]
     # d is x_b - x_a - rest in a score, and x_a - x_b - o in the language.
-    rest = unit_of(o if is_turned else number(-link.o) if _is_literal(o) else f"-({o})", "m")
-    rest_field = [f"rest: {rest}"] if link.o else []
+    rest_text = unit_of(o if is_turned else number(-link.o) if _is_literal(o) else f"-({o})", "m")
+    rest_field = [f"rest: {rest_text}"] if link.o else []
     if link.k < 0.0 or link.R < 0.0:
         laws = ["k*d", "z*v"]
         if is_touch:

@@ -86,11 +86,11 @@ class Values:
     _steps: int = 0
     _depth: int = 0
 
-    def number(self, text: str, line: int, what: str) -> float:
+    def number(self, text: str, line: int, label: str) -> float:
         """The value of an expression that must be a number. Raises ModelError."""
         value = self._value(parse(text, line), {}, line)
         if not isinstance(value, float):
-            raise ModelError(f"{what}: {quote(text[:60])} is not a number", line)
+            raise ModelError(f"{label}: {quote(text[:60])} is not a number", line)
         return value
 
     def sound(self, text: str, line: int) -> Sound:
@@ -201,8 +201,10 @@ class Values:
             return _computed(_NUMBERS[name], numbers, line)
         if len(numbers) == len(arguments) == 2 and name in _PAIRS:
             return _computed(_PAIRS[name], numbers, line)
-        known = [*_NUMBERS, *_PAIRS, *SLIDERS, *self.definitions]
-        raise ModelError(f"of Faust {quote(name)} is not read here", line, nearest(name, known))
+        known_functions = [*_NUMBERS, *_PAIRS, *SLIDERS, *self.definitions]
+        raise ModelError(
+            f"of Faust {quote(name)} is not read here", line, nearest(name, known_functions)
+        )
 
     def _takes(self, node: Node, arguments: Mapping[str, Value], depth: int = 0) -> bool:
         """Whether an expression takes an input."""

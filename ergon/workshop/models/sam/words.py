@@ -53,5 +53,5 @@ def written(word: str) -> str:
     if word in OUTPUTS:
         return f"{word}, name, expression;"
     values = ", ".join(MASSES.get(word) or LINKS.get(word, ()))
-    more = ", ..." if word == "resonators" else ""
-    return f"{word}({values}{more}), name{', a, b' if word in LINKS else ''};"
+    ellipsis = ", ..." if word == "resonators" else ""
+    return f"{word}({values}{ellipsis}), name{', a, b' if word in LINKS else ''};"

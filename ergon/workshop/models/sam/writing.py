@@ -53,12 +53,12 @@ def let(
     name: str,
     text: str,
     comment: str,
-    before: tuple[str, ...] = (),
+    comments_before: tuple[str, ...] = (),
     unit: str = "",
 ) -> None:
     """Add a parameter under `let:`. Raises ModelError."""
     param_name = writing.params.new_names[name]
-    writing.parameters[param_name] = Line(param_name, f"{text}{unit}", comment, before)
+    writing.parameters[param_name] = Line(param_name, f"{text}{unit}", comment, comments_before)
     try:
         writing.amounts[param_name] = evaluate(f"{text}{unit}", writing.amounts)
     except TextError as error:
@@ -97,9 +97,9 @@ def _expression(writing: Writing, text: str, value: float, line: int) -> str | N
         return number(value)
     if not is_plain(tree) or len(text) > _TEXT_MAX:
         return None
-    order = {name: at for at, name in enumerate(writing.values.definitions)}
-    used = sorted(names(tree), key=lambda name: order.get(name, -1))
-    if not all(_named(writing, name, line) for name in used):
+    order = {name: position for position, name in enumerate(writing.values.definitions)}
+    used_names = sorted(names(tree), key=lambda name: order.get(name, -1))
+    if not all(_named(writing, name, line) for name in used_names):
         return None
     expression = writing.params.written(text)
     try:
@@ -112,9 +112,11 @@ def _expression(writing: Writing, text: str, value: float, line: int) -> str | N
 
 def value_of(writing: Writing, statement: Statement, index: int) -> float:
     """A value of a statement as a number. Raises ModelError."""
-    what = MASSES.get(statement.word) or LINKS[statement.word]
+    field_names = MASSES.get(statement.word) or LINKS[statement.word]
     return writing.values.number(
-        statement.values[index], statement.line, f"{what[index % len(what)]} of {statement.name}"
+        statement.values[index],
+        statement.line,
+        f"{field_names[index % len(field_names)]} of {statement.name}",
     )
 
 
@@ -143,6 +145,8 @@ def within(statement: Statement, name: str, value: float, limit: float) -> None:
         raise ModelError(f"{name} is {value:g}: a score holds up to {limit:g}", statement.line)
 
 
-def target(own: Writing, mass: str) -> str:
+def target(writing: Writing, mass: str) -> str:
     """A mass as a point of the score."""
-    return f"{own.targets[mass]}.point" if own.masses[mass].is_body else own.targets[mass]
+    return (
+        f"{writing.targets[mass]}.point" if writing.masses[mass].is_body else writing.targets[mass]
+    )
