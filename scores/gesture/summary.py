@@ -15,7 +15,14 @@ from ergon.scores.gesture import bvh_file, c3d_file, optitrack_file, qtm_file, s
 from ergon.scores.gesture.motion import AXES, Motion
 from ergon.scores.gesture.npz import npz
 from ergon.scores.gesture.table_file import sheet
-from ergon.scores.gesture.take_file import MAX_CHANNELS, Floats, TakeError, number_in, opened
+from ergon.scores.gesture.take_file import (
+    MAX_CHANNELS,
+    Floats,
+    TakeError,
+    falling_time,
+    number_in,
+    opened,
+)
 
 
 @dataclass(slots=True)
@@ -91,7 +98,7 @@ def _table(path: Path) -> Table:
                 if time is not None:
                     instant = number_in(cells[time], path, number)
                     if not instant > instant_before:
-                        raise TakeError("times must rise", path, number)
+                        raise falling_time(instant, instant_before, path, number)
                     instant_before = instant
                 if len(block) * len(columns) >= _BLOCK:
                     n_rows += _added(columns, block)

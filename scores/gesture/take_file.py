@@ -44,6 +44,14 @@ class TakeError(TextError):
         self.field = field
 
 
+def falling_time(instant: float, instant_before: float, path: Path, line: int) -> TakeError:
+    """The mistake of a row [s] that is not later than the row before it [s]."""
+    message = (
+        f"the time {instant:g} is not later than the time {instant_before:g} of the row before; "
+    )
+    return TakeError(f"{message}times must rise from row to row", path, line)
+
+
 def opened(path: Path) -> BufferedReader:
     """Open a file for reading, unless it is larger than a take may be. Raises TakeError,
     OSError.

@@ -44,6 +44,7 @@ from ergon.scores.gesture.take_file import (
     MAX_SAMPLES,
     Floats,
     TakeError,
+    falling_time,
     number_in,
     opened,
 )
@@ -118,7 +119,7 @@ def _read_table(path: Path, channel: str | None, rate: float | None, unit: float
                 if timed:
                     instant = number_in(cells[t], path, number)
                     if ts and not instant > ts[-1]:
-                        raise TakeError("times must rise", path, number)
+                        raise falling_time(instant, ts[-1], path, number)
                     ts.append(instant)
                 if len(xs) == MAX_SAMPLES:
                     raise TakeError(f"the file has more than {MAX_SAMPLES:,} samples", path, number)

@@ -10,14 +10,18 @@ from ergon.notation.tables.shapes import (
     Text,
     choice,
 )
-from ergon.notation.text.errors import TextError
+from ergon.notation.text.errors import TextError, quote
 from ergon.scores.reading.mix_tables import CHANNEL, MAX_CHANNELS
 
 
 def version(text: str) -> str:
     """The format version, 1."""
     if text != "1":
-        raise TextError("this program reads format 1", length=max(1, len(text)), code="E109")
+        message = (
+            f"this ergon reads version 1 of the format, not {quote(text)}; write 1, or install "
+        )
+        message += "a newer ergon if the file was written for one"
+        raise TextError(message, length=max(1, len(text)), code="E109")
     return text
 
 

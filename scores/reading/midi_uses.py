@@ -20,6 +20,11 @@ from ergon.scores.gesture.note_files import is_musicxml
 from ergon.scores.gesture.take_file import TakeError
 
 _Times = TypeVar("_Times")
+_WHEN_UNUSED = (
+    "nothing is wrong if the score does without them; `tempo: {from: FILE}`, `meter: "
+    "{from: FILE}`, "
+    "`bend` of the take, automation with `by` and acts called `press` use such events"
+)
 
 
 @dataclass(slots=True)
@@ -145,9 +150,8 @@ def _report(words: Sequence[str], use: _Use, collector: Collector) -> None:
         return
     *words_before, last_word = words
     listed = f"{', '.join(words_before)} and {last_word}" if words_before else last_word
-    is_single = not words_before and last_word.startswith("1 ")
-    message = f"{use.name}: {listed} {'is' if is_single else 'are'} passed over"
-    collector.error("N404", message, use.place)
+    message = f"{use.name}: the score does not use {listed} of this file"
+    collector.error("N404", message, use.place, help=_WHEN_UNUSED)
 
 
 def _report_musicxml(path: Path, use: _Use, collector: Collector) -> None:

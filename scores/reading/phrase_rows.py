@@ -42,9 +42,16 @@ def phrase_rows(
             rows.append(row)
             continue
         path = (*above, phrase.context.name, str(name))
-        if name in path[:-1] or len(path) > _DEEPEST:
-            message = f"{phrase.context.label('')}: the phrases form a circle: {' -> '.join(path)}"
-            phrase.context.error("E302", message, row.place)
+        if name in path[:-1]:
+            circle = ", which plays ".join(path)
+            message = (
+                f"{phrase.context.label('')}: {circle}: a circle without an end; remove one of "
+            )
+            phrase.context.error("E302", f"{message}these entries", row.place)
+            return None
+        if len(path) > _DEEPEST:
+            message = f"{phrase.context.label('')}: phrases are nested more than {_DEEPEST} deep"
+            phrase.context.error("E105", message, row.place)
             return None
         entry_levels = None if row_written.level is None else Levels((row_written.level,))
         named_rows = phrase_rows(phrase_values, phrases, voices, entry_levels, path[:-1])

@@ -202,9 +202,11 @@ class Uses:
             if not isinstance(values, Values):
                 return None, frozenset()
             if any(values is seen for seen in chain):
-                path = " -> ".join(f"{v.context.name} (line {v.place.line})" for v in chain)
-                path += f" -> {values.context.name}"
-                message = f"{chain[0].context.label('like')}: the references form a circle: {path}"
+                lines = [f"{v.context.name} (line {v.place.line})" for v in chain]
+                circle = ", which begins with ".join([*lines[1:], values.context.name])
+                message = f"{chain[0].context.label('like')}: {lines[0]} begins with the values of "
+                message += f"{circle}: a circle, in which nothing has values; write the values of "
+                message += "one of them out, without `like`"
                 self.collector.error("E302", message, chain[0].place_of("like"))
                 return None, frozenset()
             chain.append(values)

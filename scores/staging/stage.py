@@ -28,9 +28,13 @@ from ergon.scores.staging.version_glides import Glide
 if TYPE_CHECKING:
     from ergon.scores.staging.live import Real
 
-_WHEN_STIFF = "reduce K or the law, weaken the strikes, or raise the rate"
+_WHEN_STIFF = (
+    "make its springs and contacts softer (a smaller K, or smaller constants of a law), strike or "
+    "move it less hard, or write a higher `rates: {audio: …}`"
+)
 _BY_METHOD = (
-    "reduce K or the law, weaken the strikes, raise the rate, or leave the method to the plan"
+    "make its springs and contacts softer (a smaller K, or smaller constants of a law), strike or "
+    "move it less hard, write a higher `rates: {audio: …}`, or remove `method` from `accuracy`"
 )
 _LOOKED_AT = 5.0  # [s] of a tail `auto` that is analysed
 

@@ -72,7 +72,9 @@ def test_commands_note_skipped_midi_events_once(folder, command):
     verb, *options = command
     done = forked([verb, "s.yaml", *options], folder)
     assert done.returncode == 0
-    message = "tune.mid: 1 meter, 12 pitch bends and 1 program change are passed over"
+    message = (
+        "tune.mid: the score does not use 1 meter, 12 pitch bends and 1 program change of this file"
+    )
     assert done.stderr.count(message) == 1
     assert done.stderr.count("[N404]") == 1
     assert done.stderr.count("tune.mid: 3 bytes after its last track are not read") == 1

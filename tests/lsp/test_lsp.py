@@ -223,7 +223,9 @@ def test_tempos_and_meters_of_midi_file_are_known(session, tmp_path: Path):
     async def act(editor: Editor) -> None:
         [note] = await editor.diagnostics(bool)
         assert (note.code, note.severity) == ("N404", t.DiagnosticSeverity.Information)
-        assert note.message.startswith("tune.mid: 1 note of channel 1 is passed over")
+        assert note.message.startswith(
+            "tune.mid: the score does not use 1 note of channel 1 of this file"
+        )
         assert "a MIDI or MusicXML file whose tempos hold" in await editor.hovered("tempo: {fr")
         assert "a MIDI or MusicXML file whose meters hold" in await editor.hovered("meter: {fr")
         assert "from" in await editor.completed("meter: {")

@@ -488,7 +488,7 @@ def test_phrases_with_like_and_transform(name, expected, length):
     ("old", "new", "code", "words"),
     [
         ("like: call, do", "like: cal, do", "E301", "no phrase is called 'cal'"),
-        ("like: call, do", "like: long, do", "E302", "the references form a circle"),
+        ("like: call, do", "like: long, do", "E302", "begins with the values of long (line"),
         ("do: reverse", "do: every 2 rev", "E204", "'every' is of rhythms; write it in `do`"),
         ("do: reverse", "do: [reverse, degrade]", "E204", "'degrade' is of rhythms"),
         ("do: reverse", "do: from 9", "E306", "'from' begins after the last entry"),

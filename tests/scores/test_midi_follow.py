@@ -197,7 +197,7 @@ def test_follow_note_of_unused_events(tmp_path: Path):
     for fields, words in expected.items():
         loaded = load(written(tmp_path, f"{fields}, {RANGE}"))
         (message,) = [d.message for d in loaded.diagnostics if d.code == "N404"]
-        assert message == f"tune.mid: {words} are passed over"
+        assert message == f"tune.mid: the score does not use {words} of this file"
 
 
 @pytest.mark.parametrize(

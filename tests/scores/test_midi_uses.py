@@ -79,7 +79,7 @@ REST = (
 def test_passed_over_events_in_one_note(tmp_path, text, message):
     rich(tmp_path / "tune.mid")
     ((_, reported),) = reports(tmp_path, text, "N404")
-    assert reported == f"tune.mid: {message} are passed over"
+    assert reported == f"tune.mid: the score does not use {message} of this file"
 
 
 def test_note_on_unused_events_shared_by_takes(tmp_path):
@@ -96,7 +96,7 @@ def test_file_of_tempos_alone_names_its_notes(tmp_path):
     midi_files.save(tmp_path / "clock.mid", [midi_files.tempo(0, 400_000)], midi_files.note(0))
     text = "tempo: {from: clock.mid}\nstrikes: {s: {to: cell.C3, at: 0, impulse: 1mNs}}\n"
     reported = reports(tmp_path, text, "N404")
-    assert reported == [(5, "clock.mid: 1 note of channel 1 is passed over")]
+    assert reported == [(5, "clock.mid: the score does not use 1 note of channel 1 of this file")]
 
 
 def test_complete_use_of_file_gives_no_note(tmp_path):
@@ -209,7 +209,7 @@ def test_notes_of_library_begin_and_end_with_those_of_file(tmp_path, family, nam
     loaded = load(tmp_path / "s.yaml", text=text)
     assert loaded.piece is not None, loaded.diagnostics
     reported = [d.message for d in loaded.diagnostics if d.code == "N404"]
-    assert reported == ["tune.mid: 3 pitch bends are passed over"]
+    assert reported == ["tune.mid: the score does not use 3 pitch bends of this file"]
     staged = stage(loaded.piece)
     frames: dict[str, set[int]] = {"struck": set(), "lifted": set(), "let down": set()}
     for mat in range(staged.network.n_mat):

@@ -96,7 +96,7 @@ def test_impulse_line_of_entries():
             "  line: {to: cell, entries: [{at: 0, what: turn}]}\n"
             "  turn: {to: cell, entries: [{at: 0, what: line}]}\n",
             "E302",
-            "form a circle: line -> turn -> line",
+            "line, which plays turn, which plays line: a circle",
         ),
         ("  line: {to: cell, entries: [{at: 0, what: tern}]}\n", "E301", "tern"),
         (

@@ -178,10 +178,10 @@ def _mass_audio(network: Network, word: str, line: int, M: float, x: float) -> N
 
 
 def _mass(
-    network: Network, word: str, line: int, of: str, mobile: float, M: float, x: float
+    network: Network, word: str, line: int, class_name: str, mobile: float, M: float, x: float
 ) -> None:
     _room(network.masses, line)
-    network.masses.append(Mass(of, int(mobile) > 0, M if M > 0.0 else 1.0, x, line))
+    network.masses.append(Mass(class_name, int(mobile) > 0, M if M > 0.0 else 1.0, x, line))
 
 
 def _link_audio(

@@ -283,8 +283,8 @@ class _Writing:
         for number, name in enumerate(inputs):
             pushed = [
                 point_index
-                for point_index, one in enumerate(self.network.points)
-                if number in one.forces
+                for point_index, network_point in enumerate(self.network.points)
+                if number in network_point.forces
             ]
             if len(pushed) == 1:
                 self.lines.append(f"@{name} frcInput {self.link_names[pushed[0]]}")
